@@ -1,0 +1,250 @@
+"""The contract between a hood and a finger: two power-conjugate pairs and nothing else.
+
+    finger --Motion (poses of the shared bodies)-->       hood
+    finger <--Load (a wrench per body and per source)--   hood
+    muscle --tension (N) per tendon-->                    hood
+    muscle <--excursion (m) per tendon--                  hood
+
+SI units, one right-handed world frame, moments about each body's origin.  A state is an opaque
+value: `advance` returns a new one and leaves the old one as it was, so that a step can be
+repeated, which is all that implicit coupling, checkpoints and rollback need.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+State = Any
+
+STATIC = math.inf
+"""The time step that asks `Hood.advance` for static equilibrium."""
+
+
+class CosimError(Exception):
+    """A fault told to a person: what is wrong, where, what was expected, what to do."""
+
+
+class InputError(CosimError):
+    """The user's input is at fault; nothing was computed (exit code 2)."""
+
+
+class ConvergenceError(CosimError):
+    """A solve did not converge; there is no result (exit code 1)."""
+
+
+def skew(vector: Array) -> Array:
+    """Cross-product matrices: (..., 3) -> (..., 3, 3), skew(a) @ b = a x b."""
+    out = np.zeros((*np.shape(vector)[:-1], 3, 3))
+    x, y, z = np.moveaxis(np.asarray(vector, dtype=float), -1, 0)
+    out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -z, y, -x
+    out[..., 1, 0], out[..., 2, 0], out[..., 2, 1] = z, -y, x
+    return out
+
+
+def rotation_matrix(vector: Array) -> Array:
+    """Rotation by the vectors' length (rad) about their direction: (..., 3) -> (..., 3, 3)."""
+    vector = np.asarray(vector, dtype=float)
+    angle = np.linalg.norm(vector, axis=-1)[..., None, None]
+    small = angle < 1e-4
+    safe = np.where(small, 1.0, angle)
+    sinc = np.where(small, 1 - angle**2 / 6, np.sin(safe) / safe)
+    cosc = np.where(small, 0.5 - angle**2 / 24, (1 - np.cos(safe)) / safe**2)
+    K = skew(vector)
+    return np.eye(3) + sinc * K + cosc * K @ K
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Poses of the shared bodies in the world frame."""
+
+    bodies: tuple[str, ...]
+    position: Array
+    """(nb, 3) origins, m."""
+    rotation: Array
+    """(nb, 3, 3) body to world."""
+
+    def __post_init__(self) -> None:
+        shape = (len(self.bodies), 3)
+        if self.position.shape != shape or self.rotation.shape != (*shape, 3):
+            raise InputError(
+                f"motion of {len(self.bodies)} bodies {self.bodies}: expected position {shape} and "
+                f"rotation {(*shape, 3)}, got {self.position.shape} and {self.rotation.shape}"
+            )
+        if not (np.isfinite(self.position).all() and np.isfinite(self.rotation).all()):
+            raise InputError(f"motion of {self.bodies} holds a value that is not finite")
+
+    def displaced(self, twist: Array) -> Motion:
+        """Poses after small displacements `twist` (nb, 6): translation of the origin (m), then
+        rotation vector (rad), both in the world frame."""
+        twist = np.asarray(twist).reshape(-1, 6)
+        return Motion(
+            self.bodies,
+            self.position + twist[:, :3],
+            rotation_matrix(twist[:, 3:]) @ self.rotation,
+        )
+
+    def moved(self, rotation: Array, translation: Array) -> Motion:
+        """The whole hand turned by `rotation` (3, 3) about the world's origin, then shifted (m)."""
+        position = self.position @ rotation.T + translation
+        return Motion(self.bodies, position, rotation @ self.rotation)
+
+    def twist_to(self, other: Motion) -> Array:
+        """(nb, 6) twist with `self.displaced(twist) == other` (rotations below pi)."""
+        from scipy.spatial.transform import Rotation
+
+        turn = Rotation.from_matrix(other.rotation @ np.swapaxes(self.rotation, 1, 2))
+        return np.hstack([other.position - self.position, turn.as_rotvec()])
+
+    def of(self, body: str) -> tuple[Array, Array]:
+        """Origin (3,) and rotation (3, 3) of one body."""
+        i = self.bodies.index(body)
+        return self.position[i], self.rotation[i]
+
+
+@dataclass(frozen=True)
+class Load:
+    """What a hood does to each body, by source, and what the tendons do to the hood."""
+
+    bodies: tuple[str, ...]
+    sources: tuple[str, ...]
+    wrench: Array
+    """(nb, ns, 6) force (N) and moment about the body's origin (N m), world frame."""
+    pull: Array
+    """(nt, 6) force (N) of each tendon on the hood and its moment about the world's origin (N m)."""
+
+    def __post_init__(self) -> None:
+        shape = (len(self.bodies), len(self.sources), 6)
+        if self.wrench.shape != shape:
+            raise InputError(f"load: expected wrench {shape}, got {self.wrench.shape}")
+
+    def total(self) -> Array:
+        """(nb, 6) sum over the sources."""
+        return self.wrench.sum(axis=1)
+
+    def imbalance(self, motion: Motion) -> tuple[float, float]:
+        """Relative force and moment imbalance of a massless hood: pulls less wrenches, over the
+        largest force and over that force times the largest distance between two bodies."""
+        total = self.total()
+        moment = total[:, 3:] + np.cross(motion.position, total[:, :3])
+        force_gap = np.linalg.norm(self.pull[:, :3].sum(0) - total[:, :3].sum(0))
+        moment_gap = np.linalg.norm(self.pull[:, 3:].sum(0) - moment.sum(0))
+        forces = np.vstack([self.wrench[..., :3].reshape(-1, 3), self.pull[:, :3]])
+        largest = np.linalg.norm(forces, axis=1).max(initial=0.0)
+        length = np.ptp(motion.position, axis=0).max(initial=0.0)
+        if largest == 0.0:
+            return float(force_gap), float(moment_gap)
+        return float(force_gap / largest), float(moment_gap / (largest * (length or 1.0)))
+
+
+class Response(NamedTuple):
+    """What a hood answers to a motion and tensions."""
+
+    state: State
+    load: Load
+    excursion: Array
+    """(nt,) m, how far each tendon's end has moved along its pull since the hood's rest."""
+
+
+@dataclass(frozen=True)
+class HoodJacobian:
+    """Derivatives at a state; a twist per body (nb * 6) as in `Motion.displaced`."""
+
+    load_motion: Array
+    """(6 nb, 6 nb)."""
+    load_tension: Array
+    """(6 nb, nt)."""
+    excursion_motion: Array
+    """(nt, 6 nb)."""
+    excursion_tension: Array
+    """(nt, nt) m/N."""
+
+
+class Hood(Protocol):
+    """Anything that turns poses and tensions into wrenches and excursions."""
+
+    bodies: tuple[str, ...]
+    tendons: tuple[str, ...]
+    sources: tuple[str, ...]
+
+    def start(self, motion: Motion) -> State:
+        """A state to begin from; `motion` need not be the rest pose."""
+        ...
+
+    def advance(self, state: State, motion: Motion, tension: Array, dt: float) -> Response:
+        """The response to `motion` and `tension` (nt,) N after `dt` s (`STATIC`: at rest).
+
+        Raises InputError (wrong names or shapes) and ConvergenceError; `state` stays valid.
+        """
+        ...
+
+    def jacobian(self, state: State) -> HoodJacobian:
+        """Derivatives of load and excursion at a state that `advance` returned."""
+        ...
+
+
+@dataclass(frozen=True)
+class Balance:
+    """Static equilibrium of a finger under a load."""
+
+    residual: Array
+    """(n,) the equations that must vanish: joint torques (N m), then constraint gaps times
+    `gap_stiffness`-like scales, so that each is a torque."""
+    scale: float
+    """The largest torque that enters, N m: `abs(residual).max() / scale` is the relative residual."""
+    torque: Mapping[str, Array]
+    """(nq,) N m per source: hood, each muscle, passive, limit, fingertip."""
+    tip_force: Array
+    """(3,) N, of the fingertip on the world, world frame; zero for a free tip."""
+
+    @property
+    def relative(self) -> float:
+        return float(np.abs(self.residual).max(initial=0.0) / self.scale)
+
+
+class Finger(Protocol):
+    """A chain of rigid bodies with its own muscles, passive joints and fingertip support.
+
+    Its static unknowns z are the joint angles (nq) and the tip reaction (0 or 3).
+    """
+
+    bodies: tuple[str, ...]
+    joints: tuple[str, ...]
+    tendons: tuple[str, ...]
+
+    def start(self, posture: Mapping[str, float]) -> State:
+        """The state at joint angles `posture` (rad) with no reaction; that tip point is held.
+
+        Raises InputError for an unknown joint or an angle outside the joint's range."""
+        ...
+
+    def angles(self, state: State) -> Array:
+        """(nq,) rad."""
+        ...
+
+    def motion(self, state: State) -> Motion:
+        """Poses of the shared bodies."""
+        ...
+
+    def jacobian(self, state: State) -> Array:
+        """(6 nb, nq) twists of the bodies per joint rate."""
+        ...
+
+    def balance(self, state: State, load: Load, tension: Array) -> Balance:
+        """Equilibrium under the hood's load and the finger's own tendon tensions (N)."""
+        ...
+
+    def tangent(self, state: State, load: Load, tension: Array, load_motion: Array) -> Array:
+        """(n, n) derivative of the residual with respect to z, where the load follows the bodies
+        with `load_motion` (6 nb, 6 nb)."""
+        ...
+
+    def displaced(self, state: State, step: Array) -> State:
+        """The state with its unknowns z moved by `step` (n,)."""
+        ...
