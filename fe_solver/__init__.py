@@ -1,0 +1,1 @@
+"""A nonlinear shell finite-element solver, usable alone."""

@@ -1,0 +1,215 @@
+"""From a hood mesh and its materials to a shell behind the port."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.port import InputError, Motion
+
+from .contact import Contact
+from .model import Guides, ShellModel, Ties
+from .newton import NewtonOptions
+from .shell import isotropic_stiffness, shell_tables
+from .shell_hood import ShellHood
+from .springs import Springs
+from .surfaces import Surface
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.intp]
+
+
+class Attached(Protocol):
+    """Nodes and the points of a body that springs join them to."""
+
+    @property
+    def body(self) -> str: ...
+    @property
+    def nodes(self) -> Ints: ...
+    @property
+    def anchors(self) -> Array: ...
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """The shell's geometry and material: points (n, 3) m, quads (ne, 4), fibre (ne, 3); modulus (Pa),
+    poisson, thickness (m) and fibre growth (-), all (ne,)."""
+
+    points: Array
+    quads: Ints
+    fibre: Array
+    modulus: Array
+    poisson: Array
+    thickness: Array
+    growth: Array
+
+
+@dataclass(frozen=True)
+class SpringSet:
+    """Springs of one name: `stiffness` (N/m) is the set's total, spread evenly; `slack` (m) is added
+    to the distance at rest; `source` is the ledger's."""
+
+    attached: Attached
+    stiffness: float
+    slack: float
+    tension_only: bool
+    source: str
+
+
+@dataclass(frozen=True)
+class Tendon:
+    """A tendon's end: guided nodes and their shares of its tension, adding up to one."""
+
+    nodes: Ints
+    share: Array
+
+
+@dataclass(frozen=True)
+class ContactLaw:
+    """Stiffness N/m3, smoothing m, and by body the surface and the offset (m) of the shell's face
+    from the bare bone."""
+
+    stiffness: float
+    smoothing: float
+    surfaces: Mapping[str, Surface]
+    offset: Mapping[str, float]
+
+
+def node_directors(points: Array, quads: Ints) -> Array:
+    """(n, 3) unit normals at the nodes: the mean of the adjoining corners' normals."""
+    p = points[quads]
+    edge_in, edge_out = p - np.roll(p, 1, axis=1), np.roll(p, -1, axis=1) - p
+    corner = np.cross(edge_in, edge_out)
+    out = np.zeros_like(points)
+    np.add.at(out, quads, corner)
+    return out / np.linalg.norm(out, axis=1, keepdims=True)
+
+
+def node_areas(points: Array, quads: Ints) -> Array:
+    """(n,) m2, a quarter of each adjoining quad."""
+    p = points[quads]
+    area = np.linalg.norm(np.cross(p[:, 2] - p[:, 0], p[:, 3] - p[:, 1]), axis=1) / 2
+    return np.bincount(quads.ravel(), weights=np.repeat(area / 4, 4), minlength=len(points))
+
+
+def shell_hood(
+    sheet: Sheet,
+    rest: Motion,
+    carriers: Array,
+    springs: Mapping[str, SpringSet],
+    tied: Mapping[str, Ints],
+    guide_body: str,
+    pull: Array,
+    tendons: Mapping[str, Tendon],
+    contact: ContactLaw,
+    options: NewtonOptions,
+) -> ShellHood:
+    """Assemble a ShellHood; `pull` (3,) is the tendons' direction in the frame of `guide_body`.
+
+    Raises InputError where nothing holds the hood."""
+    if not springs and not any(len(n) for n in tied.values()):
+        raise InputError(
+            "hood: no insertion holds the hood: it has neither a tied node set nor a spring set. "
+            "Give hood.springs a set, or a mesh whose terminal slip is tied to a bone."
+        )
+    bodies, X = rest.bodies, sheet.points
+    D = node_directors(X, sheet.quads)
+    ties = _ties(X, D, rest, tied)
+    guided = np.unique(np.concatenate([t.nodes for t in tendons.values()]))
+    share = np.zeros((len(tendons), len(guided)))
+    for row, tendon in zip(share, tendons.values(), strict=True):
+        np.add.at(row, np.searchsorted(guided, tendon.nodes), tendon.share)
+    held = {name: s for name, s in springs.items() if len(s.attached.nodes)}
+    slip = {n for s in held.values() if s.source == "insertion" for n in s.attached.nodes}
+    touching = np.setdiff1d(
+        np.arange(len(X)), np.concatenate([ties.node, guided, np.array(sorted(slip), dtype=np.intp)])
+    )
+    quads = sheet.quads
+    model = ShellModel(
+        quads,
+        X,
+        D,
+        shell_tables(X[quads], D[quads], sheet.fibre, sheet.growth),
+        isotropic_stiffness(sheet.modulus, sheet.poisson, sheet.thickness),
+        _springs(X, rest, held),
+        ties,
+        _guides(X, rest, guide_body, pull, guided),
+        share,
+        _contacts(X, sheet, bodies, contact, touching),
+        bodies,
+    )
+    return ShellHood(
+        model,
+        tuple(tendons),
+        rest,
+        carriers,
+        tuple(held),
+        {name: s.source for name, s in held.items()},
+        options,
+    )
+
+
+def _local(rest: Motion, body: str, points: Array) -> Array:
+    position, rotation = rest.of(body)
+    return (points - position) @ rotation
+
+
+def _ties(X: Array, D: Array, rest: Motion, tied: Mapping[str, Ints]) -> Ties:
+    parts = [(rest.bodies.index(b), b, n) for b, n in tied.items()]
+    none = np.zeros((0, 3))
+    return Ties(
+        np.concatenate([np.zeros(0, dtype=np.intp), *[n for _, _, n in parts]]),
+        np.concatenate([np.zeros(0, dtype=np.intp), *[np.full(len(n), i) for i, _, n in parts]]),
+        np.vstack([none, *[_local(rest, b, X[n]) for _, b, n in parts]]),
+        np.vstack([none, *[D[n] @ rest.of(b)[1] for _, b, n in parts]]),
+    )
+
+
+def _guides(X: Array, rest: Motion, body: str, pull: Array, nodes: Ints) -> Guides:
+    unit = np.asarray(pull) / np.linalg.norm(pull)
+    index = np.full(len(nodes), rest.bodies.index(body))
+    return Guides(nodes, index, _local(rest, body, X[nodes]), np.tile(unit, (len(nodes), 1)))
+
+
+def _springs(X: Array, rest: Motion, sets: Mapping[str, SpringSet]) -> Springs:
+    if not sets:
+        return Springs.none()
+    columns: list[tuple[Array, ...]] = []
+    for group, s in enumerate(sets.values()):
+        nodes, anchors = s.attached.nodes, s.attached.anchors
+        position, rotation = rest.of(s.attached.body)
+        length = np.linalg.norm(X[nodes] - position - anchors @ rotation.T, axis=1) + s.slack
+        ones = np.ones(len(nodes))
+        body = ones * rest.bodies.index(s.attached.body)
+        k = ones * s.stiffness / len(nodes)
+        columns.append((nodes, body, anchors, k, length, ones * s.tension_only, ones * group))
+    node, body, anchor, k, length, only, group_of = (
+        np.concatenate(c) for c in zip(*columns, strict=True)
+    )
+    whole = lambda a: a.astype(np.intp)  # noqa: E731
+    return Springs(whole(node), whole(body), anchor, k, length, only > 0, whole(group_of))
+
+
+def _contacts(
+    X: Array, sheet: Sheet, bodies: tuple[str, ...], law: ContactLaw, nodes: Ints
+) -> tuple[Contact, ...]:
+    area = node_areas(X, sheet.quads)
+    corner = np.repeat(sheet.thickness / 2, 4)
+    half = np.bincount(sheet.quads.ravel(), weights=corner, minlength=len(X))
+    half /= np.maximum(np.bincount(sheet.quads.ravel(), minlength=len(X)), 1)
+    return tuple(
+        Contact(
+            bodies.index(body),
+            surface,
+            nodes,
+            law.offset[body] + half[nodes],
+            area[nodes],
+            law.stiffness,
+            law.smoothing,
+        )
+        for body, surface in law.surfaces.items()
+    )

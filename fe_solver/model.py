@@ -1,0 +1,298 @@
+"""The shell with everything that holds it: energy, residual and tangent at given body poses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.port import skew
+
+from .assembly import DOFS, Pattern, free_dofs, make_pattern, tangents, turned
+from .contact import Contact, contact_forces, joined
+from .shell import ShellTables, element_response
+from .springs import PointForces, Springs, spring_forces
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class Ties:
+    """Nodes that move rigidly with a body: node (k,), body (k,), local position and director (k, 3)."""
+
+    node: Ints
+    body: Ints
+    position: Array
+    director: Array
+
+
+@dataclass(frozen=True)
+class Guides:
+    """Nodes that slide along a line of a body: origin and unit direction (k, 3) in the body frame.
+    The direction is the tendon's pull."""
+
+    node: Ints
+    body: Ints
+    origin: Array
+    direction: Array
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """Node positions (n, 3), directors (n, 3) and body poses (nb, 3), (nb, 3, 3)."""
+
+    x: Array
+    d: Array
+    position: Array
+    rotation: Array
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Energy (J) without the tendons' work, its raw gradients by x and d (n, 3), the point forces,
+    and the tangent's data where it was asked for."""
+
+    energy: float
+    gradient_x: Array
+    gradient_d: Array
+    points: PointForces
+    bases: tuple[Array, Array]
+    reduced: Array
+    """(5n,) gradient in the nodes' bases, tendon pulls included."""
+    data: Array | None
+
+
+@dataclass(frozen=True)
+class ShellModel:
+    """A shell, its supports and loads; tendons pull guided nodes with shares `share` (nt, k) of k
+    guided nodes, each row adding up to one.  Springs and contact act on nodes that are neither tied
+    nor guided."""
+
+    quads: Ints
+    reference: Array
+    directors: Array
+    tables: ShellTables
+    stiffness: Array
+    springs: Springs
+    ties: Ties
+    guides: Guides
+    share: Array
+    contacts: tuple[Contact, ...]
+    bodies: tuple[str, ...]
+
+    @cached_property
+    def pattern(self) -> Pattern:
+        n = len(self.reference)
+        return make_pattern(self.quads, n, free_dofs(n, self.ties.node, self.guides.node))
+
+    @cached_property
+    def free(self) -> Ints:
+        return np.sort(self.pattern.order)
+
+    def bases(self, c: Configuration) -> tuple[Array, Array]:
+        """Displacement bases (n, 3, 3) and director tangents (n, 3, 2)."""
+        A = np.tile(np.eye(3), (len(c.x), 1, 1))
+        along = np.einsum("kij,kj->ki", c.rotation[self.guides.body], self.guides.direction)
+        A[self.guides.node, :, 0] = along
+        A[self.guides.node, :, 1:] = tangents(along)
+        return A, tangents(c.d)
+
+    def posed(self, c: Configuration, position: Array, rotation: Array) -> Configuration:
+        """The same hood with its bodies at new poses: tied nodes follow, guided nodes are put back
+        on their lines."""
+        x, d = c.x.copy(), c.d.copy()
+        t, g = self.ties, self.guides
+        x[t.node] = position[t.body] + np.einsum("kij,kj->ki", rotation[t.body], t.position)
+        d[t.node] = np.einsum("kij,kj->ki", rotation[t.body], t.director)
+        slide = self.slide(c)
+        local = g.origin + slide[:, None] * g.direction
+        x[g.node] = position[g.body] + np.einsum("kij,kj->ki", rotation[g.body], local)
+        return Configuration(x, d, position, rotation)
+
+    def slide(self, c: Configuration) -> Array:
+        """(k,) m, how far each guided node has moved along its line."""
+        g = self.guides
+        local = np.einsum(
+            "kji,kj->ki", c.rotation[g.body], c.x[g.node] - c.position[g.body]
+        )
+        return np.einsum("ki,ki->k", local - g.origin, g.direction)
+
+    def excursion(self, c: Configuration) -> Array:
+        """(nt,) m."""
+        return self.share @ self.slide(c)
+
+    def pulls(self, c: Configuration, tension: Array) -> Array:
+        """(k, 3) N force of the tendons on each guided node."""
+        g = self.guides
+        along = np.einsum("kij,kj->ki", c.rotation[g.body], g.direction)
+        return (tension @ self.share)[:, None] * along
+
+    def stepped(self, c: Configuration, bases: tuple[Array, Array], step: Array) -> Configuration:
+        """The configuration after a step (5n,) in the nodes' bases."""
+        u = step.reshape(-1, DOFS)
+        x = c.x + np.einsum("nij,nj->ni", bases[0], u[:, :3])
+        return Configuration(x, turned(c.d, bases[1], u[:, 3:]), c.position, c.rotation)
+
+    def point_forces(self, c: Configuration, curvature: bool) -> PointForces:
+        parts = [spring_forces(self.springs, c.x, c.position, c.rotation)]
+        parts += [
+            contact_forces(k, c.x, c.position, c.rotation, curvature) for k in self.contacts
+        ]
+        return joined(parts)
+
+    def potential(self, c: Configuration, energy: float, tension: Array) -> float:
+        """Total potential energy, J: the stored energy less the tendons' work."""
+        return energy - float(tension @ self.excursion(c))
+
+    def evaluate(
+        self, c: Configuration, tension: Array, tangent: bool, curvature: bool = True
+    ) -> Evaluation:
+        """Energy, residual and (on request) tangent at a configuration."""
+        y = np.concatenate([c.x[self.quads], c.d[self.quads]], axis=1)
+        elements = element_response(self.tables, self.stiffness, y, tangent)
+        points = self.point_forces(c, curvature)
+        n = len(c.x)
+        gx = _scatter(self.quads, elements.gradient[:, :4], n)
+        gd = _scatter(self.quads, elements.gradient[:, 4:], n)
+        gx += _scatter(points.node, points.gradient, n)
+        bases = A, T = self.bases(c)
+        pulled = gx.copy()
+        pulled[self.guides.node] -= self.pulls(c, tension)
+        reduced = np.concatenate(
+            [np.einsum("nij,ni->nj", A, pulled), np.einsum("nij,ni->nj", T, gd)], axis=1
+        ).ravel()
+        data = None
+        if elements.hessian is not None:
+            data = self._assemble(elements.hessian, points, A, T, c.d, gd)
+        energy = elements.energy + points.energy
+        return Evaluation(energy, gx, gd, points, bases, reduced, data)
+
+    def _assemble(
+        self, hessian: Array, points: PointForces, A: Array, T: Array, d: Array, gd: Array
+    ) -> Array:
+        n = len(d)
+        ne = len(self.quads)
+        W = np.zeros((ne, 24, 20))
+        for a in range(4):
+            i = self.quads[:, a]
+            W[:, 3 * a : 3 * a + 3, DOFS * a : DOFS * a + 3] = A[i]
+            W[:, 12 + 3 * a : 15 + 3 * a, DOFS * a + 3 : DOFS * a + 5] = T[i]
+        blocks = np.swapaxes(W, 1, 2) @ hessian @ W
+        nodal = np.zeros((n, DOFS, DOFS))
+        own = np.swapaxes(A[points.node], 1, 2) @ points.hessian @ A[points.node]
+        np.add.at(nodal[:, :3, :3], points.node, own)
+        # the sphere's curvature: the second variation of a unit director is -|angle|^2 d
+        bend = -np.einsum("ni,ni->n", gd, d)
+        bend[self.ties.node] = 0.0
+        nodal[:, 3, 3] = nodal[:, 4, 4] = bend
+        return self.pattern.assemble(blocks, nodal)
+
+    def wrenches(self, c: Configuration, e: Evaluation, tension: Array) -> dict[str, Array]:
+        """(nb, 6) forces (N) and moments (N m) about each body's origin of the hood on the bodies,
+        world frame, by source: springs per group, contact, tie, guide."""
+        nb = len(self.bodies)
+        p = e.points
+        out = {"contact": _wrench(p.body, p.gradient, p.arm, nb, p.group == -1)}
+        for i in range(int(self.springs.group.max(initial=-1)) + 1):
+            out[f"spring {i}"] = _wrench(p.body, p.gradient, p.arm, nb, p.group == i)
+        t, g = self.ties, self.guides
+        arm = c.x[t.node] - c.position[t.body]
+        couple = np.cross(c.d[t.node], e.gradient_d[t.node])
+        out["tie"] = _wrench(t.body, -e.gradient_x[t.node], arm, nb)
+        np.add.at(out["tie"][:, 3:], t.body, -couple)
+        reaction = e.gradient_x[g.node] - self.pulls(c, tension)
+        arm = c.x[g.node] - c.position[g.body]
+        out["guide"] = _wrench(g.body, -reaction, arm, nb)
+        return out
+
+    def slaved(self, c: Configuration, bases: tuple[Array, Array]) -> Array:
+        """(5n, 6nb) how tied and guided nodes follow twists of the bodies."""
+        A, T = bases
+        out = np.zeros((len(c.x), DOFS, len(self.bodies), 6))
+        for held in (self.ties, self.guides):
+            arm = c.x[held.node] - c.position[held.body]
+            G = np.concatenate([np.tile(np.eye(3), (len(arm), 1, 1)), -skew(arm)], axis=2)
+            out[held.node, :3, held.body] = np.swapaxes(A[held.node], 1, 2) @ G
+        t = self.ties
+        turn = -np.swapaxes(T[t.node], 1, 2) @ skew(c.d[t.node])
+        out[t.node, 3:, t.body, 3:] = turn
+        return out.reshape(-1, 6 * len(self.bodies))
+
+    def coupling(
+        self, c: Configuration, e: Evaluation, tension: Array
+    ) -> tuple[Array, Array, Array, Array]:
+        """At an evaluation with its tangent: the residual by the bodies' twists (5n, 6nb) and the
+        wrenches by twists at fixed free dofs (6nb, 6nb); then the residual by the tensions (5n, nt)
+        and the wrenches by the tensions (6nb, nt)."""
+        assert e.data is not None
+        nb, n = len(self.bodies), len(c.x)
+        A, _ = e.bases
+        S = self.slaved(c, e.bases)
+        KS = self.pattern.full(e.data) @ S
+        residual = KS.reshape(n, DOFS, nb, 6)
+        wrench = -(S.T @ KS).reshape(nb, 6, nb, 6)
+        p = e.points
+        G = np.concatenate([np.tile(np.eye(3), (len(p.arm), 1, 1)), -skew(p.arm)], axis=2)
+        force = -p.hessian @ G
+        force[p.turns, :, 3:] -= skew(p.gradient[p.turns])
+        local = np.swapaxes(A[p.node], 1, 2) @ force
+        np.add.at(residual, (p.node, slice(0, 3), p.body), local)
+        own = np.swapaxes(G, 1, 2) @ force
+        arm_cross = skew(p.gradient)
+        own[p.turns, 3:, :3] += arm_cross[p.turns]
+        follow = ~p.turns
+        own[follow, 3:, 3:] += arm_cross[follow] @ skew(p.arm[follow])
+        np.add.at(wrench, (p.body, slice(None), p.body), own)
+        self._held_terms(c, e, tension, residual, wrench)
+        by_tension, wrench_tension = self._tension_terms(c, A)
+        size = 6 * nb
+        return residual.reshape(-1, size), wrench.reshape(size, size), by_tension, wrench_tension
+
+    def _held_terms(
+        self, c: Configuration, e: Evaluation, tension: Array, residual: Array, wrench: Array
+    ) -> None:
+        """The turning of lines, arms and pulls with their bodies (in place)."""
+        t, g = self.ties, self.guides
+        arm = c.x[t.node] - c.position[t.body]
+        turn = skew(e.gradient_x[t.node]) @ skew(arm)
+        turn += skew(e.gradient_d[t.node]) @ skew(c.d[t.node])
+        np.subtract.at(wrench[:, 3:, :, 3:], (t.body, slice(None), t.body), turn)
+        pull = self.pulls(c, tension)
+        total = e.gradient_x[g.node] - pull
+        along = np.einsum("kij,kj->ki", c.rotation[g.body], g.direction)
+        residual[g.node, 0, g.body, 3:] += np.cross(along, e.gradient_x[g.node])
+        arm = c.x[g.node] - c.position[g.body]
+        moment = -skew(total) @ skew(arm) - skew(arm) @ skew(pull)
+        np.add.at(wrench[:, 3:, :, 3:], (g.body, slice(None), g.body), moment)
+        np.add.at(wrench[:, :3, :, 3:], (g.body, slice(None), g.body), -skew(pull))
+
+    def _tension_terms(self, c: Configuration, A: Array) -> tuple[Array, Array]:
+        g, nb, nt = self.guides, len(self.bodies), len(self.share)
+        residual = np.zeros((len(c.x), DOFS, nt))
+        residual[g.node, 0] = -self.share.T
+        wrench = np.zeros((nb, 6, nt))
+        along = A[g.node, :, 0]
+        arm = c.x[g.node] - c.position[g.body]
+        unit = np.concatenate([along, np.cross(arm, along)], axis=1)
+        np.add.at(wrench, g.body, unit[:, :, None] * self.share.T[:, None, :])
+        return residual.reshape(-1, nt), wrench.reshape(-1, nt)
+
+
+def _scatter(index: Ints, values: Array, n: int) -> Array:
+    """Sum of values (..., 3) at node indices (...) into (n, 3)."""
+    flat, index = values.reshape(-1, 3), index.ravel()
+    return np.stack([np.bincount(index, weights=flat[:, k], minlength=n) for k in range(3)], axis=1)
+
+
+def _wrench(
+    body: Ints, force: Array, arm: Array, nb: int, keep: NDArray[np.bool_] | None = None
+) -> Array:
+    if keep is not None:
+        body, force, arm = body[keep], force[keep], arm[keep]
+    out = np.zeros((nb, 6))
+    np.add.at(out, body, np.concatenate([force, np.cross(arm, force)], axis=1))
+    return out
+

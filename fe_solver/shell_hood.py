@@ -1,0 +1,208 @@
+"""The shell behind the port: a hood of finite elements that answers poses and tensions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.port import (
+    Array,
+    ConvergenceError,
+    HoodJacobian,
+    InputError,
+    Load,
+    Motion,
+    Response,
+)
+
+from .model import Configuration, ShellModel
+from .newton import NewtonOptions, Solution, solve
+
+SOURCES = ("insertion", "ligament", "contact", "guide")
+SMALL_TURN = 0.15
+"""rad; below it the tangent predicts the hood's motion, above it the bones carry the nodes."""
+MOST_HALVINGS = 6
+
+
+@dataclass(frozen=True)
+class HoodState:
+    """A hood in equilibrium (or, before the first solve, carried there by its bones)."""
+
+    motion: Motion
+    configuration: Configuration
+    solution: Solution | None = None
+    iterations: int = 0
+    """Newton iterations of the last advance."""
+
+
+@dataclass(frozen=True)
+class ShellHood:
+    """A shell over the bones as a Hood of the port.
+
+    `carriers` (n, nb) say how much of each node's motion each body carries in a large change of
+    pose; `groups` names the springs' groups, and `source_of` the ledger's source of each group;
+    `rest` is the pose in which the mesh was laid."""
+
+    model: ShellModel
+    tendons: tuple[str, ...]
+    rest: Motion
+    carriers: Array
+    groups: tuple[str, ...]
+    source_of: Mapping[str, str]
+    options: NewtonOptions = field(default_factory=NewtonOptions)
+    sources: tuple[str, ...] = SOURCES
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        return self.model.bodies
+
+    def start(self, motion: Motion) -> HoodState:
+        """The rest shape carried by the bones to `motion`."""
+        self._check(motion)
+        m = self.model
+        rest = Configuration(m.reference, m.directors, self.rest.position, self.rest.rotation)
+        return HoodState(motion, self._carried(rest, motion))
+
+    def advance(self, state: HoodState, motion: Motion, tension: Array, dt: float) -> Response:
+        """Static equilibrium at `motion` under `tension` (nt,); a massless hood has no memory, so
+        `dt` plays no part.  Raises InputError and ConvergenceError."""
+        del dt
+        self._check(motion)
+        tension = np.asarray(tension, dtype=float)
+        if tension.shape != (len(self.tendons),) or not np.isfinite(tension).all():
+            raise InputError(
+                f"expected {len(self.tendons)} finite tensions {self.tendons}, got {tension}"
+            )
+        solution, iterations = self._solve(state, motion, tension, MOST_HALVINGS)
+        c, e = solution.configuration, solution.evaluation
+        load = Load(self.bodies, self.sources, self._by_source(solution), self._pull(c, tension))
+        new = HoodState(motion, c, solution, iterations)
+        del e
+        return Response(new, load, self.model.excursion(c))
+
+    def jacobian(self, state: HoodState) -> HoodJacobian:
+        """Derivatives by back-substitution with the factor of the solved state."""
+        s = _solved(state)
+        by_motion, wrench_motion, by_tension, wrench_tension = self.model.coupling(
+            s.configuration, s.evaluation, s.tension
+        )
+        order = self.model.pattern.order
+        right = np.hstack([by_motion, by_tension])[order]
+        follow = -s.factor.solve(right)
+        nm = by_motion.shape[1]
+        load = -by_motion[order].T @ follow
+        excursion = -by_tension[order].T @ follow
+        return HoodJacobian(
+            wrench_motion + load[:, :nm],
+            wrench_tension + load[:, nm:],
+            excursion[:, :nm],
+            excursion[:, nm:],
+        )
+
+    def _check(self, motion: Motion) -> None:
+        if motion.bodies != self.bodies:
+            raise InputError(f"the hood shares the bodies {self.bodies}, got {motion.bodies}")
+
+    def _carried(self, c: Configuration, motion: Motion) -> Configuration:
+        """Every node moved with the bodies that carry it, tied and guided nodes exactly."""
+        turn = motion.rotation @ np.swapaxes(c.rotation, 1, 2)
+        moved = np.einsum("bij,bnj->bni", turn, c.x[None] - c.position[:, None])
+        moved += motion.position[:, None]
+        x = np.einsum("nb,bni->ni", self.carriers, moved)
+        d = np.einsum("nb,bij,nj->ni", self.carriers, turn, c.d)
+        d /= np.linalg.norm(d, axis=1, keepdims=True)
+        before = Configuration(c.x, c.d, c.position, c.rotation)
+        slid = self.model.posed(before, motion.position, motion.rotation)
+        held = np.concatenate([self.model.ties.node, self.model.guides.node])
+        x[held] = slid.x[held]
+        d[self.model.ties.node] = slid.d[self.model.ties.node]
+        return Configuration(x, d, motion.position, motion.rotation)
+
+    def _predicted(self, s: Solution, motion: Motion, tension: Array) -> Configuration:
+        """First-order prediction of the hood at a nearby motion and tension."""
+        m, c = self.model, s.configuration
+        by_motion, _, by_tension, _ = m.coupling(c, s.evaluation, s.tension)
+        twist = Motion(self.bodies, c.position, c.rotation).twist_to(motion).ravel()
+        change = by_motion @ twist + by_tension @ (tension - s.tension)
+        step = np.zeros(m.pattern.size)
+        step[m.pattern.order] = -s.factor.solve(change[m.pattern.order])
+        step += m.slaved(c, s.evaluation.bases) @ twist
+        return m.posed(m.stepped(c, s.evaluation.bases, step), motion.position, motion.rotation)
+
+    def _guess(self, state: HoodState, motion: Motion, tension: Array) -> Configuration:
+        twist = state.motion.twist_to(motion)
+        if state.solution is None or np.abs(twist[:, 3:]).max() > SMALL_TURN:
+            return self._carried(state.configuration, motion)
+        return self._predicted(state.solution, motion, tension)
+
+    def _solve(
+        self, state: HoodState, motion: Motion, tension: Array, halvings: int
+    ) -> tuple[Solution, int]:
+        """Solve at once, and where that fails half the way first."""
+        try:
+            guess = self._guess(state, motion, tension)
+            solution = solve(self.model, guess, tension, self.options)
+            return solution, solution.iterations
+        except ConvergenceError:
+            if halvings == 0:
+                raise
+        before = state.solution.tension if state.solution else 0.0 * tension
+        half = state.motion.displaced(state.motion.twist_to(motion) / 2)
+        first, n1 = self._solve(state, half, (before + tension) / 2, halvings - 1)
+        middle = HoodState(half, first.configuration, first)
+        second, n2 = self._solve(middle, motion, tension, halvings - 1)
+        return second, n1 + n2
+
+    def _by_source(self, s: Solution) -> Array:
+        """(nb, ns, 6) wrenches on the bodies."""
+        out = np.zeros((len(self.bodies), len(self.sources), 6))
+        parts = self.model.wrenches(s.configuration, s.evaluation, s.tension)
+        names = {"contact": "contact", "tie": "insertion", "guide": "guide"}
+        names |= {f"spring {i}": self.source_of[g] for i, g in enumerate(self.groups)}
+        for part, wrench in parts.items():
+            out[:, self.sources.index(names[part])] += wrench
+        return out
+
+    def _pull(self, c: Configuration, tension: Array) -> Array:
+        """(nt, 6) wrench of each tendon on the hood about the world's origin."""
+        nodes = self.model.guides.node
+        out = np.zeros((len(self.tendons), 6))
+        for t in range(len(self.tendons)):
+            one = np.zeros_like(tension)
+            one[t] = tension[t]
+            force = self.model.pulls(c, one)
+            out[t, :3] = force.sum(axis=0)
+            out[t, 3:] = np.cross(c.x[nodes], force).sum(axis=0)
+        return out
+
+    def group_forces(self, state: HoodState) -> dict[str, Array]:
+        """(3,) N summed force on the bone of each spring group, and of the ties, world frame."""
+        s = _solved(state)
+        points = s.evaluation.points
+        out = {
+            g: points.gradient[points.group == i].sum(axis=0) for i, g in enumerate(self.groups)
+        }
+        out["tie"] = -s.evaluation.gradient_x[self.model.ties.node].sum(axis=0)
+        return out
+
+    def strain(self, state: HoodState) -> Array:
+        """(ne, 4, 8) generalized strains at the Gauss points, local axes 1 along the fibre."""
+        c, q = state.configuration, self.model.quads
+        return self.model.tables.strain(np.concatenate([c.x[q], c.d[q]], axis=1))
+
+    def gap(self, state: HoodState) -> NDArray[np.float64]:
+        """(n,) m smallest gap of each node to a bone's contact level, inf where it meets none."""
+        c = state.configuration
+        out = np.full(len(c.x), np.inf)
+        for k in self.model.contacts:
+            out[k.nodes] = np.minimum(out[k.nodes], k.gap(c.x, c.position, c.rotation))
+        return out
+
+
+def _solved(state: HoodState) -> Solution:
+    if state.solution is None:
+        raise InputError("this hood state has not been solved: call advance first")
+    return state.solution

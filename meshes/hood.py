@@ -1,0 +1,521 @@
+"""The extensor hood: a generator that lays a quadrilateral shell over the bones.
+
+`python -m meshes.hood [--quads 600] [--out FILE]` writes the default hoods of `meshes/hoods`.
+
+The sheet is a structured grid of rows (stations s, mm along the straight chain of joint centres, MCP
+at 0, PIP at 42.6, DIP at 67.7) and columns (angle phi about the chain, 0 dorsal, positive radial).
+The inner columns are extensor tendon, central band and central slip with the sheet beside them, whose
+edges at the MCP are the sagittal bands; the outer columns are the lateral bands, which leave the
+sheet proximal to the join and run palmar of the MCP axis as the intrinsic tendons, and which meet over
+the middle phalanx to end in the terminal slip.  Between central slip and terminal slip the sheet is
+open.
+
+Sources of the proportions.  [mi29]: measured on the published finger hood `Verify/mi29.feb` of FEBio's
+test suite: central tendon end 20 mm proximal of the MCP, hood 18 mm wide at the MCP, 12 to 13 mm over
+the proximal phalanx and at the PIP, 7 mm at the terminal slip, whose edge is 6 mm wide; central-slip
+patch 4.6 mm wide.  [An]: An et al. 1979, J Biomech 12:775, normative points of the index finger, in
+units of 20 mm.  [spike]: a trial of this sheet on these bones.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .skeleton import BODIES, Skeleton
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.intp]
+
+REGIONS = (
+    "extensor_tendon_proximal",
+    "extensor_tendon_distal",
+    "central_band",
+    "central_slip",
+    "lateral_band_radial",
+    "lateral_band_ulnar",
+    "terminal_slip",
+    "sagittal_band_radial",
+    "sagittal_band_ulnar",
+)
+SPRINGS = (
+    "central_slip",
+    "ligament_radial",
+    "ligament_ulnar",
+    "sagittal_radial",
+    "sagittal_ulnar",
+    "retinacular_radial",
+    "retinacular_ulnar",
+)
+ENDS = ("central", "radial", "ulnar")
+
+# Stations, mm.
+CENTRAL_END = -20.0  # [mi29]
+LATERAL_END = -8.0  # [An] proximal MCP points of LU and UI, -.400 x 20
+JOIN = 10.84  # [An] distal MCP points, (.318 + .224) x 20
+SLIP_START = 36.0  # [spike]
+PIP = 42.59
+SLIP_END = 49.0  # [spike], 1.4 widths past the PIP
+MERGE = 63.0  # [spike]
+TERMINAL_END = 73.0  # [spike], 5.3 mm past the DIP
+# Half-angle of the inner columns and outer angle of the lateral bands, deg, against station.
+# [spike], widened at the PIP to [mi29]'s width.
+INNER = np.array(
+    [[-20, 22], [-8, 24], [-3, 60], [4, 76], [10.84, 74], [24, 54], [42.59, 40], [49, 40], [56, 22],
+     [63, 0], [73, 0]]
+)  # fmt: skip
+OUTER = np.array(
+    [[-8, 97], [10.84, 97], [24, 80], [42.59, 68], [49, 66], [56, 52], [63, 40], [73, 50]]
+)
+# Tendon lines of lumbrical and palmar interosseous: guide point, then the point where they join the
+# sheet; station, dorsal, radial, mm.  [An] LU and UI at the MCP.
+INTRINSIC = {
+    "radial": ((-8.0, -8.08, 8.82), (10.84, -2.96, 7.40)),
+    "ulnar": ((-8.0, -5.58, -8.84), (10.84, -0.78, -9.22)),
+}
+BAND_WIDTH = 3.0  # mm, of the intrinsic tendons; [mi29] lateral tendon ends
+SAGITTAL_ROWS = (-3.5, 3.5)  # [spike]
+PALMAR_PLATE = (-3.0, 7.0)  # dorsal, radial mm, on the base of the proximal phalanx [spike]
+RETINACULAR_ROWS = (PIP - 2.5, PIP + 2.5)
+RETINACULAR_ANCHOR = (-3.0, 5.0)  # dorsal, radial mm, on the head of the proximal phalanx [spike]
+SLIP_REACH = 2.5  # mm from the central slip's last row to its insertion, distally (assumption)
+BLEND = 6.0  # mm over which the sheet's frame turns from one bone's to the next one's
+CLEARANCE = 0.03  # mm between the sheet and the level of contact at rest
+
+
+class Surface(Protocol):
+    """A smooth signed distance in a body's frame (m)."""
+
+    def distance(self, points: Array) -> tuple[Array, Array, Array]:
+        """Values (n,), gradients (n, 3), Hessians (n, 3, 3)."""
+        ...
+
+
+@dataclass(frozen=True)
+class Attachment:
+    """Hood nodes and the points of one body that springs join them to (k, 3), body frame, m."""
+
+    body: str
+    nodes: Ints
+    anchors: Array
+
+
+@dataclass(frozen=True)
+class HoodMesh:
+    """A hood in its stress-free configuration, at `rest_posture` (rad), in the metacarpal frame, m."""
+
+    points: Array
+    quads: Ints
+    region: Ints
+    """(ne,) index into REGIONS."""
+    fibre: Array
+    """(ne, 3) unit."""
+    ends: Mapping[str, Ints]
+    """Loaded ends: nodes that slide along the metacarpal's axis."""
+    springs: Mapping[str, Attachment]
+    tied: Mapping[str, Ints]
+    """Nodes tied to a body, by body."""
+    station: Array
+    """(n,) mm, where each node was laid."""
+    rest_posture: Mapping[str, float]
+    quads_asked: int
+
+    def cells(self, *names: str) -> NDArray[np.bool_]:
+        """Mask of the quads in the named regions."""
+        return np.isin(self.region, [REGIONS.index(n) for n in names])
+
+
+def carriers(skeleton: Skeleton, station: Array) -> Array:
+    """(n, 4) weights with which each body carries material at a station (m), adding up to one."""
+    joints = np.concatenate([[0.0], np.cumsum(skeleton.length[1:3])])
+    width = BLEND * 1e-3
+    u = np.clip((station[:, None] - joints + width) / (2 * width), 0, 1)
+    passed = u * u * (3 - 2 * u)
+    ones, zeros = np.ones((len(station), 1)), np.zeros((len(station), 1))
+    return np.hstack([ones, passed]) - np.hstack([passed, zeros])
+
+
+@dataclass(frozen=True)
+class Chain:
+    """The chain of joint centres in a posture, with a frame that turns smoothly over the joints."""
+
+    skeleton: Skeleton
+    position: Array
+    rotation: Array
+
+    def frames(self, station: Array) -> tuple[Array, Array]:
+        """Points (n, 3) and axes (n, 3, 3), columns distal, radial, dorsal, at stations (m)."""
+        weight = carriers(self.skeleton, station)
+        starts = np.concatenate([[0.0, 0.0], np.cumsum(self.skeleton.length[1:3])])
+        along = (station[:, None] - starts)[..., None] * self.rotation[:, :, 0]
+        point = np.einsum("nb,nbk->nk", weight, self.position + along)
+        axes = np.einsum("nb,bij->nij", weight, self.rotation)
+        u, _, vt = np.linalg.svd(axes)
+        return point, u @ vt
+
+    def at(self, station: Array, dorsal: Array, radial: Array) -> Array:
+        """World points at stations and heights above and beside the chain (m)."""
+        point, axes = self.frames(np.atleast_1d(station))
+        return (
+            point
+            + np.atleast_1d(radial)[:, None] * axes[:, :, 1]
+            + np.atleast_1d(dorsal)[:, None] * axes[:, :, 2]
+        )
+
+
+@dataclass(frozen=True)
+class Level:
+    """The union of the bones grown by an offset each (m); where it is negative, a node touches."""
+
+    surfaces: Mapping[str, Surface]
+    offset: Mapping[str, float]
+    position: Array
+    rotation: Array
+
+    def value(self, points: Array) -> tuple[Array, Array]:
+        """Smallest clearance (n,) and its gradient (n, 3) in the world frame."""
+        best, slope = np.full(len(points), np.inf), np.zeros((len(points), 3))
+        for i, body in enumerate(BODIES):
+            local = (points - self.position[i]) @ self.rotation[i]
+            value, gradient, _ = self.surfaces[body].distance(local)
+            value = value - self.offset[body]
+            nearer = value < best
+            best[nearer] = value[nearer]
+            slope[nearer] = gradient[nearer] @ self.rotation[i].T
+        return best, slope
+
+    def pushed_out(self, points: Array, clearance: float) -> Array:
+        """Points moved along the gradient until each has at least `clearance` (m)."""
+        points = points.copy()
+        for _ in range(30):
+            value, gradient = self.value(points)
+            short = np.maximum(clearance - value, 0.0)
+            if short.max() < 1e-7:
+                break
+            points += 1.02 * short[:, None] * gradient
+        return points
+
+
+def _interpolated(table: Array, station: Array) -> Array:
+    """Monotone cubic through (station mm, degrees) rows; rad."""
+    from scipy.interpolate import PchipInterpolator
+
+    return np.deg2rad(PchipInterpolator(*table.T)(np.clip(station, table[0, 0], table[-1, 0])))
+
+
+def hull_radius(chain: Chain, level: Level) -> tuple[Array, Array, Array]:
+    """Stations (m), angles (rad) and the radius about the chain (ns, na), m, of a smooth hull over the
+    level set: outermost crossing of each ray, bridged over the joint gaps within 10 mm."""
+    from scipy.ndimage import gaussian_filter
+
+    s = np.arange(-22.0, 76.0, 1.0) * 1e-3
+    phi = np.deg2rad(np.arange(-125.0, 126.0, 5.0))
+    radius = np.linspace(1.5e-3, 15e-3, 55)
+    point, axes = chain.frames(s)
+    ray = np.cos(phi)[:, None] * axes[:, None, :, 2] + np.sin(phi)[:, None] * axes[:, None, :, 1]
+    points = point[:, None, None] + radius[:, None] * ray[:, :, None]
+    value = level.value(points.reshape(-1, 3))[0].reshape(points.shape[:3])
+    rho = _outermost_crossing(value, radius)
+    rho = _bridged(rho, reach=5)
+    smooth = gaussian_filter(rho, (1.0, 0.7), mode="nearest")
+    return s, phi, np.maximum(smooth, rho)
+
+
+def _outermost_crossing(value: Array, radius: Array) -> Array:
+    """(ns, na) radius beyond which a ray stays outside; the inmost radius where it never was in."""
+    inside = value < 0
+    last = value.shape[2] - 1 - np.argmax(inside[..., ::-1], axis=2)
+    last = np.clip(last, 0, len(radius) - 2)
+    v0 = np.take_along_axis(value, last[..., None], 2)[..., 0]
+    v1 = np.take_along_axis(value, last[..., None] + 1, 2)[..., 0]
+    cross = radius[last] + (radius[1] - radius[0]) * v0 / (v0 - v1)
+    return np.where(inside.any(axis=2), cross, radius[0])
+
+
+def _bridged(rho: Array, reach: int) -> Array:
+    """Each row no lower than any chord between rows at most `reach` to either side."""
+    out = rho.copy()
+    n = len(rho)
+    for a in range(1, reach + 1):
+        for b in range(1, reach + 1):
+            i = np.arange(a, n - b)
+            chord = (b * rho[i - a] + a * rho[i + b]) / (a + b)
+            out[i] = np.maximum(out[i], chord)
+    return out
+
+
+@dataclass(frozen=True)
+class _Grid:
+    """Node numbers of rows by columns, -1 where there is no node."""
+
+    stations: Array
+    inner: Ints
+    band: Mapping[str, Ints]
+    """Per side, columns from the inner edge to the outer edge; the rows proximal of the join are the
+    intrinsic tendon's."""
+
+
+def _rows(quads: int, inner: int, band: int) -> tuple[Array, float]:
+    """Stations (mm) of the rows for about `quads` elements."""
+    breaks = np.array([CENTRAL_END, LATERAL_END, 0.0, JOIN, SLIP_START, SLIP_END, MERGE, TERMINAL_END])
+    columns = np.array([inner] + 2 * [inner + 2 * band] + 2 * [inner + 2 * band] + 2 * [2 * band])
+    spans = np.diff(breaks)
+    height = (spans * columns).sum() / quads
+    counts = np.maximum(np.round(spans / height).astype(int), 2)
+    rows = [np.linspace(a, b, n + 1)[:-1] for a, b, n in zip(breaks, breaks[1:], counts, strict=False)]
+    return np.concatenate([*rows, [TERMINAL_END]]), height
+
+
+def _columns(quads: int) -> tuple[int, int]:
+    """Numbers of quads across the inner sheet and across each lateral band."""
+    band = max(1, round(2 * np.sqrt(quads / 600)))
+    inner = max(8, 4 * band)
+    return inner, band
+
+
+def generate(
+    skeleton: Skeleton,
+    surfaces: Mapping[str, Surface],
+    offset: Mapping[str, float],
+    rest_posture: Mapping[str, float],
+    quads: int,
+    width: float = 1.0,
+) -> HoodMesh:
+    """A hood of about `quads` elements laid over bones at `rest_posture` (rad).
+
+    `offset` (m) by body is the distance of the mid-surface from the bare bone; `surfaces` are those of
+    the scaled bones; `width` scales the hand-measured points across the finger, and the skeleton's
+    length those along it."""
+    chain = Chain(skeleton, *skeleton.pose(rest_posture))
+    level = Level(surfaces, offset, chain.position, chain.rotation)
+    scale = skeleton.length[1] / (PIP * 1e-3)
+    n_inner, n_band = _columns(quads)
+    stations, _ = _rows(quads, n_inner, n_band)
+    hull = _Hull(chain, level, scale)
+    grid, points, station = _lay(hull, stations, n_inner, n_band, width)
+    fixed = _end_nodes(grid)
+    free = np.setdiff1d(np.arange(len(points)), np.concatenate(list(fixed.values())))
+    points[free] = level.pushed_out(points[free], CLEARANCE * 1e-3)
+    cells, region, along = _cells(grid, n_inner)
+    fibre = _fibres(points, cells, along)
+    return HoodMesh(
+        np.round(points, 7),
+        cells,
+        region,
+        np.round(fibre, 5),
+        fixed,
+        _attachments(grid, chain, level, points, scale, width),
+        {"distal": np.unique(np.concatenate([b[-1] for b in grid.band.values()]))},
+        np.round(station, 4),
+        dict(rest_posture),
+        quads,
+    )
+
+
+@dataclass(frozen=True)
+class _Hull:
+    chain: Chain
+    level: Level
+    scale: float
+
+    def points(self, station: Array, phi: Array) -> Array:
+        """World points (n, 3) on the hull at stations (mm, unscaled) and angles (rad)."""
+        from scipy.interpolate import RectBivariateSpline
+
+        s, angles, rho = hull_radius(self.chain, self.level)
+        radius = RectBivariateSpline(s, angles, rho, kx=3, ky=3).ev(station * 1e-3 * self.scale, phi)
+        radius = radius + CLEARANCE * 1e-3
+        return self.chain.at(
+            station * 1e-3 * self.scale, radius * np.cos(phi), radius * np.sin(phi)
+        )
+
+
+def _lay(
+    hull: _Hull, stations: Array, n_inner: int, n_band: int, width: float
+) -> tuple[_Grid, Array, Array]:
+    """Number the nodes and place them: the grid, points (n, 3) m, stations (n,) mm."""
+    nr = len(stations)
+    inner = np.full((nr, n_inner + 1), -1)
+    s_list: list[float] = []
+    phi_list: list[float] = []
+
+    def node(s: float, phi: float) -> int:
+        s_list.append(s)
+        phi_list.append(phi)
+        return len(s_list) - 1
+
+    half, out = _interpolated(INNER, stations), _interpolated(OUTER, stations)
+    eps = 1e-6
+    for i, s in enumerate(stations):
+        if s <= SLIP_END + eps:
+            inner[i] = [node(s, f * half[i]) for f in np.linspace(-1, 1, n_inner + 1)]
+    band: dict[str, Ints] = {}
+    for side, sign in (("radial", 1), ("ulnar", -1)):
+        nodes = np.full((nr, n_band + 1), -1)
+        for i, s in enumerate(stations):
+            if s < LATERAL_END - eps:
+                continue
+            fractions = half[i] + np.linspace(0, 1, n_band + 1) * (out[i] - half[i])
+            for k, phi in enumerate(fractions):
+                shared = k == 0 and JOIN - eps <= s <= SLIP_END + eps
+                merged = k == 0 and s >= MERGE - eps and side == "ulnar"
+                if shared:
+                    nodes[i, k] = inner[i, -1 if sign > 0 else 0]
+                elif merged:
+                    nodes[i, k] = band["radial"][i, 0]
+                else:
+                    nodes[i, k] = node(s, sign * phi)
+        band[side] = nodes
+    station = np.array(s_list)
+    points = hull.points(station, np.array(phi_list))
+    grid = _Grid(stations, inner, band)
+    for side in band:
+        _lay_intrinsic(grid, hull, points, side, width)
+    return grid, points, station
+
+
+def _lay_intrinsic(grid: _Grid, hull: _Hull, points: Array, side: str, width: float) -> None:
+    """Place the intrinsic tendon's nodes on straight lines from the guide to the lateral band."""
+    (s0, d0, r0), _ = INTRINSIC[side]
+    rows = np.flatnonzero((grid.stations >= LATERAL_END - 1e-6) & (grid.stations <= JOIN + 1e-6))
+    join = points[grid.band[side][rows[-1]]]
+    sign = np.sign(r0)
+    across = np.array([sign * np.cos(np.arctan2(abs(r0), d0)), -np.sin(np.arctan2(abs(r0), d0))])
+    t = (np.linspace(0, 1, len(join)) - 0.5) * BAND_WIDTH
+    radial, dorsal = r0 * width + t * across[0], d0 * width + t * across[1]
+    start = hull.chain.at(np.full(len(t), s0 * 1e-3 * hull.scale), dorsal * 1e-3, radial * 1e-3)
+    for i in rows[:-1]:
+        f = (grid.stations[i] - LATERAL_END) / (JOIN - LATERAL_END)
+        points[grid.band[side][i]] = (1 - f) * start + f * join
+
+
+def _end_nodes(grid: _Grid) -> dict[str, Ints]:
+    first = int(np.flatnonzero(grid.stations >= LATERAL_END - 1e-6)[0])
+    return {
+        "central": grid.inner[0],
+        "radial": grid.band["radial"][first],
+        "ulnar": grid.band["ulnar"][first],
+    }
+
+
+def _inner_region(s: float, f: float) -> str:
+    """Region of an inner quad at station s (mm) and position f in -1..1 across."""
+    if s < LATERAL_END:
+        return "extensor_tendon_proximal"
+    if abs(f) > 0.5:
+        return "sagittal_band_radial" if f > 0 else "sagittal_band_ulnar"
+    if s < 0:
+        return "extensor_tendon_proximal"
+    if s < JOIN:
+        return "extensor_tendon_distal"
+    return "central_band" if s < SLIP_START else "central_slip"
+
+
+def _cells(grid: _Grid, n_inner: int) -> tuple[Ints, Ints, NDArray[np.bool_]]:
+    """Quads (ne, 4), their regions (ne,), and whether fibres run along the rows' direction."""
+    cells, names = [], []
+    middle = (grid.stations[:-1] + grid.stations[1:]) / 2
+    for i, s in enumerate(middle):
+        if s < SLIP_END:
+            for k in range(n_inner):
+                a, b = grid.inner[i], grid.inner[i + 1]
+                cells.append([a[k], b[k], b[k + 1], a[k + 1]])
+                names.append(_inner_region(s, (2 * k + 1) / n_inner - 1))
+        if s > LATERAL_END:
+            for side, nodes in grid.band.items():
+                for k in range(nodes.shape[1] - 1):
+                    a, b = nodes[i], nodes[i + 1]
+                    quad = [a[k], b[k], b[k + 1], a[k + 1]]
+                    cells.append(quad if side == "radial" else [quad[j] for j in (3, 2, 1, 0)])
+                    names.append("terminal_slip" if s > MERGE else f"lateral_band_{side}")
+    region = np.array([REGIONS.index(n) for n in names])
+    along = np.array([not n.startswith("sagittal") for n in names])
+    return np.array(cells), region, along
+
+
+def _fibres(points: Array, cells: Ints, along: NDArray[np.bool_]) -> Array:
+    """Unit fibre directions: along the finger in tendons and bands, round it in sagittal bands."""
+    p = points[cells]
+    distal = p[:, 1] + p[:, 2] - p[:, 0] - p[:, 3]
+    across = p[:, 2] + p[:, 3] - p[:, 0] - p[:, 1]
+    fibre = np.where(along[:, None], distal, across)
+    return fibre / np.linalg.norm(fibre, axis=1, keepdims=True)
+
+
+def _attachments(
+    grid: _Grid, chain: Chain, level: Level, points: Array, scale: float, width: float
+) -> dict[str, Attachment]:
+    s = grid.stations
+    last = int(np.flatnonzero(s <= SLIP_END + 1e-6)[-1])
+    n = grid.inner.shape[1] - 1
+    middle = grid.inner[last, n // 4 : n - n // 4 + 1]
+    rows, _ = chain.frames(np.array([SLIP_END * 1e-3 * scale]))
+    distal = chain.rotation[2][:, 0]
+    slip = points[middle] + SLIP_REACH * 1e-3 * scale * distal
+    out = {"central_slip": _on_bone("middle", middle, slip, level)}
+    sagittal = np.flatnonzero((s >= SAGITTAL_ROWS[0] - 1e-6) & (s <= SAGITTAL_ROWS[1] + 1e-6))
+    retinacular = np.flatnonzero((s >= RETINACULAR_ROWS[0]) & (s <= RETINACULAR_ROWS[1]))
+    join = int(np.flatnonzero(s >= JOIN - 1e-6)[0])
+    for side, sign, edge in (("radial", 1, -1), ("ulnar", -1, 0)):
+        band = grid.band[side]
+        ligament = np.unique(band[join : join + 2])
+        out[f"ligament_{side}"] = _on_bone("proximal", ligament, points[ligament], level)
+        for name, nodes, (dorsal, radial) in (
+            ("sagittal", grid.inner[sagittal, edge], PALMAR_PLATE),
+            ("retinacular", band[retinacular, -1], RETINACULAR_ANCHOR),
+        ):
+            station = s[sagittal if name == "sagittal" else retinacular] * 1e-3 * scale
+            local = np.column_stack(
+                [station, np.full(len(nodes), sign * radial), np.full(len(nodes), dorsal)]
+            )
+            local[:, 1:] *= 1e-3 * width
+            out[f"{name}_{side}"] = Attachment("proximal", nodes, np.round(local, 7))
+    del rows
+    return out
+
+
+def _on_bone(body: str, nodes: Ints, near: Array, level: Level) -> Attachment:
+    """Anchors on the bare bone under the points `near` (world)."""
+    i = BODIES.index(body)
+    local = (near - level.position[i]) @ level.rotation[i]
+    for _ in range(20):
+        value, gradient, _ = level.surfaces[body].distance(local)
+        local = local - value[:, None] * gradient
+    return Attachment(body, nodes, np.round(local, 7))
+
+
+def to_json(mesh: HoodMesh) -> str:
+    """The mesh file's text: deterministic, mm and degrees."""
+    millimetres = lambda a: np.round(np.asarray(a) * 1e3, 4).tolist()  # noqa: E731
+    content: dict[str, Any] = {
+        "format": "hood mesh 1",
+        "unit": "mm",
+        "frame": "metacarpal: origin MCP centre, x distal, y radial, z dorsal",
+        "source": "generated by meshes/hood.py; see its proportions for their sources",
+        "quads_asked": mesh.quads_asked,
+        "rest_posture_deg": {k: round(float(np.rad2deg(v)), 6) for k, v in mesh.rest_posture.items()},
+        "points": millimetres(mesh.points),
+        "station": mesh.station.tolist(),
+        "quads": mesh.quads.tolist(),
+        "regions": [REGIONS[i] for i in mesh.region],
+        "fibre": mesh.fibre.tolist(),
+        "ends": {k: v.tolist() for k, v in mesh.ends.items()},
+        "tied": {k: v.tolist() for k, v in mesh.tied.items()},
+        "springs": {
+            k: {"body": a.body, "nodes": a.nodes.tolist(), "anchors": millimetres(a.anchors)}
+            for k, a in mesh.springs.items()
+        },
+    }
+    rows = [f" {json.dumps(k)}: {json.dumps(v)}" for k, v in content.items()]
+    return "{\n" + ",\n".join(rows) + "\n}\n"
+
+
+def write(mesh: HoodMesh, path: Path) -> None:
+    """Write the mesh file."""
+    path.write_text(to_json(mesh), encoding="utf-8")
