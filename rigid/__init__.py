@@ -1,0 +1,1 @@
+"""Rigid fingers and hoods without a deformable degree of freedom (SI units, world frame)."""

@@ -1,0 +1,182 @@
+"""Static equilibrium of a finger that is a serial chain of hinges, whatever computes its poses.
+
+    residual = [ tau_hood + tau_muscles + tau_passive + tau_limit + tau_gravity + J_tip^T r ]
+               [ GAP_SCALE * support (x_tip - target)                                      ]
+
+in the unknowns z = (q, support r), where r is the force of the world on the tip.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cosim.port import Array, Balance, InputError, Load, Motion
+from rigid.chain import (
+    Chain,
+    body_jacobian,
+    geometric_stiffness,
+    joint_loads,
+    joint_reactions,
+    joint_wrenches,
+    moved_to,
+    tip_jacobian,
+)
+from rigid.joint_torques import JointLaw, by_joint
+
+GAP_SCALE = 100.0
+"""N: a tip 1 um off its target counts as much as 1e-4 N m, about a hundredth of a joint torque."""
+TORQUE_FLOOR = 1e-6
+"""N m: below this no torque is called large."""
+
+
+@dataclass(frozen=True)
+class FingerState:
+    """Joint angles (nq,) rad, the world's force on the tip (3,) N, and the point that the tip is
+    held at (3,) m."""
+
+    angles: Array
+    reaction: Array
+    target: Array
+
+
+class ChainFinger(ABC):
+    """All of `cosim.port.Finger` from a chain's kinematics and the finger's own torques."""
+
+    def __init__(
+        self,
+        bodies: tuple[str, ...],
+        tendons: tuple[str, ...],
+        law: JointLaw,
+        ranges: Mapping[str, tuple[float, float]],
+        support: Array,
+    ) -> None:
+        """`support` (m, 3): orthonormal world directions in which the tip is held; m = 0: free."""
+        self.bodies, self.tendons, self.joints = bodies, tendons, law.joints
+        self.law, self.support = law, support
+        self._low = by_joint({j: r[0] for j, r in ranges.items()}, self.joints, -np.inf, "ranges")
+        self._high = by_joint({j: r[1] for j, r in ranges.items()}, self.joints, np.inf, "ranges")
+
+    @abstractmethod
+    def chain(self, angles: Array) -> Chain:
+        """Kinematics at the joint angles (nq,) rad."""
+
+    @abstractmethod
+    def own_torques(self, angles: Array, tension: Array) -> dict[str, Array]:
+        """(nq,) N m of each muscle and of gravity."""
+
+    @abstractmethod
+    def own_tangent(self, angles: Array, tension: Array) -> Array:
+        """(nq, nq) derivative of the sum of `own_torques` over the angles."""
+
+    @abstractmethod
+    def own_wrenches(self, angles: Array, tension: Array) -> dict[str, Array]:
+        """(nb, 6) of each source of `own_torques` on each body about its origin, world frame."""
+
+    def start(self, posture: Mapping[str, float]) -> FingerState:
+        """The state at `posture` (rad; a joint not named is at zero) with no tip reaction.
+
+        Raises InputError for an unknown joint or an angle outside the joint's range."""
+        q = by_joint(posture, self.joints, 0.0, "posture")
+        for joint, angle, low, high in zip(self.joints, q, self._low, self._high, strict=True):
+            if not low <= angle <= high:
+                raise InputError(
+                    f"posture: {joint} at {np.degrees(angle):.4g} deg lies outside its range of "
+                    f"{np.degrees(low):.4g} to {np.degrees(high):.4g} deg; choose an angle within"
+                )
+        return FingerState(q, np.zeros(3), self.chain(q).tip)
+
+    def angles(self, state: FingerState) -> Array:
+        return state.angles
+
+    def motion(self, state: FingerState) -> Motion:
+        return self.chain(state.angles).motion
+
+    def jacobian(self, state: FingerState) -> Array:
+        return body_jacobian(self.chain(state.angles))
+
+    def displaced(self, state: FingerState, step: Array) -> FingerState:
+        """The state after a step (nq + m,) of its unknowns."""
+        nq, n = len(self.joints), len(self.joints) + len(self.support)
+        if np.shape(step) != (n,):
+            raise InputError(f"finger: expected a step of shape {(n,)}, got {np.shape(step)}")
+        reaction = state.reaction + self.support.T @ step[nq:]
+        return replace(state, angles=state.angles + step[:nq], reaction=reaction)
+
+    def balance(self, state: FingerState, load: Load, tension: Array) -> Balance:
+        """Raises InputError if the load's bodies or the tensions' shape are not the finger's."""
+        self._check(load, tension)
+        chain = self.chain(state.angles)
+        torque = {
+            "hood": body_jacobian(chain).T @ load.total().ravel(),
+            **self.own_torques(state.angles, tension),
+            "passive": self.law.passive(state.angles)[0],
+            "limit": self.law.limit(state.angles)[0],
+            "fingertip": tip_jacobian(chain).T @ state.reaction,
+        }
+        gap = GAP_SCALE * self.support @ (chain.tip - state.target)
+        residual = np.concatenate([np.sum(list(torque.values()), axis=0), gap])
+        scale = max(TORQUE_FLOOR, *(float(np.abs(t).max()) for t in torque.values()))
+        return Balance(residual, scale, torque, -state.reaction)
+
+    def tangent(self, state: FingerState, load: Load, tension: Array, load_motion: Array) -> Array:
+        """Exact derivative of the residual over z = (q, support r)."""
+        self._check(load, tension)
+        chain = self.chain(state.angles)
+        tip, jac = self.support @ tip_jacobian(chain), body_jacobian(chain)
+        stiffness = jac.T @ load_motion @ jac + self.own_tangent(state.angles, tension)
+        stiffness += np.diag(self.law.passive(state.angles)[1] + self.law.limit(state.angles)[1])
+        n = len(self.bodies)
+        reaction = np.concatenate([state.reaction, np.zeros(3)])
+        stiffness += geometric_stiffness(
+            chain,
+            np.append(np.arange(n), n - 1),
+            np.vstack([chain.motion.position, chain.tip]),
+            np.vstack([load.total(), reaction]),
+        )
+        zero = np.zeros((len(tip), len(tip)))
+        return np.block([[stiffness, tip.T], [GAP_SCALE * tip, zero]])
+
+    def ledger(self, state: FingerState, load: Load, tension: Array) -> dict[str, Array]:
+        """(nb, 6) wrench on each body about its origin (world frame) by source: each muscle,
+        gravity, passive, limit, fingertip and joint.  Together with the hood's load they close to
+        zero on every moving body; on the fixed one their sum is what the ground must carry."""
+        ledger = self._applied(state, load, tension)
+        reaction = self._reactions(state, load, ledger)
+        return {**ledger, "joint": joint_loads(self.chain(state.angles), reaction)}
+
+    def joint_reactions(self, state: FingerState, load: Load, tension: Array) -> Array:
+        """(nb, 6) wrench that each body receives through its proximal joint, about the body's
+        origin; its moment about the joint's own axes vanishes at equilibrium."""
+        return self._reactions(state, load, self._applied(state, load, tension))
+
+    def _applied(self, state: FingerState, load: Load, tension: Array) -> dict[str, Array]:
+        self._check(load, tension)
+        chain = self.chain(state.angles)
+        fingertip = np.zeros((len(self.bodies), 6))
+        force = np.concatenate([state.reaction, np.zeros(3)])
+        fingertip[-1] = moved_to(force, chain.tip - chain.motion.position[-1])
+        return {
+            **self.own_wrenches(state.angles, tension),
+            "passive": joint_wrenches(chain, self.law.passive(state.angles)[0]),
+            "limit": joint_wrenches(chain, self.law.limit(state.angles)[0]),
+            "fingertip": fingertip,
+        }
+
+    def _reactions(self, state: FingerState, load: Load, ledger: dict[str, Array]) -> Array:
+        applied = load.total() + np.sum(list(ledger.values()), axis=0)
+        return joint_reactions(self.chain(state.angles), applied)
+
+    def _check(self, load: Load, tension: Array) -> None:
+        if load.bodies != self.bodies:
+            raise InputError(
+                f"load on bodies {load.bodies}: the finger's are {self.bodies}, in this order"
+            )
+        if np.shape(tension) != (len(self.tendons),) or not np.isfinite(tension).all():
+            raise InputError(
+                f"finger: expected {len(self.tendons)} finite tensions (N), one for each of "
+                f"{self.tendons}, got {tension!r}"
+            )

@@ -1,0 +1,82 @@
+"""Fingers, loads and a plain Newton solve that the tests of the fingers share."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from cosim.port import STATIC, Array, Balance, Finger, Load
+from meshes.skeleton import JOINTS, Skeleton, index_finger
+from rigid import hinge
+from rigid.hinge import HingeFinger
+from rigid.joint_torques import joint_law
+from rigid.mujoco_finger import MujocoFinger
+from rigid.pulley import Cable, PulleyHood
+from rigid.statics import ChainFinger, FingerState
+
+POSTURE = {"MCP": np.radians(30), "PIP": np.radians(45), "DIP": np.radians(15)}
+STIFFNESS = {"MCP": 0.04, "PIP": 0.03, "DIP": 0.02}
+REST = {"MCP": 0.6, "PIP": 0.5, "DIP": 0.2}
+SOFT = 2.0  # N m/rad, so that the limits do not dwarf the other terms of a tangent
+LENGTHS = (0.0426, 0.0251, 0.0181)
+
+
+def straight_skeleton() -> Skeleton:
+    """Parallel flexion axes and abduction normal to them."""
+    axis = np.array([[0.0, 1, 0], [0, 0, 1], [0, 1, 0], [0, 1, 0]])
+    return Skeleton(np.array([0.0, *LENGTHS]), np.tile(np.eye(3), (3, 1, 1)), axis, {})
+
+
+def hinge_finger(held: bool) -> HingeFinger:
+    law = joint_law(hinge.JOINTS, STIFFNESS, REST, limit_stiffness=SOFT).held_about(POSTURE, 0.02)
+    return HingeFinger(LENGTHS, law=law, held=held)
+
+
+def mujoco_finger(held: bool) -> MujocoFinger:
+    stiffness = {**STIFFNESS, "MCP_abduction": 0.05}
+    law = joint_law(JOINTS, stiffness, REST, limit_stiffness=SOFT).held_about(POSTURE, 0.02)
+    return MujocoFinger(index_finger(), law=law, held=held, gravity=(1.0, -2.0, -9.0))
+
+
+def random_load(bodies: tuple[str, ...]) -> Load:
+    wrench = np.random.default_rng(3).normal(size=(len(bodies), 2, 6)) * [5, 5, 5, 0.1, 0.1, 0.1]
+    return Load(bodies, ("insertion", "contact"), wrench, np.zeros((0, 6)))
+
+
+def pushed(finger: ChainFinger) -> tuple[FingerState, Load, Array]:
+    """A state past its limits with a reaction and off its target, a load and tensions."""
+    state = finger.start(POSTURE)
+    n = len(finger.joints)
+    step = np.concatenate([np.linspace(0.03, 0.05, n), np.arange(1.0, len(finger.support) + 1)])
+    return (
+        finger.displaced(state, step),
+        random_load(finger.bodies),
+        np.arange(3.0, 3.0 + len(finger.tendons)),
+    )
+
+
+def cables_over_all_joints(h: float = 0.006, a: float = 0.008) -> PulleyHood:
+    """One dorsal cable with eyelets at distance a on both sides of each joint, h above it."""
+    points = [("metacarpal", (-a, 0.0, h))]
+    for body, length in zip(hinge.BODIES[1:], LENGTHS, strict=True):
+        points += [(body, (a, 0.0, h)), (body, (length - a, 0.0, h))]
+    cable = Cable(tuple(points[:-1]))
+    return PulleyHood({"EDC": cable}, HingeFinger(LENGTHS).motion(HingeFinger(LENGTHS).start({})))
+
+
+def solve(
+    finger: Finger, hood: PulleyHood, tension: Array, own: Array, first: Mapping = POSTURE
+) -> tuple[FingerState, Load, Balance]:
+    """Newton's method from the posture `first`, started anew on the hood at every motion."""
+    state = finger.start(first)
+    for _ in range(20):
+        motion = finger.motion(state)
+        response = hood.advance(hood.start(motion), motion, tension, STATIC)
+        balance = finger.balance(state, response.load, own)
+        if balance.relative < 1e-12:
+            return state, response.load, balance
+        stiffness = hood.jacobian(response.state).load_motion
+        tangent = finger.tangent(state, response.load, own, stiffness)
+        state = finger.displaced(state, -np.linalg.solve(tangent, balance.residual))
+    raise AssertionError(f"no equilibrium: {balance.relative}")

@@ -1,0 +1,176 @@
+import json
+import subprocess
+import sys
+import types
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray
+from typer.testing import CliRunner
+
+from cosim import __version__
+from cosim.cli import app
+from cosim.port import ConvergenceError, InputError
+from cosim.results import LedgerRow, Result, Scene
+
+SUMMARY = {
+    "posture_deg": {"MCP": 30.1, "MCP_abduction": 0.2, "PIP": 45.3, "DIP": 15.2},
+    "tension_N": {"EDC": 3.469, "FDP": 0.05},
+    "excursion_mm": {"EDC": 1.25},
+    "slip_force_N": {"central": 1.5, "terminal": 0.75},
+    "fingertip_force_N": [0.24, -0.39, -0.03],
+    "fingertip_magnitude_N": 0.459,
+    "strain_percent": {"longitudinal": {"min": -1.0, "mean": 0.8, "max": 6.95}},
+    "max_penetration_mm": 0.012,
+    "moment_arm_mm": {"EDC": {"MCP": -7.4, "MCP_abduction": 0.1, "PIP": -5.2, "DIP": -2.1}},
+    "audit": {"hood_force_balance": 3e-13},
+    "iterations": {"coupling": 4, "newton": 21},
+    "unloaded": {"fingertip_magnitude_N": 0.11, "slip_force_N": {"central": 0.1}},
+    "difference": {"fingertip_magnitude_N": 0.349},
+    "wall_s": 1.75,
+}
+
+
+@pytest.fixture
+def solver(monkeypatch, tmp_path):
+    """A stand-in for the solver; `fails` maps a case to the error that it meets, `ran` records."""
+    fake = types.ModuleType("cosim.run")
+    fake.fails, fake.ran, fake.summary = {}, [], SUMMARY
+
+    def run_case(case, progress):
+        progress("solving")
+        fake.ran.append(case)
+        if case.name in fake.fails:
+            raise fake.fails[case.name]
+        row = LedgerRow("loaded", "distal", "contact", np.zeros(3), np.zeros(3))
+        return Result(
+            {"case": case.name, **fake.summary}, xarray.Dataset(), (row,), Scene(None, (), ())
+        )
+
+    fake.run_case = run_case
+    fake.bench_case = lambda case: {"warm_run_s": 1.5, "ratio": case.hood.mesh.quads / 100}
+    monkeypatch.setitem(sys.modules, "cosim.run", fake)
+    monkeypatch.chdir(tmp_path)
+    return fake
+
+
+def cosim(*words: str):
+    return CliRunner().invoke(app, words, prog_name="cosim")
+
+
+def test_version_and_help():
+    assert cosim("--version").stdout == f"cosim {__version__}\n"
+    commands = cosim("--help").stdout
+    assert all(word in commands for word in ("run", "check", "schema", "view", "bench"))
+
+
+def test_run_writes_and_shows_each_case(solver, tmp_path):
+    done = cosim("run", "isometric_edc", "isometric_ei", "--set", "hood.mesh.quads=250")
+    assert done.exit_code == 0, done.stderr
+    assert [case.hood.mesh.quads for case in solver.ran] == [250, 250]
+    for name in ("isometric_edc", "isometric_ei"):
+        assert f"results in {Path('runs') / name}" in done.stdout
+        assert json.loads((tmp_path / "runs" / name / "summary.json").read_text())["case"] == name
+    assert "isometric_edc: solving" in done.stderr
+
+
+def test_the_table_shows_states_side_by_side(solver):
+    lines = cosim("run", "isometric_edc").stdout.splitlines()
+    rows = {line[:30].strip(): line[30:].split() for line in lines}
+    assert next(v for k, v in rows.items() if k == "fingertip force N") == [
+        "0.459",
+        "0.11",
+        "0.349",
+    ]
+    (edc,) = [line.split() for line in lines if line.split()[:1] == ["EDC"]]
+    assert edc == ["EDC", "3.469", "1.25", "-7.4", "0.1", "-5.2", "-2.1"]
+    assert any("-1 to 6.95, mean 0.8" in line for line in lines)
+    assert any("hood force balance" in line and "3.0e-13" in line for line in lines)
+
+
+def test_a_run_without_a_deformable_hood_shows_what_it_has(solver):
+    solver.summary = {"tension_N": {"EDC": 3.4}, "wall_s": 0.01}
+    done = cosim("run", "isometric_edc")
+    assert done.exit_code == 0
+    assert "3.4" in done.stdout
+    assert "slip" not in done.stdout
+
+
+def test_one_bad_case_and_nothing_runs(solver, tmp_path):
+    (tmp_path / "bad.toml").write_text('extends = "isometric_edc"\nhood.thickness = 0.6\n')
+    done = cosim("run", "isometric_edc", "bad.toml", "nowhere")
+    assert done.exit_code == 2
+    assert "hood.thickness = 0.6 (bad.toml): is a bare number" in done.stderr
+    assert "'nowhere': no such file" in done.stderr
+    assert solver.ran == []
+    assert not (tmp_path / "runs").exists()
+
+
+def test_a_case_that_does_not_converge_does_not_stop_the_others(solver, tmp_path):
+    solver.fails = {"isometric_edc": ConvergenceError("residual 3e-2 after 50 iterations")}
+    done = cosim("run", "isometric_edc", "isometric_ei")
+    assert done.exit_code == 1
+    assert "isometric_edc: residual 3e-2 after 50 iterations" in done.stderr
+    assert [p.name for p in (tmp_path / "runs").iterdir()] == ["isometric_ei"]
+
+
+def test_a_fault_found_while_building_is_the_users(solver):
+    solver.fails = {"isometric_edc": InputError("the surface is not watertight")}
+    done = cosim("run", "isometric_edc")
+    assert done.exit_code == 2
+    assert "not watertight" in done.stderr
+
+
+def test_results_that_cannot_be_written_are_told_before_the_run(solver, tmp_path):
+    (tmp_path / "file").touch()
+    done = cosim("run", "isometric_edc", "--out", "file")
+    assert done.exit_code == 2
+    assert "cannot be written" in done.stderr
+    assert solver.ran == []
+
+
+def test_two_cases_of_one_name_are_refused(solver, tmp_path):
+    (tmp_path / "isometric_edc.toml").write_text('extends = "isometric_ei"\n')
+    done = cosim("run", "isometric_ei", "isometric_edc.toml", "isometric_ei")
+    assert done.exit_code == 2
+    assert "two cases are named isometric_ei" in done.stderr
+
+
+def test_schema_is_json():
+    assert json.loads(cosim("schema").stdout)["title"] == "CaseFile"
+
+
+def test_bench_prints_its_figures(solver):
+    assert cosim("bench", "isometric_edc", "--set", "hood.mesh.quads=250").stdout.split() == [
+        *("warm_run_s", "1.5", "ratio", "2.5")
+    ]
+
+
+def test_view_says_where_the_picture_is_when_there_is_no_display(monkeypatch, tmp_path):
+    for name in ("summary.json", "hood.vtu", "picture.png"):
+        (tmp_path / name).touch()
+    monkeypatch.setattr(sys, "platform", "linux")
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    done = cosim("view", str(tmp_path))
+    assert done.exit_code == 0
+    assert "no display" in done.stdout
+    assert str(tmp_path / "picture.png") in done.stdout
+    assert cosim("view", str(tmp_path / "elsewhere")).exit_code == 2
+
+
+def test_the_program_ends_with_its_exit_code(tmp_path):
+    (tmp_path / "bad.toml").write_text("title = \n")
+    root = Path(__file__).parents[1]
+
+    def code(*words: str) -> tuple[int, str]:
+        command = [sys.executable, "-m", "cosim.cli", *words]
+        done = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
+        return done.returncode, done.stderr
+
+    assert code("check", "isometric_edc") == (0, "")
+    status, message = code("check", str(tmp_path / "bad.toml"))
+    assert status == 2
+    assert "line 1" in message
+    assert "Traceback" not in message

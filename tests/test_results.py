@@ -1,0 +1,170 @@
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray
+
+from cosim.case import load_case
+from cosim.picture import MOST_TRIANGLES, VIEWS, draw, thinned
+from cosim.port import InputError
+from cosim.results import (
+    LEDGER_HEADER,
+    STRAIN,
+    HoodField,
+    LedgerRow,
+    Result,
+    Scene,
+    write_result,
+)
+
+
+def tube(radius: float = 5e-3, length: float = 40e-3, around: int = 24, along: int = 20):
+    """A bone: vertices and triangles of an open tube along x."""
+    t, x = np.meshgrid(np.arange(around) * 2 * np.pi / around, np.linspace(0, length, along))
+    vertices = np.stack([x, radius * np.sin(t), radius * np.cos(t)], axis=-1).reshape(-1, 3)
+    i, j = np.meshgrid(np.arange(along - 1), np.arange(around), indexing="ij")
+    a, b = i * around + j, i * around + (j + 1) % around
+    c, d = b + around, a + around
+    faces = np.stack([a, b, c, a, c, d], axis=-1).reshape(-1, 3)
+    return vertices, faces
+
+
+def sheet(radius: float = 6.5e-3) -> HoodField:
+    """A hood over the tube's dorsal side, 2 % longer at its distal end."""
+    x, t = np.meshgrid(np.linspace(0, 40e-3, 21), np.linspace(-1, 1, 9), indexing="ij")
+    points = np.stack([x, radius * np.sin(t), radius * np.cos(t)], axis=-1).reshape(-1, 3)
+    i, j = np.meshgrid(np.arange(20) * 9, np.arange(8), indexing="ij")
+    a = (i + j).ravel()
+    quads = np.stack([a, a + 9, a + 10, a + 1], axis=-1)
+    strain = 0.02 * points[quads].mean(axis=1)[:, 0] / 40e-3
+    return HoodField(points, quads, {"displacement": 0 * points}, {STRAIN: strain})
+
+
+@pytest.fixture
+def result() -> Result:
+    tendon = np.array([[-0.02, 0, 0.007], [0, 0, 0.007]])
+    tip = (np.array([0.04, 0, 0]), np.array([0.1, 0.0, -0.2]))
+    scene = Scene(sheet(), (("proximal", *tube()),), (("EDC", tendon),), tip)
+    dataset = xarray.Dataset(
+        {"tension": ("tendon", [3.4], {"units": "N"})}, coords={"tendon": ["EDC"]}
+    )
+    row = LedgerRow(
+        "loaded", "proximal", "contact", np.array([1.0, 0, -2.0]), np.array([0, 0.003, 0])
+    )
+    summary = {"case": "isometric_edc", "fingertip_force_N": np.array([0.1, 0.2, 0.0])}
+    return Result(summary, dataset, (row,), scene)
+
+
+def test_a_result_reads_back(tmp_path: Path, result):
+    import meshio
+
+    case = load_case("isometric_edc")
+    folder = write_result(tmp_path / "runs", case, result)
+    assert folder == tmp_path / "runs" / "isometric_edc"
+    assert json.loads((folder / "summary.json").read_text())["fingertip_force_N"] == [0.1, 0.2, 0]
+    with xarray.open_dataset(folder / "results.nc", engine="h5netcdf") as dataset:
+        xarray.testing.assert_identical(dataset.load(), result.dataset)
+    with (folder / "ledger.csv").open(newline="") as file:
+        header, *rows = csv.reader(file)
+    assert tuple(header) == LEDGER_HEADER
+    assert rows == [["loaded", "proximal", "contact", "1", "0", "-2", "0", "3", "0"]]
+    mesh = meshio.read(folder / "hood.vtu")
+    np.testing.assert_array_equal(mesh.points, result.scene.hood.points)
+    np.testing.assert_array_equal(mesh.cells_dict["quad"], result.scene.hood.quads)
+    np.testing.assert_array_equal(mesh.cell_data[STRAIN][0], result.scene.hood.cell_data[STRAIN])
+    again = load_case(folder / "case.toml")
+    assert again.model_copy(update={"name": case.name, "source": case.source}) == case
+    assert (folder / "picture.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_an_older_run_is_replaced_whole(tmp_path: Path, result):
+    case = load_case("isometric_edc")
+    write_result(tmp_path, case, result)
+    bare = replace(result, summary={"case": "new"}, scene=Scene(None, (), ()))
+    folder = write_result(tmp_path, load_case("isometric_edc", ["output.picture=false"]), bare)
+    assert {p.name for p in folder.iterdir()} == {
+        *("summary.json", "case.toml", "results.nc", "ledger.csv")
+    }
+    assert [p.name for p in tmp_path.iterdir()] == ["isometric_edc"]
+
+
+def test_a_result_that_cannot_be_written_leaves_the_older_one(tmp_path: Path, result):
+    case = load_case("isometric_edc")
+    folder = write_result(tmp_path, case, result)
+    before = (folder / "summary.json").read_text()
+    with pytest.raises(ValueError, match="JSON"):
+        write_result(tmp_path, case, replace(result, summary={"wall_s": float("nan")}))
+    assert (folder / "summary.json").read_text() == before
+    assert [p.name for p in tmp_path.iterdir()] == ["isometric_edc"]
+
+
+def test_an_unwritable_folder_is_the_users_fault(tmp_path: Path, result):
+    (tmp_path / "runs").write_text("a file")
+    with pytest.raises(InputError, match=r"cannot be written .* --out"):
+        write_result(tmp_path / "runs", load_case("isometric_edc"), result)
+
+
+def test_what_is_no_run_is_not_replaced(tmp_path: Path, result):
+    keep = tmp_path / "isometric_edc" / "thesis.txt"
+    keep.parent.mkdir()
+    keep.write_text("years of work")
+    with pytest.raises(InputError, match="no earlier run"):
+        write_result(tmp_path, load_case("isometric_edc"), result)
+    assert keep.read_text() == "years of work"
+
+
+def polygons(scene: Scene, view: int) -> tuple[np.ndarray, np.ndarray]:
+    """Corners (n, 4, 2) and face colours of a view, in the order of drawing."""
+    (drawn,) = draw(scene, "x").axes[view].collections
+    return np.array([path.vertices[:4] for path in drawn.get_paths()]), drawn.get_facecolor()
+
+
+def test_views_look_along_their_axes():
+    distal, radial, dorsal = np.eye(3) * 1e-3
+    side, top = VIEWS
+    np.testing.assert_allclose(side.project(distal), [-1, 0, 0])
+    np.testing.assert_allclose(side.project(dorsal), [0, 1, 0])
+    np.testing.assert_allclose(side.project(radial), [0, 0, 1], err_msg="radial is nearest")
+    np.testing.assert_allclose(top.project(radial), [0, -1, 0])
+    np.testing.assert_allclose(top.project(dorsal), [0, 0, 1], err_msg="dorsal is nearest")
+
+
+@pytest.mark.parametrize(("palmar", "hidden"), [(False, False), (True, True)])
+def test_what_is_nearer_is_drawn_over_what_lies_behind(result, palmar, hidden):
+    hood = result.scene.hood
+    turned = hood.points * (np.array([1, 1, -1]) if palmar else 1)
+    scene = replace(result.scene, hood=replace(hood, points=turned), tendons=(), tip=None)
+    corners, colour = polygons(scene, view=1)
+    middle = np.array([-20.5, 0.3])
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    (over,) = np.nonzero(((low <= middle) & (middle <= high)).all(axis=1))
+    top = colour[over[-1]]
+    is_bone = abs(top[0] / top[2] - 0.93 / 0.80) < 1e-6
+    assert is_bone == hidden
+
+
+def test_colours_are_strain_in_per_cent_about_zero(result):
+    figure = draw(result.scene, "x")
+    bar = figure.axes[-1]
+    low, high = bar.get_ylim()
+    assert low == -high
+    assert 1.8 < high < 2.0
+    assert "%" in bar.get_ylabel()
+
+
+def test_the_force_is_named_with_its_magnitude(result):
+    texts = [text.get_text() for text in draw(result.scene, "x").axes[0].texts]
+    assert "arrow: fingertip force 0.22 N" in texts
+
+
+def test_a_large_surface_is_thinned_to_the_same_shape():
+    vertices, faces = tube(around=150, along=150)
+    coarse, fewer = thinned(vertices, faces)
+    assert len(faces) > 4 * MOST_TRIANGLES
+    assert 1000 < len(fewer) <= MOST_TRIANGLES
+    np.testing.assert_allclose(np.ptp(coarse, axis=0), np.ptp(vertices, axis=0), atol=1e-3)
+    radius = np.linalg.norm(coarse[np.unique(fewer)][:, 1:], axis=1)
+    np.testing.assert_allclose(radius, 5e-3, atol=3e-4)

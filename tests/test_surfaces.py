@@ -1,0 +1,279 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial import ConvexHull
+
+from cosim.port import InputError
+from fe_solver.surfaces import Capsule, HalfSpace, Sphere, SplineDistance
+from fe_solver.triangles import checked_surface, distance_squared, distances_on_grid
+
+RADIUS = 5e-3
+SPHERE = Sphere(np.array([1e-3, -2e-3, 0.5e-3]), RADIUS)
+CAPSULE = Capsule(np.array([-4e-3, 0, 1e-3]), np.array([6e-3, 2e-3, 0]), 3e-3)
+HALF_SPACE = HalfSpace(np.array([0, 0, 1e-3]), np.array([0.0, 1.0, 2.0]))
+CUBE = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]) * 4e-3
+CUBE_FACES = ConvexHull(CUBE).simplices
+
+
+def shell(sphere, low=0.8, high=1.5, n=400):
+    """Random points around a sphere, not at its centre."""
+    rng = np.random.default_rng(1)
+    way = rng.normal(size=(n, 3))
+    way /= np.linalg.norm(way, axis=1)[:, None]
+    return sphere.centre + way * sphere.radius * rng.uniform(low, high, (n, 1))
+
+
+def ball(n=6000):
+    """A convex polyhedron with n vertices on SPHERE (Fibonacci lattice)."""
+    i = np.arange(n) + 0.5
+    polar, around = np.arccos(1 - 2 * i / n), np.pi * (1 + 5**0.5) * i
+    way = [np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)]
+    way = np.stack(way, axis=1)
+    return SPHERE.centre + RADIUS * way, ConvexHull(way).simplices
+
+
+@pytest.fixture(scope="module")
+def grid():
+    """The spline through exact distances of SPHERE."""
+    origin = SPHERE.centre - 9.1e-3
+    axes = [o + 0.5e-3 * np.arange(38) for o in origin]
+    nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    values = SPHERE.distance(nodes).value.reshape(38, 38, 38)
+    return SplineDistance.from_grid(origin, 0.5e-3, values, 4e-3)
+
+
+@pytest.fixture(scope="module")
+def baked():
+    return SplineDistance.bake(*ball())
+
+
+def differences(surface, points, step):
+    """Central differences of value and gradient."""
+    pairs = [
+        (surface.distance(points + step * e), surface.distance(points - step * e))
+        for e in np.eye(3)
+    ]
+    gradient = np.stack([(a.value - b.value) / (2 * step) for a, b in pairs], axis=1)
+    hessian = np.stack([(a.gradient - b.gradient) / (2 * step) for a, b in pairs], axis=1)
+    return gradient, hessian
+
+
+def test_sphere_by_hand():
+    value, gradient, hessian = Sphere(np.zeros(3), 1.0).distance(
+        np.array([[2.0, 0, 0], [0, 0.5, 0]])
+    )
+    assert value == pytest.approx([1.0, -0.5])
+    assert gradient == pytest.approx(np.array([[1.0, 0, 0], [0, 1.0, 0]]))
+    assert hessian[0] == pytest.approx(np.diag([0, 0.5, 0.5]))
+    assert hessian[1] == pytest.approx(np.diag([2.0, 0, 2.0]))
+
+
+def test_capsule_is_a_cylinder_between_its_ends_and_a_sphere_beyond():
+    capsule = Capsule(np.zeros(3), np.array([2.0, 0, 0]), 0.5)
+    value, gradient, hessian = capsule.distance(np.array([[1.0, 0, 2.0], [5.0, 4.0, 0]]))
+    assert value == pytest.approx([1.5, 4.5])
+    assert gradient == pytest.approx(np.array([[0, 0, 1.0], [0.6, 0.8, 0]]))
+    assert hessian[0] == pytest.approx(np.diag([0, 0.5, 0]))
+    assert hessian[1] == pytest.approx(
+        Sphere(capsule.end, 1.0).distance([[5.0, 4.0, 0]]).hessian[0]
+    )
+
+
+def test_half_space_scales_its_normal():
+    value, gradient, hessian = HALF_SPACE.distance(np.array([[7.0, 1.0, 2.0 + 1e-3]]))
+    assert value == pytest.approx([5**0.5])
+    assert gradient == pytest.approx(np.array([[0, 1, 2]]) / 5**0.5)
+    assert not hessian.any()
+
+
+@pytest.mark.parametrize("surface", [SPHERE, CAPSULE, HALF_SPACE])
+def test_derivatives_agree_with_differences(surface):
+    points = shell(SPHERE)
+    gradient, hessian = differences(surface, points, 1e-8)
+    found = surface.distance(points)
+    away = np.linalg.norm(found.hessian - hessian, axis=(1, 2)) < 1e-4 / RADIUS
+    assert away.mean() > 0.999  # but where a capsule's cylinder meets its ends
+    assert found.gradient == pytest.approx(gradient, abs=1e-6)
+
+
+def test_no_direction_on_the_axis_gives_zero_derivatives():
+    for surface, point in ((SPHERE, SPHERE.centre), (CAPSULE, CAPSULE.start)):
+        value, gradient, hessian = surface.distance(point[None])
+        assert value == pytest.approx(-surface.radius)
+        assert not gradient.any()
+        assert not hessian.any()
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: Sphere(np.zeros(2), 1.0), "sphere centre"),
+        (lambda: Sphere(np.zeros(3), -1.0), "sphere radius"),
+        (lambda: Capsule(np.zeros(3), np.zeros(3), 1.0), "capsule length"),
+        (lambda: HalfSpace(np.zeros(3), np.zeros(3)), "normal"),
+        (lambda: HalfSpace(np.array([0, np.nan, 0]), np.ones(3)), "half-space point"),
+    ],
+)
+def test_impossible_shapes_are_refused(make, words):
+    with pytest.raises(InputError, match=words):
+        make()
+
+
+def test_spline_through_exact_distances_meets_the_sphere(grid):
+    points = shell(SPHERE)
+    value, gradient, hessian = grid.distance(points)
+    exact = SPHERE.distance(points)
+    assert value == pytest.approx(exact.value, abs=1e-6)
+    assert gradient == pytest.approx(exact.gradient, abs=2e-3)
+    assert hessian == pytest.approx(exact.hessian, abs=0.05 / RADIUS)
+
+
+def test_spline_error_falls_with_the_fourth_power_of_the_spacing():
+    errors = []
+    points = shell(SPHERE, 0.9, 1.2)
+    for n in (17, 33):
+        origin, spacing = SPHERE.centre - 8e-3, 16e-3 / (n - 1)
+        axes = [o + spacing * np.arange(n) for o in origin]
+        nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+        values = SPHERE.distance(nodes).value.reshape(n, n, n)
+        spline = SplineDistance.from_grid(origin, spacing, values, 3e-3)
+        errors.append(np.abs(spline.distance(points).value - SPHERE.distance(points).value).max())
+    assert np.log2(errors[0] / errors[1]) > 3.5
+
+
+def test_baked_ball_meets_the_sphere(baked):
+    points = shell(SPHERE, 0.8, 1.5)
+    value, gradient, hessian = baked.distance(points)
+    exact = SPHERE.distance(points)
+    assert value == pytest.approx(exact.value, abs=6e-6)  # a facet's sagitta is 3 um
+    assert gradient == pytest.approx(exact.gradient, abs=2e-2)
+    assert np.abs(hessian - exact.hessian).mean() < 0.02 / RADIUS
+
+
+def test_spline_derivatives_agree_with_differences(baked):
+    points = shell(SPHERE)
+    gradient, hessian = differences(baked, points, 1e-7)
+    found = baked.distance(points)
+    assert found.gradient == pytest.approx(gradient, abs=1e-5)
+    assert found.hessian == pytest.approx(hessian, abs=2e-2)
+    assert np.array_equal(found.hessian, found.hessian.transpose(0, 2, 1))
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_two_continuous_derivatives_across_cell_borders(baked, axis):
+    points = shell(SPHERE, n=50)
+    cell = np.round((points[:, axis] - baked.origin[axis]) / baked.spacing)
+    points[:, axis] = baked.origin[axis] + cell * baked.spacing
+    step = 1e-12 * np.eye(3)[axis]
+    left, right = baked.distance(points - step), baked.distance(points + step)
+    assert left.value == pytest.approx(right.value, abs=1e-11)
+    assert left.gradient == pytest.approx(right.gradient, abs=1e-8)
+    assert left.hessian == pytest.approx(right.hessian, abs=1e-3)
+
+
+def test_outside_the_grid_is_far_and_flat_and_nan_stays(baked):
+    points = np.array([[1.0, 0, 0], SPHERE.centre, [np.nan, 0, 0]])
+    points[1, 0] += RADIUS
+    value, gradient, hessian = baked.distance(points)
+    assert value[0] == 4e-3
+    assert not gradient[0].any()
+    assert not hessian[0].any()
+    assert value[1] == pytest.approx(0, abs=5e-6)
+    assert np.isnan(value[2])
+    assert baked.distance(np.empty((0, 3))).hessian.shape == (0, 3, 3)
+
+
+def test_distances_to_a_cube_are_exact():
+    origin, spacing = np.full(3, -2.05e-3), 0.5e-3
+    found = distances_on_grid(CUBE, CUBE_FACES, origin, spacing, (17, 17, 17))
+    axes = np.stack(np.meshgrid(*[origin[0] + spacing * np.arange(17)] * 3, indexing="ij"), -1)
+    beyond = np.abs(axes - 2e-3) - 2e-3
+    exact = np.linalg.norm(np.maximum(beyond, 0), axis=-1) + np.minimum(beyond.max(axis=-1), 0)
+    assert np.array_equal(found < 0, exact < 0)
+    assert found == pytest.approx(exact, abs=1e-12)
+
+
+def test_sign_where_rays_run_through_vertices_and_edges():
+    found = distances_on_grid(CUBE, CUBE_FACES, np.full(3, -2e-3), 1e-3, (9, 9, 9))
+    strict = np.zeros((9, 9, 9), dtype=bool)
+    strict[3:6, 3:6, 3:6] = True
+    assert np.array_equal(found < 0, strict)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.lists(st.floats(-1, 1, width=32), min_size=12, max_size=12))
+def test_distance_to_a_triangle_is_the_least_over_it(numbers):
+    corners, point = np.array(numbers[:9]).reshape(1, 3, 3), np.array(numbers[9:])
+    u, v = np.meshgrid(np.linspace(0, 1, 81), np.linspace(0, 1, 81))
+    u, v = u[u + v <= 1], v[u + v <= 1]
+    over = np.stack([1 - u - v, u, v], axis=1) @ corners[0]
+    least = np.linalg.norm(over - point, axis=1).min()
+    found = np.sqrt(distance_squared(corners, point[None])[0])
+    assert found <= least + 1e-9
+    assert found >= least - 0.05  # the sampling of a triangle with sides up to 3.5
+
+
+@pytest.mark.parametrize(
+    ("vertices", "faces", "words"),
+    [
+        (CUBE, CUBE_FACES[1:], "not watertight: 3 of 18 edges"),
+        (np.where(np.arange(24).reshape(8, 3) == 5, np.nan, CUBE), CUBE_FACES, "number 1;"),
+        (np.empty((0, 3)), np.empty((0, 3), dtype=int), "empty"),
+        (CUBE, CUBE_FACES + 1, "names vertex 8, expected 0 to 7"),
+        (CUBE, np.zeros((4, 4), dtype=int), "split faces"),
+        (CUBE * 1e3, CUBE_FACES, "in metres"),
+    ],
+)
+def test_unusable_surfaces_are_refused(vertices, faces, words):
+    with pytest.raises(InputError, match=words):
+        SplineDistance.bake(vertices, faces)
+
+
+def test_loose_triangles_are_welded():
+    corners = CUBE[CUBE_FACES].reshape(-1, 3)
+    vertices, faces = checked_surface(corners, np.arange(len(corners)).reshape(-1, 3))
+    assert vertices.shape == (8, 3)
+    assert faces.shape == (12, 3)
+
+
+def bake_cube(folder, **options):
+    return SplineDistance.bake(CUBE, CUBE_FACES, margin=1e-3, cache=folder, **options)
+
+
+def test_cache_gives_the_same_bits_and_keeps_cases_apart(tmp_path):
+    first = bake_cube(tmp_path / "new")
+    (file,) = (tmp_path / "new").iterdir()
+    stamp = file.stat().st_mtime_ns
+    second = bake_cube(tmp_path / "new")
+    assert np.array_equal(first.coefficients, second.coefficients)
+    assert np.array_equal(first.origin, second.origin)
+    assert file.stat().st_mtime_ns == stamp
+    bake_cube(tmp_path / "new", spacing=0.4e-3)
+    assert len(list((tmp_path / "new").iterdir())) == 2
+
+
+def test_cache_is_what_is_read(tmp_path):
+    bake_cube(tmp_path)
+    (file,) = tmp_path.iterdir()
+    with np.load(file) as stored:
+        changed = stored["coefficients"] + 1.0
+    np.savez(file, coefficients=changed)
+    assert np.array_equal(bake_cube(tmp_path).coefficients, changed)
+
+
+@pytest.mark.parametrize("content", [b"", b"not a zip", None])
+def test_corrupt_cache_is_baked_again(tmp_path, content):
+    first = bake_cube(tmp_path)
+    (file,) = tmp_path.iterdir()
+    whole = file.read_bytes()
+    file.write_bytes(whole[: len(whole) // 2] if content is None else content)
+    assert np.array_equal(bake_cube(tmp_path).coefficients, first.coefficients)
+    assert file.read_bytes()[:2] == b"PK"
+    assert file.stat().st_size == len(whole)
+
+
+def test_cache_folder_that_cannot_be_made_is_no_failure(tmp_path):
+    blocker = tmp_path / "file"
+    blocker.write_text("in the way")
+    assert bake_cube(blocker / "below").distance(np.full((1, 3), 2e-3)).value[0] < 0
