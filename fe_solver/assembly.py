@@ -74,7 +74,9 @@ class Pattern:
 
     def free(self, data: Array) -> sp.csc_array:
         n = len(self.order)
-        return sp.csc_array((data[self.free_slot], self.free_indices, self.free_indptr), shape=(n, n))
+        return sp.csc_array(
+            (data[self.free_slot], self.free_indices, self.free_indptr), shape=(n, n)
+        )
 
 
 def make_pattern(quads: Ints, n: int, free: Ints) -> Pattern:
@@ -83,9 +85,7 @@ def make_pattern(quads: Ints, n: int, free: Ints) -> Pattern:
     rows, cols = np.repeat(dof, 20, axis=1).ravel(), np.tile(dof, (1, 20)).ravel()
     size = n * DOFS
     own = (np.arange(n)[:, None] * DOFS + np.arange(DOFS))[:, :, None]
-    key = np.concatenate(
-        [rows * size + cols, (own * size + np.swapaxes(own, 1, 2)).ravel()]
-    )
+    key = np.concatenate([rows * size + cols, (own * size + np.swapaxes(own, 1, 2)).ravel()])
     unique, inverse = np.unique(key, return_inverse=True)
     indices = unique % size
     indptr = np.searchsorted(unique, np.arange(size + 1) * size)

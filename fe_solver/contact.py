@@ -7,7 +7,7 @@ the smoothed ramp m, quadratic over |g| < smoothing, so that the energy has a co
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,9 @@ from .springs import PointForces
 from .surfaces import Surface
 
 Array = NDArray[np.float64]
+
+REACH = 2e-3
+"""m of gap within which a node is watched for contact."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +60,7 @@ def contact_forces(
     Hessian that the surface's curvature makes."""
     p, R = position[contact.body], rotation[contact.body]
     value, gradient, bend = contact.surface.distance((x[contact.nodes] - p) @ R)
-    near = value - contact.offset < contact.smoothing
+    near = value - contact.offset < REACH
     node, arm = contact.nodes[near], x[contact.nodes[near]] - p
     scale = contact.stiffness * contact.area[near]
     energy, force, slope = ramp(contact.offset[near] - value[near], contact.smoothing)
@@ -74,18 +77,14 @@ def contact_forces(
         arm,
         np.ones(len(node), dtype=bool),
         np.full(len(node), -1, dtype=np.intp),
+        contact.offset[near] - value[near],
+        -normal,
+        scale,
     )
 
 
 def joined(parts: list[PointForces]) -> PointForces:
     """All point forces as one."""
-    return PointForces(
-        np.concatenate([p.node for p in parts]),
-        np.concatenate([p.body for p in parts]),
-        sum(p.energy for p in parts),
-        np.concatenate([p.gradient for p in parts]),
-        np.concatenate([p.hessian for p in parts]),
-        np.concatenate([p.arm for p in parts]),
-        np.concatenate([p.turns for p in parts]),
-        np.concatenate([p.group for p in parts]),
-    )
+    names = [f.name for f in fields(PointForces) if f.name != "energy"]
+    columns = {n: np.concatenate([getattr(p, n) for p in parts]) for n in names}
+    return PointForces(energy=sum(p.energy for p in parts), **columns)

@@ -126,7 +126,8 @@ def shell_hood(
     held = {name: s for name, s in springs.items() if len(s.attached.nodes)}
     slip = {n for s in held.values() if s.source == "insertion" for n in s.attached.nodes}
     touching = np.setdiff1d(
-        np.arange(len(X)), np.concatenate([ties.node, guided, np.array(sorted(slip), dtype=np.intp)])
+        np.arange(len(X)),
+        np.concatenate([ties.node, guided, np.array(sorted(slip), dtype=np.intp)]),
     )
     quads = sheet.quads
     model = ShellModel(

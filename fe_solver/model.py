@@ -115,9 +115,7 @@ class ShellModel:
     def slide(self, c: Configuration) -> Array:
         """(k,) m, how far each guided node has moved along its line."""
         g = self.guides
-        local = np.einsum(
-            "kji,kj->ki", c.rotation[g.body], c.x[g.node] - c.position[g.body]
-        )
+        local = np.einsum("kji,kj->ki", c.rotation[g.body], c.x[g.node] - c.position[g.body])
         return np.einsum("ki,ki->k", local - g.origin, g.direction)
 
     def excursion(self, c: Configuration) -> Array:
@@ -136,11 +134,9 @@ class ShellModel:
         x = c.x + np.einsum("nij,nj->ni", bases[0], u[:, :3])
         return Configuration(x, turned(c.d, bases[1], u[:, 3:]), c.position, c.rotation)
 
-    def point_forces(self, c: Configuration, curvature: bool) -> PointForces:
+    def point_forces(self, c: Configuration, curvature: bool = True) -> PointForces:
         parts = [spring_forces(self.springs, c.x, c.position, c.rotation)]
-        parts += [
-            contact_forces(k, c.x, c.position, c.rotation, curvature) for k in self.contacts
-        ]
+        parts += [contact_forces(k, c.x, c.position, c.rotation, curvature) for k in self.contacts]
         return joined(parts)
 
     def potential(self, c: Configuration, energy: float, tension: Array) -> float:
@@ -148,12 +144,13 @@ class ShellModel:
         return energy - float(tension @ self.excursion(c))
 
     def evaluate(
-        self, c: Configuration, tension: Array, tangent: bool, curvature: bool = True
+        self, c: Configuration, tension: Array, tangent: bool, convex: bool = False
     ) -> Evaluation:
-        """Energy, residual and (on request) tangent at a configuration."""
+        """Energy, residual and (on request) tangent at a configuration; with `convex` the tangent is
+        the positive semidefinite part that is cheap to have, not the consistent one."""
         y = np.concatenate([c.x[self.quads], c.d[self.quads]], axis=1)
-        elements = element_response(self.tables, self.stiffness, y, tangent)
-        points = self.point_forces(c, curvature)
+        elements = element_response(self.tables, self.stiffness, y, tangent, convex)
+        points = self.point_forces(c, not convex)
         n = len(c.x)
         gx = _scatter(self.quads, elements.gradient[:, :4], n)
         gd = _scatter(self.quads, elements.gradient[:, 4:], n)
@@ -166,14 +163,17 @@ class ShellModel:
         ).ravel()
         data = None
         if elements.hessian is not None:
-            data = self._assemble(elements.hessian, points, A, T, c.d, gd)
+            bend = -np.einsum("ni,ni->n", gd, c.d)
+            data = self._assemble(
+                elements.hessian, points, A, T, np.maximum(bend, 0) if convex else bend
+            )
         energy = elements.energy + points.energy
         return Evaluation(energy, gx, gd, points, bases, reduced, data)
 
     def _assemble(
-        self, hessian: Array, points: PointForces, A: Array, T: Array, d: Array, gd: Array
+        self, hessian: Array, points: PointForces, A: Array, T: Array, bend: Array
     ) -> Array:
-        n = len(d)
+        n = len(bend)
         ne = len(self.quads)
         W = np.zeros((ne, 24, 20))
         for a in range(4):
@@ -185,7 +185,6 @@ class ShellModel:
         own = np.swapaxes(A[points.node], 1, 2) @ points.hessian @ A[points.node]
         np.add.at(nodal[:, :3, :3], points.node, own)
         # the sphere's curvature: the second variation of a unit director is -|angle|^2 d
-        bend = -np.einsum("ni,ni->n", gd, d)
         bend[self.ties.node] = 0.0
         nodal[:, 3, 3] = nodal[:, 4, 4] = bend
         return self.pattern.assemble(blocks, nodal)
@@ -295,4 +294,3 @@ def _wrench(
     out = np.zeros((nb, 6))
     np.add.at(out, body, np.concatenate([force, np.cross(arm, force)], axis=1))
     return out
-

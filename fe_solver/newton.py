@@ -15,6 +15,12 @@ from .model import Configuration, Evaluation, ShellModel
 
 Array = NDArray[np.float64]
 
+MOST_FLIPS = 4
+RAMP = 1e-5
+"""m, depth within which a contact is not worth foreseeing: the smoothed tangent knows both sides."""
+NEAR = 0.1
+"""Step size, against the longest step allowed, below which the tangent is the consistent one."""
+
 
 @dataclass(frozen=True)
 class NewtonOptions:
@@ -65,30 +71,51 @@ def worst_place(model: ShellModel, c: Configuration, e: Evaluation) -> str:
     return f"node {node} at ({place}) mm{near}"
 
 
-def newton_direction(
-    model: ShellModel, e: Evaluation, shift: float
-) -> tuple[Array, spla.SuperLU, float]:
-    """Step (5n,), the factor and the slope of the energy along it; `shift` is added to the diagonal
-    in units of its mean entries."""
-    assert e.data is not None
+def _step(model: ShellModel, data: Array, gradient: Array) -> tuple[Array, spla.SuperLU]:
     order = model.pattern.order
-    data = e.data
-    if shift:
-        data = data.copy()
-        diagonal = model.pattern.diagonal[:, np.arange(DOFS), np.arange(DOFS)]
-        data[diagonal] += shift * np.abs(data[diagonal]).mean(axis=0)
     factor = factorise(model.pattern.free(data))
-    free = -factor.solve(e.reduced[order])
     step = np.zeros(model.pattern.size)
-    step[order] = free
-    return step, factor, float(free @ e.reduced[order])
+    step[order] = -factor.solve(gradient[order])
+    return step, factor
+
+
+def _flipping_step(model: ShellModel, e: Evaluation, step: Array) -> Array:
+    """The Newton step once more, with the one-sided springs that `step` would close or open closed or
+    opened beforehand (a primal-dual active set: Hintermueller, Ito and Kunisch 2002, SIAM J Optim
+    13:865), or the line search would stop at the first node that meets a bone."""
+    p, A = e.points, e.bases[0]
+    normal = np.einsum("kij,ki->kj", A[p.node], p.direction)
+    flipped = np.zeros(len(p.depth), dtype=bool)
+    for _ in range(MOST_FLIPS):
+        moved = p.depth + np.einsum("kj,kj->k", normal, step.reshape(-1, DOFS)[p.node, :3])
+        now = ((moved > 0) != (p.depth > 0)) & (np.abs(p.depth) > RAMP)
+        if np.array_equal(now, flipped):
+            break
+        flipped = now
+        step = _step(model, *_with_flips(model, e, normal, flipped))[0]
+    return step
+
+
+def _with_flips(
+    model: ShellModel, e: Evaluation, normal: Array, flipped: NDArray[np.bool_]
+) -> tuple[Array, Array]:
+    """Tangent data and gradient with the flipped one-sided springs closed or opened."""
+    assert e.data is not None
+    p = e.points
+    k, node, n, depth = p.stiffness[flipped], p.node[flipped], normal[flipped], p.depth[flipped]
+    sign = np.where(depth > 0, -1.0, 1.0) * k
+    data, gradient = e.data.copy(), e.reduced.copy()
+    blocks = sign[:, None, None] * n[:, :, None] * n[:, None, :]
+    np.add.at(data, model.pattern.diagonal[node, :3, :3], blocks)
+    np.add.at(gradient.reshape(-1, DOFS)[:, :3], node, (sign * depth)[:, None] * n)
+    return data, gradient
 
 
 def _limited(step: Array, options: NewtonOptions) -> tuple[Array, float]:
+    """The step, shortened if it is too long, and its size against the longest one."""
     u = np.abs(step.reshape(-1, DOFS))
-    longest = max(u[:, :3].max() / options.max_step, u[:, 3:].max() / options.max_turn)
-    factor = 1.0 if longest <= 1 else 1 / longest
-    return step * factor, factor
+    size = max(u[:, :3].max() / options.max_step, u[:, 3:].max() / options.max_turn)
+    return step / max(1.0, size), float(size)
 
 
 def solve(
@@ -96,35 +123,52 @@ def solve(
 ) -> Solution:
     """Equilibrium near `start` under `tension` (nt,) N at the poses of `start`.
 
-    Raises ConvergenceError naming the place of the largest residual."""
-    c = start
-    e = model.evaluate(c, tension, tangent=True)
-    shift = 0.0
+    Far from equilibrium the tangent is the convex one, near it the consistent one.  Raises
+    ConvergenceError naming the place of the largest residual."""
+    c, convex = start, True
+    e = model.evaluate(c, tension, tangent=True, convex=True)
     for iteration in range(options.max_iterations):
-        step, factor, slope = newton_direction(model, e, shift)
         residual, force = residual_norm(model, e)
+        if convex and residual <= options.tolerance * force:
+            e, convex = model.evaluate(c, tension, tangent=True), False
+        assert e.data is not None
+        step, factor = _step(model, e.data, e.reduced)
         if residual <= options.tolerance * force:
             return Solution(c, e, tension, factor, iteration, residual)
-        tries = 0
-        while slope >= 0 and tries < 12:
-            shift = max(1e-6, 10 * shift)
-            step, factor, slope = newton_direction(model, e, shift)
-            tries += 1
-        step, scale = _limited(step, options)
-        trial = _line_search(model, c, e, tension, step, slope * scale)
-        if trial is None:
-            if shift > 1.0:
-                break
-            shift = max(1e-6, 10 * shift)
-            continue
-        c, e = trial
-        shift = 0.0 if shift < 1e-7 else shift / 10
+        trial = _advanced(model, c, e, tension, step, options)
+        if trial is not None:
+            c, e, convex = trial
+        elif not convex:
+            e, convex = model.evaluate(c, tension, tangent=True, convex=True), True
+        else:
+            break
     residual, force = residual_norm(model, e)
     raise ConvergenceError(
-        f"the hood did not reach equilibrium in {options.max_iterations} iterations: the residual is "
+        f"the hood did not reach equilibrium in {iteration + 1} iterations: the residual is "
         f"{residual:.2e} N against forces of {force:.2e} N, largest at {worst_place(model, c, e)}. "
         "Try smaller steps of posture or tension, a softer contact or a finer mesh."
     )
+
+
+def _advanced(
+    model: ShellModel,
+    c: Configuration,
+    e: Evaluation,
+    tension: Array,
+    step: Array,
+    options: NewtonOptions,
+) -> tuple[Configuration, Evaluation, bool] | None:
+    """The next configuration along the step, with its evaluation and whether that is the convex one:
+    the whole step, or a part of the step that foresees the contacts; None where neither descends."""
+    for flips, tries in ((False, 1), (True, 8)):
+        if flips:
+            step = _flipping_step(model, e, step)
+        step, size = _limited(step, options)
+        convex = flips or size > NEAR
+        found = _line_search(model, c, e, tension, step, tries, convex)
+        if found is not None:
+            return *found, convex
+    return None
 
 
 def _line_search(
@@ -133,23 +177,24 @@ def _line_search(
     e: Evaluation,
     tension: Array,
     step: Array,
-    slope: float,
+    tries: int,
+    convex: bool,
 ) -> tuple[Configuration, Evaluation] | None:
-    """The first of the steps 1, 1/3, 1/9 ... that lowers the energy enough, or, where the energy is
-    below its rounding error, the residual."""
+    """The first of ever shorter steps that lowers the energy enough, or, where the energy is below
+    its rounding error, the residual."""
+    slope = float(step @ e.reduced)
     before = model.potential(c, e.energy, tension)
     norm = residual_norm(model, e)[0]
     noise = 1e-11 * max(abs(before), e.energy)
     factor = 1.0
-    for _ in range(7):
+    for _ in range(tries if slope < 0 else 0):
         trial = model.stepped(c, e.bases, factor * step)
-        there = model.evaluate(trial, tension, tangent=True)
-        after = model.potential(trial, there.energy, tension)
-        lower = after <= before + 1e-4 * factor * slope
-        quiet = after <= before + noise and residual_norm(model, there)[0] < norm
-        if lower or quiet:
+        there = model.evaluate(trial, tension, tangent=True, convex=convex)
+        rise = model.potential(trial, there.energy, tension) - before
+        if rise <= 1e-4 * factor * slope:
             return trial, there
-        factor /= 3
+        if rise <= noise and residual_norm(model, there)[0] < norm:
+            return trial, there
+        parabola = -slope * factor**2 / (2 * (rise - slope * factor))
+        factor = float(np.clip(parabola, 0.1 * factor, 0.5 * factor))
     return None
-
-

@@ -93,9 +93,19 @@ def _distortion(X: Array) -> Array:
     cr = np.einsum("nk,nk->n", dual_r, xd) / np.einsum("nk,nk->n", dual_r, xr)
     cs = np.einsum("nk,nk->n", dual_s, xd) / np.einsum("nk,nk->n", dual_s, xs)
     d = cr**2 + cs**2 - 1
-    return np.stack(
-        [cr * (cr - 1) / 2, cr * (cr + 1) / 2, cs * (cs - 1) / 2, cs * (cs + 1) / 2, 2 * cr * cs], 1
-    ) / d[:, None]
+    return (
+        np.stack(
+            [
+                cr * (cr - 1) / 2,
+                cr * (cr + 1) / 2,
+                cs * (cs - 1) / 2,
+                cs * (cs + 1) / 2,
+                2 * cr * cs,
+            ],
+            1,
+        )
+        / d[:, None]
+    )
 
 
 _HOURGLASS = (CORNERS[:, 0], CORNERS[:, 1], CORNERS[:, 0] * CORNERS[:, 1])
@@ -239,10 +249,28 @@ class ElementResponse:
     hessian: Array | None
 
 
+def tensile(resultant: Array) -> Array:
+    """The part of the stress resultants (ne, 4, 8) whose geometric stiffness is not negative: the
+    membrane's tensile principal forces."""
+    n1, n2, n12 = resultant[..., 0], resultant[..., 1], resultant[..., 2]
+    mean, half = (n1 + n2) / 2, (n1 - n2) / 2
+    radius = np.hypot(half, n12)
+    high, low = np.maximum(mean + radius, 0), np.maximum(mean - radius, 0)
+    ratio = np.divide(high - low, 2 * radius, out=np.zeros_like(radius), where=radius > 0)
+    out = np.zeros_like(resultant)
+    out[..., 0] = (high + low) / 2 + ratio * half
+    out[..., 1] = (high + low) / 2 - ratio * half
+    out[..., 2] = ratio * n12
+    return out
+
+
 def element_response(
-    tables: ShellTables, stiffness: Array, y: Array, tangent: bool
+    tables: ShellTables, stiffness: Array, y: Array, tangent: bool, convex: bool = False
 ) -> ElementResponse:
-    """Energy, gradient and Hessian of all elements at y (ne, 8, 3); stiffness (ne, 8, 8)."""
+    """Energy, gradient and Hessian of all elements at y (ne, 8, 3); stiffness (ne, 8, 8).
+
+    `convex` keeps of the geometric stiffness what tension makes, so that the Hessian is positive
+    semidefinite: not consistent, but a descent direction from any state."""
     ne = len(y)
     B = tables.forms @ y[:, None]  # (ne, 32, 8, 3)
     strain = np.einsum("ncak,nak->nc", B, y) / 2 - tables.offset
@@ -255,6 +283,8 @@ def element_response(
         return ElementResponse(energy, gradient, None)
     weighted = stiffness[:, None] @ B.reshape(ne, 4, 8, 24) * tables.weight[:, :, None, None]
     hessian = np.swapaxes(flat, 1, 2) @ weighted.reshape(ne, 32, 24)
+    if convex:
+        stress = tensile(resultant.reshape(ne, 4, 8)).reshape(ne, 1, 32)
     geometric = (stress @ tables.forms.reshape(ne, 32, 64)).reshape(ne, 8, 8)
     blocks = hessian.reshape(ne, 8, 3, 8, 3)
     for k in range(3):

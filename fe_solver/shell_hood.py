@@ -182,9 +182,7 @@ class ShellHood:
         """(3,) N summed force on the bone of each spring group, and of the ties, world frame."""
         s = _solved(state)
         points = s.evaluation.points
-        out = {
-            g: points.gradient[points.group == i].sum(axis=0) for i, g in enumerate(self.groups)
-        }
+        out = {g: points.gradient[points.group == i].sum(axis=0) for i, g in enumerate(self.groups)}
         out["tie"] = -s.evaluation.gradient_x[self.model.ties.node].sum(axis=0)
         return out
 

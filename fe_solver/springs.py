@@ -38,7 +38,11 @@ class PointForces:
 
     gradient (k, 3) of the energy by the node's position (so the node feels its opposite and the
     body feels it); hessian (k, 3, 3); arm (k, 3) point of action from the body's origin, world;
-    turns (k,) bool: the force turns with the body (contact) or follows the point (spring)."""
+    turns (k,) bool: the force turns with the body (contact) or follows the point (spring).
+
+    Each force is that of a one-sided spring of `stiffness` (k,) N/m in its `depth` (k,) m, which grows
+    along the unit `direction` (k, 3): penetration, or stretch; a two-sided spring has no depth (inf).
+    Those that are open are listed too, with no force."""
 
     node: Ints
     body: Ints
@@ -48,6 +52,9 @@ class PointForces:
     arm: Array
     turns: NDArray[np.bool_]
     group: Ints
+    depth: Array
+    direction: Array
+    stiffness: Array
 
 
 def spring_forces(springs: Springs, x: Array, position: Array, rotation: Array) -> PointForces:
@@ -72,4 +79,7 @@ def spring_forces(springs: Springs, x: Array, position: Array, rotation: Array) 
         arm,
         np.zeros(len(length), dtype=bool),
         springs.group,
+        np.where(springs.tension_only, stretch, np.inf),
+        direction,
+        springs.stiffness,
     )

@@ -1,0 +1,54 @@
+"""What one looks at in a solved shell: strains, stresses, slip forces, gaps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .model import Configuration, ShellModel
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Fields:
+    """Means over each quad, mid-surface; local axes 1 along the fibre, 2 across it.
+
+    strain (ne, 3) Green-Lagrange E11, E22, 2 E12; stress (ne, 3) second Piola-Kirchhoff S11, S22,
+    S12, Pa; extreme (ne, 2) E11 at the two faces (tangential bending included)."""
+
+    strain: Array
+    stress: Array
+    faces: Array
+
+
+def thickness_of(model: ShellModel) -> Array:
+    """(ne,) m, from the ratio of bending and membrane stiffness."""
+    return np.sqrt(12 * model.stiffness[:, 3, 3] / model.stiffness[:, 0, 0])
+
+
+def fields(model: ShellModel, c: Configuration) -> Fields:
+    """Strain and stress of a configuration."""
+    y = np.concatenate([c.x[model.quads], c.d[model.quads]], axis=1)
+    strain = model.tables.strain(y)
+    weight = model.tables.weight / model.tables.weight.sum(axis=1, keepdims=True)
+    mean = np.einsum("ng,ngc->nc", weight, strain)
+    thickness = thickness_of(model)
+    resultant = np.einsum("nij,nj->ni", model.stiffness[:, :3, :3], mean[:, :3])
+    bend = mean[:, 3] * thickness / 2
+    faces = np.stack([mean[:, 0] - bend, mean[:, 0] + bend], axis=1)
+    return Fields(mean[:, :3], resultant / thickness[:, None], faces)
+
+
+def contact_pressure(model: ShellModel, c: Configuration) -> Array:
+    """(n,) N/m2 of all bodies on each node, over the node's area."""
+    points = model.point_forces(c)
+    touching = points.group == -1
+    force = np.linalg.norm(points.gradient[touching], axis=1)
+    out = np.bincount(points.node[touching], weights=force, minlength=len(c.x))
+    area = np.full(len(c.x), np.inf)
+    for k in model.contacts:
+        area[k.nodes] = k.area
+    return out / area

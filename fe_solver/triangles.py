@@ -1,0 +1,183 @@
+"""Exact signed distance of grid nodes to a watertight triangle surface, by numpy and a k-d tree."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.port import InputError
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.integer]
+
+TIERS = ((np.inf, 4.0, 1), (7.0, 2.0, 3), (4.0, 2.0, 10))
+"""(reach, edge, count): a node nearer than `reach` grid spacings tries the faces of the `count`
+nearest samples of the surface, cut to edges of at most `edge` spacings."""
+
+
+def checked_surface(vertices: Array, faces: Ints) -> tuple[Array, Ints]:
+    """The surface with identical vertices welded and collapsed faces dropped.
+
+    Raises InputError where it is empty, holds a value that is not finite, or is not watertight."""
+    vertices, faces = np.asarray(vertices, dtype=float), np.asarray(faces)
+    if (
+        vertices.ndim != 2
+        or vertices.shape[1:] != (3,)
+        or faces.ndim != 2
+        or faces.shape[1:] != (3,)
+    ):
+        raise InputError(
+            f"surface: expected vertices (nv, 3) and triangles (nf, 3), got {vertices.shape} and "
+            f"{faces.shape}; split faces with more corners into triangles"
+        )
+    if len(vertices) == 0 or len(faces) == 0:
+        raise InputError("surface is empty: it has no triangles; check the file it was read from")
+    bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
+    if len(bad):
+        raise InputError(
+            f"surface: {len(bad)} vertices are not finite, the first is number {bad[0]}; "
+            "repair the file or export it again"
+        )
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        raise InputError(
+            f"surface: a face names vertex {faces.max() if faces.min() >= 0 else faces.min()}, "
+            f"expected 0 to {len(vertices) - 1}; repair the file or export it again"
+        )
+    vertices, index = np.unique(vertices, axis=0, return_inverse=True)
+    faces = index.reshape(-1)[faces]
+    faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
+    _require_watertight(faces)
+    return vertices, faces
+
+
+def _require_watertight(faces: Ints) -> None:
+    """Every edge must belong to an even number of faces: only then does a ray change sides at each
+    crossing."""
+    edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+    _, count = np.unique(edges, axis=0, return_counts=True)
+    loose = int((count % 2).sum())
+    if loose or len(faces) == 0:
+        raise InputError(
+            f"surface is not watertight: {loose} of {len(count)} edges border an odd number of "
+            "triangles; close its holes (MeshLab: Close Holes; trimesh: repair.fill_holes) "
+            "and export it again"
+        )
+
+
+def distances_on_grid(
+    vertices: Array, faces: Ints, origin: Array, spacing: float, shape: tuple[int, ...]
+) -> Array:
+    """Signed distance (m, negative inside) at the nodes of a uniform grid, `shape`."""
+    axes = [o + spacing * np.arange(n) for o, n in zip(origin, shape, strict=True)]
+    nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    value = _unsigned(vertices[faces], nodes, spacing).reshape(shape)
+    return np.where(_inside(vertices[faces], *axes), -value, value)
+
+
+def _unsigned(triangles: Array, nodes: Array, spacing: float) -> Array:
+    """Distance to the faces that own the nearest samples of the surface: exact unless a face
+    whose samples are all farther is the nearest, and then too large by less than the square of the
+    samples' spacing over twice the distance."""
+    from scipy.spatial import cKDTree
+
+    value = np.full(len(nodes), np.inf)
+    for reach, edge, count in TIERS:
+        samples, owner = _samples(triangles, edge * spacing)
+        i = np.flatnonzero(value <= reach * spacing)
+        k = range(1, min(count, len(samples)) + 1)
+        _, nearest = cKDTree(samples).query(nodes[i], k=k, workers=-1)
+        value[i] = np.minimum(value[i], _nearest_of(triangles, nodes[i], owner[nearest]))
+    return value
+
+
+def _nearest_of(triangles: Array, points: Array, candidates: Ints) -> Array:
+    """Smallest distance of each point (n, 3) to its candidate triangles (n, k)."""
+    best = np.full(len(points), np.inf)
+    for column in np.sort(candidates, axis=1).T:
+        best = np.minimum(best, distance_squared(triangles[column], points))
+    return np.sqrt(best)
+
+
+def _samples(triangles: Array, spacing: float) -> tuple[Array, Ints]:
+    """Centroids of the triangles halved until no edge exceeds `spacing`, and whose they are."""
+    owner = np.arange(len(triangles))
+    parts, owners = [], []
+    while len(triangles):
+        edge = np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2).max(axis=1)
+        fine = edge <= spacing
+        parts.append(triangles[fine].mean(axis=1))
+        owners.append(owner[fine])
+        triangles, owner = _quartered(triangles[~fine]), np.tile(owner[~fine], 4)
+    return np.concatenate(parts), np.concatenate(owners)
+
+
+def _quartered(triangles: Array) -> Array:
+    a, b, c = np.moveaxis(triangles, 1, 0)
+    ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
+    corners = ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))
+    return np.concatenate([np.stack(t, axis=1) for t in corners])
+
+
+def _dot(a: Array, b: Array) -> Array:
+    return np.einsum("ij,ij->i", a, b)
+
+
+def _to_segment(start: Array, end: Array, points: Array) -> Array:
+    axis, arm = end - start, points - start
+    length = _dot(axis, axis)
+    t = np.divide(_dot(arm, axis), length, out=np.zeros_like(length), where=length > 0)
+    t = np.clip(t, 0, 1)
+    gap = arm - t[:, None] * axis
+    return _dot(gap, gap)
+
+
+def distance_squared(triangles: Array, points: Array) -> Array:
+    """(n,) squared distance of points (n, 3) to triangles (n, 3, 3), pair by pair: to the plane
+    where the foot lies inside, else to the nearest edge.  A sliver without a sure normal is its
+    edges."""
+    a, b, c = np.moveaxis(triangles, 1, 0)
+    ab, ac, arm = b - a, c - a, points - a
+    normal = np.cross(ab, ac)
+    u, v = _dot(np.cross(ab, arm), normal), _dot(np.cross(arm, ac), normal)
+    area = _dot(normal, normal)
+    inside = (area > 1e-20 * _dot(ab, ab) * _dot(ac, ac)) & (u >= 0) & (v >= 0) & (u + v <= area)
+    out = np.divide(_dot(arm, normal) ** 2, area, out=np.empty(len(points)), where=inside)
+    i = np.flatnonzero(~inside)
+    ends = [(a[i], b[i]), (b[i], c[i]), (c[i], a[i])]
+    out[i] = np.minimum.reduce([_to_segment(s, e, points[i]) for s, e in ends])
+    return out
+
+
+def _inside(triangles: Array, x: Array, y: Array, z: Array) -> NDArray[np.bool_]:
+    """Which grid nodes lie inside: an odd number of crossings of the ray along -x.
+
+    Whether a ray hits a triangle is told by where its y-z outline is crossed, computed from the
+    ends of each edge in a fixed order, so that neighbours agree to the last bit."""
+    out = np.zeros((len(x), len(y), len(z)), dtype=bool)
+    low, high = triangles[..., 2].min(axis=1), triangles[..., 2].max(axis=1)
+    for k, height in enumerate(z):
+        cut = triangles[(low <= height) & (high > height)]
+        left, right = _span(cut, height)
+        hit, row = np.nonzero((left[:, :1] <= y) & (y < right[:, :1]))
+        t = (y[row] - left[hit, 0]) / (right[hit, 0] - left[hit, 0])
+        crossing = left[hit, 1] + t * (right[hit, 1] - left[hit, 1])
+        first = np.searchsorted(x, crossing)
+        flips = np.zeros((len(x) + 1, len(y)), dtype=int)
+        np.add.at(flips, (first, row), 1)
+        out[:, :, k] = np.cumsum(flips[:-1], axis=0) % 2 == 1
+    return out
+
+
+def _span(triangles: Array, height: float) -> tuple[Array, Array]:
+    """Where the plane z = height cuts triangles that straddle it: the two ends (y, x), sorted."""
+    ends = np.full((len(triangles), 3, 2), np.inf)
+    for i in range(3):
+        a, b = triangles[:, i], triangles[:, (i + 1) % 3]
+        crosses = (a[:, 2] <= height) != (b[:, 2] <= height)
+        swap = (a[:, 2] > b[:, 2])[:, None]
+        low, high = np.where(swap, b, a)[crosses], np.where(swap, a, b)[crosses]
+        t = (height - low[:, 2]) / (high[:, 2] - low[:, 2])
+        ends[crosses, i] = (low + t[:, None] * (high - low))[:, 1::-1]
+    order = np.argsort(ends[..., 0], axis=1)[:, :, None]
+    ends = np.take_along_axis(ends, order, axis=1)
+    return ends[:, 0], ends[:, 1]
