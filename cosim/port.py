@@ -228,6 +228,10 @@ class Finger(Protocol):
         """(nq,) rad."""
         ...
 
+    def unknowns(self, state: State) -> Array:
+        """(n,) z: the joint angles (rad), then the tip's reaction (N)."""
+        ...
+
     def motion(self, state: State) -> Motion:
         """Poses of the shared bodies."""
         ...

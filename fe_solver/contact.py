@@ -17,7 +17,7 @@ from .surfaces import Surface
 
 Array = NDArray[np.float64]
 
-REACH = 2e-3
+REACH = 1.5e-3
 """m of gap within which a node is watched for contact."""
 
 

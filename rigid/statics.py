@@ -92,6 +92,10 @@ class ChainFinger(ABC):
     def angles(self, state: FingerState) -> Array:
         return state.angles
 
+    def unknowns(self, state: FingerState) -> Array:
+        """(nq + m,) angles, then the reaction along the support's directions."""
+        return np.concatenate([state.angles, self.support @ state.reaction])
+
     def motion(self, state: FingerState) -> Motion:
         return self.chain(state.angles).motion
 

@@ -1,0 +1,1 @@
+"""Packaged cases: one TOML file for each run, in SI-checked quantities with units."""

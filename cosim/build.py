@@ -1,0 +1,319 @@
+"""From a case to live models.  The only file that knows the solvers by name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cosim.case_schema import (
+    Bone,
+    Case,
+    GeneratedMesh,
+    HingeFinger,
+    IndexFinger,
+    PulleyHood,
+    ShellHood,
+)
+from cosim.port import Array, Finger, Hood, InputError, Motion
+
+if TYPE_CHECKING:
+    from fe_solver.surfaces import Surface
+    from meshes.hood_mesh import HoodMesh
+    from meshes.skeleton import Skeleton
+
+Triangles = tuple[Array, np.ndarray]
+HOOD_TENDONS = ("EDC", "EI", "LUM", "FPI")
+"""The muscles that act through the hood."""
+ENDS = {"EDC": "central", "EI": "central", "LUM": "radial", "FPI": "ulnar"}
+"""The end of the hood that each one pulls; EI pulls its ulnar half."""
+SPRING_SOURCE = {"central_slip": "insertion"}
+"""The ledger's source of a spring set; "ligament" where not named."""
+MARGIN = 5e-3
+"""m, how far beyond a bone its baked distance reaches."""
+
+
+@dataclass(frozen=True)
+class Models:
+    """What a case builds: a finger and a hood behind the port, and what pictures need."""
+
+    finger: Finger
+    hood: Hood
+    posture: Mapping[str, float]
+    hood_tension: Array
+    finger_tension: Array
+    resting: float
+    bones: Mapping[str, Triangles]
+    mesh: HoodMesh | None
+
+
+def build(case: Case) -> Models:
+    """Models of a case.  Raises InputError for what only building finds out."""
+    posture = case.finger.posture.angles()
+    bones: Mapping[str, Triangles] = {}
+    mesh = None
+    if isinstance(case.finger, IndexFinger):
+        skeleton, bones = _skeleton(case.finger), _bones(case.finger)
+        finger: Finger = _index_finger(case.finger, skeleton, bones)
+    else:
+        skeleton, finger = None, _hinge_finger(case.finger)
+    if isinstance(case.hood, PulleyHood):
+        hood: Hood = _pulley_hood(case.hood, finger)
+    elif skeleton is None:
+        raise InputError('hood.kind = "shell" needs finger.kind = "index", whose bones it lies on')
+    else:
+        mesh = _mesh(case.hood, case.finger, skeleton, bones)
+        hood = _shell_hood(case, case.hood, skeleton, bones, mesh)
+    _check_tendons(case, finger, hood)
+    return Models(
+        finger,
+        hood,
+        posture,
+        np.array([case.tension(t) for t in hood.tendons]),
+        np.array([case.tension(t) for t in finger.tendons]),
+        case.solve.resting_tension,
+        bones,
+        mesh,
+    )
+
+
+def _check_tendons(case: Case, finger: Finger, hood: Hood) -> None:
+    known = (*hood.tendons, *finger.tendons)
+    for name, tendon in case.tendons.items():
+        if tendon.force is not None and name not in known:
+            raise InputError(
+                f"tendons.{name}: this finger and hood have no such tendon; they have "
+                f"{', '.join(known)}"
+            )
+
+
+def _skeleton(finger: IndexFinger) -> Skeleton:
+    from meshes.skeleton import index_finger
+
+    return index_finger().scaled(finger.length_scale)
+
+
+def _bones(finger: IndexFinger) -> dict[str, Triangles]:
+    """Surfaces of the bones in their bodies' frames, m."""
+    from meshes.bones import load_bone
+    from meshes.skeleton import BODIES
+
+    out = {}
+    for body in BODIES:
+        user = finger.bones.get(body)
+        if user is not None:
+            out[body] = _user_bone(body, user, finger)
+        else:
+            scaled = load_bone(body).scaled(finger.length_scale, finger.width_scale)
+            out[body] = scaled.surface()
+    return out
+
+
+def _user_bone(body: str, bone: Bone, finger: IndexFinger) -> Triangles:
+    import trimesh
+
+    from meshes.skeleton import index_finger
+
+    try:
+        loaded = trimesh.load_mesh(bone.surface)
+        points = np.array(loaded.vertices, dtype=float) * {"m": 1.0, "mm": 1e-3}[bone.unit]
+        faces = np.array(loaded.faces, dtype=np.intp)
+    except (OSError, ValueError, TypeError, AttributeError, KeyError, IndexError) as error:
+        raise InputError(
+            f"finger.bones.{body}.surface: {bone.surface.name} cannot be read as a triangle surface "
+            f"({error}); give a watertight STL or OBJ"
+        ) from error
+    if bone.frame == "myohand":
+        points = index_finger().from_source(body, points)
+    return points * [finger.length_scale, finger.width_scale, finger.width_scale], faces
+
+
+def _index_finger(
+    finger: IndexFinger, skeleton: Skeleton, bones: Mapping[str, Triangles]
+) -> Finger:
+    from meshes.skeleton import JOINTS
+    from rigid.index_finger import RANGES
+    from rigid.mujoco_finger import MujocoFinger
+
+    return MujocoFinger(
+        skeleton,
+        law=_law(finger, JOINTS),
+        held=finger.tip == "held",
+        gravity=finger.gravity,
+        ranges=RANGES,
+        o2o3=0.020 * finger.length_scale,
+    )
+
+
+def _hinge_finger(finger: HingeFinger) -> Finger:
+    from rigid.hinge import HingeFinger as Hinges
+
+    law = _law(finger, ("MCP", "PIP", "DIP"))
+    return Hinges(finger.lengths, law=law, held=finger.tip == "held")
+
+
+def _law(finger: IndexFinger | HingeFinger, joints: tuple[str, ...]):  # type: ignore[no-untyped-def]
+    from rigid.joint_torques import joint_law
+
+    posture = finger.posture.angles()
+    rest = {
+        j: posture[j] if p.rest == "posture" else float(p.rest) for j, p in finger.passive.items()
+    }
+    law = joint_law(
+        joints,
+        stiffness={j: p.stiffness for j, p in finger.passive.items()},
+        rest=rest,
+        limit_stiffness=finger.limit.stiffness,
+        transition=finger.limit.transition,
+    )
+    return law.held_about(posture, margin=finger.limit.half_range)
+
+
+def _pulley_hood(hood: PulleyHood, finger: Finger) -> Hood:
+    from rigid.pulley import Cable
+    from rigid.pulley import PulleyHood as Pulleys
+
+    cables = {
+        name: Cable(tuple((p.body, p.point) for p in path)) for name, path in hood.paths.items()
+    }
+    return Pulleys(cables, finger.motion(finger.start({})))
+
+
+def _surfaces(bones: Mapping[str, Triangles]) -> dict[str, Surface]:
+    return {body: _baked(body, *map(_frozen, triangles)) for body, triangles in bones.items()}
+
+
+class _frozen:
+    """An array that can be a cache's key."""
+
+    def __init__(self, array: np.ndarray) -> None:
+        self.array = array
+        self.key = hash((array.shape, array.tobytes()))
+
+    def __hash__(self) -> int:
+        return self.key
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _frozen) and np.array_equal(self.array, other.array)
+
+
+@lru_cache(maxsize=32)
+def _baked(body: str, vertices: _frozen, faces: _frozen) -> Surface:
+    from fe_solver.surfaces import SplineDistance, cache_folder
+
+    try:
+        return SplineDistance.bake(
+            vertices.array, faces.array, margin=MARGIN, cache=cache_folder()
+        )
+    except InputError as error:
+        raise InputError(f"finger.bones.{body}.surface: {error}") from error
+
+
+def _mesh(
+    hood: ShellHood, finger: IndexFinger, skeleton: Skeleton, bones: Mapping[str, Triangles]
+) -> HoodMesh:
+    from meshes.hood import generate
+    from meshes.hood_mesh import read
+
+    if not isinstance(hood.mesh, GeneratedMesh):
+        return read(hood.mesh.path)
+    offset = hood.contact.offset
+    return generate(
+        skeleton,
+        _surfaces(bones),
+        {body: getattr(offset, body) + hood.thickness / 2 for body in bones},
+        hood.mesh.rest_posture.angles(),
+        hood.mesh.quads,
+        width=finger.width_scale,
+    )
+
+
+def _shell_hood(
+    case: Case,
+    hood: ShellHood,
+    skeleton: Skeleton,
+    bones: Mapping[str, Triangles],
+    mesh: HoodMesh,
+) -> Hood:
+    from fe_solver.hood_model import ContactLaw, Sheet, SpringSet, shell_hood
+    from fe_solver.newton import NewtonOptions
+    from meshes.hood import carriers
+    from meshes.hood_mesh import REGIONS
+    from meshes.skeleton import BODIES
+
+    material = [hood.regions.get(name) for name in REGIONS]
+    missing = [REGIONS[i] for i in np.unique(mesh.region) if material[i] is None]
+    if missing:
+        raise InputError(f"hood.regions: the mesh also has {', '.join(missing)}; name them")
+    thickness = np.array([r.thickness or hood.thickness if r else 0.0 for r in material])
+    sheet = Sheet(
+        mesh.points,
+        mesh.quads,
+        mesh.fibre,
+        np.array([r.modulus if r else 0.0 for r in material])[mesh.region],
+        np.array([r.poisson if r else 0.0 for r in material])[mesh.region],
+        thickness[mesh.region],
+        _growth(hood, mesh),
+    )
+    springs = {
+        name: SpringSet(
+            mesh.springs[name],
+            spring.stiffness,
+            spring.slack,
+            spring.tension_only,
+            SPRING_SOURCE.get(name, "ligament"),
+        )
+        for name, spring in hood.springs.items()
+        if name in mesh.springs
+    }
+    offset = {body: getattr(hood.contact.offset, body) for body in BODIES}
+    position, rotation = skeleton.pose(mesh.rest_posture)
+    return shell_hood(
+        sheet,
+        Motion(BODIES, position, rotation),
+        carriers(skeleton, mesh.station * 1e-3 * skeleton.length[1] / 42.59e-3),
+        springs,
+        mesh.tied,
+        "metacarpal",
+        np.array([-1.0, 0.0, 0.0]),
+        _tendons(mesh),
+        ContactLaw(hood.contact.stiffness, hood.contact.smoothing, _surfaces(bones), offset),
+        NewtonOptions(tolerance=case.solve.hood_tolerance),
+    )
+
+
+def _growth(hood: ShellHood, mesh: HoodMesh) -> Array:
+    """(ne,) fibre growth that makes a slip longer than laid out by its extra length."""
+    out = np.zeros(len(mesh.quads))
+    for name, extra in hood.extra_length.model_dump().items():
+        cells = mesh.cells(name)
+        if extra and cells.any():
+            out[cells] = extra / _length(mesh, cells)
+    return out
+
+
+def _length(mesh: HoodMesh, cells: np.ndarray) -> float:
+    """Length (m) of a region along its fibres."""
+    nodes = np.unique(mesh.quads[cells])
+    along = mesh.points[nodes] @ mesh.fibre[cells].mean(axis=0)
+    return float(np.ptp(along))
+
+
+def _tendons(mesh: HoodMesh):  # type: ignore[no-untyped-def]
+    """Each tendon's end nodes and their shares: half at an edge node, and EI on the ulnar half."""
+    from fe_solver.hood_model import Tendon
+
+    out = {}
+    for tendon in HOOD_TENDONS:
+        nodes = mesh.ends[ENDS[tendon]]
+        share = np.ones(len(nodes))
+        share[[0, -1]] = 0.5
+        if tendon == "EI":
+            radial = mesh.points[nodes, 1]
+            middle = np.isclose(radial, np.median(radial))
+            share = np.where(middle, share / 2, np.where(radial < np.median(radial), share, 0.0))
+        out[tendon] = Tendon(nodes, share / share.sum())
+    return out

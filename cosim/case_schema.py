@@ -1,0 +1,274 @@
+"""What a case may say: its tables, names, units and ranges.  All values are SI once parsed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, Strict, model_validator
+
+from cosim import units
+from cosim.case_fields import existing_file, fault, name_of, quantity
+from meshes.hood_mesh import REGIONS, SPRINGS
+from meshes.skeleton import BODIES, JOINTS
+
+TENDONS = ("EDC", "EI", "LUM", "FPI", "FDP", "FDS", "FDI")
+
+Phalanx = Annotated[float, quantity(units.LENGTH, above="0 mm", most="200 mm")]
+Coordinate = Annotated[float, quantity(units.LENGTH, least="-200 mm", most="200 mm")]
+Force = Annotated[float, quantity(units.FORCE, least="0 N", most="1000 N")]
+Acceleration = Annotated[
+    float, quantity(units.ACCELERATION, least="-100 m/s**2", most="100 m/s**2")
+]
+Thickness = Annotated[float, quantity(units.LENGTH, above="0 mm", most="5 mm")]
+Gap = Annotated[float, quantity(units.LENGTH, above="0 mm", most="1 mm")]
+Offset = Annotated[float, quantity(units.LENGTH, least="0 mm", most="10 mm")]
+ExtraLength = Annotated[float, quantity(units.LENGTH, least="-3 mm", most="5 mm")]
+# Joint ranges: Xu et al. 2012, Design of an anthropomorphic robotic finger system, table II.
+McpAngle = Annotated[float, quantity(units.ANGLE, least="-30 deg", most="90 deg")]
+AbductionAngle = Annotated[float, quantity(units.ANGLE, least="-35 deg", most="35 deg")]
+PipAngle = Annotated[float, quantity(units.ANGLE, least="0 deg", most="110 deg")]
+DipAngle = Annotated[float, quantity(units.ANGLE, least="0 deg", most="70 deg")]
+File = Annotated[Path, existing_file()]
+Number = Annotated[float, Strict(), Field(allow_inf_nan=False)]
+Count = Annotated[int, Strict()]
+Switch = Annotated[bool, Strict()]
+TendonName = Annotated[str, name_of("tendon", TENDONS)]
+BodyName = Annotated[str, name_of("body", BODIES)]
+
+
+class Table(BaseModel):
+    """A table of a case: frozen, unknown keys refused."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", protected_namespaces=())
+
+
+class PlanarPosture(Table):
+    """Flexion angles, rad."""
+
+    MCP: McpAngle
+    PIP: PipAngle
+    DIP: DipAngle
+
+    def angles(self) -> dict[str, float]:
+        """Joint name -> angle (rad)."""
+        return {name: float(value) for name, value in self}
+
+
+class Posture(PlanarPosture):
+    """Joint angles, rad; radial abduction positive."""
+
+    MCP_abduction: AbductionAngle = 0.0
+
+
+class Limit(Table):
+    """The torque that keeps a joint within `half_range` of the posture (OpenSim's
+    CoordinateLimitForce)."""
+
+    half_range: Annotated[float, quantity(units.ANGLE, least="0 deg", most="90 deg")]
+    stiffness: Annotated[
+        float, quantity(units.LIMIT_STIFFNESS, least="0 N*m/deg", most="1000 N*m/deg")
+    ]
+    transition: Annotated[float, quantity(units.ANGLE, above="0 deg", most="45 deg")]
+
+
+class Passive(Table):
+    """A linear passive joint torque: N m/rad about `rest`, an angle (rad) or "posture"."""
+
+    stiffness: Annotated[
+        float, quantity(units.JOINT_STIFFNESS, least="0 N*m/rad", most="100 N*m/rad")
+    ]
+    rest: Annotated[
+        float | Literal["posture"],
+        quantity(units.ANGLE, least="-90 deg", most="110 deg", word="posture"),
+    ]
+
+
+class Bone(Table):
+    """A watertight surface (STL or OBJ) in place of our bone."""
+
+    surface: File
+    unit: Literal["m", "mm"]
+    frame: Literal["ours", "myohand"]
+
+
+class IndexFinger(Table):
+    """The MuJoCo index finger."""
+
+    kind: Literal["index"]
+    posture: Posture
+    length_scale: Annotated[Number, Field(gt=0, le=3)] = 1.0
+    width_scale: Annotated[Number, Field(gt=0, le=3)] = 1.0
+    tip: Literal["held", "free"] = "held"
+    limit: Limit
+    passive: dict[Annotated[str, name_of("joint", JOINTS)], Passive] = Field(default_factory=dict)
+    bones: dict[BodyName, Bone] = Field(default_factory=dict)
+    gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, 0.0)
+
+
+class HingeFinger(Table):
+    """The analytic planar finger: three hinges in a row."""
+
+    kind: Literal["hinge"]
+    lengths: tuple[Phalanx, Phalanx, Phalanx]
+    posture: PlanarPosture
+    tip: Literal["held", "free"] = "held"
+    limit: Limit
+    passive: dict[Annotated[str, name_of("joint", ("MCP", "PIP", "DIP"))], Passive] = Field(
+        default_factory=dict
+    )
+
+
+class Tendon(Table):
+    """A muscle: its tension, or its greatest force and its activation (0..1); with neither it is
+    at the resting tension."""
+
+    tension: Force | None = None
+    max_force: Force | None = None
+    activation: Annotated[Number, Field(ge=0, le=1)] | None = None
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Tendon:
+        if self.tension is not None and self.activation is not None:
+            raise fault("gives both tension and activation; write one of them")
+        if self.activation is not None and self.max_force is None:
+            raise fault('gives activation without max_force; add for example max_force = "35 N"')
+        return self
+
+    @property
+    def force(self) -> float | None:
+        """N; None: at the resting tension."""
+        if self.activation is not None and self.max_force is not None:
+            return self.activation * self.max_force
+        return self.tension
+
+
+class GeneratedMesh(Table):
+    """Our own hood, laid out on the bones in `rest_posture`, where it is free of stress."""
+
+    kind: Literal["generated"]
+    quads: Annotated[Count, Field(ge=60, le=20000)]
+    rest_posture: Posture
+
+
+class MeshFile(Table):
+    """A hood mesh of the user's."""
+
+    kind: Literal["file"]
+    path: File
+
+
+class Region(Table):
+    """An isotropic material; thickness where it differs from the hood's."""
+
+    modulus: Annotated[float, quantity(units.PRESSURE, above="0 MPa", most="100 GPa")]
+    poisson: Annotated[Number, Field(ge=0, le=0.49)]
+    thickness: Thickness | None = None
+
+
+class ContactOffset(Table):
+    """Height of the hood's mid-surface above the bare bone, m."""
+
+    metacarpal: Offset
+    proximal: Offset
+    middle: Offset
+    distal: Offset
+
+
+class Contact(Table):
+    """Frictionless contact of hood and bones."""
+
+    stiffness: Annotated[
+        float, quantity(units.CONTACT_STIFFNESS, above="0 N/mm**3", most="1e6 N/mm**3")
+    ]
+    smoothing: Gap
+    tolerance: Gap
+    offset: ContactOffset
+
+
+class ExtraLengths(Table):
+    """How much longer than laid out a slip is, m."""
+
+    central_slip: ExtraLength = 0.0
+    terminal_slip: ExtraLength = 0.0
+
+
+class Spring(Table):
+    """Stiffness of the whole set, N/m, and the stretch before it acts, m."""
+
+    stiffness: Annotated[float, quantity(units.STIFFNESS, above="0 N/mm", most="1e7 N/mm")]
+    slack: Annotated[float, quantity(units.LENGTH, least="0 mm", most="20 mm")]
+    tension_only: Switch = True
+
+
+class ShellHood(Table):
+    """The shell finite-element hood."""
+
+    kind: Literal["shell"]
+    mesh: Annotated[GeneratedMesh | MeshFile, Field(discriminator="kind")]
+    thickness: Thickness
+    regions: dict[Annotated[str, name_of("region", REGIONS)], Region]
+    contact: Contact
+    extra_length: ExtraLengths = ExtraLengths()
+    springs: dict[Annotated[str, name_of("spring set", SPRINGS)], Spring]
+
+    @model_validator(mode="after")
+    def _complete(self) -> ShellHood:
+        lacking = [name for name in REGIONS if name not in self.regions]
+        if lacking and self.mesh.kind == "generated":
+            raise fault(f"regions: the generated mesh also has {', '.join(lacking)}; name them")
+        return self
+
+
+class PathPoint(Table):
+    """A point fixed to a body, in its frame, m."""
+
+    body: BodyName
+    point: tuple[Coordinate, Coordinate, Coordinate]
+
+
+class PulleyHood(Table):
+    """Tendons as straight lines through points fixed to bodies."""
+
+    kind: Literal["pulley"]
+    paths: dict[TendonName, Annotated[tuple[PathPoint, ...], Field(min_length=2)]]
+
+
+class Solve(Table):
+    """Tolerances: of the coupling (relative residual) and of the hood's own equilibrium."""
+
+    resting_tension: Annotated[float, quantity(units.FORCE, least="0 N", most="10 N")] = 0.05
+    tolerance: Annotated[Number, Field(ge=1e-14, le=1e-2)] = 1e-7
+    max_iterations: Annotated[Count, Field(ge=1, le=1000)] = 50
+    hood_tolerance: Annotated[Number, Field(ge=1e-14, le=1e-2)] = 1e-10
+
+
+class Output(Table):
+    """What is written besides the numbers."""
+
+    picture: Switch = True
+
+
+class CaseFile(Table):
+    """A case as its files state it."""
+
+    title: str
+    notes: str | None = None
+    finger: Annotated[IndexFinger | HingeFinger, Field(discriminator="kind")]
+    tendons: dict[TendonName, Tendon] = Field(default_factory=dict)
+    hood: Annotated[ShellHood | PulleyHood, Field(discriminator="kind")]
+    solve: Solve = Solve()
+    output: Output = Output()
+
+
+class Case(CaseFile):
+    """A checked case: SI floats, angles in rad, paths absolute."""
+
+    name: str
+    """The file's stem."""
+    source: Path
+
+    def tension(self, tendon: str) -> float:
+        """N; the resting tension where the case says nothing else."""
+        stated = self.tendons.get(tendon, Tendon()).force
+        return self.solve.resting_tension if stated is None else stated

@@ -1,0 +1,225 @@
+"""The command line.  Exit codes: 0 done, 1 a solve did not converge, 2 the input is at fault."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from cosim import __version__
+from cosim.port import CosimError, InputError
+
+if TYPE_CHECKING:
+    from cosim.case_schema import Case
+
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    help="Co-simulation of a finger's extensor hood and its bones.",
+)
+Cases = Annotated[list[str], typer.Argument(help="Case files, or names of packaged cases.")]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Replace a value of every case; repeatable."),
+]
+
+
+def main() -> None:
+    """The program `cosim`."""
+    app(prog_name="cosim")
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"cosim {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Say which.")
+    ] = False,
+) -> None:
+    pass
+
+
+def _tell(error: CosimError) -> int:
+    """Say what is wrong; the exit code."""
+    typer.echo(f"cosim: {error}", err=True)
+    return 2 if isinstance(error, InputError) else 1
+
+
+@contextmanager
+def _told() -> Iterator[None]:
+    try:
+        yield
+    except CosimError as error:
+        raise typer.Exit(_tell(error)) from None
+
+
+def _load(names: Sequence[str], settings: Sequence[str] | None) -> list[Case]:
+    """All cases; the faults of every one are told before the exit."""
+    from cosim.case import load_case
+
+    cases, faults = [], []
+    for name in names:
+        try:
+            cases.append(load_case(name, settings or ()))
+        except InputError as error:
+            faults.append(error)
+    if faults:
+        raise typer.Exit(max([_tell(fault) for fault in faults]))
+    return cases
+
+
+@app.command()
+def run(
+    cases: Cases,
+    settings: Settings = None,
+    out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("runs"),
+) -> None:
+    """Run cases; each leaves its results in a folder of its name."""
+    checked = _load(cases, settings)
+    with _told():
+        _check_targets(checked, out)
+    codes = [_run_one(case, out) for case in checked]
+    raise typer.Exit(max(codes))
+
+
+def _check_targets(cases: Sequence[Case], out: Path) -> None:
+    from cosim.results import check_target
+
+    names = [case.name for case in cases]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise InputError(f"two cases are named {', '.join(twice)}: run them one by one with --out")
+    for name in names:
+        check_target(out, name)
+
+
+def _run_one(case: Case, out: Path) -> int:
+    """Run, write and show one case; the exit code."""
+    from cosim.results import write_result
+    from cosim.run import run_case
+
+    try:
+        with _progress(case.name) as say:
+            result = run_case(case, say)
+            say("writing the results")
+            folder = write_result(out, case, result)
+    except CosimError as error:
+        return _tell(type(error)(f"{case.name}: {error}"))
+    _show(case, result.summary)
+    typer.echo(f"results in {_shown(folder)}")
+    return 0
+
+
+@contextmanager
+def _progress(name: str) -> Iterator[Callable[[str], None]]:
+    """What tells of the stages: a spinner on a terminal, else a line for each."""
+    if not sys.stderr.isatty():
+        yield lambda stage: typer.echo(f"{name}: {stage}", err=True)
+        return
+    from rich.console import Console
+
+    with Console(stderr=True).status(name) as status:
+        yield lambda stage: status.update(f"{name}: {stage}")
+
+
+def _show(case: Case, summary: Mapping[str, Any]) -> None:
+    from rich.console import Console
+
+    from cosim.summary import tables
+
+    console = Console(width=None if sys.stdout.isatty() else 120, highlight=False, markup=False)
+    console.print(f"\n{case.name}: {case.title}")
+    for table in tables(summary):
+        console.print(table)
+
+
+def _shown(path: Path) -> str:
+    try:
+        return min(str(path), os.path.relpath(path), key=len)
+    except ValueError:  # another drive
+        return str(path)
+
+
+@app.command()
+def check(cases: Cases, settings: Settings = None) -> None:
+    """Check cases and run nothing."""
+    for case in _load(cases, settings):
+        typer.echo(f"{case.name}: in order")
+
+
+@app.command()
+def schema() -> None:
+    """Print the JSON Schema of a case file, for editors."""
+    from cosim.case import json_schema
+
+    typer.echo(json.dumps(json_schema(), indent=2))
+
+
+@app.command()
+def view(
+    folder: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")],
+) -> None:
+    """Show a run's hood in a window."""
+    with _told():
+        hood = folder / "hood.vtu"
+        if not (folder / "summary.json").is_file():
+            raise InputError(
+                f"{folder}: is not the folder of a run; for example runs/isometric_edc"
+            )
+        if not hood.is_file():
+            raise InputError(f"{folder}: this run has no deformable hood to show")
+        if not _has_display():
+            picture = folder / "picture.png"
+            there = f"the picture is {picture}" if picture.is_file() else "nor was a picture made"
+            typer.echo(f"there is no display here; {there}")
+            return
+        _open_window(hood)
+
+
+def _has_display() -> bool:
+    if sys.platform in ("darwin", "win32"):
+        return True
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def _open_window(hood: Path) -> None:
+    import pyvista
+
+    from cosim.results import STRAIN
+
+    mesh = pyvista.read(hood)
+    plotter = pyvista.Plotter(title=f"cosim: {hood.parent.name}")
+    shown = STRAIN if STRAIN in mesh.cell_data else None
+    plotter.add_mesh(mesh, scalars=shown, cmap="RdBu_r", show_edges=True)
+    plotter.show()
+
+
+@app.command()
+def bench(
+    case: Annotated[str, typer.Argument(help="Case file, or name of a packaged case.")],
+    settings: Settings = None,
+) -> None:
+    """Time a case's parts."""
+    (checked,) = _load([case], settings)
+    from cosim.run import bench_case
+
+    with _told():
+        for name, value in bench_case(checked).items():
+            typer.echo(f"{name:<20} {value:.4g}")
+
+
+if __name__ == "__main__":
+    main()

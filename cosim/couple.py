@@ -1,0 +1,202 @@
+"""Coupled static equilibrium of a finger and a hood, over the port and nothing else.
+
+The hood answers a pose with wrenches and with their derivatives.  The finger then balances against
+that answer as an affine function of its poses, which costs it next to nothing; the hood is asked
+again at the new pose, until its answer is the one that the finger balanced against.  Each round is
+a Newton step of the whole (the finger's own nonlinearity, such as a joint limit, is solved out).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cosim.port import (
+    STATIC,
+    Array,
+    Balance,
+    ConvergenceError,
+    Finger,
+    Hood,
+    HoodJacobian,
+    Load,
+    Motion,
+    Response,
+    State,
+)
+
+MOST_TURN = np.deg2rad(8.0)
+"""A finger's joint moves at most so far in one round."""
+
+
+@dataclass(frozen=True)
+class CouplingOptions:
+    """`tolerance` of the finger's and of the interface's relative residual."""
+
+    tolerance: float = 1e-7
+    max_iterations: int = 25
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """A coupled equilibrium with its audit."""
+
+    finger_state: State
+    motion: Motion
+    response: Response
+    balance: Balance
+    jacobian: HoodJacobian
+    hood_tension: Array
+    finger_tension: Array
+    finger_residual: float
+    """Relative imbalance of the finger against the load that it was solved with."""
+    interface_residual: float
+    """Relative difference, as joint torques, of that load and the hood's answer at the final pose."""
+    iterations: int
+    """Hood solves."""
+
+    @property
+    def load(self) -> Load:
+        return self.response.load
+
+    @property
+    def excursion(self) -> Array:
+        return self.response.excursion
+
+
+def affine(load: Load, by_motion: Array, at: Motion, motion: Motion) -> Load:
+    """The load at `motion` as the tangent `by_motion` (6 nb, 6 nb) at `at` foresees it; the change is
+    booked under the first source, since only its sum plays a part."""
+    change = (by_motion @ at.twist_to(motion).ravel()).reshape(-1, 6)
+    wrench = load.wrench.copy()
+    wrench[:, 0] += change
+    return replace(load, wrench=wrench)
+
+
+def balanced(
+    finger: Finger, state: State, load: Load, tension: Array, by_motion: Array, tolerance: float
+) -> tuple[State, Balance]:
+    """The finger's equilibrium under an affine load (its poses at `state` are where it was taken).
+
+    Raises ConvergenceError."""
+    from scipy.optimize import root
+
+    at = finger.motion(state)
+    size = len(finger.balance(state, load, tension).residual)
+
+    def there(step: Array) -> tuple[State, Load]:
+        moved = finger.displaced(state, step)
+        return moved, affine(load, by_motion, at, finger.motion(moved))
+
+    def residual(step: Array) -> Array:
+        return finger.balance(*there(step), tension).residual
+
+    def slope(step: Array) -> Array:
+        return finger.tangent(*there(step), tension, by_motion)
+
+    found = root(residual, np.zeros(size), jac=slope, method="hybr", options={"xtol": 1e-13})
+    step = found.x
+    for _ in range(3):  # Newton polishes what the trust region leaves
+        if finger.balance(*there(step), tension).relative <= 1e-3 * tolerance:
+            break
+        step = step - np.linalg.solve(slope(step), residual(step))
+    moved, seen = there(step)
+    balance = finger.balance(moved, seen, tension)
+    if not balance.relative <= tolerance:
+        raise ConvergenceError(
+            f"the finger found no equilibrium: its relative residual is {balance.relative:.1e} "
+            f"(joints {finger.joints}). Try a stiffer passive joint, or smaller tensions."
+        )
+    return moved, balance
+
+
+def equilibrium(
+    finger: Finger,
+    hood: Hood,
+    finger_state: State,
+    hood_state: State,
+    hood_tension: Array,
+    finger_tension: Array,
+    options: CouplingOptions,
+    progress: Callable[[str], None] = lambda text: None,
+) -> Equilibrium:
+    """Joint angles, tip reaction and hood shape that balance, from a finger and a hood nearby.
+
+    Raises ConvergenceError when the interface residual stays above its tolerance, or when the hood
+    or the finger alone has no equilibrium."""
+    motion = finger.motion(finger_state)
+    response = hood.advance(hood_state, motion, hood_tension, STATIC)
+    interface = np.inf
+    for iteration in range(1, options.max_iterations + 1):
+        jacobian = hood.jacobian(response.state)
+        aim, foreseen = balanced(
+            finger,
+            finger_state,
+            response.load,
+            finger_tension,
+            jacobian.load_motion,
+            options.tolerance,
+        )
+        now = finger.balance(finger_state, response.load, finger_tension)
+        interface = now.relative
+        progress(f"coupling round {iteration}: relative residual {interface:.1e}")
+        if interface <= options.tolerance:
+            return Equilibrium(
+                finger_state,
+                motion,
+                response,
+                now,
+                jacobian,
+                hood_tension,
+                finger_tension,
+                foreseen.relative,
+                interface,
+                iteration,
+            )
+        finger_state = _moderated(finger, finger_state, aim)
+        motion = finger.motion(finger_state)
+        response = hood.advance(response.state, motion, hood_tension, STATIC)
+    raise ConvergenceError(
+        f"hood and finger did not agree in {options.max_iterations} rounds: the interface's relative "
+        f"residual is {interface:.1e}, its tolerance {options.tolerance:.1e}. Try more rounds "
+        "(solve.max_iterations), a smaller tension, or a stiffer passive joint."
+    )
+
+
+def _moderated(finger: Finger, state: State, aim: State) -> State:
+    """The aim, or a state on the way to it where a joint would move too far."""
+    change = finger.angles(aim) - finger.angles(state)
+    far = float(np.abs(change).max()) / MOST_TURN
+    if far <= 1:
+        return aim
+    step = np.zeros(len(finger.unknowns(state)))
+    step[: len(change)] = change / far
+    return finger.displaced(state, step)
+
+
+def moment_arms(finger: Finger, e: Equilibrium) -> Array:
+    """(nq, nt) m, by force: derivative of the joint torques by each hood tendon's tension, d tau/d T
+    at fixed pose (for a prestressed hood not the same as tau/T)."""
+    return finger.jacobian(e.finger_state).T @ e.jacobian.load_tension
+
+
+def reciprocity(finger: Finger, hood: Hood, e: Equilibrium, tendon: int, step: float) -> float:
+    """Relative difference of the moment arms by force and by excursion.
+
+    By force: `moment_arms`.  By excursion: the slope of all tendons' excursions over two hood solves
+    with the joints moved by +-`step` (rad) along the moment arms of `tendon` (Maxwell's reciprocity;
+    the slope is what excursion experiments measure)."""
+    by_force = moment_arms(finger, e)
+    way = by_force[:, tendon] / np.linalg.norm(by_force[:, tendon])
+    excursion = []
+    for sign in (1.0, -1.0):
+        move = np.zeros(len(finger.unknowns(e.finger_state)))
+        move[: len(way)] = sign * step * way
+        motion = finger.motion(finger.displaced(e.finger_state, move))
+        there = hood.advance(e.response.state, motion, e.hood_tension, STATIC)
+        excursion.append(there.excursion)
+    by_excursion = (excursion[0] - excursion[1]) / (2 * step)
+    along = way @ by_force
+    return float(np.abs(by_excursion - along).max() / np.abs(along).max())

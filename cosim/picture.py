@@ -1,0 +1,193 @@
+"""A still picture of a run: bones, hood coloured by strain, tendons and fingertip force.
+
+Drawn by the painter's algorithm in two orthographic views: everything becomes polygons, sorted by
+depth in one collection, so that what lies behind is hidden.  Needs no display and no OpenGL.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from cosim.port import Array
+from cosim.results import STRAIN, Scene
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.figure import Figure
+
+MOST_TRIANGLES = 6000
+BONE = np.array([0.93, 0.89, 0.80])
+TENDON = np.array([0.16, 0.36, 0.30])
+PLAIN_HOOD = np.array([0.55, 0.68, 0.80])
+TENDON_WIDTH = 0.9  # mm
+ARROW_LENGTH = 15.0  # mm, of the fingertip force
+HOOD_LIFT = 1.0  # mm towards the viewer, so that bone triangles larger than quads do not cut in
+
+
+@dataclass(frozen=True)
+class View:
+    """An orthographic view: the axes (unit, world frame) to the right, up, and to the viewer."""
+
+    title: str
+    right: tuple[float, float, float]
+    up: tuple[float, float, float]
+    label: tuple[str, str]
+
+    def project(self, points: Array) -> Array:
+        """(..., 3) m to (..., 3): right, up and height towards the viewer, mm."""
+        axes = np.array([self.right, self.up, np.cross(self.right, self.up)])
+        return 1e3 * np.asarray(points) @ axes.T
+
+
+VIEWS = (
+    View("from the radial side", (-1, 0, 0), (0, 0, 1), ("proximal, mm", "dorsal, mm")),
+    View("from the dorsal side", (-1, 0, 0), (0, -1, 0), ("proximal, mm", "ulnar, mm")),
+)
+
+
+class Polygons(NamedTuple):
+    """Polygons in a view: corners (n, 4, 3) mm, face and edge colours (n, 4)."""
+
+    corners: Array
+    face: Array
+    edge: Array
+
+
+def draw(scene: Scene, title: str) -> Figure:
+    """The two views side by side; the colour bar is the hood's longitudinal strain, per cent."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(13, 5.6), layout="constrained")
+    axes = figure.subplots(1, len(VIEWS))
+    colours = _strain_colours(scene)
+    for ax, view in zip(axes, VIEWS, strict=True):
+        _draw_view(ax, scene, view, colours)
+    if colours is not None:
+        bar = figure.colorbar(colours, ax=list(axes), shrink=0.75, pad=0.015, extend="both")
+        bar.set_label("longitudinal strain of the hood, %")
+    figure.suptitle(title)
+    return figure
+
+
+def _strain_colours(scene: Scene) -> ScalarMappable | None:
+    """Per cent, symmetric about zero; a few extreme quads do not set the range."""
+    if scene.hood is None or STRAIN not in scene.hood.cell_data:
+        return None
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    size = np.abs(100 * np.asarray(scene.hood.cell_data[STRAIN]))
+    most = max(float(np.percentile(size, 98)), 1e-3)
+    return ScalarMappable(Normalize(-most, most), "RdBu_r")
+
+
+def _draw_view(ax: Axes, scene: Scene, view: View, colours: ScalarMappable | None) -> None:
+    from matplotlib.collections import PolyCollection
+
+    parts = [_bone(view, vertices, faces) for _, vertices, faces in scene.bones]
+    parts += [_ribbon(view, points) for _, points in scene.tendons]
+    if scene.hood is not None:
+        parts.append(_hood(view, scene, colours))
+    if parts:
+        corners, face, edge = (np.concatenate(c) for c in zip(*parts, strict=True))
+        order = np.argsort(corners[..., 2].mean(axis=1), kind="stable")
+        polygons = PolyCollection(list(corners[order][..., :2]), linewidths=0.3)
+        polygons.set_facecolor(list(map(tuple, face[order])))
+        polygons.set_edgecolor(list(map(tuple, edge[order])))
+        ax.add_collection(polygons)
+    if scene.tip is not None:
+        _draw_force(ax, view, *scene.tip)
+    ax.set_title(view.title, fontsize=11)
+    ax.set(xlabel=view.label[0], ylabel=view.label[1])
+    ax.set_aspect("equal", adjustable="datalim")
+    ax.margins(0.04)
+    ax.autoscale_view()
+    ax.spines[["top", "right"]].set_visible(False)
+
+
+def _bone(view: View, vertices: Array, faces: np.ndarray) -> Polygons:
+    vertices, faces = thinned(vertices, faces)
+    triangles = view.project(vertices)[faces]
+    corners = triangles[:, [0, 1, 2, 2]]
+    face = _shaded(BONE, corners, 0.55)
+    return Polygons(corners, face, face)
+
+
+def _hood(view: View, scene: Scene, colours: ScalarMappable | None) -> Polygons:
+    assert scene.hood is not None
+    corners = view.project(scene.hood.points)[scene.hood.quads]
+    colour = np.broadcast_to(PLAIN_HOOD, (len(corners), 3))
+    if colours is not None:
+        colour = colours.to_rgba(100 * np.asarray(scene.hood.cell_data[STRAIN]))[:, :3]
+    face = _shaded(colour, corners, 0.85)
+    edge = np.hstack([0.72 * face[:, :3], np.full((len(face), 1), 0.8)])
+    return Polygons(corners + np.array([0, 0, HOOD_LIFT]), face, edge)
+
+
+def _ribbon(view: View, points: Array) -> Polygons:
+    """A tendon as a band that faces the viewer, in pieces short enough to be sorted."""
+    line = view.project(_resampled(points))
+    along = np.gradient(line[:, :2], axis=0)
+    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9)
+    side = np.hstack([0.5 * TENDON_WIDTH * across, np.zeros((len(line), 1))])
+    left, right = line - side, line + side
+    corners = np.stack([left[:-1], left[1:], right[1:], right[:-1]], axis=1)
+    colour = np.tile([*TENDON, 1.0], (len(corners), 1))
+    return Polygons(corners, colour, colour)
+
+
+def _resampled(points: Array, step: float = 1e-3) -> Array:
+    """The polyline with points about every `step` m, its own among them."""
+    pieces = [np.asarray(points[:1], dtype=float)]
+    for start, end in itertools.pairwise(np.asarray(points, dtype=float)):
+        count = max(1, int(np.ceil(np.linalg.norm(end - start) / step)))
+        pieces.append(start + np.linspace(0, 1, count + 1)[1:, None] * (end - start))
+    return np.concatenate(pieces)
+
+
+def _shaded(colour: Array, corners: Array, ambient: float) -> Array:
+    """(n, 4) colours, darker where a polygon turns away from a light at the viewer's upper left."""
+    normal = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+    flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal = np.where(np.linalg.norm(normal, axis=1, keepdims=True) > 0, normal, flat)
+    length = np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+    light = np.array([-0.3, 0.5, 0.81])
+    bright = ambient + (1 - ambient) * np.abs(normal / length @ light)
+    return np.hstack([colour * bright[:, None], np.ones((len(corners), 1))])
+
+
+def thinned(vertices: Array, faces: np.ndarray, most: int = MOST_TRIANGLES) -> tuple:
+    """A coarser surface of `most` triangles or fewer: vertices within a cell become one.
+
+    vertices (n, 3), faces (m, 3) -> the same of fewer."""
+    vertices, faces = np.asarray(vertices, dtype=float), np.asarray(faces)
+    size = np.ptp(vertices, axis=0).max(initial=0.0) / 200
+    while len(faces) > most:
+        cell = np.round(vertices / size).astype(np.int64)
+        _, owner, count = np.unique(cell, axis=0, return_inverse=True, return_counts=True)
+        merged = np.zeros((len(count), 3))
+        np.add.at(merged, owner.ravel(), vertices)
+        faces = owner.ravel()[faces]
+        distinct = (np.diff(np.sort(faces, axis=1), axis=1) > 0).all(axis=1)
+        vertices, faces, size = merged / count[:, None], faces[distinct], 1.25 * size
+    return vertices, faces
+
+
+def _draw_force(ax: Axes, view: View, point: Array, force: Array) -> None:
+    """The fingertip's force, as long as it is seen from here, with its magnitude."""
+    magnitude = float(np.linalg.norm(force))
+    if magnitude == 0.0:
+        return
+    tail = view.project(point)[:2]
+    head = tail + 1e-3 * ARROW_LENGTH * view.project(np.asarray(force) / magnitude)[:2]
+    style = {"arrowstyle": "-|>", "lw": 2.2, "color": "black", "shrinkA": 0, "shrinkB": 0}
+    ax.annotate("", tuple(head), tuple(tail), arrowprops=style, zorder=5)
+    text = f"arrow: fingertip force {magnitude:.2f} N"
+    ax.text(0.98, 0.03, text, ha="right", transform=ax.transAxes, fontsize=10)
+    ax.update_datalim([head])

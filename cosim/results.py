@@ -1,0 +1,169 @@
+"""What a run leaves behind: numbers, fields and pictures in a folder that is whole or not there."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cosim.case import resolved_toml
+from cosim.case_schema import Case
+from cosim.port import Array, InputError
+
+if TYPE_CHECKING:
+    import xarray
+
+STRAIN = "longitudinal_strain"
+"""The hood's cell data that pictures show, dimensionless."""
+LEDGER_HEADER = ("state", "body", "source", "Fx_N", "Fy_N", "Fz_N", "Mx_Nmm", "My_Nmm", "Mz_Nmm")
+
+
+@dataclass(frozen=True)
+class HoodField:
+    """The deformed hood with its fields; pictures show `cell_data[STRAIN]`."""
+
+    points: Array
+    """(n, 3) deformed positions, m, world frame."""
+    quads: np.ndarray
+    """(m, 4) node numbers."""
+    point_data: Mapping[str, Array]
+    """(n,) or (n, 3) each."""
+    cell_data: Mapping[str, Array]
+    """(m,) or (m, 3) each."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What there is to see, m, world frame."""
+
+    hood: HoodField | None
+    bones: tuple[tuple[str, Array, np.ndarray], ...]
+    """Name, vertices (n, 3), triangles (m, 3) turning counter-clockwise as seen from outside."""
+    tendons: tuple[tuple[str, Array], ...]
+    """Name, points (k, 3) in order."""
+    tip: tuple[Array, Array] | None = None
+    """The fingertip point (3,) and the force of the fingertip on the world (3,) N."""
+
+
+@dataclass(frozen=True)
+class LedgerRow:
+    """One force on one body from one source, world frame."""
+
+    state: str
+    body: str
+    source: str
+    force: Array
+    """(3,) N."""
+    moment: Array
+    """(3,) N m about the body's origin."""
+
+
+@dataclass(frozen=True)
+class Result:
+    """Everything that a run found."""
+
+    summary: Mapping[str, Any]
+    """The numbers one asks for first; every key ends in its unit; written as JSON."""
+    dataset: xarray.Dataset
+    ledger: tuple[LedgerRow, ...]
+    scene: Scene
+
+
+def write_result(folder: str | Path, case: Case, result: Result) -> Path:
+    """Write the result to `folder`/<case name> and return that path.
+
+    Written beside it and moved there once complete, so that an older run is replaced by a whole
+    new one or not at all.  Raises InputError where the folder cannot be written, or where
+    something that is not a run stands in its place.
+    """
+    target = Path(folder) / case.name
+    check_target(folder, case.name)
+    part = target.with_name(f".{case.name}.{os.getpid()}.part")
+    try:
+        part.mkdir()
+        _write_files(part, case, result)
+        _replace(target, part)
+    except OSError as error:
+        raise _unwritable(target, error) from error
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+    return target
+
+
+def check_target(folder: str | Path, name: str) -> None:
+    """Make the output folder, and see that a run called `name` can be written there.
+
+    Raises InputError."""
+    target = Path(folder) / name
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        probe = target.with_name(f".{name}.{os.getpid()}.probe")
+        probe.mkdir()
+        probe.rmdir()
+        is_run = (target / "summary.json").exists() or (
+            target.is_dir() and not any(target.iterdir())
+        )
+    except OSError as error:
+        raise _unwritable(target, error) from error
+    if target.exists() and not is_run:
+        raise InputError(f"{target}: is in the way and is no earlier run; choose another --out")
+
+
+def _unwritable(target: Path, error: OSError) -> InputError:
+    reason = error.strerror or str(error)
+    return InputError(f"{target}: cannot be written ({reason}); choose another folder with --out")
+
+
+def _replace(target: Path, part: Path) -> None:
+    """Put `part` in the place of `target`."""
+    old = part.with_suffix(".old")
+    if target.exists():
+        target.rename(old)
+    part.rename(target)
+    shutil.rmtree(old, ignore_errors=True)
+
+
+def _write_files(folder: Path, case: Case, result: Result) -> None:
+    summary = json.dumps(result.summary, indent=2, default=_plain, allow_nan=False)
+    (folder / "summary.json").write_text(summary + "\n", encoding="utf-8")
+    (folder / "case.toml").write_text(resolved_toml(case), encoding="utf-8")
+    result.dataset.to_netcdf(folder / "results.nc", engine="h5netcdf")
+    _write_ledger(folder / "ledger.csv", result.ledger)
+    if result.scene.hood is not None:
+        _write_hood(folder / "hood.vtu", result.scene.hood)
+    if case.output.picture:
+        from cosim.picture import draw
+
+        draw(result.scene, case.title).savefig(folder / "picture.png", dpi=150)
+
+
+def _plain(value: Any) -> Any:
+    """numpy's scalars and arrays for JSON."""
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    raise TypeError(f"summary holds a {type(value).__name__}")
+
+
+def _write_ledger(path: Path, ledger: tuple[LedgerRow, ...]) -> None:
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(LEDGER_HEADER)
+        for row in ledger:
+            numbers = [*row.force, *(1e3 * np.asarray(row.moment))]
+            writer.writerow([row.state, row.body, row.source, *(f"{x:.9g}" for x in numbers)])
+
+
+def _write_hood(path: Path, hood: HoodField) -> None:
+    import meshio
+
+    cell_data = {name: [np.asarray(values)] for name, values in hood.cell_data.items()}
+    point_data = {name: np.asarray(values) for name, values in hood.point_data.items()}
+    mesh = meshio.Mesh(hood.points, [("quad", hood.quads)], point_data, cell_data)
+    mesh.write(path, file_format="vtu")

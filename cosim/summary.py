@@ -1,0 +1,91 @@
+"""The summary of a run as short tables for the terminal; what a run does not have is left out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+AXES = ("distal", "palmar", "radial")
+Row = tuple[str, ...]
+
+
+def tables(summary: Mapping[str, Any]) -> list[Table]:
+    """The states side by side, the tendons, and the checks."""
+    state = ("", "loaded", "unloaded", "difference")
+    arms = [f"arm {joint} mm" for joint in _joints(summary)]
+    tendon = ("tendon", "tension N", "excursion mm", *arms)
+    found = [
+        (state, [row for row in _states(summary) if any(row[1:])]),
+        (tendon, [row for row in _tendons(summary) if any(row[1:])]),
+        (("", ""), [row for row in _checks(summary) if row[1]]),
+    ]
+    return [_table(header, rows) for header, rows in found if rows]
+
+
+def _table(header: Row, rows: Sequence[Row]) -> Table:
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE, show_header=any(header), pad_edge=False)
+    for i, title in enumerate(header):
+        table.add_column(title, justify="left" if i == 0 or not any(header) else "right")
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
+def _at(values: Any, *keys: str | int) -> Any:
+    for key in keys:
+        if isinstance(values, Mapping):
+            values = values.get(key)
+        elif isinstance(key, int) and isinstance(values, Sequence) and key < len(values):
+            values = values[key]
+        else:
+            return None
+    return values
+
+
+def _number(value: Any) -> str:
+    return "" if value is None else f"{value:.4g}"
+
+
+def _states(summary: Mapping[str, Any]) -> Iterator[Row]:
+    def row(label: str, *keys: str | int) -> Row:
+        places = ((), ("unloaded",), ("difference",))
+        return (label, *(_number(_at(summary, *place, *keys)) for place in places))
+
+    for joint in _at(summary, "posture_deg") or ():
+        yield row(f"{joint} deg", "posture_deg", joint)
+    for slip in ("central", "terminal"):
+        yield row(f"force in the {slip} slip N", "slip_force_N", slip)
+    for i, axis in enumerate(AXES):
+        yield row(f"fingertip force {axis} N", "fingertip_force_N", i)
+    yield row("fingertip force N", "fingertip_magnitude_N")
+
+
+def _joints(summary: Mapping[str, Any]) -> tuple[str, ...]:
+    arms = (_at(summary, "moment_arm_mm") or {}).values()
+    return tuple(dict.fromkeys(joint for arm in arms for joint in arm))
+
+
+def _tendons(summary: Mapping[str, Any]) -> Iterator[Row]:
+    columns = [_at(summary, key) or {} for key in ("tension_N", "excursion_mm", "moment_arm_mm")]
+    for name in dict.fromkeys(name for column in columns for name in column):
+        arms = [_number(_at(columns[2], name, joint)) for joint in _joints(summary)]
+        yield (name, _number(columns[0].get(name)), _number(columns[1].get(name)), *arms)
+
+
+def _checks(summary: Mapping[str, Any]) -> Iterator[Row]:
+    for direction, strain in (_at(summary, "strain_percent") or {}).items():
+        low, mean, high = (_number(strain.get(key)) for key in ("min", "mean", "max"))
+        yield f"{direction} strain %", f"{low} to {high}, mean {mean}"
+    yield "deepest penetration mm", _number(_at(summary, "max_penetration_mm"))
+    for name, value in (_at(summary, "audit") or {}).items():
+        yield f"audit: {name.replace('_', ' ')}", f"{value:.1e}"
+    for name, count in (_at(summary, "iterations") or {}).items():
+        yield f"{name} iterations", _number(count)
+    yield "quads", _number(_at(summary, "hood_quads"))
+    yield "wall time s", _number(_at(summary, "wall_s"))

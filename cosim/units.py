@@ -1,0 +1,122 @@
+"""Quantities: text with a unit in, SI floats out.
+
+An angle is a dimension of its own here, so that a stiffness per radian is told from a torque.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from decimal import Decimal
+from functools import cache
+from typing import Any
+
+_DEFINITIONS = """
+giga- = 1e9 = G-
+mega- = 1e6 = M-
+kilo- = 1e3 = k-
+centi- = 1e-2 = c-
+milli- = 1e-3 = m-
+micro- = 1e-6 = µ- = μ- = u-
+meter = [length] = m = metre
+kilogram = [mass] = kg
+gram = 1e-3 * kilogram = g
+second = [time] = s
+radian = [angle] = rad
+degree = 0.017453292519943295 * radian = deg = °
+newton = kilogram * meter / second ** 2 = N
+newton_meter = newton * meter = Nm
+newton_millimeter = 1e-3 * newton * meter = Nmm
+pascal = newton / meter ** 2 = Pa
+"""
+
+_DIGITS = r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[-+]?[0-9]+)?"
+_NUMBER = re.compile(rf"\s*([-+]?(?:{_DIGITS}|(?:nan|infinity|inf)\b))", re.I)
+_POWER = r"[^\W\d]+°?(?:(?:\*\*|\^)-?[0-9])?"
+_UNIT = re.compile(rf"(?:°|{_POWER})(?:\s*[*/·]\s*{_POWER}| {_POWER}){{0,5}}")
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A physical quantity: its name, the unit it is best read in, its SI unit, an example."""
+
+    name: str
+    unit: str
+    si: str
+    example: str
+
+    @property
+    def advice(self) -> str:
+        article = "an" if self.name[0] in "aeiou" else "a"
+        return f'write {article} {self.name} with its unit, for example "{self.example}"'
+
+
+LENGTH = Kind("length", "mm", "m", "0.6 mm")
+FORCE = Kind("force", "N", "N", "3.4 N")
+PRESSURE = Kind("pressure", "MPa", "Pa", "105 MPa")
+ANGLE = Kind("angle", "deg", "rad", "30 deg")
+ACCELERATION = Kind("acceleration", "m/s**2", "m/s**2", "9.81 m/s**2")
+STIFFNESS = Kind("stiffness", "N/mm", "N/m", "1000 N/mm")
+CONTACT_STIFFNESS = Kind("pressure per length", "N/mm**3", "N/m**3", "100 N/mm**3")
+LIMIT_STIFFNESS = Kind("torque per angle", "N*m/deg", "N*m/rad", "20 N*m/deg")
+JOINT_STIFFNESS = Kind("torque per angle", "N*m/rad", "N*m/rad", "0.04 N*m/rad")
+
+
+@cache
+def _registry() -> Any:
+    """The dozen units of a case; pint's own registry of a thousand takes longer to load."""
+    import pint
+
+    registry: Any = pint.UnitRegistry(None, non_int_type=Decimal)
+    registry.load_definitions(_DEFINITIONS.strip().splitlines())
+    return registry
+
+
+@cache
+def _unit(text: str) -> tuple[Decimal, Any]:
+    """SI factor and dimensions of a unit; ValueError when it is none we know.
+
+    Decimal, so that 1 mm**3 is 1e-9 m**3 to the last bit."""
+    import pint
+
+    if not _UNIT.fullmatch(text):
+        raise ValueError(f"`{text[:30]}` is not a unit")
+    try:
+        quantity = _registry().Quantity(Decimal(1), text.replace("·", "*")).to_root_units()
+    except pint.UndefinedUnitError as error:
+        raise ValueError(f"`{text}` is not a unit known here") from error
+    return Decimal(quantity.magnitude), quantity.dimensionality
+
+
+@cache
+def parse(text: str, kind: Kind) -> float:
+    """The SI value of e.g. "0.6 mm".
+
+    Raises ValueError, with what to write instead: no number, no unit, a unit that is not known or
+    of another dimension, a value that is not finite.
+    """
+    advice = kind.advice
+    number = _NUMBER.match(text)
+    if not number:
+        raise ValueError(f"is not a number with a unit; {advice}")
+    unit = text[number.end() :].strip()
+    if not unit:
+        raise ValueError(f"has no unit; {advice}")
+    try:
+        factor, dimensions = _unit(unit)
+    except ValueError as error:
+        raise ValueError(f"{error}; {advice}") from None
+    if dimensions != _unit(kind.unit)[1]:
+        raise ValueError(f"`{unit}` is no unit of {kind.name}; {advice}")
+    plain = float(number[1])
+    value = float(Decimal(repr(plain)) * factor) if math.isfinite(plain) else math.inf
+    if not math.isfinite(value):
+        raise ValueError(f"is not finite; {advice}")
+    return value
+
+
+def spell(value: float, kind: Kind) -> str:
+    """Text that `parse` turns back into exactly `value`, in the kind's own unit where it can."""
+    text = f"{value / float(_unit(kind.unit)[0]):.12g} {kind.unit}"
+    return text if parse(text, kind) == value else f"{value!r} {kind.si}"
