@@ -167,7 +167,7 @@ class Region(Table):
 
 
 class ContactOffset(Table):
-    """Height of the hood's mid-surface above the bare bone, m."""
+    """Height of the hood's face above the bare bone, m: what cartilage and capsule take."""
 
     metacarpal: Offset
     proximal: Offset
@@ -182,7 +182,6 @@ class Contact(Table):
         float, quantity(units.CONTACT_STIFFNESS, above="0 N/mm**3", most="1e6 N/mm**3")
     ]
     smoothing: Gap
-    tolerance: Gap
     offset: ContactOffset
 
 

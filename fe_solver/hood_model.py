@@ -124,11 +124,7 @@ def shell_hood(
     for row, tendon in zip(share, tendons.values(), strict=True):
         np.add.at(row, np.searchsorted(guided, tendon.nodes), tendon.share)
     held = {name: s for name, s in springs.items() if len(s.attached.nodes)}
-    slip = {n for s in held.values() if s.source == "insertion" for n in s.attached.nodes}
-    touching = np.setdiff1d(
-        np.arange(len(X)),
-        np.concatenate([ties.node, guided, np.array(sorted(slip), dtype=np.intp)]),
-    )
+    touching = np.setdiff1d(np.arange(len(X)), np.concatenate([ties.node, guided]))
     quads = sheet.quads
     model = ShellModel(
         quads,

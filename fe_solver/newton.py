@@ -61,6 +61,14 @@ def residual_norm(model: ShellModel, e: Evaluation) -> tuple[float, float]:
     return float(residual), float(max(forces))
 
 
+def rounding(model: ShellModel, c: Configuration, e: Evaluation) -> float:
+    """What of the residual is rounding error (N): the stiffest entry times the last bit of the
+    coordinates."""
+    assert e.data is not None
+    stiffest = np.abs(e.data[model.pattern.diagonal[:, :3, :3]]).max()
+    return float(0.2 * np.finfo(float).eps * stiffest * np.abs(c.x).max())
+
+
 def worst_place(model: ShellModel, c: Configuration, e: Evaluation) -> str:
     """Where the largest residual sits, in words."""
     r = np.zeros(model.pattern.size)
@@ -125,23 +133,25 @@ def solve(
 
     Far from equilibrium the tangent is the convex one, near it the consistent one.  Raises
     ConvergenceError naming the place of the largest residual."""
-    c, convex = start, True
+    c, convex, stuck = start, True, False
     e = model.evaluate(c, tension, tangent=True, convex=True)
     for iteration in range(options.max_iterations):
         residual, force = residual_norm(model, e)
-        if convex and residual <= options.tolerance * force:
+        done = residual <= options.tolerance * force + rounding(model, c, e)
+        if convex and done:
             e, convex = model.evaluate(c, tension, tangent=True), False
         assert e.data is not None
         step, factor = _step(model, e.data, e.reduced)
-        if residual <= options.tolerance * force:
+        if done:
             return Solution(c, e, tension, factor, iteration, residual)
         trial = _advanced(model, c, e, tension, step, options)
         if trial is not None:
-            c, e, convex = trial
-        elif not convex:
-            e, convex = model.evaluate(c, tension, tangent=True, convex=True), True
-        else:
+            (c, e, convex), stuck = trial, False
+        elif stuck:
             break
+        else:
+            stuck, convex = True, not convex
+            e = model.evaluate(c, tension, tangent=True, convex=convex)
     residual, force = residual_norm(model, e)
     raise ConvergenceError(
         f"the hood did not reach equilibrium in {iteration + 1} iterations: the residual is "
@@ -193,7 +203,7 @@ def _line_search(
         rise = model.potential(trial, there.energy, tension) - before
         if rise <= 1e-4 * factor * slope:
             return trial, there
-        if rise <= noise and residual_norm(model, there)[0] < norm:
+        if rise <= noise and residual_norm(model, there)[0] < norm / 2:
             return trial, there
         parabola = -slope * factor**2 / (2 * (rise - slope * factor))
         factor = float(np.clip(parabola, 0.1 * factor, 0.5 * factor))

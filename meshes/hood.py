@@ -41,6 +41,16 @@ PIP = 42.59
 SLIP_END = 49.0  # [spike], 1.4 widths past the PIP
 MERGE = 63.0  # [spike]
 TERMINAL_END = 73.0  # [spike], 5.3 mm past the DIP
+# Where each span of rows begins, and how coarse its rows are: finest where the sheet bends most.
+SPANS = (
+    (CENTRAL_END, 2.0),
+    (LATERAL_END, 1.2),
+    (0.0, 1.2),
+    (JOIN, 1.6),
+    (SLIP_START, 0.8),
+    (SLIP_END, 1.4),
+    (MERGE, 1.3),
+)
 # Half-angle of the inner columns and outer angle of the lateral bands, deg, against station.
 # [spike], widened at the PIP to [mi29]'s width.
 INNER = np.array(
@@ -154,20 +164,28 @@ def _interpolated(table: Array, station: Array) -> Array:
 
 def hull_radius(chain: Chain, level: Level) -> tuple[Array, Array, Array]:
     """Stations (m), angles (rad) and the radius about the chain (ns, na), m, of a smooth hull over the
-    level set: outermost crossing of each ray, bridged over the joint gaps within 10 mm."""
-    from scipy.ndimage import gaussian_filter
+    level set: outermost crossing of each ray, bridged over the joint gaps within 10 mm, smoothed.
 
-    s = np.arange(-22.0, 76.0, 1.0) * 1e-3
+    The hull is a property of the bones and not of the mesh: a few hundredths of a millimetre of slack
+    decide how the slips share a tendon's force."""
+    from scipy.ndimage import gaussian_filter, maximum_filter
+
+    s = np.arange(-22.0, 76.0, 0.5) * 1e-3
     phi = np.deg2rad(np.arange(-125.0, 126.0, 5.0))
-    radius = np.linspace(1.5e-3, 15e-3, 55)
+    radius = np.linspace(1.5e-3, 15e-3, 28)
     point, axes = chain.frames(s)
     ray = np.cos(phi)[:, None] * axes[:, None, :, 2] + np.sin(phi)[:, None] * axes[:, None, :, 1]
     points = point[:, None, None] + radius[:, None] * ray[:, :, None]
     value = level.value(points.reshape(-1, 3))[0].reshape(points.shape[:3])
     rho = _outermost_crossing(value, radius)
-    rho = _bridged(rho, reach=5)
-    smooth = gaussian_filter(rho, (1.0, 0.7), mode="nearest")
-    return s, phi, np.maximum(smooth, rho)
+    for _ in range(3):  # Newton along the rays
+        there = (point[:, None] + rho[..., None] * ray).reshape(-1, 3)
+        clearance, gradient = level.value(there)
+        slope = np.einsum("nk,nk->n", gradient, ray.reshape(-1, 3))
+        step = np.where(slope > 0.3, clearance / np.where(slope > 0.3, slope, 1.0), 0.0)
+        rho -= np.clip(step, -5e-4, 5e-4).reshape(rho.shape)
+    rho = _bridged(rho, reach=10)
+    return s, phi, gaussian_filter(maximum_filter(rho, (3, 3)), (2.0, 1.0), mode="nearest")
 
 
 def _outermost_crossing(value: Array, radius: Array) -> Array:
@@ -204,19 +222,17 @@ class _Grid:
     intrinsic tendon's."""
 
 
-def _rows(quads: int, inner: int, band: int) -> tuple[Array, float]:
+def _rows(quads: int, inner: int, band: int) -> Array:
     """Stations (mm) of the rows for about `quads` elements."""
-    breaks = np.array(
-        [CENTRAL_END, LATERAL_END, 0.0, JOIN, SLIP_START, SLIP_END, MERGE, TERMINAL_END]
-    )
-    columns = np.array([inner] + 2 * [inner + 2 * band] + 2 * [inner + 2 * band] + 2 * [2 * band])
+    breaks = np.array([b for b, _ in SPANS] + [TERMINAL_END])
+    coarseness = np.array([c for _, c in SPANS])
+    middle = (breaks[:-1] + breaks[1:]) / 2
+    columns = inner * (middle < SLIP_END) + 2 * band * (middle > LATERAL_END)
     spans = np.diff(breaks)
-    height = (spans * columns).sum() / quads
-    counts = np.maximum(np.round(spans / height).astype(int), 2)
-    rows = [
-        np.linspace(a, b, n + 1)[:-1] for a, b, n in zip(breaks, breaks[1:], counts, strict=False)
-    ]
-    return np.concatenate([*rows, [TERMINAL_END]]), height
+    height = (spans / coarseness * columns).sum() / quads
+    counts = np.maximum(np.round(spans / (coarseness * height)).astype(int), 2)
+    rows = [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(breaks, breaks[1:], counts)]
+    return np.concatenate([*rows, [TERMINAL_END]])
 
 
 def _columns(quads: int) -> tuple[int, int]:
@@ -243,7 +259,7 @@ def generate(
     level = Level(surfaces, offset, chain.position, chain.rotation)
     scale = skeleton.length[1] / (PIP * 1e-3)
     n_inner, n_band = _columns(quads)
-    stations, _ = _rows(quads, n_inner, n_band)
+    stations = _rows(quads, n_inner, n_band)
     hull = _Hull(chain, level, scale)
     grid, points, station = _lay(hull, stations, n_inner, n_band, width)
     fixed = _end_nodes(grid)
