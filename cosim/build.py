@@ -205,9 +205,7 @@ def _baked(body: str, vertices: _frozen, faces: _frozen) -> Surface:
     from fe_solver.surfaces import SplineDistance, cache_folder
 
     try:
-        return SplineDistance.bake(
-            vertices.array, faces.array, margin=MARGIN, cache=cache_folder()
-        )
+        return SplineDistance.bake(vertices.array, faces.array, margin=MARGIN, cache=cache_folder())
     except InputError as error:
         raise InputError(f"finger.bones.{body}.surface: {error}") from error
 

@@ -237,7 +237,7 @@ class Solve(Table):
     """Tolerances: of the coupling (relative residual) and of the hood's own equilibrium."""
 
     resting_tension: Annotated[float, quantity(units.FORCE, least="0 N", most="10 N")] = 0.05
-    tolerance: Annotated[Number, Field(ge=1e-14, le=1e-2)] = 1e-7
+    tolerance: Annotated[Number, Field(ge=1e-14, le=1e-2)] = 5e-7
     max_iterations: Annotated[Count, Field(ge=1, le=1000)] = 50
     hood_tolerance: Annotated[Number, Field(ge=1e-14, le=1e-2)] = 1e-10
 

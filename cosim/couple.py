@@ -29,13 +29,16 @@ from cosim.port import (
 
 MOST_TURN = np.deg2rad(8.0)
 """A finger's joint moves at most so far in one round."""
+MOST_STEPS = 30
+SMALL_TORQUE = 1e-12
+"""N m, below which a residual that no longer falls is rounding error."""
 
 
 @dataclass(frozen=True)
 class CouplingOptions:
     """`tolerance` of the finger's and of the interface's relative residual."""
 
-    tolerance: float = 1e-7
+    tolerance: float = 5e-7
     max_iterations: int = 25
 
 
@@ -81,10 +84,8 @@ def balanced(
     """The finger's equilibrium under an affine load (its poses at `state` are where it was taken).
 
     Raises ConvergenceError."""
-    from scipy.optimize import root
-
     at = finger.motion(state)
-    size = len(finger.balance(state, load, tension).residual)
+    size = len(finger.unknowns(state))
 
     def there(step: Array) -> tuple[State, Load]:
         moved = finger.displaced(state, step)
@@ -96,12 +97,13 @@ def balanced(
     def slope(step: Array) -> Array:
         return finger.tangent(*there(step), tension, by_motion)
 
-    found = root(residual, np.zeros(size), jac=slope, method="hybr", options={"xtol": 1e-13})
-    step = found.x
-    for _ in range(3):  # Newton polishes what the trust region leaves
-        if finger.balance(*there(step), tension).relative <= 1e-3 * tolerance:
-            break
-        step = step - np.linalg.solve(slope(step), residual(step))
+    step = _newton(residual, slope, np.zeros(size))
+    if step is None:
+        from scipy.optimize import root
+
+        found = root(residual, np.zeros(size), jac=slope, method="hybr", options={"xtol": 1e-13})
+        step = _newton(residual, slope, found.x)
+        step = found.x if step is None else step
     moved, seen = there(step)
     balance = finger.balance(moved, seen, tension)
     if not balance.relative <= tolerance:
@@ -110,6 +112,25 @@ def balanced(
             f"(joints {finger.joints}). Try a stiffer passive joint, or smaller tensions."
         )
     return moved, balance
+
+
+def _newton(
+    residual: Callable[[Array], Array], slope: Callable[[Array], Array], step: Array
+) -> Array | None:
+    """A root near `step` by plain Newton, or None where the residual does not fall at every step."""
+    r = residual(step)
+    for _ in range(MOST_STEPS):
+        try:
+            trial = step - np.linalg.solve(slope(step), r)
+        except np.linalg.LinAlgError:
+            return None
+        after = residual(trial)
+        if not np.abs(after).max() < np.abs(r).max():
+            break
+        step, r = trial, after
+    else:
+        return None
+    return step if np.abs(r).max() < SMALL_TORQUE else None
 
 
 def equilibrium(

@@ -15,7 +15,9 @@ from .model import Configuration, Evaluation, ShellModel
 
 Array = NDArray[np.float64]
 
-MOST_FLIPS = 4
+MOST_FLIPS = 2
+CLOSE = 1e-5
+"""Relative residual from which one more step leaves the tangent's factor good for derivatives."""
 RAMP = 1e-5
 """m, depth within which a contact is not worth foreseeing: the smoothed tangent knows both sides."""
 NEAR = 0.1
@@ -127,23 +129,31 @@ def _limited(step: Array, options: NewtonOptions) -> tuple[Array, float]:
 
 
 def solve(
-    model: ShellModel, start: Configuration, tension: Array, options: NewtonOptions
+    model: ShellModel,
+    start: Configuration,
+    tension: Array,
+    options: NewtonOptions,
+    near: bool = False,
 ) -> Solution:
     """Equilibrium near `start` under `tension` (nt,) N at the poses of `start`.
 
-    Far from equilibrium the tangent is the convex one, near it the consistent one.  Raises
-    ConvergenceError naming the place of the largest residual."""
-    c, convex, stuck = start, True, False
-    e = model.evaluate(c, tension, tangent=True, convex=True)
+    Far from equilibrium the tangent is the convex one, near it (as `near` says of `start`) the
+    consistent one.  Raises ConvergenceError naming the place of the largest residual."""
+    c, convex, stuck, factor = start, not near, False, None
+    e = model.evaluate(c, tension, tangent=True, convex=convex)
     for iteration in range(options.max_iterations):
         residual, force = residual_norm(model, e)
         done = residual <= options.tolerance * force + rounding(model, c, e)
-        if convex and done:
-            e, convex = model.evaluate(c, tension, tangent=True), False
+        if done and convex:
+            e, convex, factor = model.evaluate(c, tension, tangent=True), False, None
+        if done and factor is not None:
+            return Solution(c, e, tension, factor, iteration, residual)
         assert e.data is not None
         step, factor = _step(model, e.data, e.reduced)
         if done:
             return Solution(c, e, tension, factor, iteration, residual)
+        if convex or residual > CLOSE * force:
+            factor = None
         trial = _advanced(model, c, e, tension, step, options)
         if trial is not None:
             (c, e, convex), stuck = trial, False
@@ -197,13 +207,14 @@ def _line_search(
     norm = residual_norm(model, e)[0]
     noise = 1e-11 * max(abs(before), e.energy)
     factor = 1.0
-    for _ in range(tries if slope < 0 else 0):
+    for attempt in range(tries if slope < 0 else 0):
         trial = model.stepped(c, e.bases, factor * step)
-        there = model.evaluate(trial, tension, tangent=True, convex=convex)
+        there = model.evaluate(trial, tension, tangent=attempt == 0, convex=convex)
         rise = model.potential(trial, there.energy, tension) - before
-        if rise <= 1e-4 * factor * slope:
-            return trial, there
-        if rise <= noise and residual_norm(model, there)[0] < norm / 2:
+        quiet = rise <= noise and residual_norm(model, there)[0] < norm / 2
+        if rise <= 1e-4 * factor * slope or quiet:
+            if there.data is None:
+                there = model.evaluate(trial, tension, tangent=True, convex=convex)
             return trial, there
         parabola = -slope * factor**2 / (2 * (rise - slope * factor))
         factor = float(np.clip(parabola, 0.1 * factor, 0.5 * factor))

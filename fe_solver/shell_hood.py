@@ -22,7 +22,7 @@ from .model import Configuration, ShellModel
 from .newton import NewtonOptions, Solution, solve
 
 SOURCES = ("insertion", "ligament", "contact", "guide")
-SMALL_TURN = 0.15
+SMALL_TURN = 0.003
 """rad; below it the tangent predicts the hood's motion, above it the bones carry the nodes."""
 MOST_HALVINGS = 6
 
@@ -121,30 +121,34 @@ class ShellHood:
         d[self.model.ties.node] = slid.d[self.model.ties.node]
         return Configuration(x, d, motion.position, motion.rotation)
 
-    def _predicted(self, s: Solution, motion: Motion, tension: Array) -> Configuration:
-        """First-order prediction of the hood at a nearby motion and tension."""
+    def _predicted(self, s: Solution, motion: Motion) -> Configuration:
+        """First-order prediction of the hood at a nearby motion under the same tensions."""
         m, c = self.model, s.configuration
-        by_motion, _, by_tension, _ = m.coupling(c, s.evaluation, s.tension)
+        by_motion = m.coupling(c, s.evaluation, s.tension)[0]
         twist = Motion(self.bodies, c.position, c.rotation).twist_to(motion).ravel()
-        change = by_motion @ twist + by_tension @ (tension - s.tension)
         step = np.zeros(m.pattern.size)
-        step[m.pattern.order] = -s.factor.solve(change[m.pattern.order])
+        step[m.pattern.order] = -s.factor.solve((by_motion @ twist)[m.pattern.order])
         step += m.slaved(c, s.evaluation.bases) @ twist
         return m.posed(m.stepped(c, s.evaluation.bases, step), motion.position, motion.rotation)
 
-    def _guess(self, state: HoodState, motion: Motion, tension: Array) -> Configuration:
+    def _guess(
+        self, state: HoodState, motion: Motion, tension: Array
+    ) -> tuple[Configuration, bool]:
+        """Where to begin, and whether that is near."""
         twist = state.motion.twist_to(motion)
         if state.solution is None or np.abs(twist[:, 3:]).max() > SMALL_TURN:
-            return self._carried(state.configuration, motion)
-        return self._predicted(state.solution, motion, tension)
+            return self._carried(state.configuration, motion), False
+        if not np.array_equal(tension, state.solution.tension):
+            return self._carried(state.configuration, motion), False
+        return self._predicted(state.solution, motion), True
 
     def _solve(
         self, state: HoodState, motion: Motion, tension: Array, halvings: int
     ) -> tuple[Solution, int]:
         """Solve at once, and where that fails half the way first."""
         try:
-            guess = self._guess(state, motion, tension)
-            solution = solve(self.model, guess, tension, self.options)
+            guess, near = self._guess(state, motion, tension)
+            solution = solve(self.model, guess, tension, self.options, near)
             return solution, solution.iterations
         except ConvergenceError:
             if halvings == 0:
