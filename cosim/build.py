@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -18,9 +18,10 @@ from cosim.case_schema import (
     PulleyHood,
     ShellHood,
 )
-from cosim.port import Array, Finger, Hood, InputError, Motion
+from cosim.port import Array, Finger, Hood, InputError, Motion, State
 
 if TYPE_CHECKING:
+    from fe_solver.shell_hood import ShellHood as FeHood
     from fe_solver.surfaces import Surface
     from meshes.hood_mesh import HoodMesh
     from meshes.skeleton import Skeleton
@@ -37,57 +38,97 @@ MARGIN = 5e-3
 
 
 @dataclass(frozen=True)
+class HoodLook:
+    """What there is to see of a solved shell hood; means over each quad, local axes 1 along the fibre
+    (in the central region: along the finger), 2 across it."""
+
+    points: Array
+    """(n, 3) m, deformed."""
+    reference: Array
+    """(n, 3) m, as laid."""
+    quads: np.ndarray
+    region: np.ndarray
+    """(ne,) index into REGIONS."""
+    strain: Array
+    """(ne, 3) Green-Lagrange E11, E22, 2 E12 of the mid-surface."""
+    faces: Array
+    """(ne, 2) E11 at the two faces."""
+    stress: Array
+    """(ne, 3) second Piola-Kirchhoff S11, S22, S12, Pa."""
+    area: Array
+    """(ne,) m2."""
+    central: np.ndarray
+    """(ne,) bool, the region over which strains are summed up: extensor tendon distal to the MCP,
+    central band and central slip."""
+    pressure: Array
+    """(n,) Pa of the bones on the nodes."""
+    spring_force: Mapping[str, float]
+    """N, magnitude of each spring set's summed force."""
+    slip_force: Mapping[str, float]
+    """N, central and terminal."""
+    penetration: float
+    """m, the deepest."""
+
+
+@dataclass(frozen=True)
 class Models:
     """What a case builds: a finger and a hood behind the port, and what pictures need."""
 
     finger: Finger
     hood: Hood
     posture: Mapping[str, float]
-    hood_tension: Array
-    finger_tension: Array
     resting: float
     bones: Mapping[str, Triangles]
-    mesh: HoodMesh | None
+    look: Callable[[State], HoodLook] | None
+    """What a state of a shell hood looks like; None for the analytic hoods."""
+    linear: Callable[[State], tuple[float, float]] | None
+    """Seconds of one assembly and of one factorisation at a state of a shell hood."""
 
 
 def build(case: Case) -> Models:
     """Models of a case.  Raises InputError for what only building finds out."""
-    posture = case.finger.posture.angles()
-    bones: Mapping[str, Triangles] = {}
-    mesh = None
-    if isinstance(case.finger, IndexFinger):
-        skeleton, bones = _skeleton(case.finger), _bones(case.finger)
-        finger: Finger = _index_finger(case.finger, skeleton, bones)
-    else:
-        skeleton, finger = None, _hinge_finger(case.finger)
+    posture, resting = case.finger.posture.angles(), case.solve.resting_tension
+    if isinstance(case.finger, HingeFinger):
+        if not isinstance(case.hood, PulleyHood):
+            raise InputError(
+                'hood.kind = "shell" needs finger.kind = "index", whose bones it lies on'
+            )
+        hinges = _hinge_finger(case.finger)
+        return Models(hinges, _pulley_hood(case.hood, hinges), posture, resting, {}, None, None)
+    skeleton, bones = _skeleton(case.finger), _bones(case.finger)
+    finger = _index_finger(case.finger, skeleton)
     if isinstance(case.hood, PulleyHood):
-        hood: Hood = _pulley_hood(case.hood, finger)
-    elif skeleton is None:
-        raise InputError('hood.kind = "shell" needs finger.kind = "index", whose bones it lies on')
-    else:
-        mesh = _mesh(case.hood, case.finger, skeleton, bones)
-        hood = _shell_hood(case, case.hood, skeleton, bones, mesh)
-    _check_tendons(case, finger, hood)
+        return Models(finger, _pulley_hood(case.hood, finger), posture, resting, bones, None, None)
+    mesh = hood_mesh(case)
+    hood = _shell_hood(case, case.hood, skeleton, bones, mesh)
     return Models(
         finger,
         hood,
         posture,
-        np.array([case.tension(t) for t in hood.tendons]),
-        np.array([case.tension(t) for t in finger.tendons]),
-        case.solve.resting_tension,
+        resting,
         bones,
-        mesh,
+        lambda state: _look(hood, mesh, state),
+        lambda state: _linear(hood, state),
     )
 
 
-def _check_tendons(case: Case, finger: Finger, hood: Hood) -> None:
-    known = (*hood.tendons, *finger.tendons)
+def tensions(case: Case, models: Models) -> tuple[Array, Array]:
+    """N, of the hood's and of the finger's own tendons; InputError for a tendon that neither has."""
+    hood, finger = models.hood.tendons, models.finger.tendons
     for name, tendon in case.tendons.items():
-        if tendon.force is not None and name not in known:
+        if tendon.force is not None and name not in (*hood, *finger):
             raise InputError(
                 f"tendons.{name}: this finger and hood have no such tendon; they have "
-                f"{', '.join(known)}"
+                f"{', '.join((*hood, *finger))}"
             )
+    return np.array([case.tension(t) for t in hood]), np.array([case.tension(t) for t in finger])
+
+
+def hood_mesh(case: Case) -> HoodMesh:
+    """The mesh of a case's shell hood, read or generated."""
+    if not (isinstance(case.finger, IndexFinger) and isinstance(case.hood, ShellHood)):
+        raise InputError(f"{case.name}: has no shell hood, so it has no mesh")
+    return _mesh(case.hood, case.finger, _skeleton(case.finger), _bones(case.finger))
 
 
 def _skeleton(finger: IndexFinger) -> Skeleton:
@@ -131,9 +172,7 @@ def _user_bone(body: str, bone: Bone, finger: IndexFinger) -> Triangles:
     return points * [finger.length_scale, finger.width_scale, finger.width_scale], faces
 
 
-def _index_finger(
-    finger: IndexFinger, skeleton: Skeleton, bones: Mapping[str, Triangles]
-) -> Finger:
+def _index_finger(finger: IndexFinger, skeleton: Skeleton) -> Finger:
     from meshes.skeleton import JOINTS
     from rigid.index_finger import RANGES
     from rigid.mujoco_finger import MujocoFinger
@@ -235,7 +274,7 @@ def _shell_hood(
     skeleton: Skeleton,
     bones: Mapping[str, Triangles],
     mesh: HoodMesh,
-) -> Hood:
+) -> FeHood:
     from fe_solver.hood_model import ContactLaw, Sheet, SpringSet, shell_hood
     from fe_solver.newton import NewtonOptions
     from meshes.hood import carriers
@@ -315,3 +354,39 @@ def _tendons(mesh: HoodMesh):  # type: ignore[no-untyped-def]
             share = np.where(middle, share / 2, np.where(radial < np.median(radial), share, 0.0))
         out[tendon] = Tendon(nodes, share / share.sum())
     return out
+
+
+def _look(hood: FeHood, mesh: HoodMesh, state: State) -> HoodLook:
+    from fe_solver.fields import contact_pressure, fields
+
+    c = state.configuration
+    field = fields(hood.model, c)
+    forces = {name: float(np.linalg.norm(f)) for name, f in hood.group_forces(state).items()}
+    slips = {"central": forces.get("central_slip", 0.0), "terminal": forces.pop("tie")}
+    return HoodLook(
+        c.x,
+        hood.model.reference,
+        hood.model.quads,
+        mesh.region,
+        field.strain,
+        field.faces,
+        field.stress,
+        hood.model.tables.weight.sum(axis=1),
+        mesh.cells("extensor_tendon_distal", "central_band", "central_slip"),
+        contact_pressure(hood.model, c),
+        forces,
+        slips,
+        max(0.0, -float(hood.gap(state).min())),
+    )
+
+
+def _linear(hood: FeHood, state: State) -> tuple[float, float]:
+    from time import perf_counter
+
+    from fe_solver.assembly import factorise
+
+    start = perf_counter()
+    e = hood.model.evaluate(state.configuration, state.solution.tension, tangent=True)
+    assembled = perf_counter()
+    factorise(hood.model.pattern.free(e.data))
+    return assembled - start, perf_counter() - assembled

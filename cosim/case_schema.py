@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -271,3 +272,19 @@ class Case(CaseFile):
         """N; the resting tension where the case says nothing else."""
         stated = self.tendons.get(tendon, Tendon()).force
         return self.solve.resting_tension if stated is None else stated
+
+    def setting_key(self) -> str:
+        """A text that two cases share if and only if they differ in nothing but name and tendons; a
+        file that they read counts with its time and size."""
+        parts = self.model_dump(mode="json", include={"finger", "hood", "solve"})
+        stamps = [
+            f"{path}:{path.stat().st_mtime_ns}:{path.stat().st_size}" for path in _files(self)
+        ]
+        return json.dumps([parts, stamps], sort_keys=True)
+
+
+def _files(case: Case) -> list[Path]:
+    """The files that a case's models are built from."""
+    bones = case.finger.bones.values() if isinstance(case.finger, IndexFinger) else ()
+    mesh = case.hood.mesh if isinstance(case.hood, ShellHood) else None
+    return [b.surface for b in bones] + ([mesh.path] if isinstance(mesh, MeshFile) else [])

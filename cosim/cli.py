@@ -212,13 +212,33 @@ def bench(
     case: Annotated[str, typer.Argument(help="Case file, or name of a packaged case.")],
     settings: Settings = None,
 ) -> None:
-    """Time a case's parts."""
+    """Time a coupled run against one assembly and one factorisation of its own tangent."""
     (checked,) = _load([case], settings)
-    from cosim.run import bench_case
+    from cosim.bench import bench_case
 
     with _told():
         for name, value in bench_case(checked).items():
             typer.echo(f"{name:<20} {value:.4g}")
+
+
+@app.command()
+def mesh(
+    case: Annotated[str, typer.Argument(help="Case file, or name of a packaged case.")],
+    settings: Settings = None,
+    out: Annotated[Path, typer.Option(help="The mesh file to write.")] = Path("hood.json"),
+) -> None:
+    """Write the hood mesh of a case, for hood.mesh.kind = "file"."""
+    (checked,) = _load([case], settings)
+    with _told():
+        from cosim.build import hood_mesh
+        from meshes.hood_mesh import write
+
+        made = hood_mesh(checked)
+        try:
+            write(made, out)
+        except OSError as error:
+            raise InputError(f"{out}: cannot be written ({error.strerror})") from error
+        typer.echo(f"{len(made.quads)} quads in {_shown(out)}")
 
 
 if __name__ == "__main__":

@@ -236,6 +236,10 @@ class Finger(Protocol):
         """Poses of the shared bodies."""
         ...
 
+    def tip(self, state: State) -> Array:
+        """(3,) the fingertip point, world frame, m."""
+        ...
+
     def jacobian(self, state: State) -> Array:
         """(6 nb, nq) twists of the bodies per joint rate."""
         ...
@@ -251,4 +255,14 @@ class Finger(Protocol):
 
     def displaced(self, state: State, step: Array) -> State:
         """The state with its unknowns z moved by `step` (n,)."""
+        ...
+
+    def ledger(self, state: State, load: Load, tension: Array) -> dict[str, Array]:
+        """(nb, 6) wrench on each body about its origin, world frame, by source (muscles, passive,
+        limit, gravity, fingertip, joint); with the hood's load they close to zero on each moving
+        body."""
+        ...
+
+    def tendon_paths(self, state: State) -> dict[str, Array]:
+        """Polylines (k, 3) of the finger's own tendons, world frame, m, for pictures."""
         ...

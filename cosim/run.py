@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 
-from cosim.build import Models, build
+from cosim.build import Models, build, tensions
 from cosim.case_schema import Case
 from cosim.couple import CouplingOptions, Equilibrium, equilibrium, reciprocity
 from cosim.results import Result
@@ -19,8 +20,17 @@ AUDIT_STEP = 2e-4
 
 
 @dataclass(frozen=True)
+class Setting:
+    """What cases that differ only in their tendons share, and so need solve only once."""
+
+    key: str
+    case: Case = field(compare=False)
+    progress: Progress = field(compare=False)
+
+
+@dataclass(frozen=True)
 class States:
-    """The two equilibria of an isometric case: every tendon at its resting tension, then loaded."""
+    """The two equilibria of an isometric case, and the audit of the loaded one."""
 
     unloaded: Equilibrium
     loaded: Equilibrium
@@ -32,44 +42,51 @@ def run_case(case: Case, progress: Progress = lambda text: None) -> Result:
     from cosim.observe import result
 
     started = time.perf_counter()
-    progress("building the models")
-    models = build(case)
-    states = solve(case, models, progress)
+    models, states = solve(case, progress)
     progress("summing up")
     return result(case, models, states, time.perf_counter() - started)
 
 
-def solve(case: Case, models: Models, progress: Progress = lambda text: None) -> States:
-    """The unloaded and the loaded equilibrium, and the audit of reciprocity."""
-    finger, hood = models.finger, models.hood
-    options = CouplingOptions(case.solve.tolerance, case.solve.max_iterations)
-    at_posture = finger.start(models.posture)
-    resting_hood = np.full(len(hood.tendons), models.resting)
-    resting_finger = np.full(len(finger.tendons), models.resting)
-    progress("unloaded: settling the hood")
-    start = hood.start(finger.motion(at_posture))
-    unloaded = equilibrium(
-        finger,
-        hood,
-        at_posture,
-        start,
-        resting_hood,
-        resting_finger,
-        options,
-        lambda text: progress(f"unloaded: {text}"),
-    )
-    progress("loaded: settling the hood")
-    pulled = not np.array_equal(models.hood_tension, resting_hood)
+def solve(case: Case, progress: Progress = lambda text: None) -> tuple[Models, States]:
+    """The equilibrium with every tendon at its resting tension, then the loaded one."""
+    models, unloaded = settled(Setting(case.setting_key(), case, progress))
+    hood_tension, finger_tension = tensions(case, models)
+    pulled = not np.array_equal(hood_tension, unloaded.hood_tension)
+    state = unloaded.response.state
     loaded = equilibrium(
-        finger,
-        hood,
+        models.finger,
+        models.hood,
         unloaded.finger_state,
-        hood.start(unloaded.motion) if pulled else unloaded.response.state,
-        models.hood_tension,
-        models.finger_tension,
-        options,
+        models.hood.start(unloaded.motion) if pulled else state,
+        hood_tension,
+        finger_tension,
+        _options(case),
         lambda text: progress(f"loaded: {text}"),
     )
     progress("auditing reciprocity")
-    strongest = int(np.argmax(models.hood_tension))
-    return States(unloaded, loaded, reciprocity(finger, hood, loaded, strongest, AUDIT_STEP))
+    strongest = int(np.argmax(hood_tension))
+    gap = reciprocity(models.finger, models.hood, loaded, strongest, AUDIT_STEP)
+    return models, States(unloaded, loaded, gap)
+
+
+@lru_cache(maxsize=4)
+def settled(setting: Setting) -> tuple[Models, Equilibrium]:
+    """The models of a setting and their unloaded equilibrium."""
+    case, progress = setting.case, setting.progress
+    progress("building the models")
+    models = build(case)
+    start = models.finger.start(models.posture)
+    return models, equilibrium(
+        models.finger,
+        models.hood,
+        start,
+        models.hood.start(models.finger.motion(start)),
+        np.full(len(models.hood.tendons), models.resting),
+        np.full(len(models.finger.tendons), models.resting),
+        _options(case),
+        lambda text: progress(f"unloaded: {text}"),
+    )
+
+
+def _options(case: Case) -> CouplingOptions:
+    return CouplingOptions(case.solve.tolerance, case.solve.max_iterations)

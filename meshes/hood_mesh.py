@@ -109,8 +109,10 @@ def to_json(mesh: HoodMesh) -> str:
 
 
 def write(mesh: HoodMesh, path: Path) -> None:
-    """Write the mesh file."""
-    path.write_text(to_json(mesh), encoding="utf-8")
+    """Write the mesh file, whole or not at all."""
+    part = path.with_name(f".{path.name}.part")
+    part.write_text(to_json(mesh), encoding="utf-8")
+    part.replace(path)
 
 
 def read(path: Path) -> HoodMesh:

@@ -99,6 +99,9 @@ class ChainFinger(ABC):
     def motion(self, state: FingerState) -> Motion:
         return self.chain(state.angles).motion
 
+    def tip(self, state: FingerState) -> Array:
+        return self.chain(state.angles).tip
+
     def jacobian(self, state: FingerState) -> Array:
         return body_jacobian(self.chain(state.angles))
 
@@ -151,6 +154,10 @@ class ChainFinger(ABC):
         ledger = self._applied(state, load, tension)
         reaction = self._reactions(state, load, ledger)
         return {**ledger, "joint": joint_loads(self.chain(state.angles), reaction)}
+
+    def tendon_paths(self, state: FingerState) -> dict[str, Array]:
+        """No tendons of its own to draw; a finger that has some says where they run."""
+        return {}
 
     def joint_reactions(self, state: FingerState, load: Load, tension: Array) -> Array:
         """(nb, 6) wrench that each body receives through its proximal joint, about the body's

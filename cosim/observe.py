@@ -1,0 +1,264 @@
+"""From two equilibria to a result: the summary, the arrays, the ledger and the scene."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cosim import __version__
+from cosim.build import HoodLook, Models
+from cosim.case_schema import Case
+from cosim.couple import Equilibrium, moment_arms
+from cosim.port import Array
+from cosim.results import STRAIN, HoodField, LedgerRow, Result, Scene
+
+if TYPE_CHECKING:
+    import xarray
+
+    from cosim.run import States
+
+IN_METACARPAL = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+"""World (distal, radial, dorsal) to (distal, palmar, radial)."""
+COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
+
+
+def result(case: Case, models: Models, states: States, wall: float) -> Result:
+    """Everything a run leaves behind."""
+    pair = {"unloaded": states.unloaded, "loaded": states.loaded}
+    looks = {name: models.look(e.response.state) for name, e in pair.items()} if models.look else {}
+    return Result(
+        summary(case, models, states, looks, wall),
+        dataset(models, pair, looks),
+        tuple(row for name, e in pair.items() for row in ledger(models, name, e)),
+        scene(models, states.loaded, looks.get("loaded")),
+    )
+
+
+def summary(
+    case: Case, models: Models, states: States, looks: Mapping[str, HoodLook], wall: float
+) -> dict[str, Any]:
+    """The numbers one asks for first; every key ends in its unit."""
+    loaded, unloaded = states.loaded, states.unloaded
+    head = {"case": case.name, "version": __version__, "converged": True, "wall_s": round(wall, 4)}
+    if looks:
+        head["hood_quads"] = len(looks["loaded"].quads)
+    before = _state(models, unloaded, looks.get("unloaded"))
+    now = _state(models, loaded, looks.get("loaded"))
+    force, moment = loaded.load.imbalance(loaded.motion)
+    audit = {
+        "hood_force_balance": force,
+        "hood_moment_balance": moment,
+        "finger_residual": loaded.finger_residual,
+        "interface_residual": loaded.interface_residual,
+        "reciprocity": states.reciprocity,
+    }
+    newton = getattr(loaded.response.state, "iterations", 0)
+    iterations = {"coupling": loaded.iterations, "newton": newton}
+    rest = {
+        "unloaded": before,
+        "difference": _difference(models, unloaded, loaded, before, now),
+        "audit": audit,
+        "iterations": iterations,
+    }
+    return {**head, **now, **rest}
+
+
+def _state(models: Models, e: Equilibrium, look: HoodLook | None) -> dict[str, Any]:
+    """One equilibrium in numbers."""
+    hood, finger = models.hood, models.finger
+    force = IN_METACARPAL @ e.balance.tip_force
+    arms = {t: _by_joint(models, 1e3 * a) for t, a in _arms(models, e).items()}
+    out: dict[str, Any] = {
+        "posture_deg": _by_joint(models, np.rad2deg(finger.angles(e.finger_state))),
+        "tension_N": dict(zip(hood.tendons, e.hood_tension, strict=True))
+        | dict(zip(finger.tendons, e.finger_tension, strict=True)),
+        "excursion_mm": dict(zip(hood.tendons, 1e3 * e.excursion, strict=True)),
+        "fingertip_force_N": force.tolist(),
+        "fingertip_magnitude_N": float(np.linalg.norm(force)),
+        "moment_arm_mm": arms,
+        "joint_torque_Nmm": {
+            source: _by_joint(models, 1e3 * torque) for source, torque in e.balance.torque.items()
+        },
+    }
+    if look is not None:
+        central = look.area * look.central
+        out["slip_force_N"] = dict(look.slip_force)
+        out["spring_force_N"] = dict(look.spring_force)
+        out["strain_percent"] = {
+            name: {
+                "min": 100 * float(column[look.central].min()),
+                "mean": 100 * float(column @ central / central.sum()),
+                "max": 100 * float(column[look.central].max()),
+            }
+            for name, column in (
+                ("longitudinal", look.strain[:, 0]),
+                ("lateral", look.strain[:, 1]),
+            )
+        }
+        out["max_penetration_mm"] = 1e3 * look.penetration
+    return out
+
+
+def _arms(models: Models, e: Equilibrium) -> dict[str, Array]:
+    """(nq,) m of each tendon: d tau/d T for those of the hood, tau/T for the finger's own."""
+    out = dict(zip(models.hood.tendons, moment_arms(models.finger, e).T, strict=True))
+    for tendon, tension in zip(models.finger.tendons, e.finger_tension, strict=True):
+        if tension > 0:
+            out[tendon] = e.balance.torque[tendon] / tension
+    return out
+
+
+def _difference(
+    models: Models,
+    unloaded: Equilibrium,
+    loaded: Equilibrium,
+    before: Mapping[str, Any],
+    now: Mapping[str, Any],
+) -> dict[str, Any]:
+    """Loaded less unloaded: forces, and per tendon that was pulled its effective moment arms, change
+    of the hood's joint torques over change of tension."""
+    force = np.subtract(now["fingertip_force_N"], before["fingertip_force_N"])
+    out: dict[str, Any] = {
+        "fingertip_force_N": force.tolist(),
+        "fingertip_magnitude_N": float(np.linalg.norm(force)),
+    }
+    if "slip_force_N" in now:
+        slips = now["slip_force_N"]
+        out["slip_force_N"] = {k: slips[k] - before["slip_force_N"][k] for k in slips}
+    pull = loaded.hood_tension - unloaded.hood_tension
+    torque = 1e3 * (loaded.balance.torque["hood"] - unloaded.balance.torque["hood"])
+    pulled = np.flatnonzero(pull)
+    if len(pulled) == 1:
+        i = int(pulled[0])
+        out["moment_arm_mm"] = {models.hood.tendons[i]: _by_joint(models, torque / pull[i])}
+    return out
+
+
+def _by_joint(models: Models, values: Array) -> dict[str, float]:
+    return {j: float(v) for j, v in zip(models.finger.joints, values, strict=True)}
+
+
+def ledger(models: Models, name: str, e: Equilibrium) -> list[LedgerRow]:
+    """A row per body and source; those of one body add up to zero, but for the fixed one."""
+    finger = models.finger.ledger(e.finger_state, e.load, e.finger_tension)
+    hood = {f"hood {s}": e.load.wrench[:, i] for i, s in enumerate(e.load.sources)}
+    return [
+        LedgerRow(name, body, source, wrench[b, :3], wrench[b, 3:])
+        for b, body in enumerate(e.load.bodies)
+        for source, wrench in {**hood, **finger}.items()
+        if np.any(wrench[b])
+    ]
+
+
+def dataset(
+    models: Models, states: Mapping[str, Equilibrium], looks: Mapping[str, HoodLook]
+) -> xarray.Dataset:
+    """All arrays against the load axis `state`, SI units."""
+    import xarray
+
+    hood, finger, each = models.hood, models.finger, list(states.values())
+    sources = list(each[0].balance.torque)
+
+    def stack(dims: tuple[str, ...], unit: str, values: list[Array], what: str) -> Any:
+        return (("state", *dims), np.stack(values), {"units": unit, "long_name": what})
+
+    data = {
+        "angle": stack(
+            ("joint",), "rad", [finger.angles(e.finger_state) for e in each], "joint angle"
+        ),
+        "position": stack(
+            ("body", "axis"), "m", [e.motion.position for e in each], "origin of the body"
+        ),
+        "rotation": stack(
+            ("body", "axis", "body_axis"), "1", [e.motion.rotation for e in each], "body to world"
+        ),
+        "tension": stack(("tendon",), "N", [e.hood_tension for e in each], "tension"),
+        "own_tension": stack(
+            ("muscle",), "N", [e.finger_tension for e in each], "tension of the finger's tendons"
+        ),
+        "excursion": stack(
+            ("tendon",), "m", [e.excursion for e in each], "excursion, positive proximally"
+        ),
+        "wrench": stack(
+            ("body", "source", "component"),
+            "N, N m",
+            [e.load.wrench for e in each],
+            "wrench of the hood about the body's origin",
+        ),
+        "pull": stack(
+            ("tendon", "component"),
+            "N, N m",
+            [e.load.pull for e in each],
+            "pull of the tendon on the hood about the world's origin",
+        ),
+        "tip_force": stack(
+            ("axis",), "N", [e.balance.tip_force for e in each], "force of the tip on the world"
+        ),
+        "torque": stack(
+            ("torque_source", "joint"),
+            "N m",
+            [np.stack([e.balance.torque[s] for s in sources]) for e in each],
+            "joint torque by source",
+        ),
+        "moment_arm": stack(
+            ("joint", "tendon"), "m", [moment_arms(finger, e) for e in each], "d torque / d tension"
+        ),
+    }
+    if looks:
+        see = list(looks.values())
+        data |= {
+            "node": stack(("point", "axis"), "m", [v.points for v in see], "hood node"),
+            "strain": stack(
+                ("quad", "strain_component"), "1", [v.strain for v in see], "Green-Lagrange strain"
+            ),
+            "stress": stack(
+                ("quad", "strain_component"), "Pa", [v.stress for v in see], "2nd Piola-Kirchhoff"
+            ),
+            "pressure": stack(("point",), "Pa", [v.pressure for v in see], "contact pressure"),
+        }
+    coords: dict[str, Any] = {
+        "state": list(states),
+        "joint": list(finger.joints),
+        "body": list(hood.bodies),
+        "axis": ["x", "y", "z"],
+        "body_axis": ["x", "y", "z"],
+        "tendon": list(hood.tendons),
+        "muscle": list(finger.tendons),
+        "source": list(hood.sources),
+        "torque_source": sources,
+        "component": list(COMPONENTS),
+    }
+    if looks:
+        coords["strain_component"] = ["along", "across", "shear"]
+    return xarray.Dataset(data, coords)
+
+
+def scene(models: Models, e: Equilibrium, look: HoodLook | None) -> Scene:
+    """The loaded finger."""
+    bones = []
+    for body, (vertices, faces) in models.bones.items():
+        position, rotation = e.motion.of(body)
+        bones.append((body, vertices @ rotation.T + position, faces))
+    tendons = tuple(models.finger.tendon_paths(e.finger_state).items())
+    tip = (models.finger.tip(e.finger_state), e.balance.tip_force)
+    return Scene(None if look is None else _field(look), tuple(bones), tendons, tip)
+
+
+def _field(look: HoodLook) -> HoodField:
+    return HoodField(
+        look.points,
+        look.quads,
+        {"displacement": look.points - look.reference, "contact_pressure": look.pressure},
+        {
+            STRAIN: look.strain[:, 0],
+            "transverse_strain": look.strain[:, 1],
+            "shear_strain": look.strain[:, 2] / 2,
+            "inner_face_strain": look.faces[:, 0],
+            "outer_face_strain": look.faces[:, 1],
+            "fibre_stress": look.stress[:, 0],
+            "transverse_stress": look.stress[:, 1],
+            "region": look.region,
+        },
+    )
