@@ -188,6 +188,11 @@ class Hood(Protocol):
         """Derivatives of load and excursion at a state that `advance` returned."""
         ...
 
+    def loosely(self, tolerance: float) -> Hood:
+        """The same hood, free to leave a relative force residual of `tolerance`: for the first rounds
+        of an iteration.  A hood in closed form is itself."""
+        ...
+
 
 @dataclass(frozen=True)
 class Balance:

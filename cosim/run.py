@@ -15,7 +15,7 @@ from cosim.couple import CouplingOptions, Equilibrium, equilibrium, reciprocity
 from cosim.results import Result
 
 Progress = Callable[[str], None]
-AUDIT_STEP = 2e-4
+AUDIT_STEP = 2e-5
 """rad, joint step of the reciprocity audit: small against the contact's smoothing."""
 
 

@@ -80,6 +80,7 @@ def contact_forces(
         contact.offset[near] - value[near],
         -normal,
         scale,
+        np.full(len(node), contact.smoothing),
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse.linalg as spla
@@ -16,10 +17,9 @@ from .model import Configuration, Evaluation, ShellModel
 Array = NDArray[np.float64]
 
 MOST_FLIPS = 2
-CLOSE = 1e-5
-"""Relative residual from which one more step leaves the tangent's factor good for derivatives."""
-RAMP = 1e-5
-"""m, depth within which a contact is not worth foreseeing: the smoothed tangent knows both sides."""
+SMOOTH = 0.2
+"""Of a smoothed force's ramp: within it the tangent knows both sides, so that a contact is not worth
+foreseeing."""
 NEAR = 0.1
 """Step size, against the longest step allowed, below which the tangent is the consistent one."""
 
@@ -37,15 +37,21 @@ class NewtonOptions:
 
 @dataclass(frozen=True)
 class Solution:
-    """A converged equilibrium; `factor` is that of the last tangent, at most one Newton step old."""
+    """A converged equilibrium."""
 
+    model: ShellModel
     configuration: Configuration
     evaluation: Evaluation
     tension: Array
-    factor: spla.SuperLU
     iterations: int
     residual: float
     """Largest residual force, N (moments over the element size)."""
+
+    @cached_property
+    def factor(self) -> spla.SuperLU:
+        """Of the consistent tangent; made when it is first asked for."""
+        assert self.evaluation.data is not None
+        return factorise(self.model.pattern.free(self.evaluation.data))
 
 
 def length_scale(model: ShellModel) -> float:
@@ -81,12 +87,11 @@ def worst_place(model: ShellModel, c: Configuration, e: Evaluation) -> str:
     return f"node {node} at ({place}) mm{near}"
 
 
-def _step(model: ShellModel, data: Array, gradient: Array) -> tuple[Array, spla.SuperLU]:
+def _step(model: ShellModel, data: Array, gradient: Array) -> Array:
     order = model.pattern.order
-    factor = factorise(model.pattern.free(data))
     step = np.zeros(model.pattern.size)
-    step[order] = -factor.solve(gradient[order])
-    return step, factor
+    step[order] = -factorise(model.pattern.free(data)).solve(gradient[order])
+    return step
 
 
 def _flipping_step(model: ShellModel, e: Evaluation, step: Array) -> Array:
@@ -98,11 +103,11 @@ def _flipping_step(model: ShellModel, e: Evaluation, step: Array) -> Array:
     flipped = np.zeros(len(p.depth), dtype=bool)
     for _ in range(MOST_FLIPS):
         moved = p.depth + np.einsum("kj,kj->k", normal, step.reshape(-1, DOFS)[p.node, :3])
-        now = ((moved > 0) != (p.depth > 0)) & (np.abs(p.depth) > RAMP)
+        now = ((moved > 0) != (p.depth > 0)) & (np.abs(p.depth) > SMOOTH * p.ramp)
         if np.array_equal(now, flipped):
             break
         flipped = now
-        step = _step(model, *_with_flips(model, e, normal, flipped))[0]
+        step = _step(model, *_with_flips(model, e, normal, flipped))
     return step
 
 
@@ -139,21 +144,17 @@ def solve(
 
     Far from equilibrium the tangent is the convex one, near it (as `near` says of `start`) the
     consistent one.  Raises ConvergenceError naming the place of the largest residual."""
-    c, convex, stuck, factor = start, not near, False, None
+    c, convex, stuck = start, not near, False
     e = model.evaluate(c, tension, tangent=True, convex=convex)
     for iteration in range(options.max_iterations):
         residual, force = residual_norm(model, e)
         done = residual <= options.tolerance * force + rounding(model, c, e)
-        if done and convex:
-            e, convex, factor = model.evaluate(c, tension, tangent=True), False, None
-        if done and factor is not None:
-            return Solution(c, e, tension, factor, iteration, residual)
-        assert e.data is not None
-        step, factor = _step(model, e.data, e.reduced)
         if done:
-            return Solution(c, e, tension, factor, iteration, residual)
-        if convex or residual > CLOSE * force:
-            factor = None
+            if convex:
+                e = model.evaluate(c, tension, tangent=True)
+            return Solution(model, c, e, tension, iteration, residual)
+        assert e.data is not None
+        step = _step(model, e.data, e.reduced)
         trial = _advanced(model, c, e, tension, step, options)
         if trial is not None:
             (c, e, convex), stuck = trial, False

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -101,6 +101,11 @@ class ShellHood:
             excursion[:, :nm],
             excursion[:, nm:],
         )
+
+    def loosely(self, tolerance: float) -> ShellHood:
+        """The same shell, its Newton stopped at a relative residual of `tolerance`."""
+        loose = max(tolerance, self.options.tolerance)
+        return replace(self, options=replace(self.options, tolerance=loose))
 
     def _check(self, motion: Motion) -> None:
         if motion.bodies != self.bodies:

@@ -42,7 +42,8 @@ class PointForces:
 
     Each force is that of a one-sided spring of `stiffness` (k,) N/m in its `depth` (k,) m, which grows
     along the unit `direction` (k, 3): penetration, or stretch; a two-sided spring has no depth (inf).
-    Those that are open are listed too, with no force."""
+    Those that are open are listed too, with no force; within `ramp` (k,) m of depth zero the force
+    is smoothed."""
 
     node: Ints
     body: Ints
@@ -55,6 +56,7 @@ class PointForces:
     depth: Array
     direction: Array
     stiffness: Array
+    ramp: Array
 
 
 def spring_forces(springs: Springs, x: Array, position: Array, rotation: Array) -> PointForces:
@@ -82,4 +84,5 @@ def spring_forces(springs: Springs, x: Array, position: Array, rotation: Array) 
         np.where(springs.tension_only, stretch, np.inf),
         direction,
         springs.stiffness,
+        np.zeros(len(length)),
     )

@@ -117,6 +117,10 @@ class PulleyHood:
             excursion[k] = -line.gradient.ravel() @ rate
         return HoodJacobian(stiffness, by_tension, excursion, np.diag(self._compliance()))
 
+    def loosely(self, tolerance: float) -> PulleyHood:
+        """Itself: closed forms leave no residual."""
+        return self
+
     def _point_rates(self, line: _Line) -> Array:
         """(3 n, 6 nb) velocities of the points per twist of the bodies."""
         rate = np.zeros((len(line.body), 3, len(self.bodies), 6))
