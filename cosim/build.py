@@ -31,8 +31,6 @@ HOOD_TENDONS = ("EDC", "EI", "LUM", "FPI")
 """The muscles that act through the hood."""
 ENDS = {"EDC": "central", "EI": "central", "LUM": "radial", "FPI": "ulnar"}
 """The end of the hood that each one pulls; EI pulls its ulnar half."""
-SPRING_SOURCE = {"central_slip": "insertion"}
-"""The ledger's source of a spring set; "ligament" where not named."""
 MARGIN = 5e-3
 """m, how far beyond a bone its baked distance reaches."""
 
@@ -285,14 +283,14 @@ def _shell_hood(
     missing = [REGIONS[i] for i in np.unique(mesh.region) if material[i] is None]
     if missing:
         raise InputError(f"hood.regions: the mesh also has {', '.join(missing)}; name them")
-    thickness = np.array([r.thickness or hood.thickness if r else 0.0 for r in material])
+    thickness = _thickness(hood, mesh)
     sheet = Sheet(
-        mesh.points,
+        _faced(mesh, thickness, hood.thickness),
         mesh.quads,
         mesh.fibre,
         np.array([r.modulus if r else 0.0 for r in material])[mesh.region],
         np.array([r.poisson if r else 0.0 for r in material])[mesh.region],
-        thickness[mesh.region],
+        thickness,
         _growth(hood, mesh),
     )
     springs = {
@@ -301,7 +299,6 @@ def _shell_hood(
             spring.stiffness,
             spring.slack,
             spring.tension_only,
-            SPRING_SOURCE.get(name, "ligament"),
         )
         for name, spring in hood.springs.items()
         if name in mesh.springs
@@ -320,6 +317,32 @@ def _shell_hood(
         ContactLaw(hood.contact.stiffness, hood.contact.smoothing, _surfaces(bones), offset),
         NewtonOptions(tolerance=case.solve.hood_tolerance),
     )
+
+
+def _thickness(hood: ShellHood, mesh: HoodMesh) -> Array:
+    """(ne,) m."""
+    from meshes.hood_mesh import REGIONS
+
+    out = np.full(len(mesh.quads), hood.thickness)
+    for i in np.unique(mesh.region):
+        region, cells = hood.regions[REGIONS[i]], mesh.region == i
+        if region.section is not None:
+            width = mesh.areas()[cells].sum() / _length(mesh, cells)
+            out[cells] = region.section / width
+        elif region.thickness is not None:
+            out[cells] = region.thickness
+    return out
+
+
+def _faced(mesh: HoodMesh, thickness: Array, laid: float) -> Array:
+    """Mid-surface points (n, 3) that leave the face towards the bones where a sheet of the thickness
+    `laid` has it."""
+    from fe_solver.hood_model import node_directors, node_means
+
+    rise = (node_means(thickness, mesh.quads, len(mesh.points)) - laid) / 2
+    if not rise.any():
+        return mesh.points
+    return mesh.points + rise[:, None] * node_directors(mesh.points, mesh.quads)
 
 
 def _growth(hood: ShellHood, mesh: HoodMesh) -> Array:
@@ -362,7 +385,7 @@ def _look(hood: FeHood, mesh: HoodMesh, state: State) -> HoodLook:
     c = state.configuration
     field = fields(hood.model, c)
     forces = {name: float(np.linalg.norm(f)) for name, f in hood.group_forces(state).items()}
-    slips = {"central": forces.get("central_slip", 0.0), "terminal": forces.pop("tie")}
+    slips = {"central": forces.get("central_slip", 0.0), "terminal": forces.pop("terminal_slip")}
     return HoodLook(
         c.x,
         hood.model.reference,

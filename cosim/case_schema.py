@@ -22,6 +22,7 @@ Acceleration = Annotated[
     float, quantity(units.ACCELERATION, least="-100 m/s**2", most="100 m/s**2")
 ]
 Thickness = Annotated[float, quantity(units.LENGTH, above="0 mm", most="5 mm")]
+Section = Annotated[float, quantity(units.AREA, above="0 mm**2", most="100 mm**2")]
 Gap = Annotated[float, quantity(units.LENGTH, above="0 mm", most="1 mm")]
 Offset = Annotated[float, quantity(units.LENGTH, least="0 mm", most="10 mm")]
 ExtraLength = Annotated[float, quantity(units.LENGTH, least="-3 mm", most="5 mm")]
@@ -160,11 +161,19 @@ class MeshFile(Table):
 
 
 class Region(Table):
-    """An isotropic material; thickness where it differs from the hood's."""
+    """An isotropic material; its thickness, or the cross-section that thickness times the region's
+    mean width makes, where it differs from the hood's."""
 
     modulus: Annotated[float, quantity(units.PRESSURE, above="0 MPa", most="100 GPa")]
     poisson: Annotated[Number, Field(ge=0, le=0.49)]
     thickness: Thickness | None = None
+    section: Section | None = None
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Region:
+        if self.thickness is not None and self.section is not None:
+            raise fault("gives both thickness and section; write one of them")
+        return self
 
 
 class ContactOffset(Table):

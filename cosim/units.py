@@ -54,6 +54,7 @@ class Kind:
 
 LENGTH = Kind("length", "mm", "m", "0.6 mm")
 FORCE = Kind("force", "N", "N", "3.4 N")
+AREA = Kind("area", "mm**2", "m**2", "1.5 mm**2")
 PRESSURE = Kind("pressure", "MPa", "Pa", "105 MPa")
 ANGLE = Kind("angle", "deg", "rad", "30 deg")
 ACCELERATION = Kind("acceleration", "m/s**2", "m/s**2", "9.81 m/s**2")

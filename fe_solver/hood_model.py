@@ -51,13 +51,12 @@ class Sheet:
 @dataclass(frozen=True)
 class SpringSet:
     """Springs of one name: `stiffness` (N/m) is the set's total, spread evenly; `slack` (m) is added
-    to the distance at rest; `source` is the ledger's."""
+    to the distance at rest."""
 
     attached: Attached
     stiffness: float
     slack: float
     tension_only: bool
-    source: str
 
 
 @dataclass(frozen=True)
@@ -87,6 +86,12 @@ def node_directors(points: Array, quads: Ints) -> Array:
     out = np.zeros_like(points)
     np.add.at(out, quads, corner)
     return out / np.linalg.norm(out, axis=1, keepdims=True)
+
+
+def node_means(values: Array, quads: Ints, count: int) -> Array:
+    """(n,) mean of the quads' values (ne,) that meet at each node."""
+    total = np.bincount(quads.ravel(), weights=np.repeat(values, 4), minlength=count)
+    return total / np.maximum(np.bincount(quads.ravel(), minlength=count), 1)
 
 
 def node_areas(points: Array, quads: Ints) -> Array:
@@ -145,7 +150,6 @@ def shell_hood(
         rest,
         carriers,
         tuple(held),
-        {name: s.source for name, s in held.items()},
         options,
     )
 
@@ -195,9 +199,7 @@ def _contacts(
     X: Array, sheet: Sheet, bodies: tuple[str, ...], law: ContactLaw, nodes: Ints
 ) -> tuple[Contact, ...]:
     area = node_areas(X, sheet.quads)
-    corner = np.repeat(sheet.thickness / 2, 4)
-    half = np.bincount(sheet.quads.ravel(), weights=corner, minlength=len(X))
-    half /= np.maximum(np.bincount(sheet.quads.ravel(), minlength=len(X)), 1)
+    half = node_means(sheet.thickness, sheet.quads, len(X)) / 2
     return tuple(
         Contact(
             bodies.index(body),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -21,7 +20,8 @@ from cosim.port import (
 from .model import Configuration, ShellModel
 from .newton import NewtonOptions, Solution, solve
 
-SOURCES = ("insertion", "ligament", "contact", "guide")
+TIE, HELD = "terminal_slip", ("contact", "guide")
+"""The ledger's names of what the tied nodes and the bones do; springs have their sets' names."""
 SMALL_TURN = 0.003
 """rad; below it the tangent predicts the hood's motion, above it the bones carry the nodes."""
 MOST_HALVINGS = 6
@@ -43,21 +43,22 @@ class ShellHood:
     """A shell over the bones as a Hood of the port.
 
     `carriers` (n, nb) say how much of each node's motion each body carries in a large change of
-    pose; `groups` names the springs' groups, and `source_of` the ledger's source of each group;
-    `rest` is the pose in which the mesh was laid."""
+    pose; `groups` names the springs' groups, each a source of the load; `rest` is the pose in which the mesh was laid."""
 
     model: ShellModel
     tendons: tuple[str, ...]
     rest: Motion
     carriers: Array
     groups: tuple[str, ...]
-    source_of: Mapping[str, str]
     options: NewtonOptions = field(default_factory=NewtonOptions)
-    sources: tuple[str, ...] = SOURCES
 
     @property
     def bodies(self) -> tuple[str, ...]:
         return self.model.bodies
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        return (*self.groups, TIE, *HELD)
 
     def start(self, motion: Motion) -> HoodState:
         """The rest shape carried by the bones to `motion`."""
@@ -169,8 +170,8 @@ class ShellHood:
         """(nb, ns, 6) wrenches on the bodies."""
         out = np.zeros((len(self.bodies), len(self.sources), 6))
         parts = self.model.wrenches(s.configuration, s.evaluation, s.tension)
-        names = {"contact": "contact", "tie": "insertion", "guide": "guide"}
-        names |= {f"spring {i}": self.source_of[g] for i, g in enumerate(self.groups)}
+        names = {"contact": "contact", "tie": TIE, "guide": "guide"}
+        names |= {f"spring {i}": group for i, group in enumerate(self.groups)}
         for part, wrench in parts.items():
             out[:, self.sources.index(names[part])] += wrench
         return out
@@ -192,7 +193,7 @@ class ShellHood:
         s = _solved(state)
         points = s.evaluation.points
         out = {g: points.gradient[points.group == i].sum(axis=0) for i, g in enumerate(self.groups)}
-        out["tie"] = -s.evaluation.gradient_x[self.model.ties.node].sum(axis=0)
+        out[TIE] = -s.evaluation.gradient_x[self.model.ties.node].sum(axis=0)
         return out
 
     def strain(self, state: HoodState) -> Array:

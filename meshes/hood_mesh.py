@@ -75,6 +75,11 @@ class HoodMesh:
     rest_posture: Mapping[str, float]
     quads_asked: int
 
+    def areas(self) -> Array:
+        """(ne,) m2."""
+        p = self.points[self.quads]
+        return np.linalg.norm(np.cross(p[:, 2] - p[:, 0], p[:, 3] - p[:, 1]), axis=1) / 2
+
     def cells(self, *names: str) -> NDArray[np.bool_]:
         """Mask of the quads in the named regions."""
         return np.isin(self.region, [REGIONS.index(n) for n in names])
@@ -227,9 +232,7 @@ class _Reader:
         return Attachment(body, nodes, anchors)
 
     def check_shape(self, mesh: HoodMesh) -> None:
-        p = mesh.points[mesh.quads]
-        area = np.linalg.norm(np.cross(p[:, 2] - p[:, 0], p[:, 3] - p[:, 1]), axis=1) / 2
-        flat = np.flatnonzero(area < 1e-12)
+        flat = np.flatnonzero(mesh.areas() < 1e-12)
         if len(flat):
             raise self.fault(
                 "quads", f"quad {flat[0]} has no area; its nodes {mesh.quads[flat[0]]}"
