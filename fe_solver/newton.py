@@ -17,6 +17,8 @@ from .model import Configuration, Evaluation, ShellModel
 Array = NDArray[np.float64]
 
 MOST_FLIPS = 2
+STUCK = 30
+"""A residual up to so many limits that no step lowers is rounding error too."""
 SMOOTH = 0.2
 """Of a smoothed force's ramp: within it the tangent knows both sides, so that a contact is not worth
 foreseeing."""
@@ -148,8 +150,8 @@ def solve(
     e = model.evaluate(c, tension, tangent=True, convex=convex)
     for iteration in range(options.max_iterations):
         residual, force = residual_norm(model, e)
-        done = residual <= options.tolerance * force + rounding(model, c, e)
-        if done:
+        limit = options.tolerance * force + rounding(model, c, e)
+        if residual <= limit:
             if convex:
                 e = model.evaluate(c, tension, tangent=True)
             return Solution(model, c, e, tension, iteration, residual)
@@ -158,6 +160,10 @@ def solve(
         trial = _advanced(model, c, e, tension, step, options)
         if trial is not None:
             (c, e, convex), stuck = trial, False
+        elif stuck and residual <= STUCK * limit:
+            return Solution(
+                model, c, model.evaluate(c, tension, tangent=True), tension, iteration, residual
+            )
         elif stuck:
             break
         else:

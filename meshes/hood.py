@@ -1,6 +1,6 @@
 """The extensor hood: a generator that lays a quadrilateral shell over the bones.
 
-`python -m meshes.hood [--quads 600] [--out FILE]` writes the default hoods of `meshes/hoods`.
+`cosim mesh CASE --set hood.mesh.quads=600 --out FILE` writes one; `meshes/hoods` holds the default.
 
 The sheet is a structured grid of rows (stations s, mm along the straight chain of joint centres, MCP
 at 0, PIP at 42.6, DIP at 67.7) and columns (angle phi about the chain, 0 dorsal, positive radial).
