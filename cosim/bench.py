@@ -15,9 +15,9 @@ REPEATS = 5
 def bench_case(case: Case) -> dict[str, float]:
     """Medians of `REPEATS`, all measured in this process, s, and their ratio.
 
-    `warm_run_s`: the loaded equilibrium with its audit, once models and the unloaded state are there,
-    as they are from the second case of a batch on; `cold_run_s`: models and both equilibria, with the
-    bones' distances baked.  Raises InputError for a hood without a tangent."""
+    `warm_run_s`: the loaded equilibrium with its audit, once models and the unloaded state are
+    there, as they are from the second case of a batch on; `cold_run_s`: models and both equilibria,
+    with the bones' distances baked.  Raises InputError for a hood without a tangent."""
     models, states = solve(case)
     if models.linear is None:
         raise InputError(f"{case.name}: bench needs a shell hood")

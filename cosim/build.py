@@ -21,10 +21,12 @@ from cosim.case_schema import (
 from cosim.port import Array, Finger, Hood, InputError, Motion, State
 
 if TYPE_CHECKING:
+    from fe_solver.hood_model import Tendon
     from fe_solver.shell_hood import ShellHood as FeHood
     from fe_solver.surfaces import Surface
     from meshes.hood_mesh import HoodMesh
     from meshes.skeleton import Skeleton
+    from rigid.joint_torques import JointLaw
 
 Triangles = tuple[Array, np.ndarray]
 HOOD_TENDONS = ("EDC", "EI", "LUM", "FPI")
@@ -37,8 +39,8 @@ MARGIN = 5e-3
 
 @dataclass(frozen=True)
 class HoodLook:
-    """What there is to see of a solved shell hood; means over each quad, local axes 1 along the fibre
-    (in the central region: along the finger), 2 across it."""
+    """What there is to see of a solved shell hood; means over each quad, local axes 1 along the
+    fibre (in the central region: along the finger), 2 across it."""
 
     points: Array
     """(n, 3) m, deformed."""
@@ -111,7 +113,7 @@ def build(case: Case) -> Models:
 
 
 def tensions(case: Case, models: Models) -> tuple[Array, Array]:
-    """N, of the hood's and of the finger's own tendons; InputError for a tendon that neither has."""
+    """N, of the hood's and of the finger's own tendons; InputError for one that neither has."""
     hood, finger = models.hood.tendons, models.finger.tendons
     for name, tendon in case.tendons.items():
         if tendon.force is not None and name not in (*hood, *finger):
@@ -162,8 +164,8 @@ def _user_bone(body: str, bone: Bone, finger: IndexFinger) -> Triangles:
         faces = np.array(loaded.faces, dtype=np.intp)
     except (OSError, ValueError, TypeError, AttributeError, KeyError, IndexError) as error:
         raise InputError(
-            f"finger.bones.{body}.surface: {bone.surface.name} cannot be read as a triangle surface "
-            f"({error}); give a watertight STL or OBJ"
+            f"finger.bones.{body}.surface: {bone.surface.name} cannot be read as a triangle "
+            f"surface ({error}); give a watertight STL or OBJ"
         ) from error
     if bone.frame == "myohand":
         points = index_finger().from_source(body, points)
@@ -192,7 +194,7 @@ def _hinge_finger(finger: HingeFinger) -> Finger:
     return Hinges(finger.lengths, law=law, held=finger.tip == "held")
 
 
-def _law(finger: IndexFinger | HingeFinger, joints: tuple[str, ...]):  # type: ignore[no-untyped-def]
+def _law(finger: IndexFinger | HingeFinger, joints: tuple[str, ...]) -> JointLaw:
     from rigid.joint_torques import joint_law
 
     posture = finger.posture.angles()
@@ -303,6 +305,11 @@ def _shell_hood(
         for name, spring in hood.springs.items()
         if name in mesh.springs
     }
+    if "central_slip" not in springs and not any(len(nodes) for nodes in mesh.tied.values()):
+        raise InputError(
+            "hood: no insertion holds the hood: its mesh ties no nodes to a bone, and there are no "
+            "springs of the central slip. Give hood.springs.central_slip, or a mesh that is tied"
+        )
     offset = {body: getattr(hood.contact.offset, body) for body in BODIES}
     position, rotation = skeleton.pose(mesh.rest_posture)
     return shell_hood(
@@ -335,8 +342,8 @@ def _thickness(hood: ShellHood, mesh: HoodMesh) -> Array:
 
 
 def _faced(mesh: HoodMesh, thickness: Array, laid: float) -> Array:
-    """Mid-surface points (n, 3) that leave the face towards the bones where a sheet of the thickness
-    `laid` has it."""
+    """Mid-surface points (n, 3) that leave the face towards the bones where a sheet of the
+    thickness `laid` has it."""
     from fe_solver.hood_model import node_directors, node_means
 
     rise = (node_means(thickness, mesh.quads, len(mesh.points)) - laid) / 2
@@ -362,7 +369,7 @@ def _length(mesh: HoodMesh, cells: np.ndarray) -> float:
     return float(np.ptp(along))
 
 
-def _tendons(mesh: HoodMesh):  # type: ignore[no-untyped-def]
+def _tendons(mesh: HoodMesh) -> dict[str, Tendon]:
     """Each tendon's end nodes and their shares: half at an edge node, and EI on the ulnar half."""
     from fe_solver.hood_model import Tendon
 
@@ -411,5 +418,6 @@ def _linear(hood: FeHood, state: State) -> tuple[float, float]:
     start = perf_counter()
     e = hood.model.evaluate(state.configuration, state.solution.tension, tangent=True)
     assembled = perf_counter()
+    assert e.data is not None  # the tangent was asked for
     factorise(hood.model.pattern.free(e.data))
     return assembled - start, perf_counter() - assembled

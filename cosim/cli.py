@@ -202,8 +202,20 @@ def _open_window(hood: Path) -> None:
 
     mesh = pyvista.read(hood)
     plotter = pyvista.Plotter(title=f"cosim: {hood.parent.name}")
-    shown = STRAIN if STRAIN in mesh.cell_data else None
-    plotter.add_mesh(mesh, scalars=shown, cmap="RdBu_r", show_edges=True)
+    if STRAIN in mesh.cell_data:
+        percent = 100 * mesh.cell_data[STRAIN]
+        most = float(abs(percent).max())
+        bar = {"title": "longitudinal strain, %"}
+        plotter.add_mesh(
+            mesh,
+            scalars=percent,
+            cmap="RdBu_r",
+            clim=(-most, most),
+            show_edges=True,
+            scalar_bar_args=bar,
+        )
+    else:
+        plotter.add_mesh(mesh, show_edges=True)
     plotter.show()
 
 

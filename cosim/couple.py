@@ -32,7 +32,14 @@ MOST_TURN = np.deg2rad(8.0)
 LOOSE, NEAR = 1e-3, 0.1
 """The hood is solved to LOOSE until the interface's residual is below NEAR (an inexact Newton:
 Dembo, Eisenstat and Steihaug 1982, SIAM J Numer Anal 19:400)."""
+AT_REST = 1e-4
+"""rad: a finger that would still turn so far is not at rest, however small its residual: it stands
+where it would run away."""
 MOST_STEPS = 30
+MOST_RELAXING = 500
+RELAXING_TURN = np.deg2rad(0.5)
+NEAR_REST = 1e-6
+"""Of the first residual, where relaxing ends and Newton takes over."""
 SMALL_TORQUE = 1e-12
 """N m, below which a residual that no longer falls is rounding error."""
 
@@ -59,7 +66,7 @@ class Equilibrium:
     finger_residual: float
     """Relative imbalance of the finger against the load that it was solved with."""
     interface_residual: float
-    """Relative difference, as joint torques, of that load and the hood's answer at the final pose."""
+    """Relative difference, as joint torques, of that load and the hood's answer at this pose."""
     iterations: int
     """Hood solves."""
 
@@ -73,8 +80,8 @@ class Equilibrium:
 
 
 def affine(load: Load, by_motion: Array, at: Motion, motion: Motion) -> Load:
-    """The load at `motion` as the tangent `by_motion` (6 nb, 6 nb) at `at` foresees it; the change is
-    booked under the first source, since only its sum plays a part."""
+    """The load at `motion` as the tangent `by_motion` (6 nb, 6 nb) at `at` foresees it; the change
+    is booked under the first source, since only its sum plays a part."""
     change = (by_motion @ at.twist_to(motion).ravel()).reshape(-1, 6)
     wrench = load.wrench.copy()
     wrench[:, 0] += change
@@ -84,11 +91,13 @@ def affine(load: Load, by_motion: Array, at: Motion, motion: Motion) -> Load:
 def balanced(
     finger: Finger, state: State, load: Load, tension: Array, by_motion: Array, tolerance: float
 ) -> tuple[State, Balance]:
-    """The finger's equilibrium under an affine load (its poses at `state` are where it was taken).
+    """The finger's stable equilibrium under an affine load (its poses at `state` are where it was
+    taken), or a state on the way there where a joint turns by more than MOST_TURN: so far off, the
+    affine load need not have an equilibrium.
 
     Raises ConvergenceError."""
-    at = finger.motion(state)
-    size = len(finger.unknowns(state))
+    at, nq = finger.motion(state), len(finger.joints)
+    start = np.zeros(len(finger.unknowns(state)))
 
     def there(step: Array) -> tuple[State, Load]:
         moved = finger.displaced(state, step)
@@ -100,16 +109,15 @@ def balanced(
     def slope(step: Array) -> Array:
         return finger.tangent(*there(step), tension, by_motion)
 
-    step = _newton(residual, slope, np.zeros(size))
-    if step is None:
-        from scipy.optimize import root
-
-        found = root(residual, np.zeros(size), jac=slope, method="hybr", options={"xtol": 1e-13})
-        step = _newton(residual, slope, found.x)
-        step = found.x if step is None else step
+    step = _newton(residual, slope, start)
+    if step is None or not _is_near(step, nq) or _softest(slope(step), nq) > 0:
+        step = _relaxed(residual, slope, start, nq)
+        if _is_near(step, nq):
+            polished = _newton(residual, slope, step)
+            step = step if polished is None else polished
     moved, seen = there(step)
     balance = finger.balance(moved, seen, tension)
-    if not balance.relative <= tolerance:
+    if _is_near(step, nq) and not balance.relative <= tolerance:
         raise ConvergenceError(
             f"the finger found no equilibrium: its relative residual is {balance.relative:.1e} "
             f"(joints {finger.joints}). Try a stiffer passive joint, or smaller tensions."
@@ -117,10 +125,14 @@ def balanced(
     return moved, balance
 
 
+def _is_near(step: Array, nq: int) -> bool:
+    return bool(np.abs(step[:nq]).max() <= MOST_TURN)
+
+
 def _newton(
     residual: Callable[[Array], Array], slope: Callable[[Array], Array], step: Array
 ) -> Array | None:
-    """A root near `step` by plain Newton, or None where the residual does not fall at every step."""
+    """A root near `step` by plain Newton, or None where a step does not lower the residual."""
     r = residual(step)
     for _ in range(MOST_STEPS):
         try:
@@ -134,6 +146,37 @@ def _newton(
     else:
         return None
     return step if np.abs(r).max() < SMALL_TORQUE else None
+
+
+def _softest(slope: Array, nq: int) -> float:
+    """N m/rad, the largest eigenvalue of the joints' tangent (n, n) over the motions that the tip's
+    support allows; positive where the finger runs away from its equilibrium."""
+    free = np.linalg.svd(slope[nq:, :nq])[2][len(slope) - nq :].T
+    allowed = free.T @ slope[:nq, :nq] @ free
+    return float(np.linalg.eigvalsh((allowed + allowed.T) / 2).max(initial=-np.inf))
+
+
+def _relaxed(
+    residual: Callable[[Array], Array], slope: Callable[[Array], Array], step: Array, nq: int
+) -> Array:
+    """The step after which a finger with viscous joints has come near rest, or has turned a joint
+    by more than MOST_TURN: implicit steps whose damping falls with the residual (pseudo-transient
+    continuation: Kelley and Keyes 1998, SIAM J Numer Anal 35:508), so that it ends in a stable
+    equilibrium."""
+    r, first, joints = residual(step), None, np.zeros(len(step))
+    joints[:nq] = 1.0
+    for _ in range(MOST_RELAXING):
+        size = np.abs(r).max()
+        first = size if first is None else first
+        if size <= NEAR_REST * first or not _is_near(step, nq):
+            break
+        tangent = slope(step)
+        damping = max(size / RELAXING_TURN, 2 * _softest(tangent, nq), 0.0)
+        move = -np.linalg.solve(tangent - np.diag(damping * joints), r)
+        move /= max(1.0, np.abs(move[:nq]).max() / RELAXING_TURN)
+        step = step + move
+        r = residual(step)
+    return step
 
 
 def equilibrium(
@@ -168,7 +211,8 @@ def equilibrium(
             jacobian.load_motion,
             options.tolerance,
         )
-        if exact and interface <= options.tolerance:
+        turn = np.abs(finger.angles(aim) - finger.angles(finger_state)).max()
+        if exact and interface <= options.tolerance and turn <= AT_REST:
             return Equilibrium(
                 finger_state,
                 motion,
@@ -182,37 +226,26 @@ def equilibrium(
                 iteration,
             )
         exact = interface <= NEAR
-        finger_state, state = _moderated(finger, finger_state, aim), response.state
+        finger_state, state = aim, response.state
     raise ConvergenceError(
-        f"hood and finger did not agree in {options.max_iterations} rounds: the interface's relative "
-        f"residual is {interface:.1e}, its tolerance {options.tolerance:.1e}. Try more rounds "
-        "(solve.max_iterations), a smaller tension, or a stiffer passive joint."
+        f"hood and finger did not agree in {options.max_iterations} rounds: the interface's "
+        f"relative residual is {interface:.1e}, its tolerance {options.tolerance:.1e}. Try more "
+        "rounds (solve.max_iterations), a smaller tension, or a stiffer passive joint."
     )
 
 
-def _moderated(finger: Finger, state: State, aim: State) -> State:
-    """The aim, or a state on the way to it where a joint would move too far."""
-    change = finger.angles(aim) - finger.angles(state)
-    far = float(np.abs(change).max()) / MOST_TURN
-    if far <= 1:
-        return aim
-    step = np.zeros(len(finger.unknowns(state)))
-    step[: len(change)] = change / far
-    return finger.displaced(state, step)
-
-
 def moment_arms(finger: Finger, e: Equilibrium) -> Array:
-    """(nq, nt) m, by force: derivative of the joint torques by each hood tendon's tension, d tau/d T
-    at fixed pose (for a prestressed hood not the same as tau/T)."""
+    """(nq, nt) m, by force: derivative of the joint torques by each hood tendon's tension,
+    d tau/d T at fixed pose (for a prestressed hood not the same as tau/T)."""
     return finger.jacobian(e.finger_state).T @ e.jacobian.load_tension
 
 
 def reciprocity(finger: Finger, hood: Hood, e: Equilibrium, tendon: int, step: float) -> float:
     """Relative difference of the moment arms by force and by excursion.
 
-    By force: `moment_arms`.  By excursion: the slope of all tendons' excursions over two hood solves
-    with the joints moved by +-`step` (rad) along the moment arms of `tendon` (Maxwell's reciprocity;
-    the slope is what excursion experiments measure)."""
+    By force: `moment_arms`.  By excursion: the slope of all tendons' excursions over two hood
+    solves with the joints moved by +-`step` (rad) along the moment arms of `tendon` (Maxwell's
+    reciprocity; the slope is what excursion experiments measure)."""
     by_force = moment_arms(finger, e)
     way = by_force[:, tendon] / np.linalg.norm(by_force[:, tendon])
     excursion = []

@@ -21,6 +21,16 @@ if TYPE_CHECKING:
 
 IN_METACARPAL = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 """World (distal, radial, dorsal) to (distal, palmar, radial)."""
+BOUNDS = {
+    "hood_force_balance": 1e-9,
+    "hood_moment_balance": 1e-9,
+    "finger_residual": 1e-6,
+    "interface_residual": 1e-6,
+    "reciprocity": 1e-3,
+}
+"""What each figure of the audit must not exceed."""
+MOST_PENETRATION = 0.02
+"""mm."""
 COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 
 
@@ -54,12 +64,16 @@ def summary(
         "interface_residual": loaded.interface_residual,
         "reciprocity": states.reciprocity,
     }
+    missed = [name for name, bound in BOUNDS.items() if not audit[name] <= bound]
+    if now.get("max_penetration_mm", 0.0) > MOST_PENETRATION:
+        missed.append("max_penetration_mm")
     newton = getattr(loaded.response.state, "iterations", 0)
     iterations = {"coupling": loaded.iterations, "newton": newton}
     rest = {
         "unloaded": before,
         "difference": _difference(models, unloaded, loaded, before, now),
         "audit": audit,
+        "audit_missed": missed,
         "iterations": iterations,
     }
     return {**head, **now, **rest}
@@ -117,8 +131,8 @@ def _difference(
     before: Mapping[str, Any],
     now: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """Loaded less unloaded: forces, and per tendon that was pulled its effective moment arms, change
-    of the hood's joint torques over change of tension."""
+    """Loaded less unloaded: forces, and per tendon that was pulled its effective moment arms,
+    change of the hood's joint torques over change of tension."""
     force = np.subtract(now["fingertip_force_N"], before["fingertip_force_N"])
     out: dict[str, Any] = {
         "fingertip_force_N": force.tolist(),

@@ -117,7 +117,7 @@ class Load:
     wrench: Array
     """(nb, ns, 6) force (N) and moment about the body's origin (N m), world frame."""
     pull: Array
-    """(nt, 6) force (N) of each tendon on the hood and its moment about the world's origin (N m)."""
+    """(nt, 6) force (N) of each tendon on the hood and moment about the world's origin (N m)."""
 
     def __post_init__(self) -> None:
         shape = (len(self.bodies), len(self.sources), 6)
@@ -169,9 +169,12 @@ class HoodJacobian:
 class Hood(Protocol):
     """Anything that turns poses and tensions into wrenches and excursions."""
 
-    bodies: tuple[str, ...]
-    tendons: tuple[str, ...]
-    sources: tuple[str, ...]
+    @property
+    def bodies(self) -> tuple[str, ...]: ...
+    @property
+    def tendons(self) -> tuple[str, ...]: ...
+    @property
+    def sources(self) -> tuple[str, ...]: ...
 
     def start(self, motion: Motion) -> State:
         """A state to begin from; `motion` need not be the rest pose."""
@@ -189,8 +192,8 @@ class Hood(Protocol):
         ...
 
     def loosely(self, tolerance: float) -> Hood:
-        """The same hood, free to leave a relative force residual of `tolerance`: for the first rounds
-        of an iteration.  A hood in closed form is itself."""
+        """The same hood, free to leave a relative force residual of `tolerance`: for the first
+        rounds of an iteration.  A hood in closed form is itself."""
         ...
 
 
@@ -202,7 +205,7 @@ class Balance:
     """(n,) the equations that must vanish: joint torques (N m), then constraint gaps times
     `gap_stiffness`-like scales, so that each is a torque."""
     scale: float
-    """The largest torque that enters, N m: `abs(residual).max() / scale` is the relative residual."""
+    """The largest torque that enters, N m; the relative residual is that over this."""
     torque: Mapping[str, Array]
     """(nq,) N m per source: hood, each muscle, passive, limit, fingertip."""
     tip_force: Array
@@ -219,9 +222,12 @@ class Finger(Protocol):
     Its static unknowns z are the joint angles (nq) and the tip reaction (0 or 3).
     """
 
-    bodies: tuple[str, ...]
-    joints: tuple[str, ...]
-    tendons: tuple[str, ...]
+    @property
+    def bodies(self) -> tuple[str, ...]: ...
+    @property
+    def joints(self) -> tuple[str, ...]: ...
+    @property
+    def tendons(self) -> tuple[str, ...]: ...
 
     def start(self, posture: Mapping[str, float]) -> State:
         """The state at joint angles `posture` (rad) with no reaction; that tip point is held.

@@ -14,6 +14,8 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
+from cosim.port import ConvergenceError
+
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
 DOFS = 5
@@ -112,7 +114,15 @@ def _fill_reducing(matrix: sp.csr_array) -> Ints:
 
 
 def factorise(matrix: sp.csc_array) -> spla.SuperLU:
-    """LU of a symmetric matrix already in a fill-reducing order, pivots on the diagonal."""
-    return spla.splu(
-        matrix, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
-    )
+    """LU of a symmetric matrix already in a fill-reducing order, pivots on the diagonal.
+
+    Raises ConvergenceError for a singular one."""
+    try:
+        return spla.splu(
+            matrix, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+        )
+    except RuntimeError as error:
+        raise ConvergenceError(
+            f"the hood's tangent stiffness cannot be factorised ({error}): some part of it is "
+            "free to move. Tie or guide its nodes, or give it springs that are not slack."
+        ) from error

@@ -17,7 +17,7 @@ class Fields:
     """Means over each quad, mid-surface; local axes 1 along the fibre, 2 across it.
 
     strain (ne, 3) Green-Lagrange E11, E22, 2 E12; stress (ne, 3) second Piola-Kirchhoff S11, S22,
-    S12, Pa; extreme (ne, 2) E11 at the two faces (tangential bending included)."""
+    S12, Pa; faces (ne, 2) E11 at the two faces (tangential bending included)."""
 
     strain: Array
     stress: Array

@@ -52,8 +52,8 @@ class Configuration:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Energy (J) without the tendons' work, its raw gradients by x and d (n, 3), the point forces,
-    and the tangent's data where it was asked for."""
+    """Energy (J) less the dead loads' work but not the tendons', its raw gradients by x and d (n, 3),
+    the point forces, and the tangent's data where it was asked for."""
 
     energy: float
     gradient_x: Array
@@ -69,7 +69,7 @@ class Evaluation:
 class ShellModel:
     """A shell, its supports and loads; tendons pull guided nodes with shares `share` (nt, k) of k
     guided nodes, each row adding up to one.  Springs and contact act on nodes that are neither tied
-    nor guided."""
+    nor guided.  `dead` (n, 3) N are forces on the nodes that stay as they are in the world frame."""
 
     quads: Ints
     reference: Array
@@ -82,6 +82,7 @@ class ShellModel:
     share: Array
     contacts: tuple[Contact, ...]
     bodies: tuple[str, ...]
+    dead: Array | None = None
 
     @cached_property
     def pattern(self) -> Pattern:
@@ -135,12 +136,12 @@ class ShellModel:
         return Configuration(x, turned(c.d, bases[1], u[:, 3:]), c.position, c.rotation)
 
     def point_forces(self, c: Configuration, curvature: bool = True) -> PointForces:
-        parts = [spring_forces(self.springs, c.x, c.position, c.rotation)]
+        parts = [spring_forces(self.springs, c.x, c.position, c.rotation, curvature)]
         parts += [contact_forces(k, c.x, c.position, c.rotation, curvature) for k in self.contacts]
         return joined(parts)
 
     def potential(self, c: Configuration, energy: float, tension: Array) -> float:
-        """Total potential energy, J: the stored energy less the tendons' work."""
+        """Total potential energy, J: an evaluation's energy less the tendons' work."""
         return energy - float(tension @ self.excursion(c))
 
     def evaluate(
@@ -155,6 +156,10 @@ class ShellModel:
         gx = _scatter(self.quads, elements.gradient[:, :4], n)
         gd = _scatter(self.quads, elements.gradient[:, 4:], n)
         gx += _scatter(points.node, points.gradient, n)
+        energy = elements.energy + points.energy
+        if self.dead is not None:
+            gx -= self.dead
+            energy -= float(np.vdot(self.dead, c.x - self.reference))
         bases = A, T = self.bases(c)
         pulled = gx.copy()
         pulled[self.guides.node] -= self.pulls(c, tension)
@@ -167,7 +172,6 @@ class ShellModel:
             data = self._assemble(
                 elements.hessian, points, A, T, np.maximum(bend, 0) if convex else bend
             )
-        energy = elements.energy + points.energy
         return Evaluation(energy, gx, gd, points, bases, reduced, data)
 
     def _assemble(

@@ -148,13 +148,15 @@ def solve(
     consistent one.  Raises ConvergenceError naming the place of the largest residual."""
     c, convex, stuck = start, not near, False
     e = model.evaluate(c, tension, tangent=True, convex=convex)
-    for iteration in range(options.max_iterations):
+    for iteration in range(options.max_iterations + 1):
         residual, force = residual_norm(model, e)
         limit = options.tolerance * force + rounding(model, c, e)
         if residual <= limit:
             if convex:
                 e = model.evaluate(c, tension, tangent=True)
             return Solution(model, c, e, tension, iteration, residual)
+        if iteration == options.max_iterations:
+            break
         assert e.data is not None
         step = _step(model, e.data, e.reduced)
         trial = _advanced(model, c, e, tension, step, options)
@@ -169,9 +171,8 @@ def solve(
         else:
             stuck, convex = True, not convex
             e = model.evaluate(c, tension, tangent=True, convex=convex)
-    residual, force = residual_norm(model, e)
     raise ConvergenceError(
-        f"the hood did not reach equilibrium in {iteration + 1} iterations: the residual is "
+        f"the hood did not reach equilibrium in {iteration} iterations: the residual is "
         f"{residual:.2e} N against forces of {force:.2e} N, largest at {worst_place(model, c, e)}. "
         "Try smaller steps of posture or tension, a softer contact or a finer mesh."
     )

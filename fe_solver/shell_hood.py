@@ -35,7 +35,7 @@ class HoodState:
     configuration: Configuration
     solution: Solution | None = None
     iterations: int = 0
-    """Newton iterations of the last advance."""
+    """Newton iterations since the start."""
 
 
 @dataclass(frozen=True)
@@ -78,10 +78,9 @@ class ShellHood:
                 f"expected {len(self.tendons)} finite tensions {self.tendons}, got {tension}"
             )
         solution, iterations = self._solve(state, motion, tension, MOST_HALVINGS)
-        c, e = solution.configuration, solution.evaluation
+        c = solution.configuration
         load = Load(self.bodies, self.sources, self._by_source(solution), self._pull(c, tension))
-        new = HoodState(motion, c, solution, iterations)
-        del e
+        new = HoodState(motion, c, solution, state.iterations + iterations)
         return Response(new, load, self.model.excursion(c))
 
     def jacobian(self, state: HoodState) -> HoodJacobian:
@@ -134,7 +133,6 @@ class ShellHood:
         twist = Motion(self.bodies, c.position, c.rotation).twist_to(motion).ravel()
         step = np.zeros(m.pattern.size)
         step[m.pattern.order] = -s.factor.solve((by_motion @ twist)[m.pattern.order])
-        step += m.slaved(c, s.evaluation.bases) @ twist
         return m.posed(m.stepped(c, s.evaluation.bases, step), motion.position, motion.rotation)
 
     def _guess(

@@ -59,8 +59,11 @@ class PointForces:
     ramp: Array
 
 
-def spring_forces(springs: Springs, x: Array, position: Array, rotation: Array) -> PointForces:
-    """Spring energies at node positions x (n, 3) and body poses (nb, 3), (nb, 3, 3)."""
+def spring_forces(
+    springs: Springs, x: Array, position: Array, rotation: Array, curvature: bool
+) -> PointForces:
+    """Spring energies at node positions x (n, 3) and body poses (nb, 3), (nb, 3, 3); `curvature`
+    keeps the (negative) term of the Hessian that compression makes across a spring."""
     arm = np.einsum("kij,kj->ki", rotation[springs.body], springs.anchor)
     reach = x[springs.node] - position[springs.body] - arm
     length = np.linalg.norm(reach, axis=1)
@@ -71,6 +74,8 @@ def spring_forces(springs: Springs, x: Array, position: Array, rotation: Array) 
     along = direction[:, :, None] * direction[:, None, :]
     slope = np.where(taut, springs.stiffness, 0.0)
     across = np.divide(force, length, out=slope.copy(), where=length > 0)
+    if not curvature:
+        across = np.maximum(across, 0)
     hessian = slope[:, None, None] * along + across[:, None, None] * (np.eye(3) - along)
     return PointForces(
         springs.node,

@@ -2,19 +2,19 @@
 
 `cosim mesh CASE --set hood.mesh.quads=600 --out FILE` writes one; `meshes/hoods` holds the default.
 
-The sheet is a structured grid of rows (stations s, mm along the straight chain of joint centres, MCP
-at 0, PIP at 42.6, DIP at 67.7) and columns (angle phi about the chain, 0 dorsal, positive radial).
-The inner columns are extensor tendon, central band and central slip with the sheet beside them, whose
-edges at the MCP are the sagittal bands; the outer columns are the lateral bands, which leave the
-sheet proximal to the join and run palmar of the MCP axis as the intrinsic tendons, and which meet over
-the middle phalanx to end in the terminal slip.  Between central slip and terminal slip the sheet is
-open.
+The sheet is a structured grid of rows (stations s, mm along the straight chain of joint centres,
+MCP at 0, PIP at 42.6, DIP at 67.7) and columns (angle phi about the chain, 0 dorsal, positive
+radial).  The inner columns are extensor tendon, central band and central slip with the sheet beside
+them, whose edges at the MCP are the sagittal bands; the outer columns are the lateral bands, which
+leave the sheet proximal to the join and run palmar of the MCP axis as the intrinsic tendons, and
+which meet over the middle phalanx to end in the terminal slip.  Between central slip and terminal
+slip the sheet is open.
 
-Sources of the proportions.  [mi29]: measured on the published finger hood `Verify/mi29.feb` of FEBio's
-test suite: central tendon end 20 mm proximal of the MCP, hood 18 mm wide at the MCP, 12 to 13 mm over
-the proximal phalanx and at the PIP, 7 mm at the terminal slip, whose edge is 6 mm wide; central-slip
-patch 4.6 mm wide.  [An]: An et al. 1979, J Biomech 12:775, normative points of the index finger, in
-units of 20 mm.  [spike]: a trial of this sheet on these bones.
+Sources of the proportions.  [mi29]: measured on the published finger hood `Verify/mi29.feb` of
+FEBio's test suite: central tendon end 20 mm proximal of the MCP, hood 18 mm wide at the MCP, 12 to
+13 mm over the proximal phalanx and at the PIP, 7 mm at the terminal slip, whose edge is 6 mm wide;
+central-slip patch 4.6 mm wide.  [An]: An et al. 1979, J Biomech 12:775, normative points of the
+index finger, in units of 20 mm.  [spike]: a trial of this sheet on these bones.
 """
 
 from __future__ import annotations
@@ -52,13 +52,13 @@ SPANS = (
     (MERGE, 1.3),
 )
 # Half-angle of the inner columns and outer angle of the lateral bands, deg, against station.
-# [spike], widened at the PIP to [mi29]'s width.
+# [spike], widened to what [mi29] measures at the PIP (here 11 mm of 13) and the terminal slip.
 INNER = np.array(
     [[-20, 22], [-8, 24], [-3, 60], [4, 76], [10.84, 74], [24, 54], [42.59, 40], [49, 40], [56, 22],
      [63, 0], [73, 0]]
 )  # fmt: skip
 OUTER = np.array(
-    [[-8, 97], [10.84, 97], [24, 80], [42.59, 68], [49, 66], [56, 52], [63, 40], [73, 50]]
+    [[-8, 97], [10.84, 97], [24, 84], [42.59, 74], [49, 70], [56, 56], [63, 46], [73, 57]]
 )
 # Tendon lines of lumbrical and palmar interosseous: guide point, then the point where they join the
 # sheet; station, dorsal, radial, mm.  [An] LU and UI at the MCP.
@@ -163,11 +163,12 @@ def _interpolated(table: Array, station: Array) -> Array:
 
 
 def hull_radius(chain: Chain, level: Level) -> tuple[Array, Array, Array]:
-    """Stations (m), angles (rad) and the radius about the chain (ns, na), m, of a smooth hull over the
-    level set: outermost crossing of each ray, bridged over the joint gaps within 10 mm, smoothed.
+    """Stations (m), angles (rad) and the radius about the chain (ns, na), m, of a smooth hull over
+    the level set: outermost crossing of each ray, bridged over the joint gaps within 10 mm,
+    smoothed.
 
-    The hull is a property of the bones and not of the mesh: a few hundredths of a millimetre of slack
-    decide how the slips share a tendon's force."""
+    The hull is a property of the bones and not of the mesh: a few hundredths of a millimetre of
+    slack decide how the slips share a tendon's force."""
     from scipy.ndimage import gaussian_filter, maximum_filter
 
     s = np.arange(-22.0, 76.0, 0.5) * 1e-3
@@ -218,8 +219,8 @@ class _Grid:
     stations: Array
     inner: Ints
     band: Mapping[str, Ints]
-    """Per side, columns from the inner edge to the outer edge; the rows proximal of the join are the
-    intrinsic tendon's."""
+    """Per side, columns from the inner edge to the outer edge; the rows proximal of the join are
+    the intrinsic tendon's."""
 
 
 def _rows(quads: int, inner: int, band: int) -> Array:
@@ -231,7 +232,8 @@ def _rows(quads: int, inner: int, band: int) -> Array:
     spans = np.diff(breaks)
     height = (spans / coarseness * columns).sum() / quads
     counts = np.maximum(np.round(spans / (coarseness * height)).astype(int), 2)
-    rows = [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(breaks, breaks[1:], counts)]
+    ends = zip(breaks[:-1], breaks[1:], counts, strict=True)
+    rows = [np.linspace(a, b, n, endpoint=False) for a, b, n in ends]
     return np.concatenate([*rows, [TERMINAL_END]])
 
 
@@ -252,9 +254,9 @@ def generate(
 ) -> HoodMesh:
     """A hood of about `quads` elements laid over bones at `rest_posture` (rad).
 
-    `offset` (m) by body is the distance of the mid-surface from the bare bone; `surfaces` are those of
-    the scaled bones; `width` scales the hand-measured points across the finger, and the skeleton's
-    length those along it."""
+    `offset` (m) by body is the distance of the mid-surface from the bare bone; `surfaces` are those
+    of the scaled bones; `width` scales the hand-measured points across the finger, and the
+    skeleton's length those along it."""
     chain = Chain(skeleton, *skeleton.pose(rest_posture))
     level = Level(surfaces, offset, chain.position, chain.rotation)
     scale = skeleton.length[1] / (PIP * 1e-3)
@@ -419,7 +421,7 @@ def _attachments(
     s = grid.stations
     last = int(np.flatnonzero(s <= SLIP_END + 1e-6)[-1])
     n = grid.inner.shape[1] - 1
-    middle = grid.inner[last, n // 4 : n - n // 4 + 1]
+    middle = grid.inner[last, n // 8 : n - n // 8 + 1]
     rows, _ = chain.frames(np.array([SLIP_END * 1e-3 * scale]))
     distal = chain.rotation[2][:, 0]
     slip = points[middle] + SLIP_REACH * 1e-3 * scale * distal

@@ -57,7 +57,7 @@ class Attachment:
 
 @dataclass(frozen=True)
 class HoodMesh:
-    """A hood in its stress-free configuration, at `rest_posture` (rad), in the metacarpal frame, m."""
+    """A hood free of stress, at `rest_posture` (rad), in the metacarpal frame, m."""
 
     points: Array
     quads: Ints

@@ -69,7 +69,7 @@ class Skeleton:
     axis: Array
     """(4, 3) unit joint axes in the child's frame, in the order of JOINTS."""
     source: Mapping[str, tuple[Array, Array]]
-    """MyoHand's frame of each bone: rotation (3, 3) whose columns are our axes, and our origin (m)."""
+    """MyoHand's frame of each bone: rotation (3, 3) whose columns are our axes, our origin (m)."""
 
     def scaled(self, factor: float) -> Skeleton:
         """The same finger with all lengths times `factor`."""

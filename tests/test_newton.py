@@ -1,0 +1,278 @@
+"""The one Newton and the tangents that it and the port's jacobian rest on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shells
+from shells import NO_TENSION, at_rest, clamped, guided, plate, sheet
+
+from cosim.port import ConvergenceError, rotation_matrix
+from fe_solver.assembly import factorise
+from fe_solver.model import Configuration, ShellModel
+from fe_solver.newton import NewtonOptions, Solution, residual_norm, solve
+from fe_solver.shell import Array
+from fe_solver.springs import Springs
+from fe_solver.surfaces import Sphere
+
+TIGHT = NewtonOptions(tolerance=1e-12)
+TENSION = np.array([3.0, 1.5])
+LENGTH, WIDTH = 30e-3, 8e-3
+
+
+def springs(
+    nodes: np.ndarray,
+    body: int,
+    anchors: Array,
+    stiffness: float,
+    length: Array | float,
+    only: bool,
+) -> Springs:
+    k = len(nodes)
+    return Springs(
+        nodes,
+        np.full(k, body),
+        anchors,
+        np.full(k, stiffness),
+        length * np.ones(k),
+        np.full(k, only),
+        np.zeros(k, dtype=np.intp),
+    )
+
+
+def joined(*parts: Springs) -> Springs:
+    columns = [np.concatenate([getattr(s, f) for s in parts]) for f in Springs.__annotations__]
+    columns[-1] = np.repeat(np.arange(len(parts)), [len(s.node) for s in parts])
+    return Springs(*columns)
+
+
+def strap() -> ShellModel:
+    """A strap over a sphere with everything that a hood has: tied to body 1 at one end, pulled by
+    two tendons in guides of body 0 at the other, in contact with a sphere of body 2, and with
+    two-sided and taut and slack one-sided springs to bodies 1 and 2."""
+
+    def bowed(uv: Array) -> Array:
+        x, y = LENGTH * (uv[:, 0] - 0.5), WIDTH * (uv[:, 1] - 0.5)
+        return np.column_stack([x, y, 2e-3 - 12.0 * x**2 + 0.05 * y])
+
+    X, quads = shells.mapped(8, 4, bowed)
+    model = sheet(X, quads, 5e6, 0.3, 0.5e-3, growth=0.02, bodies=("hand", "bone", "ball"))
+    model = clamped(model, np.flatnonzero(X[:, 0] > LENGTH / 2 - 1e-6), body=1)
+    end = np.flatnonzero(X[:, 0] < -LENGTH / 2 + 1e-6)
+    model = guided(model, [end[:3], end[3:]], [(-1.0, 0, -0.4), (-1.0, 0.1, -0.4)])
+    middle = np.flatnonzero((np.abs(X[:, 0]) < 12e-3) & (X[:, 0] > -12e-3))
+    ball = Sphere(np.array([0.5e-3, 0.3e-3, -9.8e-3]), 11e-3)
+    touching = replace(shells.contact(model, ball, middle, 2e10, 1e-4), body=2)
+    a, b, c = middle[[0, 4]], middle[[10, 14]], middle[[20, 24]]
+    low = np.array([0.0, 0, -5e-3])
+    return replace(
+        model,
+        contacts=(touching,),
+        springs=joined(
+            springs(a, 1, X[a] + low, 200.0, 5.5e-3, only=False),
+            springs(b, 2, X[b] + low, 300.0, 4.5e-3, only=True),
+            springs(c, 2, X[c] + low, 300.0, 9e-3, only=True),
+        ),
+    )
+
+
+@pytest.fixture(scope="module")
+def model() -> ShellModel:
+    return strap()
+
+
+@pytest.fixture(scope="module")
+def solved(model: ShellModel) -> Solution:
+    return solve(model, at_rest(model), TENSION, TIGHT)
+
+
+def test_every_part_of_the_strap_is_at_work(model, solved):
+    points = solved.evaluation.points
+    force = np.linalg.norm(points.gradient, axis=1)
+    assert [force[points.group == g].max(initial=0) > 0.01 for g in (-1, 0, 1, 2)] == [1, 1, 1, 0]
+    compressed = points.gradient[points.group == 0] @ [0, 0, 1]
+    assert (compressed < 0).any()
+    assert np.abs(model.slide(solved.configuration)).max() > 1e-5
+
+
+def test_the_strap_is_in_balance(model, solved):
+    c = solved.configuration
+    wrenches = sum(model.wrenches(c, solved.evaluation, TENSION).values())
+    pulls = model.pulls(c, TENSION)
+    total = np.concatenate([pulls.sum(0), np.cross(c.x[model.guides.node], pulls).sum(0)])
+    assert np.abs(wrenches).max() > 1
+    assert wrenches.sum(axis=0) == pytest.approx(total, abs=1e-10)
+
+
+def perturbed(model: ShellModel, c: Configuration, size: float, seed: int = 0) -> Configuration:
+    step = np.zeros(model.pattern.size)
+    step[model.free] = size * np.random.default_rng(seed).normal(size=len(model.free))
+    step.reshape(-1, 5)[:, 3:] *= 1e3  # directors turn a radian where nodes move a millimetre
+    return model.stepped(c, model.bases(c), step)
+
+
+def test_convergence_is_quadratic(model, solved):
+    c = perturbed(model, solved.configuration, 2e-7)
+    order, norms = model.pattern.order, []
+    for _ in range(4):
+        e = model.evaluate(c, TENSION, tangent=True)
+        norms.append(residual_norm(model, e)[0])
+        step = np.zeros(model.pattern.size)
+        step[order] = -factorise(model.pattern.free(e.data)).solve(e.reduced[order])
+        c = model.stepped(c, e.bases, step)
+    logs = np.log(norms)
+    assert logs[2] - logs[1] < 1.7 * (logs[1] - logs[0])
+    assert norms[3] < 1e-9 * norms[0]
+
+
+def along(model: ShellModel, c: Configuration, v: Array, t: float) -> float:
+    there = model.stepped(c, model.bases(c), t * v)
+    return model.potential(there, model.evaluate(there, TENSION, False).energy, TENSION)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_residual_and_tangent_are_the_potentials(model, solved, seed):
+    """Slope and curvature of the potential along a path, away from equilibrium."""
+    c = perturbed(model, solved.configuration, 2e-6, seed)
+    e = model.evaluate(c, TENSION, tangent=True)
+    v = np.zeros(model.pattern.size)
+    v[model.free] = np.random.default_rng(seed).normal(size=len(model.free))
+    v.reshape(-1, 5)[:, 3:] *= 1e3
+    h = 1e-6
+    f = [along(model, c, v, t * h) for t in (-2, -1, 0, 1, 2)]
+    slope = (f[0] - 8 * f[1] + 8 * f[3] - f[4]) / (12 * h)
+    curvature = (-f[0] + 16 * f[1] - 30 * f[2] + 16 * f[3] - f[4]) / (12 * h**2)
+    assert e.reduced @ v == pytest.approx(slope, rel=1e-6)
+    assert v @ (model.pattern.full(e.data) @ v) == pytest.approx(curvature, rel=1e-5)
+
+
+@pytest.mark.parametrize("convex", [False, True])
+def test_the_tangent_is_symmetric(model, solved, convex):
+    c = perturbed(model, solved.configuration, 1e-4)
+    K = model.pattern.full(model.evaluate(c, TENSION, True, convex).data).toarray()
+    assert K == pytest.approx(K.T, abs=1e-12 * np.abs(K).max())
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_convex_tangent_is_positive(model, solved, seed):
+    c = perturbed(model, solved.configuration, 3e-4, seed)
+    order = model.pattern.order
+
+    def lowest(convex: bool) -> float:
+        K = model.pattern.free(model.evaluate(c, TENSION, True, convex).data).toarray()
+        values = np.linalg.eigvalsh(K)
+        assert len(values) == len(order)
+        return float(values[0] / values[-1])
+
+    assert lowest(convex=False) < -1e-6  # the state is one where it matters
+    assert lowest(convex=True) > -1e-14
+
+
+def test_a_repeated_solve_gives_the_same_bits(model, solved):
+    again = solve(strap(), at_rest(model), TENSION, TIGHT)
+    assert np.array_equal(again.configuration.x, solved.configuration.x)
+    assert np.array_equal(again.configuration.d, solved.configuration.d)
+    assert again.iterations == solved.iterations
+
+
+def test_the_start_does_not_matter(model, solved):
+    other = solve(model, perturbed(model, at_rest(model), 1e-4), TENSION, TIGHT)
+    assert other.configuration.x == pytest.approx(solved.configuration.x, abs=1e-9)
+    assert solve(model, solved.configuration, TENSION, TIGHT, near=True).iterations == 0
+
+
+def test_a_failed_solve_names_the_place(model, solved):
+    with pytest.raises(ConvergenceError, match=r"in 2 iterations.* node \d+ at \(.*\) mm"):
+        solve(model, at_rest(model), TENSION, replace(TIGHT, max_iterations=2))
+    enough = replace(TIGHT, max_iterations=solved.iterations)
+    assert solve(model, at_rest(model), TENSION, enough).iterations == solved.iterations
+
+
+def test_a_sheet_that_nothing_holds_is_refused():
+    X, quads = plate(1.0, 1.0, 2, 2)
+    model = replace(sheet(X, quads, 1.0, 0.0, 0.5), dead=np.tile([0.0, 0, -1e-3], (9, 1)))
+    with pytest.raises(ConvergenceError, match="free to move"):
+        solve(model, at_rest(model), NO_TENSION, shells.BENCHMARK)
+
+
+def test_a_sheet_hangs_on_its_taut_springs():
+    """Four springs above, exactly as long as the gap, four below that can only go slack."""
+    X, quads = plate(20e-3, 10e-3, 4, 2)
+    corners = np.flatnonzero(np.isin(X[:, 0], [0, 20e-3]) & np.isin(X[:, 1], [0, 10e-3]))
+    up = np.array([0.0, 0, 10e-3])
+    held = joined(
+        springs(corners, 0, X[corners] + up, 1e3, 10e-3, only=True),
+        springs(corners, 0, X[corners] - up, 1e3, 10e-3, only=True),
+    )
+    dead = np.tile([0.0, 0, -0.01], (len(X), 1))
+    model = replace(sheet(X, quads, 1e8, 0.3, 0.5e-3), springs=held, dead=dead)
+    solution = solve(model, at_rest(model), NO_TENSION, TIGHT)
+    force = solution.evaluation.points.gradient
+    assert force[:4, 2] == pytest.approx(np.full(4, dead[:, 2].sum() / 4))
+    assert (force[4:] == 0).all()
+    assert np.linalg.norm(solution.configuration.x[corners] - X[corners], axis=1) == pytest.approx(
+        np.full(4, 0.15 / 4 / 1e3), rel=0.01
+    )
+
+
+def moved(model: ShellModel, c: Configuration, twist: Array) -> Configuration:
+    """Bodies displaced by `twist` (nb, 6); free degrees of freedom stay."""
+    turn = rotation_matrix(twist[:, 3:])
+    return model.posed(c, c.position + twist[:, :3], turn @ c.rotation)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_coupling_to_the_bodies(model, solved, seed):
+    """Residual and wrenches by the bodies' twists and by the tensions, at turned bodies and away
+    from equilibrium."""
+    rng = np.random.default_rng(seed)
+    scale = np.array([1e-3, 1e-3, 1e-3, 0.1, 0.1, 0.1])
+    c = moved(model, solved.configuration, 0.5 * rng.normal(size=(3, 6)) * scale)
+    c = perturbed(model, c, 1e-6, seed)
+    e = model.evaluate(c, TENSION, tangent=True)
+    by_twist, wrench_twist, by_tension, wrench_tension = model.coupling(c, e, TENSION)
+
+    def answer(twist: Array, tension: Array) -> tuple[Array, Array]:
+        there = moved(model, c, twist)
+        e = model.evaluate(there, tension, tangent=False)
+        return e.reduced[model.free], sum(model.wrenches(there, e, tension).values()).ravel()
+
+    def slope(twist: Array, tension: Array, h: float) -> list[Array]:
+        a, b = answer(h * twist, TENSION + h * tension), answer(-h * twist, TENSION - h * tension)
+        return [(p - q) / (2 * h) for p, q in zip(a, b, strict=True)]
+
+    for body in range(3):
+        twist = np.zeros((3, 6))
+        twist[body] = rng.normal(size=6) * scale
+        residual, wrench = slope(twist, np.zeros(2), 1e-4)
+        for value, expected in (
+            (by_twist[model.free] @ twist.ravel(), residual),
+            (wrench_twist @ twist.ravel(), wrench),
+        ):
+            assert value == pytest.approx(expected, abs=1e-6 * np.abs(expected).max())
+    for t in range(2):
+        residual, wrench = slope(np.zeros((3, 6)), np.eye(2)[t], 1e-3)
+        assert by_tension[model.free, t] == pytest.approx(residual, abs=1e-9)
+        assert wrench_tension[:, t] == pytest.approx(wrench, abs=1e-9)
+
+
+def test_wrenches_are_conjugate_to_the_bodies_motion(model, solved):
+    """At equilibrium the potential falls by the work of the wrenches on the bodies; body 0 carries
+    the tendons' guides, whose pulls move with it."""
+    c, e = solved.configuration, solved.evaluation
+    wrench = sum(model.wrenches(c, e, TENSION).values())
+    rng = np.random.default_rng(8)
+    for _ in range(3):
+        twist = rng.normal(size=(3, 6)) * [1e-3, 1e-3, 1e-3, 0.1, 0.1, 0.1]
+        twist[0] = 0
+
+        def potential(h: float, twist: Array = twist) -> float:
+            there = moved(model, c, h * twist)
+            return model.potential(there, model.evaluate(there, TENSION, False).energy, TENSION)
+
+        h = 1e-4
+        assert (potential(h) - potential(-h)) / (2 * h) == pytest.approx(
+            -np.vdot(wrench, twist), rel=1e-6
+        )
