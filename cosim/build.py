@@ -15,6 +15,7 @@ from cosim.case_schema import (
     GeneratedMesh,
     HingeFinger,
     IndexFinger,
+    MeshFile,
     PulleyHood,
     ShellHood,
 )
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from meshes.hood_mesh import HoodMesh
     from meshes.skeleton import Skeleton
     from rigid.joint_torques import JointLaw
+    from rigid.statics import ChainFinger
 
 Triangles = tuple[Array, np.ndarray]
 HOOD_TENDONS = ("EDC", "EI", "LUM", "FPI")
@@ -35,6 +37,20 @@ ENDS = {"EDC": "central", "EI": "central", "LUM": "radial", "FPI": "ulnar"}
 """The end of the hood that each one pulls; EI pulls its ulnar half."""
 MARGIN = 5e-3
 """m, how far beyond a bone its baked distance reaches."""
+LEAST_ARM = 1e-3
+"""m, of the joints about a held tip; some 2 deg of flexion in all."""
+BONE_SIZE = (5, 200)
+"""mm, the longest side of a user's bone."""
+UNREADABLE = (
+    OSError,
+    ValueError,
+    TypeError,
+    AttributeError,
+    KeyError,
+    IndexError,
+    NotImplementedError,
+)
+"""What a reader of surfaces raises over files that it does not understand."""
 
 
 @dataclass(frozen=True)
@@ -131,6 +147,14 @@ def hood_mesh(case: Case) -> HoodMesh:
     return _mesh(case.hood, case.finger, _skeleton(case.finger), _bones(case.finger))
 
 
+def check_mesh_file(case: Case) -> None:
+    """Read the mesh file that a case names, if any.  Raises InputError."""
+    if isinstance(case.hood, ShellHood) and isinstance(case.hood.mesh, MeshFile):
+        from meshes.hood_mesh import read
+
+        read(case.hood.mesh.path)
+
+
 def _skeleton(finger: IndexFinger) -> Skeleton:
     from meshes.skeleton import index_finger
 
@@ -162,11 +186,18 @@ def _user_bone(body: str, bone: Bone, finger: IndexFinger) -> Triangles:
         loaded = trimesh.load_mesh(bone.surface)
         points = np.array(loaded.vertices, dtype=float) * {"m": 1.0, "mm": 1e-3}[bone.unit]
         faces = np.array(loaded.faces, dtype=np.intp)
-    except (OSError, ValueError, TypeError, AttributeError, KeyError, IndexError) as error:
+    except UNREADABLE as error:
         raise InputError(
             f"finger.bones.{body}.surface: {bone.surface.name} cannot be read as a triangle "
             f"surface ({error}); give a watertight STL or OBJ"
         ) from error
+    size = 1e3 * float(np.ptp(points, axis=0).max()) if len(points) else 0.0
+    if len(faces) and not BONE_SIZE[0] <= size <= BONE_SIZE[1]:
+        raise InputError(
+            f"finger.bones.{body}.surface: {bone.surface.name} is {size:.3g} mm long as "
+            f"{bone.unit}; expected {BONE_SIZE[0]} to {BONE_SIZE[1]} mm. Check finger.bones.{body}"
+            ".unit"
+        )
     if bone.frame == "myohand":
         points = index_finger().from_source(body, points)
     return points * [finger.length_scale, finger.width_scale, finger.width_scale], faces
@@ -177,7 +208,7 @@ def _index_finger(finger: IndexFinger, skeleton: Skeleton) -> Finger:
     from rigid.index_finger import RANGES
     from rigid.mujoco_finger import MujocoFinger
 
-    return MujocoFinger(
+    made = MujocoFinger(
         skeleton,
         law=_law(finger, JOINTS),
         held=finger.tip == "held",
@@ -185,13 +216,27 @@ def _index_finger(finger: IndexFinger, skeleton: Skeleton) -> Finger:
         ranges=RANGES,
         o2o3=0.020 * finger.length_scale,
     )
+    return _holdable(made, finger)
 
 
 def _hinge_finger(finger: HingeFinger) -> Finger:
     from rigid.hinge import HingeFinger as Hinges
 
     law = _law(finger, ("MCP", "PIP", "DIP"))
-    return Hinges(finger.lengths, law=law, held=finger.tip == "held")
+    made = Hinges(finger.lengths, law=law, held=finger.tip == "held")
+    return _holdable(made, finger)
+
+
+def _holdable(made: ChainFinger, finger: IndexFinger | HingeFinger) -> ChainFinger:
+    """The finger, unless it is straight: its joints then cannot balance a force along it, and its
+    fingertip force would be as large as rounding and the hood's slightest pull make it."""
+    if made.support_arm(made.start(finger.posture.angles())) < LEAST_ARM:
+        raise InputError(
+            'finger.posture: a straight finger cannot be held at its tip (finger.tip = "held"): '
+            "no joint torque balances a force along it. Bend PIP or DIP by some degrees, or write "
+            'finger.tip = "free"'
+        )
+    return made
 
 
 def _law(finger: IndexFinger | HingeFinger, joints: tuple[str, ...]) -> JointLaw:
@@ -294,6 +339,7 @@ def _shell_hood(
         np.array([r.poisson if r else 0.0 for r in material])[mesh.region],
         thickness,
         _growth(hood, mesh),
+        tuple(REGIONS[i] for i in mesh.region),
     )
     springs = {
         name: SpringSet(

@@ -155,9 +155,17 @@ def _shown(path: Path) -> str:
 
 @app.command()
 def check(cases: Cases, settings: Settings = None) -> None:
-    """Check cases and run nothing."""
+    """Check cases, and the mesh files that they name, and run nothing."""
+    from cosim.build import check_mesh_file
+
+    codes = [0]
     for case in _load(cases, settings):
-        typer.echo(f"{case.name}: in order")
+        try:
+            check_mesh_file(case)
+            typer.echo(f"{case.name}: in order")
+        except InputError as error:
+            codes.append(_tell(InputError(f"{case.name}: {error}")))
+    raise typer.Exit(max(codes))
 
 
 @app.command()
@@ -205,7 +213,7 @@ def _open_window(hood: Path) -> None:
     if STRAIN in mesh.cell_data:
         percent = 100 * mesh.cell_data[STRAIN]
         most = float(abs(percent).max())
-        bar = {"title": "longitudinal strain, %"}
+        bar: Any = {"title": "longitudinal strain, %"}
         plotter.add_mesh(
             mesh,
             scalars=percent,

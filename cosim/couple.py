@@ -39,7 +39,7 @@ MOST_STEPS = 30
 MOST_RELAXING = 500
 RELAXING_TURN = np.deg2rad(0.5)
 NEAR_REST = 1e-6
-"""Of the first residual, where relaxing ends and Newton takes over."""
+"""Of the largest residual met, where relaxing ends and Newton takes over."""
 SMALL_TORQUE = 1e-12
 """N m, below which a residual that no longer falls is rounding error."""
 
@@ -163,12 +163,12 @@ def _relaxed(
     by more than MOST_TURN: implicit steps whose damping falls with the residual (pseudo-transient
     continuation: Kelley and Keyes 1998, SIAM J Numer Anal 35:508), so that it ends in a stable
     equilibrium."""
-    r, first, joints = residual(step), None, np.zeros(len(step))
+    r, largest, joints = residual(step), 0.0, np.zeros(len(step))
     joints[:nq] = 1.0
     for _ in range(MOST_RELAXING):
         size = np.abs(r).max()
-        first = size if first is None else first
-        if size <= NEAR_REST * first or not _is_near(step, nq):
+        largest = max(largest, size)
+        if size <= NEAR_REST * largest or not _is_near(step, nq):
             break
         tangent = slope(step)
         damping = max(size / RELAXING_TURN, 2 * _softest(tangent, nq), 0.0)

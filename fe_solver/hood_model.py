@@ -37,7 +37,7 @@ class Attached(Protocol):
 @dataclass(frozen=True)
 class Sheet:
     """The shell's geometry and material: points (n, 3) m, quads (ne, 4), fibre (ne, 3); modulus (Pa),
-    poisson, thickness (m) and fibre growth (-), all (ne,)."""
+    poisson, thickness (m) and fibre growth (-), all (ne,); `regions` the quads' region names."""
 
     points: Array
     quads: Ints
@@ -46,6 +46,7 @@ class Sheet:
     poisson: Array
     thickness: Array
     growth: Array
+    regions: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -143,6 +144,8 @@ def shell_hood(
         share,
         _contacts(X, sheet, bodies, contact, touching),
         bodies,
+        groups=tuple(held),
+        regions=sheet.regions,
     )
     return ShellHood(
         model,

@@ -83,6 +83,10 @@ class ShellModel:
     contacts: tuple[Contact, ...]
     bodies: tuple[str, ...]
     dead: Array | None = None
+    groups: tuple[str, ...] = ()
+    """Names of the springs' groups."""
+    regions: tuple[str, ...] = ()
+    """Name of each quad's region, for messages."""
 
     @cached_property
     def pattern(self) -> Pattern:

@@ -80,13 +80,21 @@ def rounding(model: ShellModel, c: Configuration, e: Evaluation) -> float:
 
 
 def worst_place(model: ShellModel, c: Configuration, e: Evaluation) -> str:
-    """Where the largest residual sits, in words."""
+    """Where the largest residual sits, in words: node, region, and what presses or pulls there."""
     r = np.zeros(model.pattern.size)
     r[model.free] = e.reduced[model.free]
     node = int(np.argmax(np.abs(r.reshape(-1, DOFS)[:, :3]).max(axis=1)))
-    near = "" if node not in e.points.node else ", which touches a bone or carries a spring"
-    place = ", ".join(f"{v * 1e3:.2f}" for v in c.x[node])
-    return f"node {node} at ({place}) mm{near}"
+    place = f"node {node} at ({', '.join(f'{v * 1e3:.2f}' for v in c.x[node])}) mm"
+    if model.regions:
+        quad = int(np.flatnonzero((model.quads == node).any(axis=1))[0])
+        place += f" in the region {model.regions[quad]}"
+    p = e.points
+    acting = np.flatnonzero((p.node == node) & p.gradient.any(axis=1))
+    for body, group in zip(p.body[acting], p.group[acting], strict=True):
+        name = model.groups[group] if 0 <= group < len(model.groups) else str(group)
+        what = "in contact with" if group < 0 else f"pulled by the springs {name} to"
+        place += f", {what} the body {model.bodies[body]}"
+    return place
 
 
 def _step(model: ShellModel, data: Array, gradient: Array) -> Array:

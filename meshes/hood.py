@@ -196,8 +196,9 @@ def _outermost_crossing(value: Array, radius: Array) -> Array:
     last = np.clip(last, 0, len(radius) - 2)
     v0 = np.take_along_axis(value, last[..., None], 2)[..., 0]
     v1 = np.take_along_axis(value, last[..., None] + 1, 2)[..., 0]
-    cross = radius[last] + (radius[1] - radius[0]) * v0 / (v0 - v1)
-    return np.where(inside.any(axis=2), cross, radius[0])
+    crosses = inside.any(axis=2)
+    share = v0 / np.where(crosses, v0 - v1, 1.0)
+    return np.where(crosses, radius[last] + (radius[1] - radius[0]) * share, radius[0])
 
 
 def _bridged(rho: Array, reach: int) -> Array:
@@ -422,7 +423,6 @@ def _attachments(
     last = int(np.flatnonzero(s <= SLIP_END + 1e-6)[-1])
     n = grid.inner.shape[1] - 1
     middle = grid.inner[last, n // 8 : n - n // 8 + 1]
-    rows, _ = chain.frames(np.array([SLIP_END * 1e-3 * scale]))
     distal = chain.rotation[2][:, 0]
     slip = points[middle] + SLIP_REACH * 1e-3 * scale * distal
     out = {"central_slip": _on_bone("middle", middle, slip, level)}
@@ -443,7 +443,6 @@ def _attachments(
             )
             local[:, 1:] *= 1e-3 * width
             out[f"{name}_{side}"] = Attachment("proximal", nodes, np.round(local, 7))
-    del rows
     return out
 
 

@@ -155,6 +155,13 @@ class ChainFinger(ABC):
         reaction = self._reactions(state, load, ledger)
         return {**ledger, "joint": joint_loads(self.chain(state.angles), reaction)}
 
+    def support_arm(self, state: FingerState) -> float:
+        """m, the smallest lever with which the joints act on the tip's support: the least singular
+        value of support J_tip.  It vanishes where the finger is straight, held at a point that it
+        can only push or pull against; infinite for a free tip."""
+        support = self.support @ tip_jacobian(self.chain(state.angles))
+        return float(np.linalg.svd(support, compute_uv=False).min(initial=np.inf))
+
     def tendon_paths(self, state: FingerState) -> dict[str, Array]:
         """No tendons of its own to draw; a finger that has some says where they run."""
         return {}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from fe_solver.hood_model import node_areas, node_directors
 from fe_solver.model import Configuration, Guides, ShellModel, Ties
 from fe_solver.newton import NewtonOptions
 from fe_solver.shell import Array, isotropic_stiffness, shell_tables
+from fe_solver.shell_hood import ShellHood
 from fe_solver.springs import Springs
 from fe_solver.surfaces import Surface
 
@@ -92,7 +94,8 @@ def guided(
 ) -> ShellModel:
     """The model with one tendon on each group of nodes, shared evenly, pulling along `pulls`."""
     nodes = np.concatenate(ends)
-    direction = np.repeat(np.array(pulls, dtype=float), [len(e) for e in ends], axis=0)
+    unit = np.array(pulls, dtype=float) / np.linalg.norm(pulls, axis=1, keepdims=True)
+    direction = np.repeat(unit, [len(e) for e in ends], axis=0)
     share = np.stack([np.isin(nodes, e) / len(e) for e in ends])
     at = Guides(nodes, np.full(len(nodes), body), model.reference[nodes], direction)
     return replace(model, guides=at, share=share)
@@ -149,3 +152,13 @@ def in_basis(model: ShellModel, displacement: Array, turn: Array) -> Array:
     """(n, 5) of displacements (n, 3) and changes of the directors (n, 3)."""
     A, T = model.bases(at_rest(model))
     return np.hstack([np.einsum("nij,ni->nj", A, displacement), np.einsum("nij,ni->nj", T, turn)])
+
+
+@cache
+def index_hood(*overrides: str) -> ShellHood:
+    """The index finger's hood of about 250 quads, as a case builds it."""
+    from cosim.build import build
+    from cosim.case import load_case
+
+    hood = build(load_case("isometric_edc", ["hood.mesh.quads=250", *overrides])).hood
+    return replace(hood, options=replace(hood.options, tolerance=1e-11))

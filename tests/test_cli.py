@@ -14,6 +14,7 @@ from cosim.cli import app
 from cosim.port import ConvergenceError, InputError
 from cosim.results import LedgerRow, Result, Scene
 
+ROOT = Path(__file__).parents[1]
 SUMMARY = {
     "posture_deg": {"MCP": 30.1, "MCP_abduction": 0.2, "PIP": 45.3, "DIP": 15.2},
     "tension_N": {"EDC": 3.469, "FDP": 0.05},
@@ -49,7 +50,6 @@ def solver(monkeypatch, tmp_path):
         )
 
     fake.run_case = run_case
-    fake.bench_case = lambda case: {"warm_run_s": 1.5, "ratio": case.hood.mesh.quads / 100}
     monkeypatch.setitem(sys.modules, "cosim.run", fake)
     monkeypatch.chdir(tmp_path)
     return fake
@@ -62,7 +62,7 @@ def cosim(*words: str):
 def test_version_and_help():
     assert cosim("--version").stdout == f"cosim {__version__}\n"
     commands = cosim("--help").stdout
-    assert all(word in commands for word in ("run", "check", "schema", "view", "bench"))
+    assert all(word in commands for word in ("run", "check", "schema", "view", "bench", "mesh"))
 
 
 def test_run_writes_and_shows_each_case(solver, tmp_path):
@@ -141,10 +141,49 @@ def test_schema_is_json():
     assert json.loads(cosim("schema").stdout)["title"] == "CaseFile"
 
 
-def test_bench_prints_its_figures(solver):
+def test_bench_prints_its_figures(monkeypatch):
+    fake = types.ModuleType("cosim.bench")
+    fake.bench_case = lambda case: {"warm_run_s": 1.5, "ratio": case.hood.mesh.quads / 100}
+    monkeypatch.setitem(sys.modules, "cosim.bench", fake)
     assert cosim("bench", "isometric_edc", "--set", "hood.mesh.quads=250").stdout.split() == [
         *("warm_run_s", "1.5", "ratio", "2.5")
     ]
+
+
+def test_bench_needs_a_shell():
+    done = cosim("bench", "pulley_edc")
+    assert done.exit_code == 2
+    assert "bench needs a shell hood" in done.stderr
+
+
+def test_bench_times_a_real_run():
+    done = cosim("bench", "isometric_edc", "--set", "hood.mesh.quads=60")
+    figures = dict(line.split() for line in done.stdout.splitlines())
+    seconds = {name: float(value) for name, value in figures.items()}
+    assert all(value > 0 for value in seconds.values())
+    linear = seconds["assembly_s"] + seconds["factorisation_s"]
+    assert seconds["ratio"] == pytest.approx(seconds["warm_run_s"] / linear, rel=0.01)
+    assert seconds["cold_run_s"] > seconds["warm_run_s"]
+
+
+def test_mesh_writes_a_file_that_a_case_can_take(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = cosim("mesh", "isometric_edc", "--set", "hood.mesh.quads=60", "--out", "my.json")
+    assert done.exit_code == 0, done.stderr
+    count = len(json.loads(Path("my.json").read_text())["quads"])
+    assert done.stdout == f"{count} quads in my.json\n"
+    take = 'hood.mesh={kind="file", path="my.json"}'
+    assert cosim("check", "isometric_edc", "--set", take).exit_code == 0
+
+
+def test_a_mesh_that_cannot_be_made_or_written_is_told(tmp_path):
+    done = cosim("mesh", "pulley_edc", "--out", str(tmp_path / "my.json"))
+    assert done.exit_code == 2
+    assert "has no shell hood" in done.stderr
+    nowhere = str(tmp_path / "nowhere" / "my.json")
+    done = cosim("mesh", "isometric_edc", "--set", "hood.mesh.quads=60", "--out", nowhere)
+    assert done.exit_code == 2
+    assert "cannot be written" in done.stderr
 
 
 def test_view_says_where_the_picture_is_when_there_is_no_display(monkeypatch, tmp_path):
@@ -160,13 +199,75 @@ def test_view_says_where_the_picture_is_when_there_is_no_display(monkeypatch, tm
     assert cosim("view", str(tmp_path / "elsewhere")).exit_code == 2
 
 
+MESH = json.loads((ROOT / "meshes" / "hoods" / "index_600.json").read_text())
+BAD = {
+    "a missing mesh": ('mesh = {kind = "file", path = "none.json"}', "no such file"),
+    "a mesh that is none": ('mesh = {kind = "file", path = "case.toml"}', "cannot be read as JSON"),
+    "a bare number": ("thickness = 0.65", "hood.thickness = 0.65 (case.toml): is a bare number"),
+    "another quantity": ('thickness = "3 kg"', "`kg` is no unit of length"),
+    "an unknown key": ('thicknes = "1 mm"', "unknown key; did you mean thickness?"),
+    "not a number": ('regions.central_slip.modulus = "nan MPa"', "is not finite"),
+    "a bare not-a-number": ("regions.central_slip.poisson = nan", "finite"),
+    "a negative modulus": ('regions.central_slip.modulus = "-1 MPa"', "must be above 0 MPa"),
+    "out of range": ('[finger.posture]\nPIP = "120 deg"', "must be 110 deg or less"),
+    "a tendon twice": ("[tendons]\nEDC.tension = '1 N'\nEDC.tension = '2 N'", "given twice"),
+    "a tendon in other letters": ("[tendons]\nEdc.tension = '1 N'", "named twice"),
+    "an unknown tendon": ("[tendons]\nEDQ.tension = '1 N'", "did you mean EDC?"),
+}
+BAD_MESH = {
+    "an unknown region": ({"regions": ["slip", *MESH["regions"][1:]]}, "unknown region 'slip'"),
+    "no insertion": ({"springs": {}, "tied": {}}, "no insertion holds the hood"),
+    "a point that is not finite": (
+        {"points": [[float("nan"), 0, 0], *MESH["points"][1:]]},
+        "points: row 0 holds a value that is not finite",
+    ),
+    "a node that is not there": ({"ends": MESH["ends"] | {"radial": [9999]}}, "ends.radial"),
+    "another format": ({"format": "vtu"}, "is it a hood mesh?"),
+    "an unknown insertion": ({"tied": {"distl": [1]}}, 'unknown name "distl"'),
+    "a loose node": (
+        {key: MESH[key][:-1] for key in ("quads", "regions", "fibre")},
+        "belongs to no quad",
+    ),
+}
+
+
+def told(tmp_path: Path, text: str) -> str:
+    """What `cosim run` says of a bad case; it must end with code 2 and leave nothing."""
+    head = 'extends = "isometric_edc"\ntitle = "bad"\n'
+    text = text if text.startswith("[") else f"[hood]\n{text}"
+    (tmp_path / "case.toml").write_text(head + text)
+    done = cosim("run", "case.toml", "--out", "runs")
+    assert done.exit_code == 2, done.stdout
+    assert "Traceback" not in done.stderr
+    assert sum(line.startswith("cosim: ") for line in done.stderr.splitlines()) == 1
+    assert not list(tmp_path.glob("runs/*"))
+    return done.stderr
+
+
+@pytest.mark.parametrize(("text", "message"), BAD.values(), ids=BAD.keys())
+def test_bad_input_is_told_and_nothing_runs(tmp_path, monkeypatch, text, message):
+    monkeypatch.chdir(tmp_path)
+    assert message in told(tmp_path, text)
+
+
+@pytest.mark.parametrize(("changes", "message"), BAD_MESH.values(), ids=BAD_MESH.keys())
+def test_a_bad_mesh_is_told_with_its_place(tmp_path, monkeypatch, changes, message):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mesh.json").write_text(json.dumps(MESH | changes))
+    assert message in told(tmp_path, 'mesh = {kind = "file", path = "mesh.json"}')
+    checked = cosim("check", "case.toml", "isometric_edc")
+    if changes.keys() != {"springs", "tied"}:  # what a case must bring to hold it, building tells
+        assert checked.exit_code == 2
+        assert message in checked.stderr
+    assert "isometric_edc: in order" in checked.stdout
+
+
 def test_the_program_ends_with_its_exit_code(tmp_path):
     (tmp_path / "bad.toml").write_text("title = \n")
-    root = Path(__file__).parents[1]
 
     def code(*words: str) -> tuple[int, str]:
         command = [sys.executable, "-m", "cosim.cli", *words]
-        done = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
         return done.returncode, done.stderr
 
     assert code("check", "isometric_edc") == (0, "")

@@ -9,6 +9,7 @@ from collections.abc import Callable
 import conformance
 import numpy as np
 import pytest
+import shells
 
 from cosim.port import Array, Hood, InputError, Motion
 from meshes.skeleton import BODIES, index_finger
@@ -50,7 +51,11 @@ def pulley_hood() -> Subject:
     return hood, motions, np.array([11.8, 2.5]), 1e-6
 
 
-HOODS: list[tuple[str, Callable[[], Subject]]] = [("pulley", pulley_hood)]
+def shell_hood() -> Subject:
+    return shells.index_hood(), index_motions(), np.array([3.0, 1.0, 0.8, 0.5]), 1e-4
+
+
+HOODS: list[tuple[str, Callable[[], Subject]]] = [("pulley", pulley_hood), ("shell", shell_hood)]
 
 
 @pytest.fixture(scope="module", params=[f for _, f in HOODS], ids=[name for name, _ in HOODS])

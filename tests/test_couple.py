@@ -231,17 +231,18 @@ def test_a_strong_pull_ends_in_a_stable_equilibrium_at_the_limits(tendon, tensio
 
 
 def test_a_finger_does_not_stay_where_it_would_run_away():
-    """Springs at rest at a pose in which the cable's pull balances but pushes away: no residual is
-    no equilibrium to rest in."""
-    f = HingeFinger(LENGTHS, held=False)
-    two = Cable((("metacarpal", (-A, 0.0, -H)), ("proximal", (A, 0.0, -H))))
-    straight = f.motion(f.start({}))
-    hood = PulleyHood({"FDS": two}, straight)
-    law = joint_law(hinge.JOINTS, dict.fromkeys(hinge.JOINTS, 0.02), {"MCP": 0.0})
-    top = -2 * np.arctan(A / H) + np.pi  # where the cable is longest: its arm vanishes
-    f = HingeFinger(LENGTHS, law=replace(law, rest=np.array([-top, 0.0, 0.0])), held=False)
-    found = coupled(f, hood, np.array([8.0]), (-top, 0.0, 0.0))
-    assert abs(found.finger_state.angles[0] + top) > 0.1
+    """A palmar cable that is longest at the spring's rest has no arm there; a pull T above
+    2 k / r, r the eyelets' distance from the joint, makes the finger run away to an angle u beyond
+    where k u = T r sin(u / 2)."""
+    k, pull, r = 0.02, 4.2, np.hypot(A, H)
+    rest = np.pi - 2 * np.arctan(A / H)
+    law = joint_law(hinge.JOINTS, dict.fromkeys(hinge.JOINTS, k), {"MCP": -rest})
+    f = HingeFinger(LENGTHS, law=law, held=False)
+    cable = Cable((("metacarpal", (-A, 0.0, -H)), ("proximal", (A, 0.0, -H))))
+    hood = PulleyHood({"FDS": cable}, f.motion(f.start({})))
+    found = coupled(f, hood, np.array([pull]), (0.01 - rest, 0.0, 0.0))
+    away = brentq(lambda u: k * u - pull * r * np.sin(u / 2), 0.1, 3.0)
+    assert found.finger_state.angles[0] == pytest.approx(away - rest, abs=1e-8)
 
 
 @dataclass(frozen=True)

@@ -58,7 +58,7 @@ def strap() -> ShellModel:
         return np.column_stack([x, y, 2e-3 - 12.0 * x**2 + 0.05 * y])
 
     X, quads = shells.mapped(8, 4, bowed)
-    model = sheet(X, quads, 5e6, 0.3, 0.5e-3, growth=0.02, bodies=("hand", "bone", "ball"))
+    model = sheet(X, quads, 5e7, 0.3, 0.5e-3, growth=0.02, bodies=("hand", "bone", "ball"))
     model = clamped(model, np.flatnonzero(X[:, 0] > LENGTH / 2 - 1e-6), body=1)
     end = np.flatnonzero(X[:, 0] < -LENGTH / 2 + 1e-6)
     model = guided(model, [end[:3], end[3:]], [(-1.0, 0, -0.4), (-1.0, 0.1, -0.4)])
@@ -72,7 +72,7 @@ def strap() -> ShellModel:
         contacts=(touching,),
         springs=joined(
             springs(a, 1, X[a] + low, 200.0, 5.5e-3, only=False),
-            springs(b, 2, X[b] + low, 300.0, 4.5e-3, only=True),
+            springs(b, 2, X[b] + low, 300.0, 3e-3, only=True),
             springs(c, 2, X[c] + low, 300.0, 9e-3, only=True),
         ),
     )
@@ -114,7 +114,7 @@ def perturbed(model: ShellModel, c: Configuration, size: float, seed: int = 0) -
 
 
 def test_convergence_is_quadratic(model, solved):
-    c = perturbed(model, solved.configuration, 2e-7)
+    c = perturbed(model, solved.configuration, 2e-6)
     order, norms = model.pattern.order, []
     for _ in range(4):
         e = model.evaluate(c, TENSION, tangent=True)
@@ -122,9 +122,9 @@ def test_convergence_is_quadratic(model, solved):
         step = np.zeros(model.pattern.size)
         step[order] = -factorise(model.pattern.free(e.data)).solve(e.reduced[order])
         c = model.stepped(c, e.bases, step)
-    logs = np.log(norms)
-    assert logs[2] - logs[1] < 1.7 * (logs[1] - logs[0])
-    assert norms[3] < 1e-9 * norms[0]
+    first, second = np.log(norms[1] / norms[2]), np.log(norms[2] / norms[3])
+    assert second / first > 1.7
+    assert norms[3] < 1e-10
 
 
 def along(model: ShellModel, c: Configuration, v: Array, t: float) -> float:
@@ -152,7 +152,7 @@ def test_residual_and_tangent_are_the_potentials(model, solved, seed):
 def test_the_tangent_is_symmetric(model, solved, convex):
     c = perturbed(model, solved.configuration, 1e-4)
     K = model.pattern.full(model.evaluate(c, TENSION, True, convex).data).toarray()
-    assert K == pytest.approx(K.T, abs=1e-12 * np.abs(K).max())
+    assert np.abs(K - K.T).max() < 1e-12 * np.abs(K).max()
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -212,9 +212,7 @@ def test_a_sheet_hangs_on_its_taut_springs():
     force = solution.evaluation.points.gradient
     assert force[:4, 2] == pytest.approx(np.full(4, dead[:, 2].sum() / 4))
     assert (force[4:] == 0).all()
-    assert np.linalg.norm(solution.configuration.x[corners] - X[corners], axis=1) == pytest.approx(
-        np.full(4, 0.15 / 4 / 1e3), rel=0.01
-    )
+    assert (solution.evaluation.points.depth[4:] < 0).all()
 
 
 def moved(model: ShellModel, c: Configuration, twist: Array) -> Configuration:

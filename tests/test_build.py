@@ -1,0 +1,301 @@
+"""From a case to models: what the case says ends up where it should."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cosim.build import Models, build, hood_mesh, tensions
+from cosim.case import load_case
+from cosim.port import InputError
+from meshes.bones import load_bone
+from meshes.hood_mesh import REGIONS, HoodMesh, read
+
+COARSE = "hood.mesh.quads=100"
+DEFAULT_MESH = Path(__file__).parents[1] / "meshes" / "hoods" / "index_600.json"
+
+
+@cache
+def made(*settings: str) -> tuple[Models, HoodMesh]:
+    case = load_case("isometric_edc", [COARSE, *settings])
+    return build(case), hood_mesh(case)
+
+
+def membrane(models: Models, modulus: float, poisson: float) -> np.ndarray:
+    """(ne,) m, the thickness in the membrane stiffness E t / (1 - nu^2)."""
+    return models.hood.model.stiffness[:, 0, 0] * (1 - poisson**2) / modulus
+
+
+def test_modulus_and_thickness_make_the_membrane_and_bending_stiffness():
+    models, mesh = made("hood.regions.central_slip.thickness=0.4 mm")
+    slip, sheet = mesh.cells("central_slip"), mesh.cells("central_band")
+    assert slip.any()
+    np.testing.assert_allclose(membrane(models, 100.76e6, 0.4)[slip], 0.4e-3)
+    np.testing.assert_allclose(membrane(models, 100.61e6, 0.4)[sheet], 0.65e-3)
+    stiffness = models.hood.model.stiffness[slip]
+    np.testing.assert_allclose(stiffness[:, 3, 3], stiffness[:, 0, 0] * 0.4e-3**2 / 12)
+
+
+def test_a_section_is_thickness_times_mean_width():
+    models, mesh = made("hood.regions.central_band.section=1.5 mm**2")
+    cells = mesh.cells("central_band")
+    thickness = membrane(models, 100.61e6, 0.4)[cells]
+    assert np.ptp(thickness) < 1e-15
+    nodes = np.unique(mesh.quads[cells])
+    length = np.ptp(mesh.station[nodes]) * 1e-3
+    volume = thickness[0] * mesh.areas()[cells].sum()
+    assert volume / length == pytest.approx(1.5e-6, rel=0.05), "the region bends a little"
+
+
+def test_a_thinner_region_keeps_its_face_on_the_bone():
+    (plain, mesh), (thin, _) = made(), made("hood.regions.central_band.thickness=0.25 mm")
+    cells = mesh.cells("central_band")
+    others = np.setdiff1d(np.arange(len(mesh.points)), mesh.quads[cells])
+    inner = np.setdiff1d(mesh.quads[cells], mesh.quads[~cells])
+    shift = thin.hood.model.reference - plain.hood.model.reference
+    np.testing.assert_allclose(np.linalg.norm(shift[inner], axis=1), 0.2e-3, rtol=1e-9)
+    np.testing.assert_array_equal(shift[others], 0.0)
+    assert (np.einsum("ni,ni->n", shift[inner], plain.hood.model.directors[inner]) < 0).all()
+
+
+def test_extra_length_is_free_of_stress_when_stretched_by_it():
+    models, mesh = made("hood.extra_length.terminal_slip=0.5 mm")
+    state = models.hood.start(models.hood.rest)
+    strain = models.hood.strain(state)[..., 0]
+    slip = mesh.cells("terminal_slip")
+    length = np.ptp(mesh.station[np.unique(mesh.quads[slip])])
+    growth = 0.5 / length
+    np.testing.assert_allclose(strain[slip], ((1 + growth) ** -2 - 1) / 2, rtol=0.05)
+    np.testing.assert_allclose(strain[~slip], 0.0, atol=1e-12)
+
+
+def test_each_tendon_pulls_its_end_and_ei_the_ulnar_half():
+    models, mesh = made()
+    model = models.hood.model
+    shares = dict(zip(models.hood.tendons, model.share, strict=True))
+    np.testing.assert_allclose(model.share.sum(axis=1), 1.0)
+    nodes = {t: set(model.guides.node[share > 0]) for t, share in shares.items()}
+    assert nodes["EDC"] == set(mesh.ends["central"])
+    assert nodes["LUM"] == set(mesh.ends["radial"])
+    assert nodes["FPI"] == set(mesh.ends["ulnar"])
+    assert nodes["EI"] < nodes["EDC"]
+    radial = mesh.points[model.guides.node, 1]
+    assert radial[shares["EI"] > 0].max() == pytest.approx(np.median(mesh.points[:, 1]), abs=3e-4)
+    assert shares["EI"] @ radial < -1e-3
+    assert shares["EDC"] @ radial == pytest.approx(0.0, abs=5e-4)
+
+
+def test_tensions_go_to_the_tendons_by_name():
+    case = load_case("isometric_edc", ["tendons.FDP.tension=2 N"])
+    models, _ = made()
+    hood, finger = tensions(case, models)
+    np.testing.assert_allclose(hood, [3.469, 0.05, 0.05, 0.05])
+    np.testing.assert_allclose(finger, [2.0, 0.05, 0.05])
+
+
+def test_a_tendon_that_neither_hood_nor_finger_has_is_told():
+    case = load_case("isometric_edc", [*PULLEY, "tendons.LUM.tension=1 N"])
+    with pytest.raises(InputError, match=r"tendons\.LUM: .*they have EDC, FDP, FDS, FDI"):
+        tensions(case, build(case))
+
+
+PULLEY = (
+    "hood.kind=pulley",
+    'hood.paths.EDC=[{body="metacarpal", point=["-1 cm", "0 mm", "8 mm"]},'
+    ' {body="distal", point=["3 mm", "0.1 mm", "2 mm"]}]',
+)
+HINGE = (
+    "finger.kind=hinge",
+    *(f"finger.posture.{joint}=10 deg" for joint in ("MCP", "PIP", "DIP")),
+    'finger.lengths=["46 mm", "28 mm", "20 mm"]',
+    'finger.limit={half_range="0.3 rad", stiffness="7 Nm/rad", transition="1 deg"}',
+)
+
+
+def test_the_analytic_pair_is_built():
+    case = load_case("isometric_edc", [*HINGE, *PULLEY])
+    models = build(case)
+    assert models.finger.joints == ("MCP", "PIP", "DIP")
+    assert models.hood.tendons == ("EDC",)
+    assert models.look is None
+    state = models.finger.start(models.posture)
+    tip = 46e-3 * np.exp(-0j) * np.exp(-1j * np.deg2rad(10))
+    tip += 28e-3 * np.exp(-1j * np.deg2rad(20)) + 20e-3 * np.exp(-1j * np.deg2rad(30))
+    np.testing.assert_allclose(models.finger.tip(state), [tip.real, 0.0, tip.imag], atol=1e-15)
+
+
+@pytest.mark.parametrize("finger", [(), HINGE])
+def test_a_straight_finger_cannot_be_held_at_its_tip(finger):
+    straight = [f"finger.posture.{joint}=0 deg" for joint in ("PIP", "DIP")]
+    with pytest.raises(InputError, match=r"finger\.posture: a straight finger .*finger\.tip"):
+        build(load_case("isometric_edc", [*finger, *PULLEY, *straight]))
+    free = build(load_case("isometric_edc", [*finger, *PULLEY, *straight, "finger.tip=free"]))
+    assert free.finger.angles(free.finger.start(free.posture))[-1] == 0.0
+
+
+def test_a_shell_needs_bones():
+    with pytest.raises(InputError, match=r'hood\.kind = "shell" needs finger\.kind = "index"'):
+        build(load_case("isometric_edc", list(HINGE)))
+
+
+def test_a_hood_without_a_mesh_says_so():
+    with pytest.raises(InputError, match="has no shell hood"):
+        hood_mesh(load_case("isometric_edc", list(PULLEY)))
+
+
+def test_a_finger_scales_in_length_and_width():
+    (plain, mesh), (scaled, bigger) = made(), made("finger.length_scale=1.1")
+    tips = [m.finger.tip(m.finger.start(m.posture)) for m in (plain, scaled)]
+    np.testing.assert_allclose(tips[1], 1.1 * tips[0], rtol=1e-12)
+    ends = [np.ptp(m.points[:, 0]) for m in (mesh, bigger)]
+    assert ends[1] / ends[0] == pytest.approx(1.1, rel=0.01)
+    _, wide = made("finger.width_scale=1.1")
+    np.testing.assert_allclose(
+        wide.springs["sagittal_radial"].anchors[:, 1:],
+        1.1 * mesh.springs["sagittal_radial"].anchors[:, 1:],
+        atol=2e-7,
+    )
+    over_pip = (mesh.station > 38) & (mesh.station < 47)
+    widths = [np.ptp(m.points[over_pip, 1]) for m in (mesh, wide)]
+    assert 1.05 < widths[1] / widths[0] < 1.12, "the offset over the bone does not scale"
+    bones = [
+        np.ptp(m.bones["middle"][0], axis=0) for m in (plain, made("finger.width_scale=1.1")[0])
+    ]
+    np.testing.assert_allclose(bones[1] / bones[0], [1.0, 1.1, 1.1], rtol=5e-3)
+
+
+def bone_setting(path: Path, unit: str = "m", frame: str = "ours") -> str:
+    return f'finger.bones.proximal={{surface="{path}", unit="{unit}", frame="{frame}"}}'
+
+
+def test_our_own_bone_given_back_as_the_users_makes_the_same_hood(tmp_path: Path):
+    load_bone("proximal").write_stl(tmp_path / "proximal.stl")
+    given = hood_mesh(load_case("isometric_edc", [COARSE, bone_setting(tmp_path / "proximal.stl")]))
+    _, ours = made()
+    np.testing.assert_array_equal(given.quads, ours.quads)
+    assert np.abs(given.points - ours.points).max() < 1e-6
+
+
+def test_a_bone_in_millimetres_or_in_the_other_frame_is_the_same_bone(tmp_path: Path):
+    from meshes.skeleton import index_finger
+
+    vertices, faces = load_bone("proximal").surface(2e-3)
+    rotation, origin = index_finger().source["proximal"]
+    write_obj(tmp_path / "mm.obj", 1e3 * vertices, faces)
+    write_obj(tmp_path / "myohand.obj", vertices @ rotation.T + origin, faces)
+    for name, unit, frame in (("mm", "mm", "ours"), ("myohand", "m", "myohand")):
+        setting = bone_setting(tmp_path / f"{name}.obj", unit, frame)
+        bones = build(load_case("isometric_edc", [*PULLEY, setting])).bones
+        read_back = bones["proximal"][0]
+        assert len(read_back) == len(vertices)
+        np.testing.assert_allclose(np.sort(read_back, 0), np.sort(vertices, 0), atol=1e-8)
+
+
+def write_obj(path: Path, vertices: np.ndarray, faces: np.ndarray) -> None:
+    lines = [f"v {x:.9f} {y:.9f} {z:.9f}" for x, y, z in vertices]
+    lines += [f"f {a} {b} {c}" for a, b, c in faces + 1]
+    path.write_text("\n".join(lines))
+
+
+TRIANGLE = "v 0 0 0\nv 0.01 0 0\nv 0 0.01 0\nf 1 2 3\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "complaint"),
+    [
+        ("a.stl", b"hello", "no triangles"),
+        ("a.stl", b"", "no triangles"),
+        ("a.stl", bytes(range(256)) * 4, "no triangles"),
+        ("a.txt", b"hello", "cannot be read as a triangle surface"),
+        ("a.obj", b"v 0 0 0\nf 1 2 3\n", "cannot be read as a triangle surface"),
+        ("a.obj", TRIANGLE.encode(), "not watertight"),
+        ("a.obj", TRIANGLE.replace("0.01", "10").encode(), "is 1e+04 mm long as m"),
+        ("a.obj", TRIANGLE.replace("0.01", "1e-5").encode(), "is 0.01 mm long as m"),
+        ("a.obj", TRIANGLE.replace("0.01", "nan").encode(), r"bones.proximal"),
+    ],
+)
+def test_a_bad_bone_is_one_clear_fault(tmp_path: Path, name, content, complaint):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(InputError) as caught:
+        hood_mesh(load_case("isometric_edc", [COARSE, bone_setting(tmp_path / name)]))
+    message = str(caught.value)
+    assert complaint in message
+    assert message.startswith("finger.bones.proximal.surface: ")
+    assert "\n" not in message
+
+
+def test_a_bone_with_a_hole_is_told(tmp_path: Path):
+    vertices, faces = load_bone("proximal").surface(2e-3)
+    write_obj(tmp_path / "hole.obj", vertices, faces[5:])
+    with pytest.raises(InputError, match=r"finger\.bones\.proximal\.surface: .*not watertight"):
+        hood_mesh(load_case("isometric_edc", [COARSE, bone_setting(tmp_path / "hole.obj")]))
+
+
+def test_a_bone_that_is_not_there_is_told(tmp_path: Path):
+    with pytest.raises(InputError, match=r"finger\.bones\.proximal\.surface.*no such file"):
+        load_case("isometric_edc", [bone_setting(tmp_path / "none.stl")])
+
+
+def test_the_committed_mesh_is_what_the_generator_makes(tmp_path: Path):
+    from meshes.hood_mesh import write
+
+    write(hood_mesh(load_case("isometric_edc")), tmp_path / "again.json")
+    assert (tmp_path / "again.json").read_bytes() == DEFAULT_MESH.read_bytes()
+
+
+def test_a_mesh_file_reads_back_as_the_generated_mesh():
+    generated, filed = hood_mesh(load_case("isometric_edc")), read(DEFAULT_MESH)
+    np.testing.assert_allclose(filed.points, generated.points, rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(filed.quads, generated.quads)
+    np.testing.assert_array_equal(filed.region, generated.region)
+    for name, attached in generated.springs.items():
+        np.testing.assert_allclose(filed.springs[name].anchors, attached.anchors, atol=1e-12)
+    assert filed.rest_posture == pytest.approx(generated.rest_posture)
+
+
+def file_setting(path: Path) -> str:
+    return f'hood.mesh={{kind="file", path="{path}"}}'
+
+
+def edited(folder: Path, **changes: object) -> str:
+    """The setting that takes the committed mesh with some keys changed."""
+    content = json.loads(DEFAULT_MESH.read_text()) | changes
+    path = folder / "mesh.json"
+    path.write_text(json.dumps(content))
+    return file_setting(path)
+
+
+def test_a_mesh_of_fewer_regions_needs_no_others(tmp_path: Path):
+    regions = json.loads(DEFAULT_MESH.read_text())["regions"]
+    fewer = ["central_band" if "extensor" in name else name for name in regions]
+    case = load_case("isometric_edc", [edited(tmp_path, regions=fewer)])
+    sparse = {k: v for k, v in case.hood.regions.items() if "extensor" not in k}
+    hood = case.hood.model_copy(update={"regions": sparse})
+    models = build(case.model_copy(update={"hood": hood}))
+    cells = np.array(fewer) == "central_band"
+    np.testing.assert_allclose(membrane(models, 100.61e6, 0.4)[cells], 0.65e-3)
+
+
+def test_a_region_of_the_mesh_without_a_material_is_told():
+    case = load_case("isometric_edc", [file_setting(DEFAULT_MESH)])
+    sparse = {k: v for k, v in case.hood.regions.items() if k != REGIONS[3]}
+    hood = case.hood.model_copy(update={"regions": sparse})
+    with pytest.raises(InputError, match=r"hood\.regions: the mesh also has central_slip"):
+        build(case.model_copy(update={"hood": hood}))
+
+
+def test_a_mesh_with_fewer_springs_is_held_by_those(tmp_path: Path):
+    springs = json.loads(DEFAULT_MESH.read_text())["springs"]
+    few = {k: v for k, v in springs.items() if k == "central_slip"}
+    models = build(load_case("isometric_edc", [edited(tmp_path, springs=few)]))
+    assert models.hood.groups == ("central_slip",)
+
+
+def test_a_hood_that_nothing_holds_is_told(tmp_path: Path):
+    case = load_case("isometric_edc", [edited(tmp_path, springs={}, tied={})])
+    with pytest.raises(InputError, match="no insertion holds the hood"):
+        build(case)

@@ -1,0 +1,114 @@
+"""Who may import whom, and what a light command must not load."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = ("cosim", "fe_solver", "rigid", "meshes", "cases")
+MODULES = {
+    ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path
+    for package in PACKAGES
+    for path in sorted((ROOT / package).glob("*.py"))
+}
+# What a module, or each of a package, may import of ours, at the top or inside a function.
+ALLOWED = {
+    "cosim.port": (),
+    "cosim.couple": ("cosim.port",),
+    "fe_solver": ("cosim.port", "fe_solver"),
+    "rigid": ("cosim.port", "meshes.skeleton", "rigid"),
+    "meshes": ("cosim.port", "meshes"),
+}
+KNOW_THE_SOLVERS = {"cosim.build"}
+
+
+def imports(module: str, top_only: bool) -> Iterator[str]:
+    """Our modules that a module imports; with `top_only` those that importing it loads."""
+    tree = ast.parse(MODULES[module].read_text(encoding="utf-8"))
+    for node in _top(tree) if top_only else ast.walk(tree):
+        if isinstance(node, ast.Import):
+            found = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            found = list(_from(module, node))
+        else:
+            continue
+        yield from (name for name in found if name.split(".")[0] in PACKAGES)
+
+
+def _top(tree: ast.Module) -> Iterator[ast.stmt]:
+    """The statements that run on import, those for type checkers left out."""
+    for node in tree.body:
+        is_for_types = isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+        if not is_for_types:
+            yield node
+
+
+def _from(module: str, node: ast.ImportFrom) -> Iterator[str]:
+    package = module if MODULES[module].name == "__init__.py" else module.rpartition(".")[0]
+    base = package if node.level else ""
+    name = ".".join(part for part in (base, node.module) if part)
+    for alias in node.names:
+        inner = f"{name}.{alias.name}"
+        yield inner if inner in MODULES else name
+
+
+def _is_within(name: str, room: str) -> bool:
+    return name == room or name.startswith(f"{room}.")
+
+
+def test_the_modules_are_found():
+    assert {"cosim.port", "fe_solver.shell_hood", "rigid.pulley", "meshes.hood"} <= set(MODULES)
+    assert "meshes.skeleton" in set(imports("rigid.mujoco_finger", top_only=True))
+    assert "fe_solver.newton" in set(imports("fe_solver.shell_hood", top_only=True))
+    assert "rigid.hinge" in set(imports("cosim.build", top_only=False))
+    assert "rigid.hinge" not in set(imports("cosim.build", top_only=True))
+
+
+@pytest.mark.parametrize("room", ALLOWED)
+def test_a_room_imports_only_what_lies_below_it(room):
+    for module in (m for m in MODULES if _is_within(m, room)):
+        for name in imports(module, top_only=False):
+            assert any(_is_within(name, rule) for rule in ALLOWED[room]), f"{module} imports {name}"
+
+
+def test_only_build_knows_the_solvers():
+    knowing = {
+        module
+        for module in MODULES
+        for name in imports(module, top_only=False)
+        if _is_within(module, "cosim") and name.split(".")[0] in ("fe_solver", "rigid")
+    }
+    assert knowing == KNOW_THE_SOLVERS
+
+
+def test_no_modules_import_each_other_in_a_circle():
+    graph = {module: set(imports(module, top_only=True)) - {module} for module in MODULES}
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        raise AssertionError(f"circle: {' <- '.join(error.args[1])}") from None
+
+
+@pytest.mark.parametrize(
+    ("module", "heavy"),
+    [
+        ("fe_solver.shell_hood", {"mujoco", "pydantic", "typer"}),
+        ("cosim.cli", {"mujoco", "scipy", "pyvista", "matplotlib", "xarray", "fe_solver", "rigid"}),
+        ("cosim.case", {"mujoco", "scipy", "xarray", "fe_solver", "rigid"}),
+    ],
+)
+def test_importing_one_does_not_load_the_other(module, heavy):
+    code = f"import sys, {module}; print(*sys.modules)"
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    loaded = set(done.stdout.split())
+    assert module in loaded
+    assert not heavy & loaded

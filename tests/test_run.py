@@ -1,0 +1,235 @@
+"""Every packaged case, from the file to the answer."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray
+from typer.testing import CliRunner
+
+from cosim.case import find_case, load_case
+from cosim.cli import app
+from cosim.observe import IN_METACARPAL
+from cosim.port import ConvergenceError
+from cosim.results import Result, write_result
+from cosim.run import run_case, settled
+
+PACKAGED = sorted(p.stem for p in find_case("isometric_edc").parent.glob("*.toml"))
+ISOMETRIC = [name for name in PACKAGED if name.startswith("isometric")]
+COARSE = "hood.mesh.quads=250"
+SHELL_KEYS = {"hood_quads", "slip_force_N", "strain_percent", "max_penetration_mm"}
+STATE_KEYS = {
+    *("posture_deg", "tension_N", "excursion_mm", "moment_arm_mm"),
+    *("fingertip_force_N", "fingertip_magnitude_N"),
+}
+KEYS = {"case", "version", "converged", "wall_s", "audit", "iterations", "unloaded", "difference"}
+AUDIT = {
+    "hood_force_balance": 1e-9,
+    "hood_moment_balance": 1e-9,
+    "finger_residual": 1e-6,
+    "interface_residual": 1e-6,
+    "reciprocity": 1e-3,
+}
+# mm at 30/45/15 deg: An et al. 1979 and 1983, and MyoHand.
+EDC_ARMS = {"MCP": (-9.5, -6.0), "PIP": (-6.0, -2.5), "DIP": (-3.5, -0.5)}
+
+
+@cache
+def run(name: str, *settings: str) -> Result:
+    """A case run once for all tests."""
+    return run_case(load_case(name, settings))
+
+
+def coarse(name: str) -> Result:
+    """As shipped where that is quick, else on a mesh of 250 quads."""
+    return run(name) if name in ("isometric_edc", "pulley_edc") else run(name, COARSE)
+
+
+def is_shell(name: str) -> bool:
+    return load_case(name).hood.kind == "shell"
+
+
+def check_audit(summary: dict[str, Any]) -> None:
+    assert set(summary["audit"]) == set(AUDIT)
+    for key, bound in AUDIT.items():
+        assert 0 <= summary["audit"][key] <= bound, key
+    assert summary.get("max_penetration_mm", 0.0) <= 0.02
+    assert summary["audit_missed"] == []
+
+
+@pytest.mark.parametrize("name", PACKAGED)
+def test_every_packaged_case_converges_and_passes_its_audit(name):
+    summary = coarse(name).summary
+    assert summary["case"] == name
+    assert summary["converged"] is True
+    check_audit(summary)
+    wanted = KEYS | STATE_KEYS | (SHELL_KEYS if is_shell(name) else set())
+    assert wanted <= set(summary)
+    assert wanted - KEYS - {"hood_quads"} <= set(summary["unloaded"])
+    text = json.dumps(summary, allow_nan=False)
+    assert json.loads(text) == summary
+
+
+@pytest.mark.parametrize("name", PACKAGED)
+def test_forces_on_every_moving_body_close_to_zero(name):
+    rows = coarse(name).ledger
+    force = max(np.linalg.norm(row.force) for row in rows)
+    moment = max(np.linalg.norm(row.moment) for row in rows)
+    for state in ("unloaded", "loaded"):
+        for body in ("proximal", "middle", "distal"):
+            here = [row for row in rows if (row.state, row.body) == (state, body)]
+            assert len({row.source for row in here}) == len(here) > 3
+            assert np.linalg.norm(sum(row.force for row in here)) < 1e-6 * force
+            assert np.linalg.norm(sum(row.moment for row in here)) < 1e-6 * moment
+
+
+@pytest.mark.parametrize("name", PACKAGED)
+def test_only_the_named_tendon_pulls_harder_than_at_rest(name):
+    case, summary = load_case(name), coarse(name).summary
+    (active,) = [t for t in case.tendons if case.tension(t) > case.solve.resting_tension]
+    assert summary["tension_N"][active] == case.tension(active)
+    assert set(summary["unloaded"]["tension_N"].values()) == {case.solve.resting_tension}
+    others = {t: T for t, T in summary["tension_N"].items() if t != active}
+    assert set(others.values()) == {case.solve.resting_tension}
+
+
+def test_edc_pushes_the_fingertip_dorsally():
+    summary = run("isometric_edc").summary
+    assert 0.2 < summary["fingertip_magnitude_N"] < 0.8
+    assert summary["fingertip_magnitude_N"] < summary["tension_N"]["EDC"]
+    assert summary["fingertip_force_N"][1] < 0, "palmar"
+    assert summary["unloaded"]["fingertip_magnitude_N"] < 0.05, "the rest posture's fit"
+    before, now = (np.array(s["fingertip_force_N"]) for s in (summary["unloaded"], summary))
+    np.testing.assert_array_equal(summary["difference"]["fingertip_force_N"], now - before)
+
+
+@pytest.mark.parametrize("name", ["isometric_edc", "pulley_edc"])
+def test_edc_extends_every_joint_with_its_measured_arms(name):
+    summary = coarse(name).summary
+    for arms in (summary["moment_arm_mm"]["EDC"], summary["difference"]["moment_arm_mm"]["EDC"]):
+        for joint, (low, high) in EDC_ARMS.items():
+            assert low <= arms[joint] <= high, joint
+
+
+@pytest.mark.parametrize(("name", "tendon"), [("lum", "LUM"), ("fpi", "FPI")])
+def test_intrinsics_flex_the_mcp_and_extend_beyond_it(name, tendon):
+    summary = coarse(f"isometric_{name}").summary
+    for arms in (summary["moment_arm_mm"][tendon], summary["difference"]["moment_arm_mm"][tendon]):
+        assert arms["MCP"] > 0
+        assert arms["PIP"] < 0
+        assert arms["DIP"] < 0
+        assert np.sign(arms["MCP_abduction"]) == (1 if tendon == "LUM" else -1), "its side"
+
+
+def test_the_slips_share_what_the_muscle_pulls():
+    summary = run("isometric_edc").summary
+    slips = summary["slip_force_N"]
+    assert slips["central"] > 0.3
+    assert slips["terminal"] > 0.3
+    assert slips["central"] + slips["terminal"] < 1.2 * summary["tension_N"]["EDC"]
+
+
+def test_joint_torques_add_up_to_zero_with_the_tips_force():
+    result = run("isometric_edc")
+    data = result.dataset.sel(state="loaded")
+    total = data.torque.sum("torque_source")
+    assert float(abs(total).max()) < 1e-6 * float(abs(data.torque).max())
+    np.testing.assert_array_equal(
+        result.summary["fingertip_force_N"], IN_METACARPAL @ data.tip_force.values
+    )
+
+
+def test_a_case_gives_the_same_bits_alone_and_after_another():
+    """The settled state that a batch shares must not carry anything over."""
+    settled.cache_clear()
+    alone = run_case(load_case("isometric_ei", [COARSE]))
+    settled.cache_clear()
+    run_case(load_case("isometric_lum", [COARSE]))
+    after = run_case(load_case("isometric_ei", [COARSE]))
+    xarray.testing.assert_identical(alone.dataset, after.dataset)
+    assert {**alone.summary, "wall_s": 0} == {**after.summary, "wall_s": 0}
+    for a, b in zip(alone.ledger, after.ledger, strict=True):
+        assert (a.state, a.body, a.source) == (b.state, b.body, b.source)
+        assert np.array_equal(a.force, b.force)
+        assert np.array_equal(a.moment, b.moment)
+
+
+def test_a_run_at_the_resting_tension_is_its_own_unloaded_state():
+    summary = run("pulley_edc", "tendons.EDC.tension=0.05 N").summary
+    assert summary["difference"]["fingertip_magnitude_N"] < 1e-6
+    assert "moment_arm_mm" not in summary["difference"]
+
+
+def test_results_of_a_run_read_back(tmp_path: Path):
+    import meshio
+
+    result = run("isometric_edc")
+    folder = write_result(tmp_path, load_case("isometric_edc", ["output.picture=false"]), result)
+    assert json.loads((folder / "summary.json").read_text()) == result.summary
+    with xarray.open_dataset(folder / "results.nc", engine="h5netcdf") as data:
+        xarray.testing.assert_identical(data.load(), result.dataset)
+        assert float(data.tension.sel(state="loaded", tendon="EDC")) == pytest.approx(3.469)
+        assert data.tension.attrs["units"] == "N"
+    hood = meshio.read(folder / "hood.vtu")
+    assert len(hood.cells_dict["quad"]) == result.summary["hood_quads"]
+    np.testing.assert_array_equal(
+        hood.points, result.dataset.node.sel(state="loaded", drop=True).values
+    )
+    strain = 100 * hood.cell_data["longitudinal_strain"][0]
+    longitudinal = result.summary["strain_percent"]["longitudinal"]
+    assert strain.min() <= longitudinal["min"] < longitudinal["mean"] < longitudinal["max"]
+    assert longitudinal["max"] <= strain.max()
+
+
+def test_what_does_not_converge_is_no_result():
+    with pytest.raises(ConvergenceError, match=r"1 rounds.*solve\.max_iterations"):
+        run_case(load_case("isometric_edc", [COARSE, "solve.max_iterations=1"]))
+
+
+def test_a_hood_that_finds_no_equilibrium_is_an_error_and_the_batch_goes_on(tmp_path: Path):
+    """A hood of films of 10 um under 50 N."""
+    frail = tmp_path / "frail.toml"
+    frail.write_text(
+        'extends = "isometric_edc"\ntendons.EDC.tension = "50 N"\nhood.thickness = "0.01 mm"\n'
+        "hood.mesh.quads = 100\n"
+    )
+    out = tmp_path / "runs"
+    words = ["run", str(frail), "pulley_edc", "--out", str(out), "--set", "output.picture=false"]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 1
+    (line,) = [x for x in done.stderr.splitlines() if x.startswith("cosim: ")]
+    assert line.startswith("cosim: frail: the hood did not reach equilibrium")
+    assert [path.name for path in out.iterdir()] == ["pulley_edc"]
+    check_audit(json.loads((out / "pulley_edc" / "summary.json").read_text()))
+
+
+@pytest.mark.parametrize(("tendon", "tension"), [("FDP", 79.12), ("FDS", 58.9), ("FDI", 145.6)])
+def test_a_muscle_at_its_greatest_force_finds_its_equilibrium(tendon, tension):
+    name = f"isometric_{tendon.lower()}"
+    summary = run(name, "hood.mesh.quads=100", f"tendons.{tendon}.activation=1").summary
+    assert summary["tension_N"][tendon] == pytest.approx(tension)
+    check_audit(summary)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ISOMETRIC)
+def test_every_isometric_case_as_shipped(name):
+    check_audit(run(name).summary)
+
+
+@pytest.mark.slow
+def test_the_default_mesh_is_fine_enough():
+    coarse, fine = (
+        run("isometric_edc").summary,
+        run("isometric_edc", "hood.mesh.quads=2400").summary,
+    )
+    assert fine["hood_quads"] > 3.5 * coarse["hood_quads"]
+    check_audit(fine)
+    assert coarse["fingertip_magnitude_N"] == pytest.approx(fine["fingertip_magnitude_N"], rel=0.02)
+    for slip, force in fine["slip_force_N"].items():
+        assert coarse["slip_force_N"][slip] == pytest.approx(force, rel=0.05), slip
