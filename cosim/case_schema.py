@@ -149,7 +149,7 @@ class GeneratedMesh(Table):
     """Our own hood, laid out on the bones in `rest_posture`, where it is free of stress."""
 
     kind: Literal["generated"]
-    quads: Annotated[Count, Field(ge=60, le=20000)]
+    quads: Annotated[Count, Field(ge=120, le=20000)]
     rest_posture: Posture
 
 

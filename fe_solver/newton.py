@@ -196,12 +196,11 @@ def _advanced(
 ) -> tuple[Configuration, Evaluation, bool] | None:
     """The next configuration along the step, with its evaluation and whether that is the convex one:
     the whole step, or a part of the step that foresees the contacts; None where neither descends."""
-    for flips, tries in ((False, 1), (True, 8)):
-        if flips:
-            step = _flipping_step(model, e, step)
-        step, size = _limited(step, options)
+    for flips, tries in ((False, 1), (True, 4), (False, 8)):
+        way = _flipping_step(model, e, step) if flips else step
+        way, size = _limited(way, options)
         convex = flips or size > NEAR
-        found = _line_search(model, c, e, tension, step, tries, convex)
+        found = _line_search(model, c, e, tension, way, tries, convex)
         if found is not None:
             return *found, convex
     return None

@@ -158,7 +158,7 @@ class ShellHood:
             if halvings == 0:
                 raise
         before = state.solution.tension if state.solution else 0.0 * tension
-        half = state.motion.displaced(state.motion.twist_to(motion) / 2)
+        half = midway(state.motion, motion)
         first, n1 = self._solve(state, half, (before + tension) / 2, halvings - 1)
         middle = HoodState(half, first.configuration, first)
         second, n2 = self._solve(middle, motion, tension, halvings - 1)
@@ -206,6 +206,26 @@ class ShellHood:
         for k in self.model.contacts:
             out[k.nodes] = np.minimum(out[k.nodes], k.gap(c.x, c.position, c.rotation))
         return out
+
+
+def midway(start: Motion, end: Motion) -> Motion:
+    """Poses half the way, with each body half the way as the one before it sees it, so that a chain
+    of bodies stays whole."""
+    from scipy.spatial.transform import Rotation
+
+    position, rotation = np.empty_like(start.position), np.empty_like(start.rotation)
+    before = (np.zeros(3), np.eye(3))
+    for i in range(len(start.bodies)):
+        seen = []
+        for m in (start, end):
+            p, R = (np.zeros(3), np.eye(3)) if i == 0 else (m.position[i - 1], m.rotation[i - 1])
+            seen.append((R.T @ (m.position[i] - p), R.T @ m.rotation[i]))
+        (offset0, turn0), (offset1, turn1) = seen
+        turn = Rotation.from_matrix(turn1 @ turn0.T).as_rotvec() / 2
+        position[i] = before[0] + before[1] @ ((offset0 + offset1) / 2)
+        rotation[i] = before[1] @ Rotation.from_rotvec(turn).as_matrix() @ turn0
+        before = position[i], rotation[i]
+    return Motion(start.bodies, position, rotation)
 
 
 def _solved(state: HoodState) -> Solution:

@@ -35,7 +35,7 @@ Ints = NDArray[np.intp]
 # Stations, mm.
 CENTRAL_END = -20.0  # [mi29]
 LATERAL_END = -8.0  # [An] proximal MCP points of LU and UI, -.400 x 20
-JOIN = 10.84  # [An] distal MCP points, (.318 + .224) x 20
+JOIN = 15.0  # [An] distal MCP points, (.318 + .432) x 20
 SLIP_START = 36.0  # [spike]
 PIP = 42.59
 SLIP_END = 49.0  # [spike], 1.4 widths past the PIP
@@ -54,17 +54,17 @@ SPANS = (
 # Half-angle of the inner columns and outer angle of the lateral bands, deg, against station.
 # [spike], widened to what [mi29] measures at the PIP (here 11 mm of 13) and the terminal slip.
 INNER = np.array(
-    [[-20, 22], [-8, 24], [-3, 60], [4, 76], [10.84, 74], [24, 54], [42.59, 40], [49, 40], [56, 22],
+    [[-20, 22], [-8, 24], [-3, 60], [4, 76], [15, 78], [24, 54], [42.59, 40], [49, 40], [56, 22],
      [63, 0], [73, 0]]
 )  # fmt: skip
 OUTER = np.array(
-    [[-8, 97], [10.84, 97], [24, 84], [42.59, 74], [49, 70], [56, 56], [63, 46], [73, 57]]
+    [[-8, 110], [15, 110], [24, 88], [42.59, 74], [49, 70], [56, 56], [63, 46], [73, 57]]
 )
 # Tendon lines of lumbrical and palmar interosseous: guide point, then the point where they join the
 # sheet; station, dorsal, radial, mm.  [An] LU and UI at the MCP.
 INTRINSIC = {
-    "radial": ((-8.0, -8.08, 8.82), (10.84, -2.96, 7.40)),
-    "ulnar": ((-8.0, -5.58, -8.84), (10.84, -0.78, -9.22)),
+    "radial": (-8.0, -8.08, 8.82),
+    "ulnar": (-8.0, -5.58, -8.84),
 }
 BAND_WIDTH = 3.0  # mm, of the intrinsic tendons; [mi29] lateral tendon ends
 SAGITTAL_ROWS = (-3.5, 3.5)  # [spike]
@@ -350,7 +350,7 @@ def _lay(
 
 def _lay_intrinsic(grid: _Grid, hull: _Hull, points: Array, side: str, width: float) -> None:
     """Place the intrinsic tendon's nodes on straight lines from the guide to the lateral band."""
-    (s0, d0, r0), _ = INTRINSIC[side]
+    s0, d0, r0 = INTRINSIC[side]
     rows = np.flatnonzero((grid.stations >= LATERAL_END - 1e-6) & (grid.stations <= JOIN + 1e-6))
     join = points[grid.band[side][rows[-1]]]
     sign = np.sign(r0)

@@ -44,6 +44,8 @@ SPRINGS = (
     "retinacular_ulnar",
 )
 ENDS = ("central", "radial", "ulnar")
+MOST = 1e6
+"""No number of a mesh file is larger."""
 
 
 @dataclass(frozen=True)
@@ -144,7 +146,7 @@ class _Reader:
         shape = "numbers" if columns is None else f"rows of {columns} numbers"
         try:
             out = np.array(value, dtype=float)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise self.fault(key, f"expected {shape}") from None
         if out.size == 0 or out.ndim != (1 if columns is None else 2):
             raise self.fault(key, f"expected {shape}")
@@ -153,6 +155,9 @@ class _Reader:
         if not np.isfinite(out).all():
             row = int(np.argwhere(~np.isfinite(out))[0, 0])
             raise self.fault(key, f"row {row} holds a value that is not finite")
+        if np.abs(out).max() > MOST:
+            row = int(np.argwhere(np.abs(out) > MOST)[0, 0])
+            raise self.fault(key, f"row {row} holds a number above {MOST:g}; lengths are in mm")
         return out
 
     def indices(self, value: Any, key: str, count: int, columns: int | None = None) -> Ints:
@@ -176,6 +181,9 @@ class _Reader:
         region = self.regions(c.get("regions"), len(quads))
         if len(fibre) != len(quads):
             raise self.fault("fibre", f"expected one direction for each of {len(quads)} quads")
+        short = np.flatnonzero(np.linalg.norm(fibre, axis=1) < 1e-6)
+        if len(short):
+            raise self.fault("fibre", f"quad {short[0]} has no direction; give it one in its plane")
         station = self.array(c.get("station"), "station", None)
         if len(station) != n:
             raise self.fault("station", f"expected one number for each of {n} nodes")
@@ -202,9 +210,11 @@ class _Reader:
             tied,
             station,
             dict(zip(JOINTS, np.deg2rad(angles).tolist(), strict=True)),
-            int(c.get("quads_asked", len(quads))),
+            int(self.array([c.get("quads_asked", len(quads))], "quads_asked", None)[0]),
         )
-        self.check_shape(mesh)
+        self.check_quads(mesh)
+        self.check_whole(mesh)
+        self.check_sets(mesh)
         return mesh
 
     def name(self, value: str, key: str, known: tuple[str, ...]) -> str:
@@ -231,12 +241,44 @@ class _Reader:
             raise self.fault(key, f"{len(nodes)} nodes but {len(anchors)} anchors")
         return Attachment(body, nodes, anchors)
 
-    def check_shape(self, mesh: HoodMesh) -> None:
-        flat = np.flatnonzero(mesh.areas() < 1e-12)
-        if len(flat):
+    def check_quads(self, mesh: HoodMesh) -> None:
+        """Each quad is convex, its fibre lies in it, and neighbours face the same way."""
+        q = mesh.quads
+        p = mesh.points[q]
+        corner = np.cross(p - np.roll(p, 1, axis=1), np.roll(p, -1, axis=1) - p)
+        mean = corner.mean(axis=1)
+        size = np.einsum("nk,nk->n", mean, mean)
+        bad = (np.einsum("nak,nk->na", corner, mean) <= 0.01 * size[:, None]).any(axis=1)
+        bad |= mesh.areas() < 1e-12
+        if bad.any():
+            i = int(np.argmax(bad))
+            raise self.fault("quads", f"quad {i} is folded or has no area; its nodes are {q[i]}")
+        upright = np.einsum("nk,nk->n", mesh.fibre, mean) ** 2 > 0.99 * size
+        if upright.any():
+            i = int(np.argmax(upright))
+            raise self.fault("fibre", f"quad {i}: the direction stands upright on the quad")
+        edges = np.concatenate([q[:, [a, (a + 1) % 4]] for a in range(4)])
+        found, count = np.unique(edges, axis=0, return_counts=True)
+        if (count > 1).any():
+            a, b = found[np.argmax(count > 1)]
             raise self.fault(
-                "quads", f"quad {flat[0]} has no area; its nodes {mesh.quads[flat[0]]}"
+                "quads", f"two quads run from node {a} to node {b}; neighbours must face one way"
             )
+
+    def check_sets(self, mesh: HoodMesh) -> None:
+        """No node is held in two ways."""
+        sets = [
+            *((f"tied.{k}", v) for k, v in mesh.tied.items()),
+            ("ends", np.unique(np.concatenate(list(mesh.ends.values())))),
+        ]
+        sprung = [(f"springs.{k}", v.nodes) for k, v in mesh.springs.items()]
+        for i, (key, nodes) in enumerate(sets):
+            for other, more in (*sets[i + 1 :], *sprung):
+                both = np.intersect1d(nodes, more)
+                if len(both):
+                    raise self.fault(key, f"node {both[0]} is also in {other}; leave it in one")
+
+    def check_whole(self, mesh: HoodMesh) -> None:
         used = np.zeros(len(mesh.points), dtype=bool)
         used[mesh.quads] = True
         if not used.all():

@@ -7,14 +7,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shells
+from benchmarks_shell import (
+    arc,
+    hemisphere,
+    plate_error,
+    rolled_moment,
+    roof_deflection,
+    slit_ring,
+    twisted_beam,
+)
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from shells import BENCHMARK, NO_TENSION, at_rest, clamped, guided, plate, sheet
 
 from cosim.port import rotation_matrix
 from fe_solver.fields import fields
-from fe_solver.hood_model import node_areas
-from fe_solver.model import Configuration, ShellModel
+from fe_solver.model import ShellModel
 from fe_solver.newton import solve
 from fe_solver.shell import (
     CORNERS,
@@ -156,7 +164,7 @@ def test_the_frame_plays_no_part(turn, name):
 
 
 def test_the_tied_membrane_of_a_flat_element_is_the_bilinear_one():
-    """Ko, Lee and Bathe 2017, section 3: MITC4+ leaves a flat element as it is."""
+    """Ko, Lee and Bathe 2017: MITC4+ leaves a flat element as it is."""
     tables, _, y = element("skew flat")
     u = np.zeros_like(y)
     u[0, :4, :2] = np.random.default_rng(6).normal(size=(4, 2))
@@ -227,14 +235,6 @@ def test_a_pulled_strip_carries_the_tendons_force():
     assert seen.faces == pytest.approx(np.full((16, 2), strain))
 
 
-def arc(X: Array, D: Array, angle: float, length: float) -> Configuration:
-    """A strip along x rolled onto an arc that turns by `angle` (rad), towards +z."""
-    radius, turn = length / angle, X[:, 0] / length * angle
-    x = np.column_stack([radius * np.sin(turn), X[:, 1], radius * (1 - np.cos(turn))])
-    d = np.column_stack([-np.sin(turn), 0 * turn, np.cos(turn)])
-    return Configuration(x, d, *shells.GROUND)
-
-
 def test_faces_of_a_bent_strip():
     """Pure bending: strain -+ thickness / (2 radius), tensile on the face away from the centre."""
     X, quads = plate(10.0, 1.0, 40, 1)
@@ -245,26 +245,8 @@ def test_faces_of_a_bent_strip():
     assert np.abs(seen.strain).max() < 1e-4
 
 
-def rolled_moment(elements: int) -> tuple[Array, Array]:
-    """Force and moment, over E I / R, on a body that holds the end of a strip rolled into a full
-    circle by another body at its start."""
-    length = 12.0
-    X, quads = plate(length, 1.0, elements, 1)
-    model = sheet(X, quads, 1.2e6, 0.0, 0.1, bodies=("start", "end"))
-    model = clamped(model, np.flatnonzero(X[:, 0] == 0))
-    model = clamped(model, np.flatnonzero(X[:, 0] == length), body=1)
-    position = np.array([[0.0, 0, 0], [-length, 0, 0]])
-    round_ = arc(X, model.directors, 2 * np.pi, length)
-    start = replace(round_, position=position, rotation=np.tile(np.eye(3), (2, 1, 1)))
-    start = model.posed(start, start.position, start.rotation)
-    solution = solve(model, start, NO_TENSION, BENCHMARK)
-    wrench = model.wrenches(solution.configuration, solution.evaluation, NO_TENSION)["tie"][1]
-    exact = 1.2e6 * 1e-3 / 12 * 2 * np.pi / length
-    return wrench[:3] / exact, (wrench[3:] + np.cross(position[1], wrench[:3])) / exact
-
-
 def test_a_strip_rolls_into_a_circle():
-    """Sze, Liu and Lo 2004, Finite Elem Anal Des 40:1551, example 3.2: M = 2 pi E I / L closes the
+    """Sze, Liu and Lo 2004, Finite Elem Anal Des 40:1551: M = 2 pi E I / L closes the
     circle, here by prescribing the circle; second order in the element's size."""
     coarse, fine = rolled_moment(10), rolled_moment(20)
     for force, moment in (coarse, fine):
@@ -276,7 +258,7 @@ def test_a_strip_rolls_into_a_circle():
 
 
 def test_cantilever_under_end_shear():
-    """Sze, Liu and Lo 2004, example 3.1: deflections along and across at P / 4."""
+    """Sze, Liu and Lo 2004: deflections along and across at P / 4."""
     X, quads = plate(10.0, 1.0, 16, 1)
     model = clamped(sheet(X, quads, 1.2e6, 0.0, 0.1), np.flatnonzero(X[:, 0] == 0))
     tip = X[:, 0] == 10
@@ -293,26 +275,6 @@ def test_cantilever_under_end_shear():
         assert held == pytest.approx(load, abs=1e-6)
 
 
-def plate_error(n: int, thickness: float) -> float:
-    """Relative error of the middle of a simply supported square plate under p sin sin: Mindlin's
-    exact deflection p / (D k^4) + p / (5/6 G h k^2), k^2 = 2 pi^2 / a^2 (Navier's, with shear)."""
-    modulus, poisson = 1e7, 0.3
-    X, quads = plate(1.0, 1.0, n, n)
-    x, y, _ = X.T
-    model = sheet(X, quads, modulus, poisson, thickness)
-    fixed = np.zeros((len(X), 5), dtype=bool)
-    on_x, on_y = np.isin(x, [0, 1]), np.isin(y, [0, 1])
-    fixed[:, :2], fixed[on_x | on_y, 2] = True, True
-    along_y = np.abs(model.bases(at_rest(model))[1][0, 1]) > 0.5
-    fixed[:, 3:] = np.where(along_y, on_x[:, None], on_y[:, None])
-    load = np.zeros_like(X)
-    load[:, 2] = np.sin(np.pi * x) * np.sin(np.pi * y) * node_areas(X, quads)
-    w = shells.linear_response(model, fixed, np.zeros((len(X), 5)), load)[0][:, 2].max()
-    bending, k2 = modulus * thickness**3 / 12 / (1 - poisson**2), 2 * np.pi**2
-    shear = 5 / 6 * modulus / (2 * (1 + poisson)) * thickness
-    return w / (1 / (bending * k2**2) + 1 / (shear * k2)) - 1
-
-
 @pytest.mark.parametrize("thickness", [0.1, 1e-3, 1e-5])
 def test_plate_converges_with_second_order_and_does_not_lock(thickness):
     errors = [plate_error(n, thickness) for n in (4, 8, 16)]
@@ -320,51 +282,9 @@ def test_plate_converges_with_second_order_and_does_not_lock(thickness):
     assert np.log2(np.divide(errors[:-1], errors[1:])) == pytest.approx([2, 2], abs=0.05)
 
 
-def roof_deflection(n: int) -> float:
-    """Scordelis-Lo roof over its reference deflection 0.3024 (MacNeal and Harder 1985): a quarter,
-    R = 25, L = 50, t = 0.25, 40 degrees, E = 4.32e8, nu = 0, 90 per area."""
-    uv, quads = shells.grid(n, n)
-    angle = np.deg2rad(40) * uv[:, 1]
-    D = np.column_stack([0 * angle, np.sin(angle), np.cos(angle)])
-    X = 25 * D + np.outer(uv[:, 0], [25.0, 0, 0])
-    model = sheet(X, quads, 4.32e8, 0.0, 0.25, directors=D)
-    turn_x = np.abs(model.bases(at_rest(model))[1][:, 0]) > 0.5  # the tangent along the cylinder
-    diaphragm, middle, crown = uv[:, 0] == 1, uv[:, 0] == 0, uv[:, 1] == 0
-    fixed = np.zeros((len(X), 5), dtype=bool)
-    fixed[diaphragm, 1:3] = True
-    fixed[:, 0], fixed[:, 1] = middle, diaphragm | crown
-    fixed[:, 3:] = np.where(turn_x, middle[:, None], crown[:, None])
-    load = np.outer(node_areas(X, quads), [0.0, 0, -90])
-    u = shells.linear_response(model, fixed, np.zeros((len(X), 5)), load)[0]
-    return float(-u[middle & (uv[:, 1] == 1), 2][0] / 0.3024)
-
-
 def test_scordelis_lo_roof():
     assert roof_deflection(8) == pytest.approx(1, abs=0.03)
     assert roof_deflection(16) == pytest.approx(1, abs=0.012)
-
-
-def twisted_beam(thickness: float) -> Array:
-    """Tip deflections along y and z of a beam twisted by 90 degrees under unit tip forces: length
-    12, width 1.1, E = 29e6, nu = 0.22, 24 x 4 elements."""
-    uv, quads = shells.grid(24, 4)
-    turn, across = np.pi / 2 * uv[:, 0], 1.1 * (uv[:, 1] - 0.5)
-    radial = np.column_stack([0 * turn, np.cos(turn), np.sin(turn)])
-    X = np.outer(uv[:, 0], [12.0, 0, 0]) + across[:, None] * radial
-    along = np.array([12.0, 0, 0]) + np.pi / 2 * across[:, None] * np.cross([1.0, 0, 0], radial)
-    D = np.cross(along, radial)
-    D /= np.linalg.norm(D, axis=1, keepdims=True)
-    model = sheet(X, quads, 29e6, 0.22, thickness, directors=D)
-    fixed = np.repeat(uv[:, 0] == 0, 5).reshape(-1, 5)
-    weight = np.where(np.isin(uv[:, 1], [0, 1]), 0.5, 1.0) * (uv[:, 0] == 1)
-    weight /= weight.sum()
-    out = [
-        weight
-        @ shells.linear_response(model, fixed, np.zeros_like(fixed), np.outer(weight, e))[0]
-        @ e
-        for e in np.eye(3)[1:]
-    ]
-    return np.array(out)
 
 
 def test_twisted_beam():
@@ -374,32 +294,17 @@ def test_twisted_beam():
     assert twisted_beam(0.0032) * 1e-6 == pytest.approx([1.294e-3, 5.256e-3], rel=0.01)
 
 
-def hemisphere(n: int, distortion: float) -> Array:
-    """Deflections under the loads of a quarter of a hemisphere with an 18 degree hole, pulled out
-    along x and pushed in along y by unit forces: radius 10, t = 0.04, E = 6.825e7, nu = 0.3."""
-    uv, quads = shells.grid(n, n)
-    bow = distortion * uv * (1 - uv) * (2 * uv[:, ::-1] - 1)  # lines bent within the edges
-    round_, up = np.pi / 2 * (uv + bow)[:, 0], np.deg2rad(72) * (uv + bow)[:, 1]
-    D = np.column_stack([np.cos(round_) * np.cos(up), np.sin(round_) * np.cos(up), np.sin(up)])
-    D[np.abs(D) < 1e-15] = 0.0
-    model = sheet(10 * D, quads, 6.825e7, 0.3, 0.04, directors=D)
-    T = model.bases(at_rest(model))[1]
-    fixed = np.zeros((len(D), 5), dtype=bool)
-    for plane, k in ((D[:, 0] == 0, 0), (D[:, 1] == 0, 1)):
-        fixed[:, k] = plane
-        fixed[:, 3:] |= plane[:, None] & (np.abs(T[:, k]) > 0.5)
-    pulled, pushed = D[:, 0] == 1, D[:, 1] == 1
-    fixed[pulled, 2] = True
-    load = np.outer(pulled, [1.0, 0, 0]) - np.outer(pushed, [0, 1.0, 0])
-    u = shells.linear_response(model, fixed, np.zeros_like(fixed), load)[0]
-    return np.array([u[pulled, 0][0], -u[pushed, 1][0]])
-
-
 @pytest.mark.parametrize("distortion", [0.0, 0.4, 0.8])
 def test_hemisphere_with_a_hole(distortion):
     """Target 0.0940: MacNeal and Harder 1985.  On the bent meshes an untied membrane locks: it
     gives 0.79 and 0.32 of the target."""
     assert hemisphere(8, distortion) == pytest.approx([0.0940, 0.0940], rel=0.02)
+
+
+@pytest.mark.slow
+def test_slit_annular_plate():
+    """Sze, Liu and Lo 2004, as quoted in the PENGoLINS documentation."""
+    assert slit_ring(48, 6) == pytest.approx([13.891, 17.528], rel=0.03)
 
 
 @settings(max_examples=20)

@@ -10,14 +10,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shells
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from test_conformance import index_motions
 
 from cosim.build import hood_mesh
 from cosim.case import load_case
 from cosim.port import STATIC, ConvergenceError, InputError, Motion, Response
 from fe_solver.fields import contact_pressure, fields
-from fe_solver.hood_model import ContactLaw, Sheet, Tendon, shell_hood
+from fe_solver.hood_model import ContactLaw, Sheet, Tendon, node_directors, shell_hood
 from fe_solver.newton import NewtonOptions
+from fe_solver.shell import shell_tables
 from fe_solver.shell_hood import TIE, ShellHood
 from meshes.hood_mesh import ENDS, REGIONS, SPRINGS, Attachment, HoodMesh, read, to_json, write
 from meshes.skeleton import BODIES, JOINTS
@@ -143,15 +146,24 @@ FAULTS = [
     (("points", 1, 2), float("nan"), "points: row 1 holds a value that is not finite"),
     (("points", 1), [0, 1], "points: expected rows of 3 numbers"),
     (("points",), "none", "points: expected rows of 3 numbers"),
-    (("points", 5), [1, 0, 0], "quads: quad 1"),
+    (("points", 1, 2), 1e7, "points: row 1 holds a number above 1e+06; lengths are in mm"),
+    (("points", 1, 2), 10**400, "points: expected rows of 3 numbers"),
+    (("points", 5), [1, 0, 0], "quads: quad 1 is folded or has no area"),
+    (("quads", 1), [1, 5, 2, 4], "quads: quad 1 is folded"),
+    (("quads", 1), [1, 4, 5, 2], "quads: two quads run from node 1 to node 4"),
     (("quads", 1, 0), 6, "quads: expected whole numbers of nodes, 0 to 5"),
     (("quads", 1, 0), 0.5, "quads: expected whole numbers"),
     (("quads",), [[0, 1, 4, 3]], "regions: expected a list of 1 names"),
     (("regions", 1), "elbow", "quad 1: unknown region 'elbow'; known are extensor_tendon"),
     (("fibre",), [[1, 0, 0]], "fibre: expected one direction for each of 2 quads"),
+    (("fibre", 1), [0, 0, 0], "fibre: quad 1 has no direction"),
+    (("fibre", 1), [0, 0, 2], "fibre: quad 1: the direction stands upright"),
+    (("quads_asked",), "many", "quads_asked: expected numbers"),
     (("station",), [1, 2], "station: expected one number for each of 6 nodes"),
     (("ends",), {"central": [0]}, "ends: expected central, radial, ulnar; got central"),
     (("ends", "radial"), [7], "ends.radial: expected whole numbers of nodes"),
+    (("tied",), {"distal": [3]}, "tied.distal: node 3 is also in ends; leave it in one"),
+    (("tied",), {"distal": [2]}, "tied.distal: node 2 is also in springs.central_slip"),
     (("tied",), {"thumb": [0]}, 'tied: unknown name "thumb"; known are metacarpal'),
     (("springs", "central_slip", "body"), "thumb", "springs.central_slip.body: unknown name"),
     (("springs", "central_slip", "anchors"), [[0, 0, 0]], "2 nodes but 1 anchors"),
@@ -198,6 +210,51 @@ def test_a_file_that_is_no_mesh_is_refused(tmp_path, text):
         read(tmp_path / "none.json")
     with pytest.raises(InputError, match=r"absent\.json"):
         read(tmp_path / "absent.json")
+
+
+def places(value: object, path: tuple = ()) -> list[tuple]:
+    """Every key and index of a JSON value."""
+    inner = value.items() if isinstance(value, dict) else enumerate(value)
+    out = []
+    for key, item in inner:
+        out.append((*path, key))
+        if isinstance(item, dict | list):
+            out += places(item, (*path, key))
+    return out
+
+
+VALUES = st.recursive(
+    st.none()
+    | st.booleans()
+    | st.integers()
+    | st.floats()
+    | st.text(max_size=8)
+    | st.just(10**400),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=8), inner),
+    max_leaves=6,
+)
+
+
+@pytest.fixture(scope="module")
+def scratch(tmp_path_factory):
+    return tmp_path_factory.mktemp("mesh") / "mesh.json"
+
+
+@settings(max_examples=400, deadline=None)
+@given(st.sampled_from(places(small())), VALUES | st.just(MISSING))
+def test_any_value_anywhere_is_read_or_refused(scratch, path, value):
+    """What is read can be computed with."""
+    scratch.write_text(json.dumps(changed(small(), path, value)))
+    try:
+        mesh = read(scratch)
+    except InputError as error:
+        assert "mesh.json" in str(error)
+        return
+    directors = node_directors(mesh.points, mesh.quads)
+    tables = shell_tables(
+        mesh.points[mesh.quads], directors[mesh.quads], mesh.fibre, np.zeros(len(mesh.quads))
+    )
+    assert np.isfinite(tables.offset).all()
 
 
 # The shell behind the port
