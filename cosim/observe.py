@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cosim import __version__
-from cosim.build import HoodLook, Models
+from cosim.build import Models
+from cosim.build_shell import HoodLook
 from cosim.case_schema import Case
 from cosim.couple import Equilibrium, moment_arms
 from cosim.port import Array

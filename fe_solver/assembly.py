@@ -1,8 +1,8 @@
 """Degrees of freedom, sparse assembly and the one sparse factorisation.
 
 Each node has five degrees of freedom: its displacement along the columns of its basis A (3, 3) and
-the turn of its director along two tangents T (3, 2).  A guided node slides along the first column of
-its basis; a tied node moves with its body.
+the turn of its director along two tangents T (3, 2).  A guided node slides along the first column
+of its basis; a tied node moves with its body.
 """
 
 from __future__ import annotations
@@ -51,9 +51,10 @@ def free_dofs(n: int, tied: Ints, guided: Ints) -> Ints:
 class Pattern:
     """Where element entries go in the sparse tangent; built once for a mesh.
 
-    slot (ne * 400,) position of every element entry in the data of the full matrix (CSR, 5n); diagonal
-    (n, 5, 5) positions of the nodes' own blocks; `order` the free dofs in the factorisation's order,
-    and `free_slot` the full matrix's data positions that make the free matrix (CSC, in that order)."""
+    slot (ne * 400,) position of every element entry in the data of the full matrix (CSR, 5n);
+    diagonal (n, 5, 5) positions of the nodes' own blocks; `order` the free dofs in the
+    factorisation's order, and `free_slot` the full matrix's data positions that make the free
+    matrix (CSC, in that order)."""
 
     size: int
     indptr: Ints
@@ -67,7 +68,9 @@ class Pattern:
 
     def assemble(self, elements: Array, nodes: Array) -> Array:
         """Full data from element blocks (ne, 20, 20) and node blocks (n, 5, 5)."""
-        data = np.bincount(self.slot, weights=elements.ravel(), minlength=len(self.indices))
+        data: Array = np.bincount(
+            self.slot, weights=elements.ravel(), minlength=len(self.indices)
+        ).astype(float, copy=False)
         data[self.diagonal] += nodes
         return data
 
@@ -82,7 +85,8 @@ class Pattern:
 
 
 def make_pattern(quads: Ints, n: int, free: Ints) -> Pattern:
-    """The sparsity of n nodes joined by quads (ne, 4), with a fill-reducing order of the free dofs."""
+    """The sparsity of n nodes joined by quads (ne, 4), with a fill-reducing order of the free
+    dofs."""
     dof = (quads[:, :, None] * DOFS + np.arange(DOFS)).reshape(len(quads), 20)
     rows, cols = np.repeat(dof, 20, axis=1).ravel(), np.tile(dof, (1, 20)).ravel()
     size = n * DOFS

@@ -1,8 +1,9 @@
 """Frictionless contact of shell nodes with rigid bodies through smooth signed distances.
 
 A node presses on every body that it penetrates (no owner is chosen, so no force jumps from bone to
-bone).  The gap is g = distance(x) - offset, and the pressure times the node's area is k a m(-g) with
-the smoothed ramp m, quadratic over |g| < smoothing, so that the energy has a continuous Hessian.
+bone).  The gap is g = distance(x) - offset, and the pressure times the node's area is k a m(-g)
+with the smoothed ramp m, quadratic over |g| < smoothing, so that the energy has a continuous
+Hessian.
 """
 
 from __future__ import annotations
@@ -25,8 +26,9 @@ REACH = 1.5e-3
 class Contact:
     """Contact of nodes with one body's surface.
 
-    body index; nodes (k,); offset (k,) m of the mid-surface from the bone's surface at which contact
-    begins (cartilage, capsule and half the shell); area (k,) m2; stiffness N/m3; smoothing m."""
+    body index; nodes (k,); offset (k,) m of the mid-surface from the bone's surface at which
+    contact begins (cartilage, capsule and half the shell); area (k,) m2; stiffness N/m3; smoothing
+    m."""
 
     body: int
     surface: Surface

@@ -36,8 +36,9 @@ class Attached(Protocol):
 
 @dataclass(frozen=True)
 class Sheet:
-    """The shell's geometry and material: points (n, 3) m, quads (ne, 4), fibre (ne, 3); modulus (Pa),
-    poisson, thickness (m) and fibre growth (-), all (ne,); `regions` the quads' region names."""
+    """The shell's geometry and material: points (n, 3) m, quads (ne, 4), fibre (ne, 3); modulus
+    (Pa), poisson, thickness (m) and fibre growth (-), all (ne,); `regions` the quads' region
+    names."""
 
     points: Array
     quads: Ints
@@ -51,8 +52,8 @@ class Sheet:
 
 @dataclass(frozen=True)
 class SpringSet:
-    """Springs of one name: `stiffness` (N/m) is the set's total, spread evenly; `slack` (m) is added
-    to the distance at rest."""
+    """Springs of one name: `stiffness` (N/m) is the set's total, spread evenly; `slack` (m) is
+    added to the distance at rest."""
 
     attached: Attached
     stiffness: float
@@ -99,7 +100,8 @@ def node_areas(points: Array, quads: Ints) -> Array:
     """(n,) m2, a quarter of each adjoining quad."""
     p = points[quads]
     area = np.linalg.norm(np.cross(p[:, 2] - p[:, 0], p[:, 3] - p[:, 1]), axis=1) / 2
-    return np.bincount(quads.ravel(), weights=np.repeat(area / 4, 4), minlength=len(points))
+    shares = np.bincount(quads.ravel(), weights=np.repeat(area / 4, 4), minlength=len(points))
+    return shares.astype(float, copy=False)
 
 
 def shell_hood(
@@ -182,7 +184,7 @@ def _guides(X: Array, rest: Motion, body: str, pull: Array, nodes: Ints) -> Guid
 def _springs(X: Array, rest: Motion, sets: Mapping[str, SpringSet]) -> Springs:
     if not sets:
         return Springs.none()
-    columns: list[tuple[Array, ...]] = []
+    columns: list[tuple[Array | Ints, ...]] = []
     for group, s in enumerate(sets.values()):
         nodes, anchors = s.attached.nodes, s.attached.anchors
         position, rotation = rest.of(s.attached.body)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,8 @@ Ints = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class Ties:
-    """Nodes that move rigidly with a body: node (k,), body (k,), local position and director (k, 3)."""
+    """Nodes that move rigidly with a body: node (k,), body (k,), local position and director (k,
+    3)."""
 
     node: Ints
     body: Ints
@@ -52,8 +54,8 @@ class Configuration:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Energy (J) less the dead loads' work but not the tendons', its raw gradients by x and d (n, 3),
-    the point forces, and the tangent's data where it was asked for."""
+    """Energy (J) less the dead loads' work but not the tendons', its raw gradients by x and d (n,
+    3), the point forces, and the tangent's data where it was asked for."""
 
     energy: float
     gradient_x: Array
@@ -69,7 +71,8 @@ class Evaluation:
 class ShellModel:
     """A shell, its supports and loads; tendons pull guided nodes with shares `share` (nt, k) of k
     guided nodes, each row adding up to one.  Springs and contact act on nodes that are neither tied
-    nor guided.  `dead` (n, 3) N are forces on the nodes that stay as they are in the world frame."""
+    nor guided.  `dead` (n, 3) N are forces on the nodes that stay as they are in the world
+    frame."""
 
     quads: Ints
     reference: Array
@@ -151,8 +154,8 @@ class ShellModel:
     def evaluate(
         self, c: Configuration, tension: Array, tangent: bool, convex: bool = False
     ) -> Evaluation:
-        """Energy, residual and (on request) tangent at a configuration; with `convex` the tangent is
-        the positive semidefinite part that is cheap to have, not the consistent one."""
+        """Energy, residual and (on request) tangent at a configuration; with `convex` the tangent
+        is the positive semidefinite part that is cheap to have, not the consistent one."""
         y = np.concatenate([c.x[self.quads], c.d[self.quads]], axis=1)
         elements = element_response(self.tables, self.stiffness, y, tangent, convex)
         points = self.point_forces(c, not convex)
@@ -246,13 +249,13 @@ class ShellModel:
         force = -p.hessian @ G
         force[p.turns, :, 3:] -= skew(p.gradient[p.turns])
         local = np.swapaxes(A[p.node], 1, 2) @ force
-        np.add.at(residual, (p.node, slice(0, 3), p.body), local)
+        _add(residual, (p.node, slice(0, 3), p.body), local)
         own = np.swapaxes(G, 1, 2) @ force
         arm_cross = skew(p.gradient)
         own[p.turns, 3:, :3] += arm_cross[p.turns]
         follow = ~p.turns
         own[follow, 3:, 3:] += arm_cross[follow] @ skew(p.arm[follow])
-        np.add.at(wrench, (p.body, slice(None), p.body), own)
+        _add(wrench, (p.body, slice(None), p.body), own)
         self._held_terms(c, e, tension, residual, wrench)
         by_tension, wrench_tension = self._tension_terms(c, A)
         size = 6 * nb
@@ -266,15 +269,15 @@ class ShellModel:
         arm = c.x[t.node] - c.position[t.body]
         turn = skew(e.gradient_x[t.node]) @ skew(arm)
         turn += skew(e.gradient_d[t.node]) @ skew(c.d[t.node])
-        np.subtract.at(wrench[:, 3:, :, 3:], (t.body, slice(None), t.body), turn)
+        _add(wrench[:, 3:, :, 3:], (t.body, slice(None), t.body), -turn)
         pull = self.pulls(c, tension)
         total = e.gradient_x[g.node] - pull
         along = np.einsum("kij,kj->ki", c.rotation[g.body], g.direction)
         residual[g.node, 0, g.body, 3:] += np.cross(along, e.gradient_x[g.node])
         arm = c.x[g.node] - c.position[g.body]
         moment = -skew(total) @ skew(arm) - skew(arm) @ skew(pull)
-        np.add.at(wrench[:, 3:, :, 3:], (g.body, slice(None), g.body), moment)
-        np.add.at(wrench[:, :3, :, 3:], (g.body, slice(None), g.body), -skew(pull))
+        _add(wrench[:, 3:, :, 3:], (g.body, slice(None), g.body), moment)
+        _add(wrench[:, :3, :, 3:], (g.body, slice(None), g.body), -skew(pull))
 
     def _tension_terms(self, c: Configuration, A: Array) -> tuple[Array, Array]:
         g, nb, nt = self.guides, len(self.bodies), len(self.share)
@@ -284,8 +287,13 @@ class ShellModel:
         along = A[g.node, :, 0]
         arm = c.x[g.node] - c.position[g.body]
         unit = np.concatenate([along, np.cross(arm, along)], axis=1)
-        np.add.at(wrench, g.body, unit[:, :, None] * self.share.T[:, None, :])
+        _add(wrench, g.body, unit[:, :, None] * self.share.T[:, None, :])
         return residual.reshape(-1, nt), wrench.reshape(-1, nt)
+
+
+def _add(out: Array, index: Any, values: Array) -> None:
+    """Add in place where an index may come more than once."""
+    np.add.at(out, index, values)
 
 
 def _scatter(index: Ints, values: Array, n: int) -> Array:

@@ -20,16 +20,16 @@ MOST_FLIPS = 2
 STUCK = 30
 """A residual up to so many limits that no step lowers is rounding error too."""
 SMOOTH = 0.2
-"""Of a smoothed force's ramp: within it the tangent knows both sides, so that a contact is not worth
-foreseeing."""
+"""Of a smoothed force's ramp: within it the tangent knows both sides, so that a contact is not
+worth foreseeing."""
 NEAR = 0.1
 """Step size, against the longest step allowed, below which the tangent is the consistent one."""
 
 
 @dataclass(frozen=True)
 class NewtonOptions:
-    """`tolerance` is relative to the largest nodal force; steps longer than `max_step` (m) or turning
-    a director by more than `max_turn` (rad) are shortened."""
+    """`tolerance` is relative to the largest nodal force; steps longer than `max_step` (m) or
+    turning a director by more than `max_turn` (rad) are shortened."""
 
     tolerance: float = 1e-10
     max_iterations: int = 60
@@ -105,9 +105,9 @@ def _step(model: ShellModel, data: Array, gradient: Array) -> Array:
 
 
 def _flipping_step(model: ShellModel, e: Evaluation, step: Array) -> Array:
-    """The Newton step once more, with the one-sided springs that `step` would close or open closed or
-    opened beforehand (a primal-dual active set: Hintermueller, Ito and Kunisch 2002, SIAM J Optim
-    13:865), or the line search would stop at the first node that meets a bone."""
+    """The Newton step once more, with the one-sided springs that `step` would close or open closed
+    or opened beforehand (a primal-dual active set: Hintermueller, Ito and Kunisch 2002, SIAM J
+    Optim 13:865), or the line search would stop at the first node that meets a bone."""
     p, A = e.points, e.bases[0]
     normal = np.einsum("kij,ki->kj", A[p.node], p.direction)
     flipped = np.zeros(len(p.depth), dtype=bool)
@@ -194,8 +194,9 @@ def _advanced(
     step: Array,
     options: NewtonOptions,
 ) -> tuple[Configuration, Evaluation, bool] | None:
-    """The next configuration along the step, with its evaluation and whether that is the convex one:
-    the whole step, or a part of the step that foresees the contacts; None where neither descends."""
+    """The next configuration along the step, with its evaluation and whether that is the convex
+    one: the whole step, or a part of the step that foresees the contacts; None where neither
+    descends."""
     for flips, tries in ((False, 1), (True, 4), (False, 8)):
         way = _flipping_step(model, e, step) if flips else step
         way, size = _limited(way, options)

@@ -43,7 +43,8 @@ class ShellHood:
     """A shell over the bones as a Hood of the port.
 
     `carriers` (n, nb) say how much of each node's motion each body carries in a large change of
-    pose; `groups` names the springs' groups, each a source of the load; `rest` is the pose in which the mesh was laid."""
+    pose; `groups` names the springs' groups, each a source of the load; `rest` is the pose in
+    which the mesh was laid."""
 
     model: ShellModel
     tendons: tuple[str, ...]

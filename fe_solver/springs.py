@@ -15,8 +15,9 @@ Ints = NDArray[np.intp]
 class Springs:
     """Springs of energy k (l - l0)^2 / 2, zero for l < l0 where `tension_only`.
 
-    node (k,), body (k,) indices; anchor (k, 3) in the body frame, m; stiffness (k,) N/m; length (k,)
-    slack length l0, m; tension_only (k,) bool; group (k,) index of the set that a spring is of."""
+    node (k,), body (k,) indices; anchor (k, 3) in the body frame, m; stiffness (k,) N/m; length
+    (k,) slack length l0, m; tension_only (k,) bool; group (k,) index of the set that a spring is
+    of."""
 
     node: Ints
     body: Ints
@@ -40,10 +41,10 @@ class PointForces:
     body feels it); hessian (k, 3, 3); arm (k, 3) point of action from the body's origin, world;
     turns (k,) bool: the force turns with the body (contact) or follows the point (spring).
 
-    Each force is that of a one-sided spring of `stiffness` (k,) N/m in its `depth` (k,) m, which grows
-    along the unit `direction` (k, 3): penetration, or stretch; a two-sided spring has no depth (inf).
-    Those that are open are listed too, with no force; within `ramp` (k,) m of depth zero the force
-    is smoothed."""
+    Each force is that of a one-sided spring of `stiffness` (k,) N/m in its `depth` (k,) m, which
+    grows along the unit `direction` (k, 3): penetration, or stretch; a two-sided spring has no
+    depth (inf). Those that are open are listed too, with no force; within `ramp` (k,) m of depth
+    zero the force is smoothed."""
 
     node: Ints
     body: Ints

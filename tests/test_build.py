@@ -15,7 +15,7 @@ from cosim.port import InputError
 from meshes.bones import load_bone
 from meshes.hood_mesh import REGIONS, HoodMesh, read
 
-COARSE = "hood.mesh.quads=100"
+COARSE = "hood.mesh.quads=120"
 DEFAULT_MESH = Path(__file__).parents[1] / "meshes" / "hoods" / "index_600.json"
 
 

@@ -157,7 +157,7 @@ def test_bench_needs_a_shell():
 
 
 def test_bench_times_a_real_run():
-    done = cosim("bench", "isometric_edc", "--set", "hood.mesh.quads=60")
+    done = cosim("bench", "isometric_edc", "--set", "hood.mesh.quads=120")
     figures = dict(line.split() for line in done.stdout.splitlines())
     seconds = {name: float(value) for name, value in figures.items()}
     assert all(value > 0 for value in seconds.values())
@@ -168,7 +168,7 @@ def test_bench_times_a_real_run():
 
 def test_mesh_writes_a_file_that_a_case_can_take(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    done = cosim("mesh", "isometric_edc", "--set", "hood.mesh.quads=60", "--out", "my.json")
+    done = cosim("mesh", "isometric_edc", "--set", "hood.mesh.quads=120", "--out", "my.json")
     assert done.exit_code == 0, done.stderr
     count = len(json.loads(Path("my.json").read_text())["quads"])
     assert done.stdout == f"{count} quads in my.json\n"
@@ -181,7 +181,7 @@ def test_a_mesh_that_cannot_be_made_or_written_is_told(tmp_path):
     assert done.exit_code == 2
     assert "has no shell hood" in done.stderr
     nowhere = str(tmp_path / "nowhere" / "my.json")
-    done = cosim("mesh", "isometric_edc", "--set", "hood.mesh.quads=60", "--out", nowhere)
+    done = cosim("mesh", "isometric_edc", "--set", "hood.mesh.quads=120", "--out", nowhere)
     assert done.exit_code == 2
     assert "cannot be written" in done.stderr
 

@@ -196,7 +196,7 @@ def test_a_hood_that_finds_no_equilibrium_is_an_error_and_the_batch_goes_on(tmp_
     frail = tmp_path / "frail.toml"
     frail.write_text(
         'extends = "isometric_edc"\ntendons.EDC.tension = "50 N"\nhood.thickness = "0.01 mm"\n'
-        "hood.mesh.quads = 100\n"
+        "hood.mesh.quads = 120\n"
     )
     out = tmp_path / "runs"
     words = ["run", str(frail), "pulley_edc", "--out", str(out), "--set", "output.picture=false"]
@@ -211,7 +211,7 @@ def test_a_hood_that_finds_no_equilibrium_is_an_error_and_the_batch_goes_on(tmp_
 @pytest.mark.parametrize(("tendon", "tension"), [("FDP", 79.12), ("FDS", 58.9), ("FDI", 145.6)])
 def test_a_muscle_at_its_greatest_force_finds_its_equilibrium(tendon, tension):
     name = f"isometric_{tendon.lower()}"
-    summary = run(name, "hood.mesh.quads=100", f"tendons.{tendon}.activation=1").summary
+    summary = run(name, "hood.mesh.quads=120", f"tendons.{tendon}.activation=1").summary
     assert summary["tension_N"][tendon] == pytest.approx(tension)
     check_audit(summary)
 

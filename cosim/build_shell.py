@@ -1,0 +1,265 @@
+"""The shell hood of a case: its mesh, materials and supports, and what it looks like solved."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cosim.case_schema import Case, GeneratedMesh, IndexFinger, ShellHood
+from cosim.port import Array, InputError, Motion, State
+
+if TYPE_CHECKING:
+    from fe_solver.hood_model import Tendon
+    from fe_solver.shell_hood import ShellHood as FeHood
+    from fe_solver.surfaces import Surface
+    from meshes.hood_mesh import HoodMesh
+    from meshes.skeleton import Skeleton
+
+Triangles = tuple[Array, np.ndarray]
+HOOD_TENDONS = ("EDC", "EI", "LUM", "FPI")
+"""The muscles that act through the hood."""
+ENDS = {"EDC": "central", "EI": "central", "LUM": "radial", "FPI": "ulnar"}
+"""The end of the hood that each one pulls; EI pulls its ulnar half."""
+MARGIN = 5e-3
+"""m, how far beyond a bone its baked distance reaches."""
+
+
+@dataclass(frozen=True)
+class HoodLook:
+    """What there is to see of a solved shell hood; means over each quad, local axes 1 along the
+    fibre (in the central region: along the finger), 2 across it."""
+
+    points: Array
+    """(n, 3) m, deformed."""
+    reference: Array
+    """(n, 3) m, as laid."""
+    quads: np.ndarray
+    region: np.ndarray
+    """(ne,) index into REGIONS."""
+    strain: Array
+    """(ne, 3) Green-Lagrange E11, E22, 2 E12 of the mid-surface."""
+    faces: Array
+    """(ne, 2) E11 at the two faces."""
+    stress: Array
+    """(ne, 3) second Piola-Kirchhoff S11, S22, S12, Pa."""
+    area: Array
+    """(ne,) m2."""
+    central: np.ndarray
+    """(ne,) bool, the region over which strains are summed up: extensor tendon distal to the MCP,
+    central band and central slip."""
+    pressure: Array
+    """(n,) Pa of the bones on the nodes."""
+    spring_force: Mapping[str, float]
+    """N, magnitude of each spring set's summed force."""
+    slip_force: Mapping[str, float]
+    """N, central and terminal."""
+    penetration: float
+    """m, the deepest."""
+
+
+def _surfaces(bones: Mapping[str, Triangles]) -> dict[str, Surface]:
+    return {body: _baked(body, *map(_frozen, triangles)) for body, triangles in bones.items()}
+
+
+class _frozen:
+    """An array that can be a cache's key."""
+
+    def __init__(self, array: np.ndarray) -> None:
+        self.array = array
+        self.key = hash((array.shape, array.tobytes()))
+
+    def __hash__(self) -> int:
+        return self.key
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _frozen) and np.array_equal(self.array, other.array)
+
+
+@lru_cache(maxsize=32)
+def _baked(body: str, vertices: _frozen, faces: _frozen) -> Surface:
+    from fe_solver.surfaces import SplineDistance, cache_folder
+
+    try:
+        return SplineDistance.bake(vertices.array, faces.array, margin=MARGIN, cache=cache_folder())
+    except InputError as error:
+        raise InputError(f"finger.bones.{body}.surface: {error}") from error
+
+
+def laid_mesh(
+    hood: ShellHood, finger: IndexFinger, skeleton: Skeleton, bones: Mapping[str, Triangles]
+) -> HoodMesh:
+    from meshes.hood import generate
+    from meshes.hood_mesh import read
+
+    if not isinstance(hood.mesh, GeneratedMesh):
+        return read(hood.mesh.path)
+    offset = hood.contact.offset
+    return generate(
+        skeleton,
+        _surfaces(bones),
+        {body: getattr(offset, body) + hood.thickness / 2 for body in bones},
+        hood.mesh.rest_posture.angles(),
+        hood.mesh.quads,
+        width=finger.width_scale,
+    )
+
+
+def shell_hood_of(
+    case: Case,
+    hood: ShellHood,
+    skeleton: Skeleton,
+    bones: Mapping[str, Triangles],
+    mesh: HoodMesh,
+) -> FeHood:
+    """The hood over the bones as a case describes it, behind the port."""
+    from fe_solver.hood_model import ContactLaw, Sheet, SpringSet, shell_hood
+    from fe_solver.newton import NewtonOptions
+    from meshes.hood import carriers
+    from meshes.hood_mesh import REGIONS
+    from meshes.skeleton import BODIES
+
+    material = [hood.regions.get(name) for name in REGIONS]
+    missing = [REGIONS[i] for i in np.unique(mesh.region) if material[i] is None]
+    if missing:
+        raise InputError(f"hood.regions: the mesh also has {', '.join(missing)}; name them")
+    thickness = _thickness(hood, mesh)
+    sheet = Sheet(
+        _faced(mesh, thickness, hood.thickness),
+        mesh.quads,
+        mesh.fibre,
+        np.array([r.modulus if r else 0.0 for r in material])[mesh.region],
+        np.array([r.poisson if r else 0.0 for r in material])[mesh.region],
+        thickness,
+        _growth(hood, mesh),
+        tuple(REGIONS[i] for i in mesh.region),
+    )
+    springs = {
+        name: SpringSet(
+            mesh.springs[name],
+            spring.stiffness,
+            spring.slack,
+            spring.tension_only,
+        )
+        for name, spring in hood.springs.items()
+        if name in mesh.springs
+    }
+    if "central_slip" not in springs and not any(len(nodes) for nodes in mesh.tied.values()):
+        raise InputError(
+            "hood: no insertion holds the hood: its mesh ties no nodes to a bone, and there are no "
+            "springs of the central slip. Give hood.springs.central_slip, or a mesh that is tied"
+        )
+    offset = {body: getattr(hood.contact.offset, body) for body in BODIES}
+    position, rotation = skeleton.pose(mesh.rest_posture)
+    return shell_hood(
+        sheet,
+        Motion(BODIES, position, rotation),
+        carriers(skeleton, mesh.station * 1e-3 * skeleton.length[1] / 42.59e-3),
+        springs,
+        mesh.tied,
+        "metacarpal",
+        np.array([-1.0, 0.0, 0.0]),
+        _tendons(mesh),
+        ContactLaw(hood.contact.stiffness, hood.contact.smoothing, _surfaces(bones), offset),
+        NewtonOptions(tolerance=case.solve.hood_tolerance),
+    )
+
+
+def _thickness(hood: ShellHood, mesh: HoodMesh) -> Array:
+    """(ne,) m."""
+    from meshes.hood_mesh import REGIONS
+
+    out = np.full(len(mesh.quads), hood.thickness)
+    for i in np.unique(mesh.region):
+        region, cells = hood.regions[REGIONS[i]], mesh.region == i
+        if region.section is not None:
+            width = mesh.areas()[cells].sum() / _length(mesh, cells)
+            out[cells] = region.section / width
+        elif region.thickness is not None:
+            out[cells] = region.thickness
+    return out
+
+
+def _faced(mesh: HoodMesh, thickness: Array, laid: float) -> Array:
+    """Mid-surface points (n, 3) that leave the face towards the bones where a sheet of the
+    thickness `laid` has it."""
+    from fe_solver.hood_model import node_directors, node_means
+
+    rise = (node_means(thickness, mesh.quads, len(mesh.points)) - laid) / 2
+    if not rise.any():
+        return mesh.points
+    return mesh.points + rise[:, None] * node_directors(mesh.points, mesh.quads)
+
+
+def _growth(hood: ShellHood, mesh: HoodMesh) -> Array:
+    """(ne,) fibre growth that makes a slip longer than laid out by its extra length."""
+    out = np.zeros(len(mesh.quads))
+    for name, extra in hood.extra_length.model_dump().items():
+        cells = mesh.cells(name)
+        if extra and cells.any():
+            out[cells] = extra / _length(mesh, cells)
+    return out
+
+
+def _length(mesh: HoodMesh, cells: np.ndarray) -> float:
+    """Length (m) of a region along its fibres."""
+    nodes = np.unique(mesh.quads[cells])
+    along = mesh.points[nodes] @ mesh.fibre[cells].mean(axis=0)
+    return float(np.ptp(along))
+
+
+def _tendons(mesh: HoodMesh) -> dict[str, Tendon]:
+    """Each tendon's end nodes and their shares: half at an edge node, and EI on the ulnar half."""
+    from fe_solver.hood_model import Tendon
+
+    out = {}
+    for tendon in HOOD_TENDONS:
+        nodes = mesh.ends[ENDS[tendon]]
+        share = np.ones(len(nodes))
+        share[[0, -1]] = 0.5
+        if tendon == "EI":
+            radial = mesh.points[nodes, 1]
+            middle = np.isclose(radial, np.median(radial))
+            share = np.where(middle, share / 2, np.where(radial < np.median(radial), share, 0.0))
+        out[tendon] = Tendon(nodes, share / share.sum())
+    return out
+
+
+def look(hood: FeHood, mesh: HoodMesh, state: State) -> HoodLook:
+    from fe_solver.fields import contact_pressure, fields
+
+    c = state.configuration
+    field = fields(hood.model, c)
+    forces = {name: float(np.linalg.norm(f)) for name, f in hood.group_forces(state).items()}
+    slips = {"central": forces.get("central_slip", 0.0), "terminal": forces.pop("terminal_slip")}
+    return HoodLook(
+        c.x,
+        hood.model.reference,
+        hood.model.quads,
+        mesh.region,
+        field.strain,
+        field.faces,
+        field.stress,
+        hood.model.tables.weight.sum(axis=1),
+        mesh.cells("extensor_tendon_distal", "central_band", "central_slip"),
+        contact_pressure(hood.model, c),
+        forces,
+        slips,
+        max(0.0, -float(hood.gap(state).min())),
+    )
+
+
+def linear(hood: FeHood, state: State) -> tuple[float, float]:
+    from time import perf_counter
+
+    from fe_solver.assembly import factorise
+
+    start = perf_counter()
+    e = hood.model.evaluate(state.configuration, state.solution.tension, tangent=True)
+    assembled = perf_counter()
+    assert e.data is not None  # the tangent was asked for
+    factorise(hood.model.pattern.free(e.data))
+    return assembled - start, perf_counter() - assembled
