@@ -118,8 +118,9 @@ def shell_hood_of(
     """The hood over the bones as a case describes it, behind the port."""
     from fe_solver.hood_model import ContactLaw, Sheet, SpringSet, shell_hood
     from fe_solver.newton import NewtonOptions
-    from meshes.hood import carriers
+    from meshes.hood import PIP
     from meshes.hood_mesh import REGIONS
+    from meshes.hull import carriers
     from meshes.skeleton import BODIES
 
     material = [hood.regions.get(name) for name in REGIONS]
@@ -157,7 +158,7 @@ def shell_hood_of(
     return shell_hood(
         sheet,
         Motion(BODIES, position, rotation),
-        carriers(skeleton, mesh.station * 1e-3 * skeleton.length[1] / 42.59e-3),
+        carriers(skeleton, mesh.station / PIP * skeleton.length[1]),
         springs,
         mesh.tied,
         "metacarpal",

@@ -14,19 +14,20 @@ Sources of the proportions.  [mi29]: measured on the published finger hood `Veri
 FEBio's test suite: central tendon end 20 mm proximal of the MCP, hood 18 mm wide at the MCP, 12 to
 13 mm over the proximal phalanx and at the PIP, 7 mm at the terminal slip, whose edge is 6 mm wide;
 central-slip patch 4.6 mm wide.  [An]: An et al. 1979, J Biomech 12:775, normative points of the
-index finger, in units of 20 mm.  [spike]: a trial of this sheet on these bones.
+index finger, in units of 20 mm.  [trial]: an assumption that held in a trial
+of this sheet on these bones.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .hood_mesh import REGIONS, Attachment, HoodMesh
+from .hull import CLEARANCE, Chain, Hull, Level, Surface
 from .skeleton import BODIES, Skeleton
 
 Array = NDArray[np.float64]
@@ -36,11 +37,11 @@ Ints = NDArray[np.intp]
 CENTRAL_END = -20.0  # [mi29]
 LATERAL_END = -8.0  # [An] proximal MCP points of LU and UI, -.400 x 20
 JOIN = 15.0  # [An] distal MCP points, (.318 + .432) x 20
-SLIP_START = 36.0  # [spike]
-PIP = 42.59
-SLIP_END = 49.0  # [spike], 1.4 widths past the PIP
-MERGE = 63.0  # [spike]
-TERMINAL_END = 73.0  # [spike], 5.3 mm past the DIP
+SLIP_START = 36.0  # [trial]
+PIP = 42.59  # the skeleton's
+SLIP_END = 49.0  # [trial], 6.4 mm past the PIP
+MERGE = 63.0  # [trial]
+TERMINAL_END = 73.0  # [trial], 5.3 mm past the DIP
 # Where each span of rows begins, and how coarse its rows are: finest where the sheet bends most.
 SPANS = (
     (CENTRAL_END, 2.0),
@@ -52,7 +53,7 @@ SPANS = (
     (MERGE, 1.3),
 )
 # Half-angle of the inner columns and outer angle of the lateral bands, deg, against station.
-# [spike], widened to what [mi29] measures at the PIP (here 11 mm of 13) and the terminal slip.
+# [trial], widened to what [mi29] measures at the PIP (here 11 mm of 13) and the terminal slip.
 INNER = np.array(
     [[-20, 22], [-8, 24], [-3, 60], [4, 76], [15, 78], [24, 54], [42.59, 40], [49, 40], [56, 22],
      [63, 0], [73, 0]]
@@ -67,92 +68,11 @@ INTRINSIC = {
     "ulnar": (-8.0, -5.58, -8.84),
 }
 BAND_WIDTH = 3.0  # mm, of the intrinsic tendons; [mi29] lateral tendon ends
-SAGITTAL_ROWS = (-3.5, 3.5)  # [spike]
-PALMAR_PLATE = (-3.0, 7.0)  # dorsal, radial mm, on the base of the proximal phalanx [spike]
+SAGITTAL_ROWS = (-3.5, 3.5)  # [trial]
+PALMAR_PLATE = (-3.0, 7.0)  # dorsal, radial mm, on the base of the proximal phalanx [trial]
 RETINACULAR_ROWS = (PIP - 2.5, PIP + 2.5)
-RETINACULAR_ANCHOR = (-3.0, 5.0)  # dorsal, radial mm, on the head of the proximal phalanx [spike]
+RETINACULAR_ANCHOR = (-3.0, 5.0)  # dorsal, radial mm, on the head of the proximal phalanx [trial]
 SLIP_REACH = 2.5  # mm from the central slip's last row to its insertion, distally (assumption)
-BLEND = 6.0  # mm over which the sheet's frame turns from one bone's to the next one's
-CLEARANCE = 0.03  # mm between the sheet and the level of contact at rest
-
-
-class Surface(Protocol):
-    """A smooth signed distance in a body's frame (m)."""
-
-    def distance(self, points: Array) -> tuple[Array, Array, Array]:
-        """Values (n,), gradients (n, 3), Hessians (n, 3, 3)."""
-        ...
-
-
-def carriers(skeleton: Skeleton, station: Array) -> Array:
-    """(n, 4) weights with which each body carries material at a station (m), adding up to one."""
-    joints = np.concatenate([[0.0], np.cumsum(skeleton.length[1:3])])
-    width = BLEND * 1e-3
-    u = np.clip((station[:, None] - joints + width) / (2 * width), 0, 1)
-    passed = u * u * (3 - 2 * u)
-    ones, zeros = np.ones((len(station), 1)), np.zeros((len(station), 1))
-    return np.hstack([ones, passed]) - np.hstack([passed, zeros])
-
-
-@dataclass(frozen=True)
-class Chain:
-    """The chain of joint centres in a posture, with a frame that turns smoothly over the joints."""
-
-    skeleton: Skeleton
-    position: Array
-    rotation: Array
-
-    def frames(self, station: Array) -> tuple[Array, Array]:
-        """Points (n, 3) and axes (n, 3, 3), columns distal, radial, dorsal, at stations (m)."""
-        weight = carriers(self.skeleton, station)
-        starts = np.concatenate([[0.0, 0.0], np.cumsum(self.skeleton.length[1:3])])
-        along = (station[:, None] - starts)[..., None] * self.rotation[:, :, 0]
-        point = np.einsum("nb,nbk->nk", weight, self.position + along)
-        axes = np.einsum("nb,bij->nij", weight, self.rotation)
-        u, _, vt = np.linalg.svd(axes)
-        return point, u @ vt
-
-    def at(self, station: Array, dorsal: Array, radial: Array) -> Array:
-        """World points at stations and heights above and beside the chain (m)."""
-        point, axes = self.frames(np.atleast_1d(station))
-        return (
-            point
-            + np.atleast_1d(radial)[:, None] * axes[:, :, 1]
-            + np.atleast_1d(dorsal)[:, None] * axes[:, :, 2]
-        )
-
-
-@dataclass(frozen=True)
-class Level:
-    """The union of the bones grown by an offset each (m); where it is negative, a node touches."""
-
-    surfaces: Mapping[str, Surface]
-    offset: Mapping[str, float]
-    position: Array
-    rotation: Array
-
-    def value(self, points: Array) -> tuple[Array, Array]:
-        """Smallest clearance (n,) and its gradient (n, 3) in the world frame."""
-        best, slope = np.full(len(points), np.inf), np.zeros((len(points), 3))
-        for i, body in enumerate(BODIES):
-            local = (points - self.position[i]) @ self.rotation[i]
-            value, gradient, _ = self.surfaces[body].distance(local)
-            value = value - self.offset[body]
-            nearer = value < best
-            best[nearer] = value[nearer]
-            slope[nearer] = gradient[nearer] @ self.rotation[i].T
-        return best, slope
-
-    def pushed_out(self, points: Array, clearance: float) -> Array:
-        """Points moved along the gradient until each has at least `clearance` (m)."""
-        points = points.copy()
-        for _ in range(30):
-            value, gradient = self.value(points)
-            short = np.maximum(clearance - value, 0.0)
-            if short.max() < 1e-7:
-                break
-            points += 1.02 * short[:, None] * gradient
-        return points
 
 
 def _interpolated(table: Array, station: Array) -> Array:
@@ -160,57 +80,6 @@ def _interpolated(table: Array, station: Array) -> Array:
     from scipy.interpolate import PchipInterpolator
 
     return np.deg2rad(PchipInterpolator(*table.T)(np.clip(station, table[0, 0], table[-1, 0])))
-
-
-def hull_radius(chain: Chain, level: Level) -> tuple[Array, Array, Array]:
-    """Stations (m), angles (rad) and the radius about the chain (ns, na), m, of a smooth hull over
-    the level set: outermost crossing of each ray, bridged over the joint gaps within 10 mm,
-    smoothed.
-
-    The hull is a property of the bones and not of the mesh: a few hundredths of a millimetre of
-    slack decide how the slips share a tendon's force."""
-    from scipy.ndimage import gaussian_filter, maximum_filter
-
-    s = np.arange(-22.0, 76.0, 0.5) * 1e-3
-    phi = np.deg2rad(np.arange(-125.0, 126.0, 5.0))
-    radius = np.linspace(1.5e-3, 15e-3, 28)
-    point, axes = chain.frames(s)
-    ray = np.cos(phi)[:, None] * axes[:, None, :, 2] + np.sin(phi)[:, None] * axes[:, None, :, 1]
-    points = point[:, None, None] + radius[:, None] * ray[:, :, None]
-    value = level.value(points.reshape(-1, 3))[0].reshape(points.shape[:3])
-    rho = _outermost_crossing(value, radius)
-    for _ in range(3):  # Newton along the rays
-        there = (point[:, None] + rho[..., None] * ray).reshape(-1, 3)
-        clearance, gradient = level.value(there)
-        slope = np.einsum("nk,nk->n", gradient, ray.reshape(-1, 3))
-        step = np.where(slope > 0.3, clearance / np.where(slope > 0.3, slope, 1.0), 0.0)
-        rho -= np.clip(step, -5e-4, 5e-4).reshape(rho.shape)
-    rho = _bridged(rho, reach=10)
-    return s, phi, gaussian_filter(maximum_filter(rho, (3, 3)), (2.0, 1.0), mode="nearest")
-
-
-def _outermost_crossing(value: Array, radius: Array) -> Array:
-    """(ns, na) radius beyond which a ray stays outside; the inmost radius where it never was in."""
-    inside = value < 0
-    last = value.shape[2] - 1 - np.argmax(inside[..., ::-1], axis=2)
-    last = np.clip(last, 0, len(radius) - 2)
-    v0 = np.take_along_axis(value, last[..., None], 2)[..., 0]
-    v1 = np.take_along_axis(value, last[..., None] + 1, 2)[..., 0]
-    crosses = inside.any(axis=2)
-    share = v0 / np.where(crosses, v0 - v1, 1.0)
-    return np.where(crosses, radius[last] + (radius[1] - radius[0]) * share, radius[0])
-
-
-def _bridged(rho: Array, reach: int) -> Array:
-    """Each row no lower than any chord between rows at most `reach` to either side."""
-    out = rho.copy()
-    n = len(rho)
-    for a in range(1, reach + 1):
-        for b in range(1, reach + 1):
-            i = np.arange(a, n - b)
-            chord = (b * rho[i - a] + a * rho[i + b]) / (a + b)
-            out[i] = np.maximum(out[i], chord)
-    return out
 
 
 @dataclass(frozen=True)
@@ -263,7 +132,7 @@ def generate(
     scale = skeleton.length[1] / (PIP * 1e-3)
     n_inner, n_band = _columns(quads)
     stations = _rows(quads, n_inner, n_band)
-    hull = _Hull(chain, level, scale)
+    hull = Hull(chain, level, scale)
     grid, points, station = _lay(hull, stations, n_inner, n_band, width)
     fixed = _end_nodes(grid)
     free = np.setdiff1d(np.arange(len(points)), np.concatenate(list(fixed.values())))
@@ -284,28 +153,8 @@ def generate(
     )
 
 
-@dataclass(frozen=True)
-class _Hull:
-    chain: Chain
-    level: Level
-    scale: float
-
-    def points(self, station: Array, phi: Array) -> Array:
-        """World points (n, 3) on the hull at stations (mm, unscaled) and angles (rad)."""
-        from scipy.interpolate import RectBivariateSpline
-
-        s, angles, rho = hull_radius(self.chain, self.level)
-        radius = RectBivariateSpline(s, angles, rho, kx=3, ky=3).ev(
-            station * 1e-3 * self.scale, phi
-        )
-        radius = radius + CLEARANCE * 1e-3
-        return self.chain.at(
-            station * 1e-3 * self.scale, radius * np.cos(phi), radius * np.sin(phi)
-        )
-
-
 def _lay(
-    hull: _Hull, stations: Array, n_inner: int, n_band: int, width: float
+    hull: Hull, stations: Array, n_inner: int, n_band: int, width: float
 ) -> tuple[_Grid, Array, Array]:
     """Number the nodes and place them: the grid, points (n, 3) m, stations (n,) mm."""
     nr = len(stations)
@@ -348,7 +197,7 @@ def _lay(
     return grid, points, station
 
 
-def _lay_intrinsic(grid: _Grid, hull: _Hull, points: Array, side: str, width: float) -> None:
+def _lay_intrinsic(grid: _Grid, hull: Hull, points: Array, side: str, width: float) -> None:
     """Place the intrinsic tendon's nodes on straight lines from the guide to the lateral band."""
     s0, d0, r0 = INTRINSIC[side]
     rows = np.flatnonzero((grid.stations >= LATERAL_END - 1e-6) & (grid.stations <= JOIN + 1e-6))

@@ -1,0 +1,167 @@
+"""The smooth hull over the bones on which a hood is laid, in any posture of the finger."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .skeleton import BODIES, Skeleton
+
+Array = NDArray[np.float64]
+
+BLEND = 6.0  # mm over which the sheet's frame turns from one bone's to the next one's
+CLEARANCE = 0.03  # mm between the sheet and the level of contact at rest
+
+
+class Surface(Protocol):
+    """A smooth signed distance in a body's frame (m)."""
+
+    def distance(self, points: Array) -> tuple[Array, Array, Array]:
+        """Values (n,), gradients (n, 3), Hessians (n, 3, 3)."""
+        ...
+
+
+def carriers(skeleton: Skeleton, station: Array) -> Array:
+    """(n, 4) weights with which each body carries material at a station (m), adding up to one."""
+    joints = np.concatenate([[0.0], np.cumsum(skeleton.length[1:3])])
+    width = BLEND * 1e-3
+    u = np.clip((station[:, None] - joints + width) / (2 * width), 0, 1)
+    passed = u * u * (3 - 2 * u)
+    ones, zeros = np.ones((len(station), 1)), np.zeros((len(station), 1))
+    return np.hstack([ones, passed]) - np.hstack([passed, zeros])
+
+
+@dataclass(frozen=True)
+class Chain:
+    """The chain of joint centres in a posture, with a frame that turns smoothly over the joints."""
+
+    skeleton: Skeleton
+    position: Array
+    rotation: Array
+
+    def frames(self, station: Array) -> tuple[Array, Array]:
+        """Points (n, 3) and axes (n, 3, 3), columns distal, radial, dorsal, at stations (m)."""
+        weight = carriers(self.skeleton, station)
+        starts = np.concatenate([[0.0, 0.0], np.cumsum(self.skeleton.length[1:3])])
+        along = (station[:, None] - starts)[..., None] * self.rotation[:, :, 0]
+        point = np.einsum("nb,nbk->nk", weight, self.position + along)
+        axes = np.einsum("nb,bij->nij", weight, self.rotation)
+        u, _, vt = np.linalg.svd(axes)
+        return point, u @ vt
+
+    def at(self, station: Array, dorsal: Array, radial: Array) -> Array:
+        """World points at stations and heights above and beside the chain (m)."""
+        point, axes = self.frames(np.atleast_1d(station))
+        return (
+            point
+            + np.atleast_1d(radial)[:, None] * axes[:, :, 1]
+            + np.atleast_1d(dorsal)[:, None] * axes[:, :, 2]
+        )
+
+
+@dataclass(frozen=True)
+class Level:
+    """The union of the bones grown by an offset each (m); where it is negative, a node touches."""
+
+    surfaces: Mapping[str, Surface]
+    offset: Mapping[str, float]
+    position: Array
+    rotation: Array
+
+    def value(self, points: Array) -> tuple[Array, Array]:
+        """Smallest clearance (n,) and its gradient (n, 3) in the world frame."""
+        best, slope = np.full(len(points), np.inf), np.zeros((len(points), 3))
+        for i, body in enumerate(BODIES):
+            local = (points - self.position[i]) @ self.rotation[i]
+            value, gradient, _ = self.surfaces[body].distance(local)
+            value = value - self.offset[body]
+            nearer = value < best
+            best[nearer] = value[nearer]
+            slope[nearer] = gradient[nearer] @ self.rotation[i].T
+        return best, slope
+
+    def pushed_out(self, points: Array, clearance: float) -> Array:
+        """Points moved along the gradient until each has at least `clearance` (m)."""
+        points = points.copy()
+        for _ in range(30):
+            value, gradient = self.value(points)
+            short = np.maximum(clearance - value, 0.0)
+            if short.max() < 1e-7:
+                break
+            points += 1.02 * short[:, None] * gradient
+        return points
+
+
+def hull_radius(chain: Chain, level: Level) -> tuple[Array, Array, Array]:
+    """Stations (m), angles (rad) and the radius about the chain (ns, na), m, of a smooth hull over
+    the level set: outermost crossing of each ray, bridged over the joint gaps within 10 mm,
+    smoothed.
+
+    The hull is a property of the bones and not of the mesh: a few hundredths of a millimetre of
+    slack decide how the slips share a tendon's force."""
+    from scipy.ndimage import gaussian_filter, maximum_filter
+
+    s = np.arange(-22.0, 76.0, 0.5) * 1e-3
+    phi = np.deg2rad(np.arange(-125.0, 126.0, 5.0))
+    radius = np.linspace(1.5e-3, 15e-3, 28)
+    point, axes = chain.frames(s)
+    ray = np.cos(phi)[:, None] * axes[:, None, :, 2] + np.sin(phi)[:, None] * axes[:, None, :, 1]
+    points = point[:, None, None] + radius[:, None] * ray[:, :, None]
+    value = level.value(points.reshape(-1, 3))[0].reshape(points.shape[:3])
+    rho = _outermost_crossing(value, radius)
+    for _ in range(3):  # Newton along the rays
+        there = (point[:, None] + rho[..., None] * ray).reshape(-1, 3)
+        clearance, gradient = level.value(there)
+        slope = np.einsum("nk,nk->n", gradient, ray.reshape(-1, 3))
+        step = np.where(slope > 0.3, clearance / np.where(slope > 0.3, slope, 1.0), 0.0)
+        rho -= np.clip(step, -5e-4, 5e-4).reshape(rho.shape)
+    rho = _bridged(rho, reach=10)
+    return s, phi, gaussian_filter(maximum_filter(rho, (3, 3)), (2.0, 1.0), mode="nearest")
+
+
+def _outermost_crossing(value: Array, radius: Array) -> Array:
+    """(ns, na) radius beyond which a ray stays outside; the inmost radius where it never was in."""
+    inside = value < 0
+    last = value.shape[2] - 1 - np.argmax(inside[..., ::-1], axis=2)
+    last = np.clip(last, 0, len(radius) - 2)
+    v0 = np.take_along_axis(value, last[..., None], 2)[..., 0]
+    v1 = np.take_along_axis(value, last[..., None] + 1, 2)[..., 0]
+    crosses = inside.any(axis=2)
+    share = v0 / np.where(crosses, v0 - v1, 1.0)
+    return np.where(crosses, radius[last] + (radius[1] - radius[0]) * share, radius[0])
+
+
+def _bridged(rho: Array, reach: int) -> Array:
+    """Each row no lower than any chord between rows at most `reach` to either side."""
+    out = rho.copy()
+    n = len(rho)
+    for a in range(1, reach + 1):
+        for b in range(1, reach + 1):
+            i = np.arange(a, n - b)
+            chord = (b * rho[i - a] + a * rho[i + b]) / (a + b)
+            out[i] = np.maximum(out[i], chord)
+    return out
+
+
+@dataclass(frozen=True)
+class Hull:
+    chain: Chain
+    level: Level
+    scale: float
+
+    def points(self, station: Array, phi: Array) -> Array:
+        """World points (n, 3) on the hull at stations (mm, unscaled) and angles (rad)."""
+        from scipy.interpolate import RectBivariateSpline
+
+        s, angles, rho = hull_radius(self.chain, self.level)
+        radius = RectBivariateSpline(s, angles, rho, kx=3, ky=3).ev(
+            station * 1e-3 * self.scale, phi
+        )
+        radius = radius + CLEARANCE * 1e-3
+        return self.chain.at(
+            station * 1e-3 * self.scale, radius * np.cos(phi), radius * np.sin(phi)
+        )
