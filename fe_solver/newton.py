@@ -32,7 +32,7 @@ class NewtonOptions:
     turning a director by more than `max_turn` (rad) are shortened."""
 
     tolerance: float = 1e-10
-    max_iterations: int = 60
+    max_iterations: int = 150
     max_step: float = 3e-3
     max_turn: float = 0.6
 

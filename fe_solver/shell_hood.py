@@ -24,7 +24,7 @@ TIE, HELD = "terminal_slip", ("contact", "guide")
 """The ledger's names of what the tied nodes and the bones do; springs have their sets' names."""
 SMALL_TURN = 0.003
 """rad; below it the tangent predicts the hood's motion, above it the bones carry the nodes."""
-MOST_HALVINGS = 6
+MOST_HALVINGS = 4
 
 
 @dataclass(frozen=True)
