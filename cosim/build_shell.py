@@ -96,12 +96,20 @@ def laid_mesh(
     from meshes.hood_mesh import read
 
     if not isinstance(hood.mesh, GeneratedMesh):
-        return read(hood.mesh.path)
+        mesh, reach = read(hood.mesh.path), float(skeleton.length[1])
+        if not np.isclose(mesh.reach, reach, rtol=1e-3):
+            raise InputError(
+                f"hood.mesh.path: {hood.mesh.path.name} was laid on a finger of "
+                f"{mesh.reach * 1e3:.2f} mm from MCP to PIP, this one has {reach * 1e3:.2f} mm. "
+                'Lay a hood on this finger (hood.mesh.kind = "generated") or set finger.length_scale'
+            )
+        return mesh
     offset = hood.contact.offset
     return generate(
         skeleton,
         _surfaces(bones),
-        {body: getattr(offset, body) + hood.thickness / 2 for body in bones},
+        {body: getattr(offset, body) for body in bones},
+        hood.thickness,
         hood.mesh.rest_posture.angles(),
         hood.mesh.quads,
         width=finger.width_scale,
@@ -129,7 +137,7 @@ def shell_hood_of(
         raise InputError(f"hood.regions: the mesh also has {', '.join(missing)}; name them")
     thickness = _thickness(hood, mesh)
     sheet = Sheet(
-        _faced(mesh, thickness, hood.thickness),
+        _faced(mesh, thickness),
         mesh.quads,
         mesh.fibre,
         np.array([r.modulus if r else 0.0 for r in material])[mesh.region],
@@ -184,13 +192,13 @@ def _thickness(hood: ShellHood, mesh: HoodMesh) -> Array:
     return out
 
 
-def _faced(mesh: HoodMesh, thickness: Array, laid: float) -> Array:
-    """Mid-surface points (n, 3) that leave the face towards the bones where a sheet of the
-    thickness `laid` has it."""
+def _faced(mesh: HoodMesh, thickness: Array) -> Array:
+    """Mid-surface points (n, 3) that leave the face towards the bones where the sheet that the mesh
+    was laid for has it."""
     from fe_solver.hood_model import node_directors, node_means
 
-    rise = (node_means(thickness, mesh.quads, len(mesh.points)) - laid) / 2
-    if not rise.any():
+    rise = (node_means(thickness, mesh.quads, len(mesh.points)) - mesh.thickness) / 2
+    if np.abs(rise).max() < 1e-12:
         return mesh.points
     return mesh.points + rise[:, None] * node_directors(mesh.points, mesh.quads)
 
@@ -200,7 +208,9 @@ def _growth(hood: ShellHood, mesh: HoodMesh) -> Array:
     out = np.zeros(len(mesh.quads))
     for name, extra in hood.extra_length.model_dump().items():
         cells = mesh.cells(name)
-        if extra and cells.any():
+        if extra and not cells.any():
+            raise InputError(f"hood.extra_length.{name}: the mesh has no region {name}")
+        if extra:
             out[cells] = extra / _length(mesh, cells)
     return out
 

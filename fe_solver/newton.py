@@ -17,6 +17,7 @@ from .model import Configuration, Evaluation, ShellModel
 Array = NDArray[np.float64]
 
 MOST_FLIPS = 2
+"""Rounds of the active set in one step; more cost factorisations and saved no iterations."""
 STUCK = 30
 """A residual up to so many limits that no step lowers is rounding error too."""
 SMOOTH = 0.2

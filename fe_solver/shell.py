@@ -26,7 +26,6 @@ Array = NDArray[np.float64]
 CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 GAUSS = CORNERS / np.sqrt(3.0)
 SHEAR_CORRECTION = 5.0 / 6.0
-STRAINS = ("e11", "e22", "2e12", "k11", "k22", "2k12", "g13", "g23")
 
 
 def shape(r: float, s: float) -> tuple[Array, Array, Array]:
@@ -172,7 +171,8 @@ class ShellTables:
     frame: Array
 
     def strain(self, y: Array) -> Array:
-        """(ne, 4, 8) generalized strains of y (ne, 8, 3)."""
+        """(ne, 4, 8) generalized strains of y (ne, 8, 3): e11, e22, 2 e12 of the mid-surface, k11,
+        k22, 2 k12 of bending, g13, g23 of transverse shear."""
         value = np.einsum("ncak,nak->nc", self.forms @ y[:, None], y) / 2 - self.offset
         return value.reshape(-1, 4, 8)
 

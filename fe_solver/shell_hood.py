@@ -120,8 +120,7 @@ class ShellHood:
         x = np.einsum("nb,bni->ni", self.carriers, moved)
         d = np.einsum("nb,bij,nj->ni", self.carriers, turn, c.d)
         d /= np.linalg.norm(d, axis=1, keepdims=True)
-        before = Configuration(c.x, c.d, c.position, c.rotation)
-        slid = self.model.posed(before, motion.position, motion.rotation)
+        slid = self.model.posed(c, motion.position, motion.rotation)
         held = np.concatenate([self.model.ties.node, self.model.guides.node])
         x[held] = slid.x[held]
         d[self.model.ties.node] = slid.d[self.model.ties.node]

@@ -118,17 +118,19 @@ def generate(
     skeleton: Skeleton,
     surfaces: Mapping[str, Surface],
     offset: Mapping[str, float],
+    thickness: float,
     rest_posture: Mapping[str, float],
     quads: int,
     width: float = 1.0,
 ) -> HoodMesh:
     """A hood of about `quads` elements laid over bones at `rest_posture` (rad).
 
-    `offset` (m) by body is the distance of the mid-surface from the bare bone; `surfaces` are those
-    of the scaled bones; `width` scales the hand-measured points across the finger, and the
-    skeleton's length those along it."""
+    `offset` (m) by body is the distance of the sheet's face from the bare bone, `thickness` (m) the
+    sheet's; `surfaces` are those of the scaled bones; `width` scales the hand-measured points
+    across the finger, and the skeleton's length those along it."""
     chain = Chain(skeleton, *skeleton.pose(rest_posture))
-    level = Level(surfaces, offset, chain.position, chain.rotation)
+    middle = {body: height + thickness / 2 for body, height in offset.items()}
+    level = Level(surfaces, middle, chain.position, chain.rotation)
     scale = skeleton.length[1] / (PIP * 1e-3)
     n_inner, n_band = _columns(quads)
     stations = _rows(quads, n_inner, n_band)
@@ -149,7 +151,8 @@ def generate(
         {"distal": np.unique(np.concatenate([b[-1] for b in grid.band.values()]))},
         np.round(station, 4),
         dict(rest_posture),
-        quads,
+        float(skeleton.length[1]),
+        thickness,
     )
 
 

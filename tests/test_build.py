@@ -299,3 +299,24 @@ def test_a_hood_that_nothing_holds_is_told(tmp_path: Path):
     case = load_case("isometric_edc", [edited(tmp_path, springs={}, tied={})])
     with pytest.raises(InputError, match="no insertion holds the hood"):
         build(case)
+
+
+def test_a_mesh_file_of_another_finger_is_refused():
+    case = load_case("isometric_edc", [file_setting(DEFAULT_MESH), "finger.length_scale=1.1"])
+    with pytest.raises(InputError, match=r"laid on a finger of 42\.59 mm .* this one has 46\.84"):
+        build(case)
+
+
+def test_a_thinner_sheet_on_a_mesh_file_keeps_its_face_on_the_bone():
+    case = load_case("isometric_edc", [file_setting(DEFAULT_MESH), "hood.thickness=0.45 mm"])
+    shift = build(case).hood.model.reference - read(DEFAULT_MESH).points
+    np.testing.assert_allclose(np.linalg.norm(shift, axis=1), 0.1e-3, rtol=1e-9)
+
+
+def test_extra_length_of_a_region_that_the_mesh_lacks_is_refused(tmp_path):
+    regions = json.loads(DEFAULT_MESH.read_text())["regions"]
+    fewer = [name.replace("terminal_slip", "central_slip") for name in regions]
+    longer = "hood.extra_length.terminal_slip=0.5 mm"
+    case = load_case("isometric_edc", [edited(tmp_path, regions=fewer), longer])
+    with pytest.raises(InputError, match=r"hood\.extra_length\.terminal_slip: the mesh has no"):
+        build(case)

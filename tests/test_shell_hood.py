@@ -115,7 +115,8 @@ def small() -> dict:
         {"distal": np.array([1])},
         np.arange(6.0),
         dict.fromkeys(JOINTS, 0.1),
-        2,
+        0.0426,
+        0.65e-3,
     )
     return json.loads(to_json(mesh))
 
@@ -158,7 +159,8 @@ FAULTS = [
     (("fibre",), [[1, 0, 0]], "fibre: expected one direction for each of 2 quads"),
     (("fibre", 1), [0, 0, 0], "fibre: quad 1 has no direction"),
     (("fibre", 1), [0, 0, 2], "fibre: quad 1: the direction stands upright"),
-    (("quads_asked",), "many", "quads_asked: expected numbers"),
+    (("reach",), "far", "reach: expected numbers"),
+    (("thickness",), -0.65, "thickness: must be positive, got -0.65 mm"),
     (("station",), [1, 2], "station: expected one number for each of 6 nodes"),
     (("ends",), {"central": [0]}, "ends: expected central, radial, ulnar; got central"),
     (("ends", "radial"), [7], "ends.radial: expected whole numbers of nodes"),
