@@ -101,7 +101,7 @@ def laid_mesh(
             raise InputError(
                 f"hood.mesh.path: {hood.mesh.path.name} was laid on a finger of "
                 f"{mesh.reach * 1e3:.2f} mm from MCP to PIP, this one has {reach * 1e3:.2f} mm. "
-                'Lay a hood on this finger (hood.mesh.kind = "generated") or set finger.length_scale'
+                'Lay a hood on it (hood.mesh.kind = "generated") or set finger.length_scale'
             )
         return mesh
     offset = hood.contact.offset
