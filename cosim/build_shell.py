@@ -14,6 +14,7 @@ from cosim.port import Array, InputError, Motion, State
 
 if TYPE_CHECKING:
     from fe_solver.hood_model import Tendon
+    from fe_solver.section import Section
     from fe_solver.shell_hood import ShellHood as FeHood
     from fe_solver.surfaces import Surface
     from meshes.hood_mesh import HoodMesh
@@ -131,8 +132,7 @@ def shell_hood_of(
     from meshes.hull import carriers
     from meshes.skeleton import BODIES
 
-    material = [hood.regions.get(name) for name in REGIONS]
-    missing = [REGIONS[i] for i in np.unique(mesh.region) if material[i] is None]
+    missing = [REGIONS[i] for i in np.unique(mesh.region) if REGIONS[i] not in hood.regions]
     if missing:
         raise InputError(f"hood.regions: the mesh also has {', '.join(missing)}; name them")
     thickness = _thickness(hood, mesh)
@@ -140,9 +140,7 @@ def shell_hood_of(
         _faced(mesh, thickness),
         mesh.quads,
         mesh.fibre,
-        np.array([r.modulus if r else 0.0 for r in material])[mesh.region],
-        np.array([r.poisson if r else 0.0 for r in material])[mesh.region],
-        thickness,
+        _section(hood, mesh, thickness),
         _growth(hood, mesh),
         tuple(REGIONS[i] for i in mesh.region),
     )
@@ -175,6 +173,20 @@ def shell_hood_of(
         ContactLaw(hood.contact.stiffness, hood.contact.smoothing, _surfaces(bones), offset),
         NewtonOptions(tolerance=case.solve.hood_tolerance),
     )
+
+
+def _section(hood: ShellHood, mesh: HoodMesh, thickness: Array) -> Section:
+    """The materials of the regions, each of its thickness."""
+    from fe_solver.materials import Isotropic
+    from fe_solver.section import Patch, joined_sections
+    from meshes.hood_mesh import REGIONS
+
+    patches = []
+    for i in np.unique(mesh.region):
+        region, cells = hood.regions[REGIONS[i]], np.flatnonzero(mesh.region == i)
+        law = Isotropic(region.modulus, region.poisson)
+        patches.append(Patch(cells, law, np.tile(thickness[cells, None], (1, 4))))
+    return joined_sections(patches)
 
 
 def _thickness(hood: ShellHood, mesh: HoodMesh) -> Array:
@@ -266,11 +278,11 @@ def look(hood: FeHood, mesh: HoodMesh, state: State) -> HoodLook:
 def linear(hood: FeHood, state: State) -> tuple[float, float]:
     from time import perf_counter
 
-    from fe_solver.assembly import factorise
+    from fe_solver.newton import factorised
 
     start = perf_counter()
     e = hood.model.evaluate(state.configuration, state.solution.tension, tangent=True)
     assembled = perf_counter()
     assert e.data is not None  # the tangent was asked for
-    factorise(hood.model.pattern.free(e.data))
+    factorised(hood.model, e.data)
     return assembled - start, perf_counter() - assembled

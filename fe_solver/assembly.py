@@ -1,20 +1,21 @@
-"""Degrees of freedom, sparse assembly and the one sparse factorisation.
+"""Degrees of freedom and sparse assembly.
 
 Each node has five degrees of freedom: its displacement along the columns of its basis A (3, 3) and
-the turn of its director along two tangents T (3, 2).  A guided node slides along the first column
-of its basis; a tied node moves with its body.
+the turn of its director along two tangents T (3, 2).  A guided node is held along some of them; a
+tied node moves with its body.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
-import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
-from cosim.port import ConvergenceError
+from .kernels import gathered
+from .linear_algebra import Analysis, analyse
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
@@ -39,94 +40,78 @@ def turned(directors: Array, basis: Array, angles: Array) -> Array:
     return out / np.linalg.norm(out, axis=1, keepdims=True)
 
 
-def free_dofs(n: int, tied: Ints, guided: Ints) -> Ints:
-    """Indices of the free degrees of freedom of n nodes."""
-    mask = np.ones((n, DOFS), dtype=bool)
-    mask[tied] = False
-    mask[guided, 1:3] = False
-    return np.flatnonzero(mask)
-
-
 @dataclass(frozen=True)
 class Pattern:
     """Where element entries go in the sparse tangent; built once for a mesh.
 
-    slot (ne * 400,) position of every element entry in the data of the full matrix (CSR, 5n);
-    diagonal (n, 5, 5) positions of the nodes' own blocks; `order` the free dofs in the
-    factorisation's order, and `free_slot` the full matrix's data positions that make the free
-    matrix (CSC, in that order)."""
+    Of the full matrix (CSR, 5n): indptr, indices; entry k of its data is the sum of the element
+    entries gather[gather_start[k]:gather_start[k + 1]], always in this order; diagonal (n, 5, 5)
+    positions of the nodes' own blocks, pair (k, 2, 3, 3) those of the blocks between pairs of nodes
+    (first row second column, and the reverse); `free` the free degrees of freedom, ascending."""
 
     size: int
     indptr: Ints
     indices: Ints
-    slot: Ints
+    gather_start: Ints
+    gather: Ints
     diagonal: Ints
-    order: Ints
-    free_slot: Ints
-    free_indptr: Ints
-    free_indices: Ints
+    pair: Ints
+    free: Ints
 
-    def assemble(self, elements: Array, nodes: Array) -> Array:
-        """Full data from element blocks (ne, 20, 20) and node blocks (n, 5, 5)."""
-        data: Array = np.bincount(
-            self.slot, weights=elements.ravel(), minlength=len(self.indices)
-        ).astype(float, copy=False)
+    def assemble(self, elements: Array, nodes: Array, pairs: Array) -> Array:
+        """Full data from element blocks (ne, 20, 20), node blocks (n, 5, 5) and the blocks (k, 3,
+        3) of the pairs' first node by their second."""
+        data = gathered(self.gather_start, self.gather, elements.reshape(-1))
         data[self.diagonal] += nodes
+        np.add.at(data, self.pair[:, 0], pairs)
+        np.add.at(data, self.pair[:, 1], np.swapaxes(pairs, 1, 2))
         return data
 
     def full(self, data: Array) -> sp.csr_array:
         return sp.csr_array((data, self.indices, self.indptr), shape=(self.size, self.size))
 
-    def free(self, data: Array) -> sp.csc_array:
-        n = len(self.order)
-        return sp.csc_array(
-            (data[self.free_slot], self.free_indices, self.free_indptr), shape=(n, n)
-        )
+    @cached_property
+    def slots(self) -> sp.csc_array:
+        """The free part, its entries 1 + their positions in the full data."""
+        positions = self.full(np.arange(1.0, len(self.indices) + 1))
+        out = sp.csc_array(positions[self.free][:, self.free])
+        out.sort_indices()
+        return out
+
+    @cached_property
+    def analysis(self) -> Analysis:
+        """Of the free part, for symmetric values."""
+        return analyse(self.slots)
+
+    @cached_property
+    def general(self) -> Analysis:
+        """Of the free part, for indefinite and unsymmetric values too."""
+        return analyse(self.slots, "superlu")
 
 
-def make_pattern(quads: Ints, n: int, free: Ints) -> Pattern:
-    """The sparsity of n nodes joined by quads (ne, 4), with a fill-reducing order of the free
-    dofs."""
+def make_pattern(quads: Ints, n: int, free: Ints, pairs: Ints | None = None) -> Pattern:
+    """The sparsity of n nodes joined by quads (ne, 4) and by pairs (k, 2) of nodes."""
+    pairs = np.zeros((0, 2), dtype=np.intp) if pairs is None else pairs
     dof = (quads[:, :, None] * DOFS + np.arange(DOFS)).reshape(len(quads), 20)
-    rows, cols = np.repeat(dof, 20, axis=1).ravel(), np.tile(dof, (1, 20)).ravel()
     size = n * DOFS
-    own = (np.arange(n)[:, None] * DOFS + np.arange(DOFS))[:, :, None]
-    key = np.concatenate([rows * size + cols, (own * size + np.swapaxes(own, 1, 2)).ravel()])
-    unique, inverse = np.unique(key, return_inverse=True)
-    indices = unique % size
-    indptr = np.searchsorted(unique, np.arange(size + 1) * size)
-    slot, diagonal = inverse[: len(rows)], inverse[len(rows) :].reshape(n, DOFS, DOFS)
-    positions = sp.csr_array((np.arange(1.0, len(unique) + 1), indices, indptr), shape=(size, size))
-    order = free[_fill_reducing(positions[free][:, free])]
-    ordered = sp.csc_array(positions[order][:, order])
-    ordered.sort_indices()
-    free_slot = ordered.data.astype(np.intp) - 1
+    elements = (dof[:, :, None] * size + dof[:, None, :]).ravel()
+    own = np.arange(n)[:, None] * DOFS + np.arange(DOFS)
+    diagonal = own[:, :, None] * size + own[:, None, :]
+    ends = pairs[:, :, None] * DOFS + np.arange(3)
+    across = ends[:, 0, :, None] * size + ends[:, 1, None, :]
+    back = ends[:, 1, :, None] * size + ends[:, 0, None, :]
+    both = np.stack([across, back], axis=1)
+    unique, inverse = np.unique(
+        np.concatenate([elements, diagonal.ravel(), both.ravel()]), return_inverse=True
+    )
+    slot, rest = inverse[: len(elements)], inverse[len(elements) :]
     return Pattern(
-        size, indptr, indices, slot, diagonal, order, free_slot, ordered.indptr, ordered.indices
+        size,
+        np.searchsorted(unique, np.arange(size + 1) * size),
+        unique % size,
+        np.concatenate([[0], np.cumsum(np.bincount(slot, minlength=len(unique)))]),
+        np.argsort(slot, kind="stable"),
+        rest[: diagonal.size].reshape(diagonal.shape),
+        rest[diagonal.size :].reshape(both.shape),
+        free,
     )
-
-
-def _fill_reducing(matrix: sp.csr_array) -> Ints:
-    """Minimum-degree order of a symmetric pattern, as SuperLU finds it."""
-    regular = sp.csc_array(matrix, copy=True)
-    regular.data[:] = 1.0
-    regular = sp.csc_array(regular + sp.diags_array(np.full(matrix.shape[0], 1e3)))
-    lu = spla.splu(
-        regular, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
-    )
-    return np.argsort(lu.perm_c)
-
-
-def factorise(matrix: sp.csc_array) -> spla.SuperLU:
-    """LU of a symmetric matrix already in a fill-reducing order, pivots on the diagonal.
-
-    Raises ConvergenceError for a singular one."""
-    try:
-        return spla.splu(
-            matrix, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
-        )
-    except RuntimeError as error:
-        raise ConvergenceError(
-            f"the hood's tangent stiffness cannot be factorised ({error}): some part of it is "
-            "free to move. Tie or guide its nodes, or give it springs that are not slack."
-        ) from error

@@ -24,22 +24,16 @@ class Fields:
     faces: Array
 
 
-def thickness_of(model: ShellModel) -> Array:
-    """(ne,) m, from the ratio of bending and membrane stiffness."""
-    return np.sqrt(12 * model.stiffness[:, 3, 3] / model.stiffness[:, 0, 0])
-
-
 def fields(model: ShellModel, c: Configuration) -> Fields:
     """Strain and stress of a configuration."""
     y = np.concatenate([c.x[model.quads], c.d[model.quads]], axis=1)
     strain = model.tables.strain(y)
     weight = model.tables.weight / model.tables.weight.sum(axis=1, keepdims=True)
     mean = np.einsum("ng,ngc->nc", weight, strain)
-    thickness = thickness_of(model)
-    resultant = np.einsum("nij,nj->ni", model.stiffness[:, :3, :3], mean[:, :3])
-    bend = mean[:, 3] * thickness / 2
+    bend = mean[:, 3] * model.section.thickness.mean(axis=1) / 2
     faces = np.stack([mean[:, 0] - bend, mean[:, 0] + bend], axis=1)
-    return Fields(mean[:, :3], resultant / thickness[:, None], faces)
+    stress = np.einsum("ng,ngc->nc", weight, model.section.stress(strain))
+    return Fields(mean[:, :3], stress, faces)
 
 
 def contact_pressure(model: ShellModel, c: Configuration) -> Array:

@@ -14,7 +14,8 @@ from cosim.port import InputError, Motion
 from .contact import Contact
 from .model import Guides, ShellModel, Ties
 from .newton import NewtonOptions
-from .shell import isotropic_stiffness, shell_tables
+from .section import Section
+from .shell import shell_tables
 from .shell_hood import ShellHood
 from .springs import Springs
 from .surfaces import Surface
@@ -36,16 +37,13 @@ class Attached(Protocol):
 
 @dataclass(frozen=True)
 class Sheet:
-    """The shell's geometry and material: points (n, 3) m, quads (ne, 4), fibre (ne, 3); modulus
-    (Pa), poisson, thickness (m) and fibre growth (-), all (ne,); `regions` the quads' region
-    names."""
+    """The shell's geometry and material: points (n, 3) m, quads (ne, 4), fibre (ne, 3), section
+    (materials and thickness), fibre growth (ne,); `regions` the quads' region names."""
 
     points: Array
     quads: Ints
     fibre: Array
-    modulus: Array
-    poisson: Array
-    thickness: Array
+    section: Section
     growth: Array
     regions: tuple[str, ...] = ()
 
@@ -80,11 +78,24 @@ class ContactLaw:
     offset: Mapping[str, float]
 
 
+def is_triangle(quads: Ints) -> NDArray[np.bool_]:
+    """(ne,) whose last two corners are one node."""
+    return quads[:, 2] == quads[:, 3]
+
+
+def corner_shares(quads: Ints) -> Array:
+    """(ne, 4) of an element for each of its corners; a triangle's doubled corner counts once."""
+    triangle = is_triangle(quads)[:, None]
+    return np.where(triangle, np.array([2.0, 2.0, 1.0, 1.0]) / 6, 0.25)
+
+
 def node_directors(points: Array, quads: Ints) -> Array:
     """(n, 3) unit normals at the nodes: the mean of the adjoining corners' normals."""
     p = points[quads]
     edge_in, edge_out = p - np.roll(p, 1, axis=1), np.roll(p, -1, axis=1) - p
     corner = np.cross(edge_in, edge_out)
+    triangle = is_triangle(quads)
+    corner[triangle] = corner[triangle, :1] * [[[1.0], [1], [0.5], [0.5]]]
     out = np.zeros_like(points)
     np.add.at(out, quads, corner)
     return out / np.linalg.norm(out, axis=1, keepdims=True)
@@ -97,11 +108,12 @@ def node_means(values: Array, quads: Ints, count: int) -> Array:
 
 
 def node_areas(points: Array, quads: Ints) -> Array:
-    """(n,) m2, a quarter of each adjoining quad."""
+    """(n,) m2, of each adjoining element its corner's share."""
     p = points[quads]
     area = np.linalg.norm(np.cross(p[:, 2] - p[:, 0], p[:, 3] - p[:, 1]), axis=1) / 2
-    shares = np.bincount(quads.ravel(), weights=np.repeat(area / 4, 4), minlength=len(points))
-    return shares.astype(float, copy=False)
+    shares = (area[:, None] * corner_shares(quads)).ravel()
+    total = np.bincount(quads.ravel(), weights=shares, minlength=len(points))
+    return total.astype(float, copy=False)
 
 
 def shell_hood(
@@ -139,7 +151,7 @@ def shell_hood(
         X,
         D,
         shell_tables(X[quads], D[quads], sheet.fibre, sheet.growth),
-        isotropic_stiffness(sheet.modulus, sheet.poisson, sheet.thickness),
+        sheet.section,
         _springs(X, rest, held),
         ties,
         _guides(X, rest, guide_body, pull, guided),
@@ -178,7 +190,7 @@ def _ties(X: Array, D: Array, rest: Motion, tied: Mapping[str, Ints]) -> Ties:
 def _guides(X: Array, rest: Motion, body: str, pull: Array, nodes: Ints) -> Guides:
     unit = np.asarray(pull) / np.linalg.norm(pull)
     index = np.full(len(nodes), rest.bodies.index(body))
-    return Guides(nodes, index, _local(rest, body, X[nodes]), np.tile(unit, (len(nodes), 1)))
+    return Guides.along(nodes, index, _local(rest, body, X[nodes]), np.tile(unit, (len(nodes), 1)))
 
 
 def _springs(X: Array, rest: Motion, sets: Mapping[str, SpringSet]) -> Springs:
@@ -204,7 +216,7 @@ def _contacts(
     X: Array, sheet: Sheet, bodies: tuple[str, ...], law: ContactLaw, nodes: Ints
 ) -> tuple[Contact, ...]:
     area = node_areas(X, sheet.quads)
-    half = node_means(sheet.thickness, sheet.quads, len(X)) / 2
+    half = node_means(sheet.section.thickness.mean(axis=1), sheet.quads, len(X)) / 2
     return tuple(
         Contact(
             bodies.index(body),

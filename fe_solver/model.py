@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from cosim.port import skew
 
-from .assembly import DOFS, Pattern, free_dofs, make_pattern, tangents, turned
+from .assembly import DOFS, Pattern, make_pattern, tangents, turned
 from .contact import Contact, contact_forces, joined
-from .shell import ShellTables, element_response
+from .section import Section
+from .shell import GAUSS, ShellTables, element_response, shape
 from .springs import PointForces, Springs, spring_forces
 
 Array = NDArray[np.float64]
@@ -33,13 +34,52 @@ class Ties:
 
 @dataclass(frozen=True)
 class Guides:
-    """Nodes that slide along a line of a body: origin and unit direction (k, 3) in the body frame.
-    The direction is the tendon's pull."""
+    """Nodes held along some directions of a body and free along the others.
+
+    origin (k, 3) in the body frame; axes (k, 3, 3), orthonormal columns, body frame, the first a
+    tendon's pull; held (k, 3) which of them do not move.  level (k, 3): the director's turns along
+    it and across it are held as still (k, 2) says (a mirror plane holds the turn along its
+    normal)."""
 
     node: Ints
     body: Ints
     origin: Array
-    direction: Array
+    axes: Array
+    held: NDArray[np.bool_]
+    level: Array
+    still: NDArray[np.bool_]
+
+    @staticmethod
+    def along(node: Ints, body: Ints, origin: Array, direction: Array) -> Guides:
+        """Nodes that slide along lines of unit `direction` (k, 3), their directors free."""
+        axes = np.concatenate([direction[:, :, None], tangents(direction)], axis=2)
+        held = np.tile([False, True, True], (len(node), 1))
+        return Guides(node, body, origin, axes, held, *_free_turns(len(node)))
+
+    @staticmethod
+    def fixed(node: Ints, body: Ints, origin: Array, held: NDArray[np.bool_]) -> Guides:
+        """Nodes held along the body's axes that `held` (k, 3) marks, their directors free."""
+        axes = np.tile(np.eye(3), (len(node), 1, 1))
+        return Guides(node, body, origin, axes, held, *_free_turns(len(node)))
+
+    @staticmethod
+    def none() -> Guides:
+        i, v = np.zeros(0, dtype=np.intp), np.zeros((0, 3))
+        return Guides.along(i, i, v, v)
+
+    @property
+    def direction(self) -> Array:
+        """(k, 3) the first axis, body frame."""
+        return self.axes[:, :, 0]
+
+    @property
+    def steady(self) -> NDArray[np.bool_]:
+        """(k,) whose director the body turns."""
+        return np.asarray(self.still.any(axis=1))
+
+
+def _free_turns(count: int) -> tuple[Array, NDArray[np.bool_]]:
+    return np.tile([1.0, 0.0, 0.0], (count, 1)), np.zeros((count, 2), dtype=bool)
 
 
 @dataclass(frozen=True)
@@ -64,21 +104,23 @@ class Evaluation:
     bases: tuple[Array, Array]
     reduced: Array
     """(5n,) gradient in the nodes' bases, tendon pulls included."""
+    follower: Array
+    """(n, 3) N of the pressure on the nodes, in `gradient_x` but not in `energy`."""
     data: Array | None
 
 
 @dataclass(frozen=True)
 class ShellModel:
-    """A shell, its supports and loads; tendons pull guided nodes with shares `share` (nt, k) of k
-    guided nodes, each row adding up to one.  Springs and contact act on nodes that are neither tied
-    nor guided.  `dead` (n, 3) N are forces on the nodes that stay as they are in the world
-    frame."""
+    """A shell, its supports and loads; tendons pull guided nodes along their first axis with shares
+    `share` (nt, k) of k guided nodes, each row adding up to one.  `dead` (n, 3) N are forces on the
+    nodes that stay as they are in the world frame, `pressure` (ne,) Pa follows the quads and pushes
+    against their normals."""
 
     quads: Ints
     reference: Array
     directors: Array
     tables: ShellTables
-    stiffness: Array
+    section: Section
     springs: Springs
     ties: Ties
     guides: Guides
@@ -86,6 +128,7 @@ class ShellModel:
     contacts: tuple[Contact, ...]
     bodies: tuple[str, ...]
     dead: Array | None = None
+    pressure: Array | None = None
     groups: tuple[str, ...] = ()
     """Names of the springs' groups."""
     regions: tuple[str, ...] = ()
@@ -93,38 +136,58 @@ class ShellModel:
 
     @cached_property
     def pattern(self) -> Pattern:
-        n = len(self.reference)
-        return make_pattern(self.quads, n, free_dofs(n, self.ties.node, self.guides.node))
+        return make_pattern(self.quads, len(self.reference), self.free)
 
     @cached_property
     def free(self) -> Ints:
-        return np.sort(self.pattern.order)
+        """Ascending indices of the free degrees of freedom."""
+        mask = np.ones((len(self.reference), DOFS), dtype=bool)
+        mask[self.ties.node] = False
+        mask[self.guides.node] = ~np.hstack([self.guides.held, self.guides.still])
+        return np.flatnonzero(mask)
 
     def bases(self, c: Configuration) -> tuple[Array, Array]:
         """Displacement bases (n, 3, 3) and director tangents (n, 3, 2)."""
-        A = np.tile(np.eye(3), (len(c.x), 1, 1))
-        along = np.einsum("kij,kj->ki", c.rotation[self.guides.body], self.guides.direction)
-        A[self.guides.node, :, 0] = along
-        A[self.guides.node, :, 1:] = tangents(along)
-        return A, tangents(c.d)
+        g = self.guides
+        A, T = np.tile(np.eye(3), (len(c.x), 1, 1)), tangents(c.d)
+        A[g.node] = c.rotation[g.body] @ g.axes
+        if g.steady.any():
+            T[g.node[g.steady]] = self._level_tangents(c)
+        return A, T
+
+    def _level_tangents(self, c: Configuration) -> Array:
+        """(k, 3, 2) tangents of the steady directors, the first along `level`."""
+        g, on = self.guides, self.guides.steady
+        d = c.d[g.node[on]]
+        level = np.einsum("kij,kj->ki", c.rotation[g.body[on]], g.level[on])
+        first = level - np.einsum("ki,ki->k", level, d)[:, None] * d
+        first /= np.linalg.norm(first, axis=1, keepdims=True)
+        return np.stack([first, np.cross(d, first)], axis=2)
 
     def posed(self, c: Configuration, position: Array, rotation: Array) -> Configuration:
         """The same hood with its bodies at new poses: tied nodes follow, guided nodes are put back
-        on their lines."""
+        on their lines and planes."""
         x, d = c.x.copy(), c.d.copy()
         t, g = self.ties, self.guides
         x[t.node] = position[t.body] + np.einsum("kij,kj->ki", rotation[t.body], t.position)
         d[t.node] = np.einsum("kij,kj->ki", rotation[t.body], t.director)
-        slide = self.slide(c)
-        local = g.origin + slide[:, None] * g.direction
+        moved = np.where(g.held, 0.0, self._moved(c))
+        local = g.origin + np.einsum("kij,kj->ki", g.axes, moved)
         x[g.node] = position[g.body] + np.einsum("kij,kj->ki", rotation[g.body], local)
+        on = g.node[g.steady], g.body[g.steady]
+        seen = np.einsum("kji,kj->ki", c.rotation[on[1]], c.d[on[0]])
+        d[on[0]] = np.einsum("kij,kj->ki", rotation[on[1]], seen)
         return Configuration(x, d, position, rotation)
 
-    def slide(self, c: Configuration) -> Array:
-        """(k,) m, how far each guided node has moved along its line."""
+    def _moved(self, c: Configuration) -> Array:
+        """(k, 3) m, how far each guided node has moved along its axes."""
         g = self.guides
         local = np.einsum("kji,kj->ki", c.rotation[g.body], c.x[g.node] - c.position[g.body])
-        return np.einsum("ki,ki->k", local - g.origin, g.direction)
+        return np.einsum("kji,kj->ki", g.axes, local - g.origin)
+
+    def slide(self, c: Configuration) -> Array:
+        """(k,) m, how far each guided node has moved along its first axis."""
+        return self._moved(c)[:, 0]
 
     def excursion(self, c: Configuration) -> Array:
         """(nt,) m."""
@@ -157,7 +220,9 @@ class ShellModel:
         """Energy, residual and (on request) tangent at a configuration; with `convex` the tangent
         is the positive semidefinite part that is cheap to have, not the consistent one."""
         y = np.concatenate([c.x[self.quads], c.d[self.quads]], axis=1)
-        elements = element_response(self.tables, self.stiffness, y, tangent, convex)
+        bases = A, T = self.bases(c)
+        own = (A[self.quads], T[self.quads]) if tangent else None
+        elements = element_response(self.tables, self.section, y, own, convex)
         points = self.point_forces(c, not convex)
         n = len(c.x)
         gx = _scatter(self.quads, elements.gradient[:, :4], n)
@@ -167,38 +232,43 @@ class ShellModel:
         if self.dead is not None:
             gx -= self.dead
             energy -= float(np.vdot(self.dead, c.x - self.reference))
-        bases = A, T = self.bases(c)
+        follower = self._follower(c.x)
+        gx -= follower
         pulled = gx.copy()
         pulled[self.guides.node] -= self.pulls(c, tension)
         reduced = np.concatenate(
             [np.einsum("nij,ni->nj", A, pulled), np.einsum("nij,ni->nj", T, gd)], axis=1
         ).ravel()
         data = None
-        if elements.hessian is not None:
+        if elements.blocks is not None:
             bend = -np.einsum("ni,ni->n", gd, c.d)
             data = self._assemble(
-                elements.hessian, points, A, T, np.maximum(bend, 0) if convex else bend
+                elements.blocks, c, points, A, np.maximum(bend, 0) if convex else bend
             )
-        return Evaluation(energy, gx, gd, points, bases, reduced, data)
+        return Evaluation(energy, gx, gd, points, bases, reduced, follower, data)
+
+    def _follower(self, x: Array) -> Array:
+        """(n, 3) N force of the pressure on the nodes."""
+        if self.pressure is None:
+            return np.zeros_like(x)
+        return _scatter(self.quads, pressure_forces(x[self.quads], self.pressure), len(x))
 
     def _assemble(
-        self, hessian: Array, points: PointForces, A: Array, T: Array, bend: Array
+        self, blocks: Array, c: Configuration, points: PointForces, A: Array, bend: Array
     ) -> Array:
-        n = len(bend)
-        ne = len(self.quads)
-        W = np.zeros((ne, 24, 20))
-        for a in range(4):
-            i = self.quads[:, a]
-            W[:, 3 * a : 3 * a + 3, DOFS * a : DOFS * a + 3] = A[i]
-            W[:, 12 + 3 * a : 15 + 3 * a, DOFS * a + 3 : DOFS * a + 5] = T[i]
-        blocks = np.swapaxes(W, 1, 2) @ hessian @ W
-        nodal = np.zeros((n, DOFS, DOFS))
+        if self.pressure is not None:
+            at = (5 * np.arange(4)[:, None] + np.arange(3)).ravel()
+            W = A[self.quads]
+            slope = pressure_tangent(c.x[self.quads], self.pressure)
+            turned = np.einsum("naki,nakbl,nblj->naibj", W, slope, W)
+            blocks[:, at[:, None], at] -= turned.reshape(-1, 12, 12)
+        nodal = np.zeros((len(bend), DOFS, DOFS))
         own = np.swapaxes(A[points.node], 1, 2) @ points.hessian @ A[points.node]
         np.add.at(nodal[:, :3, :3], points.node, own)
         # the sphere's curvature: the second variation of a unit director is -|angle|^2 d
         bend[self.ties.node] = 0.0
         nodal[:, 3, 3] = nodal[:, 4, 4] = bend
-        return self.pattern.assemble(blocks, nodal)
+        return self.pattern.assemble(blocks, nodal, np.zeros((0, 3, 3)))
 
     def wrenches(self, c: Configuration, e: Evaluation, tension: Array) -> dict[str, Array]:
         """(nb, 6) forces (N) and moments (N m) about each body's origin of the hood on the bodies,
@@ -216,6 +286,9 @@ class ShellModel:
         reaction = e.gradient_x[g.node] - self.pulls(c, tension)
         arm = c.x[g.node] - c.position[g.body]
         out["guide"] = _wrench(g.body, -reaction, arm, nb)
+        on = g.node[g.steady]
+        couple = np.cross(c.d[on], e.gradient_d[on])
+        np.add.at(out["guide"][:, 3:], g.body[g.steady], -couple)
         return out
 
     def slaved(self, c: Configuration, bases: tuple[Array, Array]) -> Array:
@@ -226,9 +299,12 @@ class ShellModel:
             arm = c.x[held.node] - c.position[held.body]
             G = np.concatenate([np.tile(np.eye(3), (len(arm), 1, 1)), -skew(arm)], axis=2)
             out[held.node, :3, held.body] = np.swapaxes(A[held.node], 1, 2) @ G
-        t = self.ties
-        turn = -np.swapaxes(T[t.node], 1, 2) @ skew(c.d[t.node])
-        out[t.node, 3:, t.body, 3:] = turn
+        on = self.guides.steady
+        for node, body in (
+            (self.ties.node, self.ties.body),
+            (self.guides.node[on], self.guides.body[on]),
+        ):
+            out[node, 3:, body, 3:] = -np.swapaxes(T[node], 1, 2) @ skew(c.d[node])
         return out.reshape(-1, 6 * len(self.bodies))
 
     def coupling(
@@ -272,12 +348,21 @@ class ShellModel:
         _add(wrench[:, 3:, :, 3:], (t.body, slice(None), t.body), -turn)
         pull = self.pulls(c, tension)
         total = e.gradient_x[g.node] - pull
-        along = np.einsum("kij,kj->ki", c.rotation[g.body], g.direction)
-        residual[g.node, 0, g.body, 3:] += np.cross(along, e.gradient_x[g.node])
+        A, T = e.bases
+        gx = e.gradient_x[g.node]
+        residual[g.node, :3, g.body, 3:] += np.cross(np.swapaxes(A[g.node], 1, 2), gx[:, None])
         arm = c.x[g.node] - c.position[g.body]
         moment = -skew(total) @ skew(arm) - skew(arm) @ skew(pull)
         _add(wrench[:, 3:, :, 3:], (g.body, slice(None), g.body), moment)
         _add(wrench[:, :3, :, 3:], (g.body, slice(None), g.body), -skew(pull))
+        on = g.steady
+        node, body, d = g.node[on], g.body[on], c.d[g.node[on]]
+        gd = e.gradient_d[node]
+        bend = np.einsum("ki,ki->k", gd, d)[:, None]
+        spin = np.cross(np.swapaxes(T[node], 1, 2), (gd - bend * d)[:, None])
+        residual[node, 3:, body, 3:] += spin
+        turn = skew(gd) @ skew(d) - bend[:, None] * skew(d) @ skew(d)
+        _add(wrench[:, 3:, :, 3:], (body, slice(None), body), -turn)
 
     def _tension_terms(self, c: Configuration, A: Array) -> tuple[Array, Array]:
         g, nb, nt = self.guides, len(self.bodies), len(self.share)
@@ -289,6 +374,27 @@ class ShellModel:
         unit = np.concatenate([along, np.cross(arm, along)], axis=1)
         _add(wrench, g.body, unit[:, :, None] * self.share.T[:, None, :])
         return residual.reshape(-1, nt), wrench.reshape(-1, nt)
+
+
+def pressure_forces(x: Array, pressure: Array) -> Array:
+    """(ne, 4, 3) N forces of the pressure (ne,) on the corners of quads x (ne, 4, 3)."""
+    out = np.zeros_like(x)
+    for r, s in GAUSS:
+        n, nr, ns = shape(r, s)
+        area = np.cross(np.einsum("a,nak->nk", nr, x), np.einsum("a,nak->nk", ns, x))
+        out -= n[:, None] * (pressure[:, None] * area)[:, None]
+    return out
+
+
+def pressure_tangent(x: Array, pressure: Array) -> Array:
+    """(ne, 4, 3, 4, 3) derivative of `pressure_forces`; not symmetric at a free edge."""
+    out = np.zeros((len(x), 4, 3, 4, 3))
+    for r, s in GAUSS:
+        n, nr, ns = shape(r, s)
+        xr, xs = np.einsum("a,nak->nk", nr, x), np.einsum("a,nak->nk", ns, x)
+        slope = skew(xr)[:, :, None] * ns[:, None] - skew(xs)[:, :, None] * nr[:, None]
+        out -= n[:, None, None, None] * (pressure[:, None, None, None] * slope)[:, None]
+    return out
 
 
 def _add(out: Array, index: Any, values: Array) -> None:

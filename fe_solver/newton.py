@@ -6,18 +6,20 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from cosim.port import ConvergenceError
 
-from .assembly import DOFS, factorise
+from .assembly import DOFS
+from .linear_algebra import FREE, Analysis, Factor, NotPositiveDefiniteError, mechanism
 from .model import Configuration, Evaluation, ShellModel
 
 Array = NDArray[np.float64]
 
 MOST_FLIPS = 2
 """Rounds of the active set in one step; more cost factorisations and saved no iterations."""
+MOST_SHIFTS = 10
+"""Tenfold raises of the diagonal, from a millionth."""
 STUCK = 30
 """A residual up to so many limits that no step lowers is rounding error too."""
 SMOOTH = 0.2
@@ -51,10 +53,18 @@ class Solution:
     """Largest residual force, N (moments over the element size)."""
 
     @cached_property
-    def factor(self) -> spla.SuperLU:
-        """Of the consistent tangent; made when it is first asked for."""
+    def factor(self) -> Factor:
+        """Of the consistent tangent's free part; made when it is first asked for."""
         assert self.evaluation.data is not None
-        return factorise(self.model.pattern.free(self.evaluation.data))
+        return factorised(self.model, self.evaluation.data)
+
+
+def factorised(model: ShellModel, data: Array) -> Factor:
+    """Factor of the free part of the tangent, definite or not."""
+    try:
+        return _analysis(model).factor(data)
+    except NotPositiveDefiniteError:
+        return model.pattern.general.factor(data)
 
 
 def length_scale(model: ShellModel) -> float:
@@ -99,10 +109,27 @@ def worst_place(model: ShellModel, c: Configuration, e: Evaluation) -> str:
 
 
 def _step(model: ShellModel, data: Array, gradient: Array) -> Array:
-    order = model.pattern.order
-    step = np.zeros(model.pattern.size)
-    step[order] = -factorise(model.pattern.free(data)).solve(gradient[order])
+    """(5n,) the Newton step, the tangent's diagonal raised (Levenberg) until it descends."""
+    pattern, free = model.pattern, model.free
+    step = np.zeros(pattern.size)
+    diagonal = pattern.diagonal[:, range(DOFS), range(DOFS)].ravel()[free]
+    shift = 0.0
+    for _ in range(MOST_SHIFTS):
+        try:
+            step[free] = -_analysis(model).factor(data).solve(gradient[free])
+            if step[free] @ gradient[free] <= 0:
+                return step
+        except NotPositiveDefiniteError:
+            pass
+        data = data.copy() if shift == 0.0 else data
+        more = max(10 * shift, 1e-6) - shift
+        shift += more
+        data[diagonal] += more * np.abs(data[diagonal])
     return step
+
+
+def _analysis(model: ShellModel) -> Analysis:
+    return model.pattern.analysis if model.pressure is None else model.pattern.general
 
 
 def _flipping_step(model: ShellModel, e: Evaluation, step: Array) -> Array:
@@ -183,8 +210,15 @@ def solve(
     raise ConvergenceError(
         f"the hood did not reach equilibrium in {iteration} iterations: the residual is "
         f"{residual:.2e} N against forces of {force:.2e} N, largest at {worst_place(model, c, e)}. "
-        "Try smaller steps of posture or tension, a softer contact or a finer mesh."
+        f"{_advice(model, e)}"
     )
+
+
+def _advice(model: ShellModel, e: Evaluation) -> str:
+    assert e.data is not None
+    if mechanism(e.data, model.pattern.slots):
+        return f"The tangent stiffness is singular: {FREE}"
+    return "Try smaller steps of posture or tension, a softer contact or a finer mesh."
 
 
 def _advanced(
@@ -228,6 +262,7 @@ def _line_search(
         trial = model.stepped(c, e.bases, factor * step)
         there = model.evaluate(trial, tension, tangent=attempt == 0, convex=convex)
         rise = model.potential(trial, there.energy, tension) - before
+        rise -= float(np.vdot(e.follower + there.follower, trial.x - c.x)) / 2
         quiet = rise <= noise and residual_norm(model, there)[0] < norm / 2
         if rise <= 1e-4 * factor * slope or quiet:
             if there.data is None:

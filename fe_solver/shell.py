@@ -8,10 +8,14 @@ y = (x1..x4, d1..d4) every covariant strain is a quadratic form of y,
     shear      g_a  =  x,a . d - reference
 
 so that its gradient is linear in y, its Hessian is constant and the tangent is exact and symmetric.
-Transverse shear is tied at the edge midpoints (MITC4: Dvorkin and Bathe 1984, Eng Comput 1:77); the
-membrane strains are tied at the edge midpoints and the centre (MITC4+: Ko, Lee and Bathe 2017,
-Comput Struct 182:404), which leaves a flat element as it is and cures the membrane locking of a
-warped one.
+Only 21 of them are needed, the samples: five membrane strains at the edge midpoints and the centre
+(MITC4+: Ko, Lee and Bathe 2017, Comput Struct 182:404, which leaves a flat element as it is and
+cures the membrane locking of a warped one), four transverse shears at the edge midpoints (MITC4:
+Dvorkin and Bathe 1984, Eng Comput 1:77) and the bending strains at the four Gauss points.  The
+strains at a Gauss point, in local Cartesian axes, are constant combinations of the samples.
+
+A triangle is a quad whose last two corners are one node: its samples on the three edges are those
+of the MITC3 element (Lee and Bathe 2004, Comput Struct 82:945).
 """
 
 from __future__ import annotations
@@ -21,11 +25,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from . import kernels
+from .section import Section
+
 Array = NDArray[np.float64]
 
 CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 GAUSS = CORNERS / np.sqrt(3.0)
-SHEAR_CORRECTION = 5.0 / 6.0
+MEMBRANE, BENDING, SHEAR = slice(0, 5), slice(5, 17), slice(17, 21)
+"""The samples."""
 
 
 def shape(r: float, s: float) -> tuple[Array, Array, Array]:
@@ -61,27 +69,27 @@ def _bending(r: float, s: float) -> Array:
     return np.stack([_xd(nr, nr), _xd(ns, ns), (_xd(nr, ns) + _xd(ns, nr)) / 2])
 
 
-def _shear(r: float, s: float) -> Array:
-    """(2, 8, 8) forms of g_r, g_s tied at the edge midpoints (MITC4)."""
+def _samples() -> Array:
+    """(21, 8, 8) forms of the samples: sample i is y.forms[i].y / 2."""
+    membrane = [
+        _membrane(0, 1)[0],
+        _membrane(0, -1)[0],
+        _membrane(1, 0)[1],
+        _membrane(-1, 0)[1],
+        _membrane(0, 0)[2],
+    ]
+    bending = [form for r, s in GAUSS for form in _bending(r, s)]
+    along_r = [_xd(shape(0, s)[1], shape(0, s)[0]) for s in (-1, 1)]
+    along_s = [_xd(shape(r, 0)[2], shape(r, 0)[0]) for r in (-1, 1)]
+    return np.stack(membrane + bending + along_r + along_s)
 
-    def g_r(r: float, s: float) -> Array:
-        n, nr, _ = shape(r, s)
-        return _xd(nr, n)
 
-    def g_s(r: float, s: float) -> Array:
-        n, _, ns = shape(r, s)
-        return _xd(ns, n)
-
-    return np.stack(
-        [
-            ((1 - s) * g_r(0, -1) + (1 + s) * g_r(0, 1)) / 2,
-            ((1 - r) * g_s(-1, 0) + (1 + r) * g_s(1, 0)) / 2,
-        ]
-    )
+SAMPLES = _samples()
+_HOURGLASS = (CORNERS[:, 0], CORNERS[:, 1], CORNERS[:, 0] * CORNERS[:, 1])
 
 
 def _distortion(X: Array) -> Array:
-    """(ne, 5) coefficients a_A..a_E of the MITC4+ membrane field; X (ne, 4, 3).
+    """(5, ne) coefficients a_A..a_E of the MITC4+ membrane field; X (ne, 4, 3), no triangles.
 
     Ko, Lee and Bathe 2017, equations 15 to 18: the components of the element's hourglass vector
     along the dual base vectors of its centre."""
@@ -92,89 +100,131 @@ def _distortion(X: Array) -> Array:
     cr = np.einsum("nk,nk->n", dual_r, xd) / np.einsum("nk,nk->n", dual_r, xr)
     cs = np.einsum("nk,nk->n", dual_s, xd) / np.einsum("nk,nk->n", dual_s, xs)
     d = cr**2 + cs**2 - 1
-    return (
-        np.stack(
-            [
-                cr * (cr - 1) / 2,
-                cr * (cr + 1) / 2,
-                cs * (cs - 1) / 2,
-                cs * (cs + 1) / 2,
-                2 * cr * cs,
-            ],
-            1,
-        )
-        / d[:, None]
-    )
-
-
-_HOURGLASS = (CORNERS[:, 0], CORNERS[:, 1], CORNERS[:, 0] * CORNERS[:, 1])
+    a = [cr * (cr - 1) / 2, cr * (cr + 1) / 2, cs * (cs - 1) / 2, cs * (cs + 1) / 2, 2 * cr * cs]
+    return np.stack(a) / d
 
 
 def _tied_membrane(a: Array, r: float, s: float) -> Array:
-    """(ne, 3, 8, 8) MITC4+ forms of e_rr, e_ss, e_rs at one point; a (ne, 5)."""
-    A, B = _membrane(0, 1)[0], _membrane(0, -1)[0]
-    C, D = _membrane(1, 0)[1], _membrane(-1, 0)[1]
-    E = _membrane(0, 0)[2]
-    aA, aB, aC, aD, aE = (c[:, None, None] for c in a.T)
+    """(ne, 3, 5) MITC4+ e_rr, e_ss, e_rs at one point from the membrane samples; a (5, ne)."""
+    aA, aB, aC, aD, aE = a
     p, q = r * r - 1, s * s - 1
-    rr = (
-        (0.5 * (1 - 2 * aA + s + 2 * aA * s * s)) * A
-        + (0.5 * (1 - 2 * aB - s + 2 * aB * s * s)) * B
-        + aC * q * C
-        + aD * q * D
-        + aE * q * E
-    )
-    ss = (
-        aA * p * A
-        + aB * p * B
-        + (0.5 * (1 - 2 * aC + r + 2 * aC * r * r)) * C
-        + (0.5 * (1 - 2 * aD - r + 2 * aD * r * r)) * D
-        + aE * p * E
-    )
-    rs = (
-        0.25 * (r + 4 * aA * r * s) * A
-        + 0.25 * (-r + 4 * aB * r * s) * B
-        + 0.25 * (s + 4 * aC * r * s) * C
-        + 0.25 * (-s + 4 * aD * r * s) * D
-        + (1 + aE * r * s) * E
-    )
-    return np.stack([rr, ss, rs], axis=1)
+    rr = [
+        0.5 * (1 - 2 * aA + s + 2 * aA * s * s),
+        0.5 * (1 - 2 * aB - s + 2 * aB * s * s),
+        aC * q,
+        aD * q,
+        aE * q,
+    ]
+    ss = [
+        aA * p,
+        aB * p,
+        0.5 * (1 - 2 * aC + r + 2 * aC * r * r),
+        0.5 * (1 - 2 * aD - r + 2 * aD * r * r),
+        aE * p,
+    ]
+    rs = [
+        0.25 * (r + 4 * aA * r * s),
+        0.25 * (-r + 4 * aB * r * s),
+        0.25 * (s + 4 * aC * r * s),
+        0.25 * (-s + 4 * aD * r * s),
+        1 + aE * r * s,
+    ]
+    return np.moveaxis(np.array([rr, ss, rs]), 2, 0)
+
+
+def _tied_shear(r: float, s: float) -> Array:
+    """(2, 4) g_r, g_s at one point from the shear samples."""
+    return np.array([[1 - s, 1 + s, 0, 0], [0, 0, 1 - r, 1 + r]]) / 2
+
+
+TRIANGLE_MEMBRANE = np.array([[0, 4.0, 0, 0, 0], [0, 0, 0, 4, 0], [0, 2, -2, 2, 0]])
+"""A triangle's constant membrane strain along its first and last edge from the samples."""
+
+
+def _triangle_shear(r: float, s: float) -> Array:
+    """(2, 4) MITC3 shear along the first and last edge from the shear samples."""
+    xi, eta = (1 + r) * (1 - s) / 4, (1 + s) / 2
+    return np.array([[2 - 2 * eta, 0, 2 * eta, -2 * eta], [2 * xi, 0, 2 - 2 * xi, 2 * xi]])
 
 
 def _to_cartesian(J: Array, tensor: Array) -> Array:
-    """Covariant forms (rr, ss, rs) to local Cartesian (11, 22, 2 x 12): J (ne, 2, 2) holds the
-    covariant base vectors' local components, columns r and s; tensor (ne, 3, ...)."""
+    """Covariant tensors (rr, ss, rs) to local Cartesian (11, 22, 2 x 12): J (ne, 2, 2) holds the
+    covariant base vectors' local components, columns r and s; tensor (ne, 3, m)."""
     P = np.linalg.inv(J)
     a, b, c, d = P[:, 0, 0], P[:, 0, 1], P[:, 1, 0], P[:, 1, 1]
-    T = np.stack(
-        [
-            np.stack([a * a, c * c, 2 * a * c], 1),
-            np.stack([b * b, d * d, 2 * b * d], 1),
-            np.stack([2 * a * b, 2 * c * d, 2 * (a * d + b * c)], 1),
-        ],
-        1,
-    )
-    return np.einsum("nij,njab->niab", T, tensor)
+    T = [
+        [a * a, c * c, 2 * a * c],
+        [b * b, d * d, 2 * b * d],
+        [2 * a * b, 2 * c * d, 2 * (a * d + b * c)],
+    ]
+    return np.einsum("ijn,njm->nim", np.array(T), tensor)
 
 
 @dataclass(frozen=True)
 class ShellTables:
     """Constant tables of a mesh of shell elements.
 
-    forms (ne, 32, 8, 8): strain c of Gauss point g at row 8 g + c is y.forms.y / 2 - offset;
-    offset (ne, 32); weight (ne, 4) reference area of each Gauss point; frame (ne, 4, 3, 3) rows
-    local axes 1 (fibre), 2 (transverse), 3 (normal) in the reference configuration."""
+    Strains at the Gauss points from the samples: membrane (ne, 4, 3, 5), bending (ne, 4, 3, 3) from
+    the point's own three, shear (ne, 4, 2, 4), each less `offset` (ne, 4, 8); weight (ne, 4)
+    reference area of each Gauss point; frame (ne, 4, 3, 3) rows local axes 1 (fibre), 2
+    (transverse), 3 (normal) in the reference configuration; height (ne, 4) of the mid-surface over
+    the nodes, along their directors."""
 
-    forms: Array
+    membrane: Array
+    bending: Array
+    shear: Array
     offset: Array
     weight: Array
     frame: Array
+    height: Array
+
+    def middle(self, y: Array) -> Array:
+        """y (ne, 8, 3) of the nodes as that of the mid-surface."""
+        return _over(y, self.height)
 
     def strain(self, y: Array) -> Array:
-        """(ne, 4, 8) generalized strains of y (ne, 8, 3): e11, e22, 2 e12 of the mid-surface, k11,
-        k22, 2 k12 of bending, g13, g23 of transverse shear."""
-        value = np.einsum("ncak,nak->nc", self.forms @ y[:, None], y) / 2 - self.offset
-        return value.reshape(-1, 4, 8)
+        """(ne, 4, 8) generalized strains of the nodes' y (ne, 8, 3): e11, e22, 2 e12 of the
+        mid-surface, k11, k22, 2 k12 of bending, g13, g23 of transverse shear."""
+        return self.combined(_sampled(self.middle(y)))
+
+    def combined(self, samples: Array) -> Array:
+        """(ne, 4, 8) strains from samples (ne, 21)."""
+        parts = [
+            self.membrane @ samples[:, None, MEMBRANE, None],
+            self.bending @ samples[:, BENDING].reshape(-1, 4, 3, 1),
+            self.shear @ samples[:, None, SHEAR, None],
+        ]
+        return np.concatenate(parts, axis=2)[..., 0] - self.offset
+
+    def collected(self, force: Array) -> Array:
+        """(ne, 21) stress of the samples from the forces (ne, 4, 8) of the Gauss points."""
+        parts = [
+            np.einsum("ngci,ngc->ni", self.membrane, force[..., :3]),
+            np.einsum("ngci,ngc->ngi", self.bending, force[..., 3:6]).reshape(-1, 12),
+            np.einsum("ngci,ngc->ni", self.shear, force[..., 6:]),
+        ]
+        return np.concatenate(parts, axis=1)
+
+    def spread(self) -> Array:
+        """(ne, 32, 21) the combinations as one matrix an element."""
+        out = np.zeros((len(self.weight), 4, 8, 21))
+        out[:, :, :3, MEMBRANE], out[:, :, 6:, SHEAR] = self.membrane, self.shear
+        for g in range(4):
+            out[:, g, 3:6, 5 + 3 * g : 8 + 3 * g] = self.bending[:, g]
+        return out.reshape(-1, 32, 21)
+
+
+def _sampled(y: Array) -> Array:
+    """(ne, 21) samples of the mid-surface's y (ne, 8, 3)."""
+    if kernels.COMPILED:
+        return kernels.sampled(SAMPLES, y)
+    return np.einsum("ncak,nak->nc", SAMPLES @ y[:, None], y) / 2
+
+
+def _over(y: Array, height: Array) -> Array:
+    out = y.copy()
+    out[:, :4] += height[:, :, None] * y[:, 4:]
+    return out
 
 
 def local_frames(X: Array, fibre: Array, r: float, s: float) -> tuple[Array, Array, Array]:
@@ -191,62 +241,81 @@ def local_frames(X: Array, fibre: Array, r: float, s: float) -> tuple[Array, Arr
     return frame, np.einsum("nik,ngk->nig", frame[:, :2], G), area
 
 
-def shell_tables(X: Array, D: Array, fibre: Array, growth: Array) -> ShellTables:
-    """Tables for elements with reference positions X (ne, 4, 3), unit directors D (ne, 4, 3), fibre
-    directions (ne, 3) and fibre growth (ne,): the stress-free length along the fibre is 1 + growth
-    times that of the mesh (a multiplicative, plane eigenstrain)."""
-    distortion = _distortion(X)
-    Y = np.concatenate([X, D], axis=1)
-    stretch = np.ones((len(X), 3))
-    stretch[:, 0], stretch[:, 2] = (1 + growth) ** -2, 1 / (1 + growth)
-    forms, offset, weight, frames = [], [], [], []
-    for r, s in GAUSS:
-        frame, J, area = local_frames(X, fibre, r, s)
-        membrane = _to_cartesian(J, _tied_membrane(distortion, r, s))
-        bending = _to_cartesian(J, np.broadcast_to(_bending(r, s), (len(X), 3, 8, 8)))
-        shear = np.einsum("nab,bij->naij", np.swapaxes(np.linalg.inv(J), 1, 2), _shear(r, s))
-        grown = np.ones((len(X), 8))
-        grown[:, :3] = grown[:, 3:6] = stretch
-        grown[:, 6] = stretch[:, 2]
-        q = np.concatenate([membrane, bending, shear], axis=1) * grown[:, :, None, None]
-        c = np.einsum("ncab,nak,nbk->nc", q, Y, Y, optimize=True) / 2
-        c[:, 0] += (1 - stretch[:, 0]) / 2
-        forms.append(q)
-        offset.append(c)
-        weight.append(area * (1 + growth))
-        frames.append(frame)
-    return ShellTables(
-        np.concatenate(forms, axis=1),
-        np.concatenate(offset, axis=1),
-        np.stack(weight, axis=1),
-        np.stack(frames, axis=1),
+def shell_tables(
+    X: Array, D: Array, fibre: Array, growth: Array, height: Array | float = 0.0
+) -> ShellTables:
+    """Tables for elements with nodes X (ne, 4, 3), unit directors D (ne, 4, 3), fibre directions
+    (ne, 3) or (ne, 4, 3) at the Gauss points, and fibre growth (ne,): the stress-free length along
+    the fibre is 1 + growth times that of the mesh (a multiplicative, plane eigenstrain).  `height`
+    (ne, 4), m, of the mid-surface over each node along its director: nodes on the lower face of a
+    shell lie half its thickness below."""
+    ne = len(X)
+    height = np.broadcast_to(height, (ne, 4)).astype(float)
+    fibre = np.broadcast_to(fibre[:, None] if fibre.ndim == 2 else fibre, (ne, 4, 3))
+    Y = _over(np.concatenate([X, D], axis=1), height)
+    X = Y[:, :4]
+    triangle = (X[:, 2] == X[:, 3]).all(axis=1)
+    distortion = np.zeros((5, ne))
+    distortion[:, ~triangle] = _distortion(X[~triangle])
+    tensor = np.stack([(1 + growth) ** -2, np.ones(ne), 1 / (1 + growth)], axis=1)[:, :, None]
+    edges = np.stack([X[:, 1] - X[:, 0], X[:, 2] - X[:, 0]], axis=2)
+    parts: list[tuple[Array, ...]] = []
+    for (r, s), along in zip(GAUSS, np.moveaxis(fibre, 1, 0), strict=True):
+        frame, J, area = local_frames(X, along, r, s)
+        own = np.where(triangle[:, None, None], frame[:, :2] @ edges, J)
+        tri = triangle[:, None, None]
+        membrane = np.where(tri, TRIANGLE_MEMBRANE, _tied_membrane(distortion, r, s))
+        shear = np.where(tri, _triangle_shear(r, s), _tied_shear(r, s))
+        bending = _to_cartesian(J, np.broadcast_to(np.eye(3), (ne, 3, 3)))
+        shear = np.swapaxes(np.linalg.inv(own), 1, 2) @ shear
+        shear[:, 0] /= (1 + growth)[:, None]
+        membrane = _to_cartesian(own, membrane) * tensor
+        parts.append((membrane, bending * tensor, shear, area * (1 + growth), frame))
+    membrane, bending, shear, weight, frames = (np.stack(p, 1) for p in zip(*parts, strict=True))
+    bare = ShellTables(
+        membrane, bending, shear, np.zeros((ne, 4, 8)), weight, frames, np.zeros((ne, 4))
     )
-
-
-def isotropic_stiffness(modulus: Array, poisson: Array, thickness: Array) -> Array:
-    """(ne, 8, 8) stiffness of the stress resultants against the generalized strains: Saint
-    Venant-Kirchhoff in plane stress, moduli in Pa, thickness in m, all (ne,)."""
-    modulus, poisson, thickness = np.broadcast_arrays(modulus, poisson, thickness)
-    plane = np.zeros((len(modulus), 3, 3))
-    plane[:, 0, 0] = plane[:, 1, 1] = 1.0
-    plane[:, 0, 1] = plane[:, 1, 0] = poisson
-    plane[:, 2, 2] = (1 - poisson) / 2
-    plane *= (modulus / (1 - poisson**2))[:, None, None]
-    out = np.zeros((len(modulus), 8, 8))
-    out[:, :3, :3] = plane * thickness[:, None, None]
-    out[:, 3:6, 3:6] = plane * (thickness**3 / 12)[:, None, None]
-    shear = SHEAR_CORRECTION * modulus / (2 * (1 + poisson)) * thickness
-    out[:, 6, 6] = out[:, 7, 7] = shear
-    return out
+    offset = bare.strain(Y)
+    offset[:, :, 0] += (1 - tensor[:, 0]) / 2
+    return ShellTables(membrane, bending, shear, offset, weight, frames, height)
 
 
 @dataclass(frozen=True)
 class ElementResponse:
-    """Energy (J), its gradient (ne, 8, 3) and, on request, its Hessian (ne, 24, 24) by y."""
+    """Energy (J), its gradient (ne, 8, 3) by the nodes' y and, on request, the tangent (ne, 20, 20)
+    in the nodes' bases, without the curvature of the directors' sphere."""
 
     energy: float
     gradient: Array
-    hessian: Array | None
+    blocks: Array | None
+
+
+def element_response(
+    tables: ShellTables,
+    section: Section,
+    y: Array,
+    bases: tuple[Array, Array] | None,
+    convex: bool = False,
+) -> ElementResponse:
+    """Energy, gradient and tangent of all elements at the nodes' y (ne, 8, 3); bases A (ne, 4, 3,
+    3) and T (ne, 4, 3, 2) of the elements' nodes, or None where no tangent is wanted.
+
+    `convex` keeps of the geometric stiffness what tension makes, so that the tangent is positive
+    semidefinite: not consistent, but a descent direction from any state."""
+    y = tables.middle(y)
+    answer = section.response(tables.combined(_sampled(y)))
+    energy = float(np.vdot(answer.energy, tables.weight))
+    force = answer.force * tables.weight[:, :, None]
+    stress = tables.collected(force)
+    gradient = _stress_gradient(y, stress)
+    gradient[:, 4:] += tables.height[:, :, None] * gradient[:, :4]
+    if bases is None:
+        return ElementResponse(energy, gradient, None)
+    if convex:
+        stress = tables.collected(tensile(force))
+    stiffness = answer.stiffness * tables.weight[:, :, None, None]
+    blocks = _compiled_blocks if kernels.COMPILED else _plain_blocks
+    return ElementResponse(energy, gradient, blocks(tables, y, stress, stiffness, bases))
 
 
 def tensile(resultant: Array) -> Array:
@@ -264,29 +333,43 @@ def tensile(resultant: Array) -> Array:
     return out
 
 
-def element_response(
-    tables: ShellTables, stiffness: Array, y: Array, tangent: bool, convex: bool = False
-) -> ElementResponse:
-    """Energy, gradient and Hessian of all elements at y (ne, 8, 3); stiffness (ne, 8, 8).
+def _stress_gradient(y: Array, stress: Array) -> Array:
+    """(ne, 8, 3) gradient of the samples, weighted by stress (ne, 21)."""
+    if kernels.COMPILED:
+        return kernels.stress_gradient(SAMPLES, y, stress)
+    return (stress @ SAMPLES.reshape(21, 64)).reshape(-1, 8, 8) @ y
 
-    `convex` keeps of the geometric stiffness what tension makes, so that the Hessian is positive
-    semidefinite: not consistent, but a descent direction from any state."""
+
+def _compiled_blocks(
+    tables: ShellTables, y: Array, stress: Array, stiffness: Array, bases: tuple[Array, Array]
+) -> Array:
+    parts = tables.membrane, tables.bending, tables.shear
+    return kernels.element_blocks(SAMPLES, y, tables.height, parts, stress, stiffness, bases)
+
+
+def _plain_blocks(
+    tables: ShellTables, y: Array, stress: Array, stiffness: Array, bases: tuple[Array, Array]
+) -> Array:
+    """The element tangents in numpy: what the compiled kernel is held to."""
     ne = len(y)
-    B = tables.forms @ y[:, None]  # (ne, 32, 8, 3)
-    strain = np.einsum("ncak,nak->nc", B, y) / 2 - tables.offset
-    resultant = strain.reshape(ne, 4, 8) @ stiffness * tables.weight[:, :, None]
-    energy = 0.5 * float(np.vdot(resultant, strain))
-    flat = B.reshape(ne, 32, 24)
-    stress = resultant.reshape(ne, 1, 32)
-    gradient = (stress @ flat).reshape(ne, 8, 3)
-    if not tangent:
-        return ElementResponse(energy, gradient, None)
-    weighted = stiffness[:, None] @ B.reshape(ne, 4, 8, 24) * tables.weight[:, :, None, None]
-    hessian = np.swapaxes(flat, 1, 2) @ weighted.reshape(ne, 32, 24)
-    if convex:
-        stress = tensile(resultant.reshape(ne, 4, 8)).reshape(ne, 1, 32)
-    geometric = (stress @ tables.forms.reshape(ne, 32, 64)).reshape(ne, 8, 8)
+    spread = tables.spread()
+    flat = (SAMPLES @ y[:, None]).reshape(ne, 21, 24)
+    inner = (stiffness @ spread.reshape(ne, 4, 8, 21)).reshape(ne, 32, 21)
+    hessian = np.swapaxes(flat, 1, 2) @ (np.swapaxes(spread, 1, 2) @ inner) @ flat
+    geometric = (stress @ SAMPLES.reshape(21, 64)).reshape(ne, 8, 8)
     blocks = hessian.reshape(ne, 8, 3, 8, 3)
     for k in range(3):
         blocks[:, :, k, :, k] += geometric
-    return ElementResponse(energy, gradient, hessian)
+    W = _projection(tables.height, *bases)
+    out = np.swapaxes(W, 1, 2) @ hessian @ W
+    return (out + np.swapaxes(out, 1, 2)) / 2
+
+
+def _projection(height: Array, A: Array, T: Array) -> Array:
+    """(ne, 24, 20) the mid-surface's y by the nodes' degrees of freedom."""
+    W = np.zeros((len(A), 24, 20))
+    for a in range(4):
+        x, d, at = slice(3 * a, 3 * a + 3), slice(12 + 3 * a, 15 + 3 * a), 5 * a
+        W[:, x, at : at + 3], W[:, d, at + 3 : at + 5] = A[:, a], T[:, a]
+        W[:, x, at + 3 : at + 5] = height[:, a, None, None] * T[:, a]
+    return W

@@ -90,12 +90,12 @@ class ShellHood:
         by_motion, wrench_motion, by_tension, wrench_tension = self.model.coupling(
             s.configuration, s.evaluation, s.tension
         )
-        order = self.model.pattern.order
-        right = np.hstack([by_motion, by_tension])[order]
+        free = self.model.free
+        right = np.hstack([by_motion, by_tension])[free]
         follow = -s.factor.solve(right)
         nm = by_motion.shape[1]
-        load = -by_motion[order].T @ follow
-        excursion = -by_tension[order].T @ follow
+        load = -by_motion[free].T @ follow
+        excursion = -by_tension[free].T @ follow
         return HoodJacobian(
             wrench_motion + load[:, :nm],
             wrench_tension + load[:, nm:],
@@ -132,7 +132,7 @@ class ShellHood:
         by_motion = m.coupling(c, s.evaluation, s.tension)[0]
         twist = Motion(self.bodies, c.position, c.rotation).twist_to(motion).ravel()
         step = np.zeros(m.pattern.size)
-        step[m.pattern.order] = -s.factor.solve((by_motion @ twist)[m.pattern.order])
+        step[m.free] = -s.factor.solve((by_motion @ twist)[m.free])
         return m.posed(m.stepped(c, s.evaluation.bases, step), motion.position, motion.rotation)
 
     def _guess(

@@ -1,7 +1,7 @@
-"""Rigid surfaces that a shell touches, as signed distances with two exact derivatives.
+"""The signed distance of any watertight triangle surface, baked once to a C2 spline and cached.
 
 All lengths in m, all points in the frame of the body that carries the surface; distances are
-negative inside.
+negative inside.  The exact shapes are in `fe_solver.shapes`.
 """
 
 from __future__ import annotations
@@ -12,13 +12,15 @@ import tempfile
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cosim.port import InputError
+from fe_solver.shapes import Distance, Sphere, Surface, positive
 from fe_solver.triangles import checked_surface, distances_on_grid
+
+__all__ = ["Sphere", "SplineDistance", "Surface", "cache_folder"]
 
 Array = NDArray[np.float64]
 
@@ -27,110 +29,6 @@ VERSION = 1
 MOST_NODES = 20_000_000
 SYMMETRIC = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
 """Where xx, xy, xz, yy, yz, zz stand in a Hessian."""
-
-
-class Distance(NamedTuple):
-    """Signed distance of n points."""
-
-    value: Array
-    """(n,) m."""
-    gradient: Array
-    """(n, 3)."""
-    hessian: Array
-    """(n, 3, 3) 1/m, symmetric."""
-
-
-class Surface(Protocol):
-    """A closed or unbounded smooth surface of a rigid body."""
-
-    def distance(self, points: Array) -> Distance:
-        """Signed distance, gradient and Hessian at points (n, 3) of the body frame."""
-        ...
-
-
-def _vector(value: object, what: str) -> Array:
-    vector = np.asarray(value, dtype=float)
-    if vector.shape != (3,) or not np.isfinite(vector).all():
-        raise InputError(f"{what} must be three finite numbers (m, body frame), got {value!r}")
-    return vector
-
-
-def _positive(value: float, what: str) -> None:
-    if not (np.isfinite(value) and value > 0):
-        raise InputError(f"{what} must be a positive number (m), got {value!r}")
-
-
-def _offset(arm: Array, radius: float, free: Array) -> Distance:
-    """Distance to a tube of `radius` about a point or line at -arm (n, 3); `free` (n, 3, 3) is the
-    derivative of the arm.  On the axis itself, where no direction exists, derivatives are zero."""
-    length = np.linalg.norm(arm, axis=1)
-    inverse = np.divide(1.0, length, out=np.zeros_like(length), where=length > 0)
-    gradient = arm * inverse[:, None]
-    hessian = (free - gradient[:, :, None] * gradient[:, None, :]) * inverse[:, None, None]
-    return Distance(length - radius, gradient, hessian)
-
-
-@dataclass(frozen=True)
-class Sphere:
-    """Centre (3,) and radius, m."""
-
-    centre: Array
-    radius: float
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "centre", _vector(self.centre, "sphere centre"))
-        _positive(self.radius, "sphere radius")
-
-    def distance(self, points: Array) -> Distance:
-        """Signed distance, gradient and Hessian at points (n, 3)."""
-        return _offset(np.asarray(points) - self.centre, self.radius, np.eye(3)[None])
-
-
-@dataclass(frozen=True)
-class Capsule:
-    """All points within `radius` (m) of the segment from `start` (3,) to `end` (3,)."""
-
-    start: Array
-    end: Array
-    radius: float
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "start", _vector(self.start, "capsule start"))
-        object.__setattr__(self, "end", _vector(self.end, "capsule end"))
-        _positive(self.radius, "capsule radius")
-        _positive(float(np.linalg.norm(self.end - self.start)), "capsule length (else a sphere)")
-
-    def distance(self, points: Array) -> Distance:
-        """Signed distance, gradient and Hessian at points (n, 3).
-
-        The Hessian jumps where the cylinder meets its end spheres; elsewhere it is exact."""
-        axis = self.end - self.start
-        arm = np.asarray(points) - self.start
-        along = arm @ axis / (axis @ axis)
-        beside = (along > 0) & (along < 1)
-        arm = arm - np.clip(along, 0, 1)[:, None] * axis
-        free = np.eye(3) - beside[:, None, None] * np.outer(axis, axis) / (axis @ axis)
-        return _offset(arm, self.radius, free)
-
-
-@dataclass(frozen=True)
-class HalfSpace:
-    """Everything behind the plane through `point` (3,) m with outward `normal` (3,), any length."""
-
-    point: Array
-    normal: Array
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "point", _vector(self.point, "half-space point"))
-        normal = _vector(self.normal, "half-space normal")
-        _positive(float(np.linalg.norm(normal)), "length of the half-space normal")
-        object.__setattr__(self, "normal", normal / np.linalg.norm(normal))
-
-    def distance(self, points: Array) -> Distance:
-        """Signed distance, gradient and (zero) Hessian at points (n, 3)."""
-        value = (np.asarray(points) - self.point) @ self.normal
-        n = len(value)
-        return Distance(value, np.tile(self.normal, (n, 1)), np.zeros((n, 3, 3)))
 
 
 def _basis(t: Array) -> Array:
@@ -224,8 +122,8 @@ class SplineDistance:
         `cache_folder`); None bakes afresh.  Raises InputError for a surface that is empty, not
         watertight or not finite, and for a grid of more than MOST_NODES nodes.
         """
-        _positive(spacing, "grid spacing")
-        _positive(margin, "grid margin")
+        positive(spacing, "grid spacing")
+        positive(margin, "grid margin")
         vertices, faces = checked_surface(vertices, faces)
         origin, shape = _grid(vertices, spacing, margin)
         file = cache and Path(cache) / f"{_key(vertices, faces, spacing, margin)}.npz"

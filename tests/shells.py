@@ -1,157 +1,45 @@
-"""Small shells for the tests: meshes, and models of a sheet alone or held by bodies."""
+"""The shells that tests share: those of the verification, and the index finger's hood."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
 
-import numpy as np
-
-from fe_solver.contact import Contact
-from fe_solver.hood_model import node_areas, node_directors
-from fe_solver.model import Configuration, Guides, ShellModel, Ties
-from fe_solver.newton import NewtonOptions
-from fe_solver.shell import Array, isotropic_stiffness, shell_tables
 from fe_solver.shell_hood import ShellHood
-from fe_solver.springs import Springs
-from fe_solver.surfaces import Surface
+from fe_solver.verification.sheets import (
+    BENCHMARK,
+    GROUND,
+    NO_TENSION,
+    at_rest,
+    clamped,
+    contact,
+    disturbed,
+    grid,
+    guided,
+    in_basis,
+    linear_response,
+    mapped,
+    plate,
+    sheet,
+)
 
-GROUND = (np.zeros((1, 3)), np.eye(3)[None])
-"""Pose of one body at the world's origin."""
-NO_TENSION = np.zeros(0)
-BENCHMARK = NewtonOptions(tolerance=1e-9, max_step=1.0)
-"""For benchmarks whose lengths are of the order of ten."""
-Map = Callable[[Array], Array]
-
-
-def grid(nx: int, ny: int) -> tuple[Array, np.ndarray]:
-    """Nodes (n, 2) of the unit square, x slowest, and its quads (nx ny, 4)."""
-    x, y = np.meshgrid(np.linspace(0, 1, nx + 1), np.linspace(0, 1, ny + 1), indexing="ij")
-    node = np.arange((nx + 1) * (ny + 1)).reshape(nx + 1, ny + 1)
-    corners = [node[:-1, :-1], node[1:, :-1], node[1:, 1:], node[:-1, 1:]]
-    return np.column_stack([x.ravel(), y.ravel()]), np.stack([c.ravel() for c in corners], axis=1)
-
-
-def plate(length: float, width: float, nx: int, ny: int) -> tuple[Array, np.ndarray]:
-    """A flat sheet in the x-y plane: points (n, 3), quads."""
-    uv, quads = grid(nx, ny)
-    return np.column_stack([uv * [length, width], np.zeros(len(uv))]), quads
-
-
-def mapped(nx: int, ny: int, shape: Map) -> tuple[Array, np.ndarray]:
-    """A sheet whose points are `shape` (n, 2) -> (n, 3) of the unit square's."""
-    uv, quads = grid(nx, ny)
-    return shape(uv), quads
-
-
-def sheet(
-    points: Array,
-    quads: np.ndarray,
-    modulus: float,
-    poisson: float,
-    thickness: float,
-    *,
-    directors: Array | None = None,
-    fibre: Sequence[float] = (1.0, 0.0, 0.0),
-    growth: float = 0.0,
-    bodies: tuple[str, ...] = ("ground",),
-) -> ShellModel:
-    """A sheet that nothing holds; its parts are added with `clamped`, `guided` and `replace`."""
-    ne = len(quads)
-    D = node_directors(points, quads) if directors is None else directors
-    fibres, ones = np.tile(np.asarray(fibre, dtype=float), (ne, 1)), np.ones(ne)
-    none, nothing = np.zeros(0, dtype=np.intp), np.zeros((0, 3))
-    return ShellModel(
-        quads,
-        points,
-        D,
-        shell_tables(points[quads], D[quads], fibres, growth * ones),
-        isotropic_stiffness(modulus * ones, poisson * ones, thickness * ones),
-        Springs.none(),
-        Ties(none, none, nothing, nothing),
-        Guides(none, none, nothing, nothing),
-        np.zeros((0, 0)),
-        (),
-        bodies,
-    )
-
-
-def clamped(model: ShellModel, nodes: np.ndarray, body: int = 0) -> ShellModel:
-    """The model with nodes tied to a body whose frame is the world's at rest."""
-    t, X, D = model.ties, model.reference, model.directors
-    ties = Ties(
-        np.concatenate([t.node, nodes]),
-        np.concatenate([t.body, np.full(len(nodes), body)]),
-        np.vstack([t.position, X[nodes]]),
-        np.vstack([t.director, D[nodes]]),
-    )
-    return replace(model, ties=ties)
-
-
-def guided(
-    model: ShellModel, ends: Sequence[np.ndarray], pulls: Sequence[Sequence[float]], body: int = 0
-) -> ShellModel:
-    """The model with one tendon on each group of nodes, shared evenly, pulling along `pulls`."""
-    nodes = np.concatenate(ends)
-    unit = np.array(pulls, dtype=float) / np.linalg.norm(pulls, axis=1, keepdims=True)
-    direction = np.repeat(unit, [len(e) for e in ends], axis=0)
-    share = np.stack([np.isin(nodes, e) / len(e) for e in ends])
-    at = Guides(nodes, np.full(len(nodes), body), model.reference[nodes], direction)
-    return replace(model, guides=at, share=share)
-
-
-def contact(
-    model: ShellModel, surface: Surface, nodes: np.ndarray, stiffness: float, smoothing: float
-) -> Contact:
-    """Contact of nodes' mid-surface with a surface of body 0."""
-    area = node_areas(model.reference, model.quads)[nodes]
-    return Contact(0, surface, nodes, np.zeros(len(nodes)), area, stiffness, smoothing)
-
-
-def at_rest(model: ShellModel) -> Configuration:
-    """The reference configuration, all bodies at the world's origin."""
-    nb = len(model.bodies)
-    return Configuration(
-        model.reference.copy(),
-        model.directors.copy(),
-        np.zeros((nb, 3)),
-        np.tile(np.eye(3), (nb, 1, 1)),
-    )
-
-
-def disturbed(model: ShellModel, size: float, seed: int) -> Configuration:
-    """The reference shape, its free degrees of freedom moved at random by about `size` (m, rad)."""
-    c = at_rest(model)
-    step = np.zeros(model.pattern.size)
-    step[model.free] = size * np.random.default_rng(seed).normal(size=len(model.free))
-    return model.stepped(c, model.bases(c), step)
-
-
-def linear_response(
-    model: ShellModel, fixed: np.ndarray, values: Array, load: Array
-) -> tuple[Array, Array]:
-    """Small displacements (n, 3) and turns of the directors' tips (n, 3) in the linear limit: the
-    degrees of freedom `fixed` (n, 5) bool have `values` (n, 5); nodal forces `load` (n, 3)."""
-    from scipy.sparse.linalg import spsolve
-
-    c = at_rest(model)
-    e = model.evaluate(c, np.zeros(len(model.share)), tangent=True)
-    K = model.pattern.full(e.data)
-    A, T = model.bases(c)
-    right = np.zeros((len(c.x), 5))
-    right[:, :3] = np.einsum("nij,ni->nj", A, load)
-    u = np.where(fixed, values, 0.0).ravel()
-    free = np.flatnonzero(~fixed.ravel())
-    u[free] = spsolve(K[free][:, free].tocsc(), (right.ravel() - K @ u)[free])
-    u = u.reshape(-1, 5)
-    return np.einsum("nij,nj->ni", A, u[:, :3]), np.einsum("nij,nj->ni", T, u[:, 3:])
-
-
-def in_basis(model: ShellModel, displacement: Array, turn: Array) -> Array:
-    """(n, 5) of displacements (n, 3) and changes of the directors (n, 3)."""
-    A, T = model.bases(at_rest(model))
-    return np.hstack([np.einsum("nij,ni->nj", A, displacement), np.einsum("nij,ni->nj", T, turn)])
+__all__ = [
+    "BENCHMARK",
+    "GROUND",
+    "NO_TENSION",
+    "at_rest",
+    "clamped",
+    "contact",
+    "disturbed",
+    "grid",
+    "guided",
+    "in_basis",
+    "index_hood",
+    "linear_response",
+    "mapped",
+    "plate",
+    "sheet",
+]
 
 
 @cache

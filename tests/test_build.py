@@ -27,7 +27,7 @@ def made(*settings: str) -> tuple[Models, HoodMesh]:
 
 def membrane(models: Models, modulus: float, poisson: float) -> np.ndarray:
     """(ne,) m, the thickness in the membrane stiffness E t / (1 - nu^2)."""
-    return models.hood.model.stiffness[:, 0, 0] * (1 - poisson**2) / modulus
+    return models.hood.model.section.linear[:, 0, 0, 0] * (1 - poisson**2) / modulus
 
 
 def test_modulus_and_thickness_make_the_membrane_and_bending_stiffness():
@@ -36,7 +36,7 @@ def test_modulus_and_thickness_make_the_membrane_and_bending_stiffness():
     assert slip.any()
     np.testing.assert_allclose(membrane(models, 100.76e6, 0.4)[slip], 0.4e-3)
     np.testing.assert_allclose(membrane(models, 100.61e6, 0.4)[sheet], 0.65e-3)
-    stiffness = models.hood.model.stiffness[slip]
+    stiffness = models.hood.model.section.linear[slip, 0]
     np.testing.assert_allclose(stiffness[:, 3, 3], stiffness[:, 0, 0] * 0.4e-3**2 / 12)
 
 

@@ -17,7 +17,7 @@ from fe_solver.fields import contact_pressure, fields
 from fe_solver.newton import NewtonOptions, solve
 from fe_solver.shell import Array
 from fe_solver.springs import PointForces, Springs, spring_forces
-from fe_solver.surfaces import Capsule, HalfSpace, Sphere
+from fe_solver.shapes import Capsule, HalfSpace, Sphere
 
 TIGHT = NewtonOptions(tolerance=1e-11)
 POSITION = np.array([[1e-3, -2e-3, 0.5e-3], [-3e-3, 0.0, 1e-3]])

@@ -16,7 +16,7 @@ PACKAGES = ("cosim", "fe_solver", "rigid", "meshes", "cases")
 MODULES = {
     ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path
     for package in PACKAGES
-    for path in sorted((ROOT / package).glob("*.py"))
+    for path in sorted((ROOT / package).rglob("*.py"))
 }
 # What a module, or each of a package, may import of ours, at the top or inside a function.
 ALLOWED = {
@@ -52,7 +52,7 @@ def _top(tree: ast.Module) -> Iterator[ast.stmt]:
 
 def _from(module: str, node: ast.ImportFrom) -> Iterator[str]:
     package = module if MODULES[module].name == "__init__.py" else module.rpartition(".")[0]
-    base = package if node.level else ""
+    base = ".".join(package.split(".")[: package.count(".") + 2 - node.level]) if node.level else ""
     name = ".".join(part for part in (base, node.module) if part)
     for alias in node.names:
         inner = f"{name}.{alias.name}"

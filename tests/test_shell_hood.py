@@ -19,7 +19,9 @@ from cosim.case import load_case
 from cosim.port import STATIC, ConvergenceError, InputError, Motion, Response
 from fe_solver.fields import contact_pressure, fields
 from fe_solver.hood_model import ContactLaw, Sheet, Tendon, node_directors, shell_hood
+from fe_solver.materials import Isotropic
 from fe_solver.newton import NewtonOptions
+from fe_solver.section import one_law
 from fe_solver.shell import shell_tables
 from fe_solver.shell_hood import TIE, ShellHood
 from meshes.hood_mesh import ENDS, REGIONS, SPRINGS, Attachment, HoodMesh, read, to_json, write
@@ -375,10 +377,8 @@ def test_what_cannot_be_solved_is_an_error_that_names_a_node(hood, motion):
 
 def test_a_hood_that_nothing_holds_is_refused(motion):
     X, quads = shells.plate(10e-3, 4e-3, 2, 1)
-    ones = np.ones(2)
-    sheet = Sheet(
-        X, quads, np.tile([1.0, 0, 0], (2, 1)), 1e8 * ones, 0.3 * ones, 5e-4 * ones, 0 * ones
-    )
+    section = one_law(Isotropic(1e8, 0.3), np.full(2, 5e-4))
+    sheet = Sheet(X, quads, np.tile([1.0, 0, 0], (2, 1)), section, np.zeros(2))
     carried = np.tile([1.0, 0, 0, 0], (6, 1))
     end = {"EDC": Tendon(np.array([0, 1]), np.array([0.5, 0.5]))}
     law = ContactLaw(1e11, 5e-5, {}, {})

@@ -5,7 +5,9 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
 from cosim.port import InputError
-from fe_solver.surfaces import Capsule, HalfSpace, Sphere, SplineDistance
+from fe_solver.quadrics import Ellipsoid
+from fe_solver.shapes import Capsule, Cone, Cylinder, HalfSpace, RoundCone, Sphere
+from fe_solver.surfaces import SplineDistance
 from fe_solver.triangles import checked_surface, distance_squared, distances_on_grid
 
 RADIUS = 5e-3

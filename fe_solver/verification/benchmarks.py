@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import shells
-from shells import BENCHMARK, NO_TENSION, at_rest, clamped, plate, sheet
 
-from fe_solver.hood_model import node_areas
-from fe_solver.model import Configuration
-from fe_solver.newton import solve
-from fe_solver.shell import Array
+from ..hood_model import node_areas
+from ..model import Configuration
+from ..newton import solve
+from ..shell import Array
+from . import sheets
+from .sheets import BENCHMARK, NO_TENSION, at_rest, clamped, plate, sheet
 
 
 def arc(X: Array, D: Array, angle: float, length: float) -> Configuration:
@@ -19,7 +19,7 @@ def arc(X: Array, D: Array, angle: float, length: float) -> Configuration:
     radius, turn = length / angle, X[:, 0] / length * angle
     x = np.column_stack([radius * np.sin(turn), X[:, 1], radius * (1 - np.cos(turn))])
     d = np.column_stack([-np.sin(turn), 0 * turn, np.cos(turn)])
-    return Configuration(x, d, *shells.GROUND)
+    return Configuration(x, d, *sheets.GROUND)
 
 
 def rolled_moment(elements: int) -> tuple[Array, Array]:
@@ -54,7 +54,7 @@ def plate_error(n: int, thickness: float) -> float:
     fixed[:, 3:] = np.where(along_y, on_x[:, None], on_y[:, None])
     load = np.zeros_like(X)
     load[:, 2] = np.sin(np.pi * x) * np.sin(np.pi * y) * node_areas(X, quads)
-    w = shells.linear_response(model, fixed, np.zeros((len(X), 5)), load)[0][:, 2].max()
+    w = sheets.linear_response(model, fixed, np.zeros((len(X), 5)), load)[0][:, 2].max()
     bending, k2 = modulus * thickness**3 / 12 / (1 - poisson**2), 2 * np.pi**2
     shear = 5 / 6 * modulus / (2 * (1 + poisson)) * thickness
     return w / (1 / (bending * k2**2) + 1 / (shear * k2)) - 1
@@ -63,7 +63,7 @@ def plate_error(n: int, thickness: float) -> float:
 def roof_deflection(n: int) -> float:
     """Scordelis-Lo roof over its reference deflection 0.3024 (MacNeal and Harder 1985): a quarter,
     R = 25, L = 50, t = 0.25, 40 degrees, E = 4.32e8, nu = 0, 90 per area."""
-    uv, quads = shells.grid(n, n)
+    uv, quads = sheets.grid(n, n)
     angle = np.deg2rad(40) * uv[:, 1]
     D = np.column_stack([0 * angle, np.sin(angle), np.cos(angle)])
     X = 25 * D + np.outer(uv[:, 0], [25.0, 0, 0])
@@ -75,14 +75,14 @@ def roof_deflection(n: int) -> float:
     fixed[:, 0], fixed[:, 1] = middle, diaphragm | crown
     fixed[:, 3:] = np.where(turn_x, middle[:, None], crown[:, None])
     load = np.outer(node_areas(X, quads), [0.0, 0, -90])
-    u = shells.linear_response(model, fixed, np.zeros((len(X), 5)), load)[0]
+    u = sheets.linear_response(model, fixed, np.zeros((len(X), 5)), load)[0]
     return float(-u[middle & (uv[:, 1] == 1), 2][0] / 0.3024)
 
 
 def twisted_beam(thickness: float) -> Array:
     """Tip deflections along y and z of a beam twisted by 90 degrees under unit tip forces: length
     12, width 1.1, E = 29e6, nu = 0.22, 24 x 4 elements."""
-    uv, quads = shells.grid(24, 4)
+    uv, quads = sheets.grid(24, 4)
     turn, across = np.pi / 2 * uv[:, 0], 1.1 * (uv[:, 1] - 0.5)
     radial = np.column_stack([0 * turn, np.cos(turn), np.sin(turn)])
     X = np.outer(uv[:, 0], [12.0, 0, 0]) + across[:, None] * radial
@@ -95,7 +95,7 @@ def twisted_beam(thickness: float) -> Array:
     weight /= weight.sum()
     out = [
         weight
-        @ shells.linear_response(model, fixed, np.zeros_like(fixed), np.outer(weight, e))[0]
+        @ sheets.linear_response(model, fixed, np.zeros_like(fixed), np.outer(weight, e))[0]
         @ e
         for e in np.eye(3)[1:]
     ]
@@ -105,7 +105,7 @@ def twisted_beam(thickness: float) -> Array:
 def hemisphere(n: int, distortion: float) -> Array:
     """Deflections under the loads of a quarter of a hemisphere with an 18 degree hole, pulled out
     along x and pushed in along y by unit forces: radius 10, t = 0.04, E = 6.825e7, nu = 0.3."""
-    uv, quads = shells.grid(n, n)
+    uv, quads = sheets.grid(n, n)
     bow = distortion * uv * (1 - uv) * (2 * uv[:, ::-1] - 1)  # lines bent within the edges
     round_, up = np.pi / 2 * (uv + bow)[:, 0], np.deg2rad(72) * (uv + bow)[:, 1]
     D = np.column_stack([np.cos(round_) * np.cos(up), np.sin(round_) * np.cos(up), np.sin(up)])
@@ -119,7 +119,7 @@ def hemisphere(n: int, distortion: float) -> Array:
     pulled, pushed = D[:, 0] == 1, D[:, 1] == 1
     fixed[pulled, 2] = True
     load = np.outer(pulled, [1.0, 0, 0]) - np.outer(pushed, [0, 1.0, 0])
-    u = shells.linear_response(model, fixed, np.zeros_like(fixed), load)[0]
+    u = sheets.linear_response(model, fixed, np.zeros_like(fixed), load)[0]
     return np.array([u[pulled, 0][0], -u[pushed, 1][0]])
 
 
@@ -131,8 +131,8 @@ def slit_ring(around: int, across: int) -> Array:
         radius, turn = 6 + 4 * uv[:, 1], 2 * np.pi * uv[:, 0]
         return np.column_stack([radius * np.cos(turn), -radius * np.sin(turn), 0 * radius])
 
-    uv, _ = shells.grid(around, across)
-    X, quads = shells.mapped(around, across, ring)
+    uv, _ = sheets.grid(around, across)
+    X, quads = sheets.mapped(around, across, ring)
     end = uv[:, 0] == 1
     model = sheet(X, quads, 21e6, 0.0, 0.03, fibre=(1.0, 0.3, 0.0))
     model = clamped(model, np.flatnonzero(uv[:, 0] == 0))

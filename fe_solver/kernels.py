@@ -1,0 +1,279 @@
+"""The two inner loops of the assembly, compiled by numba where it is installed.
+
+Every element and every entry of the matrix is worked on by itself and in the same order, so that
+any number of threads gives the same bits.  Without numba `fe_solver.shell` and numpy do the same.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from importlib.util import find_spec
+from itertools import pairwise
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.intp]
+Kernel = TypeVar("Kernel", bound=Callable[..., None])
+
+COMPILED = find_spec("numba") is not None and not os.environ.get("FE_SOLVER_NO_NUMBA")
+THREADS = "FE_SOLVER_THREADS"
+PAYS = 1000
+"""Elements from which a second thread pays."""
+
+
+def _compiled(kernel: Kernel) -> Kernel:
+    """The kernel compiled when it is first called, and kept on disk."""
+    if not COMPILED:
+        return kernel
+    import numba
+
+    jit: Any = numba.njit(nogil=True, cache=True, error_model="numpy", boundscheck=False)
+    made: Kernel = jit(kernel)
+    return made
+
+
+def thread_count() -> int:
+    """Threads of a large assembly: FE_SOLVER_THREADS, else the cores at hand up to four."""
+    return int(os.environ.get(THREADS) or min(4, len(os.sched_getaffinity(0))))
+
+
+@cache
+def _pool(threads: int) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(threads, thread_name_prefix="assembly")
+
+
+def _shared(work: Callable[[int, int], None], count: int, pays: int) -> None:
+    """Do work(first, last) for all of `count` items, in equal parts side by side."""
+    threads = thread_count() if count >= pays else 1
+    if threads == 1:
+        work(0, count)
+        return
+    ends = [count * i // threads for i in range(threads + 1)]
+    for done in [_pool(threads).submit(work, a, b) for a, b in pairwise(ends)]:
+        done.result()
+
+
+def gathered(start: Ints, gather: Ints, values: Array) -> Array:
+    """(m,) sums of values[gather[start[k]:start[k + 1]]], each taken in order."""
+    out = np.zeros(len(start) - 1)
+    if COMPILED:
+        _shared(lambda a, b: _gather(a, b, start, gather, values, out), len(out), 400 * PAYS)
+        return out
+    which = np.repeat(np.arange(len(out)), np.diff(start))
+    return np.bincount(which, weights=values[gather], minlength=len(out)).astype(float, copy=False)
+
+
+@_compiled
+def _gather(first: int, last: int, start: Ints, gather: Ints, values: Array, out: Array) -> None:
+    for k in range(first, last):
+        total = 0.0
+        for i in range(start[k], start[k + 1]):
+            total += values[gather[i]]
+        out[k] = total
+
+
+def sampled(samples: Array, y: Array) -> Array:
+    """(ne, 21) values y.samples.y / 2 of y (ne, 8, 3)."""
+    out = np.empty((len(y), len(samples)))
+    _shared(lambda a, b: _sample(a, b, samples, y, out), len(y), PAYS)
+    return out
+
+
+@_compiled
+def _sample(first: int, last: int, samples: Array, y: Array, out: Array) -> None:
+    for e in range(first, last):
+        for i in range(21):
+            total = 0.0
+            for a in range(4):
+                for k in range(3):
+                    value = 0.0
+                    if i < 5:
+                        for b in range(4):
+                            value += 0.5 * samples[i, a, b] * y[e, b, k]
+                    else:
+                        for b in range(4, 8):
+                            value += samples[i, a, b] * y[e, b, k]
+                    total += y[e, a, k] * value
+            out[e, i] = total
+
+
+def stress_gradient(samples: Array, y: Array, stress: Array) -> Array:
+    """(ne, 8, 3) sum of stress (ne, 21) times the samples' gradients at y (ne, 8, 3)."""
+    out = np.empty_like(y)
+    _shared(lambda a, b: _stress_gradient(a, b, samples, y, stress, out), len(y), PAYS)
+    return out
+
+
+@_compiled
+def _stress_gradient(
+    first: int, last: int, samples: Array, y: Array, stress: Array, out: Array
+) -> None:
+    G = np.zeros((8, 8))
+    for e in range(first, last):
+        _geometric(samples, stress[e], G)
+        for a in range(8):
+            for k in range(3):
+                value = 0.0
+                for b in range(8):
+                    value += G[a, b] * y[e, b, k]
+                out[e, a, k] = value
+
+
+@_compiled
+def _geometric(samples: Array, stress: Array, out: Array) -> None:
+    """(8, 8) sum of stress (21,) times samples, of which the lower right block is zero."""
+    out[:, :] = 0.0
+    for i in range(5):
+        for a in range(4):
+            for b in range(4):
+                out[a, b] += stress[i] * samples[i, a, b]
+    for i in range(5, 21):
+        for a in range(4):
+            for b in range(4, 8):
+                out[a, b] += stress[i] * samples[i, a, b]
+    for a in range(4):
+        for b in range(4, 8):
+            out[b, a] = out[a, b]
+
+
+def element_blocks(
+    samples: Array,
+    y: Array,
+    height: Array,
+    tables: tuple[Array, Array, Array],
+    stress: Array,
+    stiffness: Array,
+    bases: tuple[Array, Array],
+) -> Array:
+    """(ne, 20, 20) tangent of each element in its nodes' bases: y (ne, 8, 3) of the mid-surface,
+    height (ne, 4), tables (membrane, bending, shear) of the Gauss points, stress (ne, 21) that
+    makes the geometric part, stiffness (ne, 4, 8, 8) times the area of each Gauss point, bases A
+    (ne, 4, 3, 3) and T (ne, 4, 3, 2)."""
+    out = np.empty((len(y), 20, 20))
+
+    def work(first: int, last: int) -> None:
+        _blocks(first, last, samples, y, height, *tables, stress, stiffness, *bases, out)
+
+    _shared(work, len(y), PAYS)
+    return out
+
+
+@_compiled
+def _blocks(
+    first: int,
+    last: int,
+    samples: Array,
+    y: Array,
+    height: Array,
+    membrane: Array,
+    bending: Array,
+    shear: Array,
+    stress: Array,
+    stiffness: Array,
+    A: Array,
+    T: Array,
+    out: Array,
+) -> None:
+    B = np.zeros((21, 8, 3))
+    R = np.zeros((21, 20))  # the samples' gradients in the nodes' bases
+    L = np.zeros((32, 20))  # the strains' gradients
+    CL = np.zeros((32, 20))
+    K = np.zeros((20, 20))
+    G = np.zeros((8, 8))
+    for e in range(first, last):
+        for i in range(21):
+            for a in range(8):
+                for k in range(3):
+                    B[i, a, k] = 0.0
+        for i in range(5):
+            for a in range(4):
+                for b in range(4):
+                    for k in range(3):
+                        B[i, a, k] += samples[i, a, b] * y[e, b, k]
+        for i in range(5, 21):
+            for a in range(4):
+                for b in range(4, 8):
+                    for k in range(3):
+                        B[i, a, k] += samples[i, a, b] * y[e, b, k]
+                        B[i, b, k] += samples[i, a, b] * y[e, a, k]
+        for i in range(21):
+            for a in range(4):
+                h = height[e, a]
+                for j in range(3):
+                    value = 0.0
+                    for k in range(3):
+                        value += B[i, a, k] * A[e, a, k, j]
+                    R[i, 5 * a + j] = value
+                for j in range(2):
+                    value = 0.0
+                    for k in range(3):
+                        value += (B[i, 4 + a, k] + h * B[i, a, k]) * T[e, a, k, j]
+                    R[i, 5 * a + 3 + j] = value
+        L[:, :] = 0.0
+        CL[:, :] = 0.0
+        for g in range(4):
+            at = 8 * g
+            for c in range(3):
+                for i in range(5):
+                    for j in range(20):
+                        L[at + c, j] += membrane[e, g, c, i] * R[i, j]
+                for i in range(3):
+                    for j in range(20):
+                        L[at + 3 + c, j] += bending[e, g, c, i] * R[5 + 3 * g + i, j]
+            for c in range(2):
+                for i in range(4):
+                    for j in range(20):
+                        L[at + 6 + c, j] += shear[e, g, c, i] * R[17 + i, j]
+            for c in range(8):
+                for i in range(8):
+                    if stiffness[e, g, c, i] != 0.0:
+                        for j in range(20):
+                            CL[at + c, j] += stiffness[e, g, c, i] * L[at + i, j]
+        np.dot(L.T, CL, K)
+        _geometric(samples, stress[e], G)
+        for a in range(4):
+            for b in range(4):
+                G[a, 4 + b] += height[e, b] * G[a, b]
+        for a in range(4):
+            for b in range(4):
+                G[4 + a, 4 + b] = height[e, a] * G[a, 4 + b]
+        for a in range(4):
+            for b in range(4):
+                G[4 + a, 4 + b] += height[e, b] * G[4 + a, b]
+        for a in range(4):
+            for b in range(4):
+                G[4 + b, a] = G[a, 4 + b]
+        for a in range(4):
+            for b in range(a + 1):
+                for i in range(3):
+                    for j in range(3):
+                        value = 0.0
+                        for k in range(3):
+                            value += A[e, a, k, i] * A[e, b, k, j]
+                        K[5 * a + i, 5 * b + j] += G[a, b] * value
+                    for j in range(2):
+                        value = 0.0
+                        for k in range(3):
+                            value += A[e, a, k, i] * T[e, b, k, j]
+                        K[5 * a + i, 5 * b + 3 + j] += G[a, 4 + b] * value
+                for i in range(2):
+                    for j in range(3):
+                        value = 0.0
+                        for k in range(3):
+                            value += T[e, a, k, i] * A[e, b, k, j]
+                        K[5 * a + 3 + i, 5 * b + j] += G[4 + a, b] * value
+                    for j in range(2):
+                        value = 0.0
+                        for k in range(3):
+                            value += T[e, a, k, i] * T[e, b, k, j]
+                        K[5 * a + 3 + i, 5 * b + 3 + j] += G[4 + a, 4 + b] * value
+        for i in range(20):
+            for j in range(i + 1):
+                out[e, i, j] = K[i, j]
+                out[e, j, i] = K[i, j]

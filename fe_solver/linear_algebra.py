@@ -1,0 +1,243 @@
+"""The sparse direct solvers, behind one small protocol: analyse a pattern once, factor often.
+
+SciPy's SuperLU is always there.  CHOLMOD (scikit-sparse; its supernodal part is GPL, so it is never
+required) and PARDISO (pypardiso) are taken where they are installed, in this order; the environment
+variable FE_SOLVER_LINEAR names another choice.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field
+from functools import cached_property
+from importlib.util import find_spec
+from typing import Any, Protocol
+
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+from numpy.typing import NDArray
+
+from cosim.port import ConvergenceError, InputError
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.intp]
+
+BACKENDS = {"cholmod": "sksparse", "pardiso": "pypardiso", "superlu": "scipy"}
+"""Name and module, the fastest first."""
+VARIABLE = "FE_SOLVER_LINEAR"
+RANK = 1e-13
+"""Of the largest pivot: less is none."""
+
+
+class NotPositiveDefiniteError(ArithmeticError):
+    """A symmetric matrix that a Cholesky factorisation refuses."""
+
+
+class Factor(Protocol):
+    def solve(self, right: Array) -> Array:
+        """Solution for right-hand sides (n,) or (n, m)."""
+        ...
+
+
+class Analysis(Protocol):
+    """A pattern whose order and symbolic factor are known."""
+
+    def factor(self, data: Array) -> Factor:
+        """Numeric factor of the symmetric matrix whose entries are taken from `data`.
+
+        Raises NotPositiveDefiniteError where the method needs a positive definite matrix and it is
+        not, and ConvergenceError for a singular one."""
+        ...
+
+
+def available() -> list[str]:
+    """Names of the solvers that are installed, the fastest first."""
+    return [name for name, module in BACKENDS.items() if find_spec(module)]
+
+
+def chosen() -> str:
+    """The solver in use.  Raises InputError for a wish that cannot be met."""
+    wish = os.environ.get(VARIABLE)
+    if wish is None:
+        return available()[0]
+    if wish not in available():
+        raise InputError(
+            f"{VARIABLE}={wish}: no such solver here; installed are {', '.join(available())}"
+        )
+    return wish
+
+
+def analyse(slots: sp.csc_array, backend: str | None = None) -> Analysis:
+    """Analysis of a symmetric pattern; the entries of `slots` are 1 + their positions in the data
+    that `factor` takes."""
+    backend = backend or chosen()
+    kinds = {"cholmod": CholmodAnalysis, "pardiso": PardisoAnalysis, "superlu": SuperLUAnalysis}
+    made: Analysis = kinds[backend](slots)
+    return made
+
+
+def mechanism(data: Array, slots: sp.csc_array) -> bool:
+    """Whether the matrix has a direction without stiffness, beside rounding error."""
+    try:
+        factor = SuperLUAnalysis(slots).lu(data)
+    except ConvergenceError:
+        return True
+    pivots = np.abs(factor.U.diagonal())
+    return bool(pivots.min() < RANK * pivots.max())
+
+
+def _slots(matrix: sp.csc_array) -> Ints:
+    return matrix.data.astype(np.intp) - 1
+
+
+FREE = (
+    "some part of the shell is free to move. Tie or guide its nodes, or give it springs that are "
+    "not slack."
+)
+
+
+def _singular(error: Exception | str) -> ConvergenceError:
+    return ConvergenceError(f"the tangent stiffness cannot be factorised ({error}): {FREE}")
+
+
+@dataclass(frozen=True)
+class SuperLUAnalysis:
+    """Minimum-degree order found once; symmetric and unsymmetric values alike."""
+
+    slots: sp.csc_array
+
+    @cached_property
+    def _ordered(self) -> tuple[Ints, sp.csc_array, Ints]:
+        regular = sp.csc_array(self.slots, copy=True)
+        regular.data[:] = 1.0
+        regular = sp.csc_array(regular + sp.diags_array(np.full(self.slots.shape[0], 1e3)))
+        lu = _splu(regular, "MMD_AT_PLUS_A")
+        order = np.argsort(lu.perm_c)
+        ordered = sp.csc_array(self.slots[order][:, order])
+        ordered.sort_indices()
+        return order, ordered, _slots(ordered)
+
+    def factor(self, data: Array) -> Factor:
+        return _OrderedLU(self.lu(data), self._ordered[0])
+
+    def lu(self, data: Array) -> spla.SuperLU:
+        """In the order found.  Raises ConvergenceError for an exactly singular matrix."""
+        _, pattern, slots = self._ordered
+        matrix = sp.csc_array((data[slots], pattern.indices, pattern.indptr), shape=pattern.shape)
+        try:
+            return _splu(matrix, "NATURAL")
+        except RuntimeError as error:
+            raise _singular(error) from error
+
+
+def _splu(matrix: sp.csc_array, order: str) -> spla.SuperLU:
+    return spla.splu(
+        matrix, permc_spec=order, diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+    )
+
+
+@dataclass(frozen=True)
+class _OrderedLU:
+    lu: spla.SuperLU
+    order: Ints
+
+    def solve(self, right: Array) -> Array:
+        out = np.empty_like(right)
+        out[self.order] = self.lu.solve(np.ascontiguousarray(right[self.order]))
+        return out
+
+
+@dataclass(frozen=True)
+class CholmodAnalysis:
+    """Supernodal Cholesky; positive definite values only, of which it reads the lower half."""
+
+    slots: sp.csc_array
+
+    @cached_property
+    def _lower(self) -> tuple[sp.csc_array, Ints, Any]:
+        from sksparse.cholmod import analyze
+
+        lower = sp.csc_array(sp.tril(self.slots, format="csc"))
+        lower.sort_indices()
+        slots = _slots(lower)
+        return lower, slots, analyze(_legacy(lower, np.ones(len(slots))), mode="supernodal")
+
+    def factor(self, data: Array) -> Factor:
+        from sksparse.cholmod import CholmodNotPositiveDefiniteError
+
+        lower, slots, symbolic = self._lower
+        try:
+            return _Cholesky(symbolic.cholesky(_legacy(lower, data[slots])))
+        except CholmodNotPositiveDefiniteError as error:
+            raise NotPositiveDefiniteError(str(error)) from error
+
+
+def _legacy(pattern: sp.csc_array, data: Array) -> sp.csc_matrix:
+    """scikit-sparse 0.4 knows sparse matrices only."""
+    return sp.csc_matrix((data, pattern.indices, pattern.indptr), shape=pattern.shape)
+
+
+@dataclass(frozen=True)
+class _Cholesky:
+    symbolic: Any
+
+    def solve(self, right: Array) -> Array:
+        return np.asarray(self.symbolic(right))
+
+
+@dataclass
+class PardisoAnalysis:
+    """Symmetric indefinite L D L' of MKL (matrix type -2), which keeps one factor at a time."""
+
+    slots: sp.csc_array
+    held: _Pardiso | None = None
+
+    @cached_property
+    def _upper(self) -> tuple[sp.csr_array, Ints, Any]:
+        from pypardiso.pardiso_wrapper import PyPardisoSolver
+
+        upper = sp.csr_array(sp.triu(self.slots, format="csr"))
+        upper.sort_indices()
+        slots = upper.data.astype(np.intp) - 1
+        solver = PyPardisoSolver(mtype=-2)
+        matrix = sp.csr_matrix((np.ones(len(slots)), upper.indices, upper.indptr), upper.shape)
+        _phase(solver, 11, matrix, np.zeros(len(upper.indptr) - 1))
+        return upper, slots, solver
+
+    def factor(self, data: Array) -> Factor:
+        upper, slots, _ = self._upper
+        made = _Pardiso(
+            self, sp.csr_matrix((data[slots], upper.indices, upper.indptr), upper.shape)
+        )
+        made.hold()
+        return made
+
+
+@dataclass
+class _Pardiso:
+    analysis: PardisoAnalysis
+    matrix: sp.csr_matrix
+    right: Array = field(default_factory=lambda: np.zeros(0))
+
+    def hold(self) -> None:
+        """Make this the factor that the solver keeps."""
+        if self.analysis.held is not self:
+            self.analysis.held = None
+            _phase(self.analysis._upper[2], 22, self.matrix, np.zeros(self.matrix.shape[0]))
+            self.analysis.held = self
+
+    def solve(self, right: Array) -> Array:
+        self.hold()
+        return _phase(self.analysis._upper[2], 33, self.matrix, np.asfortranarray(right))
+
+
+def _phase(solver: Any, phase: int, matrix: sp.csr_matrix, right: Array) -> Array:
+    """One phase of PARDISO (11 analysis, 22 factorisation, 33 solution)."""
+    from pypardiso.pardiso_wrapper import PyPardisoError
+
+    solver.set_phase(phase)
+    try:
+        return np.asarray(solver._call_pardiso(matrix, right))
+    except PyPardisoError as error:
+        raise _singular(str(error)) from error

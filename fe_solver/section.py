@@ -1,0 +1,166 @@
+"""Stress resultants of the shell: its materials, integrated through the thickness.
+
+At a Gauss point the in-plane strain is e + z k with z in [-h/2, h/2]; membrane forces, moments and
+their tangent are the integrals of the plane stress, its first moment and its tangent.  Linear laws
+are integrated in closed form, once; the others by Gauss-Legendre points at every evaluation.
+Transverse shear is linear, with the law's initial moduli.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .materials import Law, Linear
+from .tension_field import TensionField
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.intp]
+
+SHEAR_CORRECTION = 5.0 / 6.0
+LAYERS = 5
+"""Gauss-Legendre points through the thickness."""
+
+
+class Resultants(NamedTuple):
+    """Of each Gauss point, per reference area, against the generalized strains e11, e22, 2 e12,
+    k11, k22, 2 k12, g13, g23: energy (ne, 4) J/m2, force (ne, 4, 8) N/m and N, stiffness (ne, 4, 8,
+    8).  An inadmissible strain has infinite energy and no force."""
+
+    energy: Array
+    force: Array
+    stiffness: Array
+
+
+@dataclass(frozen=True)
+class Patch:
+    """Elements of one material: indices (k,), their law and thickness (k, 4) m at the Gauss
+    points.  Parameters of the law that differ by element have shape (k, 1, 1)."""
+
+    elements: Ints
+    law: Law | TensionField
+    thickness: Array
+
+
+@dataclass(frozen=True)
+class Section:
+    """The materials of all elements; every element belongs to one patch."""
+
+    patches: tuple[Patch, ...]
+
+    @cached_property
+    def count(self) -> int:
+        return sum(len(p.elements) for p in self.patches)
+
+    @cached_property
+    def thickness(self) -> Array:
+        """(ne, 4) m."""
+        out = np.empty((self.count, 4))
+        for p in self.patches:
+            out[p.elements] = p.thickness
+        return out
+
+    @cached_property
+    def linear(self) -> Array:
+        """(ne, 4, 8, 8) constant stiffness: all of it where the law is linear, that of transverse
+        shear elsewhere."""
+        out = np.zeros((self.count, 4, 8, 8))
+        for p in self.patches:
+            out[p.elements] = _constant(p)
+        return out
+
+    @cached_property
+    def nonlinear(self) -> tuple[Patch, ...]:
+        return tuple(p for p in self.patches if not isinstance(p.law, Linear))
+
+    def response(self, strain: Array) -> Resultants:
+        """Energy, force and stiffness at generalized strains (ne, 4, 8)."""
+        force = np.einsum("ngij,ngj->ngi", self.linear, strain)
+        energy = np.einsum("ngi,ngi->ng", force, strain) / 2
+        if not self.nonlinear:
+            return Resultants(energy, force, self.linear)
+        stiffness = self.linear.copy()
+        for p in self.nonlinear:
+            own = _membrane if isinstance(p.law, TensionField) else _integrated
+            more = own(p, strain[p.elements])
+            energy[p.elements] += more.energy
+            force[p.elements] += more.force
+            stiffness[p.elements] += more.stiffness
+        return Resultants(energy, force, stiffness)
+
+    def stress(self, strain: Array, z: float = 0.0) -> Array:
+        """(ne, 4, 3) second Piola-Kirchhoff stress S11, S22, S12 (Pa) at the height z, in halves of
+        the thickness."""
+        out = np.empty((*strain.shape[:2], 3))
+        for p in self.patches:
+            e = strain[p.elements]
+            plane = e[..., :3] + z * p.thickness[..., None] / 2 * e[..., 3:6]
+            out[p.elements] = p.law.response(plane[..., None, :]).stress[..., 0, :]
+        return out
+
+
+def one_law(law: Law | TensionField, thickness: Array) -> Section:
+    """One law on elements of thickness (ne,) or (ne, 4)."""
+    thickness = np.asarray(thickness, dtype=float)
+    spread = np.broadcast_to(thickness.reshape(len(thickness), -1), (len(thickness), 4))
+    return Section((Patch(np.arange(len(spread)), law, spread),))
+
+
+def joined_sections(patches: Sequence[Patch]) -> Section:
+    """Raises ValueError where elements lie in no patch or in two."""
+    elements = np.concatenate([p.elements for p in patches])
+    if not np.array_equal(np.sort(elements), np.arange(len(elements))):
+        raise ValueError("every element must lie in exactly one patch")
+    return Section(tuple(patches))
+
+
+def _constant(p: Patch) -> Array:
+    """(k, 4, 8, 8) of a patch: shear, and of a linear law membrane and bending."""
+    h = p.thickness
+    out = np.zeros((*h.shape, 8, 8))
+    law = p.law.base if isinstance(p.law, TensionField) else p.law
+    for i, modulus in ((6, law.shear()[0]), (7, law.shear()[1])):
+        out[..., i, i] = SHEAR_CORRECTION * h * np.broadcast_to(modulus, (*h.shape, 1))[..., 0]
+    if isinstance(law, Linear):
+        plane = np.broadcast_to(law.plane(), (*h.shape, 1, 3, 3))[:, :, 0]
+        out[..., 3:6, 3:6] = plane * (h**3 / 12)[..., None, None]
+        if law is p.law:
+            out[..., :3, :3] = plane * h[..., None, None]
+    return out
+
+
+def _membrane(p: Patch, strain: Array) -> Resultants:
+    """A law that acts on the mid-surface's strain alone."""
+    h = p.thickness
+    answer = p.law.response(strain[..., None, :3])
+    out = _nothing(strain)
+    out.energy[:] = answer.energy[..., 0] * h
+    out.force[..., :3] = answer.stress[..., 0, :] * h[..., None]
+    out.stiffness[..., :3, :3] = answer.tangent[..., 0, :, :] * h[..., None, None]
+    return out
+
+
+def _integrated(p: Patch, strain: Array) -> Resultants:
+    """A law at points through the thickness."""
+    at, weight = np.polynomial.legendre.leggauss(LAYERS)
+    h = p.thickness[..., None]
+    z, w = at * h / 2, weight * h / 2  # (k, 4, layers)
+    answer = p.law.response(strain[..., None, :3] + z[..., None] * strain[..., None, 3:6])
+    out = _nothing(strain)
+    out.energy[:] = (w * answer.energy).sum(axis=-1)
+    for i, power in ((0, np.ones_like(z)), (1, z)):
+        out.force[..., 3 * i : 3 * i + 3] = np.einsum("...z,...zi->...i", w * power, answer.stress)
+    for i, j, power in ((0, 0, np.ones_like(z)), (0, 1, z), (1, 0, z), (1, 1, z**2)):
+        block = np.einsum("...z,...zij->...ij", w * power, answer.tangent)
+        out.stiffness[..., 3 * i : 3 * i + 3, 3 * j : 3 * j + 3] = block
+    return out
+
+
+def _nothing(strain: Array) -> Resultants:
+    shape = strain.shape
+    return Resultants(np.zeros(shape[:-1]), np.zeros(shape), np.zeros((*shape, 8)))
