@@ -225,8 +225,7 @@ class ShellModel:
         elements = element_response(self.tables, self.section, y, own, convex)
         points = self.point_forces(c, not convex)
         n = len(c.x)
-        gx = _scatter(self.quads, elements.gradient[:, :4], n)
-        gd = _scatter(self.quads, elements.gradient[:, 4:], n)
+        gx, gd = self.nodal(elements.gradient)
         gx += _scatter(points.node, points.gradient, n)
         energy = elements.energy + points.energy
         if self.dead is not None:
@@ -246,6 +245,12 @@ class ShellModel:
                 elements.blocks, c, points, A, np.maximum(bend, 0) if convex else bend
             )
         return Evaluation(energy, gx, gd, points, bases, reduced, follower, data)
+
+    def nodal(self, elements: Array) -> tuple[Array, Array]:
+        """Sums at the nodes, by position and by director (n, 3), of element vectors (ne, 8, 3)."""
+        n = len(self.reference)
+        by_position = _scatter(self.quads, elements[:, :4], n)
+        return by_position, _scatter(self.quads, elements[:, 4:], n)
 
     def _follower(self, x: Array) -> Array:
         """(n, 3) N force of the pressure on the nodes."""

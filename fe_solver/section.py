@@ -9,7 +9,7 @@ Transverse shear is linear, with the law's initial moduli.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
@@ -40,11 +40,13 @@ class Resultants(NamedTuple):
 @dataclass(frozen=True)
 class Patch:
     """Elements of one material: indices (k,), their law and thickness (k, 4) m at the Gauss
-    points.  Parameters of the law that differ by element have shape (k, 1, 1)."""
+    points.  Parameters of the law that differ by element have shape (k, 1, 1); `factor` (k, 1) or
+    (1, 1) multiplies all its stresses."""
 
     elements: Ints
     law: Law | TensionField
     thickness: Array
+    factor: Array = field(default_factory=lambda: np.ones((1, 1)))
 
 
 @dataclass(frozen=True)
@@ -71,7 +73,7 @@ class Section:
         shear elsewhere."""
         out = np.zeros((self.count, 4, 8, 8))
         for p in self.patches:
-            out[p.elements] = _constant(p)
+            out[p.elements] = p.factor[..., None, None] * _constant(p)
         return out
 
     @cached_property
@@ -88,9 +90,9 @@ class Section:
         for p in self.nonlinear:
             own = _membrane if isinstance(p.law, TensionField) else _integrated
             more = own(p, strain[p.elements])
-            energy[p.elements] += more.energy
-            force[p.elements] += more.force
-            stiffness[p.elements] += more.stiffness
+            energy[p.elements] += p.factor * more.energy
+            force[p.elements] += p.factor[..., None] * more.force
+            stiffness[p.elements] += p.factor[..., None, None] * more.stiffness
         return Resultants(energy, force, stiffness)
 
     def stress(self, strain: Array, z: float = 0.0) -> Array:
@@ -100,7 +102,8 @@ class Section:
         for p in self.patches:
             e = strain[p.elements]
             plane = e[..., :3] + z * p.thickness[..., None] / 2 * e[..., 3:6]
-            out[p.elements] = p.law.response(plane[..., None, :]).stress[..., 0, :]
+            own = p.law.response(plane[..., None, :]).stress[..., 0, :]
+            out[p.elements] = p.factor[..., None] * own
         return out
 
 

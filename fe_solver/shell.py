@@ -205,6 +205,12 @@ class ShellTables:
         ]
         return np.concatenate(parts, axis=1)
 
+    def forces(self, y: Array, resultant: Array) -> Array:
+        """(ne, 8, 3) by the nodes' y: the gradient of resultant (ne, 4, 8) times strain, no area."""
+        out = _stress_gradient(self.middle(y), self.collected(resultant))
+        out[:, 4:] += self.height[:, :, None] * out[:, :4]
+        return out
+
     def spread(self) -> Array:
         """(ne, 32, 21) the combinations as one matrix an element."""
         out = np.zeros((len(self.weight), 4, 8, 21))
@@ -302,17 +308,14 @@ def element_response(
 
     `convex` keeps of the geometric stiffness what tension makes, so that the tangent is positive
     semidefinite: not consistent, but a descent direction from any state."""
-    y = tables.middle(y)
+    nodes, y = y, tables.middle(y)
     answer = section.response(tables.combined(_sampled(y)))
     energy = float(np.vdot(answer.energy, tables.weight))
     force = answer.force * tables.weight[:, :, None]
-    stress = tables.collected(force)
-    gradient = _stress_gradient(y, stress)
-    gradient[:, 4:] += tables.height[:, :, None] * gradient[:, :4]
+    gradient = tables.forces(nodes, force)
     if bases is None:
         return ElementResponse(energy, gradient, None)
-    if convex:
-        stress = tables.collected(tensile(force))
+    stress = tables.collected(tensile(force) if convex else force)
     stiffness = answer.stiffness * tables.weight[:, :, None, None]
     blocks = _compiled_blocks if kernels.COMPILED else _plain_blocks
     return ElementResponse(energy, gradient, blocks(tables, y, stress, stiffness, bases))
