@@ -337,10 +337,28 @@ class ShellModel:
         follow = ~p.turns
         own[follow, 3:, 3:] += arm_cross[follow] @ skew(p.arm[follow])
         _add(wrench, (p.body, slice(None), p.body), own)
+        self._held_points(
+            p, G, force, np.einsum("nij,njbk->nibk", A, S.reshape(n, 5, nb, 6)[:, :3]), wrench
+        )
         self._held_terms(c, e, tension, residual, wrench)
         by_tension, wrench_tension = self._tension_terms(c, A)
         size = 6 * nb
         return residual.reshape(-1, size), wrench.reshape(size, size), by_tension, wrench_tension
+
+    def _held_points(
+        self, p: PointForces, G: Array, force: Array, follow: Array, wrench: Array
+    ) -> None:
+        """Points that act on one body and whose node another body moves (in place); follow (n, 3,
+        nb, 6) the nodes' motion by the bodies' twists, force (k, 3, 6) the points' force by their
+        own body's."""
+        on = follow[p.node].any(axis=(1, 2, 3))
+        moved = follow[p.node[on]]
+        by_node = np.swapaxes(G[on], 1, 2) @ p.hessian[on]
+        by_node[:, 3:] -= np.where(p.turns[on, None, None], skew(p.gradient[on]), 0.0)
+        _add(wrench, p.body[on], np.einsum("kij,kjbl->kibl", by_node, moved))
+        back = np.einsum("kjbl,kji->kbli", moved, force[on])
+        for body in np.unique(p.body[on]):
+            wrench[:, :, body] -= back[p.body[on] == body].sum(axis=0)
 
     def _held_terms(
         self, c: Configuration, e: Evaluation, tension: Array, residual: Array, wrench: Array

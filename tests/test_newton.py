@@ -10,7 +10,7 @@ import shells
 from shells import NO_TENSION, at_rest, clamped, guided, plate, sheet
 
 from cosim.port import ConvergenceError, rotation_matrix
-from fe_solver.model import Configuration, ShellModel
+from fe_solver.model import Configuration, Guides, ShellModel
 from fe_solver.newton import NewtonOptions, Solution, factorised, residual_norm, solve
 from fe_solver.shell import Array
 from fe_solver.springs import Springs
@@ -223,10 +223,52 @@ def moved(model: ShellModel, c: Configuration, twist: Array) -> Configuration:
     return model.posed(c, c.position + twist[:, :3], turn @ c.rotation)
 
 
+def mirrored() -> ShellModel:
+    """The strap, one of its long edges in a mirror plane of the ball's body."""
+    model = strap()
+    g, X = model.guides, model.reference
+    edge = np.flatnonzero(X[:, 1] == X[:, 1].min())
+    edge = np.setdiff1d(edge, np.concatenate([g.node, model.ties.node]))
+    count = len(edge)
+    D = model.directors.copy()
+    D[edge, 1] = 0.0
+    D[edge] /= np.linalg.norm(D[edge], axis=1, keepdims=True)
+    plane = Guides.fixed(
+        edge, np.full(count, 2), X[edge], np.tile([False, True, False], (count, 1))
+    )
+    plane = replace(
+        plane,
+        level=np.tile([0.0, 1.0, 0.0], (count, 1)),
+        still=np.tile([True, False], (count, 1)),
+    )
+    both = [np.concatenate([getattr(g, f.name), getattr(plane, f.name)]) for f in fields(Guides)]
+    share = np.hstack([model.share, np.zeros((len(model.share), count))])
+    return replace(model, guides=Guides(*both), share=share, directors=D)
+
+
+def test_a_mirror_plane_holds_position_and_director(solved):
+    model = mirrored()
+    solution = solve(model, at_rest(model), TENSION, TIGHT)
+    c, edge = solution.configuration, model.guides.node[model.guides.steady]
+    assert len(edge) > 3
+    assert np.abs(c.x[edge, 1] - model.reference[edge, 1]).max() < 1e-15
+    assert np.abs((c.d - model.directors)[edge, 1]).max() < 1e-9
+    assert np.abs((c.d - model.directors)[edge]).max() > 1e-3
+    wrench = sum(model.wrenches(c, solution.evaluation, TENSION).values())
+    pulls = model.pulls(c, TENSION)
+    assert wrench[:, :3].sum(axis=0) == pytest.approx(pulls.sum(axis=0), abs=1e-9)
+    turning = wrench[:, 3:] + np.cross(c.position, wrench[:, :3])
+    about = np.cross(c.x[model.guides.node], pulls).sum(axis=0)
+    assert turning.sum(axis=0) == pytest.approx(about, abs=1e-11)
+
+
+@pytest.mark.parametrize("made", [strap, mirrored])
 @pytest.mark.parametrize("seed", range(3))
-def test_coupling_to_the_bodies(model, solved, seed):
+def test_coupling_to_the_bodies(made, seed):
     """Residual and wrenches by the bodies' twists and by the tensions, at turned bodies and away
     from equilibrium."""
+    model = made()
+    solved = solve(model, at_rest(model), TENSION, TIGHT)
     rng = np.random.default_rng(seed)
     scale = np.array([1e-3, 1e-3, 1e-3, 0.1, 0.1, 0.1])
     c = moved(model, solved.configuration, 0.5 * rng.normal(size=(3, 6)) * scale)
