@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -15,7 +15,14 @@ from .assembly import DOFS, Pattern, make_pattern, tangents, turned
 from .contact import Contact, contact_forces, joined
 from .section import Section
 from .shell import GAUSS, ShellTables, element_response, shape
-from .springs import PointForces, Springs, spring_forces
+from .springs import (
+    NodeSprings,
+    PairForces,
+    PointForces,
+    Springs,
+    node_springs,
+    spring_forces,
+)
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
@@ -129,6 +136,8 @@ class ShellModel:
     bodies: tuple[str, ...]
     dead: Array | None = None
     pressure: Array | None = None
+    links: NodeSprings = field(default_factory=NodeSprings.none)
+    """Springs between nodes of the shell."""
     groups: tuple[str, ...] = ()
     """Names of the springs' groups."""
     regions: tuple[str, ...] = ()
@@ -136,7 +145,7 @@ class ShellModel:
 
     @cached_property
     def pattern(self) -> Pattern:
-        return make_pattern(self.quads, len(self.reference), self.free)
+        return make_pattern(self.quads, len(self.reference), self.free, self.links.nodes)
 
     @cached_property
     def free(self) -> Ints:
@@ -226,8 +235,10 @@ class ShellModel:
         points = self.point_forces(c, not convex)
         n = len(c.x)
         gx, gd = self.nodal(elements.gradient)
+        links = node_springs(self.links, c.x, not convex)
         gx += _scatter(points.node, points.gradient, n)
-        energy = elements.energy + points.energy
+        gx += _scatter(self.links.nodes, links.gradient, n)
+        energy = elements.energy + points.energy + links.energy
         if self.dead is not None:
             gx -= self.dead
             energy -= float(np.vdot(self.dead, c.x - self.reference))
@@ -242,7 +253,7 @@ class ShellModel:
         if elements.blocks is not None:
             bend = -np.einsum("ni,ni->n", gd, c.d)
             data = self._assemble(
-                elements.blocks, c, points, A, np.maximum(bend, 0) if convex else bend
+                elements.blocks, c, points, links, A, np.maximum(bend, 0) if convex else bend
             )
         return Evaluation(energy, gx, gd, points, bases, reduced, follower, data)
 
@@ -259,7 +270,13 @@ class ShellModel:
         return _scatter(self.quads, pressure_forces(x[self.quads], self.pressure), len(x))
 
     def _assemble(
-        self, blocks: Array, c: Configuration, points: PointForces, A: Array, bend: Array
+        self,
+        blocks: Array,
+        c: Configuration,
+        points: PointForces,
+        links: PairForces,
+        A: Array,
+        bend: Array,
     ) -> Array:
         if self.pressure is not None:
             at = (5 * np.arange(4)[:, None] + np.arange(3)).ravel()
@@ -270,10 +287,14 @@ class ShellModel:
         nodal = np.zeros((len(bend), DOFS, DOFS))
         own = np.swapaxes(A[points.node], 1, 2) @ points.hessian @ A[points.node]
         np.add.at(nodal[:, :3, :3], points.node, own)
+        B = A[self.links.nodes]
+        pairs = np.einsum("kaji,kajbl,kblm->kaibm", B, links.hessian.reshape(-1, 2, 3, 2, 3), B)
+        np.add.at(nodal[:, :3, :3], self.links.nodes[:, 0], pairs[:, 0, :, 0])
+        np.add.at(nodal[:, :3, :3], self.links.nodes[:, 1], pairs[:, 1, :, 1])
         # the sphere's curvature: the second variation of a unit director is -|angle|^2 d
         bend[self.ties.node] = 0.0
         nodal[:, 3, 3] = nodal[:, 4, 4] = bend
-        return self.pattern.assemble(blocks, nodal, np.zeros((0, 3, 3)))
+        return self.pattern.assemble(blocks, nodal, pairs[:, 0, :, 1])
 
     def wrenches(self, c: Configuration, e: Evaluation, tension: Array) -> dict[str, Array]:
         """(nb, 6) forces (N) and moments (N m) about each body's origin of the hood on the bodies,

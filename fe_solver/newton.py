@@ -49,6 +49,8 @@ class Solution:
     evaluation: Evaluation
     tension: Array
     iterations: int
+    solves: int
+    """Linear solves: one an iteration, and those that foresaw contacts."""
     residual: float
     """Largest residual force, N (moments over the element size)."""
 
@@ -132,21 +134,21 @@ def _analysis(model: ShellModel) -> Analysis:
     return model.pattern.analysis if model.pressure is None else model.pattern.general
 
 
-def _flipping_step(model: ShellModel, e: Evaluation, step: Array) -> Array:
+def _flipping_step(model: ShellModel, e: Evaluation, step: Array) -> tuple[Array, int]:
     """The Newton step once more, with the one-sided springs that `step` would close or open closed
     or opened beforehand (a primal-dual active set: Hintermueller, Ito and Kunisch 2002, SIAM J
-    Optim 13:865), or the line search would stop at the first node that meets a bone."""
+    Optim 13:865), or the line search would stop at the first node that meets a bone.  Also the linear solves it took."""
     p, A = e.points, e.bases[0]
     normal = np.einsum("kij,ki->kj", A[p.node], p.direction)
     flipped = np.zeros(len(p.depth), dtype=bool)
-    for _ in range(MOST_FLIPS):
+    for solves in range(MOST_FLIPS):
         moved = p.depth + np.einsum("kj,kj->k", normal, step.reshape(-1, DOFS)[p.node, :3])
         now = ((moved > 0) != (p.depth > 0)) & (np.abs(p.depth) > SMOOTH * p.ramp)
         if np.array_equal(now, flipped):
-            break
+            return step, solves
         flipped = now
         step = _step(model, *_with_flips(model, e, normal, flipped))
-    return step
+    return step, MOST_FLIPS
 
 
 def _with_flips(
@@ -182,7 +184,7 @@ def solve(
 
     Far from equilibrium the tangent is the convex one, near it (as `near` says of `start`) the
     consistent one.  Raises ConvergenceError naming the place of the largest residual."""
-    c, convex, stuck = start, not near, False
+    c, convex, stuck, solves = start, not near, False, 0
     e = model.evaluate(c, tension, tangent=True, convex=convex)
     for iteration in range(options.max_iterations + 1):
         residual, force = residual_norm(model, e)
@@ -190,18 +192,18 @@ def solve(
         if residual <= limit:
             if convex:
                 e = model.evaluate(c, tension, tangent=True)
-            return Solution(model, c, e, tension, iteration, residual)
+            return Solution(model, c, e, tension, iteration, solves, residual)
         if iteration == options.max_iterations:
             break
         assert e.data is not None
         step = _step(model, e.data, e.reduced)
-        trial = _advanced(model, c, e, tension, step, options)
+        trial, more = _advanced(model, c, e, tension, step, options)
+        solves += 1 + more
         if trial is not None:
             (c, e, convex), stuck = trial, False
         elif stuck and residual <= STUCK * limit:
-            return Solution(
-                model, c, model.evaluate(c, tension, tangent=True), tension, iteration, residual
-            )
+            e = model.evaluate(c, tension, tangent=True)
+            return Solution(model, c, e, tension, iteration, solves, residual)
         elif stuck:
             break
         else:
@@ -228,18 +230,21 @@ def _advanced(
     tension: Array,
     step: Array,
     options: NewtonOptions,
-) -> tuple[Configuration, Evaluation, bool] | None:
+) -> tuple[tuple[Configuration, Evaluation, bool] | None, int]:
     """The next configuration along the step, with its evaluation and whether that is the convex
     one: the whole step, or a part of the step that foresees the contacts; None where neither
-    descends."""
+    descends.  Also the linear solves that foreseeing took."""
+    solves = 0
     for flips, tries in ((False, 1), (True, 4), (False, 8)):
-        way = _flipping_step(model, e, step) if flips else step
+        way = step
+        if flips:
+            way, solves = _flipping_step(model, e, step)
         way, size = _limited(way, options)
         convex = flips or size > NEAR
         found = _line_search(model, c, e, tension, way, tries, convex)
         if found is not None:
-            return *found, convex
-    return None
+            return (*found, convex), solves
+    return None, solves
 
 
 def _line_search(

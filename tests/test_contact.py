@@ -11,13 +11,29 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shells import NO_TENSION, at_rest, clamped, guided, plate, sheet
 
-from cosim.port import rotation_matrix
-from fe_solver.contact import REACH, Contact, contact_forces, joined, ramp
-from fe_solver.fields import contact_pressure, fields
-from fe_solver.newton import NewtonOptions, solve
+from cosim.port import ConvergenceError, InputError, rotation_matrix
+from fe_solver.augment import AugmentOptions, dissipated, settled, solve_augmented
+from fe_solver.contact import (
+    REACH,
+    Contact,
+    Grip,
+    Status,
+    contact_fields,
+    contact_forces,
+    contact_state,
+    friction_forces,
+    joined,
+    partition,
+    ramp,
+    unramp,
+)
+from fe_solver.fields import contact_pressure
+from fe_solver.model import Configuration, ShellModel
+from fe_solver.newton import NewtonOptions, Solution, solve
+from fe_solver.shapes import HalfSpace, Sphere
 from fe_solver.shell import Array
 from fe_solver.springs import PointForces, Springs, spring_forces
-from fe_solver.shapes import Capsule, HalfSpace, Sphere
+from fe_solver.verification import contact_rows
 
 TIGHT = NewtonOptions(tolerance=1e-11)
 POSITION = np.array([[1e-3, -2e-3, 0.5e-3], [-3e-3, 0.0, 1e-3]])
@@ -116,28 +132,6 @@ def test_forces_are_their_energys(kind, seed):
         assert -np.vdot(wrench, twist) == pytest.approx(slope, rel=1e-5)
 
 
-def test_a_slack_spring_pulls_not_and_a_two_sided_one_pushes():
-    one = Springs(*(np.array([v]) for v in (0, 0, [0.0, 0, 0], 100.0, 2e-3, True, 0)))
-    both = replace(one, tension_only=np.array([False]))
-    at = np.array([[1e-3, 0.0, 0.0]])
-    slack, pushed = (spring_forces(s, at, *shells.GROUND, True) for s in (one, both))
-    assert slack.energy == 0
-    assert (slack.gradient == 0).all()
-    assert (slack.hessian == 0).all()
-    assert pushed.gradient[0] == pytest.approx([-0.1, 0, 0])
-    assert pushed.energy == pytest.approx(0.5e-4)
-    for spring in (one, both):
-        convex = spring_forces(spring, at, *shells.GROUND, False)
-        assert np.linalg.eigvalsh(convex.hessian[0]).min() >= 0
-
-
-def test_a_spring_of_no_length_holds_a_node_in_every_direction():
-    spring = Springs(*(np.array([v]) for v in (0, 0, [0.0, 0, 0], 100.0, 0.0, False, 0)))
-    here = spring_forces(spring, np.zeros((1, 3)), *shells.GROUND, True)
-    assert here.hessian[0] == pytest.approx(100 * np.eye(3))
-    assert (here.gradient == 0).all()
-
-
 def test_nodes_out_of_reach_are_left_out():
     contact, x = touching(np.random.default_rng(0))
     far = x + 2 * REACH * (x - x.mean(axis=0)) / np.linalg.norm(x - x.mean(axis=0), axis=1)[:, None]
@@ -183,46 +177,6 @@ def node_area(contact: Contact, n: int) -> Array:
     return out
 
 
-def belt(angle: float, radius: float) -> tuple[Array, np.ndarray]:
-    """A strip laid over a cylinder about y: an arc of `angle` (rad) and straight tangents."""
-    width, tail = 4e-3, 6e-3
-
-    def laid(uv: Array) -> Array:
-        s = (uv[:, 0] - 0.5) * (radius * angle + 2 * tail)
-        turn = np.clip(s / radius, -angle / 2, angle / 2)
-        rest = s - radius * turn
-        x = radius * np.sin(turn) + rest * np.cos(turn)
-        z = radius * np.cos(turn) - rest * np.sin(turn)
-        return np.column_stack([x, width * (uv[:, 1] - 0.5), z])
-
-    return shells.mapped(48, 2, laid)
-
-
-@pytest.mark.parametrize("degrees", [60, 120])
-def test_a_belt_over_a_cylinder(degrees):
-    """Without friction both ends carry the same tension and the cylinder 2 T sin(angle / 2)."""
-    angle, radius = np.deg2rad(degrees), 8e-3
-    X, quads = belt(angle, radius + 1e-5)
-    model = sheet(X, quads, 1e8, 0.0, 0.1e-3)
-    held, pulled = (np.flatnonzero(np.isclose(X[:, 0], x)) for x in (X[0, 0], X[-1, 0]))
-    down = np.array([np.cos(angle / 2), 0.0, -np.sin(angle / 2)])
-    model = guided(clamped(model, held), [pulled], [down])
-    inner = np.setdiff1d(np.arange(len(X)), np.concatenate([held, pulled]))
-    cylinder = Capsule(np.array([0, -0.1, 0]), np.array([0, 0.1, 0]), radius)
-    model = replace(model, contacts=(shells.contact(model, cylinder, inner, 1e12, 1e-5),))
-    tension = np.array([2.0])
-    solution = solve(model, at_rest(model), tension, TIGHT)
-    c = solution.configuration
-    wrench = model.wrenches(c, solution.evaluation, tension)
-    normal = 4.0 * np.sin(angle / 2)
-    assert wrench["contact"][0] == pytest.approx([0, 0, -normal, 0, 0, 0], abs=0.02 * normal)
-    assert wrench["tie"][0, :3] == pytest.approx(2 * down * [1, 0, -1], abs=0.04)
-    moving = fields(model, c)
-    stretch = np.sqrt(1 + 2 * moving.strain[:, 0])
-    tensions = (moving.stress[:, 0] * stretch * 0.1e-3).reshape(48, 2).sum(axis=1) * 2e-3
-    assert tensions == pytest.approx(np.full(48, 2.0), rel=0.02)
-
-
 def test_without_contact_force_there_is_no_load():
     X, quads = plate(10e-3, 10e-3, 4, 4)
     model = clamped(sheet(X, quads, 1e8, 0.3, 0.6e-3), np.arange(5))
@@ -233,3 +187,162 @@ def test_without_contact_force_there_is_no_load():
     assert solution.iterations == 0
     assert (wrench["contact"] == 0).all()
     assert np.abs(wrench["tie"]).max() < 1e-12
+
+
+def test_rows():
+    """The closed forms, penalties and tangents of the verification table."""
+    for row in contact_rows.rows():
+        assert row.passed, row
+
+
+@given(st.floats(0, 1e-3), SMOOTHINGS)
+def test_the_depth_of_a_ramps_value(value, smoothing):
+    depth = unramp(np.array([value]), smoothing)
+    assert ramp(depth, smoothing)[1] == pytest.approx(value, abs=1e-12)
+    assert depth >= -smoothing
+
+
+def pushed(friction: float = 0.0, **changes) -> ShellModel:
+    """A small stiff sheet on the ground, pressed by 1 N and held by springs along x to a second
+    body."""
+    X, quads = plate(4e-3, 4e-3, 2, 2)
+    model = sheet(X, quads, 1e9, 0.3, 1e-3, bodies=("ground", "hand"))
+    dead = np.zeros_like(X)
+    dead[:, 2] = -1.0 / len(X)
+    n, everywhere = len(X), np.arange(len(X))
+    springs = Springs(
+        everywhere,
+        np.ones(n, dtype=int),
+        X + np.array([50e-3, 0, 0]),
+        np.full(n, 1e3),
+        np.full(n, 50e-3),
+        np.zeros(n, dtype=bool),
+        np.zeros(n, dtype=int),
+    )
+    floor = HalfSpace(np.zeros(3), np.array([0.0, 0, 1]))
+    contact = shells.contact(model, floor, everywhere, 1e9, 1e-6)
+    contact = replace(contact, friction=friction, **changes)
+    return replace(model, dead=dead, springs=springs, contacts=(contact,))
+
+
+def drawn(model: ShellModel, c: Configuration, by: float) -> Solution:
+    position = c.position.copy()
+    position[1, 0] = by
+    return solve_augmented(model, model.posed(c, position, c.rotation), NO_TENSION, TIGHT)
+
+
+def test_a_block_sticks_slides_and_gives_heat():
+    """Coulomb's block drawn by springs of 9 N/mm: sticks below mu N, then slides; on the way back
+    it sticks at once.  The heat is the limit times the slip."""
+    model = pushed(0.4, shear=1e12)
+    c, drags, heats = at_rest(model), [], []
+    for by in (0.02e-3, 0.1e-3, 0.2e-3, 0.19e-3):
+        solution = drawn(model, c, by)
+        c, model = solution.configuration, settled(solution)
+        state = contact_state(solution.model.contacts[0], c.x, c.position, c.rotation)
+        drags.append(state.drag[:, 0].sum())
+        heats.append(dissipated(model))
+        slides = by in (0.1e-3, 0.2e-3)
+        assert (state.status == (Status.SLIDING if slides else Status.STICKING)).all()
+    assert drags == pytest.approx([-0.18, -0.4, -0.4, -0.31], rel=1e-3)
+    slid = 0.2e-3 - 0.4 / 9e3
+    assert heats[0] == 0
+    assert heats[2] == pytest.approx(0.4 * slid, rel=1e-2)
+    assert heats[3] == heats[2]
+
+
+def test_friction_by_hand():
+    """Elastic to the limit of 2 N at 2 um, then constant, with no jump of force or energy; what
+    goes along the normal is no slip."""
+    n, none = 5, np.zeros(5)
+    slip = np.array([0, 1e-6, 2e-6 - 1e-12, 2e-6 + 1e-12, 5e-6])
+    local = np.outer(slip, [0.6, 0.8, 0]) + np.outer(np.arange(n), [0, 0, 1e-3])
+    grip = Grip(np.zeros((n, 3)), np.tile([0.0, 0, 1], (n, 1)), np.full(n, 2.0), none)
+    floor = HalfSpace(np.zeros(3), np.array([0.0, 0, 1]))
+    area = np.full(n, 1e-6)
+    contact = Contact(0, floor, np.arange(n), none, area, 1e9, 1e-6, friction=0.4, shear=1e12)
+    energy, gradient, _ = friction_forces(contact, grip, local)
+    assert energy == pytest.approx([0, 0.5e-6, 2e-6, 2e-6, 8e-6], rel=1e-5)
+    assert gradient == pytest.approx(np.outer([0, 1, 2, 2, 2], [0.6, 0.8, 0]), rel=1e-5)
+
+
+def test_shares_divide_the_load_and_none_lets_through():
+    whole = pushed()
+    quarter = np.full(9, 0.25)
+    halves = tuple(
+        replace(whole.contacts[0], body=b, share=s) for b, s in enumerate((quarter, 1 - quarter))
+    )
+    model = replace(whole, contacts=halves)
+    one, two = (solve(m, at_rest(m), NO_TENSION, TIGHT).configuration for m in (whole, model))
+    assert two.x == pytest.approx(one.x, abs=1e-12)
+    found = contact_fields(halves, two.x, two.position, two.rotation)
+    assert found.pressure[:, 1] == pytest.approx(3 * found.pressure[:, 0])
+    assert (found.status == Status.SLIDING).all()
+    single = contact_fields(whole.contacts, one.x, one.position, one.rotation)
+    assert found.pressure.sum(axis=1) == pytest.approx(single.pressure[:, 0], rel=1e-6)
+    assert np.isinf(single.gap[:, 1]).all()
+    nothing = replace(whole.contacts[0], share=np.zeros(9))
+    deep = contact_forces(nothing, one.x - [0, 0, 1e-3], one.position, one.rotation, True)
+    assert not deep.gradient.any()
+
+
+def test_augmented_pressure_does_not_know_penalty_or_smoothing():
+    """The whole load is carried at a gap below what is asked for."""
+    for stiffness, smoothing in ((1e8, 1e-6), (1e9, 1e-4), (1e10, 1e-6)):
+        model = pushed(stiffness=stiffness, smoothing=smoothing)
+        options = AugmentOptions(penetration=1e-9)
+        solution = solve_augmented(model, at_rest(model), NO_TENSION, TIGHT, options)
+        c = solution.configuration
+        state = contact_state(solution.model.contacts[0], c.x, c.position, c.rotation)
+        assert np.abs(state.gap[state.pressure > 0]).max() <= 1e-9
+        assert state.pressure @ model.contacts[0].area == pytest.approx(1.0)
+        penalty = solve(model, at_rest(model), NO_TENSION, TIGHT).configuration
+        gap = model.contacts[0].gap(penalty.x, *shells.GROUND)
+        assert np.abs(gap).max() > 1e-6
+
+
+def test_a_loop_that_cannot_end_says_where():
+    model = pushed(stiffness=1e8)
+    with pytest.raises(ConvergenceError, match=r"2 rounds: node \d+ at .* on the body ground"):
+        solve_augmented(
+            model,
+            at_rest(model),
+            NO_TENSION,
+            TIGHT,
+            AugmentOptions(penetration=1e-12, max_rounds=2),
+        )
+
+
+@given(st.lists(st.floats(-2e-3, 2e-3), min_size=3, max_size=3), st.floats(1e-4, 1e-3))
+def test_a_partition_adds_up_and_changes_smoothly(distances, blend):
+    at, h = np.array([distances]), 1e-6 * blend
+    share = partition(at, blend)
+    assert share.sum() == pytest.approx(1)
+    assert ((share >= 0) & (share <= 1)).all()
+    nearest = np.argmin(at)
+    if (np.delete(at - at[0, nearest], nearest) > blend).all():
+        assert share[0, nearest] == 1
+    for way in np.eye(3):
+        low, high = (partition(at + s * h * way, blend) for s in (-1, 1))
+        forward, back = (high - share) / h, (share - low) / h
+        assert forward == pytest.approx(back, abs=1e-4 / blend)  # C1: no kink
+    assert partition(np.array([[1e-3, 1e-3]]), blend) == pytest.approx(np.array([[0.5, 0.5]]))
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"stiffness": 0.0}, "stiffness .* must be positive"),
+        ({"smoothing": -1e-6}, "smoothing .* must be positive"),
+        ({"shear": np.nan}, "shear"),
+        ({"friction": -0.1}, "friction coefficient"),
+        ({"share": np.full(9, 1.1)}, "between 0 and 1"),
+    ],
+)
+def test_impossible_contacts_are_refused(changes, words):
+    with pytest.raises(InputError, match=words):
+        pushed(**changes)
+    with pytest.raises(InputError, match="blending length"):
+        partition(np.zeros((1, 2)), 0.0)
+    with pytest.raises(InputError, match="positive tolerances"):
+        AugmentOptions(penetration=0.0)

@@ -13,7 +13,7 @@ from cosim.port import ConvergenceError, rotation_matrix
 from fe_solver.model import Configuration, Guides, ShellModel
 from fe_solver.newton import NewtonOptions, Solution, factorised, residual_norm, solve
 from fe_solver.shell import Array
-from fe_solver.springs import Springs
+from fe_solver.springs import NodeSprings, Springs
 from fe_solver.surfaces import Sphere
 
 TIGHT = NewtonOptions(tolerance=1e-12)
@@ -67,9 +67,18 @@ def strap() -> ShellModel:
     touching = replace(shells.contact(model, ball, middle, 2e10, 1e-4), body=2)
     a, b, c = middle[[0, 4]], middle[[10, 14]], middle[[20, 24]]
     low = np.array([0.0, 0, -5e-3])
+    other = X[[b, c]]
+    across = NodeSprings(
+        np.column_stack([b, c]),
+        np.array([300.0, 200.0]),
+        np.linalg.norm(other[0] - other[1], axis=1) * [0.9, 1.0],
+        np.array([False, True]),
+        np.zeros(2, dtype=np.intp),
+    )
     return replace(
         model,
         contacts=(touching,),
+        links=across,
         springs=joined(
             springs(a, 1, X[a] + low, 200.0, 5.5e-3, only=False),
             springs(b, 2, X[b] + low, 300.0, 3e-3, only=True),

@@ -1,4 +1,4 @@
-"""Small shells to verify with: meshes, and models of a sheet alone or held by bodies."""
+"""Small shells to verify with: meshes, and models of a sheet alone, held by bodies or mirrored."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import numpy as np
 
 from ..contact import Contact
 from ..hood_model import node_areas, node_directors
+from ..materials import Isotropic, Law
 from ..model import Configuration, Guides, ShellModel, Ties
 from ..newton import NewtonOptions
-from ..materials import Isotropic, Law
 from ..section import one_law
-from ..shell import Array, shell_tables
-from ..tension_field import TensionField
+from ..shell import GAUSS, Array, shape, shell_tables
 from ..springs import Springs
 from ..surfaces import Surface
+from ..tension_field import TensionField
 
 GROUND = (np.zeros((1, 3)), np.eye(3)[None])
 """Pose of one body at the world's origin."""
@@ -51,16 +51,18 @@ def sheet(
     quads: np.ndarray,
     modulus: float,
     poisson: float,
-    thickness: float,
+    thickness: float | Array,
     *,
     directors: Array | None = None,
     fibre: Sequence[float] = (1.0, 0.0, 0.0),
     growth: float = 0.0,
+    height: float = 0.0,
     law: Law | TensionField | None = None,
     bodies: tuple[str, ...] = ("ground",),
 ) -> ShellModel:
-    """A sheet that nothing holds, isotropic or of another law; its parts are added with `clamped`,
-    `guided` and `replace`."""
+    """A sheet that nothing holds, isotropic or of another law, of one thickness or that (n,) of its
+    nodes, its mid-surface `height` over the points; its parts are added with `clamped`, `guided`,
+    `mirrored` and `replace`."""
     ne = len(quads)
     D = node_directors(points, quads) if directors is None else directors
     fibres, ones = np.tile(np.asarray(fibre, dtype=float), (ne, 1)), np.ones(ne)
@@ -69,8 +71,8 @@ def sheet(
         quads,
         points,
         D,
-        shell_tables(points[quads], D[quads], fibres, growth * ones),
-        one_law(law or Isotropic(modulus, poisson), thickness * ones),
+        shell_tables(points[quads], D[quads], fibres, growth * ones, height),
+        one_law(law or Isotropic(modulus, poisson), _at_gauss(thickness, len(points), quads)),
         Springs.none(),
         Ties(none, none, nothing, nothing),
         Guides.none(),
@@ -78,6 +80,12 @@ def sheet(
         (),
         bodies,
     )
+
+
+def _at_gauss(nodal: float | Array, n: int, quads: np.ndarray) -> Array:
+    """(ne, 4) at the Gauss points of what the n nodes have."""
+    weight = np.stack([shape(r, s)[0] for r, s in GAUSS])
+    return np.asarray(np.broadcast_to(nodal, (n,))[quads] @ weight.T)
 
 
 def clamped(model: ShellModel, nodes: np.ndarray, body: int = 0) -> ShellModel:
@@ -102,6 +110,21 @@ def guided(
     share = np.stack([np.isin(nodes, e) / len(e) for e in ends])
     at = Guides.along(nodes, np.full(len(nodes), body), model.reference[nodes], direction)
     return replace(model, guides=at, share=share)
+
+
+def mirrored(
+    model: ShellModel, mirror: np.ndarray, held: np.ndarray | bool = False
+) -> ShellModel:
+    """The model with nodes on mirror planes normal to the axes that `mirror` (n, 3) marks, and nodes
+    held along the axes that `held` (n, 3) marks with their directors free."""
+    move = mirror | held
+    node = np.flatnonzero(move.any(axis=1))
+    planes = mirror[node]
+    at = Guides.fixed(node, np.zeros_like(node), model.reference[node], move[node])
+    level = np.eye(3)[np.argmax(planes, axis=1)]
+    still = np.stack([planes.any(axis=1), planes.sum(axis=1) > 1], axis=1)
+    guides = replace(at, level=level, still=still)
+    return replace(model, guides=guides, share=np.zeros((0, len(node))))
 
 
 def contact(
@@ -132,21 +155,22 @@ def disturbed(model: ShellModel, size: float, seed: int) -> Configuration:
 
 
 def linear_response(
-    model: ShellModel, fixed: np.ndarray, values: Array, load: Array
+    model: ShellModel, load: Array, values: Array | None = None
 ) -> tuple[Array, Array]:
-    """Small displacements (n, 3) and turns of the directors' tips (n, 3) in the linear limit: the
-    degrees of freedom `fixed` (n, 5) bool have `values` (n, 5); nodal forces `load` (n, 3)."""
+    """Small displacements (n, 3) and turns of the directors' tips (n, 3) in the linear limit under
+    nodal forces `load` (n, 3); what is not free has `values` (n, 5) in the nodes' bases, or 0."""
     from scipy.sparse.linalg import spsolve
 
     c = at_rest(model)
     e = model.evaluate(c, np.zeros(len(model.share)), tangent=True)
     assert e.data is not None
     K = model.pattern.full(e.data)
-    A, T = model.bases(c)
+    A, T = e.bases
     right = np.zeros((len(c.x), 5))
     right[:, :3] = np.einsum("nij,ni->nj", A, load)
-    u = np.where(fixed, values, 0.0).ravel()
-    free = np.flatnonzero(~fixed.ravel())
+    u = np.zeros(model.pattern.size) if values is None else values.ravel().copy()
+    free = model.free
+    u[free] = 0.0
     u[free] = spsolve(K[free][:, free].tocsc(), (right.ravel() - K @ u)[free])
     step = u.reshape(-1, 5)
     return np.einsum("nij,nj->ni", A, step[:, :3]), np.einsum("nij,nj->ni", T, step[:, 3:])

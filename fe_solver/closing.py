@@ -1,0 +1,100 @@
+"""Closing open surfaces of rigid bodies, so that a signed distance to them exists."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.port import InputError
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.intp]
+
+MOST_CENTRES = 200
+
+
+def closed_surface(vertices: Array, triangles: Ints) -> tuple[Array, Ints]:
+    """A watertight surface, wound outwards (positive volume), from one that may have holes.
+
+    vertices (nv, 3) m, triangles (nt, 3) wound alike.  Each hole is closed by a fan from points on
+    its long axis: each edge of the hole is joined to the nearest of them, so that a half pipe
+    becomes a half cylinder with flat ends, and a round hole a disc.
+
+    Raises InputError where holes touch one another, or where the surface is not wound alike."""
+    vertices, index = np.unique(np.asarray(vertices, dtype=float), axis=0, return_inverse=True)
+    triangles = index.reshape(-1)[np.asarray(triangles)]
+    triangles = triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)]
+    points, faces = [vertices], [triangles]
+    count = len(vertices)
+    for loop in boundary_loops(triangles):
+        centres, fan = _fan(vertices, loop, count)
+        points.append(centres)
+        faces.append(fan)
+        count += len(centres)
+    vertices, triangles = np.concatenate(points), np.concatenate(faces)
+    return vertices, triangles if volume(vertices, triangles) > 0 else triangles[:, ::-1]
+
+
+def volume(vertices: Array, triangles: Ints) -> float:
+    """m3 enclosed by a closed surface, positive where it is wound outwards."""
+    a, b, c = np.moveaxis(vertices[triangles] - vertices.mean(axis=0), 1, 0)
+    return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6
+
+
+def boundary_loops(triangles: Ints) -> list[Ints]:
+    """Closed loops of vertices along the edges that only one triangle has, in its direction."""
+    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    both, times = np.unique(np.sort(edges, axis=1), axis=0, return_counts=True)
+    single = {tuple(e) for e in both[times == 1].tolist()}
+    following: dict[int, int] = {}
+    for a, b in edges.tolist():
+        if (min(a, b), max(a, b)) in single:
+            if a in following:
+                raise InputError(
+                    "surface: its holes touch one another, or its triangles are not wound alike; "
+                    "close it before it is used for contact"
+                )
+            following[a] = b
+    loops = []
+    while following:
+        first, at = following.popitem()
+        loop = [first]
+        while at != first:
+            loop.append(at)
+            if at not in following:
+                raise InputError("surface: its triangles are not wound alike along a hole")
+            at = following.pop(at)
+        loops.append(np.array(loop))
+    return loops
+
+
+def _fan(vertices: Array, loop: Ints, start: int) -> tuple[Array, Ints]:
+    """Centres (m, 3), numbered from `start`, and triangles that close a loop."""
+    centres, nearest = _centres(vertices[loop])
+    fan = []
+    for i, a in enumerate(loop):
+        j = (i + 1) % len(loop)
+        b, here, there = loop[j], nearest[i], nearest[j]
+        fan.append((b, a, start + here))
+        step = 1 if there > here else -1
+        fan += [(b, start + k, start + k + step) for k in range(here, there, step)]
+    return centres, np.array(fan, dtype=np.intp)
+
+
+def _centres(rim: Array) -> tuple[Array, Ints]:
+    """Points (m, 3) on a straight line along a rim (k, 3), half its width apart, and the nearest of
+    them for each point of the rim.  The line is fitted to the rim's long sides, so that it lies in
+    the plane of straight ones."""
+    middle = (rim.max(axis=0) + rim.min(axis=0)) / 2
+    _, _, axes = np.linalg.svd(rim - rim.mean(axis=0), full_matrices=False)
+    along, across, off = ((rim - middle) @ axis for axis in axes)
+    count = int(np.clip(round(2 * np.ptp(along) / max(np.ptp(across), 1e-300)), 0, MOST_CENTRES))
+    if count < 2:
+        return rim.mean(axis=0)[None], np.zeros(len(rim), dtype=np.intp)
+    places = np.linspace(along.min(), along.max(), count + 1)
+    nearest = np.abs(along[:, None] - places).argmin(axis=1)
+    sides = (nearest > 0) & (nearest < count)
+    order = min(1, count - 2)
+    line = [np.polynomial.Polynomial.fit(along[sides], v[sides], order) for v in (across, off)]
+    centres = np.stack([places, line[0](places), line[1](places)], axis=1)
+    return middle + centres @ axes, nearest

@@ -1,0 +1,125 @@
+"""Piecewise curves that drive loads and motions: values over time, with a rule between the points
+and one beyond them.  The rules are those of FEBio's load curves (FECore/PointCurve.cpp)."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left
+from dataclasses import dataclass
+from enum import StrEnum
+
+from cosim.port import InputError
+
+
+class Interpolation(StrEnum):
+    """Between the points: straight lines; the value of the next point; parabolas through three
+    points, blended linearly; or a quintic step with flat ends."""
+
+    LINEAR = "LINEAR"
+    STEP = "STEP"
+    SMOOTH = "SMOOTH"
+    SMOOTH_STEP = "SMOOTH STEP"
+
+
+class Extension(StrEnum):
+    """Beyond the points: the end's value; the end's slope; the same again; the same again on top
+    of what was reached."""
+
+    CONSTANT = "CONSTANT"
+    EXTRAPOLATE = "EXTRAPOLATE"
+    REPEAT = "REPEAT"
+    REPEAT_OFFSET = "REPEAT OFFSET"
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Values at times in ascending order.
+
+    Raises InputError where there are no points, a number is not finite, the times go back, or
+    (smooth curves) two times are equal."""
+
+    times: tuple[float, ...]
+    values: tuple[float, ...]
+    interpolation: Interpolation = Interpolation.LINEAR
+    extension: Extension = Extension.CONSTANT
+
+    def __post_init__(self) -> None:
+        if not self.times or len(self.times) != len(self.values):
+            raise InputError(
+                f"a curve needs as many values as times and at least one of each, got "
+                f"{len(self.times)} times and {len(self.values)} values"
+            )
+        if not all(map(math.isfinite, self.times + self.values)):
+            raise InputError("a curve's times and values must be finite numbers")
+        steps = [b - a for a, b in zip(self.times, self.times[1:], strict=False)]
+        if any(s < 0 for s in steps):
+            raise InputError("a curve's times must ascend")
+        if self.interpolation == Interpolation.SMOOTH and any(s == 0 for s in steps):
+            raise InputError("a smooth curve must not have two points at one time")
+
+    def at(self, time: float) -> float:
+        """The value at a time."""
+        first, last = self.times[0], self.times[-1]
+        if first <= time <= last or first == last:
+            return self._inside(time)
+        if self.extension == Extension.CONSTANT:
+            return self.values[0] if time < first else self.values[-1]
+        if self.extension == Extension.EXTRAPOLATE:
+            return self._extrapolated(time)
+        turns = math.floor((time - first) / (last - first))
+        back = min(max(time - turns * (last - first), first), last)
+        again = self._inside(back)
+        if self.extension == Extension.REPEAT:
+            return again
+        return again + turns * (self.values[-1] - self.values[0])
+
+    def _inside(self, time: float) -> float:
+        t, f = self.times, self.values
+        n = min(bisect_left(t, time), len(t) - 1)
+        if n == 0 or time == t[n]:
+            return f[n]
+        if self.interpolation == Interpolation.STEP:
+            return f[n]
+        share = (time - t[n - 1]) / (t[n] - t[n - 1])
+        if self.interpolation == Interpolation.SMOOTH_STEP:
+            share = share**3 * (10 - 15 * share + 6 * share**2)
+        elif self.interpolation == Interpolation.SMOOTH and len(t) > 2:
+            low = self._parabola(max(n - 2, 0), time)
+            high = self._parabola(min(n - 1, len(t) - 3), time)
+            return low + (high - low) * share
+        return f[n - 1] + (f[n] - f[n - 1]) * share
+
+    def _parabola(self, first: int, time: float) -> float:
+        """Through the three points from number `first` on."""
+        (a, b, c), f = self.times[first : first + 3], self.values[first : first + 3]
+        return (
+            f[0] * (time - b) * (time - c) / ((a - b) * (a - c))
+            + f[1] * (time - a) * (time - c) / ((b - a) * (b - c))
+            + f[2] * (time - a) * (time - b) / ((c - a) * (c - b))
+        )
+
+    def _extrapolated(self, time: float) -> float:
+        before = time < self.times[0]
+        end, value = (
+            (self.times[0], self.values[0]) if before else (self.times[-1], self.values[-1])
+        )
+        if self.interpolation in (Interpolation.STEP, Interpolation.SMOOTH_STEP):
+            return value
+        span = 1e-3 * (self.times[-1] - self.times[0])
+        if self.interpolation == Interpolation.LINEAR:
+            span = (self.times[1] - end) if before else (end - self.times[-2])
+        near = end + span if before else end - span
+        if near == end:
+            return value
+        return value + (time - end) * (self._inside(near) - value) / (near - end)
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A quantity over time: `value` times the curve, or `value` at all times."""
+
+    value: float = 0.0
+    curve: Curve | None = None
+
+    def at(self, time: float) -> float:
+        return self.value * (1.0 if self.curve is None else self.curve.at(time))

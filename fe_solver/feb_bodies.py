@@ -1,0 +1,233 @@
+"""Rigid bodies of a FEBio 4 file, and what each node of it belongs to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .curves import Curve, Drive, Extension, Interpolation
+from .feb_materials import Material, material_named
+from .feb_mesh import SHELLS, FebMesh, rows_of
+from .feb_parts import Parts
+from .feb_xml import Tag
+from .job import Body
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.intp]
+
+AXES = "xyz"
+GROUND = "ground"
+
+
+@dataclass(frozen=True)
+class Units:
+    """m and N in the file's units."""
+
+    length: float
+    force: float
+
+    @property
+    def stress(self) -> float:
+        return self.force / self.length**2
+
+
+@dataclass(frozen=True)
+class Model:
+    """What conditions refer to: for each mesh node its index in the sheet and its body, or -1; the
+    rigid materials in the order of the bodies; the load curves by number."""
+
+    mesh: FebMesh
+    units: Units
+    materials: list[Material]
+    rigid: tuple[str, ...]
+    shell: Ints
+    body: Ints
+    curves: dict[str, Curve | Tag]
+    notes: list[str]
+
+    def drive(self, tag: Tag, unit: float) -> Drive:
+        """A number times a load curve.  Raises InputError for any other kind of value."""
+        return Drive(tag.numbers(1)[0] * unit, self.curve(tag))
+
+    def curve(self, tag: Tag) -> Curve | None:
+        """The load curve that a tag's `lc` names."""
+        if tag.attributes.get("type", "const") != "const":
+            raise tag.fault(f"a value of type {tag.attributes['type']!r} is not read")
+        number = tag.attributes.get("lc", "").strip()
+        if number in ("", "0"):
+            return None
+        found = self.curves.get(number)
+        if isinstance(found, Tag):
+            raise found.fault(
+                f"a load controller of type {found.attributes.get('type')!r} is not read, only "
+                "loadcurve"
+            )
+        if found is None:
+            raise tag.fault(f"there is no load controller {number}")
+        return found
+
+    def body_named(self, tag: Tag, name: str) -> int:
+        """Raises InputError where there is no such rigid material."""
+        m = material_named(tag, self.materials, name)
+        if not m.rigid:
+            raise tag.fault(f"the material {name!r} is not rigid")
+        return self.rigid.index(m.name)
+
+    def local(self, body: int, nodes: Ints) -> Array:
+        """(k, 3) m of mesh nodes from the body's origin."""
+        return self.mesh.points[nodes] * self.units.length - self.origin(body)
+
+    def origin(self, body: int) -> Array:
+        """(3,) m."""
+        if body == len(self.rigid):
+            return np.zeros(3)
+        centre = next(m.centre for m in self.materials if m.name == self.rigid[body])
+        return np.zeros(3) if centre is None else centre * self.units.length
+
+
+def read_curves(section: Tag | None) -> dict[str, Curve | Tag]:
+    """Load curves by number; controllers of other kinds as their tags."""
+    out: dict[str, Curve | Tag] = {}
+    for t in section.all("load_controller") if section is not None else []:
+        number = t.attribute("id")
+        if number in out:
+            raise t.fault(f"two load controllers have the number {number}")
+        if t.attribute("type") == "loadcurve":
+            out[number] = read_curve(t)
+        else:
+            t.pass_over()
+            out[number] = t
+    return out
+
+
+def read_curve(t: Tag, across: float = 1.0, along: float = 1.0) -> Curve:
+    """The points of a tag, times scaled by `across` and values by `along`."""
+    points = t.one("points")
+    if points is None:
+        raise t.fault("<points> is missing: <pt>time,value</pt>...")
+    _, line, values = rows_of(points, 2)
+    order = np.argsort(values[:, 0], kind="stable")
+    between = t.word("interpolate", "LINEAR").upper()
+    beyond = t.word("extend", "CONSTANT").upper()
+    if between not in list(Interpolation):
+        raise t.fault(f"interpolation {between!r} is not read; known: {', '.join(Interpolation)}")
+    if beyond not in list(Extension):
+        raise t.fault(f"extension {beyond!r} is not read; known: {', '.join(Extension)}")
+    times, height = (values[order] * (across, along)).T.tolist() if len(line) else ([], [])
+    with t.told():
+        return Curve(tuple(times), tuple(height), Interpolation(between), Extension(beyond))
+
+
+def owners(
+    mesh: FebMesh,
+    parts: Parts,
+    boundary: list[Tag],
+    model_rigid: tuple[str, ...],
+    materials: list[Material],
+) -> Ints:
+    """(n,) the body that each mesh node belongs to, by its rigid elements or, off the sheet, by a
+    rigid boundary condition; -1 elsewhere.
+
+    Raises InputError where two bodies claim a node."""
+    out = np.full(len(mesh.points), -1)
+    for i, name in enumerate(model_rigid):
+        for block in parts.rigid[name]:
+            nodes = np.unique(block.nodes)
+            other = nodes[(out[nodes] >= 0) & (out[nodes] != i)]
+            if len(other):
+                raise block.tag.fault(
+                    f"node {mesh.node_ids[other[0]]} belongs to {model_rigid[out[other[0]]]!r} "
+                    f"and {name!r}: rigid bodies that share nodes are not read"
+                )
+            out[nodes] = i
+    shell = np.zeros(len(out), dtype=bool)
+    shell[parts.sheet.nodes] = True
+    for t in boundary:
+        if t.attribute("type") == "rigid":
+            m = material_named(t, materials, t.word("rb", ""))
+            nodes = mesh.nodes_of(t, t.attribute("node_set"))
+            if m.name in model_rigid:
+                out[nodes[~shell[nodes] & (out[nodes] < 0)]] = model_rigid.index(m.name)
+    return out
+
+
+def triangles_of(facets: Ints) -> Ints:
+    """(nt, 3) of quads (k, 4), cut along the diagonal from the first corner; those that repeat
+    their last node are one triangle each."""
+    first, second = facets[:, [0, 1, 2]], facets[facets[:, 2] != facets[:, 3]][:, [0, 2, 3]]
+    return np.concatenate([first, second])
+
+
+def read_bodies(
+    model: Model, parts: Parts, sections: list[Tag], touched: dict[int, list[Ints]]
+) -> tuple[tuple[Body, ...], list[Ints]]:
+    """The bodies, and the mesh nodes of each one's vertices.  `touched` holds the facets (k, 4) of
+    contact surfaces by body."""
+    motion = _motions(model, sections)
+    bodies, vertices = [], []
+    for i, name in enumerate(model.rigid):
+        own = [b.quads for b in parts.rigid[name] if b.kind in SHELLS]
+        facets = np.concatenate([np.zeros((0, 4), dtype=np.intp), *own, *touched.get(i, [])])
+        nodes = np.unique(facets)
+        own_facets = np.concatenate([np.zeros((0, 4), dtype=np.intp), *own])
+        triangles = np.searchsorted(nodes, triangles_of(own_facets))
+        bodies.append(
+            Body(
+                name,
+                model.origin(i),
+                model.local(i, nodes),
+                triangles,
+                (motion[i][0], motion[i][1], motion[i][2]),
+                (motion[i][3], motion[i][4], motion[i][5]),
+            )
+        )
+        vertices.append(nodes)
+    return tuple(bodies), vertices
+
+
+def _motions(model: Model, sections: list[Tag]) -> list[list[Drive]]:
+    """Of each body: displacement along x, y, z and the rotation vector's components."""
+    given: list[dict[int, Drive]] = [{} for _ in model.rigid]
+    fixed: list[set[int]] = [set() for _ in model.rigid]
+    for t in [t for s in sections for t in s.all("rigid_bc")]:
+        body, kind = model.body_named(t, t.word("rb", "")), t.attribute("type")
+        if kind == "rigid_fixed":
+            names = ("Rx", "Ry", "Rz", "Ru", "Rv", "Rw")
+            fixed[body] |= {i for i, n in enumerate(names) if t.flag(f"{n}_dof")}
+        elif kind in ("rigid_displacement", "rigid_rotation"):
+            i, drive = _moved(model, t, kind == "rigid_rotation")
+            if i in given[body]:
+                raise t.fault(f"this motion of {model.rigid[body]!r} is prescribed twice")
+            given[body][i] = drive
+        else:
+            raise t.fault(
+                f"the rigid condition {kind!r} is not read; known: rigid_fixed, "
+                "rigid_displacement, rigid_rotation"
+            )
+    for body, name in enumerate(model.rigid):
+        _check_motion(model, name, given[body], fixed[body])
+    return [[own.get(i, Drive()) for i in range(6)] for own in given]
+
+
+def _moved(model: Model, t: Tag, turns: bool) -> tuple[int, Drive]:
+    names = ("Ru", "Rv", "Rw") if turns else ("x", "y", "z")
+    dof, value = t.word("dof", ""), t.one("value")
+    if dof not in names or value is None:
+        raise t.fault(f"expected <dof> with one of {', '.join(names)}, and <value>")
+    t.all("relative")
+    unit = 1.0 if turns else model.units.length
+    return names.index(dof) + 3 * turns, model.drive(value, unit)
+
+
+def _check_motion(model: Model, name: str, given: dict[int, Drive], fixed: set[int]) -> None:
+    m = next(m for m in model.materials if m.name == name)
+    free = [n for i, n in enumerate(("x", "y", "z", "Ru", "Rv", "Rw")) if i not in {*given, *fixed}]
+    if free:
+        raise m.tag.fault(
+            f"the rigid body {name!r} is free in {', '.join(free)}: only bodies whose motion is "
+            "fixed or prescribed are read"
+        )
+    if m.centre is None and any(i > 2 and d.value for i, d in given.items()):
+        raise m.tag.fault(f"the body {name!r} turns: <center_of_mass>, about which, is missing")

@@ -1,0 +1,265 @@
+"""What holds and loads the sheet of a FEBio 4 file: the sections Boundary, Loads and Discrete."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .feb_bodies import AXES, Model, read_curve
+from .feb_parts import Sheet
+from .feb_xml import Tag
+from .job import Held, HeldDirector, NodalForce, Pressure, SpringLaw, SpringSet, Tied
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.intp]
+
+SIZE_OF_FORCE = 3
+
+
+def _on_sheet(model: Model, tag: Tag, nodes: Ints, what: str) -> Ints:
+    """Indices in the sheet; what lies off it is noted."""
+    index = model.shell[nodes]
+    if (index < 0).any():
+        model.notes.append(
+            f"{tag.path} (line {tag.line}): {what} of {(index < 0).sum()} nodes that are not on "
+            "the shell, such as those of rigid bodies, makes no difference"
+        )
+    return index[index >= 0]
+
+
+def read_tied(model: Model, sections: list[Tag]) -> tuple[Tied, ...]:
+    """Rigid boundary conditions, and shell nodes that are also a rigid element's."""
+    out = []
+    for t in _conditions(sections, "rigid"):
+        body = model.body_named(t, t.word("rb", ""))
+        nodes = model.shell[model.mesh.nodes_of(t, t.attribute("node_set"))]
+        if (nodes >= 0).any():
+            out.append(Tied(nodes[nodes >= 0], body, t.value("clamp_shells", 1.0) != 0))
+    shared = (model.shell >= 0) & (model.body >= 0)
+    for body in np.unique(model.body[shared]):
+        out.append(Tied(model.shell[shared & (model.body == body)], int(body)))
+    return tuple(out)
+
+
+def _conditions(sections: list[Tag], kind: str) -> list[Tag]:
+    """Boundary conditions of a type; all of them are looked at, whatever their type."""
+    return [t for s in sections for t in s.all("bc") if t.attribute("type") == kind]
+
+
+def fixed_nodes(model: Model, sections: list[Tag]) -> Ints:
+    """Mesh nodes of which all three displacements are zero."""
+    held = np.zeros((3, len(model.shell)), dtype=bool)
+    for t in _conditions(sections, "zero displacement"):
+        nodes = model.mesh.nodes_of(t, t.attribute("node_set"))
+        for i, axis in enumerate(AXES):
+            held[i, nodes] |= t.flag(f"{axis}_dof")
+    return np.flatnonzero(held.all(axis=0))
+
+
+def read_held(
+    model: Model, sections: list[Tag], tied: tuple[Tied, ...]
+) -> tuple[tuple[Held, ...], tuple[HeldDirector, ...]]:
+    """Given displacements of nodes, and of directors through FEBio's back faces.
+
+    Raises InputError for a condition that is not read."""
+    known = ("rigid", "zero displacement", "prescribed displacement", "zero shell displacement")
+    for t in [t for s in sections for t in s.all("bc")]:
+        if t.attribute("type") not in known:
+            raise t.fault(
+                f"the boundary condition {t.attribute('type')!r} is not read; known: "
+                f"{', '.join(known)}"
+            )
+    taken = np.concatenate([np.zeros(0, dtype=np.intp), *[t.nodes for t in tied]])
+    held = []
+    for t in _conditions(sections, "zero displacement"):
+        nodes = _free(model, t, taken)
+        held += [Held(nodes, i) for i, axis in enumerate(AXES) if t.flag(f"{axis}_dof")]
+    still = tuple(held)
+    for t in _conditions(sections, "prescribed displacement"):
+        dof, value = t.word("dof", ""), t.one("value")
+        if dof not in tuple(AXES) or value is None:
+            raise t.fault("expected <dof> with x, y or z, and <value>")
+        t.all("relative")
+        drive = model.drive(value, model.units.length)
+        held.append(Held(_free(model, t, taken), AXES.index(dof), drive))
+    held = [h for h in held if len(h.nodes)]
+    return tuple(held), _held_directors(model, sections, still, taken)
+
+
+def _free(model: Model, t: Tag, taken: Ints) -> Ints:
+    """Nodes of a condition on the sheet that are not tied to a body."""
+    nodes = _on_sheet(model, t, model.mesh.nodes_of(t, t.attribute("node_set")), "this condition")
+    twice = np.isin(nodes, taken)
+    if twice.any():
+        model.notes.append(
+            f"{t.path} (line {t.line}): {twice.sum()} of its nodes are rigid with a body, which "
+            "goes first"
+        )
+    return nodes[~twice]
+
+
+def _held_directors(
+    model: Model, sections: list[Tag], held: tuple[Held, ...], taken: Ints
+) -> tuple[HeldDirector, ...]:
+    out = []
+    for t in _conditions(sections, "zero shell displacement"):
+        nodes = _free(model, t, taken)
+        for i, axis in enumerate(AXES):
+            if t.flag(f"s{axis}_dof") and len(nodes):
+                front = [h.nodes for h in held if h.component == i]
+                if not np.isin(nodes, np.concatenate(front) if front else []).all():
+                    raise t.fault(
+                        f"s{axis} of the back face is held where {axis} of the nodes is not: only "
+                        "both together, which hold the director, are read"
+                    )
+                out.append(HeldDirector(nodes, i))
+    return tuple(out)
+
+
+def read_forces(model: Model, sections: list[Tag]) -> tuple[NodalForce, ...]:
+    """Raises InputError for a load that is not read."""
+    out = []
+    for t in [t for s in sections for t in s.all("nodal_load")]:
+        kind, nodes = t.attribute("type"), model.mesh.nodes_of(t, t.attribute("node_set"))
+        if kind != "nodal_force":
+            raise t.fault(f"the nodal load {kind!r} is not read, only nodal_force")
+        for name in ("shell_bottom", "relative"):
+            if t.flag(name):
+                raise t.fault(f"<{name}> other than 0 is not read")
+        value = t.one("value")
+        if value is None:
+            raise t.fault("<value> is missing: three components")
+        force = np.array(value.numbers(SIZE_OF_FORCE)) * model.units.force
+        on_sheet = _on_sheet(model, t, nodes, "the force")
+        if len(on_sheet):
+            out.append(NodalForce(on_sheet, force, model.curve(value)))
+    return tuple(out)
+
+
+def matched(model: Model, sheet: Sheet, tag: Tag, facets: Ints) -> tuple[Ints, Ints]:
+    """The quad (k,) that each facet (k, 4) of mesh nodes is, and 1 where it is wound alike, else
+    -1.  Raises InputError where a facet is no element of the sheet."""
+    both = np.concatenate([sheet.quads, facets])
+    both[both[:, 2] == both[:, 3], 3] = -1
+    both.sort(axis=1)
+    _, number = np.unique(both, axis=0, return_inverse=True)
+    number = number.reshape(-1)
+    order = np.argsort(number[: len(sheet.quads)], kind="stable")
+    wanted = number[len(sheet.quads) :]
+    at = np.searchsorted(number[: len(sheet.quads)], wanted, sorter=order)
+    quad = order[np.minimum(at, len(order) - 1)]
+    wrong = np.flatnonzero(number[quad] != wanted)
+    if len(wrong):
+        ids = model.mesh.node_ids[facets[wrong[0]]]
+        raise tag.fault(f"the facet with nodes {ids.tolist()} is no element of the shell")
+    return quad, np.where(_turn(model, facets, sheet.quads[quad]) > 0, 1, -1)
+
+
+def _turn(model: Model, a: Ints, b: Ints) -> Array:
+    """(k,) scalar product of the normals of two facets."""
+    p, q = model.mesh.points[a], model.mesh.points[b]
+    normals = [np.cross(x[:, 2] - x[:, 0], x[:, 3] - x[:, 1]) for x in (p, q)]
+    return np.asarray(np.einsum("ki,ki->k", *normals))
+
+
+def read_pressures(model: Model, sheet: Sheet, sections: list[Tag]) -> tuple[Pressure, ...]:
+    """FEBio's positive pressure pushes against the normal of the facets.
+
+    Raises InputError for a load that is not read."""
+    out = []
+    for t in [t for s in sections for t in s.all("surface_load")]:
+        kind, value = t.attribute("type"), t.one("pressure")
+        if kind != "pressure" or value is None:
+            raise t.fault(f"the surface load {kind!r} is not read, only pressure with <pressure>")
+        if t.flag("shell_bottom"):
+            raise t.fault("<shell_bottom> other than 0 is not read")
+        t.all("symmetric_stiffness")
+        facets = model.mesh.surface_of(t, t.attribute("surface"))
+        quads, sign = matched(model, sheet, t, facets)
+        drive = model.drive(value, model.units.stress)
+        out.append(Pressure(quads, sign, drive, t.flag("linear")))
+    return tuple(out)
+
+
+def read_springs(model: Model, sections: list[Tag], fixed: Ints) -> tuple[SpringSet, ...]:
+    """Discrete sets with their materials; ends on rigid bodies become points of those, ends on the
+    mesh nodes `fixed` off the sheet points of the ground (the body after the last).
+
+    Raises InputError for a law that is not read and for an end that nothing holds."""
+    laws: dict[str, SpringLaw] = {}
+    for t in [t for s in sections for t in s.all("discrete_material")]:
+        own = _spring_law(model, t)
+        laws[t.attribute("id")] = laws[t.attributes.get("name", "")] = own
+    out = []
+    for t in [t for s in sections for t in s.all("discrete")]:
+        name, law = t.attribute("discrete_set"), laws.get(t.attribute("dmat"))
+        if law is None:
+            raise t.fault(f"there is no discrete_material {t.attribute('dmat')!r}")
+        if name not in model.mesh.discrete:
+            raise t.fault(f"there is no DiscreteSet {name!r}")
+        springs = _spring_set(model, t, name, law, fixed)
+        if len(springs.nodes):
+            out.append(springs)
+    return tuple(out)
+
+
+def _spring_law(model: Model, t: Tag) -> SpringLaw:
+    kind, units = t.attribute("type"), model.units
+    if kind in ("linear spring", "tension-only linear spring"):
+        if t.one("E") is None:
+            raise t.fault("<E> is missing")
+        stiffness = t.value("E", 0.0) * units.force / units.length
+        if stiffness < 0:
+            raise t.fault("the stiffness E must not be negative")
+        return SpringLaw(stiffness, kind.startswith("tension-only"))
+    if kind != "nonlinear spring":
+        raise t.fault(
+            f"the spring {kind!r} is not read; known: linear spring, tension-only linear spring, "
+            "nonlinear spring"
+        )
+    if t.word("measure", "elongation") != "elongation":
+        raise t.fault("a nonlinear spring's <measure> is read as elongation only")
+    force, scale = t.one("force"), t.value("scale", 1.0) * units.force
+    if force is None:
+        raise t.fault("<force> is missing")
+    if force.attributes.get("type") == "point":
+        return SpringLaw(0.0, False, read_curve(force, units.length, scale))
+    curve = model.curve(force)
+    if curve is None:
+        raise force.fault("expected a force of type point, or a load curve lc")
+    scale *= force.numbers(1)[0]
+    times = tuple(x * units.length for x in curve.times)
+    values = tuple(x * scale for x in curve.values)
+    return SpringLaw(0.0, False, type(curve)(times, values, curve.interpolation, curve.extension))
+
+
+def _spring_set(model: Model, t: Tag, name: str, law: SpringLaw, fixed: Ints) -> SpringSet:
+    pairs = model.mesh.discrete[name]
+    pairs = np.where((model.shell[pairs[:, :1]] >= 0), pairs, pairs[:, ::-1])
+    off = model.shell[pairs[:, 0]] < 0
+    if off.any():
+        model.notes.append(
+            f"{t.path} {name!r} (line {t.line}): {off.sum()} springs that do not reach the shell "
+            "are left out"
+        )
+    near, far = pairs[~off].T
+    on_sheet = model.shell[far] >= 0
+    body = np.where(on_sheet, -1, model.body[far])
+    body[~on_sheet & (body < 0) & np.isin(far, fixed)] = len(model.rigid)
+    loose = far[~on_sheet & (body < 0)]
+    if len(loose):
+        raise t.fault(
+            f"the spring set {name!r} ends at node {model.mesh.node_ids[loose[0]]}, which belongs "
+            "to no shell and no rigid body and is not held in x, y and z"
+        )
+    points = model.mesh.points * model.units.length
+    origin = np.array([model.origin(b) if b >= 0 else np.zeros(3) for b in body]).reshape(-1, 3)
+    return SpringSet(
+        name,
+        law,
+        model.shell[near],
+        body,
+        np.where(on_sheet[:, None], 0.0, points[far] - origin),
+        model.shell[far],
+        np.linalg.norm(points[far] - points[near], axis=1),
+    )

@@ -1,0 +1,236 @@
+"""FEBio's materials as laws of the sheet, and the directions of their fibres.
+
+Parameters as in FEBio's feature manual; stresses are scaled by `stress` Pa, the file's unit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .feb_mesh import rows_of
+from .feb_xml import Tag
+from .fibre_materials import HolzapfelGasserOgden, TransIsoMooneyRivlin
+from .hyperelastic import NeoHookean
+from .materials import Isotropic, Law, Orthotropic
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.intp]
+
+RIGID = "rigid body"
+IN_PLANE = 0.9
+"""Least cosine between the third material axis and the sheet's normal."""
+NO_FIBRES = {"c3": 0.0, "c4": 1.0, "c5": 0.0, "lam_max": 2.0}
+
+
+@dataclass(frozen=True)
+class Material:
+    """A material of the file; a rigid one has no law, and a centre in the file's units where it is
+    given."""
+
+    tag: Tag
+    name: str
+    number: str
+    law: Law | None
+    centre: Array | None
+
+    @property
+    def rigid(self) -> bool:
+        return self.law is None
+
+
+def read_materials(section: Tag, stress: float) -> list[Material]:
+    """Raises InputError for a material or a parameter that is not known, or not allowed."""
+    out: list[Material] = []
+    for t in section.all("material"):
+        number = t.attributes.get("id", str(len(out) + 1))
+        name = t.attributes.get("name", f"material {number}").strip()
+        if name in [m.name for m in out]:
+            raise t.fault(f"two materials are called {name!r}")
+        t.all("density")
+        law, centre = None, None
+        if t.attribute("type") == RIGID:
+            centre = _centre(t)
+        else:
+            law = _law(t, stress)
+        out.append(Material(t, name, number, law, centre))
+    return out
+
+
+def material_named(tag: Tag, materials: list[Material], name: str) -> Material:
+    """By name or number.  Raises InputError where there is none."""
+    for m in materials:
+        if name in (m.name, m.number):
+            return m
+    known = ", ".join(repr(m.name) for m in materials) or "none"
+    raise tag.fault(f"there is no material {name!r}; the file has {known}")
+
+
+def _centre(t: Tag) -> Array | None:
+    for ignored in ("E", "v", "override_com"):
+        t.all(ignored)
+    centre = t.one("center_of_mass")
+    return None if centre is None else np.array(centre.numbers(3))
+
+
+def _needed(t: Tag, *names: str) -> list[float]:
+    missing = [n for n in names if t.one(n) is None]
+    if missing:
+        raise t.fault(f"the parameter <{missing[0]}> is missing")
+    return [t.value(n, 0.0) for n in names]
+
+
+def _law(t: Tag, stress: float) -> Law:
+    kind = t.attribute("type")
+    if kind == "isotropic elastic":
+        E, v = _needed(t, "E", "v")
+        with t.told():
+            return Isotropic(E * stress, v)
+    if kind == "neo-Hookean":
+        E, v = _needed(t, "E", "v")
+        with t.told():
+            return NeoHookean(E * stress, v)
+    if kind in ("trans iso Mooney-Rivlin", "Mooney-Rivlin"):
+        return _mooney_rivlin(t, stress, kind == "Mooney-Rivlin")
+    if kind == "Holzapfel-Gasser-Ogden":
+        _pressure_model(t, "3", "Abaqus (GOH)")
+        c, k1, k2, kappa, gamma, k = _needed(t, "c", "k1", "k2", "kappa", "gamma", "k")
+        gamma = float(np.radians(gamma))
+        with t.told():
+            return HolzapfelGasserOgden(c * stress, k1 * stress, k2, kappa, gamma, k * stress)
+    if kind == "orthotropic elastic":
+        for ignored in ("E3", "v23", "v31"):
+            t.all(ignored)
+        E1, E2, v12, *G = _needed(t, "E1", "E2", "v12", "G12", "G31", "G23")
+        with t.told():
+            return Orthotropic(E1 * stress, E2 * stress, v12, *(g * stress for g in G))
+    raise t.fault(
+        f"the material {kind!r} is not known; known: isotropic elastic, neo-Hookean, "
+        "Mooney-Rivlin, trans iso Mooney-Rivlin, Holzapfel-Gasser-Ogden, orthotropic elastic, "
+        "rigid body"
+    )
+
+
+def _mooney_rivlin(t: Tag, stress: float, plain: bool) -> Law:
+    _pressure_model(t, "0", "default")
+    c1, c2, k = _needed(t, "c1", "c2", "k")
+    names = tuple(NO_FIBRES)
+    c3, c4, c5, lam = NO_FIBRES.values() if plain else _needed(t, *names)
+    fibre = (c3 * stress, c4, c5 * stress, lam)
+    with t.told():
+        return TransIsoMooneyRivlin(c1 * stress, c2 * stress, *fibre, k * stress)
+
+
+def _pressure_model(t: Tag, *allowed: str) -> None:
+    child = t.one("pressure_model")
+    if child is not None and child.text.strip() not in allowed:
+        raise child.fault(f"only the material's own pressure model ({allowed[1]!r}) is read")
+
+
+def fibre_directions(
+    m: Material, corners: Array, given: dict[str, Tag], maps: dict[str, Tag]
+) -> Array:
+    """Directions (k, 3) of axis 1 on elements with corners (k, 4, 3), not yet in their planes.
+
+    `given` holds the part's ElementData by type (`fiber`, `mat_axis`), `maps` all others by name.
+    Raises InputError where they cannot be told."""
+    axes = _axes(m, corners, given)
+    if isinstance(m.law, TransIsoMooneyRivlin) and m.law.c3 + m.law.c5 > 0:
+        return np.einsum("kij,kj->ki", axes, _fibre(m, corners, given, maps))
+    if isinstance(m.law, HolzapfelGasserOgden | Orthotropic):
+        normal = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+        cosine = np.abs(np.einsum("ki,ki->k", axes[:, :, 2], _unit(normal)))
+        if cosine.min(initial=1.0) < IN_PLANE:
+            raise m.tag.fault("the material axes 1 and 2 must lie in the sheet; give mat_axis")
+        return axes[:, :, 0]
+    m.tag.all("fiber")
+    return corners[:, 1] - corners[:, 0]
+
+
+def _unit(v: Array) -> Array:
+    length = np.linalg.norm(v, axis=-1, keepdims=True)
+    return v / np.where(length > 0, length, 1.0)
+
+
+def _frame(a: Array, d: Array) -> Array:
+    """Columns e1 along a, e3 across a and d, e2 across them (k, 3, 3)."""
+    e3 = np.cross(a, d)
+    return np.stack([_unit(a), _unit(np.cross(e3, a)), _unit(e3)], axis=-1)
+
+
+def _axes(m: Material, corners: Array, given: dict[str, Tag]) -> Array:
+    k = len(corners)
+    data, tag = given.get("mat_axis"), m.tag.one("mat_axis")
+    if data is not None:
+        rows = [c for c in data.children if c.name in ("e", "elem")]
+        if len(rows) != k:
+            raise data.fault(f"expected axes of {k} elements, got {len(rows)}")
+        vectors = np.empty((k, 2, 3))
+        for i, row in enumerate(rows):
+            row.used = True
+            vectors[i] = _vector(row, "a"), _vector(row, "d")
+        return _frame(vectors[:, 0], vectors[:, 1])
+    if tag is None:
+        return np.tile(np.eye(3), (k, 1, 1))
+    kind = tag.attributes.get("type", "local")
+    if kind == "vector":
+        a, d = np.array(_vector(tag, "a")), np.array(_vector(tag, "d"))
+        return np.tile(_frame(a, d), (k, 1, 1))
+    if kind == "local":
+        i, j, l = _local(tag, 3, (1, 2, 4))  # noqa: E741
+        return _frame(corners[:, j] - corners[:, i], corners[:, l] - corners[:, i])
+    raise tag.fault(f"mat_axis of type {kind!r} is not read; known: vector, local")
+
+
+def _vector(tag: Tag, name: str) -> list[float]:
+    child = tag.one(name)
+    if child is None:
+        raise tag.fault(f"<{name}> is missing: three numbers")
+    return child.numbers(3)
+
+
+def _local(tag: Tag, count: int, default: tuple[int, ...]) -> list[int]:
+    """Positions within an element, counted from 0."""
+    child = tag.one("local") or tag
+    if not child.text.strip():
+        return [i - 1 for i in default]
+    values = child.numbers(count)
+    if all(v == 0 for v in values):
+        return [i - 1 for i in default]
+    if any(v not in (1, 2, 3, 4) for v in values):
+        raise child.fault(f"expected {count} of the element's nodes 1 to 4")
+    return [int(v) - 1 for v in values]
+
+
+def _fibre(m: Material, corners: Array, given: dict[str, Tag], maps: dict[str, Tag]) -> Array:
+    """(k, 3) in the material axes."""
+    k, tag = len(corners), m.tag.one("fiber")
+    kind = "" if tag is None else tag.attributes.get("type", "vector")
+    data = given.get("fiber")
+    if tag is not None and kind == "map":
+        data = maps.get(tag.text.strip())
+        if data is None:
+            raise tag.fault(f"there is no ElementData called {tag.text.strip()!r}")
+        data.used = True
+    if data is not None:
+        _, _, values = rows_of(data, 3)
+        if len(values) != k:
+            raise data.fault(f"expected fibres of {k} elements, got {len(values)}")
+        return values
+    if tag is None or kind == "user":
+        raise (tag or m.tag).fault("no fibre directions: give <fiber> or ElementData of type fiber")
+    if kind == "vector":
+        child = tag.one("vector") or tag
+        return np.tile(child.numbers(3), (k, 1))
+    if kind == "local":
+        i, j = _local(tag, 2, (1, 2))
+        return corners[:, j] - corners[:, i]
+    if kind == "angles":
+        theta, phi = np.radians([tag.value("theta", 0.0), tag.value("phi", 90.0)])
+        along = [np.cos(theta) * np.sin(phi), np.sin(theta) * np.sin(phi), np.cos(phi)]
+        return np.tile(along, (k, 1))
+    raise tag.fault(
+        f"fibres of type {kind!r} are not read; known: vector, local, angles, user, map"
+    )

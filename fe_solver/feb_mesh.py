@@ -1,0 +1,222 @@
+"""The `Mesh` section of a FEBio 4 file: nodes, elements and the sets of them, in the file's
+units."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .feb_xml import Tag
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.intp]
+
+SHELLS = {"quad4": 4, "q4ans": 4, "q4eas": 4, "quad4eas": 4, "tri3": 3}
+SOLIDS = {"hex8": 8, "tet4": 4, "penta6": 6, "pyra5": 5, "tet10": 10, "hex20": 20, "hex27": 27}
+MOST_NODES = 5_000_000
+MOST_ELEMENTS = 5_000_000
+
+
+class Block(NamedTuple):
+    """An `Elements` block: its tag, kind of element, numbers (k,) and node indices (k, m)."""
+
+    tag: Tag
+    kind: str
+    ids: Ints
+    nodes: Ints
+
+    @property
+    def quads(self) -> Ints:
+        """(k, 4) of a shell block; a triangle repeats its last node."""
+        return self.nodes if self.nodes.shape[1] == 4 else self.nodes[:, [0, 1, 2, 2]]
+
+
+@dataclass(frozen=True)
+class FebMesh:
+    """Nodes in the file's order: numbers (n,) and points (n, 3); blocks of elements and sets by
+    name.  Sets of nodes, facets (k, 4) and pairs (k, 2) hold node indices, sets of elements hold
+    their numbers."""
+
+    node_ids: Ints
+    points: Array
+    blocks: dict[str, Block]
+    node_sets: dict[str, Ints]
+    element_sets: dict[str, Ints]
+    surfaces: dict[str, Ints]
+    pairs: dict[str, tuple[str, str]]
+    discrete: dict[str, Ints]
+
+    def nodes_of(self, tag: Tag, name: str) -> Ints:
+        """Node indices of a set, `@surface:` and `@elem_set:` included.
+
+        Raises InputError where there is no such set."""
+        kind, _, inner = name.rpartition(":")
+        if kind == "@surface":
+            return np.unique(self.surface_of(tag, inner))
+        if kind in ("@elem_set", "@part", "@part_list") and inner in self.blocks:
+            return np.unique(self.blocks[inner].nodes)
+        return _named(tag, "node set", self.node_sets, name)
+
+    def surface_of(self, tag: Tag, name: str) -> Ints:
+        """Facets (k, 4) of a surface.  Raises InputError where there is none of that name."""
+        return _named(tag, "surface", self.surfaces, name)
+
+    def elements_of(self, tag: Tag, name: str) -> Ints:
+        """Element numbers of a set or part.  Raises InputError where there is none."""
+        return _named(tag, "element set or part", self.element_sets, name)
+
+
+def _named(tag: Tag, what: str, table: dict[str, Ints], name: str) -> Ints:
+    if name not in table:
+        known = ", ".join(map(repr, list(table)[:10])) or "none"
+        raise tag.fault(f"there is no {what} {name!r}; the file has {known}")
+    return table[name]
+
+
+def rows_of(tag: Tag, width: int | None = None) -> tuple[Ints, Ints, Array]:
+    """Numbers (k,), lines (k,) and values (k, width) of a tag's rows, all equally long.
+
+    Raises InputError where one is not."""
+    rows = tag.table()
+    start = np.array(rows.start, dtype=np.intp)
+    line = np.array(rows.line, dtype=np.intp)
+    length = np.diff(start)
+    if width is None:
+        width = int(length[0]) if len(length) else 0
+    wrong = np.flatnonzero(length != width)
+    if len(wrong):
+        i = wrong[0]
+        raise tag.fault(f"expected {width} numbers in a row, got {length[i]}", int(line[i]))
+    values = np.array(rows.values, dtype=float).reshape(-1, width)
+    return np.array(rows.number, dtype=np.intp), line, values
+
+
+def whole(tag: Tag, values: Array, line: Ints) -> Ints:
+    """Values (k, m) as integers.  Raises InputError where one is not a whole number."""
+    wrong = np.flatnonzero((values != np.round(values)).any(axis=1) | (values < 0).any(axis=1))
+    wrong = np.union1d(wrong, np.flatnonzero((values > 2**31).any(axis=1)))
+    if len(wrong):
+        i = wrong[0]
+        raise tag.fault(f"expected numbers of nodes, got {values[i].tolist()}", int(line[i]))
+    return values.astype(np.intp)
+
+
+class _Numbering:
+    """From node numbers to indices."""
+
+    def __init__(self, ids: Ints) -> None:
+        self.ids = ids
+        self.order = np.argsort(ids)
+        self.sorted = ids[self.order]
+
+    def find(self, tag: Tag, ids: Ints, line: Ints | None = None) -> Ints:
+        """Indices of node numbers (k,) or (k, m).  Raises InputError where one is not known."""
+        at = np.minimum(np.searchsorted(self.sorted, ids), len(self.sorted) - 1)
+        unknown = np.argwhere(self.sorted[at] != ids)
+        if len(unknown):
+            first = tuple(unknown[0])
+            where = int(line[first[0]]) if line is not None else None
+            raise tag.fault(f"there is no node {ids[first]}", where)
+        return self.order[at]
+
+
+def read_mesh_section(mesh: Tag) -> FebMesh:
+    """Raises InputError, with its line, for anything missing, doubled or unknown to this reader."""
+    node_ids, points, node_sets = _nodes(mesh)
+    numbering = _Numbering(node_ids)
+    blocks = _blocks(mesh, numbering)
+    element_sets = {name: block.ids for name, block in blocks.items()}
+    _add(element_sets, mesh, "ElementSet", lambda t: _id_list(t, "e", "elem"))
+    _add(node_sets, mesh, "NodeSet", lambda t: numbering.find(t, _id_list(t, "n", "node")))
+    surfaces: dict[str, Ints] = {}
+    _add(surfaces, mesh, "Surface", lambda t: _facets(t, numbering))
+    discrete: dict[str, Ints] = {}
+    _add(discrete, mesh, "DiscreteSet", lambda t: _pairs_of_nodes(t, numbering))
+    pairs = {}
+    for t in mesh.all("SurfacePair"):
+        pairs[t.attribute("name")] = (t.word("primary", ""), t.word("secondary", ""))
+    return FebMesh(node_ids, points, blocks, node_sets, element_sets, surfaces, pairs, discrete)
+
+
+def _nodes(mesh: Tag) -> tuple[Ints, Array, dict[str, Ints]]:
+    ids, places, sets, count = [], [], {}, 0
+    for t in mesh.all("Nodes"):
+        number, _, values = rows_of(t, 3)
+        ids.append(number)
+        places.append(values)
+        if "name" in t.attributes:
+            sets[t.attribute("name")] = np.arange(count, count + len(number))
+        count += len(number)
+    if not count:
+        raise mesh.fault("there are no nodes: expected <Nodes><node id=...>x,y,z</node>...")
+    if count > MOST_NODES:
+        raise mesh.fault(f"{count} nodes are more than the {MOST_NODES} that this reader takes")
+    everything = np.concatenate(ids)
+    known, times = np.unique(everything, return_counts=True)
+    if times.max() > 1:
+        raise mesh.fault(f"node {known[times > 1][0]} is given twice")
+    return everything, np.concatenate(places), sets
+
+
+def _blocks(mesh: Tag, numbering: _Numbering) -> dict[str, Block]:
+    blocks: dict[str, Block] = {}
+    for t in mesh.all("Elements"):
+        name, kind = t.attribute("name"), t.attribute("type")
+        width = {**SHELLS, **SOLIDS}.get(kind)
+        if width is None:
+            raise t.fault(f"elements of type {kind!r} are not read; known: {', '.join(SHELLS)}")
+        if name in blocks:
+            raise t.fault(f"two parts are called {name!r}")
+        ids, line, values = rows_of(t, width)
+        blocks[name] = Block(t, kind, ids, numbering.find(t, whole(t, values, line), line))
+    everything = np.concatenate([b.ids for b in blocks.values()] or [np.zeros(0, dtype=np.intp)])
+    if not len(everything):
+        raise mesh.fault("there are no elements: expected <Elements type=... name=...>")
+    if len(everything) > MOST_ELEMENTS:
+        raise mesh.fault(f"{len(everything)} elements are more than {MOST_ELEMENTS}")
+    known, times = np.unique(everything, return_counts=True)
+    if times.max() > 1:
+        raise mesh.fault(f"element {known[times > 1][0]} is given twice")
+    return blocks
+
+
+def _add(into: dict[str, Ints], mesh: Tag, kind: str, read: Callable[[Tag], Ints]) -> None:
+    own: set[str] = set()
+    for t in mesh.all(kind):
+        name = t.attribute("name")
+        if name in own:
+            raise t.fault(f"two of these sets are called {name!r}")
+        own.add(name)
+        into[name] = read(t)
+
+
+def _id_list(tag: Tag, *kinds: str) -> Ints:
+    """Numbers as a list in the text, or one a row."""
+    rows = tag.table()
+    if rows.kind:
+        return np.array(rows.number, dtype=np.intp)
+    values = np.array(tag.numbers(), dtype=float)[:, None]
+    return whole(tag, values, np.full(len(values), tag.line))[:, 0]
+
+
+def _facets(tag: Tag, numbering: _Numbering) -> Ints:
+    rows = tag.table()
+    start = np.array(rows.start, dtype=np.intp)
+    line, length = np.array(rows.line, dtype=np.intp), np.diff(start)
+    wrong = np.flatnonzero((length != 3) & (length != 4))
+    if len(wrong) or tag.children or not len(length):
+        at = int(line[wrong[0]]) if len(wrong) else None
+        raise tag.fault("a surface is made of <quad4> and <tri3> here, and of at least one", at)
+    last = np.minimum(3, length - 1)
+    pick = start[:-1, None] + np.minimum(np.arange(4), last[:, None])
+    values = np.array(rows.values, dtype=float)[pick]
+    return numbering.find(tag, whole(tag, values, line), line)
+
+
+def _pairs_of_nodes(tag: Tag, numbering: _Numbering) -> Ints:
+    _, line, values = rows_of(tag, 2)
+    return numbering.find(tag, whole(tag, values, line), line)

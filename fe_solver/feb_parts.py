@@ -1,0 +1,161 @@
+"""The parts of a FEBio 4 file: which elements are shells of what, which are rigid."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .feb_materials import Material, fibre_directions, material_named
+from .feb_mesh import SHELLS, Block, FebMesh, rows_of
+from .feb_xml import Tag
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.intp]
+
+DOMAINS = ("elastic-shell", "elastic-shell-ans", "elastic-shell-eas", "rigid-shell", "3field-shell")
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """All shell elements, by part: quads (ne, 4) and `nodes` (n,) are mesh node indices, the rest
+    as in Job but lengths in the file's units."""
+
+    names: tuple[str, ...]
+    materials: tuple[Material, ...]
+    quads: Ints
+    ids: Ints
+    part: Ints
+    thickness: Array
+    fibre: Array
+
+    @property
+    def nodes(self) -> Ints:
+        return np.unique(self.quads)
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The deformable sheet, and each rigid material's blocks."""
+
+    sheet: Sheet
+    rigid: dict[str, list[Block]]
+
+
+def read_parts(
+    domains: Tag, data: Tag | None, mesh: FebMesh, materials: list[Material], notes: list[str]
+) -> Parts:
+    """Raises InputError for a part without a material, and for a deformable part that is no
+    shell."""
+    given, maps = _element_data(data, mesh)
+    rigid: dict[str, list[Block]] = {m.name: [] for m in materials if m.rigid}
+    shells: list[tuple[Tag, Block, Material]] = []
+    seen = set()
+    for t in (*domains.all("ShellDomain"), *domains.all("SolidDomain")):
+        block = mesh.blocks.get(t.attribute("name"))
+        if block is None:
+            raise t.fault(f"there are no elements called {t.attribute('name')!r}")
+        seen.add(block.tag.attribute("name"))
+        m = material_named(t, materials, t.attribute("mat"))
+        if m.rigid:
+            rigid[m.name].append(block)
+            t.pass_over()
+        elif block.kind in SHELLS:
+            shells.append((t, block, m))
+        else:
+            raise t.fault(f"deformable {block.kind} elements are not read, only shells")
+    for name, block in mesh.blocks.items():
+        if name not in seen:
+            raise block.tag.fault(f"the part {name!r} has no domain: it needs a material")
+    if not shells:
+        raise domains.fault("there is no deformable shell part, hence nothing to solve")
+    for blocks in rigid.values():
+        for block in blocks:
+            for tag in given.pop(block.tag.attribute("name"), {}).values():
+                tag.pass_over()
+    return Parts(_sheet(shells, mesh, given, maps, notes), rigid)
+
+
+def _element_data(
+    data: Tag | None, mesh: FebMesh
+) -> tuple[dict[str, dict[str, Tag]], dict[str, Tag]]:
+    """By part and type, and the other ones by name."""
+    given: dict[str, dict[str, Tag]] = {}
+    maps: dict[str, Tag] = {}
+    for t in data.all("ElementData") if data is not None else []:
+        kind = t.attributes.get("type") or t.attributes.get("var") or ""
+        kind = kind.replace("mat axis", "mat_axis")
+        name = t.attribute("elem_set").removeprefix("@elem_set:")
+        mesh.elements_of(t, name)
+        if kind in ("shell thickness", "fiber", "mat_axis"):
+            if name not in mesh.blocks:
+                raise t.fault(f"{kind} is read for whole parts only, and {name!r} is none")
+            given.setdefault(name, {})[kind] = t
+        else:
+            t.used = False
+            maps[t.attributes.get("name", kind)] = t
+    return given, maps
+
+
+def _sheet(
+    shells: list[tuple[Tag, Block, Material]],
+    mesh: FebMesh,
+    given: dict[str, dict[str, Tag]],
+    maps: dict[str, Tag],
+    notes: list[str],
+) -> Sheet:
+    columns = []
+    for number, (t, block, m) in enumerate(shells):
+        own = given.get(t.attribute("name"), {})
+        _check_domain(t, block, notes)
+        corners = mesh.points[block.quads]
+        thickness = _thickness(t, block, own.get("shell thickness"))
+        fibre = fibre_directions(m, corners, own, maps)
+        columns.append((block.quads, block.ids, np.full(len(block.ids), number), thickness, fibre))
+    quads, ids, part, thickness, fibre = (np.concatenate(c) for c in zip(*columns, strict=True))
+    length = np.linalg.norm(fibre, axis=1, keepdims=True)
+    return Sheet(
+        tuple(t.attribute("name") for t, _, _ in shells),
+        tuple(m for _, _, m in shells),
+        quads,
+        ids,
+        part,
+        thickness,
+        fibre / np.where(length > 0, length, 1.0),
+    )
+
+
+def _check_domain(t: Tag, block: Block, notes: list[str]) -> None:
+    kind = t.attributes.get("type", DOMAINS[0])
+    if kind not in DOMAINS:
+        raise t.fault(f"the shell formulation {kind!r} is not read; known: {', '.join(DOMAINS)}")
+    if not t.value("shell_normal_nodal", 1.0):
+        notes.append(
+            f"{t.path} {t.attribute('name')!r} (line {t.line}): element normals as directors are "
+            "not kept; directors are the nodes' mean normals"
+        )
+    if block.kind != "q4ans":
+        notes.append(
+            f"{block.tag.path} {t.attribute('name')!r} (line {block.tag.line}): {block.kind} "
+            "elements are taken as our locking-free shell; FEBio's may lock in bending"
+        )
+
+
+def _thickness(t: Tag, block: Block, data: Tag | None) -> Array:
+    """(k, 4)."""
+    k, corners = block.nodes.shape
+    out = np.full((k, 4), t.value("shell_thickness", 0.0))
+    if data is None:
+        return out
+    last = np.minimum(np.arange(4), corners - 1)
+    if data.rows is None:
+        out[:] = np.array(data.numbers(corners))[last]
+        return out
+    number, line, values = rows_of(data, corners)
+    wrong = np.flatnonzero((number < 1) | (number > k))
+    if len(wrong):
+        i = wrong[0]
+        raise data.fault(f"the part has elements 1 to {k}, not {number[i]}", int(line[i]))
+    out[number - 1] = values[:, last]
+    return out

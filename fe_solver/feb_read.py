@@ -1,0 +1,264 @@
+"""FEBio 4 files (`.feb`): shells, rigid bodies and what joins and loads them, as a Job.
+
+FEBio's shell nodes lie on the face that the element's normal (right-handed about its nodes) points
+away from the material at: a point at depth e in [-1, 1] is x - D (1 - e) / 2 with D the thickness
+times the normal (FEBioMech/FESSIShellDomain.cpp), so that the mid-surface lies half a thickness
+against the normal.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import groupby
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .feb_bodies import (
+    GROUND,
+    Model,
+    Units,
+    owners,
+    read_bodies,
+    read_curves,
+    triangles_of,
+)
+from .feb_conditions import (
+    fixed_nodes,
+    matched,
+    read_forces,
+    read_held,
+    read_pressures,
+    read_springs,
+    read_tied,
+)
+from .feb_materials import read_materials
+from .feb_mesh import FebMesh, read_mesh_section
+from .feb_parts import Parts, Sheet, read_parts
+from .feb_xml import Tag, read_xml
+from .job import Body, ContactPair, Job, Part, Step
+
+Ints = NDArray[np.intp]
+
+CONTACTS = ("sliding-elastic", "sliding-facet-on-facet", "sliding-node-on-facet")
+CRITICAL = ("Boundary", "Rigid", "Loads", "Discrete", "Material", "MeshDomains", "MeshData/Element")
+REFUSED = ("Constraints", "MeshAdaptor", "Include", "Code")
+REASONS = {
+    "Output": "what is written is chosen by the caller",
+    "Globals": "constants that a static shell does not use",
+    "Control": "FEBio's own solver and step settings",
+    "Contact": "FEBio's own search, penalty and augmentation settings",
+    "Mesh": "nothing that is read uses it",
+    "Initial": "initial conditions are not used by a static solve",
+}
+
+
+def read_feb(path: Path | str, length_unit: float = 1e-3, force_unit: float = 1.0) -> Job:
+    """A FEBio 4 file as a Job; `length_unit` m and `force_unit` N are the file's units.
+
+    Raises InputError, naming file and line, where the file is not safe or well-formed, where
+    something is missing, and where it holds what would change the answer and is not read; what else
+    is left out is listed in the job's notes."""
+    path = Path(path)
+    root = read_xml(path, "febio_spec")
+    _check_header(root)
+    sections = _Sections(root)
+    notes: list[str] = []
+    units = Units(length_unit, force_unit)
+    mesh = read_mesh_section(sections.one("Mesh"))
+    materials = read_materials(sections.one("Material"), units.stress)
+    data = root.one("MeshData")
+    parts = read_parts(sections.one("MeshDomains"), data, mesh, materials, notes)
+    rigid = tuple(m.name for m in materials if m.rigid)
+    boundary = [t for s in sections.of("Boundary") for t in s.all("bc")]
+    shell = np.full(len(mesh.points), -1)
+    shell[parts.sheet.nodes] = np.arange(len(parts.sheet.nodes))
+    body = owners(mesh, parts, boundary, rigid, materials)
+    curves = read_curves(root.one("LoadData"))
+    model = Model(mesh, units, materials, rigid, shell, body, curves, notes)
+    job = _job(path.stem, model, parts, sections)
+    return _with_notes(job, root, notes)
+
+
+class _Sections:
+    """Top-level sections; those of a single step count as its file's."""
+
+    def __init__(self, root: Tag) -> None:
+        self.root = root
+        holder = root.one("Step")
+        self.steps = holder.all("step") if holder is not None else []
+        if len(self.steps) > 1:
+            for t in [t for step in self.steps for t in step.children]:
+                if t.name not in ("Control", "Output"):
+                    raise t.fault(
+                        "conditions that belong to one of several steps are not read; move them to "
+                        "the top level and let a load curve switch them"
+                    )
+
+    def of(self, name: str) -> list[Tag]:
+        places = [self.root, *(self.steps if len(self.steps) == 1 else [])]
+        return [t for place in places for t in place.all(name)]
+
+    def one(self, name: str) -> Tag:
+        found = self.root.one(name)
+        if found is None:
+            raise self.root.fault(f"the section <{name}> is missing")
+        return found
+
+
+def _check_header(root: Tag) -> None:
+    root.used = True
+    version = root.attributes.get("version", "")
+    if version != "4.0":
+        raise root.fault(
+            f"version {version!r} is not read, only 4.0; FEBio Studio exports older files as 4.0"
+        )
+    module = root.one("Module")
+    if module is not None and module.attribute("type") != "solid":
+        raise module.fault(f"the module {module.attribute('type')!r} is not read, only solid")
+    for t in root.children:
+        if t.name in REFUSED and (t.children or t.text.strip()):
+            raise t.fault(f"<{t.name}> is not read, and without it the answer would be wrong")
+        if "from" in t.attributes:
+            raise t.fault("sections from other files are not followed; put them into this one")
+
+
+def _job(name: str, model: Model, parts: Parts, sections: _Sections) -> Job:
+    sheet, units, mesh = parts.sheet, model.units, model.mesh
+    tied = read_tied(model, sections.of("Boundary"))
+    held, directors = read_held(model, sections.of("Boundary"), tied)
+    springs = read_springs(
+        model, sections.of("Discrete"), fixed_nodes(model, sections.of("Boundary"))
+    )
+    pairs = _contact_tags(mesh, sections.of("Contact"))
+    sides = [_sides(model, sheet, t, pair) for t, pair in pairs]
+    touched: dict[int, list[Ints]] = {}
+    for _, _, body, facets in sides:
+        touched.setdefault(body, []).append(facets)
+    bodies, vertices = read_bodies(model, parts, sections.of("Rigid"), touched)
+    if any((s.body == len(bodies)).any() for s in springs):
+        none = np.zeros((0, 3))
+        bodies += (Body(GROUND, np.zeros(3), none, none.astype(np.intp)),)
+    contacts = tuple(
+        _contact(model, t, quads, np.searchsorted(vertices[body], triangles_of(facets)), body)
+        for (t, _), (quads, _, body, facets) in zip(pairs, sides, strict=True)
+    )
+    return Job(
+        name,
+        mesh.points[sheet.nodes] * units.length,
+        mesh.node_ids[sheet.nodes],
+        model.shell[sheet.quads],
+        sheet.ids,
+        sheet.part,
+        tuple(Part(n, m.law) for n, m in zip(sheet.names, sheet.materials, strict=True) if m.law),
+        sheet.thickness * units.length,
+        -sheet.thickness * units.length / 2,
+        sheet.fibre,
+        bodies,
+        tied,
+        held,
+        directors,
+        springs,
+        read_forces(model, sections.of("Loads")),
+        read_pressures(model, sheet, sections.of("Loads")),
+        contacts,
+        _steps(sections),
+    )
+
+
+def _steps(sections: _Sections) -> tuple[Step, ...]:
+    controls = [
+        (f"step {i + 1}", t, c) for i, t in enumerate(sections.steps) for c in t.all("Control")
+    ]
+    top = sections.root.one("Control")
+    if top is not None and controls:
+        raise top.fault("<Control> stands at the top level and in a step; keep one of them")
+    if top is not None:
+        controls = [("step 1", sections.root, top)]
+    if not controls:
+        raise sections.root.fault("<Control> is missing: the number and size of the time steps")
+    out: list[Step] = []
+    for name, holder, t in controls:
+        if t.word("analysis", "STATIC").upper() not in ("STATIC", "STEADY-STATE"):
+            raise t.fault("only a STATIC analysis is read")
+        count, size = t.value("time_steps", 0.0), t.value("step_size", 0.0)
+        if not (count >= 1 and count == round(count) and size > 0):
+            raise t.fault("expected <time_steps> of at least 1 and a positive <step_size>")
+        start = out[-1].end if out else 0.0
+        out.append(Step(holder.attributes.get("name", name), start + count * size, int(count)))
+    return tuple(out)
+
+
+def _contact_tags(mesh: FebMesh, sections: list[Tag]) -> list[tuple[Tag, tuple[str, str]]]:
+    out = []
+    for t in [t for s in sections for t in s.all("contact")]:
+        name = t.attribute("surface_pair")
+        if t.attribute("type") not in CONTACTS:
+            raise t.fault(
+                f"the contact {t.attribute('type')!r} is not read; known: {', '.join(CONTACTS)}"
+            )
+        if name not in mesh.pairs:
+            raise t.fault(f"there is no SurfacePair {name!r}")
+        out.append((t, mesh.pairs[name]))
+    return out
+
+
+def _sides(
+    model: Model, sheet: Sheet, t: Tag, pair: tuple[str, str]
+) -> tuple[Ints, Ints, int, Ints]:
+    """The quads (k,) on one side of a pair and how their facets are wound; the body, and the facets
+    (nt, 4) on its side."""
+    first, second = (model.mesh.surface_of(t, name) for name in pair)
+    if (model.body[first] >= 0).all():
+        first, second = second, first
+    owner = np.unique(np.where(model.shell[second] >= 0, -1, model.body[second]))
+    if len(owner) != 1 or owner[0] < 0:
+        raise t.fault("contact is read between the shell and one rigid body only")
+    quads, wound = matched(model, sheet, t, first)
+    return quads, wound, int(owner[0]), second
+
+
+def _contact(model: Model, t: Tag, quads: Ints, triangles: Ints, body: int) -> ContactPair:
+    if t.flag("tension"):
+        raise t.fault("contact that also pulls (<tension>) is not read")
+    back = t.flag("shell_bottom_primary") or t.flag("shell_bottom_secondary")
+    automatic = t.flag("auto_penalty")
+    units = model.units
+    return ContactPair(
+        t.attributes.get("name", t.attribute("surface_pair")),
+        quads,
+        np.full(len(quads), -1 if back else 1),
+        body,
+        triangles,
+        t.value("penalty", 1.0) * (1.0 if automatic else units.force / units.length**3),
+        automatic,
+        t.value("fric_coeff", 0.0),
+        t.value("offset", 0.0) * units.length,
+    )
+
+
+def _with_notes(job: Job, root: Tag, notes: list[str]) -> Job:
+    """Every tag that nothing read becomes a note, or an error where it may change the answer."""
+    left = []
+    for t in root.unread():
+        path = t.path.removeprefix("Step/step/")
+        if path.startswith(CRITICAL):
+            raise t.fault("is not known to this reader and may change the answer")
+        left.append((path, t))
+    for (parent, why), group in groupby(left, key=lambda x: _reason(x[0])):
+        tags = [t for _, t in group]
+        names = ", ".join(dict.fromkeys(_label(t) for t in tags))
+        lines = sorted({t.line for t in tags})
+        where = f"line {lines[0]}" if len(lines) == 1 else f"lines {lines[0]}-{lines[-1]}"
+        notes.append(f"{parent or 'file'} ({where}): {names}: {why}")
+    return replace(job, notes=tuple(dict.fromkeys(notes)))
+
+
+def _label(t: Tag) -> str:
+    return f"{t.name} {t.attributes['name']!r}" if "name" in t.attributes else t.name
+
+
+def _reason(path: str) -> tuple[str, str]:
+    top = path.split("/")[0]
+    return path.rpartition("/")[0], REASONS.get(top, "not known to this reader")
