@@ -117,6 +117,23 @@ class Evaluation:
 
 
 @dataclass(frozen=True)
+class Inertia:
+    """Springs that hold the nodes where inertia would take them: stiffness (n,) N/m to position (n,
+    3), turning (n,) N m to director (n, 3).  A mass over the square of a time step is one."""
+
+    stiffness: Array
+    position: Array
+    turning: Array
+    director: Array
+
+    def pull(self, c: Configuration) -> tuple[float, Array, Array]:
+        """Energy, J, and its gradients by position and director (n, 3)."""
+        x, d = c.x - self.position, c.d - self.director
+        gx, gd = self.stiffness[:, None] * x, self.turning[:, None] * d
+        return float(np.vdot(gx, x) + np.vdot(gd, d)) / 2, gx, gd
+
+
+@dataclass(frozen=True)
 class ShellModel:
     """A shell, its supports and loads; tendons pull guided nodes along their first axis with shares
     `share` (nt, k) of k guided nodes, each row adding up to one.  `dead` (n, 3) N are forces on the
@@ -138,6 +155,7 @@ class ShellModel:
     pressure: Array | None = None
     links: NodeSprings = field(default_factory=NodeSprings.none)
     """Springs between nodes of the shell."""
+    inertia: Inertia | None = None
     groups: tuple[str, ...] = ()
     """Names of the springs' groups."""
     regions: tuple[str, ...] = ()
@@ -244,6 +262,9 @@ class ShellModel:
             energy -= float(np.vdot(self.dead, c.x - self.reference))
         follower = self._follower(c.x)
         gx -= follower
+        if self.inertia is not None:
+            more, ix, id_ = self.inertia.pull(c)
+            energy, gx, gd = energy + more, gx + ix, gd + id_
         pulled = gx.copy()
         pulled[self.guides.node] -= self.pulls(c, tension)
         reduced = np.concatenate(
@@ -291,6 +312,9 @@ class ShellModel:
         pairs = np.einsum("kaji,kajbl,kblm->kaibm", B, links.hessian.reshape(-1, 2, 3, 2, 3), B)
         np.add.at(nodal[:, :3, :3], self.links.nodes[:, 0], pairs[:, 0, :, 0])
         np.add.at(nodal[:, :3, :3], self.links.nodes[:, 1], pairs[:, 1, :, 1])
+        if self.inertia is not None:
+            nodal[:, range(3), range(3)] += self.inertia.stiffness[:, None]
+            bend = bend + self.inertia.turning
         # the sphere's curvature: the second variation of a unit director is -|angle|^2 d
         bend[self.ties.node] = 0.0
         nodal[:, 3, 3] = nodal[:, 4, 4] = bend
