@@ -9,14 +9,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cosim.case_schema import Case, GeneratedMesh, IndexFinger, ShellHood
+from cosim import case_schema as schema
+from cosim.case_schema import Case, GeneratedMesh, IndexFinger, Region, ShellHood
 from cosim.port import Array, InputError, Motion, State
 
 if TYPE_CHECKING:
     from fe_solver.hood_model import Tendon
+    from fe_solver.materials import Law, Linear
     from fe_solver.section import Section
     from fe_solver.shell_hood import ShellHood as FeHood
     from fe_solver.surfaces import Surface
+    from fe_solver.tension_field import TensionField
     from meshes.hood_mesh import HoodMesh
     from meshes.skeleton import Skeleton
 
@@ -177,16 +180,48 @@ def shell_hood_of(
 
 def _section(hood: ShellHood, mesh: HoodMesh, thickness: Array) -> Section:
     """The materials of the regions, each of its thickness."""
-    from fe_solver.materials import Isotropic
     from fe_solver.section import Patch, joined_sections
     from meshes.hood_mesh import REGIONS
 
     patches = []
     for i in np.unique(mesh.region):
         region, cells = hood.regions[REGIONS[i]], np.flatnonzero(mesh.region == i)
-        law = Isotropic(region.modulus, region.poisson)
-        patches.append(Patch(cells, law, np.tile(thickness[cells, None], (1, 4))))
+        h = np.tile(thickness[cells, None], (1, 4))
+        patches.append(Patch(cells, _law(REGIONS[i], region), h))
     return joined_sections(patches)
+
+
+def _law(name: str, region: Region) -> Law | TensionField:
+    """A region's material.  Raises InputError, with its name, for one that is none."""
+    from fe_solver import fibre_materials, hyperelastic, materials
+    from fe_solver.tension_field import TensionField
+
+    def bulk(modulus: float | None) -> float:
+        return np.inf if modulus is None else modulus
+
+    try:
+        match region:
+            case schema.Isotropic() as r:
+                linear: Linear = materials.Isotropic(r.modulus, r.poisson)
+                return TensionField(linear) if r.tension_field else linear
+            case schema.TransverselyIsotropic() as r:
+                linear = materials.Orthotropic.transversely_isotropic(
+                    r.modulus_along, r.modulus_across, r.poisson, r.shear_modulus, r.poisson_across
+                )
+                return TensionField(linear) if r.tension_field else linear
+            case schema.NeoHookean() as r:
+                return hyperelastic.NeoHookean(r.modulus, r.poisson)
+            case schema.FibreMooneyRivlin() as r:
+                return fibre_materials.TransIsoMooneyRivlin(
+                    r.c1, r.c2, r.c3, r.c4, r.c5, r.lam_max, bulk(r.bulk_modulus)
+                )
+            case schema.FibreGasser() as r:
+                return fibre_materials.HolzapfelGasserOgden(
+                    r.c, r.k1, r.k2, r.dispersion, r.angle, bulk(r.bulk_modulus)
+                )
+        raise AssertionError(f"no law for {type(region).__name__}")
+    except InputError as error:
+        raise InputError(f"hood.regions.{name}: {error}") from error
 
 
 def _thickness(hood: ShellHood, mesh: HoodMesh) -> Array:

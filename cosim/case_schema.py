@@ -22,6 +22,7 @@ Acceleration = Annotated[
     float, quantity(units.ACCELERATION, least="-100 m/s**2", most="100 m/s**2")
 ]
 Thickness = Annotated[float, quantity(units.LENGTH, above="0 mm", most="5 mm")]
+Modulus = Annotated[float, quantity(units.PRESSURE, above="0 MPa", most="100 GPa")]
 Section = Annotated[float, quantity(units.AREA, above="0 mm**2", most="100 mm**2")]
 Gap = Annotated[float, quantity(units.LENGTH, above="0 mm", most="1 mm")]
 Offset = Annotated[float, quantity(units.LENGTH, least="0 mm", most="10 mm")]
@@ -161,11 +162,9 @@ class MeshFile(Table):
 
 
 class Region(Table):
-    """An isotropic material; its thickness, or the cross-section that thickness times the region's
-    mean width makes, where it differs from the hood's."""
+    """What every region may say: its thickness, or the cross-section that thickness times the
+    region's mean width makes, where it differs from the hood's."""
 
-    modulus: Annotated[float, quantity(units.PRESSURE, above="0 MPa", most="100 GPa")]
-    poisson: Annotated[Number, Field(ge=0, le=0.49)]
     thickness: Thickness | None = None
     section: Section | None = None
 
@@ -174,6 +173,72 @@ class Region(Table):
         if self.thickness is not None and self.section is not None:
             raise fault("gives both thickness and section; write one of them")
         return self
+
+
+class Isotropic(Region):
+    """Saint Venant-Kirchhoff; with `tension_field` the sheet wrinkles instead of bearing
+    compression in its plane."""
+
+    kind: Literal["isotropic"]
+    modulus: Modulus
+    poisson: Annotated[Number, Field(ge=0, le=0.49)]
+    tension_field: Switch = False
+
+
+class TransverselyIsotropic(Region):
+    """Saint Venant-Kirchhoff with fibres: moduli along and across them, contraction across a pull
+    along them (`poisson`) and in the plane across them (`poisson_across`), shear along them."""
+
+    kind: Literal["transversely_isotropic"]
+    modulus_along: Modulus
+    modulus_across: Modulus
+    shear_modulus: Modulus
+    poisson: Annotated[Number, Field(ge=0, le=2)]
+    poisson_across: Annotated[Number, Field(ge=0, le=0.99)]
+    tension_field: Switch = False
+
+
+class NeoHookean(Region):
+    """Compressible, by its moduli at small strain."""
+
+    kind: Literal["neo_hookean"]
+    modulus: Modulus
+    poisson: Annotated[Number, Field(ge=0, le=0.49)]
+
+
+class FibreMooneyRivlin(Region):
+    """FEBio's `trans iso Mooney-Rivlin`: matrix c1, c2, fibres with an exponential toe c3 (exp(c4
+    (l - 1)) - 1) up to the stretch lam_max, linear with c5 beyond; incompressible without a bulk
+    modulus."""
+
+    kind: Literal["trans_iso_mooney_rivlin"]
+    c1: Modulus
+    c2: Annotated[float, quantity(units.PRESSURE, least="0 MPa", most="100 GPa")]
+    c3: Modulus
+    c4: Annotated[Number, Field(gt=0, le=600)]
+    c5: Modulus
+    lam_max: Annotated[Number, Field(gt=1, le=2)]
+    bulk_modulus: Modulus | None = None
+
+
+class FibreGasser(Region):
+    """Holzapfel, Gasser and Ogden: matrix c, fibres k1, k2 dispersed by `dispersion` (0 aligned,
+    1/3 isotropic) about the two directions at `angle` from the region's own; incompressible
+    without a bulk modulus."""
+
+    kind: Literal["holzapfel_gasser_ogden"]
+    c: Modulus
+    k1: Modulus
+    k2: Annotated[Number, Field(gt=0, le=1e4)]
+    dispersion: Annotated[Number, Field(ge=0, le=0.3333)]
+    angle: Annotated[float, quantity(units.ANGLE, least="0 deg", most="90 deg")]
+    bulk_modulus: Modulus | None = None
+
+
+Material = Annotated[
+    Isotropic | TransverselyIsotropic | NeoHookean | FibreMooneyRivlin | FibreGasser,
+    Field(discriminator="kind"),
+]
 
 
 class ContactOffset(Table):
@@ -216,7 +281,7 @@ class ShellHood(Table):
     kind: Literal["shell"]
     mesh: Annotated[GeneratedMesh | MeshFile, Field(discriminator="kind")]
     thickness: Thickness
-    regions: dict[Annotated[str, name_of("region", REGIONS)], Region]
+    regions: dict[Annotated[str, name_of("region", REGIONS)], Material]
     contact: Contact
     extra_length: ExtraLengths = ExtraLengths()
     springs: dict[Annotated[str, name_of("spring set", SPRINGS)], Spring]

@@ -11,7 +11,10 @@ import pytest
 
 from cosim.build import Models, build, hood_mesh, tensions
 from cosim.case import load_case
-from cosim.port import InputError
+from cosim.port import STATIC, InputError
+from fe_solver.fibre_materials import HolzapfelGasserOgden, TransIsoMooneyRivlin
+from fe_solver.hyperelastic import NeoHookean
+from fe_solver.materials import Orthotropic
 from meshes.bones import load_bone
 from meshes.hood_mesh import REGIONS, HoodMesh, read
 
@@ -320,3 +323,59 @@ def test_extra_length_of_a_region_that_the_mesh_lacks_is_refused(tmp_path):
     case = load_case("isometric_edc", [edited(tmp_path, regions=fewer), longer])
     with pytest.raises(InputError, match=r"hood\.extra_length\.terminal_slip: the mesh has no"):
         build(case)
+
+
+POSTURE = {"MCP": 0.5, "MCP_abduction": 0.0, "PIP": 0.8, "DIP": 0.25}
+MATERIALS = {
+    "transversely_isotropic": (
+        'modulus_along="100 MPa", modulus_across="5 MPa", shear_modulus="4 MPa", poisson=0.4, '
+        "poisson_across=0.4",
+        Orthotropic,
+    ),
+    "neo_hookean": ('modulus="100 MPa", poisson=0.4', NeoHookean),
+    "trans_iso_mooney_rivlin": (
+        'c1="2 MPa", c2="0 MPa", c3="0.5 MPa", c4=60, c5="900 MPa", lam_max=1.03, '
+        'bulk_modulus="2000 MPa"',
+        TransIsoMooneyRivlin,
+    ),
+    "holzapfel_gasser_ogden": (
+        'c="8 MPa", k1="60 MPa", k2=10, dispersion=0.1, angle="10 deg"',
+        HolzapfelGasserOgden,
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", MATERIALS)
+def test_a_region_of_any_material_solves(kind):
+    text, law = MATERIALS[kind]
+    models, mesh = made(f'hood.regions.central_band={{kind="{kind}", {text}}}')
+    band = np.flatnonzero(mesh.cells("central_band"))
+    patch = next(p for p in models.hood.model.section.patches if p.elements[0] in band)
+    assert type(patch.law) is law
+    assert np.array_equal(patch.elements, band)
+    motion = models.finger.motion(models.finger.start(POSTURE))
+    response = models.hood.advance(models.hood.start(motion), motion, np.full(4, 0.5), STATIC)
+    wrench = response.load.wrench.sum(axis=1)
+    total = wrench[:, :3].sum(axis=0) - response.load.pull[:, :3].sum(axis=0)
+    assert np.abs(total).max() < 1e-8
+
+
+def test_a_wrinkling_sheet_bears_less():
+    """The same finger, straighter than the sheet was laid: it pushes less where it may wrinkle."""
+    regions = load_case("isometric_edc").hood.regions
+    wrinkling = [f"hood.regions.{name}.tension_field=true" for name in regions]
+    pushes = []
+    for settings in ((), wrinkling):
+        models, _ = made(*settings)
+        motion = models.finger.motion(models.finger.start(POSTURE | {"PIP": np.deg2rad(25)}))
+        response = models.hood.advance(models.hood.start(motion), motion, np.full(4, 0.2), STATIC)
+        strain = models.hood.strain(response.state)
+        pushes.append(-models.hood.model.section.response(strain).force[..., :2].min())
+    assert pushes[1] < 0.2 * pushes[0]
+
+
+def test_a_material_that_is_none_names_its_region():
+    text = MATERIALS["transversely_isotropic"][0].replace("poisson=0.4,", "poisson=1.9,")
+    text = text.replace('across="5', 'across="90')
+    with pytest.raises(InputError, match=r"hood\.regions\.central_band: .*nu12"):
+        made(f'hood.regions.central_band={{kind="transversely_isotropic", {text}}}')
