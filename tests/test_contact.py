@@ -231,10 +231,11 @@ def drawn(model: ShellModel, c: Configuration, by: float) -> Solution:
     return solve_augmented(model, model.posed(c, position, c.rotation), NO_TENSION, TIGHT)
 
 
-def test_a_block_sticks_slides_and_gives_heat():
+@pytest.mark.parametrize("share", [None, np.full(9, 0.5)])
+def test_a_block_sticks_slides_and_gives_heat(share):
     """Coulomb's block drawn by springs of 9 N/mm: sticks below mu N, then slides; on the way back
     it sticks at once.  The heat is the limit times the slip."""
-    model = pushed(0.4, shear=1e12)
+    model = pushed(0.4, shear=1e13, share=share)
     c, drags, heats = at_rest(model), [], []
     for by in (0.02e-3, 0.1e-3, 0.2e-3, 0.19e-3):
         solution = drawn(model, c, by)
@@ -255,14 +256,14 @@ def test_friction_by_hand():
     """Elastic to the limit of 2 N at 2 um, then constant, with no jump of force or energy; what
     goes along the normal is no slip."""
     n, none = 5, np.zeros(5)
-    slip = np.array([0, 1e-6, 2e-6 - 1e-12, 2e-6 + 1e-12, 5e-6])
+    slip = np.array([0, 1e-6, 2e-6 - 1e-12, 2e-6 + 1e-12, 3e-6])
     local = np.outer(slip, [0.6, 0.8, 0]) + np.outer(np.arange(n), [0, 0, 1e-3])
     grip = Grip(np.zeros((n, 3)), np.tile([0.0, 0, 1], (n, 1)), np.full(n, 2.0), none)
     floor = HalfSpace(np.zeros(3), np.array([0.0, 0, 1]))
     area = np.full(n, 1e-6)
     contact = Contact(0, floor, np.arange(n), none, area, 1e9, 1e-6, friction=0.4, shear=1e12)
     energy, gradient, _ = friction_forces(contact, grip, local)
-    assert energy == pytest.approx([0, 0.5e-6, 2e-6, 2e-6, 8e-6], rel=1e-5)
+    assert energy == pytest.approx([0, 0.5e-6, 2e-6, 2e-6, 4e-6], rel=1e-5)
     assert gradient == pytest.approx(np.outer([0, 1, 2, 2, 2], [0.6, 0.8, 0]), rel=1e-5)
 
 
@@ -299,6 +300,13 @@ def test_augmented_pressure_does_not_know_penalty_or_smoothing():
         penalty = solve(model, at_rest(model), NO_TENSION, TIGHT).configuration
         gap = model.contacts[0].gap(penalty.x, *shells.GROUND)
         assert np.abs(gap).max() > 1e-6
+
+
+def test_a_stiffer_contact_sticks_as_before():
+    solution = contact_rows.wrapped(0.3, (0.3e-3,), 48)
+    began, ended = contact_rows.strip(48, 1e11, 0.3).contacts[0], solution.model.contacts[0]
+    assert ended.stiffness > began.stiffness
+    assert ended.stick == pytest.approx(began.stick)
 
 
 def test_a_loop_that_cannot_end_says_where():

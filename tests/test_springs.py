@@ -101,6 +101,14 @@ def test_a_straight_curve_is_a_linear_spring():
             assert a == pytest.approx(b, rel=1e-12, abs=1e-15)
 
 
+def test_the_stiffness_at_which_a_slack_curve_would_close():
+    """Newton foresees a spring that pulls only: by its slope now, or that at its slack length."""
+    spring = replace(ONE, curves=(TOE,))
+    for place, stretch in ((1e-3, 0.0), (4e-3, 2e-3)):
+        forces = spring_forces(spring, np.array([[place, 0, 0]]), *GROUND, True)
+        assert forces.stiffness == pytest.approx(TOE(np.array([stretch]))[2])
+
+
 @pytest.mark.parametrize(
     ("stretch", "force", "words"),
     [

@@ -1,0 +1,62 @@
+"""Fibre directions at nodes and Gauss points."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shells
+
+from fe_solver.fibres import at_nodes, smoothed
+from fe_solver.shell import GAUSS, shape
+
+
+def ring(around: int):
+    """A quarter ring, fibres along it at the elements' centres."""
+
+    def bent(uv):
+        radius, turn = 1 + uv[:, 1], np.pi / 2 * uv[:, 0]
+        return np.column_stack([radius * np.cos(turn), radius * np.sin(turn), 0 * turn])
+
+    X, quads = shells.mapped(around, 4, bent)
+    centre = X[quads].mean(axis=1)
+    return X, quads, np.cross([0.0, 0, 1], centre)
+
+
+def worst_angle(around: int) -> float:
+    X, quads, fibre = ring(around)
+    signs = np.where(np.arange(len(quads)) % 2, -1.0, 1.0)
+    seen = smoothed(quads, fibre * signs[:, None])
+    at = np.stack([np.einsum("a,nak->nk", shape(r, s)[0], X[quads]) for r, s in GAUSS], axis=1)
+    exact = np.cross([0.0, 0, 1], at)
+    exact /= np.linalg.norm(exact, axis=2, keepdims=True)
+    return float(np.linalg.norm(np.cross(seen, exact), axis=2).max())
+
+
+def test_a_uniform_field_stays_whatever_its_signs():
+    _, quads, _ = ring(6)
+    fibre = np.tile([0.6, 0.8, 0.0], (len(quads), 1))
+    fibre[::3] *= -2.0
+    expected = np.tile([0.6, 0.8, 0.0], (len(quads), 4, 1))
+    assert np.abs(smoothed(quads, fibre)) == pytest.approx(expected, abs=1e-12)
+
+
+def test_a_turning_field_converges():
+    """At the ends of the ring only one column of elements is known: first order."""
+    coarse, fine = worst_angle(8), worst_angle(16)
+    assert fine < 0.06
+    assert np.log2(coarse / fine) == pytest.approx(1, abs=0.1)
+
+
+def test_regions_keep_their_own():
+    _, quads, _ = ring(6)
+    region = np.repeat(["a", "b"], len(quads) // 2)
+    fibre = np.where((region == "a")[:, None], [1.0, 0, 0], [0, 1.0, 0])
+    seen = smoothed(quads, fibre, region)
+    assert seen == pytest.approx(np.repeat(fibre[:, None], 4, axis=1), abs=1e-12)
+    assert not np.allclose(smoothed(quads, fibre), seen)
+
+
+def test_a_node_without_elements_has_no_direction():
+    nodal = at_nodes(np.array([[0, 1, 2, 3]]), np.array([[0.0, 2, 0]]), 5)
+    assert nodal[:4] == pytest.approx(np.tile([0.0, 1, 0], (4, 1)))
+    assert not nodal[4:].any()
