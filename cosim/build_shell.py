@@ -173,7 +173,14 @@ def shell_hood_of(
         "metacarpal",
         np.array([-1.0, 0.0, 0.0]),
         _tendons(mesh),
-        ContactLaw(hood.contact.stiffness, hood.contact.smoothing, _surfaces(bones), offset),
+        ContactLaw(
+            hood.contact.stiffness,
+            hood.contact.smoothing,
+            _surfaces(bones),
+            offset,
+            hood.contact.penetration,
+            hood.contact.friction,
+        ),
         NewtonOptions(tolerance=case.solve.hood_tolerance),
     )
 

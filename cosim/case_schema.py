@@ -251,13 +251,16 @@ class ContactOffset(Table):
 
 
 class Contact(Table):
-    """Frictionless contact of hood and bones."""
+    """Contact of hood and bones: a penalty; with `penetration` augmented until no node penetrates
+    further, with `friction` (Coulomb's coefficient) augmented too."""
 
     stiffness: Annotated[
         float, quantity(units.CONTACT_STIFFNESS, above="0 N/mm**3", most="1e6 N/mm**3")
     ]
     smoothing: Gap
     offset: ContactOffset
+    penetration: Gap | None = None
+    friction: Annotated[Number, Field(ge=0, le=2)] = 0.0
 
 
 class ExtraLengths(Table):

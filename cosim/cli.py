@@ -14,6 +14,7 @@ import typer
 
 from cosim import __version__
 from cosim.port import CosimError, InputError
+from cosim.shell_commands import verify
 
 if TYPE_CHECKING:
     from cosim.case_schema import Case
@@ -25,6 +26,7 @@ app = typer.Typer(
     rich_markup_mode=None,
     help="Co-simulation of a finger's extensor hood and its bones.",
 )
+app.add_typer(verify, name="verify")
 Cases = Annotated[list[str], typer.Argument(help="Case files, or names of packaged cases.")]
 Settings = Annotated[
     list[str] | None,

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .contact import contact_fields
 from .model import Configuration, ShellModel
 
 Array = NDArray[np.float64]
@@ -37,12 +38,5 @@ def fields(model: ShellModel, c: Configuration) -> Fields:
 
 
 def contact_pressure(model: ShellModel, c: Configuration) -> Array:
-    """(n,) N/m2 of all bodies on each node, over the node's area."""
-    points = model.point_forces(c)
-    touching = points.group == -1
-    force = np.linalg.norm(points.gradient[touching], axis=1)
-    out = np.bincount(points.node[touching], weights=force, minlength=len(c.x))
-    area = np.full(len(c.x), np.inf)
-    for k in model.contacts:
-        area[k.nodes] = k.area
-    return out / area
+    """(n,) N/m2 of all bodies on each node, over the node's area, friction left out."""
+    return contact_fields(model.contacts, c.x, c.position, c.rotation).pressure.sum(axis=1)

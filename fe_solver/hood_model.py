@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from cosim.port import InputError, Motion
 
+from .augment import AugmentOptions
 from .contact import Contact
 from .model import Guides, ShellModel, Ties
 from .newton import NewtonOptions
@@ -67,15 +68,28 @@ class Tendon:
     share: Array
 
 
+PENETRATION = 1e-6
+"""m, where friction asks for augmented contact and nothing else is said."""
+
+
 @dataclass(frozen=True)
 class ContactLaw:
     """Stiffness N/m3, smoothing m, and by body the surface and the offset (m) of the shell's face
-    from the bare bone."""
+    from the bare bone.  With `penetration` (m) contact is augmented until no node penetrates
+    further; `friction` is Coulomb's coefficient, and asks for the same."""
 
     stiffness: float
     smoothing: float
     surfaces: Mapping[str, Surface]
     offset: Mapping[str, float]
+    penetration: float | None = None
+    friction: float = 0.0
+
+    def augment(self) -> AugmentOptions | None:
+        """How the outer loop is to end, where there is one."""
+        if self.penetration is None and not self.friction:
+            return None
+        return AugmentOptions(penetration=self.penetration or PENETRATION)
 
 
 def is_triangle(quads: Ints) -> NDArray[np.bool_]:
@@ -168,6 +182,7 @@ def shell_hood(
         carriers,
         tuple(held),
         options,
+        contact.augment(),
     )
 
 
@@ -226,6 +241,7 @@ def _contacts(
             area[nodes],
             law.stiffness,
             law.smoothing,
+            friction=law.friction,
         )
         for body, surface in law.surfaces.items()
     )

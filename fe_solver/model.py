@@ -160,6 +160,12 @@ class ShellModel:
     """Names of the springs' groups."""
     regions: tuple[str, ...] = ()
     """Name of each quad's region, for messages."""
+    node_ids: Ints | None = None
+    """Numbers (n,) by which the user knows the nodes, for messages; None counts them from 0."""
+
+    def node_name(self, node: int) -> str:
+        """A node as its user knows it."""
+        return f"node {node if self.node_ids is None else self.node_ids[node]}"
 
     @cached_property
     def pattern(self) -> Pattern:
@@ -441,7 +447,7 @@ class ShellModel:
         arm = c.x[g.node] - c.position[g.body]
         unit = np.concatenate([along, np.cross(arm, along)], axis=1)
         _add(wrench, g.body, unit[:, :, None] * self.share.T[:, None, :])
-        return residual.reshape(-1, nt), wrench.reshape(-1, nt)
+        return residual.reshape(len(c.x) * DOFS, nt), wrench.reshape(6 * nb, nt)
 
 
 def pressure_forces(x: Array, pressure: Array) -> Array:

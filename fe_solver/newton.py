@@ -97,7 +97,7 @@ def worst_place(model: ShellModel, c: Configuration, e: Evaluation) -> str:
     r = np.zeros(model.pattern.size)
     r[model.free] = e.reduced[model.free]
     node = int(np.argmax(np.abs(r.reshape(-1, DOFS)[:, :3]).max(axis=1)))
-    place = f"node {node} at ({', '.join(f'{v * 1e3:.2f}' for v in c.x[node])}) mm"
+    place = f"{model.node_name(node)} at ({', '.join(f'{v * 1e3:.2f}' for v in c.x[node])}) mm"
     if model.regions:
         quad = int(np.flatnonzero((model.quads == node).any(axis=1))[0])
         place += f" in the region {model.regions[quad]}"

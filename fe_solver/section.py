@@ -41,12 +41,15 @@ class Resultants(NamedTuple):
 class Patch:
     """Elements of one material: indices (k,), their law and thickness (k, 4) m at the Gauss
     points.  Parameters of the law that differ by element have shape (k, 1, 1); `factor` (k, 1) or
-    (1, 1) multiplies all its stresses."""
+    (1, 1) multiplies all its stresses.  `bending` (3, 3) Pa are moduli of bending besides the law's
+    own; `shear_correction` multiplies transverse shear."""
 
     elements: Ints
     law: Law | TensionField
     thickness: Array
     factor: Array = field(default_factory=lambda: np.ones((1, 1)))
+    bending: Array = field(default_factory=lambda: np.zeros((3, 3)))
+    shear_correction: float = SHEAR_CORRECTION
 
 
 @dataclass(frozen=True)
@@ -128,10 +131,11 @@ def _constant(p: Patch) -> Array:
     out = np.zeros((*h.shape, 8, 8))
     law = p.law.base if isinstance(p.law, TensionField) else p.law
     for i, modulus in ((6, law.shear()[0]), (7, law.shear()[1])):
-        out[..., i, i] = SHEAR_CORRECTION * h * np.broadcast_to(modulus, (*h.shape, 1))[..., 0]
+        out[..., i, i] = p.shear_correction * h * np.broadcast_to(modulus, (*h.shape, 1))[..., 0]
+    out[..., 3:6, 3:6] = p.bending * (h**3 / 12)[..., None, None]
     if isinstance(law, Linear):
         plane = np.broadcast_to(law.plane(), (*h.shape, 1, 3, 3))[:, :, 0]
-        out[..., 3:6, 3:6] = plane * (h**3 / 12)[..., None, None]
+        out[..., 3:6, 3:6] += plane * (h**3 / 12)[..., None, None]
         if law is p.law:
             out[..., :3, :3] = plane * h[..., None, None]
     return out

@@ -17,6 +17,7 @@ from cosim.port import (
     Response,
 )
 
+from .augment import AugmentOptions, settled, solve_augmented
 from .model import Configuration, ShellModel
 from .newton import NewtonOptions, Solution, solve
 
@@ -44,7 +45,8 @@ class ShellHood:
 
     `carriers` (n, nb) say how much of each node's motion each body carries in a large change of
     pose; `groups` names the springs' groups, each a source of the load; `rest` is the pose in
-    which the mesh was laid."""
+    which the mesh was laid.  With `augment` no node penetrates further than it says, and
+    contacts may rub; a state then remembers their pressures and where they stick."""
 
     model: ShellModel
     tendons: tuple[str, ...]
@@ -52,6 +54,7 @@ class ShellHood:
     carriers: Array
     groups: tuple[str, ...]
     options: NewtonOptions = field(default_factory=NewtonOptions)
+    augment: AugmentOptions | None = None
 
     @property
     def bodies(self) -> tuple[str, ...]:
@@ -87,7 +90,7 @@ class ShellHood:
     def jacobian(self, state: HoodState) -> HoodJacobian:
         """Derivatives by back-substitution with the factor of the solved state."""
         s = _solved(state)
-        by_motion, wrench_motion, by_tension, wrench_tension = self.model.coupling(
+        by_motion, wrench_motion, by_tension, wrench_tension = s.model.coupling(
             s.configuration, s.evaluation, s.tension
         )
         free = self.model.free
@@ -128,7 +131,7 @@ class ShellHood:
 
     def _predicted(self, s: Solution, motion: Motion) -> Configuration:
         """First-order prediction of the hood at a nearby motion under the same tensions."""
-        m, c = self.model, s.configuration
+        m, c = s.model, s.configuration
         by_motion = m.coupling(c, s.evaluation, s.tension)[0]
         twist = Motion(self.bodies, c.position, c.rotation).twist_to(motion).ravel()
         step = np.zeros(m.pattern.size)
@@ -152,7 +155,7 @@ class ShellHood:
         """Solve at once, and where that fails half the way first."""
         try:
             guess, near = self._guess(state, motion, tension)
-            solution = solve(self.model, guess, tension, self.options, near)
+            solution = self._equilibrium(state, guess, tension, near)
             return solution, solution.iterations
         except ConvergenceError:
             if halvings == 0:
@@ -163,6 +166,14 @@ class ShellHood:
         middle = HoodState(half, first.configuration, first)
         second, n2 = self._solve(middle, motion, tension, halvings - 1)
         return second, n1 + n2
+
+    def _equilibrium(
+        self, state: HoodState, guess: Configuration, tension: Array, near: bool
+    ) -> Solution:
+        if self.augment is None:
+            return solve(self.model, guess, tension, self.options, near)
+        model = settled(state.solution) if state.solution else self.model
+        return solve_augmented(model, guess, tension, self.options, self.augment)
 
     def _by_source(self, s: Solution) -> Array:
         """(nb, ns, 6) wrenches on the bodies."""

@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cosim.port import ConvergenceError
+
 from ..model import Configuration, ShellModel
 from ..newton import factorised, residual_norm, solve
 from ..shell import Array
@@ -14,6 +16,8 @@ from .sheets import BENCHMARK, NO_TENSION, at_rest
 
 CLOSE = 1e-6
 """Residual over the largest force at which the damped Newton takes over from the undamped one."""
+SEEN = 2e-4
+"""Relative change by a halved mesh below which no order is measured: other errors are as large."""
 MOST = 60
 LONGEST = np.array([2.0, 2.0, 2.0, 1.5, 1.5])
 """m and rad, of a node's undamped step."""
@@ -61,7 +65,10 @@ def undamped(model: ShellModel, c: Configuration) -> Configuration | None:
         if not np.isfinite(residual):
             return None
         step = np.zeros(model.pattern.size)
-        step[model.free] = -factorised(model, e.data).solve(e.reduced[model.free])
+        try:
+            step[model.free] = -factorised(model, e.data).solve(e.reduced[model.free])
+        except ConvergenceError:
+            return None
         longest = (np.abs(step.reshape(-1, 5)) / LONGEST).max()
         c = model.stepped(c, e.bases, step / max(1.0, longest))
     return None
@@ -74,10 +81,11 @@ def watching(node: int, direction: Array, n: int) -> Array:
     return out
 
 
-def halving_order(values: Array) -> Array:
-    """Order of convergence from results (3, ...) on three meshes, each half as coarse as the one
-    before: log2 of the ratio of the two changes."""
-    return np.asarray(np.log2(np.abs((values[1] - values[0]) / (values[2] - values[1]))))
+def halving_order(coarse: float, medium: float, fine: float) -> float | None:
+    """Order of convergence from results on three meshes, each half as coarse as the one before:
+    log2 of the ratio of the two changes; None where the last is too small to tell."""
+    first, last = abs(medium - coarse), abs(fine - medium)
+    return float(np.log2(first / last)) if last > SEEN * abs(fine) else None
 
 
 def error_order(coarse: float, fine: float) -> float:

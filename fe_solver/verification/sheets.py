@@ -112,11 +112,9 @@ def guided(
     return replace(model, guides=at, share=share)
 
 
-def mirrored(
-    model: ShellModel, mirror: np.ndarray, held: np.ndarray | bool = False
-) -> ShellModel:
-    """The model with nodes on mirror planes normal to the axes that `mirror` (n, 3) marks, and nodes
-    held along the axes that `held` (n, 3) marks with their directors free."""
+def mirrored(model: ShellModel, mirror: np.ndarray, held: np.ndarray | bool = False) -> ShellModel:
+    """The model with nodes on mirror planes normal to the axes that `mirror` (n, 3) marks, and
+    nodes held along the axes that `held` (n, 3) marks with their directors free."""
     move = mirror | held
     node = np.flatnonzero(move.any(axis=1))
     planes = mirror[node]

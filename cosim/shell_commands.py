@@ -1,0 +1,122 @@
+"""The commands of the shell solver alone: `cosim verify`."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from cosim.port import InputError
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from fe_solver.verification.row import Row
+
+verify = typer.Typer(
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    help="Solve problems whose answers are known, and judge the program by them.",
+)
+WIDTH = 120
+"""Columns where the output is no terminal."""
+
+
+@verify.callback()
+def _parts() -> None:
+    pass
+
+
+@verify.command()
+def fe(
+    as_json: Annotated[bool, typer.Option("--json", help="Print the table as JSON.")] = False,
+    only: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Only the studies whose name holds this.")
+    ] = None,
+    slow: Annotated[bool, typer.Option("--slow", help="The studies of many seconds too.")] = False,
+) -> None:
+    """Verify the shell solver; exit code 1 when a row fails."""
+    from fe_solver.verification import table
+
+    try:
+        studies = table.chosen(only, slow, table.STUDIES)
+    except InputError as error:
+        typer.echo(f"cosim: {error}", err=True)
+        raise typer.Exit(2) from None
+    rows = []
+    for study in studies:
+        typer.echo(f"verify: {study.name}", err=True)
+        rows += list(study.rows())
+    _print(rows, as_json)
+    raise typer.Exit(0 if all(row.passed for row in rows) else 1)
+
+
+def _print(rows: Sequence[Row], as_json: bool) -> None:
+    if as_json:
+        typer.echo(json.dumps([as_record(row) for row in rows], indent=2))
+        return
+    from rich.console import Console
+
+    console = Console(width=None if sys.stdout.isatty() else WIDTH, highlight=False, markup=False)
+    sources = list(dict.fromkeys(row.source for row in rows))
+    console.print(rich_table(rows, sources))
+    for number, source in enumerate(sources, 1):
+        console.print(f"[{number}] {source}")
+    failed = sum(not row.passed for row in rows)
+    console.print(f"{len(rows)} rows, {failed} failed")
+
+
+def as_record(row: Row) -> dict[str, Any]:
+    """A row for JSON: what is not a number is null."""
+    record = asdict(row) | {"error": row.error, "verdict": "pass" if row.passed else "FAIL"}
+    return {key: _finite(value) for key, value in record.items()}
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, str) or value is None:
+        return value
+    return float(value) if math.isfinite(value) else None
+
+
+def rich_table(rows: Iterable[Row], sources: Sequence[str]) -> Table:
+    """The rows, a name said once where it repeats and the source by its number; of a bound the
+    target is the most allowed."""
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
+    table.add_column("name", ratio=1)
+    table.add_column("quantity", ratio=1)
+    for title in ("target", "computed", "error", "tolerance", "order", "verdict", "source"):
+        table.add_column(title, justify="right", no_wrap=True)
+    last = ""
+    for row in rows:
+        number = f"[{sources.index(row.source) + 1}]"
+        table.add_row("" if row.name == last else row.name, row.quantity, *_figures(row), number)
+        last = row.name
+    return table
+
+
+def _figures(row: Row) -> tuple[str, ...]:
+    target = f"{row.target:.5g}"
+    if row.measure == "bound":
+        target = f"<= {row.target:.0e}"
+    return (
+        target,
+        f"{row.computed:.5g}" if row.measure != "bound" else f"{row.computed:.1e}",
+        "-" if row.measure == "bound" else _percent(row.error, row.measure == "relative"),
+        "-" if row.measure == "bound" else _percent(row.tolerance, row.measure == "relative"),
+        "" if row.order is None else f"{row.order:.1f}",
+        "pass" if row.passed else "FAIL",
+    )
+
+
+def _percent(value: float, relative: bool) -> str:
+    if not relative or value == 0:
+        return f"{value:.1g}"
+    return f"{100 * value:.2f} %" if value >= 5e-5 else f"{value:.0e}"

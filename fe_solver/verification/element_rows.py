@@ -1,0 +1,217 @@
+"""The element by itself: exactness on patches, rigid motion, and tangents against differences."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from cosim.port import rotation_matrix
+
+from ..materials import Isotropic, Law
+from ..model import Configuration, ShellModel
+from ..shapes import Sphere
+from ..shell import Array
+from ..springs import Springs
+from ..tension_field import TensionField
+from . import sheets
+from .material_rows import LAWS
+from .row import Row
+from .sheets import at_rest, clamped, disturbed, guided, mirrored, plate, sheet
+
+SIDE, THICK = 10e-3, 1e-3
+SOFT = Isotropic(1e6, 0.3)
+OWN = "central differences"
+SHAPES = ("flat quads", "warped quads", "triangles")
+# MacNeal and Harder 1985, Finite Elem Anal Des 1:3: nodes and quads of the patch test.
+PATCH = np.array(
+    "0 0  0.24 0  0.24 0.12  0 0.12  0.04 0.02  0.18 0.03  0.16 0.08  0.08 0.08".split(),
+    dtype=float,
+).reshape(8, 2)
+PATCH_QUADS = np.array([[0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7], [4, 5, 6, 7]])
+
+
+def halved(quads: np.ndarray) -> np.ndarray:
+    """(2 ne, 4) the triangles that the quads' diagonals make, as quads a, b, c, c."""
+    return np.concatenate([quads[:, [0, 1, 2, 2]], quads[:, [0, 2, 3, 3]]])
+
+
+def distorted(shape: str, law: Law | TensionField = SOFT, height: float = 0.0) -> ShellModel:
+    """A sheet of 3 x 2 distorted elements of about 10 mm."""
+    X, quads = plate(3 * SIDE, 2 * SIDE, 3, 2)
+    shift = np.random.default_rng(3).uniform(-0.2, 0.2, X.shape) * SIDE
+    X = X + shift * [1, 1, 0 if shape == "flat quads" else 1]
+    quads = halved(quads) if shape == "triangles" else quads
+    return sheet(X, quads, 0, 0, THICK, law=law, height=height, fibre=(1.0, 0.4, 0.1))
+
+
+def residual_along(model: ShellModel, c: Configuration, step: Array, tension: Array) -> Array:
+    """(5n,) gradient after a step in the bases of c, brought along with the directors' turn."""
+    A, T = model.bases(c)
+    moved = model.stepped(c, (A, T), step)
+    e = model.evaluate(moved, tension, tangent=False)
+    gx = e.gradient_x.copy()
+    gx[model.guides.node] -= model.pulls(moved, tension)
+    turn = np.cross(c.d, np.einsum("nij,nj->ni", T, step.reshape(-1, 5)[:, 3:]))
+    T = np.stack([rotation_matrix(w) @ t for w, t in zip(turn, T, strict=True)])
+    parts = np.einsum("nij,ni->nj", A, gx), np.einsum("nij,ni->nj", T, e.gradient_d)
+    return np.concatenate(parts, axis=1).ravel()
+
+
+def tangent_error(model: ShellModel, size: float, tension: Array | None = None) -> float:
+    """Largest difference of tangent times direction from central differences of the residual, over
+    the largest product, in the free degrees of freedom of a deformed state."""
+    tension = np.zeros(len(model.share)) if tension is None else tension
+    c, free = disturbed(model, size, 5), model.free
+    e = model.evaluate(c, tension, tangent=True)
+    assert e.data is not None
+    K, worst = model.pattern.full(e.data), 0.0
+    for seed in range(3):
+        u = np.zeros(model.pattern.size)
+        u[free] = np.random.default_rng(seed).normal(size=len(free))
+        u.reshape(-1, 5)[:, :3] *= SIDE
+        h = 1e-7
+        at = [residual_along(model, c, k * h * u, tension)[free] for k in (-2, -1, 1, 2)]
+        change = (at[0] - 8 * at[1] + 8 * at[2] - at[3]) / (12 * h)
+        product = (K @ u)[free]
+        worst = max(worst, float(np.abs(product - change).max() / np.abs(change).max()))
+    return worst
+
+
+def law_rows() -> Iterator[Row]:
+    """Every element with every material, its nodes off the mid-surface."""
+    for shape in SHAPES:
+        for name, law in LAWS.items():
+            error = tangent_error(distorted(shape, law, height=THICK / 2), 1e-4)
+            yield Row(f"element tangent, {shape}", name, 1e-6, error, 0.0, OWN, "bound")
+
+
+def _sprung(model: ShellModel) -> ShellModel:
+    n = len(model.reference)
+    node, body = np.arange(n), np.zeros(n, dtype=np.intp)
+    anchor = model.reference + np.random.default_rng(6).normal(size=(n, 3)) * SIDE
+    length = 0.9 * np.linalg.norm(anchor - model.reference, axis=1)
+    springs = Springs(node, body, anchor, np.full(n, 2e3), length, node % 2 == 0, body)
+    return replace(model, springs=springs)
+
+
+def _pressed(model: ShellModel) -> ShellModel:
+    return replace(model, pressure=np.linspace(1e3, 3e3, len(model.quads)))
+
+
+def _touching(model: ShellModel) -> ShellModel:
+    ball = Sphere(np.array([1.5 * SIDE, SIDE, -5 * SIDE]), 5 * SIDE)
+    nodes = np.arange(len(model.reference))
+    return replace(model, contacts=(sheets.contact(model, ball, nodes, 1e9, 1e-3),))
+
+
+def _clamped(model: ShellModel) -> ShellModel:
+    return clamped(model, np.arange(3))
+
+
+def _guided(model: ShellModel) -> ShellModel:
+    return guided(model, [np.arange(3), np.array([9, 10])], [(-1.0, 0, 0.2), (1.0, 0.3, 0)])
+
+
+def _mirrored(model: ShellModel) -> ShellModel:
+    planes = np.zeros((len(model.reference), 3), dtype=bool)
+    planes[:3, 0], planes[[0, 3, 6, 9], 1] = True, True
+    return mirrored(model, planes, np.eye(12, dtype=bool)[:, [11, 11, 10]])
+
+
+def load_rows() -> Iterator[Row]:
+    """Supports and loads, each alone and all that go together."""
+    Part = Callable[[ShellModel], ShellModel]
+    cases: dict[str, tuple[Part, ...]] = {
+        "springs": (_sprung,),
+        "pressure": (_pressed,),
+        "contact": (_touching,),
+        "ties": (_clamped,),
+        "guides and tendons": (_guided,),
+        "mirror planes": (_mirrored,),
+        "ties, springs, pressure, contact": (_clamped, _sprung, _pressed, _touching),
+        "mirror planes, springs, pressure, contact": (_mirrored, _sprung, _pressed, _touching),
+    }
+    for name, parts in cases.items():
+        model = distorted("flat quads" if _mirrored in parts else "warped quads", height=THICK / 2)
+        for part in parts:
+            model = part(model)
+        tension = np.array([3.0, 2.0]) if _guided in parts else None
+        error = tangent_error(model, 1e-4, tension)
+        yield Row("model tangent", name, 1e-6, error, 0.0, OWN, "bound")
+
+
+def rigid_rows() -> Iterator[Row]:
+    """Twenty rigid motions of any size."""
+    rng = np.random.default_rng(8)
+    for shape in SHAPES:
+        model = distorted(shape, height=THICK / 2)
+        y = np.concatenate([model.reference[model.quads], model.directors[model.quads]], axis=1)
+        worst = 0.0
+        for _ in range(20):
+            moved = y @ rotation_matrix(rng.uniform(-3, 3, 3)).T
+            moved[:, :4] += rng.uniform(-1, 1, 3) * SIDE
+            strain = model.tables.strain(moved)
+            strain[..., 3:6] *= THICK / 2
+            worst = max(worst, float(np.abs(strain).max()))
+        yield Row("rigid motion", f"strain, {shape}", 1e-12, worst, 0.0, "exact: none", "bound")
+
+
+def zero_modes(shape: str) -> int:
+    """Modes of a free element whose stiffness is below 1e-12 of the stiffest."""
+    whole = distorted(shape)
+    nodes, quad = np.unique(whole.quads[0], return_inverse=True)
+    model = sheet(whole.reference[nodes], quad.reshape(1, 4), 1e6, 0.3, THICK)
+    e = model.evaluate(at_rest(model), np.zeros(0), tangent=True)
+    assert e.data is not None
+    K = model.pattern.full(e.data).toarray()
+    scale = np.tile([1, 1, 1, 1 / SIDE, 1 / SIDE], len(nodes))
+    values = np.linalg.eigvalsh(K * np.outer(scale, scale))
+    return int((values < 1e-12 * values[-1]).sum())
+
+
+def zero_mode_rows() -> Iterator[Row]:
+    for shape in SHAPES:
+        count = zero_modes(shape)
+        yield Row(
+            "free element",
+            f"zero-energy modes, {shape}",
+            6,
+            count,
+            0.0,
+            "rigid motions",
+            "absolute",
+        )
+
+
+def patch_rows() -> Iterator[Row]:
+    """Fields of MacNeal and Harder, imposed at the four corners."""
+    x, y = PATCH.T
+    o = np.zeros(8)
+    membrane = 1e-3 * np.column_stack([x + y / 2, y + x / 2, o]), np.zeros((8, 3))
+    bending = (
+        1e-3 * np.column_stack([o, o, (x**2 + x * y + y**2) / 2]),
+        -1e-3 * np.column_stack([x + y / 2, y + x / 2, o]),
+    )
+    for kind, quads in (("quads", PATCH_QUADS), ("triangles", halved(PATCH_QUADS))):
+        model = sheet(np.column_stack([PATCH, o]), quads, 1e6, 0.25, 1e-3)
+        model = clamped(model, np.arange(4))
+        for name, (u, turn) in (("membrane", membrane), ("bending", bending)):
+            values = sheets.in_basis(model, u, turn)
+            seen, turned = sheets.linear_response(model, np.zeros((8, 3)), values)
+            error = max(_relative(seen, u), _relative(turned, turn))
+            source = "MacNeal, Harder 1985; relative error at the inner nodes"
+            yield Row("patch test", f"{name}, {kind}", 1e-10, error, 0.0, source, "bound")
+
+
+def _relative(seen: Array, exact: Array) -> float:
+    return float(np.abs(seen - exact).max() / (np.abs(exact).max() or 1.0))
+
+
+def rows() -> Iterator[Row]:
+    yield from patch_rows()
+    yield from rigid_rows()
+    yield from zero_mode_rows()
+    yield from law_rows()
+    yield from load_rows()

@@ -1,0 +1,137 @@
+"""The verification table of the shell solver, and the command that prints it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from cosim.cli import app
+from cosim.port import ConvergenceError, InputError
+from fe_solver.verification import element_rows, table
+from fe_solver.verification.paths import Loading, error_order, followed, halving_order
+from fe_solver.verification.row import Row
+from fe_solver.verification.sheets import clamped, mirrored, plate, sheet
+from fe_solver.verification.table import STUDIES, Study
+
+LONG = {"slit ring"}
+"""Studies that the default run of the tests leaves out, beside the slow ones."""
+
+
+def marked(study: Study) -> object:
+    slow = study.slow or study.name in LONG
+    return pytest.param(study, id=study.name, marks=[pytest.mark.slow] if slow else [])
+
+
+@pytest.mark.parametrize("study", [marked(s) for s in STUDIES])
+def test_every_row_passes(study):
+    rows = list(study.rows())
+    assert rows
+    failed = [f"{r.name}, {r.quantity}: {r.computed:g} for {r.target:g}, {r.source}" for r in rows
+              if not r.passed]  # fmt: skip
+    assert not failed
+    assert all(r.source and r.name and r.quantity for r in rows)
+
+
+def test_orders_of_convergence():
+    assert error_order(4e-2, 1e-2) == pytest.approx(2)
+    assert halving_order(1.36, 1.09, 1.0) == pytest.approx(np.log2(3))
+    assert halving_order(1.36, 1.0001, 1.0) is None
+
+
+def test_a_loading_without_equilibrium_says_so():
+    """A sheet that nothing holds, pulled to one side."""
+    X, quads = plate(10.0, 1.0, 4, 1)
+    model = sheet(X, quads, 1e6, 0.0, 0.1)
+    load = np.outer(X[:, 0] == 10, [1.0, 0, 0])
+    with pytest.raises(ConvergenceError):
+        followed(Loading(model, load, load[None]), [1.0])
+
+
+def test_a_mirror_plane_is_half_of_a_sheet():
+    """Half a strip held at its mirror plane bends as the whole."""
+    X, quads = plate(2.0, 1.0, 8, 2)
+    whole = clamped(sheet(X, quads, 1e6, 0.3, 0.1), np.flatnonzero(np.isin(X[:, 0], [0, 2])))
+    middle = X[:, 0] == 1
+    load = np.outer(middle, [0, 0, 50.0])
+    seen = np.stack([np.outer(middle, [0, 0, 1.0])])
+    full = followed(Loading(whole, load, seen), [1.0])
+    X, quads = plate(1.0, 1.0, 4, 2)
+    half = clamped(sheet(X, quads, 1e6, 0.3, 0.1), np.flatnonzero(X[:, 0] == 0))
+    middle = X[:, 0] == 1
+    half = mirrored(half, np.outer(middle, [True, False, False]))
+    seen = np.stack([np.outer(middle, [0, 0, 1.0])])
+    part = followed(Loading(half, np.outer(middle, [0, 0, 25.0]), seen), [1.0])
+    assert part == pytest.approx(full, rel=1e-7)
+    assert abs(full[0, 0]) > 0.1
+
+
+def test_the_tangent_error_sees_a_wrong_tangent(monkeypatch):
+    model = element_rows.distorted("warped quads")
+    right = element_rows.tangent_error(model, 1e-4)
+    assemble = type(model.pattern).assemble
+    monkeypatch.setattr(type(model.pattern), "assemble", lambda *a: assemble(*a) * (1 + 1e-5))
+    assert right < 1e-7
+    assert element_rows.tangent_error(model, 1e-4) > 5e-6
+
+
+GOOD = Row("beam", "deflection", 2.0, 2.001, 0.01, "closed form", order=2.0)
+BAD = Row("beam", "turn", 2.0, 2.1, 0.01, "closed form")
+
+
+def good() -> Iterator[Row]:
+    yield GOOD
+
+
+def bad() -> Iterator[Row]:
+    yield GOOD
+    yield BAD
+
+
+def stuck() -> Iterator[Row]:
+    yield GOOD
+    raise ConvergenceError("largest at node 7")
+
+
+def verify(monkeypatch, *words: str):
+    studies = (
+        Study("sound beam", good),
+        Study("poor beam", bad),
+        Study("stuck shell", stuck, True),
+    )
+    monkeypatch.setattr(table, "STUDIES", studies)
+    return CliRunner().invoke(app, ["verify", "fe", *words])
+
+
+def test_the_command_says_whether_all_passed(monkeypatch):
+    done = verify(monkeypatch, "--only", "sound")
+    assert done.exit_code == 0
+    assert "1 rows, 0 failed" in done.stdout
+    assert "[1] closed form" in done.stdout
+    done = verify(monkeypatch)
+    assert done.exit_code == 1
+    assert "3 rows, 1 failed" in done.stdout
+    assert "FAIL" in done.stdout
+
+
+def test_a_solve_that_does_not_converge_is_a_failed_row(monkeypatch):
+    done = verify(monkeypatch, "--slow", "--json")
+    assert done.exit_code == 1
+    rows = json.loads(done.stdout)
+    assert [row["verdict"] for row in rows] == ["pass", "pass", "FAIL", "pass", "FAIL"]
+    assert rows[-1]["source"] == "largest at node 7"
+    assert rows[-1]["computed"] is None
+    assert rows[0]["order"] == 2.0
+    assert rows[0]["error"] == pytest.approx(5e-4)
+
+
+def test_a_study_that_is_named_runs_though_slow(monkeypatch):
+    assert "node 7" in verify(monkeypatch, "--only", "STUCK").stdout
+    done = verify(monkeypatch, "--only", "bridge")
+    assert done.exit_code == 2
+    assert "sound beam, poor beam, stuck shell" in done.stderr
+    with pytest.raises(InputError):
+        table.chosen("bridge", False)
