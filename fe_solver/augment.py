@@ -124,6 +124,8 @@ class _Look:
 
 def _look(contact: Contact, c: Configuration) -> _Look:
     value, normal, _ = contact.surface.distance(contact.local(c.x, c.position, c.rotation))
+    length = np.linalg.norm(normal, axis=1, keepdims=True)  # a spline's gradient is about a unit
+    normal = np.divide(normal, length, out=np.zeros_like(normal), where=length > 0)
     depth, shift = contact.offset - value, contact.shift
     pressure = contact.stiffness * ramp(depth + shift, contact.smoothing)[1]
     error = np.abs(np.maximum(depth, -(shift + contact.smoothing)))

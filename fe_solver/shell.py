@@ -20,7 +20,7 @@ of the MITC3 element (Lee and Bathe 2004, Comput Struct 82:945).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,9 @@ Array = NDArray[np.float64]
 
 CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 GAUSS = CORNERS / np.sqrt(3.0)
+FOLD, STEEPEST = np.cos(np.deg2rad(12)), 0.25
+"""Cosines of the angles between director and element's normal: beyond the first sheets meet at an
+angle, within it one sheet is curved; to the second the lean is made up for."""
 MEMBRANE, BENDING, SHEAR = slice(0, 5), slice(5, 17), slice(17, 21)
 """The samples."""
 
@@ -168,7 +171,9 @@ class ShellTables:
     the point's own three, shear (ne, 4, 2, 4), each less `offset` (ne, 4, 8); weight (ne, 4)
     reference area of each Gauss point; frame (ne, 4, 3, 3) rows local axes 1 (fibre), 2
     (transverse), 3 (normal) in the reference configuration; height (ne, 4) of the mid-surface over
-    the nodes, along their directors."""
+    the nodes, along the elements' directors, which are those of the nodes times `mitre` (ne, 4):
+    where sheets meet at an angle the node's director leans, and is the longer for it, so that the
+    thickness across each sheet is its own."""
 
     membrane: Array
     bending: Array
@@ -177,10 +182,11 @@ class ShellTables:
     weight: Array
     frame: Array
     height: Array
+    mitre: Array
 
     def middle(self, y: Array) -> Array:
         """y (ne, 8, 3) of the nodes as that of the mid-surface."""
-        return _over(y, self.height)
+        return _over(y, self.height, self.mitre)
 
     def strain(self, y: Array) -> Array:
         """(ne, 4, 8) generalized strains of the nodes' y (ne, 8, 3): e11, e22, 2 e12 of the
@@ -209,6 +215,7 @@ class ShellTables:
         """(ne, 8, 3) by the nodes' y: the gradient of resultant (ne, 4, 8) times strain, no area."""
         out = _stress_gradient(self.middle(y), self.collected(resultant))
         out[:, 4:] += self.height[:, :, None] * out[:, :4]
+        out[:, 4:] *= self.mitre[:, :, None]
         return out
 
     def spread(self) -> Array:
@@ -227,10 +234,22 @@ def _sampled(y: Array) -> Array:
     return np.einsum("ncak,nak->nc", SAMPLES @ y[:, None], y) / 2
 
 
-def _over(y: Array, height: Array) -> Array:
+def _over(y: Array, height: Array, mitre: Array) -> Array:
     out = y.copy()
-    out[:, :4] += height[:, :, None] * y[:, 4:]
+    out[:, 4:] *= mitre[:, :, None]
+    out[:, :4] += height[:, :, None] * out[:, 4:]
     return out
+
+
+def _mitre(X: Array, D: Array) -> Array:
+    """(ne, 4) 1 / (D . n), with the elements' normals n at their corners, where there is a fold."""
+    into, out_of = X - np.roll(X, 1, axis=1), np.roll(X, -1, axis=1) - X
+    normal = np.cross(into, out_of)
+    triangle = (X[:, 2] == X[:, 3]).all(axis=1)
+    normal[triangle] = normal[triangle, :1]
+    normal /= np.linalg.norm(normal, axis=2, keepdims=True)
+    lean = np.einsum("nak,nak->na", normal, D)
+    return np.where(lean < FOLD, 1 / np.maximum(lean, STEEPEST), 1.0)
 
 
 def local_frames(X: Array, fibre: Array, r: float, s: float) -> tuple[Array, Array, Array]:
@@ -258,7 +277,8 @@ def shell_tables(
     ne = len(X)
     height = np.broadcast_to(height, (ne, 4)).astype(float)
     fibre = np.broadcast_to(fibre[:, None] if fibre.ndim == 2 else fibre, (ne, 4, 3))
-    Y = _over(np.concatenate([X, D], axis=1), height)
+    nodes, mitre = np.concatenate([X, D], axis=1), _mitre(X, D)
+    Y = _over(nodes, height, mitre)
     X = Y[:, :4]
     triangle = (X[:, 2] == X[:, 3]).all(axis=1)
     distortion = np.zeros((5, ne))
@@ -278,12 +298,11 @@ def shell_tables(
         membrane = _to_cartesian(own, membrane) * tensor
         parts.append((membrane, bending * tensor, shear, area * (1 + growth), frame))
     membrane, bending, shear, weight, frames = (np.stack(p, 1) for p in zip(*parts, strict=True))
-    bare = ShellTables(
-        membrane, bending, shear, np.zeros((ne, 4, 8)), weight, frames, np.zeros((ne, 4))
-    )
-    offset = bare.strain(Y)
+    none = np.zeros((ne, 4, 8))
+    bare = ShellTables(membrane, bending, shear, none, weight, frames, height, mitre)
+    offset = bare.strain(nodes)
     offset[:, :, 0] += (1 - tensor[:, 0]) / 2
-    return ShellTables(membrane, bending, shear, offset, weight, frames, height)
+    return replace(bare, offset=offset)
 
 
 @dataclass(frozen=True)
@@ -317,6 +336,7 @@ def element_response(
         return ElementResponse(energy, gradient, None)
     stress = tables.collected(tensile(force) if convex else force)
     stiffness = answer.stiffness * tables.weight[:, :, None, None]
+    bases = bases[0], bases[1] * tables.mitre[:, :, None, None]
     blocks = _compiled_blocks if kernels.COMPILED else _plain_blocks
     return ElementResponse(energy, gradient, blocks(tables, y, stress, stiffness, bases))
 

@@ -389,3 +389,19 @@ def test_a_hood_that_nothing_holds_is_refused(motion):
     held = {"distal": np.array([4, 5])}
     hood = shell_hood(sheet, motion, carried, {}, held, BODIES[0], pull, end, law, options)
     assert hood.sources == (TIE, "contact", "guide")
+
+
+@pytest.mark.parametrize("setting", ['penetration="1 um"', "friction=0.2"])
+def test_augmented_contact_does_not_penetrate_and_balances(motion, setting):
+    """Over the bones' splines, whose gradients are not quite unit vectors."""
+    hood = shells.index_hood(f"hood.contact.{setting}")
+    first = hood.advance(hood.start(motion), motion, TENSION, STATIC)
+    second = hood.advance(first.state, motion, 1.1 * TENSION, STATIC)
+    for response in (first, second):
+        assert -1e-6 <= hood.gap(response.state).min() < 1e-6
+        total = response.load.wrench.sum(axis=(0, 1))[:3] - response.load.pull[:, :3].sum(axis=0)
+        assert np.abs(total).max() < 1e-8
+    again = hood.advance(first.state, motion, 1.1 * TENSION, STATIC)
+    assert np.array_equal(again.load.wrench, second.load.wrench)
+    rubbing = first.state.solution.model.contacts[1].grip
+    assert (rubbing is not None and rubbing.limit.max() > 0) == setting.startswith("friction")
