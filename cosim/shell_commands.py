@@ -1,17 +1,17 @@
-"""The commands of the shell solver alone: `cosim verify`."""
+"""The commands of the shell solver alone: `cosim verify` and `cosim info`."""
 
 from __future__ import annotations
 
 import json
 import math
-import sys
-from collections.abc import Iterable, Sequence
+import platform
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cosim.port import InputError
+from cosim.terminal import console, told
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -23,8 +23,6 @@ verify = typer.Typer(
     rich_markup_mode=None,
     help="Solve problems whose answers are known, and judge the program by them.",
 )
-WIDTH = 120
-"""Columns where the output is no terminal."""
 
 
 @verify.callback()
@@ -43,11 +41,8 @@ def fe(
     """Verify the shell solver; exit code 1 when a row fails."""
     from fe_solver.verification import table
 
-    try:
+    with told():
         studies = table.chosen(only, slow, table.STUDIES)
-    except InputError as error:
-        typer.echo(f"cosim: {error}", err=True)
-        raise typer.Exit(2) from None
     rows = []
     for study in studies:
         typer.echo(f"verify: {study.name}", err=True)
@@ -56,19 +51,44 @@ def fe(
     raise typer.Exit(0 if all(row.passed for row in rows) else 1)
 
 
+def info() -> None:
+    """What is installed and in use, and what would be faster."""
+    with told():
+        facts = dict(_facts())
+    wide = max(map(len, facts))
+    for name, value in facts.items():
+        typer.echo(f"{name:{wide}}  {value}")
+
+
+def _facts() -> Iterator[tuple[str, str]]:
+    from importlib.metadata import version
+
+    from cosim import __version__
+    from fe_solver import kernels
+    from fe_solver.linear_algebra import BACKENDS, FASTER, VARIABLE, available, chosen
+
+    yield "cosim", f"{__version__} on Python {platform.python_version()}, {platform.machine()}"
+    yield "libraries", ", ".join(f"{name} {version(name)}" for name in ("numpy", "scipy", "mujoco"))
+    compiled = f"numba {version('numba')}" if kernels.COMPILED else "plain numpy (numba is absent)"
+    yield "kernels", f"{compiled}, {kernels.thread_count()} threads on large meshes"
+    yield "linear solver", f"{chosen()}, of {', '.join(available())}"
+    better = [name for name in BACKENDS if name in FASTER]
+    better = better[: better.index(chosen())] if chosen() in better else better
+    words = [f"{b} (set {VARIABLE})" if b in available() else FASTER[b] for b in better]
+    yield "faster would be", "; ".join(words) or "nothing that is known"
+
+
 def _print(rows: Sequence[Row], as_json: bool) -> None:
     if as_json:
         typer.echo(json.dumps([as_record(row) for row in rows], indent=2))
         return
-    from rich.console import Console
-
-    console = Console(width=None if sys.stdout.isatty() else WIDTH, highlight=False, markup=False)
+    out = console()
     sources = list(dict.fromkeys(row.source for row in rows))
-    console.print(rich_table(rows, sources))
+    out.print(rich_table(rows, sources))
     for number, source in enumerate(sources, 1):
-        console.print(f"[{number}] {source}")
+        out.print(f"[{number}] {source}")
     failed = sum(not row.passed for row in rows)
-    console.print(f"{len(rows)} rows, {failed} failed")
+    out.print(f"{len(rows)} rows, {failed} failed")
 
 
 def as_record(row: Row) -> dict[str, Any]:

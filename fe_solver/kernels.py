@@ -17,12 +17,15 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.port import InputError
+
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
 Kernel = TypeVar("Kernel", bound=Callable[..., None])
 
 COMPILED = find_spec("numba") is not None and not os.environ.get("FE_SOLVER_NO_NUMBA")
 THREADS = "FE_SOLVER_THREADS"
+MOST_THREADS = 256
 PAYS = 1000
 """Elements from which a second thread pays."""
 
@@ -39,8 +42,14 @@ def _compiled(kernel: Kernel) -> Kernel:
 
 
 def thread_count() -> int:
-    """Threads of a large assembly: FE_SOLVER_THREADS, else the cores at hand up to four."""
-    return int(os.environ.get(THREADS) or min(4, len(os.sched_getaffinity(0))))
+    """Threads of a large assembly: FE_SOLVER_THREADS, else the cores at hand up to four.  Raises
+    InputError for a wish that is no positive whole number."""
+    wish = os.environ.get(THREADS)
+    if not wish:
+        return min(4, os.cpu_count() or 1)
+    if not (wish.isascii() and wish.isdigit() and 0 < int(wish) <= MOST_THREADS):
+        raise InputError(f"{THREADS}={wish}: expected a whole number from 1 to {MOST_THREADS}")
+    return int(wish)
 
 
 @cache

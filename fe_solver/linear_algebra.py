@@ -1,8 +1,8 @@
 """The sparse direct solvers, behind one small protocol: analyse a pattern once, factor often.
 
-SciPy's SuperLU is always there.  CHOLMOD (scikit-sparse; its supernodal part is GPL, so it is never
-required) and PARDISO (pypardiso) are taken where they are installed, in this order; the environment
-variable FE_SOLVER_LINEAR names another choice.
+SciPy's SuperLU is always there.  PARDISO (pypardiso) and CHOLMOD (scikit-sparse; its supernodal
+part is GPL, so it is never required) are taken where they are installed, in this order; the
+environment variable FE_SOLVER_LINEAR names another choice.
 """
 
 from __future__ import annotations
@@ -23,8 +23,14 @@ from cosim.port import ConvergenceError, InputError
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
-BACKENDS = {"cholmod": "sksparse", "pardiso": "pypardiso", "superlu": "scipy"}
-"""Name and module, the fastest first."""
+BACKENDS = {"pardiso": "pypardiso", "cholmod": "sksparse", "superlu": "scipy"}
+"""Name and module, the fastest first: at 2000 quads a factorisation takes PARDISO 20, CHOLMOD 80
+and SuperLU 50 to 65 ms, at 8000 110, 430 and 360 to 460; CHOLMOD solves for many right-hand sides
+three to five times as fast as the others."""
+FASTER = {
+    "pardiso": "PARDISO (three times): pip install 'cosim-hand[mkl]'",
+    "cholmod": "CHOLMOD (condensed tangents; needs SuiteSparse): pip install 'cosim-hand[fast]'",
+}
 VARIABLE = "FE_SOLVER_LINEAR"
 RANK = 1e-13
 """Of the largest pivot: less is none."""

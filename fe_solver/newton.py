@@ -25,6 +25,8 @@ STUCK = 30
 SMOOTH = 0.2
 """Of a smoothed force's ramp: within it the tangent knows both sides, so that a contact is not
 worth foreseeing."""
+CLOSE = 1e-6
+"""Residual over the largest force at which the search by energy takes over from whole steps."""
 NEAR = 0.1
 """Step size, against the longest step allowed, below which the tangent is the consistent one."""
 
@@ -32,12 +34,15 @@ NEAR = 0.1
 @dataclass(frozen=True)
 class NewtonOptions:
     """`tolerance` is relative to the largest nodal force; steps longer than `max_step` (m) or
-    turning a director by more than `max_turn` (rad) are shortened."""
+    turning a director by more than `max_turn` (rad) are shortened.  With `undamped` as many whole
+    steps are tried first: a thin sheet that turns far is nearly inextensible, and a search for ever
+    less energy follows that curved valley in small steps."""
 
     tolerance: float = 1e-10
     max_iterations: int = 150
     max_step: float = 3e-3
     max_turn: float = 0.6
+    undamped: int = 0
 
 
 @dataclass(frozen=True)
@@ -137,7 +142,8 @@ def _analysis(model: ShellModel) -> Analysis:
 def _flipping_step(model: ShellModel, e: Evaluation, step: Array) -> tuple[Array, int]:
     """The Newton step once more, with the one-sided springs that `step` would close or open closed
     or opened beforehand (a primal-dual active set: Hintermueller, Ito and Kunisch 2002, SIAM J
-    Optim 13:865), or the line search would stop at the first node that meets a bone.  Also the linear solves it took."""
+    Optim 13:865), or the line search would stop at the first node that meets a bone.  Also the
+    linear solves it took."""
     p, A = e.points, e.bases[0]
     normal = np.einsum("kij,ki->kj", A[p.node], p.direction)
     flipped = np.zeros(len(p.depth), dtype=bool)
@@ -184,7 +190,8 @@ def solve(
 
     Far from equilibrium the tangent is the convex one, near it (as `near` says of `start`) the
     consistent one.  Raises ConvergenceError naming the place of the largest residual."""
-    c, convex, stuck, solves = start, not near, False, 0
+    c, solves = _undamped(model, start, tension, options) if options.undamped else (start, 0)
+    convex, stuck = not near, False
     e = model.evaluate(c, tension, tangent=True, convex=convex)
     for iteration in range(options.max_iterations + 1):
         residual, force = residual_norm(model, e)
@@ -214,6 +221,29 @@ def solve(
         f"{residual:.2e} N against forces of {force:.2e} N, largest at {worst_place(model, c, e)}. "
         f"{_advice(model, e)}"
     )
+
+
+def _undamped(
+    model: ShellModel, start: Configuration, tension: Array, options: NewtonOptions
+) -> tuple[Configuration, int]:
+    """The configuration near equilibrium that whole Newton steps lead to, or the start where they
+    do not; and the linear solves that took."""
+    c = start
+    for solves in range(options.undamped):
+        e = model.evaluate(c, tension, tangent=True)
+        assert e.data is not None
+        residual, force = residual_norm(model, e)
+        if residual <= CLOSE * force:
+            return c, solves
+        if not np.isfinite(residual):
+            return start, solves
+        step = np.zeros(model.pattern.size)
+        try:
+            step[model.free] = -factorised(model, e.data).solve(e.reduced[model.free])
+        except ConvergenceError:
+            return start, solves
+        c = model.stepped(c, e.bases, _limited(step, options)[0])
+    return start, options.undamped
 
 
 def _advice(model: ShellModel, e: Evaluation) -> str:

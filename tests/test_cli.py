@@ -275,3 +275,25 @@ def test_the_program_ends_with_its_exit_code(tmp_path):
     assert status == 2
     assert "line 1" in message
     assert "Traceback" not in message
+
+
+def test_info_says_what_is_in_use(monkeypatch):
+    monkeypatch.setenv("FE_SOLVER_LINEAR", "superlu")
+    monkeypatch.setenv("FE_SOLVER_THREADS", "3")
+    done = cosim("info")
+    assert done.exit_code == 0
+    assert __version__ in done.output
+    assert "3 threads" in done.output
+    assert "superlu, of" in done.output
+    assert "pardiso" in done.output.split("faster would be")[1]
+
+
+@pytest.mark.parametrize(
+    ("variable", "value"),
+    [("FE_SOLVER_LINEAR", "abacus"), ("FE_SOLVER_THREADS", "0"), ("FE_SOLVER_THREADS", "many")],
+)
+def test_a_setting_that_cannot_be_met_is_refused(variable, value, monkeypatch):
+    monkeypatch.setenv(variable, value)
+    done = cosim("info")
+    assert done.exit_code == 2
+    assert f"{variable}={value}" in done.output

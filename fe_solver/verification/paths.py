@@ -7,20 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cosim.port import ConvergenceError
-
 from ..model import Configuration, ShellModel
-from ..newton import factorised, residual_norm, solve
+from ..newton import solve
 from ..shell import Array
 from .sheets import BENCHMARK, NO_TENSION, at_rest
 
-CLOSE = 1e-6
-"""Residual over the largest force at which the damped Newton takes over from the undamped one."""
 SEEN = 2e-4
 """Relative change by a halved mesh below which no order is measured: other errors are as large."""
-MOST = 60
-LONGEST = np.array([2.0, 2.0, 2.0, 1.5, 1.5])
-"""m and rad, of a node's undamped step."""
+WHOLE = replace(BENCHMARK, max_iterations=400, max_step=2.0, max_turn=1.5, undamped=60)
 
 
 @dataclass(frozen=True)
@@ -38,40 +32,14 @@ class Loading:
 
 
 def followed(loading: Loading, parts: Iterable[float]) -> Array:
-    """(len(parts), k) watched displacements under growing parts of the load.
-
-    A thin sheet that turns far is nearly inextensible, and the energy's descent follows that curved
-    valley in small steps; so each equilibrium is sought without damping first, and what was found
-    is finished, and judged, by the one Newton, which begins anew where it was none.  Raises
+    """(len(parts), k) watched displacements under growing parts of the load.  Raises
     ConvergenceError."""
     c, out = at_rest(loading.model), []
-    options = replace(BENCHMARK, max_iterations=400)
     for part in parts:
         model = replace(loading.model, dead=part * loading.load)
-        start = undamped(model, c) or c
-        c = solve(model, start, NO_TENSION, options, near=True).configuration
+        c = solve(model, c, NO_TENSION, WHOLE, near=True).configuration
         out.append(loading.seen(c))
     return np.array(out)
-
-
-def undamped(model: ShellModel, c: Configuration) -> Configuration | None:
-    """The configuration near equilibrium that whole Newton steps from c lead to, if they do."""
-    for _ in range(MOST):
-        e = model.evaluate(c, NO_TENSION, tangent=True)
-        assert e.data is not None
-        residual, force = residual_norm(model, e)
-        if residual <= CLOSE * force:
-            return c
-        if not np.isfinite(residual):
-            return None
-        step = np.zeros(model.pattern.size)
-        try:
-            step[model.free] = -factorised(model, e.data).solve(e.reduced[model.free])
-        except ConvergenceError:
-            return None
-        longest = (np.abs(step.reshape(-1, 5)) / LONGEST).max()
-        c = model.stepped(c, e.bases, step / max(1.0, longest))
-    return None
 
 
 def watching(node: int, direction: Array, n: int) -> Array:
