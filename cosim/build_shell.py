@@ -128,6 +128,7 @@ def shell_hood_of(
     mesh: HoodMesh,
 ) -> FeHood:
     """The hood over the bones as a case describes it, behind the port."""
+    from fe_solver.fibres import smoothed
     from fe_solver.hood_model import ContactLaw, Sheet, SpringSet, shell_hood
     from fe_solver.newton import NewtonOptions
     from meshes.hood import PIP
@@ -142,7 +143,7 @@ def shell_hood_of(
     sheet = Sheet(
         _faced(mesh, thickness),
         mesh.quads,
-        mesh.fibre,
+        smoothed(mesh.quads, mesh.fibre, mesh.region),
         _section(hood, mesh, thickness),
         _growth(hood, mesh),
         tuple(REGIONS[i] for i in mesh.region),

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cosim import __version__
+from cosim.job_commands import bench_fe, bench_febio, export, solve
 from cosim.port import CosimError, InputError
-from cosim.shell_commands import verify
+from cosim.shell_commands import info, verify
 
 if TYPE_CHECKING:
     from cosim.case_schema import Case
@@ -27,6 +28,9 @@ app = typer.Typer(
     help="Co-simulation of a finger's extensor hood and its bones.",
 )
 app.add_typer(verify, name="verify")
+app.command()(info)
+app.command()(solve)
+app.command()(export)
 Cases = Annotated[list[str], typer.Argument(help="Case files, or names of packaged cases.")]
 Settings = Annotated[
     list[str] | None,
@@ -234,10 +238,28 @@ def _open_window(hood: Path) -> None:
 
 @app.command()
 def bench(
-    case: Annotated[str, typer.Argument(help="Case file, or name of a packaged case.")],
+    case: Annotated[
+        str, typer.Argument(help="Case file, or name of a packaged case; or fe, or febio.")
+    ],
     settings: Settings = None,
+    models: Annotated[
+        Path | None, typer.Option(help="Of febio: folder of the models with published figures.")
+    ] = None,
+    spacing: Annotated[
+        str, typer.Option(help="Of febio: of the grids for the distances of the bones.")
+    ] = "0.25 mm",
 ) -> None:
-    """Time a coupled run against one assembly and one factorisation of its own tangent."""
+    """Time a coupled run against one assembly and one factorisation of its own tangent; with fe the
+    shell solver's iteration against its floor; with febio published models beside FEBio."""
+    if case == "fe":
+        bench_fe()
+        return
+    if case == "febio":
+        with _told():
+            if models is None:
+                raise InputError("bench febio: name the folder of the models with --models")
+        bench_febio(models, spacing)
+        return
     (checked,) = _load([case], settings)
     from cosim.bench import bench_case
 

@@ -61,7 +61,7 @@ def solve_augmented(
     Raises ConvergenceError where Newton does not converge, or the rounds do not; then with the
     body and the node that penetrates most."""
     augment = augment or AugmentOptions()
-    model = _with_contacts(model, [_begun(k, start) for k in model.contacts])
+    model = model.alike(contacts=tuple([_begun(k, start) for k in model.contacts]))
     solution = solve(model, start, tension, options)
     iterations, raises, before = solution.iterations, 0, np.inf
     for _ in range(augment.max_rounds):
@@ -73,7 +73,7 @@ def solve_augmented(
         if error > max(ENOUGH * before, augment.penetration) and raises < MOST_RAISES:
             contacts, raises = [_stiffer(k) for k in contacts], raises + 1
         before = error
-        model = _with_contacts(model, contacts)
+        model = model.alike(contacts=tuple(contacts))
         solution = solve(model, solution.configuration, tension, options, near=True)
         iterations += solution.iterations
     raise ConvergenceError(_stalled(model, solution.configuration, looks, augment))
@@ -84,7 +84,7 @@ def settled(solution: Solution) -> ShellModel:
     moved by what has slid, and the heat of it added to what is dissipated."""
     c = solution.configuration
     contacts = [_slid(replace(k, pin=None), c) for k in solution.model.contacts]
-    return _with_contacts(solution.model, contacts)
+    return solution.model.alike(contacts=tuple(contacts))
 
 
 def dissipated(model: ShellModel) -> float:
@@ -143,13 +143,6 @@ def _drift(looks: Sequence[_Look]) -> float:
     return float(change / largest) if change > 0 else 0.0
 
 
-def _with_contacts(model: ShellModel, contacts: Sequence[Contact]) -> ShellModel:
-    """The model with other contacts; they leave its sparsity as it is, which is costly to find."""
-    other = replace(model, contacts=tuple(contacts))
-    vars(other)["pattern"] = model.pattern
-    return other
-
-
 def _begun(contact: Contact, start: Configuration) -> Contact:
     """The contact without pins; with friction, anchored where its nodes are at the start."""
     if contact.friction == 0 or contact.grip is not None:
@@ -177,7 +170,7 @@ def _held(solution: Solution, looks: Sequence[_Look]) -> Solution:
         k = look.contact
         presses = unramp(look.pressure / k.stiffness, k.smoothing) + k.smoothing > look.error
         contacts.append(replace(k, pin=np.where((k.weight > 0) & presses, pin, 0.0)))
-    model = _with_contacts(model, contacts)
+    model = model.alike(contacts=tuple(contacts))
     evaluation = model.evaluate(solution.configuration, solution.tension, tangent=True)
     return replace(solution, model=model, evaluation=evaluation)
 

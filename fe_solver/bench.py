@@ -52,8 +52,8 @@ class Speed:
 
 
 def rod_sheet(quads: int) -> ShellModel:
-    """A sheet over a rod of two capsules' length, tied at its distal end, pulled at the other by one
-    tendon, its underside in contact: about `quads` elements."""
+    """A sheet over a rod of two capsules' length, tied at its distal end, pulled at the other by
+    one tendon, its underside in contact: about `quads` elements."""
     across = max(4, round(np.sqrt(quads / 4)))
     along = round(quads / across)
 

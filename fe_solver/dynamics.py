@@ -113,8 +113,7 @@ def advance(
     ahead = c.x + dt * state.velocity + dt**2 * (0.5 - beta) * state.acceleration
     turned = c.d + dt * state.spin + dt**2 * (0.5 - beta) * state.turning
     pull = beta * dt**2
-    stepping = replace(
-        model,
+    stepping = model.alike(
         inertia=Inertia(mass / pull, ahead, rotary / pull, turned),
         section=_damped(model, c, dt, substance),
     )

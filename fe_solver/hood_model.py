@@ -38,7 +38,8 @@ class Attached(Protocol):
 
 @dataclass(frozen=True)
 class Sheet:
-    """The shell's geometry and material: points (n, 3) m, quads (ne, 4), fibre (ne, 3), section
+    """The shell's geometry and material: points (n, 3) m, quads (ne, 4), fibre (ne, 3) or at
+    the Gauss points (ne, 4, 3), section
     (materials and thickness), fibre growth (ne,); `regions` the quads' region names."""
 
     points: Array

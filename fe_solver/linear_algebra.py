@@ -207,6 +207,7 @@ class PardisoAnalysis:
         upper.sort_indices()
         slots = upper.data.astype(np.intp) - 1
         solver = PyPardisoSolver(mtype=-2)
+        os.environ.setdefault("PYPARDISO_MKL_RT", solver.libmkl._name)  # or each searches the disk
         matrix = sp.csr_matrix((np.ones(len(slots)), upper.indices, upper.indptr), upper.shape)
         _phase(solver, 11, matrix, np.zeros(len(upper.indptr) - 1))
         return upper, slots, solver

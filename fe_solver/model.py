@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -166,6 +166,13 @@ class ShellModel:
     def node_name(self, node: int) -> str:
         """A node as its user knows it."""
         return f"node {node if self.node_ids is None else self.node_ids[node]}"
+
+    def alike(self, **changes: Any) -> ShellModel:
+        """A copy with other loads, contacts, inertia or materials, which shares the sparsity: its
+        quads, supports and links are these."""
+        other = replace(self, **changes)
+        vars(other)["pattern"] = self.pattern
+        return other
 
     @cached_property
     def pattern(self) -> Pattern:

@@ -116,11 +116,13 @@ def worst_place(model: ShellModel, c: Configuration, e: Evaluation) -> str:
 
 
 def _step(model: ShellModel, data: Array, gradient: Array) -> Array:
-    """(5n,) the Newton step, the tangent's diagonal raised (Levenberg) until it descends."""
+    """(5n,) the Newton step, the tangent's diagonal raised (Levenberg) until it descends.
+
+    Raises ConvergenceError where the tangent stays singular all the same."""
     pattern, free = model.pattern, model.free
     step = np.zeros(pattern.size)
     diagonal = pattern.diagonal[:, range(DOFS), range(DOFS)].ravel()[free]
-    shift = 0.0
+    shift, singular = 0.0, None
     for _ in range(MOST_SHIFTS):
         try:
             step[free] = -_analysis(model).factor(data).solve(gradient[free])
@@ -128,10 +130,14 @@ def _step(model: ShellModel, data: Array, gradient: Array) -> Array:
                 return step
         except NotPositiveDefiniteError:
             pass
+        except ConvergenceError as error:
+            singular = error
         data = data.copy() if shift == 0.0 else data
         more = max(10 * shift, 1e-6) - shift
         shift += more
         data[diagonal] += more * np.abs(data[diagonal])
+    if singular is not None:
+        raise singular
     return step
 
 

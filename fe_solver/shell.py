@@ -212,7 +212,7 @@ class ShellTables:
         return np.concatenate(parts, axis=1)
 
     def forces(self, y: Array, resultant: Array) -> Array:
-        """(ne, 8, 3) by the nodes' y: the gradient of resultant (ne, 4, 8) times strain, no area."""
+        """(ne, 8, 3) by the nodes' y: gradient of resultant (ne, 4, 8) times strain, no area."""
         out = _stress_gradient(self.middle(y), self.collected(resultant))
         out[:, 4:] += self.height[:, :, None] * out[:, :4]
         out[:, 4:] *= self.mitre[:, :, None]

@@ -99,23 +99,28 @@ def _nearest_of(triangles: Array, points: Array, candidates: Ints) -> Array:
 
 
 def _samples(triangles: Array, spacing: float) -> tuple[Array, Ints]:
-    """Centroids of the triangles halved until no edge exceeds `spacing`, and whose they are."""
+    """Centroids of the triangles, whose longest edge is halved until none exceeds `spacing`, and
+    whose they are."""
     owner = np.arange(len(triangles))
     parts, owners = [], []
     while len(triangles):
-        edge = np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2).max(axis=1)
-        fine = edge <= spacing
+        edge = np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2)
+        fine = edge.max(axis=1) <= spacing
         parts.append(triangles[fine].mean(axis=1))
         owners.append(owner[fine])
-        triangles, owner = _quartered(triangles[~fine]), np.tile(owner[~fine], 4)
+        triangles = _halved(triangles[~fine], edge[~fine].argmax(axis=1))
+        owner = np.tile(owner[~fine], 2)
     return np.concatenate(parts), np.concatenate(owners)
 
 
-def _quartered(triangles: Array) -> Array:
-    a, b, c = np.moveaxis(triangles, 1, 0)
-    ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
-    corners = ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))
-    return np.concatenate([np.stack(t, axis=1) for t in corners])
+def _halved(triangles: Array, edge: Ints) -> Array:
+    """Both halves of each triangle (n, 3, 3), its edge (n,) to the corner of that number cut."""
+    rows = np.arange(len(triangles))
+    end, begin, far = (triangles[rows, (edge + k) % 3] for k in (0, 2, 1))
+    middle = (begin + end) / 2
+    return np.concatenate(
+        [np.stack([begin, middle, far], axis=1), np.stack([middle, end, far], axis=1)]
+    )
 
 
 def _dot(a: Array, b: Array) -> Array:

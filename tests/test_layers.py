@@ -26,7 +26,12 @@ ALLOWED = {
     "rigid": ("cosim.port", "meshes.skeleton", "rigid"),
     "meshes": ("cosim.port", "meshes"),
 }
-KNOW_THE_SOLVERS = {"cosim.build", "cosim.build_shell", "cosim.shell_commands"}
+KNOW_THE_SOLVERS = {
+    "cosim.build",
+    "cosim.build_shell",
+    "cosim.shell_commands",
+    "cosim.job_commands",
+}
 
 
 def imports(module: str, top_only: bool) -> Iterator[str]:

@@ -1,0 +1,209 @@
+"""The commands of stand-alone shell models: `cosim solve`, `cosim export` and two benches."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cosim.port import CosimError, InputError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from fe_solver.febio_compare import Comparison
+    from fe_solver.job_solve import JobResult, JobState
+
+Model = Annotated[Path, typer.Argument(metavar="MODEL.feb", help="A FEBio 4 file.")]
+WIDTH = 120
+QUADS = (500, 2000, 8000)
+NO_LIMIT = "none"
+
+
+@contextmanager
+def _told() -> Iterator[None]:
+    """Faults as one message and an exit code."""
+    try:
+        yield
+    except CosimError as error:
+        typer.echo(f"cosim: {error}", err=True)
+        raise typer.Exit(2 if isinstance(error, InputError) else 1) from None
+
+
+def _console() -> Console:
+    from rich.console import Console
+
+    return Console(width=None if sys.stdout.isatty() else WIDTH, highlight=False, markup=False)
+
+
+def solve(
+    model: Model,
+    until: Annotated[
+        float | None, typer.Option(help="The last time; else the end of the file's last step.")
+    ] = None,
+    states: Annotated[int, typer.Option(min=1, help="States to keep of each step.")] = 1,
+    out: Annotated[Path | None, typer.Option(help="Folder of the result; else runs/MODEL.")] = None,
+    penetration: Annotated[
+        str, typer.Option(help='Largest penetration of contact, or "none" for a penalty alone.')
+    ] = "2 um",
+    length_unit: Annotated[str, typer.Option(help="The file's unit of length.")] = "mm",
+    spacing: Annotated[
+        str, typer.Option(help="Of the grids that the bodies' distances are baked on.")
+    ] = "0.5 mm",
+    as_febio: Annotated[
+        bool, typer.Option("--as-febio", help="Bend and touch as FEBio does, to compare with it.")
+    ] = False,
+) -> None:
+    """Solve a FEBio model and write its states; the forces' unit in the file is N."""
+    with _told():
+        from cosim.units import LENGTH, parse
+        from fe_solver.feb_read import read_feb
+        from fe_solver.job_model import JobOptions
+        from fe_solver.job_results import check_target, write_job
+        from fe_solver.job_solve import solve_job, spread_times
+
+        folder = out or Path("runs") / model.stem
+        check_target(folder)
+        try:
+            limit = None if penetration == NO_LIMIT else parse(penetration, LENGTH)
+            unit, grid = parse(f"1 {length_unit}", LENGTH), parse(spacing, LENGTH)
+        except ValueError as error:
+            raise InputError(str(error)) from error
+        job = read_feb(model, unit)
+        options = JobOptions(penetration=limit, spacing=grid, as_febio=as_febio)
+        result = solve_job(job, options=options, times=spread_times(job, until, states))
+        _show(result)
+        typer.echo(f"results in {write_job(folder, result)}")
+
+
+def _show(result: JobResult) -> None:
+    from rich.table import Table
+
+    console = _console()
+    console.print(f"{result.job.name}: {len(result.job.quads)} elements")
+    for state in result.states:
+        table = Table(title=f"t = {state.time:g}", title_justify="left", show_header=False)
+        for row in _rows(result, state):
+            table.add_row(*row)
+        console.print(table)
+    e = result.effort
+    console.print(
+        f"CPU: {result.setup_s:.2f} s to set up, {e.cpu_s:.2f} s to solve "
+        f"({e.iterations} iterations, {e.solves} linear solves, {e.steps} steps, {e.failures} cut "
+        f"back, {e.relaxations} relaxed)"
+    )
+    for note in result.job.notes:
+        console.print(f"left out: {note}")
+
+
+def _rows(result: JobResult, state: JobState) -> Iterator[tuple[str, str]]:
+    from fe_solver.job_results import farthest
+
+    largest, node = farthest(result.job, state)
+    yield "largest displacement", f"{1e3 * largest:.5g} mm at node {node}"
+    for i, name in enumerate(state.model.bodies):
+        force = state.contact[i]
+        if force.any():
+            yield f"contact force on {name}", ", ".join(f"{v:.4g}" for v in force) + " N"
+    for s, f in zip(result.job.springs, state.spring_forces, strict=True):
+        figures = f"largest {f.max(initial=0.0):.4g} N, sum {f.sum():.4g} N"
+        yield f"springs {s.name}", f"{figures}, {(f != 0).sum()} of {len(f)} active"
+    if result.job.contacts:
+        yield "deepest penetration", f"{1e6 * state.penetration:.3g} um"
+    yield "residual", f"{state.residual:.1e} N"
+    force, moment = state.imbalance
+    yield "out of balance", f"{force:.1e} N, {1e3 * moment:.1e} N mm"
+    yield "CPU", f"{state.effort.cpu_s:.2f} s"
+
+
+def export(
+    case: Annotated[str, typer.Argument(help="Case file, or name of a packaged case.")],
+    settings: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Replace a value.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="The FEBio file to write.")] = Path("hood.feb"),
+) -> None:
+    """Write the shell hood of a case at its posture, under its tendons' tensions, for FEBio."""
+    with _told():
+        from cosim.build import build, tensions
+        from cosim.case import load_case
+        from fe_solver.feb_write import write_feb
+        from fe_solver.hood_job import job_of_hood
+        from fe_solver.shell_hood import ShellHood
+
+        checked = load_case(case, settings or ())
+        models = build(checked)
+        if not isinstance(models.hood, ShellHood):
+            raise InputError(f"{checked.name}: has no shell hood to write")
+        motion = models.finger.motion(models.finger.start(models.posture))
+        tension, _ = tensions(checked, models)
+        job = job_of_hood(models.hood, motion, tension, models.bones, checked.name)
+        write_feb(job, out)
+        typer.echo(f"{len(job.quads)} elements in {out}")
+
+
+def bench_fe(quads: Sequence[int] = QUADS) -> None:
+    """Print how long a Newton iteration takes, beside its floor."""
+    from rich.table import Table
+
+    from fe_solver.bench import machine, speed
+
+    table = Table("quads", "iterations", "linear solves", "iteration ms", "floor ms", "ratio")
+    for count in quads:
+        s = speed(count)
+        row = [s.quads, s.steps, s.solves, *(f"{1e3 * v:.3g}" for v in (s.iteration_s, s.floor_s))]
+        table.add_row(*map(str, row), f"{s.ratio:.2f}")
+    console = _console()
+    console.print(table)
+    console.print("floor: one evaluation with tangent, one factorisation, one solution")
+    console.print(machine())
+
+
+def bench_febio(folder: Path, spacing: str) -> None:
+    """Print our answers and costs beside FEBio's."""
+    from cosim.units import LENGTH, parse
+    from fe_solver.febio_compare import SOURCE, compare
+
+    console = _console()
+    with _told():
+        try:
+            grid = parse(spacing, LENGTH)
+        except ValueError as error:
+            raise InputError(str(error)) from error
+        for found in compare(folder, grid):
+            _print_comparison(console, found)
+    console.print(f"FEBio's figures: {SOURCE}.")
+    console.print(
+        "as FEBio: our solver with FEBio's bending (thickness strain constant through the "
+        "thickness, no shear correction) and contact (at the facets' Gauss points, a penalty "
+        "alone).  Verdicts: agrees within 3 %; formulation: only as FEBio; differs."
+    )
+
+
+def _print_comparison(console: Console, found: Comparison) -> None:
+    from rich.table import Table
+
+    table = Table(title=found.model, title_justify="left")
+    for name in ("quantity", "ours", "as FEBio", "FEBio", "ours - FEBio", "as FEBio - FEBio"):
+        table.add_column(name, justify="left" if name == "quantity" else "right")
+    table.add_column("verdict")
+    for r in found.rows:
+        figures = [f"{v:.5g}" for v in (r.ours, r.alike, r.febio)]
+        gaps = [f"{100 * v:+.1f} %" for v in (r.difference, r.difference_alike)]
+        table.add_row(r.quantity, *figures, *gaps, r.verdict)
+    console.print(table)
+    own = found.ours
+    cpu = f"CPU: {own.solve_s:.2f} s ({own.iterations} iterations, {own.linear_solver})"
+    if found.febio_s is not None:
+        cpu += f", FEBio {found.febio_s:.2f} s on this machine: {found.share:.2f} of it"
+    console.print(f"{cpu}; set-up apart {own.setup_s:.2f} s")
+    more = own.peak_mb - own.import_mb
+    febio = "" if found.febio_mb is None else f"; FEBio {found.febio_mb:.0f} MB"
+    console.print(
+        f"peak memory: {own.peak_mb:.0f} MB, of which the solve {more:.0f} MB above the "
+        f"{own.import_mb:.0f} MB of the program itself{febio}"
+    )
