@@ -16,6 +16,7 @@ from cosim import __version__
 from cosim.job_commands import bench_fe, bench_febio, export, solve
 from cosim.port import CosimError, InputError
 from cosim.shell_commands import info, verify
+from cosim.terminal import tell, told
 
 if TYPE_CHECKING:
     from cosim.case_schema import Case
@@ -61,20 +62,6 @@ def _options(
     pass
 
 
-def _tell(error: CosimError) -> int:
-    """Say what is wrong; the exit code."""
-    typer.echo(f"cosim: {error}", err=True)
-    return 2 if isinstance(error, InputError) else 1
-
-
-@contextmanager
-def _told() -> Iterator[None]:
-    try:
-        yield
-    except CosimError as error:
-        raise typer.Exit(_tell(error)) from None
-
-
 def _load(names: Sequence[str], settings: Sequence[str] | None) -> list[Case]:
     """All cases; the faults of every one are told before the exit."""
     from cosim.case import load_case
@@ -86,7 +73,7 @@ def _load(names: Sequence[str], settings: Sequence[str] | None) -> list[Case]:
         except InputError as error:
             faults.append(error)
     if faults:
-        raise typer.Exit(max([_tell(fault) for fault in faults]))
+        raise typer.Exit(max([tell(fault) for fault in faults]))
     return cases
 
 
@@ -98,7 +85,7 @@ def run(
 ) -> None:
     """Run cases; each leaves its results in a folder of its name."""
     checked = _load(cases, settings)
-    with _told():
+    with told():
         _check_targets(checked, out)
     codes = [_run_one(case, out) for case in checked]
     raise typer.Exit(max(codes))
@@ -126,7 +113,7 @@ def _run_one(case: Case, out: Path) -> int:
             say("writing the results")
             folder = write_result(out, case, result)
     except CosimError as error:
-        return _tell(type(error)(f"{case.name}: {error}"))
+        return tell(type(error)(f"{case.name}: {error}"))
     _show(case, result.summary)
     typer.echo(f"results in {_shown(folder)}")
     return 0
@@ -173,7 +160,7 @@ def check(cases: Cases, settings: Settings = None) -> None:
             check_mesh_file(case)
             typer.echo(f"{case.name}: in order")
         except InputError as error:
-            codes.append(_tell(InputError(f"{case.name}: {error}")))
+            codes.append(tell(InputError(f"{case.name}: {error}")))
     raise typer.Exit(max(codes))
 
 
@@ -190,7 +177,7 @@ def view(
     folder: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")],
 ) -> None:
     """Show a run's hood in a window."""
-    with _told():
+    with told():
         hood = folder / "hood.vtu"
         if not (folder / "summary.json").is_file():
             raise InputError(
@@ -255,15 +242,13 @@ def bench(
         bench_fe()
         return
     if case == "febio":
-        with _told():
-            if models is None:
-                raise InputError("bench febio: name the folder of the models with --models")
-        bench_febio(models, spacing)
+        with told():
+            bench_febio(models, spacing)
         return
     (checked,) = _load([case], settings)
     from cosim.bench import bench_case
 
-    with _told():
+    with told():
         for name, value in bench_case(checked).items():
             typer.echo(f"{name:<20} {value:.4g}")
 
@@ -276,7 +261,7 @@ def mesh(
 ) -> None:
     """Write the hood mesh of a case, for hood.mesh.kind = "file"."""
     (checked,) = _load([case], settings)
-    with _told():
+    with told():
         from cosim.build import hood_mesh
         from meshes.hood_mesh import write
 

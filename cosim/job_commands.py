@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cosim.port import CosimError, InputError
+from cosim.port import InputError
+from cosim.terminal import console, told
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -19,25 +18,8 @@ if TYPE_CHECKING:
     from fe_solver.job_solve import JobResult, JobState
 
 Model = Annotated[Path, typer.Argument(metavar="MODEL.feb", help="A FEBio 4 file.")]
-WIDTH = 120
 QUADS = (500, 2000, 8000)
 NO_LIMIT = "none"
-
-
-@contextmanager
-def _told() -> Iterator[None]:
-    """Faults as one message and an exit code."""
-    try:
-        yield
-    except CosimError as error:
-        typer.echo(f"cosim: {error}", err=True)
-        raise typer.Exit(2 if isinstance(error, InputError) else 1) from None
-
-
-def _console() -> Console:
-    from rich.console import Console
-
-    return Console(width=None if sys.stdout.isatty() else WIDTH, highlight=False, markup=False)
 
 
 def solve(
@@ -53,13 +35,13 @@ def solve(
     length_unit: Annotated[str, typer.Option(help="The file's unit of length.")] = "mm",
     spacing: Annotated[
         str, typer.Option(help="Of the grids that the bodies' distances are baked on.")
-    ] = "0.5 mm",
+    ] = "0.25 mm",
     as_febio: Annotated[
         bool, typer.Option("--as-febio", help="Bend and touch as FEBio does, to compare with it.")
     ] = False,
 ) -> None:
     """Solve a FEBio model and write its states; the forces' unit in the file is N."""
-    with _told():
+    with told():
         from cosim.units import LENGTH, parse
         from fe_solver.feb_read import read_feb
         from fe_solver.job_model import JobOptions
@@ -83,21 +65,21 @@ def solve(
 def _show(result: JobResult) -> None:
     from rich.table import Table
 
-    console = _console()
-    console.print(f"{result.job.name}: {len(result.job.quads)} elements")
+    screen = console()
+    screen.print(f"{result.job.name}: {len(result.job.quads)} elements")
     for state in result.states:
         table = Table(title=f"t = {state.time:g}", title_justify="left", show_header=False)
         for row in _rows(result, state):
             table.add_row(*row)
-        console.print(table)
+        screen.print(table)
     e = result.effort
-    console.print(
+    screen.print(
         f"CPU: {result.setup_s:.2f} s to set up, {e.cpu_s:.2f} s to solve "
         f"({e.iterations} iterations, {e.solves} linear solves, {e.steps} steps, {e.failures} cut "
         f"back, {e.relaxations} relaxed)"
     )
     for note in result.job.notes:
-        console.print(f"left out: {note}")
+        screen.print(f"left out: {note}")
 
 
 def _rows(result: JobResult, state: JobState) -> Iterator[tuple[str, str]]:
@@ -128,7 +110,7 @@ def export(
     out: Annotated[Path, typer.Option(help="The FEBio file to write.")] = Path("hood.feb"),
 ) -> None:
     """Write the shell hood of a case at its posture, under its tendons' tensions, for FEBio."""
-    with _told():
+    with told():
         from cosim.build import build, tensions
         from cosim.case import load_case
         from fe_solver.feb_write import write_feb
@@ -157,34 +139,36 @@ def bench_fe(quads: Sequence[int] = QUADS) -> None:
         s = speed(count)
         row = [s.quads, s.steps, s.solves, *(f"{1e3 * v:.3g}" for v in (s.iteration_s, s.floor_s))]
         table.add_row(*map(str, row), f"{s.ratio:.2f}")
-    console = _console()
-    console.print(table)
-    console.print("floor: one evaluation with tangent, one factorisation, one solution")
-    console.print(machine())
+    screen = console()
+    screen.print(table)
+    screen.print("floor: one evaluation with tangent, one factorisation, one solution")
+    screen.print(machine())
 
 
-def bench_febio(folder: Path, spacing: str) -> None:
-    """Print our answers and costs beside FEBio's."""
+def bench_febio(folder: Path | None, spacing: str) -> None:
+    """Print our answers and costs beside FEBio's.  Raises CosimError."""
     from cosim.units import LENGTH, parse
-    from fe_solver.febio_compare import SOURCE, compare
+    from fe_solver.febio_compare import compare
+    from fe_solver.febio_figures import SOURCE
 
-    console = _console()
-    with _told():
-        try:
-            grid = parse(spacing, LENGTH)
-        except ValueError as error:
-            raise InputError(str(error)) from error
-        for found in compare(folder, grid):
-            _print_comparison(console, found)
-    console.print(f"FEBio's figures: {SOURCE}.")
-    console.print(
+    if folder is None:
+        raise InputError("bench febio: name the folder of the models with --models")
+    try:
+        grid = parse(spacing, LENGTH)
+    except ValueError as error:
+        raise InputError(str(error)) from error
+    screen = console()
+    for found in compare(folder, grid):
+        _print_comparison(screen, found)
+    screen.print(f"FEBio's figures: {SOURCE}.")
+    screen.print(
         "as FEBio: our solver with FEBio's bending (thickness strain constant through the "
         "thickness, no shear correction) and contact (at the facets' Gauss points, a penalty "
         "alone).  Verdicts: agrees within 3 %; formulation: only as FEBio; differs."
     )
 
 
-def _print_comparison(console: Console, found: Comparison) -> None:
+def _print_comparison(screen: Console, found: Comparison) -> None:
     from rich.table import Table
 
     table = Table(title=found.model, title_justify="left")
@@ -192,18 +176,19 @@ def _print_comparison(console: Console, found: Comparison) -> None:
         table.add_column(name, justify="left" if name == "quantity" else "right")
     table.add_column("verdict")
     for r in found.rows:
-        figures = [f"{v:.5g}" for v in (r.ours, r.alike, r.febio)]
-        gaps = [f"{100 * v:+.1f} %" for v in (r.difference, r.difference_alike)]
+        figures = ["-" if v is None else f"{v:.5g}" for v in (r.ours, r.alike, r.febio)]
+        differences = (r.difference, r.difference_alike)
+        gaps = ["-" if r.febio is None else f"{100 * v:+.1f} %" for v in differences]
         table.add_row(r.quantity, *figures, *gaps, r.verdict)
-    console.print(table)
+    screen.print(table)
     own = found.ours
     cpu = f"CPU: {own.solve_s:.2f} s ({own.iterations} iterations, {own.linear_solver})"
     if found.febio_s is not None:
         cpu += f", FEBio {found.febio_s:.2f} s on this machine: {found.share:.2f} of it"
-    console.print(f"{cpu}; set-up apart {own.setup_s:.2f} s")
+    screen.print(f"{cpu}; set-up apart {own.setup_s:.2f} s")
     more = own.peak_mb - own.import_mb
     febio = "" if found.febio_mb is None else f"; FEBio {found.febio_mb:.0f} MB"
-    console.print(
+    screen.print(
         f"peak memory: {own.peak_mb:.0f} MB, of which the solve {more:.0f} MB above the "
         f"{own.import_mb:.0f} MB of the program itself{febio}"
     )

@@ -1,8 +1,4 @@
-"""Our answers beside FEBio's published ones.
-
-The figures are those of FEBio 4.11 (one thread, PARDISO) for five models of a sheet over three
-bones, by the names of their files; elements `q4ans`, from the README that comes with the models.
-"""
+"""Our answers and costs beside FEBio's."""
 
 from __future__ import annotations
 
@@ -11,125 +7,41 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from cosim.port import CosimError, InputError
 
+from .febio_figures import PUBLISHED, REFERENCE_S, Published
 from .job import Job
 from .job_model import JobOptions
-from .job_results import displacement
+from .job_results import displacement, farthest
 from .job_solve import JobState
 
-SOURCE = "FEBio 4.11, q4ans shells, one thread: the models' README"
 TOLERANCE = 0.03
-REFERENCE_S = 0.95
-"""CPU seconds of the reference job on FEBio's machine (0.91 to 1.06)."""
 REFERENCE_JOB = "reference_job.py"
 
 
 @dataclass(frozen=True)
-class Published:
-    """FEBio's last state: displacements by node number (mm), contact resultants along z on the
-    first two bodies (N), the springs' largest force and sum (N) and how many act, CPU seconds, peak
-    memory (MB, where it is stated)."""
-
-    displacement: Mapping[int, tuple[float, float, float]]
-    contact: tuple[float, ...]
-    largest: float
-    total: float
-    active: int
-    cpu_s: float
-    peak_mb: float | None
-
-
-PUBLISHED = {
-    "free_iso_2000": Published(
-        {
-            11: (-0.846692, 0.0, -1.490595),
-            1: (-0.739305, 0.202972, -1.706770),
-            1271: (-0.003352, 0.0, -0.155221),
-        },
-        (),
-        6.458,
-        6.46,
-        1,
-        25.1,
-        240,
-    ),
-    "hood_iso_500": Published(
-        {
-            6: (-0.436311, 0.0, 0.073390),
-            1: (-0.469208, -0.009983, 0.125914),
-            336: (0.000708, 0.0, 0.011817),
-        },
-        (-22.463, -8.229),
-        3.570,
-        36.88,
-        91,
-        1.5,
-        159,
-    ),
-    "hood_iso_2000": Published(
-        {
-            11: (-0.489158, 0.0, 0.061405),
-            1: (-0.520013, 0.000369, 0.105599),
-            1271: (0.000043, 0.0, 0.001317),
-        },
-        (-18.261, -2.503),
-        3.623,
-        25.24,
-        91,
-        8.5,
-        240,
-    ),
-    "hood_tiMR_500": Published(
-        {
-            6: (-0.447081, 0.0, 0.022884),
-            1: (-0.444215, 0.013154, 0.059901),
-            336: (0.000239, 0.0, 0.004860),
-        },
-        (-11.998, -2.657),
-        5.825,
-        21.55,
-        21,
-        1.3,
-        159,
-    ),
-    "hood_flex30_500": Published(
-        {
-            6: (1.709827, 0.0, -0.020983),
-            1: (1.601530, 0.033101, 0.022085),
-            336: (2.605416, 0.0, -2.786901),
-        },
-        (-58.731, -22.921),
-        22.659,
-        98.92,
-        21,
-        25.1,
-        159,
-    ),
-}
-
-
-@dataclass(frozen=True)
 class Row:
-    """One quantity: ours, ours with FEBio's bending and contact, and FEBio's.  `difference` is
-    relative (of a displacement: to the largest of the model's nodes)."""
+    """One quantity: ours, ours with FEBio's bending and contact, and FEBio's, None where no figure
+    of it is published.  `difference` is relative (of a displacement: to the largest of the model's
+    nodes)."""
 
     quantity: str
     ours: float
-    alike: float
-    febio: float
-    difference: float
-    difference_alike: float
+    alike: float | None = None
+    febio: float | None = None
+    difference: float = 0.0
+    difference_alike: float = 0.0
 
     @property
     def verdict(self) -> str:
+        if self.febio is None:
+            return "no figure"
         if abs(self.difference) <= TOLERANCE:
             return "agrees"
         return "formulation" if abs(self.difference_alike) <= TOLERANCE else "differs"
@@ -157,8 +69,8 @@ class Comparison:
     model: str
     rows: tuple[Row, ...]
     ours: Measured
-    febio_s: float | None
-    febio_mb: float | None
+    febio_s: float | None = None
+    febio_mb: float | None = None
 
     @property
     def share(self) -> float | None:
@@ -166,36 +78,37 @@ class Comparison:
         return None if self.febio_s is None else self.ours.solve_s / self.febio_s
 
 
-def known_models(folder: Path) -> list[Path]:
-    """Files of the folder whose names are among the published models.  Raises InputError where
-    there are none."""
-    found = [folder / f"{name}.feb" for name in PUBLISHED]
-    found = [path for path in found if path.is_file()]
+def models_in(folder: Path) -> list[Path]:
+    """The FEBio files of a folder.  Raises InputError where there are none."""
+    found = sorted(folder.glob("*.feb"))
     if not found:
-        raise InputError(
-            f"{folder}: holds none of the models with published figures: "
-            f"{', '.join(f'{name}.feb' for name in PUBLISHED)}"
-        )
+        raise InputError(f"{folder}: holds no FEBio files (*.feb)")
     return found
 
 
-def quantities(job: Job, state: JobState, published: Published) -> dict[str, float]:
-    """What is compared, by name, mm and N."""
+def quantities(job: Job, state: JobState, published: Published | None) -> dict[str, float]:
+    """What is compared, by name, mm and N: what is published, else the node that moves farthest and
+    the contact on all bodies."""
     index = {int(n): i for i, n in enumerate(job.node_ids)}
-    missing = [n for n in published.displacement if n not in index]
-    if missing:
-        raise InputError(f"{job.name}: has no node {missing[0]}; it is not the published model")
+    if published is None:
+        wanted = [(farthest(job, state)[1], i) for i in range(3)]
+        touched = np.flatnonzero(state.contact[:, 2])
+    else:
+        nodes = published.displacement
+        missing = [n for n in nodes if n not in index]
+        if missing:
+            raise InputError(f"{job.name}: has no node {missing[0]}; it is not the published model")
+        wanted = [(n, i) for n in nodes for i in range(3) if nodes[n][i] != 0.0]
+        touched = np.arange(len(published.contact))
     u = 1e3 * displacement(job, state)
-    out = {
-        f"u{axis} of node {n} (mm)": float(u[index[n], i])
-        for n in published.displacement
-        for i, axis in enumerate("xyz")
-        if published.displacement[n][i] != 0.0
-    }
-    for i in range(len(published.contact)):
-        out[f"contact z on {job.bodies[i].name} (N)"] = float(state.contact[i, 2])
+    out = {f"u{'xyz'[i]} of node {n} (mm)": float(u[index[n], i]) for n, i in wanted}
+    for i in touched:
+        out[f"contact z on {state.model.bodies[i]} (N)"] = float(state.contact[i, 2])
+    if not job.springs:
+        return out
     force = np.concatenate(state.spring_forces)
-    out["largest spring (N)"], out["sum of springs (N)"] = float(force.max()), float(force.sum())
+    out["largest spring (N)"] = float(force.max(initial=0.0))
+    out["sum of springs (N)"] = float(force.sum())
     out["active springs"] = float((force > 0).sum())
     return out
 
@@ -206,8 +119,10 @@ def _figures(published: Published) -> list[float]:
     return [*moved, *published.contact, published.largest, published.total, float(published.active)]
 
 
-def rows(published: Published, ours: dict[str, float], alike: dict[str, float]) -> list[Row]:
+def rows(published: Published | None, ours: dict[str, float], alike: dict[str, float]) -> list[Row]:
     """One for each quantity."""
+    if published is None:
+        return [Row(name, value) for name, value in ours.items()]
     largest = max(np.linalg.norm(u) for u in published.displacement.values())
     out = []
     for name, figure in zip(ours, _figures(published), strict=True):
@@ -217,21 +132,22 @@ def rows(published: Published, ours: dict[str, float], alike: dict[str, float]) 
     return out
 
 
-def compare(folder: Path, spacing: float = 0.5e-3) -> Iterator[Comparison]:
-    """All known models of a folder, each solved in a process of its own with one thread: once as
-    the solver is, which is timed, and once as FEBio does.
+def compare(folder: Path, spacing: float = 0.25e-3) -> Iterator[Comparison]:
+    """All models of a folder, each solved in a process of its own with one thread: once as the
+    solver is, which is timed, and, where FEBio's figures are published, once as FEBio does.
 
     Raises InputError where the folder holds none, and CosimError where one is not solved."""
-    models = known_models(folder)
-    for path in models:
-        published = PUBLISHED[path.stem]
+    for path in models_in(folder):
         seconds = reference_seconds(folder)  # beside each solve: machines have moods
-        scale = None if seconds is None else seconds / REFERENCE_S
         ours = measured(path, False, spacing)
+        published = PUBLISHED.get(path.stem)
+        if published is None:
+            yield Comparison(path.stem, tuple(rows(None, ours.values, {})), ours)
+            continue
         alike = measured(path, True, spacing)
         made = tuple(rows(published, ours.values, alike.values))
-        febio = None if scale is None else scale * published.cpu_s
-        yield Comparison(path.stem, made, ours, febio, published.peak_mb)
+        scaled = None if seconds is None else seconds / REFERENCE_S * published.cpu_s
+        yield Comparison(path.stem, made, ours, scaled, published.peak_mb)
 
 
 def reference_seconds(folder: Path) -> float | None:
@@ -258,8 +174,8 @@ def measured(path: Path, as_febio: bool, spacing: float) -> Measured:
         call, capture_output=True, text=True, check=False, env={**os.environ, **one}
     )
     if done.returncode:
-        last = done.stderr.strip().splitlines() or ["no reason given"]
-        raise CosimError(f"{path}: {last[-1]}")
+        reason = (done.stderr.strip().splitlines() or ["no reason given"])[-1]
+        raise (InputError if done.returncode == 2 else CosimError)(reason)
     return Measured(**json.loads(done.stdout))
 
 
@@ -282,7 +198,7 @@ def _main(path: str, as_febio: str, spacing: str) -> None:
     if int(as_febio):
         options = replace(options, as_febio=True, penetration=None)
     result = solve_job(job, options=options)
-    values = quantities(job, result.states[-1], PUBLISHED[job.name])
+    values = quantities(job, result.states[-1], PUBLISHED.get(Path(path).stem))
     made = Measured(
         values,
         result.effort.cpu_s,
@@ -303,14 +219,9 @@ def peak_mb() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e6
 
 
-def as_record(c: Comparison) -> dict[str, Any]:
-    """For JSON."""
-    verdicts = [{**asdict(r), "verdict": r.verdict} for r in c.rows]
-    return {**asdict(c), "rows": verdicts, "share": c.share, "source": SOURCE}
-
-
 if __name__ == "__main__":
     try:
         _main(*sys.argv[1:])
     except CosimError as error:
-        sys.exit(str(error))
+        print(error, file=sys.stderr)
+        sys.exit(2 if isinstance(error, InputError) else 1)

@@ -57,7 +57,7 @@ class JobOptions:
     penetration: float | None = 2e-6
     contact_factor: float = 1.0
     smoothing: float = 2e-6
-    spacing: float = 0.5e-3
+    spacing: float = 0.25e-3
     cached: bool = True
     as_febio: bool = False
     turn: float = 0.1

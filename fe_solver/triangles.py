@@ -10,9 +10,13 @@ from cosim.port import InputError
 Array = NDArray[np.float64]
 Ints = NDArray[np.integer]
 
-TIERS = ((np.inf, 4.0, 1), (7.0, 2.0, 3), (4.0, 2.0, 10))
+TIERS = ((9.0, 2.0, 3), (4.0, 2.0, 10))
 """(reach, edge, count): a node nearer than `reach` grid spacings tries the faces of the `count`
 nearest samples of the surface, cut to edges of at most `edge` spacings."""
+FAR = 4
+"""Farther than that, distances are found at every fourth node each way and interpolated."""
+BATCH = 100_000
+"""Nodes at a time, to bound the memory."""
 
 
 def checked_surface(vertices: Array, faces: Ints) -> tuple[Array, Ints]:
@@ -67,27 +71,45 @@ def _require_watertight(faces: Ints) -> None:
 def distances_on_grid(
     vertices: Array, faces: Ints, origin: Array, spacing: float, shape: tuple[int, ...]
 ) -> Array:
-    """Signed distance (m, negative inside) at the nodes of a uniform grid, `shape`."""
+    """Signed distance (m, negative inside) at the nodes of a uniform grid, `shape`.
+
+    Near the surface it is exact unless a face whose samples are all farther is the nearest, and
+    then too large by less than the square of the samples' spacing over twice the distance; farther
+    away it is interpolated."""
+    triangles = vertices[faces]
     axes = [o + spacing * np.arange(n) for o, n in zip(origin, shape, strict=True)]
-    nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    value = _unsigned(vertices[faces], nodes, spacing).reshape(shape)
-    return np.where(_inside(vertices[faces], *axes), -value, value)
+    value = _far(triangles, origin, spacing, shape).ravel()
+    for i, (reach, edge, count) in enumerate(TIERS):
+        near = np.flatnonzero(value <= reach * spacing)
+        nodes = np.stack(np.unravel_index(near, shape), axis=1) * spacing + origin
+        found = _unsigned(triangles, nodes, edge * spacing, count)
+        value[near] = found if i == 0 else np.minimum(value[near], found)
+    return np.where(_inside(triangles, *axes), -1.0, 1.0) * value.reshape(shape)
 
 
-def _unsigned(triangles: Array, nodes: Array, spacing: float) -> Array:
-    """Distance to the faces that own the nearest samples of the surface: exact unless a face
-    whose samples are all farther is the nearest, and then too large by less than the square of the
-    samples' spacing over twice the distance."""
+def _far(triangles: Array, origin: Array, spacing: float, shape: tuple[int, ...]) -> Array:
+    """Distance at all nodes by cubic interpolation from a coarser grid."""
+    from scipy.ndimage import map_coordinates
+
+    coarse = [np.arange(0, n + FAR, FAR) for n in shape]
+    nodes = np.stack(np.meshgrid(*coarse, indexing="ij"), axis=-1) * spacing + origin
+    value = _unsigned(triangles, nodes.reshape(-1, 3), FAR * spacing, 1)
+    at = np.meshgrid(*[np.arange(n) / FAR for n in shape], indexing="ij")
+    return np.asarray(map_coordinates(value.reshape(nodes.shape[:3]), at, order=3, mode="nearest"))
+
+
+def _unsigned(triangles: Array, nodes: Array, edge: float, count: int) -> Array:
+    """Distance of nodes (n, 3) to the faces that own the nearest `count` samples, cut to `edge`."""
     from scipy.spatial import cKDTree
 
-    value = np.full(len(nodes), np.inf)
-    for reach, edge, count in TIERS:
-        samples, owner = _samples(triangles, edge * spacing)
-        i = np.flatnonzero(value <= reach * spacing)
-        k = range(1, min(count, len(samples)) + 1)
-        _, nearest = cKDTree(samples).query(nodes[i], k=k, workers=-1)
-        value[i] = np.minimum(value[i], _nearest_of(triangles, nodes[i], owner[nearest]))
-    return value
+    samples, owner = _samples(triangles, edge)
+    tree, k = cKDTree(samples), range(1, min(count, len(samples)) + 1)
+    out = np.empty(len(nodes))
+    for i in range(0, len(nodes), BATCH):
+        some = slice(i, i + BATCH)
+        _, nearest = tree.query(nodes[some], k=k, workers=-1)
+        out[some] = _nearest_of(triangles, nodes[some], owner[nearest])
+    return out
 
 
 def _nearest_of(triangles: Array, points: Array, candidates: Ints) -> Array:
@@ -99,28 +121,20 @@ def _nearest_of(triangles: Array, points: Array, candidates: Ints) -> Array:
 
 
 def _samples(triangles: Array, spacing: float) -> tuple[Array, Ints]:
-    """Centroids of the triangles, whose longest edge is halved until none exceeds `spacing`, and
-    whose they are."""
-    owner = np.arange(len(triangles))
-    parts, owners = [], []
-    while len(triangles):
-        edge = np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2)
-        fine = edge.max(axis=1) <= spacing
-        parts.append(triangles[fine].mean(axis=1))
-        owners.append(owner[fine])
-        triangles = _halved(triangles[~fine], edge[~fine].argmax(axis=1))
-        owner = np.tile(owner[~fine], 2)
-    return np.concatenate(parts), np.concatenate(owners)
-
-
-def _halved(triangles: Array, edge: Ints) -> Array:
-    """Both halves of each triangle (n, 3, 3), its edge (n,) to the corner of that number cut."""
-    rows = np.arange(len(triangles))
-    end, begin, far = (triangles[rows, (edge + k) % 3] for k in (0, 2, 1))
-    middle = (begin + end) / 2
-    return np.concatenate(
-        [np.stack([begin, middle, far], axis=1), np.stack([middle, end, far], axis=1)]
-    )
+    """Points of the triangles no farther apart than `spacing`, in rows along the longest edge of
+    each, and whose they are."""
+    edge = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2)
+    first, rows = edge.argmax(axis=1), np.arange(len(triangles))
+    a, b, c = (triangles[rows, (first + i) % 3] for i in range(3))
+    length = edge.max(axis=1)
+    height = np.linalg.norm(np.cross(b - a, c - a), axis=1) / length
+    along, across = (np.maximum(1, np.ceil(v / spacing)).astype(int) for v in (length, height))
+    count = along * across
+    owner = np.repeat(rows, count)
+    k = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
+    s, t = (k % along[owner] + 0.5) / along[owner], (k // along[owner] + 0.5) / across[owner]
+    base = a[owner] + s[:, None] * (b - a)[owner]
+    return base + t[:, None] * (c[owner] - base), owner
 
 
 def _dot(a: Array, b: Array) -> Array:

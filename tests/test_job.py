@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import meshio
 import numpy as np
@@ -17,7 +19,8 @@ from cosim.port import ConvergenceError, InputError, Motion
 from fe_solver.curves import Curve, Drive
 from fe_solver.feb_read import read_feb
 from fe_solver.feb_write import write_feb
-from fe_solver.febio_compare import PUBLISHED, quantities, rows
+from fe_solver.febio_compare import quantities, rows
+from fe_solver.febio_figures import PUBLISHED
 from fe_solver.febio_like import facet_lift, febio_patch
 from fe_solver.hood_job import job_of_hood
 from fe_solver.job import (
@@ -45,7 +48,7 @@ from fe_solver.shell_hood import ShellHood
 
 LENGTH, WIDTH, THICK, E = 20e-3, 5e-3, 0.5e-3, 100e6
 RAMP = Curve((0.0, 1.0), (0.0, 1.0))
-PLAIN = JobOptions(cached=False)
+PLAIN = JobOptions(cached=False, spacing=0.5e-3)
 COARSE = JobOptions(cached=False, spacing=1e-3)
 NONE = (np.zeros((0, 3)), np.zeros((0, 3), dtype=np.intp))
 
@@ -396,6 +399,51 @@ def test_a_hood_and_its_job_agree_and_so_does_the_file(tmp_path):
     assert read.contact[0] == pytest.approx(own.contact[0], rel=1e-3, abs=1e-4)
     low = own.configuration.x[own.model.contacts[0].nodes]
     assert np.linalg.norm(low[:, 1:], axis=1).min() == pytest.approx(8e-3, abs=1e-5)
+
+
+@pytest.fixture(scope="module")
+def packed(tmp_path_factory) -> Path:
+    """A folder with one model of our own: 112 quads tied, guided, pulled and pressed on a rod."""
+    folder = tmp_path_factory.mktemp("models")
+    packed = Path(__file__).parent / "data" / "hood_over_rod.feb.gz"
+    (folder / "hood_over_rod.feb").write_bytes(gzip.decompress(packed.read_bytes()))
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("thin", "gap", "options"),
+    [
+        (1.0, 0.0, {"contact_factor": 10.0, "penetration": None}),
+        (1.0, 0.0, {"contact_factor": 100.0, "penetration": None}),
+        (1.0, -0.2e-3, {}),
+        (0.2, 0.0, {}),
+        (0.1, 0.0, {}),
+    ],
+)
+def test_stiff_contact_a_gap_and_thin_sheets_are_solved(packed, thin, gap, options):
+    """What FEBio failed on in a model of this kind (its README): all balance."""
+    job = read_feb(packed / "hood_over_rod.feb")
+    job = replace(
+        job,
+        thickness=thin * job.thickness,
+        height=thin * job.height,
+        contacts=tuple(replace(c, gap=c.gap + gap) for c in job.contacts),
+    )
+    (state,) = solve_job(job, options=replace(COARSE, **options)).states
+    assert state.contact[0, 2] < -1.0
+    assert state.penetration < 2e-6
+    assert state.imbalance[0] < 1e-6
+
+
+def test_a_folder_of_models_is_timed(packed):
+    done = run("bench", "febio", "--models", packed, "--spacing", "1 mm")
+    assert done.exit_code == 0, done.output
+    assert "no figure" in done.output
+    job = read_feb(packed / "hood_over_rod.feb")
+    (state,) = solve_job(job, options=COARSE).states
+    for name, value in quantities(job, state, None).items():
+        (line,) = (line for line in done.output.splitlines() if f" {name} " in line)
+        assert float(line.split("│")[2]) == pytest.approx(value, rel=1e-4)
 
 
 def test_what_a_job_cannot_say_of_a_hood_is_refused():
