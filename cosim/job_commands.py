@@ -92,7 +92,7 @@ def _rows(result: JobResult, state: JobState) -> Iterator[tuple[str, str]]:
         if force.any():
             yield f"contact force on {name}", ", ".join(f"{v:.4g}" for v in force) + " N"
     for s, f in zip(result.job.springs, state.spring_forces, strict=True):
-        figures = f"largest {f.max(initial=0.0):.4g} N, sum {f.sum():.4g} N"
+        figures = f"largest {f.max(initial=0.0) + 0.0:.4g} N, sum {f.sum() + 0.0:.4g} N"
         yield f"springs {s.name}", f"{figures}, {(f != 0).sum()} of {len(f)} active"
     if result.job.contacts:
         yield "deepest penetration", f"{1e6 * state.penetration:.3g} um"

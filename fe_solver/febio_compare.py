@@ -104,7 +104,7 @@ def quantities(job: Job, state: JobState, published: Published | None) -> dict[s
     out = {f"u{'xyz'[i]} of node {n} (mm)": float(u[index[n], i]) for n, i in wanted}
     for i in touched:
         out[f"contact z on {state.model.bodies[i]} (N)"] = float(state.contact[i, 2])
-    if not job.springs:
+    if not state.spring_forces:
         return out
     force = np.concatenate(state.spring_forces)
     out["largest spring (N)"] = float(force.max(initial=0.0))
