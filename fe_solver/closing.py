@@ -11,6 +11,8 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
 MOST_CENTRES = 200
+FLAT = 1e-9
+"""Of the cube of the surface's size: less volume is none."""
 
 
 def closed_surface(vertices: Array, triangles: Ints) -> tuple[Array, Ints]:
@@ -20,7 +22,8 @@ def closed_surface(vertices: Array, triangles: Ints) -> tuple[Array, Ints]:
     its long axis: each edge of the hole is joined to the nearest of them, so that a half pipe
     becomes a half cylinder with flat ends, and a round hole a disc.
 
-    Raises InputError where holes touch one another, or where the surface is not wound alike."""
+    Raises InputError where holes touch one another, where the surface is not wound alike, and
+    where it encloses nothing, as a single flat sheet does."""
     vertices, index = np.unique(np.asarray(vertices, dtype=float), axis=0, return_inverse=True)
     triangles = index.reshape(-1)[np.asarray(triangles)]
     triangles = triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)]
@@ -32,7 +35,13 @@ def closed_surface(vertices: Array, triangles: Ints) -> tuple[Array, Ints]:
         faces.append(fan)
         count += len(centres)
     vertices, triangles = np.concatenate(points), np.concatenate(faces)
-    return vertices, triangles if volume(vertices, triangles) > 0 else triangles[:, ::-1]
+    inside = volume(vertices, triangles)
+    if not abs(inside) > FLAT * np.linalg.norm(np.ptp(vertices, axis=0)) ** 3:
+        raise InputError(
+            "surface: it encloses no volume, so that it has no inside; give the body a surface "
+            "with a thickness"
+        )
+    return vertices, triangles if inside > 0 else triangles[:, ::-1]
 
 
 def volume(vertices: Array, triangles: Ints) -> float:
@@ -44,7 +53,15 @@ def volume(vertices: Array, triangles: Ints) -> float:
 def boundary_loops(triangles: Ints) -> list[Ints]:
     """Closed loops of vertices along the edges that only one triangle has, in its direction."""
     edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
-    both, times = np.unique(np.sort(edges, axis=1), axis=0, return_counts=True)
+    both, number, times = np.unique(
+        np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True
+    )
+    sense = np.where(edges[:, 0] < edges[:, 1], 1.0, -1.0)
+    if (np.abs(np.bincount(number.reshape(-1), weights=sense)) > 1).any():
+        raise InputError(
+            "surface: its triangles are not wound alike, so that it has no inside; make their "
+            "normals all point outwards"
+        )
     single = {tuple(e) for e in both[times == 1].tolist()}
     following: dict[int, int] = {}
     for a, b in edges.tolist():
@@ -94,7 +111,9 @@ def _centres(rim: Array) -> tuple[Array, Ints]:
     places = np.linspace(along.min(), along.max(), count + 1)
     nearest = np.abs(along[:, None] - places).argmin(axis=1)
     sides = (nearest > 0) & (nearest < count)
-    order = min(1, count - 2)
+    if not sides.any():
+        sides[:] = True
+    order = min(1, len(np.unique(nearest[sides])) - 1)
     line = [np.polynomial.Polynomial.fit(along[sides], v[sides], order) for v in (across, off)]
     centres = np.stack([places, line[0](places), line[1](places)], axis=1)
     return middle + centres @ axes, nearest

@@ -108,14 +108,20 @@ def read_curve(t: Tag, across: float = 1.0, along: float = 1.0) -> Curve:
     if points is None:
         raise t.fault("<points> is missing: <pt>time,value</pt>...")
     _, line, values = rows_of(points, 2)
-    order = np.argsort(values[:, 0], kind="stable")
+    back = np.flatnonzero(np.diff(values[:, 0]) < 0)
+    if len(back):
+        before, after = values[back[0] : back[0] + 2, 0]
+        raise points.fault(
+            f"a curve's points must ascend, but {after:g} follows {before:g}",
+            int(line[back[0] + 1]),
+        )
     between = t.word("interpolate", "LINEAR").upper()
     beyond = t.word("extend", "CONSTANT").upper()
     if between not in list(Interpolation):
         raise t.fault(f"interpolation {between!r} is not read; known: {', '.join(Interpolation)}")
     if beyond not in list(Extension):
         raise t.fault(f"extension {beyond!r} is not read; known: {', '.join(Extension)}")
-    times, height = (values[order] * (across, along)).T.tolist() if len(line) else ([], [])
+    times, height = (values * (across, along)).T.tolist() if len(line) else ([], [])
     with t.told():
         return Curve(tuple(times), tuple(height), Interpolation(between), Extension(beyond))
 

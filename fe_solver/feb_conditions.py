@@ -246,6 +246,11 @@ def _spring_set(model: Model, t: Tag, name: str, law: SpringLaw, fixed: Ints) ->
     on_sheet = model.shell[far] >= 0
     body = np.where(on_sheet, -1, model.body[far])
     body[~on_sheet & (body < 0) & np.isin(far, fixed)] = len(model.rigid)
+    alone = near[near == far]
+    if len(alone):
+        raise t.fault(
+            f"the spring set {name!r} joins node {model.mesh.node_ids[alone[0]]} to itself"
+        )
     loose = far[~on_sheet & (body < 0)]
     if len(loose):
         raise t.fault(

@@ -17,8 +17,6 @@ Ints = NDArray[np.intp]
 
 SHELLS = {"quad4": 4, "q4ans": 4, "q4eas": 4, "quad4eas": 4, "tri3": 3}
 SOLIDS = {"hex8": 8, "tet4": 4, "penta6": 6, "pyra5": 5, "tet10": 10, "hex20": 20, "hex27": 27}
-MOST_NODES = 5_000_000
-MOST_ELEMENTS = 5_000_000
 
 
 class Block(NamedTuple):
@@ -74,6 +72,8 @@ def _named(tag: Tag, what: str, table: dict[str, Ints], name: str) -> Ints:
     if name not in table:
         known = ", ".join(map(repr, list(table)[:10])) or "none"
         raise tag.fault(f"there is no {what} {name!r}; the file has {known}")
+    if not len(table[name]):
+        raise tag.fault(f"the {what} {name!r} is empty")
     return table[name]
 
 
@@ -130,14 +130,16 @@ def read_mesh_section(mesh: Tag) -> FebMesh:
     numbering = _Numbering(node_ids)
     blocks = _blocks(mesh, numbering)
     element_sets = {name: block.ids for name, block in blocks.items()}
-    _add(element_sets, mesh, "ElementSet", lambda t: _id_list(t, "e", "elem"))
-    _add(node_sets, mesh, "NodeSet", lambda t: numbering.find(t, _id_list(t, "n", "node")))
+    _add(element_sets, mesh, "ElementSet", lambda t: _elements(t, blocks))
+    _add(node_sets, mesh, "NodeSet", lambda t: numbering.find(t, _once(t, "node", _id_list(t))))
     surfaces: dict[str, Ints] = {}
     _add(surfaces, mesh, "Surface", lambda t: _facets(t, numbering))
     discrete: dict[str, Ints] = {}
     _add(discrete, mesh, "DiscreteSet", lambda t: _pairs_of_nodes(t, numbering))
-    pairs = {}
+    pairs: dict[str, tuple[str, str]] = {}
     for t in mesh.all("SurfacePair"):
+        if t.attribute("name") in pairs:
+            raise t.fault(f"two surface pairs are called {t.attribute('name')!r}")
         pairs[t.attribute("name")] = (t.word("primary", ""), t.word("secondary", ""))
     return FebMesh(node_ids, points, blocks, node_sets, element_sets, surfaces, pairs, discrete)
 
@@ -148,13 +150,13 @@ def _nodes(mesh: Tag) -> tuple[Ints, Array, dict[str, Ints]]:
         number, _, values = rows_of(t, 3)
         ids.append(number)
         places.append(values)
+        if t.attributes.get("name") in sets:
+            raise t.fault(f"two lists of nodes are called {t.attribute('name')!r}")
         if "name" in t.attributes:
             sets[t.attribute("name")] = np.arange(count, count + len(number))
         count += len(number)
     if not count:
         raise mesh.fault("there are no nodes: expected <Nodes><node id=...>x,y,z</node>...")
-    if count > MOST_NODES:
-        raise mesh.fault(f"{count} nodes are more than the {MOST_NODES} that this reader takes")
     everything = np.concatenate(ids)
     known, times = np.unique(everything, return_counts=True)
     if times.max() > 1:
@@ -176,8 +178,6 @@ def _blocks(mesh: Tag, numbering: _Numbering) -> dict[str, Block]:
     everything = np.concatenate([b.ids for b in blocks.values()] or [np.zeros(0, dtype=np.intp)])
     if not len(everything):
         raise mesh.fault("there are no elements: expected <Elements type=... name=...>")
-    if len(everything) > MOST_ELEMENTS:
-        raise mesh.fault(f"{len(everything)} elements are more than {MOST_ELEMENTS}")
     known, times = np.unique(everything, return_counts=True)
     if times.max() > 1:
         raise mesh.fault(f"element {known[times > 1][0]} is given twice")
@@ -194,7 +194,22 @@ def _add(into: dict[str, Ints], mesh: Tag, kind: str, read: Callable[[Tag], Ints
         into[name] = read(t)
 
 
-def _id_list(tag: Tag, *kinds: str) -> Ints:
+def _elements(tag: Tag, blocks: dict[str, Block]) -> Ints:
+    ids = _once(tag, "element", _id_list(tag))
+    unknown = ids[~np.isin(ids, np.concatenate([b.ids for b in blocks.values()]))]
+    if len(unknown):
+        raise tag.fault(f"there is no element {unknown[0]}")
+    return ids
+
+
+def _once(tag: Tag, what: str, ids: Ints) -> Ints:
+    known, times = np.unique(ids, return_counts=True)
+    if (times > 1).any():
+        raise tag.fault(f"{what} {known[times > 1][0]} comes twice in this set")
+    return ids
+
+
+def _id_list(tag: Tag) -> Ints:
     """Numbers as a list in the text, or one a row."""
     rows = tag.table()
     if rows.kind:
@@ -213,8 +228,12 @@ def _facets(tag: Tag, numbering: _Numbering) -> Ints:
         raise tag.fault("a surface is made of <quad4> and <tri3> here, and of at least one", at)
     last = np.minimum(3, length - 1)
     pick = start[:-1, None] + np.minimum(np.arange(4), last[:, None])
-    values = np.array(rows.values, dtype=float)[pick]
-    return numbering.find(tag, whole(tag, values, line), line)
+    ids = whole(tag, np.array(rows.values, dtype=float)[pick], line)
+    _, first, times = np.unique(np.sort(ids, axis=1), axis=0, return_index=True, return_counts=True)
+    if (times > 1).any():
+        i = first[np.argmax(times > 1)]
+        raise tag.fault(f"the facet with nodes {ids[i].tolist()} comes twice", int(line[i]))
+    return numbering.find(tag, ids, line)
 
 
 def _pairs_of_nodes(tag: Tag, numbering: _Numbering) -> Ints:

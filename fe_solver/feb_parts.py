@@ -62,6 +62,8 @@ def read_parts(
             rigid[m.name].append(block)
             t.pass_over()
         elif block.kind in SHELLS:
+            if not len(block.ids):
+                raise block.tag.fault("this part has no elements")
             shells.append((t, block, m))
         else:
             raise t.fault(f"deformable {block.kind} elements are not read, only shells")
@@ -145,6 +147,11 @@ def _check_domain(t: Tag, block: Block, notes: list[str]) -> None:
 def _thickness(t: Tag, block: Block, data: Tag | None) -> Array:
     """(k, 4)."""
     k, corners = block.nodes.shape
+    if data is None and t.one("shell_thickness") is None:
+        raise t.fault(
+            "the thickness is missing: give <shell_thickness>, or ElementData of type "
+            "'shell thickness'"
+        )
     out = np.full((k, 4), t.value("shell_thickness", 0.0))
     if data is None:
         return out

@@ -9,7 +9,6 @@ against the normal.
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import groupby
 from pathlib import Path
 
 import numpy as np
@@ -35,23 +34,20 @@ from .feb_conditions import (
 )
 from .feb_materials import read_materials
 from .feb_mesh import FebMesh, read_mesh_section
+from .feb_notes import told_of
 from .feb_parts import Parts, Sheet, read_parts
 from .feb_xml import Tag, read_xml
 from .job import Body, ContactPair, Job, Part, Step
+from .mesh_checks import check_mesh, within
 
 Ints = NDArray[np.intp]
 
 CONTACTS = ("sliding-elastic", "sliding-facet-on-facet", "sliding-node-on-facet")
-CRITICAL = ("Boundary", "Rigid", "Loads", "Discrete", "Material", "MeshDomains", "MeshData/Element")
+SECTIONS = (
+    "Module Control Globals Material Mesh MeshDomains MeshData MeshAdaptor Initial Boundary Rigid "
+    "Loads Contact Constraints Discrete LoadData Step Output Include Code"
+).split()
 REFUSED = ("Constraints", "MeshAdaptor", "Include", "Code")
-REASONS = {
-    "Output": "what is written is chosen by the caller",
-    "Globals": "constants that a static shell does not use",
-    "Control": "FEBio's own solver and step settings",
-    "Contact": "FEBio's own search, penalty and augmentation settings",
-    "Mesh": "nothing that is read uses it",
-    "Initial": "initial conditions are not used by a static solve",
-}
 
 
 def read_feb(path: Path | str, length_unit: float = 1e-3, force_unit: float = 1.0) -> Job:
@@ -70,6 +66,8 @@ def read_feb(path: Path | str, length_unit: float = 1e-3, force_unit: float = 1.
     materials = read_materials(sections.one("Material"), units.stress)
     data = root.one("MeshData")
     parts = read_parts(sections.one("MeshDomains"), data, mesh, materials, notes)
+    _check_sheet(path, parts.sheet, mesh)
+    _check_initial(sections, notes)
     rigid = tuple(m.name for m in materials if m.rigid)
     boundary = [t for s in sections.of("Boundary") for t in s.all("bc")]
     shell = np.full(len(mesh.points), -1)
@@ -78,7 +76,7 @@ def read_feb(path: Path | str, length_unit: float = 1e-3, force_unit: float = 1.
     curves = read_curves(root.one("LoadData"))
     model = Model(mesh, units, materials, rigid, shell, body, curves, notes)
     job = _job(path.stem, model, parts, sections)
-    return _with_notes(job, root, notes)
+    return replace(job, notes=told_of(root, notes))
 
 
 class _Sections:
@@ -118,10 +116,34 @@ def _check_header(root: Tag) -> None:
     if module is not None and module.attribute("type") != "solid":
         raise module.fault(f"the module {module.attribute('type')!r} is not read, only solid")
     for t in root.children:
-        if t.name in REFUSED and (t.children or t.text.strip()):
+        if t.name not in SECTIONS:
+            raise t.fault(f"is no section of a FEBio 4 file; those are {', '.join(SECTIONS)}")
+        if t.name in REFUSED and (t.children or t.rows or t.text.strip()):
             raise t.fault(f"<{t.name}> is not read, and without it the answer would be wrong")
         if "from" in t.attributes:
             raise t.fault("sections from other files are not followed; put them into this one")
+
+
+def _check_sheet(path: Path, sheet: Sheet, mesh: FebMesh) -> None:
+    """Raises InputError as `check_mesh` does, with the file's numbers."""
+
+    def element(i: int) -> str:
+        return f"element {sheet.ids[i]} (part {sheet.names[sheet.part[i]]!r})"
+
+    def node(i: int) -> str:
+        return f"node {mesh.node_ids[sheet.nodes[i]]}"
+
+    quads = np.searchsorted(sheet.nodes, sheet.quads)
+    with within(str(path)):
+        check_mesh(mesh.points[sheet.nodes], quads, node, element)
+
+
+def _check_initial(sections: _Sections, notes: list[str]) -> None:
+    for t in [t for s in sections.of("Initial") for t in s.all("ic")]:
+        if "velocity" not in t.attribute("type"):
+            raise t.fault(f"the initial condition {t.attribute('type')!r} is not read")
+        notes.append(f"{t.path} (line {t.line}): a static solve has no velocities")
+        t.pass_over()
 
 
 def _job(name: str, model: Model, parts: Parts, sections: _Sections) -> Job:
@@ -222,6 +244,12 @@ def _sides(
 def _contact(model: Model, t: Tag, quads: Ints, triangles: Ints, body: int) -> ContactPair:
     if t.flag("tension"):
         raise t.fault("contact that also pulls (<tension>) is not read")
+    for flipped in ("flip_primary", "flip_secondary"):
+        if t.flag(flipped):
+            raise t.fault(f"<{flipped}> other than 0 is not read; turn the surface's facets over")
+    friction = t.value("fric_coeff", 0.0)
+    if friction < 0:
+        raise t.fault(f"the friction coefficient must be 0 or positive, got {friction:g}")
     back = t.flag("shell_bottom_primary") or t.flag("shell_bottom_secondary")
     automatic = t.flag("auto_penalty")
     units = model.units
@@ -233,32 +261,6 @@ def _contact(model: Model, t: Tag, quads: Ints, triangles: Ints, body: int) -> C
         triangles,
         t.value("penalty", 1.0) * (1.0 if automatic else units.force / units.length**3),
         automatic,
-        t.value("fric_coeff", 0.0),
+        friction,
         t.value("offset", 0.0) * units.length,
     )
-
-
-def _with_notes(job: Job, root: Tag, notes: list[str]) -> Job:
-    """Every tag that nothing read becomes a note, or an error where it may change the answer."""
-    left = []
-    for t in root.unread():
-        path = t.path.removeprefix("Step/step/")
-        if path.startswith(CRITICAL):
-            raise t.fault("is not known to this reader and may change the answer")
-        left.append((path, t))
-    for (parent, why), group in groupby(left, key=lambda x: _reason(x[0])):
-        tags = [t for _, t in group]
-        names = ", ".join(dict.fromkeys(_label(t) for t in tags))
-        lines = sorted({t.line for t in tags})
-        where = f"line {lines[0]}" if len(lines) == 1 else f"lines {lines[0]}-{lines[-1]}"
-        notes.append(f"{parent or 'file'} ({where}): {names}: {why}")
-    return replace(job, notes=tuple(dict.fromkeys(notes)))
-
-
-def _label(t: Tag) -> str:
-    return f"{t.name} {t.attributes['name']!r}" if "name" in t.attributes else t.name
-
-
-def _reason(path: str) -> tuple[str, str]:
-    top = path.split("/")[0]
-    return path.rpartition("/")[0], REASONS.get(top, "not known to this reader")

@@ -7,7 +7,6 @@ Rows of numbers (`<node id="1">0,0,0</node>`) never become tags: they are kept a
 
 from __future__ import annotations
 
-import os
 from array import array
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -19,10 +18,18 @@ from cosim.port import InputError
 
 CHUNK = 1 << 16
 MOST_BYTES = 1 << 30
-MOST_TAGS = 500_000
-MOST_ROWS = 20_000_000
+MOST_TAGS = 200_000
+MOST_ROWS = 3_000_000
 MOST_DEPTH = 32
-MOST_TEXT = 8 << 20
+MOST_NAME = 100
+MOST_ATTRIBUTES = 30
+MOST_VALUE = 4096
+MOST_TEXT = 4 << 20
+MOST_TEXTS = 32 << 20
+MOST_IN_ROW = 4096
+MOST_NUMBER = 1e30
+"""A magnitude beyond which squares and their products leave the range of floating point."""
+RANGE = f"finite, at most {MOST_NUMBER:g}"
 MOST_MARKUP = 1 << 20
 ENCODINGS = ("UTF-8", "UTF-16", "ISO-8859-1", "US-ASCII")
 ROWS = frozenset({"node", "elem", "e", "n", "delem", "pt", "point", "face", "quad4", "tri3"})
@@ -48,13 +55,19 @@ class Tag:
     name: str
     attributes: dict[str, str]
     file: str
-    path: str
+    parent: Tag | None = field(repr=False, compare=False)
     line: int
     text: str = ""
     children: list[Tag] = field(default_factory=list)
     rows: Rows | None = None
     used: bool = False
     tabled: bool = False
+
+    @property
+    def path(self) -> str:
+        """Names of the tags from below the root to this one."""
+        above = self.parent
+        return self.name if above is None or above.parent is None else f"{above.path}/{self.name}"
 
     def fault(self, message: str, line: int | None = None) -> InputError:
         """An error that names file, line and place."""
@@ -93,7 +106,7 @@ class Tag:
         values = _numbers(self.text)
         if values is None or (count is not None and len(values) != count):
             many = "numbers" if count is None else f"{count} number{'s' * (count != 1)}"
-            raise self.fault(f"expected {many}, got {_short(self.text)}")
+            raise self.fault(f"expected {many} ({RANGE}), got {_short(self.text)}")
         return values
 
     def number(self) -> float:
@@ -118,8 +131,10 @@ class Tag:
         return default if child is None else child.text.strip()
 
     def table(self) -> Rows:
-        """The rows of numbers."""
+        """The rows of numbers.  Raises InputError where anything else stands among them."""
         self.tabled = True
+        for other in self.children:
+            raise other.fault("expected a row of numbers with at most one attribute, its id")
         return self.rows or Rows()
 
     def pass_over(self) -> None:
@@ -143,12 +158,15 @@ def _short(text: str) -> str:
 
 
 def _numbers(text: str) -> list[float] | None:
-    """The finite numbers of a text, or None where something else stands there."""
+    """The finite numbers of a text, or None where something else stands there, numbers beyond
+    MOST_NUMBER included."""
+    if "_" in text:
+        return None
     try:
         values = [float(v) for v in text.replace(",", " ").split()]
     except ValueError:
         return None
-    return values if all(v - v == 0 for v in values) else None
+    return values if all(-MOST_NUMBER <= v <= MOST_NUMBER for v in values) else None
 
 
 def read_xml(path: Path, root: str) -> Tag:
@@ -159,12 +177,6 @@ def read_xml(path: Path, root: str) -> Tag:
     reader = _Reader(str(path), root)
     try:
         with open(path, "rb") as stream:
-            size = os.fstat(stream.fileno()).st_size
-            if size > MOST_BYTES:
-                raise InputError(
-                    f"{path}: {size / 2**30:.1f} GB is more than the {MOST_BYTES >> 30} GB that "
-                    "this reader takes; split the model"
-                )
             while chunk := stream.read(CHUNK):
                 reader.feed(chunk)
             return reader.finish()
@@ -183,7 +195,7 @@ class _Reader:
         self.stack: list[Tag] = []
         self.done: Tag | None = None
         self.texts: list[str] = []
-        self.size = self.tags = self.rows = self.silent = 0
+        self.size = self.sizes = self.bytes = self.tags = self.rows = self.silent = 0
         self.parser = expat.ParserCreate()
         self.parser.buffer_text = True
         self.parser.StartElementHandler = self._start
@@ -195,6 +207,9 @@ class _Reader:
 
     def feed(self, chunk: bytes) -> None:
         self.silent += len(chunk)
+        self.bytes += len(chunk)
+        if self.bytes > MOST_BYTES:
+            raise self._fault(f"the file is longer than {MOST_BYTES:.3g} bytes; split the model")
         self.parser.Parse(chunk, False)
         if self.silent > MOST_MARKUP:
             raise self._fault(f"one tag or comment is longer than {MOST_MARKUP >> 20} MB")
@@ -226,9 +241,25 @@ class _Reader:
         if len(self.stack) >= MOST_DEPTH:
             raise self._fault(f"tags are nested more than {MOST_DEPTH} deep")
         self._no_stray_text()
-        path = f"{self.stack[-1].path}/{name}" if len(self.stack) > 1 else name
+        parent = self.stack[-1] if self.stack else None
         line = self.parser.CurrentLineNumber
-        self.stack.append(Tag(name, attributes, self.file, path, line))
+        self.stack.append(Tag(name, attributes, self.file, parent, line))
+
+    def _count(self, tag: Tag, size: int) -> None:
+        """Whether a tag with a text of that size can still be kept."""
+        name, values = tag.name, sum(map(len, tag.attributes.values()))
+        if len(tag.attributes) > MOST_ATTRIBUTES:
+            raise self._fault(f"<{name[:40]}> has more than {MOST_ATTRIBUTES} attributes")
+        if max(map(len, (name, *tag.attributes))) > MOST_NAME:
+            raise self._fault(f"<{name[:40]}>: a name is longer than {MOST_NAME} letters")
+        if values > MOST_VALUE:
+            raise self._fault(f"the attributes of <{name}> are longer than {MOST_VALUE} letters")
+        self.tags += 1 + len(tag.attributes)
+        self.sizes += size + values
+        if self.tags > MOST_TAGS:
+            raise self._fault(f"more than {MOST_TAGS} tags and attributes besides rows of numbers")
+        if self.sizes > MOST_TEXTS:
+            raise self._fault(f"the texts are longer than {MOST_TEXTS >> 20} MB in all")
 
     def _characters(self, text: str) -> None:
         self._heard()
@@ -243,15 +274,13 @@ class _Reader:
         if tag.children or tag.rows:
             self._no_stray_text()
         tag.text = "".join(self.texts)
-        self.texts, self.size = [], 0
+        size, self.texts, self.size = self.size, [], 0
         if not self.stack:
             self.done = tag
         elif name in ROWS and not tag.children and not tag.rows and len(tag.attributes) <= 1:
             self._row(self.stack[-1], tag)
         else:
-            self.tags += 1
-            if self.tags > MOST_TAGS:
-                raise self._fault(f"more than {MOST_TAGS} tags besides rows of numbers")
+            self._count(tag, size)
             self.stack[-1].children.append(tag)
 
     def _no_stray_text(self) -> None:
@@ -264,9 +293,11 @@ class _Reader:
         self.rows += 1
         if self.rows > MOST_ROWS:
             raise self._fault(f"more than {MOST_ROWS} rows of numbers")
+        if len(tag.text) > MOST_IN_ROW:
+            raise tag.fault(f"a row of numbers is longer than {MOST_IN_ROW} letters")
         values = _numbers(tag.text)
         if values is None:
-            raise tag.fault(f"expected numbers, got {_short(tag.text)}")
+            raise tag.fault(f"expected numbers ({RANGE}), got {_short(tag.text)}")
         rows = parent.rows = parent.rows or Rows()
         number = next(iter(tag.attributes.values()), str(len(rows.kind) + 1)).strip()
         if not (number.isascii() and number.isdecimal() and len(number) < 10):

@@ -23,6 +23,7 @@ from .model import Configuration, ShellModel, pressure_forces
 from .newton import Solution, solve
 from .relaxation import relax
 from .springs import node_spring_state, spring_state
+from .supports import require_held
 
 Array = NDArray[np.float64]
 
@@ -95,8 +96,9 @@ def solve_job(
     """Static equilibria of a job at `times`, or else at the ends of its steps, up to `until` (its
     last step's end where None; later than that the curves go on as they say).
 
-    Raises InputError as `job_model` does and for times that do not ascend from above 0, and
-    ConvergenceError naming the time and the place."""
+    Raises InputError as `job_model` does, for times that do not ascend from above 0 and for a state
+    whose sheet could move as a rigid body without resistance, and ConvergenceError naming the time
+    and the place."""
     options = options or JobOptions()
     began = clock.process_time()
     wanted = _wanted(job, until, times)
@@ -148,7 +150,9 @@ class _Stepper:
         while self.time < time - SAME_TIME * span:
             self._go(time, span)
         cpu = clock.process_time() - begun
-        return job_state(self.model, self._solved(), time, _less(self.effort, before, cpu))
+        found = self._solved()
+        require_held(self.model.job, time, found.model, found.configuration, found.evaluation)
+        return job_state(self.model, found, time, _less(self.effort, before, cpu))
 
     def _solved(self) -> Solution:
         assert self.solution is not None

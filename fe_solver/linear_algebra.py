@@ -201,6 +201,7 @@ class PardisoAnalysis:
 
     @cached_property
     def _upper(self) -> tuple[sp.csr_array, Ints, Any]:
+        os.environ.setdefault("MKL_CBWR", "AUTO")  # the same bits for any number of threads
         from pypardiso.pardiso_wrapper import PyPardisoSolver
 
         upper = sp.csr_array(sp.triu(self.slots, format="csr"))

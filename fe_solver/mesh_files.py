@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cosim.port import InputError
 
-from .mesh_checks import check_mesh
+from .mesh_checks import check_mesh, within
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
@@ -57,7 +57,8 @@ def read_mesh(path: Path | str, unit: float = 1.0) -> ShellMesh:
                 "made of four-node quads and three-node triangles"
             )
     cells = np.concatenate(quads)
-    check_mesh(points, cells, lambda i: f"{path}: node {i}", lambda i: f"{path}: element {i}")
+    with within(str(path)):
+        check_mesh(points, cells, lambda i: f"node {i}", lambda i: f"element {i}")
     used = np.unique(cells)
     if len(used) < len(points):
         notes.append(f"{path}: {len(points) - len(used)} points that no element uses are left out")

@@ -242,13 +242,14 @@ def _over(y: Array, height: Array, mitre: Array) -> Array:
 
 
 def _mitre(X: Array, D: Array) -> Array:
-    """(ne, 4) 1 / (D . n), with the elements' normals n at their corners, where there is a fold."""
+    """(ne, 4) 1 / |D . n|, with the elements' normals n at their corners, where there is a fold;
+    directors may point to either side."""
     into, out_of = X - np.roll(X, 1, axis=1), np.roll(X, -1, axis=1) - X
     normal = np.cross(into, out_of)
     triangle = (X[:, 2] == X[:, 3]).all(axis=1)
     normal[triangle] = normal[triangle, :1]
     normal /= np.linalg.norm(normal, axis=2, keepdims=True)
-    lean = np.einsum("nak,nak->na", normal, D)
+    lean = np.abs(np.einsum("nak,nak->na", normal, D))
     return np.where(lean < FOLD, 1 / np.maximum(lean, STEEPEST), 1.0)
 
 

@@ -10,11 +10,15 @@ from cosim.port import InputError
 Array = NDArray[np.float64]
 Ints = NDArray[np.integer]
 
-TIERS = ((9.0, 2.0, 3), (4.0, 2.0, 10))
-"""(reach, edge, count): a node nearer than `reach` grid spacings tries the faces of the `count`
-nearest samples of the surface, cut to edges of at most `edge` spacings."""
-FAR = 4
-"""Farther than that, distances are found at every fourth node each way and interpolated."""
+EDGE = 2.0
+"""Grid spacings between samples of the surface."""
+TIERS = ((9.0, 3), (4.0, 10))
+"""(reach, count): a node nearer than `reach` grid spacings tries the faces of the `count` nearest
+samples."""
+FAR = 2
+"""Farther than that, distances are found at every second node each way and interpolated."""
+BORDER = 3
+"""Coarse nodes beyond the grid, or the spline would feel its end."""
 BATCH = 100_000
 """Nodes at a time, to bound the memory."""
 
@@ -78,24 +82,26 @@ def distances_on_grid(
     away it is interpolated."""
     triangles = vertices[faces]
     axes = [o + spacing * np.arange(n) for o, n in zip(origin, shape, strict=True)]
-    value = _far(triangles, origin, spacing, shape).ravel()
-    for i, (reach, edge, count) in enumerate(TIERS):
+    value = np.abs(_far(triangles, origin, spacing, shape)).ravel()
+    for i, (reach, count) in enumerate(TIERS):
         near = np.flatnonzero(value <= reach * spacing)
         nodes = np.stack(np.unravel_index(near, shape), axis=1) * spacing + origin
-        found = _unsigned(triangles, nodes, edge * spacing, count)
+        found = _unsigned(triangles, nodes, EDGE * spacing, count)
         value[near] = found if i == 0 else np.minimum(value[near], found)
     return np.where(_inside(triangles, *axes), -1.0, 1.0) * value.reshape(shape)
 
 
 def _far(triangles: Array, origin: Array, spacing: float, shape: tuple[int, ...]) -> Array:
-    """Distance at all nodes by cubic interpolation from a coarser grid."""
+    """Signed distance at all nodes by cubic interpolation from a coarser grid."""
     from scipy.ndimage import map_coordinates
 
-    coarse = [np.arange(0, n + FAR, FAR) for n in shape]
-    nodes = np.stack(np.meshgrid(*coarse, indexing="ij"), axis=-1) * spacing + origin
-    value = _unsigned(triangles, nodes.reshape(-1, 3), FAR * spacing, 1)
-    at = np.meshgrid(*[np.arange(n) / FAR for n in shape], indexing="ij")
-    return np.asarray(map_coordinates(value.reshape(nodes.shape[:3]), at, order=3, mode="nearest"))
+    coarse = [FAR * np.arange(-BORDER, -(-n // FAR) + BORDER) for n in shape]
+    axes = [o + spacing * i for o, i in zip(origin, coarse, strict=True)]
+    nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    value = _unsigned(triangles, nodes.reshape(-1, 3), EDGE * spacing, 3).reshape(nodes.shape[:3])
+    value = np.where(_inside(triangles, *axes), -value, value)
+    at = np.meshgrid(*[np.arange(n) / FAR + BORDER for n in shape], indexing="ij")
+    return np.asarray(map_coordinates(value, at, order=3, mode="nearest"))
 
 
 def _unsigned(triangles: Array, nodes: Array, edge: float, count: int) -> Array:

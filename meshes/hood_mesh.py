@@ -46,6 +46,8 @@ SPRINGS = (
 ENDS = ("central", "radial", "ulnar")
 MOST = 1e6
 """No number of a mesh file is larger."""
+SAME_PLACE = 1e-9
+"""m, nodes nearer than that lie at one place."""
 
 
 @dataclass(frozen=True)
@@ -293,6 +295,8 @@ class _Reader:
                     raise self.fault(key, f"node {both[0]} is also in {other}; leave it in one")
 
     def check_whole(self, mesh: HoodMesh) -> None:
+        from scipy.spatial import cKDTree
+
         used = np.zeros(len(mesh.points), dtype=bool)
         used[mesh.quads] = True
         if not used.all():
@@ -302,6 +306,12 @@ class _Reader:
             lost = int(np.argmax(label != label[0]))
             raise self.fault(
                 "quads", f"the hood falls into {parts} pieces (node {lost} is not joined to node 0)"
+            )
+        twins = cKDTree(mesh.points).query_pairs(SAME_PLACE, output_type="ndarray")
+        if len(twins):
+            i, j = sorted(twins[0].tolist())
+            raise self.fault(
+                "points", f"node {j} lies where node {i} does; merge the mesh's duplicate nodes"
             )
 
 

@@ -224,6 +224,14 @@ BAD_MESH = {
     "a node that is not there": ({"ends": MESH["ends"] | {"radial": [9999]}}, "ends.radial"),
     "another format": ({"format": "vtu"}, "is it a hood mesh?"),
     "an unknown insertion": ({"tied": {"distl": [1]}}, 'unknown name "distl"'),
+    "two nodes at one place": (
+        {
+            "points": [*MESH["points"], MESH["points"][4]],
+            "station": [*MESH["station"], MESH["station"][4]],
+            "quads": [*MESH["quads"][:4], [len(MESH["points"]), 13, 14, 5], *MESH["quads"][5:]],
+        },
+        f"node {len(MESH['points'])} lies where node 4 does",
+    ),
     "a loose node": (
         {key: MESH[key][:-1] for key in ("quads", "regions", "fibre")},
         "belongs to no quad",

@@ -179,6 +179,36 @@ def test_triangles_wound_against_each_other_are_refused() -> None:
         closed_surface(points, faces)
 
 
+BLOCK = np.array([[x, y, z] for x in (0, 1.0) for y in (0, 1.0) for z in (0, 1.0)])
+SIDES = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+
+
+def block(*sides: int) -> np.ndarray:
+    return np.array([t for i in sides for a, b, c, d in [SIDES[i]] for t in ([a, b, c], [a, c, d])])
+
+
+@pytest.mark.parametrize("size", [(1, 1, 1), (1, 1.5, 7), (3, 2, 0.1), (0.2, 9, 1)])
+@pytest.mark.parametrize("open_side", range(6))
+def test_a_block_with_an_open_side_gets_it_back(size: tuple[float, ...], open_side: int) -> None:
+    """Its rim has corners alone, none along its sides."""
+    v, f = closed_surface(BLOCK * size, block(*{*range(6)} - {open_side}))
+    assert boundary_loops(f) == []
+    assert volume(v, f) == pytest.approx(np.prod(size))
+
+
+@pytest.mark.parametrize("faces", [block(0), block(0, 0)[[0, 1]], block(0)[:1]])
+def test_a_surface_without_an_inside_is_refused(faces: np.ndarray) -> None:
+    with pytest.raises(InputError, match="encloses no volume"):
+        closed_surface(BLOCK, faces)
+
+
+def test_a_closed_surface_with_a_facet_turned_over_is_refused() -> None:
+    faces = block(*range(6))
+    faces[0] = faces[0, ::-1]
+    with pytest.raises(InputError, match="not wound alike"):
+        closed_surface(BLOCK, faces)
+
+
 # --- checks -----------------------------------------------------------------------------------
 
 
@@ -201,11 +231,15 @@ def with_row(job: Job, name: str, row: int, values: Any) -> Job:
 
 FAULTS = {
     "nan": (lambda j: moved(j, 2, (np.nan, 0, 0)), "node 3 .*not finite"),
+    "twice": (lambda j: with_row(j, "quads", 0, [0, 1, 1, 3]), "element 1 .* names node 2 twice"),
+    "same nodes": (lambda j: with_row(j, "quads", 1, [1, 4, 3, 0]), "have the same nodes"),
+    "thin for its size": (lambda j: with_row(j, "thickness", 1, 1e-14), "element 2 .*units"),
+    "thick for its size": (lambda j: with_row(j, "thickness", 1, 1.0), "element 2 .*units"),
     "no area": (lambda j: moved(j, 6, (2e-3, 0.5e-3, 0)), r"element 3 \(part 'tip'\) has no area"),
     "reflex": (lambda j: moved(j, 0, (0.9e-3, 0.9e-3, 0)), r"element 1 \(part 'strip'\) is inv"),
     "crossed": (lambda j: with_row(j, "quads", 0, [0, 4, 1, 3]), "element 1"),
     "turned over": (lambda j: with_row(j, "quads", 2, [2, 5, 6, 6]), "opposite senses"),
-    "out of range": (lambda j: with_row(j, "quads", 0, [0, 1, 4, 99]), "index 99"),
+    "out of range": (lambda j: with_row(j, "quads", 0, [0, 1, 4, 99]), "0, 1, 4, 99"),
     "thin": (lambda j: with_row(j, "thickness", 1, 0.0), "element 2 .*thickness 0 m"),
     "negative": (lambda j: with_row(j, "thickness", 2, -1e-3), "element 3 .*thickness -0.001"),
     "nan thickness": (lambda j: with_row(j, "thickness", 2, np.nan), "element 3"),
@@ -247,7 +281,9 @@ def test_duplicate_nodes_are_named(job: Job) -> None:
 def test_a_piece_that_nothing_holds_is_named_and_a_spring_would_hold_it(job: Job) -> None:
     torn = apart(job)
     torn = moved(moved(torn, 7, (2.1e-3, 0, 0)), 8, (2.1e-3, 1e-3, 0))
-    with pytest.raises(InputError, match=r"a piece of the shell \(2 pieces.*node 7"):
+    with pytest.raises(
+        InputError, match=r"node 7: nothing holds its piece of the shell \(2 pieces"
+    ):
         check_job(torn)
     spring = dataclasses.replace(
         job.springs[0],
@@ -298,7 +334,7 @@ def test_meshes_that_are_refused(tmp_path: Path) -> None:
         read_mesh(solid)
     flat = tmp_path / "flat.vtu"
     meshio.write(flat, meshio.Mesh(POINTS, [("quad", np.array([[0, 1, 1, 0]]))]))
-    with pytest.raises(InputError, match=r"flat.vtu: element 0 has no area"):
+    with pytest.raises(InputError, match=r"flat.vtu: element 0 names node 0 twice"):
         read_mesh(flat)
     with pytest.raises(InputError, match="no such file"):
         read_mesh(tmp_path / "absent.vtu")

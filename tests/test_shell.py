@@ -10,7 +10,16 @@ import pytest
 import shells
 from hypothesis import given
 from hypothesis import strategies as st
-from shells import BENCHMARK, NO_TENSION, at_rest, clamped, guided, plate, sheet
+from shells import (
+    BENCHMARK,
+    NO_TENSION,
+    at_rest,
+    clamped,
+    guided,
+    linear_response,
+    plate,
+    sheet,
+)
 
 from cosim.port import rotation_matrix
 from fe_solver import kernels
@@ -247,3 +256,16 @@ def test_the_held_end_of_a_cantilever_carries_the_load():
     held = loaded.wrenches(c, solution.evaluation, NO_TENSION)["tie"][0]
     load = np.concatenate([force, np.cross(c.x[tip].mean(axis=0), force)])
     assert held == pytest.approx(load, abs=1e-6)
+
+
+def test_directors_may_point_to_either_side():
+    X, quads = plate(10.0, 1.0, 8, 2)
+    load = np.zeros_like(X)
+    load[X[:, 0] == 10.0, 2] = 1e-3
+    tips = []
+    for side in (1.0, -1.0):
+        directors = np.tile([0.0, 0.0, side], (len(X), 1))
+        model = sheet(X, quads, 1e6, 0.3, 0.1, directors=directors)
+        model = clamped(model, np.flatnonzero(X[:, 0] == 0))
+        tips.append(linear_response(model, load)[0][:, 2].max())
+    assert tips[1] == pytest.approx(tips[0], rel=1e-9)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+from scipy.optimize import minimize, minimize_scalar
 
 from ..fibre_materials import HolzapfelGasserOgden, TransIsoMooneyRivlin
 from ..hyperelastic import NeoHookean, Potential, volume_ratio
@@ -108,6 +108,26 @@ def least_energy(law: Potential, strain: Array) -> float:
         )
 
     return float(minimize_scalar(energy, bounds=(-1.5, 1.5), options={"xatol": 1e-10}).fun)
+
+
+def strip_stress(law: Potential, strain: float, angle: float, step: float = 1e-4) -> float:
+    """S11 (Pa) of a strip pulled along x to the Green-Lagrange strain `strain`, its fibre at
+    `angle`: by differences of fourth order of its least energy over the strain across, the shear
+    and the thickness stretch.  Nothing of the laws but their published energy is used."""
+    R = axes(angle)
+
+    def least(e: float) -> float:
+        def energy(rest: Array) -> float:
+            e1, e2, g = R @ [e, rest[0], rest[1]]
+            C = np.array([[1 + 2 * e1, g, 0], [g, 1 + 2 * e2, 0], [0, 0, math.exp(rest[2])]])
+            return solid_energy(law, C) if np.linalg.det(C) > 0 else math.inf
+
+        start = np.array([-e / 2, 0.0, -e])
+        options = {"xatol": 1e-9, "fatol": 1e-9, "maxiter": 4000, "maxfev": 4000}
+        return float(minimize(energy, start, method="Nelder-Mead", options=options).fun)
+
+    w = [least(strain + k * step) for k in (-2, -1, 1, 2)]
+    return (w[0] - 8 * w[1] + 8 * w[2] - w[3]) / (12 * step)
 
 
 def relaxed_energy(law: Linear, strain: Array, directions: int = 20001) -> float:

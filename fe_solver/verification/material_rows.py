@@ -9,9 +9,10 @@ from itertools import product
 import numpy as np
 
 from ..fibre_materials import HolzapfelGasserOgden, TransIsoMooneyRivlin
-from ..hyperelastic import NeoHookean
+from ..hyperelastic import NeoHookean, Potential
 from ..materials import Isotropic, Law, Orthotropic
 from ..tension_field import TensionField
+from . import febio_rows
 from .material_points import (
     axes,
     cauchy,
@@ -21,6 +22,7 @@ from .material_points import (
     pulled,
     relaxed_energy,
     strains,
+    strip_stress,
     turned,
     uniaxial,
 )
@@ -127,6 +129,11 @@ def _tendon() -> Iterator[Row]:
     for s in (0.9, 1.02, 1.06):
         target = 2 * (s**2 - 1 / s) * (c1 + c2 / s) + fibre_tension(law, s)
         yield _closed(name, f"Cauchy, along, stretch {s}, Pa", target, uniaxial(law, s)[0], source)
+    source = "sigma = 2 (s^2 - 1/s) (c1 + c2/s): a fibre that is shortened bears nothing"
+    for s in (1.02, 1.06):
+        target = 2 * (s**2 - 1 / s) * (c1 + c2 / s)
+        across = uniaxial(law, s, math.pi / 2)[0]
+        yield _closed(name, f"Cauchy, strip across, stretch {s}, Pa", target, across, source)
     source = "2 (c1 + c2) (s^2 - s^-2) + l dF/dl m1^2, m the fibre's direction"
     for s, degrees in product((1.02, 1.06), (0, 45, 90)):
         angle = math.radians(degrees)
@@ -147,57 +154,20 @@ def _tendon() -> Iterator[Row]:
     yield _closed(name, "Cauchy, shear across the fibre, Pa", target, sigma[0, 1], source)
 
 
-FEBIO_STRESS: dict[float, dict[float, tuple[float, float, float]]] = {
-    200: {
-        1.01: (0.5116101, 1.00085378, -0.00453813),
-        1.03: (2.5967993, 1.00435631, -0.01252685),
-        1.06: (19.0775802, 1.03340386, -0.01262504),
-    },
-    2000: {
-        1.01: (0.5290391, 1.00008818, -0.00491894),
-        1.03: (2.8521239, 1.00047569, -0.01443639),
-        1.06: (28.5681412, 1.00479565, -0.02638795),
-    },
-    20000: {
-        1.01: (0.5308601, 1.00000885, -0.00495841),
-        1.03: (2.8816009, 1.00004803, -0.01464707),
-        1.06: (30.0689933, 1.00050153, -0.02847061),
-    },
+STRIPS: dict[str, Potential] = {
+    "trans iso Mooney-Rivlin, k = 200 MPa": SOFT_TENDON,
+    "Holzapfel-Gasser-Ogden, k = 10 MPa": SOFT_ARTERY,
 }
-"""Bulk modulus (MPa), stretch: Cauchy stress (MPa), J and lateral displacement of a unit square."""
-FEBIO_ACROSS = {200: 0.7148882, 2000: 0.7202179}
-"""Bulk modulus (MPa): Cauchy stress (MPa) across the fibre at a stretch of 1.06."""
 
 
-def febio_law(k: float) -> TransIsoMooneyRivlin:
-    """The one of FEBio's figures; k in MPa."""
-    return TransIsoMooneyRivlin(2 * MPA, 0.0, 0.5 * MPA, 60.0, 900 * MPA, 1.03, k * MPA)
-
-
-def _febio() -> Iterator[Row]:
-    source = "FEBio 4.11, one shell element, `trans iso Mooney-Rivlin`"
-    for k, table in FEBIO_STRESS.items():
-        for stretch, (stress, volume, lateral) in table.items():
-            sigma, J, across = uniaxial(febio_law(k), stretch)
-            name = f"FEBio's law, K = {k:g} MPa, stretch {stretch}"
-            yield Row(name, "Cauchy stress, MPa", stress, sigma / MPA, 1e-6, source)
-            yield Row(name, "J", volume, J, 1e-6, source)
-            yield Row(name, "lateral displacement", lateral, across - 1, 1e-6, source)
-    for k, stress in FEBIO_ACROSS.items():
-        sigma = uniaxial(febio_law(k), 1.06, math.pi / 2)[0]
-        name = f"FEBio's law, K = {k:g} MPa, stretch 1.06"
-        yield Row(name, "Cauchy stress across, MPa", stress, sigma / MPA, 1e-6, source)
-    stiff, law = febio_law(math.inf), "FEBio's law, incompressible"
-    source = "2 c1 (s^2 - 1/s) + s dF/ds, to the three to five digits given beside FEBio's figures"
-    for stretch, stress, digit in ((1.01, 0.531, 5e-4), (1.03, 2.885, 5e-4), (1.06, 30.25, 5e-3)):
-        sigma = uniaxial(stiff, stretch)[0] / MPA
-        yield Row(
-            law, f"Cauchy stress, stretch {stretch}, MPa", stress, sigma, digit, source, "absolute"
-        )
-    sigma = uniaxial(stiff, 1.06, math.pi / 2)[0] / MPA
-    yield Row(
-        law, "Cauchy stress across, stretch 1.06, MPa", 0.72081, sigma, 1e-5, source, "absolute"
-    )
+def _strips() -> Iterator[Row]:
+    """Free strips at any angle to the fibre, those without a closed form too."""
+    source = "dW/dE of the least three-dimensional energy W(E) of a strip free across and in shear"
+    for (name, law), degrees in product(STRIPS.items(), (0, 45, 90)):
+        angle, strain = math.radians(degrees), (1.05**2 - 1) / 2
+        target = strip_stress(law, strain, angle)
+        what = f"S11, strip at {degrees} deg, stretch 1.05, Pa"
+        yield Row(name, what, target, float(pulled(law, strain, angle)[1][0]), 1e-6, source)
 
 
 def _artery() -> Iterator[Row]:
@@ -262,5 +232,6 @@ def rows() -> Iterator[Row]:
     yield from _rubber()
     yield from _tendon()
     yield from _artery()
+    yield from _strips()
     yield from _relaxed()
-    yield from _febio()
+    yield from febio_rows.rows()

@@ -59,3 +59,9 @@ def halving_order(coarse: float, medium: float, fine: float) -> float | None:
 def error_order(coarse: float, fine: float) -> float:
     """Order from the errors on two meshes, one half as coarse as the other."""
     return float(np.log2(abs(coarse / fine)))
+
+
+def limit(coarse: float, fine: float) -> float:
+    """What results on two meshes, one half as coarse as the other, tend to by order two
+    (Richardson)."""
+    return float(fine + (fine - coarse) / 3)

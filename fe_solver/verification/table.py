@@ -7,7 +7,17 @@ from dataclasses import dataclass
 
 from cosim.port import ConvergenceError, InputError
 
-from . import benchmarks_linear, benchmarks_nonlinear, contact_rows, element_rows, material_rows
+from . import (
+    benchmarks_linear,
+    benchmarks_nonlinear,
+    contact_rows,
+    element_rows,
+    hood_rows,
+    material_rows,
+    peers,
+    tangent_rows,
+    thread_rows,
+)
 from .row import Row
 
 
@@ -30,8 +40,11 @@ class Study:
 
 STUDIES = (
     Study("element", element_rows.rows),
+    Study("tangents", tangent_rows.rows),
     Study("materials", material_rows.rows),
     Study("contact", contact_rows.rows),
+    Study("hood", hood_rows.rows),
+    Study("threads", thread_rows.rows),
     Study("plate", benchmarks_linear.plate_rows),
     Study("tapered cantilever", benchmarks_linear.taper_rows),
     Study("eccentric strip", benchmarks_linear.eccentric_rows),
@@ -46,6 +59,7 @@ STUDIES = (
     Study("open cylinder", benchmarks_nonlinear.open_cylinder_rows),
     Study("slit ring", benchmarks_nonlinear.ring_rows),
     Study("half cylinder", benchmarks_nonlinear.half_cylinder_rows, slow=True),
+    Study(peers.title(), peers.rows),
 )
 
 

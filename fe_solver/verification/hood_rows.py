@@ -1,0 +1,228 @@
+"""A sheet over two capsules whose joint is flexed: its moment whatever the penalty, and the
+condensed derivatives against solutions near by."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from cosim.port import HoodJacobian, Motion, rotation_matrix
+
+from ..augment import AugmentOptions, solve_augmented
+from ..contact import contact_state, partition
+from ..model import Configuration, ShellModel
+from ..newton import NewtonOptions, Solution, solve
+from ..shapes import Capsule, HalfSpace
+from ..shell import Array
+from ..shell_hood import HoodState, ShellHood
+from ..springs import Springs
+from . import sheets
+from .row import Row
+from .sheets import at_rest, clamped, guided, sheet
+
+NEWTON = NewtonOptions(tolerance=1e-10)
+TIGHT, CLOSED = NewtonOptions(tolerance=1e-11), AugmentOptions(penetration=2e-13)
+LENGTH, BONE, HEIGHT = 40e-3, 4e-3, 0.3e-3
+ARM = LENGTH / 2
+TENSION = np.array([2.0])
+BODIES = ("proximal", "distal")
+Solver = Callable[[ShellModel, Configuration, Array], Solution]
+COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
+SCALES = np.tile([ARM] * 3 + [1.0] * 3, 2)
+"""Of the bodies' twists and wrenches: lengths count in ARM, forces as moments with it."""
+STEP = 1.5e-5
+"""rad, and of ARM."""
+NAME = "hood over two capsules at 60 deg"
+DIFFERENCES = "central differences of solutions"
+
+
+def two_bones(stiffness: float) -> tuple[ShellModel, Array]:
+    """A flat sheet over two capsules along x whose joint is at the origin, pulled proximally, tied
+    to the distal one and sprung to both; and how much of each node the distal one carries (n,)."""
+    X, quads = sheets.plate(LENGTH, 8e-3, 41, 8)
+    X = X - [LENGTH / 2, 4e-3, -BONE - HEIGHT]
+    model = sheet(X, quads, 2e7, 0.4, 0.6e-3, bodies=BODIES)
+    first, last = (np.flatnonzero(np.isclose(X[:, 0], s * LENGTH / 2)) for s in (-1, 1))
+    model = guided(clamped(model, last, body=1), [first], [(-1.0, 0, 0)])
+    inner = np.setdiff1d(np.arange(len(X)), np.concatenate([first, last]))
+    bones = [Capsule(np.zeros(3), np.array([s * LENGTH, 0, 0]), BONE) for s in (-1, 1)]
+    distances = np.stack([bone.distance(X[inner]).value for bone in bones], axis=1)
+    shares = partition(distances, 1e-5)
+    contacts = []
+    for body, bone in enumerate(bones):
+        touching = sheets.contact(model, bone, inner, stiffness, 2e-5)
+        offset = touching.offset + HEIGHT
+        contacts.append(replace(touching, body=body, offset=offset, share=shares[:, body]))
+    carried = np.clip(X[:, 0] / 8e-3 + 0.5, 0, 1)
+    return replace(model, contacts=tuple(contacts), springs=bands(X)), carried
+
+
+def bands(X: Array) -> Springs:
+    """Tension-only springs: on either edge of each bone's half, from the sheet to the bone's side
+    below it, 1 mm too short; and one across the joint, from a node that is tied to the distal bone
+    to the proximal one, 10 mm too short."""
+    places = np.array([[x, y] for x in (-1, 1) for y in (-1, 1)])
+    at = np.column_stack([places * [LENGTH / 4, 4e-3], np.zeros(4)])
+    node = np.linalg.norm(X[:, None, :2] - at[:, :2], axis=2).argmin(axis=0)
+    node, at = np.append(node, X[:, 0].argmax()), np.vstack([at, [-LENGTH / 4, 2e-3, 0]])
+    length = np.linalg.norm(X[node] - at, axis=1) - [1e-3, 1e-3, 1e-3, 1e-3, 10e-3]
+    body, only = np.array([0, 0, 1, 1, 0]), np.ones(5, dtype=bool)
+    return Springs(node, body, at, np.full(5, 100.0), length, only, np.zeros(5, dtype=np.intp))
+
+
+def flexed(model: ShellModel, c: Configuration, carried: Array, angle: float) -> Configuration:
+    """The sheet carried along by a flexion (rad) of the distal bone."""
+    turn = np.array([0.0, angle, 0.0]) * carried[:, None]
+    R = rotation_matrix(turn)
+    x, d = (np.einsum("nij,nj->ni", R, v) for v in (c.x, c.d))
+    rotation = np.stack(
+        [c.rotation[0], rotation_matrix(np.array([0.0, angle, 0.0])) @ c.rotation[1]]
+    )
+    return model.posed(Configuration(x, d, c.position, c.rotation), c.position, rotation)
+
+
+def bent_hood() -> tuple[ShellModel, Configuration]:
+    """The sheet under 2 N with its joint flexed to 60 degrees, by penalty."""
+    model, carried = two_bones(1e10)
+    c = at_rest(model)
+    for angle in (0.0, 20.0, 20.0, 20.0):
+        c = flexed(model, c, carried, np.deg2rad(angle))
+        c = solve(model, c, TENSION, NEWTON).configuration
+    return model, c
+
+
+def walled(model: ShellModel, c: Configuration) -> ShellModel:
+    """The model with a wall of the proximal bone that the nodes tied to the distal one press on, as
+    a bone may whose neighbour the sheet is tied to."""
+    nodes, normal = model.ties.node, np.array([0.36, 0.48, 0.8])
+    wall = HalfSpace(c.x[nodes].mean(axis=0), normal)
+    return model.alike(
+        contacts=(*model.contacts, sheets.contact(model, wall, nodes, 1e9, 2e-5)),
+    )
+
+
+def wrenches(solution: Solution) -> Array:
+    """(12,) force and moment of the whole hood on the bodies."""
+    parts = solution.model.wrenches(solution.configuration, solution.evaluation, solution.tension)
+    return np.sum(list(parts.values()), axis=0).ravel()
+
+
+def motion(solution: Solution) -> Motion:
+    """The bodies' poses."""
+    c = solution.configuration
+    return Motion(BODIES, c.position, c.rotation)
+
+
+def jacobian(solution: Solution) -> HoodJacobian:
+    """As a hood behind the port answers it."""
+    model, here = solution.model, motion(solution)
+    none = np.zeros((len(model.reference), 2))
+    hood = ShellHood(model, ("tendon",), here, none, ("bands",))
+    return hood.jacobian(HoodState(here, solution.configuration, solution))
+
+
+def by_penalty(model: ShellModel, start: Configuration, tension: Array) -> Solution:
+    """Solved to rounding error."""
+    return solve(model, start, tension, TIGHT, near=True)
+
+
+def augmented(model: ShellModel, start: Configuration, tension: Array) -> Solution:
+    """Solved until no node is off its level, to rounding error."""
+    return solve_augmented(model, start, tension, TIGHT, CLOSED)
+
+
+def displaced(solution: Solution, solver: Solver, twist: Array) -> Solution:
+    """Solved again with the bodies moved by `twist` (12,)."""
+    c, there = solution.configuration, motion(solution).displaced(twist)
+    start = solution.model.posed(c, there.position, there.rotation)
+    return solver(solution.model, start, solution.tension)
+
+
+def by_motion(solution: Solution, solver: Solver) -> tuple[Array, Array]:
+    """(12, 12) of the wrenches and (12,) of the excursion by the bodies' twists, scaled: central
+    differences of solutions."""
+    wrench, excursion = np.empty((12, 12)), np.empty(12)
+    for i, way in enumerate(np.eye(12)):
+        ahead, behind = (displaced(solution, solver, s * STEP * SCALES * way) for s in (1, -1))
+        wrench[:, i] = (wrenches(ahead) - wrenches(behind)) * SCALES / (2 * STEP)
+        slid = (s.model.excursion(s.configuration)[0] for s in (ahead, behind))
+        excursion[i] = float(np.subtract(*slid)) / (2 * STEP)
+    return wrench, excursion
+
+
+def by_tension(solution: Solution, solver: Solver, step: float = 1e-4) -> Array:
+    """(12,) of the wrenches by the tension, scaled: central differences of solutions."""
+    c, model = solution.configuration, solution.model
+    ahead, behind = (wrenches(solver(model, c, TENSION + s * step)) for s in (1, -1))
+    return np.asarray((ahead - behind) / (2 * step) * SCALES)
+
+
+def own_pull(solution: Solution) -> Array:
+    """(12,) of the tendon, for 1 N, on the body that guides it, scaled: there the muscle would hold
+    on, and reciprocity is of what remains."""
+    c, model = solution.configuration, solution.model
+    at, out = model.guides, np.zeros((2, 6))
+    force = model.pulls(c, np.ones(1))
+    arm = c.x[at.node] - c.position[at.body]
+    np.add.at(out, at.body, np.hstack([force, np.cross(arm, force)]))
+    return out.ravel() * SCALES
+
+
+def moment_rows(solutions: dict[str, Solution]) -> Iterator[Row]:
+    """The joint's moment from penalties a decade apart; the target is that of the first."""
+    moments = {name: float(wrenches(s)[10]) for name, s in solutions.items()}
+    first = next(iter(moments))
+    for name in list(moments)[1:]:
+        what = f"joint moment by {name} N/m3 (N m)"
+        source = f"the same problem by {first} N/m3"
+        yield Row(NAME, what, moments[first], moments[name], 1e-3, source)
+    for name, s in solutions.items():
+        c = s.configuration
+        states = [contact_state(k, c.x, c.position, c.rotation) for k in s.model.contacts]
+        deepest = float(max(np.abs(k.gap[k.pressure > 0]).max() for k in states))
+        what = f"gap of pressed nodes by {name} N/m3 (m)"
+        yield Row(NAME, what, 1e-6, deepest, 0.0, "as asked for", "bound")
+
+
+def tangent_rows(solution: Solution) -> Iterator[Row]:
+    """Every component of the wrench on every body by all twelve motions, relative to the largest
+    derivative of that very component; and the moment arms by force and by excursion."""
+    exact, (wrench, excursion) = jacobian(solution), by_motion(solution, by_penalty)
+    error = np.abs(exact.load_motion * np.outer(SCALES, SCALES) - wrench)
+    for i, worst in enumerate(error.max(axis=1) / np.abs(wrench).max(axis=1)):
+        what = f"condensed tangent, {COMPONENTS[i % 6]} on the {BODIES[i // 6]} body"
+        source = f"{DIFFERENCES}, by the six motions of either body"
+        yield Row(NAME, what, 1e-5, float(worst), 0.0, source, "bound")
+    own, slides = own_pull(solution), exact.excursion_motion[0] * SCALES
+    arms = exact.load_tension[:, 0] * SCALES - own
+    for what, bound, seen, source in (
+        ("d tau / d T = d x / d q", 1e-8, slides, "reciprocity, both by back-substitution"),
+        ("d x / d q", 1e-5, excursion, DIFFERENCES),
+        ("d tau / d T", 1e-5, by_tension(solution, by_penalty) - own, DIFFERENCES),
+    ):
+        off = float(np.abs(arms - seen).max() / np.abs(arms).max())
+        yield Row(NAME, f"{what}, all motions", bound, off, 0.0, source, "bound")
+
+
+def augmented_row(solution: Solution) -> Row:
+    """The same of the constrained problem, relative to the largest derivative of all: its pressed
+    nodes are held by springs ten million times as stiff as any other, which costs digits."""
+    here = augmented(solution.model, solution.configuration, TENSION)
+    wrench, _ = by_motion(here, augmented)
+    error = np.abs(jacobian(here).load_motion * np.outer(SCALES, SCALES) - wrench).max()
+    what = "condensed tangent, augmented, all components"
+    return Row(NAME, what, 1e-5, float(error / np.abs(wrench).max()), 0.0, DIFFERENCES, "bound")
+
+
+def rows() -> Iterator[Row]:
+    """All of them; about six seconds."""
+    model, c = bent_hood()
+    solutions = {}
+    for name in ("1e11", "1e10", "1e9"):
+        contacts = tuple(replace(k, stiffness=float(name)) for k in model.contacts)
+        solutions[name] = solve_augmented(model.alike(contacts=contacts), c, TENSION, NEWTON)
+    yield from moment_rows(solutions)
+    yield from tangent_rows(by_penalty(walled(model, c), c, TENSION))
+    yield augmented_row(solutions["1e11"])

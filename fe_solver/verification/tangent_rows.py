@@ -1,0 +1,256 @@
+"""Tangents of supports, loads, springs and contacts against differences: each by itself, and on a
+shell that they hold."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from cosim.port import rotation_matrix
+
+from ..contact import Contact, Grip, contact_forces
+from ..model import Inertia, ShellModel
+from ..quadrics import Ellipsoid
+from ..shapes import Capsule, Cone, Cylinder, HalfSpace, RoundCone, Sphere
+from ..shell import Array
+from ..springs import ForceCurve, NodeSprings, PointForces, Springs, node_springs, spring_forces
+from ..surfaces import SplineDistance, Surface
+from . import sheets
+from .element_rows import OWN, SIDE, THICK, distorted
+from .element_rows import tangent_error as model_error
+from .row import Row
+from .sheets import clamped, guided, mirrored
+
+Part = Callable[[ShellModel], ShellModel]
+POSE = (
+    np.array([[1e-3, -2e-3, 0.5e-3], [-3e-3, 0.0, 1e-3]]),
+    rotation_matrix(np.array([[0.3, -0.2, 0.5], [-0.6, 0.1, 0.2]])),
+)
+TOE = (1e-3 * np.array([-2.0, 0, 1, 3]), np.array([-0.2, 0, 0.05, 1.0]))
+"""Stretch (m) and force (N) of a table."""
+KINDS = ("tension-only", "bilateral", "by a table", "by a table, tension-only")
+FRICTION, STICKS, SLIDES = 0.2, 1e-5, 1e-3
+"""Coefficient; distances (m) from the anchors at which nodes stick and slide."""
+PRESSURE = 2e5
+"""Pa, a multiplier."""
+
+
+def curves(kind: str, count: int) -> tuple[ForceCurve, ...]:
+    """The table of `count` springs of the kind, where it has one."""
+    return (ForceCurve(np.arange(count), *TOE),) if "table" in kind else ()
+
+
+def some_springs(kind: str) -> tuple[Springs, Array]:
+    """Springs of one of KINDS between eight nodes and two bodies, some of them slack, and the
+    nodes' places (m)."""
+    rng = np.random.default_rng(0)
+    x, slack = 4e-3 * rng.normal(size=(8, 3)), rng.uniform(1e-3, 12e-3, 9)
+    node, body = np.arange(9) % 8, np.arange(9) % 2
+    anchor, stiffness = 4e-3 * rng.normal(size=(9, 3)), rng.uniform(100, 300, 9)
+    only, group = np.full(9, kind.endswith("tension-only")), np.zeros(9, dtype=np.intp)
+    return Springs(node, body, anchor, stiffness, slack, only, group, curves(kind, 9)), x
+
+
+def between_nodes(s: Springs, partner: np.ndarray) -> NodeSprings:
+    """The springs from their nodes to others (k,) instead of to bodies."""
+    nodes = np.stack([s.node, partner], axis=1)
+    return NodeSprings(nodes, s.stiffness, s.length, s.tension_only, s.group, s.curves)
+
+
+def baked_block() -> SplineDistance:
+    """A block of 14 x 8 x 8 mm as triangles, baked."""
+    corner = np.array(np.meshgrid([0, 1], [0, 1], [0, 1], indexing="ij")).reshape(3, 8).T
+    faces = "0 1 3 0 3 2 4 6 7 4 7 5 0 4 5 0 5 1 2 3 7 2 7 6 0 2 6 0 6 4 1 5 7 1 7 3".split()
+    vertices = (corner - [0.0, 0.5, 0.5]) * [14e-3, 8e-3, 8e-3]
+    return SplineDistance.bake(vertices, np.array(faces, dtype=np.intp).reshape(12, 3), 1e-3)
+
+
+def surfaces() -> dict[str, Surface]:
+    """One of every kind."""
+    start, end, z = np.zeros(3), np.array([12e-3, 2e-3, 0]), np.array([0.1, 0.2, 1.0])
+    turn = rotation_matrix(np.array([0.2, 0.5, -0.3]))
+    return {
+        "sphere": Sphere(start, 5e-3),
+        "capsule": Capsule(start, end, 4e-3),
+        "cylinder": Cylinder(start, end, 4e-3),
+        "round cone": RoundCone(start, end, 5e-3, 3e-3),
+        "cone": Cone(start, end, 5e-3, 3e-3),
+        "half-space": HalfSpace(start, z),
+        "ellipsoid": Ellipsoid(start, np.array([9e-3, 5e-3, 4e-3]), turn),
+        "baked triangles": baked_block(),
+    }
+
+
+def some_contact(surface: Surface, pressure: float, slip: float | None) -> tuple[Contact, Array]:
+    """Nodes about the level of a surface, in and out of it, with a multiplier (Pa), and where
+    `slip` (m) is given with friction, its anchors about so far off; and their places."""
+    rng = np.random.default_rng(1)
+    local = rng.uniform([-2e-3, -6e-3, -6e-3], [15e-3, 8e-3, 6e-3], size=(16, 3))
+    for _ in range(20):
+        value, normal, _ = surface.distance(local)
+        local += (np.linspace(-0.9e-4, 1.5e-4, 16) - value)[:, None] * normal
+    x = POSE[0][1] + local @ POSE[1][1].T
+    none, area = np.zeros(16), rng.uniform(0.5e-6, 2e-6, 16)
+    held = Contact(
+        1, surface, np.arange(16), none, area, 1e10, 5e-5, pressure=np.full(16, pressure)
+    )
+    if slip is None:
+        return held, x
+    normal = surface.distance(local).gradient
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    anchor = local + slip * rng.normal(size=(16, 3))
+    grip = Grip(anchor, normal, FRICTION * rng.uniform(0.5, 1.5, 16), none)
+    return replace(held, friction=FRICTION, shear=1e9, grip=grip), x
+
+
+def forces_error(act: Callable[[Array], PointForces], x: Array) -> float:
+    """Of gradient and Hessian at x (n, 3) along a random way, against central differences of energy
+    and gradient."""
+    way = 1e-8 * np.random.default_rng(2).normal(size=x.shape)
+    low, here, high = (act(x + s * way) for s in (-1, 0, 1))
+    slope = 2 * float(np.sum(here.gradient * way[here.node]))
+    first = abs((high.energy - low.energy) / slope - 1)
+    change = high.gradient - low.gradient
+    product = 2 * np.einsum("kij,kj->ki", here.hessian, way[here.node])
+    return max(first, float(np.abs(product - change).max() / np.abs(change).max()))
+
+
+def pair_error(springs: NodeSprings, x: Array) -> float:
+    """Of springs between nodes, as `forces_error`."""
+    way = 1e-8 * np.random.default_rng(2).normal(size=x.shape)
+    low, here, high = (node_springs(springs, x + s * way, True) for s in (-1, 0, 1))
+    own = 2 * way[springs.nodes]
+    first = abs((high.energy - low.energy) / float(np.sum(here.gradient * own)) - 1)
+    change = (high.gradient - low.gradient).reshape(-1, 6)
+    product = np.einsum("kij,kj->ki", here.hessian, own.reshape(-1, 6))
+    return max(first, float(np.abs(product - change).max() / np.abs(change).max()))
+
+
+def spring_rows() -> Iterator[Row]:
+    """Every kind, to bodies and between nodes."""
+    for kind in KINDS:
+        springs, x = some_springs(kind)
+        error = forces_error(partial(_pulled_by, springs), x)
+        yield Row("springs to bodies: tangent", kind, 1e-6, error, 0.0, OWN, "bound")
+        error = pair_error(between_nodes(springs, (springs.node + 3) % 8), x)
+        yield Row("springs between nodes: tangent", kind, 1e-6, error, 0.0, OWN, "bound")
+
+
+def surface_rows() -> Iterator[Row]:
+    """Every surface by penalty and augmented, with friction that holds and that slides."""
+    ways = {
+        "penalty": (0.0, None),
+        "augmented": (PRESSURE, None),
+        "sticking": (PRESSURE, STICKS),
+        "sliding": (PRESSURE, SLIDES),
+    }
+    for name, surface in surfaces().items():
+        for way, (pressure, slip) in ways.items():
+            contact, x = some_contact(surface, pressure, slip)
+            error = forces_error(partial(_pressed_by, contact), x)
+            yield Row(f"contact, {name}: tangent", way, 1e-6, error, 0.0, OWN, "bound")
+
+
+def _pulled_by(springs: Springs, x: Array) -> PointForces:
+    return spring_forces(springs, x, *POSE, True)
+
+
+def _pressed_by(contact: Contact, x: Array) -> PointForces:
+    return contact_forces(contact, x, *POSE, True)
+
+
+def _sprung(kind: str, model: ShellModel) -> ShellModel:
+    """Every other spring is slack, or pushes."""
+    X = model.reference
+    node = np.arange(len(X))
+    body, k = np.zeros(len(X), dtype=np.intp), np.full(len(X), 2e3)
+    anchor = X + np.random.default_rng(6).normal(size=X.shape) * SIDE
+    length = np.where(node % 2, 0.9, 1.1) * np.linalg.norm(anchor - X, axis=1)
+    only = np.full(len(X), kind.endswith("tension-only"))
+    springs = Springs(node, body, anchor, k, length, only, body, curves(kind, len(X)))
+    return replace(model, springs=springs)
+
+
+def _linked(kind: str, model: ShellModel) -> ShellModel:
+    springs, X = _sprung(kind, model).springs, model.reference
+    links = between_nodes(springs, (springs.node + 5) % len(X))
+    reach = np.linalg.norm(X[links.nodes[:, 1]] - X[links.nodes[:, 0]], axis=1)
+    return replace(model, links=replace(links, length=np.where(springs.node % 2, 0.9, 1.1) * reach))
+
+
+def _laden(model: ShellModel) -> ShellModel:
+    return replace(model, dead=np.random.default_rng(9).normal(size=model.reference.shape))
+
+
+def _pressed(model: ShellModel) -> ShellModel:
+    return replace(model, pressure=np.linspace(1e3, 3e3, len(model.quads)))
+
+
+def _inert(model: ShellModel) -> ShellModel:
+    X, n = model.reference, len(model.reference)
+    k = np.linspace(1e3, 2e3, n)
+    return replace(model, inertia=Inertia(k, X + 1e-3, k * SIDE**2, np.tile([0, 0.6, 0.8], (n, 1))))
+
+
+def _touching(pressure: float, slip: float | None, model: ShellModel) -> ShellModel:
+    ball, X = Sphere(np.array([1.5 * SIDE, SIDE, -5 * SIDE]), 5 * SIDE), model.reference
+    contact = sheets.contact(model, ball, np.arange(len(X)), 1e9, 1e-3)
+    if slip is not None:
+        none, normal = np.zeros(len(X)), ball.distance(X).gradient
+        anchor = X + slip * np.random.default_rng(4).normal(size=X.shape)
+        limit = FRICTION * contact.area * pressure
+        grip = Grip(anchor, normal, limit, none)
+        contact = replace(contact, friction=FRICTION, shear=1e9, grip=grip)
+    return replace(model, contacts=(replace(contact, pressure=np.full(len(X), pressure)),))
+
+
+def _clamped(model: ShellModel) -> ShellModel:
+    return clamped(model, np.arange(3))
+
+
+def _guided(model: ShellModel) -> ShellModel:
+    return guided(model, [np.arange(3), np.array([9, 10])], [(-1.0, 0, 0.2), (1.0, 0.3, 0)])
+
+
+def _mirrored(model: ShellModel) -> ShellModel:
+    planes = np.zeros((len(model.reference), 3), dtype=bool)
+    planes[:3, 0], planes[[0, 3, 6, 9], 1] = True, True
+    return mirrored(model, planes, np.eye(12, dtype=bool)[:, [11, 11, 10]])
+
+
+def model_rows() -> Iterator[Row]:
+    """Supports and loads on a shell, each alone and all that go together."""
+    springs, contact = partial(_sprung, "tension-only"), partial(_touching, 0.0, None)
+    together = (springs, _pressed, contact)
+    cases: dict[str, tuple[Part, ...]] = {
+        **{f"springs, {kind}": (partial(_sprung, kind),) for kind in KINDS},
+        **{f"springs between nodes, {kind}": (partial(_linked, kind),) for kind in KINDS},
+        "dead loads": (_laden,),
+        "follower pressure": (_pressed,),
+        "inertia": (_inert,),
+        "contact, penalty": (contact,),
+        "contact, augmented": (partial(_touching, PRESSURE, None),),
+        "contact, sticking": (partial(_touching, PRESSURE, STICKS),),
+        "contact, sliding": (partial(_touching, PRESSURE, SLIDES),),
+        "ties": (_clamped,),
+        "guides and tendons": (_guided,),
+        "mirror planes": (_mirrored,),
+        "ties, springs, pressure, contact": (_clamped, *together),
+        "mirror planes, springs, pressure, contact": (_mirrored, *together),
+    }
+    for name, parts in cases.items():
+        model = distorted("flat quads" if _mirrored in parts else "warped quads", height=THICK / 2)
+        for part in parts:
+            model = part(model)
+        tension = np.array([3.0, 2.0]) if _guided in parts else None
+        error = model_error(model, 1e-4, tension)
+        yield Row("model tangent", name, 1e-6, error, 0.0, OWN, "bound")
+
+
+def rows() -> Iterator[Row]:
+    yield from spring_rows()
+    yield from surface_rows()
+    yield from model_rows()

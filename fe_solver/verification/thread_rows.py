@@ -1,0 +1,60 @@
+"""The same bytes from any number of threads."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator
+
+import numpy as np
+
+from cosim.port import CosimError
+
+from ..kernels import PAYS, thread_count
+from ..linear_algebra import VARIABLE, chosen
+from ..newton import NewtonOptions, solve
+from . import sheets
+from .apart import answer, python, threads
+from .peers import strip
+from .row import Row
+
+MESH = (60, 20)
+THREADS = (1, 2)
+
+
+def digest() -> dict[str, str | int]:
+    """Of the bytes of an equilibrium and its tangent, on a mesh large enough for threads; and the
+    threads that made it."""
+    model, load = strip(*MESH)
+    assert len(model.quads) >= PAYS
+    options = NewtonOptions(tolerance=1e-8)
+    solution = solve(model.alike(dead=load), sheets.at_rest(model), sheets.NO_TENSION, options)
+    c, tangent = solution.configuration, solution.evaluation.data
+    assert tangent is not None
+    text = b"".join(np.ascontiguousarray(a).tobytes() for a in (c.x, c.d, tangent))
+    return {"threads": thread_count(), "sha256": hashlib.sha256(text).hexdigest()}
+
+
+def rows() -> Iterator[Row]:
+    """Of SuperLU with all threads, its libraries' too; of the linear solver in use, if that is
+    another, with those of the assembly: how a BLAS adds up by its threads is its own affair."""
+    yield _row("superlu", [threads(n, n) for n in THREADS])
+    if chosen() != "superlu":
+        yield _row(chosen(), [threads(n, 1) for n in THREADS])
+
+
+def _row(linear: str, settings: list[dict[str, str]]) -> Row:
+    """Solved in processes of their own."""
+    name, what = "threads 1 and 2", f"different bytes of shape and tangent, {linear}"
+    try:
+        found = [answer(python("-m", __name__), {**s, VARIABLE: linear}) for s in settings]
+    except CosimError as error:
+        return Row(name, what, 0, float("nan"), 0.0, str(error), "absolute")
+    assert [one["threads"] for one in found] == list(THREADS)
+    others = len({one["sha256"] for one in found}) - 1
+    source = f"the solve with one thread, {MESH[0]} x {MESH[1]} quads, by SHA-256"
+    return Row(name, what, 0, others, 0.0, source, "absolute")
+
+
+if __name__ == "__main__":
+    print(json.dumps(digest()), flush=True)
