@@ -205,7 +205,7 @@ def solve(
         if residual <= limit:
             if convex:
                 e = model.evaluate(c, tension, tangent=True)
-            return Solution(model, c, e, tension, iteration, solves, residual)
+            return _upright(Solution(model, c, e, tension, iteration, solves, residual))
         if iteration == options.max_iterations:
             break
         assert e.data is not None
@@ -216,7 +216,7 @@ def solve(
             (c, e, convex), stuck = trial, False
         elif stuck and residual <= STUCK * limit:
             e = model.evaluate(c, tension, tangent=True)
-            return Solution(model, c, e, tension, iteration, solves, residual)
+            return _upright(Solution(model, c, e, tension, iteration, solves, residual))
         elif stuck:
             break
         else:
@@ -227,6 +227,30 @@ def solve(
         f"{residual:.2e} N against forces of {force:.2e} N, largest at {worst_place(model, c, e)}. "
         f"{_advice(model, e)}"
     )
+
+
+def _upright(solution: Solution) -> Solution:
+    """The solution, unless a director has turned through the plane of an element: the discrete
+    sheet has equilibria with elements folded back on their neighbours, which no sheet has.
+
+    Raises ConvergenceError naming the place."""
+    model, c = solution.model, solution.configuration
+    turned = _facing(model.quads, model.reference, model.directors)
+    turned *= _facing(model.quads, c.x, c.d)
+    if turned.min(initial=1.0) > 0:
+        return solution
+    node = model.quads.ravel()[turned.argmin()]
+    raise ConvergenceError(
+        f"the hood came to rest with a director turned through an element's plane, at "
+        f"{model.node_name(node)}: no sheet does that. Try smaller steps of posture or tension, or a finer mesh."
+    )
+
+
+def _facing(quads: Ints, x: Array, d: Array) -> Array:
+    """(ne, 4) the normals times the corners' directors; its sign says to which side these point."""
+    X = x[quads]
+    normal = np.cross(X[:, 2] - X[:, 0], X[:, 3] - X[:, 1])
+    return np.asarray(np.einsum("ek,eak->ea", normal, d[quads]))
 
 
 def _undamped(

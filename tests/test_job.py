@@ -41,7 +41,7 @@ from fe_solver.job_model import JobOptions, job_model
 from fe_solver.job_results import write_job
 from fe_solver.job_solve import solve_job, spread_times
 from fe_solver.materials import Isotropic, Orthotropic
-from fe_solver.newton import NewtonOptions
+from fe_solver.newton import NewtonOptions, solve
 from fe_solver.section import one_law
 from fe_solver.shapes import Capsule
 from fe_solver.shell_hood import ShellHood
@@ -130,6 +130,30 @@ def test_many_steps_end_where_one_does():
     heights = [s.configuration.x[:, 2].max() for s in parts.states]
     assert heights == sorted(heights)
     assert parts.states[0].applied[2] == pytest.approx(0.2 * 0.02 * 4)
+
+
+@pytest.mark.parametrize(
+    ("shortest", "failures", "relaxations"), [(1e-3, range(2, 100), 0), (0.9, range(1, 2), 1)]
+)
+def test_short_steps_or_a_damped_motion_end_where_one_step_does(shortest, failures, relaxations):
+    """Newton may not take the iterations that the whole load takes."""
+    (whole,) = solve_job(bent(), options=PLAIN).states
+    hasty = replace(PLAIN, shortest=shortest, newton=NewtonOptions(1e-8, max_iterations=8))
+    result = solve_job(bent(), options=hasty)
+    assert result.effort.failures in failures
+    assert result.effort.relaxations == relaxations
+    x = result.states[-1].configuration.x
+    assert np.abs(x - whole.configuration.x).max() < 1e-9
+
+
+def test_a_director_turned_through_its_element_is_no_solution():
+    """Such a state is an equilibrium of the discrete sheet, of less energy even."""
+    (state,) = solve_job(bent(), options=PLAIN).states
+    c = state.configuration
+    turned = c.d.copy()
+    turned[at(bent(), LENGTH)[0]] *= -1
+    with pytest.raises(ConvergenceError, match="turned through an element's plane, at node"):
+        solve(state.model, replace(c, d=turned), np.zeros(0), PLAIN.newton, near=True)
 
 
 def test_loads_and_bodies_balance_and_the_tie_carries_the_load():
