@@ -8,7 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -49,10 +49,12 @@ class Row:
 
 @dataclass(frozen=True)
 class Measured:
-    """One model solved in a process of its own: CPU seconds of the solve and of the set-up (file,
-    model, distances of bones), peak memory of the imports alone and of all, MB."""
+    """One model solved in a process of its own: values by name, the deepest penetration (um), CPU
+    seconds of the solve and of the set-up (file, model, distances of bones), peak memory of the
+    imports alone and of all, MB."""
 
     values: dict[str, float]
+    penetration: float
     solve_s: float
     setup_s: float
     import_mb: float
@@ -69,8 +71,8 @@ class Comparison:
     model: str
     rows: tuple[Row, ...]
     ours: Measured
+    published: Published | None = None
     febio_s: float | None = None
-    febio_mb: float | None = None
 
     @property
     def share(self) -> float | None:
@@ -147,7 +149,7 @@ def compare(folder: Path, spacing: float = 0.25e-3) -> Iterator[Comparison]:
         alike = measured(path, True, spacing)
         made = tuple(rows(published, ours.values, alike.values))
         scaled = None if seconds is None else seconds / REFERENCE_S * published.cpu_s
-        yield Comparison(path.stem, made, ours, scaled, published.peak_mb)
+        yield Comparison(path.stem, made, ours, published, scaled)
 
 
 def reference_seconds(folder: Path) -> float | None:
@@ -194,13 +196,14 @@ def _main(path: str, as_febio: str, spacing: str) -> None:
     began = time.process_time()
     job = read_feb(path)
     read = time.process_time() - began
-    options = JobOptions(spacing=float(spacing))
-    if int(as_febio):
-        options = replace(options, as_febio=True, penetration=None)
+    # FEBio's figures are of a penalty without augmentation, so ours are, too
+    options = JobOptions(None, spacing=float(spacing), as_febio=bool(int(as_febio)))
     result = solve_job(job, options=options)
-    values = quantities(job, result.states[-1], PUBLISHED.get(Path(path).stem))
+    last = result.states[-1]
+    values = quantities(job, last, PUBLISHED.get(Path(path).stem))
     made = Measured(
         values,
+        1e6 * last.penetration,
         result.effort.cpu_s,
         result.setup_s + read,
         imports,

@@ -17,16 +17,17 @@ REFERENCE_S = 0.95
 @dataclass(frozen=True)
 class Published:
     """FEBio's last state: displacements by node number (mm), contact resultants along z on the
-    first two bodies (N), the springs' largest force and sum (N) and how many act, CPU seconds, peak
-    memory (MB, where it is stated)."""
+    first two bodies (N), the springs' largest force and sum (N) and how many act, the deepest
+    penetration (um, of a penalty without augmentation), CPU seconds, peak memory (MB)."""
 
     displacement: Mapping[int, tuple[float, float, float]]
     contact: tuple[float, ...]
     largest: float
     total: float
     active: int
+    penetration: float
     cpu_s: float
-    peak_mb: float | None
+    peak_mb: float
 
 
 PUBLISHED = {
@@ -40,6 +41,7 @@ PUBLISHED = {
         6.458,
         6.46,
         1,
+        0.0,
         25.1,
         240,
     ),
@@ -53,6 +55,7 @@ PUBLISHED = {
         3.570,
         36.88,
         91,
+        3.3,
         1.5,
         159,
     ),
@@ -66,6 +69,7 @@ PUBLISHED = {
         3.623,
         25.24,
         91,
+        3.1,
         8.5,
         240,
     ),
@@ -79,6 +83,7 @@ PUBLISHED = {
         5.825,
         21.55,
         21,
+        5.1,
         1.3,
         159,
     ),
@@ -92,6 +97,7 @@ PUBLISHED = {
         22.659,
         98.92,
         21,
+        13.5,
         25.1,
         159,
     ),

@@ -15,6 +15,7 @@ from .linear_algebra import FREE, Analysis, Factor, NotPositiveDefiniteError, me
 from .model import Configuration, Evaluation, ShellModel
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.intp]
 
 MOST_FLIPS = 2
 """Rounds of the active set in one step; more cost factorisations and saved no iterations."""
@@ -242,7 +243,8 @@ def _upright(solution: Solution) -> Solution:
     node = model.quads.ravel()[turned.argmin()]
     raise ConvergenceError(
         f"the hood came to rest with a director turned through an element's plane, at "
-        f"{model.node_name(node)}: no sheet does that. Try smaller steps of posture or tension, or a finer mesh."
+        f"{model.node_name(node)}: no sheet does that. Try smaller steps of posture or tension, or "
+        "a finer mesh."
     )
 
 
