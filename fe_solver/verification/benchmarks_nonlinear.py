@@ -273,11 +273,15 @@ def half_cylinder(n: int) -> Loading:
 
 
 def half_cylinder_rows() -> Iterator[Row]:
-    parts = np.arange(1, 41) / 40
-    found = [followed(half_cylinder(n), parts) for n in (10, 20, 40)]
+    parts = np.arange(1, 41) / 40  # on 14 x 14 quads or fewer the free end folds up: no solution
+    found = [followed(half_cylinder(n), parts) for n in (20, 40)]
     source = f"{SZE}, as quoted in the FEniCS-Shells demo nonlinear-naghdi-cylindrical; "
     name = "pinched half cylinder"
     for part, target in ((0.2, 0.37582), (0.5, 1.32653)):
         seen = float(found[-1][round(40 * part) - 1, 0])
         yield Row(name, f"W at {part:.1f} P", target, seen, 0.01, f"{source}40 x 40")
-    yield from at_the_end(name, "W at 1.0 P", 1.71505, found, 0, source, ("20 x 20", "40 x 40"))
+    target, what = 1.71505, "W at 1.0 P"
+    coarse, fine = (float(f[-1, 0]) for f in found)
+    order = error_order(coarse - target, fine - target)
+    yield Row(name, f"{what}, 20 x 20", target, coarse, COARSER * 0.01, f"{source}20 x 20")
+    yield Row(name, what, target, fine, 0.01, f"{source}40 x 40", order=order)
