@@ -14,7 +14,7 @@ from cosim.terminal import console, told
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from fe_solver.febio_compare import Comparison
+    from fe_solver.febio.compare import Comparison
     from fe_solver.job_solve import JobResult, JobState
 
 Model = Annotated[Path, typer.Argument(metavar="MODEL.feb", help="A FEBio 4 file.")]
@@ -43,7 +43,7 @@ def solve(
     """Solve a FEBio model and write its states; the forces' unit in the file is N."""
     with told():
         from cosim.units import LENGTH, parse
-        from fe_solver.feb_read import read_feb
+        from fe_solver.febio.read import read_feb
         from fe_solver.job_model import JobOptions
         from fe_solver.job_results import check_target, write_job
         from fe_solver.job_solve import solve_job, spread_times
@@ -113,7 +113,7 @@ def export(
     with told():
         from cosim.build import build, tensions
         from cosim.case import load_case
-        from fe_solver.feb_write import write_feb
+        from fe_solver.febio.write import write_feb
         from fe_solver.hood_job import job_of_hood
         from fe_solver.shell_hood import ShellHood
 
@@ -153,8 +153,8 @@ def bench_fe(quads: Sequence[int] = QUADS) -> None:
 def bench_febio(folder: Path | None, spacing: str) -> None:
     """Print our answers and costs beside FEBio's.  Raises CosimError."""
     from cosim.units import LENGTH, parse
-    from fe_solver.febio_compare import compare
-    from fe_solver.febio_figures import SOURCE
+    from fe_solver.febio.compare import compare
+    from fe_solver.febio.figures import SOURCE
 
     if folder is None:
         raise InputError("bench febio: name the folder of the models with --models")

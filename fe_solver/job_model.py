@@ -17,7 +17,7 @@ from cosim.port import InputError
 from .closing import closed_surface
 from .contact import REACH, Contact
 from .curves import Curve, Drive, Extension, Interpolation
-from .febio_like import facet_lift, febio_patch
+from .febio.like import facet_lift, febio_patch
 from .hood_model import node_areas, node_directors
 from .job import STILL, ZERO, Body, ContactPair, Job, SpringSet
 from .mesh_checks import check_job
@@ -48,7 +48,7 @@ class JobOptions:
     compression.  Contact begins smoothly within `smoothing` (m).  `spacing` (m) of the grids that
     bodies' distances are baked on; `cached` keeps those grids in the user's cache folder.
 
-    `as_febio` bends the sheet and brings it into contact as FEBio does (see `febio_like`), for
+    `as_febio` bends the sheet and brings it into contact as FEBio does (see `febio.like`), for
     comparisons: not what a sheet does.
 
     No step in time turns a body by more than `turn` (rad) or is shorter than `shortest`, of the

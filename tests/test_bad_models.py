@@ -15,8 +15,8 @@ from typer.testing import CliRunner
 
 from cosim.cli import app
 from cosim.port import InputError
-from fe_solver import feb_xml
-from fe_solver.feb_read import read_feb
+from fe_solver.febio import xml as feb_xml
+from fe_solver.febio.read import read_feb
 from fe_solver.mesh_checks import check_job
 
 SKIN = '<material id="1" name="skin" type="isotropic elastic"><E>100</E><v>0.3</v></material>'
@@ -302,7 +302,7 @@ import sys
 from pathlib import Path
 from time import process_time
 from cosim.port import InputError
-from fe_solver.feb_read import read_feb
+from fe_solver.febio.read import read_feb
 
 def peak():
     lines = Path("/proc/self/status").read_text().splitlines()

@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 
 from cosim.port import InputError
 from fe_solver.curves import Curve, Drive, Extension, Interpolation
-from fe_solver.feb_read import read_feb
-from fe_solver.feb_write import write_feb
+from fe_solver.febio.read import read_feb
+from fe_solver.febio.write import write_feb
 from fe_solver.fibre_materials import HolzapfelGasserOgden, TransIsoMooneyRivlin
 from fe_solver.hyperelastic import NeoHookean
 from fe_solver.job import (

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from cosim.port import InputError
 from fe_solver.closing import boundary_loops, closed_surface, volume
 from fe_solver.curves import Curve, Drive, Extension, Interpolation
-from fe_solver.feb_read import read_feb
+from fe_solver.febio.read import read_feb
 from fe_solver.job import Job, SpringLaw
 from fe_solver.mesh_checks import check_job
 from fe_solver.mesh_files import read_mesh

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from cosim.port import InputError
 
-from .feb_bodies import Units
-from .feb_law_write import law_line, oriented
-from .feb_write_conditions import SAME_POINT, Conditions, Lines, number, row, whole
-from .hood_model import node_directors
-from .job import Job
-from .materials import Law
+from ..hood_model import node_directors
+from ..job import Job
+from ..materials import Law
+from .bodies import Units
+from .law_write import law_line, oriented
+from .write_conditions import SAME_POINT, Conditions, Lines, number, row, whole
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]

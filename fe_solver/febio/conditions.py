@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .feb_bodies import AXES, Model, read_curve
-from .feb_parts import Sheet
-from .feb_xml import Tag
-from .job import Held, HeldDirector, NodalForce, Pressure, SpringLaw, SpringSet, Tied
+from ..job import Held, HeldDirector, NodalForce, Pressure, SpringLaw, SpringSet, Tied
+from .bodies import AXES, Model, read_curve
+from .parts import Sheet
+from .xml import Tag
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]

@@ -8,9 +8,9 @@ import numpy as np
 
 from cosim.port import InputError
 
-from .fibre_materials import HolzapfelGasserOgden, TransIsoMooneyRivlin
-from .hyperelastic import NeoHookean
-from .materials import Isotropic, Law, Orthotropic, Real
+from ..fibre_materials import HolzapfelGasserOgden, TransIsoMooneyRivlin
+from ..hyperelastic import NeoHookean
+from ..materials import Isotropic, Law, Orthotropic, Real
 
 FIELDS = ("E1", "E2", "nu12", "G12", "G13", "G23")
 

@@ -15,11 +15,11 @@ import numpy as np
 
 from cosim.port import CosimError, InputError
 
-from .febio_figures import PUBLISHED, REFERENCE_S, Published
-from .job import Job
-from .job_model import JobOptions
-from .job_results import displacement, farthest
-from .job_solve import JobState
+from ..job import Job
+from ..job_model import JobOptions
+from ..job_results import displacement, farthest
+from ..job_solve import JobState
+from .figures import PUBLISHED, REFERENCE_S, Published
 
 TOLERANCE = 0.03
 REFERENCE_JOB = "reference_job.py"
@@ -183,12 +183,12 @@ def measured(path: Path, as_febio: bool, spacing: float) -> Measured:
 
 def _main(path: str, as_febio: str, spacing: str) -> None:
     """The process of one model: prints a `Measured` as JSON."""
-    from .bench import PULL, rod_sheet
-    from .feb_read import read_feb
-    from .job_solve import solve_job
-    from .linear_algebra import chosen
-    from .newton import NewtonOptions, solve
-    from .verification.sheets import at_rest
+    from ..bench import PULL, rod_sheet
+    from ..job_solve import solve_job
+    from ..linear_algebra import chosen
+    from ..newton import NewtonOptions, solve
+    from ..verification.sheets import at_rest
+    from .read import read_feb
 
     warm = rod_sheet(64)  # compiles the kernels, or takes them from their cache
     solve(warm, at_rest(warm), PULL, NewtonOptions(tolerance=1e-8))

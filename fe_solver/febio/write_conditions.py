@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from cosim.port import InputError
 
-from .curves import Curve, Drive
-from .feb_bodies import AXES, Units
-from .job import Job, SpringLaw, SpringSet
+from ..curves import Curve, Drive
+from ..job import Job, SpringLaw, SpringSet
+from .bodies import AXES, Units
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .feb_mesh import rows_of
-from .feb_xml import Tag
-from .fibre_materials import HolzapfelGasserOgden, TransIsoMooneyRivlin
-from .hyperelastic import NeoHookean
-from .materials import Isotropic, Law, Orthotropic
+from ..fibre_materials import HolzapfelGasserOgden, TransIsoMooneyRivlin
+from ..hyperelastic import NeoHookean
+from ..materials import Isotropic, Law, Orthotropic
+from .mesh import rows_of
+from .xml import Tag
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .feb_materials import Material, fibre_directions, material_named
-from .feb_mesh import SHELLS, Block, FebMesh, rows_of
-from .feb_xml import Tag
+from .materials import Material, fibre_directions, material_named
+from .mesh import SHELLS, Block, FebMesh, rows_of
+from .xml import Tag
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]

@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 
 from cosim.port import InputError
 
-from .fibre_materials import TransIsoMooneyRivlin
-from .hood_model import node_directors
-from .job import ContactPair, Job
-from .materials import Isotropic, Law
-from .section import Patch
-from .tension_field import TensionField
+from ..fibre_materials import TransIsoMooneyRivlin
+from ..hood_model import node_directors
+from ..job import ContactPair, Job
+from ..materials import Isotropic, Law
+from ..section import Patch
+from ..tension_field import TensionField
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from .feb_bodies import (
+from ..job import Body, ContactPair, Job, Part, Step
+from ..mesh_checks import check_mesh, within
+from .bodies import (
     GROUND,
     Model,
     Units,
@@ -23,7 +25,7 @@ from .feb_bodies import (
     read_curves,
     triangles_of,
 )
-from .feb_conditions import (
+from .conditions import (
     fixed_nodes,
     matched,
     read_forces,
@@ -32,13 +34,11 @@ from .feb_conditions import (
     read_springs,
     read_tied,
 )
-from .feb_materials import read_materials
-from .feb_mesh import FebMesh, read_mesh_section
-from .feb_notes import told_of
-from .feb_parts import Parts, Sheet, read_parts
-from .feb_xml import Tag, read_xml
-from .job import Body, ContactPair, Job, Part, Step
-from .mesh_checks import check_mesh, within
+from .materials import read_materials
+from .mesh import FebMesh, read_mesh_section
+from .notes import told_of
+from .parts import Parts, Sheet, read_parts
+from .xml import Tag, read_xml
 
 Ints = NDArray[np.intp]
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .curves import Curve, Drive, Extension, Interpolation
-from .feb_materials import Material, material_named
-from .feb_mesh import SHELLS, FebMesh, rows_of
-from .feb_parts import Parts
-from .feb_xml import Tag
-from .job import Body
+from ..curves import Curve, Drive, Extension, Interpolation
+from ..job import Body
+from .materials import Material, material_named
+from .mesh import SHELLS, FebMesh, rows_of
+from .parts import Parts
+from .xml import Tag
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]

@@ -1,0 +1,1 @@
+"""FEBio's files, read, written and compared with."""
