@@ -69,7 +69,11 @@ def _facts() -> Iterator[tuple[str, str]]:
 
     yield "cosim", f"{__version__} on Python {platform.python_version()}, {platform.machine()}"
     yield "libraries", ", ".join(f"{name} {version(name)}" for name in ("numpy", "scipy", "mujoco"))
-    compiled = f"numba {version('numba')}" if kernels.COMPILED else "plain numpy (numba is absent)"
+    compiled = (
+        f"numba {version('numba')}"
+        if kernels.COMPILED
+        else "plain numpy (numba is absent or switched off)"
+    )
     yield "kernels", f"{compiled}, {kernels.thread_count()} threads on large meshes"
     yield "linear solver", f"{chosen()}, of {', '.join(available())}"
     better = [name for name in BACKENDS if name in FASTER]
