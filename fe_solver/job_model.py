@@ -67,10 +67,10 @@ class JobOptions:
     )
 
     def __post_init__(self) -> None:
-        given = [self.contact_factor, self.smoothing, self.spacing, self.turn, self.shortest]
-        given += [] if self.penetration is None else [self.penetration]
-        if not (np.isfinite(given).all() and min(given) > 0):
-            raise InputError(f"options of a job must be positive and finite, got {self}")
+        for name in ("penetration", "contact_factor", "smoothing", "spacing", "turn", "shortest"):
+            value = getattr(self, name)
+            if value is not None and not (np.isfinite(value) and value > 0):
+                raise InputError(f"{name} = {value:g}: expected more than zero, and finite")
 
 
 @dataclass(frozen=True)

@@ -328,7 +328,7 @@ def test_a_solve_that_fails_says_when_and_where():
 def test_times_must_ascend():
     with pytest.raises(InputError, match="expected times that ascend"):
         solve_job(bent(), options=PLAIN, times=[0.5, 0.5])
-    with pytest.raises(InputError, match="positive"):
+    with pytest.raises(InputError, match="spacing = 0: expected more than zero"):
         JobOptions(spacing=0.0)
     assert spread_times(bent(), until=0.6, states=2) == [0.5, 0.6]
     assert spread_times(bent(), until=2.0) == [1.0, 2.0]

@@ -72,6 +72,6 @@ def chosen(only: str | None, slow: bool, studies: Iterable[Study] = STUDIES) -> 
         return [s for s in studies if slow or not s.slow]
     found = [s for s in studies if only.lower() in s.name.lower()]
     if not found:
-        names = ", ".join(s.name for s in studies)
+        names = "; ".join(s.name for s in studies)
         raise InputError(f"no study is named {only!r}; expected one of: {names}")
     return found
