@@ -215,6 +215,6 @@ def test_a_study_that_is_named_runs_though_slow(monkeypatch):
     assert "node 7" in verify(monkeypatch, "--only", "STUCK").stdout
     done = verify(monkeypatch, "--only", "bridge")
     assert done.exit_code == 2
-    assert "sound beam, poor beam, stuck shell" in done.stderr
+    assert "sound beam; poor beam; stuck shell" in done.stderr
     with pytest.raises(InputError):
         table.chosen("bridge", False)
