@@ -61,6 +61,12 @@ class HoodLook:
     """N, magnitude of each spring set's summed force."""
     slip_force: Mapping[str, float]
     """N, central and terminal."""
+    spring_tension: Array
+    """(ns,) N of every spring."""
+    spring_set: tuple[str, ...]
+    """(ns,) the set it is of."""
+    spring_node: np.ndarray
+    """(ns,) node of the hood that it holds."""
     penetration: float
     """m, the deepest."""
 
@@ -296,7 +302,9 @@ def _tendons(mesh: HoodMesh) -> dict[str, Tendon]:
 
 def look(hood: FeHood, mesh: HoodMesh, state: State) -> HoodLook:
     from fe_solver.fields import contact_pressure, fields
+    from fe_solver.springs import spring_state
 
+    springs = hood.model.springs
     c = state.configuration
     field = fields(hood.model, c)
     forces = {name: float(np.linalg.norm(f)) for name, f in hood.group_forces(state).items()}
@@ -314,6 +322,9 @@ def look(hood: FeHood, mesh: HoodMesh, state: State) -> HoodLook:
         contact_pressure(hood.model, c),
         forces,
         slips,
+        spring_state(springs, c.x, c.position, c.rotation).force,
+        tuple(hood.groups[i] for i in springs.group),
+        springs.node,
         max(0.0, -float(hood.gap(state).min())),
     )
 

@@ -232,6 +232,9 @@ def dataset(
                 ("quad", "strain_component"), "Pa", [v.stress for v in see], "2nd Piola-Kirchhoff"
             ),
             "pressure": stack(("point",), "Pa", [v.pressure for v in see], "contact pressure"),
+            "spring_force": stack(
+                ("spring",), "N", [v.spring_tension for v in see], "tension of the spring"
+            ),
         }
     coords: dict[str, Any] = {
         "state": list(states),
@@ -247,6 +250,8 @@ def dataset(
     }
     if looks:
         coords["strain_component"] = ["along", "across", "shear"]
+        coords["spring_set"] = ("spring", list(see[0].spring_set))
+        coords["spring_node"] = ("spring", see[0].spring_node)
     return xarray.Dataset(data, coords)
 
 

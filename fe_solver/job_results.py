@@ -3,6 +3,7 @@ whole or not there."""
 
 from __future__ import annotations
 
+import csv
 import json
 import os
 import shutil
@@ -93,7 +94,7 @@ def check_target(folder: Path) -> None:
 
 
 def write_job(folder: Path | str, result: JobResult) -> Path:
-    """Write summary.json, a .vtu of each state with a .pvd of all, and an .xdmf.
+    """Write summary.json, springs.csv, a .vtu of each state with a .pvd of all, and an .xdmf.
 
     The folder appears whole, in the place of an earlier result, or not at all.  Raises InputError
     where it cannot be written."""
@@ -138,6 +139,24 @@ def _write_files(folder: Path, result: JobResult) -> None:
     lines += [*frames, "</Collection>", "</VTKFile>", ""]
     (folder / "states.pvd").write_text("\n".join(lines), encoding="utf-8")
     _write_xdmf(folder / "states.xdmf", result, cells)
+    if result.job.springs:
+        _write_springs(folder / "springs.csv", result)
+
+
+def _write_springs(path: Path, result: JobResult) -> None:
+    """A row for each spring in each state: nodes by their numbers, force in N."""
+    job = result.job
+    with path.open("w", encoding="utf-8", newline="") as stream:
+        out = csv.writer(stream)
+        out.writerow(["time", "set", "node", "end", "force_N"])
+        for state in result.states:
+            for s, force in zip(job.springs, state.spring_forces, strict=True):
+                ends = [
+                    job.bodies[b].name if b >= 0 else f"node {job.node_ids[n]}"
+                    for b, n in zip(s.body, s.other, strict=True)
+                ]
+                for node, end, f in zip(job.node_ids[s.nodes], ends, force.tolist(), strict=True):
+                    out.writerow([repr(state.time), s.name, node, end, repr(f + 0.0)])
 
 
 def _write_xdmf(path: Path, result: JobResult, cells: _Cells) -> None:

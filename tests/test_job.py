@@ -505,6 +505,15 @@ def test_results_are_whole_and_can_be_read(tmp_path):
         write_job(tmp_path / "mine", result)
 
 
+def test_the_force_of_every_spring_is_written(tmp_path):
+    result = solve_job(sprung(SpringLaw(2e3), 1.0), options=PLAIN, times=[0.5, 1.0])
+    rows_ = (write_job(tmp_path / "out", result) / "springs.csv").read_text().splitlines()
+    assert rows_[0] == "time,set,node,end,force_N"
+    found = [line.split(",") for line in rows_[1:]]
+    assert [f[:4] for f in found] == [[t, "string", "10", "bone"] for t in ("0.5", "1.0")]
+    assert [float(f[4]) for f in found] == pytest.approx([0.5, 1.0])
+
+
 def test_published_figures_are_compared_by_their_names():
     figures = PUBLISHED["free_iso_2000"]
     X, ids = np.zeros((3, 3)), np.array([11, 1, 1271])

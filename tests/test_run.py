@@ -134,6 +134,19 @@ def test_the_slips_share_what_the_muscle_pulls():
     assert slips["central"] + slips["terminal"] < 1.2 * summary["tension_N"]["EDC"]
 
 
+def test_every_spring_s_force_is_there_and_their_sets_add_up():
+    """No more than a set's magnitudes, and nearly that where its springs are parallel."""
+    result = run("isometric_edc")
+    data = result.dataset.sel(state="loaded")
+    force = data.spring_force
+    assert float(force.min()) >= 0
+    for name, total in result.summary["spring_force_N"].items():
+        whole = float(force[data.spring_set == name].sum())
+        assert total <= whole + 1e-9
+    slip = float(force[data.spring_set == "central_slip"].sum())
+    assert slip == pytest.approx(result.summary["slip_force_N"]["central"], rel=0.1)
+
+
 def test_joint_torques_add_up_to_zero_with_the_tips_force():
     result = run("isometric_edc")
     data = result.dataset.sel(state="loaded")
