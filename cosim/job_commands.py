@@ -37,7 +37,8 @@ def solve(
         str, typer.Option(help="Of the grids that the bodies' distances are baked on.")
     ] = "0.25 mm",
     as_febio: Annotated[
-        bool, typer.Option("--as-febio", help="Bend and touch as FEBio does, to compare with it.")
+        bool,
+        typer.Option("--as-febio", help="Bend (too stiffly) and touch as FEBio's q4ans shells do."),
     ] = False,
 ) -> None:
     """Solve a FEBio model and write its states; the forces' unit in the file is N."""
