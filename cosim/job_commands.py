@@ -38,7 +38,7 @@ def solve(
     ] = "0.25 mm",
     as_febio: Annotated[
         bool,
-        typer.Option("--as-febio", help="Bend (too stiffly) and touch as FEBio's q4ans shells do."),
+        typer.Option("--as-febio", help="Bend and touch as FEBio's q4ans shells do."),
     ] = False,
 ) -> None:
     """Solve a FEBio model and write its states; the forces' unit in the file is N."""
