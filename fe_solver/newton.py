@@ -28,6 +28,8 @@ SMOOTH = 0.2
 worth foreseeing."""
 CLOSE = 1e-6
 """Residual over the largest force at which the search by energy takes over from whole steps."""
+UPRIGHT = 0.17
+"""Least cosine of the angle between a director and the normals of its elements, some 80 degrees."""
 NEAR = 0.1
 """Step size, against the longest step allowed, below which the tangent is the consistent one."""
 
@@ -231,27 +233,28 @@ def solve(
 
 
 def _upright(solution: Solution) -> Solution:
-    """The solution, unless a director has turned through the plane of an element: the discrete
-    sheet has equilibria with elements folded back on their neighbours, which no sheet has.
+    """The solution, unless a director has turned into the plane of an element or through it: the
+    discrete sheet has equilibria with elements folded back on their neighbours, which no sheet has.
 
     Raises ConvergenceError naming the place."""
     model, c = solution.model, solution.configuration
-    turned = _facing(model.quads, model.reference, model.directors)
-    turned *= _facing(model.quads, c.x, c.d)
-    if turned.min(initial=1.0) > 0:
+    side = np.sign(_facing(model.quads, model.reference, model.directors))
+    facing = side * _facing(model.quads, c.x, c.d)
+    if facing.min(initial=1.0) > UPRIGHT:
         return solution
-    node = model.quads.ravel()[turned.argmin()]
+    node = model.quads.ravel()[facing.argmin()]
     raise ConvergenceError(
-        f"the hood came to rest with a director turned through an element's plane, at "
+        f"the hood came to rest with a director turned into an element's plane, at "
         f"{model.node_name(node)}: no sheet does that. Try smaller steps of posture or tension, or "
         "a finer mesh."
     )
 
 
 def _facing(quads: Ints, x: Array, d: Array) -> Array:
-    """(ne, 4) the normals times the corners' directors; its sign says to which side these point."""
+    """(ne, 4) cosines of the angles between the normals and the corners' directors."""
     X = x[quads]
     normal = np.cross(X[:, 2] - X[:, 0], X[:, 3] - X[:, 1])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
     return np.asarray(np.einsum("ek,eak->ea", normal, d[quads]))
 
 
