@@ -21,7 +21,7 @@ from .job import Job
 from .job_model import JobModel, JobOptions, job_model
 from .model import Configuration, ShellModel, pressure_forces
 from .newton import Solution, solve
-from .relaxation import relax
+from .relaxation import RelaxOptions, relax
 from .springs import node_spring_state, spring_state
 from .supports import require_held
 
@@ -31,6 +31,9 @@ NO_TENSION = np.zeros(0)
 QUICK = 12
 """Iterations up to which the next step is twice as long."""
 GROWTH = 2.0
+REST = (1e-4, 1e-6, 1e-8)
+"""Residuals over forces at which a damped motion is handed to Newton, the next where that fails:
+near a snap the first moves of the sheet are slow."""
 SAME_TIME = 1e-9
 
 
@@ -232,18 +235,27 @@ class _Stepper:
         """The equilibrium found by a damped motion.  Raises ConvergenceError."""
         model = self._model(time)
         last = self.model.start() if self.solution is None else self.solution.configuration
-        start = model.posed(last, *self.model.poses(time))
+        c = model.posed(last, *self.model.poses(time))
         try:
-            found = self._equilibrium(model, relax(model, start), True, end)
-        except ConvergenceError:
+            found = self._settled(model, c, end)
+        except ConvergenceError as failed:
             raise ConvergenceError(
-                f"{self.model.job.name}: there is no equilibrium to be found at t = {time:.6g}, "
-                f"after {self.effort.steps} steps up to t = {self.time:.6g} and "
-                f"{self.effort.failures} that failed; a damped motion did not find one either. "
-                f"{error}"
+                f"{self.model.job.name}: no equilibrium was found at t = {time:.6g}, after "
+                f"{self.effort.steps} steps up to t = {self.time:.6g} and {self.effort.failures} "
+                f"that failed; nor by a damped motion ({failed}). {error}"
             ) from error
         self.effort = replace(self.effort, relaxations=self.effort.relaxations + 1)
         return found
+
+    def _settled(self, model: ShellModel, c: Configuration, end: bool) -> Solution:
+        """By a damped motion, then Newton; by a longer motion where Newton fails."""
+        for tolerance in REST:
+            c = relax(model, c, options=RelaxOptions(tolerance=tolerance))
+            try:
+                return self._equilibrium(model, c, True, end)
+            except ConvergenceError as error:
+                failed = error
+        raise failed
 
 
 def predicted(

@@ -28,8 +28,8 @@ SMOOTH = 0.2
 worth foreseeing."""
 CLOSE = 1e-6
 """Residual over the largest force at which the search by energy takes over from whole steps."""
-UPRIGHT = 0.17
-"""Least cosine of the angle between a director and the normals of its elements, some 80 degrees."""
+UPRIGHT = 0.05
+"""Cosine of the angle between a director and its elements' normals that no step goes below."""
 NEAR = 0.1
 """Step size, against the longest step allowed, below which the tangent is the consistent one."""
 
@@ -233,25 +233,28 @@ def solve(
 
 
 def _upright(solution: Solution) -> Solution:
-    """The solution, unless a director has turned into the plane of an element or through it: the
-    discrete sheet has equilibria with elements folded back on their neighbours, which no sheet has.
+    """The solution, unless a director has turned through the plane of an element: the discrete
+    sheet has equilibria with elements folded back on their neighbours, which no sheet has.
 
     Raises ConvergenceError naming the place."""
-    model, c = solution.model, solution.configuration
-    side = np.sign(_facing(model.quads, model.reference, model.directors))
-    facing = side * _facing(model.quads, c.x, c.d)
-    if facing.min(initial=1.0) > UPRIGHT:
+    model, facing = solution.model, _facing(solution.model, solution.configuration)
+    if facing.min() > 0:
         return solution
-    node = model.quads.ravel()[facing.argmin()]
     raise ConvergenceError(
-        f"the hood came to rest with a director turned into an element's plane, at "
-        f"{model.node_name(node)}: no sheet does that. Try smaller steps of posture or tension, or "
-        "a finer mesh."
+        f"the hood came to rest with a director turned through an element's plane, at "
+        f"{model.node_name(model.quads.ravel()[facing.argmin()])}: no sheet does that. Try smaller "
+        "steps of posture or tension, or a finer mesh."
     )
 
 
-def _facing(quads: Ints, x: Array, d: Array) -> Array:
-    """(ne, 4) cosines of the angles between the normals and the corners' directors."""
+def _facing(model: ShellModel, c: Configuration) -> Array:
+    """(ne, 4) cosines of the angles between the quads' normals and their corners' directors, on the
+    side on which these were at first."""
+    side = np.sign(_cosines(model.quads, model.reference, model.directors))
+    return side * _cosines(model.quads, c.x, c.d)
+
+
+def _cosines(quads: Ints, x: Array, d: Array) -> Array:
     X = x[quads]
     normal = np.cross(X[:, 2] - X[:, 0], X[:, 3] - X[:, 1])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
@@ -322,14 +325,17 @@ def _line_search(
     convex: bool,
 ) -> tuple[Configuration, Evaluation] | None:
     """The first of ever shorter steps that lowers the energy enough, or, where the energy is below
-    its rounding error, the residual."""
+    its rounding error, the residual; none turns a director into an element's plane."""
     slope = float(step @ e.reduced)
     before = model.potential(c, e.energy, tension)
     norm = residual_norm(model, e)[0]
     noise = 1e-11 * max(abs(before), e.energy)
-    factor = 1.0
+    factor, guarded = 1.0, _facing(model, c).min() > UPRIGHT
     for attempt in range(tries if slope < 0 else 0):
         trial = model.stepped(c, e.bases, factor * step)
+        if guarded and _facing(model, trial).min() <= UPRIGHT:
+            factor *= 0.5
+            continue
         there = model.evaluate(trial, tension, tangent=attempt == 0, convex=convex)
         rise = model.potential(trial, there.energy, tension) - before
         rise -= float(np.vdot(e.follower + there.follower, trial.x - c.x)) / 2

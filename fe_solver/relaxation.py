@@ -7,7 +7,7 @@ grow as it comes to rest, so that the motion ends in a static equilibrium that i
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,14 +31,12 @@ LEAST = 1e-6
 class RelaxOptions:
     """The motion ends where the residual is `tolerance` of the largest nodal force, or after
     `max_steps`; in the first step the strongest nodal force alone would move its node by `reach` of
-    an element's size."""
+    an element's size.  Each step is Newton's, to a tenth of the tolerance."""
 
     tolerance: float = 1e-4
     max_steps: int = 300
     reach: float = 0.1
-    newton: NewtonOptions = field(
-        default_factory=lambda: NewtonOptions(tolerance=1e-5, max_iterations=40)
-    )
+    iterations: int = 40
 
 
 def relax(
@@ -51,6 +49,7 @@ def relax(
 
     Raises ConvergenceError where the motion does not come to rest."""
     o = options or RelaxOptions()
+    newton = NewtonOptions(tolerance=0.1 * o.tolerance, max_iterations=o.iterations)
     tension = np.zeros(len(model.share)) if tension is None else tension
     state, energy = at_rest(start), 0.0
     first = dt = _first_step(model, start, tension, o.reach)
@@ -58,7 +57,7 @@ def relax(
         if _at_rest(model, state.configuration, tension, o.tolerance):
             return state.configuration
         try:
-            moved, _ = advance(model, state, tension, dt, WATER, o.newton)
+            moved, _ = advance(model, state, tension, dt, WATER, newton)
         except ConvergenceError:
             dt, state, energy = SHORTER * dt, at_rest(state.configuration), 0.0
             if dt < LEAST * first:

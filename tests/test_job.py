@@ -152,7 +152,7 @@ def test_a_director_turned_through_its_element_is_no_solution():
     c = state.configuration
     turned = c.d.copy()
     turned[at(bent(), LENGTH)[0]] *= -1
-    with pytest.raises(ConvergenceError, match="turned into an element's plane, at node"):
+    with pytest.raises(ConvergenceError, match="turned through an element's plane, at node"):
         solve(state.model, replace(c, d=turned), np.zeros(0), PLAIN.newton, near=True)
 
 
