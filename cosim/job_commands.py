@@ -40,6 +40,9 @@ def solve(
         bool,
         typer.Option("--as-febio", help="Bend and touch as FEBio's q4ans shells do."),
     ] = False,
+    mid_surface: Annotated[
+        bool, typer.Option("--mid-surface", help="Springs, ties and loads act on the mid-surface.")
+    ] = False,
 ) -> None:
     """Solve a FEBio model and write its states; the forces' unit in the file is N."""
     with told():
@@ -48,6 +51,7 @@ def solve(
         from fe_solver.job_model import JobOptions
         from fe_solver.job_results import check_target, write_job
         from fe_solver.job_solve import solve_job, spread_times
+        from fe_solver.mid_surface import on_mid_surface
 
         folder = out or Path("runs") / model.stem
         check_target(folder)
@@ -57,6 +61,8 @@ def solve(
         except ValueError as error:
             raise InputError(str(error)) from error
         job = read_feb(model, unit)
+        if mid_surface:
+            job = on_mid_surface(job)
         options = JobOptions(penetration=limit, spacing=grid, as_febio=as_febio)
         result = solve_job(job, options=options, times=spread_times(job, until, states))
         _show(result)

@@ -14,6 +14,7 @@ from .contact import Contact
 from .curves import Curve, Drive
 from .hood_model import is_triangle, node_directors
 from .job import Body, ContactPair, Held, Job, NodalForce, Part, SpringLaw, SpringSet, Step, Tied
+from .job_model import corner_means
 from .model import Guides, ShellModel
 from .section import Patch
 from .shell import GAUSS, shape, shell_tables
@@ -60,9 +61,9 @@ def job_of_hood(
         thickness, height = _turned(model.quads, thickness), -_turned(model.quads, height)
     flat = points
     if on_face:
-        points = points + _node_mean(quads, height + thickness / 2)[:, None] * node_directors(
-            points, quads
-        )
+        points = points + corner_means(quads, height + thickness / 2, len(points))[
+            :, None
+        ] * node_directors(points, quads)
         height = -thickness / 2
     part, parts = _parts(model)
     ne = len(quads)
@@ -143,12 +144,6 @@ def _corners(gauss: Array) -> Array:
         return np.array(np.broadcast_to(gauss.mean(axis=1)[:, None], gauss.shape))
     weight = np.stack([shape(r, s)[0] for r, s in GAUSS])
     return np.asarray(gauss @ np.linalg.inv(weight).T)
-
-
-def _node_mean(quads: Ints, corner: Array) -> Array:
-    n = int(quads.max()) + 1
-    total = np.bincount(quads.ravel(), weights=corner.ravel(), minlength=n)
-    return total / np.maximum(np.bincount(quads.ravel(), minlength=n), 1)
 
 
 def _parts(model: ShellModel) -> tuple[Ints, tuple[Part, ...]]:
@@ -244,7 +239,7 @@ def _pair(
     if name not in bones:
         raise InputError(f"the hood touches the body {name!r}, whose surface is not given")
     own = np.isin(job.quads, contact.nodes).all(axis=1)
-    half = _node_mean(job.quads, job.thickness)[contact.nodes] / 2
+    half = corner_means(job.quads, job.thickness, len(job.points))[contact.nodes] / 2
     gap = contact.offset - half
     if np.ptp(gap) > SAME:
         raise InputError(f"the contact level over the body {name!r} varies from node to node")

@@ -326,7 +326,7 @@ def _contact(job: Job, pair: ContactPair, given: Ints, options: JobOptions) -> C
     area = node_areas(job.points, quads)
     # how far the face that is meant lies beyond the nodes, towards the body
     beyond = pair.side[:, None] * job.height[pair.quads] + job.thickness[pair.quads] / 2
-    offset = pair.gap + _corner_means(quads, beyond, len(job.points))[nodes]
+    offset = pair.gap + corner_means(quads, beyond, len(job.points))[nodes]
     if options.as_febio:
         offset = offset + facet_lift(job, pair)[nodes]
     return Contact(
@@ -341,7 +341,7 @@ def _contact(job: Job, pair: ContactPair, given: Ints, options: JobOptions) -> C
     )
 
 
-def _corner_means(quads: Ints, values: Array, count: int) -> Array:
+def corner_means(quads: Ints, values: Array, count: int) -> Array:
     """(n,) mean of the corners' values (k, 4) at each node."""
     total = np.bincount(quads.ravel(), weights=values.ravel(), minlength=count)
     return total / np.maximum(np.bincount(quads.ravel(), minlength=count), 1)

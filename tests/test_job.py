@@ -41,6 +41,7 @@ from fe_solver.job_model import JobOptions, job_model
 from fe_solver.job_results import write_job
 from fe_solver.job_solve import solve_job, spread_times
 from fe_solver.materials import Isotropic, Orthotropic
+from fe_solver.mid_surface import on_mid_surface
 from fe_solver.newton import NewtonOptions, solve
 from fe_solver.section import one_law
 from fe_solver.shapes import Capsule
@@ -506,6 +507,31 @@ def test_results_are_whole_and_can_be_read(tmp_path):
     (tmp_path / "mine" / "letter").write_text("dear")
     with pytest.raises(InputError, match="in the way"):
         write_job(tmp_path / "mine", result)
+
+
+def test_on_its_mid_surface_a_sheet_is_pulled_straight_and_springs_keep_their_slack():
+    """Pulled at a face, it bends by the force times half the thickness."""
+    job, end = strip(), at(strip(), LENGTH)
+    pull = NodalForce(end, np.array([0.5 / len(end), 0, 0]), RAMP)
+    tied = Tied(at(job, 0.0), 0)
+    job = replace(
+        job, height=job.height - THICK / 2, bodies=(body(),), tied=(tied,), forces=(pull,)
+    )
+    other = np.array([-1, int(end[1])])
+    ends = SpringSet(
+        "two", SpringLaw(10.0), end[:2], np.array([0, -1]), np.array([[0, 0, 9e-3], [0, 0, 0]]),
+        other, np.array([0.03, 0.01]),
+    )  # fmt: skip
+    bent_, straight = (
+        solve_job(j, options=PLAIN).states[-1].configuration for j in (job, on_mid_surface(job))
+    )
+    assert np.ptp(bent_.x[:, 2]) > 1e-4
+    assert np.ptp(straight.x[:, 2]) < 1e-12
+    moved = on_mid_surface(replace(job, springs=(ends,)))
+    assert moved.points[:, 2] == pytest.approx(-THICK / 2)
+    slack = np.hypot(LENGTH, 9e-3) - 0.03
+    reach = np.hypot(LENGTH, 9e-3 + THICK / 2)
+    assert moved.springs[0].length == pytest.approx([reach - slack, 0.01])
 
 
 def test_the_force_of_every_spring_is_written(tmp_path):
