@@ -12,10 +12,11 @@ from cosim.port import InputError, Motion
 
 from .contact import Contact
 from .curves import Curve, Drive
+from .guides import Guides
 from .hood_model import is_triangle, node_directors
 from .job import Body, ContactPair, Held, Job, NodalForce, Part, SpringLaw, SpringSet, Step, Tied
 from .job_model import corner_means
-from .model import Guides, ShellModel
+from .model import ShellModel
 from .section import Patch
 from .shell import GAUSS, shape, shell_tables
 from .shell_hood import ShellHood

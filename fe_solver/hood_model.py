@@ -13,7 +13,8 @@ from cosim.port import InputError, Motion
 
 from .augment import AugmentOptions
 from .contact import Contact
-from .model import Guides, ShellModel, Ties
+from .guides import Guides, Ties
+from .model import ShellModel
 from .newton import NewtonOptions
 from .section import Section
 from .shell import shell_tables

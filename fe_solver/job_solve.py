@@ -19,7 +19,8 @@ from cosim.port import ConvergenceError, InputError
 from .augment import AugmentOptions, settled, solve_augmented
 from .job import Job
 from .job_model import JobModel, JobOptions, job_model
-from .model import Configuration, ShellModel, pressure_forces
+from .loads import pressure_forces
+from .model import Configuration, ShellModel
 from .newton import Solution, solve
 from .relaxation import RelaxOptions, relax
 from .springs import node_spring_state, spring_state

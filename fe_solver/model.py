@@ -13,8 +13,10 @@ from cosim.port import skew
 
 from .assembly import DOFS, Pattern, make_pattern, tangents, turned
 from .contact import Contact, contact_forces, joined
+from .guides import Guides, Ties
+from .loads import Inertia, pressure_forces, pressure_tangent
 from .section import Section
-from .shell import GAUSS, ShellTables, element_response, shape
+from .shell import ShellTables, element_response
 from .springs import (
     NodeSprings,
     PairForces,
@@ -26,67 +28,6 @@ from .springs import (
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
-
-
-@dataclass(frozen=True)
-class Ties:
-    """Nodes that move rigidly with a body: node (k,), body (k,), local position and director (k,
-    3)."""
-
-    node: Ints
-    body: Ints
-    position: Array
-    director: Array
-
-
-@dataclass(frozen=True)
-class Guides:
-    """Nodes held along some directions of a body and free along the others.
-
-    origin (k, 3) in the body frame; axes (k, 3, 3), orthonormal columns, body frame, the first a
-    tendon's pull; held (k, 3) which of them do not move.  level (k, 3): the director's turns along
-    it and across it are held as still (k, 2) says (a mirror plane holds the turn along its
-    normal)."""
-
-    node: Ints
-    body: Ints
-    origin: Array
-    axes: Array
-    held: NDArray[np.bool_]
-    level: Array
-    still: NDArray[np.bool_]
-
-    @staticmethod
-    def along(node: Ints, body: Ints, origin: Array, direction: Array) -> Guides:
-        """Nodes that slide along lines of unit `direction` (k, 3), their directors free."""
-        axes = np.concatenate([direction[:, :, None], tangents(direction)], axis=2)
-        held = np.tile([False, True, True], (len(node), 1))
-        return Guides(node, body, origin, axes, held, *_free_turns(len(node)))
-
-    @staticmethod
-    def fixed(node: Ints, body: Ints, origin: Array, held: NDArray[np.bool_]) -> Guides:
-        """Nodes held along the body's axes that `held` (k, 3) marks, their directors free."""
-        axes = np.tile(np.eye(3), (len(node), 1, 1))
-        return Guides(node, body, origin, axes, held, *_free_turns(len(node)))
-
-    @staticmethod
-    def none() -> Guides:
-        i, v = np.zeros(0, dtype=np.intp), np.zeros((0, 3))
-        return Guides.along(i, i, v, v)
-
-    @property
-    def direction(self) -> Array:
-        """(k, 3) the first axis, body frame."""
-        return self.axes[:, :, 0]
-
-    @property
-    def steady(self) -> NDArray[np.bool_]:
-        """(k,) whose director the body turns."""
-        return np.asarray(self.still.any(axis=1))
-
-
-def _free_turns(count: int) -> tuple[Array, NDArray[np.bool_]]:
-    return np.tile([1.0, 0.0, 0.0], (count, 1)), np.zeros((count, 2), dtype=bool)
 
 
 @dataclass(frozen=True)
@@ -114,23 +55,6 @@ class Evaluation:
     follower: Array
     """(n, 3) N of the pressure on the nodes, in `gradient_x` but not in `energy`."""
     data: Array | None
-
-
-@dataclass(frozen=True)
-class Inertia:
-    """Springs that hold the nodes where inertia would take them: stiffness (n,) N/m to position (n,
-    3), turning (n,) N m to director (n, 3).  A mass over the square of a time step is one."""
-
-    stiffness: Array
-    position: Array
-    turning: Array
-    director: Array
-
-    def pull(self, c: Configuration) -> tuple[float, Array, Array]:
-        """Energy, J, and its gradients by position and director (n, 3)."""
-        x, d = c.x - self.position, c.d - self.director
-        gx, gd = self.stiffness[:, None] * x, self.turning[:, None] * d
-        return float(np.vdot(gx, x) + np.vdot(gd, d)) / 2, gx, gd
 
 
 @dataclass(frozen=True)
@@ -276,7 +200,7 @@ class ShellModel:
         follower = self._follower(c.x)
         gx -= follower
         if self.inertia is not None:
-            more, ix, id_ = self.inertia.pull(c)
+            more, ix, id_ = self.inertia.pull(c.x, c.d)
             energy, gx, gd = energy + more, gx + ix, gd + id_
         pulled = gx.copy()
         pulled[self.guides.node] -= self.pulls(c, tension)
@@ -455,27 +379,6 @@ class ShellModel:
         unit = np.concatenate([along, np.cross(arm, along)], axis=1)
         _add(wrench, g.body, unit[:, :, None] * self.share.T[:, None, :])
         return residual.reshape(len(c.x) * DOFS, nt), wrench.reshape(6 * nb, nt)
-
-
-def pressure_forces(x: Array, pressure: Array) -> Array:
-    """(ne, 4, 3) N forces of the pressure (ne,) on the corners of quads x (ne, 4, 3)."""
-    out = np.zeros_like(x)
-    for r, s in GAUSS:
-        n, nr, ns = shape(r, s)
-        area = np.cross(np.einsum("a,nak->nk", nr, x), np.einsum("a,nak->nk", ns, x))
-        out -= n[:, None] * (pressure[:, None] * area)[:, None]
-    return out
-
-
-def pressure_tangent(x: Array, pressure: Array) -> Array:
-    """(ne, 4, 3, 4, 3) derivative of `pressure_forces`; not symmetric at a free edge."""
-    out = np.zeros((len(x), 4, 3, 4, 3))
-    for r, s in GAUSS:
-        n, nr, ns = shape(r, s)
-        xr, xs = np.einsum("a,nak->nk", nr, x), np.einsum("a,nak->nk", ns, x)
-        slope = skew(xr)[:, :, None] * ns[:, None] - skew(xs)[:, :, None] * nr[:, None]
-        out -= n[:, None, None, None] * (pressure[:, None, None, None] * slope)[:, None]
-    return out
 
 
 def _add(out: Array, index: Any, values: Array) -> None:

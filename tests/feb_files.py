@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+
+from fe_solver.febio.read import read_feb
+from fe_solver.job import Job
+
+Sections = dict[str, str | None]
 ISOTROPIC = (
     '<material id="1" name="skin" type="isotropic elastic"><density>1</density><E>100</E><v>0.4</v>'
     "</material>"
@@ -83,3 +91,23 @@ def write(folder: Path, text: str | bytes, name: str = "model.feb") -> Path:
     path = folder / name
     path.write_bytes(text if isinstance(text, bytes) else text.encode("latin-1"))
     return path
+
+
+def read(folder: Path, replaced: Sections | None = None, **units: float) -> Job:
+    return read_feb(write(folder, feb_text(replaced)), **units)
+
+
+def same(a: Any, b: Any, place: str = "job") -> None:
+    """Equal but for rounding, all the way down."""
+    assert type(a) is type(b), place
+    if dataclasses.is_dataclass(a):
+        for f in dataclasses.fields(a):
+            same(getattr(a, f.name), getattr(b, f.name), f"{place}.{f.name}")
+    elif isinstance(a, tuple):
+        assert len(a) == len(b), place
+        for i, (x, y) in enumerate(zip(a, b, strict=True)):
+            same(x, y, f"{place}[{i}]")
+    elif isinstance(a, np.ndarray | float):
+        np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-14, err_msg=place)
+    else:
+        assert a == b, place

@@ -10,7 +10,8 @@ import shells
 from shells import NO_TENSION, at_rest, clamped, guided, plate, sheet
 
 from cosim.port import ConvergenceError, rotation_matrix
-from fe_solver.model import Configuration, Guides, ShellModel
+from fe_solver.guides import Guides
+from fe_solver.model import Configuration, ShellModel
 from fe_solver.newton import NewtonOptions, Solution, factorised, residual_norm, solve
 from fe_solver.shell import Array
 from fe_solver.springs import NodeSprings, Springs

@@ -8,9 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from ..contact import Contact
+from ..guides import Guides, Ties
 from ..hood_model import node_areas, node_directors
 from ..materials import Isotropic, Law
-from ..model import Configuration, Guides, ShellModel, Ties
+from ..model import Configuration, ShellModel
 from ..newton import NewtonOptions
 from ..section import one_law
 from ..shell import GAUSS, Array, shape, shell_tables

@@ -12,7 +12,8 @@ import numpy as np
 from cosim.port import rotation_matrix
 
 from ..contact import Contact, Grip, contact_forces
-from ..model import Inertia, ShellModel
+from ..loads import Inertia
+from ..model import ShellModel
 from ..quadrics import Ellipsoid
 from ..shapes import Capsule, Cone, Cylinder, HalfSpace, RoundCone, Sphere
 from ..shell import Array
