@@ -16,7 +16,7 @@ from cosim.terminal import console, told
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from fe_solver.verification.row import Row
+    from cosim.verification import Row, Study
 
 verify = typer.Typer(
     no_args_is_help=True,
@@ -39,11 +39,17 @@ def fe(
     slow: Annotated[bool, typer.Option("--slow", help="The studies of many seconds too.")] = False,
 ) -> None:
     """Verify the shell solver; exit code 1 when a row fails."""
-    from fe_solver.verification import table
+    from fe_solver.verification.table import STUDIES
+
+    _verify(STUDIES, as_json, only, slow)
+
+
+def _verify(studies: Sequence[Study], as_json: bool, only: str | None, slow: bool) -> None:
+    from cosim.verification import chosen
 
     with told():
-        studies = table.chosen(only, slow, table.STUDIES)
-    rows = []
+        studies = chosen(only, slow, studies)
+    rows: list[Row] = []
     for study in studies:
         typer.echo(f"verify: {study.name}", err=True)
         rows += list(study.rows())

@@ -22,8 +22,9 @@ MODULES = {
 ALLOWED = {
     "cosim.port": (),
     "cosim.couple": ("cosim.port",),
-    "fe_solver": ("cosim.port", "fe_solver"),
-    "rigid": ("cosim.port", "meshes.skeleton", "rigid"),
+    "cosim.verification": ("cosim.port",),
+    "fe_solver": ("cosim.port", "cosim.verification", "fe_solver"),
+    "rigid": ("cosim.port", "cosim.verification", "meshes.skeleton", "rigid"),
     "meshes": ("cosim.port", "meshes"),
 }
 KNOW_THE_SOLVERS = {

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 
 from cosim.port import InputError
+from cosim.verification import Row
 from fe_solver.fibre_materials import HolzapfelGasserOgden, TransIsoMooneyRivlin
 from fe_solver.hyperelastic import NeoHookean, volume_ratio
 from fe_solver.materials import Isotropic, Law, Linear, Orthotropic
@@ -27,7 +28,6 @@ from fe_solver.verification.material_points import (
     uniaxial,
 )
 from fe_solver.verification.material_rows import LAWS, ORTHOTROPIC, TENDON
-from fe_solver.verification.row import Row
 
 ROWS = list(material_rows.rows())
 CURVED = {n: law for n, law in LAWS.items() if not isinstance(law, Linear | TensionField)}

@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 
 from cosim.cli import app
 from cosim.port import ConvergenceError, InputError
+from cosim.verification import Row, chosen
 from fe_solver.contact import Status, contact_forces, contact_state
 from fe_solver.springs import spring_state
 from fe_solver.verification import (
@@ -25,7 +26,6 @@ from fe_solver.verification import (
     thread_rows,
 )
 from fe_solver.verification.paths import Loading, error_order, followed, halving_order
-from fe_solver.verification.row import Row
 from fe_solver.verification.sheets import clamped, mirrored, plate, sheet
 from fe_solver.verification.table import STUDIES, Study
 
@@ -217,4 +217,4 @@ def test_a_study_that_is_named_runs_though_slow(monkeypatch):
     assert done.exit_code == 2
     assert "sound beam; poor beam; stuck shell" in done.stderr
     with pytest.raises(InputError):
-        table.chosen("bridge", False)
+        chosen("bridge", False, table.STUDIES)

@@ -6,10 +6,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from cosim.verification import Row
+
 from ..hood_model import node_areas
 from ..shell import Array
 from .paths import error_order, halving_order
-from .row import Row
 from .sheets import clamped, grid, linear_response, mirrored, plate, sheet
 
 SHEAR = 5 / 6

@@ -14,12 +14,12 @@ import numpy as np
 from numpy.linalg import norm
 
 from cosim.port import ConvergenceError, rotation_matrix
+from cosim.verification import Row
 
 from ..model import Configuration, ShellModel
 from ..newton import factorised, residual_norm
 from ..shell import Array
 from .paths import Loading, error_order, followed, halving_order, watching
-from .row import Row
 from .sheets import at_rest, clamped, grid, mirrored, plate, sheet
 
 TWENTIETHS = np.arange(1, 21) / 20

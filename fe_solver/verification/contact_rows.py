@@ -7,6 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from cosim.verification import Row
+
 from ..augment import settled, solve_augmented
 from ..contact import contact_state
 from ..model import ShellModel
@@ -14,7 +16,6 @@ from ..newton import NewtonOptions, Solution
 from ..shapes import Cylinder
 from ..shell import Array
 from . import sheets
-from .row import Row
 from .sheets import at_rest, clamped, guided, sheet
 
 NEWTON = NewtonOptions(tolerance=1e-10)

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from cosim.port import rotation_matrix
+from cosim.verification import Row
 
 from ..materials import Isotropic, Law
 from ..model import Configuration, ShellModel
@@ -14,7 +15,6 @@ from ..shell import Array
 from ..tension_field import TensionField
 from . import sheets
 from .material_rows import LAWS
-from .row import Row
 from .sheets import at_rest, clamped, disturbed, plate, sheet
 
 SIDE, THICK = 10e-3, 1e-3

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from cosim.verification import Row
+
 from ..fibre_materials import TransIsoMooneyRivlin
 from .material_points import fibre_tension, uniaxial
-from .row import Row
 
 MPA = 1e6
 FEBIO_STRESS: dict[float, dict[float, tuple[float, float, float]]] = {

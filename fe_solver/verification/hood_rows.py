@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from cosim.port import HoodJacobian, Motion, rotation_matrix
+from cosim.verification import Row
 
 from ..augment import AugmentOptions, solve_augmented
 from ..contact import contact_state, partition
@@ -19,7 +20,6 @@ from ..shell import Array
 from ..shell_hood import HoodState, ShellHood
 from ..springs import Springs
 from . import sheets
-from .row import Row
 from .sheets import at_rest, clamped, guided, sheet
 
 NEWTON = NewtonOptions(tolerance=1e-10)

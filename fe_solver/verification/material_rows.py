@@ -8,6 +8,8 @@ from itertools import product
 
 import numpy as np
 
+from cosim.verification import Row
+
 from ..fibre_materials import HolzapfelGasserOgden, TransIsoMooneyRivlin
 from ..hyperelastic import NeoHookean, Potential
 from ..materials import Isotropic, Law, Orthotropic
@@ -26,7 +28,6 @@ from .material_points import (
     turned,
     uniaxial,
 )
-from .row import Row
 
 MPA = 1e6
 CLOSED = 1e-9

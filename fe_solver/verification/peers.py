@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from cosim.port import ConvergenceError, CosimError
+from cosim.verification import Row
 
 from ..linear_algebra import chosen
 from ..model import ShellModel
@@ -25,7 +26,6 @@ from ..shell import Array
 from . import sheets
 from .apart import answer, python, threads
 from .paths import error_order, limit
-from .row import Row
 
 LENGTH, ARC, RADIUS, THICKNESS = 60e-3, 15e-3, 8e-3, 0.5e-3
 MODULUS, POISSON, LOAD = 100e6, 0.3, 0.05

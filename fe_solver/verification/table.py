@@ -1,11 +1,8 @@
-"""The verification table: every row, by the study that makes it."""
+"""The studies that verify the shell solver."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
-
-from cosim.port import ConvergenceError, InputError
+from cosim.verification import Study
 
 from . import (
     benchmarks_linear,
@@ -18,25 +15,6 @@ from . import (
     tangent_rows,
     thread_rows,
 )
-from .row import Row
-
-
-@dataclass(frozen=True)
-class Study:
-    """A named maker of rows; a slow one takes more than some twenty seconds."""
-
-    name: str
-    make: Callable[[], Iterator[Row]]
-    slow: bool = False
-
-    def rows(self) -> Iterator[Row]:
-        """The rows; a solve that does not converge ends them with a failed one that says why."""
-        try:
-            yield from self.make()
-        except ConvergenceError as error:
-            nan = float("nan")
-            yield Row(self.name, "did not converge", nan, nan, 0.0, str(error), "absolute")
-
 
 STUDIES = (
     Study("element", element_rows.rows),
@@ -61,17 +39,3 @@ STUDIES = (
     Study("half cylinder", benchmarks_nonlinear.half_cylinder_rows, slow=True),
     Study(peers.title(), peers.rows),
 )
-
-
-def chosen(only: str | None, slow: bool, studies: Iterable[Study] = STUDIES) -> list[Study]:
-    """The studies whose name holds `only`, slow ones where they are asked for or named.
-
-    Raises InputError where none is left."""
-    studies = list(studies)
-    if only is None:
-        return [s for s in studies if slow or not s.slow]
-    found = [s for s in studies if only.lower() in s.name.lower()]
-    if not found:
-        names = "; ".join(s.name for s in studies)
-        raise InputError(f"no study is named {only!r}; expected one of: {names}")
-    return found

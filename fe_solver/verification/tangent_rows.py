@@ -10,6 +10,7 @@ from functools import partial
 import numpy as np
 
 from cosim.port import rotation_matrix
+from cosim.verification import Row
 
 from ..contact import Contact, Grip, contact_forces
 from ..loads import Inertia
@@ -22,7 +23,6 @@ from ..surfaces import SplineDistance, Surface
 from . import sheets
 from .element_rows import OWN, SIDE, THICK, distorted
 from .element_rows import tangent_error as model_error
-from .row import Row
 from .sheets import clamped, guided, mirrored
 
 Part = Callable[[ShellModel], ShellModel]

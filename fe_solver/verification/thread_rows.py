@@ -9,6 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from cosim.port import CosimError
+from cosim.verification import Row
 
 from ..kernels import PAYS, thread_count
 from ..linear_algebra import VARIABLE, chosen
@@ -16,7 +17,6 @@ from ..newton import NewtonOptions, solve
 from . import sheets
 from .apart import answer, python, threads
 from .peers import strip
-from .row import Row
 
 MESH = (60, 20)
 THREADS = (1, 2)

@@ -1,0 +1,74 @@
+"""The verification table of any part of the program: its rows, by the study that makes them.
+
+Like the port, it imports nothing of ours but the port.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from cosim.port import ConvergenceError, InputError
+
+
+@dataclass(frozen=True)
+class Row:
+    """A computed quantity beside its target.
+
+    `measure` says how the error is taken: relative to the target, as the absolute difference, or
+    "bound" for a quantity that must not exceed its target.  `order` is the measured order of
+    convergence where two meshes were solved; `source` says where the target is from."""
+
+    name: str
+    quantity: str
+    target: float
+    computed: float
+    tolerance: float
+    source: str
+    measure: Literal["relative", "absolute", "bound"] = "relative"
+    order: float | None = None
+
+    @property
+    def error(self) -> float:
+        """Relative or absolute error; of a bound, what exceeds it (0 where nothing does)."""
+        difference = self.computed - self.target
+        if self.measure == "bound":
+            return max(difference, 0.0)
+        scale = abs(self.target) if self.measure == "relative" else 1.0
+        return abs(difference) / scale
+
+    @property
+    def passed(self) -> bool:
+        """Whether the error is within the tolerance; NaN never is."""
+        return self.error <= self.tolerance
+
+
+@dataclass(frozen=True)
+class Study:
+    """A named maker of rows; a slow one takes more than some twenty seconds."""
+
+    name: str
+    make: Callable[[], Iterator[Row]]
+    slow: bool = False
+
+    def rows(self) -> Iterator[Row]:
+        """The rows; a solve that does not converge ends them with a failed one that says why."""
+        try:
+            yield from self.make()
+        except ConvergenceError as error:
+            nan = float("nan")
+            yield Row(self.name, "did not converge", nan, nan, 0.0, str(error), "absolute")
+
+
+def chosen(only: str | None, slow: bool, studies: Sequence[Study]) -> list[Study]:
+    """The studies whose name holds `only`, slow ones where they are asked for or named.
+
+    Raises InputError where none is left."""
+    if only is None:
+        return [s for s in studies if slow or not s.slow]
+    found = [s for s in studies if only.lower() in s.name.lower()]
+    if not found:
+        names = "; ".join(s.name for s in studies)
+        raise InputError(f"no study is named {only!r}; expected one of: {names}")
+    return found
