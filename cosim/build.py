@@ -161,25 +161,25 @@ def _user_bone(body: str, bone: Bone, finger: IndexFinger) -> Triangles:
 
 def _index_finger(finger: IndexFinger, skeleton: Skeleton) -> Finger:
     from meshes.skeleton import JOINTS
-    from rigid.index_finger import RANGES
+    from rigid.index_finger import O2O3, finger_model
     from rigid.mujoco_finger import MujocoFinger
+    from rigid.support import FREE, HELD
 
     made = MujocoFinger(
-        skeleton,
+        finger_model(skeleton, O2O3 * finger.length_scale),
         law=_law(finger, JOINTS),
-        held=finger.tip == "held",
+        support=HELD if finger.tip == "held" else FREE,
         gravity=finger.gravity,
-        ranges=RANGES,
-        o2o3=0.020 * finger.length_scale,
     )
     return _holdable(made, finger)
 
 
 def _hinge_finger(finger: HingeFinger) -> Finger:
     from rigid.hinge import HingeFinger as Hinges
+    from rigid.support import FREE, IN_PLANE
 
     law = _law(finger, ("MCP", "PIP", "DIP"))
-    made = Hinges(finger.lengths, law=law, held=finger.tip == "held")
+    made = Hinges(finger.lengths, law=law, support=IN_PLANE if finger.tip == "held" else FREE)
     return _holdable(made, finger)
 
 

@@ -52,8 +52,8 @@ def body_jacobian(chain: Chain) -> Array:
 
 
 def tip_jacobian(chain: Chain) -> Array:
-    """(3, nq) velocity of the fingertip per joint rate."""
-    return point_jacobian(chain, np.array([len(chain.motion.bodies) - 1]), chain.tip[None])[0, :3]
+    """(6, nq) velocity of the fingertip and angular velocity of its body per joint rate."""
+    return point_jacobian(chain, np.array([len(chain.motion.bodies) - 1]), chain.tip[None])[0]
 
 
 def geometric_stiffness(chain: Chain, body: Indices, point: Array, wrench: Array) -> Array:

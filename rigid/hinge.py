@@ -13,17 +13,16 @@ from cosim.port import Array, InputError, Motion
 from rigid.chain import Chain
 from rigid.joint_torques import JointLaw, joint_law
 from rigid.statics import ChainFinger
+from rigid.support import IN_PLANE, Support
 
 BODIES = ("metacarpal", "proximal", "middle", "distal")
 JOINTS = ("MCP", "PIP", "DIP")
-FLEXION_PLANE = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
 
 class HingeFinger(ChainFinger):
     """Bones of lengths L1, L2, L3 (m) at angles f_i = q_1 + ... + q_i below the x axis:
 
-    x_i+1 = x_i + L_i (cos f_i, 0, -sin f_i).  A held tip is held in the flexion plane, so that
-    its unknown reaction has two components.
+    x_i+1 = x_i + L_i (cos f_i, 0, -sin f_i).  A support may act in the flexion plane only.
     """
 
     def __init__(
@@ -31,7 +30,7 @@ class HingeFinger(ChainFinger):
         lengths: Sequence[float],
         *,
         law: JointLaw | None = None,
-        held: bool = True,
+        support: Support = IN_PLANE,
         ranges: Mapping[str, tuple[float, float]] | None = None,
     ) -> None:
         """Raises InputError for lengths that are not three positive numbers or an unknown joint."""
@@ -41,7 +40,6 @@ class HingeFinger(ChainFinger):
         law = joint_law(JOINTS) if law is None else law
         if law.joints != JOINTS:
             raise InputError(f"hinge finger: its joints are {JOINTS}, the law has {law.joints}")
-        support = FLEXION_PLANE if held else np.zeros((0, 3))
         super().__init__(BODIES, (), law, {} if ranges is None else ranges, support)
 
     def chain(self, angles: Array) -> Chain:

@@ -1,63 +1,70 @@
-"""The index finger on MuJoCo, behind the port: oblique axes, flexor and FDI tendons, gravity."""
+"""A finger on MuJoCo, behind the port: oblique axes, tendons with shares and wrapping, gravity."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import mujoco
 import numpy as np
 
 from cosim.port import Array, InputError, Motion
-from meshes.skeleton import BODIES, JOINTS, Skeleton
 from rigid.chain import Chain, geometric_stiffness, moved_to, point_jacobian
-from rigid.index_finger import MUSCLES, O2O3, RANGES, Surface, mjcf_xml
 from rigid.joint_torques import JointLaw, joint_law
+from rigid.mjcf import mjcf_xml
+from rigid.model import FingerModel
 from rigid.statics import ChainFinger, FingerState
+from rigid.support import HELD, Support
+from rigid.tendon_ways import TendonWays
 
 ANGLE_STEP = 1e-5
 """rad, for differences of the tendon Jacobian: truncation and rounding both near 1e-11 of it."""
 
 
 class MujocoFinger(ChainFinger):
-    """The finger of `index_finger.mjcf_xml`; `model` is its compiled MuJoCo model.
+    """A finger model as MuJoCo sees it; `model` is the compiled one.
 
     MuJoCo gives the poses, the joints' axes and the tendons' Jacobian.  Its buffers are private
-    and filled anew from the joint angles in every call, so that a state always gives the same bits.
+    and depend on nothing but the joint angles of the call, so that a state always gives the same
+    bits.
     """
 
     def __init__(
         self,
-        skeleton: Skeleton,
+        finger: FingerModel,
         *,
         law: JointLaw | None = None,
-        held: bool = True,
+        support: Support = HELD,
         gravity: Sequence[float] = (0.0, 0.0, 0.0),
-        ranges: Mapping[str, tuple[float, float]] = RANGES,
-        o2o3: float = O2O3,
-        bones: Mapping[str, Surface] | None = None,
     ) -> None:
-        """law: passive springs and limits of the joints (none if not given); held: the tip cannot
-        leave the point where `start` put it; the rest as in `mjcf_xml`.
+        """law: passive springs and limits of the joints (none if not given); support: what holds
+        the tip; gravity: (3,) m/s2 in the world.
 
-        Raises InputError for an unknown joint or body."""
-        law = joint_law(JOINTS) if law is None else law
-        if law.joints != JOINTS:
-            raise InputError(f"MuJoCo finger: its joints are {JOINTS}, the law has {law.joints}")
-        super().__init__(BODIES, MUSCLES, law, ranges, np.eye(3) if held else np.zeros((0, 3)))
-        self.xml = mjcf_xml(skeleton, gravity=gravity, o2o3=o2o3, ranges=ranges, bones=bones)
+        Raises InputError for a law of other joints."""
+        law = joint_law(finger.joints) if law is None else law
+        if law.joints != finger.joints:
+            raise InputError(
+                f"MuJoCo finger: its joints are {finger.joints}, the law has {law.joints}"
+            )
+        super().__init__(finger.bodies, finger.muscles, law, finger.ranges, support)
+        self.xml = mjcf_xml(finger, gravity)
         self.model = mujoco.MjModel.from_xml_string(self.xml)
         self._data = mujoco.MjData(self.model)
-        self._body = np.array([self.model.body(name).id for name in BODIES])
-        self._sites = {name: _tendon_sites(self.model, name) for name in MUSCLES}
+        self._at = np.full(self.model.nq, np.nan)
+        self._body = np.array([self.model.body(name).id for name in finger.bodies])
+        self._child = self.model.jnt_bodyid - self._body[0]
+        self._ways = TendonWays(self.model)
         self._weight = np.outer(self.model.body_mass[self._body], self.model.opt.gravity)
-        self._weight[0] = 0.0  # the metacarpal is the ground
+        self._weight[0] = 0.0  # the first body is the ground
 
     def chain(self, angles: Array) -> Chain:
         data = self._forward(angles)
-        motion = Motion(BODIES, data.xpos[self._body], data.xmat[self._body].reshape(-1, 3, 3))
-        child = self.model.jnt_bodyid - self._body[0]
+        motion = Motion(self.bodies, data.xpos[self._body], data.xmat[self._body].reshape(-1, 3, 3))
         tip = data.site("tip").xpos.copy()
-        return Chain(motion, child, data.xanchor.copy(), data.xaxis.copy(), tip)
+        return Chain(motion, self._child, data.xanchor.copy(), data.xaxis.copy(), tip)
+
+    def tendon_lengths(self, angles: Array) -> Array:
+        """(nt,) m, of the paths, strands counted by their shares."""
+        return self._forward(angles).ten_length.copy()
 
     def moment_arms(self, angles: Array) -> Array:
         """(nt, nq) m: shortening of each tendon per rad, positive where its pull turns the joint
@@ -69,62 +76,55 @@ class MujocoFinger(ChainFinger):
 
     def own_torques(self, angles: Array, tension: Array) -> dict[str, Array]:
         muscles = np.asarray(tension)[:, None] * self.moment_arms(angles)
-        arms = point_jacobian(
-            self.chain(angles), np.arange(len(BODIES)), self._mass_centres(angles)
-        )
-        gravity = np.einsum("bxj,bx->j", arms[:, :3], self._weight)
-        return {**dict(zip(MUSCLES, muscles, strict=True)), "gravity": gravity}
+        out = dict(zip(self.tendons, muscles, strict=True))
+        out["gravity"] = np.zeros(len(angles))
+        if self._weight.any():
+            index = np.arange(len(self.bodies))
+            arms = point_jacobian(self.chain(angles), index, self._mass_centres(angles))
+            out["gravity"] = np.einsum("bxj,bx->j", arms[:, :3], self._weight)
+        return out
 
     def own_tangent(self, angles: Array, tension: Array) -> Array:
-        columns = [
-            tension @ (self.moment_arms(angles + step) - self.moment_arms(angles - step))
-            for step in ANGLE_STEP * np.eye(len(angles))
-        ]
-        out = np.column_stack(columns) / (2 * ANGLE_STEP)
+        out = np.zeros((len(angles), len(angles)))
+        if np.any(tension):
+            columns = [
+                tension @ (self.moment_arms(angles + step) - self.moment_arms(angles - step))
+                for step in ANGLE_STEP * np.eye(len(angles))
+            ]
+            out = np.column_stack(columns) / (2 * ANGLE_STEP)
+        if not self._weight.any():
+            return out
         weight = np.hstack([self._weight, np.zeros_like(self._weight)])
         return out + geometric_stiffness(
-            self.chain(angles), np.arange(len(BODIES)), self._mass_centres(angles), weight
+            self.chain(angles), np.arange(len(self.bodies)), self._mass_centres(angles), weight
         )
 
     def own_wrenches(self, angles: Array, tension: Array) -> dict[str, Array]:
-        out = {n: self._pull(n, t, angles) for n, t in zip(MUSCLES, tension, strict=True)}
         data = self._forward(angles)
+        pulls = self._ways.wrenches(data, tension)[:, self._body]
+        out = dict(zip(self.tendons, pulls, strict=True))
         force = np.hstack([self._weight, np.zeros_like(self._weight)])
         out["gravity"] = moved_to(force, (data.xipos - data.xpos)[self._body])
         return out
 
     def tendon_paths(self, state: FingerState) -> dict[str, Array]:
-        """(k, 3) world points of each muscle's path from origin to insertion, m."""
-        points = self._forward(state.angles).site_xpos
-        return {name: points[sites] for name, sites in self._sites.items()}
-
-    def _pull(self, name: str, tension: float, angles: Array) -> Array:
-        """(nb, 6): at each path point the tension times the directions to its neighbours; the
-        origin, where the muscle begins, receives the pull of its one neighbour."""
-        data, sites = self._forward(angles), self._sites[name]
-        points = data.site_xpos[sites]
-        segment = np.diff(points, axis=0)
-        pull = tension * segment / np.linalg.norm(segment, axis=1, keepdims=True)
-        none = np.zeros((1, 3))
-        force = np.vstack([pull, none]) - np.vstack([none, pull])
-        body = self.model.site_bodyid[sites]
-        wrench = np.hstack([force, np.cross(points - data.xpos[body], force)])
-        out = np.zeros((len(BODIES), 6))
-        np.add.at(out, body - self._body[0], wrench)
-        return out
+        """(k, 3) world points of each strand from origin to insertion, m; the strands of a tendon
+        that parts are named NAME, NAME 2, ..."""
+        data = self._forward(state.angles)
+        return {
+            name if n == 0 else f"{name} {n + 1}": points
+            for name, strands in zip(self.tendons, self._ways.points(data), strict=True)
+            for n, points in enumerate(strands)
+        }
 
     def _mass_centres(self, angles: Array) -> Array:
         return self._forward(angles).xipos[self._body]
 
     def _forward(self, angles: Array) -> mujoco.MjData:
-        self._data.qpos[:] = angles
-        mujoco.mj_kinematics(self.model, self._data)
-        mujoco.mj_comPos(self.model, self._data)
-        mujoco.mj_tendon(self.model, self._data)
+        if not np.array_equal(self._at, angles):
+            self._data.qpos[:] = angles
+            mujoco.mj_kinematics(self.model, self._data)
+            mujoco.mj_comPos(self.model, self._data)
+            mujoco.mj_tendon(self.model, self._data)
+            self._at = np.array(angles, dtype=float)
         return self._data
-
-
-def _tendon_sites(model: mujoco.MjModel, name: str) -> Array:
-    tendon = model.tendon(name).id
-    first, count = model.tendon_adr[tendon], model.tendon_num[tendon]
-    return model.wrap_objid[first : first + count]

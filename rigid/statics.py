@@ -1,9 +1,9 @@
 """Static equilibrium of a finger that is a serial chain of hinges, whatever computes its poses.
 
-    residual = [ tau_hood + tau_muscles + tau_passive + tau_limit + tau_gravity + J_tip^T r ]
-               [ GAP_SCALE * support (x_tip - target)                                      ]
+    residual = [ tau_hood + tau_muscles + tau_passive + tau_limit + tau_gravity + J_tip^T B^T r ]
+               [ scale * B (x_tip - target, turn of the tip from the one held)                ]
 
-in the unknowns z = (q, support r), where r is the force of the world on the tip.
+in the unknowns z = (q, r), where the world acts on the tip with the wrench B^T r.
 """
 
 from __future__ import annotations
@@ -26,21 +26,26 @@ from rigid.chain import (
     tip_jacobian,
 )
 from rigid.joint_torques import JointLaw, by_joint
+from rigid.support import Support, turn_gap
 
 GAP_SCALE = 100.0
 """N: a tip 1 um off its target counts as much as 1e-4 N m, about a hundredth of a joint torque."""
+TURN_SCALE = 1.0
+"""N m: the same for a tip turned by 0.1 mrad."""
 TORQUE_FLOOR = 1e-6
 """N m: below this no torque is called large."""
 
 
 @dataclass(frozen=True)
 class FingerState:
-    """Joint angles (nq,) rad, the world's force on the tip (3,) N, and the point that the tip is
-    held at (3,) m."""
+    """Joint angles (nq,) rad, the world's wrench on the tip (6,) N and N m about it, the pose in
+    which the tip was put, (3,) m and (3, 3), and the support's unit wrenches there (m, 6)."""
 
     angles: Array
     reaction: Array
     target: Array
+    turn: Array
+    basis: Array
 
 
 class ChainFinger(ABC):
@@ -52,9 +57,8 @@ class ChainFinger(ABC):
         tendons: tuple[str, ...],
         law: JointLaw,
         ranges: Mapping[str, tuple[float, float]],
-        support: Array,
+        support: Support,
     ) -> None:
-        """`support` (m, 3): orthonormal world directions in which the tip is held; m = 0: free."""
         self.bodies, self.tendons, self.joints = bodies, tendons, law.joints
         self.law, self.support = law, support
         self._low = by_joint({j: r[0] for j, r in ranges.items()}, self.joints, -np.inf, "ranges")
@@ -87,14 +91,16 @@ class ChainFinger(ABC):
                     f"posture: {joint} at {np.degrees(angle):.4g} deg lies outside its range of "
                     f"{np.degrees(low):.4g} to {np.degrees(high):.4g} deg; choose an angle within"
                 )
-        return FingerState(q, np.zeros(3), self.chain(q).tip)
+        chain = self.chain(q)
+        basis = self.support.basis(chain.axis[-1])
+        return FingerState(q, np.zeros(6), chain.tip, chain.motion.rotation[-1], basis)
 
     def angles(self, state: FingerState) -> Array:
         return state.angles
 
     def unknowns(self, state: FingerState) -> Array:
-        """(nq + m,) angles, then the reaction along the support's directions."""
-        return np.concatenate([state.angles, self.support @ state.reaction])
+        """(nq + m,) angles, then the reaction along the support's unit wrenches."""
+        return np.concatenate([state.angles, state.basis @ state.reaction])
 
     def motion(self, state: FingerState) -> Motion:
         return self.chain(state.angles).motion
@@ -107,10 +113,10 @@ class ChainFinger(ABC):
 
     def displaced(self, state: FingerState, step: Array) -> FingerState:
         """The state after a step (nq + m,) of its unknowns."""
-        nq, n = len(self.joints), len(self.joints) + len(self.support)
+        nq, n = len(self.joints), len(self.joints) + len(state.basis)
         if np.shape(step) != (n,):
             raise InputError(f"finger: expected a step of shape {(n,)}, got {np.shape(step)}")
-        reaction = state.reaction + self.support.T @ step[nq:]
+        reaction = state.reaction + state.basis.T @ step[nq:]
         return replace(state, angles=state.angles + step[:nq], reaction=reaction)
 
     def balance(self, state: FingerState, load: Load, tension: Array) -> Balance:
@@ -124,28 +130,35 @@ class ChainFinger(ABC):
             "limit": self.law.limit(state.angles)[0],
             "fingertip": tip_jacobian(chain).T @ state.reaction,
         }
-        gap = GAP_SCALE * self.support @ (chain.tip - state.target)
+        gap = self._gap(state, chain)[0]
         residual = np.concatenate([np.sum(list(torque.values()), axis=0), gap])
         scale = max(TORQUE_FLOOR, *(float(np.abs(t).max()) for t in torque.values()))
-        return Balance(residual, scale, torque, -state.reaction)
+        return Balance(residual, scale, torque, -state.reaction[:3])
+
+    def _gap(self, state: FingerState, chain: Chain) -> tuple[Array, Array]:
+        """(m,) N m scaled gaps of the support and their derivative (m, nq) by the angles."""
+        turn, by_turn = turn_gap(state.turn, chain.motion.rotation[-1])
+        gap = np.concatenate([GAP_SCALE * (chain.tip - state.target), TURN_SCALE * turn])
+        jacobian = tip_jacobian(chain)
+        scaled = np.vstack([GAP_SCALE * jacobian[:3], TURN_SCALE * by_turn @ jacobian[3:]])
+        return state.basis @ gap, state.basis @ scaled
 
     def tangent(self, state: FingerState, load: Load, tension: Array, load_motion: Array) -> Array:
         """Exact derivative of the residual over z = (q, support r)."""
         self._check(load, tension)
         chain = self.chain(state.angles)
-        tip, jac = self.support @ tip_jacobian(chain), body_jacobian(chain)
+        tip, jac = state.basis @ tip_jacobian(chain), body_jacobian(chain)
         stiffness = jac.T @ load_motion @ jac + self.own_tangent(state.angles, tension)
         stiffness += np.diag(self.law.passive(state.angles)[1] + self.law.limit(state.angles)[1])
         n = len(self.bodies)
-        reaction = np.concatenate([state.reaction, np.zeros(3)])
         stiffness += geometric_stiffness(
             chain,
             np.append(np.arange(n), n - 1),
             np.vstack([chain.motion.position, chain.tip]),
-            np.vstack([load.total(), reaction]),
+            np.vstack([load.total(), state.reaction]),
         )
         zero = np.zeros((len(tip), len(tip)))
-        return np.block([[stiffness, tip.T], [GAP_SCALE * tip, zero]])
+        return np.block([[stiffness, tip.T], [self._gap(state, chain)[1], zero]])
 
     def ledger(self, state: FingerState, load: Load, tension: Array) -> dict[str, Array]:
         """(nb, 6) wrench on each body about its origin (world frame) by source: each muscle,
@@ -157,9 +170,9 @@ class ChainFinger(ABC):
 
     def support_arm(self, state: FingerState) -> float:
         """m, the smallest lever with which the joints act on the tip's support: the least singular
-        value of support J_tip.  It vanishes where the finger is straight, held at a point that it
+        value of the tip's Jacobian along the held directions.  It vanishes where the finger is straight, held at a point that it
         can only push or pull against; infinite for a free tip."""
-        support = self.support @ tip_jacobian(self.chain(state.angles))
+        support = self.support.directions @ tip_jacobian(self.chain(state.angles))[:3]
         return float(np.linalg.svd(support, compute_uv=False).min(initial=np.inf))
 
     def tendon_paths(self, state: FingerState) -> dict[str, Array]:
@@ -175,8 +188,7 @@ class ChainFinger(ABC):
         self._check(load, tension)
         chain = self.chain(state.angles)
         fingertip = np.zeros((len(self.bodies), 6))
-        force = np.concatenate([state.reaction, np.zeros(3)])
-        fingertip[-1] = moved_to(force, chain.tip - chain.motion.position[-1])
+        fingertip[-1] = moved_to(state.reaction, chain.tip - chain.motion.position[-1])
         return {
             **self.own_wrenches(state.angles, tension),
             "passive": joint_wrenches(chain, self.law.passive(state.angles)[0]),

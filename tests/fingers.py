@@ -10,10 +10,12 @@ from cosim.port import STATIC, Array, Balance, Finger, Load
 from meshes.skeleton import JOINTS, Skeleton, index_finger
 from rigid import hinge
 from rigid.hinge import HingeFinger
+from rigid.index_finger import finger_model
 from rigid.joint_torques import joint_law
 from rigid.mujoco_finger import MujocoFinger
 from rigid.pulley import Cable, PulleyHood
 from rigid.statics import ChainFinger, FingerState
+from rigid.support import Support
 
 POSTURE = {"MCP": np.radians(30), "PIP": np.radians(45), "DIP": np.radians(15)}
 STIFFNESS = {"MCP": 0.04, "PIP": 0.03, "DIP": 0.02}
@@ -28,15 +30,17 @@ def straight_skeleton() -> Skeleton:
     return Skeleton(np.array([0.0, *LENGTHS]), np.tile(np.eye(3), (3, 1, 1)), axis, {})
 
 
-def hinge_finger(held: bool) -> HingeFinger:
+def hinge_finger(support: Support) -> HingeFinger:
     law = joint_law(hinge.JOINTS, STIFFNESS, REST, limit_stiffness=SOFT).held_about(POSTURE, 0.02)
-    return HingeFinger(LENGTHS, law=law, held=held)
+    return HingeFinger(LENGTHS, law=law, support=support)
 
 
-def mujoco_finger(held: bool) -> MujocoFinger:
+def mujoco_finger(support: Support) -> MujocoFinger:
     stiffness = {**STIFFNESS, "MCP_abduction": 0.05}
     law = joint_law(JOINTS, stiffness, REST, limit_stiffness=SOFT).held_about(POSTURE, 0.02)
-    return MujocoFinger(index_finger(), law=law, held=held, gravity=(1.0, -2.0, -9.0))
+    return MujocoFinger(
+        finger_model(index_finger()), law=law, support=support, gravity=(1.0, -2.0, -9.0)
+    )
 
 
 def random_load(bodies: tuple[str, ...]) -> Load:
@@ -48,7 +52,7 @@ def pushed(finger: ChainFinger) -> tuple[FingerState, Load, Array]:
     """A state past its limits with a reaction and off its target, a load and tensions."""
     state = finger.start(POSTURE)
     n = len(finger.joints)
-    step = np.concatenate([np.linspace(0.03, 0.05, n), np.arange(1.0, len(finger.support) + 1)])
+    step = np.concatenate([np.linspace(0.03, 0.05, n), np.arange(1.0, len(state.basis) + 1)])
     return (
         finger.displaced(state, step),
         random_load(finger.bodies),

@@ -34,6 +34,7 @@ from rigid import hinge
 from rigid.hinge import HingeFinger
 from rigid.joint_torques import joint_law
 from rigid.pulley import Cable, PulleyHood
+from rigid.support import FREE, IN_PLANE
 
 H, A = 0.006, 0.008  # m, eyelets above and beside each joint
 STIFFNESS = np.array([0.20, 0.12, 0.08])  # N m/rad
@@ -48,7 +49,7 @@ def finger(held: bool) -> HingeFinger:
         dict(zip(hinge.JOINTS, STIFFNESS, strict=True)),
         dict(zip(hinge.JOINTS, REST, strict=True)),
     )
-    return HingeFinger(LENGTHS, law=law, held=held)
+    return HingeFinger(LENGTHS, law=law, support=IN_PLANE if held else FREE)
 
 
 def dorsal_and_palmar() -> PulleyHood:
@@ -212,7 +213,7 @@ def stiff_limits() -> HingeFinger:
         dict(zip(hinge.JOINTS, REST, strict=True)),
     )
     posture = dict(zip(hinge.JOINTS, REST, strict=True))
-    return HingeFinger(LENGTHS, law=law.held_about(posture), held=True)
+    return HingeFinger(LENGTHS, law=law.held_about(posture))
 
 
 @pytest.mark.parametrize("tension", [1.0, 10.0, 40.0, 80.0, 160.0, 600.0])
@@ -237,7 +238,7 @@ def test_a_finger_does_not_stay_where_it_would_run_away():
     k, pull, r = 0.02, 4.2, np.hypot(A, H)
     rest = np.pi - 2 * np.arctan(A / H)
     law = joint_law(hinge.JOINTS, dict.fromkeys(hinge.JOINTS, k), {"MCP": -rest})
-    f = HingeFinger(LENGTHS, law=law, held=False)
+    f = HingeFinger(LENGTHS, law=law, support=FREE)
     cable = Cable((("metacarpal", (-A, 0.0, -H)), ("proximal", (A, 0.0, -H))))
     hood = PulleyHood({"FDS": cable}, f.motion(f.start({})))
     found = coupled(f, hood, np.array([pull]), (0.01 - rest, 0.0, 0.0))

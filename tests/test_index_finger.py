@@ -9,13 +9,15 @@ from fingers import POSTURE, cables_over_all_joints, mujoco_finger, pushed, solv
 
 from cosim.port import Array, InputError, Motion
 from meshes.skeleton import BODIES, JOINTS, index_finger
-from rigid.index_finger import mjcf_xml
+from rigid.index_finger import finger_model
 from rigid.joint_torques import joint_law
+from rigid.mjcf import mjcf_xml
 from rigid.mujoco_finger import MujocoFinger
+from rigid.support import FREE, HELD
 
 
 def test_mujoco_has_the_skeletons_frames() -> None:
-    finger = MujocoFinger(index_finger())
+    finger = MujocoFinger(finger_model(index_finger()))
     posture = {**POSTURE, "MCP_abduction": 0.2}
     state, pose = finger.start(posture), index_finger().pose(posture)
     motion: Motion = finger.motion(state)
@@ -27,7 +29,7 @@ def test_mujoco_has_the_skeletons_frames() -> None:
 
 def test_mujocos_own_routines_agree() -> None:
     """mj_jacBody, mj_applyFT at the bodies' origins and the bias force of a body at rest."""
-    finger = mujoco_finger(True)
+    finger = mujoco_finger(HELD)
     state, load, tension = pushed(finger)
     model, data = finger.model, mujoco.MjData(finger.model)
     data.qpos[:] = state.angles
@@ -65,19 +67,22 @@ def arms(finger: MujocoFinger, muscle: str, joint: str) -> Array:
 @pytest.mark.parametrize(("muscle", "joint"), ARMS)
 def test_moment_arms(muscle: str, joint: str) -> None:
     """On straight axes as listed; the real, oblique ones change them by 0.41 mm at most."""
-    straight, real = MujocoFinger(straight_skeleton()), MujocoFinger(index_finger())
+    straight, real = (
+        MujocoFinger(finger_model(straight_skeleton())),
+        MujocoFinger(finger_model(index_finger())),
+    )
     assert arms(straight, muscle, joint) == pytest.approx(ARMS[muscle, joint], abs=0.06)
     assert arms(real, muscle, joint) == pytest.approx(ARMS[muscle, joint], abs=0.45)
 
 
 def test_abduction_arms() -> None:
-    finger = MujocoFinger(straight_skeleton())
+    finger = MujocoFinger(finger_model(straight_skeleton()))
     assert arms(finger, "FDI", "MCP_abduction")[0] == pytest.approx(8.8, abs=0.06)
     assert arms(finger, "FDS", "MCP_abduction")[0] == pytest.approx(-1.9, abs=0.06)
 
 
 def test_tendon_paths_end_on_the_right_bones() -> None:
-    finger = MujocoFinger(index_finger())
+    finger = MujocoFinger(finger_model(index_finger()))
     paths = finger.tendon_paths(finger.start(POSTURE))
     assert {name: len(p) for name, p in paths.items()} == {"FDP": 7, "FDS": 5, "FDI": 3}
     assert (paths["FDP"][:, 2] < 0).all()  # palmar
@@ -91,7 +96,7 @@ def test_tendon_paths_end_on_the_right_bones() -> None:
 
 
 def test_segments_weigh_what_was_measured_with_their_centres_at_mid_length() -> None:
-    finger = MujocoFinger(index_finger())
+    finger = MujocoFinger(finger_model(index_finger()))
     for body, mass, length in zip(
         BODIES[1:], (15.5, 6.79, 3.91), index_finger().length[1:], strict=True
     ):
@@ -104,27 +109,31 @@ def test_segments_weigh_what_was_measured_with_their_centres_at_mid_length() -> 
 def test_the_xml_opens_with_bones_and_without() -> None:
     vertices = np.array([[0.0, 0, 0], [0.01, 0, 0], [0, 0.01, 0], [0, 0, 0.01]])
     faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
-    xml = mjcf_xml(index_finger(), gravity=(0, 0, -9.81), bones={"middle": (vertices, faces)})
+    xml = mjcf_xml(
+        finger_model(index_finger(), bones={"middle": (vertices, faces)}), gravity=(0, 0, -9.81)
+    )
     model = mujoco.MjModel.from_xml_string(xml)
     assert model.nmesh == 1
     assert model.opt.gravity[2] == -9.81
     assert model.body("middle").mass == pytest.approx([0.00679])
     assert not model.jnt_limited.any()
     assert not model.dof_damping.any()
-    with pytest.raises(InputError, match="bones: unknown name thumb"):
-        mjcf_xml(index_finger(), bones={"thumb": (vertices, faces)})
+    with pytest.raises(InputError, match="meshes: unknown name thumb"):
+        finger_model(index_finger(), bones={"thumb": (vertices, faces)})
 
 
 def test_an_angle_outside_its_range_is_refused() -> None:
     with pytest.raises(InputError, match="PIP at 120 deg lies outside its range of 0 to 110 deg"):
-        MujocoFinger(index_finger()).start({"PIP": np.radians(120)})
+        MujocoFinger(finger_model(index_finger())).start({"PIP": np.radians(120)})
 
 
 def test_limits_hold_the_posture() -> None:
     """Limits at +-5 deg as in the thesis: the flexors at 10 % of their maximal force (its table 2:
     79.1, 58.9 and 145.6 N) press every flexion axis less than 1 deg beyond its upper limit."""
     posture = {**POSTURE, "MCP_abduction": 0.0}
-    finger = MujocoFinger(index_finger(), law=joint_law(JOINTS).held_about(posture), held=False)
+    finger = MujocoFinger(
+        finger_model(index_finger()), law=joint_law(JOINTS).held_about(posture), support=FREE
+    )
     beyond = {joint: angle + np.radians(6.0) for joint, angle in posture.items()}
     tension = 0.1 * np.array([79.12, 58.9, 145.6])
     state, _, balance = solve(finger, cables_over_all_joints(), np.zeros(1), tension, beyond)

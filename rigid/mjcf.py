@@ -1,0 +1,147 @@
+"""A finger as MJCF text, numbers in full precision; the world is the first body's frame.
+
+No MuJoCo joint limit, joint damping or contact: they would add torques that no ledger shows.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+
+import numpy as np
+
+from cosim.port import Array
+from rigid.model import Cylinder, FingerModel, Segment, Strand, Tendon
+
+HALF_WIDTH = 0.02
+"""m, half the drawn length of a cylinder, which MuJoCo takes as infinite."""
+
+
+def mjcf_xml(model: FingerModel, gravity: Sequence[float] = (0.0, 0.0, 0.0)) -> str:
+    """The finger; `gravity` (3,) m/s2 in the world.  Joint ranges are there for information only,
+    cylinders and bones do not collide."""
+    root = ET.Element("mujoco", model=model.name)
+    ET.SubElement(root, "compiler", angle="radian")
+    option = ET.SubElement(root, "option", gravity=_text(gravity))
+    ET.SubElement(option, "flag", contact="disable")
+    _add_meshes(root, model)
+    parent = ET.SubElement(root, "worldbody")
+    for segment in model.segments:
+        parent = _add_body(parent, segment, moving=segment is not model.segments[0])
+        _add_geom(parent, segment, segment.name in model.meshes)
+        for tendon in model.tendons:
+            _add_guides(parent, tendon, segment.name)
+    _add_site(parent, "tip", model.tip)
+    _add_tendons(root, model)
+    ET.indent(root)
+    return ET.tostring(root, encoding="unicode")
+
+
+def _text(numbers: Sequence[float] | Array) -> str:
+    return " ".join(repr(float(x)) for x in numbers)
+
+
+def _add_meshes(root: ET.Element, model: FingerModel) -> None:
+    asset = ET.SubElement(root, "asset")
+    for body, (vertices, faces) in model.meshes.items():
+        text = {"vertex": _text(np.ravel(vertices)), "face": " ".join(map(str, np.ravel(faces)))}
+        ET.SubElement(asset, "mesh", text | {"name": body, "inertia": "shell"})
+
+
+def _add_body(parent: ET.Element, segment: Segment, moving: bool) -> ET.Element:
+    place = {"pos": _text(segment.position), "quat": _text(_quaternion(segment))}
+    out = ET.SubElement(parent, "body", {"name": segment.name} | (place if moving else {}))
+    if moving:
+        inertial = {
+            "pos": _text(segment.centre),
+            "mass": repr(float(segment.mass)),
+            "diaginertia": _text(segment.inertia),
+        }
+        ET.SubElement(out, "inertial", inertial)
+    for hinge in segment.hinges:
+        joint = {"name": hinge.name, "type": "hinge", "axis": _text(hinge.axis)}
+        finite = np.isfinite(hinge.range).all()
+        limits = {"range": _text(hinge.range), "limited": "false"} if finite else {}
+        ET.SubElement(out, "joint", joint | limits)
+    return out
+
+
+def _quaternion(segment: Segment) -> list[float]:
+    """MuJoCo's (w, x, y, z) of the body's frame in its parent at zero angles."""
+    from scipy.spatial.transform import Rotation
+
+    x, y, z, w = Rotation.from_matrix(np.array(segment.rotation)).as_quat()
+    return [w, x, y, z]
+
+
+def _add_geom(body: ET.Element, segment: Segment, has_mesh: bool) -> None:
+    common = {
+        "name": segment.name,
+        "contype": "0",
+        "conaffinity": "0",
+        "rgba": ".9 .87 .78 1",
+    }
+    if has_mesh:
+        ET.SubElement(body, "geom", common | {"type": "mesh", "mesh": segment.name})
+        return
+    ends = [0, 0, 0, segment.length, 0, 0]
+    capsule = {"type": "capsule", "fromto": _text(ends), "size": repr(segment.radius)}
+    ET.SubElement(body, "geom", common | capsule)
+
+
+def _add_guides(body: ET.Element, tendon: Tendon, name: str) -> None:
+    """Sites and cylinders of a tendon on one body."""
+    for s, strand in enumerate(tendon.strands):
+        for k, element in enumerate(strand.path):
+            if element.body != name:
+                continue
+            label = _label(tendon, s, k)
+            if isinstance(element, Cylinder):
+                _add_cylinder(body, label, element)
+            else:
+                _add_site(body, label, element.point)
+
+
+def _label(tendon: Tendon, strand: int, element: int) -> str:
+    return f"{tendon.name}_{strand}_{element}"
+
+
+def _add_site(parent: ET.Element, name: str, point: Sequence[float] | Array) -> None:
+    ET.SubElement(parent, "site", name=name, pos=_text(point), size="0.0005")
+
+
+def _add_cylinder(body: ET.Element, name: str, cylinder: Cylinder) -> None:
+    centre, axis = np.array(cylinder.centre), np.array(cylinder.axis)
+    half = HALF_WIDTH * axis / np.linalg.norm(axis)
+    drawn = {
+        "name": name,
+        "type": "cylinder",
+        "fromto": _text([*(centre - half), *(centre + half)]),
+        "size": repr(float(cylinder.radius)),
+        "contype": "0",
+        "conaffinity": "0",
+        "group": "4",
+        "rgba": ".5 .6 .9 .3",
+    }
+    ET.SubElement(body, "geom", drawn)
+    _add_site(body, f"{name}_side", cylinder.side)
+
+
+def _add_tendons(root: ET.Element, model: FingerModel) -> None:
+    out = ET.SubElement(root, "tendon")
+    for tendon in model.tendons:
+        colour = {"width": "0.0004", "rgba": ".8 .2 .2 1"}
+        spatial = ET.SubElement(out, "spatial", {"name": tendon.name} | colour)
+        for s, strand in enumerate(tendon.strands):
+            if len(tendon.strands) > 1 or strand.share != 1.0:
+                ET.SubElement(spatial, "pulley", divisor=repr(1.0 / strand.share))
+            _add_strand(spatial, tendon, s, strand)
+
+
+def _add_strand(spatial: ET.Element, tendon: Tendon, s: int, strand: Strand) -> None:
+    for k, element in enumerate(strand.path):
+        label = _label(tendon, s, k)
+        if isinstance(element, Cylinder):
+            ET.SubElement(spatial, "geom", geom=label, sidesite=f"{label}_side")
+        else:
+            ET.SubElement(spatial, "site", site=label)

@@ -1,0 +1,166 @@
+"""A finger in words that any engine can be built from: bones, hinges, tendon paths, fingertip."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from cosim.port import Array, InputError
+
+Vector = tuple[float, float, float]
+Surface = tuple[Array, Array]
+"""Vertices (n, 3) m and faces (m, 3) of triangles."""
+NO_TURN = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+@dataclass(frozen=True)
+class Hinge:
+    """A joint through the origin of the body that it moves; `axis` in that body's frame."""
+
+    name: str
+    axis: Vector
+    range: tuple[float, float] = (-np.inf, np.inf)
+    """rad."""
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A rigid body, placed in the one before it; the first is fixed to the world."""
+
+    name: str
+    length: float
+    """m, along x, to the next body's origin (of the last: to its end); for pictures of the first."""
+    position: Vector = (0.0, 0.0, 0.0)
+    """m, the origin in the parent's frame."""
+    rotation: tuple[Vector, Vector, Vector] = NO_TURN
+    """To the parent's frame at zero angles."""
+    hinges: tuple[Hinge, ...] = ()
+    """In the order in which they turn the body, the first one nearest to the parent."""
+    mass: float = 0.0
+    inertia: Vector = (0.0, 0.0, 0.0)
+    """kg m2 about the centre of mass, along the body's axes."""
+    centre: Vector = (0.0, 0.0, 0.0)
+    radius: float = 0.003
+    """m, of the capsule that stands for the bone in pictures."""
+
+
+@dataclass(frozen=True)
+class Via:
+    """A point of a body that a tendon passes."""
+
+    body: str
+    point: Vector
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """A round surface of a body that a tendon wraps over where the straight way would cut it;
+    `side`: a point of the body on the side where the tendon lies."""
+
+    body: str
+    centre: Vector
+    axis: Vector
+    radius: float
+    side: Vector
+
+
+PathElement = Via | Cylinder
+
+
+@dataclass(frozen=True)
+class Strand:
+    """One way from a muscle's origin to an insertion, and the share of the tension it carries."""
+
+    path: tuple[PathElement, ...]
+    share: float = 1.0
+
+
+@dataclass(frozen=True)
+class Tendon:
+    """A muscle's tendon: its strands part and carry fixed shares of its tension."""
+
+    name: str
+    strands: tuple[Strand, ...]
+
+
+@dataclass(frozen=True)
+class FingerModel:
+    """A serial finger.  SI units; each body's frame has x distal, y radial, z dorsal.
+
+    Raises InputError where the parts do not fit together."""
+
+    name: str
+    segments: tuple[Segment, ...]
+    tip: Vector
+    """The fingertip in the last body's frame, m."""
+    tendons: tuple[Tendon, ...] = ()
+    meshes: Mapping[str, Surface] = field(default_factory=dict)
+    """By body, in its frame, for pictures."""
+
+    def __post_init__(self) -> None:
+        for what, names in (
+            ("body", self.bodies),
+            ("joint", self.joints),
+            ("tendon", self.muscles),
+        ):
+            twice = sorted({name for name in names if names.count(name) > 1})
+            if twice:
+                raise InputError(f"finger {self.name}: two of the name {what} {', '.join(twice)}")
+        _known(self.meshes, self.bodies, f"finger {self.name}: meshes")
+        for tendon in self.tendons:
+            _check(tendon, self.bodies)
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        return tuple(s.name for s in self.segments)
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        return tuple(hinge.name for s in self.segments for hinge in s.hinges)
+
+    @property
+    def muscles(self) -> tuple[str, ...]:
+        return tuple(t.name for t in self.tendons)
+
+    @property
+    def ranges(self) -> dict[str, tuple[float, float]]:
+        """rad by joint."""
+        return {hinge.name: hinge.range for s in self.segments for hinge in s.hinges}
+
+    def with_only(self, *muscles: str) -> FingerModel:
+        """The same finger with these tendons, in the finger's order; InputError if it lacks one."""
+        _known(muscles, self.muscles, f"finger {self.name}: tendons")
+        return replace(self, tendons=tuple(t for t in self.tendons if t.name in muscles))
+
+
+def _known(
+    names: Mapping[str, object] | tuple[str, ...], among: tuple[str, ...], what: str
+) -> None:
+    unknown = [name for name in names if name not in among]
+    if unknown:
+        raise InputError(f"{what}: unknown name {', '.join(unknown)}; expected some of {among}")
+
+
+def _check(tendon: Tendon, bodies: tuple[str, ...]) -> None:
+    where = f"tendon {tendon.name}"
+    if not tendon.strands or not all(s.share > 0 for s in tendon.strands):
+        raise InputError(f"{where}: expected strands whose shares are positive")
+    for element in _elements(tendon):
+        _known((element.body,), bodies, where)
+    for strand in tendon.strands:
+        ends = strand.path[:1] + strand.path[-1:]
+        if len(strand.path) < 2 or not all(isinstance(end, Via) for end in ends):
+            raise InputError(f"{where}: a strand begins and ends at a point, not at a cylinder")
+
+
+def _elements(tendon: Tendon) -> Iterator[PathElement]:
+    for strand in tendon.strands:
+        yield from strand.path
+
+
+def vector(values: Iterable[float]) -> Vector:
+    """Three numbers as plain floats."""
+    x, y, z = (float(value) for value in values)
+    return x, y, z
