@@ -13,7 +13,7 @@ from cosim.case_fields import existing_file, fault, name_of, quantity
 from meshes.hood_mesh import REGIONS, SPRINGS
 from meshes.skeleton import BODIES, JOINTS
 
-TENDONS = ("EDC", "EI", "LUM", "FPI", "FDP", "FDS", "FDI")
+TENDONS = ("EDC", "EI", "LUM", "FPI", "FDP", "FDS", "FDIm", "FDIl")
 
 Phalanx = Annotated[float, quantity(units.LENGTH, above="0 mm", most="200 mm")]
 Coordinate = Annotated[float, quantity(units.LENGTH, least="-200 mm", most="200 mm")]

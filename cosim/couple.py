@@ -9,7 +9,7 @@ a Newton step of the whole (the finger's own nonlinearity, such as a joint limit
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -26,22 +26,14 @@ from cosim.port import (
     Response,
     State,
 )
+from cosim.rest import balanced
 
-MOST_TURN = np.deg2rad(8.0)
-"""A finger's joint moves at most so far in one round."""
 LOOSE, NEAR = 1e-3, 0.1
 """The hood is solved to LOOSE until the interface's residual is below NEAR (an inexact Newton:
 Dembo, Eisenstat and Steihaug 1982, SIAM J Numer Anal 19:400)."""
 AT_REST = 1e-4
 """rad: a finger that would still turn so far is not at rest, however small its residual: it stands
 where it would run away."""
-MOST_STEPS = 30
-MOST_RELAXING = 500
-RELAXING_TURN = np.deg2rad(0.5)
-NEAR_REST = 1e-6
-"""Of the largest residual met, where relaxing ends and Newton takes over."""
-SMALL_TORQUE = 1e-12
-"""N m, below which a residual that no longer falls is rounding error."""
 
 
 @dataclass(frozen=True)
@@ -77,106 +69,6 @@ class Equilibrium:
     @property
     def excursion(self) -> Array:
         return self.response.excursion
-
-
-def affine(load: Load, by_motion: Array, at: Motion, motion: Motion) -> Load:
-    """The load at `motion` as the tangent `by_motion` (6 nb, 6 nb) at `at` foresees it; the change
-    is booked under the first source, since only its sum plays a part."""
-    change = (by_motion @ at.twist_to(motion).ravel()).reshape(-1, 6)
-    wrench = load.wrench.copy()
-    wrench[:, 0] += change
-    return replace(load, wrench=wrench)
-
-
-def balanced(
-    finger: Finger, state: State, load: Load, tension: Array, by_motion: Array, tolerance: float
-) -> tuple[State, Balance]:
-    """The finger's stable equilibrium under an affine load (its poses at `state` are where it was
-    taken), or a state on the way there where a joint turns by more than MOST_TURN: so far off, the
-    affine load need not have an equilibrium.
-
-    Raises ConvergenceError."""
-    at, nq = finger.motion(state), len(finger.joints)
-    start = np.zeros(len(finger.unknowns(state)))
-
-    def there(step: Array) -> tuple[State, Load]:
-        moved = finger.displaced(state, step)
-        return moved, affine(load, by_motion, at, finger.motion(moved))
-
-    def residual(step: Array) -> Array:
-        return finger.balance(*there(step), tension).residual
-
-    def slope(step: Array) -> Array:
-        return finger.tangent(*there(step), tension, by_motion)
-
-    step = _newton(residual, slope, start)
-    if step is None or not _is_near(step, nq) or _softest(slope(step), nq) > 0:
-        step = _relaxed(residual, slope, start, nq)
-        if _is_near(step, nq):
-            polished = _newton(residual, slope, step)
-            step = step if polished is None else polished
-    moved, seen = there(step)
-    balance = finger.balance(moved, seen, tension)
-    if _is_near(step, nq) and not balance.relative <= tolerance:
-        raise ConvergenceError(
-            f"the finger found no equilibrium: its relative residual is {balance.relative:.1e} "
-            f"(joints {finger.joints}). Try a stiffer passive joint, or smaller tensions."
-        )
-    return moved, balance
-
-
-def _is_near(step: Array, nq: int) -> bool:
-    return bool(np.abs(step[:nq]).max() <= MOST_TURN)
-
-
-def _newton(
-    residual: Callable[[Array], Array], slope: Callable[[Array], Array], step: Array
-) -> Array | None:
-    """A root near `step` by plain Newton, or None where a step does not lower the residual."""
-    r = residual(step)
-    for _ in range(MOST_STEPS):
-        try:
-            trial = step - np.linalg.solve(slope(step), r)
-        except np.linalg.LinAlgError:
-            return None
-        after = residual(trial)
-        if not np.abs(after).max() < np.abs(r).max():
-            break
-        step, r = trial, after
-    else:
-        return None
-    return step if np.abs(r).max() < SMALL_TORQUE else None
-
-
-def _softest(slope: Array, nq: int) -> float:
-    """N m/rad, the largest eigenvalue of the joints' tangent (n, n) over the motions that the tip's
-    support allows; positive where the finger runs away from its equilibrium."""
-    free = np.linalg.svd(slope[nq:, :nq])[2][len(slope) - nq :].T
-    allowed = free.T @ slope[:nq, :nq] @ free
-    return float(np.linalg.eigvalsh((allowed + allowed.T) / 2).max(initial=-np.inf))
-
-
-def _relaxed(
-    residual: Callable[[Array], Array], slope: Callable[[Array], Array], step: Array, nq: int
-) -> Array:
-    """The step after which a finger with viscous joints has come near rest, or has turned a joint
-    by more than MOST_TURN: implicit steps whose damping falls with the residual (pseudo-transient
-    continuation: Kelley and Keyes 1998, SIAM J Numer Anal 35:508), so that it ends in a stable
-    equilibrium."""
-    r, largest, joints = residual(step), 0.0, np.zeros(len(step))
-    joints[:nq] = 1.0
-    for _ in range(MOST_RELAXING):
-        size = np.abs(r).max()
-        largest = max(largest, size)
-        if size <= NEAR_REST * largest or not _is_near(step, nq):
-            break
-        tangent = slope(step)
-        damping = max(size / RELAXING_TURN, 2 * _softest(tangent, nq), 0.0)
-        move = -np.linalg.solve(tangent - np.diag(damping * joints), r)
-        move /= max(1.0, np.abs(move[:nq]).max() / RELAXING_TURN)
-        step = step + move
-        r = residual(step)
-    return step
 
 
 def equilibrium(

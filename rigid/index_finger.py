@@ -1,112 +1,74 @@
-"""The index finger: bones, joints, masses and the flexor and FDI tendon paths."""
+"""The index finger's tendons.
+
+An et al. 1979 in the form used by AnyBody's AMMR (index finger after Wu 2008); see `anatomy`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
-import numpy as np
+from meshes.skeleton import Skeleton
+from rigid.anatomy import Anatomy, Way, assemble, extensor
+from rigid.model import FingerModel, Surface
 
-from cosim.port import Array
-from meshes.skeleton import BODIES, JOINTS, Skeleton
-from rigid.model import FingerModel, Hinge, Segment, Strand, Surface, Tendon, Via, vector
-
-MUSCLES = ("FDP", "FDS", "FDI")
 O2O3 = 0.020
-"""m, the unit of length of the tendon paths: the middle phalanx between its two joint frames."""
-
-# Normative tendon paths of the index finger: An, Chao, Cooney and Linscheid 1979, J Biomech
-# 12:775-788, in the form used by AnyBody's AMMR (index finger after Wu 2008).  Units of O2O3;
-# x distal, y dorsal, z radial.  Per joint: the point on the proximal body from the joint centre,
-# and the one on the distal body from its frame O, which lies OFFSET distal of the joint centre.
-NORMATIVE_PATHS = {
-    "FDP": {
-        "MCP": ((-0.400, -0.559, 0.004), (0.118, -0.386, 0.031)),
-        "PIP": ((-0.400, -0.409, 0.027), (0.212, -0.308, 0.009)),
-        "DIP": ((-0.300, -0.245, 0.054), (-0.004, -0.184, 0.026)),
+"""m: the middle phalanx between its two joint frames."""
+ROWS = {
+    "MCP": {
+        "FDP": ((-0.400, -0.559, 0.004), (0.118, -0.386, 0.031)),
+        "FDS": ((-0.400, -0.589, -0.114), (0.118, -0.477, -0.074)),
+        "RI": ((-0.400, -0.262, 0.450), (0.318, -0.033, 0.443)),
+        "LU": ((-0.400, -0.404, 0.441), (0.318, -0.148, 0.370)),
+        "UI": ((-0.400, -0.279, -0.442), (0.318, -0.039, -0.461)),
+        "LE": ((0.000, 0.483, -0.026), (0.018, 0.421, -0.033)),
     },
-    "FDS": {
-        "MCP": ((-0.400, -0.589, -0.114), (0.118, -0.477, -0.074)),
-        "PIP": ((-0.400, -0.311, 0.028), (0.212, -0.249, 0.015)),
+    "PIP": {
+        "FDP": ((-0.400, -0.409, 0.027), (0.212, -0.308, 0.009)),
+        "FDS": ((-0.400, -0.311, 0.028), (0.212, -0.249, 0.015)),
+        "RB": ((-0.100, 0.181, 0.268), (0.112, 0.186, 0.223)),
+        "UB": ((-0.100, 0.131, -0.312), (0.112, 0.151, -0.290)),
+        "ES": ((0.000, 0.266, -0.026), (0.038, 0.278, -0.027)),
     },
-    "FDI": {"MCP": ((-0.400, -0.262, 0.450), (0.318, -0.033, 0.443))},
+    "DIP": {
+        "FDP": ((-0.300, -0.245, 0.054), (-0.004, -0.184, 0.026)),
+        "TE": ((0.000, 0.100, -0.009), (-0.004, 0.199, -0.010)),
+    },
 }
 OFFSET = {"DIP": 0.224, "PIP": 0.288, "MCP": 0.432}
-CROSSES = {"MCP": (0, 1), "PIP": (1, 2), "DIP": (2, 3)}
-ORIGIN_REACH = 0.040
-"""m, assumption: the muscles pull parallel to the metacarpal from this far proximal of their
-first point."""
 
-# kg and kg m2 about x, y, z: AMMR index finger after Wu 2008.  Assumptions: the centre of mass is
-# at mid-length and the published axes are ours.
-SEGMENTS = {
-    "proximal": (0.0155, (0.648e-6, 2.86e-6, 2.83e-6)),
-    "middle": (0.00679, (2.32e-7, 4.84e-7, 4.51e-7)),
-    "distal": (0.00391, (1.04e-7, 1.90e-7, 1.70e-7)),
+# Both heads of the first dorsal interosseous insert where An has one (RI).
+ON_BONES: Mapping[str, tuple[Way, ...]] = {
+    "FDP": ((1.0, (("MCP", "FDP"), ("PIP", "FDP"), ("DIP", "FDP"))),),
+    "FDS": ((1.0, (("MCP", "FDS"), ("PIP", "FDS"))),),
+    "FDIm": ((1.0, (("MCP", "RI"),)),),
+    "FDIl": ((1.0, (("MCP", "RI"),)),),
 }
-# rad: range of motion in table II of "Design of an Anthropomorphic Robotic Finger System with
-# Biomimetic Artificial Joints".
-RANGES = {
-    "MCP": (np.radians(-30.0), np.radians(90.0)),
-    "MCP_abduction": (np.radians(-35.0), np.radians(35.0)),
-    "PIP": (0.0, np.radians(110.0)),
-    "DIP": (0.0, np.radians(70.0)),
-}
-VIEW_RADIUS = {"metacarpal": 0.0041, "proximal": 0.0039, "middle": 0.0028, "distal": 0.0020}
-VIEW_METACARPAL = -0.040  # m, how much of the metacarpal is drawn
+CENTRAL = 0.5
+"""The central slip's share of every extensor's tension in the normative model (An et al. 1979, as
+in Synek et al. 2019, PeerJ 7:e7470)."""
+
+
+def through_the_hood(central: float = CENTRAL) -> Mapping[str, tuple[Way, ...]]:
+    """The muscles of the hood where its slips carry fixed shares.  EI runs with EDC: the normative
+    model has one long extensor (LE)."""
+    return {
+        "EDC": extensor("LE", ("RB", "UB"), central),
+        "EI": extensor("LE", ("RB", "UB"), central),
+        "LUM": extensor("LU", ("RB",), central),
+        "FPI": extensor("UI", ("UB",), central),
+    }
 
 
 def finger_model(
-    skeleton: Skeleton, o2o3: float = O2O3, bones: Mapping[str, Surface] | None = None
+    skeleton: Skeleton,
+    o2o3: float = O2O3,
+    bones: Mapping[str, Surface] | None = None,
+    central: float | None = None,
 ) -> FingerModel:
-    """The finger over a skeleton with its flexors and FDI.
+    """The finger over a skeleton, with the muscles that act on the bones; where `central` is given
+    (0 to 1) those of the hood too, that share of each going to the central slip.
 
     o2o3: m, the unit of the tendon paths; bones: surfaces by body, drawn instead of capsules."""
-    tendons = tuple(
-        Tendon(name, (Strand(_path(joints, skeleton, o2o3)),))
-        for name, joints in NORMATIVE_PATHS.items()
-    )
-    segments = tuple(_segment(skeleton, i) for i in range(len(BODIES)))
-    tip = (float(skeleton.length[3]), 0.0, 0.0)
-    return FingerModel("index finger", segments, tip, tendons, bones or {})
-
-
-def _segment(skeleton: Skeleton, i: int) -> Segment:
-    name = BODIES[i]
-    if i == 0:
-        return Segment(name, VIEW_METACARPAL, radius=VIEW_RADIUS[name])
-    mass, inertia = SEGMENTS[name]
-    hinges = tuple(
-        Hinge(joint, vector(axis), RANGES[joint])
-        for joint, axis in zip(JOINTS, skeleton.axis, strict=True)
-        if CROSSES[joint.removesuffix("_abduction")][1] == i
-    )
-    length = float(skeleton.length[i])
-    before = float(skeleton.length[i - 1]) if i > 1 else 0.0
-    turn = skeleton.zero[i - 1]
-    return Segment(
-        name,
-        length,
-        (before, 0.0, 0.0),
-        (vector(turn[0]), vector(turn[1]), vector(turn[2])),
-        hinges,
-        mass,
-        inertia,
-        (length / 2, 0.0, 0.0),
-        VIEW_RADIUS[name],
-    )
-
-
-def _path(joints: Mapping[str, tuple], skeleton: Skeleton, o2o3: float) -> tuple[Via, ...]:
-    path: list[Via] = []
-    for joint, (before, after) in joints.items():
-        i, k = CROSSES[joint]
-        centre = np.array([skeleton.length[i] if i else 0.0, 0.0, 0.0])
-        path.append(Via(BODIES[i], vector(centre + _in_our_axes(before, 0.0, o2o3))))
-        path.append(Via(BODIES[k], vector(_in_our_axes(after, OFFSET[joint], o2o3))))
-    origin = np.array(path[0].point) - [ORIGIN_REACH, 0.0, 0.0]
-    return (Via(path[0].body, vector(origin)), *path)
-
-
-def _in_our_axes(point: Sequence[float], offset: float, o2o3: float) -> Array:
-    x, dorsal, radial = point
-    return o2o3 * np.array([x + offset, radial, dorsal])
+    hood = {} if central is None else through_the_hood(central)
+    anatomy = Anatomy("index finger", ROWS, OFFSET, {**hood, **ON_BONES})
+    return assemble(anatomy, skeleton, o2o3, bones)

@@ -31,7 +31,7 @@ class Segment:
 
     name: str
     length: float
-    """m, along x, to the next body's origin (of the last: to its end); for pictures of the first."""
+    """m, along x, to the next body's origin or the finger's end; of the first, what is drawn."""
     position: Vector = (0.0, 0.0, 0.0)
     """m, the origin in the parent's frame."""
     rotation: tuple[Vector, Vector, Vector] = NO_TURN
@@ -135,9 +135,7 @@ class FingerModel:
         return replace(self, tendons=tuple(t for t in self.tendons if t.name in muscles))
 
 
-def _known(
-    names: Mapping[str, object] | tuple[str, ...], among: tuple[str, ...], what: str
-) -> None:
+def _known(names: Iterable[str], among: tuple[str, ...], what: str) -> None:
     unknown = [name for name in names if name not in among]
     if unknown:
         raise InputError(f"{what}: unknown name {', '.join(unknown)}; expected some of {among}")

@@ -170,8 +170,8 @@ class ChainFinger(ABC):
 
     def support_arm(self, state: FingerState) -> float:
         """m, the smallest lever with which the joints act on the tip's support: the least singular
-        value of the tip's Jacobian along the held directions.  It vanishes where the finger is straight, held at a point that it
-        can only push or pull against; infinite for a free tip."""
+        value of the tip's Jacobian along the held directions.  It vanishes where the finger is
+        straight, held at a point that it can only push or pull against; infinite for a free tip."""
         support = self.support.directions @ tip_jacobian(self.chain(state.angles))[:3]
         return float(np.linalg.svd(support, compute_uv=False).min(initial=np.inf))
 

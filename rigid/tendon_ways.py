@@ -69,9 +69,11 @@ class TendonWays:
 
 
 def _along(points: Array) -> Array:
-    """(k, 3) sum of the unit vectors from each point to its neighbours."""
+    """(k, 3) sum of the unit vectors from each point to its neighbours; a tendon touches the inside
+    of a ring in two points that are one."""
     segment = np.diff(points, axis=0)
-    unit = segment / np.linalg.norm(segment, axis=1, keepdims=True)
+    length = np.linalg.norm(segment, axis=1, keepdims=True)
+    unit = np.divide(segment, length, out=np.zeros_like(segment), where=length > 0)
     none = np.zeros((1, 3))
     return np.vstack([unit, none]) - np.vstack([none, unit])
 

@@ -1,4 +1,4 @@
-"""Fingers, loads and a plain Newton solve that the tests of the fingers share."""
+"""Fingers, loads and a solve that the tests of the fingers share."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from cosim.port import STATIC, Array, Balance, Finger, Load
+from cosim.couple import CouplingOptions, equilibrium
+from cosim.port import Array, Balance, Finger, Load
 from meshes.skeleton import JOINTS, Skeleton, index_finger
 from rigid import hinge
 from rigid.hinge import HingeFinger
@@ -35,11 +36,14 @@ def hinge_finger(support: Support) -> HingeFinger:
     return HingeFinger(LENGTHS, law=law, support=support)
 
 
-def mujoco_finger(support: Support) -> MujocoFinger:
+def mujoco_finger(support: Support, central: float | None = None) -> MujocoFinger:
     stiffness = {**STIFFNESS, "MCP_abduction": 0.05}
     law = joint_law(JOINTS, stiffness, REST, limit_stiffness=SOFT).held_about(POSTURE, 0.02)
     return MujocoFinger(
-        finger_model(index_finger()), law=law, support=support, gravity=(1.0, -2.0, -9.0)
+        finger_model(index_finger(), central=central),
+        law=law,
+        support=support,
+        gravity=(1.0, -2.0, -9.0),
     )
 
 
@@ -72,15 +76,8 @@ def cables_over_all_joints(h: float = 0.006, a: float = 0.008) -> PulleyHood:
 def solve(
     finger: Finger, hood: PulleyHood, tension: Array, own: Array, first: Mapping = POSTURE
 ) -> tuple[FingerState, Load, Balance]:
-    """Newton's method from the posture `first`, started anew on the hood at every motion."""
+    """The coupled equilibrium nearest to the posture `first`."""
     state = finger.start(first)
-    for _ in range(20):
-        motion = finger.motion(state)
-        response = hood.advance(hood.start(motion), motion, tension, STATIC)
-        balance = finger.balance(state, response.load, own)
-        if balance.relative < 1e-12:
-            return state, response.load, balance
-        stiffness = hood.jacobian(response.state).load_motion
-        tangent = finger.tangent(state, response.load, own, stiffness)
-        state = finger.displaced(state, -np.linalg.solve(tangent, balance.residual))
-    raise AssertionError(f"no equilibrium: {balance.relative}")
+    start = hood.start(finger.motion(state))
+    e = equilibrium(finger, hood, state, start, tension, own, CouplingOptions(1e-12))
+    return e.finger_state, e.load, e.balance

@@ -97,12 +97,12 @@ def test_tensions_go_to_the_tendons_by_name():
     models, _ = made()
     hood, finger = tensions(case, models)
     np.testing.assert_allclose(hood, [3.469, 0.05, 0.05, 0.05])
-    np.testing.assert_allclose(finger, [2.0, 0.05, 0.05])
+    np.testing.assert_allclose(finger, [2.0, 0.05, 0.05, 0.05])
 
 
 def test_a_tendon_that_neither_hood_nor_finger_has_is_told():
     case = load_case("isometric_edc", [*PULLEY, "tendons.LUM.tension=1 N"])
-    with pytest.raises(InputError, match=r"tendons\.LUM: .*they have EDC, FDP, FDS, FDI"):
+    with pytest.raises(InputError, match=r"tendons\.LUM: .*they have EDC, FDP, FDS, FDIm, FDIl"):
         tensions(case, build(case))
 
 

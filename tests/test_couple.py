@@ -13,8 +13,6 @@ from scipy.optimize import brentq, minimize
 from cosim.couple import (
     CouplingOptions,
     Equilibrium,
-    affine,
-    balanced,
     equilibrium,
     moment_arms,
     reciprocity,
@@ -30,6 +28,7 @@ from cosim.port import (
     Response,
     State,
 )
+from cosim.rest import affine, balanced
 from rigid import hinge
 from rigid.hinge import HingeFinger
 from rigid.joint_torques import joint_law
