@@ -2,32 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cosim.build_finger import live_finger, skeleton_of
 from cosim.build_shell import HoodLook, Triangles, laid_mesh, linear, look, shell_hood_of
-from cosim.case_schema import (
-    Bone,
-    Case,
-    HingeFinger,
-    IndexFinger,
-    MeshFile,
-    PulleyHood,
-    ShellHood,
-)
+from cosim.case_finger import Bone, IndexFinger
+from cosim.case_schema import Case, MeshFile, PathPoint, PulleyHood, ShellHood
 from cosim.port import Array, Finger, Hood, InputError, State
 
 if TYPE_CHECKING:
     from meshes.hood_mesh import HoodMesh
-    from meshes.skeleton import Skeleton
-    from rigid.joint_torques import JointLaw
-    from rigid.statics import ChainFinger
 
-LEAST_ARM = 1e-3
-"""m, of the joints about a held tip; some 2 deg of flexion in all."""
 BONE_SIZE = (5, 200)
 """mm, the longest side of a user's bone."""
 UNREADABLE = (
@@ -60,19 +49,14 @@ class Models:
 def build(case: Case) -> Models:
     """Models of a case.  Raises InputError for what only building finds out."""
     posture, resting = case.finger.posture.angles(), case.solve.resting_tension
-    if isinstance(case.finger, HingeFinger):
-        if not isinstance(case.hood, PulleyHood):
-            raise InputError(
-                'hood.kind = "shell" needs finger.kind = "index", whose bones it lies on'
-            )
-        hinges = _hinge_finger(case.finger)
-        return Models(hinges, _pulley_hood(case.hood, hinges), posture, resting, {}, None, None)
-    skeleton, bones = _skeleton(case.finger), _bones(case.finger)
-    finger = _index_finger(case.finger, skeleton)
-    if isinstance(case.hood, PulleyHood):
-        return Models(finger, _pulley_hood(case.hood, finger), posture, resting, bones, None, None)
+    _fitting(case)
+    finger = live_finger(case.finger, case.hood)
+    bones = _bones(case.finger) if isinstance(case.finger, IndexFinger) else {}
+    if not (isinstance(case.finger, IndexFinger) and isinstance(case.hood, ShellHood)):
+        cables = case.hood.paths if isinstance(case.hood, PulleyHood) else {}
+        return Models(finger, _pulley_hood(cables, finger), posture, resting, bones, None, None)
     mesh = hood_mesh(case)
-    hood = shell_hood_of(case, case.hood, skeleton, bones, mesh)
+    hood = shell_hood_of(case, case.hood, skeleton_of(case.finger), bones, mesh)
     return Models(
         finger,
         hood,
@@ -82,6 +66,21 @@ def build(case: Case) -> Models:
         lambda state: look(hood, mesh, state),
         lambda state: linear(hood, state),
     )
+
+
+def _fitting(case: Case) -> None:
+    """Raises InputError where this hood does not go on this finger."""
+    hoods = {
+        "index": ("shell", "pulley", "split"),
+        "middle": ("pulley", "split"),
+        "hinge": ("pulley",),
+    }[case.finger.kind]
+    if case.hood.kind not in hoods:
+        words = " or ".join(f'"{kind}"' for kind in hoods)
+        raise InputError(
+            f'hood.kind = "{case.hood.kind}" does not go with finger.kind = "{case.finger.kind}", '
+            f"which takes {words}"
+        )
 
 
 def tensions(case: Case, models: Models) -> tuple[Array, Array]:
@@ -100,7 +99,7 @@ def hood_mesh(case: Case) -> HoodMesh:
     """The mesh of a case's shell hood, read or generated."""
     if not (isinstance(case.finger, IndexFinger) and isinstance(case.hood, ShellHood)):
         raise InputError(f"{case.name}: has no shell hood, so it has no mesh")
-    return laid_mesh(case.hood, case.finger, _skeleton(case.finger), _bones(case.finger))
+    return laid_mesh(case.hood, case.finger, skeleton_of(case.finger), _bones(case.finger))
 
 
 def check_mesh_file(case: Case) -> None:
@@ -109,12 +108,6 @@ def check_mesh_file(case: Case) -> None:
         from meshes.hood_mesh import read
 
         read(case.hood.mesh.path)
-
-
-def _skeleton(finger: IndexFinger) -> Skeleton:
-    from meshes.skeleton import index_finger
-
-    return index_finger().scaled(finger.length_scale)
 
 
 def _bones(finger: IndexFinger) -> dict[str, Triangles]:
@@ -159,64 +152,9 @@ def _user_bone(body: str, bone: Bone, finger: IndexFinger) -> Triangles:
     return points * [finger.length_scale, finger.width_scale, finger.width_scale], faces
 
 
-def _index_finger(finger: IndexFinger, skeleton: Skeleton) -> Finger:
-    from meshes.skeleton import JOINTS
-    from rigid.index_finger import O2O3, finger_model
-    from rigid.mujoco_finger import MujocoFinger
-    from rigid.support import FREE, HELD
-
-    made = MujocoFinger(
-        finger_model(skeleton, O2O3 * finger.length_scale),
-        law=_law(finger, JOINTS),
-        support=HELD if finger.tip == "held" else FREE,
-        gravity=finger.gravity,
-    )
-    return _holdable(made, finger)
-
-
-def _hinge_finger(finger: HingeFinger) -> Finger:
-    from rigid.hinge import HingeFinger as Hinges
-    from rigid.support import FREE, IN_PLANE
-
-    law = _law(finger, ("MCP", "PIP", "DIP"))
-    made = Hinges(finger.lengths, law=law, support=IN_PLANE if finger.tip == "held" else FREE)
-    return _holdable(made, finger)
-
-
-def _holdable(made: ChainFinger, finger: IndexFinger | HingeFinger) -> ChainFinger:
-    """The finger, unless it is straight: its joints then cannot balance a force along it, and its
-    fingertip force would be as large as rounding and the hood's slightest pull make it."""
-    if made.support_arm(made.start(finger.posture.angles())) < LEAST_ARM:
-        raise InputError(
-            'finger.posture: a straight finger cannot be held at its tip (finger.tip = "held"): '
-            "no joint torque balances a force along it. Bend PIP or DIP by some degrees, or write "
-            'finger.tip = "free"'
-        )
-    return made
-
-
-def _law(finger: IndexFinger | HingeFinger, joints: tuple[str, ...]) -> JointLaw:
-    from rigid.joint_torques import joint_law
-
-    posture = finger.posture.angles()
-    rest = {
-        j: posture[j] if p.rest == "posture" else float(p.rest) for j, p in finger.passive.items()
-    }
-    law = joint_law(
-        joints,
-        stiffness={j: p.stiffness for j, p in finger.passive.items()},
-        rest=rest,
-        limit_stiffness=finger.limit.stiffness,
-        transition=finger.limit.transition,
-    )
-    return law.held_about(posture, margin=finger.limit.half_range)
-
-
-def _pulley_hood(hood: PulleyHood, finger: Finger) -> Hood:
+def _pulley_hood(paths: Mapping[str, Sequence[PathPoint]], finger: Finger) -> Hood:
     from rigid.pulley import Cable
     from rigid.pulley import PulleyHood as Pulleys
 
-    cables = {
-        name: Cable(tuple((p.body, p.point) for p in path)) for name, path in hood.paths.items()
-    }
+    cables = {name: Cable(tuple((p.body, p.point) for p in path)) for name, path in paths.items()}
     return Pulleys(cables, finger.motion(finger.start({})))

@@ -6,144 +6,28 @@ import json
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, Strict, model_validator
+from pydantic import Field, model_validator
 
 from cosim import units
-from cosim.case_fields import existing_file, fault, name_of, quantity
+from cosim.case_fields import fault, name_of, quantity
+from cosim.case_finger import HingeFinger, IndexFinger, MiddleFinger, Posture, Tendon
+from cosim.case_types import (
+    BodyName,
+    Coordinate,
+    Count,
+    ExtraLength,
+    File,
+    Gap,
+    Modulus,
+    Number,
+    Offset,
+    Section,
+    Switch,
+    Table,
+    TendonName,
+    Thickness,
+)
 from meshes.hood_mesh import REGIONS, SPRINGS
-from meshes.skeleton import BODIES, JOINTS
-
-TENDONS = ("EDC", "EI", "LUM", "FPI", "FDP", "FDS", "FDIm", "FDIl")
-
-Phalanx = Annotated[float, quantity(units.LENGTH, above="0 mm", most="200 mm")]
-Coordinate = Annotated[float, quantity(units.LENGTH, least="-200 mm", most="200 mm")]
-Force = Annotated[float, quantity(units.FORCE, least="0 N", most="1000 N")]
-Acceleration = Annotated[
-    float, quantity(units.ACCELERATION, least="-100 m/s**2", most="100 m/s**2")
-]
-Thickness = Annotated[float, quantity(units.LENGTH, above="0 mm", most="5 mm")]
-Modulus = Annotated[float, quantity(units.PRESSURE, above="0 MPa", most="100 GPa")]
-Section = Annotated[float, quantity(units.AREA, above="0 mm**2", most="100 mm**2")]
-Gap = Annotated[float, quantity(units.LENGTH, above="0 mm", most="1 mm")]
-Offset = Annotated[float, quantity(units.LENGTH, least="0 mm", most="10 mm")]
-ExtraLength = Annotated[float, quantity(units.LENGTH, least="-3 mm", most="5 mm")]
-# Joint ranges: Xu et al. 2012, Design of an anthropomorphic robotic finger system, table II.
-McpAngle = Annotated[float, quantity(units.ANGLE, least="-30 deg", most="90 deg")]
-AbductionAngle = Annotated[float, quantity(units.ANGLE, least="-35 deg", most="35 deg")]
-PipAngle = Annotated[float, quantity(units.ANGLE, least="0 deg", most="110 deg")]
-DipAngle = Annotated[float, quantity(units.ANGLE, least="0 deg", most="70 deg")]
-File = Annotated[Path, existing_file()]
-Number = Annotated[float, Strict(), Field(allow_inf_nan=False)]
-Count = Annotated[int, Strict()]
-Switch = Annotated[bool, Strict()]
-TendonName = Annotated[str, name_of("tendon", TENDONS)]
-BodyName = Annotated[str, name_of("body", BODIES)]
-
-
-class Table(BaseModel):
-    """A table of a case: frozen, unknown keys refused."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", protected_namespaces=())
-
-
-class PlanarPosture(Table):
-    """Flexion angles, rad."""
-
-    MCP: McpAngle
-    PIP: PipAngle
-    DIP: DipAngle
-
-    def angles(self) -> dict[str, float]:
-        """Joint name -> angle (rad)."""
-        return {name: float(value) for name, value in self}
-
-
-class Posture(PlanarPosture):
-    """Joint angles, rad; radial abduction positive."""
-
-    MCP_abduction: AbductionAngle = 0.0
-
-
-class Limit(Table):
-    """The torque that keeps a joint within `half_range` of the posture (OpenSim's
-    CoordinateLimitForce)."""
-
-    half_range: Annotated[float, quantity(units.ANGLE, least="0 deg", most="90 deg")]
-    stiffness: Annotated[
-        float, quantity(units.LIMIT_STIFFNESS, least="0 N*m/deg", most="1000 N*m/deg")
-    ]
-    transition: Annotated[float, quantity(units.ANGLE, above="0 deg", most="45 deg")]
-
-
-class Passive(Table):
-    """A linear passive joint torque: N m/rad about `rest`, an angle (rad) or "posture"."""
-
-    stiffness: Annotated[
-        float, quantity(units.JOINT_STIFFNESS, least="0 N*m/rad", most="100 N*m/rad")
-    ]
-    rest: Annotated[
-        float | Literal["posture"],
-        quantity(units.ANGLE, least="-90 deg", most="110 deg", word="posture"),
-    ]
-
-
-class Bone(Table):
-    """A watertight surface (STL or OBJ) in place of our bone."""
-
-    surface: File
-    unit: Literal["m", "mm"]
-    frame: Literal["ours", "myohand"]
-
-
-class IndexFinger(Table):
-    """The MuJoCo index finger."""
-
-    kind: Literal["index"]
-    posture: Posture
-    length_scale: Annotated[Number, Field(gt=0, le=3)] = 1.0
-    width_scale: Annotated[Number, Field(gt=0, le=3)] = 1.0
-    tip: Literal["held", "free"] = "held"
-    limit: Limit
-    passive: dict[Annotated[str, name_of("joint", JOINTS)], Passive] = Field(default_factory=dict)
-    bones: dict[BodyName, Bone] = Field(default_factory=dict)
-    gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, 0.0)
-
-
-class HingeFinger(Table):
-    """The analytic planar finger: three hinges in a row."""
-
-    kind: Literal["hinge"]
-    lengths: tuple[Phalanx, Phalanx, Phalanx]
-    posture: PlanarPosture
-    tip: Literal["held", "free"] = "held"
-    limit: Limit
-    passive: dict[Annotated[str, name_of("joint", ("MCP", "PIP", "DIP"))], Passive] = Field(
-        default_factory=dict
-    )
-
-
-class Tendon(Table):
-    """A muscle: its tension, or its greatest force and its activation (0..1); with neither it is
-    at the resting tension."""
-
-    tension: Force | None = None
-    max_force: Force | None = None
-    activation: Annotated[Number, Field(ge=0, le=1)] | None = None
-
-    @model_validator(mode="after")
-    def _one_way(self) -> Tendon:
-        if self.tension is not None and self.activation is not None:
-            raise fault("gives both tension and activation; write one of them")
-        if self.activation is not None and self.max_force is None:
-            raise fault('gives activation without max_force; add for example max_force = "35 N"')
-        return self
-
-    @property
-    def force(self) -> float | None:
-        """N; None: at the resting tension."""
-        if self.activation is not None and self.max_force is not None:
-            return self.activation * self.max_force
-        return self.tension
 
 
 class GeneratedMesh(Table):
@@ -311,6 +195,14 @@ class PulleyHood(Table):
     paths: dict[TendonName, Annotated[tuple[PathPoint, ...], Field(min_length=2)]]
 
 
+class SplitHood(Table):
+    """No hood at all: tendons that part into strands of fixed shares, `central` of what enters the
+    hood going to the central slip (equal parts in the normative model: An et al. 1979)."""
+
+    kind: Literal["split"]
+    central: Annotated[Number, Field(ge=0, le=1)] = 0.5
+
+
 class Solve(Table):
     """Tolerances: of the coupling (relative residual) and of the hood's own equilibrium."""
 
@@ -331,9 +223,9 @@ class CaseFile(Table):
 
     title: str
     notes: str | None = None
-    finger: Annotated[IndexFinger | HingeFinger, Field(discriminator="kind")]
+    finger: Annotated[IndexFinger | MiddleFinger | HingeFinger, Field(discriminator="kind")]
     tendons: dict[TendonName, Tendon] = Field(default_factory=dict)
-    hood: Annotated[ShellHood | PulleyHood, Field(discriminator="kind")]
+    hood: Annotated[ShellHood | PulleyHood | SplitHood, Field(discriminator="kind")]
     solve: Solve = Solve()
     output: Output = Output()
 

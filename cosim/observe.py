@@ -63,9 +63,10 @@ def summary(
         "hood_moment_balance": moment,
         "finger_residual": loaded.finger_residual,
         "interface_residual": loaded.interface_residual,
-        "reciprocity": states.reciprocity,
     }
-    missed = [name for name, bound in BOUNDS.items() if not audit[name] <= bound]
+    if states.reciprocity is not None:
+        audit["reciprocity"] = states.reciprocity
+    missed = [name for name, bound in BOUNDS.items() if name in audit and not audit[name] <= bound]
     if now.get("max_penetration_mm", 0.0) > MOST_PENETRATION:
         missed.append("max_penetration_mm")
     newton = getattr(loaded.response.state, "iterations", 0)
@@ -84,6 +85,7 @@ def _state(models: Models, e: Equilibrium, look: HoodLook | None) -> dict[str, A
     """One equilibrium in numbers."""
     hood, finger = models.hood, models.finger
     force = IN_METACARPAL @ e.balance.tip_force
+    phalanx = IN_METACARPAL @ e.motion.rotation[-1].T @ e.balance.tip_force
     arms = {t: _by_joint(models, 1e3 * a) for t, a in _arms(models, e).items()}
     out: dict[str, Any] = {
         "posture_deg": _by_joint(models, np.rad2deg(finger.angles(e.finger_state))),
@@ -91,6 +93,7 @@ def _state(models: Models, e: Equilibrium, look: HoodLook | None) -> dict[str, A
         | dict(zip(finger.tendons, e.finger_tension, strict=True)),
         "excursion_mm": dict(zip(hood.tendons, 1e3 * e.excursion, strict=True)),
         "fingertip_force_N": force.tolist(),
+        "fingertip_force_in_phalanx_N": phalanx.tolist(),
         "fingertip_magnitude_N": float(np.linalg.norm(force)),
         "moment_arm_mm": arms,
         "joint_torque_Nmm": {

@@ -34,7 +34,8 @@ class States:
 
     unloaded: Equilibrium
     loaded: Equilibrium
-    reciprocity: float
+    reciprocity: float | None
+    """None where the hood has no tendons to pull."""
 
 
 def run_case(case: Case, progress: Progress = lambda text: None) -> Result:
@@ -63,6 +64,8 @@ def solve(case: Case, progress: Progress = lambda text: None) -> tuple[Models, S
         _options(case),
         lambda text: progress(f"loaded: {text}"),
     )
+    if not len(hood_tension):
+        return models, States(unloaded, loaded, None)
     progress("auditing reciprocity")
     strongest = int(np.argmax(hood_tension))
     gap = reciprocity(models.finger, models.hood, loaded, strongest, AUDIT_STEP)

@@ -62,6 +62,12 @@ STIFFNESS = Kind("stiffness", "N/mm", "N/m", "1000 N/mm")
 CONTACT_STIFFNESS = Kind("pressure per length", "N/mm**3", "N/m**3", "100 N/mm**3")
 LIMIT_STIFFNESS = Kind("torque per angle", "N*m/deg", "N*m/rad", "20 N*m/deg")
 JOINT_STIFFNESS = Kind("torque per angle", "N*m/rad", "N*m/rad", "0.04 N*m/rad")
+TORQUE = Kind("torque", "N*mm", "N*m", "20 N*mm")
+TIME = Kind("time", "s", "s", "2 s")
+JOINT_DAMPING = Kind("torque per rate", "N*m*s/rad", "N*m*s/rad", "0.001 N*m*s/rad")
+LIMIT_DAMPING = Kind("torque per rate", "N*m*s/deg", "N*m*s/rad", "0.01 N*m*s/deg")
+DISSIPATION = Kind("time per length", "s/m", "s/m", "0.99 s/m")
+SPEED = Kind("speed", "m/s", "m/s", "0.1 m/s")
 
 
 @cache

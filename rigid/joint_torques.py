@@ -1,12 +1,14 @@
-"""Passive torques of the joints: a linear spring and the coordinate limit.
+"""Passive torques of the joints: springs, curves, damping and the coordinate limit.
 
-Pure functions of the joint angles, each with its derivative; angles in rad, torques in N m.
+Pure functions of the joint angles and rates, each with its derivative; rad, rad/s, N m.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -40,14 +42,54 @@ def limit_torque(
 ) -> tuple[Array, Array]:
     """Restoring torque K s(x / transition) x at x rad beyond a limit, and d tau / dq.
 
-    The law of OpenSim's CoordinateLimitForce without its damping; zero between the limits,
-    `stiffness` N m/rad in full at `transition` rad beyond one.  An infinite limit is none.
+    The law of OpenSim's CoordinateLimitForce at rest (`limit_damping` has the rest); zero between
+    the limits, `stiffness` N m/rad in full at `transition` rad beyond one.  An infinite limit is
+    none.
     """
     above, below = np.maximum(q - upper, 0.0), np.maximum(lower - q, 0.0)
     x = above + below  # at most one of them is not zero
     s, slope = smooth_step(x / transition)
     torque = np.sign(below - above) * stiffness * s * x
     return torque, -stiffness * (s + slope * x / transition)
+
+
+def limit_damping(q: Array, lower: Array, upper: Array, damping: float, transition: float) -> Array:
+    """N m s/rad, the damping of OpenSim's CoordinateLimitForce: s(x / transition) `damping` at x
+    rad beyond a limit, against the motion in either direction."""
+    beyond = np.maximum(q - upper, 0.0) + np.maximum(lower - q, 0.0)
+    return damping * smooth_step(beyond / transition)[0]
+
+
+@dataclass(frozen=True)
+class TorqueCurve:
+    """A joint's passive torque through points: monotone where they are (PCHIP: Fritsch and Carlson
+    1980, SIAM J Numer Anal 17:238), straight beyond the ends, with a continuous slope."""
+
+    angle: tuple[float, ...]
+    torque: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        values = np.array([*self.angle, *self.torque])
+        paired = len(self.angle) == len(self.torque) >= 2
+        if not paired or not np.isfinite(values).all() or (np.diff(self.angle) <= 0).any():
+            raise InputError(
+                "torque curve: expected two or more points (rad, N m) whose angles rise, got "
+                f"angles {self.angle} and torques {self.torque}"
+            )
+
+    def __call__(self, q: float) -> tuple[float, float]:
+        """N m and N m/rad at q rad."""
+        inside = min(max(q, self.angle[0]), self.angle[-1])
+        spline, slope = self._splines
+        gradient = float(slope(inside))
+        return float(spline(inside)) + gradient * (q - inside), gradient
+
+    @cached_property
+    def _splines(self) -> tuple[Any, Any]:
+        from scipy.interpolate import PchipInterpolator
+
+        spline = PchipInterpolator(self.angle, self.torque)
+        return spline, spline.derivative()
 
 
 @dataclass(frozen=True)
@@ -64,6 +106,12 @@ class JointLaw:
     """rad, where the coordinate limit begins; infinite for none."""
     limit_stiffness: float = LIMIT_STIFFNESS
     transition: float = LIMIT_TRANSITION
+    limit_damping: float = 0.0
+    """N m s/rad, fully beyond a limit."""
+    damping: Array | None = None
+    """N m s/rad; None: none."""
+    curves: Mapping[str, TorqueCurve] = field(default_factory=dict)
+    """By joint, added to its spring."""
 
     def __post_init__(self) -> None:
         low = self.lower > self.upper
@@ -81,8 +129,22 @@ class JointLaw:
             )
 
     def passive(self, q: Array) -> tuple[Array, Array]:
-        """Spring torques (nq,) and their derivatives (nq,)."""
-        return spring_torque(q, self.stiffness, self.rest)
+        """Torques (nq,) of springs and curves, and their derivatives (nq,)."""
+        torque, slope = spring_torque(q, self.stiffness, self.rest)
+        if self.curves:
+            slope = slope.copy()
+            for joint, curve in self.curves.items():
+                i = self.joints.index(joint)
+                more = curve(float(q[i]))
+                torque[i], slope[i] = torque[i] + more[0], slope[i] + more[1]
+        return torque, slope
+
+    def viscous(self, q: Array, rate: Array) -> tuple[Array, Array]:
+        """Torques (nq,) of the joints' and the limits' damping, and their derivatives (nq,) by the
+        rates."""
+        c = limit_damping(q, self.lower, self.upper, self.limit_damping, self.transition)
+        c = c if self.damping is None else c + self.damping
+        return -c * rate, -c
 
     def limit(self, q: Array) -> tuple[Array, Array]:
         """Limit torques (nq,) and their derivatives (nq,)."""
@@ -107,11 +169,16 @@ def joint_law(
     upper: Mapping[str, float] | None = None,
     limit_stiffness: float = LIMIT_STIFFNESS,
     transition: float = LIMIT_TRANSITION,
+    limit_damping: float = 0.0,
+    damping: Mapping[str, float] | None = None,
+    curves: Mapping[str, TorqueCurve] | None = None,
 ) -> JointLaw:
-    """A law from values by joint (rad, N m/rad); a joint not named has no spring and no limit.
+    """A law from values by joint (rad, N m/rad, N m s/rad); a joint not named has none.
 
     Raises InputError for an unknown joint, a negative stiffness or limits that cross."""
     joints = tuple(joints)
+    curves = {} if curves is None else dict(curves)
+    by_joint(dict.fromkeys(curves, 0.0), joints, 0.0, "torque curves")
     return JointLaw(
         joints,
         by_joint(stiffness, joints, 0.0, "passive stiffness"),
@@ -120,6 +187,9 @@ def joint_law(
         by_joint(upper, joints, np.inf, "upper limits"),
         limit_stiffness,
         transition,
+        limit_damping,
+        by_joint(damping, joints, 0.0, "damping") if damping else None,
+        curves,
     )
 
 

@@ -56,7 +56,7 @@ def ways(central: float = CENTRAL) -> Mapping[str, tuple[Way, ...]]:
     radial = tuple(((1.0 - RI_TO_BONE) * share, rows) for share, rows in hooded)
     return {
         "EDC": extensor("LE", ("RB", "UB"), central),
-        "LU": extensor("LU", ("RB",), central),
+        "LUM": extensor("LU", ("RB",), central),
         "RI": ((RI_TO_BONE, (("MCP", "RI"),)), *radial),
         "UI": extensor("UI", ("UB",), central),
         "FDP": ((1.0, (("MCP", "FDP"), ("PIP", "FDP"), ("DIP", "FDP"))),),

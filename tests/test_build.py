@@ -136,12 +136,12 @@ def test_a_straight_finger_cannot_be_held_at_its_tip(finger):
     straight = [f"finger.posture.{joint}=0 deg" for joint in ("PIP", "DIP")]
     with pytest.raises(InputError, match=r"finger\.posture: a straight finger .*finger\.tip"):
         build(load_case("isometric_edc", [*finger, *PULLEY, *straight]))
-    free = build(load_case("isometric_edc", [*finger, *PULLEY, *straight, "finger.tip=free"]))
+    free = build(load_case("isometric_edc", [*finger, *PULLEY, *straight, "finger.tip.kind=free"]))
     assert free.finger.angles(free.finger.start(free.posture))[-1] == 0.0
 
 
 def test_a_shell_needs_bones():
-    with pytest.raises(InputError, match=r'hood\.kind = "shell" needs finger\.kind = "index"'):
+    with pytest.raises(InputError, match=r'hood\.kind = "shell" does not go with finger\.kind = "hinge"'):
         build(load_case("isometric_edc", list(HINGE)))
 
 

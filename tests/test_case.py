@@ -145,7 +145,7 @@ BAD = {
     ),
     "a tendon in other letters": ("tendons.edc.tension=1 N", "tendons.edc", "named twice"),
     "an unknown kind": ("hood.kind=membrane", "hood.kind", "write 'shell' or 'pulley'"),
-    "another word": ("finger.tip=hold", "finger.tip = 'hold'", "write 'held' or 'free'"),
+    "another word": ("finger.tip.kind=hold", "finger.tip.kind = 'hold'", "write 'point' or 'clamped' or 'free'"),
     "no table": ("hood.contact=3", "hood.contact = 3", "must be a table, [hood.contact]"),
     "truth for a number": ("hood.mesh.quads=true", "hood.mesh.quads", "integer"),
     "a missing unit in a list": ("finger.gravity=[1, 2, 3]", "finger.gravity[2] = 3", "bare"),

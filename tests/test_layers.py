@@ -30,9 +30,11 @@ ALLOWED = {
 }
 KNOW_THE_SOLVERS = {
     "cosim.build",
+    "cosim.build_finger",
     "cosim.build_shell",
     "cosim.shell_commands",
     "cosim.job_commands",
+    "cosim.opensim_commands",
 }
 
 
@@ -74,8 +76,8 @@ def test_the_modules_are_found():
     assert {"cosim.port", "fe_solver.shell_hood", "rigid.pulley", "meshes.hood"} <= set(MODULES)
     assert "meshes.skeleton" in set(imports("rigid.index_finger", top_only=True))
     assert "fe_solver.newton" in set(imports("fe_solver.shell_hood", top_only=True))
-    assert "rigid.hinge" in set(imports("cosim.build", top_only=False))
-    assert "rigid.hinge" not in set(imports("cosim.build", top_only=True))
+    assert "rigid.hinge" in set(imports("cosim.build_finger", top_only=False))
+    assert "rigid.hinge" not in set(imports("cosim.build_finger", top_only=True))
 
 
 @pytest.mark.parametrize("room", ALLOWED)

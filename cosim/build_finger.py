@@ -1,0 +1,110 @@
+"""From the finger of a case to a live one.  One of the files that know the solvers by name."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from cosim.case_finger import HingeFinger, IndexFinger, MiddleFinger
+from cosim.case_schema import SplitHood
+from cosim.port import InputError
+
+if TYPE_CHECKING:
+    from meshes.skeleton import Skeleton
+    from rigid.joint_torques import JointLaw
+    from rigid.model import FingerModel
+    from rigid.statics import ChainFinger
+    from rigid.support import Support
+
+LEAST_ARM = 1e-3
+"""m, of the joints about a held tip; some 2 deg of flexion in all."""
+AnyFinger = IndexFinger | MiddleFinger | HingeFinger
+
+
+def live_finger(finger: AnyFinger, hood: object) -> ChainFinger:
+    """The finger, with the extensor's tendons among its own where the hood is a fixed split.
+
+    Raises InputError for one that cannot be held where the case holds it."""
+    made = _hinges(finger) if isinstance(finger, HingeFinger) else _on_mujoco(finger, hood)
+    if finger.tip.kind == "free":
+        return made
+    if made.support_arm(made.start(finger.posture.angles())) < LEAST_ARM:
+        # Its fingertip force would be as large as rounding and the hood's slightest pull make it.
+        raise InputError(
+            "finger.posture: a straight finger cannot be held at its tip (finger.tip.kind = "
+            f'"{finger.tip.kind}"): no joint torque balances a force along it. Bend PIP or DIP by '
+            'some degrees, or write finger.tip.kind = "free"'
+        )
+    return made
+
+
+def skeleton_of(finger: IndexFinger) -> Skeleton:
+    """The index finger's joints and lengths."""
+    from meshes.skeleton import index_finger
+
+    return index_finger().scaled(finger.length_scale)
+
+
+def finger_model(finger: IndexFinger | MiddleFinger, hood: object) -> FingerModel:
+    """Bones, joints and tendons in words."""
+    from rigid import index_finger, middle_finger
+
+    central = hood.central if isinstance(hood, SplitHood) else None
+    if isinstance(finger, IndexFinger):
+        unit = index_finger.O2O3 * finger.length_scale
+        return index_finger.finger_model(skeleton_of(finger), unit, central=central)
+    if central is None:
+        return middle_finger.finger_model(finger.length_scale).with_only("FDP", "FDS")
+    return middle_finger.finger_model(finger.length_scale, central)
+
+
+def _on_mujoco(finger: IndexFinger | MiddleFinger, hood: object) -> ChainFinger:
+    from rigid.mujoco_finger import MujocoFinger
+    from rigid.support import CLAMPED, FREE, HELD
+
+    model = finger_model(finger, hood)
+    return MujocoFinger(
+        model,
+        law=_law(finger, model.joints),
+        support={"point": HELD, "clamped": CLAMPED, "free": FREE}[finger.tip.kind],
+        gravity=finger.gravity,
+    )
+
+
+def _hinges(finger: HingeFinger) -> ChainFinger:
+    from rigid.hinge import JOINTS
+    from rigid.hinge import HingeFinger as Hinges
+    from rigid.support import CLAMPED_IN_PLANE, FREE, IN_PLANE
+
+    support: Support = {"point": IN_PLANE, "clamped": CLAMPED_IN_PLANE, "free": FREE}[
+        finger.tip.kind
+    ]
+    return Hinges(finger.lengths, law=_law(finger, JOINTS), support=support)
+
+
+def _law(finger: AnyFinger, joints: tuple[str, ...]) -> JointLaw:
+    from rigid.joint_torques import TorqueCurve, joint_law
+
+    posture = finger.posture.angles()
+    springs = {j: p for j, p in finger.passive.items() if p.stiffness is not None}
+    curves = {
+        j: TorqueCurve(*zip(*p.curve, strict=True)) for j, p in finger.passive.items() if p.curve
+    }
+    law = joint_law(
+        joints,
+        stiffness={j: p.stiffness for j, p in springs.items() if p.stiffness is not None},
+        rest={
+            j: posture[j] if isinstance(p.rest, str) else p.rest or 0.0 for j, p in springs.items()
+        },
+        damping={j: p.damping for j, p in finger.passive.items()},
+        curves=curves,
+    )
+    if finger.limit is None:
+        return law
+    law = replace(
+        law,
+        limit_stiffness=finger.limit.stiffness,
+        transition=finger.limit.transition,
+        limit_damping=finger.limit.damping,
+    )
+    return law.held_about(posture, margin=finger.limit.half_range)

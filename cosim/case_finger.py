@@ -1,0 +1,191 @@
+"""What a case may say of the finger: posture, passive joints, fingertip, muscles."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from cosim import units
+from cosim.case_fields import fault, name_of, quantity
+from cosim.case_types import (
+    AbductionAngle,
+    Acceleration,
+    BodyName,
+    DipAngle,
+    File,
+    Force,
+    McpAngle,
+    Number,
+    Phalanx,
+    PipAngle,
+    Table,
+)
+from meshes.skeleton import JOINTS
+
+
+class PlanarPosture(Table):
+    """Flexion angles, rad."""
+
+    MCP: McpAngle
+    PIP: PipAngle
+    DIP: DipAngle
+
+    def angles(self) -> dict[str, float]:
+        """Joint name -> angle (rad)."""
+        return {name: float(value) for name, value in self}
+
+
+class Posture(PlanarPosture):
+    """Joint angles, rad; radial abduction positive."""
+
+    MCP_abduction: AbductionAngle = 0.0
+
+
+JointAngle = Annotated[float, quantity(units.ANGLE, least="-90 deg", most="150 deg")]
+JointTorque = Annotated[float, quantity(units.TORQUE, least="-100 N*m", most="100 N*m")]
+
+
+class Limit(Table):
+    """The torque that keeps a joint within `half_range` of the posture (OpenSim's
+    CoordinateLimitForce)."""
+
+    half_range: Annotated[float, quantity(units.ANGLE, least="0 deg", most="90 deg")]
+    stiffness: Annotated[
+        float, quantity(units.LIMIT_STIFFNESS, least="0 N*m/deg", most="1000 N*m/deg")
+    ]
+    transition: Annotated[float, quantity(units.ANGLE, above="0 deg", most="45 deg")]
+    damping: Annotated[
+        float, quantity(units.LIMIT_DAMPING, least="0 N*m*s/deg", most="100 N*m*s/deg")
+    ] = 0.0
+
+
+class Passive(Table):
+    """A passive joint torque: linear, N m/rad about `rest` (an angle in rad, or "posture"), or a
+    `curve` of (angle, torque) points through which a smooth line runs, straight beyond its ends;
+    and viscous damping, which acts where the finger moves in time."""
+
+    stiffness: (
+        Annotated[float, quantity(units.JOINT_STIFFNESS, least="0 N*m/rad", most="100 N*m/rad")]
+        | None
+    ) = None
+    rest: (
+        Annotated[
+            float | Literal["posture"],
+            quantity(units.ANGLE, least="-90 deg", most="110 deg", word="posture"),
+        ]
+        | None
+    ) = None
+    curve: Annotated[tuple[tuple[JointAngle, JointTorque], ...], Field(min_length=2)] | None = None
+    damping: Annotated[
+        float, quantity(units.JOINT_DAMPING, least="0 N*m*s/rad", most="1 N*m*s/rad")
+    ] = 0.0
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Passive:
+        if (self.stiffness is None) != (self.rest is None):
+            raise fault('gives one of stiffness and rest; write both, for example rest = "posture"')
+        if self.curve is not None and self.stiffness is not None:
+            raise fault("gives both a curve and a stiffness; write one of them")
+        angles = [angle for angle, _ in self.curve or ()]
+        if any(b <= a for a, b in pairwise(angles)):
+            raise fault("curve: its angles must rise from point to point")
+        return self
+
+
+class HeldTip(Table):
+    """The fingertip is held at a point: free to turn there ("point"), clamped against flexion too
+    ("clamped"), or not held at all ("free")."""
+
+    kind: Literal["point", "clamped", "free"]
+
+
+Tip = HeldTip
+
+
+class Bone(Table):
+    """A watertight surface (STL or OBJ) in place of our bone."""
+
+    surface: File
+    unit: Literal["m", "mm"]
+    frame: Literal["ours", "myohand"]
+
+
+class MiddleFinger(Table):
+    """The MuJoCo middle finger of Synek et al. 2019."""
+
+    kind: Literal["middle"]
+    posture: Posture
+    length_scale: Annotated[Number, Field(gt=0, le=3)] = 1.0
+    tip: Tip = HeldTip(kind="point")
+    limit: Limit | None = None
+    passive: dict[Annotated[str, name_of("joint", JOINTS)], Passive] = Field(default_factory=dict)
+    gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, 0.0)
+
+
+class IndexFinger(Table):
+    """The MuJoCo index finger."""
+
+    kind: Literal["index"]
+    posture: Posture
+    length_scale: Annotated[Number, Field(gt=0, le=3)] = 1.0
+    width_scale: Annotated[Number, Field(gt=0, le=3)] = 1.0
+    tip: Tip = HeldTip(kind="point")
+    limit: Limit | None = None
+    passive: dict[Annotated[str, name_of("joint", JOINTS)], Passive] = Field(default_factory=dict)
+    bones: dict[BodyName, Bone] = Field(default_factory=dict)
+    gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, 0.0)
+
+
+class HingeFinger(Table):
+    """The analytic planar finger: three hinges in a row."""
+
+    kind: Literal["hinge"]
+    lengths: tuple[Phalanx, Phalanx, Phalanx]
+    posture: PlanarPosture
+    tip: Tip = HeldTip(kind="point")
+    limit: Limit | None = None
+    passive: dict[Annotated[str, name_of("joint", ("MCP", "PIP", "DIP"))], Passive] = Field(
+        default_factory=dict
+    )
+
+
+class Millard(Table):
+    """The equilibrium muscle of Millard et al. 2013 between its tendon's path and the bone.
+
+    `fibre_length`: of the fibre over its optimal length, in the case's posture at the case's
+    activation; nobody measured it, and the force depends on it."""
+
+    kind: Literal["millard"]
+    optimal_fibre_length: Annotated[float, quantity(units.LENGTH, above="0 mm", most="500 mm")]
+    tendon_slack_length: Annotated[float, quantity(units.LENGTH, above="0 mm", most="1000 mm")]
+    pennation: Annotated[float, quantity(units.ANGLE, least="0 deg", most="60 deg")] = 0.0
+    fibre_length: Annotated[Number, Field(ge=0.4, le=1.7)] = 1.0
+    tendon: Literal["elastic", "rigid"] = "elastic"
+
+
+class Tendon(Table):
+    """A muscle: its tension, or its greatest force and its activation (0..1); with neither it is
+    at the resting tension.  The force of an activation is activation times the greatest force, or
+    what `muscle` makes of it."""
+
+    tension: Force | None = None
+    max_force: Force | None = None
+    activation: Annotated[Number, Field(ge=0, le=1)] | None = None
+    muscle: Millard | None = None
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Tendon:
+        if self.tension is not None and self.activation is not None:
+            raise fault("gives both tension and activation; write one of them")
+        if self.activation is not None and self.max_force is None:
+            raise fault('gives activation without max_force; add for example max_force = "35 N"')
+        return self
+
+    @property
+    def force(self) -> float | None:
+        """N; None: at the resting tension."""
+        if self.activation is not None and self.max_force is not None:
+            return self.activation * self.max_force
+        return self.tension

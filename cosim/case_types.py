@@ -1,0 +1,44 @@
+"""What the tables of a case share: their base and the values that they state."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field, Strict
+
+from cosim import units
+from cosim.case_fields import existing_file, name_of, quantity
+from meshes.skeleton import BODIES
+
+TENDONS = ("EDC", "EI", "LUM", "FPI", "RI", "UI", "FDP", "FDS", "FDIm", "FDIl")
+
+Phalanx = Annotated[float, quantity(units.LENGTH, above="0 mm", most="200 mm")]
+Coordinate = Annotated[float, quantity(units.LENGTH, least="-200 mm", most="200 mm")]
+Force = Annotated[float, quantity(units.FORCE, least="0 N", most="1000 N")]
+Acceleration = Annotated[
+    float, quantity(units.ACCELERATION, least="-100 m/s**2", most="100 m/s**2")
+]
+Thickness = Annotated[float, quantity(units.LENGTH, above="0 mm", most="5 mm")]
+Modulus = Annotated[float, quantity(units.PRESSURE, above="0 MPa", most="100 GPa")]
+Section = Annotated[float, quantity(units.AREA, above="0 mm**2", most="100 mm**2")]
+Gap = Annotated[float, quantity(units.LENGTH, above="0 mm", most="1 mm")]
+Offset = Annotated[float, quantity(units.LENGTH, least="0 mm", most="10 mm")]
+ExtraLength = Annotated[float, quantity(units.LENGTH, least="-3 mm", most="5 mm")]
+# Joint ranges: Xu et al. 2012, Design of an anthropomorphic robotic finger system, table II.
+McpAngle = Annotated[float, quantity(units.ANGLE, least="-30 deg", most="90 deg")]
+AbductionAngle = Annotated[float, quantity(units.ANGLE, least="-35 deg", most="35 deg")]
+PipAngle = Annotated[float, quantity(units.ANGLE, least="0 deg", most="110 deg")]
+DipAngle = Annotated[float, quantity(units.ANGLE, least="0 deg", most="70 deg")]
+File = Annotated[Path, existing_file()]
+Number = Annotated[float, Strict(), Field(allow_inf_nan=False)]
+Count = Annotated[int, Strict()]
+Switch = Annotated[bool, Strict()]
+TendonName = Annotated[str, name_of("tendon", TENDONS)]
+BodyName = Annotated[str, name_of("body", BODIES)]
+
+
+class Table(BaseModel):
+    """A table of a case: frozen, unknown keys refused."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", protected_namespaces=())
