@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from cosim.case_finger import HingeFinger, IndexFinger, MiddleFinger
-from cosim.case_schema import SplitHood
+from cosim.case_schema import Case, SplitHood
 from cosim.port import InputError
 
 if TYPE_CHECKING:
@@ -56,6 +56,17 @@ def finger_model(finger: IndexFinger | MiddleFinger, hood: object) -> FingerMode
     if central is None:
         return middle_finger.finger_model(finger.length_scale).with_only("FDP", "FDS")
     return middle_finger.finger_model(finger.length_scale, central)
+
+
+def mjcf_of(case: Case) -> str:
+    """The finger of a case as MJCF.  Raises InputError for one that has none."""
+    from rigid.mjcf import mjcf_xml
+
+    if isinstance(case.finger, HingeFinger):
+        raise InputError(
+            f'{case.name}: finger.kind = "hinge" has no MuJoCo model; take "index" or "middle"'
+        )
+    return mjcf_xml(finger_model(case.finger, case.hood), case.finger.gravity)
 
 
 def _on_mujoco(finger: IndexFinger | MiddleFinger, hood: object) -> ChainFinger:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cosim import __version__
+from cosim.finger_commands import mjcf, moment_arms
 from cosim.job_commands import bench_fe, bench_febio, export, solve
 from cosim.port import CosimError, InputError
 from cosim.shell_commands import info, verify
@@ -32,6 +33,8 @@ app.add_typer(verify, name="verify")
 app.command()(info)
 app.command()(solve)
 app.command()(export)
+app.command()(moment_arms)
+app.command()(mjcf)
 Cases = Annotated[list[str], typer.Argument(help="Case files, or names of packaged cases.")]
 Settings = Annotated[
     list[str] | None,

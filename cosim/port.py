@@ -228,6 +228,10 @@ class Finger(Protocol):
     def joints(self) -> tuple[str, ...]: ...
     @property
     def tendons(self) -> tuple[str, ...]: ...
+    @property
+    def ranges(self) -> Mapping[str, tuple[float, float]]:
+        """rad by joint, what `start` allows; infinite where nothing is known."""
+        ...
 
     def start(self, posture: Mapping[str, float]) -> State:
         """The state at joint angles `posture` (rad) with no reaction; that tip point is held.

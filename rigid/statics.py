@@ -60,7 +60,7 @@ class ChainFinger(ABC):
         support: Support,
     ) -> None:
         self.bodies, self.tendons, self.joints = bodies, tendons, law.joints
-        self.law, self.support = law, support
+        self.law, self.support, self.ranges = law, support, dict(ranges)
         self._low = by_joint({j: r[0] for j, r in ranges.items()}, self.joints, -np.inf, "ranges")
         self._high = by_joint({j: r[1] for j, r in ranges.items()}, self.joints, np.inf, "ranges")
 

@@ -1,0 +1,168 @@
+"""Moment arms against posture: a sweep of each joint, a table, a plot, published values beside."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib import resources
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cosim.build import Models
+from cosim.port import STATIC, Array, ConvergenceError, Load, Motion, State
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
+
+ACTION = 5e-5
+"""m: a tendon that nowhere reaches this arm does not act on a joint."""
+MEAN_OF = 19
+"""Postures in a mean over a range."""
+MOST_STEP = float(np.radians(10.0))
+"""A hood follows the bones in steps of at most this turn."""
+
+
+def sweep(
+    models: Models, tension: Array, ranges: Mapping[str, tuple[float, float]], steps: int
+) -> tuple[pandas.DataFrame, list[str]]:
+    """Moment arms in mm (flexion and radial abduction positive) while each joint passes its range
+    (rad) in `steps` postures and the others keep the case's; and where the hood could not follow.
+
+    Columns: joint, angle_deg, tendon, arm_mm.  A hood's arms are d torque / d tension at fixed pose
+    under the tensions `tension` (N); the finger's own are the shortening of the path per rad."""
+    import pandas
+
+    rows, lost = [], []
+    for joint, bounds in ranges.items():
+        j = models.finger.joints.index(joint)
+        angles = np.linspace(*bounds, steps)
+        found = _own(models, joint, angles)
+        pulled, why = _hood(models, tension, joint, angles)
+        lost += why
+        for k, angle in enumerate(np.degrees(angles)):
+            for tendon, arm in {**pulled.get(k, {}), **found[k]}.items():
+                rows.append((joint, float(angle), tendon, 1e3 * arm[j]))
+    return pandas.DataFrame(rows, columns=["joint", "angle_deg", "tendon", "arm_mm"]), lost
+
+
+def own_arms(models: Models, posture: Mapping[str, float]) -> dict[str, Array]:
+    """(nq,) m of the finger's own tendons at joint angles `posture` (rad)."""
+    finger = models.finger
+    bodies, own = finger.bodies, finger.tendons
+    idle = Load(bodies, ("hood",), np.zeros((len(bodies), 1, 6)), np.zeros((0, 6)))
+    torque = finger.balance(finger.start(posture), idle, np.ones(len(own))).torque
+    return {name: torque[name] for name in own}
+
+
+def _own(models: Models, joint: str, angles: Array) -> list[dict[str, Array]]:
+    return [own_arms(models, {**models.posture, joint: float(angle)}) for angle in angles]
+
+
+def _hood(
+    models: Models, tension: Array, joint: str, angles: Array
+) -> tuple[dict[int, dict[str, Array]], list[str]]:
+    """Arms of the hood's tendons by the number of the angle, from the case's posture outwards to
+    either side, so that the hood follows the bones; and where it could not."""
+    if not models.hood.tendons:
+        return {}, []
+    home = models.posture.get(joint, 0.0)
+    out: dict[int, dict[str, Array]] = {}
+    lost = []
+    for side in (np.flatnonzero(angles >= home), np.flatnonzero(angles < home)[::-1]):
+        at, state = home, models.hood.start(_motion(models, joint, home))
+        try:
+            for k in side:
+                for angle in np.linspace(at, angles[k], 1 + max(1, _pieces(angles[k] - at)))[1:]:
+                    motion = _motion(models, joint, angle)
+                    state = models.hood.advance(state, motion, tension, STATIC).state
+                at = angles[k]
+                out[int(k)] = _pulled(models, joint, at, state)
+        except ConvergenceError as error:
+            lost.append(f"{joint} from {np.degrees(at):.0f} deg on: {error}")
+    return out, lost
+
+
+def _pieces(turn: float) -> int:
+    return int(np.ceil(abs(turn) / MOST_STEP))
+
+
+def _motion(models: Models, joint: str, angle: float) -> Motion:
+    return models.finger.motion(models.finger.start({**models.posture, joint: float(angle)}))
+
+
+def _pulled(models: Models, joint: str, angle: float, state: State) -> dict[str, Array]:
+    finger = models.finger
+    jacobian = finger.jacobian(finger.start({**models.posture, joint: float(angle)}))
+    arms = jacobian.T @ models.hood.jacobian(state).load_tension
+    return dict(zip(models.hood.tendons, arms.T, strict=True))
+
+
+def published() -> pandas.DataFrame:
+    """Columns tendon, joint, posture_deg, arm_mm, source: the index finger's in the literature."""
+    import pandas
+
+    path = resources.files("cases") / "data" / "moment_arms_index.csv"
+    return pandas.read_csv(str(path), comment="#")
+
+
+def beside_published(models: Models) -> pandas.DataFrame:
+    """Published arms beside those of the finger's own tendons in the source's posture, or, where
+    the source averages over a range, beside the mean from the straight joint to its full flexion
+    in the case's posture of the others."""
+    known = published()
+    here = known.tendon.isin(models.finger.tendons) & known.joint.isin(models.finger.joints)
+    known = known[here].copy()
+    known["model_mm"] = [
+        1e3 * _arm(models, row.tendon, row.joint, row.posture_deg) for row in known.itertuples()
+    ]
+    return known
+
+
+def _arm(models: Models, tendon: str, joint: str, posture: str) -> float:
+    j = models.finger.joints.index(joint)
+    if posture != "range":
+        return float(own_arms(models, _posture(posture))[tendon][j])
+    flexion = np.linspace(0.0, models.finger.ranges[joint][1], MEAN_OF)
+    return float(np.mean([arms[tendon][j] for arms in _own(models, joint, flexion)]))
+
+
+def _posture(text: str) -> dict[str, float]:
+    angles = (float(np.radians(float(part))) for part in text.split("/"))
+    return dict(zip(("MCP", "PIP", "DIP"), angles, strict=True))
+
+
+def draw(table: pandas.DataFrame, title: str) -> Figure:
+    """A panel for each joint: arm against angle, a line for each tendon, published values as
+    points where they belong to a posture and as short bars where the source averages."""
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+
+    joints = list(dict.fromkeys(table.joint))
+    tendons = list(dict.fromkeys(table.tendon))
+    colour = {tendon: f"C{i}" for i, tendon in enumerate(tendons)}
+    style = {tendon: ("-", "--")[i % 2] for i, tendon in enumerate(tendons)}
+    figure = Figure(figsize=(4.2 * len(joints), 4.6), layout="constrained")
+    known = published()
+    for axes, joint in zip(
+        figure.subplots(1, len(joints), squeeze=False).ravel(), joints, strict=True
+    ):
+        here = table[table.joint == joint]
+        for tendon, line in here.groupby("tendon", sort=False):
+            if line.arm_mm.abs().max() < 1e3 * ACTION:
+                continue
+            look = {"color": colour[str(tendon)], "ls": style[str(tendon)]}
+            axes.plot(line.angle_deg, line.arm_mm, **look)
+        means = known[(known.joint == joint) & (known.posture_deg == "range")]
+        low, high = here.angle_deg.min(), here.angle_deg.max()
+        for row in means[means.tendon.isin(tendons)].itertuples():
+            bar = {"color": colour[str(row.tendon)], "lw": 1, "ls": ":"}
+            axes.hlines(row.arm_mm, low, high, **bar)
+        axes.axhline(0.0, color="0.7", lw=0.8, zorder=0)
+        axes.set(title=joint.replace("_", " "), xlabel="angle, deg")
+        axes.grid(alpha=0.3)
+    lines = [Line2D([], [], color=colour[t], ls=style[t], label=t) for t in tendons]
+    figure.legend(handles=lines, loc="outside right center")
+    figure.axes[0].set_ylabel("moment arm, mm (flexion, radial abduction positive)")
+    figure.suptitle(f"{title}: moment arms; dotted: means in the literature", fontsize=11)
+    return figure

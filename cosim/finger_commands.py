@@ -1,0 +1,120 @@
+"""The commands about fingers: `cosim moment-arms` and `cosim mjcf`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cosim.files import written_whole
+from cosim.terminal import console, told
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
+
+CaseName = Annotated[str, typer.Argument(metavar="CASE", help="Case file, or a packaged case.")]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Replace a value of the case; repeatable."),
+]
+
+
+def moment_arms(
+    case: CaseName,
+    settings: Settings = None,
+    out: Annotated[Path, typer.Option(help="Folder for table and plot.")] = Path("moment_arms"),
+    steps: Annotated[int, typer.Option(min=2, max=1000, help="Postures of each joint.")] = 9,
+) -> None:
+    """Moment arms of all tendons while each joint passes its range, beside published ones."""
+    with told():
+        from cosim.arms import beside_published, draw, sweep
+        from cosim.build import build, tensions
+        from cosim.case import load_case
+
+        checked = load_case(case, settings or ())
+        models = build(checked)
+        tension, _ = tensions(checked, models)
+        table, lost = sweep(models, tension, models.finger.ranges, steps)
+        compared = beside_published(models) if checked.finger.kind == "index" else None
+        _write(out, table, compared, draw(table, checked.title))
+        _show(table)
+        if compared is not None:
+            _show_published(compared)
+        for reason in lost:
+            typer.echo(f"left out, the hood found no equilibrium: {reason}", err=True)
+        typer.echo(f"table and plot in {out}")
+
+
+def _write(
+    out: Path, table: pandas.DataFrame, compared: pandas.DataFrame | None, figure: Figure
+) -> None:
+    with written_whole(out / "moment_arms.csv") as path:
+        table.round(4).to_csv(path, index=False)
+    if compared is not None:
+        with written_whole(out / "published.csv") as path:
+            compared.round(4).to_csv(path, index=False)
+    with written_whole(out / "moment_arms.png") as path:
+        figure.savefig(path, dpi=130, format="png")
+
+
+def _show(table: pandas.DataFrame) -> None:
+    """A line for each tendon and joint that it acts on, a column for each posture."""
+    from cosim.arms import ACTION
+
+    for joint, here in table.groupby("joint", sort=False):
+        wide = here.pivot(index="tendon", columns="angle_deg", values="arm_mm")
+        wide = wide.loc[
+            [t for t in dict.fromkeys(here.tendon) if wide.loc[t].abs().max() >= 1e3 * ACTION]
+        ]
+        rows = [
+            (str(tendon), *(f"{arm:.2f}" if isfinite(arm) else "-" for arm in arms))
+            for tendon, arms in zip(wide.index, wide.to_numpy(), strict=True)
+        ]
+        _print((f"{joint} deg, arm mm", *(f"{angle:.0f}" for angle in wide.columns)), rows)
+
+
+def _show_published(compared: pandas.DataFrame) -> None:
+    rows = [
+        (
+            f"{row.tendon} {row.joint}",
+            row.posture_deg,
+            f"{row.model_mm:.2f}",
+            f"{row.arm_mm:.2f}",
+            f"{row.model_mm - row.arm_mm:+.2f}",
+            row.source,
+        )
+        for row in compared.itertuples()
+    ]
+    _print(("arm, mm", "MCP/PIP/DIP", "model", "published", "difference", "source"), rows)
+
+
+def _print(header: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> None:
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE, pad_edge=False)
+    for i, title in enumerate(header):
+        table.add_column(title, justify="left" if i == 0 else "right")
+    for row in rows:
+        table.add_row(*row)
+    console().print(table)
+
+
+def mjcf(
+    case: CaseName,
+    settings: Settings = None,
+    out: Annotated[Path, typer.Option(help="The file to write.")] = Path("finger.xml"),
+) -> None:
+    """Write the MuJoCo model of a case's finger: bones, joints, its own tendons."""
+    with told():
+        from cosim.build_finger import mjcf_of
+        from cosim.case import load_case
+
+        text = mjcf_of(load_case(case, settings or ()))
+        with written_whole(out) as path:
+            path.write_text(text + "\n", encoding="utf-8")
+        typer.echo(f"finger in {out}")
