@@ -1,4 +1,4 @@
-"""The commands of the shell solver alone: `cosim verify` and `cosim info`."""
+"""`cosim verify` and `cosim info`."""
 
 from __future__ import annotations
 
@@ -57,6 +57,21 @@ def _verify(studies: Sequence[Study], as_json: bool, only: str | None, slow: boo
     raise typer.Exit(0 if all(row.passed for row in rows) else 1)
 
 
+@verify.command()
+def fingers(
+    as_json: Annotated[bool, typer.Option("--json", help="Print the table as JSON.")] = False,
+    only: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Only the studies whose name holds this.")
+    ] = None,
+    slow: Annotated[bool, typer.Option("--slow", help="The studies of many seconds too.")] = False,
+) -> None:
+    """Verify fingers, muscles and devices, and compare them with experiments; exit code 1 when a
+    row fails."""
+    from rigid.verification.table import STUDIES
+
+    _verify(STUDIES, as_json, only, slow)
+
+
 def info() -> None:
     """What is installed and in use, and what would be faster."""
     with told():
@@ -98,12 +113,14 @@ def _print(rows: Sequence[Row], as_json: bool) -> None:
     for number, source in enumerate(sources, 1):
         out.print(f"[{number}] {source}")
     failed = sum(not row.passed for row in rows)
-    out.print(f"{len(rows)} rows, {failed} failed")
+    outside = sum(row.verdict == "outside" for row in rows)
+    compared = f", {outside} outside an experiment's spread" if outside else ""
+    out.print(f"{len(rows)} rows, {failed} failed{compared}")
 
 
 def as_record(row: Row) -> dict[str, Any]:
     """A row for JSON: what is not a number is null."""
-    record = asdict(row) | {"error": row.error, "verdict": "pass" if row.passed else "FAIL"}
+    record = asdict(row) | {"error": row.error, "verdict": row.verdict}
     return {key: _finite(value) for key, value in record.items()}
 
 
@@ -142,7 +159,7 @@ def _figures(row: Row) -> tuple[str, ...]:
         "-" if row.measure == "bound" else _percent(row.error, row.measure == "relative"),
         "-" if row.measure == "bound" else _percent(row.tolerance, row.measure == "relative"),
         "" if row.order is None else f"{row.order:.1f}",
-        "pass" if row.passed else "FAIL",
+        row.verdict,
     )
 
 

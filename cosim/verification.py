@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from math import isfinite
 from typing import Literal
 
 from cosim.port import ConvergenceError, InputError
@@ -17,7 +18,9 @@ class Row:
     """A computed quantity beside its target.
 
     `measure` says how the error is taken: relative to the target, as the absolute difference, or
-    "bound" for a quantity that must not exceed its target.  `order` is the measured order of
+    "bound" for a quantity that must not exceed its target.  A "comparison" with an experiment is
+    absolute and never fails: its tolerance is the experiment's spread, and it says whether the
+    model lies within.  `order` is the measured order of
     convergence where two meshes were solved; `source` says where the target is from."""
 
     name: str
@@ -26,7 +29,7 @@ class Row:
     computed: float
     tolerance: float
     source: str
-    measure: Literal["relative", "absolute", "bound"] = "relative"
+    measure: Literal["relative", "absolute", "bound", "comparison"] = "relative"
     order: float | None = None
 
     @property
@@ -40,8 +43,17 @@ class Row:
 
     @property
     def passed(self) -> bool:
-        """Whether the error is within the tolerance; NaN never is."""
+        """Whether the error is within the tolerance; NaN never is.  A comparison needs only be
+        computed."""
+        if self.measure == "comparison":
+            return isfinite(self.error)
         return self.error <= self.tolerance
+
+    @property
+    def verdict(self) -> str:
+        if self.measure == "comparison" and self.passed:
+            return "within" if self.error <= self.tolerance else "outside"
+        return "pass" if self.passed else "FAIL"
 
 
 @dataclass(frozen=True)
