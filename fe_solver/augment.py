@@ -22,7 +22,7 @@ ENOUGH = 0.25
 """What a round should leave of the penetration; a contact that leaves more is made stiffer."""
 STIFFER = 10.0
 MOST_RAISES = 3
-PIN = 1e5
+PIN = 2e4
 """Of the largest stiffness of a node: that of a pressed node in the tangent, where it stands for a
 constraint; the error of a derivative is its inverse, the loss of digits it times 1e-16."""
 

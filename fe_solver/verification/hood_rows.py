@@ -190,11 +190,7 @@ def tangent_rows(solution: Solution) -> Iterator[Row]:
     """Every component of the wrench on every body by all twelve motions, relative to the largest
     derivative of that very component; and the moment arms by force and by excursion."""
     exact, (wrench, excursion) = jacobian(solution), by_motion(solution, by_penalty)
-    error = np.abs(exact.load_motion * np.outer(SCALES, SCALES) - wrench)
-    for i, worst in enumerate(error.max(axis=1) / np.abs(wrench).max(axis=1)):
-        what = f"condensed tangent, {COMPONENTS[i % 6]} on the {BODIES[i // 6]} body"
-        source = f"{DIFFERENCES}, by the six motions of either body"
-        yield Row(NAME, what, 1e-5, float(worst), 0.0, source, "bound")
+    yield from component_rows("condensed tangent", exact, wrench)
     own, slides = own_pull(solution), exact.excursion_motion[0] * SCALES
     arms = exact.load_tension[:, 0] * SCALES - own
     for what, bound, seen, source in (
@@ -206,15 +202,21 @@ def tangent_rows(solution: Solution) -> Iterator[Row]:
         yield Row(NAME, f"{what}, all motions", bound, off, 0.0, source, "bound")
 
 
+def component_rows(what: str, exact: HoodJacobian, wrench: Array) -> Iterator[Row]:
+    """Of each component of the wrench on each body, relative to its own largest derivative."""
+    error = np.abs(exact.load_motion * np.outer(SCALES, SCALES) - wrench)
+    for i, worst in enumerate(error.max(axis=1) / np.abs(wrench).max(axis=1)):
+        which = f"{what}, {COMPONENTS[i % 6]} on the {BODIES[i // 6]} body"
+        source = f"{DIFFERENCES}, by the six motions of either body"
+        yield Row(NAME, which, 1e-5, float(worst), 0.0, source, "bound")
+
+
 def augmented_rows(solution: Solution) -> Iterator[Row]:
-    """The same of the constrained problem, the tangent relative to the largest derivative of all:
-    its pressed nodes are held by springs `augment.PIN` times as stiff as any other, which costs
-    digits."""
+    """The same of the constrained problem, whose pressed nodes are held by springs `augment.PIN`
+    times as stiff as any other."""
     here = augmented(solution.model, solution.configuration, TENSION)
     exact, (wrench, _) = jacobian(here), by_motion(here, augmented)
-    error = np.abs(exact.load_motion * np.outer(SCALES, SCALES) - wrench).max()
-    what = "condensed tangent, augmented, all components"
-    yield Row(NAME, what, 1e-5, float(error / np.abs(wrench).max()), 0.0, DIFFERENCES, "bound")
+    yield from component_rows("condensed tangent, augmented", exact, wrench)
     arms = exact.load_tension[:, 0] * SCALES - own_pull(here)
     off = float(np.abs(arms - exact.excursion_motion[0] * SCALES).max() / np.abs(arms).max())
     what = "d tau / d T = d x / d q, augmented, all motions"
