@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cosim.build_finger import live_finger, skeleton_of
+from cosim.build_muscles import CaseMuscles, live_muscles
 from cosim.build_shell import HoodLook, Triangles, laid_mesh, linear, look, shell_hood_of
 from cosim.case_finger import Bone, IndexFinger
 from cosim.case_schema import Case, MeshFile, PathPoint, PulleyHood, ShellHood
@@ -40,6 +41,7 @@ class Models:
     posture: Mapping[str, float]
     resting: float
     bones: Mapping[str, Triangles]
+    muscles: CaseMuscles
     look: Callable[[State], HoodLook] | None
     """What a state of a shell hood looks like; None for the analytic hoods."""
     linear: Callable[[State], tuple[float, float]] | None
@@ -51,20 +53,23 @@ def build(case: Case) -> Models:
     posture, resting = case.finger.posture.angles(), case.solve.resting_tension
     _fitting(case)
     finger = live_finger(case.finger, case.hood)
+    muscles = live_muscles(case)
     bones = _bones(case.finger) if isinstance(case.finger, IndexFinger) else {}
     if not (isinstance(case.finger, IndexFinger) and isinstance(case.hood, ShellHood)):
         cables = case.hood.paths if isinstance(case.hood, PulleyHood) else {}
-        return Models(finger, _pulley_hood(cables, finger), posture, resting, bones, None, None)
+        hood: Hood = _pulley_hood(cables, finger)
+        return Models(finger, hood, posture, resting, bones, muscles, None, None)
     mesh = hood_mesh(case)
-    hood = shell_hood_of(case, case.hood, skeleton_of(case.finger), bones, mesh)
+    shell = shell_hood_of(case, case.hood, skeleton_of(case.finger), bones, mesh)
     return Models(
         finger,
-        hood,
+        shell,
         posture,
         resting,
         bones,
-        lambda state: look(hood, mesh, state),
-        lambda state: linear(hood, state),
+        muscles,
+        lambda state: look(shell, mesh, state),
+        lambda state: linear(shell, state),
     )
 
 
@@ -84,7 +89,8 @@ def _fitting(case: Case) -> None:
 
 
 def tensions(case: Case, models: Models) -> tuple[Array, Array]:
-    """N, of the hood's and of the finger's own tendons; InputError for one that neither has."""
+    """N, of the hood's and of the finger's own tendons, a muscle's fibre left out; InputError for
+    one that neither has."""
     hood, finger = models.hood.tendons, models.finger.tendons
     for name, tendon in case.tendons.items():
         if tendon.force is not None and name not in (*hood, *finger):

@@ -76,9 +76,25 @@ def summary(
         "difference": _difference(models, unloaded, loaded, before, now),
         "audit": audit,
         "audit_missed": missed,
+        **_muscles(case, models, states),
         "iterations": iterations,
     }
     return {**head, **now, **rest}
+
+
+def _muscles(case: Case, models: Models, states: States) -> dict[str, Any]:
+    """What each fibre does, and what the case assumes of it."""
+    out = {}
+    for i, name in enumerate(models.muscles.names):
+        tendon = case.tendons[name]
+        out[name] = {
+            "activation": tendon.activation,
+            "normalised_fibre_length": float(states.pull.normalised_length[i]),
+            "pennation_deg": float(np.rad2deg(states.pull.pennation[i])),
+        }
+        if tendon.muscle is not None:
+            out[name]["assumed_normalised_fibre_length_unloaded"] = tendon.muscle.fibre_length
+    return {"muscle": out} if out else {}
 
 
 def _state(models: Models, e: Equilibrium, look: HoodLook | None) -> dict[str, Any]:

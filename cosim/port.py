@@ -278,6 +278,10 @@ class Finger(Protocol):
         body."""
         ...
 
+    def path_lengths(self, state: State) -> Array:
+        """(nt,) m, of the finger's own tendons."""
+        ...
+
     def tendon_paths(self, state: State) -> dict[str, Array]:
         """Polylines (k, 3) of the finger's own tendons, world frame, m, for pictures."""
         ...

@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import numpy as np
 
 from cosim.build import Models, build, tensions
+from cosim.build_muscles import Pull, live_muscles
 from cosim.case_schema import Case
 from cosim.couple import CouplingOptions, Equilibrium, equilibrium, reciprocity
+from cosim.port import Array, ConvergenceError
 from cosim.results import Result
 
 Progress = Callable[[str], None]
 AUDIT_STEP = 2e-5
 """rad, joint step of the reciprocity audit: small against the contact's smoothing."""
+MOST_PULLS = 30
+PULL_TOLERANCE = 1e-7
+"""Of the largest tension (at least 1 N)."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +41,8 @@ class States:
     loaded: Equilibrium
     reciprocity: float | None
     """None where the hood has no tendons to pull."""
+    pull: Pull
+    """Of the muscles that have a fibre, in the loaded state."""
 
 
 def run_case(case: Case, progress: Progress = lambda text: None) -> Result:
@@ -49,27 +56,60 @@ def run_case(case: Case, progress: Progress = lambda text: None) -> Result:
 
 
 def solve(case: Case, progress: Progress = lambda text: None) -> tuple[Models, States]:
-    """The equilibrium with every tendon at its resting tension, then the loaded one."""
-    models, unloaded = settled(Setting(case.setting_key(), case, progress))
-    hood_tension, finger_tension = tensions(case, models)
-    pulled = not np.array_equal(hood_tension, unloaded.hood_tension)
-    state = unloaded.response.state
-    loaded = equilibrium(
-        models.finger,
-        models.hood,
-        unloaded.finger_state,
-        models.hood.start(unloaded.motion) if pulled else state,
-        hood_tension,
-        finger_tension,
-        _options(case),
-        lambda text: progress(f"loaded: {text}"),
-    )
-    if not len(hood_tension):
-        return models, States(unloaded, loaded, None)
+    """The equilibrium with every tendon at its resting tension, then the loaded one.
+
+    Models that cases share are not theirs: a case's own muscles come with it."""
+    shared, unloaded = settled(Setting(case.setting_key(), case, progress))
+    models = replace(shared, muscles=live_muscles(case))
+    loaded, pull = _loaded(case, models, unloaded, progress)
+    if not models.hood.tendons:
+        return models, States(unloaded, loaded, None, pull)
     progress("auditing reciprocity")
-    strongest = int(np.argmax(hood_tension))
+    strongest = int(np.argmax(loaded.hood_tension))
     gap = reciprocity(models.finger, models.hood, loaded, strongest, AUDIT_STEP)
-    return models, States(unloaded, loaded, gap)
+    return models, States(unloaded, loaded, gap, pull)
+
+
+def _loaded(
+    case: Case, models: Models, unloaded: Equilibrium, progress: Progress
+) -> tuple[Equilibrium, Pull]:
+    """The equilibrium in which every muscle pulls as its fibre does at that length."""
+    hood, finger = tensions(case, models)
+    names = (*models.hood.tendons, *models.finger.tendons)
+    own = np.array([names.index(name) for name in models.muscles.names], dtype=int)
+    tension, split = np.concatenate([hood, finger]), len(hood)
+    pull = models.muscles.pull(np.zeros(len(own)))
+    start, state = unloaded, unloaded.response.state
+    if not np.array_equal(hood, unloaded.hood_tension):
+        state = models.hood.start(unloaded.motion)
+    for _ in range(MOST_PULLS):
+        tension[own] = pull.tension
+        loaded = equilibrium(
+            models.finger,
+            models.hood,
+            start.finger_state,
+            state,
+            tension[:split].copy(),
+            tension[split:].copy(),
+            _options(case),
+            lambda text: progress(f"loaded: {text}"),
+        )
+        pull = models.muscles.pull(_shortening(models, unloaded, loaded)[own])
+        miss = np.abs(pull.tension - tension[own]).max(initial=0.0)
+        if miss <= PULL_TOLERANCE * max(1.0, tension.max(initial=0.0)):
+            return loaded, pull
+        progress(f"muscles: the tension changes by {miss:.1e} N")
+        start, state = loaded, loaded.response.state
+    raise ConvergenceError(
+        f"muscles and finger did not agree in {MOST_PULLS} rounds: a tension still changes by "
+        f"{miss:.1e} N. Try a smaller activation, or a fibre_length nearer to 1"
+    )
+
+
+def _shortening(models: Models, before: Equilibrium, now: Equilibrium) -> Array:
+    """(nt,) m of all tendons' paths, the hood's first."""
+    lengths = [models.finger.path_lengths(e.finger_state) for e in (before, now)]
+    return np.concatenate([now.excursion - before.excursion, lengths[0] - lengths[1]])
 
 
 @lru_cache(maxsize=4)

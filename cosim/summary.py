@@ -82,6 +82,12 @@ def _checks(summary: Mapping[str, Any]) -> Iterator[Row]:
     for direction, strain in (_at(summary, "strain_percent") or {}).items():
         low, mean, high = (_number(strain.get(key)) for key in ("min", "mean", "max"))
         yield f"{direction} strain %", f"{low} to {high}, mean {mean}"
+    for name, muscle in (_at(summary, "muscle") or {}).items():
+        now, then = (
+            _number(_at(muscle, key))
+            for key in ("normalised_fibre_length", "assumed_normalised_fibre_length_unloaded")
+        )
+        yield f"fibre length of {name} over its optimum", f"{now}, assumed {then} when unloaded"
     yield "deepest penetration mm", _number(_at(summary, "max_penetration_mm"))
     for name, value in (_at(summary, "audit") or {}).items():
         yield f"audit: {name.replace('_', ' ')}", f"{value:.1e}"

@@ -107,6 +107,9 @@ class MujocoFinger(ChainFinger):
         out["gravity"] = moved_to(force, (data.xipos - data.xpos)[self._body])
         return out
 
+    def path_lengths(self, state: FingerState) -> Array:
+        return self.tendon_lengths(state.angles)
+
     def tendon_paths(self, state: FingerState) -> dict[str, Array]:
         """(k, 3) world points of each strand from origin to insertion, m; the strands of a tendon
         that parts are named NAME, NAME 2, ..."""

@@ -175,6 +175,10 @@ class ChainFinger(ABC):
         support = self.support.directions @ tip_jacobian(self.chain(state.angles))[:3]
         return float(np.linalg.svd(support, compute_uv=False).min(initial=np.inf))
 
+    def path_lengths(self, state: FingerState) -> Array:
+        """(nt,) m; a finger that has tendons says how long they are."""
+        return np.zeros(len(self.tendons))
+
     def tendon_paths(self, state: FingerState) -> dict[str, Array]:
         """No tendons of its own to draw; a finger that has some says where they run."""
         return {}

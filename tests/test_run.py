@@ -47,7 +47,7 @@ def run(name: str, *settings: str) -> Result:
 
 def coarse(name: str) -> Result:
     """As shipped where that is quick, else on a mesh of 250 quads."""
-    return run(name) if name in ("isometric_edc", "pulley_edc") else run(name, COARSE)
+    return run(name) if name == "isometric_edc" or not is_shell(name) else run(name, COARSE)
 
 
 def is_shell(name: str) -> bool:
@@ -55,9 +55,11 @@ def is_shell(name: str) -> bool:
 
 
 def check_audit(summary: dict[str, Any]) -> None:
-    assert set(summary["audit"]) == set(AUDIT)
-    for key, bound in AUDIT.items():
-        assert 0 <= summary["audit"][key] <= bound, key
+    lacking = set(AUDIT) - set(summary["audit"])
+    assert lacking <= {"reciprocity"}  # of a hood without tendons
+    assert bool(lacking) == (summary["excursion_mm"] == {})
+    for key, value in summary["audit"].items():
+        assert 0 <= value <= AUDIT[key], key
     assert summary.get("max_penetration_mm", 0.0) <= 0.02
     assert summary["audit_missed"] == []
 
@@ -83,7 +85,10 @@ def test_forces_on_every_moving_body_close_to_zero(name):
     for state in ("unloaded", "loaded"):
         for body in ("proximal", "middle", "distal"):
             here = [row for row in rows if (row.state, row.body) == (state, body)]
-            assert len({row.source for row in here}) == len(here) > 3
+            assert len({row.source for row in here}) == len(here)
+            assert len(here) >= 2 or state == "unloaded"
+            if not here:  # no tendon has a resting tension
+                continue
             assert np.linalg.norm(sum(row.force for row in here)) < 1e-6 * force
             assert np.linalg.norm(sum(row.moment for row in here)) < 1e-6 * moment
 
@@ -92,7 +97,7 @@ def test_forces_on_every_moving_body_close_to_zero(name):
 def test_only_the_named_tendon_pulls_harder_than_at_rest(name):
     case, summary = load_case(name), coarse(name).summary
     active = [t for t in case.tendons if case.tension(t) > case.solve.resting_tension]
-    assert len(active) == (2 if name == "isometric_fdi" else 1)
+    assert len(active) == (2 if name.endswith("_fdi") else 1)
     assert all(summary["tension_N"][t] == case.tension(t) for t in active)
     assert set(summary["unloaded"]["tension_N"].values()) == {case.solve.resting_tension}
     others = {t: T for t, T in summary["tension_N"].items() if t not in active}

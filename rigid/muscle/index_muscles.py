@@ -1,0 +1,38 @@
+"""The muscles of the index finger as the thesis states them.
+
+Jadelis, "Index finger extensor hood mechanics ...", Table 2 (after Barry 2016): maximum isometric
+force, optimal fibre length, tendon slack length and pennation angle.  What it does not state,
+largest velocity, damping and activation dynamics, is OpenSim's default, and so are the curves.
+It states neither a path nor a fibre length in a posture: see `millard.path_length`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cosim.port import InputError
+from rigid.muscle.parameters import Muscles
+
+TABLE_2 = {
+    # N, m, m, degrees
+    "FDP": (79.12, 0.075, 0.26812, 7.0),
+    "FDS": (58.9, 0.084, 0.29932, 6.0),
+    "FDIm": (72.8, 0.030, 0.02520, 15.0),
+    "FDIl": (72.8, 0.033, 0.02569, 15.0),
+    "EDC": (34.69, 0.070, 0.26468, 3.0),
+    "FPI": (30.94, 0.031, 0.08978, 6.3),
+    "EI": (35.47, 0.059, 0.18479, 6.0),
+    "LUM": (25.04, 0.068, 0.05470, 1.2),
+}
+
+
+def index_muscles(*names: str, rigid_tendon: bool = False) -> Muscles:
+    """Those `names` of Table 2 in that order; all eight without a name.
+
+    Raises InputError for another name."""
+    chosen = names or tuple(TABLE_2)
+    for name in chosen:
+        if name not in TABLE_2:
+            raise InputError(f"muscle {name!r}: expected one of {', '.join(TABLE_2)}")
+    force, fibre, slack, degrees = np.array([TABLE_2[name] for name in chosen]).T
+    return Muscles(chosen, force, fibre, slack, np.deg2rad(degrees), rigid_tendon=rigid_tendon)

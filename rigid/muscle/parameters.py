@@ -1,0 +1,189 @@
+"""The parameters of a set of muscles, checked, and the curves that they share."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cosim.port import InputError
+from rigid.muscle import curves
+from rigid.muscle.curves import Curve
+from rigid.muscle.newton import Array
+from rigid.muscle.table import CurveTable
+
+MAX_PENNATION = math.acos(0.1)
+"""rad, OpenSim's largest pennation angle."""
+
+
+@dataclass(frozen=True, eq=False)
+class MuscleCurves:
+    """The four curves that a set of muscles shares; by default those of the damped muscle."""
+
+    active: Curve
+    passive: Curve
+    velocity: Curve
+    tendon: Curve
+
+    @cached_property
+    def table(self) -> CurveTable:
+        """All four, in that order."""
+        return CurveTable.of([self.active, self.passive, self.velocity, self.tendon])
+
+
+def damped_curves() -> MuscleCurves:
+    """The default curves of OpenSim's muscle with fibre damping (f_AL falls to 0)."""
+    return MuscleCurves(
+        curves.active_force_length(),
+        curves.passive_force_length(),
+        curves.force_velocity(),
+        curves.tendon_force_length(),
+    )
+
+
+def undamped_curves() -> MuscleCurves:
+    """Those of OpenSim's muscle without damping over an elastic tendon: f_AL at least 0.1, and f_V
+    with half of its slopes near the largest velocities at them, so that each force has a
+    velocity."""
+    return MuscleCurves(
+        curves.active_force_length(minimum=0.1),
+        curves.passive_force_length(),
+        curves.force_velocity(concentric=(0.125, 0.25), eccentric=(0.075, 0.15)),
+        curves.tendon_force_length(),
+    )
+
+
+DAMPED = damped_curves()
+POSITIVE = (
+    "max_force",
+    "optimal_fibre_length",
+    "tendon_slack_length",
+    "max_velocity",
+    "activation_time",
+    "deactivation_time",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Muscles:
+    """n muscles; a scalar stands for the same value in all of them.  Defaults are OpenSim's."""
+
+    names: tuple[str, ...]
+    max_force: Array
+    """N, isometric, at optimal fibre length."""
+    optimal_fibre_length: Array
+    """m."""
+    tendon_slack_length: Array
+    """m."""
+    pennation: Array
+    """rad, at optimal fibre length."""
+    max_velocity: Array | float = 10.0
+    """Optimal fibre lengths per second."""
+    damping: Array | float = 0.1
+    """beta, F0 per unit of normalised velocity."""
+    activation_time: Array | float = 0.010
+    """s."""
+    deactivation_time: Array | float = 0.040
+    """s."""
+    min_activation: Array | float = 0.01
+    """Activations and excitations below are raised to it."""
+    curves: MuscleCurves = DAMPED
+    rigid_tendon: bool = False
+
+    def __post_init__(self) -> None:
+        for key in POSITIVE:
+            self._settle(key, np.nextafter(0.0, 1.0), np.finfo(float).max, "a number above 0")
+        self._settle("pennation", 0.0, MAX_PENNATION, f"0 to {MAX_PENNATION:.4f} rad")
+        self._settle("damping", 0.0, np.finfo(float).max, "a number of at least 0")
+        self._settle("min_activation", 0.0, 1.0, "0 to 1")
+        undamped = np.asarray(self.damping) == 0.0
+        level = self.curves.velocity.end_slopes.min() <= 0.0
+        if level and undamped.any() and not self.rigid_tendon:
+            raise InputError(
+                f"muscle {self.first(undamped)}, damping: 0 leaves the velocity undetermined "
+                "where the force-velocity curve is level; expected damping above 0, a rigid "
+                "tendon, or curves=undamped_curves()"
+            )
+
+    def _settle(self, key: str, lower: float, upper: float, wanted: str) -> None:
+        """Replaces a parameter by its checked array (n,)."""
+        given = np.asarray(getattr(self, key), dtype=float)
+        if given.shape not in ((), (len(self.names),)):
+            raise InputError(
+                f"muscles, {key}: expected a number or one for each of the {len(self.names)} "
+                f"muscles, got shape {given.shape}"
+            )
+        value = np.broadcast_to(given, len(self.names)).copy()
+        bad = ~((value >= lower) & (value <= upper))
+        if bad.any():
+            raise InputError(
+                f"muscle {self.first(bad)}, {key}: expected {wanted}, got {value[bad][0]:g}"
+            )
+        object.__setattr__(self, key, value)
+
+    def first(self, where: NDArray[np.bool_]) -> str:
+        """Name of the first muscle that a mask (..., n or 1) marks."""
+        where = np.broadcast_to(where, np.broadcast_shapes(where.shape, (len(self.names),)))
+        return self.names[int(np.argmax(where.reshape(-1, len(self.names)).any(axis=0)))]
+
+    def checked(self, what: str, given: ArrayLike, lower: float, upper: float) -> Array:
+        """`given` as floats ending in the muscles' axis.  Raises InputError, naming the muscle."""
+        value = np.asarray(given, dtype=float)
+        if value.shape[-1:] not in ((), (1,), (len(self.names),)):
+            raise InputError(
+                f"{what}: expected the last axis to be {len(self.names)} muscles {self.names}, "
+                f"got shape {value.shape}"
+            )
+        bad = ~((value >= lower) & (value <= upper))
+        if bad.any():
+            raise InputError(
+                f"muscle {self.first(bad)}, {what}: expected {lower:g} to {upper:g}, got "
+                f"{value[bad].flat[0]:g}"
+            )
+        return value
+
+    def effective(self, activation: Array) -> Array:
+        """Activation, at least the smallest one."""
+        return np.maximum(activation, self.min_activation)
+
+    @cached_property
+    def width(self) -> Array:
+        """(n,) m, constant distance that the fibres span across the line of pull."""
+        return self.optimal_fibre_length * np.sin(self.pennation)
+
+    @cached_property
+    def shortest_fibre(self) -> Array:
+        """(n,) m: where f_AL begins, or where the pennation angle is largest."""
+        active = self.curves.active.knots[0, 0] * self.optimal_fibre_length
+        return np.maximum(active, self.width / math.sin(MAX_PENNATION))
+
+    @cached_property
+    def shortest_along(self) -> Array:
+        """(n,) m, that fibre's extent along the tendon."""
+        return np.sqrt(self.shortest_fibre**2 - self.width**2)
+
+    @cached_property
+    def scales(self) -> Scales:
+        """What the force balance divides by."""
+        return Scales(
+            self.width**2,
+            1.0 / self.optimal_fibre_length,
+            1.0 / (self.max_velocity * self.optimal_fibre_length),
+            1.0 / self.tendon_slack_length,
+            np.minimum(self.optimal_fibre_length, self.tendon_slack_length),
+        )
+
+
+class Scales(NamedTuple):
+    """(n,) each: squared width, the reciprocals of lengths and of the largest velocity, and the
+    shorter one of fibre and tendon."""
+
+    width2: Array
+    per_fibre: Array
+    per_velocity: Array
+    per_tendon: Array
+    shorter: Array
