@@ -11,7 +11,7 @@ import numpy as np
 from cosim.build_finger import live_finger, skeleton_of
 from cosim.build_muscles import CaseMuscles, live_muscles
 from cosim.build_shell import HoodLook, Triangles, laid_mesh, linear, look, shell_hood_of
-from cosim.case_finger import Bone, IndexFinger
+from cosim.case_finger import Bone, IndexFinger, MiddleFinger
 from cosim.case_schema import Case, MeshFile, PathPoint, PulleyHood, ShellHood
 from cosim.port import Array, Finger, Hood, InputError, State
 
@@ -54,7 +54,11 @@ def build(case: Case) -> Models:
     _fitting(case)
     finger = live_finger(case.finger, case.hood)
     muscles = live_muscles(case)
-    bones = _bones(case.finger) if isinstance(case.finger, IndexFinger) else {}
+    bones = {}
+    if isinstance(case.finger, IndexFinger):
+        bones = _bones(case.finger)
+    elif isinstance(case.finger, MiddleFinger):
+        bones = _drawn_bones(case.finger)
     if not (isinstance(case.finger, IndexFinger) and isinstance(case.hood, ShellHood)):
         cables = case.hood.paths if isinstance(case.hood, PulleyHood) else {}
         hood: Hood = _pulley_hood(cables, finger)
@@ -130,6 +134,20 @@ def _bones(finger: IndexFinger) -> dict[str, Triangles]:
             scaled = load_bone(body).scaled(finger.length_scale, finger.width_scale)
             out[body] = scaled.surface()
     return out
+
+
+def _drawn_bones(finger: MiddleFinger) -> dict[str, Triangles]:
+    """For pictures only: the index finger's bones, as long as the middle finger's."""
+    from meshes.bones import load_bone
+    from meshes.skeleton import BODIES, index_finger
+    from rigid.middle_finger import skeleton
+
+    longer = skeleton().length[1:] / index_finger().length[1:] * finger.length_scale
+    along = np.concatenate([[longer.mean()], longer])
+    return {
+        body: load_bone(body).scaled(factor, longer.mean()).surface()
+        for body, factor in zip(BODIES, along, strict=True)
+    }
 
 
 def _user_bone(body: str, bone: Bone, finger: IndexFinger) -> Triangles:

@@ -22,7 +22,13 @@ def tables(summary: Mapping[str, Any]) -> list[Table]:
         (tendon, [row for row in _tendons(summary) if any(row[1:])]),
         (("", ""), [row for row in _checks(summary) if row[1]]),
     ]
-    return [_table(header, rows) for header, rows in found if rows]
+    return [_table(*_filled(header, rows)) for header, rows in found if rows]
+
+
+def _filled(header: Row, rows: Sequence[Row]) -> tuple[Row, list[Row]]:
+    """Without the columns that no row fills."""
+    kept = [i for i in range(len(header)) if any(row[i] for row in rows)]
+    return tuple(header[i] for i in kept), [tuple(row[i] for i in kept) for row in rows]
 
 
 def _table(header: Row, rows: Sequence[Row]) -> Table:
@@ -49,7 +55,7 @@ def _at(values: Any, *keys: str | int) -> Any:
 
 
 def _number(value: Any) -> str:
-    return "" if value is None else f"{value:.4g}"
+    return "" if value is None else f"{value + 0.0:.4g}"  # no minus zero
 
 
 def _states(summary: Mapping[str, Any]) -> Iterator[Row]:
