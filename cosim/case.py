@@ -21,7 +21,14 @@ Layer = tuple[str, dict[str, Any]]
 """Where values are stated (for messages) and the values."""
 
 # A later layer's word replaces an earlier layer's other way of saying the same.
-_ALTERNATIVE = {"activation": "tension", "tension": "activation"}
+_ALTERNATIVES = {
+    "activation": {"tension"},
+    "tension": {"activation", "muscle"},
+    "muscle": {"tension"},
+    "curve": {"stiffness", "rest"},
+    "stiffness": {"curve"},
+    "rest": {"curve"},
+}
 
 
 def load_case(path_or_name: str | Path, overrides: Sequence[str] = ()) -> Case:
@@ -163,7 +170,8 @@ def merge(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
     """`base` with `over` on top, table by table; a table of another `kind` replaces the old one."""
     if "kind" in over and "kind" in base and over["kind"] != base["kind"]:
         return dict(over)
-    merged = {key: value for key, value in base.items() if _ALTERNATIVE.get(key) not in over}
+    replaced = {old for key in over for old in _ALTERNATIVES.get(key, ())}
+    merged = {key: value for key, value in base.items() if key not in replaced}
     for key, value in over.items():
         old = merged.get(key)
         if isinstance(old, dict) and isinstance(value, dict):

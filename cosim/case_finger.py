@@ -179,6 +179,8 @@ class Tendon(Table):
     def _one_way(self) -> Tendon:
         if self.tension is not None and self.activation is not None:
             raise fault("gives both tension and activation; write one of them")
+        if self.tension is not None and self.muscle is not None:
+            raise fault("gives both tension and muscle; a muscle's tension follows from activation")
         if self.activation is not None and self.max_force is None:
             raise fault('gives activation without max_force; add for example max_force = "35 N"')
         return self

@@ -1,0 +1,88 @@
+"""`cosim moment-arms` and `cosim mjcf`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pandas
+import pytest
+from typer.testing import CliRunner
+
+from cosim.arms import beside_published, own_arms, published, sweep
+from cosim.build import build, tensions
+from cosim.case import load_case
+from cosim.cli import app
+
+
+def test_a_sweep_holds_every_tendon_joint_and_posture() -> None:
+    case = load_case("split_edc")
+    models = build(case)
+    table, lost = sweep(models, np.zeros(0), models.finger.ranges, 3)
+    assert lost == []
+    assert len(table) == 4 * 3 * 8
+    fdp = table[(table.tendon == "FDP") & (table.joint == "DIP")]
+    assert fdp.angle_deg.tolist() == pytest.approx([0, 35, 70])
+    home = own_arms(models, {**models.posture, "DIP": np.radians(35)})["FDP"]
+    assert fdp.arm_mm.tolist()[1] == pytest.approx(1e3 * home[3])
+
+
+def test_cables_over_a_hood_have_the_arms_of_their_run() -> None:
+    """The pulley hood: d torque / d tension in the sweep is what the run's summary says."""
+    from cosim.run import run_case
+
+    case = load_case("pulley_edc", ["output.picture=false"])
+    models = build(case)
+    summary = run_case(case).summary
+    posture = {k: np.radians(v) for k, v in summary["posture_deg"].items()}
+    tension, _ = tensions(case, models)
+    at = {j: (posture[j], posture[j] + 1e-9) for j in ("PIP",)}
+    object.__setattr__(models, "posture", posture)
+    table, lost = sweep(models, tension, at, 2)
+    arm = table[(table.tendon == "EDC") & (table.joint == "PIP")].arm_mm.iloc[0]
+    assert lost == []
+    assert arm == pytest.approx(summary["moment_arm_mm"]["EDC"]["PIP"], rel=1e-6)
+
+
+def test_published_arms_have_a_source_and_stand_beside_the_model_s() -> None:
+    known = published()
+    assert known.source.str.len().min() > 3
+    assert set(known.joint) <= {"MCP", "MCP_abduction", "PIP", "DIP"}
+    compared = beside_published(build(load_case("split_edc")))
+    assert len(compared) == len(known)
+    apart = (compared.model_mm - compared.arm_mm).abs()
+    assert np.median(apart) < 2.0
+    signs = np.sign(compared.model_mm) == np.sign(compared.arm_mm)
+    assert signs[compared.joint != "MCP_abduction"].all()
+
+
+def test_the_command_leaves_a_table_a_comparison_and_a_plot(tmp_path: Path) -> None:
+    out = tmp_path / "arms"
+    words = ["moment-arms", "split_edc", "--steps", "3", "--out", str(out)]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 0, done.output
+    assert sorted(p.name for p in out.iterdir()) == [
+        "moment_arms.csv",
+        "moment_arms.png",
+        "published.csv",
+    ]
+    assert len(pandas.read_csv(out / "moment_arms.csv")) == 4 * 3 * 8
+    assert "An et al. 1983" in done.output
+
+
+def test_a_folder_that_cannot_be_made_is_one_message(tmp_path: Path) -> None:
+    file = tmp_path / "in the way"
+    file.touch()
+    done = CliRunner().invoke(app, ["moment-arms", "split_edc", "--out", str(file)])
+    assert done.exit_code == 2
+    assert "cannot be written" in done.stderr
+
+
+def test_mjcf_opens_in_mujoco_and_has_the_case_s_finger(tmp_path: Path) -> None:
+    out = tmp_path / "finger.xml"
+    assert CliRunner().invoke(app, ["mjcf", "split_edc", "--out", str(out)]).exit_code == 0
+    model = mujoco.MjModel.from_xml_path(str(out))
+    assert (model.nq, model.ntendon) == (4, 8)
+    hinge = CliRunner().invoke(app, ["mjcf", "pulley_edc", "--set", "finger.kind=hinge"])
+    assert hinge.exit_code == 2

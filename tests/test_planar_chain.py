@@ -1,0 +1,79 @@
+"""The planar chain in closed form: pendulums, energy, momentum, MuJoCo."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cosim.port import InputError
+from rigid.planar_chain import BUCHNER, PlanarChain
+from rigid.verification.finger_rows import planar_rows
+
+NONE = np.zeros(2)
+
+
+def rod(gravity: float = 9.81) -> PlanarChain:
+    """One uniform rod of 0.3 m and 2 kg."""
+    return PlanarChain(
+        np.array([0.3]), np.array([0.15]), np.array([2.0]), np.array([2 * 0.3**2 / 12]), gravity
+    )
+
+
+def test_a_horizontal_rod_falls_as_in_the_textbook() -> None:
+    """3 g / (2 L), downwards, which is flexion."""
+    found = rod().acceleration(np.zeros(1), np.zeros(1), np.zeros(1), NONE)
+    assert found == pytest.approx([1.5 * 9.81 / 0.3])
+
+
+def test_a_tip_force_has_the_lever_of_the_rod() -> None:
+    found = rod(0.0).acceleration(np.zeros(1), np.zeros(1), np.zeros(1), np.array([5.0, -1.0]))
+    assert found == pytest.approx([0.3 / (2 * 0.3**2 / 3)])
+
+
+states = st.tuples(*[st.floats(-1.5, 1.5)] * 3), st.tuples(*[st.floats(-20, 20)] * 3)
+
+
+@given(*states)
+def test_without_torques_the_energy_stays(angles: tuple, rates: tuple) -> None:
+    q, v, h = np.array(angles), np.array(rates), 1e-6
+    a = BUCHNER.acceleration(q, v, np.zeros(3), NONE)
+    ahead, behind = (BUCHNER.energy(q + s * v + s * s / 2 * a, v + s * a) for s in (h, -h))
+    power = (ahead - behind) / (2 * h)
+    scale = max(BUCHNER.energy(q, v) - BUCHNER.energy(q, 0 * v), 1e-4) * max(1, np.abs(v).max())
+    assert abs(power) < 1e-5 * scale
+
+
+@given(*states, st.tuples(*[st.floats(-0.1, 0.1)] * 3))
+def test_torques_and_tip_force_do_the_work(angles: tuple, rates: tuple, torques: tuple) -> None:
+    q, v, tau, h = np.array(angles), np.array(rates), np.array(torques), 1e-6
+    force = np.array([1.0, -2.0])
+    a = BUCHNER.acceleration(q, v, tau, force)
+    ahead, behind = (BUCHNER.energy(q + s * v + s * s / 2 * a, v + s * a) for s in (h, -h))
+
+    def tip(step: float) -> np.ndarray:
+        f = np.cumsum(q + step * v)
+        return BUCHNER.length @ np.stack([np.cos(f), -np.sin(f)], axis=1)
+
+    work = tau @ v + force @ (tip(h) - tip(-h)) / (2 * h)
+    scale = max(BUCHNER.energy(q, v) - BUCHNER.energy(q, 0 * v), 1e-3) * max(1, np.abs(v).max())
+    assert (ahead - behind) / (2 * h) == pytest.approx(work, abs=1e-5 * scale)
+
+
+def test_table_2_gives_uniform_rods() -> None:
+    """The paper's inertias are m L^2 / 12, to its three digits."""
+    rods = BUCHNER.mass * BUCHNER.length**2 / 12
+    assert BUCHNER.inertia == pytest.approx(rods, rel=0.006)
+
+
+def test_mujoco_accelerates_alike() -> None:
+    (row,) = planar_rows()
+    assert row.passed
+
+
+def test_a_chain_that_does_not_fit_is_refused() -> None:
+    with pytest.raises(InputError, match="as many lengths, centres, masses and inertias"):
+        PlanarChain(np.ones(3), np.ones(3), np.ones(2), np.ones(3))
+    with pytest.raises(InputError, match="positive"):
+        PlanarChain(np.ones(1), np.ones(1), np.zeros(1), np.ones(1))
