@@ -15,6 +15,7 @@ import typer
 from cosim import __version__
 from cosim.finger_commands import mjcf, moment_arms
 from cosim.job_commands import bench_fe, bench_febio, export, solve
+from cosim.opensim_commands import import_model, sto
 from cosim.port import CosimError, InputError
 from cosim.shell_commands import info, verify
 from cosim.terminal import tell, told
@@ -35,6 +36,8 @@ app.command()(solve)
 app.command()(export)
 app.command()(moment_arms)
 app.command()(mjcf)
+app.command("import")(import_model)
+app.command()(sto)
 Cases = Annotated[list[str], typer.Argument(help="Case files, or names of packaged cases.")]
 Settings = Annotated[
     list[str] | None,

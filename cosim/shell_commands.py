@@ -152,7 +152,7 @@ def rich_table(rows: Iterable[Row], sources: Sequence[str]) -> Table:
 def _figures(row: Row) -> tuple[str, ...]:
     target = f"{row.target:.5g}"
     if row.measure == "bound":
-        target = f"<= {row.target:.0e}"
+        target = f"<= {row.target + row.tolerance:.0e}"
     return (
         target,
         f"{row.computed:.5g}" if row.measure != "bound" else f"{row.computed:.1e}",

@@ -362,9 +362,7 @@ def read_or_refused(tmp_path: Path, content: bytes) -> None:
 
 
 BYTES = TEXT.encode()
-damage = settings(
-    deadline=None, max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+damage = settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
 places = st.integers(0, len(BYTES) - 1)
 
 

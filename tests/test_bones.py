@@ -103,7 +103,7 @@ def test_spline_is_twice_continuous_across_rows_columns_and_ends():
     assert bend == pytest.approx(np.tile(bend[0], (5, 1)), rel=0.2, abs=1e-11)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(st.floats(0.5, 2.0), st.floats(0.5, 2.0))
 def test_scaling_is_exact(length, width):
     bone = load_bone("middle")

@@ -141,7 +141,9 @@ def test_a_straight_finger_cannot_be_held_at_its_tip(finger):
 
 
 def test_a_shell_needs_bones():
-    with pytest.raises(InputError, match=r'hood\.kind = "shell" does not go with finger\.kind = "hinge"'):
+    with pytest.raises(
+        InputError, match=r'hood\.kind = "shell" does not go with finger\.kind = "hinge"'
+    ):
         build(load_case("isometric_edc", list(HINGE)))
 
 

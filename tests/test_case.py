@@ -145,7 +145,11 @@ BAD = {
     ),
     "a tendon in other letters": ("tendons.edc.tension=1 N", "tendons.edc", "named twice"),
     "an unknown kind": ("hood.kind=membrane", "hood.kind", "write 'shell' or 'pulley'"),
-    "another word": ("finger.tip.kind=hold", "finger.tip.kind = 'hold'", "write 'point' or 'clamped' or 'free'"),
+    "another word": (
+        "finger.tip.kind=hold",
+        "finger.tip.kind = 'hold'",
+        "write 'point' or 'clamped' or 'free'",
+    ),
     "no table": ("hood.contact=3", "hood.contact = 3", "must be a table, [hood.contact]"),
     "truth for a number": ("hood.mesh.quads=true", "hood.mesh.quads", "integer"),
     "a missing unit in a list": ("finger.gravity=[1, 2, 3]", "finger.gravity[2] = 3", "bare"),
@@ -320,7 +324,7 @@ WORDS = st.sampled_from(
 )
 
 
-@settings(deadline=None, max_examples=150)
+@settings(max_examples=150)
 @given(st.lists(st.tuples(KEYS, WORDS | PLAIN.map(str)), min_size=1, max_size=4))
 def test_any_override_gives_a_case_or_an_input_error(pairs):
     try:
@@ -333,7 +337,7 @@ def test_any_override_gives_a_case_or_an_input_error(pairs):
 LINES = st.tuples(KEYS, WORDS | st.text(max_size=12)).map(" = ".join) | st.text(max_size=20)
 
 
-@settings(deadline=None, max_examples=150)
+@settings(max_examples=150)
 @given(st.lists(LINES, max_size=8).map("\n".join))
 def test_any_file_gives_a_case_or_an_input_error(tmp_path_factory, text):
     path = tmp_path_factory.getbasetemp() / "any.toml"

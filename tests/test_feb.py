@@ -401,9 +401,7 @@ def test_utf_8_and_latin_1_names(tmp_path: Path) -> None:
     assert latin.parts[0].name == utf.parts[0].name == "Häutchen"
 
 
-@settings(
-    deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.data())
 def test_a_damaged_file_is_read_or_refused(tmp_path: Path, data: st.DataObject) -> None:
     """Whatever is cut out or put in: a job or an InputError, never anything else."""

@@ -161,9 +161,7 @@ def jobs(draw: st.DrawFn) -> Job:
     )
 
 
-@settings(
-    deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(jobs(), st.sampled_from([1e-3, 1.0, 0.0254]), st.sampled_from([1.0, 1e-3]))
 def test_any_job_reads_back(tmp_path: Path, job: Job, length: float, force: float) -> None:
     path = tmp_path / "job.feb"

@@ -23,9 +23,13 @@ ALLOWED = {
     "cosim.port": (),
     "cosim.couple": ("cosim.port", "cosim.rest"),
     "cosim.rest": ("cosim.port",),
+    "cosim.files": ("cosim.port",),
     "cosim.verification": ("cosim.port",),
     "fe_solver": ("cosim.port", "cosim.verification", "fe_solver"),
-    "rigid": ("cosim.port", "cosim.rest", "cosim.verification", "meshes.skeleton", "rigid"),
+    "rigid": (
+        *("cosim.port", "cosim.rest", "cosim.files", "cosim.verification"),
+        *("meshes.skeleton", "rigid"),
+    ),
     "meshes": ("cosim.port", "meshes"),
 }
 KNOW_THE_SOLVERS = {
@@ -36,6 +40,7 @@ KNOW_THE_SOLVERS = {
     "cosim.shell_commands",
     "cosim.job_commands",
     "cosim.opensim_commands",
+    "cosim.sto",
 }
 
 

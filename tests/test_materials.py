@@ -213,7 +213,7 @@ def test_parameters_by_element(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["isotropic", "neo-Hookean", "tension field, isotropic"])
 @given(angle=st.floats(0, math.pi))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_isotropic_laws_know_no_axes(name: str, angle: float) -> None:
     law = LAWS[name]
     for strain in strains(5, 0.3):

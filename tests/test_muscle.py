@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from cosim.port import ConvergenceError, InputError
@@ -70,7 +70,6 @@ def test_the_table_covers_slack_and_stretched_muscles() -> None:
         assert "OpenSim 4" in str(table["provenance"])
 
 
-@settings(deadline=None)
 @given(muscle(), st.floats(0.0, 1.0), st.floats(0.0, 2.5))
 def test_fibre_and_tendon_pull_alike(muscles: Muscles, activation: float, stretch: float) -> None:
     path = muscles.tendon_slack_length + stretch * muscles.optimal_fibre_length
@@ -87,7 +86,6 @@ def test_fibre_and_tendon_pull_alike(muscles: Muscles, activation: float, stretc
         assert at.fibre_length == pytest.approx(muscles.shortest_fibre, rel=1e-9)
 
 
-@settings(deadline=None)
 @given(muscle(), st.floats(0.0, 1.0), st.floats(0.0, 1.0), st.floats(0.3, 2.0))
 def test_more_activation_never_pulls_less(
     muscles: Muscles, first: float, second: float, stretch: float
@@ -98,7 +96,6 @@ def test_more_activation_never_pulls_less(
     assert more.gain >= 0.0
 
 
-@settings(deadline=None)
 @given(muscle(), st.floats(0.02, 1.0), st.floats(0.7, 1.6))
 def test_path_length_puts_the_fibre_where_it_says(
     muscles: Muscles, activation: float, normalised: float

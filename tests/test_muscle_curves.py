@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from cosim.port import InputError
@@ -154,7 +154,6 @@ def test_table_stays_straight_far_away() -> None:
     assert table(-far)[0] == pytest.approx(0.0, abs=1e-9)
 
 
-@settings(deadline=None)
 @given(st.lists(st.floats(-50.0, 50.0), min_size=1, max_size=5))
 def test_root_of_a_rising_function_wherever_it_lies(roots: list[float]) -> None:
     """Inside the bracket the root, else the nearer end; no kink or level part stops it."""

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
@@ -76,7 +76,6 @@ def test_deactivation_follows_its_closed_form_to_second_order() -> None:
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.15)
 
 
-@settings(deadline=None)
 @given(levels, levels, st.floats(1e-6, 10.0))
 def test_activation_never_passes_the_excitation(a: float, u: float, dt: float) -> None:
     after = activated(INDEX, np.full(8, a), np.full(8, u), dt)
@@ -109,7 +108,6 @@ def test_the_shortest_fibre_does_not_shorten() -> None:
     assert (fibre_velocity(UNDAMPED, 1.0, longer, path) < -UNDAMPED.optimal_fibre_length).all()
 
 
-@settings(deadline=None)
 @example(1.0, 1.0, 1.0, 0.039, -5.0)  # a short step sees the curvature of the force-velocity curve
 @given(levels, levels, st.floats(0.45, 1.6), st.floats(-0.02, 0.08), st.floats(-5.0, -1.0))
 def test_a_step_balances_forces_at_its_end(

@@ -244,7 +244,7 @@ def scratch(tmp_path_factory):
     return tmp_path_factory.mktemp("mesh") / "mesh.json"
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=400)
 @given(st.sampled_from(places(small())), VALUES | st.just(MISSING))
 def test_any_value_anywhere_is_read_or_refused(scratch, path, value):
     """What is read can be computed with."""

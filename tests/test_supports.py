@@ -272,7 +272,7 @@ def test_a_sheet_on_a_cylinder_slides_along_it_and_around_it() -> None:
     np.testing.assert_allclose(free.turn[:, [0, 2]], 0.0, atol=1e-6)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(st.lists(st.tuples(st.integers(0, 5), st.integers(0, 2)), min_size=1, max_size=8))
 def test_the_count_is_six_less_the_rank_of_what_is_held(held: list[tuple[int, int]]) -> None:
     job = strip(2, 1)

@@ -184,7 +184,7 @@ def test_an_ellipsoid_by_its_middle():
     assert np.isnan(ellipsoid.distance(np.array([[np.nan, 0, 0]])).value).all()
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     st.tuples(*[st.floats(0.05, 20)] * 3),
     st.tuples(*[st.floats(-30, 30)] * 3),
@@ -319,7 +319,7 @@ def test_sign_where_rays_run_through_vertices_and_edges():
     assert np.array_equal(found < 0, strict)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.lists(st.floats(-1, 1, width=32), min_size=12, max_size=12))
 def test_distance_to_a_triangle_is_the_least_over_it(numbers):
     corners, point = np.array(numbers[:9]).reshape(1, 3, 3), np.array(numbers[9:])

@@ -1,0 +1,67 @@
+"""A run's motions and forces as tables that OpenSim plots."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cosim.port import InputError
+
+if TYPE_CHECKING:
+    import xarray
+
+
+def write_tables(run: Path, out: Path) -> list[Path]:
+    """Write `motion.sto` (joint angles, degrees) and `forces.sto` (tensions and fingertip force in
+    N, joint torques by source in N m; world axes x distal, y radial, z dorsal) of the run in the
+    folder `run` to the folder `out`; their paths.
+
+    A run in time has its own times; the states of a static one (unloaded, loaded) are one second
+    apart.  Raises InputError where `run` is none or `out` cannot be written."""
+    from rigid.opensim.sto import Table, write_sto
+
+    data = _read(run / "results.nc")
+    axis, time = _times(data)
+    angles = tuple(str(j) for j in data.joint.values)
+    motion = Table(run.name, angles, time, data.angle.transpose(axis, "joint").values, True, angles)
+    forces = dict(_forces(data, axis))
+    columns = tuple(forces)
+    table = Table(run.name, columns, time, np.column_stack(list(forces.values())))
+    paths = [out / "motion.sto", out / "forces.sto"]
+    for path, one in zip(paths, (motion, table), strict=True):
+        write_sto(path, one)
+    return paths
+
+
+def _read(path: Path) -> xarray.Dataset:
+    import xarray
+
+    if not path.is_file():
+        raise InputError(f"{path.parent}: is not the folder of a run; for example runs/split_edc")
+    try:
+        return xarray.load_dataset(path, engine="h5netcdf")
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: cannot be read as results of a run ({error})") from error
+
+
+def _times(data: xarray.Dataset) -> tuple[str, Any]:
+    if "time" in data.dims:
+        return "time", data.time.values
+    return "state", np.arange(len(data.state), dtype=float)
+
+
+def _forces(data: xarray.Dataset, axis: str) -> Iterator[tuple[str, Any]]:
+    for name, label in (("tension", "tendon"), ("own_tension", "muscle")):
+        if name in data and data.sizes[label]:
+            for key in data[label].values:
+                yield f"{key}_tension", data[name].sel({label: key}).values
+    for key in data.axis.values:
+        yield f"fingertip_force_v{key}", data.tip_force.sel(axis=key).values
+    if "torque" in data:
+        for source in data.torque_source.values:
+            for joint in data.joint.values:
+                values = data.torque.sel(torque_source=source, joint=joint).values
+                yield f"{joint}_torque_{str(source).replace(' ', '_')}", values

@@ -1,0 +1,161 @@
+"""The components of a model by their paths, and the frames among them as fixed transforms.
+
+OpenSim names a component by the names on the way to it (`/jointset/mcp/ground_offset`).  A socket
+holds such a path, absolute or relative to the component that owns the socket.
+"""
+
+from __future__ import annotations
+
+import posixpath
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from cosim.port import Array
+from rigid.opensim.xml import Tag
+
+GROUND = "/ground"
+OFFSET_FRAMES = ("PhysicalOffsetFrame",)
+SETS = (
+    *("BodySet", "JointSet", "ForceSet", "ConstraintSet", "ControllerSet", "MarkerSet"),
+    *("ContactGeometrySet", "ProbeSet", "ComponentSet", "WrapObjectSet"),
+)
+"""Sets whose objects are components of the set's owner."""
+
+
+@dataclass(frozen=True)
+class Transform:
+    """x in the outer frame = rotation @ x in the inner frame + position (m)."""
+
+    rotation: Array
+    position: Array
+
+    def __matmul__(self, inner: Transform) -> Transform:
+        return Transform(self.rotation @ inner.rotation, self.at(inner.position))
+
+    def at(self, point: Array) -> Array:
+        """(3,) of the inner frame in the outer one."""
+        return self.rotation @ point + self.position
+
+    def inverse(self) -> Transform:
+        return Transform(self.rotation.T, -self.rotation.T @ self.position)
+
+
+IDENTITY = Transform(np.eye(3), np.zeros(3))
+
+
+def turned(orientation: Sequence[float], position: Sequence[float]) -> Transform:
+    """Rotations by three angles (rad) about the frame's own x, y, z, in this order."""
+    from scipy.spatial.transform import Rotation
+
+    matrix = Rotation.from_euler("XYZ", list(orientation)).as_matrix()
+    return Transform(matrix, np.asarray(position, dtype=float))
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A frame fixed in a body: the body's path and the frame's place in it."""
+
+    body: str
+    transform: Transform
+
+
+@dataclass
+class Components:
+    """All components of a model: tag by path, path by the tag's identity, tags by name."""
+
+    by_path: dict[str, Tag]
+    path_of: dict[int, str] = field(default_factory=dict)
+    by_name: dict[str, list[Tag]] = field(default_factory=dict)
+
+    def path(self, tag: Tag) -> str:
+        """Of what is within a component but none itself (a path point): below that component."""
+        if id(tag) in self.path_of or tag.parent is None:
+            return self.path_of.get(id(tag), "")
+        above = self.path(tag.parent)
+        return f"{above}/{tag.name or tag.kind.lower()}"
+
+    def of_kind(self, *kinds: str) -> list[Tag]:
+        """In the file's order; they count as read."""
+        found = [tag for tag in self.by_path.values() if tag.kind in kinds]
+        for tag in found:
+            tag.used = True
+        return found
+
+    def connected(self, owner: Tag, socket: str, default: str = "") -> Tag:
+        """The component that a socket of `owner` names.
+
+        Raises InputError where the socket is missing or leads nowhere, or to several."""
+        child = owner.one(f"socket_{socket}")
+        said = child.text.strip() if child else default
+        if not said:
+            raise owner.fault(f"<socket_{socket}> is missing; expected the path of a component")
+        path = posixpath.normpath(posixpath.join(self.path(owner), said))
+        if path in self.by_path:
+            return self.by_path[path]
+        named = self.by_name.get(said, [])
+        if len(named) != 1:
+            what = "no component" if not named else f"{len(named)} components"
+            raise (child or owner).fault(f"{what} of the model is meant by {said!r}")
+        return named[0]
+
+    def frame(self, owner: Tag, socket: str) -> Frame:
+        """The frame that a socket names, as its place in a body.
+
+        Raises InputError for a frame of another kind and for frames that hang on each other."""
+        place = IDENTITY
+        tag, seen = self.connected(owner, socket), set[int]()
+        while tag.kind in OFFSET_FRAMES:
+            if id(tag) in seen:
+                raise tag.fault("this frame is offset from itself")
+            seen.add(id(tag))
+            place = offset(tag) @ place
+            tag = self.connected(tag, "parent")
+        if tag.kind not in ("Body", "Ground"):
+            raise owner.fault(
+                f"<socket_{socket}> leads to a {tag.kind}, expected a body or a frame"
+            )
+        return Frame(self.path(tag), place)
+
+
+def offset(tag: Tag) -> Transform:
+    """Place of a PhysicalOffsetFrame in its parent frame."""
+    tag.used = True
+    return turned(tag.values("orientation", (0.0,) * 3), tag.values("translation", (0.0,) * 3))
+
+
+def components(model: Tag) -> Components:
+    """Raises InputError where two components have one path."""
+    out = Components({})
+    for path, tag in _walk(model, ""):
+        if path in out.by_path:
+            first = out.by_path[path].line
+            raise tag.fault(f"the name is taken by the one in line {first}; names must be unique")
+        out.by_path[path] = tag
+        out.path_of[id(tag)] = path
+        out.by_name.setdefault(tag.name, []).append(tag)
+    return out
+
+
+def _walk(tag: Tag, path: str) -> Iterator[tuple[str, Tag]]:
+    """(path, component) of all below a component."""
+    for child in tag.children:
+        if child.kind == "Ground":
+            yield GROUND, child
+            yield from _walk(child, GROUND)
+        elif child.kind in ("components", "frames", "coordinates"):
+            yield from _members(child, path)
+        elif child.kind in SETS:
+            child.used = True
+            for objects in child.all("objects"):
+                yield from _members(objects, f"{path}/{child.name or child.kind.lower()}")
+
+
+def _members(container: Tag, path: str) -> Iterator[tuple[str, Tag]]:
+    container.used = True
+    for child in container.children:
+        if not child.name:
+            raise child.fault("the attribute name is missing")
+        yield f"{path}/{child.name}", child
+        yield from _walk(child, f"{path}/{child.name}")

@@ -1,0 +1,152 @@
+"""What OpenSim's forces hold in numbers: muscles, coordinate limits, coordinate springs."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+from cosim.port import InputError
+from rigid.joint_torques import LIMIT_STIFFNESS, LIMIT_TRANSITION, JointLaw, joint_law
+from rigid.opensim.xml import Tag
+
+DEGREES = math.degrees(1.0)
+PATHS = "GeometryPath"
+Property = float | bool | str
+
+
+@dataclass(frozen=True)
+class Limit:
+    """CoordinateLimitForce: torque stiffness * s(x / transition) * x at x beyond a limit, and
+    damping * s * speed; rad, N m/rad, N m s/rad of a hinge, m, N/m, N s/m of a slide.
+
+    OpenSim's file has degrees, N m/deg and N m s/deg for a hinge."""
+
+    coordinate: str
+    lower: float
+    upper: float
+    lower_stiffness: float
+    upper_stiffness: float
+    damping: float
+    transition: float
+
+
+@dataclass(frozen=True)
+class Spring:
+    """SpringGeneralizedForce: -stiffness (q - rest) - damping * speed; units as in `Limit`."""
+
+    coordinate: str
+    stiffness: float
+    rest: float
+    damping: float
+
+
+def read_limit(tag: Tag, slide: bool) -> Limit:
+    scale = 1.0 if slide else DEGREES
+    tag.flag("compute_dissipation_energy", False)
+    return Limit(
+        tag.word("coordinate", ""),
+        tag.value("lower_limit", 0.0) / scale,
+        tag.value("upper_limit", 0.0) / scale,
+        tag.value("lower_stiffness", 1.0) * scale,
+        tag.value("upper_stiffness", 1.0) * scale,
+        tag.value("damping", 0.001) * scale,
+        tag.value("transition", 0.1) / scale,
+    )
+
+
+def read_spring(tag: Tag) -> Spring:
+    return Spring(
+        tag.word("coordinate", ""),
+        tag.value("stiffness", 0.0),
+        tag.value("rest_length", 0.0),
+        tag.value("viscosity", 0.0),
+    )
+
+
+def properties(tag: Tag, way: str = "") -> Iterator[tuple[str, Property]]:
+    """Each number, flag or word that the file states of a force, by its place below the tag
+    ("ActiveForceLengthCurve/minimum_value"); what is not stated has OpenSim's default."""
+    for child in tag.children:
+        if child.kind == PATHS:
+            continue
+        child.used = True
+        if child.children:
+            yield from properties(child, f"{way}{child.kind}/")
+        elif child.text.strip():
+            yield f"{way}{child.kind}", _value(child)
+
+
+def _value(tag: Tag) -> Property:
+    text = tag.text.strip()
+    if text.lower() in ("true", "false"):
+        return text.lower() == "true"
+    try:
+        float(text)
+    except ValueError:
+        return text
+    return text if math.isinf(float(text)) else tag.numbers(1)[0]
+
+
+def law_of(
+    joints: tuple[str, ...], limits: Mapping[str, Limit], springs: Mapping[str, Spring]
+) -> JointLaw:
+    """Our own law for joints (in this order) with the imported limits and springs.
+
+    Raises InputError where two limits differ in stiffness, damping or transition, or one joint has
+    two."""
+    here = _single([x for x in limits.values() if x.coordinate in joints], "limits")
+    pulled = _single([x for x in springs.values() if x.coordinate in joints], "springs")
+    hard = {(x.lower_stiffness, x.transition, x.damping) for x in here.values()}
+    if len(hard) > 1 or any(x.lower_stiffness != x.upper_stiffness for x in here.values()):
+        raise InputError(
+            "imported limits: our joint law has one stiffness, transition and damping for all, "
+            f"got {sorted(hard)} and the upper stiffnesses {_stiffnesses(here)}"
+        )
+    stiffness, transition, damping = next(iter(hard), (LIMIT_STIFFNESS, LIMIT_TRANSITION, 0.0))
+    return joint_law(
+        joints,
+        stiffness={name: x.stiffness for name, x in pulled.items()},
+        rest={name: x.rest for name, x in pulled.items()},
+        lower={name: x.lower for name, x in here.items()},
+        upper={name: x.upper for name, x in here.items()},
+        limit_stiffness=stiffness,
+        transition=transition,
+        limit_damping=damping,
+        damping={name: x.damping for name, x in pulled.items()},
+    )
+
+
+def _stiffnesses(limits: Mapping[str, Limit]) -> list[float]:
+    return sorted({x.upper_stiffness for x in limits.values()})
+
+
+Force = TypeVar("Force", Limit, Spring)
+
+
+def _single(forces: list[Force], what: str) -> dict[str, Force]:
+    """By coordinate."""
+    out = {force.coordinate: force for force in forces}
+    if len(out) < len(forces):
+        raise InputError(f"imported {what}: several act on one of the joints {sorted(out)}")
+    return out
+
+
+def read_forces(path: Path) -> tuple[dict[str, Limit], dict[str, Spring]]:
+    """The limits and springs in the JSON file that an import left beside its MJCF.
+
+    Raises InputError where it is no such file."""
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        limits = {name: Limit(**force) for name, force in data["limits"].items()}
+        return limits, {name: Spring(**force) for name, force in data["springs"].items()}
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(
+            f"{path}: expected the JSON file that `cosim import` writes beside the MJCF, with its "
+            f"limits and springs ({type(error).__name__}: {error})"
+        ) from error

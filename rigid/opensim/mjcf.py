@@ -1,0 +1,165 @@
+"""An OpenSim model as MJCF: bodies, joints, sites, wraps, tendons, an actuator per tendon."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from lxml import etree
+
+from cosim.port import Array
+from rigid.opensim.components import GROUND, Transform
+from rigid.opensim.joints import Screw
+from rigid.opensim.paths import SIDE_AT, Way, Wrap
+from rigid.opensim.skeleton import Body, Skeleton
+
+INERTIA = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+"""MuJoCo's order of `fullinertia`."""
+
+
+@dataclass(frozen=True)
+class Site:
+    """A named point in the frame of a body (path), m."""
+
+    name: str
+    body: str
+    position: Array
+
+
+def mjcf_xml(
+    name: str,
+    gravity: Sequence[float],
+    skeleton: Skeleton,
+    ways: Mapping[str, Way],
+    markers: Iterable[Site],
+) -> str:
+    """MJCF text, numbers in full precision.  The world is OpenSim's ground; a joint's position is
+    OpenSim's coordinate; the control of a tendon's actuator is its tension in N; the keyframe
+    "default" holds the coordinates' default values."""
+    root = etree.Element("mujoco", model=name)
+    etree.SubElement(root, "compiler", angle="radian", inertiafromgeom="false")
+    option = etree.SubElement(root, "option", gravity=_text(gravity))
+    etree.SubElement(option, "flag", contact="disable")
+    fixed: dict[str, list[Site | Wrap]] = defaultdict(list)
+    surfaces = _wraps(ways)
+    sites = [*markers, *_path_sites(ways), *_side_sites(surfaces)]
+    parts: list[Site | Wrap] = [*sites, *surfaces.values()]
+    for part in parts:
+        fixed[part.body].append(part)
+    order: list[str] = []
+    world = etree.SubElement(root, "worldbody")
+    _fill(world, GROUND, skeleton, fixed, order)
+    _add_tendons(root, ways)
+    _add_keyframe(root, [skeleton.coordinates[c].default for c in order])
+    etree.indent(root)
+    return str(etree.tostring(root, encoding="unicode")) + "\n"
+
+
+def _text(numbers: Iterable[float]) -> str:
+    return " ".join(repr(float(x)) for x in numbers)
+
+
+def _wraps(ways: Mapping[str, Way]) -> dict[str, Wrap]:
+    return {wrap.tag.name: wrap for way in ways.values() for wrap in way.wraps if wrap}
+
+
+def _path_sites(ways: Mapping[str, Way]) -> list[Site]:
+    return [
+        Site(f"{name}-{k}", point.body, point.position)
+        for name, way in ways.items()
+        for k, point in enumerate(way.points)
+    ]
+
+
+def _side_sites(wraps: Mapping[str, Wrap]) -> list[Site]:
+    return [
+        Site(f"{name}-side", wrap.body, wrap.place.at(SIDE_AT * wrap.radius * wrap.side))
+        for name, wrap in wraps.items()
+        if wrap.side is not None
+    ]
+
+
+def _fill(
+    element: etree._Element,
+    path: str,
+    skeleton: Skeleton,
+    fixed: Mapping[str, list[Site | Wrap]],
+    order: list[str],
+) -> None:
+    """The sites, wraps and bodies within a body; `order` gains the coordinates as they come."""
+    for part in fixed.get(path, ()):
+        if isinstance(part, Site):
+            _add_site(element, part)
+        else:
+            _add_wrap(element, part)
+    for child in skeleton.branches[path]:
+        inner = etree.SubElement(element, "body", name=skeleton.bodies[child].tag.name)
+        _place(inner, skeleton.joints[child].place)
+        _add_inertial(inner, skeleton.bodies[child])
+        for screw in skeleton.joints[child].screws:
+            _add_joint(inner, screw, skeleton.coordinates[screw.coordinate].range)
+            order.append(screw.coordinate)
+        _fill(inner, child, skeleton, fixed, order)
+
+
+def _add_site(element: etree._Element, site: Site) -> None:
+    pos = _text(site.position)
+    etree.SubElement(element, "site", name=site.name, pos=pos, size="0.0005")
+
+
+def _add_joint(element: etree._Element, screw: Screw, span: tuple[float, float]) -> None:
+    joint = etree.SubElement(element, "joint", name=screw.coordinate)
+    joint.set("type", "slide" if screw.slide else "hinge")
+    joint.set("axis", _text(screw.direction))
+    joint.set("pos", _text(screw.point))
+    joint.set("range", _text(span))
+    joint.set("limited", "false")
+
+
+def _place(element: etree._Element, place: Transform) -> None:
+    from scipy.spatial.transform import Rotation
+
+    x, y, z, w = Rotation.from_matrix(place.rotation).as_quat()
+    element.set("pos", _text(place.position))
+    element.set("quat", _text((w, x, y, z)))
+
+
+def _add_inertial(element: etree._Element, body: Body) -> None:
+    if body.mass > 0:
+        full = _text([body.inertia[i, j] for i, j in INERTIA])
+        pos, mass = _text(body.centre), repr(body.mass)
+        etree.SubElement(element, "inertial", pos=pos, mass=mass, fullinertia=full)
+
+
+def _add_wrap(element: etree._Element, wrap: Wrap) -> None:
+    size = [wrap.radius] if wrap.half_length is None else [wrap.radius, wrap.half_length]
+    kind = "sphere" if wrap.half_length is None else "cylinder"
+    geom = etree.SubElement(
+        element, "geom", name=wrap.tag.name, type=kind, size=_text(size), mass="0"
+    )
+    _place(geom, wrap.place)
+    for key in ("contype", "conaffinity"):
+        geom.set(key, "0")
+    geom.set("rgba", ".5 .6 .8 .4")
+
+
+def _add_tendons(root: etree._Element, ways: Mapping[str, Way]) -> None:
+    tendons, actuators = etree.SubElement(root, "tendon"), etree.SubElement(root, "actuator")
+    for name, way in ways.items():
+        spatial = etree.SubElement(tendons, "spatial", name=name, width="0.0004", rgba=".8 .2 .2 1")
+        for k, wrap in enumerate((*way.wraps, None)):
+            etree.SubElement(spatial, "site", site=f"{name}-{k}")
+            if wrap is not None:
+                geom = etree.SubElement(spatial, "geom", geom=wrap.tag.name)
+                if wrap.side is not None:
+                    geom.set("sidesite", f"{wrap.tag.name}-side")
+        pull = {"gaintype": "fixed", "gainprm": "-1", "biastype": "none"}
+        etree.SubElement(actuators, "general", name=name, tendon=name, **pull)
+
+
+def _add_keyframe(root: etree._Element, values: Sequence[float]) -> None:
+    if values:
+        frame = etree.SubElement(root, "keyframe")
+        etree.SubElement(frame, "key", name="default", qpos=_text(np.asarray(values)))

@@ -1,0 +1,211 @@
+"""A 4.x .osim as MJCF, with what MJCF cannot hold beside it and a list of all that was lost."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from cosim.files import written_whole
+from cosim.port import InputError
+from rigid.joint_torques import JointLaw
+from rigid.opensim.components import Components, components
+from rigid.opensim.forces import (
+    Limit,
+    Property,
+    Spring,
+    law_of,
+    properties,
+    read_limit,
+    read_spring,
+)
+from rigid.opensim.losses import Loss, changed, dropped, report, unread
+from rigid.opensim.mjcf import Site, mjcf_xml
+from rigid.opensim.paths import Lost, Way, read_way
+from rigid.opensim.skeleton import Skeleton, read_skeleton
+from rigid.opensim.xml import Tag, read_xml
+
+OLDEST = 40000
+GRAVITY = (0.0, -9.80665, 0.0)
+"""m/s2, OpenSim's default."""
+
+
+@dataclass(frozen=True)
+class Muscle:
+    """An imported actuator along a path: OpenSim's kind and the numbers that its file states."""
+
+    kind: str
+    properties: dict[str, Property]
+
+
+@dataclass(frozen=True)
+class Posture:
+    """A coordinate's default value and range, rad or m."""
+
+    default: float
+    range: tuple[float, float]
+    clamped: bool
+    locked: bool
+
+
+@dataclass(frozen=True)
+class Imported:
+    """An imported model; tendons and actuators of the MJCF have the muscles' names, its joints the
+    coordinates'."""
+
+    source: str
+    version: int
+    xml: str
+    coordinates: Mapping[str, Posture]
+    muscles: Mapping[str, Muscle]
+    limits: Mapping[str, Limit]
+    springs: Mapping[str, Spring]
+    losses: tuple[Loss, ...]
+
+    def law(self, joints: tuple[str, ...]) -> JointLaw:
+        """The limits and springs as our own joint law; see `law_of`."""
+        return law_of(joints, self.limits, self.springs)
+
+
+def import_osim(path: Path) -> Imported:
+    """Raises InputError (naming file, line and element) for what cannot be read or imported."""
+    root = read_xml(path)
+    version = _version(root)
+    model = root.one("Model")
+    if model is None:
+        raise root.fault("holds no <Model>; expected a model of OpenSim 4")
+    parts = components(model)
+    if not parts.of_kind("Ground"):
+        raise model.fault("<Ground> is missing; expected a model of OpenSim 4")
+    skeleton = read_skeleton(parts)
+    muscles, ways, losses = _muscles(parts)
+    limits, springs, more = _passive(parts, skeleton)
+    losses = [*skeleton.losses, *losses, *more]
+    gravity = model.values("gravity", GRAVITY)
+    xml = mjcf_xml(model.name or "model", gravity, skeleton, ways, _markers(parts))
+    _compiled(xml, str(path))
+    coordinates = {
+        c.name: Posture(c.default, c.range, c.clamped, c.locked)
+        for c in skeleton.coordinates.values()
+    }
+    all_losses = (*losses, *unread(root))
+    return Imported(path.name, version, xml, coordinates, muscles, limits, springs, all_losses)
+
+
+def _version(root: Tag) -> int:
+    text = root.attributes.get("Version", "")
+    if not (text.isascii() and text.isdecimal() and len(text) < 10):
+        raise root.fault(f"the attribute Version is {text[:20]!r}, expected a number such as 40600")
+    old = _first(root, "location_in_parent")
+    if int(text) < OLDEST or old is not None:
+        raise (old or root).fault(
+            f"this is the layout of OpenSim 3 (version {text}); open it with OpenSim 4 and save it"
+        )
+    return int(text)
+
+
+def _first(tag: Tag, kind: str) -> Tag | None:
+    if tag.kind == kind:
+        return tag
+    return next((found for c in tag.children if (found := _first(c, kind))), None)
+
+
+def _muscles(model: Components) -> tuple[dict[str, Muscle], dict[str, Way], list[Loss]]:
+    muscles: dict[str, Muscle] = {}
+    ways: dict[str, Way] = {}
+    losses: list[Loss] = []
+    for tag in model.by_path.values():
+        path = tag.one("GeometryPath") if tag.kind.endswith(("Muscle", "PathActuator")) else None
+        if path is None:
+            continue
+        if tag.name in muscles:
+            raise tag.fault("another muscle has this name; rename one")
+        if not tag.flag("appliesForce", True):
+            losses.append(dropped(tag, "it applies no force (appliesForce is false)"))
+            continue
+        try:
+            way = read_way(path, model)
+        except Lost as reason:
+            losses.append(dropped(tag, f"{reason}; a tendon here would have another length"))
+            continue
+        tag.used = True
+        muscles[tag.name] = Muscle(tag.kind, dict(properties(tag)))
+        ways[tag.name] = way
+        losses += [changed(*change) for change in way.changes]
+    return muscles, ways, losses + _wrap_losses(ways)
+
+
+def _wrap_losses(ways: Mapping[str, Way]) -> list[Loss]:
+    wraps = {id(w.tag): w for way in ways.values() for w in way.wraps if w}
+    out = []
+    for wrap in wraps.values():
+        wrap.tag.used = True
+        if wrap.half_length is not None:
+            long = f"{2 * wrap.half_length:g} m long in OpenSim, endless for MuJoCo's tendons"
+            out.append(changed(wrap.tag, long))
+        if wrap.side is not None:
+            out.append(changed(wrap.tag, "its quadrant became a site that shows the side to keep"))
+    return out
+
+
+def _passive(
+    model: Components, skeleton: Skeleton
+) -> tuple[dict[str, Limit], dict[str, Spring], list[Loss]]:
+    limits: dict[str, Limit] = {}
+    springs: dict[str, Spring] = {}
+    losses: list[Loss] = []
+    for tag in model.of_kind("CoordinateLimitForce", "SpringGeneralizedForce"):
+        coordinate = tag.word("coordinate", "")
+        if coordinate not in skeleton.coordinates:
+            raise tag.fault(f"<coordinate>: no coordinate is named {coordinate!r}")
+        if coordinate not in skeleton.moving or not tag.flag("appliesForce", True):
+            losses.append(dropped(tag, "its coordinate is locked, or it applies no force"))
+        elif tag.kind == "CoordinateLimitForce":
+            limits[tag.name] = read_limit(tag, skeleton.moving[coordinate])
+            losses.append(changed(tag, "no force in the MJCF; its numbers are in the JSON file"))
+        else:
+            springs[tag.name] = read_spring(tag)
+            losses.append(changed(tag, "no force in the MJCF; its numbers are in the JSON file"))
+    return limits, springs, losses
+
+
+def _markers(model: Components) -> list[Site]:
+    out = []
+    for tag in model.of_kind("Marker"):
+        frame = model.frame(tag, "parent_frame")
+        position = frame.transform.at(np.array(tag.values("location", (0.0,) * 3)))
+        tag.flag("fixed", False)
+        out.append(Site(tag.name, frame.body, position))
+    return out
+
+
+def _compiled(xml: str, file: str) -> None:
+    try:
+        mujoco.MjModel.from_xml_string(xml)
+    except ValueError as error:
+        raise InputError(f"{file}: MuJoCo does not take the model that results: {error}") from error
+
+
+def write_import(imported: Imported, out: Path) -> tuple[Path, Path, Path]:
+    """Writes the MJCF, and beside it the numbers that it cannot hold (.json) and the list of what
+    was dropped and changed (.losses.txt); their paths.
+
+    Raises InputError where they cannot be written."""
+    beside, losses = out.with_suffix(".json"), out.with_suffix(".losses.txt")
+    if out.suffix != ".xml":
+        raise InputError(f"{out}: the MJCF's name must end in .xml")
+    data = asdict(imported)
+    del data["xml"]
+    texts = (
+        imported.xml,
+        json.dumps(data, indent=1, allow_nan=False) + "\n",
+        "\n".join(report(imported.losses)) + "\n",
+    )
+    with written_whole(out) as xml, written_whole(beside) as numbers, written_whole(losses) as lost:
+        for path, text in zip((xml, numbers, lost), texts, strict=True):
+            path.write_text(text, encoding="utf-8")
+    return out, beside, losses

@@ -1,0 +1,163 @@
+"""Muscle paths as MuJoCo's spatial tendons: fixed points, cylinders and spheres.
+
+Whatever would give a tendon another length than OpenSim's and cannot be told at the path's points
+(a point that moves or comes and goes, an ellipsoid) takes its muscle out of the import.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cosim.port import Array
+from rigid.opensim.components import Components, Transform, turned
+from rigid.opensim.xml import Tag
+
+WRAPS = ("WrapCylinder", "WrapSphere")
+SIDE_AT = 2.0
+"""Radii from the axis to MuJoCo's side site; only its direction matters outside the surface."""
+SIDES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+
+
+class Lost(Exception):
+    """A path that cannot be kept, with the reason."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """A path point in the frame of a body (path), m."""
+
+    name: str
+    body: str
+    position: Array
+
+
+@dataclass(frozen=True)
+class Wrap:
+    """A cylinder (axis z) or sphere fixed in a body; `side` is the direction, in its own frame, of
+    the half that the path keeps to, if any."""
+
+    tag: Tag
+    body: str
+    place: Transform
+    radius: float
+    half_length: float | None
+    side: Array | None
+
+    def clear_of(self, start: Array, end: Array) -> bool:
+        """Whether the straight segment between two points of its body's frame misses it."""
+        back = self.place.inverse()
+        ends = np.array([back.at(start), back.at(end)])
+        if self.half_length is not None:
+            ends = ends[:, :2]  # infinite, as MuJoCo's
+        along = ends[1] - ends[0]
+        t = np.clip(-ends[0] @ along / max(along @ along, 1e-300), 0.0, 1.0)
+        return bool(np.linalg.norm(ends[0] + t * along) > self.radius)
+
+
+@dataclass(frozen=True)
+class Way:
+    """A path: its points, and the wrap (if any) of the segment behind each point but the last."""
+
+    points: tuple[Point, ...]
+    wraps: tuple[Wrap | None, ...]
+    changes: tuple[tuple[Tag, str], ...]
+
+
+def read_way(path: Tag, model: Components) -> Way:
+    """Raises Lost where the path cannot be kept, InputError where it cannot be read."""
+    points = tuple(_point(tag, model) for tag in path.within("PathPointSet", "objects"))
+    if len(points) < 2:
+        raise path.fault(f"expected at least two path points, got {len(points)}")
+    wraps: list[Wrap | None] = [None] * (len(points) - 1)
+    changes: list[tuple[Tag, str]] = []
+    for tag in path.within("PathWrapSet", "objects"):
+        wrap = _wrap(tag, model)
+        if wrap is not None:
+            changes += _lay(wrap, tag, points, wraps)
+        else:
+            changes.append((tag, "its wrap object is not active: no surface here"))
+    return Way(points, tuple(wraps), tuple(changes))
+
+
+def _point(tag: Tag, model: Components) -> Point:
+    if tag.kind == "ConditionalPathPoint":
+        raise Lost(f"path point {tag.name!r} is there only in a range of a coordinate")
+    if tag.kind == "MovingPathPoint":
+        raise Lost(f"path point {tag.name!r} moves in its body as a coordinate changes")
+    if tag.kind != "PathPoint":
+        raise Lost(f"path point {tag.name!r} is a {tag.kind}")
+    frame = model.frame(tag, "parent_frame")
+    position = frame.transform.at(np.array(tag.values("location", (0.0,) * 3)))
+    return Point(tag.name, frame.body, position)
+
+
+def _wrap(use: Tag, model: Components) -> Wrap | None:
+    """The wrap object that a PathWrap names; None where it is not active."""
+    name = use.word("wrap_object", "")
+    found = [t for t in model.by_name.get(name, []) if t.kind.startswith("Wrap")]
+    if len(found) != 1:
+        raise use.fault(
+            f"<wrap_object>: {len(found)} wrap objects are named {name!r}, expected one"
+        )
+    tag = found[0]
+    if not tag.flag("active", True):
+        return None
+    if tag.kind not in WRAPS:
+        raise Lost(f"it wraps over {name!r}, a {tag.kind}, which MuJoCo's tendons cannot")
+    return _surface(tag, model)
+
+
+def _surface(tag: Tag, model: Components) -> Wrap:
+    place = turned(
+        tag.values("xyz_body_rotation", (0.0,) * 3), tag.values("translation", (0.0,) * 3)
+    )
+    radius, half = tag.value("radius"), None
+    if tag.kind == "WrapCylinder":
+        half = tag.value("length", 1.0) / 2
+    if radius <= 0 or (half is not None and half <= 0):
+        raise tag.fault("radius and length must be positive")
+    holder = model.path(tag).rsplit("/", 2)[0]
+    if model.by_path[holder].kind not in ("Body", "Ground"):
+        raise Lost(f"the wrap object {tag.name!r} hangs on a {model.by_path[holder].kind}")
+    return Wrap(tag, holder, place, radius, half, _side(tag, half is not None))
+
+
+def _side(tag: Tag, cylinder: bool) -> Array | None:
+    word = tag.word("quadrant", "all").lower()
+    if word in ("all", "unassigned", ""):
+        return None
+    axis = word.lstrip("+-")
+    if axis not in SIDES or (cylinder and axis == "z"):
+        raise tag.fault(f"<quadrant>: expected all, x, -x, y or -y, got {word[:20]!r}")
+    return np.array(SIDES[axis]) * (-1.0 if word.startswith("-") else 1.0)
+
+
+def _lay(
+    wrap: Wrap, use: Tag, points: tuple[Point, ...], wraps: list[Wrap | None]
+) -> list[tuple[Tag, str]]:
+    """Put a wrap into the segments of its range; what this changes."""
+    count = len(points)
+    stated = use.values("range", (-1.0, -1.0))
+    low, high = (int(v) for v in stated)
+    use.word("method", "hybrid")
+    first, last = (max(low, 1), high if high >= 1 else count)
+    if last > count or first >= last or stated != [low, high]:
+        got = " ".join(f"{v:g}" for v in stated)
+        raise use.fault(f"<range>: expected two of the path's {count} points, got {got}")
+    chosen = [k for k in range(first - 1, last - 1) if not _never(wrap, points[k], points[k + 1])]
+    if any(wraps[k] is not None for k in chosen):
+        raise Lost("two surfaces share a segment, where MuJoCo allows one; give each its own range")
+    for k in chosen:
+        wraps[k] = wrap
+    if len(chosen) > 1:
+        names = ", ".join(f"{points[k].name} - {points[k + 1].name}" for k in chosen)
+        why = f"OpenSim lets one segment of the path wrap, MuJoCo each of: {names}"
+        return [(use, f"{why}; the length differs where two of them meet the surface")]
+    return []
+
+
+def _never(wrap: Wrap, start: Point, end: Point) -> bool:
+    fixed = start.body == end.body == wrap.body
+    return fixed and wrap.clear_of(start.position, end.position)

@@ -1,0 +1,153 @@
+"""The tree of bodies and joints of an OpenSim model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from cosim.port import Array, InputError
+from rigid.opensim.components import GROUND, Components
+from rigid.opensim.joints import KINDS, Coordinate, Joint, read_joint
+from rigid.opensim.losses import Loss, changed
+from rigid.opensim.xml import Tag
+
+MOST_BODIES = 5000
+MOST_IN_CHAIN = 100
+LEAST_MASS = 1e-9
+"""kg, of a moving body that has less: MuJoCo takes none without mass."""
+LEAST_INERTIA = 1e-12
+"""kg m2, added about every axis of a body that has mass but less about one."""
+SLACK = 1e-9
+"""Relative, by which two principal moments may fall short of the third (rounding in the file)."""
+
+
+@dataclass(frozen=True)
+class Body:
+    """Mass (kg), its centre (3,) m and the inertia (3, 3) kg m2 about it, in the body's axes."""
+
+    tag: Tag
+    mass: float
+    centre: Array
+    inertia: Array
+
+
+@dataclass(frozen=True)
+class Skeleton:
+    """Bodies and the joint that carries each, by path; `branches` lists a body's children."""
+
+    bodies: Mapping[str, Body]
+    joints: Mapping[str, Joint]
+    branches: Mapping[str, tuple[str, ...]]
+    losses: tuple[Loss, ...]
+
+    @cached_property
+    def coordinates(self) -> dict[str, Coordinate]:
+        return {c.name: c for joint in self.joints.values() for c in joint.coordinates}
+
+    @cached_property
+    def moving(self) -> dict[str, bool]:
+        """Whether it is a slide, for each coordinate that a joint of MuJoCo stands for."""
+        return {s.coordinate: s.slide for j in self.joints.values() for s in j.screws}
+
+
+def read_skeleton(model: Components) -> Skeleton:
+    """Raises InputError for closed loops, bodies that nothing carries, joints or inertias that
+    MuJoCo cannot have, and names that come twice."""
+    tags = [t for t in model.by_path.values() if t.kind.endswith("Joint")]
+    for tag in tags:
+        if tag.kind not in KINDS:
+            raise tag.fault(f"a {tag.kind} cannot be imported; expected one of {', '.join(KINDS)}")
+        tag.used = True
+    joints = _by_child([read_joint(tag, model) for tag in tags], model)
+    bodies = {model.path(tag): tag for tag in model.of_kind("Body")}
+    if len(bodies) > MOST_BODIES:
+        file = next(iter(bodies.values())).file
+        raise InputError(f"{file}: more than {MOST_BODIES} bodies")
+    branches = _branches(bodies, joints)
+    losses = [loss for joint in joints.values() for loss in _coordinate_losses(joint)]
+    read = {}
+    for path, tag in bodies.items():
+        read[path], more = _body(tag, bool(joints[path].screws))
+        losses += more
+    _unique([*bodies.values()])
+    _unique([c.tag for joint in joints.values() for c in joint.coordinates])
+    return Skeleton(read, joints, branches, tuple(losses))
+
+
+def _by_child(joints: list[Joint], model: Components) -> dict[str, Joint]:
+    out: dict[str, Joint] = {}
+    for joint in joints:
+        if joint.child == GROUND:
+            raise joint.tag.fault("its child is the ground; swap parent and child")
+        if joint.child in out:
+            first, body = out[joint.child].tag, model.by_path[joint.child]
+            raise joint.tag.fault(
+                f"the body {body.name!r} is the child of {first.name!r} (line {first.line}) "
+                "already: a closed loop cannot be imported"
+            )
+        out[joint.child] = joint
+    return out
+
+
+def _branches(bodies: Mapping[str, Tag], joints: Mapping[str, Joint]) -> dict[str, tuple[str, ...]]:
+    branches: dict[str, list[str]] = {above: [] for above in (GROUND, *bodies)}
+    for path, tag in bodies.items():
+        if path not in joints:
+            raise tag.fault("no joint has this body as its child; join it to another or the ground")
+        branches[joints[path].parent].append(path)
+    depth, reached = {GROUND: 0}, [GROUND]
+    for path in reached:
+        reached += branches[path]
+        depth |= dict.fromkeys(branches[path], depth[path] + 1)
+        if depth[path] > MOST_IN_CHAIN:
+            raise bodies[path].fault(f"more than {MOST_IN_CHAIN} bodies hang from one another")
+    for path, tag in bodies.items():
+        if path not in depth:
+            raise tag.fault("its joints lead in a circle and never to the ground")
+    return {path: tuple(below) for path, below in branches.items()}
+
+
+def _coordinate_losses(joint: Joint) -> list[Loss]:
+    out = []
+    for c in joint.coordinates:
+        if c.locked:
+            out.append(changed(c.tag, f"locked: rigid at {c.default:.6g}, no joint of MuJoCo"))
+        elif c.clamped:
+            why = "clamped: its range is written for information; MuJoCo does not keep it"
+            out.append(changed(c.tag, why))
+        if c.tag.flag("prescribed", False):
+            out.append(changed(c.tag, "prescribed: it moves freely here"))
+    return out
+
+
+def _body(tag: Tag, moving: bool) -> tuple[Body, list[Loss]]:
+    mass, centre = tag.value("mass"), np.array(tag.values("mass_center", (0.0,) * 3))
+    xx, yy, zz, xy, xz, yz = tag.values("inertia", (0.0,) * 6)
+    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    principal = np.linalg.eigvalsh(inertia)
+    least = -SLACK * max(abs(principal[-1]), abs(principal[0]))
+    if mass < 0 or principal[0] < least or principal[0] + principal[1] - principal[2] < least:
+        raise tag.fault(
+            f"no solid has the mass {mass:g} and the principal moments of inertia "
+            f"{principal[0]:g}, {principal[1]:g}, {principal[2]:g}"
+        )
+    losses = []
+    if moving and mass < LEAST_MASS:
+        losses.append(changed(tag, f"mass {mass:g} kg: {LEAST_MASS:g} kg here; MuJoCo needs some"))
+        mass = LEAST_MASS
+    if mass > 0 and principal[0] < LEAST_INERTIA:
+        why = f"least moment of inertia {principal[0]:g} kg m2: {LEAST_INERTIA:g} more about each"
+        losses.append(changed(tag, f"{why} axis; MuJoCo needs some"))
+        inertia = inertia + LEAST_INERTIA * np.eye(3)
+    return Body(tag, mass, centre, inertia), losses
+
+
+def _unique(tags: list[Tag]) -> None:
+    first: dict[str, Tag] = {}
+    for tag in tags:
+        other = first.setdefault(tag.name, tag)
+        if other is not tag:
+            raise tag.fault(f"the name is taken by the {tag.kind} in line {other.line}; rename one")

@@ -1,0 +1,219 @@
+"""OpenSim's tables over time: .sto and .mot, of motions, states and forces.
+
+A header of `key=value` lines up to `endheader`, a line of labels of which the first is `time`, then
+a row per time.  Version 1 states nRows and nColumns; version 3 states DataType and OpenSimVersion.
+`inDegrees=yes` means that angles are in degrees; a file does not say which columns are angles, so
+whoever reads or writes one names them.  Here they are in rad always.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from cosim.files import written_whole
+from cosim.port import Array, InputError
+
+MOST_BYTES = 256 << 20
+MOST_HEADER = 1 << 16
+"""Characters."""
+MOST_NUMBER = 1e30
+OPENSIM = "4.6"
+"""Of the layout that version 3 is written in."""
+STATES = ("value", "speed")
+"""Ends of the columns of a coordinate's states, `/jointset/JOINT/COORDINATE/value`."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """Columns over time: `time` (n,) s, increasing; `values` (n, m) in SI units, angles in rad.
+
+    `angles` are the coordinates (or columns) that are angles; `in_degrees` says whether the file
+    holds them in degrees.  Raises InputError where the parts do not fit."""
+
+    name: str
+    columns: tuple[str, ...]
+    time: Array
+    values: Array
+    in_degrees: bool = False
+    angles: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        shape = (len(self.time), len(self.columns))
+        if self.time.shape != shape[:1] or self.values.shape != shape:
+            raise InputError(
+                f"table {self.name!r}: expected values {shape}, got {self.values.shape}"
+            )
+        if len(set(self.columns)) < len(self.columns):
+            twice = next(c for c in self.columns if self.columns.count(c) > 1)
+            raise InputError(f"table {self.name!r}: the column {twice!r} comes twice")
+        if not (np.isfinite(self.time).all() and np.isfinite(self.values).all()):
+            raise InputError(f"table {self.name!r} holds a value that is not finite")
+        if not (np.diff(self.time) > 0).all():
+            k = int(np.argmax(np.diff(self.time) <= 0))
+            raise InputError(
+                f"table {self.name!r}: time must increase, but {self.time[k]:g} s is followed by "
+                f"{self.time[k + 1]:g} s (row {k + 2})"
+            )
+
+
+def is_angle(column: str, angles: Collection[str]) -> bool:
+    """Whether a column is one of `angles`, or the value or speed of one in a file of states."""
+    parts = column.split("/")
+    return column in angles or (len(parts) > 1 and parts[-1] in STATES and parts[-2] in angles)
+
+
+def _scale(columns: Sequence[str], angles: Collection[str]) -> Array:
+    """(m,) degrees per unit: 180/pi of an angle, 1 of others."""
+    return np.where([is_angle(c, angles) for c in columns], np.degrees(1.0), 1.0)
+
+
+def read_sto(path: Path, angles: Collection[str] | None = None) -> Table:
+    """A .sto or .mot.  `angles`: the rotational coordinates, whose columns (and those of their
+    states) are taken from degrees to rad where the file says `inDegrees=yes`.
+
+    Raises InputError (naming file and line) for what is no such table, for a value that is not
+    finite, for time that does not increase, and for degrees where `angles` is not given."""
+    lines = _lines(path)
+    header, at = _header(lines, path)
+    fields = dict(_fields(header))
+    if (kind := fields.get("datatype", "double")) != "double":
+        raise InputError(f"{path}: DataType is {kind[:20]}, expected double")
+    columns = _labels(lines, at, path)
+    table = _numbers(lines, at + 1, len(columns), path)
+    _check_counts(fields, table, path)
+    degrees = _in_degrees(fields, path)
+    values = table[:, 1:]
+    if degrees:
+        if angles is None:
+            raise InputError(f"{path}: its angles are in degrees; say which columns are angles")
+        values = values / _scale(columns[1:], angles)
+    name = header[0].strip() if header and "=" not in header[0] else ""
+    try:
+        return Table(name, columns[1:], table[:, 0], values, degrees, tuple(angles or ()))
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+def _lines(path: Path) -> list[str]:
+    try:
+        with open(path, "rb") as stream:
+            raw = stream.read(MOST_BYTES + 1)
+        if len(raw) > MOST_BYTES:
+            raise InputError(f"{path}: longer than {MOST_BYTES >> 20} MB, the most that is read")
+        return raw.decode("utf-8-sig").splitlines()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: not a text in UTF-8; expected a .sto or .mot table") from error
+
+
+def _header(lines: list[str], path: Path) -> tuple[list[str], int]:
+    """The lines before `endheader` and the number of the one behind it."""
+    size = 0
+    for k, line in enumerate(lines):
+        if line.strip().lower() == "endheader":
+            return lines[:k], k + 1
+        size += len(line) + 1
+        if size > MOST_HEADER:
+            raise InputError(f"{path}, line {k + 1}: no endheader in {MOST_HEADER >> 10} kB")
+    raise InputError(f"{path}: the line endheader is missing; expected a .sto or .mot table")
+
+
+def _fields(header: Sequence[str]) -> Iterator[tuple[str, str]]:
+    for line in header:
+        key, equals, value = line.partition("=")
+        if equals:
+            yield key.strip().lower(), value.strip()
+
+
+def _in_degrees(fields: Mapping[str, str], path: Path) -> bool:
+    word = fields.get("indegrees", "no").lower()
+    if word not in ("yes", "no"):
+        raise InputError(f"{path}: inDegrees is {word[:20]!r}, expected yes or no")
+    return word == "yes"
+
+
+def _labels(lines: list[str], at: int, path: Path) -> tuple[str, ...]:
+    line = lines[at] if at < len(lines) else ""
+    labels = tuple(c.strip() for c in (line.strip().split("\t") if "\t" in line else line.split()))
+    if not labels or labels[0].lower() != "time":
+        raise InputError(f"{path}, line {at + 1}: expected labels, the first of them time")
+    if "" in labels:
+        raise InputError(f"{path}, line {at + 1}: label {labels.index('') + 1} is empty")
+    return labels
+
+
+def _numbers(lines: list[str], at: int, columns: int, path: Path) -> Array:
+    """(n, columns) of the lines from `at` on, empty ones left out."""
+    rows, places = [], []
+    for k, line in enumerate(lines[at:], at + 1):
+        row = line.split()
+        if "_" in line:
+            raise InputError(f"{path}, line {k}: expected numbers, got {line[:40]!r}")
+        if row and len(row) != columns:
+            raise InputError(f"{path}, line {k}: {len(row)} values, expected {columns} as labels")
+        if row:
+            rows.append(row)
+            places.append(k)
+    try:
+        out = np.array(rows, dtype=float).reshape(-1, columns)
+    except ValueError as error:
+        raise _not_numbers(rows, places, path) from error
+    bad = ~(np.abs(out) <= MOST_NUMBER)
+    if bad.any():
+        i, j = np.argwhere(bad)[0]
+        raise InputError(
+            f"{path}, line {places[i]}, column {j + 1}: {rows[i][j][:20]}, expected a finite "
+            f"number of at most {MOST_NUMBER:g}"
+        )
+    return out
+
+
+def _not_numbers(rows: list[list[str]], places: list[int], path: Path) -> InputError:
+    for row, place in zip(rows, places, strict=True):
+        for j, word in enumerate(row):
+            try:
+                float(word)
+            except ValueError:
+                what = f"{word[:20]!r} in column {j + 1}, expected a number"
+                return InputError(f"{path}, line {place}: {what}")
+    return InputError(f"{path}: its values are not numbers")
+
+
+def _check_counts(fields: Mapping[str, str], table: Array, path: Path) -> None:
+    for key, count in zip(("nrows", "ncolumns"), table.shape, strict=True):
+        said = fields.get(key, str(count))
+        if said != str(count):
+            what = {"nrows": "nRows", "ncolumns": "nColumns"}[key]
+            raise InputError(f"{path}: the header says {what}={said[:20]}, the file has {count}")
+
+
+def write_sto(path: Path, table: Table, version: Literal[1, 3] = 3) -> None:
+    """A table as OpenSim reads and plots it, numbers in full precision; where `table.in_degrees`,
+    the columns of `table.angles` are written in degrees.
+
+    Raises InputError for labels that hold blanks and where the file cannot be written."""
+    for label in (*table.columns, *table.name.split()):
+        if not label.isprintable() or len(label.split()) != 1 or "=" in label:
+            raise InputError(f"table {table.name!r}: {label!r} is no label; leave out blanks and =")
+    scale = _scale(table.columns, table.angles) if table.in_degrees else np.ones(len(table.columns))
+    rows = np.column_stack([table.time, table.values * scale])
+    lines = [*_written_header(table, version), "\t".join(("time", *table.columns))]
+    lines += ["\t".join(map(repr, row)) for row in rows.tolist()]
+    with written_whole(path) as part:
+        part.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _written_header(table: Table, version: Literal[1, 3]) -> list[str]:
+    name = " ".join(table.name.split()) or "table"
+    degrees = f"inDegrees={'yes' if table.in_degrees else 'no'}"
+    if version == 1:
+        n, m = table.values.shape
+        return [name, "version=1", f"nRows={n}", f"nColumns={m + 1}", degrees, "endheader"]
+    kept = ["DataType=double", "version=3", f"OpenSimVersion={OPENSIM}"]
+    return [name, degrees, *kept, "endheader"]

@@ -1,0 +1,50 @@
+"""`cosim sto`: a run's motions and forces for OpenSim."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from cosim.case import load_case
+from cosim.cli import app
+from cosim.results import write_result
+from cosim.run import run_case
+from rigid.opensim.sto import read_sto
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict]:
+    case = load_case("split_edc", ["output.picture=false"])
+    result = run_case(case)
+    return write_result(tmp_path_factory.mktemp("runs"), case, result), result.summary
+
+
+def test_the_tables_hold_what_the_run_found(run: tuple[Path, dict]) -> None:
+    folder, summary = run
+    done = CliRunner().invoke(app, ["sto", str(folder)])
+    assert done.exit_code == 0, done.output
+    motion = read_sto(folder / "motion.sto", ("MCP", "MCP_abduction", "PIP", "DIP"))
+    assert motion.time.tolist() == [0.0, 1.0]
+    assert np.degrees(motion.values[1]) == pytest.approx(list(summary["posture_deg"].values()))
+    forces = read_sto(folder / "forces.sto")
+    last = dict(zip(forces.columns, forces.values[-1], strict=True))
+    assert last["EDC_tension"] == pytest.approx(3.469)
+    assert last["fingertip_force_vx"] == pytest.approx(summary["fingertip_force_N"][0])
+    assert last["fingertip_force_vz"] == pytest.approx(-summary["fingertip_force_N"][1])
+    assert 1e3 * last["PIP_torque_EDC"] == pytest.approx(summary["joint_torque_Nmm"]["EDC"]["PIP"])
+
+
+def test_what_is_no_run_is_one_message(tmp_path: Path, run: tuple[Path, dict]) -> None:
+    done = CliRunner().invoke(app, ["sto", str(tmp_path)])
+    assert done.exit_code == 2
+    assert "is not the folder of a run" in done.stderr
+    (tmp_path / "results.nc").write_text("not netCDF")
+    done = CliRunner().invoke(app, ["sto", str(tmp_path)])
+    assert done.exit_code == 2
+    assert "cannot be read as results" in done.stderr
+    (tmp_path / "file").touch()
+    done = CliRunner().invoke(app, ["sto", str(run[0]), "--out", str(tmp_path / "file")])
+    assert done.exit_code == 2
