@@ -83,6 +83,7 @@ def _fitting(case: Case) -> None:
         "index": ("shell", "pulley", "split"),
         "middle": ("pulley", "split"),
         "hinge": ("pulley",),
+        "planar": ("pulley",),
     }[case.finger.kind]
     if case.hood.kind not in hoods:
         words = " or ".join(f'"{kind}"' for kind in hoods)

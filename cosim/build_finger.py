@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from cosim.case_finger import HingeFinger, IndexFinger, MiddleFinger
+import numpy as np
+
+from cosim.case_finger import HingeFinger, IndexFinger, MiddleFinger, PlanarFinger
 from cosim.case_schema import Case, SplitHood
 from cosim.port import InputError
 
@@ -13,12 +15,14 @@ if TYPE_CHECKING:
     from meshes.skeleton import Skeleton
     from rigid.joint_torques import JointLaw
     from rigid.model import FingerModel
+    from rigid.planar_chain import PlanarChain
     from rigid.statics import ChainFinger
     from rigid.support import Support
 
 LEAST_ARM = 1e-3
 """m, of the joints about a held tip; some 2 deg of flexion in all."""
-AnyFinger = IndexFinger | MiddleFinger | HingeFinger
+AnyFinger = IndexFinger | MiddleFinger | HingeFinger | PlanarFinger
+OnMujoco = IndexFinger | MiddleFinger | PlanarFinger
 
 
 def live_finger(finger: AnyFinger, hood: object) -> ChainFinger:
@@ -45,7 +49,7 @@ def skeleton_of(finger: IndexFinger) -> Skeleton:
     return index_finger().scaled(finger.length_scale)
 
 
-def finger_model(finger: IndexFinger | MiddleFinger, hood: object) -> FingerModel:
+def finger_model(finger: OnMujoco, hood: object) -> FingerModel:
     """Bones, joints and tendons in words."""
     from rigid import index_finger, middle_finger
 
@@ -53,6 +57,8 @@ def finger_model(finger: IndexFinger | MiddleFinger, hood: object) -> FingerMode
     if isinstance(finger, IndexFinger):
         unit = index_finger.O2O3 * finger.length_scale
         return index_finger.finger_model(skeleton_of(finger), unit, central=central)
+    if isinstance(finger, PlanarFinger):
+        return planar_chain(finger).model()
     if central is None:
         return middle_finger.finger_model(finger.length_scale).with_only("FDP", "FDS")
     return middle_finger.finger_model(finger.length_scale, central)
@@ -64,32 +70,41 @@ def mjcf_of(case: Case) -> str:
 
     if isinstance(case.finger, HingeFinger):
         raise InputError(
-            f'{case.name}: finger.kind = "hinge" has no MuJoCo model; take "index" or "middle"'
+            f'{case.name}: finger.kind = "hinge" has no MuJoCo model; take another kind'
         )
     return mjcf_xml(finger_model(case.finger, case.hood), case.finger.gravity)
 
 
-def _on_mujoco(finger: IndexFinger | MiddleFinger, hood: object) -> ChainFinger:
+def planar_chain(finger: PlanarFinger) -> PlanarChain:
+    """The finger in closed form."""
+    from rigid.planar_chain import PlanarChain
+
+    parts = (finger.lengths, finger.centres, finger.masses, finger.inertias)
+    length, centre, mass, inertia = (np.array(part) for part in parts)
+    return PlanarChain(length, centre, mass, inertia)
+
+
+def _on_mujoco(finger: OnMujoco, hood: object) -> ChainFinger:
     from rigid.mujoco_finger import MujocoFinger
-    from rigid.support import CLAMPED, FREE, HELD
 
     model = finger_model(finger, hood)
-    return MujocoFinger(
-        model,
-        law=_law(finger, model.joints),
-        support={"point": HELD, "clamped": CLAMPED, "free": FREE}[finger.tip.kind],
-        gravity=finger.gravity,
-    )
+    support = _support(finger.tip.kind, in_plane=isinstance(finger, PlanarFinger))
+    law = _law(finger, model.joints)
+    return MujocoFinger(model, law=law, support=support, gravity=finger.gravity)
+
+
+def _support(kind: str, in_plane: bool) -> Support:
+    from rigid.support import CLAMPED, CLAMPED_IN_PLANE, FREE, HELD, IN_PLANE
+
+    point, clamped = (IN_PLANE, CLAMPED_IN_PLANE) if in_plane else (HELD, CLAMPED)
+    return {"point": point, "clamped": clamped, "free": FREE}[kind]
 
 
 def _hinges(finger: HingeFinger) -> ChainFinger:
     from rigid.hinge import JOINTS
     from rigid.hinge import HingeFinger as Hinges
-    from rigid.support import CLAMPED_IN_PLANE, FREE, IN_PLANE
 
-    support: Support = {"point": IN_PLANE, "clamped": CLAMPED_IN_PLANE, "free": FREE}[
-        finger.tip.kind
-    ]
+    support = _support(finger.tip.kind, in_plane=True)
     return Hinges(finger.lengths, law=_law(finger, JOINTS), support=support)
 
 

@@ -16,6 +16,8 @@ from cosim.case_types import (
     DipAngle,
     File,
     Force,
+    Inertia,
+    Mass,
     McpAngle,
     Number,
     Phalanx,
@@ -163,6 +165,24 @@ class Millard(Table):
     pennation: Annotated[float, quantity(units.ANGLE, least="0 deg", most="60 deg")] = 0.0
     fibre_length: Annotated[Number, Field(ge=0.4, le=1.7)] = 1.0
     tendon: Literal["elastic", "rigid"] = "elastic"
+
+
+class PlanarFinger(Table):
+    """Three links in a plane on MuJoCo: lengths, distances of the centres of mass from the proximal
+    joints, masses, and moments of inertia about the centres of mass."""
+
+    kind: Literal["planar"]
+    lengths: tuple[Phalanx, Phalanx, Phalanx]
+    centres: tuple[Phalanx, Phalanx, Phalanx]
+    masses: tuple[Mass, Mass, Mass]
+    inertias: tuple[Inertia, Inertia, Inertia]
+    posture: PlanarPosture
+    tip: Tip = HeldTip(kind="point")
+    limit: Limit | None = None
+    passive: dict[Annotated[str, name_of("joint", ("MCP", "PIP", "DIP"))], Passive] = Field(
+        default_factory=dict
+    )
+    gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, 0.0)
 
 
 class Tendon(Table):

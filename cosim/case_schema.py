@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 from cosim import units
 from cosim.case_fields import fault, name_of, quantity
-from cosim.case_finger import HingeFinger, IndexFinger, MiddleFinger, Posture, Tendon
+from cosim.case_finger import HingeFinger, IndexFinger, MiddleFinger, PlanarFinger, Posture, Tendon
 from cosim.case_types import (
     BodyName,
     Coordinate,
@@ -223,7 +223,9 @@ class CaseFile(Table):
 
     title: str
     notes: str | None = None
-    finger: Annotated[IndexFinger | MiddleFinger | HingeFinger, Field(discriminator="kind")]
+    finger: Annotated[
+        IndexFinger | MiddleFinger | HingeFinger | PlanarFinger, Field(discriminator="kind")
+    ]
     tendons: dict[TendonName, Tendon] = Field(default_factory=dict)
     hood: Annotated[ShellHood | PulleyHood | SplitHood, Field(discriminator="kind")]
     solve: Solve = Solve()

@@ -1,6 +1,7 @@
 """A finger as MJCF text, numbers in full precision; the world is the first body's frame.
 
-No MuJoCo joint limit, joint damping or contact: they would add torques that no ledger shows.
+No MuJoCo joint limit, joint damping or contact: they would add torques that no ledger shows.  Every
+tendon has an actuator whose control is its tension, for muscles that are computed outside.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ def mjcf_xml(model: FingerModel, gravity: Sequence[float] = (0.0, 0.0, 0.0)) -> 
             _add_guides(parent, tendon, segment.name)
     _add_site(parent, "tip", model.tip)
     _add_tendons(root, model)
+    _add_actuators(root, model)
     ET.indent(root)
     return ET.tostring(root, encoding="unicode")
 
@@ -136,6 +138,15 @@ def _add_tendons(root: ET.Element, model: FingerModel) -> None:
             if len(tendon.strands) > 1 or strand.share != 1.0:
                 ET.SubElement(spatial, "pulley", divisor=repr(1.0 / strand.share))
             _add_strand(spatial, tendon, s, strand)
+
+
+def _add_actuators(root: ET.Element, model: FingerModel) -> None:
+    """One for each tendon; its control is the tension in N."""
+    if not model.tendons:
+        return
+    out = ET.SubElement(root, "actuator")
+    for name in model.muscles:
+        ET.SubElement(out, "general", name=name, tendon=name, gainprm="-1")
 
 
 def _add_strand(spatial: ET.Element, tendon: Tendon, s: int, strand: Strand) -> None:

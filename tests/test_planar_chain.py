@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import mujoco
 import numpy as np
 import pytest
+from fingers import mujoco_finger, pushed
 from hypothesis import given
 from hypothesis import strategies as st
 
+from cosim.build_finger import planar_chain
+from cosim.case import load_case
 from cosim.port import InputError
+from cosim.run import run_case
 from rigid.planar_chain import BUCHNER, PlanarChain
+from rigid.support import HELD
 from rigid.verification.finger_rows import planar_rows
 
 NONE = np.zeros(2)
@@ -77,3 +83,29 @@ def test_a_chain_that_does_not_fit_is_refused() -> None:
         PlanarChain(np.ones(3), np.ones(3), np.ones(2), np.ones(3))
     with pytest.raises(InputError, match="positive"):
         PlanarChain(np.ones(1), np.ones(1), np.zeros(1), np.ones(1))
+
+
+def test_the_packaged_case_is_the_paper_s_finger() -> None:
+    case = load_case("planar_edc")
+    chain = planar_chain(case.finger)
+    for name in ("length", "centre", "mass", "inertia"):
+        assert getattr(chain, name) == pytest.approx(getattr(BUCHNER, name), rel=1e-12)
+    summary = run_case(case).summary
+    weight = -9.80665 * np.array(summary["joint_torque_Nmm"]["gravity"]["MCP"]) / 9.80665
+    lever = 1e3 * 9.80665 * BUCHNER.mass  # N mm per m
+    q = np.radians(list(summary["posture_deg"].values()))
+    f = np.cumsum(q)
+    joints = np.concatenate([[0.0], np.cumsum(BUCHNER.length * np.cos(f))])[:3]
+    centres = joints + BUCHNER.centre * np.cos(f)
+    assert -weight == pytest.approx(lever @ centres, rel=1e-6)
+
+
+def test_an_actuator_s_control_is_the_tension() -> None:
+    finger = mujoco_finger(HELD, central=0.4)
+    state, _, tension = pushed(finger)
+    data = mujoco.MjData(finger.model)
+    data.qpos[:], data.ctrl[:] = state.angles, tension
+    mujoco.mj_forward(finger.model, data)
+    torque = finger.own_torques(state.angles, tension)
+    expected = sum(torque[name] for name in finger.tendons)
+    assert data.qfrc_actuator == pytest.approx(expected, rel=1e-12)
