@@ -98,10 +98,12 @@ def test_only_the_named_tendon_pulls_harder_than_at_rest(name):
     case, summary = load_case(name), coarse(name).summary
     active = [t for t in case.tendons if case.tension(t) > case.solve.resting_tension]
     assert len(active) == (2 if name.endswith("_fdi") else 1)
-    assert all(summary["tension_N"][t] == case.tension(t) for t in active)
+    for tendon in active:  # a fibre at its optimal length and 3 deg to the tendon
+        near = 2e-3 if case.tendons[tendon].muscle else 0.0
+        assert summary["tension_N"][tendon] == pytest.approx(case.tension(tendon), rel=near)
     assert set(summary["unloaded"]["tension_N"].values()) == {case.solve.resting_tension}
     others = {t: T for t, T in summary["tension_N"].items() if t not in active}
-    assert set(others.values()) == {case.solve.resting_tension}
+    assert set(others.values()) <= {case.solve.resting_tension}
 
 
 def test_edc_pushes_the_fingertip_dorsally():
