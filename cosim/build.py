@@ -52,13 +52,14 @@ def build(case: Case) -> Models:
     """Models of a case.  Raises InputError for what only building finds out."""
     posture, resting = case.finger.posture.angles(), case.solve.resting_tension
     _fitting(case)
+    if case.finger.tip.kind in ("cage", "shell"):
+        raise InputError(
+            f'{case.name}: finger.tip.kind = "{case.finger.tip.kind}" holds a finger in motion; '
+            'add a table [forward], or hold the tip at a point (kind = "point")'
+        )
     finger = live_finger(case.finger, case.hood)
     muscles = live_muscles(case)
-    bones = {}
-    if isinstance(case.finger, IndexFinger):
-        bones = _bones(case.finger)
-    elif isinstance(case.finger, MiddleFinger):
-        bones = _drawn_bones(case.finger)
+    bones = drawn_bones(case)
     if not (isinstance(case.finger, IndexFinger) and isinstance(case.hood, ShellHood)):
         cables = case.hood.paths if isinstance(case.hood, PulleyHood) else {}
         hood: Hood = _pulley_hood(cables, finger)
@@ -137,7 +138,14 @@ def _bones(finger: IndexFinger) -> dict[str, Triangles]:
     return out
 
 
-def _drawn_bones(finger: MiddleFinger) -> dict[str, Triangles]:
+def drawn_bones(case: Case) -> dict[str, Triangles]:
+    """Surfaces of the bones in their bodies' frames, m; none of a planar finger."""
+    if isinstance(case.finger, IndexFinger):
+        return _bones(case.finger)
+    return _longer_bones(case.finger) if isinstance(case.finger, MiddleFinger) else {}
+
+
+def _longer_bones(finger: MiddleFinger) -> dict[str, Triangles]:
     """For pictures only: the index finger's bones, as long as the middle finger's."""
     from meshes.bones import load_bone
     from meshes.skeleton import BODIES, index_finger

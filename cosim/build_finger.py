@@ -30,7 +30,7 @@ def live_finger(finger: AnyFinger, hood: object) -> ChainFinger:
 
     Raises InputError for one that cannot be held where the case holds it."""
     made = _hinges(finger) if isinstance(finger, HingeFinger) else _on_mujoco(finger, hood)
-    if finger.tip.kind == "free":
+    if finger.tip.kind not in ("point", "clamped"):
         return made
     if made.support_arm(made.start(finger.posture.angles())) < LEAST_ARM:
         # Its fingertip force would be as large as rounding and the hood's slightest pull make it.
@@ -97,7 +97,7 @@ def _support(kind: str, in_plane: bool) -> Support:
     from rigid.support import CLAMPED, CLAMPED_IN_PLANE, FREE, HELD, IN_PLANE
 
     point, clamped = (IN_PLANE, CLAMPED_IN_PLANE) if in_plane else (HELD, CLAMPED)
-    return {"point": point, "clamped": clamped, "free": FREE}[kind]
+    return {"point": point, "clamped": clamped}.get(kind, FREE)
 
 
 def _hinges(finger: HingeFinger) -> ChainFinger:

@@ -103,7 +103,47 @@ class HeldTip(Table):
     kind: Literal["point", "clamped", "free"]
 
 
-Tip = HeldTip
+class DeviceTip(Table):
+    """A sphere about the fingertip that pushes against what surrounds it, with friction, in a
+    motion in time.  Defaults are those of the thesis (section 2.2.1) and of Simbody."""
+
+    sphere: Annotated[float, quantity(units.LENGTH, above="0 mm", most="100 mm")] = 8e-3
+    """Diameter, m."""
+    width: Annotated[float, quantity(units.LENGTH, above="0 mm", most="200 mm")] = 9e-3
+    """Between opposite walls, m."""
+    dissipation: Annotated[float, quantity(units.DISSIPATION, least="0 s/m", most="1e4 s/m")] = 0.99
+    static_friction: Annotated[Number, Field(ge=0, le=10)] = 0.1
+    dynamic_friction: Annotated[Number, Field(ge=0, le=10)] = 0.03
+    viscous_friction: Annotated[float, quantity(units.DRAG, least="0 s/m", most="1e4 s/m")] = 0.6
+    transition_velocity: Annotated[float, quantity(units.SPEED, above="0 m/s", most="10 m/s")] = (
+        0.01
+    )
+
+    @model_validator(mode="after")
+    def _fits(self) -> DeviceTip:
+        if not self.width > self.sphere:
+            raise fault("its width must exceed the sphere's diameter")
+        return self
+
+
+class CageTip(DeviceTip):
+    """A cube of six walls, Hunt-Crossley; `stiffness` is the plane-strain modulus of sphere and
+    walls, Pa."""
+
+    kind: Literal["cage"]
+    stiffness: Annotated[float, quantity(units.PRESSURE, above="0 MPa", most="1000 GPa")] = 20e9
+
+
+class ShellTip(DeviceTip):
+    """A hollow sphere, elastic foundation; `stiffness` is pressure over depth, Pa/m."""
+
+    kind: Literal["shell"]
+    stiffness: Annotated[
+        float, quantity(units.CONTACT_STIFFNESS, above="0 N/mm**3", most="1e6 N/mm**3")
+    ] = 20e9
+
+
+Tip = Annotated[HeldTip | CageTip | ShellTip, Field(discriminator="kind")]
 
 
 class Bone(Table):

@@ -212,6 +212,16 @@ class Solve(Table):
     hood_tolerance: Annotated[Number, Field(ge=1e-14, le=1e-2)] = 1e-10
 
 
+class Forward(Table):
+    """A motion in time from rest in the posture, in place of an equilibrium: the tensions or
+    activations act from the start on."""
+
+    duration: Annotated[float, quantity(units.TIME, above="0 s", most="1000 s")] = 2.0
+    step: Annotated[float, quantity(units.TIME, least="1e-6 s", most="0.1 s")] = 1e-3
+    must_rest: Switch = True
+    """The run fails where the finger is still moving at the end."""
+
+
 class Output(Table):
     """What is written besides the numbers."""
 
@@ -229,6 +239,7 @@ class CaseFile(Table):
     tendons: dict[TendonName, Tendon] = Field(default_factory=dict)
     hood: Annotated[ShellHood | PulleyHood | SplitHood, Field(discriminator="kind")]
     solve: Solve = Solve()
+    forward: Forward | None = None
     output: Output = Output()
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,6 +20,8 @@ NEAR_REST = 1e-6
 """Of the largest residual met, where relaxing ends and Newton takes over."""
 SMALL_TORQUE = 1e-12
 """N m, below which a residual that no longer falls is rounding error."""
+MOST_LEFT = 1e-10
+"""Relative residual at which Newton's iteration ends, even if more were allowed."""
 
 
 def affine(load: Load, by_motion: Array, at: Motion, motion: Motion) -> Load:
@@ -38,56 +41,95 @@ def balanced(
     affine load need not have an equilibrium.
 
     Raises ConvergenceError."""
-    at, nq = finger.motion(state), len(finger.joints)
-    start = np.zeros(len(finger.unknowns(state)))
+    at = finger.motion(state)
 
-    def there(step: Array) -> tuple[State, Load]:
+    def load_at(moved: State) -> Load:
+        return affine(load, by_motion, at, finger.motion(moved))
+
+    return _settled(finger, state, load_at, tension, by_motion, tolerance)
+
+
+def _settled(
+    finger: Finger,
+    state: State,
+    load_at: Callable[[State], Load],
+    tension: Array,
+    by_motion: Array,
+    tolerance: float,
+) -> tuple[State, Balance]:
+    """`balanced` under a load that is a function of the finger's state."""
+    nq, start = len(finger.joints), np.zeros(len(finger.unknowns(state)))
+
+    def there(step: Array) -> tuple[State, Balance]:
         moved = finger.displaced(state, step)
-        return moved, affine(load, by_motion, at, finger.motion(moved))
+        return moved, finger.balance(moved, load_at(moved), tension)
 
     def residual(step: Array) -> Array:
-        return finger.balance(*there(step), tension).residual
+        return there(step)[1].residual
 
     def slope(step: Array) -> Array:
-        return finger.tangent(*there(step), tension, by_motion)
+        moved = finger.displaced(state, step)
+        return finger.tangent(moved, load_at(moved), tension, by_motion)
 
-    step = _newton(residual, slope, start)
-    if step is None or not _is_near(step, nq) or _softest(slope(step), nq) > 0:
+    enough = min(0.1 * tolerance, MOST_LEFT)
+    root = _newton(there, slope, start, enough)
+    if root is None or not _is_near(root.step, nq) or _softest(root.slope, nq) > 0:
         step = _relaxed(residual, slope, start, nq)
-        if _is_near(step, nq):
-            polished = _newton(residual, slope, step)
-            step = step if polished is None else polished
-    moved, seen = there(step)
-    balance = finger.balance(moved, seen, tension)
-    if _is_near(step, nq) and not balance.relative <= tolerance:
+        root = _newton(there, slope, step, enough) if _is_near(step, nq) else None
+        root = _Root(step, slope(step), *there(step)) if root is None else root
+    if _is_near(root.step, nq) and not root.balance.relative <= tolerance:
         raise ConvergenceError(
-            f"the finger found no equilibrium: its relative residual is {balance.relative:.1e} "
-            f"(joints {finger.joints}). Try a stiffer passive joint, or smaller tensions."
+            f"the finger found no equilibrium: its relative residual is "
+            f"{root.balance.relative:.1e} (joints {finger.joints}). Try a stiffer passive joint, "
+            "or smaller tensions."
         )
-    return moved, balance
+    return root.state, root.balance
 
 
 def _is_near(step: Array, nq: int) -> bool:
     return bool(np.abs(step[:nq]).max() <= MOST_TURN)
 
 
+class _Root(NamedTuple):
+    step: Array
+    slope: Array
+    """(n, n), of the round before."""
+    state: State
+    balance: Balance
+
+
 def _newton(
-    residual: Callable[[Array], Array], slope: Callable[[Array], Array], step: Array
-) -> Array | None:
-    """A root near `step` by plain Newton, or None where a step does not lower the residual."""
-    r = residual(step)
+    there: Callable[[Array], tuple[State, Balance]],
+    slope: Callable[[Array], Array],
+    step: Array,
+    enough: float,
+) -> _Root | None:
+    """A root near `step` by plain Newton, down to a relative residual of `enough` or to rounding
+    error; None where a step does not lower the residual."""
+    state, balance = there(step)
     for _ in range(MOST_STEPS):
+        tangent = slope(step)
         try:
-            trial = step - np.linalg.solve(slope(step), r)
+            trial = step - np.linalg.solve(tangent, balance.residual)
         except np.linalg.LinAlgError:
             return None
-        after = residual(trial)
-        if not np.abs(after).max() < np.abs(r).max():
+        moved, after = there(trial)
+        if not _size(after) < _size(balance):
             break
-        step, r = trial, after
+        step, state, balance = trial, moved, after
+        if balance.relative <= enough:
+            break
     else:
         return None
-    return step if np.abs(r).max() < SMALL_TORQUE else None
+    return (
+        _Root(step, tangent, state, balance)
+        if _size(balance) < SMALL_TORQUE or balance.relative <= enough
+        else None
+    )
+
+
+def _size(balance: Balance) -> float:
+    return float(np.abs(balance.residual).max())
 
 
 def _softest(slope: Array, nq: int) -> float:
@@ -131,7 +173,7 @@ def at_rest(
     none = Load(bodies, ("hood",), np.zeros((len(bodies), 1, 6)), np.zeros((0, 6)))
     follows = np.zeros((6 * len(bodies), 6 * len(bodies)))
     for _ in range(MOST_ROUNDS):
-        aim, balance = balanced(finger, state, none, tension, follows, tolerance)
+        aim, balance = _settled(finger, state, lambda _: none, tension, follows, tolerance)
         if balance.relative <= tolerance:
             return aim, balance
         state = aim

@@ -142,6 +142,10 @@ def _write_files(folder: Path, case: Case, result: Result) -> None:
         from cosim.picture import draw
 
         draw(result.scene, case.title).savefig(folder / "picture.png", dpi=150)
+        if "time" in result.dataset.dims:
+            from cosim.history import draw_history
+
+            draw_history(result.dataset, case.title).savefig(folder / "history.png", dpi=130)
 
 
 def _plain(value: Any) -> Any:

@@ -50,6 +50,13 @@ def run_case(case: Case, progress: Progress = lambda text: None) -> Result:
     from cosim.observe import result
 
     started = time.perf_counter()
+    if case.forward is not None:
+        from cosim.build_forward import simulated
+        from cosim.observe_forward import forward_result
+
+        progress(f"simulating {case.forward.duration:g} s")
+        moved = simulated(case, case.forward)
+        return forward_result(case, moved, time.perf_counter() - started)
     models, states = solve(case, progress)
     progress("summing up")
     return result(case, models, states, time.perf_counter() - started)

@@ -88,6 +88,11 @@ def _checks(summary: Mapping[str, Any]) -> Iterator[Row]:
     for direction, strain in (_at(summary, "strain_percent") or {}).items():
         low, mean, high = (_number(strain.get(key)) for key in ("min", "mean", "max"))
         yield f"{direction} strain %", f"{low} to {high}, mean {mean}"
+    if (device := _at(summary, "fingertip_device")) is not None:
+        rest = "came to rest" if _at(summary, "came_to_rest") else "still moving at the end"
+        yield "fingertip device", f"{device}, {rest}"
+        moment = _at(summary, "fingertip_moment_Nmm") or ()
+        yield "fingertip moment N mm", ", ".join(_number(value) for value in moment)
     for name, muscle in (_at(summary, "muscle") or {}).items():
         now, then = (
             _number(_at(muscle, key))

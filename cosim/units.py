@@ -69,6 +69,7 @@ TIME = Kind("time", "s", "s", "2 s")
 JOINT_DAMPING = Kind("torque per rate", "N*m*s/rad", "N*m*s/rad", "0.001 N*m*s/rad")
 LIMIT_DAMPING = Kind("torque per rate", "N*m*s/deg", "N*m*s/rad", "0.01 N*m*s/deg")
 DISSIPATION = Kind("time per length", "s/m", "s/m", "0.99 s/m")
+DRAG = Kind("time per length", "s/m", "s/m", "0.6 s/m")
 SPEED = Kind("speed", "m/s", "m/s", "0.1 m/s")
 
 

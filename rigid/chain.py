@@ -11,11 +11,13 @@ before i carries a_i and c_i along, so that with lo = min(i, j), hi = max(i, j)
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cosim.port import Array, Motion
+from rigid.jit import compiled
 
 Indices = NDArray[np.integer]
 
@@ -35,38 +37,80 @@ class Chain:
     tip: Array
     """(3,) a point of the last body."""
 
+    @cached_property
+    def jacobian(self) -> Array:
+        """(nb + 1, 6, nq) twists of the bodies at their origins and of the last one at the tip, per
+        joint rate."""
+        position = self.motion.position
+        body = np.append(np.arange(len(position)), len(position) - 1)
+        return point_jacobian(self, body, np.vstack([position, self.tip]))
+
 
 def point_jacobian(chain: Chain, body: Indices, point: Array) -> Array:
     """(k, 6, nq) velocities of points (k, 3) of the bodies with indices `body` (k,) and those
     bodies' angular velocities, per joint rate."""
-    moved = chain.child <= body[:, None]
-    velocity = np.cross(chain.axis, point[:, None] - chain.anchor)
-    turn = np.broadcast_to(chain.axis, velocity.shape)
-    return (np.concatenate([velocity, turn], axis=2) * moved[:, :, None]).swapaxes(1, 2)
+    return _point_jacobian(chain.axis, chain.anchor, chain.child, body, point)
+
+
+@compiled
+def _cross(a: Array, b: Array) -> Array:
+    out = np.empty(3)
+    out[0] = a[1] * b[2] - a[2] * b[1]
+    out[1] = a[2] * b[0] - a[0] * b[2]
+    out[2] = a[0] * b[1] - a[1] * b[0]
+    return out
+
+
+@compiled
+def _point_jacobian(
+    axis: Array, anchor: Array, child: Indices, body: Indices, point: Array
+) -> Array:
+    out = np.zeros((len(body), 6, len(axis)))
+    for k in range(len(body)):
+        for j in range(len(axis)):
+            if child[j] <= body[k]:
+                out[k, :3, j] = _cross(axis[j], point[k] - anchor[j])
+                out[k, 3:, j] = axis[j]
+    return out
 
 
 def body_jacobian(chain: Chain) -> Array:
     """(6 nb, nq) twists of the bodies at their origins per joint rate."""
-    position = chain.motion.position
-    return point_jacobian(chain, np.arange(len(position)), position).reshape(-1, len(chain.axis))
+    return chain.jacobian[:-1].reshape(-1, len(chain.axis))
 
 
 def tip_jacobian(chain: Chain) -> Array:
     """(6, nq) velocity of the fingertip and angular velocity of its body per joint rate."""
-    return point_jacobian(chain, np.array([len(chain.motion.bodies) - 1]), chain.tip[None])[0]
+    return chain.jacobian[-1]
 
 
 def geometric_stiffness(chain: Chain, body: Indices, point: Array, wrench: Array) -> Array:
     """(nq, nq) derivative of sum J^T w over the joint angles: forces and moments `wrench` (k, 6)
     keep their direction in the world and the forces their points (k, 3) on the bodies (k,)."""
-    moved = (chain.child <= body[:, None]).astype(float)
-    lever = np.cross(chain.axis, point[:, None] - chain.anchor)
-    bend = np.cross(chain.axis[:, None], lever[:, None])  # (k, lo, hi, 3)
-    turn = np.cross(chain.axis, chain.axis[:, None])  # (i, j, 3): a_j x a_i
-    both = moved[:, :, None] * moved[:, None, :]
-    force = np.einsum("kijx,kx,kij->ij", bend, wrench[:, :3], both)
-    moment = np.einsum("ijx,kx,kij->ij", turn, wrench[:, 3:], both)
-    return np.triu(force) + np.triu(force, 1).T + np.tril(moment, -1)
+    return _geometric_stiffness(chain.axis, chain.anchor, chain.child, body, point, wrench)
+
+
+@compiled
+def _geometric_stiffness(
+    axis: Array, anchor: Array, child: Indices, body: Indices, point: Array, wrench: Array
+) -> Array:
+    """By f . (a_lo x (a_hi x p)) = (f x a_lo) . (a_hi x p), and so for the moments."""
+    nq = len(axis)
+    out = np.zeros((nq, nq))
+    for k in range(len(body)):
+        for i in range(nq):
+            if child[i] > body[k]:
+                continue
+            bend = _cross(wrench[k, :3], axis[i])
+            turn = _cross(wrench[k, 3:], axis[i])
+            for j in range(i, nq):
+                if child[j] > body[k]:
+                    continue
+                value = (bend * _cross(axis[j], point[k] - anchor[j])).sum()
+                out[i, j] += value
+                if j > i:
+                    out[j, i] += value + (turn * axis[j]).sum()
+    return out
 
 
 def moved_to(wrench: Array, lever: Array) -> Array:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from cosim.port import Array, InputError
+from rigid.jit import compiled
 
 LIMIT_STIFFNESS = float(np.degrees(20.0))
 """20 N m/deg (Jadelis, thesis, section 2.2.2) in N m/rad."""
@@ -27,12 +28,14 @@ def spring_torque(q: Array, stiffness: Array, rest: Array) -> tuple[Array, Array
     return -stiffness * (q - rest), np.broadcast_to(-stiffness, np.shape(q)).astype(float)
 
 
+@compiled
 def smooth_step(u: Array) -> tuple[Array, Array]:
     """s = 10 u^3 - 15 u^4 + 6 u^5 between 0 and 1 (constant outside) and ds/du."""
-    u = np.clip(u, 0.0, 1.0)
+    u = np.minimum(np.maximum(u, 0.0), 1.0)
     return u**3 * (10 + u * (6 * u - 15)), 30 * u**2 * (1 - u) ** 2
 
 
+@compiled
 def limit_torque(
     q: Array,
     lower: Array,

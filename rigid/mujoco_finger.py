@@ -50,17 +50,18 @@ class MujocoFinger(ChainFinger):
         self.model = mujoco.MjModel.from_xml_string(self.xml)
         self._data = mujoco.MjData(self.model)
         self._at = np.full(self.model.nq, np.nan)
+        self._seen: tuple[Array, Chain, Array] | None = None
         self._body = np.array([self.model.body(name).id for name in finger.bodies])
         self._child = self.model.jnt_bodyid - self._body[0]
+        self._tip = self.model.site("tip").id
+        self._arm_row = np.repeat(np.arange(self.model.ntendon), self.model.ten_J_rownnz)
+        self._arm_at = np.arange(len(self._arm_row))
         self._ways = TendonWays(self.model)
         self._weight = np.outer(self.model.body_mass[self._body], self.model.opt.gravity)
         self._weight[0] = 0.0  # the first body is the ground
 
     def chain(self, angles: Array) -> Chain:
-        data = self._forward(angles)
-        motion = Motion(self.bodies, data.xpos[self._body], data.xmat[self._body].reshape(-1, 3, 3))
-        tip = data.site("tip").xpos.copy()
-        return Chain(motion, self._child, data.xanchor.copy(), data.xaxis.copy(), tip)
+        return self._posture(angles)[0]
 
     def tendon_lengths(self, angles: Array) -> Array:
         """(nt,) m, of the paths, strands counted by their shares."""
@@ -69,13 +70,28 @@ class MujocoFinger(ChainFinger):
     def moment_arms(self, angles: Array) -> Array:
         """(nt, nq) m: shortening of each tendon per rad, positive where its pull turns the joint
         in its positive sense."""
-        data, m = self._forward(angles), self.model
+        return self._posture(angles)[1].copy()
+
+    def _posture(self, angles: Array) -> tuple[Chain, Array]:
+        """Kinematics and moment arms, those of the last posture asked for kept: an equilibrium and
+        its tangent ask for the same again and again."""
+        if self._seen is None or not np.array_equal(self._seen[0], angles):
+            d = self._forward(angles)
+            turn = d.xmat[self._body].reshape(-1, 3, 3)
+            motion = Motion(self.bodies, d.xpos[self._body], turn)
+            tip = d.site_xpos[self._tip].copy()
+            chain = Chain(motion, self._child, d.xanchor.copy(), d.xaxis.copy(), tip)
+            self._seen = np.array(angles, dtype=float), chain, self._arms(d)
+        return self._seen[1], self._seen[2]
+
+    def _arms(self, data: mujoco.MjData) -> Array:
+        m = self.model
         out = np.zeros((m.ntendon, m.nv))
-        mujoco.mju_sparse2dense(out, data.ten_J, m.ten_J_rownnz, m.ten_J_rowadr, m.ten_J_colind)
-        return -out
+        out[self._arm_row, m.ten_J_colind] = -data.ten_J
+        return out
 
     def own_torques(self, angles: Array, tension: Array) -> dict[str, Array]:
-        muscles = np.asarray(tension)[:, None] * self.moment_arms(angles)
+        muscles = np.asarray(tension)[:, None] * self._posture(angles)[1]
         out = dict(zip(self.tendons, muscles, strict=True))
         out["gravity"] = np.zeros(len(angles))
         if self._weight.any():
@@ -87,11 +103,12 @@ class MujocoFinger(ChainFinger):
     def own_tangent(self, angles: Array, tension: Array) -> Array:
         out = np.zeros((len(angles), len(angles)))
         if np.any(tension):
-            columns = [
-                tension @ (self.moment_arms(angles + step) - self.moment_arms(angles - step))
-                for step in ANGLE_STEP * np.eye(len(angles))
-            ]
-            out = np.column_stack(columns) / (2 * ANGLE_STEP)
+            share = np.zeros((len(self._arm_row), len(angles)))
+            share[self._arm_at, self.model.ten_J_colind] = -np.asarray(tension)[self._arm_row]
+            for i, step in enumerate(ANGLE_STEP * np.eye(len(angles))):
+                out[:, i] = self._moved(angles + step).ten_J @ share
+                out[:, i] -= self._moved(angles - step).ten_J @ share
+            out /= 2 * ANGLE_STEP
         if not self._weight.any():
             return out
         weight = np.hstack([self._weight, np.zeros_like(self._weight)])
@@ -124,10 +141,12 @@ class MujocoFinger(ChainFinger):
         return self._forward(angles).xipos[self._body]
 
     def _forward(self, angles: Array) -> mujoco.MjData:
-        if not np.array_equal(self._at, angles):
-            self._data.qpos[:] = angles
-            mujoco.mj_kinematics(self.model, self._data)
-            mujoco.mj_comPos(self.model, self._data)
-            mujoco.mj_tendon(self.model, self._data)
-            self._at = np.array(angles, dtype=float)
-        return self._data
+        return self._data if np.array_equal(self._at, angles) else self._moved(angles)
+
+    def _moved(self, angles: Array) -> mujoco.MjData:
+        m, d = self.model, self._data
+        self._at[:] = self._data.qpos[:] = angles
+        mujoco.mj_kinematics(m, d)
+        mujoco.mj_comPos(m, d)
+        mujoco.mj_tendon(m, d)
+        return d

@@ -130,16 +130,19 @@ class ChainFinger(ABC):
             "limit": self.law.limit(state.angles)[0],
             "fingertip": tip_jacobian(chain).T @ state.reaction,
         }
-        gap = self._gap(state, chain)[0]
-        residual = np.concatenate([np.sum(list(torque.values()), axis=0), gap])
-        scale = max(TORQUE_FLOOR, *(float(np.abs(t).max()) for t in torque.values()))
+        every = np.array(list(torque.values()))
+        residual = np.concatenate([every.sum(axis=0), self._gap(state, chain)[0]])
+        scale = max(TORQUE_FLOOR, float(np.abs(every).max()))
         return Balance(residual, scale, torque, -state.reaction[:3])
 
     def _gap(self, state: FingerState, chain: Chain) -> tuple[Array, Array]:
         """(m,) N m scaled gaps of the support and their derivative (m, nq) by the angles."""
+        jacobian = tip_jacobian(chain)
+        if not self.support.clamps_turn:
+            directions = GAP_SCALE * state.basis[:, :3]
+            return directions @ (chain.tip - state.target), directions @ jacobian[:3]
         turn, by_turn = turn_gap(state.turn, chain.motion.rotation[-1])
         gap = np.concatenate([GAP_SCALE * (chain.tip - state.target), TURN_SCALE * turn])
-        jacobian = tip_jacobian(chain)
         scaled = np.vstack([GAP_SCALE * jacobian[:3], TURN_SCALE * by_turn @ jacobian[3:]])
         return state.basis @ gap, state.basis @ scaled
 
@@ -147,18 +150,21 @@ class ChainFinger(ABC):
         """Exact derivative of the residual over z = (q, support r)."""
         self._check(load, tension)
         chain = self.chain(state.angles)
-        tip, jac = state.basis @ tip_jacobian(chain), body_jacobian(chain)
+        n, nq, jac = len(self.bodies), len(self.joints), body_jacobian(chain)
         stiffness = jac.T @ load_motion @ jac + self.own_tangent(state.angles, tension)
-        stiffness += np.diag(self.law.passive(state.angles)[1] + self.law.limit(state.angles)[1])
-        n = len(self.bodies)
+        joints = self.law.passive(state.angles)[1] + self.law.limit(state.angles)[1]
+        stiffness.flat[:: nq + 1] += joints
         stiffness += geometric_stiffness(
             chain,
             np.append(np.arange(n), n - 1),
             np.vstack([chain.motion.position, chain.tip]),
             np.vstack([load.total(), state.reaction]),
         )
-        zero = np.zeros((len(tip), len(tip)))
-        return np.block([[stiffness, tip.T], [self._gap(state, chain)[1], zero]])
+        out = np.zeros((nq + len(state.basis), nq + len(state.basis)))
+        out[:nq, :nq] = stiffness
+        out[:nq, nq:] = (state.basis @ tip_jacobian(chain)).T
+        out[nq:, :nq] = self._gap(state, chain)[1]
+        return out
 
     def ledger(self, state: FingerState, load: Load, tension: Array) -> dict[str, Array]:
         """(nb, 6) wrench on each body about its origin (world frame) by source: each muscle,

@@ -35,6 +35,7 @@ ALLOWED = {
 KNOW_THE_SOLVERS = {
     "cosim.build",
     "cosim.build_finger",
+    "cosim.build_forward",
     "cosim.build_muscles",
     "cosim.build_shell",
     "cosim.shell_commands",

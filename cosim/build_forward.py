@@ -1,0 +1,135 @@
+"""From a case to a finger in motion.  One of the files that know the solvers by name."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from cosim.build_finger import live_finger
+from cosim.build_muscles import fibres
+from cosim.case_finger import CageTip, ShellTip
+from cosim.case_schema import Case, Forward, SplitHood
+from cosim.port import Array, InputError, State
+
+if TYPE_CHECKING:
+    from rigid.device import Device
+    from rigid.dynamics import Pull
+    from rigid.forward import Simulation
+    from rigid.mujoco_finger import MujocoFinger
+    from rigid.muscle.parameters import Muscles
+
+
+@dataclass(frozen=True)
+class Moved:
+    """A finger, its motion, and what its muscles' fibres did at the end."""
+
+    finger: MujocoFinger
+    simulation: Simulation
+    normalised_length: dict[str, float]
+
+
+def simulated(case: Case, forward: Forward) -> Moved:
+    """The motion of a case.
+
+    Raises InputError for a case that has none, ConvergenceError where a step does not converge or
+    the finger is not at rest at the end although the case wants that."""
+    from rigid.dynamics import FingerDynamics
+    from rigid.forward import came_to_rest, simulate
+    from rigid.mujoco_finger import MujocoFinger
+
+    finger = live_finger(case.finger, case.hood)
+    if not (isinstance(case.hood, SplitHood) and isinstance(finger, MujocoFinger)):
+        raise InputError(
+            f'{case.name}: forward takes a MuJoCo finger with hood.kind = "split"; a shell or '
+            "pulley hood has no motion in time yet: leave out the table forward"
+        )
+    muscles = TendonPulls(case, finger.tendons)
+    start = finger.start(case.finger.posture.angles())
+    dynamics = FingerDynamics(finger, start, muscles, _device(case))
+    simulation = simulate(dynamics, forward.duration, forward.step)
+    if forward.must_rest:
+        came_to_rest(simulation)
+    return Moved(finger, simulation, muscles.lengths())
+
+
+def _device(case: Case) -> Device | None:
+    from rigid.device import Cage, Contact, Shell
+
+    tip = case.finger.tip
+    if not isinstance(tip, CageTip | ShellTip):
+        return None
+    contact = Contact(
+        tip.sphere / 2,
+        tip.stiffness,
+        tip.dissipation,
+        tip.static_friction,
+        tip.dynamic_friction,
+        tip.viscous_friction,
+        tip.transition_velocity,
+    )
+    return (Cage if isinstance(tip, CageTip) else Shell)(contact, tip.width)
+
+
+class Group(NamedTuple):
+    """Muscles whose tendons are all elastic or all rigid, and where they stand among the finger's
+    tendons."""
+
+    muscles: Muscles
+    activation: Array
+    home: Array
+    """(n,) m, path lengths in the posture."""
+    where: Array
+
+
+class TendonPulls:
+    """Stated tensions, and fibres at constant excitation that begin in equilibrium at it."""
+
+    def __init__(self, case: Case, tendons: tuple[str, ...]) -> None:
+        self._stated = np.array([case.tension(name) for name in tendons])
+        self._groups = [
+            Group(muscles, activation, home, np.array([tendons.index(n) for n in muscles.names]))
+            for muscles, activation, home in fibres(case)
+        ]
+        self._start = np.zeros(len(tendons))
+        self._last: list[State] = []
+
+    def start(self, length: Array) -> State:
+        from rigid.muscle.dynamics import at_rest
+
+        self._start = length.copy()
+        return [at_rest(g.muscles, g.activation, g.home) for g in self._groups]
+
+    def pull(self, state: State, time: float, length: Array, dt: float) -> Pull:
+        from rigid.dynamics import Pull
+        from rigid.muscle.dynamics import step
+        from rigid.muscle.millard import equilibrium
+
+        tension, stiffness, after = self._stated.copy(), np.zeros(len(self._stated)), []
+        for group, at in zip(self._groups, state, strict=True):
+            path = group.home + (length - self._start)[group.where]
+            if dt == 0.0:
+                rest = equilibrium(group.muscles, group.activation, path)
+                tension[group.where] = rest.force
+                after.append(at)
+                continue
+            done = step(group.muscles, at, group.activation, path, dt)
+            tension[group.where] = done.force
+            stiffness[group.where] = np.maximum(done.stiffness, 0.0)
+            after.append(done.state)
+        self._last = after
+        return Pull(tension, stiffness, after)
+
+    def lengths(self) -> dict[str, float]:
+        """Normalised fibre lengths after the last pull, by muscle."""
+        return {
+            name: float(length / optimum)
+            for group, at in zip(self._groups, self._last, strict=True)
+            for name, length, optimum in zip(
+                group.muscles.names,
+                at.fibre_length,
+                group.muscles.optimal_fibre_length,
+                strict=True,
+            )
+        }

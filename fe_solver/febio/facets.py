@@ -1,0 +1,125 @@
+"""FEBio's frictionless `sliding-elastic` contact made anew from its documentation, one pass, by a
+penalty alone: beside `q4ans`, to tell what a difference from FEBio's figures comes from.
+
+At the Gauss points of the sheet's facets the pressure is the penalty times the depth; depth is
+measured along the facet's normal to the body's flat triangles, and the pressure acts along that
+normal (FEBio theory manual 3.4, section 7.1.9; user manual, Contact: sliding-elastic).  Pressure
+begins with a kink.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from ..shell import GAUSS, shape
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.intp]
+
+SEARCH_TOLERANCE = 0.01
+"""Of a triangle's edges, by which a point may lie beyond them (FEBio's search_tol)."""
+SEARCH_RADIUS = 2e-3
+"""m along the normal within which a triangle is met (FEBio's search_radius, of the models)."""
+NEAREST = 16
+"""Triangles, by their middles, that are looked at for each Gauss point."""
+SHAPES = np.stack([shape(r, s) for r, s in GAUSS])
+"""(4, 3, 4) shape functions of a quad and their derivatives by r and s, at its Gauss points."""
+
+
+@dataclass(frozen=True)
+class Facets:
+    """Quads (k, 4) whose face on `side` (k,) of their normals slides on the triangles (nt, 3, 3) m
+    of a body, in its frame; penalty (k,) N/m3."""
+
+    quads: Ints
+    side: Ints
+    penalty: Array
+    body: int
+    triangles: Array
+
+    @cached_property
+    def tree(self) -> cKDTree:
+        """The triangles' middles."""
+        return cKDTree(self.triangles.mean(axis=1))
+
+
+class Pressed(NamedTuple):
+    """What contact does: `gradient` (k, 12) N that the quads' corners resist with, `blocks` (k, 12,
+    12) N/m its derivative, `force` (3,) N on the body, pressure (k, 4) Pa and depth (k, 4) m at the
+    Gauss points, positive inside the body."""
+
+    gradient: Array
+    blocks: Array
+    force: Array
+    pressure: Array
+    depth: Array
+
+
+def pressed(facets: Facets, x: Array, position: Array, rotation: Array) -> Pressed:
+    """Contact of nodes x (n, 3) m with the body at its position (3,) m and rotation (3, 3).
+
+    The derivative is that at normals which do not turn, symmetric: what it leaves out is of the
+    order of depth over element size, and Newton needs no more."""
+    corners = x[facets.quads]
+    at, by_r, by_s = np.moveaxis(np.einsum("gda,kai->kgdi", SHAPES, corners), 2, 0)
+    area = np.cross(by_r, by_s)
+    size = np.linalg.norm(area, axis=2)
+    normal = area / size[..., None] * facets.side[:, None, None]
+    depth = _depth(facets, (at - position) @ rotation, normal @ rotation)
+    stiffness = facets.penalty[:, None] * size * (depth > 0)
+    push = (stiffness * depth)[..., None] * normal
+    spread = SHAPES[:, 0, :, None] * normal[:, :, None]
+    spread = spread.reshape(*depth.shape, 12)
+    return Pressed(
+        np.einsum("kg,kgi->ki", stiffness * depth, spread),
+        np.einsum("kg,kgi,kgj->kij", stiffness, spread, spread, optimize=True),
+        push.sum(axis=(0, 1)),
+        facets.penalty[:, None] * np.maximum(depth, 0),
+        depth,
+    )
+
+
+def cut(triangles: Array, longest: float) -> Array:
+    """(m, 3, 3) the same flat triangles (nt, 3, 3), halved across their longest edges until none is
+    longer than `longest`, m, so that the nearest middle tells the nearest triangle."""
+    done = []
+    while len(triangles):
+        edge = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2)
+        long, first = edge.max(axis=1) > longest, edge.argmax(axis=1)
+        done.append(triangles[~long])
+        order = (first[long, None] + np.arange(3)) % 3
+        a, b, c = np.moveaxis(np.take_along_axis(triangles[long], order[:, :, None], 1), 1, 0)
+        middle = (a + b) / 2
+        halves = [np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)]
+        triangles = np.concatenate(halves)
+    return np.concatenate(done)
+
+
+def _depth(facets: Facets, points: Array, normals: Array) -> Array:
+    """(k, 4) m by which points (k, 4, 3) have passed the nearest triangle that faces them along
+    their normals (k, 4, 3), all in the body's frame; minus the search radius where there is none.
+
+    A point q meets a triangle a, a + u, a + v at q + t n = a + b u + c v (Cramer's rule)."""
+    q, n = points.reshape(-1, 1, 3), normals.reshape(-1, 1, 3)
+    count = min(NEAREST, len(facets.triangles))
+    _, near = facets.tree.query(q[:, 0], k=np.arange(1, count + 1))
+    a, u, v = np.moveaxis(facets.triangles[near], 2, 0)
+    u, v, w = u - a, v - a, q - a
+    face = np.cross(u, v)
+    facing = np.einsum("mki,mki->mk", face, np.broadcast_to(n, face.shape))
+    scale = 1 / np.where(facing < 0, facing, -1.0)
+    across = np.cross(n, w)
+    b = np.einsum("mki,mki->mk", v, across) * scale
+    c = np.einsum("mki,mki->mk", u, across) * -scale
+    t = -np.einsum("mki,mki->mk", face, w) * scale
+    met = (facing < 0) & (b >= -SEARCH_TOLERANCE) & (c >= -SEARCH_TOLERANCE)
+    met &= (b + c <= 1 + SEARCH_TOLERANCE) & (np.abs(t) < SEARCH_RADIUS)
+    distance = np.where(met, t, SEARCH_RADIUS)
+    best = np.abs(distance).argmin(axis=1)
+    return np.asarray(-distance[np.arange(len(best)), best].reshape(points.shape[:2]))

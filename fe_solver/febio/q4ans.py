@@ -1,0 +1,141 @@
+"""FEBio's `q4ans` shell made anew from its documentation, to tell what a difference from FEBio's
+figures comes from: not an element to solve with.
+
+Each node is a pair, one on either face of the sheet; the element is the solid between the faces,
+linear through the thickness (FEBio theory manual 3.4, section 4.2; user manual 3.4, section 3.6.2:
+"assumed natural strain").  Total Lagrangian, with the natural strains assumed
+
+    transverse shears E13, E23    linear between the edges' midpoints (Dvorkin and Bathe 1984, Eng
+                                  Comput 1:77)
+    thickness strain E33          bilinear between the corners (Betsch and Stein 1995, Commun Numer
+                                  Meth Eng 11:899)
+
+the others as the displacements have them; 2 x 2 x 2 Gauss points, all six strains in the law.
+
+Every natural strain at a Gauss point is a quadratic form of the nodes' positions, the same for all
+elements (`FORMS`), so that the tangent is exact and symmetric.
+
+E33 is constant through the thickness and hangs on the nodes.  Poisson's contraction, linear through
+it in bending, is held back, so that a sheet of nu = 0.4 bends (lambda + 2 mu) (1 - nu^2) / E = 1.8
+times too stiffly (thickness locking); and where a point load leaves the strains of an element
+uneven, the thickness cannot follow.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.port import InputError
+
+from ..materials import Law
+from ..shell import CORNERS, GAUSS, shape
+from .solid_laws import FIRST, PAIRS, SECOND, SHEAR, solid_stress
+
+Array = NDArray[np.float64]
+
+POINTS = tuple((r, s, t) for r, s in GAUSS.tolist() for t in (-(3**-0.5), 3**-0.5))
+
+
+def base_weights(r: float, s: float, t: float) -> Array:
+    """(3, 8) the base vectors' weights of the nodes: four on the file's face (t = -1), then four on
+    the other (t = 1)."""
+    n, nr, ns = shape(r, s)
+    low, high = (1 - t) / 2, (1 + t) / 2
+    return np.stack(
+        [
+            np.concatenate([low * nr, high * nr]),
+            np.concatenate([low * ns, high * ns]),
+            np.concatenate([-n, n]) / 2,
+        ]
+    )
+
+
+def _form(point: tuple[float, float, float], i: int, j: int) -> Array:
+    """(8, 8) M with y.M.y / 2 = g_i.g_j, halved where i = j: a strain with engineering shears."""
+    weights = base_weights(*point)
+    both = np.outer(weights[i], weights[j])
+    return both if i == j else both + both.T
+
+
+def _assumed(r: float, s: float, t: float) -> Array:
+    """(6, 8, 8) the forms of one point's natural strains."""
+    corners = zip(shape(r, s)[0], CORNERS, strict=True)
+    thickness = sum(n * _form((a, b, 0), 2, 2) for n, (a, b) in corners)
+    along_r = ((1 - s) * _form((0, -1, 0), 0, 2) + (1 + s) * _form((0, 1, 0), 0, 2)) / 2
+    along_s = ((1 - r) * _form((-1, 0, 0), 1, 2) + (1 + r) * _form((1, 0, 0), 1, 2)) / 2
+    assumed = {(2, 2): thickness, (0, 2): along_r, (1, 2): along_s}
+    return np.stack([assumed.get(pair, _form((r, s, t), *pair)) for pair in PAIRS])
+
+
+FORMS = np.stack([_assumed(*point) for point in POINTS])
+"""(8, 6, 8, 8): natural strain c at point g is y.FORMS[g, c].y / 2, less that at rest."""
+_FLAT = FORMS.reshape(-1, 8)
+
+
+@dataclass(frozen=True)
+class SolidTables:
+    """Constants of a mesh: the forms' values at rest (ne, 48, 1), the local Cartesian strains from
+    the natural ones (ne, 8, 6, 6), the points' volumes (ne, 8) m3."""
+
+    rest: Array
+    local: Array
+    volume: Array
+
+
+def solid_tables(Y: Array, fibre: Array) -> SolidTables:
+    """Tables for elements with nodes Y (ne, 8, 3) m; local axis 1 is `fibre` (ne, 3) brought into
+    the sheet's plane, axis 3 its normal.
+
+    Raises InputError where the faces cross."""
+    weights = np.stack([base_weights(*point) for point in POINTS])
+    G = np.einsum("gia,nak->ngik", weights, Y)
+    volume = np.linalg.det(G)
+    if (volume * np.sign(volume[0, 0]) <= 0).any():
+        raise InputError("the sheet is thicker than its radius: its faces cross")
+    normal = np.cross(G[..., 0, :], G[..., 1, :])
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    along = fibre[:, None] - np.einsum("nk,ngk->ng", fibre, normal)[..., None] * normal
+    along /= np.linalg.norm(along, axis=-1, keepdims=True)
+    axes = np.stack([along, np.cross(normal, along), normal], axis=2)
+    rest = _gradient(Y) @ Y.reshape(-1, 24, 1) / 2
+    return SolidTables(rest, _to_local(axes @ np.linalg.inv(G)), np.abs(volume))
+
+
+def _to_local(P: Array) -> Array:
+    """(..., 6, 6) strains by engineering components from P (..., 3, 3), the local components (rows)
+    of the dual base vectors (columns)."""
+    a, b, i, j = FIRST[:, None], SECOND[:, None], FIRST, SECOND
+    both = P[..., a, i] * P[..., b, j] + P[..., a, j] * P[..., b, i]
+    return np.asarray(both * np.where(SHEAR, 1.0, 0.5)[:, None])
+
+
+def _gradient(y: Array) -> Array:
+    """(ne, 48, 24) derivatives of the natural strains by the positions y (ne, 8, 3)."""
+    return (_FLAT @ y).reshape(len(y), 48, 24)
+
+
+def solid_strain(tables: SolidTables, y: Array) -> Array:
+    """(ne, 8, 6) local Green-Lagrange strains, engineering shears, at nodes y (ne, 8, 3) m."""
+    natural = _gradient(y) @ y.reshape(-1, 24, 1) / 2 - tables.rest
+    return np.asarray((tables.local @ natural.reshape(-1, 8, 6, 1))[..., 0])
+
+
+def solid_response(tables: SolidTables, law: Law, y: Array) -> tuple[Array, Array]:
+    """Internal forces (ne, 24) N and tangents (ne, 24, 24) N/m at nodes y (ne, 8, 3) m.
+
+    Raises InputError for a law that is not covered."""
+    ne, T = len(y), tables.local
+    B = _gradient(y)
+    natural = B @ y.reshape(ne, 24, 1) / 2 - tables.rest
+    stress, stiff = solid_stress(law, (T @ natural.reshape(ne, 8, 6, 1))[..., 0])
+    back, volume = np.swapaxes(T, 2, 3), tables.volume[..., None, None]
+    pull = ((back @ stress[..., None]) * volume).reshape(ne, 1, 48)
+    inner = (back @ stiff @ T) * volume @ B.reshape(ne, 8, 6, 24)
+    blocks = (np.swapaxes(B, 1, 2) @ inner.reshape(ne, 48, 24)).reshape(ne, 8, 3, 8, 3)
+    geometric = (pull[:, 0] @ FORMS.reshape(48, 64)).reshape(ne, 8, 8)
+    for k in range(3):
+        blocks[:, :, k, :, k] += geometric
+    return (pull @ B)[:, 0], blocks.reshape(ne, 24, 24)

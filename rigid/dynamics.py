@@ -1,0 +1,238 @@
+"""A finger in motion: M(q) dv/dt = torques + J^T w, in joint space, by implicit steps.
+
+A step from (q, v) to (q + h v+, v+) solves
+
+    M (v+ - v) = h [ A^T t + gravity - c(q, v) + joints(q + h v+, v+) + J^T w(p + h J v+, J v+) ]
+
+by Newton's method in v+: backward Euler in the springs, limits and damping of the joints and in the
+device about the fingertip, which alone are stiff; M, A, J and the inertial torques c are taken at
+the start, and the tensions t follow the tendons' change of length with the stiffness that the
+muscles tell.  Where the tip is held its constraint B J v+ = -gap / h is solved with it, exactly,
+and takes the drift of one step out in the next.  First order in h (Hairer and Wanner, Solving
+Ordinary Differential Equations II, 1996, section IV.3); what it damps is in the audit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.port import Array, ConvergenceError, State
+from rigid.contact_step import Joints, Readings, advanced
+from rigid.device import Device, Nothing
+from rigid.joint_torques import JointLaw
+from rigid.mujoco_finger import MujocoFinger
+from rigid.statics import FingerState
+from rigid.support import turn_gap
+
+TOLERANCE = 1e-10
+"""N m, of the torques in each step."""
+UNTURNED = np.eye(3)
+
+
+class Pull(NamedTuple):
+    """What muscles answer, (nt,) each."""
+
+    tension: Array
+    """N, at the given lengths."""
+    stiffness: Array
+    """N/m, at least 0: how the tension follows the path's length within a step."""
+    state: State
+
+
+class Muscles(Protocol):
+    """Anything that pulls on a finger's tendons; its state is an opaque value."""
+
+    def start(self, length: Array) -> State:
+        """The state at t = 0 with paths of `length` (nt,) m."""
+        ...
+
+    def pull(self, state: State, time: float, length: Array, dt: float) -> Pull:
+        """The tension at `time` s, `dt` s after `state` (0: at the start)."""
+        ...
+
+
+@dataclass(frozen=True)
+class Constant:
+    """Tensions (nt,) N that do not change."""
+
+    tension: Array
+
+    def start(self, length: Array) -> State:
+        return None
+
+    def pull(self, state: State, time: float, length: Array, dt: float) -> Pull:
+        return Pull(self.tension, np.zeros(len(self.tension)), None)
+
+
+class Moment(NamedTuple):
+    """A finger at one time: the opaque state of `FingerDynamics.advance`, and what it observed."""
+
+    time: float
+    angles: Array
+    rates: Array
+    tip: Array
+    """(6,) N, and N m about the fingertip, of it on the world in the world's axes."""
+    tension: Array
+    """(nt,) N."""
+    length: Array
+    """(nt,) m, of the tendons at the start of the step that ended here."""
+    kinetic: float
+    """J, with the mass matrix at the start of that step."""
+    slip: float
+    """J, that the device dissipated in that step."""
+    muscles: State
+    held: Array
+    """(m,) N and N m, reactions of the support."""
+
+
+class FingerDynamics:
+    """A MuJoCo finger whose tip is held by its own support, or by a device about it.
+
+    MuJoCo gives mass matrix, inertial torques, tendons and tip from the angles and rates of each
+    call alone, so that a state always gives the same bits."""
+
+    def __init__(
+        self,
+        finger: MujocoFinger,
+        state: FingerState,
+        muscles: Muscles,
+        device: Device | None = None,
+        frame: Array = UNTURNED,
+    ) -> None:
+        """state: as from `finger.start`: the posture to begin in; its target is the support's and
+        the centre of the device.  device: in place of the finger's support.  frame (3, 3): the
+        device's axes as columns in the world; the world's if not given."""
+        self._finger, self._state, self._muscles, self._frame = finger, state, muscles, frame
+        held = state.basis if device is None else np.zeros((0, 6))
+        self._turns = bool(held[:, 3:].any())
+        self.device: Device = Nothing() if device is None else device
+        self._surface, self._joints = self.device.surface, _joints(finger.law)
+        self._model = m = finger.model
+        self._data = d = mujoco.MjData(m)
+        self._site, self._last = m.site("tip").id, m.nbody - 1
+        self._position, self._velocity = d.qpos, d.qvel
+        self._readings = Readings(
+            d.M,
+            _dense_mass(m),
+            np.zeros(m.nv),
+            d.ten_J,
+            np.repeat(np.arange(m.ntendon), m.ten_J_rownnz),
+            m.ten_J_colind.astype(np.intp),
+            np.zeros((6, m.nv)),
+            d.site_xpos[self._site],
+            state.target,
+            np.ascontiguousarray(frame, dtype=float),
+            held,
+        )
+        self._nothing = (np.zeros(3), np.zeros(m.nv), np.zeros(m.nv))
+
+    def start(self) -> Moment:
+        """At rest in the posture."""
+        q, nq = self._state.angles, len(self._state.angles)
+        self._at(q, np.zeros(nq))
+        length = self._data.ten_length.copy()
+        muscles = self._muscles.start(length)
+        tension = self._muscles.pull(muscles, 0.0, length, 0.0).tension
+        held = np.zeros(len(self._readings.basis))
+        return Moment(0.0, q, np.zeros(nq), np.zeros(6), tension, length, 0.0, 0.0, muscles, held)
+
+    def advance(self, at: Moment, dt: float) -> Moment:
+        """The state `dt` s later.  Raises ConvergenceError."""
+        self._at(at.angles, at.rates)
+        length, time = self._data.ten_length.copy(), at.time + dt
+        pull = self._muscles.pull(at.muscles, time, length, dt)
+        done, angles, rates, held, wrench, tension, kinetic, slip = advanced(
+            self._surface,
+            self._joints,
+            self._readings,
+            (at.angles, at.rates, at.held),
+            (pull.tension, pull.stiffness),
+            self._more(at.angles),
+            dt,
+            TOLERANCE,
+        )
+        if not done:
+            raise ConvergenceError(
+                f"finger in motion: the step to t = {time:.6g} s did not converge. Try a smaller "
+                f"step than {dt:g} s, a softer contact or smaller tensions."
+            )
+        return Moment(
+            time, angles, rates, -wrench, tension, length, kinetic, slip, pull.state, held
+        )
+
+    @property
+    def law(self) -> JointLaw:
+        return self._finger.law
+
+    def tendon_lengths(self, at: Moment) -> Array:
+        """(nt,) m, in the angles of a state."""
+        return self._finger.tendon_lengths(at.angles)
+
+    def place(self, at: Moment) -> Array:
+        """(3,) m, the fingertip from the device's centre in its axes."""
+        gap: Array = self._finger.chain(at.angles).tip - self._state.target
+        return gap @ self._frame
+
+    def height_energy(self, at: Moment) -> float:
+        """J, potential energy in gravity."""
+        self._at(at.angles, at.rates)
+        weight = self._model.body_mass[:, None] * self._model.opt.gravity
+        return -float((weight * self._data.xipos).sum())
+
+    def _at(self, angles: Array, rates: Array) -> None:
+        m, d, jacobian = self._model, self._data, self._readings.jacobian
+        self._position[:] = angles
+        self._velocity[:] = rates
+        mujoco.mj_kinematics(m, d)
+        mujoco.mj_comPos(m, d)
+        mujoco.mj_tendon(m, d)
+        mujoco.mj_makeM(m, d)
+        mujoco.mj_comVel(m, d)
+        mujoco.mj_rne(m, d, 0, self._readings.bias)
+        mujoco.mj_jacSite(m, d, jacobian[:3], jacobian[3:], self._site)
+
+    def _more(self, angles: Array) -> tuple[Array, Array, Array]:
+        """The tip's turn from the one held, where it is; torques of curves and their slopes."""
+        turned, torque, slope = self._nothing
+        if self._turns:
+            now = self._data.xmat[self._last].reshape(3, 3)
+            turned = turn_gap(self._state.turn, now)[0]
+        if self.law.curves:
+            torque, slope = _curves(self.law, angles)
+        return turned, torque, slope
+
+
+def _dense_mass(model: mujoco.MjModel) -> NDArray[np.intp]:
+    """(nq, nq) where MuJoCo keeps each entry of the mass matrix, of which it has the lower half."""
+    out = np.zeros((model.nv, model.nv), dtype=np.intp)
+    rows = np.repeat(np.arange(model.nv), model.M_rownnz)
+    out[rows, model.M_colind] = out[model.M_colind, rows] = np.arange(len(rows))
+    return out
+
+
+def _curves(law: JointLaw, angles: Array) -> tuple[Array, Array]:
+    """(nq,) N m and N m/rad of the torque curves alone."""
+    torque, slope = np.zeros(len(angles)), np.zeros(len(angles))
+    for joint, curve in law.curves.items():
+        i = law.joints.index(joint)
+        torque[i], slope[i] = curve(float(angles[i]))
+    return torque, slope
+
+
+def _joints(law: JointLaw) -> Joints:
+    damping = np.zeros(len(law.joints)) if law.damping is None else law.damping
+    return Joints(
+        law.stiffness,
+        law.rest,
+        damping,
+        law.lower,
+        law.upper,
+        law.limit_stiffness,
+        law.transition,
+        law.limit_damping,
+    )

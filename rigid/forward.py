@@ -1,0 +1,171 @@
+"""Forward simulation of a finger: its history, whether it came to rest, and where the energy went."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cosim.port import Array, ConvergenceError, InputError
+from rigid.dynamics import FingerDynamics, Moment
+from rigid.joint_torques import JointLaw, limit_damping, limit_torque
+
+DURATION = 2.0
+"""s (thesis, section 2.2.1)."""
+STEP = 1e-3
+"""s."""
+
+
+@dataclass(frozen=True)
+class Rest:
+    """When a finger counts as at rest: over the last `window` s no joint turns faster than `rate`
+    rad/s and no component of the fingertip force strays further than `force` N from its end.
+
+    In a frictional cage rest is where creep has ended: Simbody's friction is viscous below its
+    transition velocity, so that a finger slides until a face, a corner, a limit or the passive
+    joints hold it without friction."""
+
+    window: float = 0.1
+    rate: float = 1e-3
+    force: float = 1e-3
+
+
+@dataclass(frozen=True)
+class Energy:
+    """J, over the whole simulation.  Kinetic energy gained and what is stored come from the work of
+    the tendons and gravity less what is dissipated and `artificial`: what the method's damping took
+    (positive) or gave."""
+
+    tendons: float
+    gravity: float
+    kinetic: float
+    joints_stored: float
+    device_stored: float
+    joints_dissipated: float
+    device_dissipated: float
+
+    @property
+    def artificial(self) -> float:
+        gained = self.kinetic + self.joints_stored + self.device_stored
+        lost = self.joints_dissipated + self.device_dissipated
+        return self.tendons + self.gravity - gained - lost
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """A finger's history at n + 1 times, the first at rest in the posture."""
+
+    time: Array
+    """(n + 1,) s."""
+    angles: Array
+    """(n + 1, nq) rad."""
+    rates: Array
+    """(n + 1, nq) rad/s."""
+    force: Array
+    """(n + 1, 3) N, of the fingertip on the world, world frame."""
+    moment: Array
+    """(n + 1, 3) N m about the fingertip."""
+    tension: Array
+    """(n + 1, nt) N."""
+    energy: Energy
+    rest: Rest
+    last_rate: float
+    """rad/s, the largest over the window of `rest`, and"""
+    last_change: float
+    """N, the largest of a force component from its end."""
+
+    @property
+    def at_rest(self) -> bool:
+        return self.last_rate <= self.rest.rate and self.last_change <= self.rest.force
+
+
+def simulate(
+    dynamics: FingerDynamics,
+    duration: float = DURATION,
+    dt: float = STEP,
+    rest: Rest | None = None,
+) -> Simulation:
+    """The motion over `duration` s in steps of `dt` s.
+
+    Raises InputError where the duration is no multiple of the step or shorter than the window of
+    rest, ConvergenceError where a step does not converge."""
+    rest = Rest() if rest is None else rest
+    steps = round(duration / dt) if dt > 0 else 0
+    if steps < 1 or abs(steps * dt - duration) > 1e-9 * duration or duration < rest.window:
+        raise InputError(
+            f"forward simulation: its duration of {duration} s must be a multiple of the step of "
+            f"{dt} s and no shorter than the {rest.window} s in which it is to be at rest"
+        )
+    history = [dynamics.start()]
+    for _ in range(steps):
+        history.append(dynamics.advance(history[-1], dt))
+    return _simulation(dynamics, history, dt, rest)
+
+
+def came_to_rest(simulation: Simulation) -> Simulation:
+    """The same simulation.  Raises ConvergenceError where it did not come to rest."""
+    if not simulation.at_rest:
+        rest = simulation.rest
+        raise ConvergenceError(
+            f"the finger did not come to rest in {simulation.time[-1]:g} s: over the last "
+            f"{rest.window:g} s a joint turned at up to {simulation.last_rate:.1e} rad/s (at rest: "
+            f"{rest.rate:g}) and the fingertip force changed by up to {simulation.last_change:.1e} N "
+            f"({rest.force:g}). Try a longer simulation, damping or passive stiffness of the "
+            "joints, or a tip that is held at a point."
+        )
+    return simulation
+
+
+def _simulation(
+    dynamics: FingerDynamics, history: list[Moment], dt: float, rest: Rest
+) -> Simulation:
+    rates = np.array([m.rates for m in history])
+    tip = np.array([m.tip for m in history])
+    last = -(round(rest.window / dt) + 1)
+    return Simulation(
+        np.array([m.time for m in history]),
+        np.array([m.angles for m in history]),
+        rates,
+        tip[:, :3],
+        tip[:, 3:],
+        np.array([m.tension for m in history]),
+        _energy(dynamics, history, dt),
+        rest,
+        float(np.abs(rates[last:]).max()),
+        float(np.abs(tip[last:, :3] - tip[-1, :3]).max()),
+    )
+
+
+def _energy(dynamics: FingerDynamics, history: list[Moment], dt: float) -> Energy:
+    """Of constant or smooth tensions and joint torques by the trapezoidal rule, of the device and
+    gravity exactly."""
+    law, first, last = dynamics.law, history[0], history[-1]
+    angles = np.array([m.angles for m in history])
+    rates = np.array([m.rates for m in history])
+    tension = np.array([m.tension for m in history])
+    length = np.array([*(m.length for m in history[1:]), dynamics.tendon_lengths(last)])
+    elastic = np.array([law.passive(q)[0] for q in angles]) if law.curves else _springs(law, angles)
+    elastic = elastic + limit_torque(
+        angles, law.lower, law.upper, law.limit_stiffness, law.transition
+    )[0]
+    damping = limit_damping(angles, law.lower, law.upper, law.limit_damping, law.transition)
+    damping = damping if law.damping is None else damping + law.damping
+    stored = [dynamics.device.energy(dynamics.place(m)) for m in (first, last)]
+    return Energy(
+        tendons=-_work(tension, length),
+        gravity=dynamics.height_energy(first) - dynamics.height_energy(last),
+        kinetic=last.kinetic - first.kinetic,
+        joints_stored=-_work(elastic, angles),
+        device_stored=stored[1] - stored[0],
+        joints_dissipated=float(dt * (damping[1:] * rates[1:] ** 2).sum()),
+        device_dissipated=float(sum(m.slip for m in history)),
+    )
+
+
+def _springs(law: JointLaw, angles: Array) -> Array:
+    return -law.stiffness * (angles - law.rest)
+
+
+def _work(force: Array, along: Array) -> float:
+    """Of force (n, k) along (n, k) by the trapezoidal rule."""
+    return float((0.5 * (force[1:] + force[:-1]) * np.diff(along, axis=0)).sum())
