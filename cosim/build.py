@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cosim.build_finger import live_finger, skeleton_of
+from cosim.build_finger import check_fit, live_finger, skeleton_of
 from cosim.build_muscles import CaseMuscles, live_muscles
 from cosim.build_shell import HoodLook, Triangles, laid_mesh, linear, look, shell_hood_of
 from cosim.case_finger import Bone, IndexFinger, MiddleFinger
@@ -51,12 +51,7 @@ class Models:
 def build(case: Case) -> Models:
     """Models of a case.  Raises InputError for what only building finds out."""
     posture, resting = case.finger.posture.angles(), case.solve.resting_tension
-    _fitting(case)
-    if case.finger.tip.kind in ("cage", "shell"):
-        raise InputError(
-            f'{case.name}: finger.tip.kind = "{case.finger.tip.kind}" holds a finger in motion; '
-            'add a table [forward], or hold the tip at a point (kind = "point")'
-        )
+    check_fit(case)
     finger = live_finger(case.finger, case.hood)
     muscles = live_muscles(case)
     bones = drawn_bones(case)
@@ -76,22 +71,6 @@ def build(case: Case) -> Models:
         lambda state: look(shell, mesh, state),
         lambda state: linear(shell, state),
     )
-
-
-def _fitting(case: Case) -> None:
-    """Raises InputError where this hood does not go on this finger."""
-    hoods = {
-        "index": ("shell", "pulley", "split"),
-        "middle": ("pulley", "split"),
-        "hinge": ("pulley",),
-        "planar": ("pulley",),
-    }[case.finger.kind]
-    if case.hood.kind not in hoods:
-        words = " or ".join(f'"{kind}"' for kind in hoods)
-        raise InputError(
-            f'hood.kind = "{case.hood.kind}" does not go with finger.kind = "{case.finger.kind}", '
-            f"which takes {words}"
-        )
 
 
 def tensions(case: Case, models: Models) -> tuple[Array, Array]:

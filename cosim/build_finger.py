@@ -25,6 +25,35 @@ AnyFinger = IndexFinger | MiddleFinger | HingeFinger | PlanarFinger
 OnMujoco = IndexFinger | MiddleFinger | PlanarFinger
 
 
+HOODS = {
+    "index": ("shell", "pulley", "split"),
+    "middle": ("pulley", "split"),
+    "planar": ("pulley",),
+    "hinge": ("pulley",),
+}
+"""Which hoods go on which finger."""
+
+
+def check_fit(case: Case) -> None:
+    """Raises InputError where the parts of a case do not go together."""
+    finger, hood, tip = case.finger.kind, case.hood.kind, case.finger.tip.kind
+    if hood not in HOODS[finger]:
+        words = " or ".join(f'"{kind}"' for kind in HOODS[finger])
+        raise InputError(
+            f'hood.kind = "{hood}" does not go with finger.kind = "{finger}", which takes {words}'
+        )
+    if case.forward is not None and hood != "split":
+        raise InputError(
+            f'forward takes hood.kind = "split"; a {hood} hood has no motion in time yet: leave '
+            "out the table forward"
+        )
+    if case.forward is None and tip in ("cage", "shell"):
+        raise InputError(
+            f'finger.tip.kind = "{tip}" holds a finger in motion; add a table [forward], or hold '
+            'the tip at a point (kind = "point")'
+        )
+
+
 def live_finger(finger: AnyFinger, hood: object) -> ChainFinger:
     """The finger, with the extensor's tendons among its own where the hood is a fixed split.
 

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from cosim.build_finger import live_finger
+from cosim.build_finger import check_fit, live_finger
 from cosim.build_muscles import fibres
 from cosim.case_finger import CageTip, ShellTip
-from cosim.case_schema import Case, Forward, SplitHood
-from cosim.port import Array, InputError, State
+from cosim.case_schema import Case, Forward
+from cosim.port import Array, State
 
 if TYPE_CHECKING:
     from rigid.device import Device
@@ -39,12 +39,9 @@ def simulated(case: Case, forward: Forward) -> Moved:
     from rigid.forward import came_to_rest, simulate
     from rigid.mujoco_finger import MujocoFinger
 
+    check_fit(case)
     finger = live_finger(case.finger, case.hood)
-    if not (isinstance(case.hood, SplitHood) and isinstance(finger, MujocoFinger)):
-        raise InputError(
-            f'{case.name}: forward takes a MuJoCo finger with hood.kind = "split"; a shell or '
-            "pulley hood has no motion in time yet: leave out the table forward"
-        )
+    assert isinstance(finger, MujocoFinger)  # what goes with a split
     muscles = TendonPulls(case, finger.tendons)
     start = finger.start(case.finger.posture.angles())
     dynamics = FingerDynamics(finger, start, muscles, _device(case))

@@ -159,10 +159,12 @@ def _shown(path: Path) -> str:
 def check(cases: Cases, settings: Settings = None) -> None:
     """Check cases, and the mesh files that they name, and run nothing."""
     from cosim.build import check_mesh_file
+    from cosim.build_finger import check_fit
 
     codes = [0]
     for case in _load(cases, settings):
         try:
+            check_fit(case)
             check_mesh_file(case)
             typer.echo(f"{case.name}: in order")
         except InputError as error:

@@ -285,3 +285,54 @@ class Finger(Protocol):
     def tendon_paths(self, state: State) -> dict[str, Array]:
         """Polylines (k, 3) of the finger's own tendons, world frame, m, for pictures."""
         ...
+
+
+@dataclass(frozen=True)
+class AffineLoad:
+    """What a hood does to the bodies near the poses `at`: wrench (nb, 6) about their origins at
+    those poses, and its derivative (6 nb, 6 nb) by their twists; zero for a load that is held."""
+
+    at: Motion
+    wrench: Array
+    by_motion: Array
+
+
+class MovingFinger(Protocol):
+    """A finger in time.  Its state is opaque and holds angles, rates and the clock; a step may be
+    repeated from the old state."""
+
+    @property
+    def bodies(self) -> tuple[str, ...]: ...
+    @property
+    def joints(self) -> tuple[str, ...]: ...
+    @property
+    def tendons(self) -> tuple[str, ...]: ...
+
+    def begin(self, posture: Mapping[str, float]) -> State:
+        """At rest at joint angles `posture` (rad)."""
+        ...
+
+    def angles(self, state: State) -> Array:
+        """(nq,) rad."""
+        ...
+
+    def rates(self, state: State) -> Array:
+        """(nq,) rad/s."""
+        ...
+
+    def motion(self, angles: Array) -> Motion:
+        """Poses of the shared bodies at joint angles (nq,) rad."""
+        ...
+
+    def jacobian(self, angles: Array) -> Array:
+        """(6 nb, nq) twists of the bodies per joint rate."""
+        ...
+
+    def step(self, state: State, load: AffineLoad, tension: Array, dt: float) -> State:
+        """The state `dt` s later under a load that follows the bodies as it says and the finger's
+        own tendons' tensions (nt,) N.  Raises ConvergenceError; `state` stays valid."""
+        ...
+
+    def energy(self, state: State) -> float:
+        """J, kinetic, of height and in the finger's own springs."""
+        ...

@@ -100,7 +100,7 @@ def test_a_finger_that_still_moves_is_no_result() -> None:
     ("name", "settings", "words"),
     [
         ("split_edc", ["finger.tip={kind='cage'}"], r"add a table \[forward\]"),
-        ("isometric_edc", [FORWARD], 'forward takes a MuJoCo finger with hood.kind = "split"'),
+        ("isometric_edc", [FORWARD], 'forward takes hood.kind = "split"'),
         ("split_edc", ['forward={step="3 ms"}'], "must be a multiple of the step"),
         ("split_edc", ["finger.tip={kind='cage',width='7 mm'}", FORWARD], "must exceed the sphere"),
         ("split_edc", ["finger.tip={kind='cage',stiffness='20 N/mm**3'}"], "finger.tip"),
