@@ -47,6 +47,12 @@ def check_fit(case: Case) -> None:
             f'forward takes hood.kind = "split"; a {hood} hood has no motion in time yet: leave '
             "out the table forward"
         )
+    courses = [name for name, tendon in case.tendons.items() if tendon.course is not None]
+    if case.forward is None and courses:
+        raise InputError(
+            f"tendons.{courses[0]}.course: a course over time belongs to a motion; add a table "
+            "[forward], or leave it out"
+        )
     if case.forward is None and tip in ("cage", "shell"):
         raise InputError(
             f'finger.tip.kind = "{tip}" holds a finger in motion; add a table [forward], or hold '

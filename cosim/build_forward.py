@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from cosim.build_finger import check_fit, live_finger
+from cosim.build_course import factor_of
+from cosim.build_finger import live_finger
 from cosim.build_muscles import fibres
 from cosim.case_finger import CageTip, ShellTip
 from cosim.case_schema import Case, Forward
@@ -39,7 +40,6 @@ def simulated(case: Case, forward: Forward) -> Moved:
     from rigid.forward import came_to_rest, simulate
     from rigid.mujoco_finger import MujocoFinger
 
-    check_fit(case)
     finger = live_finger(case.finger, case.hood)
     assert isinstance(finger, MujocoFinger)  # what goes with a split
     muscles = TendonPulls(case, finger.tendons)
@@ -81,10 +81,13 @@ class Group(NamedTuple):
 
 
 class TendonPulls:
-    """Stated tensions, and fibres at constant excitation that begin in equilibrium at it."""
+    """Stated tensions, and fibres that begin in equilibrium at their first excitation, each times
+    the factor of its course."""
 
     def __init__(self, case: Case, tendons: tuple[str, ...]) -> None:
         self._stated = np.array([case.tension(name) for name in tendons])
+        courses = [case.tendons[n].course if n in case.tendons else None for n in tendons]
+        self._factors = [factor_of(course) for course in courses]
         self._groups = [
             Group(muscles, activation, home, np.array([tendons.index(n) for n in muscles.names]))
             for muscles, activation, home in fibres(case)
@@ -96,22 +99,29 @@ class TendonPulls:
         from rigid.muscle.dynamics import at_rest
 
         self._start = length.copy()
-        return [at_rest(g.muscles, g.activation, g.home) for g in self._groups]
+        return [at_rest(g.muscles, self._excited(g, 0.0), g.home) for g in self._groups]
+
+    def _excited(self, group: Group, time: float) -> Array:
+        """(n,) excitation at a time in s."""
+        factors = [self._factors[i](time) for i in group.where]
+        return np.clip(group.activation * factors, 0.0, 1.0)
 
     def pull(self, state: State, time: float, length: Array, dt: float) -> Pull:
         from rigid.dynamics import Pull
         from rigid.muscle.dynamics import step
         from rigid.muscle.millard import equilibrium
 
-        tension, stiffness, after = self._stated.copy(), np.zeros(len(self._stated)), []
+        tension = self._stated * [factor(time) for factor in self._factors]
+        stiffness, after = np.zeros(len(tension)), []
         for group, at in zip(self._groups, state, strict=True):
             path = group.home + (length - self._start)[group.where]
+            excited = self._excited(group, time)
             if dt == 0.0:
-                rest = equilibrium(group.muscles, group.activation, path)
+                rest = equilibrium(group.muscles, excited, path)
                 tension[group.where] = rest.force
                 after.append(at)
                 continue
-            done = step(group.muscles, at, group.activation, path, dt)
+            done = step(group.muscles, at, excited, path, dt)
             tension[group.where] = done.force
             stiffness[group.where] = np.maximum(done.stiffness, 0.0)
             after.append(done.state)

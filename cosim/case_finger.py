@@ -193,6 +193,48 @@ class HingeFinger(Table):
     )
 
 
+Factor = Annotated[Number, Field(ge=0, le=1e6)]
+
+
+class PointsCourse(Table):
+    """Factors at times, straight between them and constant beyond."""
+
+    kind: Literal["points"]
+    at: Annotated[
+        tuple[
+            tuple[Annotated[float, quantity(units.TIME, least="0 s", most="1e6 s")], Factor], ...
+        ],
+        Field(min_length=1),
+    ]
+
+    @model_validator(mode="after")
+    def _rising(self) -> PointsCourse:
+        if any(b <= a for (a, _), (b, _) in pairwise(self.at)):
+            raise fault("at: its times must rise from point to point")
+        return self
+
+
+class SineCourse(Table):
+    """mean + amplitude sin(2 pi frequency t + phase), never below zero."""
+
+    kind: Literal["sine"]
+    frequency: Annotated[float, quantity(units.FREQUENCY, above="0 Hz", most="1000 Hz")]
+    mean: Factor
+    amplitude: Factor
+    phase: Annotated[float, quantity(units.ANGLE, least="-360 deg", most="360 deg")] = 0.0
+
+
+class FileCourse(Table):
+    """Factors from a column of a table over time: .sto or .mot, or .csv with a column `time`."""
+
+    kind: Literal["file"]
+    path: File
+    column: str
+
+
+Course = Annotated[PointsCourse | SineCourse | FileCourse, Field(discriminator="kind")]
+
+
 class Millard(Table):
     """The equilibrium muscle of Millard et al. 2013 between its tendon's path and the bone.
 
@@ -234,6 +276,8 @@ class Tendon(Table):
     max_force: Force | None = None
     activation: Annotated[Number, Field(ge=0, le=1)] | None = None
     muscle: Millard | None = None
+    course: Course | None = None
+    """Over time, of a motion: what tension or activation is multiplied by."""
 
     @model_validator(mode="after")
     def _one_way(self) -> Tendon:

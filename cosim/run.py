@@ -10,6 +10,7 @@ from functools import lru_cache
 import numpy as np
 
 from cosim.build import Models, build, tensions
+from cosim.build_finger import check_fit
 from cosim.build_muscles import Pull, live_muscles
 from cosim.case_schema import Case
 from cosim.couple import CouplingOptions, Equilibrium, equilibrium, reciprocity
@@ -50,6 +51,7 @@ def run_case(case: Case, progress: Progress = lambda text: None) -> Result:
     from cosim.observe import result
 
     started = time.perf_counter()
+    check_fit(case)
     if case.forward is not None:
         from cosim.build_forward import simulated
         from cosim.observe_forward import forward_result

@@ -23,6 +23,7 @@ meter = [length] = m = metre
 kilogram = [mass] = kg
 gram = 1e-3 * kilogram = g
 second = [time] = s
+hertz = 1 / second = Hz
 radian = [angle] = rad
 degree = 0.017453292519943295 * radian = deg = °
 newton = kilogram * meter / second ** 2 = N
@@ -62,6 +63,7 @@ STIFFNESS = Kind("stiffness", "N/mm", "N/m", "1000 N/mm")
 CONTACT_STIFFNESS = Kind("pressure per length", "N/mm**3", "N/m**3", "100 N/mm**3")
 LIMIT_STIFFNESS = Kind("torque per angle", "N*m/deg", "N*m/rad", "20 N*m/deg")
 JOINT_STIFFNESS = Kind("torque per angle", "N*m/rad", "N*m/rad", "0.04 N*m/rad")
+FREQUENCY = Kind("frequency", "Hz", "Hz", "2 Hz")
 MASS = Kind("mass", "g", "kg", "15 g")
 INERTIA = Kind("moment of inertia", "kg*mm**2", "kg*m**2", "22 kg*mm**2")
 TORQUE = Kind("torque", "N*mm", "N*m", "20 N*mm")

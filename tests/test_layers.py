@@ -34,6 +34,7 @@ ALLOWED = {
 }
 KNOW_THE_SOLVERS = {
     "cosim.build",
+    "cosim.build_course",
     "cosim.build_finger",
     "cosim.build_forward",
     "cosim.build_muscles",

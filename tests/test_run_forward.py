@@ -96,11 +96,36 @@ def test_a_finger_that_still_moves_is_no_result() -> None:
     assert told["came_to_rest"] is False
 
 
+def test_tensions_and_excitations_follow_their_courses() -> None:
+    ramp = 'tendons.EDC.course={kind="points",at=[["0 s",0.0],["0.2 s",1.0]]}'
+    fibre = (
+        'tendons.FDP={activation=0.1,muscle={kind="millard",optimal_fibre_length="75 mm",'
+        'tendon_slack_length="268.12 mm"},course={kind="points",at=[["0.3 s",1.0],["0.31 s",0.0]]}}'
+    )
+    forward = 'forward={duration="0.6 s",must_rest=false}'
+    data = run_case(load_case("split_edc", [PLAIN, ramp, fibre, forward])).dataset
+    edc = data.own_tension.sel(muscle="EDC")
+    assert edc.sel(time=[0.0, 0.1, 0.2, 0.5], method="nearest").values == pytest.approx(
+        3.469 * np.array([0.0, 0.5, 1.0, 1.0])
+    )
+    fdp = data.own_tension.sel(muscle="FDP")
+    before, after = (float(fdp.sel(time=t, method="nearest")) for t in (0.3, 0.6))
+    assert before == pytest.approx(7.9, rel=0.03)
+    assert after < 0.3 * before  # deactivated, but for the smallest activation
+    just = float(fdp.sel(time=0.33, method="nearest"))
+    assert after < just < before  # with a time constant
+
+
 @pytest.mark.parametrize(
     ("name", "settings", "words"),
     [
         ("split_edc", ["finger.tip={kind='cage'}"], r"add a table \[forward\]"),
         ("isometric_edc", [FORWARD], 'forward takes hood.kind = "split"'),
+        (
+            "split_edc",
+            ['tendons.EDC.course={kind="points",at=[["0 s",1.0]]}'],
+            r"tendons\.EDC\.course: .* belongs to a motion",
+        ),
         ("split_edc", ['forward={step="3 ms"}'], "must be a multiple of the step"),
         ("split_edc", ["finger.tip={kind='cage',width='7 mm'}", FORWARD], "must exceed the sphere"),
         ("split_edc", ["finger.tip={kind='cage',stiffness='20 N/mm**3'}"], "finger.tip"),
