@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cosim import __version__
-from cosim.finger_commands import mjcf, moment_arms
+from cosim.finger_commands import bench_fingers, mjcf, moment_arms
 from cosim.job_commands import bench_fe, bench_febio, export, solve
 from cosim.opensim_commands import import_model, sto
 from cosim.port import CosimError, InputError
@@ -234,7 +234,8 @@ def _open_window(hood: Path) -> None:
 @app.command()
 def bench(
     case: Annotated[
-        str, typer.Argument(help="Case file, or name of a packaged case; or fe, or febio.")
+        str,
+        typer.Argument(help="Case file, or a packaged case; or fe, febio, fingers, opensim."),
     ],
     settings: Settings = None,
     models: Annotated[
@@ -245,9 +246,14 @@ def bench(
     ] = "0.25 mm",
 ) -> None:
     """Time a coupled run against one assembly and one factorisation of its own tangent; with fe the
-    shell solver's iteration against its floor; with febio published models beside FEBio."""
+    shell solver's iteration against its floor; with febio published models beside FEBio; with
+    fingers the static solve of the finger alone; with opensim its motion beside OpenSim's."""
     if case == "fe":
         bench_fe()
+        return
+    if case in ("fingers", "opensim"):
+        with told():
+            bench_fingers(beside_opensim=case == "opensim")
         return
     if case == "febio":
         with told():

@@ -1,4 +1,4 @@
-"""The commands about fingers: `cosim moment-arms` and `cosim mjcf`."""
+"""The commands about fingers: `cosim moment-arms`, `mjcf`, `bench fingers` and `bench opensim`."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cosim.files import written_whole
+from cosim.port import InputError
 from cosim.terminal import console, told
 
 if TYPE_CHECKING:
@@ -118,3 +119,22 @@ def mjcf(
         with written_whole(out) as path:
             path.write_text(text + "\n", encoding="utf-8")
         typer.echo(f"finger in {out}")
+
+
+def bench_fingers(beside_opensim: bool) -> None:
+    """Print what the finger alone costs; raises InputError where OpenSim is to be there and is
+    not."""
+    from importlib.util import find_spec
+
+    if not beside_opensim:
+        from rigid.verification.dynamics_rows import time_rows
+
+        for row in time_rows():
+            typer.echo(f"static solve of the finger, ms  {row.computed:.3f}   ({row.source})")
+        return
+    if find_spec("opensim") is None:
+        raise InputError("OpenSim is not installed here: pip install '.[opensim]'")
+    from rigid.bench import bench_opensim
+
+    for name, value in bench_opensim().items():
+        typer.echo(f"{name:<20} {value:.4g}")

@@ -1,110 +1,36 @@
 """The inner loop of a finger in motion: laws of contact and one implicit step in time.
 
 Compiled by numba where it is installed; without it the same code runs, some fifty times slower.
-All in one file, since numba looks at no other one when it decides whether to compile anew.
+All in one file, see `rigid.jit`; `rigid.step_data` holds what goes in.
 `rigid.device` says which laws these are, `rigid.dynamics` which step.
 """
 
 from __future__ import annotations
 
 from math import pi, sqrt
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cosim.port import Array
 from rigid.jit import compiled
+from rigid.step_data import CAGE, SHELL, Instant, Joints, Readings, Surface
 
-Indices = NDArray[np.intp]
-FREE, CAGE, SHELL = 0, 1, 2
 HERTZ_DAMPING, BED_DAMPING = 1.5, 1.0
 NO_SLIP = 1e-12
 """m/s, below which the direction of slip is not asked for."""
-MOST_ROUNDS = 60
-MOST_HALVINGS = 30
+MOST_TRIALS = 60
+"""Of a step: rounds of Newton's iteration, and halvings in them."""
 Answer = tuple[Array, Array, Array]
 """Wrench (6,), its derivatives (6, 3) by the position and (6, 6) by the twist."""
-
-
-class Surface(NamedTuple):
-    """A device in plain numbers."""
-
-    kind: int
-    stiffness: float
-    """Cage: N/m^1.5 of Hertz's law; shell: Pa/m."""
-    gap: float
-    """m."""
-    radius: float
-    dissipation: float
-    static_friction: float
-    dynamic_friction: float
-    viscous_friction: float
-    transition_velocity: float
-
-
-class Joints(NamedTuple):
-    """Springs, limits and damping of the joints, (nq,) each but for what all share."""
-
-    stiffness: Array
-    rest: Array
-    damping: Array
-    lower: Array
-    upper: Array
-    limit_stiffness: float
-    transition: float
-    limit_damping: float
-
-
-class Readings(NamedTuple):
-    """MuJoCo's buffers at the start of a step, and what does not change with it."""
-
-    mass: Array
-    """Entries of the mass matrix, which stand where `mass_at` (nq, nq) says."""
-    mass_at: Indices
-    bias: Array
-    """(nq,) N m, inertial torques less gravity's."""
-    path: Array
-    """Derivatives of the tendons' lengths, in `path_row` and `path_column`."""
-    path_row: Indices
-    path_column: Indices
-    jacobian: Array
-    """(6, nq) of the tip, in the world."""
-    tip: Array
-    """(3,) m, in the world."""
-    target: Array
-    """(3,) m, where the tip is held, or the device's centre."""
-    frame: Array
-    """(3, 3) the device's axes as columns."""
-    basis: Array
-    """(m, 6) unit wrenches of the support."""
-
-
-class Instant(NamedTuple):
-    """What is known at the start of a step."""
-
-    angles: Array
-    rates: Array
-    mass: Array
-    """(nq, nq)."""
-    torque: Array
-    """(nq,) of tendons, curves and gravity less the inertial ones; constant over the step but for"""
-    by_rate: Array
-    """(nq, nq) its derivative by the rates at the end of the step."""
-    tip: Array
-    """(6, nq) its Jacobian, in the device's axes."""
-    position: Array
-    """(3,) m, in the device's axes."""
-    held: Array
-    """(m, nq) rows of the constraint and"""
-    drift: Array
-    """(m,) how far it is off."""
 
 
 @compiled
 def cross_matrix(a: Array) -> Array:
     """(3, 3), which times b is a x b."""
-    return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
+    out = np.zeros((3, 3))
+    out[0, 1], out[0, 2], out[1, 2] = -a[2], a[1], -a[0]
+    out[1, 0], out[2, 0], out[2, 1] = a[2], -a[1], a[0]
+    return out
 
 
 @compiled
@@ -119,6 +45,17 @@ def times(a: Array, b: Array) -> Array:
 
 
 @compiled
+def transposed_times(a: Array, b: Array) -> Array:
+    """a^T b."""
+    out = np.zeros((a.shape[1], b.shape[1]))
+    for k in range(a.shape[0]):
+        for i in range(a.shape[1]):
+            for j in range(b.shape[1]):
+                out[i, j] += a[k, i] * b[k, j]
+    return out
+
+
+@compiled
 def applied(a: Array, x: Array) -> Array:
     """a x of a small matrix and a vector."""
     out = np.zeros(a.shape[0])
@@ -126,6 +63,98 @@ def applied(a: Array, x: Array) -> Array:
         for k in range(a.shape[1]):
             out[i] += a[i, k] * x[k]
     return out
+
+
+@compiled
+def transposed_applied(a: Array, x: Array) -> Array:
+    """a^T x."""
+    out = np.zeros(a.shape[1])
+    for k in range(a.shape[0]):
+        for i in range(a.shape[1]):
+            out[i] += a[k, i] * x[k]
+    return out
+
+
+@compiled
+def dot(a: Array, b: Array) -> float:
+    """a . b."""
+    total = 0.0
+    for i in range(len(a)):
+        total += a[i] * b[i]
+    return total
+
+
+@compiled
+def plus(a: Array, s: float, b: Array) -> Array:
+    """a + s b of vectors."""
+    out = np.zeros(len(a))
+    for i in range(len(a)):
+        out[i] = a[i] + s * b[i]
+    return out
+
+
+@compiled
+def dyad(a: Array, s: float, x: Array, y: Array) -> Array:
+    """A matrix a + s x y^T."""
+    out = np.zeros(a.shape)
+    for i in range(a.shape[0]):
+        for j in range(a.shape[1]):
+            out[i, j] = a[i, j] + s * x[i] * y[j]
+    return out
+
+
+@compiled
+def mixed(r: float, a: Array, s: float, b: Array) -> Array:
+    """r a + s b of matrices."""
+    out = np.zeros(a.shape)
+    for i in range(a.shape[0]):
+        for j in range(a.shape[1]):
+            out[i, j] = r * a[i, j] + s * b[i, j]
+    return out
+
+
+@compiled
+def put(out: Array, row: int, column: int, block: Array) -> None:
+    """A block of a matrix."""
+    for i in range(block.shape[0]):
+        for j in range(block.shape[1]):
+            out[row + i, column + j] = block[i, j]
+
+
+@compiled
+def joined(a: Array, b: Array) -> Array:
+    """One vector after the other."""
+    out = np.zeros(len(a) + len(b))
+    for i in range(len(a)):
+        out[i] = a[i]
+    for i in range(len(b)):
+        out[len(a) + i] = b[i]
+    return out
+
+
+@compiled
+def solved(a: Array, b: Array) -> Array:
+    """x of a x = b by elimination with row pivots; it compiles in a tenth of LAPACK's time."""
+    n = len(b)
+    a, x = a.copy(), b.copy()
+    for k in range(n):
+        p = k
+        for i in range(k + 1, n):
+            if abs(a[i, k]) > abs(a[p, k]):
+                p = i
+        for j in range(n):
+            a[k, j], a[p, j] = a[p, j], a[k, j]
+        x[k], x[p] = x[p], x[k]
+        for i in range(k + 1, n):
+            factor = a[i, k] / a[k, k]
+            x[i] -= factor * x[k]
+            for j in range(k, n):
+                a[i, j] -= factor * a[k, j]
+    for i in range(n - 1, -1, -1):
+        for j in range(i + 1, n):
+            x[i] -= a[i, j] * x[j]
+        x[i] /= a[i, i]
+    return x
 
 
 @compiled
@@ -143,14 +172,13 @@ def friction(surface: Surface, speed: float) -> tuple[float, float]:
 @compiled
 def _drag(surface: Surface, slip: Array) -> tuple[float, Array]:
     """mu(v) / v, s/m, and the derivative (3, 3) of mu(v) s / v by the slip s, where v = |s|."""
-    speed = sqrt((slip**2).sum())
+    speed, one = sqrt(dot(slip, slip)), np.eye(3)
     if speed < NO_SLIP:
         secant = friction(surface, 0.0)[1]
-        return secant, secant * np.eye(3)
+        return secant, mixed(secant, one, 0.0, one)
     value, slope = friction(surface, speed)
     secant = value / speed
-    along = slip / speed
-    return secant, secant * np.eye(3) + (slope - secant) * np.outer(along, along)
+    return secant, dyad(mixed(secant, one, 0.0, one), (slope - secant) / speed**2, slip, slip)
 
 
 @compiled
@@ -179,79 +207,82 @@ def pressed(
     """One touch with inward normal (3,), its derivative (3, 3) by the position, the elastic force
     and its slope by the depth.  The lever from the centre to the point is (depth / 2 - R) n, which
     is where Simbody has it between two bodies of one stiffness."""
-    n, reach = normal, 0.5 * depth - surface.radius
-    spin, arm = cross_matrix(twist[3:]), cross_matrix(n)
-    velocity = twist[:3] + reach * applied(spin, n)
-    along = (n * velocity).sum()
-    c = damping * surface.dissipation
+    n, reach, one = normal, 0.5 * depth - surface.radius, np.eye(3)
+    spin, lever = cross_matrix(twist[3:]), mixed(reach, cross_matrix(n), 0.0, one)
+    rolling = applied(spin, n)
+    velocity = plus(twist[:3], reach, rolling)
+    along, c = dot(n, velocity), damping * surface.dissipation
     rate = 1.0 - c * along
-    wrench, by_position, by_twist = np.zeros(6), np.zeros((6, 3)), np.zeros((6, 6))
     if rate <= 0.0:
-        return wrench, by_position, by_twist
-    f, slip = elastic[0] * rate, velocity - along * n
+        return np.zeros(6), np.zeros((6, 3)), np.zeros((6, 6))
+    f, slip = elastic[0] * rate, plus(velocity, -along, n)
     secant, by_slip = _drag(surface, slip)
-    push = n - secant * slip
-    force, lever = f * push, reach * arm
-    wrench[:3], wrench[3:] = force, applied(lever, force)
+    push = plus(n, -secant, slip)
+    force = plus(np.zeros(3), f, push)
+    wrench = joined(force, applied(lever, force))
+    by_position, by_twist = np.zeros((6, 3)), np.zeros((6, 6))
     if not slopes:
         return wrench, by_position, by_twist
-    velocity_p = reach * times(spin, turn) - 0.5 * np.outer(applied(spin, n), n)
-    along_p = applied(velocity_p.T, n) + applied(turn.T, velocity)
-    f_v = -elastic[0] * c * n
-    f_p = -elastic[1] * rate * n - elastic[0] * c * along_p
-    slip_v = np.eye(3) - np.outer(n, n)
-    slip_p = velocity_p - along * turn - np.outer(n, along_p)
-    force_v = np.outer(push, f_v) - f * times(by_slip, slip_v)
-    force_p = np.outer(push, f_p) + f * (turn - times(by_slip, slip_p))
-    lever_p = reach * turn - 0.5 * np.outer(n, n)
-    by_position[:3] = force_p
-    by_position[3:] = times(lever, force_p) - times(cross_matrix(force), lever_p)
-    by_twist[:3, :3], by_twist[:3, 3:] = force_v, -times(force_v, lever)
-    by_twist[3:] = times(lever, by_twist[:3])
+    # Derivatives by the position (_p) and by the velocity at the point (_v).
+    velocity_p = dyad(mixed(reach, times(spin, turn), 0.0, one), -0.5, rolling, n)
+    along_p = plus(transposed_applied(velocity_p, n), 1.0, transposed_applied(turn, velocity))
+    f_p = plus(plus(np.zeros(3), -elastic[1] * rate, n), -elastic[0] * c, along_p)
+    slip_p = dyad(mixed(1.0, velocity_p, -along, turn), -1.0, n, along_p)
+    push_p = mixed(1.0, turn, -1.0, times(by_slip, slip_p))
+    force_p = dyad(mixed(f, push_p, 0.0, one), 1.0, push, f_p)
+    push_v = times(by_slip, dyad(one, -1.0, n, n))
+    force_v = dyad(mixed(-f, push_v, 0.0, one), -elastic[0] * c, push, n)
+    lever_p = dyad(mixed(reach, turn, 0.0, one), -0.5, n, n)
+    moment_p = mixed(1.0, times(lever, force_p), -1.0, times(cross_matrix(force), lever_p))
+    put(by_position, 0, 0, force_p)
+    put(by_position, 3, 0, moment_p)
+    force_w = mixed(-1.0, times(force_v, lever), 0.0, one)
+    put(by_twist, 0, 0, force_v)
+    put(by_twist, 0, 3, force_w)
+    put(by_twist, 3, 0, times(lever, force_v))
+    put(by_twist, 3, 3, times(lever, force_w))
     return wrench, by_position, by_twist
 
 
 @compiled
 def touched(surface: Surface, position: Array, twist: Array, slopes: bool) -> Answer:
-    """What a device does to the sphere at a position (3,) and twist (6,); its derivatives are zero
-    where `slopes` are not asked for."""
+    """What a device does to the sphere at a position (3,) and twist (6,); no derivatives, but
+    zeros, where `slopes` are not asked for."""
     wrench, by_position, by_twist = np.zeros(6), np.zeros((6, 3)), np.zeros((6, 6))
-    if surface.kind == CAGE:
-        for i in range(3):
+    damping = BED_DAMPING if surface.kind == SHELL else HERTZ_DAMPING
+    distance = sqrt(dot(position, position))
+    for i in range(3):
+        normal, turn = np.zeros(3), np.zeros((3, 3))
+        if surface.kind == CAGE:
             depth = abs(position[i]) - surface.gap
-            if depth > 0.0:
-                normal = np.zeros(3)
-                normal[i] = -1.0 if position[i] > 0.0 else 1.0
-                slope = surface.stiffness * sqrt(depth)
-                hertz = (slope * depth, 1.5 * slope)
-                a, b, c = pressed(
-                    surface, HERTZ_DAMPING, normal, np.zeros((3, 3)), hertz, depth, twist, slopes
-                )
-                wrench, by_position, by_twist = wrench + a, by_position + b, by_twist + c
-    elif surface.kind == SHELL:
-        d = sqrt((position**2).sum())
-        if d > surface.gap:
-            normal = -position / d
-            turn = (np.outer(normal, normal) - np.eye(3)) / d
-            depth = d - surface.gap
-            return pressed(
-                surface, BED_DAMPING, normal, turn, bed(surface, d), depth, twist, slopes
-            )
+            normal[i] = -1.0 if position[i] > 0.0 else 1.0
+            slope = surface.stiffness * sqrt(max(depth, 0.0))
+            elastic = (slope * depth, 1.5 * slope)
+        elif surface.kind == SHELL and i == 0 and distance > surface.gap:
+            depth = distance - surface.gap
+            normal = plus(normal, -1.0 / distance, position)
+            turn = dyad(np.eye(3), -1.0, normal, normal)
+            turn = mixed(-1.0 / distance, turn, 0.0, turn)
+            elastic = bed(surface, distance)
+        else:
+            depth, elastic = 0.0, (0.0, 0.0)
+        if depth > 0.0:
+            a, b, c = pressed(surface, damping, normal, turn, elastic, depth, twist, slopes)
+            wrench = plus(wrench, 1.0, a)
+            by_position, by_twist = mixed(1.0, by_position, 1.0, b), mixed(1.0, by_twist, 1.0, c)
     return wrench, by_position, by_twist
 
 
 @compiled
 def elastic_force(surface: Surface, position: Array) -> Array:
     """(3,) N, what the device would do to a sphere at rest."""
-    out = np.zeros(3)
-    if surface.kind == CAGE:
-        for i in range(3):
+    out, distance = np.zeros(3), sqrt(dot(position, position))
+    for i in range(3):
+        if surface.kind == CAGE:
             depth = max(abs(position[i]) - surface.gap, 0.0)
             out[i] = -np.sign(position[i]) * surface.stiffness * depth * sqrt(depth)
-    elif surface.kind == SHELL:
-        d = sqrt((position**2).sum())
-        if d > surface.gap:
-            out = -bed(surface, d)[0] * position / d
+        elif surface.kind == SHELL and distance > surface.gap:
+            out[i] = -bed(surface, distance)[0] * position[i] / distance
     return out
 
 
@@ -283,62 +314,73 @@ def residual(
     device's wrench, where the rates at the end of the step are v (nq,) and the reactions r (m,)."""
     n, m = len(v), len(r)
     twist = applied(at.tip, v)
-    wrench, by_position, by_twist = touched(surface, at.position + h * twist[:3], twist, slopes)
-    torque, by_angle, by_rate = joint_torques(joints, at.angles + h * v, v)
-    out, tangent = np.zeros(n + m), np.zeros((n + m, n + m))
-    out[:n] = applied(at.mass, v - at.rates) - h * (torque + at.torque + applied(at.by_rate, v))
-    out[:n] -= h * (applied(at.tip.T, wrench) + applied(at.held.T, r))
-    out[n:] = applied(at.held, v) + at.drift / h
+    wrench, by_position, by_twist = touched(surface, plus(at.position, h, twist[:3]), twist, slopes)
+    torque, by_angle, by_rate = joint_torques(joints, plus(at.angles, h, v), v)
+    total = plus(plus(torque, 1.0, at.torque), 1.0, applied(at.by_rate, v))
+    total = plus(total, 1.0, transposed_applied(at.tip, wrench))
+    total = plus(total, 1.0, transposed_applied(at.held, r))
+    left = plus(applied(at.mass, plus(v, -1.0, at.rates)), -h, total)
+    off = plus(applied(at.held, v), 1.0 / h, at.drift)
+    tangent = np.zeros((n + m, n + m))
     if not slopes:
-        return out, tangent, wrench
-    by_twist[:, :3] += h * by_position
-    tangent[:n, :n] = at.mass - h * (at.by_rate + times(at.tip.T, times(by_twist, at.tip)))
+        return joined(left, off), tangent, wrench
+    for i in range(6):
+        for j in range(3):
+            by_twist[i, j] += h * by_position[i, j]
+    by_tip = transposed_times(at.tip, times(by_twist, at.tip))
+    put(tangent, 0, 0, mixed(1.0, at.mass, -h, mixed(1.0, at.by_rate, 1.0, by_tip)))
     for i in range(n):
         tangent[i, i] -= h * (by_rate[i] + h * by_angle[i])
-    tangent[n:, :n] = at.held
-    tangent[:n, n:] = -h * at.held.T
-    return out, tangent, wrench
+        for k in range(m):
+            tangent[n + k, i], tangent[i, n + k] = at.held[k, i], -h * at.held[k, i]
+    return joined(left, off), tangent, wrench
 
 
 @compiled
 def step(
     surface: Surface, joints: Joints, at: Instant, h: float, reaction: Array, tolerance: float
 ) -> tuple[bool, Array, Array, Array, float]:
-    """Whether Newton's iteration came below `tolerance` (N m, of the torques), then the rates (nq,),
-    reactions (m,), the device's wrench (6,) and what it dissipated (J) at the end of the step.
+    """Whether Newton's iteration came below `tolerance` (N m, of the torques); then, at the end of
+    the step, rates (nq,), reactions (m,), the device's wrench (6,), and what it dissipated (J).
 
     A step is halved while it does not lower the residual: the law of friction has kinks."""
-    n, v, r = len(at.rates), at.rates, reaction
-    left, _, wrench = residual(surface, joints, at, h, v, r, False)
-    size = _size(left, n, h)
-    for _ in range(MOST_ROUNDS):
-        if size <= tolerance:
-            return True, v, r, wrench, h * _dissipated(surface, at, h, v, wrench)
-        left, tangent, _ = residual(surface, joints, at, h, v, r, True)
-        move = np.linalg.solve(tangent, left)
-        before = size
-        for _ in range(MOST_HALVINGS):
-            left, _, wrench = residual(surface, joints, at, h, v - move[:n], r - move[n:], False)
-            size = _size(left, n, h)
-            if size < before:
-                break
-            move *= 0.5
-        v, r = v - move[:n], r - move[n:]
-    return False, v, r, wrench, 0.0
+    n, v, r, size = len(at.rates), at.rates, reaction, np.inf
+    move, left, tangent = np.zeros(n + len(reaction)), np.zeros(0), np.zeros((0, 0))
+    for k in range(MOST_TRIALS):
+        slopes = k > 0  # at rest the first guess is the answer
+        ahead, after = plus(v, -1.0, move[:n]), plus(r, -1.0, move[n:])
+        trial, slope, wrench = residual(surface, joints, at, h, ahead, after, slopes)
+        trial_size = _size(trial, n, h)
+        if trial_size <= tolerance:
+            lost = h * _dissipated(surface, at, h, ahead, wrench)
+            return True, ahead, after, wrench, lost
+        if not slopes:
+            continue
+        if trial_size < size or k == 1:
+            v, r, size, left, tangent = ahead, after, trial_size, trial, slope
+            move = solved(tangent, left)
+        else:
+            move = plus(move, -0.5, move)
+    return False, v, r, np.zeros(6), 0.0
 
 
 @compiled
 def _dissipated(surface: Surface, at: Instant, h: float, v: Array, wrench: Array) -> float:
     """W: the elastic part's power less the device's."""
     twist = applied(at.tip, v)
-    elastic = elastic_force(surface, at.position + h * twist[:3])
-    return (elastic * twist[:3]).sum() - (wrench * twist).sum()
+    elastic = elastic_force(surface, plus(at.position, h, twist[:3]))
+    return dot(elastic, twist[:3]) - dot(wrench, twist)
 
 
 @compiled
 def _size(left: Array, n: int, h: float) -> float:
     """N m: the largest torque left over; a rate of 1 m/s off a constraint counts as 1 N m."""
-    return max(np.abs(left[:n]).max() / h, np.abs(left[n:]).max() if len(left) > n else 0.0)
+    largest = 0.0
+    for i in range(len(left)):
+        size = abs(left[i]) / h if i < n else abs(left[i])
+        if not size <= largest:
+            largest = size
+    return largest
 
 
 @compiled
@@ -363,21 +405,19 @@ def instant(
     """The start of a step under tensions (nt,) N that fall with the tendons' shortening by
     `stiffness` (nt,) N/m; turned: (3,) gap of the tip's turn from the one held."""
     n = len(angles)
-    mass = np.zeros((n, n))
+    mass, by_rate = np.zeros((n, n)), np.zeros((n, n))
+    arm = arms(now, len(tension))
     for i in range(n):
         for j in range(n):
             mass[i, j] = now.mass[now.mass_at[i, j]]
-    arm = arms(now, len(tension))
-    torque = applied(arm.T, tension) - now.bias
-    by_rate = np.zeros((n, n))
-    if stiffness.any():
-        by_rate = -h * times(arm.T, arm * stiffness.reshape(-1, 1))
-    tip, gap = np.zeros((6, n)), np.zeros(6)
-    back = now.frame.T
-    tip[:3], tip[3:] = times(back, now.jacobian[:3]), times(back, now.jacobian[3:])
-    gap[:3], gap[3:] = now.tip - now.target, turned
-    held, drift = times(now.basis, now.jacobian), applied(now.basis, gap)
-    place = applied(back, gap[:3])
+            for t in range(len(stiffness)):
+                by_rate[i, j] -= h * arm[t, i] * stiffness[t] * arm[t, j]
+    torque = plus(transposed_applied(arm, tension), -1.0, now.bias)
+    tip, gap = np.zeros((6, n)), plus(now.tip, -1.0, now.target)
+    put(tip, 0, 0, transposed_times(now.frame, now.jacobian[:3]))
+    put(tip, 3, 0, transposed_times(now.frame, now.jacobian[3:]))
+    held, drift = times(now.basis, now.jacobian), applied(now.basis, joined(gap, turned))
+    place = transposed_applied(now.frame, gap)
     return Instant(angles, rates, mass, torque, by_rate, tip, place, held, drift)
 
 
@@ -398,13 +438,14 @@ def advanced(
     Whether it converged, then at its end angles, rates, reactions, the wrench on the tip (6,) in
     the world, tensions, kinetic energy and what the device dissipated (J)."""
     start = instant(now, at[0], at[1], pull[0], pull[1], more[0], h)
-    start.torque[:] += more[1]
-    for i in range(len(more[2])):
+    for i in range(len(at[1])):
+        start.torque[i] += more[1][i]
         start.by_rate[i, i] += h * more[2][i]
     done, v, r, local, slip = step(surface, joints, start, h, at[2], tolerance)
-    wrench = applied(now.basis.T, r)
-    wrench[:3] += applied(now.frame, local[:3])
-    wrench[3:] += applied(now.frame, local[3:])
-    tension = pull[0] - h * pull[1] * applied(arms(now, len(pull[0])), v)
-    kinetic = 0.5 * (v * applied(start.mass, v)).sum()
-    return done, at[0] + h * v, v, r, wrench, tension, kinetic, slip
+    device = joined(applied(now.frame, local[:3]), applied(now.frame, local[3:]))
+    wrench = plus(transposed_applied(now.basis, r), 1.0, device)
+    tension, shortening = pull[0].copy(), applied(arms(now, len(pull[0])), v)
+    for t in range(len(tension)):
+        tension[t] -= h * pull[1][t] * shortening[t]
+    kinetic = 0.5 * dot(v, applied(start.mass, v))
+    return done, plus(at[0], h, v), v, r, wrench, tension, kinetic, slip

@@ -23,7 +23,8 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from cosim.port import Array, InputError
-from rigid.contact_step import CAGE, FREE, SHELL, Surface, touched
+from rigid.contact_step import touched
+from rigid.step_data import CAGE, FREE, SHELL, Surface
 
 
 @dataclass(frozen=True)

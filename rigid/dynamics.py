@@ -22,15 +22,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.port import Array, ConvergenceError, State
-from rigid.contact_step import Joints, Readings, advanced
+from rigid.contact_step import advanced
 from rigid.device import Device, Nothing
 from rigid.joint_torques import JointLaw
 from rigid.mujoco_finger import MujocoFinger
 from rigid.statics import FingerState
+from rigid.step_data import Joints, Readings
 from rigid.support import turn_gap
 
 TOLERANCE = 1e-10
 """N m, of the torques in each step."""
+MOST_SPLITS = 8
+"""A step that does not converge is halved so often."""
 UNTURNED = np.eye(3)
 
 
@@ -142,7 +145,13 @@ class FingerDynamics:
         return Moment(0.0, q, np.zeros(nq), np.zeros(6), tension, length, 0.0, 0.0, muscles, held)
 
     def advance(self, at: Moment, dt: float) -> Moment:
-        """The state `dt` s later.  Raises ConvergenceError."""
+        """The state `dt` s later.  A step that does not converge is taken in two halves: while the
+        device's friction falls with the speed of slip, only a short one has a single solution.
+
+        Raises ConvergenceError."""
+        return self._advanced(at, dt, MOST_SPLITS)
+
+    def _advanced(self, at: Moment, dt: float, splits: int) -> Moment:
         self._at(at.angles, at.rates)
         length, time = self._data.ten_length.copy(), at.time + dt
         pull = self._muscles.pull(at.muscles, time, length, dt)
@@ -156,14 +165,19 @@ class FingerDynamics:
             dt,
             TOLERANCE,
         )
-        if not done:
-            raise ConvergenceError(
-                f"finger in motion: the step to t = {time:.6g} s did not converge. Try a smaller "
-                f"step than {dt:g} s, a softer contact or smaller tensions."
+        if done:
+            muscles = pull.state
+            return Moment(
+                time, angles, rates, -wrench, tension, length, kinetic, slip, muscles, held
             )
-        return Moment(
-            time, angles, rates, -wrench, tension, length, kinetic, slip, pull.state, held
-        )
+        if splits == 0:
+            raise ConvergenceError(
+                f"finger in motion: the step to t = {time:.6g} s did not converge, down to "
+                f"{dt:.1e} s. Try a smaller step, a softer contact or smaller tensions."
+            )
+        half = self._advanced(at, dt / 2, splits - 1)
+        end = self._advanced(half, dt / 2, splits - 1)
+        return end._replace(length=half.length, slip=half.slip + end.slip)
 
     @property
     def law(self) -> JointLaw:

@@ -1,4 +1,4 @@
-"""Forward simulation of a finger: its history, whether it came to rest, and where the energy went."""
+"""Forward simulation of a finger: its history, whether it came to rest, where the energy went."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from cosim.port import Array, ConvergenceError, InputError
 from rigid.dynamics import FingerDynamics, Moment
-from rigid.joint_torques import JointLaw, limit_damping, limit_torque
+from rigid.joint_torques import JointLaw, limit_damping
 
 DURATION = 2.0
 """s (thesis, section 2.2.1)."""
@@ -108,10 +108,10 @@ def came_to_rest(simulation: Simulation) -> Simulation:
         rest = simulation.rest
         raise ConvergenceError(
             f"the finger did not come to rest in {simulation.time[-1]:g} s: over the last "
-            f"{rest.window:g} s a joint turned at up to {simulation.last_rate:.1e} rad/s (at rest: "
-            f"{rest.rate:g}) and the fingertip force changed by up to {simulation.last_change:.1e} N "
-            f"({rest.force:g}). Try a longer simulation, damping or passive stiffness of the "
-            "joints, or a tip that is held at a point."
+            f"{rest.window:g} s a joint turned at up to {simulation.last_rate:.1e} rad/s "
+            f"(at rest: {rest.rate:g}) and the fingertip force changed by up to "
+            f"{simulation.last_change:.1e} N ({rest.force:g}). Try a longer simulation, damping "
+            "or passive stiffness of the joints, or a tip that is held at a point."
         )
     return simulation
 
@@ -119,16 +119,15 @@ def came_to_rest(simulation: Simulation) -> Simulation:
 def _simulation(
     dynamics: FingerDynamics, history: list[Moment], dt: float, rest: Rest
 ) -> Simulation:
-    rates = np.array([m.rates for m in history])
-    tip = np.array([m.tip for m in history])
+    rates, tip = _over_time([m.rates for m in history]), _over_time([m.tip for m in history])
     last = -(round(rest.window / dt) + 1)
     return Simulation(
         np.array([m.time for m in history]),
-        np.array([m.angles for m in history]),
+        _over_time([m.angles for m in history]),
         rates,
         tip[:, :3],
         tip[:, 3:],
-        np.array([m.tension for m in history]),
+        _over_time([m.tension for m in history]),
         _energy(dynamics, history, dt),
         rest,
         float(np.abs(rates[last:]).max()),
@@ -137,17 +136,14 @@ def _simulation(
 
 
 def _energy(dynamics: FingerDynamics, history: list[Moment], dt: float) -> Energy:
-    """Of constant or smooth tensions and joint torques by the trapezoidal rule, of the device and
-    gravity exactly."""
+    """Of tendons, springs and curves by the trapezoidal rule; of limits, device and gravity from
+    their potentials; of damping as the steps have it."""
     law, first, last = dynamics.law, history[0], history[-1]
-    angles = np.array([m.angles for m in history])
-    rates = np.array([m.rates for m in history])
-    tension = np.array([m.tension for m in history])
-    length = np.array([*(m.length for m in history[1:]), dynamics.tendon_lengths(last)])
+    angles = _over_time([m.angles for m in history])
+    rates = _over_time([m.rates for m in history])
+    tension = _over_time([m.tension for m in history])
+    length = _over_time([*(m.length for m in history[1:]), dynamics.tendon_lengths(last)])
     elastic = np.array([law.passive(q)[0] for q in angles]) if law.curves else _springs(law, angles)
-    elastic = elastic + limit_torque(
-        angles, law.lower, law.upper, law.limit_stiffness, law.transition
-    )[0]
     damping = limit_damping(angles, law.lower, law.upper, law.limit_damping, law.transition)
     damping = damping if law.damping is None else damping + law.damping
     stored = [dynamics.device.energy(dynamics.place(m)) for m in (first, last)]
@@ -155,11 +151,29 @@ def _energy(dynamics: FingerDynamics, history: list[Moment], dt: float) -> Energ
         tendons=-_work(tension, length),
         gravity=dynamics.height_energy(first) - dynamics.height_energy(last),
         kinetic=last.kinetic - first.kinetic,
-        joints_stored=-_work(elastic, angles),
+        joints_stored=-_work(elastic, angles)
+        + limit_energy(law, angles[-1])
+        - limit_energy(law, angles[0]),
         device_stored=stored[1] - stored[0],
         joints_dissipated=float(dt * (damping[1:] * rates[1:] ** 2).sum()),
         device_dissipated=float(sum(m.slip for m in history)),
     )
+
+
+def _over_time(vectors: list[Array]) -> Array:
+    """(n, k) of n vectors; in a tenth of the time of np.array."""
+    return np.concatenate(vectors).reshape(len(vectors), -1)
+
+
+def limit_energy(law: JointLaw, angles: Array) -> float:
+    """J, stored in the coordinate limits: the integral of `limit_torque` over x rad beyond one,
+    K t^2 (2 u^5 - 5/2 u^6 + 6/7 u^7) with u = x / t up to the transition t, K (x^2 - t^2) / 2 and
+    that at t beyond."""
+    x = np.maximum(angles - law.upper, 0.0) + np.maximum(law.lower - angles, 0.0)
+    u, t = np.minimum(x / law.transition, 1.0), law.transition
+    inside = t**2 * u**5 * (2.0 - u * (2.5 - 6.0 / 7.0 * u))
+    beyond = 0.5 * np.maximum(x**2 - t**2, 0.0)
+    return float(law.limit_stiffness * (inside + beyond).sum())
 
 
 def _springs(law: JointLaw, angles: Array) -> Array:

@@ -18,5 +18,6 @@ def compiled(kernel: Kernel) -> Kernel:
         return kernel
     import numba
 
-    made: Kernel = numba.njit(cache=True, error_model="numpy")(kernel)
+    jit: Any = numba.njit(cache=True, error_model="numpy")
+    made: Kernel = jit(kernel)
     return made

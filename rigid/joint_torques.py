@@ -25,7 +25,7 @@ LIMIT_MARGIN = float(np.radians(5.0))
 
 def spring_torque(q: Array, stiffness: Array, rest: Array) -> tuple[Array, Array]:
     """tau = -k (q - rest) and d tau / dq, both of the shape of `q`."""
-    return -stiffness * (q - rest), np.broadcast_to(-stiffness, np.shape(q)).astype(float)
+    return -stiffness * (q - rest), -stiffness * np.ones(np.shape(q))
 
 
 @compiled

@@ -49,6 +49,7 @@ class MujocoFinger(ChainFinger):
         self.xml = mjcf_xml(finger, gravity)
         self.model = mujoco.MjModel.from_xml_string(self.xml)
         self._data = mujoco.MjData(self.model)
+        self._qpos, self._path_jacobian = self._data.qpos, self._data.ten_J
         self._at = np.full(self.model.nq, np.nan)
         self._seen: tuple[Array, Chain, Array] | None = None
         self._body = np.array([self.model.body(name).id for name in finger.bodies])
@@ -106,8 +107,10 @@ class MujocoFinger(ChainFinger):
             share = np.zeros((len(self._arm_row), len(angles)))
             share[self._arm_at, self.model.ten_J_colind] = -np.asarray(tension)[self._arm_row]
             for i, step in enumerate(ANGLE_STEP * np.eye(len(angles))):
-                out[:, i] = self._moved(angles + step).ten_J @ share
-                out[:, i] -= self._moved(angles - step).ten_J @ share
+                self._moved(angles + step)
+                out[:, i] = self._path_jacobian @ share
+                self._moved(angles - step)
+                out[:, i] -= self._path_jacobian @ share
             out /= 2 * ANGLE_STEP
         if not self._weight.any():
             return out
@@ -145,7 +148,8 @@ class MujocoFinger(ChainFinger):
 
     def _moved(self, angles: Array) -> mujoco.MjData:
         m, d = self.model, self._data
-        self._at[:] = self._data.qpos[:] = angles
+        self._at[:] = angles
+        self._qpos[:] = angles
         mujoco.mj_kinematics(m, d)
         mujoco.mj_comPos(m, d)
         mujoco.mj_tendon(m, d)

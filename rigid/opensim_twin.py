@@ -99,6 +99,7 @@ class OpenSimFinger:
             self._force(state),
             cpu,
         )
+
     def _start(self) -> Any:
         """The posture at rest, with the muscles pulling; a tip that is held is held there."""
         state = self.model.initSystem()
@@ -110,11 +111,10 @@ class OpenSimFinger:
     def _force(self, state: Any) -> Array:
         """(3,) N, of the tip on the world."""
         self.model.realizeAcceleration(state)
-        if self._cage is not None:
-            recorded = self._cage.getRecordValues(state)
+        recorded = self._device.getRecordValues(state)
+        if self._caged:
             first, sign = 0, -1.0  # "cage.distal.force.X" is what the contact does to the bone
         else:
-            recorded = self._hold.getRecordValues(state)
             first, sign = 6, 1.0  # "pointconstraint_distal_Fx" has the sign of a multiplier
         return sign * np.array([recorded.get(first + i) for i in range(3)])
 
@@ -170,10 +170,10 @@ class OpenSimFinger:
         self.model.addController(controller)
 
     def _add_device(self, finger: FingerModel, contact: Contact | None) -> None:
-        self._last, self._cage, self._hold = finger.bodies[-1], None, None
+        self._caged = contact is not None
         state = self._start()
         self.model.realizePosition(state)
-        body, ground = self._bodies[self._last], self.model.getGround()
+        body, ground = self._bodies[finger.bodies[-1]], self.model.getGround()
         tip = body.findStationLocationInGround(state, _vec3(finger.tip))
         centre = np.array([tip.get(i) for i in range(3)])
         if contact is None:
@@ -184,8 +184,8 @@ class OpenSimFinger:
     def _add_hold(self, ground: Any, centre: Array, body: Any, finger: FingerModel) -> None:
         import opensim
 
-        self._hold = opensim.PointConstraint(ground, _vec3(centre), body, _vec3(finger.tip))
-        self.model.addConstraint(self._hold)
+        self._device = opensim.PointConstraint(ground, _vec3(centre), body, _vec3(finger.tip))
+        self.model.addConstraint(self._device)
 
     def _add_cage(
         self, contact: Contact, ground: Any, centre: Array, body: Any, finger: FingerModel
@@ -195,22 +195,22 @@ class OpenSimFinger:
 
         sphere = opensim.ContactSphere(contact.radius, _vec3(finger.tip), body, "tip")
         self.model.addContactGeometry(sphere)
-        self._cage = opensim.HuntCrossleyForce()
-        self._cage.setName("cage")
-        self._cage.addGeometry("tip")
+        cage = self._device = opensim.HuntCrossleyForce()
+        cage.setName("cage")
+        cage.addGeometry("tip")
         for name, normal, turn in OUTWARD:
             place = _vec3(centre + CAGE_HALF * np.array(normal))
             self.model.addContactGeometry(
                 opensim.ContactHalfSpace(place, _vec3(np.radians(turn)), ground, name)
             )
-            self._cage.addGeometry(name)
-        self._cage.setStiffness(contact.stiffness)
-        self._cage.setDissipation(contact.dissipation)
-        self._cage.setStaticFriction(contact.static_friction)
-        self._cage.setDynamicFriction(contact.dynamic_friction)
-        self._cage.setViscousFriction(contact.viscous_friction)
-        self._cage.setTransitionVelocity(contact.transition_velocity)
-        self.model.addForce(self._cage)
+            cage.addGeometry(name)
+        cage.setStiffness(contact.stiffness)
+        cage.setDissipation(contact.dissipation)
+        cage.setStaticFriction(contact.static_friction)
+        cage.setDynamicFriction(contact.dynamic_friction)
+        cage.setViscousFriction(contact.viscous_friction)
+        cage.setTransitionVelocity(contact.transition_velocity)
+        self.model.addForce(cage)
 
 
 def _turns(segment: Segment) -> Any:

@@ -13,6 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from cosim.port import Array
 from meshes.skeleton import JOINTS, Skeleton
 from rigid.index_finger import finger_model
 from rigid.joint_torques import JointLaw, joint_law
@@ -53,6 +54,11 @@ def twin_model() -> FingerModel:
 def twin_law() -> JointLaw:
     """Coordinate limits +-5 deg about the posture, and nothing else."""
     return joint_law(JOINTS, limit_damping=LIMIT_DAMPING).held_about(POSTURE)
+
+
+def tensions(tendons: tuple[str, ...], *muscles: str) -> Array:
+    """(nt,) N, of the muscles that pull."""
+    return np.array([TENSIONS[t] if t in muscles else 0.0 for t in tendons])
 
 
 def _straight(tendon: Tendon) -> Tendon:

@@ -38,6 +38,7 @@ KNOW_THE_SOLVERS = {
     "cosim.build_finger",
     "cosim.build_forward",
     "cosim.build_muscles",
+    "cosim.finger_commands",
     "cosim.build_shell",
     "cosim.shell_commands",
     "cosim.job_commands",
