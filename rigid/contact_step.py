@@ -433,14 +433,15 @@ def advanced(
     tolerance: float,
 ) -> tuple[bool, Array, Array, Array, Array, Array, float, float]:
     """One step from angles, rates and reactions `at`, under tensions and their stiffness `pull`;
-    more: the tip's turn, torques (nq,) of the joints' curves and their slopes.
+    more: the tip's turn, and torques (nq,) from elsewhere with their slopes (nq, nq).
 
     Whether it converged, then at its end angles, rates, reactions, the wrench on the tip (6,) in
     the world, tensions, kinetic energy and what the device dissipated (J)."""
     start = instant(now, at[0], at[1], pull[0], pull[1], more[0], h)
     for i in range(len(at[1])):
         start.torque[i] += more[1][i]
-        start.by_rate[i, i] += h * more[2][i]
+        for j in range(len(at[1])):
+            start.by_rate[i, j] += h * more[2][i, j]
     done, v, r, local, slip = step(surface, joints, start, h, at[2], tolerance)
     device = joined(applied(now.frame, local[:3]), applied(now.frame, local[3:]))
     wrench = plus(transposed_applied(now.basis, r), 1.0, device)

@@ -47,6 +47,14 @@ class Pull(NamedTuple):
     state: State
 
 
+class Push(NamedTuple):
+    """Torques (nq,) from elsewhere, N m at joint angles `at` (nq,) rad, and their slope (nq, nq)."""
+
+    torque: Array
+    slope: Array
+    at: Array
+
+
 class Muscles(Protocol):
     """Anything that pulls on a finger's tendons; its state is an opaque value."""
 
@@ -132,7 +140,7 @@ class FingerDynamics:
             np.ascontiguousarray(frame, dtype=float),
             held,
         )
-        self._nothing = (np.zeros(3), np.zeros(m.nv), np.zeros(m.nv))
+        self._nothing = (np.zeros(3), np.zeros(m.nv), np.zeros((m.nv, m.nv)))
 
     def start(self) -> Moment:
         """At rest in the posture."""
@@ -149,19 +157,26 @@ class FingerDynamics:
         device's friction falls with the speed of slip, only a short one has a single solution.
 
         Raises ConvergenceError."""
-        return self._advanced(at, dt, MOST_SPLITS)
+        return self._advanced(at, dt, MOST_SPLITS, None, None)
 
-    def _advanced(self, at: Moment, dt: float, splits: int) -> Moment:
+    def pulled(self, at: Moment, tension: Array, push: Push, dt: float) -> Moment:
+        """The same under tensions (nt,) N, in place of the muscles', and torques from elsewhere."""
+        pull = Pull(tension, np.zeros(len(tension)), None)
+        return self._advanced(at, dt, MOST_SPLITS, pull, push)
+
+    def _advanced(
+        self, at: Moment, dt: float, splits: int, given: Pull | None, push: Push | None
+    ) -> Moment:
         self._at(at.angles, at.rates)
         length, time = self._data.ten_length.copy(), at.time + dt
-        pull = self._muscles.pull(at.muscles, time, length, dt)
+        pull = self._muscles.pull(at.muscles, time, length, dt) if given is None else given
         done, angles, rates, held, wrench, tension, kinetic, slip = advanced(
             self._surface,
             self._joints,
             self._readings,
             (at.angles, at.rates, at.held),
             (pull.tension, pull.stiffness),
-            self._more(at.angles),
+            self._more(at.angles, push),
             dt,
             TOLERANCE,
         )
@@ -175,8 +190,8 @@ class FingerDynamics:
                 f"finger in motion: the step to t = {time:.6g} s did not converge, down to "
                 f"{dt:.1e} s. Try a smaller step, a softer contact or smaller tensions."
             )
-        half = self._advanced(at, dt / 2, splits - 1)
-        end = self._advanced(half, dt / 2, splits - 1)
+        half = self._advanced(at, dt / 2, splits - 1, given, push)
+        end = self._advanced(half, dt / 2, splits - 1, given, push)
         return end._replace(length=half.length, slip=half.slip + end.slip)
 
     @property
@@ -191,6 +206,13 @@ class FingerDynamics:
         """(3,) m, the fingertip from the device's centre in its axes."""
         gap: Array = self._finger.chain(at.angles).tip - self._state.target
         return gap @ self._frame
+
+    def kinetic_energy(self, at: Moment) -> float:
+        """J, in the angles of a state."""
+        self._at(at.angles, at.rates)
+        product = np.zeros(len(at.rates))
+        mujoco.mj_mulM(self._model, self._data, product, at.rates)
+        return 0.5 * float(at.rates @ product)
 
     def height_energy(self, at: Moment) -> float:
         """J, potential energy in gravity."""
@@ -210,14 +232,18 @@ class FingerDynamics:
         mujoco.mj_rne(m, d, 0, self._readings.bias)
         mujoco.mj_jacSite(m, d, jacobian[:3], jacobian[3:], self._site)
 
-    def _more(self, angles: Array) -> tuple[Array, Array, Array]:
-        """The tip's turn from the one held, where it is; torques of curves and their slopes."""
+    def _more(self, angles: Array, push: Push | None) -> tuple[Array, Array, Array]:
+        """The tip's turn from the one held, where it is; torques of curves and from elsewhere at
+        these angles, and their slopes."""
         turned, torque, slope = self._nothing
         if self._turns:
             now = self._data.xmat[self._last].reshape(3, 3)
             turned = turn_gap(self._state.turn, now)[0]
         if self.law.curves:
             torque, slope = _curves(self.law, angles)
+        if push is not None:
+            torque = torque + push.torque + push.slope @ (angles - push.at)
+            slope = slope + push.slope
         return turned, torque, slope
 
 
@@ -230,11 +256,11 @@ def _dense_mass(model: mujoco.MjModel) -> NDArray[np.intp]:
 
 
 def _curves(law: JointLaw, angles: Array) -> tuple[Array, Array]:
-    """(nq,) N m and N m/rad of the torque curves alone."""
-    torque, slope = np.zeros(len(angles)), np.zeros(len(angles))
+    """(nq,) N m and (nq, nq) N m/rad of the torque curves alone."""
+    torque, slope = np.zeros(len(angles)), np.zeros((len(angles), len(angles)))
     for joint, curve in law.curves.items():
         i = law.joints.index(joint)
-        torque[i], slope[i] = curve(float(angles[i]))
+        torque[i], slope[i, i] = curve(float(angles[i]))
     return torque, slope
 
 

@@ -63,6 +63,16 @@ def limit_damping(q: Array, lower: Array, upper: Array, damping: float, transiti
     return damping * smooth_step(beyond / transition)[0]
 
 
+def limit_energy(
+    q: Array, lower: Array, upper: Array, stiffness: float, transition: float
+) -> Array:
+    """J, the integral of the limit's torque K s(x / t) x over x."""
+    beyond = np.maximum(q - upper, 0.0) + np.maximum(lower - q, 0.0)
+    u = np.minimum(beyond / transition, 1.0)
+    rising = transition**2 * u**5 * (2 - 2.5 * u + 6 / 7 * u**2)
+    return stiffness * (rising + 0.5 * np.maximum(beyond**2 - transition**2, 0.0))
+
+
 @dataclass(frozen=True)
 class TorqueCurve:
     """A joint's passive torque through points: monotone where they are (PCHIP: Fritsch and Carlson
@@ -86,6 +96,14 @@ class TorqueCurve:
         spline, slope = self._splines
         gradient = float(slope(inside))
         return float(spline(inside)) + gradient * (q - inside), gradient
+
+    def energy(self, q: float) -> float:
+        """J, minus the integral of the torque from the first angle to q."""
+        inside = min(max(q, self.angle[0]), self.angle[-1])
+        torque, slope = self(inside)
+        beyond = q - inside
+        within = float(self._splines[0].integrate(self.angle[0], inside))
+        return -(within + torque * beyond + 0.5 * slope * beyond**2)
 
     @cached_property
     def _splines(self) -> tuple[Any, Any]:
@@ -141,6 +159,13 @@ class JointLaw:
                 more = curve(float(q[i]))
                 torque[i], slope[i] = torque[i] + more[0], slope[i] + more[1]
         return torque, slope
+
+    def energy(self, q: Array) -> float:
+        """J, stored in springs, curves and limits."""
+        springs = 0.5 * float(self.stiffness @ (q - self.rest) ** 2)
+        curves = sum(c.energy(float(q[self.joints.index(j)])) for j, c in self.curves.items())
+        limits = limit_energy(q, self.lower, self.upper, self.limit_stiffness, self.transition)
+        return springs + curves + float(limits.sum())
 
     def viscous(self, q: Array, rate: Array) -> tuple[Array, Array]:
         """Torques (nq,) of the joints' and the limits' damping, and their derivatives (nq,) by the

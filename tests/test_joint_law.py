@@ -42,6 +42,25 @@ def test_a_law_adds_curves_to_springs() -> None:
     assert slope == pytest.approx([-0.04, CURVE(0.7)[1]])
 
 
+@given(st.floats(-2, 3))
+def test_a_law_s_torque_is_the_slope_of_its_energy(q: float) -> None:
+    law = joint_law(
+        JOINTS,
+        stiffness={"MCP": 0.04},
+        rest={"MCP": 0.1},
+        lower={"MCP": -0.4},
+        upper={"MCP": 1.1},
+        limit_stiffness=3.0,
+        transition=0.2,
+        curves={"MCP": CURVE},
+    )
+    h, at = 1e-6, np.array([q, 0.0])
+    step = np.array([h, 0.0])
+    slope = (law.energy(at + step) - law.energy(at - step)) / (2 * h)
+    torque = law.passive(at)[0] + law.limit(at)[0]
+    assert torque[0] == pytest.approx(-slope, rel=1e-6, abs=1e-7)
+
+
 def test_damping_of_joints_and_limits() -> None:
     law = joint_law(
         JOINTS,

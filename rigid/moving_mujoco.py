@@ -1,0 +1,117 @@
+"""A MuJoCo finger in motion behind the port: what `cosim.schemes` steps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from cosim.port import AffineLoad, Array, ConvergenceError, InputError, Motion
+from rigid.chain import Chain, body_jacobian, geometric_stiffness
+from rigid.device import Device
+from rigid.dynamics import Constant, FingerDynamics, Moment, Push
+from rigid.mujoco_finger import MujocoFinger
+from rigid.statics import FingerState
+
+SETTLED = 1e-12
+"""rad, the change of the angles in the last iteration of a step."""
+MOST_ITERATIONS = 30
+
+
+class Moving(NamedTuple):
+    """A finger in motion at one time, and the state that it was begun in."""
+
+    start: FingerState
+    moment: Moment
+
+
+@dataclass(frozen=True)
+class MovingMujoco:
+    """`cosim.port.MovingFinger` on MuJoCo: held by the finger's own support, or by a `device`.
+
+    A step is that of `rigid.dynamics`, implicit in the load: J^T w at the new poses, by iteration
+    with its slope.  First order in dt."""
+
+    finger: MujocoFinger
+    device: Device | None = None
+    _made: dict[bytes, FingerDynamics] = field(default_factory=dict, compare=False, repr=False)
+    """By the posture that a motion was begun in."""
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        return self.finger.bodies
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        return self.finger.joints
+
+    @property
+    def tendons(self) -> tuple[str, ...]:
+        return self.finger.tendons
+
+    def begin(self, posture: Mapping[str, float]) -> Moving:
+        """At rest; raises InputError for a posture that the finger does not take."""
+        start = self.finger.start(posture)
+        return Moving(start, self._dynamics(start).start())
+
+    def angles(self, state: Moving) -> Array:
+        return state.moment.angles
+
+    def rates(self, state: Moving) -> Array:
+        return state.moment.rates
+
+    def tip_wrench(self, state: Moving) -> Array:
+        """(6,) N, and N m about the fingertip, of it on the world, world frame."""
+        return state.moment.tip
+
+    def motion(self, angles: Array) -> Motion:
+        return self.finger.chain(angles).motion
+
+    def jacobian(self, angles: Array) -> Array:
+        return body_jacobian(self.finger.chain(angles))
+
+    def path_lengths(self, angles: Array) -> Array:
+        return self.finger.tendon_lengths(angles)
+
+    def step(self, state: Moving, load: AffineLoad, tension: Array, dt: float) -> Moving:
+        """Raises InputError for a load on other bodies, ConvergenceError."""
+        if load.at.bodies != self.bodies:
+            raise InputError(f"load on bodies {load.at.bodies}: the finger's are {self.bodies}")
+        dynamics, before = self._dynamics(state.start), state.moment
+        angles = before.angles + dt * before.rates
+        for _ in range(MOST_ITERATIONS):
+            after = dynamics.pulled(before, tension, self._push(load, angles), dt)
+            turn = float(np.abs(after.angles - angles).max())
+            if turn <= SETTLED:
+                return Moving(state.start, after)
+            angles = after.angles
+        raise ConvergenceError(
+            f"moving finger: the step to t = {before.time + dt:.6g} s still turns a joint by "
+            f"{turn:.1e} rad after {MOST_ITERATIONS} iterations. Try a smaller step than {dt:g} s."
+        )
+
+    def energy(self, state: Moving) -> float:
+        dynamics, at = self._dynamics(state.start), state.moment
+        held = 0.0 if self.device is None else self.device.energy(dynamics.place(at))
+        stored = self.finger.law.energy(at.angles)
+        return dynamics.kinetic_energy(at) + dynamics.height_energy(at) + stored + held
+
+    def _push(self, load: AffineLoad, angles: Array) -> Push:
+        """The load's torques at joint angles, with their slope."""
+        chain: Chain = self.finger.chain(angles)
+        jacobian = body_jacobian(chain)
+        change = load.by_motion @ load.at.twist_to(chain.motion).ravel()
+        wrench = load.wrench + change.reshape(-1, 6)
+        slope = jacobian.T @ load.by_motion @ jacobian
+        bodies = np.arange(len(self.bodies))
+        slope += geometric_stiffness(chain, bodies, chain.motion.position, wrench)
+        return Push(jacobian.T @ wrench.ravel(), slope, angles)
+
+    def _dynamics(self, start: FingerState) -> FingerDynamics:
+        key = start.angles.tobytes()
+        if key not in self._made:
+            idle = Constant(np.zeros(len(self.tendons)))
+            self._made[key] = FingerDynamics(self.finger, start, idle, self.device)
+        return self._made[key]
