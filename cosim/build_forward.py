@@ -7,17 +7,22 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from cosim.accelerate import Aitken, Constant, QuasiNewton
+from cosim.build import Models, build
 from cosim.build_course import factor_of
 from cosim.build_finger import live_finger
 from cosim.build_muscles import fibres
 from cosim.case_finger import CageTip, ShellTip
-from cosim.case_schema import Case, Forward
+from cosim.case_schema import Case, Coupling, Forward
+from cosim.motion import Moves
 from cosim.port import Array, State
+from cosim.schemes import Explicit, Implicit, Linear, Newton, Scheme
 
 if TYPE_CHECKING:
     from rigid.device import Device
     from rigid.dynamics import Pull
     from rigid.forward import Simulation
+    from rigid.moving_mujoco import MovingMujoco
     from rigid.mujoco_finger import MujocoFinger
     from rigid.muscle.parameters import Muscles
 
@@ -48,7 +53,52 @@ def simulated(case: Case, forward: Forward) -> Moved:
     simulation = simulate(dynamics, forward.duration, forward.step)
     if forward.must_rest:
         came_to_rest(simulation)
-    return Moved(finger, simulation, muscles.lengths())
+    return Moved(finger, simulation, muscles.lengths(simulation.last.muscles))
+
+
+@dataclass(frozen=True)
+class Together:
+    """A finger and a hood ready to move, and what pulls on them."""
+
+    models: Models
+    moves: Moves
+    pulls: TendonPulls
+
+    @property
+    def finger(self) -> MovingMujoco:
+        """The moving finger."""
+        from rigid.moving_mujoco import MovingMujoco
+
+        assert isinstance(self.moves.finger, MovingMujoco)
+        return self.moves.finger
+
+
+def together(case: Case, forward: Forward) -> Together:
+    """The models of a coupled motion.  Raises InputError."""
+    from rigid.moving_mujoco import MovingMujoco
+    from rigid.mujoco_finger import MujocoFinger
+
+    models = build(case)
+    assert isinstance(models.finger, MujocoFinger)  # what check_fit lets move
+    finger = MovingMujoco(models.finger, _device(case))
+    pulls = TendonPulls(case, (*models.hood.tendons, *finger.tendons))
+    law = models.finger.law
+    scheme = _scheme(case.coupling)
+    moves = Moves(
+        scheme, finger, models.hood, pulls, lambda q, v: law.viscous(q, v)[0], forward.step
+    )
+    return Together(models, moves, pulls)
+
+
+def _scheme(coupling: Coupling) -> Scheme:
+    accelerators = {"constant": Constant(), "aitken": Aitken(), "iqn_ils": QuasiNewton()}
+    if coupling.scheme == "implicit":
+        return Implicit(accelerators[coupling.accelerator], coupling.tolerance)
+    if coupling.scheme == "newton":
+        return Newton(coupling.tolerance)
+    if coupling.scheme == "linear":
+        return Linear()
+    return Explicit(parallel=coupling.scheme == "jacobi")
 
 
 def _device(case: Case) -> Device | None:
@@ -93,7 +143,6 @@ class TendonPulls:
             for muscles, activation, home in fibres(case)
         ]
         self._start = np.zeros(len(tendons))
-        self._last: list[State] = []
 
     def start(self, length: Array) -> State:
         from rigid.muscle.dynamics import at_rest
@@ -107,6 +156,7 @@ class TendonPulls:
         return np.clip(group.activation * factors, 0.0, 1.0)
 
     def pull(self, state: State, time: float, length: Array, dt: float) -> Pull:
+        """Tension, its stiffness and the state, `dt` s after `state`."""
         from rigid.dynamics import Pull
         from rigid.muscle.dynamics import step
         from rigid.muscle.millard import equilibrium
@@ -125,14 +175,13 @@ class TendonPulls:
             tension[group.where] = done.force
             stiffness[group.where] = np.maximum(done.stiffness, 0.0)
             after.append(done.state)
-        self._last = after
         return Pull(tension, stiffness, after)
 
-    def lengths(self) -> dict[str, float]:
-        """Normalised fibre lengths after the last pull, by muscle."""
+    def lengths(self, state: State) -> dict[str, float]:
+        """Normalised fibre lengths in a state, by muscle."""
         return {
             name: float(length / optimum)
-            for group, at in zip(self._groups, self._last, strict=True)
+            for group, at in zip(self._groups, state, strict=True)
             for name, length, optimum in zip(
                 group.muscles.names,
                 at.fibre_length,

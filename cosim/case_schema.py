@@ -212,6 +212,17 @@ class Solve(Table):
     hood_tolerance: Annotated[Number, Field(ge=1e-14, le=1e-2)] = 1e-10
 
 
+class Coupling(Table):
+    """How hood and finger take their steps of a motion: linearly implicit ("linear": one hood solve
+    a step), by Newton's method, by a fixed point ("implicit", with `accelerator`), staggered
+    ("explicit") or side by side ("jacobi")."""
+
+    scheme: Literal["linear", "newton", "implicit", "explicit", "jacobi"] = "linear"
+    accelerator: Literal["constant", "aitken", "iqn_ils"] = "aitken"
+    tolerance: Annotated[float, quantity(units.ANGLE, above="0 deg", most="1 deg")] = 1e-9
+    """Of the joint angles, of the iterated schemes, rad."""
+
+
 class Forward(Table):
     """A motion in time from rest in the posture, in place of an equilibrium: the tensions or
     activations act from the start on."""
@@ -220,6 +231,13 @@ class Forward(Table):
     step: Annotated[float, quantity(units.TIME, least="1e-6 s", most="0.1 s")] = 1e-3
     must_rest: Switch = True
     """The run fails where the finger is still moving at the end."""
+
+    @model_validator(mode="after")
+    def _whole_steps(self) -> Forward:
+        steps = round(self.duration / self.step)
+        if steps < 1 or abs(steps * self.step - self.duration) > 1e-9 * self.duration:
+            raise fault("its duration must be a multiple of the step")
+        return self
 
 
 class Output(Table):
@@ -240,6 +258,7 @@ class CaseFile(Table):
     hood: Annotated[ShellHood | PulleyHood | SplitHood, Field(discriminator="kind")]
     solve: Solve = Solve()
     forward: Forward | None = None
+    coupling: Coupling = Coupling()
     output: Output = Output()
 
 

@@ -282,10 +282,13 @@ def scene(models: Models, e: Equilibrium, look: HoodLook | None) -> Scene:
         bones.append((body, vertices @ rotation.T + position, faces))
     tendons = tuple(models.finger.tendon_paths(e.finger_state).items())
     tip = (models.finger.tip(e.finger_state), e.balance.tip_force)
-    return Scene(None if look is None else _field(look), tuple(bones), tendons, tip)
+    return Scene(drawn_hood(look), tuple(bones), tendons, tip)
 
 
-def _field(look: HoodLook) -> HoodField:
+def drawn_hood(look: HoodLook | None) -> HoodField | None:
+    """The hood as pictures and mesh files show it; None where there is no deformable one."""
+    if look is None:
+        return None
     return HoodField(
         look.points,
         look.quads,

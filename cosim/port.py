@@ -328,9 +328,15 @@ class MovingFinger(Protocol):
         """(6 nb, nq) twists of the bodies per joint rate."""
         ...
 
+    def path_lengths(self, angles: Array) -> Array:
+        """(nt,) m, of the finger's own tendons at joint angles (nq,) rad."""
+        ...
+
     def step(self, state: State, load: AffineLoad, tension: Array, dt: float) -> State:
         """The state `dt` s later under a load that follows the bodies as it says and the finger's
-        own tendons' tensions (nt,) N.  Raises ConvergenceError; `state` stays valid."""
+        own tendons' tensions (nt,) N, both at the step's end: the load is that at the new poses, so
+        that schemes which agree on it agree on the step.  Raises ConvergenceError; `state` stays
+        valid."""
         ...
 
     def energy(self, state: State) -> float:

@@ -72,6 +72,20 @@ def fingers(
     _verify(STUDIES, as_json, only, slow)
 
 
+@verify.command()
+def coupling(
+    as_json: Annotated[bool, typer.Option("--json", help="Print the table as JSON.")] = False,
+    only: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Only the studies whose name holds this.")
+    ] = None,
+    slow: Annotated[bool, typer.Option("--slow", help="The studies of many seconds too.")] = False,
+) -> None:
+    """Verify the schemes that couple in time; exit code 1 when a row fails."""
+    from cosim.verification_coupling import STUDIES
+
+    _verify(STUDIES, as_json, only, slow)
+
+
 def info() -> None:
     """What is installed and in use, and what would be faster."""
     with told():

@@ -48,7 +48,7 @@ class Pull(NamedTuple):
 
 
 class Push(NamedTuple):
-    """Torques (nq,) from elsewhere, N m at joint angles `at` (nq,) rad, and their slope (nq, nq)."""
+    """Torques (nq,) from elsewhere, N m at joint angles `at` (nq,) rad, with slope (nq, nq)."""
 
     torque: Array
     slope: Array

@@ -73,6 +73,8 @@ class Simulation:
     """rad/s, the largest over the window of `rest`, and"""
     last_change: float
     """N, the largest of a force component from its end."""
+    last: Moment
+    """The state at the end."""
 
     @property
     def at_rest(self) -> bool:
@@ -132,6 +134,7 @@ def _simulation(
         rest,
         float(np.abs(rates[last:]).max()),
         float(np.abs(tip[last:, :3] - tip[-1, :3]).max()),
+        history[-1],
     )
 
 

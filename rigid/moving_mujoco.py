@@ -9,7 +9,15 @@ from typing import NamedTuple
 import numpy as np
 
 from cosim.port import AffineLoad, Array, ConvergenceError, InputError, Motion
-from rigid.chain import Chain, body_jacobian, geometric_stiffness
+from rigid.chain import (
+    Chain,
+    body_jacobian,
+    geometric_stiffness,
+    joint_loads,
+    joint_reactions,
+    joint_wrenches,
+    moved_to,
+)
 from rigid.device import Device
 from rigid.dynamics import Constant, FingerDynamics, Moment, Push
 from rigid.mujoco_finger import MujocoFinger
@@ -97,6 +105,39 @@ class MovingMujoco:
         held = 0.0 if self.device is None else self.device.energy(dynamics.place(at))
         stored = self.finger.law.energy(at.angles)
         return dynamics.kinetic_energy(at) + dynamics.height_energy(at) + stored + held
+
+    def ledger(
+        self,
+        before: tuple[Array, Array],
+        now: tuple[Array, Array],
+        dt: float,
+        hood: Array,
+        tension: Array,
+        tip: Array,
+    ) -> dict[str, Array]:
+        """(nb, 6) wrench on each body about its origin (world frame) by source at the end of a step
+        of `dt` s from angles and rates `before` to `now`: each muscle, gravity, passive, limit,
+        damping, fingertip, inertia (minus the change of momentum over the step) and joint; with the
+        hood's (nb, 6) they close to zero on every moving body.
+
+        tension: (nt,) N, of the finger's own tendons; tip: (6,) of the fingertip on the world."""
+        finger, (angles, rates) = self.finger, now
+        chain, law = finger.chain(angles), finger.law
+        fingertip = np.zeros_like(hood)
+        fingertip[-1] = moved_to(-tip, chain.tip - chain.motion.position[-1])
+        momentum = [finger.momentum(*state) for state in (before, now)]
+        change = (momentum[0] - momentum[1]) / dt
+        centre = finger.mass_centres(angles) - chain.motion.position
+        books = {
+            **finger.own_wrenches(angles, tension),
+            "passive": joint_wrenches(chain, law.passive(angles)[0]),
+            "limit": joint_wrenches(chain, law.limit(angles)[0]),
+            "damping": joint_wrenches(chain, law.viscous(angles, rates)[0]),
+            "fingertip": fingertip,
+            "inertia": moved_to(change, centre),
+        }
+        applied = hood + np.sum(list(books.values()), axis=0)
+        return {**books, "joint": joint_loads(chain, joint_reactions(chain, applied))}
 
     def _push(self, load: AffineLoad, angles: Array) -> Push:
         """The load's torques at joint angles, with their slope."""

@@ -97,7 +97,7 @@ class MujocoFinger(ChainFinger):
         out["gravity"] = np.zeros(len(angles))
         if self._weight.any():
             index = np.arange(len(self.bodies))
-            arms = point_jacobian(self.chain(angles), index, self._mass_centres(angles))
+            arms = point_jacobian(self.chain(angles), index, self.mass_centres(angles))
             out["gravity"] = np.einsum("bxj,bx->j", arms[:, :3], self._weight)
         return out
 
@@ -116,7 +116,7 @@ class MujocoFinger(ChainFinger):
             return out
         weight = np.hstack([self._weight, np.zeros_like(self._weight)])
         return out + geometric_stiffness(
-            self.chain(angles), np.arange(len(self.bodies)), self._mass_centres(angles), weight
+            self.chain(angles), np.arange(len(self.bodies)), self.mass_centres(angles), weight
         )
 
     def own_wrenches(self, angles: Array, tension: Array) -> dict[str, Array]:
@@ -131,16 +131,30 @@ class MujocoFinger(ChainFinger):
         return self.tendon_lengths(state.angles)
 
     def tendon_paths(self, state: FingerState) -> dict[str, Array]:
-        """(k, 3) world points of each strand from origin to insertion, m; the strands of a tendon
-        that parts are named NAME, NAME 2, ..."""
-        data = self._forward(state.angles)
+        return self.paths_at(state.angles)
+
+    def paths_at(self, angles: Array) -> dict[str, Array]:
+        """(k, 3) world points of each strand from origin to insertion, m, at joint angles (nq,);
+        the strands of a tendon that parts are named NAME, NAME 2, ..."""
+        data = self._forward(angles)
         return {
             name if n == 0 else f"{name} {n + 1}": points
             for name, strands in zip(self.tendons, self._ways.points(data), strict=True)
             for n, points in enumerate(strands)
         }
 
-    def _mass_centres(self, angles: Array) -> Array:
+    def momentum(self, angles: Array, rates: Array) -> Array:
+        """(nb, 6) N s and N m s of each body, about its centre of mass, world frame."""
+        data, m = self._forward(angles), self.model
+        index = np.arange(len(self.bodies))
+        twist = point_jacobian(self.chain(angles), index, self.mass_centres(angles)) @ rates
+        axes = data.ximat[self._body].reshape(-1, 3, 3)
+        spin = np.einsum("bji,bj->bi", axes, twist[:, 3:]) * m.body_inertia[self._body]
+        mass = m.body_mass[self._body][:, None]
+        return np.hstack([mass * twist[:, :3], np.einsum("bij,bj->bi", axes, spin)])
+
+    def mass_centres(self, angles: Array) -> Array:
+        """(nb, 3) m, world frame."""
         return self._forward(angles).xipos[self._body]
 
     def _forward(self, angles: Array) -> mujoco.MjData:

@@ -25,6 +25,12 @@ ALLOWED = {
     "cosim.rest": ("cosim.port",),
     "cosim.files": ("cosim.port",),
     "cosim.verification": ("cosim.port",),
+    "cosim.accelerate": ("cosim.port",),
+    "cosim.coupled": ("cosim.port", "cosim.accelerate"),
+    "cosim.schemes": ("cosim.port", "cosim.accelerate", "cosim.coupled"),
+    "cosim.adaptive": ("cosim.port", "cosim.coupled", "cosim.schemes"),
+    "cosim.motion": ("cosim.port", "cosim.coupled", "cosim.schemes"),
+    "cosim.snapshot": ("cosim.port",),
     "fe_solver": ("cosim.port", "cosim.verification", "fe_solver"),
     "rigid": (
         *("cosim.port", "cosim.rest", "cosim.files", "cosim.verification"),
@@ -44,6 +50,7 @@ KNOW_THE_SOLVERS = {
     "cosim.job_commands",
     "cosim.opensim_commands",
     "cosim.sto",
+    "cosim.verification_pairs",
 }
 
 

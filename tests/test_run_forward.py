@@ -25,6 +25,12 @@ def summary(name: str, *settings: str) -> dict[str, Any]:
     return run_case(load_case(name, [PLAIN, *settings])).summary
 
 
+HINGE = (
+    '{kind="hinge",lengths=["40 mm","25 mm","18 mm"],'
+    'posture={MCP="30 deg",PIP="45 deg",DIP="15 deg"}}'
+)
+
+
 @pytest.mark.parametrize("muscle", ["edc", "fdp", "fpi"])
 def test_at_a_point_a_motion_ends_in_the_equilibrium(muscle: str) -> None:
     moved, still = summary(f"split_{muscle}", FORWARD), summary(f"split_{muscle}")
@@ -120,7 +126,7 @@ def test_tensions_and_excitations_follow_their_courses() -> None:
     ("name", "settings", "words"),
     [
         ("split_edc", ["finger.tip={kind='cage'}"], r"add a table \[forward\]"),
-        ("isometric_edc", [FORWARD], 'forward takes hood.kind = "split"'),
+        ("pulley_edc", [FORWARD, "finger=" + HINGE], "forward takes a finger with mass"),
         (
             "split_edc",
             ['tendons.EDC.course={kind="points",at=[["0 s",1.0]]}'],
