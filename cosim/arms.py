@@ -13,6 +13,7 @@ from cosim.port import STATIC, Array, ConvergenceError, Load, Motion, State
 
 if TYPE_CHECKING:
     import pandas
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 ACTION = 5e-5
@@ -21,6 +22,8 @@ MEAN_OF = 19
 """Postures in a mean over a range."""
 MOST_STEP = float(np.radians(10.0))
 """A hood follows the bones in steps of at most this turn."""
+NEAR = float(np.radians(1.0))
+"""Joints that stand no further apart are in the same posture."""
 
 
 def sweep(
@@ -79,7 +82,8 @@ def _hood(
                 at = angles[k]
                 out[int(k)] = _pulled(models, joint, at, state)
         except ConvergenceError as error:
-            lost.append(f"{joint} from {np.degrees(at):.0f} deg on: {error}")
+            beyond = f"from {np.degrees(at):.0f} towards {np.degrees(angles[side[-1]]):.0f} deg"
+            lost.append(f"{joint} {beyond}: {error}")
     return out, lost
 
 
@@ -132,9 +136,16 @@ def _posture(text: str) -> dict[str, float]:
     return dict(zip(("MCP", "PIP", "DIP"), angles, strict=True))
 
 
-def draw(table: pandas.DataFrame, title: str) -> Figure:
-    """A panel for each joint: arm against angle, a line for each tendon, published values as
-    points where they belong to a posture and as short bars where the source averages."""
+def draw(
+    table: pandas.DataFrame,
+    title: str,
+    known: pandas.DataFrame | None,
+    posture: Mapping[str, float],
+) -> Figure:
+    """A panel for each joint: arm against angle, a line for each tendon; of the published arms
+    `known` (as of `published`) a dotted line where the source averages over the joint's flexion,
+    and a point where its other joints stand as in `posture` (rad), in which the sweep leaves
+    them."""
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
@@ -142,27 +153,42 @@ def draw(table: pandas.DataFrame, title: str) -> Figure:
     tendons = list(dict.fromkeys(table.tendon))
     colour = {tendon: f"C{i}" for i, tendon in enumerate(tendons)}
     style = {tendon: ("-", "--")[i % 2] for i, tendon in enumerate(tendons)}
-    figure = Figure(figsize=(4.2 * len(joints), 4.6), layout="constrained")
-    known = published()
-    for axes, joint in zip(
-        figure.subplots(1, len(joints), squeeze=False).ravel(), joints, strict=True
-    ):
+    figure = Figure(figsize=(max(6.0, 4.2 * len(joints)), 4.6), layout="constrained")
+    panels = figure.subplots(1, len(joints), squeeze=False).ravel()
+    for axes, joint in zip(panels, joints, strict=True):
         here = table[table.joint == joint]
         for tendon, line in here.groupby("tendon", sort=False):
-            if line.arm_mm.abs().max() < 1e3 * ACTION:
-                continue
-            look = {"color": colour[str(tendon)], "ls": style[str(tendon)]}
-            axes.plot(line.angle_deg, line.arm_mm, **look)
-        means = known[(known.joint == joint) & (known.posture_deg == "range")]
-        low, high = here.angle_deg.min(), here.angle_deg.max()
-        for row in means[means.tendon.isin(tendons)].itertuples():
-            bar = {"color": colour[str(row.tendon)], "lw": 1, "ls": ":"}
-            axes.hlines(row.arm_mm, low, high, **bar)
+            if not line.arm_mm.abs().max() < 1e3 * ACTION:
+                name = str(tendon)
+                axes.plot(line.angle_deg, line.arm_mm, color=colour[name], ls=style[name])
+        if known is not None:
+            seen = known[(known.joint == joint) & known.tendon.isin(tendons)]
+            _draw_known(axes, seen, colour, posture, float(here.angle_deg.max()))
         axes.axhline(0.0, color="0.7", lw=0.8, zorder=0)
         axes.set(title=joint.replace("_", " "), xlabel="angle, deg")
         axes.grid(alpha=0.3)
     lines = [Line2D([], [], color=colour[t], ls=style[t], label=t) for t in tendons]
     figure.legend(handles=lines, loc="outside right center")
     figure.axes[0].set_ylabel("moment arm, mm (flexion, radial abduction positive)")
-    figure.suptitle(f"{title}: moment arms; dotted: means in the literature", fontsize=11)
+    shown = "" if known is None else " (dotted: published means, points: published values)"
+    figure.suptitle(f"{title}: moment arms{shown}", fontsize=11)
     return figure
+
+
+def _draw_known(
+    axes: Axes,
+    known: pandas.DataFrame,
+    colour: Mapping[str, str],
+    posture: Mapping[str, float],
+    most_flexed: float,
+) -> None:
+    """Published arms about one joint; most_flexed: deg, the end of a mean's range."""
+    for row in known.itertuples():
+        tendon = colour[str(row.tendon)]
+        if row.posture_deg == "range":
+            axes.hlines(row.arm_mm, 0.0, most_flexed, color=tendon, lw=1, ls=":")
+            continue
+        stands = {"MCP_abduction": 0.0, **_posture(str(row.posture_deg))}
+        angle = np.degrees(stands.pop(str(row.joint)))
+        if all(abs(rad - posture.get(other, 0.0)) < NEAR for other, rad in stands.items()):
+            axes.plot(angle, row.arm_mm, "o", color=tendon, ms=4)

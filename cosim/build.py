@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cosim.build_finger import check_fit, live_finger, skeleton_of
+from cosim.build_finger import check_fit, check_tendons, live_finger, skeleton_of
 from cosim.build_muscles import CaseMuscles, live_muscles
 from cosim.build_shell import HoodLook, Triangles, laid_mesh, linear, look, shell_hood_of
 from cosim.case_finger import Bone, IndexFinger, MiddleFinger
-from cosim.case_schema import Case, MeshFile, PathPoint, PulleyHood, ShellHood
+from cosim.case_schema import Case, FmuHood, MeshFile, PulleyHood, ShellHood
 from cosim.port import Array, Finger, Hood, InputError, State
 
 if TYPE_CHECKING:
@@ -56,8 +56,7 @@ def build(case: Case) -> Models:
     muscles = live_muscles(case)
     bones = drawn_bones(case)
     if not (isinstance(case.finger, IndexFinger) and isinstance(case.hood, ShellHood)):
-        cables = case.hood.paths if isinstance(case.hood, PulleyHood) else {}
-        hood: Hood = _pulley_hood(cables, finger)
+        hood = _unit(case.hood, finger) if isinstance(case.hood, FmuHood) else _cables(case, finger)
         return Models(finger, hood, posture, resting, bones, muscles, None, None)
     mesh = hood_mesh(case)
     shell = shell_hood_of(case, case.hood, skeleton_of(case.finger), bones, mesh)
@@ -77,12 +76,7 @@ def tensions(case: Case, models: Models) -> tuple[Array, Array]:
     """N, of the hood's and of the finger's own tendons, a muscle's fibre left out; InputError for
     one that neither has."""
     hood, finger = models.hood.tendons, models.finger.tendons
-    for name, tendon in case.tendons.items():
-        if tendon.force is not None and name not in (*hood, *finger):
-            raise InputError(
-                f"tendons.{name}: this finger and hood have no such tendon; they have "
-                f"{', '.join((*hood, *finger))}"
-            )
+    check_tendons(case, (*hood, *finger))
     return np.array([case.tension(t) for t in hood]), np.array([case.tension(t) for t in finger])
 
 
@@ -118,10 +112,28 @@ def _bones(finger: IndexFinger) -> dict[str, Triangles]:
 
 
 def drawn_bones(case: Case) -> dict[str, Triangles]:
-    """Surfaces of the bones in their bodies' frames, m; none of a planar finger."""
-    if isinstance(case.finger, IndexFinger):
-        return _bones(case.finger)
-    return _longer_bones(case.finger) if isinstance(case.finger, MiddleFinger) else {}
+    """Surfaces of the bones in their bodies' frames, m."""
+    finger = case.finger
+    if isinstance(finger, IndexFinger):
+        return _bones(finger)
+    return _longer_bones(finger) if isinstance(finger, MiddleFinger) else _rods(finger.lengths)
+
+
+def _rods(lengths: tuple[float, float, float]) -> dict[str, Triangles]:
+    """For pictures only: a capsule from joint to joint, and of the first bone as much as MuJoCo's
+    model shows."""
+    from trimesh.creation import capsule
+
+    from meshes.skeleton import BODIES
+    from rigid.anatomy import VIEW_METACARPAL, VIEW_RADIUS
+
+    out = {}
+    for body, length in zip(BODIES, (VIEW_METACARPAL, *lengths), strict=True):
+        rod = capsule(abs(length), VIEW_RADIUS[body], count=[16, 16])
+        points = np.array(rod.vertices - rod.bounds.mean(axis=0))[:, [2, 0, 1]]
+        points[:, 0] += length / 2
+        out[body] = points, np.array(rod.faces)
+    return out
 
 
 def _longer_bones(finger: MiddleFinger) -> dict[str, Triangles]:
@@ -164,9 +176,25 @@ def _user_bone(body: str, bone: Bone, finger: IndexFinger) -> Triangles:
     return points * [finger.length_scale, finger.width_scale, finger.width_scale], faces
 
 
-def _pulley_hood(paths: Mapping[str, Sequence[PathPoint]], finger: Finger) -> Hood:
+def _unit(hood: FmuHood, finger: Finger) -> Hood:
+    from cosim.fmu.participant import FmuHood as Unit
+
+    return Unit(
+        hood.path,
+        finger.bodies,
+        hood.tendons,
+        hood.sources,
+        hood.map,
+        rest_step=hood.rest_step,
+        assume_si=hood.assume_si,
+    )
+
+
+def _cables(case: Case, finger: Finger) -> Hood:
+    """The pulley hood, of no cables where the finger's own tendons stand for the hood."""
     from rigid.pulley import Cable
     from rigid.pulley import PulleyHood as Pulleys
 
+    paths = case.hood.paths if isinstance(case.hood, PulleyHood) else {}
     cables = {name: Cable(tuple((p.body, p.point) for p in path)) for name, path in paths.items()}
     return Pulleys(cables, finger.motion(finger.start({})))

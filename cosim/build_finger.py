@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cosim.build_course import factor_of
 from cosim.case_finger import HingeFinger, IndexFinger, MiddleFinger, PlanarFinger
-from cosim.case_schema import Case, SplitHood
-from cosim.port import InputError
+from cosim.case_schema import Case, FmuHood, PulleyHood, ShellHood, SplitHood
+from cosim.port import Finger, InputError
 
 if TYPE_CHECKING:
     from meshes.skeleton import Skeleton
@@ -26,26 +27,25 @@ OnMujoco = IndexFinger | MiddleFinger | PlanarFinger
 
 
 HOODS = {
-    "index": ("shell", "pulley", "split"),
-    "middle": ("pulley", "split"),
-    "planar": ("pulley",),
-    "hinge": ("pulley",),
+    "index": ("shell", "pulley", "split", "fmu"),
+    "middle": ("pulley", "split", "fmu"),
+    "planar": ("pulley", "fmu"),
+    "hinge": ("pulley", "fmu"),
 }
 """Which hoods go on which finger."""
 
 
 def check_fit(case: Case) -> None:
-    """Raises InputError where the parts of a case do not go together."""
+    """Raises InputError where the parts of a case do not go together, or a course's file is none."""
     finger, hood, tip = case.finger.kind, case.hood.kind, case.finger.tip.kind
     if hood not in HOODS[finger]:
         words = " or ".join(f'"{kind}"' for kind in HOODS[finger])
         raise InputError(
             f'hood.kind = "{hood}" does not go with finger.kind = "{finger}", which takes {words}'
         )
-    if case.forward is not None and hood != "split":
+    if case.forward is not None and finger == "hinge":
         raise InputError(
-            f'forward takes hood.kind = "split"; a {hood} hood has no motion in time yet: leave '
-            "out the table forward"
+            'forward takes a finger with mass: finger.kind = "index", "middle" or "planar"'
         )
     courses = [name for name, tendon in case.tendons.items() if tendon.course is not None]
     if case.forward is None and courses:
@@ -53,11 +53,36 @@ def check_fit(case: Case) -> None:
             f"tendons.{courses[0]}.course: a course over time belongs to a motion; add a table "
             "[forward], or leave it out"
         )
+    for name in courses:
+        factor_of(case.tendons[name].course)
     if case.forward is None and tip in ("cage", "shell"):
         raise InputError(
             f'finger.tip.kind = "{tip}" holds a finger in motion; add a table [forward], or hold '
             'the tip at a point (kind = "point")'
         )
+    if not isinstance(case.hood, ShellHood):  # whose tendons its mesh has
+        check_tendons(case, _hood_tendons(case) + _own_tendons(case))
+
+
+def _hood_tendons(case: Case) -> tuple[str, ...]:
+    if isinstance(case.hood, PulleyHood):
+        return tuple(case.hood.paths)
+    return case.hood.tendons if isinstance(case.hood, FmuHood) else ()
+
+
+def _own_tendons(case: Case) -> tuple[str, ...]:
+    finger = case.finger
+    return () if isinstance(finger, HingeFinger) else finger_model(finger, case.hood).muscles
+
+
+def check_tendons(case: Case, known: tuple[str, ...]) -> None:
+    """Raises InputError for a tendon that the case pulls and that is not among `known`."""
+    for name, tendon in case.tendons.items():
+        if name not in known and (tendon.force is not None or tendon.course is not None):
+            raise InputError(
+                f"tendons.{name}: this finger and hood have no such tendon; they have "
+                f"{', '.join(known)}"
+            )
 
 
 def live_finger(finger: AnyFinger, hood: object) -> ChainFinger:
@@ -75,6 +100,14 @@ def live_finger(finger: AnyFinger, hood: object) -> ChainFinger:
             'some degrees, or write finger.tip.kind = "free"'
         )
     return made
+
+
+def joint_ranges(finger: Finger) -> dict[str, tuple[float, float]]:
+    """rad by joint: the finger's own, or where it states none those of a posture in a case."""
+    from rigid.anatomy import RANGES
+
+    stated = {joint: r for joint, r in finger.ranges.items() if np.isfinite(r).all()}
+    return {joint: stated.get(joint, RANGES[joint]) for joint in finger.joints}
 
 
 def skeleton_of(finger: IndexFinger) -> Skeleton:

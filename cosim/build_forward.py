@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from cosim.accelerate import Aitken, Constant, QuasiNewton
+from cosim.accelerate import Accelerator, Aitken, Constant, QuasiNewton
 from cosim.build import Models, build
 from cosim.build_course import factor_of
 from cosim.build_finger import live_finger
@@ -91,7 +91,11 @@ def together(case: Case, forward: Forward) -> Together:
 
 
 def _scheme(coupling: Coupling) -> Scheme:
-    accelerators = {"constant": Constant(), "aitken": Aitken(), "iqn_ils": QuasiNewton()}
+    accelerators: dict[str, Accelerator] = {
+        "constant": Constant(),
+        "aitken": Aitken(),
+        "iqn_ils": QuasiNewton(),
+    }
     if coupling.scheme == "implicit":
         return Implicit(accelerators[coupling.accelerator], coupling.tolerance)
     if coupling.scheme == "newton":

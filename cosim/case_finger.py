@@ -159,7 +159,7 @@ class MiddleFinger(Table):
 
     kind: Literal["middle"]
     posture: Posture
-    length_scale: Annotated[Number, Field(gt=0, le=3)] = 1.0
+    length_scale: Annotated[Number, Field(ge=0.1, le=3)] = 1.0
     tip: Tip = HeldTip(kind="point")
     limit: Limit | None = None
     passive: dict[Annotated[str, name_of("joint", JOINTS)], Passive] = Field(default_factory=dict)
@@ -171,8 +171,8 @@ class IndexFinger(Table):
 
     kind: Literal["index"]
     posture: Posture
-    length_scale: Annotated[Number, Field(gt=0, le=3)] = 1.0
-    width_scale: Annotated[Number, Field(gt=0, le=3)] = 1.0
+    length_scale: Annotated[Number, Field(ge=0.1, le=3)] = 1.0
+    width_scale: Annotated[Number, Field(ge=0.1, le=3)] = 1.0
     tip: Tip = HeldTip(kind="point")
     limit: Limit | None = None
     passive: dict[Annotated[str, name_of("joint", JOINTS)], Passive] = Field(default_factory=dict)
@@ -239,7 +239,8 @@ class Millard(Table):
     """The equilibrium muscle of Millard et al. 2013 between its tendon's path and the bone.
 
     `fibre_length`: of the fibre over its optimal length, in the case's posture at the case's
-    activation; nobody measured it, and the force depends on it."""
+    activation; nobody measured it, and the force depends on it.  An activation below 0.01 acts as
+    0.01, as in OpenSim."""
 
     kind: Literal["millard"]
     optimal_fibre_length: Annotated[float, quantity(units.LENGTH, above="0 mm", most="500 mm")]

@@ -27,6 +27,7 @@ from cosim.case_types import (
     TendonName,
     Thickness,
 )
+from cosim.fmu.quantity import HOOD_QUANTITIES
 from meshes.hood_mesh import REGIONS, SPRINGS
 
 
@@ -195,6 +196,23 @@ class PulleyHood(Table):
     paths: dict[TendonName, Annotated[tuple[PathPoint, ...], Field(min_length=2)]]
 
 
+class FmuHood(Table):
+    """A hood in an FMU of FMI 2 or 3, which is a program and runs as one.  `tendons` and `sources`
+    name its own, in its order; `map` says, by quantity, how its variables are called where they are
+    not called as in our own units; `rest_step` is a communication step in which it comes to rest,
+    for one without the switch `static`."""
+
+    kind: Literal["fmu"]
+    path: File
+    tendons: Annotated[tuple[TendonName, ...], Field(min_length=1)]
+    sources: Annotated[tuple[str, ...], Field(min_length=1)]
+    map: dict[Annotated[str, name_of("quantity", HOOD_QUANTITIES)], str] = Field(
+        default_factory=dict
+    )
+    rest_step: Annotated[float, quantity(units.TIME, above="0 s", most="1000 s")] | None = None
+    assume_si: Switch = False
+
+
 class SplitHood(Table):
     """No hood at all: tendons that part into strands of fixed shares, `central` of what enters the
     hood going to the central slip (equal parts in the normative model: An et al. 1979)."""
@@ -212,15 +230,41 @@ class Solve(Table):
     hood_tolerance: Annotated[Number, Field(ge=1e-14, le=1e-2)] = 1e-10
 
 
-class Coupling(Table):
-    """How hood and finger take their steps of a motion: linearly implicit ("linear": one hood solve
-    a step), by Newton's method, by a fixed point ("implicit", with `accelerator`), staggered
-    ("explicit") or side by side ("jacobi")."""
+class OneWay(Table):
+    """What a one-way pass hands to the finger, and what acts there beside it.  As it stands: the
+    hood's wrenches and nothing twice; `cases/base/thesis_one_way.toml` has the other choices."""
 
-    scheme: Literal["linear", "newton", "implicit", "explicit", "jacobi"] = "linear"
+    lumping: Literal["bodies", "centre_of_mass"] = "bodies"
+    """Wrenches where they act, or each phalanx's force alone at its centre of mass: no moment."""
+    joint_contact: Literal["none", "distal", "proximal"] = "none"
+    """The force that the joint at this end of each phalanx passes on while its bones stand still is
+    handed over too: what a bone's net reaction holds besides the hood, and the finger makes anew."""
+    muscles: Switch = True
+    """The finger's own tendons pull."""
+    passive: Switch = True
+    """The finger's own passive joint torques act; its limits always do."""
+
+
+class Coupling(Table):
+    """How finger and hood come to agree.  Of an equilibrium: by Newton's method ("newton", which
+    "linear" is there too), by a fixed point that asks for no derivatives ("implicit", with
+    `accelerator`), or not at all ("one_way": the hood is solved once, in the posture).  Of a
+    motion, a step at a time: linearly implicit ("linear": one hood solve a step), "newton",
+    "implicit", staggered ("explicit") or side by side ("jacobi")."""
+
+    scheme: Literal["linear", "newton", "implicit", "explicit", "jacobi", "one_way"] = "linear"
     accelerator: Literal["constant", "aitken", "iqn_ils"] = "aitken"
     tolerance: Annotated[float, quantity(units.ANGLE, above="0 deg", most="1 deg")] = 1e-9
     """Of the joint angles, of the iterated schemes, rad."""
+    one_way: OneWay = OneWay()
+    allow_double_counting: Switch = False
+    """Run even where the hood hands over a force that the finger makes too."""
+
+    @model_validator(mode="after")
+    def _of_one_way(self) -> Coupling:
+        if self.scheme != "one_way" and self.one_way != OneWay():
+            raise fault('has a table one_way, which goes with scheme = "one_way" alone')
+        return self
 
 
 class Forward(Table):
@@ -255,7 +299,7 @@ class CaseFile(Table):
         IndexFinger | MiddleFinger | HingeFinger | PlanarFinger, Field(discriminator="kind")
     ]
     tendons: dict[TendonName, Tendon] = Field(default_factory=dict)
-    hood: Annotated[ShellHood | PulleyHood | SplitHood, Field(discriminator="kind")]
+    hood: Annotated[ShellHood | PulleyHood | SplitHood | FmuHood, Field(discriminator="kind")]
     solve: Solve = Solve()
     forward: Forward | None = None
     coupling: Coupling = Coupling()
@@ -277,7 +321,7 @@ class Case(CaseFile):
     def setting_key(self) -> str:
         """A text that two cases share if and only if they differ in nothing but name and tendons; a
         file that they read counts with its time and size."""
-        parts = self.model_dump(mode="json", include={"finger", "hood", "solve"})
+        parts = self.model_dump(mode="json", include={"finger", "hood", "solve", "coupling"})
         stamps = [
             f"{path}:{path.stat().st_mtime_ns}:{path.stat().st_size}" for path in _files(self)
         ]
@@ -288,4 +332,5 @@ def _files(case: Case) -> list[Path]:
     """The files that a case's models are built from."""
     bones = case.finger.bones.values() if isinstance(case.finger, IndexFinger) else ()
     mesh = case.hood.mesh if isinstance(case.hood, ShellHood) else None
-    return [b.surface for b in bones] + ([mesh.path] if isinstance(mesh, MeshFile) else [])
+    unit = [case.hood.path] if isinstance(case.hood, FmuHood) else []
+    return [b.surface for b in bones] + ([mesh.path] if isinstance(mesh, MeshFile) else []) + unit

@@ -14,6 +14,7 @@ import typer
 
 from cosim import __version__
 from cosim.finger_commands import bench_fingers, mjcf, moment_arms
+from cosim.fmu_commands import fmu
 from cosim.job_commands import bench_fe, bench_febio, export, solve
 from cosim.opensim_commands import import_model, sto
 from cosim.port import CosimError, InputError
@@ -38,6 +39,7 @@ app.command()(moment_arms)
 app.command()(mjcf)
 app.command("import")(import_model)
 app.command()(sto)
+app.command()(fmu)
 Cases = Annotated[list[str], typer.Argument(help="Case files, or names of packaged cases.")]
 Settings = Annotated[
     list[str] | None,

@@ -15,6 +15,8 @@ def written_whole(path: Path) -> Iterator[Path]:
     """A place beside `path` to write to, moved there once the block has ended well.
 
     Raises InputError where the file cannot be written."""
+    if path.exists() and not path.is_file():
+        raise InputError(f"{path}: is no file that could be replaced; choose another --out")
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

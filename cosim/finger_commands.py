@@ -32,16 +32,19 @@ def moment_arms(
 ) -> None:
     """Moment arms of all tendons while each joint passes its range, beside published ones."""
     with told():
-        from cosim.arms import beside_published, draw, sweep
+        from cosim.arms import beside_published, draw, published, sweep
         from cosim.build import build, tensions
+        from cosim.build_finger import joint_ranges
         from cosim.case import load_case
 
         checked = load_case(case, settings or ())
         models = build(checked)
         tension, _ = tensions(checked, models)
-        table, lost = sweep(models, tension, models.finger.ranges, steps)
-        compared = beside_published(models) if checked.finger.kind == "index" else None
-        _write(out, table, compared, draw(table, checked.title))
+        table, lost = sweep(models, tension, joint_ranges(models.finger), steps)
+        known, compared = None, None
+        if checked.finger.kind == "index":
+            known, compared = published(), beside_published(models)
+        _write(out, table, compared, draw(table, checked.title, known, models.posture))
         _show(table)
         if compared is not None:
             _show_published(compared)
@@ -110,7 +113,9 @@ def mjcf(
     settings: Settings = None,
     out: Annotated[Path, typer.Option(help="The file to write.")] = Path("finger.xml"),
 ) -> None:
-    """Write the MuJoCo model of a case's finger: bones, joints, its own tendons."""
+    """Write the MuJoCo model of a case's finger: bones, joints, its own tendons with an actuator
+    each, whose control is the tension; without passive torques, limits, what holds the tip, and
+    the hood."""
     with told():
         from cosim.build_finger import mjcf_of
         from cosim.case import load_case
@@ -118,7 +123,9 @@ def mjcf(
         text = mjcf_of(load_case(case, settings or ()))
         with written_whole(out) as path:
             path.write_text(text + "\n", encoding="utf-8")
-        typer.echo(f"finger in {out}")
+        typer.echo(
+            f"finger in {out}, without passive torques, limits, the tip's support and the hood"
+        )
 
 
 def bench_fingers(beside_opensim: bool) -> None:

@@ -82,7 +82,7 @@ def _summary(case: Case, moved: Moved, imbalance: float, wall: float) -> dict[st
         },
         "audit": audit,
         "audit_missed": missed,
-        "iterations": {"steps": len(s.time) - 1},
+        "steps": len(s.time) - 1,
     }
     if moved.normalised_length:
         out["muscle"] = {

@@ -81,9 +81,10 @@ def coupling(
     slow: Annotated[bool, typer.Option("--slow", help="The studies of many seconds too.")] = False,
 ) -> None:
     """Verify the schemes that couple in time; exit code 1 when a row fails."""
+    from cosim.fmu.verification import studies
     from cosim.verification_coupling import STUDIES
 
-    _verify(STUDIES, as_json, only, slow)
+    _verify((*STUDIES, *studies()), as_json, only, slow)
 
 
 def info() -> None:

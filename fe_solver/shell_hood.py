@@ -23,8 +23,10 @@ from .newton import NewtonOptions, Solution, solve
 
 TIE, HELD = "terminal_slip", ("contact", "guide")
 """The ledger's names of what the tied nodes and the bones do; springs have their sets' names."""
-SMALL_TURN = 0.003
+SMALL_TURN = 0.02
 """rad; below it the tangent predicts the hood's motion, above it the bones carry the nodes."""
+SMALL_PULL, NO_PULL = 0.3, 0.1
+"""The same of the tensions' change, of the largest one, which is no less than NO_PULL (N)."""
 MOST_HALVINGS = 4
 
 
@@ -129,13 +131,14 @@ class ShellHood:
         d[self.model.ties.node] = slid.d[self.model.ties.node]
         return Configuration(x, d, motion.position, motion.rotation)
 
-    def _predicted(self, s: Solution, motion: Motion) -> Configuration:
-        """First-order prediction of the hood at a nearby motion under the same tensions."""
+    def _predicted(self, s: Solution, motion: Motion, tension: Array) -> Configuration:
+        """First-order prediction of the hood at a nearby motion under other tensions (nt,) N."""
         m, c = s.model, s.configuration
-        by_motion = m.coupling(c, s.evaluation, s.tension)[0]
+        by_motion, _, by_tension, _ = m.coupling(c, s.evaluation, s.tension)
         twist = Motion(self.bodies, c.position, c.rotation).twist_to(motion).ravel()
+        right = by_motion @ twist + by_tension @ (tension - s.tension)
         step = np.zeros(m.pattern.size)
-        step[m.free] = -s.factor.solve((by_motion @ twist)[m.free])
+        step[m.free] = -s.factor.solve(right[m.free])
         return m.posed(m.stepped(c, s.evaluation.bases, step), motion.position, motion.rotation)
 
     def _guess(
@@ -145,9 +148,10 @@ class ShellHood:
         twist = state.motion.twist_to(motion)
         if state.solution is None or np.abs(twist[:, 3:]).max() > SMALL_TURN:
             return self._carried(state.configuration, motion), False
-        if not np.array_equal(tension, state.solution.tension):
+        pulled = np.abs(tension - state.solution.tension).max(initial=0.0)
+        if pulled > SMALL_PULL * max(np.abs(tension).max(initial=0.0), NO_PULL):
             return self._carried(state.configuration, motion), False
-        return self._predicted(state.solution, motion), True
+        return self._predicted(state.solution, motion, tension), True
 
     def _solve(
         self, state: HoodState, motion: Motion, tension: Array, halvings: int

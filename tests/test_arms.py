@@ -10,10 +10,12 @@ import pandas
 import pytest
 from typer.testing import CliRunner
 
-from cosim.arms import beside_published, own_arms, published, sweep
+from cosim.arms import beside_published, draw, own_arms, published, sweep
 from cosim.build import build, tensions
+from cosim.build_finger import joint_ranges
 from cosim.case import load_case
 from cosim.cli import app
+from cosim.port import ConvergenceError, Motion
 
 
 def test_a_sweep_holds_every_tendon_joint_and_posture() -> None:
@@ -71,6 +73,60 @@ def test_the_command_leaves_a_table_a_comparison_and_a_plot(tmp_path: Path) -> N
     assert "An et al. 1983" in done.output
 
 
+def test_published_arms_are_drawn_where_they_belong() -> None:
+    """FDP at the DIP in the posture 30/45/15: a point at 15 deg, and means from 0 deg on."""
+    models = build(load_case("split_edc"))
+    table, _ = sweep(models, np.zeros(0), {"DIP": (0.1, 1.2)}, 3)
+    fdp = table[table.tendon == "FDP"]
+    known = published()
+    axes = draw(fdp, "", known, models.posture).axes[0]
+    points = [line.get_xydata() for line in axes.lines if line.get_marker() == "o"]
+    assert np.ravel(points) == pytest.approx([15.0, 4.99])
+    means = [path for c in axes.collections for path in c.get_paths()]  # type: ignore[attr-defined]
+    assert sorted(path.vertices[0, 1] for path in means) == pytest.approx([4.1, 6.5])
+    assert all(path.vertices[0, 0] == 0.0 for path in means)
+    bare = draw(fdp, "", None, models.posture).axes[0]
+    assert not bare.collections
+    assert len(bare.lines) == 2
+
+
+@pytest.mark.parametrize("finger", ["planar", "hinge"])
+def test_a_finger_without_ranges_is_swept_over_those_of_a_posture(finger: str) -> None:
+    hinge = (
+        'finger={kind="hinge",lengths=["46 mm","28 mm","20 mm"],'
+        'posture={MCP="0 deg",PIP="20 deg",DIP="10 deg"}}'
+    )
+    case = load_case("planar_edc", [hinge] if finger == "hinge" else [])
+    ranges = joint_ranges(build(case).finger)
+    assert {j: tuple(np.degrees(r)) for j, r in ranges.items()} == {
+        "MCP": pytest.approx((-30, 90)),
+        "PIP": pytest.approx((0, 110)),
+        "DIP": pytest.approx((0, 70)),
+    }
+
+
+def test_where_the_hood_is_lost_is_said_with_its_direction() -> None:
+    case = load_case("pulley_edc")
+    models = build(case)
+
+    class Lost:
+        tendons = models.hood.tendons
+
+        def start(self, motion: Motion) -> None:
+            return None
+
+        def advance(self, *_: object) -> None:
+            raise ConvergenceError("no equilibrium")
+
+    object.__setattr__(models, "hood", Lost())
+    tension, _ = tensions(case, models)
+    _, lost = sweep(models, tension, {"PIP": (0.0, 1.5)}, 3)
+    assert [text.split(":")[0] for text in lost] == [
+        "PIP from 45 towards 86 deg",
+        "PIP from 45 towards 0 deg",
+    ]
+
+
 def test_a_folder_that_cannot_be_made_is_one_message(tmp_path: Path) -> None:
     file = tmp_path / "in the way"
     file.touch()
@@ -84,5 +140,8 @@ def test_mjcf_opens_in_mujoco_and_has_the_case_s_finger(tmp_path: Path) -> None:
     assert CliRunner().invoke(app, ["mjcf", "split_edc", "--out", str(out)]).exit_code == 0
     model = mujoco.MjModel.from_xml_path(str(out))
     assert (model.nq, model.ntendon) == (4, 8)
+    folder = CliRunner().invoke(app, ["mjcf", "split_edc", "--out", str(tmp_path)])
+    assert folder.exit_code == 2
+    assert "is no file" in folder.stderr
     hinge = CliRunner().invoke(app, ["mjcf", "pulley_edc", "--set", "finger.kind=hinge"])
     assert hinge.exit_code == 2

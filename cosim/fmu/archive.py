@@ -1,0 +1,160 @@
+"""A stranger's FMU: opened only after everything in it has been looked at.
+
+Paths, sizes and the description are checked before anything of it lies on disk.  None of its code
+runs here; where it is loaded later, it runs with the user's rights, as every FMU's does.
+"""
+
+from __future__ import annotations
+
+import stat
+import zipfile
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING, Any
+from zlib import error as ZlibError
+
+from lxml import etree
+
+from cosim.port import InputError
+
+if TYPE_CHECKING:
+    from fmpy.model_description import ModelDescription
+
+MOST_FILES, MOST_BYTES, MOST_XML = 20_000, 2**30, 2**26
+"""Of an archive unpacked, and of its description."""
+DESCRIPTION = "modelDescription.xml"
+UNREADABLE = (zipfile.BadZipFile, ZlibError, EOFError, NotImplementedError, RuntimeError, OSError)
+"""What zipfile raises over archives that are damaged, encrypted or packed in unknown ways."""
+
+
+@dataclass(frozen=True)
+class Opened:
+    """An unpacked FMU that this machine can load."""
+
+    path: Path
+    """Of the archive, for messages."""
+    folder: Path
+    description: ModelDescription
+    rolls_back: bool
+    """Whether its state can be got and set."""
+    differentiates: bool
+    """Whether it gives directional derivatives."""
+
+
+def opened(path: Path, folder: Path) -> Opened:
+    """The FMU at `path` unpacked into the empty `folder`.
+
+    Raises InputError for anything that is not a whole and harmless co-simulation FMU of FMI 2 or 3
+    with binaries for this machine."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            entries = archive.infolist()
+            for fault in (_crowd(entries), *map(_misplaced, entries)):
+                _refuse_if(path, fault)
+            root = _checked_xml(path, _description(path, archive))
+            archive.extractall(folder)
+    except UNREADABLE as error:
+        raise InputError(f"{path}: cannot be read as an FMU ({error})") from error
+    described = _described(path, folder)
+    _refuse_if(path, _unfit(described, folder))
+    rolls_back = _is_able(root, "canGetAndSetFMUstate")
+    derives = _is_able(root, "providesDirectionalDerivative")
+    return Opened(path, folder, described, rolls_back, derives)
+
+
+def _refuse_if(path: Path, fault: str) -> None:
+    if fault:
+        raise InputError(f"{path}: refused: {fault}")
+
+
+def _crowd(entries: list[zipfile.ZipInfo]) -> str:
+    """What is wrong with the archive as a whole; the sizes are those that zipfile holds it to."""
+    size, names = sum(e.file_size for e in entries), Counter(e.filename for e in entries)
+    if len(entries) > MOST_FILES or size > MOST_BYTES:
+        return (
+            f"unpacks to {len(entries)} files of {size / 2**20:.0f} MiB, expected at most "
+            f"{MOST_FILES} of {MOST_BYTES / 2**20:.0f} MiB"
+        )
+    twice = [name for name, times in names.items() if times > 1]
+    return f"holds {twice[0]!r} more than once" if twice else ""
+
+
+def _misplaced(entry: zipfile.ZipInfo) -> str:
+    """What is wrong with one file of the archive."""
+    name, parts = entry.orig_filename, PurePosixPath(entry.orig_filename).parts
+    if "\\" in name or ":" in name or "\0" in name or name.startswith("/") or ".." in parts:
+        return f"the file {name!r} would lie outside of its folder"
+    kind = stat.S_IFMT(entry.external_attr >> 16)
+    if kind not in (0, stat.S_IFREG, stat.S_IFDIR):
+        return f"{name!r} is a link or a device, expected files and folders"
+    return f"{name!r} is encrypted" if entry.flag_bits & 1 else ""
+
+
+def _description(path: Path, archive: zipfile.ZipFile) -> bytes:
+    if DESCRIPTION not in archive.namelist():
+        raise InputError(f"{path}: is no FMU: it has no {DESCRIPTION}")
+    if archive.getinfo(DESCRIPTION).file_size > MOST_XML:
+        raise InputError(f"{path}: refused: its {DESCRIPTION} is above {MOST_XML / 2**20:.0f} MiB")
+    return archive.read(DESCRIPTION)
+
+
+def _checked_xml(path: Path, text: bytes) -> etree._Element:
+    """The root, well-formed, with no document type: there are no entities to expand or fetch."""
+    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False)
+    try:
+        root = etree.fromstring(text, parser)
+    except etree.XMLSyntaxError as error:
+        raise InputError(f"{path}: {DESCRIPTION} is not well-formed XML ({error})") from error
+    info = root.getroottree().docinfo
+    if info.doctype or info.internalDTD is not None:
+        raise InputError(f"{path}: refused: its {DESCRIPTION} declares a document type or entities")
+    version = root.get("fmiVersion", "")
+    if root.tag != "fmiModelDescription" or not (version == "2.0" or version.startswith("3.0")):
+        raise InputError(
+            f"{path}: its {DESCRIPTION} is a <{root.tag}> of fmiVersion {version!r}, expected an "
+            "fmiModelDescription of 2.0 or 3.0"
+        )
+    return root
+
+
+def _is_able(root: etree._Element, capability: str) -> bool:
+    """A capability in FMI 2's spelling, or in FMI 3's, of which FMPy knows not all."""
+    interface = root.find("CoSimulation")
+    spellings = (capability, capability.replace("FMUstate", "FMUState"), f"{capability}s")
+    values = [] if interface is None else [interface.get(word) for word in spellings]
+    return "true" in values or "1" in values
+
+
+def _described(path: Path, folder: Path) -> ModelDescription:
+    fmpy = _fmpy()
+    try:
+        found: ModelDescription = fmpy.read_model_description(str(folder), validate=True)
+    except Exception as error:  # FMPy raises Exception itself for what it does not understand
+        lines = " ".join(str(error).split())[:300]
+        raise InputError(f"{path}: {DESCRIPTION} is not valid: {lines}") from error
+    return found
+
+
+def _unfit(described: Any, folder: Path) -> str:
+    """Why this machine cannot load it; its identifier becomes part of a path."""
+    if described.coSimulation is None:
+        return "is not for co-simulation, expected a CoSimulation interface"
+    identifier = described.coSimulation.modelIdentifier
+    if not identifier.isidentifier():
+        return f"modelIdentifier {identifier!r} is no name in the sense of C"
+    fmpy = _fmpy()
+    here = fmpy.platform if described.fmiVersion == "2.0" else fmpy.platform_tuple
+    binary = folder / "binaries" / here / f"{identifier}{fmpy.sharedLibraryExtension}"
+    if binary.is_file():
+        return ""
+    there = sorted(p.name for p in (folder / "binaries").glob("*")) or ["none"]
+    return f"has no binary for this machine, {here}; it has {', '.join(there)}"
+
+
+def _fmpy() -> Any:
+    try:
+        import fmpy
+    except ImportError as error:
+        raise InputError('FMPy is not installed: pip install "cosim-hand[fmu]"') from error
+    return fmpy

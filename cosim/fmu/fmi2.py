@@ -1,0 +1,82 @@
+"""The FMI 2 face of a written unit; a copy of this file goes into the archive as its script."""
+
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element
+
+from pythonfmu import Boolean, Fmi2Causality, Fmi2Initial, Fmi2Slave, Fmi2Variability, Real
+from pythonfmu.enums import Fmi2Status
+
+try:
+    from cosim.fmu.describe import finished
+    from cosim.fmu.quantity import Quantity
+    from cosim.fmu.run import Run, Snapshot
+except ImportError as error:
+    raise ImportError(
+        "this FMU runs in a Python with cosim-hand and its extra fmu installed; this one lacks it "
+        f"({error})"
+    ) from error
+
+
+class CosimFmu2(Fmi2Slave):
+    """A value reference is the place of a value in the run's array."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__(**kwargs)
+        self.run = Run(Path(self.resources))
+        self.modelName, self.description = self.run.name, self.run.description
+        self.guid = self.run.token
+        for quantity in self.run.quantities:
+            for name in quantity.entries(quantity.template):
+                self.register_variable(_variable(name, quantity), nested=False)
+
+    def to_xml(self, model_options: Any = None) -> Element:
+        options = {"canGetAndSetFMUstate": True, "canSerializeFMUstate": False}
+        return finished(super().to_xml(options), self.run)
+
+    def do_step(self, current_time: float, step_size: float) -> bool:
+        fault = self.run.step(step_size)
+        if fault:
+            self.log(fault, Fmi2Status.error)
+        return not fault
+
+    def get_real(self, vrs: list[int]) -> list[float]:
+        return self.run.get(vrs)
+
+    def set_real(self, vrs: list[int], values: list[float]) -> None:
+        self.run.set(vrs, values)
+
+    def get_boolean(self, vrs: list[int]) -> list[bool]:
+        return [value != 0 for value in self.run.get(vrs)]
+
+    def set_boolean(self, vrs: list[int], values: list[bool]) -> None:
+        self.run.set(vrs, values)
+
+    def _get_fmu_state(self) -> Snapshot:
+        return self.run.snapshot()
+
+    def _set_fmu_state(self, state: Any) -> None:
+        self.run.restore(state)
+
+    @staticmethod
+    def _fmu_state_to_bytes(state: Any) -> bytes:
+        """Nothing: the unit says that its states cannot be serialised."""
+        return b""
+
+    @staticmethod
+    def _fmu_state_from_bytes(state: bytes) -> None:
+        """Nothing: no bytes from outside become a state."""
+
+
+def _variable(name: str, quantity: Quantity) -> Any:
+    facts: dict[str, Any] = {
+        "description": quantity.meaning,
+        "causality": Fmi2Causality[quantity.causality],
+        "variability": Fmi2Variability.continuous,
+        "getter": float,
+    }
+    if quantity.causality == "output":
+        facts["initial"] = Fmi2Initial.exact
+    if quantity.causality == "parameter":
+        facts["variability"] = Fmi2Variability.tunable
+    return (Boolean if quantity.switch else Real)(name, **facts)

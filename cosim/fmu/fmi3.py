@@ -1,0 +1,112 @@
+"""The FMI 3 face of a written unit; a copy of this file goes into the archive as its script."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element
+
+from pythonfmu3 import (
+    Boolean,
+    Dimension,
+    Float64,
+    Fmi3Causality,
+    Fmi3Initial,
+    Fmi3Slave,
+    Fmi3StepResult,
+    Fmi3Variability,
+)
+from pythonfmu3.enums import Fmi3Status
+
+try:
+    from cosim.fmu.describe import finished
+    from cosim.fmu.quantity import Quantity
+    from cosim.fmu.run import Run, Snapshot
+except ImportError as error:
+    raise ImportError(
+        "this FMU runs in a Python with cosim-hand and its extra fmu installed; this one lacks it "
+        f"({error})"
+    ) from error
+
+
+class CosimFmu3(Fmi3Slave):
+    """A value reference counts the run's quantities; time has the one after them."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__(**kwargs)
+        self.run = Run(Path(self.resources))
+        self.modelName, self.description = self.run.name, self.run.description
+        self.guid = self.run.token
+        self.time = 0.0
+        self._places = [self.run.place[q.name] for q in self.run.quantities]
+        for quantity in self.run.quantities:
+            self.register_variable(_variable(quantity), nested=False)
+        independent = {"causality": Fmi3Causality.independent, "getter": lambda: self.time}
+        self.register_variable(
+            Float64("time", variability=Fmi3Variability.continuous, **independent), nested=False
+        )
+
+    def to_xml(self, model_options: Any = None) -> Element:
+        options = {"canGetAndSetFMUState": True, "canSerializeFMUState": False}
+        return finished(super().to_xml(options), self.run)
+
+    def do_step(self, current_time: float, step_size: float) -> Fmi3StepResult:
+        fault = self.run.step(step_size)
+        if fault:
+            self.log(fault, Fmi3Status.error)
+            return Fmi3StepResult(status=Fmi3Status.error)
+        self.time = current_time + step_size
+        return Fmi3StepResult()
+
+    def get_float64(self, vrs: Sequence[int]) -> list[float]:
+        out: list[float] = []
+        for vr in vrs:
+            is_time = vr == len(self._places)
+            out += [self.time] if is_time else self.run.get(self._entries(vr))
+        return out
+
+    def set_float64(self, vrs: Sequence[int], values: Sequence[float]) -> None:
+        places = [place for vr in vrs for place in self._entries(vr)]
+        self.run.set(places, values)
+
+    def get_boolean(self, vrs: Sequence[int]) -> list[bool]:
+        return [value != 0 for value in self.get_float64(vrs)]
+
+    def set_boolean(self, vrs: Sequence[int], values: Sequence[bool]) -> None:
+        self.set_float64(vrs, values)
+
+    def _entries(self, vr: int) -> range:
+        """Places of a variable; where there is none, one that `Run` refuses."""
+        last = self._places[-1].stop
+        place = self._places[vr] if vr < len(self._places) else slice(last, last + 1)
+        return range(place.start, place.stop)
+
+    def _get_fmu_state(self) -> tuple[float, Snapshot]:
+        return self.time, self.run.snapshot()
+
+    def _set_fmu_state(self, state: Any) -> None:
+        self.time, snapshot = state if isinstance(state, tuple) else (self.time, None)
+        self.run.restore(snapshot)
+
+    @staticmethod
+    def _fmu_state_to_bytes(state: Any) -> bytes:
+        """Nothing: the unit says that its states cannot be serialised."""
+        return b""
+
+    @staticmethod
+    def _fmu_state_from_bytes(state: bytes) -> None:
+        """Nothing: no bytes from outside become a state."""
+
+
+def _variable(quantity: Quantity) -> Any:
+    facts: dict[str, Any] = {
+        "description": quantity.meaning,
+        "causality": Fmi3Causality[quantity.causality],
+        "variability": Fmi3Variability.continuous,
+        "getter": float,
+        "dimensions": [Dimension(start=str(n)) for n in quantity.shape],
+    }
+    if quantity.causality == "output":
+        facts["initial"] = Fmi3Initial.exact
+    if quantity.causality == "parameter":
+        facts["variability"] = Fmi3Variability.tunable
+    return (Boolean if quantity.switch else Float64)(quantity.name, **facts)

@@ -1,0 +1,274 @@
+"""What a written FMU computes: the hood, the finger or the coupled finger of a case.
+
+A state is an opaque value that a step leaves as it was, as everywhere behind the port.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Protocol
+
+import numpy as np
+
+from cosim.build import Models, build, tensions
+from cosim.case_schema import Case
+from cosim.couple import CouplingOptions, Equilibrium, equilibrium
+from cosim.fmu.quantity import (
+    STATIC_STEP,
+    TOLERANCE,
+    Quantity,
+    Values,
+    finger_answers,
+    finger_quantities,
+    hood_quantities,
+    tensions_of,
+)
+from cosim.port import STATIC, Array, Hood, InputError, Load, Motion, Response, State
+from cosim.rest import balanced
+
+ORTHONORMAL = 1e-6
+"""How far from a rotation the matrix of a pose may be."""
+PARTS = ("hood", "finger", "coupled")
+
+
+class Part(Protocol):
+    """What an FMU holds."""
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]: ...
+
+    @property
+    def begin(self) -> Values:
+        """What inputs, parameters and outputs are at the start."""
+        ...
+
+    def start(self) -> State: ...
+
+    def step(self, state: State, given: Values, dt: float) -> tuple[State, Values]:
+        """The state and the outputs after `dt` s of constant inputs.
+
+        Raises InputError and ConvergenceError; `state` stays valid."""
+        ...
+
+    def tangent(self, state: State) -> Values:
+        """The outputs that only a set `with_tangent` asks for."""
+        ...
+
+
+def part_of(case: Case, part: str, tangent: bool = True) -> Part:
+    """The hood, the finger or both of a case; the hood and the finger without the tangent of the
+    hood's load where none is wanted.  Raises InputError."""
+    makers: Mapping[str, Callable[[Case, Models], Part]] = {
+        "hood": partial(HoodPart, tangent=tangent),
+        "finger": partial(FingerPart, tangent=tangent),
+        "coupled": CoupledPart,
+    }
+    if part not in makers:
+        raise InputError(f"part {part!r}: write {', '.join(PARTS[:-1])} or {PARTS[-1]}")
+    if case.forward is not None:
+        raise InputError(
+            f"{case.name}: a motion in time cannot be put into an FMU yet; take a case without "
+            "the table [forward]"
+        )
+    return makers[part](case, build(case))
+
+
+class HoodPart:
+    """The hood alone; a step is `Hood.advance`."""
+
+    def __init__(self, case: Case, models: Models, tangent: bool = True) -> None:
+        """Raises InputError for a case whose hood has no tendons."""
+        self.hood = models.hood
+        if not self.hood.tendons:
+            raise InputError(
+                f'{case.name}: hood.kind = "{case.hood.kind}" is part of the finger\'s own tendons;'
+                " write the finger, or the coupled finger"
+            )
+        names = self.hood.bodies, self.hood.sources, self.hood.tendons
+        self.quantities = hood_quantities(*names, tangent=tangent)
+        motion = models.finger.motion(models.finger.start(models.posture))
+        at_start = {
+            **_poses(motion),
+            "tension": tensions(case, models)[0],
+            STATIC_STEP.name: np.array(1.0),
+        }
+        self.begin = {q.name: at_start.get(q.name, q.zero()) for q in self.quantities}
+
+    def start(self) -> State:
+        """Before the first step, which carries the hood to where the bodies are then."""
+        return None
+
+    def step(self, state: State, given: Values, dt: float) -> tuple[State, Values]:
+        motion, solver = _motion(self.hood.bodies, given), self._solver(given)
+        if state is None:
+            state = self.hood.start(motion)
+        dt = STATIC if given[STATIC_STEP.name] else dt
+        response = solver.advance(state, motion, given["tension"], dt)
+        return response.state, loads(response)
+
+    def tangent(self, state: State) -> Values:
+        if state is None:
+            return {}
+        return vars(self.hood.jacobian(state))
+
+    def _solver(self, given: Values) -> Hood:
+        tolerance = float(given[TOLERANCE.name])
+        return self.hood.loosely(tolerance) if tolerance > 0 else self.hood
+
+
+class FingerPart:
+    """The static finger alone: a step ends in its equilibrium under a load that follows its bodies.
+
+    So far from equilibrium that a joint turns by more than a few degrees, it is a state on the way
+    there (`cosim.rest.balanced`), and the load is asked for again."""
+
+    def __init__(self, case: Case, models: Models, tangent: bool = True) -> None:
+        self.finger, self.tolerance = models.finger, case.solve.tolerance
+        self._posture = models.posture
+        f = self.finger
+        self.quantities = finger_quantities(f.bodies, f.joints, f.tendons, tangent=tangent)
+        at_start = {
+            **self._outputs(self.start(), np.zeros(3)),
+            "tension": tensions(case, models)[1],
+        }
+        self.begin = {q.name: at_start.get(q.name, q.zero()) for q in self.quantities}
+
+    def start(self) -> State:
+        return self.finger.start(self._posture)
+
+    def step(self, state: State, given: Values, dt: float) -> tuple[State, Values]:
+        """`dt` plays no part: nothing here moves in time."""
+        wrench = np.hstack([given["force"], given["moment"]])
+        bodies, n = self.finger.bodies, 6 * len(self.finger.bodies)
+        load = Load(bodies, ("hood",), wrench[:, None], np.zeros((0, 6)))
+        tension = given.get("tension", np.zeros(0))
+        slope = given.get("load_motion", np.zeros((n, n))).reshape(n, n)
+        new, balance = balanced(self.finger, state, load, tension, slope, self.tolerance)
+        return new, self._outputs(new, balance.tip_force)
+
+    def tangent(self, state: State) -> Values:
+        return {}
+
+    def _outputs(self, state: State, tip_force: Array) -> dict[str, Array]:
+        return {
+            "angle": self.finger.angles(state),
+            "tip_force": tip_force,
+            "tip": self.finger.tip(state),
+            "path": self.finger.path_lengths(state),
+            **_poses(self.finger.motion(state)),
+        }
+
+
+@dataclass(frozen=True)
+class _Coupled:
+    """A coupled equilibrium and the finger's paths at rest."""
+
+    now: Equilibrium
+    rest_excursion: Array
+    rest_path: Array
+
+
+class CoupledPart:
+    """Hood and finger in equilibrium after each step, from rest at the resting tensions.
+
+    A muscle's fibre is not part of it: tensions are inputs."""
+
+    def __init__(self, case: Case, models: Models) -> None:
+        self.models, self.resting = models, case.solve.resting_tension
+        self.options = CouplingOptions(case.solve.tolerance, case.solve.max_iterations)
+        hood, finger = models.hood, models.finger
+        self.tendons = (*hood.tendons, *finger.tendons)
+        pulled: tuple[tuple[str, tuple[str, ...]], ...] = (("tendon", self.tendons),)
+        paths = "How far the tendon's end has moved along its pull since rest."
+        self.quantities: tuple[Quantity, ...] = (
+            *tensions_of(self.tendons),
+            *finger_answers(finger.joints),
+            Quantity("excursion", "output", "m", paths, pulled),
+            *self._slips(),
+        )
+        posture = finger.angles(finger.start(models.posture))
+        at_start = {"angle": posture, "tension": np.concatenate(tensions(case, models))}
+        self.begin = {q.name: at_start.get(q.name, q.zero()) for q in self.quantities}
+
+    def start(self) -> State:
+        """Before the first step, which first finds rest at the resting tensions."""
+        return None
+
+    def step(self, state: State, given: Values, dt: float) -> tuple[State, Values]:
+        """`dt` plays no part: nothing here moves in time."""
+        if state is None:
+            state = self._rest()
+        now = self._solved(state.now, given["tension"])
+        state = _Coupled(now, state.rest_excursion, state.rest_path)
+        return state, self._outputs(state)
+
+    def tangent(self, state: State) -> Values:
+        return {}
+
+    def _rest(self) -> _Coupled:
+        finger, hood = self.models.finger, self.models.hood
+        start, tension = finger.start(self.models.posture), np.full(len(self.tendons), self.resting)
+        pulls = np.split(tension, [len(hood.tendons)])
+        before = hood.start(finger.motion(start))
+        rest = equilibrium(finger, hood, start, before, pulls[0], pulls[1], self.options)
+        return _Coupled(rest, rest.excursion, finger.path_lengths(rest.finger_state))
+
+    def _solved(self, before: Equilibrium, tension: Array) -> Equilibrium:
+        """As `cosim.run`: a hood whose tensions change is carried to its bodies anew."""
+        hood, finger = np.split(tension, [len(self.models.hood.tendons)])
+        state = before.response.state
+        if not np.array_equal(hood, before.hood_tension):
+            state = self.models.hood.start(before.motion)
+        m = self.models
+        return equilibrium(m.finger, m.hood, before.finger_state, state, hood, finger, self.options)
+
+    def _slips(self) -> list[Quantity]:
+        if self.models.look is None:
+            return []
+        over = (("slip", ("central", "terminal")),)
+        return [Quantity("slip_force", "output", "N", "Force in the hood's slip.", over)]
+
+    def _outputs(self, state: _Coupled) -> Values:
+        now, finger = state.now, self.models.finger
+        own = state.rest_path - finger.path_lengths(now.finger_state)
+        out = {
+            "angle": finger.angles(now.finger_state),
+            "tip_force": now.balance.tip_force,
+            "excursion": np.concatenate([now.excursion - state.rest_excursion, own]),
+        }
+        if self.models.look is not None:
+            slips = self.models.look(now.response.state).slip_force
+            out["slip_force"] = np.array([slips["central"], slips["terminal"]])
+        return out
+
+
+def loads(response: Response) -> Values:
+    """A hood's answer as an FMU's outputs."""
+    load = response.load
+    return {
+        "force": load.wrench[..., :3],
+        "moment": load.wrench[..., 3:],
+        "pull_force": load.pull[:, :3],
+        "pull_moment": load.pull[:, 3:],
+        "excursion": response.excursion,
+    }
+
+
+def _poses(motion: Motion) -> dict[str, Array]:
+    return {"position": motion.position, "rotation": motion.rotation}
+
+
+def _motion(bodies: tuple[str, ...], given: Values) -> Motion:
+    """Raises InputError for a matrix that is no rotation."""
+    turn = given["rotation"]
+    off = np.abs(turn @ np.swapaxes(turn, 1, 2) - np.eye(3)).max(axis=(1, 2))
+    off = np.maximum(off, np.abs(np.linalg.det(turn) - 1))
+    if not (off <= ORTHONORMAL).all():
+        worst = int(np.argmax(off))
+        raise InputError(
+            f"rotation of {bodies[worst]}: is no rotation matrix, off by {off[worst]:.1e}; set all "
+            "nine entries before a step"
+        )
+    return Motion(bodies, given["position"], turn)

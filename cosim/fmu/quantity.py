@@ -1,0 +1,197 @@
+"""What crosses an FMU's border: quantities of the port with their axes, units and names.
+
+An FMI 3 unit has an array for each quantity; an FMI 2 one a scalar for each entry, named after the
+quantity and the labels of its axes: `force.distal.insertion.x`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import product
+from typing import Literal
+
+import numpy as np
+
+from cosim.port import Array
+
+Values = Mapping[str, Array]
+"""Arrays by the quantity's name."""
+Axis = tuple[str, tuple[str, ...]]
+"""What an axis runs over, and the labels along it."""
+
+XYZ = ("x", "y", "z")
+TWIST = ("x", "y", "z", "rx", "ry", "rz")
+WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
+UNITS: Mapping[str, Mapping[str, int]] = {
+    "m": {"m": 1},
+    "rad": {"rad": 1},
+    "N": {"kg": 1, "m": 1, "s": -2},
+    "N.m": {"kg": 1, "m": 2, "s": -2},
+    "m/N": {"kg": -1, "s": 2},
+}
+"""Exponents of the base units; a quantity of none of these has no unit, or several in one array."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A quantity: `axes` with their labels, and what it means; none of them for a single number."""
+
+    name: str
+    causality: Literal["input", "output", "parameter"]
+    unit: str
+    meaning: str
+    axes: tuple[Axis, ...] = ()
+    switch: bool = False
+    """A Boolean in the unit; here 0 or 1."""
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        return tuple(len(labels) for _, labels in self.axes)
+
+    @property
+    def template(self) -> str:
+        """`force.{body}.{source}.{axis}`: the name of an entry."""
+        return ".".join([self.name, *("{" + what + "}" for what, _ in self.axes)])
+
+    def entries(self, template: str) -> list[str]:
+        """Names of all entries in the array's order (the last axis runs fastest).
+
+        Raises KeyError for a placeholder that is no axis."""
+        whats = [what for what, _ in self.axes]
+        every = product(*(labels for _, labels in self.axes))
+        return [template.format_map(dict(zip(whats, labels, strict=True))) for labels in every]
+
+    def zero(self) -> Array:
+        return np.zeros(self.shape)
+
+
+STATIC_STEP = Quantity(
+    "static",
+    "parameter",
+    "",
+    "Every step ends in static equilibrium, however short it is.",
+    (),
+    True,
+)
+TOLERANCE = Quantity(
+    "tolerance",
+    "parameter",
+    "",
+    "Relative force residual that a step may leave; 0: the case's own.",
+)
+WITH_TANGENT = Quantity(
+    "with_tangent", "parameter", "", "Compute the tangent, which is zero otherwise.", (), True
+)
+
+
+def motion_of(bodies: tuple[str, ...], causality: Literal["input", "output"]) -> list[Quantity]:
+    """Poses: world positions of the bodies' origins, and rotation matrices, body to world, whose
+    entry {axis}.{column} is the component along the world's {axis} of the body's axis {column}."""
+    over: Axis = ("body", bodies)
+    origin, turn = "Origin of the body, world frame.", "Rotation matrix, body to world."
+    return [
+        Quantity("position", causality, "m", origin, (over, ("axis", XYZ))),
+        Quantity("rotation", causality, "", turn, (over, ("axis", XYZ), ("column", XYZ))),
+    ]
+
+
+def tensions_of(tendons: tuple[str, ...]) -> list[Quantity]:
+    return [Quantity("tension", "input", "N", "Tension of the tendon.", (("tendon", tendons),))]
+
+
+def load_of(
+    bodies: tuple[str, ...], sources: tuple[str, ...], tendons: tuple[str, ...]
+) -> list[Quantity]:
+    """What a hood answers: `cosim.port.Load` and the excursions."""
+    on: tuple[Axis, ...] = (("body", bodies), ("source", sources), ("axis", XYZ))
+    by: tuple[Axis, ...] = (("tendon", tendons), ("axis", XYZ))
+    about = "Moment on the body about its origin, world frame."
+    pulled = "Moment about the world's origin of the tendon's force on the hood."
+    return [
+        Quantity("force", "output", "N", "Force on the body, world frame.", on),
+        Quantity("moment", "output", "N.m", about, on),
+        Quantity("pull_force", "output", "N", "Force of the tendon on the hood.", by),
+        Quantity("pull_moment", "output", "N.m", pulled, by),
+        Quantity("excursion", "output", "m", "Of the tendon's end since rest.", by[:1]),
+    ]
+
+
+def tangent_of(bodies: tuple[str, ...], tendons: tuple[str, ...]) -> list[Quantity]:
+    """`cosim.port.HoodJacobian`, in SI units; a twist is a translation of the body's origin (m) and
+    a rotation vector (rad), both in the world frame."""
+    load: tuple[Axis, ...] = (("body", bodies), ("load", WRENCH))
+    twist: tuple[Axis, ...] = (("moved", bodies), ("twist", TWIST))
+    pulled: Axis = ("tendon", tendons)
+    other: Axis = ("pulled", tendons)
+    return [
+        Quantity("load_motion", "output", "", "d wrench / d twist, SI.", (*load, *twist)),
+        Quantity("load_tension", "output", "", "d wrench / d tension, SI.", (*load, pulled)),
+        Quantity("excursion_motion", "output", "", "d excursion / d twist, SI.", (pulled, *twist)),
+        Quantity("excursion_tension", "output", "m/N", "d excursion / d tension.", (pulled, other)),
+    ]
+
+
+def hood_quantities(
+    bodies: tuple[str, ...],
+    sources: tuple[str, ...],
+    tendons: tuple[str, ...],
+    *,
+    tangent: bool = True,
+) -> tuple[Quantity, ...]:
+    """All that a unit of a hood has, with or without its tangent."""
+    return (
+        *motion_of(bodies, "input"),
+        *tensions_of(tendons),
+        *load_of(bodies, sources, tendons),
+        *(STATIC_STEP, TOLERANCE),
+        *((*tangent_of(bodies, tendons), WITH_TANGENT) if tangent else ()),
+    )
+
+
+def affine_load_of(bodies: tuple[str, ...]) -> list[Quantity]:
+    """A load that follows the bodies: its wrench at the poses that the unit put out last, and its
+    derivative by their twists (zero: the load is held)."""
+    on: tuple[Axis, ...] = (("body", bodies), ("axis", XYZ))
+    slope: tuple[Axis, ...] = (
+        *(("body", bodies), ("load", WRENCH), ("moved", bodies), ("twist", TWIST)),
+    )
+    about = "Moment on the body about its origin, world frame."
+    return [
+        Quantity("force", "input", "N", "Force of the hood on the body, world frame.", on),
+        Quantity("moment", "input", "N.m", about, on),
+        Quantity("load_motion", "input", "", "d wrench / d twist of the hood, SI.", slope),
+    ]
+
+
+def finger_answers(joints: tuple[str, ...]) -> list[Quantity]:
+    tip = ("axis", XYZ)
+    return [
+        Quantity("angle", "output", "rad", "Joint angle.", (("joint", joints),)),
+        Quantity("tip_force", "output", "N", "Of the fingertip on the world.", (tip,)),
+    ]
+
+
+def finger_quantities(
+    bodies: tuple[str, ...],
+    joints: tuple[str, ...],
+    tendons: tuple[str, ...],
+    *,
+    tangent: bool = True,
+) -> tuple[Quantity, ...]:
+    """All that a unit of a static finger has; nothing of tendons where it has none, and without
+    the load's tangent where the load is always held."""
+    whole = (
+        *affine_load_of(bodies)[: None if tangent else -1],
+        *tensions_of(tendons),
+        *finger_answers(joints),
+        *motion_of(bodies, "output"),
+        Quantity("tip", "output", "m", "The fingertip's point.", (("axis", XYZ),)),
+        Quantity("path", "output", "m", "Length of the tendon.", (("tendon", tendons),)),
+    )
+    return tuple(q for q in whole if 0 not in q.shape)
+
+
+HOOD_QUANTITIES = tuple(q.name for q in hood_quantities((), (), ()))
+FINGER_QUANTITIES = tuple(q.name for q in finger_quantities(("",), ("",), ("",)))
+"""Names that a map may have, for the schema of a case."""

@@ -1,0 +1,128 @@
+"""A written FMU at work inside a simulator, whatever the standard's version: its values, its state,
+and the border that no exception crosses."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import accumulate
+from pathlib import Path
+from typing import Any
+from uuid import NAMESPACE_URL, uuid5
+
+import numpy as np
+
+from cosim import __version__
+from cosim.case import load_case
+from cosim.fmu.parts import Part, part_of
+from cosim.fmu.quantity import WITH_TANGENT, Quantity
+from cosim.port import Array, CosimError, InputError, State
+
+CASE, ABOUT = "case.toml", "about.json"
+"""Files of a unit: the resolved case, and which part of it the unit is."""
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """All that a step reads and writes; neither array nor state is ever changed in place."""
+
+    values: Array
+    state: State
+
+
+class Run:
+    """The values of all quantities, one after another in one array, and the part that steps them.
+
+    `resources` is the unit's folder of that name.  Raises InputError."""
+
+    def __init__(self, resources: Path) -> None:
+        about = _about(resources / ABOUT)
+        self.name = f"cosim_{about['part']}"
+        case = load_case(resources / CASE)
+        self.description = f"{about['part']}: {case.title}"
+        text = (resources / CASE).read_text(encoding="utf-8")
+        self.token = str(uuid5(NAMESPACE_URL, f"{about} {text}"))
+        """What FMI calls GUID or instantiation token: the same for the same unit."""
+        self.part: Part = part_of(case, about["part"], about["tangent"])
+        self.quantities = self.part.quantities
+        ends = list(accumulate((q.zero().size for q in self.quantities), initial=0))
+        self.place = {q.name: slice(*ends[i : i + 2]) for i, q in enumerate(self.quantities)}
+        self._values = np.concatenate([np.ravel(self.part.begin[q.name]) for q in self.quantities])
+        self._state, self._fault = self.part.start(), ""
+
+    def get(self, entries: Sequence[int] | slice) -> list[float]:
+        """Values at places of the array; all NaN where one is none, after which no step succeeds
+        until a state is restored."""
+        try:
+            out: list[float] = self._values[entries].tolist()
+        except IndexError as error:
+            return self.refuse(f"a value was asked for that does not exist ({error})")
+        return out
+
+    def set(self, entries: Sequence[int] | slice, values: Sequence[float]) -> None:
+        """Set values at places of the array; where that cannot be, no step succeeds afterwards."""
+        changed = self._values.copy()
+        try:
+            changed[entries] = values
+        except (IndexError, ValueError) as error:
+            self.refuse(f"a value was set that does not exist ({error})")
+        self._values = changed
+
+    def refuse(self, fault: str) -> list[float]:
+        """Make every step fail for this reason; NaN, more than any caller can want."""
+        self._fault = fault
+        return [np.nan] * len(self._values)
+
+    def step(self, dt: float) -> str:
+        """A step of `dt` s; empty, or what went wrong, in which case nothing has changed."""
+        if self._fault:
+            return self._fault
+        try:
+            self._step(dt)
+        except CosimError as error:
+            return str(error)
+        except Exception as error:  # what crosses this border ends the simulator's process
+            return f"a fault of the program, {type(error).__name__}: {error}"
+        return ""
+
+    def snapshot(self) -> Snapshot:
+        return Snapshot(self._values, self._state)
+
+    def restore(self, snapshot: Any) -> None:
+        """A snapshot of this or another instance; anything else makes the next steps fail."""
+        if not isinstance(snapshot, Snapshot) or snapshot.values.shape != self._values.shape:
+            self.refuse(
+                "the state that was set is none of this unit's: states live in memory only and "
+                "cannot be serialised"
+            )
+            return
+        self._values, self._state, self._fault = snapshot.values, snapshot.state, ""
+
+    def _step(self, dt: float) -> None:
+        given = {q.name: self._value(q) for q in self.quantities if q.causality != "output"}
+        missing = [name for name, value in given.items() if not np.isfinite(value).all()]
+        if missing:
+            raise InputError(f"{', '.join(missing)}: holds a value that is not finite")
+        state, outputs = self.part.step(self._state, given, dt)
+        shown: dict[str, Array] = dict(outputs)
+        if given.get(WITH_TANGENT.name):
+            shown |= self.part.tangent(state)
+        values = self._values.copy()
+        for name, value in shown.items():
+            values[self.place[name]] = np.ravel(value)
+        self._values, self._state = values, state
+
+    def _value(self, quantity: Quantity) -> Array:
+        return self._values[self.place[quantity.name]].reshape(quantity.shape)
+
+
+def _about(path: Path) -> Mapping[str, Any]:
+    """Which part, with its tangent or not, by which version.  Raises InputError."""
+    about: Mapping[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    if about["version"] != __version__:
+        raise InputError(
+            f"this FMU was written by cosim-hand {about['version']}, and this Python has "
+            f"{__version__}; install cosim-hand=={about['version']}, or write the FMU anew"
+        )
+    return about

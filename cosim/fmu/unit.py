@@ -1,0 +1,204 @@
+"""A loaded FMU: values set and got by place, steps, and states that may be returned to."""
+
+from __future__ import annotations
+
+import tempfile
+import weakref
+from collections.abc import Callable, Sequence
+from contextlib import chdir
+from dataclasses import dataclass, field
+from functools import partial
+from itertools import count
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from cosim.fmu.archive import Opened, opened
+from cosim.fmu.mapping import Place
+from cosim.port import Array, ConvergenceError, InputError
+
+MOST_LOGGED = 5
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, eq=False)
+class Saved:
+    """A state of a unit, kept inside it until this value is forgotten; and the time there."""
+
+    owner: object = field(repr=False)
+    time: float
+    pointer: Any
+    """None of a unit that cannot keep states: good as long as it has not stepped since."""
+
+
+class Unit:
+    """An instance of a co-simulation FMU, initialised at time 0 with its own start values.
+
+    It runs code of the archive in this process.  Raises InputError for an FMU that cannot be opened
+    (`archive.opened`) or instantiated."""
+
+    def __init__(self, path: Path) -> None:
+        room = tempfile.TemporaryDirectory(prefix="fmu_", ignore_cleanup_errors=True)
+        self.opened: Opened = opened(path, Path(room.name))
+        self._log: list[str] = []
+        description = self.opened.description
+        self.is_fmi2 = description.fmiVersion == "2.0"
+        self._fmu = self._instance(description)
+        self._owner, self._keys, self._forgotten = object(), count(), list[int]()
+        self._pointers: dict[int, Any] = {}
+        weakref.finalize(self, _ended, self._fmu, self._pointers, room)
+        self.time = 0.0
+        self._current: Saved | None = None
+        self._call(self._initialise, InputError, "cannot be initialised")
+
+    def set(self, place: Place, value: Array | float) -> None:
+        """Inputs belong to a state, so that this makes another one of it."""
+        if self.opened.rolls_back:
+            self._current = None
+        values = np.ravel(value).tolist()
+        if place.switch:
+            setter = self._fmu.setBoolean
+            values = [bool(v) for v in values]
+        else:
+            setter = self._fmu.setReal if self.is_fmi2 else self._fmu.setFloat64
+        self._call(lambda: setter(place.references, values), InputError, "took no value")
+
+    def get(self, place: Place) -> Array:
+        values = np.array(self._call(lambda: self._read(place), ConvergenceError, "gave no value"))
+        if not np.isfinite(values).all():
+            raise ConvergenceError(f"{self.opened.path}: put out a value that is not finite")
+        return values.reshape(place.shape)
+
+    def step(self, dt: float) -> None:
+        """Raises ConvergenceError where the unit cannot make the step."""
+        self._current = None
+        self._call(
+            lambda: self._fmu.doStep(self.time, dt, *([] if self.is_fmi2 else [False])),
+            ConvergenceError,
+            f"could not step from {self.time:g} s by {dt:g} s",
+        )
+        self.time += dt
+
+    def derivative(self, unknown: Sequence[Place], known: Sequence[Place], seed: Array) -> Array:
+        """Directional derivative of the unknowns' values, one after another."""
+        refs = [[r for place in group for r in place.references] for group in (unknown, known)]
+        size = [] if self.is_fmi2 else [sum(place.size for place in unknown)]
+        return np.array(
+            self._call(
+                lambda: self._fmu.getDirectionalDerivative(*refs, list(seed), *size),
+                ConvergenceError,
+                "gave no directional derivative",
+            )
+        )
+
+    def save(self) -> Saved:
+        """The state as it is now."""
+        if self._current is None:
+            pointer = None
+            if self.opened.rolls_back:
+                pointer = self._call(self._fmu.getFMUState, InputError, "did not save its state")
+            self._current = Saved(self._owner, self.time, pointer)
+            self._keep(self._current)
+        return self._current
+
+    def restore(self, saved: Saved) -> None:
+        """Back to a saved state.  Raises InputError for a unit that keeps none and has stepped
+        since."""
+        if saved is self._current:
+            return
+        if saved.owner is not self._owner:
+            raise InputError(f"{self.opened.path}: the state is of another unit")
+        if saved.pointer is None:
+            raise InputError(
+                f"{self.opened.path}: a step had to be repeated from an earlier state, which this "
+                "FMU cannot do (canGetAndSetFMUState is not true). The coupling schemes implicit "
+                "and newton, step control and tangents by differences repeat steps; write "
+                'coupling.scheme = "explicit"; "linear" also does where the FMU gives a tangent'
+            )
+        self._call(lambda: self._fmu.setFMUState(saved.pointer), ConvergenceError, "lost a state")
+        self.time, self._current = saved.time, saved
+
+    def _keep(self, saved: Saved) -> None:
+        """Hold a state for as long as `saved` lives; let go of those whose time is over.
+
+        A value may be forgotten at any moment, even within a step, when a unit must not be called;
+        so that is only noted, and the unit told here."""
+        while self._forgotten:
+            self._fmu.freeFMUState(self._pointers.pop(self._forgotten.pop()))
+        if saved.pointer is not None:
+            key = next(self._keys)
+            self._pointers[key] = saved.pointer
+            weakref.finalize(saved, self._forgotten.append, key)
+
+    def _read(self, place: Place) -> list[float]:
+        if self.is_fmi2:
+            out: list[float] = self._fmu.getReal(place.references)
+        else:
+            out = self._fmu.getFloat64(place.references, place.size)
+        return out
+
+    def _instance(self, description: Any) -> Any:
+        from fmpy.fmi2 import FMU2Slave
+        from fmpy.fmi3 import FMU3Slave
+
+        load = partial(
+            FMU2Slave if self.is_fmi2 else FMU3Slave,
+            instanceName=Path(self.opened.path).stem,
+            guid=description.guid,
+            modelIdentifier=description.coSimulation.modelIdentifier,
+            unzipDirectory=str(self.opened.folder),
+        )
+        with chdir("."):  # FMPy changes the folder and stays there where a library does not load
+            made = self._call(load, InputError, "cannot be loaded")
+        log = self._log
+        logger = {"callbacks": _callbacks(log)} if self.is_fmi2 else {"logMessage": _logger(log)}
+        instantiate = partial(made.instantiate, loggingOn=True, **logger)
+        self._call(instantiate, InputError, "cannot be instantiated")
+        return made
+
+    def _initialise(self) -> None:
+        if self.is_fmi2:
+            self._fmu.setupExperiment(startTime=0.0)
+        self._fmu.enterInitializationMode()
+        self._fmu.exitInitializationMode()
+
+    def _call(self, call: Callable[[], T], error: type[Exception], what: str) -> T:
+        """A call of the unit, its failure told in words with what it logged."""
+        self._log.clear()
+        try:
+            return call()
+        except Exception as failure:  # FMPy raises Exception itself
+            said = "; ".join(self._log[-MOST_LOGGED:])
+            reason = said or str(failure)
+            raise error(f"{self.opened.path}: {what}: {reason}") from failure
+
+
+def _logger(log: list[str]) -> Callable[..., None]:
+    def logged(*facts: Any) -> None:
+        log.append(" ".join(facts[-1].decode("utf-8", "replace").split()))
+
+    return logged
+
+
+def _callbacks(log: list[str]) -> Any:
+    """FMI 2's table of callbacks, with our logger."""
+    from ctypes import byref
+
+    from fmpy import calloc, fmi2, free
+    from fmpy.logging import addLoggerProxy
+
+    table = fmi2.fmi2CallbackFunctions()
+    table.logger = fmi2.fmi2CallbackLoggerTYPE(_logger(log))
+    table.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(calloc)
+    table.freeMemory = fmi2.fmi2CallbackFreeMemoryTYPE(free)
+    addLoggerProxy(byref(table))
+    return table
+
+
+def _ended(fmu: Any, pointers: dict[int, Any], room: tempfile.TemporaryDirectory[str]) -> None:
+    """States are freed before their instance, and that before its files go."""
+    for pointer in pointers.values():
+        fmu.freeFMUState(pointer)
+    fmu.freeInstance()
+    room.cleanup()

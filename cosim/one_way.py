@@ -1,0 +1,138 @@
+"""The one-way pass: the hood's answer in one pose handed to the finger once, over the port only.
+
+The pipeline of Jadelis' thesis (North Carolina State University), section 2.1: tendon forces load
+the hood, and the bones' net reactions come back as external forces for a forward simulation.  What
+it handed over (2.1.3, 2.4, 4.3.2) was, of each phalanx, one force, averaged over time and applied at
+the centre of mass, muscles and passive forces being switched off; and the net force of a rigid body
+holds "any joint contact forces" too.  Each of these is a choice here.  An average over time of what
+is at rest is itself.
+
+A joint passes on the forces of all bones beyond it: with F_k the hood's force on bone k, on bone i
+at its distal end sum_{k > i} F_k, at its proximal end -sum_{k >= i} F_k.  At both, on a bone at
+rest, they cancel F_i: a net reaction with everything in it is zero and says nothing; with one in it,
+the finger, which makes the joints' forces itself, bears them twice.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+
+from cosim.double_count import JOINT_CONTACT
+from cosim.port import Array, HoodJacobian, Load, Motion, Response, State, skew
+
+LUMPING = "lumping"
+"""The source that books what lumping takes away: the moments about the centres of mass."""
+End = Literal["none", "distal", "proximal"]
+
+
+@dataclass(frozen=True)
+class HandedOver:
+    """A hood that answers every pose as it answered one: forces of constant direction on points
+    that are fixed to the bodies.  `cosim.port.Hood`.
+
+    Bodies run from the fixed one to the tip, which a joint joins at each one's origin."""
+
+    tendons: tuple[str, ...]
+    answered: Response
+    """The hood's own, in the pose `at`."""
+    at: Motion
+    by_tension: Array
+    """(6 nb, nt) of the hood's own load by its tendons' tensions."""
+    centre: Array | None = None
+    """(nb, 3) m, in the bodies' frames, where each phalanx's force is lumped; None: it is not."""
+    joint_contact: End = "none"
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        return self.answered.load.bodies
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        lumped = () if self.centre is None else (LUMPING,)
+        doubled = () if self.joint_contact == "none" else (JOINT_CONTACT,)
+        return (*self.answered.load.sources, *lumped, *doubled)
+
+    def start(self, motion: Motion) -> State:
+        return self.answered.state
+
+    def loosely(self, tolerance: float) -> HandedOver:
+        return self
+
+    def advance(self, state: State, motion: Motion, tension: Array, dt: float) -> Response:
+        """The same load whatever the tension, its forces on points that follow the bodies."""
+        extra = [
+            at_points(force, np.einsum("bij,bj->bi", motion.rotation, point)) - taken
+            for force, point, taken in self._extra
+        ]
+        wrench = np.concatenate([self.answered.load.wrench, *(e[:, None] for e in extra)], axis=1)
+        load = Load(self.bodies, self.sources, wrench, self.answered.load.pull)
+        return Response(state, load, self.answered.excursion)
+
+    def jacobian(self, state: State) -> HoodJacobian:
+        """At the pose `at`; the finger turns by a few degrees, and it only guides its search."""
+        nb, nt = len(self.bodies), len(self.tendons)
+        by_motion = np.zeros((nb, 6, nb, 6))
+        body = np.arange(nb)
+        for force, point, _ in self._extra:
+            arm = np.einsum("bij,bj->bi", self.at.rotation, point)
+            by_motion[body, 3:, body, 3:] += skew(force) @ skew(arm)
+        return HoodJacobian(
+            by_motion.reshape(6 * nb, 6 * nb),
+            self._lumped_by_tension(),
+            np.zeros((nt, 6 * nb)),
+            np.zeros((nt, nt)),
+        )
+
+    @cached_property
+    def _extra(self) -> list[tuple[Array, Array, Array]]:
+        """Of each added source: forces (nb, 3), points (nb, 3) in the bodies' frames, and the
+        wrenches (nb, 6) that it takes away."""
+        total = self.answered.load.total()
+        force, nothing = total[:, :3].copy(), np.zeros_like(total)
+        force[0] = 0.0
+        out = []
+        if self.centre is not None:
+            whole = total.copy()
+            whole[0] = 0.0
+            out.append((force, self.centre, whole))
+        if self.joint_contact != "none":
+            contact = joint_forces(force, self.joint_contact)
+            point = self._joints if self.centre is None else self.centre
+            out.append((contact, point, nothing))
+        return out
+
+    @property
+    def _joints(self) -> Array:
+        """(nb, 3) m, in the bodies' frames, where the joint's force acts."""
+        if self.joint_contact == "proximal":
+            return np.zeros((len(self.bodies), 3))
+        away = np.diff(self.at.position, axis=0, append=self.at.position[-1:])
+        return np.einsum("bji,bj->bi", self.at.rotation, away)
+
+    def _lumped_by_tension(self) -> Array:
+        """(6 nb, nt), lumped as the load is; what the joints pass on is left out."""
+        if self.centre is None:
+            return self.by_tension
+        own = self.by_tension.reshape(len(self.bodies), 6, -1)
+        arm = np.einsum("bij,bj->bi", self.at.rotation, self.centre)
+        lumped = own.copy()
+        lumped[1:, 3:] = skew(arm[1:]) @ own[1:, :3]
+        return lumped.reshape(self.by_tension.shape)
+
+
+def at_points(force: Array, arm: Array) -> Array:
+    """(nb, 6) wrenches about the origins of forces (nb, 3) at `arm` (nb, 3) from them."""
+    return np.hstack([force, np.cross(arm, force)])
+
+
+def joint_forces(force: Array, end: End) -> Array:
+    """(nb, 3) N on each phalanx by the joint at its distal or proximal end, where forces (nb, 3) act
+    on the bones of a chain at rest whose first is the ground; none on the ground."""
+    beyond = np.cumsum(force[::-1], axis=0)[::-1]
+    out = beyond - force if end == "distal" else -beyond
+    out[0] = 0.0
+    return out if end != "none" else np.zeros_like(force)

@@ -1,0 +1,50 @@
+"""FMUs for tests: written ones, and archives tampered with."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Callable, Mapping
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+NEEDS_FMU = [
+    pytest.mark.fmu,
+    pytest.mark.skipif(
+        any(find_spec(name) is None for name in ("fmpy", "pythonfmu", "pythonfmu3")),
+        reason="the extra fmu is not installed",
+    ),
+]
+Change = Callable[[bytes], bytes]
+
+
+def tampered(
+    source: Path,
+    target: Path,
+    changes: Mapping[str, Change] | None = None,
+    *,
+    without: tuple[str, ...] = (),
+    more: Mapping[str | zipfile.ZipInfo, bytes] | None = None,
+) -> Path:
+    """A copy of an archive with some files changed, left out (by their names' starts) or added."""
+    changes = dict(changes or {})
+    with zipfile.ZipFile(source) as old, zipfile.ZipFile(target, "w") as new:
+        for entry in old.infolist():
+            if not entry.filename.startswith(without or ("\0",)):
+                change = changes.pop(entry.filename, bytes)
+                new.writestr(entry, change(old.read(entry)))
+        for name, content in (more or {}).items():
+            new.writestr(name, content)
+    assert not changes, f"the archive has no {', '.join(changes)}"
+    return target
+
+
+def described(source: Path, target: Path, old: str, new: str) -> Path:
+    """A copy whose description says `new` where it said `old`."""
+
+    def change(text: bytes) -> bytes:
+        assert old.encode() in text, f"the description has no {old}"
+        return text.replace(old.encode(), new.encode())
+
+    return tampered(source, target, {"modelDescription.xml": change})
