@@ -36,7 +36,7 @@ HOODS = {
 
 
 def check_fit(case: Case) -> None:
-    """Raises InputError where the parts of a case do not go together, or a course's file is none."""
+    """Raises InputError where a case's parts do not go together or a course's file is no table."""
     finger, hood, tip = case.finger.kind, case.hood.kind, case.finger.tip.kind
     if hood not in HOODS[finger]:
         words = " or ".join(f'"{kind}"' for kind in HOODS[finger])

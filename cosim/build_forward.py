@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -15,8 +15,9 @@ from cosim.build_muscles import fibres
 from cosim.case_finger import CageTip, ShellTip
 from cosim.case_schema import Case, Coupling, Forward
 from cosim.motion import Moves
-from cosim.port import Array, State
+from cosim.port import Array, InputError, State
 from cosim.schemes import Explicit, Implicit, Linear, Newton, Scheme
+from cosim.snapshot import Special
 
 if TYPE_CHECKING:
     from rigid.device import Device
@@ -88,6 +89,26 @@ def together(case: Case, forward: Forward) -> Together:
         scheme, finger, models.hood, pulls, lambda q, v: law.viscous(q, v)[0], forward.step
     )
     return Together(models, moves, pulls)
+
+
+def special_states(models: Models) -> Special:
+    """How the states that hold more than arrays go into a checkpoint: a shell hood's is its shape,
+    from which its tangent is made anew."""
+    from fe_solver.shell_hood import HoodState, ShellHood
+
+    hood = models.hood
+    if not isinstance(hood, ShellHood):
+        return {}
+    if hood.augment is not None:
+        raise InputError(
+            "forward.checkpoint: a hood whose contact is augmented (hood.contact.penetration or "
+            "friction) has no checkpoints; leave one of the two out"
+        )
+
+    def read(template: HoodState, arrays: dict[str, Any]) -> HoodState:
+        return hood.from_arrays(arrays)
+
+    return {HoodState: (hood.to_arrays, read)}
 
 
 def _scheme(coupling: Coupling) -> Scheme:

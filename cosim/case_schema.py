@@ -275,6 +275,8 @@ class Forward(Table):
     step: Annotated[float, quantity(units.TIME, least="1e-6 s", most="0.1 s")] = 1e-3
     must_rest: Switch = True
     """The run fails where the finger is still moving at the end."""
+    checkpoint: Annotated[Count, Field(ge=0, le=1_000_000)] = 0
+    """Steps from one checkpoint of a coupled motion to the next; 0: none."""
 
     @model_validator(mode="after")
     def _whole_steps(self) -> Forward:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -40,6 +41,7 @@ app.command()(mjcf)
 app.command("import")(import_model)
 app.command()(sto)
 app.command()(fmu)
+UNFINISHED = ".unfinished"
 Cases = Annotated[list[str], typer.Argument(help="Case files, or names of packaged cases.")]
 Settings = Annotated[
     list[str] | None,
@@ -117,14 +119,52 @@ def _run_one(case: Case, out: Path) -> int:
 
     try:
         with _progress(case.name) as say:
-            result = run_case(case, say)
+            unfinished = _unfinished(case, out)
+            result = run_case(case, say, unfinished)
             say("writing the results")
             folder = write_result(out, case, result)
     except CosimError as error:
         return tell(type(error)(f"{case.name}: {error}"))
+    if unfinished is not None:
+        shutil.rmtree(unfinished, ignore_errors=True)
     _show(case, result.summary)
     typer.echo(f"results in {_shown(folder)}")
     return 0
+
+
+def _unfinished(case: Case, out: Path) -> Path | None:
+    """The folder where a motion keeps its checkpoints until it has ended, with its case in it; None
+    for a case that keeps none.  Raises InputError where it cannot be made."""
+    if case.forward is None or not case.forward.checkpoint or case.hood.kind == "split":
+        return None
+    from cosim.case import resolved_toml
+    from cosim.files import written_whole
+
+    folder = out / f"{case.name}{UNFINISHED}"
+    if case.source.parent.resolve() != folder.resolve():  # not resumed: from the start
+        shutil.rmtree(folder, ignore_errors=True)
+        with written_whole(folder / "case.toml") as part:
+            part.write_text(resolved_toml(case), encoding="utf-8")
+    return folder
+
+
+@app.command()
+def resume(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run that was cut off.")],
+) -> None:
+    """Go on with a coupled motion from its last checkpoint (forward.checkpoint)."""
+    from cosim.case import load_case
+
+    name = run.name.removesuffix(UNFINISHED)
+    with told():
+        file = run.with_name(name + UNFINISHED) / "case.toml"
+        if not file.is_file():
+            raise InputError(
+                f"{run}: nothing was cut off here; a motion keeps checkpoints with "
+                "forward.checkpoint = 50"
+            )
+        case = load_case(file).model_copy(update={"name": name})
+    raise typer.Exit(_run_one(case, run.parent))
 
 
 @contextmanager

@@ -6,13 +6,14 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 
 from cosim.build import Models, build, tensions
 from cosim.build_finger import check_fit
 from cosim.build_muscles import Pull, live_muscles
-from cosim.case_schema import Case, Forward
+from cosim.case_schema import Case
 from cosim.couple import CouplingOptions, Equilibrium, equilibrium, reciprocity
 from cosim.port import Array, ConvergenceError
 from cosim.results import Result
@@ -46,8 +47,11 @@ class States:
     """Of the muscles that have a fibre, in the loaded state."""
 
 
-def run_case(case: Case, progress: Progress = lambda text: None) -> Result:
-    """Build, solve and summarise a case.  Raises InputError and ConvergenceError."""
+def run_case(
+    case: Case, progress: Progress = lambda text: None, unfinished: Path | None = None
+) -> Result:
+    """Build, solve and summarise a case; a coupled motion keeps its checkpoints in the folder
+    `unfinished` and goes on from one that is there.  Raises InputError and ConvergenceError."""
     from cosim.observe import result
 
     started = time.perf_counter()
@@ -57,30 +61,15 @@ def run_case(case: Case, progress: Progress = lambda text: None) -> Result:
         from cosim.observe_forward import forward_result
 
         if case.hood.kind != "split":
-            return _moved_together(case, case.forward, progress, started)
+            from cosim.run_motion import moved_together
+
+            return moved_together(case, case.forward, progress, unfinished)
         progress(f"simulating {case.forward.duration:g} s")
         moved = simulated(case, case.forward)
         return forward_result(case, moved, time.perf_counter() - started)
     models, states = solve(case, progress)
     progress("summing up")
     return result(case, models, states, time.perf_counter() - started)
-
-
-def _moved_together(case: Case, forward: Forward, progress: Progress, started: float) -> Result:
-    """A motion of finger and hood."""
-    from cosim.build_forward import together
-    from cosim.motion import moments
-    from cosim.observe_motion import motion_result
-
-    progress("building the models")
-    both = together(case, forward)
-    end = both.moves.begin(both.finger.begin(both.models.posture))
-    frames, tips = [both.moves.frame(end)], [both.finger.tip_wrench(end.coupled.finger)]
-    for now in moments(both.moves, end, round(forward.duration / forward.step), progress):
-        frames.append(both.moves.frame(now))
-        tips.append(both.finger.tip_wrench(now.coupled.finger))
-        end = now
-    return motion_result(case, both, frames, tips, end, time.perf_counter() - started)
 
 
 def solve(case: Case, progress: Progress = lambda text: None) -> tuple[Models, States]:

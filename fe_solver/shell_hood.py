@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -107,6 +108,36 @@ class ShellHood:
             excursion[:, :nm],
             excursion[:, nm:],
         )
+
+    def to_arrays(self, state: HoodState) -> dict[str, Array]:
+        """All that a state of a hood without augmented contact is made of."""
+        out = {f"motion/{k}": v for k, v in _pose(state.motion.position, state.motion.rotation)}
+        c = state.configuration
+        out |= {"x": c.x, "d": c.d, **dict(_pose(c.position, c.rotation))}
+        out["iterations"] = np.array(state.iterations)
+        if state.solution is not None:
+            s = state.solution
+            out |= {"tension": s.tension, "residual": np.array(s.residual)}
+            out["counts"] = np.array([s.iterations, s.solves])
+        return out
+
+    def from_arrays(self, arrays: Mapping[str, Array]) -> HoodState:
+        """The state of `to_arrays`, its tangent evaluated anew: the same bits.
+
+        Raises InputError where the arrays are another hood's."""
+        shape = self.model.reference.shape
+        if "x" not in arrays or arrays["x"].shape != shape or arrays["d"].shape != shape:
+            raise InputError(f"the state of another hood: expected {shape[0]} nodes")
+        motion = Motion(self.bodies, arrays["motion/position"], arrays["motion/rotation"])
+        c = Configuration(arrays["x"], arrays["d"], arrays["position"], arrays["rotation"])
+        solution = None
+        if "tension" in arrays:
+            tension = arrays["tension"]
+            evaluation = self.model.evaluate(c, tension, tangent=True)
+            iterations, solves = (int(n) for n in arrays["counts"])
+            residual = float(arrays["residual"])
+            solution = Solution(self.model, c, evaluation, tension, iterations, solves, residual)
+        return HoodState(motion, c, solution, int(arrays["iterations"]))
 
     def loosely(self, tolerance: float) -> ShellHood:
         """The same shell, its Newton stopped at a relative residual of `tolerance`."""
@@ -241,6 +272,10 @@ def midway(start: Motion, end: Motion) -> Motion:
         rotation[i] = before[1] @ Rotation.from_rotvec(turn).as_matrix() @ turn0
         before = position[i], rotation[i]
     return Motion(start.bodies, position, rotation)
+
+
+def _pose(position: Array, rotation: Array) -> tuple[tuple[str, Array], ...]:
+    return ("position", position), ("rotation", rotation)
 
 
 def _solved(state: HoodState) -> Solution:
