@@ -10,6 +10,7 @@ import numpy as np
 from cosim.build_course import factor_of
 from cosim.case_finger import HingeFinger, IndexFinger, MiddleFinger, PlanarFinger
 from cosim.case_schema import Case, FmuHood, PulleyHood, ShellHood, SplitHood
+from cosim.double_count import refuse, stated_pairs
 from cosim.port import Finger, InputError
 
 if TYPE_CHECKING:
@@ -60,8 +61,30 @@ def check_fit(case: Case) -> None:
             f'finger.tip.kind = "{tip}" holds a finger in motion; add a table [forward], or hold '
             'the tip at a point (kind = "point")'
         )
+    _check_scheme(case)
+    refuse(case, stated_pairs(case, _own_tendons(case)))
     if not isinstance(case.hood, ShellHood):  # whose tendons its mesh has
         check_tendons(case, _hood_tendons(case) + _own_tendons(case))
+
+
+def _check_scheme(case: Case) -> None:
+    scheme, lumping = case.coupling.scheme, case.coupling.one_way.lumping
+    if scheme == "one_way" and (case.forward is not None or case.hood.kind == "split"):
+        word = "forward" if case.forward is not None else 'hood.kind = "split"'
+        raise InputError(
+            f'coupling.scheme = "one_way" is one pass from a hood at rest to a finger; it does not '
+            f"go with {word}"
+        )
+    if case.forward is None and scheme in ("explicit", "jacobi"):
+        raise InputError(
+            f'coupling.scheme = "{scheme}" takes steps in time; add a table [forward], or write '
+            '"newton", "implicit" or "one_way"'
+        )
+    if lumping == "centre_of_mass" and case.finger.kind == "hinge":
+        raise InputError(
+            'coupling.one_way.lumping = "centre_of_mass": finger.kind = "hinge" has no mass; take '
+            'another finger, or lumping = "bodies"'
+        )
 
 
 def _hood_tendons(case: Case) -> tuple[str, ...]:

@@ -9,9 +9,11 @@ import numpy as np
 
 from cosim import __version__
 from cosim.build import Models
+from cosim.build_finger import joint_ranges
 from cosim.build_shell import HoodLook
 from cosim.case_schema import Case
 from cosim.couple import Equilibrium, moment_arms
+from cosim.double_count import pairs
 from cosim.port import Array
 from cosim.results import STRAIN, HoodField, LedgerRow, Result, Scene
 
@@ -32,6 +34,8 @@ BOUNDS = {
 """What each figure of the audit must not exceed."""
 MOST_PENETRATION = 0.02
 """mm."""
+BEYOND = float(np.radians(10.0))
+"""A joint further beyond its range of motion than this stands where no finger can."""
 COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 
 
@@ -57,18 +61,23 @@ def summary(
         head["hood_quads"] = len(looks["loaded"].quads)
     before = _state(models, unloaded, looks.get("unloaded"))
     now = _state(models, loaded, looks.get("loaded"))
-    force, moment = loaded.load.imbalance(loaded.motion)
+    passed = states.passed
+    load, motion = (loaded.load, loaded.motion) if passed is None else (passed.answer, passed.at)
+    force, moment = load.imbalance(motion)
     audit = {
         "hood_force_balance": force,
         "hood_moment_balance": moment,
         "finger_residual": loaded.finger_residual,
-        "interface_residual": loaded.interface_residual,
     }
+    if passed is None:
+        audit["interface_residual"] = loaded.interface_residual
     if states.reciprocity is not None:
         audit["reciprocity"] = states.reciprocity
     missed = [name for name, bound in BOUNDS.items() if name in audit and not audit[name] <= bound]
     if now.get("max_penetration_mm", 0.0) > MOST_PENETRATION:
         missed.append("max_penetration_mm")
+    if _beyond_ranges(models, loaded):
+        missed.append("posture_in_range")
     newton = getattr(loaded.response.state, "iterations", 0)
     iterations = {"coupling": loaded.iterations, "newton": newton}
     rest = {
@@ -77,9 +86,38 @@ def summary(
         "audit": audit,
         "audit_missed": missed,
         **_muscles(case, models, states),
+        **_one_way(case, models, states),
         "iterations": iterations,
     }
     return {**head, **now, **rest}
+
+
+def _beyond_ranges(models: Models, e: Equilibrium) -> bool:
+    """Whether a joint stands further beyond its range of motion than a limit lets it."""
+    ranges, finger = joint_ranges(models.finger), models.finger
+    angles = dict(zip(finger.joints, finger.angles(e.finger_state), strict=True))
+    return any(
+        not low - BEYOND <= angles[joint] <= high + BEYOND for joint, (low, high) in ranges.items()
+    )
+
+
+def _one_way(case: Case, models: Models, states: States) -> dict[str, Any]:
+    """What a one-way pass handed over, and what is counted twice in it."""
+    found = pairs(case, models.hood, models.finger)
+    out: dict[str, Any] = {"double_counted": [str(pair) for pair in found]} if found else {}
+    if states.passed is not None:
+        force, moment = states.loaded.load.imbalance(states.loaded.motion)
+        out["one_way"] = {
+            **case.coupling.one_way.model_dump(),
+            "interface_residual": states.passed.left_open,
+            "handed_over_force_balance": force,
+            "handed_over_moment_balance": moment,
+            "joint_torque_Nmm": {
+                source: _by_joint(models, 1e3 * torque)
+                for source, torque in states.passed.torque.items()
+            },
+        }
+    return out
 
 
 def _muscles(case: Case, models: Models, states: States) -> dict[str, Any]:
@@ -111,6 +149,7 @@ def _state(models: Models, e: Equilibrium, look: HoodLook | None) -> dict[str, A
         "fingertip_force_N": force.tolist(),
         "fingertip_force_in_phalanx_N": phalanx.tolist(),
         "fingertip_magnitude_N": float(np.linalg.norm(force)),
+        "fingertip_moment_Nmm": (1e3 * IN_METACARPAL @ _tip_moment(models, e)).tolist(),
         "moment_arm_mm": arms,
         "joint_torque_Nmm": {
             source: _by_joint(models, 1e3 * torque) for source, torque in e.balance.torque.items()
@@ -133,6 +172,15 @@ def _state(models: Models, e: Equilibrium, look: HoodLook | None) -> dict[str, A
         }
         out["max_penetration_mm"] = 1e3 * look.penetration
     return out
+
+
+def _tip_moment(models: Models, e: Equilibrium) -> Array:
+    """(3,) N m of the tip on the world about the fingertip, zero where it is free to turn."""
+    finger, state = models.finger, e.finger_state
+    held = finger.ledger(state, e.load, e.finger_tension)["fingertip"][-1]
+    lever = finger.tip(state) - e.motion.position[-1]
+    moment: Array = np.cross(lever, held[:3]) - held[3:]
+    return moment
 
 
 def _arms(models: Models, e: Equilibrium) -> dict[str, Array]:

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rich.table import Table
 
+LEAST_MOMENT = 1e-6
+"""N mm, below which the fingertip carries none."""
 AXES = ("distal", "palmar", "radial")
 Row = tuple[str, ...]
 
@@ -91,7 +93,8 @@ def _checks(summary: Mapping[str, Any]) -> Iterator[Row]:
     if (device := _at(summary, "fingertip_device")) is not None:
         rest = "came to rest" if _at(summary, "came_to_rest") else "still moving at the end"
         yield "fingertip device", f"{device}, {rest}"
-        moment = _at(summary, "fingertip_moment_Nmm") or ()
+    moment = _at(summary, "fingertip_moment_Nmm") or ()
+    if any(abs(value) > LEAST_MOMENT for value in moment):
         yield "fingertip moment N mm", ", ".join(_number(value) for value in moment)
     for name, muscle in (_at(summary, "muscle") or {}).items():
         now, then = (
