@@ -4,13 +4,13 @@ With x_k the iterate, y_k = F(x_k) and the residual r_k = y_k - x_k:
 
     constant   x_k+1 = x_k + w r_k
     Aitken     the same, w_k+1 = -(x_k+1 - x_k) . (r_k+1 - r_k) / |r_k+1 - r_k|^2
-               (Irons and Tuck 1969, Int J Numer Methods Eng 1:275)
+               (Irons and Tuck 1969)
     IQN-ILS    x_k+1 = y_k + W c,  c = argmin |V c + r_k|,  columns of V and W the differences of
                r and of y between iterations, the newest first
-               (Degroote, Bathe and Vierendeels 2009, Comput Struct 87:793)
+               (Degroote, Bathe and Vierendeels 2009)
 
 Differences survive the step in which they were made.  A column of V that lies in the span of newer
-ones but for a part of `filter` is dropped (QR2: Haelterman et al. 2016, Comput Struct 171:9), and
+ones but for a part of `filter` is dropped (QR2: Haelterman et al. 2016), and
 there are never more columns than unknowns.
 """
 

@@ -14,7 +14,7 @@ from cosim.schemes import Linear, Scheme, step
 SAFETY, SMALLEST, LARGEST = 0.9, 0.2, 2.0
 """Of the step that the error suggests, the share that is tried; the next step is between SMALLEST
 and LARGEST times the last one (Hairer, Norsett and Wanner, Solving Ordinary Differential Equations
-I, 1993, section II.4)."""
+I)."""
 
 
 @dataclass(frozen=True)

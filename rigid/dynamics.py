@@ -9,7 +9,7 @@ device about the fingertip, which alone are stiff; M, A, J and the inertial torq
 the start, and the tensions t follow the tendons' change of length with the stiffness that the
 muscles tell.  Where the tip is held its constraint B J v+ = -gap / h is solved with it, exactly,
 and takes the drift of one step out in the next.  First order in h (Hairer and Wanner, Solving
-Ordinary Differential Equations II, 1996, section IV.3); what it damps is in the audit.
+Ordinary Differential Equations II); what it damps is in the audit.
 """
 
 from __future__ import annotations

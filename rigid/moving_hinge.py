@@ -7,7 +7,7 @@ step from (q, v) over h solves for v+, by Newton's method with exact derivatives
 
 implicit in everything, the load included.  Backward Euler (order 1) has q_ = q, v_ = v, k = h.  The
 backward differentiation formula of order 2 has, with r = h over the step before (Hairer, Norsett
-and Wanner, Solving Ordinary Differential Equations I, 1993, section III.5; stable for
+and Wanner, Solving Ordinary Differential Equations I; stable for
 r < 1 + sqrt 2),
 
     y_ = [(1 + r)^2 y - r^2 y_before] / (1 + 2 r),      k = h (1 + r) / (1 + 2 r).
@@ -130,9 +130,7 @@ class MovingHinge:
         )
 
     def energy(self, state: HingeMoment) -> float:
-        q, law = state.angles, self.law
-        springs = 0.5 * float(law.stiffness @ (q - law.rest) ** 2)
-        return self.links.energy(q, state.rates) + springs + _limit_energy(law, q)
+        return self.links.energy(state.angles, state.rates) + self.law.energy(state.angles)
 
     def _past(self, state: HingeMoment, dt: float) -> tuple[tuple[Array, Array], float]:
         """q_, v_ and k of the formula."""
@@ -192,19 +190,10 @@ def inverse_dynamics(
     sums = np.tri(n)
     theta, speed, rise = np.pi / 2 + sums @ angle, sums @ rate, sums @ acceleration
     apart = theta[:, None] - theta
-    C, S = links._coupling * np.cos(apart), links._coupling * np.sin(apart)
-    lift = links.gravity * links._first_moment
+    C, S = links.coupling * np.cos(apart), links.coupling * np.sin(apart)
+    lift = links.gravity * links.first_moment
     torque = C @ rise + S @ speed**2 - lift * np.sin(theta)
     by_theta = S * rise - C * speed**2
     by_theta += np.diag(C @ speed**2 - S @ rise - lift * np.cos(theta))
     by_angle, by_rate = sums.T @ by_theta @ sums, sums.T @ (2 * S * speed) @ sums
     return sums.T @ torque, by_angle, by_rate, sums.T @ C @ sums
-
-
-def _limit_energy(law: JointLaw, q: Array) -> float:
-    """J, the integral of the limits' torque K s(x / t) x over x."""
-    beyond = np.maximum(q - law.upper, 0.0) + np.maximum(law.lower - q, 0.0)
-    u = np.minimum(beyond / law.transition, 1.0)
-    rising = law.transition**2 * u**5 * (2 - 2.5 * u + 6 / 7 * u**2)
-    full = 0.5 * np.maximum(beyond**2 - law.transition**2, 0.0)
-    return float(law.limit_stiffness * (rising + full).sum())

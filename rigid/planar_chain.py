@@ -54,15 +54,15 @@ class PlanarChain:
         apart = theta[:, None] - theta
         joint = torque - np.append(torque[1:], 0.0)
         reach = self.length[:, None] * np.stack([np.cos(theta), -np.sin(theta)], axis=1)
-        inertia, centrifugal = self._coupling * np.cos(apart), self._coupling * np.sin(apart)
+        inertia, centrifugal = self.coupling * np.cos(apart), self.coupling * np.sin(apart)
         force = joint + reach @ tip_force - centrifugal @ speed**2 - self._weight(theta)
         return np.diff(np.linalg.solve(inertia, force), prepend=0.0)
 
     def energy(self, angle: Array, rate: Array) -> float:
         """J, kinetic and of height."""
         theta, speed = np.pi / 2 + np.cumsum(angle), np.cumsum(rate)
-        inertia = self._coupling * np.cos(theta[:, None] - theta)
-        height = self.gravity * self._first_moment @ np.cos(theta)
+        inertia = self.coupling * np.cos(theta[:, None] - theta)
+        height = self.gravity * self.first_moment @ np.cos(theta)
         return float(0.5 * speed @ inertia @ speed + height)
 
     @property
@@ -71,17 +71,19 @@ class PlanarChain:
         return np.cumsum(self.mass[::-1])[::-1] - self.mass
 
     @property
-    def _first_moment(self) -> Array:
+    def first_moment(self) -> Array:
+        """(n,) kg m, m_i k_i + d_i sum_l>i m_l."""
         return self.mass * self.centre + self.length * self._beyond
 
     @property
-    def _coupling(self) -> Array:
-        a = np.triu(self.length[:, None] * self._first_moment, 1)
+    def coupling(self) -> Array:
+        """(n, n) kg m2, a_ij."""
+        a = np.triu(self.length[:, None] * self.first_moment, 1)
         own = self.inertia + self.mass * self.centre**2 + self.length**2 * self._beyond
         return a + a.T + np.diag(own)
 
     def _weight(self, theta: Array) -> Array:
-        return -self.gravity * np.sin(theta) * self._first_moment
+        return -self.gravity * np.sin(theta) * self.first_moment
 
     def model(self, names: tuple[str, ...] = ("proximal", "middle", "distal")) -> FingerModel:
         """The same chain for MuJoCo: flexion about +y, bones along x, z up; gravity is the finger's
