@@ -25,19 +25,20 @@ verify = typer.Typer(
 )
 
 
+AsJson = Annotated[bool, typer.Option("--json", help="Print the table as JSON.")]
+Only = Annotated[
+    str | None, typer.Option(metavar="NAME", help="Only the studies whose name holds this.")
+]
+Slow = Annotated[bool, typer.Option("--slow", help="The studies of many seconds too.")]
+
+
 @verify.callback()
 def _parts() -> None:
     pass
 
 
 @verify.command()
-def fe(
-    as_json: Annotated[bool, typer.Option("--json", help="Print the table as JSON.")] = False,
-    only: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Only the studies whose name holds this.")
-    ] = None,
-    slow: Annotated[bool, typer.Option("--slow", help="The studies of many seconds too.")] = False,
-) -> None:
+def fe(as_json: AsJson = False, only: Only = None, slow: Slow = False) -> None:
     """Verify the shell solver; exit code 1 when a row fails."""
     from fe_solver.verification.table import STUDIES
 
@@ -58,13 +59,7 @@ def _verify(studies: Sequence[Study], as_json: bool, only: str | None, slow: boo
 
 
 @verify.command()
-def fingers(
-    as_json: Annotated[bool, typer.Option("--json", help="Print the table as JSON.")] = False,
-    only: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Only the studies whose name holds this.")
-    ] = None,
-    slow: Annotated[bool, typer.Option("--slow", help="The studies of many seconds too.")] = False,
-) -> None:
+def fingers(as_json: AsJson = False, only: Only = None, slow: Slow = False) -> None:
     """Verify fingers, muscles and devices, and compare them with experiments; exit code 1 when a
     row fails."""
     from rigid.verification.table import STUDIES
@@ -73,13 +68,7 @@ def fingers(
 
 
 @verify.command()
-def coupling(
-    as_json: Annotated[bool, typer.Option("--json", help="Print the table as JSON.")] = False,
-    only: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Only the studies whose name holds this.")
-    ] = None,
-    slow: Annotated[bool, typer.Option("--slow", help="The studies of many seconds too.")] = False,
-) -> None:
+def coupling(as_json: AsJson = False, only: Only = None, slow: Slow = False) -> None:
     """Verify the schemes that couple in time; exit code 1 when a row fails."""
     from cosim.fmu.verification import studies
     from cosim.verification_coupling import STUDIES
