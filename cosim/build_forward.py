@@ -7,16 +7,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from cosim.accelerate import Accelerator, Aitken, Constant, QuasiNewton
 from cosim.build import Models, build
 from cosim.build_course import factor_of
 from cosim.build_finger import live_finger
 from cosim.build_muscles import fibres
+from cosim.build_scheme import scheme_of
 from cosim.case_finger import CageTip, ShellTip
-from cosim.case_schema import Case, Coupling, Forward
+from cosim.case_schema import Case, Forward
 from cosim.motion import Moves
 from cosim.port import Array, InputError, State
-from cosim.schemes import Explicit, Implicit, Linear, Newton, Scheme
 from cosim.snapshot import Special
 
 if TYPE_CHECKING:
@@ -84,7 +83,7 @@ def together(case: Case, forward: Forward) -> Together:
     finger = MovingMujoco(models.finger, _device(case))
     pulls = TendonPulls(case, (*models.hood.tendons, *finger.tendons))
     law = models.finger.law
-    scheme = _scheme(case.coupling)
+    scheme = scheme_of(case.coupling)
     moves = Moves(
         scheme, finger, models.hood, pulls, lambda q, v: law.viscous(q, v)[0], forward.step
     )
@@ -109,21 +108,6 @@ def special_states(models: Models) -> Special:
         return hood.from_arrays(arrays)
 
     return {HoodState: (hood.to_arrays, read)}
-
-
-def _scheme(coupling: Coupling) -> Scheme:
-    accelerators: dict[str, Accelerator] = {
-        "constant": Constant(),
-        "aitken": Aitken(),
-        "iqn_ils": QuasiNewton(),
-    }
-    if coupling.scheme == "implicit":
-        return Implicit(accelerators[coupling.accelerator], coupling.tolerance)
-    if coupling.scheme == "newton":
-        return Newton(coupling.tolerance)
-    if coupling.scheme == "linear":
-        return Linear()
-    return Explicit(parallel=coupling.scheme == "jacobi")
 
 
 def _device(case: Case) -> Device | None:

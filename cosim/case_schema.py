@@ -237,8 +237,8 @@ class OneWay(Table):
     lumping: Literal["bodies", "centre_of_mass"] = "bodies"
     """Wrenches where they act, or each phalanx's force alone at its centre of mass: no moment."""
     joint_contact: Literal["none", "distal", "proximal"] = "none"
-    """The force that the joint at this end of each phalanx passes on while its bones stand still is
-    handed over too: what a bone's net reaction holds besides the hood, and the finger makes anew."""
+    """The force that the joint at this end of each phalanx passes on while the bones stand still is
+    handed over too: a bone's net reaction holds such forces, and the finger makes them itself."""
     muscles: Switch = True
     """The finger's own tendons pull."""
     passive: Switch = True

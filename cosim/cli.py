@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -42,6 +42,11 @@ app.command("import")(import_model)
 app.command()(sto)
 app.command()(fmu)
 UNFINISHED = ".unfinished"
+Voice = Literal["plain", "quiet", "json"]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Say nothing but what is wrong.")]
+AsJson = Annotated[
+    bool, typer.Option("--json", help="Tell stages and results as lines of JSON, for machines.")
+]
 Cases = Annotated[list[str], typer.Argument(help="Case files, or names of packaged cases.")]
 Settings = Annotated[
     list[str] | None,
@@ -92,13 +97,22 @@ def run(
     cases: Cases,
     settings: Settings = None,
     out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("runs"),
+    quiet: Quiet = False,
+    as_json: AsJson = False,
 ) -> None:
     """Run cases; each leaves its results in a folder of its name."""
     checked = _load(cases, settings)
     with told():
         _check_targets(checked, out)
-    codes = [_run_one(case, out) for case in checked]
+    voice = _voice(quiet, as_json)
+    codes = [_run_one(case, out, voice) for case in checked]
     raise typer.Exit(max(codes))
+
+
+def _voice(quiet: bool, as_json: bool) -> Voice:
+    if quiet and as_json:
+        raise typer.BadParameter("--quiet and --json: one of the two")
+    return "quiet" if quiet else "json" if as_json else "plain"
 
 
 def _check_targets(cases: Sequence[Case], out: Path) -> None:
@@ -112,13 +126,13 @@ def _check_targets(cases: Sequence[Case], out: Path) -> None:
         check_target(out, name)
 
 
-def _run_one(case: Case, out: Path) -> int:
+def _run_one(case: Case, out: Path, voice: Voice) -> int:
     """Run, write and show one case; the exit code."""
     from cosim.results import write_result
     from cosim.run import run_case
 
     try:
-        with _progress(case.name) as say:
+        with _progress(case.name, voice) as say:
             unfinished = _unfinished(case, out)
             result = run_case(case, say, unfinished)
             say("writing the results")
@@ -127,8 +141,12 @@ def _run_one(case: Case, out: Path) -> int:
         return tell(type(error)(f"{case.name}: {error}"))
     if unfinished is not None:
         shutil.rmtree(unfinished, ignore_errors=True)
-    _show(case, result.summary)
-    typer.echo(f"results in {_shown(folder)}")
+    if voice == "json":
+        line = {"case": case.name, "results": str(folder), "summary": result.summary}
+        typer.echo(json.dumps(line, default=float))
+    elif voice == "plain":
+        _show(case, result.summary)
+        typer.echo(f"results in {_shown(folder)}")
     return 0
 
 
@@ -151,6 +169,8 @@ def _unfinished(case: Case, out: Path) -> Path | None:
 @app.command()
 def resume(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run that was cut off.")],
+    quiet: Quiet = False,
+    as_json: AsJson = False,
 ) -> None:
     """Go on with a coupled motion from its last checkpoint (forward.checkpoint)."""
     from cosim.case import load_case
@@ -164,12 +184,19 @@ def resume(
                 "forward.checkpoint = 50"
             )
         case = load_case(file).model_copy(update={"name": name})
-    raise typer.Exit(_run_one(case, run.parent))
+    raise typer.Exit(_run_one(case, run.parent, _voice(quiet, as_json)))
 
 
 @contextmanager
-def _progress(name: str) -> Iterator[Callable[[str], None]]:
-    """What tells of the stages: a spinner on a terminal, else a line for each."""
+def _progress(name: str, voice: Voice) -> Iterator[Callable[[str], None]]:
+    """What tells of the stages: a spinner on a terminal, else a line for each; or lines of JSON,
+    or nothing."""
+    if voice == "quiet":
+        yield lambda stage: None
+        return
+    if voice == "json":
+        yield lambda stage: typer.echo(json.dumps({"case": name, "stage": stage}))
+        return
     if not sys.stderr.isatty():
         yield lambda stage: typer.echo(f"{name}: {stage}", err=True)
         return

@@ -7,16 +7,15 @@ once over the hood and once on the bones.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from cosim.case_schema import Case, FmuHood, PulleyHood
+from cosim.one_way import JOINT_CONTACT
 from cosim.port import Finger, Hood, InputError, MovingFinger
 
 OF_FINGER = ("joint", "muscle", "passive", "limit", "damping", "gravity", "inertia", "fingertip")
 """What `cosim.port.Finger.ledger` and that of a motion book, besides tendons by name."""
-JOINT_CONTACT = "joint_contact"
-"""The source under which a one-way pass hands over the joints' forces."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +24,6 @@ class Pair:
 
     hood: str
     finger: str
-    remedy: str
 
     def __str__(self) -> str:
         return f"hood {self.hood} and {self.finger}"
@@ -36,31 +34,23 @@ def counted_twice(
 ) -> tuple[Pair, ...]:
     """The pairs among the sources and tendons of a hood and what a finger with these tendons makes
     itself.  A source is taken by its first word: "joint_contact", "joint reaction" are "joint"."""
-    return (*_sources(sources, finger_tendons), *_tendons(hood_tendons, finger_tendons))
-
-
-def _sources(sources: Sequence[str], tendons: Sequence[str]) -> Iterator[Pair]:
+    found = []
     for source in sources:
-        own = source if source in tendons else source.replace("_", " ").split(" ")[0].lower()
-        if own in OF_FINGER or own in tendons:
-            way = "leave that source out of the hood's load"
-            if source == JOINT_CONTACT:
-                way = 'write coupling.one_way.joint_contact = "none"'
-            yield Pair(source, own, way)
-
-
-def _tendons(hood: Sequence[str], finger: Sequence[str]) -> Iterator[Pair]:
-    for name in hood:
-        if name in finger:
-            yield Pair(f"tendon {name}", f"tendon {name}", "leave the tendon out of the hood")
+        first = source.replace("_", " ").split(" ")[0]
+        own = first if first in finger_tendons else first.lower()
+        if own in OF_FINGER or own in finger_tendons:
+            found.append(Pair(source, own))
+    both = [f"tendon {name}" for name in hood_tendons if name in finger_tendons]
+    return (*found, *(Pair(name, name) for name in both))
 
 
 def stated_pairs(case: Case, finger_tendons: Sequence[str]) -> tuple[Pair, ...]:
-    """What the case alone shows, before anything is built; of a mesh file see `pairs`."""
-    sources = case.hood.sources if isinstance(case.hood, FmuHood) else ()
+    """What the case alone shows, before anything is built; our own hoods' sources and the shell's
+    tendons are never a finger's."""
+    sources: Sequence[str] = ()
     tendons: Sequence[str] = ()
     if isinstance(case.hood, FmuHood):
-        tendons = case.hood.tendons
+        sources, tendons = case.hood.sources, case.hood.tendons
     elif isinstance(case.hood, PulleyHood):
         tendons = tuple(case.hood.paths)
     return counted_twice((*sources, *handed_over(case)), tendons, finger_tendons)
@@ -73,7 +63,8 @@ def handed_over(case: Case) -> tuple[str, ...]:
 
 def pairs(case: Case, hood: Hood, finger: Finger | MovingFinger) -> tuple[Pair, ...]:
     """What the live models show."""
-    return counted_twice((*hood.sources, *handed_over(case)), hood.tendons, finger.tendons)
+    sources = dict.fromkeys((*hood.sources, *handed_over(case)))
+    return counted_twice(tuple(sources), hood.tendons, finger.tendons)
 
 
 def refuse(case: Case, found: Sequence[Pair]) -> None:
@@ -81,8 +72,15 @@ def refuse(case: Case, found: Sequence[Pair]) -> None:
     if not found or case.coupling.allow_double_counting:
         return
     each = "; ".join(f'"hood {p.hood}" and the finger\'s own "{p.finger}"' for p in found)
-    ways = ", ".join(dict.fromkeys(p.remedy for p in found))
+    ways = ", ".join(dict.fromkeys(_remedy(case, p) for p in found))
     raise InputError(
         f"coupling: a force would be counted twice: {each}. Either {ways}, or, to see what that "
         "does, write coupling.allow_double_counting = true"
     )
+
+
+def _remedy(case: Case, pair: Pair) -> str:
+    if pair.hood in handed_over(case):
+        return 'write coupling.one_way.joint_contact = "none"'
+    what = pair.hood if pair.hood.startswith("tendon ") else f'the source "{pair.hood}"'
+    return f"leave {what} out of the hood"

@@ -5,6 +5,7 @@ Muscles pull with the lengths that their paths had at the end of the step before
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -130,6 +131,7 @@ class Moves:
 
 def moments(moves: Moves, at: Moment, steps: int, progress: Progress) -> Iterator[Moment]:
     """The states after each of `steps` steps.  Raises ConvergenceError, which says when."""
+    begun = time.perf_counter()
     for k in range(1, steps + 1):
         try:
             at = moves.advance(at)
@@ -137,5 +139,9 @@ def moments(moves: Moves, at: Moment, steps: int, progress: Progress) -> Iterato
             raise ConvergenceError(f"at t = {at.coupled.time:.6g} s: {error}") from error
         if k % EVERY == 0 or k == steps:
             c = at.coupled
-            progress(f"t = {c.time:.4g} s, residual {c.residual:.1e}, {c.solves} hood solves")
+            left = (time.perf_counter() - begun) / k * (steps - k)
+            progress(
+                f"t = {c.time:.4g} s, residual {c.residual:.1e}, {c.solves} hood solves, some "
+                f"{left:.0f} s left"
+            )
         yield at

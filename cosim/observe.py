@@ -13,7 +13,7 @@ from cosim.build_finger import joint_ranges
 from cosim.build_shell import HoodLook
 from cosim.case_schema import Case
 from cosim.couple import Equilibrium, moment_arms
-from cosim.double_count import pairs
+from cosim.observe_one_way import one_way_summary
 from cosim.port import Array
 from cosim.results import STRAIN, HoodField, LedgerRow, Result, Scene
 
@@ -86,7 +86,7 @@ def summary(
         "audit": audit,
         "audit_missed": missed,
         **_muscles(case, models, states),
-        **_one_way(case, models, states),
+        **one_way_summary(case, models, states),
         "iterations": iterations,
     }
     return {**head, **now, **rest}
@@ -99,25 +99,6 @@ def _beyond_ranges(models: Models, e: Equilibrium) -> bool:
     return any(
         not low - BEYOND <= angles[joint] <= high + BEYOND for joint, (low, high) in ranges.items()
     )
-
-
-def _one_way(case: Case, models: Models, states: States) -> dict[str, Any]:
-    """What a one-way pass handed over, and what is counted twice in it."""
-    found = pairs(case, models.hood, models.finger)
-    out: dict[str, Any] = {"double_counted": [str(pair) for pair in found]} if found else {}
-    if states.passed is not None:
-        force, moment = states.loaded.load.imbalance(states.loaded.motion)
-        out["one_way"] = {
-            **case.coupling.one_way.model_dump(),
-            "interface_residual": states.passed.left_open,
-            "handed_over_force_balance": force,
-            "handed_over_moment_balance": moment,
-            "joint_torque_Nmm": {
-                source: _by_joint(models, 1e3 * torque)
-                for source, torque in states.passed.torque.items()
-            },
-        }
-    return out
 
 
 def _muscles(case: Case, models: Models, states: States) -> dict[str, Any]:

@@ -1,16 +1,16 @@
 """The one-way pass: the hood's answer in one pose handed to the finger once, over the port only.
 
 The pipeline of Jadelis' thesis (North Carolina State University), section 2.1: tendon forces load
-the hood, and the bones' net reactions come back as external forces for a forward simulation.  What
-it handed over (2.1.3, 2.4, 4.3.2) was, of each phalanx, one force, averaged over time and applied at
-the centre of mass, muscles and passive forces being switched off; and the net force of a rigid body
+the hood, and the bones' net reactions come back as external forces for a forward simulation.  It
+handed over (2.1.3, 2.4, 4.3.2), of each phalanx, one force, averaged over time and applied at the
+centre of mass, muscles and passive forces being switched off; and the net force of a rigid body
 holds "any joint contact forces" too.  Each of these is a choice here.  An average over time of what
 is at rest is itself.
 
 A joint passes on the forces of all bones beyond it: with F_k the hood's force on bone k, on bone i
-at its distal end sum_{k > i} F_k, at its proximal end -sum_{k >= i} F_k.  At both, on a bone at
-rest, they cancel F_i: a net reaction with everything in it is zero and says nothing; with one in it,
-the finger, which makes the joints' forces itself, bears them twice.
+at its distal end sum_{k > i} F_k, at its proximal end -sum_{k >= i} F_k.  With both, on a bone at
+rest, nothing is left of F_i: a net reaction with everything in it is zero and says nothing.  With
+one of them the finger, which makes the joints' forces itself, bears them twice.
 """
 
 from __future__ import annotations
@@ -21,11 +21,12 @@ from typing import Literal
 
 import numpy as np
 
-from cosim.double_count import JOINT_CONTACT
 from cosim.port import Array, HoodJacobian, Load, Motion, Response, State, skew
 
 LUMPING = "lumping"
 """The source that books what lumping takes away: the moments about the centres of mass."""
+JOINT_CONTACT = "joint_contact"
+"""The source under which the joints' forces are handed over."""
 End = Literal["none", "distal", "proximal"]
 
 
@@ -82,22 +83,22 @@ class HandedOver:
             by_motion[body, 3:, body, 3:] += skew(force) @ skew(arm)
         return HoodJacobian(
             by_motion.reshape(6 * nb, 6 * nb),
-            self._lumped_by_tension(),
+            self._by_tension(),
             np.zeros((nt, 6 * nb)),
             np.zeros((nt, nt)),
         )
 
     @cached_property
     def _extra(self) -> list[tuple[Array, Array, Array]]:
-        """Of each added source: forces (nb, 3), points (nb, 3) in the bodies' frames, and the
-        wrenches (nb, 6) that it takes away."""
-        total = self.answered.load.total()
-        force, nothing = total[:, :3].copy(), np.zeros_like(total)
-        force[0] = 0.0
-        out = []
+        return self._added(self.answered.load.total())
+
+    def _added(self, total: Array) -> list[tuple[Array, Array, Array]]:
+        """Of each source added to a hood's wrenches (nb, 6), and linear in them: forces (nb, 3),
+        points (nb, 3) in the bodies' frames, and the wrenches (nb, 6) that it takes away."""
+        whole, nothing = total.copy(), np.zeros_like(total)
+        whole[0] = 0.0
+        force, out = whole[:, :3], []
         if self.centre is not None:
-            whole = total.copy()
-            whole[0] = 0.0
             out.append((force, self.centre, whole))
         if self.joint_contact != "none":
             contact = joint_forces(force, self.joint_contact)
@@ -113,15 +114,15 @@ class HandedOver:
         away = np.diff(self.at.position, axis=0, append=self.at.position[-1:])
         return np.einsum("bji,bj->bi", self.at.rotation, away)
 
-    def _lumped_by_tension(self) -> Array:
-        """(6 nb, nt), lumped as the load is; what the joints pass on is left out."""
-        if self.centre is None:
-            return self.by_tension
-        own = self.by_tension.reshape(len(self.bodies), 6, -1)
-        arm = np.einsum("bij,bj->bi", self.at.rotation, self.centre)
-        lumped = own.copy()
-        lumped[1:, 3:] = skew(arm[1:]) @ own[1:, :3]
-        return lumped.reshape(self.by_tension.shape)
+    def _by_tension(self) -> Array:
+        """(6 nb, nt) of the load that is handed over, in the pose `at`."""
+        out = self.by_tension.copy()
+        for column in out.T:
+            own = column.reshape(-1, 6).copy()
+            for force, point, taken in self._added(own):
+                arm = np.einsum("bij,bj->bi", self.at.rotation, point)
+                column += (at_points(force, arm) - taken).ravel()
+        return out
 
 
 def at_points(force: Array, arm: Array) -> Array:
@@ -130,9 +131,41 @@ def at_points(force: Array, arm: Array) -> Array:
 
 
 def joint_forces(force: Array, end: End) -> Array:
-    """(nb, 3) N on each phalanx by the joint at its distal or proximal end, where forces (nb, 3) act
-    on the bones of a chain at rest whose first is the ground; none on the ground."""
+    """(nb, 3) N on each phalanx by the joint at its distal or proximal end, where forces (nb, 3)
+    act on the bones of a chain at rest whose first is the ground; none on the ground."""
     beyond = np.cumsum(force[::-1], axis=0)[::-1]
     out = beyond - force if end == "distal" else -beyond
     out[0] = 0.0
     return out if end != "none" else np.zeros_like(force)
+
+
+@dataclass(frozen=True)
+class Passed:
+    """A one-way pass: what was handed over, and what nobody looked at any more."""
+
+    handed: HandedOver
+    left_open: float
+    """Relative residual, as joint torques, of the finger against what the hood would have answered
+    in the pose that the finger came to."""
+    torque: dict[str, Array]
+    """(nq,) N m of what was handed over: of the hood, and of each source that was added."""
+
+    @property
+    def answer(self) -> Load:
+        """The hood's own load,"""
+        return self.handed.answered.load
+
+    @property
+    def at(self) -> Motion:
+        """in the pose where it was solved."""
+        return self.handed.at
+
+
+def torques(jacobian: Array, load: Load) -> dict[str, Array]:
+    """(nq,) N m of a load that was handed over, by what of it is the hood's own and what is added;
+    jacobian: (6 nb, nq) of the bodies."""
+    out = {"hood": np.zeros(jacobian.shape[1])}
+    for i, source in enumerate(load.sources):
+        name = f"hood {source}" if source in (LUMPING, JOINT_CONTACT) else "hood"
+        out[name] = out.get(name, 0.0) + jacobian.T @ load.wrench[:, i].ravel()
+    return out

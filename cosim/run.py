@@ -13,9 +13,12 @@ import numpy as np
 from cosim.build import Models, build, tensions
 from cosim.build_finger import check_fit
 from cosim.build_muscles import Pull, live_muscles
+from cosim.build_scheme import accelerator_of
 from cosim.case_schema import Case
 from cosim.couple import CouplingOptions, Equilibrium, equilibrium, reciprocity
-from cosim.port import Array, ConvergenceError
+from cosim.fixed_point import fixed_point
+from cosim.one_way import Passed
+from cosim.port import Array, ConvergenceError, State
 from cosim.results import Result
 
 Progress = Callable[[str], None]
@@ -45,6 +48,8 @@ class States:
     """None where the hood has no tendons to pull."""
     pull: Pull
     """Of the muscles that have a fibre, in the loaded state."""
+    passed: Passed | None = None
+    """Of a one-way pass: what was handed over."""
 
 
 def run_case(
@@ -76,6 +81,10 @@ def solve(case: Case, progress: Progress = lambda text: None) -> tuple[Models, S
     """The equilibrium with every tendon at its resting tension, then the loaded one.
 
     Models that cases share are not theirs: a case's own muscles come with it."""
+    if case.coupling.scheme == "one_way":
+        from cosim.build_one_way import passed_once
+
+        return passed_once(case, progress)
     shared, unloaded = settled(Setting(case.setting_key(), case, progress))
     models = replace(shared, muscles=live_muscles(case))
     loaded, pull = _loaded(case, models, unloaded, progress)
@@ -101,14 +110,13 @@ def _loaded(
         state = models.hood.start(unloaded.motion)
     for _ in range(MOST_PULLS):
         tension[own] = pull.tension
-        loaded = equilibrium(
-            models.finger,
-            models.hood,
+        loaded = agreed(
+            case,
+            models,
             start.finger_state,
             state,
             tension[:split].copy(),
             tension[split:].copy(),
-            _options(case),
             lambda text: progress(f"loaded: {text}"),
         )
         pull = models.muscles.pull(_shortening(models, unloaded, loaded)[own])
@@ -136,17 +144,43 @@ def settled(setting: Setting) -> tuple[Models, Equilibrium]:
     progress("building the models")
     models = build(case)
     start = models.finger.start(models.posture)
-    return models, equilibrium(
-        models.finger,
-        models.hood,
+    return models, agreed(
+        case,
+        models,
         start,
         models.hood.start(models.finger.motion(start)),
         np.full(len(models.hood.tendons), models.resting),
         np.full(len(models.finger.tendons), models.resting),
-        _options(case),
         lambda text: progress(f"unloaded: {text}"),
     )
 
 
-def _options(case: Case) -> CouplingOptions:
-    return CouplingOptions(case.solve.tolerance, case.solve.max_iterations)
+def agreed(
+    case: Case,
+    models: Models,
+    start: State,
+    state: State,
+    hood_tension: Array,
+    finger_tension: Array,
+    progress: Progress,
+) -> Equilibrium:
+    """The coupled equilibrium by the case's scheme, from the finger's `start` and the hood's
+    `state`, under tensions in N."""
+    finger, hood, coupling = models.finger, models.hood, case.coupling
+    options = CouplingOptions(case.solve.tolerance, case.solve.max_iterations)
+    if coupling.scheme != "implicit":
+        return equilibrium(
+            finger, hood, start, state, hood_tension, finger_tension, options, progress
+        )
+    return fixed_point(
+        finger,
+        hood,
+        start,
+        state,
+        hood_tension,
+        finger_tension,
+        options,
+        accelerator_of(coupling),
+        coupling.tolerance,
+        progress,
+    )

@@ -70,10 +70,12 @@ def fingers(as_json: AsJson = False, only: Only = None, slow: Slow = False) -> N
 @verify.command()
 def coupling(as_json: AsJson = False, only: Only = None, slow: Slow = False) -> None:
     """Verify the schemes that couple in time; exit code 1 when a row fails."""
+    from cosim import verification_coupling, verification_rest, verification_thesis
     from cosim.fmu.verification import studies
-    from cosim.verification_coupling import STUDIES
 
-    _verify((*STUDIES, *studies()), as_json, only, slow)
+    here = (verification_coupling, verification_rest, verification_thesis)
+    all_studies = [study for module in here for study in module.STUDIES]
+    _verify((*all_studies, *studies()), as_json, only, slow)
 
 
 def info() -> None:

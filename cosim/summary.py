@@ -107,6 +107,8 @@ def _checks(summary: Mapping[str, Any]) -> Iterator[Row]:
         yield f"audit: {name.replace('_', ' ')}", f"{value:.1e}"
     for name, count in (_at(summary, "iterations") or {}).items():
         yield f"{name} iterations", _number(count)
+    yield "interface residual left open", _number(_at(summary, "one_way", "interface_residual"))
+    yield "counted twice", ", ".join(_at(summary, "double_counted") or ())
     yield "steps in time", _number(_at(summary, "steps"))
     if (missed := _at(summary, "audit_missed")) is not None:
         yield "audit missed", ", ".join(missed) or "none"

@@ -31,6 +31,8 @@ ALLOWED = {
     "cosim.adaptive": ("cosim.port", "cosim.coupled", "cosim.schemes"),
     "cosim.motion": ("cosim.port", "cosim.coupled", "cosim.schemes"),
     "cosim.snapshot": ("cosim.port",),
+    "cosim.one_way": ("cosim.port",),
+    "cosim.fixed_point": ("cosim.port", "cosim.accelerate", "cosim.couple", "cosim.rest"),
     "fe_solver": ("cosim.port", "cosim.verification", "fe_solver"),
     "rigid": (
         *("cosim.port", "cosim.rest", "cosim.files", "cosim.verification"),
@@ -44,6 +46,7 @@ KNOW_THE_SOLVERS = {
     "cosim.build_finger",
     "cosim.build_forward",
     "cosim.build_muscles",
+    "cosim.build_one_way",
     "cosim.finger_commands",
     "cosim.build_shell",
     "cosim.shell_commands",

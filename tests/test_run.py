@@ -58,8 +58,12 @@ def is_shell(name: str) -> bool:
 
 def check_audit(summary: dict[str, Any]) -> None:
     lacking = set(AUDIT) - set(summary["audit"])
-    assert lacking <= {"reciprocity"}  # of a hood without tendons
-    assert bool(lacking) == (summary["excursion_mm"] == {})
+    if "one_way" in summary:  # which closes no loop
+        assert lacking == {"reciprocity", "interface_residual"}
+        assert summary["one_way"]["interface_residual"] > 0
+    else:
+        assert lacking <= {"reciprocity"}  # of a hood without tendons
+        assert bool(lacking) == (summary["excursion_mm"] == {})
     for key, value in summary["audit"].items():
         assert 0 <= value <= AUDIT[key], key
     assert summary.get("max_penetration_mm", 0.0) <= 0.02
@@ -79,7 +83,7 @@ def test_every_packaged_case_converges_and_passes_its_audit(name):
     assert json.loads(text) == summary
 
 
-@pytest.mark.parametrize("name", MOVING)
+@pytest.mark.parametrize("name", [n for n in MOVING if n.startswith("forward")])
 def test_every_packaged_motion_comes_to_rest(name):
     result = run(name)
     summary = result.summary
@@ -117,9 +121,10 @@ def test_only_the_named_tendon_pulls_harder_than_at_rest(name):
     for tendon in active:  # a fibre at its optimal length and 3 deg to the tendon
         near = 2e-3 if case.tendons[tendon].muscle else 0.0
         assert summary["tension_N"][tendon] == pytest.approx(case.tension(tendon), rel=near)
-    assert set(summary["unloaded"]["tension_N"].values()) == {case.solve.resting_tension}
+    idle = {case.solve.resting_tension} | ({0.0} if not case.coupling.one_way.muscles else set())
+    assert set(summary["unloaded"]["tension_N"].values()) == idle
     others = {t: T for t, T in summary["tension_N"].items() if t not in active}
-    assert set(others.values()) <= {case.solve.resting_tension}
+    assert set(others.values()) <= idle
 
 
 def test_edc_pushes_the_fingertip_dorsally():
@@ -249,6 +254,24 @@ def test_a_muscle_at_its_greatest_force_finds_its_equilibrium(tendon, tension):
     summary = run(f"isometric_{tendon.lower()}", "hood.mesh.quads=120", *whole).summary
     assert [summary["tension_N"][head] for head in heads] == pytest.approx([tension] * len(heads))
     check_audit(summary)
+
+
+def test_the_packaged_motion_of_finger_and_hood_begins(tmp_path: Path):
+    short = ["hood.mesh.quads=120", "forward.duration=5 ms", "output.picture=false"]
+    result = run_case(load_case("motion_edc_fdp", short))
+    assert result.summary["audit_missed"] == []
+    assert result.dataset.sizes["time"] == 6
+
+
+@pytest.mark.slow
+def test_the_packaged_motion_keeps_its_books_and_halving_the_step_changes_little():
+    """Energy, balance and step as the project asks of it."""
+    whole = run("motion_edc_fdp", "output.picture=false").summary
+    half = run("motion_edc_fdp", "output.picture=false", "forward.step=0.5 ms").summary
+    assert whole["audit"]["artificial_energy_over_effort"] < 0.005
+    assert whole["audit"]["hood_force_balance"] < 1e-9
+    for joint, angle in half["posture_deg"].items():
+        assert whole["posture_deg"][joint] == pytest.approx(angle, abs=0.2)
 
 
 @pytest.mark.slow

@@ -1,0 +1,141 @@
+"""The one-way pass of a case.  One of the files that know the solvers by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from cosim.build import Models, build, tensions
+from cosim.build_finger import live_finger
+from cosim.build_muscles import Pull, live_muscles
+from cosim.case_schema import Case
+from cosim.couple import CouplingOptions, Equilibrium, equilibrium
+from cosim.one_way import HandedOver, Passed, torques
+from cosim.port import STATIC, Array, Finger, Hood, Motion, Response, State
+
+if TYPE_CHECKING:
+    from cosim.run import States
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class HoodPass:
+    """The first pass: the hood solved in the posture, at the resting tension and under load."""
+
+    models: Models
+    start: State
+    """The finger's, in the posture."""
+    at: Motion
+    answers: tuple[HoodAnswer, HoodAnswer]
+    pull: Pull
+
+
+class HoodAnswer(NamedTuple):
+    """What the hood said, and under which tensions (N) of its own tendons and the finger's."""
+
+    response: Response
+    by_tension: Array
+    hood: Array
+    own: Array
+
+
+def passed_once(case: Case, progress: Progress) -> tuple[Models, States]:
+    """The models, with what was handed over in the hood's place, and both states.
+
+    Muscles with a fibre pull as they do in the posture.  Raises InputError, ConvergenceError."""
+    return finger_pass(case, hood_pass(case, progress), progress)
+
+
+def hood_pass(case: Case, progress: Progress) -> HoodPass:
+    """The hood's part of `passed_once`, which does not depend on what is handed over."""
+    progress("building the models")
+    models = replace(build(case), muscles=live_muscles(case))
+    start = models.finger.start(models.posture)
+    at = models.finger.motion(start)
+    hood, own, pull = _tensions(case, models)
+    resting = np.full(len(hood), models.resting), np.full(len(own), models.resting)
+    state, answers = models.hood.start(at), []
+    for tensions_ in (resting, (hood, own)):
+        progress(f"one way: hood solved in the posture, {tensions_[0].max(initial=0.0):.3g} N")
+        response = models.hood.advance(state, at, tensions_[0], STATIC)
+        by_tension = models.hood.jacobian(response.state).load_tension
+        answers.append(HoodAnswer(response, by_tension, *tensions_))
+        state = response.state
+    return HoodPass(models, start, at, (answers[0], answers[1]), pull)
+
+
+def finger_pass(case: Case, given: HoodPass, progress: Progress) -> tuple[Models, States]:
+    """The finger's part: what the case hands over of the hood's answers, and what comes of it."""
+    from cosim.run import States
+
+    models = replace(given.models, finger=_second(case, given.models.finger))
+    centre = _centres(given.models.finger, given.start) if _lumps(case) else None
+    found = []
+    for answer in given.answers:
+        handed = HandedOver(
+            models.hood.tendons,
+            answer.response,
+            given.at,
+            answer.by_tension,
+            centre,
+            case.coupling.one_way.joint_contact,
+        )
+        found.append(_balanced(case, models.finger, handed, given.start, answer))
+        progress(f"one way: finger balanced to {found[-1].finger_residual:.1e}")
+    unloaded, loaded = found
+    passed = Passed(handed, *_left_open(models.hood, models.finger, loaded))
+    return replace(models, hood=handed), States(unloaded, loaded, None, given.pull, passed)
+
+
+def _balanced(
+    case: Case, finger: Finger, handed: HandedOver, start: State, answer: HoodAnswer
+) -> Equilibrium:
+    """The finger's equilibrium under what was handed over."""
+    own = answer.own if case.coupling.one_way.muscles else np.zeros(len(answer.own))
+    options = CouplingOptions(case.solve.tolerance, case.solve.max_iterations)
+    state = answer.response.state
+    return equilibrium(finger, handed, start, state, answer.hood, own, options)
+
+
+def _second(case: Case, first: Finger) -> Finger:
+    """The finger of the second pass."""
+    if case.coupling.one_way.passive:
+        return first
+    return live_finger(case.finger.model_copy(update={"passive": {}}), case.hood)
+
+
+def _lumps(case: Case) -> bool:
+    return case.coupling.one_way.lumping == "centre_of_mass"
+
+
+def _centres(finger: Finger, at: State) -> Array:
+    """(nb, 3) m, the bodies' centres of mass in their frames."""
+    from rigid.mujoco_finger import MujocoFinger
+
+    assert isinstance(finger, MujocoFinger)  # what check_fit lets be lumped
+    motion = finger.motion(at)
+    away = finger.mass_centres(finger.angles(at)) - motion.position
+    return np.einsum("bji,bj->bi", motion.rotation, away)
+
+
+def _tensions(case: Case, models: Models) -> tuple[Array, Array, Pull]:
+    """N, of the hood's and of the finger's own tendons, in the posture."""
+    hood, own = tensions(case, models)
+    pull = models.muscles.pull(np.zeros(len(models.muscles.names)))
+    for name, force in zip(models.muscles.names, pull.tension, strict=True):
+        names, values = (models.hood.tendons, hood)
+        if name not in names:
+            names, values = (models.finger.tendons, own)
+        values[names.index(name)] = force
+    return hood, own, pull
+
+
+def _left_open(hood: Hood, finger: Finger, e: Equilibrium) -> tuple[float, dict[str, Array]]:
+    """What another round would have begun with, relative, and the torques that were handed over."""
+    answer = hood.advance(e.response.state, e.motion, e.hood_tension, STATIC)
+    missed = finger.balance(e.finger_state, answer.load, e.finger_tension).relative
+    return missed, torques(finger.jacobian(e.finger_state), e.load)

@@ -1,0 +1,28 @@
+"""From a case's table `coupling` to a scheme and its accelerator."""
+
+from __future__ import annotations
+
+from cosim.accelerate import Accelerator, Aitken, Constant, QuasiNewton
+from cosim.case_schema import Coupling
+from cosim.schemes import Explicit, Implicit, Linear, Newton, Scheme
+
+
+def scheme_of(coupling: Coupling) -> Scheme:
+    """That of a motion in time."""
+    if coupling.scheme == "implicit":
+        return Implicit(accelerator_of(coupling), coupling.tolerance)
+    if coupling.scheme == "newton":
+        return Newton(coupling.tolerance)
+    if coupling.scheme == "linear":
+        return Linear()
+    return Explicit(parallel=coupling.scheme == "jacobi")
+
+
+def accelerator_of(coupling: Coupling) -> Accelerator:
+    """That of the scheme "implicit"."""
+    accelerators: dict[str, Accelerator] = {
+        "constant": Constant(),
+        "aitken": Aitken(),
+        "iqn_ils": QuasiNewton(),
+    }
+    return accelerators[coupling.accelerator]

@@ -1,0 +1,70 @@
+"""A motion that is killed at any moment goes on to the same bytes."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import xarray
+
+RAMP = """
+extends = "pulley_edc"
+title = "EDC ramps"
+output.picture = false
+
+[finger.tip]
+kind = "free"
+
+[tendons.EDC.course]
+kind = "points"
+at = [["0 s", 0.02], ["0.1 s", 1.0]]
+
+[forward]
+duration = "0.3 s"
+must_rest = false
+checkpoint = 7
+"""
+
+
+def cosim(folder: Path, *words: str) -> subprocess.Popen[bytes]:
+    command = [sys.executable, "-m", "cosim.cli", *words, "--quiet"]
+    path = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
+    return subprocess.Popen(command, cwd=folder, env=path, stderr=subprocess.PIPE)
+
+
+def finished(process: subprocess.Popen[bytes]) -> None:
+    told = process.communicate(timeout=120)[1].decode()
+    assert process.returncode == 0, told
+
+
+@pytest.mark.parametrize("kills", [5, pytest.param(50, marks=pytest.mark.slow)])
+def test_killed_and_resumed_a_motion_ends_in_the_same_bytes(tmp_path: Path, kills: int) -> None:
+    (tmp_path / "ramp.toml").write_text(RAMP)
+    begun = time.perf_counter()
+    finished(cosim(tmp_path, "run", "ramp.toml", "--out", "whole"))
+    took = time.perf_counter() - begun
+    rng, unfinished = random.Random(4), tmp_path / "cut" / "ramp.unfinished"
+    words = ["run", "ramp.toml", "--out", "cut"]
+    for _ in range(kills):
+        process = cosim(tmp_path, *words)
+        time.sleep(rng.uniform(0.3, 1.0) * took)
+        process.send_signal(signal.SIGKILL)
+        process.communicate()
+        if not (unfinished / "checkpoint.npz").exists():
+            words = ["run", "ramp.toml", "--out", "cut"]  # killed before the first, or done
+        else:
+            words = ["resume", "cut/ramp"]
+    if unfinished.exists() or not (tmp_path / "cut" / "ramp").exists():
+        finished(cosim(tmp_path, *words))
+    whole, cut = (
+        xarray.load_dataset(tmp_path / run / "ramp" / "results.nc", engine="h5netcdf")
+        for run in ("whole", "cut")
+    )
+    for name in (*whole.data_vars, "time"):
+        assert whole[name].values.tobytes() == cut[name].values.tobytes(), name
