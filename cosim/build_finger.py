@@ -56,6 +56,12 @@ def check_fit(case: Case) -> None:
         )
     for name in courses:
         factor_of(case.tendons[name].course)
+    drawn = [name for name, tendon in case.tendons.items() if tendon.excursion is not None]
+    if drawn and (case.forward is not None or case.coupling.scheme == "one_way"):
+        raise InputError(
+            f"tendons.{drawn[0]}.excursion: belongs to a coupled equilibrium; state a tension, or "
+            "leave out forward and coupling"
+        )
     if case.forward is None and tip in ("cage", "shell"):
         raise InputError(
             f'finger.tip.kind = "{tip}" holds a finger in motion; add a table [forward], or hold '
@@ -101,7 +107,9 @@ def _own_tendons(case: Case) -> tuple[str, ...]:
 def check_tendons(case: Case, known: tuple[str, ...]) -> None:
     """Raises InputError for a tendon that the case pulls and that is not among `known`."""
     for name, tendon in case.tendons.items():
-        if name not in known and (tendon.force is not None or tendon.course is not None):
+        if name not in known and (
+            (tendon.force, tendon.excursion, tendon.course) != (None, None, None)
+        ):
             raise InputError(
                 f"tendons.{name}: this finger and hood have no such tendon; they have "
                 f"{', '.join(known)}"

@@ -22,9 +22,10 @@ Layer = tuple[str, dict[str, Any]]
 
 # A later layer's word replaces an earlier layer's other way of saying the same.
 _ALTERNATIVES = {
-    "activation": {"tension"},
-    "tension": {"activation", "muscle"},
-    "muscle": {"tension"},
+    "activation": {"tension", "excursion"},
+    "tension": {"activation", "muscle", "excursion"},
+    "muscle": {"tension", "excursion"},
+    "excursion": {"tension", "activation", "muscle"},
     "curve": {"stiffness", "rest"},
     "stiffness": {"curve"},
     "rest": {"curve"},

@@ -277,6 +277,9 @@ class Tendon(Table):
     max_force: Force | None = None
     activation: Annotated[Number, Field(ge=0, le=1)] | None = None
     muscle: Millard | None = None
+    excursion: Annotated[float, quantity(units.LENGTH, least="-50 mm", most="50 mm")] | None = None
+    """In place of a tension: how far the tendon's end is drawn proximally from the unloaded state,
+    m; the tension that this takes is found."""
     course: Course | None = None
     """Over time, of a motion: what tension or activation is multiplied by."""
 
@@ -284,6 +287,8 @@ class Tendon(Table):
     def _one_way(self) -> Tendon:
         if self.tension is not None and self.activation is not None:
             raise fault("gives both tension and activation; write one of them")
+        if self.excursion is not None and (self.tension, self.activation) != (None, None):
+            raise fault("gives an excursion and a tension or activation; write one of them")
         if self.tension is not None and self.muscle is not None:
             raise fault("gives both tension and muscle; a muscle's tension follows from activation")
         if self.activation is not None and self.max_force is None:

@@ -16,6 +16,7 @@ from cosim.build_muscles import Pull, live_muscles
 from cosim.build_scheme import accelerator_of
 from cosim.case_schema import Case
 from cosim.couple import CouplingOptions, Equilibrium, equilibrium, reciprocity
+from cosim.drawn import Drawn, begun, redrawn
 from cosim.fixed_point import fixed_point
 from cosim.one_way import Passed
 from cosim.port import Array, ConvergenceError, State
@@ -25,6 +26,8 @@ Progress = Callable[[str], None]
 AUDIT_STEP = 2e-5
 """rad, joint step of the reciprocity audit: small against the contact's smoothing."""
 MOST_PULLS = 30
+DRAWN_TOLERANCE = 1e-9
+"""m."""
 PULL_TOLERANCE = 1e-7
 """Of the largest tension (at least 1 N)."""
 
@@ -99,17 +102,20 @@ def solve(case: Case, progress: Progress = lambda text: None) -> tuple[Models, S
 def _loaded(
     case: Case, models: Models, unloaded: Equilibrium, progress: Progress
 ) -> tuple[Equilibrium, Pull]:
-    """The equilibrium in which every muscle pulls as its fibre does at that length."""
-    hood, finger = tensions(case, models)
+    """The equilibrium in which every muscle pulls as its fibre does at that length, and every
+    tendon whose excursion is stated has it."""
     names = (*models.hood.tendons, *models.finger.tendons)
     own = np.array([names.index(name) for name in models.muscles.names], dtype=int)
+    drawn = _drawn(case, names)
+    hood, finger = tensions(case, models)
     tension, split = np.concatenate([hood, finger]), len(hood)
     pull = models.muscles.pull(np.zeros(len(own)))
     start, state = unloaded, unloaded.response.state
-    if not np.array_equal(hood, unloaded.hood_tension):
+    if drawn.index.size or not np.array_equal(hood, unloaded.hood_tension):
         state = models.hood.start(unloaded.motion)
+    draw = begun(drawn, tension)
     for _ in range(MOST_PULLS):
-        tension[own] = pull.tension
+        tension[own], tension[drawn.index] = pull.tension, draw.tension
         loaded = agreed(
             case,
             models,
@@ -119,16 +125,26 @@ def _loaded(
             tension[split:].copy(),
             lambda text: progress(f"loaded: {text}"),
         )
-        pull = models.muscles.pull(_shortening(models, unloaded, loaded)[own])
+        shortening = _shortening(models, unloaded, loaded)
+        pull = models.muscles.pull(shortening[own])
         miss = np.abs(pull.tension - tension[own]).max(initial=0.0)
-        if miss <= PULL_TOLERANCE * max(1.0, tension.max(initial=0.0)):
+        off = np.abs(shortening[drawn.index] - drawn.excursion).max(initial=0.0)
+        if miss <= PULL_TOLERANCE * max(1.0, tension.max(initial=0.0)) and off <= DRAWN_TOLERANCE:
             return loaded, pull
-        progress(f"muscles: the tension changes by {miss:.1e} N")
+        progress(f"tensions: off by {miss:.1e} N, excursions by {1e3 * off:.1e} mm")
+        draw = redrawn(drawn, draw, shortening[drawn.index])
         start, state = loaded, loaded.response.state
     raise ConvergenceError(
-        f"muscles and finger did not agree in {MOST_PULLS} rounds: a tension still changes by "
-        f"{miss:.1e} N. Try a smaller activation, or a fibre_length nearer to 1"
+        f"tendons and finger did not agree in {MOST_PULLS} rounds: a tension still changes by "
+        f"{miss:.1e} N, an excursion is off by {1e3 * off:.1e} mm. Try a smaller activation or "
+        "excursion, or a fibre_length nearer to 1"
     )
+
+
+def _drawn(case: Case, names: tuple[str, ...]) -> Drawn:
+    stated = {n: t.excursion for n, t in case.tendons.items() if t.excursion is not None}
+    index = np.array([names.index(name) for name in stated], dtype=int)
+    return Drawn(tuple(stated), index, np.array(list(stated.values())))
 
 
 def _shortening(models: Models, before: Equilibrium, now: Equilibrium) -> Array:

@@ -158,10 +158,10 @@ def rich_table(rows: Iterable[Row], sources: Sequence[str]) -> Table:
 def _figures(row: Row) -> tuple[str, ...]:
     target = f"{row.target:.5g}"
     if row.measure == "bound":
-        target = f"<= {row.target + row.tolerance:.0e}"
+        target = f"<= {row.target + row.tolerance:.2g}"
     return (
         target,
-        f"{row.computed:.5g}" if row.measure != "bound" else f"{row.computed:.1e}",
+        f"{row.computed:.5g}" if row.measure != "bound" else f"{row.computed:.2g}",
         "-" if row.measure == "bound" else _percent(row.error, row.measure == "relative"),
         "-" if row.measure == "bound" else _percent(row.tolerance, row.measure == "relative"),
         "" if row.order is None else f"{row.order:.1f}",
