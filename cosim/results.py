@@ -142,6 +142,10 @@ def _write_files(folder: Path, case: Case, result: Result) -> None:
         from cosim.picture import draw
 
         draw(result.scene, case.title).savefig(folder / "picture.png", dpi=150)
+        if result.ledger:
+            from cosim.ledger_plot import draw_ledger
+
+            draw_ledger(result.ledger, case.title).savefig(folder / "ledger.png", dpi=130)
         if "time" in result.dataset.dims:
             from cosim.history import draw_history
 

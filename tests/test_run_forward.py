@@ -57,7 +57,7 @@ def test_a_motion_leaves_its_history(tmp_path: Path) -> None:
     names = {p.name for p in folder.iterdir()}
     assert names == {
         *("summary.json", "results.nc", "ledger.csv", "case.toml"),
-        *("picture.png", "history.png"),
+        *("picture.png", "history.png", "ledger.png"),
     }
     data = xarray.load_dataset(folder / "results.nc", engine="h5netcdf")
     assert data.sizes["time"] == 601
