@@ -9,6 +9,7 @@ import numpy as np
 
 from cosim import __version__
 from cosim.case_schema import Case
+from cosim.double_count import pairs
 from cosim.motion import Frame, Moment
 from cosim.observe import COMPONENTS, IN_METACARPAL, drawn_hood
 from cosim.port import Array
@@ -89,6 +90,8 @@ def _summary(
         "audit_missed": [name for name, value in audit.items() if not value <= BOUNDS[name]],
         "iterations": {"steps": steps, "hood_solves": coupled.solves},
     }
+    if twice := [str(pair) for pair in pairs(case, hood, finger)]:
+        out["double_counted"] = twice
     if lengths := t.pulls.lengths(end.puller):
         out["muscle"] = {
             name: {"normalised_fibre_length": length} for name, length in lengths.items()
