@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -12,8 +12,8 @@ from cosim.build_finger import check_fit, check_tendons, live_finger, skeleton_o
 from cosim.build_muscles import CaseMuscles, live_muscles
 from cosim.build_shell import HoodLook, Triangles, laid_mesh, linear, look, shell_hood_of
 from cosim.case_finger import Bone, IndexFinger, MiddleFinger
-from cosim.case_schema import Case, FmuHood, MeshFile, PulleyHood, ShellHood
-from cosim.port import Array, Finger, Hood, InputError, State
+from cosim.case_schema import Case, FmuHood, MeshFile, PathPoint, PulleyHood, ShellHood
+from cosim.port import Array, Finger, Hood, InputError, Motion, State
 
 if TYPE_CHECKING:
     from meshes.hood_mesh import HoodMesh
@@ -46,6 +46,20 @@ class Models:
     """What a state of a shell hood looks like; None for the analytic hoods."""
     linear: Callable[[State], tuple[float, float]] | None
     """Seconds of one assembly and of one factorisation at a state of a shell hood."""
+    cables: Mapping[str, Sequence[tuple[str, Array]]]
+    """Of a pulley hood, by tendon: bodies and points (3,) m in their frames, for pictures."""
+
+    def strings(self, motion: Motion) -> dict[str, Array]:
+        """(k, 3) m, the cables' points in the world at some poses."""
+        return {
+            f"{name} cable": np.array([_placed(motion, *point) for point in points])
+            for name, points in self.cables.items()
+        }
+
+
+def _placed(motion: Motion, body: str, point: Array) -> Array:
+    position, rotation = motion.of(body)
+    return position + rotation @ point
 
 
 def build(case: Case) -> Models:
@@ -57,7 +71,10 @@ def build(case: Case) -> Models:
     bones = drawn_bones(case)
     if not (isinstance(case.finger, IndexFinger) and isinstance(case.hood, ShellHood)):
         hood = _unit(case.hood, finger) if isinstance(case.hood, FmuHood) else _cables(case, finger)
-        return Models(finger, hood, posture, resting, bones, muscles, None, None)
+        cables = {
+            name: [(p.body, np.array(p.point)) for p in path] for name, path in _paths(case).items()
+        }
+        return Models(finger, hood, posture, resting, bones, muscles, None, None, cables)
     mesh = hood_mesh(case)
     shell = shell_hood_of(case, case.hood, skeleton_of(case.finger), bones, mesh)
     return Models(
@@ -69,6 +86,7 @@ def build(case: Case) -> Models:
         muscles,
         lambda state: look(shell, mesh, state),
         lambda state: linear(shell, state),
+        {},
     )
 
 
@@ -176,6 +194,10 @@ def _user_bone(body: str, bone: Bone, finger: IndexFinger) -> Triangles:
     return points * [finger.length_scale, finger.width_scale, finger.width_scale], faces
 
 
+def _paths(case: Case) -> Mapping[str, Sequence[PathPoint]]:
+    return case.hood.paths if isinstance(case.hood, PulleyHood) else {}
+
+
 def _unit(hood: FmuHood, finger: Finger) -> Hood:
     from cosim.fmu.participant import FmuHood as Unit
 
@@ -195,6 +217,6 @@ def _cables(case: Case, finger: Finger) -> Hood:
     from rigid.pulley import Cable
     from rigid.pulley import PulleyHood as Pulleys
 
-    paths = case.hood.paths if isinstance(case.hood, PulleyHood) else {}
+    paths = _paths(case)
     cables = {name: Cable(tuple((p.body, p.point) for p in path)) for name, path in paths.items()}
     return Pulleys(cables, finger.motion(finger.start({})))

@@ -309,7 +309,8 @@ def scene(models: Models, e: Equilibrium, look: HoodLook | None) -> Scene:
     for body, (vertices, faces) in models.bones.items():
         position, rotation = e.motion.of(body)
         bones.append((body, vertices @ rotation.T + position, faces))
-    tendons = tuple(models.finger.tendon_paths(e.finger_state).items())
+    paths = {**models.strings(e.motion), **models.finger.tendon_paths(e.finger_state)}
+    tendons = tuple(paths.items())
     tip = (models.finger.tip(e.finger_state), e.balance.tip_force)
     return Scene(drawn_hood(look), tuple(bones), tendons, tip)
 

@@ -177,5 +177,6 @@ def _scene(t: Together, end: Moment, tip: Array) -> Scene:
         position, rotation = motion.of(body)
         bones.append((body, vertices @ rotation.T + position, faces))
     look = t.models.look(end.coupled.hood) if t.models.look else None
-    chain, paths = finger.finger.chain(angles), finger.finger.paths_at(angles)
+    chain = finger.finger.chain(angles)
+    paths = {**t.models.strings(motion), **finger.finger.paths_at(angles)}
     return Scene(drawn_hood(look), tuple(bones), tuple(paths.items()), (chain.tip, tip[:3]))

@@ -429,3 +429,14 @@ def test_a_course_file_is_read_before_anything_runs(tmp_path):
     course = f'tendons.EDC.course={{kind="file",path="{path}",column="EDC"}}'
     with pytest.raises(InputError, match="times that rise"):
         check_fit(load_case("forward_edc", [course]))
+
+
+def test_a_pulley_hood_s_cables_are_drawn_where_they_run():
+    case = load_case("pulley_edc", ["output.picture=false"])
+    models = build(case)
+    motion = models.finger.motion(models.finger.start(models.posture))
+    strings = models.strings(motion)
+    assert list(strings) == [f"{name} cable" for name in models.hood.tendons]
+    position, rotation = motion.of("proximal")
+    point = case.hood.paths["EDC"][1].point
+    np.testing.assert_allclose(strings["EDC cable"][1], position + rotation @ point)
