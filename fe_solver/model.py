@@ -312,13 +312,13 @@ class ShellModel:
         force = -p.hessian @ G
         force[p.turns, :, 3:] -= skew(p.gradient[p.turns])
         local = np.swapaxes(A[p.node], 1, 2) @ force
-        _add(residual, (p.node, slice(0, 3), p.body), local)
+        np.add.at(residual, (p.node, slice(0, 3), p.body), local)
         own = np.swapaxes(G, 1, 2) @ force
         arm_cross = skew(p.gradient)
         own[p.turns, 3:, :3] += arm_cross[p.turns]
         follow = ~p.turns
         own[follow, 3:, 3:] += arm_cross[follow] @ skew(p.arm[follow])
-        _add(wrench, (p.body, slice(None), p.body), own)
+        np.add.at(wrench, (p.body, slice(None), p.body), own)
         self._held_points(
             p, G, force, np.einsum("nij,njbk->nibk", A, S.reshape(n, 5, nb, 6)[:, :3]), wrench
         )
@@ -337,7 +337,7 @@ class ShellModel:
         moved = follow[p.node[on]]
         by_node = np.swapaxes(G[on], 1, 2) @ p.hessian[on]
         by_node[:, 3:] -= np.where(p.turns[on, None, None], skew(p.gradient[on]), 0.0)
-        _add(wrench, p.body[on], np.einsum("kij,kjbl->kibl", by_node, moved))
+        np.add.at(wrench, p.body[on], np.einsum("kij,kjbl->kibl", by_node, moved))
         back = np.einsum("kjbl,kji->kbli", moved, force[on])
         for body in np.unique(p.body[on]):
             wrench[:, :, body] -= back[p.body[on] == body].sum(axis=0)
@@ -350,7 +350,7 @@ class ShellModel:
         arm = c.x[t.node] - c.position[t.body]
         turn = skew(e.gradient_x[t.node]) @ skew(arm)
         turn += skew(e.gradient_d[t.node]) @ skew(c.d[t.node])
-        _add(wrench[:, 3:, :, 3:], (t.body, slice(None), t.body), -turn)
+        np.add.at(wrench[:, 3:, :, 3:], (t.body, slice(None), t.body), -turn)
         pull = self.pulls(c, tension)
         total = e.gradient_x[g.node] - pull
         A, T = e.bases
@@ -358,8 +358,8 @@ class ShellModel:
         residual[g.node, :3, g.body, 3:] += np.cross(np.swapaxes(A[g.node], 1, 2), gx[:, None])
         arm = c.x[g.node] - c.position[g.body]
         moment = -skew(total) @ skew(arm) - skew(arm) @ skew(pull)
-        _add(wrench[:, 3:, :, 3:], (g.body, slice(None), g.body), moment)
-        _add(wrench[:, :3, :, 3:], (g.body, slice(None), g.body), -skew(pull))
+        np.add.at(wrench[:, 3:, :, 3:], (g.body, slice(None), g.body), moment)
+        np.add.at(wrench[:, :3, :, 3:], (g.body, slice(None), g.body), -skew(pull))
         on = g.steady
         node, body, d = g.node[on], g.body[on], c.d[g.node[on]]
         gd = e.gradient_d[node]
@@ -367,7 +367,7 @@ class ShellModel:
         spin = np.cross(np.swapaxes(T[node], 1, 2), (gd - bend * d)[:, None])
         residual[node, 3:, body, 3:] += spin
         turn = skew(gd) @ skew(d) - bend[:, None] * skew(d) @ skew(d)
-        _add(wrench[:, 3:, :, 3:], (body, slice(None), body), -turn)
+        np.add.at(wrench[:, 3:, :, 3:], (body, slice(None), body), -turn)
 
     def _tension_terms(self, c: Configuration, A: Array) -> tuple[Array, Array]:
         g, nb, nt = self.guides, len(self.bodies), len(self.share)
@@ -377,13 +377,8 @@ class ShellModel:
         along = A[g.node, :, 0]
         arm = c.x[g.node] - c.position[g.body]
         unit = np.concatenate([along, np.cross(arm, along)], axis=1)
-        _add(wrench, g.body, unit[:, :, None] * self.share.T[:, None, :])
+        np.add.at(wrench, g.body, unit[:, :, None] * self.share.T[:, None, :])
         return residual.reshape(len(c.x) * DOFS, nt), wrench.reshape(6 * nb, nt)
-
-
-def _add(out: Array, index: Any, values: Array) -> None:
-    """Add in place where an index may come more than once."""
-    np.add.at(out, index, values)
 
 
 def _scatter(index: Ints, values: Array, n: int) -> Array:

@@ -9,6 +9,11 @@ from pathlib import Path
 
 import pytest
 
+from cosim.case_schema import Case
+from cosim.fmu.mapping import Place, places
+from cosim.fmu.parts import part_of
+from cosim.fmu.unit import Unit
+
 NEEDS_FMU = [
     pytest.mark.fmu,
     pytest.mark.skipif(
@@ -48,3 +53,7 @@ def described(source: Path, target: Path, old: str, new: str) -> Path:
         return text.replace(old.encode(), new.encode())
 
     return tampered(source, target, {"modelDescription.xml": change})
+
+
+def placed(unit: Unit, case: Case, part: str) -> dict[str, Place]:
+    return places(unit.opened, part_of(case, part).quantities, {})

@@ -10,13 +10,11 @@ import numpy as np
 import pytest
 
 from cosim.build import Models, build, hood_mesh, tensions
-from cosim.build_finger import check_fit
 from cosim.case import load_case
 from cosim.port import STATIC, InputError
 from fe_solver.fibre_materials import HolzapfelGasserOgden, TransIsoMooneyRivlin
 from fe_solver.hyperelastic import NeoHookean
 from fe_solver.materials import Orthotropic
-from meshes.bones import load_bone
 from meshes.hood_mesh import REGIONS, HoodMesh, read
 
 COARSE = "hood.mesh.quads=120"
@@ -174,78 +172,6 @@ def test_a_finger_scales_in_length_and_width():
     np.testing.assert_allclose(bones[1] / bones[0], [1.0, 1.1, 1.1], rtol=5e-3)
 
 
-def bone_setting(path: Path, unit: str = "m", frame: str = "ours") -> str:
-    return f'finger.bones.proximal={{surface="{path}", unit="{unit}", frame="{frame}"}}'
-
-
-def test_our_own_bone_given_back_as_the_users_makes_the_same_hood(tmp_path: Path):
-    load_bone("proximal").write_stl(tmp_path / "proximal.stl")
-    given = hood_mesh(load_case("isometric_edc", [COARSE, bone_setting(tmp_path / "proximal.stl")]))
-    _, ours = made()
-    np.testing.assert_array_equal(given.quads, ours.quads)
-    assert np.abs(given.points - ours.points).max() < 1e-6
-
-
-def test_a_bone_in_millimetres_or_in_the_other_frame_is_the_same_bone(tmp_path: Path):
-    from meshes.skeleton import index_finger
-
-    vertices, faces = load_bone("proximal").surface(2e-3)
-    rotation, origin = index_finger().source["proximal"]
-    write_obj(tmp_path / "mm.obj", 1e3 * vertices, faces)
-    write_obj(tmp_path / "myohand.obj", vertices @ rotation.T + origin, faces)
-    for name, unit, frame in (("mm", "mm", "ours"), ("myohand", "m", "myohand")):
-        setting = bone_setting(tmp_path / f"{name}.obj", unit, frame)
-        bones = build(load_case("isometric_edc", [*PULLEY, setting])).bones
-        read_back = bones["proximal"][0]
-        assert len(read_back) == len(vertices)
-        np.testing.assert_allclose(np.sort(read_back, 0), np.sort(vertices, 0), atol=1e-8)
-
-
-def write_obj(path: Path, vertices: np.ndarray, faces: np.ndarray) -> None:
-    lines = [f"v {x:.9f} {y:.9f} {z:.9f}" for x, y, z in vertices]
-    lines += [f"f {a} {b} {c}" for a, b, c in faces + 1]
-    path.write_text("\n".join(lines))
-
-
-TRIANGLE = "v 0 0 0\nv 0.01 0 0\nv 0 0.01 0\nf 1 2 3\n"
-
-
-@pytest.mark.parametrize(
-    ("name", "content", "complaint"),
-    [
-        ("a.stl", b"hello", "no triangles"),
-        ("a.stl", b"", "no triangles"),
-        ("a.stl", bytes(range(256)) * 4, "no triangles"),
-        ("a.txt", b"hello", "cannot be read as a triangle surface"),
-        ("a.obj", b"v 0 0 0\nf 1 2 3\n", "cannot be read as a triangle surface"),
-        ("a.obj", TRIANGLE.encode(), "not watertight"),
-        ("a.obj", TRIANGLE.replace("0.01", "10").encode(), "is 1e+04 mm long as m"),
-        ("a.obj", TRIANGLE.replace("0.01", "1e-5").encode(), "is 0.01 mm long as m"),
-        ("a.obj", TRIANGLE.replace("0.01", "nan").encode(), r"bones.proximal"),
-    ],
-)
-def test_a_bad_bone_is_one_clear_fault(tmp_path: Path, name, content, complaint):
-    (tmp_path / name).write_bytes(content)
-    with pytest.raises(InputError) as caught:
-        hood_mesh(load_case("isometric_edc", [COARSE, bone_setting(tmp_path / name)]))
-    message = str(caught.value)
-    assert complaint in message
-    assert message.startswith("finger.bones.proximal.surface: ")
-    assert "\n" not in message
-
-
-def test_a_bone_with_a_hole_is_told(tmp_path: Path):
-    vertices, faces = load_bone("proximal").surface(2e-3)
-    write_obj(tmp_path / "hole.obj", vertices, faces[5:])
-    with pytest.raises(InputError, match=r"finger\.bones\.proximal\.surface: .*not watertight"):
-        hood_mesh(load_case("isometric_edc", [COARSE, bone_setting(tmp_path / "hole.obj")]))
-
-
-def test_a_bone_that_is_not_there_is_told(tmp_path: Path):
-    with pytest.raises(InputError, match=r"finger\.bones\.proximal\.surface.*no such file"):
-        load_case("isometric_edc", [bone_setting(tmp_path / "none.stl")])
-
-
 def test_the_committed_mesh_is_what_the_generator_makes(tmp_path: Path):
     from meshes.hood_mesh import write
 
@@ -382,61 +308,3 @@ def test_a_material_that_is_none_names_its_region():
     text = text.replace('across="5', 'across="90')
     with pytest.raises(InputError, match=r"hood\.regions\.central_band: .*nu12"):
         made(f'hood.regions.central_band={{kind="transversely_isotropic", {text}}}')
-
-
-def test_fingers_without_bones_of_their_own_are_drawn_as_rods():
-    """From joint to joint, to half a radius or so; the fixed one proximal of the MCP."""
-    bones = build(load_case("planar_edc")).bones
-    assert list(bones) == ["metacarpal", "proximal", "middle", "distal"]
-    for body, (low, high) in {
-        "metacarpal": (-40, 0),
-        "proximal": (0, 46),
-        "distal": (0, 20),
-    }.items():
-        vertices, faces = bones[body]
-        radius = 1e3 * np.abs(vertices[:, 1:]).max()
-        ends = 1e3 * vertices[:, 0].min(), 1e3 * vertices[:, 0].max()
-        assert ends == pytest.approx((low - radius, high + radius))
-        assert faces.max() == len(vertices) - 1
-
-
-@pytest.mark.parametrize(
-    ("name", "tendon", "words"),
-    [
-        ("split_edc", 'tendons.RI.tension="2 N"', r"tendons\.RI: .*EDC, EI, LUM, FPI, FDP, FDS"),
-        ("middle_minorflex_fdp", 'tendons.EI.tension="2 N"', r"tendons\.EI: .*RI, UI"),
-        ("planar_edc", 'tendons.FDP.tension="2 N"', r"tendons\.FDP: .*they have EDC$"),
-        ("forward_edc", 'tendons.RI={max_force="9 N",activation=1.0}', r"tendons\.RI: .*FPI"),
-        (
-            "forward_edc",
-            'tendons.UI.course={kind="points",at=[["0 s",1.0]]}',
-            r"tendons\.UI: .*FPI",
-        ),
-    ],
-)
-def test_a_tendon_that_the_finger_lacks_is_refused_before_anything_runs(name, tendon, words):
-    with pytest.raises(InputError, match=words):
-        check_fit(load_case(name, [tendon]))
-
-
-def test_a_tendon_that_the_finger_lacks_may_have_a_greatest_force():
-    check_fit(load_case("planar_edc", ['tendons.FDP.max_force="9 N"']))
-
-
-def test_a_course_file_is_read_before_anything_runs(tmp_path):
-    path = tmp_path / "pull.csv"
-    path.write_text("time,EDC\n0,1\n0,2\n")
-    course = f'tendons.EDC.course={{kind="file",path="{path}",column="EDC"}}'
-    with pytest.raises(InputError, match="times that rise"):
-        check_fit(load_case("forward_edc", [course]))
-
-
-def test_a_pulley_hood_s_cables_are_drawn_where_they_run():
-    case = load_case("pulley_edc", ["output.picture=false"])
-    models = build(case)
-    motion = models.finger.motion(models.finger.start(models.posture))
-    strings = models.strings(motion)
-    assert list(strings) == [f"{name} cable" for name in models.hood.tendons]
-    position, rotation = motion.of("proximal")
-    point = case.hood.paths["EDC"][1].point
-    np.testing.assert_allclose(strings["EDC cable"][1], position + rotation @ point)
