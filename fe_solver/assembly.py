@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -115,3 +116,14 @@ def make_pattern(quads: Ints, n: int, free: Ints, pairs: Ints | None = None) -> 
         rest[diagonal.size :].reshape(both.shape),
         free,
     )
+
+
+def add_at(out: Array, index: Any, values: Array) -> None:
+    """Add in place where an index may come more than once."""
+    np.add.at(out, index, values)
+
+
+def scattered(index: Ints, values: Array, n: int) -> Array:
+    """Sum of values (..., 3) at node indices (...) into (n, 3)."""
+    flat, index = values.reshape(-1, 3), index.ravel()
+    return np.stack([np.bincount(index, weights=flat[:, k], minlength=n) for k in range(3)], axis=1)

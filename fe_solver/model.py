@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cosim.port import skew
 
-from .assembly import DOFS, Pattern, make_pattern, tangents, turned
+from .assembly import DOFS, Pattern, add_at, make_pattern, scattered, tangents, turned
 from .contact import Contact, contact_forces, joined
 from .guides import Guides, Ties
 from .loads import Inertia, pressure_forces, pressure_tangent
@@ -191,8 +191,8 @@ class ShellModel:
         n = len(c.x)
         gx, gd = self.nodal(elements.gradient)
         links = node_springs(self.links, c.x, not convex)
-        gx += _scatter(points.node, points.gradient, n)
-        gx += _scatter(self.links.nodes, links.gradient, n)
+        gx += scattered(points.node, points.gradient, n)
+        gx += scattered(self.links.nodes, links.gradient, n)
         energy = elements.energy + points.energy + links.energy
         if self.dead is not None:
             gx -= self.dead
@@ -218,14 +218,14 @@ class ShellModel:
     def nodal(self, elements: Array) -> tuple[Array, Array]:
         """Sums at the nodes, by position and by director (n, 3), of element vectors (ne, 8, 3)."""
         n = len(self.reference)
-        by_position = _scatter(self.quads, elements[:, :4], n)
-        return by_position, _scatter(self.quads, elements[:, 4:], n)
+        by_position = scattered(self.quads, elements[:, :4], n)
+        return by_position, scattered(self.quads, elements[:, 4:], n)
 
     def _follower(self, x: Array) -> Array:
         """(n, 3) N force of the pressure on the nodes."""
         if self.pressure is None:
             return np.zeros_like(x)
-        return _scatter(self.quads, pressure_forces(x[self.quads], self.pressure), len(x))
+        return scattered(self.quads, pressure_forces(x[self.quads], self.pressure), len(x))
 
     def _assemble(
         self,
@@ -312,13 +312,13 @@ class ShellModel:
         force = -p.hessian @ G
         force[p.turns, :, 3:] -= skew(p.gradient[p.turns])
         local = np.swapaxes(A[p.node], 1, 2) @ force
-        np.add.at(residual, (p.node, slice(0, 3), p.body), local)
+        add_at(residual, (p.node, slice(0, 3), p.body), local)
         own = np.swapaxes(G, 1, 2) @ force
         arm_cross = skew(p.gradient)
         own[p.turns, 3:, :3] += arm_cross[p.turns]
         follow = ~p.turns
         own[follow, 3:, 3:] += arm_cross[follow] @ skew(p.arm[follow])
-        np.add.at(wrench, (p.body, slice(None), p.body), own)
+        add_at(wrench, (p.body, slice(None), p.body), own)
         self._held_points(
             p, G, force, np.einsum("nij,njbk->nibk", A, S.reshape(n, 5, nb, 6)[:, :3]), wrench
         )
@@ -337,7 +337,7 @@ class ShellModel:
         moved = follow[p.node[on]]
         by_node = np.swapaxes(G[on], 1, 2) @ p.hessian[on]
         by_node[:, 3:] -= np.where(p.turns[on, None, None], skew(p.gradient[on]), 0.0)
-        np.add.at(wrench, p.body[on], np.einsum("kij,kjbl->kibl", by_node, moved))
+        add_at(wrench, p.body[on], np.einsum("kij,kjbl->kibl", by_node, moved))
         back = np.einsum("kjbl,kji->kbli", moved, force[on])
         for body in np.unique(p.body[on]):
             wrench[:, :, body] -= back[p.body[on] == body].sum(axis=0)
@@ -350,7 +350,7 @@ class ShellModel:
         arm = c.x[t.node] - c.position[t.body]
         turn = skew(e.gradient_x[t.node]) @ skew(arm)
         turn += skew(e.gradient_d[t.node]) @ skew(c.d[t.node])
-        np.add.at(wrench[:, 3:, :, 3:], (t.body, slice(None), t.body), -turn)
+        add_at(wrench[:, 3:, :, 3:], (t.body, slice(None), t.body), -turn)
         pull = self.pulls(c, tension)
         total = e.gradient_x[g.node] - pull
         A, T = e.bases
@@ -358,8 +358,8 @@ class ShellModel:
         residual[g.node, :3, g.body, 3:] += np.cross(np.swapaxes(A[g.node], 1, 2), gx[:, None])
         arm = c.x[g.node] - c.position[g.body]
         moment = -skew(total) @ skew(arm) - skew(arm) @ skew(pull)
-        np.add.at(wrench[:, 3:, :, 3:], (g.body, slice(None), g.body), moment)
-        np.add.at(wrench[:, :3, :, 3:], (g.body, slice(None), g.body), -skew(pull))
+        add_at(wrench[:, 3:, :, 3:], (g.body, slice(None), g.body), moment)
+        add_at(wrench[:, :3, :, 3:], (g.body, slice(None), g.body), -skew(pull))
         on = g.steady
         node, body, d = g.node[on], g.body[on], c.d[g.node[on]]
         gd = e.gradient_d[node]
@@ -367,7 +367,7 @@ class ShellModel:
         spin = np.cross(np.swapaxes(T[node], 1, 2), (gd - bend * d)[:, None])
         residual[node, 3:, body, 3:] += spin
         turn = skew(gd) @ skew(d) - bend[:, None] * skew(d) @ skew(d)
-        np.add.at(wrench[:, 3:, :, 3:], (body, slice(None), body), -turn)
+        add_at(wrench[:, 3:, :, 3:], (body, slice(None), body), -turn)
 
     def _tension_terms(self, c: Configuration, A: Array) -> tuple[Array, Array]:
         g, nb, nt = self.guides, len(self.bodies), len(self.share)
@@ -377,14 +377,8 @@ class ShellModel:
         along = A[g.node, :, 0]
         arm = c.x[g.node] - c.position[g.body]
         unit = np.concatenate([along, np.cross(arm, along)], axis=1)
-        np.add.at(wrench, g.body, unit[:, :, None] * self.share.T[:, None, :])
+        add_at(wrench, g.body, unit[:, :, None] * self.share.T[:, None, :])
         return residual.reshape(len(c.x) * DOFS, nt), wrench.reshape(6 * nb, nt)
-
-
-def _scatter(index: Ints, values: Array, n: int) -> Array:
-    """Sum of values (..., 3) at node indices (...) into (n, 3)."""
-    flat, index = values.reshape(-1, 3), index.ravel()
-    return np.stack([np.bincount(index, weights=flat[:, k], minlength=n) for k in range(3)], axis=1)
 
 
 def _wrench(
