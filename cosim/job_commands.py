@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -36,9 +37,8 @@ def solve(
     spacing: Annotated[
         str, typer.Option(help="Of the grids that the bodies' distances are baked on.")
     ] = "0.25 mm",
-    as_febio: Annotated[
-        bool,
-        typer.Option("--as-febio", help="Bend and touch as FEBio's q4ans shells do."),
+    own_shell: Annotated[
+        bool, typer.Option("--own-shell", help="Bend and touch as thin sheets do, not as FEBio's.")
     ] = False,
     mid_surface: Annotated[
         bool, typer.Option("--mid-surface", help="Springs, ties and loads act on the mid-surface.")
@@ -60,10 +60,10 @@ def solve(
             unit, grid = parse(f"1 {length_unit}", LENGTH), parse(spacing, LENGTH)
         except ValueError as error:
             raise InputError(str(error)) from error
-        job = read_feb(model, unit)
+        job = replace(read_feb(model, unit), as_febio=not own_shell)
         if mid_surface:
             job = on_mid_surface(job)
-        options = JobOptions(penetration=limit, spacing=grid, as_febio=as_febio)
+        options = JobOptions(penetration=limit, spacing=grid)
         result = solve_job(job, options=options, times=spread_times(job, until, states))
         _show(result)
         typer.echo(f"results in {write_job(folder, result)}")
@@ -174,12 +174,12 @@ def bench_febio(folder: Path | None, spacing: str) -> None:
         _print_comparison(screen, found)
     screen.print(f"FEBio's figures: {SOURCE}.")
     screen.print(
-        "In brackets: differences, of displacements from the largest one.  as FEBio: our solver "
+        "In brackets: differences, of displacements from the largest one.  cosim solve: our solver "
         "with FEBio's bending (thickness strain constant through the thickness, no shear "
         "correction) and contact (at the facets' Gauss points).  remade: FEBio's own element and "
         "contact, made anew from its documentation.  All contact by a penalty alone.  Verdicts: "
-        "agrees: ours, within 3 %; formulation: not ours, but remade (or as FEBio, where that is "
-        "missing) is; differs: neither."
+        "agrees: our own shell, within 3 %; formulation: not that, but remade (or cosim solve, if "
+        "that is missing) is; differs: neither."
     )
 
 
@@ -187,7 +187,7 @@ def _print_comparison(screen: Console, found: Comparison) -> None:
     from rich.table import Table
 
     table = Table(title=found.model, title_justify="left")
-    for name in ("quantity", "ours", "as FEBio", "remade", "FEBio"):
+    for name in ("quantity", "own shell", "cosim solve", "remade", "FEBio"):
         table.add_column(name, justify="left" if name == "quantity" else "right")
     table.add_column("verdict")
     for r in found.rows:
@@ -226,4 +226,4 @@ def _print_costs(screen: Console, found: Comparison) -> None:
     if again is not None and again.missing:
         screen.print(f"not remade: {again.missing}")
     elif again is not None:
-        screen.print(f"remade: {again.cpu_s:.2f} s ({again.iterations} iterations) from as FEBio")
+        screen.print(f"remade: {again.cpu_s:.2f} s ({again.iterations} iterations) from there")

@@ -50,9 +50,6 @@ class JobOptions:
     compression.  Contact begins smoothly within `smoothing` (m).  `spacing` (m) of the grids that
     bodies' distances are baked on; `cached` keeps those grids in the user's cache folder.
 
-    `as_febio` bends the sheet and brings it into contact as FEBio does (see `febio.like`), for
-    comparisons: not what a sheet does.
-
     No step in time turns a body by more than `turn` (rad) or is shorter than `shortest`, of the
     time that the step of the job takes."""
 
@@ -61,7 +58,6 @@ class JobOptions:
     smoothing: float = 2e-6
     spacing: float = 0.25e-3
     cached: bool = True
-    as_febio: bool = False
     turn: float = 0.1
     shortest: float = 1e-3
     newton: NewtonOptions = field(
@@ -149,7 +145,7 @@ def job_model(job: Job, options: JobOptions) -> JobModel:
         job.points,
         directors,
         tables,
-        _section(job, options),
+        _section(job),
         _springs(job),
         ties,
         guides,
@@ -164,7 +160,7 @@ def job_model(job: Job, options: JobOptions) -> JobModel:
     return JobModel(job, base, bodies)
 
 
-def _section(job: Job, options: JobOptions) -> Section:
+def _section(job: Job) -> Section:
     weight = np.stack([shape(r, s)[0] for r, s in GAUSS])
     of_part = [np.flatnonzero(job.part == i) for i in range(len(job.parts))]
     patches = [
@@ -172,7 +168,7 @@ def _section(job: Job, options: JobOptions) -> Section:
         for own, part in zip(of_part, job.parts, strict=True)
         if len(own)
     ]
-    return joined_sections([febio_patch(p) for p in patches] if options.as_febio else patches)
+    return joined_sections([febio_patch(p) for p in patches] if job.as_febio else patches)
 
 
 def _origin(job: Job, bodies: Ints) -> Array:
@@ -329,7 +325,7 @@ def _contact(job: Job, pair: ContactPair, given: Ints, options: JobOptions) -> C
     # how far the face that is meant lies beyond the nodes, towards the body
     beyond = pair.side[:, None] * job.height[pair.quads] + job.thickness[pair.quads] / 2
     offset = pair.gap + corner_means(quads, beyond, len(job.points))[nodes]
-    if options.as_febio:
+    if job.as_febio:
         offset = offset + facet_lift(job, pair)[nodes]
     return Contact(
         pair.body,

@@ -135,6 +135,16 @@ def spread_times(job: Job, until: float | None = None, states: int = 1) -> list[
     return [t for t in out if t < until * (1 - SAME_TIME)] + [until]
 
 
+def _face_advice(job: Job) -> str:
+    """What to try where point springs pull at the face of a sheet."""
+    if not (job.springs and job.height.any()):
+        return ""
+    return (
+        " The springs pull at a face of the sheet, on a thin one a couple beyond its bending "
+        "stiffness: try --mid-surface (fe_solver.mid_surface)."
+    )
+
+
 class _Stepper:
     """The last equilibrium and how to get to the next."""
 
@@ -244,6 +254,7 @@ class _Stepper:
                 f"{self.model.job.name}: no equilibrium was found at t = {time:.6g}, after "
                 f"{self.effort.steps} steps up to t = {self.time:.6g} and {self.effort.failures} "
                 f"that failed; nor by a damped motion ({failed}). {error}"
+                + _face_advice(self.model.job)
             ) from error
         self.effort = replace(self.effort, relaxations=self.effort.relaxations + 1)
         return found

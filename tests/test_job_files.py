@@ -28,14 +28,16 @@ from jobs import (
 
 from cosim.port import InputError
 from fe_solver.febio.compare import quantities
-from fe_solver.febio.like import facet_lift, febio_patch
+from fe_solver.febio.like import bending_notes, facet_lift, febio_patch
 from fe_solver.febio.read import read_feb
 from fe_solver.febio.write import write_feb
 from fe_solver.hood_job import job_of_hood
+from fe_solver.hyperelastic import NeoHookean
 from fe_solver.job import (
     Body,
     ContactPair,
     NodalForce,
+    Part,
     SpringLaw,
     SpringSet,
     Tied,
@@ -53,8 +55,17 @@ def test_febios_bending_is_stiffer_as_its_constant_thickness_strain_makes_it():
     assert ratio == pytest.approx(0.6**2 / 0.2, rel=1e-12)
     assert theirs[:3, :3] == pytest.approx(ours[:3, :3], rel=1e-12)
     assert theirs[6, 6] / ours[6, 6] == pytest.approx(1.2)
-    with pytest.raises(InputError, match="Orthotropic"):
-        febio_patch(replace(section.patches[0], law=Orthotropic(2.0, 1.0, 0.3, 1.0, 1.0, 1.0)))
+    neo = febio_patch(replace(section.patches[0], law=NeoHookean(E, 0.4)))
+    assert neo.bending == pytest.approx(febio_patch(section.patches[0]).bending)
+
+
+def test_a_law_whose_bending_in_febio_is_not_known_keeps_its_own_and_is_named():
+    law = Orthotropic(2.0, 1.0, 0.3, 1.0, 1.0, 1.0)
+    (patch,) = one_law(law, np.full(1, THICK)).patches
+    assert not febio_patch(patch).bending.any()
+    job = strip()
+    (note,) = bending_notes(replace(job, parts=(*job.parts, Part("woven", law))))
+    assert "'woven': bends as a thin sheet" in note
 
 
 def test_facets_lie_nearer_to_a_convex_bone_by_two_thirds_of_their_rise():
@@ -81,7 +92,7 @@ def test_a_hood_and_its_job_agree_and_so_does_the_file(tmp_path):
 
     faced = job_of_hood(hood, motion, tension, bones)
     write_feb(faced, tmp_path / "hood.feb")
-    again = read_feb(tmp_path / "hood.feb")
+    again = replace(read_feb(tmp_path / "hood.feb"), as_febio=False)
     (own,), (read,) = (solve_job(j, options=COARSE).states for j in (faced, again))
     assert np.abs(own.configuration.x - read.configuration.x).max() < 1e-4 * moved
     assert read.contact[0] == pytest.approx(own.contact[0], rel=1e-3, abs=1e-4)
@@ -130,7 +141,7 @@ def test_a_folder_of_models_is_timed(packed):
     done = run("bench", "febio", "--models", packed, "--spacing", "1 mm")
     assert done.exit_code == 0, done.output
     assert "no figure" in done.output
-    job = read_feb(packed / "hood_over_rod.feb")
+    job = replace(read_feb(packed / "hood_over_rod.feb"), as_febio=False)
     (state,) = solve_job(job, options=replace(COARSE, penetration=None)).states
     for name, value in quantities(job, state, None).items():
         (line,) = (line for line in done.output.splitlines() if f" {name} " in line)

@@ -17,6 +17,7 @@ from jobs import (
 )
 
 from cosim.port import InputError
+from fe_solver.curves import Curve
 from fe_solver.febio.compare import quantities, rows
 from fe_solver.febio.figures import PUBLISHED
 from fe_solver.febio.read import read_feb
@@ -94,6 +95,19 @@ def test_the_command_solves_a_file_and_writes_its_result(tmp_path):
     assert told["states"][-1]["largest_displacement_mm"] == pytest.approx(1e3 * top.max(), rel=1e-6)
 
 
+def test_a_file_bends_as_febios_shells_unless_told_otherwise(tmp_path):
+    """At nu = 0.3 thickness locking makes a sheet (1 - nu)^2 / (1 - 2 nu) = 1.225 times as stiff in
+    bending, less where it is narrow and curls."""
+    write_feb(bent(), tmp_path / "bent.feb")
+    largest = []
+    for words in ((), ("--own-shell",)):
+        done = run("solve", tmp_path / "bent.feb", "--out", tmp_path / f"out{len(words)}", *words)
+        assert done.exit_code == 0, done.output
+        told = json.loads((tmp_path / f"out{len(words)}" / "summary.json").read_text())
+        largest.append(told["states"][-1]["largest_displacement_mm"])
+    assert 1.03 < largest[1] / largest[0] < 1.225
+
+
 def test_the_command_tells_faults_by_its_exit_code(tmp_path):
     (tmp_path / "bad.feb").write_text("<febio_spec version='4.0'><Mesh></febio_spec>")
     bad = run("solve", tmp_path / "bad.feb", "--out", tmp_path / "out")
@@ -107,4 +121,10 @@ def test_the_command_tells_faults_by_its_exit_code(tmp_path):
     lost = run("solve", tmp_path / "loose.feb", "--out", tmp_path / "out")
     assert lost.exit_code == 1
     assert "no equilibrium" in lost.stderr
+    assert "--mid-surface" not in lost.stderr
     assert not (tmp_path / "out").exists()
+    never = SpringLaw(1e3, table=Curve((-1.0, 1.0), (0.0, 0.0)))
+    write_feb(sprung(never, 1.0), tmp_path / "slack.feb")
+    slack = run("solve", tmp_path / "slack.feb", "--out", tmp_path / "out")
+    assert slack.exit_code == 1
+    assert "pull at a face of the sheet" in slack.stderr

@@ -8,7 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -249,11 +249,10 @@ def _main(path: str, as_febio: str, spacing: str) -> None:
     solve(warm, at_rest(warm), PULL, NewtonOptions(tolerance=1e-8))
     imports = peak_mb()
     began = time.process_time()
-    job = read_feb(path)
+    job = replace(read_feb(path), as_febio=bool(int(as_febio)))
     read = time.process_time() - began
     # FEBio's figures are of a penalty without augmentation, so ours are, too
-    options = JobOptions(None, spacing=float(spacing), as_febio=bool(int(as_febio)))
-    result = solve_job(job, options=options)
+    result = solve_job(job, options=JobOptions(None, spacing=float(spacing)))
     last, published = result.states[-1], PUBLISHED.get(Path(path).stem)
     values = quantities(job, last, published)
     made = Measured(
@@ -265,7 +264,7 @@ def _main(path: str, as_febio: str, spacing: str) -> None:
         peak_mb(),
         result.effort.iterations,
         chosen(),
-        made_again(result, published) if options.as_febio else None,
+        made_again(result, published) if job.as_febio else None,
     )
     print(json.dumps(asdict(made)))
 

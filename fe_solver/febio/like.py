@@ -10,15 +10,15 @@ facets, which lie nearer to a convex bone than the nodes do.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.port import InputError
-
 from ..fibre_materials import TransIsoMooneyRivlin
 from ..hood_model import node_directors
+from ..hyperelastic import NeoHookean
 from ..job import ContactPair, Job
 from ..materials import Isotropic, Law
 from ..section import Patch
@@ -38,17 +38,29 @@ class Through(NamedTuple):
 
 
 def febio_patch(patch: Patch) -> Patch:
-    """The patch with FEBio's bending and transverse shear.
-
-    Raises InputError for a law other than the isotropic one and FEBio's trans iso Mooney-Rivlin."""
-    own, (a, b) = _through(patch.law)
+    """The patch with FEBio's bending and transverse shear; with its own bending where FEBio's is
+    not known."""
+    through = _through(patch.law)
+    if through is None:
+        return replace(patch, shear_correction=1.0)
+    own, (a, b) = through
     held = np.zeros((3, 3))
     held[:2, :2] = np.array([[a * a, a * b], [a * b, b * b]]) / own
-    return Patch(patch.elements, patch.law, patch.thickness, patch.factor, held, 1.0)
+    return replace(patch, bending=held, shear_correction=1.0)
 
 
-def _through(law: Law | TensionField) -> Through:
-    if isinstance(law, Isotropic):
+def bending_notes(job: Job) -> list[str]:
+    """The parts of a job that do not bend as FEBio's."""
+    return [
+        f"part {part.name!r}: bends as a thin sheet does, as FEBio's way is known for isotropic "
+        "elastic, neo-Hookean and trans iso Mooney-Rivlin with a finite k only"
+        for part in job.parts
+        if _through(part.law) is None
+    ]
+
+
+def _through(law: Law | TensionField) -> Through | None:
+    if isinstance(law, Isotropic | NeoHookean):
         E, nu = float(law.E), float(law.nu)
         lame = E * nu / ((1 + nu) * (1 - 2 * nu))
         return Through(lame + E / (1 + nu), (lame, lame))
@@ -57,10 +69,7 @@ def _through(law: Law | TensionField) -> Through:
         fibre = float(law.c3 * law.c4)  # modulus of the deviatoric stretch at rest
         across = k - 2 * mu / 3 + fibre / 9
         return Through(k + 4 * mu / 3 + fibre / 9, (across - fibre / 3, across))
-    raise InputError(
-        f"{type(law).__name__}: FEBio's way of bending is known for isotropic elastic and for "
-        "trans iso Mooney-Rivlin with a finite k only; solve without it"
-    )
+    return None
 
 
 def facet_lift(job: Job, pair: ContactPair) -> Array:

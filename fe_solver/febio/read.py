@@ -34,6 +34,7 @@ from .conditions import (
     read_springs,
     read_tied,
 )
+from .like import bending_notes
 from .materials import read_materials
 from .mesh import FebMesh, read_mesh_section
 from .notes import told_of
@@ -76,7 +77,8 @@ def read_feb(path: Path | str, length_unit: float = 1e-3, force_unit: float = 1.
     curves = read_curves(root.one("LoadData"))
     model = Model(mesh, units, materials, rigid, shell, body, curves, notes)
     job = _job(path.stem, model, parts, sections)
-    return replace(job, notes=told_of(root, notes))
+    notes += bending_notes(job)
+    return replace(job, notes=told_of(root, notes), as_febio=True)
 
 
 class _Sections:
