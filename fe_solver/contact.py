@@ -120,7 +120,7 @@ class Contact:
         return self.surface.distance(self.local(x, position, rotation)).value - self.offset
 
 
-def ramp(depth: Array, smoothing: float) -> tuple[Array, Array, Array]:
+def ramp(depth: Array, smoothing: Array | float) -> tuple[Array, Array, Array]:
     """Integral, value and slope of the smoothed ramp max(depth, 0)."""
     blend = (depth + smoothing) / 2
     inside = np.abs(depth) < smoothing
@@ -131,7 +131,7 @@ def ramp(depth: Array, smoothing: float) -> tuple[Array, Array, Array]:
     return integral, value, slope
 
 
-def unramp(value: Array, smoothing: float) -> Array:
+def unramp(value: Array, smoothing: Array | float) -> Array:
     """The depth at which the ramp has this value; of zero, the largest such depth."""
     return np.where(
         value < smoothing, 2 * np.sqrt(smoothing * np.maximum(value, 0.0)) - smoothing, value

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from cosim.port import InputError
 
-from .hood_model import corner_shares
 from .loads import Inertia
 from .materials import Isotropic
+from .mesh_geometry import corner_shares
 from .model import Configuration, ShellModel
 from .newton import NewtonOptions, Solution, solve
 from .section import Resultants, Section, one_law

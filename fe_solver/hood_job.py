@@ -13,9 +13,9 @@ from cosim.port import InputError, Motion
 from .contact import Contact
 from .curves import Curve, Drive
 from .guides import Guides
-from .hood_model import is_triangle, node_directors
 from .job import Body, ContactPair, Held, Job, NodalForce, Part, SpringLaw, SpringSet, Step, Tied
 from .job_model import corner_means
+from .mesh_geometry import is_triangle, node_directors
 from .model import ShellModel
 from .section import Patch
 from .shell import GAUSS, shape, shell_tables

@@ -19,10 +19,10 @@ from .contact import REACH, Contact
 from .curves import Curve, Drive, Extension, Interpolation
 from .febio.like import facet_lift, febio_patch
 from .guides import Guides, Ties
-from .hood_model import node_areas, node_directors
 from .job import STILL, ZERO, Body, ContactPair, Job, SpringSet
 from .loads import pressure_forces
 from .mesh_checks import check_job
+from .mesh_geometry import node_areas, node_directors
 from .model import Configuration, ShellModel
 from .newton import NewtonOptions
 from .section import Patch, Section, joined_sections

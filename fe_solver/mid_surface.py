@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .hood_model import node_directors
 from .job import Job, SpringSet
 from .job_model import corner_means
+from .mesh_geometry import node_directors
 
 Array = NDArray[np.float64]
 

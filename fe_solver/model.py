@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cosim.port import skew
@@ -54,6 +55,8 @@ class Evaluation:
     """(5n,) gradient in the nodes' bases, tendon pulls included."""
     follower: Array
     """(n, 3) N of the pressure on the nodes, in `gradient_x` but not in `energy`."""
+    convex: bool
+    """Whether the tangent is, or will be, the convex one (see `ShellModel.evaluate`)."""
     data: Array | None
 
 
@@ -207,13 +210,21 @@ class ShellModel:
         reduced = np.concatenate(
             [np.einsum("nij,ni->nj", A, pulled), np.einsum("nij,ni->nj", T, gd)], axis=1
         ).ravel()
-        data = None
-        if elements.blocks is not None:
-            bend = -np.einsum("ni,ni->n", gd, c.d)
-            data = self._assemble(
-                elements.blocks, c, points, links, A, np.maximum(bend, 0) if convex else bend
-            )
-        return Evaluation(energy, gx, gd, points, bases, reduced, follower, data)
+        e = Evaluation(energy, gx, gd, points, bases, reduced, follower, convex, None)
+        if elements.blocks is None:
+            return e
+        return replace(e, data=self._assemble(elements.blocks, c, e, links))
+
+    def with_tangent(self, c: Configuration, e: Evaluation) -> Evaluation:
+        """An evaluation at `c` with its tangent; one that has it already is itself."""
+        if e.data is not None:
+            return e
+        y = np.concatenate([c.x[self.quads], c.d[self.quads]], axis=1)
+        own = e.bases[0][self.quads], e.bases[1][self.quads]
+        blocks = element_response(self.tables, self.section, y, own, e.convex).blocks
+        assert blocks is not None
+        links = node_springs(self.links, c.x, not e.convex)
+        return replace(e, data=self._assemble(blocks, c, e, links))
 
     def nodal(self, elements: Array) -> tuple[Array, Array]:
         """Sums at the nodes, by position and by director (n, 3), of element vectors (ne, 8, 3)."""
@@ -227,15 +238,10 @@ class ShellModel:
             return np.zeros_like(x)
         return scattered(self.quads, pressure_forces(x[self.quads], self.pressure), len(x))
 
-    def _assemble(
-        self,
-        blocks: Array,
-        c: Configuration,
-        points: PointForces,
-        links: PairForces,
-        A: Array,
-        bend: Array,
-    ) -> Array:
+    def _assemble(self, blocks: Array, c: Configuration, e: Evaluation, links: PairForces) -> Array:
+        A, points = e.bases[0], e.points
+        bend = -np.einsum("ni,ni->n", e.gradient_d, c.d)
+        bend = np.maximum(bend, 0) if e.convex else bend
         if self.pressure is not None:
             at = (5 * np.arange(4)[:, None] + np.arange(3)).ravel()
             W = A[self.quads]
@@ -278,6 +284,16 @@ class ShellModel:
         np.add.at(out["guide"][:, 3:], g.body[g.steady], -couple)
         return out
 
+    @cached_property
+    def _slaves(self) -> tuple[Ints, sp.csr_array]:
+        """The degrees of freedom of tied and guided nodes, and the tangent's columns there, their
+        entries the positions in its data."""
+        nodes = np.union1d(self.ties.node, self.guides.node)
+        dofs = (nodes[:, None] * DOFS + np.arange(DOFS)).ravel()
+        slots = self.pattern.full(np.arange(1.0, len(self.pattern.indices) + 1))[:, dofs]
+        places = slots.data.astype(np.intp) - 1
+        return dofs, sp.csr_array((places, slots.indices, slots.indptr), slots.shape)
+
     def slaved(self, c: Configuration, bases: tuple[Array, Array]) -> Array:
         """(5n, 6nb) how tied and guided nodes follow twists of the bodies."""
         A, T = bases
@@ -303,10 +319,11 @@ class ShellModel:
         assert e.data is not None
         nb, n = len(self.bodies), len(c.x)
         A, _ = e.bases
-        S = self.slaved(c, e.bases)
-        KS = self.pattern.full(e.data) @ S
+        S, (dofs, slots) = self.slaved(c, e.bases), self._slaves
+        K = sp.csr_array((e.data[slots.data], slots.indices, slots.indptr), slots.shape)
+        KS = K @ S[dofs]
         residual = KS.reshape(n, DOFS, nb, 6)
-        wrench = -(S.T @ KS).reshape(nb, 6, nb, 6)
+        wrench = -(S[dofs].T @ KS[dofs]).reshape(nb, 6, nb, 6)
         p = e.points
         G = np.concatenate([np.tile(np.eye(3), (len(p.arm), 1, 1)), -skew(p.arm)], axis=2)
         force = -p.hessian @ G

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from cosim.port import ConvergenceError
 
 from .assembly import DOFS
+from .contact import ramp, unramp
 from .linear_algebra import FREE, Analysis, Factor, NotPositiveDefiniteError, mechanism
 from .model import Configuration, Evaluation, ShellModel
 
@@ -32,6 +33,12 @@ UPRIGHT = 0.05
 """Cosine of the angle between a director and its elements' normals that no step goes below."""
 NEAR = 0.1
 """Step size, against the longest step allowed, below which the tangent is the consistent one."""
+FAR = 0.2
+"""Of a node's way into a smoothed ramp: a step beyond it is far."""
+CHORDS = 2
+"""Iterations with an old factor that cost no more than one with a new tangent."""
+KEPT = 3e-3
+"""Residual after over before such an iteration, where no iteration has told it yet."""
 
 
 @dataclass(frozen=True)
@@ -68,6 +75,32 @@ class Solution:
         assert self.evaluation.data is not None
         return factorised(self.model, self.evaluation.data)
 
+    @cached_property
+    def coupling(self) -> tuple[Array, Array, Array, Array]:
+        """Of `ShellModel.coupling`."""
+        return self.model.coupling(self.configuration, self.evaluation, self.tension)
+
+    @cached_property
+    def follow(self) -> Array:
+        """(free, 6nb + nt) how the free degrees of freedom follow the bodies' twists and the
+        tensions."""
+        by_motion, _, by_tension, _ = self.coupling
+        return -self.factor.solve(np.hstack([by_motion, by_tension])[self.model.free])
+
+
+@dataclass(frozen=True)
+class _Chord:
+    """An old tangent: its factor, its data and the `rate` at which it is thought to lower the
+    residual."""
+
+    factor: Factor
+    data: Array
+    rate: float
+
+    def pays(self, residual: float, limit: float) -> bool:
+        """Whether the rate is enough to end before a new tangent would."""
+        return residual * self.rate**CHORDS <= limit
+
 
 def factorised(model: ShellModel, data: Array) -> Factor:
     """Factor of the free part of the tangent, definite or not."""
@@ -92,11 +125,10 @@ def residual_norm(model: ShellModel, e: Evaluation) -> tuple[float, float]:
     return float(residual), float(max(forces))
 
 
-def rounding(model: ShellModel, c: Configuration, e: Evaluation) -> float:
-    """What of the residual is rounding error (N): the stiffest entry times the last bit of the
-    coordinates."""
-    assert e.data is not None
-    stiffest = np.abs(e.data[model.pattern.diagonal[:, :3, :3]]).max()
+def rounding(model: ShellModel, c: Configuration, data: Array) -> float:
+    """What of the residual is rounding error (N): the tangent's stiffest entry times the last bit
+    of the coordinates."""
+    stiffest = np.abs(data[model.pattern.diagonal[:, :3, :3]]).max()
     return float(0.2 * np.finfo(float).eps * stiffest * np.abs(c.x).max())
 
 
@@ -118,19 +150,21 @@ def worst_place(model: ShellModel, c: Configuration, e: Evaluation) -> str:
     return place
 
 
-def _step(model: ShellModel, data: Array, gradient: Array) -> Array:
-    """(5n,) the Newton step, the tangent's diagonal raised (Levenberg) until it descends.
+def _step(model: ShellModel, data: Array, gradient: Array) -> tuple[Array, Factor | None]:
+    """(5n,) the Newton step, the tangent's diagonal raised (Levenberg) until it descends, and the
+    factor that gave it.
 
     Raises ConvergenceError where the tangent stays singular all the same."""
     pattern, free = model.pattern, model.free
     step = np.zeros(pattern.size)
     diagonal = pattern.diagonal[:, range(DOFS), range(DOFS)].ravel()[free]
-    shift, singular = 0.0, None
+    shift, singular, factor = 0.0, None, None
     for _ in range(MOST_SHIFTS):
         try:
-            step[free] = -_analysis(model).factor(data).solve(gradient[free])
+            factor = _analysis(model).factor(data)
+            step[free] = -factor.solve(gradient[free])
             if step[free] @ gradient[free] <= 0:
-                return step
+                return step, factor
         except NotPositiveDefiniteError:
             pass
         except ConvergenceError as error:
@@ -141,7 +175,7 @@ def _step(model: ShellModel, data: Array, gradient: Array) -> Array:
         data[diagonal] += more * np.abs(data[diagonal])
     if singular is not None:
         raise singular
-    return step
+    return step, factor
 
 
 def _analysis(model: ShellModel) -> Analysis:
@@ -162,7 +196,7 @@ def _flipping_step(model: ShellModel, e: Evaluation, step: Array) -> tuple[Array
         if np.array_equal(now, flipped):
             return step, solves
         flipped = now
-        step = _step(model, *_with_flips(model, e, normal, flipped))
+        step = _step(model, *_with_flips(model, e, normal, flipped))[0]
     return step, MOST_FLIPS
 
 
@@ -181,6 +215,28 @@ def _with_flips(
     return data, gradient
 
 
+def _pressed(model: ShellModel, e: Evaluation, step: Array) -> Array:
+    """The step with nodes that move far in a smoothed ramp put where they feel the force that the
+    tangent foresees: towards the foot of a ramp that grows with the square of the depth, Newton's
+    own steps go but half the way.  A node that two bodies press is left alone."""
+    p, A = e.points, e.bases[0]
+    normal = np.einsum("kij,ki->kj", A[p.node], p.direction)
+    more = np.einsum("kj,kj->k", normal, step.reshape(-1, DOFS)[p.node, :3])
+    on = np.flatnonzero((p.ramp > 0) & (np.abs(more) > FAR * np.abs(p.depth + p.ramp)))
+    on = on[np.bincount(p.node[on])[p.node[on]] == 1]
+    if not on.size:
+        return step
+    depth, more, width, normal = p.depth[on], more[on], p.ramp[on], normal[on]
+    _, value, slope = ramp(depth, width)
+    force = value + slope * more
+    away = np.where(force > 0, unramp(force, width) - (depth + more), 0.0)
+    moved = np.zeros_like(step)
+    moved.reshape(-1, DOFS)[p.node[on], :3] = away[:, None] * normal
+    out = step.copy()
+    out[model.free] += moved[model.free]
+    return out
+
+
 def _limited(step: Array, options: NewtonOptions) -> tuple[Array, float]:
     """The step, shortened if it is too long, and its size against the longest one."""
     u = np.abs(step.reshape(-1, DOFS))
@@ -194,42 +250,94 @@ def solve(
     tension: Array,
     options: NewtonOptions,
     near: bool = False,
+    before: Solution | None = None,
 ) -> Solution:
     """Equilibrium near `start` under `tension` (nt,) N at the poses of `start`.
 
     Far from equilibrium the tangent is the convex one, near it (as `near` says of `start`) the
-    consistent one.  Raises ConvergenceError naming the place of the largest residual."""
+    consistent one.  With `before`, an equilibrium of the same model close by, a factor serves again
+    (a chord iteration) while it lowers the residual fast, and that of `before` serves first; the
+    residual then ends nearer to the tolerance than Newton's own iterations leave it.
+    Raises ConvergenceError naming the place of the largest residual."""
     c, solves = _undamped(model, start, tension, options) if options.undamped else (start, 0)
-    convex, stuck = not near, False
-    e = model.evaluate(c, tension, tangent=True, convex=convex)
+    convex, stuck, chord = not near, False, _kept(before)
+    e = model.evaluate(c, tension, tangent=chord is None, convex=convex)
+    data = e.data if chord is None else chord.data
     for iteration in range(options.max_iterations + 1):
+        assert data is not None
         residual, force = residual_norm(model, e)
-        limit = options.tolerance * force + rounding(model, c, e)
+        limit = options.tolerance * force + rounding(model, c, data)
         if residual <= limit:
-            if convex:
-                e = model.evaluate(c, tension, tangent=True)
-            return _upright(Solution(model, c, e, tension, iteration, solves, residual))
+            e, convex = _consistent(model, c, e, tension), False
+            assert e.data is not None
+            data = e.data
+            limit = options.tolerance * force + rounding(model, c, data)
+            if residual <= limit:
+                return _upright(Solution(model, c, e, tension, iteration, solves, residual))
         if iteration == options.max_iterations:
             break
-        assert e.data is not None
-        step = _step(model, e.data, e.reduced)
-        trial, more = _advanced(model, c, e, tension, step, options)
+        if chord is not None and not convex and chord.pays(residual, limit):
+            solves += 1
+            found = _chord_step(model, c, e, tension, chord.factor, options)
+            if found is not None:
+                c, e = found
+                chord = replace(chord, rate=residual_norm(model, e)[0] / residual)
+                continue
+        e = model.with_tangent(c, e)
+        data = e.data
+        assert data is not None
+        step, factor = _step(model, data, e.reduced)
+        trial, more = _advanced(model, c, e, tension, step, options, before is not None)
         solves += 1 + more
         if trial is not None:
             (c, e, convex), stuck = trial, False
+            # a new tangent's error is quadratic, so that its second use lowers it half as far
+            rate = 2 * residual_norm(model, e)[0] / residual
+            chord = _Chord(factor, data, rate) if before is not None and factor else None
         elif stuck and residual <= STUCK * limit:
-            e = model.evaluate(c, tension, tangent=True)
+            e = _consistent(model, c, e, tension)
             return _upright(Solution(model, c, e, tension, iteration, solves, residual))
         elif stuck:
             break
         else:
-            stuck, convex = True, not convex
+            stuck, convex, chord = True, not convex, None
             e = model.evaluate(c, tension, tangent=True, convex=convex)
     raise ConvergenceError(
         f"the hood did not reach equilibrium in {iteration} iterations: the residual is "
         f"{residual:.2e} N against forces of {force:.2e} N, largest at {worst_place(model, c, e)}. "
-        f"{_advice(model, e)}"
+        f"{_advice(model, model.with_tangent(c, e))}"
     )
+
+
+def _kept(before: Solution | None) -> _Chord | None:
+    if before is None:
+        return None
+    assert before.evaluation.data is not None
+    return _Chord(before.factor, before.evaluation.data, KEPT)
+
+
+def _consistent(model: ShellModel, c: Configuration, e: Evaluation, tension: Array) -> Evaluation:
+    """The evaluation with its consistent tangent."""
+    return model.evaluate(c, tension, tangent=True) if e.convex else model.with_tangent(c, e)
+
+
+def _chord_step(
+    model: ShellModel,
+    c: Configuration,
+    e: Evaluation,
+    tension: Array,
+    factor: Factor,
+    options: NewtonOptions,
+) -> tuple[Configuration, Evaluation] | None:
+    """The whole step that an old tangent's factor gives, if it is short and halves the residual."""
+    step = np.zeros(model.pattern.size)
+    step[model.free] = -factor.solve(e.reduced[model.free])
+    if not _limited(step, options)[1] <= NEAR:
+        return None
+    trial = model.stepped(c, e.bases, step)
+    there = model.evaluate(trial, tension, tangent=False)
+    halved = residual_norm(model, there)[0] < residual_norm(model, e)[0] / 2
+    return (trial, there) if halved else None
 
 
 def _upright(solution: Solution) -> Solution:
@@ -298,21 +406,33 @@ def _advanced(
     tension: Array,
     step: Array,
     options: NewtonOptions,
+    follows: bool,
 ) -> tuple[tuple[Configuration, Evaluation, bool] | None, int]:
     """The next configuration along the step, with its evaluation and whether that is the convex
-    one: the whole step, or a part of the step that foresees the contacts; None where neither
-    descends.  Also the linear solves that foreseeing took."""
-    solves = 0
-    for flips, tries in ((False, 1), (True, 4), (False, 8)):
-        way = step
-        if flips:
-            way, solves = _flipping_step(model, e, step)
+    one: the whole step, or a part of the step that foresees the contacts; None where none descends.
+    Also the linear solves that foreseeing took.  A solve that `follows` an equilibrium first tries
+    the step with its nodes pressed, and makes tangents where they are asked for."""
+
+    def tried(
+        way: Array, tries: int, first: float = 1.0, foreseen: bool = False
+    ) -> tuple[tuple[Configuration, Evaluation, bool] | None, float]:
         way, size = _limited(way, options)
-        convex = flips or size > NEAR
-        found = _line_search(model, c, e, tension, way, tries, convex)
-        if found is not None:
-            return (*found, convex), solves
-    return None, solves
+        convex = foreseen or size > NEAR
+        found, last = _line_search(model, c, e, tension, way, tries, convex, first, not follows)
+        return None if found is None else (*found, convex), last
+
+    pressed = _pressed(model, e, step) if follows else step
+    if pressed is not step and (found := tried(pressed, 1)[0]):
+        return found, 0
+    found, left = tried(step, 1)
+    if found:
+        return found, 0
+    way, solves = _flipping_step(model, e, step)
+    if solves:
+        found = tried(way, 4, foreseen=True)[0]
+        return found or tried(step, 7, left)[0], solves
+    found, left = tried(step, 3, left, foreseen=True)
+    return found or tried(step, 4, left)[0], 0
 
 
 def _line_search(
@@ -323,27 +443,28 @@ def _line_search(
     step: Array,
     tries: int,
     convex: bool,
-) -> tuple[Configuration, Evaluation] | None:
-    """The first of ever shorter steps that lowers the energy enough, or, where the energy is below
-    its rounding error, the residual; none turns a director into an element's plane."""
+    factor: float,
+    eager: bool,
+) -> tuple[tuple[Configuration, Evaluation] | None, float]:
+    """The first of ever shorter steps, from `factor` of the step on, that lowers the energy enough,
+    or, where the energy is below its rounding error, the residual; none turns a director into an
+    element's plane.  Also the factor to go on from."""
     slope = float(step @ e.reduced)
     before = model.potential(c, e.energy, tension)
     norm = residual_norm(model, e)[0]
     noise = 1e-11 * max(abs(before), e.energy)
-    factor, guarded = 1.0, _facing(model, c).min() > UPRIGHT
+    guarded = _facing(model, c).min() > UPRIGHT
     for attempt in range(tries if slope < 0 else 0):
         trial = model.stepped(c, e.bases, factor * step)
         if guarded and _facing(model, trial).min() <= UPRIGHT:
             factor *= 0.5
             continue
-        there = model.evaluate(trial, tension, tangent=attempt == 0, convex=convex)
+        there = model.evaluate(trial, tension, eager and attempt == 0, convex)
         rise = model.potential(trial, there.energy, tension) - before
         rise -= float(np.vdot(e.follower + there.follower, trial.x - c.x)) / 2
         quiet = rise <= noise and residual_norm(model, there)[0] < norm / 2
         if rise <= 1e-4 * factor * slope or quiet:
-            if there.data is None:
-                there = model.evaluate(trial, tension, tangent=True, convex=convex)
-            return trial, there
+            return (trial, there), factor
         parabola = -slope * factor**2 / (2 * (rise - slope * factor))
         factor = float(np.clip(parabola, 0.1 * factor, 0.5 * factor))
-    return None
+    return None, factor

@@ -21,6 +21,7 @@ from cosim.port import (
 from .augment import AugmentOptions, settled, solve_augmented
 from .model import Configuration, ShellModel
 from .newton import NewtonOptions, Solution, solve
+from .relaxation import relax
 
 TIE, HELD = "terminal_slip", ("contact", "guide")
 """The ledger's names of what the tied nodes and the bones do; springs have their sets' names."""
@@ -29,6 +30,19 @@ SMALL_TURN = 0.02
 SMALL_PULL, NO_PULL = 0.3, 0.1
 """The same of the tensions' change, of the largest one, which is no less than NO_PULL (N)."""
 MOST_HALVINGS = 4
+MOST_GROWTH = 2.0
+"""Of the nodes' travel over that of the step before: beyond it that step says nothing of this."""
+
+
+@dataclass(frozen=True)
+class Bend:
+    """What the last step of a hood tells of the next: the nodes' `travel` (n, 3) m to the place
+    that its tangent foresaw, and how far beyond it they came to rest, x (n, 3) m and directors d
+    (n, 3)."""
+
+    travel: Array
+    x: Array
+    d: Array
 
 
 @dataclass(frozen=True)
@@ -40,6 +54,8 @@ class HoodState:
     solution: Solution | None = None
     iterations: int = 0
     """Newton iterations since the start."""
+    bend: Bend | None = None
+    """None where the last step was not foreseen."""
 
 
 @dataclass(frozen=True)
@@ -68,11 +84,11 @@ class ShellHood:
         return (*self.groups, TIE, *HELD)
 
     def start(self, motion: Motion) -> HoodState:
-        """The rest shape carried by the bones to `motion`."""
+        """The rest shape, to be carried by the bones from the rest pose."""
         self._check(motion)
         m = self.model
         rest = Configuration(m.reference, m.directors, self.rest.position, self.rest.rotation)
-        return HoodState(motion, self._carried(rest, motion))
+        return HoodState(self.rest, rest)
 
     def advance(self, state: HoodState, motion: Motion, tension: Array, dt: float) -> Response:
         """Static equilibrium at `motion` under `tension` (nt,); a massless hood has no memory, so
@@ -84,29 +100,23 @@ class ShellHood:
             raise InputError(
                 f"expected {len(self.tendons)} finite tensions {self.tendons}, got {tension}"
             )
-        solution, iterations = self._solve(state, motion, tension, MOST_HALVINGS)
-        c = solution.configuration
+        new = self._solve(state, motion, tension, MOST_HALVINGS)
+        c, solution = new.configuration, _solved(new)
         load = Load(self.bodies, self.sources, self._by_source(solution), self._pull(c, tension))
-        new = HoodState(motion, c, solution, state.iterations + iterations)
         return Response(new, load, self.model.excursion(c))
 
     def jacobian(self, state: HoodState) -> HoodJacobian:
         """Derivatives by back-substitution with the factor of the solved state."""
         s = _solved(state)
-        by_motion, wrench_motion, by_tension, wrench_tension = s.model.coupling(
-            s.configuration, s.evaluation, s.tension
-        )
-        free = self.model.free
-        right = np.hstack([by_motion, by_tension])[free]
-        follow = -s.factor.solve(right)
-        nm = by_motion.shape[1]
-        load = -by_motion[free].T @ follow
-        excursion = -by_tension[free].T @ follow
+        by_motion, wrench_motion, by_tension, wrench_tension = s.coupling
+        free, nm = self.model.free, by_motion.shape[1]
+        load = by_motion[free].T @ s.follow
+        excursion = by_tension[free].T @ s.follow
         return HoodJacobian(
-            wrench_motion + load[:, :nm],
-            wrench_tension + load[:, nm:],
-            excursion[:, :nm],
-            excursion[:, nm:],
+            wrench_motion - load[:, :nm],
+            wrench_tension - load[:, nm:],
+            -excursion[:, :nm],
+            -excursion[:, nm:],
         )
 
     def to_arrays(self, state: HoodState) -> dict[str, Array]:
@@ -119,6 +129,8 @@ class ShellHood:
             s = state.solution
             out |= {"tension": s.tension, "residual": np.array(s.residual)}
             out["counts"] = np.array([s.iterations, s.solves])
+        if state.bend is not None:
+            out |= {f"bend/{k}": v for k, v in vars(state.bend).items()}
         return out
 
     def from_arrays(self, arrays: Mapping[str, Array]) -> HoodState:
@@ -137,7 +149,10 @@ class ShellHood:
             iterations, solves = (int(n) for n in arrays["counts"])
             residual = float(arrays["residual"])
             solution = Solution(self.model, c, evaluation, tension, iterations, solves, residual)
-        return HoodState(motion, c, solution, int(arrays["iterations"]))
+        bend = None
+        if "bend/x" in arrays:
+            bend = Bend(arrays["bend/travel"], arrays["bend/x"], arrays["bend/d"])
+        return HoodState(motion, c, solution, int(arrays["iterations"]), bend)
 
     def loosely(self, tolerance: float) -> ShellHood:
         """The same shell, its Newton stopped at a relative residual of `tolerance`."""
@@ -162,51 +177,78 @@ class ShellHood:
         d[self.model.ties.node] = slid.d[self.model.ties.node]
         return Configuration(x, d, motion.position, motion.rotation)
 
-    def _predicted(self, s: Solution, motion: Motion, tension: Array) -> Configuration:
-        """First-order prediction of the hood at a nearby motion under other tensions (nt,) N."""
-        m, c = s.model, s.configuration
-        by_motion, _, by_tension, _ = m.coupling(c, s.evaluation, s.tension)
-        twist = Motion(self.bodies, c.position, c.rotation).twist_to(motion).ravel()
-        right = by_motion @ twist + by_tension @ (tension - s.tension)
-        step = np.zeros(m.pattern.size)
-        step[m.free] = -s.factor.solve(right[m.free])
-        return m.posed(m.stepped(c, s.evaluation.bases, step), motion.position, motion.rotation)
-
-    def _guess(
+    def _foreseen(
         self, state: HoodState, motion: Motion, tension: Array
-    ) -> tuple[Configuration, bool]:
-        """Where to begin, and whether that is near."""
-        twist = state.motion.twist_to(motion)
-        if state.solution is None or np.abs(twist[:, 3:]).max() > SMALL_TURN:
-            return self._carried(state.configuration, motion), False
-        pulled = np.abs(tension - state.solution.tension).max(initial=0.0)
+    ) -> tuple[Solution, Configuration] | None:
+        """The state's solution and, to first order, the hood at a nearby motion under other
+        tensions; None where the change is too large for that."""
+        s, twist = state.solution, state.motion.twist_to(motion)
+        if s is None or np.abs(twist[:, 3:]).max() > SMALL_TURN:
+            return None
+        pulled = np.abs(tension - s.tension).max(initial=0.0)
         if pulled > SMALL_PULL * max(np.abs(tension).max(initial=0.0), NO_PULL):
-            return self._carried(state.configuration, motion), False
-        return self._predicted(state.solution, motion, tension), True
+            return None
+        m, c = self.model, s.configuration
+        step = np.zeros(m.pattern.size)
+        step[m.free] = s.follow @ np.concatenate([twist.ravel(), tension - s.tension])
+        c = m.stepped(c, s.evaluation.bases, step)
+        return s, m.posed(c, motion.position, motion.rotation)
 
-    def _solve(
-        self, state: HoodState, motion: Motion, tension: Array, halvings: int
-    ) -> tuple[Solution, int]:
-        """Solve at once, and where that fails half the way first."""
+    def _bent(self, state: HoodState, foreseen: Configuration) -> Configuration:
+        """What is foreseen, and beyond it what the last step's tangent missed: to second order in
+        the travel, of which that step says how much this one has."""
+        bend, c = state.bend, foreseen
+        if bend is None:
+            return c
+        travel = c.x - state.configuration.x
+        growth = np.vdot(travel, bend.travel) / (np.vdot(bend.travel, bend.travel) or np.inf)
+        if abs(growth) > MOST_GROWTH:
+            return c
+        d = c.d + growth**2 * bend.d
+        d /= np.linalg.norm(d, axis=1, keepdims=True)
+        bent = Configuration(c.x + growth**2 * bend.x, d, c.position, c.rotation)
+        return self.model.posed(bent, c.position, c.rotation)
+
+    def _solve(self, state: HoodState, motion: Motion, tension: Array, halvings: int) -> HoodState:
+        """Solve at once, and where that fails half the way first; at last by a damped motion."""
         try:
-            guess, near = self._guess(state, motion, tension)
-            solution = self._equilibrium(state, guess, tension, near)
-            return solution, solution.iterations
-        except ConvergenceError:
+            return self._reached(state, motion, tension)
+        except ConvergenceError as error:
             if halvings == 0:
-                raise
+                return self._relaxed(state, motion, tension, error)
         before = state.solution.tension if state.solution else 0.0 * tension
         half = midway(state.motion, motion)
-        first, n1 = self._solve(state, half, (before + tension) / 2, halvings - 1)
-        middle = HoodState(half, first.configuration, first)
-        second, n2 = self._solve(middle, motion, tension, halvings - 1)
-        return second, n1 + n2
+        middle = self._solve(state, half, (before + tension) / 2, halvings - 1)
+        return self._solve(middle, motion, tension, halvings - 1)
+
+    def _reached(self, state: HoodState, motion: Motion, tension: Array) -> HoodState:
+        near = self._foreseen(state, motion, tension)
+        if near is None:
+            guess = self._carried(state.configuration, motion)
+            s = self._equilibrium(state, guess, tension, None)
+            return HoodState(motion, s.configuration, s, state.iterations + s.iterations)
+        before, foreseen = near
+        s = self._equilibrium(state, self._bent(state, foreseen), tension, before)
+        c = s.configuration
+        bend = Bend(foreseen.x - state.configuration.x, c.x - foreseen.x, c.d - foreseen.d)
+        return HoodState(motion, c, s, state.iterations + s.iterations, bend)
+
+    def _relaxed(
+        self, state: HoodState, motion: Motion, tension: Array, error: ConvergenceError
+    ) -> HoodState:
+        guess = self._carried(state.configuration, motion)
+        try:
+            c = relax(self.model, guess, tension)
+            s = self._equilibrium(state, c, tension, None)
+        except ConvergenceError:
+            raise error from None
+        return HoodState(motion, s.configuration, s, state.iterations + s.iterations)
 
     def _equilibrium(
-        self, state: HoodState, guess: Configuration, tension: Array, near: bool
+        self, state: HoodState, guess: Configuration, tension: Array, near: Solution | None
     ) -> Solution:
         if self.augment is None:
-            return solve(self.model, guess, tension, self.options, near)
+            return solve(self.model, guess, tension, self.options, near is not None, near)
         model = settled(state.solution) if state.solution else self.model
         return solve_augmented(model, guess, tension, self.options, self.augment)
 

@@ -135,7 +135,7 @@ def rod_job(across: int) -> tuple[Job, float]:
 
 
 def job_normal_up(job: Job) -> bool:
-    from fe_solver.hood_model import node_directors
+    from fe_solver.mesh_geometry import node_directors
 
     return bool(node_directors(job.points, job.quads)[:, 2].mean() > 0)
 

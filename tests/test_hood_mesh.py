@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from cosim.build import hood_mesh
 from cosim.case import load_case
 from cosim.port import InputError
-from fe_solver.hood_model import node_directors
+from fe_solver.mesh_geometry import node_directors
 from fe_solver.shell import shell_tables
 from fe_solver.shell_hood import ShellHood
 from meshes.hood_mesh import ENDS, REGIONS, SPRINGS, Attachment, HoodMesh, read, to_json, write

@@ -10,6 +10,7 @@ import shells
 from shells import NO_TENSION, at_rest, clamped, guided, plate, sheet
 
 from cosim.port import ConvergenceError, rotation_matrix
+from fe_solver import newton
 from fe_solver.guides import Guides
 from fe_solver.model import Configuration, ShellModel
 from fe_solver.newton import NewtonOptions, Solution, factorised, residual_norm, solve
@@ -328,3 +329,88 @@ def test_wrenches_are_conjugate_to_the_bodies_motion(model, solved):
         assert (potential(h) - potential(-h)) / (2 * h) == pytest.approx(
             -np.vdot(wrench, twist), rel=1e-6
         )
+
+
+def followed(model: ShellModel, solved: Solution, kept: bool) -> Solution:
+    """The strap under a little more tension, from where its tangent foresees it."""
+    more, c = 1.001 * TENSION, solved.configuration
+    step = np.zeros(model.pattern.size)
+    step[model.free] = solved.follow[:, -len(TENSION) :] @ (more - TENSION)
+    start = model.stepped(c, solved.evaluation.bases, step)
+    return solve(model, start, more, TIGHT, True, solved if kept else None)
+
+
+def factors(monkeypatch) -> list[int]:
+    """Grows by one with every new tangent that Newton factorises."""
+    made: list[int] = []
+    real = newton._step
+
+    def step(*args):
+        made.append(1)
+        return real(*args)
+
+    monkeypatch.setattr(newton, "_step", step)
+    return made
+
+
+def test_an_old_factor_serves_where_it_lowers_the_residual_fast(model, solved, monkeypatch):
+    new = followed(model, solved, kept=False)
+    made = factors(monkeypatch)
+    old = followed(model, solved, kept=True)
+    assert len(made) < new.iterations
+    assert old.configuration.x == pytest.approx(new.configuration.x, abs=1e-11)
+    residual, force = residual_norm(model, old.evaluation)
+    assert residual <= 1e-11 * force
+    assert old.evaluation.data is not None
+
+
+def test_an_old_factor_that_does_not_serve_is_given_up(model, solved):
+    """A wrong factor costs iterations, not the answer."""
+    wrong = replace(solved)
+    vars(wrong)["factor"] = factorised(model, 100.0 * solved.evaluation.data)
+    start = perturbed(model, solved.configuration, 1e-9)
+    found = solve(model, start, TENSION, TIGHT, True, wrong)
+    assert found.configuration.x == pytest.approx(solved.configuration.x, abs=1e-11)
+
+
+def test_follow_is_how_the_nodes_follow_the_tensions(model, solved):
+    h = 1e-4
+    ahead, behind = (
+        solve(model, solved.configuration, TENSION + s * h * np.eye(2)[0], TIGHT, True)
+        for s in (1, -1)
+    )
+    slope = (ahead.configuration.x - behind.configuration.x) / (2 * h)
+    step = np.zeros(model.pattern.size)
+    step[model.free] = solved.follow[:, -2]
+    moved = np.einsum("nij,nj->ni", solved.evaluation.bases[0], step.reshape(-1, 5)[:, :3])
+    assert moved == pytest.approx(slope, abs=1e-6 * np.abs(slope).max())
+
+
+@pytest.mark.parametrize("convex", [False, True])
+def test_a_tangent_made_later_is_the_same(model, solved, convex):
+    c = perturbed(model, solved.configuration, 1e-5)
+    at_once = model.evaluate(c, TENSION, True, convex)
+    later = model.with_tangent(c, model.evaluate(c, TENSION, False, convex))
+    assert np.array_equal(at_once.data, later.data)
+    assert np.array_equal(at_once.reduced, later.reduced)
+
+
+def test_a_node_that_leaves_a_bone_is_put_where_its_force_holds_it():
+    """One node of a floating sheet on a floor, pressed at depth b with c b^2 and let go to a force
+    of a hundredth: Newton halves b, b/10 is the answer."""
+    X, quads = shells.mapped(2, 2, lambda uv: np.column_stack([0.01 * uv, 0 * uv[:, 0]]))
+    model = sheet(X, quads, 1e3, 0.3, 0.1e-3)
+    contact = shells.contact(model, Sphere(np.array([0, 0, -1.0]), 1.0), np.array([0]), 1e9, 1e-4)
+    model = replace(model, contacts=(contact,))
+    start = at_rest(model)
+    e = model.evaluate(start, NO_TENSION, tangent=False)
+    b = e.points.depth[0] + 1e-4
+    force, slope = np.linalg.norm(e.points.gradient[0]), e.points.stiffness[0] * b / 2e-4
+    step = np.zeros(model.pattern.size)
+    step[2] = 0.99 * force / slope
+    pressed = newton._pressed(model, e, step)
+    assert b - step[2] == pytest.approx(b * 0.505)
+    assert b - pressed[2] == pytest.approx(b / 10, rel=1e-6)
+    assert np.array_equal(pressed[3:], step[3:])
+    near = newton._pressed(model, e, 0.1 * step)
+    assert np.array_equal(near, 0.1 * step)

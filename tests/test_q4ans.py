@@ -23,10 +23,10 @@ from fe_solver.febio.read import read_feb
 from fe_solver.febio.remade import not_covered, remade
 from fe_solver.febio.solid_laws import normal_modulus, solid_stress
 from fe_solver.fibre_materials import TransIsoMooneyRivlin
-from fe_solver.hood_model import node_areas, node_directors
 from fe_solver.job import Held, NodalForce, Part, Pressure, SpringLaw, Tied
 from fe_solver.job_solve import JobResult, solve_job
 from fe_solver.materials import Isotropic, Orthotropic
+from fe_solver.mesh_geometry import node_areas, node_directors
 from fe_solver.verification.febio_rows import FEBIO_STRESS, MPA, febio_law
 
 RNG = np.random.default_rng(5)

@@ -19,7 +19,7 @@ from fe_solver.hood_model import ContactLaw, Sheet, Tendon, shell_hood
 from fe_solver.materials import Isotropic
 from fe_solver.newton import NewtonOptions
 from fe_solver.section import one_law
-from fe_solver.shell_hood import TIE, ShellHood
+from fe_solver.shell_hood import TIE, HoodState, ShellHood
 from meshes.hood_mesh import HoodMesh
 from meshes.skeleton import BODIES
 
@@ -191,3 +191,56 @@ def test_augmented_contact_does_not_penetrate_and_balances(motion, setting):
     assert np.array_equal(again.load.wrench, second.load.wrench)
     rubbing = first.state.solution.model.contacts[1].grip
     assert (rubbing is not None and rubbing.limit.max() > 0) == setting.startswith("friction")
+
+
+def turns(motion: Motion, sizes: list[float]) -> list[Motion]:
+    """The finger's bodies turned about the flexion axis, rad."""
+    twist = np.zeros((4, 6))
+    twist[1:, 4] = 1.0
+    return [motion.displaced(size * twist) for size in sizes]
+
+
+def walked(hood: ShellHood, solved: Response, motions: list[Motion]) -> HoodState:
+    state = solved.state
+    for motion in motions:
+        state = hood.advance(state, motion, TENSION, STATIC).state
+    return state
+
+
+def missed(hood: ShellHood, state: HoodState, motion: Motion) -> tuple[float, float]:
+    """m, how far the hood is from where its tangent foresees it, and from where it begins."""
+    _, foreseen = hood._foreseen(state, motion, TENSION)
+    begun = hood._bent(state, foreseen)
+    end = hood.advance(state, motion, TENSION, STATIC).state.configuration.x
+    return np.abs(end - foreseen.x).max(), np.abs(end - begun.x).max()
+
+
+def test_the_last_steps_miss_foretells_the_next(hood, solved, motion):
+    first, second, third = turns(motion, [2e-5, 4e-5, 5e-5])
+    state = walked(hood, solved, [first])
+    for ahead in (second, third):
+        linear, bent = missed(hood, state, ahead)
+        assert bent < 0.3 * linear
+        state = walked(hood, Response(state, None, None), [ahead])
+
+
+def test_a_step_of_another_size_is_not_foretold(hood, solved, motion):
+    first, far = turns(motion, [1e-5, 1e-3])
+    state = walked(hood, solved, [first])
+    _, foreseen = hood._foreseen(state, far, TENSION)
+    assert hood._bent(state, foreseen) is foreseen
+    assert solved.state.bend is None
+    assert hood._bent(solved.state, foreseen) is foreseen
+
+
+def test_arrays_hold_all_that_the_next_step_begins_from(hood, solved, motion):
+    first, second, third = turns(motion, [2e-5, 4e-5, 6e-5])
+    state = walked(hood, solved, [first, second])
+    again = hood.from_arrays(hood.to_arrays(state))
+    one, other = (hood.advance(s, third, TENSION, STATIC) for s in (state, again))
+    assert np.array_equal(one.load.wrench, other.load.wrench)
+    assert np.array_equal(one.state.configuration.x, other.state.configuration.x)
+    assert one.state.iterations == other.state.iterations
+    jacobians = hood.jacobian(state), hood.jacobian(again)
+    assert np.array_equal(*(j.load_motion for j in jacobians))
+    assert set(hood.to_arrays(solved.state)) < set(hood.to_arrays(state))

@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..fibre_materials import TransIsoMooneyRivlin
-from ..hood_model import node_directors
 from ..hyperelastic import NeoHookean
 from ..job import ContactPair, Job
 from ..materials import Isotropic, Law
+from ..mesh_geometry import node_directors
 from ..section import Patch
 from ..tension_field import TensionField
 

@@ -20,12 +20,12 @@ from numpy.typing import NDArray
 from cosim.port import ConvergenceError, InputError
 
 from ..fibre_materials import TransIsoMooneyRivlin
-from ..hood_model import is_triangle, node_directors
 from ..job import ZERO, ContactPair, Job
 from ..job_model import JobModel
 from ..job_solve import JobResult
 from ..linear_algebra import Analysis, Factor, NotPositiveDefiniteError, SuperLUAnalysis, analyse
 from ..materials import Law
+from ..mesh_geometry import is_triangle, node_directors
 from ..springs import Springs, spring_forces, spring_state
 from .facets import Facets, Pressed, cut, pressed
 from .q4ans import SolidTables, solid_response, solid_tables

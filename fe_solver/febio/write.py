@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from cosim.port import InputError
 
-from ..hood_model import node_directors
 from ..job import Job
 from ..materials import Law
+from ..mesh_geometry import node_directors
 from .bodies import Units
 from .law_write import law_line, oriented
 from .write_conditions import SAME_POINT, Conditions, Lines, number, row, whole

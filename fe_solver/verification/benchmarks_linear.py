@@ -8,7 +8,7 @@ import numpy as np
 
 from cosim.verification import Row
 
-from ..hood_model import node_areas
+from ..mesh_geometry import node_areas
 from ..shell import Array
 from .paths import error_order, halving_order
 from .sheets import clamped, grid, linear_response, mirrored, plate, sheet

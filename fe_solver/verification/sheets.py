@@ -9,8 +9,8 @@ import numpy as np
 
 from ..contact import Contact
 from ..guides import Guides, Ties
-from ..hood_model import node_areas, node_directors
 from ..materials import Isotropic, Law
+from ..mesh_geometry import node_areas, node_directors
 from ..model import Configuration, ShellModel
 from ..newton import NewtonOptions
 from ..section import one_law
