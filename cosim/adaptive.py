@@ -38,6 +38,8 @@ class Control:
 class Adapted(NamedTuple):
     """An accepted step."""
 
+    half: Coupled
+    """After the first of its halves."""
     state: Coupled
     error: float
     """rad, estimated."""
@@ -59,22 +61,22 @@ def adaptive(
     control: Control,
 ) -> Adapted:
     """One step of at most `dt` s as two halves by `scheme`, whose angles are within the tolerance
-    of a whole step by Linear.
+    of a whole step by Linear.  A step that is rejected is never tried shorter than the floor.
 
     The hood solves of the whole and of rejected steps are counted, those of failed ones are not.
     Raises ConvergenceError where a step of the floor's length misses the tolerance, or fails."""
-    h, rejected, more = min(max(dt, control.floor), control.ceiling), 0, 0
+    h, rejected, more = min(dt, control.ceiling), 0, 0
     while True:
         found = _tried(scheme, finger, hood, state, tension, h)
         if isinstance(found, ConvergenceError):
             error, proposed = np.nan, 0.5 * h
         else:
-            halves, error, solves = found
+            half, halves, error, solves = found
             proposed = h * _growth(control.tolerance, error)
             more += solves
             if error <= control.tolerance:
                 after = replace(halves, solves=halves.solves + more)
-                return Adapted(after, error, h, min(proposed, control.ceiling), rejected)
+                return Adapted(half, after, error, h, min(proposed, control.ceiling), rejected)
             more += halves.solves - state.solves
         if h <= control.floor:
             raise _stopped(state.time, h, error, control) from (
@@ -90,18 +92,17 @@ def _tried(
     state: Coupled,
     tension: Pulls,
     h: float,
-) -> tuple[Coupled, float, int] | ConvergenceError:
-    """The state after two halves, their error in rad, and the hood solves of the whole step; or why
-    there is none."""
+) -> tuple[Coupled, Coupled, float, int] | ConvergenceError:
+    """The states after one half and after two, their error in rad, and the hood solves of the whole
+    step; or why there is none."""
     try:
-        halves = state
-        for _ in range(2):
-            halves = step(scheme, finger, hood, halves, tension, 0.5 * h)
+        half = step(scheme, finger, hood, state, tension, 0.5 * h)
+        halves = step(scheme, finger, hood, half, tension, 0.5 * h)
         whole = step(Linear(), finger, hood, state, tension, h)
     except ConvergenceError as failure:
         return failure
     error = np.abs(finger.angles(halves.finger) - finger.angles(whole.finger)).max()
-    return halves, float(error), whole.solves - state.solves
+    return half, halves, float(error), whole.solves - state.solves
 
 
 def _growth(tolerance: float, error: float) -> float:

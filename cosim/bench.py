@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from statistics import median
+from statistics import fmean, median
 from time import perf_counter
 
-from cosim.case_schema import Case
+from cosim.build import build
+from cosim.build_forward import together
+from cosim.case_schema import Case, Forward
+from cosim.motion import moments
 from cosim.port import InputError
 from cosim.run import settled, solve
 
 REPEATS = 5
+EVERY = 25
+"""Steps of a motion between two measurements of its tangent."""
 
 
 def bench_case(case: Case) -> dict[str, float]:
@@ -17,7 +22,10 @@ def bench_case(case: Case) -> dict[str, float]:
 
     `warm_run_s`: the loaded equilibrium with its audit, once models and the unloaded state are
     there, as they are from the second case of a batch on; `cold_run_s`: models and both equilibria,
-    with the bones' distances baked.  Raises InputError for a hood without a tangent."""
+    with the bones' distances baked.  Of a motion see `bench_motion`.  Raises InputError for a hood
+    without a tangent."""
+    if case.forward is not None:
+        return bench_motion(case, case.forward)
     models, states = solve(case)
     if models.linear is None:
         raise InputError(f"{case.name}: bench needs a shell hood")
@@ -36,6 +44,33 @@ def bench_case(case: Case) -> dict[str, float]:
         "factorisation_s": factorisation,
         "ratio": median(warm) / (assembly + factorisation),
         "cold_ratio": min(cold) / (assembly + factorisation),
+    }
+
+
+def bench_motion(case: Case, forward: Forward) -> dict[str, float]:
+    """Means over the steps of a coupled motion, s, and their ratio; assembly and factorisation of
+    the hood's own tangent are measured between its steps."""
+    if case.hood.kind != "shell":
+        raise InputError(f"{case.name}: bench needs a shell hood")
+    both, tangent = together(case, forward), build(case).linear
+    assert tangent is not None  # of a shell
+    moves = both.moves
+    begun = moves.begin(both.finger.begin(both.posture))
+    steps, floors = [], []
+    start = perf_counter()
+    for now in moments(moves, begun, round(forward.duration / forward.step), lambda text: None):
+        steps.append(perf_counter() - start)
+        if len(steps) % EVERY == 1:
+            both_s = [tangent(now.coupled.hood) for _ in range(REPEATS)]
+            floors.append([median(column) for column in zip(*both_s, strict=True)])
+        start = perf_counter()
+    assembly, factorisation = (fmean(column) for column in zip(*floors, strict=True))
+    return {
+        "steps": len(steps),
+        "step_s": fmean(steps),
+        "assembly_s": assembly,
+        "factorisation_s": factorisation,
+        "ratio": fmean(steps) / (assembly + factorisation),
     }
 
 

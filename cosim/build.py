@@ -8,9 +8,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cosim.build_finger import check_fit, check_tendons, live_finger, skeleton_of
+from cosim.build_finger import (
+    check_fit,
+    check_tendons,
+    live_finger,
+    our_finger,
+    skeleton_of,
+    width_of,
+)
 from cosim.build_muscles import CaseMuscles, live_muscles
-from cosim.build_shell import HoodLook, Triangles, laid_mesh, linear, look, shell_hood_of
+from cosim.build_shell import (
+    HoodLook,
+    Triangles,
+    UnderHood,
+    laid_mesh,
+    linear,
+    look,
+    shell_hood_of,
+)
 from cosim.case_finger import Bone, IndexFinger, MiddleFinger
 from cosim.case_schema import Case, FmuHood, MeshFile, PathPoint, PulleyHood, ShellHood
 from cosim.port import Array, Finger, Hood, InputError, Motion, State
@@ -51,10 +66,17 @@ class Models:
 
     def strings(self, motion: Motion) -> dict[str, Array]:
         """(k, 3) m, the cables' points in the world at some poses."""
-        return {
-            f"{name} cable": np.array([_placed(motion, *point) for point in points])
-            for name, points in self.cables.items()
-        }
+        return drawn_cables(self.cables, motion)
+
+
+def drawn_cables(
+    cables: Mapping[str, Sequence[tuple[str, Array]]], motion: Motion
+) -> dict[str, Array]:
+    """(k, 3) m, points of cables (bodies and points in their frames, by tendon) in the world."""
+    return {
+        f"{name} cable": np.array([_placed(motion, *point) for point in points])
+        for name, points in cables.items()
+    }
 
 
 def _placed(motion: Motion, body: str, point: Array) -> Array:
@@ -64,17 +86,14 @@ def _placed(motion: Motion, body: str, point: Array) -> Array:
 
 def build(case: Case) -> Models:
     """Models of a case.  Raises InputError for what only building finds out."""
-    posture, resting = case.finger.posture.angles(), case.solve.resting_tension
     check_fit(case)
-    finger = live_finger(case.finger, case.hood)
+    stated, resting = our_finger(case), case.solve.resting_tension
+    posture, finger = stated.posture.angles(), live_finger(stated, case.hood)
     muscles = live_muscles(case)
     bones = drawn_bones(case)
-    if not (isinstance(case.finger, IndexFinger) and isinstance(case.hood, ShellHood)):
-        hood = _unit(case.hood, finger) if isinstance(case.hood, FmuHood) else _cables(case, finger)
-        cables = {
-            name: [(p.body, np.array(p.point)) for p in path] for name, path in _paths(case).items()
-        }
-        return Models(finger, hood, posture, resting, bones, muscles, None, None, cables)
+    if not (isinstance(case.finger, UnderHood) and isinstance(case.hood, ShellHood)):
+        hood = hood_on(case, finger.motion(finger.start({})))
+        return Models(finger, hood, posture, resting, bones, muscles, None, None, cables_of(case))
     mesh = hood_mesh(case)
     shell = shell_hood_of(case, case.hood, skeleton_of(case.finger), bones, mesh)
     return Models(
@@ -100,9 +119,9 @@ def tensions(case: Case, models: Models) -> tuple[Array, Array]:
 
 def hood_mesh(case: Case) -> HoodMesh:
     """The mesh of a case's shell hood, read or generated."""
-    if not (isinstance(case.finger, IndexFinger) and isinstance(case.hood, ShellHood)):
+    if not (isinstance(case.finger, UnderHood) and isinstance(case.hood, ShellHood)):
         raise InputError(f"{case.name}: has no shell hood, so it has no mesh")
-    return laid_mesh(case.hood, case.finger, skeleton_of(case.finger), _bones(case.finger))
+    return laid_mesh(case.hood, case.finger, skeleton_of(case.finger), drawn_bones(case))
 
 
 def check_mesh_file(case: Case) -> None:
@@ -131,7 +150,7 @@ def _bones(finger: IndexFinger) -> dict[str, Triangles]:
 
 def drawn_bones(case: Case) -> dict[str, Triangles]:
     """Surfaces of the bones in their bodies' frames, m."""
-    finger = case.finger
+    finger = our_finger(case)
     if isinstance(finger, IndexFinger):
         return _bones(finger)
     return _longer_bones(finger) if isinstance(finger, MiddleFinger) else _rods(finger.lengths)
@@ -155,15 +174,15 @@ def _rods(lengths: tuple[float, float, float]) -> dict[str, Triangles]:
 
 
 def _longer_bones(finger: MiddleFinger) -> dict[str, Triangles]:
-    """For pictures only: the index finger's bones, as long as the middle finger's."""
+    """The index finger's bones, each as long as the middle finger's and as much wider as its tendon
+    paths are, in its bodies' frames; the metacarpal longer by the phalanges' mean."""
     from meshes.bones import load_bone
     from meshes.skeleton import BODIES, index_finger
-    from rigid.middle_finger import skeleton
 
-    longer = skeleton().length[1:] / index_finger().length[1:] * finger.length_scale
+    longer = skeleton_of(finger).length[1:] / index_finger().length[1:]
     along = np.concatenate([[longer.mean()], longer])
     return {
-        body: load_bone(body).scaled(factor, longer.mean()).surface()
+        body: load_bone(body).scaled(factor, width_of(finger)).surface()
         for body, factor in zip(BODIES, along, strict=True)
     }
 
@@ -198,12 +217,27 @@ def _paths(case: Case) -> Mapping[str, Sequence[PathPoint]]:
     return case.hood.paths if isinstance(case.hood, PulleyHood) else {}
 
 
-def _unit(hood: FmuHood, finger: Finger) -> Hood:
+def cables_of(case: Case) -> dict[str, list[tuple[str, Array]]]:
+    """Bodies and points (3,) m in their frames of a pulley hood's cables, by tendon."""
+    return {
+        name: [(p.body, np.array(p.point)) for p in path] for name, path in _paths(case).items()
+    }
+
+
+def hood_on(case: Case, rest: Motion) -> Hood:
+    """A hood that is no shell, on bodies whose poses `rest` are those that cables' excursions count
+    from.  Raises InputError."""
+    if isinstance(case.hood, FmuHood):
+        return _unit(case.hood, rest.bodies)
+    return _cables(case, rest)
+
+
+def _unit(hood: FmuHood, bodies: tuple[str, ...]) -> Hood:
     from cosim.fmu.participant import FmuHood as Unit
 
     return Unit(
         hood.path,
-        finger.bodies,
+        bodies,
         hood.tendons,
         hood.sources,
         hood.map,
@@ -212,11 +246,11 @@ def _unit(hood: FmuHood, finger: Finger) -> Hood:
     )
 
 
-def _cables(case: Case, finger: Finger) -> Hood:
+def _cables(case: Case, rest: Motion) -> Hood:
     """The pulley hood, of no cables where the finger's own tendons stand for the hood."""
     from rigid.pulley import Cable
     from rigid.pulley import PulleyHood as Pulleys
 
     paths = _paths(case)
     cables = {name: Cable(tuple((p.body, p.point) for p in path)) for name, path in paths.items()}
-    return Pulleys(cables, finger.motion(finger.start({})))
+    return Pulleys(cables, rest)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cosim.build_course import factor_of
-from cosim.case_finger import HingeFinger, IndexFinger, MiddleFinger, PlanarFinger
+from cosim.case_finger import FmuFinger, HingeFinger, IndexFinger, MiddleFinger, PlanarFinger
 from cosim.case_schema import Case, FmuHood, PulleyHood, ShellHood, SplitHood
 from cosim.double_count import refuse, stated_pairs
 from cosim.port import Finger, InputError
@@ -24,21 +24,38 @@ if TYPE_CHECKING:
 LEAST_ARM = 1e-3
 """m, of the joints about a held tip; some 2 deg of flexion in all."""
 AnyFinger = IndexFinger | MiddleFinger | HingeFinger | PlanarFinger
+"""Those of our own."""
 OnMujoco = IndexFinger | MiddleFinger | PlanarFinger
 
 
 HOODS = {
     "index": ("shell", "pulley", "split", "fmu"),
-    "middle": ("pulley", "split", "fmu"),
+    "middle": ("shell", "pulley", "split", "fmu"),
     "planar": ("pulley", "fmu"),
     "hinge": ("pulley", "fmu"),
+    "fmu": ("pulley", "fmu"),
 }
 """Which hoods go on which finger."""
 
 
+def our_finger(case: Case) -> AnyFinger:
+    """The finger of a case.  Raises InputError for one in an FMU."""
+    if isinstance(case.finger, FmuFinger):
+        raise InputError(
+            f'{case.name}: finger.kind = "fmu" can be run and no more; for this take a finger of '
+            'our own: finger.kind = "index", "middle", "planar" or "hinge"'
+        )
+    return case.finger
+
+
+def held_by(case: Case) -> str:
+    """What holds the fingertip of a case: the word of its `finger.tip.kind`; "fmu" of a unit's."""
+    return case.finger.kind if isinstance(case.finger, FmuFinger) else case.finger.tip.kind
+
+
 def check_fit(case: Case) -> None:
     """Raises InputError where a case's parts do not go together or a course's file is no table."""
-    finger, hood, tip = case.finger.kind, case.hood.kind, case.finger.tip.kind
+    finger, hood = case.finger.kind, case.hood.kind
     if hood not in HOODS[finger]:
         words = " or ".join(f'"{kind}"' for kind in HOODS[finger])
         raise InputError(
@@ -48,6 +65,11 @@ def check_fit(case: Case) -> None:
         raise InputError(
             'forward takes a finger with mass: finger.kind = "index", "middle" or "planar"'
         )
+    if case.forward is not None and case.forward.adaptive is not None and hood == "split":
+        raise InputError(
+            'forward.adaptive is for a coupled motion; with hood.kind = "split" there is nothing '
+            "to couple, and steps are all as long as forward.step"
+        )
     courses = [name for name, tendon in case.tendons.items() if tendon.course is not None]
     if case.forward is None and courses:
         raise InputError(
@@ -56,27 +78,81 @@ def check_fit(case: Case) -> None:
         )
     for name in courses:
         factor_of(case.tendons[name].course)
-    drawn = [name for name, tendon in case.tendons.items() if tendon.excursion is not None]
-    if drawn and (case.forward is not None or case.coupling.scheme == "one_way"):
-        raise InputError(
-            f"tendons.{drawn[0]}.excursion: belongs to a coupled equilibrium; state a tension, or "
-            "leave out forward and coupling"
-        )
-    if case.forward is None and tip in ("cage", "shell"):
-        raise InputError(
-            f'finger.tip.kind = "{tip}" holds a finger in motion; add a table [forward], or hold '
-            'the tip at a point (kind = "point")'
-        )
+    _check_drawn(case)
+    _check_tip(case)
+    _check_unit(case)
     _check_scheme(case)
     refuse(case, stated_pairs(case, _own_tendons(case)))
     if not isinstance(case.hood, ShellHood):  # whose tendons its mesh has
         check_tendons(case, _hood_tendons(case) + _own_tendons(case))
 
 
+def _check_drawn(case: Case) -> None:
+    """Where tendons' ends may be displaced."""
+    drawn = [name for name, tendon in case.tendons.items() if tendon.excursion is not None]
+    if not drawn:
+        return
+    where = f"tendons.{drawn[0]}.excursion"
+    if case.coupling.scheme == "one_way":
+        raise InputError(
+            f"{where}: belongs to a finger and a hood that are coupled; state a tension, or "
+            "another coupling.scheme"
+        )
+    if case.forward is None:
+        return
+    if case.coupling.scheme in ("explicit", "jacobi"):
+        raise InputError(
+            f'{where}: with coupling.scheme = "{case.coupling.scheme}" the finger moves before the '
+            'hood feels a tension, which then draws no end; write "linear", "newton" or "implicit"'
+        )
+    if case.hood.kind == "split" or case.forward.adaptive is not None:
+        word = "forward.adaptive" if case.hood.kind != "split" else 'hood.kind = "split"'
+        raise InputError(f"{where}: does not go with {word} in a motion; state a tension")
+    for name in drawn:
+        if (first := factor_of(case.tendons[name].course)(0.0)) != 0.0:
+            raise InputError(
+                f"tendons.{name}.excursion: a motion begins with the tendon's end undisplaced, and "
+                f"the course with {first:g}; give it one that begins at 0, for example "
+                'course = { kind = "points", at = [["0 s", 0.0], ["0.2 s", 1.0]] }'
+            )
+
+
+def _check_tip(case: Case) -> None:
+    """What a finger in motion and one at rest can be held by; an FMU's holds itself."""
+    tip = held_by(case)
+    if case.forward is None and tip in ("cage", "shell"):
+        raise InputError(
+            f'finger.tip.kind = "{tip}" holds a finger in motion; add a table [forward], or hold '
+            'the tip at a point (kind = "point")'
+        )
+    if case.forward is not None and tip == "posture":
+        raise InputError(
+            'finger.tip.kind = "posture" holds every joint still, where nothing moves; leave out '
+            "[forward], or hold the tip otherwise"
+        )
+
+
+def _check_unit(case: Case) -> None:
+    """What a finger in an FMU cannot do at rest."""
+    if case.forward is not None or case.finger.kind != "fmu":
+        return
+    for name, tendon in case.tendons.items():
+        if tendon.muscle is not None or tendon.excursion is not None:
+            raise InputError(
+                f"tendons.{name}: with a finger in an FMU an equilibrium takes tensions or "
+                "activations, and neither muscle nor excursion"
+            )
+
+
 def _check_scheme(case: Case) -> None:
     scheme, lumping = case.coupling.scheme, case.coupling.one_way.lumping
-    if scheme == "one_way" and (case.forward is not None or case.hood.kind == "split"):
-        word = "forward" if case.forward is not None else 'hood.kind = "split"'
+    barred = {
+        "forward": case.forward is not None,
+        'hood.kind = "split"': case.hood.kind == "split",
+        'finger.kind = "fmu"': case.finger.kind == "fmu",
+    }
+    word = next((what for what, is_there in barred.items() if is_there), "")
+    if scheme == "one_way" and word:
         raise InputError(
             f'coupling.scheme = "one_way" is one pass from a hood at rest to a finger; it does not '
             f"go with {word}"
@@ -101,6 +177,8 @@ def _hood_tendons(case: Case) -> tuple[str, ...]:
 
 def _own_tendons(case: Case) -> tuple[str, ...]:
     finger = case.finger
+    if isinstance(finger, FmuFinger):
+        return finger.tendons
     return () if isinstance(finger, HingeFinger) else finger_model(finger, case.hood).muscles
 
 
@@ -141,11 +219,23 @@ def joint_ranges(finger: Finger) -> dict[str, tuple[float, float]]:
     return {joint: stated.get(joint, RANGES[joint]) for joint in finger.joints}
 
 
-def skeleton_of(finger: IndexFinger) -> Skeleton:
-    """The index finger's joints and lengths."""
+def skeleton_of(finger: IndexFinger | MiddleFinger) -> Skeleton:
+    """The finger's joints and lengths, as its MuJoCo model has them."""
     from meshes.skeleton import index_finger
+    from rigid.middle_finger import skeleton
 
-    return index_finger().scaled(finger.length_scale)
+    made = skeleton() if isinstance(finger, MiddleFinger) else index_finger()
+    return made.scaled(finger.length_scale)
+
+
+def width_of(finger: IndexFinger | MiddleFinger) -> float:
+    """How much wider the finger is than our index finger; of the middle finger after O2O3, the unit
+    of their tendon paths."""
+    from rigid import index_finger, middle_finger
+
+    if isinstance(finger, MiddleFinger):
+        return middle_finger.O2O3 / index_finger.O2O3 * finger.length_scale
+    return finger.width_scale
 
 
 def finger_model(finger: OnMujoco, hood: object) -> FingerModel:
@@ -158,6 +248,8 @@ def finger_model(finger: OnMujoco, hood: object) -> FingerModel:
         return index_finger.finger_model(skeleton_of(finger), unit, central=central)
     if isinstance(finger, PlanarFinger):
         return planar_chain(finger).model()
+    if isinstance(hood, ShellHood):
+        return middle_finger.under_a_hood(finger.length_scale)
     if central is None:
         return middle_finger.finger_model(finger.length_scale).with_only("FDP", "FDS")
     return middle_finger.finger_model(finger.length_scale, central)
@@ -167,11 +259,12 @@ def mjcf_of(case: Case) -> str:
     """The finger of a case as MJCF.  Raises InputError for one that has none."""
     from rigid.mjcf import mjcf_xml
 
-    if isinstance(case.finger, HingeFinger):
+    finger = our_finger(case)
+    if isinstance(finger, HingeFinger):
         raise InputError(
             f'{case.name}: finger.kind = "hinge" has no MuJoCo model; take another kind'
         )
-    return mjcf_xml(finger_model(case.finger, case.hood), case.finger.gravity)
+    return mjcf_xml(finger_model(finger, case.hood), finger.gravity)
 
 
 def planar_chain(finger: PlanarFinger) -> PlanarChain:
@@ -193,10 +286,10 @@ def _on_mujoco(finger: OnMujoco, hood: object) -> ChainFinger:
 
 
 def _support(kind: str, in_plane: bool) -> Support:
-    from rigid.support import CLAMPED, CLAMPED_IN_PLANE, FREE, HELD, IN_PLANE
+    from rigid.support import CLAMPED, CLAMPED_IN_PLANE, FREE, HELD, IN_PLANE, JOINTS_HELD
 
     point, clamped = (IN_PLANE, CLAMPED_IN_PLANE) if in_plane else (HELD, CLAMPED)
-    return {"point": point, "clamped": clamped}.get(kind, FREE)
+    return {"point": point, "clamped": clamped, "posture": JOINTS_HELD}.get(kind, FREE)
 
 
 def _hinges(finger: HingeFinger) -> ChainFinger:

@@ -2,27 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from cosim.build import Models, build
+from cosim.build import build, cables_of, hood_on
 from cosim.build_course import factor_of
-from cosim.build_finger import live_finger
+from cosim.build_finger import check_tendons, live_finger, our_finger
 from cosim.build_muscles import fibres
 from cosim.build_scheme import scheme_of
-from cosim.case_finger import CageTip, ShellTip
+from cosim.build_shell import HoodLook, Triangles
+from cosim.case_finger import CageTip, FmuFinger, ShellTip, Tendon
 from cosim.case_schema import Case, Forward
-from cosim.motion import Moves
-from cosim.port import Array, InputError, State
+from cosim.driven import Driven
+from cosim.motion import Moves, WatchedFinger
+from cosim.port import Array, Hood, InputError, State
 from cosim.snapshot import Special
 
 if TYPE_CHECKING:
     from rigid.device import Device
     from rigid.dynamics import Pull
     from rigid.forward import Simulation
-    from rigid.moving_mujoco import MovingMujoco
     from rigid.mujoco_finger import MujocoFinger
     from rigid.muscle.parameters import Muscles
 
@@ -45,10 +47,11 @@ def simulated(case: Case, forward: Forward) -> Moved:
     from rigid.forward import came_to_rest, simulate
     from rigid.mujoco_finger import MujocoFinger
 
-    finger = live_finger(case.finger, case.hood)
+    stated = our_finger(case)
+    finger = live_finger(stated, case.hood)
     assert isinstance(finger, MujocoFinger)  # what goes with a split
     muscles = TendonPulls(case, finger.tendons)
-    start = finger.start(case.finger.posture.angles())
+    start = finger.start(stated.posture.angles())
     dynamics = FingerDynamics(finger, start, muscles, _device(case))
     simulation = simulate(dynamics, forward.duration, forward.step)
     if forward.must_rest:
@@ -58,23 +61,33 @@ def simulated(case: Case, forward: Forward) -> Moved:
 
 @dataclass(frozen=True)
 class Together:
-    """A finger and a hood ready to move, and what pulls on them."""
+    """A finger and a hood ready to move, what pulls on them, and what pictures need."""
 
-    models: Models
     moves: Moves
     pulls: TendonPulls
+    posture: Mapping[str, float]
+    """rad, to begin in; none of a unit, which has its own."""
+    bones: Mapping[str, Triangles]
+    cables: Mapping[str, Sequence[tuple[str, Array]]]
+    look: Callable[[State], HoodLook] | None
 
     @property
-    def finger(self) -> MovingMujoco:
-        """The moving finger."""
-        from rigid.moving_mujoco import MovingMujoco
-
-        assert isinstance(self.moves.finger, MovingMujoco)
+    def finger(self) -> WatchedFinger:
         return self.moves.finger
+
+    @property
+    def hood(self) -> Hood:
+        return self.moves.hood
+
+    def first_tensions(self) -> Array:
+        """(nt,) N at t = 0, of the hood's tendons, then the finger's own."""
+        return self.moves.first_pull(self.finger.begin(self.posture))[1]
 
 
 def together(case: Case, forward: Forward) -> Together:
     """The models of a coupled motion.  Raises InputError."""
+    if isinstance(case.finger, FmuFinger):
+        return _with_unit(case, case.finger, forward)
     from rigid.moving_mujoco import MovingMujoco
     from rigid.mujoco_finger import MujocoFinger
 
@@ -82,22 +95,49 @@ def together(case: Case, forward: Forward) -> Together:
     assert isinstance(models.finger, MujocoFinger)  # what check_fit lets move
     finger = MovingMujoco(models.finger, _device(case))
     pulls = TendonPulls(case, (*models.hood.tendons, *finger.tendons))
-    law = models.finger.law
-    scheme = scheme_of(case.coupling)
-    moves = Moves(
-        scheme, finger, models.hood, pulls, lambda q, v: law.viscous(q, v)[0], forward.step
-    )
-    return Together(models, moves, pulls)
+    driven = _driven(case, pulls.tendons)
+    moves = Moves(scheme_of(case.coupling), finger, models.hood, pulls, forward.step, driven)
+    return Together(moves, pulls, models.posture, models.bones, models.cables, models.look)
 
 
-def special_states(models: Models) -> Special:
-    """How the states that hold more than arrays go into a checkpoint: a shell hood's is its shape,
-    from which its tangent is made anew."""
+def _with_unit(case: Case, table: FmuFinger, forward: Forward) -> Together:
+    """A finger in an FMU, with a hood that is no shell."""
+    from cosim.fmu.moving import FmuMovingFinger
+
+    names = table.bodies, table.joints, table.tendons
+    finger = FmuMovingFinger(table.path, *names, table.map, assume_si=table.assume_si)
+    hood = hood_on(case, finger.rest())
+    tendons = (*hood.tendons, *finger.tendons)
+    check_tendons(case, tendons)
+    pulls = TendonPulls(case, tendons)
+    driven = _driven(case, tendons)
+    moves = Moves(scheme_of(case.coupling), finger, hood, pulls, forward.step, driven)
+    return Together(moves, pulls, {}, {}, cables_of(case), None)
+
+
+def _driven(case: Case, tendons: tuple[str, ...]) -> Driven:
+    """The tendons whose ends are displaced, each by its excursion times its course."""
+    names = tuple(n for n in tendons if n in case.tendons and case.tendons[n].excursion is not None)
+    most = np.array([case.tendons[n].excursion for n in names], dtype=float)
+    courses = [factor_of(case.tendons[n].course) for n in names]
+    index = np.array([tendons.index(n) for n in names], dtype=int)
+    return Driven(names, index, lambda time: most * [course(time) for course in courses])
+
+
+def special_states(hood: Hood, finger: WatchedFinger | None = None) -> Special:
+    """How the states that hold more than arrays are written: a shell hood's is its shape, from
+    which its tangent is made anew; an FMU's is what it writes itself.
+
+    Raises InputError for a hood or a unit whose states cannot be."""
+    from cosim.fmu.moving import FmuMovingFinger
+    from cosim.fmu.participant import FmuHood
+    from cosim.fmu.unit import written_states
     from fe_solver.shell_hood import HoodState, ShellHood
 
-    hood = models.hood
+    units = [part.unit for part in (hood, finger) if isinstance(part, FmuHood | FmuMovingFinger)]
+    kept = written_states(units) if units else {}
     if not isinstance(hood, ShellHood):
-        return {}
+        return kept
     if hood.augment is not None:
         raise InputError(
             "forward.checkpoint: a hood whose contact is augmented (hood.contact.penetration or "
@@ -107,13 +147,13 @@ def special_states(models: Models) -> Special:
     def read(template: HoodState, arrays: dict[str, Any]) -> HoodState:
         return hood.from_arrays(arrays)
 
-    return {HoodState: (hood.to_arrays, read)}
+    return {**kept, HoodState: (hood.to_arrays, read)}
 
 
 def _device(case: Case) -> Device | None:
     from rigid.device import Cage, Contact, Shell
 
-    tip = case.finger.tip
+    tip = our_finger(case).tip
     if not isinstance(tip, CageTip | ShellTip):
         return None
     contact = Contact(
@@ -141,11 +181,13 @@ class Group(NamedTuple):
 
 class TendonPulls:
     """Stated tensions, and fibres that begin in equilibrium at their first excitation, each times
-    the factor of its course."""
+    the factor of its course; the resting tension of tendons whose ends are displaced."""
 
     def __init__(self, case: Case, tendons: tuple[str, ...]) -> None:
+        self.tendons = tendons
         self._stated = np.array([case.tension(name) for name in tendons])
-        courses = [case.tendons[n].course if n in case.tendons else None for n in tendons]
+        pulled = [case.tendons.get(name, Tendon()) for name in tendons]
+        courses = [t.course if t.excursion is None else None for t in pulled]
         self._factors = [factor_of(course) for course in courses]
         self._groups = [
             Group(muscles, activation, home, np.array([tendons.index(n) for n in muscles.names]))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from cosim.build import Models, build, tensions
-from cosim.build_finger import live_finger
+from cosim.build_finger import live_finger, our_finger
 from cosim.build_muscles import Pull, live_muscles
 from cosim.case_schema import Case
 from cosim.couple import CouplingOptions, Equilibrium, equilibrium
@@ -105,7 +105,7 @@ def _second(case: Case, first: Finger) -> Finger:
     """The finger of the second pass."""
     if case.coupling.one_way.passive:
         return first
-    return live_finger(case.finger.model_copy(update={"passive": {}}), case.hood)
+    return live_finger(our_finger(case).model_copy(update={"passive": {}}), case.hood)
 
 
 def _lumps(case: Case) -> bool:

@@ -22,9 +22,12 @@ from cosim.case_types import (
     Number,
     Phalanx,
     PipAngle,
+    Switch,
     Table,
+    TendonName,
 )
-from meshes.skeleton import JOINTS
+from cosim.fmu.quantity import FINGER_QUANTITIES
+from meshes.skeleton import BODIES, JOINTS
 
 
 class PlanarPosture(Table):
@@ -98,9 +101,10 @@ class Passive(Table):
 
 class HeldTip(Table):
     """The fingertip is held at a point: free to turn there ("point"), clamped against flexion too
-    ("clamped"), or not held at all ("free")."""
+    ("clamped"), or not held at all ("free"); with "posture" every joint is held instead, as bones
+    on a rig are."""
 
-    kind: Literal["point", "clamped", "free"]
+    kind: Literal["point", "clamped", "free", "posture"]
 
 
 class DeviceTip(Table):
@@ -268,6 +272,30 @@ class PlanarFinger(Table):
     gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, 0.0)
 
 
+class FmuFinger(Table):
+    """A finger in an FMU of FMI 2 or 3, which is a program and runs as one; it holds its posture,
+    joints and fingertip.  `bodies`, `joints` and `tendons` name its own, in its order; `map` says,
+    by quantity, how its variables are called where they are not called as in our own units."""
+
+    kind: Literal["fmu"]
+    path: File
+    bodies: Annotated[tuple[BodyName, ...], Field(min_length=2)] = BODIES
+    joints: Annotated[tuple[str, ...], Field(min_length=1)]
+    tendons: tuple[TendonName, ...] = ()
+    map: dict[Annotated[str, name_of("quantity", FINGER_QUANTITIES)], str] = Field(
+        default_factory=dict
+    )
+    assume_si: Switch = False
+
+    @model_validator(mode="after")
+    def _once(self) -> FmuFinger:
+        for what in ("bodies", "joints", "tendons"):
+            names = getattr(self, what)
+            if len(set(names)) < len(names):
+                raise fault(f"{what}: names one twice")
+        return self
+
+
 class Tendon(Table):
     """A muscle: its tension, or its greatest force and its activation (0..1); with neither it is
     at the resting tension.  The force of an activation is activation times the greatest force, or
@@ -279,9 +307,9 @@ class Tendon(Table):
     muscle: Millard | None = None
     excursion: Annotated[float, quantity(units.LENGTH, least="-50 mm", most="50 mm")] | None = None
     """In place of a tension: how far the tendon's end is drawn proximally from the unloaded state,
-    m; the tension that this takes is found."""
+    m, or in a motion from its start; the tension that this takes is found."""
     course: Course | None = None
-    """Over time, of a motion: what tension or activation is multiplied by."""
+    """Over time, of a motion: what tension, activation or excursion is multiplied by."""
 
     @model_validator(mode="after")
     def _one_way(self) -> Tendon:

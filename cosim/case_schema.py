@@ -10,7 +10,15 @@ from pydantic import Field, model_validator
 
 from cosim import units
 from cosim.case_fields import fault, name_of, quantity
-from cosim.case_finger import HingeFinger, IndexFinger, MiddleFinger, PlanarFinger, Posture, Tendon
+from cosim.case_finger import (
+    FmuFinger,
+    HingeFinger,
+    IndexFinger,
+    MiddleFinger,
+    PlanarFinger,
+    Posture,
+    Tendon,
+)
 from cosim.case_types import (
     BodyName,
     Coordinate,
@@ -267,12 +275,24 @@ class Coupling(Table):
         return self
 
 
+class Adaptive(Table):
+    """Steps whose length follows from their error: that of a joint angle in a step, estimated by
+    the difference of two halves and a whole step, is at most `tolerance`.  A step that would have
+    to be shorter than `floor` stops the run."""
+
+    tolerance: Annotated[float, quantity(units.ANGLE, above="0 deg", most="10 deg")]
+    floor: Annotated[float, quantity(units.TIME, least="1e-9 s", most="0.1 s")] = 1e-6
+
+
 class Forward(Table):
     """A motion in time from rest in the posture, in place of an equilibrium: the tensions or
     activations act from the start on."""
 
     duration: Annotated[float, quantity(units.TIME, above="0 s", most="1000 s")] = 2.0
     step: Annotated[float, quantity(units.TIME, least="1e-6 s", most="0.1 s")] = 1e-3
+    """Of every step; with `adaptive` of the first and the longest."""
+    adaptive: Adaptive | None = None
+    """Of a coupled motion."""
     must_rest: Switch = True
     """The run fails where the finger is still moving at the end."""
     checkpoint: Annotated[Count, Field(ge=0, le=1_000_000)] = 0
@@ -283,6 +303,8 @@ class Forward(Table):
         steps = round(self.duration / self.step)
         if steps < 1 or abs(steps * self.step - self.duration) > 1e-9 * self.duration:
             raise fault("its duration must be a multiple of the step")
+        if self.adaptive is not None and self.adaptive.floor > self.step:
+            raise fault("adaptive.floor must not be above the step, which is the longest")
         return self
 
 
@@ -298,7 +320,8 @@ class CaseFile(Table):
     title: str
     notes: str | None = None
     finger: Annotated[
-        IndexFinger | MiddleFinger | HingeFinger | PlanarFinger, Field(discriminator="kind")
+        IndexFinger | MiddleFinger | HingeFinger | PlanarFinger | FmuFinger,
+        Field(discriminator="kind"),
     ]
     tendons: dict[TendonName, Tendon] = Field(default_factory=dict)
     hood: Annotated[ShellHood | PulleyHood | SplitHood | FmuHood, Field(discriminator="kind")]
@@ -334,5 +357,7 @@ def _files(case: Case) -> list[Path]:
     """The files that a case's models are built from."""
     bones = case.finger.bones.values() if isinstance(case.finger, IndexFinger) else ()
     mesh = case.hood.mesh if isinstance(case.hood, ShellHood) else None
-    unit = [case.hood.path] if isinstance(case.hood, FmuHood) else []
-    return [b.surface for b in bones] + ([mesh.path] if isinstance(mesh, MeshFile) else []) + unit
+    units = [
+        part.path for part in (case.hood, case.finger) if isinstance(part, FmuHood | FmuFinger)
+    ]
+    return [b.surface for b in bones] + ([mesh.path] if isinstance(mesh, MeshFile) else []) + units

@@ -33,7 +33,7 @@ def fmu(
         Path | None, typer.Option(help="The file to write; else CASE_PART.fmu in this folder.")
     ] = None,
 ) -> None:
-    """Write a case's hood, finger or coupled finger as an FMU for co-simulation.
+    """Write a case's hood, finger or coupled finger, at rest or in motion, as an FMU.
 
     It holds the whole case and runs where this package is installed, at the same version."""
     with told():

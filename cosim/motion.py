@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
 
 from cosim.coupled import Coupled
+from cosim.driven import Draw, Driven, begun, drawn
 from cosim.port import Array, ConvergenceError, Hood, MovingFinger, State
 from cosim.schemes import Scheme, begin, step
 
@@ -33,6 +34,52 @@ class Puller(Protocol):
         ...
 
 
+class WatchedFinger(MovingFinger, Protocol):
+    """A finger in time that tells more than a scheme asks for: what is kept of a motion."""
+
+    def dissipation(self, state: State) -> float:
+        """W, of the damping of joints and limits."""
+        ...
+
+    def tip_wrench(self, state: State) -> Array:
+        """(6,) N, and N m about the fingertip, of it on the world, world frame."""
+        ...
+
+    def tip(self, angles: Array) -> Array | None:
+        """(3,) m, the fingertip's point at joint angles (nq,) rad, where it is known."""
+        ...
+
+    def lines(self, angles: Array) -> dict[str, Array]:
+        """Polylines (k, 3) m to draw, by name."""
+        ...
+
+    def ledger(
+        self,
+        before: tuple[Array, Array],
+        now: tuple[Array, Array],
+        dt: float,
+        hood: Array,
+        tension: Array,
+        tip: Array,
+    ) -> dict[str, Array]:
+        """(nb, 6) wrench on each body about its origin by source at the end of a step of `dt` s
+        between two (angles, rates), beside the hood's (nb, 6) and under the own tendons' tensions
+        (nt,) and the tip's wrench (6,) on the world, so far as the finger knows its forces."""
+        ...
+
+
+@dataclass(frozen=True)
+class Pace:
+    """How the steps of a motion went whose length follows from their error."""
+
+    proposed: float
+    """s, for the next one."""
+    accepted: int = 0
+    rejected: int = 0
+    error: float = 0.0
+    """rad, the largest estimated of an accepted step."""
+
+
 @dataclass(frozen=True)
 class Moment:
     """A motion between two steps: all that going on needs."""
@@ -41,6 +88,9 @@ class Moment:
     puller: State
     dissipated: float
     """J, by the joints and limits since the start."""
+    pace: Pace
+    draw: Draw
+    """Of the tendons whose ends are displaced."""
 
 
 @dataclass(frozen=True)
@@ -64,24 +114,23 @@ class Frame:
     """J, of the finger."""
 
 
+NOTHING_DRIVEN = Driven((), np.zeros(0, dtype=int), lambda time: np.zeros(0))
+
+
 @dataclass(frozen=True)
 class Moves:
     """A finger and a hood that move together in steps of `dt` s."""
 
     scheme: Scheme
-    finger: MovingFinger
+    finger: WatchedFinger
     hood: Hood
     puller: Puller
-    damping: Callable[[Array, Array], Array]
-    """(nq,) N m of the joints' damping at angles and rates."""
     dt: float
+    driven: Driven = NOTHING_DRIVEN
 
     def begin(self, state: State) -> Moment:
         """At rest in the finger's `state`, the hood in equilibrium on it."""
-        split = len(self.hood.tendons)
-        lengths = np.concatenate([np.zeros(split), self._own(state)])
-        pulls = self.puller.start(lengths)
-        tension = self.puller.pull(pulls, 0.0, lengths, 0.0).tension
+        split, (pulls, tension) = len(self.hood.tendons), self.first_pull(state)
         coupled = begin(
             self.scheme,
             self.finger,
@@ -89,25 +138,59 @@ class Moves:
             state,
             lambda time: (tension[:split], tension[split:]),
         )
-        return Moment(coupled, pulls, 0.0)
+        index = self.driven.index
+        draw = begun(tension[index], self._excursions(coupled)[index])
+        return Moment(coupled, pulls, 0.0, Pace(self.dt), draw)
+
+    def first_pull(self, state: State) -> tuple[State, Array]:
+        """What pulls at t = 0 on the finger in `state`, and with what tensions (nt,) N."""
+        lengths = np.concatenate([np.zeros(len(self.hood.tendons)), self._own(state)])
+        pulls = self.puller.start(lengths)
+        return pulls, self.puller.pull(pulls, 0.0, lengths, 0.0).tension
 
     def advance(self, at: Moment) -> Moment:
         """One step on; raises ConvergenceError."""
-        split, c = len(self.hood.tendons), at.coupled
+        time = at.coupled.time + self.dt
+        pull = self.pulled(at, time)
+        if self.driven.names:
+            after, draw = self._drawn(at, pull.tension, time)
+        else:
+            after, draw = self._stepped(at.coupled, pull.tension), at.draw
+        lost = self.dt * self.finger.dissipation(after.finger)
+        return Moment(after, pull.state, at.dissipated + lost, at.pace, draw)
+
+    def _drawn(self, at: Moment, tension: Array, time: float) -> tuple[Coupled, Draw]:
+        """A step under tensions (nt,) N, those of displaced tendons to be found; the hood solves of
+        all trials are counted."""
+        index, c, solves = self.driven.index, at.coupled, 0
+
+        def trial(found: Array) -> tuple[Coupled, Array]:
+            nonlocal solves
+            pulls = tension.copy()
+            pulls[index] = found
+            after = self._stepped(c, pulls)
+            solves += after.solves - c.solves
+            return after, self._excursions(after)[index]
+
+        after, draw = drawn(self.driven, at.draw, time, trial)
+        return replace(after, solves=c.solves + solves), draw
+
+    def _stepped(self, c: Coupled, tension: Array) -> Coupled:
+        """A step under tensions (nt,) N."""
+        split = len(self.hood.tendons)
+        pulls = tension[:split], tension[split:]
+        return step(self.scheme, self.finger, self.hood, c, lambda time: pulls, self.dt)
+
+    def _excursions(self, c: Coupled) -> Array:
+        """(nt,) m of all tendons, each from a length of its own."""
+        return np.concatenate([c.point.excursion, -self._own(c.finger)])
+
+    def pulled(self, at: Moment, time: float) -> Any:
+        """What pulls at `time` s, after `at`, on paths as long as they are at `at`: an object with
+        `tension` (nt,) N and `state`."""
+        c = at.coupled
         lengths = np.concatenate([-c.point.excursion, self._own(c.finger)])
-        pull = self.puller.pull(at.puller, c.time + self.dt, lengths, self.dt)
-        tension = pull.tension
-        after = step(
-            self.scheme,
-            self.finger,
-            self.hood,
-            c,
-            lambda time: (tension[:split], tension[split:]),
-            self.dt,
-        )
-        q, v = self.finger.angles(after.finger), self.finger.rates(after.finger)
-        lost = -self.dt * float(self.damping(q, v) @ v)
-        return Moment(after, pull.state, at.dissipated + lost)
+        return self.puller.pull(at.puller, time, lengths, time - c.time)
 
     def frame(self, at: Moment) -> Frame:
         c = at.coupled

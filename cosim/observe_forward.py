@@ -9,6 +9,7 @@ import numpy as np
 
 from cosim import __version__
 from cosim.build import drawn_bones
+from cosim.build_finger import held_by
 from cosim.case_schema import Case
 from cosim.observe import IN_METACARPAL
 from cosim.port import Array, Load
@@ -64,7 +65,7 @@ def _summary(case: Case, moved: Moved, imbalance: float, wall: float) -> dict[st
         "version": __version__,
         "converged": True,
         "wall_s": round(wall, 4),
-        "fingertip_device": case.finger.tip.kind,
+        "fingertip_device": held_by(case),
         "came_to_rest": s.at_rest,
         "last_rate_rad_per_s": s.last_rate,
         "last_force_change_N": s.last_change,

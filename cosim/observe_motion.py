@@ -8,8 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cosim import __version__
+from cosim.build import drawn_cables
+from cosim.build_finger import held_by
 from cosim.case_schema import Case
 from cosim.double_count import pairs
+from cosim.fmu.settle import OPEN
 from cosim.motion import Frame, Moment
 from cosim.observe import COMPONENTS, IN_METACARPAL, drawn_hood
 from cosim.port import Array
@@ -49,7 +52,7 @@ def _summary(
     end: Moment,
     wall: float,
 ) -> dict[str, Any]:
-    finger, hood, last = t.finger, t.models.hood, frames[-1]
+    finger, hood, last = t.finger, t.hood, frames[-1]
     coupled, energy = end.coupled, end.coupled.energy
     force = IN_METACARPAL @ tips[-1][:3]
     audit = {
@@ -67,7 +70,7 @@ def _summary(
         "version": __version__,
         "converged": True,
         "wall_s": round(wall, 4),
-        "fingertip_device": case.finger.tip.kind,
+        "fingertip_device": held_by(case),
         "posture_deg": dict(zip(finger.joints, np.rad2deg(last.angles).tolist(), strict=True)),
         "last_rate_rad_per_s": float(np.abs(last.rates).max()),
         "tension_N": dict(
@@ -90,6 +93,13 @@ def _summary(
         "audit_missed": [name for name, value in audit.items() if not value <= BOUNDS[name]],
         "iterations": {"steps": steps, "hood_solves": coupled.solves},
     }
+    if case.forward is not None and case.forward.adaptive is not None:
+        out["step_control"] = _steps(end, frames)
+    if names := t.moves.driven.names:
+        reached = 1e3 * (end.draw.found - end.draw.start)
+        out["drawn_mm"] = dict(zip(names, reached.tolist(), strict=True))
+    if case.finger.kind == "fmu":
+        out["not_in_ledger"] = OPEN
     if twice := [str(pair) for pair in pairs(case, hood, finger)]:
         out["double_counted"] = twice
     if lengths := t.pulls.lengths(end.puller):
@@ -99,10 +109,22 @@ def _summary(
     return out
 
 
+def _steps(end: Moment, frames: Sequence[Frame]) -> dict[str, Any]:
+    """What became of steps whose length follows from their error, each of them two halves."""
+    taken = np.diff([f.time for f in frames])
+    return {
+        "accepted": end.pace.accepted,
+        "rejected": end.pace.rejected,
+        "largest_error_deg": float(np.rad2deg(end.pace.error)),
+        "shortest_half_ms": 1e3 * float(taken.min()),
+        "longest_half_ms": 1e3 * float(taken.max()),
+    }
+
+
 def _dataset(t: Together, frames: Sequence[Frame], tips: Sequence[Array]) -> xarray.Dataset:
     import xarray
 
-    finger, hood = t.finger, t.models.hood
+    finger, hood = t.finger, t.hood
     split = len(hood.tendons)
 
     def over_time(dims: tuple[str, ...], unit: str, values: list[Any], what: str) -> Any:
@@ -128,6 +150,9 @@ def _dataset(t: Together, frames: Sequence[Frame], tips: Sequence[Array]) -> xar
         "tip_force": over_time(
             ("axis",), "N", [tip[:3] for tip in tips], "force of the tip on the world"
         ),
+        "step": over_time(
+            (), "s", np.diff([f.time for f in frames], prepend=0.0).tolist(), "that ended here"
+        ),
         "residual": over_time((), "1", [f.residual for f in frames], "interface residual"),
         "finger_energy": over_time((), "J", [f.energy for f in frames], "energy of the finger"),
     }
@@ -146,10 +171,10 @@ def _dataset(t: Together, frames: Sequence[Frame], tips: Sequence[Array]) -> xar
 
 def _ledger(t: Together, frames: Sequence[Frame], tips: Sequence[Array]) -> list[LedgerRow]:
     """Every body's forces at every step, closing to zero with the joints' and inertia."""
-    finger, sources = t.finger, t.models.hood.sources
+    finger, sources = t.finger, t.hood.sources
     rows = []
     for before, now, tip in zip(frames, frames[1:], tips[1:], strict=False):
-        split = len(t.models.hood.tendons)
+        split = len(t.hood.tendons)
         books = finger.ledger(
             (before.angles, before.rates),
             (now.angles, now.rates),
@@ -171,12 +196,12 @@ def _ledger(t: Together, frames: Sequence[Frame], tips: Sequence[Array]) -> list
 def _scene(t: Together, end: Moment, tip: Array) -> Scene:
     finger = t.finger
     angles = finger.angles(end.coupled.finger)
-    motion = finger.motion(angles)
+    motion, point = finger.motion(angles), finger.tip(angles)
     bones = []
-    for body, (vertices, faces) in t.models.bones.items():
+    for body, (vertices, faces) in t.bones.items():
         position, rotation = motion.of(body)
         bones.append((body, vertices @ rotation.T + position, faces))
-    look = t.models.look(end.coupled.hood) if t.models.look else None
-    chain = finger.finger.chain(angles)
-    paths = {**t.models.strings(motion), **finger.finger.paths_at(angles)}
-    return Scene(drawn_hood(look), tuple(bones), tuple(paths.items()), (chain.tip, tip[:3]))
+    look = t.look(end.coupled.hood) if t.look else None
+    lines = {**drawn_cables(t.cables, motion), **finger.lines(angles)}
+    force = None if point is None else (point, tip[:3])
+    return Scene(drawn_hood(look), tuple(bones), tuple(lines.items()), force)

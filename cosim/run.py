@@ -75,6 +75,10 @@ def run_case(
         progress(f"simulating {case.forward.duration:g} s")
         moved = simulated(case, case.forward)
         return forward_result(case, moved, time.perf_counter() - started)
+    if case.finger.kind == "fmu":
+        from cosim.fmu.settle import settled_result
+
+        return settled_result(case, progress)
     models, states = solve(case, progress)
     progress("summing up")
     return result(case, models, states, time.perf_counter() - started)

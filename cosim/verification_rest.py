@@ -64,7 +64,7 @@ def run_to_rest(muscle: str) -> Array:
     case = load_case(f"isometric_{muscle}", [COARSE, *motion, *damped])
     assert case.forward is not None  # stated above
     both = together(case, case.forward)
-    start = both.moves.begin(both.finger.begin(both.models.posture))
+    start = both.moves.begin(both.finger.begin(both.posture))
     *_, end = moments(both.moves, start, round(DURATION / STEP), lambda text: None)
     return both.finger.tip_wrench(end.coupled.finger)[:3]
 

@@ -106,6 +106,19 @@ class MovingMujoco:
         stored = self.finger.law.energy(at.angles)
         return dynamics.kinetic_energy(at) + dynamics.height_energy(at) + stored + held
 
+    def dissipation(self, state: Moving) -> float:
+        """W, of the viscous torques of joints and limits."""
+        rates = state.moment.rates
+        return -float(self.finger.law.viscous(state.moment.angles, rates)[0] @ rates)
+
+    def tip(self, angles: Array) -> Array:
+        """(3,) m, the fingertip's point, world frame."""
+        return self.finger.chain(angles).tip
+
+    def lines(self, angles: Array) -> dict[str, Array]:
+        """Polylines (k, 3) m of the tendons, world frame, by name."""
+        return self.finger.paths_at(angles)
+
     def ledger(
         self,
         before: tuple[Array, Array],

@@ -3,7 +3,8 @@
     residual = [ tau_hood + tau_muscles + tau_passive + tau_limit + tau_gravity + J_tip^T B^T r ]
                [ scale * B (x_tip - target, turn of the tip from the one held)                ]
 
-in the unknowns z = (q, r), where the world acts on the tip with the wrench B^T r.
+in the unknowns z = (q, r), where the world acts on the tip with the wrench B^T r.  Where the joints
+are held, the torques that hold them are what is left of the sum, and q - q_held is the residual.
 """
 
 from __future__ import annotations
@@ -38,10 +39,12 @@ TORQUE_FLOOR = 1e-6
 
 @dataclass(frozen=True)
 class FingerState:
-    """Joint angles (nq,) rad, the world's wrench on the tip (6,) N and N m about it, the pose in
-    which the tip was put, (3,) m and (3, 3), and the support's unit wrenches there (m, 6)."""
+    """Joint angles (nq,) rad and those that the finger was put in, the world's wrench on the tip
+    (6,) N and N m about it, the pose in which the tip was put, (3,) m and (3, 3), and the support's
+    unit wrenches there (m, 6)."""
 
     angles: Array
+    posture: Array
     reaction: Array
     target: Array
     turn: Array
@@ -93,7 +96,7 @@ class ChainFinger(ABC):
                 )
         chain = self.chain(q)
         basis = self.support.basis(chain.axis[-1])
-        return FingerState(q, np.zeros(6), chain.tip, chain.motion.rotation[-1], basis)
+        return FingerState(q, q, np.zeros(6), chain.tip, chain.motion.rotation[-1], basis)
 
     def angles(self, state: FingerState) -> Array:
         return state.angles
@@ -133,6 +136,9 @@ class ChainFinger(ABC):
         every = np.array(list(torque.values()))
         residual = np.concatenate([every.sum(axis=0), self._gap(state, chain)[0]])
         scale = max(TORQUE_FLOOR, float(np.abs(every).max()))
+        if self.support.holds_joints:
+            torque["holder"] = -residual
+            residual = TURN_SCALE * (state.posture - state.angles)
         return Balance(residual, scale, torque, -state.reaction[:3])
 
     def _gap(self, state: FingerState, chain: Chain) -> tuple[Array, Array]:
@@ -149,6 +155,8 @@ class ChainFinger(ABC):
     def tangent(self, state: FingerState, load: Load, tension: Array, load_motion: Array) -> Array:
         """Exact derivative of the residual over z = (q, support r)."""
         self._check(load, tension)
+        if self.support.holds_joints:
+            return -TURN_SCALE * np.eye(len(self.joints))
         chain = self.chain(state.angles)
         n, nq, jac = len(self.bodies), len(self.joints), body_jacobian(chain)
         stiffness = jac.T @ load_motion @ jac + self.own_tangent(state.angles, tension)
@@ -168,7 +176,7 @@ class ChainFinger(ABC):
 
     def ledger(self, state: FingerState, load: Load, tension: Array) -> dict[str, Array]:
         """(nb, 6) wrench on each body about its origin (world frame) by source: each muscle,
-        gravity, passive, limit, fingertip and joint.  Together with the hood's load they close to
+        gravity, passive, limit, fingertip, joint, and what holds the joints.  Together with the hood's load they close to
         zero on every moving body; on the fixed one their sum is what the ground must carry."""
         ledger = self._applied(state, load, tension)
         reaction = self._reactions(state, load, ledger)
@@ -199,12 +207,16 @@ class ChainFinger(ABC):
         chain = self.chain(state.angles)
         fingertip = np.zeros((len(self.bodies), 6))
         fingertip[-1] = moved_to(state.reaction, chain.tip - chain.motion.position[-1])
-        return {
+        out = {
             **self.own_wrenches(state.angles, tension),
             "passive": joint_wrenches(chain, self.law.passive(state.angles)[0]),
             "limit": joint_wrenches(chain, self.law.limit(state.angles)[0]),
             "fingertip": fingertip,
         }
+        if self.support.holds_joints:
+            held = self.balance(state, load, tension).torque["holder"]
+            out["holder"] = joint_wrenches(chain, held)
+        return out
 
     def _reactions(self, state: FingerState, load: Load, ledger: dict[str, Array]) -> Array:
         applied = load.total() + np.sum(list(ledger.values()), axis=0)

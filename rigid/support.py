@@ -1,4 +1,5 @@
-"""What holds a fingertip in a static problem: directions in which it cannot move or turn.
+"""What holds a finger in a static problem: directions in which its tip cannot move or turn, or all
+its joints.
 
 The gap of a held turn is a . g with g = (1/2) sum_i t_i x r_i, over the columns t_i of the rotation
 that is held and r_i of the moment's: sin(angle) a for a turn about the unit vector a.  With
@@ -17,11 +18,13 @@ from cosim.port import Array
 @dataclass(frozen=True)
 class Support:
     """Orthonormal world directions in which the tip's point cannot move, and whether it cannot
-    turn about the last joint's axis in the posture that it was put in."""
+    turn about the last joint's axis in the posture that it was put in.  With `holds_joints` every
+    joint is held there instead, by as much torque as it takes."""
 
     directions: Array
     """(m, 3)."""
     clamps_turn: bool = False
+    holds_joints: bool = False
 
     def basis(self, last_axis: Array) -> Array:
         """(m or m + 1, 6) unit wrenches with which the support can answer: forces, then the
@@ -35,6 +38,8 @@ class Support:
 HELD = Support(np.eye(3))
 """The point is held, free to turn about it."""
 FREE = Support(np.zeros((0, 3)))
+JOINTS_HELD = Support(np.zeros((0, 3)), holds_joints=True)
+"""Bones that cannot move, as on a rig; nothing touches the tip."""
 CLAMPED = Support(np.eye(3), clamps_turn=True)
 """Held, and clamped against flexion: of as many unknowns as a finger of four joints has torques."""
 IN_PLANE = Support(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))

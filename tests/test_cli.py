@@ -166,6 +166,23 @@ def test_bench_times_a_real_run():
     assert seconds["cold_run_s"] > seconds["warm_run_s"]
 
 
+def test_bench_times_the_steps_of_a_motion():
+    short = ("hood.mesh.quads=120", "forward.duration='3 ms'")
+    done = cosim("bench", "motion_edc_fdp", *(word for s in short for word in ("--set", s)))
+    figures = dict(line.split() for line in done.stdout.splitlines())
+    values = {name: float(value) for name, value in figures.items()}
+    assert values["steps"] == 3
+    linear = values["assembly_s"] + values["factorisation_s"]
+    assert values["ratio"] == pytest.approx(values["step_s"] / linear, rel=0.01)
+    assert values["ratio"] > 1
+
+
+def test_bench_of_a_motion_needs_a_shell():
+    done = cosim("bench", "forward_edc")
+    assert done.exit_code == 2
+    assert "bench needs a shell hood" in done.stderr
+
+
 def test_mesh_writes_a_file_that_a_case_can_take(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     done = cosim("mesh", "isometric_edc", "--set", "hood.mesh.quads=120", "--out", "my.json")

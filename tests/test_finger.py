@@ -33,7 +33,7 @@ from rigid.index_finger import finger_model
 from rigid.joint_torques import joint_law, limit_torque, spring_torque
 from rigid.mujoco_finger import MujocoFinger
 from rigid.statics import ChainFinger
-from rigid.support import CLAMPED, CLAMPED_IN_PLANE, FREE, HELD, IN_PLANE
+from rigid.support import CLAMPED, CLAMPED_IN_PLANE, FREE, HELD, IN_PLANE, JOINTS_HELD
 
 FINGERS = {
     "hinge-held": lambda: hinge_finger(IN_PLANE),
@@ -42,6 +42,7 @@ FINGERS = {
     "mujoco-held": lambda: mujoco_finger(HELD),
     "mujoco-free": lambda: mujoco_finger(FREE),
     "mujoco-clamped": lambda: mujoco_finger(CLAMPED),
+    "mujoco-posture": lambda: mujoco_finger(JOINTS_HELD),
     "mujoco-split": lambda: mujoco_finger(HELD, central=0.4),
 }
 

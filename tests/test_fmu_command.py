@@ -72,5 +72,5 @@ def test_a_shells_coupled_unit_gives_the_native_run(tmp_path, fmi):
 @pytest.mark.parametrize("study", verification.studies(), ids=lambda study: study.name)
 def test_the_rows_pass(study):
     rows = list(study.rows())
-    assert len(rows) == 22
+    assert len(rows) == (20 if study.name == "FMU, motion" else 26)
     assert [row.quantity for row in rows if not row.passed] == []

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 import zipfile
 from pathlib import Path
 
@@ -16,7 +18,6 @@ from cosim.couple import CouplingOptions, equilibrium
 from cosim.fmu.export import write_fmu
 from cosim.fmu.mapping import Place, places
 from cosim.fmu.parts import HoodPart, part_of
-from cosim.fmu.run import Run, Snapshot
 from cosim.fmu.unit import Unit
 from cosim.port import STATIC, ConvergenceError, InputError, rotation_matrix
 from cosim.run import solve
@@ -151,11 +152,6 @@ def test_a_hood_without_tendons_is_refused(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_motion_in_time_is_refused(tmp_path):
-    with pytest.raises(InputError, match="motion in time"):
-        write_fmu(load_case("forward_edc"), "coupled", 2, tmp_path / "coupled.fmu")
-
-
 def test_the_archive_holds_the_files_that_the_case_names(tmp_path):
     import trimesh
 
@@ -228,16 +224,6 @@ def test_a_variable_that_is_none_fails_the_next_step(written, fmi):
         unit.get(nowhere)
     with pytest.raises(ConvergenceError, match="was asked for that does not exist"):
         unit.step(0.01)
-
-
-def test_a_state_from_outside_is_never_taken(tmp_path, written):
-    with zipfile.ZipFile(written["hood", 2]) as archive:
-        archive.extractall(tmp_path)
-    run = Run(tmp_path / "resources")
-    run.restore(b"a pickle, for example")
-    assert "cannot be serialised" in run.step(0.01)
-    run.restore(Snapshot(np.zeros(3), None))
-    assert "cannot be serialised" in run.step(0.01)
 
 
 @BOTH
@@ -339,3 +325,17 @@ def test_inputs_belong_to_a_state(written, case, fmi):
     assert np.array_equal(unit.get(place["tension"]), tension)
     unit.restore(after)
     assert np.array_equal(unit.get(place["tension"]), tension + 1)
+
+
+@BOTH
+def test_a_unit_is_whole_that_is_written_after_another_was_loaded(written, tmp_path, fmi):
+    code = (
+        "import sys\nfrom pathlib import Path\nfrom cosim.case import load_case\n"
+        "from cosim.fmu.unit import Unit\nfrom cosim.fmu.export import write_fmu\n"
+        "Unit(Path(sys.argv[1])).step(0.01)\nout = Path(sys.argv[2])\n"
+        f"write_fmu(load_case('pulley_edc'), 'hood', {fmi}, out)\nUnit(out).step(0.01)\n"
+    )
+    words = [sys.executable, "-c", code, str(written["hood", fmi]), str(tmp_path / "second.fmu")]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "second.fmu").read_bytes() == written["hood", fmi].read_bytes()

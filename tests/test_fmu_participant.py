@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+from ctypes import byref
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,7 @@ from cosim.fmu.finger import FmuFinger, met
 from cosim.fmu.participant import FmuHood
 from cosim.fmu.quantity import tangent_of
 from cosim.fmu.unit import Unit
-from cosim.port import STATIC, ConvergenceError, Hood, InputError
+from cosim.port import STATIC, ConvergenceError, Hood, InputError, Motion
 from cosim.schemes import Explicit, Implicit, Linear, Newton, begin, step
 from rigid.joint_torques import joint_law
 from rigid.moving_hinge import MovingHinge
@@ -263,6 +264,25 @@ def test_a_failed_step_leaves_the_states_valid(written, models, monkeypatch):
     monkeypatch.undo()
     again = hood.advance(state.state, motion, pulls, STATIC)
     assert np.array_equal(again.load.wrench, state.load.wrench)
+
+
+@BOTH
+def test_a_unit_is_heard_beside_another_and_after_it(written, models, fmi):
+    """FMPy has one listener to units of FMI 2 in a process."""
+    from fmpy import fmi2
+    from fmpy.logging import addLoggerProxy
+
+    elsewhere = fmi2.fmi2CallbackFunctions()
+    elsewhere.logger = fmi2.fmi2CallbackLoggerTYPE(lambda *facts: None)
+    units = [hood_of(written["hood", fmi], models) for _ in range(2)]
+    motion = models.finger.motion(models.finger.start(models.posture))
+    mirrored = Motion(motion.bodies, motion.position, -motion.rotation)
+    for _ in range(2):
+        with pytest.raises(ConvergenceError, match="is no rotation matrix"):
+            units[0].advance(units[0].start(motion), mirrored, np.zeros(4), STATIC)
+        del units[1:]
+        gc.collect()
+        addLoggerProxy(byref(elsewhere))
 
 
 def test_a_loose_hood_shares_the_unit(written, models, monkeypatch):

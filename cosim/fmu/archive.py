@@ -40,6 +40,8 @@ class Opened:
     """Whether its state can be got and set."""
     differentiates: bool
     """Whether it gives directional derivatives."""
+    serialises: bool = False
+    """Whether its state can be written as bytes."""
 
 
 def opened(path: Path, folder: Path) -> Opened:
@@ -60,7 +62,8 @@ def opened(path: Path, folder: Path) -> Opened:
     _refuse_if(path, _unfit(described, folder))
     rolls_back = _is_able(root, "canGetAndSetFMUstate")
     derives = _is_able(root, "providesDirectionalDerivative")
-    return Opened(path, folder, described, rolls_back, derives)
+    writes = _is_able(root, "canSerializeFMUstate")
+    return Opened(path, folder, described, rolls_back, derives, rolls_back and writes)
 
 
 def _refuse_if(path: Path, fault: str) -> None:

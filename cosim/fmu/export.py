@@ -12,6 +12,7 @@ import shutil
 import tempfile
 import zipfile
 from collections.abc import Iterator, Mapping
+from importlib.metadata import distribution
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -118,10 +119,9 @@ def _binaries(tool: str, identifier: str) -> Iterator[tuple[str, bytes]]:
 
 
 def _folder(tool: str) -> Path:
-    spec = find_spec(tool)
-    assert spec is not None
-    assert spec.origin is not None
-    return Path(spec.origin).parent
+    """Where the tool is installed; a unit that was loaded here before has its modules too, and puts
+    them first on the path, without binaries."""
+    return Path(str(distribution(tool).locate_file(tool)))
 
 
 def _add(archive: zipfile.ZipFile, name: str, content: bytes) -> None:

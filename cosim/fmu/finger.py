@@ -6,22 +6,36 @@ finger within a round; so the rounds here are the same, between what need not be
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from cosim.accelerate import Accelerator, accelerated, begun
 from cosim.couple import AT_REST, LOOSE
+from cosim.fmu.kinematics import OPTIONAL, Kinematics, Pose
 from cosim.fmu.mapping import places
 from cosim.fmu.participant import SHORT
 from cosim.fmu.quantity import Quantity, finger_quantities
 from cosim.fmu.unit import Saved, Unit
-from cosim.port import STATIC, Array, ConvergenceError, Hood, InputError, Motion, Response
+from cosim.port import (
+    STATIC,
+    Array,
+    ConvergenceError,
+    Hood,
+    HoodJacobian,
+    InputError,
+    Motion,
+    Response,
+    State,
+)
+from cosim.rest import MOST_TURN
 
 STILL = 1e-10
 """rad: the rounds end where no joint turns further."""
 MOST_ROUNDS = 50
+Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -31,9 +45,13 @@ class FingerAt:
     saved: Saved
     angles: Array
     """(nq,) rad."""
-    motion: Motion
+    pose: Pose
     tip_force: Array
     """(3,) N, of the fingertip on the world."""
+
+    @property
+    def motion(self) -> Motion:
+        return self.pose.motion
 
 
 class FmuFinger:
@@ -55,8 +73,9 @@ class FmuFinger:
         self.bodies, self.joints, self.tendons = bodies, joints, tendons
         self.unit = Unit(path)
         quantities: tuple[Quantity, ...] = finger_quantities(bodies, joints, tendons)
-        optional = ("tip", "path")
+        optional = (*OPTIONAL, "load_motion")
         self._place = places(self.unit.opened, quantities, names or {}, optional, assume_si)
+        self.kinematics = Kinematics(self.unit, self._place, bodies)
         self._begin = self._seen()
 
     def start(self) -> FingerAt:
@@ -74,21 +93,22 @@ class FmuFinger:
         for name, shape in shapes.items():
             if given[name].shape != shape:
                 raise InputError(f"{name}: expected shape {shape}, got {given[name].shape}")
-        if len(self.tendons):
-            given["tension"] = tension
+        if by_motion.any() and "load_motion" not in self._place:
+            raise InputError(
+                f"{self.unit.opened.path}: this FMU takes held loads only (it has no load_motion), "
+                'and this scheme gives it one that follows; write coupling.scheme = "implicit"'
+            )
         self.unit.restore(state.saved)
-        for name, value in given.items():
-            self.unit.set(self._place[name], value)
+        for name, value in {**given, "tension": tension}.items():
+            if name in self._place:
+                self.unit.set(self._place[name], value)
         self.unit.step(SHORT)
         return self._seen()
 
     def _seen(self) -> FingerAt:
-        out = {
-            name: self.unit.get(self._place[name])
-            for name in ("angle", "tip_force", "position", "rotation")
-        }
-        motion = Motion(self.bodies, out["position"], out["rotation"])
-        return FingerAt(self.unit.save(), out["angle"], motion, out["tip_force"])
+        angles = self.unit.get(self._place["angle"])
+        pose, force = self.kinematics.reached(angles), self.unit.get(self._place["tip_force"])
+        return FingerAt(self.unit.save(), angles, pose, force)
 
 
 @dataclass(frozen=True)
@@ -96,27 +116,83 @@ class Met:
     """A coupled equilibrium."""
 
     finger: FingerAt
+    motion: Motion
+    """The poses that the hood answered last; the finger stands there to within `turn`."""
     response: Response
+    jacobian: HoodJacobian
+    tension: tuple[Array, Array]
+    """N, of the hood's tendons and of the finger's own."""
+    turn: float
+    """rad, the most that a joint turned in the last round."""
     rounds: int
 
 
-def met(finger: FmuFinger, hood: Hood, hood_tension: Array, finger_tension: Array) -> Met:
-    """The finger and the hood in equilibrium, from the finger's start: the rounds of
-    `cosim.couple.equilibrium`, ended by the finger's standing still.
+def met(
+    finger: FmuFinger,
+    hood: Hood,
+    hood_tension: Array,
+    finger_tension: Array,
+    at: FingerAt | None = None,
+    progress: Progress = lambda text: None,
+) -> Met:
+    """The finger and the hood in equilibrium, from the finger's state `at` or its start: the rounds
+    of `cosim.couple.equilibrium`, ended by the finger's standing still.
 
     Raises ConvergenceError."""
-    at = finger.start()
+    at = finger.start() if at is None else at
     state, exact, turn = hood.start(at.motion), False, np.inf
     for rounds in range(1, MOST_ROUNDS + 1):
         solver = hood if exact else hood.loosely(LOOSE)
         response = solver.advance(state, at.motion, hood_tension, STATIC)
-        slope = solver.jacobian(response.state).load_motion
-        aim = finger.step(at, response.load.total(), slope, finger_tension)
+        jacobian = solver.jacobian(response.state)
+        load = response.load.total()
+        aim = finger.step(at, load, jacobian.load_motion, finger_tension)
         turn = float(np.abs(aim.angles - at.angles).max())
+        progress(f"coupling round {rounds}: a joint turns by {turn:.1e} rad")
         if exact and turn <= STILL:
-            return Met(aim, response, rounds)
+            pulls = hood_tension, finger_tension
+            return Met(aim, at.motion, response, jacobian, pulls, turn, rounds)
         exact, at, state = turn <= AT_REST, aim, response.state
-    raise ConvergenceError(
-        f"hood and finger did not agree in {MOST_ROUNDS} rounds: a joint still turns by {turn:.1e} "
-        f"rad, expected at most {STILL:.0e}. Try a smaller tension or a stiffer passive joint."
+    raise _apart(MOST_ROUNDS, turn, STILL)
+
+
+def met_held(
+    finger: FmuFinger,
+    hood: Hood,
+    hood_tension: Array,
+    finger_tension: Array,
+    accelerator: Accelerator,
+    tolerance: float,
+    most_rounds: int,
+    at: FingerAt | None = None,
+    progress: Progress = lambda text: None,
+) -> Met:
+    """The same by an accelerated fixed point in the joint angles, as `cosim.fixed_point`: no
+    derivative is asked for on the way.  It ends where no joint turns further than `tolerance` rad.
+
+    Raises ConvergenceError, and InputError for a unit without `kinematics`."""
+    at = finger.start() if at is None else at
+    n, angles, history = 6 * len(finger.bodies), at.angles, begun(accelerator, len(finger.joints))
+    state: State = hood.start(at.motion)
+    for rounds in range(1, most_rounds + 1):
+        motion = finger.kinematics.at(angles).motion
+        response = hood.advance(state, motion, hood_tension, STATIC)
+        at = finger.step(at, response.load.total(), np.zeros((n, n)), finger_tension)
+        turn = float(np.abs(at.angles - angles).max())
+        progress(f"fixed point, round {rounds}: a joint turns by {turn:.1e} rad")
+        if turn <= tolerance:
+            pulls, jacobian = (hood_tension, finger_tension), hood.jacobian(response.state)
+            return Met(at, motion, response, jacobian, pulls, turn, rounds)
+        aim, history = accelerated(accelerator, history, angles, at.angles)
+        step = aim - angles
+        angles = angles + step * min(1.0, MOST_TURN / (np.abs(step).max() or 1.0))
+        state = response.state
+    raise _apart(most_rounds, turn, tolerance)
+
+
+def _apart(rounds: int, turn: float, allowed: float) -> ConvergenceError:
+    return ConvergenceError(
+        f"hood and finger did not agree in {rounds} rounds: a joint still turns by {turn:.1e} rad, "
+        f"expected at most {allowed:.0e}. Try a smaller tension, a stiffer passive joint, or "
+        'another coupling.scheme ("newton", "implicit")'
     )

@@ -10,7 +10,8 @@ from pythonfmu.enums import Fmi2Status
 try:
     from cosim.fmu.describe import finished
     from cosim.fmu.quantity import Quantity
-    from cosim.fmu.run import Run, Snapshot
+    from cosim.fmu.run import Run
+    from cosim.fmu.state import Stateful
 except ImportError as error:
     raise ImportError(
         "this FMU runs in a Python with cosim-hand and its extra fmu installed; this one lacks it "
@@ -18,7 +19,7 @@ except ImportError as error:
     ) from error
 
 
-class CosimFmu2(Fmi2Slave):
+class CosimFmu2(Stateful, Fmi2Slave):
     """A value reference is the place of a value in the run's array."""
 
     def __init__(self, **kwargs: Any) -> None:
@@ -31,11 +32,12 @@ class CosimFmu2(Fmi2Slave):
                 self.register_variable(_variable(name, quantity), nested=False)
 
     def to_xml(self, model_options: Any = None) -> Element:
-        options = {"canGetAndSetFMUstate": True, "canSerializeFMUstate": False}
+        writes = self.run.serialises
+        options = {"canGetAndSetFMUstate": True, "canSerializeFMUstate": writes}
         return finished(super().to_xml(options), self.run)
 
     def do_step(self, current_time: float, step_size: float) -> bool:
-        fault = self.run.step(step_size)
+        fault = self.run.step(current_time, step_size)
         if fault:
             self.log(fault, Fmi2Status.error)
         return not fault
@@ -51,21 +53,6 @@ class CosimFmu2(Fmi2Slave):
 
     def set_boolean(self, vrs: list[int], values: list[bool]) -> None:
         self.run.set(vrs, values)
-
-    def _get_fmu_state(self) -> Snapshot:
-        return self.run.snapshot()
-
-    def _set_fmu_state(self, state: Any) -> None:
-        self.run.restore(state)
-
-    @staticmethod
-    def _fmu_state_to_bytes(state: Any) -> bytes:
-        """Nothing: the unit says that its states cannot be serialised."""
-        return b""
-
-    @staticmethod
-    def _fmu_state_from_bytes(state: bytes) -> None:
-        """Nothing: no bytes from outside become a state."""
 
 
 def _variable(name: str, quantity: Quantity) -> Any:

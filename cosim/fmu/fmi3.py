@@ -20,7 +20,8 @@ from pythonfmu3.enums import Fmi3Status
 try:
     from cosim.fmu.describe import finished
     from cosim.fmu.quantity import Quantity
-    from cosim.fmu.run import Run, Snapshot
+    from cosim.fmu.run import Run
+    from cosim.fmu.state import Stateful
 except ImportError as error:
     raise ImportError(
         "this FMU runs in a Python with cosim-hand and its extra fmu installed; this one lacks it "
@@ -28,7 +29,7 @@ except ImportError as error:
     ) from error
 
 
-class CosimFmu3(Fmi3Slave):
+class CosimFmu3(Stateful, Fmi3Slave):
     """A value reference counts the run's quantities; time has the one after them."""
 
     def __init__(self, **kwargs: Any) -> None:
@@ -36,32 +37,31 @@ class CosimFmu3(Fmi3Slave):
         self.run = Run(Path(self.resources))
         self.modelName, self.description = self.run.name, self.run.description
         self.guid = self.run.token
-        self.time = 0.0
         self._places = [self.run.place[q.name] for q in self.run.quantities]
         for quantity in self.run.quantities:
             self.register_variable(_variable(quantity), nested=False)
-        independent = {"causality": Fmi3Causality.independent, "getter": lambda: self.time}
+        independent = {"causality": Fmi3Causality.independent, "getter": lambda: self.run.time}
         self.register_variable(
             Float64("time", variability=Fmi3Variability.continuous, **independent), nested=False
         )
 
     def to_xml(self, model_options: Any = None) -> Element:
-        options = {"canGetAndSetFMUState": True, "canSerializeFMUState": False}
+        writes = self.run.serialises
+        options = {"canGetAndSetFMUState": True, "canSerializeFMUState": writes}
         return finished(super().to_xml(options), self.run)
 
     def do_step(self, current_time: float, step_size: float) -> Fmi3StepResult:
-        fault = self.run.step(step_size)
+        fault = self.run.step(current_time, step_size)
         if fault:
             self.log(fault, Fmi3Status.error)
             return Fmi3StepResult(status=Fmi3Status.error)
-        self.time = current_time + step_size
         return Fmi3StepResult()
 
     def get_float64(self, vrs: Sequence[int]) -> list[float]:
         out: list[float] = []
         for vr in vrs:
             is_time = vr == len(self._places)
-            out += [self.time] if is_time else self.run.get(self._entries(vr))
+            out += [self.run.time] if is_time else self.run.get(self._entries(vr))
         return out
 
     def set_float64(self, vrs: Sequence[int], values: Sequence[float]) -> None:
@@ -79,22 +79,6 @@ class CosimFmu3(Fmi3Slave):
         last = self._places[-1].stop
         place = self._places[vr] if vr < len(self._places) else slice(last, last + 1)
         return range(place.start, place.stop)
-
-    def _get_fmu_state(self) -> tuple[float, Snapshot]:
-        return self.time, self.run.snapshot()
-
-    def _set_fmu_state(self, state: Any) -> None:
-        self.time, snapshot = state if isinstance(state, tuple) else (self.time, None)
-        self.run.restore(snapshot)
-
-    @staticmethod
-    def _fmu_state_to_bytes(state: Any) -> bytes:
-        """Nothing: the unit says that its states cannot be serialised."""
-        return b""
-
-    @staticmethod
-    def _fmu_state_from_bytes(state: bytes) -> None:
-        """Nothing: no bytes from outside become a state."""
 
 
 def _variable(quantity: Quantity) -> Any:

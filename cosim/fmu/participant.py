@@ -1,4 +1,4 @@
-"""An FMU in a model's place: a hood of the port, and a static finger, over a loaded unit."""
+"""An FMU in a model's place: a hood of the port over a loaded unit."""
 
 from __future__ import annotations
 

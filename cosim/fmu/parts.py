@@ -13,9 +13,11 @@ from typing import Protocol
 import numpy as np
 
 from cosim.build import Models, build, tensions
+from cosim.build_forward import special_states
 from cosim.case_schema import Case
 from cosim.couple import CouplingOptions, Equilibrium, equilibrium
 from cosim.fmu.quantity import (
+    KINEMATICS,
     STATIC_STEP,
     TOLERANCE,
     Quantity,
@@ -27,6 +29,7 @@ from cosim.fmu.quantity import (
 )
 from cosim.port import STATIC, Array, Hood, InputError, Load, Motion, Response, State
 from cosim.rest import balanced
+from cosim.snapshot import Special
 
 ORTHONORMAL = 1e-6
 """How far from a rotation the matrix of a pose may be."""
@@ -56,22 +59,32 @@ class Part(Protocol):
         """The outputs that only a set `with_tangent` asks for."""
         ...
 
+    def template(self) -> State:
+        """A state after a step, by which written ones are read."""
+        ...
+
+    def special(self) -> Special:
+        """How states are written that hold more than arrays.  Raises InputError where they cannot
+        be."""
+        ...
+
 
 def part_of(case: Case, part: str, tangent: bool = True) -> Part:
-    """The hood, the finger or both of a case; the hood and the finger without the tangent of the
-    hood's load where none is wanted.  Raises InputError."""
+    """The hood, the finger or both of a case, at rest or, of one with a table [forward], in motion;
+    the hood and the finger without the tangent of the hood's load where none is wanted.
+
+    Raises InputError."""
+    if part not in PARTS:
+        raise InputError(f"part {part!r}: write {', '.join(PARTS[:-1])} or {PARTS[-1]}")
+    if case.forward is not None and part != "hood":
+        from cosim.fmu.moving_parts import moving_part
+
+        return moving_part(case, case.forward, part, tangent)
     makers: Mapping[str, Callable[[Case, Models], Part]] = {
         "hood": partial(HoodPart, tangent=tangent),
         "finger": partial(FingerPart, tangent=tangent),
         "coupled": CoupledPart,
     }
-    if part not in makers:
-        raise InputError(f"part {part!r}: write {', '.join(PARTS[:-1])} or {PARTS[-1]}")
-    if case.forward is not None:
-        raise InputError(
-            f"{case.name}: a motion in time cannot be put into an FMU yet; take a case without "
-            "the table [forward]"
-        )
     return makers[part](case, build(case))
 
 
@@ -90,18 +103,19 @@ class HoodPart:
         self.quantities = hood_quantities(*names, tangent=tangent)
         motion = models.finger.motion(models.finger.start(models.posture))
         at_start = {
-            **_poses(motion),
+            **poses(motion),
             "tension": tensions(case, models)[0],
             STATIC_STEP.name: np.array(1.0),
         }
         self.begin = {q.name: at_start.get(q.name, q.zero()) for q in self.quantities}
+        self._motion = motion
 
     def start(self) -> State:
         """Before the first step, which carries the hood to where the bodies are then."""
         return None
 
     def step(self, state: State, given: Values, dt: float) -> tuple[State, Values]:
-        motion, solver = _motion(self.hood.bodies, given), self._solver(given)
+        motion, solver = motion_of_input(self.hood.bodies, given), self._solver(given)
         if state is None:
             state = self.hood.start(motion)
         dt = STATIC if given[STATIC_STEP.name] else dt
@@ -112,6 +126,12 @@ class HoodPart:
         if state is None:
             return {}
         return vars(self.hood.jacobian(state))
+
+    def template(self) -> State:
+        return self.hood.start(self._motion)
+
+    def special(self) -> Special:
+        return special_states(self.hood)
 
     def _solver(self, given: Values) -> Hood:
         tolerance = float(given[TOLERANCE.name])
@@ -140,6 +160,8 @@ class FingerPart:
 
     def step(self, state: State, given: Values, dt: float) -> tuple[State, Values]:
         """`dt` plays no part: nothing here moves in time."""
+        if given[KINEMATICS.name]:
+            return state, self._places(self._at(given["asked_angle"]))
         wrench = np.hstack([given["force"], given["moment"]])
         bodies, n = self.finger.bodies, 6 * len(self.finger.bodies)
         load = Load(bodies, ("hood",), wrench[:, None], np.zeros((0, 6)))
@@ -151,14 +173,30 @@ class FingerPart:
     def tangent(self, state: State) -> Values:
         return {}
 
+    def template(self) -> State:
+        return self.start()
+
+    def special(self) -> Special:
+        return {}
+
+    def _at(self, angles: Array) -> State:
+        """The finger at joint angles, with no reaction."""
+        start = self.start()
+        step = np.zeros(len(self.finger.unknowns(start)))
+        step[: len(angles)] = angles - self.finger.angles(start)
+        return self.finger.displaced(start, step)
+
     def _outputs(self, state: State, tip_force: Array) -> dict[str, Array]:
-        return {
-            "angle": self.finger.angles(state),
-            "tip_force": tip_force,
+        found = {"angle": self.finger.angles(state), "tip_force": tip_force}
+        return {**found, **self._places(state)}
+
+    def _places(self, state: State) -> dict[str, Array]:
+        places = {
             "tip": self.finger.tip(state),
             "path": self.finger.path_lengths(state),
-            **_poses(self.finger.motion(state)),
+            **poses(self.finger.motion(state)),
         }
+        return {name: value for name, value in places.items() if value.size}
 
 
 @dataclass(frozen=True)
@@ -206,6 +244,12 @@ class CoupledPart:
 
     def tangent(self, state: State) -> Values:
         return {}
+
+    def template(self) -> State:
+        return self._rest()
+
+    def special(self) -> Special:
+        return special_states(self.models.hood)
 
     def _rest(self) -> _Coupled:
         finger, hood = self.models.finger, self.models.hood
@@ -256,11 +300,11 @@ def loads(response: Response) -> Values:
     }
 
 
-def _poses(motion: Motion) -> dict[str, Array]:
+def poses(motion: Motion) -> dict[str, Array]:
     return {"position": motion.position, "rotation": motion.rotation}
 
 
-def _motion(bodies: tuple[str, ...], given: Values) -> Motion:
+def motion_of_input(bodies: tuple[str, ...], given: Values) -> Motion:
     """Raises InputError for a matrix that is no rotation."""
     turn = given["rotation"]
     off = np.abs(turn @ np.swapaxes(turn, 1, 2) - np.eye(3)).max(axis=(1, 2))

@@ -29,6 +29,9 @@ UNITS: Mapping[str, Mapping[str, int]] = {
     "N": {"kg": 1, "m": 1, "s": -2},
     "N.m": {"kg": 1, "m": 2, "s": -2},
     "m/N": {"kg": -1, "s": 2},
+    "rad/s": {"rad": 1, "s": -1},
+    "J": {"kg": 1, "m": 2, "s": -2},
+    "W": {"kg": 1, "m": 2, "s": -3},
 }
 """Exponents of the base units; a quantity of none of these has no unit, or several in one array."""
 
@@ -82,6 +85,14 @@ TOLERANCE = Quantity(
 )
 WITH_TANGENT = Quantity(
     "with_tangent", "parameter", "", "Compute the tangent, which is zero otherwise.", (), True
+)
+KINEMATICS = Quantity(
+    "kinematics",
+    "parameter",
+    "",
+    "A step moves nothing and puts out the poses, the fingertip and the paths at asked_angle.",
+    (),
+    True,
 )
 
 
@@ -172,6 +183,20 @@ def finger_answers(joints: tuple[str, ...]) -> list[Quantity]:
     ]
 
 
+def places_of(
+    bodies: tuple[str, ...], joints: tuple[str, ...], tendons: tuple[str, ...]
+) -> list[Quantity]:
+    """Where a finger's parts are, and how to ask where they would be at other joint angles."""
+    asked = "Joint angle at which kinematics asks for the poses."
+    return [
+        *motion_of(bodies, "output"),
+        Quantity("tip", "output", "m", "The fingertip's point.", (("axis", XYZ),)),
+        Quantity("path", "output", "m", "Length of the tendon.", (("tendon", tendons),)),
+        Quantity("asked_angle", "input", "rad", asked, (("joint", joints),)),
+        KINEMATICS,
+    ]
+
+
 def finger_quantities(
     bodies: tuple[str, ...],
     joints: tuple[str, ...],
@@ -185,13 +210,59 @@ def finger_quantities(
         *affine_load_of(bodies)[: None if tangent else -1],
         *tensions_of(tendons),
         *finger_answers(joints),
-        *motion_of(bodies, "output"),
-        Quantity("tip", "output", "m", "The fingertip's point.", (("axis", XYZ),)),
-        Quantity("path", "output", "m", "Length of the tendon.", (("tendon", tendons),)),
+        *places_of(bodies, joints, tendons),
+    )
+    return tuple(q for q in whole if 0 not in q.shape)
+
+
+def moving_answers(joints: tuple[str, ...]) -> list[Quantity]:
+    """What a finger in motion puts out beside its poses."""
+    about, damped = (
+        "Of the fingertip on the world, about its point.",
+        "Power that joints dissipate.",
+    )
+    energy = "Kinetic energy, and potential energy of height and of the finger's own springs."
+    return [
+        *finger_answers(joints),
+        Quantity("rate", "output", "rad/s", "Joint rate.", (("joint", joints),)),
+        Quantity("tip_moment", "output", "N.m", about, (("axis", XYZ),)),
+        Quantity("energy", "output", "J", energy),
+        Quantity("dissipation", "output", "W", damped),
+    ]
+
+
+def moving_quantities(
+    bodies: tuple[str, ...],
+    joints: tuple[str, ...],
+    tendons: tuple[str, ...],
+    *,
+    tangent: bool = True,
+) -> tuple[Quantity, ...]:
+    """All that a unit of a finger in motion has.  Its load holds at the step's end: it follows the
+    bodies with `load_motion` from the poses `load_position` and `load_rotation`, where there is a
+    tangent, and else is held."""
+    over: Axis = ("body", bodies)
+    at, turned = "Origin of the body where the load was taken.", "Its rotation matrix there."
+    poses = [
+        Quantity("load_position", "input", "m", at, (over, ("axis", XYZ))),
+        Quantity("load_rotation", "input", "", turned, (over, ("axis", XYZ), ("column", XYZ))),
+    ]
+    load = affine_load_of(bodies)
+    whole = (
+        *([*load, *poses] if tangent else load[:-1]),
+        *tensions_of(tendons),
+        *moving_answers(joints),
+        *places_of(bodies, joints, tendons),
     )
     return tuple(q for q in whole if 0 not in q.shape)
 
 
 HOOD_QUANTITIES = tuple(q.name for q in hood_quantities((), (), ()))
-FINGER_QUANTITIES = tuple(q.name for q in finger_quantities(("",), ("",), ("",)))
+FINGER_QUANTITIES = tuple(
+    dict.fromkeys(
+        q.name
+        for quantities in (finger_quantities, moving_quantities)
+        for q in quantities(("",), ("",), ("",))
+    )
+)
 """Names that a map may have, for the schema of a case."""

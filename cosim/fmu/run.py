@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import accumulate
 from pathlib import Path
 from typing import Any
@@ -17,18 +16,12 @@ from cosim import __version__
 from cosim.case import load_case
 from cosim.fmu.parts import Part, part_of
 from cosim.fmu.quantity import WITH_TANGENT, Quantity
-from cosim.port import Array, CosimError, InputError, State
+from cosim.fmu.state import Snapshot, Written
+from cosim.port import Array, CosimError, InputError
+from cosim.snapshot import Special
 
 CASE, ABOUT = "case.toml", "about.json"
 """Files of a unit: the resolved case, and which part of it the unit is."""
-
-
-@dataclass(frozen=True)
-class Snapshot:
-    """All that a step reads and writes; neither array nor state is ever changed in place."""
-
-    values: Array
-    state: State
 
 
 class Run:
@@ -49,7 +42,13 @@ class Run:
         ends = list(accumulate((q.zero().size for q in self.quantities), initial=0))
         self.place = {q.name: slice(*ends[i : i + 2]) for i, q in enumerate(self.quantities)}
         self._values = np.concatenate([np.ravel(self.part.begin[q.name]) for q in self.quantities])
-        self._state, self._fault = self.part.start(), ""
+        self._state, self._fault, self.time = self.part.start(), "", 0.0
+        self._special = _special(self.part)
+
+    @property
+    def serialises(self) -> bool:
+        """Whether its states can be written as bytes."""
+        return self._special is not None
 
     def get(self, entries: Sequence[int] | slice) -> list[float]:
         """Values at places of the array; all NaN where one is none, after which no step succeeds
@@ -74,8 +73,9 @@ class Run:
         self._fault = fault
         return [np.nan] * len(self._values)
 
-    def step(self, dt: float) -> str:
-        """A step of `dt` s; empty, or what went wrong, in which case nothing has changed."""
+    def step(self, time: float, dt: float) -> str:
+        """A step of `dt` s from `time` s, which is only told again; empty, or what went wrong, in
+        which case nothing has changed."""
         if self._fault:
             return self._fault
         try:
@@ -84,20 +84,32 @@ class Run:
             return str(error)
         except Exception as error:  # what crosses this border ends the simulator's process
             return f"a fault of the program, {type(error).__name__}: {error}"
+        self.time = time + dt
         return ""
 
     def snapshot(self) -> Snapshot:
-        return Snapshot(self._values, self._state)
+        return Snapshot(self.token, self.time, self._values, self._state, self._special)
 
     def restore(self, snapshot: Any) -> None:
-        """A snapshot of this or another instance; anything else makes the next steps fail."""
-        if not isinstance(snapshot, Snapshot) or snapshot.values.shape != self._values.shape:
-            self.refuse(
-                "the state that was set is none of this unit's: states live in memory only and "
-                "cannot be serialised"
-            )
+        """A state of this or another instance, in memory or as bytes; anything else makes the next
+        steps fail."""
+        try:
+            taken = self._taken(snapshot)
+        except CosimError as error:
+            self.refuse(f"a state was set that is none of this unit's: {error}")
             return
-        self._values, self._state, self._fault = snapshot.values, snapshot.state, ""
+        except Exception as error:  # as in a step
+            self.refuse(f"a state was set, and a fault of the program, {error!r}, kept it out")
+            return
+        self._values, self._state, self._fault = taken.values, taken.state, ""
+        self.time = taken.time
+
+    def _taken(self, snapshot: Any) -> Snapshot:
+        if isinstance(snapshot, Written):
+            snapshot = snapshot.read(self.token, self.part.template, self._special)
+        if not isinstance(snapshot, Snapshot) or snapshot.values.shape != self._values.shape:
+            raise InputError("it is nothing that this unit has given out")
+        return snapshot
 
     def _step(self, dt: float) -> None:
         given = {q.name: self._value(q) for q in self.quantities if q.causality != "output"}
@@ -115,6 +127,14 @@ class Run:
 
     def _value(self, quantity: Quantity) -> Array:
         return self._values[self.place[quantity.name]].reshape(quantity.shape)
+
+
+def _special(part: Part) -> Special | None:
+    """How the part's states are written; None where they cannot be."""
+    try:
+        return part.special()
+    except InputError:
+        return None
 
 
 def _about(path: Path) -> Mapping[str, Any]:

@@ -7,7 +7,7 @@ import weakref
 from collections.abc import Callable, Sequence
 from contextlib import chdir
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cache, partial
 from itertools import count
 from pathlib import Path
 from typing import Any, TypeVar
@@ -17,6 +17,7 @@ import numpy as np
 from cosim.fmu.archive import Opened, opened
 from cosim.fmu.mapping import Place
 from cosim.port import Array, ConvergenceError, InputError
+from cosim.snapshot import Arrays, Special
 
 MOST_LOGGED = 5
 T = TypeVar("T")
@@ -41,9 +42,9 @@ class Unit:
     def __init__(self, path: Path) -> None:
         room = tempfile.TemporaryDirectory(prefix="fmu_", ignore_cleanup_errors=True)
         self.opened: Opened = opened(path, Path(room.name))
-        self._log: list[str] = []
         description = self.opened.description
         self.is_fmi2 = description.fmiVersion == "2.0"
+        self._log: list[str] = HEARD if self.is_fmi2 else []
         self._fmu = self._instance(description)
         self._owner, self._keys, self._forgotten = object(), count(), list[int]()
         self._pointers: dict[int, Any] = {}
@@ -119,6 +120,25 @@ class Unit:
         self._call(lambda: self._fmu.setFMUState(saved.pointer), ConvergenceError, "lost a state")
         self.time, self._current = saved.time, saved
 
+    def written(self, saved: Saved) -> bytes:
+        """A saved state as bytes, of a unit that serialises."""
+        write = self._fmu.serializeFMUState
+        content: bytes = self._call(lambda: write(saved.pointer), InputError, "wrote no state")
+        return content
+
+    def read(self, content: bytes, time: float) -> Saved:
+        """The state that `written` made, at a time in s.  A unit may refuse it here or in the next
+        step from it."""
+        read = self._fmu.deserializeFMUState
+        saved = Saved(
+            self._owner, time, self._call(lambda: read(content), InputError, "read no state")
+        )
+        self._keep(saved)
+        return saved
+
+    def owns(self, saved: Saved) -> bool:
+        return saved.owner is self._owner
+
     def _keep(self, saved: Saved) -> None:
         """Hold a state for as long as `saved` lives; let go of those whose time is over.
 
@@ -152,7 +172,7 @@ class Unit:
         with chdir("."):  # FMPy changes the folder and stays there where a library does not load
             made = self._call(load, InputError, "cannot be loaded")
         log = self._log
-        logger = {"callbacks": _callbacks(log)} if self.is_fmi2 else {"logMessage": _logger(log)}
+        logger = {"callbacks": _listening()} if self.is_fmi2 else {"logMessage": _logger(log)}
         instantiate = partial(made.instantiate, loggingOn=True, **logger)
         self._call(instantiate, InputError, "cannot be instantiated")
         return made
@@ -165,6 +185,8 @@ class Unit:
 
     def _call(self, call: Callable[[], T], error: type[Exception], what: str) -> T:
         """A call of the unit, its failure told in words with what it logged."""
+        if self.is_fmi2:
+            _listening()
         self._log.clear()
         try:
             return call()
@@ -174,6 +196,28 @@ class Unit:
             raise error(f"{self.opened.path}: {what}: {reason}") from failure
 
 
+def written_states(units: Sequence[Unit]) -> Special:
+    """How their saved states are written and read.  Raises InputError for a unit that cannot."""
+    for unit in units:
+        if not unit.opened.serialises:
+            raise InputError(
+                f"forward.checkpoint: {unit.opened.path}: this FMU cannot write its state "
+                "(canSerializeFMUState is not true); leave forward.checkpoint out"
+            )
+
+    def of(saved: Saved) -> Unit:
+        return next(unit for unit in units if unit.owns(saved))
+
+    def write(saved: Saved) -> Arrays:
+        content = np.frombuffer(of(saved).written(saved), dtype=np.uint8)
+        return {"time": np.array(saved.time), "content": content}
+
+    def read(template: Saved, arrays: Arrays) -> Saved:
+        return of(template).read(arrays["content"].tobytes(), float(arrays["time"]))
+
+    return {Saved: (write, read)}
+
+
 def _logger(log: list[str]) -> Callable[..., None]:
     def logged(*facts: Any) -> None:
         log.append(" ".join(facts[-1].decode("utf-8", "replace").split()))
@@ -181,15 +225,29 @@ def _logger(log: list[str]) -> Callable[..., None]:
     return logged
 
 
-def _callbacks(log: list[str]) -> Any:
-    """FMI 2's table of callbacks, with our logger."""
+HEARD: list[str] = []
+"""What units of FMI 2 log: FMPy's proxy, which puts their messages together, has one listener for
+all of a process, whichever was named last."""
+
+
+@cache
+def _listener() -> Any:
+    """The one that fills HEARD; it outlives every unit, since a proxy that calls one that is gone
+    brings the process down."""
+    from fmpy import fmi2
+
+    return fmi2.fmi2CallbackLoggerTYPE(_logger(HEARD))
+
+
+def _listening() -> Any:
+    """FMI 2's table of callbacks, once the proxy calls our listener."""
     from ctypes import byref
 
     from fmpy import calloc, fmi2, free
     from fmpy.logging import addLoggerProxy
 
     table = fmi2.fmi2CallbackFunctions()
-    table.logger = fmi2.fmi2CallbackLoggerTYPE(_logger(log))
+    table.logger = _listener()
     table.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(calloc)
     table.freeMemory = fmi2.fmi2CallbackFreeMemoryTYPE(free)
     addLoggerProxy(byref(table))

@@ -2,31 +2,51 @@
 
 from __future__ import annotations
 
+import json
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 
 from cosim.build import Models, build, tensions
+from cosim.build_forward import Together, together
 from cosim.case import load_case
 from cosim.case_schema import Case
 from cosim.couple import CouplingOptions, Equilibrium, equilibrium
 from cosim.fmu.export import write_fmu
 from cosim.fmu.finger import FmuFinger, met
+from cosim.fmu.moving import FmuMovingFinger
 from cosim.fmu.participant import FmuHood
 from cosim.fmu.parts import PARTS
-from cosim.port import STATIC, Array, Hood
+from cosim.fmu.settle import settled
+from cosim.port import STATIC, AffineLoad, Array, Hood
+from cosim.rest import balanced
+from cosim.run import run_case
 from cosim.verification import Row, Study
 
 TOLERANCE = 1e-9
 """N, of the fingertip force."""
 NATIVE = "the same case without FMUs"
+TIGHT = 1e-12
+"""rad, to which the fixed point goes on: its force then is to TOLERANCE."""
 MOST_OVERHEAD = 5e3
 """us a step: what a border of some hundred values may cost at most; no target, a guard."""
 SLOW = ("hood.mesh.quads=120",)
+MOTION_OF_UNITS = (
+    "output.picture=false",
+    'tendons.EDC.course={kind="points",at=[["0 s",0.02],["0.05 s",1.0]]}',
+    'forward={duration="0.05 s",must_rest=false}',
+)
+"""The extensor pulls within 50 ms, and"""
+MOTION = (
+    *MOTION_OF_UNITS,
+    'finger.tip={kind="free"}',
+    'finger.limit={half_range="40 deg",damping="0.01 N*m*s/deg"}',
+)
+"""a free finger, with room to move, follows."""
 
 
 def studies() -> tuple[Study, ...]:
@@ -36,6 +56,7 @@ def studies() -> tuple[Study, ...]:
     return (
         Study("FMU, cables", lambda: rows("pulley_edc", ())),
         Study("FMU, shell", lambda: rows("isometric_edc", SLOW), slow=True),
+        Study("FMU, motion", motion_rows),
     )
 
 
@@ -52,7 +73,32 @@ def rows(name: str, settings: Sequence[str]) -> Iterator[Row]:
             for part, path in paths.items():
                 write_fmu(case, part, fmi, path)
                 yield from _accepted(f"{name}, {part}, FMI {fmi}", path)
-            yield from _coupled(f"{name}, FMI {fmi}", case, models, native, paths)
+            del paths["coupled"]
+            yield from _coupled(f"{name}, FMI {fmi}", case, settings, models, native, paths)
+
+
+def motion_rows() -> Iterator[Row]:
+    """For FMI 2 and 3: a finger and a hood in motion in units, by three schemes.
+
+    Raises InputError and ConvergenceError."""
+    case = load_case("pulley_edc", MOTION)
+    assert case.forward is not None  # stated in MOTION
+    models = together(case, case.forward)
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        for fmi in (2, 3):
+            paths = {part: Path(folder) / f"{part}{fmi}.fmu" for part in PARTS}
+            for part, path in paths.items():
+                write_fmu(case, part, fmi, path)
+                yield from _accepted(f"motion, {part}, FMI {fmi}", path)
+            del paths["coupled"]
+            for scheme in ("explicit", "implicit", "linear"):
+                native = run_case(load_case("pulley_edc", [*MOTION, _scheme(scheme)]))
+                both = in_units(models, paths, scheme)
+                ours = run_case(load_case("pulley_edc", [*MOTION_OF_UNITS, *both]))
+                gap = float(np.abs(ours.dataset.angle - native.dataset.angle).max())
+                what = f"hood and finger in FMUs, {scheme}: angles over 50 steps, rad"
+                yield Row(f"motion, FMI {fmi}", what, 0, gap, TOLERANCE, NATIVE, "absolute")
+            yield _overhead(f"motion, FMI {fmi}", "finger", *_times_of_motion(models, paths))
 
 
 def coupled_by_us(case: Case, models: Models, hood: Hood) -> Equilibrium:
@@ -74,7 +120,12 @@ def _accepted(name: str, path: Path) -> Iterator[Row]:
 
 
 def _coupled(
-    name: str, case: Case, models: Models, native: Equilibrium, paths: dict[str, Path]
+    name: str,
+    case: Case,
+    settings: Sequence[str],
+    models: Models,
+    native: Equilibrium,
+    paths: dict[str, Path],
 ) -> Iterator[Row]:
     own = models.hood
     hood = FmuHood(paths["hood"], own.bodies, own.tendons, own.sources)
@@ -84,12 +135,33 @@ def _coupled(
     force = coupled_by_us(case, models, hood).balance.tip_force
     yield _force_row(name, "hood in an FMU, its tangent by differences", force, native)
     hood.tangent_by = "outputs"
-    f = models.finger
-    finger = FmuFinger(paths["finger"], f.bodies, f.joints, f.tendons)
-    both = met(finger, hood, *tensions(case, models)).finger.tip_force
-    yield _force_row(name, "hood and finger in FMUs", both, native)
+    for scheme in ("newton", "implicit"):
+        both = load_case(case.source, [*settings, *in_units(models, paths, scheme)])
+        force = settled(both).states["loaded"].finger.tip_force
+        yield _force_row(name, f"hood and finger in FMUs, {scheme}", force, native)
     yield _rollback(name, hood, native)
-    yield _overhead(name, own, hood, native)
+    yield _overhead(name, "hood", *[_time_of_answer(h, native) for h in (own, hood)])
+    yield _overhead(name, "finger", *_times_of_rest(case, models, paths["finger"], native))
+
+
+def in_units(models: Models | Together, paths: Mapping[str, Path], scheme: str) -> list[str]:
+    """Settings that put units (by part, hood and finger or one of them) in a case's models' places,
+    met by a scheme."""
+    f, h = models.finger, models.hood
+    parts = {
+        "finger": {"bodies": f.bodies, "joints": f.joints, "tendons": f.tendons},
+        "hood": {"tendons": h.tendons, "sources": h.sources},
+    }
+    out = [_scheme(scheme)]
+    for part, path in paths.items():
+        facts = {"kind": "fmu", "path": str(path), **parts[part]}
+        table = ",".join(f"{key}={json.dumps(value)}" for key, value in facts.items())
+        out.append(f"{part}={{{table}}}")
+    return out
+
+
+def _scheme(name: str) -> str:
+    return f'coupling={{scheme="{name}",tolerance="{TIGHT} rad"}}'
 
 
 def _force_row(name: str, what: str, force: Array, native: Equilibrium) -> Row:
@@ -107,21 +179,50 @@ def _rollback(name: str, hood: FmuHood, at: Equilibrium) -> Row:
     return Row(name, "a step taken back and repeated, N", 0, gap, 0, "identity", "absolute")
 
 
-def _overhead(name: str, native: Hood, hood: FmuHood, at: Equilibrium) -> Row:
+def _overhead(name: str, part: str, native: float, unit: float) -> Row:
     """Of a step that repeats the last one, without its tangent; both warm."""
-    hood.tangent_by = "differences"
-    spent = [_time_of_step(h, at) for h in (native, hood)]
-    over = 1e6 * (spent[1] - spent[0])
-    what = f"do_step over the native {1e6 * spent[0]:.0f} us, us a step"
-    return Row(name, what, MOST_OVERHEAD, over, 0, "guard", "bound")
+    what = f"{part}: do_step over the native {1e6 * native:.0f} us, us a step"
+    return Row(name, what, MOST_OVERHEAD, 1e6 * (unit - native), 0, "guard", "bound")
 
 
-def _time_of_step(hood: Hood, at: Equilibrium) -> float:
-    """s, median."""
+def _time_of_answer(hood: Hood, at: Equilibrium) -> float:
+    """s, of a hood's static step."""
+    if isinstance(hood, FmuHood):
+        hood.tangent_by = "differences"
     first = hood.advance(hood.start(at.motion), at.motion, at.hood_tension, STATIC)
+    return _median(lambda: hood.advance(first.state, at.motion, at.hood_tension, STATIC))
+
+
+def _times_of_rest(case: Case, models: Models, path: Path, at: Equilibrium) -> tuple[float, float]:
+    """s, of a finger's equilibrium under the hood's load, from there: native, and in a unit."""
+    f, load, pulls = models.finger, at.load, at.finger_tension
+    slope, tolerance = at.jacobian.load_motion, case.solve.tolerance
+    unit = FmuFinger(path, f.bodies, f.joints, f.tendons)
+    there, total = met(unit, models.hood, at.hood_tension, pulls).finger, load.total()
+    return (
+        _median(lambda: balanced(f, at.finger_state, load, pulls, slope, tolerance)),
+        _median(lambda: unit.step(there, total, slope, pulls)),
+    )
+
+
+def _times_of_motion(models: Together, paths: Mapping[str, Path]) -> tuple[float, float]:
+    """s, of a finger's step under a held load: native, and in a unit."""
+    own, f = models.finger, models.finger
+    unit = FmuMovingFinger(paths["finger"], f.bodies, f.joints, f.tendons)
+    start, pulls = own.begin(models.posture), np.ones(len(f.tendons))
+    n = 6 * len(f.bodies)
+    load = AffineLoad(own.motion(own.angles(start)), np.zeros((n // 6, 6)), np.zeros((n, n)))
+    return (
+        _median(lambda: own.step(start, load, pulls, models.moves.dt)),
+        _median(lambda: unit.step(unit.begin({}), load, pulls, models.moves.dt)),
+    )
+
+
+def _median(call: Callable[[], object]) -> float:
+    """s, of 21 calls."""
     spent = []
     for _ in range(21):
         started = time.perf_counter()
-        hood.advance(first.state, at.motion, at.hood_tension, STATIC)
+        call()
         spent.append(time.perf_counter() - started)
     return float(np.median(spent))

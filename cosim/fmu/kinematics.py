@@ -1,0 +1,103 @@
+"""Where a finger in an FMU has its bodies: at the angles that it has reached, and at others."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from cosim.fmu.mapping import Place
+from cosim.fmu.participant import SHORT
+from cosim.fmu.quantity import KINEMATICS
+from cosim.fmu.unit import Unit
+from cosim.port import Array, InputError, Motion
+
+ASKED = "asked_angle"
+OPTIONAL = ("tip", "path", ASKED, KINEMATICS.name)
+"""Quantities that a unit of a finger may lack."""
+MOST_KEPT = 64
+TURN = 1e-5
+"""rad, of differences: truncation and rounding of a twist both near 1e-11 of it."""
+
+
+class Pose(NamedTuple):
+    """A finger at some joint angles."""
+
+    motion: Motion
+    tip: Array | None
+    """(3,) m; None where the unit does not tell it."""
+    path: Array
+    """(nt,) m, of its own tendons; empty where the unit does not tell them."""
+
+    @property
+    def line(self) -> Array:
+        """(k, 3) m, through the bodies' origins to the fingertip, for pictures."""
+        points = self.motion.position
+        return points if self.tip is None else np.vstack([points, self.tip])
+
+
+class Kinematics:
+    """Poses by joint angles, the last ones kept.
+
+    A unit with the switch `kinematics` tells them at any angles; one without at those alone that
+    it has reached."""
+
+    def __init__(self, unit: Unit, place: Mapping[str, Place], bodies: tuple[str, ...]) -> None:
+        self._unit, self._place, self._bodies = unit, place, bodies
+        self._begin = unit.save()
+        self._kept: OrderedDict[bytes, Pose] = OrderedDict()
+
+    @property
+    def tells_any(self) -> bool:
+        """Whether other angles may be asked for than those reached."""
+        switched = KINEMATICS.name in self._place and ASKED in self._place
+        return switched and self._unit.opened.rolls_back
+
+    def reached(self, angles: Array) -> Pose:
+        """The pose that the unit puts out now, at its angles (nq,) rad."""
+        return self._keep(angles, self._seen())
+
+    def at(self, angles: Array) -> Pose:
+        """Raises InputError for angles not reached of a unit that does not tell others."""
+        kept = self._kept.get(np.asarray(angles).tobytes())
+        return self._asked(angles) if kept is None else kept
+
+    def jacobian(self, angles: Array) -> Array:
+        """(6 nb, nq) twists of the bodies per joint rate, by central differences."""
+        ends = [
+            [self.at(angles + sign * step).motion for sign in (-1, 1)]
+            for step in TURN * np.eye(len(angles))
+        ]
+        columns = [before.twist_to(after).ravel() / (2 * TURN) for before, after in ends]
+        return np.stack(columns, axis=1)
+
+    def _asked(self, angles: Array) -> Pose:
+        if not self.tells_any:
+            raise InputError(
+                f"{self._unit.opened.path}: this FMU does not tell its poses at joint angles that "
+                f"it has not reached: that takes the quantities {KINEMATICS.name} and {ASKED}, and "
+                "a unit that can be taken back (canGetAndSetFMUstate). The scheme explicit of a "
+                "motion does without, and linear or newton of an equilibrium"
+            )
+        self._unit.restore(self._begin)
+        self._unit.set(self._place[ASKED], angles)
+        self._unit.set(self._place[KINEMATICS.name], 1.0)
+        self._unit.step(SHORT)
+        return self._keep(angles, self._seen())
+
+    def _seen(self) -> Pose:
+        told = {
+            name: self._unit.get(self._place[name])
+            for name in ("position", "rotation", "tip", "path")
+            if name in self._place
+        }
+        motion = Motion(self._bodies, told["position"], told["rotation"])
+        return Pose(motion, told.get("tip"), told.get("path", np.zeros(0)))
+
+    def _keep(self, angles: Array, pose: Pose) -> Pose:
+        self._kept[np.asarray(angles).tobytes()] = pose
+        if len(self._kept) > MOST_KEPT:
+            self._kept.popitem(last=False)
+        return pose

@@ -1,0 +1,198 @@
+"""What a written FMU of a case in motion computes: the finger, or finger and hood together.
+
+A step of the master is cut into equal ones that are no longer than the case's `forward.step`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import ceil
+
+import numpy as np
+
+from cosim.build_forward import Together, special_states, together
+from cosim.case_schema import Case, Forward
+from cosim.coupled import Coupled
+from cosim.fmu.parts import Part, motion_of_input, poses
+from cosim.fmu.quantity import (
+    KINEMATICS,
+    Quantity,
+    Values,
+    motion_of,
+    moving_answers,
+    moving_quantities,
+    tensions_of,
+)
+from cosim.motion import WatchedFinger
+from cosim.port import AffineLoad, Array, InputError, State
+from cosim.schemes import step
+from cosim.snapshot import Special
+
+ROUNDING = 1e-9
+"""Of a step, by which a master's may be longer than the case's."""
+
+
+def moving_part(case: Case, forward: Forward, part: str, tangent: bool) -> Part:
+    """The finger, or "coupled" the finger and the hood, of a case in motion.  Raises InputError."""
+    if forward.adaptive is not None:
+        raise InputError(
+            f"{case.name}: forward.adaptive: the steps of an FMU are its master's; leave it out"
+        )
+    both = together(case, forward)
+    if both.moves.driven.names:
+        raise InputError(
+            f"tendons.{both.moves.driven.names[0]}.excursion: an FMU in motion takes tensions; "
+            "state one"
+        )
+    if part == "finger":
+        return MovingFingerPart(both, tangent)
+    return MovingCoupledPart(both)
+
+
+def _steps(dt: float, longest: float) -> list[float]:
+    """s, equal steps that make `dt`."""
+    count = max(1, ceil(dt / longest * (1 - ROUNDING)))
+    return [dt / count] * count
+
+
+def _answers(finger: WatchedFinger, state: State) -> dict[str, Array]:
+    """`moving_answers` in a state."""
+    tip = finger.tip_wrench(state)
+    return {
+        "angle": finger.angles(state),
+        "rate": finger.rates(state),
+        "tip_force": tip[:3],
+        "tip_moment": tip[3:],
+        "energy": np.array(finger.energy(state)),
+        "dissipation": np.array(finger.dissipation(state)),
+    }
+
+
+class MovingFingerPart:
+    """The finger alone, under a load that holds at the end of each of its steps."""
+
+    def __init__(self, both: Together, tangent: bool = True) -> None:
+        self.finger, self._longest = both.finger, both.moves.dt
+        self._posture, f = both.posture, both.finger
+        self.quantities = moving_quantities(f.bodies, f.joints, f.tendons, tangent=tangent)
+        start = self.start()
+        motion = f.motion(f.angles(start))
+        at_start = {
+            **self._outputs(start),
+            "load_position": motion.position,
+            "load_rotation": motion.rotation,
+            "tension": both.first_tensions()[len(both.hood.tendons) :],
+        }
+        self.begin = {q.name: at_start.get(q.name, q.zero()) for q in self.quantities}
+
+    def start(self) -> State:
+        return self.finger.begin(self._posture)
+
+    def step(self, state: State, given: Values, dt: float) -> tuple[State, Values]:
+        if given[KINEMATICS.name]:
+            return state, self._places(given["asked_angle"])
+        load, tension = self._load(state, given), given.get("tension", np.zeros(0))
+        for h in _steps(dt, self._longest):
+            state = self.finger.step(state, load, tension, h)
+        return state, self._outputs(state)
+
+    def tangent(self, state: State) -> Values:
+        return {}
+
+    def template(self) -> State:
+        return self.start()
+
+    def special(self) -> Special:
+        return {}
+
+    def _load(self, state: State, given: Values) -> AffineLoad:
+        bodies, n = self.finger.bodies, 6 * len(self.finger.bodies)
+        wrench = np.hstack([given["force"], given["moment"]])
+        if "load_motion" not in given:
+            at = self.finger.motion(self.finger.angles(state))
+            return AffineLoad(at, wrench, np.zeros((n, n)))
+        there = {"position": given["load_position"], "rotation": given["load_rotation"]}
+        slope = given["load_motion"].reshape(n, n)
+        return AffineLoad(motion_of_input(bodies, there), wrench, slope)
+
+    def _outputs(self, state: State) -> Values:
+        return {
+            **_answers(self.finger, state),
+            **self._places(self.finger.angles(state)),
+        }
+
+    def _places(self, angles: Array) -> dict[str, Array]:
+        tip = self.finger.tip(angles)
+        out = {"path": self.finger.path_lengths(angles), **poses(self.finger.motion(angles))}
+        told = out if tip is None else {**out, "tip": tip}
+        return {name: value for name, value in told.items() if value.size}
+
+
+class MovingCoupledPart:
+    """Finger and hood in motion by the case's scheme, from rest in the posture with the hood in
+    equilibrium at the case's first tensions.
+
+    A muscle's fibre is not part of it: tensions are inputs, constant over a master's step."""
+
+    def __init__(self, both: Together) -> None:
+        self.both, finger, hood = both, both.finger, both.hood
+        self.tendons = (*hood.tendons, *finger.tendons)
+        away = "How far the tendon's end has moved along its pull since rest."
+        pulled: tuple[tuple[str, tuple[str, ...]], ...] = (("tendon", hood.tendons),)
+        residual = "Relative, of the loads at the interface, in the last step."
+        whole = (
+            *tensions_of(self.tendons),
+            *moving_answers(finger.joints),
+            *motion_of(finger.bodies, "output"),
+            Quantity("excursion", "output", "m", away, pulled),
+            Quantity("residual", "output", "", residual),
+        )
+        self.quantities = tuple(q for q in whole if 0 not in q.shape)
+        start = finger.begin(both.posture)
+        at_start = {
+            **_answers(finger, start),
+            **poses(finger.motion(finger.angles(start))),
+            "tension": both.first_tensions(),
+        }
+        self.begin = {q.name: at_start.get(q.name, q.zero()) for q in self.quantities}
+
+    def start(self) -> State:
+        """Before the first step, which first finds the hood's equilibrium in the posture."""
+        return None
+
+    def step(self, state: Coupled | None, given: Values, dt: float) -> tuple[State, Values]:
+        moves = self.both.moves
+        if state is None:
+            state = self._begun()
+        split = len(moves.hood.tendons)
+        pulls = given["tension"][:split], given["tension"][split:]
+        for h in _steps(dt, moves.dt):
+            state = step(moves.scheme, moves.finger, moves.hood, state, _held(pulls), h)
+        return state, self._outputs(state)
+
+    def tangent(self, state: State) -> Values:
+        return {}
+
+    def template(self) -> State:
+        return self._begun()
+
+    def special(self) -> Special:
+        return special_states(self.both.hood, self.both.finger)
+
+    def _begun(self) -> Coupled:
+        moves = self.both.moves
+        return moves.begin(moves.finger.begin(self.both.posture)).coupled
+
+    def _outputs(self, state: Coupled) -> Values:
+        out = {
+            **_answers(self.both.finger, state.finger),
+            **poses(self.both.finger.motion(self.both.finger.angles(state.finger))),
+            "residual": np.array(state.residual),
+        }
+        excursion = state.point.excursion
+        return {**out, "excursion": excursion} if excursion.size else out
+
+
+def _held(pulls: tuple[Array, Array]) -> Callable[[float], tuple[Array, Array]]:
+    """The same tensions at all times."""
+    return lambda time: pulls
