@@ -10,7 +10,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cosim import case_schema as schema
-from cosim.case_schema import Case, GeneratedMesh, IndexFinger, Region, ShellHood
+from cosim.case_schema import (
+    Case,
+    GeneratedMesh,
+    IndexFinger,
+    MiddleFinger,
+    Region,
+    ShellHood,
+)
 from cosim.port import Array, InputError, Motion, State
 
 if TYPE_CHECKING:
@@ -24,10 +31,28 @@ if TYPE_CHECKING:
     from meshes.skeleton import Skeleton
 
 Triangles = tuple[Array, np.ndarray]
-HOOD_TENDONS = ("EDC", "EI", "LUM", "FPI")
-"""The muscles that act through the hood."""
-ENDS = {"EDC": "central", "EI": "central", "LUM": "radial", "FPI": "ulnar"}
-"""The end of the hood that each one pulls; EI pulls its ulnar half."""
+UnderHood = IndexFinger | MiddleFinger
+"""The fingers that take a shell hood."""
+WHOLE, ULNAR = np.zeros(3), np.array([0.0, -1.0, 0.0])
+PALMAR, DORSAL = np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, 1.0])
+ENDS = {
+    "index": {
+        "EDC": ("central", WHOLE),
+        "EI": ("central", ULNAR),
+        "LUM": ("radial", WHOLE),
+        "FPI": ("ulnar", WHOLE),
+    },
+    # An et al. 1979: the third digit's lumbrical runs palmar of its interosseous.
+    "middle": {
+        "EDC": ("central", WHOLE),
+        "LUM": ("radial", PALMAR),
+        "RI": ("radial", DORSAL),
+        "UI": ("ulnar", WHOLE),
+    },
+}
+"""By finger, the tendons that act through the hood: the end that each one pulls, and of the half
+that it pulls on which side that is (metacarpal's frame)."""
+CENTRAL = ("extensor_tendon_distal", "central_band", "central_slip")
 MARGIN = 5e-3
 """m, how far beyond a bone its baked distance reaches."""
 
@@ -69,6 +94,8 @@ class HoodLook:
     """(ns,) node of the hood that it holds."""
     penetration: float
     """m, the deepest."""
+    markers: np.ndarray
+    """(rows, columns) nodes of a grid over the central region, along and across the finger."""
 
 
 def _surfaces(bones: Mapping[str, Triangles]) -> dict[str, Surface]:
@@ -100,8 +127,10 @@ def _baked(body: str, vertices: _frozen, faces: _frozen) -> Surface:
 
 
 def laid_mesh(
-    hood: ShellHood, finger: IndexFinger, skeleton: Skeleton, bones: Mapping[str, Triangles]
+    hood: ShellHood, finger: UnderHood, skeleton: Skeleton, bones: Mapping[str, Triangles]
 ) -> HoodMesh:
+    """The mesh of a shell hood, read or generated.  Raises InputError."""
+    from cosim.build_finger import width_of
     from meshes.hood import generate
     from meshes.hood_mesh import read
 
@@ -122,8 +151,16 @@ def laid_mesh(
         hood.thickness,
         hood.mesh.rest_posture.angles(),
         hood.mesh.quads,
-        width=finger.width_scale,
+        width=width_of(finger),
+        intrinsic=_intrinsic(finger),
     )
+
+
+def _intrinsic(finger: UnderHood) -> Mapping[str, tuple[float, float, float]] | None:
+    """Where the intrinsic tendons run to the sheet from, of a finger that has its own."""
+    from rigid.middle_finger import intrinsic_guides
+
+    return intrinsic_guides(finger.length_scale) if isinstance(finger, MiddleFinger) else None
 
 
 def shell_hood_of(
@@ -137,9 +174,8 @@ def shell_hood_of(
     from fe_solver.fibres import smoothed
     from fe_solver.hood_model import ContactLaw, Sheet, SpringSet, shell_hood
     from fe_solver.newton import NewtonOptions
-    from meshes.hood import PIP
     from meshes.hood_mesh import REGIONS
-    from meshes.hull import carriers
+    from meshes.hull import along, carriers
     from meshes.skeleton import BODIES
 
     missing = [REGIONS[i] for i in np.unique(mesh.region) if REGIONS[i] not in hood.regions]
@@ -174,12 +210,12 @@ def shell_hood_of(
     return shell_hood(
         sheet,
         Motion(BODIES, position, rotation),
-        carriers(skeleton, mesh.station / PIP * skeleton.length[1]),
+        carriers(skeleton, along(skeleton, mesh.station)),
         springs,
         mesh.tied,
         "metacarpal",
         np.array([-1.0, 0.0, 0.0]),
-        _tendons(mesh),
+        _tendons(mesh, case.finger.kind),
         ContactLaw(
             hood.contact.stiffness,
             hood.contact.smoothing,
@@ -256,7 +292,7 @@ def _thickness(hood: ShellHood, mesh: HoodMesh) -> Array:
 def _faced(mesh: HoodMesh, thickness: Array) -> Array:
     """Mid-surface points (n, 3) that leave the face towards the bones where the sheet that the mesh
     was laid for has it."""
-    from fe_solver.hood_model import node_directors, node_means
+    from fe_solver.mesh_geometry import node_directors, node_means
 
     rise = (node_means(thickness, mesh.quads, len(mesh.points)) - mesh.thickness) / 2
     if np.abs(rise).max() < 1e-12:
@@ -283,19 +319,19 @@ def _length(mesh: HoodMesh, cells: np.ndarray) -> float:
     return float(np.ptp(along))
 
 
-def _tendons(mesh: HoodMesh) -> dict[str, Tendon]:
-    """Each tendon's end nodes and their shares: half at an edge node, and EI on the ulnar half."""
+def _tendons(mesh: HoodMesh, finger: str) -> dict[str, Tendon]:
+    """Each tendon's end nodes and their shares, half at an edge node."""
     from fe_solver.hood_model import Tendon
 
     out = {}
-    for tendon in HOOD_TENDONS:
-        nodes = mesh.ends[ENDS[tendon]]
+    for tendon, (end, side) in ENDS[finger].items():
+        nodes = mesh.ends[end]
         share = np.ones(len(nodes))
         share[[0, -1]] = 0.5
-        if tendon == "EI":
-            radial = mesh.points[nodes, 1]
-            middle = np.isclose(radial, np.median(radial))
-            share = np.where(middle, share / 2, np.where(radial < np.median(radial), share, 0.0))
+        if side.any():
+            height = mesh.points[nodes] @ side
+            middle = np.isclose(height, np.median(height))
+            share = np.where(middle, share / 2, np.where(height > np.median(height), share, 0.0))
         out[tendon] = Tendon(nodes, share / share.sum())
     return out
 
@@ -318,7 +354,7 @@ def look(hood: FeHood, mesh: HoodMesh, state: State) -> HoodLook:
         field.faces,
         field.stress,
         hood.model.tables.weight.sum(axis=1),
-        mesh.cells("extensor_tendon_distal", "central_band", "central_slip"),
+        mesh.cells(*CENTRAL),
         contact_pressure(hood.model, c),
         forces,
         slips,
@@ -326,6 +362,7 @@ def look(hood: FeHood, mesh: HoodMesh, state: State) -> HoodLook:
         tuple(hood.groups[i] for i in springs.group),
         springs.node,
         max(0.0, -float(hood.gap(state).min())),
+        mesh.markers(CENTRAL),
     )
 
 

@@ -19,8 +19,11 @@ from cosim.fmu_commands import fmu
 from cosim.job_commands import bench_fe, bench_febio, export, solve
 from cosim.opensim_commands import import_model, sto
 from cosim.port import CosimError, InputError
+from cosim.report_commands import report
 from cosim.shell_commands import info, verify
+from cosim.study_commands import identify, sensitivity
 from cosim.terminal import tell, told
+from cosim.validate_commands import validate
 
 if TYPE_CHECKING:
     from cosim.case_schema import Case
@@ -41,6 +44,10 @@ app.command()(mjcf)
 app.command("import")(import_model)
 app.command()(sto)
 app.command()(fmu)
+app.command()(report)
+app.command()(validate)
+app.command()(sensitivity)
+app.command()(identify)
 UNFINISHED = ".unfinished"
 Voice = Literal["plain", "quiet", "json"]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Say nothing but what is wrong.")]

@@ -16,6 +16,7 @@ from cosim.couple import Equilibrium, moment_arms
 from cosim.observe_one_way import one_way_summary
 from cosim.port import Array
 from cosim.results import STRAIN, HoodField, LedgerRow, Result, Scene
+from cosim.strains import strain_change, strain_summary
 
 if TYPE_CHECKING:
     import xarray
@@ -32,6 +33,8 @@ BOUNDS = {
     "reciprocity": 1e-3,
 }
 """What each figure of the audit must not exceed."""
+LEAST_SLIP = 1e-3
+"""N, below which the central slip is slack and nothing is shared."""
 MOST_PENETRATION = 0.02
 """mm."""
 BEYOND = float(np.radians(10.0))
@@ -82,7 +85,7 @@ def summary(
     iterations = {"coupling": loaded.iterations, "newton": newton}
     rest = {
         "unloaded": before,
-        "difference": _difference(models, unloaded, loaded, before, now),
+        "difference": _difference(models, unloaded, loaded, before, now, looks),
         "audit": audit,
         "audit_missed": missed,
         **_muscles(case, models, states),
@@ -137,20 +140,11 @@ def _state(models: Models, e: Equilibrium, look: HoodLook | None) -> dict[str, A
         },
     }
     if look is not None:
-        central = look.area * look.central
         out["slip_force_N"] = dict(look.slip_force)
+        if look.slip_force["central"] > LEAST_SLIP:
+            out["slip_ratio"] = look.slip_force["terminal"] / look.slip_force["central"]
         out["spring_force_N"] = dict(look.spring_force)
-        out["strain_percent"] = {
-            name: {
-                "min": 100 * float(column[look.central].min()),
-                "mean": 100 * float(column @ central / central.sum()),
-                "max": 100 * float(column[look.central].max()),
-            }
-            for name, column in (
-                ("longitudinal", look.strain[:, 0]),
-                ("lateral", look.strain[:, 1]),
-            )
-        }
+        out |= strain_summary(look)
         out["max_penetration_mm"] = 1e3 * look.penetration
     return out
 
@@ -179,17 +173,22 @@ def _difference(
     loaded: Equilibrium,
     before: Mapping[str, Any],
     now: Mapping[str, Any],
+    looks: Mapping[str, HoodLook],
 ) -> dict[str, Any]:
-    """Loaded less unloaded: forces, and per tendon that was pulled its effective moment arms,
-    change of the hood's joint torques over change of tension."""
+    """Loaded less unloaded: forces, strains, and per tendon that was pulled its effective moment
+    arms, change of the hood's joint torques over change of tension."""
     force = np.subtract(now["fingertip_force_N"], before["fingertip_force_N"])
+    phalanx = "fingertip_force_in_phalanx_N"
     out: dict[str, Any] = {
         "fingertip_force_N": force.tolist(),
+        phalanx: np.subtract(now[phalanx], before[phalanx]).tolist(),
         "fingertip_magnitude_N": float(np.linalg.norm(force)),
     }
     if "slip_force_N" in now:
         slips = now["slip_force_N"]
         out["slip_force_N"] = {k: slips[k] - before["slip_force_N"][k] for k in slips}
+    if looks:
+        out |= strain_change(looks["unloaded"], looks["loaded"])
     pull = loaded.hood_tension - unloaded.hood_tension
     torque = 1e3 * (loaded.balance.torque["hood"] - unloaded.balance.torque["hood"])
     pulled = np.flatnonzero(pull)

@@ -131,7 +131,7 @@ def _replace(target: Path, part: Path) -> None:
 
 
 def _write_files(folder: Path, case: Case, result: Result) -> None:
-    summary = json.dumps(result.summary, indent=2, default=_plain, allow_nan=False)
+    summary = json.dumps(result.summary, indent=2, default=plain, allow_nan=False)
     (folder / "summary.json").write_text(summary + "\n", encoding="utf-8")
     (folder / "case.toml").write_text(resolved_toml(case), encoding="utf-8")
     result.dataset.to_netcdf(folder / "results.nc", engine="h5netcdf")
@@ -152,7 +152,7 @@ def _write_files(folder: Path, case: Case, result: Result) -> None:
             draw_history(result.dataset, case.title).savefig(folder / "history.png", dpi=130)
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
     """numpy's scalars and arrays for JSON."""
     if isinstance(value, np.generic | np.ndarray):
         return value.tolist()

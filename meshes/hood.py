@@ -2,8 +2,9 @@
 
 `cosim mesh CASE --set hood.mesh.quads=600 --out FILE` writes one; `meshes/hoods` holds the default.
 
-The sheet is a structured grid of rows (stations s, mm along the straight chain of joint centres,
-MCP at 0, PIP at 42.6, DIP at 67.7) and columns (angle phi about the chain, 0 dorsal, positive
+The sheet is a structured grid of rows (stations s, mm along the straight chain of the index
+finger's joint centres, MCP at 0, PIP at 42.6, DIP at 67.7; on another finger each phalanx takes its
+own part of them: `meshes.hull.along`) and columns (angle phi about the chain, 0 dorsal, positive
 radial).  The inner columns are extensor tendon, central band and central slip with the sheet beside
 them, whose edges at the MCP are the sagittal bands; the outer columns are the lateral bands, which
 leave the sheet proximal to the join and run palmar of the MCP axis as the intrinsic tendons, and
@@ -27,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .hood_mesh import REGIONS, Attachment, HoodMesh
-from .hull import CLEARANCE, Chain, Hull, Level, Surface
+from .hull import CLEARANCE, PIP, Chain, Hull, Level, Surface, along
 from .skeleton import BODIES, Skeleton
 
 Array = NDArray[np.float64]
@@ -38,7 +39,6 @@ CENTRAL_END = -20.0  # [mi29]
 LATERAL_END = -8.0  # [An] proximal MCP points of LU and UI, -.400 x 20
 JOIN = 15.0  # [An] distal MCP points, (.318 + .432) x 20
 SLIP_START = 36.0  # [trial]
-PIP = 42.59  # the skeleton's
 SLIP_END = 49.0  # [trial], 6.4 mm past the PIP
 MERGE = 63.0  # [trial]
 TERMINAL_END = 73.0  # [trial], 5.3 mm past the DIP
@@ -61,8 +61,8 @@ INNER = np.array(
 OUTER = np.array(
     [[-8, 110], [15, 110], [24, 88], [42.59, 74], [49, 70], [56, 56], [63, 46], [73, 57]]
 )
-# Tendon lines of lumbrical and palmar interosseous: guide point, then the point where they join the
-# sheet; station, dorsal, radial, mm.  [An] LU and UI at the MCP.
+# Where the index finger's lumbrical and palmar interosseous run to the sheet from: distal of the
+# MCP, dorsal, radial, mm.  [An] LU and UI at the MCP.
 INTRINSIC = {
     "radial": (-8.0, -8.08, 8.82),
     "ulnar": (-8.0, -5.58, -8.84),
@@ -122,20 +122,27 @@ def generate(
     rest_posture: Mapping[str, float],
     quads: int,
     width: float = 1.0,
+    intrinsic: Mapping[str, tuple[float, float, float]] | None = None,
 ) -> HoodMesh:
     """A hood of about `quads` elements laid over bones at `rest_posture` (rad).
 
     `offset` (m) by body is the distance of the sheet's face from the bare bone, `thickness` (m) the
     sheet's; `surfaces` are those of the scaled bones; `width` scales the hand-measured points
-    across the finger, and the skeleton's length those along it."""
+    across the finger, and the skeleton's lengths those along it.  `intrinsic`: where the tendons at
+    the radial and the ulnar side run to the sheet from, m distal of the MCP, dorsal and radial;
+    otherwise the index finger's, scaled."""
     chain = Chain(skeleton, *skeleton.pose(rest_posture))
     middle = {body: height + thickness / 2 for body, height in offset.items()}
     level = Level(surfaces, middle, chain.position, chain.rotation)
     scale = skeleton.length[1] / (PIP * 1e-3)
+    guides = intrinsic or {
+        side: (1e-3 * scale * s, 1e-3 * width * dorsal, 1e-3 * width * radial)
+        for side, (s, dorsal, radial) in INTRINSIC.items()
+    }
     n_inner, n_band = _columns(quads)
     stations = _rows(quads, n_inner, n_band)
-    hull = Hull(chain, level, scale)
-    grid, points, station = _lay(hull, stations, n_inner, n_band, width)
+    hull = Hull(chain, level)
+    grid, points, station = _lay(hull, stations, n_inner, n_band, guides)
     fixed = _end_nodes(grid)
     free = np.setdiff1d(np.arange(len(points)), np.concatenate(list(fixed.values())))
     points[free] = level.pushed_out(points[free], CLEARANCE * 1e-3)
@@ -157,7 +164,11 @@ def generate(
 
 
 def _lay(
-    hull: Hull, stations: Array, n_inner: int, n_band: int, width: float
+    hull: Hull,
+    stations: Array,
+    n_inner: int,
+    n_band: int,
+    guides: Mapping[str, tuple[float, float, float]],
 ) -> tuple[_Grid, Array, Array]:
     """Number the nodes and place them: the grid, points (n, 3) m, stations (n,) mm."""
     nr = len(stations)
@@ -196,20 +207,21 @@ def _lay(
     points = hull.points(station, np.array(phi_list))
     grid = _Grid(stations, inner, band)
     for side in band:
-        _lay_intrinsic(grid, hull, points, side, width)
+        _lay_intrinsic(grid, hull, points, side, guides[side])
     return grid, points, station
 
 
-def _lay_intrinsic(grid: _Grid, hull: Hull, points: Array, side: str, width: float) -> None:
+def _lay_intrinsic(
+    grid: _Grid, hull: Hull, points: Array, side: str, guide: tuple[float, float, float]
+) -> None:
     """Place the intrinsic tendon's nodes on straight lines from the guide to the lateral band."""
-    s0, d0, r0 = INTRINSIC[side]
+    s0, d0, r0 = guide
     rows = np.flatnonzero((grid.stations >= LATERAL_END - 1e-6) & (grid.stations <= JOIN + 1e-6))
     join = points[grid.band[side][rows[-1]]]
     sign = np.sign(r0)
     across = np.array([sign * np.cos(np.arctan2(abs(r0), d0)), -np.sin(np.arctan2(abs(r0), d0))])
-    t = (np.linspace(0, 1, len(join)) - 0.5) * BAND_WIDTH
-    radial, dorsal = r0 * width + t * across[0], d0 * width + t * across[1]
-    start = hull.chain.at(np.full(len(t), s0 * 1e-3 * hull.scale), dorsal * 1e-3, radial * 1e-3)
+    t = (np.linspace(0, 1, len(join)) - 0.5) * BAND_WIDTH * 1e-3
+    start = hull.chain.at(np.full(len(t), s0), d0 + t * across[1], r0 + t * across[0])
     for i in rows[:-1]:
         f = (grid.stations[i] - LATERAL_END) / (JOIN - LATERAL_END)
         points[grid.band[side][i]] = (1 - f) * start + f * join
@@ -289,9 +301,10 @@ def _attachments(
             ("sagittal", grid.inner[sagittal, edge], PALMAR_PLATE),
             ("retinacular", band[retinacular, -1], RETINACULAR_ANCHOR),
         ):
-            station = s[sagittal if name == "sagittal" else retinacular] * 1e-3 * scale
+            rows = s[sagittal if name == "sagittal" else retinacular]
+            place = along(chain.skeleton, rows)
             local = np.column_stack(
-                [station, np.full(len(nodes), sign * radial), np.full(len(nodes), dorsal)]
+                [place, np.full(len(nodes), sign * radial), np.full(len(nodes), dorsal)]
             )
             local[:, 1:] *= 1e-3 * width
             out[f"{name}_{side}"] = Attachment("proximal", nodes, np.round(local, 7))

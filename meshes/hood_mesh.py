@@ -6,7 +6,7 @@ The file is JSON, mm and degrees; `read` refuses what the solver could not use, 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -44,6 +44,8 @@ SPRINGS = (
     "retinacular_ulnar",
 )
 ENDS = ("central", "radial", "ulnar")
+MARKER_ROWS = 6
+"""About 8 mm apart over the central region; an assumption."""
 MOST = 1e6
 """No number of a mesh file is larger."""
 SAME_PLACE = 1e-9
@@ -90,6 +92,25 @@ class HoodMesh:
     def cells(self, *names: str) -> NDArray[np.bool_]:
         """Mask of the quads in the named regions."""
         return np.isin(self.region, [REGIONS.index(n) for n in names])
+
+    def markers(self, regions: Sequence[str]) -> Ints:
+        """(MARKER_ROWS, 3) nodes on the radial edge, in the middle and on the ulnar edge of the
+        named regions, in rows evenly spaced along the finger, as markers are glued on.
+
+        Raises InputError where the regions are not in the mesh."""
+        nodes = np.unique(self.quads[self.cells(*regions)])
+        if not len(nodes):
+            raise InputError(f"the mesh has none of the regions {', '.join(regions)}")
+        place = np.column_stack([self.station[nodes], 1e3 * self.points[nodes, 1]])
+        rows = np.linspace(place[:, 0].min(), place[:, 0].max(), MARKER_ROWS)
+        reach = (rows[1] - rows[0]) / 2
+        out = []
+        for row in rows:
+            across = place[np.abs(place[:, 0] - row) <= reach, 1]
+            high, low = across.max(initial=-np.inf), across.min(initial=np.inf)
+            aims = np.array([[row, y] for y in (high, (high + low) / 2, low)])
+            out.append(nodes[np.linalg.norm(place[None] - aims[:, None], axis=2).argmin(axis=1)])
+        return np.array(out)
 
 
 def to_json(mesh: HoodMesh) -> str:

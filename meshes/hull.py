@@ -9,12 +9,14 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from .skeleton import BODIES, Skeleton
+from .skeleton import BODIES, Skeleton, index_finger
 
 Array = NDArray[np.float64]
 
 BLEND = 6.0  # mm over which the sheet's frame turns from one bone's to the next one's
 CLEARANCE = 0.03  # mm between the sheet and the level of contact at rest
+PIP = 42.59  # mm, station of the joint
+DIP = 67.73
 
 
 class Surface(Protocol):
@@ -25,8 +27,21 @@ class Surface(Protocol):
         ...
 
 
+def along(skeleton: Skeleton, station: Array) -> Array:
+    """(n,) m along the chain of joint centres of stations in mm of the index finger: each phalanx
+    takes its own part of them, the metacarpal the proximal phalanx's."""
+    own, index = skeleton.length, index_finger().length
+    _, proximal, middle, distal = np.divide(own, index, out=np.ones(4), where=index > 0)
+    over_middle, over_distal = np.clip(station - PIP, 0, DIP - PIP), np.maximum(station - DIP, 0)
+    stretched = station + (middle / proximal - 1) * over_middle
+    stretched = stretched + (distal / proximal - 1) * over_distal
+    scale: float = own[1] / (PIP * 1e-3)
+    return stretched * 1e-3 * scale
+
+
 def carriers(skeleton: Skeleton, station: Array) -> Array:
-    """(n, 4) weights with which each body carries material at a station (m), adding up to one."""
+    """(n, 4) weights with which each body carries material `station` (m) along the chain, adding up
+    to one."""
     joints = np.concatenate([[0.0], np.cumsum(skeleton.length[1:3])])
     width = BLEND * 1e-3
     u = np.clip((station[:, None] - joints + width) / (2 * width), 0, 1)
@@ -96,16 +111,18 @@ class Level:
         return points
 
 
-def hull_radius(chain: Chain, level: Level) -> tuple[Array, Array, Array]:
-    """Stations (m), angles (rad) and the radius about the chain (ns, na), m, of a smooth hull over
-    the level set: outermost crossing of each ray, bridged over the joint gaps within 10 mm,
-    smoothed.
+def hull_radius(
+    chain: Chain, level: Level, first: float, last: float
+) -> tuple[Array, Array, Array]:
+    """Places along the chain (m) from `first` to `last` and some way beyond, angles (rad) and the
+    radius about the chain (ns, na), m, of a smooth hull over the level set: outermost crossing of
+    each ray, bridged over the joint gaps within 10 mm, smoothed.
 
     The hull is a property of the bones and not of the mesh: a few hundredths of a millimetre of
     slack decide how the slips share a tendon's force."""
     from scipy.ndimage import gaussian_filter, maximum_filter
 
-    s = np.arange(-22.0, 76.0, 0.5) * 1e-3
+    s = np.arange(np.floor(1e3 * first - 2), np.ceil(1e3 * last + 3), 0.5) * 1e-3
     phi = np.deg2rad(np.arange(-125.0, 126.0, 5.0))
     radius = np.linspace(1.5e-3, 15e-3, 28)
     point, axes = chain.frames(s)
@@ -151,17 +168,14 @@ def _bridged(rho: Array, reach: int) -> Array:
 class Hull:
     chain: Chain
     level: Level
-    scale: float
 
     def points(self, station: Array, phi: Array) -> Array:
-        """World points (n, 3) on the hull at stations (mm, unscaled) and angles (rad)."""
+        """World points (n, 3) on the hull at stations (mm of the index finger; all the hood's) and
+        angles (rad)."""
         from scipy.interpolate import RectBivariateSpline
 
-        s, angles, rho = hull_radius(self.chain, self.level)
-        radius = RectBivariateSpline(s, angles, rho, kx=3, ky=3).ev(
-            station * 1e-3 * self.scale, phi
-        )
+        place = along(self.chain.skeleton, station)
+        s, angles, rho = hull_radius(self.chain, self.level, place.min(), place.max())
+        radius = RectBivariateSpline(s, angles, rho, kx=3, ky=3).ev(place, phi)
         radius = radius + CLEARANCE * 1e-3
-        return self.chain.at(
-            station * 1e-3 * self.scale, radius * np.cos(phi), radius * np.sin(phi)
-        )
+        return self.chain.at(place, radius * np.cos(phi), radius * np.sin(phi))

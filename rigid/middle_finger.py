@@ -13,7 +13,7 @@ import numpy as np
 
 from meshes.skeleton import Skeleton
 from rigid.anatomy import Anatomy, Way, assemble, extensor
-from rigid.model import FingerModel
+from rigid.model import FingerModel, Vector, vector
 
 O2O3 = 0.02363
 """m."""
@@ -49,6 +49,13 @@ CENTRAL = 0.5
 RI_TO_BONE = 0.5
 """The radial interosseous' share that ends on the proximal phalanx (same source)."""
 
+TO_BONES: Mapping[str, tuple[Way, ...]] = {
+    "RIp": ((1.0, (("MCP", "RI"),)),),
+    "FDP": ((1.0, (("MCP", "FDP"), ("PIP", "FDP"), ("DIP", "FDP"))),),
+    "FDS": ((1.0, (("MCP", "FDS"), ("PIP", "FDS"))),),
+}
+"""RIp is the part of the radial interosseous that ends on the proximal phalanx."""
+
 
 def ways(central: float = CENTRAL) -> Mapping[str, tuple[Way, ...]]:
     """Each muscle's strands, `central` being the central slip's share of what enters the hood."""
@@ -59,9 +66,16 @@ def ways(central: float = CENTRAL) -> Mapping[str, tuple[Way, ...]]:
         "LUM": extensor("LU", ("RB",), central),
         "RI": ((RI_TO_BONE, (("MCP", "RI"),)), *radial),
         "UI": extensor("UI", ("UB",), central),
-        "FDP": ((1.0, (("MCP", "FDP"), ("PIP", "FDP"), ("DIP", "FDP"))),),
-        "FDS": ((1.0, (("MCP", "FDS"), ("PIP", "FDS"))),),
+        **{muscle: TO_BONES[muscle] for muscle in ("FDP", "FDS")},
     }
+
+
+def intrinsic_guides(scale: float = 1.0) -> dict[str, Vector]:
+    """Where the tendons at the hood's radial and ulnar side run to it from, beside the metacarpal:
+    An's proximal MCP points, m distal of the MCP, dorsal and radial.  RI and LU enter the radial
+    lateral band side by side; theirs is the point between them."""
+    point = {row: np.array(ROWS["MCP"][row][0]) * O2O3 * scale for row in ("RI", "LU", "UI")}
+    return {"radial": vector((point["RI"] + point["LU"]) / 2), "ulnar": vector(point["UI"])}
 
 
 def skeleton() -> Skeleton:
@@ -73,4 +87,10 @@ def skeleton() -> Skeleton:
 def finger_model(scale: float = 1.0, central: float = CENTRAL) -> FingerModel:
     """The finger, all lengths times `scale`."""
     anatomy = Anatomy("middle finger", ROWS, OFFSET, ways(central))
+    return assemble(anatomy, skeleton().scaled(scale), O2O3 * scale)
+
+
+def under_a_hood(scale: float = 1.0) -> FingerModel:
+    """The finger with the tendons that end on bones, for a hood that takes the others."""
+    anatomy = Anatomy("middle finger", ROWS, OFFSET, TO_BONES)
     return assemble(anatomy, skeleton().scaled(scale), O2O3 * scale)

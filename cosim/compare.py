@@ -1,0 +1,252 @@
+"""Comparison with measured and published numbers: rows with a verdict, misses shown like hits.
+
+A target is a number that somebody measured or published, with its source.  A comparison is a target
+beside what a model says.  `cosim.compare_files` reads and writes both.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from cosim.port import InputError
+
+Kind = Literal["experiment", "published model", "inferred"]
+Verdict = Literal["inside 1 SD", "inside the band", "outside", "nothing to judge by", "no value"]
+VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
+COMPONENTS = ("distal", "palmar", "radial")
+"""Items of a fingertip force in a summary."""
+UNITS = {
+    "N": "N",
+    "Nmm": "N mm",
+    "mm": "mm",
+    "deg": "deg",
+    "percent": "%",
+    "mJ": "mJ",
+    "s": "s",
+    "rad_per_s": "rad/s",
+}
+"""What a key of a summary ends in, and the unit that it says."""
+COLUMNS = (
+    *("name", "quantity", "unit", "model", "reference", "sd", "low", "high", "difference"),
+    *("verdict", "source", "kind", "case", "geometry", "fitted", "note"),
+)
+"""Of a comparison, in files and tables."""
+
+
+@dataclass(frozen=True)
+class Target:
+    """A number to compare with; see the module for what each field means."""
+
+    name: str
+    quantity: str
+    unit: str
+    reference: float | None
+    sd: float | None
+    low: float | None
+    high: float | None
+    source: str
+    kind: Kind
+    case: str = ""
+    geometry: str = ""
+    fitted: bool = False
+    note: str = ""
+
+    def __post_init__(self) -> None:
+        if fault := _fault(self):
+            raise InputError(f"{self.name or 'a row without a name'}: {fault}")
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A target beside the model's number; None where the model does not say it."""
+
+    target: Target
+    model: float | None
+
+    @property
+    def difference(self) -> float | None:
+        return difference(self.target, self.model)
+
+    @property
+    def verdict(self) -> Verdict:
+        return verdict(self.target, self.model)
+
+
+def difference(target: Target, model: float | None) -> float | None:
+    """Model less reference; without a reference how far the model lies beyond the band's nearer
+    end (negative: below it), 0 inside."""
+    if model is None:
+        return None
+    if target.reference is not None:
+        return model - target.reference
+    if target.low is not None and model < target.low:
+        return model - target.low
+    if target.high is not None and model > target.high:
+        return model - target.high
+    return 0.0
+
+
+def verdict(target: Target, model: float | None) -> Verdict:
+    """One standard deviation first (its ends count as inside), then the band."""
+    if model is None:
+        return "no value"
+    if _inside_sd(target, model):
+        return "inside 1 SD"
+    if _has_band(target):
+        low = -np.inf if target.low is None else target.low
+        high = np.inf if target.high is None else target.high
+        return "inside the band" if low <= model <= high else "outside"
+    return "outside" if target.sd is not None else "nothing to judge by"
+
+
+def _inside_sd(target: Target, model: float) -> bool:
+    if target.sd is None or target.reference is None:
+        return False
+    return abs(model - target.reference) <= target.sd
+
+
+def _has_band(target: Target) -> bool:
+    return target.low is not None or target.high is not None
+
+
+def compared(
+    targets: Sequence[Target], summary: Mapping[str, Any], case: str
+) -> tuple[Comparison, ...]:
+    """The targets for `case` beside what its summary says.
+
+    Raises InputError where a target's unit is not that of its quantity."""
+    chosen = [t for t in targets if t.case in ("", case)]
+    for target in chosen:
+        if target.unit != (said := unit_of(target.quantity)):
+            raise InputError(
+                f"{target.name}: {target.quantity} is in {said}, the row in {target.unit}"
+            )
+    return tuple(Comparison(t, value_of(summary, t.quantity)) for t in chosen)
+
+
+def value_of(summary: Mapping[str, Any], quantity: str) -> float | None:
+    """The number at a path of keys joined by dots, None where the summary has no number there."""
+    value: Any = summary
+    for key in quantity.split("."):
+        if isinstance(value, Mapping):
+            value = value.get(key)
+        elif isinstance(value, Sequence) and not isinstance(value, str):
+            item = COMPONENTS.index(key) if key in COMPONENTS else int(key) if key.isdigit() else -1
+            value = value[item] if 0 <= item < len(value) else None
+        else:
+            return None
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return float(value) if is_number and np.isfinite(value) else None
+
+
+def unit_of(quantity: str) -> str:
+    """The unit that a key of the path ends in, the last that ends in one; else 1."""
+    for key in reversed(quantity.split(".")):
+        for ending, unit in UNITS.items():
+            if key.endswith(f"_{ending}") and not key.endswith(f"_per_{ending}"):
+                return unit
+    return "1"
+
+
+def tally(rows: Sequence[Comparison]) -> dict[Verdict, int]:
+    """How many rows of each verdict, in the order of `VERDICTS`; verdicts of no row are left
+    out."""
+    count = Counter(row.verdict for row in rows)
+    return {name: count[name] for name in VERDICTS if count[name]}
+
+
+def as_dict(row: Comparison) -> dict[str, Any]:
+    """The row with its difference and verdict, by COLUMNS."""
+    target = row.target
+    found = {"model": row.model, "difference": row.difference, "verdict": row.verdict}
+    return {c: found[c] if c in found else getattr(target, c) for c in COLUMNS}
+
+
+def marks(target: Target) -> list[str]:
+    """What a reader must know of the row: that it was fitted, and on which geometry."""
+    return [mark for mark in ("fitted" if target.fitted else "", target.geometry) if mark]
+
+
+def stated(target: Target) -> str:
+    """The reference with its SD and band, in words."""
+    parts = [] if target.reference is None else [number(target.reference)]
+    if target.sd is not None:
+        parts.append(f"± {number(target.sd)}")
+    if target.low is not None and target.high is not None:
+        parts.append(f"[{number(target.low)} to {number(target.high)}]")
+    elif target.low is not None:
+        parts.append(f"[at least {number(target.low)}]")
+    elif target.high is not None:
+        parts.append(f"[at most {number(target.high)}]")
+    return " ".join(parts)
+
+
+def number(value: float | None, digits: int = 4) -> str:
+    """So many digits, never minus zero; an n-dash where there is none."""
+    return "–" if value is None else f"{value + 0.0:.{digits}g}"
+
+
+def _fault(target: Target) -> str | None:
+    """What is wrong with a target, if anything."""
+    empty = [c for c in ("name", "quantity", "unit", "source") if not getattr(target, c).strip()]
+    if empty:
+        return f"{empty[0]} is empty"
+    if target.kind not in get_args(Kind):
+        return f"kind is {target.kind!r}; expected {', '.join(get_args(Kind))}"
+    if not isinstance(target.fitted, bool):
+        return f"fitted is {target.fitted!r}; expected true or false"
+    return _fault_of_numbers(target)
+
+
+def _fault_of_numbers(target: Target) -> str | None:
+    if target.reference is None and not _has_band(target):
+        return "has neither a reference nor a band"
+    if target.sd is not None and (target.sd < 0 or target.reference is None):
+        return "sd must be 0 or more, and have a reference"
+    if target.low is not None and target.high is not None and target.low > target.high:
+        return f"its band ends ({target.high:g}) below where it begins ({target.low:g})"
+    return None
+
+
+@dataclass(frozen=True)
+class ForceVector:
+    """A force in the sagittal plane beside its reference: (distal, palmar), N."""
+
+    label: str
+    kind: Kind
+    model: tuple[float, float] | None
+    reference: tuple[float, float]
+    sd: tuple[float, float] | None
+
+
+def force_vectors(rows: Sequence[Comparison]) -> Iterator[ForceVector]:
+    """Of the rows whose quantities are `...distal` and `...palmar` of one vector from one source,
+    both with a reference."""
+    palmar = {_vector_key(r): r for r in rows if r.target.quantity.endswith(".palmar")}
+    for first in (r for r in rows if r.target.quantity.endswith(".distal")):
+        second = palmar.get(_vector_key(first))
+        if second is None:
+            continue
+        reference = _both(first.target.reference, second.target.reference)
+        if reference is not None:
+            yield ForceVector(
+                first.target.source,
+                first.target.kind,
+                _both(first.model, second.model),
+                reference,
+                _both(first.target.sd, second.target.sd),
+            )
+
+
+def _vector_key(row: Comparison) -> tuple[str, str, str, str]:
+    t = row.target
+    return t.quantity.rpartition(".")[0], t.source, t.case, t.geometry
+
+
+def _both(first: float | None, second: float | None) -> tuple[float, float] | None:
+    return None if first is None or second is None else (first, second)

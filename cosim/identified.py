@@ -1,0 +1,88 @@
+"""The case file of a fit: the case that it extends, the settings found, and where they are from."""
+
+from __future__ import annotations
+
+import json
+import os
+import tomllib
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from textwrap import wrap
+
+from cosim.compare import Comparison, number, stated
+from cosim.identify import Fit, interval, standing
+from cosim.port import InputError
+from cosim.study import Settings
+
+WIDTH = 98
+
+
+def case_text(fit: Fit, title: str, base: str, settings: Settings, targets: str) -> str:
+    """TOML that extends the case `base` (a path or name) with `settings` and those found."""
+    lines = [f"# {line}".rstrip() for part in _provenance(fit, targets) for line in _wrapped(part)]
+    lines += [f"extends = {_text(base)}", f"title = {_text(title)}", ""]
+    return "\n".join([*lines, *_assignments((*settings, *fit.settings))]) + "\n"
+
+
+def base_of(source: Path, out: Path) -> str:
+    """How a case file at `out` names the case that it extends."""
+    return Path(os.path.relpath(source, out.resolve().parent)).as_posix()
+
+
+def _wrapped(text: str) -> list[str]:
+    return wrap(text, WIDTH, subsequent_indent="    ", break_long_words=False) or [""]
+
+
+def _provenance(fit: Fit, targets: str) -> Iterator[str]:
+    yield f"Identified with `cosim identify` from {targets}; nothing else was fitted to."
+    yield ""
+    yield "Fitted (95 % interval, linearised, of the rows that pull; bounds; start):"
+    for p in fit.parameters:
+        low, high = interval(fit, p.name)
+        yield (
+            f"  {p.name} = {p.written(fit.values[p.name])} ({low:.3g} to {high:.3g}; {p.low:g} to "
+            f"{p.high:g}; {p.start:.4g}): {standing(fit, p.name)}"
+        )
+    yield ""
+    yield "Targets, the model before and after:"
+    for before, row in zip(fit.start, fit.rows, strict=True):
+        yield f"  {_row(before, row)}"
+    yield ""
+
+
+def _row(before: Comparison, row: Comparison) -> str:
+    t = row.target
+    return (
+        f"{t.name}: {stated(t)} {t.unit} ({t.kind}; {t.source}); {number(before.model)}, "
+        f"{number(row.model)}"
+    )
+
+
+def _assignments(settings: Sequence[str]) -> Iterator[str]:
+    """`key = value` lines; of a key that is set twice the last."""
+    pairs = (text.partition("=") for text in settings)
+    for key, value in {key.strip(): value.strip() for key, _, value in pairs}.items():
+        yield f"{key} = {_toml(value)}"
+
+
+def _toml(value: str) -> str:
+    """As --set reads it: TOML, or else a text."""
+    try:
+        parsed = tomllib.loads(f"value = {value}")
+    except ValueError:
+        return _text(value)
+    return value if len(parsed) == 1 else _text(value)
+
+
+def _text(value: str) -> str:
+    return json.dumps(value, ensure_ascii=False)
+
+
+def check_loads(path: Path) -> None:
+    """Raises InputError where the file is no case."""
+    from cosim.case import load_case
+
+    try:
+        load_case(path)
+    except InputError as error:
+        raise InputError(f"the settings found do not make a case file: {error}") from None

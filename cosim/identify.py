@@ -1,0 +1,275 @@
+"""Fitting stated parameters of a case to measured numbers, and what those could not tell.
+
+The logarithms of the parameters are found by bounded least squares (scipy's trust-region reflective
+method).  Gradients are central differences of whole solves: the hood's adjoint scales all moduli of
+a law together and so reaches neither a matrix alone nor a toe, and extremes over a grid are no
+smooth scalars for it.
+
+A target's miss is the distance from its band, zero inside; without a band the difference to its
+reference; in units of its SD or, where nobody gave one, of 1 unit of the quantity (1 % of strain).
+Rows inside their bands do not pull, and tell nothing of the parameters but an inequality.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from math import exp, log
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from cosim.compare import Comparison, Target, compared
+from cosim.parameters import Free, Parameter
+from cosim.port import Array, ConvergenceError, InputError
+from cosim.study import Settings, Solve, solver
+
+STEP = 0.01
+"""Of the logarithms, of the differences."""
+DIGITS = 4
+"""Significant ones of the parameters found; their solve is the one that is reported."""
+TOLERANCE = 1e-4
+"""Relative, of cost and step, at which the search ends."""
+NORMAL = 1.959964
+"""Standard deviations of a 95 % interval of a normal distribution."""
+NOTHING = 1e-9
+"""Of the largest singular value: a direction that the targets do not see."""
+
+
+@dataclass(frozen=True)
+class Confidence:
+    """What the rows that pull say of the logarithms of the n parameters, linearised."""
+
+    singular_values: Array
+    """(n,) of the misses by the logarithms, descending."""
+    directions: Array
+    """(n, n), a row for each singular value."""
+    deviation: Array
+    """(n,), infinite where nothing was seen."""
+    correlation: Array
+    """(n, n), NaN where a deviation is infinite."""
+    inflation: float
+    """Of the deviations, because the rows miss by more than their SDs: the square root of the
+    misses' squares per degree of freedom, or 1."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What was found."""
+
+    parameters: tuple[Parameter, ...]
+    values: dict[str, float]
+    settings: Settings
+    start: tuple[Comparison, ...]
+    rows: tuple[Comparison, ...]
+    """The targets beside the model before and after."""
+    misses: Array
+    """(m,) after."""
+    slopes: Array
+    """(m, n) of every row's number by the logarithms, in units of its SD, band or no band."""
+    solves: int
+    failures: tuple[str, ...]
+    """Of solves on the way, with their reason."""
+    ended: str
+    """Why the search ended."""
+
+    @property
+    def confidence(self) -> Confidence:
+        return confidence(self.slopes[self.misses != 0], self.misses[self.misses != 0])
+
+
+def miss(target: Target, model: float) -> float:
+    """Zero where the target is met; see the module."""
+    scale = target.sd or 1.0
+    if target.low is None and target.high is None:
+        return (model - (target.reference or 0.0)) / scale
+    low = -np.inf if target.low is None else target.low
+    high = np.inf if target.high is None else target.high
+    return float(model - np.clip(model, low, high)) / scale
+
+
+def confidence(slopes: Array, misses: Array) -> Confidence:
+    """From slopes (k, n) and misses (k,) of the rows that pull."""
+    n = slopes.shape[1]
+    _, s, directions = np.linalg.svd(np.vstack([slopes, np.zeros((n, n))]))
+    seen = s > NOTHING * max(s[0], NOTHING)
+    freedom = len(misses) - int(seen.sum())
+    inflation = max(1.0, float(np.sqrt(misses @ misses / freedom))) if freedom > 0 else 1.0
+    parts = directions[seen] / s[seen, None]
+    covariance = inflation**2 * parts.T @ parts
+    deviation = np.sqrt(np.diag(covariance))
+    lost = (np.abs(directions[~seen]) > 1e-6).any(axis=0)
+    deviation[lost] = np.inf
+    correlation = np.full((n, n), np.nan)
+    told = np.flatnonzero(~lost)
+    outer = np.outer(deviation[told], deviation[told])
+    correlation[np.ix_(told, told)] = covariance[np.ix_(told, told)] / outer
+    return Confidence(s, directions, deviation, correlation, inflation)
+
+
+def interval(fit: Fit, name: str) -> tuple[float, float]:
+    """The 95 % interval of a parameter, cut off at its bounds."""
+    i = [p.name for p in fit.parameters].index(name)
+    p, width = fit.parameters[i], NORMAL * fit.confidence.deviation[i]
+    at = log(fit.values[name])
+    low, high = max(at - width, log(p.low)), min(at + width, log(p.high))
+    return exp(low), exp(high)
+
+
+def standing(fit: Fit, name: str) -> str:
+    """In words whether the targets tell the parameter."""
+    p = next(p for p in fit.parameters if p.name == name)
+    low, high = interval(fit, name)
+    reached = [low <= p.low * (1 + 1e-9), high >= p.high * (1 - 1e-9)]
+    if np.isclose(fit.values[name], [p.low, p.high], rtol=1e-3).any():
+        return "at its bound"
+    return ("identified", "one side only", "not identified")[sum(reached)]
+
+
+def fit(
+    source: Path,
+    settings: Settings,
+    free: Free,
+    targets: Sequence[Target],
+    jobs: int = 1,
+    most: int = 30,
+    progress: Callable[[str], None] = lambda text: None,
+) -> Fit:
+    """The parameters with which the case at `source` misses the targets least, in at most so many
+    steps.  Raises InputError where a target is not in the run, ConvergenceError where the case does
+    not converge at the start or beside a point of the search."""
+    chosen = tuple(t for t in targets if t.case in ("", source.stem))
+    if not chosen:
+        raise InputError(f"no target is for the case {source.stem}")
+    with solver(source, jobs) as solve:
+        search = _Search(source.stem, settings, free, chosen, solve, progress)
+        return search.run(most)
+
+
+class _Search:
+    """The solves of one fit; keeps the last point's, which residuals and slopes share."""
+
+    def __init__(
+        self,
+        case: str,
+        settings: Settings,
+        free: Free,
+        targets: tuple[Target, ...],
+        solve: Solve,
+        progress: Callable[[str], None],
+    ) -> None:
+        self.case, self.settings, self.free, self.targets = case, settings, free, targets
+        self.solve, self.progress = solve, progress
+        self.low, self.high = np.log([[p.low, p.high] for p in free.parameters]).T
+        self.solves = 0
+        self.failures: list[str] = []
+        self.last: tuple[bytes, tuple[Comparison, ...]] = (b"", ())
+
+    def run(self, most: int) -> Fit:
+        x = np.log([p.start for p in self.free.parameters])
+        start = self.rows([x])[0]
+        if not start:
+            raise ConvergenceError(f"at the start: {self.failures[-1]}")
+        inside = 1e-6 * (self.high - self.low)
+        found = least_squares(
+            self.residuals,
+            np.clip(x, self.low + inside, self.high - inside),
+            self.slopes_that_pull,
+            bounds=(self.low, self.high),
+            ftol=TOLERANCE,
+            xtol=TOLERANCE,
+            max_nfev=most,
+        )
+        x = np.log([float(f"{value:.{DIGITS}g}") for value in np.exp(found.x)])
+        values = self.values(x)
+        rows = self.at(x)
+        if not rows:
+            raise ConvergenceError(f"at the end: {self.failures[-1]}")
+        return Fit(
+            self.free.parameters,
+            values,
+            self.free.settings(values),
+            start,
+            rows,
+            np.array([miss(row.target, row.model or 0.0) for row in rows]),
+            self.slopes(x),
+            self.solves,
+            tuple(self.failures),
+            str(found.message).strip("`."),
+        )
+
+    def values(self, x: Array) -> dict[str, float]:
+        """By name, in digits as they are written."""
+        names = [p.name for p in self.free.parameters]
+        return {n: float(f"{v:.12g}") for n, v in zip(names, np.exp(x), strict=True)}
+
+    def rows(self, points: Sequence[Array]) -> list[tuple[Comparison, ...]]:
+        """The targets beside the model at each point; nothing where it did not converge."""
+        trials = [self.settings + self.free.settings(self.values(x)) for x in points]
+        self.solves += len(trials)
+        found: list[tuple[Comparison, ...]] = []
+        for x, outcome in zip(points, self.solve(trials), strict=True):
+            if outcome.status == "refused":
+                raise InputError(outcome.reason)
+            if outcome.status == "failed":
+                self.failures.append(f"{_told(self.values(x))}: {outcome.reason}")
+                found.append(())
+                continue
+            found.append(_compared(self.targets, outcome.summary, self.case))
+        return found
+
+    def at(self, x: Array) -> tuple[Comparison, ...]:
+        if self.last[0] != x.tobytes():
+            self.last = (x.tobytes(), self.rows([x])[0])
+        return self.last[1]
+
+    def residuals(self, x: Array) -> Array:
+        """(m,); infinite where the solve did not converge, which makes the search step shorter."""
+        rows = self.at(x)
+        if not rows:
+            return np.full(len(self.targets), np.inf)
+        misses = np.array([miss(row.target, row.model or 0.0) for row in rows])
+        self.progress(f"{_told(self.values(x))}: sum of squared misses {misses @ misses:.4g}")
+        return misses
+
+    def slopes_that_pull(self, x: Array) -> Array:
+        pulls = self.residuals(x) != 0
+        return self.slopes(x) * pulls[:, None]
+
+    def slopes(self, x: Array) -> Array:
+        """(m, n) of the numbers by the logarithms, in units of their SDs."""
+        n = len(x)
+        steps = STEP * np.stack([s * np.eye(n)[i] for i in range(n) for s in (-1, 1)])
+        ends = [np.clip(x + step, self.low, self.high) for step in steps]
+        rows = self.rows(ends)
+        columns = []
+        for i in range(n):
+            pair = [(ends[k], rows[k]) for k in (2 * i, 2 * i + 1) if rows[k]]
+            if len(pair) < 2:
+                pair.append((x, self.at(x)))
+            (x0, before), (x1, after) = pair[:2]
+            if not before or not after or x0[i] == x1[i]:
+                name = self.free.parameters[i].name
+                raise ConvergenceError(f"no gradient by {name}: {self.failures[-1]}")
+            columns.append((_scaled(after) - _scaled(before)) / (x1[i] - x0[i]))
+        return np.stack(columns, axis=1)
+
+
+def _scaled(rows: Sequence[Comparison]) -> Array:
+    return np.array([(row.model or 0.0) / (row.target.sd or 1.0) for row in rows])
+
+
+def _compared(
+    targets: Sequence[Target], summary: Mapping[str, Any], case: str
+) -> tuple[Comparison, ...]:
+    rows = compared(targets, summary, case)
+    absent = [row.target.quantity for row in rows if row.model is None]
+    if absent:
+        raise InputError(f"the run of {case} has no number at {', '.join(absent)}")
+    return rows
+
+
+def _told(values: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} {value:.4g}" for name, value in values.items())

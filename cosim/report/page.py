@@ -1,0 +1,211 @@
+"""The page: one HTML file with its data, its script and plotly inside."""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+
+from cosim.compare import number
+from cosim.port import InputError
+from cosim.report import drawings, words
+from cosim.report.runs import Run
+from cosim.report.tables import SAGITTAL, SUM, Cell, Table, last_ledger, last_state
+from cosim.report.views import View, difference_view, floats, limits, packed, view_of
+
+MOST_BYTES = 8_000_000
+PICTURE_WIDTH = 1300
+"""Pixels."""
+MOST_MOMENTS = 400
+TELLING = 0.02
+"""Of a body's largest force: smaller ones are told together."""
+
+
+@dataclass(frozen=True)
+class Bar:
+    """A force on a body: its size N, its share of the longest bar in per cent, and its direction as
+    seen from the radial side, deg clockwise from the left (distal); None where it has none."""
+
+    source: str
+    size: float
+    share: float
+    angle: float | None
+
+
+def page(runs: Sequence[Run], against: Run | None, tables: Sequence[Table]) -> str:
+    """The whole page.  Raises InputError where it would be too large to send around."""
+    from jinja2 import Environment, PackageLoader, select_autoescape
+    from plotly.offline import get_plotlyjs
+
+    every = [*runs, against] if against is not None else [*runs]
+    environment = Environment(
+        loader=PackageLoader("cosim.report", ""),
+        autoescape=select_autoescape(["j2"], default=True),
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.globals = {**environment.globals, "words": words, "drawings": drawings}
+    environment.filters |= {"cell": cell, "spoken": _spoken}
+    views, scales = _views(runs, against)
+    arrows = drawings.arrows_of(every)
+    text = environment.get_template("page.html.j2").render(
+        runs=runs,
+        every=every,
+        against=against,
+        tables={table.key: table for table in tables},
+        views=views,
+        pictures=[(run, name, _picture(run, name)) for run in every for name in PICTURES],
+        arrows=arrows,
+        plane=drawings.sagittal(arrows) if arrows else "",
+        bars={run.name: _bars(run) for run in every},
+        last_state=last_state,
+        cases=[(run, _link(run)) for run in every],
+        data=_script(
+            {**packed(views, scales), "colours": _colours(), "history": _histories(every)}
+        ),
+        style=_own("page.css"),
+        script=_own("page.js"),
+        plotly=get_plotlyjs(),
+    )
+    size = len(text.encode("utf-8"))
+    if size > MOST_BYTES:
+        raise InputError(
+            f"the report of {len(every)} runs would have {size / 1e6:.1f} MB, more than the "
+            f"{MOST_BYTES / 1e6:.0f} MB that can be sent around; report fewer runs at a time"
+        )
+    return text
+
+
+PICTURES = ("picture",)
+
+
+def _own(name: str) -> str:
+    return files("cosim.report").joinpath(name).read_text(encoding="utf-8")
+
+
+def _views(runs: Sequence[Run], against: Run | None) -> tuple[list[View], list[Any]]:
+    """Views with the colour scales of each: one for all runs, one for all differences."""
+    views = [view_of(run) for run in ([*runs, against] if against is not None else runs)]
+    gaps = []
+    if against is not None:
+        gaps = [g for v in views[:-1] if (g := difference_view(v, views[-1])) is not None]
+    return [*views, *gaps], [limits(views)] * len(views) + [limits(gaps)] * len(gaps)
+
+
+def _script(content: Any) -> str:
+    """JSON that can stand in a script element."""
+    return json.dumps(content, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+
+
+def _colours() -> list[str]:
+    """Viridis, made for colour-blind readers and for print without colour."""
+    from matplotlib import colormaps
+    from matplotlib.colors import to_hex
+
+    return [to_hex(colour) for colour in colormaps["viridis"](np.linspace(0, 1, 256))]
+
+
+def _picture(run: Run, name: str) -> str | None:
+    """A picture of the run as a data address, smaller than it was."""
+    content = run.picture(name)
+    if content is None:
+        return None
+    from PIL import Image, UnidentifiedImageError
+
+    try:
+        image = Image.open(io.BytesIO(content)).convert("RGB")
+    except (UnidentifiedImageError, OSError) as error:
+        raise InputError(f"{run.folder / name}.png: is no picture ({error})") from error
+    width = min(image.width, PICTURE_WIDTH)
+    image = image.resize((width, round(image.height * width / image.width)))
+    out = io.BytesIO()
+    image.quantize(96).save(out, "PNG", optimize=True)
+    return "data:image/png;base64," + base64.b64encode(out.getvalue()).decode("ascii")
+
+
+def _link(run: Run) -> str:
+    text = base64.b64encode(run.case_text.encode("utf-8")).decode("ascii")
+    return f"data:text/plain;base64,{text}"
+
+
+def _bars(run: Run) -> list[tuple[str, list[Bar], str]]:
+    """For each body its forces in the last state, the largest first, and what of them is small."""
+    books = last_ledger(run)
+    sizes = {
+        body: {source: float(np.linalg.norm(w[:3])) for source, w in entries.items()}
+        for body, entries in books.items()
+    }
+    longest = max((s for by_source in sizes.values() for s in by_source.values()), default=0.0)
+    out = []
+    for body, by_source in sizes.items():
+        telling = TELLING * max(by_source.values())
+        bars = [
+            Bar(source, size, 100 * size / (longest or 1.0), _direction(books[body][source]))
+            for source, size in sorted(by_source.items(), key=lambda item: -item[1])
+            if size > telling
+        ]
+        small = len(by_source) - len(bars)
+        out.append(
+            (body, bars, f"{small} more, below {number(telling, 2)} N each" if small else "")
+        )
+    return out
+
+
+def _direction(wrench: np.ndarray) -> float | None:
+    distal, palmar = wrench[:2]
+    if np.hypot(distal, palmar) < 1e-9:
+        return None
+    return float(np.rad2deg(np.arctan2(-palmar, distal)))
+
+
+def _histories(runs: Sequence[Run]) -> list[Any]:
+    """Of every motion: time s, change of the joint angles deg, fingertip force N, tensions N."""
+    return [_history(run) for run in runs if run.axis == "time"]
+
+
+def _history(run: Run) -> Any:
+    count = run.dataset.sizes["time"]
+    chosen = np.unique(np.linspace(0, count - 1, min(count, MOST_MOMENTS)).round().astype(int))
+    data = run.dataset.isel(time=chosen).transpose("time", ...)
+    angle = np.rad2deg(data.angle.values)
+    tensions = {
+        str(name): floats(data[variable].values[:, i])
+        for variable, dim in (("tension", "tendon"), ("own_tension", "muscle"))
+        if variable in data and data.sizes[dim]
+        for i, name in enumerate(data[dim].values)
+    }
+    return {
+        "name": run.name,
+        "time": floats(data.time.values),
+        "angles": {
+            f"{joint.replace('_', ' ')} (from {angle[0, i]:.0f}°)": floats(
+                angle[:, i] - angle[0, i]
+            )
+            for i, joint in enumerate(map(str, data.joint.values))
+        },
+        "force": {
+            axis: floats(column)
+            for axis, column in zip(
+                ("distal", "palmar", "radial"), SAGITTAL @ data.tip_force.values.T, strict=True
+            )
+        },
+        "tensions": tensions,
+    }
+
+
+def cell(value: Cell, digits: int = 4) -> str:
+    """A cell as people read it."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return value if isinstance(value, str) else number(value, digits).replace("-", "−")
+
+
+def _spoken(name: str) -> str:
+    """A name of the ledger or the summary as words."""
+    return "sum" if name == SUM else name.replace("_", " ")

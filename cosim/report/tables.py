@@ -1,0 +1,258 @@
+"""Every table of a report, as data: the page, CSV, JSON and Markdown show the same numbers."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cosim.compare import COLUMNS, COMPONENTS, as_dict, number, unit_of, value_of
+from cosim.report.runs import Run
+
+FORMAT = "cosim report 1"
+Cell = str | float | bool | None
+SUM = "sum"
+LEDGER = ("Fdistal N", "Fpalmar N", "Fradial N", "|F| N", "Mdistal N mm", "Mpalmar N mm")
+SAGITTAL = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+"""World (distal, radial, dorsal) to (distal, palmar, radial)."""
+NOT_OUTCOMES = ("wall_s", "version", "case")
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of words and numbers; a number is None where a run does not have it."""
+
+    key: str
+    title: str
+    columns: tuple[str, ...]
+    """With the unit where it is the same for the whole column."""
+    rows: tuple[tuple[Cell, ...], ...]
+
+
+def tables_of(runs: Sequence[Run], against: Run | None) -> list[Table]:
+    """All tables, those without rows left out."""
+    every = [*runs, against] if against is not None else [*runs]
+    found = [_outcome(runs[0]) if len(every) == 1 else _side_by_side(runs, against)]
+    for i, run in enumerate(every):
+        found += [_tendons(run, i), _comparison(run, i), _ledger(run, i), _audit(run, i)]
+    found.append(_numbers(runs, against))
+    return [table for table in found if table.rows]
+
+
+def _outcome(run: Run) -> Table:
+    """One run: its loaded state, the unloaded one, and the difference."""
+    places = {"loaded": "", "unloaded": "unloaded.", "loaded less unloaded": "difference."}
+    if "unloaded" not in run.summary:
+        places = {"at the end": ""}
+    rows: list[tuple[Cell, ...]] = []
+    for label, quantity in _asked(run.summary):
+        values = [value_of(run.summary, place + quantity) for place in places.values()]
+        rows.append((label, unit_of(quantity), *values))
+    return Table("outcome", "What came out", ("quantity", "unit", *places), tuple(rows))
+
+
+def _side_by_side(runs: Sequence[Run], against: Run | None) -> Table:
+    """Several runs: a column each; against another the differences too."""
+    labels = dict(pair for run in (*runs, against) if run for pair in _asked(run.summary))
+    by_quantity = {quantity: label for label, quantity in labels.items()}
+    rows = []
+    for quantity, label in by_quantity.items():
+        rows.append((label, unit_of(quantity), *_values(runs, against, quantity)))
+        if quantity.split(".")[0] in ("fingertip_force_N", "fingertip_magnitude_N", "slip_force_N"):
+            less = f"difference.{quantity}"
+            values = _values(runs, against, less)
+            if any(value is not None for value in values):
+                rows.append((f"{label}, less unloaded", unit_of(quantity), *values))
+    return Table("outcome", "Side by side", _columns(runs, against), tuple(rows))
+
+
+def _columns(runs: Sequence[Run], against: Run | None) -> tuple[str, ...]:
+    names = [run.name for run in runs]
+    if against is not None:
+        names += [against.name, *(f"{run.name} less {against.name}" for run in runs)]
+    return ("quantity", "unit", *names)
+
+
+def _values(runs: Sequence[Run], against: Run | None, quantity: str) -> list[Cell]:
+    values = [value_of(run.summary, quantity) for run in runs]
+    if against is None:
+        return [*values]
+    base = value_of(against.summary, quantity)
+    gaps = [None if v is None or base is None else v - base for v in values]
+    return [*values, base, *gaps]
+
+
+def _asked(summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Label and quantity of what one asks for first, of what the summary has."""
+    for axis in COMPONENTS:
+        yield f"fingertip force, {axis}", f"fingertip_force_N.{axis}"
+    yield "fingertip force, magnitude", "fingertip_magnitude_N"
+    for slip in summary.get("slip_force_N", ()):
+        yield f"force in the {slip} slip", f"slip_force_N.{slip}"
+    for direction, values in summary.get("strain_percent", {}).items():
+        for which in values:
+            place = f"strain_percent.{direction}.{which}"
+            yield f"{direction} strain, central region, {which}", place
+    for joint in summary.get("posture_deg", ()):
+        yield f"{joint.replace('_', ' ')} angle", f"posture_deg.{joint}"
+    for name in summary.get("energy_mJ", ()):
+        yield f"energy: {name.replace('_', ' ')}", f"energy_mJ.{name}"
+
+
+def _tendons(run: Run, place: int) -> Table:
+    """Tension, excursion and moment arms of each tendon, at the end."""
+    arms = run.summary.get("moment_arm_mm", {})
+    joints = tuple(dict.fromkeys(joint for by_joint in arms.values() for joint in by_joint))
+    names = dict.fromkeys([*run.summary.get("tension_N", ()), *arms])
+    columns = {"tension N": "tension_N", "excursion mm": "excursion_mm"}
+    kept = {head: key for head, key in columns.items() if key in run.summary}
+    rows = tuple(
+        (
+            name,
+            *(value_of(run.summary, f"{key}.{name}") for key in kept.values()),
+            *(value_of(run.summary, f"moment_arm_mm.{name}.{joint}") for joint in joints),
+        )
+        for name in names
+    )
+    heads = (f"arm {joint.replace('_', ' ')} mm" for joint in joints)
+    return Table(f"tendons_{place}", f"Tendons of {run.name}", ("tendon", *kept, *heads), rows)
+
+
+def _comparison(run: Run, place: int) -> Table:
+    rows = tuple(tuple(as_dict(row).values()) for row in run.comparison)
+    return Table(f"comparison_{place}", f"{run.name} beside data", COLUMNS, rows)
+
+
+def _ledger(run: Run, place: int) -> Table:
+    """The last state: each body's forces by source, (distal, palmar, radial), and their sum."""
+    columns = ("body", "source", *LEDGER, "Mradial N mm")
+    rows: list[tuple[Cell, ...]] = []
+    for body, entries in last_ledger(run).items():
+        for source, wrench in {**entries, SUM: sum(entries.values(), np.zeros(6))}.items():
+            force, moment = wrench[:3], 1e3 * wrench[3:]
+            size = float(np.linalg.norm(force))
+            rows.append((body, source, *map(float, force), size, *map(float, moment)))
+    return Table(
+        f"ledger_{place}", f"Ledger of {run.name}, {last_state(run)}", columns, tuple(rows)
+    )
+
+
+def last_state(run: Run) -> str:
+    """The last state of the ledger."""
+    return run.ledger[-1].state if run.ledger else ""
+
+
+def last_ledger(run: Run) -> dict[str, dict[str, Any]]:
+    """By body and source, in the last state: (6,) N and N m, (distal, palmar, radial) each."""
+    out: dict[str, dict[str, Any]] = {}
+    for row in run.ledger:
+        if row.state == last_state(run):
+            wrench = np.concatenate([SAGITTAL @ row.force, SAGITTAL @ row.moment])
+            out.setdefault(row.body, {})[row.source] = wrench
+    return out
+
+
+def _audit(run: Run, place: int) -> Table:
+    """Each check with the bound that the program holds it to, and the counts of iterations."""
+    missed = set(run.summary.get("audit_missed", ()))
+    bounds = _bounds()
+    checks = dict(run.summary.get("audit", {}))
+    for extra in ("max_penetration_mm", "largest_interface_residual"):
+        if extra in run.summary:
+            checks[extra] = run.summary[extra]
+    rows: list[tuple[Cell, ...]] = []
+    for name in [*checks, *sorted(missed - set(checks))]:
+        value, bound = checks.get(name), bounds.get(name)
+        word = "missed" if name in missed else "kept" if bound is not None else "no bound"
+        rows.append((name.replace("_", " "), None if value is None else float(value), bound, word))
+    for name, count in run.summary.get("iterations", {}).items():
+        rows.append((f"{name} (count)", float(count), None, "no bound"))
+    for name in ("steps", "hood_quads", "wall_s"):
+        if name in run.summary:
+            rows.append((name.replace("_", " "), float(run.summary[name]), None, "no bound"))
+    return Table(
+        f"audit_{place}",
+        f"Audit of {run.name}",
+        ("check", "value", "bound", "verdict"),
+        tuple(rows),
+    )
+
+
+def _bounds() -> dict[str, float]:
+    from cosim.observe import BOUNDS, MOST_PENETRATION
+    from cosim.observe_forward import MOST_IMBALANCE
+
+    extra = {"max_penetration_mm": MOST_PENETRATION, "torque_balance_at_rest": MOST_IMBALANCE}
+    return {**BOUNDS, **extra}
+
+
+def _numbers(runs: Sequence[Run], against: Run | None) -> Table:
+    """Every number of the summaries, by the path that a target's `quantity` names it by."""
+    every = [*runs, against] if against is not None else [*runs]
+    paths = dict.fromkeys(p for run in every for p in _leaves(run.summary, ""))
+    rows = tuple(
+        (path, unit_of(path), *_values(runs, against, path))
+        for path in paths
+        if path.split(".")[0] not in NOT_OUTCOMES
+    )
+    return Table("numbers", "Every number of the summary", _columns(runs, against), rows)
+
+
+def _leaves(value: Any, path: str) -> Iterator[str]:
+    if isinstance(value, Mapping):
+        for key, inner in value.items():
+            yield from _leaves(inner, f"{path}.{key}" if path else str(key))
+    elif isinstance(value, list):
+        names = COMPONENTS if len(value) == len(COMPONENTS) else range(len(value))
+        for name, inner in zip(names, value, strict=True):
+            yield from _leaves(inner, f"{path}.{name}")
+    elif isinstance(value, int | float) and not isinstance(value, bool):
+        yield path
+
+
+def as_json(runs: Sequence[Run], tables: Sequence[Table]) -> str:
+    """All tables, numbers in full."""
+    content = {
+        "format": FORMAT,
+        "runs": [{"name": run.name, "case": run.case, "title": run.title} for run in runs],
+        "tables": {t.key: {"title": t.title, "columns": t.columns, "rows": t.rows} for t in tables},
+    }
+    return json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def as_csv(tables: Sequence[Table]) -> str:
+    """A line for each cell: table, row (counted from 1), what the row is of, column, value."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(("table", "row", "of", "column", "value"))
+    for table in tables:
+        for n, row in enumerate(table.rows, 1):
+            for column, cell in zip(table.columns[1:], row[1:], strict=True):
+                writer.writerow((table.key, n, row[0], column, "" if cell is None else cell))
+    return text.getvalue()
+
+
+def as_markdown(tables: Sequence[Table]) -> str:
+    """Every table under its title, numbers to four digits."""
+    parts = []
+    for table in tables:
+        lines = [f"## {table.title}", "", _line(table.columns), _line(["---"] * len(table.columns))]
+        lines += [_line([shown(cell) for cell in row]) for row in table.rows]
+        parts.append("\n".join(lines))
+    return "\n\n".join(parts) + "\n"
+
+
+def _line(cells: Sequence[str]) -> str:
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+
+
+def shown(cell: Cell) -> str:
+    """A cell in words: numbers to four digits."""
+    if isinstance(cell, bool):
+        return "yes" if cell else "no"
+    return cell if isinstance(cell, str) else number(cell)

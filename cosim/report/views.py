@@ -1,0 +1,294 @@
+"""What the 3-D view and the strain maps draw, frame by frame."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from cosim.case import load_case
+from cosim.case_finger import FmuFinger
+from cosim.case_schema import Case, PulleyHood
+from cosim.picture import thinned
+from cosim.port import Array, InputError, Motion
+from cosim.report.flat import laid_out
+from cosim.report.runs import Run
+from cosim.report.tables import SAGITTAL
+from cosim.results import STRAIN
+from meshes.hood_mesh import REGIONS
+
+MOST_FRAMES = 41
+MOST_TRIANGLES = 2200
+"""Of a bone in the view."""
+SPREAD = (1.0, 99.0)
+"""Per cent of the values that a colour scale covers."""
+
+
+@dataclass(frozen=True)
+class Field:
+    """Values over the hood for each of its shapes (nf, m): on quads, or on points."""
+
+    key: str
+    label: str
+    unit: str
+    on_quads: bool
+    values: Array
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """The hood at `at`, some of a view's frames."""
+
+    quads: np.ndarray
+    region: tuple[str, ...]
+    """Of each quad."""
+    flat: Array
+    """(n, 2) m, laid out."""
+    at: tuple[int, ...]
+    points: Array
+    """(nf, n, 3) m."""
+    fields: tuple[Field, ...]
+
+
+@dataclass(frozen=True)
+class Bone:
+    """A surface in its body's frame, and where it stands in every frame: (nf, 3), (nf, 3, 3)."""
+
+    name: str
+    vertices: Array
+    faces: np.ndarray
+    position: Array
+    rotation: Array
+
+
+@dataclass(frozen=True)
+class View:
+    """A run to look at, m and N, world frame; what it lacks is said in `notes`."""
+
+    name: str
+    frames: tuple[str, ...]
+    bones: tuple[Bone, ...]
+    tendons: tuple[Mapping[str, Array], ...]
+    """For each frame the points (k, 3) of every path."""
+    tip: Array
+    """(nf, 3); empty where the finger could not be rebuilt."""
+    force: Array
+    """(nf, 3) of the fingertip on the world."""
+    joints: tuple[str, ...]
+    angles: Array
+    """(nf, nq) rad."""
+    sheet: Sheet | None
+    notes: tuple[str, ...]
+
+
+def view_of(run: Run) -> View:
+    """The run's frames: every state of a load axis, some of the times of a motion."""
+    data, axis = run.dataset, run.axis
+    chosen = _chosen(data.sizes[axis])
+    angles = data.angle.transpose(axis, "joint").values[chosen]
+    force = data.tip_force.transpose(axis, "axis").values[chosen]
+    sheet, notes = _sheet(run, chosen)
+    view = View(
+        run.name,
+        _labels(run, chosen),
+        (),
+        ({},) * len(chosen),
+        np.zeros((0, 3)),
+        force,
+        tuple(map(str, data.joint.values)),
+        angles,
+        sheet,
+        notes,
+    )
+    try:
+        return _with_finger(view, load_case(run.folder / "case.toml"))
+    except InputError as error:
+        told = f"Bones and tendons are not shown: the case cannot be built again here ({error})"
+        return replace(view, notes=(*notes, told))
+
+
+def _chosen(count: int) -> np.ndarray:
+    return np.unique(np.linspace(0, count - 1, min(count, MOST_FRAMES)).round().astype(int))
+
+
+def _labels(run: Run, chosen: np.ndarray) -> tuple[str, ...]:
+    values = run.dataset[run.axis].values[chosen]
+    return tuple(f"{v:.4g} s" for v in values) if run.axis == "time" else tuple(map(str, values))
+
+
+def _with_finger(view: View, case: Case) -> View:
+    """Bones, tendons and fingertip, from the joint angles.  Raises InputError."""
+    from cosim.build import build, drawn_bones
+    from cosim.build_finger import live_finger
+
+    if isinstance(case.finger, FmuFinger):
+        raise InputError("its finger is in an FMU, a program that a report does not run")
+    finger = live_finger(case.finger, case.hood)
+    models = build(case) if isinstance(case.hood, PulleyHood) else None
+    start = finger.start(case.finger.posture.angles())
+    motions: list[Motion] = []
+    paths, tips = [], []
+    for q in view.angles:
+        state = replace(start, angles=np.array(q))
+        motion = finger.motion(state)
+        motions.append(motion)
+        strings = models.strings(motion) if models is not None else {}
+        paths.append({**strings, **finger.tendon_paths(state)})
+        tips.append(finger.tip(state))
+    bones = []
+    for body, surface in drawn_bones(case).items():
+        vertices, faces = thinned(*surface, most=MOST_TRIANGLES)
+        poses = [motion.of(body) for motion in motions]
+        position, rotation = (np.stack(part) for part in zip(*poses, strict=True))
+        bones.append(Bone(body, vertices, faces, position, rotation))
+    return replace(view, bones=tuple(bones), tendons=tuple(paths), tip=np.array(tips))
+
+
+def _sheet(run: Run, chosen: np.ndarray) -> tuple[Sheet | None, tuple[str, ...]]:
+    """The hood in every frame where the run stored that, else as it was at the end."""
+    hood = run.hood
+    if hood is None:
+        return None, ("This run has no deformable hood: there is no strain to show.",)
+    reference = hood.points - hood.point_data["displacement"]
+    cells, region = hood.cell_data, tuple(REGIONS[int(i)] for i in hood.cell_data["region"])
+    flat, last = laid_out(reference, hood.quads), len(chosen) - 1
+    if {"node", "strain", "stress", "pressure"} <= set(run.dataset):
+        data = run.dataset.isel({run.axis: chosen}).transpose(run.axis, ...)
+        fields = _fields(data.strain.values, data.stress.values, data.pressure.values)
+        every = tuple(range(len(chosen)))
+        return Sheet(hood.quads, region, flat, every, data.node.values, fields), ()
+    strain = (cells[STRAIN], cells["transverse_strain"], 2 * cells["shear_strain"])
+    stress = (cells["fibre_stress"], cells["transverse_stress"])
+    fields = _fields(
+        np.stack(strain, axis=-1)[None],
+        np.stack(stress, axis=-1)[None],
+        hood.point_data["contact_pressure"][None],
+    )
+    note = "This run stores the shape of its hood at its end only: it is shown there."
+    return Sheet(hood.quads, region, flat, (last,), hood.points[None], fields), (note,)
+
+
+def _fields(strain: Array, stress: Array, pressure: Array) -> tuple[Field, ...]:
+    """Green-Lagrange E11, E22, 2 E12 (nf, m, 3), second Piola-Kirchhoff S11, S22 Pa (nf, m, 2 or
+    3), contact pressure Pa (nf, n)."""
+    return (
+        Field("along", "Green-Lagrange strain along the fibres", "%", True, 100 * strain[..., 0]),
+        Field("across", "Green-Lagrange strain across", "%", True, 100 * strain[..., 1]),
+        Field("shear", "Green-Lagrange shear strain", "%", True, 50 * strain[..., 2]),
+        Field(
+            "stress_along", "Stress along the fibres (2nd P-K)", "MPa", True, 1e-6 * stress[..., 0]
+        ),
+        Field("stress_across", "Stress across (2nd P-K)", "MPa", True, 1e-6 * stress[..., 1]),
+        Field("pressure", "Contact pressure", "MPa", False, 1e-6 * pressure),
+    )
+
+
+def difference_view(one: View, other: View) -> View | None:
+    """`one` coloured by its fields less those of `other`, in the frames whose names both have;
+    None where the two hoods are not the same mesh or no frame is shared."""
+    a, b = one.sheet, other.sheet
+    if a is None or b is None or not np.array_equal(a.quads, b.quads):
+        return None
+    theirs = {other.frames[at]: k for k, at in enumerate(b.at)}
+    pairs = [(k, theirs[one.frames[at]]) for k, at in enumerate(a.at) if one.frames[at] in theirs]
+    if not pairs:
+        return None
+    mine, its = (np.array(part) for part in zip(*pairs, strict=True))
+    fields = tuple(
+        replace(f, label=f"{f.label}, difference", values=f.values[mine] - g.values[its])
+        for f, g in zip(a.fields, b.fields, strict=True)
+    )
+    sheet = replace(a, at=tuple(a.at[k] for k in mine), points=a.points[mine], fields=fields)
+    name = f"{one.name} less {other.name}"
+    note = f"Shape and bones are those of {one.name}; colours are {name}."
+    return replace(one, name=name, sheet=sheet, notes=(note,))
+
+
+def limits(views: Sequence[View]) -> dict[str, tuple[float, float]]:
+    """A colour scale for each field that all views share; a few extreme quads do not set it."""
+    found: dict[str, list[Array]] = {}
+    for field in (f for view in views if view.sheet is not None for f in view.sheet.fields):
+        found.setdefault(field.key, []).append(field.values.ravel())
+    return {key: _limits(np.concatenate(values)) for key, values in found.items()}
+
+
+def _limits(values: Array) -> tuple[float, float]:
+    low, high = (float(v) for v in np.percentile(values, SPREAD))
+    return (low, high) if high > low else (low - 0.5, low + 0.5)
+
+
+def packed(views: Sequence[View], scales: Sequence[Mapping[str, tuple[float, float]]]) -> Any:
+    """The views for the page's script: mm, N, degrees; surfaces that views share are sent once."""
+    surfaces: dict[str, Any] = {}
+    shown = [_packed(view, scale, surfaces) for view, scale in zip(views, scales, strict=True)]
+    return {"views": shown, "surfaces": list(surfaces.values())}
+
+
+def _packed(view: View, scale: Mapping[str, tuple[float, float]], surfaces: dict[str, Any]) -> Any:
+    bones = []
+    for bone in view.bones:
+        surface = {"v": floats(1e3 * bone.vertices), "f": integers(bone.faces)}
+        surfaces.setdefault(surface["v"]["b"] + surface["f"]["b"], surface)
+        which = list(surfaces).index(surface["v"]["b"] + surface["f"]["b"])
+        pose = np.concatenate([1e3 * bone.position[..., None], bone.rotation], axis=2)
+        bones.append({"name": bone.name, "surface": which, "pose": floats(pose)})
+    lines = [np.concatenate([*paths.values()]) for paths in view.tendons if paths]
+    counts = [[len(points) for points in paths.values()] for paths in view.tendons]
+    return {
+        "name": view.name,
+        "frames": view.frames,
+        "bones": bones,
+        "tendons": {
+            "points": floats(1e3 * np.concatenate(lines)) if lines else None,
+            "counts": counts,
+            "names": list(dict.fromkeys(name for paths in view.tendons for name in paths)),
+        },
+        "tip": floats(1e3 * view.tip),
+        "force": view.force.tolist(),
+        "components": (view.force @ SAGITTAL.T).tolist(),
+        "notes": view.notes,
+        "joints": view.joints,
+        "angles": np.rad2deg(view.angles).tolist(),
+        "sheet": None if view.sheet is None else _packed_sheet(view.sheet, scale),
+    }
+
+
+def _packed_sheet(sheet: Sheet, scale: Mapping[str, tuple[float, float]]) -> Any:
+    names = sorted(set(sheet.region))
+    fields = [
+        {
+            "key": field.key,
+            "label": field.label,
+            "unit": field.unit,
+            "onQuads": field.on_quads,
+            "limits": scale[field.key],
+            "values": floats(field.values),
+        }
+        for field in sheet.fields
+    ]
+    return {
+        "quads": integers(sheet.quads),
+        "regions": names,
+        "region": [names.index(name) for name in sheet.region],
+        "flat": floats(1e3 * sheet.flat),
+        "at": sheet.at,
+        "points": floats(1e3 * sheet.points),
+        "fields": fields,
+    }
+
+
+def floats(values: Array) -> dict[str, Any]:
+    """Single precision, little endian, in base64, with the shape."""
+    return {"s": np.shape(values), "b": _base64(np.asarray(values, dtype="<f4"))}
+
+
+def integers(values: np.ndarray) -> dict[str, Any]:
+    """32 bits without sign, as `floats`."""
+    return {"s": np.shape(values), "i": 1, "b": _base64(np.asarray(values, dtype="<u4"))}
+
+
+def _base64(values: np.ndarray) -> str:
+    return base64.b64encode(np.ascontiguousarray(values).tobytes()).decode("ascii")

@@ -1,0 +1,202 @@
+"""What a report says in sentences: the question, the answer, how to make the run again."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from cosim.compare import COMPONENTS, Comparison, number, tally, value_of
+from cosim.report.runs import Run
+from cosim.report.tables import last_ledger
+
+FINGERS = {
+    "index": "index finger of a right hand",
+    "middle": "middle finger of a right hand",
+    "planar": "planar finger of three links",
+    "hinge": "planar finger of hinges, analytic",
+    "fmu": "a finger in an FMU",
+}
+TIPS = {
+    "point": "held at a point, free to turn",
+    "clamped": "clamped: it carries a moment too",
+    "free": "free",
+    "cage": "a sphere in a cage of six walls",
+    "shell": "a sphere in a hollow sphere",
+}
+HOODS = {
+    "shell": "a sheet of nonlinear shell elements over the bones",
+    "pulley": "no deformable hood: cables through eyelets",
+    "split": "no hood: tendons that part in fixed shares",
+    "fmu": "a hood in an FMU",
+}
+SCHEMES = {
+    "linear": "solved together (the hood's tangent in the finger's Newton iteration)",
+    "newton": "solved together (Newton's method)",
+    "implicit": "solved together (fixed point, accelerated)",
+    "explicit": "one after the other in every step, staggered",
+    "jacobi": "side by side in every step",
+    "one_way": "one way: the hood is solved once and its forces handed to the finger once",
+}
+OPPOSITE = {"distal": "proximal", "palmar": "dorsal", "radial": "ulnar"}
+PULLS = {"activation", "tension", "excursion", "course"}
+"""What a case says of a tendon that it pulls."""
+
+
+def question(run: Run) -> list[tuple[str, str]]:
+    """What was asked, from the case: heading and words."""
+    finger, hood = _table(run.stated, "finger"), _table(run.stated, "hood")
+    tip = str(_table(finger, "tip").get("kind", "free"))
+    posture = ", ".join(
+        f"{joint.replace('_', ' ')} {angle}" for joint, angle in _table(finger, "posture").items()
+    )
+    kind = str(hood.get("kind", ""))
+    quads = run.summary.get("hood_quads")
+    sheet = f" ({quads} quads)" if quads else ""
+    facts = [
+        ("Finger", FINGERS.get(str(finger.get("kind")), str(finger.get("kind")))),
+        ("Posture", posture),
+        ("Fingertip", TIPS.get(tip, tip)),
+        ("Pulled", pulled(run) or "no tendon beyond its resting tension"),
+        ("Hood", HOODS.get(kind, kind) + sheet),
+        ("Hood and finger", _scheme(run.stated, kind)),
+        ("Time", _time(run.stated)),
+        ("Notes", str(run.stated.get("notes", ""))),
+    ]
+    return [(head, text) for head, text in facts if text]
+
+
+def _scheme(stated: Mapping[str, Any], hood: str) -> str:
+    if hood == "split":
+        return ""
+    scheme = str(_table(stated, "coupling").get("scheme", "linear"))
+    return SCHEMES.get(scheme, scheme)
+
+
+def _time(stated: Mapping[str, Any]) -> str:
+    forward = _table(stated, "forward")
+    if not forward:
+        return "an equilibrium, unloaded and loaded"
+    return f"a motion of {forward.get('duration', '')} in steps of {forward.get('step', '')}"
+
+
+def pulled(run: Run) -> str:
+    """The tendons that the case pulls, with their tensions at the end."""
+    tensions = run.summary.get("tension_N", {})
+    named = [
+        name
+        for name, tendon in _table(run.stated, "tendons").items()
+        if PULLS & set(tendon) and name in tensions
+    ]
+    said = ", ".join(f"{name} with {number(tensions[name])} N" for name in named)
+    return f"{said} at the end" if said and run.axis == "time" else said
+
+
+def _table(stated: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    found = stated.get(key, {})
+    return found if isinstance(found, Mapping) else {}
+
+
+def answer(run: Run) -> str:
+    """What came out, in a sentence or three."""
+    place = "difference." if "difference" in run.summary else ""
+    force = [value_of(run.summary, f"{place}fingertip_force_N.{axis}") for axis in COMPONENTS]
+    parts = []
+    if None not in force:
+        size = math.sqrt(sum(f * f for f in force if f is not None))
+        named = zip(COMPONENTS, force, strict=True)
+        split = ", ".join(
+            f"{abs(f):.2f} {axis if f >= 0 else OPPOSITE[axis]}"
+            for axis, f in named
+            if f is not None
+        )
+        over = "Over the unloaded state, the" if place else "At the end, the"
+        if size > 5e-4:
+            parts.append(f"{over} fingertip pushes with {size:.2f} N ({split}).")
+        else:
+            parts.append("The fingertip pushes on nothing.")
+    slips = run.summary.get("slip_force_N", {})
+    if slips:
+        said = ", ".join(f"the {slip} slip carries {value:.2f} N" for slip, value in slips.items())
+        parts.append(said[0].upper() + said[1:] + ".")
+    strain = run.summary.get("strain_percent", {}).get("longitudinal")
+    if strain:
+        parts.append(
+            f"Longitudinal strain of the central region: {strain['min']:.2f} to "
+            f"{strain['max']:.2f} %, mean {strain['mean']:.2f} %."
+        )
+    return " ".join(parts).replace("-", "−")
+
+
+def trust(run: Run) -> str:
+    """What the audit found."""
+    missed = run.summary.get("audit_missed")
+    if missed is None:
+        return "This run kept no audit."
+    if missed:
+        said = ", ".join(name.replace("_", " ") for name in missed)
+        return f"The audit was missed in: {said}."
+    count = len(run.summary.get("audit", {}))
+    return f"All {count} checks of the audit were kept." if count > 1 else "The audit was kept."
+
+
+def closure(run: Run) -> str:
+    """How nearly the forces on each moving bone add up to zero; the first body is fixed."""
+    sums = {
+        body: np.sum(list(wrenches.values()), axis=0)
+        for body, wrenches in list(last_ledger(run).items())[1:]
+    }
+    if not sums:
+        return ""
+    force = max(float(np.linalg.norm(wrench[:3])) for wrench in sums.values())
+    moment = max(float(np.linalg.norm(wrench[3:])) for wrench in sums.values())
+    most = f"{number(force, 2)} N and {number(1e3 * moment, 2)} N mm".replace("-", "−")
+    return f"On each moving bone they add up to zero within {most}; the first bone is fixed."
+
+
+def doubts(run: Run) -> Iterator[str]:
+    """What a reader must know before believing a number."""
+    if run.summary.get("came_to_rest") is False:
+        yield "The finger was still moving at the end."
+    if twice := run.summary.get("double_counted"):
+        yield f"Counted twice: {'; '.join(map(str, twice))}."
+    if run.summary.get("audit_missed"):
+        yield trust(run)
+
+
+def score(rows: Sequence[Comparison]) -> str:
+    """How many rows came out how, misses first to be seen."""
+    if not rows:
+        return ""
+    count = tally(rows)
+    said = ", ".join(f"{n} {name}" for name, n in count.items())
+    word = "row" if len(rows) == 1 else "rows"
+    return f"{len(rows)} {word}: {said}"
+
+
+def commands(runs: Sequence[Run], against: Run | None) -> str:
+    """The lines that make the runs and this report again, from the cases saved beside."""
+    every = [*runs, against] if against is not None else [*runs]
+    lines = [f"# cosim-hand {_version(run)}" for run in every]
+    lines = list(dict.fromkeys(lines))
+    lines += [f"cosim run {run.case}.toml --out runs{_folder(run)}" for run in every]
+    last = f" --against {_place(against)}" if against is not None else ""
+    data = " --data FILE.csv" if any(run.comparison for run in every) else ""
+    lines.append(f"cosim report {' '.join(_place(run) for run in runs)}{last}{data}")
+    return "\n".join(lines)
+
+
+def _version(run: Run) -> str:
+    return str(run.summary.get("version", "?"))
+
+
+def _folder(run: Run) -> str:
+    """The folder below `runs` that tells runs of one name apart."""
+    above = run.name.rpartition("/")[0]
+    return f"/{above}" if above else ""
+
+
+def _place(run: Run) -> str:
+    return f"runs{_folder(run)}/{run.case}"

@@ -1,0 +1,56 @@
+"""The scoreboard as a page that needs nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from cosim import __version__
+from cosim.compare import Comparison, Verdict, marks, number, stated, tally
+from cosim.files import written_whole
+from cosim.validate import Board
+
+SHAPES: dict[Verdict, str] = {
+    "inside 1 SD": "●",
+    "inside the band": "●",
+    "outside": "▲",
+    "nothing to judge by": "○",
+    "no value": "✕",
+}
+
+
+def write_page(path: Path, boards: Sequence[Board]) -> None:
+    """Raises InputError where the file cannot be written."""
+    from jinja2 import Environment, PackageLoader
+
+    page = Environment(loader=PackageLoader("cosim", "."), autoescape=True, trim_blocks=True)
+    shown = [
+        {
+            "group": board.group,
+            "tally": tally(board.rows),
+            "failures": board.failures,
+            "rows": [_cells(row) for row in board.rows],
+        }
+        for board in boards
+    ]
+    text = page.get_template("scoreboard.html.j2").render(version=__version__, boards=shown)
+    with written_whole(path) as part:
+        part.write_text(text, encoding="utf-8")
+
+
+def _cells(row: Comparison) -> dict[str, Any]:
+    t = row.target
+    return {
+        "name": t.name,
+        "marks": marks(t),
+        "note": t.note,
+        "model": number(row.model),
+        "unit": t.unit if t.unit != "1" else "",
+        "stated": stated(t),
+        "difference": number(row.difference),
+        "verdict": row.verdict,
+        "shape": SHAPES[row.verdict],
+        "source": t.source,
+        "kind": t.kind,
+    }

@@ -1,0 +1,77 @@
+"""Strains of a hood in numbers: by region and direction, from free of stress and from unloaded.
+
+A cadaver experiment sees how markers on the hood move from the unloaded to the loaded state; the
+sheet's own Green-Lagrange strain counts from where it is free of stress.  With l1 and l0 the
+lengths of a material line in the two states, e = l1 / l0 - 1 is what markers show (engineering
+strain), and (l1^2 / l0^2 - 1) / 2 the Green-Lagrange strain from the unloaded state.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from cosim.build_shell import HoodLook
+from cosim.port import Array
+from meshes.hood_mesh import REGIONS
+
+Range = dict[str, float]
+DIRECTIONS = ("longitudinal", "lateral")
+
+
+def strain_summary(look: HoodLook) -> dict[str, object]:
+    """Percent, Green-Lagrange from free of stress: over the central region, and by region."""
+    return {
+        "strain_percent": _by_direction(look.strain, look.area, look.central),
+        "region_strain_percent": _by_region(look.strain, look),
+    }
+
+
+def strain_change(before: HoodLook, now: HoodLook) -> dict[str, object]:
+    """Percent, from the unloaded state `before`: Green-Lagrange and engineering over the central
+    region, engineering by region and between the markers."""
+    ratio = np.sqrt((1 + 2 * now.strain[:, :2]) / (1 + 2 * before.strain[:, :2]))
+    return {
+        "strain_percent": _by_direction((ratio**2 - 1) / 2, now.area, now.central),
+        "engineering_strain_percent": _by_direction(ratio - 1, now.area, now.central),
+        "region_engineering_strain_percent": _by_region(ratio - 1, now),
+        "marker_strain_percent": {
+            name: _range(strain.ravel(), np.ones(strain.size))
+            for name, strain in zip(DIRECTIONS, marker_strains(before, now), strict=True)
+        },
+    }
+
+
+def marker_strains(before: HoodLook, now: HoodLook) -> tuple[Array, Array]:
+    """(rows - 1, columns) longitudinal and (rows, columns - 1) lateral engineering strains between
+    neighbours of the marker grid, from `before` to `now`."""
+    x0, x1 = before.points[now.markers], now.points[now.markers]
+
+    def stretch(axis: int) -> Array:
+        l0, l1 = (np.linalg.norm(np.diff(x, axis=axis), axis=2) for x in (x0, x1))
+        return np.asarray(l1 / l0 - 1)
+
+    return stretch(0), stretch(1)
+
+
+def _by_region(strain: Array, look: HoodLook) -> dict[str, Mapping[str, Range]]:
+    there = (i for i in range(len(REGIONS)) if (look.region == i).any())
+    return {REGIONS[i]: _by_direction(strain, look.area, look.region == i) for i in there}
+
+
+def _by_direction(strain: Array, area: Array, cells: np.ndarray) -> dict[str, Range]:
+    return dict(_ranges(strain[cells], area[cells]))
+
+
+def _ranges(strain: Array, area: Array) -> Iterator[tuple[str, Range]]:
+    for name, column in zip(DIRECTIONS, strain.T[:2], strict=True):
+        yield name, _range(column, area)
+
+
+def _range(values: Array, weight: Array) -> Range:
+    return {
+        "min": 100 * float(values.min()),
+        "mean": 100 * float(values @ weight / weight.sum()),
+        "max": 100 * float(values.max()),
+    }

@@ -1,0 +1,92 @@
+"""A case solved many times with other settings: what sensitivity and identification share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any, Literal
+
+from cosim.case import load_case
+from cosim.compare import unit_of, value_of
+from cosim.port import CosimError, InputError
+
+Settings = tuple[str, ...]
+"""KEY=VALUE, as --set takes them; a later one has the last word."""
+Status = Literal["converged", "failed", "refused"]
+Tell = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Of one solve: the run's summary, or why there is none ("refused": the case file does not
+    allow the settings)."""
+
+    status: Status
+    summary: Mapping[str, Any]
+    reason: str = ""
+
+
+Solve = Callable[[Iterable[Settings]], Iterator[Outcome]]
+"""An outcome for each, in their order."""
+
+
+def outcome(source: Path, settings: Settings) -> Outcome:
+    """The case at `source` with settings on top, solved."""
+    from cosim.run import run_case
+
+    try:
+        case = load_case(source, settings)
+    except InputError as error:
+        return Outcome("refused", {}, _one_line(error))
+    try:
+        return Outcome("converged", run_case(case).summary)
+    except CosimError as error:
+        return Outcome("failed", {}, _one_line(error))
+
+
+def _one_line(error: CosimError) -> str:
+    return " ".join(str(error).split())
+
+
+@contextmanager
+def solver(source: Path, jobs: int) -> Iterator[Solve]:
+    """What solves the case, in so many processes (1: in this one).
+
+    Raises InputError where a process was ended from outside."""
+    one = partial(outcome, source)
+    if jobs == 1:
+        yield lambda trials: map(one, trials)
+        return
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        try:
+            yield lambda trials: pool.map(one, trials)
+        except BrokenProcessPool:
+            raise InputError(
+                "a process that solved was ended from outside, it may be for want of memory; "
+                "--jobs 1 needs the least"
+            ) from None
+
+
+def measured(summary: Mapping[str, Any], quantity: str) -> float | None:
+    """The number at a path of keys, or of A/B the ratio of two; None where there is none."""
+    above, slash, below = quantity.partition("/")
+    value = value_of(summary, above)
+    if not slash or value is None:
+        return value
+    other = value_of(summary, below)
+    return value / other if other else None
+
+
+def unit(quantity: str) -> str:
+    """Of a quantity; a ratio of two in one unit has the unit 1."""
+    above, slash, below = quantity.partition("/")
+    if not slash:
+        return unit_of(above)
+    units = (unit_of(above), unit_of(below))
+    return "1" if units[0] == units[1] else f"{units[0]} / ({units[1]})"

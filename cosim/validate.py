@@ -1,0 +1,148 @@
+"""The validations: every trial run, every compared number with its verdict, misses included."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+from cosim import __version__
+from cosim.build_finger import check_fit
+from cosim.case import load_case
+from cosim.compare import Comparison, as_dict, tally
+from cosim.compare_files import write_json
+from cosim.files import written_whole
+from cosim.observe import result
+from cosim.port import ConvergenceError, InputError
+from cosim.results import plain, write_result
+from cosim.run import solve
+from cosim.validation_plan import Group, Trial, groups, rows_of
+from cosim.verification_thesis import force_and_bound
+
+FORMAT = "cosim scoreboard 1"
+Told = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a trial said, or why it said nothing."""
+
+    trial: str
+    summary: dict[str, Any] | None
+    failure: str | None
+
+
+@dataclass(frozen=True)
+class Board:
+    """The rows of one group, and the trials that failed."""
+
+    group: str
+    rows: tuple[Comparison, ...]
+    failures: dict[str, str]
+
+
+def chosen(only: str | None) -> list[Group]:
+    """The groups, or of each the trials whose name holds `only`.  Raises InputError for none."""
+    every = groups()
+    if only is None:
+        return list(every)
+    kept = []
+    for group in every:
+        trials = tuple(t for t in group.trials if only in t.name)
+        names = {t.name for t in trials}
+        if trials:
+            targets = tuple(t for t in group.targets if t.case in names)
+            kept.append(Group(group.name, trials, targets))
+    if not kept:
+        raise InputError(
+            f"--only {only}: no trial is called so; there are, for example, "
+            + ", ".join(g.trials[0].name for g in every)
+        )
+    return kept
+
+
+def validated(
+    chosen_groups: Sequence[Group],
+    folder: Path,
+    settings: Sequence[str] = (),
+    workers: int = 2,
+    told: Told = lambda text: None,
+) -> list[Board]:
+    """Run the trials of the groups, leave a run folder of each in `folder` with its comparison, and
+    compare.  Raises InputError."""
+    jobs = [(g, t) for g in chosen_groups for t in g.trials]
+    tasks = [(t, tuple(settings), str(folder)) for _, t in jobs]
+    outcomes = {}
+    for done, outcome in enumerate(_all(tasks, workers), 1):
+        outcomes[outcome.trial] = outcome
+        word = "" if outcome.failure is None else f": {outcome.failure}"
+        told(f"{done} of {len(tasks)}: {outcome.trial}{word}")
+    return [_board(group, outcomes, folder) for group in chosen_groups]
+
+
+def _all(tasks: Sequence[tuple[Trial, tuple[str, ...], str]], workers: int) -> Iterator[Outcome]:
+    if workers == 1:
+        yield from map(_run, tasks)
+        return
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        yield from pool.map(_run, tasks)
+
+
+def _run(task: tuple[Trial, tuple[str, ...], str]) -> Outcome:
+    trial, settings, folder = task
+    started = time.perf_counter()
+    case = load_case(trial.case, [*trial.settings, *settings])
+    case = case.model_copy(update={"name": folder_name(trial.name)})
+    check_fit(case)
+    try:
+        models, states = solve(case)
+    except ConvergenceError as error:
+        return Outcome(trial.name, None, str(error))
+    made = result(case, models, states, time.perf_counter() - started)
+    write_result(folder, case, made)
+    summary = json.loads(json.dumps(made.summary, default=plain))
+    return Outcome(trial.name, summary | {"bound_N": force_and_bound(models, states)[1]}, None)
+
+
+def folder_name(trial: str) -> str:
+    """The trial's name as a folder's."""
+    return "".join(c if c.isalnum() else "_" for c in trial)
+
+
+def _board(group: Group, outcomes: dict[str, Outcome], folder: Path) -> Board:
+    mine = [outcomes[t.name] for t in group.trials]
+    summaries = {o.trial: o.summary for o in mine if o.summary is not None}
+    rows = tuple(rows_of(group, summaries))
+    for name in summaries:
+        own = [row for row in rows if row.target.case == name]
+        if own:
+            write_json(folder / folder_name(name) / "comparison.json", own)
+    return Board(group.name, rows, {o.trial: o.failure for o in mine if o.failure is not None})
+
+
+def scoreboard(boards: Sequence[Board]) -> str:
+    """The text of the file: the same rows give the same bytes."""
+    content = {
+        "format": FORMAT,
+        "version": __version__,
+        "tally": {b.group: tally(b.rows) for b in boards},
+        "failed": {name: why for b in boards for name, why in b.failures.items()},
+        "groups": {b.group: [_rounded(row) for row in b.rows] for b in boards},
+    }
+    return json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def _rounded(row: Comparison) -> dict[str, Any]:
+    """Six digits are more than the models are good for, and hide the last bits of a machine."""
+    return {k: float(f"{v:.6g}") if isinstance(v, float) else v for k, v in as_dict(row).items()}
+
+
+def write_scoreboard(path: Path, boards: Sequence[Board]) -> None:
+    """Raises InputError where the file cannot be written."""
+    with written_whole(path) as part:
+        part.write_text(scoreboard(boards), encoding="utf-8")

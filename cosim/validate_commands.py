@@ -1,0 +1,76 @@
+"""The command of the validations: `cosim validate`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cosim.terminal import console, told
+
+if TYPE_CHECKING:
+    from cosim.validate import Board
+
+PLACE = Path("cases/scoreboard.json")
+"""Where the committed scoreboard is, of a checkout."""
+
+
+def validate(
+    only: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Only the trials whose name holds this.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder for the runs and the page.")] = Path(
+        "runs/validation"
+    ),
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Replace a value of every trial."),
+    ] = None,
+    workers: Annotated[int, typer.Option(min=1, max=64, help="Processes.")] = 2,
+    update: Annotated[
+        bool, typer.Option("--update", help=f"Write {PLACE}, the committed scoreboard, as well.")
+    ] = False,
+) -> None:
+    """Run the validations and print every compared number, the misses too."""
+    with told():
+        from cosim.port import InputError
+        from cosim.scoreboard_page import write_page
+        from cosim.validate import chosen, validated, write_scoreboard
+
+        if update and (only or settings):
+            raise InputError("--update takes all trials as they are: leave out --only and --set")
+        if update and not PLACE.parent.is_dir():
+            raise InputError(f"--update: there is no {PLACE.parent}/ here; run it in a checkout")
+        boards = validated(
+            chosen(only), out, settings or (), workers, lambda text: typer.echo(text, err=True)
+        )
+        places = [out / "scoreboard.json", *([PLACE] if update else [])]
+        for place in places:
+            write_scoreboard(place, boards)
+        write_page(out / "scoreboard.html", boards)
+    _print(boards)
+    typer.echo(f"scoreboard in {out / 'scoreboard.html'} and {' and '.join(map(str, places))}")
+    if any(board.failures for board in boards):
+        raise typer.Exit(1)
+
+
+def _print(boards: list[Board]) -> None:
+    from rich.table import Table
+
+    from cosim.compare import marks, number, stated, tally
+
+    screen = console()
+    for board in boards:
+        table = Table(title=board.group, title_justify="left")
+        for name in ("what", "model", "reference", "difference", "verdict", "kind"):
+            table.add_column(name)
+        for row in board.rows:
+            t = row.target
+            name = " ".join([t.name, *(f"[{mark}]" for mark in marks(t))])
+            gap, model = number(row.difference, 3), number(row.model, 3)
+            table.add_row(name, f"{model} {t.unit}", stated(t), gap, row.verdict, t.kind)
+        screen.print(table)
+        screen.print(", ".join(f"{count} {word}" for word, count in tally(board.rows).items()))
+        for name, why in board.failures.items():
+            screen.print(f"failed: {name}: {why}")

@@ -1,0 +1,42 @@
+"""Small runs for the tests of the report."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import xarray
+
+from cosim.case import load_case
+from cosim.results import write_result
+from cosim.run import run_case
+
+DATA = """\
+# Numbers made for tests
+name, quantity, unit, reference, sd, low, high, source, kind, case, geometry, fitted, note
+"Force, distal", difference.fingertip_force_N.distal, N, 0.24, 0.05, , , "T, 1", experiment, , , ,
+"Force, palmar", difference.fingertip_force_N.palmar, N, -0.39, 0.08, , , "T, 1", experiment, , , ,
+Lateral strain, strain_percent.lateral.min, %, , , , -8, U, inferred, , mi29, yes, <b>held</b>
+Slip, slip_force_N.terminal, N, 2, , 1, 3, U, published model, isometric_edc, , ,
+"""
+
+
+def run_into(folder: Path, case: str, *settings: str) -> Path:
+    checked = load_case(case, settings)
+    return write_result(folder, checked, run_case(checked))
+
+
+def as_motion(run: Path, folder: Path) -> Path:
+    """A copy of a run with a hood as a motion of two moments would be left: without the hood's
+    shapes over time."""
+    shutil.copytree(run, folder)
+    data = xarray.load_dataset(run / "results.nc", engine="h5netcdf")
+    kept = data.drop_vars(["node", "strain", "stress", "pressure"])
+    moved = kept.rename(state="time").assign_coords(time=[0.0, 0.25])
+    moved.to_netcdf(folder / "results.nc", engine="h5netcdf")
+    summary = json.loads((run / "summary.json").read_text(encoding="utf-8"))
+    for key in ("unloaded", "difference"):
+        del summary[key]
+    (folder / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
+    return folder
