@@ -22,6 +22,7 @@ from cosim.port import ConvergenceError, InputError
 from cosim.results import plain, write_result
 from cosim.run import solve
 from cosim.validation_plan import Group, Trial, groups, rows_of
+from cosim.validation_published import published_summary
 from cosim.verification_thesis import force_and_bound
 
 FORMAT = "cosim scoreboard 1"
@@ -46,9 +47,10 @@ class Board:
     failures: dict[str, str]
 
 
-def chosen(only: str | None) -> list[Group]:
-    """The groups, or of each the trials whose name holds `only`.  Raises InputError for none."""
-    every = groups()
+def chosen(only: str | None, published: Path | None = None) -> list[Group]:
+    """The groups, or of each the trials whose name holds `only`; with the `published` hood's file
+    those on it as well.  Raises InputError for none."""
+    every = groups(published)
     if only is None:
         return list(every)
     kept = []
@@ -96,6 +98,8 @@ def _all(tasks: Sequence[tuple[Trial, tuple[str, ...], str]], workers: int) -> I
 def _run(task: tuple[Trial, tuple[str, ...], str]) -> Outcome:
     trial, settings, folder = task
     started = time.perf_counter()
+    if trial.name.startswith("published"):
+        return Outcome(trial.name, published_summary(trial), None)
     case = load_case(trial.case, [*trial.settings, *settings])
     case = case.model_copy(update={"name": folder_name(trial.name)})
     check_fit(case)
@@ -120,7 +124,7 @@ def _board(group: Group, outcomes: dict[str, Outcome], folder: Path) -> Board:
     rows = tuple(rows_of(group, summaries))
     for name in summaries:
         own = [row for row in rows if row.target.case == name]
-        if own:
+        if own and (folder / folder_name(name)).is_dir():
             write_json(folder / folder_name(name) / "comparison.json", own)
     return Board(group.name, rows, {o.trial: o.failure for o in mine if o.failure is not None})
 

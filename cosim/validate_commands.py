@@ -27,6 +27,10 @@ def validate(
         list[str] | None,
         typer.Option("--set", metavar="KEY=VALUE", help="Replace a value of every trial."),
     ] = None,
+    published: Annotated[
+        Path | None,
+        typer.Option(metavar="MI29.FEB", help="The published hood's file (FEBio's test suite)."),
+    ] = None,
     workers: Annotated[int, typer.Option(min=1, max=64, help="Processes.")] = 2,
     update: Annotated[
         bool, typer.Option("--update", help=f"Write {PLACE}, the committed scoreboard, as well.")
@@ -43,7 +47,11 @@ def validate(
         if update and not PLACE.parent.is_dir():
             raise InputError(f"--update: there is no {PLACE.parent}/ here; run it in a checkout")
         boards = validated(
-            chosen(only), out, settings or (), workers, lambda text: typer.echo(text, err=True)
+            chosen(only, published),
+            out,
+            settings or (),
+            workers,
+            lambda text: typer.echo(text, err=True),
         )
         places = [out / "scoreboard.json", *([PLACE] if update else [])]
         for place in places:

@@ -7,6 +7,7 @@ import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import as_file, files
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,8 @@ MCP, IP = (0, 30, 60), ((0, 0), (45, 15), (60, 30))
 """deg, the nine postures."""
 LOST = 0.7
 """More than 30 % of the slips' force is lost in MCP flexion with straight IP joints [LEE]."""
+MODULI = {"soft": -1.0, "average": 0.0, "stiff": 1.0}
+"""SD from the means of the thesis's table 4."""
 MUSCLES = ("EDC", "EI", "LUM", "FPI", "FDP", "FDS", "FDI")
 FORCE_CASES = {"split": "split", "iso": "fingertip_isotropic", "ti": "fingertip_fibres"}
 CADAVER = ("edc", "lum", "ri", "ui", "fdp", "fds")
@@ -50,10 +53,14 @@ class Group:
     """By trial, as their `case`."""
 
 
-def groups() -> tuple[Group, ...]:
-    """All validations, in the order of the scoreboard.  Raises InputError for faulty data."""
+def groups(published: Path | None = None) -> tuple[Group, ...]:
+    """All validations, in the order of the scoreboard; those of the published hood where its file
+    is given.  Raises InputError for faulty data."""
+    strains = data("validation_strain.csv")
+    other = tuple(published_trials(published)) if published is not None else ()
     return (
-        Group("strain", tuple(strain_trials()), data("validation_strain.csv")),
+        Group("strain", tuple(strain_trials()), strains),
+        *([Group("published hood", other, strains)] if other else []),
         Group("force", tuple(force_trials()), tuple(force_targets())),
         Group("cadaver", tuple(cadaver_trials()), tuple(cadaver_targets())),
     )
@@ -82,13 +89,19 @@ def rows_of(group: Group, summaries: Summaries) -> Iterator[Comparison]:
 
 
 def strain_trials() -> Iterator[Trial]:
-    for modulus, law in itertools.product(("soft", "average", "stiff"), ("ti", "iso")):
+    for modulus, law in itertools.product(MODULI, ("ti", "iso")):
         yield Trial(f"strain {modulus} {law}", f"strain_lee2008_{modulus}_{law}")
     for law, mcp, (pip, dip) in itertools.product(("ti", "iso"), MCP, IP):
         if (mcp, pip) != (0, 0):
             angles = {"MCP": mcp, "PIP": pip, "DIP": dip}
             settings = tuple(f'finger.posture.{j}="{a} deg"' for j, a in angles.items())
             yield Trial(posed(law, mcp, pip, dip), f"strain_lee2008_average_{law}", settings)
+
+
+def published_trials(path: Path) -> Iterator[Trial]:
+    """A trial whose case is the hood's own file."""
+    for modulus in MODULI:
+        yield Trial(f"published hood {modulus}", str(path))
 
 
 def posed(law: str, mcp: int, pip: int, dip: int) -> str:

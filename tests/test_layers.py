@@ -54,6 +54,7 @@ KNOW_THE_SOLVERS = {
     "cosim.job_commands",
     "cosim.opensim_commands",
     "cosim.sto",
+    "cosim.validation_published",
     "cosim.verification_pairs",
 }
 

@@ -1,0 +1,187 @@
+"""The published finger hood of FEBio's test suite (`Verify/mi29.feb`), with other moduli and
+springs.
+
+Its axes: x ulnar to radial, y palmar, z distal, mm; the numbers below are places measured on it.
+The file itself is the user's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.port import InputError
+
+from ..fields import fields
+from ..job import Body, Job, NodalForce, Part, SpringLaw, SpringSet, Tied
+from ..job_solve import JobState, solve_job
+from ..materials import Isotropic
+from .read import read_feb
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+QUADS = 4690
+BODIES = ("Material 5", "Material 6", "Material 7", "Material 8")
+PROXIMAL, MIDDLE, DISTAL = 1, 2, 3
+"""Places of the phalanges among the file's bodies."""
+CENTRE, HALF = -59e-3, 3e-3
+"""m, x of the middle line and half the central tendon's width."""
+MCP, SLIP, MERGED = -20e-3, 22e-3, 41.6e-3
+"""m, z of the MCP, of the PIP (22), and where the lateral bands have met."""
+JOIN = -5e-3
+ADHESION = 1e6
+"""N/m of each adhesion: the thesis's 1000 N/mm."""
+SHEET, THIN, INSERTION = 1, 2, 3
+"""Parts: `Fiber` between the tendons, `Thin tendon` and `Insertion` of the central slip."""
+
+
+@dataclass(frozen=True)
+class Moduli:
+    """Pa, by region."""
+
+    tendon_proximal: float
+    tendon_distal: float
+    central_band: float
+    central_slip: float
+    lateral_band: float
+    terminal_slip: float
+    sheet: float
+
+
+@dataclass(frozen=True)
+class PublishedHood:
+    """What the hood says under a pull of its central tendon: Green-Lagrange strains (ne, 3) along
+    and across the finger, areas (ne,) m2, the cells of the central region and of the central slip,
+    and the forces (N) on the middle and the distal phalanx at the slips' ends."""
+
+    strain: Array
+    area: Array
+    central: Mask
+    central_slip: Mask
+    slip_force: dict[str, float]
+    imbalance: tuple[float, float]
+
+    def summary(self) -> dict[str, Any]:
+        """As of a run, as far as it goes."""
+        return {
+            "slip_force_N": self.slip_force,
+            "slip_ratio": self.slip_force["terminal"] / self.slip_force["central"],
+            "strain_percent": {
+                "longitudinal": self._range(0, self.central),
+                "lateral": self._range(1, self.central),
+            },
+            "region_strain_percent": {
+                "central_slip": {"longitudinal": self._range(0, self.central_slip)}
+            },
+        }
+
+    def _range(self, component: int, cells: Mask) -> dict[str, float]:
+        values, area = 100 * self.strain[cells, component], self.area[cells]
+        return {
+            "min": float(values.min()),
+            "mean": float(values @ area / area.sum()),
+            "max": float(values.max()),
+        }
+
+
+def published_hood(path: str | Path, moduli: Moduli, pull: float) -> PublishedHood:
+    """The hood of the file with `moduli`, adhesions as springs and `pull` (N) at its central end,
+    bending and touching as thin sheets do; the other two ends keep the file's 0.25 N.
+
+    Raises InputError for another file, and ConvergenceError."""
+    job = read_feb(path)
+    if len(job.quads) != QUADS or tuple(b.name for b in job.bodies) != BODIES:
+        raise InputError(
+            f"{path}: is not the published hood: expected Verify/mi29.feb of FEBio's test suite, "
+            f"with {QUADS} shell elements and the bodies {', '.join(BODIES)}"
+        )
+    job = _with_adhesions(_pulled(_with_moduli(job, moduli), pull))
+    job = replace(job, as_febio=False, fibre=_along(job))
+    (state,) = solve_job(job, times=[1.0]).states
+    return _observed(job, state)
+
+
+def _middles(job: Job) -> Array:
+    return np.asarray(job.points[job.quads].mean(axis=1))
+
+
+def _along(job: Job) -> Array:
+    """(ne, 3) the finger's axis z in the quads' planes."""
+    p = job.points[job.quads]
+    normal = np.cross(p[:, 2] - p[:, 0], p[:, 3] - p[:, 1])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    out = np.array([0.0, 0, 1]) - normal[:, 2:] * normal
+    return np.asarray(out / np.linalg.norm(out, axis=1, keepdims=True))
+
+
+def _with_moduli(job: Job, m: Moduli) -> Job:
+    x, _, z = _middles(job).T
+    middle = np.abs(x - CENTRE) < HALF
+    slip = (job.part == THIN) | (job.part == INSERTION)
+    values = np.select(
+        [job.part == SHEET, slip, z > MERGED, z < MCP, middle & (z < JOIN), middle],
+        [
+            m.sheet,
+            m.central_slip,
+            m.terminal_slip,
+            m.tendon_proximal,
+            m.tendon_distal,
+            m.central_band,
+        ],
+        m.lateral_band,
+    )
+    kinds, part = np.unique(values, return_inverse=True)
+    parts = tuple(Part(f"{1e-6 * E:g} MPa", Isotropic(float(E), 0.4)) for E in kinds)
+    return replace(job, parts=parts, part=part)
+
+
+def _pulled(job: Job, pull: float) -> Job:
+    """The end with the most nodes is the central tendon's."""
+    central = max(range(len(job.forces)), key=lambda i: len(job.forces[i].nodes))
+
+    def scaled(f: NodalForce) -> NodalForce:
+        assert f.curve is not None  # the file ramps its loads
+        return replace(f, force=f.force * pull / f.curve.at(1.0))
+
+    forces = [scaled(f) if i == central else f for i, f in enumerate(job.forces)]
+    return replace(job, forces=tuple(forces))
+
+
+def _with_adhesions(job: Job) -> Job:
+    """Springs in place of what is tied to the proximal phalanx."""
+    held = [t for t in job.tied if t.body == PROXIMAL]
+    springs = tuple(_adhesion(job, t, job.bodies[PROXIMAL]) for t in held)
+    kept = tuple(t for t in job.tied if t.body != PROXIMAL)
+    return replace(job, tied=kept, springs=(*job.springs, *springs))
+
+
+def _adhesion(job: Job, tied: Tied, body: Body) -> SpringSet:
+    n = len(tied.nodes)
+    return SpringSet(
+        f"adhesion at node {job.node_ids[tied.nodes[0]]}",
+        SpringLaw(ADHESION / n),
+        tied.nodes,
+        np.full(n, tied.body),
+        job.points[tied.nodes] - body.origin,
+        np.full(n, -1),
+        np.zeros(n),
+    )
+
+
+def _observed(job: Job, state: JobState) -> PublishedHood:
+    x, _, z = _middles(job).T
+    tie = {body: float(np.linalg.norm(state.wrench["tie"][body, :3])) for body in (MIDDLE, DISTAL)}
+    slip = (z > SLIP - 8e-3) & (z < SLIP + 3e-3) & (np.abs(x - CENTRE) < HALF)
+    return PublishedHood(
+        fields(state.model, state.configuration).strain,
+        state.model.tables.weight.sum(axis=1),
+        (np.abs(x - CENTRE) < HALF) & (z > MCP) & (z < SLIP),
+        slip,
+        {"central": tie[MIDDLE], "terminal": tie[DISTAL]},
+        state.imbalance,
+    )

@@ -1,0 +1,143 @@
+"""The validations: what is compared with what, and the scoreboard that says it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from cosim.case import load_case
+from cosim.cli import app
+from cosim.compare import Comparison
+from cosim.port import InputError
+from cosim.validate import Board, chosen, scoreboard
+from cosim.validation_plan import (
+    ANGLE,
+    LOST,
+    NEAR,
+    Trial,
+    angle_between,
+    groups,
+    near_models,
+    posed,
+    rows_of,
+    trends,
+    two_models,
+)
+
+GROUPS = groups(Path("mi29.feb"))
+
+
+def test_every_trial_is_a_case_that_loads_and_every_target_belongs_to_a_trial():
+    names = [t.name for g in GROUPS for t in g.trials]
+    assert len(set(names)) == len(names) > 60
+    for group in GROUPS:
+        for trial in group.trials:
+            if group.name != "published hood":
+                load_case(trial.case, trial.settings)
+    assert {t.case for g in GROUPS for t in g.targets} <= set(names)
+
+
+def test_only_one_number_was_fitted():
+    fitted = {t.name for g in GROUPS for t in g.targets if t.fitted}
+    assert fitted == {"average ti: terminal over central slip"}
+
+
+def test_nine_postures_of_each_law():
+    strain = [t for g in GROUPS if g.name == "strain" for t in g.trials]
+    for law in ("ti", "iso"):
+        assert len([t for t in strain if t.name.startswith(f"strain average {law}")]) == 9
+    (bent,) = [t for t in strain if t.name == posed("ti", 60, 45, 15)]
+    angles = load_case(bent.case, bent.settings).finger.posture.angles()
+    assert np.degrees(angles["MCP"]) == pytest.approx(60)
+    assert np.degrees(angles["DIP"]) == pytest.approx(15)
+
+
+def test_angles_between_forces():
+    x, y = np.eye(3)[:2]
+    assert angle_between(x, 3 * y) == pytest.approx(90)
+    assert angle_between(x, -x) == pytest.approx(180)
+    assert angle_between(x, 2 * x) == 0.0
+    assert angle_between(x, x + y) == pytest.approx(45)
+
+
+def test_a_force_like_one_of_the_models_is_inside_and_one_across_it_is_not():
+    trial = Trial("force ti EDC", "fingertip_fibres_edc")
+    model = two_models()["EDC"]["An 1979"]
+
+    def verdicts(force: np.ndarray) -> list[str]:
+        size = float(np.linalg.norm(force))
+        said = {"fingertip_force_N": force.tolist(), "fingertip_magnitude_N": size}
+        return [c.verdict for c in near_models([trial], {trial.name: {"difference": said}})]
+
+    assert verdicts(model) == ["inside the band", "inside the band"]
+    assert verdicts(model + 10 * NEAR * model) == ["outside", "inside the band"]
+    across = np.cross(model, [1.0, 0, 0])
+    assert verdicts(across / np.linalg.norm(across) * 0.4) == ["inside the band", "outside"]
+    (none, angle) = near_models([trial], {})
+    assert none.verdict == angle.verdict == "no value"
+    assert angle.target.high == ANGLE
+
+
+def test_trends_compare_slips_with_those_of_straight_joints():
+    def said(central: float, terminal: float) -> dict:
+        return {"difference": {"slip_force_N": {"central": central, "terminal": terminal}}}
+
+    straight, bent, flexed = posed("ti", 0, 0, 0), posed("ti", 0, 45, 15), posed("ti", 60, 0, 0)
+    summaries = {straight: said(4.0, 7.0), bent: said(3.0, 7.7), flexed: said(2.0, 6.0)}
+    found = {c.target.name: c for c in trends(set(summaries), summaries)}
+    assert len(found) == 4
+    central = found["average ti: central slip at 0/45/15 over 0/0/0"]
+    assert (central.model, central.verdict) == (pytest.approx(0.75), "inside the band")
+    assert found["average ti: terminal slip at 0/45/15 over 0/0/0"].verdict == "outside"
+    lost = found["average ti: terminal slip at 60/0/0 over 0/0/0"]
+    assert lost.target.high == LOST
+    assert lost.verdict == "outside"
+    assert found["average ti: central slip at 60/0/0 over 0/0/0"].verdict == "inside the band"
+
+
+def test_a_trial_that_failed_stays_on_the_board():
+    (group,) = [g for g in GROUPS if g.name == "strain"]
+    rows = tuple(rows_of(group, {}))
+    assert rows
+    assert {row.verdict for row in rows} == {"no value"}
+    text = scoreboard([Board(group.name, rows, {"strain soft ti": "no equilibrium"})])
+    board = json.loads(text)
+    assert board["failed"] == {"strain soft ti": "no equilibrium"}
+    assert board["tally"] == {"strain": {"no value": len(rows)}}
+    assert text == scoreboard([Board(group.name, rows, {"strain soft ti": "no equilibrium"})])
+
+
+def test_numbers_on_the_board_have_six_digits():
+    target = GROUPS[0].targets[0]
+    (row,) = json.loads(scoreboard([Board("g", (Comparison(target, 1 / 3),), {})]))["groups"]["g"]
+    assert row["model"] == 0.333333
+
+
+def test_unknown_trials_and_half_a_scoreboard_are_refused(tmp_path: Path):
+    with pytest.raises(InputError, match="no trial is called so"):
+        chosen("toe")
+    run = CliRunner().invoke(app, ["validate", "--only", "toe", "--out", str(tmp_path / "v")])
+    assert run.exit_code == 2
+    half = CliRunner().invoke(app, ["validate", "--only", "EDC", "--update"])
+    assert half.exit_code == 2
+    assert "--update takes all trials" in half.stderr
+
+
+def test_the_command_runs_trials_and_leaves_runs_page_and_board(tmp_path: Path):
+    words = ["validate", "--only", "force split E", "--out", str(tmp_path), "--workers", "1"]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 0, done.output
+    assert "2 of 2: force split EI" in done.stderr
+    board = json.loads((tmp_path / "scoreboard.json").read_text())
+    rows = board["groups"]["force"]
+    page = (tmp_path / "scoreboard.html").read_text()
+    assert all(row["name"] in page and row["name"].split(":")[0] in done.stdout for row in rows)
+    own = json.loads((tmp_path / "force_split_EDC" / "comparison.json").read_text())["rows"]
+    assert {row["case"] for row in own} == {"force split EDC"}
+    summary = json.loads((tmp_path / "force_split_EDC" / "summary.json").read_text())
+    (palmar,) = [r for r in own if r["name"].endswith("palmar, An 1979")]
+    assert palmar["model"] == summary["difference"]["fingertip_force_N"][1]
