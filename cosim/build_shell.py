@@ -369,7 +369,7 @@ def look(hood: FeHood, mesh: HoodMesh, state: State) -> HoodLook:
 def linear(hood: FeHood, state: State) -> tuple[float, float]:
     from time import perf_counter
 
-    from fe_solver.newton import factorised
+    from fe_solver.newton_step import factorised
 
     start = perf_counter()
     e = hood.model.evaluate(state.configuration, state.solution.tension, tangent=True)

@@ -19,7 +19,8 @@ from . import kernels
 from .contact import Contact
 from .linear_algebra import chosen
 from .model import ShellModel
-from .newton import NewtonOptions, Solution, factorised, solve
+from .newton import NewtonOptions, Solution, solve
+from .newton_step import factorised
 from .shapes import Capsule
 from .verification import sheets
 

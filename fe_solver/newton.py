@@ -11,30 +11,21 @@ from numpy.typing import NDArray
 from cosim.port import ConvergenceError
 
 from .assembly import DOFS
-from .contact import ramp, unramp
-from .linear_algebra import FREE, Analysis, Factor, NotPositiveDefiniteError, mechanism
+from .linear_algebra import FREE, Factor, mechanism
 from .model import Configuration, Evaluation, ShellModel
+from .newton_step import factorised, flipping_step, limited, newton_step, pressed
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
-MOST_FLIPS = 2
-"""Rounds of the active set in one step; more cost factorisations and saved no iterations."""
-MOST_SHIFTS = 10
-"""Tenfold raises of the diagonal, from a millionth."""
 STUCK = 30
 """A residual up to so many limits that no step lowers is rounding error too."""
-SMOOTH = 0.2
-"""Of a smoothed force's ramp: within it the tangent knows both sides, so that a contact is not
-worth foreseeing."""
 CLOSE = 1e-6
 """Residual over the largest force at which the search by energy takes over from whole steps."""
 UPRIGHT = 0.05
 """Cosine of the angle between a director and its elements' normals that no step goes below."""
 NEAR = 0.1
 """Step size, against the longest step allowed, below which the tangent is the consistent one."""
-FAR = 0.2
-"""Of a node's way into a smoothed ramp: a step beyond it is far."""
 CHORDS = 2
 """Iterations with an old factor that cost no more than one with a new tangent."""
 KEPT = 3e-3
@@ -102,14 +93,6 @@ class _Chord:
         return residual * self.rate**CHORDS <= limit
 
 
-def factorised(model: ShellModel, data: Array) -> Factor:
-    """Factor of the free part of the tangent, definite or not."""
-    try:
-        return _analysis(model).factor(data)
-    except NotPositiveDefiniteError:
-        return model.pattern.general.factor(data)
-
-
 def length_scale(model: ShellModel) -> float:
     """Root of the mean element area, m."""
     return float(np.sqrt(model.tables.weight.sum() / len(model.quads)))
@@ -148,100 +131,6 @@ def worst_place(model: ShellModel, c: Configuration, e: Evaluation) -> str:
         what = "in contact with" if group < 0 else f"pulled by the springs {name} to"
         place += f", {what} the body {model.bodies[body]}"
     return place
-
-
-def _step(model: ShellModel, data: Array, gradient: Array) -> tuple[Array, Factor | None]:
-    """(5n,) the Newton step, the tangent's diagonal raised (Levenberg) until it descends, and the
-    factor that gave it.
-
-    Raises ConvergenceError where the tangent stays singular all the same."""
-    pattern, free = model.pattern, model.free
-    step = np.zeros(pattern.size)
-    diagonal = pattern.diagonal[:, range(DOFS), range(DOFS)].ravel()[free]
-    shift, singular, factor = 0.0, None, None
-    for _ in range(MOST_SHIFTS):
-        try:
-            factor = _analysis(model).factor(data)
-            step[free] = -factor.solve(gradient[free])
-            if step[free] @ gradient[free] <= 0:
-                return step, factor
-        except NotPositiveDefiniteError:
-            pass
-        except ConvergenceError as error:
-            singular = error
-        data = data.copy() if shift == 0.0 else data
-        more = max(10 * shift, 1e-6) - shift
-        shift += more
-        data[diagonal] += more * np.abs(data[diagonal])
-    if singular is not None:
-        raise singular
-    return step, factor
-
-
-def _analysis(model: ShellModel) -> Analysis:
-    return model.pattern.analysis if model.pressure is None else model.pattern.general
-
-
-def _flipping_step(model: ShellModel, e: Evaluation, step: Array) -> tuple[Array, int]:
-    """The Newton step once more, with the one-sided springs that `step` would close or open closed
-    or opened beforehand (a primal-dual active set: Hintermueller, Ito and Kunisch 2002, SIAM J
-    Optim 13:865), or the line search would stop at the first node that meets a bone.  Also the
-    linear solves it took."""
-    p, A = e.points, e.bases[0]
-    normal = np.einsum("kij,ki->kj", A[p.node], p.direction)
-    flipped = np.zeros(len(p.depth), dtype=bool)
-    for solves in range(MOST_FLIPS):
-        moved = p.depth + np.einsum("kj,kj->k", normal, step.reshape(-1, DOFS)[p.node, :3])
-        now = ((moved > 0) != (p.depth > 0)) & (np.abs(p.depth) > SMOOTH * p.ramp)
-        if np.array_equal(now, flipped):
-            return step, solves
-        flipped = now
-        step = _step(model, *_with_flips(model, e, normal, flipped))[0]
-    return step, MOST_FLIPS
-
-
-def _with_flips(
-    model: ShellModel, e: Evaluation, normal: Array, flipped: NDArray[np.bool_]
-) -> tuple[Array, Array]:
-    """Tangent data and gradient with the flipped one-sided springs closed or opened."""
-    assert e.data is not None
-    p = e.points
-    k, node, n, depth = p.stiffness[flipped], p.node[flipped], normal[flipped], p.depth[flipped]
-    sign = np.where(depth > 0, -1.0, 1.0) * k
-    data, gradient = e.data.copy(), e.reduced.copy()
-    blocks = sign[:, None, None] * n[:, :, None] * n[:, None, :]
-    np.add.at(data, model.pattern.diagonal[node, :3, :3], blocks)
-    np.add.at(gradient.reshape(-1, DOFS)[:, :3], node, (sign * depth)[:, None] * n)
-    return data, gradient
-
-
-def _pressed(model: ShellModel, e: Evaluation, step: Array) -> Array:
-    """The step with nodes that move far in a smoothed ramp put where they feel the force that the
-    tangent foresees: towards the foot of a ramp that grows with the square of the depth, Newton's
-    own steps go but half the way.  A node that two bodies press is left alone."""
-    p, A = e.points, e.bases[0]
-    normal = np.einsum("kij,ki->kj", A[p.node], p.direction)
-    more = np.einsum("kj,kj->k", normal, step.reshape(-1, DOFS)[p.node, :3])
-    on = np.flatnonzero((p.ramp > 0) & (np.abs(more) > FAR * np.abs(p.depth + p.ramp)))
-    on = on[np.bincount(p.node[on])[p.node[on]] == 1]
-    if not on.size:
-        return step
-    depth, more, width, normal = p.depth[on], more[on], p.ramp[on], normal[on]
-    _, value, slope = ramp(depth, width)
-    force = value + slope * more
-    away = np.where(force > 0, unramp(force, width) - (depth + more), 0.0)
-    moved = np.zeros_like(step)
-    moved.reshape(-1, DOFS)[p.node[on], :3] = away[:, None] * normal
-    out = step.copy()
-    out[model.free] += moved[model.free]
-    return out
-
-
-def _limited(step: Array, options: NewtonOptions) -> tuple[Array, float]:
-    """The step, shortened if it is too long, and its size against the longest one."""
-    u = np.abs(step.reshape(-1, DOFS))
-    size = max(u[:, :3].max() / options.max_step, u[:, 3:].max() / options.max_turn)
-    return step / max(1.0, size), float(size)
 
 
 def solve(
@@ -286,7 +175,7 @@ def solve(
         e = model.with_tangent(c, e)
         data = e.data
         assert data is not None
-        step, factor = _step(model, data, e.reduced)
+        step, factor = newton_step(model, data, e.reduced)
         trial, more = _advanced(model, c, e, tension, step, options, before is not None)
         solves += 1 + more
         if trial is not None:
@@ -332,7 +221,7 @@ def _chord_step(
     """The whole step that an old tangent's factor gives, if it is short and halves the residual."""
     step = np.zeros(model.pattern.size)
     step[model.free] = -factor.solve(e.reduced[model.free])
-    if not _limited(step, options)[1] <= NEAR:
+    if not limited(step, options.max_step, options.max_turn)[1] <= NEAR:
         return None
     trial = model.stepped(c, e.bases, step)
     there = model.evaluate(trial, tension, tangent=False)
@@ -388,7 +277,7 @@ def _undamped(
             step[model.free] = -factorised(model, e.data).solve(e.reduced[model.free])
         except ConvergenceError:
             return start, solves
-        c = model.stepped(c, e.bases, _limited(step, options)[0])
+        c = model.stepped(c, e.bases, limited(step, options.max_step, options.max_turn)[0])
     return start, options.undamped
 
 
@@ -416,18 +305,18 @@ def _advanced(
     def tried(
         way: Array, tries: int, first: float = 1.0, foreseen: bool = False
     ) -> tuple[tuple[Configuration, Evaluation, bool] | None, float]:
-        way, size = _limited(way, options)
+        way, size = limited(way, options.max_step, options.max_turn)
         convex = foreseen or size > NEAR
         found, last = _line_search(model, c, e, tension, way, tries, convex, first, not follows)
         return None if found is None else (*found, convex), last
 
-    pressed = _pressed(model, e, step) if follows else step
-    if pressed is not step and (found := tried(pressed, 1)[0]):
+    deeper = pressed(model, e, step) if follows else step
+    if deeper is not step and (found := tried(deeper, 1)[0]):
         return found, 0
     found, left = tried(step, 1)
     if found:
         return found, 0
-    way, solves = _flipping_step(model, e, step)
+    way, solves = flipping_step(model, e, step)
     if solves:
         found = tried(way, 4, foreseen=True)[0]
         return found or tried(step, 7, left)[0], solves

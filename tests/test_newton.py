@@ -13,7 +13,8 @@ from cosim.port import ConvergenceError, rotation_matrix
 from fe_solver import newton
 from fe_solver.guides import Guides
 from fe_solver.model import Configuration, ShellModel
-from fe_solver.newton import NewtonOptions, Solution, factorised, residual_norm, solve
+from fe_solver.newton import NewtonOptions, Solution, residual_norm, solve
+from fe_solver.newton_step import factorised
 from fe_solver.shell import Array
 from fe_solver.springs import NodeSprings, Springs
 from fe_solver.surfaces import Sphere
@@ -343,13 +344,13 @@ def followed(model: ShellModel, solved: Solution, kept: bool) -> Solution:
 def factors(monkeypatch) -> list[int]:
     """Grows by one with every new tangent that Newton factorises."""
     made: list[int] = []
-    real = newton._step
+    real = newton.newton_step
 
     def step(*args):
         made.append(1)
         return real(*args)
 
-    monkeypatch.setattr(newton, "_step", step)
+    monkeypatch.setattr(newton, "newton_step", step)
     return made
 
 
@@ -408,9 +409,9 @@ def test_a_node_that_leaves_a_bone_is_put_where_its_force_holds_it():
     force, slope = np.linalg.norm(e.points.gradient[0]), e.points.stiffness[0] * b / 2e-4
     step = np.zeros(model.pattern.size)
     step[2] = 0.99 * force / slope
-    pressed = newton._pressed(model, e, step)
+    pressed = newton.pressed(model, e, step)
     assert b - step[2] == pytest.approx(b * 0.505)
     assert b - pressed[2] == pytest.approx(b / 10, rel=1e-6)
     assert np.array_equal(pressed[3:], step[3:])
-    near = newton._pressed(model, e, 0.1 * step)
+    near = newton.pressed(model, e, 0.1 * step)
     assert np.array_equal(near, 0.1 * step)

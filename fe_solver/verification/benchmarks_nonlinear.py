@@ -17,7 +17,8 @@ from cosim.port import ConvergenceError, rotation_matrix
 from cosim.verification import Row
 
 from ..model import Configuration, ShellModel
-from ..newton import factorised, residual_norm
+from ..newton import residual_norm
+from ..newton_step import factorised
 from ..shell import Array
 from .paths import Loading, error_order, followed, halving_order, watching
 from .sheets import at_rest, clamped, grid, mirrored, plate, sheet

@@ -1,0 +1,127 @@
+"""One Newton step of the shell: the factorised tangent, contacts foreseen, steps kept short."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.port import ConvergenceError
+
+from .assembly import DOFS
+from .contact import ramp, unramp
+from .linear_algebra import Analysis, Factor, NotPositiveDefiniteError
+from .model import Evaluation, ShellModel
+
+Array = NDArray[np.float64]
+
+MOST_FLIPS = 2
+"""Rounds of the active set in one step; more cost factorisations and saved no iterations."""
+MOST_SHIFTS = 10
+"""Tenfold raises of the diagonal, from a millionth."""
+SMOOTH = 0.2
+"""Of a smoothed force's ramp: within it the tangent knows both sides, so that a contact is not
+worth foreseeing."""
+FAR = 0.2
+"""Of a node's way into a smoothed ramp: a step beyond it is far."""
+
+
+def factorised(model: ShellModel, data: Array) -> Factor:
+    """Factor of the free part of the tangent, definite or not."""
+    try:
+        return _analysis(model).factor(data)
+    except NotPositiveDefiniteError:
+        return model.pattern.general.factor(data)
+
+
+def newton_step(model: ShellModel, data: Array, gradient: Array) -> tuple[Array, Factor | None]:
+    """(5n,) the Newton step, the tangent's diagonal raised (Levenberg) until it descends, and the
+    factor that gave it.
+
+    Raises ConvergenceError where the tangent stays singular all the same."""
+    pattern, free = model.pattern, model.free
+    step = np.zeros(pattern.size)
+    diagonal = pattern.diagonal[:, range(DOFS), range(DOFS)].ravel()[free]
+    shift, singular, factor = 0.0, None, None
+    for _ in range(MOST_SHIFTS):
+        try:
+            factor = _analysis(model).factor(data)
+            step[free] = -factor.solve(gradient[free])
+            if step[free] @ gradient[free] <= 0:
+                return step, factor
+        except NotPositiveDefiniteError:
+            pass
+        except ConvergenceError as error:
+            singular = error
+        data = data.copy() if shift == 0.0 else data
+        more = max(10 * shift, 1e-6) - shift
+        shift += more
+        data[diagonal] += more * np.abs(data[diagonal])
+    if singular is not None:
+        raise singular
+    return step, factor
+
+
+def _analysis(model: ShellModel) -> Analysis:
+    return model.pattern.analysis if model.pressure is None else model.pattern.general
+
+
+def flipping_step(model: ShellModel, e: Evaluation, step: Array) -> tuple[Array, int]:
+    """The Newton step once more, with the one-sided springs that `step` would close or open closed
+    or opened beforehand (a primal-dual active set: Hintermueller, Ito and Kunisch 2002, SIAM J
+    Optim 13:865), or the line search would stop at the first node that meets a bone.  Also the
+    linear solves it took."""
+    p, A = e.points, e.bases[0]
+    normal = np.einsum("kij,ki->kj", A[p.node], p.direction)
+    flipped = np.zeros(len(p.depth), dtype=bool)
+    for solves in range(MOST_FLIPS):
+        moved = p.depth + np.einsum("kj,kj->k", normal, step.reshape(-1, DOFS)[p.node, :3])
+        now = ((moved > 0) != (p.depth > 0)) & (np.abs(p.depth) > SMOOTH * p.ramp)
+        if np.array_equal(now, flipped):
+            return step, solves
+        flipped = now
+        step = newton_step(model, *_with_flips(model, e, normal, flipped))[0]
+    return step, MOST_FLIPS
+
+
+def _with_flips(
+    model: ShellModel, e: Evaluation, normal: Array, flipped: NDArray[np.bool_]
+) -> tuple[Array, Array]:
+    """Tangent data and gradient with the flipped one-sided springs closed or opened."""
+    assert e.data is not None
+    p = e.points
+    k, node, n, depth = p.stiffness[flipped], p.node[flipped], normal[flipped], p.depth[flipped]
+    sign = np.where(depth > 0, -1.0, 1.0) * k
+    data, gradient = e.data.copy(), e.reduced.copy()
+    blocks = sign[:, None, None] * n[:, :, None] * n[:, None, :]
+    np.add.at(data, model.pattern.diagonal[node, :3, :3], blocks)
+    np.add.at(gradient.reshape(-1, DOFS)[:, :3], node, (sign * depth)[:, None] * n)
+    return data, gradient
+
+
+def pressed(model: ShellModel, e: Evaluation, step: Array) -> Array:
+    """The step with nodes that move far in a smoothed ramp put where they feel the force that the
+    tangent foresees: towards the foot of a ramp that grows with the square of the depth, Newton's
+    own steps go but half the way.  A node that two bodies press is left alone."""
+    p, A = e.points, e.bases[0]
+    normal = np.einsum("kij,ki->kj", A[p.node], p.direction)
+    more = np.einsum("kj,kj->k", normal, step.reshape(-1, DOFS)[p.node, :3])
+    on = np.flatnonzero((p.ramp > 0) & (np.abs(more) > FAR * np.abs(p.depth + p.ramp)))
+    on = on[np.bincount(p.node[on])[p.node[on]] == 1]
+    if not on.size:
+        return step
+    depth, more, width, normal = p.depth[on], more[on], p.ramp[on], normal[on]
+    _, value, slope = ramp(depth, width)
+    force = value + slope * more
+    away = np.where(force > 0, unramp(force, width) - (depth + more), 0.0)
+    moved = np.zeros_like(step)
+    moved.reshape(-1, DOFS)[p.node[on], :3] = away[:, None] * normal
+    out = step.copy()
+    out[model.free] += moved[model.free]
+    return out
+
+
+def limited(step: Array, max_step: float, max_turn: float) -> tuple[Array, float]:
+    """The step, shortened if it is too long, and its size against the longest one."""
+    u = np.abs(step.reshape(-1, DOFS))
+    size = max(u[:, :3].max() / max_step, u[:, 3:].max() / max_turn)
+    return step / max(1.0, size), float(size)
