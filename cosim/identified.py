@@ -38,10 +38,10 @@ def _provenance(fit: Fit, targets: str) -> Iterator[str]:
     yield ""
     yield "Fitted (95 % interval, linearised, of the rows that pull; bounds; start):"
     for p in fit.parameters:
-        low, high = interval(fit, p.name)
+        told = "{:.3g} to {:.3g}; ".format(*interval(fit, p.name)) if p in fit.within else ""
         yield (
-            f"  {p.name} = {p.written(fit.values[p.name])} ({low:.3g} to {high:.3g}; {p.low:g} to "
-            f"{p.high:g}; {p.start:.4g}): {standing(fit, p.name)}"
+            f"  {p.name} = {p.written(fit.values[p.name])} ({told}{p.low:g} to {p.high:g}; "
+            f"{p.start:.4g}): {standing(fit, p.name)}"
         )
     yield ""
     yield "Targets, the model before and after:"

@@ -34,13 +34,16 @@ TOLERANCE = 1e-4
 """Relative, of cost and step, at which the search ends."""
 NORMAL = 1.959964
 """Standard deviations of a 95 % interval of a normal distribution."""
+NEAR_BOUND, SAME = 0.1, 0.01
+"""A parameter so near to a bound, as a fraction of its range of logarithms, is put there where the
+squared misses grow by less than a fraction: the targets do not tell the two apart."""
 NOTHING = 1e-9
 """Of the largest singular value: a direction that the targets do not see."""
 
 
 @dataclass(frozen=True)
 class Confidence:
-    """What the rows that pull say of the logarithms of the n parameters, linearised."""
+    """What rows say of the logarithms of n parameters, linearised."""
 
     singular_values: Array
     """(n,) of the misses by the logarithms, descending."""
@@ -76,8 +79,16 @@ class Fit:
     """Why the search ended."""
 
     @property
+    def within(self) -> tuple[Parameter, ...]:
+        """Those that do not stand at a bound."""
+        return tuple(p for p in self.parameters if self.values[p.name] not in (p.low, p.high))
+
+    @property
     def confidence(self) -> Confidence:
-        return confidence(self.slopes[self.misses != 0], self.misses[self.misses != 0])
+        """Of the parameters `within`, by the rows that pull, the others held at their bounds."""
+        told = np.array([pulls(row.target, row.model or 0.0) for row in self.rows])
+        columns = [i for i, p in enumerate(self.parameters) if p in self.within]
+        return confidence(self.slopes[told][:, columns], self.misses[told])
 
 
 def miss(target: Target, model: float) -> float:
@@ -90,11 +101,16 @@ def miss(target: Target, model: float) -> float:
     return float(model - np.clip(model, low, high)) / scale
 
 
+def pulls(target: Target, model: float) -> bool:
+    """Whether the model's number matters: always, but inside of a band."""
+    return (target.low is None and target.high is None) or miss(target, model) != 0
+
+
 def confidence(slopes: Array, misses: Array) -> Confidence:
     """From slopes (k, n) and misses (k,) of the rows that pull."""
     n = slopes.shape[1]
     _, s, directions = np.linalg.svd(np.vstack([slopes, np.zeros((n, n))]))
-    seen = s > NOTHING * max(s[0], NOTHING)
+    seen = s > NOTHING * s.max(initial=NOTHING)
     freedom = len(misses) - int(seen.sum())
     inflation = max(1.0, float(np.sqrt(misses @ misses / freedom))) if freedom > 0 else 1.0
     parts = directions[seen] / s[seen, None]
@@ -110,9 +126,9 @@ def confidence(slopes: Array, misses: Array) -> Confidence:
 
 
 def interval(fit: Fit, name: str) -> tuple[float, float]:
-    """The 95 % interval of a parameter, cut off at its bounds."""
-    i = [p.name for p in fit.parameters].index(name)
-    p, width = fit.parameters[i], NORMAL * fit.confidence.deviation[i]
+    """The 95 % interval of a parameter `within`, cut off at its bounds."""
+    i = [p.name for p in fit.within].index(name)
+    p, width = fit.within[i], NORMAL * fit.confidence.deviation[i]
     at = log(fit.values[name])
     low, high = max(at - width, log(p.low)), min(at + width, log(p.high))
     return exp(low), exp(high)
@@ -121,10 +137,10 @@ def interval(fit: Fit, name: str) -> tuple[float, float]:
 def standing(fit: Fit, name: str) -> str:
     """In words whether the targets tell the parameter."""
     p = next(p for p in fit.parameters if p.name == name)
+    if p not in fit.within:
+        return "at its bound"
     low, high = interval(fit, name)
     reached = [low <= p.low * (1 + 1e-9), high >= p.high * (1 - 1e-9)]
-    if np.isclose(fit.values[name], [p.low, p.high], rtol=1e-3).any():
-        return "at its bound"
     return ("identified", "one side only", "not identified")[sum(reached)]
 
 
@@ -182,7 +198,7 @@ class _Search:
             xtol=TOLERANCE,
             max_nfev=most,
         )
-        x = np.log([float(f"{value:.{DIGITS}g}") for value in np.exp(found.x)])
+        x = self.snapped(np.log([float(f"{value:.{DIGITS}g}") for value in np.exp(found.x)]))
         values = self.values(x)
         rows = self.at(x)
         if not rows:
@@ -197,8 +213,18 @@ class _Search:
             self.slopes(x),
             self.solves,
             tuple(self.failures),
-            str(found.message).strip("`."),
+            str(found.message).replace("`", "").rstrip("."),
         )
+
+    def snapped(self, x: Array) -> Array:
+        """At the bounds that the targets do not tell x from."""
+        for i, reach in enumerate(NEAR_BOUND * (self.high - self.low)):
+            for bound in (self.low[i], self.high[i]):
+                if 0 < abs(x[i] - bound) <= reach:
+                    there = np.where(np.arange(len(x)) == i, bound, x)
+                    most = (1 + SAME) * np.sum(self.residuals(x) ** 2)
+                    x = there if np.sum(self.residuals(there) ** 2) <= most else x
+        return x
 
     def values(self, x: Array) -> dict[str, float]:
         """By name, in digits as they are written."""
@@ -222,7 +248,11 @@ class _Search:
 
     def at(self, x: Array) -> tuple[Comparison, ...]:
         if self.last[0] != x.tobytes():
-            self.last = (x.tobytes(), self.rows([x])[0])
+            rows = self.rows([x])[0]
+            self.last = (x.tobytes(), rows)
+            squares = sum(miss(row.target, row.model or 0.0) ** 2 for row in rows)
+            told = f"sum of squared misses {squares:.4g}" if rows else "did not converge"
+            self.progress(f"{_told(self.values(x))}: {told}")
         return self.last[1]
 
     def residuals(self, x: Array) -> Array:
@@ -230,13 +260,11 @@ class _Search:
         rows = self.at(x)
         if not rows:
             return np.full(len(self.targets), np.inf)
-        misses = np.array([miss(row.target, row.model or 0.0) for row in rows])
-        self.progress(f"{_told(self.values(x))}: sum of squared misses {misses @ misses:.4g}")
-        return misses
+        return np.array([miss(row.target, row.model or 0.0) for row in rows])
 
     def slopes_that_pull(self, x: Array) -> Array:
-        pulls = self.residuals(x) != 0
-        return self.slopes(x) * pulls[:, None]
+        told = np.array([pulls(row.target, row.model or 0.0) for row in self.at(x)])
+        return self.slopes(x) * told[:, None]
 
     def slopes(self, x: Array) -> Array:
         """(m, n) of the numbers by the logarithms, in units of their SDs."""

@@ -38,6 +38,7 @@ QUANTITIES = (
 """Looked at where nothing else is asked for, if the run has them, and the pulled tendon's arms."""
 COLUMNS = ("variation", "side", "set_to", "settings", "status", "reason")
 """Of the table, before a column for each quantity."""
+End = Literal["low", "high"]
 Progress = Callable[[int, int, str], None]
 """Runs done, runs in all, what is next."""
 
@@ -47,7 +48,7 @@ class Run:
     """One side of a variation, and what came of it; `values` by quantity."""
 
     variation: str
-    side: Literal["low", "high"]
+    side: End
     set_to: str
     settings: Settings
     status: Literal["converged", "failed", "refused", "does not apply"]
@@ -94,23 +95,24 @@ def study(
     source: Path,
     settings: Settings,
     varied: Sequence[Variation],
-    quantities: Sequence[str],
+    quantities: Sequence[str] = (),
+    also: Sequence[str] = (),
     jobs: int = 1,
     progress: Progress = lambda done, total, name: None,
 ) -> Sensitivity:
     """The case at `source` with `settings`, and with each side of every variation on top;
-    `quantities`: paths in the summary, or A/B; none: those that one looks at.
+    `quantities`: paths in the summary, or A/B; none: those that one looks at; and `also` others.
 
     Raises ConvergenceError or InputError where the case itself has no answer, InputError for a
     quantity that it does not have."""
-    sides = [(v, name, side) for v in varied for name, side in (("low", v.low), ("high", v.high))]
+    sides = [side for v in varied for side in _sides(v)]
     asked = [(v, name, side) for v, name, side in sides if side.settings]
     total = 1 + len(asked)
     progress(0, total, "the case as it is")
     with solver(source, jobs) as solve:
         found = solve([settings, *(settings + side.settings for _, _, side in asked)])
         first = next(found)
-        base = _base(first, quantities)
+        base = _base(first, quantities, also)
         outcomes = {}
         for done, (v, name, _) in enumerate(asked, 1):
             progress(done, total, f"{v.name}, {name}")
@@ -120,15 +122,19 @@ def study(
     return Sensitivity(source.stem, settings, base, runs)
 
 
-def _base(first: Outcome, quantities: Sequence[str]) -> dict[str, float]:
+def _sides(v: Variation) -> tuple[tuple[Variation, End, Side], ...]:
+    return (v, "low", v.low), (v, "high", v.high)
+
+
+def _base(first: Outcome, quantities: Sequence[str], also: Sequence[str]) -> dict[str, float]:
     if first.status == "refused":
         raise InputError(first.reason)
     if first.status == "failed":
         raise ConvergenceError(f"the case as it is: {first.reason}")
-    wanted = quantities or (*QUANTITIES, *_arms(first.summary))
-    values = {q: measured(first.summary, q) for q in wanted}
-    absent = [q for q, value in values.items() if value is None]
-    if quantities and absent:
+    usual = () if quantities else (*QUANTITIES, *_arms(first.summary))
+    values = {q: measured(first.summary, q) for q in (*quantities, *usual, *also)}
+    absent = [q for q in (*quantities, *also) if values[q] is None]
+    if absent:
         raise InputError(
             f"the run has no number at {', '.join(absent)}; write a path of keys of its "
             "summary.json, for example slip_force_N.central, or a ratio of two, A/B"
@@ -144,9 +150,7 @@ def _arms(summary: Mapping[str, Any]) -> Iterator[str]:
         yield from (f"difference.moment_arm_mm.{tendon}.{joint}" for joint in arms)
 
 
-def _run(
-    v: Variation, name: Literal["low", "high"], side: Side, found: Outcome | None, base: Mapping
-) -> Run:
+def _run(v: Variation, name: End, side: Side, found: Outcome | None, base: Mapping) -> Run:
     if found is None:
         return Run(v.name, name, side.label, (), "does not apply", side.why_not, {})
     values = {q: measured(found.summary, q) for q in base}

@@ -71,6 +71,8 @@ def solver(source: Path, jobs: int) -> Iterator[Solve]:
                 "a process that solved was ended from outside, it may be for want of memory; "
                 "--jobs 1 needs the least"
             ) from None
+        finally:
+            pool.shutdown(cancel_futures=True)
 
 
 def measured(summary: Mapping[str, Any], quantity: str) -> float | None:

@@ -18,6 +18,7 @@ from cosim.terminal import console, told
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from cosim.compare import Target
     from cosim.identify import Fit
     from cosim.sensitivity import Sensitivity
     from cosim.variations import Variation
@@ -48,20 +49,32 @@ def sensitivity(
         list[str] | None,
         typer.Option(metavar="NAME", help="Vary what has NAME in its name alone; repeatable."),
     ] = None,
+    data: Annotated[
+        Path | None,
+        typer.Option(
+            help="CSV of measured numbers, as `cosim report --data` takes them: their quantities "
+            "are looked at too, and shown in the charts."
+        ),
+    ] = None,
     jobs: Jobs = 2,
 ) -> None:
     """How a case's results answer to what it assumes: moduli, thickness, rest lengths, ligaments,
     fibres, contact, joints, posture, mesh; a tornado chart for each quantity, and a table."""
     with told():
         from cosim.case import load_case
+        from cosim.compare_files import read_targets
         from cosim.sensitivity import study, to_csv, to_json
         from cosim.variations import variations
 
         own = tuple(settings or ())
         checked = load_case(case, own)
         varied = _chosen(variations(checked), only or ())
+        targets = [t for t in read_targets(data) if t.case in ("", checked.name)] if data else []
+        also = [t.quantity for t in targets]
         with _counted(checked.name) as progress:
-            found = study(checked.source, own, varied, quantity or (), jobs, progress)
+            found = study(
+                checked.source, own, varied, quantity or (), also, jobs=jobs, progress=progress
+            )
         folder = out / checked.name
         for name, text in (
             ("sensitivity.csv", to_csv(found)),
@@ -69,7 +82,7 @@ def sensitivity(
         ):
             with written_whole(folder / name) as part:
                 part.write_text(text, encoding="utf-8")
-        charts = _write_charts(folder, found)
+        charts = _write_charts(folder, found, targets)
         _show_sensitivity(found)
         typer.echo(f"table and {charts} charts in {folder}")
 
@@ -102,16 +115,18 @@ def _counted(name: str) -> Iterator[Callable[[int, int, str], None]]:
         )
 
 
-def _write_charts(folder: Path, found: Sensitivity) -> int:
+def _write_charts(folder: Path, found: Sensitivity, targets: Sequence[Target]) -> int:
     """A chart for each quantity that answers to anything; how many."""
     from cosim.sensitivity import bars
     from cosim.tornado import draw_tornado
 
+    target = {t.quantity: t for t in targets}
     drawn = [q for q in found.base if any(bar.swing > 0 for bar in bars(found, q))]
     for quantity in drawn:
         name = re.sub(r"[^\w.-]+", "_over_", quantity)
         with written_whole(folder / f"{name}.png") as part:
-            draw_tornado(found, quantity).savefig(part, dpi=130, format="png", bbox_inches="tight")
+            figure = draw_tornado(found, quantity, target.get(quantity))
+            figure.savefig(part, dpi=130, format="png", bbox_inches="tight")
     return len(drawn)
 
 
@@ -133,9 +148,10 @@ def _show_sensitivity(found: Sensitivity) -> None:
         ]
         of = "" if unit(quantity) == "1" else f" {unit(quantity)}"
         title = f"{quantity}: {number(base)}{of}"
-        print_table(title, ("", "low", "then", "high", "then"), rows)
-        if not rows:
-            typer.echo("  answers to nothing that was varied")
+        if rows:
+            print_table(title, ("", "low", "then", "high", "then"), rows)
+        else:
+            typer.echo(f"{title}, answers to nothing that was varied\n")
     for run in found.runs:
         if run.status != "converged" or run.reason:
             what = f"{run.variation}, {run.side}" + (f" ({run.set_to})" if run.set_to else "")
@@ -143,11 +159,12 @@ def _show_sensitivity(found: Sensitivity) -> None:
 
 
 def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Of the terminal's width; the first column to the left."""
+    """The title, and below it the rows, the first column to the left."""
     from rich import box
     from rich.table import Table
 
-    table = Table(box=box.SIMPLE, pad_edge=False, title=title, title_justify="left")
+    typer.echo(title)
+    table = Table(box=box.SIMPLE, pad_edge=False)
     for i, name in enumerate(header):
         table.add_column(name, justify="left" if i == 0 else "right")
     for row in rows:
@@ -217,9 +234,8 @@ def _show_fit(found: Fit) -> None:
 
     rows = []
     for p in found.parameters:
-        low, high = interval(found, p.name)
         value, bounds = number(found.values[p.name]), f"{p.low:g} to {p.high:g}"
-        told = f"{low:.3g} to {high:.3g}"
+        told = "{:.3g} to {:.3g}".format(*interval(found, p.name)) if p in found.within else "-"
         rows.append(
             (f"{p.name} {p.unit}", number(p.start), value, told, bounds, standing(found, p.name))
         )
@@ -249,18 +265,23 @@ def _show_confidence(found: Fit) -> None:
 
     from cosim.identify import confidence
 
-    names = [p.name for p in found.parameters]
-    pulling, every = found.confidence, confidence(found.slopes, found.misses)
+    every = [p.name for p in found.parameters]
+    names, pulling = [p.name for p in found.within], found.confidence
     rows = [
         (name, *("-" if np.isnan(r) else f"{r:+.2f}" for r in line))
         for name, line in zip(names, pulling.correlation, strict=True)
     ]
-    print_table("Correlations of the logarithms", ("", *names), rows)
-    for title, seen in (("the rows that pull", pulling), ("all rows, as points", every)):
+    if len(names) > 1:
+        print_table("Correlations of the logarithms", ("", *names), rows)
+    points = confidence(found.slopes, found.misses)
+    for title, header, seen in (
+        ("the rows that pull (parameters at bounds held)", names, pulling),
+        ("all rows as if points (all parameters)", every, points),
+    ):
         rows = [
             (f"{s:.3g}", *(f"{part:+.2f}" for part in direction))
             for s, direction in zip(seen.singular_values, seen.directions, strict=True)
         ]
-        print_table(f"Singular values of {title}, SDs per e-fold", ("", *names), rows)
+        print_table(f"Singular values of {title}, SDs per e-fold", ("", *header), rows)
     if pulling.inflation > 1:
         typer.echo(f"intervals widened {pulling.inflation:.3g} times: rows miss by more than SDs")

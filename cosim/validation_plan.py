@@ -29,7 +29,12 @@ MODULI = {"soft": -1.0, "average": 0.0, "stiff": 1.0}
 """SD from the means of the thesis's table 4."""
 MUSCLES = ("EDC", "EI", "LUM", "FPI", "FDP", "FDS", "FDI")
 FORCE_CASES = {"split": "split", "iso": "fingertip_isotropic", "ti": "fingertip_fibres"}
-CADAVER = ("edc", "lum", "ri", "ui", "fdp", "fds")
+CADAVER, POSTURES = ("middle", "hood"), ("minorflex", "majorflex")
+"""Cases with the fixed split and with the coupled hood."""
+THROUGH = ("edc", "lum", "ri", "ui")
+LOADED = (*THROUGH, "fdp", "fds")
+HANDS = ("H01", "H02", "H03")
+SYNEK = "Synek et al. 2019, PeerJ 7:e7470, raw data"
 Summaries = Mapping[str, Mapping[str, Any]]
 """Of the trials that converged, by name."""
 
@@ -62,7 +67,7 @@ def groups(published: Path | None = None) -> tuple[Group, ...]:
         Group("strain", tuple(strain_trials()), strains),
         *([Group("published hood", other, strains)] if other else []),
         Group("force", tuple(force_trials()), tuple(force_targets())),
-        Group("cadaver", tuple(cadaver_trials()), tuple(cadaver_targets())),
+        Group("cadaver", tuple(cadaver_trials()), data("synek2019_fingertip.csv")),
     )
 
 
@@ -82,7 +87,7 @@ def rows_of(group: Group, summaries: Summaries) -> Iterator[Comparison]:
     if group.name == "force":
         yield from near_models(group.trials, summaries)
     if group.name == "cadaver":
-        yield from near_specimens(group.targets, summaries)
+        yield from near_hands(group, summaries)
 
 
 # Strain -------------------------------------------------------------------------------------------
@@ -221,14 +226,77 @@ def angle_between(a: Array, b: Array) -> float:
 
 
 def cadaver_trials() -> Iterator[Trial]:
-    for posture, muscle in itertools.product(("minorflex", "majorflex"), CADAVER):
-        yield Trial(f"cadaver split {posture} {muscle}", f"middle_{posture}_{muscle}")
-        yield Trial(f"cadaver hood {posture} {muscle}", f"hood_{posture}_{muscle}")
+    for model, posture, muscle in itertools.product(CADAVER, POSTURES, LOADED):
+        name = f"{model}_{posture}_{muscle}"
+        yield Trial(name, name)
 
 
-def cadaver_targets() -> Iterator[Target]:
-    return iter(())
+def near_hands(group: Group, summaries: Summaries) -> Iterator[Comparison]:
+    """Coupled hood and fixed split over all rows: RMSE of the components of the tendons that act
+    through the hood, for the hands' mean and hand by hand; magnitudes and directions."""
+    hands = ("mean", *HANDS)
+    measured = {"mean": group.targets} | {
+        hand: tuple(t for t in data("synek2019_specimens.csv") if f", {hand}, " in t.name)
+        for hand in HANDS
+    }
+    if {t.name for t in group.trials} != {t.name for t in cadaver_trials()}:
+        return
+    for hand in hands:
+        split, hood = (
+            _apart(model, THROUGH, measured[hand], summaries) for model in ("middle", "hood")
+        )
+        rms = [None if a is None else float(np.sqrt((a**2).mean())) for a in (split, hood)]
+        name = f"{', '.join(m.upper() for m in THROUGH)}, {hand}: RMSE of the coupled hood"
+        yield Comparison(
+            Target(name, "rmse_N", "N", None, None, None, rms[0] or 0.0, SYNEK, "experiment",
+                   note="bound: that of the fixed split"),
+            rms[1],
+        )  # fmt: skip
+    for model, word in (("hood", "coupled hood"), ("middle", "fixed split")):
+        sizes, angles = _sizes_and_angles(model, group.targets, summaries)
+        for quantity, unit, high, value in (
+            ("mean magnitude error", "N", 0.30, sizes),
+            ("median angle", "deg", 20.0, angles),
+        ):
+            target = _bound(
+                f"all tendons: {quantity}, {word}", quantity, unit, high, SYNEK, "experiment"
+            )
+            yield Comparison(target, value)
 
 
-def near_specimens(targets: Sequence[Target], summaries: Summaries) -> Iterator[Comparison]:
-    return iter(())
+def _vectors(
+    model: str, muscles: Sequence[str], targets: Sequence[Target], summaries: Summaries
+) -> list[tuple[Array, Array]] | None:
+    """Force of the model and measured force, (3,) N in the distal phalanx's frame, of each posture
+    and muscle; None where a trial has no value."""
+    out = []
+    for posture, muscle in itertools.product(POSTURES, muscles):
+        name = f"{model}_{posture}_{muscle}"
+        rows = [
+            c
+            for c in compared([t for t in targets if t.case == name], summaries.get(name, {}), name)
+            if "force_in_phalanx" in c.target.quantity
+        ]
+        if len(rows) != 3 or any(c.model is None for c in rows):
+            return None
+        out.append(
+            (np.array([c.model for c in rows]), np.array([c.target.reference for c in rows]))
+        )
+    return out
+
+
+def _apart(
+    model: str, muscles: Sequence[str], targets: Sequence[Target], summaries: Summaries
+) -> Array | None:
+    found = _vectors(model, muscles, targets, summaries)
+    return None if found is None else np.array([a - b for a, b in found])
+
+
+def _sizes_and_angles(
+    model: str, targets: Sequence[Target], summaries: Summaries
+) -> tuple[float | None, float | None]:
+    found = _vectors(model, LOADED, targets, summaries)
+    if found is None:
+        return None, None
+    sizes = [abs(float(np.linalg.norm(a) - np.linalg.norm(b))) for a, b in found]
+    return float(np.mean(sizes)), float(np.median([angle_between(a, b) for a, b in found]))
