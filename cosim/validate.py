@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from cosim import __version__
-from cosim.build_finger import check_fit
+from cosim.build_finger import check_fit, held_by
 from cosim.case import load_case
 from cosim.compare import Comparison, as_dict, tally
 from cosim.compare_files import write_json
@@ -110,7 +110,9 @@ def _run(task: tuple[Trial, tuple[str, ...], str]) -> Outcome:
     made = result(case, models, states, time.perf_counter() - started)
     write_result(folder, case, made)
     summary = json.loads(json.dumps(made.summary, default=plain))
-    return Outcome(trial.name, summary | {"bound_N": force_and_bound(models, states)[1]}, None)
+    if held_by(case) == "point":
+        summary["bound_N"] = force_and_bound(models, states)[1]
+    return Outcome(trial.name, summary, None)
 
 
 def folder_name(trial: str) -> str:

@@ -30,6 +30,8 @@ SMALL_TURN = 0.02
 SMALL_PULL, NO_PULL = 0.3, 0.1
 """The same of the tensions' change, of the largest one, which is no less than NO_PULL (N)."""
 MOST_HALVINGS = 4
+TAUT = 6.0
+"""N more in every tendon: taut enough for a sheet that folds in a joint when slack."""
 MOST_GROWTH = 2.0
 """Of the nodes' travel over that of the step before: beyond it that step says nothing of this."""
 
@@ -100,7 +102,7 @@ class ShellHood:
             raise InputError(
                 f"expected {len(self.tendons)} finite tensions {self.tendons}, got {tension}"
             )
-        new = self._solve(state, motion, tension, MOST_HALVINGS)
+        new = self._settled(state, motion, tension)
         c, solution = new.configuration, _solved(new)
         load = Load(self.bodies, self.sources, self._by_source(solution), self._pull(c, tension))
         return Response(new, load, self.model.excursion(c))
@@ -208,6 +210,19 @@ class ShellHood:
         d /= np.linalg.norm(d, axis=1, keepdims=True)
         bent = Configuration(c.x + growth**2 * bend.x, d, c.position, c.rotation)
         return self.model.posed(bent, c.position, c.rotation)
+
+    def _settled(self, state: HoodState, motion: Motion, tension: Array) -> HoodState:
+        """The equilibrium, reached taut where the slack sheet would fold on the way."""
+        try:
+            return self._solve(state, motion, tension, MOST_HALVINGS)
+        except ConvergenceError as error:
+            if tension.min(initial=np.inf) > TAUT:
+                raise
+            try:
+                taut = self._solve(state, motion, tension + TAUT, MOST_HALVINGS)
+                return self._solve(taut, motion, tension, MOST_HALVINGS)
+            except ConvergenceError:
+                raise error from None
 
     def _solve(self, state: HoodState, motion: Motion, tension: Array, halvings: int) -> HoodState:
         """Solve at once, and where that fails half the way first; at last by a damped motion."""

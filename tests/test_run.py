@@ -21,7 +21,9 @@ from cosim.run import run_case, settled
 
 PACKAGED = sorted(p.stem for p in find_case("isometric_edc").parent.glob("*.toml"))
 MOVING = [name for name in PACKAGED if load_case(name).forward is not None]
-STILL = [name for name in PACKAGED if name not in MOVING]
+MIDDLE = [name for name in PACKAGED if name.startswith("hood_")]
+"""On a coarse mesh most of them wrinkle and find no equilibrium; as shipped they are slow."""
+STILL = [name for name in PACKAGED if name not in MOVING + MIDDLE]
 ISOMETRIC = [name for name in PACKAGED if name.startswith("isometric")]
 COARSE = "hood.mesh.quads=250"
 SHELL_KEYS = {"hood_quads", "slip_force_N", "strain_percent", "max_penetration_mm"}
@@ -275,7 +277,7 @@ def test_the_packaged_motion_keeps_its_books_and_halving_the_step_changes_little
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ISOMETRIC)
+@pytest.mark.parametrize("name", ISOMETRIC + MIDDLE)
 def test_every_isometric_case_as_shipped(name):
     check_audit(run(name).summary)
 
