@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any
@@ -232,71 +232,54 @@ def cadaver_trials() -> Iterator[Trial]:
 
 
 def near_hands(group: Group, summaries: Summaries) -> Iterator[Comparison]:
-    """Coupled hood and fixed split over all rows: RMSE of the components of the tendons that act
-    through the hood, for the hands' mean and hand by hand; magnitudes and directions."""
-    hands = ("mean", *HANDS)
-    measured = {"mean": group.targets} | {
-        hand: tuple(t for t in data("synek2019_specimens.csv") if f", {hand}, " in t.name)
-        for hand in HANDS
-    }
+    """Coupled hood and fixed split over all trials that converged with both: RMSE of the components
+    of the tendons that act through the hood, for the hands' mean and hand by hand; magnitudes and
+    directions."""
     if {t.name for t in group.trials} != {t.name for t in cadaver_trials()}:
         return
-    for hand in hands:
-        split, hood = (
-            _apart(model, THROUGH, measured[hand], summaries) for model in ("middle", "hood")
-        )
-        rms = [None if a is None else float(np.sqrt((a**2).mean())) for a in (split, hood)]
-        name = f"{', '.join(m.upper() for m in THROUGH)}, {hand}: RMSE of the coupled hood"
-        yield Comparison(
-            Target(name, "rmse_N", "N", None, None, None, rms[0] or 0.0, SYNEK, "experiment",
-                   note="bound: that of the fixed split"),
-            rms[1],
-        )  # fmt: skip
-    for model, word in (("hood", "coupled hood"), ("middle", "fixed split")):
-        sizes, angles = _sizes_and_angles(model, group.targets, summaries)
+    by_hand = {"mean": group.targets}
+    for hand in HANDS:
+        specimens = data("synek2019_specimens.csv")
+        by_hand[hand] = tuple(t for t in specimens if f", {hand}, " in t.name)
+    for hand, targets in by_hand.items():
+        split, hood = (_vectors(m, THROUGH, targets, summaries) for m in CADAVER)
+        both = sorted(set(split) & set(hood))
+        if both:
+            name = f"{', '.join(m.upper() for m in THROUGH)}, {hand}: RMSE, coupled hood"
+            note = f"bound: that of the fixed split; {len(both)} of {2 * len(THROUGH)} trials"
+            most, found = (_rms([v[k] for k in both]) for v in (split, hood))
+            target = _bound(name, "rmse_N", "N", most, SYNEK, "experiment")
+            yield Comparison(replace(target, note=note), found)
+    for model, word in zip(CADAVER, ("fixed split", "coupled hood"), strict=True):
+        found_pairs = list(_vectors(model, LOADED, group.targets, summaries).values())
+        sizes = [abs(float(np.linalg.norm(a) - np.linalg.norm(b))) for a, b in found_pairs]
+        angles = [angle_between(a, b) for a, b in found_pairs]
+        note = f"{len(found_pairs)} of {2 * len(LOADED)} trials"
         for quantity, unit, high, value in (
-            ("mean magnitude error", "N", 0.30, sizes),
-            ("median angle", "deg", 20.0, angles),
+            ("mean magnitude error", "N", 0.30, float(np.mean(sizes)) if sizes else None),
+            ("median angle", "deg", 20.0, float(np.median(angles)) if angles else None),
         ):
-            target = _bound(
-                f"all tendons: {quantity}, {word}", quantity, unit, high, SYNEK, "experiment"
-            )
-            yield Comparison(target, value)
+            name = f"all tendons: {quantity}, {word}"
+            target = _bound(name, quantity, unit, high, SYNEK, "experiment")
+            yield Comparison(replace(target, note=note), value)
 
 
 def _vectors(
     model: str, muscles: Sequence[str], targets: Sequence[Target], summaries: Summaries
-) -> list[tuple[Array, Array]] | None:
-    """Force of the model and measured force, (3,) N in the distal phalanx's frame, of each posture
-    and muscle; None where a trial has no value."""
-    out = []
+) -> dict[str, tuple[Array, Array]]:
+    """Force of the model and measured force, (3,) N in the distal phalanx's frame, by posture and
+    muscle, of the trials that have a value."""
+    out = {}
     for posture, muscle in itertools.product(POSTURES, muscles):
         name = f"{model}_{posture}_{muscle}"
-        rows = [
-            c
-            for c in compared([t for t in targets if t.case == name], summaries.get(name, {}), name)
-            if "force_in_phalanx" in c.target.quantity
-        ]
-        if len(rows) != 3 or any(c.model is None for c in rows):
-            return None
-        out.append(
-            (np.array([c.model for c in rows]), np.array([c.target.reference for c in rows]))
-        )
+        mine = [t for t in targets if t.case == name and "force_in_phalanx" in t.quantity]
+        rows = compared(mine, summaries.get(name, {}), name)
+        if rows and all(c.model is not None for c in rows):
+            measured = np.array([c.target.reference for c in rows])
+            out[f"{posture} {muscle}"] = np.array([c.model for c in rows]), measured
     return out
 
 
-def _apart(
-    model: str, muscles: Sequence[str], targets: Sequence[Target], summaries: Summaries
-) -> Array | None:
-    found = _vectors(model, muscles, targets, summaries)
-    return None if found is None else np.array([a - b for a, b in found])
-
-
-def _sizes_and_angles(
-    model: str, targets: Sequence[Target], summaries: Summaries
-) -> tuple[float | None, float | None]:
-    found = _vectors(model, LOADED, targets, summaries)
-    if found is None:
-        return None, None
-    sizes = [abs(float(np.linalg.norm(a) - np.linalg.norm(b))) for a, b in found]
-    return float(np.mean(sizes)), float(np.median([angle_between(a, b) for a, b in found]))
+def _rms(pairs: Sequence[tuple[Array, Array]]) -> float:
+    """N, over the components."""
+    return float(np.sqrt(np.mean([(a - b) ** 2 for a, b in pairs])))

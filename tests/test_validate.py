@@ -141,3 +141,26 @@ def test_the_command_runs_trials_and_leaves_runs_page_and_board(tmp_path: Path):
     summary = json.loads((tmp_path / "force_split_EDC" / "summary.json").read_text())
     (palmar,) = [r for r in own if r["name"].endswith("palmar, An 1979")]
     assert palmar["model"] == summary["difference"]["fingertip_force_N"][1]
+
+
+def test_hood_and_split_are_compared_over_the_trials_that_both_have():
+    (group,) = [g for g in GROUPS if g.name == "cadaver"]
+
+    def said(name: str, off: float) -> dict:
+        vector = [
+            t.reference + off
+            for t in group.targets
+            if t.case == name and "force_in_phalanx" in t.quantity
+        ]
+        return {"difference": {"fingertip_force_in_phalanx_N": vector}}
+
+    summaries = {t.name: said(t.name, 0.1) for t in group.trials if t.name.startswith("hood")}
+    summaries |= {t.name: said(t.name, 0.2) for t in group.trials if t.name.startswith("middle")}
+    del summaries["hood_majorflex_ui"]
+    found = {c.target.name: c for c in rows_of(group, summaries)}
+    mean = found["EDC, LUM, RI, UI, mean: RMSE, coupled hood"]
+    assert (mean.model, mean.target.high) == (pytest.approx(0.1), pytest.approx(0.2))
+    assert mean.verdict == "inside the band"
+    assert "7 of 8 trials" in mean.target.note
+    assert found["all tendons: median angle, coupled hood"].target.note == "11 of 12 trials"
+    assert any(c.verdict == "no value" for c in found.values())
