@@ -16,6 +16,7 @@ from cosim.build_finger import (
     skeleton_of,
     width_of,
 )
+from cosim.build_lumped import lumped_hood
 from cosim.build_muscles import CaseMuscles, live_muscles
 from cosim.build_shell import (
     HoodLook,
@@ -27,6 +28,7 @@ from cosim.build_shell import (
     shell_hood_of,
 )
 from cosim.case_finger import Bone, IndexFinger, MiddleFinger
+from cosim.case_lumped import NetworkHood, TwoBandHood
 from cosim.case_schema import Case, FmuHood, MeshFile, PathPoint, PulleyHood, ShellHood
 from cosim.port import Array, Finger, Hood, InputError, Motion, State
 
@@ -229,6 +231,8 @@ def hood_on(case: Case, rest: Motion) -> Hood:
     from.  Raises InputError."""
     if isinstance(case.hood, FmuHood):
         return _unit(case.hood, rest.bodies)
+    if isinstance(case.hood, NetworkHood | TwoBandHood):
+        return lumped_hood(case.hood, our_finger(case), rest)
     return _cables(case, rest)
 
 

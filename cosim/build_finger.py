@@ -9,6 +9,7 @@ import numpy as np
 
 from cosim.build_course import factor_of
 from cosim.case_finger import FmuFinger, HingeFinger, IndexFinger, MiddleFinger, PlanarFinger
+from cosim.case_lumped import NetworkHood, TwoBandHood
 from cosim.case_schema import Case, FmuHood, PulleyHood, ShellHood, SplitHood
 from cosim.double_count import refuse, stated_pairs
 from cosim.port import Finger, InputError
@@ -29,10 +30,10 @@ OnMujoco = IndexFinger | MiddleFinger | PlanarFinger
 
 
 HOODS = {
-    "index": ("shell", "pulley", "split", "fmu"),
+    "index": ("shell", "pulley", "split", "network", "two_band", "fmu"),
     "middle": ("shell", "pulley", "split", "fmu"),
-    "planar": ("pulley", "fmu"),
-    "hinge": ("pulley", "fmu"),
+    "planar": ("pulley", "network", "two_band", "fmu"),
+    "hinge": ("pulley", "network", "two_band", "fmu"),
     "fmu": ("pulley", "fmu"),
 }
 """Which hoods go on which finger."""
@@ -172,6 +173,8 @@ def _check_scheme(case: Case) -> None:
 def _hood_tendons(case: Case) -> tuple[str, ...]:
     if isinstance(case.hood, PulleyHood):
         return tuple(case.hood.paths)
+    if isinstance(case.hood, NetworkHood | TwoBandHood):
+        return tuple(case.hood.muscles)
     return case.hood.tendons if isinstance(case.hood, FmuHood) else ()
 
 

@@ -19,6 +19,7 @@ from cosim.case_finger import (
     Posture,
     Tendon,
 )
+from cosim.case_lumped import NetworkHood, TwoBandHood
 from cosim.case_types import (
     BodyName,
     Coordinate,
@@ -324,7 +325,10 @@ class CaseFile(Table):
         Field(discriminator="kind"),
     ]
     tendons: dict[TendonName, Tendon] = Field(default_factory=dict)
-    hood: Annotated[ShellHood | PulleyHood | SplitHood | FmuHood, Field(discriminator="kind")]
+    hood: Annotated[
+        ShellHood | PulleyHood | SplitHood | NetworkHood | TwoBandHood | FmuHood,
+        Field(discriminator="kind"),
+    ]
     solve: Solve = Solve()
     forward: Forward | None = None
     coupling: Coupling = Coupling()

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -34,6 +35,11 @@ Dembo, Eisenstat and Steihaug 1982, SIAM J Numer Anal 19:400)."""
 AT_REST = 1e-4
 """rad: a finger that would still turn so far is not at rest, however small its residual: it stands
 where it would run away."""
+
+PATIENCE = 8
+"""Rounds after which a step that does not lower the interface's residual is halved: a hood whose
+tendons go slack and taut has kinks, between which whole steps can go to and fro for ever."""
+LEAST_PART = 2.0**-10
 
 
 @dataclass(frozen=True)
@@ -86,7 +92,8 @@ def equilibrium(
     Raises ConvergenceError when the interface residual stays above its tolerance, or when the hood
     or the finger alone has no equilibrium."""
     interface, exact = np.inf, False
-    state = hood_state
+    state, part = hood_state, 1.0
+    way: _Way | None = None
     for iteration in range(1, options.max_iterations + 1):
         motion = finger.motion(finger_state)
         solver = hood if exact else hood.loosely(LOOSE)
@@ -95,6 +102,11 @@ def equilibrium(
         now = finger.balance(finger_state, response.load, finger_tension)
         interface = now.relative
         progress(f"coupling round {iteration}: relative residual {interface:.1e}")
+        is_late = iteration > PATIENCE and part > LEAST_PART
+        if is_late and way is not None and interface > max(way.interface, options.tolerance):
+            part, state = 0.5 * part, way.state
+            finger_state = finger.displaced(way.finger_state, part * way.step)
+            continue
         aim, foreseen = balanced(
             finger,
             finger_state,
@@ -118,12 +130,24 @@ def equilibrium(
                 iteration,
             )
         exact = interface <= NEAR
+        step = finger.unknowns(aim) - finger.unknowns(finger_state)
+        way, part = _Way(finger_state, response.state, step, interface), 1.0
         finger_state, state = aim, response.state
     raise ConvergenceError(
         f"hood and finger did not agree in {options.max_iterations} rounds: the interface's "
         f"relative residual is {interface:.1e}, its tolerance {options.tolerance:.1e}. Try more "
         "rounds (solve.max_iterations), a smaller tension, or a stiffer passive joint."
     )
+
+
+class _Way(NamedTuple):
+    """A step that was taken: from where, the finger's unknowns (n,) that it moved, and the
+    interface's residual there."""
+
+    finger_state: State
+    state: State
+    step: Array
+    interface: float
 
 
 def moment_arms(finger: Finger, e: Equilibrium) -> Array:

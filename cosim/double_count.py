@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from cosim.case_lumped import NetworkHood, TwoBandHood
 from cosim.case_schema import Case, FmuHood, PulleyHood
 from cosim.one_way import JOINT_CONTACT
 from cosim.port import Finger, Hood, InputError, MovingFinger
@@ -53,6 +54,8 @@ def stated_pairs(case: Case, finger_tendons: Sequence[str]) -> tuple[Pair, ...]:
         sources, tendons = case.hood.sources, case.hood.tendons
     elif isinstance(case.hood, PulleyHood):
         tendons = tuple(case.hood.paths)
+    elif isinstance(case.hood, NetworkHood | TwoBandHood):
+        tendons = tuple(case.hood.muscles)
     return counted_twice((*sources, *handed_over(case)), tendons, finger_tendons)
 
 

@@ -68,6 +68,15 @@ def fingers(as_json: AsJson = False, only: Only = None, slow: Slow = False) -> N
 
 
 @verify.command()
+def hoods(as_json: AsJson = False, only: Only = None, slow: Slow = False) -> None:
+    """Verify the hoods in lumped form, and compare them with their papers; exit code 1 when a row
+    fails."""
+    from rigid.verification.hood_table import STUDIES
+
+    _verify(STUDIES, as_json, only, slow)
+
+
+@verify.command()
 def coupling(as_json: AsJson = False, only: Only = None, slow: Slow = False) -> None:
     """Verify the schemes that couple in time; exit code 1 when a row fails."""
     from cosim import verification_coupling, verification_rest, verification_thesis

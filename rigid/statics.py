@@ -176,8 +176,9 @@ class ChainFinger(ABC):
 
     def ledger(self, state: FingerState, load: Load, tension: Array) -> dict[str, Array]:
         """(nb, 6) wrench on each body about its origin (world frame) by source: each muscle,
-        gravity, passive, limit, fingertip, joint, and what holds the joints.  Together with the hood's load they close to
-        zero on every moving body; on the fixed one their sum is what the ground must carry."""
+        gravity, passive, limit, fingertip, joint, and what holds the joints.  Together with the
+        hood's load they close to zero on every moving body; on the fixed one their sum is what the
+        ground must carry."""
         ledger = self._applied(state, load, tension)
         reaction = self._reactions(state, load, ledger)
         return {**ledger, "joint": joint_loads(self.chain(state.angles), reaction)}

@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import conformance
+import networks
 import numpy as np
 import pytest
 import shells
@@ -55,7 +56,13 @@ def shell_hood() -> Subject:
     return shells.index_hood(), index_motions(), np.array([3.0, 1.0, 0.8, 0.5]), 1e-4
 
 
-HOODS: list[tuple[str, Callable[[], Subject]]] = [("pulley", pulley_hood), ("shell", shell_hood)]
+HOODS: list[tuple[str, Callable[[], Subject]]] = [
+    ("pulley", pulley_hood),
+    ("shell", shell_hood),
+    ("network", networks.network_hood),
+    ("network at a constant force", networks.constant_force_hood),
+    ("two bands", networks.two_band_hood),
+]
 
 
 @pytest.fixture(scope="module", params=[f for _, f in HOODS], ids=[name for name, _ in HOODS])

@@ -46,6 +46,7 @@ KNOW_THE_SOLVERS = {
     "cosim.build_course",
     "cosim.build_finger",
     "cosim.build_forward",
+    "cosim.build_lumped",
     "cosim.build_muscles",
     "cosim.build_one_way",
     "cosim.finger_commands",

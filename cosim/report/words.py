@@ -30,6 +30,8 @@ HOODS = {
     "shell": "a sheet of nonlinear shell elements over the bones",
     "pulley": "no deformable hood: cables through eyelets",
     "split": "no hood: tendons that part in fixed shares",
+    "network": "no deformable hood: tendons sprung from junctions, moment arms at joints",
+    "two_band": "no deformable hood: a middle and a lateral band, moment arms at joints",
     "fmu": "a hood in an FMU",
 }
 SCHEMES = {

@@ -1,0 +1,14 @@
+"""The studies that verify hoods in lumped form."""
+
+from __future__ import annotations
+
+from cosim.verification import Study
+
+from . import contact_rows, hood_rows, sharing_rows
+
+STUDIES = (
+    Study("network", hood_rows.network_rows),
+    Study("two bands", hood_rows.two_band_rows),
+    Study("point contact", contact_rows.rows),
+    Study("force sharing", sharing_rows.rows),
+)
