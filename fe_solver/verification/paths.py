@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cosim.port import ConvergenceError
+
 from ..model import Configuration, ShellModel
 from ..newton import solve
 from ..shell import Array
@@ -15,6 +17,8 @@ from .sheets import BENCHMARK, NO_TENSION, at_rest
 SEEN = 2e-4
 """Relative change by a halved mesh below which no order is measured: other errors are as large."""
 WHOLE = replace(BENCHMARK, max_iterations=400, max_step=2.0, max_turn=1.5, undamped=60)
+
+MOST_HALVINGS = 3
 
 
 @dataclass(frozen=True)
@@ -34,12 +38,28 @@ class Loading:
 def followed(loading: Loading, parts: Iterable[float]) -> Array:
     """(len(parts), k) watched displacements under growing parts of the load.  Raises
     ConvergenceError."""
-    c, out = at_rest(loading.model), []
+    c, out, before = at_rest(loading.model), [], 0.0
     for part in parts:
-        model = replace(loading.model, dead=part * loading.load)
-        c = solve(model, c, NO_TENSION, WHOLE, near=True).configuration
+        c = _reached(loading, c, before, part, MOST_HALVINGS)
         out.append(loading.seen(c))
+        before = part
     return np.array(out)
+
+
+def _reached(
+    loading: Loading, c: Configuration, before: float, part: float, halvings: int
+) -> Configuration:
+    """Equilibrium under a part of the load, from that under the part `before`; by halves where the
+    whole step fails."""
+    model = replace(loading.model, dead=part * loading.load)
+    try:
+        return solve(model, c, NO_TENSION, WHOLE, near=True).configuration
+    except ConvergenceError:
+        if halvings == 0:
+            raise
+    half = (before + part) / 2
+    c = _reached(loading, c, before, half, halvings - 1)
+    return _reached(loading, c, half, part, halvings - 1)
 
 
 def watching(node: int, direction: Array, n: int) -> Array:
