@@ -60,6 +60,20 @@ def rotation_matrix(vector: Array) -> Array:
     return np.eye(3) + sinc * K + cosc * K @ K
 
 
+def rotation_vector(matrix: Array) -> Array:
+    """The inverse of `rotation_matrix` for turns below pi: (..., 3, 3) -> (..., 3) rad."""
+    skewed = matrix - np.swapaxes(matrix, -1, -2)
+    sine = np.stack([skewed[..., 2, 1], skewed[..., 0, 2], skewed[..., 1, 0]], axis=-1) / 2
+    size = np.linalg.norm(sine, axis=-1)
+    cosine = (np.trace(matrix, axis1=-2, axis2=-1) - 1) / 2
+    if (cosine < 0).any():  # near pi the sine says little of the axis
+        from scipy.spatial.transform import Rotation
+
+        return Rotation.from_matrix(matrix.reshape(-1, 3, 3)).as_rotvec().reshape(sine.shape)
+    ratio = np.divide(np.arctan2(size, cosine), size, out=np.ones_like(size), where=size > 0)
+    return ratio[..., None] * sine
+
+
 @dataclass(frozen=True)
 class Motion:
     """Poses of the shared bodies in the world frame."""
@@ -97,10 +111,8 @@ class Motion:
 
     def twist_to(self, other: Motion) -> Array:
         """(nb, 6) twist with `self.displaced(twist) == other` (rotations below pi)."""
-        from scipy.spatial.transform import Rotation
-
-        turn = Rotation.from_matrix(other.rotation @ np.swapaxes(self.rotation, 1, 2))
-        return np.hstack([other.position - self.position, turn.as_rotvec()])
+        turn = rotation_vector(other.rotation @ np.swapaxes(self.rotation, 1, 2))
+        return np.hstack([other.position - self.position, turn])
 
     def of(self, body: str) -> tuple[Array, Array]:
         """Origin (3,) and rotation (3, 3) of one body."""

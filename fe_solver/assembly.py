@@ -126,4 +126,5 @@ def add_at(out: Array, index: Any, values: Array) -> None:
 def scattered(index: Ints, values: Array, n: int) -> Array:
     """Sum of values (..., 3) at node indices (...) into (n, 3)."""
     flat, index = values.reshape(-1, 3), index.ravel()
-    return np.stack([np.bincount(index, weights=flat[:, k], minlength=n) for k in range(3)], axis=1)
+    sums = [np.bincount(index, weights=flat[:, k], minlength=n) for k in range(3)]
+    return np.stack(sums, axis=1).astype(float, copy=False)  # of no values they are integers

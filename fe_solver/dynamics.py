@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from cosim.port import InputError
 
+from .cables import cable_masses
 from .loads import Inertia
 from .materials import Isotropic
 from .mesh_geometry import corner_shares
@@ -83,7 +84,7 @@ def at_rest(c: Configuration) -> Moving:
 
 def masses(model: ShellModel, substance: Substance) -> tuple[Array, Array]:
     """(n,) kg of the nodes and (n,) kg m2 of their directors: density times thickness, and times a
-    twelfth of its cube, over each node's share of the area."""
+    twelfth of its cube, over each node's share of the area; and the cables' mass."""
     h = model.section.thickness
     share = corner_shares(model.quads)
     out = []
@@ -91,7 +92,8 @@ def masses(model: ShellModel, substance: Substance) -> tuple[Array, Array]:
         element = (model.tables.weight * power).sum(axis=1) * substance.density
         spread = (element[:, None] * share).ravel()
         out.append(np.bincount(model.quads.ravel(), weights=spread, minlength=len(model.reference)))
-    return out[0].astype(float), out[1].astype(float)
+    cables = cable_masses(model.cables, substance.density, len(model.reference))
+    return out[0] + cables, out[1].astype(float)
 
 
 def advance(

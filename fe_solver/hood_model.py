@@ -113,18 +113,11 @@ def shell_hood(
     """Assemble a ShellHood; `pull` (3,) is the tendons' direction in the frame of `guide_body`.
 
     Raises InputError where nothing holds the hood."""
-    if not springs and not any(len(n) for n in tied.values()):
-        raise InputError(
-            "hood: no insertion holds the hood: it has neither a tied node set nor a spring set. "
-            "Give hood.springs a set, or a mesh whose terminal slip is tied to a bone."
-        )
+    check_held(springs, tied)
     bodies, X = rest.bodies, sheet.points
     D = node_directors(X, sheet.quads)
-    ties = _ties(X, D, rest, tied)
-    guided = np.unique(np.concatenate([t.nodes for t in tendons.values()]))
-    share = np.zeros((len(tendons), len(guided)))
-    for row, tendon in zip(share, tendons.values(), strict=True):
-        np.add.at(row, np.searchsorted(guided, tendon.nodes), tendon.share)
+    ties = ties_of(X, D, rest, tied)
+    guided, share = shares_of(tendons)
     held = {name: s for name, s in springs.items() if len(s.attached.nodes)}
     touching = np.setdiff1d(np.arange(len(X)), np.concatenate([ties.node, guided]))
     quads = sheet.quads
@@ -134,9 +127,9 @@ def shell_hood(
         D,
         shell_tables(X[quads], D[quads], sheet.fibre, sheet.growth),
         sheet.section,
-        _springs(X, rest, held),
+        springs_of(X, rest, held),
         ties,
-        _guides(X, rest, guide_body, pull, guided),
+        guides_of(X, rest, guide_body, pull, guided),
         share,
         _contacts(X, sheet, bodies, contact, touching),
         bodies,
@@ -154,12 +147,31 @@ def shell_hood(
     )
 
 
+def check_held(springs: Mapping[str, SpringSet], tied: Mapping[str, Ints]) -> None:
+    """Raises InputError where nothing holds the hood."""
+    if not springs and not any(len(n) for n in tied.values()):
+        raise InputError(
+            "hood: no insertion holds the hood: it has neither a tied node set nor a spring set. "
+            "Give hood.springs a set, or a mesh whose terminal slip is tied to a bone."
+        )
+
+
+def shares_of(tendons: Mapping[str, Tendon]) -> tuple[Ints, Array]:
+    """The guided nodes (k,), ascending, and the tendons' shares (nt, k) of them."""
+    guided = np.unique(np.concatenate([t.nodes for t in tendons.values()]))
+    share = np.zeros((len(tendons), len(guided)))
+    for row, tendon in zip(share, tendons.values(), strict=True):
+        np.add.at(row, np.searchsorted(guided, tendon.nodes), tendon.share)
+    return guided, share
+
+
 def _local(rest: Motion, body: str, points: Array) -> Array:
     position, rotation = rest.of(body)
     return (points - position) @ rotation
 
 
-def _ties(X: Array, D: Array, rest: Motion, tied: Mapping[str, Ints]) -> Ties:
+def ties_of(X: Array, D: Array, rest: Motion, tied: Mapping[str, Ints]) -> Ties:
+    """Nodes tied by body, at points X (n, 3) with directors D (n, 3) in the pose `rest`."""
     parts = [(rest.bodies.index(b), b, n) for b, n in tied.items()]
     none = np.zeros((0, 3))
     return Ties(
@@ -170,13 +182,16 @@ def _ties(X: Array, D: Array, rest: Motion, tied: Mapping[str, Ints]) -> Ties:
     )
 
 
-def _guides(X: Array, rest: Motion, body: str, pull: Array, nodes: Ints) -> Guides:
+def guides_of(X: Array, rest: Motion, body: str, pull: Array, nodes: Ints) -> Guides:
+    """Nodes that slide along `pull` (3,), in the frame of `body`."""
     unit = np.asarray(pull) / np.linalg.norm(pull)
     index = np.full(len(nodes), rest.bodies.index(body))
     return Guides.along(nodes, index, _local(rest, body, X[nodes]), np.tile(unit, (len(nodes), 1)))
 
 
-def _springs(X: Array, rest: Motion, sets: Mapping[str, SpringSet]) -> Springs:
+def springs_of(X: Array, rest: Motion, sets: Mapping[str, SpringSet]) -> Springs:
+    """Springs whose slack length is their distance at points X (n, 3) in the pose `rest`, and their
+    set's slack."""
     if not sets:
         return Springs.none()
     columns: list[tuple[Array | Ints, ...]] = []
@@ -200,12 +215,20 @@ def _contacts(
 ) -> tuple[Contact, ...]:
     area = node_areas(X, sheet.quads)
     half = node_means(sheet.section.thickness.mean(axis=1), sheet.quads, len(X)) / 2
+    return contacts_of(bodies, law, nodes, half, area)
+
+
+def contacts_of(
+    bodies: tuple[str, ...], law: ContactLaw, nodes: Ints, height: Array, area: Array
+) -> tuple[Contact, ...]:
+    """Contact of `nodes` with every body that has a surface; by node (n,) the height (m) over the
+    face and the area (m2)."""
     return tuple(
         Contact(
             bodies.index(body),
             surface,
             nodes,
-            law.offset[body] + half[nodes],
+            law.offset[body] + height[nodes],
             area[nodes],
             law.stiffness,
             law.smoothing,

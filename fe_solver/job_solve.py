@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from cosim.port import ConvergenceError, InputError
 
 from .augment import AugmentOptions, settled, solve_augmented
+from .coupling import coupling, wrenches
 from .job import Job
 from .job_model import JobModel, JobOptions, job_model
 from .loads import pressure_forces
@@ -283,7 +284,7 @@ def predicted(
     if turn is not None:
         twist = np.hstack([position - c.position, turn.as_rotvec()])
         if twist.any():
-            right = right + before.coupling(c, e, NO_TENSION)[0] @ twist.ravel()
+            right = right + coupling(before, c, e, NO_TENSION)[0] @ twist.ravel()
     step = np.zeros(model.pattern.size)
     step[model.free] = -solution.factor.solve(right[model.free])
     return model.posed(model.stepped(c, e.bases, step), position, rotation)
@@ -307,7 +308,7 @@ def nodal_loads(model: ShellModel, x: Array) -> Array:
 def job_state(model: JobModel, solution: Solution, time: float, effort: Effort) -> JobState:
     """What an equilibrium holds."""
     own, c, e = solution.model, solution.configuration, solution.evaluation
-    wrench = own.wrenches(c, e, NO_TENSION)
+    wrench = wrenches(own, c, e, NO_TENSION)
     loads = nodal_loads(own, c.x)
     applied = np.concatenate([loads.sum(axis=0), np.cross(c.x, loads).sum(axis=0)])
     total = np.asarray(sum(wrench.values()))

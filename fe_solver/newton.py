@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from cosim.port import ConvergenceError
 
 from .assembly import DOFS
+from .coupling import coupling
 from .linear_algebra import FREE, Factor, mechanism
 from .model import Configuration, Evaluation, ShellModel
 from .newton_step import factorised, flipping_step, limited, newton_step, pressed
 
 Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
 
 STUCK = 30
 """A residual up to so many limits that no step lowers is rounding error too."""
@@ -68,8 +68,8 @@ class Solution:
 
     @cached_property
     def coupling(self) -> tuple[Array, Array, Array, Array]:
-        """Of `ShellModel.coupling`."""
-        return self.model.coupling(self.configuration, self.evaluation, self.tension)
+        """Of `coupling.coupling`."""
+        return coupling(self.model, self.configuration, self.evaluation, self.tension)
 
     @cached_property
     def follow(self) -> Array:
@@ -94,7 +94,9 @@ class _Chord:
 
 
 def length_scale(model: ShellModel) -> float:
-    """Root of the mean element area, m."""
+    """Root of the mean element area, or the mean length of cells where there are but cables, m."""
+    if not len(model.quads):
+        return float(model.cables.length.mean())
     return float(np.sqrt(model.tables.weight.sum() / len(model.quads)))
 
 
@@ -235,7 +237,7 @@ def _upright(solution: Solution) -> Solution:
 
     Raises ConvergenceError naming the place."""
     model, facing = solution.model, _facing(solution.model, solution.configuration)
-    if facing.min() > 0:
+    if facing.min(initial=1.0) > 0:
         return solution
     raise ConvergenceError(
         f"the hood came to rest with a director turned through an element's plane, at "
@@ -247,15 +249,7 @@ def _upright(solution: Solution) -> Solution:
 def _facing(model: ShellModel, c: Configuration) -> Array:
     """(ne, 4) cosines of the angles between the quads' normals and their corners' directors, on the
     side on which these were at first."""
-    side = np.sign(_cosines(model.quads, model.reference, model.directors))
-    return side * _cosines(model.quads, c.x, c.d)
-
-
-def _cosines(quads: Ints, x: Array, d: Array) -> Array:
-    X = x[quads]
-    normal = np.cross(X[:, 2] - X[:, 0], X[:, 3] - X[:, 1])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
-    return np.asarray(np.einsum("ek,eak->ea", normal, d[quads]))
+    return model.side * model.cosines(c.x, c.d)
 
 
 def _undamped(
@@ -342,10 +336,10 @@ def _line_search(
     before = model.potential(c, e.energy, tension)
     norm = residual_norm(model, e)[0]
     noise = 1e-11 * max(abs(before), e.energy)
-    guarded = _facing(model, c).min() > UPRIGHT
+    guarded = _facing(model, c).min(initial=1.0) > UPRIGHT
     for attempt in range(tries if slope < 0 else 0):
         trial = model.stepped(c, e.bases, factor * step)
-        if guarded and _facing(model, trial).min() <= UPRIGHT:
+        if guarded and _facing(model, trial).min(initial=1.0) <= UPRIGHT:
             factor *= 0.5
             continue
         there = model.evaluate(trial, tension, eager and attempt == 0, convex)

@@ -18,6 +18,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from .coupling import coupling, wrenches
 from .model import Configuration, Evaluation, ShellModel
 from .newton import Solution
 from .section import Section
@@ -52,11 +53,11 @@ class WrenchOf:
 
     def value(self, model: ShellModel, c: Configuration, e: Evaluation, tension: Array) -> float:
         """N, N m, as the weights are."""
-        return float(np.vdot(self.weights, sum(model.wrenches(c, e, tension).values())))
+        return float(np.vdot(self.weights, sum(wrenches(model, c, e, tension).values())))
 
     def gradient(self, model: ShellModel, c: Configuration, e: Evaluation, tension: Array) -> Array:
         """By reciprocity from the residual's dependence on the bodies' poses."""
-        return -model.coupling(c, e, tension)[0] @ self.weights.ravel()
+        return -coupling(model, c, e, tension)[0] @ self.weights.ravel()
 
 
 @dataclass(frozen=True)
@@ -71,7 +72,7 @@ class ExcursionOf:
 
     def gradient(self, model: ShellModel, c: Configuration, e: Evaluation, tension: Array) -> Array:
         """The tendons' pulls."""
-        return -model.coupling(c, e, tension)[2] @ self.weights
+        return -coupling(model, c, e, tension)[2] @ self.weights
 
 
 @dataclass(frozen=True)

@@ -308,38 +308,39 @@ def shell_tables(
 
 @dataclass(frozen=True)
 class ElementResponse:
-    """Energy (J), its gradient (ne, 8, 3) by the nodes' y and, on request, the tangent (ne, 20, 20)
-    in the nodes' bases, without the curvature of the directors' sphere."""
+    """Energy (J) of all elements and its gradient (ne, 8, 3) by the nodes' y, with what the tangent
+    is made of: the mid-surface's y (ne, 8, 3), and the Gauss points' forces (ne, 4, 8) and
+    stiffness (ne, 4, 8, 8), the first times the points' areas."""
 
     energy: float
     gradient: Array
-    blocks: Array | None
+    middle: Array
+    force: Array
+    stiffness: Array
 
 
-def element_response(
-    tables: ShellTables,
-    section: Section,
-    y: Array,
-    bases: tuple[Array, Array] | None,
-    convex: bool = False,
-) -> ElementResponse:
-    """Energy, gradient and tangent of all elements at the nodes' y (ne, 8, 3); bases A (ne, 4, 3,
-    3) and T (ne, 4, 3, 2) of the elements' nodes, or None where no tangent is wanted.
+def element_response(tables: ShellTables, section: Section, y: Array) -> ElementResponse:
+    """Energy and gradient of all elements at the nodes' y (ne, 8, 3)."""
+    middle = tables.middle(y)
+    answer = section.response(tables.combined(_sampled(middle)))
+    energy = float(np.vdot(answer.energy, tables.weight))
+    force = answer.force * tables.weight[:, :, None]
+    return ElementResponse(energy, tables.forces(y, force), middle, force, answer.stiffness)
+
+
+def element_blocks(
+    tables: ShellTables, response: ElementResponse, bases: tuple[Array, Array], convex: bool = False
+) -> Array:
+    """(ne, 20, 20) tangent in the nodes' bases A (ne, 4, 3, 3) and T (ne, 4, 3, 2), without the
+    curvature of the directors' sphere.
 
     `convex` keeps of the geometric stiffness what tension makes, so that the tangent is positive
     semidefinite: not consistent, but a descent direction from any state."""
-    nodes, y = y, tables.middle(y)
-    answer = section.response(tables.combined(_sampled(y)))
-    energy = float(np.vdot(answer.energy, tables.weight))
-    force = answer.force * tables.weight[:, :, None]
-    gradient = tables.forces(nodes, force)
-    if bases is None:
-        return ElementResponse(energy, gradient, None)
-    stress = tables.collected(tensile(force) if convex else force)
-    stiffness = answer.stiffness * tables.weight[:, :, None, None]
+    stress = tables.collected(tensile(response.force) if convex else response.force)
+    stiffness = response.stiffness * tables.weight[:, :, None, None]
     bases = bases[0], bases[1] * tables.mitre[:, :, None, None]
     blocks = _compiled_blocks if kernels.COMPILED else _plain_blocks
-    return ElementResponse(energy, gradient, blocks(tables, y, stress, stiffness, bases))
+    return blocks(tables, response.middle, stress, stiffness, bases)
 
 
 def tensile(resultant: Array) -> Array:

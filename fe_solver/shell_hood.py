@@ -19,6 +19,7 @@ from cosim.port import (
 )
 
 from .augment import AugmentOptions, settled, solve_augmented
+from .coupling import wrenches
 from .model import Configuration, ShellModel
 from .newton import NewtonOptions, Solution, solve
 from .relaxation import relax
@@ -270,7 +271,7 @@ class ShellHood:
     def _by_source(self, s: Solution) -> Array:
         """(nb, ns, 6) wrenches on the bodies."""
         out = np.zeros((len(self.bodies), len(self.sources), 6))
-        parts = self.model.wrenches(s.configuration, s.evaluation, s.tension)
+        parts = wrenches(self.model, s.configuration, s.evaluation, s.tension)
         names = {"contact": "contact", "tie": TIE, "guide": "guide"}
         names |= {f"spring {i}": group for i, group in enumerate(self.groups)}
         for part, wrench in parts.items():

@@ -289,14 +289,14 @@ def _attachments(
     middle = grid.inner[last, n // 8 : n - n // 8 + 1]
     distal = chain.rotation[2][:, 0]
     slip = points[middle] + SLIP_REACH * 1e-3 * scale * distal
-    out = {"central_slip": _on_bone("middle", middle, slip, level)}
+    out = {"central_slip": on_bone("middle", middle, slip, level)}
     sagittal = np.flatnonzero((s >= SAGITTAL_ROWS[0] - 1e-6) & (s <= SAGITTAL_ROWS[1] + 1e-6))
     retinacular = np.flatnonzero((s >= RETINACULAR_ROWS[0]) & (s <= RETINACULAR_ROWS[1]))
     join = int(np.flatnonzero(s >= JOIN - 1e-6)[0])
     for side, sign, edge in (("radial", 1, -1), ("ulnar", -1, 0)):
         band = grid.band[side]
         ligament = np.unique(band[join : join + 2])
-        out[f"ligament_{side}"] = _on_bone("proximal", ligament, points[ligament], level)
+        out[f"ligament_{side}"] = on_bone("proximal", ligament, points[ligament], level)
         for name, nodes, (dorsal, radial) in (
             ("sagittal", grid.inner[sagittal, edge], PALMAR_PLATE),
             ("retinacular", band[retinacular, -1], RETINACULAR_ANCHOR),
@@ -311,7 +311,7 @@ def _attachments(
     return out
 
 
-def _on_bone(body: str, nodes: Ints, near: Array, level: Level) -> Attachment:
+def on_bone(body: str, nodes: Ints, near: Array, level: Level) -> Attachment:
     """Anchors on the bare bone under the points `near` (world)."""
     i = BODIES.index(body)
     local = (near - level.position[i]) @ level.rotation[i]

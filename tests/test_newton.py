@@ -2,92 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import shells
-from shells import NO_TENSION, at_rest, clamped, guided, plate, sheet
+from shells import NO_TENSION, at_rest, plate, sheet
+from straps import TENSION, TIGHT, joined, perturbed, springs, strap
 
-from cosim.port import ConvergenceError, rotation_matrix
+from cosim.port import ConvergenceError
 from fe_solver import newton
-from fe_solver.guides import Guides
 from fe_solver.model import Configuration, ShellModel
-from fe_solver.newton import NewtonOptions, Solution, residual_norm, solve
+from fe_solver.newton import Solution, residual_norm, solve
 from fe_solver.newton_step import factorised
 from fe_solver.shell import Array
-from fe_solver.springs import NodeSprings, Springs
 from fe_solver.surfaces import Sphere
-
-TIGHT = NewtonOptions(tolerance=1e-12)
-TENSION = np.array([3.0, 1.5])
-LENGTH, WIDTH = 30e-3, 8e-3
-
-
-def springs(
-    nodes: np.ndarray,
-    body: int,
-    anchors: Array,
-    stiffness: float,
-    length: Array | float,
-    only: bool,
-) -> Springs:
-    k = len(nodes)
-    return Springs(
-        nodes,
-        np.full(k, body),
-        anchors,
-        np.full(k, stiffness),
-        length * np.ones(k),
-        np.full(k, only),
-        np.zeros(k, dtype=np.intp),
-    )
-
-
-def joined(*parts: Springs) -> Springs:
-    names = [f.name for f in fields(Springs) if f.name != "curves"]
-    columns = [np.concatenate([getattr(s, name) for s in parts]) for name in names]
-    columns[-1] = np.repeat(np.arange(len(parts)), [len(s.node) for s in parts])
-    return Springs(*columns)
-
-
-def strap() -> ShellModel:
-    """A strap over a sphere with everything that a hood has: tied to body 1 at one end, pulled by
-    two tendons in guides of body 0 at the other, in contact with a sphere of body 2, and with
-    two-sided and taut and slack one-sided springs to bodies 1 and 2."""
-
-    def bowed(uv: Array) -> Array:
-        x, y = LENGTH * (uv[:, 0] - 0.5), WIDTH * (uv[:, 1] - 0.5)
-        return np.column_stack([x, y, 2e-3 - 12.0 * x**2 + 0.05 * y])
-
-    X, quads = shells.mapped(8, 4, bowed)
-    model = sheet(X, quads, 5e7, 0.3, 0.5e-3, growth=0.02, bodies=("hand", "bone", "ball"))
-    model = clamped(model, np.flatnonzero(X[:, 0] > LENGTH / 2 - 1e-6), body=1)
-    end = np.flatnonzero(X[:, 0] < -LENGTH / 2 + 1e-6)
-    model = guided(model, [end[:3], end[3:]], [(-1.0, 0, -0.4), (-1.0, 0.1, -0.4)])
-    middle = np.flatnonzero((np.abs(X[:, 0]) < 12e-3) & (X[:, 0] > -12e-3))
-    ball = Sphere(np.array([0.5e-3, 0.3e-3, -9.8e-3]), 11e-3)
-    touching = replace(shells.contact(model, ball, middle, 2e10, 1e-4), body=2)
-    a, b, c = middle[[0, 4]], middle[[10, 14]], middle[[20, 24]]
-    low = np.array([0.0, 0, -5e-3])
-    other = X[[b, c]]
-    across = NodeSprings(
-        np.column_stack([b, c]),
-        np.array([300.0, 200.0]),
-        np.linalg.norm(other[0] - other[1], axis=1) * [0.9, 1.0],
-        np.array([False, True]),
-        np.zeros(2, dtype=np.intp),
-    )
-    return replace(
-        model,
-        contacts=(touching,),
-        links=across,
-        springs=joined(
-            springs(a, 1, X[a] + low, 200.0, 5.5e-3, only=False),
-            springs(b, 2, X[b] + low, 300.0, 3e-3, only=True),
-            springs(c, 2, X[c] + low, 300.0, 9e-3, only=True),
-        ),
-    )
 
 
 @pytest.fixture(scope="module")
@@ -107,22 +36,6 @@ def test_every_part_of_the_strap_is_at_work(model, solved):
     compressed = points.gradient[points.group == 0] @ [0, 0, 1]
     assert (compressed < 0).any()
     assert np.abs(model.slide(solved.configuration)).max() > 1e-5
-
-
-def test_the_strap_is_in_balance(model, solved):
-    c = solved.configuration
-    wrenches = sum(model.wrenches(c, solved.evaluation, TENSION).values())
-    pulls = model.pulls(c, TENSION)
-    total = np.concatenate([pulls.sum(0), np.cross(c.x[model.guides.node], pulls).sum(0)])
-    assert np.abs(wrenches).max() > 1
-    assert wrenches.sum(axis=0) == pytest.approx(total, abs=1e-10)
-
-
-def perturbed(model: ShellModel, c: Configuration, size: float, seed: int = 0) -> Configuration:
-    step = np.zeros(model.pattern.size)
-    step[model.free] = size * np.random.default_rng(seed).normal(size=len(model.free))
-    step.reshape(-1, 5)[:, 3:] *= 1e3  # directors turn a radian where nodes move a millimetre
-    return model.stepped(c, model.bases(c), step)
 
 
 def test_convergence_is_quadratic(model, solved):
@@ -227,109 +140,6 @@ def test_a_sheet_hangs_on_its_taut_springs():
     assert force[:4, 2] == pytest.approx(np.full(4, dead[:, 2].sum() / 4))
     assert (force[4:] == 0).all()
     assert (solution.evaluation.points.depth[4:] < 0).all()
-
-
-def moved(model: ShellModel, c: Configuration, twist: Array) -> Configuration:
-    """Bodies displaced by `twist` (nb, 6); free degrees of freedom stay."""
-    turn = rotation_matrix(twist[:, 3:])
-    return model.posed(c, c.position + twist[:, :3], turn @ c.rotation)
-
-
-def mirrored() -> ShellModel:
-    """The strap, one of its long edges in a mirror plane of the ball's body."""
-    model = strap()
-    g, X = model.guides, model.reference
-    edge = np.flatnonzero(X[:, 1] == X[:, 1].min())
-    edge = np.setdiff1d(edge, np.concatenate([g.node, model.ties.node]))
-    count = len(edge)
-    D = model.directors.copy()
-    D[edge, 1] = 0.0
-    D[edge] /= np.linalg.norm(D[edge], axis=1, keepdims=True)
-    plane = Guides.fixed(
-        edge, np.full(count, 2), X[edge], np.tile([False, True, False], (count, 1))
-    )
-    plane = replace(
-        plane,
-        level=np.tile([0.0, 1.0, 0.0], (count, 1)),
-        still=np.tile([True, False], (count, 1)),
-    )
-    both = [np.concatenate([getattr(g, f.name), getattr(plane, f.name)]) for f in fields(Guides)]
-    share = np.hstack([model.share, np.zeros((len(model.share), count))])
-    return replace(model, guides=Guides(*both), share=share, directors=D)
-
-
-def test_a_mirror_plane_holds_position_and_director(solved):
-    model = mirrored()
-    solution = solve(model, at_rest(model), TENSION, TIGHT)
-    c, edge = solution.configuration, model.guides.node[model.guides.steady]
-    assert len(edge) > 3
-    assert np.abs(c.x[edge, 1] - model.reference[edge, 1]).max() < 1e-15
-    assert np.abs((c.d - model.directors)[edge, 1]).max() < 1e-9
-    assert np.abs((c.d - model.directors)[edge]).max() > 1e-3
-    wrench = sum(model.wrenches(c, solution.evaluation, TENSION).values())
-    pulls = model.pulls(c, TENSION)
-    assert wrench[:, :3].sum(axis=0) == pytest.approx(pulls.sum(axis=0), abs=1e-9)
-    turning = wrench[:, 3:] + np.cross(c.position, wrench[:, :3])
-    about = np.cross(c.x[model.guides.node], pulls).sum(axis=0)
-    assert turning.sum(axis=0) == pytest.approx(about, abs=1e-11)
-
-
-@pytest.mark.parametrize("made", [strap, mirrored])
-@pytest.mark.parametrize("seed", range(3))
-def test_coupling_to_the_bodies(made, seed):
-    """Residual and wrenches by the bodies' twists and by the tensions, at turned bodies and away
-    from equilibrium."""
-    model = made()
-    solved = solve(model, at_rest(model), TENSION, TIGHT)
-    rng = np.random.default_rng(seed)
-    scale = np.array([1e-3, 1e-3, 1e-3, 0.1, 0.1, 0.1])
-    c = moved(model, solved.configuration, 0.5 * rng.normal(size=(3, 6)) * scale)
-    c = perturbed(model, c, 1e-6, seed)
-    e = model.evaluate(c, TENSION, tangent=True)
-    by_twist, wrench_twist, by_tension, wrench_tension = model.coupling(c, e, TENSION)
-
-    def answer(twist: Array, tension: Array) -> tuple[Array, Array]:
-        there = moved(model, c, twist)
-        e = model.evaluate(there, tension, tangent=False)
-        return e.reduced[model.free], sum(model.wrenches(there, e, tension).values()).ravel()
-
-    def slope(twist: Array, tension: Array, h: float) -> list[Array]:
-        a, b = answer(h * twist, TENSION + h * tension), answer(-h * twist, TENSION - h * tension)
-        return [(p - q) / (2 * h) for p, q in zip(a, b, strict=True)]
-
-    for body in range(3):
-        twist = np.zeros((3, 6))
-        twist[body] = rng.normal(size=6) * scale
-        residual, wrench = slope(twist, np.zeros(2), 1e-4)
-        for value, expected in (
-            (by_twist[model.free] @ twist.ravel(), residual),
-            (wrench_twist @ twist.ravel(), wrench),
-        ):
-            assert value == pytest.approx(expected, abs=1e-6 * np.abs(expected).max())
-    for t in range(2):
-        residual, wrench = slope(np.zeros((3, 6)), np.eye(2)[t], 1e-3)
-        assert by_tension[model.free, t] == pytest.approx(residual, abs=1e-9)
-        assert wrench_tension[:, t] == pytest.approx(wrench, abs=1e-9)
-
-
-def test_wrenches_are_conjugate_to_the_bodies_motion(model, solved):
-    """At equilibrium the potential falls by the work of the wrenches on the bodies; body 0 carries
-    the tendons' guides, whose pulls move with it."""
-    c, e = solved.configuration, solved.evaluation
-    wrench = sum(model.wrenches(c, e, TENSION).values())
-    rng = np.random.default_rng(8)
-    for _ in range(3):
-        twist = rng.normal(size=(3, 6)) * [1e-3, 1e-3, 1e-3, 0.1, 0.1, 0.1]
-        twist[0] = 0
-
-        def potential(h: float, twist: Array = twist) -> float:
-            there = moved(model, c, h * twist)
-            return model.potential(there, model.evaluate(there, TENSION, False).energy, TENSION)
-
-        h = 1e-4
-        assert (potential(h) - potential(-h)) / (2 * h) == pytest.approx(
-            -np.vdot(wrench, twist), rel=1e-6
-        )
 
 
 def followed(model: ShellModel, solved: Solution, kept: bool) -> Solution:

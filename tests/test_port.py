@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cosim.port import InputError, Load, Motion, rotation_matrix, skew
+from cosim.port import InputError, Load, Motion, rotation_matrix, rotation_vector, skew
 
 BODIES = ("a", "b", "c")
 vectors = st.lists(st.floats(-1.7, 1.7), min_size=3, max_size=3).map(np.array)
@@ -36,6 +36,13 @@ def test_rotation_turns_right_handed() -> None:
 @given(vectors, vectors)
 def test_skew_is_the_cross_product(a: np.ndarray, b: np.ndarray) -> None:
     assert skew(a) @ b == pytest.approx(np.cross(a, b), abs=1e-15)
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-12, 1e-6, 1.0, 1.6, 3.1, np.pi - 1e-7])
+def test_a_rotation_vector_is_found_again_from_its_matrix(size: float) -> None:
+    vectors = size * np.array([[0.6, 0.0, -0.8], [1.0, 0.0, 0.0]])
+    found = rotation_vector(rotation_matrix(vectors))
+    assert found == pytest.approx(vectors, rel=1e-9, abs=1e-15)
 
 
 @settings(max_examples=30)

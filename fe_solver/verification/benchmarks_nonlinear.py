@@ -16,6 +16,7 @@ from numpy.linalg import norm
 from cosim.port import ConvergenceError, rotation_matrix
 from cosim.verification import Row
 
+from ..coupling import coupling, wrenches
 from ..model import Configuration, ShellModel
 from ..newton import residual_norm
 from ..newton_step import factorised
@@ -104,10 +105,10 @@ def balanced(model: ShellModel, c: Configuration, wrench: Array) -> Configuratio
     for _ in range(60):
         e = model.evaluate(c, slack, tangent=True)
         assert e.data is not None
-        out = model.wrenches(c, e, slack)["tie"][-1] + wrench
+        out = wrenches(model, c, e, slack)["tie"][-1] + wrench
         if max(residual_norm(model, e)[0], float(np.abs(out).max())) <= 1e-8 * norm(wrench):
             return c
-        by_twist, own, _, _ = model.coupling(c, e, slack)
+        by_twist, own, _, _ = coupling(model, c, e, slack)
         by_twist, own = by_twist[free, -6:], own[-6:, -6:]
         solved = factorised(model, e.data).solve(np.column_stack([e.reduced[free], by_twist]))
         twist = np.linalg.solve(own + by_twist.T @ solved[:, 1:], -out - by_twist.T @ solved[:, 0])

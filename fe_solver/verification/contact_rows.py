@@ -11,6 +11,7 @@ from cosim.verification import Row
 
 from ..augment import settled, solve_augmented
 from ..contact import contact_state
+from ..coupling import wrenches
 from ..model import ShellModel
 from ..newton import NewtonOptions, Solution
 from ..shapes import Cylinder
@@ -61,7 +62,7 @@ def wrapped(friction: float, pulls: tuple[float, ...], elements: int = 64) -> So
 
 def far_tension(solution: Solution) -> float:
     """Force of the strip on the body that holds its end, N."""
-    wrench = solution.model.wrenches(solution.configuration, solution.evaluation, solution.tension)
+    wrench = wrenches(solution.model, solution.configuration, solution.evaluation, solution.tension)
     return float(np.linalg.norm(wrench["tie"][1, :3]))
 
 
@@ -70,7 +71,7 @@ def rows() -> Iterator[Row]:
     smooth = wrapped(0.0, (0.0,))
     c, contact = smooth.configuration, smooth.model.contacts[0]
     state = contact_state(contact, c.x, c.position, c.rotation)
-    force = smooth.model.wrenches(c, smooth.evaluation, smooth.tension)["contact"][0, :3]
+    force = wrenches(smooth.model, c, smooth.evaluation, smooth.tension)["contact"][0, :3]
     middle = np.abs(np.arctan2(c.x[contact.nodes, 0], c.x[contact.nodes, 2])) < ANGLE / 3
     pressure = (state.pressure @ (contact.area * middle)) / contact.area[middle].sum()
     name = "strip over a cylinder"

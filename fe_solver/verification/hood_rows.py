@@ -13,6 +13,7 @@ from cosim.verification import Row
 
 from ..augment import AugmentOptions, solve_augmented
 from ..contact import contact_state, partition
+from ..coupling import wrenches
 from ..model import Configuration, ShellModel
 from ..newton import NewtonOptions, Solution, solve
 from ..shapes import Capsule, HalfSpace
@@ -103,9 +104,9 @@ def walled(model: ShellModel, c: Configuration) -> ShellModel:
     )
 
 
-def wrenches(solution: Solution) -> Array:
+def total_wrench(solution: Solution) -> Array:
     """(12,) force and moment of the whole hood on the bodies."""
-    parts = solution.model.wrenches(solution.configuration, solution.evaluation, solution.tension)
+    parts = wrenches(solution.model, solution.configuration, solution.evaluation, solution.tension)
     return np.sum(list(parts.values()), axis=0).ravel()
 
 
@@ -146,7 +147,7 @@ def by_motion(solution: Solution, solver: Solver) -> tuple[Array, Array]:
     wrench, excursion = np.empty((12, 12)), np.empty(12)
     for i, way in enumerate(np.eye(12)):
         ahead, behind = (displaced(solution, solver, s * STEP * SCALES * way) for s in (1, -1))
-        wrench[:, i] = (wrenches(ahead) - wrenches(behind)) * SCALES / (2 * STEP)
+        wrench[:, i] = (total_wrench(ahead) - total_wrench(behind)) * SCALES / (2 * STEP)
         slid = (s.model.excursion(s.configuration)[0] for s in (ahead, behind))
         excursion[i] = float(np.subtract(*slid)) / (2 * STEP)
     return wrench, excursion
@@ -155,7 +156,7 @@ def by_motion(solution: Solution, solver: Solver) -> tuple[Array, Array]:
 def by_tension(solution: Solution, solver: Solver, step: float = 1e-4) -> Array:
     """(12,) of the wrenches by the tension, scaled: central differences of solutions."""
     c, model = solution.configuration, solution.model
-    ahead, behind = (wrenches(solver(model, c, TENSION + s * step)) for s in (1, -1))
+    ahead, behind = (total_wrench(solver(model, c, TENSION + s * step)) for s in (1, -1))
     return np.asarray((ahead - behind) / (2 * step) * SCALES)
 
 
@@ -172,7 +173,7 @@ def own_pull(solution: Solution) -> Array:
 
 def moment_rows(solutions: dict[str, Solution]) -> Iterator[Row]:
     """The joint's moment from penalties a decade apart; the target is that of the first."""
-    moments = {name: float(wrenches(s)[10]) for name, s in solutions.items()}
+    moments = {name: float(total_wrench(s)[10]) for name, s in solutions.items()}
     first = next(iter(moments))
     for name in list(moments)[1:]:
         what = f"joint moment by {name} N/m3 (N m)"
