@@ -21,8 +21,9 @@ from cosim.observe import result
 from cosim.port import ConvergenceError, InputError
 from cosim.results import plain, write_result
 from cosim.run import solve
-from cosim.validation_plan import Group, Trial, groups, rows_of
+from cosim.validation_plan import groups, rows_of
 from cosim.validation_published import published_summary
+from cosim.validation_trial import Group, Trial
 from cosim.verification_thesis import force_and_bound
 
 FORMAT = "cosim scoreboard 1"

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from cosim.validation_plan import MODULI, Trial
+from cosim.validation_plan import MODULI
+from cosim.validation_trial import Trial
 
 PULL = 11.8
 """N."""

@@ -11,12 +11,11 @@ from cosim.build_one_way import finger_pass, hood_pass
 from cosim.case import load_case
 from cosim.port import Array, Finger, State
 from cosim.run import States, solve
+from cosim.validation_force import EXCESS, THESIS
 from cosim.verification import Row, Study
 
 MESH: tuple[str, ...] = ()
 """As the cases ship."""
-EXCESS = {"EDC": 4.69, "EI": 4.66, "LUM": 1.76, "FPI": 0.19}
-"""N over the experiment's mean (thesis, section 3.4)."""
 BEYOND = ("EDC", "EI", "LUM")
 """Whose excess alone is more than a finger's tip force can be; FPI's lay within the experiment's
 spread."""
@@ -24,7 +23,6 @@ ONCE = 'coupling.one_way.joint_contact="none"'
 SETTINGS = ((), (ONCE,), (ONCE, 'coupling.one_way.lumping="bodies"'))
 TIE = 1e-6
 """N: where one joint resists alone the bound is met."""
-THESIS = "Jadelis, thesis, section 3.4: excess over Qiu's experiment, whose spread was not seen"
 BOUND = "J^T F = tau + p, springs and limits oppose the motion left: |F| <= max |F_j|"
 RESISTING = ("passive", "limit", "fingertip")
 DIFFERENCE = 1e-6

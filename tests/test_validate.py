@@ -14,19 +14,9 @@ from cosim.cli import app
 from cosim.compare import Comparison
 from cosim.port import InputError
 from cosim.validate import Board, chosen, scoreboard
-from cosim.validation_plan import (
-    ANGLE,
-    LOST,
-    NEAR,
-    Trial,
-    angle_between,
-    groups,
-    near_models,
-    posed,
-    rows_of,
-    trends,
-    two_models,
-)
+from cosim.validation_force import ANGLE, NEAR, angle_between, near_models, two_models
+from cosim.validation_plan import LOST, groups, posed, rows_of, trends
+from cosim.validation_trial import Trial
 
 GROUPS = groups(Path("mi29.feb"))
 
