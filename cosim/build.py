@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cosim.build_cable import CableLook, cable_hood_of, laid_net
+from cosim.build_cable import look as look_of_cables
 from cosim.build_finger import (
     check_fit,
     check_tendons,
@@ -27,6 +29,7 @@ from cosim.build_shell import (
     look,
     shell_hood_of,
 )
+from cosim.case_cable import CableHood
 from cosim.case_finger import Bone, IndexFinger, MiddleFinger
 from cosim.case_lumped import NetworkHood, TwoBandHood
 from cosim.case_schema import Case, FmuHood, MeshFile, PathPoint, PulleyHood, ShellHood
@@ -59,8 +62,8 @@ class Models:
     resting: float
     bones: Mapping[str, Triangles]
     muscles: CaseMuscles
-    look: Callable[[State], HoodLook] | None
-    """What a state of a shell hood looks like; None for the analytic hoods."""
+    look: Callable[[State], HoodLook | CableLook] | None
+    """What a state of a hood of shells or cables looks like; None for the analytic hoods."""
     linear: Callable[[State], tuple[float, float]] | None
     """Seconds of one assembly and of one factorisation at a state of a shell hood."""
     cables: Mapping[str, Sequence[tuple[str, Array]]]
@@ -93,6 +96,21 @@ def build(case: Case) -> Models:
     posture, finger = stated.posture.angles(), live_finger(stated, case.hood)
     muscles = live_muscles(case)
     bones = drawn_bones(case)
+    if isinstance(case.finger, IndexFinger) and isinstance(case.hood, CableHood):
+        skeleton = skeleton_of(case.finger)
+        net = laid_net(case.hood, case.finger, skeleton, bones)
+        cables = cable_hood_of(case.hood, skeleton, bones, net, case.solve.hood_tolerance)
+        return Models(
+            finger,
+            cables,
+            posture,
+            resting,
+            bones,
+            muscles,
+            lambda state: look_of_cables(cables, net, state),
+            lambda state: linear(cables, state),
+            {},
+        )
     if not (isinstance(case.finger, UnderHood) and isinstance(case.hood, ShellHood)):
         hood = hood_on(case, finger.motion(finger.start({})))
         return Models(finger, hood, posture, resting, bones, muscles, None, None, cables_of(case))
@@ -121,6 +139,11 @@ def tensions(case: Case, models: Models) -> tuple[Array, Array]:
 
 def hood_mesh(case: Case) -> HoodMesh:
     """The mesh of a case's shell hood, read or generated."""
+    if isinstance(case.hood, CableHood):
+        raise InputError(
+            f"{case.name}: its hood is a net of cables, which has no mesh of quads; a run writes "
+            "its line cells into hood.vtu"
+        )
     if not (isinstance(case.finger, UnderHood) and isinstance(case.hood, ShellHood)):
         raise InputError(f"{case.name}: has no shell hood, so it has no mesh")
     return laid_mesh(case.hood, case.finger, skeleton_of(case.finger), drawn_bones(case))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cosim.build_course import factor_of
+from cosim.case_cable import CableHood
 from cosim.case_finger import FmuFinger, HingeFinger, IndexFinger, MiddleFinger, PlanarFinger
 from cosim.case_lumped import NetworkHood, TwoBandHood
 from cosim.case_schema import Case, FmuHood, PulleyHood, ShellHood, SplitHood
@@ -30,7 +31,7 @@ OnMujoco = IndexFinger | MiddleFinger | PlanarFinger
 
 
 HOODS = {
-    "index": ("shell", "pulley", "split", "network", "two_band", "fmu"),
+    "index": ("shell", "cable", "pulley", "split", "network", "two_band", "fmu"),
     "middle": ("shell", "pulley", "split", "fmu"),
     "planar": ("pulley", "network", "two_band", "fmu"),
     "hinge": ("pulley", "network", "two_band", "fmu"),
@@ -84,7 +85,7 @@ def check_fit(case: Case) -> None:
     _check_unit(case)
     _check_scheme(case)
     refuse(case, stated_pairs(case, _own_tendons(case)))
-    if not isinstance(case.hood, ShellHood):  # whose tendons its mesh has
+    if not isinstance(case.hood, ShellHood | CableHood):  # whose tendons its mesh has
         check_tendons(case, _hood_tendons(case) + _own_tendons(case))
 
 

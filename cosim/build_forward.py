@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from cosim.build import build, cables_of, hood_on
+from cosim.build_cable import CableLook
 from cosim.build_course import factor_of
 from cosim.build_finger import check_tendons, live_finger, our_finger
 from cosim.build_muscles import fibres
@@ -69,7 +70,7 @@ class Together:
     """rad, to begin in; none of a unit, which has its own."""
     bones: Mapping[str, Triangles]
     cables: Mapping[str, Sequence[tuple[str, Array]]]
-    look: Callable[[State], HoodLook] | None
+    look: Callable[[State], HoodLook | CableLook] | None
 
     @property
     def finger(self) -> WatchedFinger:

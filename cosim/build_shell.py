@@ -98,7 +98,7 @@ class HoodLook:
     """(rows, columns) nodes of a grid over the central region, along and across the finger."""
 
 
-def _surfaces(bones: Mapping[str, Triangles]) -> dict[str, Surface]:
+def baked_surfaces(bones: Mapping[str, Triangles]) -> dict[str, Surface]:
     return {body: _baked(body, *map(_frozen, triangles)) for body, triangles in bones.items()}
 
 
@@ -146,7 +146,7 @@ def laid_mesh(
     offset = hood.contact.offset
     return generate(
         skeleton,
-        _surfaces(bones),
+        baked_surfaces(bones),
         {body: getattr(offset, body) for body in bones},
         hood.thickness,
         hood.mesh.rest_posture.angles(),
@@ -219,7 +219,7 @@ def shell_hood_of(
         ContactLaw(
             hood.contact.stiffness,
             hood.contact.smoothing,
-            _surfaces(bones),
+            baked_surfaces(bones),
             offset,
             hood.contact.penetration,
             hood.contact.friction,

@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from cosim import units
+from cosim.case_cable import CableHood
 from cosim.case_fields import fault, name_of, quantity
 from cosim.case_finger import (
     FmuFinger,
@@ -20,16 +21,15 @@ from cosim.case_finger import (
     Tendon,
 )
 from cosim.case_lumped import NetworkHood, TwoBandHood
+from cosim.case_supports import Contact, Spring
 from cosim.case_types import (
     BodyName,
     Coordinate,
     Count,
     ExtraLength,
     File,
-    Gap,
     Modulus,
     Number,
-    Offset,
     Section,
     Switch,
     Table,
@@ -135,41 +135,11 @@ Material = Annotated[
 ]
 
 
-class ContactOffset(Table):
-    """Height of the hood's face above the bare bone, m: what cartilage and capsule take."""
-
-    metacarpal: Offset
-    proximal: Offset
-    middle: Offset
-    distal: Offset
-
-
-class Contact(Table):
-    """Contact of hood and bones: a penalty; with `penetration` augmented until no node penetrates
-    further, with `friction` (Coulomb's coefficient) augmented too."""
-
-    stiffness: Annotated[
-        float, quantity(units.CONTACT_STIFFNESS, above="0 N/mm**3", most="1e6 N/mm**3")
-    ]
-    smoothing: Gap
-    offset: ContactOffset
-    penetration: Gap | None = None
-    friction: Annotated[Number, Field(ge=0, le=2)] = 0.0
-
-
 class ExtraLengths(Table):
     """How much longer than laid out a slip is, m."""
 
     central_slip: ExtraLength = 0.0
     terminal_slip: ExtraLength = 0.0
-
-
-class Spring(Table):
-    """Stiffness of the whole set, N/m, and the stretch before it acts, m."""
-
-    stiffness: Annotated[float, quantity(units.STIFFNESS, above="0 N/mm", most="1e7 N/mm")]
-    slack: Annotated[float, quantity(units.LENGTH, least="0 mm", most="20 mm")]
-    tension_only: Switch = True
 
 
 class ShellHood(Table):
@@ -326,7 +296,7 @@ class CaseFile(Table):
     ]
     tendons: dict[TendonName, Tendon] = Field(default_factory=dict)
     hood: Annotated[
-        ShellHood | PulleyHood | SplitHood | NetworkHood | TwoBandHood | FmuHood,
+        ShellHood | PulleyHood | SplitHood | NetworkHood | TwoBandHood | CableHood | FmuHood,
         Field(discriminator="kind"),
     ]
     solve: Solve = Solve()

@@ -14,10 +14,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from cosim import __version__
+from cosim.estimate_commands import estimate
 from cosim.finger_commands import bench_fingers, mjcf, moment_arms
 from cosim.fmu_commands import fmu
 from cosim.job_commands import bench_fe, bench_febio, export, solve
 from cosim.opensim_commands import import_model, sto
+from cosim.paper_commands import reproduce
 from cosim.port import CosimError, InputError
 from cosim.report_commands import report
 from cosim.shell_commands import info, verify
@@ -48,6 +50,8 @@ app.command()(report)
 app.command()(validate)
 app.command()(sensitivity)
 app.command()(identify)
+app.command()(reproduce)
+app.command()(estimate)
 UNFINISHED = ".unfinished"
 Voice = Literal["plain", "quiet", "json"]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Say nothing but what is wrong.")]

@@ -9,6 +9,7 @@ import numpy as np
 
 from cosim import __version__
 from cosim.build import Models
+from cosim.build_cable import CableLook, strand_forces
 from cosim.build_finger import joint_ranges
 from cosim.build_shell import HoodLook
 from cosim.case_schema import Case
@@ -39,6 +40,7 @@ MOST_PENETRATION = 0.02
 """mm."""
 BEYOND = float(np.radians(10.0))
 """A joint further beyond its range of motion than this stands where no finger can."""
+Look = HoodLook | CableLook
 COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 
 
@@ -55,13 +57,13 @@ def result(case: Case, models: Models, states: States, wall: float) -> Result:
 
 
 def summary(
-    case: Case, models: Models, states: States, looks: Mapping[str, HoodLook], wall: float
+    case: Case, models: Models, states: States, looks: Mapping[str, Look], wall: float
 ) -> dict[str, Any]:
     """The numbers one asks for first; every key ends in its unit."""
     loaded, unloaded = states.loaded, states.unloaded
     head = {"case": case.name, "version": __version__, "converged": True, "wall_s": round(wall, 4)}
     if looks:
-        head["hood_quads"] = len(looks["loaded"].quads)
+        head |= _size(looks["loaded"])
     before = _state(models, unloaded, looks.get("unloaded"))
     now = _state(models, loaded, looks.get("loaded"))
     passed = states.passed
@@ -95,6 +97,12 @@ def summary(
     return {**head, **now, **rest}
 
 
+def _size(look: Look) -> dict[str, int]:
+    if isinstance(look, CableLook):
+        return {"hood_cells": len(look.cells)}
+    return {"hood_quads": len(look.quads)}
+
+
 def _beyond_ranges(models: Models, e: Equilibrium) -> bool:
     """Whether a joint stands further beyond its range of motion than a limit lets it."""
     ranges, finger = joint_ranges(models.finger), models.finger
@@ -119,7 +127,7 @@ def _muscles(case: Case, models: Models, states: States) -> dict[str, Any]:
     return {"muscle": out} if out else {}
 
 
-def _state(models: Models, e: Equilibrium, look: HoodLook | None) -> dict[str, Any]:
+def _state(models: Models, e: Equilibrium, look: Look | None) -> dict[str, Any]:
     """One equilibrium in numbers."""
     hood, finger = models.hood, models.finger
     force = IN_METACARPAL @ e.balance.tip_force
@@ -144,7 +152,10 @@ def _state(models: Models, e: Equilibrium, look: HoodLook | None) -> dict[str, A
         if look.slip_force["central"] > LEAST_SLIP:
             out["slip_ratio"] = look.slip_force["terminal"] / look.slip_force["central"]
         out["spring_force_N"] = dict(look.spring_force)
-        out |= strain_summary(look)
+        if isinstance(look, CableLook):
+            out["cable"] = strand_forces(look)
+        else:
+            out |= strain_summary(look)
         out["max_penetration_mm"] = 1e3 * look.penetration
     return out
 
@@ -173,7 +184,7 @@ def _difference(
     loaded: Equilibrium,
     before: Mapping[str, Any],
     now: Mapping[str, Any],
-    looks: Mapping[str, HoodLook],
+    looks: Mapping[str, Look],
 ) -> dict[str, Any]:
     """Loaded less unloaded: forces, strains, and per tendon that was pulled its effective moment
     arms, change of the hood's joint torques over change of tension."""
@@ -187,8 +198,9 @@ def _difference(
     if "slip_force_N" in now:
         slips = now["slip_force_N"]
         out["slip_force_N"] = {k: slips[k] - before["slip_force_N"][k] for k in slips}
-    if looks:
-        out |= strain_change(looks["unloaded"], looks["loaded"])
+    first, last = looks.get("unloaded"), looks.get("loaded")
+    if isinstance(first, HoodLook) and isinstance(last, HoodLook):
+        out |= strain_change(first, last)
     pull = loaded.hood_tension - unloaded.hood_tension
     torque = 1e3 * (loaded.balance.torque["hood"] - unloaded.balance.torque["hood"])
     pulled = np.flatnonzero(pull)
@@ -215,7 +227,7 @@ def ledger(models: Models, name: str, e: Equilibrium) -> list[LedgerRow]:
 
 
 def dataset(
-    models: Models, states: Mapping[str, Equilibrium], looks: Mapping[str, HoodLook]
+    models: Models, states: Mapping[str, Equilibrium], looks: Mapping[str, Look]
 ) -> xarray.Dataset:
     """All arrays against the load axis `state`, SI units."""
     import xarray
@@ -272,16 +284,33 @@ def dataset(
         see = list(looks.values())
         data |= {
             "node": stack(("point", "axis"), "m", [v.points for v in see], "hood node"),
-            "strain": stack(
-                ("quad", "strain_component"), "1", [v.strain for v in see], "Green-Lagrange strain"
-            ),
-            "stress": stack(
-                ("quad", "strain_component"), "Pa", [v.stress for v in see], "2nd Piola-Kirchhoff"
-            ),
-            "pressure": stack(("point",), "Pa", [v.pressure for v in see], "contact pressure"),
             "spring_force": stack(
                 ("spring",), "N", [v.spring_tension for v in see], "tension of the spring"
             ),
+        }
+    if cables := [v for v in looks.values() if isinstance(v, CableLook)]:
+        data |= {
+            "cable_strain": stack(("cell",), "1", [v.strain for v in cables], "strain"),
+            "cable_tension": stack(("cell",), "N", [v.tension for v in cables], "tension"),
+            "contact_force": stack(
+                ("point",), "N", [v.contact_force for v in cables], "force of the bones"
+            ),
+        }
+    if shells := [v for v in looks.values() if isinstance(v, HoodLook)]:
+        data |= {
+            "strain": stack(
+                ("quad", "strain_component"),
+                "1",
+                [v.strain for v in shells],
+                "Green-Lagrange strain",
+            ),
+            "stress": stack(
+                ("quad", "strain_component"),
+                "Pa",
+                [v.stress for v in shells],
+                "2nd Piola-Kirchhoff",
+            ),
+            "pressure": stack(("point",), "Pa", [v.pressure for v in shells], "contact pressure"),
         }
     coords: dict[str, Any] = {
         "state": list(states),
@@ -295,14 +324,17 @@ def dataset(
         "torque_source": sources,
         "component": list(COMPONENTS),
     }
-    if looks:
+    if shells:
         coords["strain_component"] = ["along", "across", "shear"]
+    if cables:
+        coords["strand"] = ("cell", [cables[0].strands[i] for i in cables[0].strand])
+    if looks:
         coords["spring_set"] = ("spring", list(see[0].spring_set))
         coords["spring_node"] = ("spring", see[0].spring_node)
     return xarray.Dataset(data, coords)
 
 
-def scene(models: Models, e: Equilibrium, look: HoodLook | None) -> Scene:
+def scene(models: Models, e: Equilibrium, look: Look | None) -> Scene:
     """The loaded finger."""
     bones = []
     for body, (vertices, faces) in models.bones.items():
@@ -314,10 +346,22 @@ def scene(models: Models, e: Equilibrium, look: HoodLook | None) -> Scene:
     return Scene(drawn_hood(look), tuple(bones), tendons, tip)
 
 
-def drawn_hood(look: HoodLook | None) -> HoodField | None:
+def drawn_hood(look: Look | None) -> HoodField | None:
     """The hood as pictures and mesh files show it; None where there is no deformable one."""
     if look is None:
         return None
+    if isinstance(look, CableLook):
+        return HoodField(
+            look.points,
+            look.cells,
+            {"displacement": look.points - look.reference, "contact_force": look.contact_force},
+            {
+                STRAIN: np.maximum(look.strain, 0.0),  # a slack cable has none
+                "end_to_end_strain": look.strain,
+                "tension": look.tension,
+                "strand": look.strand,
+            },
+        )
     return HoodField(
         look.points,
         look.quads,

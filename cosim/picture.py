@@ -24,7 +24,7 @@ MOST_TRIANGLES = 6000
 BONE = np.array([0.93, 0.89, 0.80])
 TENDON = np.array([0.16, 0.36, 0.30])
 PLAIN_HOOD = np.array([0.55, 0.68, 0.80])
-TENDON_WIDTH = 0.9  # mm
+TENDON_WIDTH, CABLE_WIDTH = 0.9, 0.7  # mm
 ARROW_LENGTH = 15.0  # mm, of the fingertip force
 HOOD_LIFT = 1.0  # mm towards the viewer, so that bone triangles larger than quads do not cut in
 
@@ -120,13 +120,25 @@ def _bone(view: View, vertices: Array, faces: np.ndarray) -> Polygons:
 
 def _hood(view: View, scene: Scene, colours: ScalarMappable | None) -> Polygons:
     assert scene.hood is not None
-    corners = view.project(scene.hood.points)[scene.hood.quads]
+    corners = _corners(view.project(scene.hood.points)[scene.hood.quads])
     colour = np.broadcast_to(PLAIN_HOOD, (len(corners), 3))
     if colours is not None:
         colour = colours.to_rgba(100 * np.asarray(scene.hood.cell_data[STRAIN]))[:, :3]
     face = _shaded(colour, corners, 0.85)
     edge = np.hstack([0.72 * face[:, :3], np.full((len(face), 1), 0.8)])
     return Polygons(corners + np.array([0, 0, HOOD_LIFT]), face, edge)
+
+
+def _corners(cells: Array) -> Array:
+    """(n, 4, 3) of quads, and of line cells (n, 2, 3) those of bands that face the viewer."""
+    if cells.shape[1] == 4:
+        return cells
+    along = cells[:, 1, :2] - cells[:, 0, :2]
+    across = np.stack([-along[:, 1], along[:, 0], 0 * along[:, 0]], axis=1)
+    across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9)
+    first, last = cells[:, 0], cells[:, 1]
+    side = 0.5 * CABLE_WIDTH * across
+    return np.stack([first + side, last + side, last - side, first - side], axis=1)
 
 
 def _ribbon(view: View, points: Array) -> Polygons:

@@ -32,7 +32,7 @@ class HoodField:
     points: Array
     """(n, 3) deformed positions, m, world frame."""
     quads: np.ndarray
-    """(m, 4) node numbers."""
+    """(m, 4) node numbers; of a hood of cables (m, 2)."""
     point_data: Mapping[str, Array]
     """(n,) or (n, 3) each."""
     cell_data: Mapping[str, Array]
@@ -173,5 +173,6 @@ def _write_hood(path: Path, hood: HoodField) -> None:
 
     cell_data = {name: [np.asarray(values)] for name, values in hood.cell_data.items()}
     point_data = {name: np.asarray(values) for name, values in hood.point_data.items()}
-    mesh = meshio.Mesh(hood.points, [("quad", hood.quads)], point_data, cell_data)
+    kind = {4: "quad", 2: "line"}[hood.quads.shape[1]]
+    mesh = meshio.Mesh(hood.points, [(kind, hood.quads)], point_data, cell_data)
     mesh.write(path, file_format="vtu")

@@ -113,4 +113,5 @@ def _checks(summary: Mapping[str, Any]) -> Iterator[Row]:
     if (missed := _at(summary, "audit_missed")) is not None:
         yield "audit missed", ", ".join(missed) or "none"
     yield "quads", _number(_at(summary, "hood_quads"))
+    yield "line cells", _number(_at(summary, "hood_cells"))
     yield "wall time s", _number(_at(summary, "wall_s"))

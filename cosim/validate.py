@@ -23,6 +23,7 @@ from cosim.results import plain, write_result
 from cosim.run import solve
 from cosim.validation_plan import groups, rows_of
 from cosim.validation_published import published_summary
+from cosim.validation_reasons import explained
 from cosim.validation_trial import Group, Trial
 from cosim.verification_thesis import force_and_bound
 
@@ -124,7 +125,7 @@ def folder_name(trial: str) -> str:
 def _board(group: Group, outcomes: dict[str, Outcome], folder: Path) -> Board:
     mine = [outcomes[t.name] for t in group.trials]
     summaries = {o.trial: o.summary for o in mine if o.summary is not None}
-    rows = tuple(rows_of(group, summaries))
+    rows = tuple(explained(group.name, rows_of(group, summaries)))
     for name in summaries:
         own = [row for row in rows if row.target.case == name]
         if own and (folder / folder_name(name)).is_dir():

@@ -101,8 +101,8 @@ def over_the_coupled(
     """What the thesis's pass has beyond the two-way equilibrium, beside its own `excess` (N), and
     each tip force beside the most that its tendon can do."""
     said = [summaries.get(name) for name in pair]
-    forces = [None if s is None else s["fingertip_magnitude_N"] for s in said]
-    over = None if None in forces else forces[0] - forces[1]
+    forces = [s["fingertip_magnitude_N"] for s in said if s is not None]
+    over = forces[0] - forces[1] if len(forces) == 2 else None
     target = Target(
         f"{pair[0]}: tip force beyond the two-way one",
         "fingertip_magnitude_N",

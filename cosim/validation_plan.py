@@ -75,6 +75,7 @@ def rows_of(group: Group, summaries: Summaries) -> Iterator[Comparison]:
 def strain_trials() -> Iterator[Trial]:
     for modulus, law in itertools.product(MODULI, ("ti", "iso")):
         yield Trial(f"strain {modulus} {law}", f"strain_lee2008_{modulus}_{law}")
+    yield Trial("strain identified", "strain_lee2008_identified")
     for law, mcp, (pip, dip) in itertools.product(("ti", "iso"), MCP, IP):
         if (mcp, pip) != (0, 0):
             angles = {"MCP": mcp, "PIP": pip, "DIP": dip}

@@ -98,6 +98,8 @@ def job_of_hood(
 
 def _check(hood: ShellHood) -> None:
     m = hood.model
+    if len(m.cables.nodes):
+        raise InputError("a hood of cables is not written: FEBio's format is given shells alone")
     D = m.directors[m.quads]
     bare = shell_tables(
         m.reference[m.quads], D, m.tables.frame[:, :, 0], np.zeros(len(m.quads)), m.tables.height

@@ -35,6 +35,8 @@ TAUT = 6.0
 """N more in every tendon: taut enough for a sheet that folds in a joint when slack."""
 MOST_GROWTH = 2.0
 """Of the nodes' travel over that of the step before: beyond it that step says nothing of this."""
+LED = NewtonOptions(tolerance=1e-2)
+"""Of the equilibrium on softer contact that leads to the one that is sought."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,10 @@ class ShellHood:
     `carriers` (n, nb) say how much of each node's motion each body carries in a large change of
     pose; `groups` names the springs' groups, each a source of the load; `rest` is the pose in
     which the mesh was laid.  With `augment` no node penetrates further than it says, and
-    contacts may rub; a state then remembers their pressures and where they stick."""
+    contacts may rub; a state then remembers their pressures and where they stick.  With `softer`
+    below 1 a large change is solved with that much of the contact's stiffness first: what slides on
+    a bone without resisting, as slack cables do, follows its curvature in steps that are longer the
+    softer the contact."""
 
     model: ShellModel
     tendons: tuple[str, ...]
@@ -77,6 +82,7 @@ class ShellHood:
     groups: tuple[str, ...]
     options: NewtonOptions = field(default_factory=NewtonOptions)
     augment: AugmentOptions | None = None
+    softer: float = 1.0
 
     @property
     def bodies(self) -> tuple[str, ...]:
@@ -240,14 +246,26 @@ class ShellHood:
     def _reached(self, state: HoodState, motion: Motion, tension: Array) -> HoodState:
         near = self._foreseen(state, motion, tension)
         if near is None:
-            guess = self._carried(state.configuration, motion)
+            guess, spent = self._led(self._carried(state.configuration, motion), tension)
             s = self._equilibrium(state, guess, tension, None)
-            return HoodState(motion, s.configuration, s, state.iterations + s.iterations)
+            return HoodState(motion, s.configuration, s, state.iterations + spent + s.iterations)
         before, foreseen = near
         s = self._equilibrium(state, self._bent(state, foreseen), tension, before)
         c = s.configuration
         bend = Bend(foreseen.x - state.configuration.x, c.x - foreseen.x, c.d - foreseen.d)
         return HoodState(motion, c, s, state.iterations + s.iterations, bend)
+
+    def _led(self, guess: Configuration, tension: Array) -> tuple[Configuration, int]:
+        """The guess, or near it the equilibrium on softer contact; and the iterations it took."""
+        if self.softer == 1.0:
+            return guess, 0
+        contacts = self.model.contacts
+        soft = tuple(replace(k, stiffness=self.softer * k.stiffness) for k in contacts)
+        try:
+            s = solve(self.model.alike(contacts=soft), guess, tension, LED)
+        except ConvergenceError:
+            return guess, LED.max_iterations
+        return s.configuration, s.iterations
 
     def _relaxed(
         self, state: HoodState, motion: Motion, tension: Array, error: ConvergenceError

@@ -15,6 +15,7 @@ and 9.8, 11.1 and 9.4.  [trial]: an assumption.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -72,8 +73,7 @@ LATERAL = np.array(
 )  # fmt: skip
 TRANSVERSE = (1.0, *np.linspace(JOIN, SLIP_START, 7))  # every 5.2 mm, and over the MCP [trial]
 TRIANGULAR = (54.0, 59.0)  # where the bands are about 7 and 3 mm apart [trial]; the network's: 3 mm
-MIDDLE = {"extensor_tendon", "central_band", "central_slip", "indicis_tendon", "terminal_slip"}
-"""Cables that have no side."""
+ANGLE = 7.0  # deg about the chain that are about 1 mm, at a radius of some 8 mm
 
 
 @dataclass(frozen=True)
@@ -129,11 +129,16 @@ class _Drawing:
         return self.number.setdefault((round(station, 4), round(angle, 4)), len(self.number))
 
     def line(self, name: str, nodes: list[int]) -> None:
-        self.cells += zip(nodes[:-1], nodes[1:], strict=True)
+        self.cells += itertools.pairwise(nodes)
         self.strand += [name] * (len(nodes) - 1)
 
     def course(self, name: str, stations: Array, angles: Array) -> None:
         self.line(name, [self.node(*at) for at in zip(stations, angles, strict=True)])
+
+
+def _lateral(station: float) -> float:
+    """deg, where the hood's edge and the lateral band lie at a station (mm)."""
+    return float(np.interp(station, *LATERAL.T))
 
 
 def _stations(spacing: float) -> Array:
@@ -159,8 +164,6 @@ def _draw(spacing: float) -> _Drawing:
     straight("central_band", (HOOD_END, 0), (SLIP_START, 0))
     straight("central_slip", (SLIP_START, 0), (SLIP_END, 0))
     straight("terminal_slip", (MERGE, 0), (TERMINAL_END, 0))
-    meet = float(np.interp(SLIP_START, *LATERAL.T))
-    join = float(np.interp(JOIN, *LATERAL.T))
     for side, sign in SIDES.items():
         for name, first, last in (
             ("hood_edge", HOOD_START, HOOD_END),
@@ -168,8 +171,8 @@ def _draw(spacing: float) -> _Drawing:
         ):
             s = rows[(rows > first - 1e-6) & (rows < last + 1e-6)]
             out.course(f"{name}_{side}", s, sign * np.interp(s, *LATERAL.T))
-        straight(f"lateral_slip_{side}", (HOOD_END, 0), (SLIP_START, sign * meet))
-        straight(f"medial_slip_{side}", (JOIN, sign * join), (SLIP_START, 0))
+        straight(f"lateral_slip_{side}", (HOOD_END, 0), (SLIP_START, sign * _lateral(SLIP_START)))
+        straight(f"medial_slip_{side}", (JOIN, sign * _lateral(JOIN)), (SLIP_START, 0))
     straight("indicis_tendon", (CENTRAL_END, INDICIS_END), (HOOD_START, 0))
     _tie(out, spacing)
     return out
@@ -178,22 +181,18 @@ def _draw(spacing: float) -> _Drawing:
 def _tie(out: _Drawing, spacing: float) -> None:
     """Across the finger from cable to cable, at each row of ties."""
     placed = list(out.number)
-    for name, stations, straight in (
-        ("sagittal_band", (HOOD_START, HOOD_END), False),
-        ("transverse_fibres", TRANSVERSE, False),
-        ("triangular_ligament", TRIANGULAR, True),
+    for name, stations, sided in (
+        ("sagittal_band", (HOOD_START, HOOD_END), True),
+        ("transverse_fibres", TRANSVERSE, True),
+        ("triangular_ligament", TRIANGULAR, False),
     ):
         for station in stations:
             angles = sorted(a for s, a in placed if abs(s - station) < 1e-3)
-            for a, b in zip(angles[:-1], angles[1:], strict=True):
+            for a, b in itertools.pairwise(angles):
                 count = max(1, round((b - a) / (ANGLE * spacing)))
                 side = "radial" if a + b > 0 else "ulnar"
-                label = name if straight else f"{name}_{side}"
+                label = f"{name}_{side}" if sided else name
                 out.course(label, np.full(count + 1, station), np.linspace(a, b, count + 1))
-
-
-ANGLE = 7.0
-"""deg of angle about the chain that are about 1 mm, at a radius of some 8 mm."""
 
 
 def lay(
@@ -209,6 +208,7 @@ def lay(
     hand-measured points across the finger."""
     chain = Chain(skeleton, *skeleton.pose(rest_posture))
     level = Level(surfaces, offset, chain.position, chain.rotation)
+    scale = float(skeleton.length[1]) / (PIP * 1e-3)
     drawing = _draw(1e3 * spacing)
     place = np.array(list(drawing.number))
     points = Hull(chain, level).points(place[:, 0], np.deg2rad(place[:, 1]))
@@ -217,17 +217,13 @@ def lay(
         "central": drawing.node(CENTRAL_END, 0.0),
         "indicis": drawing.node(CENTRAL_END, INDICIS_END),
     }
-    scale = float(skeleton.length[1]) / (PIP * 1e-3)
     for side, (s, dorsal, radial) in INTRINSIC.items():
-        start = chain.at(np.array([1e-3 * scale * s]), 1e-3 * width * dorsal, 1e-3 * width * radial)
-        join = drawing.node(JOIN, SIDES[side] * float(np.interp(JOIN, *LATERAL.T)))
-        count = round(float(np.linalg.norm(start - points[join])) / spacing)
-        f = np.arange(count)[:, None] / count
-        nodes = len(points) + np.arange(count)
-        drawing.line(f"intrinsic_tendon_{side}", [*map(int, nodes), join])
-        points = np.vstack([points, (1 - f) * start + f * points[join]])
-        station = np.append(station, LATERAL_END + f[:, 0] * (JOIN - LATERAL_END))
-        ends[side] = int(nodes[0])
+        up, beside = (1e-3 * width * np.array([v]) for v in (dorsal, radial))
+        start = chain.at(np.array([1e-3 * scale * s]), up, beside)
+        ends[side] = len(points)
+        more = _intrinsic(drawing, side, start, points, spacing)
+        points = np.vstack([points, more])
+        station = np.append(station, np.linspace(LATERAL_END, JOIN, len(more), endpoint=False))
     terminal = drawing.node(TERMINAL_END, 0.0)
     free = np.setdiff1d(np.arange(len(points)), [*ends.values(), terminal])
     points[free] = level.pushed_out(points[free], CLEARANCE * 1e-3)
@@ -245,6 +241,16 @@ def lay(
     )
 
 
+def _intrinsic(drawing: _Drawing, side: str, start: Array, points: Array, spacing: float) -> Array:
+    """Points (k, 3) of an intrinsic tendon on a straight line from `start` (1, 3) to where it joins
+    the lateral band, numbered after `points`."""
+    join = drawing.node(JOIN, SIDES[side] * _lateral(JOIN))
+    count = max(1, round(float(np.linalg.norm(start - points[join])) / spacing))
+    drawing.line(f"intrinsic_tendon_{side}", [*range(len(points), len(points) + count), join])
+    f = np.arange(count)[:, None] / count
+    return np.asarray((1 - f) * start + f * points[join])
+
+
 def _attachments(
     drawing: _Drawing, chain: Chain, level: Level, points: Array, scale: float, width: float
 ) -> dict[str, Attachment]:
@@ -254,7 +260,7 @@ def _attachments(
     reach = SLIP_REACH * 1e-3 * scale * chain.rotation[2][:, 0]
     out = {"central_slip": on_bone("middle", slip, points[slip] + reach, level)}
     for side, sign in SIDES.items():
-        join = np.array([drawing.node(JOIN, sign * float(np.interp(JOIN, *LATERAL.T)))])
+        join = np.array([drawing.node(JOIN, sign * _lateral(JOIN))])
         out[f"ligament_{side}"] = on_bone("proximal", join, points[join], level)
         for name, rows, (dorsal, radial) in (
             ("sagittal", SAGITTAL_ROWS, PALMAR_PLATE),
@@ -263,8 +269,7 @@ def _attachments(
             held = [
                 (s, node)
                 for (s, angle), node in drawing.number.items()
-                if rows[0] - 1e-6 <= s <= rows[1] + 1e-6
-                and abs(angle - sign * np.interp(s, *LATERAL.T)) < 1e-3
+                if rows[0] - 1e-6 <= s <= rows[1] + 1e-6 and abs(angle - sign * _lateral(s)) < 1e-3
             ]
             local = np.array([[0.0, sign * radial, dorsal]] * len(held)) * 1e-3 * width
             local[:, 0] = along(chain.skeleton, np.array([s for s, _ in held]))

@@ -13,10 +13,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import linprog, minimize
 
 from cosim.port import Array, ConvergenceError
 from rigid.network import Network
+from rigid.programme import Power, Programme, least
 
 
 class Sharing(NamedTuple):
@@ -33,18 +33,8 @@ def linear(
     B = share F + offset: share (k, m), offset (k,) N, weight (m,) as the areas of (13).
 
     Raises ConvergenceError where no muscles make the torque."""
-    direct, bands = network.direct.at(angle), network.connecting.at(angle)
-    found = linprog(
-        1.0 / weight,
-        A_eq=direct + bands @ share,
-        b_eq=torque - bands @ offset,
-        A_ub=-share,
-        b_ub=offset,
-        method="highs",
-    )
-    if not found.success:
-        raise _none(torque, str(found.message))
-    return Sharing(found.x, share @ found.x + offset)
+    bound = np.hstack([-share, np.eye(len(share))])
+    return _cheapest(network, angle, torque, bound, offset, weight, 1)
 
 
 def quadratic(network: Network, angle: Array, torque: Array, weight: Array) -> Sharing:
@@ -53,34 +43,30 @@ def quadratic(network: Network, angle: Array, torque: Array, weight: Array) -> S
 
     Raises ConvergenceError where no muscles make the torque."""
     m, parts = len(network.muscles), network.connection.any(axis=0)
-    through = network.connection.T[parts]
-    rows = [
-        np.hstack([network.direct.at(angle), network.connecting.at(angle)]),
-        np.hstack([-np.eye(m)[parts], through]),
-    ]
-    A, b = np.vstack(rows), np.append(torque, np.zeros(len(through)))
-    scale = np.append(np.linalg.norm(rows[0], axis=1), np.ones(len(through)))
-    A, b = A / scale[:, None], b / scale
-    cost = np.append(1.0 / weight**2, np.zeros(A.shape[1] - m))
-    cost /= cost.max()
-    first = linprog(cost, A_eq=A, b_eq=b, method="highs")
-    if not first.success:
-        raise _none(torque, str(first.message))
-    found = minimize(
-        lambda f: 0.5 * f @ (cost * f),
-        first.x,
-        jac=lambda f: cost * f,
-        bounds=[(0, None)] * len(cost),
-        constraints={"type": "eq", "fun": lambda f: A @ f - b, "jac": lambda f: A},
-        method="SLSQP",
-        options={"ftol": 1e-14, "maxiter": 200},
-    )
-    if not found.success:
-        raise _none(torque, str(found.message))
-    return Sharing(found.x[:m], found.x[m:])
+    bound = np.hstack([-np.eye(m)[parts], network.connection.T[parts]])
+    return _cheapest(network, angle, torque, bound, np.zeros(len(bound)), weight, 2)
 
 
-def _none(torque: Array, why: str) -> ConvergenceError:
-    return ConvergenceError(
-        f"no muscle forces make the joint torques {np.round(1e3 * torque, 3).tolist()} N mm: {why}"
+def _cheapest(
+    network: Network,
+    angle: Array,
+    torque: Array,
+    bound: Array,
+    offset: Array,
+    weight: Array,
+    power: Power,
+) -> Sharing:
+    """Least sum (F_i / w_i)^power where the torques are made and `bound` (F, B) = offset."""
+    n = bound.shape[1]
+    arms = np.hstack([network.direct.at(angle), network.connecting.at(angle)])
+    programme = Programme(
+        np.vstack([arms, bound]), np.append(torque, offset), np.zeros(n), np.full(n, np.inf)
     )
+    cost = np.append((1.0 / weight) ** power, np.zeros(n - len(weight)))
+    found = least(programme, cost, power)
+    if found is None:
+        raise ConvergenceError(
+            f"no muscle forces make the joint torques {np.round(1e3 * torque, 3).tolist()} N mm "
+            f"with tendons that only pull, {', '.join(network.muscles)}"
+        )
+    return Sharing(found.x[: len(weight)], found.x[len(weight) :])

@@ -59,6 +59,13 @@ TABLE_1: Mapping[tuple[str, str], Entry] = {
     ("Lum", "DIP"): Entry(3.5e-3, 0.0, LIKELY),
 }
 MUSCLES = ("ED", "FDP", "FDS", "Int", "Lum")
+LONG_NAMES: Mapping[str, str] = {
+    "ED": "extensor digitorum",
+    "FDP": "flexor profundus",
+    "FDS": "flexor superficialis",
+    "Int": "interossei",
+    "Lum": "lumbrical",
+}
 
 
 def arms(columns: Sequence[Mapping[str, tuple[float, float]]]) -> Arms:
@@ -130,6 +137,15 @@ def two_band(
     on_ed[:, 0] = 1.0
     bands = arms([middle_band(table), lateral_band(table)])
     return Network(JOINTS, MUSCLES, arms(direct_arms(table)), bands, springs, on_ed, np.zeros(2))
+
+
+def excursions(angle: Array, table: Mapping[tuple[str, str], Entry] = TABLE_1) -> Array:
+    """(..., 5) m, of `MUSCLES` at joint angles (..., 3) rad, positive where a muscle shortens (3):
+    that of ED with the larger shift of either band (5)."""
+    out = arms(direct_arms(table)).lengths(angle)
+    bands = arms([middle_band(table), lateral_band(table)]).lengths(angle)
+    out[..., 0] += bands.min(axis=-1)
+    return out
 
 
 def shift_difference(

@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import conformance
+import nets
 import networks
 import numpy as np
 import pytest
@@ -56,9 +57,14 @@ def shell_hood() -> Subject:
     return shells.index_hood(), index_motions(), np.array([3.0, 1.0, 0.8, 0.5]), 1e-4
 
 
+def cable_hood() -> Subject:
+    return nets.cable_hood(), index_motions(), np.array([3.0, 1.0, 0.8, 0.5]), 1e-4
+
+
 HOODS: list[tuple[str, Callable[[], Subject]]] = [
     ("pulley", pulley_hood),
     ("shell", shell_hood),
+    ("cable", cable_hood),
     ("network", networks.network_hood),
     ("network at a constant force", networks.constant_force_hood),
     ("two bands", networks.two_band_hood),

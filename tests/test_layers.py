@@ -43,6 +43,7 @@ ALLOWED = {
 }
 KNOW_THE_SOLVERS = {
     "cosim.build",
+    "cosim.build_cable",
     "cosim.build_course",
     "cosim.build_finger",
     "cosim.build_forward",

@@ -144,4 +144,7 @@ def _hood(path: Path) -> HoodField:
     data = {name: np.asarray(blocks[0]) for name, blocks in mesh.cell_data.items()}
     if STRAIN not in data or "displacement" not in mesh.point_data:
         raise ValueError("it is no hood of a run")
-    return HoodField(mesh.points, mesh.cells_dict["quad"], mesh.point_data, data)
+    cells = mesh.cells_dict.get("quad", mesh.cells_dict.get("line"))
+    if cells is None:
+        raise ValueError("it has neither quads nor line cells")
+    return HoodField(mesh.points, cells, mesh.point_data, data)

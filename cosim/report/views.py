@@ -23,6 +23,7 @@ from meshes.hood_mesh import REGIONS
 MOST_FRAMES = 41
 MOST_TRIANGLES = 2200
 """Of a bone in the view."""
+NO_SHEET = "The hood is a net of cables, drawn as lines: it has no sheet to colour."
 SPREAD = (1.0, 99.0)
 """Per cent of the values that a colour scale covers."""
 
@@ -90,12 +91,13 @@ def view_of(run: Run) -> View:
     chosen = _chosen(data.sizes[axis])
     angles = data.angle.transpose(axis, "joint").values[chosen]
     force = data.tip_force.transpose(axis, "axis").values[chosen]
-    sheet, notes = _sheet(run, chosen)
+    net = _net(run, chosen)
+    sheet, notes = (None, (NO_SHEET,)) if net else _sheet(run, chosen)
     view = View(
         run.name,
         _labels(run, chosen),
         (),
-        ({},) * len(chosen),
+        net or ({},) * len(chosen),
         np.zeros((0, 3)),
         force,
         tuple(map(str, data.joint.values)),
@@ -131,12 +133,12 @@ def _with_finger(view: View, case: Case) -> View:
     start = finger.start(case.finger.posture.angles())
     motions: list[Motion] = []
     paths, tips = [], []
-    for q in view.angles:
+    for q, drawn in zip(view.angles, view.tendons, strict=True):
         state = replace(start, angles=np.array(q))
         motion = finger.motion(state)
         motions.append(motion)
         strings = models.strings(motion) if models is not None else {}
-        paths.append({**strings, **finger.tendon_paths(state)})
+        paths.append({**drawn, **strings, **finger.tendon_paths(state)})
         tips.append(finger.tip(state))
     bones = []
     for body, surface in drawn_bones(case).items():
@@ -145,6 +147,26 @@ def _with_finger(view: View, case: Case) -> View:
         position, rotation = (np.stack(part) for part in zip(*poses, strict=True))
         bones.append(Bone(body, vertices, faces, position, rotation))
     return replace(view, bones=tuple(bones), tendons=tuple(paths), tip=np.array(tips))
+
+
+def _net(run: Run, chosen: np.ndarray) -> tuple[Mapping[str, Array], ...]:
+    """For each frame the lines (k, 3) m of a hood of cables, which it has at its end where the run
+    stored it there alone; none of another hood."""
+    hood = run.hood
+    if hood is None or hood.quads.shape[1] != 2:
+        return ()
+    strand, cells = hood.cell_data["strand"], hood.quads
+    breaks = np.flatnonzero((cells[1:, 0] != cells[:-1, 1]) | np.diff(strand).astype(bool)) + 1
+    lines = [np.append(part[:, 0], part[-1, 1]) for part in np.split(cells, breaks)]
+    if "node" not in run.dataset:
+        bare: tuple[Mapping[str, Array], ...] = ({},) * (len(chosen) - 1)
+        return (*bare, _named(lines, hood.points))
+    frames = run.dataset.node.isel({run.axis: chosen}).transpose(run.axis, ...).values
+    return tuple(_named(lines, points) for points in frames)
+
+
+def _named(lines: Sequence[np.ndarray], points: Array) -> dict[str, Array]:
+    return {f"cable {i + 1}": points[line] for i, line in enumerate(lines)}
 
 
 def _sheet(run: Run, chosen: np.ndarray) -> tuple[Sheet | None, tuple[str, ...]]:

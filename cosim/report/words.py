@@ -28,6 +28,7 @@ TIPS = {
 }
 HOODS = {
     "shell": "a sheet of nonlinear shell elements over the bones",
+    "cable": "a net of cables that bear tension alone, over the bones",
     "pulley": "no deformable hood: cables through eyelets",
     "split": "no hood: tendons that part in fixed shares",
     "network": "no deformable hood: tendons sprung from junctions, moment arms at joints",

@@ -7,7 +7,7 @@ programme's forces as they are; what they do to the quadratic one's has rows of 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -15,10 +15,13 @@ from scipy.optimize import brentq
 
 from cosim.port import Array
 from cosim.verification import Row
-from rigid.flexion import DURATION, Course, cosine, on_the_curve, quintic, torques
+from rigid.coordination import Loop, deviation, flexed
+from rigid.coordination_findings import feasible, findings, flexion
+from rigid.flexion import DURATION, FULL, Course, cosine, on_the_curve, quintic, torques
 from rigid.force_sharing import Sharing, linear, quadratic
 from rigid.planar_chain import BUCHNER
-from rigid.two_band import MUSCLES, TABLE_1, Entry, two_band
+from rigid.programme import ACCURATE, Power, Programme, least
+from rigid.two_band import ELASTICITY, MUSCLES, TABLE_1, Entry, coupled_dip, two_band
 
 PAPER = "Buchner, Hines and Hemami 1988, J Biomech 21, section III, figures 8-14"
 ABOUT = 0.5
@@ -26,6 +29,9 @@ ABOUT = 0.5
 READ = 0.01
 """s, of times read off the figures; they are compared only, since the paper does not state its
 course in time."""
+SEEN = 1.0
+"""deg, what can be told apart in the paper's figures 5 and 7; compared only."""
+PIP = np.linspace(0.0, FULL, 201)
 HALF = np.zeros((2, len(MUSCLES)))
 HALF[:, 0] = 0.5
 EQUAL = np.ones(len(MUSCLES))
@@ -82,6 +88,65 @@ def rows() -> Iterator[Row]:
     yield from _linear_rows(flexion)
     yield from _quadratic_rows(flexion)
     yield from _sensitivity_rows()
+    yield from _loop_rows()
+    yield from _programme_rows()
+
+
+def _loop_rows() -> Iterator[Row]:
+    """The flexion that closes the loop over a linear reference, as `rigid.coordination` has it."""
+    f = flexion(samples=101)
+    row = partial(Row, "flexion in closed loop", source=PAPER)
+    for x in findings(f):
+        much = {"N": ABOUT, "s": READ, "deg": SEEN, "%": 0.5}[x.unit]
+        much = 0.05 if x.unit == "N" and not x.about else much
+        yield row(
+            f"{x.what}, {x.unit}",
+            x.paper,
+            x.ours,
+            much,
+            measure="comparison" if x.about else "absolute",
+        )
+    off = deviation(f.loop, f.motion)
+    yield row("from the parabola at most, deg", 0.0, off.curve, SEEN, measure="comparison")
+    apart = float(np.degrees(np.abs(coupled_dip(PIP) - PIP * coupled_dip(PIP[-1:]) / FULL).max()))
+    yield row("from the line at most, deg", apart, off.line, SEEN, measure="comparison")
+    stiff = Loop(elasticity=10 * ELASTICITY)
+    far = deviation(stiff, flexed(stiff, 101)).curve
+    yield row("from the parabola with K over that with 10 K", 10.0, off.curve / far, 0.1)
+    literal = Loop(bands_answer=False)
+    on = deviation(literal, flexed(literal, 101)).line
+    yield row("equation 17 literally: from the line, deg", 0.0, on, 1e-6, measure="absolute")
+    for share, target in ((0.5, 1.0), (1.0, 0.0)):
+        part = feasible(replace(f.loop, lateral_share=share), f.motion)
+        name = f"part of the time with forces, alpha {share:g}"
+        yield row(name, target, part, 0.0, measure="absolute")
+
+
+def _programme_rows() -> Iterator[Row]:
+    """Programmes of random equations and bounds, solved and checked."""
+    rng = np.random.default_rng(0)
+    powers: tuple[Power, ...] = (1, 2, 3)
+    worst = dict.fromkeys(powers, 0.0)
+    for _ in range(100):
+        n, m = int(rng.integers(4, 10)), int(rng.integers(1, 4))
+        A = rng.normal(size=(m, n)) * np.exp(rng.normal(0.0, 2.0, (m, 1)))
+        most = np.where(rng.random(n) < 0.5, rng.uniform(1.0, 50.0, n), np.inf)
+        inside = rng.random(n) * np.minimum(most, 30.0)
+        cost = np.exp(rng.normal(size=n))
+        cost[: n // 4] = 0.0
+        for power in powers:
+            found = least(Programme(A, A @ inside, np.zeros(n), most), cost, power)
+            worst[power] = max(worst[power], np.inf if found is None else found.miss)
+    for power, name in zip(powers, ("linear", "quadratic", "cubic"), strict=True):
+        yield Row(
+            f"{name} programmes",
+            "most missed of equations and optimality, relative",
+            0.0,
+            worst[power],
+            ACCURATE,
+            "conditions of Karush, Kuhn and Tucker, 100 random programmes",
+            measure="absolute",
+        )
 
 
 def _linear_rows(flexion: Programmes) -> Iterator[Row]:

@@ -1,0 +1,183 @@
+"""The cable hood of a case: its net, materials and supports, and what it looks like solved."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cosim.build_shell import Triangles, baked_surfaces
+from cosim.case_cable import CableHood
+from cosim.case_finger import IndexFinger
+from cosim.port import Array, InputError, Motion, State
+
+if TYPE_CHECKING:
+    from fe_solver.cables import Cables
+    from fe_solver.shell_hood import ShellHood as FeHood
+    from meshes.cable_net import CableNet
+    from meshes.skeleton import Skeleton
+
+ENDS = {"EDC": "central", "EI": "indicis", "LUM": "radial", "FPI": "ulnar"}
+"""The tendons that act through the net and the ends that they pull."""
+
+
+@dataclass(frozen=True)
+class CableLook:
+    """What there is to see of a solved cable hood."""
+
+    points: Array
+    """(n, 3) m, deformed."""
+    reference: Array
+    """(n, 3) m, as laid."""
+    cells: np.ndarray
+    """(k, 2)."""
+    strand: np.ndarray
+    """(k,) index into `strands`."""
+    strands: tuple[str, ...]
+    strain: Array
+    """(k,) engineering strain."""
+    tension: Array
+    """(k,) N."""
+    contact_force: Array
+    """(n,) N of the bones on the nodes, sum of magnitudes."""
+    spring_force: Mapping[str, float]
+    """N, magnitude of each spring set's summed force."""
+    slip_force: Mapping[str, float]
+    """N, central and terminal."""
+    spring_tension: Array
+    """(ns,) N of every spring."""
+    spring_set: tuple[str, ...]
+    """(ns,) the set it is of."""
+    spring_node: np.ndarray
+    """(ns,) node of the hood that it holds."""
+    penetration: float
+    """m, the deepest."""
+
+
+def laid_net(
+    hood: CableHood, finger: IndexFinger, skeleton: Skeleton, bones: Mapping[str, Triangles]
+) -> CableNet:
+    """The net of a cable hood."""
+    from meshes.cable_net import lay
+
+    offset = hood.contact.offset
+    return lay(
+        skeleton,
+        baked_surfaces(bones),
+        {body: getattr(offset, body) for body in bones},
+        hood.mesh.rest_posture.angles(),
+        hood.mesh.spacing,
+        finger.width_scale,
+    )
+
+
+def cable_hood_of(
+    hood: CableHood,
+    skeleton: Skeleton,
+    bones: Mapping[str, Triangles],
+    net: CableNet,
+    tolerance: float,
+) -> FeHood:
+    """The net over the bones as a case describes it, behind the port; its own equilibrium to the
+    relative `tolerance`.  Raises InputError."""
+    from fe_solver.cable_model import Net, cable_hood
+    from fe_solver.hood_model import ContactLaw, SpringSet, Tendon
+    from fe_solver.newton import NewtonOptions
+    from meshes.hull import along, carriers
+    from meshes.skeleton import BODIES
+
+    if "central_slip" not in hood.springs:
+        raise InputError(
+            "hood.springs: nothing holds the central slip; give hood.springs a table central_slip"
+        )
+    contact, offset = hood.contact, hood.contact.offset
+    return cable_hood(
+        Net(net.points, cable_law(hood, net)),
+        Motion(BODIES, *skeleton.pose(net.rest_posture)),
+        carriers(skeleton, along(skeleton, net.station)),
+        {
+            name: SpringSet(net.springs[name], s.stiffness, s.slack, s.tension_only)
+            for name, s in hood.springs.items()
+        },
+        net.tied,
+        "metacarpal",
+        np.array([-1.0, 0.0, 0.0]),
+        {tendon: Tendon(net.ends[end], np.ones(1)) for tendon, end in ENDS.items()},
+        ContactLaw(
+            contact.stiffness,
+            contact.smoothing,
+            baked_surfaces(bones),
+            {body: getattr(offset, body) for body in BODIES},
+            contact.penetration,
+            contact.friction,
+        ),
+        NewtonOptions(tolerance=tolerance),
+    )
+
+
+def cable_law(hood: CableHood, net: CableNet) -> Cables:
+    """The cells' law; a strand that is longer than laid is so in all its cells."""
+    from fe_solver.cables import Cables
+
+    tables = [hood.cables[name] for name in net.cable]
+    laid = net.strand_lengths().values()
+    growth = [1 + t.extra_length / length for t, length in zip(tables, laid, strict=True)]
+    if min(growth) <= 0:
+        i = int(np.argmin(growth))
+        raise InputError(
+            f"hood.cables.{net.cable[i]}.extra_length: leaves nothing of {net.strands[i]}, laid "
+            f"{1e3 * net.strand_lengths()[net.strands[i]]:.1f} mm long"
+        )
+    of = net.strand
+    ones = np.ones(len(of))
+    return Cables(
+        net.cells,
+        net.lengths() * np.array(growth)[of],
+        np.array([t.modulus for t in tables])[of],
+        np.array([t.section for t in tables])[of],
+        hood.toe * ones,
+        hood.residual_tension * ones,
+    )
+
+
+def look(hood: FeHood, net: CableNet, state: State) -> CableLook:
+    from fe_solver.cable_model import pulls_in
+    from fe_solver.springs import spring_state
+
+    springs, c = hood.model.springs, state.configuration
+    pull = pulls_in(hood, state)
+    forces = {name: float(np.linalg.norm(f)) for name, f in hood.group_forces(state).items()}
+    slips = {"central": forces["central_slip"], "terminal": forces.pop("terminal_slip")}
+    points = state.solution.evaluation.points
+    on = points.group < 0
+    pressed = np.linalg.norm(points.gradient[on], axis=1)
+    return CableLook(
+        c.x,
+        hood.model.reference,
+        net.cells,
+        net.strand,
+        net.strands,
+        pull.strain,
+        pull.force,
+        np.bincount(points.node[on], pressed, len(c.x)).astype(float),
+        forces,
+        slips,
+        spring_state(springs, c.x, c.position, c.rotation).force,
+        tuple(hood.groups[i] for i in springs.group),
+        springs.node,
+        max(0.0, -float(hood.gap(state).min())),
+    )
+
+
+def strand_forces(look: CableLook) -> dict[str, dict[str, float]]:
+    """Largest tension (N) and mean strain (per cent) of each strand."""
+    out = {}
+    for i, name in enumerate(look.strands):
+        on = look.strand == i
+        out[name] = {
+            "tension_N": float(look.tension[on].max()),
+            "mean_strain_percent": 100 * float(look.strain[on].mean()),
+        }
+    return out

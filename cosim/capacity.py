@@ -1,0 +1,113 @@
+"""What muscles can bear: areas, greatest forces, and where the numbers are from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from cosim.case_schema import Case
+from cosim.port import Array, InputError
+
+Weights = Literal["pcsa", "F0", "one"]
+SPECIFIC_TENSION = 45e4
+"""Pa: Holzbaur et al. 2005, as Synek et al. 2019 (PeerJ 7:e7470) take it for hands."""
+INDEX = {
+    "FDP": 4.79,
+    "FDS": 4.79,
+    "EDC": 1.39,
+    "EI": 1.12,
+    "LUM": 0.28,
+    "FPI": 2.80,
+    "UI": 2.80,
+    "FDIm": 3.53 / 2,
+    "FDIl": 3.53 / 2,
+}
+"""cm2: AnyBody's index finger, after Wu et al. 2008 (FPI is its UI, the two heads of FDI share its
+RI equally)."""
+MIDDLE = {"FDP": 4.1, "FDS": 4.2, "EDC": 1.7, "LUM": 0.2, "UI": 2.2, "RI": 2.8}
+"""cm2: Chao et al. 1989, digit III, as Synek et al. 2019 take them."""
+INDEX_SOURCE = "Wu 2008, in AnyBody's index finger"
+MIDDLE_SOURCE = "Chao 1989, digit III, in Synek 2019"
+CM2 = 1e-4
+CLOSED_FORM = ("split", "network", "two_band", "pulley")
+"""Hoods whose tendons may go slack."""
+
+
+@dataclass(frozen=True)
+class Capacity:
+    """Of every tendon, the hood's first: area (n,) m2, least and greatest force (n,) N, and the
+    sources of area and greatest force in words."""
+
+    names: tuple[str, ...]
+    area: Array
+    least: Array
+    most: Array
+    sources: tuple[tuple[str, str], ...]
+
+    def weight(self, by: Weights) -> Array:
+        """(n,) what a tension is divided by in the cost: m2, N or 1."""
+        return {"pcsa": self.area, "F0": self.most, "one": np.ones(len(self.names))}[by]
+
+
+def capacity(
+    case: Case,
+    names: tuple[str, ...],
+    areas: Mapping[str, float] | None = None,
+    most: Mapping[str, float] | None = None,
+) -> Capacity:
+    """Areas (m2) and greatest forces (N) of the tendons `names`: as given here, else of the case
+    (max_force) and of the tables above, else area times SPECIFIC_TENSION.
+
+    Tensions are at least the case's resting tension where the hood is a sheet or a net, which a
+    slack tendon would leave without hold, else zero.  Raises InputError for a tendon that nobody
+    knows."""
+    areas, most = dict(areas or {}), dict(most or {})
+    for option, given in (("--area", areas), ("--most", most)):
+        for name in given:
+            if name not in names:
+                raise InputError(
+                    f"{option} {name}: this finger and hood have no such tendon; they have "
+                    + ", ".join(names)
+                )
+    found = [_area(case, name, names, areas) for name in names]
+    area = np.array([a for a, _ in found])
+    limits = [_most(case, name, a, most) for name, a in zip(names, area, strict=True)]
+    slack = case.hood.kind not in CLOSED_FORM
+    least = np.full(len(names), case.solve.resting_tension if slack else 0.0)
+    force = np.array([m for m, _ in limits])
+    sources = tuple((a, m) for (_, a), (_, m) in zip(found, limits, strict=True))
+    return Capacity(names, area, np.minimum(least, force), force, sources)
+
+
+def _area(
+    case: Case, name: str, names: tuple[str, ...], areas: Mapping[str, float]
+) -> tuple[float, str]:
+    if name in areas:
+        return areas[name], "given"
+    middle = case.finger.kind == "middle"
+    table = _middle(names) if middle else INDEX
+    if name not in table:
+        raise InputError(
+            f"{name}: no area is known of this muscle; state it, for example "
+            f'--area {name}="2 cm**2"'
+        )
+    return CM2 * table[name], MIDDLE_SOURCE if middle else INDEX_SOURCE
+
+
+def _middle(names: tuple[str, ...]) -> dict[str, float]:
+    """With the radial interosseous in halves where half of it ends on the bone."""
+    if "RIp" not in names:
+        return MIDDLE
+    return {**MIDDLE, "RI": MIDDLE["RI"] / 2, "RIp": MIDDLE["RI"] / 2}
+
+
+def _most(case: Case, name: str, area: float, most: Mapping[str, float]) -> tuple[float, str]:
+    if name in most:
+        return most[name], "given"
+    tendon = case.tendons.get(name)
+    if tendon is not None and tendon.max_force is not None:
+        return tendon.max_force, "case, max_force"
+    return SPECIFIC_TENSION * area, "area times 45 N/cm2 (Holzbaur 2005)"

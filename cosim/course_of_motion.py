@@ -1,0 +1,105 @@
+"""A motion that was measured or is wished for: joint angles over time from a table."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from cosim.port import Array, InputError
+
+UNITS = {"deg": np.pi / 180.0, "rad": 1.0}
+FEWEST = 4
+"""Times, of a spline with accelerations."""
+ORDER = 4
+"""Of the Butterworth filter, run both ways."""
+
+
+@dataclass(frozen=True)
+class JointMotion:
+    """n times (s), joint angles (n, nq) rad with rates and accelerations."""
+
+    time: Array
+    angle: Array
+    rate: Array
+    acceleration: Array
+
+
+def read_motion(
+    path: Path,
+    joints: Sequence[str],
+    posture: Mapping[str, float],
+    samples: int | None = None,
+    cutoff: float | None = None,
+) -> JointMotion:
+    """Angles of `joints` from a .sto or .mot, or a .csv with columns `time` (s) and JOINT_deg or
+    JOINT_rad; a joint without a column stays at its angle of `posture` (rad).
+
+    Rates and accelerations are those of a cubic spline through the angles, after a low-pass filter
+    at `cutoff` Hz where one is given; `samples` times in equal steps replace the file's.  Raises
+    InputError."""
+    time, columns = (_csv if path.suffix.lower() == ".csv" else _sto)(path, joints)
+    if len(time) < FEWEST or not (np.diff(time) > 0).all():
+        raise InputError(f"{path}: expected at least {FEWEST} times that rise; got {len(time)}")
+    if not columns:
+        raise InputError(
+            f"{path}: has no column of a joint; the joints are {', '.join(joints)}, and a .csv "
+            "names its unit, for example PIP_deg"
+        )
+    angle = np.column_stack(
+        [columns.get(joint, np.full(len(time), posture.get(joint, 0.0))) for joint in joints]
+    )
+    if not np.isfinite(angle).all():
+        raise InputError(f"{path}: holds an angle that is not finite")
+    smooth = angle if cutoff is None else _filtered(path, time, angle, cutoff)
+    return _splined(time, smooth, samples)
+
+
+def _splined(time: Array, angle: Array, samples: int | None) -> JointMotion:
+    from scipy.interpolate import CubicSpline
+
+    spline = CubicSpline(time, angle)
+    at = time if samples is None else np.linspace(time[0], time[-1], samples)
+    return JointMotion(at, spline(at), spline(at, 1), spline(at, 2))
+
+
+def _filtered(path: Path, time: Array, angle: Array, cutoff: float) -> Array:
+    from scipy.signal import butter, sosfiltfilt
+
+    step = np.diff(time)
+    if np.ptp(step) > 1e-3 * step.mean():
+        raise InputError(f"{path}: --cutoff needs times in equal steps")
+    nyquist = 0.5 / float(step.mean())
+    if not 0 < cutoff < nyquist:
+        raise InputError(f"--cutoff: expected between 0 and {nyquist:.4g} Hz, half the file's rate")
+    filtered: Array = sosfiltfilt(butter(ORDER // 2, cutoff / nyquist, output="sos"), angle, axis=0)
+    return filtered
+
+
+def _sto(path: Path, joints: Sequence[str]) -> tuple[Array, dict[str, Array]]:
+    from rigid.opensim.sto import read_sto
+
+    table = read_sto(path, joints)
+    return table.time, {
+        name: table.values[:, k] for k, name in enumerate(table.columns) if name in joints
+    }
+
+
+def _csv(path: Path, joints: Sequence[str]) -> tuple[Array, dict[str, Array]]:
+    import pandas as pd
+
+    try:
+        table = pd.read_csv(path, comment="#", skipinitialspace=True)
+        if "time" not in table:
+            raise InputError(f"{path}: has no column `time` (s)")
+        columns = {
+            joint: UNITS[unit] * table[f"{joint}_{unit}"].to_numpy(dtype=float)
+            for joint in joints
+            for unit in UNITS
+            if f"{joint}_{unit}" in table
+        }
+        return table["time"].to_numpy(dtype=float), columns
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: cannot be read as a table ({error})") from error

@@ -1,0 +1,44 @@
+"""Folders that are written whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from cosim.port import InputError
+
+
+@contextmanager
+def folder_written_whole(target: Path, mark: str) -> Iterator[Path]:
+    """An empty folder beside `target` to write to, moved there once the block has ended well.
+
+    It replaces one that an earlier call left, known by its file `mark`, or an empty one.  Raises
+    InputError where it cannot be written, or where something else stands in its place."""
+    part = target.with_name(f".{target.name}.{os.getpid()}.part")
+    try:
+        check_folder(target, mark)
+        part.mkdir(parents=True)
+        yield part
+        old = part.with_suffix(".old")
+        if target.exists():
+            target.rename(old)
+        part.rename(target)
+        shutil.rmtree(old, ignore_errors=True)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise InputError(f"{target}: cannot be written ({reason}); choose another --out") from error
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+
+
+def check_folder(target: Path, mark: str) -> None:
+    """Raises InputError where something stands that may not be replaced."""
+    if not target.exists():
+        return
+    if not target.is_dir() or (any(target.iterdir()) and not (target / mark).is_file()):
+        raise InputError(
+            f"{target}: is in the way and was not written by this command; choose another --out"
+        )

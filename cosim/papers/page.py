@@ -1,0 +1,126 @@
+"""A paper's figures as files, and as one page that needs nothing else."""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from html import escape
+from importlib.resources import files
+from io import BytesIO
+from pathlib import Path
+
+import pandas as pd
+
+from cosim import __version__
+from cosim.folders import folder_written_whole
+from cosim.papers.figure import Figure, Study
+from cosim.port import InputError
+
+MARK = "index.html"
+DPI = 150
+MOST_ROWS, MOST_COLUMNS = 16, 8
+"""A table that is no larger is shown on the page too."""
+DIGITS = "{:.4g}".format
+
+
+@dataclass(frozen=True)
+class Paper:
+    """What its page says of it."""
+
+    name: str
+    """As in `cosim reproduce NAME`."""
+    title: str
+    studies: tuple[Study, ...]
+
+
+def chosen(paper: Paper, only: Sequence[str]) -> list[Study]:
+    """The studies named, all without a name.  Raises InputError for one that there is not."""
+    known = [study.name for study in paper.studies]
+    strange = [name for name in only if name not in known]
+    if strange:
+        raise InputError(
+            f"--only {', '.join(strange)}: {paper.name} has no such study; it has "
+            + ", ".join(f"{s.name} ({s.about})" for s in paper.studies)
+        )
+    return [study for study in paper.studies if not only or study.name in only]
+
+
+def write_figures(
+    paper: Paper, studies: Sequence[Study], folder: Path, progress: Callable[[str], None]
+) -> int:
+    """Compute the studies' figures; write each one's picture and tables, and the page; how many.
+
+    Raises InputError where the folder cannot be written, and what a study raises."""
+    with folder_written_whole(folder, MARK) as part:
+        shown = []
+        for study in studies:
+            progress(f"{study.name}: {study.about}")
+            for figure in study.figures():
+                shown.append(_shown(part, paper, study, figure))
+        (part / MARK).write_text(_page(paper, studies, shown), encoding="utf-8")
+    return len(shown)
+
+
+def _shown(folder: Path, paper: Paper, study: Study, figure: Figure) -> dict[str, object]:
+    """Write a figure's files; what the page shows of it."""
+    picture = _picture(figure)
+    (folder / f"{figure.name}.png").write_bytes(picture)
+    for name, table in figure.tables.items():
+        table.to_csv(folder / f"{name}.csv", index=False, float_format="%.9g")
+    return {
+        "figure": figure,
+        "picture": b64encode(picture).decode("ascii"),
+        "small": list(_small(figure)),
+        "files": [f"{name}.csv" for name in figure.tables],
+        "command": f"cosim reproduce {paper.name} --only {study.name}",
+    }
+
+
+def _picture(figure: Figure) -> bytes:
+    from matplotlib.figure import Figure as Sheet
+
+    sheet, out = Sheet(figsize=figure.size, layout="constrained"), BytesIO()
+    figure.draw(sheet)
+    sheet.savefig(out, dpi=DPI, format="png")
+    return out.getvalue()
+
+
+def _small(figure: Figure) -> Iterator[tuple[str, str]]:
+    """File name and HTML of the tables that a page has room for."""
+    for name, table in figure.tables.items():
+        if table.shape[0] <= MOST_ROWS and table.shape[1] <= MOST_COLUMNS:
+            yield f"{name}.csv", _html(table)
+
+
+def _html(table: pd.DataFrame) -> str:
+    numeric = [pd.api.types.is_numeric_dtype(kind) for kind in table.dtypes]
+    kinds = ['class="n"' if number else "" for number in numeric]
+
+    def row(tag: str, cells: Sequence[object]) -> str:
+        parts = (
+            f"<{tag} {kind}>{escape(DIGITS(c) if isinstance(c, float) else str(c))}</{tag}>"
+            for kind, c in zip(kinds, cells, strict=True)
+        )
+        return "<tr>" + "".join(parts) + "</tr>"
+
+    head = row("th", list(table.columns))
+    body = "".join(row("td", cells) for cells in table.itertuples(index=False))
+    return f"<table><thead>{head}</thead><tbody>{body}</tbody></table>"
+
+
+def _page(paper: Paper, studies: Sequence[Study], shown: Sequence[dict[str, object]]) -> str:
+    from jinja2 import Environment, PackageLoader
+
+    style = (files("cosim.report") / "page.css").read_text(encoding="utf-8")
+    page = Environment(loader=PackageLoader("cosim", "."), autoescape=True, trim_blocks=True)
+    whole = len(studies) == len(paper.studies)
+    return page.get_template("paper_page.html.j2").render(
+        paper=paper,
+        shown=shown,
+        style=style,
+        version=__version__,
+        command=f"cosim reproduce {paper.name}"
+        + ("" if whole else "".join(f" --only {s.name}" for s in studies)),
+        left_out=[s for s in paper.studies if s not in studies],
+    )

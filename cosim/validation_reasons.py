@@ -1,0 +1,51 @@
+"""Why a compared number misses: what the sensitivity study found, beside the row that it explains.
+
+`cases/data/validation_reasons.csv` has a line for each kind of miss: the group, a pattern of the
+rows' names (as of file names) and the reason, with the study's own figures."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from fnmatch import fnmatchcase
+from functools import cache
+from importlib.resources import files
+from typing import NamedTuple
+
+from cosim.compare import Comparison, Verdict
+
+MISSES: tuple[Verdict, ...] = ("outside", "no value")
+
+
+class Reason(NamedTuple):
+    """Of the rows of a group whose names are like `pattern`."""
+
+    group: str
+    pattern: str
+    text: str
+
+
+@cache
+def reasons() -> tuple[Reason, ...]:
+    """Those of the packaged file, in its order."""
+    text = (files("cases") / "data" / "validation_reasons.csv").read_text(encoding="utf-8")
+    lines = [line for line in text.splitlines() if not line.startswith("#")]
+    return tuple(Reason(r["group"], r["pattern"], r["reason"]) for r in csv.DictReader(lines))
+
+
+def reason_of(group: str, name: str) -> str | None:
+    """The first that fits a row, None where there is none."""
+    fits = (r.text for r in reasons() if r.group == group and fnmatchcase(name, r.pattern))
+    return next(fits, None)
+
+
+def explained(group: str, rows: Iterable[Comparison]) -> Iterator[Comparison]:
+    """The rows, those that miss with the reason in their note."""
+    for row in rows:
+        why = reason_of(group, row.target.name) if row.verdict in MISSES else None
+        if why is None:
+            yield row
+            continue
+        note = "; ".join(part for part in (row.target.note, f"why: {why}") if part)
+        yield replace(row, target=replace(row.target, note=note))
