@@ -69,11 +69,12 @@ def fingers(as_json: AsJson = False, only: Only = None, slow: Slow = False) -> N
 
 @verify.command()
 def hoods(as_json: AsJson = False, only: Only = None, slow: Slow = False) -> None:
-    """Verify the hoods in lumped form, and compare them with their papers; exit code 1 when a row
-    fails."""
+    """Verify the hoods in lumped form and of cables, and compare them with their papers; exit code
+    1 when a row fails."""
+    from fe_solver.verification.cable_rows import STUDIES as CABLES
     from rigid.verification.hood_table import STUDIES
 
-    _verify(STUDIES, as_json, only, slow)
+    _verify((*STUDIES, *CABLES), as_json, only, slow)
 
 
 @verify.command()

@@ -91,8 +91,8 @@ def _checks(summary: Mapping[str, Any]) -> Iterator[Row]:
         low, mean, high = (_number(strain.get(key)) for key in ("min", "mean", "max"))
         yield f"{direction} strain %", f"{low} to {high}, mean {mean}"
     if (device := _at(summary, "fingertip_device")) is not None:
-        rest = "came to rest" if _at(summary, "came_to_rest") else "still moving at the end"
-        yield "fingertip device", f"{device}, {rest}"
+        rest = {True: ", came to rest", False: ", still moving at the end"}
+        yield "fingertip device", device + rest.get(_at(summary, "came_to_rest"), "")
     moment = _at(summary, "fingertip_moment_Nmm") or ()
     if any(abs(value) > LEAST_MOMENT for value in moment):
         yield "fingertip moment N mm", ", ".join(_number(value) for value in moment)

@@ -79,6 +79,8 @@ def test_packaged_cases_load_and_their_active_tendon_is_in_their_name(name):
     case = load_case(name)
     active = [t for t in case.tendons if case.tension(t) > case.solve.resting_tension]
     named = ["EDC"] if name.startswith("strain") else name.upper().split("_")
+    if name.startswith("network_contact"):  # figure 4 of its paper: five muscles in turn
+        named = ["EDC", "LUM", "FPI", "FDP", "FDS"]
     assert active
     assert all(any(tendon.upper().startswith(part) for part in named) for tendon in active)
 

@@ -11,11 +11,21 @@ from typer.testing import CliRunner
 
 from cosim.case import load_case
 from cosim.cli import app
-from cosim.compare import Comparison
+from cosim.compare import Comparison, Target
 from cosim.port import InputError
 from cosim.validate import Board, chosen, scoreboard
-from cosim.validation_force import ANGLE, NEAR, angle_between, near_models, two_models
+from cosim.validation_force import (
+    ANGLE,
+    EXCESS,
+    NEAR,
+    angle_between,
+    force_rows,
+    near_models,
+    thesis_trials,
+    two_models,
+)
 from cosim.validation_plan import LOST, groups, posed, rows_of, trends
+from cosim.validation_reasons import MISSES, explained
 from cosim.validation_trial import Trial
 
 GROUPS = groups(Path("mi29.feb"))
@@ -100,6 +110,40 @@ def test_a_trial_that_failed_stays_on_the_board():
     assert board["failed"] == {"strain soft ti": "no equilibrium"}
     assert board["tally"] == {"strain": {"no value": len(rows)}}
     assert text == scoreboard([Board(group.name, rows, {"strain soft ti": "no equilibrium"})])
+
+
+def test_every_miss_of_the_committed_board_says_why():
+    board = json.loads((Path(__file__).parents[1] / "cases" / "scoreboard.json").read_text())
+    rows = [(name, row) for name, group in board["groups"].items() for row in group]
+    missed = [(name, row) for name, row in rows if row["verdict"] in MISSES]
+    assert missed
+    assert all("why: " in row["note"] for _, row in missed)
+    for group, row in rows:
+        assert ("why: " in row["note"]) == (row["verdict"] in MISSES), (group, row["name"])
+
+
+def test_a_reason_stands_only_beside_a_miss():
+    target = Target("a: RI, b", "q", "N", 1.0, 0.1, None, None, "s", "experiment", note="clamped")
+    (near, far) = explained("cadaver", [Comparison(target, 1.05), Comparison(target, 2.0)])
+    assert near.target.note == "clamped"
+    assert far.target.note.startswith("clamped; why: An's normative path of RI")
+    (other,) = explained("strain", [Comparison(target, 2.0)])
+    assert other.target.note == "clamped"
+
+
+def test_the_pass_of_the_thesis_is_compared_with_the_coupled_hood():
+    trials = list(thesis_trials())
+    names = [t.name for t in trials[:2]]
+    said = {
+        name: {"fingertip_magnitude_N": force, "bound_N": 1.5}
+        for name, force in zip(names, (5.1, 0.4), strict=True)
+    }
+    over, passed, coupled = force_rows(trials[:2], said)
+    assert over.model == pytest.approx(4.7)
+    assert over.target.reference == EXCESS["EDC"]
+    assert (passed.verdict, coupled.verdict) == ("outside", "inside the band")
+    (missing, _) = force_rows(trials[:2], {names[0]: said[names[0]]})
+    assert missing.verdict == "no value"
 
 
 def test_numbers_on_the_board_have_six_digits():
