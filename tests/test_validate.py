@@ -123,7 +123,7 @@ def test_every_miss_of_the_committed_board_says_why():
 
 
 def test_a_reason_stands_only_beside_a_miss():
-    target = Target("a: RI, b", "q", "N", 1.0, 0.1, None, None, "s", "experiment", note="clamped")
+    target = Target("40 deg, RI, distal", "q", "N", 1.0, 0.1, None, None, "s", "experiment", note="clamped")
     (near, far) = explained("cadaver", [Comparison(target, 1.05), Comparison(target, 2.0)])
     assert near.target.note == "clamped"
     assert far.target.note.startswith("clamped; why: An's normative path of RI")
