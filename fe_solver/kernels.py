@@ -30,7 +30,7 @@ PAYS = 1000
 """Elements from which a second thread pays."""
 
 
-def _compiled(kernel: Kernel) -> Kernel:
+def compiled(kernel: Kernel) -> Kernel:
     """The kernel compiled when it is first called, and kept on disk."""
     if not COMPILED:
         return kernel
@@ -78,7 +78,7 @@ def gathered(start: Ints, gather: Ints, values: Array) -> Array:
     return np.bincount(which, weights=values[gather], minlength=len(out)).astype(float, copy=False)
 
 
-@_compiled
+@compiled
 def _gather(first: int, last: int, start: Ints, gather: Ints, values: Array, out: Array) -> None:
     for k in range(first, last):
         total = 0.0
@@ -94,7 +94,7 @@ def sampled(samples: Array, y: Array) -> Array:
     return out
 
 
-@_compiled
+@compiled
 def _sample(first: int, last: int, samples: Array, y: Array, out: Array) -> None:
     for e in range(first, last):
         for i in range(21):
@@ -119,7 +119,7 @@ def stress_gradient(samples: Array, y: Array, stress: Array) -> Array:
     return out
 
 
-@_compiled
+@compiled
 def _stress_gradient(
     first: int, last: int, samples: Array, y: Array, stress: Array, out: Array
 ) -> None:
@@ -134,7 +134,7 @@ def _stress_gradient(
                 out[e, a, k] = value
 
 
-@_compiled
+@compiled
 def _geometric(samples: Array, stress: Array, out: Array) -> None:
     """(8, 8) sum of stress (21,) times samples, of which the lower right block is zero."""
     out[:, :] = 0.0
@@ -173,7 +173,7 @@ def element_blocks(
     return out
 
 
-@_compiled
+@compiled
 def _blocks(
     first: int,
     last: int,

@@ -17,7 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.port import InputError
+from fe_solver import kernels
 from fe_solver.shapes import Distance, Sphere, Surface, positive
+from fe_solver.spline_kernel import spline_at
 from fe_solver.triangles import checked_surface, distances_on_grid
 
 __all__ = ["Sphere", "SplineDistance", "Surface", "cache_folder"]
@@ -76,10 +78,13 @@ class SplineDistance:
     def distance(self, points: Array) -> Distance:
         """Signed distance, gradient and Hessian at points (n, 3)."""
         at = (np.asarray(points, dtype=float) - self.origin) / self.spacing
-        cells = np.array(self.coefficients.shape) - 3
-        inside = np.flatnonzero(((at >= 0) & (at <= cells)).all(axis=1))
         value = self.outside + 0.0 * at.sum(axis=1)  # what is not finite must not pass for far
         gradient, hessian = np.zeros_like(at), np.zeros((len(at), 3, 3))
+        if kernels.COMPILED:
+            spline_at(self.coefficients, self.spacing, at, value, gradient, hessian)
+            return Distance(value, gradient, hessian)
+        cells = np.array(self.coefficients.shape) - 3
+        inside = np.flatnonzero(((at >= 0) & (at <= cells)).all(axis=1))
         at = at[inside].T
         cell = np.minimum(at.astype(np.intp), cells[:, None] - 1)
         v, g, h = self._evaluate(cell, at - cell)
