@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cosim.build_air import check_air
 from cosim.build_course import factor_of
 from cosim.case_cable import CableHood
 from cosim.case_finger import FmuFinger, HingeFinger, IndexFinger, MiddleFinger, PlanarFinger
@@ -80,6 +81,7 @@ def check_fit(case: Case) -> None:
         )
     for name in courses:
         factor_of(case.tendons[name].course)
+    check_air(case)
     _check_drawn(case)
     _check_tip(case)
     _check_unit(case)
@@ -190,7 +192,8 @@ def check_tendons(case: Case, known: tuple[str, ...]) -> None:
     """Raises InputError for a tendon that the case pulls and that is not among `known`."""
     for name, tendon in case.tendons.items():
         if name not in known and (
-            (tendon.force, tendon.excursion, tendon.course) != (None, None, None)
+            (tendon.force, tendon.excursion, tendon.course, tendon.actuation)
+            != (None, None, None, None)
         ):
             raise InputError(
                 f"tendons.{name}: this finger and hood have no such tendon; they have "

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from cosim.build import build, cables_of, hood_on
+from cosim.build_air import begun, cylinders, pulled
 from cosim.build_cable import CableLook
 from cosim.build_course import factor_of
 from cosim.build_finger import check_tendons, live_finger, our_finger
@@ -27,7 +28,9 @@ if TYPE_CHECKING:
     from rigid.dynamics import Pull
     from rigid.forward import Simulation
     from rigid.mujoco_finger import MujocoFinger
+    from rigid.muscle.dynamics import MuscleState
     from rigid.muscle.parameters import Muscles
+    from rigid.pneumatic import AirState
 
 
 @dataclass(frozen=True)
@@ -37,6 +40,9 @@ class Moved:
     finger: MujocoFinger
     simulation: Simulation
     normalised_length: dict[str, float]
+    cylinders: tuple[str, ...]
+    drive: Array
+    """(n + 1, nc, 2) of each cylinder: V commanded, Pa above the atmosphere."""
 
 
 def simulated(case: Case, forward: Forward) -> Moved:
@@ -57,7 +63,9 @@ def simulated(case: Case, forward: Forward) -> Moved:
     simulation = simulate(dynamics, forward.duration, forward.step)
     if forward.must_rest:
         came_to_rest(simulation)
-    return Moved(finger, simulation, muscles.lengths(simulation.last.muscles))
+    drive = [muscles.told(*at) for at in zip(simulation.muscles, simulation.time, strict=True)]
+    lengths = muscles.lengths(simulation.last.muscles)
+    return Moved(finger, simulation, lengths, muscles.cylinders, np.array(drive))
 
 
 @dataclass(frozen=True)
@@ -180,9 +188,19 @@ class Group(NamedTuple):
     where: Array
 
 
+class Pulling(NamedTuple):
+    """The state of what pulls: of the fibres by group, and of the air in the cylinders."""
+
+    fibres: list[MuscleState]
+    air: AirState | None
+    home: Array
+    """(nc,) m, of the paths with which the pistons stand where they started."""
+
+
 class TendonPulls:
-    """Stated tensions, and fibres that begin in equilibrium at their first excitation, each times
-    the factor of its course; the resting tension of tendons whose ends are displaced."""
+    """Stated tensions, fibres that begin in equilibrium at their first excitation, and cylinders
+    at rest under their first command, each times the factor of its course; the resting tension of
+    tendons whose ends are displaced."""
 
     def __init__(self, case: Case, tendons: tuple[str, ...]) -> None:
         self.tendons = tendons
@@ -194,13 +212,35 @@ class TendonPulls:
             Group(muscles, activation, home, np.array([tendons.index(n) for n in muscles.names]))
             for muscles, activation, home in fibres(case)
         ]
+        self._air = cylinders(case, tendons)
         self._start = np.zeros(len(tendons))
+
+    @property
+    def cylinders(self) -> tuple[str, ...]:
+        """The tendons that air pulls."""
+        return () if self._air is None else self._air.names
 
     def start(self, length: Array) -> State:
         from rigid.muscle.dynamics import at_rest
 
         self._start = length.copy()
-        return [at_rest(g.muscles, self._excited(g, 0.0), g.home) for g in self._groups]
+        fibres = [at_rest(g.muscles, self._excited(g, 0.0), g.home) for g in self._groups]
+        if self._air is None:
+            return Pulling(fibres, None, np.zeros(0))
+        return Pulling(fibres, begun(self._air), length[self._air.where])
+
+    def settled(self, state: State, length: Array) -> State:
+        """The state of the start with pistons where they start at paths of `length` (nt,) m."""
+        return state if self._air is None else state._replace(home=length[self._air.where])
+
+    def told(self, state: State, time: float) -> Array:
+        """(nc, 2) of each cylinder: V commanded, Pa above the atmosphere."""
+        from rigid.pneumatic import ATMOSPHERE
+
+        if self._air is None:
+            return np.zeros((0, 2))
+        pressure = state.air.pressure - ATMOSPHERE
+        return np.stack([self._air.command(float(time)), pressure], axis=1)
 
     def _excited(self, group: Group, time: float) -> Array:
         """(n,) excitation at a time in s."""
@@ -215,7 +255,7 @@ class TendonPulls:
 
         tension = self._stated * [factor(time) for factor in self._factors]
         stiffness, after = np.zeros(len(tension)), []
-        for group, at in zip(self._groups, state, strict=True):
+        for group, at in zip(self._groups, state.fibres, strict=True):
             path = group.home + (length - self._start)[group.where]
             excited = self._excited(group, time)
             if dt == 0.0:
@@ -227,13 +267,18 @@ class TendonPulls:
             tension[group.where] = done.force
             stiffness[group.where] = np.maximum(done.stiffness, 0.0)
             after.append(done.state)
-        return Pull(tension, stiffness, after)
+        air = state.air
+        if self._air is not None:
+            where = self._air.where
+            drawn = pulled(self._air, air, time, state.home - length[where], dt)
+            tension[where], stiffness[where], air = drawn
+        return Pull(tension, stiffness, Pulling(after, air, state.home))
 
     def lengths(self, state: State) -> dict[str, float]:
         """Normalised fibre lengths in a state, by muscle."""
         return {
             name: float(length / optimum)
-            for group, at in zip(self._groups, state, strict=True)
+            for group, at in zip(self._groups, state.fibres, strict=True)
             for name, length, optimum in zip(
                 group.muscles.names,
                 at.fibre_length,

@@ -22,10 +22,13 @@ Layer = tuple[str, dict[str, Any]]
 
 # A later layer's word replaces an earlier layer's other way of saying the same.
 _ALTERNATIVES = {
-    "activation": {"tension", "excursion"},
-    "tension": {"activation", "muscle", "excursion"},
-    "muscle": {"tension", "excursion"},
-    "excursion": {"tension", "activation", "muscle"},
+    "activation": {"tension", "excursion", "actuation"},
+    "tension": {"activation", "muscle", "excursion", "actuation"},
+    "muscle": {"tension", "excursion", "actuation"},
+    "excursion": {"tension", "activation", "muscle", "actuation"},
+    "actuation": {"tension", "activation", "muscle", "excursion"},
+    "voltage": {"pressure"},
+    "pressure": {"voltage"},
     "curve": {"stiffness", "rest"},
     "stiffness": {"curve"},
     "rest": {"curve"},

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from cosim import units
+from cosim.case_air import Pneumatic
 from cosim.case_fields import fault, name_of, quantity
 from cosim.case_types import (
     AbductionAngle,
@@ -308,8 +309,10 @@ class Tendon(Table):
     excursion: Annotated[float, quantity(units.LENGTH, least="-50 mm", most="50 mm")] | None = None
     """In place of a tension: how far the tendon's end is drawn proximally from the unloaded state,
     m, or in a motion from its start; the tension that this takes is found."""
+    actuation: Pneumatic | None = None
+    """In place of a tension, in a motion: what pulls, and on what command."""
     course: Course | None = None
-    """Over time, of a motion: what tension, activation or excursion is multiplied by."""
+    """Over time, of a motion: what tension, activation, excursion or command is multiplied by."""
 
     @model_validator(mode="after")
     def _one_way(self) -> Tendon:
@@ -317,6 +320,10 @@ class Tendon(Table):
             raise fault("gives both tension and activation; write one of them")
         if self.excursion is not None and (self.tension, self.activation) != (None, None):
             raise fault("gives an excursion and a tension or activation; write one of them")
+        if self.actuation is not None:
+            others = {"tension", "activation", "muscle", "excursion"} & self.model_fields_set
+            if others := {name for name in others if getattr(self, name) is not None}:
+                raise fault(f"gives actuation and {min(others)}; write one of them")
         if self.tension is not None and self.muscle is not None:
             raise fault("gives both tension and muscle; a muscle's tension follows from activation")
         if self.activation is not None and self.max_force is None:

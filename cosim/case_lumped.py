@@ -8,10 +8,12 @@ from pydantic import Field, model_validator
 
 from cosim import units
 from cosim.case_fields import fault, name_of, quantity
-from cosim.case_types import Number, Table, TendonName
+from cosim.case_finger import JointAngle
+from cosim.case_types import Count, Number, Table, TendonName
 
 JOINTS = ("MCP", "PIP", "DIP")
-"""The joints in flexion; a hood in lumped form has no arms in abduction."""
+"""The joints in flexion; a hood in lumped form has no arms in abduction, unless it is reduced."""
+ALL_JOINTS = ("MCP", "MCP_abduction", "PIP", "DIP")
 
 
 class Arm(Table):
@@ -22,6 +24,9 @@ class Arm(Table):
 
 
 Arms = dict[Annotated[str, name_of("joint", JOINTS)], Arm]
+Powers = Annotated[
+    tuple[tuple[Annotated[Count, Field(ge=0, le=12)], ...], ...], Field(min_length=1)
+]
 Stiffness = Annotated[float, quantity(units.STIFFNESS, above="0 N/mm", most="1e6 N/mm")]
 
 
@@ -35,11 +40,31 @@ class ConnectingTendon(Table):
     arms: Annotated[Arms, Field(min_length=1)]
 
 
+class Reduced(Table):
+    """What `cosim reduce` fitted: one potential of joint angles and tensions over a box, from which
+    torques and excursions follow (rigid/reduced_network.py).  `angles`: the box, by joint in the
+    finger's order; `tensions`: of each muscle the greatest, with `toe` of it; `energy` in J, a row
+    for each of `angle_powers`, a column for each of `tension_terms`; `slips`: central and terminal,
+    N and 1/m, for each of `slip_powers` a constant and a factor of each joint's torque."""
+
+    angles: dict[Annotated[str, name_of("joint", ALL_JOINTS)], tuple[JointAngle, JointAngle]]
+    tensions: dict[TendonName, Annotated[float, quantity(units.FORCE, above="0 N", most="1000 N")]]
+    toe: Annotated[Number, Field(gt=0, le=1)]
+    angle_powers: Powers
+    tension_terms: Annotated[
+        tuple[tuple[Annotated[Count, Field(ge=0, le=3)], ...], ...], Field(min_length=1)
+    ]
+    energy: tuple[tuple[Number, ...], ...]
+    slip_powers: Powers
+    slips: tuple[tuple[tuple[Number, ...], ...], tuple[tuple[Number, ...], ...]]
+
+
 class NetworkHood(Table):
     """A network of tendons (Development and Validation of Modeling Framework for Interconnected
     Tendon Networks): `muscles` with the arms at which they cross joints themselves, `connecting`
     tendons from their junctions on.  With `operating_force` the shares depend on posture alone, as
-    they are at that force of every muscle."""
+    they are at that force of every muscle.  One that is `reduced` from another hood has neither
+    arms nor connecting tendons of its own."""
 
     kind: Literal["network"]
     muscles: Annotated[dict[TendonName, Arms], Field(min_length=1)]
@@ -47,9 +72,22 @@ class NetworkHood(Table):
     operating_force: Annotated[float, quantity(units.FORCE, above="0 N", most="1000 N")] | None = (
         None
     )
+    reduced: Reduced | None = None
 
     @model_validator(mode="after")
     def _joined(self) -> NetworkHood:
+        if self.reduced is not None and (
+            self.connecting or any(self.muscles.values()) or self.operating_force is not None
+        ):
+            raise fault(
+                "reduced: stands for all arms and connecting tendons; leave out the muscles' arms, "
+                "connecting tendons and operating_force"
+            )
+        if self.reduced is not None and tuple(self.reduced.tensions) != tuple(self.muscles):
+            raise fault(
+                f"reduced.tensions: expected the hood's muscles, {', '.join(self.muscles)}, in "
+                "this order"
+            )
         for name, tendon in self.connecting.items():
             if tendon.muscle not in self.muscles:
                 raise fault(

@@ -73,7 +73,17 @@ def read_checkpoint(folder: Path, case: str, template: Kept, special: Special) -
     return Kept(moment, frames, tips)
 
 
-FIELDS = ("time", "angles", "rates", "tension", "excursion", "wrench", "total", "imbalance")
+FIELDS = (
+    "time",
+    "angles",
+    "rates",
+    "tension",
+    "excursion",
+    "wrench",
+    "total",
+    "imbalance",
+    "drive",
+)
 NUMBERS = ("residual", "energy")
 
 
@@ -95,6 +105,7 @@ def _unstacked(arrays: dict[str, Array]) -> tuple[tuple[Frame, ...], tuple[Array
             imbalance=(float(arrays["imbalance"][k, 0]), float(arrays["imbalance"][k, 1])),
             residual=float(arrays["residual"][k]),
             energy=float(arrays["energy"][k]),
+            drive=arrays["drive"][k],
         )
         for k in range(len(arrays["time"]))
     )

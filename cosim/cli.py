@@ -18,9 +18,11 @@ from cosim.estimate_commands import estimate
 from cosim.finger_commands import bench_fingers, mjcf, moment_arms
 from cosim.fmu_commands import fmu
 from cosim.job_commands import bench_fe, bench_febio, export, solve
+from cosim.ladder_commands import ladder
 from cosim.opensim_commands import import_model, sto
 from cosim.paper_commands import reproduce
 from cosim.port import CosimError, InputError
+from cosim.reduce_commands import reduce
 from cosim.report_commands import report
 from cosim.shell_commands import info, verify
 from cosim.study_commands import identify, sensitivity
@@ -52,6 +54,8 @@ app.command()(sensitivity)
 app.command()(identify)
 app.command()(reproduce)
 app.command()(estimate)
+app.command()(ladder)
+app.command()(reduce)
 UNFINISHED = ".unfinished"
 Voice = Literal["plain", "quiet", "json"]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Say nothing but what is wrong.")]

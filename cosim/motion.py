@@ -33,6 +33,15 @@ class Puller(Protocol):
         """At `time` s, `dt` s after `state`: an object with `tension` (nt,) N and `state`."""
         ...
 
+    def settled(self, state: State, length: Array) -> State:
+        """The state of the start, once the hood has found its equilibrium with paths of `length`:
+        pistons stand where they start there."""
+        ...
+
+    def told(self, state: State, time: float) -> Array:
+        """(nc, 2) of each pneumatic cylinder: V commanded, Pa above the atmosphere."""
+        ...
+
 
 class WatchedFinger(MovingFinger, Protocol):
     """A finger in time that tells more than a scheme asks for: what is kept of a motion."""
@@ -112,6 +121,8 @@ class Frame:
     residual: float
     energy: float
     """J, of the finger."""
+    drive: Array
+    """(nc, 2) of each pneumatic cylinder: V commanded, Pa above the atmosphere."""
 
 
 NOTHING_DRIVEN = Driven((), np.zeros(0, dtype=int), lambda time: np.zeros(0))
@@ -140,6 +151,8 @@ class Moves:
         )
         index = self.driven.index
         draw = begun(tension[index], self._excursions(coupled)[index])
+        lengths = np.concatenate([-coupled.point.excursion, self._own(coupled.finger)])
+        pulls = self.puller.settled(pulls, lengths)
         return Moment(coupled, pulls, 0.0, Pace(self.dt), draw)
 
     def first_pull(self, state: State) -> tuple[State, Array]:
@@ -206,6 +219,7 @@ class Moves:
             load.imbalance(motion),
             c.residual,
             self.finger.energy(c.finger),
+            self.puller.told(at.puller, c.time),
         )
 
     def _own(self, state: State) -> Array:

@@ -12,6 +12,7 @@ from cosim.build import drawn_bones
 from cosim.build_finger import held_by
 from cosim.case_schema import Case
 from cosim.observe import IN_METACARPAL
+from cosim.observe_air import air_data, air_end
 from cosim.port import Array, Load
 from cosim.results import LedgerRow, Result, Scene
 
@@ -94,6 +95,8 @@ def _summary(case: Case, moved: Moved, imbalance: float, wall: float) -> dict[st
             }
             for name, length in moved.normalised_length.items()
         }
+    if moved.cylinders:
+        out["air"] = air_end(moved.cylinders, moved.drive[-1])
     return out
 
 
@@ -123,4 +126,5 @@ def _dataset(moved: Moved) -> xarray.Dataset:
         "muscle": list(finger.tendons),
         "axis": ["x", "y", "z"],
     }
-    return xarray.Dataset(data, coords)
+    air, cylinders = air_data(moved.cylinders, moved.drive)
+    return xarray.Dataset({**data, **air}, {**coords, **cylinders})

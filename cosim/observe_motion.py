@@ -15,6 +15,7 @@ from cosim.double_count import pairs
 from cosim.fmu.settle import OPEN
 from cosim.motion import Frame, Moment
 from cosim.observe import COMPONENTS, IN_METACARPAL, drawn_hood
+from cosim.observe_air import air_data, air_end
 from cosim.port import Array
 from cosim.results import LedgerRow, Result, Scene
 
@@ -106,6 +107,8 @@ def _summary(
         out["muscle"] = {
             name: {"normalised_fibre_length": length} for name, length in lengths.items()
         }
+    if t.pulls.cylinders:
+        out["air"] = air_end(t.pulls.cylinders, last.drive)
     return out
 
 
@@ -166,7 +169,8 @@ def _dataset(t: Together, frames: Sequence[Frame], tips: Sequence[Array]) -> xar
         "component": list(COMPONENTS),
         "axis": ["x", "y", "z"],
     }
-    return xarray.Dataset(data, coords)
+    air, cylinders = air_data(t.pulls.cylinders, np.array([f.drive for f in frames]))
+    return xarray.Dataset({**data, **air}, {**coords, **cylinders})
 
 
 def _ledger(t: Together, frames: Sequence[Frame], tips: Sequence[Array]) -> list[LedgerRow]:

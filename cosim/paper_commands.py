@@ -19,6 +19,7 @@ class PaperName(StrEnum):
 
     NETWORKS = "networks"
     COORDINATION = "coordination"
+    ROBOT = "robot"
 
 
 def reproduce(
@@ -26,7 +27,7 @@ def reproduce(
         PaperName,
         typer.Argument(
             help="networks: interconnected tendon networks; coordination: Buchner, Hines and "
-            "Hemami 1988, interphalangeal coordination."
+            "Hemami 1988, interphalangeal coordination; robot: the pneumatic robotic finger."
         ),
     ],
     only: Annotated[
@@ -60,6 +61,13 @@ def _paper(name: PaperName) -> Paper:
             "in Robotic and Human Fingers"
         )
         return Paper(name.value, title, STUDIES)
+    if name is PaperName.ROBOT:
+        from cosim.papers.robot import STUDIES as of_robot
+
+        title = (
+            "Design of an Anthropomorphic Robotic Finger System with Biomimetic Artificial Joints"
+        )
+        return Paper(name.value, title, of_robot)
     from cosim.papers.coordination import STUDIES as ours
 
     title = (

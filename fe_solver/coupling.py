@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from cosim.port import skew
 
-from .assembly import DOFS, add_at
+from .assembly import DOFS, add_at, cross
 from .model import Configuration, Evaluation, ShellModel
 from .springs import PointForces
 
@@ -34,14 +34,14 @@ def wrenches(
         out[name] = np.zeros((nb, 6))
         np.add.at(out[name], held.body, -_about(c.x[held.node] - c.position[held.body], force))
         node = held.node[turned]
-        couple = -np.cross(c.d[node], e.gradient_d[node])
+        couple = -cross(c.d[node], e.gradient_d[node])
         np.add.at(out[name][:, 3:], held.body[turned], couple)
     return out
 
 
 def _about(arm: Array, force: Array) -> Array:
     """(k, 6) forces (k, 3) and their moments at arms (k, 3)."""
-    return np.concatenate([force, np.cross(arm, force)], axis=1)
+    return np.concatenate([force, cross(arm, force)], axis=1)
 
 
 def slaved(model: ShellModel, c: Configuration, bases: tuple[Array, Array]) -> Array:
@@ -126,7 +126,7 @@ def _held_terms(
     total = e.gradient_x[g.node] - pull
     A, T = e.bases
     gx = e.gradient_x[g.node]
-    residual[g.node, :3, g.body, 3:] += np.cross(np.swapaxes(A[g.node], 1, 2), gx[:, None])
+    residual[g.node, :3, g.body, 3:] += cross(np.swapaxes(A[g.node], 1, 2), gx[:, None])
     arm = c.x[g.node] - c.position[g.body]
     moment = -skew(total) @ skew(arm) - skew(arm) @ skew(pull)
     add_at(wrench[:, 3:, :, 3:], (g.body, slice(None), g.body), moment)
@@ -135,7 +135,7 @@ def _held_terms(
     node, body, d = g.node[on], g.body[on], c.d[g.node[on]]
     gd = e.gradient_d[node]
     bend = np.einsum("ki,ki->k", gd, d)[:, None]
-    spin = np.cross(np.swapaxes(T[node], 1, 2), (gd - bend * d)[:, None])
+    spin = cross(np.swapaxes(T[node], 1, 2), (gd - bend * d)[:, None])
     residual[node, 3:, body, 3:] += spin
     turn = skew(gd) @ skew(d) - bend[:, None] * skew(d) @ skew(d)
     add_at(wrench[:, 3:, :, 3:], (body, slice(None), body), -turn)
@@ -148,6 +148,6 @@ def _tension_terms(model: ShellModel, c: Configuration, A: Array) -> tuple[Array
     wrench = np.zeros((nb, 6, nt))
     along = A[g.node, :, 0]
     arm = c.x[g.node] - c.position[g.body]
-    unit = np.concatenate([along, np.cross(arm, along)], axis=1)
+    unit = np.concatenate([along, cross(arm, along)], axis=1)
     add_at(wrench, g.body, unit[:, :, None] * model.share.T[:, None, :])
     return residual.reshape(len(c.x) * DOFS, nt), wrench.reshape(6 * nb, nt)

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from .assembly import DOFS, Pattern, make_pattern, scattered, tangents, turned
+from .assembly import DOFS, Pattern, cross, make_pattern, scattered, tangents, turned
 from .cables import Cables, cable_forces
 from .contact import Contact, contact_forces, joined
 from .guides import Guides, Ties
@@ -139,7 +139,7 @@ class ShellModel:
     def cosines(self, x: Array, d: Array) -> Array:
         """(ne, 4) of the angles between the quads' normals and their corners' directors."""
         X = x[self.quads]
-        normal = np.cross(X[:, 2] - X[:, 0], X[:, 3] - X[:, 1])
+        normal = cross(X[:, 2] - X[:, 0], X[:, 3] - X[:, 1])
         normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
         return np.asarray(np.einsum("ek,eak->ea", normal, d[self.quads]))
 
@@ -159,7 +159,7 @@ class ShellModel:
         level = np.einsum("kij,kj->ki", c.rotation[g.body[on]], g.level[on])
         first = level - np.einsum("ki,ki->k", level, d)[:, None] * d
         first /= np.linalg.norm(first, axis=1, keepdims=True)
-        return np.stack([first, np.cross(d, first)], axis=2)
+        return np.stack([first, cross(d, first)], axis=2)
 
     def posed(self, c: Configuration, position: Array, rotation: Array) -> Configuration:
         """The same hood with its bodies at new poses: tied nodes follow, guided nodes are put back

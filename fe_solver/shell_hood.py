@@ -18,6 +18,7 @@ from cosim.port import (
     Response,
 )
 
+from .assembly import cross
 from .augment import AugmentOptions, settled, solve_augmented
 from .coupling import wrenches
 from .model import Configuration, ShellModel
@@ -298,15 +299,11 @@ class ShellHood:
 
     def _pull(self, c: Configuration, tension: Array) -> Array:
         """(nt, 6) wrench of each tendon on the hood about the world's origin."""
-        nodes = self.model.guides.node
-        out = np.zeros((len(self.tendons), 6))
-        for t in range(len(self.tendons)):
-            one = np.zeros_like(tension)
-            one[t] = tension[t]
-            force = self.model.pulls(c, one)
-            out[t, :3] = force.sum(axis=0)
-            out[t, 3:] = np.cross(c.x[nodes], force).sum(axis=0)
-        return out
+        g = self.model.guides
+        along = np.einsum("kij,kj->ki", c.rotation[g.body], g.direction)
+        force = (tension[:, None] * self.model.share) @ along
+        moment = (tension[:, None] * self.model.share) @ cross(c.x[g.node], along)
+        return np.hstack([force, moment])
 
     def group_forces(self, state: HoodState) -> dict[str, Array]:
         """(3,) N summed force on the bone of each spring group, and of the ties, world frame."""

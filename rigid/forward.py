@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.port import Array, ConvergenceError, InputError
+from cosim.port import Array, ConvergenceError, InputError, State
 from rigid.dynamics import FingerDynamics, Moment
 from rigid.joint_torques import JointLaw, limit_damping
 
@@ -75,6 +75,8 @@ class Simulation:
     """N, the largest of a force component from its end."""
     last: Moment
     """The state at the end."""
+    muscles: tuple[State, ...]
+    """(n + 1) states of what pulls."""
 
     @property
     def at_rest(self) -> bool:
@@ -135,6 +137,7 @@ def _simulation(
         float(np.abs(rates[last:]).max()),
         float(np.abs(tip[last:, :3] - tip[-1, :3]).max()),
         history[-1],
+        tuple(m.muscles for m in history),
     )
 
 

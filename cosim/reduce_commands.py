@@ -1,0 +1,80 @@
+"""`cosim reduce`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cosim.files import written_whole
+from cosim.study_commands import CaseName, Jobs, Settings, print_table
+from cosim.terminal import told
+
+if TYPE_CHECKING:
+    from cosim.reduction import Reduction
+
+
+def reduce(
+    case: CaseName,
+    settings: Settings = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", "-o", metavar="CASE.toml", help="Case file to write, extending CASE."
+        ),
+    ] = None,
+    grid: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="JOINT=DEG,DEG,...",
+            help="Angles of a joint in the grid of postures, in deg; repeatable. A joint without "
+            "any stays as in the case. Without it MCP=0,30,60, PIP=10,32,55 and DIP=5,20,35.",
+        ),
+    ] = None,
+    jobs: Jobs = 2,
+) -> None:
+    """Fit a network hood to what a case's shell or cables do, over a grid of postures and loads,
+    for use in real time; the error is that of postures held out."""
+    with told():
+        from cosim.case import load_case
+        from cosim.identified import base_of, check_loads
+        from cosim.reduced_case import case_text
+        from cosim.reduction import read_grid, reduce_case
+
+        own = tuple(settings or ())
+        checked = load_case(case, own)
+        found = reduce_case(
+            checked.source,
+            own,
+            read_grid(grid or ()),
+            jobs,
+            lambda text: typer.echo(text, err=True),
+        )
+        _show(found)
+        if out is not None:
+            base, title = base_of(checked.source, out), f"{checked.title}, hood reduced"
+            with written_whole(out) as part:
+                part.write_text(case_text(found, title, base, own), encoding="utf-8")
+                check_loads(part)
+            typer.echo(f"case in {out}")
+
+
+def _show(found: Reduction) -> None:
+    """Errors, rates, and where the hood found no equilibrium."""
+    from cosim.reduction import errors
+
+    rows = [
+        (e.quantity, *(f"{100 * value:.1f} %" for value in (e.fit, e.median, e.most)), e.mark)
+        for e in errors(found)
+    ]
+    header = ("error of", "grid, median", "held out, median", "held out, most", "mark")
+    print_table("Reduced hood less the hood itself", header, rows)
+    rate = found.rate
+    typer.echo(
+        f"one state: {found.seconds:.2f} s by the hood with the way there, {1e3 * rate.one:.2f} ms by the reduced one "
+        f"({found.seconds / rate.one:.0f} times faster), {1e6 * rate.batched:.1f} us in a batch "
+        f"({found.seconds / rate.batched:.0f} times)"
+    )
+    for lost in found.lost:
+        typer.echo(f"left out: {lost}")

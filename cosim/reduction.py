@@ -1,0 +1,313 @@
+"""A network hood fitted to what a shell or a net of cables does, and how far it is off."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from cosim.build import build
+from cosim.build_finger import live_finger, our_finger
+from cosim.build_lumped import fitted
+from cosim.case import load_case
+from cosim.case_cable import CableHood
+from cosim.case_schema import Case, ShellHood
+from cosim.port import Array, Finger, InputError, Load
+from cosim.reduction_samples import Lost, Sample, Walk, sampled
+
+if TYPE_CHECKING:
+    from cosim.build_lumped import Potential
+
+GRID = {"MCP": (0.0, 30.0, 60.0), "PIP": (10.0, 32.0, 55.0), "DIP": (5.0, 20.0, 35.0)}
+"""deg."""
+LOW = 0.5
+"""N, of a tendon's least load."""
+MIXED = ((0.5,), (0.3, 0.1, 0.6))
+"""Of the greatest loads, tendon by tendon and from the first again: all pull."""
+HELD_POSTURES, HELD_LOAD, SEED = 5, 0.9, 0
+"""Held out: postures at random within the grid, with each tendon at this part of its load, and a
+mixture at random."""
+MARKS = {"tip force": 0.05, "slip forces": 0.10}
+BATCH = 20_000
+Tell = Callable[[str], None]
+CLAMPED = 'finger.tip.kind="clamped"'
+
+
+class Rate(NamedTuple):
+    """s for one state."""
+
+    one: float
+    """Load, excursions and derivatives behind the port."""
+    batched: float
+    """Torques and slips of many at once."""
+
+
+@dataclass(frozen=True)
+class Reduction:
+    """What was fitted, to what, and what was held out."""
+
+    case: Case
+    grid: Mapping[str, tuple[float, ...]]
+    """deg by joint."""
+    loads: Mapping[str, float]
+    """N, the greatest of each tendon."""
+    potential: Potential
+    samples: tuple[Sample, ...]
+    held: tuple[Sample, ...]
+    lost: tuple[str, ...]
+    """States without an equilibrium, with the reason."""
+    seconds: float
+    """s, of the hood for one state: of all walks, with the steps between postures and what was
+    lost, in a process beside others."""
+    rate: Rate
+
+
+class Error(NamedTuple):
+    """Relative; see `errors`."""
+
+    quantity: str
+    fit: float
+    """Median on the grid."""
+    median: float
+    most: float
+    mark: str
+
+
+def read_grid(texts: Sequence[str]) -> dict[str, tuple[float, ...]]:
+    """deg by joint, of JOINT=DEG,DEG; the default without any.  Raises InputError."""
+    if not texts:
+        return dict(GRID)
+    return dict(_axis(text) for text in texts)
+
+
+def _axis(text: str) -> tuple[str, tuple[float, ...]]:
+    joint, _, values = text.partition("=")
+    try:
+        angles = tuple(sorted({float(value) for value in values.split(",")}))
+    except ValueError:
+        angles = ()
+    if not angles or not np.isfinite(angles).all():
+        raise InputError(f"--grid {text!r}: write JOINT=DEG,DEG, for example PIP=10,35,60")
+    return joint.strip(), angles
+
+
+def greatest_loads(case: Case, tendons: Sequence[str]) -> dict[str, float]:
+    """N of each tendon of the hood: the case's; of one that rests there as large a part of its
+    greatest force as the case's most active tendon has of its own, or the case's greatest load.
+
+    Raises InputError for a case that loads none."""
+    rest, own = case.solve.resting_tension, {name: case.tension(name) for name in tendons}
+    most = max(own.values())
+    if most <= rest:
+        raise InputError(
+            f"{case.name}: loads no tendon of the hood; give one of {', '.join(tendons)} a tension "
+            "or an activation"
+        )
+    strength = {n: t.max_force for n, t in case.tendons.items() if t.max_force is not None}
+    part = max((own[n] / strength[n] for n in own if n in strength), default=0.0)
+    return {
+        name: force if force > rest else part * strength[name] if name in strength else most
+        for name, force in own.items()
+    }
+
+
+def reduce_case(
+    source: Path,
+    settings: Sequence[str],
+    grid: Mapping[str, tuple[float, ...]],
+    jobs: int,
+    tell: Tell = lambda text: None,
+) -> Reduction:
+    """Sample the case's hood on the grid and off it, and fit.
+
+    Raises InputError for a hood in closed form, an unknown joint, or too few samples."""
+    case = load_case(source, settings)
+    if not isinstance(case.hood, ShellHood | CableHood):
+        raise InputError(
+            f'{case.name}: hood.kind = "{case.hood.kind}" is not solved by finite elements, so '
+            "that nothing is gained by reducing it; take a case with a shell or cables"
+        )
+    models = build(case)
+    joints, tendons = models.finger.joints, models.hood.tendons
+    if unknown := [joint for joint in grid if joint not in joints]:
+        raise InputError(
+            f"--grid: unknown joint {unknown[0]}; expected some of {', '.join(joints)}"
+        )
+    home = np.array([models.posture.get(joint, 0.0) for joint in joints])
+    loads = greatest_loads(case, tendons)
+    most, rest = np.array(list(loads.values())), case.solve.resting_tension
+    on_grid = _grid_walks(joints, home, grid, most, rest)
+    off_grid = _held_walks(joints, home, grid, most, rest)
+    started, found = time.perf_counter(), []
+    walks = [*on_grid, *off_grid]
+    for walked in sampled(source, settings, walks, jobs):
+        found.append(walked)
+        lost = sum(isinstance(s, Lost) for part in found for s in part)
+        tell(f"walk {len(found)}/{len(walks)}: {sum(map(len, found))} states, {lost} lost")
+    spent = jobs * (time.perf_counter() - started)
+    states = [s for walked in found for s in walked]
+    samples = tuple(s for w in found[: len(on_grid)] for s in w if isinstance(s, Sample))
+    held = tuple(s for w in found[len(on_grid) :] for s in w if isinstance(s, Sample))
+    lost_states = tuple(_told(s, tendons) for s in states if isinstance(s, Lost))
+    if not samples or not held:
+        raise InputError(
+            f"{case.name}: the hood found no equilibrium in any posture of the grid, or of those "
+            f"held out ({lost_states[0] if lost_states else 'none'}); choose another --grid"
+        )
+    tell(f"fitting to {len(samples)} states")
+    potential = fitted(stacked(samples), joints, tendons)
+    rate = _rate(potential, samples, case)
+    seconds = spent / len(states)
+    return Reduction(case, grid, loads, potential, samples, held, lost_states, seconds, rate)
+
+
+def _told(lost: Lost, tendons: Sequence[str]) -> str:
+    posture = "/".join(f"{a:.4g}" for a in np.degrees(lost.angle))
+    load = ", ".join(f"{n} {t:.3g}" for n, t in zip(tendons, lost.tension, strict=True))
+    return f"{posture} deg, {load} N: {lost.reason}"
+
+
+def stacked(samples: Sequence[Sample]) -> dict[str, Array]:
+    """The samples' fields, each with the samples first."""
+    return {f.name: np.array([getattr(s, f.name) for s in samples]) for f in fields(Sample)}
+
+
+def _grid_walks(
+    joints: Sequence[str],
+    home: Array,
+    grid: Mapping[str, tuple[float, ...]],
+    most: Array,
+    rest: float,
+) -> list[Walk]:
+    """A walk for each angle of the grid's first joint and each tendon, to and fro through the
+    others, loaded and nearly not; and one for each mixture."""
+    first, *others = [joint for joint in joints if joint in grid]
+    lines = _to_and_fro([grid[joint] for joint in others])
+    loads = [_alone(i, most, rest) for i in range(len(most))]
+    loads[0] = np.vstack([loads[0], np.full(len(most), rest)])
+    loads += [most[None] * np.resize(mixture, len(most)) for mixture in MIXED]
+    walks = []
+    for angle in grid[first]:
+        postures = np.tile(home, (len(lines), 1))
+        postures[:, [joints.index(joint) for joint in (first, *others)]] = np.radians(
+            np.column_stack([np.full(len(lines), angle), lines])
+        )
+        walks += [Walk(postures, load) for load in loads]
+    return walks
+
+
+def _alone(tendon: int, most: Array, rest: float) -> Array:
+    """(2, m) N: one tendon with its greatest and its least load, the others at rest."""
+    out = np.full((2, len(most)), rest)
+    out[:, tendon] = most[tendon], min(LOW, most[tendon] / 2)
+    return out
+
+
+def _to_and_fro(axes: Sequence[Sequence[float]]) -> Array:
+    """(p, k) all combinations, each one step from the one before."""
+    lines = np.zeros((1, 0))
+    for axis in axes:
+        turns = [axis if i % 2 == 0 else axis[::-1] for i in range(len(lines))]
+        lines = np.array(
+            [[*line, value] for line, turn in zip(lines, turns, strict=True) for value in turn]
+        )
+    return lines
+
+
+def _held_walks(
+    joints: Sequence[str],
+    home: Array,
+    grid: Mapping[str, tuple[float, ...]],
+    most: Array,
+    rest: float,
+) -> list[Walk]:
+    """A walk for each load through postures at random within the grid."""
+    random = np.random.default_rng(SEED)
+    postures = np.tile(home, (HELD_POSTURES, 1))
+    for joint, axis in grid.items():
+        within = random.uniform(min(axis), max(axis), HELD_POSTURES)
+        postures[:, joints.index(joint)] = np.radians(within)
+    postures = postures[np.argsort(postures.sum(axis=1))]
+    loads = np.full((len(most), len(most)), rest)
+    np.fill_diagonal(loads, HELD_LOAD * most)
+    mixture = most * random.uniform(0.1, 0.6, len(most))
+    return [Walk(postures, load[None]) for load in (*loads, mixture)]
+
+
+def errors(found: Reduction) -> Iterator[Error]:
+    """Of torques, tip force and slips: the difference's size over the quantity's, state by state
+    (of both slips over the larger one's force; tip force: what holds a clamped tip against the
+    hood's torques)."""
+    grid, held = (_misses(found, samples) for samples in (found.samples, found.held))
+    for name, miss in held.items():
+        mark = f"{100 * MARKS[name]:.0f} %" if name in MARKS else ""
+        if np.isfinite(miss).any():
+            fit = float(np.nanmedian(grid[name]))
+            yield Error(name, fit, float(np.nanmedian(miss)), float(np.nanmax(miss)), mark)
+
+
+def _misses(found: Reduction, samples: Sequence[Sample]) -> dict[str, Array]:
+    """(s,) relative, by quantity, of states in which a tendon pulls with more than LOW."""
+    loaded = [s for s in samples if s.tension.max() > LOW]
+    data = stacked(loaded)
+    made = found.potential.derived(data["angle"], data["tension"])
+    slips = found.potential.slips(data["angle"], made.torque)
+    finger = live_finger(our_finger(clamped(found.case)), found.case.hood)
+    maps = np.array([tip_map(finger, s.angle) for s in loaded])
+    tip, aimed = (np.einsum("sij,sj->si", maps, torque) for torque in (made.torque, data["torque"]))
+    largest = data["slip"].max(axis=1)
+    return {
+        "joint torques": _relative(made.torque - data["torque"], data["torque"]),
+        "tip force": _relative(tip - aimed, aimed),
+        "slip forces": np.abs(slips - data["slip"]).max(axis=1) / largest,
+    }
+
+
+def _relative(off: Array, whole: Array) -> Array:
+    out: Array = np.linalg.norm(off, axis=1) / np.linalg.norm(whole, axis=1)
+    return out
+
+
+def clamped(case: Case) -> Case:
+    """The case with its fingertip clamped."""
+    finger = our_finger(case)
+    tip = finger.tip.model_copy(update={"kind": "clamped"})
+    return case.model_copy(update={"finger": finger.model_copy(update={"tip": tip})})
+
+
+def tip_map(finger: Finger, angle: Array) -> Array:
+    """(3, n) the force of a held fingertip on the world by torques about the joints, N/(N m)."""
+    state = finger.start(dict(zip(finger.joints, map(float, angle), strict=True)))
+    bodies, none = finger.bodies, np.zeros(len(finger.tendons))
+    idle = Load(bodies, ("none",), np.zeros((len(bodies), 1, 6)), np.zeros((0, 6)))
+    n, width = len(finger.joints), 6 * len(bodies)
+    slope = finger.tangent(state, idle, none, np.zeros((width, width)))[:n, n:]
+    steps = np.eye(n + slope.shape[1])[n:]
+    force = np.array(
+        [finger.balance(finger.displaced(state, step), idle, none).tip_force for step in steps]
+    ).T
+    out: Array = -force @ np.linalg.pinv(slope)
+    return out
+
+
+def _rate(potential: Potential, samples: Sequence[Sample], case: Case) -> Rate:
+    """Measured: states one by one behind the port, and a batch."""
+    from cosim.build_lumped import reduced_hood
+
+    finger = live_finger(our_finger(case), case.hood)
+    hood = reduced_hood(potential, our_finger(case), finger.bodies)
+    named = [dict(zip(finger.joints, map(float, s.angle), strict=True)) for s in samples]
+    motions = [finger.motion(finger.start(posture)) for posture in named]
+    state, started = hood.start(motions[0]), time.perf_counter()
+    for motion, s in zip(motions, samples, strict=True):
+        hood.jacobian(hood.advance(state, motion, s.tension, np.inf).state)
+    one = (time.perf_counter() - started) / len(samples)
+    data, pick = stacked(samples), np.arange(BATCH) % len(samples)
+    angle, tension = data["angle"][pick], data["tension"][pick]
+    started = time.perf_counter()
+    potential.slips(angle, potential.torques(angle, tension))
+    return Rate(one, (time.perf_counter() - started) / BATCH)

@@ -1,0 +1,166 @@
+"""What a hood does on bones held in many postures, under many loads: the data of a reduction.
+
+A solve on held bones says, with the tangent of its state, the gradient of the hood's potential in
+joint angles and tensions (torques and excursions) and its second derivatives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from functools import lru_cache, partial
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+
+from cosim.build import Models, build
+from cosim.case import load_case
+from cosim.port import STATIC, Array, ConvergenceError, Load, State
+
+FREE = 'finger.tip.kind="free"'
+"""The bones are held where they are put, whatever holds the case's fingertip."""
+MOST_STEP = float(np.radians(10.0))
+"""A hood follows the bones in steps of at most this turn."""
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One equilibrium on held bones; n joints, m tendons of the hood."""
+
+    angle: Array
+    """(n,) rad."""
+    tension: Array
+    """(m,) N."""
+    torque: Array
+    """(n,) N m of the hood."""
+    excursion: Array
+    """(m,) m."""
+    stiffness: Array
+    """(n, n) N m/rad, derivative of the torques by the angles."""
+    arms: Array
+    """(n, m) m, of the torques by the tensions."""
+    compliance: Array
+    """(m, m) m/N, of the excursions by the tensions."""
+    slip: Array
+    """(2,) N, central and terminal; NaN of a hood without slips."""
+
+
+@dataclass(frozen=True)
+class Lost:
+    """A state in which the hood found no equilibrium."""
+
+    angle: Array
+    tension: Array
+    reason: str
+
+
+@dataclass(frozen=True)
+class Walk:
+    """Postures to pass through, and in each the loads, the first of them while walking."""
+
+    angles: Array
+    """(p, n) rad."""
+    tensions: Array
+    """(k, m) N."""
+
+
+def sampled(
+    source: Path, settings: Sequence[str], walks: Sequence[Walk], jobs: int
+) -> Iterator[list[Sample | Lost]]:
+    """What each walk found, in their order, in so many processes (1: in this one)."""
+    one = partial(walked, source, tuple(settings))
+    if jobs == 1:
+        yield from map(one, walks)
+        return
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        yield from pool.map(one, walks)
+
+
+def walked(source: Path, settings: tuple[str, ...], walk: Walk) -> list[Sample | Lost]:
+    """One walk on the models of a case, which a process builds once."""
+    return list(on_models(_models(source, settings), walk))
+
+
+@lru_cache(maxsize=1)
+def _models(source: Path, settings: tuple[str, ...]) -> Models:
+    return build(load_case(source, (*settings, FREE)))
+
+
+def on_models(models: Models, walk: Walk) -> Iterator[Sample | Lost]:
+    """Every load in every posture that can be reached; from where the first load is lost the walk
+    goes on from the last posture that was found."""
+    at = walk.angles[0]
+    state = models.hood.start(models.finger.motion(_placed(models, at)))
+    for angle in walk.angles:
+        try:
+            state = _moved(models, state, at, angle, walk.tensions[0])
+            at = angle
+        except ConvergenceError as error:
+            yield from (Lost(angle, load, _line(error)) for load in walk.tensions)
+            continue
+        yield from _loaded(models, state, angle, walk.tensions)
+
+
+def _loaded(
+    models: Models, state: State, angle: Array, tensions: Iterable[Array]
+) -> Iterator[Sample | Lost]:
+    """One load after the other in a posture."""
+    for tension in tensions:
+        try:
+            found = sample(models, state, angle, tension)
+        except ConvergenceError as error:
+            yield Lost(angle, tension, _line(error))
+            continue
+        state = found[1]
+        yield found[0]
+
+
+def _line(error: ConvergenceError) -> str:
+    return " ".join(str(error).split())
+
+
+def _placed(models: Models, angle: Array) -> State:
+    return models.finger.start(dict(zip(models.finger.joints, map(float, angle), strict=True)))
+
+
+def _moved(models: Models, state: State, start: Array, end: Array, tension: Array) -> State:
+    """The hood's state at joint angles `end`, followed there from `start` (rad)."""
+    pieces = max(1, int(np.ceil(np.abs(end - start).max() / MOST_STEP)))
+    for part in np.arange(1, pieces + 1) / pieces:
+        motion = models.finger.motion(_placed(models, start + part * (end - start)))
+        state = models.hood.advance(state, motion, tension, STATIC).state
+    return state
+
+
+def sample(models: Models, state: State, angle: Array, tension: Array) -> tuple[Sample, State]:
+    """The hood under tensions (m,) N at joint angles (n,) rad, from a state near it; and its new
+    state.  Raises ConvergenceError."""
+    finger, hood = models.finger, models.hood
+    here = _placed(models, angle)
+    response = hood.advance(state, finger.motion(here), tension, STATIC)
+    slope, twist = hood.jacobian(response.state), finger.jacobian(here)
+    none, bodies = np.zeros(len(finger.tendons)), finger.bodies
+    idle = Load(bodies, ("none",), np.zeros((len(bodies), 1, 6)), np.zeros((0, 6)))
+    with_hood = finger.tangent(here, response.load, none, slope.load_motion)
+    without = finger.tangent(here, idle, none, np.zeros_like(slope.load_motion))
+    n = len(finger.joints)
+    found = Sample(
+        angle,
+        tension,
+        twist.T @ response.load.total().ravel(),
+        response.excursion,
+        (with_hood - without)[:n, :n],
+        twist.T @ slope.load_tension,
+        slope.excursion_tension,
+        _slips(models, response.state),
+    )
+    return found, response.state
+
+
+def _slips(models: Models, state: State) -> Array:
+    if models.look is None:
+        return np.full(2, np.nan)
+    forces: Mapping[str, float] = models.look(state).slip_force
+    return np.array([forces["central"], forces["terminal"]])

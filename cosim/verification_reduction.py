@@ -1,0 +1,63 @@
+"""The network that `cosim reduce` fits: to a network that it must be, and to the shell."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from cosim.build import build
+from cosim.build_lumped import fitted
+from cosim.case import find_case, load_case
+from cosim.reduction import GRID, MARKS, errors, reduce_case, stacked
+from cosim.reduction_samples import FREE, Sample, Walk, on_models
+from cosim.verification import Row, Study
+
+SPRINGS = ("edc_ulnar", "edc_slip", "edc_radial", "lum_slip", "lum_lateral", "fpi_slip")
+SOFT = [f'hood.connecting.{name}.stiffness="{1 + 0.2 * i} N/mm"' for i, name in enumerate(SPRINGS)]
+SOFT.append('hood.connecting.fpi_lateral.stiffness="1.5 N/mm"')
+"""So soft that every spring bears over the whole box, where the network is a polynomial."""
+CASE = "fingertip_fibres_edc"
+ROUNDING = 1e-8
+FASTER = 1e-3
+"""The mark is 1000 times."""
+KNOWN = (
+    "a network whose springs all bear is a polynomial of degree 4 in the angles, 2 in the forces"
+)
+MARK = "the project's mark for a network reduced from the shell, held-out postures"
+
+
+def network_rows() -> Iterator[Row]:
+    """A network reduced to a network, in postures and under loads that were not fitted."""
+    models = build(load_case("network_edc", [*SOFT, FREE]))
+    random = np.random.default_rng(0)
+    low, high = [-0.1, 0.0, 0.1, 0.0], [0.6, 0.0, 0.9, 0.4]
+    angle, load = random.uniform(low, high, (40, 4)), random.uniform(7.0, 12.0, (7, 3))
+    states = [s for s in on_models(models, Walk(angle, load)) if isinstance(s, Sample)]
+    fit, held = stacked(states[:-40]), stacked(states[-40:])
+    made = fitted(fit, models.finger.joints, models.hood.tendons)
+    for name, value in made.derived(held["angle"], held["tension"])._asdict().items():
+        off = float(np.abs(value - held[name]).max() / np.abs(held[name]).max())
+        yield Row("network from a network", f"{name}, relative", 0.0, off, ROUNDING, KNOWN, "bound")
+
+
+def shell_rows() -> Iterator[Row]:
+    """The calibrated shell."""
+    found = reduce_case(find_case(CASE), (), GRID, 2)
+    for e in errors(found):
+        if e.quantity in MARKS:
+            for word, value in (("median", e.median), ("most", e.most)):
+                what = f"{e.quantity}, {word}, relative"
+                mark = MARKS[e.quantity]
+                yield Row("network from the shell", what, mark, value, 0.0, MARK, "bound")
+    for word, seconds in (("one by one", found.rate.one), ("in a batch", found.rate.batched)):
+        part = seconds / found.seconds
+        yield Row(
+            "network from the shell", f"time, {word}, of it", FASTER, part, 0.0, MARK, "bound"
+        )
+
+
+STUDIES = (
+    Study("reduced hood, of a network", network_rows),
+    Study("reduced hood, of the shell", shell_rows, slow=True),
+)

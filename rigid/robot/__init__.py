@@ -1,0 +1,1 @@
+"""The pneumatic robotic finger: its model, pose from markers, control and experiments."""

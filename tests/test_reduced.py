@@ -1,0 +1,338 @@
+"""A hood reduced to one potential: against a network that it must recover, and behind the port."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import conformance
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from cosim import reduction
+from cosim.build import Models, build
+from cosim.build_lumped import fitted, potential, reduced_hood, slip_forces
+from cosim.case import load_case
+from cosim.case_finger import IndexFinger
+from cosim.case_lumped import NetworkHood
+from cosim.cli import app
+from cosim.port import STATIC, ConvergenceError, InputError, Motion
+from cosim.reduced_case import case_text
+from cosim.reduction_samples import Lost, Sample, Walk, on_models
+from meshes.skeleton import BODIES, index_finger
+from rigid.reduced_network import Potential, loadings, monomials
+from rigid.reduction import Data, Order, reduced
+
+TENDONS = ("edc_ulnar", "edc_slip", "edc_radial", "lum_slip", "lum_lateral", "fpi_slip")
+SOFT = [f'hood.connecting.{t}.stiffness="{1 + 0.2 * i} N/mm"' for i, t in enumerate(TENDONS)]
+SOFT.append('hood.connecting.fpi_lateral.stiffness="1.5 N/mm"')
+"""So soft that every spring bears over the whole box, where the network is a polynomial."""
+STRAIGHT = Order(angle=4, toe=None)
+
+
+def soft_models() -> Models:
+    return build(load_case("network_edc", [*SOFT, 'finger.tip.kind="free"']))
+
+
+def walk(count: int, seed: int) -> Walk:
+    rng = np.random.default_rng(seed)
+    angle = rng.uniform([-0.1, 0.0, 0.1, 0.0], [0.6, 0.0, 0.9, 0.4], (count, 4))
+    return Walk(angle, rng.uniform(7.0, 12.0, (6, 3)))
+
+
+@pytest.fixture(scope="module")
+def samples() -> list[Sample]:
+    """Of the soft network, with the slips that its springs make."""
+    case, models = load_case("network_edc", SOFT), soft_models()
+    assert isinstance(case.hood, NetworkHood)
+    assert isinstance(case.finger, IndexFinger)
+    out = []
+    for s in on_models(models, walk(28, 0)):
+        assert isinstance(s, Sample)
+        at = models.finger.start(dict(zip(models.finger.joints, s.angle, strict=True)))
+        motion = models.finger.motion(at)
+        state = models.hood.advance(models.hood.start(motion), motion, s.tension, STATIC).state
+        slips = slip_forces(case.hood, case.finger, state)
+        assert sum(slips.values()) == pytest.approx(s.tension.sum(), rel=1e-12)
+        out.append(replace(s, slip=np.array([slips["central"], slips["terminal"]])))
+    return out
+
+
+@pytest.fixture(scope="module")
+def found(samples) -> Potential:
+    data = Data(**reduction.stacked(samples[:140]))
+    return reduced(data, ("MCP", "MCP_abduction", "PIP", "DIP"), ("EDC", "LUM", "FPI"), STRAIGHT)
+
+
+def test_a_network_is_recovered_to_round_off(samples, found):
+    """Torques, excursions, all second derivatives and both slips in postures and under loads that
+    were not fitted."""
+    held = reduction.stacked(samples[140:])
+    made = found.derived(held["angle"], held["tension"])
+    for name, value in made._asdict().items():
+        scale = np.abs(held[name]).max()
+        assert np.abs(value - held[name]).max() < 1e-9 * scale, name
+    slips = found.slips(held["angle"], made.torque)
+    assert slips == pytest.approx(held["slip"], rel=1e-8)
+    assert found.torques(held["angle"], held["tension"]) == pytest.approx(made.torque, rel=1e-12)
+
+
+def test_second_derivatives_are_those_of_the_first():
+    """Of every basis function against central differences."""
+    rng, step = np.random.default_rng(1), 1e-5
+    powers = rng.integers(0, 5, (30, 4))
+    terms = rng.integers(0, 4, (30, 4))
+
+    def toed(at):
+        return loadings(terms, at, 0.05)
+
+    for basis in (lambda at: monomials(powers, at), toed):
+        at = rng.uniform(0.1, 0.9, 4)
+        here = basis(at)
+        for j, e in enumerate(step * np.eye(4)):
+            up, down = basis(at + e), basis(at - e)
+            slope = (up.value - down.value) / (2 * step)
+            curve = (up.slope - down.slope) / (2 * step)
+            assert here.slope[:, j] == pytest.approx(slope, rel=1e-6, abs=1e-8)
+            assert here.curve[:, :, j] == pytest.approx(curve, rel=1e-6, abs=1e-8)
+
+
+def any_potential() -> Potential:
+    """Four joints and two muscles with all kinds of terms, abduction too."""
+    rng = np.random.default_rng(2)
+    powers = np.array(
+        [(a, b, c, d) for a in (0, 1) for b in (0, 1, 2) for c in (0, 2) for d in (0, 1)]
+    )
+    terms = np.array([(0, 0), (1, 0), (0, 1), (2, 0), (0, 3), (1, 1)])
+    low, high = np.array([-0.5, -0.3, -0.3, -0.3]), np.array([1.0, 0.3, 1.2, 0.6])
+    energy = rng.normal(0, 2e-3, (len(powers), len(terms)))
+    slip_powers, slip = powers[:1], np.zeros((2, 1, 5))
+    slip[1, 0] = 0, 0, 0, 0, -300.0
+    joints = ("MCP", "MCP_abduction", "PIP", "DIP")
+    parts = (low, high, np.array([4.0, 3.0]), powers, terms, 0.05, energy, slip_powers, slip)
+    return Potential(joints, ("EDC", "LUM"), *parts)
+
+
+POSTURES = (
+    {},
+    {"MCP": 0.25, "MCP_abduction": 0.05, "PIP": 0.4, "DIP": 0.1},
+    {"MCP": 0.5, "MCP_abduction": -0.1, "PIP": 0.8, "DIP": 0.3},
+)
+
+
+def test_the_hood_keeps_the_ports_promises():
+    finger = load_case("network_edc").finger
+    assert isinstance(finger, IndexFinger)
+    hood = reduced_hood(any_potential(), finger, BODIES)
+    motions = [Motion(BODIES, *index_finger().pose(posture)) for posture in POSTURES]
+    tension = np.array([2.0, 1.5])
+    conformance.check_shapes(hood, motions, tension)
+    conformance.check_errors(hood, motions[0], tension)
+    conformance.check_repeatable(hood, motions, tension)
+    conformance.check_objective(hood, motions, tension, 1e-9)
+    conformance.check_balance(hood, motions, tension)
+    conformance.check_reciprocity(hood, motions, tension, 1e-6)
+    conformance.check_jacobian(hood, motions, tension, 1e-6)
+
+
+def test_every_joint_is_felt_with_its_own_torque():
+    """Behind the port the joint torques, abduction's too, are the potential's derivatives."""
+    case = load_case("network_edc")
+    assert isinstance(case.finger, IndexFinger)
+    made, models = any_potential(), build(case)
+    hood = reduced_hood(made, case.finger, BODIES)
+    angle, tension = np.array([0.4, 0.12, 0.7, 0.3]), np.array([2.0, 1.5])
+    at = models.finger.start(dict(zip(models.finger.joints, angle, strict=True)))
+    answer = hood.advance(
+        hood.start(models.finger.motion(at)), models.finger.motion(at), tension, 1.0
+    )
+    torque = models.finger.jacobian(at).T @ answer.load.total().ravel()
+    assert torque == pytest.approx(made.derived(angle, tension).torque, rel=1e-9)
+    assert answer.excursion == pytest.approx(made.derived(angle, tension).excursion, rel=1e-9)
+    assert hood.slip_forces(answer.state)["terminal"] == pytest.approx(max(0.0, -300 * torque[3]))
+
+
+def test_outside_of_the_box_there_is_no_answer():
+    made = any_potential()
+    assert made.outside(made.high, made.most) == ""
+    assert "PIP at 90 deg" in made.outside(np.array([0, 0, np.pi / 2, 0]), made.most)
+    assert "LUM at 5 N" in made.outside(made.high, np.array([1.0, 5.0]))
+    finger = load_case("network_edc").finger
+    assert isinstance(finger, IndexFinger)
+    hood = reduced_hood(made, finger, BODIES)
+    bent = Motion(BODIES, *index_finger().pose({"PIP": 1.5}))
+    with pytest.raises(ConvergenceError, match=r"PIP at 85\.94 deg"):
+        hood.advance(hood.start(bent), bent, np.ones(2), STATIC)
+    with pytest.raises(InputError, match="range of its angles or tensions is empty"):
+        replace(made, high=made.low)
+    with pytest.raises(InputError, match=r"energy \(A, G\)"):
+        replace(made, energy=made.energy[1:])
+
+
+def test_too_few_samples_are_refused(samples):
+    with pytest.raises(InputError, match="too few"):
+        fitted(
+            reduction.stacked(samples[:3]),
+            ("MCP", "MCP_abduction", "PIP", "DIP"),
+            ("EDC", "LUM", "FPI"),
+        )
+
+
+def a_reduction(samples, found: Potential) -> reduction.Reduction:
+    return reduction.Reduction(
+        load_case("network_edc", SOFT),
+        {"MCP": (0.0, 30.0)},
+        {"EDC": 12.0},
+        found,
+        tuple(samples[:140]),
+        tuple(samples[140:]),
+        ("0/0 deg: why",),
+        1.0,
+        reduction.Rate(1e-3, 1e-5),
+    )
+
+
+def test_the_case_file_holds_the_potential(tmp_path, samples, found):
+    text = case_text(
+        a_reduction(samples, found), "it", "network_lum", ("tendons.EDC.tension=8 N", "hood.x=1")
+    )
+    text = text.replace('extends = "network_lum"', 'extends = "fingertip_isotropic_lum"')
+    path = tmp_path / "made.toml"
+    path.write_text(text)
+    case = load_case(path)
+    assert isinstance(case.hood, NetworkHood)
+    assert case.hood.reduced is not None
+    assert case.tension("EDC") == 8.0
+    again = potential(case.hood.reduced)
+    assert again.energy == pytest.approx(found.energy, rel=1e-8)
+    assert again.slip == pytest.approx(found.slip, rel=1e-8)
+    assert np.array_equal(again.angle_powers, found.angle_powers)
+    assert again.low == pytest.approx(found.low, abs=1e-12)
+    assert "# " in text
+    assert "why" in text
+    path.write_text(text.replace("EDC = {}", "EDC = { MCP = { constant = '1 mm' } }"))
+    with pytest.raises(InputError, match="stands for all arms"):
+        load_case(path)
+    path.write_text(text.replace("EDC = {}\nLUM = {}", "LUM = {}\nEDC = {}"))
+    with pytest.raises(InputError, match="expected the hood's muscles, LUM, EDC, FPI"):
+        load_case(path)
+
+
+def test_errors_are_relative_to_the_hood(samples, found):
+    exact = reduction.errors(a_reduction(samples, found))
+    assert all(e.most < 1e-8 for e in exact)
+    tenth = a_reduction(samples, replace(found, energy=1.1 * found.energy))
+    told = {e.quantity: e for e in reduction.errors(tenth)}
+    assert told["joint torques"].most == pytest.approx(0.1, rel=1e-6)
+    assert told["tip force"].median == pytest.approx(0.1, rel=1e-6)
+    assert told["tip force"].mark == "5 %"
+    off = np.abs(0.1 * reduction.stacked(samples[140:])["slip"])
+    assert 0 < told["slip forces"].most <= off.max() / off.max(axis=1).min()
+
+
+def test_the_tip_map_is_what_the_clamped_finger_bears():
+    """tau + J^T r = 0 of a finger held at its tip: the force balances the torques that made it."""
+    case = reduction.clamped(load_case("network_edc"))
+    finger = build(case).finger
+    angle = np.array([0.5, 0.0, 0.8, 0.3])
+    state = finger.start(dict(zip(finger.joints, angle, strict=True)))
+    made = reduction.tip_map(finger, angle)
+    push = np.array([0.3, 0.1, -0.7])
+    step = 1e-6
+    tips = []
+    for e in np.eye(len(finger.unknowns(state)))[:4]:
+        ends = [finger.tip(finger.displaced(state, sign * step * e)) for sign in (1, -1)]
+        tips.append((ends[0] - ends[1]) / (2 * step))
+    torque = np.array(tips) @ push  # joint torques that press the tip with this force
+    assert made @ torque == pytest.approx(push, rel=1e-6)
+
+
+def test_loads_of_tendons_at_rest():
+    case = load_case("fingertip_fibres_edc")
+    loads = reduction.greatest_loads(case, ("EDC", "EI", "LUM", "FPI"))
+    assert loads == pytest.approx({"EDC": 3.469, "EI": 3.547, "LUM": 2.504, "FPI": 3.094})
+    with pytest.raises(InputError, match="loads no tendon"):
+        reduction.greatest_loads(load_case("fingertip_fibres_fdp"), ("EDC", "EI"))
+
+
+def test_a_grid_is_read_and_walked_to_and_fro():
+    assert reduction.read_grid(["PIP=30,10"]) == {"PIP": (10.0, 30.0)}
+    assert reduction.read_grid([]) == reduction.GRID
+    with pytest.raises(InputError, match="write JOINT=DEG"):
+        reduction.read_grid(["PIP=a"])
+    lines = reduction._to_and_fro([(1.0, 2.0, 3.0), (5.0, 6.0)])
+    assert len(np.unique(lines, axis=0)) == 6
+    steps = np.abs(np.diff(lines, axis=0))
+    assert ((steps > 0).sum(axis=1) == 1).all()
+
+
+class Stuck:
+    """A hood that finds no equilibrium beyond a PIP angle."""
+
+    def __init__(self, hood, most: float) -> None:
+        self.hood, self.most, self.tendons = hood, most, hood.tendons
+
+    def __getattr__(self, name):
+        return getattr(self.hood, name)
+
+    def advance(self, state, motion, tension, dt):
+        relative = motion.rotation[1].T @ motion.rotation[2]
+        if np.arccos((np.trace(relative) - 1) / 2) > self.most:
+            raise ConvergenceError("stuck")
+        return self.hood.advance(state, motion, tension, dt)
+
+
+def test_reducing_leaves_out_what_does_not_converge(monkeypatch, tmp_path):
+    """The whole command, on a network in place of the shell."""
+    models = soft_models()
+    stuck = replace(models, hood=Stuck(models.hood, np.radians(50)))
+
+    def in_this_process(source, settings, walks, jobs):
+        for one in walks:
+            yield list(on_models(stuck, one))
+
+    monkeypatch.setattr(reduction, "build", lambda case: models)
+    monkeypatch.setattr(reduction, "sampled", in_this_process)
+    monkeypatch.setattr(reduction, "fitted", lambda d, *a: reduced(Data(**d), *a, Order(angle=2)))
+    out = tmp_path / "made.toml"
+    done = CliRunner().invoke(app, ["reduce", "fingertip_isotropic_edc", "-o", str(out)])
+    assert done.exit_code == 0, done.output
+    assert "left out: 30/0/55/20 deg, EDC 3.47, LUM 0.05, FPI 0.05 N: stuck" in done.output
+    case = load_case(out)
+    assert isinstance(case.hood, NetworkHood)
+    assert case.finger.tip.kind == "clamped"
+
+
+def test_only_hoods_of_finite_elements_are_reduced():
+    done = CliRunner().invoke(app, ["reduce", "network_edc"])
+    assert done.exit_code == 2
+    assert "nothing is gained" in done.output
+    done = CliRunner().invoke(app, ["reduce", "cable_edc", "--grid", "TIP=1,2"])
+    assert done.exit_code == 2
+    assert "unknown joint TIP" in done.output
+
+
+def test_a_walk_goes_on_from_the_last_posture_found():
+    models = soft_models()
+    stuck = replace(models, hood=Stuck(models.hood, 0.5))
+    angle = np.array([[0, 0, 0.3, 0.1], [0, 0, 0.8, 0.1], [0, 0, 0.4, 0.1]])
+    states = list(on_models(stuck, Walk(angle, np.full((2, 3), 8.0))))
+    assert [isinstance(s, Lost) for s in states] == [False, False, True, True, False, False]
+
+
+def test_a_walk_is_followed_in_small_steps(monkeypatch):
+    models, seen = soft_models(), []
+    pose = models.finger.motion
+
+    def told(state):
+        seen.append(models.finger.angles(state)[2])
+        return pose(state)
+
+    monkeypatch.setattr(models.finger, "motion", told)
+    list(
+        on_models(
+            models, Walk(np.array([[0, 0, 0.3, 0.1], [0, 0, 0.9, 0.1]]), np.full((1, 3), 8.0))
+        )
+    )
+    assert np.abs(np.diff(seen)).max() <= np.radians(10.0) + 1e-12
+    assert seen[-1] == 0.9
