@@ -18,7 +18,7 @@ from cosim.build_finger import (
     skeleton_of,
     width_of,
 )
-from cosim.build_lumped import lumped_hood
+from cosim.build_lumped import lumped_hood, slips_of
 from cosim.build_muscles import CaseMuscles, live_muscles
 from cosim.build_shell import (
     HoodLook,
@@ -32,12 +32,17 @@ from cosim.build_shell import (
 from cosim.case_cable import CableHood
 from cosim.case_finger import Bone, IndexFinger, MiddleFinger
 from cosim.case_lumped import NetworkHood, TwoBandHood
+from cosim.case_robot import RobotFinger
 from cosim.case_schema import Case, FmuHood, MeshFile, PathPoint, PulleyHood, ShellHood
 from cosim.port import Array, Finger, Hood, InputError, Motion, State
+from meshes.skeleton import BODIES
 
 if TYPE_CHECKING:
     from meshes.hood_mesh import HoodMesh
 
+THIN = 1e-3
+"""m, of the rods that stand for the robotic finger's bones in pictures: its extensor runs 1.2 mm
+above them at the DIP."""
 BONE_SIZE = (5, 200)
 """mm, the longest side of a user's bone."""
 UNREADABLE = (
@@ -68,6 +73,8 @@ class Models:
     """Seconds of one assembly and of one factorisation at a state of a shell hood."""
     cables: Mapping[str, Sequence[tuple[str, Array]]]
     """Of a pulley hood, by tendon: bodies and points (3,) m in their frames, for pictures."""
+    slips: Callable[[State], Mapping[str, float]] | None = None
+    """N in the slips at a state of a hood in lumped form."""
 
     def strings(self, motion: Motion) -> dict[str, Array]:
         """(k, 3) m, the cables' points in the world at some poses."""
@@ -113,7 +120,18 @@ def build(case: Case) -> Models:
         )
     if not (isinstance(case.finger, UnderHood) and isinstance(case.hood, ShellHood)):
         hood = hood_on(case, finger.motion(finger.start({})))
-        return Models(finger, hood, posture, resting, bones, muscles, None, None, cables_of(case))
+        return Models(
+            finger,
+            hood,
+            posture,
+            resting,
+            bones,
+            muscles,
+            None,
+            None,
+            cables_of(case),
+            slips_of(case.hood, stated),
+        )
     mesh = hood_mesh(case)
     shell = shell_hood_of(case, case.hood, skeleton_of(case.finger), bones, mesh)
     return Models(
@@ -160,7 +178,6 @@ def check_mesh_file(case: Case) -> None:
 def _bones(finger: IndexFinger) -> dict[str, Triangles]:
     """Surfaces of the bones in their bodies' frames, m."""
     from meshes.bones import load_bone
-    from meshes.skeleton import BODIES
 
     out = {}
     for body in BODIES:
@@ -178,20 +195,34 @@ def drawn_bones(case: Case) -> dict[str, Triangles]:
     finger = our_finger(case)
     if isinstance(finger, IndexFinger):
         return _bones(finger)
-    return _longer_bones(finger) if isinstance(finger, MiddleFinger) else _rods(finger.lengths)
+    if isinstance(finger, MiddleFinger):
+        return _longer_bones(finger)
+    return _thin_rods() if isinstance(finger, RobotFinger) else _thick_rods(finger.lengths)
 
 
-def _rods(lengths: tuple[float, float, float]) -> dict[str, Triangles]:
+def _thick_rods(lengths: tuple[float, float, float]) -> dict[str, Triangles]:
+    from rigid.anatomy import VIEW_RADIUS
+
+    return _rods(lengths, VIEW_RADIUS)
+
+
+def _thin_rods() -> dict[str, Triangles]:
+    """Of the robotic finger, thin enough to leave its extensor in sight."""
+    from rigid.robot.tables import LENGTHS
+
+    return _rods(LENGTHS, dict.fromkeys(BODIES, THIN))
+
+
+def _rods(lengths: tuple[float, float, float], radius: Mapping[str, float]) -> dict[str, Triangles]:
     """For pictures only: a capsule from joint to joint, and of the first bone as much as MuJoCo's
-    model shows."""
+    model shows; `radius`: m, by body."""
     from trimesh.creation import capsule
 
-    from meshes.skeleton import BODIES
-    from rigid.anatomy import VIEW_METACARPAL, VIEW_RADIUS
+    from rigid.anatomy import VIEW_METACARPAL
 
     out = {}
     for body, length in zip(BODIES, (VIEW_METACARPAL, *lengths), strict=True):
-        rod = capsule(abs(length), VIEW_RADIUS[body], count=[16, 16])
+        rod = capsule(abs(length), radius[body], count=[16, 16])
         points = np.array(rod.vertices - rod.bounds.mean(axis=0))[:, [2, 0, 1]]
         points[:, 0] += length / 2
         out[body] = points, np.array(rod.faces)
@@ -202,7 +233,7 @@ def _longer_bones(finger: MiddleFinger) -> dict[str, Triangles]:
     """The index finger's bones, each as long as the middle finger's and as much wider as its tendon
     paths are, in its bodies' frames; the metacarpal longer by the phalanges' mean."""
     from meshes.bones import load_bone
-    from meshes.skeleton import BODIES, index_finger
+    from meshes.skeleton import index_finger
 
     longer = skeleton_of(finger).length[1:] / index_finger().length[1:]
     along = np.concatenate([[longer.mean()], longer])

@@ -12,6 +12,7 @@ from cosim.build_course import factor_of
 from cosim.case_cable import CableHood
 from cosim.case_finger import FmuFinger, HingeFinger, IndexFinger, MiddleFinger, PlanarFinger
 from cosim.case_lumped import NetworkHood, TwoBandHood
+from cosim.case_robot import RobotFinger
 from cosim.case_schema import Case, FmuHood, PulleyHood, ShellHood, SplitHood
 from cosim.double_count import refuse, stated_pairs
 from cosim.port import Finger, InputError
@@ -26,9 +27,9 @@ if TYPE_CHECKING:
 
 LEAST_ARM = 1e-3
 """m, of the joints about a held tip; some 2 deg of flexion in all."""
-AnyFinger = IndexFinger | MiddleFinger | HingeFinger | PlanarFinger
+AnyFinger = IndexFinger | MiddleFinger | HingeFinger | PlanarFinger | RobotFinger
 """Those of our own."""
-OnMujoco = IndexFinger | MiddleFinger | PlanarFinger
+OnMujoco = IndexFinger | MiddleFinger | PlanarFinger | RobotFinger
 
 
 HOODS = {
@@ -36,6 +37,7 @@ HOODS = {
     "middle": ("shell", "pulley", "split", "fmu"),
     "planar": ("pulley", "network", "two_band", "fmu"),
     "hinge": ("pulley", "network", "two_band", "fmu"),
+    "robot": ("split", "pulley", "network", "two_band", "fmu"),
     "fmu": ("pulley", "fmu"),
 }
 """Which hoods go on which finger."""
@@ -46,7 +48,7 @@ def our_finger(case: Case) -> AnyFinger:
     if isinstance(case.finger, FmuFinger):
         raise InputError(
             f'{case.name}: finger.kind = "fmu" can be run and no more; for this take a finger of '
-            'our own: finger.kind = "index", "middle", "planar" or "hinge"'
+            'our own: finger.kind = "index", "middle", "planar", "hinge" or "robot"'
         )
     return case.finger
 
@@ -66,7 +68,7 @@ def check_fit(case: Case) -> None:
         )
     if case.forward is not None and finger == "hinge":
         raise InputError(
-            'forward takes a finger with mass: finger.kind = "index", "middle" or "planar"'
+            'forward takes a finger with mass: finger.kind = "index", "middle", "planar" or "robot"'
         )
     if case.forward is not None and case.forward.adaptive is not None and hood == "split":
         raise InputError(
@@ -82,6 +84,7 @@ def check_fit(case: Case) -> None:
     for name in courses:
         factor_of(case.tendons[name].course)
     check_air(case)
+    _check_pulley(case)
     _check_drawn(case)
     _check_tip(case)
     _check_unit(case)
@@ -89,6 +92,19 @@ def check_fit(case: Case) -> None:
     refuse(case, stated_pairs(case, _own_tendons(case)))
     if not isinstance(case.hood, ShellHood | CableHood):  # whose tendons its mesh has
         check_tendons(case, _hood_tendons(case) + _own_tendons(case))
+
+
+def _check_pulley(case: Case) -> None:
+    """What the robotic finger's own pulley leaves to say."""
+    if not (isinstance(case.finger, RobotFinger) and isinstance(case.hood, SplitHood)):
+        return
+    from rigid.robot.tables import LONG, SHORT
+
+    if case.hood.central != 2 * SHORT:
+        raise InputError(
+            f"hood.central: the robotic finger's pulley parts its extensor by {LONG:g} and twice "
+            f"{SHORT:g}, and has no other shares; leave it out"
+        )
 
 
 def _check_drawn(case: Case) -> None:
@@ -255,11 +271,22 @@ def finger_model(finger: OnMujoco, hood: object) -> FingerModel:
         return index_finger.finger_model(skeleton_of(finger), unit, central=central)
     if isinstance(finger, PlanarFinger):
         return planar_chain(finger).model()
+    if isinstance(finger, RobotFinger):
+        return _robot(finger, pulley=isinstance(hood, SplitHood))
     if isinstance(hood, ShellHood):
         return middle_finger.under_a_hood(finger.length_scale)
     if central is None:
         return middle_finger.finger_model(finger.length_scale).with_only("FDP", "FDS")
     return middle_finger.finger_model(finger.length_scale, central)
+
+
+def _robot(finger: RobotFinger, pulley: bool) -> FingerModel:
+    """Without its pulley another hood takes the central extensor's place."""
+    from rigid.robot.finger import robot_finger
+    from rigid.robot.tables import TENDONS
+
+    made = robot_finger(finger.second_extensor)
+    return made if pulley else made.with_only(*(m for m in made.muscles if m != TENDONS[0]))
 
 
 def mjcf_of(case: Case) -> str:

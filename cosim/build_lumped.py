@@ -3,7 +3,7 @@ name."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,6 +30,13 @@ def lumped_hood(hood: NetworkHood | TwoBandHood, finger: AnyFinger, rest: Motion
     network = _network(hood) if isinstance(hood, NetworkHood) else _two_bands(hood)
     operating = hood.operating_force if isinstance(hood, NetworkHood) else None
     return OnBodies(network, _hinges(hood, finger), rest, operating_force=operating)
+
+
+def slips_of(hood: object, finger: AnyFinger) -> Callable[[State], Mapping[str, float]] | None:
+    """`slip_forces` of a hood of that kind, None for another."""
+    if not isinstance(hood, NetworkHood | TwoBandHood):
+        return None
+    return lambda state: slip_forces(hood, finger, state)
 
 
 def slip_forces(

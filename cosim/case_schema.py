@@ -21,6 +21,7 @@ from cosim.case_finger import (
     Tendon,
 )
 from cosim.case_lumped import NetworkHood, TwoBandHood
+from cosim.case_robot import RobotFinger
 from cosim.case_supports import Contact, Spring
 from cosim.case_types import (
     BodyName,
@@ -291,7 +292,7 @@ class CaseFile(Table):
     title: str
     notes: str | None = None
     finger: Annotated[
-        IndexFinger | MiddleFinger | HingeFinger | PlanarFinger | FmuFinger,
+        IndexFinger | MiddleFinger | HingeFinger | PlanarFinger | RobotFinger | FmuFinger,
         Field(discriminator="kind"),
     ]
     tendons: dict[TendonName, Tendon] = Field(default_factory=dict)

@@ -11,7 +11,16 @@ from cosim import units
 from cosim.case_fields import existing_file, name_of, quantity
 from meshes.skeleton import BODIES
 
-TENDONS = ("EDC", "EI", "LUM", "FPI", "RI", "RIp", "UI", "FDP", "FDS", "FDIm", "FDIl")
+MUSCLES = ("EDC", "EI", "LUM", "FPI", "RI", "RIp", "UI", "FDP", "FDS", "FDIm", "FDIl")
+OF_ROBOT = (
+    "extensor",
+    "dip_flexor",
+    "pip_flexor",
+    "abduction",
+    "adduction",
+    "second_extensor",
+)
+TENDONS = MUSCLES + OF_ROBOT
 
 Phalanx = Annotated[float, quantity(units.LENGTH, above="0 mm", most="200 mm")]
 Mass = Annotated[float, quantity(units.MASS, above="0 g", most="10 kg")]

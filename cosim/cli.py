@@ -15,7 +15,7 @@ import typer
 
 from cosim import __version__
 from cosim.estimate_commands import estimate
-from cosim.finger_commands import bench_fingers, mjcf, moment_arms
+from cosim.finger_commands import bench_fingers, bench_robotic_finger, mjcf, moment_arms
 from cosim.fmu_commands import fmu
 from cosim.job_commands import bench_fe, bench_febio, export, solve
 from cosim.ladder_commands import ladder
@@ -319,7 +319,7 @@ def _open_window(hood: Path) -> None:
 def bench(
     case: Annotated[
         str,
-        typer.Argument(help="Case file, or a packaged case; or fe, febio, fingers, opensim."),
+        typer.Argument(help="Case file or packaged case; or fe, febio, fingers, opensim, robot."),
     ],
     settings: Settings = None,
     models: Annotated[
@@ -331,13 +331,17 @@ def bench(
 ) -> None:
     """Time a coupled run against one assembly and one factorisation of its own tangent; with fe the
     shell solver's iteration against its floor; with febio published models beside FEBio; with
-    fingers the static solve of the finger alone; with opensim its motion beside OpenSim's."""
+    fingers the static solve of the finger alone; with opensim its motion beside OpenSim's; with
+    robot the control loop of the robotic finger beside its paper's."""
     if case == "fe":
         bench_fe()
         return
     if case in ("fingers", "opensim"):
         with told():
             bench_fingers(beside_opensim=case == "opensim")
+        return
+    if case == "robot":
+        bench_robotic_finger()
         return
     if case == "febio":
         with told():

@@ -269,7 +269,8 @@ def _needed(s: Setup, motion: JointMotion) -> Array:
     finger = s.models.finger
     if not isinstance(finger, MujocoFinger):
         raise InputError(
-            '--motion takes a finger with mass: finger.kind = "index", "middle" or "planar"'
+            '--motion takes a finger with mass: finger.kind = "index", "middle", "planar" or '
+            '"robot"'
         )
     rows = zip(motion.angle, motion.rate, motion.acceleration, strict=True)
     return np.array([needed_torque(finger, *row) for row in rows])

@@ -1,4 +1,4 @@
-"""The commands about fingers: `cosim moment-arms`, `mjcf`, `bench fingers` and `bench opensim`."""
+"""The commands about fingers: `cosim moment-arms`, `mjcf`, benches of fingers and OpenSim's."""
 
 from __future__ import annotations
 
@@ -145,3 +145,13 @@ def bench_fingers(beside_opensim: bool) -> None:
 
     for name, value in bench_opensim().items():
         typer.echo(f"{name:<20} {value:.4g}")
+
+
+def bench_robotic_finger() -> None:
+    """Print what the robotic finger's control loop costs, beside the paper's figures."""
+    from rigid.robot.bench import PAPER_LOOP, PAPER_QP, bench_robot
+
+    paper = {"loop_s": PAPER_LOOP, "qp_s": PAPER_QP}
+    for name, value in bench_robot().items():
+        beside = f"   (paper: {paper[name]:.4g})" if name in paper else ""
+        typer.echo(f"{name:<20} {value:.4g}{beside}")

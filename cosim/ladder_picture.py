@@ -17,13 +17,16 @@ if TYPE_CHECKING:
 SLIPS = ("central slip N", "terminal slip N")
 ARMS = tuple(f"arm {EXTENSOR} {joint} mm" for joint in JOINTS)
 
+COLOURS = ("0.1", "#e69f00", "#56b4e9", "#009e73", "#cc79a7", "#0072b2")
+"""Of the palette of Okabe and Ito, which colour-blind readers tell apart."""
+
 
 def draw_ladder(rungs: Sequence[Rung], title: str) -> Figure:
     """Of the rungs that have numbers; the case's own is marked by a star."""
     from matplotlib.figure import Figure
 
     shown = [rung for rung in rungs if rung.status == "converged"]
-    colour = {rung.name: f"C{i}" for i, rung in enumerate(rungs)}
+    colour = {rung.name: COLOURS[i % len(COLOURS)] for i, rung in enumerate(rungs)}
     figure = Figure(figsize=(13, 4.6), layout="constrained")
     force, slips, arms = figure.subplots(1, 3)
     _vectors(force, shown, colour)

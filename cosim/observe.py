@@ -147,10 +147,14 @@ def _state(models: Models, e: Equilibrium, look: Look | None) -> dict[str, Any]:
             source: _by_joint(models, 1e3 * torque) for source, torque in e.balance.torque.items()
         },
     }
+    slips = look.slip_force if look is not None else None
+    if models.slips is not None:
+        slips = models.slips(e.response.state)
+    if slips is not None:
+        out["slip_force_N"] = dict(slips)
+        if slips["central"] > LEAST_SLIP:
+            out["slip_ratio"] = slips["terminal"] / slips["central"]
     if look is not None:
-        out["slip_force_N"] = dict(look.slip_force)
-        if look.slip_force["central"] > LEAST_SLIP:
-            out["slip_ratio"] = look.slip_force["terminal"] / look.slip_force["central"]
         out["spring_force_N"] = dict(look.spring_force)
         if isinstance(look, CableLook):
             out["cable"] = strand_forces(look)

@@ -73,7 +73,8 @@ def _show(found: Reduction) -> None:
     rate = found.rate
     typer.echo(
         f"one state: {found.seconds:.2f} s by the hood with the way there, "
-        f"{1e3 * rate.one:.2f} ms by the reduced one ({found.seconds / rate.one:.0f} times faster), {1e6 * rate.batched:.1f} us in a batch "
+        f"{1e3 * rate.one:.2f} ms by the reduced one ({found.seconds / rate.one:.0f} times "
+        f"faster), {1e6 * rate.batched:.1f} us in a batch "
         f"({found.seconds / rate.batched:.0f} times)"
     )
     for lost in found.lost:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from cosim.build import build
-from cosim.build_finger import live_finger, our_finger
+from cosim.build_finger import HOODS, live_finger, our_finger
 from cosim.build_lumped import fitted
 from cosim.case import load_case
 from cosim.case_cable import CableHood
@@ -130,6 +130,11 @@ def reduce_case(
         raise InputError(
             f'{case.name}: hood.kind = "{case.hood.kind}" is not solved by finite elements, so '
             "that nothing is gained by reducing it; take a case with a shell or cables"
+        )
+    if "network" not in HOODS[case.finger.kind]:
+        raise InputError(
+            f'{case.name}: finger.kind = "{case.finger.kind}" takes no network hood, which is what '
+            "a reduced hood is"
         )
     models = build(case)
     joints, tendons = models.finger.joints, models.hood.tendons

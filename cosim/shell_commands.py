@@ -71,10 +71,11 @@ def fingers(as_json: AsJson = False, only: Only = None, slow: Slow = False) -> N
 def hoods(as_json: AsJson = False, only: Only = None, slow: Slow = False) -> None:
     """Verify the hoods in lumped form and of cables, and compare them with their papers; exit code
     1 when a row fails."""
+    from cosim.verification_reduction import STUDIES as REDUCED
     from fe_solver.verification.cable_rows import STUDIES as CABLES
     from rigid.verification.hood_table import STUDIES
 
-    _verify((*STUDIES, *CABLES), as_json, only, slow)
+    _verify((*STUDIES, *CABLES, *REDUCED), as_json, only, slow)
 
 
 @verify.command()

@@ -123,7 +123,8 @@ def test_every_miss_of_the_committed_board_says_why():
 
 
 def test_a_reason_stands_only_beside_a_miss():
-    target = Target("40 deg, RI, distal", "q", "N", 1.0, 0.1, None, None, "s", "experiment", note="clamped")
+    name, note = "40 deg, RI, distal", "clamped"
+    target = Target(name, "q", "N", 1.0, 0.1, None, None, "s", "experiment", note=note)
     (near, far) = explained("cadaver", [Comparison(target, 1.05), Comparison(target, 2.0)])
     assert near.target.note == "clamped"
     assert far.target.note.startswith("clamped; why: An's normative path of RI")

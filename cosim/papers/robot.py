@@ -1,4 +1,4 @@
-"""The robotic finger's paper, computed anew: table III and figures 8 to 10.
+"""The robotic finger's paper, computed anew: table III, its air and figures 8 to 10.
 
 "Design of an Anthropomorphic Robotic Finger System with Biomimetic Artificial Joints"."""
 
@@ -11,6 +11,7 @@ import pandas as pd
 
 from cosim.papers.figure import Figure, Study
 from cosim.papers.lines import framed
+from cosim.papers.robot_air import STUDIES as AIR
 from cosim.papers.robot_steps import step_figures
 from cosim.port import Array
 from rigid.anatomy import RANGES
@@ -205,4 +206,5 @@ STUDIES: tuple[Study, ...] = (
     Study("fan", "figure 8: what each tendon does to the fingertip", fan_figures),
     Study("excursions", "figure 9: the excursion experiment, virtually", excursion_figures),
     Study("steps", "figure 10 and after: steps in tendon space and in joint space", step_figures),
+    *AIR,
 )

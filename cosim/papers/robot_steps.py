@@ -90,9 +90,8 @@ def _joint_figure() -> Figure:
         f"set of gains: {unstable[0]} unstable, each joint within 2 deg after at most "
         f"{settled.max():.2f} s (median {np.median(settled):.2f}). Tendon space, with the gains of "
         f"figure 10: {unstable[1]} unstable, the same finger, actuators and noise. With five "
-        f"tendons joint space too is unstable at {unstable[2]}: poses that only strong tensions "
-        "against each other can hold (figure 8), which is why the paper adds a sixth. Unstable: "
-        "a joint still swings by more than 5 deg in the last 0.3 s of a step of 1.5 s."
+        f"tendons, the same gains and the same poses joint space is unstable at {unstable[2]}. "
+        "Unstable: a joint still swings by more than 5 deg in the last 0.3 s of a step of 1.5 s."
     )
     kinds = {"joint space, six tendons": joint, "tendon space, six tendons": tendon,
              "joint space, five tendons": five}  # fmt: skip

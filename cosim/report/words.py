@@ -16,6 +16,7 @@ FINGERS = {
     "index": "index finger of a right hand",
     "middle": "middle finger of a right hand",
     "planar": "planar finger of three links",
+    "robot": "robotic finger of Xu et al. 2012",
     "hinge": "planar finger of hinges, analytic",
     "fmu": "a finger in an FMU",
 }
