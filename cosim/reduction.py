@@ -142,6 +142,12 @@ def reduce_case(
         raise InputError(
             f"--grid: unknown joint {unknown[0]}; expected some of {', '.join(joints)}"
         )
+    for joint, angles in grid.items():
+        low, high = np.degrees(models.finger.ranges[joint])
+        if beyond := [angle for angle in angles if not low <= angle <= high]:
+            raise InputError(
+                f"--grid: {joint} = {beyond[0]:g} deg: the joint goes from {low:g} to {high:g} deg"
+            )
     home = np.array([models.posture.get(joint, 0.0) for joint in joints])
     loads = greatest_loads(case, tendons)
     most, rest = np.array(list(loads.values())), case.solve.resting_tension

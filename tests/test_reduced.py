@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from cosim import reduction
 from cosim.build import Models, build
 from cosim.build_lumped import fitted, potential, reduced_hood, slip_forces
-from cosim.case import load_case
+from cosim.case import find_case, load_case
 from cosim.case_finger import IndexFinger
 from cosim.case_lumped import NetworkHood
 from cosim.cli import app
@@ -264,6 +264,16 @@ def test_a_grid_is_read_and_walked_to_and_fro():
     assert len(np.unique(lines, axis=0)) == 6
     steps = np.abs(np.diff(lines, axis=0))
     assert ((steps > 0).sum(axis=1) == 1).all()
+
+
+def test_a_grid_beyond_the_joints_is_refused():
+    source = find_case("cable_edc")
+    for grid, words in (
+        ({"FOO": (1.0,)}, "unknown joint FOO"),
+        ({"PIP": (500.0,)}, "0 to 110 deg"),
+    ):
+        with pytest.raises(InputError, match=words):
+            reduction.reduce_case(source, (), grid, 1)
 
 
 class Stuck:
