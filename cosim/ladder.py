@@ -15,10 +15,10 @@ import numpy as np
 
 from cosim.build import Models
 from cosim.build_finger import check_fit, our_finger
-from cosim.build_lumped import slip_forces, split_slips
+from cosim.build_lumped import split_slips
 from cosim.case import load_case
 from cosim.case_finger import FmuFinger
-from cosim.case_lumped import NetworkHood, TwoBandHood
+from cosim.case_lumped import TwoBandHood
 from cosim.case_schema import Case, CaseFile, ShellHood, SplitHood
 from cosim.couple import Equilibrium
 from cosim.observe import result
@@ -146,8 +146,8 @@ def _slips(case: Case, models: Models, e: Equilibrium) -> Mapping[str, float]:
     """N, central and terminal, where the hood has slips."""
     if models.look is not None:
         return dict(models.look(e.response.state).slip_force)
-    if isinstance(case.hood, NetworkHood | TwoBandHood):
-        return slip_forces(case.hood, our_finger(case), e.response.state)
+    if models.slips is not None:
+        return models.slips(e.response.state)
     if isinstance(case.hood, SplitHood):
         tension = dict(zip(models.finger.tendons, map(float, e.finger_tension), strict=True))
         return split_slips(our_finger(case), case.hood, tension)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from held import HELD
 from hypothesis import given
 from hypothesis import strategies as st
 from typer.testing import CliRunner
@@ -21,14 +22,6 @@ from cosim.port import ConvergenceError, InputError
 from cosim.run import run_case
 from cosim.study import outcome
 
-HELD = """
-extends = "split_edc"
-[finger.tip]
-kind = "posture"
-[finger.passive.PIP]
-stiffness = "0.04 N*m/rad"
-rest = "0 deg"
-"""
 PASSIVE, PULL = "joint_torque_Nmm.passive.PIP", "joint_torque_Nmm.EDC.MCP"
 COARSE = ("hood.mesh.quads=120",)
 LEE = "strain_lee2008_average_ti"

@@ -10,6 +10,7 @@ from math import exp, radians
 from pathlib import Path
 
 import pytest
+from held import HELD
 from typer.testing import CliRunner
 
 from cosim.case import load_case
@@ -22,14 +23,6 @@ from cosim.study import measured, outcome, unit
 from cosim.tornado import draw_tornado
 from cosim.variations import Side, Variation, variations
 
-HELD = """
-extends = "split_edc"
-[finger.tip]
-kind = "posture"
-[finger.passive.PIP]
-stiffness = "0.04 N*m/rad"
-rest = "0 deg"
-"""
 PASSIVE, EDC = "joint_torque_Nmm.passive.PIP", "joint_torque_Nmm.EDC.PIP"
 STIFFER = Variation(
     "PIP's stiffness",
