@@ -61,6 +61,27 @@ def slaved(model: ShellModel, c: Configuration, bases: tuple[Array, Array]) -> A
     return out.reshape(-1, 6 * len(model.bodies))
 
 
+def shared_twist(c: Configuration) -> Array:
+    """(6nb, 6) the bodies' twists when all move as one, by that of the first."""
+    out = np.tile(np.eye(6), (len(c.position), 1, 1))
+    out[:, :3, 3:] = -skew(c.position - c.position[0])
+    return out.reshape(-1, 6)
+
+
+def as_one(model: ShellModel, c: Configuration, bases: tuple[Array, Array]) -> Array:
+    """(5n, 6) what a twist of all the bodies as one does to the degrees of freedom that do not
+    follow a body by themselves, about the first body's origin."""
+    A, T = bases
+    out = np.zeros((len(c.x), DOFS, 6))
+    out[:, :3, :3] = np.swapaxes(A, 1, 2)
+    out[:, :3, 3:] = cross((c.x - c.position[0])[:, None], np.swapaxes(A, 1, 2))
+    out[:, 3:, 3:] = cross(c.d[:, None], np.swapaxes(T, 1, 2))
+    guides = model.guides
+    out[guides.node, :3] = 0.0
+    out[guides.node[guides.steady], 3:] = 0.0
+    return out.reshape(-1, 6)
+
+
 def coupling(
     model: ShellModel, c: Configuration, e: Evaluation, tension: Array
 ) -> tuple[Array, Array, Array, Array]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cosim.port import ConvergenceError
 
 from .assembly import DOFS
-from .coupling import coupling
+from .coupling import as_one, coupling, shared_twist
 from .linear_algebra import FREE, Factor, mechanism
 from .model import Configuration, Evaluation, ShellModel
 from .newton_step import factorised, flipping_step, limited, newton_step, pressed
@@ -72,11 +72,23 @@ class Solution:
         return coupling(self.model, self.configuration, self.evaluation, self.tension)
 
     @cached_property
+    def pushed(self) -> Array:
+        """(free, 6nb + nt) the residual by the bodies' twists and the tensions."""
+        by_motion, _, by_tension, _ = self.coupling
+        return np.hstack([by_motion, by_tension])[self.model.free]
+
+    @cached_property
     def follow(self) -> Array:
         """(free, 6nb + nt) how the free degrees of freedom follow the bodies' twists and the
-        tensions."""
-        by_motion, _, by_tension, _ = self.coupling
-        return -self.factor.solve(np.hstack([by_motion, by_tension])[self.model.free])
+        tensions.  What moves with all the bodies as one is known, so that the first body's twists
+        follow from those of the others, unless loads or inertia stand fast in the world."""
+        m, c = self.model, self.configuration
+        if m.dead is not None or m.inertia is not None:
+            return -self.factor.solve(self.pushed)
+        others = -self.factor.solve(self.pushed[:, 6:])
+        twists = shared_twist(c)[6:]
+        first = as_one(m, c, self.evaluation.bases)[m.free] - others[:, : len(twists)] @ twists
+        return np.hstack([first, others])
 
 
 @dataclass(frozen=True)
@@ -293,8 +305,8 @@ def _advanced(
 ) -> tuple[tuple[Configuration, Evaluation, bool] | None, int]:
     """The next configuration along the step, with its evaluation and whether that is the convex
     one: the whole step, or a part of the step that foresees the contacts; None where none descends.
-    Also the linear solves that foreseeing took.  A solve that `follows` an equilibrium first tries
-    the step with its nodes pressed, and makes tangents where they are asked for."""
+    Also the linear solves that foreseeing took.  A solve that `follows` an equilibrium presses the
+    nodes of the whole step, and makes tangents where they are asked for."""
 
     def tried(
         way: Array, tries: int, first: float = 1.0, foreseen: bool = False
@@ -304,10 +316,7 @@ def _advanced(
         found, last = _line_search(model, c, e, tension, way, tries, convex, first, not follows)
         return None if found is None else (*found, convex), last
 
-    deeper = pressed(model, e, step) if follows else step
-    if deeper is not step and (found := tried(deeper, 1)[0]):
-        return found, 0
-    found, left = tried(step, 1)
+    found, left = tried(pressed(model, e, step) if follows else step, 1)
     if found:
         return found, 0
     way, solves = flipping_step(model, e, step)

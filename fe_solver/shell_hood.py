@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,12 +43,36 @@ LED = NewtonOptions(tolerance=1e-2)
 @dataclass(frozen=True)
 class Bend:
     """What the last step of a hood tells of the next: the nodes' `travel` (n, 3) m to the place
-    that its tangent foresaw, and how far beyond it they came to rest, x (n, 3) m and directors d
-    (n, 3)."""
+    that its tangent foresaw, how far beyond it they came to rest, x (n, 3) m and directors d (n,
+    3), and what of that the step before had told as well: a node that meets a bone bends once."""
 
     travel: Array
     x: Array
     d: Array
+    steady_x: Array
+    steady_d: Array
+
+    @classmethod
+    def told(cls, before: Bend | None, travel: Array, x: Array, d: Array) -> Bend:
+        """After a step, from what the step before told."""
+        growth = 0.0 if before is None else before.growth(travel)
+        if before is None or growth == 0.0:
+            return cls(travel, x, d, np.zeros_like(x), np.zeros_like(d))
+        told = growth**2 * before.x, growth**2 * before.d
+        return cls(travel, x, d, _shared(x, told[0]), _shared(d, told[1]))
+
+    def growth(self, travel: Array) -> float:
+        """How much of this step's travel another has; 0 where it is too far from it to tell."""
+        size = np.vdot(self.travel, self.travel)
+        growth = float(np.vdot(travel, self.travel) / (size or np.inf))
+        return growth if abs(growth) <= MOST_GROWTH else 0.0
+
+
+def _shared(a: Array, b: Array) -> Array:
+    """(n, 3) by node the shorter of two vectors where they point to the same side, else none."""
+    alike = np.einsum("ni,ni->n", a, b) > 0
+    shorter = np.einsum("ni,ni->n", a, a) < np.einsum("ni,ni->n", b, b)
+    return np.where(alike[:, None], np.where(shorter[:, None], a, b), 0.0)
 
 
 @dataclass(frozen=True)
@@ -118,15 +142,13 @@ class ShellHood:
     def jacobian(self, state: HoodState) -> HoodJacobian:
         """Derivatives by back-substitution with the factor of the solved state."""
         s = _solved(state)
-        by_motion, wrench_motion, by_tension, wrench_tension = s.coupling
-        free, nm = self.model.free, by_motion.shape[1]
-        load = by_motion[free].T @ s.follow
-        excursion = by_tension[free].T @ s.follow
+        _, wrench_motion, _, wrench_tension = s.coupling
+        nm, by_follow = len(wrench_motion), s.pushed.T @ s.follow
         return HoodJacobian(
-            wrench_motion - load[:, :nm],
-            wrench_tension - load[:, nm:],
-            -excursion[:, :nm],
-            -excursion[:, nm:],
+            wrench_motion - by_follow[:nm, :nm],
+            wrench_tension - by_follow[:nm, nm:],
+            -by_follow[nm:, :nm],
+            -by_follow[nm:, nm:],
         )
 
     def to_arrays(self, state: HoodState) -> dict[str, Array]:
@@ -161,7 +183,7 @@ class ShellHood:
             solution = Solution(self.model, c, evaluation, tension, iterations, solves, residual)
         bend = None
         if "bend/x" in arrays:
-            bend = Bend(arrays["bend/travel"], arrays["bend/x"], arrays["bend/d"])
+            bend = Bend(**{f.name: arrays[f"bend/{f.name}"] for f in fields(Bend)})
         return HoodState(motion, c, solution, int(arrays["iterations"]), bend)
 
     def loosely(self, tolerance: float) -> ShellHood:
@@ -205,18 +227,15 @@ class ShellHood:
         return s, m.posed(c, motion.position, motion.rotation)
 
     def _bent(self, state: HoodState, foreseen: Configuration) -> Configuration:
-        """What is foreseen, and beyond it what the last step's tangent missed: to second order in
-        the travel, of which that step says how much this one has."""
+        """What is foreseen, and beyond it what the last two steps' tangents missed: to second order
+        in the travel, of which the last step says how much this one has."""
         bend, c = state.bend, foreseen
-        if bend is None:
+        growth = 0.0 if bend is None else bend.growth(c.x - state.configuration.x)
+        if bend is None or growth == 0.0:
             return c
-        travel = c.x - state.configuration.x
-        growth = np.vdot(travel, bend.travel) / (np.vdot(bend.travel, bend.travel) or np.inf)
-        if abs(growth) > MOST_GROWTH:
-            return c
-        d = c.d + growth**2 * bend.d
+        d = c.d + growth**2 * bend.steady_d
         d /= np.linalg.norm(d, axis=1, keepdims=True)
-        bent = Configuration(c.x + growth**2 * bend.x, d, c.position, c.rotation)
+        bent = Configuration(c.x + growth**2 * bend.steady_x, d, c.position, c.rotation)
         return self.model.posed(bent, c.position, c.rotation)
 
     def _settled(self, state: HoodState, motion: Motion, tension: Array) -> HoodState:
@@ -253,7 +272,8 @@ class ShellHood:
         before, foreseen = near
         s = self._equilibrium(state, self._bent(state, foreseen), tension, before)
         c = s.configuration
-        bend = Bend(foreseen.x - state.configuration.x, c.x - foreseen.x, c.d - foreseen.d)
+        travel = foreseen.x - state.configuration.x
+        bend = Bend.told(state.bend, travel, c.x - foreseen.x, c.d - foreseen.d)
         return HoodState(motion, c, s, state.iterations + s.iterations, bend)
 
     def _led(self, guess: Configuration, tension: Array) -> tuple[Configuration, int]:

@@ -73,6 +73,15 @@ def test_residual_and_tangent_are_the_potentials(model, solved, seed):
     assert v @ (model.pattern.full(e.data) @ v) == pytest.approx(curvature, rel=1e-5)
 
 
+@pytest.mark.parametrize("weight", [0.0, 1e-4])
+def test_follow_solves_for_every_body(model, weight):
+    """A strap that the world does not hold turns with its bodies; one that has weight does not."""
+    dead = np.tile([0.0, 0, -weight], (len(model.reference), 1)) if weight else None
+    held = solve(model.alike(dead=dead), at_rest(model), TENSION, TIGHT)
+    every = -held.factor.solve(held.pushed)
+    assert held.follow == pytest.approx(every, abs=1e-8 * np.abs(every).max())
+
+
 @pytest.mark.parametrize("convex", [False, True])
 def test_the_tangent_is_symmetric(model, solved, convex):
     c = perturbed(model, solved.configuration, 1e-4)

@@ -19,7 +19,7 @@ from fe_solver.hood_model import ContactLaw, Sheet, Tendon, shell_hood
 from fe_solver.materials import Isotropic
 from fe_solver.newton import NewtonOptions
 from fe_solver.section import one_law
-from fe_solver.shell_hood import TIE, HoodState, ShellHood
+from fe_solver.shell_hood import TIE, Bend, HoodState, ShellHood
 from meshes.hood_mesh import HoodMesh
 from meshes.skeleton import BODIES
 
@@ -215,18 +215,30 @@ def missed(hood: ShellHood, state: HoodState, motion: Motion) -> tuple[float, fl
     return np.abs(end - foreseen.x).max(), np.abs(end - begun.x).max()
 
 
-def test_the_last_steps_miss_foretells_the_next(hood, solved, motion):
-    first, second, third = turns(motion, [2e-5, 4e-5, 5e-5])
-    state = walked(hood, solved, [first])
-    for ahead in (second, third):
+def test_the_last_steps_misses_foretell_the_next(hood, solved, motion):
+    first, second, third, fourth = turns(motion, [2e-5, 4e-5, 6e-5, 7e-5])
+    state = walked(hood, solved, [first, second])
+    for ahead in (third, fourth):
         linear, bent = missed(hood, state, ahead)
         assert bent < 0.3 * linear
         state = walked(hood, Response(state, None, None), [ahead])
 
 
+def test_what_happened_once_is_not_foretold():
+    """Of three nodes one bends as before, one the other way, and one for the first time."""
+    travel, still = np.ones((3, 3)), np.zeros((3, 3))
+    before = Bend(travel, np.eye(3), still, still, still)
+    x = np.array([[0.5, 0, 0], [0, -1.0, 0], [1.0, 0, 0]])
+    bend = Bend.told(before, travel, x, still)
+    assert np.array_equal(bend.x, x)
+    assert np.array_equal(bend.steady_x, [[0.5, 0, 0], [0, 0, 0], [0, 0, 0]])
+    twice = Bend.told(before, 2 * travel, 8 * x, still)  # misses grow with the travel's square
+    assert np.array_equal(twice.steady_x[0], [4.0, 0, 0])
+
+
 def test_a_step_of_another_size_is_not_foretold(hood, solved, motion):
-    first, far = turns(motion, [1e-5, 1e-3])
-    state = walked(hood, solved, [first])
+    first, second, far = turns(motion, [1e-5, 2e-5, 1e-3])
+    state = walked(hood, solved, [first, second])
     _, foreseen = hood._foreseen(state, far, TENSION)
     assert hood._bent(state, foreseen) is foreseen
     assert solved.state.bend is None
