@@ -12,7 +12,7 @@ from textwrap import wrap
 from cosim.compare import Comparison, number, stated
 from cosim.identify import Fit, interval, standing
 from cosim.port import InputError
-from cosim.study import Settings
+from cosim.trials import Settings
 
 WIDTH = 98
 

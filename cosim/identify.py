@@ -1,9 +1,8 @@
 """Fitting stated parameters of a case to measured numbers, and what those could not tell.
 
 The logarithms of the parameters are found by bounded least squares (scipy's trust-region reflective
-method).  Gradients are central differences of whole solves: the hood's adjoint scales all moduli of
-a law together and so reaches neither a matrix alone nor a toe, and extremes over a grid are no
-smooth scalars for it.
+method).  Gradients are central differences: where the bones are held of the hood's shape as its
+tangent moves it (`cosim.nearby`), else of whole solves.
 
 A target's miss is the distance from its band, zero inside; without a band the difference to its
 reference; in units of its SD or, where nobody gave one, of 1 unit of the quantity (1 % of strain).
@@ -21,13 +20,16 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
+from cosim.case import load_case
 from cosim.compare import Comparison, Target, compared
+from cosim.nearby import tangent_serves
 from cosim.parameters import Free, Parameter
 from cosim.port import Array, ConvergenceError, InputError
-from cosim.study import Settings, Solve, solver
+from cosim.trials import Settings, Solve, solver
 
-STEP = 0.01
-"""Of the logarithms, of the differences."""
+STEP, SMALL_STEP = 0.01, 1e-4
+"""Of the logarithms, of the differences: of solves, and of what the tangent foretells, which no
+tolerance of a solve blurs."""
 DIGITS = 4
 """Significant ones of the parameters found; their solve is the one that is reported."""
 TOLERANCE = 1e-4
@@ -77,6 +79,8 @@ class Fit:
     """Of solves on the way, with their reason."""
     ended: str
     """Why the search ended."""
+    by_tangent: bool
+    """Whether the gradients are by the hood's tangent, not by differences of solves."""
 
     @property
     def within(self) -> tuple[Parameter, ...]:
@@ -160,7 +164,8 @@ def fit(
     if not chosen:
         raise InputError(f"no target is for the case {source.stem}")
     with solver(source, jobs) as solve:
-        search = _Search(source.stem, settings, free, chosen, solve, progress)
+        tangent = tangent_serves(load_case(source, settings))
+        search = _Search(source.stem, settings, free, chosen, solve, progress, tangent)
         return search.run(most)
 
 
@@ -175,9 +180,10 @@ class _Search:
         targets: tuple[Target, ...],
         solve: Solve,
         progress: Callable[[str], None],
+        tangent: bool,
     ) -> None:
         self.case, self.settings, self.free, self.targets = case, settings, free, targets
-        self.solve, self.progress = solve, progress
+        self.solve, self.progress, self.tangent = solve, progress, tangent
         self.low, self.high = np.log([[p.low, p.high] for p in free.parameters]).T
         self.solves = 0
         self.failures: list[str] = []
@@ -214,6 +220,7 @@ class _Search:
             self.solves,
             tuple(self.failures),
             str(found.message).replace("`", "").rstrip("."),
+            self.tangent,
         )
 
     def snapped(self, x: Array) -> Array:
@@ -231,12 +238,19 @@ class _Search:
         names = [p.name for p in self.free.parameters]
         return {n: float(f"{v:.12g}") for n, v in zip(names, np.exp(x), strict=True)}
 
-    def rows(self, points: Sequence[Array]) -> list[tuple[Comparison, ...]]:
-        """The targets beside the model at each point; nothing where it did not converge."""
-        trials = [self.settings + self.free.settings(self.values(x)) for x in points]
-        self.solves += len(trials)
+    def trial(self, x: Array) -> Settings:
+        return self.settings + self.free.settings(self.values(x))
+
+    def rows(
+        self, points: Sequence[Array], around: Array | None = None
+    ) -> list[tuple[Comparison, ...]]:
+        """The targets beside the model at each point, `around` one by its tangent; nothing where it
+        did not converge."""
+        near = self.trial(around) if around is not None and self.tangent else None
+        self.solves += len(points) if near is None else 1
+        outcomes = self.solve([self.trial(x) for x in points], near)
         found: list[tuple[Comparison, ...]] = []
-        for x, outcome in zip(points, self.solve(trials), strict=True):
+        for x, outcome in zip(points, outcomes, strict=True):
             if outcome.status == "refused":
                 raise InputError(outcome.reason)
             if outcome.status == "failed":
@@ -269,9 +283,10 @@ class _Search:
     def slopes(self, x: Array) -> Array:
         """(m, n) of the numbers by the logarithms, in units of their SDs."""
         n = len(x)
-        steps = STEP * np.stack([s * np.eye(n)[i] for i in range(n) for s in (-1, 1)])
+        size = SMALL_STEP if self.tangent else STEP
+        steps = size * np.stack([s * np.eye(n)[i] for i in range(n) for s in (-1, 1)])
         ends = [np.clip(x + step, self.low, self.high) for step in steps]
-        rows = self.rows(ends)
+        rows = self.rows(ends, x)
         columns = []
         for i in range(n):
             pair = [(ends[k], rows[k]) for k in (2 * i, 2 * i + 1) if rows[k]]

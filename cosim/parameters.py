@@ -12,7 +12,7 @@ from typing import Any
 from cosim import units
 from cosim.case_schema import Case, FibreMooneyRivlin, ShellHood, TransverselyIsotropic
 from cosim.port import InputError
-from cosim.study import Settings
+from cosim.trials import Settings
 from cosim.variations import toe_settings
 
 Values = Mapping[str, float]

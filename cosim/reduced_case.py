@@ -12,7 +12,7 @@ import numpy as np
 
 from cosim import units
 from cosim.reduction import HELD_LOAD, HELD_POSTURES, LOW, MIXED, SEED, Reduction, errors
-from cosim.study import Settings
+from cosim.trials import Settings
 
 if TYPE_CHECKING:
     from cosim.build_lumped import Potential

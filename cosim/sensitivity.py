@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from cosim.port import ConvergenceError, InputError
-from cosim.study import Outcome, Settings, measured, solver, unit
+from cosim.trials import Outcome, Settings, measured, solver, unit
 from cosim.variations import Side, Variation
 
 FORMAT = "cosim sensitivity 1"

@@ -134,7 +134,7 @@ def _show_sensitivity(found: Sensitivity) -> None:
     """The strongest answers of each quantity, and the runs that have none."""
     from cosim.compare import number
     from cosim.sensitivity import bars
-    from cosim.study import unit
+    from cosim.trials import unit
 
     for quantity, base in found.base.items():
         rows = [
@@ -253,7 +253,7 @@ def _show_fit(found: Fit) -> None:
     _show_confidence(found)
     typer.echo(
         f"{found.solves} solves, {len(found.failures)} of which did not converge; {found.ended}; "
-        "gradients by differences of solves"
+        f"gradients by {'the tangent of the hood' if found.by_tangent else 'differences of solves'}"
     )
     for failure in found.failures:
         typer.echo(f"did not converge: {failure}")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from cosim.compare import Target, stated
 from cosim.sensitivity import Bar, Run, Sensitivity, bars
-from cosim.study import unit
+from cosim.trials import unit
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

@@ -20,9 +20,10 @@ from cosim.port import (
 
 from .assembly import cross
 from .augment import AugmentOptions, settled, solve_augmented
+from .bend import Bend
 from .coupling import wrenches
 from .model import Configuration, ShellModel
-from .newton import NewtonOptions, Solution, solve
+from .newton import NewtonOptions, Solution, residual_norm, solve
 from .relaxation import relax
 
 TIE, HELD = "terminal_slip", ("contact", "guide")
@@ -34,45 +35,8 @@ SMALL_PULL, NO_PULL = 0.3, 0.1
 MOST_HALVINGS = 4
 TAUT = 6.0
 """N more in every tendon: taut enough for a sheet that folds in a joint when slack."""
-MOST_GROWTH = 2.0
-"""Of the nodes' travel over that of the step before: beyond it that step says nothing of this."""
 LED = NewtonOptions(tolerance=1e-2)
 """Of the equilibrium on softer contact that leads to the one that is sought."""
-
-
-@dataclass(frozen=True)
-class Bend:
-    """What the last step of a hood tells of the next: the nodes' `travel` (n, 3) m to the place
-    that its tangent foresaw, how far beyond it they came to rest, x (n, 3) m and directors d (n,
-    3), and what of that the step before had told as well: a node that meets a bone bends once."""
-
-    travel: Array
-    x: Array
-    d: Array
-    steady_x: Array
-    steady_d: Array
-
-    @classmethod
-    def told(cls, before: Bend | None, travel: Array, x: Array, d: Array) -> Bend:
-        """After a step, from what the step before told."""
-        growth = 0.0 if before is None else before.growth(travel)
-        if before is None or growth == 0.0:
-            return cls(travel, x, d, np.zeros_like(x), np.zeros_like(d))
-        told = growth**2 * before.x, growth**2 * before.d
-        return cls(travel, x, d, _shared(x, told[0]), _shared(d, told[1]))
-
-    def growth(self, travel: Array) -> float:
-        """How much of this step's travel another has; 0 where it is too far from it to tell."""
-        size = np.vdot(self.travel, self.travel)
-        growth = float(np.vdot(travel, self.travel) / (size or np.inf))
-        return growth if abs(growth) <= MOST_GROWTH else 0.0
-
-
-def _shared(a: Array, b: Array) -> Array:
-    """(n, 3) by node the shorter of two vectors where they point to the same side, else none."""
-    alike = np.einsum("ni,ni->n", a, b) > 0
-    shorter = np.einsum("ni,ni->n", a, a) < np.einsum("ni,ni->n", b, b)
-    return np.where(alike[:, None], np.where(shorter[:, None], a, b), 0.0)
 
 
 @dataclass(frozen=True)
@@ -134,10 +98,25 @@ class ShellHood:
             raise InputError(
                 f"expected {len(self.tendons)} finite tensions {self.tendons}, got {tension}"
             )
-        new = self._settled(state, motion, tension)
-        c, solution = new.configuration, _solved(new)
-        load = Load(self.bodies, self.sources, self._by_source(solution), self._pull(c, tension))
-        return Response(new, load, self.model.excursion(c))
+        return self.answer(self._settled(state, motion, tension))
+
+    def answer(self, state: HoodState) -> Response:
+        """What a solved state does to the bodies."""
+        c, s = state.configuration, _solved(state)
+        load = Load(self.bodies, self.sources, self._by_source(s), self._pull(c, s.tension))
+        return Response(state, load, self.model.excursion(c))
+
+    def near(self, state: HoodState, tension: Array) -> HoodState:
+        """One Newton step with the tangent of another hood's equilibrium on the same mesh: where
+        this one, whose parameters differ little, settles at the same pose, to first order."""
+        s = _solved(state)
+        m, c, step = self.model, s.configuration, np.zeros(self.model.pattern.size)
+        e = m.evaluate(c, tension, tangent=False)
+        step[m.free] = -s.factor.solve(e.reduced[m.free])
+        c = m.stepped(c, e.bases, step)
+        there = m.evaluate(c, tension, tangent=True)
+        solution = Solution(m, c, there, tension, 1, 1, residual_norm(m, there)[0])
+        return HoodState(state.motion, c, solution, state.iterations + 1)
 
     def jacobian(self, state: HoodState) -> HoodJacobian:
         """Derivatives by back-substitution with the factor of the solved state."""

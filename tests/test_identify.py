@@ -20,7 +20,7 @@ from cosim.identify import Fit, confidence, fit, interval, miss, standing
 from cosim.parameters import Free, Parameter, built_in, read_free
 from cosim.port import ConvergenceError, InputError
 from cosim.run import run_case
-from cosim.study import outcome
+from cosim.trials import outcome
 
 PASSIVE, PULL = "joint_torque_Nmm.passive.PIP", "joint_torque_Nmm.EDC.MCP"
 COARSE = ("hood.mesh.quads=120",)
@@ -146,7 +146,7 @@ def test_solves_that_fail_on_the_way_are_listed_and_passed_by(held, monkeypatch)
         found = outcome(source, settings)
         return replace(found, status="failed", summary={}, reason="soft") if value < 40 else found
 
-    monkeypatch.setattr("cosim.study.outcome", fails_when_soft)
+    monkeypatch.setattr("cosim.trials.outcome", fails_when_soft)
     truth = ("finger.passive.PIP.stiffness=0.06 N*m/rad",)
     target = replace(measured_in(held, truth, PASSIVE, sd=0.1)[0], reference=-47.1239)
     near = replace(stiffness(), start=900.0)

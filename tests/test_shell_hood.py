@@ -14,12 +14,13 @@ from test_conformance import index_motions
 from cosim.build import hood_mesh
 from cosim.case import load_case
 from cosim.port import STATIC, ConvergenceError, InputError, Motion, Response
+from fe_solver.bend import Bend
 from fe_solver.fields import contact_pressure, fields
 from fe_solver.hood_model import ContactLaw, Sheet, Tendon, shell_hood
 from fe_solver.materials import Isotropic
 from fe_solver.newton import NewtonOptions
 from fe_solver.section import one_law
-from fe_solver.shell_hood import TIE, Bend, HoodState, ShellHood
+from fe_solver.shell_hood import TIE, HoodState, ShellHood
 from meshes.hood_mesh import HoodMesh
 from meshes.skeleton import BODIES
 

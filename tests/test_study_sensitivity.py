@@ -19,8 +19,8 @@ from cosim.cli import app
 from cosim.compare import Target
 from cosim.port import ConvergenceError, InputError
 from cosim.sensitivity import RATIO, Run, Sensitivity, bars, study, to_csv, to_json
-from cosim.study import measured, outcome, unit
 from cosim.tornado import draw_tornado
+from cosim.trials import measured, outcome, unit
 from cosim.variations import Side, Variation, variations
 
 PASSIVE, EDC = "joint_torque_Nmm.passive.PIP", "joint_torque_Nmm.EDC.PIP"

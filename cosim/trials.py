@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 from cosim.case import load_case
 from cosim.compare import unit_of, value_of
@@ -32,8 +32,13 @@ class Outcome:
     reason: str = ""
 
 
-Solve = Callable[[Iterable[Settings]], Iterator[Outcome]]
-"""An outcome for each, in their order."""
+class Solve(Protocol):
+    """An outcome for each of `trials`, in their order; with `around` to first order by the tangent
+    of the case with those settings, where that serves."""
+
+    def __call__(
+        self, trials: Iterable[Settings], around: Settings | None = None
+    ) -> Iterator[Outcome]: ...
 
 
 def outcome(source: Path, settings: Settings) -> Outcome:
@@ -43,15 +48,24 @@ def outcome(source: Path, settings: Settings) -> Outcome:
     try:
         case = load_case(source, settings)
     except InputError as error:
-        return Outcome("refused", {}, _one_line(error))
+        return Outcome("refused", {}, told(error))
     try:
         return Outcome("converged", run_case(case).summary)
     except CosimError as error:
-        return Outcome("failed", {}, _one_line(error))
+        return Outcome("failed", {}, told(error))
 
 
-def _one_line(error: CosimError) -> str:
+def told(error: CosimError) -> str:
+    """In one line."""
     return " ".join(str(error).split())
+
+
+def _one(source: Path, around: Settings | None, settings: Settings) -> Outcome:
+    if around is None:
+        return outcome(source, settings)
+    from cosim.nearby import near_outcome
+
+    return near_outcome(source, around, settings)
 
 
 @contextmanager
@@ -59,13 +73,12 @@ def solver(source: Path, jobs: int) -> Iterator[Solve]:
     """What solves the case, in so many processes (1: in this one).
 
     Raises InputError where a process was ended from outside."""
-    one = partial(outcome, source)
     if jobs == 1:
-        yield lambda trials: map(one, trials)
+        yield lambda trials, around=None: map(partial(_one, source, around), trials)
         return
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
         try:
-            yield lambda trials: pool.map(one, trials)
+            yield lambda trials, around=None: pool.map(partial(_one, source, around), trials)
         except BrokenProcessPool:
             raise InputError(
                 "a process that solved was ended from outside, it may be for want of memory; "
