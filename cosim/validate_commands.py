@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 PLACE = Path("cases/scoreboard.json")
 """Where the committed scoreboard is, of a checkout."""
+MESH = "hood.mesh"
 
 
 def validate(
@@ -25,7 +26,11 @@ def validate(
     ),
     settings: Annotated[
         list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Replace a value of every trial."),
+        typer.Option(
+            "--set",
+            metavar="KEY=VALUE",
+            help="Replace a value of every trial; hood.mesh=MI29.FEB is --published.",
+        ),
     ] = None,
     published: Annotated[
         Path | None,
@@ -42,14 +47,15 @@ def validate(
         from cosim.scoreboard_page import write_page
         from cosim.validate import chosen, validated, write_scoreboard
 
-        if update and (only or settings):
+        hoods, own = _hoods(settings or [])
+        if update and (only or own):
             raise InputError("--update takes all trials as they are: leave out --only and --set")
         if update and not PLACE.parent.is_dir():
             raise InputError(f"--update: there is no {PLACE.parent}/ here; run it in a checkout")
         boards = validated(
-            chosen(only, published),
+            chosen(only, hoods[-1] if hoods else published),
             out,
-            settings or (),
+            own,
             workers,
             lambda text: typer.echo(text, err=True),
         )
@@ -61,6 +67,13 @@ def validate(
     typer.echo(f"scoreboard in {out / 'scoreboard.html'} and {' and '.join(map(str, places))}")
     if any(board.failures for board in boards):
         raise typer.Exit(1)
+
+
+def _hoods(settings: list[str]) -> tuple[list[Path], list[str]]:
+    """The hood meshes among settings, which have trials of their own, and the other settings."""
+    pairs = [text.partition("=") for text in settings]
+    hoods = [Path(value.strip().strip("\"'")) for key, _, value in pairs if key.strip() == MESH]
+    return hoods, ["".join(pair) for pair in pairs if pair[0].strip() != MESH]
 
 
 def _print(boards: list[Board]) -> None:

@@ -200,3 +200,14 @@ def test_hood_and_split_are_compared_over_the_trials_that_both_have():
     assert "7 of 8 trials" in mean.target.note
     assert found["all tendons: median angle, coupled hood"].target.note == "11 of 12 trials"
     assert any(c.verdict == "no value" for c in found.values())
+
+
+@pytest.mark.parametrize("given", [("--set", "hood.mesh={file}"), ("--published", "{file}")])
+def test_the_published_hood_is_a_mesh_that_the_user_gives(tmp_path, given):
+    file = tmp_path / "other.feb"
+    file.write_text("<febio_spec version='4.0'/>", encoding="utf-8")
+    arguments = [part.replace("{file}", str(file)) for part in given]
+    only = ("--only", "published hood soft", "--workers", "1", "--out", str(tmp_path / "runs"))
+    found = CliRunner().invoke(app, ["validate", *arguments, *only])
+    assert found.exit_code == 2, found.output
+    assert "other.feb" in found.output.replace("\n", "")
