@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cosim.build_cable import CableLook, cable_hood_of, laid_net
+from cosim.build_cable import ENDS, CableLook, cable_hood_of, laid_net
 from cosim.build_cable import look as look_of_cables
 from cosim.build_finger import (
     check_fit,
@@ -18,8 +18,10 @@ from cosim.build_finger import (
     skeleton_of,
     width_of,
 )
+from cosim.build_lesion import injured_mesh, injured_net, injured_network
 from cosim.build_lumped import lumped_hood, slips_of
 from cosim.build_muscles import CaseMuscles, live_muscles
+from cosim.build_robot_hood import ROBOT_ENDS, robot_bones, robot_net, robot_skeleton
 from cosim.build_shell import (
     HoodLook,
     Triangles,
@@ -99,14 +101,21 @@ def _placed(motion: Motion, body: str, point: Array) -> Array:
 def build(case: Case) -> Models:
     """Models of a case.  Raises InputError for what only building finds out."""
     check_fit(case)
+    check_lesion(case)
     stated, resting = our_finger(case), case.solve.resting_tension
     posture, finger = stated.posture.angles(), live_finger(stated, case.hood)
     muscles = live_muscles(case)
     bones = drawn_bones(case)
-    if isinstance(case.finger, IndexFinger) and isinstance(case.hood, CableHood):
-        skeleton = skeleton_of(case.finger)
-        net = laid_net(case.hood, case.finger, skeleton, bones)
-        cables = cable_hood_of(case.hood, skeleton, bones, net, case.solve.hood_tolerance)
+    if isinstance(case.finger, IndexFinger | RobotFinger) and isinstance(case.hood, CableHood):
+        if isinstance(case.finger, RobotFinger):
+            skeleton, ends = robot_skeleton(), ROBOT_ENDS
+            net = robot_net(case.hood, skeleton, bones)
+        else:
+            skeleton, ends = skeleton_of(case.finger), ENDS
+            net = laid_net(case.hood, case.finger, skeleton, bones)
+        net = injured_net(net, case.lesion)
+        tolerance = case.solve.hood_tolerance
+        cables = cable_hood_of(case.hood, skeleton, bones, net, tolerance, case.lesion, ends)
         return Models(
             finger,
             cables,
@@ -130,9 +139,9 @@ def build(case: Case) -> Models:
             None,
             None,
             cables_of(case),
-            slips_of(case.hood, stated),
+            slips_of(_lumped(case) or case.hood, stated),
         )
-    mesh = hood_mesh(case)
+    mesh = injured_mesh(hood_mesh(case), case.lesion)
     shell = shell_hood_of(case, case.hood, skeleton_of(case.finger), bones, mesh)
     return Models(
         finger,
@@ -147,6 +156,13 @@ def build(case: Case) -> Models:
     )
 
 
+def check_lesion(case: Case) -> None:
+    """Raises InputError for a lesion that the hood cannot have, of a case whose hood was replaced
+    since it was read."""
+    if wrong := case.unfit_lesion():
+        raise InputError(wrong)
+
+
 def tensions(case: Case, models: Models) -> tuple[Array, Array]:
     """N, of the hood's and of the finger's own tendons, a muscle's fibre left out; InputError for
     one that neither has."""
@@ -156,7 +172,7 @@ def tensions(case: Case, models: Models) -> tuple[Array, Array]:
 
 
 def hood_mesh(case: Case) -> HoodMesh:
-    """The mesh of a case's shell hood, read or generated."""
+    """The mesh of a case's shell hood, read or generated, before any lesion."""
     if isinstance(case.hood, CableHood):
         raise InputError(
             f"{case.name}: its hood is a net of cables, which has no mesh of quads; a run writes "
@@ -197,7 +213,9 @@ def drawn_bones(case: Case) -> dict[str, Triangles]:
         return _bones(finger)
     if isinstance(finger, MiddleFinger):
         return _longer_bones(finger)
-    return _thin_rods() if isinstance(finger, RobotFinger) else _thick_rods(finger.lengths)
+    if isinstance(finger, RobotFinger):
+        return robot_bones() if isinstance(case.hood, CableHood) else _thin_rods()
+    return _thick_rods(finger.lengths)
 
 
 def _thick_rods(lengths: tuple[float, float, float]) -> dict[str, Triangles]:
@@ -283,11 +301,20 @@ def cables_of(case: Case) -> dict[str, list[tuple[str, Array]]]:
 def hood_on(case: Case, rest: Motion) -> Hood:
     """A hood that is no shell, on bodies whose poses `rest` are those that cables' excursions count
     from.  Raises InputError."""
+    check_lesion(case)
     if isinstance(case.hood, FmuHood):
         return _unit(case.hood, rest.bodies)
-    if isinstance(case.hood, NetworkHood | TwoBandHood):
-        return lumped_hood(case.hood, our_finger(case), rest)
+    lumped = _lumped(case)
+    if lumped is not None:
+        return lumped_hood(lumped, our_finger(case), rest)
     return _cables(case, rest)
+
+
+def _lumped(case: Case) -> NetworkHood | TwoBandHood | None:
+    """The hood in lumped form as a lesion leaves it."""
+    if not isinstance(case.hood, NetworkHood | TwoBandHood):
+        return None
+    return injured_network(case.hood, case.lesion)
 
 
 def _unit(hood: FmuHood, bodies: tuple[str, ...]) -> Hood:

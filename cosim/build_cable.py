@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cosim.build_lesion import adhesions, longer
 from cosim.build_shell import Triangles, baked_surfaces
 from cosim.case_cable import CableHood
 from cosim.case_finger import IndexFinger
+from cosim.case_lesion import Lesion
 from cosim.port import Array, InputError, Motion, State
 
 if TYPE_CHECKING:
@@ -79,9 +81,12 @@ def cable_hood_of(
     bones: Mapping[str, Triangles],
     net: CableNet,
     tolerance: float,
+    lesion: Lesion | None = None,
+    ends: Mapping[str, str] = ENDS,
 ) -> FeHood:
     """The net over the bones as a case describes it, behind the port; its own equilibrium to the
-    relative `tolerance`.  Raises InputError."""
+    relative `tolerance`; `ends`: those of the net that tendons pull, by tendon.  Raises
+    InputError."""
     from fe_solver.cable_model import Net, cable_hood
     from fe_solver.hood_model import ContactLaw, SpringSet, Tendon
     from fe_solver.newton import NewtonOptions
@@ -93,18 +98,23 @@ def cable_hood_of(
             "hood.springs: nothing holds the central slip; give hood.springs a table central_slip"
         )
     contact, offset = hood.contact, hood.contact.offset
+    rest = Motion(BODIES, *skeleton.pose(net.rest_posture))
+    springs = {
+        name: SpringSet(net.springs[name], s.stiffness, s.slack, s.tension_only)
+        for name, s in hood.springs.items()
+        if name in net.springs
+    }
+    for name, grown in adhesions(lesion, net, net.points, rest).items():
+        springs[name] = SpringSet(grown.held, grown.stiffness, 0.0, tension_only=False)
     return cable_hood(
-        Net(net.points, cable_law(hood, net)),
-        Motion(BODIES, *skeleton.pose(net.rest_posture)),
+        Net(net.points, cable_law(hood, net, lesion)),
+        rest,
         carriers(skeleton, along(skeleton, net.station)),
-        {
-            name: SpringSet(net.springs[name], s.stiffness, s.slack, s.tension_only)
-            for name, s in hood.springs.items()
-        },
+        springs,
         net.tied,
         "metacarpal",
         np.array([-1.0, 0.0, 0.0]),
-        {tendon: Tendon(net.ends[end], np.ones(1)) for tendon, end in ENDS.items()},
+        {tendon: Tendon(net.ends[end], np.ones(1)) for tendon, end in ends.items()},
         ContactLaw(
             contact.stiffness,
             contact.smoothing,
@@ -117,13 +127,14 @@ def cable_hood_of(
     )
 
 
-def cable_law(hood: CableHood, net: CableNet) -> Cables:
+def cable_law(hood: CableHood, net: CableNet, lesion: Lesion | None = None) -> Cables:
     """The cells' law; a strand that is longer than laid is so in all its cells."""
     from fe_solver.cables import Cables
 
     tables = [hood.cables[name] for name in net.cable]
-    laid = net.strand_lengths().values()
-    growth = [1 + t.extra_length / length for t, length in zip(tables, laid, strict=True)]
+    stated = zip(net.strands, (table.extra_length for table in tables), strict=True)
+    extra = longer(dict(stated), lesion)
+    growth = [1 + extra[name] / length for name, length in net.strand_lengths().items()]
     if min(growth) <= 0:
         i = int(np.argmin(growth))
         raise InputError(
@@ -149,7 +160,7 @@ def look(hood: FeHood, net: CableNet, state: State) -> CableLook:
     springs, c = hood.model.springs, state.configuration
     pull = pulls_in(hood, state)
     forces = {name: float(np.linalg.norm(f)) for name, f in hood.group_forces(state).items()}
-    slips = {"central": forces["central_slip"], "terminal": forces.pop("terminal_slip")}
+    slips = {"central": forces.get("central_slip", 0.0), "terminal": forces.pop("terminal_slip")}
     points = state.solution.evaluation.points
     on = points.group < 0
     pressed = np.linalg.norm(points.gradient[on], axis=1)

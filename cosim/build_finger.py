@@ -37,7 +37,7 @@ HOODS = {
     "middle": ("shell", "pulley", "split", "fmu"),
     "planar": ("pulley", "network", "two_band", "fmu"),
     "hinge": ("pulley", "network", "two_band", "fmu"),
-    "robot": ("split", "pulley", "network", "two_band", "fmu"),
+    "robot": ("split", "cable", "pulley", "network", "two_band", "fmu"),
     "fmu": ("pulley", "fmu"),
 }
 """Which hoods go on which finger."""

@@ -153,9 +153,15 @@ def _network(hood: NetworkHood) -> Network:
     )
 
 
+def band_tendons(hood: TwoBandHood) -> tuple[float, float]:
+    """N/m, of the middle and of the lateral band."""
+    from rigid.two_band import band_stiffnesses
+
+    return band_stiffnesses(hood.elasticity, hood.lateral_share)
+
+
 def _two_bands(hood: TwoBandHood) -> Network:
     from rigid.network import Network
-    from rigid.two_band import band_stiffnesses
 
     muscles = tuple(hood.muscles)
     connection = np.array([[m == hood.extensor for m in muscles]] * 2, dtype=float)
@@ -164,7 +170,7 @@ def _two_bands(hood: TwoBandHood) -> Network:
         muscles,
         _arms(list(hood.muscles.values())),
         _arms([hood.middle, hood.lateral]),
-        np.array(band_stiffnesses(hood.elasticity, hood.lateral_share)),
+        np.array(band_tendons(hood)),
         connection,
         np.zeros(2),
     )

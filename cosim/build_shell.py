@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cosim import case_schema as schema
+from cosim.build_lesion import adhesions, longer
 from cosim.case_schema import (
     Case,
     GeneratedMesh,
@@ -21,6 +22,7 @@ from cosim.case_schema import (
 from cosim.port import Array, InputError, Motion, State
 
 if TYPE_CHECKING:
+    from cosim.case_lesion import Lesion
     from fe_solver.hood_model import Tendon
     from fe_solver.materials import Law, Linear
     from fe_solver.section import Section
@@ -53,6 +55,8 @@ ENDS = {
 """By finger, the tendons that act through the hood: the end that each one pulls, and of the half
 that it pulls on which side that is (metacarpal's frame)."""
 CENTRAL = ("extensor_tendon_distal", "central_band", "central_slip")
+MOST_SHORTENED = 0.5
+"""Of a region's length as laid."""
 MARGIN = 5e-3
 """m, how far beyond a bone its baked distance reaches."""
 
@@ -187,7 +191,7 @@ def shell_hood_of(
         mesh.quads,
         smoothed(mesh.quads, mesh.fibre, mesh.region),
         _section(hood, mesh, thickness),
-        _growth(hood, mesh),
+        _growth(hood, mesh, case.lesion),
         tuple(REGIONS[i] for i in mesh.region),
     )
     springs = {
@@ -200,16 +204,19 @@ def shell_hood_of(
         for name, spring in hood.springs.items()
         if name in mesh.springs
     }
+    position, rotation = skeleton.pose(mesh.rest_posture)
+    rest = Motion(BODIES, position, rotation)
+    for name, grown in adhesions(case.lesion, mesh, sheet.points, rest).items():
+        springs[name] = SpringSet(grown.held, grown.stiffness, 0.0, tension_only=False)
     if "central_slip" not in springs and not any(len(nodes) for nodes in mesh.tied.values()):
         raise InputError(
             "hood: no insertion holds the hood: its mesh ties no nodes to a bone, and there are no "
             "springs of the central slip. Give hood.springs.central_slip, or a mesh that is tied"
         )
     offset = {body: getattr(hood.contact.offset, body) for body in BODIES}
-    position, rotation = skeleton.pose(mesh.rest_posture)
     return shell_hood(
         sheet,
-        Motion(BODIES, position, rotation),
+        rest,
         carriers(skeleton, along(skeleton, mesh.station)),
         springs,
         mesh.tied,
@@ -300,15 +307,23 @@ def _faced(mesh: HoodMesh, thickness: Array) -> Array:
     return mesh.points + rise[:, None] * node_directors(mesh.points, mesh.quads)
 
 
-def _growth(hood: ShellHood, mesh: HoodMesh) -> Array:
-    """(ne,) fibre growth that makes a slip longer than laid out by its extra length."""
+def _growth(hood: ShellHood, mesh: HoodMesh, lesion: Lesion | None) -> Array:
+    """(ne,) fibre growth that makes a region longer than laid out by its extra length."""
     out = np.zeros(len(mesh.quads))
-    for name, extra in hood.extra_length.model_dump().items():
+    for name, extra in longer(hood.extra_length.model_dump(), lesion).items():
+        if not extra:
+            continue
+        key = "lesion.shorten" if lesion and name in lesion.shorten else "hood.extra_length"
         cells = mesh.cells(name)
-        if extra and not cells.any():
-            raise InputError(f"hood.extra_length.{name}: the mesh has no region {name}")
-        if extra:
-            out[cells] = extra / _length(mesh, cells)
+        if not cells.any():
+            raise InputError(f"{key}.{name}: the mesh has no region {name}")
+        length = _length(mesh, cells)
+        if extra <= -MOST_SHORTENED * length:
+            raise InputError(
+                f"{key}.{name}: {-1e3 * extra:.2f} mm shorter in all, of {1e3 * length:.2f} mm; "
+                "at most half of it can be taken"
+            )
+        out[cells] = extra / length
     return out
 
 

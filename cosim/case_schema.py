@@ -20,6 +20,7 @@ from cosim.case_finger import (
     Posture,
     Tendon,
 )
+from cosim.case_lesion import Lesion, lesion_fault
 from cosim.case_lumped import NetworkHood, TwoBandHood
 from cosim.case_robot import RobotFinger
 from cosim.case_supports import Contact, Spring
@@ -300,10 +301,26 @@ class CaseFile(Table):
         ShellHood | PulleyHood | SplitHood | NetworkHood | TwoBandHood | CableHood | FmuHood,
         Field(discriminator="kind"),
     ]
+    lesion: Lesion | None = None
     solve: Solve = Solve()
     forward: Forward | None = None
     coupling: Coupling = Coupling()
     output: Output = Output()
+
+    @model_validator(mode="after")
+    def _can_be_injured(self) -> CaseFile:
+        if wrong := self.unfit_lesion():
+            raise fault(wrong)
+        return self
+
+    def unfit_lesion(self) -> str:
+        """Why this hood cannot have the lesion; empty where it can, or there is none."""
+        if self.lesion is None:
+            return ""
+        network = self.hood if isinstance(self.hood, NetworkHood) else None
+        connecting = tuple(network.connecting) if network is not None else ()
+        reduced = network is not None and network.reduced is not None
+        return lesion_fault(self.lesion, self.hood.kind, connecting, reduced)
 
 
 class Case(CaseFile):
@@ -321,7 +338,8 @@ class Case(CaseFile):
     def setting_key(self) -> str:
         """A text that two cases share if and only if they differ in nothing but name and tendons; a
         file that they read counts with its time and size."""
-        parts = self.model_dump(mode="json", include={"finger", "hood", "solve", "coupling"})
+        shared = {"finger", "hood", "lesion", "solve", "coupling"}
+        parts = self.model_dump(mode="json", include=shared)
         stamps = [
             f"{path}:{path.stat().st_mtime_ns}:{path.stat().st_size}" for path in _files(self)
         ]

@@ -19,12 +19,14 @@ from cosim.finger_commands import bench_fingers, bench_robotic_finger, mjcf, mom
 from cosim.fmu_commands import fmu
 from cosim.job_commands import bench_fe, bench_febio, export, solve
 from cosim.ladder_commands import ladder
+from cosim.lesion_commands import lesion
 from cosim.opensim_commands import import_model, sto
 from cosim.paper_commands import reproduce
 from cosim.port import CosimError, InputError
 from cosim.reduce_commands import reduce
 from cosim.report_commands import report
 from cosim.shell_commands import info, verify
+from cosim.study.commands import bench_studies, status, study
 from cosim.study_commands import identify, sensitivity
 from cosim.terminal import tell, told
 from cosim.validate_commands import validate
@@ -52,9 +54,12 @@ app.command()(report)
 app.command()(validate)
 app.command()(sensitivity)
 app.command()(identify)
+app.command()(study)
+app.command()(status)
 app.command()(reproduce)
 app.command()(estimate)
 app.command()(ladder)
+app.command()(lesion)
 app.command()(reduce)
 UNFINISHED = ".unfinished"
 Voice = Literal["plain", "quiet", "json"]
@@ -319,7 +324,9 @@ def _open_window(hood: Path) -> None:
 def bench(
     case: Annotated[
         str,
-        typer.Argument(help="Case file or packaged case; or fe, febio, fingers, opensim, robot."),
+        typer.Argument(
+            help="Case file or packaged case; or fe, febio, fingers, opensim, robot, studies."
+        ),
     ],
     settings: Settings = None,
     models: Annotated[
@@ -332,7 +339,8 @@ def bench(
     """Time a coupled run against one assembly and one factorisation of its own tangent; with fe the
     shell solver's iteration against its floor; with febio published models beside FEBio; with
     fingers the static solve of the finger alone; with opensim its motion beside OpenSim's; with
-    robot the control loop of the robotic finger beside its paper's."""
+    robot the control loop of the robotic finger beside its paper's; with studies what it costs to
+    hand out runs, and two workers beside one."""
     if case == "fe":
         bench_fe()
         return
@@ -342,6 +350,10 @@ def bench(
         return
     if case == "robot":
         bench_robotic_finger()
+        return
+    if case == "studies":
+        with told():
+            bench_studies()
         return
     if case == "febio":
         with told():

@@ -99,6 +99,16 @@ def robot(as_json: AsJson = False, only: Only = None, slow: Slow = False) -> Non
     _verify((*STUDIES, *AIR), as_json, only, slow)
 
 
+@verify.command()
+def studies(as_json: AsJson = False, only: Only = None, slow: Slow = False) -> None:
+    """Verify that studies lose nothing when they are killed, count their failures and keep their
+    memory, and that lesions show a clinic's signs; exit code 1 when a row fails."""
+    from cosim.verification_lesions import STUDIES as LESIONS
+    from cosim.verification_studies import STUDIES
+
+    _verify((*STUDIES, *LESIONS), as_json, only, slow)
+
+
 def info() -> None:
     """What is installed and in use, and what would be faster."""
     with told():

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cosim.port import Array
-from rigid.model import Cylinder, FingerModel, Segment, Strand, Tendon
+from rigid.model import Cylinder, FingerModel, Segment, Sphere, Strand, Tendon, Via
 
 HALF_WIDTH = 0.02
 """m, half the drawn length of a cylinder, which MuJoCo takes as infinite."""
@@ -92,16 +92,16 @@ def _add_geom(body: ET.Element, segment: Segment, has_mesh: bool) -> None:
 
 
 def _add_guides(body: ET.Element, tendon: Tendon, name: str) -> None:
-    """Sites and cylinders of a tendon on one body."""
+    """Sites, cylinders and spheres of a tendon on one body."""
     for s, strand in enumerate(tendon.strands):
         for k, element in enumerate(strand.path):
             if element.body != name:
                 continue
             label = _label(tendon, s, k)
-            if isinstance(element, Cylinder):
-                _add_cylinder(body, label, element)
-            else:
+            if isinstance(element, Via):
                 _add_site(body, label, element.point)
+            else:
+                _add_surface(body, label, element)
 
 
 def _label(tendon: Tendon, strand: int, element: int) -> str:
@@ -112,21 +112,23 @@ def _add_site(parent: ET.Element, name: str, point: Sequence[float] | Array) -> 
     ET.SubElement(parent, "site", name=name, pos=_text(point), size="0.0005")
 
 
-def _add_cylinder(body: ET.Element, name: str, cylinder: Cylinder) -> None:
-    centre, axis = np.array(cylinder.centre), np.array(cylinder.axis)
-    half = HALF_WIDTH * axis / np.linalg.norm(axis)
+def _add_surface(body: ET.Element, name: str, surface: Cylinder | Sphere) -> None:
     drawn = {
         "name": name,
-        "type": "cylinder",
-        "fromto": _text([*(centre - half), *(centre + half)]),
-        "size": repr(float(cylinder.radius)),
+        "size": repr(float(surface.radius)),
         "contype": "0",
         "conaffinity": "0",
         "group": "4",
         "rgba": ".5 .6 .9 .3",
     }
-    ET.SubElement(body, "geom", drawn)
-    _add_site(body, f"{name}_side", cylinder.side)
+    if isinstance(surface, Sphere):
+        ET.SubElement(body, "geom", drawn | {"type": "sphere", "pos": _text(surface.centre)})
+        return
+    centre, axis = np.array(surface.centre), np.array(surface.axis)
+    half = HALF_WIDTH * axis / np.linalg.norm(axis)
+    ends = _text([*(centre - half), *(centre + half)])
+    ET.SubElement(body, "geom", drawn | {"type": "cylinder", "fromto": ends})
+    _add_site(body, f"{name}_side", surface.side)
 
 
 def _add_tendons(root: ET.Element, model: FingerModel) -> None:
@@ -152,7 +154,8 @@ def _add_actuators(root: ET.Element, model: FingerModel) -> None:
 def _add_strand(spatial: ET.Element, tendon: Tendon, s: int, strand: Strand) -> None:
     for k, element in enumerate(strand.path):
         label = _label(tendon, s, k)
-        if isinstance(element, Cylinder):
-            ET.SubElement(spatial, "geom", geom=label, sidesite=f"{label}_side")
-        else:
+        if isinstance(element, Via):
             ET.SubElement(spatial, "site", site=label)
+        else:
+            side = {} if isinstance(element, Sphere) else {"sidesite": f"{label}_side"}
+            ET.SubElement(spatial, "geom", {"geom": label} | side)

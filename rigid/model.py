@@ -66,7 +66,17 @@ class Cylinder:
     side: Vector
 
 
-PathElement = Via | Cylinder
+@dataclass(frozen=True)
+class Sphere:
+    """A round surface of a body that a tendon wraps over, the shorter way round in the plane of its
+    centre and of the points before and after, where the straight way would cut it."""
+
+    body: str
+    centre: Vector
+    radius: float
+
+
+PathElement = Via | Cylinder | Sphere
 
 
 @dataclass(frozen=True)
@@ -150,7 +160,7 @@ def _check(tendon: Tendon, bodies: tuple[str, ...]) -> None:
     for strand in tendon.strands:
         ends = strand.path[:1] + strand.path[-1:]
         if len(strand.path) < 2 or not all(isinstance(end, Via) for end in ends):
-            raise InputError(f"{where}: a strand begins and ends at a point, not at a cylinder")
+            raise InputError(f"{where}: a strand begins and ends at a point, not at a surface")
 
 
 def _elements(tendon: Tendon) -> Iterator[PathElement]:

@@ -127,14 +127,13 @@ def sines(
     frequencies: tuple[float, ...],
     amplitude: float = AMPLITUDE,
     duration: float = DURATION,
+    middle: float = NEUTRAL,
 ) -> Record:
-    """One cylinder for each frequency in Hz, its voltage a sine about the middle."""
+    """One cylinder for each frequency in Hz, its voltage a sine about `middle`, V."""
     if not 0.0 < amplitude <= FULL:
         raise InputError(f"air: the amplitude lies between 0 and {FULL:g} V")
     turning = 2.0 * np.pi * np.array(frequencies)
-    return observed(
-        air, lambda t: NEUTRAL + amplitude * np.sin(turning * t), duration, len(turning)
-    )
+    return observed(air, lambda t: middle + amplitude * np.sin(turning * t), duration, len(turning))
 
 
 def _columns(terms: tuple[tuple[int, int], ...], voltage: Array, pressure: Array) -> Array:

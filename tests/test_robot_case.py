@@ -105,5 +105,5 @@ def test_the_pulley_has_its_own_shares():
 
 
 def test_a_shell_does_not_go_on_it():
-    with pytest.raises(InputError, match='takes "split" or "pulley" or "network"'):
+    with pytest.raises(InputError, match='takes "split" or "cable" or "pulley" or "network"'):
         build(load_case("isometric_edc", ("finger.kind=robot", *POSTURE)))

@@ -8,6 +8,7 @@ from scipy.optimize import lsq_linear, nnls
 
 from rigid.mujoco_finger import MujocoFinger
 from rigid.robot import checks
+from rigid.robot.actuators import PERIOD, Lag
 from rigid.robot.control import (
     JOINT_GAINS,
     Gains,
@@ -19,7 +20,7 @@ from rigid.robot.control import (
 )
 from rigid.robot.fan import fan, least_share
 from rigid.robot.finger import robot_finger
-from rigid.robot.plant import Lag, Plant
+from rigid.robot.plant import Plant
 from rigid.robot.tensions import ARM, WEIGHT, tensions
 from rigid.robot.tracking import Bench, Step, poses
 
@@ -90,21 +91,21 @@ def test_integral_of_a_joint_waits_while_its_torque_is_out_of_reach(five: Mujoco
 
 
 def test_gains_are_tuned_for_their_pose() -> None:
-    found = checks.tuned(True)
+    found = checks.tuned(True, air=False)
     assert not any(s.unstable for s in found.steps)
     assert max(s.error for s in found.steps) < np.radians(0.3)
     assert found.gains.i > found.gains.p
 
 
 def test_lag_is_exact_and_anticipated() -> None:
-    lag = Lag(time=0.02)
-    state = lag.begin(np.array([1.0, 50.0]))
+    lag, length = Lag(time=0.02), np.zeros(2)
+    state = lag.begin(np.array([1.0, 50.0]), length)
     np.testing.assert_allclose(lag.force(state), [1.0, 40.0])
-    after = lag.advance(state, np.array([3.0, -1.0]), 0.02)
-    np.testing.assert_allclose(after, [3.0 - 2.0 / np.e, 40.0 / np.e])
+    after = lag.advance(state._replace(aim=np.array([3.0, 0.0])), length, 0.02)
+    np.testing.assert_allclose(lag.force(after), [3.0 - 2.0 / np.e, 40.0 / np.e])
     wanted = np.array([2.0, 30.0])
-    command = lag.anticipated(wanted, state, 0.02)
-    np.testing.assert_allclose(lag.advance(state, command, 0.02), wanted)
+    after = lag.advance(lag.commanded(state, wanted), length, PERIOD)
+    np.testing.assert_allclose(lag.force(after), wanted)
 
 
 def test_fan_is_what_the_plant_does_to_the_fingertip() -> None:
@@ -149,13 +150,28 @@ def test_settling_and_overshoot_of_a_step() -> None:
     assert not step.unstable
 
 
+def test_quality_counts_steps_and_joints_after_the_first() -> None:
+    """Of a still first step, one that settles at 0.1 s past its goal, and one that swings."""
+    time, goal = 0.01 * np.arange(100), np.ones(2)
+    still, late, swings = np.ones((100, 2)), np.ones((100, 2)), np.ones((100, 2))
+    late[:10] = 0.0
+    late[20, 0] = np.radians(1.0) + 1.0
+    swings[::2, 1] = 0.5
+    steps = [
+        Step(time, angle, np.zeros((100, 5)), start, goal)
+        for angle, start in ((still, goal), (late, np.zeros(2)), (swings, np.zeros(2)))
+    ]
+    found = checks.quality(steps)
+    assert (found.unstable, found.unsettled) == (1, 0)
+    np.testing.assert_allclose(found.median_settling, [0.05, 0.545])
+    np.testing.assert_allclose(found.longest_settling, [0.1, 0.98 + 0.01])
+    np.testing.assert_allclose(found.largest_overshoot, [1.0, 0.0])
+
+
 def test_one_gain_set_in_joint_space_holds_where_tendon_space_fails() -> None:
-    bench = Bench(robot_finger(True))
+    bench = Bench(robot_finger(True), Lag())
     goals = list(poses(10))
-    joint = bench.in_joint_space(goals)
+    joint = bench.in_joint_space(goals, JOINT_GAINS)
     assert not any(s.unstable for s in joint)
     assert np.isfinite([s.settling for s in joint]).all()
-    gains = Gains(100.0, 2000.0, 1.0)
-    home = [checks.TUNED_AT, checks.TUNED_AT + checks.TUNED_STEP]
-    assert not any(s.unstable for s in bench.in_tendon_space(home, gains))
-    assert sum(s.unstable for s in bench.in_tendon_space(goals, gains)) >= 2
+    assert sum(s.unstable for s in checks.tendon_steps(True, air=False)) >= 5

@@ -116,7 +116,7 @@ def test_forces_on_every_moving_body_close_to_zero(name):
             assert np.linalg.norm(sum(row.moment for row in here)) < 1e-6 * moment
 
 
-@pytest.mark.parametrize("name", STILL)
+@pytest.mark.parametrize("name", [n for n in STILL if not n.startswith("lesion")])
 def test_only_the_named_tendon_pulls_harder_than_at_rest(name):
     case, summary = load_case(name), coarse(name).summary
     active = [t for t in case.tendons if case.tension(t) > case.solve.resting_tension]

@@ -180,8 +180,9 @@ def excursion_figures() -> list[Figure]:
         f"(400), whose residual is {1e3 * e.meant.residual.mean():.1f} mm on average (about 5). "
         "The adduction tendon saturates at its piston's limiter, and the abduction tendon is the "
         "noisiest of the others by its share of its range, both put in. RMS with the places as "
-        f"meant: {_listed(before)} mm; shown: after the places were found from the same poses, to "
-        f"{1e3 * e.misplaced:.2f} mm. Noise, misplacement and the markers' give are ours."
+        f"meant: {_listed(before)} mm; shown: after the places were found, to "
+        f"{1e3 * e.misplaced:.2f} mm, from the same poses and from table II's limits as stops. "
+        "Noise, misplacement and the markers' give are ours."
     )
     poses = pd.DataFrame(
         np.hstack([np.degrees(e.found.angle), measured, predicted]),

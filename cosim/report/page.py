@@ -8,7 +8,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from cosim.report import drawings, words
 from cosim.report.runs import Run
 from cosim.report.tables import SAGITTAL, SUM, Cell, Table, last_ledger, last_state
 from cosim.report.views import View, difference_view, floats, limits, packed, view_of
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
 
 MOST_BYTES = 8_000_000
 PICTURE_WIDTH = 1300
@@ -40,38 +43,33 @@ class Bar:
 
 def page(runs: Sequence[Run], against: Run | None, tables: Sequence[Table]) -> str:
     """The whole page.  Raises InputError where it would be too large to send around."""
-    from jinja2 import Environment, PackageLoader, select_autoescape
     from plotly.offline import get_plotlyjs
 
     every = [*runs, against] if against is not None else [*runs]
-    environment = Environment(
-        loader=PackageLoader("cosim.report", ""),
-        autoescape=select_autoescape(["j2"], default=True),
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.globals = {**environment.globals, "words": words, "drawings": drawings}
-    environment.filters |= {"cell": cell, "spoken": _spoken}
     views, scales = _views(runs, against)
     arrows = drawings.arrows_of(every)
-    text = environment.get_template("page.html.j2").render(
-        runs=runs,
-        every=every,
-        against=against,
-        tables={table.key: table for table in tables},
-        views=views,
-        pictures=[(run, name, _picture(run, name)) for run in every for name in PICTURES],
-        arrows=arrows,
-        plane=drawings.sagittal(arrows) if arrows else "",
-        bars={run.name: _bars(run) for run in every},
-        last_state=last_state,
-        cases=[(run, _link(run)) for run in every],
-        data=_script(
-            {**packed(views, scales), "colours": _colours(), "history": _histories(every)}
-        ),
-        style=_own("page.css"),
-        script=_own("page.js"),
-        plotly=get_plotlyjs(),
+    text = (
+        templates()
+        .get_template("page.html.j2")
+        .render(
+            runs=runs,
+            every=every,
+            against=against,
+            tables={table.key: table for table in tables},
+            views=views,
+            pictures=[(run, name, _picture(run, name)) for run in every for name in PICTURES],
+            arrows=arrows,
+            plane=drawings.sagittal(arrows) if arrows else "",
+            bars={run.name: _bars(run) for run in every},
+            last_state=last_state,
+            cases=[(run, _link(run)) for run in every],
+            data=script_of(
+                {**packed(views, scales), "colours": colours(), "history": _histories(every)}
+            ),
+            style=own_file("page.css"),
+            script=own_file("page.js"),
+            plotly=get_plotlyjs(),
+        )
     )
     size = len(text.encode("utf-8"))
     if size > MOST_BYTES:
@@ -82,10 +80,25 @@ def page(runs: Sequence[Run], against: Run | None, tables: Sequence[Table]) -> s
     return text
 
 
+def templates() -> Environment:
+    """The reports' templates, with what they call."""
+    from jinja2 import Environment, PackageLoader, select_autoescape
+
+    out = Environment(
+        loader=PackageLoader("cosim.report", ""),
+        autoescape=select_autoescape(["j2"], default=True),
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    out.globals = {**out.globals, "words": words, "drawings": drawings}
+    out.filters |= {"cell": cell, "spoken": spoken}
+    return out
+
+
 PICTURES = ("picture",)
 
 
-def _own(name: str) -> str:
+def own_file(name: str) -> str:
     return files("cosim.report").joinpath(name).read_text(encoding="utf-8")
 
 
@@ -98,12 +111,12 @@ def _views(runs: Sequence[Run], against: Run | None) -> tuple[list[View], list[A
     return [*views, *gaps], [limits(views)] * len(views) + [limits(gaps)] * len(gaps)
 
 
-def _script(content: Any) -> str:
+def script_of(content: Any) -> str:
     """JSON that can stand in a script element."""
     return json.dumps(content, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
-def _colours() -> list[str]:
+def colours() -> list[str]:
     """Viridis, made for colour-blind readers and for print without colour."""
     from matplotlib import colormaps
     from matplotlib.colors import to_hex
@@ -206,6 +219,6 @@ def cell(value: Cell, digits: int = 4) -> str:
     return value if isinstance(value, str) else number(value, digits).replace("-", "−")
 
 
-def _spoken(name: str) -> str:
+def spoken(name: str) -> str:
     """A name of the ledger or the summary as words."""
     return "sum" if name == SUM else name.replace("_", " ")

@@ -50,7 +50,7 @@ def _outcome(run: Run) -> Table:
     if "unloaded" not in run.summary:
         places = {"at the end": ""}
     rows: list[tuple[Cell, ...]] = []
-    for label, quantity in _asked(run.summary):
+    for label, quantity in asked(run.summary):
         values = [value_of(run.summary, place + quantity) for place in places.values()]
         rows.append((label, unit_of(quantity), *values))
     return Table("outcome", "What came out", ("quantity", "unit", *places), tuple(rows))
@@ -58,7 +58,7 @@ def _outcome(run: Run) -> Table:
 
 def _side_by_side(runs: Sequence[Run], against: Run | None) -> Table:
     """Several runs: a column each; against another the differences too."""
-    labels = dict(pair for run in (*runs, against) if run for pair in _asked(run.summary))
+    labels = dict(pair for run in (*runs, against) if run for pair in asked(run.summary))
     by_quantity = {quantity: label for label, quantity in labels.items()}
     rows = []
     for quantity, label in by_quantity.items():
@@ -87,7 +87,7 @@ def _values(runs: Sequence[Run], against: Run | None, quantity: str) -> list[Cel
     return [*values, base, *gaps]
 
 
-def _asked(summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+def asked(summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """Label and quantity of what one asks for first, of what the summary has."""
     for axis in COMPONENTS:
         yield f"fingertip force, {axis}", f"fingertip_force_N.{axis}"

@@ -65,11 +65,20 @@ def question(run: Run) -> list[tuple[str, str]]:
         ("Fingertip", TIPS.get(tip, tip)),
         ("Pulled", pulled(run) or "no tendon beyond its resting tension"),
         ("Hood", HOODS.get(kind, kind) + sheet),
+        ("Lesion", _lesion(run.stated)),
         ("Hood and finger", _scheme(run.stated, kind)),
         ("Time", _time(run.stated)),
         ("Notes", str(run.stated.get("notes", ""))),
     ]
     return [(head, text) for head, text in facts if text]
+
+
+def _lesion(stated: Mapping[str, Any]) -> str:
+    lesion = _table(stated, "lesion")
+    parts = [f"{name} cut" for name in lesion.get("cut", ())]
+    parts += [f"{name} grown onto the bone" for name in lesion.get("adhere", ())]
+    parts += [f"{name} {less} shorter" for name, less in _table(lesion, "shorten").items()]
+    return ", ".join(parts).replace("_", " ")
 
 
 def _scheme(stated: Mapping[str, Any], hood: str) -> str:

@@ -2,11 +2,14 @@
 
 All angles q_i, places p and zeros z together make the least
 
-    sum_i |x(q_i, p) - x_i|^2 / s_x^2 + |L(q_i) + z - l_i|^2 / s_l^2
+    sum_i |x(q_i, p) - x_i|^2 / s_x^2 + |L(q_i) + z - l_i|^2 / s_l^2 + |q_i past its stop|^2 / s_q^2
 
 by Gauss-Newton; the angles of each pose are eliminated from the normal equations (their blocks are
 apart), which leaves the places and zeros.  Markers alone cannot tell the DIP's zero from a turn of
-the fingertip's marker about its axis: the excursions, whose arms change with the angle, do.
+the fingertip's marker about its axis.  The excursions do, by arms that change with the angle, but
+weakly: from 460 poses the marker has a standard deviation of 0.95 mm, and no weighting of these
+data has less.  What tells it is that the finger has stops: where the poses span the workspace,
+angles of a wrong zero leave table II at one end.
 """
 
 from __future__ import annotations
@@ -26,7 +29,9 @@ SMALL = 1e-6
 """m, a move of the places that ends the search."""
 WEIGHT = 1e-6
 """Of the angles, against the weighted squares: bounds what no measurement tells."""
-
+STOP = float(np.radians(1.0))
+"""rad, by which a stop gives ("approximate joint motion limits", table II).  Assumption; with 2 to
+0.1 deg the places are found to 0.9 mm or better in 12 worlds."""
 UNTOLD = 1e9
 """Condition number of the equations of places and zeros beyond which some of them are not told."""
 
@@ -63,7 +68,7 @@ class Calibration:
 def calibrated(
     finger: MujocoFinger, markers: Markers, seen: Seen, start: Array, spread: Spread
 ) -> Calibration:
-    """From places nearly known and poses `start` (n, nq).
+    """From places nearly known and poses `start` (n, nq) of a finger whose ranges are its stops.
 
     Raises ConvergenceError where the poses do not tell the places, or the search does not end."""
     counted = np.flatnonzero(spread.counted)
@@ -98,7 +103,7 @@ def _linear(
     counted: Indices,
 ) -> tuple[Array, Array, Array]:
     """Of one pose, weighted: residuals (nr,), their derivatives over the angles (nr, nq) and over
-    places and zeros (nr, 3 nm + n_counted)."""
+    places and zeros (nr, 3 nm + n_counted); residuals are of markers, pistons and stops."""
     point, jacobian = markers.at(finger, angle)
     turn = finger.chain(angle).motion.rotation[markers.body]
     nm, nz = len(point), len(counted)
@@ -111,11 +116,19 @@ def _linear(
             -finger.moment_arms(angle)[counted] / piston[:, None],
         ]
     )
-    by_place = np.zeros((3 * nm + nz, 3 * nm + nz))
+    beyond, at_stop = _beyond(finger, angle)
+    by_place = np.zeros((3 * nm + nz + len(angle), 3 * nm + nz))
     for m in range(nm):
         by_place[3 * m : 3 * m + 3, 3 * m : 3 * m + 3] = turn[m] / spread.marker
-    by_place[3 * nm :, 3 * nm :] = np.diag(1 / piston)
-    return np.concatenate([off, miss]), by_angle, by_place
+    by_place[3 * nm : 3 * nm + nz, 3 * nm :] = np.diag(1 / piston)
+    return np.concatenate([off, miss, beyond]), np.vstack([by_angle, at_stop]), by_place
+
+
+def _beyond(finger: MujocoFinger, angle: Array) -> tuple[Array, Array]:
+    """How far the angles are beyond their ranges (nq,), over what a stop gives; its derivatives."""
+    low, high = np.array([finger.ranges[joint] for joint in finger.joints]).T
+    beyond = (angle - np.clip(angle, low, high)) / STOP
+    return beyond, np.diag((beyond != 0.0) / STOP)
 
 
 def _step(parts: list[tuple[Array, Array, Array]]) -> tuple[Array, Array]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +15,9 @@ from rigid.model import FingerModel
 from rigid.mujoco_finger import MujocoFinger
 
 from . import paths
-from .control import JOINT_GAINS, Gains
+from .actuators import Actuator, Lag
+from .air import Air
+from .control import AIR_GAINS, JOINT_GAINS, Gains
 from .excursions import Found, Truth, World, analysed, recalibrated, recorded
 from .fan import Reach, reach
 from .finger import robot_finger
@@ -31,6 +34,8 @@ TUNED_AT = np.radians([30.0, 0.0, 45.0, 20.0])
 TUNED_STEP = np.radians([10.0, 5.0, 10.0, 5.0])
 CANDIDATES = tuple((p, i) for p in (30.0, 60.0, 100.0, 150.0, 200.0) for i in (5.0, 10.0, 20.0))
 """N/m and 1/s, of tendon-space gains; the differential one is 10 ms of the proportional."""
+AIR_CANDIDATES = tuple((p, i) for p in (30.0, 40.0, 60.0, 80.0) for i in (5.0, 10.0, 20.0))
+"""The same on the air."""
 
 
 def table_iii(model: FingerModel) -> Array:
@@ -99,37 +104,79 @@ class Tuned:
     steps: list[Step]
 
 
-@lru_cache(maxsize=2)
-def tuned(second_extensor: bool) -> Tuned:
-    """Of the candidates, the stable ones whose steps end nearest to their goals at `TUNED_AT`."""
-    bench = Bench(robot_finger(second_extensor))
+def bench(second_extensor: bool, air: bool) -> Bench:
+    """The finger on air, or on its stand-in of first order."""
+    model = robot_finger(second_extensor)
+    drive: Actuator[Any] = Air(longest(model)) if air else Lag()
+    return Bench(model, drive)
+
+
+def longest(model: FingerModel) -> Array:
+    """(nt,) m, of the tendons over table II."""
+    finger = MujocoFinger(model)
+    return np.asarray(np.max([finger.tendon_lengths(q) for q in workspace((5, 3, 5, 3))], axis=0))
+
+
+@lru_cache(maxsize=4)
+def tuned(second_extensor: bool, air: bool) -> Tuned:
+    """Of the candidates, the stable ones whose steps at `TUNED_AT` are nearest to their goals."""
+    on = bench(second_extensor, air)
     goals = [TUNED_AT, TUNED_AT + TUNED_STEP, TUNED_AT]
     tried: list[tuple[bool, float, int, Tuned]] = []
-    for p, i in CANDIDATES:
+    for p, i in AIR_CANDIDATES if air else CANDIDATES:
         gains = Gains(p, p * i, 0.01 * p)
-        steps = bench.in_tendon_space(goals, gains)[1:]
-        unstable, error = any(s.unstable for s in steps), max(s.error for s in steps)
-        tried.append((unstable, error, len(tried), Tuned(gains, steps)))
+        steps = on.in_tendon_space(goals, gains)[1:]
+        unstable, miss = any(s.unstable for s in steps), max(s.miss for s in steps)
+        tried.append((unstable, miss, len(tried), Tuned(gains, steps)))
     return min(tried)[-1]
 
 
-@lru_cache(maxsize=2)
-def joint_steps(second_extensor: bool) -> list[Step]:
-    """From each of the random poses to the next one, joint space."""
-    return Bench(robot_finger(second_extensor)).in_joint_space(list(poses(POSES)), JOINT_GAINS)
+@lru_cache(maxsize=4)
+def joint_steps(second_extensor: bool, air: bool, seed: int = 0) -> list[Step]:
+    """From each of the random poses to the next one, joint space; a minute on air."""
+    gains = AIR_GAINS if air else JOINT_GAINS
+    return bench(second_extensor, air).in_joint_space(list(poses(POSES, seed)), gains)
 
 
-@lru_cache(maxsize=2)
-def tendon_steps(second_extensor: bool) -> list[Step]:
+@lru_cache(maxsize=4)
+def tendon_steps(second_extensor: bool, air: bool) -> list[Step]:
     """The same in tendon space, with the gains tuned at one pose."""
-    bench = Bench(robot_finger(second_extensor))
-    return bench.in_tendon_space(list(poses(POSES)), tuned(second_extensor).gains)
+    gains = tuned(second_extensor, air).gains
+    return bench(second_extensor, air).in_tendon_space(list(poses(POSES)), gains)
 
 
 @lru_cache(maxsize=2)
 def reached(second_extensor: bool) -> Reach:
     """At the same random poses."""
     return reach(robot_finger(second_extensor), poses(POSES))
+
+
+@dataclass(frozen=True)
+class Quality:
+    """Of steps from pose to pose, by joint (nq,): settling to 2 deg in s, of those that settle, and
+    overshoot in deg; how many steps are unstable, and how many joints do not settle in a step."""
+
+    unstable: int
+    unsettled: int
+    median_settling: Array
+    longest_settling: Array
+    median_overshoot: Array
+    largest_overshoot: Array
+
+
+def quality(steps: list[Step]) -> Quality:
+    """Of all but the first step, which starts at its goal; NaN where a joint never settles."""
+    settling = np.array([s.settling for s in steps[1:]])
+    past = np.degrees([s.overshoot for s in steps[1:]])
+    settled = np.ma.masked_invalid(settling)
+    return Quality(
+        sum(s.unstable for s in steps),
+        int(np.isinf(settling).sum()),
+        np.ma.median(settled, axis=0).filled(np.nan),
+        settled.max(axis=0).filled(np.nan),
+        np.median(past, axis=0),
+        past.max(axis=0),
+    )
 
 
 @dataclass(frozen=True)
@@ -148,7 +195,7 @@ class Excursions:
         return float(np.linalg.norm(self.place - self.truth.markers.place, axis=1).max())
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=16)
 def excursions(seed: int = 0) -> Excursions:
     """Of one random world."""
     record, truth = recorded(World(seed=seed))

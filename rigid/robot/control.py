@@ -14,12 +14,11 @@ import numpy as np
 
 from cosim.port import Array
 
+from .actuators import PERIOD
 from .plant import RELAXATION, STIFFNESS
 from .tables import MOST_FORCE
 from .tensions import tensions
 
-PERIOD = 0.01
-"""s: the paper's control loop."""
 FILTER = 0.01
 """s, of the rates."""
 PRELOAD = 0.3
@@ -68,7 +67,20 @@ def pid(gains: Gains, memory: Memory, measured: Array, reference: Array) -> tupl
 JOINT_GAINS = Gains(0.4 * STIFFNESS, 0.4 * STIFFNESS / RELAXATION, 0.0 * STIFFNESS)
 """Of the sleeve's stiffness: the zero of proportional and integral part lies on the pole of sleeve
 and damping, so that the loop crosses at 0.4 / RELAXATION = 8 rad/s, where air and sampling cost
-little phase.  One set for the whole space."""
+little phase.  One set for the whole space, on the stand-in of first order."""
+
+AIR_GAINS = Gains(
+    np.array([0.2, 0.0, 0.2, 0.2]) * STIFFNESS,
+    np.array([4.0, 2.5, 4.0, 4.0]) * STIFFNESS,
+    np.array([0.01, 0.04, 0.01, 0.01]) * STIFFNESS,
+)
+"""The same on the air, whose force comes some T = 70 ms after the command: dead time 30, pressure
+loop 30, sampling and averages 10.  Flexion crosses at 0.2 / RELAXATION = 4 rad/s, where that takes
+16 of 90 deg.  Abduction differs: what the moment arms of the moment take out of the tendons' own
+stiffness, up to G = 0.07 N m/rad against the sleeve's 0.04, they take out T late, a damping of
+-G T, larger than the sleeve's.  A proportional part would add to it, so that there is none: the
+differential part gives damping back and the integral finds the torque.  Linearised at 50 poses this
+is stable in all, and with 6 ms of delay more in all but one."""
 
 
 def joint_forces(

@@ -9,6 +9,9 @@ A fit to table III, not a reconstruction: the paper's points are not at hand.  T
   MCP and PIP say that both flexors run through the same ones);
 * y and z of the ends of the abduction and the adduction tendon, straight lines beside the joint.
 
+In other postures the tendons but the extensor also touch a sphere about the MCP, the metacarpal's
+head; in the default one they clear it.
+
 The nine zeros hold by symmetry, or since a tendon ends before the joint.  The extensor's long
 branch ends on the distal phalanx, one short one on the middle, one on the proximal phalanx: the
 three insertions of the human extensor (assumption; the paper prints the weights alone).
@@ -23,7 +26,17 @@ from scipy.optimize import brentq, fsolve
 
 from cosim.port import Array
 from rigid.anatomy import RANGES
-from rigid.model import Cylinder, FingerModel, Hinge, PathElement, Segment, Strand, Tendon, Via
+from rigid.model import (
+    Cylinder,
+    FingerModel,
+    Hinge,
+    PathElement,
+    Segment,
+    Sphere,
+    Strand,
+    Tendon,
+    Via,
+)
 
 from . import tables
 from .tables import LONG, SHORT, TABLE_III
@@ -32,6 +45,7 @@ MM = 1e-3
 ROD_RADIUS = 0.005
 """m, assumption: the phalanges' inertia is that of uniform rods of this radius."""
 FLEXION = (0.0, 1.0, 0.0)
+HEAD = Sphere("metacarpal", (0.0, 0.0, 0.0), tables.HEAD_RADIUS * MM)
 AXES = {"MCP_abduction": (0.0, 0.0, 1.0)}
 Point = tuple[float, float, float]
 
@@ -138,12 +152,10 @@ def _flexors() -> tuple[Tendon, Tendon]:
     first = _height((x, z), tables.FLEXOR_PROXIMAL, _arm(0, 1))
     second = _height((tables.FLEXOR_PROXIMAL - proximal, first), tables.FLEXOR_MIDDLE, _arm(2, 1))
     third = _height((tables.FLEXOR_MIDDLE - middle, second), tables.FLEXOR_DISTAL, _arm(3, 1))
-    radius = tables.HEAD_RADIUS * MM
-    head = Cylinder("metacarpal", (0.0, 0.0, 0.0), FLEXION, radius, (0.0, 0.0, -1.5 * radius))
     common = (
         _via("metacarpal", (tables.ORIGIN, y, z)),
         _via("metacarpal", (x, y, z)),
-        head,
+        HEAD,
         _via("proximal", (tables.FLEXOR_PROXIMAL, 0.0, first)),
         _via("middle", (tables.FLEXOR_MIDDLE, 0.0, second)),
     )
@@ -168,7 +180,7 @@ def _height(before: tuple[float, float], x: float, arm: float) -> float:
 
 
 def _side_tendon(name: str, side: float) -> Tendon:
-    """A line beside the MCP; `side`: +1 radial, -1 ulnar."""
+    """Beside the MCP; `side`: +1 radial, -1 ulnar."""
     k = tables.TENDONS.index(name)
     x, y, z = tables.SIDE_GUIDE
     guide = np.array([x, side * y, z])
@@ -183,6 +195,7 @@ def _side_tendon(name: str, side: float) -> Tendon:
     path = (
         _via("metacarpal", (tables.ORIGIN, float(guide[1]), z)),
         _via("metacarpal", (x, float(guide[1]), z)),
+        HEAD,
         _via("proximal", (tables.SIDE_END, float(end_y), float(end_z))),
     )
     return Tendon(name, (Strand(path),))

@@ -7,6 +7,8 @@ between them on the tendon's side,
 
 where phi > 0, else the straight distance; rolled out, the way is a straight line, so that with h
 along the axis L = sqrt(l^2 + h^2).  The moment arm of a planar tendon that touches is r itself.
+Across a sphere the same l, in the plane of both ends and the centre, with D the angle between them
+there, at most pi; the arm's magnitude is r about any axis normal to that plane.
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cosim.port import Array
-from rigid.model import Cylinder, FingerModel, Strand, Via
+from rigid.model import Cylinder, FingerModel, Sphere, Strand, Via
 
 Pose = tuple[Array, Array]
 """Rotation (3, 3) and origin (3,) m of a body in the world."""
@@ -60,7 +62,7 @@ def _strand_length(strand: Strand, pose: dict[str, Pose]) -> float:
     assert isinstance(first, Via)
     last = _placed(pose[first.body], first.point)
     for element in strand.path[1:]:
-        if isinstance(element, Cylinder):
+        if not isinstance(element, Via):
             around = element
             continue
         point = _placed(pose[element.body], element.point)
@@ -78,22 +80,30 @@ def _placed(pose: Pose, point: tuple[float, float, float]) -> Array:
     return out
 
 
-def wrapped_length(start: Array, end: Array, cylinder: Cylinder, pose: Pose) -> float:
-    """m, of the shortest way from `start` to `end` (3,) past the cylinder on its side."""
+def wrapped_length(start: Array, end: Array, surface: Cylinder | Sphere, pose: Pose) -> float:
+    """m, of the shortest way from `start` to `end` (3,) past a cylinder on its side or a sphere."""
     turn, origin = pose
-    local = [(x - origin) @ turn - np.array(cylinder.centre) for x in (start, end)]
-    side = np.array(cylinder.side) - np.array(cylinder.centre)
-    axis = np.array(cylinder.axis) / np.linalg.norm(cylinder.axis)
+    p, d = ((x - origin) @ turn - np.array(surface.centre) for x in (start, end))
+    if isinstance(surface, Sphere):
+        past = float(np.arctan2(np.linalg.norm(np.cross(p, d)), p @ d))
+        length = _flat_length(past, p, d, surface.radius)
+        return float(np.linalg.norm(d - p)) if length is None else length
+    side = np.array(surface.side) - np.array(surface.centre)
+    axis = np.array(surface.axis) / np.linalg.norm(surface.axis)
     across = np.linalg.svd(axis[None])[2][1:]
-    p, d, s = (across @ x for x in (*local, side))
-    covered = _angle_past(p, d, s)
-    r = cylinder.radius
+    covered = _angle_past(across @ p, across @ d, across @ side)
+    flat = _flat_length(covered, across @ p, across @ d, surface.radius)
+    return float(np.linalg.norm(d - p) if flat is None else np.hypot(flat, axis @ (d - p)))
+
+
+def _flat_length(between: float, p: Array, d: Array, radius: float) -> float | None:
+    """m, tangents and arc about a circle from p to d, `between` rad apart as seen from its centre;
+    None where the straight way clears it."""
     far = [float(np.linalg.norm(x)) for x in (p, d)]
-    phi = covered - sum(np.arccos(min(1.0, r / x)) for x in far)
+    phi = between - sum(np.arccos(min(1.0, radius / x)) for x in far)
     if phi <= 0:
-        return float(np.linalg.norm(local[1] - local[0]))
-    flat = r * phi + sum(np.sqrt(x**2 - r**2) for x in far)
-    return float(np.hypot(flat, axis @ (local[1] - local[0])))
+        return None
+    return float(radius * phi + sum(np.sqrt(x**2 - radius**2) for x in far))
 
 
 def _angle_past(p: Array, d: Array, side: Array) -> float:

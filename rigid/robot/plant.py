@@ -1,4 +1,4 @@
-"""The robotic finger in time, on MuJoCo: tendon forces in, angles out, and the actuators' seam.
+"""The robotic finger in time, on MuJoCo: tendon forces in, angles out.
 
 The joints bear the silicone sleeve, "similar [in] stiffness and damping" to a human finger's: of
 that the MCP's stiffness alone has a source.  Gravity acts palmar (the hand lies palm down).
@@ -7,7 +7,6 @@ that the MCP's stiffness alone has a source.  Gravity acts palmar (the hand lies
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
 
 import mujoco
 import numpy as np
@@ -15,8 +14,6 @@ import numpy as np
 from cosim.port import Array
 from rigid.mjcf import mjcf_xml
 from rigid.model import FingerModel
-
-from .tables import MOST_FORCE
 
 STIFFNESS = np.array([0.0391, 0.0391, 0.02, 0.01])
 """N m/rad: MCP the mean of four human index fingers (0.0377, 0.0328, 0.0466, 0.0393; PMC7775510,
@@ -26,47 +23,6 @@ RELAXATION = 0.05
 GRAVITY = (0.0, 0.0, -9.81)
 STEP = 1e-3
 """s."""
-LATENCY = 0.05
-"""s: "about 50 ms to reach its maximum effect" (section IV)."""
-State = TypeVar("State")
-
-
-class Actuator(Protocol[State]):
-    """What turns commanded tendon forces into forces; the state is a value of its own kind."""
-
-    def begin(self, force: Array) -> State:
-        """The state in which it has long borne `force` (nt,) N."""
-
-    def advance(self, state: State, command: Array, dt: float) -> State:
-        """After `dt` s of the command (nt,) N."""
-
-    def force(self, state: State) -> Array:
-        """(nt,) N, none negative."""
-
-
-@dataclass(frozen=True)
-class Lag:
-    """A stand-in for the air: of first order, at 95 % after the latency; its state is the force."""
-
-    time: float = LATENCY / 3
-    """s."""
-    most: float = MOST_FORCE
-
-    def begin(self, force: Array) -> Array:
-        return np.clip(force, 0.0, self.most)
-
-    def advance(self, state: Array, command: Array, dt: float) -> Array:
-        aim = np.clip(command, 0.0, self.most)
-        return np.asarray(aim + (state - aim) * np.exp(-dt / self.time))
-
-    def force(self, state: Array) -> Array:
-        return state
-
-    def anticipated(self, wanted: Array, force: Array, horizon: float) -> Array:
-        """(nt,) N, the command that takes `force` to `wanted` within `horizon` s, as far as the
-        supply allows."""
-        gain = 1.0 / (1.0 - np.exp(-horizon / self.time))
-        return np.clip(force + gain * (wanted - force), 0.0, self.most)
 
 
 @dataclass(frozen=True)

@@ -37,14 +37,24 @@ MOST_FORCE = 40.0
 
 ORIGIN = -45.0
 """mm, x of the point on the metacarpal from which every tendon runs straight to its cylinder."""
-FLEXOR_GUIDE = (-40.0, 0.0, -13.47)
-FLEXOR_PROXIMAL, FLEXOR_MIDDLE, FLEXOR_DISTAL = 15.4, 10.0, 7.0
+HEAD_RADIUS = 10.0
+"""mm, of the sphere that is the metacarpal's head, over which flexors, abduction and adduction run.
+The paper's objects are "spheres or cylinders" without saying which where; its abduction tendon
+"presses on the joint capsule and curves over it", and the simplified model that one of its authors
+published later (MyoFinger, github.com/MyoHub/myo_sim, finger/finger_v0.xml) has a sphere at the MCP
+and cylinders at PIP and DIP.  Small enough to leave the default posture's ways straight, 10.45 mm
+off.  The extensor stays on a cylinder: with the MCP flexed by 90 deg its ends are more than half a
+turn apart about the head, where no way over a sphere is the shortest."""
+FLEXOR_GUIDE = (-20.0, 0.0, -13.47)
+"""This and the extensor's guide are near the joint (in that model at 10.7 mm, by the length of the
+proximal phalanx), the flexors' not so near that their arms fall to nothing at 90 deg.  Between
+points a and b away from the MCP a tension T turns an abducted finger further, by T a b / (a + b)
+N m/rad: far guides make poses that no controller holds through the air's delay."""
+FLEXOR_PROXIMAL, FLEXOR_MIDDLE, FLEXOR_DISTAL = 14.0, 10.0, 7.0
 """mm, x of the flexors' guide on the proximal phalanx, of the one on the middle phalanx (where the
 PIP flexor ends), and of the DIP flexor's end on the distal one; their z are solved for."""
-HEAD_RADIUS = 11.0
-"""mm: of the metacarpal's head, which the flexors touch in hyperextension alone."""
-EXTENSOR_GUIDE = (-25.0, 0.0, 9.5)
-EXTENSOR_PROXIMAL = (14.0, 0.0, 8.0)
+EXTENSOR_GUIDE = (-8.0, 0.0, 10.0)
+EXTENSOR_PROXIMAL = (8.0, 0.0, 9.0)
 """The short branch that ends on the proximal phalanx ends here; the others pass through."""
 EXTENSOR_BEFORE_PIP, EXTENSOR_AFTER_PIP = (45.0, 0.0, 1.5), (7.0, 0.0, 1.5)
 """The other short branch ends at the second."""

@@ -2,13 +2,14 @@
 
 Joint space: markers seen with noise, angles estimated, arms at these angles, quadratic programme.
 Tendon space: lengths seen with the same noise, references the lengths of the wanted pose.  Both
-command the same actuators, in advance of their lag.
+command the same actuators: the air, or a stand-in of first order.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -17,16 +18,16 @@ from rigid.anatomy import RANGES
 from rigid.model import FingerModel
 from rigid.mujoco_finger import MujocoFinger
 
+from .actuators import PERIOD, Actuator
 from .control import (
-    JOINT_GAINS,
-    PERIOD,
+    PRELOAD,
     Gains,
     Memory,
     joint_forces,
     remember,
     tendon_forces,
 )
-from .plant import STEP, Lag, Plant
+from .plant import STEP, Plant
 from .pose import Markers, estimated
 from .tables import JOINTS
 
@@ -41,6 +42,8 @@ WITHIN = 0.8
 """Of table II, the part about its middle that poses are drawn from."""
 SETTLED = float(np.radians(2.0))
 """rad: a joint has settled when it stays nearer than this to the reference."""
+STEP_SECONDS = 1.5
+"""s, from one goal to the next."""
 TAIL = 0.3
 """s, at the end of a step: where a joint still swings by more than `UNSTABLE`, it is unstable."""
 UNSTABLE = float(np.radians(5.0))
@@ -85,6 +88,11 @@ class Step:
         return float(np.abs(tail.mean(axis=0) - self.goal).max())
 
     @property
+    def miss(self) -> float:
+        """rad, the mean distance of all joints from the goal over the whole step."""
+        return float(np.abs(self.angle - self.goal).mean())
+
+    @property
     def unstable(self) -> bool:
         return self.swing > UNSTABLE
 
@@ -100,11 +108,11 @@ def poses(count: int, seed: int = 0) -> Array:
 class Bench:
     """The finger, its actuators and both controllers; what it measures is of one noise."""
 
-    def __init__(self, finger: FingerModel, lag: Lag | None = None) -> None:
-        self.plant, self.lag = Plant(finger), Lag() if lag is None else lag
+    def __init__(self, finger: FingerModel, actuator: Actuator[Any]) -> None:
+        self.plant, self.actuator = Plant(finger), actuator
         self.model = MujocoFinger(finger)
 
-    def in_joint_space(self, goals: Sequence[Array], gains: Gains = JOINT_GAINS) -> list[Step]:
+    def in_joint_space(self, goals: Sequence[Array], gains: Gains) -> list[Step]:
         """Steps to each goal in turn, from the first one's own rest."""
         memory: list[tuple[Memory, Array]] = []
 
@@ -134,23 +142,23 @@ class Bench:
         return self._steps(goals, forces)
 
     def _steps(
-        self, goals: Sequence[Array], forces: Controller, seconds: float = 1.5
+        self, goals: Sequence[Array], forces: Controller, seconds: float = STEP_SECONDS
     ) -> list[Step]:
         rng = np.random.default_rng(1)
         start = np.array(goals[0], dtype=float)
         self.plant.put(start)
-        air = self.lag.begin(np.zeros(len(self.model.tendons)))
+        drive = self.actuator
+        pull = drive.begin(np.full(len(self.model.tendons), PRELOAD), self.plant.instant().length)
         out = []
         for goal in goals:
             rows = []
             for k in range(round(seconds / PERIOD)):
                 now = self.plant.instant()
-                rows.append((k * PERIOD, now.angle, self.lag.force(air)))
-                wanted = forces(now.angle, goal, rng)
-                command = self.lag.anticipated(wanted, self.lag.force(air), PERIOD)
+                rows.append((k * PERIOD, now.angle, drive.force(pull)))
+                pull = drive.commanded(pull, forces(now.angle, goal, rng))
                 for _ in range(round(PERIOD / STEP)):
-                    air = self.lag.advance(air, command, STEP)
-                    self.plant.advance(self.lag.force(air))
+                    pull = drive.advance(pull, self.plant.instant().length, STEP)
+                    self.plant.advance(drive.force(pull))
             time, angle, force = (np.array(x) for x in zip(*rows, strict=True))
             out.append(Step(time, angle, force, start, goal))
             start = angle[-1]

@@ -1,0 +1,25 @@
+"""Studies: a case solved for many values of its parameters, on one machine or many.
+
+In a notebook:
+
+    from cosim.study import open_study
+    study = open_study("studies/network_saltelli")
+    study.table            # pandas: a row for each run
+    study.dataset()        # xarray: axes and arrays
+    study.indices("tip_force")
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from cosim.study.opened import Opened
+
+
+def open_study(folder: str | Path) -> Opened:
+    """What `cosim study` left in a folder.  Raises InputError where it left nothing there."""
+    from cosim.study.opened import opened
+
+    return opened(Path(folder))

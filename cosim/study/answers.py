@@ -1,0 +1,191 @@
+"""What a study's numbers say: bands, indices of variance, slopes, a response surface.
+
+Pure functions of arrays: rows are runs, columns parameters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations_with_replacement
+from typing import NamedTuple
+
+import numpy as np
+
+from cosim.port import Array
+from cosim.study.samples import block, problem
+
+QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
+CONFIDENCE = 0.95
+RESAMPLES = 200
+"""Of the bootstrap that gives the indices' confidence."""
+MOST_LOST = 0.1
+"""Of Saltelli's blocks; where more have a failed run there are no indices: what fails is hardly a
+sample of what there is."""
+LEAST_BLOCKS = 8
+FOLDS = 10
+SEED = 1
+"""Not 0, which SALib takes for none."""
+
+
+class Band(NamedTuple):
+    """Of an output over the runs that converged; `quantiles` at `QUANTILES`."""
+
+    runs: int
+    mean: float
+    sd: float
+    quantiles: tuple[float, ...]
+
+
+def band(values: Array) -> Band | None:
+    """Of (n,) values, those that are not finite left out; None below two."""
+    kept = values[np.isfinite(values)]
+    if len(kept) < 2:
+        return None
+    at = tuple(float(q) for q in np.quantile(kept, QUANTILES))
+    return Band(len(kept), float(kept.mean()), float(kept.std(ddof=1)), at)
+
+
+@dataclass(frozen=True)
+class Indices:
+    """Sobol's indices, a number for each parameter, with half the width of their 95 % intervals;
+    `blocks` of `planned` blocks had no failed run and are in them.  `second` (d, d) above the
+    diagonal, where it was sampled."""
+
+    first: Array
+    first_conf: Array
+    total: Array
+    total_conf: Array
+    second: Array | None
+    blocks: int
+    planned: int
+
+
+def indices(values: Array, dimensions: int, second_order: bool) -> Indices | str:
+    """Of an output (m,) at Saltelli's points in their order, NaN where a run failed: a block with
+    such a run is left out whole.  Estimators: Saltelli et al. 2010 (Comput Phys Commun 181:259) and
+    Jansen's, as in SALib.  A text says why there are none."""
+    size = block(dimensions, second_order)
+    blocks = values.reshape(-1, size)
+    kept = blocks[np.isfinite(blocks).all(axis=1)]
+    lost = len(blocks) - len(kept)
+    if lost > MOST_LOST * len(blocks):
+        return (
+            f"no indices: {lost} of {len(blocks)} blocks of the sample hold a run without a value, "
+            f"more than {MOST_LOST:.0%}"
+        )
+    if len(kept) < LEAST_BLOCKS:
+        return f"no indices: {len(kept)} blocks are too few; at least {LEAST_BLOCKS}"
+    if np.ptp(kept) == 0:
+        return "no indices: the output is the same in every run"
+    return _indices(kept, len(blocks), dimensions, second_order)
+
+
+def _indices(kept: Array, planned: int, dimensions: int, second_order: bool) -> Indices:
+    from SALib.analyze.sobol import analyze
+
+    found = analyze(
+        problem(dimensions),
+        kept.ravel(),
+        calc_second_order=second_order,
+        num_resamples=RESAMPLES,
+        conf_level=CONFIDENCE,
+        seed=SEED,
+    )
+    second = np.asarray(found["S2"]) if second_order else None
+    first, first_conf, total, total_conf = (
+        np.asarray(found[name], dtype=float) for name in ("S1", "S1_conf", "ST", "ST_conf")
+    )
+    return Indices(first, first_conf, total, total_conf, second, len(kept), planned)
+
+
+@dataclass(frozen=True)
+class Slopes:
+    """Of a linear fit: SDs of the output for one SD of each parameter, their standard errors, and
+    the share of the variance that the fit explains."""
+
+    slope: Array
+    error: Array
+    r2: float
+
+
+def slopes(inputs: Array, values: Array) -> Slopes | None:
+    """Standardised regression coefficients of (n, d) inputs; None with too few runs, or where
+    nothing changes."""
+    x, y = _kept(inputs, values)
+    n, d = x.shape
+    if n < d + 3 or np.ptp(y) == 0 or (np.ptp(x, axis=0) == 0).any():
+        return None
+    x, y = _standard(x), _standard(y[:, None])[:, 0]
+    if np.linalg.matrix_rank(x) < d:
+        return None
+    found = _least_squares(x, y)
+    left = float(((y - x @ found) ** 2).sum())
+    error = np.sqrt(left / (n - d - 1) * np.diag(np.linalg.inv(x.T @ x)))
+    return Slopes(found, error, 1 - left / float((y**2).sum()))
+
+
+def _kept(inputs: Array, values: Array) -> tuple[Array, Array]:
+    there = np.isfinite(values)
+    return inputs[there], values[there]
+
+
+def _standard(x: Array) -> Array:
+    out: Array = (x - x.mean(axis=0)) / x.std(axis=0)
+    return out
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A quadratic in all parameters by least squares; `r2`: of the runs it was fitted to, and
+    `held_out` of runs that it was not (tenths left out in turn)."""
+
+    mean: Array
+    sd: Array
+    coefficients: Array
+    r2: float
+    held_out: float
+    runs: int
+
+    def __call__(self, inputs: Array) -> Array:
+        """(n, d) -> (n,)."""
+        out: Array = _quadratic((np.asarray(inputs) - self.mean) / self.sd) @ self.coefficients
+        return out
+
+
+def surface(inputs: Array, values: Array, together: int = 1) -> Surface | None:
+    """Of (n, d) inputs; None with fewer runs than twice the terms, or where an input stays.
+
+    So many rows after one another are held out `together`: Saltelli's points of a block differ in
+    one parameter alone, and would tell each other's values."""
+    x, y = _kept(inputs, values)
+    groups = np.flatnonzero(np.isfinite(values)) // together
+    n, d = x.shape
+    terms = (d + 1) * (d + 2) // 2
+    if n < 2 * terms or np.ptp(y) == 0 or (np.ptp(x, axis=0) == 0).any():
+        return None
+    mean, sd = x.mean(axis=0), x.std(axis=0)
+    basis = _quadratic((x - mean) / sd)
+    if np.linalg.matrix_rank(basis) < terms:  # an axis with two values has no curvature
+        return None
+    found = _least_squares(basis, y)
+    predicted = np.empty(n)
+    fold = (np.random.default_rng(SEED).permutation(groups.max() + 1) % FOLDS)[groups]
+    for i in range(FOLDS):
+        out = fold == i
+        predicted[out] = basis[out] @ _least_squares(basis[~out], y[~out])
+    return Surface(mean, sd, found, _r2(y, basis @ found), _r2(y, predicted), n)
+
+
+def _least_squares(basis: Array, values: Array) -> Array:
+    return np.asarray(np.linalg.lstsq(basis, values, rcond=None)[0], dtype=float)
+
+
+def _quadratic(x: Array) -> Array:
+    """1, x and all products of two: (n, d) -> (n, (d + 1)(d + 2) / 2)."""
+    full = np.hstack([np.ones((len(x), 1)), x])
+    pairs = combinations_with_replacement(range(full.shape[1]), 2)
+    return np.column_stack([full[:, i] * full[:, j] for i, j in pairs])
+
+
+def _r2(values: Array, predicted: Array) -> float:
+    gap, spread = ((values - predicted) ** 2).sum(), ((values - values.mean()) ** 2).sum()
+    return float(1 - gap / spread)

@@ -1,0 +1,128 @@
+"""Runs done side by side: by Dask, on this machine or on any cluster, or here one after the other.
+
+Runs are handed out as others end, so that a hundred thousand of them are never in a scheduler at
+once."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+from itertools import islice
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cosim.port import CosimError, InputError
+from cosim.study import apart
+from cosim.study.store import Store
+from cosim.study.task import Task, Verdict, row_of, settle
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+Solve = Callable[[Iterator[Task]], Iterator[Verdict]]
+"""Verdicts as runs end, in any order; it takes a task only where there is room for it."""
+AHEAD = 2
+"""Runs handed out for each worker: one that it does, one that waits."""
+LOOK = 2.0
+"""Seconds after which the number of workers is asked for again."""
+PATIENCE = "20s"
+"""For a scheduler to answer."""
+
+
+def here(tasks: Iterator[Task]) -> Iterator[Verdict]:
+    """One after the other in this process: no time limit, and a crash is one of this process."""
+    for task in tasks:
+        yield settle(task, Store(Path(task.store)))
+
+
+@contextmanager
+def local(workers: int, tell: Callable[[str], None]) -> Iterator[Solve]:
+    """So many processes on this machine."""
+    import logging
+
+    from distributed import Client, LocalCluster
+
+    with (
+        LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            memory_limit=0,
+            dashboard_address=":0",
+            silence_logs=logging.CRITICAL,
+        ) as cluster,
+        Client(cluster) as client,
+    ):
+        _tell_of_page(client, tell)
+        yield lambda tasks: _through(client, tasks)
+
+
+@contextmanager
+def remote(scheduler: str, tell: Callable[[str], None]) -> Iterator[Solve]:
+    """The workers of a Dask scheduler, as they come and go.  Raises InputError."""
+    from distributed import Client
+
+    try:
+        client = Client(scheduler, timeout=PATIENCE)
+    except (OSError, ValueError) as error:
+        raise InputError(f"--scheduler {scheduler}: does not answer ({error})") from error
+    with client:
+        _tell_of_page(client, tell)
+        if not client.nthreads():
+            tell("the scheduler has no workers yet; waiting for the first")
+        yield lambda tasks: _through(client, tasks)
+
+
+def _tell_of_page(client: Client, tell: Callable[[str], None]) -> None:
+    if find_spec("bokeh"):
+        tell(f"live page of Dask: {client.dashboard_link}")
+
+
+def _through(client: Client, tasks: Iterator[Task]) -> Iterator[Verdict]:
+    from distributed import as_completed
+
+    running: dict[str, Task] = {}
+    width, looked = _width(client), time.monotonic()
+    first = list(islice(tasks, width))
+    ended: Any = as_completed([_hand_out(client, task, running) for task in first])
+    try:
+        for future in ended:
+            yield _verdict(future, running.pop(future.key))
+            if time.monotonic() - looked > LOOK:
+                width, looked = _width(client), time.monotonic()
+            for task in islice(tasks, max(0, width - len(running))):
+                ended.add(_hand_out(client, task, running))
+    finally:
+        client.cancel(list(running), force=True)
+
+
+def _width(client: Client) -> int:
+    return AHEAD * max(1, sum(client.nthreads().values()))
+
+
+def _hand_out(client: Client, task: Task, running: dict[str, Task]) -> Future:
+    name = f"cosim-{task.key[:40]}-{time.monotonic_ns():x}"
+    running[name] = task
+    return client.submit(apart.solve, task, key=name, pure=False)
+
+
+def _verdict(future: Future, task: Task) -> Verdict:
+    """Raises InputError where the store cannot be written, CosimError where the scheduler ended."""
+    from distributed import KilledWorker
+
+    if future.status == "finished":
+        found: Verdict = future.result()
+        return found
+    error = future.exception() if future.status == "error" else None
+    if isinstance(error, KilledWorker):
+        reason = "workers were ended while they had it, more often than Dask allows"
+        row = row_of(task, "died", reason, 0.0, {})
+        Store(Path(task.store)).put(row)
+        return Verdict(row.key, row.status, row.reason, row.seconds)
+    if isinstance(error, CosimError):
+        raise error
+    raise CosimError(
+        f"Dask gave a run up ({error or future.status}); what had finished is kept: give the same "
+        "command again"
+    )

@@ -1,0 +1,85 @@
+"""The faults of a study file in plain words, as those of a case are told."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, get_args
+
+from pydantic import BaseModel, ValidationError
+
+from cosim.case_faults import unknown
+
+
+def listing(source: Path, faults: Sequence[str]) -> str:
+    """The faults of a file as one message."""
+    count = f"{len(faults)} fault" + ("s" if len(faults) > 1 else "")
+    return "\n  ".join([f"{source}: {count}", *sorted(faults)])
+
+
+def faults_of(
+    error: ValidationError, values: Any, above: tuple[str, ...], model: type[BaseModel]
+) -> Iterator[str]:
+    """A line for each of a model's faults: the place below `above`, what stands there, what to
+    write."""
+    for item in error.errors(include_url=False):
+        place = tuple(item["loc"])
+        at = values
+        for part in place:
+            at = _at(at, part)
+        where = shown((*above, *place))
+        found = "" if at is None or isinstance(at, dict) else f" = {_short(at)}"
+        yield f"{where}{found}: {_message(item, place, values, model)}"
+
+
+def _at(values: Any, part: str | int) -> Any:
+    if isinstance(values, dict):
+        return values.get(part)
+    if isinstance(values, list) and isinstance(part, int) and part < len(values):
+        return values[part]
+    return None
+
+
+def _short(value: Any) -> str:
+    try:
+        text = repr(value)
+    except ValueError:  # an integer of thousands of digits
+        return "a huge number"
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def shown(place: tuple[str | int, ...]) -> str:
+    """A place as people write it."""
+    parts = [
+        str(p)[:60] if isinstance(p, int) or re.fullmatch(r"[\w-]+", p) else repr(p[:60])
+        for p in place
+    ]
+    return ".".join(parts) or "the study"
+
+
+def _message(item: Any, place: tuple[str | int, ...], values: Any, model: type[BaseModel]) -> str:
+    kind, context = item["type"], item.get("ctx", {})
+    if kind == "extra_forbidden":
+        table, inside = _keys(model, place[:-1]), values
+        for part in place[:-1]:
+            inside = _at(inside, part)
+        return unknown("key", str(place[-1]), table, inside)
+    if kind == "missing":
+        return "is missing"
+    if kind == "literal_error":
+        return f"write {context['expected'].replace(', ', ' or ')}"
+    if kind in ("model_type", "model_attributes_type", "dict_type"):
+        return "must be a table"
+    if kind == "too_short":
+        return f"needs at least {context['min_length']}"
+    return str(item["msg"]).replace("Input should", "must")
+
+
+def _keys(model: type[BaseModel], place: tuple[str | int, ...]) -> tuple[str, ...]:
+    """Of the table at a place, as files name them."""
+    for part in place:
+        stated = model.model_fields[str(part)].annotation
+        tables = [t for t in (stated, *get_args(stated)) if isinstance(t, type)]
+        model = next(t for t in tables if issubclass(t, BaseModel))
+    return tuple(field.alias or name for name, field in model.model_fields.items())

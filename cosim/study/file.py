@@ -1,0 +1,287 @@
+"""The study file: read and checked; every fault told at once, with its place and what to write."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterator, Mapping
+from importlib import resources
+from math import isfinite
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple
+
+from pydantic import Field, PlainValidator, ValidationError
+
+from cosim import units
+from cosim.case_fields import fault, quantity
+from cosim.case_types import Count, Switch, Table
+from cosim.port import InputError
+from cosim.study.faults import faults_of, listing, shown
+from cosim.study.laws import Axis, Law, Lognormal, Normal, TruncatedNormal, Uniform, axis
+from cosim.study.samples import KINDS, Kind
+
+FORM = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S.*?)?\s*")
+
+
+class Measure(NamedTuple):
+    """A number with the unit that it is stated in, as it goes into the case."""
+
+    number: float
+    unit: str
+
+
+def _measure(value: Any) -> Measure:
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        found = Measure(_float(value), "")
+    elif isinstance(value, str) and (parts := FORM.fullmatch(value)):
+        found = Measure(float(parts[1]), parts[2] or "")
+    else:
+        raise fault('is no number; write one, with its unit where the case has one: "100 MPa"')
+    if not isfinite(found.number):
+        raise fault("is not finite")
+    return found
+
+
+def _float(value: float) -> float:
+    try:
+        return float(value)
+    except OverflowError:
+        raise fault("is not finite") from None
+
+
+def _step(value: Any) -> Measure | str | bool:
+    """A value of a list: a number with its unit, or a word of the case."""
+    if isinstance(value, bool):
+        return value
+    if isinstance(value, str) and not FORM.fullmatch(value):
+        return value
+    return _measure(value)
+
+
+Stated = Annotated[Any, PlainValidator(_measure)]
+Step = Annotated[Any, PlainValidator(_step)]
+Texts = tuple[str, ...]
+
+
+class _Parameter(Table):
+    """What every parameter may say: the `settings` that it makes (KEY={value}), or the keys whose
+    numbers in the case it scales; without either, its name is the key."""
+
+    settings: Texts = ()
+    scale: Texts = ()
+    label: str = ""
+
+
+class _Normal(_Parameter):
+    distribution: Literal["normal", "lognormal"]
+    mean: Stated
+    sd: Stated
+
+
+class _Truncated(_Parameter):
+    distribution: Literal["truncated_normal"]
+    mean: Stated
+    sd: Stated
+    low: Stated
+    high: Stated
+
+
+class _Uniform(_Parameter):
+    distribution: Literal["uniform"]
+    low: Stated
+    high: Stated
+
+
+class _List(_Parameter):
+    values: Annotated[tuple[Step, ...], Field(min_length=1)]
+
+
+class _Range(_Parameter):
+    first: Annotated[Stated, Field(alias="from")]
+    last: Annotated[Stated, Field(alias="to")]
+    count: Annotated[Count, Field(ge=2, le=100_000)]
+    spacing: Literal["linear", "log"] = "linear"
+
+
+_DISTRIBUTIONS: dict[str, type[_Parameter]] = {
+    "normal": _Normal,
+    "truncated_normal": _Truncated,
+    "lognormal": _Normal,
+    "uniform": _Uniform,
+}
+
+
+class Sampling(Table):
+    """How distributions are sampled; `n`: points, of Saltelli's scheme base points."""
+
+    kind: Kind
+    n: Annotated[Count, Field(ge=2, le=2**22)]
+    seed: Annotated[Count, Field(ge=0, le=2**32 - 1)]
+    second_order: Switch = False
+
+
+class Limits(Table):
+    """Seconds for a run, and failed runs after which no other is begun."""
+
+    time: Annotated[float, quantity(units.TIME, above="0 s", most="1e6 s")] | None = None
+    failures: Annotated[Count, Field(ge=1)] | None = None
+
+
+class StudyFile(Table):
+    """A study as its file states it; `parameters` are read one by one."""
+
+    title: str = ""
+    notes: str = ""
+    case: str
+    settings: Texts = ()
+    parameters: Annotated[dict[str, dict[str, Any]], Field(min_length=1)]
+    sampling: Sampling | None = None
+    outputs: Annotated[dict[str, str], Field(min_length=1)]
+    limits: Limits = Limits()
+    arrays: Switch | Texts = False
+    data: str = ""
+
+
+class Parameter(NamedTuple):
+    """A number or word that differs from run to run; `unit` as the case is told it; `settings` and
+    `scale` as in the file."""
+
+    name: str
+    label: str
+    unit: str
+    law: Law
+    settings: Texts
+    scale: Texts
+
+
+def find_study(path_or_name: str | Path) -> Path:
+    """The file at a path, or the packaged study of that name.  Raises InputError."""
+    packaged = Path(str(resources.files("cases"))) / "studies"
+    text = str(path_or_name)
+    for place in (Path(text), packaged / f"{text}.toml"):
+        try:
+            if place.is_file():
+                return place.resolve()
+        except (OSError, ValueError):  # too long, or a character that no name may have
+            continue
+    known = ", ".join(sorted(p.stem for p in packaged.glob("*.toml")))
+    raise InputError(f"{text!r}: no such study file and no packaged study; packaged are: {known}")
+
+
+def read_file(source: Path) -> tuple[StudyFile, tuple[Parameter, ...]]:
+    """Raises InputError that lists every fault."""
+    values = _toml(source)
+    lines: list[str] = []
+    checked = None
+    try:
+        checked = StudyFile.model_validate(values)
+    except ValidationError as error:
+        lines += faults_of(error, values, (), StudyFile)
+    except RecursionError:
+        raise InputError(f"{source}: tables are nested too deeply") from None
+    found = []
+    tables = values.get("parameters")
+    for name, table in tables.items() if isinstance(tables, dict) else ():
+        if isinstance(table, dict):
+            try:
+                found.append(_parameter(name, table))
+            except ValidationError as error:
+                lines += faults_of(error, table, ("parameters", name), _model(table))
+            except InputError as error:
+                lines.append(f"{shown(('parameters', name))}: {error}")
+    if checked is not None:
+        lines += _sampling_faults(checked, found)
+    if lines or checked is None:
+        raise InputError(listing(source, lines))
+    return checked, tuple(found)
+
+
+def _toml(source: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(source.read_bytes().decode())
+    except OSError as error:
+        raise InputError(f"{source}: cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{source}: is not a text file in UTF-8") from error
+    except RecursionError:
+        raise InputError(f"{source}: tables are nested too deeply") from None
+    except ValueError as error:  # TOMLDecodeError is one
+        raise InputError(f"{source}: is not valid TOML: {error}") from error
+
+
+def _model(table: Mapping[str, Any]) -> type[_Parameter]:
+    """By the keys that it has.  Raises InputError where they say nothing."""
+    if "distribution" in table:
+        word = table["distribution"]
+        if not isinstance(word, str) or word not in _DISTRIBUTIONS:
+            raise InputError(f"distribution = {word!r}: write {' or '.join(_DISTRIBUTIONS)}")
+        return _DISTRIBUTIONS[word]
+    if "values" in table:
+        return _List
+    if {"from", "to", "count"} & set(table):
+        return _Range
+    raise InputError(
+        'write distribution = "normal" (or another), values = [...], or from, to and count'
+    )
+
+
+def _parameter(name: str, table: dict[str, Any]) -> Parameter:
+    """Raises ValidationError and InputError."""
+    read = _model(table).model_validate(table)
+    if read.settings and read.scale:
+        raise InputError("gives both settings and scale; write one of them")
+    if lacking := [text for text in read.settings if "={value}" not in text.replace(" ", "")]:
+        raise InputError(f"settings: {lacking[0]!r} lacks ={{value}}; write KEY={{value}}")
+    law, unit = _law(read)
+    if read.scale and (unit or (isinstance(law, Axis) and not law.is_numeric)):
+        raise InputError("scale: a factor is a plain number; leave out the unit")
+    settings = read.settings or (() if read.scale else (f"{name}={{value}}",))
+    return Parameter(name, read.label or name, unit, law, settings, read.scale)
+
+
+def _law(read: _Parameter) -> tuple[Law, str]:
+    stated = [value for _, value in read if isinstance(value, Measure)]
+    if isinstance(read, _List):
+        stated = [value for value in read.values if isinstance(value, Measure)]
+    units_found = list(dict.fromkeys(m.unit for m in stated))
+    if len(units_found) > 1:
+        named = ", ".join(unit or "none" for unit in units_found)
+        raise InputError(f"is stated in several units ({named}); write all in one")
+    return _law_of(read), units_found[0] if units_found else ""
+
+
+def _law_of(read: _Parameter) -> Law:
+    match read:
+        case _Normal(distribution="lognormal"):
+            return Lognormal(read.mean.number, read.sd.number)
+        case _Normal():
+            return Normal(read.mean.number, read.sd.number)
+        case _Truncated():
+            return TruncatedNormal(
+                read.mean.number, read.sd.number, read.low.number, read.high.number
+            )
+        case _Uniform():
+            return Uniform(read.low.number, read.high.number)
+        case _List():
+            return Axis(tuple(v.number if isinstance(v, Measure) else v for v in read.values))
+        case _Range():
+            return axis(read.first.number, read.last.number, read.count, read.spacing)
+    raise AssertionError(read)
+
+
+def _sampling_faults(study: StudyFile, found: list[Parameter]) -> Iterator[str]:
+    """What goes together."""
+    axes = [p.name for p in found if isinstance(p.law, Axis)]
+    drawn = [p.name for p in found if not isinstance(p.law, Axis)]
+    if drawn and study.sampling is None:
+        kinds = ", ".join(KINDS)
+        example = '{ kind = "latin_hypercube", n = 64, seed = 1 }'
+        yield f"sampling: is missing; write {example} ({kinds})"
+    if not drawn and found and study.sampling is not None:
+        yield "sampling: no parameter has a distribution to sample; leave it out"
+    if axes and study.sampling is not None and study.sampling.kind == "saltelli":
+        yield f"parameters: saltelli's scheme samples all of them; {', '.join(axes)} has values"
+    reserved = {"run", "status", "reason", "key"}
+    both = {p.name for p in found} & set(study.outputs)
+    for name in sorted(both | reserved & (set(study.outputs) | {p.name for p in found})):
+        yield f"{name!r}: names a column twice; choose another name for the parameter or output"

@@ -1,0 +1,113 @@
+"""What a study leaves beside its table: answers as JSON and CSV, and the page."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from cosim.files import written_whole
+from cosim.study.answers import CONFIDENCE, QUANTILES, Indices
+from cosim.study.conduct import Done
+from cosim.study.opened import FORMAT, MARK, Opened, finite, opened
+from cosim.study.plan import Plan
+from cosim.study.store import Store
+from cosim.study.table import table_of, units_of, write_table
+
+
+def write_study(plan: Plan, done: Done, store: Store, folder: Path) -> Opened:
+    """Table, answers and page in the folder.  Raises InputError where it cannot be written."""
+    write_table(table_of(plan, done, store), folder)
+    _write(folder / "study.toml", plan.text)
+    _write(folder / MARK, _json(facts_of(plan, store)))
+    found = opened(folder)
+    _write(folder / "answers.json", _json(answers_of(found)))
+    _write(folder / "indices.csv", "\n".join(_index_lines(found)) + "\n")
+    from cosim.study.page import page
+
+    _write(folder / "index.html", page(found, plan))
+    return found
+
+
+def facts_of(plan: Plan, store: Store) -> dict[str, Any]:
+    """What `Opened` reads."""
+    s = plan.sampling
+    return {
+        "format": FORMAT,
+        "name": plan.name,
+        "title": plan.title,
+        "case": str(plan.case.stem),
+        "settings": list(plan.settings),
+        "parameters": {p.name: p.label for p in plan.parameters},
+        "outputs": dict(plan.outputs),
+        "units": units_of(plan),
+        "sampling": None if s is None else s.model_dump(),
+        "store": str(store.root.resolve()),
+    }
+
+
+def answers_of(found: Opened) -> dict[str, Any]:
+    """Of every output, for machines."""
+    return {
+        "quantiles": list(QUANTILES),
+        "confidence": CONFIDENCE,
+        "failures": [
+            {"status": status, "reason": reason, "runs": runs}
+            for (status, reason), runs in found.failures.items()
+        ],
+        "outputs": {name: _answers(found, name) for name in found.outputs},
+    }
+
+
+def _answers(found: Opened, output: str) -> dict[str, Any]:
+    band, indices = found.band(output), found.indices(output)
+    slopes, surface = found.slopes(output), found.surface(output)
+    return {
+        "unit": found.units[output],
+        "band": None if band is None else band._asdict(),
+        "sobol": indices if isinstance(indices, str) else _indices(found, indices),
+        "slopes": None
+        if slopes is None
+        else {
+            "r2": slopes.r2,
+            "slope": dict(zip(found.numeric, finite(slopes.slope), strict=True)),
+        },
+        "surface": None
+        if surface is None
+        else {"r2": surface.r2, "r2_held_out": surface.held_out, "runs": surface.runs},
+    }
+
+
+def _indices(found: Opened, indices: Indices) -> dict[str, Any]:
+    named = {
+        name: dict(zip(found.parameters, finite(values), strict=True))
+        for name, values in asdict(indices).items()
+        if name not in ("second", "blocks", "planned")
+    }
+    return named | {"blocks": indices.blocks, "planned": indices.planned}
+
+
+def _index_lines(found: Opened) -> Iterator[str]:
+    """What there is not is empty."""
+    yield "output,parameter,slope,first,first_conf,total,total_conf"
+    for output in found.outputs:
+        indices, slopes = found.indices(output), found.slopes(output)
+        each = {} if slopes is None else dict(zip(found.numeric, slopes.slope, strict=True))
+        for i, name in enumerate(found.parameters):
+            parts = [""] * 4
+            if isinstance(indices, Indices):
+                four = (indices.first, indices.first_conf, indices.total, indices.total_conf)
+                parts = [repr(float(column[i])) for column in four]
+            slope = repr(float(each[name])) if name in each else ""
+            yield ",".join([output, name, slope, *parts])
+
+
+def _json(content: Any) -> str:
+    return json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _write(path: Path, text: str) -> None:
+    with written_whole(path) as part:
+        part.write_text(text, encoding="utf-8")

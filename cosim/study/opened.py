@@ -1,0 +1,163 @@
+"""A study that was done, as pandas and xarray, with its answers."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from cosim.port import Array, InputError
+from cosim.study import answers
+from cosim.study.answers import Band, Indices, Slopes, Surface
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray
+
+MARK = "study.json"
+FORMAT = "cosim study 1"
+
+
+class _Answers(NamedTuple):
+    indices: Indices | str
+    slopes: Slopes | None
+    surface: Surface | None
+
+
+@dataclass(frozen=True)
+class Opened:
+    """What `cosim study` left in a folder."""
+
+    folder: Path
+    facts: Mapping[str, Any]
+    """study.json: name, title, parameters, outputs, units, sampling, store."""
+    _known: dict[str, _Answers] = field(default_factory=dict, compare=False, repr=False)
+
+    @cached_property
+    def table(self) -> pd.DataFrame:
+        """A row for each run, in the study's order."""
+        import pandas as pd
+
+        return pd.read_parquet(self.folder / "table.parquet")
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        return tuple(self.facts["parameters"])
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        return tuple(self.facts["outputs"])
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        return dict(self.facts["units"])
+
+    def label(self, name: str) -> str:
+        """Of a parameter or output, for people."""
+        said: str = self.facts["parameters"].get(name, name)
+        return said
+
+    @property
+    def numeric(self) -> tuple[str, ...]:
+        """The parameters that are numbers and differ from run to run."""
+        found = self.table[list(self.parameters)].select_dtypes("float")
+        return tuple(name for name in found if found[name].nunique() > 1)
+
+    @property
+    def inputs(self) -> Array:
+        """(n, d) of the numeric parameters."""
+        return self.table[list(self.numeric)].to_numpy(float)
+
+    def values(self, output: str) -> Array:
+        """(n,) NaN where the run failed or has none.  Raises InputError."""
+        if output not in self.outputs:
+            raise InputError(f"no output {output!r}; there are {', '.join(self.outputs)}")
+        return self.table[output].to_numpy(float)
+
+    def band(self, output: str) -> Band | None:
+        """Mean, SD and quantiles."""
+        return answers.band(self.values(output))
+
+    def indices(self, output: str) -> Indices | str:
+        """Sobol's indices of the parameters in their order, or why there are none."""
+        return self._answers(output).indices
+
+    def slopes(self, output: str) -> Slopes | None:
+        """Standardised regression coefficients of the `numeric` parameters."""
+        return self._answers(output).slopes
+
+    def surface(self, output: str) -> Surface | None:
+        """A quadratic in the `numeric` parameters."""
+        return self._answers(output).surface
+
+    def _answers(self, output: str) -> _Answers:
+        if output not in self._known:
+            self._known[output] = self._answered(self.values(output))
+        return self._known[output]
+
+    def _answered(self, values: Array) -> _Answers:
+        sampling, count = self.facts["sampling"] or {}, len(self.parameters)
+        found: Indices | str = 'no indices: sampling.kind = "saltelli" gives them'
+        together = 1
+        if sampling.get("kind") == "saltelli":
+            found = answers.indices(values, count, sampling["second_order"])
+            together = answers.block(count, sampling["second_order"])
+        if not self.numeric:
+            return _Answers(found, None, None)
+        x = self.inputs
+        return _Answers(found, answers.slopes(x, values), answers.surface(x, values, together))
+
+    def dataset(self) -> xarray.Dataset:
+        """Outputs by parameters where all of these are axes, else by run."""
+
+        columns = [*self.parameters, *self.outputs, "status"]
+        if self.facts["sampling"] is None:
+            indexed = self.table.set_index(list(self.parameters))[[*self.outputs, "status"]]
+            data = indexed[~indexed.index.duplicated()].to_xarray()
+        else:
+            data = self.table.set_index("run")[columns].to_xarray()
+            data = data.set_coords([*self.parameters])
+        for name, unit in self.units.items():
+            data[name].attrs["units"] = unit
+        return data.assign_attrs(title=self.facts["title"], case=self.facts["case"])
+
+    def arrays(self, run: int) -> xarray.Dataset:
+        """Those of a run, where the study keeps them.  Raises InputError."""
+        import xarray
+
+        key = str(self.table.set_index("run").loc[run, "key"])
+        path = Path(self.facts["store"]) / "arrays" / key[:2] / f"{key}.nc"
+        if not path.is_file():
+            raise InputError(f"run {run} has no arrays; `arrays = true` in the study keeps them")
+        return xarray.open_dataset(path, engine="h5netcdf")
+
+    @cached_property
+    def failures(self) -> dict[tuple[str, str], list[int]]:
+        """Runs by status and reason, the most frequent first."""
+        bad = self.table[self.table.status != "converged"]
+        found = {
+            (str(status), str(reason)): rows.run.tolist()
+            for (status, reason), rows in bad.groupby(["status", "reason"], sort=True)
+        }
+        return dict(sorted(found.items(), key=lambda item: -len(item[1])))
+
+
+def opened(folder: Path) -> Opened:
+    """Raises InputError."""
+    try:
+        facts = json.loads((folder / MARK).read_bytes())
+    except (OSError, ValueError) as error:
+        raise InputError(f"{folder}: holds no study ({error})") from error
+    if not isinstance(facts, dict) or facts.get("format") != FORMAT:
+        raise InputError(f"{folder / MARK}: expected {FORMAT!r}")
+    return Opened(folder, facts)
+
+
+def finite(value: Array) -> list[float | None]:
+    """For JSON: what is no number is null."""
+    return [float(v) if np.isfinite(v) else None for v in np.ravel(value)]

@@ -1,0 +1,180 @@
+"""The page of a study: one HTML file with everything in it."""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from collections.abc import Iterator
+from importlib.resources import files
+from io import BytesIO
+from typing import TYPE_CHECKING, Any
+
+from cosim import __version__
+from cosim.compare import Target, number, stated
+from cosim.study import pictures
+from cosim.study.answers import Band, Indices
+from cosim.study.laws import Axis, Law, Lognormal, Normal, TruncatedNormal, Uniform
+from cosim.study.opened import Opened
+from cosim.study.plan import Plan
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+DPI = 110
+MOST_RUNS = 12
+"""Named of a failure's."""
+
+
+def page(found: Opened, plan: Plan) -> str:
+    """The whole page."""
+    from jinja2 import Environment, PackageLoader
+
+    environment = Environment(
+        loader=PackageLoader("cosim.study", ""), autoescape=True, trim_blocks=True
+    )
+    style = files("cosim.report").joinpath("page.css").read_text(encoding="utf-8")
+    counts = found.table.status.value_counts().to_dict()
+    return environment.get_template("page.html.j2").render(
+        study=found,
+        plan=plan,
+        style=style,
+        version=__version__,
+        runs=len(found.table),
+        converged=counts.get("converged", 0),
+        waiting=counts.get("waiting", 0),
+        audit=sum(found.table.reason.str.startswith("audit missed")),
+        failures=list(_failures(found)),
+        parameters=list(_parameters(plan)),
+        sampled=_sampled(plan),
+        outputs=[_output(found, plan, name) for name in found.outputs],
+    )
+
+
+def _failures(found: Opened) -> Iterator[dict[str, Any]]:
+    for (status, reason), runs in found.failures.items():
+        if status != "waiting":
+            more = len(runs) - MOST_RUNS
+            named = ", ".join(map(str, runs[:MOST_RUNS])) + (
+                f" and {more} more" if more > 0 else ""
+            )
+            yield {"status": status, "reason": reason, "count": len(runs), "runs": named}
+
+
+def _parameters(plan: Plan) -> Iterator[dict[str, str]]:
+    for p in plan.parameters:
+        sets = ", ".join(text.partition("=")[0] for text in p.settings)
+        scales = ", ".join(p.scale)
+        said = f"sets {sets}" if sets else f"scales {scales}"
+        yield {"label": p.label, "law": f"{_law(p.law)} {p.unit}".rstrip(), "sets": said}
+
+
+def _law(law: Law) -> str:
+    match law:
+        case Normal():
+            return f"normal, {law.mean:g} ± {law.sd:g}"
+        case Lognormal():
+            return f"lognormal, {law.mean:g} ± {law.sd:g}"
+        case TruncatedNormal():
+            return f"normal, {law.mean:g} ± {law.sd:g}, cut at {law.low:g} and {law.high:g}"
+        case Uniform():
+            return f"uniform, {law.low:g} to {law.high:g}"
+        case Axis():
+            return _steps(law)
+
+
+def _steps(law: Axis) -> str:
+    shown = [f"{v:g}" if type(v) is float else str(v) for v in law.values]
+    return ", ".join(shown) if len(shown) <= 8 else f"{len(shown)} from {shown[0]} to {shown[-1]}"
+
+
+def _sampled(plan: Plan) -> str:
+    if plan.sampling is None:
+        return "every combination of the values"
+    s = plan.sampling
+    names = {"saltelli": "Saltelli's scheme", "sobol": "Sobol's sequence", "random": "at random"}
+    return f"{names.get(s.kind, 'Latin hypercube')}, {s.n} points, seed {s.seed}"
+
+
+def _output(found: Opened, plan: Plan, name: str) -> dict[str, Any]:
+    here = [t for t in plan.targets if t.case in ("", plan.case.stem)]
+    targets = [t for t in here if t.quantity == plan.outputs[name]]
+    band, indices, surface = found.band(name), found.indices(name), found.surface(name)
+    figures: dict[str, Figure | None] = {"band": None, "influence": None, "scatter": None}
+    if band is not None:
+        figures["band"] = pictures.draw_band(found, name, targets)
+        figures["influence"] = pictures.draw_influence(found, name)
+        figures["scatter"] = pictures.draw_scatter(found, name)
+    drawn = None if surface is None else pictures.draw_surface(found, name, surface)
+    return {
+        "name": name,
+        "path": plan.outputs[name],
+        "unit": "" if found.units[name] == "1" else found.units[name],
+        "band": band,
+        "numbers": {} if band is None else _numbers(band),
+        "targets": [_target(t, band) for t in targets],
+        "why_not": indices if isinstance(indices, str) and _wants_indices(plan) else "",
+        "indices": _index_rows(found, indices) if isinstance(indices, Indices) else [],
+        "surface": surface,
+        "pictures": {key: _picture(f) for key, f in {**figures, "surface": drawn}.items()},
+    }
+
+
+def _wants_indices(plan: Plan) -> bool:
+    return plan.sampling is not None and plan.sampling.kind == "saltelli"
+
+
+def _numbers(band: Band) -> dict[str, str]:
+    low, quarter, middle, upper, high = band.quantiles
+    return {
+        "mean ± SD": f"{number(band.mean)} ± {number(band.sd, 3)}",
+        "median": number(middle),
+        "middle 50 %": f"{number(quarter)} to {number(upper)}",
+        "middle 95 %": f"{number(low)} to {number(high)}",
+        "runs": str(band.runs),
+    }
+
+
+def _target(target: Target, band: Band | None) -> dict[str, str]:
+    """A measured number, and how the band lies to it."""
+    ends = _ends(target)
+    where = "no runs"
+    if band is not None:
+        low, high = band.quantiles[0], band.quantiles[-1]
+        apart = ends[1] < low or ends[0] > high
+        inside = ends[0] <= band.quantiles[2] <= ends[1]
+        where = "median inside" if inside else "apart" if apart else "overlaps, median outside"
+    return {"name": target.name, "stated": stated(target), "kind": target.kind} | {
+        "source": target.source,
+        "where": where,
+    }
+
+
+def _ends(target: Target) -> tuple[float, float]:
+    """Of one SD about the mean where there is one, else of the band."""
+    if target.reference is not None:
+        sd = target.sd or 0.0
+        return target.reference - sd, target.reference + sd
+    low = -float("inf") if target.low is None else target.low
+    return low, float("inf") if target.high is None else target.high
+
+
+def _index_rows(found: Opened, indices: Indices) -> list[tuple[str, str, str]]:
+    order = [
+        found.parameters.index(n)
+        for n in sorted(found.parameters, key=lambda n: -indices.total[found.parameters.index(n)])
+    ]
+    return [
+        (
+            found.label(found.parameters[i]),
+            f"{indices.first[i]:.3f} ± {indices.first_conf[i]:.3f}",
+            f"{indices.total[i]:.3f} ± {indices.total_conf[i]:.3f}",
+        )
+        for i in order
+    ]
+
+
+def _picture(figure: Figure | None) -> str:
+    if figure is None:
+        return ""
+    out = BytesIO()
+    figure.savefig(out, dpi=DPI, format="png")
+    return b64encode(out.getvalue()).decode("ascii")

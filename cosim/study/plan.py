@@ -1,0 +1,163 @@
+"""A study to do: what every run sets in the case, in an order that nothing but the file decides."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from cosim.case import find_case, load_case
+from cosim.compare import Target
+from cosim.port import Array, InputError
+from cosim.study.file import FORM, Parameter, Sampling, find_study, read_file
+from cosim.study.laws import Axis, Word, middle
+from cosim.study.samples import points, unit_points
+from cosim.trials import Settings
+
+Point = tuple[Word, ...]
+"""A value for each parameter."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A checked study."""
+
+    name: str
+    """The file's stem."""
+    title: str
+    notes: str
+    text: str
+    """The file itself."""
+    case: Path
+    settings: Settings
+    parameters: tuple[Parameter, ...]
+    sampling: Sampling | None
+    outputs: Mapping[str, str]
+    """Path in the summary, or A/B, by name."""
+    most_seconds: float | None
+    most_failures: int | None
+    arrays: bool | tuple[str, ...]
+    targets: tuple[Target, ...]
+    """Measured numbers to show beside the outputs."""
+    base: Mapping[str, Any]
+    """The case with `settings`, as its file would state it."""
+
+    @cached_property
+    def samples(self) -> Array | None:
+        """Points of the unit cube; None where every parameter is an axis."""
+        s = self.sampling
+        count = sum(not isinstance(p.law, Axis) for p in self.parameters)
+        if s is None:
+            return None
+        return unit_points(s.kind, count, s.n, s.seed, s.second_order)
+
+    @cached_property
+    def points(self) -> list[Point]:
+        """Of every run, in order."""
+        return points(tuple(p.law for p in self.parameters), self.samples)
+
+    def settings_at(self, point: Point) -> Settings:
+        """KEY=VALUE of a run.  Raises InputError for a key to scale that has no number."""
+        return (*self.settings, *_settings(self.parameters, point, self.base))
+
+
+def read_plan(path_or_name: str | Path) -> Plan:
+    """The study of a file or of a packaged name, checked with its case, at its settings and in the
+    middle of every parameter.  Raises InputError."""
+    source = find_study(path_or_name)
+    read, parameters = read_file(source)
+    try:
+        case = find_case(read.case, source.parent)
+        settings = tuple(read.settings)
+        base = load_case(case, settings)
+    except InputError as error:
+        raise InputError(f"{source}: case: {error}") from None
+    values = base.model_dump(mode="json", exclude={"name", "source"}, exclude_none=True)
+    targets = _targets(source, read.data)
+    plan = Plan(
+        source.stem,
+        read.title or source.stem,
+        read.notes,
+        source.read_text(encoding="utf-8"),
+        case,
+        settings,
+        parameters,
+        read.sampling,
+        read.outputs,
+        read.limits.time,
+        read.limits.failures,
+        read.arrays,
+        targets,
+        values,
+    )
+    _check_middle(source, plan)
+    return plan
+
+
+def _targets(source: Path, data: str) -> tuple[Target, ...]:
+    if not data:
+        return ()
+    from cosim.compare_files import read_targets
+
+    return read_targets(source.parent / data)
+
+
+def _check_middle(source: Path, plan: Plan) -> None:
+    """A key that the case does not have fails here, once, and not in every run."""
+    try:
+        load_case(plan.case, plan.settings_at(tuple(middle(p.law) for p in plan.parameters)))
+        _ = plan.samples
+    except InputError as error:
+        raise InputError(f"{source}: with every parameter in its middle: {error}") from None
+
+
+def _settings(
+    parameters: tuple[Parameter, ...], point: Point, base: Mapping[str, Any]
+) -> Iterator[str]:
+    for p, value in zip(parameters, point, strict=True):
+        written = f"{value!r} {p.unit}".rstrip() if type(value) is float else _word(value)
+        yield from (text.replace("{value}", written) for text in p.settings)
+        for key in p.scale:
+            yield from scaled(base, key, float(value))
+
+
+def _word(value: Word) -> str:
+    return str(value) if isinstance(value, str) else json.dumps(value)
+
+
+def scaled(base: Mapping[str, Any], key: str, factor: float) -> Iterator[str]:
+    """KEY=VALUE with what `base` has at the key (a `*` stands for every name) times the factor.
+
+    Raises InputError where no number is there."""
+    found = list(_found(base, key.split("."), ()))
+    if not found:
+        raise InputError(f"scale: the case has no number at {key}")
+    for path, value in found:
+        yield f"{'.'.join(path)}={_times(value, factor, key)}"
+
+
+def _found(
+    values: Any, keys: list[str], path: tuple[str, ...]
+) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """What lies at the keys, with where."""
+    if not keys:
+        yield path, values
+        return
+    names = list(values) if isinstance(values, dict) and keys[0] == "*" else [keys[0]]
+    for name in names:
+        if isinstance(values, dict) and name in values:
+            yield from _found(values[name], keys[1:], (*path, name))
+
+
+def _times(value: Any, factor: float, key: str) -> str:
+    """As TOML: a number, a text with a unit, or a list of such."""
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(_times(item, factor, key) for item in value)}]"
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return repr(value * factor)
+    if isinstance(value, str) and (parts := FORM.fullmatch(value)):
+        return json.dumps(f"{float(parts[1]) * factor!r} {parts[2] or ''}".rstrip())
+    raise InputError(f"scale: {key} is {value!r}, which is no number")

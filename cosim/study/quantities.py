@@ -1,0 +1,39 @@
+"""What a study looks at in a run's summary."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from cosim.compare import COMPONENTS
+from cosim.port import InputError
+from cosim.trials import measured
+
+NEAREST = 3
+
+
+def check_outputs(outputs: Mapping[str, str], summary: Mapping[str, Any]) -> None:
+    """Raises InputError, with the nearest that there are, for paths where a run has no number; a
+    ratio whose divisor is zero in this run is let pass."""
+    known = list(paths(summary))
+    faults = []
+    for name, quantity in outputs.items():
+        for path in quantity.partition("/")[::2]:
+            if path and measured(summary, path) is None:
+                near = difflib.get_close_matches(path, known, NEAREST, 0.3)
+                hint = f"; nearest: {', '.join(near)}" if near else ""
+                faults.append(f"outputs.{name}: the run has no number at {path}{hint}")
+    if faults:
+        raise InputError("\n  ".join(["what the study looks at is not there", *faults]))
+
+
+def paths(summary: Mapping[str, Any], above: str = "") -> Iterator[str]:
+    """Of every number in a summary, as outputs name them."""
+    for key, value in summary.items():
+        if isinstance(value, Mapping):
+            yield from paths(value, f"{above}{key}.")
+        elif isinstance(value, list) and len(value) == len(COMPONENTS):
+            yield from (f"{above}{key}.{component}" for component in COMPONENTS)
+        elif isinstance(value, int | float) and not isinstance(value, bool):
+            yield f"{above}{key}"

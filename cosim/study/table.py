@@ -1,0 +1,64 @@
+"""The table of a study: a row for each run, in the study's order, and nothing that the clock, the
+machine or the number of workers has a say in."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cosim.study.conduct import Done
+from cosim.study.plan import Plan
+from cosim.study.store import Store
+from cosim.trials import measured, unit
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+STATUS = ("status", "reason")
+KEY = "key"
+
+
+def table_of(plan: Plan, done: Done, store: Store) -> pd.DataFrame:
+    """Columns: run, the parameters, status and reason, the outputs, the address in the store.
+    Runs that were not done are "waiting"."""
+    import pandas as pd
+
+    found = {
+        row.key: (row.status, row.reason, *_values(row.summary, plan.outputs))
+        for row in store.rows(set(done.keys.values()))
+    }
+    absent = (None,) * len(plan.outputs)
+    records = []
+    for run, point in enumerate(plan.points):
+        key = done.keys.get(point, "")
+        if point in done.refused:
+            told: tuple[Any, ...] = ("refused", done.refused[point], *absent)
+        else:
+            told = found.get(key, ("waiting", "", *absent))
+        records.append((run, *point, *told, key))
+    names = [p.name for p in plan.parameters]
+    columns = ["run", *names, *STATUS, *plan.outputs, KEY]
+    table = pd.DataFrame.from_records(records, columns=columns)
+    return table.astype(dict.fromkeys(plan.outputs, float))
+
+
+def _values(summary: Mapping[str, Any], outputs: Mapping[str, str]) -> list[float | None]:
+    return [measured(summary, quantity) for quantity in outputs.values()]
+
+
+def units_of(plan: Plan) -> dict[str, str]:
+    """Of parameters and outputs; of a factor, a plain number or a word 1."""
+    return {p.name: p.unit or "1" for p in plan.parameters} | {
+        name: unit(quantity) for name, quantity in plan.outputs.items()
+    }
+
+
+def write_table(table: pd.DataFrame, folder: Path) -> None:
+    """table.parquet and table.csv, numbers in full.  Raises InputError."""
+    from cosim.files import written_whole
+
+    with written_whole(folder / "table.parquet") as part:
+        table.to_parquet(part, index=False)
+    with written_whole(folder / "table.csv") as part:
+        table.to_csv(part, index=False, lineterminator="\n")

@@ -1,0 +1,93 @@
+"""Injuries and repairs of the hood beside what a clinician sees: rows of a verification.
+
+A finger that is free to move is solved with and without the lesion, under EDC and FDP; what must
+come out is a sign, by definition of the deformities: a boutonniere finger's PIP lags in flexion and
+its DIP extends, a mallet finger's DIP drops and, as it becomes a swan neck, its PIP extends.  No
+figure of such a change was seen, so none is a target.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from cosim.case import load_case
+from cosim.case_schema import Case
+from cosim.lesion import both_sides
+from cosim.run import run_case
+from cosim.verification import Row, Study
+
+LEAST = 0.1
+"""deg, of a change that is one."""
+CLINIC = "definition of the deformity; a sign, no figure"
+FREE = ("finger.tip.kind=free", 'finger.limit.half_range="40 deg"')
+EXTENDING = ('tendons.EDC.tension="5 N"', 'tendons.FDP.tension="1 N"')
+EVEN = ('tendons.EDC.tension="3 N"', 'tendons.FDP.tension="3 N"')
+HOODS = {
+    "shell": "lesion_mallet",
+    "net of cables": "cable_edc",
+    "network": "network_edc",
+    "two bands": "two_band_edc",
+}
+"""Case of each kind of hood that knows both slips."""
+CUTS = {"boutonniere": "central_slip", "mallet": "terminal_slip"}
+SIGNS = {
+    "boutonniere": {"PIP": 1.0, "DIP": -1.0},
+    "mallet": {"PIP": -1.0, "DIP": 1.0},
+}
+"""Of the change of the angle, flexion positive."""
+
+
+def changes(case: Case) -> dict[str, float]:
+    """deg by joint, after the case's lesion less before, fingertip free."""
+    sides = both_sides(case)
+    before, after = (
+        run_case(sides["free", side]).summary["posture_deg"] for side in ("before", "after")
+    )
+    return {joint: after[joint] - before[joint] for joint in after}
+
+
+def sign_rows() -> Iterator[Row]:
+    """Both slips cut in every kind of hood that has them."""
+    for injury, part in CUTS.items():
+        for hood, name in HOODS.items():
+            cut = f'lesion.cut=["{part}"]'
+            found = changes(load_case(name, [*FREE, *EXTENDING, cut]))
+            for joint, sign in SIGNS[injury].items():
+                what = f"{joint}, deg of {'extension' if sign > 0 else 'flexion'} gained"
+                yield Row(
+                    f"{injury}, {hood}", what, -LEAST, -sign * found[joint], 0.0, CLINIC, "bound"
+                )
+
+
+def repair_rows() -> Iterator[Row]:
+    """A slip too short and a band that sticks cost flexion; a retracted slip makes a swan neck."""
+    found = changes(load_case("lesion_terminal_shortened"))
+    what = "DIP, deg of flexion gained by 1 mm"
+    yield Row("terminal slip too short", what, -LEAST, found["DIP"], 0.0, CLINIC, "bound")
+    found = changes(load_case("lesion_adhesion"))
+    what = "PIP, deg of flexion gained"
+    yield Row("central band on the bone", what, -LEAST, found["PIP"], 0.0, CLINIC, "bound")
+    neck, mallet = (changes(load_case(f"lesion_{name}"))["PIP"] for name in ("swan_neck", "mallet"))
+    what = "PIP, deg of flexion gained over the mallet finger"
+    yield Row("swan neck", what, -LEAST, neck - mallet, 0.0, CLINIC, "bound")
+
+
+def doubtful_rows() -> Iterator[Row]:
+    """What the default hood does not show, and why, beside hoods that do."""
+    why = "isotropic sheet: lateral bands pull at the flexed PIP with nearly the central slip's arm"
+    for hood, name in HOODS.items():
+        found = changes(load_case(name, [*FREE, *EVEN, 'lesion.cut=["terminal_slip"]']))["PIP"]
+        what = "PIP change deg under EDC 3 N, FDP 3 N; extends below 0"
+        source = why if hood == "shell" else CLINIC
+        yield Row(f"mallet, {hood}", what, min(found, 0.0), found, 0.0, source, "comparison")
+    found = changes(load_case("lesion_sagittal_band_radial"))["MCP_abduction"]
+    why = "the extensor's end slides on a line of the metacarpal: it cannot slip off its head"
+    what = "abduction change deg; the tendon would slip ulnar"
+    yield Row("sagittal band cut", what, min(found, -LEAST), found, 0.0, why, "comparison")
+
+
+STUDIES = (
+    Study("lesions: signs", sign_rows),
+    Study("lesions: repairs", repair_rows),
+    Study("lesions: what is not shown", doubtful_rows, slow=True),
+)

@@ -1,0 +1,192 @@
+"""Cuts through a hood as laid: what is left of a mesh or a net of cables.
+
+Places, in station (mm along the straight index finger, as `meshes.hood` counts them): the central
+and the terminal slip come off their bone, as a closed boutonniere or mallet injury leaves them;
+sagittal bands, retinacular ligaments and adhesions let go of it; a lateral band is severed over the
+middle phalanx, where it is free of the rest of the sheet, midway between the end of the central
+slip and the bands' meeting; the central band and the distal part of the extensor tendon at their
+middles, the sheet beside them left whole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.port import InputError
+
+from .cable_net import CableNet
+from .hood import JOIN, MERGE, SLIP_END, SLIP_START
+from .hood_mesh import Attachment, HoodMesh
+
+Ints = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+
+PLACES = {
+    "lateral_band_radial": (SLIP_END + MERGE) / 2,
+    "lateral_band_ulnar": (SLIP_END + MERGE) / 2,
+    "central_band": (JOIN + SLIP_START) / 2,
+    "extensor_tendon_distal": JOIN / 2,
+}
+"""mm, the station at which a region is severed."""
+SPRINGS_OF = {"sagittal_band_radial": "sagittal_radial", "sagittal_band_ulnar": "sagittal_ulnar"}
+"""Spring sets that are not called as the part that they hold."""
+
+
+def severed(mesh: HoodMesh, part: str) -> HoodMesh:
+    """The mesh with a part cut, what then hangs on nothing left out.
+
+    Raises InputError where the mesh has nothing of the part, or the cut leaves a tendon to pull on
+    a piece that nothing holds."""
+    if part in PLACES:
+        return _whole(mesh, ~_crossed(mesh, part), part)
+    ties = mesh.tied
+    if part in ("central_slip", "terminal_slip"):
+        own = np.unique(mesh.quads[mesh.cells(part)])
+        ties = {body: np.setdiff1d(nodes, own) for body, nodes in mesh.tied.items()}
+    springs = _without(mesh.springs, SPRINGS_OF.get(part, part))
+    if len(springs) == len(mesh.springs) and _count(ties) == _count(mesh.tied):
+        raise InputError(f"lesion.cut: nothing in the hood's mesh holds a {part} that could let go")
+    return replace(mesh, springs=springs, tied=ties)
+
+
+def _without(springs: Mapping[str, Attachment], name: str) -> dict[str, Attachment]:
+    return {key: held for key, held in springs.items() if key != name}
+
+
+def _count(tied: Mapping[str, Ints]) -> int:
+    return sum(len(nodes) for nodes in tied.values())
+
+
+def _crossed(mesh: HoodMesh, part: str) -> Mask:
+    """(ne,) the part's quads that its place runs through: of a structured mesh one row."""
+    station = mesh.station[mesh.quads]
+    place = PLACES[part]
+    out = mesh.cells(part) & (station.min(axis=1) <= place) & (station.max(axis=1) > place)
+    if not out.any():
+        raise InputError(f"lesion.cut: the mesh has no {part} at station {place:g} mm to sever")
+    return np.asarray(out)
+
+
+def _whole(mesh: HoodMesh, left: Mask, part: str) -> HoodMesh:
+    """The mesh of the quads `left`, pieces that bear nothing left out."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    quads, n = mesh.quads[left], len(mesh.points)
+    pairs = np.vstack([quads[:, [0, 1]], quads[:, [1, 2]], quads[:, [2, 3]]])
+    graph = coo_array((np.ones(len(pairs)), tuple(pairs.T)), shape=(n, n))
+    piece = connected_components(graph, directed=False)[1]
+    tied = _pieces(piece, mesh.tied.values())
+    held = tied | _pieces(piece, [s.nodes for s in mesh.springs.values()])
+    pulled = _pieces(piece, mesh.ends.values())
+    if loose := pulled - held:
+        node = int(np.argmax(np.isin(piece, list(loose))))
+        raise InputError(
+            f"lesion.cut: {part}: leaves a piece (node {node}) that tendons pull and nothing "
+            "holds; cut less"
+        )
+    kept = left & np.isin(piece[mesh.quads[:, 0]], list(tied | pulled))
+    return _of_quads(mesh, kept)
+
+
+def _pieces(piece: Ints, sets: Iterable[Ints]) -> set[int]:
+    return {int(i) for nodes in sets for i in np.unique(piece[nodes])}
+
+
+def _of_quads(mesh: HoodMesh, kept: Mask) -> HoodMesh:
+    """The mesh of some quads, its nodes numbered anew."""
+    nodes = np.unique(mesh.quads[kept])
+    new = np.full(len(mesh.points), -1)
+    new[nodes] = np.arange(len(nodes))
+
+    def numbered(old: Ints) -> Ints:
+        return new[old][new[old] >= 0]
+
+    springs = {}
+    for name, held in mesh.springs.items():
+        on = new[held.nodes] >= 0
+        springs[name] = Attachment(held.body, new[held.nodes[on]], held.anchors[on])
+    return replace(
+        mesh,
+        points=mesh.points[nodes],
+        quads=new[mesh.quads[kept]],
+        region=mesh.region[kept],
+        fibre=mesh.fibre[kept],
+        ends={end: numbered(old) for end, old in mesh.ends.items()},
+        springs=springs,
+        tied={body: numbered(old) for body, old in mesh.tied.items()},
+        station=mesh.station[nodes],
+    )
+
+
+def severed_net(net: CableNet, part: str) -> CableNet:
+    """The net with a part cut: slips and springs let go as of a sheet, a cable loses the cell at
+    its place (of no place of its own: its middle one), a triangular ligament all of them.  Cables
+    with an end that nothing holds bear nothing and are left out.
+
+    Raises InputError where the net has nothing of the part."""
+    springs, tied = net.springs, net.tied
+    kept = np.ones(len(net.cells), dtype=bool)
+    if part == "terminal_slip":
+        tied = {}
+    elif part == "triangular_ligament":
+        kept = np.array([name != part for name in net.strands])[net.strand]
+    elif part in net.strands and part not in (*SPRINGS_OF, "central_slip"):
+        kept[_cell_at(net, part)] = False
+    else:
+        springs = _without(springs, SPRINGS_OF.get(part, part))
+    if kept.all() and len(springs) == len(net.springs) and _count(tied) == _count(net.tied):
+        raise InputError(f"lesion.cut: the net of cables has no {part} left to cut")
+    return _pruned(replace(net, springs=springs, tied=tied), kept)
+
+
+def _cell_at(net: CableNet, part: str) -> int:
+    own = np.flatnonzero(net.strand == net.strands.index(part))
+    if part not in PLACES:
+        return int(own[len(own) // 2])
+    middle = net.station[net.cells[own]].mean(axis=1)
+    return int(own[np.abs(middle - PLACES[part]).argmin()])
+
+
+def _pruned(net: CableNet, kept: Mask) -> CableNet:
+    """The net of the cells `kept`, less those that end where nothing holds them."""
+    sets = [*net.ends.values(), *net.tied.values(), *(s.nodes for s in net.springs.values())]
+    held = np.zeros(len(net.points), dtype=bool)
+    held[np.concatenate(sets)] = True
+    while True:
+        joined = np.bincount(net.cells[kept].ravel(), minlength=len(held))
+        bare = kept & ((joined == 1) & ~held)[net.cells].any(axis=1)
+        if not bare.any():
+            return _of_cells(net, kept)
+        kept = kept & ~bare
+
+
+def _of_cells(net: CableNet, kept: Mask) -> CableNet:
+    """The net of some cells, nodes and strands numbered anew."""
+    nodes = np.unique(net.cells[kept])
+    new = np.full(len(net.points), -1)
+    new[nodes] = np.arange(len(nodes))
+    for end, old in net.ends.items():
+        if (new[old] < 0).any():
+            raise InputError(f"lesion.cut: leaves the {end} end of the net without a cable")
+    strands, strand = np.unique(net.strand[kept], return_inverse=True)
+    springs = {}
+    for name, held in net.springs.items():
+        on = new[held.nodes] >= 0
+        if on.any():
+            springs[name] = Attachment(held.body, new[held.nodes[on]], held.anchors[on])
+    return replace(
+        net,
+        points=net.points[nodes],
+        cells=new[net.cells[kept]],
+        strand=strand,
+        strands=tuple(net.strands[i] for i in strands),
+        ends={end: new[old] for end, old in net.ends.items()},
+        springs=springs,
+        tied={body: new[old][new[old] >= 0] for body, old in net.tied.items()},
+        station=net.station[nodes],
+    )

@@ -1,0 +1,141 @@
+"""`cosim lesion`: a finger before and after, in a page and as tables."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from cosim.cli import app
+from cosim.report.lesion_drawings import outline, same_layout
+from cosim.report.runs import read_run
+from cosim.report.views import Bone, Sheet
+from cosim.report.words import question
+
+COARSE = "hood.mesh.quads=150"
+QUICK = "output.picture=false"
+
+
+def lesion(folder: Path, *arguments: str, code: int = 0) -> str:
+    page = ["-o", str(folder / "page.html")] if "-o" not in arguments else []
+    answer = CliRunner().invoke(app, ["lesion", *arguments, *page, "--out", str(folder / "runs")])
+    assert answer.exit_code == code, answer.output
+    return answer.output
+
+
+@pytest.fixture(scope="module")
+def sheet(tmp_path_factory) -> tuple[Path, str]:
+    folder = tmp_path_factory.mktemp("lesion")
+    said = lesion(folder, "lesion_lateral_band", "--set", COARSE, "--set", QUICK)
+    return folder, said
+
+
+def rows_of(page: str, key: str) -> list[list[str]]:
+    table = re.search(rf'data-table="{key}">(.*?)</table>', page, re.S)
+    assert table
+    rows = re.findall(r"<tr>(.*?)</tr>", table[1], re.S)[1:]
+    return [re.findall(r"<td[^>]*?(?: data-value=\"([^\"]*)\")?>(.*?)</td>", row) for row in rows]
+
+
+def test_the_page_shows_both_sides_and_their_difference(sheet):
+    folder, said = sheet
+    page = (folder / "page.html").read_text(encoding="utf-8")
+    for tip in ("free", "held"):
+        runs = [
+            read_run(folder / "runs" / f"lesion_lateral_band_{s}_{tip}")
+            for s in ("before", "after")
+        ]
+        rows = {cells[0][1]: cells for cells in rows_of(page, tip)}
+        for joint in ("PIP", "DIP"):
+            shown = [float(value) for value, _ in rows[f"{joint} angle"][2:]]
+            angles = [run.summary["posture_deg"][joint] for run in runs]
+            assert shown == pytest.approx([*angles, angles[1] - angles[0]], abs=1e-12)
+        assert "lesion" not in runs[0].stated
+        assert runs[1].stated["lesion"]["cut"] == ["lateral_band_ulnar"]
+        assert ("fingertip force, distal" in rows) == (tip == "held")
+    assert "DIP angle" in said
+    assert "nan" not in page.lower().replace("finance", "")
+    assert not re.search(r"(src|href)=\"(http|//)", page)
+
+
+def test_the_page_draws_two_postures_and_four_maps_on_one_scale(sheet):
+    page = (sheet[0] / "page.html").read_text(encoding="utf-8")
+    assert len(re.findall(r'aria-label="Postures', page)) == 2
+    maps = re.findall(r'<svg class="plane"[^>]*aria-label="Green-Lagrange.*?</svg>', page, re.S)
+    quads = [len(re.findall("<title>", drawn)) for drawn in maps]
+    assert len(maps) == 4
+    assert quads[0] == quads[2] > quads[1] == quads[3]  # one row is severed
+    assert all("#c2410c" in drawn for drawn in maps)
+    assert page.count('<svg class="bar"') == 1
+
+
+def test_the_lesion_is_told_in_a_report_of_the_run_alone(sheet):
+    run = read_run(sheet[0] / "runs" / "lesion_lateral_band_after_free")
+    assert dict(question(run))["Lesion"] == "lateral band ulnar cut"
+    whole = read_run(sheet[0] / "runs" / "lesion_lateral_band_before_free")
+    assert "Lesion" not in dict(question(whole))
+
+
+@pytest.mark.parametrize("form", ["csv", "json", "md", "html"])
+def test_a_hood_without_a_sheet_has_tables_and_postures(tmp_path, form):
+    out = tmp_path / f"table.{form}"
+    settings = ('lesion.cut=["central_slip"]', QUICK, 'tendons.FDP.tension="1 N"')
+    given = [part for s in settings for part in ("--set", s)]
+    lesion(tmp_path, "network_edc", *given, "--format", form, "-o", str(out))
+    text = out.read_text(encoding="utf-8")
+    if form == "csv":
+        cells = {
+            (r["table"], r["of"], r["column"]): r["value"]
+            for r in csv.DictReader(io.StringIO(text))
+        }
+        key = ("free", "force in the central slip")
+        assert float(cells[(*key, "after")]) == 0.0
+        assert float(cells[(*key, "before")]) == -float(cells[(*key, "after less before")]) > 0
+    elif form == "json":
+        assert set(json.loads(text)["tables"]) == {"free", "held"}
+    elif form == "md":
+        assert "## Fingertip held" in text
+    else:
+        assert "there is no strain to map" in text
+        assert "central slip" in text
+        assert len(re.findall(r'aria-label="Postures', text)) == 2
+
+
+def test_a_case_without_a_lesion_is_refused(tmp_path):
+    assert "has no table [lesion]" in lesion(tmp_path, "split_edc", code=2)
+    assert not (tmp_path / "page.html").exists()
+
+
+def test_what_does_not_converge_is_named_and_leaves_no_page(tmp_path):
+    settings = ("solve.max_iterations=1", 'lesion.cut=["central_slip"]')
+    given = [part for s in settings for part in ("--set", s)]
+    said = lesion(tmp_path, "two_band_edc", *given, code=1)
+    assert "two_band_edc_before_free: " in said
+    assert not (tmp_path / "page.html").exists()
+
+
+def test_an_outline_is_the_bone_s_own():
+    """Of a box that is turned by 90 degrees in the sagittal plane."""
+    x, y, z = np.meshgrid(np.linspace(0, 0.02, 60), [-3e-3, 3e-3], [-1e-3, 2e-3], indexing="ij")
+    box = np.column_stack([x.ravel(), y.ravel(), z.ravel()])
+    turn = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
+    bone = Bone("box", box, np.zeros((0, 3), dtype=int), np.array([[0.1, 0, 0.0]]), turn[None])
+    drawn = outline(bone, -1)
+    assert drawn.min(axis=0) == pytest.approx([0.099, -0.02], abs=4e-4)
+    assert drawn.max(axis=0) == pytest.approx([0.102, 0.0], abs=4e-4)
+
+
+def test_a_part_of_a_sheet_lies_where_the_whole_does():
+    points = np.array([[i, j, 0.0] for i in range(4) for j in range(2)]) * 1e-3
+    flat = points[:, :2] + 1.0
+    blank = Sheet(np.zeros((0, 4), dtype=int), (), flat, (0,), points[None], ())
+    part = Sheet(blank.quads, (), np.zeros((4, 2)), (0,), points[None, 2:6], ())
+    assert same_layout(part, points[2:6], blank, points) == pytest.approx(flat[2:6])
+    moved = points[2:6] + 1e-4
+    assert same_layout(part, moved, blank, points) is part.flat
