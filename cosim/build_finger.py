@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,8 +16,10 @@ from cosim.case_finger import FmuFinger, HingeFinger, IndexFinger, MiddleFinger,
 from cosim.case_lumped import NetworkHood, TwoBandHood
 from cosim.case_robot import RobotFinger
 from cosim.case_schema import Case, FmuHood, PulleyHood, ShellHood, SplitHood
+from cosim.case_types import MUSCLES
 from cosim.double_count import refuse, stated_pairs
 from cosim.port import Finger, InputError
+from meshes.skeleton import BODIES
 
 if TYPE_CHECKING:
     from meshes.skeleton import Skeleton
@@ -85,6 +89,7 @@ def check_fit(case: Case) -> None:
         factor_of(case.tendons[name].course)
     check_air(case)
     _check_pulley(case)
+    _check_own(case)
     _check_drawn(case)
     _check_tip(case)
     _check_unit(case)
@@ -104,6 +109,24 @@ def _check_pulley(case: Case) -> None:
         raise InputError(
             f"hood.central: the robotic finger's pulley parts its extensor by {LONG:g} and twice "
             f"{SHORT:g}, and has no other shares; leave it out"
+        )
+
+
+def _check_own(case: Case) -> None:
+    """What a finger out of the user's file leaves to say."""
+    if not (isinstance(case.finger, IndexFinger) and case.finger.path is not None):
+        return
+    if isinstance(case.hood, SplitHood) and case.hood.central != SplitHood(kind="split").central:
+        raise InputError(
+            "hood.central: a finger out of a file (finger.path) parts its tendons as the file "
+            "says; leave it out"
+        )
+    lacking = [body for body in BODIES if body not in case.finger.bones]
+    if lacking and isinstance(case.hood, ShellHood | CableHood):
+        raise InputError(
+            f"finger.bones: a {case.hood.kind} hood lies on the bones, and our {lacking[0]} does "
+            "not fit a finger out of a file (finger.path); give a surface for each of "
+            f"{', '.join(lacking)}"
         )
 
 
@@ -247,6 +270,10 @@ def skeleton_of(finger: IndexFinger | MiddleFinger) -> Skeleton:
     from meshes.skeleton import index_finger
     from rigid.middle_finger import skeleton
 
+    if isinstance(finger, IndexFinger) and finger.path is not None:
+        from rigid.mjcf_read import skeleton_of as skeleton_in_file
+
+        return skeleton_in_file(_in_file(finger.path))
     made = skeleton() if isinstance(finger, MiddleFinger) else index_finger()
     return made.scaled(finger.length_scale)
 
@@ -266,6 +293,10 @@ def finger_model(finger: OnMujoco, hood: object) -> FingerModel:
     from rigid import index_finger, middle_finger
 
     central = hood.central if isinstance(hood, SplitHood) else None
+    if isinstance(finger, IndexFinger) and finger.path is not None:
+        made = _in_file(finger.path)
+        hooded = () if isinstance(hood, SplitHood) else tuple(index_finger.through_the_hood())
+        return made.with_only(*(m for m in made.muscles if m not in hooded))
     if isinstance(finger, IndexFinger):
         unit = index_finger.O2O3 * finger.length_scale
         return index_finger.finger_model(skeleton_of(finger), unit, central=central)
@@ -278,6 +309,19 @@ def finger_model(finger: OnMujoco, hood: object) -> FingerModel:
     if central is None:
         return middle_finger.finger_model(finger.length_scale).with_only("FDP", "FDS")
     return middle_finger.finger_model(finger.length_scale, central)
+
+
+def _in_file(path: Path) -> FingerModel:
+    """The finger of a MuJoCo model, with the tendons that a case can name."""
+    stamp = path.stat()
+    return _read(path, stamp.st_mtime_ns, stamp.st_size)
+
+
+@lru_cache(maxsize=8)
+def _read(path: Path, changed: int, size: int) -> FingerModel:
+    from rigid.mjcf_read import read_mjcf
+
+    return read_mjcf(path, tendons=MUSCLES).model
 
 
 def _robot(finger: RobotFinger, pulley: bool) -> FingerModel:

@@ -348,9 +348,12 @@ class Case(CaseFile):
 
 def _files(case: Case) -> list[Path]:
     """The files that a case's models are built from."""
-    bones = case.finger.bones.values() if isinstance(case.finger, IndexFinger) else ()
+    own = case.finger if isinstance(case.finger, IndexFinger) else None
+    bones = own.bones.values() if own else ()
+    model = [own.path] if own and own.path else []
     mesh = case.hood.mesh if isinstance(case.hood, ShellHood) else None
     units = [
         part.path for part in (case.hood, case.finger) if isinstance(part, FmuHood | FmuFinger)
     ]
-    return [b.surface for b in bones] + ([mesh.path] if isinstance(mesh, MeshFile) else []) + units
+    meshes = [mesh.path] if isinstance(mesh, MeshFile) else []
+    return [b.surface for b in bones] + meshes + model + units

@@ -20,6 +20,7 @@ from cosim.fmu_commands import fmu
 from cosim.job_commands import bench_fe, bench_febio, export, solve
 from cosim.ladder_commands import ladder
 from cosim.lesion_commands import lesion
+from cosim.new_commands import new
 from cosim.opensim_commands import import_model, sto
 from cosim.paper_commands import reproduce
 from cosim.port import CosimError, InputError
@@ -48,6 +49,7 @@ app.command()(export)
 app.command()(moment_arms)
 app.command()(mjcf)
 app.command("import")(import_model)
+app.command()(new)
 app.command()(sto)
 app.command()(fmu)
 app.command()(report)

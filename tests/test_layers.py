@@ -42,6 +42,9 @@ ALLOWED = {
     "meshes": ("cosim.port", "meshes"),
 }
 KNOW_THE_SOLVERS = {
+    "cosim.anatomy",
+    "cosim.anatomy_case",
+    "cosim.anatomy_feb",
     "cosim.build",
     "cosim.build_air",
     "cosim.build_cable",

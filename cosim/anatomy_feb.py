@@ -1,0 +1,120 @@
+"""The mesh of a FEBio 4 file with its named sets, as a user's hood."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from cosim.port import Array, InputError
+from fe_solver.febio.mesh import SHELLS, FebMesh, read_mesh_section
+from fe_solver.febio.xml import Tag, read_xml
+from fe_solver.mesh_geometry import node_directors
+from meshes.imported import RawMesh
+
+USED = ("Module", "Mesh", "MeshDomains", "MeshData")
+RIGID = "rigid body"
+
+
+def read_feb_mesh(path: Path) -> RawMesh:
+    """The deformable shells, each part a set of quads; node sets, surfaces and discrete sets.
+
+    FEBio's nodes lie on the face that the normals point to: they are moved to the mid-surface.
+    Raises InputError."""
+    root = read_xml(path, "febio_spec")
+    if root.attributes.get("version") != "4.0":
+        raise root.fault("only version 4.0 is read; FEBio Studio exports older files as 4.0")
+    section = root.one("Mesh")
+    if section is None:
+        raise root.fault("the section <Mesh> is missing")
+    mesh = read_mesh_section(section)
+    dropped: list[str] = []
+    thickness = _thicknesses(root, mesh, dropped)
+    if not thickness:
+        raise InputError(f"{path}: holds no deformable shells; a hood is made of quad4 elements")
+    names = list(thickness)
+    quads = np.concatenate([mesh.blocks[name].quads for name in names])
+    counts = [len(mesh.blocks[name].ids) for name in names]
+    ids = np.concatenate([mesh.blocks[name].ids for name in names])
+    cells = {n: np.flatnonzero(np.isin(ids, e)) for n, e in mesh.element_sets.items()}
+    h = np.repeat([thickness[name] for name in names], counts)
+    dropped += _sections(root)
+    return RawMesh(
+        _mid_surface(mesh.points, quads, h),
+        quads,
+        {name: found for name, found in cells.items() if len(found)},
+        {**_nodes_of(mesh.discrete), **_nodes_of(mesh.surfaces), **mesh.node_sets},
+        mesh.discrete,
+        tuple(dropped),
+        h if h.any() else None,
+    )
+
+
+def _nodes_of(sets: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    return {name: np.unique(found) for name, found in sets.items() if len(found)}
+
+
+def _mid_surface(points: Array, quads: np.ndarray, thickness: Array) -> Array:
+    """Half a mean thickness against the normal."""
+    out = points.copy()
+    used = np.unique(quads)
+    own = np.searchsorted(used, quads)
+    total = np.bincount(own.ravel(), weights=np.repeat(thickness, 4), minlength=len(used))
+    mean = total / np.bincount(own.ravel(), minlength=len(used))
+    out[used] -= mean[:, None] / 2 * node_directors(points[used], own)
+    return out
+
+
+def _thicknesses(root: Tag, mesh: FebMesh, dropped: list[str]) -> dict[str, float]:
+    """By deformable shell part, in the file's unit; 0 where the file does not say."""
+    rigid, domains, by_element = _rigid(root), root.one("MeshDomains"), _by_element(root)
+    tags = {t.attribute("name"): t for t in (domains.children if domains else [])}
+    out = {}
+    for name, block in mesh.blocks.items():
+        tag = tags.get(name)
+        what = f"part {name!r} ({len(block.ids)} {block.kind} elements)"
+        if tag is not None and tag.attributes.get("mat") in rigid:
+            dropped.append(f"{what}: it is rigid; give bones as surfaces")
+        elif block.kind not in SHELLS:
+            dropped.append(f"{what}: they are no shells")
+        else:
+            own = tag.value("shell_thickness", 0.0) if tag is not None else 0.0
+            out[name] = by_element.get(name, own)
+            if not out[name]:
+                dropped.append(
+                    f"{what}: it states no thickness; its nodes are taken to lie on the mid-surface"
+                )
+    return out
+
+
+def _by_element(root: Tag) -> dict[str, float]:
+    """Mean thickness of the parts that state one at each element."""
+    data = root.one("MeshData")
+    out = {}
+    for t in data.all("ElementData") if data else []:
+        if t.attributes.get("type") == "shell thickness" and t.rows is not None:
+            name = t.attributes.get("elem_set", "").removeprefix("@elem_set:")
+            out[name] = float(np.mean(t.rows.values))
+    return out
+
+
+def _rigid(root: Tag) -> set[str]:
+    """Names and numbers of the rigid materials."""
+    section = root.one("Material")
+    tags = section.all("material") if section else []
+    rigid = [t for t in tags if t.attributes.get("type") == RIGID]
+    return {t.attributes[key] for t in rigid for key in ("name", "id") if key in t.attributes}
+
+
+def _sections(root: Tag) -> list[str]:
+    """What the file says beside its mesh."""
+    out = []
+    for section in root.children:
+        if section.name in USED or not section.children:
+            continue
+        names = [t.attributes.get("name") or t.attributes.get("type") or t.name
+                 for t in section.children]  # fmt: skip
+        more = f" and {len(names) - 6} more" if len(names) > 6 else ""
+        out.append(f"<{section.name}> ({', '.join(names[:6])}{more})")
+    return out

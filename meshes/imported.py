@@ -1,0 +1,217 @@
+"""A shell mesh of the user's, with its named sets, as any reader leaves it; and its meshio reader.
+
+What a hood needs of names: each quad in one set of the regions' names; sets of nodes
+`end_central`, `end_radial`, `end_ulnar` (loaded ends), `tied_BODY` (nodes fixed to a bone) and
+`spring_NAME` (nodes that a set of springs holds), the latter also as two-node lines from a node of
+the hood to the spring's anchor.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Mapping
+from contextlib import redirect_stdout
+from dataclasses import dataclass, field
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.port import InputError
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.intp]
+
+FORMATS = (".vtu", ".msh", ".inp")
+CORNERS = {
+    "quad": [0, 1, 2, 3],
+    "triangle": [0, 1, 2, 2],
+    "quad8": [0, 1, 2, 3],
+    "quad9": [0, 1, 2, 3],
+    "triangle6": [0, 1, 2, 2],
+}
+"""Of the cells that are shells; a triangle repeats its last node."""
+LINES = ("line", "line3")
+MOST_VALUES = 64
+"""An array of whole numbers with more values than that is data and no sets."""
+READ_CARDS = ("NODE", "ELEMENT", "NSET", "ELSET", "HEADING")
+"""Keywords of an Abaqus file that say what is read."""
+
+
+@dataclass(frozen=True)
+class RawMesh:
+    """Points (n, 3), quads (ne, 4) and sets by name, all in the file's unit and axes; sets of quads
+    and nodes are indices, lines are pairs of nodes (k, 2)."""
+
+    points: Array
+    quads: Ints
+    cells: Mapping[str, Ints]
+    nodes: Mapping[str, Ints]
+    lines: Mapping[str, Ints]
+    dropped: tuple[str, ...]
+    """What the file holds beside that."""
+    thickness: Array | None = None
+    """(ne,) of a file whose nodes lie on the face that the normals point to; else they lie on the
+    mid-surface."""
+
+
+def read_raw(path: Path) -> RawMesh:
+    """A .vtu, .msh or .inp file.  Raises InputError where it cannot be read or has no shells."""
+    mesh = _loaded(path)
+    points = np.asarray(mesh.points, dtype=float)
+    if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
+        raise InputError(f"{path}: expected points with three finite coordinates")
+    sets = _Sets()
+    for i, block in enumerate(mesh.cells):
+        sets.add_block(i, block.type, np.asarray(block.data, dtype=np.intp))
+    if not sets.quads:
+        raise InputError(f"{path}: holds no shell cells; a hood is made of four-node quads")
+    sets.add_cell_sets(mesh)
+    sets.add_point_sets(mesh, len(points))
+    sets.dropped += _cards(path)
+    return RawMesh(
+        points,
+        np.concatenate(sets.quads),
+        sets.joined(sets.cells),
+        sets.joined(sets.nodes),
+        {name: np.concatenate(parts) for name, parts in sets.lines.items()},
+        tuple(sets.dropped),
+    )
+
+
+def _loaded(path: Path) -> Any:
+    """meshio's mesh.  Its readers end in many ways on a broken file, some by leaving the
+    program."""
+    import meshio
+
+    if not path.is_file():
+        raise InputError(f"{path}: there is no such file")
+    try:
+        with np.errstate(all="ignore"), redirect_stdout(StringIO()):  # it prints empty lines
+            return meshio.read(path)
+    except SystemExit as end:
+        raise InputError(f"{path}: meshio knows no format for it, or finds it broken") from end
+    except (ArithmeticError, AssertionError, AttributeError, LookupError, TypeError) as error:
+        raise InputError(f"{path}: meshio cannot read it: {error!r}") from error
+    except (OSError, RuntimeError, ValueError, meshio.ReadError) as error:
+        text = str(error) or type(error).__name__
+        raise InputError(f"{path}: meshio cannot read it: {text}") from error
+
+
+@dataclass
+class _Sets:
+    """What has been found so far."""
+
+    quads: list[Ints] = field(default_factory=list)
+    first: dict[int, int] = field(default_factory=dict)
+    """Of each block of shells, its first quad."""
+    data: dict[int, tuple[str, Ints]] = field(default_factory=dict)
+    """Kind and nodes of each block."""
+    cells: dict[str, list[Ints]] = field(default_factory=lambda: defaultdict(list))
+    nodes: dict[str, list[Ints]] = field(default_factory=lambda: defaultdict(list))
+    lines: dict[str, list[Ints]] = field(default_factory=lambda: defaultdict(list))
+    dropped: list[str] = field(default_factory=list)
+    count: int = 0
+
+    @staticmethod
+    def joined(sets: Mapping[str, list[Ints]]) -> dict[str, Ints]:
+        return {name: np.unique(np.concatenate(parts)) for name, parts in sets.items() if parts}
+
+    def add_block(self, i: int, kind: str, nodes: Ints) -> None:
+        self.data[i] = (kind, nodes)
+        if kind in CORNERS:
+            self.first[i] = self.count
+            self.quads.append(nodes[:, CORNERS[kind]])
+            self.count += len(nodes)
+            if kind not in ("quad", "triangle"):
+                self.dropped.append(
+                    f"the mid-side nodes of {len(nodes)} cells of type {kind}, whose sides are "
+                    "straight then"
+                )
+        elif kind not in (*LINES, "vertex"):
+            self.dropped.append(f"{len(nodes)} cells of type {kind}, which are no shells")
+
+    def put(self, name: str, i: int, chosen: Ints) -> None:
+        """Cells `chosen` of block i into the set `name` of their kind."""
+        kind, nodes = self.data[i]
+        if not len(chosen):
+            return
+        if kind in CORNERS:
+            self.cells[name].append(self.first[i] + chosen)
+        elif kind in LINES:
+            self.lines[name].append(nodes[chosen][:, :2])
+            self.nodes[name].append(nodes[chosen].ravel())
+        elif kind == "vertex":
+            self.nodes[name].append(nodes[chosen].ravel())
+
+    def add_cell_sets(self, mesh: Any) -> None:
+        for name, parts in mesh.cell_sets.items():
+            if name.startswith("gmsh:"):
+                continue
+            for i, part in enumerate(parts):
+                if part is not None:
+                    self.put(name, i, np.asarray(part, dtype=np.intp))
+        physical = {(int(v[0]), int(v[1])): k for k, v in mesh.field_data.items() if len(v) == 2}
+        for name, blocks in mesh.cell_data.items():
+            if name == "gmsh:geometrical" or (physical and mesh.cell_sets and "gmsh:" in name):
+                continue
+            for i, values in enumerate(blocks):
+                self._add_values(name, i, np.asarray(values), physical)
+
+    def _add_values(
+        self, name: str, i: int, values: Any, physical: Mapping[tuple[int, int], str]
+    ) -> None:
+        for value, chosen in _groups(values):
+            dimension = {"vertex": 0, "line": 1, "line3": 1}.get(self.data[i][0], 2)
+            if name == "gmsh:physical":
+                self.put(physical.get((value, dimension), f"physical:{value}"), i, chosen)
+            else:
+                self.put(name if value == 1 and _is_mask(values) else f"{name}:{value}", i, chosen)
+        if not _has_groups(values) and i == min(self.data):
+            self.dropped.append(f"the values {name!r} of the cells")
+
+    def add_point_sets(self, mesh: Any, count: int) -> None:
+        for name, part in mesh.point_sets.items():
+            nodes = np.asarray(part, dtype=np.intp)
+            if len(nodes):
+                self.nodes[name].append(nodes)
+        for name, values in mesh.point_data.items():
+            values = np.asarray(values)
+            if name.startswith("gmsh:"):
+                continue
+            if not _has_groups(values):
+                self.dropped.append(f"the values {name!r} of the nodes")
+            for value, chosen in _groups(values):
+                label = name if value == 1 and _is_mask(values) else f"{name}:{value}"
+                self.nodes[label].append(chosen)
+
+
+def _has_groups(values: Any) -> bool:
+    whole = values.ndim == 1 and values.dtype.kind in "iub"
+    return bool(whole and len(np.unique(values)) <= MOST_VALUES)
+
+
+def _is_mask(values: Any) -> bool:
+    return bool(np.isin(values, (0, 1)).all())
+
+
+def _groups(values: Any) -> Iterable[tuple[int, Ints]]:
+    """Where an array of whole numbers has each of its values; of zeros and ones where it is one."""
+    if not _has_groups(values):
+        return
+    for value in np.unique(values):
+        if value or not _is_mask(values):
+            yield int(value), np.flatnonzero(values == value)
+
+
+def _cards(path: Path) -> list[str]:
+    """What an Abaqus file states that meshio passes over."""
+    if path.suffix.lower() != ".inp":
+        return []
+    text = path.read_text(encoding="utf-8", errors="replace")
+    words = (m[1].strip().upper() for m in re.finditer(r"^\*([^*,\n\r][^,\n\r]*)", text, re.M))
+    counted = Counter(word for word in words if word not in READ_CARDS)
+    return [f"{count} x *{word}" for word, count in sorted(counted.items())]

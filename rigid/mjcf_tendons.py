@@ -1,0 +1,190 @@
+"""The spatial tendons of a MuJoCo model as strands over points, cylinders and spheres of bones."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.port import Array
+from meshes.skeleton import BODIES
+from rigid.model import Cylinder, PathElement, Sphere, Strand, Tendon, Via, vector
+
+SITE, SPHERE, CYLINDER, PULLEY = (
+    int(mujoco.mjtWrap.mjWRAP_SITE),
+    int(mujoco.mjtWrap.mjWRAP_SPHERE),
+    int(mujoco.mjtWrap.mjWRAP_CYLINDER),
+    int(mujoco.mjtWrap.mjWRAP_PULLEY),
+)
+BESIDE = 1.5
+"""Radii from a cylinder's axis to the point on the side where a tendon lies that names none."""
+
+
+class Places(Protocol):
+    """Frames of the bones in the world."""
+
+    @property
+    def turn(self) -> Array: ...
+
+    def local(self, i: int, point: Array) -> Array: ...
+
+
+@dataclass(frozen=True)
+class ReadTendons:
+    tendons: tuple[Tendon, ...]
+    max_force: Mapping[str, float]
+    losses: tuple[str, ...]
+
+
+def read_tendons(
+    m: mujoco.MjModel,
+    data: mujoco.MjData,
+    owner: Array,
+    frames: Places,
+    names: Mapping[str, str],
+    wanted: Sequence[str] | None,
+) -> ReadTendons:
+    """Tendons of a compiled model at zero angles; `owner` (nbody,) is the bone of each body, -1 of
+    those that are of none; `names`: from our names to the file's; `wanted`: the names kept."""
+    ours = {theirs: name for name, theirs in names.items()}
+    out, force, losses = [], {}, []
+    for t in range(m.ntendon):
+        label = mujoco.mj_id2name(m, mujoco.mjtObj.mjOBJ_TENDON, t) or f"number {t}"
+        name = ours.get(label, label)
+        reason = _unfit(m, t, owner) or _unwanted(name, wanted)
+        if reason:
+            losses.append(f"dropped: tendon {label}: {reason}")
+            continue
+        reader = _Reader(m, data, owner, frames, name, losses)
+        out.append(Tendon(name, tuple(reader.strands(t))))
+        losses += [f"dropped: {what} of tendon {label}" for what in _own_forces(m, t)]
+        if most := _greatest(m, t):
+            force[name] = most
+    losses += _other_actuators(m)
+    return ReadTendons(tuple(out), force, tuple(losses))
+
+
+def _wraps(m: mujoco.MjModel, t: int) -> range:
+    return range(m.tendon_adr[t], m.tendon_adr[t] + m.tendon_num[t])
+
+
+def _unfit(m: mujoco.MjModel, t: int, owner: Array) -> str:
+    kinds = [int(m.wrap_type[w]) for w in _wraps(m, t)]
+    if not set(kinds) <= {SITE, SPHERE, CYLINDER, PULLEY}:
+        return "it is a sum of joint angles and has no path"
+    bodies = [_body(m, w) for w in _wraps(m, t) if int(m.wrap_type[w]) != PULLEY]
+    on = owner[bodies]
+    if (on < 0).any():
+        return f"it runs over the body {m.body(bodies[int(np.argmax(on < 0))]).name!r}, which moves"
+    return "" if (on > 0).any() else "it pulls on no phalanx"
+
+
+def _unwanted(name: str, wanted: Sequence[str] | None) -> str:
+    if wanted is None or name in wanted:
+        return ""
+    return f"no tendon of a case is called {name}; the names are {', '.join(wanted)}"
+
+
+def _body(m: mujoco.MjModel, w: int) -> int:
+    part = m.wrap_objid[w]
+    return int(m.site_bodyid[part] if int(m.wrap_type[w]) == SITE else m.geom_bodyid[part])
+
+
+@dataclass(frozen=True)
+class _Reader:
+    model: mujoco.MjModel
+    data: mujoco.MjData
+    owner: Array
+    frames: Places
+    name: str
+    losses: list[str]
+
+    def strands(self, t: int) -> Iterator[Strand]:
+        """Parts between MuJoCo's pulleys, whose divisors are one over the shares."""
+        share, part = 1.0, list[int]()
+        for w in _wraps(self.model, t):
+            if int(self.model.wrap_type[w]) != PULLEY:
+                part.append(w)
+                continue
+            if part:
+                yield self.strand(part, share)
+            share, part = 1.0 / float(self.model.wrap_prm[w]), []
+        if part:
+            yield self.strand(part, share)
+
+    def strand(self, part: Sequence[int], share: float) -> Strand:
+        return Strand(tuple(self.element(part, k) for k in range(len(part))), share)
+
+    def element(self, part: Sequence[int], k: int) -> PathElement:
+        w = part[k]
+        i, at = int(self.owner[_body(self.model, w)]), int(self.model.wrap_objid[w])
+        kind = int(self.model.wrap_type[w])
+        if kind == SITE:
+            return Via(BODIES[i], vector(self.frames.local(i, self.data.site_xpos[at])))
+        centre = self.data.geom_xpos[at]
+        radius, side = float(self.model.geom_size[at, 0]), int(self.model.wrap_prm[w])
+        place = vector(self.frames.local(i, centre))
+        if kind == SPHERE:
+            if side >= 0:
+                self.losses.append(f"dropped: the side site of a sphere of tendon {self.name}")
+            return Sphere(BODIES[i], place, radius)
+        axis = self.data.geom_xmat[at].reshape(3, 3)[:, 2]
+        there = self.data.site_xpos[side] if side >= 0 else self.beside(part, k, axis, radius)
+        return Cylinder(
+            BODIES[i],
+            place,
+            vector(axis @ self.frames.turn[i]),
+            radius,
+            vector(self.frames.local(i, there)),
+        )
+
+    def beside(self, part: Sequence[int], k: int, axis: Array, radius: float) -> Array:
+        """A point on the side of a cylinder where its tendon's neighbours lie."""
+        centre = self.data.geom_xpos[self.model.wrap_objid[part[k]]]
+        near = [self.data.site_xpos[self.model.wrap_objid[part[j]]] for j in (k - 1, k + 1)]
+        out = np.mean(near, axis=0) - centre
+        out = out - (out @ axis) * axis
+        self.losses.append(
+            f"changed: a cylinder of tendon {self.name} names no side; its neighbours' is taken"
+        )
+        return np.asarray(centre + BESIDE * radius * out / max(float(np.linalg.norm(out)), 1e-9))
+
+
+def _own_forces(m: mujoco.MjModel, t: int) -> list[str]:
+    told = (
+        (m.tendon_stiffness[t], "the stiffness"),
+        (m.tendon_damping[t], "the damping"),
+        (m.tendon_frictionloss[t], "the friction"),
+        (m.tendon_limited[t], "the limit of length"),
+    )
+    return [what for there, what in told if there]
+
+
+def _pullers(m: mujoco.MjModel) -> NDArray[np.bool_]:
+    """(nu,) bool."""
+    return np.asarray(m.actuator_trntype == int(mujoco.mjtTrn.mjTRN_TENDON))
+
+
+def _greatest(m: mujoco.MjModel, t: int) -> float:
+    """N that the tendon's actuators can pull with; 0 where they do not say."""
+    most = 0.0
+    for a in np.flatnonzero(_pullers(m) & (m.actuator_trnid[:, 0] == t)):
+        if m.actuator_gaintype[a] == int(mujoco.mjtGain.mjGAIN_MUSCLE):
+            most += max(0.0, float(m.actuator_gainprm[a, 2]))
+        elif m.actuator_forcelimited[a]:
+            most += float(np.abs(m.actuator_forcerange[a]).max())
+    return most
+
+
+def _other_actuators(m: mujoco.MjModel) -> list[str]:
+    pulls = _pullers(m)
+    muscle = pulls & (m.actuator_gaintype == int(mujoco.mjtGain.mjGAIN_MUSCLE))
+    told = (
+        ((~pulls).sum(), "actuators that pull no tendon"),
+        (muscle.sum(), "muscles' curves and dynamics; their greatest forces are kept"),
+    )
+    return [f"dropped: {count} {what}" for count, what in told if count]

@@ -1,0 +1,175 @@
+"""A finger out of the user's MuJoCo model."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cosim.build_finger import check_fit, finger_model, live_finger, mjcf_of, skeleton_of
+from cosim.case import load_case
+from cosim.case_finger import IndexFinger
+from cosim.port import InputError
+from cosim.run import run_case
+from meshes.skeleton import JOINTS
+from rigid.mjcf_read import read_mjcf
+from rigid.mujoco_finger import MujocoFinger
+
+RIGHT = np.eye(3)
+LIKE_MYOHAND = np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]])
+"""Our x, y, z in frames whose -y is distal and x radial."""
+
+
+def written(path: Path, turn: np.ndarray = RIGHT, more: str = "", **replaced: str) -> Path:
+    """A straight finger of 40, 25 and 20 mm whose frames are ours turned, joints at the origins;
+    a flexor and an extensor over a cylinder."""
+
+    def at(*place: float) -> str:
+        return " ".join(repr(float(x)) for x in turn @ place)
+
+    text = f"""<mujoco><compiler angle="radian"/><worldbody><body name="hand" pos="0.1 0.2 0.3">
+<joint name="wrist"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>
+<body name="metacarpal" pos="0.01 0.02 0.03">
+<site name="f0" pos="{at(-0.02, 0.001, -0.008)}"/><site name="e0" pos="{at(-0.02, 0, 0.009)}"/>
+<body name="proximal"><joint name="MCP" axis="{at(0, 1, 0)}" range="-0.5 1.5"/>
+<joint name="MCP_abduction" axis="{at(0.1, 0, 1)}"/>
+<inertial pos="{at(0.02, 0, 0)}" mass="0.02" diaginertia="2e-6 2e-6 2e-6"/>
+<geom name="drum" type="cylinder" size="0.005" contype="0" conaffinity="0"
+ fromto="{at(0.04, -0.01, 0)} {at(0.04, 0.01, 0)}"/><site name="side" pos="{at(0.04, 0, 0.02)}"/>
+<site name="f1" pos="{at(0.01, 0.001, -0.006)}"/><site name="e1" pos="{at(0.02, 0, 0.006)}"/>
+<body name="middle" pos="{at(0.04, 0, 0)}"><joint name="PIP" axis="{at(0, 1, 0)}"/>
+<inertial pos="{at(0.012, 0, 0)}" mass="0.01" diaginertia="1e-6 1e-6 1e-6"/>
+<site name="f2" pos="{at(0.01, 0, -0.005)}"/><site name="e2" pos="{at(0.005, 0, 0.0045)}"/>
+<body name="distal" pos="{at(0.025, 0, 0)}"><joint name="DIP" axis="{at(0, 1, 0)}"/>
+<inertial pos="{at(0.01, 0, 0)}" mass="0.005" diaginertia="1e-7 1e-7 1e-7"/>
+<site name="f3" pos="{at(0.005, 0, -0.003)}"/><site name="tip" pos="{at(0.02, 0, 0)}"/>
+</body></body></body></body></body></worldbody><tendon>
+<spatial name="FDP"><site site="f0"/><site site="f1"/><site site="f2"/><site site="f3"/></spatial>
+<spatial name="EDC"><site site="e0"/><site site="e1"/><geom geom="drum" sidesite="side"/>
+<site site="e2"/></spatial>{more}</tendon>
+<actuator><muscle name="m" tendon="FDP" force="79"/></actuator></mujoco>"""
+    for old, new in replaced.items():
+        assert old in text
+        text = re.sub(rf'"{old}"', f'"{new}"', text)
+    path.write_text(text)
+    return path
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("mjcf") / "finger.xml"
+    path.write_text(mjcf_of(load_case("split_edc")))
+    return path
+
+
+def test_what_mjcf_writes_is_read_back_as_the_same_finger(exported: Path):
+    ours, theirs = (load_case("split_edc", s) for s in ([], [f'finger.path="{exported}"']))
+    a, b = (live_finger(case.finger, case.hood) for case in (ours, theirs))
+    assert (a.tendons, a.joints, a.ranges) == (b.tendons, b.joints, b.ranges)
+    # MuJoCo's own iteration about rings stops at 1e-9 m.
+    for angles in np.random.default_rng(1).uniform(0, 1, (20, 4)) * [1.2, 0.2, 1.5, 1.0]:
+        np.testing.assert_allclose(a.moment_arms(angles), b.moment_arms(angles), atol=5e-9)
+        np.testing.assert_allclose(a.chain(angles).tip, b.chain(angles).tip, atol=1e-15)
+    assert read_mjcf(exported).losses == ()
+    assert isinstance(ours.finger, IndexFinger)
+    assert isinstance(theirs.finger, IndexFinger)
+    one, two = skeleton_of(ours.finger), skeleton_of(theirs.finger)
+    for part in ("length", "zero", "axis"):
+        np.testing.assert_allclose(getattr(one, part), getattr(two, part), atol=1e-15)
+    results = [run_case(case, lambda stage: None, None).summary for case in (ours, theirs)]
+    force = [np.array(list(r["fingertip_force_N"])) for r in results]
+    np.testing.assert_allclose(force[0], force[1], rtol=1e-8)
+
+
+def test_under_a_hood_the_tendons_of_the_hood_are_left_out(exported: Path):
+    case = load_case("isometric_edc", [f'finger.path="{exported}"'])
+    model = finger_model(case.finger, case.hood)  # type: ignore[arg-type]
+    assert model.muscles == ("FDP", "FDS", "FDIm", "FDIl")
+    with pytest.raises(InputError, match=r"finger\.bones.*our metacarpal does not fit"):
+        check_fit(case)
+
+
+def test_a_finger_of_a_file_has_its_size_and_its_shares(exported: Path):
+    with pytest.raises(InputError, match="length_scale"):
+        load_case("split_edc", [f'finger.path="{exported}"', "finger.length_scale=1.1"])
+    case = load_case("split_edc", [f'finger.path="{exported}"', "hood.central=0.4"])
+    with pytest.raises(InputError, match=r"hood\.central"):
+        check_fit(case)
+
+
+@pytest.mark.parametrize("turn", [RIGHT, LIKE_MYOHAND])
+def test_frames_of_any_kind_become_ours(tmp_path: Path, turn: np.ndarray):
+    model = read_mjcf(written(tmp_path / "f.xml", turn)).model
+    np.testing.assert_allclose(model.tip, [0.02, 0, 0], atol=1e-12)
+    place = [segment.position for segment in model.segments]
+    np.testing.assert_allclose(
+        place, [[0, 0, 0], [0, 0, 0], [0.04, 0, 0], [0.025, 0, 0]], atol=1e-12
+    )
+    plain = MujocoFinger(read_mjcf(written(tmp_path / "plain.xml")).model)
+    angles = np.array([0.5, 0.1, 0.7, 0.4])
+    arms = MujocoFinger(model).moment_arms(angles)
+    np.testing.assert_allclose(arms, plain.moment_arms(angles), atol=1e-9)
+    flexor, extensor = arms[model.muscles.index("FDP")], arms[model.muscles.index("EDC")]
+    assert (flexor[[0, 2, 3]] > 1e-3).all()
+    assert extensor[0] < -1e-3
+    assert extensor[2] == pytest.approx(-5e-3, abs=1e-5)  # over the drum
+    assert plain.ranges["MCP"] == (-0.5, 1.5)
+
+
+def test_losses_and_greatest_forces_are_told(tmp_path: Path):
+    more = '<fixed name="sum"><joint joint="PIP" coef="1"/></fixed>'
+    more += '<spatial name="other"><site site="f0"/><site site="f3"/></spatial>'
+    read = read_mjcf(written(tmp_path / "f.xml", more=more), tendons=("FDP", "EDC"))
+    told = "\n".join(read.losses)
+    for word in ("1 other joints", "tendon sum", "tendon other", "muscles' curves", "gravity"):
+        assert word in told
+    assert read.model.muscles == ("FDP", "EDC")
+    assert read.max_force == {"FDP": 79.0}
+    assert len(read.losses) == len(set(read.losses)) == 6  # the limits of the MCP too
+
+
+def test_names_are_mapped_and_missing_ones_answered_with_the_nearest(tmp_path: Path):
+    path = written(tmp_path / "f.xml", PIP="pm2_flexion", middle="2midph", FDP="FDP2")
+    with pytest.raises(InputError, match=r"no body 'middle'.*the nearest names are .*2midph"):
+        read_mjcf(path)
+    names = {"middle": "2midph", "PIP": "pm2_flexion", "FDP": "FDP2"}
+    model = read_mjcf(path, names).model
+    assert model.joints == JOINTS
+    assert model.muscles == ("FDP", "EDC")
+
+
+def test_joints_that_turn_the_other_way_are_told_and_can_be_turned(tmp_path: Path):
+    text = written(tmp_path / "f.xml").read_text()
+    path = tmp_path / "pip.xml"
+    path.write_text(text.replace('name="PIP" axis="0.0 1.0 0.0"', 'name="PIP" axis="0 -1 0"'))
+    with pytest.raises(InputError, match=r"opposite senses.*--set-name PIP=-PIP"):
+        read_mjcf(path)
+    angles = np.array([0.5, 0.1, 0.7, 0.4])
+    arms = [
+        MujocoFinger(read_mjcf(p, n).model).moment_arms(angles)
+        for p, n in ((tmp_path / "f.xml", {}), (path, {"PIP": "-PIP"}))
+    ]
+    np.testing.assert_allclose(*arms, atol=1e-12)
+    with pytest.raises(InputError, match=r"ulnar side.*left hand"):
+        read_mjcf(tmp_path / "f.xml", {"MCP_abduction": "-MCP_abduction"})
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [("", "is no MuJoCo model"), ("<mujoco>", "is no MuJoCo model"), ("<mujoco/>", "has no body")],
+)
+def test_a_bad_file_is_one_clear_fault(tmp_path: Path, text: str, complaint: str):
+    path = tmp_path / "f.xml"
+    path.write_text(text)
+    with pytest.raises(InputError, match=complaint) as caught:
+        read_mjcf(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_joint_on_the_wrong_body_is_refused(tmp_path: Path):
+    path = written(tmp_path / "f.xml", PIP="x", DIP="PIP")
+    path.write_text(path.read_text().replace('"x"', '"DIP"'))
+    with pytest.raises(InputError, match=r"joint 'PIP' \(PIP\) turns the body 'distal'"):
+        read_mjcf(path)
