@@ -38,7 +38,7 @@ OnMujoco = IndexFinger | MiddleFinger | PlanarFinger | RobotFinger
 
 HOODS = {
     "index": ("shell", "cable", "pulley", "split", "network", "two_band", "fmu"),
-    "middle": ("shell", "pulley", "split", "fmu"),
+    "middle": ("shell", "pulley", "split", "network", "fmu"),
     "planar": ("pulley", "network", "two_band", "fmu"),
     "hinge": ("pulley", "network", "two_band", "fmu"),
     "robot": ("split", "cable", "pulley", "network", "two_band", "fmu"),

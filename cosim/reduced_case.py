@@ -11,7 +11,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cosim import units
-from cosim.reduction import HELD_LOAD, HELD_POSTURES, LOW, MIXED, SEED, Reduction, errors
+from cosim.reduction import Reduction, errors
+from cosim.reduction_walks import (
+    ALONE_SPREAD,
+    HELD_LOAD,
+    HELD_POSTURES,
+    LOW,
+    MIXED,
+    MIXTURE_POSTURES,
+    MIXTURES,
+    SEED,
+)
 from cosim.trials import Settings
 
 if TYPE_CHECKING:
@@ -46,6 +56,10 @@ def _provenance(found: Reduction) -> Iterator[str]:
     yield f"  loads: {loads}; each alone, and at {LOW:g} N, the others at {rest:g} N"
     parts = "; ".join(", ".join(f"{part:g}" for part in mixture) for mixture in MIXED)
     yield f"  all at once, in parts of these loads (tendon by tendon, then again): {parts}"
+    yield (
+        f"  between the grid's points (Sobol): each alone in {ALONE_SPREAD} postures, and "
+        f"{MIXTURES} mixtures in {MIXTURE_POSTURES} each"
+    )
     yield (
         f"  {len(found.samples)} states fitted: torques, excursions, stiffness, arms, compliance, "
         f"slips; {len(found.held)} held out: {HELD_POSTURES} postures at random (seed {SEED}), "

@@ -17,20 +17,12 @@ from cosim.case import load_case
 from cosim.case_cable import CableHood
 from cosim.case_schema import Case, ShellHood
 from cosim.port import Array, Finger, InputError, Load
-from cosim.reduction_samples import Lost, Sample, Walk, sampled
+from cosim.reduction_samples import Lost, Sample, sampled
+from cosim.reduction_walks import GRID, LOW, Within, grid_walks, held_walks, spread_walks
 
 if TYPE_CHECKING:
     from cosim.build_lumped import Potential
 
-GRID = {"MCP": (0.0, 30.0, 60.0), "PIP": (10.0, 32.0, 55.0), "DIP": (5.0, 20.0, 35.0)}
-"""deg."""
-LOW = 0.5
-"""N, of a tendon's least load."""
-MIXED = ((0.5,), (0.3, 0.1, 0.6))
-"""Of the greatest loads, tendon by tendon and from the first again: all pull."""
-HELD_POSTURES, HELD_LOAD, SEED = 5, 0.9, 0
-"""Held out: postures at random within the grid, with each tendon at this part of its load, and a
-mixture at random."""
 MARKS = {"tip force": 0.05, "slip forces": 0.10}
 BATCH = 20_000
 Tell = Callable[[str], None]
@@ -151,8 +143,9 @@ def reduce_case(
     home = np.array([models.posture.get(joint, 0.0) for joint in joints])
     loads = greatest_loads(case, tendons)
     most, rest = np.array(list(loads.values())), case.solve.resting_tension
-    on_grid = _grid_walks(joints, home, grid, most, rest)
-    off_grid = _held_walks(joints, home, grid, most, rest)
+    within = Within(joints, home, {j: grid[j] for j in joints if j in grid}, most, rest)
+    on_grid = [*grid_walks(within), *spread_walks(within)]
+    off_grid = held_walks(within)
     started, found = time.perf_counter(), []
     walks = [*on_grid, *off_grid]
     for walked in sampled(source, settings, walks, jobs):
@@ -187,72 +180,11 @@ def stacked(samples: Sequence[Sample]) -> dict[str, Array]:
     return {f.name: np.array([getattr(s, f.name) for s in samples]) for f in fields(Sample)}
 
 
-def _grid_walks(
-    joints: Sequence[str],
-    home: Array,
-    grid: Mapping[str, tuple[float, ...]],
-    most: Array,
-    rest: float,
-) -> list[Walk]:
-    """A walk for each angle of the grid's first joint and each tendon, to and fro through the
-    others, loaded and nearly not; and one for each mixture."""
-    first, *others = [joint for joint in joints if joint in grid]
-    lines = _to_and_fro([grid[joint] for joint in others])
-    loads = [_alone(i, most, rest) for i in range(len(most))]
-    loads[0] = np.vstack([loads[0], np.full(len(most), rest)])
-    loads += [most[None] * np.resize(mixture, len(most)) for mixture in MIXED]
-    walks = []
-    for angle in grid[first]:
-        postures = np.tile(home, (len(lines), 1))
-        postures[:, [joints.index(joint) for joint in (first, *others)]] = np.radians(
-            np.column_stack([np.full(len(lines), angle), lines])
-        )
-        walks += [Walk(postures, load) for load in loads]
-    return walks
-
-
-def _alone(tendon: int, most: Array, rest: float) -> Array:
-    """(2, m) N: one tendon with its greatest and its least load, the others at rest."""
-    out = np.full((2, len(most)), rest)
-    out[:, tendon] = most[tendon], min(LOW, most[tendon] / 2)
-    return out
-
-
-def _to_and_fro(axes: Sequence[Sequence[float]]) -> Array:
-    """(p, k) all combinations, each one step from the one before."""
-    lines = np.zeros((1, 0))
-    for axis in axes:
-        turns = [axis if i % 2 == 0 else axis[::-1] for i in range(len(lines))]
-        lines = np.array(
-            [[*line, value] for line, turn in zip(lines, turns, strict=True) for value in turn]
-        )
-    return lines
-
-
-def _held_walks(
-    joints: Sequence[str],
-    home: Array,
-    grid: Mapping[str, tuple[float, ...]],
-    most: Array,
-    rest: float,
-) -> list[Walk]:
-    """A walk for each load through postures at random within the grid."""
-    random = np.random.default_rng(SEED)
-    postures = np.tile(home, (HELD_POSTURES, 1))
-    for joint, axis in grid.items():
-        within = random.uniform(min(axis), max(axis), HELD_POSTURES)
-        postures[:, joints.index(joint)] = np.radians(within)
-    postures = postures[np.argsort(postures.sum(axis=1))]
-    loads = np.full((len(most), len(most)), rest)
-    np.fill_diagonal(loads, HELD_LOAD * most)
-    mixture = most * random.uniform(0.1, 0.6, len(most))
-    return [Walk(postures, load[None]) for load in (*loads, mixture)]
-
-
 def errors(found: Reduction) -> Iterator[Error]:
     """Of torques, tip force and slips: the difference's size over the quantity's, state by state
     (of both slips over the larger one's force; tip force: what holds a clamped tip against the
-    hood's torques)."""
+    hood's torques).  Where joint torques cancel at the tip its force is small, so it is told over
+    the sum of all tensions too."""
     grid, held = (_misses(found, samples) for samples in (found.samples, found.held))
     for name, miss in held.items():
         mark = f"{100 * MARKS[name]:.0f} %" if name in MARKS else ""
@@ -270,10 +202,11 @@ def _misses(found: Reduction, samples: Sequence[Sample]) -> dict[str, Array]:
     finger = live_finger(our_finger(clamped(found.case)), found.case.hood)
     maps = np.array([tip_map(finger, s.angle) for s in loaded])
     tip, aimed = (np.einsum("sij,sj->si", maps, torque) for torque in (made.torque, data["torque"]))
-    largest = data["slip"].max(axis=1)
+    largest, pull = data["slip"].max(axis=1), data["tension"].sum(axis=1)
     return {
         "joint torques": _relative(made.torque - data["torque"], data["torque"]),
         "tip force": _relative(tip - aimed, aimed),
+        "tip force, of all tensions": np.linalg.norm(tip - aimed, axis=1) / pull,
         "slip forces": np.abs(slips - data["slip"]).max(axis=1) / largest,
     }
 

@@ -9,8 +9,9 @@ import numpy as np
 from cosim.build import build
 from cosim.build_lumped import fitted
 from cosim.case import find_case, load_case
-from cosim.reduction import GRID, MARKS, errors, reduce_case, stacked
+from cosim.reduction import MARKS, errors, reduce_case, stacked
 from cosim.reduction_samples import FREE, Sample, Walk, on_models
+from cosim.reduction_walks import GRID
 from cosim.verification import Row, Study
 
 SPRINGS = ("edc_ulnar", "edc_slip", "edc_radial", "lum_slip", "lum_lateral", "fpi_slip")

@@ -29,7 +29,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cosim.port import (
     Array,
@@ -41,64 +40,25 @@ from cosim.port import (
     Response,
     skew,
 )
+from rigid.hinge_angle import Angles
 from rigid.model import Vector
-from rigid.universal_angle import Joint, all_angles, names_of
+from rigid.reduced_basis import (
+    Basis,
+    Numbers,
+    loadings,
+    monomials,
+    orders,
+    powers_of,
+    scaled,
+    springs_of,
+)
+from rigid.reduced_kernels import derivatives
+from rigid.universal_angle import Joint, all_angles, chain_of, names_of
 
-Numbers = NDArray[np.intp]
 SOURCES = ("network",)
 SLIPS = ("central", "terminal")
 MARGIN = 0.1
 """Of a box's width: so far beyond it the polynomial is still taken."""
-
-
-class Basis(NamedTuple):
-    """Values (..., A), first (..., A, n) and second (..., A, n, n) derivatives of A products."""
-
-    value: Array
-    slope: Array
-    curve: Array
-
-
-def monomials(powers: Numbers, at: Array, curved: bool = True) -> Basis:
-    """Of prod_j at_j^p_aj with powers (A, n) at (..., n); unless `curved`, second derivatives are
-    left out (zero)."""
-    x = at[..., None] ** np.arange(powers.max(initial=0) + 1)
-    p = np.arange(x.shape[-1])
-    down = np.zeros_like(x)
-    down[..., 1:] = p[1:] * x[..., :-1]
-    twice = np.zeros_like(x)
-    twice[..., 2:] = p[2:] * p[1:-1] * x[..., :-2]
-    return _products(powers, (x, down, twice), curved)
-
-
-def loadings(terms: Numbers, at: Array, toe: float, curved: bool = True) -> Basis:
-    """Of prod_m f_(q_gm)(at_m) with terms (G, m) of 0 to 3 at (..., m); see the module."""
-    one, none, log = np.ones_like(at), np.zeros_like(at), np.log1p(at / toe)
-    value = np.stack([one, at, at**2, (at + toe) * log - at], axis=-1)
-    slope = np.stack([none, one, 2 * at, log], axis=-1)
-    curve = np.stack([none, none, 2 * one, 1 / (at + toe)], axis=-1)
-    return _products(terms, (value, slope, curve), curved)
-
-
-def _products(index: Numbers, functions: tuple[Array, Array, Array], curved: bool) -> Basis:
-    """Of one function of each of n variables: `index` (A, n) chooses among those whose values and
-    first and second derivatives are `functions`, (..., n, k) each."""
-    n = index.shape[1]
-    chosen = [[f[..., j, :][..., index[:, j]] for j in range(n)] for f in functions]
-
-    def product(order: NDArray[np.int_]) -> Array:
-        out: Array = chosen[int(order[0])][0]
-        for j in range(1, n):
-            out = out * chosen[int(order[j])][j]
-        return out
-
-    one = np.eye(n, dtype=int)
-    value = product(0 * one[0])
-    slope = np.stack([product(row) for row in one], axis=-1)
-    curve = np.zeros((*value.shape, n, n) if curved else (n, n))
-    for i, k in np.ndindex((n, n) if curved else (0, 0)):
-        curve[..., i, k] = product(one[i] + one[k])
-    return Basis(value, slope, curve)
 
 
 class Derived(NamedTuple):
@@ -165,7 +125,7 @@ class Potential:
         """In rad and N, of the angles (..., n) and of the tensions (..., m)."""
         first = monomials(self.angle_powers, self._scaled(angle))
         second = loadings(self.tension_terms, tension / self.most, self.toe)
-        return _scaled(first, self.half), _scaled(second, self.most)
+        return scaled(first, self.half), scaled(second, self.most)
 
     def derived(self, angle: Array, tension: Array) -> Derived:
         """At angles (..., n) and tensions (..., m)."""
@@ -179,6 +139,20 @@ class Potential:
             np.einsum("...a,...ank->...nk", at_force, b.curve),
             np.einsum("...an,...am->...nm", b.slope, by_force),
             np.einsum("...a,...amk->...mk", b.value, by_forces),
+        )
+
+    def derived_at(self, angle: Array, tension: Array) -> Derived:
+        """As `derived`, of one state (n,) and (m,), without a batch's expense."""
+        by_angle, by_tension = 1 / self.half, 1 / self.most
+        first = np.stack(powers_of(int(self.angle_powers.max()), self._scaled(angle)))
+        second = np.stack(springs_of(tension * by_tension, self.toe))
+        b = derivatives(self.angle_powers, first * orders(by_angle))
+        g = derivatives(self.tension_terms, second * orders(by_tension))
+        n, m = len(self.joints) + 1, len(self.muscles) + 1
+        made = b.reshape(n * n, -1) @ self.energy @ g.reshape(m * m, -1).T
+        by = made.reshape(n, n, m, m)
+        return Derived(
+            by[1:, 0, 0, 0], by[0, 0, 1:, 0], by[1:, 1:, 0, 0], by[1:, 0, 1:, 0], by[0, 0, 1:, 1:]
         )
 
     def slips(self, angle: Array, torque: Array) -> Array:
@@ -223,15 +197,12 @@ class Potential:
         return ", ".join(told)
 
 
-def _scaled(basis: Basis, scale: Array) -> Basis:
-    """Derivatives by what was divided by the scale (n,)."""
-    return Basis(basis.value, basis.slope / scale, basis.curve / (scale[:, None] * scale[None, :]))
-
-
 @dataclass(frozen=True)
 class ReducedState:
     motion: Motion
     tension: Array
+    angles: Angles
+    derived: Derived
 
 
 class ReducedHood:
@@ -258,38 +229,36 @@ class ReducedHood:
                 f"bodies of {bodies}; unknown are {sorted(strange) or 'none'}"
             )
         self.bodies, self.tendons, self.potential = bodies, potential.muscles, potential
-        self._hinges = tuple(hinges)
+        self._chain = chain_of(hinges, bodies)
         self._direction = np.array(direction) / np.linalg.norm(direction)
 
     def start(self, motion: Motion) -> ReducedState:
         unloaded = np.zeros(len(self.tendons))
         self._check(motion, unloaded, np.inf)
-        return ReducedState(motion, unloaded)
+        return self._state(motion, unloaded)
 
     def advance(self, state: ReducedState, motion: Motion, tension: Array, dt: float) -> Response:
         """The same for every `dt` > 0.  Raises ConvergenceError outside of the box."""
         self._check(motion, tension, dt)
-        tension = np.array(tension, dtype=float)
-        at = all_angles(self._hinges, motion)
+        made = self._state(motion, np.array(tension, dtype=float))
+        tension, at, here = made.tension, made.angles, made.derived
         if where := self.potential.outside(at.value, tension):
             raise ConvergenceError(
                 f"reduced hood: {where} lies outside of what it was fitted to; reduce the hood "
                 "over a wider range, or take the hood that it was reduced from"
             )
-        here = self.potential.derived(at.value, tension)
         wrench = (here.torque @ at.rate).reshape(len(self.bodies), 1, 6)
         pull = tension[:, None] * (motion.rotation[0] @ self._direction)
         wrench[0, 0, :3] += pull.sum(axis=0)
         whole = np.hstack([pull, np.cross(motion.position[0], pull)])
         load = Load(self.bodies, SOURCES, wrench, whole)
-        return Response(ReducedState(motion, tension), load, here.excursion)
+        return Response(made, load, here.excursion)
 
     def jacobian(self, state: ReducedState) -> HoodJacobian:
-        at = all_angles(self._hinges, state.motion)
-        here = self.potential.derived(at.value, state.tension)
+        at, here = state.angles, state.derived
         guide = state.motion.rotation[0] @ self._direction
         by_motion = at.rate.T @ here.stiffness @ at.rate
-        by_motion += np.einsum("i,iab->ab", here.torque, at.moment_rate)
+        by_motion += np.tensordot(here.torque, at.moment_rate, 1)
         by_motion[:3, 3:6] -= state.tension.sum() * skew(guide)
         by_tension = at.rate.T @ here.arms
         by_tension[:3] += guide[:, None]
@@ -301,9 +270,12 @@ class ReducedHood:
 
     def slip_forces(self, state: ReducedState) -> dict[str, float]:
         """N, by name."""
-        at = all_angles(self._hinges, state.motion).value
-        found = self.potential.slips(at, self.potential.torques(at, state.tension))
+        found = self.potential.slips(state.angles.value, state.derived.torque)
         return dict(zip(SLIPS, map(float, found), strict=True))
+
+    def _state(self, motion: Motion, tension: Array) -> ReducedState:
+        at = all_angles(self._chain, motion)
+        return ReducedState(motion, tension, at, self.potential.derived_at(at.value, tension))
 
     def _check(self, motion: Motion, tension: Array, dt: float) -> None:
         if motion.bodies != self.bodies:

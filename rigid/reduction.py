@@ -9,24 +9,30 @@ joint's torques by their own, and the second derivatives count CURVES of the fir
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
 
 from cosim.port import Array, InputError
-from rigid.reduced_network import Basis, Potential
+from rigid.reduced_basis import Basis
+from rigid.reduced_network import Potential
 
-CURVES = 0.1
+CURVES = 0.03
+"""Chosen, and Order.angle with it, by leaving postures of the fitted samples out in turn."""
 NOTHING = 1e-10
-"""Of the largest singular value: a combination of terms that the samples do not tell, left at
-zero."""
+"""Of a column's length: a combination of terms that the samples do not tell is left at zero."""
 HELD = 0.1
 """rad."""
 STILL = 1e-9
 """rad."""
 DEFAULT_TOE = 0.03
+MEASURED = ("torque", "excursion", "stiffness", "arms", "compliance")
+AT_ONCE = 200
+"""Samples whose rows are in memory."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +61,7 @@ class Data:
 class Order:
     """How rich the potential is."""
 
-    angle: int = 5
+    angle: int = 6
     """Total degree in the joints that the samples move."""
     held: int = 2
     """Degree in the joints that they all leave where they are, whose torques and stiffnesses they
@@ -110,35 +116,50 @@ def reduced(
         slip_powers := angle_powers(moves, SLIP_ORDER),
         np.zeros((2, len(slip_powers), 1 + len(joints))),
     )
-    angle, tension = empty.bases(data.angle, data.tension)
-    rows, wanted = _rows(angle, tension, data)
-    if len(wanted) < none.size:
+    numbers = sum(getattr(data, name).size for name in MEASURED)
+    if numbers < none.size:
         raise InputError(
-            f"reduction: {len(wanted)} numbers of {len(data.angle)} samples are too few for "
+            f"reduction: {numbers} numbers of {len(data.angle)} samples are too few for "
             f"{none.size} terms; take more postures or loads"
         )
-    energy = _least_squares(rows, wanted).reshape(none.shape)
+    triangle = _triangle(empty, data)
+    energy = _least_squares(triangle[:, :-1], triangle[:, -1]).reshape(none.shape)
     found = replace(empty, energy=energy)
     return replace(found, slip=_slips(found, data))
 
 
-def _rows(angle: Basis, tension: Basis, data: Data) -> tuple[Array, Array]:
+def _triangle(potential: Potential, data: Data) -> Array:
+    """(k, A G + 1): rows and what they should make, with the same least squares as all samples'
+    rows, some of which are enough to fill a computer's memory."""
+    sizes, found = _sizes(data), np.zeros((0, potential.energy.size + 1))
+    for start in range(0, len(data.angle), AT_ONCE):
+        part = Data(
+            **{f.name: getattr(data, f.name)[start : start + AT_ONCE] for f in fields(data)}
+        )
+        rows = np.column_stack(_rows(*potential.bases(part.angle, part.tension), part, sizes))
+        found = np.asarray(np.linalg.qr(np.vstack([found, rows]), mode="r"))
+    return found
+
+
+def _sizes(data: Data) -> list[float]:
+    """Root mean square of each kind of row, in their order."""
+    away = data.excursion - data.excursion.mean(axis=0)
+    rest = [getattr(data, name) for name in MEASURED[2:]]
+    return [float(np.sqrt((x**2).mean())) or 1.0 for x in (*data.torque.T, away, *rest)]
+
+
+def _rows(angle: Basis, tension: Basis, data: Data, sizes: Sequence[float]) -> tuple[Array, Array]:
     """Rows (r, A G) and what they should make (r,), each kind over its size."""
     a, g, n = angle, tension, data.angle.shape[1]
-    x = data.excursion - data.excursion.mean(axis=0)
     kinds = [
-        *(
-            ("sa,sg->sag", a.slope[..., j], g.value, data.torque[:, j], data.torque[:, j], 1.0)
-            for j in range(n)
-        ),
-        ("sa,sgm->smag", a.value, g.slope, data.excursion, x, 1.0),
-        ("saij,sg->sijag", a.curve, g.value, data.stiffness, data.stiffness, CURVES),
-        ("sai,sgm->simag", a.slope, g.slope, data.arms, data.arms, CURVES),
-        ("sa,sgmk->smkag", a.value, g.curve, data.compliance, data.compliance, CURVES),
+        *(("sa,sg->sag", a.slope[..., j], g.value, data.torque[:, j], 1.0) for j in range(n)),
+        ("sa,sgm->smag", a.value, g.slope, data.excursion, 1.0),
+        ("saij,sg->sijag", a.curve, g.value, data.stiffness, CURVES),
+        ("sai,sgm->simag", a.slope, g.slope, data.arms, CURVES),
+        ("sa,sgmk->smkag", a.value, g.curve, data.compliance, CURVES),
     ]
     rows, wanted = [], []
-    for how, left, right, found, sized, weight in kinds:
-        size = float(np.sqrt((sized**2).mean())) or 1.0
+    for (how, left, right, found, weight), size in zip(kinds, sizes, strict=True):
         made = np.einsum(how, left, right).reshape(found.size, -1)
         rows.append(weight / size * made)
         wanted.append(weight / size * found.ravel())
@@ -146,10 +167,15 @@ def _rows(angle: Basis, tension: Basis, data: Data) -> tuple[Array, Array]:
 
 
 def _least_squares(rows: Array, wanted: Array) -> Array:
-    """The shortest solution over columns of equal length."""
+    """Over columns of equal length, each held to zero by NOTHING of it."""
     length = np.sqrt((rows**2).sum(axis=0))
     length[length == 0] = 1.0
-    found: Array = np.linalg.lstsq(rows / length, wanted, rcond=NOTHING)[0] / length
+    count = rows.shape[1]
+    whole = np.vstack(
+        [np.column_stack([rows / length, wanted]), NOTHING * np.eye(count, count + 1)]
+    )
+    triangle = np.asarray(np.linalg.qr(whole, mode="r"))
+    found: Array = solve_triangular(triangle[:count, :count], triangle[:count, count]) / length
     return found
 
 

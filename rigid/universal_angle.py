@@ -13,12 +13,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from cosim.port import Array, Motion, skew
-from rigid.hinge_angle import Angles, HingeAngle, angles
+from cosim.port import Array, Motion
+from rigid.hinge_angle import Angles, HingeAngle
 from rigid.model import FingerModel, Segment, Vector, vector
+from rigid.reduced_kernels import chain_angles
 
 
 @dataclass(frozen=True)
@@ -58,61 +61,31 @@ def names_of(joints: Sequence[Joint]) -> tuple[str, ...]:
     return tuple(name for names in each for name in names)
 
 
-def all_angles(joints: Sequence[Joint], motion: Motion) -> Angles:
+class Chain(NamedTuple):
+    """Joints in numbers, as `reduced_kernels.chain_angles` takes them."""
+
+    place: NDArray[np.int64]
+    axes: Array
+    zero: Array
+
+
+def chain_of(joints: Sequence[Joint], bodies: Sequence[str]) -> Chain:
+    """Between bodies by name."""
+    place, axes, zero = [], [], []
+    for joint in joints:
+        ends = [bodies.index(body) for body in (joint.parent, joint.child)]
+        both = (joint.axis, joint.axis) if isinstance(joint, HingeAngle) else joint.axes
+        for kind in (0,) if isinstance(joint, HingeAngle) else (1, 2):
+            place.append([*ends, kind])
+            axes.append(both)
+            zero.append(joint.zero)
+    return Chain(np.array(place, dtype=np.int64), np.array(axes), np.array(zero))
+
+
+def all_angles(chain: Chain, motion: Motion) -> Angles:
     """The angles of every joint, in order."""
-    parts = [angles((j,), motion) if isinstance(j, HingeAngle) else _two(j, motion) for j in joints]
-    return Angles(*(np.concatenate([p[k] for p in map(_fields, parts)]) for k in range(3)))
-
-
-def _fields(a: Angles) -> tuple[Array, Array, Array]:
-    return a.value, a.rate, a.moment_rate
-
-
-def _two(joint: Universal, motion: Motion) -> Angles:
-    p, c = (motion.bodies.index(body) for body in (joint.parent, joint.child))
-    turn, width = motion.rotation[p], 6 * len(motion.bodies)
-    relative = turn.T @ motion.rotation[c] @ np.transpose(joint.zero)
-    first, second = np.array(joint.axes)
-    value, rate, curve = np.zeros(2), np.zeros((2, width)), np.zeros((2, width, width))
-    child, parent = (slice(6 * b + 3, 6 * b + 6) for b in (c, p))
-    for i, found in enumerate((_first(relative, first, second), _second(relative, first, second))):
-        value[i], local, local_rate = found
-        axis, by_child = turn @ local, turn @ local_rate @ turn.T
-        by_parent = -by_child - skew(axis)
-        for sign, row in ((1.0, child), (-1.0, parent)):
-            rate[i, row] = sign * axis
-            curve[i, row, child] = sign * by_child
-            curve[i, row, parent] = sign * by_parent
-    return Angles(value, rate, curve)
-
-
-def _first(turn: Array, first: Array, second: Array) -> tuple[float, Array, Array]:
-    """a, its derivative g (3,) by the child's turn in the parent's frame, and that of g (3, 3)."""
-    along = _unit(second - (first @ second) * first)
-    image = turn @ second
-    crosses = [np.cross(image, e) for e in (along, np.cross(first, along))]
-    slopes = [skew(e) @ skew(image) for e in (along, np.cross(first, along))]
-    return _turned(float(image @ along), float(image @ np.cross(first, along)), *crosses, *slopes)
-
-
-def _second(turn: Array, first: Array, second: Array) -> tuple[float, Array, Array]:
-    """b, and its derivatives as of `_first`."""
-    along = _unit(first - (first @ second) * second)
-    images = [turn @ e for e in (along, -np.cross(second, along))]
-    crosses = [np.cross(image, first) for image in images]
-    slopes = [skew(first) @ skew(image) for image in images]
-    return _turned(float(first @ images[0]), float(first @ images[1]), *crosses, *slopes)
-
-
-def _turned(
-    x: float, y: float, by_x: Array, by_y: Array, curve_x: Array, curve_y: Array
-) -> tuple[float, Array, Array]:
-    """atan2(y, x) and its derivatives, from those of x and y."""
-    size = x * x + y * y
-    g = (x * by_y - y * by_x) / size
-    slope = np.outer(by_y, by_x) + x * curve_y - np.outer(by_x, by_y) - y * curve_x
-    slope -= np.outer(g, 2 * x * by_x + 2 * y * by_y)
-    return float(np.arctan2(y, x)), g, slope / size
+    rotation = np.ascontiguousarray(motion.rotation)
+    return Angles(*chain_angles(chain.place, chain.axes, chain.zero, rotation))
 
 
 def _unit(v: Array) -> Array:

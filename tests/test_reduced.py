@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from cosim import reduction
+from cosim import reduction, reduction_walks
 from cosim.build import Models, build
+from cosim.build_finger import finger_model
 from cosim.build_lumped import fitted, potential, reduced_hood, slip_forces
 from cosim.case import find_case, load_case
 from cosim.case_finger import IndexFinger
@@ -20,8 +21,11 @@ from cosim.port import STATIC, ConvergenceError, InputError, Motion
 from cosim.reduced_case import case_text
 from cosim.reduction_samples import Lost, Sample, Walk, on_models
 from meshes.skeleton import BODIES, index_finger
-from rigid.reduced_network import Potential, loadings, monomials
+from rigid.hinge_angle import angles, flexion_angles
+from rigid.reduced_basis import loadings, monomials
+from rigid.reduced_network import Potential
 from rigid.reduction import Data, Order, reduced
+from rigid.universal_angle import all_angles, chain_of, joints_of
 
 TENDONS = ("edc_ulnar", "edc_slip", "edc_radial", "lum_slip", "lum_lateral", "fpi_slip")
 SOFT = [f'hood.connecting.{t}.stiffness="{1 + 0.2 * i} N/mm"' for i, t in enumerate(TENDONS)]
@@ -111,6 +115,40 @@ def any_potential() -> Potential:
     joints = ("MCP", "MCP_abduction", "PIP", "DIP")
     parts = (low, high, np.array([4.0, 3.0]), powers, terms, 0.05, energy, slip_powers, slip)
     return Potential(joints, ("EDC", "LUM"), *parts)
+
+
+def test_one_state_is_as_in_a_batch():
+    """Where the two ways to the derivatives could part: abduction, all springs, every order."""
+    made, random = any_potential(), np.random.default_rng(3)
+    angle, tension = random.uniform(made.low, made.high, (6, 4)), random.uniform(0, 3, (6, 2))
+    batch = made.derived(angle, tension)
+    for k in range(6):
+        for one, many in zip(made.derived_at(angle[k], tension[k]), batch, strict=True):
+            assert one == pytest.approx(many[k], rel=1e-12, abs=1e-16)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_rates_of_all_angles_against_differences(seed):
+    """Bodies turned and moved as no hinges allow, abduction's two hinges among them."""
+    finger = load_case("network_edc").finger
+    assert isinstance(finger, IndexFinger)
+    model = finger_model(finger, None)
+    chain, step = chain_of(joints_of(model), BODIES), 1e-6
+    bent = Motion(BODIES, *index_finger().pose({"MCP": 0.5, "PIP": 1.4, "DIP": 0.6}))
+    twist = np.random.default_rng(seed).uniform(-0.3, 0.3, 24)
+    motion = bent.displaced(twist)
+    found = all_angles(chain, motion)
+    flexion = angles(flexion_angles(model)[1:], motion)
+    assert found.value[2:] == pytest.approx(flexion.value, abs=1e-13)
+    assert found.rate[2:] == pytest.approx(flexion.rate, abs=1e-13)
+    for k in range(24):
+        ahead, behind = (
+            all_angles(chain, motion.displaced(sign * step * np.eye(24)[k])) for sign in (1, -1)
+        )
+        rate = (ahead.value - behind.value) / 2 / step
+        assert found.rate[:, k] == pytest.approx(rate, abs=1e-8)
+        slope = (ahead.rate - behind.rate) / 2 / step
+        assert found.moment_rate[:, :, k] == pytest.approx(slope, abs=1e-8)
 
 
 POSTURES = (
@@ -257,13 +295,55 @@ def test_loads_of_tendons_at_rest():
 
 def test_a_grid_is_read_and_walked_to_and_fro():
     assert reduction.read_grid(["PIP=30,10"]) == {"PIP": (10.0, 30.0)}
-    assert reduction.read_grid([]) == reduction.GRID
+    assert reduction.read_grid([]) == reduction_walks.GRID
     with pytest.raises(InputError, match="write JOINT=DEG"):
         reduction.read_grid(["PIP=a"])
-    lines = reduction._to_and_fro([(1.0, 2.0, 3.0), (5.0, 6.0)])
+    lines = reduction_walks._to_and_fro([(1.0, 2.0, 3.0), (5.0, 6.0)])
     assert len(np.unique(lines, axis=0)) == 6
     steps = np.abs(np.diff(lines, axis=0))
     assert ((steps > 0).sum(axis=1) == 1).all()
+
+
+def within() -> reduction_walks.Within:
+    grid = {"MCP": (0.0, 60.0), "DIP": (5.0, 35.0)}
+    home, most = np.array([0.0, 0.02, 0.3, 0.0]), np.array([3.0, 0.6])
+    return reduction_walks.Within(("MCP", "MCP_abduction", "PIP", "DIP"), home, grid, most, 0.05)
+
+
+def test_states_between_the_grids_points_fill_its_box():
+    made, walks = within(), reduction_walks.spread_walks(within())
+    angle = np.degrees(np.concatenate([walk.angles for walk in walks]))
+    assert angle.min(axis=0) == pytest.approx([0, 1.146, 17.19, 5], abs=2)
+    assert angle.max(axis=0) == pytest.approx([60, 1.146, 17.19, 35], abs=2)
+    assert (angle[:, 0] >= 0).all()
+    assert (angle[:, 3] <= 35).all()
+    loads = np.array([walk.tensions[0] for walk in walks])
+    alone = (loads == 0.05).sum(axis=1) == 1
+    assert len(np.unique(loads[alone], axis=0)) == 2
+    assert (loads[~alone] <= 0.65 * made.most).all()
+    assert len(np.unique(loads[~alone], axis=0)) == reduction_walks.MIXTURES
+
+
+def test_held_states_are_none_of_those_fitted():
+    fitted_to = [*reduction_walks.grid_walks(within()), *reduction_walks.spread_walks(within())]
+    seen = np.concatenate([walk.angles for walk in fitted_to])
+    for walk in reduction_walks.held_walks(within()):
+        apart = np.abs(walk.angles[:, None] - seen).max(axis=2)
+        assert apart.min() > 1e-6
+
+
+def test_points_are_passed_from_one_to_the_nearest():
+    made = reduction_walks._chained(np.array([[9.0, 9.0], [0.0, 0.0], [5.0, 5.0], [1.0, 0.0]]))
+    assert made.tolist() == [[0, 0], [1, 0], [5, 5], [9, 9]]
+
+
+def test_rows_in_parts_are_the_rows_at_once(samples, found, monkeypatch):
+    monkeypatch.setattr("rigid.reduction.AT_ONCE", 37)
+    data = Data(**reduction.stacked(samples[:140]))
+    parted = reduced(data, found.joints, found.muscles, STRAIGHT)
+    held = reduction.stacked(samples[140:])
+    torque = parted.torques(held["angle"], held["tension"])
+    assert torque == pytest.approx(held["torque"], rel=1e-8, abs=1e-10)
 
 
 def test_a_grid_beyond_the_joints_is_refused():

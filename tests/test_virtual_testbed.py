@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ from cosim.port import ConvergenceError
 from rigid.point_contact import settled
 from rigid.robotic_finger import LENGTH, robotic_finger
 from rigid.testbed_runs import HAND, POSTURE, STEP, TIP_STIFFNESS, hysteresis, virtual_bed
-from rigid.testbed_study import errors, trials
+from rigid.testbed_study import errors, kept_to_curve, trials
 from rigid.virtual_testbed import Course, held, simulate
 
 PULL = np.array([1.0, 1.0, 5.0, 4.0])
@@ -80,3 +82,14 @@ def test_the_interconnected_model_beats_the_static_one():
         assert (each[:, 0] < each[:, 1]).all(), name
     assert found["forward"][:, 0].mean() < 0.68 * found["forward"][:, 1].mean()
     assert found["inverse"][:, 0].mean() < 0.67 * found["inverse"][:, 1].mean()
+    assert found["circle"][:, 0].mean() < 0.65 * found["circle"][:, 1].mean()
+
+
+def test_a_finger_that_leaves_the_coupling_curve_is_seen():
+    both = trials(2)
+    assert kept_to_curve(both).all()
+    angle = both[1].circle.measured.angle.copy()
+    angle[60, 1] += np.radians(15.0)
+    circle = both[1].circle
+    away = replace(circle, measured=circle.measured._replace(angle=angle))
+    assert kept_to_curve((both[0], both[1]._replace(circle=away))).tolist() == [True, False]

@@ -159,9 +159,7 @@ def _circle(trial: Trial) -> Figure:
     caption = (
         f"Figure 9: least muscle forces for a circle of 1 N, open loop. {VIRTUAL} RMSE of what "
         f"both models make of the load cells' forces {found[0]:.2f} N interconnected and "
-        f"{found[1]:.2f} N static (the paper: 0.27 and 0.57). Ours: shares between 0.2 and "
-        "0.8, since beyond 0 and 1 one way goes slack and the finger leaves the curve; pretension "
-        "0.2 N."
+        f"{found[1]:.2f} N static (the paper: 0.27 and 0.57). Ours: pretension 0.2 N."
     )
     tables = {"figure_9_circle": _forward_table(time, run)}
     title = "Figure 9: a circle of fingertip force (virtual testbed)"
