@@ -61,7 +61,7 @@ def test_arms_are_the_cases_about_the_fingers_own_joints():
 
 
 def test_a_case_of_the_middle_finger_takes_a_network():
-    """Solved at rest, clamped as in its cadaver cases: the fingertip bears what the torques make."""
+    """Solved at rest, clamped as in its cadaver cases: the tip bears what the torques make."""
     hood = load_case("network_edc").hood
     case = load_case("middle_minorflex_edc").model_copy(update={"hood": hood})
     check_fit(case)
