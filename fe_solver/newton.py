@@ -258,6 +258,10 @@ def _upright(solution: Solution) -> Solution:
     )
 
 
+def _is_folded(model: ShellModel, c: Configuration) -> bool:
+    return bool(_facing(model, c).min(initial=1.0) <= UPRIGHT)
+
+
 def _facing(model: ShellModel, c: Configuration) -> Array:
     """(ne, 4) cosines of the angles between the quads' normals and their corners' directors, on the
     side on which these were at first."""
@@ -345,10 +349,9 @@ def _line_search(
     before = model.potential(c, e.energy, tension)
     norm = residual_norm(model, e)[0]
     noise = 1e-11 * max(abs(before), e.energy)
-    guarded = _facing(model, c).min(initial=1.0) > UPRIGHT
     for attempt in range(tries if slope < 0 else 0):
         trial = model.stepped(c, e.bases, factor * step)
-        if guarded and _facing(model, trial).min(initial=1.0) <= UPRIGHT:
+        if _is_folded(model, trial) and not _is_folded(model, c):
             factor *= 0.5
             continue
         there = model.evaluate(trial, tension, eager and attempt == 0, convex)
