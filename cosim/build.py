@@ -10,14 +10,8 @@ import numpy as np
 
 from cosim.build_cable import ENDS, CableLook, cable_hood_of, laid_net
 from cosim.build_cable import look as look_of_cables
-from cosim.build_finger import (
-    check_fit,
-    check_tendons,
-    live_finger,
-    our_finger,
-    skeleton_of,
-    width_of,
-)
+from cosim.build_finger import live_finger, our_finger, skeleton_of, width_of
+from cosim.build_fit import check_fit, check_tendons
 from cosim.build_lesion import injured_mesh, injured_net, injured_network
 from cosim.build_lumped import lumped_hood, slips_of
 from cosim.build_muscles import CaseMuscles, live_muscles

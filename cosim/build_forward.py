@@ -12,7 +12,8 @@ from cosim.build import build, cables_of, hood_on
 from cosim.build_air import begun, cylinders, pulled
 from cosim.build_cable import CableLook
 from cosim.build_course import factor_of
-from cosim.build_finger import check_tendons, live_finger, our_finger
+from cosim.build_finger import live_finger, our_finger
+from cosim.build_fit import check_tendons
 from cosim.build_muscles import fibres
 from cosim.build_scheme import scheme_of
 from cosim.build_shell import HoodLook, Triangles

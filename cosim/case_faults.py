@@ -51,11 +51,12 @@ def _place(loc: Sequence[str | int], values: Any) -> Place:
             continue
         place = (*place, part)
         tagged = any(_kind(t) for t in _types(place, values))
-        tag = _at(_lookup(values, place), "kind") if tagged else None
+        tag = at(_lookup(values, place), "kind") if tagged else None
     return place
 
 
-def _at(values: Any, part: str | int) -> Any:
+def at(values: Any, part: str | int) -> Any:
+    """What a table or a list holds under a key or a number; None if nothing."""
     if isinstance(values, dict):
         return values.get(part)
     if isinstance(values, list) and isinstance(part, int) and part < len(values):
@@ -65,12 +66,16 @@ def _at(values: Any, part: str | int) -> Any:
 
 def _lookup(values: Any, place: Place) -> Any:
     for part in place:
-        values = _at(values, part)
+        values = at(values, part)
     return values
 
 
 def _found(values: Any, place: Place) -> str:
-    value = _lookup(values, place)
+    return found(_lookup(values, place))
+
+
+def found(value: Any) -> str:
+    """The value that stands at a fault, cut short; empty of a table or of nothing."""
     if value is None or isinstance(value, dict):
         return ""
     try:
@@ -161,7 +166,7 @@ def _types(place: Place, values: Any) -> list[Any]:
     """The types that may stand at a place of the case, those of another `kind` left out."""
     types: list[Any] = [CaseFile]
     for part in place:
-        values = _at(values, part)
+        values = at(values, part)
         types = [inner for outer in types for inner in _inner(outer, part)]
         kind = values.get("kind") if isinstance(values, dict) else None
         types = [t for t in types if kind is None or _kind(t) in (None, kind)]

@@ -28,8 +28,8 @@ from cosim.reduce_commands import reduce
 from cosim.report_commands import report
 from cosim.shell_commands import info, verify
 from cosim.study.commands import bench_studies, status, study
-from cosim.study_commands import identify, sensitivity
 from cosim.terminal import tell, told
+from cosim.trial_commands import identify, sensitivity
 from cosim.validate_commands import validate
 
 if TYPE_CHECKING:
@@ -250,7 +250,7 @@ def _shown(path: Path) -> str:
 def check(cases: Cases, settings: Settings = None) -> None:
     """Check cases, and the mesh files that they name, and run nothing."""
     from cosim.build import check_mesh_file
-    from cosim.build_finger import check_fit
+    from cosim.build_fit import check_fit
 
     codes = [0]
     for case in _load(cases, settings):

@@ -217,7 +217,7 @@ def _forces(s: Setup, answer: Answer | None) -> ForceSet | None:
 def _show(s: Setup, answer: Answer) -> None:
     from cosim.estimate_case import told_of
     from cosim.estimate_files import muscle_table
-    from cosim.study_commands import print_table
+    from cosim.trial_commands import print_table
 
     table = muscle_table(s.capacity, answer.found.tension)
     rows = [
@@ -238,7 +238,7 @@ def _show(s: Setup, answer: Answer) -> None:
 
 
 def _show_motion(s: Setup, found: Along) -> None:
-    from cosim.study_commands import print_table
+    from cosim.trial_commands import print_table
 
     rows = [
         (name, f"{low:.4g}", f"{high:.4g}")

@@ -14,7 +14,8 @@ from typing import Any, Literal
 import numpy as np
 
 from cosim.build import Models
-from cosim.build_finger import check_fit, our_finger
+from cosim.build_finger import our_finger
+from cosim.build_fit import check_fit
 from cosim.build_lumped import split_slips
 from cosim.case import load_case
 from cosim.case_finger import FmuFinger

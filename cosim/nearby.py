@@ -24,7 +24,7 @@ from cosim.couple import Equilibrium
 from cosim.observe import result
 from cosim.port import Array, CosimError, InputError
 from cosim.run import States, solve
-from cosim.trials import Outcome, Settings, outcome, told
+from cosim.trials import Outcome, Settings, one_line, outcome
 from fe_solver.shell_hood import ShellHood as FeHood
 
 
@@ -44,11 +44,11 @@ def near_outcome(source: Path, around: Settings, settings: Settings) -> Outcome:
     try:
         case = load_case(source, settings)
     except InputError as error:
-        return Outcome("refused", {}, told(error))
+        return Outcome("refused", {}, one_line(error))
     try:
         summary = foretold(case, *_solved(source, around))
     except CosimError as error:
-        return Outcome("failed", {}, told(error))
+        return Outcome("failed", {}, one_line(error))
     return outcome(source, settings) if summary is None else Outcome("converged", summary)
 
 

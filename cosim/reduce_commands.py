@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cosim.files import written_whole
-from cosim.study_commands import CaseName, Jobs, Settings, print_table
 from cosim.terminal import told
+from cosim.trial_commands import CaseName, Jobs, Settings, print_table
 
 if TYPE_CHECKING:
     from cosim.reduction import Reduction

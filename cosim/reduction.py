@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from cosim.build import build
-from cosim.build_finger import HOODS, live_finger, our_finger
+from cosim.build_finger import live_finger, our_finger
+from cosim.build_fit import HOODS
 from cosim.build_lumped import fitted
 from cosim.case import load_case
 from cosim.case_cable import CableHood

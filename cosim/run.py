@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from cosim.build import Models, build, tensions
-from cosim.build_finger import check_fit
+from cosim.build_fit import check_fit
 from cosim.build_muscles import Pull, live_muscles
 from cosim.build_scheme import accelerator_of
 from cosim.case_schema import Case

@@ -48,15 +48,15 @@ def outcome(source: Path, settings: Settings) -> Outcome:
     try:
         case = load_case(source, settings)
     except InputError as error:
-        return Outcome("refused", {}, told(error))
+        return Outcome("refused", {}, one_line(error))
     try:
         return Outcome("converged", run_case(case).summary)
     except CosimError as error:
-        return Outcome("failed", {}, told(error))
+        return Outcome("failed", {}, one_line(error))
 
 
-def told(error: CosimError) -> str:
-    """In one line."""
+def one_line(error: CosimError) -> str:
+    """What is wrong, in one line."""
     return " ".join(str(error).split())
 
 

@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from cosim import __version__
-from cosim.build_finger import check_fit, held_by
+from cosim.build_finger import held_by
+from cosim.build_fit import check_fit
 from cosim.case import load_case
 from cosim.compare import Comparison, as_dict, tally
 from cosim.compare_files import write_json

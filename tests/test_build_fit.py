@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cosim.build import build
-from cosim.build_finger import check_fit
+from cosim.build_fit import check_fit
 from cosim.case import load_case
 from cosim.port import InputError
 

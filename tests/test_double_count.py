@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from cosim.build_finger import check_fit
+from cosim.build_fit import check_fit
 from cosim.case import find_case, load_case
 from cosim.cli import app
 from cosim.double_count import counted_twice, stated_pairs

@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cosim.build import Models, build
-from cosim.build_finger import check_fit
+from cosim.build_fit import check_fit
 from cosim.case import json_schema, load_case
 from cosim.cli import app
 from cosim.fmu.export import write_fmu

@@ -50,6 +50,7 @@ KNOW_THE_SOLVERS = {
     "cosim.build_cable",
     "cosim.build_course",
     "cosim.build_finger",
+    "cosim.build_fit",
     "cosim.build_forward",
     "cosim.build_lumped",
     "cosim.build_muscles",

@@ -6,7 +6,8 @@ import conformance
 import numpy as np
 import pytest
 
-from cosim.build_finger import check_fit, live_finger
+from cosim.build_finger import live_finger
+from cosim.build_fit import check_fit
 from cosim.build_lumped import lumped_hood, slip_forces
 from cosim.case import load_case
 from cosim.case_finger import MiddleFinger

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.build_finger import check_fit, finger_model, live_finger, mjcf_of, skeleton_of
+from cosim.build_finger import finger_model, live_finger, mjcf_of, skeleton_of
+from cosim.build_fit import check_fit
 from cosim.case import load_case
 from cosim.case_finger import IndexFinger
 from cosim.port import InputError

@@ -15,7 +15,7 @@ import numpy as np
 
 from cosim import __version__
 from cosim.build import cables_of, drawn_cables, hood_on
-from cosim.build_finger import check_tendons
+from cosim.build_fit import check_tendons
 from cosim.build_scheme import accelerator_of
 from cosim.case_finger import FmuFinger as FingerTable
 from cosim.case_schema import Case

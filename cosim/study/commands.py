@@ -80,7 +80,7 @@ def _engine(workers: int, scheduler: str | None) -> AbstractContextManager[Solve
 
 def _show(plan: Plan, done: Done, found: Opened, folder: Path) -> None:
     from cosim.compare import number
-    from cosim.study_commands import print_table
+    from cosim.trial_commands import print_table
 
     rows = []
     for name in found.outputs:

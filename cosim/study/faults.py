@@ -9,7 +9,7 @@ from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from cosim.case_faults import unknown
+from cosim.case_faults import at, found, unknown
 
 
 def listing(source: Path, faults: Sequence[str]) -> str:
@@ -25,28 +25,10 @@ def faults_of(
     write."""
     for item in error.errors(include_url=False):
         place = tuple(item["loc"])
-        at = values
+        value = values
         for part in place:
-            at = _at(at, part)
-        where = shown((*above, *place))
-        found = "" if at is None or isinstance(at, dict) else f" = {_short(at)}"
-        yield f"{where}{found}: {_message(item, place, values, model)}"
-
-
-def _at(values: Any, part: str | int) -> Any:
-    if isinstance(values, dict):
-        return values.get(part)
-    if isinstance(values, list) and isinstance(part, int) and part < len(values):
-        return values[part]
-    return None
-
-
-def _short(value: Any) -> str:
-    try:
-        text = repr(value)
-    except ValueError:  # an integer of thousands of digits
-        return "a huge number"
-    return text if len(text) <= 60 else f"{text[:57]}..."
+            value = at(value, part)
+        yield f"{shown((*above, *place))}{found(value)}: {_message(item, place, values, model)}"
 
 
 def shown(place: tuple[str | int, ...]) -> str:
@@ -63,7 +45,7 @@ def _message(item: Any, place: tuple[str | int, ...], values: Any, model: type[B
     if kind == "extra_forbidden":
         table, inside = _keys(model, place[:-1]), values
         for part in place[:-1]:
-            inside = _at(inside, part)
+            inside = at(inside, part)
         return unknown("key", str(place[-1]), table, inside)
     if kind == "missing":
         return "is missing"
