@@ -17,8 +17,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cosim.case import load_case
+from cosim.case import find_case, load_case
 from cosim.port import ConvergenceError
+from cosim.reduced_case import case_text
+from cosim.reduction import reduce_case
 from cosim.study import open_study
 from cosim.study.address import address, code_version, stated
 from cosim.study.plan import Plan, read_plan
@@ -38,6 +40,10 @@ SETTLED = 100
 """Runs after which memory is looked at: caches are full."""
 GROWTH = 10.0
 """kB for a run."""
+REDUCED = ("isometric_edc", "hood.mesh.quads=250")
+"""Which shell is reduced."""
+GRID = {"MCP": (20.0, 40.0), "PIP": (35.0, 55.0), "DIP": (5.0, 25.0)}
+"""deg, about what the study samples."""
 EXACT = "an unbroken run of the same study"
 SHELL = """
 case = "isometric_edc"
@@ -86,17 +92,18 @@ class Broken:
     runs: int
 
 
-def broken(study: str, folder: Path, kills: int = KILLS) -> Broken:
-    """The study unbroken, then killed with all its processes at random moments, on two workers.
+def broken(study: str, folder: Path, *words: str, kills: int = KILLS) -> Broken:
+    """The study (with more words of its command) unbroken, then killed with all its processes at
+    random moments, on two workers.
 
     Raises ConvergenceError where it does not end well."""
     whole, cut = folder / "whole", folder / "cut"
     begun = monotonic()
-    _finish(study, whole)
+    _finish([study, *words], whole)
     span = max(monotonic() - begun - START, 1.0)
     moments = START + np.random.default_rng(SEED).uniform(0, 0.9 * span / (kills + 1), kills)
-    hit = sum(_killed(study, cut, float(moment)) for moment in moments)
-    _finish(study, cut)
+    hit = sum(_killed([study, *words], cut, float(moment)) for moment in moments)
+    _finish([study, *words], cut)
     name = read_plan(study).name
     names = ("table.parquet", "table.csv")
     is_same = all((whole / name / n).read_bytes() == (cut / name / n).read_bytes() for n in names)
@@ -104,18 +111,18 @@ def broken(study: str, folder: Path, kills: int = KILLS) -> Broken:
     return Broken(is_same, hit, repeated, lost, len(open_study(cut / name).table))
 
 
-def _command(study: str, out: Path) -> list[str]:
-    words = ["study", study, "--workers", "2", "--out", str(out)]
+def _command(study: list[str], out: Path) -> list[str]:
+    words = ["study", *study, "--workers", "2", "--out", str(out)]
     return [sys.executable, "-P", "-c", "from cosim.cli import main; main()", *words]
 
 
-def _finish(study: str, out: Path) -> None:
+def _finish(study: list[str], out: Path) -> None:
     done = subprocess.run(_command(study, out), capture_output=True, text=True, check=False)
     if done.returncode:
-        raise ConvergenceError(f"cosim study {study}: {done.stderr.strip()[-500:]}")
+        raise ConvergenceError(f"cosim study {' '.join(study)}: {done.stderr.strip()[-500:]}")
 
 
-def _killed(study: str, out: Path, seconds: float) -> bool:
+def _killed(study: list[str], out: Path, seconds: float) -> bool:
     """Whether it was still going on, and so was killed, with every process of its group."""
     quiet = subprocess.DEVNULL
     process = subprocess.Popen(
@@ -163,11 +170,16 @@ def _broken_rows(name: str, found: Broken) -> Iterator[Row]:
     yield Row(name, "runs cut off", 2.0 * KILLS, found.lost, 0.0, most, "bound")
 
 
-def network_rows() -> Iterator[Row]:
-    """640 runs of eight parameters."""
+def reduced_rows() -> Iterator[Row]:
+    """640 runs of eight parameters, on a network that is reduced here from a coarse shell."""
     with TemporaryDirectory() as folder:
+        case = Path(folder) / "reduced.toml"
+        found = reduce_case(find_case(REDUCED[0]), REDUCED[1:], GRID, 2)
+        text = case_text(found, "a reduced hood", REDUCED[0], REDUCED[1:])
+        case.write_text(text, encoding="utf-8")
         yield from _broken_rows(
-            "killed, Saltelli of a network", broken("network_saltelli", Path(folder))
+            "killed, Saltelli of a reduced network",
+            broken("loads_saltelli", Path(folder), "--case", str(case)),
         )
 
 
@@ -186,7 +198,7 @@ def failing_rows() -> Iterator[Row]:
         place = Path(folder)
         file = place / "third.toml"
         file.write_text(THIRD, encoding="utf-8")
-        done = subprocess.run(_command(str(file), place), capture_output=True, check=False)
+        done = subprocess.run(_command([str(file)], place), capture_output=True, check=False)
         yield Row(name, "exit code", 1.0, done.returncode, 0.0, "a run has no answer", "absolute")
         found = open_study(place / "third")
         failed = found.table.status.ne("converged").to_numpy()
@@ -241,7 +253,7 @@ def memory_rows() -> Iterator[Row]:
 
 STUDIES = (
     Study("study whose third run fails", failing_rows),
-    Study("study killed five times, network", network_rows),
+    Study("study killed five times, reduced network", reduced_rows),
     Study("memory of a worker", memory_rows),
     Study("study killed five times, shell", shell_rows, slow=True),
 )

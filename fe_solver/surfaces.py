@@ -26,7 +26,7 @@ __all__ = ["Sphere", "SplineDistance", "Surface", "cache_folder"]
 
 Array = NDArray[np.float64]
 
-VERSION = 2
+VERSION = 3
 """Part of the cache key: raise it when the same surface would bake to other coefficients."""
 MOST_NODES = 20_000_000
 SYMMETRIC = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])

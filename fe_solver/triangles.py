@@ -12,15 +12,20 @@ Ints = NDArray[np.integer]
 
 EDGE = 2.0
 """Grid spacings between samples of the surface."""
-TIERS = ((9.0, 3), (4.0, 10))
-"""(reach, count): a node nearer than `reach` grid spacings tries the faces of the `count` nearest
-samples."""
+TRIED = 3
+"""Nearest samples whose faces bound a node's distance from above."""
+REACH = 10.0
+"""Grid spacings within which distances are exact."""
 FAR = 2
 """Farther than that, distances are found at every second node each way and interpolated."""
 BORDER = 3
 """Coarse nodes beyond the grid, or the spline would feel its end."""
 BATCH = 100_000
 """Nodes at a time, to bound the memory."""
+PAIRED = 2_000
+"""As many where each is paired with all faces about it."""
+SURE = 1e-6
+"""Area over the radius squared below which a triangle's normal is rounding."""
 
 
 def checked_surface(vertices: Array, faces: Ints) -> tuple[Array, Ints]:
@@ -77,17 +82,14 @@ def distances_on_grid(
 ) -> Array:
     """Signed distance (m, negative inside) at the nodes of a uniform grid, `shape`.
 
-    Near the surface it is exact unless a face whose samples are all farther is the nearest, and
-    then too large by less than the square of the samples' spacing over twice the distance; farther
-    away it is interpolated."""
+    Up to REACH spacings from the surface it is exact, and so moves no farther than the vertices do;
+    farther away it is interpolated."""
     triangles = vertices[faces]
     axes = [o + spacing * np.arange(n) for o, n in zip(origin, shape, strict=True)]
     value = np.abs(_far(triangles, origin, spacing, shape)).ravel()
-    for i, (reach, count) in enumerate(TIERS):
-        near = np.flatnonzero(value <= reach * spacing)
-        nodes = np.stack(np.unravel_index(near, shape), axis=1) * spacing + origin
-        found = _unsigned(triangles, nodes, EDGE * spacing, count)
-        value[near] = found if i == 0 else np.minimum(value[near], found)
+    near = np.flatnonzero(value <= REACH * spacing)
+    nodes = np.stack(np.unravel_index(near, shape), axis=1) * spacing + origin
+    value[near] = _exact(triangles, nodes, _bound(triangles, nodes, EDGE * spacing))
     return np.where(_inside(triangles, *axes), -1.0, 1.0) * value.reshape(shape)
 
 
@@ -98,18 +100,19 @@ def _far(triangles: Array, origin: Array, spacing: float, shape: tuple[int, ...]
     coarse = [FAR * np.arange(-BORDER, -(-n // FAR) + BORDER) for n in shape]
     axes = [o + spacing * i for o, i in zip(origin, coarse, strict=True)]
     nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-    value = _unsigned(triangles, nodes.reshape(-1, 3), EDGE * spacing, 3).reshape(nodes.shape[:3])
+    value = _bound(triangles, nodes.reshape(-1, 3), EDGE * spacing).reshape(nodes.shape[:3])
     value = np.where(_inside(triangles, *axes), -value, value)
     at = np.meshgrid(*[np.arange(n) / FAR + BORDER for n in shape], indexing="ij")
     return np.asarray(map_coordinates(value, at, order=3, mode="nearest"))
 
 
-def _unsigned(triangles: Array, nodes: Array, edge: float, count: int) -> Array:
-    """Distance of nodes (n, 3) to the faces that own the nearest `count` samples, cut to `edge`."""
+def _bound(triangles: Array, nodes: Array, edge: float) -> Array:
+    """(n,) distance of nodes (n, 3) to the faces of the TRIED nearest samples, which lie `edge` or
+    less apart: that of the surface or more, by less than edge squared over twice it."""
     from scipy.spatial import cKDTree
 
     samples, owner = _samples(triangles, edge)
-    tree, k = cKDTree(samples), range(1, min(count, len(samples)) + 1)
+    tree, k = cKDTree(samples), range(1, min(TRIED, len(samples)) + 1)
     out = np.empty(len(nodes))
     for i in range(0, len(nodes), BATCH):
         some = slice(i, i + BATCH)
@@ -124,6 +127,44 @@ def _nearest_of(triangles: Array, points: Array, candidates: Ints) -> Array:
     for column in np.sort(candidates, axis=1).T:
         best = np.minimum(best, distance_squared(triangles[column], points))
     return np.sqrt(best)
+
+
+def _exact(triangles: Array, nodes: Array, most: Array) -> Array:
+    """(n,) distance of nodes (n, 3) to the surface, which is `most` (n,) or less.
+
+    Every face that may be nearer is tried.  Faces are looked for by the discs about them, those of
+    like size together, so that a few large ones do not make all be looked at."""
+    from scipy.spatial import cKDTree
+
+    centre, normal, radius = _discs(triangles)
+    size = np.frexp(radius)[1]
+    out, order = most.copy(), np.argsort(most)
+    for alike in (np.flatnonzero(size == s) for s in np.unique(size)):
+        tree, widest = cKDTree(centre[alike]), radius[alike].max()
+        for i in range(0, len(nodes), PAIRED):
+            some = order[i : i + PAIRED]
+            reach = out[some].max() + widest
+            pairs = cKDTree(nodes[some]).sparse_distance_matrix(tree, reach, output_type="ndarray")
+            node, face, apart = some[pairs["i"]], alike[pairs["j"]], pairs["v"]
+            may = np.flatnonzero(apart - radius[face] < out[node])
+            node, face, apart = node[may], face[may], apart[may]
+            height = _dot(nodes[node] - centre[face], normal[face])
+            beside = np.sqrt(np.maximum(apart**2 - height**2, 0.0)) - radius[face]
+            may = np.flatnonzero(height**2 + np.maximum(beside, 0.0) ** 2 < out[node] ** 2)
+            node, face = node[may], face[may]
+            np.minimum.at(out, node, np.sqrt(distance_squared(triangles[face], nodes[node])))
+    return out
+
+
+def _discs(triangles: Array) -> tuple[Array, Array, Array]:
+    """Centre (n, 3), unit normal (n, 3) and radius (n,) of a disc that holds each triangle; a
+    sliver without a sure normal has none, and a ball in its place."""
+    centre = triangles.mean(axis=1)
+    radius = np.linalg.norm(triangles - centre[:, None], axis=2).max(axis=1)
+    cross = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    area = np.linalg.norm(cross, axis=1)[:, None]
+    sure = area > SURE * radius[:, None] ** 2
+    return centre, np.divide(cross, area, out=np.zeros_like(cross), where=sure), radius
 
 
 def _samples(triangles: Array, spacing: float) -> tuple[Array, Ints]:

@@ -50,6 +50,10 @@ MOST = 1e6
 """No number of a mesh file is larger."""
 SAME_PLACE = 1e-9
 """m, nodes nearer than that lie at one place."""
+FOLDED = 0.01
+"""Least corner of a quad over the mean of its four."""
+FLAT = 0.1
+"""Least square of the mean corner over the mean of their squares: less where they point apart."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +63,10 @@ class Attachment:
     body: str
     nodes: Ints
     anchors: Array
+
+    def of(self, on: NDArray[np.bool_], number: Ints) -> Attachment:
+        """Those springs alone, their nodes by their new numbers."""
+        return Attachment(self.body, number[self.nodes[on]], self.anchors[on])
 
 
 @dataclass(frozen=True)
@@ -282,14 +290,12 @@ class _Reader:
         """Each quad is convex, its fibre lies in it, and neighbours face the same way."""
         q = mesh.quads
         p = mesh.points[q]
-        corner = np.cross(p - np.roll(p, 1, axis=1), np.roll(p, -1, axis=1) - p)
-        mean = corner.mean(axis=1)
-        size = np.einsum("nk,nk->n", mean, mean)
-        bad = (np.einsum("nak,nk->na", corner, mean) <= 0.01 * size[:, None]).any(axis=1)
-        bad |= mesh.areas() < 1e-12
+        bad = folded(p) | (mesh.areas() < 1e-12)
         if bad.any():
             i = int(np.argmax(bad))
             raise self.fault("quads", f"quad {i} is folded or has no area; its nodes are {q[i]}")
+        mean = _corners(p).mean(axis=1)
+        size = np.einsum("nk,nk->n", mean, mean)
         upright = np.einsum("nk,nk->n", mesh.fibre, mean) ** 2 > 0.99 * size
         if upright.any():
             i = int(np.argmax(upright))
@@ -334,6 +340,21 @@ class _Reader:
             raise self.fault(
                 "points", f"node {j} lies where node {i} does; merge the mesh's duplicate nodes"
             )
+
+
+def folded(corners: Array) -> NDArray[np.bool_]:
+    """(n,) which quads (n, 4, 3) have a reflex corner, cross themselves or have no area."""
+    corner = _corners(corners)
+    mean = corner.mean(axis=1)
+    least = np.einsum("nak,nk->na", corner, mean).min(axis=1, initial=np.inf)
+    size = np.einsum("nk,nk->n", mean, mean)
+    apart = FLAT * np.einsum("nak,nak->n", corner, corner) / 4
+    return (least <= FOLDED * size) | (size <= apart)
+
+
+def _corners(p: Array) -> Array:
+    """(n, 4, 3) of quads (n, 4, 3), the cross product of the edges that meet at each corner."""
+    return np.cross(p - np.roll(p, 1, axis=1), np.roll(p, -1, axis=1) - p)
 
 
 def _pieces(mesh: HoodMesh) -> tuple[int, Ints]:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from cosim.port import InputError
 
 from .hood import CENTRAL_END, INTRINSIC, TERMINAL_END
+from .hood_mesh import folded
 from .hull import Chain, along
 
 Array = NDArray[np.float64]
@@ -26,10 +27,6 @@ SPAN = (0.45, 1.9)
 """Of a hood's longest side over the finger from MCP to tip; our own hood's is 0.9 to 1.1."""
 WARPED = np.deg2rad(30.0)
 """Between the normals of a quad's two halves."""
-FOLDED = 0.01
-"""As in `hood_mesh`: least corner over the mean of a quad's four."""
-FLAT = 0.1
-"""Least square of the mean corner over the mean of their squares: less where they point apart."""
 CLEARLY = 0.5
 """Other axes are named where the landmarks' distances are less than that with them."""
 NEAR = 12e-3
@@ -115,12 +112,7 @@ def quad_faults(points: Array, quads: Ints) -> list[str]:
             f"{(times > 1).sum()} cells are there twice, the first is cell "
             f"{first[np.argmax(times > 1)]}; remove the doubles"
         )
-    p = points[quads[~triangle]]
-    corner = np.cross(p - np.roll(p, 1, axis=1), np.roll(p, -1, axis=1) - p)
-    mean = corner.mean(axis=1)
-    least = np.einsum("nak,nk->na", corner, mean).min(axis=1, initial=np.inf)
-    size = np.einsum("nk,nk->n", mean, mean)
-    bad = (least <= FOLDED * size) | (size <= FLAT * np.einsum("nak,nak->n", corner, corner) / 4)
+    bad = folded(points[quads[~triangle]])
     if bad.any():
         those = np.flatnonzero(~triangle)[bad]
         more = ", ..." if len(those) > 8 else ""

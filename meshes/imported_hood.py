@@ -286,5 +286,5 @@ def _freed(mesh: HoodMesh) -> HoodMesh:
     for name, held in mesh.springs.items():
         keep = ~np.isin(held.nodes, np.concatenate([tied, ends]))
         if keep.any():
-            springs[name] = Attachment(held.body, held.nodes[keep], held.anchors[keep])
+            springs[name] = held.of(keep, np.arange(len(mesh.points)))
     return replace(mesh, springs=springs)

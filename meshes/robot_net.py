@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from .bones import load_bone
 from .cable_net import CableNet, cable_of
-from .hood_mesh import Attachment
 from .skeleton import BODIES, Skeleton, index_finger
 
 Array = NDArray[np.float64]
@@ -64,7 +63,7 @@ def extensor_alone(net: CableNet) -> CableNet:
         strands=tuple(left),
         ends={"central": new[net.ends["central"]]},
         springs={
-            name: Attachment(held.body, new[held.nodes], held.anchors)
+            name: replace(held, nodes=new[held.nodes])
             for name, held in net.springs.items()
         },
         tied=_renumbered(net.tied, new),

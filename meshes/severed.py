@@ -109,7 +109,7 @@ def _of_quads(mesh: HoodMesh, kept: Mask) -> HoodMesh:
     springs = {}
     for name, held in mesh.springs.items():
         on = new[held.nodes] >= 0
-        springs[name] = Attachment(held.body, new[held.nodes[on]], held.anchors[on])
+        springs[name] = held.of(on, new)
     return replace(
         mesh,
         points=mesh.points[nodes],
@@ -178,7 +178,7 @@ def _of_cells(net: CableNet, kept: Mask) -> CableNet:
     for name, held in net.springs.items():
         on = new[held.nodes] >= 0
         if on.any():
-            springs[name] = Attachment(held.body, new[held.nodes[on]], held.anchors[on])
+            springs[name] = held.of(on, new)
     return replace(
         net,
         points=net.points[nodes],

@@ -16,7 +16,17 @@ from cosim.port import InputError
 from fe_solver.mesh_geometry import node_directors
 from fe_solver.shell import shell_tables
 from fe_solver.shell_hood import ShellHood
-from meshes.hood_mesh import ENDS, REGIONS, SPRINGS, Attachment, HoodMesh, read, to_json, write
+from meshes.hood_mesh import (
+    ENDS,
+    REGIONS,
+    SPRINGS,
+    Attachment,
+    HoodMesh,
+    folded,
+    read,
+    to_json,
+    write,
+)
 from meshes.skeleton import JOINTS
 
 
@@ -171,6 +181,18 @@ def test_a_faulty_mesh_file_is_refused(tmp_path, path, value, message):
     with pytest.raises(InputError, match=r"mesh\.json") as caught:
         read(file)
     assert message in str(caught.value)
+
+
+def test_a_quad_that_crosses_itself_is_found_however_its_corners_are_lifted():
+    random = np.random.default_rng(0)
+    square = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    many = np.tile(square, (200, 1, 1))
+    many[:, :, 2] = random.uniform(-0.15, 0.15, (200, 4))
+    assert not folded(many).any()
+    assert folded(many[:, [0, 1, 3, 2]]).all()
+    reflex = square.copy()
+    reflex[2] = [0.4, 0.4, 0.0]
+    assert folded(reflex[None]).all()
 
 
 def test_a_hood_in_two_pieces_is_refused(tmp_path):

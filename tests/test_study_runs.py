@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 from collections import Counter
 from math import radians
 from pathlib import Path
@@ -92,6 +93,19 @@ def test_the_page_lays_the_runs_beside_what_was_measured(place):
     assert '>near</td><td>-24 ± 5</td><td class="where">median inside' in page
     assert '>far</td><td>[at least 1]</td><td class="where">apart' in page
     assert "not ours" not in page.split('<section id="file">')[0]
+
+
+def test_a_study_is_done_on_another_case_too(place):
+    """Whose joint is twice as stiff; its runs are others, in the same store."""
+    other = '[finger.passive.PIP]\nstiffness = "0.08 N*m/rad"\nrest = "0 deg"\n'
+    (place / "stiff.toml").write_text(f'extends = "held.toml"\n{other}', encoding="utf-8")
+    own = cosim("pip.toml")
+    assert own.exit_code == 0, own.output
+    done = cosim("pip.toml", "--case", "stiff.toml")
+    assert "4 runs solved" in done.output, done.output
+    angles = np.radians([20, 30, 40, 50])
+    assert open_study(place / "studies" / "pip").values("torque") == pytest.approx(-80 * angles)
+    assert cosim("pip.toml", "--case", "nothing.toml").exit_code == 2
 
 
 def test_another_study_of_the_store_takes_what_is_there(place):
@@ -242,6 +256,22 @@ def test_a_run_in_its_own_process_is_that_of_this_one(place):
             apart.solve(other)
     finally:
         apart.close()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
+def test_the_process_of_a_run_has_one_thread_and_keeps_its_memory(monkeypatch):
+    """Whatever a Dask worker was given: two that hand every block back get in each other's way."""
+    monkeypatch.setenv("MALLOC_TRIM_THRESHOLD_", "65536")
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "8")
+    child = apart.Child()
+    try:
+        lines = Path(f"/proc/{child.process.pid}/environ").read_text().split("\0")
+    finally:
+        child.end()
+    given = dict(line.split("=", 1) for line in lines if "=" in line)
+    assert {given[name] for name in apart.THREADS} == {"1"}
+    assert int(given["MALLOC_TRIM_THRESHOLD_"]) > 2**26
+    assert given["MALLOC_MMAP_THRESHOLD_"] == str(2**25)  # more than glibc takes is not taken
 
 
 def test_a_run_whose_process_ends_again_and_again_is_a_row(place, monkeypatch):

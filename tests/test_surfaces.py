@@ -312,6 +312,76 @@ def test_distances_to_a_cube_are_exact():
     assert found == pytest.approx(exact, abs=1e-12)
 
 
+def waisted(rows, around):
+    """A tube along x, thinner in the middle, closed by fans: slivers beside even triangles, rows
+    1 mm apart in 13, and a middle line from which many faces are nearly as far."""
+    x = np.linspace(-6e-3, 6e-3, rows)
+    radius, turn = 3e-3 + 1.5e-3 * (x / 6e-3) ** 2, 2 * np.pi * np.arange(around) / around
+    ring = np.stack(
+        [
+            np.broadcast_to(x[:, None], (rows, around)),
+            np.outer(radius, np.cos(turn)),
+            np.outer(radius, np.sin(turn)),
+        ],
+        axis=-1,
+    )
+    i = np.arange(rows * around).reshape(rows, around)
+    j = np.roll(i, -1, axis=1)
+    first, last = np.full(around, i.size), np.full(around, i.size + 1)
+    faces = [(i[:-1], i[1:], j[:-1]), (j[:-1], i[1:], j[1:]), (i[0], j[0], first)]
+    faces.append((j[-1], i[-1], last))
+    points = np.vstack([ring.reshape(-1, 3), [[x[0], 0, 0], [x[-1], 0, 0]]])
+    return points, np.concatenate([np.stack(f, axis=-1).reshape(-1, 3) for f in faces])
+
+
+WAISTED = (np.array([-10e-3, -7.5e-3, -7.5e-3]), 0.5e-3, (41, 31, 31))
+"""Origin, spacing and shape of a grid about it."""
+
+
+@pytest.mark.parametrize(("rows", "around"), [(13, 12), (25, 48)])
+def test_within_reach_the_nearest_of_all_faces_is_found(rows, around):
+    points, faces = checked_surface(*waisted(rows, around))
+    found = np.abs(distances_on_grid(points, faces, *WAISTED)).ravel()
+    origin, spacing, shape = WAISTED
+    some = np.flatnonzero(found < 4.5e-3)[::41]
+    nodes = origin + spacing * np.stack(np.unravel_index(some, shape), axis=1)
+    every = (np.broadcast_to(face, (len(some), 3, 3)) for face in points[faces])
+    exact = np.sqrt(np.min([distance_squared(face, nodes) for face in every], axis=0))
+    assert found[some] == pytest.approx(exact, rel=1e-12, abs=1e-15)
+
+
+def test_rounding_of_the_vertices_moves_a_distance_no_farther_than_them():
+    points, faces = checked_surface(*waisted(13, 12))
+    random = np.random.default_rng(1)
+    there = distances_on_grid(points, faces, *WAISTED)
+    for rounding in (1e-12, 1e-9, 6e-8):
+        off = rounding * points * random.uniform(-1, 1, points.shape)
+        moved = np.abs(distances_on_grid(points + off, faces, *WAISTED) - there)
+        assert (
+            moved[np.abs(there) < 4.5e-3].max() < 1.01 * np.linalg.norm(off, axis=1).max() + 1e-15
+        )
+
+
+def test_a_large_face_beside_many_small_ones_is_found():
+    """A block whose top alone is finely divided: faces of two sizes, 40 to 1."""
+    n = 40
+    line = np.linspace(0, 8e-3, n + 1)
+    top = np.array([[x, y, 2e-3] for x in line for y in line])
+    k = np.arange((n + 1) ** 2).reshape(n + 1, n + 1)
+    a, b, c, d = k[:-1, :-1], k[1:, :-1], k[1:, 1:], k[:-1, 1:]
+    faces = [np.stack(f, axis=-1).reshape(-1, 3) for f in ((a, b, c), (a, c, d))]
+    rim = np.concatenate([k[:-1, 0], k[-1, :-1], k[:0:-1, -1], k[0, :0:-1]])
+    low = len(top)  # a fan from the rim to one point below closes it
+    faces.append(np.stack([np.roll(rim, -1), rim, np.full(len(rim), low)], axis=1))
+    points = np.vstack([top, [[4e-3, 4e-3, -4e-3]]])
+    origin, spacing, shape = np.array([-1.1e-3, -1.1e-3, -5.1e-3]), 1e-3, (11, 11, 9)
+    found = np.abs(distances_on_grid(points, np.concatenate(faces), origin, spacing, shape)).ravel()
+    nodes = origin + spacing * np.stack(np.unravel_index(np.arange(found.size), shape), axis=1)
+    every = points[np.concatenate(faces)]
+    exact = [np.sqrt(distance_squared(every, np.tile(x, (len(every), 1))).min()) for x in nodes]
+    assert found == pytest.approx(exact, rel=1e-12)
+
+
 def test_sign_where_rays_run_through_vertices_and_edges():
     found = distances_on_grid(CUBE, CUBE_FACES, np.full(3, -2e-3), 1e-3, (9, 9, 9))
     strict = np.zeros((9, 9, 9), dtype=bool)

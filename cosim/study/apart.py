@@ -21,7 +21,14 @@ DEATHS = 3
 """Times that the process of a run may end on its own before the run counts as failed."""
 PATIENCE = 5.0
 """Seconds for a process to end by itself once its input has."""
-SINGLE = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+THREADS = (
+    *("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"),
+    *("NUMBA_NUM_THREADS", "FE_SOLVER_THREADS"),
+)
+"""One of each: the workers are as many as there are cores for them."""
+KEPT = {"MALLOC_MMAP_THRESHOLD_": str(2**25), "MALLOC_TRIM_THRESHOLD_": str(2**28)}
+"""Bytes, of glibc: freed memory stays with the process.  Dask asks its workers to hand it back, and
+the kernel's work on page faults then keeps processes side by side from each other."""
 _here = threading.local()
 
 
@@ -32,13 +39,12 @@ class Child:
         self.told: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115
         root = str(Path(__file__).parents[2])
         paths = os.pathsep.join(filter(None, (root, os.environ.get("PYTHONPATH"))))
-        single = dict.fromkeys(SINGLE, "1")
         self.process = subprocess.Popen(
             [sys.executable, "-P", "-m", "cosim.study.child"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self.told,
-            env=os.environ | {"PYTHONPATH": paths} | single,
+            env=os.environ | {"PYTHONPATH": paths} | dict.fromkeys(THREADS, "1") | KEPT,
             text=True,
             encoding="utf-8",
         )

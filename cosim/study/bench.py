@@ -1,17 +1,21 @@
-"""What it costs to hand out runs, and what a second worker gains."""
+"""What it costs to hand out runs, what a second worker gains, and what the machine lets it gain."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from cosim.study.conduct import Count, conduct
-from cosim.study.engine import local
+from cosim.study import apart
+from cosim.study.conduct import conduct
+from cosim.study.engine import Solve, local
 from cosim.study.plan import read_plan
 from cosim.study.store import Store
+from cosim.study.task import Task, Verdict
 
 RUNS = 64
 STUDY = """
@@ -24,6 +28,8 @@ count = {runs}
 tip_force = "fingertip_magnitude_N"
 """
 """Of the shell."""
+Engine = Callable[[int], AbstractContextManager[Solve]]
+"""What solves runs, by so many workers."""
 
 
 @dataclass(frozen=True)
@@ -37,25 +43,24 @@ class Timed:
     """Of all runs, s, as each took it."""
     runs: int
 
+    @property
+    def rate(self) -> float:
+        """Runs per second."""
+        return self.runs / self.seconds
 
-def timed(workers: int, text: str) -> Timed:
+
+def timed(engine: Engine, workers: int, text: str) -> Timed:
     """A study on an empty store.  Raises InputError."""
     with TemporaryDirectory() as place:
         file = Path(place) / "bench.toml"
         file.write_text(text, encoding="utf-8")
         plan, store = read_plan(file), Store(Path(place) / "store").open()
-        ends: list[float] = []
-
-        def tell(count: Count) -> None:
-            if count.done > len(ends):
-                ends.append(time.perf_counter())
-
-        with local(workers, lambda text: None) as solve:
-            done = conduct(plan, store, solve, False, tell)
+        with engine(workers) as solve:
+            done = conduct(plan, store, solve, False, lambda count: None)
         taken = sorted(_ended(store), key=lambda end: end[1])
         seconds = {row.key: row.seconds for row in store.rows(done.keys.values())}
         counted = [seconds[key] for key, _ in taken[workers:]]
-        return Timed(ends[-1] - ends[workers - 1], sum(counted), len(counted))
+        return Timed(taken[-1][1] - taken[workers - 1][1], sum(counted), len(counted))
 
 
 def _ended(store: Store) -> Iterator[tuple[str, float]]:
@@ -66,18 +71,42 @@ def _ended(store: Store) -> Iterator[tuple[str, float]]:
             yield key, float(at)
 
 
+def dask(workers: int) -> AbstractContextManager[Solve]:
+    """The engine of studies."""
+    return local(workers, lambda text: None)
+
+
+def plain(workers: int) -> AbstractContextManager[Solve]:
+    """The same processes with the runs dealt out beforehand: what the machine gives."""
+
+    def solve(tasks: Iterator[Task]) -> Iterator[Verdict]:
+        dealt = list(tasks)
+        shares = [dealt[i::workers] for i in range(workers)]
+        with ThreadPoolExecutor(workers) as pool:
+            return chain.from_iterable(pool.map(_share, shares))
+
+    return nullcontext(solve)
+
+
+def _share(tasks: list[Task]) -> list[Verdict]:
+    try:
+        return [apart.solve(task) for task in tasks]
+    finally:
+        apart.close()
+
+
 def figures(tell: Callable[[str], None]) -> Iterator[tuple[str, float]]:
     """Name and value of every figure."""
     text = STUDY.format(runs=RUNS)
     tell(f"{RUNS} runs of the shell by one worker")
-    one = timed(1, text)
+    one = timed(dask, 1, text)
     yield "seconds of a run, one worker", one.solving / one.runs
     yield "cost of handing out, of the run's time", one.seconds / one.solving - 1
     tell(f"{RUNS} runs of the shell by two workers")
-    two = timed(2, text)
+    two = timed(dask, 2, text)
     yield "seconds of a run, two workers", two.solving / two.runs
     yield "cost of handing out, two workers", 2 * two.seconds / two.solving - 1
-    yield (
-        "runs per second, two workers over one",
-        (two.runs / two.seconds) / (one.runs / one.seconds),
-    )
+    yield "runs per second, two workers over one", two.rate / one.rate
+    tell(f"{2 * RUNS} runs of the shell by one process and two without an engine")
+    ceiling = timed(plain, 2, text).rate / timed(plain, 1, text).rate
+    yield "runs per second, two plain processes over one", ceiling

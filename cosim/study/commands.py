@@ -25,6 +25,10 @@ def study(
     file: Annotated[
         str, typer.Argument(metavar="STUDY", help="Study file, or name of a packaged study.")
     ],
+    case: Annotated[
+        str | None,
+        typer.Option(metavar="CASE", help="Case file or name, in place of the study's own."),
+    ] = None,
     workers: Annotated[
         int,
         typer.Option(min=0, max=1024, help="Processes on this machine; 0: in this process alone."),
@@ -52,7 +56,7 @@ def study(
         from cosim.study.progress import progress
         from cosim.study.store import Store
 
-        plan = read_plan(file)
+        plan = read_plan(file, case)
         if workers == 0 and scheduler is None and plan.most_seconds is not None:
             raise InputError("limits.time needs a process that can be ended: --workers 1 or more")
         kept = Store((store or out / "store").absolute()).open()

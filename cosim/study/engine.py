@@ -39,12 +39,15 @@ def here(tasks: Iterator[Task]) -> Iterator[Verdict]:
 
 @contextmanager
 def local(workers: int, tell: Callable[[str], None]) -> Iterator[Solve]:
-    """So many processes on this machine."""
+    """So many processes on this machine; Dask does not profile them, for they only wait for those
+    that solve."""
     import logging
 
+    import dask
     from distributed import Client, LocalCluster
 
     with (
+        dask.config.set({"distributed.worker.profile.enabled": False}),
         LocalCluster(
             n_workers=workers,
             threads_per_worker=1,

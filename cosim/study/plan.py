@@ -64,13 +64,15 @@ class Plan:
         return (*self.settings, *_settings(self.parameters, point, self.base))
 
 
-def read_plan(path_or_name: str | Path) -> Plan:
-    """The study of a file or of a packaged name, checked with its case, at its settings and in the
-    middle of every parameter.  Raises InputError."""
+def read_plan(path_or_name: str | Path, other: str | Path | None = None) -> Plan:
+    """The study of a file or of a packaged name, of its case or of the `other`, a path from here or
+    a packaged name; checked with its case, at its settings and in the middle of every parameter.
+
+    Raises InputError."""
     source = find_study(path_or_name)
     read, parameters = read_file(source)
     try:
-        case = find_case(read.case, source.parent)
+        case = find_case(other) if other else find_case(read.case, source.parent)
         settings = tuple(read.settings)
         base = load_case(case, settings)
     except InputError as error:

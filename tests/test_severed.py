@@ -1,0 +1,234 @@
+"""Cuts, adhesions and shortenings of a hood's mesh and net: what is left holds together."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from cosim.build import build, hood_mesh
+from cosim.build_lesion import STRUT, adhesions, injured_mesh, injured_net
+from cosim.case import load_case
+from cosim.case_lesion import OF_MESH
+from cosim.port import InputError, Motion
+from fe_solver.hood_model import SpringSet, springs_of
+from fe_solver.springs import spring_forces
+from meshes.cable_net import CableNet
+from meshes.hood_mesh import REGIONS, Attachment, HoodMesh
+from meshes.severed import severed, severed_net
+
+COARSE = "hood.mesh.quads=250"
+SPACED = 'hood.mesh.spacing="3 mm"'
+
+
+@cache
+def intact() -> HoodMesh:
+    return hood_mesh(load_case("lesion_mallet", [COARSE]))
+
+
+@cache
+def net() -> CableNet:
+    from cosim.build import drawn_bones
+    from cosim.build_cable import laid_net
+    from cosim.build_finger import skeleton_of
+
+    case = load_case("cable_edc", [SPACED])
+    return laid_net(case.hood, case.finger, skeleton_of(case.finger), drawn_bones(case))
+
+
+# Cuts of a mesh
+
+
+def whole(mesh: HoodMesh) -> None:
+    """Every node belongs to a quad, every set to a node, and the file's reader would take it."""
+    assert np.array_equal(np.unique(mesh.quads), np.arange(len(mesh.points)))
+    assert len(mesh.station) == len(mesh.points)
+    assert len(mesh.region) == len(mesh.fibre) == len(mesh.quads)
+    for nodes in (
+        *mesh.ends.values(),
+        *mesh.tied.values(),
+        *(s.nodes for s in mesh.springs.values()),
+    ):
+        assert np.all(nodes < len(mesh.points))
+
+
+@pytest.mark.parametrize("part", OF_MESH["shell"].cut)
+def test_every_part_can_be_cut_and_leaves_a_whole_mesh(part):
+    before, after = intact(), severed(intact(), part)
+    whole(after)
+    lost = len(before.quads) - len(after.quads)
+    released = sum(map(len, before.tied.values())) - sum(map(len, after.tied.values()))
+    sets = len(before.springs) - len(after.springs)
+    assert [lost > 0, released > 0, sets > 0].count(True) == 1
+    assert all(
+        np.array_equal(before.points[before.ends[e]], after.points[after.ends[e]])
+        for e in before.ends
+    )
+
+
+def test_a_slip_comes_off_its_own_bone_alone():
+    central, terminal = severed(intact(), "central_slip"), severed(intact(), "terminal_slip")
+    assert set(intact().springs) - set(central.springs) == {"central_slip"}
+    assert np.array_equal(central.tied["distal"], intact().tied["distal"])
+    assert len(intact().tied["distal"]) > 2
+    assert len(terminal.tied["distal"]) == 0
+    assert set(terminal.springs) == set(intact().springs)
+
+
+def test_a_lateral_band_loses_one_row_over_the_middle_phalanx():
+    before, after = intact(), severed(intact(), "lateral_band_radial")
+    gone = {tuple(q) for q in before.points[before.quads].mean(axis=1).round(9)} - {
+        tuple(q) for q in after.points[after.quads].mean(axis=1).round(9)
+    }
+    station = before.station[before.quads[before.cells("lateral_band_radial")]]
+    row = ((station.min(axis=1) <= 56) & (station.max(axis=1) > 56)).sum()
+    assert 1 <= len(gone) == row <= 2
+    assert before.cells("lateral_band_ulnar").sum() == after.cells("lateral_band_ulnar").sum()
+    assert before.cells("lateral_band_radial").sum() == (
+        after.cells("lateral_band_radial").sum() + row
+    )
+
+
+def test_springs_and_sets_stay_on_their_nodes():
+    before, after = intact(), severed(intact(), "central_band")
+    for name, held in after.springs.items():
+        assert np.array_equal(after.points[held.nodes], before.points[before.springs[name].nodes])
+        assert np.array_equal(held.anchors, before.springs[name].anchors)
+    assert np.array_equal(after.points[after.tied["distal"]], before.points[before.tied["distal"]])
+
+
+def strip(count=4, region="central_band", **sets) -> HoodMesh:
+    """A strip of quads along x through the place where the central band is cut (25.5 mm)."""
+    x = np.linspace(20.0, 32.0, count + 1)
+    points = np.array([[a, b, 0.0] for a in x for b in (0.0, 5.0)]) * 1e-3
+    quads = np.array([[2 * i, 2 * i + 2, 2 * i + 3, 2 * i + 1] for i in range(count)])
+    region_of = np.full(count, REGIONS.index(region))
+    fibre = np.tile([1.0, 0.0, 0.0], (count, 1))
+    given = {"ends": {}, "springs": {}, "tied": {}} | sets
+    return HoodMesh(
+        points,
+        quads,
+        region_of,
+        fibre,
+        given["ends"],
+        given["springs"],
+        given["tied"],
+        points[:, 0] * 1e3,
+        {},
+        42.6e-3,
+        6e-4,
+    )
+
+
+def test_a_piece_that_nothing_holds_is_left_out_and_one_that_is_pulled_refused():
+    last = np.array([8, 9])
+    loose = strip(tied={"distal": last}, ends={"central": last[:0]})
+    assert len(severed(loose, "central_band").quads) == 2  # of 4 one is cut, one hangs on nothing
+    pulled = strip(tied={"distal": last}, ends={"central": np.array([0, 1])})
+    with pytest.raises(InputError, match=r"central_band: leaves a piece \(node [01]\)"):
+        severed(pulled, "central_band")
+    held = strip(
+        tied={"distal": last},
+        ends={"central": np.array([0, 1])},
+        springs={"ligament_radial": Attachment("proximal", np.array([2]), np.zeros((1, 3)))},
+    )
+    assert len(severed(held, "central_band").quads) == 3
+
+
+def test_what_a_mesh_has_not_cannot_be_cut():
+    with pytest.raises(InputError, match="central_slip"):
+        severed(strip(), "central_slip")
+    with pytest.raises(InputError, match="lateral_band_ulnar at station 56 mm"):
+        severed(strip(), "lateral_band_ulnar")
+
+
+def test_a_hood_off_both_bones_is_refused():
+    both = load_case("lesion_mallet", [COARSE, 'lesion.cut=["central_slip", "terminal_slip"]'])
+    with pytest.raises(InputError, match="no insertion holds the hood"):
+        build(both)
+
+
+# Cuts of a net
+
+
+@pytest.mark.parametrize("part", OF_MESH["cable"].cut)
+def test_every_part_of_a_net_can_be_cut_and_no_cable_hangs_loose(part):
+    after = severed_net(net(), part)
+    assert len(after.cells) < len(net().cells) or len(after.springs) < len(net().springs)
+    assert np.array_equal(np.unique(after.cells), np.arange(len(after.points)))
+    held = np.concatenate(
+        [*after.ends.values(), *after.tied.values(), *(s.nodes for s in after.springs.values())]
+    )
+    joined = np.bincount(after.cells.ravel())
+    assert np.all(np.isin(np.flatnonzero(joined == 1), held))
+    assert np.array_equal(np.unique(after.strand), np.arange(len(after.strands)))
+    for name, spring in after.springs.items():
+        assert np.isin(after.points[spring.nodes], net().points[net().springs[name].nodes]).all()
+
+
+def test_a_net_off_the_distal_phalanx_has_no_terminal_slip():
+    after = severed_net(net(), "terminal_slip")
+    assert "terminal_slip" in net().strands
+    assert "terminal_slip" not in after.strands
+    assert {"lateral_band_radial", "central_slip"} <= set(after.strands)
+
+
+def test_the_uncut_is_as_it_was():
+    assert injured_mesh(intact(), None) is intact()
+    assert injured_net(net(), None) is net()
+
+
+# Adhesions and lengths
+
+
+def test_an_adhesion_holds_a_part_with_its_stiffness_in_every_direction():
+    case = load_case("lesion_adhesion", [COARSE])
+    mesh, lesion = intact(), case.lesion
+    from cosim.build_finger import skeleton_of
+    from meshes.skeleton import BODIES
+
+    rest = Motion(BODIES, *skeleton_of(case.finger).pose(mesh.rest_posture))
+    grown = adhesions(lesion, mesh, mesh.points, rest)
+    assert set(grown) == {"adhesion_central_band_proximal"}
+    sets = {n: SpringSet(g.held, g.stiffness, 0.0, False) for n, g in grown.items()}
+    springs = springs_of(mesh.points, rest, sets)
+    nodes = np.unique(springs.node)
+    assert np.array_equal(nodes, np.unique(mesh.quads[mesh.cells("central_band")]))
+    for shift in 1e-3 * STRUT * np.eye(3):
+        moved = spring_forces(springs, mesh.points + shift, rest.position, rest.rotation, True)
+        total = moved.gradient.sum(axis=0)
+        assert total == pytest.approx(lesion.adhesion * shift, abs=2e-3 * lesion.adhesion * 5e-6)
+
+
+def test_a_part_over_a_joint_grows_onto_both_bones():
+    from cosim.build_finger import skeleton_of
+    from meshes.skeleton import BODIES
+
+    case = load_case("lesion_adhesion", [COARSE, 'lesion.adhere=["central_slip"]'])
+    rest = Motion(BODIES, *skeleton_of(case.finger).pose(intact().rest_posture))
+    grown = adhesions(case.lesion, intact(), intact().points, rest)
+    assert set(grown) == {"adhesion_central_slip_proximal", "adhesion_central_slip_middle"}
+    assert sum(g.stiffness for g in grown.values()) == pytest.approx(3 * case.lesion.adhesion)
+
+
+def test_shorter_by_a_lesion_is_shorter_by_its_extra_length():
+    stated = ('hood.extra_length.terminal_slip="0.2 mm"', 'lesion.shorten.terminal_slip="1 mm"')
+    by_lesion = build(load_case("lesion_terminal_shortened", [COARSE, *stated])).hood
+    alike = load_case(
+        "lesion_terminal_shortened", [COARSE, 'hood.extra_length.terminal_slip="-0.8 mm"']
+    ).model_copy(update={"lesion": None})
+    grown = [h.model.tables.offset for h in (by_lesion, build(alike).hood)]
+    assert np.abs(grown[0]).max() > 0.01
+    assert grown[0] == pytest.approx(grown[1], rel=1e-12)
+
+
+@pytest.mark.parametrize("name", ["central_slip", "lateral_band_radial"])
+def test_more_than_half_of_a_part_cannot_be_taken(name):
+    taken = [COARSE, f'lesion.shorten={{{name}="5 mm"}}', 'hood.extra_length.central_slip="-3 mm"']
+    case = load_case("lesion_mallet", [*taken, "lesion.cut=[]"])
+    if name == "lateral_band_radial":
+        build(case)
+        return
+    with pytest.raises(InputError, match=r"central_slip: 8\.00 mm shorter"):
+        build(case)
