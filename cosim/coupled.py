@@ -40,10 +40,15 @@ class Answer:
 
     def foreseen(self, motion: Motion, tension: Array) -> Array:
         """(nb, 6) load at another pose and tension, as the tangent has it."""
+        return self.displaced(self.motion.twist_to(motion), tension)
+
+    def displaced(self, twist: Array, tension: Array) -> Array:
+        """(nb, 6) load after the bodies' twists (nb, 6) under another tension, as the tangent has
+        it."""
         wrench = self.response.load.total()
         if self.tangent is None:
             return wrench
-        change = self.tangent.load_motion @ self.motion.twist_to(motion).ravel()
+        change = self.tangent.load_motion @ twist.ravel()
         change = change + self.tangent.load_tension @ (tension - self.tension)
         return wrench + change.reshape(-1, 6)
 
@@ -141,12 +146,12 @@ def followed(
     state: Coupled,
     moved: State,
     answer: Answer,
+    point: Point,
     applied: Array,
     pulls: tuple[Array, Array],
     dt: float,
 ) -> Coupled:
-    """The state with the finger `moved` under `applied` (nb, 6), and the books kept."""
-    point = standing(answer, finger.motion(finger.angles(moved)))
+    """The state with the finger `moved` to `point` under `applied` (nb, 6), and the books kept."""
     return replace(
         state,
         finger=moved,
@@ -164,9 +169,9 @@ def standing(answer: Answer, motion: Motion) -> Point:
     response = answer.response
     if answer.tangent is None:
         return Point(answer.motion, response.load.total(), response.excursion)
-    moved = answer.tangent.excursion_motion @ answer.motion.twist_to(motion).ravel()
-    wrench = answer.foreseen(motion, answer.tension)
-    return Point(motion, wrench, response.excursion + moved)
+    twist = answer.motion.twist_to(motion)
+    moved = answer.tangent.excursion_motion @ twist.ravel()
+    return Point(motion, answer.displaced(twist, answer.tension), response.excursion + moved)
 
 
 def _exchanged(
@@ -185,7 +190,8 @@ def _exchanged(
     shorter = finger.path_lengths(then) - finger.path_lengths(q)
     own = 0.5 * (state.tension[1] + pulls[1]) * shorter
     passed = 0.5 * (last.wrench + point.wrench) * last.motion.twist_to(point.motion)
-    beyond = before.foreseen(answer.motion, answer.tension) - answer.response.load.total()
+    asked = before.motion.twist_to(answer.motion)
+    beyond = before.displaced(asked, answer.tension) - answer.response.load.total()
     hood = e.hood + float(passed.sum())
     return Energy(
         tendons=e.tendons + float(tendons.sum()),
@@ -194,5 +200,5 @@ def _exchanged(
         load=e.load + float((applied * turned).sum()),
         hood=hood,
         most=max(e.most, hood),
-        foreseen=e.foreseen + float((beyond * before.motion.twist_to(answer.motion)).sum()),
+        foreseen=e.foreseen + float((beyond * asked).sum()),
     )

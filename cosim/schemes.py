@@ -131,7 +131,8 @@ def _explicit(
     answer = _asked(scheme, hood, state.hood, finger.motion(angles), pulls[0], dt)
     applied = state.answer.response.load.total()
     residual = apart(applied, answer, scheme.length)
-    after = followed(finger, state, moved, answer, applied, pulls, dt)
+    point = standing(answer, finger.motion(finger.angles(moved)))
+    after = followed(finger, state, moved, answer, point, applied, pulls, dt)
     return replace(after, residual=residual, solves=state.solves + 1)
 
 
@@ -142,10 +143,10 @@ def _linear(
     motion = finger.motion(_predicted(finger, state, dt))
     answer = _asked(scheme, hood, state.hood, motion, pulls[0], dt)
     moved = finger.step(state.finger, answer.load(), pulls[1], dt)
-    applied = answer.foreseen(finger.motion(finger.angles(moved)), pulls[0])
+    point = standing(answer, finger.motion(finger.angles(moved)))
     foreseen = state.answer.foreseen(motion, pulls[0])
     residual = apart(foreseen, answer, scheme.length)
-    after = followed(finger, state, moved, answer, applied, pulls, dt)
+    after = followed(finger, state, moved, answer, point, point.wrench, pulls, dt)
     return replace(after, residual=residual, solves=state.solves + 1)
 
 
@@ -172,8 +173,8 @@ def _iterated(
             foreseen = before.foreseen(answer.motion, pulls[0])
             gap = apart(foreseen, answer, scheme.length)
             residual = gap * min(1.0, turn / (np.abs(angles - last).max() or turn or 1.0))
-            applied = answer.foreseen(finger.motion(there), pulls[0])
-            after = followed(finger, state, moved, answer, applied, pulls, dt)
+            point = standing(answer, finger.motion(there))
+            after = followed(finger, state, moved, answer, point, point.wrench, pulls, dt)
             solves += state.solves
             return replace(after, residual=residual, solves=solves, history=history)
         before, last = answer, angles

@@ -86,6 +86,14 @@ class Pattern:
         out.sort_indices()
         return out
 
+    def free_part(self, data: Array) -> sp.csc_array:
+        """The free part of the full matrix."""
+        return sp.csc_array((data[self._places], self.slots.indices, self.slots.indptr))
+
+    @cached_property
+    def _places(self) -> Ints:
+        return self.slots.data.astype(np.intp) - 1
+
     @cached_property
     def analysis(self) -> Analysis:
         """Of the free part, for symmetric values."""

@@ -107,20 +107,23 @@ def coupling(
     own[p.turns, 3:, :3] += arm_cross[p.turns]
     follow = ~p.turns
     own[follow, 3:, 3:] += arm_cross[follow] @ skew(p.arm[follow])
-    add_at(wrench, (p.body, slice(None), p.body), own)
-    _held_points(p, G, force, np.einsum("nij,njbk->nibk", A, S.reshape(n, 5, nb, 6)[:, :3]), wrench)
+    for body in range(nb):
+        wrench[body, :, body] += own[p.body == body].sum(axis=0)
+    _held_points(p, G, force, A, S.reshape(n, DOFS, nb, 6), wrench)
     _held_terms(model, c, e, tension, residual, wrench)
     by_tension, wrench_tension = _tension_terms(model, c, A)
     size = 6 * nb
     return residual.reshape(-1, size), wrench.reshape(size, size), by_tension, wrench_tension
 
 
-def _held_points(p: PointForces, G: Array, force: Array, follow: Array, wrench: Array) -> None:
-    """Points that act on one body and whose node another body moves (in place); follow (n, 3,
-    nb, 6) the nodes' motion by the bodies' twists, force (k, 3, 6) the points' force by their
-    own body's."""
-    on = follow[p.node].any(axis=(1, 2, 3))
-    moved = follow[p.node[on]]
+def _held_points(
+    p: PointForces, G: Array, force: Array, A: Array, follow: Array, wrench: Array
+) -> None:
+    """Points that act on one body and whose node another body moves (in place); follow (n, 5, nb,
+    6) the nodes' motion in their bases A by the bodies' twists, force (k, 3, 6) the points' force
+    by their own body's."""
+    on = follow[p.node, :3].any(axis=(1, 2, 3))
+    moved = np.einsum("nij,njbk->nibk", A[p.node[on]], follow[p.node[on], :3])
     by_node = np.swapaxes(G[on], 1, 2) @ p.hessian[on]
     by_node[:, 3:] -= np.where(p.turns[on, None, None], skew(p.gradient[on]), 0.0)
     add_at(wrench, p.body[on], np.einsum("kij,kjbl->kibl", by_node, moved))

@@ -11,7 +11,7 @@ import os
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib.util import find_spec
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -32,6 +32,10 @@ FASTER = {
     "cholmod": "CHOLMOD (condensed tangents; needs SuiteSparse): pip install 'cosim-hand[fast]'",
 }
 VARIABLE = "FE_SOLVER_LINEAR"
+MOST_PRODUCTS = 10
+"""Iterations of conjugate gradients with a nearby factor; more cost what a factorisation does."""
+REDUCED = 1e-3
+"""Of the right-hand side, what such a solution may leave."""
 RANK = 1e-13
 """Of the largest pivot: less is none."""
 
@@ -48,6 +52,9 @@ class Factor(Protocol):
 
 class Analysis(Protocol):
     """A pattern whose order and symbolic factor are known."""
+
+    dear: ClassVar[bool]
+    """Whether a factorisation takes longer than MOST_PRODUCTS solutions and products."""
 
     def factor(self, data: Array) -> Factor:
         """Numeric factor of the symmetric matrix whose entries are taken from `data`.
@@ -83,6 +90,36 @@ def analyse(slots: sp.csc_array, backend: str | None = None) -> Analysis:
     return made
 
 
+@dataclass(frozen=True)
+class Nearby:
+    """A symmetric matrix and the factor of one near it, which stands for its own: conjugate
+    gradients preconditioned by it."""
+
+    matrix: sp.csc_array
+    factor: Factor
+
+    def solve(self, right: Array) -> Array:
+        """Solution for one right-hand side (n,), to REDUCED of it.
+
+        Raises NotPositiveDefiniteError where the matrix is not, and where it is too far from the
+        factor's."""
+        out, left, rest = np.zeros_like(right), right, self.factor.solve(right)
+        way, fall = rest, float(right @ rest)
+        for _ in range(MOST_PRODUCTS):
+            bent = self.matrix @ way
+            curvature = float(way @ bent)
+            if not curvature > 0:
+                raise NotPositiveDefiniteError("a direction of no stiffness, or of less")
+            out = out + fall / curvature * way
+            left = left - fall / curvature * bent
+            if np.linalg.norm(left) <= REDUCED * np.linalg.norm(right):
+                return out
+            rest = self.factor.solve(left)
+            before, fall = fall, float(left @ rest)
+            way = rest + fall / before * way
+        raise NotPositiveDefiniteError(f"left {np.linalg.norm(left):.1e} after {MOST_PRODUCTS}")
+
+
 def mechanism(data: Array, slots: sp.csc_array) -> bool:
     """Whether the matrix has a direction without stiffness, beside rounding error."""
     try:
@@ -111,6 +148,7 @@ def _singular(error: Exception | str) -> ConvergenceError:
 class SuperLUAnalysis:
     """Minimum-degree order found once; symmetric and unsymmetric values alike."""
 
+    dear: ClassVar[bool] = True
     slots: sp.csc_array
 
     @cached_property
@@ -158,6 +196,7 @@ class _OrderedLU:
 class CholmodAnalysis:
     """Supernodal Cholesky; positive definite values only, of which it reads the lower half."""
 
+    dear: ClassVar[bool] = True
     slots: sp.csc_array
 
     @cached_property
@@ -196,6 +235,7 @@ class _Cholesky:
 class PardisoAnalysis:
     """Symmetric indefinite L D L' of MKL (matrix type -2), which keeps one factor at a time."""
 
+    dear: ClassVar[bool] = False
     slots: sp.csc_array
     held: _Pardiso | None = None
 

@@ -115,6 +115,8 @@ class ShellModel:
 
     def pair_forces(self, x: Array, curvature: bool) -> PairForces:
         """Of the springs between nodes, then of the cables; `curvature` as in `node_springs`."""
+        if not len(self.pairs):
+            return PairForces.none()
         own, more = node_springs(self.links, x, curvature), cable_forces(self.cables, x)
         return PairForces(
             own.energy + more.energy,

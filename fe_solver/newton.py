@@ -12,7 +12,7 @@ from cosim.port import ConvergenceError
 
 from .assembly import DOFS
 from .coupling import as_one, coupling, shared_twist
-from .linear_algebra import FREE, Factor, mechanism
+from .linear_algebra import FREE, Factor, Nearby, NotPositiveDefiniteError, mechanism
 from .model import Configuration, Evaluation, ShellModel
 from .newton_step import factorised, flipping_step, limited, newton_step, pressed
 
@@ -93,16 +93,18 @@ class Solution:
 
 @dataclass(frozen=True)
 class _Chord:
-    """An old tangent: its factor, its data and the `rate` at which it is thought to lower the
-    residual."""
+    """An old tangent: its factor, its data and the residual (N) from which it led to the present
+    one; None before its first use."""
 
     factor: Factor
     data: Array
-    rate: float
+    since: float | None = None
 
     def pays(self, residual: float, limit: float) -> bool:
-        """Whether the rate is enough to end before a new tangent would."""
-        return residual * self.rate**CHORDS <= limit
+        """Whether the rate at which it lowers the residual is enough to end before a new tangent
+        would."""
+        rate = KEPT if self.since is None else residual / self.since
+        return residual * rate**CHORDS <= limit
 
 
 def length_scale(model: ShellModel) -> float:
@@ -114,19 +116,22 @@ def length_scale(model: ShellModel) -> float:
 
 def residual_norm(model: ShellModel, e: Evaluation) -> tuple[float, float]:
     """Largest residual and largest nodal force, both N."""
-    r = np.zeros(model.pattern.size)
-    r[model.free] = e.reduced[model.free]
-    nodal = np.abs(r.reshape(-1, DOFS))
-    residual = max(nodal[:, :3].max(), nodal[:, 3:].max() / length_scale(model))
+    left = e.reduced[model.free]
+    turns = model.free % DOFS > 2
+    left[turns] /= length_scale(model)
     forces = [np.abs(e.gradient_x).max(), np.abs(e.points.gradient).max(initial=0.0)]
-    return float(residual), float(max(forces))
+    return float(np.abs(left).max(initial=0.0)), float(max(forces))
 
 
-def rounding(model: ShellModel, c: Configuration, data: Array) -> float:
-    """What of the residual is rounding error (N): the tangent's stiffest entry times the last bit
-    of the coordinates."""
-    stiffest = np.abs(data[model.pattern.diagonal[:, :3, :3]]).max()
+def rounding(c: Configuration, stiffest: float) -> float:
+    """What of the residual is rounding error (N): the tangent's stiffest entry (N/m) times the last
+    bit of the coordinates."""
     return float(0.2 * np.finfo(float).eps * stiffest * np.abs(c.x).max())
+
+
+def stiffest_entry(model: ShellModel, data: Array) -> float:
+    """N/m, of the tangent's blocks by the nodes' displacements."""
+    return float(np.abs(data[model.pattern.diagonal[:, :3, :3]]).max())
 
 
 def worst_place(model: ShellModel, c: Configuration, e: Evaluation) -> str:
@@ -164,17 +169,19 @@ def solve(
     Raises ConvergenceError naming the place of the largest residual."""
     c, solves = _undamped(model, start, tension, options) if options.undamped else (start, 0)
     convex, stuck, chord = not near, False, _kept(before)
+    near = None if before is None else before.factor
     e = model.evaluate(c, tension, tangent=chord is None, convex=convex)
     data = e.data if chord is None else chord.data
+    assert data is not None
+    stiffest = stiffest_entry(model, data)
     for iteration in range(options.max_iterations + 1):
-        assert data is not None
         residual, force = residual_norm(model, e)
-        limit = options.tolerance * force + rounding(model, c, data)
+        limit = options.tolerance * force + rounding(c, stiffest)
         if residual <= limit:
             e, convex = _consistent(model, c, e, tension), False
             assert e.data is not None
-            data = e.data
-            limit = options.tolerance * force + rounding(model, c, data)
+            stiffest = stiffest_entry(model, e.data)
+            limit = options.tolerance * force + rounding(c, stiffest)
             if residual <= limit:
                 return _upright(Solution(model, c, e, tension, iteration, solves, residual))
         if iteration == options.max_iterations:
@@ -184,19 +191,21 @@ def solve(
             found = _chord_step(model, c, e, tension, chord.factor, options)
             if found is not None:
                 c, e = found
-                chord = replace(chord, rate=residual_norm(model, e)[0] / residual)
+                chord = replace(chord, since=residual)
                 continue
         e = model.with_tangent(c, e)
         data = e.data
         assert data is not None
-        step, factor = newton_step(model, data, e.reduced)
-        trial, more = _advanced(model, c, e, tension, step, options, before is not None)
+        stiffest = stiffest_entry(model, data)
+        step, factor = newton_step(model, data, e.reduced, near)
+        if near is not None and factor is not None and not isinstance(factor, Nearby):
+            near = factor
+        trial, more = _advanced(model, c, e, tension, step, options, near)
         solves += 1 + more
         if trial is not None:
             (c, e, convex), stuck = trial, False
             # a new tangent's error is quadratic, so that its second use lowers it half as far
-            rate = 2 * residual_norm(model, e)[0] / residual
-            chord = _Chord(factor, data, rate) if before is not None and factor else None
+            chord = _Chord(factor, data, residual / 2) if before is not None and factor else None
         elif stuck and residual <= STUCK * limit:
             e = _consistent(model, c, e, tension)
             return _upright(Solution(model, c, e, tension, iteration, solves, residual))
@@ -216,7 +225,7 @@ def _kept(before: Solution | None) -> _Chord | None:
     if before is None:
         return None
     assert before.evaluation.data is not None
-    return _Chord(before.factor, before.evaluation.data, KEPT)
+    return _Chord(before.factor, before.evaluation.data)
 
 
 def _consistent(model: ShellModel, c: Configuration, e: Evaluation, tension: Array) -> Evaluation:
@@ -234,13 +243,19 @@ def _chord_step(
 ) -> tuple[Configuration, Evaluation] | None:
     """The whole step that an old tangent's factor gives, if it is short and halves the residual."""
     step = np.zeros(model.pattern.size)
-    step[model.free] = -factor.solve(e.reduced[model.free])
+    try:
+        step[model.free] = -factor.solve(e.reduced[model.free])
+    except NotPositiveDefiniteError:
+        return None
     if not limited(step, options.max_step, options.max_turn)[1] <= NEAR:
         return None
     trial = model.stepped(c, e.bases, step)
     there = model.evaluate(trial, tension, tangent=False)
-    halved = residual_norm(model, there)[0] < residual_norm(model, e)[0] / 2
-    return (trial, there) if halved else None
+    return (trial, there) if _halved(model, e, there) else None
+
+
+def _halved(model: ShellModel, before: Evaluation, after: Evaluation) -> bool:
+    return residual_norm(model, after)[0] < residual_norm(model, before)[0] / 2
 
 
 def _upright(solution: Solution) -> Solution:
@@ -305,12 +320,14 @@ def _advanced(
     tension: Array,
     step: Array,
     options: NewtonOptions,
-    follows: bool,
+    near: Factor | None,
 ) -> tuple[tuple[Configuration, Evaluation, bool] | None, int]:
     """The next configuration along the step, with its evaluation and whether that is the convex
     one: the whole step, or a part of the step that foresees the contacts; None where none descends.
-    Also the linear solves that foreseeing took.  A solve that `follows` an equilibrium presses the
-    nodes of the whole step, and makes tangents where they are asked for."""
+    Also the linear solves that foreseeing took.  A solve that follows an equilibrium, as a factor
+    `near` says, presses the nodes of the whole step, and makes tangents where they are asked
+    for."""
+    follows = near is not None
 
     def tried(
         way: Array, tries: int, first: float = 1.0, foreseen: bool = False
@@ -323,7 +340,7 @@ def _advanced(
     found, left = tried(pressed(model, e, step) if follows else step, 1)
     if found:
         return found, 0
-    way, solves = flipping_step(model, e, step)
+    way, solves = flipping_step(model, e, step, near)
     if solves:
         found = tried(way, 4, foreseen=True)[0]
         return found or tried(step, 7, left)[0], solves
@@ -347,7 +364,6 @@ def _line_search(
     element's plane.  Also the factor to go on from."""
     slope = float(step @ e.reduced)
     before = model.potential(c, e.energy, tension)
-    norm = residual_norm(model, e)[0]
     noise = 1e-11 * max(abs(before), e.energy)
     for attempt in range(tries if slope < 0 else 0):
         trial = model.stepped(c, e.bases, factor * step)
@@ -357,8 +373,7 @@ def _line_search(
         there = model.evaluate(trial, tension, eager and attempt == 0, convex)
         rise = model.potential(trial, there.energy, tension) - before
         rise -= float(np.vdot(e.follower + there.follower, trial.x - c.x)) / 2
-        quiet = rise <= noise and residual_norm(model, there)[0] < norm / 2
-        if rise <= 1e-4 * factor * slope or quiet:
+        if rise <= 1e-4 * factor * slope or (rise <= noise and _halved(model, e, there)):
             return (trial, there), factor
         parabola = -slope * factor**2 / (2 * (rise - slope * factor))
         factor = float(np.clip(parabola, 0.1 * factor, 0.5 * factor))

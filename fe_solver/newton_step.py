@@ -9,7 +9,7 @@ from cosim.port import ConvergenceError
 
 from .assembly import DOFS
 from .contact import ramp, unramp
-from .linear_algebra import Analysis, Factor, NotPositiveDefiniteError
+from .linear_algebra import Analysis, Factor, Nearby, NotPositiveDefiniteError
 from .model import Evaluation, ShellModel
 
 Array = NDArray[np.float64]
@@ -33,13 +33,23 @@ def factorised(model: ShellModel, data: Array) -> Factor:
         return model.pattern.general.factor(data)
 
 
-def newton_step(model: ShellModel, data: Array, gradient: Array) -> tuple[Array, Factor | None]:
+def newton_step(
+    model: ShellModel, data: Array, gradient: Array, near: Factor | None = None
+) -> tuple[Array, Factor | None]:
     """(5n,) the Newton step, the tangent's diagonal raised (Levenberg) until it descends, and the
-    factor that gave it.
+    factor that gave it.  The factor of a tangent `near` serves where a factorisation is dear, and
+    then a factor is a `Nearby`.
 
     Raises ConvergenceError where the tangent stays singular all the same."""
     pattern, free = model.pattern, model.free
     step = np.zeros(pattern.size)
+    if near is not None and _analysis(model).dear:
+        own = Nearby(pattern.free_part(data), near)
+        try:
+            step[free] = -own.solve(gradient[free])
+            return step, own
+        except NotPositiveDefiniteError:
+            pass
     diagonal = pattern.diagonal[:, range(DOFS), range(DOFS)].ravel()[free]
     shift, singular, factor = 0.0, None, None
     for _ in range(MOST_SHIFTS):
@@ -65,11 +75,13 @@ def _analysis(model: ShellModel) -> Analysis:
     return model.pattern.analysis if model.pressure is None else model.pattern.general
 
 
-def flipping_step(model: ShellModel, e: Evaluation, step: Array) -> tuple[Array, int]:
+def flipping_step(
+    model: ShellModel, e: Evaluation, step: Array, near: Factor | None = None
+) -> tuple[Array, int]:
     """The Newton step once more, with the one-sided springs that `step` would close or open closed
     or opened beforehand (a primal-dual active set: Hintermueller, Ito and Kunisch 2002, SIAM J
     Optim 13:865), or the line search would stop at the first node that meets a bone.  Also the
-    linear solves it took."""
+    linear solves it took; `near` as in `newton_step`."""
     p, A = e.points, e.bases[0]
     normal = np.einsum("kij,ki->kj", A[p.node], p.direction)
     flipped = np.zeros(len(p.depth), dtype=bool)
@@ -79,7 +91,7 @@ def flipping_step(model: ShellModel, e: Evaluation, step: Array) -> tuple[Array,
         if np.array_equal(now, flipped):
             return step, solves
         flipped = now
-        step = newton_step(model, *_with_flips(model, e, normal, flipped))[0]
+        step = newton_step(model, *_with_flips(model, e, normal, flipped), near)[0]
     return step, MOST_FLIPS
 
 

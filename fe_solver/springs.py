@@ -255,6 +255,10 @@ class PairForces(NamedTuple):
     hessian: Array
     """(k, 6, 6) N/m, by the positions of the first node and of the second."""
 
+    @staticmethod
+    def none() -> PairForces:
+        return PairForces(0.0, np.zeros((0, 2, 3)), np.zeros((0, 6, 6)))
+
 
 def node_springs(springs: NodeSprings, x: Array, curvature: bool) -> PairForces:
     """Energy, gradients and Hessian of springs between nodes at positions x (n, 3); `curvature` as

@@ -11,7 +11,7 @@ from told_hood import told
 
 from cosim import schemes
 from cosim.accelerate import Aitken, Constant, QuasiNewton
-from cosim.coupled import Coupled, apart, followed, unexplained
+from cosim.coupled import Coupled, apart, followed, standing, unexplained
 from cosim.port import STATIC, Array, ConvergenceError
 from cosim.schemes import (
     Explicit,
@@ -211,7 +211,8 @@ def test_work_of_the_fingers_own_tendons():
     state = begin(Linear(), finger, hood, finger.begin({}), lambda t: (pulls(t)[0], np.ones(1)))
     moved = finger.begin({"MCP": 0.1})
     started = unexplained(finger, state)
-    after = followed(finger, state, moved, state.answer, state.applied, pulls(0.1), 0.1)
+    point = standing(state.answer, finger.motion(finger.angles(moved)))
+    after = followed(finger, state, moved, state.answer, point, state.applied, pulls(0.1), 0.1)
     assert after.energy.own == pytest.approx(0.5 * (1.0 + 2.0) * 0.004 * 0.1)
     gained = finger.energy(moved) - after.energy.hood - after.energy.own
     assert unexplained(finger, after) - started == pytest.approx(gained)
