@@ -13,6 +13,8 @@ from cosim.case_finger import HingeFinger
 from cosim.case_lumped import JOINTS, Arm, NetworkHood, Reduced, TwoBandHood
 from cosim.case_schema import SplitHood
 from cosim.port import Array, Hood, Motion, State
+from rigid.reduction import Sample as Sample
+from rigid.reduction import stacked as stacked
 
 if TYPE_CHECKING:
     from rigid.hinge_angle import HingeAngle
@@ -109,12 +111,15 @@ def reduced_hood(made: Potential, finger: AnyFinger, bodies: tuple[str, ...]) ->
 
 
 def fitted(
-    samples: Mapping[str, Array], joints: tuple[str, ...], tendons: tuple[str, ...]
+    samples: Sample,
+    joints: tuple[str, ...],
+    tendons: tuple[str, ...],
+    maps: Array | None = None,
 ) -> Potential:
-    """The potential of a hood from samples of it, by the names of `rigid.reduction.Data`."""
-    from rigid.reduction import Data, reduced
+    """The potential of a hood from samples of it, see `rigid.reduction.reduced`."""
+    from rigid.reduction import reduced
 
-    return reduced(Data(**samples), joints, tendons)
+    return reduced(samples, joints, tendons, maps=maps)
 
 
 def potential(hood: Reduced) -> Potential:

@@ -29,7 +29,7 @@ def reduce(
         typer.Option(
             metavar="JOINT=DEG,DEG,...",
             help="Angles of a joint in the grid of postures, in deg; repeatable. A joint without "
-            "any stays as in the case. Without it MCP=0,30,60, PIP=10,32,55 and DIP=5,20,35.",
+            "any stays as in the case. Without it MCP=0,22,45, PIP=10,32,55 and DIP=5,20,35.",
         ),
     ] = None,
     jobs: Jobs = 2,
@@ -62,14 +62,22 @@ def reduce(
 
 def _show(found: Reduction) -> None:
     """Errors, rates, and where the hood found no equilibrium."""
-    from cosim.reduction import errors
+    from cosim.reduction_errors import errors
 
+    told = list(errors(found))
     rows = [
-        (e.quantity, *(f"{100 * value:.1f} %" for value in (e.fit, e.median, e.most)), e.mark)
-        for e in errors(found)
+        (
+            e.quantity,
+            *(f"{100 * value:.1f} %" for value in (e.fit, e.median, e.most)),
+            "" if e.mark is None else f"{100 * e.mark:.0f} %",
+            "" if e.mark is None else f"{100 * e.beyond:.0f} %",
+        )
+        for e in told
     ]
-    header = ("error of", "grid, median", "held out, median", "held out, most", "mark")
+    header = ("error of", "fitted, median", "held out, median", "most", "mark", "beyond it")
     print_table("Reduced hood less the hood itself", header, rows)
+    for e in told:
+        typer.echo(f"{e.quantity}, most: at {e.where}")
     rate = found.rate
     typer.echo(
         f"one state: {found.seconds:.2f} s by the hood with the way there, "

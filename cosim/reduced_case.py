@@ -11,14 +11,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cosim import units
-from cosim.reduction import Reduction, errors
+from cosim.reduction import Reduction
+from cosim.reduction_errors import errors
 from cosim.reduction_walks import (
-    ALONE_SPREAD,
-    HELD_LOAD,
-    HELD_POSTURES,
+    ALONE,
+    ALONE_PARTS,
+    HELD,
+    HELD_MIXED,
+    HELD_PARTS,
     LOW,
     MIXED,
-    MIXTURE_POSTURES,
+    MIXTURE_PARTS,
     MIXTURES,
     SEED,
 )
@@ -57,26 +60,40 @@ def _provenance(found: Reduction) -> Iterator[str]:
     parts = "; ".join(", ".join(f"{part:g}" for part in mixture) for mixture in MIXED)
     yield f"  all at once, in parts of these loads (tendon by tendon, then again): {parts}"
     yield (
-        f"  between the grid's points (Sobol): each alone in {ALONE_SPREAD} postures, and "
-        f"{MIXTURES} mixtures in {MIXTURE_POSTURES} each"
+        f"  between the grid's points (Sobol): each alone in {ALONE} postures, with "
+        f"{_ends(ALONE_PARTS)} of its load, and mixtures in {MIXTURES}, with "
+        f"{_ends(MIXTURE_PARTS)} of each"
     )
     yield (
         f"  {len(found.samples)} states fitted: torques, excursions, stiffness, arms, compliance, "
-        f"slips; {len(found.held)} held out: {HELD_POSTURES} postures at random (seed {SEED}), "
-        f"each tendon at {HELD_LOAD:g} of its load, and a mixture"
+        f"slips; {len(found.held)} held out: at random (seed {SEED}), {HELD} postures for each "
+        f"tendon alone, with {_ends(HELD_PARTS)} of its load, and for mixtures, with "
+        f"{_ends(HELD_MIXED)} of each"
     )
     yield ""
     yield "Error, relative to the hood that it was reduced from:"
     for e in errors(found):
+        marked = (
+            ""
+            if e.mark is None
+            else (
+                f" (mark: {100 * e.mark:.0f} %, beyond it {100 * e.beyond:.0f} % of those states)"
+            )
+        )
         yield (
-            f"  {e.quantity}: median {100 * e.fit:.1f} % on the grid, {100 * e.median:.1f} % held "
-            f"out, at most {100 * e.most:.1f} % there" + (f" (mark: {e.mark})" if e.mark else "")
+            f"  {e.quantity}: median {100 * e.fit:.1f} % of the states fitted, "
+            f"{100 * e.median:.1f} % of those held out, at most {100 * e.most:.1f} % there"
+            f"{marked}, at {e.where}"
         )
     if found.lost:
         yield ""
         yield "Without an equilibrium, and left out (joints in the finger's order):"
         yield from (f"  {lost}" for lost in found.lost)
     yield ""
+
+
+def _ends(parts: tuple[float, float]) -> str:
+    return f"{parts[0]:g} to {parts[1]:g}"
 
 
 def _assignment(text: str) -> str:

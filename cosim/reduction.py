@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -13,21 +13,20 @@ import numpy as np
 from cosim.build import build
 from cosim.build_finger import live_finger, our_finger
 from cosim.build_fit import HOODS
-from cosim.build_lumped import fitted
+from cosim.build_lumped import Sample, fitted, stacked
 from cosim.case import load_case
 from cosim.case_cable import CableHood
 from cosim.case_schema import Case, ShellHood
-from cosim.port import Array, Finger, InputError, Load
-from cosim.reduction_samples import Lost, Sample, sampled
-from cosim.reduction_walks import GRID, LOW, Within, grid_walks, held_walks, spread_walks
+from cosim.port import Array, InputError
+from cosim.reduction_samples import Lost, sampled
+from cosim.reduction_tip import tip_maps
+from cosim.reduction_walks import GRID, Within, grid_walks, held_walks, spread_walks
 
 if TYPE_CHECKING:
     from cosim.build_lumped import Potential
 
-MARKS = {"tip force": 0.05, "slip forces": 0.10}
 BATCH = 20_000
 Tell = Callable[[str], None]
-CLAMPED = 'finger.tip.kind="clamped"'
 
 
 class Rate(NamedTuple):
@@ -57,17 +56,6 @@ class Reduction:
     """s, of the hood for one state: of all walks, with the steps between postures and what was
     lost, in a process beside others."""
     rate: Rate
-
-
-class Error(NamedTuple):
-    """Relative; see `errors`."""
-
-    quantity: str
-    fit: float
-    """Median on the grid."""
-    median: float
-    most: float
-    mark: str
 
 
 def read_grid(texts: Sequence[str]) -> dict[str, tuple[float, ...]]:
@@ -157,86 +145,29 @@ def reduce_case(
     states = [s for walked in found for s in walked]
     samples = tuple(s for w in found[: len(on_grid)] for s in w if isinstance(s, Sample))
     held = tuple(s for w in found[len(on_grid) :] for s in w if isinstance(s, Sample))
-    lost_states = tuple(_told(s, tendons) for s in states if isinstance(s, Lost))
+    lost_states = tuple(
+        f"{state_in_words(s.angle, s.tension, tendons)}: {s.reason}"
+        for s in states
+        if isinstance(s, Lost)
+    )
     if not samples or not held:
         raise InputError(
             f"{case.name}: the hood found no equilibrium in any posture of the grid, or of those "
             f"held out ({lost_states[0] if lost_states else 'none'}); choose another --grid"
         )
     tell(f"fitting to {len(samples)} states")
-    potential = fitted(stacked(samples), joints, tendons)
+    data = stacked(samples)
+    potential = fitted(data, joints, tendons, tip_maps(case, data.angle))
     rate = _rate(potential, samples, case)
     seconds = spent / len(states)
     return Reduction(case, grid, loads, potential, samples, held, lost_states, seconds, rate)
 
 
-def _told(lost: Lost, tendons: Sequence[str]) -> str:
-    posture = "/".join(f"{a:.4g}" for a in np.degrees(lost.angle))
-    load = ", ".join(f"{n} {t:.3g}" for n, t in zip(tendons, lost.tension, strict=True))
-    return f"{posture} deg, {load} N: {lost.reason}"
-
-
-def stacked(samples: Sequence[Sample]) -> dict[str, Array]:
-    """The samples' fields, each with the samples first."""
-    return {f.name: np.array([getattr(s, f.name) for s in samples]) for f in fields(Sample)}
-
-
-def errors(found: Reduction) -> Iterator[Error]:
-    """Of torques, tip force and slips: the difference's size over the quantity's, state by state
-    (of both slips over the larger one's force; tip force: what holds a clamped tip against the
-    hood's torques).  Where joint torques cancel at the tip its force is small, so it is told over
-    the sum of all tensions too."""
-    grid, held = (_misses(found, samples) for samples in (found.samples, found.held))
-    for name, miss in held.items():
-        mark = f"{100 * MARKS[name]:.0f} %" if name in MARKS else ""
-        if np.isfinite(miss).any():
-            fit = float(np.nanmedian(grid[name]))
-            yield Error(name, fit, float(np.nanmedian(miss)), float(np.nanmax(miss)), mark)
-
-
-def _misses(found: Reduction, samples: Sequence[Sample]) -> dict[str, Array]:
-    """(s,) relative, by quantity, of states in which a tendon pulls with more than LOW."""
-    loaded = [s for s in samples if s.tension.max() > LOW]
-    data = stacked(loaded)
-    made = found.potential.derived(data["angle"], data["tension"])
-    slips = found.potential.slips(data["angle"], made.torque)
-    finger = live_finger(our_finger(clamped(found.case)), found.case.hood)
-    maps = np.array([tip_map(finger, s.angle) for s in loaded])
-    tip, aimed = (np.einsum("sij,sj->si", maps, torque) for torque in (made.torque, data["torque"]))
-    largest, pull = data["slip"].max(axis=1), data["tension"].sum(axis=1)
-    return {
-        "joint torques": _relative(made.torque - data["torque"], data["torque"]),
-        "tip force": _relative(tip - aimed, aimed),
-        "tip force, of all tensions": np.linalg.norm(tip - aimed, axis=1) / pull,
-        "slip forces": np.abs(slips - data["slip"]).max(axis=1) / largest,
-    }
-
-
-def _relative(off: Array, whole: Array) -> Array:
-    out: Array = np.linalg.norm(off, axis=1) / np.linalg.norm(whole, axis=1)
-    return out
-
-
-def clamped(case: Case) -> Case:
-    """The case with its fingertip clamped."""
-    finger = our_finger(case)
-    tip = finger.tip.model_copy(update={"kind": "clamped"})
-    return case.model_copy(update={"finger": finger.model_copy(update={"tip": tip})})
-
-
-def tip_map(finger: Finger, angle: Array) -> Array:
-    """(3, n) the force of a held fingertip on the world by torques about the joints, N/(N m)."""
-    state = finger.start(dict(zip(finger.joints, map(float, angle), strict=True)))
-    bodies, none = finger.bodies, np.zeros(len(finger.tendons))
-    idle = Load(bodies, ("none",), np.zeros((len(bodies), 1, 6)), np.zeros((0, 6)))
-    n, width = len(finger.joints), 6 * len(bodies)
-    slope = finger.tangent(state, idle, none, np.zeros((width, width)))[:n, n:]
-    steps = np.eye(n + slope.shape[1])[n:]
-    force = np.array(
-        [finger.balance(finger.displaced(state, step), idle, none).tip_force for step in steps]
-    ).T
-    out: Array = -force @ np.linalg.pinv(slope)
-    return out
+def state_in_words(angle: Array, tension: Array, tendons: Sequence[str]) -> str:
+    """Joint angles (n,) in the finger's order and tensions (m,)."""
+    posture = "/".join(f"{a:.3g}" for a in np.round(np.degrees(angle), 6) + 0.0)
+    load = ", ".join(f"{n} {t:.3g}" for n, t in zip(tendons, tension, strict=True))
+    return f"{posture} deg, {load} N"
 
 
 def _rate(potential: Potential, samples: Sequence[Sample], case: Case) -> Rate:
@@ -252,7 +183,7 @@ def _rate(potential: Potential, samples: Sequence[Sample], case: Case) -> Rate:
         hood.jacobian(hood.advance(state, motion, s.tension, np.inf).state)
     one = (time.perf_counter() - started) / len(samples)
     data, pick = stacked(samples), np.arange(BATCH) % len(samples)
-    angle, tension = data["angle"][pick], data["tension"][pick]
+    angle, tension = data.angle[pick], data.tension[pick]
     started = time.perf_counter()
     potential.slips(angle, potential.torques(angle, tension))
     return Rate(one, (time.perf_counter() - started) / BATCH)

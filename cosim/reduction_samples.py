@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from cosim.build import Models, build
+from cosim.build_lumped import Sample
 from cosim.case import load_case
 from cosim.port import STATIC, Array, ConvergenceError, Load, State
 
@@ -23,28 +24,6 @@ FREE = 'finger.tip.kind="free"'
 """The bones are held where they are put, whatever holds the case's fingertip."""
 MOST_STEP = float(np.radians(10.0))
 """A hood follows the bones in steps of at most this turn."""
-
-
-@dataclass(frozen=True)
-class Sample:
-    """One equilibrium on held bones; n joints, m tendons of the hood."""
-
-    angle: Array
-    """(n,) rad."""
-    tension: Array
-    """(m,) N."""
-    torque: Array
-    """(n,) N m of the hood."""
-    excursion: Array
-    """(m,) m."""
-    stiffness: Array
-    """(n, n) N m/rad, derivative of the torques by the angles."""
-    arms: Array
-    """(n, m) m, of the torques by the tensions."""
-    compliance: Array
-    """(m, m) m/N, of the excursions by the tensions."""
-    slip: Array
-    """(2,) N, central and terminal; NaN of a hood without slips."""
 
 
 @dataclass(frozen=True)
@@ -58,12 +37,17 @@ class Lost:
 
 @dataclass(frozen=True)
 class Walk:
-    """Postures to pass through, and in each the loads, the first of them while walking."""
+    """Postures to pass through, and in each its loads, the first of them on the way there."""
 
     angles: Array
     """(p, n) rad."""
     tensions: Array
-    """(k, m) N."""
+    """(p, k, m) N, or (k, m) for all postures alike."""
+
+    def stops(self) -> Iterator[tuple[Array, Array]]:
+        """Angles (n,) and loads (k, m), posture by posture."""
+        each = (len(self.angles), *self.tensions.shape[-2:])
+        return zip(self.angles, np.broadcast_to(self.tensions, each), strict=True)
 
 
 def sampled(
@@ -93,14 +77,14 @@ def on_models(models: Models, walk: Walk) -> Iterator[Sample | Lost]:
     goes on from the last posture that was found."""
     at = walk.angles[0]
     state = models.hood.start(models.finger.motion(_placed(models, at)))
-    for angle in walk.angles:
+    for angle, loads in walk.stops():
         try:
-            state = _moved(models, state, at, angle, walk.tensions[0])
+            state = _moved(models, state, at, angle, loads[0])
             at = angle
         except ConvergenceError as error:
-            yield from (Lost(angle, load, _line(error)) for load in walk.tensions)
+            yield from (Lost(angle, load, _line(error)) for load in loads)
             continue
-        yield from _loaded(models, state, angle, walk.tensions)
+        yield from _loaded(models, state, angle, loads)
 
 
 def _loaded(

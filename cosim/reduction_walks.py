@@ -15,22 +15,24 @@ from scipy.stats import qmc
 from cosim.port import Array
 from cosim.reduction_samples import Walk
 
-GRID = {"MCP": (0.0, 30.0, 60.0), "PIP": (10.0, 32.0, 55.0), "DIP": (5.0, 20.0, 35.0)}
+GRID = {"MCP": (0.0, 22.0, 45.0), "PIP": (10.0, 32.0, 55.0), "DIP": (5.0, 20.0, 35.0)}
 """deg."""
 LOW = 0.5
 """N, of a tendon's least load."""
 MIXED = ((0.5,), (0.3, 0.1, 0.6))
 """Of the greatest loads, tendon by tendon and from the first again: all pull."""
-ALONE_SPREAD, ALONE_LEG = 32, 16
-"""Postures spread over the grid's box in which each tendon pulls alone, and how many of them a walk
-passes."""
-MIXTURES, MIXTURE_POSTURES, LEAST_PART, MOST_PART = 16, 8, 0.05, 0.65
-"""Mixtures of loads spread over these parts of the greatest, and each one's own postures."""
-SPREAD_SEEDS = (7, 21, 22)
-"""Of the scrambled Sobol sequences: postures alone, postures of mixtures, mixtures."""
-HELD_POSTURES, HELD_LOAD, SEED = 8, 0.9, 2
-"""Held out: postures at random within the grid, with each tendon at this part of its load, and a
-mixture at random."""
+ALONE, ALONE_PARTS = 96, (0.25, 1.0)
+"""Postures spread over the grid's box in which each tendon pulls alone, with these parts of its
+greatest load."""
+MIXTURES, MIXTURE_PARTS = 128, (0.05, 0.65)
+"""Postures spread over it in which all pull, each with its own parts of their loads."""
+LEG = 24
+"""Postures on a walk between the grid's points."""
+SPREAD_SEED = 7
+"""Of the scrambled Sobol sequences, and of the first tendon."""
+HELD, HELD_PARTS, HELD_MIXED, SEED = 10, (0.3, 1.0), (0.1, 0.6), 2
+"""Held out: so many postures at random within the grid for each tendon alone and for mixtures, each
+with loads at random between these parts of the greatest."""
 
 
 @dataclass(frozen=True)
@@ -59,9 +61,11 @@ class Within:
         found: Array = low + parts * (high - low)
         return found
 
-    def alone(self, part: float) -> Array:
-        """(m, m) N: each tendon at this part of its greatest load, the others at rest."""
-        return np.where(np.eye(len(self.most)) > 0, part * self.most, self.rest)
+    def single(self, tendon: int, parts: Array) -> Array:
+        """(p, m) N: one tendon at these parts (p,) of its greatest load, the others at rest."""
+        loads = np.full((len(parts), len(self.most)), self.rest)
+        loads[:, tendon] = parts * self.most[tendon]
+        return loads
 
 
 def grid_walks(within: Within) -> list[Walk]:
@@ -72,7 +76,7 @@ def grid_walks(within: Within) -> list[Walk]:
     most, unloaded = within.most, np.full(len(within.most), within.rest)
     loads = [
         np.array([full, np.where(full > within.rest, np.minimum(LOW, full / 2), full)])
-        for full in within.alone(1.0)
+        for full in np.where(np.eye(len(most)) > 0, most, within.rest)
     ]
     loads[0] = np.vstack([loads[0], unloaded])
     loads += [most[None] * np.resize(mixture, len(most)) for mixture in MIXED]
@@ -84,29 +88,42 @@ def grid_walks(within: Within) -> list[Walk]:
 
 
 def spread_walks(within: Within) -> list[Walk]:
-    """Between the grid's points: each tendon alone, and mixtures, each in postures of its own, by
-    Sobol's sequences."""
-    count = len(within.grid)
-    at_alone, at_mixed, of_mixed = SPREAD_SEEDS
-    alone = _chained(within.inside(_sobol(count, ALONE_SPREAD, at_alone)))
-    legs = [alone[k : k + ALONE_LEG] for k in range(0, ALONE_SPREAD, ALONE_LEG)]
-    walks = [Walk(within.postures(leg), load[None]) for leg in legs for load in within.alone(1.0)]
-    mixed = within.inside(_sobol(count, MIXTURES * MIXTURE_POSTURES, at_mixed))
-    parts = LEAST_PART + (MOST_PART - LEAST_PART) * _sobol(len(within.most), MIXTURES, of_mixed)
-    for k, part in enumerate(parts):
-        here = within.postures(_chained(mixed[k::MIXTURES]))
-        walks.append(Walk(here, (within.most * part)[None]))
-    return walks
+    """Between the grid's points: each tendon alone and mixtures, every posture with a load of its
+    own, by Sobol's sequences."""
+    count, tendons = len(within.grid), len(within.most)
+    walks = []
+    for k in range(tendons):
+        points = _sobol(count + 1, ALONE, SPREAD_SEED + k)
+        loads = within.single(k, _between(ALONE_PARTS, points[:, count]))
+        walks += _legs(within, points[:, :count], loads)
+    points = _sobol(count + tendons, MIXTURES, SPREAD_SEED + tendons)
+    loads = within.most * _between(MIXTURE_PARTS, points[:, count:])
+    return walks + _legs(within, points[:, :count], loads)
 
 
 def held_walks(within: Within) -> list[Walk]:
-    """A walk for each load through postures at random within the grid."""
-    random = np.random.default_rng(SEED)
-    parts = np.array([random.random(HELD_POSTURES) for _ in within.grid]).T
-    postures = within.postures(within.inside(parts))
-    postures = postures[np.argsort(postures.sum(axis=1))]
-    mixture = within.most * random.uniform(0.1, 0.6, len(within.most))
-    return [Walk(postures, load[None]) for load in (*within.alone(HELD_LOAD), mixture)]
+    """Each tendon alone and mixtures, every posture and its load drawn at random."""
+    random, walks = np.random.default_rng(SEED), []
+    count, tendons = len(within.grid), len(within.most)
+    for k in range(tendons):
+        points = random.random((HELD, count + 1))
+        loads = within.single(k, _between(HELD_PARTS, points[:, count]))
+        walks += _legs(within, points[:, :count], loads)
+    points = random.random((HELD, count + tendons))
+    loads = within.most * _between(HELD_MIXED, points[:, count:])
+    return walks + _legs(within, points[:, :count], loads)
+
+
+def _between(ends: tuple[float, float], parts: Array) -> Array:
+    out: Array = ends[0] + (ends[1] - ends[0]) * parts
+    return out
+
+
+def _legs(within: Within, points: Array, loads: Array) -> list[Walk]:
+    """Walks from posture to near posture, each with its load (p, m) N; points (p, k) 0 to 1."""
+    way, postures = _chained(points), within.postures(within.inside(points))
+    legs = [way[k : k + LEG] for k in range(0, len(way), LEG)]
+    return [Walk(postures[leg], loads[leg, None]) for leg in legs]
 
 
 def _to_and_fro(axes: Sequence[Sequence[float]]) -> Array:
@@ -121,15 +138,16 @@ def _to_and_fro(axes: Sequence[Sequence[float]]) -> Array:
 
 
 def _sobol(dimension: int, count: int, seed: int) -> Array:
-    """(count, dimension) between 0 and 1."""
-    return np.asarray(qmc.Sobol(dimension, scramble=True, seed=seed).random(count))
+    """(count, dimension) between 0 and 1: the first of so many as balance."""
+    drawn = qmc.Sobol(dimension, scramble=True, seed=seed).random_base2((count - 1).bit_length())
+    return np.asarray(drawn[:count])
 
 
-def _chained(points: Array) -> Array:
-    """The points, each followed by the nearest of those left; first the one of least sum."""
-    left = list(np.argsort(points.sum(axis=1)))
+def _chained(points: Array) -> list[int]:
+    """The points' numbers, each followed by the nearest of those left; first that of least sum."""
+    left = [int(k) for k in np.argsort(points.sum(axis=1))]
     way = [left.pop(0)]
     while left:
         far = np.abs(points[left] - points[way[-1]]).max(axis=1)
         way.append(left.pop(int(far.argmin())))
-    return points[way]
+    return way

@@ -7,10 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from cosim.build import build
-from cosim.build_lumped import fitted
+from cosim.build_lumped import Sample, fitted, stacked
 from cosim.case import find_case, load_case
-from cosim.reduction import MARKS, errors, reduce_case, stacked
-from cosim.reduction_samples import FREE, Sample, Walk, on_models
+from cosim.reduction import reduce_case
+from cosim.reduction_errors import errors
+from cosim.reduction_samples import FREE, Walk, on_models
 from cosim.reduction_walks import GRID
 from cosim.verification import Row, Study
 
@@ -37,8 +38,9 @@ def network_rows() -> Iterator[Row]:
     states = [s for s in on_models(models, Walk(angle, load)) if isinstance(s, Sample)]
     fit, held = stacked(states[:-40]), stacked(states[-40:])
     made = fitted(fit, models.finger.joints, models.hood.tendons)
-    for name, value in made.derived(held["angle"], held["tension"])._asdict().items():
-        off = float(np.abs(value - held[name]).max() / np.abs(held[name]).max())
+    for name, value in made.derived(held.angle, held.tension)._asdict().items():
+        told = getattr(held, name)
+        off = float(np.abs(value - told).max() / np.abs(told).max())
         yield Row("network from a network", f"{name}, relative", 0.0, off, ROUNDING, KNOWN, "bound")
 
 
@@ -46,11 +48,10 @@ def shell_rows() -> Iterator[Row]:
     """The calibrated shell."""
     found = reduce_case(find_case(CASE), (), GRID, 2)
     for e in errors(found):
-        if e.quantity in MARKS:
+        if e.mark is not None:
             for word, value in (("median", e.median), ("most", e.most)):
                 what = f"{e.quantity}, {word}, relative"
-                mark = MARKS[e.quantity]
-                yield Row("network from the shell", what, mark, value, 0.0, MARK, "bound")
+                yield Row("network from the shell", what, e.mark, value, 0.0, MARK, "bound")
     for word, seconds in (("one by one", found.rate.one), ("in a batch", found.rate.batched)):
         part = seconds / found.seconds
         yield Row(

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.polynomial.legendre import leg2poly
 from numpy.typing import NDArray
 
 from cosim.port import Array
@@ -39,6 +40,35 @@ def powers_of(most: int, at: Array) -> Functions:
     down[..., 1:] = p[1:] * x[..., :-1]
     twice[..., 2:] = p[2:] * p[1:-1] * x[..., :-2]
     return x, down, twice
+
+
+def legendre(degrees: Numbers, at: Array) -> Basis:
+    """Of prod_j P_(d_aj)(at_j), Legendre polynomials of degrees (A, n), at (..., n)."""
+    return _products(degrees, legendre_of(int(degrees.max(initial=0)), at), curved=True)
+
+
+def legendre_of(most: int, at: Array) -> Functions:
+    """By the recurrences (k + 1) P_k+1 = (2k + 1) x P_k - k P_k-1 and
+    P'_k+1 = P'_k-1 + (2k + 1) P_k."""
+    value, slope, curve = (np.zeros((*at.shape, most + 1)) for _ in range(3))
+    value[..., 0] = 1.0
+    for k in range(most):
+        behind = [x[..., k - 1] if k else 0.0 for x in (value, slope, curve)]
+        value[..., k + 1] = ((2 * k + 1) * at * value[..., k] - k * behind[0]) / (k + 1)
+        slope[..., k + 1] = behind[1] + (2 * k + 1) * value[..., k]
+        curve[..., k + 1] = behind[2] + (2 * k + 1) * slope[..., k]
+    return value, slope, curve
+
+
+def to_powers(degrees: Numbers) -> Array:
+    """(A, A): each product of Legendre polynomials as a sum of products of powers, for degrees
+    (A, n) that hold all lower ones of each."""
+    most = int(degrees.max(initial=0))
+    table = np.zeros((most + 1, most + 1))
+    for k, row in enumerate(np.eye(most + 1)):
+        table[k, : k + 1] = leg2poly(row[: k + 1])
+    out: Array = table[degrees[:, None], degrees[None]].prod(axis=2)
+    return out
 
 
 def loadings(terms: Numbers, at: Array, toe: float, curved: bool = True) -> Basis:

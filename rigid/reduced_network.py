@@ -123,7 +123,7 @@ class Potential:
 
     def bases(self, angle: Array, tension: Array) -> tuple[Basis, Basis]:
         """In rad and N, of the angles (..., n) and of the tensions (..., m)."""
-        first = monomials(self.angle_powers, self._scaled(angle))
+        first = monomials(self.angle_powers, self.scaled_angle(angle))
         second = loadings(self.tension_terms, tension / self.most, self.toe)
         return scaled(first, self.half), scaled(second, self.most)
 
@@ -144,7 +144,7 @@ class Potential:
     def derived_at(self, angle: Array, tension: Array) -> Derived:
         """As `derived`, of one state (n,) and (m,), without a batch's expense."""
         by_angle, by_tension = 1 / self.half, 1 / self.most
-        first = np.stack(powers_of(int(self.angle_powers.max()), self._scaled(angle)))
+        first = np.stack(powers_of(int(self.angle_powers.max()), self.scaled_angle(angle)))
         second = np.stack(springs_of(tension * by_tension, self.toe))
         b = derivatives(self.angle_powers, first * orders(by_angle))
         g = derivatives(self.tension_terms, second * orders(by_tension))
@@ -163,16 +163,17 @@ class Potential:
 
     def slip_rows(self, angle: Array, torque: Array) -> Array:
         """(..., B, 1 + n), of which the slips' forces are sums."""
-        b = monomials(self.slip_powers, self._scaled(angle)).value
+        b = monomials(self.slip_powers, self.scaled_angle(angle)).value
         one = np.ones((*torque.shape[:-1], 1))
         return b[..., None] * np.concatenate([one, torque], axis=-1)[..., None, :]
 
-    def _scaled(self, angle: Array) -> Array:
+    def scaled_angle(self, angle: Array) -> Array:
+        """(..., n), -1 to 1 in the box."""
         return (angle - (self.low + self.high) / 2) / self.half
 
     def torques(self, angle: Array, tension: Array) -> Array:
         """(..., n) N m, as of `derived`, without the rest."""
-        b = monomials(self.angle_powers, self._scaled(angle), curved=False)
+        b = monomials(self.angle_powers, self.scaled_angle(angle), curved=False)
         g = loadings(self.tension_terms, tension / self.most, self.toe, curved=False)
         at_force = (g.value @ self.energy.T)[..., None, :]
         found: Array = (at_force @ (b.slope / self.half))[..., 0, :]

@@ -7,78 +7,36 @@ from dataclasses import replace
 import conformance
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from scipy.special import eval_legendre
+from soft_network import JOINTS, MUSCLES, STRAIGHT, fitted_to, found, held_out, samples
 
-from cosim import reduction, reduction_walks
-from cosim.build import Models, build
+from cosim.build import build
 from cosim.build_finger import finger_model
-from cosim.build_lumped import fitted, potential, reduced_hood, slip_forces
-from cosim.case import find_case, load_case
+from cosim.build_lumped import fitted, reduced_hood
+from cosim.case import load_case
 from cosim.case_finger import IndexFinger
-from cosim.case_lumped import NetworkHood
-from cosim.cli import app
 from cosim.port import STATIC, ConvergenceError, InputError, Motion
-from cosim.reduced_case import case_text
-from cosim.reduction_samples import Lost, Sample, Walk, on_models
+from cosim.reduction_tip import tip_maps
 from meshes.skeleton import BODIES, index_finger
 from rigid.hinge_angle import angles, flexion_angles
-from rigid.reduced_basis import loadings, monomials
+from rigid.reduced_basis import legendre, loadings, monomials, to_powers
+from rigid.reduced_fit import LEAST_FORCE, least_squares, tip_rows
 from rigid.reduced_network import Potential
-from rigid.reduction import Data, Order, reduced
+from rigid.reduction import Order, reduced, stacked
 from rigid.universal_angle import all_angles, chain_of, joints_of
 
-TENDONS = ("edc_ulnar", "edc_slip", "edc_radial", "lum_slip", "lum_lateral", "fpi_slip")
-SOFT = [f'hood.connecting.{t}.stiffness="{1 + 0.2 * i} N/mm"' for i, t in enumerate(TENDONS)]
-SOFT.append('hood.connecting.fpi_lateral.stiffness="1.5 N/mm"')
-"""So soft that every spring bears over the whole box, where the network is a polynomial."""
-STRAIGHT = Order(angle=4, toe=None)
 
-
-def soft_models() -> Models:
-    return build(load_case("network_edc", [*SOFT, 'finger.tip.kind="free"']))
-
-
-def walk(count: int, seed: int) -> Walk:
-    rng = np.random.default_rng(seed)
-    angle = rng.uniform([-0.1, 0.0, 0.1, 0.0], [0.6, 0.0, 0.9, 0.4], (count, 4))
-    return Walk(angle, rng.uniform(7.0, 12.0, (6, 3)))
-
-
-@pytest.fixture(scope="module")
-def samples() -> list[Sample]:
-    """Of the soft network, with the slips that its springs make."""
-    case, models = load_case("network_edc", SOFT), soft_models()
-    assert isinstance(case.hood, NetworkHood)
-    assert isinstance(case.finger, IndexFinger)
-    out = []
-    for s in on_models(models, walk(28, 0)):
-        assert isinstance(s, Sample)
-        at = models.finger.start(dict(zip(models.finger.joints, s.angle, strict=True)))
-        motion = models.finger.motion(at)
-        state = models.hood.advance(models.hood.start(motion), motion, s.tension, STATIC).state
-        slips = slip_forces(case.hood, case.finger, state)
-        assert sum(slips.values()) == pytest.approx(s.tension.sum(), rel=1e-12)
-        out.append(replace(s, slip=np.array([slips["central"], slips["terminal"]])))
-    return out
-
-
-@pytest.fixture(scope="module")
-def found(samples) -> Potential:
-    data = Data(**reduction.stacked(samples[:140]))
-    return reduced(data, ("MCP", "MCP_abduction", "PIP", "DIP"), ("EDC", "LUM", "FPI"), STRAIGHT)
-
-
-def test_a_network_is_recovered_to_round_off(samples, found):
+def test_a_network_is_recovered_to_round_off():
     """Torques, excursions, all second derivatives and both slips in postures and under loads that
     were not fitted."""
-    held = reduction.stacked(samples[140:])
-    made = found.derived(held["angle"], held["tension"])
+    held, fit = held_out(), found()
+    made = fit.derived(held.angle, held.tension)
     for name, value in made._asdict().items():
-        scale = np.abs(held[name]).max()
-        assert np.abs(value - held[name]).max() < 1e-9 * scale, name
-    slips = found.slips(held["angle"], made.torque)
-    assert slips == pytest.approx(held["slip"], rel=1e-8)
-    assert found.torques(held["angle"], held["tension"]) == pytest.approx(made.torque, rel=1e-12)
+        told = getattr(held, name)
+        assert np.abs(value - told).max() < 1e-9 * np.abs(told).max(), name
+    slips = fit.slips(held.angle, made.torque)
+    assert slips == pytest.approx(held.slip, rel=1e-8)
+    assert fit.torques(held.angle, held.tension) == pytest.approx(made.torque, rel=1e-12)
 
 
 def test_second_derivatives_are_those_of_the_first():
@@ -90,7 +48,10 @@ def test_second_derivatives_are_those_of_the_first():
     def toed(at):
         return loadings(terms, at, 0.05)
 
-    for basis in (lambda at: monomials(powers, at), toed):
+    def polynomials(at):
+        return legendre(powers, at)
+
+    for basis in (lambda at: monomials(powers, at), toed, polynomials):
         at = rng.uniform(0.1, 0.9, 4)
         here = basis(at)
         for j, e in enumerate(step * np.eye(4)):
@@ -99,6 +60,55 @@ def test_second_derivatives_are_those_of_the_first():
             curve = (up.slope - down.slope) / (2 * step)
             assert here.slope[:, j] == pytest.approx(slope, rel=1e-6, abs=1e-8)
             assert here.curve[:, :, j] == pytest.approx(curve, rel=1e-6, abs=1e-8)
+
+
+def test_polynomials_are_legendres_and_sums_of_powers():
+    rng = np.random.default_rng(4)
+    degrees = np.array([(i, k) for i in range(6) for k in range(6 - i)])
+    at = rng.uniform(-1, 1, (7, 2))
+    made = legendre(degrees, at).value
+    one, other = (eval_legendre(degrees[:, j], at[:, [j]]) for j in range(2))
+    assert made == pytest.approx(one * other, abs=1e-14)
+    assert monomials(degrees, at).value @ to_powers(degrees).T == pytest.approx(made, abs=1e-13)
+
+
+def test_normal_equations_are_as_good_as_an_orthogonal_factorisation():
+    """Rows in parts, with columns of unlike lengths that depend on each other to 1e-4, and one
+    that no row tells."""
+    rng = np.random.default_rng(5)
+    rows = rng.normal(size=(60, 8)) * 10.0 ** np.arange(-4, 4)
+    rows[:, 1] = 1e-3 * rows[:, 0] * (1 + 1e-4 * rng.normal(size=60))
+    rows[:, 3] = 0.0
+    wanted = rng.normal(size=60)
+    made = least_squares(lambda: zip(np.split(rows, 4), np.split(wanted, 4), strict=True))
+    length = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
+    best = np.linalg.lstsq(rows / length, wanted, rcond=None)[0] / length
+    assert rows @ made == pytest.approx(rows @ best, abs=1e-9)
+    assert made[3] == 0.0
+
+
+def test_tip_forces_count_over_their_own_size():
+    data = fitted_to()
+    maps = np.tile(np.eye(3, 4), (len(data.angle), 1, 1))
+    weak = replace(data, torque=data.torque * np.r_[1e-6, np.ones(len(data.angle) - 1)][:, None])
+    size = np.linalg.norm(np.einsum("sij,sj->si", tip_rows(weak, maps), weak.torque), axis=1)
+    assert size[1:] == pytest.approx(1.0, rel=1e-12)
+    assert 0 < size[0] < 1e-5 / LEAST_FORCE
+    assert tip_rows(data, None).shape == (len(data.angle), 0, 4)
+
+
+def test_a_fit_to_tip_forces_is_better_there():
+    """Too few terms for the network."""
+    fit, coarse = fitted_to(), Order(angle=2, toe=None)
+    maps = tip_maps(load_case("network_edc"), fit.angle)
+
+    def miss(made):
+        rows = tip_rows(fit, maps)
+        off = made.torques(fit.angle, fit.tension) - fit.torque
+        return np.sqrt((np.einsum("sij,sj->si", rows, off) ** 2).sum(axis=1).mean())
+
+    plain, aimed = (miss(reduced(fit, JOINTS, MUSCLES, coarse, m)) for m in (None, maps))
+    assert aimed < 0.999 * plain
 
 
 def any_potential() -> Potential:
@@ -207,222 +217,13 @@ def test_outside_of_the_box_there_is_no_answer():
         replace(made, energy=made.energy[1:])
 
 
-def test_too_few_samples_are_refused(samples):
+def test_too_few_samples_are_refused():
     with pytest.raises(InputError, match="too few"):
-        fitted(
-            reduction.stacked(samples[:3]),
-            ("MCP", "MCP_abduction", "PIP", "DIP"),
-            ("EDC", "LUM", "FPI"),
-        )
+        fitted(stacked(samples()[:3]), JOINTS, MUSCLES)
 
 
-def a_reduction(samples, found: Potential) -> reduction.Reduction:
-    return reduction.Reduction(
-        load_case("network_edc", SOFT),
-        {"MCP": (0.0, 30.0)},
-        {"EDC": 12.0},
-        found,
-        tuple(samples[:140]),
-        tuple(samples[140:]),
-        ("0/0 deg: why",),
-        1.0,
-        reduction.Rate(1e-3, 1e-5),
-    )
-
-
-def test_the_case_file_holds_the_potential(tmp_path, samples, found):
-    text = case_text(
-        a_reduction(samples, found), "it", "network_lum", ("tendons.EDC.tension=8 N", "hood.x=1")
-    )
-    text = text.replace('extends = "network_lum"', 'extends = "fingertip_isotropic_lum"')
-    path = tmp_path / "made.toml"
-    path.write_text(text)
-    case = load_case(path)
-    assert isinstance(case.hood, NetworkHood)
-    assert case.hood.reduced is not None
-    assert case.tension("EDC") == 8.0
-    again = potential(case.hood.reduced)
-    assert again.energy == pytest.approx(found.energy, rel=1e-8)
-    assert again.slip == pytest.approx(found.slip, rel=1e-8)
-    assert np.array_equal(again.angle_powers, found.angle_powers)
-    assert again.low == pytest.approx(found.low, abs=1e-12)
-    assert "# " in text
-    assert "why" in text
-    path.write_text(text.replace("EDC = {}", "EDC = { MCP = { constant = '1 mm' } }"))
-    with pytest.raises(InputError, match="stands for all arms"):
-        load_case(path)
-    path.write_text(text.replace("EDC = {}\nLUM = {}", "LUM = {}\nEDC = {}"))
-    with pytest.raises(InputError, match="expected the hood's muscles, LUM, EDC, FPI"):
-        load_case(path)
-
-
-def test_errors_are_relative_to_the_hood(samples, found):
-    exact = reduction.errors(a_reduction(samples, found))
-    assert all(e.most < 1e-8 for e in exact)
-    tenth = a_reduction(samples, replace(found, energy=1.1 * found.energy))
-    told = {e.quantity: e for e in reduction.errors(tenth)}
-    assert told["joint torques"].most == pytest.approx(0.1, rel=1e-6)
-    assert told["tip force"].median == pytest.approx(0.1, rel=1e-6)
-    assert told["tip force"].mark == "5 %"
-    off = np.abs(0.1 * reduction.stacked(samples[140:])["slip"])
-    assert 0 < told["slip forces"].most <= off.max() / off.max(axis=1).min()
-
-
-def test_the_tip_map_is_what_the_clamped_finger_bears():
-    """tau + J^T r = 0 of a finger held at its tip: the force balances the torques that made it."""
-    case = reduction.clamped(load_case("network_edc"))
-    finger = build(case).finger
-    angle = np.array([0.5, 0.0, 0.8, 0.3])
-    state = finger.start(dict(zip(finger.joints, angle, strict=True)))
-    made = reduction.tip_map(finger, angle)
-    push = np.array([0.3, 0.1, -0.7])
-    step = 1e-6
-    tips = []
-    for e in np.eye(len(finger.unknowns(state)))[:4]:
-        ends = [finger.tip(finger.displaced(state, sign * step * e)) for sign in (1, -1)]
-        tips.append((ends[0] - ends[1]) / (2 * step))
-    torque = np.array(tips) @ push  # joint torques that press the tip with this force
-    assert made @ torque == pytest.approx(push, rel=1e-6)
-
-
-def test_loads_of_tendons_at_rest():
-    case = load_case("fingertip_fibres_edc")
-    loads = reduction.greatest_loads(case, ("EDC", "EI", "LUM", "FPI"))
-    assert loads == pytest.approx({"EDC": 3.469, "EI": 3.547, "LUM": 2.504, "FPI": 3.094})
-    with pytest.raises(InputError, match="loads no tendon"):
-        reduction.greatest_loads(load_case("fingertip_fibres_fdp"), ("EDC", "EI"))
-
-
-def test_a_grid_is_read_and_walked_to_and_fro():
-    assert reduction.read_grid(["PIP=30,10"]) == {"PIP": (10.0, 30.0)}
-    assert reduction.read_grid([]) == reduction_walks.GRID
-    with pytest.raises(InputError, match="write JOINT=DEG"):
-        reduction.read_grid(["PIP=a"])
-    lines = reduction_walks._to_and_fro([(1.0, 2.0, 3.0), (5.0, 6.0)])
-    assert len(np.unique(lines, axis=0)) == 6
-    steps = np.abs(np.diff(lines, axis=0))
-    assert ((steps > 0).sum(axis=1) == 1).all()
-
-
-def within() -> reduction_walks.Within:
-    grid = {"MCP": (0.0, 60.0), "DIP": (5.0, 35.0)}
-    home, most = np.array([0.0, 0.02, 0.3, 0.0]), np.array([3.0, 0.6])
-    return reduction_walks.Within(("MCP", "MCP_abduction", "PIP", "DIP"), home, grid, most, 0.05)
-
-
-def test_states_between_the_grids_points_fill_its_box():
-    made, walks = within(), reduction_walks.spread_walks(within())
-    angle = np.degrees(np.concatenate([walk.angles for walk in walks]))
-    assert angle.min(axis=0) == pytest.approx([0, 1.146, 17.19, 5], abs=2)
-    assert angle.max(axis=0) == pytest.approx([60, 1.146, 17.19, 35], abs=2)
-    assert (angle[:, 0] >= 0).all()
-    assert (angle[:, 3] <= 35).all()
-    loads = np.array([walk.tensions[0] for walk in walks])
-    alone = (loads == 0.05).sum(axis=1) == 1
-    assert len(np.unique(loads[alone], axis=0)) == 2
-    assert (loads[~alone] <= 0.65 * made.most).all()
-    assert len(np.unique(loads[~alone], axis=0)) == reduction_walks.MIXTURES
-
-
-def test_held_states_are_none_of_those_fitted():
-    fitted_to = [*reduction_walks.grid_walks(within()), *reduction_walks.spread_walks(within())]
-    seen = np.concatenate([walk.angles for walk in fitted_to])
-    for walk in reduction_walks.held_walks(within()):
-        apart = np.abs(walk.angles[:, None] - seen).max(axis=2)
-        assert apart.min() > 1e-6
-
-
-def test_points_are_passed_from_one_to_the_nearest():
-    made = reduction_walks._chained(np.array([[9.0, 9.0], [0.0, 0.0], [5.0, 5.0], [1.0, 0.0]]))
-    assert made.tolist() == [[0, 0], [1, 0], [5, 5], [9, 9]]
-
-
-def test_rows_in_parts_are_the_rows_at_once(samples, found, monkeypatch):
-    monkeypatch.setattr("rigid.reduction.AT_ONCE", 37)
-    data = Data(**reduction.stacked(samples[:140]))
-    parted = reduced(data, found.joints, found.muscles, STRAIGHT)
-    held = reduction.stacked(samples[140:])
-    torque = parted.torques(held["angle"], held["tension"])
-    assert torque == pytest.approx(held["torque"], rel=1e-8, abs=1e-10)
-
-
-def test_a_grid_beyond_the_joints_is_refused():
-    source = find_case("cable_edc")
-    for grid, words in (
-        ({"FOO": (1.0,)}, "unknown joint FOO"),
-        ({"PIP": (500.0,)}, "0 to 110 deg"),
-    ):
-        with pytest.raises(InputError, match=words):
-            reduction.reduce_case(source, (), grid, 1)
-
-
-class Stuck:
-    """A hood that finds no equilibrium beyond a PIP angle."""
-
-    def __init__(self, hood, most: float) -> None:
-        self.hood, self.most, self.tendons = hood, most, hood.tendons
-
-    def __getattr__(self, name):
-        return getattr(self.hood, name)
-
-    def advance(self, state, motion, tension, dt):
-        relative = motion.rotation[1].T @ motion.rotation[2]
-        if np.arccos((np.trace(relative) - 1) / 2) > self.most:
-            raise ConvergenceError("stuck")
-        return self.hood.advance(state, motion, tension, dt)
-
-
-def test_reducing_leaves_out_what_does_not_converge(monkeypatch, tmp_path):
-    """The whole command, on a network in place of the shell."""
-    models = soft_models()
-    stuck = replace(models, hood=Stuck(models.hood, np.radians(50)))
-
-    def in_this_process(source, settings, walks, jobs):
-        for one in walks:
-            yield list(on_models(stuck, one))
-
-    monkeypatch.setattr(reduction, "build", lambda case: models)
-    monkeypatch.setattr(reduction, "sampled", in_this_process)
-    monkeypatch.setattr(reduction, "fitted", lambda d, *a: reduced(Data(**d), *a, Order(angle=2)))
-    out = tmp_path / "made.toml"
-    done = CliRunner().invoke(app, ["reduce", "fingertip_isotropic_edc", "-o", str(out)])
-    assert done.exit_code == 0, done.output
-    assert "left out: 30/0/55/20 deg, EDC 3.47, LUM 0.05, FPI 0.05 N: stuck" in done.output
-    case = load_case(out)
-    assert isinstance(case.hood, NetworkHood)
-    assert case.finger.tip.kind == "clamped"
-
-
-def test_only_hoods_of_finite_elements_are_reduced():
-    done = CliRunner().invoke(app, ["reduce", "network_edc"])
-    assert done.exit_code == 2
-    assert "nothing is gained" in done.output
-    done = CliRunner().invoke(app, ["reduce", "cable_edc", "--grid", "TIP=1,2"])
-    assert done.exit_code == 2
-    assert "unknown joint TIP" in done.output
-
-
-def test_a_walk_goes_on_from_the_last_posture_found():
-    models = soft_models()
-    stuck = replace(models, hood=Stuck(models.hood, 0.5))
-    angle = np.array([[0, 0, 0.3, 0.1], [0, 0, 0.8, 0.1], [0, 0, 0.4, 0.1]])
-    states = list(on_models(stuck, Walk(angle, np.full((2, 3), 8.0))))
-    assert [isinstance(s, Lost) for s in states] == [False, False, True, True, False, False]
-
-
-def test_a_walk_is_followed_in_small_steps(monkeypatch):
-    models, seen = soft_models(), []
-    pose = models.finger.motion
-
-    def told(state):
-        seen.append(models.finger.angles(state)[2])
-        return pose(state)
-
-    monkeypatch.setattr(models.finger, "motion", told)
-    list(
-        on_models(
-            models, Walk(np.array([[0, 0, 0.3, 0.1], [0, 0, 0.9, 0.1]]), np.full((1, 3), 8.0))
-        )
-    )
-    assert np.abs(np.diff(seen)).max() <= np.radians(10.0) + 1e-12
-    assert seen[-1] == 0.9
+def test_rows_in_parts_are_the_rows_at_once(monkeypatch):
+    monkeypatch.setattr("rigid.reduced_fit.AT_ONCE", 37)
+    parted, held = reduced(fitted_to(), JOINTS, MUSCLES, STRAIGHT), held_out()
+    torque = parted.torques(held.angle, held.tension)
+    assert torque == pytest.approx(held.torque, rel=1e-8, abs=1e-10)

@@ -1,0 +1,65 @@
+"""A tendon network whose springs all bear, so that it is a polynomial, and its states."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from cosim.build import Models, build
+from cosim.build_lumped import slip_forces
+from cosim.case import load_case
+from cosim.case_finger import IndexFinger
+from cosim.case_lumped import NetworkHood
+from cosim.port import STATIC
+from cosim.reduction_samples import FREE, Walk, on_models
+from cosim.verification_reduction import SOFT
+from rigid.reduced_network import Potential
+from rigid.reduction import Order, Sample, reduced, stacked
+
+JOINTS, MUSCLES = ("MCP", "MCP_abduction", "PIP", "DIP"), ("EDC", "LUM", "FPI")
+STRAIGHT = Order(angle=4, toe=None)
+FITTED = 140
+
+
+def soft_models() -> Models:
+    return build(load_case("network_edc", [*SOFT, FREE]))
+
+
+def walk(count: int, seed: int) -> Walk:
+    rng = np.random.default_rng(seed)
+    angle = rng.uniform([-0.1, 0.0, 0.1, 0.0], [0.6, 0.0, 0.9, 0.4], (count, 4))
+    return Walk(angle, rng.uniform(7.0, 12.0, (6, 3)))
+
+
+@lru_cache(maxsize=1)
+def samples() -> tuple[Sample, ...]:
+    """Of the soft network, with the slips that its springs make."""
+    case, models = load_case("network_edc", SOFT), soft_models()
+    assert isinstance(case.hood, NetworkHood)
+    assert isinstance(case.finger, IndexFinger)
+    out = []
+    for s in on_models(models, walk(28, 0)):
+        assert isinstance(s, Sample)
+        at = models.finger.start(dict(zip(models.finger.joints, s.angle, strict=True)))
+        motion = models.finger.motion(at)
+        state = models.hood.advance(models.hood.start(motion), motion, s.tension, STATIC).state
+        slips = slip_forces(case.hood, case.finger, state)
+        assert sum(slips.values()) == pytest.approx(s.tension.sum(), rel=1e-12)
+        out.append(replace(s, slip=np.array([slips["central"], slips["terminal"]])))
+    return tuple(out)
+
+
+def fitted_to() -> Sample:
+    return stacked(samples()[:FITTED])
+
+
+def held_out() -> Sample:
+    return stacked(samples()[FITTED:])
+
+
+@lru_cache(maxsize=1)
+def found() -> Potential:
+    return reduced(fitted_to(), JOINTS, MUSCLES, STRAIGHT)
