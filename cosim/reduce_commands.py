@@ -32,6 +32,15 @@ def reduce(
             "any stays as in the case. Without it MCP=0,22,45, PIP=10,32,55 and DIP=5,20,35.",
         ),
     ] = None,
+    spread: Annotated[
+        int,
+        typer.Option(
+            min=1,
+            max=10_000,
+            help="Postures between the grid's points in which each tendon pulls alone; a third "
+            "more in which all pull. Fewer are quicker and less exact.",
+        ),
+    ] = 192,
     jobs: Jobs = 2,
 ) -> None:
     """Fit a network hood to what a case's shell or cables do, over a grid of postures and loads,
@@ -50,6 +59,7 @@ def reduce(
             read_grid(grid or ()),
             jobs,
             lambda text: typer.echo(text, err=True),
+            spread,
         )
         _show(found)
         if out is not None:

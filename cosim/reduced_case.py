@@ -14,7 +14,6 @@ from cosim import units
 from cosim.reduction import Reduction
 from cosim.reduction_errors import errors
 from cosim.reduction_walks import (
-    ALONE,
     ALONE_PARTS,
     HELD,
     HELD_MIXED,
@@ -22,7 +21,6 @@ from cosim.reduction_walks import (
     LOW,
     MIXED,
     MIXTURE_PARTS,
-    MIXTURES,
     SEED,
 )
 from cosim.trials import Settings
@@ -52,7 +50,7 @@ def _provenance(found: Reduction) -> Iterator[str]:
         "on bones held in postures."
     )
     yield ""
-    for joint, axis in found.grid.items():
+    for joint, axis in found.within.grid.items():
         yield f"  {joint}: {', '.join(f'{angle:g}' for angle in axis)} deg"
     loads = ", ".join(f"{name} {force:.4g} N" for name, force in found.loads.items())
     rest = found.case.solve.resting_tension
@@ -60,8 +58,8 @@ def _provenance(found: Reduction) -> Iterator[str]:
     parts = "; ".join(", ".join(f"{part:g}" for part in mixture) for mixture in MIXED)
     yield f"  all at once, in parts of these loads (tendon by tendon, then again): {parts}"
     yield (
-        f"  between the grid's points (Sobol): each alone in {ALONE} postures, with "
-        f"{_ends(ALONE_PARTS)} of its load, and mixtures in {MIXTURES}, with "
+        f"  between the grid's points (Sobol): each alone in {found.within.spread} postures, "
+        f"with {_ends(ALONE_PARTS)} of its load, and mixtures in {found.within.mixtures}, with "
         f"{_ends(MIXTURE_PARTS)} of each"
     )
     yield (

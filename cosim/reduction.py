@@ -20,7 +20,7 @@ from cosim.case_schema import Case, ShellHood
 from cosim.port import Array, InputError
 from cosim.reduction_samples import Lost, sampled
 from cosim.reduction_tip import tip_maps
-from cosim.reduction_walks import GRID, Within, grid_walks, held_walks, spread_walks
+from cosim.reduction_walks import GRID, SPREAD, Within, grid_walks, held_walks, spread_walks
 
 if TYPE_CHECKING:
     from cosim.build_lumped import Potential
@@ -43,8 +43,7 @@ class Reduction:
     """What was fitted, to what, and what was held out."""
 
     case: Case
-    grid: Mapping[str, tuple[float, ...]]
-    """deg by joint."""
+    within: Within
     loads: Mapping[str, float]
     """N, the greatest of each tendon."""
     potential: Potential
@@ -102,8 +101,9 @@ def reduce_case(
     grid: Mapping[str, tuple[float, ...]],
     jobs: int,
     tell: Tell = lambda text: None,
+    spread: int = SPREAD,
 ) -> Reduction:
-    """Sample the case's hood on the grid and off it, and fit.
+    """Sample the case's hood on the grid and off it (`spread` as of `Within`), and fit.
 
     Raises InputError for a hood in closed form, an unknown joint, or too few samples."""
     case = load_case(source, settings)
@@ -132,7 +132,8 @@ def reduce_case(
     home = np.array([models.posture.get(joint, 0.0) for joint in joints])
     loads = greatest_loads(case, tendons)
     most, rest = np.array(list(loads.values())), case.solve.resting_tension
-    within = Within(joints, home, {j: grid[j] for j in joints if j in grid}, most, rest)
+    axes = {j: grid[j] for j in joints if j in grid}
+    within = Within(joints, home, axes, most, rest, spread)
     on_grid = [*grid_walks(within), *spread_walks(within)]
     off_grid = held_walks(within)
     started, found = time.perf_counter(), []
@@ -160,7 +161,7 @@ def reduce_case(
     potential = fitted(data, joints, tendons, tip_maps(case, data.angle))
     rate = _rate(potential, samples, case)
     seconds = spent / len(states)
-    return Reduction(case, grid, loads, potential, samples, held, lost_states, seconds, rate)
+    return Reduction(case, within, loads, potential, samples, held, lost_states, seconds, rate)
 
 
 def state_in_words(angle: Array, tension: Array, tendons: Sequence[str]) -> str:

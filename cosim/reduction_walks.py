@@ -21,11 +21,10 @@ LOW = 0.5
 """N, of a tendon's least load."""
 MIXED = ((0.5,), (0.3, 0.1, 0.6))
 """Of the greatest loads, tendon by tendon and from the first again: all pull."""
-ALONE, ALONE_PARTS = 96, (0.25, 1.0)
-"""Postures spread over the grid's box in which each tendon pulls alone, with these parts of its
-greatest load."""
-MIXTURES, MIXTURE_PARTS = 128, (0.05, 0.65)
-"""Postures spread over it in which all pull, each with its own parts of their loads."""
+SPREAD = 192
+"""Postures spread over the grid's box in which each tendon pulls alone."""
+ALONE_PARTS, MIXTURE_PARTS = (0.25, 1.0), (0.05, 0.65)
+"""Of the greatest loads, of tendons that pull alone and of all that pull."""
 LEG = 24
 """Postures on a walk between the grid's points."""
 SPREAD_SEED = 7
@@ -48,6 +47,12 @@ class Within:
     """(m,) N, the greatest loads."""
     rest: float
     """N, of a tendon that does not pull."""
+    spread: int = SPREAD
+    """Postures between the grid's points for each tendon alone; a third more for mixtures."""
+
+    @property
+    def mixtures(self) -> int:
+        return 4 * self.spread // 3
 
     def postures(self, degrees: Array) -> Array:
         """(p, n) rad: the grid's joints at (p, k) deg, the others at home."""
@@ -93,10 +98,10 @@ def spread_walks(within: Within) -> list[Walk]:
     count, tendons = len(within.grid), len(within.most)
     walks = []
     for k in range(tendons):
-        points = _sobol(count + 1, ALONE, SPREAD_SEED + k)
+        points = _sobol(count + 1, within.spread, SPREAD_SEED + k)
         loads = within.single(k, _between(ALONE_PARTS, points[:, count]))
         walks += _legs(within, points[:, :count], loads)
-    points = _sobol(count + tendons, MIXTURES, SPREAD_SEED + tendons)
+    points = _sobol(count + tendons, within.mixtures, SPREAD_SEED + tendons)
     loads = within.most * _between(MIXTURE_PARTS, points[:, count:])
     return walks + _legs(within, points[:, :count], loads)
 

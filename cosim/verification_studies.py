@@ -44,6 +44,7 @@ REDUCED = ("isometric_edc", "hood.mesh.quads=250")
 """Which shell is reduced."""
 GRID = {"MCP": (20.0, 40.0), "PIP": (35.0, 55.0), "DIP": (5.0, 25.0)}
 """deg, about what the study samples."""
+SPREAD = 24
 EXACT = "an unbroken run of the same study"
 SHELL = """
 case = "isometric_edc"
@@ -174,7 +175,7 @@ def reduced_rows() -> Iterator[Row]:
     """640 runs of eight parameters, on a network that is reduced here from a coarse shell."""
     with TemporaryDirectory() as folder:
         case = Path(folder) / "reduced.toml"
-        found = reduce_case(find_case(REDUCED[0]), REDUCED[1:], GRID, 2)
+        found = reduce_case(find_case(REDUCED[0]), REDUCED[1:], GRID, 2, spread=SPREAD)
         text = case_text(found, "a reduced hood", REDUCED[0], REDUCED[1:])
         case.write_text(text, encoding="utf-8")
         yield from _broken_rows(

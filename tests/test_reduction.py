@@ -27,7 +27,7 @@ from rigid.reduction import Order, reduced
 def a_reduction(made: Potential) -> reduction.Reduction:
     return reduction.Reduction(
         load_case("network_edc", SOFT),
-        {"MCP": (0.0, 30.0)},
+        within(),
         {"EDC": 12.0},
         made,
         samples()[:FITTED],
@@ -130,7 +130,9 @@ def test_a_grid_is_read_and_walked_to_and_fro():
 def within() -> reduction_walks.Within:
     grid = {"MCP": (0.0, 60.0), "DIP": (5.0, 35.0)}
     home, most = np.array([0.0, 0.02, 0.3, 0.0]), np.array([3.0, 0.6])
-    return reduction_walks.Within(("MCP", "MCP_abduction", "PIP", "DIP"), home, grid, most, 0.05)
+    return reduction_walks.Within(
+        ("MCP", "MCP_abduction", "PIP", "DIP"), home, grid, most, 0.05, 96
+    )
 
 
 def stopped(walk):
@@ -218,13 +220,13 @@ def test_reducing_leaves_out_what_does_not_converge(monkeypatch, tmp_path):
         for one in walks:
             yield list(on_models(stuck, one))
 
-    for name in ("ALONE", "MIXTURES"):
-        monkeypatch.setattr(reduction_walks, name, 16)
     monkeypatch.setattr(reduction, "build", lambda case: models)
     monkeypatch.setattr(reduction, "sampled", in_this_process)
     monkeypatch.setattr(reduction, "fitted", lambda *a: reduced(*a[:3], Order(angle=2), a[3]))
     out = tmp_path / "made.toml"
-    done = CliRunner().invoke(app, ["reduce", "fingertip_isotropic_edc", "-o", str(out)])
+    done = CliRunner().invoke(
+        app, ["reduce", "fingertip_isotropic_edc", "--spread", "12", "-o", str(out)]
+    )
     assert done.exit_code == 0, done.output
     assert "left out: 22/0/55/20 deg, EDC 3.47, LUM 0.05, FPI 0.05 N: stuck" in done.output
     case = load_case(out)
