@@ -61,7 +61,7 @@ def stacked(samples: Sequence[Sample]) -> Sample:
 class Order:
     """How rich the potential is."""
 
-    angle: int = 6
+    angle: int = 7
     """Total degree in the joints that the samples move."""
     held: int = 2
     """Degree in the joints that they all leave where they are, whose torques and stiffnesses they
