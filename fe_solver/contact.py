@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from enum import IntEnum
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -176,21 +177,20 @@ def contact_forces(
     along = scale * slope
     if contact.pin is not None:
         along = np.where(contact.pin[near] > 0, contact.pin[near], along)
-    hessian = along[:, None, None] * normal[:, :, None] * normal[:, None, :]
-    if curvature:
-        hessian -= (scale * force)[:, None, None] * (R @ bend[near] @ R.T)
-    energy, pull = float(scale @ work), -(scale * force)[:, None] * normal
+    pushed = scale * force
+    energy, pull, dragged = float(scale @ work), -pushed[:, None] * normal, None
     if contact.grip is not None:
-        held, drag, drag_slope = friction_forces(contact, contact.grip, local)
+        held, drag, slopes = friction_forces(contact, contact.grip, local)
         energy += float(held.sum())
         pull += drag[near] @ R.T
-        hessian += R @ drag_slope[near] @ R.T
+        dragged = slopes[near]
+    curved = bend[near] if curvature else None
     return PointForces(
         node,
         np.full(len(node), contact.body, dtype=np.intp),
         energy,
         pull,
-        hessian,
+        partial(_hessian, R, along, normal, pushed, curved, dragged),
         x[node] - p,
         np.ones(len(node), dtype=bool),
         np.full(len(node), -1, dtype=np.intp),
@@ -201,11 +201,35 @@ def contact_forces(
     )
 
 
+def _hessian(
+    R: Array,
+    along: Array,
+    normal: Array,
+    pushed: Array,
+    curved: Array | None,
+    dragged: Array | None,
+) -> Array:
+    """(k, 3, 3) of stiffness `along` (k,) the normals (k, 3); of forces `pushed` (k,) N on what is
+    `curved` (k, 3, 3) 1/m and of friction `dragged` (k, 3, 3) N/m, both as the body sees them."""
+    out = along[:, None, None] * normal[:, :, None] * normal[:, None, :]
+    if curved is not None:
+        out -= pushed[:, None, None] * (R @ curved @ R.T)
+    if dragged is not None:
+        out += R @ dragged @ R.T
+    return out
+
+
 def joined(parts: list[PointForces]) -> PointForces:
     """All point forces as one."""
-    names = [f.name for f in fields(PointForces) if f.name != "energy"]
+    names = [f.name for f in fields(PointForces) if f.name not in ("energy", "bend")]
     columns = {n: np.concatenate([getattr(p, n) for p in parts]) for n in names}
-    return PointForces(energy=sum(p.energy for p in parts), **columns)
+    return PointForces(
+        energy=sum(p.energy for p in parts), bend=partial(_hessians, parts), **columns
+    )
+
+
+def _hessians(parts: list[PointForces]) -> Array:
+    return np.concatenate([p.hessian for p in parts])
 
 
 class Status(IntEnum):

@@ -71,11 +71,11 @@ def shared_twist(c: Configuration) -> Array:
 def as_one(model: ShellModel, c: Configuration, bases: tuple[Array, Array]) -> Array:
     """(5n, 6) what a twist of all the bodies as one does to the degrees of freedom that do not
     follow a body by themselves, about the first body's origin."""
-    A, T = bases
+    first, second = np.moveaxis(bases[1], 2, 0)  # with the director right-handed
     out = np.zeros((len(c.x), DOFS, 6))
-    out[:, :3, :3] = np.swapaxes(A, 1, 2)
-    out[:, :3, 3:] = cross((c.x - c.position[0])[:, None], np.swapaxes(A, 1, 2))
-    out[:, 3:, 3:] = cross(c.d[:, None], np.swapaxes(T, 1, 2))
+    out[:, range(3), range(3)] = 1.0  # but guided nodes have the world's axes
+    out[:, :3, 3:] = -skew(c.x - c.position[0])
+    out[:, 3, 3:], out[:, 4, 3:] = second, -first
     guides = model.guides
     out[guides.node, :3] = 0.0
     out[guides.node[guides.steady], 3:] = 0.0
@@ -93,22 +93,23 @@ def coupling(
     A, _ = e.bases
     S, (dofs, slots) = slaved(model, c, e.bases), model.slaves
     K = sp.csr_array((e.data[slots.data], slots.indices, slots.indptr), slots.shape)
-    KS = K @ S[dofs]
+    followed = S[dofs]
+    KS = K @ followed
     residual = KS.reshape(n, DOFS, nb, 6)
-    wrench = -(S[dofs].T @ KS[dofs]).reshape(nb, 6, nb, 6)
+    wrench = -(followed.T @ KS[dofs]).reshape(nb, 6, nb, 6)
     p = e.points
     G = np.concatenate([np.tile(np.eye(3), (len(p.arm), 1, 1)), -skew(p.arm)], axis=2)
     force = -p.hessian @ G
-    force[p.turns, :, 3:] -= skew(p.gradient[p.turns])
+    arm_cross = skew(p.gradient)
+    force[p.turns, :, 3:] -= arm_cross[p.turns]
     local = np.swapaxes(A[p.node], 1, 2) @ force
     add_at(residual, (p.node, slice(0, 3), p.body), local)
     own = np.swapaxes(G, 1, 2) @ force
-    arm_cross = skew(p.gradient)
     own[p.turns, 3:, :3] += arm_cross[p.turns]
     follow = ~p.turns
     own[follow, 3:, 3:] += arm_cross[follow] @ skew(p.arm[follow])
-    for body in range(nb):
-        wrench[body, :, body] += own[p.body == body].sum(axis=0)
+    on_body = (p.body == np.arange(nb)[:, None]).astype(float)
+    wrench[range(nb), :, range(nb)] += (on_body @ own.reshape(-1, 36)).reshape(nb, 6, 6)
     _held_points(p, G, force, A, S.reshape(n, DOFS, nb, 6), wrench)
     _held_terms(model, c, e, tension, residual, wrench)
     by_tension, wrench_tension = _tension_terms(model, c, A)
@@ -123,6 +124,8 @@ def _held_points(
     6) the nodes' motion in their bases A by the bodies' twists, force (k, 3, 6) the points' force
     by their own body's."""
     on = follow[p.node, :3].any(axis=(1, 2, 3))
+    if not on.any():
+        return
     moved = np.einsum("nij,njbk->nibk", A[p.node[on]], follow[p.node[on], :3])
     by_node = np.swapaxes(G[on], 1, 2) @ p.hessian[on]
     by_node[:, 3:] -= np.where(p.turns[on, None, None], skew(p.gradient[on]), 0.0)
@@ -155,6 +158,8 @@ def _held_terms(
     moment = -skew(total) @ skew(arm) - skew(arm) @ skew(pull)
     add_at(wrench[:, 3:, :, 3:], (g.body, slice(None), g.body), moment)
     add_at(wrench[:, :3, :, 3:], (g.body, slice(None), g.body), -skew(pull))
+    if not g.steady.any():
+        return
     on = g.steady
     node, body, d = g.node[on], g.body[on], c.d[g.node[on]]
     gd = e.gradient_d[node]

@@ -103,20 +103,21 @@ class Nearby:
 
         Raises NotPositiveDefiniteError where the matrix is not, and where it is too far from the
         factor's."""
-        out, left, rest = np.zeros_like(right), right, self.factor.solve(right)
-        way, fall = rest, float(right @ rest)
+        out, left, limit = np.zeros_like(right), right, REDUCED * np.linalg.norm(right)
+        way, before = out, 1.0
         for _ in range(MOST_PRODUCTS):
+            rest = self.factor.solve(left)
+            fall = float(left @ rest)
+            way = rest + fall / before * way
             bent = self.matrix @ way
             curvature = float(way @ bent)
             if not curvature > 0:
                 raise NotPositiveDefiniteError("a direction of no stiffness, or of less")
             out = out + fall / curvature * way
             left = left - fall / curvature * bent
-            if np.linalg.norm(left) <= REDUCED * np.linalg.norm(right):
+            if np.linalg.norm(left) <= limit:
                 return out
-            rest = self.factor.solve(left)
-            before, fall = fall, float(left @ rest)
-            way = rest + fall / before * way
+            before = fall
         raise NotPositiveDefiniteError(f"left {np.linalg.norm(left):.1e} after {MOST_PRODUCTS}")
 
 

@@ -85,10 +85,11 @@ class Solution:
         m, c = self.model, self.configuration
         if m.dead is not None or m.inertia is not None:
             return -self.factor.solve(self.pushed)
-        others = -self.factor.solve(self.pushed[:, 6:])
-        twists = shared_twist(c)[6:]
-        first = as_one(m, c, self.evaluation.bases)[m.free] - others[:, : len(twists)] @ twists
-        return np.hstack([first, others])
+        out, twists = np.empty_like(self.pushed), shared_twist(c)[6:]
+        out[:, 6:] = -self.factor.solve(self.pushed[:, 6:])
+        out[:, :6] = as_one(m, c, self.evaluation.bases)[m.free]
+        out[:, :6] -= out[:, 6 : 6 + len(twists)] @ twists
+        return out
 
 
 @dataclass(frozen=True)
@@ -169,7 +170,7 @@ def solve(
     Raises ConvergenceError naming the place of the largest residual."""
     c, solves = _undamped(model, start, tension, options) if options.undamped else (start, 0)
     convex, stuck, chord = not near, False, _kept(before)
-    near = None if before is None else before.factor
+    kept = None if before is None else before.factor
     e = model.evaluate(c, tension, tangent=chord is None, convex=convex)
     data = e.data if chord is None else chord.data
     assert data is not None
@@ -197,10 +198,10 @@ def solve(
         data = e.data
         assert data is not None
         stiffest = stiffest_entry(model, data)
-        step, factor = newton_step(model, data, e.reduced, near)
-        if near is not None and factor is not None and not isinstance(factor, Nearby):
-            near = factor
-        trial, more = _advanced(model, c, e, tension, step, options, near)
+        step, factor = newton_step(model, data, e.reduced, kept)
+        if kept is not None and factor is not None and not isinstance(factor, Nearby):
+            kept = factor
+        trial, more = _advanced(model, c, e, tension, step, options, kept)
         solves += 1 + more
         if trial is not None:
             (c, e, convex), stuck = trial, False

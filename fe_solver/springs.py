@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -177,7 +177,7 @@ class PointForces:
     """Forces between hood nodes and bodies that act along one line at one point.
 
     gradient (k, 3) of the energy by the node's position (so the node feels its opposite and the
-    body feels it); hessian (k, 3, 3); arm (k, 3) point of action from the body's origin, world;
+    body feels it); arm (k, 3) point of action from the body's origin, world; `bend` makes hessian;
     turns (k,) bool: the force turns with the body (contact) or follows the point (spring).
 
     Each force is that of a one-sided spring of `stiffness` (k,) N/m in its `depth` (k,) m, which
@@ -189,7 +189,7 @@ class PointForces:
     body: Ints
     energy: float
     gradient: Array
-    hessian: Array
+    bend: Callable[[], Array]
     arm: Array
     turns: NDArray[np.bool_]
     group: Ints
@@ -197,6 +197,11 @@ class PointForces:
     direction: Array
     stiffness: Array
     ramp: Array
+
+    @cached_property
+    def hessian(self) -> Array:
+        """(k, 3, 3); made when it is first asked for, as a trial of a line search never does."""
+        return self.bend()
 
 
 def _reach(springs: Springs, x: Array, position: Array, rotation: Array) -> tuple[Array, Array]:
@@ -234,7 +239,7 @@ def spring_forces(
         springs.body,
         float(pull.energy.sum()),
         pull.force[:, None] * direction,
-        _hessian(pull, length, direction, curvature),
+        partial(_hessian, pull, length, direction, curvature),
         arm,
         np.zeros(len(length), dtype=bool),
         springs.group,

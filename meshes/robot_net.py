@@ -62,10 +62,7 @@ def extensor_alone(net: CableNet) -> CableNet:
         strand=np.array([left.index(name) for name in strands]),
         strands=tuple(left),
         ends={"central": new[net.ends["central"]]},
-        springs={
-            name: replace(held, nodes=new[held.nodes])
-            for name, held in net.springs.items()
-        },
+        springs={name: replace(held, nodes=new[held.nodes]) for name, held in net.springs.items()},
         tied=_renumbered(net.tied, new),
         station=net.station[nodes],
     )

@@ -33,6 +33,8 @@ class Moving(NamedTuple):
 
     start: FingerState
     moment: Moment
+    acceleration: Array
+    """(nq,) rad/s2, mean over the last step: the next one begins its iteration with it."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,8 @@ class MovingMujoco:
     def begin(self, posture: Mapping[str, float]) -> Moving:
         """At rest; raises InputError for a posture that the finger does not take."""
         start = self.finger.start(posture)
-        return Moving(start, self._dynamics(start).start())
+        at_rest = self._dynamics(start).start()
+        return Moving(start, at_rest, np.zeros_like(at_rest.rates))
 
     def angles(self, state: Moving) -> Array:
         return state.moment.angles
@@ -88,12 +91,12 @@ class MovingMujoco:
         if load.at.bodies != self.bodies:
             raise InputError(f"load on bodies {load.at.bodies}: the finger's are {self.bodies}")
         dynamics, before = self._dynamics(state.start), state.moment
-        angles = before.angles + dt * before.rates
+        angles = before.angles + dt * (before.rates + dt * state.acceleration)
         for _ in range(MOST_ITERATIONS):
             after = dynamics.pulled(before, tension, self._push(load, angles), dt)
             turn = float(np.abs(after.angles - angles).max())
             if turn <= SETTLED:
-                return Moving(state.start, after)
+                return Moving(state.start, after, (after.rates - before.rates) / dt)
             angles = after.angles
         raise ConvergenceError(
             f"moving finger: the step to t = {before.time + dt:.6g} s still turns a joint by "

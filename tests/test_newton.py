@@ -11,7 +11,8 @@ from shells import NO_TENSION, at_rest, plate, sheet
 from straps import TENSION, TIGHT, joined, perturbed, springs, strap
 
 from cosim.port import ConvergenceError
-from fe_solver import newton
+from fe_solver import linear_algebra, newton
+from fe_solver.linear_algebra import Nearby
 from fe_solver.model import Configuration, ShellModel
 from fe_solver.newton import Solution, residual_norm, solve
 from fe_solver.newton_step import factorised
@@ -191,6 +192,28 @@ def test_an_old_factor_that_does_not_serve_is_given_up(model, solved):
     start = perturbed(model, solved.configuration, 1e-9)
     found = solve(model, start, TENSION, TIGHT, True, wrong)
     assert found.configuration.x == pytest.approx(solved.configuration.x, abs=1e-11)
+
+
+@pytest.mark.parametrize("products", [0, 10])
+def test_the_factor_of_before_stands_for_new_ones(model, solved, products, monkeypatch):
+    """Far from the equilibrium that it follows: the answer is the same with it and without it."""
+    near: list[bool] = []
+    real = newton.newton_step
+
+    def step(*args):
+        out = real(*args)
+        near.append(isinstance(out[1], Nearby))
+        return out
+
+    monkeypatch.setattr(newton, "newton_step", step)
+    monkeypatch.setattr(linear_algebra, "MOST_PRODUCTS", products)
+    monkeypatch.setattr(type(model.pattern.analysis), "dear", True)
+    more = 1.1 * TENSION
+    found = solve(model, solved.configuration, more, TIGHT, True, solved)
+    assert near
+    assert any(near) == (products > 0)
+    alone = solve(model, solved.configuration, more, TIGHT, True)
+    assert found.configuration.x == pytest.approx(alone.configuration.x, abs=1e-11)
 
 
 def test_follow_is_how_the_nodes_follow_the_tensions(model, solved):

@@ -1,0 +1,66 @@
+"""A factor that stands for that of a matrix near its own."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from fe_solver.linear_algebra import (
+    REDUCED,
+    Analysis,
+    Factor,
+    Nearby,
+    NotPositiveDefiniteError,
+    analyse,
+)
+
+SIZE = 60
+RIGHT = np.sin(np.arange(1.0, SIZE + 1))
+
+
+def chain(stiffness: np.ndarray) -> sp.csc_array:
+    """(n, n) of springs (n,) in a row, the first of them held."""
+    beyond = np.append(stiffness[1:], 0.0)
+    out = sp.diags_array(
+        [stiffness + beyond, -stiffness[1:], -stiffness[1:]], offsets=[0, 1, -1], format="csc"
+    )
+    return sp.csc_array(out)
+
+
+def factor_of(matrix: sp.csc_array) -> Factor:
+    slots = sp.csc_array(matrix, copy=True)
+    slots.data[:] = np.arange(1.0, matrix.nnz + 1)
+    analysis: Analysis = analyse(slots, "superlu")
+    return analysis.factor(matrix.data)
+
+
+@pytest.fixture(scope="module")
+def factor() -> Factor:
+    return factor_of(chain(np.ones(SIZE)))
+
+
+def test_its_own_matrix_is_solved_at_once(factor):
+    matrix = chain(np.ones(SIZE))
+    assert matrix @ factor.solve(RIGHT) == pytest.approx(RIGHT, abs=1e-10)
+    assert matrix @ Nearby(matrix, factor).solve(RIGHT) == pytest.approx(RIGHT, abs=1e-10)
+
+
+def test_a_matrix_nearby_is_solved_to_the_tolerance(factor):
+    matrix = chain(1 + 0.4 * np.sin(np.arange(SIZE) ** 2))
+    left = RIGHT - matrix @ Nearby(matrix, factor).solve(RIGHT)
+    assert np.linalg.norm(left) <= REDUCED * np.linalg.norm(RIGHT)
+    unhelped = RIGHT - matrix @ factor.solve(RIGHT)
+    assert np.linalg.norm(unhelped) > 30 * REDUCED * np.linalg.norm(RIGHT)
+
+
+def test_one_that_is_not_positive_definite_is_refused(factor):
+    stiffness = np.ones(SIZE)
+    stiffness[30] = -0.01
+    with pytest.raises(NotPositiveDefiniteError, match="no stiffness"):
+        Nearby(chain(stiffness), factor).solve(RIGHT)
+
+
+def test_one_that_is_too_far_is_refused(factor):
+    with pytest.raises(NotPositiveDefiniteError, match="left"):
+        Nearby(chain(np.geomspace(1.0, 1e5, SIZE)), factor).solve(RIGHT)
