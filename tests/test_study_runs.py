@@ -265,7 +265,10 @@ def test_the_process_of_a_run_has_one_thread_and_keeps_its_memory(monkeypatch):
     monkeypatch.setenv("OPENBLAS_NUM_THREADS", "8")
     child = apart.Child()
     try:
-        lines = Path(f"/proc/{child.process.pid}/environ").read_text().split("\0")
+        lines = [""]
+        while not any(lines):  # a program that has just begun has no environment yet
+            assert child.process.poll() is None
+            lines = Path(f"/proc/{child.process.pid}/environ").read_text().split("\0")
     finally:
         child.end()
     given = dict(line.split("=", 1) for line in lines if "=" in line)
