@@ -25,6 +25,13 @@ Solve = Callable[[Iterator[Task]], Iterator[Verdict]]
 """Verdicts as runs end, in any order; it takes a task only where there is room for it."""
 AHEAD = 2
 """Runs handed out for each worker: one that it does, one that waits."""
+QUIET = {
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.system-monitor.interval": "5s",
+}
+"""What Dask does without on this machine, where its workers only wait for the processes that solve:
+looking at itself takes a twentieth of a core of each."""
 LOOK = 2.0
 """Seconds after which the number of workers is asked for again."""
 PATIENCE = "20s"
@@ -39,15 +46,14 @@ def here(tasks: Iterator[Task]) -> Iterator[Verdict]:
 
 @contextmanager
 def local(workers: int, tell: Callable[[str], None]) -> Iterator[Solve]:
-    """So many processes on this machine; Dask does not profile them, for they only wait for those
-    that solve."""
+    """So many processes on this machine."""
     import logging
 
     import dask
     from distributed import Client, LocalCluster
 
     with (
-        dask.config.set({"distributed.worker.profile.enabled": False}),
+        dask.config.set(QUIET),
         LocalCluster(
             n_workers=workers,
             threads_per_worker=1,
