@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from cosim.terminal import told
+from cosim.terminal import print_table, told
 
 if TYPE_CHECKING:
     from cosim.estimate_case import Along, Answer, Setup
@@ -217,7 +217,6 @@ def _forces(s: Setup, answer: Answer | None) -> ForceSet | None:
 def _show(s: Setup, answer: Answer) -> None:
     from cosim.estimate_case import told_of
     from cosim.estimate_files import muscle_table
-    from cosim.trial_commands import print_table
 
     table = muscle_table(s.capacity, answer.found.tension)
     rows = [
@@ -238,7 +237,6 @@ def _show(s: Setup, answer: Answer) -> None:
 
 
 def _show_motion(s: Setup, found: Along) -> None:
-    from cosim.trial_commands import print_table
 
     rows = [
         (name, f"{low:.4g}", f"{high:.4g}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,7 +10,7 @@ import typer
 
 from cosim.files import written_whole
 from cosim.port import InputError
-from cosim.terminal import console, told
+from cosim.terminal import print_table, told
 
 if TYPE_CHECKING:
     import pandas
@@ -78,7 +77,7 @@ def _show(table: pandas.DataFrame) -> None:
             (str(tendon), *(f"{arm:.2f}" if isfinite(arm) else "-" for arm in arms))
             for tendon, arms in zip(wide.index, wide.to_numpy(), strict=True)
         ]
-        _print((f"{joint} deg, arm mm", *(f"{angle:.0f}" for angle in wide.columns)), rows)
+        print_table("", (f"{joint} deg, arm mm", *(f"{angle:.0f}" for angle in wide.columns)), rows)
 
 
 def _show_published(compared: pandas.DataFrame) -> None:
@@ -93,19 +92,7 @@ def _show_published(compared: pandas.DataFrame) -> None:
         )
         for row in compared.itertuples()
     ]
-    _print(("arm, mm", "MCP/PIP/DIP", "model", "published", "difference", "source"), rows)
-
-
-def _print(header: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> None:
-    from rich import box
-    from rich.table import Table
-
-    table = Table(box=box.SIMPLE, pad_edge=False)
-    for i, title in enumerate(header):
-        table.add_column(title, justify="left" if i == 0 else "right")
-    for row in rows:
-        table.add_row(*row)
-    console().print(table)
+    print_table("", ("arm, mm", "MCP/PIP/DIP", "model", "published", "difference", "source"), rows)
 
 
 def mjcf(

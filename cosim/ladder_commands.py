@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cosim.folders import folder_written_whole
-from cosim.terminal import told
-from cosim.trial_commands import CaseName, Jobs, Settings, print_table
+from cosim.terminal import print_table, told
+from cosim.trial_commands import CaseName, Jobs, Settings
 
 if TYPE_CHECKING:
     from cosim.ladder import Rung

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cosim.files import written_whole
-from cosim.terminal import told
-from cosim.trial_commands import CaseName, Jobs, Settings, print_table
+from cosim.terminal import print_table, told
+from cosim.trial_commands import CaseName, Jobs, Settings
 
 if TYPE_CHECKING:
     from cosim.reduction import Reduction
@@ -33,14 +33,14 @@ def reduce(
         ),
     ] = None,
     spread: Annotated[
-        int,
+        int | None,
         typer.Option(
             min=1,
             max=10_000,
             help="Postures between the grid's points in which each tendon pulls alone; a third "
-            "more in which all pull. Fewer are quicker and less exact.",
+            "more in which all pull. Fewer are quicker and less exact. Without it 192.",
         ),
-    ] = 192,
+    ] = None,
     jobs: Jobs = 2,
 ) -> None:
     """Fit a network hood to what a case's shell or cables do, over a grid of postures and loads,
@@ -50,6 +50,7 @@ def reduce(
         from cosim.identified import base_of, check_loads
         from cosim.reduced_case import case_text
         from cosim.reduction import read_grid, reduce_case
+        from cosim.reduction_walks import SPREAD
 
         own = tuple(settings or ())
         checked = load_case(case, own)
@@ -59,7 +60,7 @@ def reduce(
             read_grid(grid or ()),
             jobs,
             lambda text: typer.echo(text, err=True),
-            spread,
+            SPREAD if spread is None else spread,
         )
         _show(found)
         if out is not None:

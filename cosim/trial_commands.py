@@ -13,7 +13,7 @@ import typer
 
 from cosim.files import written_whole
 from cosim.port import InputError
-from cosim.terminal import console, told
+from cosim.terminal import print_table, told
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -156,20 +156,6 @@ def _show_sensitivity(found: Sensitivity) -> None:
         if run.status != "converged" or run.reason:
             what = f"{run.variation}, {run.side}" + (f" ({run.set_to})" if run.set_to else "")
             typer.echo(f"{what}: {run.status}: {run.reason}")
-
-
-def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """The title, and below it the rows, the first column to the left."""
-    from rich import box
-    from rich.table import Table
-
-    typer.echo(title)
-    table = Table(box=box.SIMPLE, pad_edge=False)
-    for i, name in enumerate(header):
-        table.add_column(name, justify="left" if i == 0 else "right")
-    for row in rows:
-        table.add_row(*row)
-    console().print(table)
 
 
 def identify(

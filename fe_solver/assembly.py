@@ -16,7 +16,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from .kernels import gathered
-from .linear_algebra import Analysis, analyse
+from .linear_algebra import Analysis, analyse, positions
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
@@ -88,11 +88,12 @@ class Pattern:
 
     def free_part(self, data: Array) -> sp.csc_array:
         """The free part of the full matrix."""
-        return sp.csc_array((data[self._places], self.slots.indices, self.slots.indptr))
+        slots = self.slots
+        return sp.csc_array((data[self._positions], slots.indices, slots.indptr), slots.shape)
 
     @cached_property
-    def _places(self) -> Ints:
-        return self.slots.data.astype(np.intp) - 1
+    def _positions(self) -> Ints:
+        return positions(self.slots)
 
     @cached_property
     def analysis(self) -> Analysis:

@@ -131,7 +131,8 @@ def mechanism(data: Array, slots: sp.csc_array) -> bool:
     return bool(pivots.min() < RANK * pivots.max())
 
 
-def _slots(matrix: sp.csc_array) -> Ints:
+def positions(matrix: sp.csc_array | sp.csr_array) -> Ints:
+    """Of a pattern's entries in the data that they are taken from."""
     return matrix.data.astype(np.intp) - 1
 
 
@@ -161,7 +162,7 @@ class SuperLUAnalysis:
         order = np.argsort(lu.perm_c)
         ordered = sp.csc_array(self.slots[order][:, order])
         ordered.sort_indices()
-        return order, ordered, _slots(ordered)
+        return order, ordered, positions(ordered)
 
     def factor(self, data: Array) -> Factor:
         return _OrderedLU(self.lu(data), self._ordered[0])
@@ -206,7 +207,7 @@ class CholmodAnalysis:
 
         lower = sp.csc_array(sp.tril(self.slots, format="csc"))
         lower.sort_indices()
-        slots = _slots(lower)
+        slots = positions(lower)
         return lower, slots, analyze(_legacy(lower, np.ones(len(slots))), mode="supernodal")
 
     def factor(self, data: Array) -> Factor:
@@ -247,7 +248,7 @@ class PardisoAnalysis:
 
         upper = sp.csr_array(sp.triu(self.slots, format="csr"))
         upper.sort_indices()
-        slots = upper.data.astype(np.intp) - 1
+        slots = positions(upper)
         solver = PyPardisoSolver(mtype=-2)
         os.environ.setdefault("PYPARDISO_MKL_RT", solver.libmkl._name)  # or each searches the disk
         matrix = sp.csr_matrix((np.ones(len(slots)), upper.indices, upper.indptr), upper.shape)

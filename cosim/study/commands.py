@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cosim.port import InputError
-from cosim.terminal import console, told
+from cosim.terminal import console, print_table, told
 
 if TYPE_CHECKING:
     from cosim.study.conduct import Done
@@ -84,7 +84,6 @@ def _engine(workers: int, scheduler: str | None) -> AbstractContextManager[Solve
 
 def _show(plan: Plan, done: Done, found: Opened, folder: Path) -> None:
     from cosim.compare import number
-    from cosim.trial_commands import print_table
 
     rows = []
     for name in found.outputs:
