@@ -24,12 +24,21 @@ from rigid.share_models import Finger, forward
 from rigid.two_band import coupled_dip
 from rigid.virtual_testbed import Bed, Course, held, simulate
 
-POSTURE = np.array([np.radians(10.0), np.radians(30.0), float(coupled_dip(np.radians(30.0)))])
-"""rad, on the coupling curve; the paper's is not printed.  Shares leave the MCP's torque alone, so
-that what they change points from the tip to the MCP: in a finger as straight as this mostly along
-x, as the paper's hysteresis does."""
-FRICTION = 0.164
+
+
+def on_curve(mcp: float, pip: float) -> Array:
+    """(3,) rad: a posture on the coupling curve, MCP and PIP at so many deg."""
+    turned = np.radians(pip)
+    return np.array([np.radians(mcp), turned, float(coupled_dip(turned))])
+
+
+POSTURE = on_curve(-24.0, 30.0)
+"""The paper's is not printed.  Shares leave the MCP's torque alone, so that what they change points
+from the tip to the MCP: here along x, as the paper's hysteresis mostly does."""
+FRICTION = 0.116
 """mu of the routing points, sized by `hysteresis` to REPORTED."""
+ELSEWHERE, FRICTION_ELSEWHERE = on_curve(10.0, 30.0), 0.164
+"""Where the hysteresis is 31 deg off x, and mu sized there: what the posture decides."""
 REPORTED = 0.5
 """N, either way."""
 JOINT_FRICTION = 1e-3
@@ -106,7 +115,7 @@ def _taut(steps: int) -> Array:
 
 def poses(network: Network, rng: np.random.Generator) -> Kinematics:
     """Excursions of nearly unloaded tendons over the joints' range."""
-    angle = rng.uniform([-0.3, 0.0, 0.0], [1.4, 1.75, 1.2], (POSES, 3))
+    angle = rng.uniform([-0.5, 0.0, 0.0], [1.4, 1.75, 1.2], (POSES, 3))
     unloaded = np.full((POSES, len(network.muscles)), 1e-6)
     excursion = network.excursion(angle, unloaded)
     noise = rng.normal(0.0, EXCURSION_SPREAD, excursion.shape)
@@ -124,9 +133,12 @@ class Measured(NamedTuple):
     """(n, 2) N."""
 
 
-def measured(bed: Bed, force: Array, dt: float, seeds: Sequence[int]) -> list[Measured]:
-    """Runs under muscle forces (b, n, m), each seen by sensors with a noise of its own."""
-    record = simulate(bed, POSTURE, held(force, dt, TIP_STIFFNESS))
+def measured(
+    bed: Bed, posture: Array, force: Array, dt: float, seeds: Sequence[int]
+) -> list[Measured]:
+    """Runs from a posture (3,) rad under muscle forces (b, n, m), each seen by sensors with a noise
+    of its own."""
+    record = simulate(bed, posture, held(force, dt, TIP_STIFFNESS))
     seen = []
     for k, seed in enumerate(seeds):
         rng = np.random.default_rng([seed, 2])
@@ -137,7 +149,7 @@ def measured(bed: Bed, force: Array, dt: float, seeds: Sequence[int]) -> list[Me
     return seen
 
 
-def pattern(known: Finger, seed: int) -> Array:
+def pattern(known: Finger, posture: Array, seed: int) -> Array:
     """(n, m) N at STEP: EDC alone, then all four at random, then LUM alone, as in figure 7; drawn
     anew where the predicted share is not within SHARES, beyond which the finger leaves the curve.
     """
@@ -145,7 +157,7 @@ def pattern(known: Finger, seed: int) -> Array:
     stages = [_alone(EDC)]
     while len(stages) < STAGES - 1:
         force = rng.uniform([PRETENSION, PRETENSION, 1.0, 1.0], [4.0, 4.0, 6.0, 6.0])
-        share = forward(known, POSTURE, force).share[0]
+        share = forward(known, posture, force).share[0]
         if SHARES[0] <= share <= SHARES[1]:
             stages.append(force)
     return _held_in_turn([*stages, _alone(LUM)])

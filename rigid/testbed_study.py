@@ -39,7 +39,7 @@ from rigid.testbed_runs import (
 
 RAMP_STEPS, CIRCLE_STEPS = 20, 100
 STRAYED = np.radians(10.0)
-"""rad from POSTURE: farther off a finger has left the coupling curve."""
+"""rad from its posture: farther off a finger has left the coupling curve."""
 REPORTED_ERRORS = {"forward": (0.29, 0.43), "inverse": (0.61, 0.91), "circle": (0.27, 0.57)}
 """N, RMSE of the interconnected and the static model in figures 7, 8 and 9 of the paper."""
 
@@ -60,6 +60,8 @@ class Predictions:
 class Trial(NamedTuple):
     """All of one seed."""
 
+    posture: Array
+    """(3,) rad."""
     identified: Identified
     shares: Array
     """(m,), the static model's."""
@@ -78,14 +80,16 @@ class Trial(NamedTuple):
         return dict(zip(REPORTED_ERRORS, each, strict=True))
 
 
-def trials(count: int = 10, friction: float = FRICTION) -> tuple[Trial, ...]:
-    """Seeds 0 to `count` - 1; what was found once is kept."""
-    return _trials(count, friction)
+def trials(
+    count: int = 10, friction: float = FRICTION, posture: Array = POSTURE
+) -> tuple[Trial, ...]:
+    """Seeds 0 to `count` - 1 in a posture (3,) rad; what was found once is kept."""
+    return _trials(count, friction, tuple(map(float, posture)))
 
 
-@lru_cache(maxsize=6)
-def _trials(count: int, friction: float) -> tuple[Trial, ...]:
-    bed, seeds = virtual_bed(friction), range(count)
+@lru_cache(maxsize=7)
+def _trials(count: int, friction: float, angles: tuple[float, ...]) -> tuple[Trial, ...]:
+    bed, seeds, posture = virtual_bed(friction), range(count), np.array(angles)
     motion = coupled_motion(bed)
     known = []
     for seed in seeds:
@@ -93,9 +97,11 @@ def _trials(count: int, friction: float) -> tuple[Trial, ...]:
         seen = motion + rng.normal(0.0, ANGLE_SPREAD, motion.shape)
         known.append(identify(poses(bed.network, rng), Coupling(seen, ANGLE_SPREAD)))
     fingers = [found.finger(LENGTH) for found in known]
-    forces = [pattern(finger, seed) for finger, seed in zip(fingers, seeds, strict=True)]
-    runs = measured(bed, np.array(forces), STEP, seeds)
-    turns = measured(bed, np.array([circle(finger) for finger in fingers]), STEP, seeds)
+    forces = [pattern(finger, posture, seed) for finger, seed in zip(fingers, seeds, strict=True)]
+    circles = [circle(finger, posture) for finger in fingers]
+    runs, turns = (
+        measured(bed, posture, np.array(each), STEP, seeds) for each in (forces, circles)
+    )
     turns = [Measured(*(seen[RAMP_STEPS:] for seen in turn)) for turn in turns]
     found = []
     for identified, finger, run, turn in zip(known, fingers, runs, turns, strict=True):
@@ -103,7 +109,7 @@ def _trials(count: int, friction: float) -> tuple[Trial, ...]:
         given = finger, run.angle, run.tip_force, run.force
         muscles = inverse(*given), inverse(*given, share=shares)
         ahead = predicted(finger, shares, run), predicted(finger, shares, turn)
-        found.append(Trial(identified, shares, ahead[0], muscles, ahead[1]))
+        found.append(Trial(posture, identified, shares, ahead[0], muscles, ahead[1]))
     return tuple(found)
 
 
@@ -116,7 +122,7 @@ def kept_to_curve(found: Sequence[Trial]) -> NDArray[np.bool_]:
     """(seeds,) whether the finger stays by its posture all along the circle.  The forces ask for
     shares up to 0 and 1, and a finger known with errors can be asked for more; then one way goes
     slack, and nothing but friction holds it."""
-    off = [np.abs(trial.circle.measured.angle - POSTURE).max() for trial in found]
+    off = [np.abs(trial.circle.measured.angle - trial.posture).max() for trial in found]
     return np.array(off) < STRAYED
 
 
@@ -136,12 +142,12 @@ def predicted(finger: Finger, shares: Array, run: Measured) -> Predictions:
     return Predictions(run, (forward(*given), with_shares(*given, shares)))
 
 
-def circle(finger: Finger) -> Array:
+def circle(finger: Finger, posture: Array) -> Array:
     """(n, m) N: the least forces for a circle of 1 N, open loop (section IV-E), after a ramp; all
     pull with PRETENSION at least, the share is between 0 and 1 as in (13)."""
     turn = np.linspace(0.0, 2 * np.pi, CIRCLE_STEPS + 1)
     wanted = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
-    angle = np.broadcast_to(POSTURE, (len(turn), 3))
+    angle = np.broadcast_to(posture, (len(turn), 3))
     none = np.zeros((len(turn), len(MUSCLES)))
     found = inverse(finger, angle, wanted, none, least=PRETENSION).muscles
     ramp = np.linspace(0.0, 1.0, RAMP_STEPS)[:, None]

@@ -50,7 +50,7 @@ def test_disturbances_leave_nothing_without_friction_and_half_a_newton_with_it()
     assert hysteresis(virtual_bed(0.0, 0.0)).half < 1e-4
     found = hysteresis(virtual_bed())
     assert found.half == pytest.approx(0.5, abs=0.01)
-    assert abs(found.direction[0]) > 0.8
+    assert abs(found.direction[0]) > 0.99
 
 
 def test_what_sticks_does_not_creep():
@@ -76,13 +76,13 @@ def test_a_finger_that_cannot_be_held_is_told():
 
 
 def test_the_interconnected_model_beats_the_static_one():
-    """In all three; how far short of the paper's ratio the circle falls is a row of `verify`."""
+    """In all three by the paper's ratios, which `verify` holds to over ten seeds."""
     found = errors(trials(2))
     for name, each in found.items():
         assert (each[:, 0] < each[:, 1]).all(), name
     assert found["forward"][:, 0].mean() < 0.68 * found["forward"][:, 1].mean()
     assert found["inverse"][:, 0].mean() < 0.67 * found["inverse"][:, 1].mean()
-    assert found["circle"][:, 0].mean() < 0.65 * found["circle"][:, 1].mean()
+    assert found["circle"][:, 0].mean() < 0.50 * found["circle"][:, 1].mean()
 
 
 def test_a_finger_that_leaves_the_coupling_curve_is_seen():

@@ -153,7 +153,8 @@ def _circle(trial: Trial) -> Figure:
         _shares(rows[1], time, run)
         rows[1].set_xlabel("time, s")
         for axes in rows:
-            axes.legend(fontsize=7, frameon=False, ncols=2)
+            axes.set_ylim(top=1.3 * axes.get_ylim()[1])
+            axes.legend(loc="upper right", fontsize=7, frameon=False, ncols=2)
 
     found = trial.errors["circle"]
     caption = (
