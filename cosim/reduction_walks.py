@@ -21,7 +21,7 @@ LOW = 0.5
 """N, of a tendon's least load."""
 MIXED = ((0.5,), (0.3, 0.1, 0.6))
 """Of the greatest loads, tendon by tendon and from the first again: all pull."""
-SPREAD = 192
+SPREAD = 384
 """Postures spread over the grid's box in which each tendon pulls alone."""
 ALONE_PARTS, MIXTURE_PARTS = (0.25, 1.0), (0.05, 0.65)
 """Of the greatest loads, of tendons that pull alone and of all that pull."""

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from rigid.reduction import Sample
 
 CURVES = 0.1
-"""Chosen, and Order.angle with it, by states that were not fitted."""
+"""Chosen, and with it the greatest Order.angle and ENOUGH, by states that were not fitted."""
 LEAST_FORCE = 0.1
 """Of the median fingertip force: a smaller one counts as if it were as large."""
 NOTHING = 1e-12

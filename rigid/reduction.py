@@ -61,7 +61,7 @@ def stacked(samples: Sequence[Sample]) -> Sample:
 class Order:
     """How rich the potential is."""
 
-    angle: int = 7
+    angle: int = 9
     """Total degree in the joints that the samples move."""
     held: int = 2
     """Degree in the joints that they all leave where they are, whose torques and stiffnesses they
@@ -71,7 +71,9 @@ class Order:
     straight."""
 
 
-DEFAULT, SLIP_ORDER = Order(), Order(angle=2, held=0)
+RICHEST, SLIP_ORDER = Order(), Order(angle=2, held=0)
+ENOUGH = 9
+"""Numbers to a term: with fewer the potential follows its samples and errs between them."""
 
 
 def angle_powers(moves: NDArray[np.bool_], order: Order) -> NDArray[np.intp]:
@@ -92,20 +94,30 @@ def tension_terms(muscles: int, order: Order) -> NDArray[np.intp]:
     return np.array([np.zeros(muscles, dtype=int), *alone, *pairs])
 
 
+def borne(numbers: int, moves: NDArray[np.bool_], muscles: int) -> Order:
+    """The richest order with ENOUGH numbers to a term, of at least degree 1."""
+    per_angle = ENOUGH * len(tension_terms(muscles, RICHEST))
+    orders = (replace(RICHEST, angle=degree) for degree in range(RICHEST.angle, 1, -1))
+    fitting = (o for o in orders if len(angle_powers(moves, o)) * per_angle <= numbers)
+    return next(fitting, replace(RICHEST, angle=1))
+
+
 def reduced(
     data: Sample,
     joints: tuple[str, ...],
     muscles: tuple[str, ...],
-    order: Order = DEFAULT,
+    order: Order | None = None,
     maps: Array | None = None,
 ) -> Potential:
-    """The potential over the box of the samples; joints that all samples hold still get a box of
-    HELD to either side.  With `maps` (s, 3, n), N/(N m), from joint torques to the force of a
-    fingertip, the fit is to that force too.
+    """The potential over the box of the samples, without `order` as rich as they bear; joints that
+    all samples hold still get a box of HELD to either side.  With `maps` (s, 3, n), N/(N m), from
+    joint torques to the force of a fingertip, the fit is to that force too.
 
     Raises InputError where there are fewer numbers than terms."""
     low, high = data.angle.min(axis=0), data.angle.max(axis=0)
     moves = high - low > STILL
+    numbers = sum(getattr(data, name).size for name in MEASURED)
+    order = borne(numbers, moves, len(muscles)) if order is None else order
     powers, terms = angle_powers(moves, order), tension_terms(len(muscles), order)
     none = np.zeros((len(powers), len(terms)))
     empty = Potential(
@@ -121,7 +133,6 @@ def reduced(
         slip_powers := angle_powers(moves, SLIP_ORDER),
         np.zeros((2, len(slip_powers), 1 + len(joints))),
     )
-    numbers = sum(getattr(data, name).size for name in MEASURED)
     if numbers < none.size:
         raise InputError(
             f"reduction: {numbers} numbers of {len(data.angle)} samples are too few for "
