@@ -25,7 +25,6 @@ from rigid.two_band import coupled_dip
 from rigid.virtual_testbed import Bed, Course, held, simulate
 
 
-
 def on_curve(mcp: float, pip: float) -> Array:
     """(3,) rad: a posture on the coupling curve, MCP and PIP at so many deg."""
     turned = np.radians(pip)

@@ -76,8 +76,7 @@ def _summary() -> Figure:
     )
     caption = (
         f"RMSE over {SEEDS} seeds, mean and standard deviation; a seed draws noise, poses and "
-        f"muscle forces, the same for both models. {VIRTUAL} Ratio: {verdict}."
-        + _elsewhere()
+        f"muscle forces, the same for both models. {VIRTUAL} Ratio: {verdict}." + _elsewhere()
     )
     tables = {"testbed_errors": table, "testbed_errors_by_seed": seed_table()}
     title = "Both models on the virtual testbed, beside the paper's testbed"
