@@ -120,24 +120,22 @@ def inverse(
     estimate: Array,
     share: Array | None = None,
     least: float = 0.0,
-    within: tuple[float, float] = (0.0, 1.0),
 ) -> Inverse:
     """Equation 13 for fingertip forces (..., 2) without torque: muscle forces of at least `least` N
-    nearest to the estimates (..., m), with one share to be found `within` bounds, or the given ones
-    (m,).
+    nearest to the estimates (..., m), with one share to be found, or the given ones (m,).
 
     Where no forces meet the constraint the nearest are taken, torque over MOMENT_ARM."""
     if share is not None:
         fixed = np.broadcast_to(share, estimate.shape)
         return _nearest(finger, angle, tip_force, estimate, fixed, least)[1]
-    low, high = (np.full(angle.shape[:-1], bound) for bound in within)
+    low, high = np.zeros(angle.shape[:-1]), np.ones(angle.shape[:-1])
     for _ in range(ZOOMS):
         grid = low + np.linspace(0.0, 1.0, GRID).reshape(-1, *[1] * low.ndim) * (high - low)
         shares = grid[..., None] * np.ones(estimate.shape[-1])
         cost, _ = _nearest(finger, angle, tip_force, estimate, shares, least)
         best = np.take_along_axis(grid, cost.argmin(axis=0)[None], axis=0)[0]
         step = (high - low) / (GRID - 1)
-        low, high = np.maximum(best - step, within[0]), np.minimum(best + step, within[1])
+        low, high = np.maximum(best - step, 0.0), np.minimum(best + step, 1.0)
     found = best[..., None] * np.ones(estimate.shape[-1])
     return _nearest(finger, angle, tip_force, estimate, found, least)[1]
 
