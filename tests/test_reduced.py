@@ -21,8 +21,16 @@ from meshes.skeleton import BODIES, index_finger
 from rigid.hinge_angle import angles, flexion_angles
 from rigid.reduced_basis import legendre, loadings, monomials, to_powers
 from rigid.reduced_fit import LEAST_FORCE, least_squares, tip_rows
-from rigid.reduced_network import Potential
-from rigid.reduction import Order, reduced, stacked
+from rigid.reduced_network import AT_ONCE, Potential
+from rigid.reduction import (
+    ENOUGH,
+    Order,
+    angle_powers,
+    borne,
+    reduced,
+    stacked,
+    tension_terms,
+)
 from rigid.universal_angle import all_angles, chain_of, joints_of
 
 
@@ -37,6 +45,29 @@ def test_a_network_is_recovered_to_round_off():
     slips = fit.slips(held.angle, made.torque)
     assert slips == pytest.approx(held.slip, rel=1e-8)
     assert fit.torques(held.angle, held.tension) == pytest.approx(made.torque, rel=1e-12)
+
+
+def test_torques_of_many_states_are_those_of_each():
+    held, fit = held_out(), found()
+    each = fit.derived(held.angle, held.tension).torque
+    rounds = -(-2 * AT_ONCE // len(each))
+    many = np.stack([held.angle] * rounds)
+    assert many[..., 0].size > AT_ONCE
+    assert fit.torques(many, held.tension) == pytest.approx(np.stack([each] * rounds), rel=1e-12)
+    assert fit.torques(held.angle[0], held.tension[0]) == pytest.approx(each[0], rel=1e-12)
+    assert fit.torques(held.angle[:0], held.tension[:0]).shape == (0, len(JOINTS))
+
+
+def test_a_fit_is_as_rich_as_its_numbers_bear():
+    moves = np.array([True, False, True, True])
+    terms = len(tension_terms(4, Order()))
+    degrees = [borne(numbers, moves, 4).angle for numbers in (0, 2_000, 30_000, 60_000, 10**6)]
+    assert degrees == sorted(degrees)
+    assert degrees[0] == 1
+    assert degrees[-1] == Order().angle
+    for numbers, degree in zip((30_000, 60_000), degrees[2:4], strict=True):
+        columns = [len(angle_powers(moves, Order(angle=degree + k))) * terms for k in (0, 1)]
+        assert columns[0] * ENOUGH <= numbers < columns[1] * ENOUGH
 
 
 def test_second_derivatives_are_those_of_the_first():
