@@ -14,14 +14,15 @@ the effect of what holds terms that no sample tells (corrected seminormal equati
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, fields
 from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
-from cosim.port import Array
+from cosim.port import Array, InputError
 from rigid.reduced_basis import Basis, legendre, loadings, scaled, to_powers
 
 if TYPE_CHECKING:
@@ -32,8 +33,9 @@ CURVES = 0.1
 """Chosen, and with it the greatest Order.angle and ENOUGH, by states that were not fitted."""
 LEAST_FORCE = 0.1
 """Of the median fingertip force: a smaller one counts as if it were as large."""
-NOTHING = 1e-12
-"""Of a column's square: what holds terms that the samples do not tell at zero."""
+NOTHING = (1e-14, 1e-12, 1e-10)
+"""Of a column's square: what holds terms that the samples do not tell at zero, the first with which
+there is a factor."""
 REPEATED = 2
 AT_ONCE = 100
 """Samples whose rows are in memory."""
@@ -62,20 +64,31 @@ def _at_once(rows: Array, wanted: Array) -> Rows:
 
 
 def least_squares(parts: Callable[[], Rows]) -> Array:
-    """(k,) over columns of equal length."""
+    """(k,) over columns of equal length.  Raises InputError where the rows tell too little."""
     gram, right = np.zeros((1, 1)), np.zeros(1)
     for rows, wanted in parts():
         gram, right = gram + rows.T @ rows, right + rows.T @ wanted
     length = np.sqrt(np.diag(gram))
     length[length == 0] = 1.0
     gram /= length[:, None] * length
-    gram[np.diag_indices(len(gram))] += NOTHING
-    factor = cho_factor(gram, overwrite_a=True)
+    factor = _factored(gram)
     found: Array = cho_solve(factor, right / length) / length
     for _ in range(REPEATED):
         left = sum(rows.T @ (wanted - rows @ found) for rows, wanted in parts())
         found = found + cho_solve(factor, left / length) / length
     return found
+
+
+def _factored(gram: Array) -> tuple[Array, bool]:
+    """Cholesky's, of a matrix whose diagonal is one."""
+    for nothing in NOTHING:
+        gram[np.diag_indices(len(gram))] = 1.0 + nothing
+        with suppress(LinAlgError):
+            factor: tuple[Array, bool] = cho_factor(gram)
+            return factor
+    raise InputError(
+        f"reduction: the samples do not tell {len(gram)} terms apart; take more postures or loads"
+    )
 
 
 @dataclass(frozen=True)
