@@ -10,6 +10,8 @@ if TYPE_CHECKING:
 
 LEAST_MOMENT = 1e-6
 """N mm, below which the fingertip carries none."""
+COUNTS = ("steps", "hood_solves")
+"""What a summary counts that is no iteration."""
 AXES = ("distal", "palmar", "radial")
 Row = tuple[str, ...]
 
@@ -102,11 +104,17 @@ def _checks(summary: Mapping[str, Any]) -> Iterator[Row]:
             for key in ("normalised_fibre_length", "assumed_normalised_fibre_length_unloaded")
         )
         yield f"fibre length of {name} over its optimum", f"{now}, assumed {then} when unloaded"
+    for name, air in (_at(summary, "air") or {}).items():
+        volts, pressure = (_number(_at(air, key)) for key in ("command_V", "pressure_kPa"))
+        yield f"cylinder of {name} at the end", f"{volts} V, {pressure} kPa above the atmosphere"
+    for name, energy in (_at(summary, "energy_mJ") or {}).items():
+        yield f"energy: {name.replace('_', ' ')} mJ", _number(energy)
     yield "deepest penetration mm", _number(_at(summary, "max_penetration_mm"))
     for name, value in (_at(summary, "audit") or {}).items():
         yield f"audit: {name.replace('_', ' ')}", f"{value:.1e}"
     for name, count in (_at(summary, "iterations") or {}).items():
-        yield f"{name} iterations", _number(count)
+        word = name.replace("_", " ")
+        yield word if name in COUNTS else f"{word} iterations", _number(count)
     yield "interface residual left open", _number(_at(summary, "one_way", "interface_residual"))
     yield "counted twice", ", ".join(_at(summary, "double_counted") or ())
     yield "steps in time", _number(_at(summary, "steps"))

@@ -89,6 +89,21 @@ def test_the_table_shows_states_side_by_side(solver):
     assert any("hood force balance" in line and "3.0e-13" in line for line in lines)
 
 
+def test_a_motion_shows_its_energy_its_air_and_its_counts(solver):
+    solver.summary = {
+        "energy_mJ": {"own_tendons": 49.72},
+        "air": {"FDP": {"command_V": 4.68, "pressure_kPa": 66.42}},
+        "iterations": {"steps": 800, "hood_solves": 801, "newton": 21},
+    }
+    lines = [line.split() for line in cosim("run", "isometric_edc").stdout.splitlines()]
+    assert "energy: own tendons mJ 49.72".split() in lines
+    told = "cylinder of FDP at the end 4.68 V, 66.42 kPa above the atmosphere"
+    assert told.split() in lines
+    assert ["steps", "800"] in lines
+    assert ["hood", "solves", "801"] in lines
+    assert ["newton", "iterations", "21"] in lines
+
+
 def test_a_run_without_a_deformable_hood_shows_what_it_has(solver):
     solver.summary = {"tension_N": {"EDC": 3.4}, "wall_s": 0.01}
     done = cosim("run", "isometric_edc")
