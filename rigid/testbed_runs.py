@@ -37,7 +37,7 @@ from the tip to the MCP: here along x, as the paper's hysteresis mostly does."""
 FRICTION = 0.116
 """mu of the routing points, sized by `hysteresis` to REPORTED."""
 ELSEWHERE, FRICTION_ELSEWHERE = on_curve(10.0, 30.0), 0.164
-"""Where the hysteresis is 31 deg off x, and mu sized there: what the posture decides."""
+"""Where the hysteresis is far off x, and mu sized there: what the posture decides."""
 REPORTED = 0.5
 """N, either way."""
 JOINT_FRICTION = 1e-3
@@ -77,6 +77,12 @@ class Hysteresis(NamedTuple):
     """N, half of the largest distance between two of them."""
     direction: Array
     """(2,), of that distance."""
+
+    @property
+    def off_x(self) -> float:
+        """deg between that direction and x."""
+        across, along = np.abs(self.direction[::-1])
+        return float(np.degrees(np.arctan2(across, along)))
 
 
 def hysteresis(bed: Bed, posture: Array = POSTURE) -> Hysteresis:

@@ -85,11 +85,12 @@ def _summary() -> Figure:
 
 def _elsewhere() -> str:
     mean = errors(trials(SEEDS, FRICTION_ELSEWHERE, ELSEWHERE))["circle"].mean(axis=0)
+    off = hysteresis(virtual_bed(FRICTION_ELSEWHERE), ELSEWHERE).off_x
     return (
         f" The paper prints no posture; in the one taken here ({_in_degrees(POSTURE)}) the "
         f"hysteresis lies along x, as the paper says. At {_in_degrees(ELSEWHERE)}, where it is off "
-        f"x by 31 deg, the circle's ratio is {mean[0] / mean[1]:.2f}. With the static model some "
-        "fingertip forces of the inverse runs take hundreds of newtons."
+        f"x by {off:.0f} deg, the circle's ratio is {mean[0] / mean[1]:.2f}. With the static model "
+        "some fingertip forces of the inverse runs take hundreds of newtons."
     )
 
 

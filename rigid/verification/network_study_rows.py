@@ -163,10 +163,9 @@ def testbed_rows() -> Iterator[Row]:
             about = PAPER + "IV, its own testbed's RMSE; ours with the spread over the seeds"
             yield Row(name, what, theirs, float(mine), float(sd), about, "comparison")
     without, elsewhere = trials(SEEDS, 0.0), trials(SEEDS, FRICTION_ELSEWHERE, ELSEWHERE)
-    off = hysteresis(virtual_bed(FRICTION_ELSEWHERE), ELSEWHERE).direction
-    degrees = np.degrees(np.arctan2(abs(off[1]), abs(off[0])))
+    off = hysteresis(virtual_bed(FRICTION_ELSEWHERE), ELSEWHERE).off_x
     yield _other_circle(name, "without friction at the routing points", without)
-    there = f"in another posture, with the hysteresis {degrees:.0f} deg off x"
+    there = f"in another posture, with the hysteresis {off:.0f} deg off x"
     yield _other_circle(name, there, elsewhere)
 
 
