@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from fe_solver.shell_hood import ShellHood as FeHood
     from fe_solver.surfaces import Surface
     from fe_solver.tension_field import TensionField
-    from meshes.hood_mesh import HoodMesh
+    from meshes.hood_mesh import HoodMesh, Markers
     from meshes.skeleton import Skeleton
 
 Triangles = tuple[Array, np.ndarray]
@@ -98,8 +98,8 @@ class HoodLook:
     """(ns,) node of the hood that it holds."""
     penetration: float
     """m, the deepest."""
-    markers: np.ndarray
-    """(rows, columns) nodes of a grid over the central region, along and across the finger."""
+    markers: Markers
+    """Over the central region, along and across the finger."""
 
 
 def baked_surfaces(bones: Mapping[str, Triangles]) -> dict[str, Surface]:

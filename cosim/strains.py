@@ -46,7 +46,7 @@ def strain_change(before: HoodLook, now: HoodLook) -> dict[str, object]:
 def marker_strains(before: HoodLook, now: HoodLook) -> tuple[Array, Array]:
     """(rows - 1, columns) longitudinal and (rows, columns - 1) lateral engineering strains between
     neighbours of the marker grid, from `before` to `now`."""
-    x0, x1 = before.points[now.markers], now.points[now.markers]
+    x0, x1 = now.markers.at(before.points), now.markers.at(now.points)
 
     def stretch(axis: int) -> Array:
         l0, l1 = (np.linalg.norm(np.diff(x, axis=axis), axis=2) for x in (x0, x1))

@@ -35,6 +35,7 @@ from .hood import (
     SLIP_END,
     SLIP_REACH,
     TERMINAL_END,
+    clear_guides,
     on_bone,
 )
 from .hood_mesh import Attachment
@@ -213,6 +214,7 @@ def lay(
     place = np.array(list(drawing.number))
     points = Hull(chain, level).points(place[:, 0], np.deg2rad(place[:, 1]))
     station = place[:, 0]
+    clear_guides(points, station, level)
     ends = {
         "central": drawing.node(CENTRAL_END, 0.0),
         "indicis": drawing.node(CENTRAL_END, INDICIS_END),

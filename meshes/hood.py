@@ -44,10 +44,10 @@ MERGE = 63.0  # [trial]
 TERMINAL_END = 73.0  # [trial], 5.3 mm past the DIP
 # Where each span of rows begins, and how coarse its rows are: finest where the sheet bends most.
 SPANS = (
-    (CENTRAL_END, 2.0),
+    (CENTRAL_END, 3.0),
     (LATERAL_END, 1.2),
     (0.0, 1.2),
-    (JOIN, 1.6),
+    (JOIN, 1.8),
     (SLIP_START, 0.8),
     (SLIP_END, 1.4),
     (MERGE, 1.3),
@@ -108,8 +108,9 @@ def _rows(quads: int, inner: int, band: int) -> Array:
 
 
 def _columns(quads: int) -> tuple[int, int]:
-    """Numbers of quads across the inner sheet and across each lateral band."""
-    band = max(1, round(2 * np.sqrt(quads / 600)))
+    """Numbers of quads across the inner sheet and across each lateral band: a sheet meets a bone at
+    its nodes, so that few columns sink in between."""
+    band = max(1, round(3 * np.sqrt(quads / 600)))
     inner = max(8, 4 * band)
     return inner, band
 
@@ -144,6 +145,7 @@ def generate(
     hull = Hull(chain, level)
     grid, points, station = _lay(hull, stations, n_inner, n_band, guides)
     fixed = _end_nodes(grid)
+    clear_guides(points, station, level)
     free = np.setdiff1d(np.arange(len(points)), np.concatenate(list(fixed.values())))
     points[free] = level.pushed_out(points[free], CLEARANCE * 1e-3)
     cells, region, along = _cells(grid, n_inner)
@@ -278,6 +280,19 @@ def _fibres(points: Array, cells: Ints, along: NDArray[np.bool_]) -> Array:
     across = p[:, 2] + p[:, 3] - p[:, 0] - p[:, 1]
     fibre = np.where(along[:, None], distal, across)
     return fibre / np.linalg.norm(fibre, axis=1, keepdims=True)
+
+
+def clear_guides(points: Array, station: Array, level: Level) -> None:
+    """Raise the proximal end of the extensor tendon until the straight lines on which its nodes
+    slide pass over the metacarpal's head, and what leads there by less and less; points (n, 3) m
+    laid at stations (n,) mm, in place.
+
+    A line that runs into the bone would pinch the hood between guide and contact, with a force that
+    grows as the mesh gets finer."""
+    nodes = np.flatnonzero(station < LATERAL_END - 1e-6)
+    share = (LATERAL_END - station[nodes]) / (LATERAL_END - CENTRAL_END)
+    dorsal = level.rotation[0][:, 2]
+    points[nodes] += (share * level.rise_over_head(points[nodes]))[:, None] * dorsal
 
 
 def _attachments(

@@ -70,6 +70,18 @@ class Attachment:
 
 
 @dataclass(frozen=True)
+class Markers:
+    """Points that the sheet carries: means of nodes (rows, columns, k) with weights."""
+
+    nodes: Ints
+    weight: Array
+
+    def at(self, points: Array) -> Array:
+        """(rows, columns, 3) where they are when the nodes are at `points` (n, 3)."""
+        return np.einsum("rck,rckj->rcj", self.weight, points[self.nodes])
+
+
+@dataclass(frozen=True)
 class HoodMesh:
     """A hood free of stress, at `rest_posture` (rad), in the metacarpal frame, m."""
 
@@ -101,24 +113,36 @@ class HoodMesh:
         """Mask of the quads in the named regions."""
         return np.isin(self.region, [REGIONS.index(n) for n in names])
 
-    def markers(self, regions: Sequence[str]) -> Ints:
-        """(MARKER_ROWS, 3) nodes on the radial edge, in the middle and on the ulnar edge of the
-        named regions, in rows evenly spaced along the finger, as markers are glued on.
+    def markers(self, regions: Sequence[str]) -> Markers:
+        """MARKER_ROWS by 3 points on the radial edge, in the middle and on the ulnar edge of the
+        named regions, in rows evenly spaced along the finger, as markers are glued on: the same
+        places of the sheet on any mesh of it.
 
         Raises InputError where the regions are not in the mesh."""
-        nodes = np.unique(self.quads[self.cells(*regions)])
-        if not len(nodes):
+        quads = self.quads[self.cells(*regions)]
+        if not len(quads):
             raise InputError(f"the mesh has none of the regions {', '.join(regions)}")
-        place = np.column_stack([self.station[nodes], 1e3 * self.points[nodes, 1]])
-        rows = np.linspace(place[:, 0].min(), place[:, 0].max(), MARKER_ROWS)
-        reach = (rows[1] - rows[0]) / 2
-        out = []
-        for row in rows:
-            across = place[np.abs(place[:, 0] - row) <= reach, 1]
-            high, low = across.max(initial=-np.inf), across.min(initial=np.inf)
-            aims = np.array([[row, y] for y in (high, (high + low) / 2, low)])
-            out.append(nodes[np.linalg.norm(place[None] - aims[:, None], axis=2).argmin(axis=1)])
-        return np.array(out)
+        edges = np.stack([quads, np.roll(quads, 1, axis=1)], axis=-1).reshape(-1, 2)
+        edges = edges[np.ptp(self.station[edges], axis=1) > 0]
+        s = self.station[edges]
+        rows = np.linspace(s.min(), s.max(), MARKER_ROWS)
+        nodes, weight = zip(*(self._across(edges, s, row) for row in rows), strict=True)
+        return Markers(np.array(nodes), np.array(weight))
+
+    def _across(self, edges: Ints, s: Array, row: float) -> tuple[Ints, Array]:
+        """Nodes (3, 4) and weights of the radial edge, the middle and the ulnar edge where the line
+        at station `row` crosses `edges`, whose ends have the stations s."""
+        on = (s.min(axis=1) <= row) & (row <= s.max(axis=1))
+        edges, t = edges[on], (row - s[on, 0]) / (s[on, 1] - s[on, 0])
+        share = np.column_stack([1 - t, t])
+        y = (share * self.points[edges, 1]).sum(axis=1)
+        order = np.argsort(y)
+        edges, share, y = edges[order], share[order], y[order]
+        last = len(y) - 1
+        place = np.interp([y[-1], (y[0] + y[-1]) / 2, y[0]], y, np.arange(len(y)))
+        i = np.minimum(place.astype(int), last)
+        j, u = np.minimum(i + 1, last), (place - i)[:, None]
+        return np.hstack([edges[i], edges[j]]), np.hstack([(1 - u) * share[i], u * share[j]])
 
 
 def to_json(mesh: HoodMesh) -> str:

@@ -110,6 +110,23 @@ class Level:
             points += 1.02 * short[:, None] * gradient
         return points
 
+    def rise_over_head(self, points: Array) -> Array:
+        """(n,) m by which points must rise dorsally, so that lines along the metacarpal from there
+        to the MCP clear its level."""
+        start = (points - self.position[0]) @ self.rotation[0]
+        way = np.repeat(start[:, None], 50, axis=1)
+        way[..., 0] = np.linspace(start[:, 0], 0.0, 50, axis=1)
+        line = way.reshape(-1, 3)
+        level = self.offset["metacarpal"] + CLEARANCE * 1e-3
+        for _ in range(30):
+            value, gradient, _ = self.surfaces["metacarpal"].distance(line)
+            short = np.maximum(level - value, 0.0)
+            if short.max() < 1e-7:
+                break
+            line[:, 2] += short / np.maximum(gradient[:, 2], 0.3)
+        highest: Array = line[:, 2].reshape(way.shape[:2]).max(axis=1)
+        return highest - start[:, 2]
+
 
 def hull_radius(
     chain: Chain, level: Level, first: float, last: float

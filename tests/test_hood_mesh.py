@@ -10,12 +10,14 @@ import shells
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cosim.build import hood_mesh
+from cosim.build import build, hood_mesh
 from cosim.case import load_case
 from cosim.port import InputError
+from cosim.run import run_case
 from fe_solver.mesh_geometry import node_directors
 from fe_solver.shell import shell_tables
 from fe_solver.shell_hood import ShellHood
+from meshes import hood as hood_generator
 from meshes.hood_mesh import (
     ENDS,
     REGIONS,
@@ -85,6 +87,29 @@ def test_the_sheet_lies_on_the_bones_and_not_in_them(hood):
     gap = hood.gap(hood.start(hood.rest))
     assert gap.min() > 0
     assert np.median(gap[np.isfinite(gap)]) < 1.5e-3
+
+
+@pytest.mark.parametrize("name", ["isometric_edc", "hood_minorflex_edc", "cable_ei"])
+def test_extensor_tendons_slide_clear_of_the_metacarpal_up_to_the_mcp(name):
+    case = load_case(name)
+    model = build(case).hood.model
+    contact = next(k for k in model.contacts if k.body == 0)
+    guides = model.guides
+    x = model.reference[guides.node]
+    x = x[x[:, 2] > 0]  # not the intrinsic tendons, which run palmar of the axis
+    for distal in np.linspace(0, -x[:, 0].max(), 20):
+        height = contact.surface.distance(x + np.array([distal, 0, 0]))[0]
+        assert height.min() > contact.offset.max()
+
+
+def test_the_unloaded_finger_hangs_on_no_row_at_the_tendons_end(monkeypatch):
+    def terminal(coarseness: float) -> float:
+        spans = ((hood_generator.CENTRAL_END, coarseness), *hood_generator.SPANS[1:])
+        monkeypatch.setattr(hood_generator, "SPANS", spans)
+        case = load_case("fingertip_fibres_edc", ["hood.mesh.quads=250"])
+        return run_case(case).summary["unloaded"]["slip_force_N"]["terminal"]
+
+    assert terminal(0.7) == pytest.approx(terminal(2.0), rel=0.03)
 
 
 # The mesh file

@@ -13,11 +13,12 @@ from meshes.hood_mesh import MARKER_ROWS, REGIONS, HoodMesh
 BAND, TERMINAL = REGIONS.index("central_band"), REGIONS.index("terminal_slip")
 
 
-def strip() -> HoodMesh:
-    """40 x 9 mm along x, its first 32 mm central band, the rest terminal slip."""
-    x, y = np.meshgrid(np.linspace(0, 40e-3, 41), np.linspace(-4.5e-3, 4.5e-3, 10), indexing="ij")
+def strip(rows: int = 40) -> HoodMesh:
+    """40 x 9 mm along x, its first 32 mm or nearly so central band, the rest terminal slip."""
+    x, y = np.linspace(0, 40e-3, rows + 1), np.linspace(-4.5e-3, 4.5e-3, 10)
+    x, y = np.meshgrid(x, y, indexing="ij")
     points = np.column_stack([x.ravel(), y.ravel(), 0 * x.ravel()])
-    corner = (np.arange(40)[:, None] * 10 + np.arange(9)).ravel()
+    corner = (np.arange(rows)[:, None] * 10 + np.arange(9)).ravel()
     quads = corner[:, None] + [0, 10, 11, 1]
     region = np.where(points[quads].mean(axis=1)[:, 0] < 32e-3, BAND, TERMINAL)
     fibre = np.tile([1.0, 0, 0], (len(quads), 1))
@@ -75,15 +76,18 @@ def test_the_mean_is_over_the_area():
     assert mean == pytest.approx(100 * 0.02 / 3, rel=1e-2)
 
 
-def test_markers_stand_on_both_edges_and_between_along_the_region():
-    mesh = strip()
+@pytest.mark.parametrize("length", [40, 26])
+def test_markers_stand_on_both_edges_and_between_along_the_region(length):
+    mesh = strip(length)
     markers = mesh.markers(["central_band"])
-    place = 1e3 * mesh.points[markers]
-    assert markers.shape == (MARKER_ROWS, 3)
-    assert place[:, 0, 1] == pytest.approx(4.5)
-    assert place[:, 2, 1] == pytest.approx(-4.5)
-    assert abs(place[:, 1, 1]).max() <= 0.5
-    assert place[:, 1, 0] == pytest.approx(np.linspace(0, 32, MARKER_ROWS), abs=0.5)
+    place = 1e3 * markers.at(mesh.points)
+    assert place.shape == (MARKER_ROWS, 3, 3)
+    end = 1e3 * mesh.points[np.unique(mesh.quads[mesh.cells("central_band")]), 0].max()
+    rows = np.linspace(0, end, MARKER_ROWS)
+    for column, y in enumerate((4.5, 0.0, -4.5)):
+        assert place[:, column, 0] == pytest.approx(rows, abs=1e-9)
+        assert place[:, column, 1] == pytest.approx(y, abs=1e-9)
+    assert markers.weight.sum(axis=2) == pytest.approx(1.0)
     along, across = marker_strains(stretched(mesh, 1, 1), stretched(mesh, 1.1, 1))
     assert (along.shape, across.shape) == ((MARKER_ROWS - 1, 3), (MARKER_ROWS, 2))
     with pytest.raises(InputError, match="central_slip"):
