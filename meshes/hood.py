@@ -44,10 +44,10 @@ MERGE = 63.0  # [trial]
 TERMINAL_END = 73.0  # [trial], 5.3 mm past the DIP
 # Where each span of rows begins, and how coarse its rows are: finest where the sheet bends most.
 SPANS = (
-    (CENTRAL_END, 3.0),
+    (CENTRAL_END, 2.0),
     (LATERAL_END, 1.2),
     (0.0, 1.2),
-    (JOIN, 1.8),
+    (JOIN, 1.6),
     (SLIP_START, 0.8),
     (SLIP_END, 1.4),
     (MERGE, 1.3),
@@ -108,9 +108,8 @@ def _rows(quads: int, inner: int, band: int) -> Array:
 
 
 def _columns(quads: int) -> tuple[int, int]:
-    """Numbers of quads across the inner sheet and across each lateral band: a sheet meets a bone at
-    its nodes, so that few columns sink in between."""
-    band = max(1, round(3 * np.sqrt(quads / 600)))
+    """Numbers of quads across the inner sheet and across each lateral band."""
+    band = max(1, round(2 * np.sqrt(quads / 600)))
     inner = max(8, 4 * band)
     return inner, band
 
