@@ -125,23 +125,32 @@ class HoodMesh:
         edges = np.stack([quads, np.roll(quads, 1, axis=1)], axis=-1).reshape(-1, 2)
         edges = edges[np.ptp(self.station[edges], axis=1) > 0]
         s = self.station[edges]
-        rows = np.linspace(s.min(), s.max(), MARKER_ROWS)
-        nodes, weight = zip(*(self._across(edges, s, row) for row in rows), strict=True)
+        tried = np.linspace(s.min(), s.max(), 101)
+        across = (self._crossed(edges, row)[2] for row in tried)
+        width = np.array([np.ptp(y) if len(y) else 0.0 for y in across])
+        whole = tried[width > np.median(width) / 4]  # an end may be ragged or come to a point
+        rows = whole[np.linspace(0, len(whole) - 1, MARKER_ROWS).round().astype(int)]
+        nodes, weight = zip(*(self._across(edges, row) for row in rows), strict=True)
         return Markers(np.array(nodes), np.array(weight))
 
-    def _across(self, edges: Ints, s: Array, row: float) -> tuple[Ints, Array]:
-        """Nodes (3, 4) and weights of the radial edge, the middle and the ulnar edge where the line
-        at station `row` crosses `edges`, whose ends have the stations s."""
+    def _crossed(self, edges: Ints, row: float) -> tuple[Ints, Array, Array]:
+        """Those of `edges` that the line at station `row` crosses, from ulnar to radial, the shares
+        (k, 2) of their ends there, and how far radial that is, m."""
+        s = self.station[edges]
         on = (s.min(axis=1) <= row) & (row <= s.max(axis=1))
-        edges, t = edges[on], (row - s[on, 0]) / (s[on, 1] - s[on, 0])
+        t = (row - s[on, 0]) / (s[on, 1] - s[on, 0])
         share = np.column_stack([1 - t, t])
-        y = (share * self.points[edges, 1]).sum(axis=1)
-        order = np.argsort(y)
-        edges, share, y = edges[order], share[order], y[order]
-        last = len(y) - 1
+        radial = (share * self.points[edges[on], 1]).sum(axis=1)
+        order = np.argsort(radial)
+        return edges[on][order], share[order], radial[order]
+
+    def _across(self, edges: Ints, row: float) -> tuple[Ints, Array]:
+        """Nodes (3, 4) and weights of the radial edge, the middle and the ulnar edge where the line
+        at station `row` crosses `edges`."""
+        edges, share, y = self._crossed(edges, row)
         place = np.interp([y[-1], (y[0] + y[-1]) / 2, y[0]], y, np.arange(len(y)))
-        i = np.minimum(place.astype(int), last)
-        j, u = np.minimum(i + 1, last), (place - i)[:, None]
+        i = place.astype(int)
+        j, u = np.minimum(i + 1, len(y) - 1), (place - i)[:, None]
         return np.hstack([edges[i], edges[j]]), np.hstack([(1 - u) * share[i], u * share[j]])
 
 

@@ -92,3 +92,11 @@ def test_markers_stand_on_both_edges_and_between_along_the_region(length):
     assert (along.shape, across.shape) == ((MARKER_ROWS - 1, 3), (MARKER_ROWS, 2))
     with pytest.raises(InputError, match="central_slip"):
         mesh.markers(["central_slip"])
+
+
+def test_markers_begin_where_a_ragged_end_has_its_width():
+    mesh = strip()
+    mesh.station[0] -= 0.4
+    place = 1e3 * mesh.markers(["central_band"]).at(mesh.points)
+    assert np.ptp(place[:, :, 1], axis=1) == pytest.approx(9.0)
+    assert 0 <= place[0, 1, 0] < 0.5
