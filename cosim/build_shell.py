@@ -29,7 +29,8 @@ if TYPE_CHECKING:
     from fe_solver.shell_hood import ShellHood as FeHood
     from fe_solver.surfaces import Surface
     from fe_solver.tension_field import TensionField
-    from meshes.hood_mesh import HoodMesh, Markers
+    from meshes.hood_mesh import HoodMesh
+    from meshes.markers import Markers
     from meshes.skeleton import Skeleton
 
 Triangles = tuple[Array, np.ndarray]
@@ -354,6 +355,7 @@ def _tendons(mesh: HoodMesh, finger: str) -> dict[str, Tendon]:
 def look(hood: FeHood, mesh: HoodMesh, state: State) -> HoodLook:
     from fe_solver.fields import contact_pressure, fields
     from fe_solver.springs import spring_state
+    from meshes.markers import markers
 
     springs = hood.model.springs
     c = state.configuration
@@ -377,7 +379,7 @@ def look(hood: FeHood, mesh: HoodMesh, state: State) -> HoodLook:
         tuple(hood.groups[i] for i in springs.group),
         springs.node,
         max(0.0, -float(hood.gap(state).min())),
-        mesh.markers(CENTRAL),
+        markers(mesh, CENTRAL),
     )
 
 

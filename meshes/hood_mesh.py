@@ -6,7 +6,7 @@ The file is JSON, mm and degrees; `read` refuses what the solver could not use, 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -44,8 +44,6 @@ SPRINGS = (
     "retinacular_ulnar",
 )
 ENDS = ("central", "radial", "ulnar")
-MARKER_ROWS = 6
-"""About 8 mm apart over the central region; an assumption."""
 MOST = 1e6
 """No number of a mesh file is larger."""
 SAME_PLACE = 1e-9
@@ -67,18 +65,6 @@ class Attachment:
     def of(self, on: NDArray[np.bool_], number: Ints) -> Attachment:
         """Those springs alone, their nodes by their new numbers."""
         return Attachment(self.body, number[self.nodes[on]], self.anchors[on])
-
-
-@dataclass(frozen=True)
-class Markers:
-    """Points that the sheet carries: means of nodes (rows, columns, k) with weights."""
-
-    nodes: Ints
-    weight: Array
-
-    def at(self, points: Array) -> Array:
-        """(rows, columns, 3) where they are when the nodes are at `points` (n, 3)."""
-        return np.einsum("rck,rckj->rcj", self.weight, points[self.nodes])
 
 
 @dataclass(frozen=True)
@@ -112,46 +98,6 @@ class HoodMesh:
     def cells(self, *names: str) -> NDArray[np.bool_]:
         """Mask of the quads in the named regions."""
         return np.isin(self.region, [REGIONS.index(n) for n in names])
-
-    def markers(self, regions: Sequence[str]) -> Markers:
-        """MARKER_ROWS by 3 points on the radial edge, in the middle and on the ulnar edge of the
-        named regions, in rows evenly spaced along the finger, as markers are glued on: the same
-        places of the sheet on any mesh of it.
-
-        Raises InputError where the regions are not in the mesh."""
-        quads = self.quads[self.cells(*regions)]
-        if not len(quads):
-            raise InputError(f"the mesh has none of the regions {', '.join(regions)}")
-        edges = np.stack([quads, np.roll(quads, 1, axis=1)], axis=-1).reshape(-1, 2)
-        edges = edges[np.ptp(self.station[edges], axis=1) > 0]
-        s = self.station[edges]
-        tried = np.linspace(s.min(), s.max(), 101)
-        across = (self._crossed(edges, row)[2] for row in tried)
-        width = np.array([np.ptp(y) if len(y) else 0.0 for y in across])
-        whole = tried[width > np.median(width) / 4]  # an end may be ragged or come to a point
-        rows = whole[np.linspace(0, len(whole) - 1, MARKER_ROWS).round().astype(int)]
-        nodes, weight = zip(*(self._across(edges, row) for row in rows), strict=True)
-        return Markers(np.array(nodes), np.array(weight))
-
-    def _crossed(self, edges: Ints, row: float) -> tuple[Ints, Array, Array]:
-        """Those of `edges` that the line at station `row` crosses, from ulnar to radial, the shares
-        (k, 2) of their ends there, and how far radial that is, m."""
-        s = self.station[edges]
-        on = (s.min(axis=1) <= row) & (row <= s.max(axis=1))
-        t = (row - s[on, 0]) / (s[on, 1] - s[on, 0])
-        share = np.column_stack([1 - t, t])
-        radial = (share * self.points[edges[on], 1]).sum(axis=1)
-        order = np.argsort(radial)
-        return edges[on][order], share[order], radial[order]
-
-    def _across(self, edges: Ints, row: float) -> tuple[Ints, Array]:
-        """Nodes (3, 4) and weights of the radial edge, the middle and the ulnar edge where the line
-        at station `row` crosses `edges`."""
-        edges, share, y = self._crossed(edges, row)
-        place = np.interp([y[-1], (y[0] + y[-1]) / 2, y[0]], y, np.arange(len(y)))
-        i = place.astype(int)
-        j, u = np.minimum(i + 1, len(y) - 1), (place - i)[:, None]
-        return np.hstack([edges[i], edges[j]]), np.hstack([(1 - u) * share[i], u * share[j]])
 
 
 def to_json(mesh: HoodMesh) -> str:

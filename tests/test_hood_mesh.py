@@ -91,11 +91,9 @@ def test_the_sheet_lies_on_the_bones_and_not_in_them(hood):
 
 @pytest.mark.parametrize("name", ["isometric_edc", "hood_minorflex_edc", "cable_ei"])
 def test_extensor_tendons_slide_clear_of_the_metacarpal_up_to_the_mcp(name):
-    case = load_case(name)
-    model = build(case).hood.model
+    model = build(load_case(name)).hood.model
     contact = next(k for k in model.contacts if k.body == 0)
-    guides = model.guides
-    x = model.reference[guides.node]
+    x = model.reference[model.guides.node]
     x = x[x[:, 2] > 0]  # not the intrinsic tendons, which run palmar of the axis
     for distal in np.linspace(0, -x[:, 0].max(), 20):
         height = contact.surface.distance(x + np.array([distal, 0, 0]))[0]

@@ -8,7 +8,8 @@ import pytest
 from cosim.build_shell import HoodLook
 from cosim.port import InputError
 from cosim.strains import marker_strains, strain_change, strain_summary
-from meshes.hood_mesh import MARKER_ROWS, REGIONS, HoodMesh
+from meshes.hood_mesh import REGIONS, HoodMesh
+from meshes.markers import ROWS, markers
 
 BAND, TERMINAL = REGIONS.index("central_band"), REGIONS.index("terminal_slip")
 
@@ -45,7 +46,7 @@ def stretched(mesh: HoodMesh, along: float, across: float) -> HoodLook:
         (),
         np.zeros(0, dtype=int),
         0.0,
-        mesh.markers(["central_band"]),
+        markers(mesh, ["central_band"]),
     )
 
 
@@ -76,27 +77,27 @@ def test_the_mean_is_over_the_area():
     assert mean == pytest.approx(100 * 0.02 / 3, rel=1e-2)
 
 
-@pytest.mark.parametrize("length", [40, 26])
-def test_markers_stand_on_both_edges_and_between_along_the_region(length):
-    mesh = strip(length)
-    markers = mesh.markers(["central_band"])
-    place = 1e3 * markers.at(mesh.points)
-    assert place.shape == (MARKER_ROWS, 3, 3)
+@pytest.mark.parametrize("cells", [40, 26])
+def test_markers_stand_on_both_edges_and_between_along_the_region(cells):
+    mesh = strip(cells)
+    glued = markers(mesh, ["central_band"])
+    place = 1e3 * glued.at(mesh.points)
+    assert place.shape == (ROWS, 3, 3)
     end = 1e3 * mesh.points[np.unique(mesh.quads[mesh.cells("central_band")]), 0].max()
-    rows = np.linspace(0, end, MARKER_ROWS)
+    rows = np.linspace(0, end, ROWS)
     for column, y in enumerate((4.5, 0.0, -4.5)):
         assert place[:, column, 0] == pytest.approx(rows, abs=1e-9)
         assert place[:, column, 1] == pytest.approx(y, abs=1e-9)
-    assert markers.weight.sum(axis=2) == pytest.approx(1.0)
+    assert glued.weight.sum(axis=2) == pytest.approx(1.0)
     along, across = marker_strains(stretched(mesh, 1, 1), stretched(mesh, 1.1, 1))
-    assert (along.shape, across.shape) == ((MARKER_ROWS - 1, 3), (MARKER_ROWS, 2))
+    assert (along.shape, across.shape) == ((ROWS - 1, 3), (ROWS, 2))
     with pytest.raises(InputError, match="central_slip"):
-        mesh.markers(["central_slip"])
+        markers(mesh, ["central_slip"])
 
 
 def test_markers_begin_where_a_ragged_end_has_its_width():
     mesh = strip()
     mesh.station[0] -= 0.4
-    place = 1e3 * mesh.markers(["central_band"]).at(mesh.points)
+    place = 1e3 * markers(mesh, ["central_band"]).at(mesh.points)
     assert np.ptp(place[:, :, 1], axis=1) == pytest.approx(9.0)
     assert 0 <= place[0, 1, 0] < 0.5
