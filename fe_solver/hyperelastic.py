@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -48,6 +48,7 @@ class Expansion(NamedTuple):
     """W_jj."""
 
 
+@runtime_checkable
 class Potential(Law, Protocol):
     """A hyperelastic law as an energy of the plane's invariants and ln J."""
 

@@ -9,13 +9,14 @@ Transverse shear is linear, with the law's initial moduli.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .hyperelastic import Potential
 from .materials import Law, Linear
 from .tension_field import TensionField
 
@@ -23,8 +24,8 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
 SHEAR_CORRECTION = 5.0 / 6.0
-LAYERS = 5
-"""Gauss-Legendre points through the thickness."""
+LAYERS, LAYER_WEIGHTS = np.polynomial.legendre.leggauss(5)
+"""Gauss-Legendre points through the thickness, in [-1, 1]."""
 
 
 class Resultants(NamedTuple):
@@ -81,7 +82,12 @@ class Section:
 
     @cached_property
     def nonlinear(self) -> tuple[Patch, ...]:
-        return tuple(p for p in self.patches if not isinstance(p.law, Linear))
+        """Those of a kind as one, so that an evaluation is few and large operations."""
+        kinds: dict[tuple[object, ...], list[Patch]] = {}
+        for i, p in enumerate(self.patches):
+            if not isinstance(p.law, Linear):
+                kinds.setdefault(_kind(p.law) or (i,), []).append(p)
+        return tuple(map(_as_one, kinds.values()))
 
     def response(self, strain: Array) -> Resultants:
         """Energy, force and stiffness at generalized strains (ne, 4, 8)."""
@@ -125,6 +131,31 @@ def joined_sections(patches: Sequence[Patch]) -> Section:
     return Section(tuple(patches))
 
 
+def _kind(law: Law | TensionField) -> tuple[object, ...]:
+    """What laws share that differ in nothing but numbers; empty of one that is alone."""
+    if not isinstance(law, Potential) or any(np.ndim(v) for v in vars(law).values()):
+        return ()
+    return type(law), law.incompressible(), law.fibres()
+
+
+def _as_one(patches: Sequence[Patch]) -> Patch:
+    """Patches of one kind, for their law alone: each element with the numbers of its own."""
+    if len(patches) == 1:
+        return patches[0]
+    law: Any = patches[0].law
+    sizes, numbers = [len(p.elements) for p in patches], {}
+    for name in vars(law):
+        values = [getattr(p.law, name) for p in patches]
+        if len(set(values)) > 1:
+            numbers[name] = np.repeat(values, sizes)[:, None, None]
+    return Patch(
+        np.concatenate([p.elements for p in patches]),
+        replace(law, **numbers),
+        np.concatenate([p.thickness for p in patches]),
+        np.concatenate([np.broadcast_to(p.factor, (len(p.elements), 1)) for p in patches]),
+    )
+
+
 def _constant(p: Patch) -> Array:
     """(k, 4, 8, 8) of a patch: shear, and of a linear law membrane and bending."""
     h = p.thickness
@@ -154,9 +185,8 @@ def _membrane(p: Patch, strain: Array) -> Resultants:
 
 def _integrated(p: Patch, strain: Array) -> Resultants:
     """A law at points through the thickness."""
-    at, weight = np.polynomial.legendre.leggauss(LAYERS)
     h = p.thickness[..., None]
-    z, w = at * h / 2, weight * h / 2  # (k, 4, layers)
+    z, w = LAYERS * h / 2, LAYER_WEIGHTS * h / 2  # (k, 4, layers)
     answer = p.law.response(strain[..., None, :3] + z[..., None] * strain[..., None, 3:6])
     out = _nothing(strain)
     out.energy[:] = (w * answer.energy).sum(axis=-1)
