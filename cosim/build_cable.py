@@ -13,6 +13,7 @@ from cosim.build_shell import Triangles, baked_surfaces
 from cosim.case_cable import CableHood
 from cosim.case_finger import IndexFinger
 from cosim.case_lesion import Lesion
+from cosim.guided import guide_depth
 from cosim.port import Array, InputError, Motion, State
 
 if TYPE_CHECKING:
@@ -56,6 +57,8 @@ class CableLook:
     """(ns,) node of the hood that it holds."""
     penetration: float
     """m, the deepest."""
+    guide_depth: float
+    """m, of `guided.guide_depth`."""
 
 
 def laid_net(
@@ -179,6 +182,7 @@ def look(hood: FeHood, net: CableNet, state: State) -> CableLook:
         tuple(hood.groups[i] for i in springs.group),
         springs.node,
         max(0.0, -float(hood.gap(state).min())),
+        guide_depth(hood),
     )
 
 

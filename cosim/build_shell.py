@@ -19,6 +19,7 @@ from cosim.case_schema import (
     Region,
     ShellHood,
 )
+from cosim.guided import guide_depth
 from cosim.port import Array, InputError, Motion, State
 
 if TYPE_CHECKING:
@@ -99,6 +100,8 @@ class HoodLook:
     """(ns,) node of the hood that it holds."""
     penetration: float
     """m, the deepest."""
+    guide_depth: float
+    """m, of `guided.guide_depth`."""
     markers: Markers
     """Over the central region, along and across the finger."""
 
@@ -379,6 +382,7 @@ def look(hood: FeHood, mesh: HoodMesh, state: State) -> HoodLook:
         tuple(hood.groups[i] for i in springs.group),
         springs.node,
         max(0.0, -float(hood.gap(state).min())),
+        guide_depth(hood),
         markers(mesh, CENTRAL),
     )
 

@@ -36,8 +36,8 @@ BOUNDS = {
 """What each figure of the audit must not exceed."""
 LEAST_SLIP = 1e-3
 """N, below which the central slip is slack and nothing is shared."""
-MOST_PENETRATION = 0.02
-"""mm."""
+DEPTHS = {"max_penetration_mm": 0.02, "guide_depth_mm": 0.05}
+"""mm, what a deformable hood's must not exceed."""
 BEYOND = float(np.radians(10.0))
 """A joint further beyond its range of motion than this stands where no finger can."""
 Look = HoodLook | CableLook
@@ -79,8 +79,7 @@ def summary(
     if states.reciprocity is not None:
         audit["reciprocity"] = states.reciprocity
     missed = [name for name, bound in BOUNDS.items() if name in audit and not audit[name] <= bound]
-    if now.get("max_penetration_mm", 0.0) > MOST_PENETRATION:
-        missed.append("max_penetration_mm")
+    missed += [name for name, most in DEPTHS.items() if now.get(name, 0.0) > most]
     if _beyond_ranges(models, loaded):
         missed.append("posture_in_range")
     newton = getattr(loaded.response.state, "iterations", 0)
@@ -161,6 +160,7 @@ def _state(models: Models, e: Equilibrium, look: Look | None) -> dict[str, Any]:
         else:
             out |= strain_summary(look)
         out["max_penetration_mm"] = 1e3 * look.penetration
+        out["guide_depth_mm"] = 1e3 * look.guide_depth
     return out
 
 

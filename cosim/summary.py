@@ -110,6 +110,7 @@ def _checks(summary: Mapping[str, Any]) -> Iterator[Row]:
     for name, energy in (_at(summary, "energy_mJ") or {}).items():
         yield f"energy: {name.replace('_', ' ')} mJ", _number(energy)
     yield "deepest penetration mm", _number(_at(summary, "max_penetration_mm"))
+    yield "tendons' lines under the bone mm", _number(_at(summary, "guide_depth_mm"))
     for name, value in (_at(summary, "audit") or {}).items():
         yield f"audit: {name.replace('_', ' ')}", f"{value:.1e}"
     for name, count in (_at(summary, "iterations") or {}).items():

@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 
 from cosim.build import build, hood_mesh
 from cosim.case import load_case
+from cosim.guided import guide_depth
 from cosim.port import InputError
-from cosim.run import Setting, settled
+from cosim.run import Setting, run_case, settled
 from fe_solver.mesh_geometry import node_directors
 from fe_solver.shell import shell_tables
 from fe_solver.shell_hood import ShellHood
@@ -91,13 +92,14 @@ def test_the_sheet_lies_on_the_bones_and_not_in_them(hood):
 
 @pytest.mark.parametrize("name", ["isometric_edc", "hood_minorflex_edc", "cable_ei"])
 def test_extensor_tendons_slide_clear_of_the_metacarpal_up_to_the_mcp(name):
-    model = build(load_case(name)).hood.model
-    contact = next(k for k in model.contacts if k.body == 0)
-    x = model.reference[model.guides.node]
-    x = x[x[:, 2] > 0]  # not the intrinsic tendons, which run palmar of the axis
-    for distal in np.linspace(0, -x[:, 0].max(), 20):
-        height = contact.surface.distance(x + np.array([distal, 0, 0]))[0]
-        assert height.min() > contact.offset.max()
+    assert guide_depth(build(load_case(name)).hood) == 0
+
+
+def test_a_line_into_the_metacarpals_head_is_missed_by_the_audit(monkeypatch):
+    monkeypatch.setattr(hood_generator, "clear_guides", lambda *laid: None)
+    summary = run_case(load_case("isometric_edc", ["hood.mesh.quads=251"])).summary
+    assert summary["guide_depth_mm"] > 1.5
+    assert summary["audit_missed"] == ["guide_depth_mm"]
 
 
 def test_the_unloaded_finger_hangs_on_no_row_at_the_tendons_end(monkeypatch):

@@ -27,7 +27,13 @@ FOLDS = "hood_majorflex_ui"
 STILL = [name for name in PACKAGED if name not in MOVING + MIDDLE]
 ISOMETRIC = [name for name in PACKAGED if name.startswith("isometric")]
 COARSE = "hood.mesh.quads=250"
-SHELL_KEYS = {"hood_quads", "slip_force_N", "strain_percent", "max_penetration_mm"}
+SHELL_KEYS = {
+    "hood_quads",
+    "slip_force_N",
+    "strain_percent",
+    "max_penetration_mm",
+    "guide_depth_mm",
+}
 STATE_KEYS = {
     *("posture_deg", "tension_N", "excursion_mm", "moment_arm_mm"),
     *("fingertip_force_N", "fingertip_magnitude_N"),

@@ -159,10 +159,12 @@ def last_ledger(run: Run) -> dict[str, dict[str, Any]]:
 
 def _audit(run: Run, place: int) -> Table:
     """Each check with the bound that the program holds it to, and the counts of iterations."""
+    from cosim.observe import DEPTHS
+
     missed = set(run.summary.get("audit_missed", ()))
     bounds = _bounds()
     checks = dict(run.summary.get("audit", {}))
-    for extra in ("max_penetration_mm", "largest_interface_residual"):
+    for extra in (*DEPTHS, "largest_interface_residual"):
         if extra in run.summary:
             checks[extra] = run.summary[extra]
     rows: list[tuple[Cell, ...]] = []
@@ -184,11 +186,10 @@ def _audit(run: Run, place: int) -> Table:
 
 
 def _bounds() -> dict[str, float]:
-    from cosim.observe import BOUNDS, MOST_PENETRATION
+    from cosim.observe import BOUNDS, DEPTHS
     from cosim.observe_forward import MOST_IMBALANCE
 
-    extra = {"max_penetration_mm": MOST_PENETRATION, "torque_balance_at_rest": MOST_IMBALANCE}
-    return {**BOUNDS, **extra}
+    return {**BOUNDS, **DEPTHS, "torque_balance_at_rest": MOST_IMBALANCE}
 
 
 def _numbers(runs: Sequence[Run], against: Run | None) -> Table:
