@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 
@@ -46,7 +48,7 @@ def network_rows() -> Iterator[Row]:
 
 def shell_rows() -> Iterator[Row]:
     """The calibrated shell."""
-    found = reduce_case(find_case(CASE), (), GRID, 2)
+    found = reduce_case(find_case(CASE), (), GRID, 2, partial(print, file=sys.stderr, flush=True))
     for e in errors(found):
         if e.mark is not None:
             for word, value in (("median", e.median), ("most", e.most)):
