@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cosim.build_guides import guide_depth
 from cosim.build_lesion import adhesions, longer
 from cosim.build_shell import Triangles, baked_surfaces
 from cosim.case_cable import CableHood
 from cosim.case_finger import IndexFinger
 from cosim.case_lesion import Lesion
-from cosim.guided import guide_depth
 from cosim.port import Array, InputError, Motion, State
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ class CableLook:
     penetration: float
     """m, the deepest."""
     guide_depth: float
-    """m, of `guided.guide_depth`."""
+    """m, of `build_guides.guide_depth`."""
 
 
 def laid_net(

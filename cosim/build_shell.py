@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cosim import case_schema as schema
+from cosim.build_guides import guide_depth
 from cosim.build_lesion import adhesions, longer
 from cosim.case_schema import (
     Case,
@@ -19,7 +20,6 @@ from cosim.case_schema import (
     Region,
     ShellHood,
 )
-from cosim.guided import guide_depth
 from cosim.port import Array, InputError, Motion, State
 
 if TYPE_CHECKING:
@@ -101,7 +101,7 @@ class HoodLook:
     penetration: float
     """m, the deepest."""
     guide_depth: float
-    """m, of `guided.guide_depth`."""
+    """m, of `build_guides.guide_depth`."""
     markers: Markers
     """Over the central region, along and across the finger."""
 

@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cosim.build import build, hood_mesh
+from cosim.build_guides import guide_depth
 from cosim.case import load_case
-from cosim.guided import guide_depth
 from cosim.port import InputError
 from cosim.run import Setting, run_case, settled
 from fe_solver.mesh_geometry import node_directors

@@ -52,6 +52,7 @@ KNOW_THE_SOLVERS = {
     "cosim.build_finger",
     "cosim.build_fit",
     "cosim.build_forward",
+    "cosim.build_guides",
     "cosim.build_lumped",
     "cosim.build_muscles",
     "cosim.build_one_way",

@@ -46,6 +46,7 @@ def stretched(mesh: HoodMesh, along: float, across: float) -> HoodLook:
         (),
         np.zeros(0, dtype=int),
         0.0,
+        0.0,
         markers(mesh, ["central_band"]),
     )
 
