@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cosim.build_cable import ENDS, CableLook, cable_hood_of, laid_net
-from cosim.build_cable import look as look_of_cables
+from cosim.build_cable import looking_at as looking_at_cables
+from cosim.build_ends import slip_forces
 from cosim.build_finger import live_finger, our_finger, skeleton_of, width_of
 from cosim.build_fit import check_fit, check_tendons
 from cosim.build_lesion import injured_mesh, injured_net, injured_network
@@ -22,7 +24,7 @@ from cosim.build_shell import (
     UnderHood,
     laid_mesh,
     linear,
-    look,
+    looking_at,
     shell_hood_of,
 )
 from cosim.case_cable import CableHood
@@ -70,7 +72,7 @@ class Models:
     cables: Mapping[str, Sequence[tuple[str, Array]]]
     """Of a pulley hood, by tendon: bodies and points (3,) m in their frames, for pictures."""
     slips: Callable[[State], Mapping[str, float]] | None = None
-    """N in the slips at a state of a hood in lumped form."""
+    """N in the slips at a state, central and terminal; None for a hood without."""
 
     def strings(self, motion: Motion) -> dict[str, Array]:
         """(k, 3) m, the cables' points in the world at some poses."""
@@ -117,9 +119,10 @@ def build(case: Case) -> Models:
             resting,
             bones,
             muscles,
-            lambda state: look_of_cables(cables, net, state),
-            lambda state: linear(cables, state),
+            looking_at_cables(cables, net),
+            partial(linear, cables),
             {},
+            partial(slip_forces, cables),
         )
     if not (isinstance(case.finger, UnderHood) and isinstance(case.hood, ShellHood)):
         hood = hood_on(case, finger.motion(finger.start({})))
@@ -144,9 +147,10 @@ def build(case: Case) -> Models:
         resting,
         bones,
         muscles,
-        lambda state: look(shell, mesh, state),
-        lambda state: linear(shell, state),
+        looking_at(shell, mesh),
+        partial(linear, shell),
         {},
+        partial(slip_forces, shell),
     )
 
 

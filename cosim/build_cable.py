@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cosim.build_guides import guide_depth
+from cosim.build_ends import guide_depth
 from cosim.build_lesion import adhesions, longer
 from cosim.build_shell import Triangles, baked_surfaces
 from cosim.case_cable import CableHood
@@ -47,8 +48,6 @@ class CableLook:
     """(n,) N of the bones on the nodes, sum of magnitudes."""
     spring_force: Mapping[str, float]
     """N, magnitude of each spring set's summed force."""
-    slip_force: Mapping[str, float]
-    """N, central and terminal."""
     spring_tension: Array
     """(ns,) N of every spring."""
     spring_set: tuple[str, ...]
@@ -58,7 +57,7 @@ class CableLook:
     penetration: float
     """m, the deepest."""
     guide_depth: float
-    """m, of `build_guides.guide_depth`."""
+    """m, of `build_ends.guide_depth`."""
 
 
 def laid_net(
@@ -156,14 +155,17 @@ def cable_law(hood: CableHood, net: CableNet, lesion: Lesion | None = None) -> C
     )
 
 
-def look(hood: FeHood, net: CableNet, state: State) -> CableLook:
+def looking_at(hood: FeHood, net: CableNet) -> Callable[[State], CableLook]:
+    """What there is to see at a state."""
+    return partial(_look, hood, net, guide_depth(hood))
+
+
+def _look(hood: FeHood, net: CableNet, depth: float, state: State) -> CableLook:
     from fe_solver.cable_model import pulls_in
     from fe_solver.springs import spring_state
 
     springs, c = hood.model.springs, state.configuration
-    pull = pulls_in(hood, state)
-    forces = {name: float(np.linalg.norm(f)) for name, f in hood.group_forces(state).items()}
-    slips = {"central": forces.get("central_slip", 0.0), "terminal": forces.pop("terminal_slip")}
+    pull, forces = pulls_in(hood, state), hood.group_forces(state)
     points = state.solution.evaluation.points
     on = points.group < 0
     pressed = np.linalg.norm(points.gradient[on], axis=1)
@@ -176,13 +178,12 @@ def look(hood: FeHood, net: CableNet, state: State) -> CableLook:
         pull.strain,
         pull.force,
         np.bincount(points.node[on], pressed, len(c.x)).astype(float),
-        forces,
-        slips,
+        {name: float(np.linalg.norm(forces[name])) for name in hood.groups},
         spring_state(springs, c.x, c.position, c.rotation).force,
         tuple(hood.groups[i] for i in springs.group),
         springs.node,
         max(0.0, -float(hood.gap(state).min())),
-        guide_depth(hood),
+        depth,
     )
 
 

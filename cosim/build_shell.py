@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cosim import case_schema as schema
-from cosim.build_guides import guide_depth
+from cosim.build_ends import guide_depth
 from cosim.build_lesion import adhesions, longer
 from cosim.case_schema import (
     Case,
@@ -90,8 +90,6 @@ class HoodLook:
     """(n,) Pa of the bones on the nodes."""
     spring_force: Mapping[str, float]
     """N, magnitude of each spring set's summed force."""
-    slip_force: Mapping[str, float]
-    """N, central and terminal."""
     spring_tension: Array
     """(ns,) N of every spring."""
     spring_set: tuple[str, ...]
@@ -101,7 +99,7 @@ class HoodLook:
     penetration: float
     """m, the deepest."""
     guide_depth: float
-    """m, of `build_guides.guide_depth`."""
+    """m, of `build_ends.guide_depth`."""
     markers: Markers
     """Over the central region, along and across the finger."""
 
@@ -355,16 +353,20 @@ def _tendons(mesh: HoodMesh, finger: str) -> dict[str, Tendon]:
     return out
 
 
-def look(hood: FeHood, mesh: HoodMesh, state: State) -> HoodLook:
-    from fe_solver.fields import contact_pressure, fields
-    from fe_solver.springs import spring_state
+def looking_at(hood: FeHood, mesh: HoodMesh) -> Callable[[State], HoodLook]:
+    """What there is to see at a state."""
     from meshes.markers import markers
 
-    springs = hood.model.springs
+    return partial(_look, hood, mesh, guide_depth(hood), markers(mesh, CENTRAL))
+
+
+def _look(hood: FeHood, mesh: HoodMesh, depth: float, placed: Markers, state: State) -> HoodLook:
+    from fe_solver.fields import contact_pressure, fields
+    from fe_solver.springs import spring_state
+
+    springs, forces = hood.model.springs, hood.group_forces(state)
     c = state.configuration
     field = fields(hood.model, c)
-    forces = {name: float(np.linalg.norm(f)) for name, f in hood.group_forces(state).items()}
-    slips = {"central": forces.get("central_slip", 0.0), "terminal": forces.pop("terminal_slip")}
     return HoodLook(
         c.x,
         hood.model.reference,
@@ -376,14 +378,13 @@ def look(hood: FeHood, mesh: HoodMesh, state: State) -> HoodLook:
         hood.model.tables.weight.sum(axis=1),
         mesh.cells(*CENTRAL),
         contact_pressure(hood.model, c),
-        forces,
-        slips,
+        {name: float(np.linalg.norm(forces[name])) for name in hood.groups},
         spring_state(springs, c.x, c.position, c.rotation).force,
         tuple(hood.groups[i] for i in springs.group),
         springs.node,
         max(0.0, -float(hood.gap(state).min())),
-        guide_depth(hood),
-        markers(mesh, CENTRAL),
+        depth,
+        placed,
     )
 
 

@@ -145,8 +145,6 @@ def climb(source: Path, settings: tuple[str, ...], name: str) -> Rung:
 
 def _slips(case: Case, models: Models, e: Equilibrium) -> Mapping[str, float]:
     """N, central and terminal, where the hood has slips."""
-    if models.look is not None:
-        return dict(models.look(e.response.state).slip_force)
     if models.slips is not None:
         return models.slips(e.response.state)
     if isinstance(case.hood, SplitHood):

@@ -146,10 +146,8 @@ def _state(models: Models, e: Equilibrium, look: Look | None) -> dict[str, Any]:
             source: _by_joint(models, 1e3 * torque) for source, torque in e.balance.torque.items()
         },
     }
-    slips = look.slip_force if look is not None else None
     if models.slips is not None:
         slips = models.slips(e.response.state)
-    if slips is not None:
         out["slip_force_N"] = dict(slips)
         if slips["central"] > LEAST_SLIP:
             out["slip_ratio"] = slips["terminal"] / slips["central"]

@@ -6,7 +6,7 @@ joint angles and tensions (torques and excursions) and its second derivatives.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache, partial
@@ -144,7 +144,7 @@ def sample(models: Models, state: State, angle: Array, tension: Array) -> tuple[
 
 
 def _slips(models: Models, state: State) -> Array:
-    if models.look is None:
+    if models.slips is None:
         return np.full(2, np.nan)
-    forces: Mapping[str, float] = models.look(state).slip_force
+    forces = models.slips(state)
     return np.array([forces["central"], forces["terminal"]])

@@ -114,8 +114,7 @@ class Level:
         """(n,) m by which points must rise dorsally, so that lines along the metacarpal from there
         to the MCP clear its level."""
         start = (points - self.position[0]) @ self.rotation[0]
-        way = np.repeat(start[:, None], 50, axis=1)
-        way[..., 0] = np.linspace(start[:, 0], 0.0, 50, axis=1)
+        way = to_the_joint(start)
         line = way.reshape(-1, 3)
         level = self.offset["metacarpal"] + CLEARANCE * 1e-3
         for _ in range(30):
@@ -126,6 +125,14 @@ class Level:
             line[:, 2] += short / np.maximum(gradient[:, 2], 0.3)
         highest: Array = line[:, 2].reshape(way.shape[:2]).max(axis=1)
         return highest - start[:, 2]
+
+
+def to_the_joint(start: Array) -> Array:
+    """(n, 50, 3) m, points on the lines along the metacarpal, in its frame, from each of `start`
+    (n, 3) to the MCP."""
+    way = np.repeat(start[:, None], 50, axis=1)
+    way[..., 0] = np.linspace(start[:, 0], 0.0, 50, axis=1)
+    return way
 
 
 def hull_radius(

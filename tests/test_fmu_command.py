@@ -53,7 +53,7 @@ def test_a_shells_coupled_unit_gives_the_native_run(tmp_path, fmi):
     place = placed(unit, case, "coupled")
     unit.step(0.01)
     models, states = solve(case)
-    slips = models.look(states.loaded.response.state).slip_force
+    slips = models.slips(states.loaded.response.state)
     assert np.array_equal(unit.get(place["tip_force"]), states.loaded.balance.tip_force)
     assert unit.get(place["slip_force"]) == pytest.approx([slips["central"], slips["terminal"]])
     moved = states.loaded.excursion - states.unloaded.excursion

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cosim.build import build, hood_mesh
-from cosim.build_guides import guide_depth
+from cosim.build_ends import guide_depth
 from cosim.case import load_case
 from cosim.port import InputError
 from cosim.run import Setting, run_case, settled

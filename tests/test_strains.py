@@ -41,7 +41,6 @@ def stretched(mesh: HoodMesh, along: float, across: float) -> HoodLook:
         mesh.cells("central_band"),
         np.zeros(n),
         {},
-        {},
         np.zeros(0),
         (),
         np.zeros(0, dtype=int),

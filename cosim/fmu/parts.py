@@ -269,7 +269,7 @@ class CoupledPart:
         return equilibrium(m.finger, m.hood, before.finger_state, state, hood, finger, self.options)
 
     def _slips(self) -> list[Quantity]:
-        if self.models.look is None:
+        if self.models.slips is None:
             return []
         over = (("slip", ("central", "terminal")),)
         return [Quantity("slip_force", "output", "N", "Force in the hood's slip.", over)]
@@ -282,8 +282,8 @@ class CoupledPart:
             "tip_force": now.balance.tip_force,
             "excursion": np.concatenate([now.excursion - state.rest_excursion, own]),
         }
-        if self.models.look is not None:
-            slips = self.models.look(now.response.state).slip_force
+        if self.models.slips is not None:
+            slips = self.models.slips(now.response.state)
             out["slip_force"] = np.array([slips["central"], slips["terminal"]])
         return out
 

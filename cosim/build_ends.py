@@ -1,4 +1,5 @@
-"""Where the tendons' ends slide: whether their lines clear the bone."""
+"""The ends of a hood of finite elements: what its slips bear, and whether the lines on which its
+tendons' ends slide clear the bone."""
 
 from __future__ import annotations
 
@@ -6,10 +7,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cosim.port import State
+from meshes.hull import to_the_joint
+
 if TYPE_CHECKING:
     from fe_solver.shell_hood import ShellHood as FeHood
 
-STEPS = 50
+
+def slip_forces(hood: FeHood, state: State) -> dict[str, float]:
+    """N, central (0 where nothing but the sheet holds it) and terminal."""
+    forces = hood.group_forces(state)
+    central = forces.get("central_slip", np.zeros(3))
+    return {
+        "central": float(np.linalg.norm(central)),
+        "terminal": float(np.linalg.norm(forces["terminal_slip"])),
+    }
 
 
 def guide_depth(hood: FeHood) -> float:
@@ -20,11 +32,9 @@ def guide_depth(hood: FeHood) -> float:
     finer.  (Intrinsic tendons, which run palmar of the axis, pass beside the head.)"""
     model = hood.model
     start = (model.reference[model.guides.node] - hood.rest.position[0]) @ hood.rest.rotation[0]
-    start = start[start[:, 2] > 0]
-    way = np.repeat(start[:, None], STEPS, axis=1)
-    way[..., 0] = np.linspace(start[:, 0], 0.0, STEPS, axis=1)
+    way = to_the_joint(start[start[:, 2] > 0]).reshape(-1, 3)
     depths = (
-        contact.offset.max() - contact.surface.distance(way.reshape(-1, 3)).value
+        contact.offset.max() - contact.surface.distance(way).value
         for contact in model.contacts
         if contact.body == 0
     )
