@@ -16,7 +16,7 @@ def written_whole(path: Path) -> Iterator[Path]:
 
     Raises InputError where the file cannot be written."""
     if path.exists() and not path.is_file():
-        raise InputError(f"{path}: is no file that could be replaced; choose another --out")
+        raise InputError(f"{path}: is no file that could be replaced; choose another")
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -24,7 +24,7 @@ def written_whole(path: Path) -> Iterator[Path]:
         part.replace(path)
     except OSError as error:
         reason = error.strerror or str(error)
-        raise InputError(f"{path}: cannot be written ({reason}); choose another --out") from error
+        raise InputError(f"{path}: cannot be written ({reason}); choose another") from error
     finally:
         with suppress(OSError):
             part.unlink(missing_ok=True)

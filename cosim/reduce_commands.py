@@ -41,6 +41,14 @@ def reduce(
             "more in which all pull. Fewer are quicker and less exact. Without it 384.",
         ),
     ] = None,
+    samples: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.json",
+            help="Keep what the hood did in a file as it comes; a call that was cut off, or "
+            "another fit of the same hood, takes from there what it has.",
+        ),
+    ] = None,
     jobs: Jobs = 2,
 ) -> None:
     """Fit a network hood to what a case's shell or cables do, over a grid of postures and loads,
@@ -61,6 +69,7 @@ def reduce(
             jobs,
             lambda text: typer.echo(text, err=True),
             SPREAD if spread is None else spread,
+            samples,
         )
         _show(found)
         if out is not None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -18,9 +19,11 @@ from cosim.case import load_case
 from cosim.case_cable import CableHood
 from cosim.case_schema import Case, ShellHood
 from cosim.port import Array, InputError
-from cosim.reduction_samples import Lost, sampled
+from cosim.reduction_kept import kept
+from cosim.reduction_samples import FREE, Lost, Walked, sampled
 from cosim.reduction_tip import tip_maps
 from cosim.reduction_walks import GRID, SPREAD, Within, grid_walks, held_walks, spread_walks
+from cosim.study.address import address, code_version
 
 if TYPE_CHECKING:
     from cosim.build_lumped import Potential
@@ -53,7 +56,7 @@ class Reduction:
     """States without an equilibrium, with the reason."""
     seconds: float
     """s, of the hood for one state: of all walks, with the steps between postures and what was
-    lost, in a process beside others."""
+    lost, in processes beside each other."""
     rate: Rate
 
 
@@ -102,10 +105,13 @@ def reduce_case(
     jobs: int,
     tell: Tell = lambda text: None,
     spread: int = SPREAD,
+    samples: Path | None = None,
 ) -> Reduction:
-    """Sample the case's hood on the grid and off it (`spread` as of `Within`), and fit.
+    """Sample the case's hood on the grid and off it (`spread` as of `Within`), and fit; what the
+    file `samples` has is read from there, and the rest kept there as it comes.
 
-    Raises InputError for a hood in closed form, an unknown joint, or too few samples."""
+    Raises InputError for a hood in closed form, an unknown joint, too few samples, or a file that
+    holds others."""
     case = load_case(source, settings)
     if not isinstance(case.hood, ShellHood | CableHood):
         raise InputError(
@@ -136,32 +142,37 @@ def reduce_case(
     within = Within(joints, home, axes, most, rest, spread)
     on_grid = [*grid_walks(within), *spread_walks(within)]
     off_grid = held_walks(within)
-    started, found = time.perf_counter(), []
+    found: list[Walked] = []
     walks = [*on_grid, *off_grid]
-    for walked in sampled(source, settings, walks, jobs):
+    sampling = partial(sampled, source, settings, jobs=jobs)
+    if samples is None:
+        walking = sampling(walks)
+    else:
+        held_case = load_case(source, (*settings, FREE))
+        walking = kept(samples, address(held_case, code_version()), walks, sampling)
+    for walked in walking:
         found.append(walked)
-        lost = sum(isinstance(s, Lost) for part in found for s in part)
-        tell(f"walk {len(found)}/{len(walks)}: {sum(map(len, found))} states, {lost} lost")
-    spent = jobs * (time.perf_counter() - started)
-    states = [s for walked in found for s in walked]
-    samples = tuple(s for w in found[: len(on_grid)] for s in w if isinstance(s, Sample))
-    held = tuple(s for w in found[len(on_grid) :] for s in w if isinstance(s, Sample))
+        states = [s for w in found for s in w.states]
+        lost = sum(isinstance(s, Lost) for s in states)
+        tell(f"walk {len(found)}/{len(walks)}: {len(states)} states, {lost} lost")
+    fit = tuple(s for w in found[: len(on_grid)] for s in w.states if isinstance(s, Sample))
+    held = tuple(s for w in found[len(on_grid) :] for s in w.states if isinstance(s, Sample))
     lost_states = tuple(
         f"{state_in_words(s.angle, s.tension, tendons)}: {s.reason}"
         for s in states
         if isinstance(s, Lost)
     )
-    if not samples or not held:
+    if not fit or not held:
         raise InputError(
             f"{case.name}: the hood found no equilibrium in any posture of the grid, or of those "
             f"held out ({lost_states[0] if lost_states else 'none'}); choose another --grid"
         )
-    tell(f"fitting to {len(samples)} states")
-    data = stacked(samples)
+    tell(f"fitting to {len(fit)} states")
+    data = stacked(fit)
     potential = fitted(data, joints, tendons, tip_maps(case, data.angle))
-    rate = _rate(potential, samples, case)
-    seconds = spent / len(states)
-    return Reduction(case, within, loads, potential, samples, held, lost_states, seconds, rate)
+    rate = _rate(potential, fit, case)
+    seconds = sum(w.seconds for w in found) / len(states)
+    return Reduction(case, within, loads, potential, fit, held, lost_states, seconds, rate)
 
 
 def state_in_words(angle: Array, tension: Array, tendons: Sequence[str]) -> str:

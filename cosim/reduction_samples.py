@@ -6,12 +6,14 @@ joint angles and tensions (torques and excursions) and its second derivatives.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from multiprocessing import get_context
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -50,9 +52,17 @@ class Walk:
         return zip(self.angles, np.broadcast_to(self.tensions, each), strict=True)
 
 
+class Walked(NamedTuple):
+    """What a walk found."""
+
+    states: list[Sample | Lost]
+    seconds: float
+    """s it took, in a process beside others."""
+
+
 def sampled(
     source: Path, settings: Sequence[str], walks: Sequence[Walk], jobs: int
-) -> Iterator[list[Sample | Lost]]:
+) -> Iterator[Walked]:
     """What each walk found, in their order, in so many processes (1: in this one)."""
     one = partial(walked, source, tuple(settings))
     if jobs == 1:
@@ -62,9 +72,11 @@ def sampled(
         yield from pool.map(one, walks)
 
 
-def walked(source: Path, settings: tuple[str, ...], walk: Walk) -> list[Sample | Lost]:
+def walked(source: Path, settings: tuple[str, ...], walk: Walk) -> Walked:
     """One walk on the models of a case, which a process builds once."""
-    return list(on_models(_models(source, settings), walk))
+    models, started = _models(source, settings), time.perf_counter()
+    states = list(on_models(models, walk))
+    return Walked(states, time.perf_counter() - started)
 
 
 @lru_cache(maxsize=1)

@@ -18,7 +18,7 @@ from cosim.cli import app
 from cosim.port import ConvergenceError, InputError
 from cosim.reduced_case import case_text
 from cosim.reduction_errors import errors
-from cosim.reduction_samples import Lost, Walk, on_models
+from cosim.reduction_samples import Lost, Walk, Walked, on_models
 from cosim.reduction_tip import clamped, tip_map, tip_maps
 from rigid.reduced_network import Potential
 from rigid.reduction import Order, reduced
@@ -218,7 +218,7 @@ def test_reducing_leaves_out_what_does_not_converge(monkeypatch, tmp_path):
 
     def in_this_process(source, settings, walks, jobs):
         for one in walks:
-            yield list(on_models(stuck, one))
+            yield Walked(list(on_models(stuck, one)), 1.0)
 
     monkeypatch.setattr(reduction, "build", lambda case: models)
     monkeypatch.setattr(reduction, "sampled", in_this_process)
