@@ -47,11 +47,12 @@ def relax(
 ) -> Configuration:
     """A configuration near a stable equilibrium under `tension` (nt,) N, for Newton to finish.
 
-    Raises ConvergenceError where the motion does not come to rest."""
+    Raises ConvergenceError where the motion does not come to rest, or goes further than the sheet
+    is long."""
     o = options or RelaxOptions()
     newton = NewtonOptions(tolerance=0.1 * o.tolerance, max_iterations=o.iterations)
     tension = np.zeros(len(model.share)) if tension is None else tension
-    state, energy = at_rest(start), 0.0
+    state, energy, length = at_rest(start), 0.0, np.ptp(start.x, axis=0).max()
     first = dt = _first_step(model, start, tension, o.reach)
     for _ in range(o.max_steps):
         if _at_rest(model, state.configuration, tension, o.tolerance):
@@ -63,13 +64,15 @@ def relax(
             if dt < LEAST * first:
                 break
             continue
+        if np.abs(moved.configuration.x - start.x).max() > length:
+            raise ConvergenceError("it moved further than it is long: nothing holds it there")
         now = kinetic_energy(model, moved, WATER)
         dt = LONGER * dt
         if now < energy:
             state, energy = at_rest(moved.configuration), 0.0
         else:
             state, energy = moved, now
-    raise ConvergenceError(f"a damped motion did not come to rest in {o.max_steps} steps")
+    raise ConvergenceError(f"it did not come to rest in {o.max_steps} steps")
 
 
 def _first_step(model: ShellModel, c: Configuration, tension: Array, reach: float) -> float:
