@@ -38,7 +38,7 @@ def reduce(
             min=1,
             max=10_000,
             help="Postures between the grid's points in which each tendon pulls alone; a third "
-            "more in which all pull. Fewer are quicker and less exact. Without it 384.",
+            "more in which all pull. Fewer are quicker and less exact. Without it 512.",
         ),
     ] = None,
     samples: Annotated[

@@ -21,6 +21,7 @@ from cosim.reduction_walks import (
     LOW,
     MIXED,
     MIXTURE_PARTS,
+    NEAR_ENDS,
     SEED,
 )
 from cosim.trials import Settings
@@ -60,7 +61,7 @@ def _provenance(found: Reduction) -> Iterator[str]:
     yield (
         f"  between the grid's points (Sobol): each alone in {found.within.spread} postures, "
         f"with {_ends(ALONE_PARTS)} of its load, and mixtures in {found.within.mixtures}, with "
-        f"{_ends(MIXTURE_PARTS)} of each"
+        f"{_ends(MIXTURE_PARTS)} of each; {100 * NEAR_ENDS:g} % of them nearer to the box's ends"
     )
     yield (
         f"  {len(found.samples)} states fitted: torques, excursions, stiffness, arms, compliance, "

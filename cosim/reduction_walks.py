@@ -21,8 +21,9 @@ LOW = 0.5
 """N, of a tendon's least load."""
 MIXED = ((0.5,), (0.3, 0.1, 0.6))
 """Of the greatest loads, tendon by tendon and from the first again: all pull."""
-SPREAD = 384
-"""Postures spread over the grid's box in which each tendon pulls alone."""
+SPREAD, NEAR_ENDS = 512, 0.25
+"""Postures spread over the grid's box in which each tendon pulls alone, and how many of them lie
+nearer to its ends (arcsine distribution), where a polynomial errs most."""
 ALONE_PARTS, MIXTURE_PARTS = (0.25, 1.0), (0.05, 0.65)
 """Of the greatest loads, of tendons that pull alone and of all that pull."""
 LEG = 24
@@ -98,12 +99,13 @@ def spread_walks(within: Within) -> list[Walk]:
     count, tendons = len(within.grid), len(within.most)
     walks = []
     for k in range(tendons):
-        points = _sobol(count + 1, within.spread, SPREAD_SEED + k)
-        loads = within.single(k, _between(ALONE_PARTS, points[:, count]))
+        for points in _spread(count, _sobol(count + 1, within.spread, SPREAD_SEED + k)):
+            loads = within.single(k, _between(ALONE_PARTS, points[:, count]))
+            walks += _legs(within, points[:, :count], loads)
+    for points in _spread(count, _sobol(count + tendons, within.mixtures, SPREAD_SEED + tendons)):
+        loads = within.most * _between(MIXTURE_PARTS, points[:, count:])
         walks += _legs(within, points[:, :count], loads)
-    points = _sobol(count + tendons, within.mixtures, SPREAD_SEED + tendons)
-    loads = within.most * _between(MIXTURE_PARTS, points[:, count:])
-    return walks + _legs(within, points[:, :count], loads)
+    return walks
 
 
 def held_walks(within: Within) -> list[Walk]:
@@ -140,6 +142,13 @@ def _to_and_fro(axes: Sequence[Sequence[float]]) -> Array:
             [[*line, value] for line, turn in zip(lines, turns, strict=True) for value in turn]
         )
     return lines
+
+
+def _spread(count: int, points: Array) -> list[Array]:
+    """Evenly spread, and the last of them with their first `count` numbers nearer to 0 and 1."""
+    evenly, near_ends = np.split(points.copy(), [round((1 - NEAR_ENDS) * len(points))])
+    near_ends[:, :count] = (1 - np.cos(np.pi * near_ends[:, :count])) / 2
+    return [part for part in (evenly, near_ends) if len(part)]
 
 
 def _sobol(dimension: int, count: int, seed: int) -> Array:

@@ -3,7 +3,7 @@
 Rows are the numbers that the samples measured, each kind over its root mean square and each joint's
 torques over their own, second derivatives by CURVES.  Where joint torques cancel at the fingertip
 little of them makes much of its force: with a map from torques to that force its components are
-rows too, over the force's own size.
+rows too, over the force's own size and times TIP.
 
 The columns are products of Legendre polynomials of the angles, which are written in powers at the
 end.  So they are independent enough for the normal equations, summed in parts and factored by
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from rigid.reduced_network import Potential
     from rigid.reduction import Sample
 
-CURVES = 0.1
-"""Chosen, and with it the greatest Order.angle and ENOUGH, by states that were not fitted."""
+CURVES, TIP = 0.1, 4.0
+"""Chosen, and with them the greatest Order.angle and ENOUGH, by states that were not fitted."""
 LEAST_FORCE = 0.1
 """Of the median fingertip force: a smaller one counts as if it were as large."""
 NOTHING = (1e-14, 1e-12, 1e-10)
@@ -113,12 +113,13 @@ def _sizes(data: Sample) -> _Sizes:
 
 
 def tip_rows(data: Sample, maps: Array | None) -> Array:
-    """(s, r, n), 1/(N m): fingertip forces over their size by joint torques; none without maps."""
+    """(s, r, n), 1/(N m): TIP times fingertip forces over their size, by joint torques; none
+    without maps."""
     if maps is None:
         return np.zeros((len(data.angle), 0, data.angle.shape[1]))
     size = np.linalg.norm(np.einsum("sij,sj->si", maps, data.torque), axis=1)
     least = LEAST_FORCE * float(np.median(size)) or 1.0
-    out: Array = maps / np.maximum(size, least)[:, None, None]
+    out: Array = TIP * maps / np.maximum(size, least)[:, None, None]
     return out
 
 

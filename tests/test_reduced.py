@@ -20,7 +20,7 @@ from cosim.reduction_tip import tip_maps
 from meshes.skeleton import BODIES, index_finger
 from rigid.hinge_angle import angles, flexion_angles
 from rigid.reduced_basis import legendre, loadings, monomials, to_powers
-from rigid.reduced_fit import LEAST_FORCE, least_squares, tip_rows
+from rigid.reduced_fit import LEAST_FORCE, TIP, least_squares, tip_rows
 from rigid.reduced_network import AT_ONCE, Potential
 from rigid.reduction import (
     ENOUGH,
@@ -132,8 +132,8 @@ def test_tip_forces_count_over_their_own_size():
     maps = np.tile(np.eye(3, 4), (len(data.angle), 1, 1))
     weak = replace(data, torque=data.torque * np.r_[1e-6, np.ones(len(data.angle) - 1)][:, None])
     size = np.linalg.norm(np.einsum("sij,sj->si", tip_rows(weak, maps), weak.torque), axis=1)
-    assert size[1:] == pytest.approx(1.0, rel=1e-12)
-    assert 0 < size[0] < 1e-5 / LEAST_FORCE
+    assert size[1:] == pytest.approx(TIP, rel=1e-12)
+    assert 0 < size[0] < 1e-5 * TIP / LEAST_FORCE
     assert tip_rows(data, None).shape == (len(data.angle), 0, 4)
 
 

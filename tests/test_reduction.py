@@ -159,6 +159,18 @@ def test_states_between_the_grids_points_fill_its_box():
     assert (mixed.min(), mixed.max()) == pytest.approx((0.05, 0.65), abs=0.01)
 
 
+def test_a_quarter_of_the_spread_postures_lies_nearer_to_the_ends():
+    """Arcsine: half of them within 15 % of an end, which 30 % of evenly spread ones are."""
+    points = np.random.default_rng(1).random((4000, 3))
+    evenly, near_ends = reduction_walks._spread(2, points)
+    assert (len(evenly), len(near_ends)) == (3000, 1000)
+    assert np.array_equal(np.vstack([evenly, near_ends])[:, 2], points[:, 2])
+    for part, expected in ((evenly, 0.293), (near_ends, 0.5)):
+        outer = np.abs(part[:, :2] - 0.5) > 0.3536
+        assert outer.mean(axis=0) == pytest.approx(expected, abs=0.04)
+    assert [len(part) for part in reduction_walks._spread(2, points[:1])] == [1]
+
+
 def test_held_states_are_none_of_those_fitted():
     """But drawn from the same box, from the same loads."""
     walks = [*reduction_walks.grid_walks(within()), *reduction_walks.spread_walks(within())]
