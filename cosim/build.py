@@ -19,14 +19,13 @@ from cosim.build_lumped import lumped_hood, slips_of
 from cosim.build_muscles import CaseMuscles, live_muscles
 from cosim.build_robot_hood import ROBOT_ENDS, robot_bones, robot_net, robot_skeleton
 from cosim.build_shell import (
-    HoodLook,
     Triangles,
     UnderHood,
     laid_mesh,
     linear,
-    looking_at,
     shell_hood_of,
 )
+from cosim.build_shell_look import HoodLook, looking_at
 from cosim.case_cable import CableHood
 from cosim.case_finger import Bone, IndexFinger, MiddleFinger
 from cosim.case_lumped import NetworkHood, TwoBandHood

@@ -16,7 +16,8 @@ from cosim.build_finger import live_finger, our_finger
 from cosim.build_fit import check_tendons
 from cosim.build_muscles import fibres
 from cosim.build_scheme import scheme_of
-from cosim.build_shell import HoodLook, Triangles
+from cosim.build_shell import Triangles
+from cosim.build_shell_look import HoodLook
 from cosim.case_finger import CageTip, FmuFinger, ShellTip, Tendon
 from cosim.case_schema import Case, Forward
 from cosim.driven import Driven

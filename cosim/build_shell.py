@@ -1,16 +1,14 @@
-"""The shell hood of a case: its mesh, materials and supports, and what it looks like solved."""
+"""The shell hood of a case: its mesh, materials and supports."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from functools import lru_cache, partial
+from collections.abc import Mapping
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cosim import case_schema as schema
-from cosim.build_ends import guide_depth
 from cosim.build_lesion import adhesions, longer
 from cosim.case_schema import (
     Case,
@@ -31,7 +29,6 @@ if TYPE_CHECKING:
     from fe_solver.surfaces import Surface
     from fe_solver.tension_field import TensionField
     from meshes.hood_mesh import HoodMesh
-    from meshes.markers import Markers
     from meshes.skeleton import Skeleton
 
 Triangles = tuple[Array, np.ndarray]
@@ -56,52 +53,10 @@ ENDS = {
 }
 """By finger, the tendons that act through the hood: the end that each one pulls, and of the half
 that it pulls on which side that is (metacarpal's frame)."""
-CENTRAL = ("extensor_tendon_distal", "central_band", "central_slip")
 MOST_SHORTENED = 0.5
 """Of a region's length as laid."""
 MARGIN = 5e-3
 """m, how far beyond a bone its baked distance reaches."""
-
-
-@dataclass(frozen=True)
-class HoodLook:
-    """What there is to see of a solved shell hood; means over each quad, local axes 1 along the
-    fibre (in the central region: along the finger), 2 across it."""
-
-    points: Array
-    """(n, 3) m, deformed."""
-    reference: Array
-    """(n, 3) m, as laid."""
-    quads: np.ndarray
-    region: np.ndarray
-    """(ne,) index into REGIONS."""
-    strain: Array
-    """(ne, 3) Green-Lagrange E11, E22, 2 E12 of the mid-surface."""
-    faces: Array
-    """(ne, 2) E11 at the two faces."""
-    stress: Array
-    """(ne, 3) second Piola-Kirchhoff S11, S22, S12, Pa."""
-    area: Array
-    """(ne,) m2."""
-    central: np.ndarray
-    """(ne,) bool, the region over which strains are summed up: extensor tendon distal to the MCP,
-    central band and central slip."""
-    pressure: Array
-    """(n,) Pa of the bones on the nodes."""
-    spring_force: Mapping[str, float]
-    """N, magnitude of each spring set's summed force."""
-    spring_tension: Array
-    """(ns,) N of every spring."""
-    spring_set: tuple[str, ...]
-    """(ns,) the set it is of."""
-    spring_node: np.ndarray
-    """(ns,) node of the hood that it holds."""
-    penetration: float
-    """m, the deepest."""
-    guide_depth: float
-    """m, of `build_ends.guide_depth`."""
-    markers: Markers
-    """Over the central region, along and across the finger."""
 
 
 def baked_surfaces(bones: Mapping[str, Triangles]) -> dict[str, Surface]:
@@ -351,41 +306,6 @@ def _tendons(mesh: HoodMesh, finger: str) -> dict[str, Tendon]:
             share = np.where(middle, share / 2, np.where(height > np.median(height), share, 0.0))
         out[tendon] = Tendon(nodes, share / share.sum())
     return out
-
-
-def looking_at(hood: FeHood, mesh: HoodMesh) -> Callable[[State], HoodLook]:
-    """What there is to see at a state."""
-    from meshes.markers import markers
-
-    return partial(_look, hood, mesh, guide_depth(hood), markers(mesh, CENTRAL))
-
-
-def _look(hood: FeHood, mesh: HoodMesh, depth: float, placed: Markers, state: State) -> HoodLook:
-    from fe_solver.fields import contact_pressure, fields
-    from fe_solver.springs import spring_state
-
-    springs, forces = hood.model.springs, hood.group_forces(state)
-    c = state.configuration
-    field = fields(hood.model, c)
-    return HoodLook(
-        c.x,
-        hood.model.reference,
-        hood.model.quads,
-        mesh.region,
-        field.strain,
-        field.faces,
-        field.stress,
-        hood.model.tables.weight.sum(axis=1),
-        mesh.cells(*CENTRAL),
-        contact_pressure(hood.model, c),
-        {name: float(np.linalg.norm(forces[name])) for name in hood.groups},
-        spring_state(springs, c.x, c.position, c.rotation).force,
-        tuple(hood.groups[i] for i in springs.group),
-        springs.node,
-        max(0.0, -float(hood.gap(state).min())),
-        depth,
-        placed,
-    )
 
 
 def linear(hood: FeHood, state: State) -> tuple[float, float]:

@@ -11,7 +11,7 @@ from cosim import __version__
 from cosim.build import Models
 from cosim.build_cable import CableLook, strand_forces
 from cosim.build_finger import joint_ranges
-from cosim.build_shell import HoodLook
+from cosim.build_shell_look import HoodLook
 from cosim.case_schema import Case
 from cosim.couple import Equilibrium, moment_arms
 from cosim.observe_one_way import one_way_summary

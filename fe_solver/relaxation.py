@@ -25,6 +25,8 @@ WATER = Substance(1000.0)
 SHORTER, LONGER = 0.25, 1.5
 LEAST = 1e-6
 """Of the first time step; where none so short succeeds, the motion is given up."""
+FAR = 10
+"""Times the sheet's length; no body that could stop it is so far away."""
 
 
 @dataclass(frozen=True)
@@ -47,8 +49,8 @@ def relax(
 ) -> Configuration:
     """A configuration near a stable equilibrium under `tension` (nt,) N, for Newton to finish.
 
-    Raises ConvergenceError where the motion does not come to rest, or goes further than the sheet
-    is long."""
+    Raises ConvergenceError where the motion does not come to rest, or goes off by FAR times the
+    sheet's length."""
     o = options or RelaxOptions()
     newton = NewtonOptions(tolerance=0.1 * o.tolerance, max_iterations=o.iterations)
     tension = np.zeros(len(model.share)) if tension is None else tension
@@ -64,8 +66,8 @@ def relax(
             if dt < LEAST * first:
                 break
             continue
-        if np.abs(moved.configuration.x - start.x).max() > length:
-            raise ConvergenceError("it moved further than it is long: nothing holds it there")
+        if np.abs(moved.configuration.x - start.x).max() > FAR * length:
+            raise ConvergenceError(f"it went off by {FAR} times its length: nothing holds it")
         now = kinetic_energy(model, moved, WATER)
         dt = LONGER * dt
         if now < energy:

@@ -62,6 +62,7 @@ KNOW_THE_SOLVERS = {
     "cosim.estimate_case",
     "cosim.finger_commands",
     "cosim.build_shell",
+    "cosim.build_shell_look",
     "cosim.shell_commands",
     "cosim.job_commands",
     "cosim.nearby",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cosim.build_shell import HoodLook
+from cosim.build_shell_look import HoodLook
 from cosim.port import InputError
 from cosim.strains import marker_strains, strain_change, strain_summary
 from meshes.hood_mesh import REGIONS, HoodMesh
