@@ -53,6 +53,8 @@ ENDS = {
 }
 """By finger, the tendons that act through the hood: the end that each one pulls, and of the half
 that it pulls on which side that is (metacarpal's frame)."""
+INCOMPRESSIBLE = np.array([[4, 2, 0], [2, 4, 0], [0, 0, 1]]) / 3
+"""Plane-stress moduli of an incompressible isotropic sheet, over Young's."""
 MOST_SHORTENED = 0.5
 """Of a region's length as laid."""
 MARGIN = 5e-3
@@ -193,15 +195,15 @@ def shell_hood_of(
 
 
 def _section(hood: ShellHood, mesh: HoodMesh, thickness: Array) -> Section:
-    """The materials of the regions, each of its thickness."""
+    """The materials of the regions, each of its thickness, with the hood's own bending."""
     from fe_solver.section import Patch, joined_sections
     from meshes.hood_mesh import REGIONS
 
-    patches = []
+    patches, bending = [], hood.bending_modulus * INCOMPRESSIBLE
     for i in np.unique(mesh.region):
         region, cells = hood.regions[REGIONS[i]], np.flatnonzero(mesh.region == i)
         h = np.tile(thickness[cells, None], (1, 4))
-        patches.append(Patch(cells, _law(REGIONS[i], region), h))
+        patches.append(Patch(cells, _law(REGIONS[i], region), h, bending=bending))
     return joined_sections(patches)
 
 

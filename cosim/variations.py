@@ -3,8 +3,8 @@
 Ranges are those of issue and literature where there are any, and else assumptions: moduli and
 joint stiffness +-50 %, cross-sections 0.3 to 1.8 mm2 (what network models of the hood take for its
 parts: Dogadov et al., arXiv:2507.15389), rest lengths +-0.2 mm, contact offsets +-0.3 mm, postures
-+-5 deg, meshes of 2 and 4 times the quads; springs, limits and fibres by factors of 2, slack by
-1 mm.
++-5 deg, meshes of 2 and 4 times the quads; bending, springs, limits and fibres by factors of 2,
+slack by 1 mm.
 """
 
 from __future__ import annotations
@@ -78,6 +78,7 @@ def _of_hood(case: Case) -> Iterator[Variation]:
             yield _without(name, f"a hood of kind {hood.kind!r} has none")
         return
     yield _scaled("modulus", _fields(hood, MODULI), (0.5, 1.5), units.PRESSURE)
+    yield _bending(hood)
     yield _thickness(hood)
     yield _sections(hood)
     yield _across(hood)
@@ -121,6 +122,13 @@ def _of_finger(case: Case) -> Iterator[Variation]:
         angle = finger.posture.angles()[joint]
         step = units.parse("5 deg", units.ANGLE)
         yield _added(f"posture, {joint}", {f"finger.posture.{joint}": angle}, step, units.ANGLE)
+
+
+def _bending(hood: ShellHood) -> Variation:
+    if not hood.bending_modulus:
+        return _without("bending modulus", "the sheet bends as its materials do")
+    key = {"hood.bending_modulus": hood.bending_modulus}
+    return _scaled("bending modulus", key, (0.5, 2.0), units.PRESSURE)
 
 
 def _thickness(hood: ShellHood) -> Variation:

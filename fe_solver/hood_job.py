@@ -100,6 +100,11 @@ def _check(hood: ShellHood) -> None:
     m = hood.model
     if len(m.cables.nodes):
         raise InputError("a hood of cables is not written: FEBio's format is given shells alone")
+    if any(p.bending.any() for p in m.section.patches):
+        raise InputError(
+            "a hood with a bending modulus of its own cannot be written: in FEBio's format a shell "
+            "bends as its material does; set hood.bending_modulus to zero"
+        )
     D = m.directors[m.quads]
     bare = shell_tables(
         m.reference[m.quads], D, m.tables.frame[:, :, 0], np.zeros(len(m.quads)), m.tables.height

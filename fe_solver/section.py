@@ -3,7 +3,8 @@
 At a Gauss point the in-plane strain is e + z k with z in [-h/2, h/2]; membrane forces, moments and
 their tangent are the integrals of the plane stress, its first moment and its tangent.  Linear laws
 are integrated in closed form, once; the others by Gauss-Legendre points at every evaluation.
-Transverse shear is linear, with the law's initial moduli.
+Transverse shear is linear, with the law's initial moduli; a hyperelastic sheet stiffens in it as it
+is compressed and as its director leans (`_with_shear`).
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .hyperelastic import Potential
-from .materials import Law, Linear
+from .materials import Law, Linear, Real
 from .tension_field import TensionField
 
 Array = NDArray[np.float64]
@@ -73,8 +74,8 @@ class Section:
 
     @cached_property
     def linear(self) -> Array:
-        """(ne, 4, 8, 8) constant stiffness: all of it where the law is linear, that of transverse
-        shear elsewhere."""
+        """(ne, 4, 8, 8) constant stiffness: all of it where the law is linear; of a tension field
+        bending and transverse shear, of a hyperelastic law the patch's own bending."""
         out = np.zeros((self.count, 4, 8, 8))
         for p in self.patches:
             out[p.elements] = p.factor[..., None, None] * _constant(p)
@@ -86,7 +87,7 @@ class Section:
         kinds: dict[tuple[object, ...], list[Patch]] = {}
         for i, p in enumerate(self.patches):
             if not isinstance(p.law, Linear):
-                kinds.setdefault(_kind(p.law) or (i,), []).append(p)
+                kinds.setdefault(_kind(p) or (i,), []).append(p)
         return tuple(map(_as_one, kinds.values()))
 
     def response(self, strain: Array) -> Resultants:
@@ -99,6 +100,8 @@ class Section:
         for p in self.nonlinear:
             own = _membrane if isinstance(p.law, TensionField) else _integrated
             more = own(p, strain[p.elements])
+            if isinstance(p.law, Potential):
+                more = _with_shear(p, strain[p.elements], more)
             energy[p.elements] += p.factor * more.energy
             force[p.elements] += p.factor[..., None] * more.force
             stiffness[p.elements] += p.factor[..., None, None] * more.stiffness
@@ -131,15 +134,17 @@ def joined_sections(patches: Sequence[Patch]) -> Section:
     return Section(tuple(patches))
 
 
-def _kind(law: Law | TensionField) -> tuple[object, ...]:
-    """What laws share that differ in nothing but numbers; empty of one that is alone."""
+def _kind(p: Patch) -> tuple[object, ...]:
+    """What patches share whose laws differ in nothing but numbers; empty of one that is alone."""
+    law = p.law
     if not isinstance(law, Potential) or any(np.ndim(v) for v in vars(law).values()):
         return ()
-    return type(law), law.incompressible(), law.fibres()
+    return type(law), law.incompressible(), law.fibres(), p.shear_correction
 
 
 def _as_one(patches: Sequence[Patch]) -> Patch:
-    """Patches of one kind, for their law alone: each element with the numbers of its own."""
+    """Patches of one kind, for their law and its shear: each element with the numbers of its own;
+    what is linear in a patch stays with the patch."""
     if len(patches) == 1:
         return patches[0]
     law: Any = patches[0].law
@@ -153,6 +158,7 @@ def _as_one(patches: Sequence[Patch]) -> Patch:
         replace(law, **numbers),
         np.concatenate([p.thickness for p in patches]),
         np.concatenate([np.broadcast_to(p.factor, (len(p.elements), 1)) for p in patches]),
+        shear_correction=patches[0].shear_correction,
     )
 
 
@@ -161,8 +167,9 @@ def _constant(p: Patch) -> Array:
     h = p.thickness
     out = np.zeros((*h.shape, 8, 8))
     law = p.law.base if isinstance(p.law, TensionField) else p.law
-    for i, modulus in ((6, law.shear()[0]), (7, law.shear()[1])):
-        out[..., i, i] = p.shear_correction * h * np.broadcast_to(modulus, (*h.shape, 1))[..., 0]
+    if not isinstance(law, Potential):
+        for i, modulus in ((6, law.shear()[0]), (7, law.shear()[1])):
+            out[..., i, i] = p.shear_correction * h * _at_points(modulus, h)
     out[..., 3:6, 3:6] = p.bending * (h**3 / 12)[..., None, None]
     if isinstance(law, Linear):
         plane = np.broadcast_to(law.plane(), (*h.shape, 1, 3, 3))[:, :, 0]
@@ -196,6 +203,46 @@ def _integrated(p: Patch, strain: Array) -> Resultants:
         block = np.einsum("...z,...zij->...ij", w * power, answer.tangent)
         out.stiffness[..., 3 * i : 3 * i + 3, 3 * j : 3 * j + 3] = block
     return out
+
+
+def _with_shear(p: Patch, strain: Array, plane: Resultants) -> Resultants:
+    """The resultants with transverse shear: k mu h (1 / r - 1 / D) / 2, where D = det C of the
+    plane and r that of C in space with a director of unit length.
+
+    With k = 1 it is an incompressible neo-Hookean sheet's: its thickness grows by 1 / sqrt(r), so
+    that it resists a director that leans (r = D cos^2) without bound, and the more the smaller its
+    area is."""
+    e, (g1, g2) = strain[..., :3], np.moveaxis(strain[..., 6:], -1, 0)
+    c11, c22, c12 = 1 + 2 * e[..., 0], 1 + 2 * e[..., 1], e[..., 2]
+    D = c11 * c22 - c12 * c12
+    r = D - (c22 * g1 * g1 - 2 * c12 * g1 * g2 + c11 * g2 * g2)
+    fine = (c11 > 0) & (D > 0) & (r > 0)
+    D, r = np.where(fine, D, 1.0), np.where(fine, r, 1.0)
+    k = np.where(fine, p.shear_correction * p.thickness * _at_points(p.law.shear()[0], D) / 2, 0.0)
+    by_D = 2 * np.stack([c22, c11, -c12, 0 * D, 0 * D], -1)
+    lean = np.stack([g2 * g2, g1 * g1, -g1 * g2, c22 * g1 - c12 * g2, c11 * g2 - c12 * g1], -1)
+    by_r = by_D - 2 * lean
+    curved, plain = k / r**2, k / D**2
+    own = np.zeros((*D.shape, 5, 5))  # what D and r themselves bend
+    own[..., 0, 1], own[..., 2, 2] = 4 * (plain - curved), 2 * (curved - plain)
+    own[..., 0, 4], own[..., 1, 3] = 4 * curved * g2, 4 * curved * g1
+    own[..., 2, 3], own[..., 2, 4] = -2 * curved * g2, -2 * curved * g1
+    own[..., 3, 3], own[..., 4, 4] = 2 * curved * c22, 2 * curved * c11
+    own[..., 3, 4] = -2 * curved * c12
+    for i, j in ((0, 1), (0, 4), (1, 3), (2, 3), (2, 4), (3, 4)):
+        own[..., j, i] = own[..., i, j]
+    for factor, by in ((2 * curved / r, by_r), (-2 * plain / D, by_D)):
+        own += (factor[..., None] * by)[..., :, None] * by[..., None, :]
+    at = np.array([0, 1, 2, 6, 7])
+    plane.energy[:] = np.where(fine, plane.energy + k / r - k / D, np.inf)
+    plane.force[..., at] += plain[..., None] * by_D - curved[..., None] * by_r
+    plane.stiffness[..., at[:, None], at] += own
+    return plane
+
+
+def _at_points(modulus: Real, like: Array) -> Array:
+    """A law's modulus at the Gauss points (k, 4)."""
+    return np.broadcast_to(modulus, (*like.shape, 1))[..., 0]
 
 
 def _nothing(strain: Array) -> Resultants:

@@ -45,7 +45,7 @@ from fe_solver.job import (
 from fe_solver.job_solve import solve_job
 from fe_solver.materials import Isotropic, Orthotropic
 from fe_solver.mid_surface import on_mid_surface
-from fe_solver.section import one_law
+from fe_solver.section import Section, one_law
 
 
 def test_febios_bending_is_stiffer_as_its_constant_thickness_strain_makes_it():
@@ -156,6 +156,11 @@ def test_what_a_job_cannot_say_of_a_hood_is_refused():
         hood.model, tables=replace(hood.model.tables, weight=1.1 * hood.model.tables.weight)
     )
     with pytest.raises(InputError, match="extra length"):
+        job_of_hood(replace(hood, model=model), hood.rest, np.array([1.0]), bones)
+    (patch,) = hood.model.section.patches
+    stiff = Section((replace(patch, bending=1e7 * np.eye(3)),))
+    model = replace(hood.model, section=stiff)
+    with pytest.raises(InputError, match="bending_modulus"):
         job_of_hood(replace(hood, model=model), hood.rest, np.array([1.0]), bones)
 
 

@@ -1,15 +1,16 @@
-"""Stress resultants of several materials side by side."""
+"""Stress resultants: several materials side by side, and transverse shear at large strain."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from fe_solver.fibre_materials import HolzapfelGasserOgden
 from fe_solver.hyperelastic import NeoHookean
 from fe_solver.materials import Isotropic, Law
-from fe_solver.section import Patch, joined_sections
+from fe_solver.section import Patch, Section, joined_sections
 from fe_solver.tension_field import TensionField
 from fe_solver.verification.material_rows import TENDON
 
@@ -42,3 +43,58 @@ def test_materials_side_by_side_answer_as_each_does_alone() -> None:
         alone = joined_sections([replace(p, elements=np.arange(3))]).response(strain[p.elements])
         for whole, own in zip(together, alone, strict=True):
             np.testing.assert_allclose(whole[p.elements], own, rtol=1e-14, atol=0)
+
+
+def sheet(law: Law, count: int, **changes: float) -> Section:
+    return joined_sections([Patch(np.arange(count), law, np.full((count, 4), 1e-3), **changes)])
+
+
+def test_patches_with_shear_corrections_of_their_own_keep_them() -> None:
+    patches = [
+        Patch(np.array([i]), TENDON, np.full((1, 4), 1e-3), shear_correction=k)
+        for i, k in enumerate((0.5, 1.0))
+    ]
+    strain = np.zeros((2, 4, 8))
+    strain[..., 6] = 0.01
+    one, other = joined_sections(patches).response(strain).force[..., 6]
+    np.testing.assert_allclose(2 * one, other, rtol=1e-12)
+
+
+def test_a_sheared_sheet_has_the_energy_of_an_incompressible_solid() -> None:
+    """F = (a1, a2, l d) with a unit director d and det F = 1; fibres are slack."""
+    rng = np.random.default_rng(11)
+    a = np.eye(3)[:2] * [0.8, 0.9, 1] + rng.uniform(-0.1, 0.1, (50, 4, 2, 3))
+    d = np.array([0, 0, 1]) + rng.uniform(-0.8, 0.8, (50, 4, 3))
+    d /= np.linalg.norm(d, axis=-1, keepdims=True)
+    stretch = 1 / np.einsum("egk,egk->eg", np.cross(a[..., 0, :], a[..., 1, :]), d)
+    C = a @ np.swapaxes(a, -1, -2)
+    assert C[..., 0, 0].max() < 1
+    strain = np.zeros((50, 4, 8))
+    strain[..., 0], strain[..., 1] = (C[..., 0, 0] - 1) / 2, (C[..., 1, 1] - 1) / 2
+    strain[..., 2], strain[..., 6:] = C[..., 0, 1], np.einsum("egik,egk->egi", a, d)
+    law = replace(TENDON, c2=0.0, k=np.inf)
+    energy = sheet(law, 50, shear_correction=1.0).response(strain).energy
+    solid = law.c1 * (np.trace(C, axis1=-2, axis2=-1) + stretch**2 - 3) * 1e-3
+    np.testing.assert_allclose(energy, solid, rtol=1e-12)
+
+
+def test_no_director_comes_to_lie_in_the_sheet() -> None:
+    strain = np.zeros((3, 4, 8))
+    strain[:, :, 6] = np.array([0.99, 0.9999, 1.0])[:, None]
+    energy = sheet(NeoHookean(1e6, 0.3), 3).response(strain).energy[:, 0]
+    assert energy[1] > 50 * energy[0]
+    assert energy[2] == np.inf
+
+
+@pytest.mark.parametrize("law", [LAWS[0], LAWS[2], LAWS[5], LAWS[7]])
+def test_force_and_stiffness_of_a_sheared_sheet_are_derivatives(law: Law) -> None:
+    rng, section, step = np.random.default_rng(12), sheet(law, 20), 1e-6
+    strain = rng.uniform(-0.1, 0.1, (20, 4, 8)) * [1, 1, 1, 100, 100, 100, 4, 4]
+    here = section.response(strain)
+    for i, size in enumerate([1, 1, 1, 100, 100, 100, 1, 1]):
+        way = step * size * np.eye(8)[i]
+        up, down = section.response(strain + way), section.response(strain - way)
+        slope = (up.energy - down.energy) / (2 * way[i])
+        np.testing.assert_allclose(here.force[..., i], slope, atol=1e-5 * np.abs(slope).max())
+        slopes = (up.force - down.force) / (2 * way[i])
+        np.testing.assert_allclose(here.stiffness[..., i], slopes, atol=1e-5 * np.abs(slopes).max())
