@@ -1,7 +1,8 @@
 """The fingertip forces of the seven muscles at the thesis's posture, by fidelity of the hood.
 
-Split, isotropic and fibrous hood and network are held as their reference was, `clamped`; the two
-hoods at a `point` as well, as in the thesis.  The thesis's one-way pass stands beside the two-way
+Split, isotropic and fibrous hood, the fibrous one as identified from strains alone, and network are
+held as their reference was, `clamped`; the two hoods at a `point` as well, as in the thesis.  The
+thesis's one-way pass stands beside the two-way
 equilibrium of the same hood."""
 
 from __future__ import annotations
@@ -15,9 +16,13 @@ from typing import Any
 
 import numpy as np
 
+from cosim import units
+from cosim.case import load_case
+from cosim.case_schema import FibreMooneyRivlin, ShellHood
 from cosim.compare import Comparison, Target
 from cosim.port import Array
 from cosim.validation_trial import Summaries, Trial, at_most
+from cosim.variations import toe_settings, written
 
 NEAR, ANGLE = 0.60, 30.0
 """N and deg: how near to experiment the thesis's successor comes (Jadelis et al. 2023, J Biomech
@@ -25,8 +30,10 @@ NEAR, ANGLE = 0.60, 30.0
 BAND = "Jadelis et al. 2023, abstract"
 MUSCLES = ("EDC", "EI", "LUM", "FPI", "FDP", "FDS", "FDI")
 FORCE_CASES = {"split": "split", "iso": "fingertip_isotropic", "ti": "fingertip_fibres"}
+IDENTIFIED = "strain_lee2008_identified"
+THROUGH_THE_HOOD = ("EDC", "EI", "LUM", "FPI")
 THROUGH_THE_NETWORK = ("EDC", "LUM", "FPI")
-"""The paper of the network has no EI; the others do not pass through the hood."""
+"""The paper of the network has no EI."""
 EXCESS = {"EDC": 4.69, "EI": 4.66, "LUM": 1.76, "FPI": 0.19}
 """N over the experiment's mean, of the one-way pass (thesis, section 3.4)."""
 THESIS = "Jadelis, thesis, section 3.4: excess over Qiu's experiment, whose spread was not seen"
@@ -38,11 +45,30 @@ def force_trials() -> Iterator[Trial]:
     clamped, point = (f'finger.tip.kind="{kind}"' for kind in ("clamped", "point"))
     for (law, case), muscle in itertools.product(FORCE_CASES.items(), MUSCLES):
         yield Trial(f"force {law} {muscle}", f"{case}_{muscle.lower()}", (clamped,))
+    identified = identified_material()
+    for muscle in THROUGH_THE_HOOD:
+        case = f"{FORCE_CASES['ti']}_{muscle.lower()}"
+        yield Trial(f"force identified {muscle}", case, (clamped, *identified))
     for muscle in THROUGH_THE_NETWORK:
         yield Trial(f"force network {muscle}", f"network_{muscle.lower()}", (clamped,))
     for law, muscle in itertools.product(("iso", "ti"), MUSCLES):
         case = f"{FORCE_CASES[law]}_{muscle.lower()}"
         yield Trial(f"force {law}, point {muscle}", case, (point,))
+
+
+def identified_material() -> tuple[str, ...]:
+    """Settings of the fibrous hood's materials, as they were identified."""
+    hood = load_case(IDENTIFIED).hood
+    assert isinstance(hood, ShellHood)
+    return tuple(
+        setting
+        for name, region in hood.regions.items()
+        if isinstance(region, FibreMooneyRivlin)
+        for setting in (
+            f"hood.regions.{name}.c1={written(region.c1, units.PRESSURE)}",
+            *toe_settings(name, region.c5, region.c4, region.lam_max - 1),
+        )
+    )
 
 
 def thesis_trials() -> Iterator[Trial]:

@@ -206,12 +206,12 @@ def _integrated(p: Patch, strain: Array) -> Resultants:
 
 
 def _with_shear(p: Patch, strain: Array, plane: Resultants) -> Resultants:
-    """The resultants with transverse shear: k mu h (1 / r - 1 / D) / 2, where D = det C of the
-    plane and r that of C in space with a director of unit length.
+    """The resultants with the energy of transverse shear, s mu h (1 / r - 1 / D) / 2: shear
+    correction s, D = det C of the plane, r that of C in space with a director of unit length.
 
-    With k = 1 it is an incompressible neo-Hookean sheet's: its thickness grows by 1 / sqrt(r), so
-    that it resists a director that leans (r = D cos^2) without bound, and the more the smaller its
-    area is."""
+    With s = 1 it is an incompressible neo-Hookean solid's, F = (a1, a2, l d) and l = 1 / sqrt(r):
+    a director that leans (r = D cos^2) is resisted without bound, and the more the smaller the
+    sheet's area is."""
     e, (g1, g2) = strain[..., :3], np.moveaxis(strain[..., 6:], -1, 0)
     c11, c22, c12 = 1 + 2 * e[..., 0], 1 + 2 * e[..., 1], e[..., 2]
     D = c11 * c22 - c12 * c12

@@ -17,9 +17,12 @@ from cosim.validate import Board, chosen, scoreboard
 from cosim.validation_force import (
     ANGLE,
     EXCESS,
+    IDENTIFIED,
     NEAR,
+    THROUGH_THE_HOOD,
     angle_between,
     force_rows,
+    force_trials,
     near_models,
     thesis_trials,
     two_models,
@@ -55,6 +58,17 @@ def test_nine_postures_of_each_law():
     angles = load_case(bent.case, bent.settings).finger.posture.angles()
     assert np.degrees(angles["MCP"]) == pytest.approx(60)
     assert np.degrees(angles["DIP"]) == pytest.approx(15)
+
+
+def test_the_identified_material_predicts_forces_that_it_was_not_fitted_to():
+    wanted = load_case(IDENTIFIED).hood.regions
+    trials = [t for t in force_trials() if t.name.startswith("force identified")]
+    assert [t.name.split()[-1] for t in trials] == list(THROUGH_THE_HOOD)
+    for trial in trials:
+        for name, region in load_case(trial.case, trial.settings).hood.regions.items():
+            own, other = region.model_dump(), wanted[name].model_dump()
+            for key in ("c1", "c3", "c4", "c5", "lam_max"):
+                assert own[key] == pytest.approx(other[key], rel=1e-8), (name, key)
 
 
 def test_angles_between_forces():
