@@ -28,7 +28,7 @@ from cosim.validation_force import (
     two_models,
 )
 from cosim.validation_plan import LOST, groups, posed, rows_of, trends
-from cosim.validation_reasons import MISSES, explained
+from cosim.validation_reasons import MISSES, explained, reason_of, reasons
 from cosim.validation_trial import Trial
 
 GROUPS = groups(Path("mi29.feb"))
@@ -134,6 +134,11 @@ def test_every_miss_of_the_committed_board_says_why():
     assert all("why: " in row["note"] for _, row in missed)
     for group, row in rows:
         assert ("why: " in row["note"]) == (row["verdict"] in MISSES), (group, row["name"])
+
+
+def test_a_sum_over_tendons_has_a_reason_of_its_own():
+    (why,) = (r.text for r in reasons() if r.pattern.endswith("RMSE*"))
+    assert reason_of("cadaver", "EDC, LUM, RI, UI, mean: RMSE, coupled hood") == why
 
 
 def test_a_reason_stands_only_beside_a_miss():
