@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cosim.build_ends import guide_depth
+from cosim.build_ends import Look, guide_depth, look_at
 from cosim.build_lesion import adhesions, longer
 from cosim.build_shell import Triangles, baked_surfaces
 from cosim.case_cable import CableHood
@@ -27,14 +27,10 @@ ENDS = {"EDC": "central", "EI": "indicis", "LUM": "radial", "FPI": "ulnar"}
 """The tendons that act through the net and the ends that they pull."""
 
 
-@dataclass(frozen=True)
-class CableLook:
+@dataclass(frozen=True, kw_only=True)
+class CableLook(Look):
     """What there is to see of a solved cable hood."""
 
-    points: Array
-    """(n, 3) m, deformed."""
-    reference: Array
-    """(n, 3) m, as laid."""
     cells: np.ndarray
     """(k, 2)."""
     strand: np.ndarray
@@ -46,18 +42,6 @@ class CableLook:
     """(k,) N."""
     contact_force: Array
     """(n,) N of the bones on the nodes, sum of magnitudes."""
-    spring_force: Mapping[str, float]
-    """N, magnitude of each spring set's summed force."""
-    spring_tension: Array
-    """(ns,) N of every spring."""
-    spring_set: tuple[str, ...]
-    """(ns,) the set it is of."""
-    spring_node: np.ndarray
-    """(ns,) node of the hood that it holds."""
-    penetration: float
-    """m, the deepest."""
-    guide_depth: float
-    """m, of `build_ends.guide_depth`."""
 
 
 def laid_net(
@@ -162,28 +146,19 @@ def looking_at(hood: FeHood, net: CableNet) -> Callable[[State], CableLook]:
 
 def _look(hood: FeHood, net: CableNet, depth: float, state: State) -> CableLook:
     from fe_solver.cable_model import pulls_in
-    from fe_solver.springs import spring_state
 
-    springs, c = hood.model.springs, state.configuration
-    pull, forces = pulls_in(hood, state), hood.group_forces(state)
+    seen, pull = look_at(hood, depth, state), pulls_in(hood, state)
     points = state.solution.evaluation.points
     on = points.group < 0
     pressed = np.linalg.norm(points.gradient[on], axis=1)
     return CableLook(
-        c.x,
-        hood.model.reference,
-        net.cells,
-        net.strand,
-        net.strands,
-        pull.strain,
-        pull.force,
-        np.bincount(points.node[on], pressed, len(c.x)).astype(float),
-        {name: float(np.linalg.norm(forces[name])) for name in hood.groups},
-        spring_state(springs, c.x, c.position, c.rotation).force,
-        tuple(hood.groups[i] for i in springs.group),
-        springs.node,
-        max(0.0, -float(hood.gap(state).min())),
-        depth,
+        **vars(seen),
+        cells=net.cells,
+        strand=net.strand,
+        strands=net.strands,
+        strain=pull.strain,
+        tension=pull.force,
+        contact_force=np.bincount(points.node[on], pressed, len(seen.points)).astype(float),
     )
 
 

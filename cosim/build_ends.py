@@ -1,17 +1,58 @@
-"""The ends of a hood of finite elements: what its slips bear, and whether the lines on which its
-tendons' ends slide clear the bone."""
+"""What any hood of finite elements shows: its shape, what its springs and slips bear, and whether
+the lines on which its tendons' ends slide clear the bone."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cosim.port import State
+from cosim.port import Array, State
 from meshes.hull import to_the_joint
 
 if TYPE_CHECKING:
     from fe_solver.shell_hood import ShellHood as FeHood
+
+
+@dataclass(frozen=True, kw_only=True)
+class Look:
+    """What there is to see of a solved hood, be it a sheet or a net."""
+
+    points: Array
+    """(n, 3) m, deformed."""
+    reference: Array
+    """(n, 3) m, as laid."""
+    spring_force: Mapping[str, float]
+    """N, magnitude of each spring set's summed force."""
+    spring_tension: Array
+    """(ns,) N of every spring."""
+    spring_set: tuple[str, ...]
+    """(ns,) the set it is of."""
+    spring_node: np.ndarray
+    """(ns,) node of the hood that it holds."""
+    penetration: float
+    """m, the deepest."""
+    guide_depth: float
+    """m, of `guide_depth`."""
+
+
+def look_at(hood: FeHood, depth: float, state: State) -> Look:
+    """At a state; `depth` is the hood's `guide_depth`, which no state changes."""
+    from fe_solver.springs import spring_state
+
+    springs, forces, c = hood.model.springs, hood.group_forces(state), state.configuration
+    return Look(
+        points=c.x,
+        reference=hood.model.reference,
+        spring_force={name: float(np.linalg.norm(forces[name])) for name in hood.groups},
+        spring_tension=spring_state(springs, c.x, c.position, c.rotation).force,
+        spring_set=tuple(hood.groups[i] for i in springs.group),
+        spring_node=springs.node,
+        penetration=max(0.0, -float(hood.gap(state).min())),
+        guide_depth=depth,
+    )
 
 
 def slip_forces(hood: FeHood, state: State) -> dict[str, float]:
