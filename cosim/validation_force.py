@@ -2,8 +2,7 @@
 
 Split, isotropic and fibrous hood, the fibrous one as identified from strains alone, and network are
 held as their reference was, `clamped`; the two hoods at a `point` as well, as in the thesis.  The
-thesis's one-way pass stands beside the two-way
-equilibrium of the same hood."""
+thesis's one-way pass stands beside the two-way equilibrium of the same hood."""
 
 from __future__ import annotations
 
@@ -11,6 +10,7 @@ import csv
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 from importlib.resources import files
 from typing import Any
 
@@ -56,6 +56,7 @@ def force_trials() -> Iterator[Trial]:
         yield Trial(f"force {law}, point {muscle}", case, (point,))
 
 
+@cache
 def identified_material() -> tuple[str, ...]:
     """Settings of the fibrous hood's materials, as they were identified."""
     hood = load_case(IDENTIFIED).hood
