@@ -47,10 +47,10 @@ SPANS = (
     (CENTRAL_END, 2.0),
     (LATERAL_END, 1.2),
     (0.0, 1.2),
-    (JOIN, 1.6),
-    (SLIP_START, 0.8),
-    (SLIP_END, 1.4),
-    (MERGE, 1.3),
+    (JOIN, 2.4),
+    (SLIP_START, 0.55),
+    (SLIP_END, 0.9),
+    (MERGE, 0.8),
 )
 # Half-angle of the inner columns and outer angle of the lateral bands, deg, against station.
 # [trial], widened to what [mi29] measures at the PIP (here 11 mm of 13) and the terminal slip.

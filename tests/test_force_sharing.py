@@ -25,7 +25,17 @@ HALF = np.zeros((2, 5))
 HALF[:, 0] = 0.5
 
 
-@pytest.mark.parametrize("study", STUDIES, ids=lambda s: s.name)
+LONG = {"virtual testbed"}
+"""Studies that the default run of the tests leaves out."""
+
+
+@pytest.mark.parametrize(
+    "study",
+    [
+        pytest.param(s, id=s.name, marks=[pytest.mark.slow] if s.name in LONG else [])
+        for s in STUDIES
+    ],
+)
 def test_every_row_passes(study):
     rows = list(study.rows())
     assert rows

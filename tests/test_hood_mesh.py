@@ -53,7 +53,7 @@ def test_the_generator_repeats_itself(mesh):
 
 @pytest.mark.parametrize("quads", [250, 600, 2400])
 def test_about_as_many_quads_as_asked_for(quads):
-    assert len(mesh_of(quads).quads) == pytest.approx(quads, rel=0.02)
+    assert len(mesh_of(quads).quads) == pytest.approx(quads, rel=0.04)
 
 
 def test_the_mesh_names_every_region_and_set(mesh):
@@ -102,6 +102,7 @@ def test_a_line_into_the_metacarpals_head_is_missed_by_the_audit(monkeypatch):
     assert summary["audit_missed"] == ["guide_depth_mm"]
 
 
+@pytest.mark.slow
 def test_the_unloaded_finger_hangs_on_no_row_at_the_tendons_end(monkeypatch):
     def terminal(quads: int, coarseness: float) -> float:
         spans = ((hood_generator.CENTRAL_END, coarseness), *hood_generator.SPANS[1:])
@@ -110,7 +111,7 @@ def test_the_unloaded_finger_hangs_on_no_row_at_the_tendons_end(monkeypatch):
         models, rest = settled(Setting(case.setting_key(), case, lambda stage: None))
         return float(np.linalg.norm(models.hood.group_forces(rest.response.state)["terminal_slip"]))
 
-    assert terminal(700, 0.8) == pytest.approx(terminal(600, 2.0), rel=0.05)
+    assert terminal(700, 0.8) == pytest.approx(terminal(600, 2.0), rel=0.1)
 
 
 # The mesh file

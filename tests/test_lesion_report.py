@@ -12,9 +12,13 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from cosim import lesion_commands
 from cosim.cli import app
+from cosim.lesion import TIPS
 from cosim.report.lesion_drawings import outline, same_layout
+from cosim.report.lesion_page import Pair, tables_of_lesion
 from cosim.report.runs import read_run
+from cosim.report.tables import as_csv, as_markdown
 from cosim.report.views import Bone, Sheet
 from cosim.report.words import question
 
@@ -82,29 +86,52 @@ def test_the_lesion_is_told_in_a_report_of_the_run_alone(sheet):
     assert "Lesion" not in dict(question(whole))
 
 
-@pytest.mark.parametrize("form", ["csv", "json", "md", "html"])
-def test_a_hood_without_a_sheet_has_tables_and_postures(tmp_path, form):
-    out = tmp_path / f"table.{form}"
+@pytest.fixture(scope="module")
+def sheetless(tmp_path_factory) -> tuple[str, list[Pair]]:
+    """The page of a network without its central slip, and its four runs."""
+    folder = tmp_path_factory.mktemp("network")
     settings = ('lesion.cut=["central_slip"]', QUICK, 'tendons.FDP.tension="1 N"')
-    given = [part for s in settings for part in ("--set", s)]
-    lesion(tmp_path, "network_edc", *given, "--format", form, "-o", str(out))
+    lesion(folder, "network_edc", *(part for s in settings for part in ("--set", s)))
+    run = {
+        (tip, side): read_run(folder / "runs" / f"network_edc_{side}_{tip}")
+        for tip in TIPS
+        for side in ("before", "after")
+    }
+    page = (folder / "page.html").read_text(encoding="utf-8")
+    return page, [Pair(tip, run[tip, "before"], run[tip, "after"]) for tip in TIPS]
+
+
+def test_a_hood_without_a_sheet_has_postures(sheetless):
+    page, _ = sheetless
+    assert "there is no strain to map" in page
+    assert "central slip" in page
+    assert len(re.findall(r'aria-label="Postures', page)) == 2
+
+
+def test_a_hood_without_a_sheet_has_tables(sheetless):
+    tables = tables_of_lesion(sheetless[1])
+    cells = {
+        (r["table"], r["of"], r["column"]): r["value"]
+        for r in csv.DictReader(io.StringIO(as_csv(tables)))
+    }
+    key = ("free", "force in the central slip")
+    assert float(cells[(*key, "after")]) == 0.0
+    assert float(cells[(*key, "before")]) == -float(cells[(*key, "after less before")]) > 0
+    assert "## Fingertip held" in as_markdown(tables)
+
+
+@pytest.mark.parametrize("form", ["csv", "json", "md"])
+def test_the_command_writes_the_tables_that_are_asked_for(tmp_path, monkeypatch, sheetless, form):
+    monkeypatch.setattr(lesion_commands, "_solved", lambda case, out: sheetless[1])
+    out = tmp_path / f"table.{form}"
+    given = ("network_edc", "--set", 'lesion.cut=["central_slip"]')
+    lesion(tmp_path, *given, "--format", form, "-o", str(out))
     text = out.read_text(encoding="utf-8")
-    if form == "csv":
-        cells = {
-            (r["table"], r["of"], r["column"]): r["value"]
-            for r in csv.DictReader(io.StringIO(text))
-        }
-        key = ("free", "force in the central slip")
-        assert float(cells[(*key, "after")]) == 0.0
-        assert float(cells[(*key, "before")]) == -float(cells[(*key, "after less before")]) > 0
-    elif form == "json":
+    tables = tables_of_lesion(sheetless[1])
+    if form == "json":
         assert set(json.loads(text)["tables"]) == {"free", "held"}
-    elif form == "md":
-        assert "## Fingertip held" in text
     else:
-        assert "there is no strain to map" in text
-        assert "central slip" in text
-        assert len(re.findall(r'aria-label="Postures', text)) == 2
+        assert text == {"csv": as_csv, "md": as_markdown}[form](tables)
 
 
 def test_a_case_without_a_lesion_is_refused(tmp_path):

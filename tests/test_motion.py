@@ -97,6 +97,7 @@ def test_energy_is_accounted_for_and_the_method_takes_less_at_smaller_steps() ->
     assert taken[1] < 0.4 * taken[0]
 
 
+@pytest.mark.slow
 def test_a_held_motion_ends_in_the_equilibrium() -> None:
     still = moved(*HELD).summary
     run = moved(*HELD, 'forward={duration="1 s"}').summary
@@ -137,7 +138,7 @@ def cut_off(case: Any, folder: Path, words: int) -> None:
 LONG = 'forward={duration="0.2 s",must_rest=false,checkpoint=30}'
 
 
-@pytest.mark.parametrize("scheme", ["linear", "implicit"])
+@pytest.mark.parametrize("scheme", ["linear", pytest.param("implicit", marks=pytest.mark.slow)])
 def test_a_motion_that_was_cut_off_goes_on_to_the_same_bytes(tmp_path: Path, scheme: str) -> None:
     fibre = (
         'tendons.EDC.muscle={kind="millard",optimal_fibre_length="70 mm",'

@@ -217,7 +217,7 @@ def missed(hood: ShellHood, state: HoodState, motion: Motion) -> tuple[float, fl
 
 
 def test_the_last_steps_misses_foretell_the_next(hood, solved, motion):
-    first, second, third, fourth = turns(motion, [2e-5, 4e-5, 6e-5, 7e-5])
+    first, second, third, fourth = turns(motion, [1e-5, 2e-5, 3e-5, 3.5e-5])
     state = walked(hood, solved, [first, second])
     for ahead in (third, fourth):
         linear, bent = missed(hood, state, ahead)
