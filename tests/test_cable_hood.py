@@ -125,6 +125,7 @@ def test_moment_arms_by_force_and_by_excursion_are_one() -> None:
     assert np.abs(force - slide).max() < 1e-8 * np.abs(slide).max()
 
 
+@pytest.mark.slow
 def test_a_way_over_softer_contact_ends_where_the_straight_one_does() -> None:
     """And sooner, taken together: which way is the shorter hangs on the posture."""
     hood, spent = nets.cable_hood(), np.zeros(2)

@@ -177,6 +177,7 @@ def drawn_sheet(figure):
         assert not table.isna().any().any()
 
 
+@pytest.mark.slow
 def test_every_picture_draws_and_holds_its_numbers(monkeypatch):
     monkeypatch.setattr(network_identification, "DRAWS", 3)
     for module in (network_testbed, network_errors):

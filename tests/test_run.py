@@ -21,10 +21,12 @@ from cosim.run import run_case, settled
 
 PACKAGED = sorted(p.stem for p in find_case("isometric_edc").parent.glob("*.toml"))
 MOVING = [name for name in PACKAGED if load_case(name).forward is not None]
-STILL = [n for n in PACKAGED if n not in MOVING and not n.startswith("hood_majorflex")]
-"""The slow tests run the others."""
+STILL = [name for name in PACKAGED if name not in MOVING]
 ISOMETRIC = [name for name in PACKAGED if name.startswith("isometric")]
 MIDDLE = [name for name in PACKAGED if name.startswith("hood_")]
+OFTEN = {"lesion_mallet", "fingertip_isotropic_edc", "strain_lee2008_soft_iso", "thesis_one_way_edc"}
+KINDS = ("hood_majorflex", "lesion", "fingertip_isotropic", "strain_lee2008_s", "thesis_one_way")
+"""Of these only those above are in the default run of the tests."""
 COARSE = "hood.mesh.quads=250"
 HEADS = {"FDIm": "FDI", "FDIl": "FDI", "RIp": "RI"}
 """Muscle of each tendon that is one of two heads."""
@@ -49,6 +51,11 @@ AUDIT = {
 }
 # mm at 30/45/15 deg: An et al. 1979 and 1983, and MyoHand.
 EDC_ARMS = {"MCP": (-9.5, -6.0), "PIP": (-6.0, -2.5), "DIP": (-3.5, -0.5)}
+
+
+def marked(names: list[str]) -> list[Any]:
+    seldom = {n for n in names if n.startswith(KINDS) and n not in OFTEN}
+    return [pytest.param(n, marks=[pytest.mark.slow] if n in seldom else []) for n in names]
 
 
 @cache
@@ -80,7 +87,7 @@ def check_audit(summary: dict[str, Any]) -> None:
     assert summary["audit_missed"] == []
 
 
-@pytest.mark.parametrize("name", STILL)
+@pytest.mark.parametrize("name", marked(STILL))
 def test_every_packaged_case_converges_and_passes_its_audit(name):
     summary = coarse(name).summary
     assert summary["case"] == name
@@ -107,7 +114,7 @@ def test_every_packaged_motion_comes_to_rest(name):
         assert np.linalg.norm(sum(row.force for row in here)) < 1e-9 * largest
 
 
-@pytest.mark.parametrize("name", STILL)
+@pytest.mark.parametrize("name", marked(STILL))
 def test_forces_on_every_moving_body_close_to_zero(name):
     rows = coarse(name).ledger
     force = max(np.linalg.norm(row.force) for row in rows)
@@ -123,7 +130,7 @@ def test_forces_on_every_moving_body_close_to_zero(name):
             assert np.linalg.norm(sum(row.moment for row in here)) < 1e-6 * moment
 
 
-@pytest.mark.parametrize("name", [n for n in STILL if not n.startswith("lesion")])
+@pytest.mark.parametrize("name", marked([n for n in STILL if not n.startswith("lesion")]))
 def test_only_the_named_tendon_pulls_harder_than_at_rest(name):
     case, summary = load_case(name), coarse(name).summary
     active = [t for t in case.tendons if case.tension(t) > case.solve.resting_tension]
