@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 
 from cosim.build import build, hood_mesh
 from cosim.build_ends import guide_depth
-from cosim.case import load_case
+from cosim.case import find_case, load_case
 from cosim.port import InputError
+from cosim.reduction_samples import Walk, sampled
 from cosim.run import Setting, run_case, settled
 from fe_solver.mesh_geometry import node_directors
 from fe_solver.shell import shell_tables
@@ -100,6 +101,19 @@ def test_a_line_into_the_metacarpals_head_is_missed_by_the_audit(monkeypatch):
     summary = run_case(load_case("isometric_edc", ["hood.mesh.quads=251"])).summary
     assert summary["guide_depth_mm"] > 1.5
     assert summary["audit_missed"] == ["guide_depth_mm"]
+
+
+@pytest.mark.slow
+def test_the_torque_of_a_tendon_over_the_pip_does_not_ripple_with_the_rows():
+    """EI at 1.55 N, PIP from 38 to 53 deg: a row of the mesh is some 11 deg of it."""
+    turns = np.linspace(38.0, 53.0, 21)
+    angles = np.tile(np.radians([26.6, 0.0, 0.0, 17.2]), (len(turns), 1))
+    angles[:, 2] = np.radians(turns)
+    walk = Walk(angles, np.array([[0.05, 1.55, 0.05, 0.05]]))
+    (found,) = sampled(find_case("fingertip_fibres_edc"), (), [walk], 1)
+    torque = np.array([state.torque[2] for state in found.states])
+    smooth = np.polynomial.Polynomial.fit(turns, torque, 3)(turns)
+    assert np.std(torque - smooth) < 4e-3 * np.abs(torque).mean()
 
 
 @pytest.mark.slow
