@@ -42,6 +42,7 @@ def test_contact_and_rest_rows() -> None:
         assert row.passed, row
 
 
+@pytest.mark.slow
 def test_device_sensitivity() -> None:
     rows = list(dynamics_rows.sensitivity_rows())
     bounds = [row for row in rows if row.measure == "bound"]

@@ -29,7 +29,7 @@ from fe_solver.verification.paths import Loading, error_order, followed, halving
 from fe_solver.verification.sheets import clamped, mirrored, plate, sheet
 from fe_solver.verification.table import STUDIES, Study
 
-LONG = {"slit ring", "open cylinder", "hemisphere, nonlinear", "peers"}
+LONG = {"slit ring", "open cylinder", "hemisphere, nonlinear", "threads", "peers"}
 """Studies that the default run of the tests leaves out, beside the slow ones."""
 
 
