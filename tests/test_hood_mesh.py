@@ -54,7 +54,8 @@ def test_the_generator_repeats_itself(mesh):
 
 @pytest.mark.parametrize("quads", [250, 600, 2400])
 def test_about_as_many_quads_as_asked_for(quads):
-    assert len(mesh_of(quads).quads) == pytest.approx(quads, rel=0.04)
+    row = 12
+    assert len(mesh_of(quads).quads) == pytest.approx(quads, rel=0.02, abs=row)
 
 
 def test_the_mesh_names_every_region_and_set(mesh):
@@ -125,6 +126,7 @@ def test_the_unloaded_finger_hangs_on_no_row_at_the_tendons_end(monkeypatch):
         models, rest = settled(Setting(case.setting_key(), case, lambda stage: None))
         return float(np.linalg.norm(models.hood.group_forces(rest.response.state)["terminal_slip"]))
 
+    # Lines through the head made it 3.3 times as much; 6 % come from rows over other joints.
     assert terminal(700, 0.8) == pytest.approx(terminal(600, 2.0), rel=0.1)
 
 

@@ -16,7 +16,7 @@ from cosim.lesion import both_sides
 from cosim.port import InputError
 from cosim.run import run_case
 
-COARSE = "hood.mesh.quads=250"
+COARSE, FINER = "hood.mesh.quads=250", "hood.mesh.quads=400"
 SPACED = 'hood.mesh.spacing="3 mm"'
 EXTENDING = ('tendons.EDC.tension="5 N"', 'tendons.FDP.tension="1 N"')
 FREE = ("finger.tip.kind=free", 'finger.limit.half_range="40 deg"', *EXTENDING)
@@ -78,7 +78,8 @@ def pull(edc: str, *lesion: str) -> float:
     """N mm, the hood's torque at the PIP on bones held FLEXED."""
     held = [f'finger.posture.{joint}="{angle} deg"' for joint, angle in FLEXED.items()]
     tension = f'tendons.EDC.tension="{edc}"'
-    case = load_case("lesion_mallet", [COARSE, *held, *lesion, "finger.tip.kind=posture", tension])
+    settings = [FINER, *held, *lesion, "finger.tip.kind=posture", tension]
+    case = load_case("lesion_mallet", settings)
     if not lesion:
         case = case.model_copy(update={"lesion": None})
     return run_case(case).summary["joint_torque_Nmm"]["hood"]["PIP"]
@@ -95,11 +96,11 @@ def test_in_a_flexed_finger_a_mallet_injury_turns_the_pull_to_extend_but_takes_a
                                                    let go
         both                      -20.2 -> -18.3
 
-    (600 quads; with 250 as here -10.0 -> -10.3 and -9.4 -> -7.3.)  The first is what makes a swan
+    (600 quads; with 400 as here -9.8 -> -10.8 and -10.2 -> -7.2.)  The first is what makes a swan
     neck; the second is a tether that goes with the slip, and grows as the PIP flexes."""
     rest, full = pull("0.05 N"), pull("3 N")
     rest_cut, full_cut = pull("0.05 N", TERMINAL), pull("3 N", TERMINAL)
-    assert (full_cut - rest_cut) - (full - rest) < -0.2
+    assert (full_cut - rest_cut) - (full - rest) < -0.5
     assert rest_cut - rest > 0.5
 
 
