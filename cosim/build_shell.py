@@ -152,6 +152,7 @@ def shell_hood_of(
         _section(hood, mesh, thickness),
         _growth(hood, mesh, case.lesion),
         tuple(REGIONS[i] for i in mesh.region),
+        0.0 if mesh.lift is None else mesh.lift,
     )
     springs = {
         name: SpringSet(

@@ -92,7 +92,9 @@ def job_of_hood(
         (Step("pose and tension", 1.0, INCREMENTS),),
     )
     side = 1 if turned else -1
-    pairs = [_pair(job, model, k, side, bones, hood.bodies) for k in model.contacts]
+    # facets that touch at points of their own, as the format's do, need no lift
+    lift = np.broadcast_to(hood.lift, len(points))
+    pairs = [_pair(job, k, lift[k.nodes], side, bones, hood.bodies) for k in model.contacts]
     return replace(job, contacts=tuple(pairs))
 
 
@@ -237,8 +239,8 @@ def _pulls(hood: ShellHood, tension: Array) -> tuple[NodalForce, ...]:
 
 def _pair(
     job: Job,
-    model: ShellModel,
     contact: Contact,
+    lift: Array,
     side: int,
     bones: Mapping[str, Triangles],
     bodies: Sequence[str],
@@ -248,7 +250,7 @@ def _pair(
         raise InputError(f"the hood touches the body {name!r}, whose surface is not given")
     own = np.isin(job.quads, contact.nodes).all(axis=1)
     half = corner_means(job.quads, job.thickness, len(job.points))[contact.nodes] / 2
-    gap = contact.offset - half
+    gap = contact.offset - half - lift
     if np.ptp(gap) > SAME:
         raise InputError(f"the contact level over the body {name!r} varies from node to node")
     quads = np.flatnonzero(own)

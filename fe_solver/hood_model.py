@@ -42,7 +42,8 @@ class Attached(Protocol):
 class Sheet:
     """The shell's geometry and material: points (n, 3) m, quads (ne, 4), fibre (ne, 3) or at
     the Gauss points (ne, 4, 3), section
-    (materials and thickness), fibre growth (ne,); `regions` the quads' region names."""
+    (materials and thickness), fibre growth (ne,); `regions` the quads' region names; `lift` (n,) or
+    one for all, m, how much higher than its face a node touches a bone."""
 
     points: Array
     quads: Ints
@@ -50,6 +51,7 @@ class Sheet:
     section: Section
     growth: Array
     regions: tuple[str, ...] = ()
+    lift: Array | float = 0.0
 
 
 @dataclass(frozen=True)
@@ -144,6 +146,7 @@ def shell_hood(
         tuple(held),
         options,
         contact.augment(),
+        lift=sheet.lift,
     )
 
 
@@ -215,7 +218,7 @@ def _contacts(
 ) -> tuple[Contact, ...]:
     area = node_areas(X, sheet.quads)
     half = node_means(sheet.section.thickness.mean(axis=1), sheet.quads, len(X)) / 2
-    return contacts_of(bodies, law, nodes, half, area)
+    return contacts_of(bodies, law, nodes, half + sheet.lift, area)
 
 
 def contacts_of(

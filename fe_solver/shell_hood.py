@@ -62,7 +62,8 @@ class ShellHood:
     contacts may rub; a state then remembers their pressures and where they stick.  With `softer`
     below 1 a large change is solved with that much of the contact's stiffness first: what slides on
     a bone without resisting, as slack cables do, follows its curvature in steps that are longer the
-    softer the contact."""
+    softer the contact.  `lift` (n,) or one for all, m, is how much of the contact's offset
+    makes up for the chords on which the sheet runs between its nodes."""
 
     model: ShellModel
     tendons: tuple[str, ...]
@@ -72,6 +73,7 @@ class ShellHood:
     options: NewtonOptions = field(default_factory=NewtonOptions)
     augment: AugmentOptions | None = None
     softer: float = 1.0
+    lift: Array | float = 0.0
 
     @property
     def bodies(self) -> tuple[str, ...]:

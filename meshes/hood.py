@@ -5,11 +5,11 @@
 The sheet is a structured grid of rows (stations s, mm along the straight chain of the index
 finger's joint centres, MCP at 0, PIP at 42.6, DIP at 67.7; on another finger each phalanx takes its
 own part of them: `meshes.hull.along`) and columns (angle phi about the chain, 0 dorsal, positive
-radial).  The inner columns are extensor tendon, central band and central slip with the sheet beside
-them, whose edges at the MCP are the sagittal bands; the outer columns are the lateral bands, which
-leave the sheet proximal to the join and run palmar of the MCP axis as the intrinsic tendons, and
-which meet over the middle phalanx to end in the terminal slip.  Between central slip and terminal
-slip the sheet is open.
+radial).  The inner columns are extensor tendon, central band and central slip, and, from the MCP
+on, the sheet beside them, whose edges there are the sagittal bands; the outer columns are the
+lateral bands, which leave the sheet proximal to the join and run palmar of the MCP axis as the
+intrinsic tendons, and which meet over the middle phalanx to end in the terminal slip.  Between
+central slip and terminal slip the sheet is open.
 
 Sources of the proportions.  [mi29]: measured on the published finger hood `Verify/mi29.feb` of
 FEBio's test suite: central tendon end 20 mm proximal of the MCP, hood 18 mm wide at the MCP, 12 to
@@ -42,20 +42,23 @@ SLIP_START = 36.0  # [trial]
 SLIP_END = 49.0  # [trial], 6.4 mm past the PIP
 MERGE = 63.0  # [trial]
 TERMINAL_END = 73.0  # [trial], 5.3 mm past the DIP
-# Where each span of rows begins, and how coarse its rows are: finest where the sheet bends most.
+# Where each span of rows begins, and how high its rows are (mm) in a mesh of 600 quads: low where
+# the sheet slides over a head, and where the lateral bands turn towards each other.
 SPANS = (
-    (CENTRAL_END, 2.0),
-    (LATERAL_END, 1.2),
-    (0.0, 1.2),
-    (JOIN, 2.4),
-    (SLIP_START, 0.55),
-    (SLIP_END, 0.9),
-    (MERGE, 0.8),
+    (CENTRAL_END, 4.65),
+    (LATERAL_END, 1.745),
+    (0.0, 1.565),
+    (JOIN, 8.1),
+    (SLIP_START, 1.032),
+    (SLIP_END, 1.21),
+    (MERGE, 1.32),
 )
+TENDON = 0.5  # of the inner columns' half-angle, what is tendon and slip
+INSERTED = 0.75  # of it, what the central slip's insertion holds
 # Half-angle of the inner columns and outer angle of the lateral bands, deg, against station.
 # [trial], widened to what [mi29] measures at the PIP (here 11 mm of 13) and the terminal slip.
 INNER = np.array(
-    [[-20, 22], [-8, 24], [-3, 60], [4, 76], [15, 78], [24, 54], [42.59, 40], [49, 40], [56, 22],
+    [[-20, 44], [-8, 48], [-3, 60], [4, 76], [15, 78], [24, 54], [42.59, 40], [49, 40], [56, 22],
      [63, 0], [73, 0]]
 )  # fmt: skip
 OUTER = np.array(
@@ -93,12 +96,14 @@ class _Grid:
     the intrinsic tendon's."""
 
 
-def _rows(quads: int, inner: int, band: int) -> Array:
+def _rows(quads: int, across: Array, band: int) -> Array:
     """Stations (mm) of the rows for about `quads` elements."""
     breaks = np.array([b for b, _ in SPANS] + [TERMINAL_END])
     coarseness = np.array([c for _, c in SPANS])
     middle = (breaks[:-1] + breaks[1:]) / 2
-    columns = inner * (middle < SLIP_END) + 2 * band * (middle > LATERAL_END)
+    tendon = np.count_nonzero(_is_tendon(across)) - 1
+    columns = np.where(middle < LATERAL_END, tendon, (len(across) - 1) * (middle < SLIP_END))
+    columns = columns + 2 * band * (middle > LATERAL_END)
     spans = np.diff(breaks)
     height = (spans / coarseness * columns).sum() / quads
     counts = np.maximum(np.round(spans / (coarseness * height)).astype(int), 2)
@@ -107,11 +112,18 @@ def _rows(quads: int, inner: int, band: int) -> Array:
     return np.concatenate([*rows, [TERMINAL_END]])
 
 
-def _columns(quads: int) -> tuple[int, int]:
-    """Numbers of quads across the inner sheet and across each lateral band."""
-    band = max(1, round(2 * np.sqrt(quads / 600)))
-    inner = max(8, 4 * band)
-    return inner, band
+def _columns(quads: int) -> tuple[Array, int]:
+    """Where across the inner sheet its lines of nodes run (-1 ulnar to 1 radial, of its half-angle)
+    and the number of quads across each lateral band."""
+    fineness = np.sqrt(quads / 600)
+    tendon, side, band = (max(1, round(n * fineness)) for n in (3, 2, 3))
+    middle = np.linspace(0, TENDON, tendon, endpoint=False)
+    half = np.concatenate([middle, np.linspace(TENDON, 1, side + 1)])
+    return np.concatenate([-half[:0:-1], half]), band
+
+
+def _is_tendon(across: Array) -> NDArray[np.bool_]:
+    return np.abs(across) < TENDON + 1e-6
 
 
 def generate(
@@ -139,15 +151,17 @@ def generate(
         side: (1e-3 * scale * s, 1e-3 * width * dorsal, 1e-3 * width * radial)
         for side, (s, dorsal, radial) in INTRINSIC.items()
     }
-    n_inner, n_band = _columns(quads)
-    stations = _rows(quads, n_inner, n_band)
+    across, n_band = _columns(quads)
+    stations = _rows(quads, across, n_band)
     hull = Hull(chain, level)
-    grid, points, station = _lay(hull, stations, n_inner, n_band, guides)
+    grid, points, station = _lay(hull, stations, across, n_band, guides)
     fixed = _end_nodes(grid)
     clear_guides(points, station, level)
+    cells, region, along = _cells(grid, across)
     free = np.setdiff1d(np.arange(len(points)), np.concatenate(list(fixed.values())))
-    points[free] = level.pushed_out(points[free], CLEARANCE * 1e-3)
-    cells, region, along = _cells(grid, n_inner)
+    lift, outward = _lift(points, cells, level)
+    points[free] += (lift[:, None] * outward)[free]
+    points[free] = level.pushed_out(points[free], CLEARANCE * 1e-3 + lift[free])
     fibre = _fibres(points, cells, along)
     return HoodMesh(
         np.round(points, 7),
@@ -155,25 +169,26 @@ def generate(
         region,
         np.round(fibre, 5),
         fixed,
-        _attachments(grid, chain, level, points, scale, width),
+        _attachments(grid, across, chain, level, points, scale, width),
         {"distal": np.unique(np.concatenate([b[-1] for b in grid.band.values()]))},
         np.round(station, 4),
         dict(rest_posture),
         float(skeleton.length[1]),
         thickness,
+        np.round(lift, 7),
     )
 
 
 def _lay(
     hull: Hull,
     stations: Array,
-    n_inner: int,
+    across: Array,
     n_band: int,
     guides: Mapping[str, tuple[float, float, float]],
 ) -> tuple[_Grid, Array, Array]:
     """Number the nodes and place them: the grid, points (n, 3) m, stations (n,) mm."""
     nr = len(stations)
-    inner = np.full((nr, n_inner + 1), -1)
+    inner = np.full((nr, len(across)), -1)
     s_list: list[float] = []
     phi_list: list[float] = []
 
@@ -186,7 +201,8 @@ def _lay(
     eps = 1e-6
     for i, s in enumerate(stations):
         if s <= SLIP_END + eps:
-            inner[i] = [node(s, f * half[i]) for f in np.linspace(-1, 1, n_inner + 1)]
+            here = _is_tendon(across) | (s >= LATERAL_END - eps)
+            inner[i, here] = [node(s, f * half[i]) for f in across[here]]
     band: dict[str, Ints] = {}
     for side, sign in (("radial", 1), ("ulnar", -1)):
         nodes = np.full((nr, n_band + 1), -1)
@@ -231,7 +247,7 @@ def _lay_intrinsic(
 def _end_nodes(grid: _Grid) -> dict[str, Ints]:
     first = int(np.flatnonzero(grid.stations >= LATERAL_END - 1e-6)[0])
     return {
-        "central": grid.inner[0],
+        "central": grid.inner[0, grid.inner[0] >= 0],
         "radial": grid.band["radial"][first],
         "ulnar": grid.band["ulnar"][first],
     }
@@ -241,7 +257,7 @@ def _inner_region(s: float, f: float) -> str:
     """Region of an inner quad at station s (mm) and position f in -1..1 across."""
     if s < LATERAL_END:
         return "extensor_tendon_proximal"
-    if abs(f) > 0.5:
+    if abs(f) > TENDON:
         return "sagittal_band_radial" if f > 0 else "sagittal_band_ulnar"
     if s < 0:
         return "extensor_tendon_proximal"
@@ -250,16 +266,16 @@ def _inner_region(s: float, f: float) -> str:
     return "central_band" if s < SLIP_START else "central_slip"
 
 
-def _cells(grid: _Grid, n_inner: int) -> tuple[Ints, Ints, NDArray[np.bool_]]:
+def _cells(grid: _Grid, across: Array) -> tuple[Ints, Ints, NDArray[np.bool_]]:
     """Quads (ne, 4), their regions (ne,), and whether fibres run along the rows' direction."""
     cells, names = [], []
     middle = (grid.stations[:-1] + grid.stations[1:]) / 2
     for i, s in enumerate(middle):
         if s < SLIP_END:
-            for k in range(n_inner):
-                a, b = grid.inner[i], grid.inner[i + 1]
+            a, b = grid.inner[i], grid.inner[i + 1]
+            for k in np.flatnonzero((a[:-1] >= 0) & (a[1:] >= 0)).tolist():
                 cells.append([a[k], b[k], b[k + 1], a[k + 1]])
-                names.append(_inner_region(s, (2 * k + 1) / n_inner - 1))
+                names.append(_inner_region(s, (across[k] + across[k + 1]) / 2))
         if s > LATERAL_END:
             for side, nodes in grid.band.items():
                 for k in range(nodes.shape[1] - 1):
@@ -281,6 +297,26 @@ def _fibres(points: Array, cells: Ints, along: NDArray[np.bool_]) -> Array:
     return fibre / np.linalg.norm(fibre, axis=1, keepdims=True)
 
 
+def _lift(points: Array, cells: Ints, level: Level) -> tuple[Array, Array]:
+    """How far nodes must stand over the level of contact (n,), m, for the sheet to lie on it in the
+    mean across the fibres, and which way that is (n, 3).
+
+    Between two lines of nodes the sheet runs on a chord: w wide, over a bone of curvature k, it is
+    k w^2 / 12 too low in the mean.  In hollows no node is lowered."""
+    ulnar, radial = np.vstack([cells[:, [0, 3]], cells[:, [1, 2]]]).T
+    before, after = np.arange(len(points)), np.arange(len(points))
+    before[radial], after[ulnar] = ulnar, radial
+    p, q = points - points[before], points[after] - points
+    w, v = np.linalg.norm(p, axis=1), np.linalg.norm(q, axis=1)
+    inside = (w > 0) & (v > 0)
+    _, outward = level.value(points)
+    turn = p / np.where(w > 0, w, 1)[:, None] - q / np.where(v > 0, v, 1)[:, None]
+    curvature = np.where(inside, 2 * np.einsum("nk,nk->n", turn, outward) / (w + v), 0.0)
+    edge = np.where(w > 0, before, after)
+    curvature = np.maximum(np.where(inside, curvature, curvature[edge]), 0.0)
+    return curvature * (w**3 + v**3) / (12 * (w + v)), outward
+
+
 def clear_guides(points: Array, station: Array, level: Level) -> None:
     """Raise the proximal end of the extensor tendon until the straight lines on which its nodes
     slide pass over the metacarpal's head, and what leads there by less and less; points (n, 3) m
@@ -295,15 +331,22 @@ def clear_guides(points: Array, station: Array, level: Level) -> None:
 
 
 def _attachments(
-    grid: _Grid, chain: Chain, level: Level, points: Array, scale: float, width: float
+    grid: _Grid,
+    across: Array,
+    chain: Chain,
+    level: Level,
+    points: Array,
+    scale: float,
+    width: float,
 ) -> dict[str, Attachment]:
     s = grid.stations
     last = int(np.flatnonzero(s <= SLIP_END + 1e-6)[-1])
-    n = grid.inner.shape[1] - 1
-    middle = grid.inner[last, n // 8 : n - n // 8 + 1]
+    middle = grid.inner[last, np.abs(across) < INSERTED + 1e-6]
     distal = chain.rotation[2][:, 0]
     slip = points[middle] + SLIP_REACH * 1e-3 * scale * distal
-    out = {"central_slip": on_bone("middle", middle, slip, level)}
+    # at the sheet's own height: strings down to the bare bone would press the last row into the
+    # contact, the deeper the finer the rows
+    out = {"central_slip": on_bone("middle", middle, slip, level, level.offset["middle"])}
     sagittal = np.flatnonzero((s >= SAGITTAL_ROWS[0] - 1e-6) & (s <= SAGITTAL_ROWS[1] + 1e-6))
     retinacular = np.flatnonzero((s >= RETINACULAR_ROWS[0]) & (s <= RETINACULAR_ROWS[1]))
     join = int(np.flatnonzero(s >= JOIN - 1e-6)[0])
@@ -325,11 +368,11 @@ def _attachments(
     return out
 
 
-def on_bone(body: str, nodes: Ints, near: Array, level: Level) -> Attachment:
-    """Anchors on the bare bone under the points `near` (world)."""
+def on_bone(body: str, nodes: Ints, near: Array, level: Level, height: float = 0.0) -> Attachment:
+    """Anchors at `height` (m) over the bare bone, at the points `near` (world)."""
     i = BODIES.index(body)
     local = (near - level.position[i]) @ level.rotation[i]
     for _ in range(20):
         value, gradient, _ = level.surfaces[body].distance(local)
-        local = local - value[:, None] * gradient
+        local = local - (value - height)[:, None] * gradient
     return Attachment(body, nodes, np.round(local, 7))

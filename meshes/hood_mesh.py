@@ -89,6 +89,8 @@ class HoodMesh:
     """m, MCP to PIP centre of the finger that it was laid on."""
     thickness: float
     """m, of the sheet whose mid-surface the points are."""
+    lift: Array | None = None
+    """(n,) m, how much higher than the sheet's face each node touches a bone; None is nowhere."""
 
     def areas(self) -> Array:
         """(ne,) m2."""
@@ -125,6 +127,8 @@ def to_json(mesh: HoodMesh) -> str:
             for k, a in mesh.springs.items()
         },
     }
+    if mesh.lift is not None:
+        content["lift"] = millimetres(mesh.lift)
     rows = [f" {json.dumps(k)}: {json.dumps(v)}" for k, v in content.items()]
     return "{\n" + ",\n".join(rows) + "\n}\n"
 
@@ -226,6 +230,7 @@ class _Reader:
             dict(zip(JOINTS, np.deg2rad(angles).tolist(), strict=True)),
             self.length("reach"),
             self.length("thickness"),
+            self.lift(n),
         )
         self.check_quads(mesh)
         self.check_whole(mesh)
@@ -240,6 +245,14 @@ class _Reader:
         if value <= 0:
             raise self.fault(key, f"must be positive, got {value:g} mm")
         return float(value) * 1e-3
+
+    def lift(self, count: int) -> Array | None:
+        if "lift" not in self.content:
+            return None
+        out = self.array(self.content["lift"], "lift", None) * 1e-3
+        if len(out) != count:
+            raise self.fault("lift", f"expected one number for each of {count} nodes")
+        return out
 
     def name(self, value: str, key: str, known: tuple[str, ...]) -> str:
         if value not in known:

@@ -120,6 +120,7 @@ def _of_quads(mesh: HoodMesh, kept: Mask) -> HoodMesh:
         springs=springs,
         tied={body: numbered(old) for body, old in mesh.tied.items()},
         station=mesh.station[nodes],
+        lift=None if mesh.lift is None else mesh.lift[nodes],
     )
 
 
