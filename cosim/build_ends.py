@@ -72,10 +72,15 @@ def guide_depth(hood: FeHood) -> float:
     The bone would pinch the sheet against such a line, with a force that grows as the mesh gets
     finer.  (Intrinsic tendons, which run palmar of the axis, pass beside the head.)"""
     model = hood.model
+    lift = np.broadcast_to(hood.lift, len(model.reference))
     start = (model.reference[model.guides.node] - hood.rest.position[0]) @ hood.rest.rotation[0]
-    way = to_the_joint(start[start[:, 2] > 0]).reshape(-1, 3)
+    dorsal = start[:, 2] > 0
+    way = to_the_joint(start[dorsal])
+    own = np.repeat(lift[model.guides.node[dorsal]], way.shape[1])
     depths = (
-        contact.offset.max() - contact.surface.distance(way).value
+        (contact.offset - lift[contact.nodes]).max()
+        + own
+        - contact.surface.distance(way.reshape(-1, 3)).value
         for contact in model.contacts
         if contact.body == 0
     )

@@ -156,11 +156,12 @@ def generate(
     hull = Hull(chain, level)
     grid, points, station = _lay(hull, stations, across, n_band, guides)
     fixed = _end_nodes(grid)
-    clear_guides(points, station, level)
     cells, region, along = _cells(grid, across)
     free = np.setdiff1d(np.arange(len(points)), np.concatenate(list(fixed.values())))
     lift, outward = _lift(points, cells, level)
-    points[free] += (lift[:, None] * outward)[free]
+    lifted = np.union1d(free, fixed["central"])
+    points[lifted] += (lift[:, None] * outward)[lifted]
+    clear_guides(points, station, level, lift)
     points[free] = level.pushed_out(points[free], CLEARANCE * 1e-3 + lift[free])
     fibre = _fibres(points, cells, along)
     return HoodMesh(
@@ -317,17 +318,18 @@ def _lift(points: Array, cells: Ints, level: Level) -> tuple[Array, Array]:
     return curvature * (w**3 + v**3) / (12 * (w + v)), outward
 
 
-def clear_guides(points: Array, station: Array, level: Level) -> None:
+def clear_guides(points: Array, station: Array, level: Level, lift: Array | None = None) -> None:
     """Raise the proximal end of the extensor tendon until the straight lines on which its nodes
     slide pass over the metacarpal's head, and what leads there by less and less; points (n, 3) m
-    laid at stations (n,) mm, in place.
+    laid at stations (n,) mm, in place, which touch the bones by `lift` (n,) m above the level.
 
     A line that runs into the bone would pinch the hood between guide and contact, with a force that
     grows as the mesh gets finer."""
     nodes = np.flatnonzero(station < LATERAL_END - 1e-6)
     share = (LATERAL_END - station[nodes]) / (LATERAL_END - CENTRAL_END)
     dorsal = level.rotation[0][:, 2]
-    points[nodes] += (share * level.rise_over_head(points[nodes]))[:, None] * dorsal
+    above = np.zeros(len(nodes)) if lift is None else lift[nodes]
+    points[nodes] += (share * level.rise_over_head(points[nodes], above))[:, None] * dorsal
 
 
 def _attachments(

@@ -110,13 +110,13 @@ class Level:
             points += 1.02 * short[:, None] * gradient
         return points
 
-    def rise_over_head(self, points: Array) -> Array:
+    def rise_over_head(self, points: Array, lift: Array) -> Array:
         """(n,) m by which points must rise dorsally, so that lines along the metacarpal from there
-        to the MCP clear its level."""
+        to the MCP clear its level by `lift` (n,) m."""
         start = (points - self.position[0]) @ self.rotation[0]
         way = to_the_joint(start)
         line = way.reshape(-1, 3)
-        level = self.offset["metacarpal"] + CLEARANCE * 1e-3
+        level = self.offset["metacarpal"] + CLEARANCE * 1e-3 + np.repeat(lift, way.shape[1])
         for _ in range(30):
             value, gradient, _ = self.surfaces["metacarpal"].distance(line)
             short = np.maximum(level - value, 0.0)
