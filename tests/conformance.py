@@ -123,7 +123,7 @@ def random_twists(hood: Hood, count: int, seed: int = 0) -> Array:
 
 
 def check_reciprocity(
-    hood: Hood, motions: Sequence[Motion], tension: Array, tolerance: float, step: float = 1e-4
+    hood: Hood, motions: Sequence[Motion], tension: Array, tolerance: float, step: float = 5e-5
 ) -> None:
     """Maxwell: d (load . twist) / dT = d x / d (twist), by differences over solves from one state.
 
@@ -148,7 +148,7 @@ def check_reciprocity(
 
 
 def check_jacobian(
-    hood: Hood, motions: Sequence[Motion], tension: Array, tolerance: float, step: float = 1e-4
+    hood: Hood, motions: Sequence[Motion], tension: Array, tolerance: float, step: float = 5e-5
 ) -> None:
     """`Hood.jacobian` against central differences over solves from one state."""
     motion, solved = motions[-1], settle(hood, motions, tension)

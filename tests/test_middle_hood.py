@@ -179,7 +179,7 @@ def test_who_pulls_where():
     lumbrical, interosseous = share[1:3]
     assert (interosseous - lumbrical) @ mesh.points[node, 2] > 0.5e-3, "the lumbrical is palmar"
     both = (lumbrical + interosseous)[np.isin(node, mesh.ends["radial"])]
-    np.testing.assert_allclose(np.sort(both), [0.5, 0.5, 1.0])
+    np.testing.assert_allclose(np.sort(both), [1 / 3, 1 / 3, 2 / 3, 2 / 3], atol=1e-12)
 
 
 def test_half_of_the_radial_interosseous_ends_on_the_proximal_phalanx():

@@ -217,9 +217,9 @@ def missed(hood: ShellHood, state: HoodState, motion: Motion) -> tuple[float, fl
 
 
 def test_the_last_steps_misses_foretell_the_next(hood, solved, motion):
-    first, second, third, fourth = turns(motion, [1e-5, 2e-5, 3e-5, 3.5e-5])
-    state = walked(hood, solved, [first, second])
-    for ahead in (third, fourth):
+    *before, fourth, fifth = turns(motion, [1e-5, 2e-5, 3e-5, 4e-5, 4.5e-5])
+    state = walked(hood, solved, before)
+    for ahead in (fourth, fifth):
         linear, bent = missed(hood, state, ahead)
         assert bent < 0.3 * linear
         state = walked(hood, Response(state, None, None), [ahead])
