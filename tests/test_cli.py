@@ -261,7 +261,11 @@ BAD_MESH = {
             "points": [*MESH["points"], MESH["points"][4]],
             "station": [*MESH["station"], MESH["station"][4]],
             "lift": [*MESH["lift"], MESH["lift"][4]],
-            "quads": [*MESH["quads"][:4], [len(MESH["points"]), 13, 14, 5], *MESH["quads"][5:]],
+            "quads": [
+                *MESH["quads"][:4],
+                [len(MESH["points"]), *MESH["quads"][4][1:]],
+                *MESH["quads"][5:],
+            ],
         },
         f"node {len(MESH['points'])} lies where node 4 does",
     ),

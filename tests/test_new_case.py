@@ -20,7 +20,7 @@ from cosim.case import load_case
 from cosim.cli import app
 from cosim.port import InputError
 from cosim.run import run_case
-from meshes.hood_mesh import HoodMesh, write
+from meshes.hood_mesh import HoodMesh, to_json
 from meshes.hull import Chain
 from meshes.imported_checks import Placing
 from meshes.skeleton import BODIES, index_finger
@@ -92,7 +92,8 @@ def test_our_own_hood_bones_and_finger_make_the_same_run(
         known = np.argsort(held.nodes)
         np.testing.assert_array_equal(mine.nodes[order], held.nodes[known])
         np.testing.assert_allclose(mine.anchors[order], held.anchors[known], atol=2e-7)
-    write(replace(ours, lift=None), tmp_path / "level.json")  # no mesh of others has a lift
+    no_lift = to_json(replace(ours, lift=None))  # as of every mesh of others
+    (tmp_path / "level.json").write_text(no_lift)
     level = f'hood.mesh={{kind="file", path="{tmp_path / "level.json"}"}}'
     before = run_case(load_case("isometric_edc", [level]), lambda stage: None, None).summary
     after = run_case(loaded, lambda stage: None, None).summary
