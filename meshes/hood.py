@@ -318,17 +318,18 @@ def _lift(points: Array, cells: Ints, level: Level) -> tuple[Array, Array]:
     return curvature * (w**3 + v**3) / (12 * (w + v)), outward
 
 
-def clear_guides(points: Array, station: Array, level: Level, lift: Array | None = None) -> None:
+def clear_guides(points: Array, station: Array, level: Level, lift: Array | float = 0.0) -> None:
     """Raise the proximal end of the extensor tendon until the straight lines on which its nodes
     slide pass over the metacarpal's head, and what leads there by less and less; points (n, 3) m
-    laid at stations (n,) mm, in place, which touch the bones by `lift` (n,) m above the level.
+    laid at stations (n,) mm, in place; they touch the bones by `lift` (n,) or one for all, m, over
+    the level.
 
     A line that runs into the bone would pinch the hood between guide and contact, with a force that
     grows as the mesh gets finer."""
     nodes = np.flatnonzero(station < LATERAL_END - 1e-6)
     share = (LATERAL_END - station[nodes]) / (LATERAL_END - CENTRAL_END)
     dorsal = level.rotation[0][:, 2]
-    above = np.zeros(len(nodes)) if lift is None else lift[nodes]
+    above = np.broadcast_to(lift, len(points))[nodes]
     points[nodes] += (share * level.rise_over_head(points[nodes], above))[:, None] * dorsal
 
 
