@@ -6,7 +6,7 @@ import json
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -147,8 +147,14 @@ def scoreboard(boards: Sequence[Board]) -> str:
 
 
 def _rounded(row: Comparison) -> dict[str, Any]:
-    """Six digits are more than the models are good for, and hide the last bits of a machine."""
-    return {k: float(f"{v:.6g}") if isinstance(v, float) else v for k, v in as_dict(row).items()}
+    """Six digits are more than the models are good for, and hide the last bits of a machine, which
+    a difference of almost equal numbers would show: it is that of the numbers as they are told."""
+    told = replace(row, model=_six_digits(row.model))
+    return {k: _six_digits(v) for k, v in as_dict(told).items()}
+
+
+def _six_digits(value: Any) -> Any:
+    return float(f"{value:.6g}") if isinstance(value, float) else value
 
 
 def write_scoreboard(path: Path, boards: Sequence[Board]) -> None:

@@ -172,6 +172,17 @@ def test_numbers_on_the_board_have_six_digits():
     assert row["model"] == 0.333333
 
 
+def test_a_difference_on_the_board_is_that_of_the_numbers_beside_it():
+    target = Target("n", "q", "N", -0.8, None, None, None, source="s", kind="experiment")
+    boards = [
+        scoreboard([Board("g", (Comparison(target, model),), {})])
+        for model in (-0.7211621500001, -0.7211620500001)
+    ]
+    (row,) = json.loads(boards[0])["groups"]["g"]
+    assert row["difference"] == 0.078838
+    assert boards[0] == boards[1]
+
+
 def test_unknown_trials_and_half_a_scoreboard_are_refused(tmp_path: Path):
     with pytest.raises(InputError, match="no trial is called so"):
         chosen("toe")
