@@ -135,7 +135,7 @@ def cut_off(case: Any, folder: Path, words: int) -> None:
         run_case(case, Stopper(words), folder)
 
 
-LONG = 'forward={duration="0.2 s",must_rest=false,checkpoint=30}'
+LONG = 'forward={duration="0.1 s",must_rest=false,checkpoint=15}'
 
 
 @pytest.mark.parametrize("scheme", ["linear", pytest.param("implicit", marks=pytest.mark.slow)])
@@ -154,7 +154,7 @@ def test_a_motion_that_was_cut_off_goes_on_to_the_same_bytes(tmp_path: Path, sch
 
 
 def test_a_shell_hood_goes_on_to_the_same_bytes(tmp_path: Path) -> None:
-    forward = 'forward={duration="0.06 s",must_rest=false,checkpoint=25}'
+    forward = 'forward={duration="0.03 s",must_rest=false,checkpoint=12}'
     case = load_case("isometric_edc", [PLAIN, *FREE, forward, "hood.mesh.quads=120"])
     whole = run_case(case)
     cut_off(case, tmp_path, 1)
