@@ -172,14 +172,18 @@ def test_numbers_on_the_board_have_six_digits():
     assert row["model"] == 0.333333
 
 
-def test_a_difference_on_the_board_is_that_of_the_numbers_beside_it():
-    target = Target("n", "q", "N", -0.8, None, None, None, source="s", kind="experiment")
-    boards = [
-        scoreboard([Board("g", (Comparison(target, model),), {})])
-        for model in (-0.7211621500001, -0.7211620500001)
-    ]
+@pytest.mark.parametrize(
+    ("reference", "high", "models", "told"),
+    [
+        (-0.8, None, (-0.7211621500001, -0.7211620500001), 0.078838),
+        (None, 0.40874318, (0.43693901, 0.43693899), 0.028196),
+    ],
+)
+def test_a_difference_on_the_board_is_that_of_the_numbers_beside_it(reference, high, models, told):
+    target = Target("n", "q", "N", reference, None, None, high, source="s", kind="experiment")
+    boards = [scoreboard([Board("g", (Comparison(target, m),), {})]) for m in models]
     (row,) = json.loads(boards[0])["groups"]["g"]
-    assert row["difference"] == 0.078838
+    assert row["difference"] == told
     assert boards[0] == boards[1]
 
 
