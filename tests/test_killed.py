@@ -26,7 +26,7 @@ kind = "points"
 at = [["0 s", 0.02], ["0.1 s", 1.0]]
 
 [forward]
-duration = "0.15 s"
+duration = "0.3 s"
 must_rest = false
 checkpoint = 7
 """
@@ -43,7 +43,7 @@ def finished(process: subprocess.Popen[bytes]) -> None:
     assert process.returncode == 0, told
 
 
-@pytest.mark.parametrize("kills", [2, pytest.param(50, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kills", [3, pytest.param(50, marks=pytest.mark.slow)])
 def test_killed_and_resumed_a_motion_ends_in_the_same_bytes(tmp_path: Path, kills: int) -> None:
     (tmp_path / "ramp.toml").write_text(RAMP)
     begun = time.perf_counter()
