@@ -42,16 +42,21 @@ SLIP_START = 36.0  # [trial]
 SLIP_END = 49.0  # [trial], 6.4 mm past the PIP
 MERGE = 63.0  # [trial]
 TERMINAL_END = 73.0  # [trial], 5.3 mm past the DIP
-# Where each span of rows begins, and how high its rows are (mm) in a mesh of 600 quads: low where
-# the sheet slides over a head, and where the lateral bands turn towards each other.
+# Where each span of rows begins, and its rows in a mesh of 600 quads: many where the sheet slides over
+# a head, where the lateral bands turn off the slip and in the terminal slip, few over shafts.
 SPANS = (
-    (CENTRAL_END, 4.65),
-    (LATERAL_END, 1.745),
-    (0.0, 1.565),
-    (JOIN, 8.1),
-    (SLIP_START, 1.032),
-    (SLIP_END, 1.21),
-    (MERGE, 1.32),
+    (CENTRAL_END, 4),
+    (LATERAL_END, 5),
+    (0.0, 4),
+    (4.0, 4),
+    (JOIN, 4),
+    (SLIP_START, 3),
+    (40.0, 6),
+    (44.5, 3),
+    (SLIP_END, 5),
+    (52.5, 10),
+    (MERGE, 5),
+    (68.0, 10),
 )
 TENDON = 0.5  # of the inner columns' half-angle, what is tendon and slip
 INSERTED = 0.75  # of it, what the central slip's insertion holds
@@ -96,18 +101,12 @@ class _Grid:
     the intrinsic tendon's."""
 
 
-def _rows(quads: int, across: Array, band: int) -> Array:
+def _rows(quads: int) -> Array:
     """Stations (mm) of the rows for about `quads` elements."""
-    breaks = np.array([b for b, _ in SPANS] + [TERMINAL_END])
-    coarseness = np.array([c for _, c in SPANS])
-    middle = (breaks[:-1] + breaks[1:]) / 2
-    tendon = np.count_nonzero(_is_tendon(across)) - 1
-    columns = np.where(middle < LATERAL_END, tendon, (len(across) - 1) * (middle < SLIP_END))
-    columns = columns + 2 * band * (middle > LATERAL_END)
-    spans = np.diff(breaks)
-    height = (spans / coarseness * columns).sum() / quads
-    counts = np.maximum(np.round(spans / (coarseness * height)).astype(int), 2)
-    ends = zip(breaks[:-1], breaks[1:], counts, strict=True)
+    fineness = np.sqrt(quads / 600)
+    begins = [s for s, _ in SPANS]
+    counts = [max(1, round(n * fineness)) for _, n in SPANS]
+    ends = zip(begins, [*begins[1:], TERMINAL_END], counts, strict=True)
     rows = [np.linspace(a, b, n, endpoint=False) for a, b, n in ends]
     return np.concatenate([*rows, [TERMINAL_END]])
 
@@ -152,7 +151,7 @@ def generate(
         for side, (s, dorsal, radial) in INTRINSIC.items()
     }
     across, n_band = _columns(quads)
-    stations = _rows(quads, across, n_band)
+    stations = _rows(quads)
     hull = Hull(chain, level)
     grid, points, station = _lay(hull, stations, across, n_band, guides)
     fixed = _end_nodes(grid)
