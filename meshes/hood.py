@@ -51,11 +51,11 @@ SPANS = (
     (4.0, 4),
     (JOIN, 4),
     (SLIP_START, 3),
-    (40.0, 6),
+    (40.0, 7),
     (44.5, 3),
     (SLIP_END, 5),
-    (52.5, 10),
-    (MERGE, 5),
+    (52.5, 9),
+    (MERGE, 4),
     (68.0, 10),
 )
 TENDON = 0.5  # of the inner columns' half-angle, what is tendon and slip

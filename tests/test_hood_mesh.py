@@ -55,8 +55,13 @@ def test_the_generator_repeats_itself(mesh):
 
 @pytest.mark.parametrize("quads", [250, 600, 2400])
 def test_about_as_many_quads_as_asked_for(quads):
-    """As whole rows allow: seven spans, each of a whole number of them."""
-    assert len(mesh_of(quads).quads) == pytest.approx(quads, rel=0.06)
+    """As whole rows and columns allow."""
+    assert len(mesh_of(quads).quads) == pytest.approx(quads, rel=0.2)
+
+
+def test_rows_and_columns_are_halved_in_a_mesh_four_times_as_large():
+    coarse, fine = (len(mesh_of(quads).quads) for quads in (600, 2400))
+    assert fine == 4 * coarse
 
 
 def test_the_mesh_names_every_region_and_set(mesh):

@@ -10,7 +10,7 @@ from cosim.nearby import near_outcome, tangent_serves
 from cosim.trials import outcome
 
 SOURCE = find_case("strain_lee2008_average_iso")
-COARSE = ("hood.mesh.quads=120", "solve.hood_tolerance=1e-11")
+COARSE = ("hood.mesh.quads=250", "solve.hood_tolerance=1e-11")
 SMALL = 1e-3
 QUANTITIES = (
     "difference.marker_strain_percent.longitudinal.mean",
