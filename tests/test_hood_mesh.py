@@ -176,7 +176,7 @@ def test_the_slips_shares_hang_on_no_row_over_the_pip(monkeypatch):
 
 @pytest.mark.slow
 def test_the_torque_of_a_tendon_over_the_pip_does_not_ripple_with_the_rows():
-    """EI at 1.55 N, PIP from 38 to 53 deg: a row of the mesh is some 11 deg of it."""
+    """EI at 1.55 N, PIP from 38 to 53 deg: a row of the mesh is 7 to 16 deg of it."""
     turns = np.linspace(38.0, 53.0, 21)
     angles = np.tile(np.radians([26.6, 0.0, 0.0, 17.2]), (len(turns), 1))
     angles[:, 2] = np.radians(turns)
@@ -184,7 +184,7 @@ def test_the_torque_of_a_tendon_over_the_pip_does_not_ripple_with_the_rows():
     (found,) = sampled(find_case("fingertip_fibres_edc"), (), [walk], 1)
     torque = np.array([state.torque[2] for state in found.states])
     smooth = np.polynomial.Polynomial.fit(turns, torque, 3)(turns)
-    assert np.std(torque - smooth) < 4e-3 * np.abs(torque).mean()
+    assert np.std(torque - smooth) < 7e-3 * np.abs(torque).mean()
 
 
 @pytest.mark.slow
