@@ -42,8 +42,8 @@ SLIP_START = 36.0  # [trial]
 SLIP_END = 49.0  # [trial], 6.4 mm past the PIP
 MERGE = 63.0  # [trial]
 TERMINAL_END = 73.0  # [trial], 5.3 mm past the DIP
-# Where each span of rows begins, and its rows in a mesh of 600 quads: many where the sheet slides over
-# a head, where the lateral bands turn off the slip and in the terminal slip, few over shafts.
+# Where each span of rows begins, and its rows in a mesh of 600 quads: many where the sheet slides
+# over a head, where the lateral bands turn off the slip and in the terminal slip, few over shafts.
 SPANS = (
     (CENTRAL_END, 4),
     (LATERAL_END, 5),

@@ -55,7 +55,7 @@ def test_the_generator_repeats_itself(mesh):
 
 @pytest.mark.parametrize("quads", [250, 600, 2400])
 def test_about_as_many_quads_as_asked_for(quads):
-    """As whole rows and columns allow."""
+    """As whole rows and columns allow: a default of 672, others in proportion to it."""
     assert len(mesh_of(quads).quads) == pytest.approx(quads, rel=0.2)
 
 
@@ -175,6 +175,7 @@ def test_the_slips_shares_hang_on_no_row_over_the_pip(monkeypatch):
 
 
 @pytest.mark.slow
+@pytest.mark.xfail(reason="0.64 % with seven rows from 40 to 44.5 mm, 0.45 with nine", strict=True)
 def test_the_torque_of_a_tendon_over_the_pip_does_not_ripple_with_the_rows():
     """EI at 1.55 N, PIP from 38 to 53 deg: a row of the mesh is 7 to 16 deg of it."""
     turns = np.linspace(38.0, 53.0, 21)
@@ -184,7 +185,7 @@ def test_the_torque_of_a_tendon_over_the_pip_does_not_ripple_with_the_rows():
     (found,) = sampled(find_case("fingertip_fibres_edc"), (), [walk], 1)
     torque = np.array([state.torque[2] for state in found.states])
     smooth = np.polynomial.Polynomial.fit(turns, torque, 3)(turns)
-    assert np.std(torque - smooth) < 7e-3 * np.abs(torque).mean()
+    assert np.std(torque - smooth) < 4e-3 * np.abs(torque).mean()
 
 
 @pytest.mark.slow

@@ -54,9 +54,8 @@ AUDIT = {
     "interface_residual": 1e-6,
     "reciprocity": 1e-3,
 }
-# mm at 30/45/15 deg: An et al. 1979 and 1983, and MyoHand; but for the least at the DIP, which is 0.5
-# and of which this hood's tangent lacks 0.06.
-EDC_ARMS = {"MCP": (-9.5, -6.0), "PIP": (-6.0, -2.5), "DIP": (-3.5, -0.4)}
+# mm at 30/45/15 deg: An et al. 1979 and 1983, and MyoHand.
+EDC_ARMS = {"MCP": (-9.5, -6.0), "PIP": (-6.0, -2.5), "DIP": (-3.5, -0.5)}
 
 
 def marked(names: list[str]) -> list[Any]:
@@ -163,12 +162,24 @@ def test_edc_pushes_the_fingertip_dorsally():
     np.testing.assert_array_equal(summary["difference"]["fingertip_force_N"], now - before)
 
 
-@pytest.mark.parametrize("name", ["isometric_edc", "pulley_edc"])
-def test_edc_extends_every_joint_with_its_measured_arms(name):
+def measured_arms() -> list[Any]:
+    """Case, whether as the tangent or as change of torque over change of tension, and joint."""
+    weak = pytest.mark.xfail(reason="0.44 mm; 0.47 on the fine mesh", strict=True)
+    return [
+        pytest.param(name, kind, joint, marks=[weak] if miss else [])
+        for name in ("isometric_edc", "pulley_edc")
+        for kind in ("tangent", "difference")
+        for joint in EDC_ARMS
+        for miss in [(name, kind, joint) == ("isometric_edc", "tangent", "DIP")]
+    ]
+
+
+@pytest.mark.parametrize(("name", "kind", "joint"), measured_arms())
+def test_edc_extends_every_joint_with_its_measured_arms(name, kind, joint):
     summary = coarse(name).summary
-    for arms in (summary["moment_arm_mm"]["EDC"], summary["difference"]["moment_arm_mm"]["EDC"]):
-        for joint, (low, high) in EDC_ARMS.items():
-            assert low <= arms[joint] <= high, joint
+    arms = (summary if kind == "tangent" else summary["difference"])["moment_arm_mm"]["EDC"]
+    low, high = EDC_ARMS[joint]
+    assert low <= arms[joint] <= high
 
 
 @pytest.mark.parametrize(("name", "tendon"), [("lum", "LUM"), ("fpi", "FPI")])
@@ -306,14 +317,26 @@ def test_isometric_and_middle_finger_cases_as_shipped(name):
     check_audit(run(name).summary)
 
 
+def default_and_fine() -> tuple[dict, dict]:
+    return run("isometric_edc").summary, run("isometric_edc", "hood.mesh.quads=2400").summary
+
+
 @pytest.mark.slow
 def test_the_default_mesh_is_fine_enough():
-    coarse, fine = (
-        run("isometric_edc").summary,
-        run("isometric_edc", "hood.mesh.quads=2400").summary,
-    )
+    coarse, fine = default_and_fine()
     assert fine["hood_quads"] > 3.5 * coarse["hood_quads"]
     check_audit(fine)
     assert coarse["fingertip_magnitude_N"] == pytest.approx(fine["fingertip_magnitude_N"], rel=0.02)
-    for slip, force in fine["slip_force_N"].items():
-        assert coarse["slip_force_N"][slip] == pytest.approx(force, rel=0.06), slip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "slip",
+    [
+        pytest.param("central", marks=pytest.mark.xfail(reason="5.1 %", strict=True)),
+        "terminal",
+    ],
+)
+def test_the_default_mesh_is_fine_enough_for_a_slip(slip):
+    coarse, fine = (summary["slip_force_N"][slip] for summary in default_and_fine())
+    assert coarse == pytest.approx(fine, rel=0.05)
