@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from .shell import GAUSS, shape
+from .assumed_strain import GAUSS, shape
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from cosim.port import InputError, Motion
 
+from .assumed_strain import GAUSS, shape
 from .contact import Contact
 from .curves import Curve, Drive
 from .guides import Guides
@@ -18,7 +19,7 @@ from .job_model import corner_means
 from .mesh_geometry import is_triangle, node_directors
 from .model import ShellModel
 from .section import Patch
-from .shell import GAUSS, shape, shell_tables
+from .shell import shell_tables
 from .shell_hood import ShellHood
 
 Array = NDArray[np.float64]

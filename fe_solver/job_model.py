@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from cosim.port import InputError
 
+from .assumed_strain import GAUSS, shape
 from .closing import closed_surface
 from .contact import REACH, Contact
 from .curves import Curve, Drive, Extension, Interpolation
@@ -26,7 +27,7 @@ from .mesh_geometry import node_areas, node_directors
 from .model import Configuration, ShellModel
 from .newton import NewtonOptions
 from .section import Patch, Section, joined_sections
-from .shell import GAUSS, shape, shell_tables
+from .shell import shell_tables
 from .springs import ForceCurve, NodeSprings, Springs
 from .surfaces import SplineDistance, cache_folder
 

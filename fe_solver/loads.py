@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cosim.port import skew
 
-from .shell import GAUSS, shape
+from .assumed_strain import GAUSS, shape
 
 Array = NDArray[np.float64]
 

@@ -1,21 +1,8 @@
 """Four-node shell element: total Lagrangian, finite rotations, position and unit director.
 
-The shell is x(r, s) + z d(r, s), with z the distance from the mid-surface along the director.  With
-y = (x1..x4, d1..d4) every covariant strain is a quadratic form of y,
-
-    membrane   e_ab = (x,a . x,b - X,a . X,b) / 2
-    bending    k_ab = (x,a . d,b + x,b . d,a - reference) / 2
-    shear      g_a  =  x,a . d - reference
-
-so that its gradient is linear in y, its Hessian is constant and the tangent is exact and symmetric.
-Only 21 of them are needed, the samples: five membrane strains at the edge midpoints and the centre
-(MITC4+: Ko, Lee and Bathe 2017, Comput Struct 182:404, which leaves a flat element as it is and
-cures the membrane locking of a warped one), four transverse shears at the edge midpoints (MITC4:
-Dvorkin and Bathe 1984, Eng Comput 1:77) and the bending strains at the four Gauss points.  The
-strains at a Gauss point, in local Cartesian axes, are constant combinations of the samples.
-
-A triangle is a quad whose last two corners are one node: its samples on the three edges are those
-of the MITC3 element (Lee and Bathe 2004, Comput Struct 82:945).
+The shell is x(r, s) + z d(r, s), with z the distance from the mid-surface along the director.  Its
+strains (`assumed_strain`) are quadratic forms of y = (x1..x4, d1..d4), so that their gradient is
+linear in y, their Hessian is constant and the tangent is exact and symmetric.
 """
 
 from __future__ import annotations
@@ -26,141 +13,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import kernels
+from .assumed_strain import (
+    BENDING,
+    GAUSS,
+    MEMBRANE,
+    SAMPLES,
+    SHEAR,
+    TRIANGLE_MEMBRANE,
+    base_vectors,
+    distortion,
+    evened_membrane,
+    tied_shear,
+    to_cartesian,
+    triangle_shear,
+)
 from .section import Section
 
 Array = NDArray[np.float64]
 
-CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-GAUSS = CORNERS / np.sqrt(3.0)
 FOLD, STEEPEST = np.cos(np.deg2rad(12)), 0.25
 """Cosines of the angles between director and element's normal: beyond the first sheets meet at an
 angle, within it one sheet is curved; to the second the lean is made up for."""
-MEMBRANE, BENDING, SHEAR = slice(0, 5), slice(5, 17), slice(17, 21)
-"""The samples."""
-
-
-def shape(r: float, s: float) -> tuple[Array, Array, Array]:
-    """Bilinear shape functions and their derivatives by r and by s, each (4,)."""
-    a, b = 1 + CORNERS[:, 0] * r, 1 + CORNERS[:, 1] * s
-    return a * b / 4, CORNERS[:, 0] * b / 4, CORNERS[:, 1] * a / 4
-
-
-def _xx(a: Array, b: Array) -> Array:
-    """(8, 8) M with y.M.y / 2 = (x,a . x,b), of the positions' half of y."""
-    out = np.zeros((8, 8))
-    out[:4, :4] = np.outer(a, b) + np.outer(b, a)
-    return out
-
-
-def _xd(a: Array, b: Array) -> Array:
-    """(8, 8) M with y.M.y / 2 = (sum a x) . (sum b d)."""
-    out = np.zeros((8, 8))
-    out[:4, 4:] = np.outer(a, b)
-    out[4:, :4] = np.outer(b, a)
-    return out
-
-
-def _membrane(r: float, s: float) -> Array:
-    """(3, 8, 8) forms of e_rr, e_ss, e_rs (tensor components) at one point."""
-    _, nr, ns = shape(r, s)
-    return np.stack([_xx(nr, nr) / 2, _xx(ns, ns) / 2, _xx(nr, ns) / 2])
-
-
-def _bending(r: float, s: float) -> Array:
-    """(3, 8, 8) forms of k_rr, k_ss, k_rs at one point."""
-    _, nr, ns = shape(r, s)
-    return np.stack([_xd(nr, nr), _xd(ns, ns), (_xd(nr, ns) + _xd(ns, nr)) / 2])
-
-
-def _samples() -> Array:
-    """(21, 8, 8) forms of the samples: sample i is y.forms[i].y / 2."""
-    membrane = [
-        _membrane(0, 1)[0],
-        _membrane(0, -1)[0],
-        _membrane(1, 0)[1],
-        _membrane(-1, 0)[1],
-        _membrane(0, 0)[2],
-    ]
-    bending = [form for r, s in GAUSS for form in _bending(r, s)]
-    along_r = [_xd(shape(0, s)[1], shape(0, s)[0]) for s in (-1, 1)]
-    along_s = [_xd(shape(r, 0)[2], shape(r, 0)[0]) for r in (-1, 1)]
-    return np.stack(membrane + bending + along_r + along_s)
-
-
-SAMPLES = _samples()
-_HOURGLASS = (CORNERS[:, 0], CORNERS[:, 1], CORNERS[:, 0] * CORNERS[:, 1])
-
-
-def _distortion(X: Array) -> Array:
-    """(5, ne) coefficients a_A..a_E of the MITC4+ membrane field; X (ne, 4, 3), no triangles.
-
-    Ko, Lee and Bathe 2017, equations 15 to 18: the components of the element's hourglass vector
-    along the dual base vectors of its centre."""
-    xr, xs, xd = (np.einsum("a,nak->nk", c, X) / 4 for c in _HOURGLASS)
-    normal = np.cross(xr, xs)
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    dual_r, dual_s = np.cross(xs, normal), np.cross(normal, xr)
-    cr = np.einsum("nk,nk->n", dual_r, xd) / np.einsum("nk,nk->n", dual_r, xr)
-    cs = np.einsum("nk,nk->n", dual_s, xd) / np.einsum("nk,nk->n", dual_s, xs)
-    d = cr**2 + cs**2 - 1
-    a = [cr * (cr - 1) / 2, cr * (cr + 1) / 2, cs * (cs - 1) / 2, cs * (cs + 1) / 2, 2 * cr * cs]
-    return np.stack(a) / d
-
-
-def _tied_membrane(a: Array, r: float, s: float) -> Array:
-    """(ne, 3, 5) MITC4+ e_rr, e_ss, e_rs at one point from the membrane samples; a (5, ne)."""
-    aA, aB, aC, aD, aE = a
-    p, q = r * r - 1, s * s - 1
-    rr = [
-        0.5 * (1 - 2 * aA + s + 2 * aA * s * s),
-        0.5 * (1 - 2 * aB - s + 2 * aB * s * s),
-        aC * q,
-        aD * q,
-        aE * q,
-    ]
-    ss = [
-        aA * p,
-        aB * p,
-        0.5 * (1 - 2 * aC + r + 2 * aC * r * r),
-        0.5 * (1 - 2 * aD - r + 2 * aD * r * r),
-        aE * p,
-    ]
-    rs = [
-        0.25 * (r + 4 * aA * r * s),
-        0.25 * (-r + 4 * aB * r * s),
-        0.25 * (s + 4 * aC * r * s),
-        0.25 * (-s + 4 * aD * r * s),
-        1 + aE * r * s,
-    ]
-    return np.moveaxis(np.array([rr, ss, rs]), 2, 0)
-
-
-def _tied_shear(r: float, s: float) -> Array:
-    """(2, 4) g_r, g_s at one point from the shear samples."""
-    return np.array([[1 - s, 1 + s, 0, 0], [0, 0, 1 - r, 1 + r]]) / 2
-
-
-TRIANGLE_MEMBRANE = np.array([[0, 4.0, 0, 0, 0], [0, 0, 0, 4, 0], [0, 2, -2, 2, 0]])
-"""A triangle's constant membrane strain along its first and last edge from the samples."""
-
-
-def _triangle_shear(r: float, s: float) -> Array:
-    """(2, 4) MITC3 shear along the first and last edge from the shear samples."""
-    xi, eta = (1 + r) * (1 - s) / 4, (1 + s) / 2
-    return np.array([[2 - 2 * eta, 0, 2 * eta, -2 * eta], [2 * xi, 0, 2 - 2 * xi, 2 * xi]])
-
-
-def _to_cartesian(J: Array, tensor: Array) -> Array:
-    """Covariant tensors (rr, ss, rs) to local Cartesian (11, 22, 2 x 12): J (ne, 2, 2) holds the
-    covariant base vectors' local components, columns r and s; tensor (ne, 3, m)."""
-    P = np.linalg.inv(J)
-    a, b, c, d = P[:, 0, 0], P[:, 0, 1], P[:, 1, 0], P[:, 1, 1]
-    T = [
-        [a * a, c * c, 2 * a * c],
-        [b * b, d * d, 2 * b * d],
-        [2 * a * b, 2 * c * d, 2 * (a * d + b * c)],
-    ]
-    return np.einsum("ijn,njm->nim", np.array(T), tensor)
 
 
 @dataclass(frozen=True)
@@ -256,8 +129,7 @@ def _mitre(X: Array, D: Array) -> Array:
 def local_frames(X: Array, fibre: Array, r: float, s: float) -> tuple[Array, Array, Array]:
     """Local axes (ne, 3, 3) as rows, J (ne, 2, 2) and area factor (ne,) at one point of the
     reference elements X (ne, 4, 3); axis 1 is `fibre` (ne, 3) brought into the tangent plane."""
-    _, nr, ns = shape(r, s)
-    G = np.stack([np.einsum("a,nak->nk", nr, X), np.einsum("a,nak->nk", ns, X)], axis=1)
+    G = base_vectors(X, r, s)
     normal = np.cross(G[:, 0], G[:, 1])
     area = np.linalg.norm(normal, axis=1)
     normal = normal / area[:, None]
@@ -282,21 +154,22 @@ def shell_tables(
     Y = _over(nodes, height, mitre)
     X = Y[:, :4]
     triangle = (X[:, 2] == X[:, 3]).all(axis=1)
-    distortion = np.zeros((5, ne))
-    distortion[:, ~triangle] = _distortion(X[~triangle])
+    warp = np.zeros((5, ne))
+    warp[:, ~triangle] = distortion(X[~triangle])
     tensor = np.stack([(1 + growth) ** -2, np.ones(ne), 1 / (1 + growth)], axis=1)[:, :, None]
     edges = np.stack([X[:, 1] - X[:, 0], X[:, 2] - X[:, 0]], axis=2)
+    evened = np.moveaxis(evened_membrane(X, warp), 1, 0)
     parts: list[tuple[Array, ...]] = []
-    for (r, s), along in zip(GAUSS, np.moveaxis(fibre, 1, 0), strict=True):
+    for (r, s), along, quad in zip(GAUSS, np.moveaxis(fibre, 1, 0), evened, strict=True):
         frame, J, area = local_frames(X, along, r, s)
         own = np.where(triangle[:, None, None], frame[:, :2] @ edges, J)
         tri = triangle[:, None, None]
-        membrane = np.where(tri, TRIANGLE_MEMBRANE, _tied_membrane(distortion, r, s))
-        shear = np.where(tri, _triangle_shear(r, s), _tied_shear(r, s))
-        bending = _to_cartesian(J, np.broadcast_to(np.eye(3), (ne, 3, 3)))
+        membrane = np.where(tri, TRIANGLE_MEMBRANE, quad)
+        shear = np.where(tri, triangle_shear(r, s), tied_shear(r, s))
+        bending = to_cartesian(J, np.broadcast_to(np.eye(3), (ne, 3, 3)))
         shear = np.swapaxes(np.linalg.inv(own), 1, 2) @ shear
         shear[:, 0] /= (1 + growth)[:, None]
-        membrane = _to_cartesian(own, membrane) * tensor
+        membrane = to_cartesian(own, membrane) * tensor
         parts.append((membrane, bending * tensor, shear, area * (1 + growth), frame))
     membrane, bending, shear, weight, frames = (np.stack(p, 1) for p in zip(*parts, strict=True))
     none = np.zeros((ne, 4, 8))

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import shells
 
+from fe_solver.assumed_strain import GAUSS, shape
 from fe_solver.fibres import at_nodes, smoothed
-from fe_solver.shell import GAUSS, shape
 
 
 def ring(around: int):

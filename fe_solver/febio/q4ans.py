@@ -30,8 +30,8 @@ from numpy.typing import NDArray
 
 from cosim.port import InputError
 
+from ..assumed_strain import CORNERS, GAUSS, shape
 from ..materials import Law
-from ..shell import CORNERS, GAUSS, shape
 from .solid_laws import FIRST, PAIRS, SECOND, SHEAR, solid_stress
 
 Array = NDArray[np.float64]

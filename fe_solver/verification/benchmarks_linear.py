@@ -137,6 +137,49 @@ def twisted_beam_rows() -> Iterator[Row]:
             )  # fmt: skip
 
 
+def upright_cantilever(n: int) -> tuple[float, float]:
+    """Tip deflection of a cantilever of 10 x 1 under 1 in its own plane, n quads along it and one
+    over its height, 0.1 thick, E = 1.2e6, nu = 0; and Timoshenko's."""
+    modulus, length, h = 1.2e6, 10.0, 0.1
+    X, quads = plate(length, 1.0, n, 1)
+    model = clamped(sheet(X, quads, modulus, 0.0, h), np.flatnonzero(X[:, 0] == 0))
+    tip = X[:, 0] == length
+    v = linear_response(model, np.outer(tip, [0, 0.5, 0]))[0][tip, 1].mean()
+    return float(v), length**3 / (3 * modulus * h / 12) + length / (SHEAR * modulus / 2 * h)
+
+
+def cook(n: int) -> float:
+    """Deflection of the middle of the loaded edge of Cook's membrane: a tapered panel of 48, its
+    edges 44 and 16, E = 1, nu = 1/3, thickness 1, sheared by 1."""
+    uv, quads = grid(n, n)
+    x = 48 * uv[:, 0]
+    y = 44 * uv[:, 0] + uv[:, 1] * (44 - 28 * uv[:, 0])
+    X = np.column_stack([x, y, 0 * x])
+    model = clamped(sheet(X, quads, 1.0, 1 / 3, 1.0), np.flatnonzero(uv[:, 0] == 0))
+    edge = uv[:, 0] == 1
+    weight = np.where(np.isin(uv[edge, 1], [0, 1]), 0.5, 1.0) / n
+    load = np.zeros_like(X)
+    load[edge, 1] = weight
+    u = linear_response(model, load)[0]
+    return float(u[edge & (uv[:, 1] == 0.5), 1][0])
+
+
+def in_plane_rows() -> Iterator[Row]:
+    """Where bilinear quads lock: a third too stiff the cantilever, 8 % the membrane (8 x 8)."""
+    (coarse, exact), (fine, _) = upright_cantilever(10), upright_cantilever(20)
+    yield Row(
+        "cantilever bent in its plane", "tip deflection, 10 x 1", exact, coarse, 0.01,
+        "exact: Timoshenko beam", order=error_order(coarse - exact, fine - exact),
+    )  # fmt: skip
+    found = [cook(n) for n in (4, 8, 16)]
+    source = "23.96: Cook 1989, as quoted in the gallery of solver-docs.pages.dev"
+    for n, value, within in zip((8, 16), found[1:], (0.03, 0.01), strict=True):
+        yield Row(
+            "Cook's membrane", f"deflection, {n} x {n}", 23.96, value, within, source,
+            order=halving_order(*found) if n == 16 else None,
+        )  # fmt: skip
+
+
 def hemisphere(n: int, distortion: float, thickness: float = 0.04) -> Array:
     """Deflections under the loads of a quarter of a hemisphere with an 18 degree hole, pulled out
     along x and pushed in along y by unit forces: radius 10, E = 6.825e7, nu = 0.3; the mesh lines

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..assumed_strain import GAUSS, shape
 from ..contact import Contact
 from ..guides import Guides, Ties
 from ..materials import Isotropic, Law
@@ -14,7 +15,7 @@ from ..mesh_geometry import node_areas, node_directors
 from ..model import Configuration, ShellModel
 from ..newton import NewtonOptions
 from ..section import one_law
-from ..shell import GAUSS, Array, shape, shell_tables
+from ..shell import Array, shell_tables
 from ..springs import Springs
 from ..surfaces import Surface
 from ..tension_field import TensionField

@@ -29,6 +29,7 @@ STUDIES = (
     Study("folded cantilever", benchmarks_linear.bracket_rows),
     Study("roof", benchmarks_linear.roof_rows),
     Study("pinched cylinder", benchmarks_linear.pinched_cylinder_rows),
+    Study("bent in its plane", benchmarks_linear.in_plane_rows),
     Study("twisted beam", benchmarks_linear.twisted_beam_rows),
     Study("hemisphere, linear", benchmarks_linear.hemisphere_rows),
     Study("end shear", benchmarks_nonlinear.shear_rows),
