@@ -13,7 +13,7 @@ cures the membrane locking of a warped one), four transverse shears at the edge 
 Dvorkin and Bathe 1984, Eng Comput 1:77) and the bending strains at the four Gauss points.  The
 strains at a Gauss point, in local Cartesian axes, are constant combinations of the samples.  Of the
 in-plane shear they take the mean over the element (Hughes 1980, Int J Numer Meth Eng 15:1413), so
-that it bends in its plane without locking.
+that it bends in its plane without locking, unless they are asked not to.
 
 A triangle is a quad whose last two corners are one node: its samples on the three edges are those
 of the MITC3 element (Lee and Bathe 2004, Comput Struct 82:945).
@@ -134,18 +134,19 @@ def base_vectors(X: Array, r: float, s: float) -> Array:
     return np.stack([np.einsum("a,nak->nk", nr, X), np.einsum("a,nak->nk", ns, X)], axis=1)
 
 
-def evened_membrane(X: Array, a: Array) -> Array:
-    """(ne, 4, 3, 5) membrane e_rr, e_ss, e_rs at the Gauss points from the samples: MITC4+'s, but
-    for the shear along the base vectors of the element's centre, which is its mean over the
+def quad_membrane(X: Array, a: Array, even: bool) -> Array:
+    """(ne, 4, 3, 5) membrane e_rr, e_ss, e_rs at the Gauss points from the samples: MITC4+'s and,
+    where `even`, with the shear along the base vectors of the element's centre its mean over the
     element X (ne, 4, 3): what varies of it is what a bilinear quad, bent in its plane, locks by."""
+    tied = [_tied_membrane(a, r, s) for r, s in GAUSS]
+    if not even:
+        return np.stack(tied, axis=1)
     at_centre = base_vectors(X, 0, 0)
     dual = np.linalg.solve(at_centre @ np.swapaxes(at_centre, 1, 2), at_centre)
     bases = [base_vectors(X, r, s) for r, s in GAUSS]
     turns = [np.einsum("nak,nbk->nab", dual, base) for base in bases]
     area = np.stack([np.linalg.norm(np.cross(b[:, 0], b[:, 1]), axis=1) for b in bases])
-    strain = [
-        _covariant(turn, _tied_membrane(a, r, s)) for turn, (r, s) in zip(turns, GAUSS, strict=True)
-    ]
+    strain = [_covariant(turn, e) for turn, e in zip(turns, tied, strict=True)]
     mean = np.einsum("gn,gni->ni", area / area.sum(axis=0), [e[:, 2] for e in strain])
     for e in strain:
         e[:, 2] = mean

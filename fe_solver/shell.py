@@ -22,7 +22,7 @@ from .assumed_strain import (
     TRIANGLE_MEMBRANE,
     base_vectors,
     distortion,
-    evened_membrane,
+    quad_membrane,
     tied_shear,
     to_cartesian,
     triangle_shear,
@@ -140,13 +140,20 @@ def local_frames(X: Array, fibre: Array, r: float, s: float) -> tuple[Array, Arr
 
 
 def shell_tables(
-    X: Array, D: Array, fibre: Array, growth: Array, height: Array | float = 0.0
+    X: Array,
+    D: Array,
+    fibre: Array,
+    growth: Array,
+    height: Array | float = 0.0,
+    *,
+    even: bool = True,
 ) -> ShellTables:
     """Tables for elements with nodes X (ne, 4, 3), unit directors D (ne, 4, 3), fibre directions
     (ne, 3) or (ne, 4, 3) at the Gauss points, and fibre growth (ne,): the stress-free length along
     the fibre is 1 + growth times that of the mesh (a multiplicative, plane eigenstrain).  `height`
     (ne, 4), m, of the mid-surface over each node along its director: nodes on the lower face of a
-    shell lie half its thickness below."""
+    shell lie half its thickness below.  `even`: the in-plane shear is its mean over each quad, as
+    in `assumed_strain`; else bilinear, as other programs have it."""
     ne = len(X)
     height = np.broadcast_to(height, (ne, 4)).astype(float)
     fibre = np.broadcast_to(fibre[:, None] if fibre.ndim == 2 else fibre, (ne, 4, 3))
@@ -158,9 +165,9 @@ def shell_tables(
     warp[:, ~triangle] = distortion(X[~triangle])
     tensor = np.stack([(1 + growth) ** -2, np.ones(ne), 1 / (1 + growth)], axis=1)[:, :, None]
     edges = np.stack([X[:, 1] - X[:, 0], X[:, 2] - X[:, 0]], axis=2)
-    evened = np.moveaxis(evened_membrane(X, warp), 1, 0)
+    membranes = np.moveaxis(quad_membrane(X, warp, even), 1, 0)
     parts: list[tuple[Array, ...]] = []
-    for (r, s), along, quad in zip(GAUSS, np.moveaxis(fibre, 1, 0), evened, strict=True):
+    for (r, s), along, quad in zip(GAUSS, np.moveaxis(fibre, 1, 0), membranes, strict=True):
         frame, J, area = local_frames(X, along, r, s)
         own = np.where(triangle[:, None, None], frame[:, :2] @ edges, J)
         tri = triangle[:, None, None]
