@@ -4,8 +4,8 @@ FEBio's four-node shells (`quad4`, `q4ans`) move their two faces independently, 
 through the thickness is constant there.  In bending Poisson's contraction is linear through the
 thickness and so is held back: the sheet bends as if stiffer ("thickness locking": Bischoff and Ramm
 1997, Int J Numer Meth Eng 40:4427), by (1 - nu)^2 / (1 - 2 nu) for an isotropic one, 1.8 at nu =
-0.4.  Transverse shear has no correction factor, and that in the plane is bilinear.  Contact acts at the integration points of the flat
-facets, which lie nearer to a convex bone than the nodes do.
+0.4.  Transverse shear has no correction factor, and that in the plane is bilinear.  Contact acts at
+the integration points of the flat facets, which lie nearer to a convex bone than the nodes do.
 """
 
 from __future__ import annotations
