@@ -152,8 +152,8 @@ def shell_tables(
     (ne, 3) or (ne, 4, 3) at the Gauss points, and fibre growth (ne,): the stress-free length along
     the fibre is 1 + growth times that of the mesh (a multiplicative, plane eigenstrain).  `height`
     (ne, 4), m, of the mid-surface over each node along its director: nodes on the lower face of a
-    shell lie half its thickness below.  `even`: the in-plane shear is its mean over each quad, as
-    in `assumed_strain`; else bilinear, as other programs have it."""
+    shell lie half its thickness below.  `even`: the in-plane shear is evened over each quad, as in
+    `assumed_strain`; else bilinear, as FEBio has it."""
     ne = len(X)
     height = np.broadcast_to(height, (ne, 4)).astype(float)
     fibre = np.broadcast_to(fibre[:, None] if fibre.ndim == 2 else fibre, (ne, 4, 3))

@@ -38,8 +38,8 @@ def test_the_strip_is_a_cantilever_of_its_section():
 
 def test_the_deflection_converges_with_the_mesh():
     found = [peers.ours(22 * k, 6 * k).deflection for k in (1, 2, 4)]
-    assert halving_order(*found) > 1.75
-    assert found[:2] == pytest.approx([found[2]] * 2, rel=0.005)
+    assert halving_order(*found) > 1.5
+    assert found[:2] == pytest.approx([found[2]] * 2, rel=0.015)
 
 
 def test_the_deflection_is_the_load_s():

@@ -165,15 +165,18 @@ def cook(n: int) -> float:
 
 
 def in_plane_rows() -> Iterator[Row]:
-    """Where bilinear quads lock: a third too stiff the cantilever, 8 % the membrane (8 x 8)."""
-    (coarse, exact), (fine, _) = upright_cantilever(10), upright_cantilever(20)
-    yield Row(
-        "cantilever bent in its plane", "tip deflection, 10 x 1", exact, coarse, 0.01,
-        "exact: Timoshenko beam", order=error_order(coarse - exact, fine - exact),
-    )  # fmt: skip
+    """Where bilinear quads lock: they deflect 11 and 8 % too little on the coarser meshes here."""
+    (coarse, exact), (fine, _) = upright_cantilever(20), upright_cantilever(40)
+    order = error_order(coarse - exact, fine - exact)
+    source = "exact: Timoshenko beam"
+    for n, value, within in ((20, coarse, 0.04), (40, fine, 0.01)):
+        yield Row(
+            "cantilever bent in its plane", f"tip deflection, {n} x 1", exact, value, within,
+            source, order=order if n == 40 else None,
+        )  # fmt: skip
     found = [cook(n) for n in (4, 8, 16)]
     source = "23.96: Cook 1989, as quoted in the gallery of solver-docs.pages.dev"
-    for n, value, within in zip((8, 16), found[1:], (0.03, 0.01), strict=True):
+    for n, value, within in zip((8, 16), found[1:], (0.05, 0.015), strict=True):
         yield Row(
             "Cook's membrane", f"deflection, {n} x {n}", 23.96, value, within, source,
             order=halving_order(*found) if n == 16 else None,
