@@ -12,7 +12,7 @@ from cosim.trials import outcome
 SOURCE = find_case("strain_lee2008_average_iso")
 # With 120 quads the central slip hangs slack.
 COARSE = ("hood.mesh.quads=250", "solve.hood_tolerance=1e-11")
-SMALL = 1e-3
+SMALL = 5e-4
 QUANTITIES = (
     "difference.marker_strain_percent.longitudinal.mean",
     "difference.marker_strain_percent.lateral.min",
