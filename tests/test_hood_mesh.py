@@ -189,6 +189,17 @@ def test_the_torque_of_a_tendon_over_the_pip_does_not_ripple_with_the_rows():
 
 
 @pytest.mark.slow
+def test_a_slack_band_does_not_crumple_on_a_fine_mesh():
+    """Elements of too even a shear had no equilibrium here."""
+    angles = {"MCP": 0, "PIP": 60, "DIP": 30}
+    posture = [f"finger.posture.{joint}={angle} deg" for joint, angle in angles.items()]
+    case = load_case("strain_lee2008_average_ti", ["hood.mesh.quads=2400", *posture])
+    summary = run_case(case).summary
+    assert summary["audit"]["hood_force_balance"] < 1e-8
+    assert 3.4 < summary["slip_ratio"] < 3.9
+
+
+@pytest.mark.slow
 def test_the_unloaded_finger_hangs_on_no_row_at_the_tendons_end(monkeypatch):
     """Lines through the head made the terminal slip's force 3.3 times as much with finer rows."""
 
