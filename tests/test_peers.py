@@ -36,8 +36,17 @@ def test_the_strip_is_a_cantilever_of_its_section():
     assert load.sum(axis=0) == pytest.approx([0, 0, -peers.LOAD])
 
 
+def refined() -> list[float]:
+    return [peers.ours(22 * k, 6 * k).deflection for k in (1, 2, 4)]
+
+
+@pytest.mark.xfail(reason="1.70 since the in-plane shear is evened", strict=True)
+def test_the_deflection_converges_with_the_square_of_the_mesh():
+    assert halving_order(*refined()) == pytest.approx(2, abs=0.25)
+
+
 def test_the_deflection_converges_with_the_mesh():
-    found = [peers.ours(22 * k, 6 * k).deflection for k in (1, 2, 4)]
+    found = refined()
     assert halving_order(*found) > 1.5
     assert found[:2] == pytest.approx([found[2]] * 2, rel=0.015)
 
