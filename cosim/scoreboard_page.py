@@ -10,6 +10,7 @@ from cosim import __version__
 from cosim.compare import Comparison, Verdict, marks, number, stated, tally
 from cosim.files import written_whole
 from cosim.validate import Board
+from cosim.validation_mesh import Change
 
 SHAPES: dict[Verdict, str] = {
     "inside 1 SD": "●",
@@ -20,8 +21,9 @@ SHAPES: dict[Verdict, str] = {
 }
 
 
-def write_page(path: Path, boards: Sequence[Board]) -> None:
-    """Raises InputError where the file cannot be written."""
+def write_page(path: Path, boards: Sequence[Board], changes: Sequence[Change] = ()) -> None:
+    """The page of the boards, and of what a finer mesh `changes`.  Raises InputError where the file
+    cannot be written."""
     from jinja2 import Environment, PackageLoader
 
     page = Environment(loader=PackageLoader("cosim", "."), autoescape=True, trim_blocks=True)
@@ -34,7 +36,9 @@ def write_page(path: Path, boards: Sequence[Board]) -> None:
         }
         for board in boards
     ]
-    text = page.get_template("scoreboard.html.j2").render(version=__version__, boards=shown)
+    text = page.get_template("scoreboard.html.j2").render(
+        version=__version__, boards=shown, changes=[_changed(c) for c in changes]
+    )
     with written_whole(path) as part:
         part.write_text(text, encoding="utf-8")
 
@@ -53,4 +57,18 @@ def _cells(row: Comparison) -> dict[str, Any]:
         "shape": SHAPES[row.verdict],
         "source": t.source,
         "kind": t.kind,
+    }
+
+
+def _changed(found: Change) -> dict[str, str]:
+    numbers = {k: number(getattr(found, k)) for k in ("model", "finer", "change", "bound")}
+    shape = {"beyond": "▲", "within": "●", "no value": "✕"}[found.verdict]
+    unit = found.unit if found.unit != "1" else ""
+    where = found.case or found.group
+    return numbers | {
+        "name": found.name,
+        "where": where,
+        "unit": unit,
+        "verdict": found.verdict,
+        "shape": shape,
     }

@@ -149,12 +149,13 @@ def scoreboard(boards: Sequence[Board]) -> str:
 def _rounded(row: Comparison) -> dict[str, Any]:
     """Six digits are more than the models are good for, and hide the last bits of a machine, which
     a difference of almost equal numbers would show: it is that of the numbers as they are told."""
-    numbers = {k: _six_digits(getattr(row.target, k)) for k in ("reference", "sd", "low", "high")}
-    told = Comparison(replace(row.target, **numbers), _six_digits(row.model))
-    return {k: _six_digits(v) for k, v in as_dict(told).items()}
+    numbers = {k: six_digits(getattr(row.target, k)) for k in ("reference", "sd", "low", "high")}
+    told = Comparison(replace(row.target, **numbers), six_digits(row.model))
+    return {k: six_digits(v) for k, v in as_dict(told).items()}
 
 
-def _six_digits(value: Any) -> Any:
+def six_digits(value: Any) -> Any:
+    """A float to six digits, anything else as it is."""
     return float(f"{value:.6g}") if isinstance(value, float) else value
 
 

@@ -11,9 +11,12 @@ from cosim.terminal import console, told
 
 if TYPE_CHECKING:
     from cosim.validate import Board
+    from cosim.validation_mesh import Change
 
 PLACE = Path("cases/scoreboard.json")
 """Where the committed scoreboard is, of a checkout."""
+CHANGES = "mesh_convergence.json"
+"""Beside it, what a finer mesh changes."""
 MESH = "hood.mesh"
 
 
@@ -36,6 +39,15 @@ def validate(
         Path | None,
         typer.Option(metavar="MI29.FEB", help="The published hood's file (FEBio's test suite)."),
     ] = None,
+    finer: Annotated[
+        int | None,
+        typer.Option(
+            metavar="QUADS",
+            min=120,
+            max=20000,
+            help="Once more on hoods of so many quads: what the mesh changes in every number.",
+        ),
+    ] = None,
     workers: Annotated[int, typer.Option(min=1, max=64, help="Processes.")] = 2,
     update: Annotated[
         bool, typer.Option("--update", help=f"Write {PLACE}, the committed scoreboard, as well.")
@@ -46,26 +58,29 @@ def validate(
         from cosim.port import InputError
         from cosim.scoreboard_page import write_page
         from cosim.validate import chosen, validated, write_scoreboard
+        from cosim.validation_mesh import changes, on_finer_meshes, write_changes
 
         hoods, own = _hoods(settings or [])
         if update and (only or own):
             raise InputError("--update takes all trials as they are: leave out --only and --set")
         if update and not PLACE.parent.is_dir():
             raise InputError(f"--update: there is no {PLACE.parent}/ here; run it in a checkout")
-        boards = validated(
-            chosen(only, hoods[-1] if hoods else published),
-            out,
-            own,
-            workers,
-            lambda text: typer.echo(text, err=True),
-        )
+        groups = chosen(only, hoods[-1] if hoods else published)
+        finer_groups = [] if finer is None else on_finer_meshes(groups, finer, own)
+        boards = validated(groups, out, own, workers, _progress)
+        again = validated(finer_groups, out / "finer", (), workers, _progress)
+        found = changes(boards, again)
         places = [out / "scoreboard.json", *([PLACE] if update else [])]
         for place in places:
             write_scoreboard(place, boards)
-        write_page(out / "scoreboard.html", boards)
+            if finer is not None:
+                write_changes(place.with_name(CHANGES), finer, again, found)
+        write_page(out / "scoreboard.html", boards, found)
     _print(boards)
+    if finer is not None:
+        _print_changes(again, found)
     typer.echo(f"scoreboard in {out / 'scoreboard.html'} and {' and '.join(map(str, places))}")
-    if any(board.failures for board in boards):
+    if any(board.failures for board in (*boards, *again)):
         raise typer.Exit(1)
 
 
@@ -74,6 +89,10 @@ def _hoods(settings: list[str]) -> tuple[list[Path], list[str]]:
     pairs = [text.partition("=") for text in settings]
     hoods = [Path(value.strip().strip("\"'")) for key, _, value in pairs if key.strip() == MESH]
     return hoods, ["".join(pair) for pair in pairs if pair[0].strip() != MESH]
+
+
+def _progress(text: str) -> None:
+    typer.echo(text, err=True)
 
 
 def _print(boards: list[Board]) -> None:
@@ -93,5 +112,29 @@ def _print(boards: list[Board]) -> None:
             table.add_row(name, f"{model} {t.unit}", stated(t), gap, row.verdict, t.kind)
         screen.print(table)
         screen.print(", ".join(f"{count} {word}" for word, count in tally(board.rows).items()))
-        for name, why in board.failures.items():
-            screen.print(f"failed: {name}: {why}")
+        _print_failures(board)
+
+
+def _print_changes(again: list[Board], found: list[Change]) -> None:
+    from rich.table import Table
+
+    from cosim.compare import number
+    from cosim.validation_mesh import tally
+
+    screen = console()
+    table = Table(title="mesh: what more quads change", title_justify="left")
+    for name in ("what", "model", "finer", "change", "at most", "verdict"):
+        table.add_column(name)
+    for c in found:
+        model = f"{number(c.model, 3)} {c.unit}"
+        numbers = (number(value, 3) for value in (c.finer, c.change, c.bound))
+        table.add_row(f"{c.name} [{c.case or c.group}]", model, *numbers, c.verdict)
+    screen.print(table)
+    screen.print(", ".join(f"{count} {word}" for word, count in tally(found).items()))
+    for board in again:
+        _print_failures(board)
+
+
+def _print_failures(board: Board) -> None:
+    for name, why in board.failures.items():
+        console().print(f"failed: {name}: {why}")
