@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from cosim import __version__
+from cosim import __version__, validation_mesh
 from cosim.compare import Comparison, Verdict, marks, number, stated, tally
 from cosim.files import written_whole
 from cosim.validate import Board
@@ -37,7 +37,10 @@ def write_page(path: Path, boards: Sequence[Board], changes: Sequence[Change] = 
         for board in boards
     ]
     text = page.get_template("scoreboard.html.j2").render(
-        version=__version__, boards=shown, changes=[_changed(c) for c in changes]
+        version=__version__,
+        boards=shown,
+        changes=[_changed(c) for c in changes],
+        mesh_tally=validation_mesh.tally(changes),
     )
     with written_whole(path) as part:
         part.write_text(text, encoding="utf-8")

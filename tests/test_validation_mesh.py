@@ -91,6 +91,7 @@ def test_the_command_says_what_a_finer_mesh_changes(tmp_path: Path):
     assert sum(told["tally"].values()) == len(told["rows"]) > 5
     page = (tmp_path / "scoreboard.html").read_text()
     assert all(r["name"] in page for r in told["rows"])
+    assert f"{told['tally']['beyond']} beyond" in page
     assert f"{told['tally']['beyond']} beyond" in done.stdout
     board = json.loads((tmp_path / "finer" / "strain_soft_iso" / "summary.json").read_text())
     (ratio,) = [r for r in told["rows"] if r["quantity"] == "slip_ratio"]
