@@ -45,10 +45,17 @@ def test_the_deflection_converges_with_the_square_of_the_mesh():
     assert halving_order(*refined()) == pytest.approx(2, abs=0.25)
 
 
+@pytest.mark.xfail(reason="1.1 % since the in-plane shear is evened", strict=True)
+def test_the_coarsest_mesh_is_near_the_finest():
+    coarse, _, fine = refined()
+    assert coarse == pytest.approx(fine, rel=0.005)
+
+
 def test_the_deflection_converges_with_the_mesh():
-    found = refined()
-    assert halving_order(*found) > 1.5
-    assert found[:2] == pytest.approx([found[2]] * 2, rel=0.015)
+    coarse, middle, fine = refined()
+    assert halving_order(coarse, middle, fine) > 1.5
+    assert coarse == pytest.approx(fine, rel=0.015)
+    assert middle == pytest.approx(fine, rel=0.005)
 
 
 def test_the_deflection_is_the_load_s():
