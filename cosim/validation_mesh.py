@@ -78,10 +78,13 @@ def changes(boards: Sequence[Board], finer: Sequence[Board]) -> list[Change]:
 
 def _of_group(board: Board, finer: Board) -> Iterator[Change]:
     forces, after = _forces(board.rows), {_key(row): row.model for row in finer.rows}
-    for key, row in {_key(row): row for row in board.rows}.items():
-        t, other = row.target, after.get(key)
-        if row.model is None or six_digits(other) == six_digits(row.model):
+    seen = set()
+    for row in board.rows:
+        t, other = row.target, after.get(_key(row))
+        number = (t.case or t.name, t.quantity, row.model)
+        if row.model is None or number in seen or six_digits(other) == six_digits(row.model):
             continue
+        seen.add(number)
         size = forces.get((t.case, t.quantity.rpartition(".")[0]), abs(row.model))
         bound = POINTS if t.unit == "%" else np.degrees(SHARE) if t.unit == "deg" else SHARE * size
         place = (board.group, t.case, t.name, t.quantity, t.unit)
@@ -90,7 +93,7 @@ def _of_group(board: Board, finer: Board) -> Iterator[Change]:
 
 def _key(row: Comparison) -> tuple[str, ...]:
     t = row.target
-    return (t.case, t.quantity) if t.case else (t.name, t.quantity)
+    return t.case, t.name, t.quantity
 
 
 def _forces(rows: Sequence[Comparison]) -> dict[tuple[str, str], float]:

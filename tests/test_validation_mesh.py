@@ -54,8 +54,16 @@ def test_a_number_beside_two_references_counts_once_and_one_that_no_mesh_touches
     twice = [row(1.0, "q", "N", "An"), row(1.0, "q", "N", "MyoHand")]
     other = [row(1.5, "q", "N", "An"), row(1.5, "q", "N", "MyoHand")]
     (found,) = changed([*twice, row(2.0, "r", "N")], [*other, row(2.0, "r", "N")])
-    assert found.quantity == "q"
+    assert (found.name, found.quantity) == ("An", "q")
     assert changed([row(None, "q", "N")], [row(1.0, "q", "N")]) == []
+
+
+def test_numbers_of_one_quantity_that_differ_are_all_told():
+    """The one-way pass compares a tip force and what it has beyond another."""
+    before = [row(1.5, "q", "N", "excess"), row(2.5, "q", "N", "force")]
+    after = [row(1.6, "q", "N", "excess"), row(2.51, "q", "N", "force")]
+    found = {c.name: (c.model, c.finer, c.verdict) for c in changed(before, after)}
+    assert found == {"excess": (1.5, 1.6, "beyond"), "force": (2.5, 2.51, "within")}
 
 
 def test_a_trial_that_failed_on_the_finer_mesh_has_no_value_and_the_misses_come_first():
@@ -102,8 +110,9 @@ def test_the_command_says_what_a_finer_mesh_changes(tmp_path: Path):
 def test_the_committed_changes_are_those_of_the_committed_scoreboard():
     told = json.loads((CASES / "mesh_convergence.json").read_text())
     board = json.loads((CASES / "scoreboard.json").read_text())["groups"]
-    models = {(g, r["name"], r["quantity"]): r["model"] for g in board for r in board[g]}
+    models = {(g, r["case"], r["name"], r["quantity"]): r["model"] for g in board for r in board[g]}
+    assert len(models) == sum(map(len, board.values()))
     assert len(told["rows"]) > 300
     for r in told["rows"]:
-        committed = models[r["group"], r["name"], r["quantity"]]
+        committed = models[r["group"], r["case"], r["name"], r["quantity"]]
         assert r["model"] == pytest.approx(committed, rel=1e-3, abs=1e-4)
