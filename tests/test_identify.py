@@ -25,6 +25,7 @@ from cosim.trials import outcome
 PASSIVE, PULL = "joint_torque_Nmm.passive.PIP", "joint_torque_Nmm.EDC.MCP"
 COARSE = ("hood.mesh.quads=120",)
 LEE = "strain_lee2008_average_ti"
+DATA, STRAIN_DATA = Path(__file__).parents[1] / "cases" / "data", "lee2008_strain.csv"
 STRAINS = "difference.marker_strain_percent"
 
 
@@ -169,6 +170,17 @@ def test_a_twin_of_the_hood_gives_back_its_matrix(tmp_path):
     assert standing(found, "c1") == "identified"
 
 
+@pytest.mark.slow
+def test_the_identified_case_is_what_its_data_give():
+    base = load_case(LEE)
+    free, targets = read_free(DATA / "lee2008_free.toml", base), read_targets(DATA / STRAIN_DATA)
+    found = fit(base.source, (), free, targets, jobs=2)
+    assert (standing(found, "c1"), standing(found, "toe")) == ("not identified", "at its bound")
+    for name, law in load_case("strain_lee2008_identified").hood.regions.items():
+        assert law.c1 / 1e6 == pytest.approx(found.values["c1"], rel=0.02), name
+        assert law.lam_max - 1 == pytest.approx(found.values["toe"], rel=0.01), name
+
+
 @given(st.floats(-20, 20), st.floats(-10, 0), st.floats(0, 10), st.floats(0.1, 5))
 def test_a_miss_is_the_distance_from_the_band(model, low, high, sd):
     target = Target("t", "x", "1", 0.0, sd, low, high, "A", "experiment")
@@ -294,7 +306,7 @@ def test_the_command_writes_a_case_that_does_what_was_fitted(held, tmp_path):
 
 
 def test_the_packaged_targets_are_strains_alone():
-    rows = read_targets(Path(__file__).parents[1] / "cases" / "data" / "lee2008_strain.csv")
+    rows = read_targets(DATA / STRAIN_DATA)
     assert len(rows) == 5
     assert all("strain_percent" in row.quantity for row in rows)
     summary = run_case(load_case(LEE, COARSE)).summary
