@@ -28,7 +28,8 @@ Ints = NDArray[np.intp]
 
 
 class Attached(Protocol):
-    """Nodes and the points of a body that springs join them to."""
+    """Nodes and the points of a body that springs join them to; `shares` (k,) say in what
+    proportion these share their set's stiffness, evenly where None."""
 
     @property
     def body(self) -> str: ...
@@ -36,6 +37,8 @@ class Attached(Protocol):
     def nodes(self) -> Ints: ...
     @property
     def anchors(self) -> Array: ...
+    @property
+    def shares(self) -> Array | None: ...
 
 
 @dataclass(frozen=True)
@@ -56,8 +59,8 @@ class Sheet:
 
 @dataclass(frozen=True)
 class SpringSet:
-    """Springs of one name: `stiffness` (N/m) is the set's total, spread evenly; `slack` (m) is
-    added to the distance at rest."""
+    """Springs of one name: `stiffness` (N/m) is the set's total; `slack` (m) is added to the
+    distance at rest."""
 
     attached: Attached
     stiffness: float
@@ -204,7 +207,8 @@ def springs_of(X: Array, rest: Motion, sets: Mapping[str, SpringSet]) -> Springs
         length = np.linalg.norm(X[nodes] - position - anchors @ rotation.T, axis=1) + s.slack
         ones = np.ones(len(nodes))
         body = ones * rest.bodies.index(s.attached.body)
-        k = ones * s.stiffness / len(nodes)
+        shares = ones if s.attached.shares is None else s.attached.shares
+        k = s.stiffness * shares / shares.sum()
         columns.append((nodes, body, anchors, k, length, ones * s.tension_only, ones * group))
     node, body, anchor, k, length, only, group_of = (
         np.concatenate(c) for c in zip(*columns, strict=True)

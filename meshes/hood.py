@@ -22,7 +22,7 @@ of this sheet on these bones.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,6 +80,7 @@ SAGITTAL_ROWS = (-3.5, 3.5)  # [trial]
 PALMAR_PLATE = (-3.0, 7.0)  # dorsal, radial mm, on the base of the proximal phalanx [trial]
 RETINACULAR_ROWS = (PIP - 2.5, PIP + 2.5)
 RETINACULAR_ANCHOR = (-3.0, 5.0)  # dorsal, radial mm, on the head of the proximal phalanx [trial]
+LIGAMENT_ROWS = (JOIN, JOIN + 5.25)  # of the adhesion under a lateral band [trial]
 SLIP_REACH = 2.5  # mm from the central slip's last row to its insertion, distally (assumption)
 
 
@@ -341,33 +342,51 @@ def _attachments(
     scale: float,
     width: float,
 ) -> dict[str, Attachment]:
-    s = grid.stations
-    last = int(np.flatnonzero(s <= SLIP_END + 1e-6)[-1])
-    middle = grid.inner[last, np.abs(across) < INSERTED + 1e-6]
+    s, eps = grid.stations, 1e-6
+    last = int(np.flatnonzero(s <= SLIP_END + eps)[-1])
+    columns, shares = _held(grid.inner[last], across, (-INSERTED, INSERTED))
+    middle = grid.inner[last, columns]
     distal = chain.rotation[2][:, 0]
     slip = points[middle] + SLIP_REACH * 1e-3 * scale * distal
     # at the sheet's own height: strings down to the bare bone would press the last row into the
     # contact, the deeper the finer the rows
-    out = {"central_slip": on_bone("middle", middle, slip, level, level.offset["middle"])}
-    sagittal = np.flatnonzero((s >= SAGITTAL_ROWS[0] - 1e-6) & (s <= SAGITTAL_ROWS[1] + 1e-6))
-    retinacular = np.flatnonzero((s >= RETINACULAR_ROWS[0]) & (s <= RETINACULAR_ROWS[1]))
-    join = int(np.flatnonzero(s >= JOIN - 1e-6)[0])
+    on_middle = on_bone("middle", middle, slip, level, level.offset["middle"])
+    out = {"central_slip": replace(on_middle, shares=shares)}
     for side, sign, edge in (("radial", 1, -1), ("ulnar", -1, 0)):
         band = grid.band[side]
-        ligament = np.unique(band[join : join + 2])
-        out[f"ligament_{side}"] = on_bone("proximal", ligament, points[ligament], level)
-        for name, nodes, (dorsal, radial) in (
-            ("sagittal", grid.inner[sagittal, edge], PALMAR_PLATE),
-            ("retinacular", band[retinacular, -1], RETINACULAR_ANCHOR),
+        out[f"ligament_{side}"] = _grown(band, s, points, level)
+        for name, line, ends, (dorsal, radial) in (
+            ("sagittal", grid.inner[:, edge], SAGITTAL_ROWS, PALMAR_PLATE),
+            ("retinacular", band[:, -1], RETINACULAR_ROWS, RETINACULAR_ANCHOR),
         ):
-            rows = s[sagittal if name == "sagittal" else retinacular]
-            place = along(chain.skeleton, rows)
-            local = np.column_stack(
-                [place, np.full(len(nodes), sign * radial), np.full(len(nodes), dorsal)]
-            )
-            local[:, 1:] *= 1e-3 * width
-            out[f"{name}_{side}"] = Attachment("proximal", nodes, np.round(local, 7))
+            rows, shares = _held(line, s, ends)
+            local = np.empty((len(rows), 3))
+            local[:, 0] = along(chain.skeleton, s[rows])
+            local[:, 1:] = 1e-3 * width * np.array([sign * radial, dorsal])
+            out[f"{name}_{side}"] = Attachment("proximal", line[rows], np.round(local, 7), shares)
     return out
+
+
+def _grown(band: Ints, stations: Array, points: Array, level: Level) -> Attachment:
+    """What binds a lateral band to the bone beneath it, evenly over its width."""
+    rows, along_it = _held(band[:, 0], stations, LIGAMENT_ROWS)
+    across_it = np.ones(band.shape[1])
+    across_it[[0, -1]] = 0.5
+    nodes = band[rows].ravel()
+    shares = np.outer(along_it, across_it / across_it.sum()).ravel()
+    return replace(on_bone("proximal", nodes, points[nodes], level), shares=np.round(shares, 7))
+
+
+def _held(line: Ints, place: Array, ends: tuple[float, float]) -> tuple[Ints, Array]:
+    """Where a line of nodes (-1 for none) at ascending places bears something of what holds it
+    evenly between `ends`; and how much there, by linear shape functions."""
+    on = np.flatnonzero(line >= 0)
+    inside = place[on][(place[on] > ends[0]) & (place[on] < ends[1])]
+    cuts = np.concatenate([ends[:1], inside, ends[1:]])
+    shapes = np.array([np.interp(cuts, place[on], one) for one in np.eye(len(on))])
+    shares = (shapes[:, 1:] + shapes[:, :-1]) @ np.diff(cuts) / 2 / (ends[1] - ends[0])
+    borne = shares > 1e-9
+    return on[borne], np.round(shares[borne], 7)
 
 
 def on_bone(body: str, nodes: Ints, near: Array, level: Level, height: float = 0.0) -> Attachment:

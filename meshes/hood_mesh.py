@@ -56,15 +56,18 @@ FLAT = 0.1
 
 @dataclass(frozen=True)
 class Attachment:
-    """Hood nodes and the points of one body that springs join them to (k, 3), body frame, m."""
+    """Hood nodes and the points of one body that springs join them to (k, 3), body frame, m, and
+    how much of what they bear together is each one's (k,); None where it is the same."""
 
     body: str
     nodes: Ints
     anchors: Array
+    shares: Array | None = None
 
     def of(self, on: NDArray[np.bool_], number: Ints) -> Attachment:
         """Those springs alone, their nodes by their new numbers."""
-        return Attachment(self.body, number[self.nodes[on]], self.anchors[on])
+        shares = None if self.shares is None else self.shares[on]
+        return Attachment(self.body, number[self.nodes[on]], self.anchors[on], shares)
 
 
 @dataclass(frozen=True)
@@ -124,6 +127,7 @@ def to_json(mesh: HoodMesh) -> str:
         "tied": {k: v.tolist() for k, v in mesh.tied.items()},
         "springs": {
             k: {"body": a.body, "nodes": a.nodes.tolist(), "anchors": millimetres(a.anchors)}
+            | ({} if a.shares is None else {"shares": a.shares.tolist()})
             for k, a in mesh.springs.items()
         },
     }
@@ -276,7 +280,14 @@ class _Reader:
         anchors = self.array(value.get("anchors"), f"{key}.anchors", 3) * 1e-3
         if len(anchors) != len(nodes):
             raise self.fault(key, f"{len(nodes)} nodes but {len(anchors)} anchors")
-        return Attachment(body, nodes, anchors)
+        if "shares" not in value:
+            return Attachment(body, nodes, anchors)
+        shares = self.array(value["shares"], f"{key}.shares", None)
+        if len(shares) != len(nodes):
+            raise self.fault(key, f"{len(nodes)} nodes but {len(shares)} shares")
+        if shares.min(initial=1.0) <= 0:
+            raise self.fault(f"{key}.shares", f"must be positive, got {shares.min():g}")
+        return Attachment(body, nodes, anchors, shares)
 
     def check_quads(self, mesh: HoodMesh) -> None:
         """Each quad is convex, its fibre lies in it, and neighbours face the same way."""
