@@ -373,8 +373,8 @@ def _grown(band: Ints, stations: Array, points: Array, level: Level) -> Attachme
     across_it = np.ones(band.shape[1])
     across_it[[0, -1]] = 0.5
     nodes = band[rows].ravel()
-    shares = np.round(np.outer(along_it, across_it / across_it.sum()).ravel(), 7)
-    return replace(on_bone("proximal", nodes, points[nodes], level), shares=shares)
+    shares = (along_it[:, None] * (across_it / across_it.sum())).ravel()
+    return replace(on_bone("proximal", nodes, points[nodes], level), shares=np.round(shares, 7))
 
 
 def _held(line: Ints, place: Array, ends: tuple[float, float]) -> tuple[Ints, Array]:

@@ -21,6 +21,7 @@ from fe_solver.mesh_geometry import node_directors
 from fe_solver.shell import shell_tables
 from fe_solver.shell_hood import ShellHood
 from meshes import hood as hood_generator
+from meshes.hood import LIGAMENT_ROWS, RETINACULAR_ROWS, SAGITTAL_ROWS
 from meshes.hood_mesh import (
     ENDS,
     REGIONS,
@@ -62,6 +63,32 @@ def test_about_as_many_quads_as_asked_for(quads):
 def test_rows_and_columns_are_halved_in_a_mesh_four_times_as_large():
     coarse, fine = (len(mesh_of(quads).quads) for quads in (600, 2400))
     assert fine == 4 * coarse
+
+
+@pytest.mark.parametrize("quads", [120, 600, 2400])
+def test_what_holds_an_edge_holds_the_same_stretch_of_it_in_any_mesh(quads):
+    made = mesh_of(quads)
+    lines = {"sagittal": SAGITTAL_ROWS, "retinacular": RETINACULAR_ROWS, "ligament": LIGAMENT_ROWS}
+    for name, (start, end) in lines.items():
+        for side in ("radial", "ulnar"):
+            held = made.springs[f"{name}_{side}"]
+            assert held.shares is not None
+            assert held.shares.sum() == pytest.approx(1.0, abs=1e-5)
+            middle = held.shares @ made.station[held.nodes]
+            assert middle == pytest.approx((start + end) / 2, abs=1e-4)
+    slip = made.springs["central_slip"]
+    assert slip.shares == pytest.approx(slip.shares[::-1], abs=1e-6)
+
+
+def test_springs_of_a_hood_have_their_shares_of_the_stiffness(mesh):
+    case = load_case("isometric_edc", ["hood.mesh.quads=250"])
+    made = build(case).hood
+    springs = made.model.springs
+    for name, held in mesh.springs.items():
+        own = springs.group == made.groups.index(name)
+        np.testing.assert_array_equal(springs.node[own], held.nodes)
+        whole = case.hood.springs[name].stiffness
+        np.testing.assert_allclose(springs.stiffness[own], whole * held.shares, rtol=1e-5)
 
 
 def test_the_mesh_names_every_region_and_set(mesh):
@@ -252,6 +279,7 @@ def test_a_written_mesh_is_read_again(mesh, tmp_path):
         assert one.body == other.body
         assert np.array_equal(one.nodes, other.nodes)
         assert one.anchors == pytest.approx(other.anchors, abs=1e-7)
+        assert one.shares == pytest.approx(other.shares, abs=1e-7)
     assert list(tmp_path.iterdir()) == [tmp_path / "hood.json"]
 
 
@@ -284,6 +312,9 @@ FAULTS = [
     (("tied",), {"thumb": [0]}, 'tied: unknown name "thumb"; known are metacarpal'),
     (("springs", "central_slip", "body"), "thumb", "springs.central_slip.body: unknown name"),
     (("springs", "central_slip", "anchors"), [[0, 0, 0]], "2 nodes but 1 anchors"),
+    (("springs", "central_slip", "shares"), [1], "2 nodes but 1 shares"),
+    (("springs", "central_slip", "shares"), [1, 0], "shares: must be positive, got 0"),
+    (("springs", "central_slip", "shares"), "even", "shares: expected numbers"),
     (("springs",), [], "springs: expected a table"),
     (("rest_posture_deg", "PIP"), "bent", "rest_posture_deg: expected numbers"),
 ]
