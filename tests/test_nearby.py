@@ -9,9 +9,9 @@ from cosim.compare import value_of
 from cosim.nearby import near_outcome, tangent_serves
 from cosim.trials import outcome
 
-SOURCE = find_case("strain_lee2008_average_iso")
-# With 120 quads the central slip hangs slack.
-COARSE = ("hood.mesh.quads=250", "solve.hood_tolerance=1e-11")
+SOURCE = find_case("strain_lee2008_soft_iso")
+# With mean moduli the central slip hangs slack on a coarse mesh.
+COARSE = ("hood.mesh.quads=120", "solve.hood_tolerance=1e-11")
 SMALL = 5e-4
 QUANTITIES = (
     "difference.marker_strain_percent.longitudinal.mean",
@@ -25,7 +25,7 @@ QUANTITIES = (
 
 @pytest.mark.parametrize(
     ("key", "value", "unit"),
-    [("hood.regions.central_slip.modulus", 100.76, "MPa"), ("tendons.EDC.tension", 11.8, "N")],
+    [("hood.regions.central_slip.modulus", 53.99, "MPa"), ("tendons.EDC.tension", 11.8, "N")],
 )
 def test_slopes_by_the_tangent_are_those_of_solves(key, value, unit):
     ends = [(*COARSE, f"{key}={value * (1 + d)!r} {unit}") for d in (-SMALL, SMALL)]
