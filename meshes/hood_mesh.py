@@ -285,8 +285,9 @@ class _Reader:
         shares = self.array(value["shares"], f"{key}.shares", None)
         if len(shares) != len(nodes):
             raise self.fault(key, f"{len(nodes)} nodes but {len(shares)} shares")
-        if shares.min(initial=1.0) <= 0:
-            raise self.fault(f"{key}.shares", f"must be positive, got {shares.min():g}")
+        wrong = shares[(shares <= 0) | (shares > 1)]
+        if len(wrong):
+            raise self.fault(f"{key}.shares", f"must be above 0 and at most 1, got {wrong[0]:g}")
         return Attachment(body, nodes, anchors, shares)
 
     def check_quads(self, mesh: HoodMesh) -> None:
