@@ -67,7 +67,7 @@ class Pattern:
     free: Ints
 
     def assemble(self, elements: Array, nodes: Array, pairs: Array) -> Array:
-        """Full data from element blocks (ne, 20, 20), node blocks (n, 5, 5) and the blocks (k, 3,
+        """Full data from element blocks (ne, 5k, 5k), node blocks (n, 5, 5) and the blocks (k, 3,
         3) of the pairs' first node by their second."""
         data = gathered(self.gather_start, self.gather, elements.reshape(-1))
         data[self.diagonal] += nodes
@@ -107,9 +107,9 @@ class Pattern:
 
 
 def make_pattern(quads: Ints, n: int, free: Ints, pairs: Ints | None = None) -> Pattern:
-    """The sparsity of n nodes joined by quads (ne, 4) and by pairs (k, 2) of nodes."""
+    """The sparsity of n nodes joined by elements (ne, k) and by pairs (k, 2) of nodes."""
     pairs = np.zeros((0, 2), dtype=np.intp) if pairs is None else pairs
-    dof = (quads[:, :, None] * DOFS + np.arange(DOFS)).reshape(len(quads), 20)
+    dof = (quads[:, :, None] * DOFS + np.arange(DOFS)).reshape(len(quads), -1)
     size = n * DOFS
     elements = (dof[:, :, None] * size + dof[:, None, :]).ravel()
     own = np.arange(n)[:, None] * DOFS + np.arange(DOFS)

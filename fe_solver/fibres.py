@@ -11,17 +11,17 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from .assumed_strain import GAUSS, shape
+from .elements import kind_of
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
 
 def smoothed(quads: Ints, fibre: Array, region: Ints | Sequence[str] | None = None) -> Array:
-    """(ne, 4, 3) unit directions at the Gauss points, continuous over each region, from one
+    """(ne, g, 3) unit directions at the Gauss points, continuous over each region, from one
     direction an element (ne, 3); `region` (ne,) keeps what belongs to one from another."""
     names = np.zeros(len(quads), dtype=int) if region is None else np.asarray(region)
-    out = np.empty((len(quads), 4, 3))
+    out = np.empty((len(quads), len(kind_of(quads).gauss), 3))
     for name in np.unique(names):
         own = names == name
         out[own] = at_gauss_points(quads[own], at_nodes(quads[own], fibre[own], int(quads.max())))
@@ -40,10 +40,11 @@ def at_nodes(quads: Ints, fibre: Array, last: int) -> Array:
 
 
 def at_gauss_points(quads: Ints, nodal: Array) -> Array:
-    """(ne, 4, 3) unit directions between those of the nodes (n, 3)."""
+    """(ne, g, 3) unit directions between those of the nodes (n, 3)."""
     corner = nodal[quads]
     tensor = corner[..., :, None] * corner[..., None, :]
-    weight = np.stack([shape(r, s)[0] for r, s in GAUSS])
+    element = kind_of(quads)
+    weight = np.stack([element.shape(r, s)[0] for r, s in element.gauss])
     return _leading(np.einsum("ga,naij->ngij", weight, tensor))
 
 

@@ -87,67 +87,81 @@ def _gather(first: int, last: int, start: Ints, gather: Ints, values: Array, out
         out[k] = total
 
 
-def sampled(samples: Array, y: Array) -> Array:
-    """(ne, 21) values y.samples.y / 2 of y (ne, 8, 3)."""
+def sampled(samples: Array, membrane: int, y: Array) -> Array:
+    """(ne, m) values y.samples.y / 2 of y (ne, 2k, 3); the first `membrane` of them are of the
+    positions alone, the others of positions times directors."""
     out = np.empty((len(y), len(samples)))
-    _shared(lambda a, b: _sample(a, b, samples, y, out), len(y), PAYS)
+    _shared(lambda a, b: _sample(a, b, samples, membrane, y, out), len(y), PAYS)
     return out
 
 
 @compiled
-def _sample(first: int, last: int, samples: Array, y: Array, out: Array) -> None:
+def _sample(first: int, last: int, samples: Array, membrane: int, y: Array, out: Array) -> None:
+    nodes = y.shape[1] // 2
     for e in range(first, last):
-        for i in range(21):
+        for i in range(len(samples)):
             total = 0.0
-            for a in range(4):
+            for a in range(nodes):
                 for k in range(3):
                     value = 0.0
-                    if i < 5:
-                        for b in range(4):
+                    if i < membrane:
+                        for b in range(nodes):
                             value += 0.5 * samples[i, a, b] * y[e, b, k]
                     else:
-                        for b in range(4, 8):
+                        for b in range(nodes, 2 * nodes):
                             value += samples[i, a, b] * y[e, b, k]
                     total += y[e, a, k] * value
             out[e, i] = total
 
 
-def stress_gradient(samples: Array, y: Array, stress: Array) -> Array:
-    """(ne, 8, 3) sum of stress (ne, 21) times the samples' gradients at y (ne, 8, 3)."""
+def stress_gradient(samples: Array, membrane: int, y: Array, stress: Array) -> Array:
+    """(ne, 2k, 3) sum of stress (ne, m) times the samples' gradients at y (ne, 2k, 3)."""
     out = np.empty_like(y)
-    _shared(lambda a, b: _stress_gradient(a, b, samples, y, stress, out), len(y), PAYS)
+
+    def work(first: int, last: int) -> None:
+        _stress_gradient(first, last, samples, membrane, y, stress, out)
+
+    _shared(work, len(y), PAYS)
     return out
 
 
 @compiled
 def _stress_gradient(
-    first: int, last: int, samples: Array, y: Array, stress: Array, out: Array
+    first: int,
+    last: int,
+    samples: Array,
+    membrane: int,
+    y: Array,
+    stress: Array,
+    out: Array,
 ) -> None:
-    G = np.zeros((8, 8))
+    size = y.shape[1]
+    G = np.zeros((size, size))
     for e in range(first, last):
-        _geometric(samples, stress[e], G)
-        for a in range(8):
+        _geometric(samples, membrane, stress[e], G)
+        for a in range(size):
             for k in range(3):
                 value = 0.0
-                for b in range(8):
+                for b in range(size):
                     value += G[a, b] * y[e, b, k]
                 out[e, a, k] = value
 
 
 @compiled
-def _geometric(samples: Array, stress: Array, out: Array) -> None:
-    """(8, 8) sum of stress (21,) times samples, of which the lower right block is zero."""
+def _geometric(samples: Array, membrane: int, stress: Array, out: Array) -> None:
+    """(2k, 2k) sum of stress (m,) times samples, of which the lower right block is zero."""
+    nodes = out.shape[0] // 2
     out[:, :] = 0.0
-    for i in range(5):
-        for a in range(4):
-            for b in range(4):
+    for i in range(membrane):
+        for a in range(nodes):
+            for b in range(nodes):
                 out[a, b] += stress[i] * samples[i, a, b]
-    for i in range(5, 21):
-        for a in range(4):
-            for b in range(4, 8):
+    for i in range(membrane, len(stress)):
+        for a in range(nodes):
+            for b in range(nodes, 2 * nodes):
                 out[a, b] += stress[i] * samples[i, a, b]
-    for a in range(4):
-        for b in range(4, 8):
+    for a in range(nodes):
+        for b in range(nodes, 2 * nodes):
             out[b, a] = out[a, b]
 
 
@@ -160,11 +174,12 @@ def element_blocks(
     stiffness: Array,
     bases: tuple[Array, Array],
 ) -> Array:
-    """(ne, 20, 20) tangent of each element in its nodes' bases: y (ne, 8, 3) of the mid-surface,
-    height (ne, 4), tables (membrane, bending, shear) of the Gauss points, stress (ne, 21) that
-    makes the geometric part, stiffness (ne, 4, 8, 8) times the area of each Gauss point, bases A
-    (ne, 4, 3, 3) and T (ne, 4, 3, 2)."""
-    out = np.empty((len(y), 20, 20))
+    """(ne, 5k, 5k) tangent of each element in its nodes' bases: y (ne, 2k, 3) of the mid-surface,
+    height (ne, k), tables (membrane, bending, shear) of the Gauss points, stress (ne, m) that
+    makes the geometric part, stiffness (ne, g, 8, 8) times the area of each Gauss point, bases A
+    (ne, k, 3, 3) and T (ne, k, 3, 2)."""
+    size = 5 * height.shape[1]
+    out = np.empty((len(y), size, size))
 
     def work(first: int, last: int) -> None:
         _blocks(first, last, samples, y, height, *tables, stress, stiffness, *bases, out)
@@ -189,30 +204,30 @@ def _blocks(
     T: Array,
     out: Array,
 ) -> None:
-    B = np.zeros((21, 8, 3))
-    R = np.zeros((21, 20))  # the samples' gradients in the nodes' bases
-    L = np.zeros((32, 20))  # the strains' gradients
-    CL = np.zeros((32, 20))
-    K = np.zeros((20, 20))
-    G = np.zeros((8, 8))
+    nodes, points, m = height.shape[1], stiffness.shape[1], len(samples)
+    stretch, slips = membrane.shape[3], shear.shape[3]
+    size, shears = 5 * nodes, m - slips
+    B = np.zeros((m, 2 * nodes, 3))
+    R = np.zeros((m, size))  # the samples' gradients in the nodes' bases
+    L = np.zeros((8 * points, size))  # the strains' gradients
+    CL = np.zeros((8 * points, size))
+    K = np.zeros((size, size))
+    G = np.zeros((2 * nodes, 2 * nodes))
     for e in range(first, last):
-        for i in range(21):
-            for a in range(8):
-                for k in range(3):
-                    B[i, a, k] = 0.0
-        for i in range(5):
-            for a in range(4):
-                for b in range(4):
+        B[:, :, :] = 0.0
+        for i in range(stretch):
+            for a in range(nodes):
+                for b in range(nodes):
                     for k in range(3):
                         B[i, a, k] += samples[i, a, b] * y[e, b, k]
-        for i in range(5, 21):
-            for a in range(4):
-                for b in range(4, 8):
+        for i in range(stretch, m):
+            for a in range(nodes):
+                for b in range(nodes, 2 * nodes):
                     for k in range(3):
                         B[i, a, k] += samples[i, a, b] * y[e, b, k]
                         B[i, b, k] += samples[i, a, b] * y[e, a, k]
-        for i in range(21):
-            for a in range(4):
+        for i in range(m):
+            for a in range(nodes):
                 h = height[e, a]
                 for j in range(3):
                     value = 0.0
@@ -222,43 +237,44 @@ def _blocks(
                 for j in range(2):
                     value = 0.0
                     for k in range(3):
-                        value += (B[i, 4 + a, k] + h * B[i, a, k]) * T[e, a, k, j]
+                        value += (B[i, nodes + a, k] + h * B[i, a, k]) * T[e, a, k, j]
                     R[i, 5 * a + 3 + j] = value
         L[:, :] = 0.0
         CL[:, :] = 0.0
-        for g in range(4):
+        for g in range(points):
             at = 8 * g
             for c in range(3):
-                for i in range(5):
-                    for j in range(20):
-                        L[at + c, j] += membrane[e, g, c, i] * R[i, j]
+                for i in range(stretch):
+                    if membrane[e, g, c, i] != 0.0:
+                        for j in range(size):
+                            L[at + c, j] += membrane[e, g, c, i] * R[i, j]
                 for i in range(3):
-                    for j in range(20):
-                        L[at + 3 + c, j] += bending[e, g, c, i] * R[5 + 3 * g + i, j]
+                    for j in range(size):
+                        L[at + 3 + c, j] += bending[e, g, c, i] * R[stretch + 3 * g + i, j]
             for c in range(2):
-                for i in range(4):
-                    for j in range(20):
-                        L[at + 6 + c, j] += shear[e, g, c, i] * R[17 + i, j]
+                for i in range(slips):
+                    for j in range(size):
+                        L[at + 6 + c, j] += shear[e, g, c, i] * R[shears + i, j]
             for c in range(8):
                 for i in range(8):
                     if stiffness[e, g, c, i] != 0.0:
-                        for j in range(20):
+                        for j in range(size):
                             CL[at + c, j] += stiffness[e, g, c, i] * L[at + i, j]
         np.dot(L.T, CL, K)
-        _geometric(samples, stress[e], G)
-        for a in range(4):
-            for b in range(4):
-                G[a, 4 + b] += height[e, b] * G[a, b]
-        for a in range(4):
-            for b in range(4):
-                G[4 + a, 4 + b] = height[e, a] * G[a, 4 + b]
-        for a in range(4):
-            for b in range(4):
-                G[4 + a, 4 + b] += height[e, b] * G[4 + a, b]
-        for a in range(4):
-            for b in range(4):
-                G[4 + b, a] = G[a, 4 + b]
-        for a in range(4):
+        _geometric(samples, stretch, stress[e], G)
+        for a in range(nodes):
+            for b in range(nodes):
+                G[a, nodes + b] += height[e, b] * G[a, b]
+        for a in range(nodes):
+            for b in range(nodes):
+                G[nodes + a, nodes + b] = height[e, a] * G[a, nodes + b]
+        for a in range(nodes):
+            for b in range(nodes):
+                G[nodes + a, nodes + b] += height[e, b] * G[nodes + a, b]
+        for a in range(nodes):
+            for b in range(nodes):
+                G[nodes + b, a] = G[a, nodes + b]
+        for a in range(nodes):
             for b in range(a + 1):
                 for i in range(3):
                     for j in range(3):
@@ -270,19 +286,19 @@ def _blocks(
                         value = 0.0
                         for k in range(3):
                             value += A[e, a, k, i] * T[e, b, k, j]
-                        K[5 * a + i, 5 * b + 3 + j] += G[a, 4 + b] * value
+                        K[5 * a + i, 5 * b + 3 + j] += G[a, nodes + b] * value
                 for i in range(2):
                     for j in range(3):
                         value = 0.0
                         for k in range(3):
                             value += T[e, a, k, i] * A[e, b, k, j]
-                        K[5 * a + 3 + i, 5 * b + j] += G[4 + a, b] * value
+                        K[5 * a + 3 + i, 5 * b + j] += G[nodes + a, b] * value
                     for j in range(2):
                         value = 0.0
                         for k in range(3):
                             value += T[e, a, k, i] * T[e, b, k, j]
-                        K[5 * a + 3 + i, 5 * b + 3 + j] += G[4 + a, 4 + b] * value
-        for i in range(20):
+                        K[5 * a + 3 + i, 5 * b + 3 + j] += G[nodes + a, nodes + b] * value
+        for i in range(size):
             for j in range(i + 1):
                 out[e, i, j] = K[i, j]
                 out[e, j, i] = K[i, j]

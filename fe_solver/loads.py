@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cosim.port import skew
 
-from .assumed_strain import GAUSS, shape
+from .elements import kind_of
 
 Array = NDArray[np.float64]
 
@@ -32,21 +32,22 @@ class Inertia:
 
 
 def pressure_forces(x: Array, pressure: Array) -> Array:
-    """(ne, 4, 3) N forces of the pressure (ne,) on the corners of quads x (ne, 4, 3)."""
-    out = np.zeros_like(x)
-    for r, s in GAUSS:
-        n, nr, ns = shape(r, s)
+    """(ne, k, 3) N forces of the pressure (ne,) on the nodes of elements x (ne, k, 3)."""
+    element, out = kind_of(x), np.zeros_like(x)
+    for factor, (r, s) in zip(element.factors, element.gauss, strict=True):
+        n, nr, ns = element.shape(r, s)
         area = np.cross(np.einsum("a,nak->nk", nr, x), np.einsum("a,nak->nk", ns, x))
-        out -= n[:, None] * (pressure[:, None] * area)[:, None]
+        out -= factor * n[:, None] * (pressure[:, None] * area)[:, None]
     return out
 
 
 def pressure_tangent(x: Array, pressure: Array) -> Array:
-    """(ne, 4, 3, 4, 3) derivative of `pressure_forces`; not symmetric at a free edge."""
-    out = np.zeros((len(x), 4, 3, 4, 3))
-    for r, s in GAUSS:
-        n, nr, ns = shape(r, s)
+    """(ne, k, 3, k, 3) derivative of `pressure_forces`; not symmetric at a free edge."""
+    element = kind_of(x)
+    out = np.zeros((*x.shape, *x.shape[1:]))
+    for factor, (r, s) in zip(element.factors, element.gauss, strict=True):
+        n, nr, ns = element.shape(r, s)
         xr, xs = np.einsum("a,nak->nk", nr, x), np.einsum("a,nak->nk", ns, x)
         slope = skew(xr)[:, :, None] * ns[:, None] - skew(xs)[:, :, None] * nr[:, None]
-        out -= n[:, None, None, None] * (pressure[:, None, None, None] * slope)[:, None]
+        out -= factor * n[:, None, None, None] * (pressure[:, None, None, None] * slope)[:, None]
     return out

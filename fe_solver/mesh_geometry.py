@@ -1,9 +1,11 @@
-"""Directors, areas and means at the nodes of a mesh of quads and triangles (a, b, c, c)."""
+"""Directors, areas and means at the nodes of elements (ne, k), triangles as (a, b, c, c)."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+
+from .elements import flat, kind_of
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
@@ -15,18 +17,19 @@ def is_triangle(quads: Ints) -> NDArray[np.bool_]:
 
 
 def corner_shares(quads: Ints) -> Array:
-    """(ne, 4) of an element for each of its corners; a triangle's doubled corner counts once."""
-    triangle = is_triangle(quads)[:, None]
-    return np.where(triangle, np.array([2.0, 2.0, 1.0, 1.0]) / 6, 0.25)
+    """(ne, k) of an element for each of its nodes; a triangle's doubled corner counts once."""
+    share = np.tile(kind_of(quads).share, (len(quads), 1))
+    share[is_triangle(quads), :4] = np.array([2.0, 2.0, 1.0, 1.0]) / 6
+    return share
 
 
 def node_directors(points: Array, quads: Ints) -> Array:
-    """(n, 3) unit normals at the nodes: the mean of the adjoining corners' normals."""
-    p = points[quads]
-    edge_in, edge_out = p - np.roll(p, 1, axis=1), np.roll(p, -1, axis=1) - p
-    corner = np.cross(edge_in, edge_out)
+    """(n, 3) unit normals at the nodes: the mean of the adjoining elements' there."""
+    element, p = kind_of(quads), points[quads]
+    bases = [element.base_vectors(p, r, s) for r, s in element.nodes]
+    corner = np.stack([np.cross(b[:, 0], b[:, 1]) for b in bases], axis=1)
     triangle = is_triangle(quads)
-    corner[triangle] = corner[triangle, :1] * [[[1.0], [1], [0.5], [0.5]]]
+    corner[triangle, :4] = corner[triangle, :1] * [[[1.0], [1], [0.5], [0.5]]]
     out = np.zeros_like(points)
     np.add.at(out, quads, corner)
     return out / np.linalg.norm(out, axis=1, keepdims=True)
@@ -34,14 +37,19 @@ def node_directors(points: Array, quads: Ints) -> Array:
 
 def node_means(values: Array, quads: Ints, count: int) -> Array:
     """(n,) mean of the quads' values (ne,) that meet at each node."""
-    total = np.bincount(quads.ravel(), weights=np.repeat(values, 4), minlength=count)
+    total = np.bincount(quads.ravel(), weights=np.repeat(values, quads.shape[1]), minlength=count)
     return total / np.maximum(np.bincount(quads.ravel(), minlength=count), 1)
+
+
+def element_areas(points: Array, quads: Ints) -> Array:
+    """(ne,) m2, of the flat quads that show the elements."""
+    p = points[flat(quads)]
+    area = np.linalg.norm(np.cross(p[:, 2] - p[:, 0], p[:, 3] - p[:, 1]), axis=1) / 2
+    return np.asarray(area.reshape(len(quads), -1).sum(axis=1))
 
 
 def node_areas(points: Array, quads: Ints) -> Array:
     """(n,) m2, of each adjoining element its corner's share."""
-    p = points[quads]
-    area = np.linalg.norm(np.cross(p[:, 2] - p[:, 0], p[:, 3] - p[:, 1]), axis=1) / 2
-    shares = (area[:, None] * corner_shares(quads)).ravel()
+    shares = (element_areas(points, quads)[:, None] * corner_shares(quads)).ravel()
     total = np.bincount(quads.ravel(), weights=shares, minlength=len(points))
     return total.astype(float, copy=False)

@@ -135,11 +135,11 @@ class ShellModel:
 
     @cached_property
     def side(self) -> Array:
-        """(ne, 4) signs of the reference's `cosines`."""
+        """(ne, k) signs of the reference's `cosines`."""
         return np.sign(self.cosines(self.reference, self.directors))
 
     def cosines(self, x: Array, d: Array) -> Array:
-        """(ne, 4) of the angles between the quads' normals and their corners' directors."""
+        """(ne, k) of the angles between the quads' normals and their nodes' directors."""
         X = x[self.quads]
         normal = cross(X[:, 2] - X[:, 0], X[:, 3] - X[:, 1])
         normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
@@ -249,10 +249,10 @@ class ShellModel:
         return e if e.data is not None else replace(e, data=self._assemble(c, e))
 
     def nodal(self, elements: Array) -> tuple[Array, Array]:
-        """Sums at the nodes, by position and by director (n, 3), of element vectors (ne, 8, 3)."""
-        n = len(self.reference)
-        by_position = scattered(self.quads, elements[:, :4], n)
-        return by_position, scattered(self.quads, elements[:, 4:], n)
+        """Sums at the nodes, by position and by director (n, 3), of element vectors (ne, 2k, 3)."""
+        n, k = len(self.reference), self.quads.shape[1]
+        by_position = scattered(self.quads, elements[:, :k], n)
+        return by_position, scattered(self.quads, elements[:, k:], n)
 
     def _follower(self, x: Array) -> Array:
         """(n, 3) N force of the pressure on the nodes."""
@@ -267,11 +267,11 @@ class ShellModel:
         bend = -np.einsum("ni,ni->n", e.gradient_d, c.d)
         bend = np.maximum(bend, 0) if e.convex else bend
         if self.pressure is not None:
-            at = (5 * np.arange(4)[:, None] + np.arange(3)).ravel()
+            at = (5 * np.arange(self.quads.shape[1])[:, None] + np.arange(3)).ravel()
             W = A[self.quads]
             slope = pressure_tangent(c.x[self.quads], self.pressure)
             turned = np.einsum("naki,nakbl,nblj->naibj", W, slope, W)
-            blocks[:, at[:, None], at] -= turned.reshape(-1, 12, 12)
+            blocks[:, at[:, None], at] -= turned.reshape(-1, len(at), len(at))
         nodal = np.zeros((len(bend), DOFS, DOFS))
         own = np.swapaxes(A[points.node], 1, 2) @ points.hessian @ A[points.node]
         np.add.at(nodal[:, :3, :3], points.node, own)

@@ -31,7 +31,7 @@ LAYERS, LAYER_WEIGHTS = np.polynomial.legendre.leggauss(5)
 
 class Resultants(NamedTuple):
     """Of each Gauss point, per reference area, against the generalized strains e11, e22, 2 e12,
-    k11, k22, 2 k12, g13, g23: energy (ne, 4) J/m2, force (ne, 4, 8) N/m and N, stiffness (ne, 4, 8,
+    k11, k22, 2 k12, g13, g23: energy (ne, g) J/m2, force (ne, g, 8) N/m and N, stiffness (ne, g, 8,
     8).  An inadmissible strain has infinite energy and no force."""
 
     energy: Array
@@ -41,7 +41,7 @@ class Resultants(NamedTuple):
 
 @dataclass(frozen=True)
 class Patch:
-    """Elements of one material: indices (k,), their law and thickness (k, 4) m at the Gauss
+    """Elements of one material: indices (k,), their law and thickness (k, g) m at the Gauss
     points.  Parameters of the law that differ by element have shape (k, 1, 1); `factor` (k, 1) or
     (1, 1) multiplies all its stresses.  `bending` (3, 3) Pa are moduli of bending besides the law's
     own; `shear_correction` multiplies transverse shear."""
@@ -65,18 +65,23 @@ class Section:
         return sum(len(p.elements) for p in self.patches)
 
     @cached_property
+    def points(self) -> int:
+        """Gauss points of an element."""
+        return self.patches[0].thickness.shape[1]
+
+    @cached_property
     def thickness(self) -> Array:
-        """(ne, 4) m."""
-        out = np.empty((self.count, 4))
+        """(ne, g) m."""
+        out = np.empty((self.count, self.points))
         for p in self.patches:
             out[p.elements] = p.thickness
         return out
 
     @cached_property
     def linear(self) -> Array:
-        """(ne, 4, 8, 8) constant stiffness: all of it where the law is linear; of a tension field
+        """(ne, g, 8, 8) constant stiffness: all of it where the law is linear; of a tension field
         bending and transverse shear, of a hyperelastic law the patch's own bending."""
-        out = np.zeros((self.count, 4, 8, 8))
+        out = np.zeros((self.count, self.points, 8, 8))
         for p in self.patches:
             out[p.elements] = p.factor[..., None, None] * _constant(p)
         return out
@@ -91,7 +96,7 @@ class Section:
         return tuple(map(_as_one, kinds.values()))
 
     def response(self, strain: Array) -> Resultants:
-        """Energy, force and stiffness at generalized strains (ne, 4, 8)."""
+        """Energy, force and stiffness at generalized strains (ne, g, 8)."""
         force = np.einsum("ngij,ngj->ngi", self.linear, strain)
         energy = np.einsum("ngi,ngi->ng", force, strain) / 2
         if not self.nonlinear:
@@ -108,7 +113,7 @@ class Section:
         return Resultants(energy, force, stiffness)
 
     def stress(self, strain: Array, z: float = 0.0) -> Array:
-        """(ne, 4, 3) second Piola-Kirchhoff stress S11, S22, S12 (Pa) at the height z, in halves of
+        """(ne, g, 3) second Piola-Kirchhoff stress S11, S22, S12 (Pa) at the height z, in halves of
         the thickness."""
         out = np.empty((*strain.shape[:2], 3))
         for p in self.patches:
@@ -120,10 +125,11 @@ class Section:
 
 
 def one_law(law: Law | TensionField, thickness: Array) -> Section:
-    """One law on elements of thickness (ne,) or (ne, 4)."""
+    """One law on elements of thickness (ne,), with four Gauss points, or (ne, g)."""
     thickness = np.asarray(thickness, dtype=float)
-    spread = np.broadcast_to(thickness.reshape(len(thickness), -1), (len(thickness), 4))
-    return Section((Patch(np.arange(len(spread)), law, spread),))
+    if thickness.ndim == 1:
+        thickness = np.tile(thickness[:, None], (1, 4))
+    return Section((Patch(np.arange(len(thickness)), law, thickness),))
 
 
 def joined_sections(patches: Sequence[Patch]) -> Section:
@@ -163,7 +169,7 @@ def _as_one(patches: Sequence[Patch]) -> Patch:
 
 
 def _constant(p: Patch) -> Array:
-    """(k, 4, 8, 8) of a patch: shear, and of a linear law membrane and bending."""
+    """(k, g, 8, 8) of a patch: shear, and of a linear law membrane and bending."""
     h = p.thickness
     out = np.zeros((*h.shape, 8, 8))
     law = p.law.base if isinstance(p.law, TensionField) else p.law
@@ -193,7 +199,7 @@ def _membrane(p: Patch, strain: Array) -> Resultants:
 def _integrated(p: Patch, strain: Array) -> Resultants:
     """A law at points through the thickness."""
     h = p.thickness[..., None]
-    z, w = LAYERS * h / 2, LAYER_WEIGHTS * h / 2  # (k, 4, layers)
+    z, w = LAYERS * h / 2, LAYER_WEIGHTS * h / 2  # (k, g, layers)
     answer = p.law.response(strain[..., None, :3] + z[..., None] * strain[..., None, 3:6])
     out = _nothing(strain)
     out.energy[:] = (w * answer.energy).sum(axis=-1)
@@ -241,7 +247,7 @@ def _with_shear(p: Patch, strain: Array, plane: Resultants) -> Resultants:
 
 
 def _at_points(modulus: Real, like: Array) -> Array:
-    """A law's modulus at the Gauss points (k, 4)."""
+    """A law's modulus at the Gauss points (k, g)."""
     return np.broadcast_to(modulus, (*like.shape, 1))[..., 0]
 
 

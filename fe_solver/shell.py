@@ -1,8 +1,9 @@
-"""Four-node shell element: total Lagrangian, finite rotations, position and unit director.
+"""Shell elements: total Lagrangian, finite rotations, position and unit director.
 
 The shell is x(r, s) + z d(r, s), with z the distance from the mid-surface along the director.  Its
-strains (`assumed_strain`) are quadratic forms of y = (x1..x4, d1..d4), so that their gradient is
-linear in y, their Hessian is constant and the tangent is exact and symmetric.
+strains (`strain_forms`) are quadratic forms of y = (x1..xk, d1..dk), so that their gradient is
+linear in y, their Hessian is constant and the tangent is exact and symmetric.  An element has k = 4
+nodes (`assumed_strain`) and is integrated at g = 4 Gauss points, or 6 (`six_nodes`) at 6.
 """
 
 from __future__ import annotations
@@ -12,22 +13,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from . import kernels
+from . import kernels, six_nodes
 from .assumed_strain import (
-    BENDING,
-    GAUSS,
-    MEMBRANE,
-    SAMPLES,
-    SHEAR,
+    FOUR,
     TRIANGLE_MEMBRANE,
-    base_vectors,
     distortion,
     quad_membrane,
     tied_shear,
-    to_cartesian,
     triangle_shear,
 )
+from .elements import KINDS, kind_of
 from .section import Section
+from .strain_forms import Element, to_cartesian
 
 Array = NDArray[np.float64]
 
@@ -40,11 +37,11 @@ angle, within it one sheet is curved; to the second the lean is made up for."""
 class ShellTables:
     """Constant tables of a mesh of shell elements.
 
-    Strains at the Gauss points from the samples: membrane (ne, 4, 3, 5), bending (ne, 4, 3, 3) from
-    the point's own three, shear (ne, 4, 2, 4), each less `offset` (ne, 4, 8); weight (ne, 4)
-    reference area of each Gauss point; frame (ne, 4, 3, 3) rows local axes 1 (fibre), 2
-    (transverse), 3 (normal) in the reference configuration; height (ne, 4) of the mid-surface over
-    the nodes, along the elements' directors, which are those of the nodes times `mitre` (ne, 4):
+    Strains at the Gauss points from the samples: membrane (ne, g, 3, 5 or 13), bending (ne, g, 3,
+    3) from the point's own three, shear (ne, g, 2, 4 or 7), each less `offset` (ne, g, 8); weight
+    (ne, g) reference area of each Gauss point; frame (ne, g, 3, 3) rows local axes 1 (fibre), 2
+    (transverse), 3 (normal) in the reference configuration; height (ne, k) of the mid-surface over
+    the nodes, along the elements' directors, which are those of the nodes times `mitre` (ne, k):
     where sheets meet at an angle the node's director leans, and is the longer for it, so that the
     thickness across each sheet is its own."""
 
@@ -57,79 +54,98 @@ class ShellTables:
     height: Array
     mitre: Array
 
+    @property
+    def element(self) -> Element:
+        """The kind of the elements."""
+        return KINDS[self.height.shape[1]]
+
     def middle(self, y: Array) -> Array:
-        """y (ne, 8, 3) of the nodes as that of the mid-surface."""
+        """y (ne, 2k, 3) of the nodes as that of the mid-surface."""
         return _over(y, self.height, self.mitre)
 
     def strain(self, y: Array) -> Array:
-        """(ne, 4, 8) generalized strains of the nodes' y (ne, 8, 3): e11, e22, 2 e12 of the
+        """(ne, g, 8) generalized strains of the nodes' y (ne, 2k, 3): e11, e22, 2 e12 of the
         mid-surface, k11, k22, 2 k12 of bending, g13, g23 of transverse shear."""
-        return self.combined(_sampled(self.middle(y)))
+        return self.combined(_sampled(self.element, self.middle(y)))
 
     def combined(self, samples: Array) -> Array:
-        """(ne, 4, 8) strains from samples (ne, 21)."""
+        """(ne, g, 8) strains from samples (ne, m)."""
+        membrane, bending, shear = self.element.parts
+        points = self.weight.shape[1]
         parts = [
-            self.membrane @ samples[:, None, MEMBRANE, None],
-            self.bending @ samples[:, BENDING].reshape(-1, 4, 3, 1),
-            self.shear @ samples[:, None, SHEAR, None],
+            self.membrane @ samples[:, None, membrane, None],
+            self.bending @ samples[:, bending].reshape(-1, points, 3, 1),
+            self.shear @ samples[:, None, shear, None],
         ]
         return np.concatenate(parts, axis=2)[..., 0] - self.offset
 
     def collected(self, force: Array) -> Array:
-        """(ne, 21) stress of the samples from the forces (ne, 4, 8) of the Gauss points."""
+        """(ne, m) stress of the samples from the forces (ne, g, 8) of the Gauss points."""
+        bent = np.einsum("ngci,ngc->ngi", self.bending, force[..., 3:6])
         parts = [
             np.einsum("ngci,ngc->ni", self.membrane, force[..., :3]),
-            np.einsum("ngci,ngc->ngi", self.bending, force[..., 3:6]).reshape(-1, 12),
+            bent.reshape(len(bent), 3 * bent.shape[1]),
             np.einsum("ngci,ngc->ni", self.shear, force[..., 6:]),
         ]
         return np.concatenate(parts, axis=1)
 
     def forces(self, y: Array, resultant: Array) -> Array:
-        """(ne, 8, 3) by the nodes' y: gradient of resultant (ne, 4, 8) times strain, no area."""
-        out = _stress_gradient(self.middle(y), self.collected(resultant))
-        out[:, 4:] += self.height[:, :, None] * out[:, :4]
-        out[:, 4:] *= self.mitre[:, :, None]
+        """(ne, 2k, 3) by the nodes' y: gradient of resultant (ne, g, 8) times strain, no area."""
+        k = y.shape[1] // 2
+        out = _stress_gradient(self.element, self.middle(y), self.collected(resultant))
+        out[:, k:] += self.height[:, :, None] * out[:, :k]
+        out[:, k:] *= self.mitre[:, :, None]
         return out
 
     def spread(self) -> Array:
-        """(ne, 32, 21) the combinations as one matrix an element."""
-        out = np.zeros((len(self.weight), 4, 8, 21))
-        out[:, :, :3, MEMBRANE], out[:, :, 6:, SHEAR] = self.membrane, self.shear
-        for g in range(4):
-            out[:, g, 3:6, 5 + 3 * g : 8 + 3 * g] = self.bending[:, g]
-        return out.reshape(-1, 32, 21)
+        """(ne, 8 g, m) the combinations as one matrix an element."""
+        membrane, bending, shear = self.element.parts
+        ne, points = self.weight.shape
+        out = np.zeros((ne, points, 8, len(self.element.samples)))
+        out[:, :, :3, membrane], out[:, :, 6:, shear] = self.membrane, self.shear
+        for g in range(points):
+            first = bending.start + 3 * g
+            out[:, g, 3:6, first : first + 3] = self.bending[:, g]
+        return out.reshape(ne, 8 * points, -1)
 
 
-def _sampled(y: Array) -> Array:
-    """(ne, 21) samples of the mid-surface's y (ne, 8, 3)."""
+def _sampled(element: Element, y: Array) -> Array:
+    """(ne, m) samples of the mid-surface's y (ne, 2k, 3)."""
     if kernels.COMPILED:
-        return kernels.sampled(SAMPLES, y)
-    return np.einsum("ncak,nak->nc", SAMPLES @ y[:, None], y) / 2
+        return kernels.sampled(element.samples, element.parts[0].stop, y)
+    return np.einsum("ncak,nak->nc", element.samples @ y[:, None], y) / 2
 
 
 def _over(y: Array, height: Array, mitre: Array) -> Array:
+    k = y.shape[1] // 2
     out = y.copy()
-    out[:, 4:] *= mitre[:, :, None]
-    out[:, :4] += height[:, :, None] * out[:, 4:]
+    out[:, k:] *= mitre[:, :, None]
+    out[:, :k] += height[:, :, None] * out[:, k:]
     return out
 
 
 def _mitre(X: Array, D: Array) -> Array:
-    """(ne, 4) 1 / |D . n|, with the elements' normals n at their corners, where there is a fold;
+    """(ne, k) 1 / |D . n|, with the elements' normals n at their nodes, where there is a fold;
     directors may point to either side."""
-    into, out_of = X - np.roll(X, 1, axis=1), np.roll(X, -1, axis=1) - X
-    normal = np.cross(into, out_of)
-    triangle = (X[:, 2] == X[:, 3]).all(axis=1)
+    element = kind_of(X)
+    bases = [element.base_vectors(X, r, s) for r, s in element.nodes]
+    normal = np.stack([np.cross(b[:, 0], b[:, 1]) for b in bases], axis=1)
+    triangle = is_triangle(X)
     normal[triangle] = normal[triangle, :1]
     normal /= np.linalg.norm(normal, axis=2, keepdims=True)
     lean = np.abs(np.einsum("nak,nak->na", normal, D))
     return np.where(lean < FOLD, 1 / np.maximum(lean, STEEPEST), 1.0)
 
 
+def is_triangle(X: Array) -> NDArray[np.bool_]:
+    """(ne,) whose last two corners are at one place; X (ne, k, 3)."""
+    return np.asarray((X[:, 2] == X[:, 3]).all(axis=1))
+
+
 def local_frames(X: Array, fibre: Array, r: float, s: float) -> tuple[Array, Array, Array]:
     """Local axes (ne, 3, 3) as rows, J (ne, 2, 2) and area factor (ne,) at one point of the
-    reference elements X (ne, 4, 3); axis 1 is `fibre` (ne, 3) brought into the tangent plane."""
-    G = base_vectors(X, r, s)
+    reference elements X (ne, k, 3); axis 1 is `fibre` (ne, 3) brought into the tangent plane."""
+    G = kind_of(X).base_vectors(X, r, s)
     normal = np.cross(G[:, 0], G[:, 1])
     area = np.linalg.norm(normal, axis=1)
     normal = normal / area[:, None]
@@ -148,49 +164,65 @@ def shell_tables(
     *,
     even: bool = True,
 ) -> ShellTables:
-    """Tables for elements with nodes X (ne, 4, 3), unit directors D (ne, 4, 3), fibre directions
-    (ne, 3) or (ne, 4, 3) at the Gauss points, and fibre growth (ne,): the stress-free length along
+    """Tables for elements with nodes X (ne, k, 3), unit directors D (ne, k, 3), fibre directions
+    (ne, 3) or (ne, g, 3) at the Gauss points, and fibre growth (ne,): the stress-free length along
     the fibre is 1 + growth times that of the mesh (a multiplicative, plane eigenstrain).  `height`
-    (ne, 4), m, of the mid-surface over each node along its director: nodes on the lower face of a
+    (ne, k), m, of the mid-surface over each node along its director: nodes on the lower face of a
     shell lie half its thickness below.  `even`: the in-plane shear is evened over each quad, as in
     `assumed_strain`; else bilinear, as FEBio has it."""
-    ne = len(X)
-    height = np.broadcast_to(height, (ne, 4)).astype(float)
-    fibre = np.broadcast_to(fibre[:, None] if fibre.ndim == 2 else fibre, (ne, 4, 3))
+    element, ne = kind_of(X), len(X)
+    points = len(element.gauss)
+    height = np.broadcast_to(height, X.shape[:2]).astype(float)
+    fibre = np.broadcast_to(fibre[:, None] if fibre.ndim == 2 else fibre, (ne, points, 3))
     nodes, mitre = np.concatenate([X, D], axis=1), _mitre(X, D)
-    Y = _over(nodes, height, mitre)
-    X = Y[:, :4]
-    triangle = (X[:, 2] == X[:, 3]).all(axis=1)
-    warp = np.zeros((5, ne))
-    warp[:, ~triangle] = distortion(X[~triangle])
+    X = _over(nodes, height, mitre)[:, : X.shape[1]]
+    tied = _four_nodes if element is FOUR else _six_nodes
+    membranes, shears = tied(X, even)
     tensor = np.stack([(1 + growth) ** -2, np.ones(ne), 1 / (1 + growth)], axis=1)[:, :, None]
     edges = np.stack([X[:, 1] - X[:, 0], X[:, 2] - X[:, 0]], axis=2)
-    membranes = np.moveaxis(quad_membrane(X, warp, even), 1, 0)
+    triangle = is_triangle(X)[:, None, None]
     parts: list[tuple[Array, ...]] = []
-    for (r, s), along, quad in zip(GAUSS, np.moveaxis(fibre, 1, 0), membranes, strict=True):
-        frame, J, area = local_frames(X, along, r, s)
-        own = np.where(triangle[:, None, None], frame[:, :2] @ edges, J)
-        tri = triangle[:, None, None]
-        membrane = np.where(tri, TRIANGLE_MEMBRANE, quad)
-        shear = np.where(tri, triangle_shear(r, s), tied_shear(r, s))
+    for g, (r, s) in enumerate(element.gauss):
+        frame, J, area = local_frames(X, fibre[:, g], r, s)
+        own = np.where(triangle, frame[:, :2] @ edges, J)
         bending = to_cartesian(J, np.broadcast_to(np.eye(3), (ne, 3, 3)))
-        shear = np.swapaxes(np.linalg.inv(own), 1, 2) @ shear
+        shear = np.swapaxes(np.linalg.inv(own), 1, 2) @ shears[:, g]
         shear[:, 0] /= (1 + growth)[:, None]
-        membrane = to_cartesian(own, membrane) * tensor
-        parts.append((membrane, bending * tensor, shear, area * (1 + growth), frame))
+        membrane = to_cartesian(own, membranes[:, g]) * tensor
+        area = element.factors[g] * area * (1 + growth)
+        parts.append((membrane, bending * tensor, shear, area, frame))
     membrane, bending, shear, weight, frames = (np.stack(p, 1) for p in zip(*parts, strict=True))
-    none = np.zeros((ne, 4, 8))
+    none = np.zeros((ne, points, 8))
     bare = ShellTables(membrane, bending, shear, none, weight, frames, height, mitre)
     offset = bare.strain(nodes)
     offset[:, :, 0] += (1 - tensor[:, 0]) / 2
     return replace(bare, offset=offset)
 
 
+def _four_nodes(X: Array, even: bool) -> tuple[Array, Array]:
+    """Membrane (ne, 4, 3, 5) and shear (ne, 4, 2, 4) at the Gauss points from the samples: of quads
+    covariant, of triangles along their first and last edge."""
+    triangle = is_triangle(X)
+    warp = np.zeros((5, len(X)))
+    warp[:, ~triangle] = distortion(X[~triangle])
+    membrane = quad_membrane(X, warp, even)
+    membrane[triangle] = TRIANGLE_MEMBRANE
+    shear = np.stack([tied_shear(r, s) for r, s in FOUR.gauss])
+    of_triangle = np.stack([triangle_shear(r, s) for r, s in FOUR.gauss])
+    return membrane, np.where(triangle[:, None, None, None], of_triangle, shear)
+
+
+def _six_nodes(X: Array, even: bool) -> tuple[Array, Array]:
+    """Membrane (ne, 6, 3, 13) and shear (ne, 6, 2, 7), covariant, as `_four_nodes`."""
+    shear = np.stack([six_nodes.tied_shear(r, s) for r, s in six_nodes.GAUSS])
+    return six_nodes.tied_membrane(X, even), np.broadcast_to(shear, (len(X), *shear.shape))
+
+
 @dataclass(frozen=True)
 class ElementResponse:
-    """Energy (J) of all elements and its gradient (ne, 8, 3) by the nodes' y, with what the tangent
-    is made of: the mid-surface's y (ne, 8, 3), and the Gauss points' forces (ne, 4, 8) and
-    stiffness (ne, 4, 8, 8), the first times the points' areas."""
+    """Energy (J) of all elements and its gradient (ne, 2k, 3) by the nodes' y, with what the
+    tangent is made of: the mid-surface's y (ne, 2k, 3), and the Gauss points' forces (ne, g, 8) and
+    stiffness (ne, g, 8, 8), the first times the points' areas."""
 
     energy: float
     gradient: Array
@@ -200,9 +232,9 @@ class ElementResponse:
 
 
 def element_response(tables: ShellTables, section: Section, y: Array) -> ElementResponse:
-    """Energy and gradient of all elements at the nodes' y (ne, 8, 3)."""
+    """Energy and gradient of all elements at the nodes' y (ne, 2k, 3)."""
     middle = tables.middle(y)
-    answer = section.response(tables.combined(_sampled(middle)))
+    answer = section.response(tables.combined(_sampled(tables.element, middle)))
     energy = float(np.vdot(answer.energy, tables.weight))
     force = answer.force * tables.weight[:, :, None]
     return ElementResponse(energy, tables.forces(y, force), middle, force, answer.stiffness)
@@ -211,7 +243,7 @@ def element_response(tables: ShellTables, section: Section, y: Array) -> Element
 def element_blocks(
     tables: ShellTables, response: ElementResponse, bases: tuple[Array, Array], convex: bool = False
 ) -> Array:
-    """(ne, 20, 20) tangent in the nodes' bases A (ne, 4, 3, 3) and T (ne, 4, 3, 2), without the
+    """(ne, 5k, 5k) tangent in the nodes' bases A (ne, k, 3, 3) and T (ne, k, 3, 2), without the
     curvature of the directors' sphere.
 
     `convex` keeps of the geometric stiffness what tension makes, so that the tangent is positive
@@ -224,7 +256,7 @@ def element_blocks(
 
 
 def tensile(resultant: Array) -> Array:
-    """The part of the stress resultants (ne, 4, 8) whose geometric stiffness is not negative: the
+    """The part of the stress resultants (ne, g, 8) whose geometric stiffness is not negative: the
     membrane's tensile principal forces."""
     n1, n2, n12 = resultant[..., 0], resultant[..., 1], resultant[..., 2]
     mean, half = (n1 + n2) / 2, (n1 - n2) / 2
@@ -238,31 +270,39 @@ def tensile(resultant: Array) -> Array:
     return out
 
 
-def _stress_gradient(y: Array, stress: Array) -> Array:
-    """(ne, 8, 3) gradient of the samples, weighted by stress (ne, 21)."""
+def _stress_gradient(element: Element, y: Array, stress: Array) -> Array:
+    """(ne, 2k, 3) gradient of the samples, weighted by stress (ne, m)."""
     if kernels.COMPILED:
-        return kernels.stress_gradient(SAMPLES, y, stress)
-    return (stress @ SAMPLES.reshape(21, 64)).reshape(-1, 8, 8) @ y
+        return kernels.stress_gradient(element.samples, element.parts[0].stop, y, stress)
+    return _geometric(element, stress) @ y
+
+
+def _geometric(element: Element, stress: Array) -> Array:
+    """(ne, 2k, 2k) Hessian of the samples, weighted by stress (ne, m)."""
+    m, size = element.samples.shape[:2]
+    return (stress @ element.samples.reshape(m, size * size)).reshape(-1, size, size)
 
 
 def _compiled_blocks(
     tables: ShellTables, y: Array, stress: Array, stiffness: Array, bases: tuple[Array, Array]
 ) -> Array:
     parts = tables.membrane, tables.bending, tables.shear
-    return kernels.element_blocks(SAMPLES, y, tables.height, parts, stress, stiffness, bases)
+    samples = tables.element.samples
+    return kernels.element_blocks(samples, y, tables.height, parts, stress, stiffness, bases)
 
 
 def _plain_blocks(
     tables: ShellTables, y: Array, stress: Array, stiffness: Array, bases: tuple[Array, Array]
 ) -> Array:
     """The element tangents in numpy: what the compiled kernel is held to."""
-    ne = len(y)
-    spread = tables.spread()
-    flat = (SAMPLES @ y[:, None]).reshape(ne, 21, 24)
-    inner = (stiffness @ spread.reshape(ne, 4, 8, 21)).reshape(ne, 32, 21)
+    ne, size = y.shape[:2]
+    samples, spread = tables.element.samples, tables.spread()
+    m, points = len(samples), stiffness.shape[1]
+    flat = (samples @ y[:, None]).reshape(ne, m, 3 * size)
+    inner = (stiffness @ spread.reshape(ne, points, 8, m)).reshape(ne, 8 * points, m)
     hessian = np.swapaxes(flat, 1, 2) @ (np.swapaxes(spread, 1, 2) @ inner) @ flat
-    geometric = (stress @ SAMPLES.reshape(21, 64)).reshape(ne, 8, 8)
-    blocks = hessian.reshape(ne, 8, 3, 8, 3)
+    geometric = _geometric(tables.element, stress)
+    blocks = hessian.reshape(ne, size, 3, size, 3)
     for k in range(3):
         blocks[:, :, k, :, k] += geometric
     W = _projection(tables.height, *bases)
@@ -271,10 +311,12 @@ def _plain_blocks(
 
 
 def _projection(height: Array, A: Array, T: Array) -> Array:
-    """(ne, 24, 20) the mid-surface's y by the nodes' degrees of freedom."""
-    W = np.zeros((len(A), 24, 20))
-    for a in range(4):
-        x, d, at = slice(3 * a, 3 * a + 3), slice(12 + 3 * a, 15 + 3 * a), 5 * a
+    """(ne, 6k, 5k) the mid-surface's y by the nodes' degrees of freedom."""
+    ne, count = height.shape
+    W = np.zeros((ne, 6 * count, 5 * count))
+    for a in range(count):
+        x, at = slice(3 * a, 3 * a + 3), 5 * a
+        d = slice(3 * (count + a), 3 * (count + a) + 3)
         W[:, x, at : at + 3], W[:, d, at + 3 : at + 5] = A[:, a], T[:, a]
         W[:, x, at + 3 : at + 5] = height[:, a, None, None] * T[:, a]
     return W

@@ -32,6 +32,7 @@ from fe_solver.model import Configuration
 from fe_solver.newton import solve
 from fe_solver.section import Section, one_law
 from fe_solver.shell import Array, ShellTables, element_blocks, element_response, shell_tables
+from fe_solver.six_nodes import SIX
 from fe_solver.tension_field import TensionField
 
 VECTORS = st.tuples(*[st.floats(-3, 3)] * 3).map(np.array)
@@ -40,25 +41,24 @@ SHAPES = {
     "skew flat": (0.25, 0.0),
     "warped": (0.25, 0.3),
     "tri": (0.25, 0.3),
+    "six nodes": (0.1, 0.1),
 }
-"""Random distortion of the corners in the plane and out of it."""
+"""Random distortion of the nodes in the plane and out of it."""
 
 
 def element(name: str, growth: float = 0.0) -> tuple[ShellTables, Section, Array]:
-    """Tables, section and reference y (1, 8, 3) of one element of about unit size."""
+    """Tables, section and reference y (1, 2k, 3) of one element of about unit size."""
     rng = np.random.default_rng(3)
     flat, high = SHAPES[name]
-    X = np.column_stack([CORNERS / 2, np.zeros(4)]) + rng.uniform(-1, 1, (4, 3)) * [
-        flat,
-        flat,
-        high,
-    ]
-    D = np.array([0.0, 0, 1]) + high * rng.uniform(-1, 1, (4, 3))
+    nodes = SIX.nodes if name == "six nodes" else CORNERS
+    k = len(nodes)
+    X = np.column_stack([nodes / 2, np.zeros(k)]) + rng.uniform(-1, 1, (k, 3)) * [flat, flat, high]
+    D = np.array([0.0, 0, 1]) + high * rng.uniform(-1, 1, (k, 3))
     D /= np.linalg.norm(D, axis=1, keepdims=True)
     if name == "tri":
         X[3], D[3] = X[2], D[2]
     tables = shell_tables(X[None], D[None], np.array([[1.0, 0.4, 0.0]]), np.array([growth]))
-    return tables, one_law(Isotropic(1.0, 0.3), np.array([0.2])), np.vstack([X, D])[None]
+    return tables, one_law(Isotropic(1.0, 0.3), np.full((1, k), 0.2)), np.vstack([X, D])[None]
 
 
 def arc(X: Array, angle: float, length: float) -> Configuration:
@@ -79,7 +79,7 @@ def derivative(f, y, direction, step=0.1):
 def test_a_rigid_motion_costs_nothing(turn, shift, name):
     tables, section, y = element(name)
     moved = y @ rotation_matrix(turn).T
-    moved[:, :4] += shift
+    moved[:, : y.shape[1] // 2] += shift
     response = element_response(tables, section, moved)
     assert response.energy < 1e-24
     assert np.abs(response.gradient).max() < 1e-13
@@ -94,16 +94,19 @@ LAWS = {
 
 @pytest.mark.parametrize("compiled", [False, True])
 @pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize(("name", "growth"), [("warped", 0.2), ("skew flat", 0.0), ("tri", 0.1)])
+@pytest.mark.parametrize(
+    ("name", "growth"), [("warped", 0.2), ("skew flat", 0.0), ("tri", 0.1), ("six nodes", 0.2)]
+)
 def test_gradient_and_tangent_are_the_energys(name, growth, law, compiled, monkeypatch):
     """In nodal bases that are no rotations of the world's, with nodes off the mid-surface."""
     monkeypatch.setattr(kernels, "COMPILED", compiled and kernels.COMPILED)
     tables, _, y = element(name, growth)
-    section = one_law(LAWS[law], np.array([0.2]))
+    k = y.shape[1] // 2
+    section = one_law(LAWS[law], np.full((1, k), 0.2))
     rng = np.random.default_rng(4)
-    tables = replace(tables, height=rng.normal(size=(1, 4)) / 10)
-    y = y + 0.1 * rng.normal(size=y.shape)
-    bases = rng.normal(size=(1, 4, 3, 3)), rng.normal(size=(1, 4, 3, 2))
+    tables = replace(tables, height=rng.normal(size=(1, k)) / 10)
+    y = y + (0.1 if k == 4 else 0.03) * rng.normal(size=y.shape)  # nearer to each other
+    bases = rng.normal(size=(1, k, 3, 3)), rng.normal(size=(1, k, 3, 2))
     here = element_response(tables, section, y)
     blocks = element_blocks(tables, here, bases)
 
@@ -112,7 +115,7 @@ def test_gradient_and_tangent_are_the_energys(name, growth, law, compiled, monke
 
     assert np.array_equal(here.gradient, at(y).gradient)
     assert np.array_equal(blocks, np.swapaxes(blocks, 1, 2))
-    for u in rng.normal(size=(3, 4, 5)):
+    for u in rng.normal(size=(3, k, 5)):
         dx = np.einsum("aij,aj->ai", bases[0][0], u[:, :3])
         dd = np.einsum("aij,aj->ai", bases[1][0], u[:, 3:])
         step = 1e-3 * np.concatenate([dx, dd])[None]
@@ -121,8 +124,8 @@ def test_gradient_and_tangent_are_the_energys(name, growth, law, compiled, monke
         change = derivative(lambda moved: at(moved).gradient, y, step)[0]
         seen = np.concatenate(
             [
-                np.einsum("aij,ai->aj", bases[0][0], change[:4]),
-                np.einsum("aij,ai->aj", bases[1][0], change[4:]),
+                np.einsum("aij,ai->aj", bases[0][0], change[:k]),
+                np.einsum("aij,ai->aj", bases[1][0], change[k:]),
             ],
             axis=1,
         ).ravel()
@@ -149,7 +152,7 @@ def test_the_frame_plays_no_part(turn, name):
     """Mesh, fibres and deformation turned together: the same energy, the forces turned."""
     tables, section, y = element(name, growth=0.1)
     R = rotation_matrix(turn)
-    X, D = y[:, :4], y[:, 4:]
+    X, D = np.split(y, 2, axis=1)
     turned = shell_tables(X @ R.T, D @ R.T, np.array([[1.0, 0.4, 0.0]]) @ R.T, np.array([0.1]))
     moved = y + 0.2 * np.random.default_rng(5).normal(size=y.shape)
     one = element_response(tables, section, moved)

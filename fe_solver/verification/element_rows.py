@@ -15,12 +15,15 @@ from ..shell import Array
 from ..tension_field import TensionField
 from . import sheets
 from .material_rows import LAWS
-from .sheets import at_rest, clamped, disturbed, plate, sheet
+from .sheets import at_rest, clamped, disturbed, plate, sheet, six_noded
 
 SIDE, THICK = 10e-3, 1e-3
 SOFT = Isotropic(1e6, 0.3)
 OWN = "central differences"
-SHAPES = ("flat quads", "warped quads", "triangles", "folded quads", "quads that taper")
+SHAPES = (
+    *("flat quads", "warped quads", "triangles", "six-node quads", "folded quads"),
+    "quads that taper",
+)
 FOLD = np.deg2rad(60)
 # MacNeal and Harder 1985, Finite Elem Anal Des 1:3: nodes and quads of the patch test.
 PATCH = np.array(
@@ -42,6 +45,9 @@ def distorted(shape: str, law: Law | TensionField = SOFT, height: float = 0.0) -
     shift = np.random.default_rng(3).uniform(-0.2, 0.2, X.shape) * SIDE
     flat = shape in ("flat quads", "folded quads")
     X = X + shift * [1, 1, 0 if flat else 1]
+    if shape == "six-node quads":
+        X, quads = six_noded(X, quads)
+        X[6 * 2 :] += np.random.default_rng(4).uniform(-0.05, 0.05, X[6 * 2 :].shape) * SIDE
     thickness: float | Array = THICK
     if shape == "folded quads":
         X = folded(X)
@@ -113,7 +119,7 @@ def rigid_rows() -> Iterator[Row]:
         worst = 0.0
         for _ in range(20):
             moved = y @ rotation_matrix(rng.uniform(-3, 3, 3)).T
-            moved[:, :4] += rng.uniform(-10, 10, 3) * SIDE
+            moved[:, : model.quads.shape[1]] += rng.uniform(-10, 10, 3) * SIDE
             strain = model.tables.strain(moved)
             strain[..., 3:6] *= THICK / 2
             worst = max(worst, float(np.abs(strain).max()))
@@ -124,7 +130,7 @@ def zero_modes(shape: str) -> int:
     """Modes of a free element whose stiffness is below 1e-12 of the stiffest."""
     whole = distorted(shape)
     nodes, quad = np.unique(whole.quads[0], return_inverse=True)
-    model = sheet(whole.reference[nodes], quad.reshape(1, 4), 1e6, 0.3, THICK)
+    model = sheet(whole.reference[nodes], quad.reshape(1, -1), 1e6, 0.3, THICK)
     e = model.evaluate(at_rest(model), np.zeros(0), tangent=True)
     assert e.data is not None
     K = model.pattern.full(e.data).toarray()
@@ -135,29 +141,50 @@ def zero_modes(shape: str) -> int:
 
 def zero_mode_rows() -> Iterator[Row]:
     """Of one element; folded ones are flat each for itself."""
-    for shape in SHAPES[:3]:
+    for shape in SHAPES[:4]:
         count, what = zero_modes(shape), f"zero-energy modes, {shape}"
         yield Row("free element", what, 6, count, 0.0, "rigid motions", "absolute")
 
 
 def patch_rows() -> Iterator[Row]:
-    """Fields of MacNeal and Harder, imposed at the four corners."""
-    x, y = PATCH.T
-    o = np.zeros(8)
-    membrane = 1e-3 * np.column_stack([x + y / 2, y + x / 2, o]), np.zeros((8, 3))
-    bending = (
-        1e-3 * np.column_stack([o, o, (x**2 + x * y + y**2) / 2]),
-        -1e-3 * np.column_stack([x + y / 2, y + x / 2, o]),
-    )
-    for kind, quads in (("quads", PATCH_QUADS), ("triangles", halved(PATCH_QUADS))):
-        model = sheet(np.column_stack([PATCH, o]), quads, 1e6, 0.25, 1e-3)
-        model = clamped(model, np.arange(4))
-        for name, (u, turn) in (("membrane", membrane), ("bending", bending)):
-            values = sheets.in_basis(model, u, turn)
-            seen, turned = sheets.linear_response(model, np.zeros((8, 3)), values)
-            error = max(_relative(seen, u), _relative(turned, turn))
-            source = "MacNeal, Harder 1985; relative error at the inner nodes"
-            yield Row("patch test", f"{name}, {kind}", 1e-10, error, 0.0, source, "bound")
+    """Fields of MacNeal and Harder, imposed at the outer nodes."""
+    ring = np.column_stack([PATCH, np.zeros(8)])
+    kinds = {
+        "quads": (ring, PATCH_QUADS),
+        "triangles": (ring, halved(PATCH_QUADS)),
+        "six-node quads": six_noded(*_distorted_grid()),
+    }
+    for kind, (X, quads) in kinds.items():
+        yield from _patch(kind, X, quads)
+
+
+def _distorted_grid() -> tuple[Array, np.ndarray]:
+    """3 x 3 quads on the patch's rectangle, their inner nodes moved."""
+    X, quads = plate(0.24, 0.12, 3, 3)
+    inside = (X[:, 0] % 0.24 > 1e-9) & (X[:, 1] % 0.12 > 1e-9)
+    X[inside, :2] += np.random.default_rng(9).uniform(-0.01, 0.01, (inside.sum(), 2))
+    return X, quads
+
+
+def _patch(kind: str, X: Array, quads: np.ndarray) -> Iterator[Row]:
+    x, y, o = X.T
+    size, outer = np.ptp(X, axis=0)[:2], np.zeros(len(X), dtype=bool)
+    for k in range(2):
+        outer |= np.isclose(X[:, k], 0) | np.isclose(X[:, k], size[k])
+    fields = {
+        "membrane": (1e-3 * np.column_stack([x + y / 2, y + x / 2, o]), np.zeros_like(X)),
+        "bending": (
+            1e-3 * np.column_stack([o, o, (x**2 + x * y + y**2) / 2]),
+            -1e-3 * np.column_stack([x + y / 2, y + x / 2, o]),
+        ),
+    }
+    model = clamped(sheet(X, quads, 1e6, 0.25, 1e-3), np.flatnonzero(outer))
+    for name, (u, turn) in fields.items():
+        values = sheets.in_basis(model, u, turn)
+        seen, turned = sheets.linear_response(model, np.zeros_like(X), values)
+        error = max(_relative(seen, u), _relative(turned, turn))
+        source = "MacNeal, Harder 1985; relative error at the inner nodes"
+        yield Row("patch test", f"{name}, {kind}", 1e-10, error, 0.0, source, "bound")
 
 
 def _relative(seen: Array, exact: Array) -> float:

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..assumed_strain import GAUSS, shape
 from ..contact import Contact
+from ..elements import kind_of
 from ..guides import Guides, Ties
 from ..materials import Isotropic, Law
 from ..mesh_geometry import node_areas, node_directors
@@ -40,6 +40,15 @@ def plate(length: float, width: float, nx: int, ny: int) -> tuple[Array, np.ndar
     """A flat sheet in the x-y plane: points (n, 3), quads."""
     uv, quads = grid(nx, ny)
     return np.column_stack([uv * [length, width], np.zeros(len(uv))]), quads
+
+
+def six_noded(points: Array, quads: np.ndarray) -> tuple[Array, np.ndarray]:
+    """The sheet with a node in the middle of each quad's edges from its first to its fourth corner
+    and from its second to its third."""
+    edges = np.sort(quads[:, [[0, 3], [1, 2]]].reshape(-1, 2), axis=1)
+    edges, middle = np.unique(edges, axis=0, return_inverse=True)
+    more = len(points) + middle.reshape(-1, 2)
+    return np.vstack([points, points[edges].mean(axis=1)]), np.hstack([quads, more])
 
 
 def mapped(nx: int, ny: int, shape: Map) -> tuple[Array, np.ndarray]:
@@ -85,8 +94,9 @@ def sheet(
 
 
 def _at_gauss(nodal: float | Array, n: int, quads: np.ndarray) -> Array:
-    """(ne, 4) at the Gauss points of what the n nodes have."""
-    weight = np.stack([shape(r, s)[0] for r, s in GAUSS])
+    """(ne, g) at the Gauss points of what the n nodes have."""
+    element = kind_of(quads)
+    weight = np.stack([element.shape(r, s)[0] for r, s in element.gauss])
     return np.asarray(np.broadcast_to(nodal, (n,))[quads] @ weight.T)
 
 
