@@ -116,6 +116,7 @@ def laid_mesh(
         hood.mesh.quads,
         width=width_of(finger),
         intrinsic=_intrinsic(finger),
+        quadratic=hood.mesh.across == "quadratic",
     )
 
 
@@ -203,7 +204,7 @@ def _section(hood: ShellHood, mesh: HoodMesh, thickness: Array) -> Section:
     patches, bending = [], hood.bending_modulus * INCOMPRESSIBLE
     for i in np.unique(mesh.region):
         region, cells = hood.regions[REGIONS[i]], np.flatnonzero(mesh.region == i)
-        h = np.tile(thickness[cells, None], (1, 4))
+        h = np.tile(thickness[cells, None], (1, mesh.quads.shape[1]))
         patches.append(Patch(cells, _law(REGIONS[i], region), h, bending=bending))
     return joined_sections(patches)
 
@@ -297,18 +298,28 @@ def _length(mesh: HoodMesh, cells: np.ndarray) -> float:
 def _tendons(mesh: HoodMesh, finger: str) -> dict[str, Tendon]:
     """Each tendon's end nodes and their shares, half at an edge node."""
     from fe_solver.hood_model import Tendon
+    from meshes.hood import even_shares
 
     out = {}
     for tendon, (end, side) in ENDS[finger].items():
         nodes = mesh.ends[end]
-        share = np.ones(len(nodes))
-        share[[0, -1]] = 0.5
+        share = even_shares(_along(mesh, end), mesh.quadratic)
         if side.any():
             height = mesh.points[nodes] @ side
             middle = np.isclose(height, np.median(height))
             share = np.where(middle, share / 2, np.where(height > np.median(height), share, 0.0))
         out[tendon] = Tendon(nodes, share / share.sum())
     return out
+
+
+def _along(mesh: HoodMesh, end: str) -> Array:
+    """(n,) places of an end's nodes along it: evenly apart, but across bands of quadratic elements,
+    whose inner half is the narrower."""
+    nodes = mesh.ends[end]
+    if end == "central" or not mesh.quadratic:
+        return np.arange(len(nodes), dtype=float)
+    apart = np.linalg.norm(np.diff(mesh.points[nodes], axis=0), axis=1)
+    return np.concatenate([[0.0], np.cumsum(apart)])
 
 
 def linear(hood: FeHood, state: State) -> tuple[float, float]:

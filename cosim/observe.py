@@ -17,7 +17,8 @@ from cosim.couple import Equilibrium, moment_arms
 from cosim.observe_one_way import one_way_summary
 from cosim.port import Array
 from cosim.results import STRAIN, HoodField, LedgerRow, Result, Scene
-from cosim.strains import strain_change, strain_summary
+from cosim.strains import is_slack, strain_change, strain_summary
+from meshes.hood_mesh import flat
 
 if TYPE_CHECKING:
     import xarray
@@ -34,8 +35,6 @@ BOUNDS = {
     "reciprocity": 1e-3,
 }
 """What each figure of the audit must not exceed."""
-LEAST_SLIP = 1e-3
-"""N, below which the central slip is slack and nothing is shared."""
 DEPTHS = {"max_penetration_mm": 0.02, "guide_depth_mm": 0.05}
 """mm, what a deformable hood's must not exceed."""
 BEYOND = float(np.radians(10.0))
@@ -149,7 +148,7 @@ def _state(models: Models, e: Equilibrium, look: Look | None) -> dict[str, Any]:
     if models.slips is not None:
         slips = models.slips(e.response.state)
         out["slip_force_N"] = dict(slips)
-        if slips["central"] > LEAST_SLIP:
+        if not is_slack(slips, "central"):
             out["slip_ratio"] = slips["terminal"] / slips["central"]
     if look is not None:
         out["spring_force_N"] = dict(look.spring_force)
@@ -364,18 +363,21 @@ def drawn_hood(look: Look | None) -> HoodField | None:
                 "strand": look.strand,
             },
         )
+    quads = flat(look.quads)
+    each = len(quads) // len(look.quads)
+    cell_data = {
+        STRAIN: look.strain[:, 0],
+        "transverse_strain": look.strain[:, 1],
+        "shear_strain": look.strain[:, 2] / 2,
+        "inner_face_strain": look.faces[:, 0],
+        "outer_face_strain": look.faces[:, 1],
+        "fibre_stress": look.stress[:, 0],
+        "transverse_stress": look.stress[:, 1],
+        "region": look.region,
+    }
     return HoodField(
         look.points,
-        look.quads,
+        quads,
         {"displacement": look.points - look.reference, "contact_pressure": look.pressure},
-        {
-            STRAIN: look.strain[:, 0],
-            "transverse_strain": look.strain[:, 1],
-            "shear_strain": look.strain[:, 2] / 2,
-            "inner_face_strain": look.faces[:, 0],
-            "outer_face_strain": look.faces[:, 1],
-            "fibre_stress": look.stress[:, 0],
-            "transverse_stress": look.stress[:, 1],
-            "region": look.region,
-        },
+        {name: np.repeat(values, each) for name, values in cell_data.items()},
     )

@@ -10,9 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.compare import Comparison, Target, compared, value_of
+from cosim.compare import Comparison, Target, compared
 from cosim.compare_files import read_targets
 from cosim.port import Array
+from cosim.strains import is_slack
 from cosim.validation_force import (
     angle_between,
     force_rows,
@@ -97,7 +98,7 @@ def posed(law: str, mcp: int, pip: int, dip: int) -> str:
 
 def trends(trials: set[str], summaries: Summaries) -> Iterator[Comparison]:
     """How the slips' forces change with posture: over those with straight IP joints, and with all
-    joints straight; of the pairs whose trials are asked for."""
+    joints straight, where the slip is not slack; of the pairs whose trials are asked for."""
     bent = [((mcp, *ip), (mcp, 0, 0), 1.0) for mcp, ip in itertools.product(MCP, IP[1:])]
     pairs = [*bent, ((MCP[-1], 0, 0), (0, 0, 0), LOST)]
     for law, slip, (now, then, most) in itertools.product(
@@ -106,10 +107,12 @@ def trends(trials: set[str], summaries: Summaries) -> Iterator[Comparison]:
         names = posed(law, *now), posed(law, *then)
         if not trials.issuperset(names):
             continue
-        over, under = (
-            value_of(summaries.get(name, {}), f"difference.slip_force_N.{slip}") for name in names
-        )
-        value = None if over is None or not under else over / under
+        found = [
+            summaries.get(name, {}).get("difference", {}).get("slip_force_N") for name in names
+        ]
+        value = None
+        if all(found) and not is_slack(found[1], slip):
+            value = found[0][slip] / found[1][slip]
         words = ["/".join(map(str, posture)) for posture in (now, then)]
         name = f"average {law}: {slip} slip at {words[0]} over {words[1]}"
         yield Comparison(at_most(name, "slip force ratio", "1", most, LEE, "experiment"), value)

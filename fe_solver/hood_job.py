@@ -103,6 +103,11 @@ def _check(hood: ShellHood) -> None:
     m = hood.model
     if len(m.cables.nodes):
         raise InputError("a hood of cables is not written: FEBio's format is given shells alone")
+    if m.quads.shape[1] != 4:
+        raise InputError(
+            "a hood of six-node elements cannot be written: FEBio's format has no such shell; set "
+            'hood.mesh.across to "linear"'
+        )
     if any(p.bending.any() for p in m.section.patches):
         raise InputError(
             "a hood with a bending modulus of its own cannot be written: in FEBio's format a shell "

@@ -60,8 +60,11 @@ class ShellTables:
         return KINDS[self.height.shape[1]]
 
     def middle(self, y: Array) -> Array:
-        """y (ne, 2k, 3) of the nodes as that of the mid-surface."""
-        return _over(y, self.height, self.mitre)
+        """y (ne, 2k, 3) of the nodes as that of the mid-surface, seen from its first node: strains
+        do not change with that, and their rounding errors are those of an element's lengths."""
+        out = _over(y, self.height, self.mitre)
+        out[:, : y.shape[1] // 2] -= out[:, :1]
+        return out
 
     def strain(self, y: Array) -> Array:
         """(ne, g, 8) generalized strains of the nodes' y (ne, 2k, 3): e11, e22, 2 e12 of the

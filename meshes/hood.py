@@ -42,24 +42,29 @@ SLIP_START = 36.0  # [trial]
 SLIP_END = 49.0  # [trial], 6.4 mm past the PIP
 MERGE = 63.0  # [trial]
 TERMINAL_END = 73.0  # [trial], 5.3 mm past the DIP
-# Where each span of rows begins, and its rows in a mesh of 600 quads: many where the sheet slides
-# over a head, where the lateral bands turn off the slip and in the terminal slip, few over shafts.
+# Where each span of rows begins, and its rows in a mesh of 600 quads of four nodes and of six: many
+# where the sheet slides over a head, where the lateral bands turn off the slip and in the terminal
+# slip, few over shafts.
 SPANS = (
-    (CENTRAL_END, 4),
-    (LATERAL_END, 5),
-    (0.0, 4),
-    (4.0, 4),
-    (JOIN, 4),
-    (SLIP_START, 3),
-    (40.0, 7),
-    (44.5, 3),
-    (SLIP_END, 5),
-    (52.5, 9),
-    (MERGE, 4),
-    (68.0, 10),
+    (CENTRAL_END, 4, 4),
+    (LATERAL_END, 5, 5),
+    (0.0, 4, 3),
+    (4.0, 4, 6),
+    (JOIN, 4, 7),
+    (SLIP_START, 3, 5),
+    (40.0, 7, 8),
+    (44.5, 3, 6),
+    (SLIP_END, 5, 4),
+    (52.5, 9, 12),
+    (MERGE, 4, 4),
+    (68.0, 10, 13),
 )
+CROWDED = 0.4  # of rows towards the central slip's end, where the held edge narrows it
 TENDON = 0.5  # of the inner columns' half-angle, what is tendon and slip
 INSERTED = 0.75  # of it, what the central slip's insertion holds
+# Quadratic elements across a lateral band: what the inner half of them has of its width, since the
+# band bends in its plane where it turns off the slip.
+INNERMOST = ([0.0, 0.5, 1.0], [0.0, 0.35, 1.0])
 # Half-angle of the inner columns and outer angle of the lateral bands, deg, against station.
 # [trial], widened to what [mi29] measures at the PIP (here 11 mm of 13) and the terminal slip.
 INNER = np.array(
@@ -102,24 +107,38 @@ class _Grid:
     the intrinsic tendon's."""
 
 
-def _rows(quads: int) -> Array:
+def _rows(quads: int, quadratic: bool) -> Array:
     """Stations (mm) of the rows for about `quads` elements."""
     fineness = np.sqrt(quads / 600)
-    begins = [s for s, _ in SPANS]
-    counts = [max(1, round(n * fineness)) for _, n in SPANS]
+    begins = [span[0] for span in SPANS]
+    counts = [max(1, round(span[2 if quadratic else 1] * fineness)) for span in SPANS]
     ends = zip(begins, [*begins[1:], TERMINAL_END], counts, strict=True)
-    rows = [np.linspace(a, b, n, endpoint=False) for a, b, n in ends]
+    rows = [_within(a, b, n, CROWDED if quadratic and b == SLIP_END else 0.0) for a, b, n in ends]
     return np.concatenate([*rows, [TERMINAL_END]])
 
 
-def _columns(quads: int) -> tuple[Array, int]:
-    """Where across the inner sheet its lines of nodes run (-1 ulnar to 1 radial, of its half-angle)
-    and the number of quads across each lateral band."""
-    fineness = np.sqrt(quads / 600)
-    tendon, side, band = (max(1, round(n * fineness)) for n in (3, 2, 3))
+def _within(first: float, end: float, count: int, crowded: float) -> Array:
+    """Stations of `count` rows from `first` on before `end`, towards which they crowd."""
+    u = np.linspace(0, 1, count, endpoint=False)
+    return first + (end - first) * ((1 + crowded) * u - crowded * u * u)
+
+
+def _columns(quads: int, quadratic: bool) -> tuple[Array, Array]:
+    """Where the lines of nodes run: across the inner sheet (-1 ulnar to 1 radial, of its
+    half-angle), and across each lateral band (0 at the inner edge to 1)."""
+    fineness, columns = np.sqrt(quads / 600), (3, 2, 2) if quadratic else (3, 2, 3)
+    tendon, side, band = (max(1, round(n * fineness)) for n in columns)
     middle = np.linspace(0, TENDON, tendon, endpoint=False)
     half = np.concatenate([middle, np.linspace(TENDON, 1, side + 1)])
-    return np.concatenate([-half[:0:-1], half]), band
+    over_band = np.linspace(0, 1, band + 1)
+    if quadratic:
+        half, over_band = _with_middles(half), _with_middles(np.interp(over_band, *INNERMOST))
+    return np.concatenate([-half[:0:-1], half]), over_band
+
+
+def _with_middles(ends: Array) -> Array:
+    """The ends of elements in a row, and their middles."""
+    return np.sort(np.concatenate([ends, (ends[1:] + ends[:-1]) / 2]))
 
 
 def _is_tendon(across: Array) -> NDArray[np.bool_]:
@@ -135,6 +154,7 @@ def generate(
     quads: int,
     width: float = 1.0,
     intrinsic: Mapping[str, tuple[float, float, float]] | None = None,
+    quadratic: bool = False,
 ) -> HoodMesh:
     """A hood of about `quads` elements laid over bones at `rest_posture` (rad).
 
@@ -142,7 +162,8 @@ def generate(
     sheet's; `surfaces` are those of the scaled bones; `width` scales the hand-measured points
     across the finger, and the skeleton's lengths those along it.  `intrinsic`: where the tendons at
     the radial and the ulnar side run to the sheet from, m distal of the MCP, dorsal and radial;
-    otherwise the index finger's, scaled."""
+    otherwise the index finger's, scaled.  `quadratic`: elements of six nodes, quadratic across the
+    fibres, in fewer columns and more rows."""
     chain = Chain(skeleton, *skeleton.pose(rest_posture))
     middle = {body: height + thickness / 2 for body, height in offset.items()}
     level = Level(surfaces, middle, chain.position, chain.rotation)
@@ -151,16 +172,18 @@ def generate(
         side: (1e-3 * scale * s, 1e-3 * width * dorsal, 1e-3 * width * radial)
         for side, (s, dorsal, radial) in INTRINSIC.items()
     }
-    across, n_band = _columns(quads)
-    stations = _rows(quads)
+    across, over_band = _columns(quads, quadratic)
+    stations = _rows(quads, quadratic)
     hull = Hull(chain, level)
-    grid, points, station = _lay(hull, stations, across, n_band, guides)
+    grid, points, station = _lay(hull, stations, across, over_band, guides)
     fixed = _end_nodes(grid)
-    cells, region, along = _cells(grid, across)
+    cells, region, along = _cells(grid, across, quadratic)
     free = np.setdiff1d(np.arange(len(points)), np.concatenate(list(fixed.values())))
-    lift, outward = _lift(points, cells, level)
-    lifted = np.union1d(free, fixed["central"])
-    points[lifted] += (lift[:, None] * outward)[lifted]
+    lift = np.zeros(len(points))
+    if not quadratic:
+        lift, outward = _lift(points, cells, level)
+        lifted = np.union1d(free, fixed["central"])
+        points[lifted] += (lift[:, None] * outward)[lifted]
     clear_guides(points, station, level, lift)
     points[free] = level.pushed_out(points[free], CLEARANCE * 1e-3 + lift[free])
     fibre = _fibres(points, cells, along)
@@ -170,7 +193,7 @@ def generate(
         region,
         np.round(fibre, 5),
         fixed,
-        _attachments(grid, across, chain, level, points, scale, width),
+        _attachments(grid, across, over_band, chain, level, points, scale, width, quadratic),
         {"distal": np.unique(np.concatenate([b[-1] for b in grid.band.values()]))},
         np.round(station, 4),
         dict(rest_posture),
@@ -184,7 +207,7 @@ def _lay(
     hull: Hull,
     stations: Array,
     across: Array,
-    n_band: int,
+    over_band: Array,
     guides: Mapping[str, tuple[float, float, float]],
 ) -> tuple[_Grid, Array, Array]:
     """Number the nodes and place them: the grid, points (n, 3) m, stations (n,) mm."""
@@ -206,11 +229,11 @@ def _lay(
             inner[i, here] = [node(s, f * half[i]) for f in across[here]]
     band: dict[str, Ints] = {}
     for side, sign in (("radial", 1), ("ulnar", -1)):
-        nodes = np.full((nr, n_band + 1), -1)
+        nodes = np.full((nr, len(over_band)), -1)
         for i, s in enumerate(stations):
             if s < LATERAL_END - eps:
                 continue
-            fractions = half[i] + np.linspace(0, 1, n_band + 1) * (out[i] - half[i])
+            fractions = half[i] + over_band * (out[i] - half[i])
             for k, phi in enumerate(fractions):
                 shared = k == 0 and JOIN - eps <= s <= SLIP_END + eps
                 merged = k == 0 and s >= MERGE - eps and side == "ulnar"
@@ -225,12 +248,17 @@ def _lay(
     points = hull.points(station, np.array(phi_list))
     grid = _Grid(stations, inner, band)
     for side in band:
-        _lay_intrinsic(grid, hull, points, side, guides[side])
+        _lay_intrinsic(grid, hull, points, over_band, side, guides[side])
     return grid, points, station
 
 
 def _lay_intrinsic(
-    grid: _Grid, hull: Hull, points: Array, side: str, guide: tuple[float, float, float]
+    grid: _Grid,
+    hull: Hull,
+    points: Array,
+    over_band: Array,
+    side: str,
+    guide: tuple[float, float, float],
 ) -> None:
     """Place the intrinsic tendon's nodes on straight lines from the guide to the lateral band."""
     s0, d0, r0 = guide
@@ -238,7 +266,7 @@ def _lay_intrinsic(
     join = points[grid.band[side][rows[-1]]]
     sign = np.sign(r0)
     across = np.array([sign * np.cos(np.arctan2(abs(r0), d0)), -np.sin(np.arctan2(abs(r0), d0))])
-    t = (np.linspace(0, 1, len(join)) - 0.5) * BAND_WIDTH * 1e-3
+    t = (over_band - 0.5) * BAND_WIDTH * 1e-3
     start = hull.chain.at(np.full(len(t), s0), d0 + t * across[1], r0 + t * across[0])
     for i in rows[:-1]:
         f = (grid.stations[i] - LATERAL_END) / (JOIN - LATERAL_END)
@@ -267,22 +295,29 @@ def _inner_region(s: float, f: float) -> str:
     return "central_band" if s < SLIP_START else "central_slip"
 
 
-def _cells(grid: _Grid, across: Array) -> tuple[Ints, Ints, NDArray[np.bool_]]:
-    """Quads (ne, 4), their regions (ne,), and whether fibres run along the rows' direction."""
+def _cells(grid: _Grid, across: Array, quadratic: bool) -> tuple[Ints, Ints, NDArray[np.bool_]]:
+    """Quads (ne, 4) or (ne, 6), their regions (ne,), and whether fibres run along the rows'
+    direction."""
     cells, names = [], []
+    n = 2 if quadratic else 1
+
+    def quad(a: Ints, b: Ints, k: int) -> list[int]:
+        middles = [a[k + 1], b[k + 1]] if quadratic else []
+        return [a[k], b[k], b[k + n], a[k + n], *middles]
+
     middle = (grid.stations[:-1] + grid.stations[1:]) / 2
     for i, s in enumerate(middle):
         if s < SLIP_END:
             a, b = grid.inner[i], grid.inner[i + 1]
-            for k in np.flatnonzero((a[:-1] >= 0) & (a[1:] >= 0)).tolist():
-                cells.append([a[k], b[k], b[k + 1], a[k + 1]])
-                names.append(_inner_region(s, (across[k] + across[k + 1]) / 2))
+            for k in range(0, len(a) - n, n):
+                if a[k] >= 0 and a[k + n] >= 0:
+                    cells.append(quad(a, b, k))
+                    names.append(_inner_region(s, (across[k] + across[k + n]) / 2))
         if s > LATERAL_END:
             for side, nodes in grid.band.items():
-                for k in range(nodes.shape[1] - 1):
-                    a, b = nodes[i], nodes[i + 1]
-                    quad = [a[k], b[k], b[k + 1], a[k + 1]]
-                    cells.append(quad if side == "radial" else [quad[j] for j in (3, 2, 1, 0)])
+                for k in range(0, nodes.shape[1] - n, n):
+                    cell = quad(nodes[i], nodes[i + 1], k)
+                    cells.append(cell if side == "radial" else [*cell[3::-1], *cell[4:]])
                     names.append("terminal_slip" if s > MERGE else f"lateral_band_{side}")
     region = np.array([REGIONS.index(n) for n in names])
     along = np.array([not n.startswith("sagittal") for n in names])
@@ -291,7 +326,7 @@ def _cells(grid: _Grid, across: Array) -> tuple[Ints, Ints, NDArray[np.bool_]]:
 
 def _fibres(points: Array, cells: Ints, along: NDArray[np.bool_]) -> Array:
     """Unit fibre directions: along the finger in tendons and bands, round it in sagittal bands."""
-    p = points[cells]
+    p = points[cells[:, :4]]
     distal = p[:, 1] + p[:, 2] - p[:, 0] - p[:, 3]
     across = p[:, 2] + p[:, 3] - p[:, 0] - p[:, 1]
     fibre = np.where(along[:, None], distal, across)
@@ -336,15 +371,17 @@ def clear_guides(points: Array, station: Array, level: Level, lift: Array | floa
 def _attachments(
     grid: _Grid,
     across: Array,
+    over_band: Array,
     chain: Chain,
     level: Level,
     points: Array,
     scale: float,
     width: float,
+    quadratic: bool,
 ) -> dict[str, Attachment]:
     s, eps = grid.stations, 1e-6
     last = int(np.flatnonzero(s <= SLIP_END + eps)[-1])
-    columns, shares = _held(grid.inner[last], across, (-INSERTED, INSERTED))
+    columns, shares = _held(grid.inner[last], across, (-INSERTED, INSERTED), quadratic)
     middle = grid.inner[last, columns]
     distal = chain.rotation[2][:, 0]
     slip = points[middle] + SLIP_REACH * 1e-3 * scale * distal
@@ -354,7 +391,7 @@ def _attachments(
     out = {"central_slip": replace(on_middle, shares=shares)}
     for side, sign, edge in (("radial", 1, -1), ("ulnar", -1, 0)):
         band = grid.band[side]
-        out[f"ligament_{side}"] = _grown(band, s, points, level)
+        out[f"ligament_{side}"] = _grown(band, over_band, s, points, level, quadratic)
         for name, line, ends, (dorsal, radial) in (
             ("sagittal", grid.inner[:, edge], SAGITTAL_ROWS, PALMAR_PLATE),
             ("retinacular", band[:, -1], RETINACULAR_ROWS, RETINACULAR_ANCHOR),
@@ -367,26 +404,55 @@ def _attachments(
     return out
 
 
-def _grown(band: Ints, stations: Array, points: Array, level: Level) -> Attachment:
+def _grown(
+    band: Ints,
+    over_band: Array,
+    stations: Array,
+    points: Array,
+    level: Level,
+    quadratic: bool,
+) -> Attachment:
     """What binds a lateral band to the bone beneath it, evenly over its width."""
     rows, along_it = _held(band[:, 0], stations, LIGAMENT_ROWS)
-    across_it = np.ones(band.shape[1])
-    across_it[[0, -1]] = 0.5
     nodes = band[rows].ravel()
-    shares = (along_it[:, None] * (across_it / across_it.sum())).ravel()
+    shares = (along_it[:, None] * even_shares(over_band, quadratic)).ravel()
     return replace(on_bone("proximal", nodes, points[nodes], level), shares=np.round(shares, 7))
 
 
-def _held(line: Ints, place: Array, ends: tuple[float, float]) -> tuple[Ints, Array]:
+def _held(
+    line: Ints, place: Array, ends: tuple[float, float], quadratic: bool = False
+) -> tuple[Ints, Array]:
     """Where a line of nodes (-1 for none) at ascending places bears something of what holds it
-    evenly between `ends`; and how much there, by linear shape functions."""
+    evenly between `ends`; and how much there, by linear shape functions, or where every two spaces
+    are an element by its quadratic ones; an element that is held in part keeps the linear ones,
+    which leave no node a negative share."""
     on = np.flatnonzero(line >= 0)
-    inside = place[on][(place[on] > ends[0]) & (place[on] < ends[1])]
+    at = place[on]
+    inside = at[(at > ends[0]) & (at < ends[1])]
     cuts = np.concatenate([ends[:1], inside, ends[1:]])
-    shapes = np.array([np.interp(cuts, place[on], one) for one in np.eye(len(on))])
+    shapes = np.array([np.interp(cuts, at, one) for one in np.eye(len(on))])
     shares = (shapes[:, 1:] + shapes[:, :-1]) @ np.diff(cuts) / 2 / (ends[1] - ends[0])
+    for i in range(1, len(on) - 1, 2) if quadratic else ():
+        if ends[0] <= at[i - 1] and at[i + 1] <= ends[1]:
+            more = (at[i + 1] - at[i - 1]) / (ends[1] - ends[0]) / 12
+            shares[i - 1 : i + 2] += more * np.array([-1, 2, -1])
     borne = shares > 1e-9
     return on[borne], np.round(shares[borne], 7)
+
+
+def even_shares(place: Array, quadratic: bool) -> Array:
+    """(n,) of what pulls a line of nodes at ascending places evenly, how much is each one's: half
+    of the spaces beside it, or by Simpson's rule over every two spaces."""
+    width = np.diff(place)
+    out = np.zeros(len(place))
+    if quadratic:
+        element = width[::2] + width[1::2]
+        for first, weight in ((0, 1.0), (1, 4.0), (2, 1.0)):
+            out[first : first + 2 * len(element) : 2] += weight * element
+    else:
+        out[:-1] += width
+        out[1:] += width
+    return out / out.sum()
 
 
 def on_bone(body: str, nodes: Ints, near: Array, level: Level, height: float = 0.0) -> Attachment:

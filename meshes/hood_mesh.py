@@ -76,6 +76,8 @@ class HoodMesh:
 
     points: Array
     quads: Ints
+    """(ne, 4), or (ne, 6) of elements that are quadratic across the fibres: then the middles of the
+    edges from the first to the fourth corner and from the second to the third come last."""
     region: Ints
     """(ne,) index into REGIONS."""
     fibre: Array
@@ -97,12 +99,30 @@ class HoodMesh:
 
     def areas(self) -> Array:
         """(ne,) m2."""
-        p = self.points[self.quads]
-        return np.linalg.norm(np.cross(p[:, 2] - p[:, 0], p[:, 3] - p[:, 1]), axis=1) / 2
+        p = self.points[flat(self.quads)]
+        area = np.linalg.norm(np.cross(p[:, 2] - p[:, 0], p[:, 3] - p[:, 1]), axis=1) / 2
+        return np.asarray(area.reshape(len(self.quads), -1).sum(axis=1))
+
+    @property
+    def quadratic(self) -> bool:
+        """Whether its elements are quadratic across the fibres."""
+        return self.quads.shape[1] == 6
 
     def cells(self, *names: str) -> NDArray[np.bool_]:
         """Mask of the quads in the named regions."""
         return np.isin(self.region, [REGIONS.index(n) for n in names])
+
+
+def flat(quads: Ints) -> Ints:
+    """The four-node quads that show elements (ne, 4) or (ne, 6), those of an element together."""
+    halves = [[0, 1, 5, 4], [4, 5, 2, 3]] if quads.shape[1] == 6 else [[0, 1, 2, 3]]
+    return np.asarray(quads[:, halves].reshape(-1, 4))
+
+
+def pairs(quads: Ints) -> Ints:
+    """(m, 2) nodes of the elements (ne, 4) or (ne, 6) that join all of each one's."""
+    q = flat(quads)
+    return np.vstack([q[:, [0, 1]], q[:, [1, 2]], q[:, [2, 3]]])
 
 
 def to_json(mesh: HoodMesh) -> str:
@@ -198,7 +218,7 @@ class _Reader:
         c = self.content
         points = self.array(c.get("points"), "points", 3) * 1e-3
         n = len(points)
-        quads = self.indices(c.get("quads"), "quads", n, 4)
+        quads = self.elements(c.get("quads"), n)
         fibre = self.array(c.get("fibre"), "fibre", 3)
         region = self.regions(c.get("regions"), len(quads))
         if len(fibre) != len(quads):
@@ -240,6 +260,12 @@ class _Reader:
         self.check_whole(mesh)
         self.check_sets(mesh)
         return mesh
+
+    def elements(self, value: Any, count: int) -> Ints:
+        """Elements of four nodes, or all of six."""
+        first = value[0] if isinstance(value, list) and value else None
+        six = isinstance(first, list) and len(first) == 6
+        return self.indices(value, "quads", count, 6 if six else 4)
 
     def length(self, key: str) -> float:
         """A positive length in mm, as m."""
@@ -293,8 +319,8 @@ class _Reader:
     def check_quads(self, mesh: HoodMesh) -> None:
         """Each quad is convex, its fibre lies in it, and neighbours face the same way."""
         q = mesh.quads
-        p = mesh.points[q]
-        bad = folded(p) | (mesh.areas() < 1e-12)
+        p, k = mesh.points[q[:, :4]], len(flat(q)) // len(q)
+        bad = folded(mesh.points[flat(q)]).reshape(-1, k).any(axis=1) | (mesh.areas() < 1e-12)
         if bad.any():
             i = int(np.argmax(bad))
             raise self.fault("quads", f"quad {i} is folded or has no area; its nodes are {q[i]}")
@@ -366,7 +392,6 @@ def _pieces(mesh: HoodMesh) -> tuple[int, Ints]:
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    q, n = mesh.quads, len(mesh.points)
-    pairs = np.vstack([q[:, [0, 1]], q[:, [1, 2]], q[:, [2, 3]]])
-    graph = coo_array((np.ones(len(pairs)), tuple(pairs.T)), shape=(n, n))
+    joined, n = pairs(mesh.quads), len(mesh.points)
+    graph = coo_array((np.ones(len(joined)), tuple(joined.T)), shape=(n, n))
     return connected_components(graph, directed=False)

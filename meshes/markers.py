@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cosim.port import InputError
 
-from .hood_mesh import HoodMesh
+from .hood_mesh import HoodMesh, flat
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
@@ -36,7 +36,7 @@ def markers(mesh: HoodMesh, regions: Sequence[str]) -> Markers:
     regions, in rows evenly spaced along the finger.
 
     Raises InputError where the regions are not in the mesh."""
-    quads = mesh.quads[mesh.cells(*regions)]
+    quads = flat(mesh.quads[mesh.cells(*regions)])
     if not len(quads):
         raise InputError(f"the mesh has none of the regions {', '.join(regions)}")
     edges = np.stack([quads, np.roll(quads, 1, axis=1)], axis=-1).reshape(-1, 2)

@@ -20,7 +20,7 @@ from cosim.port import InputError
 
 from .cable_net import CableNet
 from .hood import JOIN, MERGE, SLIP_END, SLIP_START
-from .hood_mesh import Attachment, HoodMesh
+from .hood_mesh import Attachment, HoodMesh, pairs
 
 Ints = NDArray[np.intp]
 Mask = NDArray[np.bool_]
@@ -76,9 +76,8 @@ def _whole(mesh: HoodMesh, left: Mask, part: str) -> HoodMesh:
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    quads, n = mesh.quads[left], len(mesh.points)
-    pairs = np.vstack([quads[:, [0, 1]], quads[:, [1, 2]], quads[:, [2, 3]]])
-    graph = coo_array((np.ones(len(pairs)), tuple(pairs.T)), shape=(n, n))
+    joined, n = pairs(mesh.quads[left]), len(mesh.points)
+    graph = coo_array((np.ones(len(joined)), tuple(joined.T)), shape=(n, n))
     piece = connected_components(graph, directed=False)[1]
     tied = _pieces(piece, mesh.tied.values())
     held = tied | _pieces(piece, [s.nodes for s in mesh.springs.values()])

@@ -21,7 +21,7 @@ from fe_solver.mesh_geometry import node_directors
 from fe_solver.shell import shell_tables
 from fe_solver.shell_hood import ShellHood
 from meshes import hood as hood_generator
-from meshes.hood import LIGAMENT_ROWS, RETINACULAR_ROWS, SAGITTAL_ROWS
+from meshes.hood import LIGAMENT_ROWS, RETINACULAR_ROWS, SAGITTAL_ROWS, even_shares
 from meshes.hood_mesh import (
     ENDS,
     REGIONS,
@@ -36,8 +36,9 @@ from meshes.hood_mesh import (
 from meshes.skeleton import JOINTS
 
 
-def mesh_of(quads: int) -> HoodMesh:
-    return hood_mesh(load_case("isometric_edc", [f"hood.mesh.quads={quads}"]))
+def mesh_of(quads: int, across: str = "linear") -> HoodMesh:
+    settings = [f"hood.mesh.quads={quads}", f'hood.mesh.across="{across}"']
+    return hood_mesh(load_case("isometric_edc", settings))
 
 
 @pytest.fixture(scope="module")
@@ -54,20 +55,43 @@ def test_the_generator_repeats_itself(mesh):
     assert to_json(mesh_of(250)) == to_json(mesh)
 
 
+@pytest.mark.parametrize("across", ["linear", "quadratic"])
 @pytest.mark.parametrize("quads", [250, 600, 2400])
-def test_about_as_many_quads_as_asked_for(quads):
-    """As whole rows and columns allow: a default of 672, others in proportion to it."""
-    assert len(mesh_of(quads).quads) == pytest.approx(quads, rel=0.2)
+def test_about_as_many_quads_as_asked_for(quads, across):
+    """As whole rows and columns allow: a default of 672 or 716, others in proportion to it."""
+    assert len(mesh_of(quads, across).quads) == pytest.approx(quads, rel=0.2)
 
 
-def test_rows_and_columns_are_halved_in_a_mesh_four_times_as_large():
-    coarse, fine = (len(mesh_of(quads).quads) for quads in (600, 2400))
+@pytest.mark.parametrize("across", ["linear", "quadratic"])
+def test_rows_and_columns_are_halved_in_a_mesh_four_times_as_large(across):
+    coarse, fine = (len(mesh_of(quads, across).quads) for quads in (600, 2400))
     assert fine == 4 * coarse
 
 
+def test_six_nodes_are_an_element_across_the_fibres():
+    made = mesh_of(250, "quadratic")
+    q, middle = made.quads, made.quads[:, 4:]
+    assert made.quadratic
+    ends = made.points[q[:, [0, 1]]], made.points[q[:, [3, 2]]]
+    bulge = np.linalg.norm(made.points[middle] - (ends[0] + ends[1]) / 2, axis=2)
+    assert (bulge < 0.15 * np.linalg.norm(ends[0] - ends[1], axis=2)).all()
+    assert np.abs(made.station[middle] - made.station[q[:, [0, 1]]]).max() < 1e-3
+    assert made.lift is None or not made.lift.any()
+    assert made.areas().sum() == pytest.approx(mesh_of(250).areas().sum(), rel=0.02)
+
+
+def test_even_shares_follow_the_shape_functions():
+    assert even_shares(np.array([0.0, 1, 2]), quadratic=False) == pytest.approx(
+        np.array([1, 2, 1]) / 4
+    )
+    places = np.array([0.0, 1, 2, 4, 6])
+    assert even_shares(places, quadratic=True) == pytest.approx(np.array([1, 4, 3, 8, 2]) / 18)
+
+
+@pytest.mark.parametrize("across", ["linear", "quadratic"])
 @pytest.mark.parametrize("quads", [120, 600, 2400])
-def test_what_holds_an_edge_holds_the_same_stretch_of_it_in_any_mesh(quads):
-    made = mesh_of(quads)
+def test_what_holds_an_edge_holds_the_same_stretch_of_it_in_any_mesh(quads, across):
+    made = mesh_of(quads, across)
     lines = {"sagittal": SAGITTAL_ROWS, "retinacular": RETINACULAR_ROWS, "ligament": LIGAMENT_ROWS}
     for name, (start, end) in lines.items():
         for side in ("radial", "ulnar"):
@@ -263,7 +287,9 @@ def small() -> dict:
     return json.loads(to_json(mesh))
 
 
-def test_a_written_mesh_is_read_again(mesh, tmp_path):
+@pytest.mark.parametrize("across", ["linear", "quadratic"])
+def test_a_written_mesh_is_read_again(across, tmp_path):
+    mesh = mesh_of(250, across)
     write(mesh, tmp_path / "hood.json")
     again = read(tmp_path / "hood.json")
     for name, value in vars(mesh).items():
@@ -295,6 +321,7 @@ FAULTS = [
     (("points", 5), [1, 0, 0], "quads: quad 1 is folded or has no area"),
     (("quads", 1), [1, 5, 2, 4], "quads: quad 1 is folded"),
     (("quads", 1), [1, 4, 5, 2], "quads: two quads run from node 1 to node 4"),
+    (("quads", 1), [1, 2, 5, 4, 0, 3], "quads: expected rows of 4 numbers"),
     (("quads", 1, 0), 6, "quads: expected whole numbers of nodes, 0 to 5"),
     (("quads", 1, 0), 0.5, "quads: expected whole numbers"),
     (("quads",), [[0, 1, 4, 3]], "regions: expected a list of 1 names"),

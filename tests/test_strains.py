@@ -7,7 +7,7 @@ import pytest
 
 from cosim.build_shell_look import HoodLook
 from cosim.port import InputError
-from cosim.strains import marker_strains, strain_change, strain_summary
+from cosim.strains import gauged, is_slack, marker_strains, strain_change, strain_summary
 from meshes.hood_mesh import REGIONS, HoodMesh
 from meshes.markers import ROWS, markers
 
@@ -75,6 +75,33 @@ def test_the_mean_is_over_the_area():
     now.area[mesh.region == BAND] = np.linspace(2.0, 0.0, (mesh.region == BAND).sum())
     mean = strain_change(before, now)["strain_percent"]["longitudinal"]["mean"]
     assert mean == pytest.approx(100 * 0.02 / 3, rel=1e-2)
+
+
+def test_a_gauge_reads_what_is_about_its_marker_on_any_mesh():
+    """A strain that grows along the strip; a spike in one quad weighs as little as the quad."""
+    read = []
+    for rows in (40, 120):
+        mesh = strip(rows)
+        look = stretched(mesh, 1.0, 1.0)
+        place = mesh.points[mesh.quads].mean(axis=1)[:, 0]
+        look.strain[:, 0] = place
+        inner = gauged(look.strain, look)[:, 0].reshape(ROWS, 3)[1:-1]
+        assert inner == pytest.approx(look.markers.at(mesh.points)[1:-1, :, 0], rel=2e-3)
+        own = strain_summary(look)["strain_percent"]["longitudinal"]
+        spike = int(np.argmin(place))
+        look.strain[spike, 0] -= 1e-5 / look.area[spike]
+        read.append((own["min"], own["max"], strain_summary(look)["strain_percent"]))
+    (low, high, spiked), (again_low, again_high, again) = read
+    assert (low, high) == pytest.approx((again_low, again_high), abs=0.02)
+    spikes = [s["longitudinal"]["min"] for s in (spiked, again)]
+    assert spikes[0] == pytest.approx(spikes[1], rel=0.05)
+    assert spikes[0] < low - 1.0
+
+
+def test_a_slip_is_slack_that_bears_next_to_nothing_of_both():
+    assert is_slack({"central": 0.0, "terminal": 0.0}, "central")
+    assert is_slack({"central": 0.5, "terminal": 9.6}, "central")
+    assert not is_slack({"central": 0.6, "terminal": 10.0}, "central")
 
 
 @pytest.mark.parametrize("cells", [40, 26])

@@ -114,6 +114,18 @@ def test_trends_compare_slips_with_those_of_straight_joints():
     assert found["average ti: central slip at 60/0/0 over 0/0/0"].verdict == "inside the band"
 
 
+def test_no_trend_counts_from_a_slack_slip():
+    def said(central: float, terminal: float) -> dict:
+        return {"difference": {"slip_force_N": {"central": central, "terminal": terminal}}}
+
+    summaries = {posed("iso", 0, 0, 0): said(0.1, 11.7), posed("iso", 0, 45, 15): said(0.2, 8.0)}
+    found = {c.target.name: c for c in trends(set(summaries), summaries)}
+    slack = found["average iso: central slip at 0/45/15 over 0/0/0"]
+    assert (slack.model, slack.verdict) == (None, "no value")
+    terminal = found["average iso: terminal slip at 0/45/15 over 0/0/0"]
+    assert terminal.model == pytest.approx(8.0 / 11.7)
+
+
 def test_a_trial_that_failed_stays_on_the_board():
     (group,) = [g for g in GROUPS if g.name == "strain"]
     rows = tuple(rows_of(group, {}))

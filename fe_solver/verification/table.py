@@ -12,6 +12,7 @@ from . import (
     hood_rows,
     material_rows,
     peers,
+    shear_lag,
     tangent_rows,
     thread_rows,
 )
@@ -30,6 +31,7 @@ STUDIES = (
     Study("roof", benchmarks_linear.roof_rows),
     Study("pinched cylinder", benchmarks_linear.pinched_cylinder_rows),
     Study("bent in its plane", benchmarks_linear.in_plane_rows),
+    Study("shear lag", shear_lag.rows),
     Study("twisted beam", benchmarks_linear.twisted_beam_rows),
     Study("hemisphere, linear", benchmarks_linear.hemisphere_rows),
     Study("end shear", benchmarks_nonlinear.shear_rows),
