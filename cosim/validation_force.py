@@ -150,10 +150,11 @@ def over_the_coupled(
 
 
 def within_bound(name: str, said: Mapping[str, Any]) -> Comparison:
-    """The tip force of a trial at a point beside the most that its tendon can do."""
-    what, key = f"{name}: no more than the tendon can do", "fingertip_magnitude_N"
-    target = at_most(what, key, "N", said["bound_N"], "statics", "inferred")
-    return Comparison(replace(target, case=name), said[key])
+    """The tip force of a trial at a point over the most that its tendon can do in that model."""
+    what, force = f"{name}: no more than the tendon can do", said["fingertip_magnitude_N"]
+    target = at_most(what, "share_of_bound", "1", 1.0, "statics", "inferred")
+    note = f"{force:.3g} N of {said['bound_N']:.3g} N"
+    return Comparison(replace(target, case=name, note=note), force / said["bound_N"])
 
 
 def near_models(trials: Sequence[Trial], summaries: Summaries) -> Iterator[Comparison]:

@@ -42,29 +42,44 @@ SLIP_START = 36.0  # [trial]
 SLIP_END = 49.0  # [trial], 6.4 mm past the PIP
 MERGE = 63.0  # [trial]
 TERMINAL_END = 73.0  # [trial], 5.3 mm past the DIP
-# Where each span of rows begins, and its rows in a mesh of 600 quads of four nodes and of six: many
-# where the sheet slides over a head, where the lateral bands turn off the slip and in the terminal
-# slip, few over shafts.
+# Where each span of rows begins, and its rows in a mesh of 600 quads: many where the sheet slides
+# over a head, where the lateral bands turn off the slip and in the terminal slip, few over shafts.
 SPANS = (
-    (CENTRAL_END, 4, 4),
-    (LATERAL_END, 5, 5),
-    (0.0, 4, 3),
-    (4.0, 4, 6),
-    (JOIN, 4, 7),
-    (SLIP_START, 3, 5),
-    (40.0, 7, 8),
-    (44.5, 3, 6),
-    (SLIP_END, 5, 4),
-    (52.5, 9, 12),
-    (MERGE, 4, 4),
-    (68.0, 10, 13),
+    (CENTRAL_END, 4),
+    (LATERAL_END, 5),
+    (0.0, 4),
+    (4.0, 4),
+    (JOIN, 4),
+    (SLIP_START, 3),
+    (40.0, 7),
+    (44.5, 3),
+    (SLIP_END, 5),
+    (52.5, 9),
+    (MERGE, 4),
+    (68.0, 10),
 )
-CROWDED = 0.4  # of rows towards the central slip's end, where the held edge narrows it
+# The same of elements that are quadratic across the fibres, which need fewer columns.
+QUADRATIC_SPANS = (
+    (CENTRAL_END, 4),
+    (LATERAL_END, 5),
+    (0.0, 3),
+    (4.0, 5),
+    (JOIN, 3),
+    (21.0, 5),
+    (SLIP_START, 6),
+    (40.0, 8),
+    (44.5, 6),
+    (SLIP_END, 4),
+    (52.5, 10),
+    (MERGE, 4),
+    (68.0, 11),
+)
+CROWDED = 0.7  # of rows towards the central slip's end, where the held edge narrows it
 TENDON = 0.5  # of the inner columns' half-angle, what is tendon and slip
 INSERTED = 0.75  # of it, what the central slip's insertion holds
 # Quadratic elements across a lateral band: what the inner half of them has of its width, since the
 # band bends in its plane where it turns off the slip.
-INNERMOST = ([0.0, 0.5, 1.0], [0.0, 0.35, 1.0])
+INNERMOST = ([0.0, 0.5, 1.0], [0.0, 0.3, 1.0])
 # Half-angle of the inner columns and outer angle of the lateral bands, deg, against station.
 # [trial], widened to what [mi29] measures at the PIP (here 11 mm of 13) and the terminal slip.
 INNER = np.array(
@@ -110,8 +125,8 @@ class _Grid:
 def _rows(quads: int, quadratic: bool) -> Array:
     """Stations (mm) of the rows for about `quads` elements."""
     fineness = np.sqrt(quads / 600)
-    begins = [span[0] for span in SPANS]
-    counts = [max(1, round(span[2 if quadratic else 1] * fineness)) for span in SPANS]
+    spans = QUADRATIC_SPANS if quadratic else SPANS
+    begins, counts = [s for s, _ in spans], [max(1, round(n * fineness)) for _, n in spans]
     ends = zip(begins, [*begins[1:], TERMINAL_END], counts, strict=True)
     rows = [_within(a, b, n, CROWDED if quadratic and b == SLIP_END else 0.0) for a, b, n in ends]
     return np.concatenate([*rows, [TERMINAL_END]])

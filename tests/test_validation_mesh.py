@@ -104,7 +104,7 @@ def test_the_command_says_what_a_finer_mesh_changes(tmp_path: Path):
     board = json.loads((tmp_path / "finer" / "strain_soft_iso" / "summary.json").read_text())
     (ratio,) = [r for r in told["rows"] if r["quantity"] == "slip_ratio"]
     assert ratio["finer"] == pytest.approx(board["slip_ratio"], rel=1e-5)
-    assert not np.isclose(ratio["finer"], ratio["model"], rtol=1e-3)
+    assert not np.isclose(ratio["finer"], ratio["model"], rtol=1e-6)
 
 
 def test_the_committed_changes_are_those_of_the_committed_scoreboard():
