@@ -150,7 +150,16 @@ def over_the_coupled(
 
 
 def within_bound(name: str, said: Mapping[str, Any]) -> Comparison:
-    """The tip force of a trial at a point over the most that its tendon can do in that model."""
+    """The tip force of a pass, or of the equilibrium beside it, and the most that its tendon can
+    do."""
+    what, key = f"{name}: no more than the tendon can do", "fingertip_magnitude_N"
+    target = at_most(what, key, "N", said["bound_N"], "statics", "inferred")
+    return Comparison(replace(target, case=name), said[key])
+
+
+def share_of_bound(name: str, said: Mapping[str, Any]) -> Comparison:
+    """The tip force of an equilibrium over the most that its tendon can do, which changes with the
+    model as the force does."""
     what, force = f"{name}: no more than the tendon can do", said["fingertip_magnitude_N"]
     target = at_most(what, "share_of_bound", "1", 1.0, "statics", "inferred")
     note = f"{force:.3g} N of {said['bound_N']:.3g} N"
@@ -183,7 +192,7 @@ def near_models(trials: Sequence[Trial], summaries: Summaries) -> Iterator[Compa
         name = f"{trial.name}: angle to the nearer model"
         yield Comparison(at_most(name, "angle_deg", "deg", ANGLE, BAND, "published model"), nearest)
         if said is not None and "bound_N" in said:
-            yield within_bound(trial.name, said)
+            yield share_of_bound(trial.name, said)
 
 
 def angle_between(a: Array, b: Array) -> float:

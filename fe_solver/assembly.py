@@ -109,7 +109,7 @@ class Pattern:
 def make_pattern(quads: Ints, n: int, free: Ints, pairs: Ints | None = None) -> Pattern:
     """The sparsity of n nodes joined by elements (ne, k) and by pairs (k, 2) of nodes."""
     pairs = np.zeros((0, 2), dtype=np.intp) if pairs is None else pairs
-    dof = (quads[:, :, None] * DOFS + np.arange(DOFS)).reshape(len(quads), -1)
+    dof = (quads[:, :, None] * DOFS + np.arange(DOFS)).reshape(len(quads), DOFS * quads.shape[1])
     size = n * DOFS
     elements = (dof[:, :, None] * size + dof[:, None, :]).ravel()
     own = np.arange(n)[:, None] * DOFS + np.arange(DOFS)

@@ -66,8 +66,8 @@ class Section:
 
     @cached_property
     def points(self) -> int:
-        """Gauss points of an element."""
-        return self.patches[0].thickness.shape[1]
+        """Gauss points of an element; four where there is none."""
+        return self.patches[0].thickness.shape[1] if self.patches else 4
 
     @cached_property
     def thickness(self) -> Array:

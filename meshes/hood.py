@@ -74,7 +74,7 @@ QUADRATIC_SPANS = (
     (MERGE, 4),
     (68.0, 11),
 )
-CROWDED = 0.7  # of rows towards the central slip's end, where the held edge narrows it
+CROWDED = 0.95  # of rows towards the central slip's end, where the held edge narrows it
 TENDON = 0.5  # of the inner columns' half-angle, what is tendon and slip
 INSERTED = 0.75  # of it, what the central slip's insertion holds
 # Quadratic elements across a lateral band: what the inner half of them has of its width, since the
