@@ -296,18 +296,18 @@ def _length(mesh: HoodMesh, cells: np.ndarray) -> float:
 
 
 def _tendons(mesh: HoodMesh, finger: str) -> dict[str, Tendon]:
-    """Each tendon's end nodes and their shares, half at an edge node."""
+    """Each tendon's end nodes and their shares of a pull that is even over them, or over half."""
     from fe_solver.hood_model import Tendon
     from meshes.hood import even_shares
 
     out = {}
     for tendon, (end, side) in ENDS[finger].items():
-        nodes = mesh.ends[end]
-        share = even_shares(_along(mesh, end), mesh.quadratic)
+        nodes, place = mesh.ends[end], _along(mesh, end)
+        first, last = float(place[0]), float(place[-1])
         if side.any():
-            height = mesh.points[nodes] @ side
-            middle = np.isclose(height, np.median(height))
-            share = np.where(middle, share / 2, np.where(height > np.median(height), share, 0.0))
+            middle, height = (first + last) / 2, mesh.points[nodes] @ side
+            first, last = (middle, last) if height[-1] > height[0] else (first, middle)
+        share = even_shares(place, (first, last), mesh.quadratic)
         out[tendon] = Tendon(nodes, share / share.sum())
     return out
 

@@ -430,7 +430,7 @@ def _grown(
     """What binds a lateral band to the bone beneath it, evenly over its width."""
     rows, along_it = _held(band[:, 0], stations, LIGAMENT_ROWS)
     nodes = band[rows].ravel()
-    shares = (along_it[:, None] * even_shares(over_band, quadratic)).ravel()
+    shares = (along_it[:, None] * even_shares(over_band, (0.0, 1.0), quadratic)).ravel()
     return replace(on_bone("proximal", nodes, points[nodes], level), shares=np.round(shares, 7))
 
 
@@ -438,36 +438,26 @@ def _held(
     line: Ints, place: Array, ends: tuple[float, float], quadratic: bool = False
 ) -> tuple[Ints, Array]:
     """Where a line of nodes (-1 for none) at ascending places bears something of what holds it
-    evenly between `ends`; and how much there, by linear shape functions, or where every two spaces
-    are an element by its quadratic ones; an element that is held in part keeps the linear ones,
-    which leave no node a negative share."""
+    evenly between `ends`; and how much there."""
     on = np.flatnonzero(line >= 0)
-    at = place[on]
-    inside = at[(at > ends[0]) & (at < ends[1])]
-    cuts = np.concatenate([ends[:1], inside, ends[1:]])
-    shapes = np.array([np.interp(cuts, at, one) for one in np.eye(len(on))])
-    shares = (shapes[:, 1:] + shapes[:, :-1]) @ np.diff(cuts) / 2 / (ends[1] - ends[0])
-    for i in range(1, len(on) - 1, 2) if quadratic else ():
-        if ends[0] <= at[i - 1] and at[i + 1] <= ends[1]:
-            more = (at[i + 1] - at[i - 1]) / (ends[1] - ends[0]) / 12
-            shares[i - 1 : i + 2] += more * np.array([-1, 2, -1])
+    shares = even_shares(place[on], ends, quadratic)
     borne = shares > 1e-9
     return on[borne], np.round(shares[borne], 7)
 
 
-def even_shares(place: Array, quadratic: bool) -> Array:
-    """(n,) of what pulls a line of nodes at ascending places evenly, how much is each one's: half
-    of the spaces beside it, or by Simpson's rule over every two spaces."""
-    width = np.diff(place)
-    out = np.zeros(len(place))
-    if quadratic:
-        element = width[::2] + width[1::2]
-        for first, weight in ((0, 1.0), (1, 4.0), (2, 1.0)):
-            out[first : first + 2 * len(element) : 2] += weight * element
-    else:
-        out[:-1] += width
-        out[1:] += width
-    return out / out.sum()
+def even_shares(place: Array, ends: tuple[float, float], quadratic: bool) -> Array:
+    """(n,) what each node of a line at ascending places has of a load that is even between `ends`:
+    by linear shape functions, or where every two spaces are an element by its quadratic ones; an
+    element that is loaded in part keeps the linear ones, which leave no node a negative share."""
+    inside = place[(place > ends[0]) & (place < ends[1])]
+    cuts = np.concatenate([ends[:1], inside, ends[1:]])
+    shapes = np.array([np.interp(cuts, place, one) for one in np.eye(len(place))])
+    shares = (shapes[:, 1:] + shapes[:, :-1]) @ np.diff(cuts) / 2 / (ends[1] - ends[0])
+    for i in range(1, len(place) - 1, 2) if quadratic else ():
+        if ends[0] <= place[i - 1] and place[i + 1] <= ends[1]:
+            more = (place[i + 1] - place[i - 1]) / (ends[1] - ends[0]) / 12
+            shares[i - 1 : i + 2] += more * np.array([-1, 2, -1])
+    return np.asarray(shares)
 
 
 def on_bone(body: str, nodes: Ints, near: Array, level: Level, height: float = 0.0) -> Attachment:

@@ -81,11 +81,10 @@ def test_six_nodes_are_an_element_across_the_fibres():
 
 
 def test_even_shares_follow_the_shape_functions():
-    assert even_shares(np.array([0.0, 1, 2]), quadratic=False) == pytest.approx(
-        np.array([1, 2, 1]) / 4
-    )
+    assert even_shares(np.arange(3.0), (0, 2), False) == pytest.approx(np.array([1, 2, 1]) / 4)
+    assert even_shares(np.arange(3.0), (0, 1), False) == pytest.approx([0.5, 0.5, 0])
     places = np.array([0.0, 1, 2, 4, 6])
-    assert even_shares(places, quadratic=True) == pytest.approx(np.array([1, 4, 3, 8, 2]) / 18)
+    assert even_shares(places, (0, 6), True) == pytest.approx(np.array([1, 4, 3, 8, 2]) / 18)
 
 
 @pytest.mark.parametrize("across", ["linear", "quadratic"])
