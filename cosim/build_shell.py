@@ -298,7 +298,7 @@ def _length(mesh: HoodMesh, cells: np.ndarray) -> float:
 def _tendons(mesh: HoodMesh, finger: str) -> dict[str, Tendon]:
     """Each tendon's end nodes and their shares of a pull that is even over them, or over half."""
     from fe_solver.hood_model import Tendon
-    from meshes.hood import even_shares
+    from meshes.hood_lines import even_shares
 
     out = {}
     for tendon, (end, side) in ENDS[finger].items():

@@ -133,14 +133,14 @@ def _mitre(X: Array, D: Array) -> Array:
     element = kind_of(X)
     bases = [element.base_vectors(X, r, s) for r, s in element.nodes]
     normal = np.stack([np.cross(b[:, 0], b[:, 1]) for b in bases], axis=1)
-    triangle = is_triangle(X)
+    triangle = _is_triangle(X)
     normal[triangle] = normal[triangle, :1]
     normal /= np.linalg.norm(normal, axis=2, keepdims=True)
     lean = np.abs(np.einsum("nak,nak->na", normal, D))
     return np.where(lean < FOLD, 1 / np.maximum(lean, STEEPEST), 1.0)
 
 
-def is_triangle(X: Array) -> NDArray[np.bool_]:
+def _is_triangle(X: Array) -> NDArray[np.bool_]:
     """(ne,) whose last two corners are at one place; X (ne, k, 3)."""
     return np.asarray((X[:, 2] == X[:, 3]).all(axis=1))
 
@@ -183,7 +183,7 @@ def shell_tables(
     membranes, shears = tied(X, even)
     tensor = np.stack([(1 + growth) ** -2, np.ones(ne), 1 / (1 + growth)], axis=1)[:, :, None]
     edges = np.stack([X[:, 1] - X[:, 0], X[:, 2] - X[:, 0]], axis=2)
-    triangle = is_triangle(X)[:, None, None]
+    triangle = _is_triangle(X)[:, None, None]
     parts: list[tuple[Array, ...]] = []
     for g, (r, s) in enumerate(element.gauss):
         frame, J, area = local_frames(X, fibre[:, g], r, s)
@@ -205,7 +205,7 @@ def shell_tables(
 def _four_nodes(X: Array, even: bool) -> tuple[Array, Array]:
     """Membrane (ne, 4, 3, 5) and shear (ne, 4, 2, 4) at the Gauss points from the samples: of quads
     covariant, of triangles along their first and last edge."""
-    triangle = is_triangle(X)
+    triangle = _is_triangle(X)
     warp = np.zeros((5, len(X)))
     warp[:, ~triangle] = distortion(X[~triangle])
     membrane = quad_membrane(X, warp, even)

@@ -23,21 +23,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .hood import (
-    CENTRAL_END,
     INTRINSIC,
-    JOIN,
-    LATERAL_END,
-    MERGE,
     PALMAR_PLATE,
     RETINACULAR_ANCHOR,
     RETINACULAR_ROWS,
     SAGITTAL_ROWS,
-    SLIP_END,
     SLIP_REACH,
-    TERMINAL_END,
     clear_guides,
     on_bone,
 )
+from .hood_lines import CENTRAL_END, JOIN, LATERAL_END, MERGE, SLIP_END, TERMINAL_END
 from .hood_mesh import Attachment
 from .hull import CLEARANCE, PIP, Chain, Hull, Level, Surface, along
 from .skeleton import Skeleton

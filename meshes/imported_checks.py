@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from cosim.port import InputError
 
-from .hood import CENTRAL_END, INTRINSIC, TERMINAL_END
+from .hood import INTRINSIC
+from .hood_lines import CENTRAL_END, TERMINAL_END
 from .hood_mesh import folded
 from .hull import Chain, along
 

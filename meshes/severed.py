@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from cosim.port import InputError
 
 from .cable_net import CableNet
-from .hood import JOIN, MERGE, SLIP_END, SLIP_START
+from .hood_lines import JOIN, MERGE, SLIP_END, SLIP_START
 from .hood_mesh import Attachment, HoodMesh, pairs
 
 Ints = NDArray[np.intp]

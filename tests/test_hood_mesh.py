@@ -21,7 +21,8 @@ from fe_solver.mesh_geometry import node_directors
 from fe_solver.shell import shell_tables
 from fe_solver.shell_hood import ShellHood
 from meshes import hood as hood_generator
-from meshes.hood import LIGAMENT_ROWS, RETINACULAR_ROWS, SAGITTAL_ROWS, even_shares
+from meshes.hood import LIGAMENT_ROWS, RETINACULAR_ROWS, SAGITTAL_ROWS
+from meshes.hood_lines import CENTRAL_END, LATERAL_END, SLIP_END, SLIP_START, even_shares
 from meshes.hood_mesh import (
     ENDS,
     REGIONS,
@@ -201,14 +202,14 @@ def test_the_central_slip_is_held_at_its_own_height(mesh):
 
 def with_rows_halved(monkeypatch: pytest.MonkeyPatch, first: float, last: float) -> None:
     """Hoods with twice as many rows between two stations (mm), and the others where they were."""
-    laid = hood_generator._rows
+    laid = hood_generator.rows
 
     def halved(*sizes):
         rows = laid(*sizes)
         middle = (rows[1:] + rows[:-1]) / 2
         return np.sort(np.concatenate([rows, middle[(middle > first) & (middle < last)]]))
 
-    monkeypatch.setattr(hood_generator, "_rows", halved)
+    monkeypatch.setattr(hood_generator, "rows", halved)
 
 
 @pytest.mark.slow
@@ -220,7 +221,7 @@ def test_the_slips_shares_hang_on_no_row_over_the_pip(monkeypatch):
         return run_case(case).summary["slip_ratio"]
 
     before = ratio(600)
-    with_rows_halved(monkeypatch, hood_generator.SLIP_START, hood_generator.SLIP_END)
+    with_rows_halved(monkeypatch, SLIP_START, SLIP_END)
     assert ratio(601) == pytest.approx(before, rel=0.01)
 
 
@@ -259,7 +260,7 @@ def test_the_unloaded_finger_hangs_on_no_row_at_the_tendons_end(monkeypatch):
         return float(np.linalg.norm(models.hood.group_forces(rest.response.state)["terminal_slip"]))
 
     before = terminal(600)
-    with_rows_halved(monkeypatch, hood_generator.CENTRAL_END, hood_generator.LATERAL_END)
+    with_rows_halved(monkeypatch, CENTRAL_END, LATERAL_END)
     assert terminal(601) == pytest.approx(before, rel=0.05)
 
 
