@@ -179,14 +179,19 @@ def _sheet(run: Run, chosen: np.ndarray) -> tuple[Sheet | None, tuple[str, ...]]
     flat, last = laid_out(reference, hood.quads), len(chosen) - 1
     if {"node", "strain", "stress", "pressure"} <= set(run.dataset):
         data = run.dataset.isel({run.axis: chosen}).transpose(run.axis, ...)
-        fields = _fields(data.strain.values, data.stress.values, data.pressure.values)
+        shown = len(hood.quads) // data.sizes["quad"]  # quads that show an element
+        strain, stress = (
+            np.repeat(of.transpose(run.axis, "quad", ...).values, shown, axis=1)
+            for of in (data.strain, data.stress)
+        )
+        fields = _fields(strain, stress, data.pressure.values)
         every = tuple(range(len(chosen)))
         return Sheet(hood.quads, region, flat, every, data.node.values, fields), ()
-    strain = (cells[STRAIN], cells["transverse_strain"], 2 * cells["shear_strain"])
-    stress = (cells["fibre_stress"], cells["transverse_stress"])
+    strains = (cells[STRAIN], cells["transverse_strain"], 2 * cells["shear_strain"])
+    stresses = (cells["fibre_stress"], cells["transverse_stress"])
     fields = _fields(
-        np.stack(strain, axis=-1)[None],
-        np.stack(stress, axis=-1)[None],
+        np.stack(strains, axis=-1)[None],
+        np.stack(stresses, axis=-1)[None],
         hood.point_data["contact_pressure"][None],
     )
     note = "This run stores the shape of its hood at its end only: it is shown there."
