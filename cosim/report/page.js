@@ -268,7 +268,7 @@
   }
   function summarise(one) {
     const values = frame(one.f.values, one.shape), under = values.filter((x) => x < 0).length;
-    one.note.textContent = `${said(Math.min(...values))} to ${said(Math.max(...values))} ${one.f.unit} over all quads; ${under} of ${values.length} in compression`;
+    one.note.textContent = `${said(Math.min(...values))} to ${said(Math.max(...values))} ${one.f.unit} over all quads; ${Math.round((100 * under) / values.length)} % of them in compression`;
   }
 
   // --- curves over time
