@@ -90,14 +90,22 @@ def _gather(first: int, last: int, start: Ints, gather: Ints, values: Array, out
 def sampled(samples: Array, membrane: int, y: Array) -> Array:
     """(ne, m) values y.samples.y / 2 of y (ne, 2k, 3); the first `membrane` of them are of the
     positions alone, the others of positions times directors."""
-    out = np.empty((len(y), len(samples)))
-    _shared(lambda a, b: _sample(a, b, samples, membrane, y, out), len(y), PAYS)
+    out, known = np.empty((len(y), len(samples))), (0,) * (y.shape[1] // 2)
+    _shared(lambda a, b: _sample(a, b, known, samples, membrane, y, out), len(y), PAYS)
     return out
 
 
 @compiled
-def _sample(first: int, last: int, samples: Array, membrane: int, y: Array, out: Array) -> None:
-    nodes = y.shape[1] // 2
+def _sample(
+    first: int,
+    last: int,
+    known: tuple[int, ...],
+    samples: Array,
+    membrane: int,
+    y: Array,
+    out: Array,
+) -> None:
+    nodes = len(known)  # the length of a tuple is known to the compiler, which unrolls by it
     for e in range(first, last):
         for i in range(len(samples)):
             total = 0.0
