@@ -91,7 +91,8 @@ def test_only_hoods_that_are_generated_are_laid_out_anew():
 
 def test_the_command_says_what_a_finer_mesh_changes(tmp_path: Path):
     words = ["validate", "--only", "strain soft iso", "--out", str(tmp_path), "--workers", "1"]
-    coarse = ["--set", "hood.mesh.quads=120", "--finer", "160"]
+    four = ["--set", 'hood.mesh.across="linear"']  # six nodes tell meshes less apart
+    coarse = [*four, "--set", "hood.mesh.quads=120", "--finer", "160"]
     done = CliRunner().invoke(app, [*words, *coarse])
     assert done.exit_code == 0, done.output
     told = json.loads((tmp_path / "mesh_convergence.json").read_text())
@@ -104,7 +105,7 @@ def test_the_command_says_what_a_finer_mesh_changes(tmp_path: Path):
     board = json.loads((tmp_path / "finer" / "strain_soft_iso" / "summary.json").read_text())
     (ratio,) = [r for r in told["rows"] if r["quantity"] == "slip_ratio"]
     assert ratio["finer"] == pytest.approx(board["slip_ratio"], rel=1e-5)
-    assert not np.isclose(ratio["finer"], ratio["model"], rtol=1e-6)
+    assert not np.isclose(ratio["finer"], ratio["model"], rtol=1e-3)
 
 
 def test_the_committed_changes_are_those_of_the_committed_scoreboard():
