@@ -116,7 +116,7 @@ def laid_mesh(
         hood.mesh.quads,
         width=width_of(finger),
         intrinsic=_intrinsic(finger),
-        quadratic=hood.mesh.across == "quadratic",
+        quadratic=hood.mesh.elements == "quadratic",
     )
 
 
@@ -135,7 +135,6 @@ def shell_hood_of(
     mesh: HoodMesh,
 ) -> FeHood:
     """The hood over the bones as a case describes it, behind the port."""
-    from fe_solver.fibres import smoothed
     from fe_solver.hood_model import ContactLaw, Sheet, SpringSet, shell_hood
     from fe_solver.newton import NewtonOptions
     from meshes.hood_mesh import REGIONS
@@ -149,7 +148,7 @@ def shell_hood_of(
     sheet = Sheet(
         _faced(mesh, thickness),
         mesh.quads,
-        smoothed(mesh.quads, mesh.fibre, mesh.region),
+        _fibres(mesh),
         _section(hood, mesh, thickness),
         _growth(hood, mesh, case.lesion),
         tuple(REGIONS[i] for i in mesh.region),
@@ -288,6 +287,17 @@ def _growth(hood: ShellHood, mesh: HoodMesh, lesion: Lesion | None) -> Array:
     return out
 
 
+def _fibres(mesh: HoodMesh) -> Array:
+    """(ne, g, 3) fibres at the Gauss points.  Those of quadratic elements follow the mesh's lines;
+    one an element, smoothed, is of first order at a region's edge, where a soft matrix is drawn
+    aside by the width of a column."""
+    from fe_solver.fibres import followed, smoothed
+
+    if mesh.quadratic:
+        return followed(mesh.points, mesh.quads, mesh.fibre)
+    return smoothed(mesh.quads, mesh.fibre, mesh.region)
+
+
 def _length(mesh: HoodMesh, cells: np.ndarray) -> float:
     """Length (m) of a region along its fibres."""
     nodes = np.unique(mesh.quads[cells])
@@ -302,7 +312,8 @@ def _tendons(mesh: HoodMesh, finger: str) -> dict[str, Tendon]:
 
     out = {}
     for tendon, (end, side) in ENDS[finger].items():
-        nodes, place = mesh.ends[end], _along(mesh, end)
+        nodes = mesh.ends[end]
+        place = np.arange(len(nodes), dtype=float)
         first, last = float(place[0]), float(place[-1])
         if side.any():
             middle, height = (first + last) / 2, mesh.points[nodes] @ side
@@ -310,16 +321,6 @@ def _tendons(mesh: HoodMesh, finger: str) -> dict[str, Tendon]:
         share = even_shares(place, (first, last), mesh.quadratic)
         out[tendon] = Tendon(nodes, share / share.sum())
     return out
-
-
-def _along(mesh: HoodMesh, end: str) -> Array:
-    """(n,) places of an end's nodes along it: evenly apart, but across bands of quadratic elements,
-    whose inner half is the narrower."""
-    nodes = mesh.ends[end]
-    if end == "central" or not mesh.quadratic:
-        return np.arange(len(nodes), dtype=float)
-    apart = np.linalg.norm(np.diff(mesh.points[nodes], axis=0), axis=1)
-    return np.concatenate([[0.0], np.cumsum(apart)])
 
 
 def linear(hood: FeHood, state: State) -> tuple[float, float]:

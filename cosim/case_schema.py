@@ -48,7 +48,7 @@ class GeneratedMesh(Table):
 
     kind: Literal["generated"]
     quads: Annotated[Count, Field(ge=120, le=20000)]
-    across: Literal["linear", "quadratic"] = "linear"
+    elements: Literal["linear", "quadratic"] = "linear"
     rest_posture: Posture
 
 

@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .assumed_strain import FOUR
-from .six_nodes import SIX
+from .nine_nodes import NINE
 from .strain_forms import Element
 
 Ints = NDArray[np.intp]
 
-KINDS = {4: FOUR, 6: SIX}
+KINDS = {4: FOUR, 9: NINE}
 
 
 def kind_of(nodes: NDArray) -> Element:

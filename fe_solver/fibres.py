@@ -28,6 +28,17 @@ def smoothed(quads: Ints, fibre: Array, region: Ints | Sequence[str] | None = No
     return out
 
 
+def followed(points: Array, quads: Ints, fibre: Array) -> Array:
+    """(ne, g, 3) directions, not of unit length, at the Gauss points of elements with nodes at
+    points (n, 3): everywhere the same combination of the element's base vectors as `fibre` (ne, 3)
+    is at its centre, so that a fibre that runs along the mesh's lines follows them."""
+    element, X = kind_of(quads), points[quads]
+    centre = element.base_vectors(X, 0, 0)
+    share = np.einsum("nak,nk->na", np.linalg.pinv(np.swapaxes(centre, 1, 2)), fibre)
+    bases = [element.base_vectors(X, r, s) for r, s in element.gauss]
+    return np.stack([np.einsum("na,nak->nk", share, base) for base in bases], axis=1)
+
+
 def at_nodes(quads: Ints, fibre: Array, last: int) -> Array:
     """(last + 1, 3) unit directions at the nodes, the mean of the adjoining elements' (ne, 3); zero
     where there are none."""

@@ -105,8 +105,8 @@ def _check(hood: ShellHood) -> None:
         raise InputError("a hood of cables is not written: FEBio's format is given shells alone")
     if m.quads.shape[1] != 4:
         raise InputError(
-            "a hood of six-node elements cannot be written: FEBio's format has no such shell; set "
-            'hood.mesh.across to "linear"'
+            "a hood of nine-node elements cannot be written: FEBio's format has no such shell; set "
+            'hood.mesh.elements to "linear"'
         )
     if any(p.bending.any() for p in m.section.patches):
         raise InputError(

@@ -3,7 +3,7 @@
 The shell is x(r, s) + z d(r, s), with z the distance from the mid-surface along the director.  Its
 strains (`strain_forms`) are quadratic forms of y = (x1..xk, d1..dk), so that their gradient is
 linear in y, their Hessian is constant and the tangent is exact and symmetric.  An element has k = 4
-nodes (`assumed_strain`) and is integrated at g = 4 Gauss points, or 6 (`six_nodes`) at 6.
+nodes (`assumed_strain`) and is integrated at g = 4 Gauss points, or 9 (`nine_nodes`) at 9.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from . import kernels, six_nodes
+from . import kernels, nine_nodes
 from .assumed_strain import (
     FOUR,
     TRIANGLE_MEMBRANE,
@@ -37,8 +37,8 @@ angle, within it one sheet is curved; to the second the lean is made up for."""
 class ShellTables:
     """Constant tables of a mesh of shell elements.
 
-    Strains at the Gauss points from the samples: membrane (ne, g, 3, 5 or 13), bending (ne, g, 3,
-    3) from the point's own three, shear (ne, g, 2, 4 or 7), each less `offset` (ne, g, 8); weight
+    Strains at the Gauss points from the samples: membrane (ne, g, 3, 5 or 24), bending (ne, g, 3,
+    3) from the point's own three, shear (ne, g, 2, 4 or 12), each less `offset` (ne, g, 8); weight
     (ne, g) reference area of each Gauss point; frame (ne, g, 3, 3) rows local axes 1 (fibre), 2
     (transverse), 3 (normal) in the reference configuration; height (ne, k) of the mid-surface over
     the nodes, along the elements' directors, which are those of the nodes times `mitre` (ne, k):
@@ -171,16 +171,15 @@ def shell_tables(
     (ne, 3) or (ne, g, 3) at the Gauss points, and fibre growth (ne,): the stress-free length along
     the fibre is 1 + growth times that of the mesh (a multiplicative, plane eigenstrain).  `height`
     (ne, k), m, of the mid-surface over each node along its director: nodes on the lower face of a
-    shell lie half its thickness below.  `even`: the in-plane shear is evened over each quad, as in
-    `assumed_strain`; else bilinear, as FEBio has it."""
+    shell lie half its thickness below.  `even`: the in-plane shear is evened over each four-node
+    quad, as in `assumed_strain`; else bilinear, as FEBio has it."""
     element, ne = kind_of(X), len(X)
     points = len(element.gauss)
     height = np.broadcast_to(height, X.shape[:2]).astype(float)
     fibre = np.broadcast_to(fibre[:, None] if fibre.ndim == 2 else fibre, (ne, points, 3))
     nodes, mitre = np.concatenate([X, D], axis=1), _mitre(X, D)
     X = _over(nodes, height, mitre)[:, : X.shape[1]]
-    tied = _four_nodes if element is FOUR else _six_nodes
-    membranes, shears = tied(X, even)
+    membranes, shears = _four_nodes(X, even) if element is FOUR else _nine_nodes(X)
     tensor = np.stack([(1 + growth) ** -2, np.ones(ne), 1 / (1 + growth)], axis=1)[:, :, None]
     edges = np.stack([X[:, 1] - X[:, 0], X[:, 2] - X[:, 0]], axis=2)
     triangle = _is_triangle(X)[:, None, None]
@@ -215,10 +214,10 @@ def _four_nodes(X: Array, even: bool) -> tuple[Array, Array]:
     return membrane, np.where(triangle[:, None, None, None], of_triangle, shear)
 
 
-def _six_nodes(X: Array, even: bool) -> tuple[Array, Array]:
-    """Membrane (ne, 6, 3, 13) and shear (ne, 6, 2, 7), covariant, as `_four_nodes`."""
-    shear = np.stack([six_nodes.tied_shear(r, s) for r, s in six_nodes.GAUSS])
-    return six_nodes.tied_membrane(X, even), np.broadcast_to(shear, (len(X), *shear.shape))
+def _nine_nodes(X: Array) -> tuple[Array, Array]:
+    """Membrane (ne, 9, 3, 24) and shear (ne, 9, 2, 12), covariant, as `_four_nodes`."""
+    shear = nine_nodes.tied_shear()
+    return nine_nodes.tied_membrane(X), np.broadcast_to(shear, (len(X), *shear.shape))
 
 
 @dataclass(frozen=True)

@@ -26,13 +26,20 @@ from .hood import (
     INTRINSIC,
     PALMAR_PLATE,
     RETINACULAR_ANCHOR,
-    RETINACULAR_ROWS,
-    SAGITTAL_ROWS,
     SLIP_REACH,
     clear_guides,
     on_bone,
 )
-from .hood_lines import CENTRAL_END, JOIN, LATERAL_END, MERGE, SLIP_END, TERMINAL_END
+from .hood_lines import (
+    CENTRAL_END,
+    JOIN,
+    LATERAL_END,
+    MERGE,
+    RETINACULAR_ROWS,
+    SAGITTAL_ROWS,
+    SLIP_END,
+    TERMINAL_END,
+)
 from .hood_mesh import Attachment
 from .hull import CLEARANCE, PIP, Chain, Hull, Level, Surface, along
 from .skeleton import Skeleton

@@ -31,7 +31,10 @@ from .hood_lines import (
     CENTRAL_END,
     JOIN,
     LATERAL_END,
+    LIGAMENT_ROWS,
     MERGE,
+    RETINACULAR_ROWS,
+    SAGITTAL_ROWS,
     SLIP_END,
     SLIP_START,
     TENDON,
@@ -63,11 +66,8 @@ INTRINSIC = {
     "ulnar": (-8.0, -5.58, -8.84),
 }
 BAND_WIDTH = 3.0  # mm, of the intrinsic tendons; [mi29] lateral tendon ends
-SAGITTAL_ROWS = (-3.5, 3.5)  # [trial]
 PALMAR_PLATE = (-3.0, 7.0)  # dorsal, radial mm, on the base of the proximal phalanx [trial]
-RETINACULAR_ROWS = (PIP - 2.5, PIP + 2.5)
 RETINACULAR_ANCHOR = (-3.0, 5.0)  # dorsal, radial mm, on the head of the proximal phalanx [trial]
-LIGAMENT_ROWS = (JOIN, JOIN + 5.25)  # of the adhesion under a lateral band [trial]
 SLIP_REACH = 2.5  # mm from the central slip's last row to its insertion, distally (assumption)
 
 
@@ -110,8 +110,7 @@ def generate(
     sheet's; `surfaces` are those of the scaled bones; `width` scales the hand-measured points
     across the finger, and the skeleton's lengths those along it.  `intrinsic`: where the tendons at
     the radial and the ulnar side run to the sheet from, m distal of the MCP, dorsal and radial;
-    otherwise the index finger's, scaled.  `quadratic`: elements of six nodes, quadratic across the
-    fibres, in fewer columns and more rows."""
+    otherwise the index finger's, scaled.  `quadratic`: quadratic elements, of nine nodes."""
     chain = Chain(skeleton, *skeleton.pose(rest_posture))
     middle = {body: height + thickness / 2 for body, height in offset.items()}
     level = Level(surfaces, middle, chain.position, chain.rotation)
@@ -244,28 +243,28 @@ def _inner_region(s: float, f: float) -> str:
 
 
 def _cells(grid: _Grid, across: Array, quadratic: bool) -> tuple[Ints, Ints, NDArray[np.bool_]]:
-    """Quads (ne, 4) or (ne, 6), their regions (ne,), and whether fibres run along the rows'
+    """Quads (ne, 4) or (ne, 9), their regions (ne,), and whether fibres run along the rows'
     direction."""
     cells, names = [], []
     n = 2 if quadratic else 1
 
-    def quad(a: Ints, b: Ints, k: int) -> list[int]:
-        middles = [a[k + 1], b[k + 1]] if quadratic else []
-        return [a[k], b[k], b[k + n], a[k + n], *middles]
+    def quad(lines: Ints, k: int, back: bool) -> list[int]:
+        first, *between, last = lines[:, k : k + n + 1][:, :: -1 if back else 1]
+        corners = [first[0], last[0], last[n], first[n]]
+        return [*corners, first[1], last[1], *between[0][[0, 2, 1]]] if quadratic else corners
 
-    middle = (grid.stations[:-1] + grid.stations[1:]) / 2
-    for i, s in enumerate(middle):
+    for i in range(0, len(grid.stations) - n, n):
+        s = (grid.stations[i] + grid.stations[i + n]) / 2
         if s < SLIP_END:
-            a, b = grid.inner[i], grid.inner[i + 1]
-            for k in range(0, len(a) - n, n):
-                if a[k] >= 0 and a[k + n] >= 0:
-                    cells.append(quad(a, b, k))
+            lines = grid.inner[i : i + n + 1]
+            for k in range(0, len(across) - n, n):
+                if lines[0, k] >= 0 and lines[0, k + n] >= 0:
+                    cells.append(quad(lines, k, False))
                     names.append(_inner_region(s, (across[k] + across[k + n]) / 2))
         if s > LATERAL_END:
             for side, nodes in grid.band.items():
                 for k in range(0, nodes.shape[1] - n, n):
-                    cell = quad(nodes[i], nodes[i + 1], k)
-                    cells.append(cell if side == "radial" else [*cell[3::-1], *cell[4:]])
+                    cells.append(quad(nodes[i : i + n + 1], k, side == "ulnar"))
                     names.append("terminal_slip" if s > MERGE else f"lateral_band_{side}")
     region = np.array([REGIONS.index(n) for n in names])
     along = np.array([not n.startswith("sagittal") for n in names])
@@ -274,9 +273,12 @@ def _cells(grid: _Grid, across: Array, quadratic: bool) -> tuple[Ints, Ints, NDA
 
 def _fibres(points: Array, cells: Ints, along: NDArray[np.bool_]) -> Array:
     """Unit fibre directions: along the finger in tendons and bands, round it in sagittal bands."""
-    p = points[cells[:, :4]]
-    distal = p[:, 1] + p[:, 2] - p[:, 0] - p[:, 3]
-    across = p[:, 2] + p[:, 3] - p[:, 0] - p[:, 1]
+    p = points[cells]
+    if cells.shape[1] == 9:
+        distal, across = p[:, 5] - p[:, 4], p[:, 7] - p[:, 6]
+    else:
+        distal = p[:, 1] + p[:, 2] - p[:, 0] - p[:, 3]
+        across = p[:, 2] + p[:, 3] - p[:, 0] - p[:, 1]
     fibre = np.where(along[:, None], distal, across)
     return fibre / np.linalg.norm(fibre, axis=1, keepdims=True)
 
@@ -344,7 +346,7 @@ def _attachments(
             ("sagittal", grid.inner[:, edge], SAGITTAL_ROWS, PALMAR_PLATE),
             ("retinacular", band[:, -1], RETINACULAR_ROWS, RETINACULAR_ANCHOR),
         ):
-            rows, shares = _held(line, s, ends)
+            rows, shares = _held(line, s, ends, quadratic)
             local = np.empty((len(rows), 3))
             local[:, 0] = along(chain.skeleton, s[rows])
             local[:, 1:] = 1e-3 * width * np.array([sign * radial, dorsal])
@@ -361,7 +363,7 @@ def _grown(
     quadratic: bool,
 ) -> Attachment:
     """What binds a lateral band to the bone beneath it, evenly over its width."""
-    rows, along_it = _held(band[:, 0], stations, LIGAMENT_ROWS)
+    rows, along_it = _held(band[:, 0], stations, LIGAMENT_ROWS, quadratic)
     nodes = band[rows].ravel()
     shares = (along_it[:, None] * even_shares(over_band, (0.0, 1.0), quadratic)).ravel()
     return replace(on_bone("proximal", nodes, points[nodes], level), shares=np.round(shares, 7))

@@ -6,6 +6,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from .hull import PIP
+
 Array = NDArray[np.float64]
 
 # Stations, mm.
@@ -16,6 +18,10 @@ SLIP_START = 36.0  # [trial]
 SLIP_END = 49.0  # [trial], 6.4 mm past the PIP
 MERGE = 63.0  # [trial]
 TERMINAL_END = 73.0  # [trial], 5.3 mm past the DIP
+# What holds the sheet, from and to.
+SAGITTAL_ROWS = (-3.5, 3.5)  # [trial]
+LIGAMENT_ROWS = (JOIN, JOIN + 5.25)  # of the adhesion under a lateral band [trial]
+RETINACULAR_ROWS = (PIP - 2.5, PIP + 2.5)
 # Where each span of rows begins, and its rows in a mesh of 600 quads: many where the sheet slides
 # over a head, where the lateral bands turn off the slip and in the terminal slip, few over shafts.
 SPANS = (
@@ -32,37 +38,37 @@ SPANS = (
     (MERGE, 4),
     (68.0, 10),
 )
-# The same of elements that are quadratic across the fibres, which need fewer columns.
+# The same of quadratic elements; they begin and end where what holds the sheet does.
 QUADRATIC_SPANS = (
-    (CENTRAL_END, 4),
-    (LATERAL_END, 5),
-    (0.0, 3),
-    (4.0, 5),
-    (JOIN, 3),
-    (21.0, 5),
-    (SLIP_START, 6),
-    (40.0, 8),
-    (44.5, 6),
-    (SLIP_END, 4),
-    (52.5, 10),
+    (CENTRAL_END, 2),
+    (LATERAL_END, 1),
+    (SAGITTAL_ROWS[0], 2),
+    (0.0, 2),
+    (SAGITTAL_ROWS[1], 5),
+    (JOIN, 6),
+    (LIGAMENT_ROWS[1], 4),
+    (SLIP_START, 4),
+    (RETINACULAR_ROWS[0], 4),
+    (RETINACULAR_ROWS[1], 4),
+    (SLIP_END, 2),
+    (52.5, 4),
     (MERGE, 4),
-    (68.0, 11),
+    (68.0, 5),
 )
-CROWDED = 0.95  # of rows towards the central slip's end, where the held edge narrows it
+CROWDED = 0.95  # of quadratic rows towards the central slip's end, where the held edge narrows it
 TENDON = 0.5  # of the inner columns' half-angle, what is tendon and slip
-# Quadratic elements across a lateral band: what the inner half of them has of its width, since the
-# band bends in its plane where it turns off the slip.
-INNERMOST = ([0.0, 0.5, 1.0], [0.0, 0.3, 1.0])
 
 
 def rows(quads: int, quadratic: bool) -> Array:
-    """Stations (mm) of the rows for about `quads` elements."""
+    """Stations (mm) of the rows of nodes for about `quads` elements; every second one runs through
+    the middles of quadratic elements."""
     fineness = np.sqrt(quads / 600)
     spans = QUADRATIC_SPANS if quadratic else SPANS
     begins, counts = [s for s, _ in spans], [max(1, round(n * fineness)) for _, n in spans]
     ends = zip(begins, [*begins[1:], TERMINAL_END], counts, strict=True)
     laid = [_within(a, b, n, CROWDED if quadratic and b == SLIP_END else 0.0) for a, b, n in ends]
-    return np.concatenate([*laid, [TERMINAL_END]])
+    lines = np.concatenate([*laid, [TERMINAL_END]])
+    return _with_middles(lines) if quadratic else lines
 
 
 def _within(first: float, end: float, count: int, crowded: float) -> Array:
@@ -74,13 +80,13 @@ def _within(first: float, end: float, count: int, crowded: float) -> Array:
 def columns(quads: int, quadratic: bool) -> tuple[Array, Array]:
     """Where the lines of nodes run: across the inner sheet (-1 ulnar to 1 radial, of its
     half-angle), and across each lateral band (0 at the inner edge to 1)."""
-    fineness, counts = np.sqrt(quads / 600), (3, 2, 2) if quadratic else (3, 2, 3)
+    fineness, counts = np.sqrt(quads / 600), (3, 2, 4) if quadratic else (3, 2, 3)
     tendon, side, band = (max(1, round(n * fineness)) for n in counts)
     middle = np.linspace(0, TENDON, tendon, endpoint=False)
     half = np.concatenate([middle, np.linspace(TENDON, 1, side + 1)])
     over_band = np.linspace(0, 1, band + 1)
     if quadratic:
-        half, over_band = _with_middles(half), _with_middles(np.interp(over_band, *INNERMOST))
+        half, over_band = _with_middles(half), _with_middles(over_band)
     return np.concatenate([-half[:0:-1], half]), over_band
 
 

@@ -76,8 +76,8 @@ class HoodMesh:
 
     points: Array
     quads: Ints
-    """(ne, 4), or (ne, 6) of elements that are quadratic across the fibres: then the middles of the
-    edges from the first to the fourth corner and from the second to the third come last."""
+    """(ne, 4), or (ne, 9) of quadratic elements: then come the middles of the edges between corners
+    0 and 3, 1 and 2, 0 and 1, 3 and 2, and the element's own."""
     region: Ints
     """(ne,) index into REGIONS."""
     fibre: Array
@@ -105,8 +105,8 @@ class HoodMesh:
 
     @property
     def quadratic(self) -> bool:
-        """Whether its elements are quadratic across the fibres."""
-        return self.quads.shape[1] == 6
+        """Whether its elements are quadratic."""
+        return self.quads.shape[1] == 9
 
     def cells(self, *names: str) -> NDArray[np.bool_]:
         """Mask of the quads in the named regions."""
@@ -114,13 +114,14 @@ class HoodMesh:
 
 
 def flat(quads: Ints) -> Ints:
-    """The four-node quads that show elements (ne, 4) or (ne, 6), those of an element together."""
-    halves = [[0, 1, 5, 4], [4, 5, 2, 3]] if quads.shape[1] == 6 else [[0, 1, 2, 3]]
+    """The four-node quads that show elements (ne, 4) or (ne, 9), those of an element together."""
+    quarters = [[0, 6, 8, 4], [6, 1, 5, 8], [4, 8, 7, 3], [8, 5, 2, 7]]
+    halves = quarters if quads.shape[1] == 9 else [[0, 1, 2, 3]]
     return np.asarray(quads[:, halves].reshape(-1, 4))
 
 
 def pairs(quads: Ints) -> Ints:
-    """(m, 2) nodes of the elements (ne, 4) or (ne, 6) that join all of each one's."""
+    """(m, 2) nodes of the elements (ne, 4) or (ne, 9) that join all of each one's."""
     q = flat(quads)
     return np.vstack([q[:, [0, 1]], q[:, [1, 2]], q[:, [2, 3]]])
 
@@ -262,10 +263,10 @@ class _Reader:
         return mesh
 
     def elements(self, value: Any, count: int) -> Ints:
-        """Elements of four nodes, or all of six."""
+        """Elements of four nodes, or all of nine."""
         first = value[0] if isinstance(value, list) and value else None
-        six = isinstance(first, list) and len(first) == 6
-        return self.indices(value, "quads", count, 6 if six else 4)
+        nine = isinstance(first, list) and len(first) == 9
+        return self.indices(value, "quads", count, 9 if nine else 4)
 
     def length(self, key: str) -> float:
         """A positive length in mm, as m."""

@@ -19,6 +19,7 @@ from fe_solver.verification.sheets import (
     in_basis,
     linear_response,
     mapped,
+    nine_noded,
     plate,
     sheet,
 )
@@ -37,6 +38,7 @@ __all__ = [
     "index_hood",
     "linear_response",
     "mapped",
+    "nine_noded",
     "plate",
     "sheet",
 ]

@@ -7,7 +7,8 @@ import pytest
 import shells
 
 from fe_solver.assumed_strain import GAUSS, shape
-from fe_solver.fibres import at_nodes, smoothed
+from fe_solver.elements import kind_of
+from fe_solver.fibres import at_nodes, followed, smoothed
 
 
 def ring(around: int):
@@ -45,6 +46,31 @@ def test_a_turning_field_converges():
     coarse, fine = worst_angle(8), worst_angle(16)
     assert fine < 0.06
     assert np.log2(coarse / fine) == pytest.approx(1, abs=0.1)
+
+
+def test_fibres_along_the_lines_of_a_quadratic_mesh_follow_them():
+    """At the region's edges too: of second order, or exactly where the lines are straight."""
+    assert lines_off(8, 0.0) < 0.3 * lines_off(4, 0.0) < 0.003
+    assert lines_off(4, np.pi / 2) < 1e-12
+
+
+def lines_off(around: int, lean: float) -> float:
+    """By how much (rad) fibres around a quarter ring (lean 0) or out of it miss at Gauss points."""
+    X, quads = shells.nine_noded(*shells.plate(1.0, 1.0, around, 3))
+    turn, radius = np.pi / 2 * X[:, 0], 1 + X[:, 1]
+    X = np.column_stack([radius * np.sin(turn), radius * np.cos(turn), 0 * turn])
+    element = kind_of(quads)
+    middle, at = X[quads[:, 8]], [element.shape(r, s)[0] for r, s in element.gauss]
+    place = np.einsum("ga,nak->ngk", np.array(at), X[quads])
+    seen = followed(X, quads, spiral(middle, lean))
+    seen /= np.linalg.norm(seen, axis=2, keepdims=True)
+    return float(np.linalg.norm(np.cross(seen, spiral(place, lean)), axis=2).max())
+
+
+def spiral(X, lean: float):
+    """Unit directions at X (..., 3) that lean by `lean` (rad) from around to out."""
+    out = X / np.linalg.norm(X, axis=-1, keepdims=True)
+    return np.cos(lean) * np.cross(out, [0.0, 0, 1]) + np.sin(lean) * out
 
 
 def test_regions_keep_their_own():

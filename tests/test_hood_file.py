@@ -27,8 +27,8 @@ from meshes.hood_mesh import (
 from meshes.skeleton import JOINTS
 
 
-def mesh_of(quads: int, across: str = "linear") -> HoodMesh:
-    settings = [f"hood.mesh.quads={quads}", f'hood.mesh.across="{across}"']
+def mesh_of(quads: int, elements: str = "linear") -> HoodMesh:
+    settings = [f"hood.mesh.quads={quads}", f'hood.mesh.elements="{elements}"']
     return hood_mesh(load_case("isometric_edc", settings))
 
 
@@ -52,9 +52,9 @@ def small() -> dict:
     return json.loads(to_json(mesh))
 
 
-@pytest.mark.parametrize("across", ["linear", "quadratic"])
-def test_a_written_mesh_is_read_again(across, tmp_path):
-    mesh = mesh_of(250, across)
+@pytest.mark.parametrize("elements", ["linear", "quadratic"])
+def test_a_written_mesh_is_read_again(elements, tmp_path):
+    mesh = mesh_of(250, elements)
     write(mesh, tmp_path / "hood.json")
     again = read(tmp_path / "hood.json")
     for name, value in vars(mesh).items():

@@ -14,8 +14,16 @@ from cosim.reduction_samples import Walk, sampled
 from cosim.run import Setting, run_case, settled
 from fe_solver.shell_hood import ShellHood
 from meshes import hood as hood_generator
-from meshes.hood import LIGAMENT_ROWS, RETINACULAR_ROWS, SAGITTAL_ROWS
-from meshes.hood_lines import CENTRAL_END, LATERAL_END, SLIP_END, SLIP_START, even_shares
+from meshes.hood_lines import (
+    CENTRAL_END,
+    LATERAL_END,
+    LIGAMENT_ROWS,
+    RETINACULAR_ROWS,
+    SAGITTAL_ROWS,
+    SLIP_END,
+    SLIP_START,
+    even_shares,
+)
 from meshes.hood_mesh import (
     ENDS,
     REGIONS,
@@ -26,8 +34,8 @@ from meshes.hood_mesh import (
 from meshes.skeleton import JOINTS
 
 
-def mesh_of(quads: int, across: str = "linear") -> HoodMesh:
-    settings = [f"hood.mesh.quads={quads}", f'hood.mesh.across="{across}"']
+def mesh_of(quads: int, elements: str = "linear") -> HoodMesh:
+    settings = [f"hood.mesh.quads={quads}", f'hood.mesh.elements="{elements}"']
     return hood_mesh(load_case("isometric_edc", settings))
 
 
@@ -45,27 +53,30 @@ def test_the_generator_repeats_itself(mesh):
     assert to_json(mesh_of(250)) == to_json(mesh)
 
 
-@pytest.mark.parametrize("across", ["linear", "quadratic"])
+@pytest.mark.parametrize("elements", ["linear", "quadratic"])
 @pytest.mark.parametrize("quads", [250, 600, 2400])
-def test_about_as_many_quads_as_asked_for(quads, across):
-    """As whole rows and columns allow: a default of 672 or 716, others in proportion to it."""
-    assert len(mesh_of(quads, across).quads) == pytest.approx(quads, rel=0.2)
+def test_about_as_many_quads_as_asked_for(quads, elements):
+    """As whole rows and columns allow: a default of 672 or 708, others in proportion to it."""
+    within = 0.2 if quads >= 600 else 0.35
+    assert len(mesh_of(quads, elements).quads) == pytest.approx(quads, rel=within)
 
 
-@pytest.mark.parametrize("across", ["linear", "quadratic"])
-def test_rows_and_columns_are_halved_in_a_mesh_four_times_as_large(across):
-    coarse, fine = (len(mesh_of(quads, across).quads) for quads in (600, 2400))
+@pytest.mark.parametrize("elements", ["linear", "quadratic"])
+def test_rows_and_columns_are_halved_in_a_mesh_four_times_as_large(elements):
+    coarse, fine = (len(mesh_of(quads, elements).quads) for quads in (600, 2400))
     assert fine == 4 * coarse
 
 
-def test_six_nodes_are_an_element_across_the_fibres():
+def test_nine_nodes_are_an_element():
     made = mesh_of(250, "quadratic")
-    q, middle = made.quads, made.quads[:, 4:]
+    q = made.quads
     assert made.quadratic
-    ends = made.points[q[:, [0, 1]]], made.points[q[:, [3, 2]]]
-    bulge = np.linalg.norm(made.points[middle] - (ends[0] + ends[1]) / 2, axis=2)
-    assert (bulge < 0.15 * np.linalg.norm(ends[0] - ends[1], axis=2)).all()
-    assert np.abs(made.station[middle] - made.station[q[:, [0, 1]]]).max() < 1e-3
+    for first, middle, last in ((0, 4, 3), (1, 5, 2), (0, 6, 1), (3, 7, 2), (6, 8, 7), (4, 8, 5)):
+        one, other = made.points[q[:, first]], made.points[q[:, last]]
+        bulge = np.linalg.norm(made.points[q[:, middle]] - (one + other) / 2, axis=1)
+        assert (bulge < 0.15 * np.linalg.norm(one - other, axis=1)).all()
+        ends = made.station[q[:, [first, last]]]
+        assert made.station[q[:, middle]] == pytest.approx(ends.mean(axis=1), abs=1e-3)
     assert made.lift is None or not made.lift.any()
     assert made.areas().sum() == pytest.approx(mesh_of(250).areas().sum(), rel=0.02)
 
@@ -77,10 +88,10 @@ def test_even_shares_follow_the_shape_functions():
     assert even_shares(places, (0, 6), True) == pytest.approx(np.array([1, 4, 3, 8, 2]) / 18)
 
 
-@pytest.mark.parametrize("across", ["linear", "quadratic"])
+@pytest.mark.parametrize("elements", ["linear", "quadratic"])
 @pytest.mark.parametrize("quads", [120, 600, 2400])
-def test_what_holds_an_edge_holds_the_same_stretch_of_it_in_any_mesh(quads, across):
-    made = mesh_of(quads, across)
+def test_what_holds_an_edge_holds_the_same_stretch_of_it_in_any_mesh(quads, elements):
+    made = mesh_of(quads, elements)
     lines = {"sagittal": SAGITTAL_ROWS, "retinacular": RETINACULAR_ROWS, "ligament": LIGAMENT_ROWS}
     for name, (start, end) in lines.items():
         for side in ("radial", "ulnar"):
@@ -88,7 +99,7 @@ def test_what_holds_an_edge_holds_the_same_stretch_of_it_in_any_mesh(quads, acro
             assert held.shares is not None
             assert held.shares.sum() == pytest.approx(1.0, abs=1e-5)
             middle = held.shares @ made.station[held.nodes]
-            assert middle == pytest.approx((start + end) / 2, abs=1e-4)
+            assert middle == pytest.approx((start + end) / 2, abs=2e-4)
     slip = made.springs["central_slip"]
     assert slip.shares == pytest.approx(slip.shares[::-1], abs=1e-6)
 

@@ -166,9 +166,9 @@ def test_an_index_hood_does_not_go_on_it(tmp_path):
 # Tendons ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("across", ["linear", "quadratic"])
-def test_who_pulls_where(across):
-    models, mesh = made("hood.mesh.quads=600", f'hood.mesh.across="{across}"')
+@pytest.mark.parametrize("elements", ["linear", "quadratic"])
+def test_who_pulls_where(elements):
+    models, mesh = made("hood.mesh.quads=600", f'hood.mesh.elements="{elements}"')
     assert models.hood.tendons == ("EDC", "LUM", "RI", "UI")
     assert models.finger.tendons == ("RIp", "FDP", "FDS")
     model, start = models.hood.model, models.hood.start(models.hood.rest).configuration
@@ -180,7 +180,7 @@ def test_who_pulls_where(across):
     lumbrical, interosseous = share[1:3]
     assert (interosseous - lumbrical) @ mesh.points[node, 2] > 0.5e-3, "the lumbrical is palmar"
     band = np.isin(node, mesh.ends["radial"])
-    if across == "linear":
+    if elements == "linear":
         both = (lumbrical + interosseous)[band]
         np.testing.assert_allclose(np.sort(both), [1 / 3, 1 / 3, 2 / 3, 2 / 3], atol=1e-12)
     x = mesh.points[node[band]]

@@ -201,14 +201,14 @@ def test_frames_hold_bones_tendons_and_hood(hood):
     assert by_key["pressure"] == pytest.approx(1e-6 * run.hood.point_data["contact_pressure"])
 
 
-def test_a_six_node_element_is_shown_as_two_quads(tmp_path):
-    six = 'hood.mesh.across="quadratic"'
-    run = read_run(run_into(tmp_path, "isometric_edc", "hood.mesh.quads=150", six, QUICK))
+def test_a_nine_node_element_is_shown_as_four_quads(tmp_path):
+    nine = 'hood.mesh.elements="quadratic"'
+    run = read_run(run_into(tmp_path, "isometric_edc", "hood.mesh.quads=150", nine, QUICK))
     sheet = view_of(run).sheet
-    assert len(sheet.quads) == 2 * run.dataset.sizes["quad"] == len(sheet.region)
+    assert len(sheet.quads) == 4 * run.dataset.sizes["quad"] == len(sheet.region)
     along = sheet.fields[0].values[-1]
     assert along == pytest.approx(100 * run.hood.cell_data["longitudinal_strain"])
-    assert along[::2] == pytest.approx(100 * run.dataset.strain.values[-1, :, 0])
+    assert along[::4] == pytest.approx(100 * run.dataset.strain.values[-1, :, 0])
     assert all(f.values.shape[1] == len(sheet.quads) for f in sheet.fields if f.on_quads)
 
 

@@ -30,9 +30,9 @@ from fe_solver.hyperelastic import NeoHookean
 from fe_solver.materials import Isotropic
 from fe_solver.model import Configuration
 from fe_solver.newton import solve
+from fe_solver.nine_nodes import NINE
 from fe_solver.section import Section, one_law
 from fe_solver.shell import Array, ShellTables, element_blocks, element_response, shell_tables
-from fe_solver.six_nodes import SIX
 from fe_solver.tension_field import TensionField
 
 VECTORS = st.tuples(*[st.floats(-3, 3)] * 3).map(np.array)
@@ -41,7 +41,7 @@ SHAPES = {
     "skew flat": (0.25, 0.0),
     "warped": (0.25, 0.3),
     "tri": (0.25, 0.3),
-    "six nodes": (0.1, 0.1),
+    "nine nodes": (0.1, 0.1),
 }
 """Random distortion of the nodes in the plane and out of it."""
 
@@ -50,7 +50,7 @@ def element(name: str, growth: float = 0.0) -> tuple[ShellTables, Section, Array
     """Tables, section and reference y (1, 2k, 3) of one element of about unit size."""
     rng = np.random.default_rng(3)
     flat, high = SHAPES[name]
-    nodes = SIX.nodes if name == "six nodes" else CORNERS
+    nodes = NINE.nodes if name == "nine nodes" else CORNERS
     k = len(nodes)
     X = np.column_stack([nodes / 2, np.zeros(k)]) + rng.uniform(-1, 1, (k, 3)) * [flat, flat, high]
     D = np.array([0.0, 0, 1]) + high * rng.uniform(-1, 1, (k, 3))
@@ -85,7 +85,7 @@ def test_a_rigid_motion_costs_nothing(turn, shift, name):
     assert np.abs(response.gradient).max() < 1e-13
 
 
-@pytest.mark.parametrize("name", ["warped", "six nodes"])
+@pytest.mark.parametrize("name", ["warped", "nine nodes"])
 def test_strains_do_not_see_how_far_away_an_element_is(name):
     """Their rounding errors are those of its own lengths: without that a fine mesh of the hood came
     no nearer to equilibrium than some 1e-8 of its forces."""
@@ -108,7 +108,7 @@ LAWS = {
 @pytest.mark.parametrize("compiled", [False, True])
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize(
-    ("name", "growth"), [("warped", 0.2), ("skew flat", 0.0), ("tri", 0.1), ("six nodes", 0.2)]
+    ("name", "growth"), [("warped", 0.2), ("skew flat", 0.0), ("tri", 0.1), ("nine nodes", 0.2)]
 )
 def test_gradient_and_tangent_are_the_energys(name, growth, law, compiled, monkeypatch):
     """In nodal bases that are no rotations of the world's, with nodes off the mid-surface."""

@@ -91,7 +91,7 @@ def test_only_hoods_that_are_generated_are_laid_out_anew():
 
 def test_the_command_says_what_a_finer_mesh_changes(tmp_path: Path):
     words = ["validate", "--only", "strain soft iso", "--out", str(tmp_path), "--workers", "1"]
-    four = ["--set", 'hood.mesh.across="linear"']  # six nodes tell meshes less apart
+    four = ["--set", 'hood.mesh.elements="linear"']  # quadratic ones tell meshes less apart
     coarse = [*four, "--set", "hood.mesh.quads=120", "--finer", "160"]
     done = CliRunner().invoke(app, [*words, *coarse])
     assert done.exit_code == 0, done.output

@@ -15,13 +15,13 @@ from ..shell import Array
 from ..tension_field import TensionField
 from . import sheets
 from .material_rows import LAWS
-from .sheets import at_rest, clamped, disturbed, plate, sheet, six_noded
+from .sheets import at_rest, clamped, disturbed, nine_noded, plate, sheet
 
 SIDE, THICK = 10e-3, 1e-3
 SOFT = Isotropic(1e6, 0.3)
 OWN = "central differences"
 SHAPES = (
-    *("flat quads", "warped quads", "triangles", "six-node quads", "folded quads"),
+    *("flat quads", "warped quads", "triangles", "nine-node quads", "folded quads"),
     "quads that taper",
 )
 FOLD = np.deg2rad(60)
@@ -45,8 +45,8 @@ def distorted(shape: str, law: Law | TensionField = SOFT, height: float = 0.0) -
     shift = np.random.default_rng(3).uniform(-0.2, 0.2, X.shape) * SIDE
     flat = shape in ("flat quads", "folded quads")
     X = X + shift * [1, 1, 0 if flat else 1]
-    if shape == "six-node quads":
-        X, quads = six_noded(X, quads)
+    if shape == "nine-node quads":
+        X, quads = nine_noded(X, quads)
         X[6 * 2 :] += np.random.default_rng(4).uniform(-0.05, 0.05, X[6 * 2 :].shape) * SIDE
     thickness: float | Array = THICK
     if shape == "folded quads":
@@ -152,7 +152,7 @@ def patch_rows() -> Iterator[Row]:
     kinds = {
         "quads": (ring, PATCH_QUADS),
         "triangles": (ring, halved(PATCH_QUADS)),
-        "six-node quads": six_noded(*_distorted_grid()),
+        "nine-node quads": nine_noded(*_distorted_grid()),
     }
     for kind, (X, quads) in kinds.items():
         yield from _patch(kind, X, quads)

@@ -10,7 +10,7 @@ from cosim.verification import Row
 
 from ..materials import Orthotropic
 from .paths import error_order
-from .sheets import linear_response, mirrored, plate, sheet, six_noded
+from .sheets import linear_response, mirrored, nine_noded, plate, sheet
 
 ALONG, SHEAR = 1e8, 1e6
 """Pa: the fibres' modulus and the matrix's shear modulus."""
@@ -18,12 +18,12 @@ LENGTH, WIDTH = 3.0, 1.0
 SOURCE = "exact: E u,xx + G u,yy = 0, u = cos(pi y / W) at one end"
 
 
-def far_end(columns: int, six: bool) -> float:
+def far_end(columns: int, nine: bool) -> float:
     """Displacement along the fibres at the free end of a strip whose other end is moved by
     cos(pi y / W), nothing moving across them, relative to the exact one."""
     X, quads = plate(LENGTH, WIDTH, 48, columns)
-    if six:
-        X, quads = six_noded(X, quads)
+    if nine:
+        X, quads = nine_noded(X, quads)
     law = Orthotropic.transversely_isotropic(ALONG, SHEAR, 0.0, SHEAR, 0.0)
     start = np.isclose(X[:, 0], 0)
     none = np.zeros_like(start)
@@ -37,10 +37,10 @@ def far_end(columns: int, six: bool) -> float:
 
 
 def rows() -> Iterator[Row]:
-    """Linear across the fibres, and quadratic: four columns of the latter miss by a fiftieth of
+    """Of linear elements, and of quadratic ones: four columns of the latter miss by a fiftieth of
     what eight of the former do, which have as many lines of nodes."""
-    for six, name, within in ((False, "four", 0.02), (True, "six", 1e-3)):
-        coarse, fine = far_end(2, six) - 1, far_end(4, six) - 1
+    for nine, name, within in ((False, "four", 0.02), (True, "nine", 1e-3)):
+        coarse, fine = far_end(2, nine) - 1, far_end(4, nine) - 1
         yield Row(
             "shear lag between stiff fibres", f"far end, {name}-node elements, 4 across", 1.0,
             1 + fine, within, SOURCE, order=error_order(coarse, fine),

@@ -42,13 +42,14 @@ def plate(length: float, width: float, nx: int, ny: int) -> tuple[Array, np.ndar
     return np.column_stack([uv * [length, width], np.zeros(len(uv))]), quads
 
 
-def six_noded(points: Array, quads: np.ndarray) -> tuple[Array, np.ndarray]:
-    """The sheet with a node in the middle of each quad's edges from its first to its fourth corner
-    and from its second to its third."""
-    edges = np.sort(quads[:, [[0, 3], [1, 2]]].reshape(-1, 2), axis=1)
+def nine_noded(points: Array, quads: np.ndarray) -> tuple[Array, np.ndarray]:
+    """The sheet with a node in the middle of each quad's edges and in its own."""
+    edges = np.sort(quads[:, [[0, 3], [1, 2], [0, 1], [3, 2]]].reshape(-1, 2), axis=1)
     edges, middle = np.unique(edges, axis=0, return_inverse=True)
-    more = len(points) + middle.reshape(-1, 2)
-    return np.vstack([points, points[edges].mean(axis=1)]), np.hstack([quads, more])
+    on_edges = len(points) + middle.reshape(-1, 4)
+    own = len(points) + len(edges) + np.arange(len(quads))
+    points = np.vstack([points, points[edges].mean(axis=1), points[quads].mean(axis=1)])
+    return points, np.column_stack([quads, on_edges, own])
 
 
 def mapped(nx: int, ny: int, shape: Map) -> tuple[Array, np.ndarray]:
