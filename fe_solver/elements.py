@@ -21,4 +21,4 @@ def kind_of(nodes: NDArray) -> Element:
 
 def flat(quads: Ints) -> Ints:
     """(h ne, 4) the four-node quads that show elements (ne, k), those of an element together."""
-    return np.asarray(quads[:, kind_of(quads).halves].reshape(-1, 4))
+    return np.asarray(quads[:, kind_of(quads).shown].reshape(-1, 4))

@@ -45,7 +45,7 @@ def element_areas(points: Array, quads: Ints) -> Array:
     """(ne,) m2, of the flat quads that show the elements."""
     p = points[flat(quads)]
     area = np.linalg.norm(np.cross(p[:, 2] - p[:, 0], p[:, 3] - p[:, 1]), axis=1) / 2
-    return np.asarray(area.reshape(-1, len(kind_of(quads).halves)).sum(axis=1))
+    return np.asarray(area.reshape(-1, len(kind_of(quads).shown)).sum(axis=1))
 
 
 def node_areas(points: Array, quads: Ints) -> Array:

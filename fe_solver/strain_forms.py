@@ -32,7 +32,7 @@ class Element:
     nodes (k, 2) where they lie; gauss (g, 2) and factors (g,) where and with what weight it is
     integrated; share (k,) of its area for each node; samples (m, 2k, 2k) forms: sample i is
     y.samples[i].y / 2, first of the membrane, then 3 g of bending, point by point, then of shear;
-    halves (h, 4) nodes of the flat quads that show it."""
+    shown (h, 4) nodes of the flat quads that show it."""
 
     nodes: Array
     shape: Shape
@@ -41,7 +41,7 @@ class Element:
     share: Array
     samples: Array
     shear_samples: int
-    halves: NDArray[np.intp]
+    shown: NDArray[np.intp]
 
     @cached_property
     def parts(self) -> tuple[slice, slice, slice]:

@@ -116,8 +116,8 @@ class HoodMesh:
 def flat(quads: Ints) -> Ints:
     """The four-node quads that show elements (ne, 4) or (ne, 9), those of an element together."""
     quarters = [[0, 6, 8, 4], [6, 1, 5, 8], [4, 8, 7, 3], [8, 5, 2, 7]]
-    halves = quarters if quads.shape[1] == 9 else [[0, 1, 2, 3]]
-    return np.asarray(quads[:, halves].reshape(-1, 4))
+    shown = quarters if quads.shape[1] == 9 else [[0, 1, 2, 3]]
+    return np.asarray(quads[:, shown].reshape(-1, 4))
 
 
 def pairs(quads: Ints) -> Ints:
