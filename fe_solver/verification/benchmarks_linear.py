@@ -51,7 +51,8 @@ def roof_deflection(n: int, nine: bool = False) -> float:
     """Deflection of the free edge's middle of the Scordelis-Lo roof: a quarter, R = 25, L = 50, t =
     0.25, 40 degrees, E = 4.32e8, nu = 0, 90 per area; of n x n elements, or a quarter as
     many of nine nodes, as many nodes."""
-    uv, quads = grid(*(n // 2, n // 2) if nine else (n, n))
+    side = n // 2 if nine else n
+    uv, quads = grid(side, side)
     if nine:
         uv, quads = nine_noded(uv, quads)
     angle = np.deg2rad(40) * uv[:, 1]
