@@ -125,7 +125,7 @@
   }
   function aspect(range) { // true to scale, and as large as the room allows
     const length = range.map(([low, high]) => high - low), room = $("scene").clientWidth / Math.max($("scene").clientHeight, 1);
-    const fill = Math.min(1.75 * room, 2.1) / Math.max(...length);
+    const fill = Math.min(1.75 * room, 3.3) / Math.max(...length, 2.2 * length[2]);
     return { x: fill * length[0], y: fill * length[1], z: fill * length[2] };
   }
   const boxes = new Map();
