@@ -115,8 +115,6 @@ def _loaded(
     tension, split = np.concatenate([hood, finger]), len(hood)
     pull = models.muscles.pull(np.zeros(len(own)))
     start, state = unloaded, unloaded.response.state
-    if drawn.index.size or not np.array_equal(hood, unloaded.hood_tension):
-        state = models.hood.start(unloaded.motion)
     draw = begun(drawn, tension)
     for _ in range(MOST_PULLS):
         tension[own], tension[drawn.index] = pull.tension, draw.tension

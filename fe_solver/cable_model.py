@@ -101,7 +101,9 @@ def cable_hood(
         cables=net.cables,
     )
     augment = contact.augment()
-    return ShellHood(model, tuple(tendons), rest, carriers, tuple(held), options, augment, SOFTER)
+    return ShellHood(
+        model, tuple(tendons), rest, carriers, tuple(held), options, augment, SOFTER, leap=np.inf
+    )
 
 
 def pulls_in(hood: ShellHood, state: HoodState) -> Pull:

@@ -32,6 +32,9 @@ SMALL_TURN = 0.02
 """rad; below it the tangent predicts the hood's motion, above it the bones carry the nodes."""
 SMALL_PULL, NO_PULL = 0.3, 0.1
 """The same of the tensions' change, of the largest one, which is no less than NO_PULL (N)."""
+LEAP = 0.2
+"""rad that a joint turns at most in one solve.  A slack sheet may have several equilibria in a bent
+posture (its central slip taut or not); which of them a long leap ends in is the mesh's whim."""
 MOST_HALVINGS = 4
 TAUT = 6.0
 """N more in every tendon: taut enough for a sheet that folds in a joint when slack."""
@@ -62,8 +65,9 @@ class ShellHood:
     contacts may rub; a state then remembers their pressures and where they stick.  With `softer`
     below 1 a large change is solved with that much of the contact's stiffness first: what slides on
     a bone without resisting, as slack cables do, follows its curvature in steps that are longer the
-    softer the contact.  `lift` (n,) or one for all, m, is how much of the contact's offset
-    makes up for the chords on which the sheet runs between its nodes."""
+    softer the contact.  No joint turns further than by `leap`, rad, in one solve.  `lift` (n,) or
+    one for all, m, is how much of the contact's offset makes up for the chords on which the sheet
+    runs between its nodes."""
 
     model: ShellModel
     tendons: tuple[str, ...]
@@ -73,6 +77,7 @@ class ShellHood:
     options: NewtonOptions = field(default_factory=NewtonOptions)
     augment: AugmentOptions | None = None
     softer: float = 1.0
+    leap: float = LEAP
     lift: Array | float = 0.0
 
     @property
@@ -222,15 +227,24 @@ class ShellHood:
     def _settled(self, state: HoodState, motion: Motion, tension: Array) -> HoodState:
         """The equilibrium, reached taut where the slack sheet would fold on the way."""
         try:
-            return self._solve(state, motion, tension, MOST_HALVINGS)
+            return self._led_to(state, motion, tension)
         except ConvergenceError as error:
             if tension.min(initial=np.inf) > TAUT:
                 raise
             try:
-                taut = self._solve(state, motion, tension + TAUT, MOST_HALVINGS)
-                return self._solve(taut, motion, tension, MOST_HALVINGS)
+                taut = self._led_to(state, motion, tension + TAUT)
+                return self._led_to(taut, motion, tension)
             except ConvergenceError:
                 raise error from None
+
+    def _led_to(self, state: HoodState, motion: Motion, tension: Array) -> HoodState:
+        """Solve at `motion` and, where that is far, on the way there."""
+        begin, before = state.motion, state.solution.tension if state.solution else tension
+        steps = int(np.ceil(_bend(begin, motion) / self.leap))
+        for part in np.arange(1, steps) / max(steps, 1):
+            pull = before + part * (tension - before)
+            state = self._solve(state, partway(begin, motion, part), pull, MOST_HALVINGS)
+        return self._solve(state, motion, tension, MOST_HALVINGS)
 
     def _solve(self, state: HoodState, motion: Motion, tension: Array, halvings: int) -> HoodState:
         """Solve at once, and where that fails half the way first; at last by a damped motion."""
@@ -240,7 +254,7 @@ class ShellHood:
             if halvings == 0:
                 return self._relaxed(state, motion, tension, error)
         before = state.solution.tension if state.solution else 0.0 * tension
-        half = midway(state.motion, motion)
+        half = partway(state.motion, motion, 0.5)
         middle = self._solve(state, half, (before + tension) / 2, halvings - 1)
         return self._solve(middle, motion, tension, halvings - 1)
 
@@ -328,24 +342,37 @@ class ShellHood:
         return out
 
 
-def midway(start: Motion, end: Motion) -> Motion:
-    """Poses half the way, with each body half the way as the one before it sees it, so that a chain
-    of bodies stays whole."""
+def partway(start: Motion, end: Motion, part: float) -> Motion:
+    """Poses a `part` (0 to 1) of the way, with each body so far as the one before it sees it, so
+    that a chain of bodies stays whole."""
     from scipy.spatial.transform import Rotation
 
     position, rotation = np.empty_like(start.position), np.empty_like(start.rotation)
     before = (np.zeros(3), np.eye(3))
-    for i in range(len(start.bodies)):
-        seen = []
-        for m in (start, end):
-            p, R = (np.zeros(3), np.eye(3)) if i == 0 else (m.position[i - 1], m.rotation[i - 1])
-            seen.append((R.T @ (m.position[i] - p), R.T @ m.rotation[i]))
-        (offset0, turn0), (offset1, turn1) = seen
-        turn = Rotation.from_matrix(turn1 @ turn0.T).as_rotvec() / 2
-        position[i] = before[0] + before[1] @ ((offset0 + offset1) / 2)
-        rotation[i] = before[1] @ Rotation.from_rotvec(turn).as_matrix() @ turn0
+    for i, (offsets, turns) in enumerate(zip(*_seen(start, end), strict=True)):
+        turn = part * Rotation.from_matrix(turns[1] @ turns[0].T).as_rotvec()
+        offset = (1 - part) * offsets[0] + part * offsets[1]
+        position[i] = before[0] + before[1] @ offset
+        rotation[i] = before[1] @ Rotation.from_rotvec(turn).as_matrix() @ turns[0]
         before = position[i], rotation[i]
     return Motion(start.bodies, position, rotation)
+
+
+def _seen(start: Motion, end: Motion) -> tuple[Array, Array]:
+    """(nb, 2, 3) origins and (nb, 2, 3, 3) rotations of the bodies in both motions, as the body
+    before each sees them; the first one's in the world."""
+    p = np.stack([start.position, end.position], axis=1)
+    R = np.stack([start.rotation, end.rotation], axis=1)
+    back = np.swapaxes(R[:-1], 2, 3)
+    offset = np.einsum("bmij,bmj->bmi", back, p[1:] - p[:-1])
+    return np.concatenate([p[:1], offset]), np.concatenate([R[:1], back @ R[1:]])
+
+
+def _bend(start: Motion, end: Motion) -> float:
+    """rad, the most that a body turns as the one before it sees it."""
+    turns = _seen(start, end)[1][1:]
+    cosine = (np.einsum("bij,bij->b", turns[:, 0], turns[:, 1]) - 1) / 2
+    return float(np.arccos(np.clip(cosine, -1, 1)).max(initial=0.0))
 
 
 def _pose(position: Array, rotation: Array) -> tuple[tuple[str, Array], ...]:

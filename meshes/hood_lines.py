@@ -41,7 +41,7 @@ SPANS = (
 # The same of quadratic elements; they begin and end where what holds the sheet does.
 QUADRATIC_SPANS = (
     (CENTRAL_END, 2),
-    (LATERAL_END, 1),
+    (LATERAL_END, 2),
     (SAGITTAL_ROWS[0], 2),
     (0.0, 2),
     (SAGITTAL_ROWS[1], 5),

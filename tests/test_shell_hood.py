@@ -9,9 +9,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shells
+from scipy.spatial.transform import Rotation
 from test_conformance import index_motions
 
-from cosim.build import hood_mesh
+from cosim.build import build, hood_mesh
 from cosim.case import load_case
 from cosim.port import STATIC, ConvergenceError, InputError, Motion, Response
 from fe_solver.bend import Bend
@@ -138,6 +139,33 @@ def test_a_longer_terminal_slip_leaves_the_central_slip_more(hood, solved, motio
     laid = float(np.linalg.norm(hood.group_forces(solved.state)["central_slip"]))
     assert central("-0.5 mm") < 0.5 * laid
     assert central("0.5 mm") > 1.1 * laid
+
+
+@pytest.mark.parametrize("elements", ["linear", "quadratic"])
+def test_a_bent_hood_is_the_one_that_bends_there_slowly(elements):
+    """An isotropic sheet rests at 60/60/30 deg with its central slip slack or taut.  Bent from
+    straight it is taut; one leap from straight ends slack, with a third to a half of the force."""
+    bent = (f"finger.posture.{joint}" for joint in ('MCP="60 deg"', 'PIP="60 deg"', 'DIP="30 deg"'))
+    mesh = "hood.mesh.quads=120", f'hood.mesh.elements="{elements}"'
+    models = build(load_case("strain_lee2008_average_iso", [*mesh, *bent]))
+    hood, motion = models.hood, models.finger.motion(models.finger.start(models.posture))
+    assert isinstance(hood, ShellHood)
+    rest = np.full(len(hood.tendons), models.resting)
+
+    def slip(leap: float) -> float:
+        way = replace(hood, leap=leap)
+        state = way.advance(way.start(motion), motion, rest, STATIC).state
+        return float(np.linalg.norm(way.group_forces(state)["central_slip"]))
+
+    assert slip(hood.leap) == pytest.approx(slip(hood.leap / 1.5), rel=0.01)
+    assert slip(np.inf) < 0.6 * slip(hood.leap)
+
+
+def test_a_turn_of_the_whole_hand_is_no_leap(hood, solved, motion):
+    """Joints stay as they are: one solve, however far the hand turns."""
+    turned = motion.moved(Rotation.from_rotvec([0.4, -1.9, 0.8]).as_matrix(), np.zeros(3))
+    again = hood.advance(solved.state, turned, TENSION, STATIC)
+    assert again.state.iterations == solved.state.iterations
 
 
 def test_extra_length_is_the_slips(hood, mesh):
