@@ -8,6 +8,7 @@ environment variable FE_SOLVER_LINEAR names another choice.
 from __future__ import annotations
 
 import os
+import weakref
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib.util import find_spec
@@ -239,7 +240,7 @@ class PardisoAnalysis:
 
     dear: ClassVar[bool] = False
     slots: sp.csc_array
-    held: _Pardiso | None = None
+    held: weakref.ref[_Pardiso] | None = None
 
     @cached_property
     def _upper(self) -> tuple[sp.csr_array, Ints, Any]:
@@ -253,6 +254,7 @@ class PardisoAnalysis:
         os.environ.setdefault("PYPARDISO_MKL_RT", solver.libmkl._name)  # or each searches the disk
         matrix = sp.csr_matrix((np.ones(len(slots)), upper.indices, upper.indptr), upper.shape)
         _phase(solver, 11, matrix, np.zeros(len(upper.indptr) - 1))
+        weakref.finalize(self, solver.free_memory, everything=True).atexit = False
         return upper, slots, solver
 
     def factor(self, data: Array) -> Factor:
@@ -272,10 +274,11 @@ class _Pardiso:
 
     def hold(self) -> None:
         """Make this the factor that the solver keeps."""
-        if self.analysis.held is not self:
+        held = self.analysis.held
+        if held is None or held() is not self:
             self.analysis.held = None
             _phase(self.analysis._upper[2], 22, self.matrix, np.zeros(self.matrix.shape[0]))
-            self.analysis.held = self
+            self.analysis.held = weakref.ref(self)
 
     def solve(self, right: Array) -> Array:
         self.hold()

@@ -1,6 +1,8 @@
-"""A factor that stands for that of a matrix near its own."""
+"""Factors: one that stands for that of a matrix near its own, and what is left of one."""
 
 from __future__ import annotations
+
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -28,10 +30,10 @@ def chain(stiffness: np.ndarray) -> sp.csc_array:
     return sp.csc_array(out)
 
 
-def factor_of(matrix: sp.csc_array) -> Factor:
+def factor_of(matrix: sp.csc_array, backend: str = "superlu") -> Factor:
     slots = sp.csc_array(matrix, copy=True)
     slots.data[:] = np.arange(1.0, matrix.nnz + 1)
-    analysis: Analysis = analyse(slots, "superlu")
+    analysis: Analysis = analyse(slots, backend)
     return analysis.factor(matrix.data)
 
 
@@ -64,3 +66,23 @@ def test_one_that_is_not_positive_definite_is_refused(factor):
 def test_one_that_is_too_far_is_refused(factor):
     with pytest.raises(NotPositiveDefiniteError, match="left"):
         Nearby(chain(np.geomspace(1.0, 1e5, SIZE)), factor).solve(RIGHT)
+
+
+@pytest.mark.skipif(find_spec("pypardiso") is None, reason="PARDISO is not installed")
+def test_pardiso_s_memory_goes_with_its_factor(monkeypatch):
+    """MKL keeps what it is not told to free: a batch of runs would fill the memory."""
+    from pypardiso.pardiso_wrapper import PyPardisoSolver
+
+    freed, free = [], PyPardisoSolver.free_memory
+
+    def told(solver, everything=False):
+        freed.append(everything)
+        free(solver, everything)
+
+    monkeypatch.setattr(PyPardisoSolver, "free_memory", told)
+    matrix = chain(np.ones(SIZE))
+    factor = factor_of(matrix, "pardiso")
+    assert matrix @ factor.solve(RIGHT) == pytest.approx(RIGHT, abs=1e-10)
+    assert not freed
+    del factor
+    assert freed == [True]
