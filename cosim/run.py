@@ -106,8 +106,8 @@ def solve(case: Case, progress: Progress = lambda text: None) -> tuple[Models, S
 def _loaded(
     case: Case, models: Models, unloaded: Equilibrium, progress: Progress
 ) -> tuple[Equilibrium, Pull]:
-    """The equilibrium in which every muscle pulls as its fibre does at that length, and every
-    tendon whose excursion is stated has it."""
+    """The equilibrium, pulled from the unloaded one, in which every muscle pulls as its fibre does
+    at that length, and every tendon whose excursion is stated has it."""
     names = (*models.hood.tendons, *models.finger.tendons)
     own = np.array([names.index(name) for name in models.muscles.names], dtype=int)
     drawn = _drawn(case, names)
