@@ -101,6 +101,7 @@ def cable_hood(
         cables=net.cables,
     )
     augment = contact.augment()
+    # A net bears no compression, and softer contact leads it over any leap.
     return ShellHood(
         model, tuple(tendons), rest, carriers, tuple(held), options, augment, SOFTER, leap=np.inf
     )

@@ -227,17 +227,17 @@ class ShellHood:
     def _settled(self, state: HoodState, motion: Motion, tension: Array) -> HoodState:
         """The equilibrium, reached taut where the slack sheet would fold on the way."""
         try:
-            return self._led_to(state, motion, tension)
+            return self._in_steps(state, motion, tension)
         except ConvergenceError as error:
             if tension.min(initial=np.inf) > TAUT:
                 raise
             try:
-                taut = self._led_to(state, motion, tension + TAUT)
-                return self._led_to(taut, motion, tension)
+                taut = self._in_steps(state, motion, tension + TAUT)
+                return self._in_steps(taut, motion, tension)
             except ConvergenceError:
                 raise error from None
 
-    def _led_to(self, state: HoodState, motion: Motion, tension: Array) -> HoodState:
+    def _in_steps(self, state: HoodState, motion: Motion, tension: Array) -> HoodState:
         """Solve at `motion` and, where that is far, on the way there."""
         begin, before = state.motion, state.solution.tension if state.solution else tension
         steps = int(np.ceil(_bend(begin, motion) / self.leap))
