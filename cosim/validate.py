@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from pathlib import Path
@@ -15,6 +16,7 @@ from cosim import __version__
 from cosim.build_finger import held_by
 from cosim.build_fit import check_fit
 from cosim.case import load_case
+from cosim.case_schema import Case
 from cosim.compare import Comparison, as_dict, tally
 from cosim.compare_files import write_json
 from cosim.files import written_whole
@@ -30,6 +32,8 @@ from cosim.verification_thesis import force_and_bound
 
 FORMAT = "cosim scoreboard 1"
 Told = Callable[[str], None]
+Task = tuple[Trial, tuple[str, ...], str]
+"""A trial, settings beside its own, and the folder for its run."""
 
 
 @dataclass(frozen=True)
@@ -90,21 +94,51 @@ def validated(
     return [_board(group, outcomes, folder) for group in chosen_groups]
 
 
-def _all(tasks: Sequence[tuple[Trial, tuple[str, ...], str]], workers: int) -> Iterator[Outcome]:
+def _all(tasks: Sequence[Task], workers: int) -> Iterator[Outcome]:
+    """What the trials said, as they end."""
+    batches = _batches(tasks)
     if workers == 1:
-        yield from map(_run, tasks)
+        yield from (_run(task) for batch in batches for task in batch)
         return
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        yield from pool.map(_run, tasks)
+    with ExitStack() as stack:
+        running: dict[Future[Outcome], tuple[ProcessPoolExecutor, list[Task]]] = {}
+        for _ in range(min(workers, len(batches))):
+            pool = ProcessPoolExecutor(1, mp_context=get_context("spawn"))
+            first, *rest = batches.pop(0)
+            running[stack.enter_context(pool).submit(_run, first)] = pool, rest
+        while running:
+            for done in wait(running, return_when=FIRST_COMPLETED).done:
+                pool, rest = running.pop(done)
+                if not rest and batches:
+                    rest = batches.pop(0)
+                if rest:
+                    running[pool.submit(_run, rest[0])] = pool, rest[1:]
+                yield done.result()
 
 
-def _run(task: tuple[Trial, tuple[str, ...], str]) -> Outcome:
-    trial, settings, folder = task
-    started = time.perf_counter()
-    if trial.name.startswith("published"):
-        return Outcome(trial.name, published_summary(trial), None)
+def _batches(tasks: Sequence[Task]) -> list[list[Task]]:
+    """The tasks whose cases share an unloaded equilibrium, which one process solves but once, in
+    one batch each, the largest first."""
+    found: dict[str, list[Task]] = {}
+    for task in tasks:
+        key = task[0].name if task[0].published else _case(task).setting_key()
+        found.setdefault(key, []).append(task)
+    return sorted(found.values(), key=len, reverse=True)
+
+
+def _case(task: Task) -> Case:
+    """Raises InputError."""
+    trial, settings, _ = task
     case = load_case(trial.case, [*trial.settings, *settings])
-    case = case.model_copy(update={"name": folder_name(trial.name)})
+    return case.model_copy(update={"name": folder_name(trial.name)})
+
+
+def _run(task: Task) -> Outcome:
+    trial, _, folder = task
+    started = time.perf_counter()
+    if trial.published:
+        return Outcome(trial.name, published_summary(trial), None)
+    case = _case(task)
     check_fit(case)
     try:
         models, states = solve(case)

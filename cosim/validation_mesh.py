@@ -57,7 +57,7 @@ def on_finer_meshes(
 ) -> list[Group]:
     """The groups with `settings`, and with every hood that is generated laid out in about so many
     `quads`; without the trials on a published hood, whose mesh is its own.  Raises InputError."""
-    own = [(g, [t for t in g.trials if not t.name.startswith("published")]) for g in chosen]
+    own = [(g, [t for t in g.trials if not t.published]) for g in chosen]
     return [replace(g, trials=tuple(_finer(t, quads, settings) for t in ts)) for g, ts in own if ts]
 
 

@@ -20,6 +20,11 @@ class Trial:
     case: str
     settings: tuple[str, ...] = ()
 
+    @property
+    def published(self) -> bool:
+        """Whether its case is a published hood's own file."""
+        return self.name.startswith("published")
+
 
 @dataclass(frozen=True)
 class Group:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,11 +14,12 @@ from cosim.case import load_case
 from cosim.cli import app
 from cosim.compare import Comparison, Target
 from cosim.port import InputError
-from cosim.validate import Board, chosen, scoreboard
+from cosim.validate import Board, _batches, chosen, scoreboard, validated
 from cosim.validation_force import (
     ANGLE,
     EXCESS,
     IDENTIFIED,
+    MUSCLES,
     NEAR,
     THROUGH_THE_HOOD,
     angle_between,
@@ -223,6 +225,27 @@ def test_the_command_runs_trials_and_leaves_runs_page_and_board(tmp_path: Path):
     summary = json.loads((tmp_path / "force_split_EDC" / "summary.json").read_text())
     (palmar,) = [r for r in own if r["name"].endswith("palmar, An 1979")]
     assert palmar["model"] == summary["difference"]["fingertip_force_N"][1]
+
+
+def test_trials_that_share_an_unloaded_equilibrium_are_run_by_one_process():
+    tasks = [(t, (), "") for g in GROUPS for t in g.trials]
+    batches = _batches(tasks)
+    assert sorted(t.name for batch in batches for t, *_ in batch) == sorted(
+        t.name for t, *_ in tasks
+    )
+    names = [[t.name for t, *_ in batch] for batch in batches]
+    (forces,) = [batch for batch in names if "force ti EDC" in batch]
+    assert set(forces) == {f"force ti {m}" for m in MUSCLES}
+    assert ["strain average ti 60/0/0"] in names
+    assert [len(batch) for batch in names] == sorted(map(len, names), reverse=True)
+
+
+def test_two_processes_give_the_board_of_one(tmp_path: Path):
+    (group,) = chosen("middle_m")
+    two = replace(group, trials=tuple(t for t in group.trials if t.name.endswith("fdp")))
+    boards = [validated([two], tmp_path / str(n), workers=n) for n in (1, 2)]
+    assert boards[0] == boards[1]
+    assert not boards[0][0].failures
 
 
 def test_hood_and_split_are_compared_over_the_trials_that_both_have():
