@@ -6,6 +6,7 @@ import json
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
@@ -95,7 +96,9 @@ def validated(
 
 
 def _all(tasks: Sequence[Task], workers: int) -> Iterator[Outcome]:
-    """What the trials said, as they end."""
+    """What the trials said, as they end.
+
+    Raises InputError where a process was ended from outside."""
     batches = _batches(tasks)
     if workers == 1:
         yield from (_run(task) for batch in batches for task in batch)
@@ -111,9 +114,16 @@ def _all(tasks: Sequence[Task], workers: int) -> Iterator[Outcome]:
                 pool, rest = running.pop(done)
                 if not rest and batches:
                     rest = batches.pop(0)
-                if rest:
-                    running[pool.submit(_run, rest[0])] = pool, rest[1:]
-                yield done.result()
+                try:
+                    outcome = done.result()
+                    if rest:
+                        running[pool.submit(_run, rest[0])] = pool, rest[1:]
+                except BrokenProcessPool:
+                    raise InputError(
+                        "a process that ran trials was ended from outside, it may be for want of "
+                        "memory; --workers 1 needs the least"
+                    ) from None
+                yield outcome
 
 
 def _batches(tasks: Sequence[Task]) -> list[list[Task]]:

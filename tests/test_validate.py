@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import multiprocessing
 from dataclasses import replace
 from pathlib import Path
 
@@ -31,7 +32,7 @@ from cosim.validation_force import (
 )
 from cosim.validation_plan import LOST, groups, posed, rows_of, trends
 from cosim.validation_reasons import MISSES, explained, reason_of, reasons
-from cosim.validation_trial import Trial
+from cosim.validation_trial import Group, Trial
 
 GROUPS = groups(Path("mi29.feb"))
 
@@ -241,11 +242,25 @@ def test_trials_that_share_an_unloaded_equilibrium_are_run_by_one_process():
 
 
 def test_two_processes_give_the_board_of_one(tmp_path: Path):
-    (group,) = chosen("middle_m")
-    two = replace(group, trials=tuple(t for t in group.trials if t.name.endswith("fdp")))
-    boards = [validated([two], tmp_path / str(n), workers=n) for n in (1, 2)]
+    boards = [validated([some_of_the_split("fdp")], tmp_path / str(n), workers=n) for n in (1, 2)]
     assert boards[0] == boards[1]
     assert not boards[0][0].failures
+
+
+def test_a_process_that_is_killed_is_told_in_one_message(tmp_path: Path):
+    def kill(text: str) -> None:
+        for process in multiprocessing.active_children():
+            process.kill()
+
+    with pytest.raises(InputError, match="--workers 1 needs the least"):
+        validated([some_of_the_split("fdp", "fds", "lum")], tmp_path, told=kill)
+
+
+def some_of_the_split(*muscles: str) -> Group:
+    """The middle finger with the fixed split in both postures, these muscles alone."""
+    (group,) = chosen("middle_m")
+    kept = [t for t in group.trials if t.name.endswith(muscles)]
+    return replace(group, trials=tuple(kept))
 
 
 def test_hood_and_split_are_compared_over_the_trials_that_both_have():
