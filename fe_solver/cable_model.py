@@ -95,7 +95,9 @@ def cable_hood(
         ties,
         guides_of(X, rest, guide_body, pull, guided),
         share,
-        contacts_of(bodies, contact, touching, np.zeros(len(X)), contact_areas(net)),
+        contacts_of(
+            bodies, contact, touching, np.zeros(len(touching)), contact_areas(net)[touching]
+        ),
         bodies,
         groups=tuple(held),
         cables=net.cables,

@@ -1,18 +1,18 @@
-"""Contact of shell nodes with rigid bodies through smooth signed distances.
+"""Contact of points of a shell with rigid bodies through smooth signed distances.
 
-A node presses on every body that it penetrates (no owner is chosen, so no force jumps from bone to
-bone).  The gap is g = distance(x) - offset, and the pressure is k m(-g + s) with the smoothed ramp
-m, quadratic within `smoothing` of zero, so that the energy has a continuous Hessian.  Without a
-multiplier the shift s is zero: a penalty, which presses from a gap of `smoothing` on.  With the
-multiplier p, k m(s) = p: at a gap of zero the pressure is p, whatever k and the smoothing are.
-`fe_solver.augment` finds the multipliers whose gaps vanish (augmented Lagrangian), so that neither
-k nor the smoothing is left in the answer.
+The points are nodes, or lie within elements.  A point presses on every body that it penetrates (no
+owner is chosen, so no force jumps from bone to bone).  The gap is g = distance(x) - offset, and the
+pressure is k m(-g + s) with the smoothed ramp m, quadratic within `smoothing` of zero, so that the
+energy has a continuous Hessian.  Without a multiplier the shift s is zero: a penalty, which presses
+from a gap of `smoothing` on.  With the multiplier p, k m(s) = p: at a gap of zero the pressure is
+p, whatever k and the smoothing are.  `fe_solver.augment` finds the multipliers whose gaps vanish
+(augmented Lagrangian), so that neither k nor the smoothing is left in the answer.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from enum import IntEnum
 from functools import partial
 from typing import NamedTuple
@@ -22,20 +22,21 @@ from numpy.typing import NDArray
 
 from cosim.port import InputError
 
+from .contact_points import Within
 from .shapes import Surface
 from .springs import PointForces
 
 Array = NDArray[np.float64]
 
 REACH = 1.5e-3
-"""m of gap within which a node is watched for contact."""
+"""m of gap within which a point is watched for contact."""
 
 
 @dataclass(frozen=True)
 class Grip:
-    """What friction remembers of k nodes, in the body's frame.
+    """What friction remembers of k points, in the body's frame.
 
-    anchor (k, 3) m, where a node would stick without force; normal (k, 3); limit (k,) N, friction
+    anchor (k, 3) m, where a point would stick without force; normal (k, 3); limit (k,) N, friction
     coefficient times the normal force; both of the last round of the outer loop.  dissipated (k,)
     J since the first increment."""
 
@@ -47,16 +48,16 @@ class Grip:
 
 @dataclass(frozen=True)
 class Contact:
-    """Contact of nodes with one body's surface.
+    """Contact of k points with one body's surface.
 
-    body index; nodes (k,); offset (k,) m of the mid-surface from the bone's surface at which
-    contact begins (cartilage, capsule and half the shell); area (k,) m2; stiffness N/m3; smoothing
-    m.
+    body index; nodes (k,), the points themselves, or where these lie `within` elements the nearest
+    to each; offset (k,) m of the mid-surface from the bone's surface at which contact begins
+    (cartilage, capsule and half the shell); area (k,) m2; stiffness N/m3; smoothing m.
 
     share (k,) in [0, 1] multiplies the areas; None is 1.  Without shares every body acts on every
-    node, and as each force grows from zero with its own penetration, nothing jumps: right where a
-    sheet may meet several bones.  Share a node (see `partition`) where two surfaces overlap, at a
-    joint, and both would carry the same tendon; a node of share zero passes through that body.
+    point, and as each force grows from zero with its own penetration, nothing jumps: right where a
+    sheet may meet several bones.  Share a point (see `partition`) where two surfaces overlap, at a
+    joint, and both would carry the same tendon; a point of share zero passes through that body.
 
     pressure (k,) Pa is the multiplier.  friction is Coulomb's coefficient; shear (N/m3) the
     elastic stiffness of sticking, as the `stiffness` where None; grip its state.  pin (k,) N/m
@@ -77,6 +78,7 @@ class Contact:
     shear: float | None = None
     grip: Grip | None = None
     pin: Array | None = None
+    within: Within | None = None
 
     def __post_init__(self) -> None:
         shear = self.stiffness if self.shear is None else self.shear
@@ -97,7 +99,7 @@ class Contact:
 
     @property
     def weight(self) -> Array:
-        """(k,) m2 of the nodes that press on this body."""
+        """(k,) m2 of the points that press on this body."""
         return self.area if self.share is None else self.area * self.share
 
     @property
@@ -112,12 +114,16 @@ class Contact:
             return np.zeros(len(self.nodes))
         return unramp(self.pressure / self.stiffness, self.smoothing)
 
+    def at(self, x: Array) -> Array:
+        """(k, 3) m, the points, at node positions x (n, 3)."""
+        return x[self.nodes] if self.within is None else self.within.mean(x)
+
     def local(self, x: Array, position: Array, rotation: Array) -> Array:
-        """(k, 3) m, the nodes as the body sees them."""
-        return (x[self.nodes] - position[self.body]) @ rotation[self.body]
+        """(k, 3) m, the points as the body sees them."""
+        return (self.at(x) - position[self.body]) @ rotation[self.body]
 
     def gap(self, x: Array, position: Array, rotation: Array) -> Array:
-        """(k,) m, negative where a node penetrates."""
+        """(k,) m, negative where a point penetrates."""
         return self.surface.distance(self.local(x, position, rotation)).value - self.offset
 
 
@@ -165,13 +171,15 @@ def contact_forces(
     """Contact energy at node positions x (n, 3); `curvature` keeps the (negative) term of the
     Hessian that the surface's curvature makes."""
     p, R = position[contact.body], rotation[contact.body]
-    local = contact.local(x, position, rotation)
+    at = contact.at(x)
+    local = (at - p) @ R
     value, gradient, bend = contact.surface.distance(local)
     depth = contact.offset - value + contact.shift
-    near = depth > -REACH
+    watched = depth > -REACH
     if contact.grip is not None:
-        near |= contact.grip.limit > 0
-    node, scale = contact.nodes[near], (contact.stiffness * contact.weight)[near]
+        watched |= contact.grip.limit > 0
+    near = np.flatnonzero(watched)
+    scale = (contact.stiffness * contact.weight)[near]
     work, force, slope = ramp(depth[near], contact.smoothing)
     normal = gradient[near] @ R.T
     along = scale * slope
@@ -185,19 +193,23 @@ def contact_forces(
         pull += drag[near] @ R.T
         dragged = slopes[near]
     curved = bend[near] if curvature else None
+    k, one = contact.within, np.ones(len(near))
+    cell, point = (0, 0) if k is None else np.divmod(near, len(k.shape))
     return PointForces(
-        node,
-        np.full(len(node), contact.body, dtype=np.intp),
+        contact.nodes[near][:, None] if k is None else k.quads[cell],
+        one[:, None] if k is None else k.shape[point],
+        np.full(len(near), -1, dtype=np.intp) if k is None else k.cells[cell],
+        np.full(len(near), contact.body, dtype=np.intp),
         energy,
         pull,
         partial(_hessian, R, along, normal, pushed, curved, dragged),
-        x[node] - p,
-        np.ones(len(node), dtype=bool),
-        np.full(len(node), -1, dtype=np.intp),
+        at[near] - p,
+        one > 0,
+        np.full(len(near), -1, dtype=np.intp),
         depth[near],
         -normal,
         scale,
-        np.full(len(node), contact.smoothing),
+        contact.smoothing * one,
     )
 
 
@@ -213,7 +225,8 @@ def _hessian(
     `curved` (k, 3, 3) 1/m and of friction `dragged` (k, 3, 3) N/m, both as the body sees them."""
     out = along[:, None, None] * normal[:, :, None] * normal[:, None, :]
     if curved is not None:
-        out -= pushed[:, None, None] * (R @ curved @ R.T)
+        on = np.flatnonzero(pushed)
+        out[on] -= pushed[on, None, None] * (R @ curved[on] @ R.T)
     if dragged is not None:
         out += R @ dragged @ R.T
     return out
@@ -222,10 +235,21 @@ def _hessian(
 def joined(parts: list[PointForces]) -> PointForces:
     """All point forces as one."""
     names = [f.name for f in fields(PointForces) if f.name not in ("energy", "bend")]
+    parts = _as_wide(parts)
     columns = {n: np.concatenate([getattr(p, n) for p in parts]) for n in names}
     return PointForces(
         energy=sum(p.energy for p in parts), bend=partial(_hessians, parts), **columns
     )
+
+
+def _as_wide(parts: list[PointForces]) -> list[PointForces]:
+    """The point forces with as many nodes for each point, those more than it has without weight."""
+    width = max(p.nodes.shape[1] for p in parts)
+    more = [((0, 0), (0, width - p.nodes.shape[1])) for p in parts]
+    return [
+        replace(p, nodes=np.pad(p.nodes, m, mode="edge"), weights=np.pad(p.weights, m))
+        for p, m in zip(parts, more, strict=True)
+    ]
 
 
 def _hessians(parts: list[PointForces]) -> Array:
@@ -233,7 +257,7 @@ def _hessians(parts: list[PointForces]) -> Array:
 
 
 class Status(IntEnum):
-    """Of a node against a body; without friction what presses slides."""
+    """Of a point against a body; without friction what presses slides."""
 
     OPEN = 0
     SLIDING = 1
@@ -241,14 +265,14 @@ class Status(IntEnum):
 
 
 class ContactState(NamedTuple):
-    """A contact at some configuration, by its nodes (k,)."""
+    """A contact at some configuration, by its points (k,)."""
 
     gap: Array
-    """m, negative where a node penetrates."""
+    """m, negative where a point penetrates."""
     pressure: Array
-    """Pa, normal force over the node's whole area."""
+    """Pa, normal force over the point's whole area."""
     drag: Array
-    """(k, 3) N, friction on the node, world frame."""
+    """(k, 3) N, friction on the point, world frame."""
     status: NDArray[np.int8]
     """Of `Status`."""
 
@@ -269,14 +293,14 @@ def contact_state(contact: Contact, x: Array, position: Array, rotation: Array) 
 
 
 class ContactFields(NamedTuple):
-    """All contacts by node and body, (n, nb)."""
+    """All contacts by node and body, (n, nb); a node stands for the points it is nearest to."""
 
     gap: Array
     """m, the smallest; inf where a node meets no surface of the body."""
     pressure: Array
-    """Pa."""
+    """Pa, force over area."""
     status: NDArray[np.int8]
-    """Of `Status`."""
+    """Of `Status`, the largest."""
 
 
 def contact_fields(
@@ -287,10 +311,14 @@ def contact_fields(
     gap, pressure = np.full(shape, np.inf), np.zeros(shape)
     status = np.zeros(shape, dtype=np.int8)
     for contact in contacts:
-        state, at = contact_state(contact, x, position, rotation), (contact.nodes, contact.body)
-        gap[at] = np.minimum(gap[at], state.gap)
-        pressure[at] += state.pressure
-        status[at] = np.maximum(status[at], state.status)
+        state, body = contact_state(contact, x, position, rotation), contact.body
+        np.minimum.at(gap[:, body], contact.nodes, state.gap)
+        np.maximum.at(status[:, body], contact.nodes, state.status)
+        force, area = (
+            np.bincount(contact.nodes, weights, len(x))
+            for weights in (state.pressure * contact.area, contact.area)
+        )
+        pressure[:, body] += np.divide(force, area, out=0 * force, where=area > 0)
     return ContactFields(gap, pressure, status)
 
 

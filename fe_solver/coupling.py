@@ -102,8 +102,10 @@ def coupling(
     force = -p.hessian @ G
     arm_cross = skew(p.gradient)
     force[p.turns, :, 3:] -= arm_cross[p.turns]
-    local = np.swapaxes(A[p.node], 1, 2) @ force
-    add_at(residual, (p.node, slice(0, 3), p.body), local)
+    acts = np.flatnonzero(force.any(axis=(1, 2)))
+    local = p.weights[acts, :, None, None] * force[acts, None]
+    local = np.swapaxes(A[p.nodes[acts]], 2, 3) @ local
+    add_at(residual, (p.nodes[acts], slice(0, 3), p.body[acts, None]), local)
     own = np.swapaxes(G, 1, 2) @ force
     own[p.turns, 3:, :3] += arm_cross[p.turns]
     follow = ~p.turns
@@ -120,13 +122,15 @@ def coupling(
 def _held_points(
     p: PointForces, G: Array, force: Array, A: Array, follow: Array, wrench: Array
 ) -> None:
-    """Points that act on one body and whose node another body moves (in place); follow (n, 5, nb,
+    """Points that act on one body and whose nodes another body moves (in place); follow (n, 5, nb,
     6) the nodes' motion in their bases A by the bodies' twists, force (k, 3, 6) the points' force
     by their own body's."""
-    on = follow[p.node, :3].any(axis=(1, 2, 3))
+    led = np.asarray(follow[:, :3].any(axis=(1, 2, 3)))
+    on = led[p.nodes].any(axis=1) & force.any(axis=(1, 2))
     if not on.any():
         return
-    moved = np.einsum("nij,njbk->nibk", A[p.node[on]], follow[p.node[on], :3])
+    follows = np.einsum("nij,njbk->nibk", A, follow[:, :3])
+    moved = np.einsum("km,kmibl->kibl", p.weights[on], follows[p.nodes[on]])
     by_node = np.swapaxes(G[on], 1, 2) @ p.hessian[on]
     by_node[:, 3:] -= np.where(p.turns[on, None, None], skew(p.gradient[on]), 0.0)
     add_at(wrench, p.body[on], np.einsum("kij,kjbl->kibl", by_node, moved))

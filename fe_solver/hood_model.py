@@ -13,6 +13,7 @@ from cosim.port import InputError, Motion
 
 from .augment import AugmentOptions
 from .contact import Contact
+from .contact_points import Within
 from .guides import Guides, Ties
 from .mesh_geometry import node_areas, node_directors, node_means
 from .model import ShellModel
@@ -220,27 +221,38 @@ def springs_of(X: Array, rest: Motion, sets: Mapping[str, SpringSet]) -> Springs
 def _contacts(
     X: Array, sheet: Sheet, bodies: tuple[str, ...], law: ContactLaw, nodes: Ints
 ) -> tuple[Contact, ...]:
-    area = node_areas(X, sheet.quads)
+    """Of the nodes with every body; of quadratic elements, the points within those that such nodes
+    have."""
     half = node_means(sheet.section.thickness.mean(axis=1), sheet.quads, len(X)) / 2
-    return contacts_of(bodies, law, nodes, half + sheet.lift, area)
+    height = half + sheet.lift
+    if sheet.quads.shape[1] == 4:
+        return contacts_of(bodies, law, nodes, height[nodes], node_areas(X, sheet.quads)[nodes])
+    points = Within.of(sheet.quads, np.flatnonzero(np.isin(sheet.quads, nodes).any(axis=1)))
+    return contacts_of(bodies, law, points.nearest, points.mean(height), points.areas(X), points)
 
 
 def contacts_of(
-    bodies: tuple[str, ...], law: ContactLaw, nodes: Ints, height: Array, area: Array
+    bodies: tuple[str, ...],
+    law: ContactLaw,
+    nodes: Ints,
+    height: Array,
+    area: Array,
+    within: Within | None = None,
 ) -> tuple[Contact, ...]:
-    """Contact of `nodes` with every body that has a surface; by node (n,) the height (m) over the
-    face and the area (m2)."""
+    """Contact of `nodes` (k,), or of the points `within` elements that these are nearest to, with
+    every body that has a surface; by point (k,) the height (m) over the face and the area (m2)."""
     return tuple(
         Contact(
             bodies.index(body),
             surface,
             nodes,
-            law.offset[body] + height[nodes],
-            area[nodes],
+            law.offset[body] + height,
+            area,
             law.stiffness,
             law.smoothing,
             friction=law.friction,
             shear=STICK * law.stiffness,
+            within=within,
         )
         for body, surface in law.surfaces.items()
     )

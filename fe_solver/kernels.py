@@ -87,6 +87,33 @@ def _gather(first: int, last: int, start: Ints, gather: Ints, values: Array, out
         out[k] = total
 
 
+def spread(which: Ints, weights: Array, hessian: Array, count: int) -> Array:
+    """(count, m, 3, m, 3) sums of weights[k, a] weights[k, b] hessian[k] over those k whose `which`
+    (k,) is the same; weights (k, m), hessian (k, 3, 3)."""
+    m = weights.shape[1]
+    out = np.zeros((count, m, 3, m, 3))
+    if COMPILED:
+        _spread(which, weights, hessian, out)
+        return out
+    for point, cell in enumerate(which):
+        w = weights[point]
+        out[cell] += np.einsum("a,b,ij->aibj", w, w, hessian[point])
+    return out
+
+
+@compiled
+def _spread(which: Ints, weights: Array, hessian: Array, out: Array) -> None:
+    m = weights.shape[1]
+    for k in range(len(which)):
+        e = which[k]
+        for a in range(m):
+            for b in range(m):
+                w = weights[k, a] * weights[k, b]
+                for i in range(3):
+                    for j in range(3):
+                        out[e, a, i, b, j] += w * hessian[k, i, j]
+
+
 def sampled(samples: Array, membrane: int, y: Array) -> Array:
     """(ne, m) values y.samples.y / 2 of y (ne, 2k, 3); the first `membrane` of them are of the
     positions alone, the others of positions times directors."""

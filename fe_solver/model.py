@@ -10,6 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from . import kernels
 from .assembly import DOFS, Pattern, cross, make_pattern, scattered, tangents, turned
 from .cables import Cables, cable_forces
 from .contact import Contact, contact_forces, joined
@@ -225,7 +226,7 @@ class ShellModel:
         n = len(c.x)
         gx, gd = self.nodal(elements.gradient)
         links = self.pair_forces(c.x, not convex)
-        gx += scattered(points.node, points.gradient, n)
+        gx += points.on_nodes(points.gradient, n)
         gx += scattered(self.pairs, links.gradient, n)
         energy = elements.energy + points.energy + links.energy
         if self.dead is not None:
@@ -273,8 +274,7 @@ class ShellModel:
             turned = np.einsum("naki,nakbl,nblj->naibj", W, slope, W)
             blocks[:, at[:, None], at] -= turned.reshape(-1, len(at), len(at))
         nodal = np.zeros((len(bend), DOFS, DOFS))
-        own = np.swapaxes(A[points.node], 1, 2) @ points.hessian @ A[points.node]
-        np.add.at(nodal[:, :3, :3], points.node, own)
+        self.add_points(blocks, nodal, points, points.hessian, A)
         B = A[self.pairs]
         pairs = np.einsum("kaji,kajbl,kblm->kaibm", B, e.links.hessian.reshape(-1, 2, 3, 2, 3), B)
         np.add.at(nodal[:, :3, :3], self.pairs[:, 0], pairs[:, 0, :, 0])
@@ -286,6 +286,27 @@ class ShellModel:
         bend[self.ties.node] = 0.0
         nodal[:, 3, 3] = nodal[:, 4, 4] = bend
         return self.pattern.assemble(blocks, nodal, pairs[:, 0, :, 1])
+
+    def add_points(
+        self, blocks: Array, nodal: Array, points: PointForces, hessian: Array, A: Array
+    ) -> None:
+        """Add Hessians (k, 3, 3) of point forces to the blocks of elements (ne, 5m, 5m) and of
+        nodes (n, 5, 5), in the nodes' bases A (n, 3, 3), in place."""
+        acts, alone = hessian.any(axis=(1, 2)), points.cell < 0
+        node, own = points.nodes[acts & alone, 0], hessian[acts & alone]
+        np.add.at(nodal[:, :3, :3], node, np.swapaxes(A[node], 1, 2) @ own @ A[node])
+        on = np.flatnonzero(acts & ~alone)
+        if not on.size:
+            return
+        cells, which = np.unique(points.cell[on], return_inverse=True)
+        spread = kernels.spread(which, points.weights[on], hessian[on], len(cells))
+        quads = self.quads[cells]
+        turned = np.flatnonzero(np.isin(quads, self.guides.node).any(axis=1))
+        B = A[quads[turned]]
+        spread[turned] = np.einsum("eaki,eakbl,eblj->eaibj", B, spread[turned], B, optimize=True)
+        m = quads.shape[1]
+        at = (DOFS * np.arange(m)[:, None] + np.arange(3)).ravel()
+        blocks[cells[:, None, None], at[:, None], at] += spread.reshape(-1, 3 * m, 3 * m)
 
     @cached_property
     def slaves(self) -> tuple[Ints, sp.csr_array]:

@@ -7,10 +7,11 @@ from numpy.typing import NDArray
 
 from cosim.port import ConvergenceError
 
-from .assembly import DOFS
+from .assembly import DOFS, scattered
 from .contact import ramp, unramp
 from .linear_algebra import Analysis, Factor, Nearby, NotPositiveDefiniteError
 from .model import Evaluation, ShellModel
+from .springs import PointForces
 
 Array = NDArray[np.float64]
 
@@ -83,50 +84,62 @@ def flipping_step(
     Optim 13:865), or the line search would stop at the first node that meets a bone.  Also the
     linear solves it took; `near` as in `newton_step`."""
     p, A = e.points, e.bases[0]
-    normal = np.einsum("kij,ki->kj", A[p.node], p.direction)
     flipped = np.zeros(len(p.depth), dtype=bool)
     for solves in range(MOST_FLIPS):
-        moved = p.depth + np.einsum("kj,kj->k", normal, step.reshape(-1, DOFS)[p.node, :3])
+        moved = p.depth + _deeper(p, A, step)
         now = ((moved > 0) != (p.depth > 0)) & (np.abs(p.depth) > SMOOTH * p.ramp)
         if np.array_equal(now, flipped):
             return step, solves
         flipped = now
-        step = newton_step(model, *_with_flips(model, e, normal, flipped), near)[0]
+        step = newton_step(model, *_with_flips(model, e, flipped), near)[0]
     return step, MOST_FLIPS
 
 
+def _deeper(p: PointForces, A: Array, step: Array) -> Array:
+    """(k,) m, how much deeper a step (5n,) in the nodes' bases A (n, 3, 3) brings the points."""
+    moved = np.einsum("nij,nj->ni", A, step.reshape(-1, DOFS)[:, :3])
+    return np.asarray(np.einsum("kj,kj->k", p.direction, p.at_points(moved)))
+
+
 def _with_flips(
-    model: ShellModel, e: Evaluation, normal: Array, flipped: NDArray[np.bool_]
+    model: ShellModel, e: Evaluation, flipped: NDArray[np.bool_]
 ) -> tuple[Array, Array]:
     """Tangent data and gradient with the flipped one-sided springs closed or opened."""
     assert e.data is not None
-    p = e.points
-    k, node, n, depth = p.stiffness[flipped], p.node[flipped], normal[flipped], p.depth[flipped]
-    sign = np.where(depth > 0, -1.0, 1.0) * k
-    data, gradient = e.data.copy(), e.reduced.copy()
-    blocks = sign[:, None, None] * n[:, :, None] * n[:, None, :]
-    np.add.at(data, model.pattern.diagonal[node, :3, :3], blocks)
-    np.add.at(gradient.reshape(-1, DOFS)[:, :3], node, (sign * depth)[:, None] * n)
+    p, A, gradient = e.points, e.bases[0], e.reduced.copy()
+    stiffness = np.where(flipped, np.where(p.depth > 0, -1.0, 1.0) * p.stiffness, 0.0)
+    hessian = stiffness[:, None, None] * p.direction[:, :, None] * p.direction[:, None, :]
+    size = DOFS * model.quads.shape[1]
+    blocks, nodal = np.zeros((len(model.quads), size, size)), np.zeros((len(A), DOFS, DOFS))
+    model.add_points(blocks, nodal, p, hessian, A)
+    data = e.data + model.pattern.assemble(blocks, nodal, np.zeros((len(model.pairs), 3, 3)))
+    depth = np.where(flipped, p.depth, 0.0)
+    more = p.on_nodes((stiffness * depth)[:, None] * p.direction, len(A))
+    gradient.reshape(-1, DOFS)[:, :3] += np.einsum("nij,ni->nj", A, more)
     return data, gradient
 
 
 def pressed(model: ShellModel, e: Evaluation, step: Array) -> Array:
     """The step with nodes that move far in a smoothed ramp put where they feel the force that the
     tangent foresees: towards the foot of a ramp that grows with the square of the depth, Newton's
-    own steps go but half the way.  A node that two bodies press is left alone."""
+    own steps go but half the way.  A node that two bodies press is left alone; points within
+    elements move their nodes as these share them."""
     p, A = e.points, e.bases[0]
-    normal = np.einsum("kij,ki->kj", A[p.node], p.direction)
-    more = np.einsum("kj,kj->k", normal, step.reshape(-1, DOFS)[p.node, :3])
+    more = _deeper(p, A, step)
     on = np.flatnonzero((p.ramp > 0) & (np.abs(more) > FAR * np.abs(p.depth + p.ramp)))
-    on = on[np.bincount(p.node[on])[p.node[on]] == 1]
+    on = on[(p.cell[on] >= 0) | (np.bincount(p.node[on])[p.node[on]] == 1)]
     if not on.size:
         return step
-    depth, more, width, normal = p.depth[on], more[on], p.ramp[on], normal[on]
+    depth, more, width, normal = p.depth[on], more[on], p.ramp[on], p.direction[on]
     _, value, slope = ramp(depth, width)
     force = value + slope * more
     away = np.where(force > 0, unramp(force, width) - (depth + more), 0.0)
     moved = np.zeros_like(step)
-    moved.reshape(-1, DOFS)[p.node[on], :3] = away[:, None] * normal
+    part = np.abs(p.weights) * (p.stiffness * (p.ramp > 0))[:, None]
+    whole = np.bincount(p.nodes.ravel(), part.ravel(), len(A))
+    part[on] /= np.where(whole > 0, whole, 1.0)[p.nodes[on]]
+    shift = scattered(p.nodes[on], part[on][:, :, None] * (away[:, None] * normal)[:, None], len(A))
+    moved.reshape(-1, DOFS)[:, :3] = np.einsum("nij,ni->nj", A, shift)
     out = step.copy()
     out[model.free] += moved[model.free]
     return out

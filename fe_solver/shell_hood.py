@@ -334,11 +334,12 @@ class ShellHood:
         return self.model.tables.strain(np.concatenate([c.x[q], c.d[q]], axis=1))
 
     def gap(self, state: HoodState) -> NDArray[np.float64]:
-        """(n,) m smallest gap of each node to a bone's contact level, inf where it meets none."""
+        """(n,) m smallest gap of each node, or of the points that it is nearest to, to a bone's
+        contact level; inf where it meets none."""
         c = state.configuration
         out = np.full(len(c.x), np.inf)
         for k in self.model.contacts:
-            out[k.nodes] = np.minimum(out[k.nodes], k.gap(c.x, c.position, c.rotation))
+            np.minimum.at(out, k.nodes, k.gap(c.x, c.position, c.rotation))
         return out
 
 

@@ -13,6 +13,8 @@ from scipy.interpolate import PchipInterpolator, PPoly
 
 from cosim.port import InputError
 
+from .assembly import scattered
+
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
@@ -174,10 +176,12 @@ def _hessian(pull: Axial, length: Array, direction: Array, curvature: bool) -> A
 
 @dataclass(frozen=True)
 class PointForces:
-    """Forces between hood nodes and bodies that act along one line at one point.
+    """Forces between points of the hood and bodies that act along one line at one point.
 
-    gradient (k, 3) of the energy by the node's position (so the node feels its opposite and the
-    body feels it); arm (k, 3) point of action from the body's origin, world; `bend` makes hessian;
+    A point is the mean of nodes (k, m) by `weights` (k, m): one node alone, or those of the element
+    `cell` (k,), which is -1 for a node alone.  gradient (k, 3) of the energy by the point's
+    position (so the hood feels its opposite and the body feels it); arm (k, 3) point of action from
+    the body's origin, world; `bend` makes hessian;
     turns (k,) bool: the force turns with the body (contact) or follows the point (spring).
 
     Each force is that of a one-sided spring of `stiffness` (k,) N/m in its `depth` (k,) m, which
@@ -185,7 +189,9 @@ class PointForces:
     depth (inf). Those that are open are listed too, with no force; within `ramp` (k,) m of depth
     zero the force is smoothed."""
 
-    node: Ints
+    nodes: Ints
+    weights: Array
+    cell: Ints
     body: Ints
     energy: float
     gradient: Array
@@ -197,6 +203,20 @@ class PointForces:
     direction: Array
     stiffness: Array
     ramp: Array
+
+    @property
+    def node(self) -> Ints:
+        """(k,) the node that bears most of each force."""
+        return np.asarray(self.nodes[np.arange(len(self.nodes)), self.weights.argmax(axis=1)])
+
+    def at_points(self, values: Array) -> Array:
+        """(k, 3) of values (n, 3) at the nodes."""
+        return np.asarray((self.weights[:, None] @ values[self.nodes])[:, 0])
+
+    def on_nodes(self, forces: Array, count: int) -> Array:
+        """(n, 3) N at `count` nodes of forces (k, 3) at the points."""
+        on = np.flatnonzero(forces.any(axis=1))
+        return scattered(self.nodes[on], self.weights[on, :, None] * forces[on, None], count)
 
     @cached_property
     def hessian(self) -> Array:
@@ -235,7 +255,9 @@ def spring_forces(
     for curve in springs.curves:
         stiffness[curve.springs] = curve(np.maximum(pull.stretch[curve.springs], 0))[2]
     return PointForces(
-        springs.node,
+        springs.node[:, None],
+        np.ones((len(length), 1)),
+        np.full(len(length), -1, dtype=np.intp),
         springs.body,
         float(pull.energy.sum()),
         pull.force[:, None] * direction,

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..contact import Contact
+from ..contact_points import Within
 from ..elements import kind_of
 from ..guides import Guides, Ties
 from ..materials import Isotropic, Law
@@ -141,9 +142,15 @@ def mirrored(model: ShellModel, mirror: np.ndarray, held: np.ndarray | bool = Fa
 def contact(
     model: ShellModel, surface: Surface, nodes: np.ndarray, stiffness: float, smoothing: float
 ) -> Contact:
-    """Contact of nodes' mid-surface with a surface of body 0."""
-    area = node_areas(model.reference, model.quads)[nodes]
-    return Contact(0, surface, nodes, np.zeros(len(nodes)), area, stiffness, smoothing)
+    """Contact of nodes' mid-surface with a surface of body 0; of nine-node elements, the points
+    within those that such nodes have."""
+    X, quads = model.reference, model.quads
+    if quads.shape[1] == 4:
+        area = node_areas(X, quads)[nodes]
+        return Contact(0, surface, nodes, np.zeros(len(nodes)), area, stiffness, smoothing)
+    points = Within.of(quads, np.flatnonzero(np.isin(quads, nodes).any(axis=1)))
+    area, at = points.areas(X), points.nearest
+    return Contact(0, surface, at, 0 * area, area, stiffness, smoothing, within=points)
 
 
 def at_rest(model: ShellModel) -> Configuration:

@@ -32,6 +32,7 @@ POSE = (
 )
 TOE = (1e-3 * np.array([-2.0, 0, 1, 3]), np.array([-0.2, 0, 0.05, 1.0]))
 """Stretch (m) and force (N) of a table."""
+NINE = "nine-node quads"
 KINDS = ("tension-only", "bilateral", "by a table", "by a table, tension-only")
 FRICTION, STICKS, SLIDES = 0.2, 1e-5, 1e-3
 """Coefficient; distances (m) from the anchors at which nodes stick and slide."""
@@ -199,13 +200,14 @@ def _inert(model: ShellModel) -> ShellModel:
 def _touching(pressure: float, slip: float | None, model: ShellModel) -> ShellModel:
     ball, X = Sphere(np.array([1.5 * SIDE, SIDE, -5 * SIDE]), 5 * SIDE), model.reference
     contact = sheets.contact(model, ball, np.arange(len(X)), 1e9, 1e-3)
+    at = contact.at(X)
     if slip is not None:
-        none, normal = np.zeros(len(X)), ball.distance(X).gradient
-        anchor = X + slip * np.random.default_rng(4).normal(size=X.shape)
+        none, normal = np.zeros(len(at)), ball.distance(at).gradient
+        anchor = at + slip * np.random.default_rng(4).normal(size=at.shape)
         limit = FRICTION * contact.area * pressure
         grip = Grip(anchor, normal, limit, none)
         contact = replace(contact, friction=FRICTION, shear=1e9, grip=grip)
-    return replace(model, contacts=(replace(contact, pressure=np.full(len(X), pressure)),))
+    return replace(model, contacts=(replace(contact, pressure=np.full(len(at), pressure)),))
 
 
 def _clamped(model: ShellModel) -> ShellModel:
@@ -216,6 +218,10 @@ def _guided(model: ShellModel) -> ShellModel:
     return guided(model, [np.arange(3), np.array([9, 10])], [(-1.0, 0, 0.2), (1.0, 0.3, 0)])
 
 
+def _guided_beyond(model: ShellModel) -> ShellModel:
+    return guided(model, [np.array([9, 10, 11])], [(1.0, 0.3, 0)])
+
+
 def _mirrored(model: ShellModel) -> ShellModel:
     planes = np.zeros((len(model.reference), 3), dtype=bool)
     planes[:3, 0], planes[[0, 3, 6, 9], 1] = True, True
@@ -224,29 +230,34 @@ def _mirrored(model: ShellModel) -> ShellModel:
 
 def model_rows() -> Iterator[Row]:
     """Supports and loads on a shell, each alone and all that go together."""
-    springs, contact = partial(_sprung, "tension-only"), partial(_touching, 0.0, None)
-    together = (springs, _pressed, contact)
+    touching = {
+        "penalty": partial(_touching, 0.0, None),
+        "augmented": partial(_touching, PRESSURE, None),
+        "sticking": partial(_touching, PRESSURE, STICKS),
+        "sliding": partial(_touching, PRESSURE, SLIDES),
+    }
+    together = (partial(_sprung, "tension-only"), _pressed, touching["penalty"])
     cases: dict[str, tuple[Part, ...]] = {
         **{f"springs, {kind}": (partial(_sprung, kind),) for kind in KINDS},
         **{f"springs between nodes, {kind}": (partial(_linked, kind),) for kind in KINDS},
         "dead loads": (_laden,),
         "follower pressure": (_pressed,),
         "inertia": (_inert,),
-        "contact, penalty": (contact,),
-        "contact, augmented": (partial(_touching, PRESSURE, None),),
-        "contact, sticking": (partial(_touching, PRESSURE, STICKS),),
-        "contact, sliding": (partial(_touching, PRESSURE, SLIDES),),
+        **{f"contact, {kind}": (part,) for kind, part in touching.items()},
         "ties": (_clamped,),
         "guides and tendons": (_guided,),
         "mirror planes": (_mirrored,),
+        **{f"contact, {kind}, {NINE}": (part,) for kind, part in touching.items()},
         "ties, springs, pressure, contact": (_clamped, *together),
+        f"ties, guides, contact, {NINE}": (_clamped, _guided_beyond, touching["penalty"]),
         "mirror planes, springs, pressure, contact": (_mirrored, *together),
     }
     for name, parts in cases.items():
-        model = distorted("flat quads" if _mirrored in parts else "warped quads", height=THICK / 2)
+        shape = NINE if NINE in name else "flat quads" if _mirrored in parts else "warped quads"
+        model = distorted(shape, height=THICK / 2)
         for part in parts:
             model = part(model)
-        tension = np.array([3.0, 2.0]) if _guided in parts else None
+        tension = np.array([3.0, 2.0])[: len(model.share)] if len(model.share) else None
         error = model_error(model, 1e-4, tension)
         yield Row("model tangent", name, 1e-6, error, 0.0, OWN, "bound")
 
