@@ -42,16 +42,16 @@ SPANS = (
 QUADRATIC_SPANS = (
     (CENTRAL_END, 2),
     (LATERAL_END, 2),
-    (SAGITTAL_ROWS[0], 2),
-    (0.0, 2),
-    (SAGITTAL_ROWS[1], 5),
-    (JOIN, 6),
-    (LIGAMENT_ROWS[1], 4),
-    (SLIP_START, 4),
-    (RETINACULAR_ROWS[0], 4),
-    (RETINACULAR_ROWS[1], 4),
+    (SAGITTAL_ROWS[0], 1),
+    (0.0, 3),
+    (SAGITTAL_ROWS[1], 6),
+    (JOIN, 7),
+    (LIGAMENT_ROWS[1], 6),
+    (SLIP_START, 3),
+    (RETINACULAR_ROWS[0], 6),
+    (RETINACULAR_ROWS[1], 3),
     (SLIP_END, 2),
-    (52.5, 4),
+    (52.5, 3),
     (MERGE, 4),
     (68.0, 5),
 )
@@ -80,7 +80,7 @@ def _within(first: float, end: float, count: int, crowded: float) -> Array:
 def columns(quads: int, quadratic: bool) -> tuple[Array, Array]:
     """Where the lines of nodes run: across the inner sheet (-1 ulnar to 1 radial, of its
     half-angle), and across each lateral band (0 at the inner edge to 1)."""
-    fineness, counts = np.sqrt(quads / 600), (3, 2, 4) if quadratic else (3, 2, 3)
+    fineness, counts = np.sqrt(quads / 600), (2, 2, 4) if quadratic else (3, 2, 3)
     tendon, side, band = (max(1, round(n * fineness)) for n in counts)
     middle = np.linspace(0, TENDON, tendon, endpoint=False)
     half = np.concatenate([middle, np.linspace(TENDON, 1, side + 1)])

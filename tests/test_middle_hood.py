@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -115,8 +115,12 @@ def test_the_hoods_skeleton_is_the_rigid_models():
 
 def test_the_sheet_lies_on_the_longer_bones_from_end_to_end():
     models, mesh = made()
-    gap = models.hood.gap(models.hood.start(models.hood.rest))
-    assert gap.min() > 0
+    model, rest = models.hood.model, models.hood.rest
+    gap = models.hood.gap(models.hood.start(rest))
+    assert gap.min() > -0.2e-3  # between so few nodes the sheet sags
+    for contact in model.contacts:
+        own = replace(contact, nodes=np.arange(len(gap)), offset=contact.offset[0], within=None)
+        assert own.gap(model.reference, rest.position, rest.rotation).min() > 0
     assert np.median(gap[np.isfinite(gap)]) < 1.5e-3
     lengths = middle_finger.skeleton().length
     terminal = mesh.points[mesh.tied["distal"], 0]
