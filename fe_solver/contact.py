@@ -59,7 +59,8 @@ class Contact:
     sheet may meet several bones.  Share a point (see `partition`) where two surfaces overlap, at a
     joint, and both would carry the same tendon; a point of share zero passes through that body.
 
-    pressure (k,) Pa is the multiplier.  friction is Coulomb's coefficient; shear (N/m3) the
+    pressure (k,) Pa is the multiplier; of points within elements, more than their nodes, not every
+    gap can be closed.  friction is Coulomb's coefficient; shear (N/m3) the
     elastic stiffness of sticking, as the `stiffness` where None; grip its state.  pin (k,) N/m
     stands for the stiffness along the normal where it is positive, in the tangent alone.
 

@@ -20,8 +20,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
 IN_LINE = 4
-"""Points in a line of an element: with three the tip force of a hood's one-way pass still changed by
-3 % on twice as many rows and columns, with four by 0.4 %; five change it little."""
+"""Points in a line of an element; sixteen in all cost about a tenth of a solve's time."""
 
 
 @dataclass(frozen=True)

@@ -221,11 +221,13 @@ def springs_of(X: Array, rest: Motion, sets: Mapping[str, SpringSet]) -> Springs
 def _contacts(
     X: Array, sheet: Sheet, bodies: tuple[str, ...], law: ContactLaw, nodes: Ints
 ) -> tuple[Contact, ...]:
-    """Of the nodes with every body; of quadratic elements, the points within those that such nodes
-    have."""
+    """Of the nodes with every body, or of the points within quadratic elements of such nodes.
+
+    Augmented contact is the nodes' in any element: a sheet cannot lie on its level in more points
+    than it has nodes."""
     half = node_means(sheet.section.thickness.mean(axis=1), sheet.quads, len(X)) / 2
     height = half + sheet.lift
-    if sheet.quads.shape[1] == 4:
+    if sheet.quads.shape[1] == 4 or law.augment() is not None:
         return contacts_of(bodies, law, nodes, height[nodes], node_areas(X, sheet.quads)[nodes])
     points = Within.of(sheet.quads, np.flatnonzero(np.isin(sheet.quads, nodes).any(axis=1)))
     return contacts_of(bodies, law, points.nearest, points.mean(height), points.areas(X), points)

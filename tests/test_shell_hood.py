@@ -19,6 +19,7 @@ from fe_solver.bend import Bend
 from fe_solver.fields import contact_pressure, fields
 from fe_solver.hood_model import ContactLaw, Sheet, Tendon, shell_hood
 from fe_solver.materials import Isotropic
+from fe_solver.mesh_geometry import node_areas
 from fe_solver.newton import NewtonOptions
 from fe_solver.section import one_law
 from fe_solver.shell_hood import TIE, HoodState, ShellHood
@@ -220,6 +221,19 @@ def test_augmented_contact_does_not_penetrate_and_balances(motion, setting):
     assert np.array_equal(again.load.wrench, second.load.wrench)
     rubbing = first.state.solution.model.contacts[1].grip
     assert (rubbing is not None and rubbing.limit.max() > 0) == setting.startswith("friction")
+
+
+def test_nine_node_elements_touch_within_but_close_gaps_at_their_nodes():
+    nine = 'hood.mesh.elements="quadratic"'
+    smooth = shells.index_hood(nine).model
+    for contact in smooth.contacts:
+        assert len(contact.nodes) == 16 * len(smooth.quads)
+        area = node_areas(smooth.reference, smooth.quads).sum()
+        assert contact.area.sum() == pytest.approx(area, rel=0.02)
+    closed = shells.index_hood(nine, 'hood.contact.penetration="1 um"').model
+    held = np.concatenate([closed.ties.node, closed.guides.node])
+    for contact in closed.contacts:
+        assert set(contact.nodes) == set(range(len(closed.reference))) - set(held)
 
 
 def turns(motion: Motion, sizes: list[float]) -> list[Motion]:
