@@ -15,6 +15,7 @@ from itertools import pairwise
 from typing import Any, TypeVar
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cosim.port import InputError
@@ -90,15 +91,14 @@ def _gather(first: int, last: int, start: Ints, gather: Ints, values: Array, out
 def spread(which: Ints, weights: Array, hessian: Array, count: int) -> Array:
     """(count, m, 3, m, 3) sums of weights[k, a] weights[k, b] hessian[k] over those k whose `which`
     (k,) is the same; weights (k, m), hessian (k, 3, 3)."""
-    m = weights.shape[1]
-    out = np.zeros((count, m, 3, m, 3))
+    k, m = weights.shape
     if COMPILED:
+        out = np.zeros((count, m, 3, m, 3))
         _spread(which, weights, hessian, out)
         return out
-    for point, cell in enumerate(which):
-        w = weights[point]
-        out[cell] += np.einsum("a,b,ij->aibj", w, w, hessian[point])
-    return out
+    own = np.einsum("ka,kb,kij->kaibj", weights, weights, hessian).reshape(k, -1)
+    sums = sp.csr_array((np.ones(k), (which, np.arange(k))), (count, k))
+    return (sums @ own).reshape(count, m, 3, m, 3)
 
 
 @compiled

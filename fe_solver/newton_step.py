@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from cosim.port import ConvergenceError
 
-from .assembly import DOFS, scattered
+from .assembly import DOFS
 from .contact import ramp, unramp
 from .linear_algebra import Analysis, Factor, Nearby, NotPositiveDefiniteError
 from .model import Evaluation, ShellModel
@@ -122,24 +122,22 @@ def _with_flips(
 def pressed(model: ShellModel, e: Evaluation, step: Array) -> Array:
     """The step with nodes that move far in a smoothed ramp put where they feel the force that the
     tangent foresees: towards the foot of a ramp that grows with the square of the depth, Newton's
-    own steps go but half the way.  A node that two bodies press is left alone; points within
-    elements move their nodes as these share them."""
+    own steps go but half the way.  A node that two bodies press is left alone, as are the points
+    within elements."""
     p, A = e.points, e.bases[0]
     more = _deeper(p, A, step)
-    on = np.flatnonzero((p.ramp > 0) & (np.abs(more) > FAR * np.abs(p.depth + p.ramp)))
-    on = on[(p.cell[on] >= 0) | (np.bincount(p.node[on])[p.node[on]] == 1)]
+    far = np.abs(more) > FAR * np.abs(p.depth + p.ramp)
+    on = np.flatnonzero((p.ramp > 0) & (p.cell < 0) & far)
+    on = on[np.bincount(p.node[on])[p.node[on]] == 1]
     if not on.size:
         return step
+    node = p.node[on]
     depth, more, width, normal = p.depth[on], more[on], p.ramp[on], p.direction[on]
     _, value, slope = ramp(depth, width)
     force = value + slope * more
     away = np.where(force > 0, unramp(force, width) - (depth + more), 0.0)
     moved = np.zeros_like(step)
-    part = np.abs(p.weights) * (p.stiffness * (p.ramp > 0))[:, None]
-    whole = np.bincount(p.nodes.ravel(), part.ravel(), len(A))
-    part[on] /= np.where(whole > 0, whole, 1.0)[p.nodes[on]]
-    shift = scattered(p.nodes[on], part[on][:, :, None] * (away[:, None] * normal)[:, None], len(A))
-    moved.reshape(-1, DOFS)[:, :3] = np.einsum("nij,ni->nj", A, shift)
+    moved.reshape(-1, DOFS)[node, :3] = np.einsum("kij,ki->kj", A[node], away[:, None] * normal)
     out = step.copy()
     out[model.free] += moved[model.free]
     return out
