@@ -40,10 +40,10 @@ SPANS = (
 )
 # The same of quadratic elements; they begin and end where what holds the sheet does.
 QUADRATIC_SPANS = (
-    (CENTRAL_END, 2),
+    (CENTRAL_END, 4),
     (LATERAL_END, 2),
-    (SAGITTAL_ROWS[0], 1),
-    (0.0, 3),
+    (SAGITTAL_ROWS[0], 2),
+    (0.0, 2),
     (SAGITTAL_ROWS[1], 6),
     (JOIN, 7),
     (LIGAMENT_ROWS[1], 6),
