@@ -326,19 +326,17 @@ def _advanced(
     """The next configuration along the step, with its evaluation and whether that is the convex
     one: the whole step, or a part of the step that foresees the contacts; None where none descends.
     Also the linear solves that foreseeing took.  A solve that follows an equilibrium, as a factor
-    `near` says, presses the nodes of the whole step, and makes tangents where they are asked
-    for."""
-    follows = near is not None
+    `near` says, presses the nodes of the whole step."""
 
     def tried(
         way: Array, tries: int, first: float = 1.0, foreseen: bool = False
     ) -> tuple[tuple[Configuration, Evaluation, bool] | None, float]:
         way, size = limited(way, options.max_step, options.max_turn)
         convex = foreseen or size > NEAR
-        found, last = _line_search(model, c, e, tension, way, tries, convex, first, not follows)
+        found, last = _line_search(model, c, e, tension, way, tries, convex, first)
         return None if found is None else (*found, convex), last
 
-    found, left = tried(pressed(model, e, step) if follows else step, 1)
+    found, left = tried(step if near is None else pressed(model, e, step), 1)
     if found:
         return found, 0
     way, solves = flipping_step(model, e, step, near)
@@ -358,7 +356,6 @@ def _line_search(
     tries: int,
     convex: bool,
     factor: float,
-    eager: bool,
 ) -> tuple[tuple[Configuration, Evaluation] | None, float]:
     """The first of ever shorter steps, from `factor` of the step on, that lowers the energy enough,
     or, where the energy is below its rounding error, the residual; none turns a director into an
@@ -366,12 +363,12 @@ def _line_search(
     slope = float(step @ e.reduced)
     before = model.potential(c, e.energy, tension)
     noise = 1e-11 * max(abs(before), e.energy)
-    for attempt in range(tries if slope < 0 else 0):
+    for _ in range(tries if slope < 0 else 0):
         trial = model.stepped(c, e.bases, factor * step)
         if _is_folded(model, trial) and not _is_folded(model, c):
             factor *= 0.5
             continue
-        there = model.evaluate(trial, tension, eager and attempt == 0, convex)
+        there = model.evaluate(trial, tension, tangent=False, convex=convex)
         rise = model.potential(trial, there.energy, tension) - before
         rise -= float(np.vdot(e.follower + there.follower, trial.x - c.x)) / 2
         if rise <= 1e-4 * factor * slope or (rise <= noise and _halved(model, e, there)):

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import IO
 
 from cosim.port import InputError
+from cosim.processes import BLAS_THREADS, KEPT
 from cosim.study.store import Status, Store
 from cosim.study.task import Task, Verdict, row_of
 
@@ -21,14 +22,8 @@ DEATHS = 3
 """Times that the process of a run may end on its own before the run counts as failed."""
 PATIENCE = 5.0
 """Seconds for a process to end by itself once its input has."""
-THREADS = (
-    *("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"),
-    *("NUMBA_NUM_THREADS", "FE_SOLVER_THREADS"),
-)
+THREADS = (*BLAS_THREADS, "NUMBA_NUM_THREADS", "FE_SOLVER_THREADS")
 """One of each: the workers are as many as there are cores for them."""
-KEPT = {"MALLOC_MMAP_THRESHOLD_": str(2**25), "MALLOC_TRIM_THRESHOLD_": str(2**28)}
-"""Bytes, of glibc: freed memory stays with the process.  Dask asks its workers to hand it back, and
-the kernel's work on page faults then keeps processes side by side from each other."""
 _here = threading.local()
 
 
