@@ -3,8 +3,8 @@
 Ranges are those of issue and literature where there are any, and else assumptions: moduli and
 joint stiffness +-50 %, cross-sections 0.3 to 1.8 mm2 (what network models of the hood take for its
 parts: Dogadov et al., arXiv:2507.15389), rest lengths +-0.2 mm, contact offsets +-0.3 mm, postures
-+-5 deg, meshes of 2 and 4 times the quads; bending, springs, limits and fibres by factors of 2,
-slack by 1 mm.
++-5 deg, meshes of 2 and 4 times the quads; bending, springs, limits, friction and fibres by factors
+of 2, slack by 1 mm.  A hood that slides without friction gets a coefficient of 0.1 and of 0.3.
 """
 
 from __future__ import annotations
@@ -22,6 +22,8 @@ ABSENT = "1e-6 N/mm"
 """Stiffness of a ligament that is not there."""
 SECTION_RANGE = (0.3e-6, 1.8e-6)
 """m2."""
+COEFFICIENTS = (0.1, 0.3)
+"""Of friction, where a case has none."""
 SHEETS = ("sagittal_band_radial", "sagittal_band_ulnar")
 """Regions that are no cables and so have no cross-section of their own."""
 LIGAMENTS = {
@@ -91,6 +93,7 @@ def _of_hood(case: Case) -> Iterator[Variation]:
     for body, offset in hood.contact.offset:
         key = f"hood.contact.offset.{body}"
         yield _added(f"contact offset, {body}", {key: offset}, 3e-4, units.LENGTH, 0.0)
+    yield _friction(hood)
     yield from _mesh(hood)
 
 
@@ -238,6 +241,13 @@ def _ligament(hood: ShellHood, name: str, sets: list[str]) -> Iterator[Variation
     )
 
 
+def _friction(hood: ShellHood) -> Variation:
+    name, key, own = "friction over the bones", "hood.contact.friction", hood.contact.friction
+    if own:
+        return _scaled(name, {key: own}, (0.5, 2.0), None)
+    return Variation(name, *(Side(f"{mu:g}", _spelt([(key, mu)], None)) for mu in COEFFICIENTS))
+
+
 def _mesh(hood: ShellHood) -> Iterator[Variation]:
     mesh = hood.mesh
     if mesh.kind != "generated":
@@ -261,7 +271,7 @@ def _fields(hood: ShellHood, wanted: Mapping[str, tuple[str, ...]]) -> dict[str,
 
 
 def _scaled(
-    name: str, values: Mapping[str, float | None], factors: tuple[float, float], kind: Kind
+    name: str, values: Mapping[str, float | None], factors: tuple[float, float], kind: Kind | None
 ) -> Variation:
     """All values that there are by the same factor."""
 

@@ -178,6 +178,14 @@ def test_what_cannot_go_lower_is_cut_off_and_says_so():
     assert "held" in v["joint stiffness"].low.why_not
 
 
+def test_a_hood_without_friction_gets_some_and_one_with_it_less_and_more():
+    smooth = of(load_case("strain_lee2008_average_ti"))["friction over the bones"]
+    assert smooth.high.settings == ("hood.contact.friction=0.3",)
+    rough = of(load_case("strain_lee2008_average_ti", ["hood.contact.friction=0.2"]))
+    assert rough["friction over the bones"].low.settings == ("hood.contact.friction=0.1",)
+    assert rough["friction over the bones"].high.label == "x 2"
+
+
 def chart(high: float | None) -> tuple[Sensitivity, str]:
     def run(name: str, side: str, value: float | None) -> Run:
         status = "failed" if value is None else "converged"
