@@ -225,11 +225,13 @@ class ShellHood:
         return self.model.posed(bent, c.position, c.rotation)
 
     def _settled(self, state: HoodState, motion: Motion, tension: Array) -> HoodState:
-        """The equilibrium, reached taut where the slack sheet would fold on the way."""
+        """The equilibrium, reached taut where the slack sheet would fold on the way.  There is no
+        such way with friction, which would keep what the detour pulled."""
         try:
             return self._in_steps(state, motion, tension)
         except ConvergenceError as error:
-            if tension.min(initial=np.inf) > TAUT:
+            rubs = any(k.friction for k in self.model.contacts)
+            if rubs or tension.min(initial=np.inf) > TAUT:
                 raise
             try:
                 taut = self._in_steps(state, motion, tension + TAUT)

@@ -69,6 +69,22 @@ def test_tied_and_guided_nodes_are_on_their_places(hood, solved, motion):
     assert np.linalg.norm(c.d, axis=1) == pytest.approx(np.ones(len(c.d)), abs=1e-14)
 
 
+@pytest.mark.parametrize(("friction", "ways"), [(0.0, 2), (0.2, 1)])
+def test_friction_which_keeps_what_has_pulled_allows_no_detour(monkeypatch, motion, friction, ways):
+    """A hood that is pulled at 18 N and let back to 12 is not one that is pulled at 12."""
+    pulls = []
+
+    def stuck(self: ShellHood, state: HoodState, motion: Motion, tension: np.ndarray) -> HoodState:
+        pulls.append(tension)
+        raise ConvergenceError("stuck")
+
+    hood = shells.index_hood(f"hood.contact.friction={friction}")
+    monkeypatch.setattr(ShellHood, "_in_steps", stuck)
+    with pytest.raises(ConvergenceError, match="stuck"):
+        hood.advance(hood.start(motion), motion, TENSION, STATIC)
+    assert len(pulls) == ways
+
+
 def test_tendons_pull_along_the_metacarpal(hood, solved, motion):
     load = solved.load
     proximal = -motion.rotation[0][:, 0]
