@@ -30,6 +30,7 @@ LOST = 0.7
 """More than 30 % of the slips' force is lost in MCP flexion with straight IP joints [LEE]."""
 MODULI = {"soft": -1.0, "average": 0.0, "stiff": 1.0}
 """SD from the means of the thesis's table 4."""
+LAWS = {"ti": "fibres in a matrix", "iso": "isotropic"}
 CADAVER, POSTURES = ("middle", "hood"), ("minorflex", "majorflex")
 """Cases with the fixed split and with the coupled hood."""
 THROUGH = ("edc", "lum", "ri", "ui")
@@ -74,14 +75,16 @@ def rows_of(group: Group, summaries: Summaries) -> Iterator[Comparison]:
 
 
 def strain_trials() -> Iterator[Trial]:
-    for modulus, law in itertools.product(MODULI, ("ti", "iso")):
+    for modulus, law in itertools.product(MODULI, LAWS):
         yield Trial(f"strain {modulus} {law}", f"strain_lee2008_{modulus}_{law}")
     yield Trial("strain identified", "strain_lee2008_identified")
-    for law, mcp, (pip, dip) in itertools.product(("ti", "iso"), MCP, IP):
+    for law, mcp, (pip, dip) in itertools.product(LAWS, MCP, IP):
         if (mcp, pip) != (0, 0):
             angles = {"MCP": mcp, "PIP": pip, "DIP": dip}
             settings = tuple(f'finger.posture.{j}="{a} deg"' for j, a in angles.items())
-            yield Trial(posed(law, mcp, pip, dip), f"strain_lee2008_average_{law}", settings)
+            title = f'title="Lee 2008: 11.8 N in EDC at {mcp}/{pip}/{dip} deg, {LAWS[law]}"'
+            case = f"strain_lee2008_average_{law}"
+            yield Trial(posed(law, mcp, pip, dip), case, (*settings, title))
 
 
 def published_trials(path: Path) -> Iterator[Trial]:
@@ -102,7 +105,7 @@ def trends(trials: set[str], summaries: Summaries) -> Iterator[Comparison]:
     bent = [((mcp, *ip), (mcp, 0, 0), 1.0) for mcp, ip in itertools.product(MCP, IP[1:])]
     pairs = [*bent, ((MCP[-1], 0, 0), (0, 0, 0), LOST)]
     for law, slip, (now, then, most) in itertools.product(
-        ("ti", "iso"), ("central", "terminal"), pairs
+        LAWS, ("central", "terminal"), pairs
     ):
         names = posed(law, *now), posed(law, *then)
         if not trials.issuperset(names):

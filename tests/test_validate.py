@@ -58,9 +58,11 @@ def test_nine_postures_of_each_law():
     for law in ("ti", "iso"):
         assert len([t for t in strain if t.name.startswith(f"strain average {law}")]) == 9
     (bent,) = [t for t in strain if t.name == posed("ti", 60, 45, 15)]
-    angles = load_case(bent.case, bent.settings).finger.posture.angles()
+    case = load_case(bent.case, bent.settings)
+    angles = case.finger.posture.angles()
     assert np.degrees(angles["MCP"]) == pytest.approx(60)
     assert np.degrees(angles["DIP"]) == pytest.approx(15)
+    assert "60/45/15 deg, fibres" in case.title
 
 
 def test_the_identified_material_predicts_forces_that_it_was_not_fitted_to():
