@@ -104,9 +104,7 @@ def trends(trials: set[str], summaries: Summaries) -> Iterator[Comparison]:
     joints straight, where the slip is not slack; of the pairs whose trials are asked for."""
     bent = [((mcp, *ip), (mcp, 0, 0), 1.0) for mcp, ip in itertools.product(MCP, IP[1:])]
     pairs = [*bent, ((MCP[-1], 0, 0), (0, 0, 0), LOST)]
-    for law, slip, (now, then, most) in itertools.product(
-        LAWS, ("central", "terminal"), pairs
-    ):
+    for law, slip, (now, then, most) in itertools.product(LAWS, ("central", "terminal"), pairs):
         names = posed(law, *now), posed(law, *then)
         if not trials.issuperset(names):
             continue
