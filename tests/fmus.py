@@ -17,8 +17,8 @@ from cosim.fmu.unit import Unit
 NEEDS_FMU = [
     pytest.mark.fmu,
     pytest.mark.skipif(
-        any(find_spec(name) is None for name in ("fmpy", "pythonfmu", "pythonfmu3")),
-        reason="the extra fmu is not installed",
+        any(find_spec(name) is None for name in ("pythonfmu", "pythonfmu3")),
+        reason="pythonfmu or pythonfmu3 is not installed",
     ),
 ]
 Change = Callable[[bytes], bytes]

@@ -130,9 +130,10 @@ def _is_able(root: etree._Element, capability: str) -> bool:
 
 
 def _described(path: Path, folder: Path) -> ModelDescription:
-    fmpy = _fmpy()
+    from fmpy import read_model_description
+
     try:
-        found: ModelDescription = fmpy.read_model_description(str(folder), validate=True)
+        found: ModelDescription = read_model_description(str(folder), validate=True)
     except Exception as error:  # FMPy raises Exception itself for what it does not understand
         lines = " ".join(str(error).split())[:300]
         raise InputError(f"{path}: {DESCRIPTION} is not valid: {lines}") from error
@@ -146,18 +147,11 @@ def _unfit(described: Any, folder: Path) -> str:
     identifier = described.coSimulation.modelIdentifier
     if not identifier.isidentifier():
         return f"modelIdentifier {identifier!r} is no name in the sense of C"
-    fmpy = _fmpy()
+    import fmpy
+
     here = fmpy.platform if described.fmiVersion == "2.0" else fmpy.platform_tuple
     binary = folder / "binaries" / here / f"{identifier}{fmpy.sharedLibraryExtension}"
     if binary.is_file():
         return ""
     there = sorted(p.name for p in (folder / "binaries").glob("*")) or ["none"]
     return f"has no binary for this machine, {here}; it has {', '.join(there)}"
-
-
-def _fmpy() -> Any:
-    try:
-        import fmpy
-    except ImportError as error:
-        raise InputError('FMPy is not installed: pip install "cosim-hand[fmu]"') from error
-    return fmpy

@@ -50,9 +50,9 @@ MOTION = (
 
 
 def studies() -> tuple[Study, ...]:
-    """None where the extra `fmu` is not installed."""
-    if any(find_spec(name) is None for name in ("fmpy", "pythonfmu", "pythonfmu3")):
-        return ()
+    """One without rows, which says why, where FMUs cannot be written."""
+    if lacking := [name for name in ("pythonfmu", "pythonfmu3") if find_spec(name) is None]:
+        return (Study(f"FMU: none, as {' and '.join(lacking)} is not installed", lambda: iter(())),)
     return (
         Study("FMU, cables", lambda: rows("pulley_edc", ())),
         Study("FMU, shell", lambda: rows("isometric_edc", SLOW), slow=True),
