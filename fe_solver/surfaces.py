@@ -181,15 +181,22 @@ def _key(vertices: Array, faces: NDArray[np.integer], spacing: float, margin: fl
     return digest.hexdigest()
 
 
+def _digest(file: Path, coefficients: Array) -> str:
+    """What tells that these coefficients were written to this file, whose name is their key."""
+    digest = hashlib.sha256(f"{file.stem} {coefficients.dtype.str} {coefficients.shape}".encode())
+    digest.update(np.ascontiguousarray(coefficients).tobytes())
+    return digest.hexdigest()
+
+
 def _read(file: Path, shape: tuple[int, ...]) -> Array | None:
     """Cached coefficients, or None where there are none that can be used."""
     try:
         with np.load(file, allow_pickle=False) as stored:
-            coefficients = stored["coefficients"]
+            coefficients, digest = stored["coefficients"], str(stored["digest"])
     except (OSError, ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile):
         return None
-    fits = coefficients.shape == tuple(n + 2 for n in shape)
-    return coefficients if fits and coefficients.dtype == np.float64 else None
+    fits = coefficients.shape == tuple(n + 2 for n in shape) and coefficients.dtype == np.float64
+    return coefficients if fits and digest == _digest(file, coefficients) else None
 
 
 def _write(file: Path, coefficients: Array) -> None:
@@ -199,7 +206,7 @@ def _write(file: Path, coefficients: Array) -> None:
         file.parent.mkdir(parents=True, exist_ok=True)
         handle, temporary = tempfile.mkstemp(dir=file.parent, suffix=".tmp")
         with os.fdopen(handle, "wb") as stream:
-            np.savez(stream, coefficients=coefficients)
+            np.savez(stream, coefficients=coefficients, digest=_digest(file, coefficients))
         os.replace(temporary, file)
     except OSError:
         if temporary:

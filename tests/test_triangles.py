@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
 from cosim.port import InputError
+from fe_solver import surfaces
 from fe_solver.surfaces import SplineDistance
 from fe_solver.triangles import checked_surface, distance_squared, distances_on_grid
 
@@ -153,13 +154,44 @@ def test_cache_gives_the_same_bits_and_keeps_cases_apart(tmp_path):
     assert len(list((tmp_path / "new").iterdir())) == 2
 
 
-def test_cache_is_what_is_read(tmp_path):
-    bake_cube(tmp_path)
+def test_a_whole_cache_is_read_and_nothing_is_baked(tmp_path, monkeypatch):
+    first = bake_cube(tmp_path)
+    monkeypatch.setattr(surfaces, "distances_on_grid", None)
+    assert np.array_equal(bake_cube(tmp_path).coefficients, first.coefficients)
+
+
+@pytest.mark.parametrize("keeps_digest", [True, False])
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda c: 1.2 * c,
+        lambda c: np.where(c == c.max(), np.nextafter(c, 1.0), c),
+        lambda c: np.roll(c, 1),
+        lambda c: c.astype(">f8"),
+    ],
+    ids=["scaled", "last bit", "moved", "byte order"],
+)
+def test_a_cached_grid_that_is_not_what_was_written_is_baked_again(tmp_path, change, keeps_digest):
+    first = bake_cube(tmp_path)
     (file,) = tmp_path.iterdir()
     with np.load(file) as stored:
-        changed = stored["coefficients"] + 1.0
-    np.savez(file, coefficients=changed)
-    assert np.array_equal(bake_cube(tmp_path).coefficients, changed)
+        content = dict(stored)
+    content["coefficients"] = change(content["coefficients"])
+    if not keeps_digest:
+        del content["digest"]
+    np.savez(file, **content)
+    assert np.array_equal(bake_cube(tmp_path).coefficients, first.coefficients)
+    with np.load(file) as stored:
+        assert np.array_equal(stored["coefficients"], first.coefficients)
+
+
+def test_a_cached_grid_under_the_name_of_another_is_baked_again(tmp_path):
+    first = bake_cube(tmp_path / "one")
+    SplineDistance.bake(0.99 * CUBE, CUBE_FACES, margin=1e-3, cache=tmp_path / "two")
+    (own,), (other,) = (list((tmp_path / name).iterdir()) for name in ("one", "two"))
+    own.write_bytes(other.read_bytes())
+    assert np.array_equal(bake_cube(tmp_path / "one").coefficients, first.coefficients)
+    assert own.read_bytes() != other.read_bytes()
 
 
 @pytest.mark.parametrize("content", [b"", b"not a zip", None])
