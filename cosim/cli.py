@@ -24,7 +24,7 @@ from cosim.new_commands import new
 from cosim.opensim_commands import import_model, sto
 from cosim.paper_commands import reproduce
 from cosim.port import CosimError, InputError
-from cosim.processes import BLAS_THREADS, KEPT
+from cosim.processes import prepare_process
 from cosim.reduce_commands import reduce
 from cosim.report_commands import report
 from cosim.shell_commands import info, verify
@@ -79,9 +79,7 @@ Settings = Annotated[
 
 def main() -> None:
     """The program `cosim`."""
-    # Our dense products are small: BLAS threads cost a run a third of its time (0.9 s for 0.65 s).
-    for name, value in (dict.fromkeys(BLAS_THREADS, "1") | KEPT).items():
-        os.environ.setdefault(name, value)
+    prepare_process()
     app(prog_name="cosim")
 
 

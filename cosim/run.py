@@ -20,6 +20,7 @@ from cosim.drawn import Drawn, begun, redrawn
 from cosim.fixed_point import fixed_point
 from cosim.one_way import Passed
 from cosim.port import Array, ConvergenceError, State
+from cosim.processes import one_blas_thread
 from cosim.results import Result
 
 Progress = Callable[[str], None]
@@ -55,6 +56,7 @@ class States:
     """Of a one-way pass: what was handed over."""
 
 
+@one_blas_thread()
 def run_case(
     case: Case, progress: Progress = lambda text: None, unfinished: Path | None = None
 ) -> Result:

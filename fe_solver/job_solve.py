@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.port import ConvergenceError, InputError
+from cosim.processes import one_blas_thread
 
 from .augment import AugmentOptions, settled, solve_augmented
 from .coupling import coupling, wrenches
@@ -92,6 +93,7 @@ class JobResult:
     effort: Effort
 
 
+@one_blas_thread()
 def solve_job(
     job: Job,
     until: float | None = None,

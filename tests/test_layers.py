@@ -24,6 +24,7 @@ ALLOWED = {
     "cosim.couple": ("cosim.port", "cosim.rest"),
     "cosim.rest": ("cosim.port",),
     "cosim.files": ("cosim.port",),
+    "cosim.processes": (),
     "cosim.verification": ("cosim.port",),
     "cosim.accelerate": ("cosim.port",),
     "cosim.coupled": ("cosim.port", "cosim.accelerate"),
@@ -34,7 +35,7 @@ ALLOWED = {
     "cosim.snapshot": ("cosim.port",),
     "cosim.one_way": ("cosim.port",),
     "cosim.fixed_point": ("cosim.port", "cosim.accelerate", "cosim.couple", "cosim.rest"),
-    "fe_solver": ("cosim.port", "cosim.verification", "fe_solver"),
+    "fe_solver": ("cosim.port", "cosim.processes", "cosim.verification", "fe_solver"),
     "rigid": (
         *("cosim.port", "cosim.rest", "cosim.files", "cosim.verification"),
         *("meshes.skeleton", "rigid"),

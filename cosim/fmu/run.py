@@ -18,6 +18,7 @@ from cosim.fmu.parts import Part, part_of
 from cosim.fmu.quantity import WITH_TANGENT, Quantity
 from cosim.fmu.state import Snapshot, Written
 from cosim.port import Array, CosimError, InputError
+from cosim.processes import one_blas_thread
 from cosim.snapshot import Special
 
 CASE, ABOUT = "case.toml", "about.json"
@@ -29,6 +30,7 @@ class Run:
 
     `resources` is the unit's folder of that name.  Raises InputError."""
 
+    @one_blas_thread()
     def __init__(self, resources: Path) -> None:
         about = _about(resources / ABOUT)
         self.name = f"cosim_{about['part']}"
@@ -111,6 +113,7 @@ class Run:
             raise InputError("it is nothing that this unit has given out")
         return snapshot
 
+    @one_blas_thread()
     def _step(self, dt: float) -> None:
         given = {q.name: self._value(q) for q in self.quantities if q.causality != "output"}
         missing = [name for name, value in given.items() if not np.isfinite(value).all()]
