@@ -272,8 +272,9 @@ class Forward(Table):
     """Of a coupled motion."""
     must_rest: Switch = True
     """The run fails where the finger is still moving at the end."""
-    checkpoint: Annotated[Count, Field(ge=0, le=1_000_000)] = 0
-    """Steps from one checkpoint of a coupled motion to the next; 0: none."""
+    checkpoint: Annotated[Count, Field(ge=0, le=1_000_000)] | None = None
+    """Steps from one checkpoint of a coupled motion to the next; without it one is written every
+    ten seconds of computing; 0: none."""
 
     @model_validator(mode="after")
     def _whole_steps(self) -> Forward:

@@ -1,4 +1,5 @@
-"""The command line.  Exit codes: 0 done, 1 a solve did not converge, 2 the input is at fault."""
+"""The command line.  Exit codes: 0 done, 1 a solve did not converge, 2 the input is at fault, 3 a
+run missed its audit, 130 the user stopped it."""
 
 from __future__ import annotations
 
@@ -23,13 +24,13 @@ from cosim.lesion_commands import lesion
 from cosim.new_commands import new
 from cosim.opensim_commands import import_model, sto
 from cosim.paper_commands import reproduce
-from cosim.port import CosimError, InputError
+from cosim.port import ConvergenceError, CosimError, InputError, StoppedError
 from cosim.processes import prepare_process
 from cosim.reduce_commands import reduce
 from cosim.report_commands import report
 from cosim.shell_commands import info, verify
 from cosim.study.commands import bench_studies, status, study
-from cosim.terminal import tell, told
+from cosim.terminal import console, tell, told, warn_of_audit
 from cosim.trial_commands import identify, sensitivity
 from cosim.validate_commands import validate
 
@@ -65,6 +66,10 @@ app.command()(ladder)
 app.command()(lesion)
 app.command()(reduce)
 UNFINISHED = ".unfinished"
+AUDIT_MISSED, STOPPED = 3, 130
+"""Exit codes: of a run whose audit is missed (its results are written), of one that is stopped."""
+WORST = (0, AUDIT_MISSED, 1, 2, STOPPED)
+"""Exit codes; of a batch the last of them counts."""
 Voice = Literal["plain", "quiet", "json"]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Say nothing but what is wrong.")]
 AsJson = Annotated[
@@ -118,6 +123,9 @@ def run(
     cases: Cases,
     settings: Settings = None,
     out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("runs"),
+    restart: Annotated[
+        bool, typer.Option("--restart", help="Begin motions anew of which a part is kept.")
+    ] = False,
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
@@ -125,9 +133,31 @@ def run(
     checked = _load(cases, settings)
     with told():
         _check_targets(checked, out)
-    voice = _voice(quiet, as_json)
-    codes = [_run_one(case, out, voice) for case in checked]
-    raise typer.Exit(max(codes))
+        if not restart:
+            _check_unfinished(checked, out)
+    _run_all(checked, out, _voice(quiet, as_json))
+
+
+def _run_all(cases: Sequence[Case], out: Path, voice: Voice) -> None:
+    """Run cases one after the other until the user stops one; what their audits missed is said
+    last."""
+    summaries: dict[str, Mapping[str, Any] | None] = {}
+    codes = [0]
+    for case in cases:
+        try:
+            summaries[case.name] = _run_one(case, out, voice)
+        except CosimError as error:
+            summaries[case.name] = None
+            codes.append(tell(type(error)(f"{case.name}: {error}")))
+            if isinstance(error, StoppedError):
+                break
+    if voice == "plain" and len(cases) > 1:
+        from cosim.summary import batch_table
+
+        console().print(batch_table([case.name for case in cases], summaries))
+    missed = [warn_of_audit(name, summary) for name, summary in summaries.items() if summary]
+    codes += [AUDIT_MISSED] * any(missed)
+    raise typer.Exit(max(codes, key=WORST.index))
 
 
 def _voice(quiet: bool, as_json: bool) -> Voice:
@@ -147,34 +177,45 @@ def _check_targets(cases: Sequence[Case], out: Path) -> None:
         check_target(out, name)
 
 
-def _run_one(case: Case, out: Path, voice: Voice) -> int:
-    """Run, write and show one case; the exit code."""
+def _run_one(case: Case, out: Path, voice: Voice) -> Mapping[str, Any]:
+    """Run, write and show one case; its summary.  Raises CosimError."""
     from cosim.results import write_result
     from cosim.run import run_case
 
-    try:
-        with _progress(case.name, voice) as say:
-            unfinished = _unfinished(case, out)
+    with _progress(case.name, voice) as say:
+        unfinished = _unfinished(case, out)
+        try:
             result = run_case(case, say, unfinished)
-            say("writing the results")
-            folder = write_result(out, case, result)
-    except CosimError as error:
-        return tell(type(error)(f"{case.name}: {error}"))
-    if unfinished is not None:
-        shutil.rmtree(unfinished, ignore_errors=True)
+        except KeyboardInterrupt:
+            raise StoppedError("stopped before its end; nothing of this run is kept") from None
+        except ConvergenceError:
+            _forget(unfinished)  # it would fail again where it failed
+            raise
+        say("writing the results")
+        folder = write_result(out, case, result)
+    _forget(unfinished)
     if voice == "json":
         line = {"case": case.name, "results": str(folder), "summary": result.summary}
         typer.echo(json.dumps(line, default=float))
     elif voice == "plain":
         _show(case, result.summary)
         typer.echo(f"results in {_shown(folder)}")
-    return 0
+    return result.summary
+
+
+def _keeps_checkpoints(case: Case) -> bool:
+    return case.forward is not None and case.forward.checkpoint != 0 and case.hood.kind != "split"
+
+
+def _forget(unfinished: Path | None) -> None:
+    if unfinished is not None:
+        shutil.rmtree(unfinished, ignore_errors=True)
 
 
 def _unfinished(case: Case, out: Path) -> Path | None:
     """The folder where a motion keeps its checkpoints until it has ended, with its case in it; None
     for a case that keeps none.  Raises InputError where it cannot be made."""
-    if case.forward is None or not case.forward.checkpoint or case.hood.kind == "split":
+    if not _keeps_checkpoints(case):
         return None
     from cosim.case import resolved_toml
     from cosim.files import written_whole
@@ -187,13 +228,29 @@ def _unfinished(case: Case, out: Path) -> Path | None:
     return folder
 
 
+def _check_unfinished(cases: Sequence[Case], out: Path) -> None:
+    """Raises InputError for a motion of which a part is kept, which a new run would throw away."""
+    from cosim.case import resolved_toml
+    from cosim.checkpoint import NAME
+
+    for case in filter(_keeps_checkpoints, cases):
+        folder = out / f"{case.name}{UNFINISHED}"
+        if not (folder / NAME).is_file():
+            continue
+        if (folder / "case.toml").read_text(encoding="utf-8") == resolved_toml(case):
+            raise InputError(
+                f"{_shown(folder)}: holds a part of this run, which was stopped or killed. Go on "
+                f"with: cosim resume {_shown(folder)}; or add --restart to begin anew"
+            )
+
+
 @app.command()
 def resume(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run that was cut off.")],
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
-    """Go on with a coupled motion from its last checkpoint (forward.checkpoint)."""
+    """Go on with a coupled motion that was stopped or killed, from its last checkpoint."""
     from cosim.case import load_case
 
     name = run.name.removesuffix(UNFINISHED)
@@ -201,11 +258,11 @@ def resume(
         file = run.with_name(name + UNFINISHED) / "case.toml"
         if not file.is_file():
             raise InputError(
-                f"{run}: nothing was cut off here; a motion keeps checkpoints with "
-                "forward.checkpoint = 50"
+                f"{run}: nothing was cut off here: only a coupled motion that was stopped or "
+                f"killed leaves a folder RUN{UNFINISHED}"
             )
         case = load_case(file).model_copy(update={"name": name})
-    raise typer.Exit(_run_one(case, run.parent, _voice(quiet, as_json)))
+    _run_all([case], run.parent, _voice(quiet, as_json))
 
 
 @contextmanager
@@ -228,14 +285,12 @@ def _progress(name: str, voice: Voice) -> Iterator[Callable[[str], None]]:
 
 
 def _show(case: Case, summary: Mapping[str, Any]) -> None:
-    from rich.console import Console
-
     from cosim.summary import tables
 
-    console = Console(width=None if sys.stdout.isatty() else 120, highlight=False, markup=False)
-    console.print(f"\n{case.name}: {case.title}")
+    printer = console()
+    printer.print(f"\n{case.name}: {case.title}")
     for table in tables(summary):
-        console.print(table)
+        printer.print(table)
 
 
 def _shown(path: Path) -> str:

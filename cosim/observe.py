@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cosim import __version__
+from cosim.audit import POSTURE, audit_figures, missed_bounds
 from cosim.build import Models
 from cosim.build_cable import CableLook, strand_forces
 from cosim.build_finger import joint_ranges
@@ -27,16 +28,6 @@ if TYPE_CHECKING:
 
 IN_METACARPAL = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 """World (distal, radial, dorsal) to (distal, palmar, radial)."""
-BOUNDS = {
-    "hood_force_balance": 1e-9,
-    "hood_moment_balance": 1e-9,
-    "finger_residual": 1e-6,
-    "interface_residual": 1e-6,
-    "reciprocity": 1e-3,
-}
-"""What each figure of the audit must not exceed."""
-DEPTHS = {"max_penetration_mm": 0.02, "guide_depth_mm": 0.05}
-"""mm, what a deformable hood's must not exceed."""
 BEYOND = float(np.radians(10.0))
 """A joint further beyond its range of motion than this stands where no finger can."""
 Look = HoodLook | CableLook
@@ -77,10 +68,9 @@ def summary(
         audit["interface_residual"] = loaded.interface_residual
     if states.reciprocity is not None:
         audit["reciprocity"] = states.reciprocity
-    missed = [name for name, bound in BOUNDS.items() if name in audit and not audit[name] <= bound]
-    missed += [name for name, most in DEPTHS.items() if now.get(name, 0.0) > most]
+    missed = missed_bounds(audit_figures({**now, "audit": audit}))
     if _beyond_ranges(models, loaded):
-        missed.append("posture_in_range")
+        missed.append(POSTURE)
     newton = getattr(loaded.response.state, "iterations", 0)
     iterations = {"coupling": loaded.iterations, "newton": newton}
     rest = {

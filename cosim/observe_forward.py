@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cosim import __version__
+from cosim.audit import missed_bounds
 from cosim.build import drawn_bones
 from cosim.build_finger import held_by
 from cosim.case_schema import Case
@@ -20,9 +21,6 @@ if TYPE_CHECKING:
     import xarray
 
     from cosim.build_forward import Moved
-
-MOST_IMBALANCE = 1e-3
-"""Of the largest joint torque, of a finger that came to rest."""
 
 
 def forward_result(case: Case, moved: Moved, wall: float) -> Result:
@@ -60,7 +58,6 @@ def _summary(case: Case, moved: Moved, imbalance: float, wall: float) -> dict[st
     s, finger, energy = moved.simulation, moved.finger, moved.simulation.energy
     force = IN_METACARPAL @ s.force[-1]
     audit = {"torque_balance_at_rest": imbalance} if s.at_rest else {}
-    missed = [name for name, value in audit.items() if not value <= MOST_IMBALANCE]
     out: dict[str, Any] = {
         "case": case.name,
         "version": __version__,
@@ -83,7 +80,7 @@ def _summary(case: Case, moved: Moved, imbalance: float, wall: float) -> dict[st
             )
         },
         "audit": audit,
-        "audit_missed": missed,
+        "audit_missed": missed_bounds(audit),
         "steps": len(s.time) - 1,
     }
     if moved.normalised_length:

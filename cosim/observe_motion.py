@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cosim import __version__
+from cosim.audit import missed_bounds
 from cosim.build import drawn_cables
 from cosim.build_finger import held_by
 from cosim.case_schema import Case
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
     import xarray
 
     from cosim.build_forward import Together
-
-BOUNDS = {"hood_force_balance": 1e-9, "hood_moment_balance": 1e-9}
 
 
 def motion_result(
@@ -91,7 +90,7 @@ def _summary(
         "largest_interface_residual": max(f.residual for f in frames),
         "coupling_scheme": case.coupling.scheme,
         "audit": {**audit, "artificial_energy_over_effort": abs(artificial) / effort},
-        "audit_missed": [name for name, value in audit.items() if not value <= BOUNDS[name]],
+        "audit_missed": missed_bounds(audit),
         "iterations": {"steps": steps, "hood_solves": coupled.solves},
     }
     if case.forward is not None and case.forward.adaptive is not None:

@@ -39,6 +39,10 @@ class ConvergenceError(CosimError):
     """A solve did not converge; there is no result (exit code 1)."""
 
 
+class StoppedError(CosimError):
+    """The user stopped a run before its end; there is no result (exit code 130)."""
+
+
 def skew(vector: Array) -> Array:
     """Cross-product matrices: (..., 3) -> (..., 3, 3), skew(a) @ b = a x b."""
     vector = np.asarray(vector, dtype=float)

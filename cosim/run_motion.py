@@ -4,22 +4,26 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from cosim.adaptive import Control
-from cosim.build_forward import special_states, together
+from cosim.build_forward import Together, special_states, together
 from cosim.case import resolved_toml
 from cosim.case_schema import Case, Forward
-from cosim.checkpoint import Kept, read_checkpoint, write_checkpoint
+from cosim.checkpoint import NAME, Kept, read_checkpoint, write_checkpoint
 from cosim.motion import Frame, Moment, Moves, moments
 from cosim.observe_motion import motion_result
 from cosim.paced import paced
-from cosim.port import ConvergenceError
+from cosim.port import ConvergenceError, InputError, StoppedError
 from cosim.results import Result
+from cosim.snapshot import Special
 
 Progress = Callable[[str], None]
 RATE, WINDOW = 1e-3, 0.1
 """rad/s that no joint exceeds over the last WINDOW s of a finger that came to rest."""
+PAUSE = 10.0
+"""s of computing from one checkpoint to the next, where the case states no number of steps."""
 
 
 def moved_together(
@@ -28,36 +32,76 @@ def moved_together(
     """The motion of finger and hood; with a `folder` (which holds the case as `case.toml`)
     checkpoints go there, and a motion that has one there goes on from it.
 
-    Raises InputError and ConvergenceError."""
+    Raises InputError, ConvergenceError, and StoppedError where Ctrl-C ends it."""
     started = time.perf_counter()
     progress("building the models")
     both = together(case, forward)
     begun = both.moves.begin(both.finger.begin(both.posture))
     kept = Kept(begun, (both.moves.frame(begun),), (both.finger.tip_wrench(begun.coupled.finger),))
-    special = special_states(both.hood, both.finger) if folder is not None else {}
-    text = resolved_toml(case)
-    if folder is not None and (folder / "checkpoint.npz").exists():
-        kept = read_checkpoint(folder, text, kept, special)
+    keeper = _keeper(case, forward, both, folder, progress)
+    if keeper is not None and (keeper.folder / NAME).exists():
+        kept = keeper.read(kept)
         progress(f"going on from t = {kept.moment.coupled.time:.6g} s")
     try:
         for done, now in _on(both.moves, forward, kept, progress):
             frames = [both.moves.frame(at) for at in now]
             tips = [both.finger.tip_wrench(at.coupled.finger) for at in now]
             kept = Kept(now[-1], (*kept.frames, *frames), (*kept.tips, *tips))
-            due = forward.checkpoint and not done % forward.checkpoint
-            if folder is not None and due:
-                write_checkpoint(folder, text, kept, special)
+            if keeper is not None and keeper.is_due(done):
+                keeper.write(kept)
     except KeyboardInterrupt:
-        if folder is None:
+        if keeper is None:
             raise
-        write_checkpoint(folder, text, kept, special)
-        at = kept.moment.coupled.time
-        raise ConvergenceError(
-            f"stopped at t = {at:.6g} s; go on with: cosim resume {folder}"
+        keeper.write(kept)
+        raise StoppedError(
+            f"stopped at t = {kept.moment.coupled.time:.6g} s of {forward.duration:g} s; all up to "
+            f"there is kept. Go on with: cosim resume {keeper.folder}"
         ) from None
     _rested(forward, kept.frames)
     wall = time.perf_counter() - started
     return motion_result(case, both, kept.frames, kept.tips, kept.moment, wall)
+
+
+@dataclass
+class _Keeper:
+    """Where a motion's checkpoints go, and when: every so many steps, or every PAUSE s."""
+
+    folder: Path
+    case: str
+    special: Special
+    every: int | None
+    last: float = field(default_factory=time.monotonic)
+
+    def is_due(self, done: int) -> bool:
+        if self.every is None:
+            return time.monotonic() - self.last > PAUSE
+        return done % self.every == 0
+
+    def write(self, kept: Kept) -> None:
+        write_checkpoint(self.folder, self.case, kept, self.special)
+        self.last = time.monotonic()
+
+    def read(self, template: Kept) -> Kept:
+        return read_checkpoint(self.folder, self.case, template, self.special)
+
+
+def _keeper(
+    case: Case, forward: Forward, both: Together, folder: Path | None, progress: Progress
+) -> _Keeper | None:
+    """None for a motion that keeps no checkpoints: that has no folder, asks for none, or asks for
+    nothing and cannot write its state.
+
+    Raises InputError where it asks for checkpoints and cannot write its state."""
+    if folder is None or forward.checkpoint == 0:
+        return None
+    try:
+        special = special_states(both.hood, both.finger)
+    except InputError as error:
+        if forward.checkpoint is not None:
+            raise
+        progress(f"keeps no checkpoints: {error}")
+        return None
+    return _Keeper(folder, resolved_toml(case), special, forward.checkpoint)
 
 
 def _on(

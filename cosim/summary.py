@@ -29,6 +29,24 @@ def tables(summary: Mapping[str, Any]) -> list[Table]:
     return [_table(*_filled(header, rows)) for header, rows in found if rows]
 
 
+def batch_table(names: Sequence[str], summaries: Mapping[str, Mapping[str, Any] | None]) -> Table:
+    """A row for each case of a batch: its fingertip force and how it ended.  A run that failed has
+    no summary; one that the batch did not come to is not in `summaries`."""
+    rows: list[Row] = []
+    for name in names:
+        summary = summaries.get(name)
+        force = _number(_at(summary, "fingertip_magnitude_N"))
+        rows.append((name, force, "not begun" if name not in summaries else _ending(summary)))
+    return _table(("case", "fingertip force N", "ended"), rows)
+
+
+def _ending(summary: Mapping[str, Any] | None) -> str:
+    if summary is None:
+        return "failed or stopped"
+    missed = ", ".join(name.replace("_", " ") for name in summary.get("audit_missed", ()))
+    return f"AUDIT MISSED: {missed}" if missed else "done"
+
+
 def _filled(header: Row, rows: Sequence[Row]) -> tuple[Row, list[Row]]:
     """Without the columns that no row fills."""
     kept = [i for i in range(len(header)) if any(row[i] for row in rows)]
@@ -120,7 +138,7 @@ def _checks(summary: Mapping[str, Any]) -> Iterator[Row]:
     yield "counted twice", ", ".join(_at(summary, "double_counted") or ())
     yield "steps in time", _number(_at(summary, "steps"))
     if (missed := _at(summary, "audit_missed")) is not None:
-        yield "audit missed", ", ".join(missed) or "none"
+        yield "AUDIT MISSED" if missed else "audit missed", ", ".join(missed) or "none"
     yield "quads", _number(_at(summary, "hood_quads"))
     yield "line cells", _number(_at(summary, "hood_cells"))
     yield "wall time s", _number(_at(summary, "wall_s"))

@@ -4,17 +4,19 @@ where the output is no terminal."""
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from cosim.port import CosimError, InputError
+from cosim.port import CosimError, InputError, StoppedError
 
 if TYPE_CHECKING:
     from rich.console import Console
 
+CODES = {InputError: 2, StoppedError: 130}
+"""Exit codes of errors; 1 of all others."""
 WIDTH = 120
 """Columns where the output is no terminal."""
 
@@ -22,7 +24,19 @@ WIDTH = 120
 def tell(error: CosimError) -> int:
     """Say what is wrong; the exit code."""
     typer.echo(f"cosim: {error}", err=True)
-    return 2 if isinstance(error, InputError) else 1
+    return next((code for kind, code in CODES.items() if isinstance(error, kind)), 1)
+
+
+def warn_of_audit(case: str, summary: Mapping[str, Any]) -> bool:
+    """Say on the error stream what the audit of a run missed; whether it missed anything."""
+    from cosim.audit import describe_misses
+
+    misses = list(describe_misses(summary))
+    if misses:
+        typer.echo(f"cosim: {case}: THE AUDIT IS MISSED, do not trust this result", err=True)
+    for miss in misses:
+        typer.echo(f"  {miss}", err=True)
+    return bool(misses)
 
 
 @contextmanager

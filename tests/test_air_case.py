@@ -14,7 +14,7 @@ from cosim.build_air import begun, cylinders, pulled
 from cosim.case import load_case, resolved_toml
 from cosim.cli import app
 from cosim.history import draw_history
-from cosim.port import ConvergenceError, InputError
+from cosim.port import ConvergenceError, InputError, StoppedError
 from cosim.results import Result
 from cosim.run import run_case
 from rigid.pneumatic import ATMOSPHERE, Cylinder
@@ -66,7 +66,7 @@ def test_a_cut_off_motion_goes_on_to_the_same_bytes_and_its_books_close(tmp_path
     early = 'tendons.FDP.course={kind="points",at=[["0 s",0.97],["0.02 s",1.0]]}'
     case = load_case("pneumatic_edc_fdp", [PLAIN, *SHORT, early])
     whole = run_case(case)
-    with pytest.raises(ConvergenceError, match="go on with"):
+    with pytest.raises(StoppedError, match="Go on with"):
         run_case(case, Stopper(), tmp_path)
     gone = run_case(case, unfinished=tmp_path)
     for name in whole.dataset.data_vars:

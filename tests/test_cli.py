@@ -10,6 +10,7 @@ import xarray
 from typer.testing import CliRunner
 
 from cosim import __version__
+from cosim.audit import BEYOND, BOUNDS, POSTURE
 from cosim.cli import app
 from cosim.port import ConvergenceError, InputError
 from cosim.results import LedgerRow, Result, Scene
@@ -128,6 +129,44 @@ def test_a_case_that_does_not_converge_does_not_stop_the_others(solver, tmp_path
     assert done.exit_code == 1
     assert "isometric_edc: residual 3e-2 after 50 iterations" in done.stderr
     assert [p.name for p in (tmp_path / "runs").iterdir()] == ["isometric_ei"]
+
+
+@pytest.mark.parametrize("name", [*BOUNDS, POSTURE])
+@pytest.mark.parametrize("voice", [(), ("--quiet",), ("--json",)])
+def test_a_missed_audit_is_said_last_and_is_an_exit_code(solver, tmp_path, name, voice):
+    figures = {} if name == POSTURE else {name: 2 * BOUNDS[name].most}
+    solver.summary = SUMMARY | {"audit": figures, "audit_missed": [name]}
+    done = cosim("run", "isometric_edc", *voice)
+    assert done.exit_code == 3
+    *_, loud, reason = done.stderr.splitlines()
+    assert loud == "cosim: isometric_edc: THE AUDIT IS MISSED, do not trust this result"
+    advice = BEYOND if name == POSTURE else BOUNDS[name].advice
+    assert reason.endswith(advice)
+    assert reason.strip().startswith(name.replace("_", " "))
+    assert (tmp_path / "runs" / "isometric_edc" / "summary.json").is_file()
+
+
+def test_a_batch_ends_with_a_table_of_how_each_case_ended(solver):
+    solver.summary = SUMMARY | {"max_penetration_mm": 0.034, "audit_missed": ["max_penetration_mm"]}
+    solver.fails = {"isometric_ei": ConvergenceError("residual 3e-2 after 50 iterations")}
+    done = cosim("run", "isometric_edc", "isometric_ei")
+    assert done.exit_code == 1  # a case that failed counts for more than an audit that is missed
+    table = done.stdout[done.stdout.rindex("ended") :].splitlines()
+    rows = {line.split()[0]: line for line in table if "isometric" in line}
+    assert "0.459" in rows["isometric_edc"]
+    assert rows["isometric_edc"].rstrip().endswith("AUDIT MISSED: max penetration mm")
+    assert rows["isometric_ei"].rstrip().endswith("failed or stopped")
+    assert "max penetration mm is 0.034, more than 0.02" in done.stderr.splitlines()[-1]
+
+
+def test_ctrl_c_ends_a_batch_and_says_what_is_kept(solver, tmp_path):
+    solver.fails = {"isometric_ei": KeyboardInterrupt()}
+    done = cosim("run", "isometric_edc", "isometric_ei", "isometric_lum")
+    assert done.exit_code == 130
+    assert "isometric_ei: stopped before its end; nothing of this run is kept" in done.stderr
+    assert [case.name for case in solver.ran] == ["isometric_edc", "isometric_ei"]
+    assert any("isometric_lum" in x and "not begun" in x for x in done.stdout.splitlines())
+    assert [path.name for path in (tmp_path / "runs").iterdir()] == ["isometric_edc"]
 
 
 def test_a_fault_found_while_building_is_the_users(solver):

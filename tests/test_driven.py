@@ -10,7 +10,7 @@ import pytest
 from cosim.build_forward import together
 from cosim.case import load_case
 from cosim.driven import Draw, Driven, begun, drawn
-from cosim.port import ConvergenceError, InputError
+from cosim.port import ConvergenceError, InputError, StoppedError
 from cosim.results import Result
 from cosim.run import run_case
 from tests.test_motion import FREE, HELD, PLAIN, Stopper, identical
@@ -114,7 +114,7 @@ def test_a_motion_that_was_cut_off_goes_on_to_the_same_bytes(tmp_path: Path):
     forward = 'forward={duration="0.08 s",must_rest=false,checkpoint=20}'
     case = load_case("pulley_edc", [PLAIN, *LOOSE, draws("EDC"), forward])
     whole = run_case(case)
-    with pytest.raises(ConvergenceError, match="go on with: cosim resume"):
+    with pytest.raises(StoppedError, match="Go on with: cosim resume"):
         run_case(case, Stopper(1), tmp_path)
     gone = run_case(case, unfinished=tmp_path)
     assert identical(whole, gone)

@@ -18,7 +18,7 @@ from cosim.fmu.run import Run
 from cosim.fmu.state import Snapshot
 from cosim.fmu.unit import Unit
 from cosim.fmu.verification import MOTION, MOTION_OF_UNITS, in_units
-from cosim.port import ConvergenceError, InputError
+from cosim.port import ConvergenceError, InputError, StoppedError
 from cosim.results import Result
 from cosim.run import run_case
 from tests.fmus import NEEDS_FMU, described, placed
@@ -195,7 +195,7 @@ def units_case(tmp_path: Path, fmi: int, scheme: str) -> Case:
 def test_a_motion_of_units_that_was_cut_off_goes_on_to_the_same_bytes(tmp_path, fmi, scheme):
     case = units_case(tmp_path, fmi, scheme)
     whole = run_case(case)
-    with pytest.raises(ConvergenceError, match="go on with: cosim resume"):
+    with pytest.raises(StoppedError, match="Go on with: cosim resume"):
         run_case(case, Stopper(), tmp_path)
     assert identical(whole, run_case(case, unfinished=tmp_path))
 

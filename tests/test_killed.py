@@ -32,10 +32,18 @@ checkpoint = 7
 """
 
 
-def cosim(folder: Path, *words: str) -> subprocess.Popen[bytes]:
-    command = [sys.executable, "-m", "cosim.cli", *words, "--quiet"]
+LONG = RAMP.replace("checkpoint = 7\n", "").replace('duration = "0.3 s"', 'duration = "30 s"')
+
+
+def cosim(folder: Path, *words: str, stage: str = "") -> subprocess.Popen[bytes]:
+    """The program at work, from when it has told of a stage that begins so."""
+    command = [sys.executable, "-m", "cosim.cli", *words, *([] if stage else ["--quiet"])]
     path = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
-    return subprocess.Popen(command, cwd=folder, env=path, stderr=subprocess.PIPE)
+    process = subprocess.Popen(command, cwd=folder, env=path, stderr=subprocess.PIPE)
+    assert process.stderr is not None
+    while stage and stage not in process.stderr.readline().decode():
+        assert process.poll() is None
+    return process
 
 
 def finished(process: subprocess.Popen[bytes]) -> None:
@@ -68,3 +76,32 @@ def test_killed_and_resumed_a_motion_ends_in_the_same_bytes(tmp_path: Path, kill
     )
     for name in (*whole.data_vars, "time"):
         assert whole[name].values.tobytes() == cut[name].values.tobytes(), name
+
+
+@pytest.mark.skipif(os.name == "nt", reason="sends SIGINT to another process")
+def test_ctrl_c_keeps_a_motion_that_asked_for_nothing(tmp_path: Path) -> None:
+    (tmp_path / "ramp.toml").write_text(LONG)
+    unfinished = tmp_path / "runs" / "ramp.unfinished"
+
+    def stop(*words: str) -> str:
+        process = cosim(tmp_path, *words, stage=": t = ")
+        process.send_signal(signal.SIGINT)
+        said = process.communicate(timeout=60)[1].decode()
+        assert process.returncode == 130, said
+        assert "s of 30 s; all up to there is kept. Go on with: cosim resume" in said
+        assert (unfinished / "checkpoint.npz").is_file()
+        return said
+
+    stop("run", "ramp.toml")
+    again = cosim(tmp_path, "run", "ramp.toml")
+    said = again.communicate(timeout=60)[1].decode()
+    assert again.returncode == 2
+    assert "cosim resume" in said
+    assert "--restart" in said
+    reached = stop("resume", "runs/ramp")
+    first = stop("run", "ramp.toml", "--restart")
+    assert _time(first) < _time(reached)
+
+
+def _time(said: str) -> float:
+    return float(said.split("stopped at t = ")[1].split(" s")[0])

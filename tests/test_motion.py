@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from cosim import run_motion
 from cosim.case import load_case, resolved_toml
 from cosim.checkpoint import NAME
 from cosim.cli import app
-from cosim.port import ConvergenceError, InputError
+from cosim.port import ConvergenceError, InputError, StoppedError
 from cosim.results import Result
 from cosim.run import run_case
 
@@ -131,7 +132,7 @@ def identical(a: Result, b: Result) -> bool:
 
 
 def cut_off(case: Any, folder: Path, words: int) -> None:
-    with pytest.raises(ConvergenceError, match="go on with: cosim resume"):
+    with pytest.raises(StoppedError, match="Go on with: cosim resume"):
         run_case(case, Stopper(words), folder)
 
 
@@ -151,6 +152,36 @@ def test_a_motion_that_was_cut_off_goes_on_to_the_same_bytes(tmp_path: Path, sch
     gone = run_case(case, unfinished=tmp_path)
     assert identical(whole, gone)
     assert gone.summary["iterations"] == whole.summary["iterations"]
+
+
+def test_checkpoints_are_kept_though_none_were_asked_for(tmp_path: Path, monkeypatch) -> None:
+    case = load_case("pulley_edc", [PLAIN, *FREE, SHORT])
+    whole = run_case(case)
+    cut_off(case, tmp_path / "stopped", 1)
+    assert identical(whole, run_case(case, unfinished=tmp_path / "stopped"))
+    monkeypatch.setattr(run_motion, "PAUSE", -1.0)
+    written: list[Path] = []
+    monkeypatch.setattr(run_motion, "write_checkpoint", lambda folder, *_: written.append(folder))
+    assert identical(whole, run_case(case, unfinished=tmp_path / "killed"))
+    assert len(written) == 60
+
+
+def test_a_motion_that_wants_no_checkpoints_keeps_none(tmp_path: Path) -> None:
+    forward = 'forward={duration="0.06 s",must_rest=false,checkpoint=0}'
+    with pytest.raises(KeyboardInterrupt):
+        run_case(load_case("pulley_edc", [PLAIN, *FREE, forward]), Stopper(1), tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_hood_whose_state_cannot_be_written_says_so_and_moves(tmp_path: Path) -> None:
+    forward = 'forward={duration="0.002 s",must_rest=false}'
+    rough = (PLAIN, *FREE, forward, "hood.mesh.quads=120", "hood.contact.friction=0.1")
+    said: list[str] = []
+    run_case(load_case("isometric_edc", rough), said.append, tmp_path)
+    assert [text for text in said if "keeps no checkpoints" in text and "augmented" in text]
+    asked = [*rough, "forward.checkpoint=1"]
+    with pytest.raises(InputError, match="has no checkpoints; leave one of the two out"):
+        run_case(load_case("isometric_edc", asked), lambda text: None, tmp_path)
 
 
 def test_a_shell_hood_goes_on_to_the_same_bytes(tmp_path: Path) -> None:

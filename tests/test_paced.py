@@ -11,7 +11,7 @@ from cosim import run_motion
 from cosim.case import load_case, resolved_toml
 from cosim.motion import Pace
 from cosim.paced import ROUNDING, _first_try
-from cosim.port import ConvergenceError, InputError
+from cosim.port import ConvergenceError, InputError, StoppedError
 from cosim.results import Result
 from cosim.run import run_case
 from tests.test_motion import FREE, PLAIN, Stopper, identical
@@ -100,7 +100,7 @@ def test_a_motion_that_was_cut_off_goes_on_to_the_same_bytes(tmp_path: Path, mon
     case = load_case("pulley_edc", [PLAIN, *FREE, own, fibre])
     whole = run_case(case)
     assert whole.summary["step_control"]["accepted"] > 50
-    with pytest.raises(ConvergenceError, match="go on with: cosim resume"):
+    with pytest.raises(StoppedError, match="Go on with: cosim resume"):
         run_case(case, Stopper(1), tmp_path)
     kept: list[Path] = []
     monkeypatch.setattr(run_motion, "write_checkpoint", lambda folder, *_: kept.append(folder))

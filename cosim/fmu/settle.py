@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cosim import __version__
+from cosim.audit import missed_bounds
 from cosim.build import cables_of, drawn_cables, hood_on
 from cosim.build_fit import check_tendons
 from cosim.build_scheme import accelerator_of
@@ -21,7 +22,7 @@ from cosim.case_finger import FmuFinger as FingerTable
 from cosim.case_schema import Case
 from cosim.double_count import counted_twice
 from cosim.fmu.finger import FingerAt, FmuFinger, Met, met, met_held
-from cosim.observe import BOUNDS, COMPONENTS, IN_METACARPAL
+from cosim.observe import COMPONENTS, IN_METACARPAL
 from cosim.port import Array, Hood, InputError
 from cosim.results import LedgerRow, Result, Scene
 
@@ -123,7 +124,7 @@ def _summary(case: Case, found: Settled, wall: float) -> dict[str, Any]:
             "fingertip_magnitude_N": float(np.linalg.norm(change)),
         },
         "audit": {**audit, "last_turn_rad": now.turn},
-        "audit_missed": [name for name, value in audit.items() if not value <= BOUNDS[name]],
+        "audit_missed": missed_bounds(audit),
         "not_in_ledger": OPEN,
         "iterations": {"coupling": now.rounds},
     }

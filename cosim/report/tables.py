@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from cosim.audit import BOUNDS, audit_figures
 from cosim.compare import COLUMNS, COMPONENTS, as_dict, number, unit_of, value_of
 from cosim.report.runs import Run
 
@@ -20,6 +21,8 @@ SUM = "sum"
 LEDGER = ("Fdistal N", "Fpalmar N", "Fradial N", "|F| N", "Mdistal N mm", "Mpalmar N mm")
 SAGITTAL = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 """World (distal, radial, dorsal) to (distal, palmar, radial)."""
+LARGEST = "largest_interface_residual"
+"""A figure of a motion's summary beside its audit."""
 NOT_OUTCOMES = ("wall_s", "version", "case")
 
 
@@ -159,17 +162,13 @@ def last_ledger(run: Run) -> dict[str, dict[str, Any]]:
 
 def _audit(run: Run, place: int) -> Table:
     """Each check with the bound that the program holds it to, and the counts of iterations."""
-    from cosim.observe import DEPTHS
-
     missed = set(run.summary.get("audit_missed", ()))
-    bounds = _bounds()
-    checks = dict(run.summary.get("audit", {}))
-    for extra in (*DEPTHS, "largest_interface_residual"):
-        if extra in run.summary:
-            checks[extra] = run.summary[extra]
+    checks = audit_figures(run.summary)
+    if LARGEST in run.summary:
+        checks[LARGEST] = run.summary[LARGEST]
     rows: list[tuple[Cell, ...]] = []
     for name in [*checks, *sorted(missed - set(checks))]:
-        value, bound = checks.get(name), bounds.get(name)
+        value, bound = checks.get(name), BOUNDS[name].most if name in BOUNDS else None
         word = "missed" if name in missed else "kept" if bound is not None else "no bound"
         rows.append((name.replace("_", " "), None if value is None else float(value), bound, word))
     for name, count in run.summary.get("iterations", {}).items():
@@ -183,13 +182,6 @@ def _audit(run: Run, place: int) -> Table:
         ("check", "value", "bound", "verdict"),
         tuple(rows),
     )
-
-
-def _bounds() -> dict[str, float]:
-    from cosim.observe import BOUNDS, DEPTHS
-    from cosim.observe_forward import MOST_IMBALANCE
-
-    return {**BOUNDS, **DEPTHS, "torque_balance_at_rest": MOST_IMBALANCE}
 
 
 def _numbers(runs: Sequence[Run], against: Run | None) -> Table:

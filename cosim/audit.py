@@ -1,0 +1,65 @@
+"""The audit of a run: what each of its figures must not exceed, and what to try where it does."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Bound:
+    """The largest value of a figure with which a result is trusted, and what to try beyond it."""
+
+    most: float
+    advice: str
+
+
+CLOSURE = "a hood is massless: its forces on the bones must balance the tendons' pulls on it"
+TOLERANCE = "write a smaller solve.tolerance"
+BOUNDS = {
+    "hood_force_balance": Bound(1e-9, CLOSURE),
+    "hood_moment_balance": Bound(1e-9, CLOSURE),
+    "finger_residual": Bound(1e-6, TOLERANCE),
+    "interface_residual": Bound(1e-6, f"{TOLERANCE} or coupling.tolerance"),
+    "reciprocity": Bound(
+        1e-3,
+        "arms by force and by excursion differ; a larger hood.contact.stiffness in place of "
+        f"augmented contact or friction can help, else {TOLERANCE}",
+    ),
+    "torque_balance_at_rest": Bound(1e-3, "write a longer forward.duration"),
+    "max_penetration_mm": Bound(
+        0.02,
+        'write a larger hood.contact.stiffness ("500 N/mm**3"), or hood.contact.penetration = '
+        '"1 um"',
+    ),
+    "guide_depth_mm": Bound(
+        0.05, "a tendon's line runs into the bone: raise its end on the metacarpal"
+    ),
+}
+"""By the figure's name in the summary: in its audit, or beside it."""
+POSTURE = "posture_in_range"
+BEYOND = "a joint stands far beyond its range of motion; hold the fingertip, or pull with less"
+
+
+def audit_figures(summary: Mapping[str, Any]) -> dict[str, float]:
+    """The figures of a summary's audit, and those beside it that have a bound."""
+    beside = {name: summary[name] for name in BOUNDS if name in summary}
+    return {**summary.get("audit", {}), **beside}
+
+
+def missed_bounds(figures: Mapping[str, float]) -> list[str]:
+    """The names of the figures that are beyond their bounds or not a number."""
+    return [n for n, bound in BOUNDS.items() if n in figures and not figures[n] <= bound.most]
+
+
+def describe_misses(summary: Mapping[str, Any]) -> Iterator[str]:
+    """A sentence for each figure that a run missed: its value, its bound, what to try."""
+    figures = audit_figures(summary)
+    for name in summary.get("audit_missed", ()):
+        words = name.replace("_", " ")
+        if name in BOUNDS and name in figures:
+            bound = BOUNDS[name]
+            yield f"{words} is {figures[name]:.2g}, more than {bound.most:g}: {bound.advice}"
+        else:
+            yield f"{words}: {BEYOND}" if name == POSTURE else words
