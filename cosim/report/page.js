@@ -272,7 +272,6 @@
   }
 
   // --- curves over time
-  const DASH = ["solid", "dash", "dot", "dashdot"], INK = ["#00446b", "#b3540a", "#5b3a8e", "#2e6b3e", "#8c1d40", "#4d4d4d", "#0a7d8c", "#8a6d00"];
   function curves() {
     const room = $("history");
     if (!room) return [];
@@ -282,7 +281,7 @@
     return wanted.map(({ h, key, title, div }) => {
       const x = Array.from(numbers(h.time));
       const traces = Object.entries(h[key]).map(([name, y], i) => ({ type: "scatter", mode: "lines", x, y: Array.from(numbers(y)), name,
-        line: { color: INK[i % INK.length], dash: DASH[Math.floor(i / 2) % DASH.length], width: 1.8 } }));
+        line: data.looks[i] }));
       const axis = (words) => ({ title: { text: words, standoff: 6 }, gridcolor: "#e6eaed", zerolinecolor: "#9aa5ad" });
       return Plotly.newPlot(div, traces, { margin: { l: 56, r: 8, t: 26, b: 44 }, font: FONT, xaxis: axis("time, s"), yaxis: axis(title),
         title: { text: data.history.length > 1 ? h.name : "", font: FONT, x: 0.02 }, legend: { font: { ...FONT, size: 11.5 } }, hovermode: "x unified" }, CONFIG);
