@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cosim.build import Models
+from cosim.looks import Look, look
 from cosim.port import STATIC, Array, ConvergenceError, Load, Motion, State
 
 if TYPE_CHECKING:
@@ -151,24 +152,22 @@ def draw(
 
     joints = list(dict.fromkeys(table.joint))
     tendons = list(dict.fromkeys(table.tendon))
-    colour = {tendon: f"C{i}" for i, tendon in enumerate(tendons)}
-    style = {tendon: ("-", "--")[i % 2] for i, tendon in enumerate(tendons)}
+    looks = {tendon: look(i) for i, tendon in enumerate(tendons)}
     figure = Figure(figsize=(max(6.0, 4.2 * len(joints)), 4.6), layout="constrained")
     panels = figure.subplots(1, len(joints), squeeze=False).ravel()
     for axes, joint in zip(panels, joints, strict=True):
         here = table[table.joint == joint]
         for tendon, line in here.groupby("tendon", sort=False):
             if not line.arm_mm.abs().max() < 1e3 * ACTION:
-                name = str(tendon)
-                axes.plot(line.angle_deg, line.arm_mm, color=colour[name], ls=style[name])
+                axes.plot(line.angle_deg, line.arm_mm, **looks[str(tendon)].line)
         if known is not None:
             seen = known[(known.joint == joint) & known.tendon.isin(tendons)]
-            _draw_known(axes, seen, colour, posture, float(here.angle_deg.max()))
+            _draw_known(axes, seen, looks, posture, float(here.angle_deg.max()))
         axes.axhline(0.0, color="0.7", lw=0.8, zorder=0)
         axes.set(title=joint.replace("_", " "), xlabel="angle, deg")
         axes.grid(alpha=0.3)
-    lines = [Line2D([], [], color=colour[t], ls=style[t], label=t) for t in tendons]
-    figure.legend(handles=lines, loc="outside right center")
+    lines = [Line2D([], [], label=tendon, **looks[tendon].line) for tendon in tendons]
+    figure.legend(handles=lines, loc="outside right center", handlelength=3)
     figure.axes[0].set_ylabel("moment arm, mm (flexion, radial abduction positive)")
     shown = "" if known is None else " (dotted: published means, points: published values)"
     figure.suptitle(f"{title}: moment arms{shown}", fontsize=11)
@@ -178,13 +177,13 @@ def draw(
 def _draw_known(
     axes: Axes,
     known: pandas.DataFrame,
-    colour: Mapping[str, str],
+    looks: Mapping[str, Look],
     posture: Mapping[str, float],
     most_flexed: float,
 ) -> None:
     """Published arms about one joint; most_flexed: deg, the end of a mean's range."""
     for row in known.itertuples():
-        tendon = colour[str(row.tendon)]
+        tendon = looks[str(row.tendon)].colour
         if row.posture_deg == "range":
             axes.hlines(row.arm_mm, 0.0, most_flexed, color=tendon, lw=1, ls=":")
             continue

@@ -133,15 +133,22 @@ def value_of(summary: Mapping[str, Any], quantity: str) -> float | None:
     """The number at a path of keys joined by dots, None where the summary has no number there."""
     value: Any = summary
     for key in quantity.split("."):
-        if isinstance(value, Mapping):
-            value = value.get(key)
-        elif isinstance(value, Sequence) and not isinstance(value, str):
-            item = COMPONENTS.index(key) if key in COMPONENTS else int(key) if key.isdigit() else -1
-            value = value[item] if 0 <= item < len(value) else None
-        else:
-            return None
+        value = parts_of(value).get(key)
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     return float(value) if is_number and np.isfinite(value) else None
+
+
+def parts_of(value: Any) -> Mapping[str, Any]:
+    """What a value of a summary holds, by name: the values of a table, or the items of a vector by
+    component and by place; nothing of anything else."""
+    if isinstance(value, Mapping):
+        return value
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return {
+            **dict(zip(COMPONENTS, value, strict=False)),
+            **{str(i): item for i, item in enumerate(value)},
+        }
+    return {}
 
 
 def unit_of(quantity: str) -> str:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cosim.looks import look
 from cosim.port import Array
 
 if TYPE_CHECKING:
@@ -17,16 +18,6 @@ if TYPE_CHECKING:
     from cosim.feasible import ForceSet
 
 INK, PALE, TARGET = "#0b5394", "#c9d9ea", "#b45309"
-COLOURS = (
-    "#0b5394",
-    "#b45309",
-    "#2e7d4f",
-    "#8e3b8a",
-    "#0f7c8a",
-    "#7a5c00",
-    "#c2185b",
-    "0.45",
-)
 
 
 def draw_estimate(
@@ -100,10 +91,12 @@ def draw_motion(
     )
     for axes, (values, labels, unit) in zip(panels, shown, strict=True):
         for k, label in enumerate(labels):
-            axes.plot(found.motion.time, values[:, k], label=label, color=COLOURS[k % 8], lw=1.5)
+            axes.plot(found.motion.time, values[:, k], label=label, lw=1.5, **look(k).line)
         axes.set_ylabel(unit)
         axes.grid(color="0.9")
-        axes.legend(fontsize=8, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
+        axes.legend(
+            fontsize=8, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5), handlelength=3
+        )
         axes.spines[["top", "right"]].set_visible(False)
     panels[-1].set_xlabel("time, s")
     sheet.suptitle(title, fontsize=11)

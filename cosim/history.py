@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cosim.looks import look
+
 if TYPE_CHECKING:
     import xarray
     from matplotlib.axes import Axes
@@ -22,12 +24,14 @@ def draw_history(data: xarray.Dataset, title: str) -> Figure:
     rows = 5 if "pressure" in data else 2
     figure = Figure(figsize=(8, 2 + 2 * rows), layout="constrained")
     angles, force, *air = figure.subplots(rows, 1, sharex=True)
-    for joint in data.joint.values:
+    for i, joint in enumerate(data.joint.values):
         angle = np.rad2deg(data.angle.sel(joint=joint).values)
-        angles.plot(data.time, angle - angle[0], label=f"{joint} (from {angle[0]:.0f})", lw=1.2)
+        label = f"{joint} (from {angle[0]:.0f})"
+        angles.plot(data.time, angle - angle[0], label=label, lw=1.2, **look(i).line)
     angles.set_ylabel("turned, deg")
-    for axis, sign, name in AXES:
-        force.plot(data.time, sign * data.tip_force.sel(axis=axis), label=name, lw=1.2)
+    for i, (axis, sign, name) in enumerate(AXES):
+        component = sign * data.tip_force.sel(axis=axis)
+        force.plot(data.time, component, label=name, lw=1.2, **look(i).line)
     size = np.linalg.norm(data.tip_force.values, axis=1)
     force.plot(data.time, size, color="0.3", ls="--", label="magnitude", lw=1.2)
     force.set_ylabel("fingertip force, N")
@@ -47,10 +51,11 @@ def draw_history(data: xarray.Dataset, title: str) -> Figure:
 def _draw_air(data: xarray.Dataset, axes: list[Axes]) -> None:
     """Command, pressure and tension of each cylinder."""
     command, pressure, tension = axes
-    for name in data.cylinder.values:
-        command.plot(data.time, data.command.sel(cylinder=name), label=name, lw=1.2)
-        pressure.plot(data.time, 1e-3 * data.pressure.sel(cylinder=name), label=name, lw=1.2)
-        tension.plot(data.time, _tension(data, str(name)), label=name, lw=1.2)
+    for i, name in enumerate(data.cylinder.values):
+        kilopascals = 1e-3 * data.pressure.sel(cylinder=name)
+        command.plot(data.time, data.command.sel(cylinder=name), label=name, lw=1.2, **look(i).line)
+        pressure.plot(data.time, kilopascals, label=name, lw=1.2, **look(i).line)
+        tension.plot(data.time, _tension(data, str(name)), label=name, lw=1.2, **look(i).line)
     command.set_ylabel("valve voltage, V")
     pressure.set_ylabel("pressure, kPa")
     tension.set_ylabel("tension, N")

@@ -9,6 +9,7 @@ import numpy as np
 
 from cosim.ladder import Rung
 from cosim.ladder_table import EXTENSOR, JOINTS, figures, heading
+from cosim.looks import Look, look
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -17,21 +18,18 @@ if TYPE_CHECKING:
 SLIPS = ("central slip N", "terminal slip N")
 ARMS = tuple(f"arm {EXTENSOR} {joint} mm" for joint in JOINTS)
 
-COLOURS = ("0.1", "#e69f00", "#56b4e9", "#009e73", "#cc79a7", "#0072b2")
-"""Of the palette of Okabe and Ito, which colour-blind readers tell apart."""
-
 
 def draw_ladder(rungs: Sequence[Rung], title: str) -> Figure:
     """Of the rungs that have numbers; the case's own is marked by a star."""
     from matplotlib.figure import Figure
 
     shown = [rung for rung in rungs if rung.status == "converged"]
-    colour = {rung.name: COLOURS[i % len(COLOURS)] for i, rung in enumerate(rungs)}
+    looks = {rung.name: look(i) for i, rung in enumerate(rungs)}
     figure = Figure(figsize=(13, 4.6), layout="constrained")
     force, slips, arms = figure.subplots(1, 3)
-    _vectors(force, shown, colour)
-    _bars(slips, shown, colour, SLIPS, "force of the loaded slips, N")
-    _bars(arms, shown, colour, ARMS, f"moment arm of {EXTENSOR}, mm")
+    _vectors(force, shown, looks)
+    _bars(slips, shown, looks, SLIPS, "force of the loaded slips, N")
+    _bars(arms, shown, looks, ARMS, f"moment arm of {EXTENSOR}, mm")
     handles, labels = force.get_legend_handles_labels()
     if handles:
         figure.legend(handles, labels, loc="outside right center")
@@ -39,12 +37,12 @@ def draw_ladder(rungs: Sequence[Rung], title: str) -> Figure:
     return figure
 
 
-def _vectors(axes: Axes, rungs: Sequence[Rung], colour: dict[str, str]) -> None:
+def _vectors(axes: Axes, rungs: Sequence[Rung], looks: dict[str, Look]) -> None:
     """Distal to the right, palmar down."""
     for rung in rungs:
         distal, palmar, _ = rung.summary["difference"]["fingertip_force_N"]
-        axes.plot([0, distal], [0, palmar], color=colour[rung.name], lw=1.5, label=heading(rung))
-        axes.plot(distal, palmar, "o", color=colour[rung.name], ms=5)
+        axes.plot([0, distal], [0, palmar], lw=1.5, label=heading(rung), **looks[rung.name].line)
+        axes.plot(distal, palmar, "o", color=looks[rung.name].colour, ms=5)
     axes.axhline(0, color="0.7", lw=0.8, zorder=0)
     axes.axvline(0, color="0.7", lw=0.8, zorder=0)
     axes.set_aspect("equal", adjustable="datalim")
@@ -54,14 +52,14 @@ def _vectors(axes: Axes, rungs: Sequence[Rung], colour: dict[str, str]) -> None:
 
 
 def _bars(
-    axes: Axes, rungs: Sequence[Rung], colour: dict[str, str], names: Sequence[str], title: str
+    axes: Axes, rungs: Sequence[Rung], looks: dict[str, Look], names: Sequence[str], title: str
 ) -> None:
     """A group for each name, a bar in it for each rung; none where a hood does not say."""
     width = 0.8 / max(len(rungs), 1)
     for i, rung in enumerate(rungs):
         values = [told if (told := figures(rung).get(n)) is not None else np.nan for n in names]
         place = np.arange(len(names)) + (i - (len(rungs) - 1) / 2) * width
-        axes.bar(place, values, width, color=colour[rung.name])
+        axes.bar(place, values, width, **looks[rung.name].bar)
     axes.axhline(0, color="0.7", lw=0.8)
     axes.set_xticks(range(len(names)), [n.rsplit(" ", 1)[0] for n in names])
     axes.set_title(title)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cosim.looks import Look, look
 from cosim.results import LedgerRow
 
 if TYPE_CHECKING:
@@ -33,36 +34,37 @@ def draw_ledger(rows: Sequence[LedgerRow], title: str) -> Figure:
     table = table[table.groupby("source").force.transform("max") >= TELLING * table.force.max()]
     bodies, states = list(dict.fromkeys(table.body)), list(dict.fromkeys(table.state))
     sources = list(dict.fromkeys(table.source))
-    colour = {source: f"C{i % 10}" for i, source in enumerate(sources)}
+    looks = {source: look(i) for i, source in enumerate(sources)}
     figure = Figure(figsize=(3.6 * max(len(bodies), 1), 4.2), layout="constrained")
     panels = figure.subplots(1, max(len(bodies), 1), sharey=True, squeeze=False).ravel()
     for axes, body in zip(panels, bodies, strict=False):
         here = table[table.body == body]
         if len(states) <= FEW:
-            _bars(axes, here[here.state == states[-1]], colour)
+            _bars(axes, here[here.state == states[-1]], looks)
         else:
-            _lines(axes, here, colour)
+            _lines(axes, here, looks)
         axes.set_title(body)
         axes.grid(alpha=0.3)
     panels[0].set_ylabel("force on the body, N")
     if len(states) > FEW:
         handles, labels = panels[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside right center", fontsize=8)
+        figure.legend(handles, labels, loc="outside right center", fontsize=8, handlelength=3)
     figure.suptitle(f"{title}: forces by source", fontsize=11)
     return figure
 
 
-def _bars(axes: Axes, here: pandas.DataFrame, colour: dict[str, str]) -> None:
-    axes.bar(here.source, here.force, color=[colour[source] for source in here.source])
+def _bars(axes: Axes, here: pandas.DataFrame, looks: dict[str, Look]) -> None:
+    for source, force in zip(here.source, here.force, strict=True):
+        axes.bar(source, force, **looks[source].bar)
     axes.tick_params(axis="x", rotation=90, labelsize=8)
 
 
-def _lines(axes: Axes, here: pandas.DataFrame, colour: dict[str, str]) -> None:
+def _lines(axes: Axes, here: pandas.DataFrame, looks: dict[str, Look]) -> None:
     """All sources, those that do not act too, so that each panel's legend is the figure's."""
     wide = here.assign(time=here.state.str.removesuffix(" s").astype(float)).pivot(
         index="time", columns="source", values="force"
     )
-    for source, look in colour.items():
+    for source, one in looks.items():
         force = wide[source].fillna(0.0) if source in wide else 0.0 * wide.index
-        axes.plot(wide.index, force, color=look, lw=1.0, label=source)
+        axes.plot(wide.index, force, lw=1.0, label=source, **one.line)
     axes.set_xlabel("time, s")

@@ -6,6 +6,7 @@ import json
 import shutil
 from pathlib import Path
 
+import numpy as np
 import xarray
 
 from cosim.case import load_case
@@ -39,4 +40,18 @@ def as_motion(run: Path, folder: Path) -> Path:
     for key in ("unloaded", "difference"):
         del summary[key]
     (folder / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
+    return folder
+
+
+def swinging(run: Path, folder: Path) -> Path:
+    """A copy of a run as a motion of nine moments: in the second the finger is stretched out,
+    farther than in the first, the middle and the last, and in the third it pushes hardest."""
+    shutil.copytree(run, folder)
+    data = xarray.load_dataset(run / "results.nc", engine="h5netcdf")
+    still = data.drop_vars(["node", "strain", "stress", "pressure"]).isel(state=[1] * 9)
+    moved = still.rename(state="time").assign_coords(time=np.linspace(0.0, 0.8, 9))
+    moved.angle[1] = np.radians([-20.0, 15.0, 0.0, 0.0])
+    moved.tip_force[1] = 0.0
+    moved.tip_force[2] = [1.0, 1.0, 5.0]
+    moved.to_netcdf(folder / "results.nc", engine="h5netcdf")
     return folder

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reported import DATA, as_motion, run_into
+from reported import DATA, as_motion, run_into, swinging
 from typer.testing import CliRunner
 
 from cosim.cli import app
@@ -21,7 +21,7 @@ from cosim.report.drawings import Arrow, arrows_of, sagittal, ticks
 from cosim.report.flat import laid_out
 from cosim.report.runs import read_run, read_runs
 from cosim.report.tables import last_ledger, tables_of
-from cosim.report.views import difference_view, limits, packed, view_of
+from cosim.report.views import box, difference_view, limits, packed, view_of
 from cosim.report.words import answer, closure, commands, doubts, pulled, question
 from cosim.report.write import write_report
 
@@ -240,6 +240,23 @@ def test_a_case_that_cannot_be_built_again_costs_the_bones_alone(tmp_path, hood)
     assert "cannot be built again" in view.notes[0]
     assert view.sheet is not None
     assert json.dumps(packed([view], [limits([view])]))
+
+
+def test_the_box_holds_every_frame_of_a_motion(tmp_path, hood):
+    view = view_of(read_run(swinging(hood, tmp_path / "swing")))
+    room = box(view)
+    assert room is not None
+    low, high = room.T
+    for k in range(len(view.frames)):
+        shown = [b.vertices @ b.rotation[k].T + b.position[k] for b in view.bones]
+        shown += [*view.tendons[k].values(), view.tip[k : k + 1]]
+        for points in shown:
+            assert np.all((points > low) & (points < high)), view.frames[k]
+    reach = np.stack([b.vertices @ b.rotation[1].T + b.position[1] for b in view.bones[-1:]])
+    assert reach[..., 0].max() > high[0] - 5e-3, "the second moment reaches farthest"
+    without_bones = replace(view, bones=(), tip=np.zeros((0, 3)))
+    assert box(without_bones) is not None
+    assert box(replace(without_bones, tendons=({},) * len(view.frames), sheet=None)) is None
 
 
 def test_a_difference_of_fields(hood):

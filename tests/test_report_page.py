@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+import base64
+import io
 import json
 import re
 import shutil
 import subprocess
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
-from reported import DATA, as_motion, run_into
+from PIL import Image
+from reported import DATA, as_motion, run_into, swinging
 
 from cosim.port import InputError
 from cosim.report import page as page_module
 from cosim.report.page import MOST_BYTES
+from cosim.report.runs import read_run
 from cosim.report.write import write_report
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -110,8 +115,7 @@ class Seen:
     console: list[str]
 
 
-@pytest.fixture(scope="module")
-def seen(report, tmp_path_factory) -> Seen:
+def opened(report: Path, tmp_path_factory) -> Seen:
     """The page as Chromium has it once its own test of itself has run."""
     if CHROMIUM is None:
         pytest.skip("there is no chromium here (Debian: apt-get install chromium)")
@@ -126,6 +130,11 @@ def seen(report, tmp_path_factory) -> Seen:
         console = [x for x in done.stderr.decode(errors="replace").splitlines() if ":CONSOLE" in x]
         return Seen(parsed(done.stdout.decode("utf-8")), console)
     raise AssertionError("chromium did not answer three times")
+
+
+@pytest.fixture(scope="module")
+def seen(report, tmp_path_factory) -> Seen:
+    return opened(report, tmp_path_factory)
 
 
 def test_the_page_stands_alone(report):
@@ -237,11 +246,54 @@ def test_a_run_against_another_has_a_view_of_the_difference(runs, tmp_path):
     assert '<th scope="col">moved less isometric_edc</th>' in text
 
 
+def pixels(content: bytes) -> np.ndarray:
+    """(rows, columns, 3) from 0 to 255."""
+    return np.array(Image.open(io.BytesIO(content)).convert("RGB"))
+
+
+def embedded(address: str | None) -> np.ndarray:
+    assert address is not None
+    return pixels(base64.b64decode(address.partition("base64,")[2]))
+
+
+def test_the_still_picture_has_the_colours_of_the_run_s_colour_bar(runs, report):
+    page = parsed(report.read_text(encoding="utf-8"))
+    address = next(a for a in page.addresses if a.startswith("data:image/"))
+    original, shown = pixels((runs[0] / "picture.png").read_bytes()), embedded(address)
+    scale = shown.shape[1] / original.shape[1]
+    counts = np.array([len(np.unique(column, axis=0)) for column in original.swapaxes(0, 1)])
+    right = np.arange(len(counts)) > 0.9 * len(counts)
+    bar = int(np.median(np.flatnonzero(right & (counts > 200))))
+    rows = np.arange(len(original) // 4, 3 * len(original) // 4)
+    there = shown[(rows * scale).astype(int), int(bar * scale)].astype(int)
+    assert np.abs(there - original[rows, bar]).max() <= 6
+
+
+def test_a_picture_keeps_all_its_colours(runs, tmp_path):
+    along, up = np.meshgrid(np.arange(300) % 256, np.arange(200), indexing="xy")
+    gradient = np.stack([along, up, (along + up) % 256], axis=-1).astype(np.uint8)
+    Image.fromarray(gradient).save(tmp_path / "picture.png")
+    run = replace(read_run(runs[0]), folder=tmp_path)
+    np.testing.assert_array_equal(embedded(page_module._picture(run, "picture")), gradient)
+
+
 def test_no_error_is_on_the_console_and_nothing_is_asked_for(seen):
     assert seen.page.selftest["errors"] == []
     assert seen.page.selftest["requests"] == []
     wrong = [x for x in seen.console if re.search(r"rror|ncaught|ailed|efused|arning", x)]
     assert wrong == []
+
+
+def test_nothing_of_a_motion_is_cut_in_any_frame(runs, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("swing")
+    write_report([swinging(runs[0], folder / "swing")], folder / "report.html", "html")
+    page = opened(folder / "report.html", tmp_path_factory).page
+    assert page.selftest["errors"] == []
+    assert page.selftest["cut"] == []
+
+
+def test_nothing_is_cut(seen):
+    assert seen.page.selftest["cut"] == []
 
 
 def test_the_view_in_space_is_drawn(seen):

@@ -12,12 +12,15 @@ from string import ascii_uppercase
 import numpy as np
 
 from cosim.compare import Comparison, ForceVector, Verdict, force_vectors, value_of
+from cosim.looks import look
 from cosim.port import Array
 from cosim.report.runs import Run
 
 INKS = ("#00446b", "#0a7d6c", "#5b3a8e", "#2e6b3e", "#8c1d40", "#4d4d4d")
-"""Dark enough for paper, and told apart by letters as well."""
+"""Dark enough for paper and for the letters of the legend."""
 REFERENCE = "#b3540a"
+SHAFT, DASHED = 2.4, (2.5, 1.7)
+"""Width of an arrow, px, and the dashes of one that is not the answer itself."""
 SHAPES: dict[Verdict, str] = {
     "inside 1 SD": "●",
     "inside the band": "◆",
@@ -39,7 +42,8 @@ class Arrow:
     label: str
     tip: tuple[float, float]
     ink: str
-    dashed: bool = False
+    dashes: tuple[float, ...] = ()
+    """Strokes and gaps in widths of the shaft; none: it is full."""
     sd: tuple[float, float] | None = None
 
     @property
@@ -53,8 +57,8 @@ def arrows_of(runs: Sequence[Run]) -> list[Arrow]:
     given = [vector for run in runs for vector in force_vectors(run.comparison)]
     references = {(v.label, v.reference, v.sd): v for v in given}.values()
     arrows = [
-        Arrow(_letter(i), label, tip, ink, dashed, sd)
-        for i, (label, tip, ink, dashed, sd) in enumerate(
+        Arrow(_letter(i), label, tip, ink, dashes, sd)
+        for i, (label, tip, ink, dashes, sd) in enumerate(
             [*found, *(_reference(vector) for vector in references)]
         )
     ]
@@ -68,7 +72,7 @@ def _letter(n: int) -> str:
 
 Place = Callable[[float, float], tuple[float, float]]
 """Where a force (distal, palmar) N stands in a drawing."""
-Drawn = tuple[str, tuple[float, float], str, bool, tuple[float, float] | None]
+Drawn = tuple[str, tuple[float, float], str, tuple[float, ...], tuple[float, float] | None]
 
 
 def _of_one(run: Run) -> Iterator[Drawn]:
@@ -77,7 +81,7 @@ def _of_one(run: Run) -> Iterator[Drawn]:
         places = {"": "at the end"}
     for ink, (place, label) in zip((INKS[0], INKS[5], INKS[0]), places.items(), strict=False):
         if (tip := _in_plane(run, place)) is not None:
-            yield f"model, {label}", tip, ink, label == "loaded", None
+            yield f"model, {label}", tip, ink, DASHED if label == "loaded" else (), None
 
 
 def _of_many(runs: Sequence[Run]) -> Iterator[Drawn]:
@@ -85,7 +89,8 @@ def _of_many(runs: Sequence[Run]) -> Iterator[Drawn]:
         place = "difference." if "unloaded" in run.summary else ""
         if (tip := _in_plane(run, place)) is not None:
             what = "loaded less unloaded" if place else "at the end"
-            yield f"{run.name}, {what}", tip, INKS[i % len(INKS)], False, None
+            one = look(i, INKS)
+            yield f"{run.name}, {what}", tip, one.colour, one.dashes, None
 
 
 def _in_plane(run: Run, place: str) -> tuple[float, float] | None:
@@ -97,7 +102,7 @@ def _in_plane(run: Run, place: str) -> tuple[float, float] | None:
 
 def _reference(vector: ForceVector) -> Drawn:
     spread = ", ellipse 1 SD" if vector.sd else ""
-    return f"{vector.kind}: {vector.label}{spread}", vector.reference, REFERENCE, True, vector.sd
+    return f"{vector.kind}: {vector.label}{spread}", vector.reference, REFERENCE, DASHED, vector.sd
 
 
 def sagittal(arrows: Sequence[Arrow]) -> str:
@@ -158,7 +163,8 @@ def ticks(low: float, high: float) -> list[float]:
 
 def _arrow(arrow: Arrow, at: Place, unit: float) -> Iterator[str]:
     (x0, y0), (x, y) = at(0.0, 0.0), at(*arrow.tip)
-    dash = ' stroke-dasharray="6 4"' if arrow.dashed else ""
+    lengths = " ".join(f"{SHAFT * part:g}" for part in arrow.dashes)
+    dash = f' stroke-dasharray="{lengths}"' if lengths else ""
     if arrow.sd is not None:
         rx, ry = (max(s * unit, 0.5) for s in arrow.sd)
         yield (
@@ -173,7 +179,7 @@ def _arrow(arrow: Arrow, at: Place, unit: float) -> Iterator[str]:
         wing = 0.38 * size
         yield (
             f'<line x1="{x0:.1f}" y1="{y0:.1f}" x2="{bx:.1f}" y2="{by:.1f}" '
-            f'stroke="{arrow.ink}" stroke-width="2.4"{dash}/>'
+            f'stroke="{arrow.ink}" stroke-width="{SHAFT}"{dash}/>'
             f'<polygon fill="{arrow.ink}" points="{x:.1f},{y:.1f} {bx - wing * uy:.1f},'
             f'{by + wing * ux:.1f} {bx + wing * uy:.1f},{by - wing * ux:.1f}"/>'
         )

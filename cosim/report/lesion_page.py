@@ -147,11 +147,11 @@ def lesion_page(
 
 def _arrows(pair: Pair) -> list[drawings.Arrow]:
     """The fingertip's forces in the sagittal plane, in the postures' colours."""
-    looks = (("before", BEFORE, True), ("after", AFTER, False))
+    looks = (("before", BEFORE, drawings.DASHED), ("after", AFTER, ()))
     found = drawings.arrows_of([pair.before, pair.after])
     return [
-        replace(arrow, label=f"{side}, loaded less unloaded", ink=ink, dashed=dashed)
-        for arrow, (side, ink, dashed) in zip(found, looks, strict=False)
+        replace(arrow, label=f"{side}, loaded less unloaded", ink=ink, dashes=dashes)
+        for arrow, (side, ink, dashes) in zip(found, looks, strict=False)
     ]
 
 

@@ -11,7 +11,6 @@
   const scale = colours.map((colour, i) => [i / (colours.length - 1), colour]);
   const FONT = { family: getComputedStyle(document.body).fontFamily, size: 13, color: "#1c2227" };
   const CONFIG = { displaylogo: false, responsive: true, displayModeBar: false };
-  const ARROW = 18; // mm, of the largest fingertip force
 
   const cache = new Map();
   function numbers(packed) {
@@ -96,11 +95,9 @@
       { type: "scatter3d", mode: "lines", x: ex, y: ey, z: ez, hoverinfo: "skip", line: { color: "rgba(20,30,40,.35)", width: 1 } }];
   }
   function force(v, k) {
-    const most = Math.max(...v.force.map((f) => Math.hypot(...f))), f = v.force[k];
-    const there = numbers(v.tip);
-    const norm = Math.hypot(...f);
-    if (!there.length || !(norm > 1e-6)) return [];
-    const tip = frame(v.tip, k), end = f.map((c, i) => tip[i] + (ARROW * c) / most);
+    const f = v.force[k], norm = Math.hypot(...f);
+    if (!numbers(v.tip).length || !(norm > 1e-6)) return [];
+    const tip = frame(v.tip, k), end = Array.from(frame(v.arrow, k));
     return [{ type: "scatter3d", mode: "lines", x: [tip[0], end[0]], y: [tip[1], end[1]], z: [tip[2], end[2]], hoverinfo: "skip", line: { color: "#111", width: 6 } },
       head(end, f.map((c) => c / norm))];
   }
@@ -113,26 +110,14 @@
     return { type: "mesh3d", x: points.map((p) => p[0]), y: points.map((p) => p[1]), z: points.map((p) => p[2]), color: "#111", hoverinfo: "skip",
       i: turns, j: turns.map((n) => (n + 1) % 12), k: turns.map(() => 12), lighting: { ambient: 1 } };
   }
-  function box(v) { // the same for all frames, so that nothing jumps
-    const low = [1e9, 1e9, 1e9], high = [-1e9, -1e9, -1e9];
-    const add = (x, i) => { low[i] = Math.min(low[i], x); high[i] = Math.max(high[i], x); };
-    const count = v.frames.length;
-    for (const k of new Set([0, count >> 1, count - 1]))
-      for (const bone of v.bones) placed(bone, k).forEach((c, i) => c.forEach((x) => add(x, i)));
-    if (v.tip.s[0]) for (let k = 0; k < count; k++) force(v, k).forEach((t) => [t.x, t.y, t.z].forEach((c, i) => c.forEach((x) => add(x, i))));
-    if (v.sheet) numbers(v.sheet.points).forEach((x, n) => add(x, n % 3));
-    return low.map((l, i) => [l - 2, high[i] + 2]);
-  }
   function aspect(range) { // true to scale, and as large as the room allows
     const length = range.map(([low, high]) => high - low), room = $("scene").clientWidth / Math.max($("scene").clientHeight, 1);
     const fill = Math.min(1.75 * room, 3.3) / Math.max(...length, 2.2 * length[2]);
     return { x: fill * length[0], y: fill * length[1], z: fill * length[2] };
   }
-  const boxes = new Map();
   let camera = { eye: { x: 0.3, y: 1.8, z: 0.6 }, center: { x: 0, y: 0, z: 0 }, projection: { type: "orthographic" } };
   function layout(v) {
-    if (!boxes.has(v)) boxes.set(v, box(v));
-    const range = boxes.get(v);
+    const range = v.box; // the same for all frames, so that nothing jumps
     const axis = (i, name) => ({ range: range[i], title: { text: name, font: FONT }, showbackground: false, gridcolor: "#e6eaed", zeroline: false,
       tickfont: { ...FONT, size: 11 }, nticks: i === 1 ? 3 : 6, showspikes: false });
     return { margin: { l: 0, r: 0, t: 0, b: 56 }, showlegend: false, paper_bgcolor: "#fff", font: FONT, uirevision: "same",
@@ -272,7 +257,6 @@
   }
 
   // --- curves over time
-  const DASH = ["solid", "dash", "dot", "dashdot"], INK = ["#00446b", "#b3540a", "#5b3a8e", "#2e6b3e", "#8c1d40", "#4d4d4d", "#0a7d8c", "#8a6d00"];
   function curves() {
     const room = $("history");
     if (!room) return [];
@@ -282,7 +266,7 @@
     return wanted.map(({ h, key, title, div }) => {
       const x = Array.from(numbers(h.time));
       const traces = Object.entries(h[key]).map(([name, y], i) => ({ type: "scatter", mode: "lines", x, y: Array.from(numbers(y)), name,
-        line: { color: INK[i % INK.length], dash: DASH[Math.floor(i / 2) % DASH.length], width: 1.8 } }));
+        line: data.looks[i] }));
       const axis = (words) => ({ title: { text: words, standoff: 6 }, gridcolor: "#e6eaed", zerolinecolor: "#9aa5ad" });
       return Plotly.newPlot(div, traces, { margin: { l: 56, r: 8, t: 26, b: 44 }, font: FONT, xaxis: axis("time, s"), yaxis: axis(title),
         title: { text: data.history.length > 1 ? h.name : "", font: FONT, x: 0.02 }, legend: { font: { ...FONT, size: 11.5 } }, hovermode: "x unified" }, CONFIG);
@@ -340,9 +324,15 @@
     const fills = maps.map((one) => one.quads.map((quad) => quad.getAttribute("fill")).join());
     return { frame: $("frame").textContent, readout: $("readout").textContent, colours: new Set(pixels).size, sum, maps: fills };
   }
+  function isCut(v, k) { // whether a point of a frame lies outside of the box
+    if (!v.box) return false;
+    const { xaxis, yaxis, zaxis } = layout(v).scene, axes = [xaxis.range, yaxis.range, zaxis.range];
+    return [...bones(v, k), ...tendons(v, k), ...sheet(v, k), ...force(v, k)].some((trace) =>
+      [trace.x, trace.y, trace.z].some((values, i) => values.some((x) => x !== null && (x < axes[i][0] || x > axes[i][1]))));
+  }
   async function selftest() {
     const asked = performance.getEntriesByType("resource").map((entry) => entry.name);
-    const out = { requests: asked.filter((name) => !/^(data|blob):/.test(name)), fits: document.documentElement.scrollWidth <= innerWidth, canvases: document.querySelectorAll("#scene canvas").length, seen: [], errors };
+    const out = { requests: asked.filter((name) => !/^(data|blob):/.test(name)), fits: document.documentElement.scrollWidth <= innerWidth, canvases: document.querySelectorAll("#scene canvas").length, cut: data.views.map((v) => v.frames.filter((_, k) => isCut(v, k))).flat(), seen: [], errors };
     for (const value of [$("slider").max, 0]) {
       $("slider").value = value;
       now.frame = Number(value);

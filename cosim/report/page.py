@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cosim.compare import number
+from cosim.looks import look
 from cosim.port import InputError
 from cosim.report import drawings, words
 from cosim.report.runs import Run
@@ -23,9 +24,10 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 MOST_BYTES = 8_000_000
-PICTURE_WIDTH = 1300
-"""Pixels."""
 MOST_MOMENTS = 400
+CURVES = ("angles", "force", "tensions")
+CURVE = 1.8
+"""Width of a curve over time, px."""
 TELLING = 0.02
 """Of a body's largest force: smaller ones are told together."""
 
@@ -48,6 +50,7 @@ def page(runs: Sequence[Run], against: Run | None, tables: Sequence[Table]) -> s
     every = [*runs, against] if against is not None else [*runs]
     views, scales = _views(runs, against)
     arrows = drawings.arrows_of(every)
+    histories = _histories(every)
     text = (
         templates()
         .get_template("page.html.j2")
@@ -64,7 +67,12 @@ def page(runs: Sequence[Run], against: Run | None, tables: Sequence[Table]) -> s
             last_state=last_state,
             cases=[(run, _link(run)) for run in every],
             data=script_of(
-                {**packed(views, scales), "colours": colours(), "history": _histories(every)}
+                {
+                    **packed(views, scales),
+                    "colours": colours(),
+                    "history": histories,
+                    "looks": _line_looks(histories),
+                }
             ),
             style=own_file("page.css"),
             script=own_file("page.js"),
@@ -125,7 +133,8 @@ def colours() -> list[str]:
 
 
 def _picture(run: Run, name: str) -> str | None:
-    """A picture of the run as a data address, smaller than it was."""
+    """A picture of the run as a data address: each pixel as it is, in the smallest lossless format
+    that browsers know."""
     content = run.picture(name)
     if content is None:
         return None
@@ -135,11 +144,9 @@ def _picture(run: Run, name: str) -> str | None:
         image = Image.open(io.BytesIO(content)).convert("RGB")
     except (UnidentifiedImageError, OSError) as error:
         raise InputError(f"{run.folder / name}.png: is no picture ({error})") from error
-    width = min(image.width, PICTURE_WIDTH)
-    image = image.resize((width, round(image.height * width / image.width)))
     out = io.BytesIO()
-    image.quantize(96).save(out, "PNG", optimize=True)
-    return "data:image/png;base64," + base64.b64encode(out.getvalue()).decode("ascii")
+    image.save(out, "WEBP", lossless=True)
+    return "data:image/webp;base64," + base64.b64encode(out.getvalue()).decode("ascii")
 
 
 def _link(run: Run) -> str:
@@ -180,6 +187,19 @@ def _direction(wrench: np.ndarray) -> float | None:
 def _histories(runs: Sequence[Run]) -> list[Any]:
     """Of every motion: time s, change of the joint angles deg, fingertip force N, tensions N."""
     return [_history(run) for run in runs if run.axis == "time"]
+
+
+def _line_looks(histories: Sequence[Any]) -> list[Any]:
+    """For plotly the look of each curve of a diagram, of as many as the fullest has."""
+    count = max((len(h[key]) for h in histories for key in CURVES), default=0)
+    return [
+        {
+            "color": one.colour,
+            "dash": ",".join(f"{CURVE * part:g}px" for part in one.dashes) or "solid",
+            "width": CURVE,
+        }
+        for one in map(look, range(count))
+    ]
 
 
 def _history(run: Run) -> Any:

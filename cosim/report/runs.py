@@ -15,6 +15,7 @@ import numpy as np
 from cosim.compare import Comparison, Target, compared
 from cosim.compare_files import read_json
 from cosim.port import InputError
+from cosim.quantities import check_quantities
 from cosim.results import LEDGER_HEADER, STRAIN, HoodField, LedgerRow
 
 if TYPE_CHECKING:
@@ -59,7 +60,14 @@ class Run:
 def read_run(folder: Path, targets: tuple[Target, ...] = ()) -> Run:
     """A run, compared with `targets` and with what its own `comparison.json` holds.
 
-    Raises InputError where the folder is no run or holds a file that cannot be read."""
+    Raises InputError where the folder is no run or holds a file that cannot be read, and where a
+    target's quantity is misspelt."""
+    (run,) = read_runs([folder], targets)
+    return run
+
+
+def _read_run(folder: Path) -> Run:
+    """A run, compared with what its own `comparison.json` holds."""
     lacking = [f for f in ("summary.json", "results.nc", "case.toml") if not (folder / f).is_file()]
     if lacking:
         raise InputError(
@@ -80,7 +88,7 @@ def read_run(folder: Path, targets: tuple[Target, ...] = ()) -> Run:
         _read(folder / "ledger.csv", _ledger) if (folder / "ledger.csv").is_file() else (),
         _read(folder / "hood.vtu", _hood) if (folder / "hood.vtu").is_file() else None,
         (folder / "case.toml").read_text(encoding="utf-8"),
-        (*(read_json(own) if own.is_file() else ()), *compared(targets, summary, case)),
+        read_json(own) if own.is_file() else (),
     )
 
 
@@ -88,7 +96,12 @@ def read_runs(folders: Sequence[Path], targets: tuple[Target, ...] = ()) -> list
     """Runs whose names all differ: those of one name are told apart by the folders they lie in.
 
     Raises InputError."""
-    runs = [read_run(folder, targets) for folder in folders]
+    runs = [_read_run(folder) for folder in folders]
+    check_quantities(targets, [(run.case, run.summary) for run in runs])
+    runs = [
+        replace(run, comparison=(*run.comparison, *compared(targets, run.summary, run.case)))
+        for run in runs
+    ]
     names = [run.name for run in runs]
     if len({run.folder.resolve() for run in runs}) < len(runs):
         raise InputError("a run is named twice; name each once")

@@ -26,6 +26,10 @@ MOST_TRIANGLES = 2200
 NO_SHEET = "The hood is a net of cables, drawn as lines: it has no sheet to colour."
 SPREAD = (1.0, 99.0)
 """Per cent of the values that a colour scale covers."""
+ARROW, HEAD = 18e-3, 2e-3
+"""m, of the largest fingertip force, and how far its head reaches beyond it on any side."""
+ROOM = 2e-3
+"""m, between what a view shows and the sides of its box."""
 
 
 @dataclass(frozen=True)
@@ -234,6 +238,30 @@ def difference_view(one: View, other: View) -> View | None:
     return replace(one, name=name, sheet=sheet, notes=(note,))
 
 
+def arrow_ends(view: View) -> Array:
+    """(nf, 3) m, where the arrow of the fingertip force ends; empty as `View.tip` is."""
+    if not len(view.tip):
+        return view.tip
+    most = float(np.linalg.norm(view.force, axis=1).max())
+    return view.tip + ARROW * view.force / (most or 1.0)
+
+
+def box(view: View) -> Array | None:
+    """(3, 2) m, the least and the greatest coordinate of all that the view shows in any frame, and
+    some room; None where it shows nothing."""
+    ends = arrow_ends(view)
+    shown = [
+        *(b.vertices @ b.rotation.swapaxes(1, 2) + b.position[:, None] for b in view.bones),
+        *(path for paths in view.tendons for path in paths.values()),
+        *([] if view.sheet is None else [view.sheet.points]),
+        *(view.tip, ends - HEAD, ends + HEAD),
+    ]
+    points = np.concatenate([np.reshape(part, (-1, 3)) for part in shown])
+    if not len(points):
+        return None
+    return np.stack([points.min(axis=0) - ROOM, points.max(axis=0) + ROOM], axis=1)
+
+
 def limits(views: Sequence[View]) -> dict[str, tuple[float, float]]:
     """A colour scale for each field that all views share; a few extreme quads do not set it."""
     found: dict[str, list[Array]] = {}
@@ -264,6 +292,7 @@ def _packed(view: View, scale: Mapping[str, tuple[float, float]], surfaces: dict
         bones.append({"name": bone.name, "surface": which, "pose": floats(pose)})
     lines = [np.concatenate([*paths.values()]) for paths in view.tendons if paths]
     counts = [[len(points) for points in paths.values()] for paths in view.tendons]
+    room = box(view)
     return {
         "name": view.name,
         "frames": view.frames,
@@ -273,7 +302,9 @@ def _packed(view: View, scale: Mapping[str, tuple[float, float]], surfaces: dict
             "counts": counts,
             "names": list(dict.fromkeys(name for paths in view.tendons for name in paths)),
         },
+        "box": None if room is None else (1e3 * room).tolist(),
         "tip": floats(1e3 * view.tip),
+        "arrow": floats(1e3 * arrow_ends(view)),
         "force": view.force.tolist(),
         "components": (view.force @ SAGITTAL.T).tolist(),
         "notes": view.notes,
