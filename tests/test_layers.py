@@ -24,6 +24,8 @@ ALLOWED = {
     "cosim.couple": ("cosim.port", "cosim.rest"),
     "cosim.rest": ("cosim.port",),
     "cosim.files": ("cosim.port",),
+    "cosim.vtu": ("cosim.port",),
+    "cosim.mesh_file": ("cosim.port", "cosim.vtu"),
     "cosim.verification": ("cosim.port",),
     "cosim.accelerate": ("cosim.port",),
     "cosim.coupled": ("cosim.port", "cosim.accelerate"),
@@ -34,12 +36,12 @@ ALLOWED = {
     "cosim.snapshot": ("cosim.port",),
     "cosim.one_way": ("cosim.port",),
     "cosim.fixed_point": ("cosim.port", "cosim.accelerate", "cosim.couple", "cosim.rest"),
-    "fe_solver": ("cosim.port", "cosim.verification", "fe_solver"),
+    "fe_solver": ("cosim.port", "cosim.mesh_file", "cosim.verification", "fe_solver"),
     "rigid": (
         *("cosim.port", "cosim.rest", "cosim.files", "cosim.verification"),
         *("meshes.skeleton", "rigid"),
     ),
-    "meshes": ("cosim.port", "meshes"),
+    "meshes": ("cosim.port", "cosim.mesh_file", "meshes"),
 }
 KNOW_THE_SOLVERS = {
     "cosim.anatomy",
