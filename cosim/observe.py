@@ -206,7 +206,7 @@ def _by_joint(models: Models, values: Array) -> dict[str, float]:
 
 
 def ledger(models: Models, name: str, e: Equilibrium) -> list[LedgerRow]:
-    """A row per body and source; those of one body add up to zero, but for the fixed one."""
+    """A row per body and source; those of one body add up to zero."""
     finger = models.finger.ledger(e.finger_state, e.load, e.finger_tension)
     hood = {f"hood {s}": e.load.wrench[:, i] for i, s in enumerate(e.load.sources)}
     return [

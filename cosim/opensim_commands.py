@@ -17,19 +17,22 @@ def import_model(
     ] = None,
 ) -> None:
     """Turn an OpenSim model into MJCF and list what was dropped or changed; the numbers of its
-    muscles and joint limits go into a JSON file beside."""
+    muscles and joint limits go into a JSON file beside.  Ends with code 2 where the model has
+    muscles and none could be imported."""
     with told():
+        from cosim.port import InputError
         from rigid.opensim.losses import report
         from rigid.opensim.osim import import_osim, write_import
 
         imported = import_osim(model)
         written = write_import(imported, out or Path(f"{model.stem}.xml"))
-    for line in report(imported.losses):
-        typer.echo(line)
-    made = ", ".join(str(path) for path in written)
-    typer.echo(
-        f"{len(imported.coordinates)} coordinates and {len(imported.muscles)} muscles in {made}"
-    )
+        for line in report(imported.losses):
+            typer.echo(line)
+        made = ", ".join(str(path) for path in written)
+        muscles = f"{len(imported.muscles)} of {imported.path_actuators} muscles"
+        typer.echo(f"{len(imported.coordinates)} coordinates and {muscles} in {made}")
+        if imported.path_actuators and not imported.muscles:
+            raise InputError(f"{model}: {muscles} imported; {written[2]} says why of each")
 
 
 def sto(

@@ -291,8 +291,8 @@ class Finger(Protocol):
 
     def ledger(self, state: State, load: Load, tension: Array) -> dict[str, Array]:
         """(nb, 6) wrench on each body about its origin, world frame, by source (muscles, passive,
-        limit, gravity, fingertip, joint); with the hood's load they close to zero on each moving
-        body."""
+        limit, gravity, fingertip, joint, and the ground, which holds the fixed body); with the
+        hood's load they close to zero on each body."""
         ...
 
     def path_lengths(self, state: State) -> Array:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.mesh_file import read_mesh_file
 from cosim.port import InputError
 
 from .mesh_checks import check_mesh, within
@@ -37,7 +38,7 @@ def read_mesh(path: Path | str, unit: float = 1.0) -> ShellMesh:
     Raises InputError where the file cannot be read, holds cells that are no shells, or its mesh has
     a fault (see `check_mesh`); nodes and elements are counted from 0 then."""
     path = Path(path)
-    mesh = _read(path)
+    mesh = read_mesh_file(path)
     points = np.asarray(mesh.points, dtype=float) * unit
     if points.ndim != 2 or points.shape[1] not in (2, 3):
         raise InputError(f"{path}: expected points in two or three dimensions, got {points.shape}")
@@ -69,23 +70,3 @@ def read_mesh(path: Path | str, unit: float = 1.0) -> ShellMesh:
         {k: np.concatenate([np.asarray(v[i]) for i in kept]) for k, v in mesh.cell_data.items()},
         tuple(notes),
     )
-
-
-def _read(path: Path):  # type: ignore[no-untyped-def]
-    """meshio's mesh.  Its readers end in many ways on a broken file, some by leaving the
-    program."""
-    import meshio
-
-    if not path.is_file():
-        raise InputError(f"{path}: there is no such file")
-    try:
-        with np.errstate(all="ignore"):
-            return meshio.read(path)
-    except SystemExit as end:
-        raise InputError(f"{path}: meshio knows no format for it, or finds it broken") from end
-    except MemoryError:
-        raise
-    except (ArithmeticError, AssertionError, AttributeError, LookupError) as error:
-        raise InputError(f"{path}: meshio cannot read it: {error!r}") from error
-    except (OSError, RuntimeError, TypeError, ValueError, meshio.ReadError) as error:
-        raise InputError(f"{path}: meshio cannot read it: {error}") from error

@@ -11,15 +11,14 @@ from __future__ import annotations
 import re
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping
-from contextlib import redirect_stdout
 from dataclasses import dataclass, field
-from io import StringIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.mesh_file import read_mesh_file
 from cosim.port import InputError
 
 Array = NDArray[np.float64]
@@ -60,7 +59,7 @@ class RawMesh:
 
 def read_raw(path: Path) -> RawMesh:
     """A .vtu, .msh or .inp file.  Raises InputError where it cannot be read or has no shells."""
-    mesh = _loaded(path)
+    mesh = read_mesh_file(path)
     points = np.asarray(mesh.points, dtype=float)
     if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
         raise InputError(f"{path}: expected points with three finite coordinates")
@@ -80,25 +79,6 @@ def read_raw(path: Path) -> RawMesh:
         {name: np.concatenate(parts) for name, parts in sets.lines.items()},
         tuple(sets.dropped),
     )
-
-
-def _loaded(path: Path) -> Any:
-    """meshio's mesh.  Its readers end in many ways on a broken file, some by leaving the
-    program."""
-    import meshio
-
-    if not path.is_file():
-        raise InputError(f"{path}: there is no such file")
-    try:
-        with np.errstate(all="ignore"), redirect_stdout(StringIO()):  # it prints empty lines
-            return meshio.read(path)
-    except SystemExit as end:
-        raise InputError(f"{path}: meshio knows no format for it, or finds it broken") from end
-    except (ArithmeticError, AssertionError, AttributeError, LookupError, TypeError) as error:
-        raise InputError(f"{path}: meshio cannot read it: {error!r}") from error
-    except (OSError, RuntimeError, ValueError, meshio.ReadError) as error:
-        text = str(error) or type(error).__name__
-        raise InputError(f"{path}: meshio cannot read it: {text}") from error
 
 
 @dataclass

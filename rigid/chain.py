@@ -149,3 +149,11 @@ def joint_loads(chain: Chain, reaction: Array) -> Array:
     out = reaction.copy()
     out[:-1] -= moved_to(reaction[1:], np.diff(position, axis=0))
     return out
+
+
+def ground_reaction(wrench: Array) -> Array:
+    """(nb, 6) wrench of the ground, which holds the fixed body against all that acts on it, given
+    what acts on each body (nb, 6)."""
+    out = np.zeros_like(wrench)
+    out[0] = -wrench[0]
+    return out

@@ -121,6 +121,8 @@ def _add_surface(body: ET.Element, name: str, surface: Cylinder | Sphere) -> Non
         "group": "4",
         "rgba": ".5 .6 .9 .3",
     }
+    if surface.side is not None:
+        _add_site(body, f"{name}_side", surface.side)
     if isinstance(surface, Sphere):
         ET.SubElement(body, "geom", drawn | {"type": "sphere", "pos": _text(surface.centre)})
         return
@@ -128,7 +130,6 @@ def _add_surface(body: ET.Element, name: str, surface: Cylinder | Sphere) -> Non
     half = HALF_WIDTH * axis / np.linalg.norm(axis)
     ends = _text([*(centre - half), *(centre + half)])
     ET.SubElement(body, "geom", drawn | {"type": "cylinder", "fromto": ends})
-    _add_site(body, f"{name}_side", surface.side)
 
 
 def _add_tendons(root: ET.Element, model: FingerModel) -> None:
@@ -157,5 +158,5 @@ def _add_strand(spatial: ET.Element, tendon: Tendon, s: int, strand: Strand) -> 
         if isinstance(element, Via):
             ET.SubElement(spatial, "site", site=label)
         else:
-            side = {} if isinstance(element, Sphere) else {"sidesite": f"{label}_side"}
+            side = {} if element.side is None else {"sidesite": f"{label}_side"}
             ET.SubElement(spatial, "geom", {"geom": label} | side)

@@ -20,8 +20,6 @@ SITE, SPHERE, CYLINDER, PULLEY = (
     int(mujoco.mjtWrap.mjWRAP_CYLINDER),
     int(mujoco.mjtWrap.mjWRAP_PULLEY),
 )
-BESIDE = 1.5
-"""Radii from a cylinder's axis to the point on the side where a tendon lies that names none."""
 
 
 class Places(Protocol):
@@ -59,8 +57,7 @@ def read_tendons(
         if reason:
             losses.append(f"dropped: tendon {label}: {reason}")
             continue
-        reader = _Reader(m, data, owner, frames, name, losses)
-        out.append(Tendon(name, tuple(reader.strands(t))))
+        out.append(Tendon(name, tuple(_Reader(m, data, owner, frames).strands(t))))
         losses += [f"dropped: {what} of tendon {label}" for what in _own_forces(m, t)]
         if most := _greatest(m, t):
             force[name] = most
@@ -80,6 +77,11 @@ def _unfit(m: mujoco.MjModel, t: int, owner: Array) -> str:
     on = owner[bodies]
     if (on < 0).any():
         return f"it runs over the body {m.body(bodies[int(np.argmax(on < 0))]).name!r}, which moves"
+    for w in _wraps(m, t):
+        side = _side(m, w)
+        if side >= 0 and owner[m.site_bodyid[side]] != owner[_body(m, w)]:
+            geom, site = m.geom(m.wrap_objid[w]).name, m.site(side).name
+            return f"the side site {site!r} is not on the bone of its surface {geom!r}"
     return "" if (on > 0).any() else "it pulls on no phalanx"
 
 
@@ -94,14 +96,17 @@ def _body(m: mujoco.MjModel, w: int) -> int:
     return int(m.site_bodyid[part] if int(m.wrap_type[w]) == SITE else m.geom_bodyid[part])
 
 
+def _side(m: mujoco.MjModel, w: int) -> int:
+    """The side site of a surface; -1 where there is none."""
+    return int(m.wrap_prm[w]) if int(m.wrap_type[w]) in (SPHERE, CYLINDER) else -1
+
+
 @dataclass(frozen=True)
 class _Reader:
     model: mujoco.MjModel
     data: mujoco.MjData
     owner: Array
     frames: Places
-    name: str
-    losses: list[str]
 
     def strands(self, t: int) -> Iterator[Strand]:
         """Parts between MuJoCo's pulleys, whose divisors are one over the shares."""
@@ -117,48 +122,28 @@ class _Reader:
             yield self.strand(part, share)
 
     def strand(self, part: Sequence[int], share: float) -> Strand:
-        return Strand(tuple(self.element(part, k) for k in range(len(part))), share)
+        return Strand(tuple(self.element(w) for w in part), share)
 
-    def element(self, part: Sequence[int], k: int) -> PathElement:
-        w = part[k]
+    def element(self, w: int) -> PathElement:
         i, at = int(self.owner[_body(self.model, w)]), int(self.model.wrap_objid[w])
         kind = int(self.model.wrap_type[w])
         if kind == SITE:
             return Via(BODIES[i], vector(self.frames.local(i, self.data.site_xpos[at])))
-        centre = self.data.geom_xpos[at]
-        radius, side = float(self.model.geom_size[at, 0]), int(self.model.wrap_prm[w])
-        place = vector(self.frames.local(i, centre))
+        centre = vector(self.frames.local(i, self.data.geom_xpos[at]))
+        radius, site = float(self.model.geom_size[at, 0]), _side(self.model, w)
+        side = vector(self.frames.local(i, self.data.site_xpos[site])) if site >= 0 else None
         if kind == SPHERE:
-            if side >= 0:
-                self.losses.append(f"dropped: the side site of a sphere of tendon {self.name}")
-            return Sphere(BODIES[i], place, radius)
+            return Sphere(BODIES[i], centre, radius, side)
         axis = self.data.geom_xmat[at].reshape(3, 3)[:, 2]
-        there = self.data.site_xpos[side] if side >= 0 else self.beside(part, k, axis, radius)
-        return Cylinder(
-            BODIES[i],
-            place,
-            vector(axis @ self.frames.turn[i]),
-            radius,
-            vector(self.frames.local(i, there)),
-        )
-
-    def beside(self, part: Sequence[int], k: int, axis: Array, radius: float) -> Array:
-        """A point on the side of a cylinder where its tendon's neighbours lie."""
-        centre = self.data.geom_xpos[self.model.wrap_objid[part[k]]]
-        near = [self.data.site_xpos[self.model.wrap_objid[part[j]]] for j in (k - 1, k + 1)]
-        out = np.mean(near, axis=0) - centre
-        out = out - (out @ axis) * axis
-        self.losses.append(
-            f"changed: a cylinder of tendon {self.name} names no side; its neighbours' is taken"
-        )
-        return np.asarray(centre + BESIDE * radius * out / max(float(np.linalg.norm(out)), 1e-9))
+        return Cylinder(BODIES[i], centre, vector(axis @ self.frames.turn[i]), radius, side)
 
 
 def _own_forces(m: mujoco.MjModel, t: int) -> list[str]:
     told = (
-        (m.tendon_stiffness[t], "the stiffness"),
-        (m.tendon_damping[t], "the damping"),
+        (m.tendon_stiffness[t] or m.tendon_stiffnesspoly[t].any(), "the stiffness"),
+        (m.tendon_damping[t] or m.tendon_dampingpoly[t].any(), "the damping"),
         (m.tendon_frictionloss[t], "the friction"),
+        (m.tendon_armature[t], "the armature"),
         (m.tendon_limited[t], "the limit of length"),
     )
     return [what for there, what in told if there]
@@ -173,10 +158,11 @@ def _greatest(m: mujoco.MjModel, t: int) -> float:
     """N that the tendon's actuators can pull with; 0 where they do not say."""
     most = 0.0
     for a in np.flatnonzero(_pullers(m) & (m.actuator_trnid[:, 0] == t)):
+        gear = abs(float(m.actuator_gear[a, 0]))
         if m.actuator_gaintype[a] == int(mujoco.mjtGain.mjGAIN_MUSCLE):
-            most += max(0.0, float(m.actuator_gainprm[a, 2]))
+            most += gear * max(0.0, float(m.actuator_gainprm[a, 2]))
         elif m.actuator_forcelimited[a]:
-            most += float(np.abs(m.actuator_forcerange[a]).max())
+            most += gear * float(np.abs(m.actuator_forcerange[a]).max())
     return most
 
 

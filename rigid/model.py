@@ -56,24 +56,28 @@ class Via:
 
 @dataclass(frozen=True)
 class Cylinder:
-    """A round surface of a body that a tendon wraps over where the straight way would cut it;
-    `side`: a point of the body on the side where the tendon lies."""
+    """An endless round surface of a body that a tendon wraps over where the straight way would cut
+    it."""
 
     body: str
     centre: Vector
     axis: Vector
     radius: float
-    side: Vector
+    side: Vector | None = None
+    """A point of the body on the side where the tendon lies; within the surface, the tendon runs
+    through it as through a ring.  Without one the tendon goes the shorter way round."""
 
 
 @dataclass(frozen=True)
 class Sphere:
-    """A round surface of a body that a tendon wraps over, the shorter way round in the plane of its
-    centre and of the points before and after, where the straight way would cut it."""
+    """A round surface of a body that a tendon wraps over, in the plane of its centre and of the
+    points before and after, where the straight way would cut it."""
 
     body: str
     centre: Vector
     radius: float
+    side: Vector | None = None
+    """As a cylinder's."""
 
 
 PathElement = Via | Cylinder | Sphere

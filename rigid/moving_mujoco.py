@@ -13,6 +13,7 @@ from rigid.chain import (
     Chain,
     body_jacobian,
     geometric_stiffness,
+    ground_reaction,
     joint_loads,
     joint_reactions,
     joint_wrenches,
@@ -133,8 +134,8 @@ class MovingMujoco:
     ) -> dict[str, Array]:
         """(nb, 6) wrench on each body about its origin (world frame) by source at the end of a step
         of `dt` s from angles and rates `before` to `now`: each muscle, gravity, passive, limit,
-        damping, fingertip, inertia (minus the change of momentum over the step) and joint; with the
-        hood's (nb, 6) they close to zero on every moving body.
+        damping, fingertip, inertia (minus the change of momentum over the step), joint, and the
+        ground, which holds the fixed body; with the hood's (nb, 6) they close to zero on each body.
 
         tension: (nt,) N, of the finger's own tendons; tip: (6,) of the fingertip on the world."""
         finger, (angles, rates) = self.finger, now
@@ -153,7 +154,8 @@ class MovingMujoco:
             "inertia": moved_to(change, centre),
         }
         applied = hood + np.sum(list(books.values()), axis=0)
-        return {**books, "joint": joint_loads(chain, joint_reactions(chain, applied))}
+        joint = joint_loads(chain, joint_reactions(chain, applied))
+        return {**books, "joint": joint, "ground": ground_reaction(applied + joint)}
 
     def _push(self, load: AffineLoad, angles: Array) -> Push:
         """The load's torques at joint angles, with their slope."""

@@ -20,6 +20,7 @@ from rigid.chain import (
     Chain,
     body_jacobian,
     geometric_stiffness,
+    ground_reaction,
     joint_loads,
     joint_reactions,
     joint_wrenches,
@@ -176,12 +177,13 @@ class ChainFinger(ABC):
 
     def ledger(self, state: FingerState, load: Load, tension: Array) -> dict[str, Array]:
         """(nb, 6) wrench on each body about its origin (world frame) by source: each muscle,
-        gravity, passive, limit, fingertip, joint, and what holds the joints.  Together with the
-        hood's load they close to zero on every moving body; on the fixed one their sum is what the
-        ground must carry."""
+        gravity, passive, limit, fingertip, joint, what holds the joints, and the ground, which
+        holds the fixed body.  Together with the hood's load they close to zero on every body."""
         ledger = self._applied(state, load, tension)
         reaction = self._reactions(state, load, ledger)
-        return {**ledger, "joint": joint_loads(self.chain(state.angles), reaction)}
+        ledger["joint"] = joint_loads(self.chain(state.angles), reaction)
+        whole = load.total() + np.sum(list(ledger.values()), axis=0)
+        return {**ledger, "ground": ground_reaction(whole)}
 
     def support_arm(self, state: FingerState) -> float:
         """m, the smallest lever with which the joints act on the tip's support: the least singular

@@ -179,13 +179,34 @@ def test_ledger_gives_the_torques_and_closes(finger: ChainFinger) -> None:
     state, load, tension = pushed(finger)
     balance, ledger = finger.balance(state, load, tension), finger.ledger(state, load, tension)
     jacobian = finger.jacobian(state)
-    assert set(ledger) - {"joint"} == set(balance.torque) - {"hood"}
+    assert set(ledger) - {"joint", "ground"} == set(balance.torque) - {"hood"}
     for source, torque in balance.torque.items():
         if source != "hood":
             work = jacobian.T @ ledger[source].ravel()
             assert work == pytest.approx(torque, rel=1e-12, abs=1e-14), source
     whole = load.total() + sum(ledger.values())
-    assert np.abs(whole[1:]).max() < 1e-12 * np.abs(ledger["joint"]).max()
+    assert np.abs(whole).max() < 1e-12 * np.abs(ledger["joint"]).max()
+
+
+def test_the_ground_bears_what_comes_from_outside(finger: ChainFinger) -> None:
+    """Action and reaction: what acts between the finger's own bodies adds up to nothing about any
+    one point, so that the ground holds hood, fingertip and gravity alone."""
+    state, load, tension = pushed(finger)
+    ledger = finger.ledger(state, load, tension)
+    position = finger.motion(state).position
+
+    def about_origin(wrench: np.ndarray) -> np.ndarray:
+        force, moment = wrench[:, :3], wrench[:, 3:]
+        return np.r_[force.sum(axis=0), (moment + np.cross(position, force)).sum(axis=0)]
+
+    outside = [ledger[source] for source in ("gravity", "fingertip") if source in ledger]
+    scale = np.abs(ledger["joint"]).max()
+    for source in ledger.keys() - {"gravity", "fingertip", "ground"}:
+        assert np.abs(about_origin(ledger[source])).max() < 1e-12 * scale, source
+    ground = about_origin(load.total() + sum(outside))
+    assert about_origin(ledger["ground"]) == pytest.approx(-ground, abs=1e-12 * scale)
+    assert np.abs(ground).max() > 1e-3
+    assert not ledger["ground"][1:].any()
 
 
 def test_joints_carry_no_moment_about_their_axes() -> None:

@@ -25,6 +25,8 @@ ALLOWED = {
     "cosim.rest": ("cosim.port",),
     "cosim.files": ("cosim.port",),
     "cosim.processes": (),
+    "cosim.mesh_file": ("cosim.port",),
+    "cosim.vtu_child": (),
     "cosim.verification": ("cosim.port",),
     "cosim.accelerate": ("cosim.port",),
     "cosim.coupled": ("cosim.port", "cosim.accelerate"),
@@ -35,12 +37,15 @@ ALLOWED = {
     "cosim.snapshot": ("cosim.port",),
     "cosim.one_way": ("cosim.port",),
     "cosim.fixed_point": ("cosim.port", "cosim.accelerate", "cosim.couple", "cosim.rest"),
-    "fe_solver": ("cosim.port", "cosim.processes", "cosim.verification", "fe_solver"),
+    "fe_solver": (
+        *("cosim.port", "cosim.mesh_file", "cosim.processes", "cosim.verification"),
+        "fe_solver",
+    ),
     "rigid": (
         *("cosim.port", "cosim.rest", "cosim.files", "cosim.verification"),
         *("meshes.skeleton", "rigid"),
     ),
-    "meshes": ("cosim.port", "meshes"),
+    "meshes": ("cosim.port", "cosim.mesh_file", "meshes"),
 }
 KNOW_THE_SOLVERS = {
     "cosim.anatomy",

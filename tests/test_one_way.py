@@ -18,6 +18,7 @@ from cosim.port import STATIC, Load, Response
 from cosim.results import Result
 from cosim.run import run_case
 from cosim.verification_thesis import greatest_tip_force
+from meshes.skeleton import BODIES
 from rigid.support import HELD
 
 ONE_WAY = 'coupling.scheme="one_way"'
@@ -172,7 +173,7 @@ def test_the_ledger_names_what_was_added_and_closes():
     added = {row.source for row in loaded if row.source.startswith("hood ")}
     assert {"hood lumping", "hood joint_contact"} < added
     assert result.summary["double_counted"] == ["hood joint_contact and joint"]
-    for body in ("proximal", "middle", "distal"):
+    for body in BODIES:
         here = [row for row in loaded if row.body == body]
         for part in ([row.force for row in here], [row.moment for row in here]):
             assert np.linalg.norm(np.sum(part, axis=0)) < 1e-9 * np.abs(part).max()

@@ -245,7 +245,7 @@ def test_the_command_prints_what_was_lost(tmp_path: Path) -> None:
     result = CliRunner().invoke(APP, [str(path), "--out", str(out)])
     assert result.exit_code == 0
     assert 'dropped, line 14: Credits2 "x"' in result.output
-    assert "1 coordinates and 0 muscles" in result.output
+    assert "1 coordinates and 0 of 0 muscles" in result.output
     assert out.exists()
 
 

@@ -14,6 +14,7 @@ from cosim.paced import ROUNDING, _first_try
 from cosim.port import ConvergenceError, InputError, StoppedError
 from cosim.results import Result
 from cosim.run import run_case
+from meshes.skeleton import BODIES
 from tests.test_motion import FREE, PLAIN, Stopper, identical
 
 DURATION = 0.06
@@ -62,7 +63,7 @@ def test_the_books_close_at_each_half():
     times = dict.fromkeys(row.state for row in result.ledger)
     assert len(times) == 2 * result.summary["step_control"]["accepted"]
     for time in times:
-        for body in ("proximal", "middle", "distal"):
+        for body in BODIES:
             here = [row for row in result.ledger if (row.state, row.body) == (time, body)]
             largest = max(np.linalg.norm(row.force) for row in here)
             assert np.linalg.norm(sum(row.force for row in here)) < 1e-9 * largest

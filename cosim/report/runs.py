@@ -14,6 +14,7 @@ import numpy as np
 
 from cosim.compare import Comparison, Target, compared
 from cosim.compare_files import read_json
+from cosim.mesh_file import read_mesh_file
 from cosim.port import InputError
 from cosim.quantities import check_quantities
 from cosim.results import LEDGER_HEADER, STRAIN, HoodField, LedgerRow
@@ -115,7 +116,7 @@ def _longer(run: Run) -> str:
 def _read(path: Path, reader: Callable[[Path], T]) -> T:
     try:
         return reader(path)
-    except (OSError, ValueError, KeyError, IndexError, TypeError, SystemExit) as error:
+    except (OSError, ValueError, KeyError, IndexError, TypeError) as error:
         raise InputError(f"{path}: cannot be read as a part of a run ({error})") from error
 
 
@@ -150,10 +151,7 @@ def _ledger(path: Path) -> tuple[LedgerRow, ...]:
 
 
 def _hood(path: Path) -> HoodField:
-    import meshio
-
-    # meshio ends the program where it can make nothing of a file: hence SystemExit above
-    mesh = meshio.read(path)
+    mesh = read_mesh_file(path)
     data = {name: np.asarray(blocks[0]) for name, blocks in mesh.cell_data.items()}
     if STRAIN not in data or "displacement" not in mesh.point_data:
         raise ValueError("it is no hood of a run")

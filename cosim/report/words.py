@@ -156,17 +156,17 @@ def trust(run: Run) -> str:
 
 
 def closure(run: Run) -> str:
-    """How nearly the forces on each moving bone add up to zero; the first body is fixed."""
+    """How nearly the forces on each bone add up to zero; nothing of a run whose finger does not
+    tell all its forces."""
     sums = {
-        body: np.sum(list(wrenches.values()), axis=0)
-        for body, wrenches in list(last_ledger(run).items())[1:]
+        body: np.sum(list(wrenches.values()), axis=0) for body, wrenches in last_ledger(run).items()
     }
-    if not sums:
+    if not sums or "not_in_ledger" in run.summary:
         return ""
     force = max(float(np.linalg.norm(wrench[:3])) for wrench in sums.values())
     moment = max(float(np.linalg.norm(wrench[3:])) for wrench in sums.values())
     most = f"{number(force, 2)} N and {number(1e3 * moment, 2)} N mm".replace("-", "−")
-    return f"On each moving bone they add up to zero within {most}; the first bone is fixed."
+    return f"On each bone they add up to zero within {most}; the ground holds the first."
 
 
 def doubts(run: Run) -> Iterator[str]:

@@ -14,7 +14,7 @@ from rigid.joint_torques import LIMIT_STIFFNESS, LIMIT_TRANSITION, JointLaw, joi
 from rigid.opensim.xml import Tag
 
 DEGREES = math.degrees(1.0)
-PATHS = "GeometryPath"
+PATH = "GeometryPath"
 Property = float | bool | str
 
 
@@ -71,7 +71,7 @@ def properties(tag: Tag, way: str = "") -> Iterator[tuple[str, Property]]:
     """Each number, flag or word that the file states of a force, by its place below the tag
     ("ActiveForceLengthCurve/minimum_value"); what is not stated has OpenSim's default."""
     for child in tag.children:
-        if child.kind == PATHS:
+        if child.kind == PATH:
             continue
         child.used = True
         if child.children:
@@ -88,7 +88,7 @@ def _value(tag: Tag) -> Property:
         float(text)
     except ValueError:
         return text
-    return text if math.isinf(float(text)) else tag.numbers(1)[0]
+    return tag.numbers(1)[0] if math.isfinite(float(text)) else text
 
 
 def law_of(

@@ -25,7 +25,7 @@ REASONS = (
     ("Force", "no joint or tendon of MuJoCo is this force; it is not applied"),
     ("Ligament", "ligaments are not imported; the force is not applied"),
     ("Spring", "this force is not imported and not applied"),
-    ("Actuator", "only actuators along a path are imported"),
+    ("Actuator", "only actuators with a <GeometryPath> are imported"),
     ("Muscle", "a muscle without a <GeometryPath> is not imported"),
     ("Wrap", "no imported path wraps over it"),
     ("Frame", "nothing imported is fixed to this frame"),

@@ -15,6 +15,7 @@ from cosim.port import InputError
 from rigid.joint_torques import JointLaw
 from rigid.opensim.components import Components, components
 from rigid.opensim.forces import (
+    PATH,
     Limit,
     Property,
     Spring,
@@ -30,6 +31,10 @@ from rigid.opensim.skeleton import Skeleton, read_skeleton
 from rigid.opensim.xml import Tag, read_xml
 
 OLDEST = 40000
+OTHER_PATHS = ("FunctionBasedPath", "Scholz2015GeometryPath")
+"""OpenSim's kinds of paths that are not imported."""
+STRETCHED = ("Ligament", "Blankevoort1991Ligament", "PathSpring", "ExpressionBasedPathForce")
+"""Forces along a path that nothing controls."""
 GRAVITY = (0.0, -9.80665, 0.0)
 """m/s2, OpenSim's default."""
 
@@ -65,6 +70,8 @@ class Imported:
     limits: Mapping[str, Limit]
     springs: Mapping[str, Spring]
     losses: tuple[Loss, ...]
+    path_actuators: int = 0
+    """Muscles and actuators along a path in the file, imported or not."""
 
     def law(self, joints: tuple[str, ...]) -> JointLaw:
         """The limits and springs as our own joint law; see `law_of`."""
@@ -82,7 +89,7 @@ def import_osim(path: Path) -> Imported:
     if not parts.of_kind("Ground"):
         raise model.fault("<Ground> is missing; expected a model of OpenSim 4")
     skeleton = read_skeleton(parts)
-    muscles, ways, losses = _muscles(parts)
+    muscles, ways, count, losses = _muscles(parts)
     limits, springs, more = _passive(parts, skeleton)
     losses = [*skeleton.losses, *losses, *more]
     gravity = model.values("gravity", GRAVITY)
@@ -93,7 +100,9 @@ def import_osim(path: Path) -> Imported:
         for c in skeleton.coordinates.values()
     }
     all_losses = (*losses, *unread(root))
-    return Imported(path.name, version, xml, coordinates, muscles, limits, springs, all_losses)
+    return Imported(
+        path.name, version, xml, coordinates, muscles, limits, springs, all_losses, count
+    )
 
 
 def _version(root: Tag) -> int:
@@ -114,13 +123,27 @@ def _first(tag: Tag, kind: str) -> Tag | None:
     return next((found for c in tag.children if (found := _first(c, kind))), None)
 
 
-def _muscles(model: Components) -> tuple[dict[str, Muscle], dict[str, Way], list[Loss]]:
+def _muscles(model: Components) -> tuple[dict[str, Muscle], dict[str, Way], int, list[Loss]]:
+    """The muscles and actuators along a path, their ways, how many the file has, and what is lost
+    of them."""
     muscles: dict[str, Muscle] = {}
     ways: dict[str, Way] = {}
     losses: list[Loss] = []
+    count = 0
     for tag in model.by_path.values():
-        path = tag.one("GeometryPath") if tag.kind.endswith(("Muscle", "PathActuator")) else None
-        if path is None:
+        holders = (tag, *(child for child in tag.children if child.kind == "path"))
+        paths = [c for h in holders for c in h.children if c.kind in (PATH, *OTHER_PATHS)]
+        if not paths:
+            continue
+        if tag.kind in STRETCHED:
+            losses.append(dropped(tag, "its stretch alone makes it pull; the force is not applied"))
+            continue
+        count += 1
+        if len(paths) > 1:
+            raise paths[1].fault(f"a second path; the first is in line {paths[0].line}")
+        (path,) = paths
+        if path.kind != PATH:
+            losses.append(dropped(tag, f"its path is a {path.kind}; only a {PATH} is imported"))
             continue
         if tag.name in muscles:
             raise tag.fault("another muscle has this name; rename one")
@@ -132,11 +155,11 @@ def _muscles(model: Components) -> tuple[dict[str, Muscle], dict[str, Way], list
         except Lost as reason:
             losses.append(dropped(tag, f"{reason}; a tendon here would have another length"))
             continue
-        tag.used = True
+        tag.used = path.used = True
         muscles[tag.name] = Muscle(tag.kind, dict(properties(tag)))
         ways[tag.name] = way
         losses += [changed(*change) for change in way.changes]
-    return muscles, ways, losses + _wrap_losses(ways)
+    return muscles, ways, count, losses + _wrap_losses(ways)
 
 
 def _wrap_losses(ways: Mapping[str, Way]) -> list[Loss]:

@@ -1,14 +1,20 @@
 """Tendon lengths by closed forms, apart from MuJoCo: the check of its paths and moment arms.
 
 Across one cylinder, seen along its axis, with the ends at distances p and d from it and the angle D
-between them on the tendon's side,
+between them on the way that the tendon takes,
 
     phi = D - acos(r / p) - acos(r / d),    l = sqrt(p^2 - r^2) + r phi + sqrt(d^2 - r^2)
 
 where phi > 0, else the straight distance; rolled out, the way is a straight line, so that with h
 along the axis L = sqrt(l^2 + h^2).  The moment arm of a planar tendon that touches is r itself.
-Across a sphere the same l, in the plane of both ends and the centre, with D the angle between them
-there, at most pi; the arm's magnitude is r about any axis normal to that plane.
+Across a sphere the same l, in the plane of both ends and the centre; the arm's magnitude is r about
+any axis normal to that plane.  D is at most pi, or, where the ray from the centre away from the
+side runs between the ends, the angle on the side; MuJoCo goes round there too.
+
+With a side within the surface the tendon runs through a ring: straight where it passes within r,
+else by the point of the circle nearest to both ends,
+
+    l = min over a of sqrt(p^2 + r^2 - 2 p r cos(a)) + sqrt(d^2 + r^2 - 2 d r cos(D - a)).
 """
 
 from __future__ import annotations
@@ -81,33 +87,77 @@ def _placed(pose: Pose, point: tuple[float, float, float]) -> Array:
 
 
 def wrapped_length(start: Array, end: Array, surface: Cylinder | Sphere, pose: Pose) -> float:
-    """m, of the shortest way from `start` to `end` (3,) past a cylinder on its side or a sphere."""
+    """m, of the way from `start` to `end` (3,) past a surface of a body in that pose."""
     turn, origin = pose
-    p, d = ((x - origin) @ turn - np.array(surface.centre) for x in (start, end))
-    if isinstance(surface, Sphere):
-        past = float(np.arctan2(np.linalg.norm(np.cross(p, d)), p @ d))
-        length = _flat_length(past, p, d, surface.radius)
-        return float(np.linalg.norm(d - p)) if length is None else length
-    side = np.array(surface.side) - np.array(surface.centre)
-    axis = np.array(surface.axis) / np.linalg.norm(surface.axis)
-    across = np.linalg.svd(axis[None])[2][1:]
-    covered = _angle_past(across @ p, across @ d, across @ side)
-    flat = _flat_length(covered, across @ p, across @ d, surface.radius)
-    return float(np.linalg.norm(d - p) if flat is None else np.hypot(flat, axis @ (d - p)))
+    centre = np.array(surface.centre)
+    p, d = ((x - origin) @ turn - centre for x in (start, end))
+    normal = np.cross(p, d) if isinstance(surface, Sphere) else np.array(surface.axis)
+    across = np.linalg.svd(normal[None])[2]  # the normal of the plane, then its axes
+    if not normal.any():  # a line through the centre lies in many planes
+        across = np.linalg.svd(d[None])[2][::-1]
+    height, p, d = across[0] @ (d - p), across[1:] @ p, across[1:] @ d
+    side = None if surface.side is None else np.array(surface.side) - centre
+    if side is not None and np.linalg.norm(side) < surface.radius:
+        flat = _through_ring(p, d, surface.radius)
+    else:
+        flat = _around(p, d, surface.radius, None if side is None else across[1:] @ side)
+    return float(np.hypot(flat, height))
 
 
-def _flat_length(between: float, p: Array, d: Array, radius: float) -> float | None:
-    """m, tangents and arc about a circle from p to d, `between` rad apart as seen from its centre;
-    None where the straight way clears it."""
+def _around(p: Array, d: Array, radius: float, side: Array | None) -> float:
+    """m, from p to d (2,) around a circle about the origin."""
     far = [float(np.linalg.norm(x)) for x in (p, d)]
-    phi = between - sum(np.arccos(min(1.0, radius / x)) for x in far)
+    straight, between = float(np.linalg.norm(d - p)), _between(p, d)
+    if min(far) < radius:
+        return straight
+    if side is not None and _is_between(-side, p, d):
+        between = 2 * np.pi - between
+    phi = between - sum(np.arccos(radius / x) for x in far)
     if phi <= 0:
-        return None
+        return straight
     return float(radius * phi + sum(np.sqrt(x**2 - radius**2) for x in far))
 
 
-def _angle_past(p: Array, d: Array, side: Array) -> float:
-    """rad in [0, 2 pi), from p to d (2,), turning from p towards the side."""
-    at, to, past = (np.arctan2(x[1], x[0]) for x in (p, d, side))
-    sense = np.sign(np.sin(past - at))
-    return float(sense * (to - at) % (2 * np.pi))
+def _through_ring(p: Array, d: Array, radius: float) -> float:
+    """m, from p to d (2,) by way of the inside of a circle about the origin."""
+    from scipy.optimize import brentq
+
+    far = [float(np.linalg.norm(x)) for x in (p, d)]
+    if min(far) <= radius or np.linalg.norm(_nearest(p, d)) <= radius:
+        return float(np.linalg.norm(d - p))
+    between = _between(p, d)
+
+    def leg(x: float, angle: float) -> float:
+        return float(np.sqrt(x**2 + radius**2 - 2 * x * radius * np.cos(angle)))
+
+    def slope(a: float) -> float:
+        near, away = (
+            x * np.sin(angle) / leg(x, angle)
+            for x, angle in zip(far, (a, between - a), strict=True)
+        )
+        return float(near - away)
+
+    a = brentq(slope, 0.0, between, xtol=1e-15) if between > 0 else 0.0
+    return leg(far[0], a) + leg(far[1], between - a)
+
+
+def _nearest(p: Array, d: Array) -> Array:
+    """The point of the segment from p to d (2,) that is nearest to the origin."""
+    along = d - p
+    share = np.clip(-p @ along / max(float(along @ along), 1e-300), 0.0, 1.0)
+    return np.asarray(p + share * along)
+
+
+def _between(p: Array, d: Array) -> float:
+    """rad in [0, pi], between p and d (2,) as seen from the origin."""
+    return float(np.arctan2(abs(_cross(p, d)), p @ d))
+
+
+def _is_between(x: Array, p: Array, d: Array) -> bool:
+    """Whether the direction x (2,) lies in the angle between p and d, which is less than pi."""
+    sense = _cross(p, d)
+    return bool(sense * _cross(p, x) > 0 and sense * _cross(x, d) > 0)
+
+
+def _cross(a: Array, b: Array) -> float:
+    return float(a[0] * b[1] - a[1] * b[0])

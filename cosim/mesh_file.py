@@ -1,0 +1,122 @@
+"""Reading a mesh file: .vtu by VTK, any other format by meshio."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import tempfile
+from contextlib import redirect_stdout
+from io import StringIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.port import InputError
+
+if TYPE_CHECKING:
+    from meshio import Mesh
+
+Ints = NDArray[np.int64]
+CELLS = {
+    **{1: "vertex", 3: "line", 5: "triangle", 7: "polygon", 9: "quad", 10: "tetra"},
+    **{12: "hexahedron", 13: "wedge", 14: "pyramid", 21: "line3", 22: "triangle6"},
+    **{23: "quad8", 24: "tetra10", 25: "hexahedron20", 28: "quad9", 29: "hexahedron27"},
+}
+"""meshio's names of VTK's types of cells."""
+TRIANGLE, POLYGON, PIXEL, QUAD = 5, 7, 8, 9
+PATIENCE = 120.0
+"""s that VTK may take for a file."""
+
+
+def read_mesh_file(path: Path) -> Mesh:
+    """The mesh of a file.  Raises InputError where it cannot be read."""
+    if not path.is_file():
+        raise InputError(f"{path}: there is no such file")
+    return _read_vtu(path) if path.suffix.lower() == ".vtu" else _read_by_meshio(path)
+
+
+def _read_by_meshio(path: Path) -> Mesh:
+    """meshio's readers end in many ways on a broken file, some by leaving the program."""
+    import meshio
+
+    try:
+        with np.errstate(all="ignore"), redirect_stdout(StringIO()):  # it prints empty lines
+            return meshio.read(path)
+    except SystemExit as end:
+        raise InputError(f"{path}: meshio knows no format for it, or finds it broken") from end
+    except (ArithmeticError, AssertionError, AttributeError, LookupError, TypeError) as error:
+        raise InputError(f"{path}: meshio cannot read it: {error!r}") from error
+    except (OSError, RuntimeError, ValueError, meshio.ReadError) as error:
+        text = str(error) or type(error).__name__
+        raise InputError(f"{path}: meshio cannot read it: {text}") from error
+
+
+def _read_vtu(path: Path) -> Mesh:
+    """meshio mixes up arrays of appended raw data.  Pixels, and polygons of three or four corners,
+    are quads and triangles; cells of one type that follow each other are one block."""
+    import meshio
+
+    arrays = _arrays_of_vtu(path)
+    types, ends, nodes = (arrays[key].astype(np.int64) for key in ("types", "ends", "nodes"))
+    sizes = np.diff(ends, prepend=0)
+    if not _is_whole(types, sizes, nodes, len(arrays["points"])):
+        raise InputError(f"{path}: a cell names nodes that are not there")
+    first = ends - sizes
+    at = first[types == PIXEL]
+    nodes[at + 2], nodes[at + 3] = nodes[at + 3], nodes[at + 2]
+    types[types == PIXEL] = QUAD
+    types[(types == POLYGON) & (sizes == 4)] = QUAD
+    types[(types == POLYGON) & (sizes == 3)] = TRIANGLE
+    same = (np.diff(types, prepend=-1) == 0) & (np.diff(sizes, prepend=-1) == 0)
+    starts = np.flatnonzero(~same)
+    blocks = [
+        (_name(path, int(types[a])), nodes[first[a] : ends[b - 1]].reshape(b - a, -1))
+        for a, b in zip(starts, [*starts[1:], len(types)], strict=True)
+    ]
+    data: dict[str, dict[str, Any]] = {"point": {}, "cell": {}}
+    for key, values in arrays.items():
+        kind, slash, name = key.partition("/")
+        if slash:
+            data[kind][name] = values
+    cell_data = {name: np.split(values, starts[1:]) for name, values in data["cell"].items()}
+    return meshio.Mesh(arrays["points"], blocks, data["point"], cell_data)
+
+
+def _is_whole(types: Ints, sizes: Ints, nodes: Ints, count: int) -> bool:
+    pixels = sizes[types == PIXEL]
+    inside = (nodes >= 0) & (nodes < count)
+    return bool((sizes >= 0).all() and inside.all() and sizes.sum() == len(nodes)) and bool(
+        (pixels == 4).all()
+    )
+
+
+def _name(path: Path, kind: int) -> str:
+    if kind not in CELLS:
+        raise InputError(f"{path}: holds cells of VTK's type {kind}; a shell is made of quads")
+    return CELLS[kind]
+
+
+def _arrays_of_vtu(path: Path) -> dict[str, Any]:
+    """What `cosim.vtu_child` makes of a file."""
+    program = str(Path(__file__).with_name("vtu_child.py"))
+    with tempfile.TemporaryDirectory() as folder:
+        target = Path(folder) / "mesh.npz"
+        call = [sys.executable, "-P", program, str(path.resolve()), str(target)]
+        try:
+            done = subprocess.run(call, capture_output=True, timeout=PATIENCE, check=False)
+        except subprocess.TimeoutExpired:
+            raise InputError(f"{path}: VTK did not read it in {PATIENCE:g} s") from None
+        if done.returncode:
+            raise InputError(f"{path}: VTK cannot read it: {_reason(done)}")
+        with np.load(target, allow_pickle=False) as file:
+            return dict(file)
+
+
+def _reason(done: subprocess.CompletedProcess[bytes]) -> str:
+    if done.returncode < 0:
+        return f"its process ended by {signal.Signals(-done.returncode).name}; the file is broken"
+    lines = done.stderr.decode(errors="replace").strip().splitlines()
+    return lines[-1] if lines else f"its process ended with exit code {done.returncode}"

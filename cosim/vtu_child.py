@@ -1,0 +1,65 @@
+"""Read a .vtu file with VTK: run as a program of its own, for some broken files end VTK's process.
+
+    python vtu_child.py SOURCE.vtu TARGET.npz
+
+The target holds the points (n, 3), of the cells VTK's types (ne,), the ends (ne,) of their nodes in
+`nodes`, and the arrays of points and cells by `point/NAME` and `cell/NAME`.  What is wrong with the
+source goes to the error stream, with exit code 1.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonCore import vtkDataArray, vtkOutputWindow, vtkStringOutputWindow
+from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader
+
+
+def main(source: str, target: str) -> None:
+    """Write the mesh of `source` to `target`.  Raises SystemExit with VTK's reason where it
+    cannot be read."""
+    said = vtkStringOutputWindow()
+    vtkOutputWindow.SetInstance(said)
+    reader = vtkXMLUnstructuredGridReader()
+    if not reader.CanReadFile(source):
+        sys.exit("it is no XML file of VTK's type UnstructuredGrid")
+    reader.SetFileName(source)
+    reader.Update()
+    if reader.GetErrorCode() or said.GetOutput():
+        sys.exit(_reason(said.GetOutput()))
+    grid = reader.GetOutput()
+    arrays = {"points": np.zeros((0, 3)), "nodes": np.zeros(0), "types": np.zeros(0)}
+    arrays["ends"] = np.zeros(0)
+    if grid.GetNumberOfPoints():
+        arrays["points"] = vtk_to_numpy(grid.GetPoints().GetData())
+    if grid.GetNumberOfCells():
+        cells = grid.GetCells()
+        arrays["nodes"] = vtk_to_numpy(cells.GetConnectivityArray())
+        arrays["ends"] = vtk_to_numpy(cells.GetOffsetsArray())[1:]
+        arrays["types"] = vtk_to_numpy(grid.GetCellTypesArray())
+    arrays |= {f"point/{name}": values for name, values in _data(grid.GetPointData())}
+    arrays |= {f"cell/{name}": values for name, values in _data(grid.GetCellData())}
+    with open(target, "wb") as file:
+        np.savez(file, **arrays)
+
+
+def _reason(text: str) -> str:
+    """The first complaint of VTK without the place in its own source."""
+    lines = [line.rpartition("): ")[2].strip() for line in text.splitlines()]
+    return next((line for line in lines if line and not line.startswith("ERROR")), "it is broken")
+
+
+def _data(attributes: Any) -> Iterator[tuple[str, Any]]:
+    for i in range(attributes.GetNumberOfArrays()):
+        array = attributes.GetAbstractArray(i)
+        if not isinstance(array, vtkDataArray):
+            sys.exit(f"its array {array.GetName()!r} holds no numbers; leave it out")
+        yield array.GetName() or f"array {i}", vtk_to_numpy(array)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
