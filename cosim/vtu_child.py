@@ -32,8 +32,7 @@ def main(source: str, target: str) -> None:
     if reader.GetErrorCode() or said.GetOutput():
         sys.exit(_reason(said.GetOutput()))
     grid = reader.GetOutput()
-    arrays = {"points": np.zeros((0, 3)), "nodes": np.zeros(0), "types": np.zeros(0)}
-    arrays["ends"] = np.zeros(0)
+    arrays: dict[str, Any] = {"points": np.zeros((0, 3)), "nodes": [], "types": [], "ends": []}
     if grid.GetNumberOfPoints():
         arrays["points"] = vtk_to_numpy(grid.GetPoints().GetData())
     if grid.GetNumberOfCells():
