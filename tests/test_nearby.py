@@ -25,7 +25,12 @@ QUANTITIES = (
 
 @pytest.mark.parametrize(
     ("key", "value", "unit"),
-    [("hood.regions.central_slip.modulus", 53.99, "MPa"), ("tendons.EDC.tension", 11.8, "N")],
+    [
+        pytest.param(
+            "hood.regions.central_slip.modulus", 53.99, "MPa", marks=pytest.mark.slow, id="modulus"
+        ),
+        pytest.param("tendons.EDC.tension", 11.8, "N", id="tension"),
+    ],
 )
 def test_slopes_by_the_tangent_are_those_of_solves(key, value, unit):
     ends = [(*COARSE, f"{key}={value * (1 + d)!r} {unit}") for d in (-SMALL, SMALL)]

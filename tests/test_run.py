@@ -26,12 +26,15 @@ STILL = [name for name in PACKAGED if name not in MOVING]
 ISOMETRIC = [name for name in PACKAGED if name.startswith("isometric")]
 MIDDLE = [name for name in PACKAGED if name.startswith("hood_")]
 OFTEN = {
+    "hood_minorflex_edc",
     "lesion_mallet",
+    "fingertip_fibres_edc",
     "fingertip_isotropic_edc",
+    "strain_lee2008_identified",
     "strain_lee2008_soft_iso",
     "thesis_one_way_edc",
 }
-KINDS = ("hood_majorflex", "lesion", "fingertip_isotropic", "strain_lee2008_s", "thesis_one_way")
+KINDS = ("hood_", "lesion", "fingertip_", "strain_lee2008", "thesis_one_way")
 """Of these only those above are in the default run of the tests."""
 COARSE = "hood.mesh.quads=250"
 HEADS = {"FDIm": "FDI", "FDIl": "FDI", "RIp": "RI"}

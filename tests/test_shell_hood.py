@@ -158,7 +158,7 @@ def test_a_longer_terminal_slip_leaves_the_central_slip_more(hood, solved, motio
     assert central("0.5 mm") > 1.1 * laid
 
 
-@pytest.mark.parametrize("elements", ["linear", "quadratic"])
+@pytest.mark.parametrize("elements", ["linear", pytest.param("quadratic", marks=pytest.mark.slow)])
 def test_a_bent_hood_is_the_one_that_bends_there_slowly(elements):
     """An isotropic sheet rests at 60/60/30 deg with its central slip slack or taut.  Bent from
     straight it is taut; one leap from straight ends slack, with a third to a half of the force."""
