@@ -38,5 +38,7 @@ def report(
     with told():
         from cosim.report.write import write_report
 
-        written = write_report(runs, out, form, against, data)
+        written = write_report(
+            runs, out, form, against, data, lambda text: typer.echo(f"note: {text}", err=True)
+        )
     typer.echo(written, nl=not written.endswith("\n"))

@@ -355,6 +355,17 @@ def test_the_command(hood, tmp_path, data):
         assert refused.stderr.count("\n") == 1
 
 
+def test_rows_for_a_case_of_which_no_run_is_reported_are_counted(hood, tmp_path, data):
+    rows = tmp_path / "data.csv"
+    rows.write_text(DATA.replace("isometric_edc", "isometric_ecd"), encoding="utf-8")
+    words = ["report", str(hood), "--data", str(rows), "--format", "csv"]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 0
+    note = f"note: {rows}: rows for the case isometric_ecd, of which no run is reported: 1\n"
+    assert done.stderr == note
+    assert "note" not in done.stdout.splitlines()[0]
+
+
 def test_rows_of_the_runs_own_file_come_first(tmp_path, hood, data):
     from cosim.compare_files import read_targets, write_json
 

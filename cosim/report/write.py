@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -18,12 +19,17 @@ def write_report(
     form: Literal["html", "csv", "json", "md"],
     against: Path | None = None,
     data: Path | None = None,
+    note: Callable[[str], None] = lambda text: None,
 ) -> str:
-    """Write the report and return what to tell: where it is, or without `out` the tables.
+    """Write the report and return what to tell: where it is, or without `out` the tables; `note`
+    takes what there is to say beside it.
 
     Raises InputError where a folder is no run, or the file cannot be written."""
     targets = read_targets(data) if data is not None else ()
     every = read_runs([*folders, against] if against is not None else folders, targets)
+    others = Counter(t.case for t in targets if t.case not in ("", *(run.case for run in every)))
+    for case, count in others.items():
+        note(f"{data}: rows for the case {case}, of which no run is reported: {count}")
     runs, other = (every, None) if against is None else (every[:-1], every[-1])
     tables = tables_of(runs, other)
     if form == "html":
