@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from cosim import __version__
+from cosim.audit import describe_misses
 from cosim.estimate_commands import estimate
 from cosim.finger_commands import bench_fingers, bench_robotic_finger, mjcf, moment_arms
 from cosim.fmu_commands import fmu
@@ -30,7 +31,7 @@ from cosim.reduce_commands import reduce
 from cosim.report_commands import report
 from cosim.shell_commands import info, verify
 from cosim.study.commands import bench_studies, status, study
-from cosim.terminal import console, tell, told, warn_of_audit
+from cosim.terminal import console, tell, told, warn_of_audits
 from cosim.trial_commands import identify, sensitivity
 from cosim.validate_commands import validate
 
@@ -66,10 +67,6 @@ app.command()(ladder)
 app.command()(lesion)
 app.command()(reduce)
 UNFINISHED = ".unfinished"
-AUDIT_MISSED, STOPPED = 3, 130
-"""Exit codes: of a run whose audit is missed (its results are written), of one that is stopped."""
-WORST = (0, AUDIT_MISSED, 1, 2, STOPPED)
-"""Exit codes; of a batch the last of them counts."""
 Voice = Literal["plain", "quiet", "json"]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Say nothing but what is wrong.")]
 AsJson = Annotated[
@@ -142,22 +139,21 @@ def _run_all(cases: Sequence[Case], out: Path, voice: Voice) -> None:
     """Run cases one after the other until the user stops one; what their audits missed is said
     last."""
     summaries: dict[str, Mapping[str, Any] | None] = {}
-    codes = [0]
+    failed = 0
     for case in cases:
         try:
             summaries[case.name] = _run_one(case, out, voice)
         except CosimError as error:
             summaries[case.name] = None
-            codes.append(tell(type(error)(f"{case.name}: {error}")))
+            failed = max(failed, tell(type(error)(f"{case.name}: {error}")))
             if isinstance(error, StoppedError):
                 break
     if voice == "plain" and len(cases) > 1:
         from cosim.summary import batch_table
 
         console().print(batch_table([case.name for case in cases], summaries))
-    missed = [warn_of_audit(name, summary) for name, summary in summaries.items() if summary]
-    codes += [AUDIT_MISSED] * any(missed)
-    raise typer.Exit(max(codes, key=WORST.index))
+    missed = warn_of_audits({n: list(describe_misses(s or {})) for n, s in summaries.items()})
+    raise typer.Exit(failed or missed)
 
 
 def _voice(quiet: bool, as_json: bool) -> Voice:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from cosim.terminal import console, told
+from cosim.audit import describe_misses
+from cosim.terminal import console, told, warn_of_audits
 
 if TYPE_CHECKING:
     from cosim.case_schema import Case
@@ -46,6 +47,8 @@ def lesion(
     for table in tables:
         _show(table)
     typer.echo(f"report in {where}, runs in {out}")
+    runs = [run for pair in pairs for run in (pair.before, pair.after)]
+    raise typer.Exit(warn_of_audits({run.name: list(describe_misses(run.summary)) for run in runs}))
 
 
 def _solved(case: Case, out: Path) -> list[Pair]:

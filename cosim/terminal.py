@@ -6,7 +6,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 CODES = {InputError: 2, StoppedError: 130}
 """Exit codes of errors; 1 of all others."""
+AUDIT_MISSED = 3
+"""Exit code where a run missed its audit; its results are written."""
 WIDTH = 120
 """Columns where the output is no terminal."""
 
@@ -27,16 +29,14 @@ def tell(error: CosimError) -> int:
     return next((code for kind, code in CODES.items() if isinstance(error, kind)), 1)
 
 
-def warn_of_audit(case: str, summary: Mapping[str, Any]) -> bool:
-    """Say on the error stream what the audit of a run missed; whether it missed anything."""
-    from cosim.audit import describe_misses
-
-    misses = list(describe_misses(summary))
-    if misses:
-        typer.echo(f"cosim: {case}: THE AUDIT IS MISSED, do not trust this result", err=True)
-    for miss in misses:
-        typer.echo(f"  {miss}", err=True)
-    return bool(misses)
+def warn_of_audits(missed: Mapping[str, Sequence[str]]) -> int:
+    """Say on the error stream what the audits of runs missed, by the run's name; the exit code."""
+    for name, misses in missed.items():
+        if misses:
+            typer.echo(f"cosim: {name}: THE AUDIT IS MISSED, do not trust this result", err=True)
+        for miss in misses:
+            typer.echo(f"  {miss}", err=True)
+    return AUDIT_MISSED if any(missed.values()) else 0
 
 
 @contextmanager

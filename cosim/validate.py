@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 from cosim import __version__
+from cosim.audit import describe_misses
 from cosim.build_finger import held_by
 from cosim.build_fit import check_fit
 from cosim.case import load_case
@@ -48,11 +49,12 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Board:
-    """The rows of one group, and the trials that failed."""
+    """The rows of one group, the trials that failed, and what the audits of others missed."""
 
     group: str
     rows: tuple[Comparison, ...]
     failures: dict[str, str]
+    missed: Mapping[str, list[str]] = field(default_factory=dict)
 
 
 def chosen(only: str | None, published: Path | None = None) -> list[Group]:
@@ -175,7 +177,9 @@ def _board(group: Group, outcomes: dict[str, Outcome], folder: Path) -> Board:
         own = [row for row in rows if row.target.case == name]
         if own and (folder / folder_name(name)).is_dir():
             write_json(folder / folder_name(name) / "comparison.json", own)
-    return Board(group.name, rows, {o.trial: o.failure for o in mine if o.failure is not None})
+    failures = {o.trial: o.failure for o in mine if o.failure is not None}
+    missed = {name: found for name, s in summaries.items() if (found := list(describe_misses(s)))}
+    return Board(group.name, rows, failures, missed)
 
 
 def scoreboard(boards: Sequence[Board]) -> str:

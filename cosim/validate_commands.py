@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cosim.terminal import console, told
+from cosim.terminal import console, told, warn_of_audits
 
 if TYPE_CHECKING:
     from cosim.validate import Board
@@ -80,8 +80,9 @@ def validate(
     if finer is not None:
         _print_changes(again, found)
     typer.echo(f"scoreboard in {out / 'scoreboard.html'} and {' and '.join(map(str, places))}")
-    if any(board.failures for board in (*boards, *again)):
-        raise typer.Exit(1)
+    every = (*boards, *again)
+    missed = warn_of_audits({name: why for board in every for name, why in board.missed.items()})
+    raise typer.Exit(1 if any(board.failures for board in every) else missed)
 
 
 def _hoods(settings: list[str]) -> tuple[list[Path], list[str]]:

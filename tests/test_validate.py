@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from cosim.audit import BOUNDS, Bound
 from cosim.case import load_case
 from cosim.cli import app
 from cosim.compare import Comparison, Target
@@ -263,6 +264,16 @@ def some_of_the_split(*muscles: str) -> Group:
     (group,) = chosen("middle_m")
     kept = [t for t in group.trials if t.name.endswith(muscles)]
     return replace(group, trials=tuple(kept))
+
+
+def test_trials_whose_audit_is_missed_are_said_last(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setitem(BOUNDS, "finger_residual", Bound(-1.0, "nothing helps"))
+    words = ["validate", "--only", "middle_minorflex_fdp", "--out", str(tmp_path), "--workers", "1"]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 3
+    *_, loud, reason = done.stderr.splitlines()
+    assert loud.endswith("THE AUDIT IS MISSED, do not trust this result")
+    assert reason.endswith("more than -1: nothing helps")
 
 
 def test_hood_and_split_are_compared_over_the_trials_that_both_have():
