@@ -104,7 +104,7 @@ def _read_layers(source: Path, above: tuple[Path, ...]) -> list[Layer]:
 
 def _read_toml(source: Path) -> dict[str, Any]:
     try:
-        text = source.read_bytes().decode()
+        text = source.read_bytes().decode("utf-8-sig")
         return tomllib.loads(text)
     except OSError as error:
         raise InputError(f"{_shown(source)}: cannot be read: {error.strerror}") from error

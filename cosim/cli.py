@@ -9,6 +9,7 @@ import shutil
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from io import TextIOWrapper
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -82,6 +83,10 @@ Settings = Annotated[
 def main() -> None:
     """The program `cosim`."""
     prepare_process()
+    for stream in (sys.stdout, sys.stderr):
+        # A Windows pipe has a code page of 256 characters: what it lacks is shown as "?".
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="replace")
     app(prog_name="cosim")
 
 

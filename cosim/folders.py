@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from cosim.files import move_into_place
 from cosim.port import InputError
 
 
@@ -22,16 +23,28 @@ def folder_written_whole(target: Path, mark: str) -> Iterator[Path]:
         check_folder(target, mark)
         part.mkdir(parents=True)
         yield part
-        old = part.with_suffix(".old")
-        if target.exists():
-            target.rename(old)
-        part.rename(target)
-        shutil.rmtree(old, ignore_errors=True)
+        replace_folder(target, part)
     except OSError as error:
         reason = error.strerror or str(error)
         raise InputError(f"{target}: cannot be written ({reason}); choose another --out") from error
     finally:
         shutil.rmtree(part, ignore_errors=True)
+
+
+def replace_folder(target: Path, part: Path) -> None:
+    """Put the folder `part` in the place of `target`, which stays where that fails.
+
+    Raises OSError."""
+    old = part.with_suffix(".old")
+    if target.exists():
+        move_into_place(target, old)
+    try:
+        move_into_place(part, target)
+    except OSError:
+        if old.exists():
+            move_into_place(old, target)
+        raise
+    shutil.rmtree(old, ignore_errors=True)
 
 
 def check_folder(target: Path, mark: str) -> None:

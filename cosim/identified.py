@@ -26,7 +26,10 @@ def case_text(fit: Fit, title: str, base: str, settings: Settings, targets: str)
 
 def base_of(source: Path, out: Path) -> str:
     """How a case file at `out` names the case that it extends."""
-    return Path(os.path.relpath(source, out.resolve().parent)).as_posix()
+    try:
+        return Path(os.path.relpath(source, out.resolve().parent)).as_posix()
+    except ValueError:  # another drive
+        return source.resolve().as_posix()
 
 
 def _wrapped(text: str) -> list[str]:

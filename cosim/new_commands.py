@@ -163,7 +163,7 @@ def _names(file: Path | None, settings: Sequence[str]) -> dict[str, str]:
 
 def _table(file: Path) -> dict[str, str]:
     try:
-        values = tomllib.loads(file.read_text(encoding="utf-8"))
+        values = tomllib.loads(file.read_text(encoding="utf-8-sig"))
     except (OSError, ValueError) as error:
         raise InputError(f"--names {file}: cannot be read as TOML ({error})") from error
     wrong = [name for name, value in values.items() if not isinstance(value, str)]

@@ -15,6 +15,7 @@ import numpy as np
 
 from cosim.case import resolved_toml
 from cosim.case_schema import Case
+from cosim.folders import replace_folder
 from cosim.port import Array, InputError
 
 if TYPE_CHECKING:
@@ -89,7 +90,7 @@ def write_result(folder: str | Path, case: Case, result: Result) -> Path:
     try:
         part.mkdir()
         _write_files(part, case, result)
-        _replace(target, part)
+        replace_folder(target, part)
     except OSError as error:
         raise _unwritable(target, error) from error
     finally:
@@ -119,15 +120,6 @@ def check_target(folder: str | Path, name: str) -> None:
 def _unwritable(target: Path, error: OSError) -> InputError:
     reason = error.strerror or str(error)
     return InputError(f"{target}: cannot be written ({reason}); choose another folder with --out")
-
-
-def _replace(target: Path, part: Path) -> None:
-    """Put `part` in the place of `target`."""
-    old = part.with_suffix(".old")
-    if target.exists():
-        target.rename(old)
-    part.rename(target)
-    shutil.rmtree(old, ignore_errors=True)
 
 
 def _write_files(folder: Path, case: Case, result: Result) -> None:

@@ -28,7 +28,8 @@ Settings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Replace a value of the case; repeatable."),
 ]
-Jobs = Annotated[int, typer.Option(min=1, max=64, help="Processes that solve side by side.")]
+Jobs = Annotated[int, typer.Option(min=1, max=61, help="Processes that solve side by side.")]
+"""A pool of processes has at most 61 on Windows."""
 STRONGEST = 6
 """Rows for each quantity in the terminal."""
 

@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections import Counter
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -118,7 +119,9 @@ def _command(study: list[str], out: Path) -> list[str]:
 
 
 def _finish(study: list[str], out: Path) -> None:
-    done = subprocess.run(_command(study, out), capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        _command(study, out), capture_output=True, encoding="utf-8", errors="replace", check=False
+    )
     if done.returncode:
         raise ConvergenceError(f"cosim study {' '.join(study)}: {done.stderr.strip()[-500:]}")
 
@@ -132,10 +135,23 @@ def _killed(study: list[str], out: Path, seconds: float) -> bool:
     try:
         process.wait(seconds)
     except subprocess.TimeoutExpired:
-        os.killpg(process.pid, signal.SIGKILL)
+        _kill_all(process.pid)
         process.wait()
         return True
     return False
+
+
+def _kill_all(pid: int) -> None:
+    """The process and all that it began; where there are groups of processes, all at once."""
+    if sys.platform != "win32":
+        os.killpg(pid, signal.SIGKILL)
+        return
+    import psutil
+
+    first = psutil.Process(pid)
+    for process in (first, *first.children(recursive=True)):
+        with suppress(psutil.NoSuchProcess):
+            process.kill()
 
 
 def _executions(store: Path) -> tuple[int, int]:

@@ -288,4 +288,4 @@ def _plain(one: Settled) -> dict[str, list[float]]:
 
 
 if __name__ == "__main__":
-    Path(sys.argv[1]).write_text(json.dumps(figures(), indent=1) + "\n")
+    Path(sys.argv[1]).write_text(json.dumps(figures(), indent=1) + "\n", encoding="utf-8")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import platform
+import sys
 import zipfile
 from collections.abc import Callable, Mapping
 from importlib.util import find_spec
@@ -19,6 +21,11 @@ NEEDS_FMU = [
     pytest.mark.skipif(
         any(find_spec(name) is None for name in ("pythonfmu", "pythonfmu3")),
         reason="pythonfmu or pythonfmu3 is not installed",
+    ),
+    pytest.mark.skipif(
+        sys.platform not in ("linux", "win32")
+        or platform.machine().lower() not in ("x86_64", "amd64"),
+        reason="written FMUs have binaries for Linux and Windows on x86-64",
     ),
 ]
 Change = Callable[[bytes], bytes]

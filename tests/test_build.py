@@ -199,7 +199,7 @@ def test_a_mesh_file_reads_back_as_the_generated_mesh():
 
 
 def file_setting(path: Path) -> str:
-    return f'hood.mesh={{kind="file", path="{path}"}}'
+    return f'hood.mesh={{kind="file", path="{path.as_posix()}"}}'
 
 
 def edited(folder: Path, **changes: object) -> str:

@@ -21,7 +21,7 @@ PULLEY = (
 
 
 def bone_setting(path: Path, unit: str = "m", frame: str = "ours") -> str:
-    return f'finger.bones.proximal={{surface="{path}", unit="{unit}", frame="{frame}"}}'
+    return f'finger.bones.proximal={{surface="{path.as_posix()}", unit="{unit}", frame="{frame}"}}'
 
 
 def test_our_own_bone_given_back_as_the_users_makes_the_same_hood(tmp_path: Path):

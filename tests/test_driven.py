@@ -87,7 +87,7 @@ def test_the_tensions_found_make_the_same_motion(tmp_path: Path, tendon: str):
         for t, v in zip(data.time.values.tolist(), found.values.tolist(), strict=True)
     ]
     table.write_text("\n".join(["time,pull", *rows]))
-    course = f'course={{kind="file",path="{table}",column="pull"}}'
+    course = f'course={{kind="file",path="{table.as_posix()}",column="pull"}}'
     again = moved(f'tendons.{tendon}={{tension="1 N",{course}}}')
     assert np.abs(again.dataset.angle - data.angle).max() < 1e-9
     energy = result.summary["energy_mJ"]

@@ -83,6 +83,11 @@ def test_the_same_name_twice(hood, tmp_path):
     refused(path, "more than once", tmp_path)
 
 
+def test_two_names_that_are_one_where_case_does_not_count(hood, tmp_path):
+    path = tampered(hood, tmp_path / "twice.fmu", more={XML.upper(): b"<a/>"})
+    refused(path, "more than once", tmp_path)
+
+
 def test_more_than_it_may_unpack_to(hood, tmp_path, monkeypatch):
     big = zipfile.ZipInfo("resources/zeros")
     big.compress_type = zipfile.ZIP_DEFLATED

@@ -166,7 +166,7 @@ def test_the_archive_holds_the_files_that_the_case_names(tmp_path):
     assert (tmp_path / "hood.fmu").read_bytes() == (tmp_path / "again.fmu").read_bytes()
     bone.unlink()
     with zipfile.ZipFile(tmp_path / "hood.fmu") as archive:
-        assert archive.read("resources/files/0.stl") == text
+        assert archive.read("resources/file_0.stl") == text
         assert b"generationDateAndTime" not in archive.read("modelDescription.xml")
         assert not any(str(tmp_path).encode() in archive.read(n) for n in archive.namelist())
     Unit(tmp_path / "hood.fmu").step(0.01)

@@ -95,7 +95,7 @@ def test_our_own_hood_bones_and_finger_make_the_same_run(
     even = {name: replace(held, shares=None) for name, held in ours.springs.items()}
     plain = replace(ours, lift=None, springs=even)  # as of every mesh of others
     (tmp_path / "level.json").write_text(to_json(plain))
-    level = f'hood.mesh={{kind="file", path="{tmp_path / "level.json"}"}}'
+    level = f'hood.mesh={{kind="file", path="{(tmp_path / "level.json").as_posix()}"}}'
     before = run_case(load_case("isometric_edc", [level]), lambda stage: None, None).summary
     after = run_case(loaded, lambda stage: None, None).summary
     for key in ("fingertip_force_N", "moment_arm_mm"):

@@ -66,7 +66,9 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_what_mjcf_writes_is_read_back_as_the_same_finger(exported: Path):
-    ours, theirs = (load_case("split_edc", s) for s in ([], [f'finger.path="{exported}"']))
+    ours, theirs = (
+        load_case("split_edc", s) for s in ([], [f'finger.path="{exported.as_posix()}"'])
+    )
     a, b = (live_finger(case.finger, case.hood) for case in (ours, theirs))
     assert (a.tendons, a.joints, a.ranges) == (b.tendons, b.joints, b.ranges)
     # MuJoCo's own iteration about rings stops at 1e-9 m.
@@ -85,7 +87,7 @@ def test_what_mjcf_writes_is_read_back_as_the_same_finger(exported: Path):
 
 
 def test_under_a_hood_the_tendons_of_the_hood_are_left_out(exported: Path):
-    case = load_case("isometric_edc", [f'finger.path="{exported}"'])
+    case = load_case("isometric_edc", [f'finger.path="{exported.as_posix()}"'])
     model = finger_model(case.finger, case.hood)  # type: ignore[arg-type]
     assert model.muscles == ("FDP", "FDS", "FDIm", "FDIl")
     with pytest.raises(InputError, match=r"finger\.bones.*our metacarpal does not fit"):
@@ -94,8 +96,8 @@ def test_under_a_hood_the_tendons_of_the_hood_are_left_out(exported: Path):
 
 def test_a_finger_of_a_file_has_its_size_and_its_shares(exported: Path):
     with pytest.raises(InputError, match="length_scale"):
-        load_case("split_edc", [f'finger.path="{exported}"', "finger.length_scale=1.1"])
-    case = load_case("split_edc", [f'finger.path="{exported}"', "hood.central=0.4"])
+        load_case("split_edc", [f'finger.path="{exported.as_posix()}"', "finger.length_scale=1.1"])
+    case = load_case("split_edc", [f'finger.path="{exported.as_posix()}"', "hood.central=0.4"])
     with pytest.raises(InputError, match=r"hood\.central"):
         check_fit(case)
 

@@ -223,7 +223,7 @@ def test_the_address_is_of_a_files_content_not_of_its_name(place):
         address(
             load_case(
                 "network_edc",
-                [f'finger.bones.proximal={{surface="{path}", unit="mm", frame="ours"}}'],
+                [f'finger.bones.proximal={{surface="{path.as_posix()}", unit="mm", frame="ours"}}'],
             ),
             "code",
         )

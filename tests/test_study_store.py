@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+import stat
 from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
@@ -57,7 +58,7 @@ def test_only_what_converged_is_packed_and_a_retry_has_the_last_word(tmp_path):
 def test_writers_at_once_lose_nothing(tmp_path):
     """Two that write the same rows and one that writes others, each packing as it goes."""
     Store(tmp_path).open()
-    context = get_context("fork")
+    context = get_context("spawn")
     parts = [
         context.Process(target=write_many, args=(str(tmp_path), first)) for first in (0, 30, 200)
     ]
@@ -98,6 +99,26 @@ def test_a_full_disk_is_told_and_what_had_finished_stays(tmp_path, monkeypatch, 
             store.pack()
     assert [r.key for r in Store(tmp_path).rows([row(1).key, row(2).key])] == [row(1).key]
     assert not list(tmp_path.rglob("*.part"))
+
+
+@pytest.mark.skipif(os.name == "nt", reason="asks POSIX how a file is open")
+def test_what_is_synced_may_be_written_to(tmp_path, monkeypatch):
+    """Windows syncs nothing else; folders it does not sync at all."""
+    import fcntl
+
+    real, files = os.fsync, []
+
+    def seen(handle: int) -> None:
+        if not stat.S_ISDIR(os.fstat(handle).st_mode):
+            files.append(fcntl.fcntl(handle, fcntl.F_GETFL) & os.O_ACCMODE)
+        real(handle)
+
+    store = Store(tmp_path).open()
+    monkeypatch.setattr(os, "fsync", seen)
+    store.put(ROW)
+    assert store.pack() == 1
+    assert len(files) == 2
+    assert os.O_RDONLY not in files
 
 
 def test_a_folder_of_something_else_is_left_alone(tmp_path):

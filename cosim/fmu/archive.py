@@ -73,14 +73,16 @@ def _refuse_if(path: Path, fault: str) -> None:
 
 def _crowd(entries: list[zipfile.ZipInfo]) -> str:
     """What is wrong with the archive as a whole; the sizes are those that zipfile holds it to."""
-    size, names = sum(e.file_size for e in entries), Counter(e.filename for e in entries)
+    size, names = sum(e.file_size for e in entries), Counter(e.filename.lower() for e in entries)
     if len(entries) > MOST_FILES or size > MOST_BYTES:
         return (
             f"unpacks to {len(entries)} files of {size / 2**20:.0f} MiB, expected at most "
             f"{MOST_FILES} of {MOST_BYTES / 2**20:.0f} MiB"
         )
     twice = [name for name, times in names.items() if times > 1]
-    return f"holds {twice[0]!r} more than once" if twice else ""
+    if not twice:
+        return ""
+    return f"holds {twice[0]!r} more than once (upper and lower case are the same on some systems)"
 
 
 def _misplaced(entry: zipfile.ZipInfo) -> str:

@@ -28,6 +28,7 @@ from cosim.fmu.run import ABOUT, CASE
 from cosim.port import InputError
 
 SCRIPT = {2: "cosim_fmu2", 3: "cosim_fmu3"}
+FILE = "file_"
 EPOCH = (1980, 1, 1, 0, 0, 0)
 """The time of every file in the archive, so that it depends on nothing but its contents."""
 
@@ -83,9 +84,8 @@ def _with_files(table: Any, resources: Path) -> Any:
 
 
 def _copied(file: Path, resources: Path) -> Path:
-    folder = resources / "files"
-    folder.mkdir(exist_ok=True)
-    place = folder / f"{len(list(folder.iterdir()))}{file.suffix}"
+    # No folder: the case in the unit names it alike on every system.
+    place = resources / f"{FILE}{len(list(resources.glob(f'{FILE}*')))}{file.suffix}"
     try:
         shutil.copyfile(file, place)
     except OSError as error:

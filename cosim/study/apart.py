@@ -62,7 +62,7 @@ class Child:
         try:
             print(json.dumps(asdict(task)), file=self.process.stdin, flush=True)
             answer = self.process.stdout.readline()
-        except BrokenPipeError:
+        except OSError:  # the process has ended; on Windows not a BrokenPipeError
             answer = ""
         finally:
             timer.cancel()
@@ -72,7 +72,7 @@ class Child:
         """End it; what is known of why it ended."""
         assert self.process.stdin is not None
         assert self.process.stdout is not None
-        with suppress(BrokenPipeError):
+        with suppress(OSError):
             self.process.stdin.close()
         with suppress(subprocess.TimeoutExpired):
             self.process.wait(PATIENCE)

@@ -198,7 +198,7 @@ def read_file(source: Path) -> tuple[StudyFile, tuple[Parameter, ...]]:
 
 def _toml(source: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(source.read_bytes().decode())
+        return tomllib.loads(source.read_bytes().decode("utf-8-sig"))
     except OSError as error:
         raise InputError(f"{source}: cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:

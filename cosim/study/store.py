@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import Any, Literal
 from uuid import uuid4
 
+from cosim.files import move_into_place
 from cosim.port import InputError
 
 FORMAT = {"format": "cosim study store 1"}
@@ -127,7 +128,7 @@ class Store:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             writer(part)
-            part.replace(path)
+            move_into_place(part, path)
             _sync_folder(path.parent)
         except OSError as error:
             raise self.unwritable(error) from error
@@ -213,7 +214,7 @@ def _write_part(path: Path, rows: list[Row]) -> None:
     records = [asdict(row) | {"summary": json.dumps(row.summary)} for row in rows]
     table = pa.Table.from_pylist(records, schema=schema)
     parquet.write_table(table, path, compression="zstd")
-    with path.open("rb") as file:
+    with path.open("r+b") as file:  # Windows syncs only what may be written to
         os.fsync(file.fileno())
 
 

@@ -212,7 +212,7 @@ def reference_seconds(folder: Path) -> float | None:
     if not script.is_file():
         return None
     done = subprocess.run(
-        [sys.executable, str(script)], capture_output=True, text=True, check=False
+        [sys.executable, str(script)], capture_output=True, encoding="utf-8", check=False
     )
     try:
         return float(done.stdout)
@@ -226,7 +226,12 @@ def measured(path: Path, as_febio: bool, spacing: float) -> Measured:
     one |= {"OPENBLAS_NUM_THREADS": "1"}
     call = [sys.executable, "-m", __name__, str(path), str(int(as_febio)), repr(spacing)]
     done = subprocess.run(
-        call, capture_output=True, text=True, check=False, env={**os.environ, **one}
+        call,
+        capture_output=True,
+        encoding="utf-8",
+        errors="replace",
+        check=False,
+        env={**os.environ, **one},
     )
     if done.returncode:
         reason = (done.stderr.strip().splitlines() or ["no reason given"])[-1]
@@ -287,6 +292,10 @@ def made_again(result: JobResult, published: Published | None) -> Again:
 
 def peak_mb() -> float:
     """Largest memory of this process so far, MB (1e6 bytes)."""
+    if sys.platform == "win32":
+        import psutil
+
+        return float(psutil.Process().memory_info().peak_wset) / 1e6
     import resource
 
     unit = 1 if sys.platform == "darwin" else 1024

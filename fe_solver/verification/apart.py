@@ -16,6 +16,8 @@ from .. import kernels
 
 LIBRARIES = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")
 """Variables that say how many threads the libraries under this solver take."""
+NT_ERROR = 0xC0000000
+"""Exit codes from here on are those of Windows for a process that crashed."""
 
 
 def python(*words: str) -> list[str]:
@@ -35,10 +37,17 @@ def answer(call: Sequence[str], settings: Mapping[str, str]) -> Any:
     Raises CosimError with the reason where it fails or crashes."""
     here = {"PYTHONPATH": os.pathsep.join(sys.path)}
     done = subprocess.run(
-        call, capture_output=True, text=True, check=False, env={**os.environ, **here, **settings}
+        call,
+        capture_output=True,
+        encoding="utf-8",
+        errors="replace",
+        check=False,
+        env={**os.environ, **here, **settings},
     )
     if done.returncode < 0:
         raise CosimError(f"crashed: {signal.Signals(-done.returncode).name}")
+    if done.returncode >= NT_ERROR:
+        raise CosimError(f"crashed: {done.returncode:#x}")
     answers = [line for line in done.stdout.splitlines() if line.startswith("{")]
     if done.returncode or not answers:
         raise CosimError(f"failed: {_reason(done.stderr)}")
