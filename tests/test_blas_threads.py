@@ -92,4 +92,4 @@ def test_a_function_can_be_decorated():
 
     with threadpool_limits(2, user_api="blas"):
         assert one_blas_thread()(threads)() == {1}
-        assert threads() == {2}
+        assert 2 in threads()  # beside libraries that can use one thread alone
