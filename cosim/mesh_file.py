@@ -8,6 +8,7 @@ import sys
 import tempfile
 from contextlib import redirect_stdout
 from io import StringIO
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -74,7 +75,7 @@ def _read_vtu(path: Path) -> Mesh:
     starts = np.flatnonzero(~same)
     blocks = [
         (_name(path, int(types[a])), nodes[first[a] : ends[b - 1]].reshape(b - a, -1))
-        for a, b in zip(starts, [*starts[1:], len(types)], strict=True)
+        for a, b in pairwise([*starts, len(types)])
     ]
     data: dict[str, dict[str, Any]] = {"point": {}, "cell": {}}
     for key, values in arrays.items():
@@ -82,14 +83,16 @@ def _read_vtu(path: Path) -> Mesh:
         if slash:
             data[kind][name] = values
     cell_data = {name: np.split(values, starts[1:]) for name, values in data["cell"].items()}
-    return meshio.Mesh(arrays["points"], blocks, data["point"], cell_data)
+    return meshio.Mesh(arrays["points"], blocks, data["point"], cell_data if blocks else {})
 
 
 def _is_whole(types: Ints, sizes: Ints, nodes: Ints, count: int) -> bool:
-    pixels = sizes[types == PIXEL]
-    inside = (nodes >= 0) & (nodes < count)
-    return bool((sizes >= 0).all() and inside.all() and sizes.sum() == len(nodes)) and bool(
-        (pixels == 4).all()
+    """Whether the nodes of all cells are among the points and as many as the cells say."""
+    return bool(
+        (sizes >= 0).all()
+        and sizes.sum() == len(nodes)
+        and ((nodes >= 0) & (nodes < count)).all()
+        and (sizes[types == PIXEL] == 4).all()
     )
 
 

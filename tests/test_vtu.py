@@ -226,6 +226,14 @@ def test_a_process_that_ends_or_hangs_is_one_fault(tmp_path: Path, monkeypatch) 
         read_mesh_file(path)
 
 
+def test_a_grid_without_cells_or_points_holds_no_shell(tmp_path: Path) -> None:
+    bare = grid_of(SQUARES, [(QUAD, [0, 1, 4, 3])], part=np.array([7])).extract_cells([])
+    assert bare.n_cells == 0
+    for grid in (bare, pyvista.UnstructuredGrid()):
+        with pytest.raises(InputError, match="holds no shell cells"):
+            read_raw(write_vtk(grid, tmp_path / "a.vtu"))
+
+
 def test_an_array_of_text_is_refused_by_name(tmp_path: Path) -> None:
     grid = squares()
     grid.cell_data["who"] = np.array(["one", "two", "three"])
