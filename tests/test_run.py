@@ -26,11 +26,9 @@ STILL = [name for name in PACKAGED if name not in MOVING]
 ISOMETRIC = [name for name in PACKAGED if name.startswith("isometric")]
 MIDDLE = [name for name in PACKAGED if name.startswith("hood_")]
 OFTEN = {
-    "hood_minorflex_edc",
     "lesion_mallet",
     "fingertip_fibres_edc",
     "fingertip_isotropic_edc",
-    "strain_lee2008_identified",
     "strain_lee2008_soft_iso",
     "thesis_one_way_edc",
 }
