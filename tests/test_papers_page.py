@@ -37,7 +37,7 @@ def test_pictures_tables_and_a_page_that_needs_nothing_else(tmp_path):
     count = write_figures(found, chosen(found, ()), tmp_path / "out", said.append)
     assert count == 2
     assert said == ["one: the first"]
-    page = (tmp_path / "out/index.html").read_text()
+    page = (tmp_path / "out/index.html").read_text(encoding="utf-8")
     assert "Figure 1: a &lt;line&gt;" in page
     assert page.count("data:image/png;base64,") == 2
     assert "<td >&lt;b&gt;</td>" in page
@@ -57,7 +57,7 @@ def test_nothing_is_left_of_a_study_that_fails(tmp_path):
         write_figures(found, chosen(found, ()), tmp_path / "out", lambda text: None)
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == before
     assert [p.name for p in tmp_path.iterdir()] == ["out"]
-    assert "Left out: two (fails)" in (tmp_path / "out/index.html").read_text()
+    assert "Left out: two (fails)" in (tmp_path / "out/index.html").read_text(encoding="utf-8")
 
 
 def test_what_others_wrote_is_not_replaced(tmp_path):

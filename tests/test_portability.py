@@ -126,16 +126,17 @@ def test_the_folders_of_validation_differ_in_more_than_case():
 
 
 def test_a_pipe_with_a_code_page_shows_what_it_lacks_as_a_question_mark(tmp_path):
-    words = ["run", "pulley_edc", "--set", "output.picture=false", "--set", "title=5 µm \u4e2d"]
+    text = 'extends = "pulley_edc"\ntitle = "5 µm \u4e2d"\noutput.picture = false\n'
+    (tmp_path / "a.toml").write_text(text, encoding="utf-8")
     done = subprocess.run(
-        [sys.executable, "-c", "from cosim.cli import main; main()", *words],
+        [sys.executable, "-c", "from cosim.cli import main; main()", "run", "a.toml"],
         cwd=tmp_path,
         env={**os.environ, "PYTHONPATH": str(ROOT), "PYTHONIOENCODING": "cp1252"},
         capture_output=True,
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    assert "pulley_edc: 5 µm ?" in done.stdout.decode("cp1252")
+    assert "a: 5 µm ?" in done.stdout.decode("cp1252")
 
 
 def test_a_file_that_another_process_holds_is_waited_for(tmp_path, monkeypatch):

@@ -75,7 +75,7 @@ def test_a_study_is_the_closed_form_and_is_not_done_twice(place):
     assert "0 runs solved" in again.output
     assert set(begun(place).values()) == {1}
     assert (place / "studies" / "pip" / "table.parquet").read_bytes() == before
-    page = (place / "studies" / "pip" / "index.html").read_text()
+    page = (place / "studies" / "pip" / "index.html").read_text(encoding="utf-8")
     assert "http" not in page.replace("http://www.w3.org", "")
 
 
@@ -89,7 +89,7 @@ def test_the_page_lays_the_runs_beside_what_was_measured(place):
     (place / "told.csv").write_text("\n".join([header, *rows]), encoding="utf-8")
     (place / "pip.toml").write_text('data = "told.csv"\n' + STUDY, encoding="utf-8")
     assert cosim("pip.toml").exit_code == 0
-    page = (place / "studies" / "pip" / "index.html").read_text()
+    page = (place / "studies" / "pip" / "index.html").read_text(encoding="utf-8")
     assert '>near</td><td>-24 ± 5</td><td class="where">median inside' in page
     assert '>far</td><td>[at least 1]</td><td class="where">apart' in page
     assert "not ours" not in page.split('<section id="file">')[0]
@@ -153,7 +153,7 @@ def test_failures_are_rows_and_retry_does_them_again(place, monkeypatch):
     found = open_study(place / "studies" / "pip")
     assert found.failures == {("failed", "no equilibrium here"): [2, 3]}
     assert np.isnan(found.values("torque")[2:]).all()
-    page = (place / "studies" / "pip" / "index.html").read_text()
+    page = (place / "studies" / "pip" / "index.html").read_text(encoding="utf-8")
     assert "no equilibrium here" in page
     assert "2 converged, 2 did not" in page
     broken[0] = False

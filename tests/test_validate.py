@@ -144,7 +144,9 @@ def test_a_trial_that_failed_stays_on_the_board():
 
 
 def test_every_miss_of_the_committed_board_says_why():
-    board = json.loads((Path(__file__).parents[1] / "cases" / "scoreboard.json").read_text())
+    board = json.loads(
+        (Path(__file__).parents[1] / "cases" / "scoreboard.json").read_text(encoding="utf-8")
+    )
     rows = [(name, row) for name, group in board["groups"].items() for row in group]
     missed = [(name, row) for name, row in rows if row["verdict"] in MISSES]
     assert missed
@@ -219,13 +221,17 @@ def test_the_command_runs_trials_and_leaves_runs_page_and_board(tmp_path: Path):
     done = CliRunner().invoke(app, words)
     assert done.exit_code == 0, done.output
     assert "2 of 2: force split EI" in done.stderr
-    board = json.loads((tmp_path / "scoreboard.json").read_text())
+    board = json.loads((tmp_path / "scoreboard.json").read_text(encoding="utf-8"))
     rows = board["groups"]["force"]
-    page = (tmp_path / "scoreboard.html").read_text()
+    page = (tmp_path / "scoreboard.html").read_text(encoding="utf-8")
     assert all(row["name"] in page and row["name"].split(":")[0] in done.stdout for row in rows)
-    own = json.loads((tmp_path / "force_split_EDC" / "comparison.json").read_text())["rows"]
+    own = json.loads(
+        (tmp_path / "force_split_EDC" / "comparison.json").read_text(encoding="utf-8")
+    )["rows"]
     assert {row["case"] for row in own} == {"force split EDC"}
-    summary = json.loads((tmp_path / "force_split_EDC" / "summary.json").read_text())
+    summary = json.loads(
+        (tmp_path / "force_split_EDC" / "summary.json").read_text(encoding="utf-8")
+    )
     (palmar,) = [r for r in own if r["name"].endswith("palmar, An 1979")]
     assert palmar["model"] == summary["difference"]["fingertip_force_N"][1]
 

@@ -95,22 +95,24 @@ def test_the_command_says_what_a_finer_mesh_changes(tmp_path: Path):
     coarse = [*four, "--set", "hood.mesh.quads=120", "--finer", "160"]
     done = CliRunner().invoke(app, [*words, *coarse])
     assert done.exit_code == 0, done.output
-    told = json.loads((tmp_path / "mesh_convergence.json").read_text())
+    told = json.loads((tmp_path / "mesh_convergence.json").read_text(encoding="utf-8"))
     assert told["quads"] == 160
     assert sum(told["tally"].values()) == len(told["rows"]) > 5
-    page = (tmp_path / "scoreboard.html").read_text()
+    page = (tmp_path / "scoreboard.html").read_text(encoding="utf-8")
     assert all(r["name"] in page for r in told["rows"])
     assert f"{told['tally']['beyond']} beyond" in page
     assert f"{told['tally']['beyond']} beyond" in done.stdout
-    board = json.loads((tmp_path / "finer" / "strain_soft_iso" / "summary.json").read_text())
+    board = json.loads(
+        (tmp_path / "finer" / "strain_soft_iso" / "summary.json").read_text(encoding="utf-8")
+    )
     (ratio,) = [r for r in told["rows"] if r["quantity"] == "slip_ratio"]
     assert ratio["finer"] == pytest.approx(board["slip_ratio"], rel=1e-5)
     assert not np.isclose(ratio["finer"], ratio["model"], rtol=1e-3)
 
 
 def test_the_committed_changes_are_those_of_the_committed_scoreboard():
-    told = json.loads((CASES / "mesh_convergence.json").read_text())
-    board = json.loads((CASES / "scoreboard.json").read_text())["groups"]
+    told = json.loads((CASES / "mesh_convergence.json").read_text(encoding="utf-8"))
+    board = json.loads((CASES / "scoreboard.json").read_text(encoding="utf-8"))["groups"]
     models = {(g, r["case"], r["name"], r["quantity"]): r["model"] for g in board for r in board[g]}
     assert len(models) == sum(map(len, board.values()))
     assert len(told["rows"]) > 300
