@@ -217,7 +217,6 @@ def test_bench_times_a_real_run():
     assert all(value > 0 for value in seconds.values())
     linear = seconds["assembly_s"] + seconds["factorisation_s"]
     assert seconds["ratio"] == pytest.approx(seconds["warm_run_s"] / linear, rel=0.01)
-    assert seconds["cold_run_s"] > seconds["warm_run_s"]
 
 
 def test_bench_times_the_steps_of_a_motion():
