@@ -183,17 +183,17 @@ def _run_one(case: Case, out: Path, voice: Voice) -> Mapping[str, Any]:
     from cosim.results import write_result
     from cosim.run import run_case
 
-    with _progress(case.name, voice) as say:
-        unfinished = _unfinished(case, out)
-        try:
+    unfinished = _unfinished(case, out)
+    try:
+        with _progress(case.name, voice) as say:
             result = run_case(case, say, unfinished)
-        except KeyboardInterrupt:
-            raise StoppedError("stopped before its end; nothing of this run is kept") from None
-        except ConvergenceError:
-            _forget(unfinished)  # it would fail again where it failed
-            raise
-        say("writing the results")
-        folder = write_result(out, case, result)
+            say("writing the results")
+            folder = write_result(out, case, result)
+    except KeyboardInterrupt:
+        raise StoppedError(f"stopped before its end; {_what_stays(unfinished)}") from None
+    except ConvergenceError:
+        _forget(unfinished)  # it would fail again where it failed
+        raise
     _forget(unfinished)
     if voice == "json":
         line = {"case": case.name, "results": str(folder), "summary": result.summary}
@@ -206,6 +206,14 @@ def _run_one(case: Case, out: Path, voice: Voice) -> Mapping[str, Any]:
 
 def _keeps_checkpoints(case: Case) -> bool:
     return case.forward is not None and case.forward.checkpoint != 0 and case.hood.kind != "split"
+
+
+def _what_stays(unfinished: Path | None) -> str:
+    from cosim.checkpoint import NAME
+
+    if unfinished is None or not (unfinished / NAME).is_file():
+        return "nothing of this run is kept"
+    return f"what was kept before stays. Go on with: cosim resume {_shown(unfinished)}"
 
 
 def _forget(unfinished: Path | None) -> None:

@@ -10,6 +10,7 @@ import xarray
 from typer.testing import CliRunner
 
 from cosim import __version__
+from cosim import run as main_path
 from cosim.audit import BEYOND, BOUNDS, POSTURE
 from cosim.cli import app
 from cosim.port import ConvergenceError, InputError
@@ -210,8 +211,12 @@ def test_bench_needs_a_shell():
     assert "bench needs a shell hood" in done.stderr
 
 
-def test_bench_times_a_real_run():
+def test_bench_times_a_real_run(monkeypatch):
+    built, build = [], main_path.build
+    monkeypatch.setattr(main_path, "build", lambda case: built.append(case) or build(case))
+    main_path.settled.cache_clear()
     done = cosim("bench", "isometric_edc", "--set", "hood.mesh.quads=120")
+    assert len(built) == 1 + 2, "warm runs share their models, the two cold ones do not"
     figures = dict(line.split() for line in done.stdout.splitlines())
     seconds = {name: float(value) for name, value in figures.items()}
     assert all(value > 0 for value in seconds.values())

@@ -214,7 +214,11 @@ def test_a_checkpoint_that_does_not_fit_is_refused(tmp_path: Path) -> None:
         run_case(case, unfinished=tmp_path)
 
 
-def test_the_commands_resume_what_was_cut_off(tmp_path: Path) -> None:
+def stop(*_: Any) -> None:
+    raise KeyboardInterrupt
+
+
+def test_the_commands_resume_what_was_cut_off(tmp_path: Path, monkeypatch) -> None:
     path = tmp_path / "ramp.toml"
     path.write_text(
         'extends = "pulley_edc"\ntitle = "ramp"\noutput.picture = false\n'
@@ -232,6 +236,11 @@ def test_the_commands_resume_what_was_cut_off(tmp_path: Path) -> None:
     assert f"Go on with: cosim resume {unfinished}; or add --restart" in " ".join(
         kept.stderr.split()
     )
+    with monkeypatch.context() as early:  # Ctrl-C while the models are built
+        early.setattr(run_motion, "together", stop)
+        stopped = CliRunner().invoke(app, ["resume", str(out / "ramp")])
+    assert stopped.exit_code == 130
+    assert "what was kept before stays. Go on with: cosim resume" in stopped.stderr
     done = CliRunner().invoke(app, ["resume", str(out / "ramp")])
     assert done.exit_code == 0, done.output
     assert "going on from t = 0.049 s" in done.stderr
