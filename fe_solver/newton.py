@@ -28,6 +28,8 @@ NEAR = 0.1
 """Step size, against the longest step allowed, below which the tangent is the consistent one."""
 CHORDS = 2
 """Iterations with an old factor that cost no more than one with a new tangent."""
+SMOOTHER = (1e-2, 1e-3, 1e-4, 1e-5)
+"""Strains by which tension fields are smoothed, one after the other, on the way to their own."""
 KEPT = 3e-3
 """Residual after over before such an iteration, where no iteration has told it yet."""
 
@@ -167,7 +169,33 @@ def solve(
     consistent one.  With `before`, an equilibrium of the same model close by, a factor serves again
     (a chord iteration) while it lowers the residual fast, and that of `before` serves first; the
     residual then ends nearer to the tolerance than Newton's own iterations leave it.
+
+    Where a sheet without compression finds none, it is sought with tension fields that are smoother
+    at first (`SMOOTHER`).
     Raises ConvergenceError naming the place of the largest residual."""
+    try:
+        return _solve(model, start, tension, options, near, before)
+    except ConvergenceError:
+        own = model.section.smoothing
+        if own is None or own >= SMOOTHER[0]:
+            raise
+    c, iterations, solves = start, 0, 0
+    for smoothing in (*(s for s in SMOOTHER if s > own), own):
+        easier = model.alike(section=model.section.smoothed(smoothing))
+        found = _solve(easier, c, tension, options, c is not start)
+        c = found.configuration
+        iterations, solves = iterations + found.iterations, solves + found.solves
+    return replace(found, model=model, iterations=iterations, solves=solves)
+
+
+def _solve(
+    model: ShellModel,
+    start: Configuration,
+    tension: Array,
+    options: NewtonOptions,
+    near: bool = False,
+    before: Solution | None = None,
+) -> Solution:
     c, solves = _undamped(model, start, tension, options) if options.undamped else (start, 0)
     convex, stuck, chord = not near, False, _kept(before)
     kept = None if before is None else before.factor

@@ -80,7 +80,8 @@ class Section:
     @cached_property
     def linear(self) -> Array:
         """(ne, g, 8, 8) constant stiffness: all of it where the law is linear; of a tension field
-        bending and transverse shear, of a hyperelastic law the patch's own bending."""
+        bending and transverse shear as its base law has them at rest, of a hyperelastic law the
+        patch's own bending."""
         out = np.zeros((self.count, self.points, 8, 8))
         for p in self.patches:
             out[p.elements] = p.factor[..., None, None] * _constant(p)
@@ -94,6 +95,22 @@ class Section:
             if not isinstance(p.law, Linear):
                 kinds.setdefault(_kind(p) or (i,), []).append(p)
         return tuple(map(_as_one, kinds.values()))
+
+    @cached_property
+    def smoothing(self) -> float | None:
+        """The least strain by which its tension fields are smoothed; None without one."""
+        laws = [p.law for p in self.patches]
+        return min((law.smoothing for law in laws if isinstance(law, TensionField)), default=None)
+
+    def smoothed(self, least: float) -> Section:
+        """The section whose tension fields are smoothed by at least that strain."""
+
+        def smoother(law: Law | TensionField) -> Law | TensionField:
+            if not isinstance(law, TensionField):
+                return law
+            return replace(law, smoothing=max(law.smoothing, least))
+
+        return Section(tuple(replace(p, law=smoother(p.law)) for p in self.patches))
 
     def response(self, strain: Array) -> Resultants:
         """Energy, force and stiffness at generalized strains (ne, g, 8)."""
@@ -111,6 +128,15 @@ class Section:
             force[p.elements] += p.factor[..., None] * more.force
             stiffness[p.elements] += p.factor[..., None, None] * more.stiffness
         return Resultants(energy, force, stiffness)
+
+    def tension_state(self, strain: Array) -> NDArray[np.int8]:
+        """(ne,) `tension_field.State` at mid-surface strains (ne, 3); -1 where there is no tension
+        field and the sheet bears compression."""
+        out = np.full(len(strain), -1, dtype=np.int8)
+        for p in self.patches:
+            if isinstance(p.law, TensionField):
+                out[p.elements] = p.law.state(strain[p.elements, None, None])[:, 0, 0]
+        return out
 
     def stress(self, strain: Array, z: float = 0.0) -> Array:
         """(ne, g, 3) second Piola-Kirchhoff stress S11, S22, S12 (Pa) at the height z, in halves of
@@ -142,10 +168,16 @@ def joined_sections(patches: Sequence[Patch]) -> Section:
 
 def _kind(p: Patch) -> tuple[object, ...]:
     """What patches share whose laws differ in nothing but numbers; empty of one that is alone."""
-    law = p.law
-    if not isinstance(law, Potential) or any(np.ndim(v) for v in vars(law).values()):
+    law, smoothing = _base(p.law)
+    if any(np.ndim(v) for v in vars(law).values()):
         return ()
-    return type(law), law.incompressible(), law.fibres(), p.shear_correction
+    fibres = (law.incompressible(), law.fibres()) if isinstance(law, Potential) else ()
+    return type(law), smoothing, fibres, p.shear_correction
+
+
+def _base(law: Law | TensionField) -> tuple[Law, float | None]:
+    """The law that a tension field relaxes, with its smoothing; any other law is its own."""
+    return (law.base, law.smoothing) if isinstance(law, TensionField) else (law, None)
 
 
 def _as_one(patches: Sequence[Patch]) -> Patch:
@@ -153,15 +185,16 @@ def _as_one(patches: Sequence[Patch]) -> Patch:
     what is linear in a patch stays with the patch."""
     if len(patches) == 1:
         return patches[0]
-    law: Any = patches[0].law
+    bases: list[Any] = [_base(p.law)[0] for p in patches]
     sizes, numbers = [len(p.elements) for p in patches], {}
-    for name in vars(law):
-        values = [getattr(p.law, name) for p in patches]
+    for name in vars(bases[0]):
+        values = [getattr(law, name) for law in bases]
         if len(set(values)) > 1:
             numbers[name] = np.repeat(values, sizes)[:, None, None]
+    law, first = replace(bases[0], **numbers), patches[0].law
     return Patch(
         np.concatenate([p.elements for p in patches]),
-        replace(law, **numbers),
+        replace(first, base=law) if isinstance(first, TensionField) else law,
         np.concatenate([p.thickness for p in patches]),
         np.concatenate([np.broadcast_to(p.factor, (len(p.elements), 1)) for p in patches]),
         shear_correction=patches[0].shear_correction,
@@ -172,16 +205,16 @@ def _constant(p: Patch) -> Array:
     """(k, g, 8, 8) of a patch: shear, and of a linear law membrane and bending."""
     h = p.thickness
     out = np.zeros((*h.shape, 8, 8))
-    law = p.law.base if isinstance(p.law, TensionField) else p.law
-    if not isinstance(law, Potential):
-        for i, modulus in ((6, law.shear()[0]), (7, law.shear()[1])):
-            out[..., i, i] = p.shear_correction * h * _at_points(modulus, h)
     out[..., 3:6, 3:6] = p.bending * (h**3 / 12)[..., None, None]
-    if isinstance(law, Linear):
-        plane = np.broadcast_to(law.plane(), (*h.shape, 1, 3, 3))[:, :, 0]
-        out[..., 3:6, 3:6] += plane * (h**3 / 12)[..., None, None]
-        if law is p.law:
-            out[..., :3, :3] = plane * h[..., None, None]
+    if isinstance(p.law, Potential):
+        return out
+    for i, modulus in zip((6, 7), p.law.shear(), strict=True):
+        out[..., i, i] = p.shear_correction * h * _at_points(modulus, h)
+    law = p.law.base if isinstance(p.law, TensionField) else p.law
+    plane = law.response(np.zeros((*h.shape, 1, 3))).tangent[:, :, 0]
+    out[..., 3:6, 3:6] += plane * (h**3 / 12)[..., None, None]
+    if law is p.law:
+        out[..., :3, :3] = plane * h[..., None, None]
     return out
 
 

@@ -1,179 +1,288 @@
 """Tension field: the relaxed energy of a sheet too thin to bear compression.
 
 Wrinkles add a positive semidefinite strain P that costs nothing (Pipkin 1986, IMA J Appl Math
-36:85; Steigmann 1990, Proc R Soc A 429:141):
+36:85; Steigmann 1990, Proc R Soc A 429:141; as a search over P, for any law, Mosler 2008, Comput
+Methods Appl Mech Eng 198:697):
 
-    W*(E) = min over P >= 0 of W(E + P) = max over S >= 0 of S.E - S.A.S / 2,    A = Q^-1
+    W*(E) = min over P >= 0 of W(E + P)
 
-The sheet is taut (P = 0), slack (S = 0) or wrinkled with S = s t(x)t, and then by the second form
-W* = max over t of (t.E.t)^2 / (2 A_tttt), t.E.t > 0: a search over one angle.  Stretching the axes
-by the fourth roots of the moduli makes A_tttt = 1 + q sin^2 x of every orthotropic sheet, with x
-twice the angle of t and q = 0 for an isotropic one.
+The sheet is taut where P = 0, slack where its stress is zero, and wrinkled where P and the stress
+have one direction each.  W* has kinks in its slope from the one to the other, over which a Newton
+iteration stumbles; a barrier, as of an interior-point method (Boyd and Vandenberghe 2004, Convex
+Optimization, chapter 11), rounds them off:
+
+    W*(E) = min over P > 0 of W(E + P) - mu log det P,    S(E + P) = mu P^-1
+
+with mu = k d^2 of the law's lesser modulus k at rest and a strain d, the smoothing: where wrinkles
+have taken up a strain p, the sheet keeps a stress of k d^2 / p across them, and a taut sheet under
+the stress s gives way by k d^2 / s.  That its tangent is never singular, wrinkles also cost r k P:P
+/ 2, so that a slack sheet resists with the share r of its modulus, the RESIDUAL.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import NamedTuple
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import IntEnum
+from typing import Any, NamedTuple, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
-from .materials import Array, Linear, Mask, Real, Stress, require, symmetric
+from .materials import Array, Law, Mask, Real, Stress, require
 
-SAMPLES = 9
-"""Of each half of the quadrant of x in which the maximum lies."""
-ISOTROPIC = 1e-14
-"""Of q: rounding."""
-MOST_STEPS = 60
-CONVERGED = 1e-12
-"""The last step, rad; those before it double the digits."""
-
-
-class _Scaled(NamedTuple):
-    """Strains on stretched axes, where A1111 = A2222 = 1."""
-
-    stretch: tuple[Array, Array, Array]
-    """Of E11, E22, 2 E12: E' = stretch E, S = stretch S'."""
-    strain: tuple[Array, Array, Array]
-    """E'."""
-    q: Array
-    mean: Array
-    radius: Array
-    """Of Mohr's circle of E'."""
-    angle: Array
-    """Of E' on Mohr's circle, from axis 1."""
+MOST_STEPS = 20
+CONVERGED, ROUGHLY = 1e-6, 0.1
+"""The last step in P, over P, at the barrier's own height and on the way there."""
+CENTRAL = 0.1
+"""Strain by which a barrier smooths from which its path begins."""
+TO_THE_EDGE = 0.95
+"""Of the step at which P is no longer positive."""
+LEAST_SLOPE = 1e-4
+HALVINGS = 30
+STIFF = 1e-3
+"""Of the tangent's largest entry: the first guess takes no line of the sheet for softer."""
+ROUNDING = 1e-2
+"""Of the barrier, below which a rise of the energy is a rounding error."""
+RESIDUAL = 1e-6
+SQUARED = np.array([1.0, 1.0, 0.5])
+"""P:P from the squares of P11, P22 and 2 P12."""
+SEEN = 30.0
+"""Times the strain at which stress and wrinkles are as large: wrinkles that `State` tells of."""
 
 
-def _scaled(Q: Array, strain: Array, points: Mask) -> _Scaled:
-    """Of the points (a mask) alone."""
-    det = Q[..., 0, 0] * Q[..., 1, 1] - Q[..., 0, 1] ** 2
-    E1, E2 = det / Q[..., 1, 1], det / Q[..., 0, 0]
-    root = np.sqrt(E1 * E2)
-    q = (root / Q[..., 2, 2] - 2 * Q[..., 0, 1] * root / det - 2) / 4
-    q = np.where(np.abs(q) < ISOTROPIC, 0.0, q)
-    constants = (np.sqrt(E1), np.sqrt(E2), np.sqrt(root), q)
-    s1, s2, s3, q = (
-        x if x.ndim == 0 else np.broadcast_to(x, points.shape)[points] for x in constants
-    )
-    e1, e2, e3 = s1 * strain[points, 0], s2 * strain[points, 1], s3 * strain[points, 2]
-    mean, half, shear = (e1 + e2) / 2, (e1 - e2) / 2, e3 / 2
-    radius, angle = np.hypot(half, shear), np.arctan2(shear, half)
-    return _Scaled((s1, s2, s3), (e1, e2, e3), q, mean, radius, angle)
+class State(IntEnum):
+    """What a point of a sheet without compression is: in how many directions it has wrinkles."""
 
-
-def _slope(s: tuple[Array, ...], x: Array) -> tuple[Array, Array]:
-    """Minus the logarithmic slope of (t.E'.t) / sqrt(1 + q sin^2 x), times what is positive, and
-    its derivative by x; s is mean, radius, angle and q."""
-    mean, radius, angle, q = s
-    sin, cos = np.sin(x), np.cos(x)
-    e, drop = mean + radius * np.cos(x - angle), radius * np.sin(x - angle)
-    A = 1 + q * sin * sin
-    value = drop * A + e * q * sin * cos
-    rate = (e - mean) * A + drop * q * sin * cos + e * q * (cos * cos - sin * sin)
-    return value, rate
-
-
-def _height(s: tuple[Array, ...], x: Array) -> Array:
-    """What the direction of tension maximises; its sign is that of the strain along it."""
-    mean, radius, angle, q = s
-    return (mean + radius * np.cos(x - angle)) / np.sqrt(1 + q * np.sin(x) ** 2)
-
-
-def _highest(s: tuple[Array, ...], start: float, end: float) -> Array:
-    """x of the highest point between start and end: samples, then Newton kept in a bracket."""
-    grid = np.linspace(start, end, SAMPLES).reshape(-1, *[1] * s[0].ndim)
-    best = np.argmax(_height(s, grid), axis=0)
-    step = (end - start) / (SAMPLES - 1)
-    x = start + best * step
-    low, high = np.maximum(x - step, 0.0), np.minimum(x + step, np.pi / 2)
-    rising, falling = _slope(s, high)[0] < 0, _slope(s, low)[0] > 0
-    x = np.where(rising, high, np.where(falling, low, x))
-    ends = rising | falling
-    for _ in range(MOST_STEPS):
-        value, rate = _slope(s, x)
-        low, high = np.where(value < 0, x, low), np.where(value > 0, x, high)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            new = x - value / rate
-        inside = (rate > 0) & (new >= low) & (new <= high)
-        new = np.where(ends | (value == 0), x, np.where(inside, new, (low + high) / 2))
-        moved = np.abs(new - x).max(initial=0.0)
-        x = new
-        if moved <= CONVERGED:
-            break
-    return x
-
-
-def _direction(s: _Scaled) -> Array:
-    """x (twice the angle of the tension from axis 1) of wrinkled points, on stretched axes.
-
-    By the symmetries of A the maximum lies in the quadrant of the strain's own angle."""
-    if not np.any(s.q):
-        return s.angle
-    folded = np.arctan2(np.abs(np.sin(s.angle)), np.abs(np.cos(s.angle)))
-    problem = (s.mean, s.radius, folded, s.q)
-    one, two = _highest(problem, 0.0, np.pi / 4), _highest(problem, np.pi / 4, np.pi / 2)
-    x = np.where(_height(problem, one) >= _height(problem, two), one, two)
-    return np.arctan2(
-        np.copysign(np.sin(x), np.sin(s.angle)), np.copysign(np.cos(x), np.cos(s.angle))
-    )
-
-
-def _wrinkled(s: _Scaled) -> Stress:
-    """Energy, stress and tangent (on the given axes) of wrinkled points, zero at slack ones.
-
-    W(E, x) = e^2 / (2 A) is at its maximum by x, so that the tangent is W_EE - W_Ex W_xE / W_xx."""
-    x = _direction(s)
-    sin, cos = np.sin(x), np.cos(x)
-    v = ((1 + cos) / 2, (1 - cos) / 2, sin / 2)
-    v_x = (-sin / 2, sin / 2, cos / 2)
-    e = np.maximum(v[0] * s.strain[0] + v[1] * s.strain[1] + v[2] * s.strain[2], 0)
-    e_x = v_x[0] * s.strain[0] + v_x[1] * s.strain[1] + v_x[2] * s.strain[2]
-    A, A_x = 1 + s.q * sin * sin, 2 * s.q * sin * cos
-    A_xx = 2 * s.q * (cos * cos - sin * sin)
-    tension, tension_x = e / A, e_x / A - e * A_x / A**2
-    W_xx = tension_x * e_x + tension * (s.mean - e) - tension * tension_x * A_x
-    W_xx = W_xx - tension**2 * A_xx / 2
-    bears = e > 0
-    taut, turning = bears / A, bears / np.where(W_xx < 0, -W_xx, np.inf)
-    mixed = [tension * d + tension_x * n for d, n in zip(v_x, v, strict=True)]
-    stress = np.stack([k * tension * n for k, n in zip(s.stretch, v, strict=True)], -1)
-    entries: dict[tuple[int, int], Real] = {
-        (i, k): s.stretch[i] * s.stretch[k] * (taut * v[i] * v[k] + turning * mixed[i] * mixed[k])
-        for i in range(3)
-        for k in range(i, 3)
-    }
-    return Stress(e * tension / 2, stress, symmetric(entries, e.shape))
+    TAUT = 0
+    WRINKLED = 1
+    SLACK = 2
 
 
 @dataclass(frozen=True)
 class TensionField:
-    """A linear law without compression: (1 - residual) W* + residual W of the base law.
+    """A law without compression, relaxed with a `smoothing` (a strain).
 
-    `residual` (default 1e-3) is the share of its stiffness that a slack sheet keeps, for a tangent
-    that is not singular; it adds as much of the base law's compression.  Use it for the membrane
-    strain; bending is the base law's."""
+    Use it for the membrane strain; bending is the base law's.
 
-    base: Linear
-    residual: float = 1e-3
+    >>> law = TensionField(Isotropic(1e8, 0.4))
+    >>> law.state(np.array([[0.01, 0.0, 0.0], [0.01, -0.02, 0.0], [-0.01, -0.01, 0.0]]))
+    array([0, 1, 2])
+    """
+
+    base: Law
+    smoothing: float = 1e-6
 
     def __post_init__(self) -> None:
-        fine = 0 <= self.residual < 1
-        require(self, "residual", self.residual, fine, "it must lie between 0 and 1, 1 excluded")
+        fine = 0 < self.smoothing <= 0.1
+        require(self, "smoothing", self.smoothing, fine, "it must be above 0 and at most 0.1")
 
     def response(self, strain: Array) -> Stress:
-        """See `materials.Law.response`: any strain has an answer."""
-        full = self.base.response(strain)
-        S, share = full.stress, self.residual
-        taut = (S[..., 0] + S[..., 1] >= 0) & (S[..., 0] * S[..., 1] >= S[..., 2] ** 2)
-        if taut.all():
-            return full
-        loose = ~taut
-        w = _wrinkled(_scaled(self.base.plane(), strain, loose))
-        energy, stress, tangent = np.array(full.energy), full.stress, full.tangent.copy()
-        energy[loose] = share * energy[loose] + (1 - share) * w.energy
-        stress[loose] = share * stress[loose] + (1 - share) * w.stress
-        tangent[loose] = share * tangent[loose] + (1 - share) * w.tangent
-        return Stress(energy, stress, tangent)
+        """See `materials.Law.response`."""
+        w = self._relaxed(strain)
+        C, T = w.there.tangent, w.by_growth
+        tangent = C - C @ T @ np.linalg.solve(w.curvature, np.swapaxes(T, 1, 2) @ C)
+        tangent = (tangent + np.swapaxes(tangent, 1, 2)) / 2
+        fine = w.found[:, None]
+        shape = np.shape(strain)
+        return Stress(
+            np.where(w.found, w.energy, np.inf).reshape(shape[:-1]),
+            np.where(fine, w.there.stress, 0.0).reshape(shape),
+            np.where(fine[:, None], tangent, 0.0).reshape(*shape, 3),
+        )
+
+    def state(self, strain: Array) -> NDArray[np.intp]:
+        """(...,) `State` at strains (..., 3)."""
+        p = _strain(self._relaxed(strain).factor) * np.array([1.0, 1.0, 0.5])
+        wrinkled = _principal(p)[0] > SEEN * self.smoothing
+        return wrinkled.sum(axis=1).reshape(np.shape(strain)[:-1])
 
     def shear(self) -> tuple[Real, Real]:
         return self.base.shear()
+
+    def _relaxed(self, strain: Array) -> _Wrinkled:
+        strain = np.asarray(strain, dtype=float)
+        law = _at(self.base, np.ones(strain.shape[:-1], dtype=bool))
+        flat = strain.reshape(-1, 3)
+        rest = law.response(np.zeros_like(flat)).tangent
+        modulus = np.minimum(rest[:, 0, 0], rest[:, 1, 1])
+        cost = _Cost(modulus * self.smoothing**2, modulus * RESIDUAL)
+        return _wrinkled(law, flat, cost, self.smoothing)
+
+
+class _Cost(NamedTuple):
+    """What wrinkles cost at m points: - barrier log det P + residual P:P / 2."""
+
+    barrier: Array
+    """(m,) J/m3."""
+    residual: Array
+    """(m,) Pa."""
+
+    def of(self, points: Mask) -> _Cost:
+        return _Cost(self.barrier[points], self.residual[points])
+
+    def higher(self, times: float) -> _Cost:
+        return _Cost(times * self.barrier, self.residual)
+
+
+class _Wrinkled(NamedTuple):
+    """m points in balance, with the wrinkles' strain P = A A'.  By a growth X of the wrinkles, P
+    becomes A (1 + X) A'."""
+
+    factor: Array
+    """(m, 2, 2) A."""
+    energy: Array
+    """(m,) J/m3, the barrier's included."""
+    there: Stress
+    """The base law at E + P."""
+    by_growth: Array
+    """(m, 3, 3) derivatives of P, as E11, E22, 2 E12, by X11, X22, X12."""
+    curvature: Array
+    """(m, 3, 3) Pa, second derivatives of the energy by X11, X22, X12."""
+    found: Mask
+
+
+def _at(law: Law, points: Mask) -> Law:
+    """The law of some points (a mask), its parameters that differ by point those of them."""
+    values: dict[str, Any] = {
+        name: np.broadcast_to(value, points.shape)[points]
+        for name, value in vars(law).items()
+        if np.ndim(value)
+    }
+    return cast(Law, replace(cast(Any, law), **values)) if values else law
+
+
+def _strain(A: Array) -> Array:
+    """(m, 3) A A' as E11, E22, 2 E12."""
+    P = A @ np.swapaxes(A, 1, 2)
+    return np.stack([P[:, 0, 0], P[:, 1, 1], 2 * P[:, 0, 1]], axis=1)
+
+
+def _by_growth(A: Array) -> Array:
+    """(m, 3, 3) see `_Wrinkled`."""
+    (a, b), (c, d) = np.moveaxis(A, 0, 2)
+    rows = [
+        [a * a, b * b, 2 * a * b],
+        [c * c, d * d, 2 * c * d],
+        [2 * a * c, 2 * b * d, 2 * (a * d + b * c)],
+    ]
+    return np.moveaxis(np.array(rows), 2, 0)
+
+
+def _level(law: Law, strain: Array, cost: _Cost, A: Array) -> tuple[Stress, Array]:
+    """The law's response at E + A A', and its energy (m,) with what wrinkles cost."""
+    P = _strain(A)
+    there = law.response(strain + P)
+    energy = there.energy + cost.residual / 2 * (P * P * SQUARED).sum(axis=1)
+    return there, energy - 2 * cost.barrier * np.log(np.abs(np.linalg.det(A)))
+
+
+def _principal(x: Array) -> tuple[Array, Array]:
+    """(m, 2) principal values of tensors (m, 3) of components 11, 22, 12, and their directions (m,
+    2, 2), as columns."""
+    mean, radius = (x[:, 0] + x[:, 1]) / 2, np.hypot((x[:, 0] - x[:, 1]) / 2, x[:, 2])
+    angle = np.arctan2(x[:, 2], (x[:, 0] - x[:, 1]) / 2) / 2
+    c, s = np.cos(angle), np.sin(angle)
+    axes = np.moveaxis(np.array([[c, -s], [s, c]]), 2, 0)
+    return np.stack([mean + radius, mean - radius], axis=1), axes
+
+
+def _first_guess(full: Stress, barrier: Array) -> Array:
+    """(m, 2, 2) A where each principal stress of the base law alone, with its own stiffness, were
+    in balance."""
+    stress, axes = _principal(full.stress)
+    c, s = axes[:, 0], axes[:, 1]
+    unit = np.stack([c * c, s * s, 2 * s * c], axis=2)
+    stiff = np.einsum("mai,mij,maj->ma", unit, full.tangent, unit)
+    stiff = np.maximum(stiff, STIFF * np.abs(full.tangent).max(axis=(1, 2))[:, None])
+    root = np.sqrt(stress * stress + 4 * stiff * barrier[:, None])
+    even = 2 * barrier[:, None] / (root + np.abs(stress))
+    return axes * np.sqrt(np.where(stress > 0, even, (root - stress) / (2 * stiff)))[:, None]
+
+
+def _central_guess(strain: Array) -> Array:
+    """(m, 2, 2) A that makes up for every shortening, and for CENTRAL more."""
+    size, axes = _principal(strain * np.array([1.0, 1.0, 0.5]))
+    return axes * np.sqrt(np.maximum(-size, 0.0) + CENTRAL)[:, None]
+
+
+def _wrinkled(law: Law, strain: Array, cost: _Cost, smoothing: float) -> _Wrinkled:
+    """The least energy over P, each point for itself: from the first guess, and where that leads
+    nowhere, along the path of ever lower barriers."""
+    full = law.response(strain)
+    found = np.isfinite(full.energy)
+    A = np.tile(np.sqrt(smoothing) * np.eye(2), (len(strain), 1, 1))
+    left = found.copy()
+    A[left] = _first_guess(Stress(*(x[left] for x in full)), cost.barrier[left])
+    A[left], near = _lowered(_at(law, left), strain[left], cost.of(left), A[left], (1.0,))
+    left[left] = ~near
+    if left.any():
+        lower = max(0, int(np.ceil(np.log10(CENTRAL / smoothing))))
+        path = [100.0**n for n in range(lower, -1, -1)]
+        A[left] = _central_guess(strain[left])
+        A[left], near = _lowered(_at(law, left), strain[left], cost.of(left), A[left], path)
+        left[left] = ~near
+    there, energy = _level(law, strain, cost, A)
+    energy += 2 * cost.barrier * np.log(smoothing)
+    found &= ~left & np.isfinite(energy)
+    T = _by_growth(A)
+    return _Wrinkled(A, energy, there, T, _curvature(T, there, cost), found)
+
+
+def _lowered(
+    law: Law, strain: Array, cost: _Cost, A: Array, path: Sequence[float]
+) -> tuple[Array, Mask]:
+    """(m, 2, 2) the A of balance at the end of a path of barriers, in times the cost's, and where
+    Newton arrived there."""
+    A = A.copy()
+    for times in path:
+        todo = np.ones(len(A), dtype=bool)
+        for _ in range(MOST_STEPS):
+            own = _at(law, todo), strain[todo], cost.of(todo).higher(times), A[todo]
+            A[todo], near = _newton_step(*own, CONVERGED if times == 1 else ROUGHLY)
+            todo[todo] = ~near
+            if not todo.any():
+                break
+    return A, ~todo
+
+
+def _curvature(T: Array, there: Stress, cost: _Cost) -> Array:
+    """(m, 3, 3) second derivatives of `_level` by the growth, T as `_by_growth`."""
+    stiff = there.tangent + cost.residual[:, None, None] * np.diag(SQUARED)
+    barrier = cost.barrier[:, None, None] * np.diag([1.0, 1.0, 2.0])
+    return np.asarray(np.swapaxes(T, 1, 2) @ stiff @ T + barrier)
+
+
+def _newton_step(
+    law: Law, strain: Array, cost: _Cost, A: Array, converged: float
+) -> tuple[Array, Mask]:
+    """(m, 2, 2) A after a step, and whether that was short enough for the last."""
+    (here, level), T, mu = _level(law, strain, cost, A), _by_growth(A), cost.barrier
+    stress = here.stress + cost.residual[:, None] * SQUARED * _strain(A)
+    slope = np.einsum("mij,mi->mj", T, stress) - mu[:, None] * np.array([1.0, 1.0, 0.0])
+    X = -np.linalg.solve(_curvature(T, here, cost), slope[:, :, None])[:, :, 0]
+    along = np.einsum("mi,mi->m", slope, X)
+    rising = along >= 0
+    X[rising] = -slope[rising] / mu[rising, None]
+    along[rising] = np.einsum("mi,mi->m", slope, X)[rising]
+    near = np.hypot(np.hypot(X[:, 0], X[:, 1]), np.sqrt(2) * X[:, 2]) <= converged
+    least = (X[:, 0] + X[:, 1]) / 2 - np.hypot((X[:, 0] - X[:, 1]) / 2, X[:, 2])
+    size = 1 / np.maximum(1.0, -least / TO_THE_EDGE)
+    noise = ROUNDING * (mu + np.abs(level) * 1e-13)
+    for _ in range(HALVINGS):
+        there = A @ _root(size[:, None] * X)
+        energy = _level(law, strain, cost, there)[1]
+        high = ~near & ~(energy <= level + LEAST_SLOPE * size * along + noise)
+        if not high.any():
+            break
+        size[high] /= 2
+    return there, near
+
+
+def _root(X: Array) -> Array:
+    """(m, 2, 2) lower triangular L with L L' = 1 + X, of X (m, 3) as X11, X22, X12."""
+    out = np.zeros((len(X), 2, 2))
+    out[:, 0, 0] = np.sqrt(1 + X[:, 0])
+    out[:, 1, 0] = X[:, 2] / out[:, 0, 0]
+    out[:, 1, 1] = np.sqrt(1 + X[:, 1] - out[:, 1, 0] ** 2)
+    return out
