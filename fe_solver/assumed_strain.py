@@ -4,10 +4,10 @@ Of the strains (`strain_forms`) 21 are needed, the samples: five membrane strain
 midpoints and the centre (MITC4+: Ko, Lee and Bathe 2017, Comput Struct 182:404, which leaves a flat
 element as it is and cures the membrane locking of a warped one), four transverse shears at the edge
 midpoints (MITC4: Dvorkin and Bathe 1984, Eng Comput 1:77) and the bending strains at the four Gauss
-points.  The strains there, in local Cartesian axes, are constant combinations of the samples.  The
-in-plane shear is evened, half way to its mean over the element (Hughes 1980, Int J Numer Meth Eng
-15:1413, has the mean alone), so that it bends in its plane with a quarter of the locking, unless
-they are asked not to.
+points.  The strains there, in local Cartesian axes, are constant combinations of the samples.  A
+bilinear element, bent in its plane, shears and so locks; of what the membrane strain varies over a
+quad only its projection upon the two fields of Pian and Sumihara is kept (`_project_variation`),
+unless it is asked for as it is.
 
 A triangle is a quad whose last two corners are one node: its samples on the three edges are those
 of the MITC3 element (Lee and Bathe 2004, Comput Struct 82:945).
@@ -22,7 +22,6 @@ from .strain_forms import (
     Element,
     bending,
     covariant,
-    mean_kept,
     membrane,
     shear,
     to_centre,
@@ -30,9 +29,6 @@ from .strain_forms import (
 
 CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 GAUSS = CORNERS / np.sqrt(3.0)
-KEPT = 0.5
-"""Of the in-plane shear's variation over a quad, where it is evened: a quarter of the energy by
-which it locks.  With a third of it slack bands crumple within the elements of fine meshes."""
 
 
 def shape(r: float, s: float) -> tuple[Array, Array, Array]:
@@ -108,19 +104,42 @@ def _tied_membrane(a: Array, r: float, s: float) -> Array:
     return np.moveaxis(np.array([rr, ss, rs]), 2, 0)
 
 
-def quad_membrane(X: Array, a: Array, even: bool) -> Array:
-    """(ne, 4, 3, 5) membrane e_rr, e_ss, e_rs at the Gauss points from the samples: MITC4+'s and,
-    where `even`, with KEPT of what the shear along the base vectors of the element's centre varies
-    about its mean over the element X (ne, 4, 3): by that a bilinear quad, bent in its plane,
-    locks."""
+def quad_membrane(X: Array, a: Array, centre: Array | None) -> Array:
+    """(ne, 4, 3, 5) MITC4+ membrane strains e_rr, e_ss, e_rs at the Gauss points from the samples,
+    of elements X (ne, 4, 3); a (5, ne) as from `distortion`.
+
+    With the base vectors r and s (ne, 2, 3) of the stress-free elements' `centre` the strain bends
+    in its plane without locking (`_project_variation`); without, it is bilinear."""
     tied = np.stack([_tied_membrane(a, r, s) for r, s in GAUSS], axis=1)
-    if not even:
+    if centre is None:
         return tied
     turns, area = to_centre(FOUR, X, GAUSS)
     strain = np.stack([covariant(t, tied[:, g]) for g, t in enumerate(turns)])
-    strain[:, :, 2] = mean_kept(strain[:, :, 2], area, KEPT)
+    strain = _project_variation(centre, area / area.sum(axis=0), strain)
     back = [covariant(np.linalg.inv(t), e) for t, e in zip(turns, strain, strict=True)]
     return np.stack(back, axis=1)
+
+
+def _project_variation(centre: Array, share: Array, strain: Array) -> Array:
+    """(4, ne, 3, m) the strains' mean and, of what they vary about it, the projection upon
+
+        (s - <s>) g_r o g_r    and    (r - <r>) g_s o g_s,    g_r, g_s the centre's base vectors,
+
+    the stresses that Pian and Sumihara (1984, Int J Numer Meth Eng 20:1685) assume beside constant
+    ones.  Taken as strains they make of the element a B-bar element (Piltner and Taylor 1999, Int J
+    Numer Meth Eng 44:615): Pian and Sumihara's where Poisson's ratio is zero, of any law elsewhere.
+    The mean is that of the untouched strain, so that any patch of constant stress is in balance.
+
+    strain (4, ne, 3, m) covariant in the base of the centre (ne, 2, 3), share (4, ne) of the area.
+    """
+    mean = np.einsum("gn,gnim->nim", share, strain)
+    metric = np.einsum("nik,njk->ijn", centre, centre)
+    fields = np.stack([metric[:, 0] ** 2, metric[:, 1] ** 2, metric[:, 0] * metric[:, 1]], axis=1)
+    lever = GAUSS[:, ::-1, None] - np.einsum("gn,gi->in", share, GAUSS[:, ::-1])
+    products = np.einsum("gn,gin,gjn->nij", share, lever, lever) * np.moveaxis(metric**2, 2, 0)
+    moments = np.einsum("gn,gin,gnim->nim", share, lever, strain[:, :, :2])
+    size = np.linalg.solve(products, moments)
+    return np.asarray(mean + np.einsum("gin,ikn,nim->gnkm", lever, fields, size))
 
 
 def tied_shear(r: float, s: float) -> Array:

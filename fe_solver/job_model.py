@@ -140,7 +140,7 @@ def job_model(job: Job, options: JobOptions) -> JobModel:
         job.fibre,
         np.zeros(len(job.quads)),
         job.height,
-        even=not job.as_febio,
+        bilinear=job.as_febio,
     )
     base = ShellModel(
         job.quads,

@@ -165,21 +165,25 @@ def shell_tables(
     growth: Array,
     height: Array | float = 0.0,
     *,
-    even: bool = True,
+    bilinear: bool = False,
 ) -> ShellTables:
     """Tables for elements with nodes X (ne, k, 3), unit directors D (ne, k, 3), fibre directions
     (ne, 3) or (ne, g, 3) at the Gauss points, and fibre growth (ne,): the stress-free length along
     the fibre is 1 + growth times that of the mesh (a multiplicative, plane eigenstrain).  `height`
     (ne, k), m, of the mid-surface over each node along its director: nodes on the lower face of a
-    shell lie half its thickness below.  `even`: the in-plane shear is evened over each four-node
-    quad, as in `assumed_strain`; else bilinear, as FEBio has it."""
+    shell lie half its thickness below.  `bilinear`: the membrane strain of a four-node quad is that
+    of its displacements, as FEBio has it, and locks when it is bent in its plane."""
     element, ne = kind_of(X), len(X)
     points = len(element.gauss)
     height = np.broadcast_to(height, X.shape[:2]).astype(float)
     fibre = np.broadcast_to(fibre[:, None] if fibre.ndim == 2 else fibre, (ne, points, 3))
     nodes, mitre = np.concatenate([X, D], axis=1), _mitre(X, D)
     X = _over(nodes, height, mitre)[:, : X.shape[1]]
-    membranes, shears = _four_nodes(X, even) if element is FOUR else _nine_nodes(X)
+    if element is FOUR:
+        centre = None if bilinear else _stress_free_centre(X, fibre[:, 0], growth)
+        membranes, shears = _four_nodes(X, centre)
+    else:
+        membranes, shears = _nine_nodes(X)
     tensor = np.stack([(1 + growth) ** -2, np.ones(ne), 1 / (1 + growth)], axis=1)[:, :, None]
     edges = np.stack([X[:, 1] - X[:, 0], X[:, 2] - X[:, 0]], axis=2)
     triangle = _is_triangle(X)[:, None, None]
@@ -201,13 +205,21 @@ def shell_tables(
     return replace(bare, offset=offset)
 
 
-def _four_nodes(X: Array, even: bool) -> tuple[Array, Array]:
+def _stress_free_centre(X: Array, fibre: Array, growth: Array) -> Array:
+    """(ne, 2, 3) base vectors r and s of the elements' centres, grown along the fibre (ne, 3)."""
+    base = kind_of(X).base_vectors(X, 0, 0)
+    along = local_frames(X, fibre, 0, 0)[0][:, 0]
+    part = np.einsum("nik,nk->ni", base, along) * growth[:, None]
+    return base + part[:, :, None] * along[:, None]
+
+
+def _four_nodes(X: Array, centre: Array | None) -> tuple[Array, Array]:
     """Membrane (ne, 4, 3, 5) and shear (ne, 4, 2, 4) at the Gauss points from the samples: of quads
-    covariant, of triangles along their first and last edge."""
+    covariant, of triangles along their first and last edge; `centre` as in `quad_membrane`."""
     triangle = _is_triangle(X)
     warp = np.zeros((5, len(X)))
     warp[:, ~triangle] = distortion(X[~triangle])
-    membrane = quad_membrane(X, warp, even)
+    membrane = quad_membrane(X, warp, centre)
     membrane[triangle] = TRIANGLE_MEMBRANE
     shear = np.stack([tied_shear(r, s) for r, s in FOUR.gauss])
     of_triangle = np.stack([triangle_shear(r, s) for r, s in FOUR.gauss])

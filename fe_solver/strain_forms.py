@@ -112,9 +112,3 @@ def to_centre(element: Element, X: Array, points: Array) -> tuple[Array, Array]:
     bases = np.stack([element.base_vectors(X, r, s) for r, s in points])
     area = np.linalg.norm(np.cross(bases[:, :, 0], bases[:, :, 1]), axis=2)
     return np.einsum("nak,pnbk->pnab", dual, bases), area
-
-
-def mean_kept(values: Array, weight: Array, kept: float) -> Array:
-    """Values (g, ne, m) with `kept` of what they vary about their means by weight (g, ne)."""
-    mean = np.einsum("gn,gni->ni", weight / weight.sum(axis=0), values)
-    return np.asarray(mean + kept * (values - mean))

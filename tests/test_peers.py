@@ -41,22 +41,11 @@ def refined() -> list[float]:
     return [peers.ours(22 * k, 6 * k).deflection for k in (1, 2, 4)]
 
 
-@pytest.mark.xfail(reason="1.70 since the in-plane shear is evened", strict=True)
-def test_the_deflection_converges_with_the_square_of_the_mesh():
-    assert halving_order(*refined()) == pytest.approx(2, abs=0.25)
-
-
-@pytest.mark.xfail(reason="1.1 % since the in-plane shear is evened", strict=True)
-def test_the_coarsest_mesh_is_near_the_finest():
-    coarse, _, fine = refined()
-    assert coarse == pytest.approx(fine, rel=0.005)
-
-
 def test_the_deflection_converges_with_the_mesh():
     coarse, middle, fine = refined()
-    assert halving_order(coarse, middle, fine) > 1.5
-    assert coarse == pytest.approx(fine, rel=0.015)
-    assert middle == pytest.approx(fine, rel=0.005)
+    assert halving_order(coarse, middle, fine) > 1.75
+    assert coarse == pytest.approx(fine, rel=0.005)
+    assert middle == pytest.approx(fine, rel=0.001)
 
 
 def test_the_deflection_is_the_load_s():
