@@ -9,7 +9,7 @@ import numpy as np
 
 from ..model import ShellModel
 from ..shell import Array
-from .benchmark import Benchmark, Meshes, rows_of
+from .benchmark import Benchmark, Meshes
 from .sheets import clamped, elements, line_weights, linear_response, sheet
 
 MACNEAL = "MacNeal, Harder 1985, Finite Elem Anal Des 1:3"
@@ -120,6 +120,7 @@ def curved_bar_deflection() -> float:
 
 
 INNER, OUTER = 4.12, 4.32
+FINE = (1, 4, 8, 16)
 CURVED = Benchmark(
     "curved beam",
     "quarter of a ring, radii 4.12 and 4.32, 0.1 thick, E = 1e7, nu = 0.25, clamped, unit force at "
@@ -128,7 +129,7 @@ CURVED = Benchmark(
     f"{MACNEAL}, as quoted in Altair's verification problem OS-V 0710; but in plane by Timoshenko "
     "and Goodier's curved bar (theirs, 0.08734, is 1.4 % less)",
     curved_beam,
-    {4: Meshes((1, 4, 8, 16)), 9: Meshes((1, 2, 4))},
+    {4: Meshes(FINE), 9: Meshes((1, 2, 4))},
     lambda n: f"{COLUMNS * n} x {n}",
 )
 
@@ -162,13 +163,11 @@ HOOK = Benchmark(
     {"tip along the width": 5.02},
     "Knight 1997, AIAA J 35:375, as quoted in FinEtoolsFlexStructures, raasch_examples",
     hook,
-    {4: Meshes((18, 36, 72)), 9: Meshes((9, 18, 36))},
+    {4: Meshes((18, 36, 72, 144)), 9: Meshes((9, 18, 36, 72))},
     lambda n: f"{n} x {max(n // 6, 1)}",
 )
 OTHER_LOADS = ("extension", "out of plane", "twist")
-straight_rows = rows_of(
-    *(straight_benchmark(shape, ("in plane",), Meshes((1, 2, 4), 0.05)) for shape in SHAPES),
-    *(straight_benchmark(shape, OTHER_LOADS, Meshes((1, 4, 8, 16))) for shape in SHAPES),
+STRAIGHT_BEAMS = (
+    *(straight_benchmark(s, ("in plane",), Meshes(FINE, also={4: 0.05})) for s in SHAPES),
+    *(straight_benchmark(s, OTHER_LOADS, Meshes(FINE)) for s in SHAPES),
 )
-curved_rows = rows_of(CURVED)
-hook_rows = rows_of(HOOK)

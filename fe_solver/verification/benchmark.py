@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 from cosim.verification import Row
 
@@ -23,12 +23,22 @@ def square(n: int) -> str:
 class Meshes:
     """The sizes of the meshes that one element solves a problem on, the coarsest first.
 
-    The finest is judged: its error must be at most `within`.  The coarsest is shown, and judged by
-    `coarse` where that is given."""
+    The finest is judged: its error must be at most `within`, that of a mesh in `also` at most what
+    is given there by size.  The coarsest is shown in any case."""
 
     sizes: tuple[int, ...]
     within: float = 0.01
-    coarse: float | None = None
+    also: dict[int, float] = field(default_factory=dict)
+
+    @property
+    def tolerances(self) -> dict[int, float | None]:
+        """By the size of each mesh that has a row, ascending; None where it is only shown."""
+        judged = {self.sizes[0]: None} | self.also | {self.sizes[-1]: self.within}
+        return dict(sorted(judged.items()))
+
+    def finer(self) -> Meshes:
+        """The same without the coarsest mesh, and one that is twice as fine as the finest."""
+        return Meshes((*self.sizes[1:], 2 * self.sizes[-1]), self.within)
 
 
 @dataclass(frozen=True)
@@ -49,29 +59,34 @@ class Benchmark:
     words: Callable[[int], str] = square
 
     def rows(self) -> Iterator[Row]:
-        """Of each element the coarsest and the finest mesh; the order is that of the last three
-        meshes.  Raises ConvergenceError."""
+        """Of each element the coarsest and the finest mesh and those that are judged besides; the
+        order is that of the last three meshes.  Raises ConvergenceError."""
         for nodes, meshes in self.meshes.items():
-            values = [tuple(self.solve(size, nodes)) for size in meshes.sizes]
+            values = {size: self.solve(size, nodes) for size in meshes.sizes}
             for i, (what, target) in enumerate(self.targets.items()):
-                yield from self._of_quantity(nodes, what, target, [v[i] for v in values])
+                of_sizes = {size: float(v[i]) for size, v in values.items()}
+                yield from self._of_quantity(nodes, what, target, of_sizes)
 
     def _of_quantity(
-        self, nodes: int, what: str, target: float, values: list[float]
+        self, nodes: int, what: str, target: float, values: dict[int, float]
     ) -> Iterator[Row]:
-        meshes, last = self.meshes[nodes], len(values) - 1
-        for k in sorted({0, last}):
-            within = meshes.within if k == last else meshes.coarse
+        order = halving_order(*list(values.values())[-3:]) if len(values) > 2 else None
+        finest = self.meshes[nodes].sizes[-1]
+        for size, within in self.meshes[nodes].tolerances.items():
             yield Row(
                 f"{self.name}, {WORDS[nodes]}-node elements",
-                f"{what}, {self.words(meshes.sizes[k])}",
+                f"{what}, {self.words(size)}",
                 target,
-                float(values[k]),
+                values[size],
                 0.0 if within is None else within,
                 f"{self.problem}; {self.source}",
                 "shown" if within is None else "relative",
-                halving_order(*values[-3:]) if k == last and last >= 2 else None,
+                order if size == finest else None,
             )
+
+    def finer(self) -> Benchmark:
+        """The same on finer meshes."""
+        return replace(self, meshes={k: m.finer() for k, m in self.meshes.items()})
 
 
 def rows_of(*benchmarks: Benchmark) -> Callable[[], Iterator[Row]]:

@@ -10,7 +10,7 @@ from ..model import ShellModel
 from ..newton import solve
 from ..shell import Array
 from .beams import rectangle_torsion
-from .benchmark import Benchmark, Meshes, rows_of
+from .benchmark import Benchmark, Meshes
 from .paths import WHOLE, driven, largest
 from .sheets import NO_TENSION, at_rest, clamped, elements, line_weights, mirrored, sheet
 
@@ -50,7 +50,6 @@ def hinged_roof_benchmark(thickness: float, target: float) -> Benchmark:
 
 
 HINGED_ROOFS = (hinged_roof_benchmark(12.7, 2226.3), hinged_roof_benchmark(6.35, 585.9))
-hinged_roof_rows = rows_of(*HINGED_ROOFS)
 
 
 def buckling_load(model: ShellModel, load: Array, least: float, most: float) -> float:
@@ -113,4 +112,3 @@ STRIP_BUCKLING = Benchmark(
     {4: Meshes((2, 4, 8), 0.03), 9: Meshes((1, 2, 4), 0.03)},
     lambda n: f"{10 * n} x {n}",
 )
-strip_buckling_rows = rows_of(STRIP_BUCKLING)

@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 from ..fibre_materials import TransIsoMooneyRivlin
 from ..newton import solve
 from ..shell import Array
-from .benchmark import Benchmark, Meshes, rows_of
+from .benchmark import Benchmark, Meshes
 from .paths import WHOLE
 from .sheets import NO_TENSION, at_rest, elements, mirrored, sheet, surface_weights
 
@@ -35,8 +35,8 @@ def triangle_elements(n: int, nodes: int) -> tuple[Array, np.ndarray]:
 
 
 def hencky_tension(middle: float) -> Array:
-    """(TERMS,) coefficients, by even powers of r / a, of the radial tension over (E t q^2 a^2)^(1/3)
-    in a circular membrane, from that in its middle.
+    """(TERMS,) coefficients, by even powers of r / a, of the radial tension in a circular membrane
+    over (E t q^2 a^2)^(1/3), from that in its middle.
 
     With n the tension and x = r / a, equilibrium and compatibility are
     x^2 n'' + 3 x n' + x^2 / (8 n^2) = 0."""
@@ -101,13 +101,14 @@ STRETCHES = (1.05, 1.15, 1.25)
 
 
 def balloon_pressure(stretch: float) -> float:
-    """Pressure in an incompressible neo-Hookean balloon over mu t / R, its radius `stretch` times R:
+    """Pressure in an incompressible neo-Hookean balloon whose radius is l times R, over mu t / R:
     2 (1 / l - 1 / l^7)."""
     return 2 * (1 / stretch - stretch**-7)
 
 
 def balloon(n: int, nodes: int) -> list[float]:
-    """Stretches of an eighth of the balloon under the pressures of STRETCHES, means over the nodes."""
+    """Stretches of an eighth of the balloon under the pressures of STRETCHES, each the mean of its
+    nodes'."""
     mu, thickness = 1e6, 1e-3
     at, quads = triangle_elements(n, nodes)
     X = at / np.linalg.norm(at, axis=1, keepdims=True)
@@ -129,9 +130,8 @@ BALLOON = Benchmark(
     "an eighth of a sphere of incompressible neo-Hookean rubber, R / t = 1000, under pressure; "
     "3 x n x n elements",
     {f"radius over R at p R / (mu t) = {balloon_pressure(s):.4f}": s for s in STRETCHES},
-    "exact: p = 2 mu t / R (1 / l - 1 / l^7) (Ogden, Non-linear Elastic Deformations)",
+    "exact: p = 2 mu t / R (1 / l - 1 / l^7), l the radius over R",
     balloon,
     {4: Meshes((2, 4, 8)), 9: Meshes((1, 2, 4))},
     lambda n: f"3 x {n} x {n}",
 )
-membrane_rows = rows_of(HENCKY, BALLOON)

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from ..shell import Array
-from .benchmark import Benchmark, Meshes, rows_of
+from .benchmark import Benchmark, Meshes
 from .paths import watching
 from .sheets import (
     clamped,
@@ -137,7 +137,7 @@ COOK = Benchmark(
     {"deflection of the edge's middle": 23.96},
     "23.96: Cook 1989, as quoted in the gallery of solver-docs.pages.dev",
     cook,
-    {4: Meshes((8, 16, 32), coarse=0.05), 9: Meshes((2, 4, 8))},
+    {4: Meshes((8, 16, 32), also={8: 0.05}), 9: Meshes((2, 4, 8))},
 )
 
 
@@ -167,7 +167,7 @@ def hemisphere_benchmark(distortion: float) -> Benchmark:
         {"deflection": 0.0930},
         "0.0930: Ko, Lee, Lee, Bathe 2017, as quoted in FinEtoolsFlexStructures",
         partial(hemisphere, distortion),
-        {4: Meshes((8, 16, 32), coarse=0.03), 9: Meshes((4, 8, 16))},
+        {4: Meshes((8, 16, 32), also={8: 0.03}), 9: Meshes((4, 8, 16))},
     )
 
 
@@ -217,11 +217,3 @@ RANDOM_MESHES = tuple(
         (COOK, cook, {4: Meshes((8, 16, 32)), 9: Meshes((4, 8, 16))}),
     )
 )
-
-roof_rows = rows_of(ROOF)
-pinched_cylinder_rows = rows_of(PINCHED_CYLINDER)
-twisted_beam_rows = rows_of(*TWISTED_BEAMS)
-cook_rows = rows_of(COOK)
-random_rows = rows_of(*RANDOM_MESHES)
-hemisphere_rows = rows_of(*HEMISPHERES)
-hyperbolic_paraboloid_rows = rows_of(*HYPERBOLIC_PARABOLOIDS)
