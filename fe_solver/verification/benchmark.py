@@ -7,9 +7,10 @@ from dataclasses import dataclass, field, replace
 
 from cosim.verification import Row
 
+from ..shell import Array
 from .paths import halving_order
 
-Solve = Callable[[int, int], Sequence[float]]
+Solve = Callable[[int, int], Sequence[float] | Array]
 """The quantities of a problem, from the mesh's size and the number of nodes of its elements."""
 WORDS = {4: "four", 9: "nine"}
 

@@ -74,10 +74,16 @@ STUDIES = (
     Study("finer meshes", finer_rows, slow=True),
     Study("shear lag", shear_lag.rows),
     Study("end shear", benchmarks_nonlinear.shear_rows),
+    Study("end shear, nine-node elements", benchmarks_nonlinear.END_SHEAR.rows),
     Study("end moment", benchmarks_nonlinear.moment_rows),
     Study("hemisphere, nonlinear", benchmarks_nonlinear.hemisphere_rows),
     Study("open cylinder", benchmarks_nonlinear.open_cylinder_rows),
     Study("slit ring", benchmarks_nonlinear.ring_rows),
     Study("half cylinder", benchmarks_nonlinear.half_cylinder_rows, slow=True),
+    Study(
+        "large deflections, nine-node elements",
+        rows_of(*benchmarks_nonlinear.NINE_NODE_PATHS),
+        slow=True,
+    ),
     Study(peers.title(), peers.rows),
 )
