@@ -134,10 +134,11 @@ CURVED = Benchmark(
 )
 
 
-def hook(along: int, nodes: int) -> list[float]:
-    """Tip displacement of Raasch's hook along its width, under a unit force spread over its end."""
+def hook(n: int, nodes: int) -> list[float]:
+    """Tip displacement of Raasch's hook along its width, under a unit force spread over its end; 7
+    n x n elements, a line of which lies where the arcs meet."""
     small, large, width = 14.0, 46.0, 20.0
-    uv, quads = elements(along, max(along // 6, 1), nodes)
+    uv, quads = elements(7 * n, n, nodes)
     angle = np.deg2rad(210) * uv[:, 0]
     turn = np.deg2rad(60)
     first = angle <= turn + 1e-12
@@ -163,8 +164,8 @@ HOOK = Benchmark(
     {"tip along the width": 5.02},
     "Knight 1997, AIAA J 35:375, as quoted in FinEtoolsFlexStructures, raasch_examples",
     hook,
-    {4: Meshes((18, 36, 72, 144)), 9: Meshes((9, 18, 36, 72))},
-    lambda n: f"{n} x {max(n // 6, 1)}",
+    {4: Meshes((2, 4, 8, 16)), 9: Meshes((1, 2, 4, 8))},
+    lambda n: f"{7 * n} x {n}",
 )
 OTHER_LOADS = ("extension", "out of plane", "twist")
 STRAIGHT_BEAMS = (
