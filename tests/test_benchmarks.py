@@ -11,6 +11,7 @@ from cosim.port import ConvergenceError
 from cosim.verification import Row
 from fe_solver.verification.beams import rectangle_torsion, straight_beam
 from fe_solver.verification.benchmark import Benchmark, Meshes
+from fe_solver.verification.limit_loads import buckling_load
 from fe_solver.verification.membranes import hencky_deflection, triangle_elements
 from fe_solver.verification.paths import driven, largest
 from fe_solver.verification.sheets import (
@@ -136,6 +137,15 @@ def test_a_driven_node_needs_the_force_that_moves_it():
     forces, c = driven(mirrored(model, np.zeros_like(held), held), tip, up, [1e-3, 2e-3])
     assert forces == pytest.approx(stiffness * np.array([1e-3, 2e-3]), rel=1e-4)
     assert c.x[tip, 2] == pytest.approx(2e-3)
+
+
+def test_a_load_that_does_not_buckle_says_so():
+    """A strip that is pulled, and not bent."""
+    X, quads = plate(10.0, 1.0, 4, 1)
+    model = clamped(sheet(X, quads, 1.2e6, 0.0, 0.1), np.flatnonzero(X[:, 0] == 0))
+    pull = np.outer(X[:, 0] == 10, [1.0, 0, 0])
+    with pytest.raises(ConvergenceError, match="keeps its sign from 1 to 2"):
+        buckling_load(model, pull, 1.0, 2.0)
 
 
 def test_the_largest_load_of_a_path():

@@ -6,6 +6,8 @@ from functools import partial
 
 import numpy as np
 
+from cosim.port import ConvergenceError
+
 from ..model import ShellModel
 from ..newton import solve
 from ..shell import Array
@@ -71,7 +73,13 @@ def buckling_load(model: ShellModel, load: Array, least: float, most: float) -> 
         K = model.pattern.full(data)[model.free][:, model.free].tocsc()
         return float(eigsh(K, k=1, sigma=0.0, which="LM", return_eigenvectors=False)[0])
 
-    return float(brentq(least_eigenvalue, least, most, rtol=1e-5))
+    try:
+        return float(brentq(least_eigenvalue, least, most, rtol=1e-5))
+    except ValueError as error:
+        words = (
+            f"the tangent's least eigenvalue keeps its sign from {least:g} to {most:g} of the load"
+        )
+        raise ConvergenceError(words) from error
 
 
 STRIP, DEPTH, THICKNESS, MODULUS, POISSON = 50.0, 1.0, 0.01, 1e7, 0.3
