@@ -187,14 +187,14 @@ def rich_table(rows: Iterable[Row], sources: Sequence[str]) -> Table:
 
 
 def _figures(row: Row) -> tuple[str, ...]:
-    target = f"{row.target:.5g}"
+    target, relative = f"{row.target:.5g}", row.measure in ("relative", "shown")
     if row.measure == "bound":
         target = f"<= {row.target + row.tolerance:.2g}"
     return (
         target,
         f"{row.computed:.5g}" if row.measure != "bound" else f"{row.computed:.2g}",
-        "-" if row.measure == "bound" else _percent(row.error, row.measure == "relative"),
-        "-" if row.measure == "bound" else _percent(row.tolerance, row.measure == "relative"),
+        "-" if row.measure == "bound" else _percent(row.error, relative),
+        "-" if row.measure in ("bound", "shown") else _percent(row.tolerance, relative),
         "" if row.order is None else f"{row.order:.1f}",
         row.verdict,
     )

@@ -20,8 +20,9 @@ class Row:
     `measure` says how the error is taken: relative to the target, as the absolute difference, or
     "bound" for a quantity that must not exceed its target.  A "comparison" with an experiment is
     absolute and never fails: its tolerance is the experiment's spread, and it says whether the
-    model lies within.  `order` is the measured order of
-    convergence where two meshes were solved; `source` says where the target is from."""
+    model lies within.  A row that is only "shown" has a relative error and no tolerance.
+    `order` is the measured order of convergence where two meshes were solved; `source` says where
+    the target is from."""
 
     name: str
     quantity: str
@@ -29,7 +30,7 @@ class Row:
     computed: float
     tolerance: float
     source: str
-    measure: Literal["relative", "absolute", "bound", "comparison"] = "relative"
+    measure: Literal["relative", "absolute", "bound", "comparison", "shown"] = "relative"
     order: float | None = None
 
     @property
@@ -38,14 +39,14 @@ class Row:
         difference = self.computed - self.target
         if self.measure == "bound":
             return max(difference, 0.0)
-        scale = abs(self.target) if self.measure == "relative" else 1.0
+        scale = abs(self.target) if self.measure in ("relative", "shown") else 1.0
         return abs(difference) / scale
 
     @property
     def passed(self) -> bool:
-        """Whether the error is within the tolerance; NaN never is.  A comparison needs only be
-        computed."""
-        if self.measure == "comparison":
+        """Whether the error is within the tolerance; NaN never is.  A comparison, or a row that is
+        only shown, needs only be computed."""
+        if self.measure in ("comparison", "shown"):
             return isfinite(self.error)
         return self.error <= self.tolerance
 
@@ -53,6 +54,8 @@ class Row:
     def verdict(self) -> str:
         if self.measure == "comparison" and self.passed:
             return "within" if self.error <= self.tolerance else "outside"
+        if self.measure == "shown" and self.passed:
+            return "shown"
         return "pass" if self.passed else "FAIL"
 
 

@@ -29,8 +29,13 @@ from fe_solver.verification.paths import Loading, error_order, followed, halving
 from fe_solver.verification.sheets import clamped, mirrored, plate, sheet
 from fe_solver.verification.table import STUDIES, Study
 
-LONG = {"slit ring", "open cylinder", "hemisphere, nonlinear", "threads", "peers"}
-"""Studies that the default run of the tests leaves out, beside the slow ones."""
+LONG = {
+    *("slit ring", "open cylinder", "hemisphere, nonlinear", "threads", "peers", "straight beam"),
+    *("hyperbolic paraboloid", "hinged roofs", "sideways buckling", "membranes", "hook"),
+    *("pinched cylinder", "hemisphere, linear", "end shear, nine-node elements"),
+}
+"""Studies that the default run of the tests leaves out, beside the slow ones; what both elements
+solve is there on coarse meshes (`test_benchmarks`)."""
 
 
 def marked(study: Study) -> object:

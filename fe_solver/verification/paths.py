@@ -85,3 +85,31 @@ def limit(coarse: float, fine: float) -> float:
     """What results on two meshes, one half as coarse as the other, tend to by order two
     (Richardson)."""
     return float(fine + (fine - coarse) / 3)
+
+
+def driven(
+    model: ShellModel, node: int, way: Array, values: Iterable[float]
+) -> tuple[Array, Configuration]:
+    """(len(values),) N force along `way` (3,), a unit vector, that moves a held node along it by
+    growing values (m), and the last configuration: a path beyond a limit load.  Raises
+    ConvergenceError."""
+    g, c = model.guides, at_rest(model)
+    on = (g.node == node)[:, None]
+    forces = []
+    for value in values:
+        moved = model.alike(guides=replace(g, origin=g.origin + on * value * way))
+        c = moved.posed(c, c.position, c.rotation)
+        solution = solve(moved, c, NO_TENSION, WHOLE, near=True)
+        c = solution.configuration
+        forces.append(solution.evaluation.gradient_x[node] @ way)
+    return np.array(forces), c
+
+
+def largest(values: Array) -> float:
+    """The largest of values at even steps, on the parabola through it and its neighbours.  Raises
+    ConvergenceError where it is the first or the last."""
+    k = int(np.argmax(values))
+    if not 0 < k < len(values) - 1:
+        raise ConvergenceError("the load has no maximum within the path that was followed")
+    before, top, after = values[k - 1 : k + 2]
+    return float(top + (after - before) ** 2 / (8 * (2 * top - before - after)))

@@ -15,6 +15,7 @@ from ..materials import Isotropic, Law
 from ..mesh_geometry import node_areas, node_directors
 from ..model import Configuration, ShellModel
 from ..newton import NewtonOptions
+from ..newton_step import factorised
 from ..section import one_law
 from ..shell import Array, shell_tables
 from ..springs import Springs
@@ -51,6 +52,45 @@ def nine_noded(points: Array, quads: np.ndarray) -> tuple[Array, np.ndarray]:
     own = len(points) + len(edges) + np.arange(len(quads))
     points = np.vstack([points, points[edges].mean(axis=1), points[quads].mean(axis=1)])
     return points, np.column_stack([quads, on_edges, own])
+
+
+def elements(
+    nx: int, ny: int, nodes: int, shift: float = 0.0, seed: int = 0
+) -> tuple[Array, np.ndarray]:
+    """Nodes (n, 2) of the unit square and nx x ny elements of four or nine `nodes`; the corners
+    inside it moved at random by up to `shift` of an element's sides."""
+    uv, quads = grid(nx, ny)
+    if shift:
+        inside = ((uv > 0) & (uv < 1)).all(axis=1, keepdims=True)
+        moved = np.random.default_rng(seed).uniform(-shift, shift, uv.shape) / [nx, ny]
+        uv = uv + moved * inside
+    return nine_noded(uv, quads) if nodes == 9 else (uv, quads)
+
+
+def line_weights(s: Array, nodes: int, density: Callable[[Array], Array] = np.ones_like) -> Array:
+    """(k,) consistent nodal forces of a load per length on an edge of elements of four or nine
+    `nodes` whose own nodes lie at s (k,)."""
+    order, out = np.argsort(s), np.zeros(len(s))
+    points, factors = np.polynomial.legendre.leggauss(3)
+    step = 2 if nodes == 9 else 1
+    for first in range(0, len(s) - 1, step):
+        node = order[first : first + step + 1]
+        half = (s[node[-1]] - s[node[0]]) / 2
+        at = s[node[0]] + half * (1 + points)
+        for a in node:
+            others = node[node != a]
+            shape = np.prod([(at - s[b]) / (s[a] - s[b]) for b in others], axis=0)
+            out[a] += half * factors @ (shape * density(at))
+    return out
+
+
+def surface_weights(model: ShellModel) -> Array:
+    """(n,) consistent nodal forces of a unit load per area of the mid-surface."""
+    element = kind_of(model.quads)
+    shape = np.stack([element.shape(r, s)[0] for r, s in element.gauss])
+    shares = (model.tables.weight @ shape).ravel()
+    total = np.bincount(model.quads.ravel(), weights=shares, minlength=len(model.reference))
+    return total.astype(float, copy=False)
 
 
 def mapped(nx: int, ny: int, shape: Map) -> tuple[Array, np.ndarray]:
@@ -177,19 +217,17 @@ def linear_response(
 ) -> tuple[Array, Array]:
     """Small displacements (n, 3) and turns of the directors' tips (n, 3) in the linear limit under
     nodal forces `load` (n, 3); what is not free has `values` (n, 5) in the nodes' bases, or 0."""
-    from scipy.sparse.linalg import spsolve
-
     c = at_rest(model)
     e = model.evaluate(c, np.zeros(len(model.share)), tangent=True)
     assert e.data is not None
-    K = model.pattern.full(e.data)
     A, T = e.bases
-    right = np.zeros((len(c.x), 5))
-    right[:, :3] = np.einsum("nij,ni->nj", A, load)
-    u = np.zeros(model.pattern.size) if values is None else values.ravel().copy()
-    free = model.free
-    u[free] = 0.0
-    u[free] = spsolve(K[free][:, free].tocsc(), (right.ravel() - K @ u)[free])
+    u, free = np.zeros(model.pattern.size), model.free
+    right = np.hstack([np.einsum("nij,ni->nj", A, load), np.zeros((len(load), 2))]).ravel()
+    if values is not None:
+        u = values.ravel().copy()
+        u[free] = 0.0
+        right -= model.pattern.full(e.data) @ u
+    u[free] = factorised(model, e.data).solve(right[free])
     step = u.reshape(-1, 5)
     return np.einsum("nij,nj->ni", A, step[:, :3]), np.einsum("nij,nj->ni", T, step[:, 3:])
 
