@@ -41,6 +41,8 @@ class HoodLook(Look):
     central band and central slip."""
     pressure: Array
     """(n,) Pa of the bones on the nodes."""
+    fibres: Array
+    """(nf, ne, 3) unit directions of the fibre families, zero on quads without; nf may be 0."""
     markers: Markers
     """Over the central region, along and across the finger."""
 
@@ -53,6 +55,7 @@ def looking_at(hood: FeHood, mesh: HoodMesh) -> Callable[[State], HoodLook]:
 
 
 def _look(hood: FeHood, mesh: HoodMesh, depth: float, placed: Markers, state: State) -> HoodLook:
+    from fe_solver.fibre_families import fibre_families
     from fe_solver.fields import contact_pressure, fields
 
     field = fields(hood.model, state.configuration)
@@ -66,5 +69,6 @@ def _look(hood: FeHood, mesh: HoodMesh, depth: float, placed: Markers, state: St
         area=hood.model.tables.weight.sum(axis=1),
         central=mesh.cells(*CENTRAL),
         pressure=contact_pressure(hood.model, state.configuration),
+        fibres=fibre_families(hood.model, state.configuration),
         markers=placed,
     )

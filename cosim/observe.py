@@ -19,6 +19,7 @@ from cosim.observe_one_way import one_way_summary
 from cosim.port import Array
 from cosim.results import STRAIN, HoodField, LedgerRow, Result, Scene
 from cosim.strains import is_slack, strain_change, strain_summary
+from cosim.strokes import FAMILIES
 from meshes.hood_mesh import flat
 
 if TYPE_CHECKING:
@@ -365,9 +366,10 @@ def drawn_hood(look: Look | None) -> HoodField | None:
         "transverse_stress": look.stress[:, 1],
         "region": look.region,
     }
+    cell_data |= dict(zip(FAMILIES, look.fibres, strict=False))
     return HoodField(
         look.points,
         quads,
         {"displacement": look.points - look.reference, "contact_pressure": look.pressure},
-        {name: np.repeat(values, each) for name, values in cell_data.items()},
+        {name: np.repeat(values, each, axis=0) for name, values in cell_data.items()},
     )

@@ -143,7 +143,7 @@ def joined_sections(patches: Sequence[Patch]) -> Section:
 def _kind(p: Patch) -> tuple[object, ...]:
     """What patches share whose laws differ in nothing but numbers; empty of one that is alone."""
     law = p.law
-    if not isinstance(law, Potential) or any(np.ndim(v) for v in vars(law).values()):
+    if not isinstance(law, Potential) or not all(isinstance(v, float) for v in vars(law).values()):
         return ()
     return type(law), law.incompressible(), law.fibres(), p.shear_correction
 

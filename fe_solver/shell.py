@@ -43,7 +43,8 @@ class ShellTables:
     (transverse), 3 (normal) in the reference configuration; height (ne, k) of the mid-surface over
     the nodes, along the elements' directors, which are those of the nodes times `mitre` (ne, k):
     where sheets meet at an angle the node's director leans, and is the longer for it, so that the
-    thickness across each sheet is its own."""
+    thickness across each sheet is its own.  growth (ne,): the stress-free length along axis 1 is 1
+    + growth times that of the mesh."""
 
     membrane: Array
     bending: Array
@@ -53,6 +54,7 @@ class ShellTables:
     frame: Array
     height: Array
     mitre: Array
+    growth: Array
 
     @property
     def element(self) -> Element:
@@ -195,7 +197,7 @@ def shell_tables(
         parts.append((membrane, bending * tensor, shear, area, frame))
     membrane, bending, shear, weight, frames = (np.stack(p, 1) for p in zip(*parts, strict=True))
     none = np.zeros((ne, points, 8))
-    bare = ShellTables(membrane, bending, shear, none, weight, frames, height, mitre)
+    bare = ShellTables(membrane, bending, shear, none, weight, frames, height, mitre, growth)
     offset = bare.strain(nodes)
     offset[:, :, 0] += (1 - tensor[:, 0]) / 2
     return replace(bare, offset=offset)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -96,6 +96,8 @@ class HoodMesh:
     """m, of the sheet whose mid-surface the points are."""
     lift: Array | None = None
     """(n,) m, how much higher than the sheet's face each node touches a bone; None is nowhere."""
+    fields: Mapping[str, Array] = field(default_factory=dict)
+    """Unit directions (ne, 3) by name, which a case may give a region's fibres."""
 
     def areas(self) -> Array:
         """(ne,) m2."""
