@@ -53,30 +53,30 @@ def fibres_of(
     return Fibres(first, second, angle)
 
 
+def at_gauss_points(mesh: HoodMesh, fibre: Array) -> Array:
+    """(ne, g, 3) of directions (ne, 3).  Those of quadratic elements follow the mesh's lines; one
+    an element, smoothed, is of first order at a region's edge, where a soft matrix is drawn aside
+    by the width of a column."""
+    from fe_solver.fibres import followed, smoothed
+
+    if mesh.quadratic:
+        return followed(mesh.points, mesh.quads, fibre)
+    return smoothed(mesh.quads, fibre, mesh.region)
+
+
 class _Laid:
     """A mesh whose directions are asked for; what it takes to tell sides is made when it is."""
 
     def __init__(self, mesh: HoodMesh, points: Array, skeleton: Skeleton) -> None:
         self.mesh, self.points, self.skeleton = mesh, points, skeleton
-        self.own = self._at_gauss_points(mesh.fibre)
+        self.own = at_gauss_points(mesh, mesh.fibre)
         self._turns: Turns | None = None
-
-    def _at_gauss_points(self, fibre: Array) -> Array:
-        """(ne, g, 3) of directions (ne, 3).  Those of quadratic elements follow the mesh's lines;
-        one an element, smoothed, is of first order at a region's edge, where a soft matrix is
-        drawn aside by the width of a column."""
-        from fe_solver.fibres import followed, smoothed
-
-        mesh = self.mesh
-        if mesh.quadratic:
-            return followed(mesh.points, mesh.quads, fibre)
-        return smoothed(mesh.quads, fibre, mesh.region)
 
     def directions(self, region: int, stated: Direction, key: str) -> Array:
         """(k, g, 3) unit directions on a region's elements."""
         cells = self.mesh.region == region
         if stated.field is not None:
-            return self._at_gauss_points(self._field(region, stated.field, key))[cells]
+            return at_gauss_points(self.mesh, self._field(region, stated.field, key))[cells]
         from fe_solver.fibres import turn_in_sheet
 
         return turn_in_sheet(

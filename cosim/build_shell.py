@@ -159,6 +159,7 @@ def shell_hood_of(
         _growth(hood, mesh, case.lesion),
         tuple(REGIONS[i] for i in mesh.region),
         0.0 if mesh.lift is None else mesh.lift,
+        any(_stretch(region) != 1.0 for region in hood.regions.values()),
     )
     springs = {
         name: SpringSet(
@@ -221,11 +222,15 @@ def _law_angle(region: Region, laid: Array | None) -> Real:
     (k, g, 1) where it varies."""
     if laid is None:
         return 0.0
-    stretch = region.in_situ_stretch if isinstance(region, Fibrous) else 1.0
-    angle = np.arctan2(stretch * np.sin(laid), np.cos(laid))
+    angle = np.arctan2(_stretch(region) * np.sin(laid), np.cos(laid))
     if np.ptp(angle) < SAME_ANGLE:
         return float(angle.mean())
     return np.asarray(angle[..., None])
+
+
+def _stretch(region: Region) -> float:
+    """Of the fibres in the sheet as laid out."""
+    return region.in_situ_stretch if isinstance(region, Fibrous) else 1.0
 
 
 def _law(name: str, region: Region, angle: Real) -> Law | TensionField:
@@ -304,7 +309,12 @@ def _faced(mesh: HoodMesh, thickness: Array) -> Array:
 
 
 def _growth(hood: ShellHood, mesh: HoodMesh, lesion: Lesion | None) -> Array:
-    """(ne,) fibre growth that makes a region longer than laid out by its extra length."""
+    """(ne,) fibre growth: longer than laid out by a region's extra length, and shorter by its
+    stretch in situ.
+
+    Raises InputError for an extra length that the mesh or the fibres' direction cannot have."""
+    from meshes.hood_mesh import REGIONS
+
     out = np.zeros(len(mesh.quads))
     for name, extra in longer(hood.extra_length.model_dump(), lesion).items():
         if not extra:
@@ -313,6 +323,13 @@ def _growth(hood: ShellHood, mesh: HoodMesh, lesion: Lesion | None) -> Array:
         cells = mesh.cells(name)
         if not cells.any():
             raise InputError(f"{key}.{name}: the mesh has no region {name}")
+        region = hood.regions[name]
+        if isinstance(region, Fibrous) and region.direction is not None:
+            raise InputError(
+                f"{key}.{name}: is along the finger, but hood.regions.{name}.direction turns the "
+                "fibres that would be longer or shorter; leave one of them out, or write the "
+                "region's in_situ_stretch"
+            )
         length = _length(mesh, cells)
         if extra <= -MOST_SHORTENED * length:
             raise InputError(
@@ -320,6 +337,10 @@ def _growth(hood: ShellHood, mesh: HoodMesh, lesion: Lesion | None) -> Array:
                 "at most half of it can be taken"
             )
         out[cells] = extra / length
+    for i in np.unique(mesh.region):
+        if (stretch := _stretch(hood.regions[REGIONS[i]])) != 1.0:
+            cells = mesh.region == i
+            out[cells] = (1 + out[cells]) / stretch - 1
     return out
 
 

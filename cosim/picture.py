@@ -14,7 +14,7 @@ import numpy as np
 
 from cosim.port import Array
 from cosim.results import STRAIN, Scene
-from cosim.strokes import INKS, families_of, stroke_cells, strokes
+from cosim.strokes import families_of, stroke_cells, strokes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MOST_TRIANGLES = 6000
+INKS = ("#1a1a1a", "#0b6b2e", "#6b3fa0")  # of the fibre families
 BONE = np.array([0.93, 0.89, 0.80])
 TENDON = np.array([0.16, 0.36, 0.30])
 PLAIN_HOOD = np.array([0.55, 0.68, 0.80])
@@ -76,7 +77,7 @@ def draw(scene: Scene, title: str) -> Figure:
         note = "strokes: the hood's fibres"
         if len(families_of(scene.hood.cell_data)) > 1:
             note += "; green: the second family"
-        axes[0].text(0.02, 0.03, note, transform=axes[0].transAxes, fontsize=10)
+        axes[0].text(0.98, 0.08, note, ha="right", transform=axes[0].transAxes, fontsize=10)
     figure.suptitle(title)
     return figure
 

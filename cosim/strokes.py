@@ -10,9 +10,7 @@ from cosim.port import Array
 
 FAMILIES = ("fibre_1", "fibre_2", "fibre_3")
 """The hood's cell data that hold the unit direction of a fibre family; zero where there is none."""
-INKS = ("#1a1a1a", "#0b6b2e", "#6b3fa0")
-"""Of the families, dark enough for any colour of the sheet."""
-SPACING, LENGTH = 1.8e-3, 1.4e-3
+SPACING, LENGTH = 2.0e-3, 1.6e-3
 """m: strokes are no nearer to one another, and how long they are."""
 LIFT = 0.1e-3
 """m over the sheet, so that it does not hide them."""

@@ -47,7 +47,8 @@ class Sheet:
     """The shell's geometry and material: points (n, 3) m, quads (ne, 4), fibre (ne, 3) or at
     the Gauss points (ne, 4, 3), section
     (materials and thickness), fibre growth (ne,); `regions` the quads' region names; `lift` (n,) or
-    one for all, m, how much higher than its face a node touches a bone."""
+    one for all, m, how much higher than its face a node touches a bone; `stretched`: its fibres are
+    stretched in situ (see `ShellHood`)."""
 
     points: Array
     quads: Ints
@@ -56,6 +57,7 @@ class Sheet:
     growth: Array
     regions: tuple[str, ...] = ()
     lift: Array | float = 0.0
+    stretched: bool = False
 
 
 @dataclass(frozen=True)
@@ -151,6 +153,7 @@ def shell_hood(
         options,
         contact.augment(),
         lift=sheet.lift,
+        stretched=sheet.stretched,
     )
 
 

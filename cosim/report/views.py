@@ -17,12 +17,15 @@ from cosim.port import Array, InputError, Motion
 from cosim.report.flat import laid_out
 from cosim.report.runs import Run
 from cosim.report.tables import SAGITTAL
-from cosim.results import STRAIN
+from cosim.results import STRAIN, HoodField
+from cosim.strokes import carry, families_of, stroke_cells, strokes
 from meshes.hood_mesh import REGIONS
 
 MOST_FRAMES = 41
 MOST_TRIANGLES = 2200
 """Of a bone in the view."""
+INKS = ("#000000", "#d81b60", "#ff7f0e")
+"""Of the fibre families, to be told from the sheet's colours."""
 NO_SHEET = "The hood is a net of cables, drawn as lines: it has no sheet to colour."
 SPREAD = (1.0, 99.0)
 """Per cent of the values that a colour scale covers."""
@@ -56,6 +59,8 @@ class Sheet:
     points: Array
     """(nf, n, 3) m."""
     fields: tuple[Field, ...]
+    fibres: tuple[Array, ...] = ()
+    """Of each fibre family (nf, k, 2, 3) m, the ends of strokes along it."""
 
 
 @dataclass(frozen=True)
@@ -189,8 +194,8 @@ def _sheet(run: Run, chosen: np.ndarray) -> tuple[Sheet | None, tuple[str, ...]]
             for of in (data.strain, data.stress)
         )
         fields = _fields(strain, stress, data.pressure.values)
-        every = tuple(range(len(chosen)))
-        return Sheet(hood.quads, region, flat, every, data.node.values, fields), ()
+        every, points = tuple(range(len(chosen))), data.node.values
+        return Sheet(hood.quads, region, flat, every, points, fields, _fibres(hood, points)), ()
     strains = (cells[STRAIN], cells["transverse_strain"], 2 * cells["shear_strain"])
     stresses = (cells["fibre_stress"], cells["transverse_stress"])
     fields = _fields(
@@ -199,7 +204,22 @@ def _sheet(run: Run, chosen: np.ndarray) -> tuple[Sheet | None, tuple[str, ...]]
         hood.point_data["contact_pressure"][None],
     )
     note = "This run stores the shape of its hood at its end only: it is shown there."
-    return Sheet(hood.quads, region, flat, (last,), hood.points[None], fields), (note,)
+    points = hood.points[None]
+    fibres = _fibres(hood, points)
+    return Sheet(hood.quads, region, flat, (last,), points, fields, fibres), (note,)
+
+
+def _fibres(hood: HoodField, points: Array) -> tuple[Array, ...]:
+    """Strokes along the fibre families of a hood in shapes (nf, n, 3) m."""
+    families = families_of(hood.cell_data)
+    cells = stroke_cells(hood.points, hood.quads) if families else np.zeros(0, dtype=np.intp)
+    quads = hood.quads[cells]
+    return tuple(
+        np.stack(
+            [strokes(p, quads, carry(quads, hood.points, p, direction[cells])) for p in points]
+        )
+        for direction in families
+    )
 
 
 def _fields(strain: Array, stress: Array, pressure: Array) -> tuple[Field, ...]:
@@ -253,7 +273,7 @@ def box(view: View) -> Array | None:
     shown = [
         *(b.vertices @ b.rotation.swapaxes(1, 2) + b.position[:, None] for b in view.bones),
         *(path for paths in view.tendons for path in paths.values()),
-        *([] if view.sheet is None else [view.sheet.points]),
+        *([] if view.sheet is None else [view.sheet.points, *view.sheet.fibres]),
         *(view.tip, ends - HEAD, ends + HEAD),
     ]
     points = np.concatenate([np.reshape(part, (-1, 3)) for part in shown])
@@ -335,6 +355,10 @@ def _packed_sheet(sheet: Sheet, scale: Mapping[str, tuple[float, float]]) -> Any
         "at": sheet.at,
         "points": floats(1e3 * sheet.points),
         "fields": fields,
+        "fibres": [
+            {"ink": ink, "ends": floats(1e3 * ends)}
+            for ink, ends in zip(INKS, sheet.fibres, strict=False)
+        ],
     }
 
 
