@@ -140,6 +140,7 @@ def shell_hood_of(
 ) -> FeHood:
     """The hood over the bones as a case describes it, behind the port."""
     from fe_solver.hood_model import ContactLaw, Sheet, SpringSet, shell_hood
+    from fe_solver.in_situ import in_situ_growth, stress_free_thickness
     from fe_solver.newton import NewtonOptions
     from meshes.hood_mesh import REGIONS
     from meshes.hull import along, carriers
@@ -151,15 +152,17 @@ def shell_hood_of(
     thickness = _thickness(hood, mesh)
     points = _faced(mesh, thickness)
     fibres = fibres_of(mesh, points, hood.regions, skeleton)
+    stretch, growth = _in_situ(hood, mesh), _growth(hood, mesh, case.lesion)
+    growth = np.where(stretch[:, None] != 1.0, in_situ_growth(stretch), growth)
     sheet = Sheet(
         points,
         mesh.quads,
         fibres.first,
-        _section(hood, mesh, thickness, fibres),
-        _growth(hood, mesh, case.lesion),
+        _section(hood, mesh, stress_free_thickness(thickness, stretch), fibres, growth),
+        growth,
         tuple(REGIONS[i] for i in mesh.region),
         0.0 if mesh.lift is None else mesh.lift,
-        any(_stretch(region) != 1.0 for region in hood.regions.values()),
+        bool((stretch != 1.0).any()),
     )
     springs = {
         name: SpringSet(
@@ -202,7 +205,9 @@ def shell_hood_of(
     )
 
 
-def _section(hood: ShellHood, mesh: HoodMesh, thickness: Array, fibres: Fibres) -> Section:
+def _section(
+    hood: ShellHood, mesh: HoodMesh, thickness: Array, fibres: Fibres, growth: Array
+) -> Section:
     """The materials of the regions, each of its thickness, with the hood's own bending."""
     from fe_solver.section import Patch, joined_sections
     from meshes.hood_mesh import REGIONS
@@ -211,26 +216,21 @@ def _section(hood: ShellHood, mesh: HoodMesh, thickness: Array, fibres: Fibres) 
     for i in np.unique(mesh.region):
         region, cells = hood.regions[REGIONS[i]], np.flatnonzero(mesh.region == i)
         h = np.tile(thickness[cells, None], (1, mesh.quads.shape[1]))
-        law = _law(REGIONS[i], region, _law_angle(region, fibres.angle.get(i)))
+        law = _law(REGIONS[i], region, _law_angle(fibres.angle.get(i), growth[cells]))
         patches.append(Patch(cells, law, h, bending=bending))
     return joined_sections(patches)
 
 
-def _law_angle(region: Region, laid: Array | None) -> Real:
-    """The angle (rad) from the first to the second family in the stress-free sheet, which is
-    shorter along the first by its stretch in situ, from that as laid out (k, g): one number, or
-    (k, g, 1) where it varies."""
+def _law_angle(laid: Array | None, growth: Array) -> Real:
+    """The angle (rad) from the first to the second family in the stress-free sheet, from that as
+    laid out (k, g): one number, or (k, g, 1) where it varies; `growth` (k, 2)."""
     if laid is None:
         return 0.0
-    angle = np.arctan2(_stretch(region) * np.sin(laid), np.cos(laid))
+    along, across = (1 + growth.T)[..., None]
+    angle = np.arctan2(across * np.sin(laid), along * np.cos(laid))
     if np.ptp(angle) < SAME_ANGLE:
         return float(angle.mean())
     return np.asarray(angle[..., None])
-
-
-def _stretch(region: Region) -> float:
-    """Of the fibres in the sheet as laid out."""
-    return region.in_situ_stretch if isinstance(region, Fibrous) else 1.0
 
 
 def _law(name: str, region: Region, angle: Real) -> Law | TensionField:
@@ -309,13 +309,10 @@ def _faced(mesh: HoodMesh, thickness: Array) -> Array:
 
 
 def _growth(hood: ShellHood, mesh: HoodMesh, lesion: Lesion | None) -> Array:
-    """(ne,) fibre growth: longer than laid out by a region's extra length, and shorter by its
-    stretch in situ.
+    """(ne, 2) growth along and across the fibres that makes a region longer than laid out by its extra length.
 
-    Raises InputError for an extra length that the mesh or the fibres' direction cannot have."""
-    from meshes.hood_mesh import REGIONS
-
-    out = np.zeros(len(mesh.quads))
+    Raises InputError for a length that the mesh or the fibres cannot have."""
+    out = np.zeros((len(mesh.quads), 2))
     for name, extra in longer(hood.extra_length.model_dump(), lesion).items():
         if not extra:
             continue
@@ -324,23 +321,42 @@ def _growth(hood: ShellHood, mesh: HoodMesh, lesion: Lesion | None) -> Array:
         if not cells.any():
             raise InputError(f"{key}.{name}: the mesh has no region {name}")
         region = hood.regions[name]
-        if isinstance(region, Fibrous) and region.direction is not None:
-            raise InputError(
-                f"{key}.{name}: is along the finger, but hood.regions.{name}.direction turns the "
-                "fibres that would be longer or shorter; leave one of them out, or write the "
-                "region's in_situ_stretch"
-            )
+        if isinstance(region, Fibrous):
+            _check_one_rest(f"{key}.{name}", name, region)
         length = _length(mesh, cells)
         if extra <= -MOST_SHORTENED * length:
             raise InputError(
                 f"{key}.{name}: {-1e3 * extra:.2f} mm shorter in all, of {1e3 * length:.2f} mm; "
                 "at most half of it can be taken"
             )
-        out[cells] = extra / length
+        out[cells, 0] = extra / length
+    return out
+
+
+def _check_one_rest(key: str, name: str, region: Fibrous) -> None:
+    """Raises InputError for a region whose extra length does not go with its fibres."""
+    own = f"hood.regions.{name}"
+    if region.direction is not None:
+        raise InputError(
+            f"{key}: is along the finger, but {own}.direction turns the fibres that would be "
+            f"longer or shorter; leave one of them out, or write {own}.in_situ_stretch"
+        )
+    if region.in_situ_stretch != 1.0:
+        raise InputError(
+            f"{key}: says how long the fibres are at rest, and so does {own}.in_situ_stretch; "
+            "leave one of them out"
+        )
+
+
+def _in_situ(hood: ShellHood, mesh: HoodMesh) -> Array:
+    """(ne,) stretch of the fibres in the sheet as laid out."""
+    from meshes.hood_mesh import REGIONS
+
+    out = np.ones(len(mesh.quads))
     for i in np.unique(mesh.region):
-        if (stretch := _stretch(hood.regions[REGIONS[i]])) != 1.0:
-            cells = mesh.region == i
-            out[cells] = (1 + out[cells]) / stretch - 1
+        region = hood.regions[REGIONS[i]]
+        if isinstance(region, Fibrous):
+            out[mesh.region == i] = region.in_situ_stretch
     return out
 
 

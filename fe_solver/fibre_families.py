@@ -53,7 +53,8 @@ def _as_laid(model: ShellModel, patch: Patch, angle: Real) -> Array:
     over each element."""
     frame, grown = model.tables.frame[patch.elements], 1 + model.tables.growth[patch.elements]
     angle = np.broadcast_to(angle, (*patch.thickness.shape, 1))
-    along, across = np.cos(angle) / grown[:, None, None], np.sin(angle)
+    along = np.cos(angle) / grown[:, None, None, 0]
+    across = np.sin(angle) / grown[:, None, None, 1]
     direction = along * frame[:, :, 0] + across * frame[:, :, 1]
     direction /= np.linalg.norm(direction, axis=2, keepdims=True)
     return leading(np.einsum("egi,egj->eij", direction, direction))

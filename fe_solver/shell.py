@@ -43,8 +43,8 @@ class ShellTables:
     (transverse), 3 (normal) in the reference configuration; height (ne, k) of the mid-surface over
     the nodes, along the elements' directors, which are those of the nodes times `mitre` (ne, k):
     where sheets meet at an angle the node's director leans, and is the longer for it, so that the
-    thickness across each sheet is its own.  growth (ne,): the stress-free length along axis 1 is 1
-    + growth times that of the mesh."""
+    thickness across each sheet is its own.  growth (ne, 2): the stress-free lengths along axes 1
+    and 2 are 1 + growth times those of the mesh."""
 
     membrane: Array
     bending: Array
@@ -170,8 +170,9 @@ def shell_tables(
     even: bool = True,
 ) -> ShellTables:
     """Tables for elements with nodes X (ne, k, 3), unit directors D (ne, k, 3), fibre directions
-    (ne, 3) or (ne, g, 3) at the Gauss points, and fibre growth (ne,): the stress-free length along
-    the fibre is 1 + growth times that of the mesh (a multiplicative, plane eigenstrain).  `height`
+    (ne, 3) or (ne, g, 3) at the Gauss points, and growth (ne,) or (ne, 2): the stress-free length
+    along the fibre, and that across it, is 1 + growth times that of the mesh (a multiplicative,
+    plane eigenstrain; none across where only one is given).  `height`
     (ne, k), m, of the mid-surface over each node along its director: nodes on the lower face of a
     shell lie half its thickness below.  `even`: the in-plane shear is evened over each four-node
     quad, as in `assumed_strain`; else bilinear, as FEBio has it."""
@@ -182,7 +183,9 @@ def shell_tables(
     nodes, mitre = np.concatenate([X, D], axis=1), _mitre(X, D)
     X = _over(nodes, height, mitre)[:, : X.shape[1]]
     membranes, shears = _four_nodes(X, even) if element is FOUR else _nine_nodes(X)
-    tensor = np.stack([(1 + growth) ** -2, np.ones(ne), 1 / (1 + growth)], axis=1)[:, :, None]
+    growth = growth if growth.ndim == 2 else np.stack([growth, np.zeros(ne)], axis=1)
+    one, two = (1 + growth).T
+    tensor = np.stack([one**-2, two**-2, 1 / (one * two)], axis=1)[:, :, None]
     edges = np.stack([X[:, 1] - X[:, 0], X[:, 2] - X[:, 0]], axis=2)
     triangle = _is_triangle(X)[:, None, None]
     parts: list[tuple[Array, ...]] = []
@@ -191,15 +194,15 @@ def shell_tables(
         own = np.where(triangle, frame[:, :2] @ edges, J)
         bending = to_cartesian(J, np.broadcast_to(np.eye(3), (ne, 3, 3)))
         shear = np.swapaxes(np.linalg.inv(own), 1, 2) @ shears[:, g]
-        shear[:, 0] /= (1 + growth)[:, None]
+        shear /= (1 + growth)[:, :, None]
         membrane = to_cartesian(own, membranes[:, g]) * tensor
-        area = element.factors[g] * area * (1 + growth)
+        area = element.factors[g] * area * one * two
         parts.append((membrane, bending * tensor, shear, area, frame))
     membrane, bending, shear, weight, frames = (np.stack(p, 1) for p in zip(*parts, strict=True))
     none = np.zeros((ne, points, 8))
     bare = ShellTables(membrane, bending, shear, none, weight, frames, height, mitre, growth)
     offset = bare.strain(nodes)
-    offset[:, :, 0] += (1 - tensor[:, 0]) / 2
+    offset[:, :, :2] += (1 - tensor[:, None, :2, 0]) / 2
     return replace(bare, offset=offset)
 
 

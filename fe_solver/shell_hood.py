@@ -67,8 +67,8 @@ class ShellHood:
     a bone without resisting, as slack cables do, follows its curvature in steps that are longer the
     softer the contact.  No joint turns further than by `leap`, rad, in one solve.  `lift` (n,) or
     one for all, m, is how much of the contact's offset makes up for the chords on which the sheet
-    runs between its nodes.  `stretched`: the sheet's fibres are stretched as it is laid out, so that
-    it is not in equilibrium there and is solved in the rest pose before anything moves."""
+    runs between its nodes.  `stretched`: the sheet's fibres are stretched as it is laid out, so
+    that it is not in equilibrium there and is solved in the rest pose before anything moves."""
 
     model: ShellModel
     tendons: tuple[str, ...]
