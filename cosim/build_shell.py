@@ -309,7 +309,8 @@ def _faced(mesh: HoodMesh, thickness: Array) -> Array:
 
 
 def _growth(hood: ShellHood, mesh: HoodMesh, lesion: Lesion | None) -> Array:
-    """(ne, 2) growth along and across the fibres that makes a region longer than laid out by its extra length.
+    """(ne, 2) growth along and across the fibres that makes a region longer than laid out by its
+    extra length.
 
     Raises InputError for a length that the mesh or the fibres cannot have."""
     out = np.zeros((len(mesh.quads), 2))

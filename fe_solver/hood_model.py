@@ -45,10 +45,10 @@ class Attached(Protocol):
 @dataclass(frozen=True)
 class Sheet:
     """The shell's geometry and material: points (n, 3) m, quads (ne, 4), fibre (ne, 3) or at
-    the Gauss points (ne, 4, 3), section
-    (materials and thickness), growth (ne, 2) along and across the fibres; `regions` the quads' region names; `lift` (n,) or
-    one for all, m, how much higher than its face a node touches a bone; `stretched`: its fibres are
-    stretched in situ (see `ShellHood`)."""
+    the Gauss points (ne, 4, 3), section (materials and thickness), growth (ne, 2) along and across
+    the fibres; `regions` the quads' region names; `lift` (n,) or one for all, m, how much higher
+    than its face a node touches a bone; `stretched`: its fibres are stretched in situ (see
+    `ShellHood`)."""
 
     points: Array
     quads: Ints
