@@ -30,9 +30,10 @@ def family_angles(law: Law | TensionField) -> tuple[Real, ...]:
     if not isinstance(law, Potential):
         return ()
     angles = [np.arctan2(sc, cc) for cc, _, sc in law.fibres()]
-    if len(angles) == 2 and np.array_equal(*angles):  # two families in one direction
-        angles = angles[:1]
-    return tuple(angles)
+    # two families in one direction are seen as one
+    return tuple(
+        a for i, a in enumerate(angles) if not any(np.array_equal(a, b) for b in angles[:i])
+    )
 
 
 def fibre_families(model: ShellModel, c: Configuration) -> Array:

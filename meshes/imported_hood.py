@@ -50,6 +50,8 @@ class Sheet:
     thickness: float
     """m, mean of what the file states, or what was given."""
     notes: tuple[str, ...]
+    fields: Mapping[str, Array]
+    """Unit directions (ne, 3) by name."""
 
 
 def read_sheet(
@@ -89,7 +91,15 @@ def read_sheet(
         notes.append("all normals pointed at the bones; the sheet is turned over")
     if count := warped(points, quads):
         notes.append(f"{count} quads are warped by more than 30 deg; a finer mesh would do better")
-    return Sheet(points, quads, sets, _thickness(raw, placing, thickness, notes), tuple(notes))
+    fields = {name: _directions(values, placing) for name, values in raw.fields.items()}
+    thick = _thickness(raw, placing, thickness, notes)
+    return Sheet(points, quads, sets, thick, tuple(notes), fields)
+
+
+def _directions(vectors: Array, placing: Placing) -> Array:
+    """(ne, 3) unit, in our axes, of vectors (ne, 3) in the file's."""
+    turned = vectors @ placing.axes.T
+    return np.asarray(turned / np.linalg.norm(turned, axis=1, keepdims=True))
 
 
 def _thickness(raw: RawMesh, placing: Placing, wanted: float, notes: list[str]) -> float:
@@ -196,8 +206,14 @@ def hood_of(
         dict(posture),
         float(chain.skeleton.length[1]),
         sheet.thickness,
+        fields=sheet.fields,
     )
     notes.insert(0, "fibres: along the finger, round it in the sagittal bands (assumed)")
+    if sheet.fields:
+        notes.insert(
+            1,
+            f"fields of directions, for hood.regions.REGION.direction: {', '.join(sheet.fields)}",
+        )
     free = _freed(mesh)
     for name, held in springs.items():
         left = len(free.springs[name].nodes) if name in free.springs else 0
