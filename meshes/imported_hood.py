@@ -92,6 +92,9 @@ def read_sheet(
     if count := warped(points, quads):
         notes.append(f"{count} quads are warped by more than 30 deg; a finer mesh would do better")
     fields = {name: _directions(values, placing) for name, values in raw.fields.items()}
+    upright = [name for name, values in fields.items() if _stands(values, points, quads)]
+    notes += [f"dropped: the vectors {name!r}, which do not lie in the sheet" for name in upright]
+    fields = {name: values for name, values in fields.items() if name not in upright}
     thick = _thickness(raw, placing, thickness, notes)
     return Sheet(points, quads, sets, thick, tuple(notes), fields)
 
@@ -100,6 +103,14 @@ def _directions(vectors: Array, placing: Placing) -> Array:
     """(ne, 3) unit, in our axes, of vectors (ne, 3) in the file's."""
     turned = vectors @ placing.axes.T
     return np.asarray(turned / np.linalg.norm(turned, axis=1, keepdims=True))
+
+
+def _stands(directions: Array, points: Array, quads: Ints) -> bool:
+    """Whether one of the directions (ne, 3) is nearer to its quad's normal than to its plane."""
+    p = points[quads]
+    normal = np.cross(p[:, 2] - p[:, 0], p[:, 3] - p[:, 1])
+    size = np.linalg.norm(normal, axis=1)
+    return bool((2 * np.einsum("nk,nk->n", directions, normal) ** 2 > size**2).any())
 
 
 def _thickness(raw: RawMesh, placing: Placing, wanted: float, notes: list[str]) -> float:
