@@ -12,8 +12,8 @@ FAMILIES = ("fibre_1", "fibre_2", "fibre_3")
 """The hood's cell data that hold the unit direction of a fibre family; zero where there is none."""
 SPACING, LENGTH = 2.0e-3, 1.6e-3
 """m: strokes are no nearer to one another, and how long they are."""
-LIFT = 0.1e-3
-"""m over the sheet, so that it does not hide them."""
+LIFT = 0.35e-3
+"""m over the sheet, so that quads that bulge beside them do not hide them."""
 
 
 def stroke_cells(points: Array, quads: np.ndarray) -> np.ndarray:

@@ -15,7 +15,7 @@ from .contact import Contact
 from .crossed_fibres import CrossedFibres, CrossedLinear
 from .curves import Curve, Drive
 from .guides import Guides
-from .in_situ import in_situ_stretch
+from .in_situ import in_situ_stretch, laid_thickness
 from .job import Body, ContactPair, Held, Job, NodalForce, Part, SpringLaw, SpringSet, Step, Tied
 from .job_model import corner_means
 from .mesh_geometry import is_triangle, node_directors
@@ -61,7 +61,7 @@ def job_of_hood(
     turned = on_face and _bones_lie_below(model, hood.rest)
     quads = _flipped(model.quads) if turned else model.quads
     stretch = in_situ_stretch(model.tables.growth)
-    thickness = _corners(model.section.thickness) / np.sqrt(stretch)[:, None]
+    thickness = _corners(laid_thickness(model.section.thickness, model.tables.growth))
     height = model.tables.height
     if turned:
         thickness, height = _turned(model.quads, thickness), -_turned(model.quads, height)

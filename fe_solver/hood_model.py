@@ -15,6 +15,7 @@ from .augment import AugmentOptions
 from .contact import Contact
 from .contact_points import Within
 from .guides import Guides, Ties
+from .in_situ import laid_thickness
 from .mesh_geometry import node_areas, node_directors, node_means
 from .model import ShellModel
 from .newton import NewtonOptions
@@ -228,7 +229,8 @@ def _contacts(
 
     Augmented contact is the nodes' in any element: a sheet cannot lie on its level in more points
     than it has nodes."""
-    half = node_means(sheet.section.thickness.mean(axis=1), sheet.quads, len(X)) / 2
+    laid = laid_thickness(sheet.section.thickness.mean(axis=1), sheet.growth)
+    half = node_means(laid, sheet.quads, len(X)) / 2
     height = half + sheet.lift
     if sheet.quads.shape[1] == 4 or law.augment() is not None:
         return contacts_of(bodies, law, nodes, height[nodes], node_areas(X, sheet.quads)[nodes])

@@ -26,6 +26,14 @@ def stress_free_thickness(laid: Array, stretch: Array) -> Array:
     return laid * np.sqrt(stretch).reshape(-1, *[1] * (laid.ndim - 1))
 
 
+def laid_thickness(stress_free: Array, growth: Array) -> Array:
+    """(ne, ...) m, as laid, of a sheet of growth (ne,) along or (ne, 2) along and across: what is
+    wider without stress by a stretch in situ is thicker by as much."""
+    if growth.ndim == 1:
+        return stress_free
+    return stress_free / (1 + growth[:, 1]).reshape(-1, *[1] * (stress_free.ndim - 1))
+
+
 def in_situ_stretch(growth: Array) -> Array:
     """(ne,) the stretch that makes such growth (ne, 2); NaN where none does."""
     stretch = 1 / (1 + growth[:, 0])

@@ -20,6 +20,7 @@ from cosim.port import InputError
 from cosim.strokes import SPACING, carry, stroke_cells, strokes
 from fe_solver.fibre_families import fibre_families
 from fe_solver.fibres import angle_between, turn_in_sheet
+from fe_solver.hood_job import job_of_hood
 from meshes.hood_mesh import REGIONS, HoodMesh
 
 CASE = "fingertip_fibres_edc"
@@ -170,6 +171,35 @@ def test_fibres_stretched_in_situ_are_balanced_before_anything_moves():
     strain, cells = hood.strain(posed.state)[:, :, 0].mean(axis=1), mesh().cells(*names)
     assert strain[cells].mean() > 0.004
     assert posed.load.imbalance(hood.rest)[0] < 1e-9
+
+
+@pytest.mark.parametrize("on_face", [True, False])
+def test_a_job_of_the_hood_has_its_fibres_and_its_stretch(on_face: bool):
+    """Whichever way its quads face."""
+    bands = ("lateral_band_radial", "lateral_band_ulnar")
+    case, hood = hood_with(
+        "hood.bending_modulus=0 MPa",
+        "hood.extra_length.terminal_slip=0 mm",
+        stated("central_slip", "in_situ_stretch", "1.03"),
+        *(direction(b, '{ angle = "20 deg" }') for b in bands),
+        *(stated(b, "second", SECOND % '{ angle = "-35 deg" }') for b in bands),
+    )
+    job = job_of_hood(hood, hood.rest, np.zeros(4), drawn_bones(case), on_face=on_face)
+    stretch = {p.name: p.in_situ_stretch for p in job.parts}
+    assert stretch.pop("central_slip") == pytest.approx(1.03)
+    assert set(stretch.values()) == {1.0}
+    assert job.thickness == pytest.approx(np.full((len(job.quads), 4), 0.65e-3))
+    c = hood.start(hood.rest).configuration
+    first, second = fibre_families(hood.model, c)
+    corners = job.points[job.quads]
+    normal = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    for part in (p for p in job.parts if p.name in bands):
+        cells = mesh().region == REGIONS.index(part.name)
+        f, angle = job.fibre[cells], part.law.angle
+        turned = np.cos(angle) * f + np.sin(angle) * np.cross(normal[cells], f)
+        assert np.abs(np.einsum("ek,ek->e", f, first[cells])).min() > 0.999
+        assert np.abs(np.einsum("ek,ek->e", turned, second[cells])).min() > 0.99
 
 
 @pytest.mark.parametrize(
