@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cosim import case_schema as schema
+from cosim.build_fibres import Fibres, fibres_of
 from cosim.build_lesion import adhesions, longer
+from cosim.case_fibres import Fibrous
 from cosim.case_schema import (
     Case,
     GeneratedMesh,
@@ -23,7 +25,7 @@ from cosim.port import Array, InputError, Motion, State
 if TYPE_CHECKING:
     from cosim.case_lesion import Lesion
     from fe_solver.hood_model import Tendon
-    from fe_solver.materials import Law, Linear
+    from fe_solver.materials import Law, Linear, Real
     from fe_solver.section import Section
     from fe_solver.shell_hood import ShellHood as FeHood
     from fe_solver.surfaces import Surface
@@ -57,6 +59,8 @@ INCOMPRESSIBLE = np.array([[4, 2, 0], [2, 4, 0], [0, 0, 1]]) / 3
 """Plane-stress moduli of an incompressible isotropic sheet, over Young's."""
 MOST_SHORTENED = 0.5
 """Of a region's length as laid."""
+SAME_ANGLE = 1e-9
+"""rad, angles between two families that differ by less are one."""
 MARGIN = 5e-3
 """m, how far beyond a bone its baked distance reaches."""
 
@@ -136,6 +140,7 @@ def shell_hood_of(
 ) -> FeHood:
     """The hood over the bones as a case describes it, behind the port."""
     from fe_solver.hood_model import ContactLaw, Sheet, SpringSet, shell_hood
+    from fe_solver.in_situ import in_situ_growth, stress_free_thickness
     from fe_solver.newton import NewtonOptions
     from meshes.hood_mesh import REGIONS
     from meshes.hull import along, carriers
@@ -145,14 +150,19 @@ def shell_hood_of(
     if missing:
         raise InputError(f"hood.regions: the mesh also has {', '.join(missing)}; name them")
     thickness = _thickness(hood, mesh)
+    points = _faced(mesh, thickness)
+    fibres = fibres_of(mesh, points, hood.regions, skeleton)
+    stretch, growth = _in_situ(hood, mesh), _growth(hood, mesh, case.lesion)
+    growth = np.where(stretch[:, None] != 1.0, in_situ_growth(stretch), growth)
     sheet = Sheet(
-        _faced(mesh, thickness),
+        points,
         mesh.quads,
-        _fibres(mesh),
-        _section(hood, mesh, thickness),
-        _growth(hood, mesh, case.lesion),
+        fibres.first,
+        _section(hood, mesh, stress_free_thickness(thickness, stretch), fibres, growth),
+        growth,
         tuple(REGIONS[i] for i in mesh.region),
         0.0 if mesh.lift is None else mesh.lift,
+        bool((stretch != 1.0).any()),
     )
     springs = {
         name: SpringSet(
@@ -195,7 +205,9 @@ def shell_hood_of(
     )
 
 
-def _section(hood: ShellHood, mesh: HoodMesh, thickness: Array) -> Section:
+def _section(
+    hood: ShellHood, mesh: HoodMesh, thickness: Array, fibres: Fibres, growth: Array
+) -> Section:
     """The materials of the regions, each of its thickness, with the hood's own bending."""
     from fe_solver.section import Patch, joined_sections
     from meshes.hood_mesh import REGIONS
@@ -204,14 +216,35 @@ def _section(hood: ShellHood, mesh: HoodMesh, thickness: Array) -> Section:
     for i in np.unique(mesh.region):
         region, cells = hood.regions[REGIONS[i]], np.flatnonzero(mesh.region == i)
         h = np.tile(thickness[cells, None], (1, mesh.quads.shape[1]))
-        patches.append(Patch(cells, _law(REGIONS[i], region), h, bending=bending))
+        law = _law(REGIONS[i], region, _law_angle(fibres.angle.get(i), growth[cells]))
+        patches.append(Patch(cells, law, h, bending=bending))
     return joined_sections(patches)
 
 
-def _law(name: str, region: Region) -> Law | TensionField:
-    """A region's material.  Raises InputError, with its name, for one that is none."""
-    from fe_solver import fibre_materials, hyperelastic, materials
+def _law_angle(laid: Array | None, growth: Array) -> Real:
+    """The angle (rad) from the first to the second family in the stress-free sheet, from that as
+    laid out (k, g): one number, or (k, g, 1) where it varies; `growth` (k, 2)."""
+    if laid is None:
+        return 0.0
+    along, across = (1 + growth.T)[..., None]
+    angle = np.arctan2(across * np.sin(laid), along * np.cos(laid))
+    if np.ptp(angle) < SAME_ANGLE:
+        return float(angle.mean())
+    return np.asarray(angle[..., None])
+
+
+def _law(name: str, region: Region, angle: Real) -> Law | TensionField:
+    """A region's material, its second family at `angle` (rad) from the first.
+
+    Raises InputError, with its name, for one that is none."""
     from fe_solver.tension_field import TensionField
+
+    law = _bare_law(name, region, angle)
+    return TensionField(law) if region.tension_field else law
+
+
+def _bare_law(name: str, region: Region, angle: Real) -> Law:
+    from fe_solver import crossed_fibres, fibre_materials, hyperelastic, materials
 
     def bulk(modulus: float | None) -> float:
         return np.inf if modulus is None else modulus
@@ -220,22 +253,36 @@ def _law(name: str, region: Region) -> Law | TensionField:
         match region:
             case schema.Isotropic() as r:
                 linear: Linear = materials.Isotropic(r.modulus, r.poisson)
-                return TensionField(linear) if r.tension_field else linear
+                return linear
             case schema.TransverselyIsotropic() as r:
                 linear = materials.Orthotropic.transversely_isotropic(
                     r.modulus_along, r.modulus_across, r.poisson, r.shear_modulus, r.poisson_across
                 )
-                return TensionField(linear) if r.tension_field else linear
+                if r.second is not None:
+                    return crossed_fibres.CrossedLinear(linear, r.second.modulus, angle)
+                return linear
             case schema.NeoHookean() as r:
                 return hyperelastic.NeoHookean(r.modulus, r.poisson)
             case schema.FibreMooneyRivlin() as r:
-                return fibre_materials.TransIsoMooneyRivlin(
+                one = fibre_materials.TransIsoMooneyRivlin(
                     r.c1, r.c2, r.c3, r.c4, r.c5, r.lam_max, bulk(r.bulk_modulus)
                 )
-            case schema.FibreGasser() as r:
+                if (f := r.second) is None:
+                    return one
+                toe = fibre_materials.ExponentialFamily(f.c3, f.c4, f.c5, f.lam_max)
+                return crossed_fibres.CrossedFibres(one, toe, angle)
+            case schema.FibreGasser(second=None) as r:
+                assert r.angle is not None  # checked by the schema
                 return fibre_materials.HolzapfelGasserOgden(
                     r.c, r.k1, r.k2, r.dispersion, r.angle, bulk(r.bulk_modulus)
                 )
+            case schema.FibreGasser(second=schema.SecondGasser() as f) as r:
+                # two equal families in one direction are one of twice k1
+                gasser = fibre_materials.HolzapfelGasserOgden(
+                    r.c, r.k1 / 2, r.k2, r.dispersion, 0.0, bulk(r.bulk_modulus)
+                )
+                dispersed = fibre_materials.DispersedFamily(f.k1, f.k2, f.dispersion)
+                return crossed_fibres.CrossedFibres(gasser, dispersed, angle)
         raise AssertionError(f"no law for {type(region).__name__}")
     except InputError as error:
         raise InputError(f"hood.regions.{name}: {error}") from error
@@ -268,8 +315,11 @@ def _faced(mesh: HoodMesh, thickness: Array) -> Array:
 
 
 def _growth(hood: ShellHood, mesh: HoodMesh, lesion: Lesion | None) -> Array:
-    """(ne,) fibre growth that makes a region longer than laid out by its extra length."""
-    out = np.zeros(len(mesh.quads))
+    """(ne, 2) growth along and across the fibres that makes a region longer than laid out by its
+    extra length.
+
+    Raises InputError for a length that the mesh or the fibres cannot have."""
+    out = np.zeros((len(mesh.quads), 2))
     for name, extra in longer(hood.extra_length.model_dump(), lesion).items():
         if not extra:
             continue
@@ -277,25 +327,44 @@ def _growth(hood: ShellHood, mesh: HoodMesh, lesion: Lesion | None) -> Array:
         cells = mesh.cells(name)
         if not cells.any():
             raise InputError(f"{key}.{name}: the mesh has no region {name}")
+        region = hood.regions[name]
+        if isinstance(region, Fibrous):
+            _check_one_rest(f"{key}.{name}", name, region)
         length = _length(mesh, cells)
         if extra <= -MOST_SHORTENED * length:
             raise InputError(
                 f"{key}.{name}: {-1e3 * extra:.2f} mm shorter in all, of {1e3 * length:.2f} mm; "
                 "at most half of it can be taken"
             )
-        out[cells] = extra / length
+        out[cells, 0] = extra / length
     return out
 
 
-def _fibres(mesh: HoodMesh) -> Array:
-    """(ne, g, 3) fibres at the Gauss points.  Those of quadratic elements follow the mesh's lines;
-    one an element, smoothed, is of first order at a region's edge, where a soft matrix is drawn
-    aside by the width of a column."""
-    from fe_solver.fibres import followed, smoothed
+def _check_one_rest(key: str, name: str, region: Fibrous) -> None:
+    """Raises InputError for a region whose extra length does not go with its fibres."""
+    own = f"hood.regions.{name}"
+    if region.direction is not None:
+        raise InputError(
+            f"{key}: is along the finger, but {own}.direction turns the fibres that would be "
+            f"longer or shorter; leave one of them out, or write {own}.in_situ_stretch"
+        )
+    if region.in_situ_stretch != 1.0:
+        raise InputError(
+            f"{key}: says how long the fibres are at rest, and so does {own}.in_situ_stretch; "
+            "leave one of them out"
+        )
 
-    if mesh.quadratic:
-        return followed(mesh.points, mesh.quads, mesh.fibre)
-    return smoothed(mesh.quads, mesh.fibre, mesh.region)
+
+def _in_situ(hood: ShellHood, mesh: HoodMesh) -> Array:
+    """(ne,) stretch of the fibres in the sheet as laid out."""
+    from meshes.hood_mesh import REGIONS
+
+    out = np.ones(len(mesh.quads))
+    for i in np.unique(mesh.region):
+        region = hood.regions[REGIONS[i]]
+        if isinstance(region, Fibrous):
+            out[mesh.region == i] = region.in_situ_stretch
+    return out
 
 
 def _length(mesh: HoodMesh, cells: np.ndarray) -> float:

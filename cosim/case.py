@@ -32,6 +32,9 @@ _ALTERNATIVES = {
     "curve": {"stiffness", "rest"},
     "stiffness": {"curve"},
     "rest": {"curve"},
+    "angle": {"along", "across", "field", "second"},
+    "field": {"angle", "along", "across"},
+    "second": {"angle"},
 }
 
 

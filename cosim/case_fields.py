@@ -16,10 +16,11 @@ from cosim.units import Kind
 
 @dataclass(frozen=True)
 class Text:
-    """Metadata of a value that a case states as text; how it is read, written and described."""
+    """Metadata of a value that a case states as text (or as lists of text); how it is read, written
+    and described."""
 
     read: Callable[[Any], Any]
-    write: Callable[[Any], str]
+    write: Callable[[Any], Any]
     schema: tuple[tuple[str, Any], ...]
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> core_schema.CoreSchema:

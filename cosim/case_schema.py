@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 
 from cosim import units
 from cosim.case_cable import CableHood
+from cosim.case_fibres import Fibrous, SecondGasser, SecondLinear, SecondMooneyRivlin
 from cosim.case_fields import fault, name_of, quantity
 from cosim.case_finger import (
     FmuFinger,
@@ -33,7 +34,7 @@ from cosim.case_types import (
     File,
     Modulus,
     Number,
-    Section,
+    Region,
     Switch,
     Table,
     TendonName,
@@ -59,33 +60,18 @@ class MeshFile(Table):
     path: File
 
 
-class Region(Table):
-    """What every region may say: its thickness, or the cross-section that thickness times the
-    region's mean width makes, where it differs from the hood's."""
-
-    thickness: Thickness | None = None
-    section: Section | None = None
-
-    @model_validator(mode="after")
-    def _one_way(self) -> Region:
-        if self.thickness is not None and self.section is not None:
-            raise fault("gives both thickness and section; write one of them")
-        return self
-
-
 class Isotropic(Region):
-    """Saint Venant-Kirchhoff; with `tension_field` the sheet wrinkles instead of bearing
-    compression in its plane."""
+    """Saint Venant-Kirchhoff."""
 
     kind: Literal["isotropic"]
     modulus: Modulus
     poisson: Annotated[Number, Field(ge=0, le=0.49)]
-    tension_field: Switch = False
 
 
-class TransverselyIsotropic(Region):
+class TransverselyIsotropic(Fibrous):
     """Saint Venant-Kirchhoff with fibres: moduli along and across them, contraction across a pull
-    along them (`poisson`) and in the plane across them (`poisson_across`), shear along them."""
+    along them (`poisson`) and in the plane across them (`poisson_across`), shear along them.  A
+    `second` family adds its own modulus."""
 
     kind: Literal["transversely_isotropic"]
     modulus_along: Modulus
@@ -93,7 +79,7 @@ class TransverselyIsotropic(Region):
     shear_modulus: Modulus
     poisson: Annotated[Number, Field(ge=0, le=2)]
     poisson_across: Annotated[Number, Field(ge=0, le=0.99)]
-    tension_field: Switch = False
+    second: SecondLinear | None = None
 
 
 class NeoHookean(Region):
@@ -104,10 +90,10 @@ class NeoHookean(Region):
     poisson: Annotated[Number, Field(ge=0, le=0.49)]
 
 
-class FibreMooneyRivlin(Region):
+class FibreMooneyRivlin(Fibrous):
     """FEBio's `trans iso Mooney-Rivlin`: matrix c1, c2, fibres with an exponential toe c3 (exp(c4
     (l - 1)) - 1) up to the stretch lam_max, linear with c5 beyond; incompressible without a bulk
-    modulus."""
+    modulus.  A `second` family has such numbers of its own."""
 
     kind: Literal["trans_iso_mooney_rivlin"]
     c1: Modulus
@@ -117,20 +103,32 @@ class FibreMooneyRivlin(Region):
     c5: Modulus
     lam_max: Annotated[Number, Field(gt=1, le=2)]
     bulk_modulus: Modulus | None = None
+    second: SecondMooneyRivlin | None = None
 
 
-class FibreGasser(Region):
+class FibreGasser(Fibrous):
     """Holzapfel, Gasser and Ogden: matrix c, fibres k1, k2 dispersed by `dispersion` (0 aligned,
     1/3 isotropic) about the two directions at `angle` from the region's own; incompressible
-    without a bulk modulus."""
+    without a bulk modulus.  With a `second` family there is no `angle`: the first one lies in the
+    region's direction, the second has its own direction and numbers."""
 
     kind: Literal["holzapfel_gasser_ogden"]
     c: Modulus
     k1: Modulus
     k2: Annotated[Number, Field(gt=0, le=1e4)]
     dispersion: Annotated[Number, Field(ge=0, le=0.3333)]
-    angle: Annotated[float, quantity(units.ANGLE, least="0 deg", most="90 deg")]
+    angle: Annotated[float, quantity(units.ANGLE, least="0 deg", most="90 deg")] | None = None
     bulk_modulus: Modulus | None = None
+    second: SecondGasser | None = None
+
+    @model_validator(mode="after")
+    def _families(self) -> FibreGasser:
+        if (self.angle is None) == (self.second is None):
+            raise fault(
+                "write either angle (two families of the same numbers on both sides of the "
+                "region's direction) or a table second (a second family of its own numbers)"
+            )
+        return self
 
 
 Material = Annotated[

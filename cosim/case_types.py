@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, Strict
+from pydantic import BaseModel, ConfigDict, Field, Strict, model_validator
 
 from cosim import units
-from cosim.case_fields import existing_file, name_of, quantity
+from cosim.case_fields import existing_file, fault, name_of, quantity
 from meshes.skeleton import BODIES
 
 MUSCLES = ("EDC", "EI", "LUM", "FPI", "RI", "RIp", "UI", "FDP", "FDS", "FDIm", "FDIl")
@@ -54,3 +54,19 @@ class Table(BaseModel):
     """A table of a case: frozen, unknown keys refused."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", protected_namespaces=())
+
+
+class Region(Table):
+    """What every region may say: its thickness, or the cross-section that thickness times the
+    region's mean width makes, where it differs from the hood's; and `tension_field`, with which the
+    sheet wrinkles instead of bearing compression in its plane."""
+
+    thickness: Thickness | None = None
+    section: Section | None = None
+    tension_field: Switch = False
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Region:
+        if self.thickness is not None and self.section is not None:
+            raise fault("gives both thickness and section; write one of them")
+        return self

@@ -19,6 +19,7 @@ from cosim.observe_one_way import one_way_summary
 from cosim.port import Array
 from cosim.results import STRAIN, HoodField, LedgerRow, Result, Scene
 from cosim.strains import is_slack, strain_change, strain_summary
+from cosim.strokes import FAMILIES
 from meshes.hood_mesh import flat
 
 if TYPE_CHECKING:
@@ -303,6 +304,13 @@ def dataset(
             ),
             "pressure": stack(("point",), "Pa", [v.pressure for v in shells], "contact pressure"),
         }
+        if (shells[0].tension >= 0).any():
+            data["tension_state"] = stack(
+                ("quad",),
+                "1",
+                [v.tension for v in shells],
+                "0 taut, 1 wrinkled, 2 slack, -1 bears compression",
+            )
     coords: dict[str, Any] = {
         "state": list(states),
         "joint": list(finger.joints),
@@ -365,9 +373,12 @@ def drawn_hood(look: Look | None) -> HoodField | None:
         "transverse_stress": look.stress[:, 1],
         "region": look.region,
     }
+    cell_data |= dict(zip(FAMILIES, look.fibres, strict=False))
+    if (look.tension >= 0).any():
+        cell_data["tension_state"] = look.tension
     return HoodField(
         look.points,
         quads,
         {"displacement": look.points - look.reference, "contact_pressure": look.pressure},
-        {name: np.repeat(values, each) for name, values in cell_data.items()},
+        {name: np.repeat(values, each, axis=0) for name, values in cell_data.items()},
     )

@@ -14,6 +14,7 @@ import numpy as np
 
 from cosim.port import Array
 from cosim.results import STRAIN, Scene
+from cosim.strokes import families_of, stroke_cells, strokes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,12 +22,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MOST_TRIANGLES = 6000
+INKS = ("#1a1a1a", "#0b6b2e", "#6b3fa0")  # of the fibre families
 BONE = np.array([0.93, 0.89, 0.80])
 TENDON = np.array([0.16, 0.36, 0.30])
 PLAIN_HOOD = np.array([0.55, 0.68, 0.80])
-TENDON_WIDTH, CABLE_WIDTH = 0.9, 0.7  # mm
+TENDON_WIDTH, CABLE_WIDTH, STROKE_WIDTH = 0.9, 0.7, 0.16  # mm
 ARROW_LENGTH = 15.0  # mm, of the fingertip force
 HOOD_LIFT = 1.0  # mm towards the viewer, so that bone triangles larger than quads do not cut in
+STROKE_LIFT = 1.2  # mm, of the strokes along fibres, over the quads beside them
 
 
 @dataclass(frozen=True)
@@ -70,6 +73,11 @@ def draw(scene: Scene, title: str) -> Figure:
     if colours is not None:
         bar = figure.colorbar(colours, ax=list(axes), shrink=0.75, pad=0.015, extend="both")
         bar.set_label("longitudinal strain of the hood, %")
+    if scene.hood is not None and families_of(scene.hood.cell_data):
+        note = "strokes: the hood's fibres"
+        if len(families_of(scene.hood.cell_data)) > 1:
+            note += "; green: the second family"
+        axes[0].text(0.98, 0.08, note, ha="right", transform=axes[0].transAxes, fontsize=10)
     figure.suptitle(title)
     return figure
 
@@ -93,6 +101,7 @@ def _draw_view(ax: Axes, scene: Scene, view: View, colours: ScalarMappable | Non
     parts += [_ribbon(view, points) for _, points in scene.tendons]
     if scene.hood is not None:
         parts.append(_hood(view, scene, colours))
+        parts += _fibres(view, scene)
     if parts:
         corners, face, edge = (np.concatenate(c) for c in zip(*parts, strict=True))
         order = np.argsort(corners[..., 2].mean(axis=1), kind="stable")
@@ -129,15 +138,36 @@ def _hood(view: View, scene: Scene, colours: ScalarMappable | None) -> Polygons:
     return Polygons(corners + np.array([0, 0, HOOD_LIFT]), face, edge)
 
 
+def _fibres(view: View, scene: Scene) -> list[Polygons]:
+    """Short strokes along each fibre family of the hood."""
+    assert scene.hood is not None
+    families = families_of(scene.hood.cell_data)
+    if not families:
+        return []
+    from matplotlib.colors import to_rgba
+
+    points, cells = scene.hood.points, stroke_cells(scene.hood.points, scene.hood.quads)
+    out = []
+    for direction, ink in zip(families, INKS, strict=False):
+        ends = view.project(strokes(points, scene.hood.quads[cells], direction[cells]))
+        colour = np.tile(to_rgba(ink), (len(ends), 1))
+        corners = _bands(ends, STROKE_WIDTH) + np.array([0, 0, STROKE_LIFT])
+        out.append(Polygons(corners, colour, colour))
+    return out
+
+
 def _corners(cells: Array) -> Array:
     """(n, 4, 3) of quads, and of line cells (n, 2, 3) those of bands that face the viewer."""
-    if cells.shape[1] == 4:
-        return cells
+    return cells if cells.shape[1] == 4 else _bands(cells, CABLE_WIDTH)
+
+
+def _bands(cells: Array, width: float) -> Array:
+    """(n, 4, 3) corners of bands, `width` mm wide, along lines (n, 2, 3) that face the viewer."""
     along = cells[:, 1, :2] - cells[:, 0, :2]
     across = np.stack([-along[:, 1], along[:, 0], 0 * along[:, 0]], axis=1)
     across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9)
     first, last = cells[:, 0], cells[:, 1]
-    side = 0.5 * CABLE_WIDTH * across
+    side = 0.5 * width * across
     return np.stack([first + side, last + side, last - side, first - side], axis=1)
 
 

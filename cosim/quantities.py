@@ -25,6 +25,7 @@ NAMES: Mapping[str, tuple[str, ...]] = {
     "<direction>": ("longitudinal", "lateral"),
     "<statistic>": ("min", "mean", "max"),
     "<slip>": ("central", "terminal"),
+    "<tension>": ("taut", "wrinkled", "slack"),
     "<springs>": (*SPRINGS, *(f"adhesion_{r}_{body}" for r in REGIONS for body in BODIES)),
     "<torque>": ("hood", "gravity", "passive", "limit", "fingertip", "holder", *TENDONS),
 }
@@ -48,6 +49,7 @@ STATE = (
     "cable.*.mean_strain_percent",
     "strain_percent.<direction>.<statistic>",
     "region_strain_percent.<region>.<direction>.<statistic>",
+    "tension_field_area_percent.<tension>",
     "max_penetration_mm",
     "guide_depth_mm",
 )

@@ -1,7 +1,8 @@
 """Strains of a hood in numbers: by region and direction, from free of stress and from unloaded.
 
-The sheet's own strain over the central region is read by gauges at the markers.  A cadaver
-experiment sees how markers on the hood move from the unloaded to the loaded state; the
+Longitudinal is along the mesh's lines along the finger (in sagittal bands: round it), whichever way
+the fibres run.  The sheet's own strain over the central region is read by gauges at the markers.  A
+cadaver experiment sees how markers on the hood move from the unloaded to the loaded state; the
 sheet's own Green-Lagrange strain counts from where it is free of stress.  With l1 and l0 the
 lengths of a material line in the two states, e = l1 / l0 - 1 is what markers show (engineering
 strain), and (l1^2 / l0^2 - 1) / 2 the Green-Lagrange strain from the unloaded state.
@@ -19,6 +20,7 @@ from meshes.hood_mesh import REGIONS
 
 Range = dict[str, float]
 DIRECTIONS = ("longitudinal", "lateral")
+TENSION_STATES = ("taut", "wrinkled", "slack")
 GAUGE = 2e-3
 """m, the standard deviation of the bell over which a gauge at a marker reads the sheet (what lies
 within 2.4 mm weighs by half and more); an assumption.  What single elements bear says nothing: at
@@ -35,17 +37,24 @@ def is_slack(slips: Mapping[str, float], slip: str) -> bool:
 
 
 def strain_summary(look: HoodLook) -> dict[str, object]:
-    """Percent, Green-Lagrange from free of stress: over the central region, and by region."""
-    return {
-        "strain_percent": _over_central(look.strain, look),
-        "region_strain_percent": _by_region(look.strain, look),
+    """Percent, Green-Lagrange from free of stress: over the central region, and by region; and of
+    the area of the regions that are tension fields how much is taut, wrinkled and slack."""
+    out: dict[str, object] = {
+        "strain_percent": _over_central(look.line_strain, look),
+        "region_strain_percent": _by_region(look.line_strain, look),
     }
+    whole = look.area[look.tension >= 0].sum()
+    if whole > 0:
+        parts = (look.area[look.tension == i].sum() for i in range(len(TENSION_STATES)))
+        shares = (100 * float(part / whole) for part in parts)
+        out["tension_field_area_percent"] = dict(zip(TENSION_STATES, shares, strict=True))
+    return out
 
 
 def strain_change(before: HoodLook, now: HoodLook) -> dict[str, object]:
     """Percent, from the unloaded state `before`: Green-Lagrange and engineering over the central
     region, engineering by region and between the markers."""
-    ratio = np.sqrt((1 + 2 * now.strain[:, :2]) / (1 + 2 * before.strain[:, :2]))
+    ratio = np.sqrt((1 + 2 * now.line_strain[:, :2]) / (1 + 2 * before.line_strain[:, :2]))
     return {
         "strain_percent": _over_central((ratio**2 - 1) / 2, now),
         "engineering_strain_percent": _over_central(ratio - 1, now),

@@ -3,13 +3,14 @@
 With a = J^(-2/3) and b = J^(4/3) the deviatoric invariants of a sheet are
 
     I1~ = a I + b / D,    I2~ = a^2 D + I / (a D),    I4~ = a f
+
+A law may have a second fibre family with its own moduli and direction (`crossed_fibres`).
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from scipy.special import expi
@@ -27,53 +28,33 @@ def _check_bulk(law: object, k: Real) -> None:
     require(law, "k", k, fine, "it must be positive, and finite or infinite for all elements alike")
 
 
-@dataclass(frozen=True)
-class TransIsoMooneyRivlin:
-    """FEBio's `trans iso Mooney-Rivlin` (Weiss, Maker and Govindjee 1996; FEBio feature manual):
+def axial(angle: Real) -> tuple[Real, Real, Real]:
+    """cos^2, sin^2 and sin cos of a fibre's angle (rad) from axis 1, as `Potential.fibres`."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    return cos * cos, sin * sin, sin * cos
 
-        W = c1 (I1~ - 3) + c2 (I2~ - 3) + F(l) + k/2 (ln J)^2,   l = sqrt(I4~)
+
+class ExponentialToe:
+    """One fibre family of Weiss, Maker and Govindjee 1996 by its stretch l:
+
         l dF/dl = 0 (l < 1),  c3 (exp(c4 (l - 1)) - 1) (l < lam_max),  c5 l + c6 beyond
 
-    c6 makes the fibre's tension continuous, and F is so too (as the manual writes it, F jumps at
-    lam_max).  The fibre lies along axis 1 and bears no compression.  c1, c2, c3, c5 and the bulk
-    modulus k in Pa; k = inf is incompressible."""
+    c6 makes the fibre's tension continuous, and F is so too (as FEBio's manual writes it, F jumps
+    at lam_max).  It bears no compression.  c3 and c5 in Pa."""
 
-    c1: Real
-    c2: Real
     c3: Real
     c4: Real
     c5: Real
     lam_max: Real
-    k: Real = math.inf
 
-    def __post_init__(self) -> None:
-        require_not_negative(self, c1=self.c1, c2=self.c2, c3=self.c3, c5=self.c5)
+    def check_fibre(self) -> None:
+        """Raises InputError for parameters that are not allowed."""
+        require_not_negative(self, c3=self.c3, c5=self.c5)
         require_positive(self, c4=self.c4)
-        matrix = np.add(self.c1, self.c2) > 0
-        require(self, "c1", self.c1, matrix, "c1 + c2 must be positive, for the matrix to hold")
         require(self, "lam_max", self.lam_max, np.greater(self.lam_max, 1), "it must exceed 1")
         small = np.multiply(self.c4, self.lam_max) < LARGEST_EXPONENT
         words = f"c4 lam_max must be below {LARGEST_EXPONENT:g}, or exp(c4 lam_max) overflows"
         require(self, "c4", self.c4, small, words)
-        _check_bulk(self, self.k)
-
-    def response(self, strain: Array) -> Stress:
-        """See `materials.Law.response`."""
-        return response(self, strain)
-
-    def shear(self) -> tuple[Real, Real]:
-        """Of the matrix: to first order shear out of the plane does not stretch the fibre."""
-        G = 2 * (self.c1 + self.c2)
-        return G, G
-
-    def fibres(self) -> tuple[tuple[Real, Real, Real], ...]:
-        return ((1.0, 0.0, 0.0),)
-
-    def incompressible(self) -> bool:
-        return not np.isfinite(self.k).any()
-
-    def start(self, p: Invariants) -> Array:
-        return np.zeros(p.det.shape)
 
     def tension(self, stretch: Array) -> tuple[Array, Array]:
         """l dF/dl (Pa) of the fibre and l times its derivative by l."""
@@ -93,6 +74,49 @@ class TransIsoMooneyRivlin:
         c6 = self.c3 * np.expm1(self.c4 * (self.lam_max - 1)) - self.c5 * self.lam_max
         linear = self.c5 * self.lam_max * (ratio - 1) + c6 * np.log(ratio)
         return self.c3 * (integral - np.log(toe)) + linear
+
+
+@dataclass(frozen=True)
+class TransIsoMooneyRivlin(ExponentialToe):
+    """FEBio's `trans iso Mooney-Rivlin` (Weiss, Maker and Govindjee 1996; FEBio feature manual):
+
+        W = c1 (I1~ - 3) + c2 (I2~ - 3) + F(l) + k/2 (ln J)^2,   l = sqrt(I4~)
+
+    with the fibre energy F of `ExponentialToe` along axis 1.  c1, c2, c3, c5 and the bulk modulus k
+    in Pa; k = inf is incompressible."""
+
+    c1: Real
+    c2: Real
+    c3: Real
+    c4: Real
+    c5: Real
+    lam_max: Real
+    k: Real = math.inf
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, c1=self.c1, c2=self.c2)
+        matrix = np.add(self.c1, self.c2) > 0
+        require(self, "c1", self.c1, matrix, "c1 + c2 must be positive, for the matrix to hold")
+        self.check_fibre()
+        _check_bulk(self, self.k)
+
+    def response(self, strain: Array) -> Stress:
+        """See `materials.Law.response`."""
+        return response(self, strain)
+
+    def shear(self) -> tuple[Real, Real]:
+        """Of the matrix: to first order shear out of the plane does not stretch the fibre."""
+        G = 2 * (self.c1 + self.c2)
+        return G, G
+
+    def fibres(self) -> tuple[tuple[Real, Real, Real], ...]:
+        return ((1.0, 0.0, 0.0),)
+
+    def incompressible(self) -> bool:
+        return not np.isfinite(self.k).any()
+
+    def start(self, p: Invariants) -> Array:
+        return np.zeros(p.det.shape)
 
     def volumetric(self, p: Invariants, j: Array) -> tuple[Array, Array]:
         a = np.exp(-2 / 3 * j)
@@ -129,14 +153,114 @@ class TransIsoMooneyRivlin:
         )
 
 
-class _Family(NamedTuple):
-    """psi(E) of one fibre family and its derivatives by E, and E's by I1~ (kappa) and by j."""
+@dataclass(frozen=True)
+class ExponentialFamily(ExponentialToe):
+    """A fibre family of the trans iso Mooney-Rivlin law alone: F(l), l = sqrt(I4~)."""
 
-    energy: Array
-    slope: Array
-    curvature: Array
-    by_volume: Array
-    by_volume_twice: Array
+    c3: Real
+    c4: Real
+    c5: Real
+    lam_max: Real
+
+    def __post_init__(self) -> None:
+        self.check_fibre()
+
+    def volumetric(self, p: Invariants, j: Array) -> tuple[Array, Array]:
+        """W_j and W_jj; `p` has this family's squared stretch alone."""
+        tension, rate = self.tension(np.sqrt(np.exp(-2 / 3 * j) * p.fibres[0]))
+        return -tension / 3, rate / 9
+
+    def expansion(self, p: Invariants, j: Real) -> Expansion:
+        """W(I, D, f, j); `p` has this family's squared stretch alone."""
+        f = p.fibres[0]
+        stretch = np.sqrt(np.exp(-2 / 3 * np.asarray(j)) * f)
+        tension, rate = self.tension(stretch)
+        return Expansion(
+            energy=self.fibre_energy(stretch),
+            slope=(0.0, 0.0, tension / (2 * f)),
+            curvature={(2, 2): (rate - 2 * tension) / (4 * f * f)},
+            mixed=(0.0, 0.0, -rate / (6 * f)),
+            stiffness=rate / 9,
+        )
+
+
+@dataclass(frozen=True)
+class DispersedFamily:
+    """A fibre family of the Holzapfel-Gasser-Ogden law alone, k1 in Pa:
+
+    W = k1 / (2 k2) (exp(k2 <E>^2) - 1),   E = kappa (I1~ - 3) + (1 - 3 kappa) (I4~ - 1)"""
+
+    k1: Real
+    k2: Real
+    kappa: Real
+
+    def __post_init__(self) -> None:
+        require_positive(self, k2=self.k2)
+        require_not_negative(self, k1=self.k1)
+        fine = np.greater_equal(self.kappa, 0) & np.less_equal(self.kappa, 1 / 3)
+        require(self, "kappa", self.kappa, fine, "it must lie between 0 (aligned) and 1/3")
+
+    def _by_strain(self, strain: Array) -> tuple[Array, Array, Array]:
+        """W and its first and second derivative by E."""
+        taut = np.maximum(strain, 0)
+        power = self.k2 * taut * taut
+        x = self.k1 * np.exp(power)
+        curvature = x * (1 + 2 * power) * (strain >= 0)
+        return (x - self.k1) / (2 * self.k2), x * taut, curvature
+
+    def _strain(self, p: Invariants, a: Array) -> tuple[Array, Array, Array]:
+        """E and its first and second derivative by j; a = J^(-2/3)."""
+        along = (1 - 3 * np.asarray(self.kappa)) * a * p.fibres[0]
+        first, first_3 = a * p.trace, 1 / (a * a * p.det)
+        strain = self.kappa * (first + first_3 - 3) + along - (1 - 3 * np.asarray(self.kappa))
+        by_volume = self.kappa * 2 / 3 * (2 * first_3 - first) - 2 / 3 * along
+        return strain, by_volume, self.kappa * 4 / 9 * (first + 4 * first_3) + 4 / 9 * along
+
+    def volumetric(self, p: Invariants, j: Array) -> tuple[Array, Array]:
+        """W_j and W_jj; `p` has this family's squared stretch alone."""
+        strain, by_j, by_jj = self._strain(p, np.exp(-2 / 3 * j))
+        _, slope, curvature = self._by_strain(strain)
+        return slope * by_j, slope * by_jj + curvature * by_j**2
+
+    def expansion(self, p: Invariants, j: Real) -> Expansion:
+        """W(I, D, f, j); `p` has this family's squared stretch alone."""
+        a = np.exp(-2 / 3 * np.asarray(j))
+        strain, by_j, by_jj = self._strain(p, a)
+        energy, slope, curvature = self._by_strain(strain)
+        along, by_det = (1 - 3 * np.asarray(self.kappa)) * a, -self.kappa / (a * a * p.det**2)
+        by = (self.kappa * a, by_det, along)
+        by_and_j = (-2 / 3 * self.kappa * a, 4 / 3 * by_det, -2 / 3 * along)
+        bent: dict[tuple[int, int], Real] = {
+            (q, r): curvature * by[q] * by[r] for q in range(3) for r in range(q, 3)
+        }
+        bent[1, 1] = bent[1, 1] - 2 * slope * by_det / p.det
+        return Expansion(
+            energy=energy,
+            slope=[slope * q for q in by],
+            curvature=bent,
+            mixed=[curvature * q * by_j + slope * r for q, r in zip(by, by_and_j, strict=True)],
+            stiffness=slope * by_jj + curvature * by_j**2,
+        )
+
+
+Family = ExponentialFamily | DispersedFamily
+
+
+def with_family(base: Expansion, family: Expansion) -> Expansion:
+    """The sum of an energy of (trace, det, *fibres) and a family's of (trace, det, f), whose f
+    comes last."""
+    last = len(base.slope)
+    place = {0: 0, 1: 1, 2: last}
+    slope, mixed = [*base.slope, 0.0], [*base.mixed, 0.0]
+    curvature = dict(base.curvature)
+    for q, at in place.items():
+        slope[at] = slope[at] + family.slope[q]
+        mixed[at] = mixed[at] + family.mixed[q]
+    for (q, r), value in family.curvature.items():
+        pair = place[q], place[r]
+        curvature[pair] = curvature.get(pair, 0.0) + value
+    energy, stiffness = base.energy + family.energy, base.stiffness + family.stiffness
+    return Expansion(energy, slope, curvature, mixed, stiffness)
 
 
 @dataclass(frozen=True)
@@ -173,8 +297,7 @@ class HolzapfelGasserOgden:
         return self.c, self.c
 
     def fibres(self) -> tuple[tuple[Real, Real, Real], ...]:
-        cos, sin = np.cos(self.gamma), np.sin(self.gamma)
-        return (cos * cos, sin * sin, sin * cos), (cos * cos, sin * sin, -sin * cos)
+        return axial(self.gamma), axial(-np.asarray(self.gamma))
 
     def incompressible(self) -> bool:
         return not np.isfinite(self.k).any()
@@ -182,28 +305,10 @@ class HolzapfelGasserOgden:
     def start(self, p: Invariants) -> Array:
         return np.zeros(p.det.shape)
 
-    def _families(self, p: Invariants, a: Array) -> list[_Family]:
-        along = 1 - 3 * np.asarray(self.kappa)
-        first, first_3 = a * p.trace, 1 / (a * a * p.det)
-        matrix = self.kappa * (first + first_3 - 3)
-        by_volume = self.kappa * 2 / 3 * (2 * first_3 - first)
-        twice = self.kappa * 4 / 9 * (first + 4 * first_3)
-        out = []
-        for f in p.fibres:
-            strain = matrix + along * (a * f - 1)
-            taut = np.maximum(strain, 0)
-            power = self.k2 * taut * taut
-            x = self.k1 * np.exp(power)
-            out.append(
-                _Family(
-                    energy=(x - self.k1) / (2 * self.k2),
-                    slope=x * taut,
-                    curvature=x * (1 + 2 * power) * (strain >= 0),
-                    by_volume=by_volume - 2 / 3 * along * a * f,
-                    by_volume_twice=twice + 4 / 9 * along * a * f,
-                )
-            )
-        return out
+    def _families(self, p: Invariants) -> list[tuple[DispersedFamily, Invariants]]:
+        """Both families, each with the invariants that it depends on."""
+        family = DispersedFamily(self.k1, self.k2, self.kappa)
+        return [(family, p._replace(fibres=(f,))) for f in p.fibres]
 
     def volumetric(self, p: Invariants, j: Array) -> tuple[Array, Array]:
         a = np.exp(-2 / 3 * j)
@@ -211,28 +316,30 @@ class HolzapfelGasserOgden:
         J2 = np.exp(2 * j)
         slope = 2 / 3 * (2 * first_3 - first) + self.k / 2 * (J2 - 1)
         convex = 4 / 9 * (first + 4 * first_3) + self.k * J2
-        for w in self._families(p, a):
-            slope = slope + w.slope * w.by_volume
-            convex = convex + w.slope * w.by_volume_twice + w.curvature * w.by_volume**2
+        for family, own in self._families(p):
+            more = family.volumetric(own, j)
+            slope, convex = slope + more[0], convex + more[1]
         return slope, convex
 
-    def expansion(self, p: Invariants, j: Real) -> Expansion:
-        D, a = p.det, np.exp(-2 / 3 * np.asarray(j))
-        along, families = 1 - 3 * np.asarray(self.kappa), self._families(p, a)
-        m = self.c / 2 + self.kappa * sum(w.slope for w in families)
+    def _matrix(self, p: Invariants, j: Array) -> Expansion:
+        """c/2 (I1~ - 3) and the volume's energy, of (trace, det, j)."""
+        D, a = p.det, np.exp(-2 / 3 * j)
         by_det = -1 / (a * a * D * D)
-        energy = self.c / 2 * (a * p.trace - by_det * D - 3) + sum(w.energy for w in families)
+        energy = self.c / 2 * (a * p.trace - by_det * D - 3)
+        stiffness = self.c * 2 / 9 * (a * p.trace - 4 * by_det * D)
         if not self.incompressible():
-            energy = energy + self.k / 2 * (np.expm1(2 * np.asarray(j)) / 2 - j)
-        curvature: dict[tuple[int, int], Real] = {(1, 1): -2 * m * by_det / D}
-        mixed: list[Real] = [-2 / 3 * m * a, 4 / 3 * m * by_det]
-        mixed += [-2 / 3 * along * a * w.slope for w in families]
-        for n, w in enumerate(families):
-            strain = {0: self.kappa * a, 1: self.kappa * by_det, 2 + n: along * a}
-            for q, by_q in strain.items():
-                stiff = w.curvature * by_q
-                mixed[q] = mixed[q] + stiff * w.by_volume
-                for r in (r for r in strain if r <= q):
-                    curvature[r, q] = curvature.get((r, q), 0.0) + stiff * strain[r]
-        slope = [m * a, m * by_det, *(along * a * w.slope for w in families)]
-        return Expansion(energy, slope, curvature, mixed, self.volumetric(p, np.asarray(j))[1])
+            energy = energy + self.k / 2 * (np.expm1(2 * j) / 2 - j)
+            stiffness = stiffness + self.k * np.exp(2 * j)
+        return Expansion(
+            energy=energy,
+            slope=(self.c / 2 * a, self.c / 2 * by_det),
+            curvature={(1, 1): -self.c * by_det / D},
+            mixed=(-self.c / 3 * a, self.c * 2 / 3 * by_det),
+            stiffness=stiffness,
+        )
+
+    def expansion(self, p: Invariants, j: Real) -> Expansion:
+        out = self._matrix(p, np.asarray(j))
+        for family, own in self._families(p):
+            out = with_family(out, family.expansion(own, j))
+        return out

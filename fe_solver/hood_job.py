@@ -12,14 +12,15 @@ from cosim.port import InputError, Motion
 
 from .assumed_strain import GAUSS, shape
 from .contact import Contact
+from .crossed_fibres import CrossedFibres, CrossedLinear
 from .curves import Curve, Drive
 from .guides import Guides
+from .in_situ import in_situ_stretch, laid_thickness
 from .job import Body, ContactPair, Held, Job, NodalForce, Part, SpringLaw, SpringSet, Step, Tied
 from .job_model import corner_means
 from .mesh_geometry import is_triangle, node_directors
 from .model import ShellModel
 from .section import Patch
-from .shell import shell_tables
 from .shell_hood import ShellHood
 
 Array = NDArray[np.float64]
@@ -49,8 +50,9 @@ def job_of_hood(
     with ties, springs and pulls; their rest lengths follow.  Else the nodes stay on the
     mid-surface.
 
-    Raises InputError for what a job cannot say: stress-free growth, materials that vary within a
-    region, springs with tables, tendons that do not slide along an axis of one body."""
+    Raises InputError for what a job cannot say: stress-free growth but a stretch in situ, materials
+    that vary within a region, springs with tables, tendons that do not slide along an axis of one
+    body."""
     model = hood.model
     _check(hood)
     frame = int(model.guides.body[0]) if len(model.guides.node) else 0
@@ -58,7 +60,9 @@ def job_of_hood(
     points = (model.reference - hood.rest.position[frame]) @ hood.rest.rotation[frame]
     turned = on_face and _bones_lie_below(model, hood.rest)
     quads = _flipped(model.quads) if turned else model.quads
-    thickness, height = _corners(model.section.thickness), model.tables.height
+    stretch = in_situ_stretch(model.tables.growth)
+    thickness = _corners(laid_thickness(model.section.thickness, model.tables.growth))
+    height = model.tables.height
     if turned:
         thickness, height = _turned(model.quads, thickness), -_turned(model.quads, height)
     flat = points
@@ -67,9 +71,9 @@ def job_of_hood(
             :, None
         ] * node_directors(points, quads)
         height = -thickness / 2
-    part, parts = _parts(model)
+    part, parts = _parts(model, stretch, turned)
     ne = len(quads)
-    frames = model.tables.frame[:, :, 0].mean(axis=1)
+    frames = _mean_direction(model.tables.frame[:, :, 0])
     fibre = frames @ hood.rest.rotation[frame]
     job = Job(
         name,
@@ -113,14 +117,10 @@ def _check(hood: ShellHood) -> None:
             "a hood with a bending modulus of its own cannot be written: in FEBio's format a shell "
             "bends as its material does; set hood.bending_modulus to zero"
         )
-    D = m.directors[m.quads]
-    bare = shell_tables(
-        m.reference[m.quads], D, m.tables.frame[:, :, 0], np.zeros(len(m.quads)), m.tables.height
-    )
-    if not np.allclose(bare.weight, m.tables.weight, rtol=1e-9, atol=0):
+    if np.isnan(in_situ_stretch(m.tables.growth)).any():
         raise InputError(
-            "a hood with extra length in its slips cannot be written: FEBio's format "
-            "has no stress-free growth; set hood.extra_length to zero"
+            "a hood with extra length in its slips cannot be written: FEBio's format has no "
+            "stress-free growth but a stretch in situ; set hood.extra_length to zero"
         )
     if m.springs.curves:
         raise InputError("a hood whose springs follow tables is not written")
@@ -162,12 +162,21 @@ def _corners(gauss: Array) -> Array:
     return np.asarray(gauss @ np.linalg.inv(weight).T)
 
 
-def _parts(model: ShellModel) -> tuple[Ints, tuple[Part, ...]]:
+def _mean_direction(gauss: Array) -> Array:
+    """(ne, 3) of directions (ne, g, 3), whose senses say nothing."""
+    sense = np.einsum("egk,ek->eg", gauss, gauss[:, 0])
+    return np.asarray((gauss * np.where(sense < 0, -1.0, 1.0)[..., None]).mean(axis=1))
+
+
+def _parts(model: ShellModel, stretch: Array, turned: bool) -> tuple[Ints, tuple[Part, ...]]:
     part, parts = np.zeros(len(model.quads), dtype=np.intp), []
     for i, patch in enumerate(model.section.patches):
         part[patch.elements] = i
         name = model.regions[patch.elements[0]] if model.regions else f"part {i + 1}"
-        parts.append(Part(name, _law(patch, name)))
+        law = _law(patch, name)
+        if turned and isinstance(law, CrossedLinear | CrossedFibres):
+            law = replace(law, angle=-np.asarray(law.angle).item())  # about the other normal
+        parts.append(Part(name, law, float(stretch[patch.elements[0]])))
     return part, tuple(parts)
 
 

@@ -15,6 +15,7 @@ from .augment import AugmentOptions
 from .contact import Contact
 from .contact_points import Within
 from .guides import Guides, Ties
+from .in_situ import laid_thickness
 from .mesh_geometry import node_areas, node_directors, node_means
 from .model import ShellModel
 from .newton import NewtonOptions
@@ -45,9 +46,10 @@ class Attached(Protocol):
 @dataclass(frozen=True)
 class Sheet:
     """The shell's geometry and material: points (n, 3) m, quads (ne, 4), fibre (ne, 3) or at
-    the Gauss points (ne, 4, 3), section
-    (materials and thickness), fibre growth (ne,); `regions` the quads' region names; `lift` (n,) or
-    one for all, m, how much higher than its face a node touches a bone."""
+    the Gauss points (ne, 4, 3), section (materials and thickness), growth (ne, 2) along and across
+    the fibres; `regions` the quads' region names; `lift` (n,) or one for all, m, how much higher
+    than its face a node touches a bone; `stretched`: its fibres are stretched in situ (see
+    `ShellHood`)."""
 
     points: Array
     quads: Ints
@@ -56,6 +58,7 @@ class Sheet:
     growth: Array
     regions: tuple[str, ...] = ()
     lift: Array | float = 0.0
+    stretched: bool = False
 
 
 @dataclass(frozen=True)
@@ -151,6 +154,7 @@ def shell_hood(
         options,
         contact.augment(),
         lift=sheet.lift,
+        stretched=sheet.stretched,
     )
 
 
@@ -225,7 +229,8 @@ def _contacts(
 
     Augmented contact is the nodes' in any element: a sheet cannot lie on its level in more points
     than it has nodes."""
-    half = node_means(sheet.section.thickness.mean(axis=1), sheet.quads, len(X)) / 2
+    laid = laid_thickness(sheet.section.thickness.mean(axis=1), sheet.growth)
+    half = node_means(laid, sheet.quads, len(X)) / 2
     height = half + sheet.lift
     if sheet.quads.shape[1] == 4 or law.augment() is not None:
         return contacts_of(bodies, law, nodes, height[nodes], node_areas(X, sheet.quads)[nodes])

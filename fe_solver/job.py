@@ -29,6 +29,7 @@ class Part:
 
     name: str
     law: Law
+    in_situ_stretch: float = 1.0
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from .contact import REACH, Contact
 from .curves import Curve, Drive, Extension, Interpolation
 from .febio.like import facet_lift, febio_patch
 from .guides import Guides, Ties
+from .in_situ import in_situ_growth, stress_free_thickness
 from .job import STILL, ZERO, Body, ContactPair, Job, SpringSet
 from .loads import pressure_forces
 from .mesh_checks import check_job
@@ -138,7 +139,7 @@ def job_model(job: Job, options: JobOptions) -> JobModel:
         job.points[job.quads],
         directors[job.quads],
         job.fibre,
-        np.zeros(len(job.quads)),
+        in_situ_growth(_in_situ(job)),
         job.height,
         bilinear=job.as_febio,
     )
@@ -162,11 +163,17 @@ def job_model(job: Job, options: JobOptions) -> JobModel:
     return JobModel(job, base, bodies)
 
 
+def _in_situ(job: Job) -> Array:
+    """(ne,) stretch of the fibres in the mesh."""
+    return np.array([part.in_situ_stretch for part in job.parts])[job.part]
+
+
 def _section(job: Job) -> Section:
     weight = np.stack([shape(r, s)[0] for r, s in GAUSS])
     of_part = [np.flatnonzero(job.part == i) for i in range(len(job.parts))]
+    thickness = stress_free_thickness(job.thickness, _in_situ(job))
     patches = [
-        Patch(own, part.law, job.thickness[own] @ weight.T)
+        Patch(own, part.law, thickness[own] @ weight.T)
         for own, part in zip(of_part, job.parts, strict=True)
         if len(own)
     ]

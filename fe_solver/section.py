@@ -169,7 +169,7 @@ def joined_sections(patches: Sequence[Patch]) -> Section:
 def _kind(p: Patch) -> tuple[object, ...]:
     """What patches share whose laws differ in nothing but numbers; empty of one that is alone."""
     law, smoothing = _base(p.law)
-    if any(np.ndim(v) for v in vars(law).values()):
+    if not all(isinstance(v, float) for v in vars(law).values()):
         return ()
     fibres = (law.incompressible(), law.fibres()) if isinstance(law, Potential) else ()
     return type(law), smoothing, fibres, p.shear_correction

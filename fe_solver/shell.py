@@ -43,7 +43,8 @@ class ShellTables:
     (transverse), 3 (normal) in the reference configuration; height (ne, k) of the mid-surface over
     the nodes, along the elements' directors, which are those of the nodes times `mitre` (ne, k):
     where sheets meet at an angle the node's director leans, and is the longer for it, so that the
-    thickness across each sheet is its own."""
+    thickness across each sheet is its own.  growth (ne, 2): the stress-free lengths along axes 1
+    and 2 are 1 + growth times those of the mesh."""
 
     membrane: Array
     bending: Array
@@ -53,6 +54,7 @@ class ShellTables:
     frame: Array
     height: Array
     mitre: Array
+    growth: Array
 
     @property
     def element(self) -> Element:
@@ -168,8 +170,9 @@ def shell_tables(
     bilinear: bool = False,
 ) -> ShellTables:
     """Tables for elements with nodes X (ne, k, 3), unit directors D (ne, k, 3), fibre directions
-    (ne, 3) or (ne, g, 3) at the Gauss points, and fibre growth (ne,): the stress-free length along
-    the fibre is 1 + growth times that of the mesh (a multiplicative, plane eigenstrain).  `height`
+    (ne, 3) or (ne, g, 3) at the Gauss points, and growth (ne,) or (ne, 2): the stress-free length
+    along the fibre, and that across it, is 1 + growth times that of the mesh (a multiplicative,
+    plane eigenstrain; none across where only one is given).  `height`
     (ne, k), m, of the mid-surface over each node along its director: nodes on the lower face of a
     shell lie half its thickness below.  `bilinear`: the membrane strain of a four-node quad is that
     of its displacements, as FEBio has it, and locks when it is bent in its plane."""
@@ -179,12 +182,14 @@ def shell_tables(
     fibre = np.broadcast_to(fibre[:, None] if fibre.ndim == 2 else fibre, (ne, points, 3))
     nodes, mitre = np.concatenate([X, D], axis=1), _mitre(X, D)
     X = _over(nodes, height, mitre)[:, : X.shape[1]]
+    growth = growth if growth.ndim == 2 else np.stack([growth, np.zeros(ne)], axis=1)
     if element is FOUR:
         centre = None if bilinear else _stress_free_centre(X, fibre[:, 0], growth)
         membranes, shears = _four_nodes(X, centre)
     else:
         membranes, shears = _nine_nodes(X)
-    tensor = np.stack([(1 + growth) ** -2, np.ones(ne), 1 / (1 + growth)], axis=1)[:, :, None]
+    one, two = (1 + growth).T
+    tensor = np.stack([one**-2, two**-2, 1 / (one * two)], axis=1)[:, :, None]
     edges = np.stack([X[:, 1] - X[:, 0], X[:, 2] - X[:, 0]], axis=2)
     triangle = _is_triangle(X)[:, None, None]
     parts: list[tuple[Array, ...]] = []
@@ -193,24 +198,24 @@ def shell_tables(
         own = np.where(triangle, frame[:, :2] @ edges, J)
         bending = to_cartesian(J, np.broadcast_to(np.eye(3), (ne, 3, 3)))
         shear = np.swapaxes(np.linalg.inv(own), 1, 2) @ shears[:, g]
-        shear[:, 0] /= (1 + growth)[:, None]
+        shear /= (1 + growth)[:, :, None]
         membrane = to_cartesian(own, membranes[:, g]) * tensor
-        area = element.factors[g] * area * (1 + growth)
+        area = element.factors[g] * area * one * two
         parts.append((membrane, bending * tensor, shear, area, frame))
     membrane, bending, shear, weight, frames = (np.stack(p, 1) for p in zip(*parts, strict=True))
     none = np.zeros((ne, points, 8))
-    bare = ShellTables(membrane, bending, shear, none, weight, frames, height, mitre)
+    bare = ShellTables(membrane, bending, shear, none, weight, frames, height, mitre, growth)
     offset = bare.strain(nodes)
-    offset[:, :, 0] += (1 - tensor[:, 0]) / 2
+    offset[:, :, :2] += (1 - tensor[:, None, :2, 0]) / 2
     return replace(bare, offset=offset)
 
 
 def _stress_free_centre(X: Array, fibre: Array, growth: Array) -> Array:
-    """(ne, 2, 3) base vectors r and s of the elements' centres, grown along the fibre (ne, 3)."""
+    """(ne, 2, 3) base vectors r and s of the elements' centres, grown along the fibre (ne, 3) and
+    across it by growth (ne, 2)."""
     base = kind_of(X).base_vectors(X, 0, 0)
-    along = local_frames(X, fibre, 0, 0)[0][:, 0]
-    part = np.einsum("nik,nk->ni", base, along) * growth[:, None]
-    return base + part[:, :, None] * along[:, None]
+    axes = local_frames(X, fibre, 0, 0)[0][:, :2]
+    return base + np.einsum("nik,nak,na,nal->nil", base, axes, growth, axes)
 
 
 def _four_nodes(X: Array, centre: Array | None) -> tuple[Array, Array]:

@@ -67,7 +67,8 @@ class ShellHood:
     a bone without resisting, as slack cables do, follows its curvature in steps that are longer the
     softer the contact.  No joint turns further than by `leap`, rad, in one solve.  `lift` (n,) or
     one for all, m, is how much of the contact's offset makes up for the chords on which the sheet
-    runs between its nodes."""
+    runs between its nodes.  `stretched`: the sheet's fibres are stretched as it is laid out, so
+    that it is not in equilibrium there and is solved in the rest pose before anything moves."""
 
     model: ShellModel
     tendons: tuple[str, ...]
@@ -79,6 +80,7 @@ class ShellHood:
     softer: float = 1.0
     leap: float = LEAP
     lift: Array | float = 0.0
+    stretched: bool = False
 
     @property
     def bodies(self) -> tuple[str, ...]:
@@ -240,7 +242,10 @@ class ShellHood:
                 raise error from None
 
     def _in_steps(self, state: HoodState, motion: Motion, tension: Array) -> HoodState:
-        """Solve at `motion` and, where that is far, on the way there."""
+        """Solve at `motion` and, where that is far, on the way there; a sheet stretched in situ is
+        balanced first where it was laid out."""
+        if self.stretched and state.solution is None:
+            state = self._solve(state, state.motion, tension, MOST_HALVINGS)
         begin, before = state.motion, state.solution.tension if state.solution else tension
         steps = int(np.ceil(_bend(begin, motion) / self.leap))
         for part in np.arange(1, steps) / max(steps, 1):

@@ -22,7 +22,7 @@ the stress s gives way by k d^2 / s.  That its tangent is never singular, wrinkl
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, is_dataclass, replace
 from enum import IntEnum
 from typing import Any, NamedTuple, cast
 
@@ -144,12 +144,17 @@ class _Wrinkled(NamedTuple):
 
 def _at(law: Law, points: Mask) -> Law:
     """The law of some points (a mask), its parameters that differ by point those of them."""
-    values: dict[str, Any] = {
-        name: np.broadcast_to(value, points.shape)[points]
-        for name, value in vars(law).items()
-        if np.ndim(value)
-    }
-    return cast(Law, replace(cast(Any, law), **values)) if values else law
+    return cast(Law, _parameters_at(law, points))
+
+
+def _parameters_at(part: Any, points: Mask) -> Any:
+    values: dict[str, Any] = {}
+    for name, value in vars(part).items():
+        if is_dataclass(value):
+            values[name] = _parameters_at(value, points)
+        elif np.ndim(value):
+            values[name] = np.broadcast_to(value, points.shape)[points]
+    return replace(part, **values) if values else part
 
 
 def _strain(A: Array) -> Array:

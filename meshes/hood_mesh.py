@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -96,6 +96,8 @@ class HoodMesh:
     """m, of the sheet whose mid-surface the points are."""
     lift: Array | None = None
     """(n,) m, how much higher than the sheet's face each node touches a bone; None is nowhere."""
+    fields: Mapping[str, Array] = field(default_factory=dict)
+    """Unit directions (ne, 3) by name, which a case may give a region's fibres."""
 
     def areas(self) -> Array:
         """(ne,) m2."""
@@ -154,6 +156,10 @@ def to_json(mesh: HoodMesh) -> str:
     }
     if mesh.lift is not None:
         content["lift"] = millimetres(mesh.lift)
+    if mesh.fields:
+        content["fields"] = {
+            name: np.round(values, 6).tolist() for name, values in mesh.fields.items()
+        }
     rows = [f" {json.dumps(k)}: {json.dumps(v)}" for k, v in content.items()]
     return "{\n" + ",\n".join(rows) + "\n}\n"
 
@@ -256,6 +262,7 @@ class _Reader:
             self.length("reach"),
             self.length("thickness"),
             self.lift(n),
+            self.fields(len(quads)),
         )
         self.check_quads(mesh)
         self.check_whole(mesh)
@@ -283,6 +290,19 @@ class _Reader:
         out = self.array(self.content["lift"], "lift", None) * 1e-3
         if len(out) != count:
             raise self.fault("lift", f"expected one number for each of {count} nodes")
+        return out
+
+    def fields(self, count: int) -> dict[str, Array]:
+        """Directions by name, one for each quad."""
+        out = {}
+        for name, rows in (self.table("fields") if "fields" in self.content else {}).items():
+            values, key = self.array(rows, f"fields.{name}", 3), f"fields.{name}"
+            if len(values) != count:
+                raise self.fault(key, f"expected one direction for each of {count} quads")
+            length = np.linalg.norm(values, axis=1, keepdims=True)
+            if (length < 1e-6).any():
+                raise self.fault(key, f"quad {int(np.argmin(length))} has no direction")
+            out[name] = values / length
         return out
 
     def name(self, value: str, key: str, known: tuple[str, ...]) -> str:
@@ -327,10 +347,12 @@ class _Reader:
             raise self.fault("quads", f"quad {i} is folded or has no area; its nodes are {q[i]}")
         mean = _corners(p).mean(axis=1)
         size = np.einsum("nk,nk->n", mean, mean)
-        upright = np.einsum("nk,nk->n", mesh.fibre, mean) ** 2 > 0.99 * size
-        if upright.any():
-            i = int(np.argmax(upright))
-            raise self.fault("fibre", f"quad {i}: the direction stands upright on the quad")
+        directions = {"fibre": mesh.fibre} | {f"fields.{k}": v for k, v in mesh.fields.items()}
+        for key, values in directions.items():
+            upright = np.einsum("nk,nk->n", values, mean) ** 2 > 0.99 * size
+            if upright.any():
+                i = int(np.argmax(upright))
+                raise self.fault(key, f"quad {i}: the direction stands upright on the quad")
         edges = np.concatenate([q[:, [a, (a + 1) % 4]] for a in range(4)])
         found, count = np.unique(edges, axis=0, return_counts=True)
         if (count > 1).any():

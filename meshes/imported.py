@@ -55,6 +55,8 @@ class RawMesh:
     thickness: Array | None = None
     """(ne,) of a file whose nodes lie on the face that the normals point to; else they lie on the
     mid-surface."""
+    fields: Mapping[str, Array] = field(default_factory=dict)
+    """Vectors (ne, 3) of the quads by name, in the file's axes, none of them zero."""
 
 
 def read_raw(path: Path) -> RawMesh:
@@ -71,6 +73,7 @@ def read_raw(path: Path) -> RawMesh:
     sets.add_cell_sets(mesh)
     sets.add_point_sets(mesh, len(points))
     sets.dropped += _cards(path)
+    fields = sets.whole_fields()
     return RawMesh(
         points,
         np.concatenate(sets.quads),
@@ -78,6 +81,7 @@ def read_raw(path: Path) -> RawMesh:
         sets.joined(sets.nodes),
         {name: np.concatenate(parts) for name, parts in sets.lines.items()},
         tuple(sets.dropped),
+        fields=fields,
     )
 
 
@@ -95,6 +99,21 @@ class _Sets:
     lines: dict[str, list[Ints]] = field(default_factory=lambda: defaultdict(list))
     dropped: list[str] = field(default_factory=list)
     count: int = 0
+    vectors: dict[str, list[Array]] = field(default_factory=lambda: defaultdict(list))
+    """By name the vectors of each block of shells that has them."""
+
+    def whole_fields(self) -> dict[str, Array]:
+        """(ne, 3) vectors by name, those that every quad has; the others are dropped."""
+        out = {name: np.concatenate(parts) for name, parts in self.vectors.items()}
+        whole = {
+            name: values
+            for name, values in out.items()
+            if len(values) == self.count and (np.linalg.norm(values, axis=1) > 0).all()
+        }
+        self.dropped += [
+            f"the vectors {n!r}, which not all quads have" for n in out if n not in whole
+        ]
+        return whole
 
     @staticmethod
     def joined(sets: Mapping[str, list[Ints]]) -> dict[str, Ints]:
@@ -150,6 +169,10 @@ class _Sets:
                 self.put(physical.get((value, dimension), f"physical:{value}"), i, chosen)
             else:
                 self.put(name if value == 1 and _is_mask(values) else f"{name}:{value}", i, chosen)
+        if values.ndim == 2 and values.shape[1] == 3 and values.dtype.kind == "f":
+            if i in self.first and np.isfinite(values).all():
+                self.vectors[name].append(np.asarray(values, dtype=float))
+            return
         if not _has_groups(values) and i == min(self.data):
             self.dropped.append(f"the values {name!r} of the cells")
 

@@ -50,6 +50,8 @@ class Sheet:
     thickness: float
     """m, mean of what the file states, or what was given."""
     notes: tuple[str, ...]
+    fields: Mapping[str, Array]
+    """Unit directions (ne, 3) by name."""
 
 
 def read_sheet(
@@ -89,7 +91,26 @@ def read_sheet(
         notes.append("all normals pointed at the bones; the sheet is turned over")
     if count := warped(points, quads):
         notes.append(f"{count} quads are warped by more than 30 deg; a finer mesh would do better")
-    return Sheet(points, quads, sets, _thickness(raw, placing, thickness, notes), tuple(notes))
+    fields = {name: _directions(values, placing) for name, values in raw.fields.items()}
+    upright = [name for name, values in fields.items() if _stands(values, points, quads)]
+    notes += [f"dropped: the vectors {name!r}, which do not lie in the sheet" for name in upright]
+    fields = {name: values for name, values in fields.items() if name not in upright}
+    thick = _thickness(raw, placing, thickness, notes)
+    return Sheet(points, quads, sets, thick, tuple(notes), fields)
+
+
+def _directions(vectors: Array, placing: Placing) -> Array:
+    """(ne, 3) unit, in our axes, of vectors (ne, 3) in the file's."""
+    turned = vectors @ placing.axes.T
+    return np.asarray(turned / np.linalg.norm(turned, axis=1, keepdims=True))
+
+
+def _stands(directions: Array, points: Array, quads: Ints) -> bool:
+    """Whether one of the directions (ne, 3) is nearer to its quad's normal than to its plane."""
+    p = points[quads]
+    normal = np.cross(p[:, 2] - p[:, 0], p[:, 3] - p[:, 1])
+    size = np.linalg.norm(normal, axis=1)
+    return bool((2 * np.einsum("nk,nk->n", directions, normal) ** 2 > size**2).any())
 
 
 def _thickness(raw: RawMesh, placing: Placing, wanted: float, notes: list[str]) -> float:
@@ -196,8 +217,14 @@ def hood_of(
         dict(posture),
         float(chain.skeleton.length[1]),
         sheet.thickness,
+        fields=sheet.fields,
     )
     notes.insert(0, "fibres: along the finger, round it in the sagittal bands (assumed)")
+    if sheet.fields:
+        notes.insert(
+            1,
+            f"fields of directions, for hood.regions.REGION.direction: {', '.join(sheet.fields)}",
+        )
     free = _freed(mesh)
     for name, held in springs.items():
         left = len(free.springs[name].nodes) if name in free.springs else 0

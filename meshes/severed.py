@@ -115,6 +115,7 @@ def _of_quads(mesh: HoodMesh, kept: Mask) -> HoodMesh:
         quads=new[mesh.quads[kept]],
         region=mesh.region[kept],
         fibre=mesh.fibre[kept],
+        fields={name: values[kept] for name, values in mesh.fields.items()},
         ends={end: numbered(old) for end, old in mesh.ends.items()},
         springs=springs,
         tied={body: numbered(old) for body, old in mesh.tied.items()},

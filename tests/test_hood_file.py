@@ -74,6 +74,24 @@ def test_a_written_mesh_is_read_again(elements, tmp_path):
     assert list(tmp_path.iterdir()) == [tmp_path / "hood.json"]
 
 
+def test_fields_of_directions_are_read_again_or_refused(tmp_path):
+    content = small() | {"fields": {"slips": [[1, 1, 0], [2, 0, 0.1]]}}
+    path = tmp_path / "hood.json"
+    path.write_text(json.dumps(content))
+    mesh = read(path)
+    assert mesh.fields["slips"][0] == pytest.approx([0.5**0.5, 0.5**0.5, 0])
+    write(mesh, path)
+    assert read(path).fields["slips"] == pytest.approx(mesh.fields["slips"], abs=1e-5)
+    for rows, words in (
+        ([[1, 0, 0]], "one direction for each of 2"),
+        ([[1, 0, 0], [0, 0, 0]], "quad 1 has no direction"),
+        ([[1, 0, 0], [0, 0, 1]], "stands upright"),
+    ):
+        path.write_text(json.dumps(content | {"fields": {"slips": rows}}))
+        with pytest.raises(InputError, match=rf"fields\.slips.*{words}"):
+            read(path)
+
+
 MISSING = object()
 FAULTS = [
     (("format",), "hood mesh 2", 'expected "format"'),

@@ -56,6 +56,7 @@ KNOW_THE_SOLVERS = {
     "cosim.build_cable",
     "cosim.build_course",
     "cosim.build_ends",
+    "cosim.build_fibres",
     "cosim.build_finger",
     "cosim.build_fit",
     "cosim.build_forward",

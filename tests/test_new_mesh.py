@@ -322,3 +322,19 @@ def test_any_bytes_are_one_clear_fault(tmp_path_factory, content: bytes, ending:
     path.write_bytes(content)
     with pytest.raises(InputError):
         read_hood(path)
+
+
+def test_vectors_of_the_quads_become_fields_of_directions(
+    tmp_path: Path, ours: HoodMesh, chain: Chain
+):
+    """In our axes; those that stand on the sheet are dropped and told."""
+    write_meshio(exported(ours), tmp_path / "hood.vtu")
+    mesh = meshio.read(tmp_path / "hood.vtu")
+    lines = np.ones((len(mesh.cells[1].data), 3))
+    mesh.cell_data["slips"] = [2 * ours.fibre, lines]
+    mesh.cell_data["up"] = [np.tile([0.0, 0.0, 1.0], (len(ours.quads), 1)), lines]
+    mesh.write(tmp_path / "vectors.vtu")
+    found = sheet(read_raw(tmp_path / "vectors.vtu"), chain)
+    assert list(found.fields) == ["slips"]
+    assert found.fields["slips"] == pytest.approx(ours.fibre, abs=1e-4)
+    assert any("'up', which do not lie in the sheet" in note for note in found.notes)

@@ -35,6 +35,8 @@ def stretched(mesh: HoodMesh, along: float, across: float) -> HoodLook:
         quads=mesh.quads,
         region=mesh.region,
         strain=strain,
+        line_strain=strain,
+        fibres=np.zeros((0, ne, 3)),
         faces=np.zeros((ne, 2)),
         stress=np.zeros((ne, 3)),
         area=mesh.areas(),

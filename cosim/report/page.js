@@ -94,6 +94,15 @@
         y: -0.02, yanchor: "top", x: 0.5, tickfont: FONT, outlinewidth: 0 } },
       { type: "scatter3d", mode: "lines", x: ex, y: ey, z: ez, hoverinfo: "skip", line: { color: "rgba(20,30,40,.35)", width: 1 } }];
   }
+  function fibres(v, k) { // short strokes along each family
+    const s = shape(v, k);
+    if (s < 0) return [];
+    return v.sheet.fibres.map(({ ink, ends }) => {
+      const p = frame(ends, s), line = [[], [], []];
+      for (let n = 0; n < p.length; n += 6) for (let i = 0; i < 3; i++) line[i].push(p[n + i], p[n + 3 + i], null);
+      return { type: "scatter3d", mode: "lines", x: line[0], y: line[1], z: line[2], hoverinfo: "skip", line: { color: ink, width: 4 } };
+    });
+  }
   function force(v, k) {
     const f = v.force[k], norm = Math.hypot(...f);
     if (!numbers(v.tip).length || !(norm > 1e-6)) return [];
@@ -125,7 +134,7 @@
   }
   function draw() {
     const v = view(), k = now.frame;
-    const traces = [...bones(v, k), ...tendons(v, k), ...sheet(v, k), ...force(v, k)];
+    const traces = [...bones(v, k), ...tendons(v, k), ...sheet(v, k), ...fibres(v, k), ...force(v, k)];
     tell();
     recolour();
     if (!traces.length) { $("scene").textContent = "There is nothing to show in space of this run."; return Promise.resolve(); }
@@ -327,7 +336,7 @@
   function isCut(v, k) { // whether a point of a frame lies outside of the box
     if (!v.box) return false;
     const { xaxis, yaxis, zaxis } = layout(v).scene, axes = [xaxis.range, yaxis.range, zaxis.range];
-    return [...bones(v, k), ...tendons(v, k), ...sheet(v, k), ...force(v, k)].some((trace) =>
+    return [...bones(v, k), ...tendons(v, k), ...sheet(v, k), ...fibres(v, k), ...force(v, k)].some((trace) =>
       [trace.x, trace.y, trace.z].some((values, i) => values.some((x) => x !== null && (x < axes[i][0] || x > axes[i][1]))));
   }
   async function selftest() {

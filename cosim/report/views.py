@@ -17,12 +17,15 @@ from cosim.port import Array, InputError, Motion
 from cosim.report.flat import laid_out
 from cosim.report.runs import Run
 from cosim.report.tables import SAGITTAL
-from cosim.results import STRAIN
+from cosim.results import STRAIN, HoodField
+from cosim.strokes import carry, families_of, stroke_cells, strokes
 from meshes.hood_mesh import REGIONS
 
 MOST_FRAMES = 41
 MOST_TRIANGLES = 2200
 """Of a bone in the view."""
+INKS = ("#000000", "#d81b60", "#ff7f0e")
+"""Of the fibre families, to be told from the sheet's colours."""
 NO_SHEET = "The hood is a net of cables, drawn as lines: it has no sheet to colour."
 SPREAD = (1.0, 99.0)
 """Per cent of the values that a colour scale covers."""
@@ -56,6 +59,8 @@ class Sheet:
     points: Array
     """(nf, n, 3) m."""
     fields: tuple[Field, ...]
+    fibres: tuple[Array, ...] = ()
+    """Of each fibre family (nf, k, 2, 3) m, the ends of strokes along it."""
 
 
 @dataclass(frozen=True)
@@ -189,8 +194,11 @@ def _sheet(run: Run, chosen: np.ndarray) -> tuple[Sheet | None, tuple[str, ...]]
             for of in (data.strain, data.stress)
         )
         fields = _fields(strain, stress, data.pressure.values)
-        every = tuple(range(len(chosen)))
-        return Sheet(hood.quads, region, flat, every, data.node.values, fields), ()
+        if "tension_state" in data:
+            state = data.tension_state.transpose(run.axis, "quad").values
+            fields += (_tension(np.repeat(state, shown, axis=1)),)
+        every, points = tuple(range(len(chosen))), data.node.values
+        return Sheet(hood.quads, region, flat, every, points, fields, _fibres(hood, points)), ()
     strains = (cells[STRAIN], cells["transverse_strain"], 2 * cells["shear_strain"])
     stresses = (cells["fibre_stress"], cells["transverse_stress"])
     fields = _fields(
@@ -198,8 +206,25 @@ def _sheet(run: Run, chosen: np.ndarray) -> tuple[Sheet | None, tuple[str, ...]]
         np.stack(stresses, axis=-1)[None],
         hood.point_data["contact_pressure"][None],
     )
+    if "tension_state" in cells:
+        fields += (_tension(cells["tension_state"][None]),)
     note = "This run stores the shape of its hood at its end only: it is shown there."
-    return Sheet(hood.quads, region, flat, (last,), hood.points[None], fields), (note,)
+    points = hood.points[None]
+    fibres = _fibres(hood, points)
+    return Sheet(hood.quads, region, flat, (last,), points, fields, fibres), (note,)
+
+
+def _fibres(hood: HoodField, points: Array) -> tuple[Array, ...]:
+    """Strokes along the fibre families of a hood in shapes (nf, n, 3) m."""
+    families = families_of(hood.cell_data)
+    cells = stroke_cells(hood.points, hood.quads) if families else np.zeros(0, dtype=np.intp)
+    quads = hood.quads[cells]
+    return tuple(
+        np.stack(
+            [strokes(p, quads, carry(quads, hood.points, p, direction[cells])) for p in points]
+        )
+        for direction in families
+    )
 
 
 def _fields(strain: Array, stress: Array, pressure: Array) -> tuple[Field, ...]:
@@ -217,6 +242,12 @@ def _fields(strain: Array, stress: Array, pressure: Array) -> tuple[Field, ...]:
     )
 
 
+def _tension(state: np.ndarray) -> Field:
+    """(nf, m) 0 taut, 1 wrinkled, 2 slack; -1 where there is no tension field."""
+    label = "Tension field: 0 taut, 1 wrinkled, 2 slack (-1: bears compression)"
+    return Field("tension_state", label, "", True, state.astype(float))
+
+
 def difference_view(one: View, other: View) -> View | None:
     """`one` coloured by its fields less those of `other`, in the frames whose names both have;
     None where the two hoods are not the same mesh or no frame is shared."""
@@ -228,9 +259,15 @@ def difference_view(one: View, other: View) -> View | None:
     if not pairs:
         return None
     mine, its = (np.array(part) for part in zip(*pairs, strict=True))
+    theirs_by_key = {g.key: g for g in b.fields}
     fields = tuple(
-        replace(f, label=f"{f.label}, difference", values=f.values[mine] - g.values[its])
-        for f, g in zip(a.fields, b.fields, strict=True)
+        replace(
+            f,
+            label=f"{f.label}, difference",
+            values=f.values[mine] - theirs_by_key[f.key].values[its],
+        )
+        for f in a.fields
+        if f.key in theirs_by_key
     )
     sheet = replace(a, at=tuple(a.at[k] for k in mine), points=a.points[mine], fields=fields)
     name = f"{one.name} less {other.name}"
@@ -253,7 +290,7 @@ def box(view: View) -> Array | None:
     shown = [
         *(b.vertices @ b.rotation.swapaxes(1, 2) + b.position[:, None] for b in view.bones),
         *(path for paths in view.tendons for path in paths.values()),
-        *([] if view.sheet is None else [view.sheet.points]),
+        *([] if view.sheet is None else [view.sheet.points, *view.sheet.fibres]),
         *(view.tip, ends - HEAD, ends + HEAD),
     ]
     points = np.concatenate([np.reshape(part, (-1, 3)) for part in shown])
@@ -335,6 +372,10 @@ def _packed_sheet(sheet: Sheet, scale: Mapping[str, tuple[float, float]]) -> Any
         "at": sheet.at,
         "points": floats(1e3 * sheet.points),
         "fields": fields,
+        "fibres": [
+            {"ink": ink, "ends": floats(1e3 * ends)}
+            for ink, ends in zip(INKS, sheet.fibres, strict=False)
+        ],
     }
 
 

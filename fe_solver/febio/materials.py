@@ -5,12 +5,13 @@ Parameters as in FEBio's feature manual; stresses are scaled by `stress` Pa, the
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..fibre_materials import HolzapfelGasserOgden, TransIsoMooneyRivlin
+from ..crossed_fibres import CrossedFibres
+from ..fibre_materials import ExponentialFamily, HolzapfelGasserOgden, TransIsoMooneyRivlin
 from ..hyperelastic import NeoHookean
 from ..materials import Isotropic, Law, Orthotropic
 from .mesh import rows_of
@@ -22,19 +23,25 @@ Ints = NDArray[np.intp]
 RIGID = "rigid body"
 IN_PLANE = 0.9
 """Least cosine between the third material axis and the sheet's normal."""
+MATRICES, EXPONENTIAL = ("Mooney-Rivlin", "trans iso Mooney-Rivlin"), "uncoupled fiber-exp-linear"
+"""Of a mixture: what may be its matrix, and its fibres."""
+OFF_PLANE = 1e-9
+"""Third component of a mixture's fibre that is rounding."""
 NO_FIBRES = {"c3": 0.0, "c4": 1.0, "c5": 0.0, "lam_max": 2.0}
 
 
 @dataclass(frozen=True)
 class Material:
     """A material of the file; a rigid one has no law, and a centre in the file's units where it is
-    given."""
+    given.  `holder` is the tag in which its (first) fibre is said."""
 
     tag: Tag
     name: str
     number: str
     law: Law | None
     centre: Array | None
+    holder: Tag
+    in_situ_stretch: float = 1.0
 
     @property
     def rigid(self) -> bool:
@@ -50,12 +57,11 @@ def read_materials(section: Tag, stress: float) -> list[Material]:
         if name in [m.name for m in out]:
             raise t.fault(f"two materials are called {name!r}")
         t.all("density")
-        law, centre = None, None
         if t.attribute("type") == RIGID:
-            centre = _centre(t)
+            out.append(Material(t, name, number, None, _centre(t), t))
         else:
-            law = _law(t, stress)
-        out.append(Material(t, name, number, law, centre))
+            law, holder, stretch = _deformable(t, stress)
+            out.append(Material(t, name, number, law, None, holder, stretch))
     return out
 
 
@@ -80,6 +86,82 @@ def _needed(t: Tag, *names: str) -> list[float]:
     if missing:
         raise t.fault(f"the parameter <{missing[0]}> is missing")
     return [t.value(n, 0.0) for n in names]
+
+
+def _deformable(t: Tag, stress: float) -> tuple[Law, Tag, float]:
+    """The law, the tag that says its fibre, and the fibres' stretch in situ."""
+    kind = t.attribute("type")
+    if kind == "uncoupled solid mixture":
+        return *_mixture(t, stress), 1.0
+    if kind in ("prestrain elastic", "uncoupled prestrain elastic"):
+        return _prestrained(t, stress)
+    return _law(t, stress), t, 1.0
+
+
+def _prestrained(t: Tag, stress: float) -> tuple[Law, Tag, float]:
+    """A law whose fibres are stretched in situ."""
+    inner, made = t.one("elastic"), t.one("prestrain")
+    if inner is None or made is None:
+        raise t.fault("expected <elastic> and <prestrain>")
+    if inner.attribute("type") != "trans iso Mooney-Rivlin":
+        raise inner.fault("prestrain is read of trans iso Mooney-Rivlin alone")
+    if made.attribute("type") != "in-situ stretch":
+        raise made.fault("prestrain is read as an in-situ stretch alone")
+    if not made.value("isochoric", 1.0):
+        raise made.fault("an in-situ stretch that changes the volume is not read; set isochoric 1")
+    stretch = _needed(made, "stretch")[0]
+    if not (np.isfinite(stretch) and stretch > 0):
+        raise made.fault(f"the stretch must be positive, got {stretch:g}")
+    return _mooney_rivlin(inner, stress, False, t), inner, stretch
+
+
+def _mixture(t: Tag, stress: float) -> tuple[Law, Tag]:
+    """Matrix and one or two fibre families: a Mooney-Rivlin law with or without a fibre, and
+    `uncoupled fiber-exp-linear` fibres."""
+    solids = t.all("solid")
+    kinds = [s.attribute("type") for s in solids]
+    matrices = [s for s, k in zip(solids, kinds, strict=True) if k in MATRICES]
+    fibres = [s for s, k in zip(solids, kinds, strict=True) if k == EXPONENTIAL]
+    families = len(fibres) + sum(k == MATRICES[1] for k in kinds)
+    if len(matrices) != 1 or len(matrices) + len(fibres) != len(solids) or families not in (1, 2):
+        raise t.fault(
+            f"a mixture is read of one {MATRICES[0]} or {MATRICES[1]} and {EXPONENTIAL} fibres, of "
+            f"one or two families in all; got {', '.join(kinds) or 'none'}"
+        )
+    plain = matrices[0].attribute("type") == MATRICES[0]
+    law = _mooney_rivlin(matrices[0], stress, plain, t)
+    holder = fibres[0] if plain else matrices[0]
+    if plain:
+        with fibres[0].told():
+            law = replace(law, **vars(_family(fibres[0], stress)))
+    if families == 1:
+        return law, holder
+    with t.told():
+        return CrossedFibres(law, _family(fibres[-1], stress), _turn(holder, fibres[-1])), holder
+
+
+def _family(t: Tag, stress: float) -> ExponentialFamily:
+    c3, c4, c5, lam_max = _needed(t, "c3", "c4", "c5", "lambda")
+    with t.told():
+        return ExponentialFamily(c3 * stress, c4, c5 * stress, lam_max)
+
+
+def _turn(first: Tag, second: Tag) -> float:
+    """rad, from one solid's fibre to another's, counter-clockwise about the third material axis."""
+    (a, b, c), (x, y, z) = (_in_axes(t) for t in (first, second))
+    if abs(c) + abs(z) > OFF_PLANE:
+        raise second.fault("the fibres of a mixture must lie in the sheet: x, y, 0")
+    return float(np.arctan2(a * y - b * x, a * x + b * y))
+
+
+def _in_axes(t: Tag) -> list[float]:
+    """A solid's fibre in the material axes."""
+    tag = t.one("fiber")
+    if tag is None:
+        return [1.0, 0.0, 0.0]
+    if tag.attributes.get("type", "vector") != "vector":
+        raise tag.fault("in a mixture of two fibre families a fibre is read as a vector alone")
+    return (tag.one("vector") or tag).numbers(3)
 
 
 def _law(t: Tag, stress: float) -> Law:
@@ -109,13 +191,16 @@ def _law(t: Tag, stress: float) -> Law:
     raise t.fault(
         f"the material {kind!r} is not known; known: isotropic elastic, neo-Hookean, "
         "Mooney-Rivlin, trans iso Mooney-Rivlin, Holzapfel-Gasser-Ogden, orthotropic elastic, "
-        "rigid body"
+        "uncoupled solid mixture, uncoupled prestrain elastic, rigid body"
     )
 
 
-def _mooney_rivlin(t: Tag, stress: float, plain: bool) -> Law:
-    _pressure_model(t, "0", "default")
-    c1, c2, k = _needed(t, "c1", "c2", "k")
+def _mooney_rivlin(
+    t: Tag, stress: float, plain: bool, volume: Tag | None = None
+) -> TransIsoMooneyRivlin:
+    """The law; its bulk modulus is said in the tag `volume`, of a material that wraps it."""
+    _pressure_model(volume or t, "0", "default")
+    (c1, c2), (k,) = _needed(t, "c1", "c2"), _needed(volume or t, "k")
     names = tuple(NO_FIBRES)
     c3, c4, c5, lam = NO_FIBRES.values() if plain else _needed(t, *names)
     fibre = (c3 * stress, c4, c5 * stress, lam)
@@ -139,6 +224,9 @@ def fibre_directions(
     axes = _axes(m, corners, given)
     if isinstance(m.law, TransIsoMooneyRivlin) and m.law.c3 + m.law.c5 > 0:
         return np.einsum("kij,kj->ki", axes, _fibre(m, corners, given, maps))
+    if isinstance(m.law, CrossedFibres):
+        _check_axes_up(m, corners, axes)
+        return np.einsum("kij,j->ki", axes, _in_axes(m.holder))
     if isinstance(m.law, HolzapfelGasserOgden | Orthotropic):
         normal = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
         cosine = np.abs(np.einsum("ki,ki->k", axes[:, :, 2], _unit(normal)))
@@ -147,6 +235,17 @@ def fibre_directions(
         return axes[:, :, 0]
     m.tag.all("fiber")
     return corners[:, 1] - corners[:, 0]
+
+
+def _check_axes_up(m: Material, corners: Array, axes: Array) -> None:
+    """Raises InputError where the third material axis is not the elements' normal, about which one
+    family is turned from the other."""
+    normal = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+    if np.einsum("ki,ki->k", axes[:, :, 2], _unit(normal)).min(initial=1.0) < IN_PLANE:
+        raise m.tag.fault(
+            "the third material axis of two fibre families must be the shell's normal; give "
+            "mat_axis"
+        )
 
 
 def _unit(v: Array) -> Array:
@@ -206,7 +305,7 @@ def _local(tag: Tag, count: int, default: tuple[int, ...]) -> list[int]:
 
 def _fibre(m: Material, corners: Array, given: dict[str, Tag], maps: dict[str, Tag]) -> Array:
     """(k, 3) in the material axes."""
-    k, tag = len(corners), m.tag.one("fiber")
+    k, tag = len(corners), m.holder.one("fiber")
     kind = "" if tag is None else tag.attributes.get("type", "vector")
     data = given.get("fiber")
     if tag is not None and kind == "map":

@@ -175,7 +175,11 @@ def _job(name: str, model: Model, parts: Parts, sections: _Sections) -> Job:
         model.shell[sheet.quads],
         sheet.ids,
         sheet.part,
-        tuple(Part(n, m.law) for n, m in zip(sheet.names, sheet.materials, strict=True) if m.law),
+        tuple(
+            Part(n, m.law, m.in_situ_stretch)
+            for n, m in zip(sheet.names, sheet.materials, strict=True)
+            if m.law
+        ),
         sheet.thickness * units.length,
         -sheet.thickness * units.length / 2,
         sheet.fibre,

@@ -68,6 +68,7 @@ def not_covered(job: Job) -> str | None:
 def _obstacles(job: Job) -> Iterator[tuple[bool, str]]:
     yield len(job.parts) != 1, "has several materials"
     law = job.parts[0].law
+    yield job.parts[0].in_situ_stretch != 1.0, "has fibres that are stretched in situ"
     yield not covered(law), f"has the law {type(law).__name__}, or terms of it, not remade"
     yield bool(is_triangle(job.quads).any()), "has triangles"
     thickness, height = job.thickness, job.height

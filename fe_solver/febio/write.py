@@ -134,7 +134,7 @@ def _blocks(job: Job) -> Iterator[_Block]:
 
 def _materials(w: Conditions) -> Lines:
     for index, part in enumerate(w.job.parts, 1):
-        yield law_line(index, part.name, part.law, w.units.stress)
+        yield law_line(index, part.name, part.law, w.units.stress, part.in_situ_stretch)
     for index, body in enumerate(w.job.bodies, len(w.job.parts) + 1):
         yield (
             f'<material id="{index}" name={quoteattr(body.name)} type="rigid body"><density>1'

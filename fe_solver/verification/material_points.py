@@ -142,6 +142,20 @@ def relaxed_energy(law: Linear, strain: Array, directions: int = 20001) -> float
     return float((np.maximum(v @ strain, 0) ** 2 / (2 * compliance)).max())
 
 
+def least_wrinkled_energy(law: Law, strain: Array) -> float:
+    """The least energy W(E + L L'), J/m3, over lower triangular L: what wrinkles leave of it."""
+
+    def energy(low: Array) -> float:
+        a, b, c = low
+        return float(law.response(strain + np.array([a * a, b * b + c * c, 2 * a * b])).energy)
+
+    start, options = np.full(3, 0.1), {"xatol": 1e-10, "fatol": 1e-12, "maxiter": 4000}
+    for _ in range(2):
+        found = minimize(energy, start, method="Nelder-Mead", options=options)
+        start = found.x + 1e-4
+    return float(found.fun)
+
+
 def fibre_tension(law: TransIsoMooneyRivlin, stretch: float) -> float:
     """l dF/dl as published, Pa."""
     c3, c4, c5, lm = (float(x) for x in (law.c3, law.c4, law.c5, law.lam_max))

@@ -11,6 +11,7 @@ from . import (
     benchmarks_nonlinear,
     contact_rows,
     element_rows,
+    fibre_rows,
     hood_rows,
     material_rows,
     peers,
@@ -31,6 +32,7 @@ from .obstacle_course import (
     ROOF,
     TWISTED_BEAMS,
 )
+from .tension_fields import ANNULUS, BENT_RECTANGLES, SHEAR_WEB
 
 BENCHMARKS: dict[str, tuple[Benchmark, ...]] = {
     "straight beam": STRAIGHT_BEAMS,
@@ -46,6 +48,7 @@ BENCHMARKS: dict[str, tuple[Benchmark, ...]] = {
     "hinged roofs": HINGED_ROOFS,
     "sideways buckling": (STRIP_BUCKLING,),
     "membranes": (HENCKY, BALLOON),
+    "tension field": (SHEAR_WEB, ANNULUS, *BENT_RECTANGLES),
 }
 """What both elements solve, by the name of its study."""
 ENDLESS = "pinched cylinder"
@@ -63,6 +66,7 @@ STUDIES = (
     Study("element", element_rows.rows),
     Study("tangents", tangent_rows.rows),
     Study("materials", material_rows.rows),
+    Study("crossed and stretched fibres", fibre_rows.rows),
     Study("contact", contact_rows.rows),
     Study("hood", hood_rows.rows),
     Study("threads", thread_rows.rows),
