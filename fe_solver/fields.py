@@ -19,7 +19,7 @@ class Fields:
 
     strain (ne, 3) Green-Lagrange E11, E22, 2 E12; stress (ne, 3) second Piola-Kirchhoff S11, S22,
     S12, Pa; faces (ne, 2) E11 at the two faces (tangential bending included); tension (ne,) the
-    `tension_field.State` at the strain, -1 where the sheet bears compression."""
+    `tension_field.State`, -1 where the sheet bears compression."""
 
     strain: Array
     stress: Array
@@ -36,7 +36,7 @@ def fields(model: ShellModel, c: Configuration) -> Fields:
     bend = mean[:, 3] * model.section.thickness.mean(axis=1) / 2
     faces = np.stack([mean[:, 0] - bend, mean[:, 0] + bend], axis=1)
     stress = np.einsum("ng,ngc->nc", weight, model.section.stress(strain))
-    return Fields(mean[:, :3], stress, faces, model.section.tension_state(mean[:, :3]))
+    return Fields(mean[:, :3], stress, faces, model.section.tension_state(strain))
 
 
 def contact_pressure(model: ShellModel, c: Configuration) -> Array:

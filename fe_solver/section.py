@@ -130,12 +130,13 @@ class Section:
         return Resultants(energy, force, stiffness)
 
     def tension_state(self, strain: Array) -> NDArray[np.int8]:
-        """(ne,) `tension_field.State` at mid-surface strains (ne, 3); -1 where there is no tension
-        field and the sheet bears compression."""
+        """(ne,) `tension_field.State`, the rounded mean of the Gauss points' at strains (ne, g, 8);
+        -1 where there is no tension field and the sheet bears compression."""
         out = np.full(len(strain), -1, dtype=np.int8)
         for p in self.patches:
             if isinstance(p.law, TensionField):
-                out[p.elements] = p.law.state(strain[p.elements, None, None])[:, 0, 0]
+                states = p.law.state(strain[p.elements, :, None, :3])[..., 0]
+                out[p.elements] = np.rint(states.mean(axis=1))
         return out
 
     def stress(self, strain: Array, z: float = 0.0) -> Array:

@@ -212,15 +212,15 @@ def _central_guess(strain: Array) -> Array:
 
 
 def _wrinkled(law: Law, strain: Array, cost: _Cost, smoothing: float) -> _Wrinkled:
-    """The least energy over P, each point for itself: from the first guess, and where that leads
-    nowhere, along the path of ever lower barriers."""
+    """The least energy over P, each point for itself: from the first guess, and where there is none
+    or it leads nowhere, along the path of ever lower barriers."""
     full = law.response(strain)
-    found = np.isfinite(full.energy)
+    direct, left = np.isfinite(full.energy), np.asarray(np.isfinite(strain).all(axis=1))
     A = np.tile(np.sqrt(smoothing) * np.eye(2), (len(strain), 1, 1))
-    left = found.copy()
-    A[left] = _first_guess(Stress(*(x[left] for x in full)), cost.barrier[left])
-    A[left], near = _lowered(_at(law, left), strain[left], cost.of(left), A[left], (1.0,))
-    left[left] = ~near
+    A[direct] = _first_guess(Stress(*(x[direct] for x in full)), cost.barrier[direct])
+    own = _at(law, direct), strain[direct], cost.of(direct), A[direct], (1.0,)
+    A[direct], left[direct] = _lowered(*own)
+    left[direct] = ~left[direct]
     if left.any():
         lower = max(0, int(np.ceil(np.log10(CENTRAL / smoothing))))
         path = [100.0**n for n in range(lower, -1, -1)]
@@ -229,7 +229,7 @@ def _wrinkled(law: Law, strain: Array, cost: _Cost, smoothing: float) -> _Wrinkl
         left[left] = ~near
     there, energy = _level(law, strain, cost, A)
     energy += 2 * cost.barrier * np.log(smoothing)
-    found &= ~left & np.isfinite(energy)
+    found = ~left & np.isfinite(energy)
     T = _by_growth(A)
     return _Wrinkled(A, energy, there, T, _curvature(T, there, cost), found)
 

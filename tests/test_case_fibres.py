@@ -224,15 +224,6 @@ def test_a_job_of_the_hood_has_its_fibres_and_its_stretch(on_face: bool):
         (stated("central_band", "in_situ_stretch", "1.5"), "less than or equal to 1.2"),
         ("hood.regions.central_band=" + GASSER % "", "write either angle"),
         (
-            "hood.regions.central_band="
-            + LINEAR
-            % (
-                ", tension_field = true, second = { modulus = "
-                '"9 MPa", direction = { angle = "9 deg" } }'
-            ),
-            "tension_field and a second fibre family",
-        ),
-        (
             'hood.regions.central_band={ kind = "isotropic", modulus = "9 MPa", poisson = 0.4, '
             'direction = { angle = "9 deg" } }',
             "unknown key",
