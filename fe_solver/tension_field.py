@@ -31,9 +31,12 @@ from numpy.typing import NDArray
 
 from .materials import Array, Law, Mask, Real, Stress, require
 
-MOST_STEPS = 20
+FEW_STEPS, MOST_STEPS = 10, 20
+"""From the first guess, and for each height of the barrier."""
 CONVERGED, ROUGHLY = 1e-6, 0.1
 """The last step in P, over P, at the barrier's own height and on the way there."""
+DECADES = 2
+"""By which the barrier is lowered at a time."""
 CENTRAL = 0.1
 """Strain by which a barrier smooths from which its path begins."""
 TO_THE_EDGE = 0.95
@@ -174,12 +177,11 @@ def _by_growth(A: Array) -> Array:
     return np.moveaxis(np.array(rows), 2, 0)
 
 
-def _level(law: Law, strain: Array, cost: _Cost, A: Array) -> tuple[Stress, Array]:
-    """The law's response at E + A A', and its energy (m,) with what wrinkles cost."""
+def _price(cost: _Cost, A: Array) -> Array:
+    """(m,) J/m3, what wrinkles A A' cost."""
     P = _strain(A)
-    there = law.response(strain + P)
-    energy = there.energy + cost.residual / 2 * (P * P * SQUARED).sum(axis=1)
-    return there, energy - 2 * cost.barrier * np.log(np.abs(np.linalg.det(A)))
+    residual = cost.residual / 2 * (P * P * SQUARED).sum(axis=1)
+    return np.asarray(residual - 2 * cost.barrier * np.log(np.abs(np.linalg.det(A))))
 
 
 def _principal(x: Array) -> tuple[Array, Array]:
@@ -218,33 +220,34 @@ def _wrinkled(law: Law, strain: Array, cost: _Cost, smoothing: float) -> _Wrinkl
     direct, left = np.isfinite(full.energy), np.asarray(np.isfinite(strain).all(axis=1))
     A = np.tile(np.sqrt(smoothing) * np.eye(2), (len(strain), 1, 1))
     A[direct] = _first_guess(Stress(*(x[direct] for x in full)), cost.barrier[direct])
-    own = _at(law, direct), strain[direct], cost.of(direct), A[direct], (1.0,)
+    own = _at(law, direct), strain[direct], cost.of(direct), A[direct], (1.0,), FEW_STEPS
     A[direct], left[direct] = _lowered(*own)
     left[direct] = ~left[direct]
     if left.any():
-        lower = max(0, int(np.ceil(np.log10(CENTRAL / smoothing))))
-        path = [100.0**n for n in range(lower, -1, -1)]
-        A[left] = _central_guess(strain[left])
-        A[left], near = _lowered(_at(law, left), strain[left], cost.of(left), A[left], path)
+        path = 10.0 ** np.arange(2 * np.log10(CENTRAL / smoothing), 0, -DECADES)
+        own = _at(law, left), strain[left], cost.of(left), _central_guess(strain[left])
+        A[left], near = _lowered(*own, (*path, 1.0), MOST_STEPS)
         left[left] = ~near
-    there, energy = _level(law, strain, cost, A)
-    energy += 2 * cost.barrier * np.log(smoothing)
+    there, T = law.response(strain + _strain(A)), _by_growth(A)
+    energy = there.energy + _price(cost, A) + 2 * cost.barrier * np.log(smoothing)
     found = ~left & np.isfinite(energy)
-    T = _by_growth(A)
     return _Wrinkled(A, energy, there, T, _curvature(T, there, cost), found)
 
 
 def _lowered(
-    law: Law, strain: Array, cost: _Cost, A: Array, path: Sequence[float]
+    law: Law, strain: Array, cost: _Cost, A: Array, path: Sequence[float], most_steps: int
 ) -> tuple[Array, Mask]:
     """(m, 2, 2) the A of balance at the end of a path of barriers, in times the cost's, and where
     Newton arrived there."""
-    A = A.copy()
+    A, here = A.copy(), Stress(*map(np.array, law.response(strain + _strain(A))))
     for times in path:
         todo = np.ones(len(A), dtype=bool)
-        for _ in range(MOST_STEPS):
-            own = _at(law, todo), strain[todo], cost.of(todo).higher(times), A[todo]
-            A[todo], near = _newton_step(*own, CONVERGED if times == 1 else ROUGHLY)
+        for _ in range(most_steps):
+            own = _at(law, todo), strain[todo], cost.of(todo).higher(times)
+            now = A[todo], Stress(*(x[todo] for x in here))
+            A[todo], there, near = _newton_step(*own, *now, CONVERGED if times == 1 else ROUGHLY)
+            for mine, new in zip(here, there, strict=True):
+                mine[todo] = new
             todo[todo] = ~near
             if not todo.any():
                 break
@@ -252,17 +255,18 @@ def _lowered(
 
 
 def _curvature(T: Array, there: Stress, cost: _Cost) -> Array:
-    """(m, 3, 3) second derivatives of `_level` by the growth, T as `_by_growth`."""
+    """(m, 3, 3) second derivatives of energy and cost by the growth, T as `_by_growth`."""
     stiff = there.tangent + cost.residual[:, None, None] * np.diag(SQUARED)
     barrier = cost.barrier[:, None, None] * np.diag([1.0, 1.0, 2.0])
     return np.asarray(np.swapaxes(T, 1, 2) @ stiff @ T + barrier)
 
 
 def _newton_step(
-    law: Law, strain: Array, cost: _Cost, A: Array, converged: float
-) -> tuple[Array, Mask]:
-    """(m, 2, 2) A after a step, and whether that was short enough for the last."""
-    (here, level), T, mu = _level(law, strain, cost, A), _by_growth(A), cost.barrier
+    law: Law, strain: Array, cost: _Cost, A: Array, here: Stress, converged: float
+) -> tuple[Array, Stress, Mask]:
+    """(m, 2, 2) A after a step from where the law is `here`, the law there, and whether that was
+    short enough for the last."""
+    T, mu, level = _by_growth(A), cost.barrier, here.energy + _price(cost, A)
     stress = here.stress + cost.residual[:, None] * SQUARED * _strain(A)
     slope = np.einsum("mij,mi->mj", T, stress) - mu[:, None] * np.array([1.0, 1.0, 0.0])
     X = -np.linalg.solve(_curvature(T, here, cost), slope[:, :, None])[:, :, 0]
@@ -275,13 +279,14 @@ def _newton_step(
     size = 1 / np.maximum(1.0, -least / TO_THE_EDGE)
     noise = ROUNDING * (mu + np.abs(level) * 1e-13)
     for _ in range(HALVINGS):
-        there = A @ _root(size[:, None] * X)
-        energy = _level(law, strain, cost, there)[1]
-        high = ~near & ~(energy <= level + LEAST_SLOPE * size * along + noise)
+        grown = A @ _root(size[:, None] * X)
+        there = law.response(strain + _strain(grown))
+        rise = there.energy + _price(cost, grown) - level
+        high = ~near & ~(rise <= LEAST_SLOPE * size * along + noise)
         if not high.any():
             break
         size[high] /= 2
-    return there, near
+    return grown, there, near
 
 
 def _root(X: Array) -> Array:
