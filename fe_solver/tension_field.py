@@ -162,8 +162,8 @@ def _parameters_at(part: Any, points: Mask) -> Any:
 
 def _strain(A: Array) -> Array:
     """(m, 3) A A' as E11, E22, 2 E12."""
-    P = A @ np.swapaxes(A, 1, 2)
-    return np.stack([P[:, 0, 0], P[:, 1, 1], 2 * P[:, 0, 1]], axis=1)
+    (a, b), (c, d) = np.moveaxis(A, 0, 2)
+    return np.stack([a * a + b * b, c * c + d * d, 2 * (a * c + b * d)], axis=1)
 
 
 def _by_growth(A: Array) -> Array:
@@ -179,9 +179,9 @@ def _by_growth(A: Array) -> Array:
 
 def _price(cost: _Cost, A: Array) -> Array:
     """(m,) J/m3, what wrinkles A A' cost."""
-    P = _strain(A)
-    residual = cost.residual / 2 * (P * P * SQUARED).sum(axis=1)
-    return np.asarray(residual - 2 * cost.barrier * np.log(np.abs(np.linalg.det(A))))
+    (a, b), (c, d) = np.moveaxis(A, 0, 2)
+    residual = cost.residual / 2 * (np.square(_strain(A)) @ SQUARED)
+    return np.asarray(residual - 2 * cost.barrier * np.log(np.abs(a * d - b * c)))
 
 
 def _principal(x: Array) -> tuple[Array, Array]:
@@ -195,16 +195,24 @@ def _principal(x: Array) -> tuple[Array, Array]:
 
 
 def _first_guess(full: Stress, barrier: Array) -> Array:
-    """(m, 2, 2) A where each principal stress of the base law alone, with its own stiffness, were
-    in balance."""
+    """(m, 2, 2) A where the lesser principal stress of the base law, with its own stiffness, were
+    in balance, and then the greater one with what that changes of it."""
     stress, axes = _principal(full.stress)
     c, s = axes[:, 0], axes[:, 1]
     unit = np.stack([c * c, s * s, 2 * s * c], axis=2)
-    stiff = np.einsum("mai,mij,maj->ma", unit, full.tangent, unit)
-    stiff = np.maximum(stiff, STIFF * np.abs(full.tangent).max(axis=(1, 2))[:, None])
-    root = np.sqrt(stress * stress + 4 * stiff * barrier[:, None])
-    even = 2 * barrier[:, None] / (root + np.abs(stress))
-    return axes * np.sqrt(np.where(stress > 0, even, (root - stress) / (2 * stiff)))[:, None]
+    C = unit @ full.tangent @ np.swapaxes(unit, 1, 2)
+    least = STIFF * np.abs(full.tangent).max(axis=(1, 2))
+    lesser = _balanced(stress[:, 1], np.maximum(C[:, 1, 1], least), barrier)
+    greater = stress[:, 0] + C[:, 0, 1] * lesser
+    sizes = [_balanced(greater, np.maximum(C[:, 0, 0], least), barrier), lesser]
+    return axes * np.sqrt(np.stack(sizes, axis=1))[:, None]
+
+
+def _balanced(stress: Array, stiff: Array, barrier: Array) -> Array:
+    """(m,) the p > 0 of stress + stiff p = barrier / p."""
+    root = np.sqrt(stress * stress + 4 * stiff * barrier)
+    pulled = 2 * barrier / (root + np.abs(stress))
+    return np.where(stress > 0, pulled, (root - stress) / (2 * stiff))
 
 
 def _central_guess(strain: Array) -> Array:
