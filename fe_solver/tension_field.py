@@ -228,9 +228,9 @@ def _wrinkled(law: Law, strain: Array, cost: _Cost, smoothing: float) -> _Wrinkl
     direct, left = np.isfinite(full.energy), np.asarray(np.isfinite(strain).all(axis=1))
     A = np.tile(np.sqrt(smoothing) * np.eye(2), (len(strain), 1, 1))
     A[direct] = _first_guess(Stress(*(x[direct] for x in full)), cost.barrier[direct])
-    own = _at(law, direct), strain[direct], cost.of(direct), A[direct], (1.0,), FEW_STEPS
-    A[direct], left[direct] = _lowered(*own)
-    left[direct] = ~left[direct]
+    own = _at(law, direct), strain[direct], cost.of(direct), A[direct]
+    A[direct], near = _lowered(*own, (1.0,), FEW_STEPS)
+    left[direct] = ~near
     if left.any():
         path = 10.0 ** np.arange(2 * np.log10(CENTRAL / smoothing), 0, -DECADES)
         own = _at(law, left), strain[left], cost.of(left), _central_guess(strain[left])
