@@ -50,7 +50,7 @@ ROUNDING = 1e-2
 RESIDUAL = 1e-6
 SQUARED = np.array([1.0, 1.0, 0.5])
 """P:P from the squares of P11, P22 and 2 P12."""
-SEEN = 30.0
+SEEN = 100.0
 """Times the strain at which stress and wrinkles are as large: wrinkles that `State` tells of."""
 
 
