@@ -31,10 +31,12 @@ from numpy.typing import NDArray
 
 from .materials import Array, Law, Mask, Real, Stress, require
 
-FEW_STEPS, MOST_STEPS = 10, 20
+FEW_STEPS, MOST_STEPS = 6, 20
 """From the first guess, and for each height of the barrier."""
 CONVERGED, ROUGHLY = 1e-6, 0.1
 """The last step in P, over P, at the barrier's own height and on the way there."""
+TURNS = 5
+TINY = np.finfo(float).tiny
 DECADES = 2
 """By which the barrier is lowered at a time."""
 CENTRAL = 0.1
@@ -84,7 +86,7 @@ class TensionField:
         """See `materials.Law.response`."""
         w = self._relaxed(strain)
         C, T = w.there.tangent, w.by_growth
-        tangent = C - C @ T @ np.linalg.solve(w.curvature, np.swapaxes(T, 1, 2) @ C)
+        tangent = C - C @ T @ _solved(w.curvature, np.swapaxes(T, 1, 2) @ C)
         tangent = (tangent + np.swapaxes(tangent, 1, 2)) / 2
         fine = w.found[:, None]
         shape = np.shape(strain)
@@ -166,6 +168,12 @@ def _strain(A: Array) -> Array:
     return np.stack([a * a + b * b, c * c + d * d, 2 * (a * c + b * d)], axis=1)
 
 
+def _single(p: Array) -> Array:
+    """(m, 3) p p' of vectors (m, 2), as `_strain`."""
+    p1, p2 = p.T
+    return np.stack([p1 * p1, p2 * p2, 2 * p1 * p2], axis=1)
+
+
 def _by_growth(A: Array) -> Array:
     """(m, 3, 3) see `_Wrinkled`."""
     (a, b), (c, d) = np.moveaxis(A, 0, 2)
@@ -194,7 +202,7 @@ def _principal(x: Array) -> tuple[Array, Array]:
     return np.stack([mean + radius, mean - radius], axis=1), axes
 
 
-def _first_guess(full: Stress, barrier: Array) -> Array:
+def _axes_guess(law: Law, strain: Array, cost: _Cost, full: Stress) -> Array:
     """(m, 2, 2) A where the lesser principal stress of the base law, with its own stiffness, were
     in balance, and then the greater one with what that changes of it."""
     stress, axes = _principal(full.stress)
@@ -202,6 +210,7 @@ def _first_guess(full: Stress, barrier: Array) -> Array:
     unit = np.stack([c * c, s * s, 2 * s * c], axis=2)
     C = unit @ full.tangent @ np.swapaxes(unit, 1, 2)
     least = STIFF * np.abs(full.tangent).max(axis=(1, 2))
+    barrier = cost.barrier
     lesser = _balanced(stress[:, 1], np.maximum(C[:, 1, 1], least), barrier)
     greater = stress[:, 0] + C[:, 0, 1] * lesser
     sizes = [_balanced(greater, np.maximum(C[:, 0, 0], least), barrier), lesser]
@@ -215,42 +224,80 @@ def _balanced(stress: Array, stiff: Array, barrier: Array) -> Array:
     return np.where(stress > 0, pulled, (root - stress) / (2 * stiff))
 
 
-def _central_guess(strain: Array) -> Array:
+def _central_guess(law: Law, strain: Array, cost: _Cost, full: Stress) -> Array:
     """(m, 2, 2) A that makes up for every shortening, and for CENTRAL more."""
     size, axes = _principal(strain * np.array([1.0, 1.0, 0.5]))
     return axes * np.sqrt(np.maximum(-size, 0.0) + CENTRAL)[:, None]
 
 
+def _turned_guess(law: Law, strain: Array, cost: _Cost, full: Stress) -> Array:
+    """(m, 2, 2) A = (p, t) with p of the least W(E + p p') by TURNS Newton steps from the axis of
+    the lesser principal stress, and t across it in balance."""
+    p = _axes_guess(law, strain, cost, full)[:, :, 1]
+    for _ in range(TURNS):
+        here = law.response(strain + _single(p))
+        p = p + _turning_step(p, here)
+    size = np.linalg.norm(p, axis=1, keepdims=True)
+    t = np.stack([-p[:, 1], p[:, 0]], axis=1) / np.maximum(size, TINY)
+    here = law.response(strain + _single(p))
+    unit = _single(t)
+    stiff = np.einsum("mi,mij,mj->m", unit, here.tangent, unit)
+    stiff = np.maximum(stiff, STIFF * np.abs(here.tangent).max(axis=(1, 2)))
+    across = _balanced(np.einsum("mi,mi->m", unit, here.stress), stiff, cost.barrier)
+    return np.stack([p, np.sqrt(across)[:, None] * t], axis=2)
+
+
+def _turning_step(p: Array, here: Stress) -> Array:
+    """(m, 2) Newton's step in p towards the least W(E + p p'), no longer than p."""
+    p1, p2 = p.T
+    zero = np.zeros_like(p1)
+    by_p = 2 * np.moveaxis(np.array([[p1, zero], [zero, p2], [p2, p1]]), 2, 0)
+    slope = np.einsum("mij,mi->mj", by_p, here.stress)
+    S1, S2, S12 = here.stress.T
+    curved = np.swapaxes(by_p, 1, 2) @ here.tangent @ by_p
+    H11, H22, H12 = curved[:, 0, 0] + 2 * S1, curved[:, 1, 1] + 2 * S2, curved[:, 0, 1] + 2 * S12
+    values, axes = _principal(np.stack([H11, H22, H12], axis=1))
+    along = np.einsum("mij,mi->mj", axes, slope) / np.maximum(np.abs(values), TINY)
+    step = -np.einsum("mij,mj->mi", axes, along)
+    longest, size = np.linalg.norm(p, axis=1), np.linalg.norm(step, axis=1)
+    return step * np.minimum(1.0, longest / np.maximum(size, TINY))[:, None]
+
+
 def _wrinkled(law: Law, strain: Array, cost: _Cost, smoothing: float) -> _Wrinkled:
-    """The least energy over P, each point for itself: from the first guess, and where there is none
-    or it leads nowhere, along the path of ever lower barriers."""
+    """The least energy over P, each point for itself: from a first guess, where that leads nowhere
+    from a better one, and else along the path of ever lower barriers."""
     full = law.response(strain)
-    direct, left = np.isfinite(full.energy), np.asarray(np.isfinite(strain).all(axis=1))
+    finite, left = np.isfinite(full.energy), np.asarray(np.isfinite(strain).all(axis=1))
     A = np.tile(np.sqrt(smoothing) * np.eye(2), (len(strain), 1, 1))
-    A[direct] = _first_guess(Stress(*(x[direct] for x in full)), cost.barrier[direct])
-    own = _at(law, direct), strain[direct], cost.of(direct), A[direct]
-    A[direct], near = _lowered(*own, (1.0,), FEW_STEPS)
-    left[direct] = ~near
-    if left.any():
-        path = 10.0 ** np.arange(2 * np.log10(CENTRAL / smoothing), 0, -DECADES)
-        own = _at(law, left), strain[left], cost.of(left), _central_guess(strain[left])
-        A[left], near = _lowered(*own, (*path, 1.0), MOST_STEPS)
-        left[left] = ~near
+    for guess in (_axes_guess, _turned_guess, _central_guess):
+        on = left if guess is _central_guess else left & finite
+        if not on.any():
+            continue
+        own = _at(law, on), strain[on], cost.of(on)
+        start = guess(*own, Stress(*(x[on] for x in full)))
+        path = _path(smoothing) if guess is _central_guess else (1.0,)
+        A[on], near = _lowered(*own, start, path)
+        left[on] = ~near
     there, T = law.response(strain + _strain(A)), _by_growth(A)
     energy = there.energy + _price(cost, A) + 2 * cost.barrier * np.log(smoothing)
     found = ~left & np.isfinite(energy)
     return _Wrinkled(A, energy, there, T, _curvature(T, there, cost), found)
 
 
+def _path(smoothing: float) -> tuple[float, ...]:
+    """Heights of the barrier, over its own, from a smoothing of CENTRAL down."""
+    return (*10.0 ** np.arange(2 * np.log10(CENTRAL / smoothing), 0, -DECADES), 1.0)
+
+
 def _lowered(
-    law: Law, strain: Array, cost: _Cost, A: Array, path: Sequence[float], most_steps: int
+    law: Law, strain: Array, cost: _Cost, A: Array, path: Sequence[float]
 ) -> tuple[Array, Mask]:
     """(m, 2, 2) the A of balance at the end of a path of barriers, in times the cost's, and where
     Newton arrived there."""
     A, here = A.copy(), Stress(*map(np.array, law.response(strain + _strain(A))))
     for times in path:
         todo = np.ones(len(A), dtype=bool)
-        for _ in range(most_steps):
+        for _ in range(FEW_STEPS if len(path) == 1 else MOST_STEPS):
             own = _at(law, todo), strain[todo], cost.of(todo).higher(times)
             now = A[todo], Stress(*(x[todo] for x in here))
             A[todo], there, near = _newton_step(*own, *now, CONVERGED if times == 1 else ROUGHLY)
@@ -269,6 +316,13 @@ def _curvature(T: Array, there: Stress, cost: _Cost) -> Array:
     return np.asarray(np.swapaxes(T, 1, 2) @ stiff @ T + barrier)
 
 
+def _solved(matrix: Array, right: Array) -> Array:
+    """(m, 3, k) solutions of symmetric matrices (m, 3, 3), of the like of singular ones too."""
+    scale = 1 / np.sqrt(np.diagonal(matrix, axis1=1, axis2=2))[:, :, None]
+    even = matrix * scale * np.swapaxes(scale, 1, 2) + np.finfo(float).eps * np.eye(3)
+    return np.asarray(scale * np.linalg.solve(even, scale * right))
+
+
 def _newton_step(
     law: Law, strain: Array, cost: _Cost, A: Array, here: Stress, converged: float
 ) -> tuple[Array, Stress, Mask]:
@@ -277,9 +331,9 @@ def _newton_step(
     T, mu, level = _by_growth(A), cost.barrier, here.energy + _price(cost, A)
     stress = here.stress + cost.residual[:, None] * SQUARED * _strain(A)
     slope = np.einsum("mij,mi->mj", T, stress) - mu[:, None] * np.array([1.0, 1.0, 0.0])
-    X = -np.linalg.solve(_curvature(T, here, cost), slope[:, :, None])[:, :, 0]
+    X = -_solved(_curvature(T, here, cost), slope[:, :, None])[:, :, 0]
     along = np.einsum("mi,mi->m", slope, X)
-    rising = along >= 0
+    rising = ~(along < 0)
     X[rising] = -slope[rising] / mu[rising, None]
     along[rising] = np.einsum("mi,mi->m", slope, X)[rising]
     near = np.hypot(np.hypot(X[:, 0], X[:, 1]), np.sqrt(2) * X[:, 2]) <= converged
