@@ -94,7 +94,7 @@ def _rows(result: JobResult, state: JobState) -> Iterator[tuple[str, str]]:
 
     largest, node = farthest(result.job, state)
     yield "largest displacement", f"{1e3 * largest:.5g} mm at node {node}"
-    for i, name in enumerate(state.model.bodies):
+    for i, name in enumerate(state.bodies):
         force = state.contact[i]
         if force.any():
             yield f"contact force on {name}", ", ".join(f"{v:.4g}" for v in force) + " N"

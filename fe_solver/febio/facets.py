@@ -1,5 +1,5 @@
 """FEBio's frictionless `sliding-elastic` contact made anew from its documentation, one pass, by a
-penalty alone: beside `q4ans`, to tell what a difference from FEBio's figures comes from.
+penalty alone, or augmented: the contact of `q4ans` sheets.
 
 At the Gauss points of the sheet's facets the pressure is the penalty times the depth; depth is
 measured along the facet's normal to the body's flat triangles, and the pressure acts along that
@@ -35,24 +35,31 @@ SHAPES = np.stack([shape(r, s) for r, s in GAUSS])
 @dataclass(frozen=True)
 class Facets:
     """Quads (k, 4) whose face on `side` (k,) of their normals slides on the triangles (nt, 3, 3) m
-    of a body, in its frame; penalty (k,) N/m3."""
+    of a body, in its frame, and keeps a gap (m) from them; penalty (k,) N/m3."""
 
     quads: Ints
     side: Ints
     penalty: Array
     body: int
     triangles: Array
+    gap: float = 0.0
 
     @cached_property
     def tree(self) -> cKDTree:
         """The triangles' middles."""
         return cKDTree(self.triangles.mean(axis=1))
 
+    @cached_property
+    def reach(self) -> float:
+        """m from a middle within which a point may meet a triangle."""
+        edge = np.linalg.norm(np.roll(self.triangles, -1, axis=1) - self.triangles, axis=2)
+        return SEARCH_RADIUS + float(edge.max(initial=0.0))
+
 
 class Pressed(NamedTuple):
     """What contact does: `gradient` (k, 12) N that the quads' corners resist with, `blocks` (k, 12,
     12) N/m its derivative, `force` (3,) N on the body, pressure (k, 4) Pa and depth (k, 4) m at the
-    Gauss points, positive inside the body."""
+    Gauss points, positive inside the body (or the gap)."""
 
     gradient: Array
     blocks: Array
@@ -61,8 +68,11 @@ class Pressed(NamedTuple):
     depth: Array
 
 
-def pressed(facets: Facets, x: Array, position: Array, rotation: Array) -> Pressed:
-    """Contact of nodes x (n, 3) m with the body at its position (3,) m and rotation (3, 3).
+def pressed(
+    facets: Facets, x: Array, position: Array, rotation: Array, multiplier: Array | float = 0.0
+) -> Pressed:
+    """Contact of nodes x (n, 3) m with the body at its position (3,) m and rotation (3, 3); the
+    pressure is the positive part of multiplier (k, 4) Pa + penalty * depth.
 
     The derivative is that at normals which do not turn, symmetric: what it leaves out is of the
     order of depth over element size, and Newton needs no more."""
@@ -71,16 +81,17 @@ def pressed(facets: Facets, x: Array, position: Array, rotation: Array) -> Press
     area = np.cross(by_r, by_s)
     size = np.linalg.norm(area, axis=2)
     normal = area / size[..., None] * facets.side[:, None, None]
-    depth = _depth(facets, (at - position) @ rotation, normal @ rotation)
-    stiffness = facets.penalty[:, None] * size * (depth > 0)
-    push = (stiffness * depth)[..., None] * normal
+    depth = facets.gap + _depth(facets, (at - position) @ rotation, normal @ rotation)
+    pressure = np.maximum(multiplier + facets.penalty[:, None] * depth, 0)
+    stiffness = facets.penalty[:, None] * size * (pressure > 0)
+    push = (pressure * size)[..., None] * normal
     spread = SHAPES[:, 0, :, None] * normal[:, :, None]
     spread = spread.reshape(*depth.shape, 12)
     return Pressed(
-        np.einsum("kg,kgi->ki", stiffness * depth, spread),
+        np.einsum("kg,kgi->ki", pressure * size, spread),
         np.einsum("kg,kgi,kgj->kij", stiffness, spread, spread, optimize=True),
         push.sum(axis=(0, 1)),
-        facets.penalty[:, None] * np.maximum(depth, 0),
+        pressure,
         depth,
     )
 
@@ -103,13 +114,24 @@ def cut(triangles: Array, longest: float) -> Array:
 
 def _depth(facets: Facets, points: Array, normals: Array) -> Array:
     """(k, 4) m by which points (k, 4, 3) have passed the nearest triangle that faces them along
-    their normals (k, 4, 3), all in the body's frame; minus the search radius where there is none.
+    their normals (k, 4, 3), all in the body's frame; minus the search radius where none does."""
+    q, n = points.reshape(-1, 3), normals.reshape(-1, 3)
+    count = min(NEAREST, len(facets.triangles))
+    nearest, _ = facets.tree.query(q, distance_upper_bound=facets.reach)
+    watched = np.flatnonzero(np.isfinite(nearest))
+    out = np.full(len(q), -SEARCH_RADIUS)
+    if len(watched):
+        _, near = facets.tree.query(q[watched], k=np.arange(1, count + 1))
+        out[watched] = _passed(facets.triangles[near], q[watched, None], n[watched, None])
+    return out.reshape(points.shape[:2])
+
+
+def _passed(triangles: Array, q: Array, n: Array) -> Array:
+    """(m,) m by which points q (m, 1, 3) have passed the nearest of their triangles (m, t, 3, 3)
+    along the normals n (m, 1, 3); minus the search radius where they meet none.
 
     A point q meets a triangle a, a + u, a + v at q + t n = a + b u + c v (Cramer's rule)."""
-    q, n = points.reshape(-1, 1, 3), normals.reshape(-1, 1, 3)
-    count = min(NEAREST, len(facets.triangles))
-    _, near = facets.tree.query(q[:, 0], k=np.arange(1, count + 1))
-    a, u, v = np.moveaxis(facets.triangles[near], 2, 0)
+    a, u, v = np.moveaxis(triangles, 2, 0)
     u, v, w = u - a, v - a, q - a
     face = np.cross(u, v)
     facing = np.einsum("mki,mki->mk", face, np.broadcast_to(n, face.shape))
@@ -122,4 +144,4 @@ def _depth(facets: Facets, points: Array, normals: Array) -> Array:
     met &= (b + c <= 1 + SEARCH_TOLERANCE) & (np.abs(t) < SEARCH_RADIUS)
     distance = np.where(met, t, SEARCH_RADIUS)
     best = np.abs(distance).argmin(axis=1)
-    return np.asarray(-distance[np.arange(len(best)), best].reshape(points.shape[:2]))
+    return np.asarray(-distance[np.arange(len(best)), best])
