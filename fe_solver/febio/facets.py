@@ -69,19 +69,25 @@ class Pressed(NamedTuple):
 
 
 def pressed(
-    facets: Facets, x: Array, position: Array, rotation: Array, multiplier: Array | float = 0.0
+    facets: Facets,
+    x: Array,
+    position: Array,
+    rotation: Array,
+    multiplier: Array | float = 0.0,
+    met: Ints | None = None,
 ) -> Pressed:
     """Contact of nodes x (n, 3) m with the body at its position (3,) m and rotation (3, 3); the
-    pressure is the positive part of multiplier (k, 4) Pa + penalty * depth.
+    pressure is the positive part of multiplier (k, 4) Pa + penalty * depth.  Each Gauss point
+    presses on the plane of the triangle that it has `met` (see `triangles_met`), which is looked
+    for where None.
 
     The derivative is that at normals which do not turn, symmetric: what it leaves out is of the
     order of depth over element size, and Newton needs no more."""
-    corners = x[facets.quads]
-    at, by_r, by_s = np.moveaxis(np.einsum("gda,kai->kgdi", SHAPES, corners), 2, 0)
-    area = np.cross(by_r, by_s)
-    size = np.linalg.norm(area, axis=2)
-    normal = area / size[..., None] * facets.side[:, None, None]
-    depth = facets.gap + _depth(facets, (at - position) @ rotation, normal @ rotation)
+    at, normal, size = _gauss_points(facets, x)
+    local, turned = (at - position) @ rotation, normal @ rotation
+    if met is None:
+        met = _met(facets, local, turned)
+    depth = facets.gap + _depth(facets, local, turned, met)
     pressure = np.maximum(multiplier + facets.penalty[:, None] * depth, 0)
     stiffness = facets.penalty[:, None] * size * (pressure > 0)
     push = (pressure * size)[..., None] * normal
@@ -94,6 +100,21 @@ def pressed(
         pressure,
         depth,
     )
+
+
+def triangles_met(facets: Facets, x: Array, position: Array, rotation: Array) -> Ints:
+    """(k, 4) the triangle that each Gauss point meets along its normal, the nearest of those that
+    face it; -1 where it meets none."""
+    at, normal, _ = _gauss_points(facets, x)
+    return _met(facets, (at - position) @ rotation, normal @ rotation)
+
+
+def _gauss_points(facets: Facets, x: Array) -> tuple[Array, Array, Array]:
+    """Places (k, 4, 3) m, unit normals (k, 4, 3) towards the body and area ratios (k, 4)."""
+    at, by_r, by_s = np.moveaxis(np.einsum("gda,kai->kgdi", SHAPES, x[facets.quads]), 2, 0)
+    area = np.cross(by_r, by_s)
+    size = np.linalg.norm(area, axis=2)
+    return at, area / size[..., None] * facets.side[:, None, None], size
 
 
 def cut(triangles: Array, longest: float) -> Array:
@@ -112,23 +133,25 @@ def cut(triangles: Array, longest: float) -> Array:
     return np.concatenate(done)
 
 
-def _depth(facets: Facets, points: Array, normals: Array) -> Array:
-    """(k, 4) m by which points (k, 4, 3) have passed the nearest triangle that faces them along
-    their normals (k, 4, 3), all in the body's frame; minus the search radius where none does."""
+def _met(facets: Facets, points: Array, normals: Array) -> Ints:
+    """(k, 4) as `triangles_met`, for points and normals (k, 4, 3) in the body's frame."""
     q, n = points.reshape(-1, 3), normals.reshape(-1, 3)
     count = min(NEAREST, len(facets.triangles))
     nearest, _ = facets.tree.query(q, distance_upper_bound=facets.reach)
     watched = np.flatnonzero(np.isfinite(nearest))
-    out = np.full(len(q), -SEARCH_RADIUS)
+    out = np.full(len(q), -1)
     if len(watched):
         _, near = facets.tree.query(q[watched], k=np.arange(1, count + 1))
-        out[watched] = _passed(facets.triangles[near], q[watched, None], n[watched, None])
+        distance = _distances(facets.triangles[near], q[watched, None], n[watched, None])
+        best = np.abs(distance).argmin(axis=1)
+        row = np.arange(len(watched))
+        out[watched] = np.where(np.isfinite(distance[row, best]), near[row, best], -1)
     return out.reshape(points.shape[:2])
 
 
-def _passed(triangles: Array, q: Array, n: Array) -> Array:
-    """(m,) m by which points q (m, 1, 3) have passed the nearest of their triangles (m, t, 3, 3)
-    along the normals n (m, 1, 3); minus the search radius where they meet none.
+def _distances(triangles: Array, q: Array, n: Array) -> Array:
+    """(m, t) m along the normals n (m, 1, 3) from points q (m, 1, 3) to triangles (m, t, 3, 3);
+    infinite where a triangle does not face the point or is not met within the search radius.
 
     A point q meets a triangle a, a + u, a + v at q + t n = a + b u + c v (Cramer's rule)."""
     a, u, v = np.moveaxis(triangles, 2, 0)
@@ -142,6 +165,16 @@ def _passed(triangles: Array, q: Array, n: Array) -> Array:
     t = -np.einsum("mki,mki->mk", face, w) * scale
     met = (facing < 0) & (b >= -SEARCH_TOLERANCE) & (c >= -SEARCH_TOLERANCE)
     met &= (b + c <= 1 + SEARCH_TOLERANCE) & (np.abs(t) < SEARCH_RADIUS)
-    distance = np.where(met, t, SEARCH_RADIUS)
-    best = np.abs(distance).argmin(axis=1)
-    return np.asarray(-distance[np.arange(len(best)), best])
+    return np.where(met, t, np.inf)
+
+
+def _depth(facets: Facets, points: Array, normals: Array, met: Ints) -> Array:
+    """(k, 4) m by which points (k, 4, 3) have passed the planes of the triangles that they have
+    met, along their normals; minus the search radius where they have met none."""
+    on = met >= 0
+    a, b, c = np.moveaxis(facets.triangles[met[on]], 1, 0)
+    face = np.cross(b - a, c - a)
+    ahead = np.einsum("mi,mi->m", face, normals[on])
+    out = np.full(met.shape, -SEARCH_RADIUS)
+    out[on] = np.einsum("mi,mi->m", face, points[on] - a) / np.where(ahead < 0, ahead, np.inf)
+    return out

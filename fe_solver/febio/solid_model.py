@@ -34,7 +34,7 @@ from ..materials import Law
 from ..mesh_checks import check_job
 from ..mesh_geometry import node_directors
 from ..springs import NodeSprings, Springs, node_springs, spring_forces
-from .facets import Facets, Pressed, cut, pressed
+from .facets import Facets, Pressed, cut, pressed, triangles_met
 from .q4ans import SolidTables, solid_response, solid_tables
 from .solid_laws import law_obstacle, normal_modulus
 
@@ -73,13 +73,15 @@ def require_covered(job: Job) -> None:
 
 class Loads(NamedTuple):
     """At one time: bodies' positions (nb, 3) m and rotations (nb, 3, 3), dead loads (n, 3) N,
-    pressure that follows the quads (ne,) Pa, and contact's multipliers, (k, 4) Pa of each pair."""
+    pressure that follows the quads (ne,) Pa; of each contact pair the multipliers (k, 4) Pa and the
+    triangles met (k, 4), None where they are to be looked for."""
 
     position: Array
     rotation: Array
     dead: Array
     pressure: Array | None
     multipliers: tuple[Array | float, ...]
+    met: tuple[Ints | None, ...]
 
 
 class Source(Enum):
@@ -140,7 +142,15 @@ class SolidModel:
         dead, pressure = dead_loads(self.job, time), follower_pressure(self.job, time)
         if multipliers is None:
             multipliers = (0.0,) * len(self.facets)
-        return Loads(*body_poses(self.job.bodies, time), dead, pressure, multipliers)
+        met = (None,) * len(self.facets)
+        return Loads(*body_poses(self.job.bodies, time), dead, pressure, multipliers, met)
+
+    def searched(self, z: Array, loads: Loads) -> Loads:
+        """The loads with contact kept to the triangles that it meets at z."""
+        met = (
+            triangles_met(f, z, loads.position[f.body], loads.rotation[f.body]) for f in self.facets
+        )
+        return loads._replace(met=tuple(met))
 
     def placed(self, z: Array, time: float) -> Array:
         """z (2n, 3) with what is given at a time: ties to bodies and held displacements."""
@@ -160,8 +170,8 @@ class SolidModel:
     def contacts(self, z: Array, loads: Loads) -> list[Pressed]:
         """What each pair does."""
         return [
-            pressed(f, z, loads.position[f.body], loads.rotation[f.body], m)
-            for f, m in zip(self.facets, loads.multipliers, strict=True)
+            pressed(f, z, loads.position[f.body], loads.rotation[f.body], multiplier, met)
+            for f, multiplier, met in zip(self.facets, loads.multipliers, loads.met, strict=True)
         ]
 
     def terms(self, z: Array, loads: Loads) -> Iterator[Term]:

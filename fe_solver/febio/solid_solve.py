@@ -50,6 +50,9 @@ TURN = 0.25
 """rad that a body turns at most in one step in time."""
 QUICK = 20
 """Iterations up to which the next step is twice as long."""
+SEARCHES = 10
+"""Iterations after which contact keeps to the triangles that it has met, as FEBio's seg_up asks: a
+point that slides over a bone's sharp edge would come and go for ever."""
 MOST_AUGMENTATIONS = 30
 
 
@@ -179,6 +182,8 @@ class _Stepper:
                     return Equilibrium(time, z, loads, terms, missed)
                 if not np.isfinite(missed):
                     break
+                if iteration == SEARCHES:
+                    loads = m.searched(z, loads)
                 step = np.zeros_like(z)
                 step[m.free] = -self._factorised(terms).solve(force[m.free])
                 longest = FIRST_STEP * 2.0**iteration * m.thickness
