@@ -19,6 +19,7 @@ from cosim.processes import one_blas_thread
 
 from .augment import AugmentOptions, settled, solve_augmented
 from .coupling import coupling, wrenches
+from .febio.solid_model import uncovered
 from .fields import Fields, contact_pressure, fields
 from .job import Job
 from .job_model import JobModel, JobOptions, job_model
@@ -159,14 +160,19 @@ def spread_times(job: Job, until: float | None = None, states: int = 1) -> list[
     return [t for t in out if t < until * (1 - SAME_TIME)] + [until]
 
 
-def _face_advice(job: Job) -> str:
-    """What to try where point springs pull at the face of a sheet."""
-    if not (job.springs and job.height.any()):
-        return ""
-    return (
-        " The springs pull at a face of the sheet, on a thin one a couple beyond its bending "
-        "stiffness: try --mid-surface (fe_solver.mid_surface)."
-    )
+def _advice(job: Job, steps: int) -> str:
+    """What to try, the nearest first, where no equilibrium was found after so many steps."""
+    ways = []
+    if steps and job.as_febio:
+        if uncovered(job) is None:
+            ways.append("--element q4ans (FEBio's own shell and contact)")
+        ways.append("--own-shell (bends as a thin sheet does)")
+    if job.springs and job.height.any():
+        ways.append(
+            "--mid-surface (fe_solver.mid_surface: the springs pull at a face of the sheet, on a "
+            "thin one a couple beyond its bending stiffness)"
+        )
+    return f" To try, the nearest first: {'; '.join(ways)}." if ways else ""
 
 
 class _Stepper:
@@ -278,7 +284,7 @@ class _Stepper:
                 f"{self.model.job.name}: no equilibrium was found at t = {time:.6g}, after "
                 f"{self.effort.steps} steps up to t = {self.time:.6g} and {self.effort.failures} "
                 f"that failed; nor by a damped motion ({failed}). {error}"
-                + _face_advice(self.model.job)
+                + _advice(self.model.job, self.effort.steps)
             ) from error
         self.effort = replace(self.effort, relaxations=self.effort.relaxations + 1)
         return found

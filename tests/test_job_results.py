@@ -26,7 +26,7 @@ from fe_solver.job import (
     SpringLaw,
 )
 from fe_solver.job_results import write_job
-from fe_solver.job_solve import solve_job
+from fe_solver.job_solve import _advice, solve_job
 
 
 def test_results_are_whole_and_can_be_read(tmp_path):
@@ -106,6 +106,17 @@ def test_a_file_bends_as_febios_shells_unless_told_otherwise(tmp_path):
         told = json.loads((tmp_path / f"out{len(words)}" / "summary.json").read_text())
         largest.append(told["states"][-1]["largest_displacement_mm"])
     assert 1.03 < largest[1] / largest[0] < 1.225
+
+
+def test_the_nearest_is_advised_first():
+    job = sprung(SpringLaw(1e3), 1.0)
+    on_face = replace(job, as_febio=True, height=job.height + job.thickness / 2)
+    told = _advice(on_face, 3)
+    places = [told.index(w) for w in ("--element q4ans", "--own-shell", "--mid-surface")]
+    assert places == sorted(places)
+    assert "q4ans" not in _advice(replace(job, as_febio=True), 3)  # nodes lie on no face
+    assert "q4ans" not in _advice(on_face, 0)  # perhaps nothing holds it
+    assert _advice(job, 3) == ""
 
 
 def test_the_command_tells_faults_by_its_exit_code(tmp_path):

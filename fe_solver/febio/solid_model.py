@@ -64,11 +64,9 @@ def _obstacles(job: Job) -> Iterator[tuple[bool, str]]:
         yield len(loose) > 0, "directors are held at nodes that are free to move"
 
 
-def require_covered(job: Job) -> None:
-    """Raises InputError, naming it, for what a job has that `q4ans` elements do not cover."""
-    for found, words in _obstacles(job):
-        if found:
-            raise InputError(f"{job.name}: {words}: --element q4ans does not cover that")
+def uncovered(job: Job) -> str | None:
+    """What a job has that `q4ans` elements do not cover, in words; None where they cover all."""
+    return next((words for found, words in _obstacles(job) if found), None)
 
 
 class Loads(NamedTuple):
@@ -237,9 +235,11 @@ class SolidModel:
 
 
 def solid_model(job: Job) -> SolidModel:
-    """Raises InputError for what `check_job` and `require_covered` find."""
+    """Raises InputError for what `check_job` finds, and naming what is not covered."""
     check_job(job)
-    require_covered(job)
+    reason = uncovered(job)
+    if reason is not None:
+        raise InputError(f"{job.name}: {reason}: --element q4ans does not cover that")
     n, quads = len(job.points), job.quads
     directors = node_directors(job.points, quads)
     mean = corner_means(quads, job.height, n)
