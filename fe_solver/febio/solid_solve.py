@@ -38,13 +38,15 @@ Array = NDArray[np.float64]
 
 TOLERANCE = 1e-7
 """Residual over the largest force at a spring, in contact or of all reactions."""
-MOST_ITERATIONS = 30
+MOST_ITERATIONS = 40
 FIRST_STEP = 0.1
 """Of the thickness: no node moves further in the first iteration, nor more than twice as far in
 the next as in the last."""
 SEARCHED = (1e-6, 1e-2)
 """Residuals over forces between which a step must lower the residual: there only contact that
 opens and closes keeps Newton from the end."""
+PATIENCE = 12
+"""Iterations after which every step must."""
 HALVINGS = 5
 TURN = 0.25
 """rad that a body turns at most in one step in time."""
@@ -189,7 +191,7 @@ class _Stepper:
                 longest = FIRST_STEP * 2.0**iteration * m.thickness
                 share = min(1.0, longest / float(np.abs(step).max()))
                 limits = (SEARCHED[0] * scale, SEARCHED[1] * scale)
-                searched = limits[0] < missed < limits[1]
+                searched = limits[0] < missed < limits[1] or iteration >= PATIENCE
                 z, terms = self._moved(z, share * step, loads, missed if searched else np.inf)
                 self.effort = replace(self.effort, iterations=self.effort.iterations + 1)
         raise ConvergenceError(self._words(z, force, missed, scale))
