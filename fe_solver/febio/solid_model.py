@@ -8,7 +8,7 @@ automatic penalty or the file's own.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
 from typing import NamedTuple
@@ -149,6 +149,11 @@ class SolidModel:
             triangles_met(f, z, loads.position[f.body], loads.rotation[f.body]) for f in self.facets
         )
         return loads._replace(met=tuple(met))
+
+    def with_penalty(self, share: float) -> SolidModel:
+        """The model with so much of contact's penalties."""
+        facets = tuple(replace(f, penalty=share * f.penalty) for f in self.facets)
+        return replace(self, facets=facets)
 
     def placed(self, z: Array, time: float) -> Array:
         """z (2n, 3) with what is given at a time: ties to bodies and held displacements."""

@@ -48,6 +48,8 @@ opens and closes keeps Newton from the end."""
 PATIENCE = 12
 """Iterations after which every step must."""
 HALVINGS = 5
+SOFTER = (0.01, 0.1)
+"""Of contact's penalty, one after the other, where the first step from rest fails."""
 TURN = 0.25
 """rad that a body turns at most in one step in time."""
 QUICK = 20
@@ -115,8 +117,7 @@ class _Stepper:
         there = time if there > time - SAME_TIME * span else there
         before = self.effort.iterations
         try:
-            z, loads = self._predicted(there)
-            self.last = self._equilibrium(z, loads, there)
+            self.last = self._step(there)
         except ConvergenceError as error:
             self.effort = replace(self.effort, failures=self.effort.failures + 1)
             self.stride = step / 2
@@ -126,6 +127,19 @@ class _Stepper:
         self.effort = replace(self.effort, steps=self.effort.steps + 1)
         if self.effort.iterations - before <= QUICK:
             self.stride = 2 * step
+
+    def _step(self, time: float) -> Equilibrium:
+        """The equilibrium of a time; from rest, where nothing tells which points will touch, by
+        softer contact if not at once.  Raises ConvergenceError."""
+        z, loads = self._predicted(time)
+        try:
+            return self._equilibrium(self.model, z, loads, time)
+        except ConvergenceError:
+            if self.effort.steps or not self.model.facets:
+                raise
+        for share in SOFTER:
+            z = self._equilibrium(self.model.with_penalty(share), z, loads, time).z
+        return self._equilibrium(self.model, z, loads, time)
 
     def _stopped(self, time: float, error: ConvergenceError) -> ConvergenceError:
         e = self.effort
@@ -172,9 +186,8 @@ class _Stepper:
         step[m.free] = -self._factorised(last.terms).solve(right[m.free])
         return m.placed(last.z + given + step, time), new
 
-    def _equilibrium(self, z: Array, loads: Loads, time: float) -> Equilibrium:
+    def _equilibrium(self, m: SolidModel, z: Array, loads: Loads, time: float) -> Equilibrium:
         """By Newton.  Raises ConvergenceError."""
-        m = self.model
         with np.errstate(all="ignore"):
             terms = tuple(m.terms(z, loads))
             for iteration in range(MOST_ITERATIONS):
@@ -192,24 +205,9 @@ class _Stepper:
                 share = min(1.0, longest / float(np.abs(step).max()))
                 limits = (SEARCHED[0] * scale, SEARCHED[1] * scale)
                 searched = limits[0] < missed < limits[1] or iteration >= PATIENCE
-                z, terms = self._moved(z, share * step, loads, missed if searched else np.inf)
+                z, terms = _moved(m, z, share * step, loads, missed if searched else np.inf)
                 self.effort = replace(self.effort, iterations=self.effort.iterations + 1)
         raise ConvergenceError(self._words(z, force, missed, scale))
-
-    def _moved(
-        self, z: Array, step: Array, loads: Loads, limit: float
-    ) -> tuple[Array, tuple[Term, ...]]:
-        """After a step, or the first of ever shorter ones whose residual is below the limit (N), or
-        the best of them."""
-        tried: list[tuple[float, Array, tuple[Term, ...]]] = []
-        for halving in range(HALVINGS):
-            there = z + step / 2**halving
-            terms = tuple(self.model.terms(there, loads))
-            missed = self.model.missed(self.model.unbalanced(terms, loads))
-            tried.append((missed, there, terms))
-            if missed < limit or limit == np.inf:
-                break
-        return min(tried, key=lambda t: t[0])[1:]
 
     def _words(self, z: Array, force: Array, missed: float, scale: float) -> str:
         if not np.isfinite(missed):
@@ -237,7 +235,7 @@ class _Stepper:
             z, loads = self.last.z, self.last.loads
             pressure = tuple(p.pressure for p in self.model.contacts(z, loads))
             loads = loads._replace(multipliers=pressure)
-            self.last = self._equilibrium(z, loads, self.last.time)
+            self.last = self._equilibrium(self.model, z, loads, self.last.time)
         raise ConvergenceError(
             f"{self.model.job.name}: at t = {self.last.time:.6g} contact penetrates by "
             f"{1e6 * self._deepest():.3g} um after {MOST_AUGMENTATIONS} augmentations; "
@@ -259,3 +257,19 @@ def _turns(before: Array, after: Array) -> Array:
     if not len(before):
         return np.zeros((0, 3))
     return Rotation.from_matrix(after @ np.swapaxes(before, 1, 2)).as_rotvec()
+
+
+def _moved(
+    model: SolidModel, z: Array, step: Array, loads: Loads, limit: float
+) -> tuple[Array, tuple[Term, ...]]:
+    """After a step, or the first of ever shorter ones whose residual is below the limit (N), or the
+    best of them."""
+    tried: list[tuple[float, Array, tuple[Term, ...]]] = []
+    for halving in range(HALVINGS):
+        there = z + step / 2**halving
+        terms = tuple(model.terms(there, loads))
+        missed = model.missed(model.unbalanced(terms, loads))
+        tried.append((missed, there, terms))
+        if missed < limit or limit == np.inf:
+            break
+    return min(tried, key=lambda t: t[0])[1:]
