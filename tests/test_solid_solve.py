@@ -233,6 +233,13 @@ def test_the_faces_strain_by_bending_as_a_plates_do():
     assert state.fields.stress == pytest.approx(shell.fields.stress, abs=2e-2 * MPA)
 
 
+def valley(job) -> np.ndarray:
+    """A strip bent to a radius less than its thickness, on the side to which that grows."""
+    x, y, _ = job.points.T
+    angle, radius = 2 * (x / LENGTH - 0.5), 0.9 * THICK
+    return np.column_stack([radius * np.sin(angle), y, -radius * np.cos(angle)])
+
+
 def loose_director(job):
     return {"held_directors": (HeldDirector(end(job), 0),)}
 
@@ -243,6 +250,7 @@ def loose_director(job):
         (lambda j: {"height": 0 * j.height}, "leave out --mid-surface"),
         (lambda j: {"parts": (Part("skin", febio_law(np.inf)),)}, "'skin'.*incompressible"),
         (loose_director, "free to move"),
+        (lambda j: {"points": valley(j)}, r"element \d+ .*faces cross \(30 such elements\)"),
     ],
 )
 def test_what_is_not_covered_is_said(change, words):

@@ -28,8 +28,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.port import InputError
-
 from ..assumed_strain import CORNERS, GAUSS, shape
 from ..materials import Law
 from .solid_laws import FIRST, PAIRS, SECOND, SHEAR, solid_stress
@@ -85,16 +83,24 @@ class SolidTables:
     volume: Array
 
 
+def _bases(Y: Array) -> Array:
+    """(ne, 8, 3, 3) base vectors, as rows, at the Gauss points of elements Y (ne, 8, 3) m."""
+    weights = np.stack([base_weights(*point) for point in POINTS])
+    return np.asarray(np.einsum("gia,nak->ngik", weights, Y))
+
+
+def crossed(Y: Array, side: float) -> NDArray[np.bool_]:
+    """(ne,) whether the faces of elements Y (ne, 8, 3) m cross, as those of a sheet do that is
+    thicker than its radius; `side` is positive where the last four nodes lie on the side of the
+    first four's normal, else negative."""
+    return np.asarray((np.linalg.det(_bases(Y)) * side <= 0).any(axis=1))
+
+
 def solid_tables(Y: Array, fibre: Array) -> SolidTables:
     """Tables for elements with nodes Y (ne, 8, 3) m; local axis 1 is `fibre` (ne, 3) brought into
-    the sheet's plane, axis 3 its normal.
-
-    Raises InputError where the faces cross."""
-    weights = np.stack([base_weights(*point) for point in POINTS])
-    G = np.einsum("gia,nak->ngik", weights, Y)
+    the sheet's plane, axis 3 its normal."""
+    G = _bases(Y)
     volume = np.linalg.det(G)
-    if (volume * np.sign(volume[0, 0]) <= 0).any():
-        raise InputError("the sheet is thicker than its radius: its faces cross")
     normal = np.cross(G[..., 0, :], G[..., 1, :])
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
     along = fibre[:, None] - np.einsum("nk,ngk->ng", fibre, normal)[..., None] * normal

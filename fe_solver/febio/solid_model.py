@@ -35,7 +35,7 @@ from ..mesh_checks import check_job
 from ..mesh_geometry import node_directors
 from ..springs import NodeSprings, Springs, node_springs, spring_forces
 from .facets import Facets, Pressed, cut, pressed, triangles_met
-from .q4ans import SolidTables, solid_response, solid_tables
+from .q4ans import SolidTables, crossed, solid_response, solid_tables
 from .solid_laws import law_obstacle, normal_modulus
 
 Array = NDArray[np.float64]
@@ -267,6 +267,12 @@ def _part(job: Job, elements: Ints, law: Law, directors: Array) -> SolidPart:
     low = job.points[quads]
     high = low + 2 * job.height[elements, :, None] * directors[quads]
     rest = np.concatenate([low, high], axis=1)
+    bad = elements[crossed(rest, job.height[0, 0])]
+    if len(bad):
+        raise InputError(
+            f"{job.name}: {job.element(bad[0])}: the sheet is thicker than its radius there, so "
+            f"that its faces cross ({len(bad)} such elements): --element q4ans does not cover that"
+        )
     return SolidPart(elements, rest, solid_tables(rest, job.fibre[elements]), law)
 
 
