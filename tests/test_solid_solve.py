@@ -236,7 +236,7 @@ def test_the_faces_strain_by_bending_as_a_plates_do():
 def valley(job) -> np.ndarray:
     """A strip bent to a radius less than its thickness, on the side to which that grows."""
     x, y, _ = job.points.T
-    angle, radius = 2 * (x / LENGTH - 0.5), 0.9 * THICK
+    angle, radius = 2 * (x / LENGTH - 0.5), 0.5 * THICK
     return np.column_stack([radius * np.sin(angle), y, -radius * np.cos(angle)])
 
 
