@@ -31,6 +31,7 @@ from ..job_solve import (
     wanted_times,
 )
 from ..linear_algebra import Factor, mechanism
+from .like import bending_notes
 from .solid_model import Loads, SolidModel, Term, solid_model
 from .solid_state import Equilibrium, solid_state
 
@@ -82,7 +83,8 @@ def solve_solid(
     began = clock.process_time()
     states = tuple(stepper.reach(time) for time in wanted)
     effort = replace(stepper.effort, cpu_s=clock.process_time() - began)
-    return JobResult(job, states, setup, effort)
+    notes = tuple(n for n in job.notes if n not in bending_notes(job))
+    return JobResult(replace(job, notes=notes), states, setup, effort)
 
 
 @dataclass
