@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,12 +16,19 @@ from cosim.terminal import console, told
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from fe_solver.febio.compare import Comparison, Row
+    from fe_solver.febio.compare import Comparison, Measured, Row
     from fe_solver.job_solve import JobResult, JobState
 
 Model = Annotated[Path, typer.Argument(metavar="MODEL.feb", help="A FEBio 4 file.")]
 QUADS = (500, 2000, 8000)
-NO_LIMIT = "none"
+NO_LIMIT, PENETRATION = "none", "2 um"
+
+
+class Element(StrEnum):
+    """What a model is solved with."""
+
+    SHELL = "shell"
+    Q4ANS = "q4ans"
 
 
 def solve(
@@ -31,12 +39,19 @@ def solve(
     states: Annotated[int, typer.Option(min=1, help="States to keep of each step.")] = 1,
     out: Annotated[Path | None, typer.Option(help="Folder of the result; else runs/MODEL.")] = None,
     penetration: Annotated[
-        str, typer.Option(help='Largest penetration of contact, or "none" for a penalty alone.')
-    ] = "2 um",
+        str | None,
+        typer.Option(
+            help='Largest penetration of contact, or "none" for a penalty alone; else 2 um, and '
+            "of q4ans none."
+        ),
+    ] = None,
     length_unit: Annotated[str, typer.Option(help="The file's unit of length.")] = "mm",
     spacing: Annotated[
         str, typer.Option(help="Of the grids that the bodies' distances are baked on.")
     ] = "0.25 mm",
+    element: Annotated[
+        Element, typer.Option(help="Our shell, or FEBio's shell and contact as documented.")
+    ] = Element.SHELL,
     own_shell: Annotated[
         bool, typer.Option("--own-shell", help="Bend and touch as thin sheets do, not as FEBio's.")
     ] = False,
@@ -48,6 +63,7 @@ def solve(
     with told():
         from cosim.units import LENGTH, parse
         from fe_solver.febio.read import read_feb
+        from fe_solver.febio.solid_solve import solve_solid
         from fe_solver.job_model import JobOptions
         from fe_solver.job_results import check_target, write_job
         from fe_solver.job_solve import solve_job, spread_times
@@ -55,16 +71,24 @@ def solve(
 
         folder = out or Path("runs") / model.stem
         check_target(folder)
+        solid = element == Element.Q4ANS
+        if solid and (own_shell or mid_surface):
+            raise InputError(
+                "--own-shell and --mid-surface are of our own shell: leave them out, or --element "
+                "q4ans"
+            )
+        deepest = penetration or (NO_LIMIT if solid else PENETRATION)
         try:
-            limit = None if penetration == NO_LIMIT else parse(penetration, LENGTH)
+            limit = None if deepest == NO_LIMIT else parse(deepest, LENGTH)
             unit, grid = parse(f"1 {length_unit}", LENGTH), parse(spacing, LENGTH)
         except ValueError as error:
             raise InputError(str(error)) from error
         job = replace(read_feb(model, unit), as_febio=not own_shell)
         if mid_surface:
             job = on_mid_surface(job)
+        solver = solve_solid if solid else solve_job
         options = JobOptions(penetration=limit, spacing=grid)
-        result = solve_job(job, options=options, times=spread_times(job, until, states))
+        result = solver(job, options=options, times=spread_times(job, until, states))
         _show(result)
         typer.echo(f"results in {write_job(folder, result)}")
 
@@ -94,7 +118,7 @@ def _rows(result: JobResult, state: JobState) -> Iterator[tuple[str, str]]:
 
     largest, node = farthest(result.job, state)
     yield "largest displacement", f"{1e3 * largest:.5g} mm at node {node}"
-    for i, name in enumerate(state.model.bodies):
+    for i, name in enumerate(state.bodies):
         force = state.contact[i]
         if force.any():
             yield f"contact force on {name}", ", ".join(f"{v:.4g}" for v in force) + " N"
@@ -174,56 +198,54 @@ def bench_febio(folder: Path | None, spacing: str) -> None:
         _print_comparison(screen, found)
     screen.print(f"FEBio's figures: {SOURCE}.")
     screen.print(
-        "In brackets: differences, of displacements from the largest one.  cosim solve: our solver "
-        "with FEBio's bending (thickness strain constant through the thickness, no shear "
-        "correction) and contact (at the facets' Gauss points).  remade: FEBio's own element and "
-        "contact, made anew from its documentation.  All contact by a penalty alone.  Verdicts: "
-        "agrees: our own shell, within 3 %; formulation: not that, but remade (or cosim solve, if "
-        "that is missing) is; differs: neither."
+        "In brackets: differences from FEBio's figure, or where there is none from q4ans; of "
+        "displacements in % of the largest one.  cosim solve: our shell with FEBio's bending "
+        "(thickness strain constant through the thickness, no shear correction) and contact (at "
+        "the facets' Gauss points).  --element q4ans: FEBio's element and contact.  All contact by "
+        "a penalty alone.  Verdicts: agrees: our own shell, within 3 %; formulation: not that, but "
+        "q4ans (or cosim solve, if that is missing) is; differs: neither."
     )
 
 
 def _print_comparison(screen: Console, found: Comparison) -> None:
     from rich.table import Table
 
+    from fe_solver.febio.compare import Element
+
     table = Table(title=found.model, title_justify="left")
-    for name in ("quantity", "own shell", "cosim solve", "remade", "FEBio"):
+    for name in ("quantity", *(e.value for e in Element), "FEBio"):
         table.add_column(name, justify="left" if name == "quantity" else "right")
     table.add_column("verdict")
     for r in found.rows:
-        values = (_beside(r, v) for v in (r.ours, r.alike, r.remade, r.febio))
+        values = (_beside(r, v) for v in (r.own, r.shell, r.q4ans, r.febio))
         table.add_row(r.quantity, *values, r.verdict)
     screen.print(table)
-    _print_costs(screen, found)
+    for element, solved in found.solved.items():
+        _print_cost(screen, element.value, solved, found.febio_s)
+    theirs = found.published
+    if theirs is not None:
+        scaled = "" if found.febio_s is None else f"CPU {found.febio_s:.2f} s on this machine; "
+        depth = f"deepest penetration {theirs.penetration:.1f} um"
+        screen.print(f"FEBio: {scaled}{depth}; peak memory {theirs.peak_mb:.0f} MB")
 
 
 def _beside(row: Row, value: float | None) -> str:
     """A figure with its difference from FEBio's."""
     if value is None:
         return "-"
-    off = None if value is row.febio else row.off(value)
+    off = None if value is row.reference else row.off(value)
     return f"{value:.5g}" if off is None else f"{value:.5g} ({100 * off:+.1f} %)"
 
 
-def _print_costs(screen: Console, found: Comparison) -> None:
-    own, theirs, again = found.ours, found.published, found.again
-    cpu = f"CPU: {own.solve_s:.2f} s ({own.iterations} iterations, {own.linear_solver})"
-    depth = f"deepest penetration: {own.penetration:.1f} um"
-    memory = (
-        f"peak memory: {own.peak_mb:.0f} MB, of which the solve {own.peak_mb - own.import_mb:.0f} "
-        f"MB above the {own.import_mb:.0f} MB of the program itself"
+def _print_cost(screen: Console, name: str, solved: Measured | str, febio_s: float | None) -> None:
+    if isinstance(solved, str):
+        screen.print(f"{name}: {solved}")
+        return
+    share = "" if febio_s is None else f", {solved.solve_s / febio_s:.2f} of FEBio's"
+    own = solved.peak_mb - solved.import_mb
+    screen.print(
+        f"{name}: CPU {solved.solve_s:.2f} s{share} ({solved.iterations} iterations, "
+        f"{solved.linear_solver}), set-up {solved.setup_s:.2f} s; deepest penetration "
+        f"{solved.penetration:.1f} um; peak memory {solved.peak_mb:.0f} MB, of which the solve "
+        f"{own:.0f}"
     )
-    if again is not None and not again.missing:
-        depth += f", remade {again.penetration:.1f} um"
-    if theirs is not None:
-        depth += f", FEBio {theirs.penetration:.1f} um"
-        memory += f"; FEBio {theirs.peak_mb:.0f} MB"
-    if found.febio_s is not None:
-        cpu += f", FEBio {found.febio_s:.2f} s on this machine: {found.share:.2f} of it"
-    screen.print(f"{cpu}; set-up apart {own.setup_s:.2f} s")
-    screen.print(depth)
-    screen.print(memory)
-    if again is not None and again.missing:
-        screen.print(f"not remade: {again.missing}")
-    elif again is not None:
-        screen.print(f"remade: {again.cpu_s:.2f} s ({again.iterations} iterations) from there")

@@ -84,47 +84,51 @@ class JobModel:
 
     def start(self) -> Configuration:
         """The sheet as the job has it, its bodies where they are at time 0."""
-        bare = Configuration(self.base.reference, self.base.directors, *self._rest())
-        return self.base.posed(bare, *self.poses(0.0))
-
-    def _rest(self) -> tuple[Array, Array]:
         origins = np.array([b.origin for b in self.bodies]).reshape(-1, 3)
-        return origins, np.tile(np.eye(3), (len(origins), 1, 1))
+        upright = np.tile(np.eye(3), (len(origins), 1, 1))
+        bare = Configuration(self.base.reference, self.base.directors, origins, upright)
+        return self.base.posed(bare, *self.poses(0.0))
 
     def poses(self, time: float) -> tuple[Array, Array]:
         """Positions (nb, 3) m and rotations (nb, 3, 3) of the bodies."""
-        poses = [b.pose(time) for b in self.bodies]
-        if not poses:
-            return self._rest()
-        return np.stack([p for p, _ in poses]), np.stack([r for _, r in poses])
+        return body_poses(self.bodies, time)
 
     def at(self, time: float, contacts: tuple[Contact, ...] | None = None) -> ShellModel:
         """The model under the loads of a time, with the contacts in another state if given; it
         shares its sparsity with all others."""
         kept = self.base.contacts if contacts is None else contacts
-        dead, pressure = self.dead(time), self.pressure(time)
+        dead, pressure = dead_loads(self.job, time), follower_pressure(self.job, time)
         return self.base.alike(dead=dead, pressure=pressure, contacts=kept)
 
-    def dead(self, time: float) -> Array:
-        """(n, 3) N that keep their direction."""
-        job = self.job
-        out = np.zeros_like(job.points)
-        for load in job.forces:
-            scale = 1.0 if load.curve is None else load.curve.at(time)
-            np.add.at(out, load.nodes, scale * load.force)
-        for p in (p for p in job.pressures if p.dead):
-            size = p.pressure.at(time) * p.sign.astype(float)
-            force = pressure_forces(job.points[job.quads[p.quads]], size)
-            np.add.at(out, job.quads[p.quads], force)
-        return out
 
-    def pressure(self, time: float) -> Array | None:
-        """(ne,) Pa that follow the quads, against their normals."""
-        live = [p for p in self.job.pressures if not p.dead]
-        out = np.zeros(len(self.job.quads))
-        for p in live:
-            np.add.at(out, p.quads, p.sign * p.pressure.at(time))
-        return out if live else None
+def body_poses(bodies: Sequence[Body], time: float) -> tuple[Array, Array]:
+    """Positions (nb, 3) m and rotations (nb, 3, 3) of bodies at a time."""
+    poses = [b.pose(time) for b in bodies]
+    if not poses:
+        return np.zeros((0, 3)), np.zeros((0, 3, 3))
+    return np.stack([p for p, _ in poses]), np.stack([r for _, r in poses])
+
+
+def dead_loads(job: Job, time: float) -> Array:
+    """(n, 3) N on the nodes at a time that keep their direction."""
+    out = np.zeros_like(job.points)
+    for load in job.forces:
+        scale = 1.0 if load.curve is None else load.curve.at(time)
+        np.add.at(out, load.nodes, scale * load.force)
+    for p in (p for p in job.pressures if p.dead):
+        size = p.pressure.at(time) * p.sign.astype(float)
+        force = pressure_forces(job.points[job.quads[p.quads]], size)
+        np.add.at(out, job.quads[p.quads], force)
+    return out
+
+
+def follower_pressure(job: Job, time: float) -> Array | None:
+    """(ne,) Pa at a time that follow the quads, against their normals; None where none do."""
+    live = [p for p in job.pressures if not p.dead]
+    out = np.zeros(len(job.quads))
+    for p in live:
+        np.add.at(out, p.quads, p.sign * p.pressure.at(time))
+    return out if live else None
 
 
 def job_model(job: Job, options: JobOptions) -> JobModel:
@@ -149,13 +153,13 @@ def job_model(job: Job, options: JobOptions) -> JobModel:
         directors,
         tables,
         _section(job),
-        _springs(job),
+        job_springs(job),
         ties,
         guides,
         np.zeros((0, len(guides.node))),
         tuple(_contact(job, pair, _immovable(ties, guides), options) for pair in job.contacts),
         tuple(b.name for b in bodies),
-        links=_links(job),
+        links=job_links(job),
         groups=tuple(s.name for s in job.springs),
         regions=tuple(job.parts[i].name for i in job.part),
         node_ids=job.node_ids,
@@ -272,7 +276,8 @@ def _columns(
     return stiffness, length, only, np.repeat([i for i, _, _ in sets], count).astype(np.intp)
 
 
-def _springs(job: Job) -> Springs:
+def job_springs(job: Job) -> Springs:
+    """The springs that end at bodies; a spring's group is the number of its set."""
     sets = [(i, s, np.flatnonzero(s.body >= 0)) for i, s in enumerate(job.springs)]
     whole = [np.zeros(0, dtype=np.intp)]
     return Springs(
@@ -284,7 +289,8 @@ def _springs(job: Job) -> Springs:
     )
 
 
-def _links(job: Job) -> NodeSprings:
+def job_links(job: Job) -> NodeSprings:
+    """The springs between nodes; a spring's group is the number of its set."""
     sets = [(i, s, np.flatnonzero(s.body < 0)) for i, s in enumerate(job.springs)]
     ends = [np.stack([s.nodes[own], s.other[own]], axis=1) for _, s, own in sets]
     nodes = np.concatenate([np.zeros((0, 2), dtype=np.intp), *ends])

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from cosim.port import InputError
 
-from .fields import contact_pressure, fields
 from .job import Job
 from .job_solve import JobResult, JobState
 
@@ -50,7 +49,7 @@ def state_summary(job: Job, state: JobState) -> dict[str, Any]:
     }
     bodies = {
         name: {f"{source}_N": w[i, :3].tolist() for source, w in state.wrench.items() if w[i].any()}
-        for i, name in enumerate(state.model.bodies)
+        for i, name in enumerate(state.bodies)
     }
     return {
         "time": state.time,
@@ -188,14 +187,14 @@ def point_data(job: Job, state: JobState) -> dict[str, Array]:
     return {
         "displacement": displacement(job, state),
         "director": state.configuration.d,
-        "contact_pressure": contact_pressure(state.model, state.configuration),
+        "contact_pressure": state.contact_pressure,
         "node": job.node_ids.astype(float),
     }
 
 
 def cell_data(job: Job, state: JobState) -> dict[str, Array]:
     """Arrays (ne,) and (ne, 3) by name: means of the mid-surface, local axes 1 along the fibre."""
-    own = fields(state.model, state.configuration)
+    own = state.fields
     return {
         "strain": own.strain,
         "stress": own.stress,

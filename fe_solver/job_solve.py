@@ -19,13 +19,15 @@ from cosim.processes import one_blas_thread
 
 from .augment import AugmentOptions, settled, solve_augmented
 from .coupling import coupling, wrenches
+from .febio.solid_model import uncovered
+from .fields import Fields, contact_pressure, fields
 from .job import Job
 from .job_model import JobModel, JobOptions, job_model
 from .loads import pressure_forces
 from .model import Configuration, ShellModel
 from .newton import Solution, solve
 from .relaxation import RelaxOptions, relax
-from .springs import node_spring_state, spring_state
+from .springs import NodeSprings, Springs, node_spring_state, spring_state
 from .supports import require_held
 
 Array = NDArray[np.float64]
@@ -55,11 +57,12 @@ class Effort:
 
 @dataclass(frozen=True)
 class JobState:
-    """An equilibrium.  n nodes, nb bodies (the job's own, then those that carry held nodes)."""
+    """An equilibrium.  n nodes; nb `bodies` by name (the job's own, then those that carry held
+    nodes)."""
 
     time: float
     configuration: Configuration
-    model: ShellModel
+    bodies: tuple[str, ...]
     spring_forces: tuple[Array, ...]
     """By spring set of the job: (k,) N, positive in tension."""
     wrench: dict[str, Array]
@@ -74,6 +77,9 @@ class JobState:
     imbalance: tuple[float, float]
     """Force (N) and moment (N m) by which bodies and loads miss balance."""
     effort: Effort
+    fields: Fields
+    contact_pressure: Array
+    """(n,) N/m2 of all bodies on each node."""
 
     @property
     def contact(self) -> Array:
@@ -82,15 +88,28 @@ class JobState:
 
 
 @dataclass(frozen=True)
+class ShellState(JobState):
+    """An equilibrium of our own shell, with its model."""
+
+    model: ShellModel
+
+
+@dataclass(frozen=True)
 class JobResult:
     """The states at the wanted times; `setup_s` CPU seconds to build the model, with the distances
     of its bodies; `effort` of all steps."""
 
     job: Job
-    model: JobModel
     states: tuple[JobState, ...]
     setup_s: float
     effort: Effort
+
+
+@dataclass(frozen=True)
+class ShellResult(JobResult):
+    """What our own shell says."""
+
+    states: tuple[ShellState, ...]
 
 
 @one_blas_thread()
@@ -99,7 +118,7 @@ def solve_job(
     until: float | None = None,
     options: JobOptions | None = None,
     times: Sequence[float] | None = None,
-) -> JobResult:
+) -> ShellResult:
     """Static equilibria of a job at `times`, or else at the ends of its steps, up to `until` (its
     last step's end where None; later than that the curves go on as they say).
 
@@ -108,17 +127,20 @@ def solve_job(
     and the place."""
     options = options or JobOptions()
     began = clock.process_time()
-    wanted = _wanted(job, until, times)
+    wanted = wanted_times(job, until, times)
     model = job_model(job, options)
     setup = clock.process_time() - began
     began = clock.process_time()
     stepper = _Stepper(model, options)
     states = [stepper.reach(time) for time in wanted]
     effort = replace(stepper.effort, cpu_s=clock.process_time() - began)
-    return JobResult(job, model, tuple(states), setup, effort)
+    return ShellResult(job, tuple(states), setup, effort)
 
 
-def _wanted(job: Job, until: float | None, times: Sequence[float] | None) -> list[float]:
+def wanted_times(job: Job, until: float | None, times: Sequence[float] | None) -> list[float]:
+    """`times`, or else the ends of the job's steps up to `until`.
+
+    Raises InputError where they do not ascend from above 0."""
     out = [float(t) for t in (spread_times(job, until) if times is None else times)]
     if not out or not np.isfinite(out).all() or min(np.diff([0.0, *out])) <= 0:
         raise InputError(f"{job.name}: expected times that ascend from above 0, got {out}")
@@ -138,14 +160,19 @@ def spread_times(job: Job, until: float | None = None, states: int = 1) -> list[
     return [t for t in out if t < until * (1 - SAME_TIME)] + [until]
 
 
-def _face_advice(job: Job) -> str:
-    """What to try where point springs pull at the face of a sheet."""
-    if not (job.springs and job.height.any()):
-        return ""
-    return (
-        " The springs pull at a face of the sheet, on a thin one a couple beyond its bending "
-        "stiffness: try --mid-surface (fe_solver.mid_surface)."
-    )
+def _advice(job: Job, steps: int) -> str:
+    """What to try, the nearest first, where no equilibrium was found after so many steps."""
+    ways = []
+    if steps and job.as_febio:
+        if uncovered(job) is None:
+            ways.append("--element q4ans (FEBio's own shell and contact)")
+        ways.append("--own-shell (bends as a thin sheet does)")
+    if job.springs and job.height.any():
+        ways.append(
+            "--mid-surface (fe_solver.mid_surface: the springs pull at a face of the sheet, on a "
+            "thin one a couple beyond its bending stiffness)"
+        )
+    return f" To try, the nearest first: {'; '.join(ways)}." if ways else ""
 
 
 class _Stepper:
@@ -160,7 +187,7 @@ class _Stepper:
     time: float
     solution: Solution | None
 
-    def reach(self, time: float) -> JobState:
+    def reach(self, time: float) -> ShellState:
         """Steps up to a time, at which contact does not penetrate."""
         begun, before = clock.process_time(), self.effort
         span = time - self.time
@@ -169,7 +196,7 @@ class _Stepper:
         cpu = clock.process_time() - begun
         found = self._solved()
         require_held(self.model.job, time, found.model, found.configuration, found.evaluation)
-        return job_state(self.model, found, time, _less(self.effort, before, cpu))
+        return job_state(self.model, found, time, effort_since(self.effort, before, cpu))
 
     def _solved(self) -> Solution:
         assert self.solution is not None
@@ -257,7 +284,7 @@ class _Stepper:
                 f"{self.model.job.name}: no equilibrium was found at t = {time:.6g}, after "
                 f"{self.effort.steps} steps up to t = {self.time:.6g} and {self.effort.failures} "
                 f"that failed; nor by a damped motion ({failed}). {error}"
-                + _face_advice(self.model.job)
+                + _advice(self.model.job, self.effort.steps)
             ) from error
         self.effort = replace(self.effort, relaxations=self.effort.relaxations + 1)
         return found
@@ -307,7 +334,7 @@ def nodal_loads(model: ShellModel, x: Array) -> Array:
     return out
 
 
-def job_state(model: JobModel, solution: Solution, time: float, effort: Effort) -> JobState:
+def job_state(model: JobModel, solution: Solution, time: float, effort: Effort) -> ShellState:
     """What an equilibrium holds."""
     own, c, e = solution.model, solution.configuration, solution.evaluation
     wrench = wrenches(own, c, e, NO_TENSION)
@@ -316,10 +343,10 @@ def job_state(model: JobModel, solution: Solution, time: float, effort: Effort) 
     total = np.asarray(sum(wrench.values()))
     force = total[:, :3].sum(axis=0) - applied[:3]
     moment = (total[:, 3:] + np.cross(c.position, total[:, :3])).sum(axis=0) - applied[3:]
-    return JobState(
+    return ShellState(
         time,
         c,
-        own,
+        own.bodies,
         _spring_forces(model.job, own, c),
         wrench,
         applied,
@@ -327,6 +354,9 @@ def job_state(model: JobModel, solution: Solution, time: float, effort: Effort) 
         solution.residual,
         (float(np.linalg.norm(force)), float(np.linalg.norm(moment))),
         effort,
+        fields(own, c),
+        contact_pressure(own, c),
+        own,
     )
 
 
@@ -340,16 +370,25 @@ def penetration(solution: Solution) -> float:
 def _spring_forces(job: Job, model: ShellModel, c: Configuration) -> tuple[Array, ...]:
     to_body = spring_state(model.springs, c.x, c.position, c.rotation).force
     between = node_spring_state(model.links, c.x).force
+    return by_spring_set(job, (model.springs, to_body), (model.links, between))
+
+
+def by_spring_set(
+    job: Job, to_bodies: tuple[Springs, Array], between: tuple[NodeSprings, Array]
+) -> tuple[Array, ...]:
+    """Forces (k,) N of each spring set of a job, in its order, from those of its springs to bodies
+    and of its springs between nodes."""
     out = []
     for i, s in enumerate(job.springs):
         force = np.zeros(len(s.nodes))
-        force[s.body >= 0] = to_body[model.springs.group == i]
-        force[s.body < 0] = between[model.links.group == i]
+        for own, (springs, values) in ((s.body >= 0, to_bodies), (s.body < 0, between)):
+            force[own] = values[springs.group == i]
         out.append(force)
     return tuple(out)
 
 
-def _less(now: Effort, before: Effort, cpu: float) -> Effort:
+def effort_since(now: Effort, before: Effort, cpu: float) -> Effort:
+    """What was spent between two counts, in `cpu` seconds."""
     return Effort(
         cpu,
         now.iterations - before.iterations,

@@ -58,7 +58,7 @@ def _pool(threads: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(threads, thread_name_prefix="assembly")
 
 
-def _shared(work: Callable[[int, int], None], count: int, pays: int) -> None:
+def in_parallel(work: Callable[[int, int], None], count: int, pays: int) -> None:
     """Do work(first, last) for all of `count` items, in equal parts side by side."""
     threads = thread_count() if count >= pays else 1
     if threads == 1:
@@ -73,7 +73,7 @@ def gathered(start: Ints, gather: Ints, values: Array) -> Array:
     """(m,) sums of values[gather[start[k]:start[k + 1]]], each taken in order."""
     out = np.zeros(len(start) - 1)
     if COMPILED:
-        _shared(lambda a, b: _gather(a, b, start, gather, values, out), len(out), 400 * PAYS)
+        in_parallel(lambda a, b: _gather(a, b, start, gather, values, out), len(out), 400 * PAYS)
         return out
     which = np.repeat(np.arange(len(out)), np.diff(start))
     return np.bincount(which, weights=values[gather], minlength=len(out)).astype(float, copy=False)
@@ -118,7 +118,7 @@ def sampled(samples: Array, membrane: int, y: Array) -> Array:
     """(ne, m) values y.samples.y / 2 of y (ne, 2k, 3); the first `membrane` of them are of the
     positions alone, the others of positions times directors."""
     out, known = np.empty((len(y), len(samples))), (0,) * (y.shape[1] // 2)
-    _shared(lambda a, b: _sample(a, b, known, samples, membrane, y, out), len(y), PAYS)
+    in_parallel(lambda a, b: _sample(a, b, known, samples, membrane, y, out), len(y), PAYS)
     return out
 
 
@@ -156,7 +156,7 @@ def stress_gradient(samples: Array, membrane: int, y: Array, stress: Array) -> A
     def work(first: int, last: int) -> None:
         _stress_gradient(first, last, samples, membrane, y, stress, out)
 
-    _shared(work, len(y), PAYS)
+    in_parallel(work, len(y), PAYS)
     return out
 
 
@@ -219,7 +219,7 @@ def element_blocks(
     def work(first: int, last: int) -> None:
         _blocks(first, last, samples, y, height, *tables, stress, stiffness, *bases, out)
 
-    _shared(work, len(y), PAYS)
+    in_parallel(work, len(y), PAYS)
     return out
 
 

@@ -129,7 +129,10 @@ class Isotropic(Linear):
 
 @dataclass(frozen=True)
 class Orthotropic(Linear):
-    """Moduli (Pa) along and across the fibre; nu12 is the contraction across a pull along it."""
+    """Moduli (Pa) along and across the fibre; nu12 is the contraction across a pull along it.
+
+    E3 (as E2 where None), nu23 and nu31 are of the thickness, which a sheet in plane stress does
+    not ask for and a solid does (`febio.solid_laws`)."""
 
     E1: Real
     E2: Real
@@ -137,6 +140,9 @@ class Orthotropic(Linear):
     G12: Real
     G13: Real
     G23: Real
+    E3: Real | None = None
+    nu23: Real = 0.0
+    nu31: Real = 0.0
 
     def __post_init__(self) -> None:
         require_positive(self, E1=self.E1, E2=self.E2, G12=self.G12, G13=self.G13, G23=self.G23)

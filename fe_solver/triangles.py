@@ -7,6 +7,9 @@ from numpy.typing import NDArray
 
 from cosim.port import InputError
 
+from . import kernels
+from .triangle_kernel import lower_distances
+
 Array = NDArray[np.float64]
 Ints = NDArray[np.integer]
 
@@ -16,10 +19,17 @@ TRIED = 3
 """Nearest samples whose faces bound a node's distance from above."""
 REACH = 10.0
 """Grid spacings within which distances are exact."""
-FAR = 2
-"""Farther than that, distances are found at every second node each way and interpolated."""
+SLACK = 4.0
+"""Grid spacings by which an interpolated distance is off at most."""
+GOLDEN = (5**0.5 - 1) / 2
+"""Multiples of it, modulo 1, are spread evenly: neighbours that follow one another would each come
+a little nearer to a node, and none be passed over."""
+SLABS = 16
+"""Planes of the grid from which a second thread pays."""
 BORDER = 3
 """Coarse nodes beyond the grid, or the spline would feel its end."""
+BEYOND = 12
+"""Values repeated beyond those, after which the spline's end is no longer felt."""
 BATCH = 100_000
 """Nodes at a time, to bound the memory."""
 PAIRED = 2_000
@@ -83,27 +93,60 @@ def distances_on_grid(
     """Signed distance (m, negative inside) at the nodes of a uniform grid, `shape`.
 
     Up to REACH spacings from the surface it is exact, and so moves no farther than the vertices do;
-    farther away it is interpolated."""
+    farther away it is interpolated from every second node each way."""
     triangles = vertices[faces]
     axes = [o + spacing * np.arange(n) for o, n in zip(origin, shape, strict=True)]
-    value = np.abs(_far(triangles, origin, spacing, shape)).ravel()
-    near = np.flatnonzero(value <= REACH * spacing)
-    nodes = np.stack(np.unravel_index(near, shape), axis=1) * spacing + origin
+    value = np.abs(_far(triangles, origin, spacing, shape))
+    near = value <= REACH * spacing
+    if kernels.COMPILED:
+        near = _lowered(triangles, origin, spacing, value, near)
+    nodes = np.stack(np.nonzero(near), axis=1) * spacing + origin
     value[near] = _exact(triangles, nodes, _bound(triangles, nodes, EDGE * spacing))
-    return np.where(_inside(triangles, *axes), -1.0, 1.0) * value.reshape(shape)
+    return np.where(_inside(triangles, *axes), -1.0, 1.0) * value
+
+
+def _lowered(
+    triangles: Array, origin: Array, spacing: float, value: Array, near: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Make the distances (nx, ny, nz) of the nodes `near` exact, from values that are off by less
+    than SLACK spacings; the nodes where that is not so are left, and returned."""
+    squared = np.where(near, (value + SLACK * spacing) ** 2, 0.0)
+    before = squared.copy()
+    reach = (REACH + SLACK) * spacing
+    mixed = np.argsort(np.arange(len(triangles)) * GOLDEN % 1)
+    triangles = triangles[mixed]
+    grid = (*_discs(triangles), origin, spacing, reach, squared)
+    kernels.in_parallel(lambda a, b: lower_distances(a, b, triangles, *grid), len(value), SLABS)
+    done = squared < before
+    value[done] = np.sqrt(squared[done])
+    return near & ~done
 
 
 def _far(triangles: Array, origin: Array, spacing: float, shape: tuple[int, ...]) -> Array:
-    """Signed distance at all nodes by cubic interpolation from a coarser grid."""
-    from scipy.ndimage import map_coordinates
-
-    coarse = [FAR * np.arange(-BORDER, -(-n // FAR) + BORDER) for n in shape]
+    """Signed distance at all nodes by cubic interpolation from a grid twice as coarse."""
+    coarse = [2 * np.arange(-BORDER, -(-n // 2) + BORDER) for n in shape]
     axes = [o + spacing * i for o, i in zip(origin, coarse, strict=True)]
     nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
     value = _bound(triangles, nodes.reshape(-1, 3), EDGE * spacing).reshape(nodes.shape[:3])
     value = np.where(_inside(triangles, *axes), -value, value)
-    at = np.meshgrid(*[np.arange(n) / FAR + BORDER for n in shape], indexing="ij")
-    return np.asarray(map_coordinates(value, at, order=3, mode="nearest"))
+    for axis, n in enumerate(shape):
+        value = np.moveaxis(_halved(np.moveaxis(value, axis, 0), n), 0, axis)
+    return value
+
+
+def _halved(value: Array, count: int) -> Array:
+    """(count, ...) the cubic spline through values (m, ...) at every half of their spacing, from
+    number BORDER on."""
+    from scipy.ndimage import spline_filter1d
+
+    beyond = [(BEYOND, BEYOND), *[(0, 0)] * (value.ndim - 1)]
+    c = spline_filter1d(np.pad(value, beyond, mode="edge"), axis=0, mode="nearest")
+    first, last = BORDER + BEYOND, BORDER + BEYOND + -(-count // 2)
+    a, b, d, e = (c[first + i : last + i] for i in (-1, 0, 1, 2))
+    out = np.empty((2 * len(b), *value.shape[1:]))
+    out[::2] = (a + 4 * b + d) / 6
+    out[1::2] = (a + 23 * b + 23 * d + e) / 48
+    return out[:count]
 
 
 def _bound(triangles: Array, nodes: Array, edge: float) -> Array:

@@ -74,7 +74,7 @@ def body(name: str = "bone", **more) -> Body:
 
 
 def total(state, source: str, name: str) -> np.ndarray:
-    return state.wrench[source][state.model.bodies.index(name), :3]
+    return state.wrench[source][state.bodies.index(name), :3]
 
 
 def bent(**more) -> Job:

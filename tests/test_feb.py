@@ -205,7 +205,11 @@ X = '<fiber type="vector"><vector>2,0,0</vector></fiber>'
             HGO,
             HolzapfelGasserOgden(1e6, 2e6, 3.0, 0.1, np.pi / 6, 40e6),
         ),
-        ("orthotropic elastic", ORTHO, Orthotropic(4e6, 2e6, 0.3, 0.5e6, 0.7e6, 0.6e6)),
+        (
+            "orthotropic elastic",
+            ORTHO,
+            Orthotropic(4e6, 2e6, 0.3, 0.5e6, 0.7e6, 0.6e6, 1e6, 0.1, 0.1),
+        ),
     ],
 )
 def test_materials_become_our_laws(tmp_path: Path, kind: str, inner: str, law: Law) -> None:

@@ -71,7 +71,7 @@ def laws(draw: st.DrawFn) -> Law:
                 NeoHookean(E, 0.4),
                 TransIsoMooneyRivlin(E, 0.0, E / 3, 50.0, 9 * E, 1.05, 100 * E),
                 HolzapfelGasserOgden(E, 2 * E, 3.0, 0.2, 0.5, 90 * E),
-                Orthotropic(3 * E, E, 0.2, E / 2, E / 3, E / 4),
+                Orthotropic(3 * E, E, 0.2, E / 2, E / 3, E / 4, E / 2, 0.1, 0.2),
             ]
         )
     )

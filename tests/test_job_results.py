@@ -18,7 +18,7 @@ from jobs import (
 
 from cosim.port import InputError
 from fe_solver.curves import Curve
-from fe_solver.febio.compare import quantities, rows
+from fe_solver.febio.compare import Element, quantities, rows
 from fe_solver.febio.figures import PUBLISHED
 from fe_solver.febio.read import read_feb
 from fe_solver.febio.write import write_feb
@@ -26,7 +26,7 @@ from fe_solver.job import (
     SpringLaw,
 )
 from fe_solver.job_results import write_job
-from fe_solver.job_solve import solve_job
+from fe_solver.job_solve import _advice, solve_job
 
 
 def test_results_are_whole_and_can_be_read(tmp_path):
@@ -74,10 +74,10 @@ def test_published_figures_are_compared_by_their_names():
         spring_forces=(np.array([6.458, -1.0]),),
     )
     found = quantities(job, state, figures)
-    table = {r.quantity: r for r in rows(figures, found, found)}
+    table = {r.quantity: r for r in rows(figures, {Element.OWN: found})}
     assert len(table) == 7 + 3
     assert all(r.verdict == "agrees" for k, r in table.items() if k.startswith("u"))
-    assert table["largest spring (N)"].difference == pytest.approx(0.0)
+    assert table["largest spring (N)"].off(6.458) == pytest.approx(0.0)
     assert table["sum of springs (N)"].verdict == "differs"
 
 
@@ -106,6 +106,17 @@ def test_a_file_bends_as_febios_shells_unless_told_otherwise(tmp_path):
         told = json.loads((tmp_path / f"out{len(words)}" / "summary.json").read_text())
         largest.append(told["states"][-1]["largest_displacement_mm"])
     assert 1.03 < largest[1] / largest[0] < 1.225
+
+
+def test_the_nearest_is_advised_first():
+    job = sprung(SpringLaw(1e3), 1.0)
+    on_face = replace(job, as_febio=True, height=job.height + job.thickness / 2)
+    told = _advice(on_face, 3)
+    places = [told.index(w) for w in ("--element q4ans", "--own-shell", "--mid-surface")]
+    assert places == sorted(places)
+    assert "q4ans" not in _advice(replace(job, as_febio=True), 3)  # nodes lie on no face
+    assert "q4ans" not in _advice(on_face, 0)  # perhaps nothing holds it
+    assert _advice(job, 3) == ""
 
 
 def test_the_command_tells_faults_by_its_exit_code(tmp_path):

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
 from cosim.port import InputError
-from fe_solver import surfaces
+from fe_solver import kernels, surfaces
 from fe_solver.surfaces import SplineDistance
 from fe_solver.triangles import checked_surface, distance_squared, distances_on_grid
 
@@ -209,3 +209,14 @@ def test_cache_folder_that_cannot_be_made_is_no_failure(tmp_path):
     blocker = tmp_path / "file"
     blocker.write_text("in the way")
     assert bake_cube(blocker / "below").distance(np.full((1, 3), 2e-3)).value[0] < 0
+
+
+@pytest.mark.skipif(not kernels.COMPILED, reason="numba is not in use")
+def test_the_compiled_distances_are_those_of_numpy(monkeypatch):
+    points, faces = checked_surface(*waisted(13, 12))
+    found = distances_on_grid(points, faces, *WAISTED)
+    monkeypatch.setattr(kernels, "COMPILED", False)
+    assert np.abs(found - distances_on_grid(points, faces, *WAISTED)).max() < 1e-16
+    monkeypatch.undo()
+    monkeypatch.setattr("fe_solver.triangles.SLACK", 0.0)  # where a guess is too low
+    assert np.abs(found - distances_on_grid(points, faces, *WAISTED)).max() < 1e-16

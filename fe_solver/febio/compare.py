@@ -7,60 +7,71 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
+from enum import Enum
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.port import ConvergenceError, CosimError, InputError
+from cosim.port import CosimError, InputError
 
 from ..job import Job
 from ..job_model import JobOptions
 from ..job_results import displacement
-from ..job_solve import JobResult, JobState
+from ..job_solve import JobResult, JobState, solve_job
 from .figures import PUBLISHED, REFERENCE_S, Published
-from .remade import not_covered, remade
+from .read import read_feb
+from .solid_solve import solve_solid
 
 Array = NDArray[np.float64]
 
 TOLERANCE = 0.03
 REFERENCE_JOB = "reference_job.py"
+INPUT_FAULT = 2
+"""Exit code of a process whose model is at fault."""
+
+
+class Element(Enum):
+    """What a model is solved with: our shell, our shell with FEBio's bending and contact, FEBio's
+    element and contact."""
+
+    OWN = "--own-shell"
+    SHELL = "cosim solve"
+    Q4ANS = "--element q4ans"
 
 
 @dataclass(frozen=True)
 class Row:
-    """One quantity by our solver, by our solver with FEBio's bending and contact (`alike`), by
-    FEBio's element and contact made anew (`remade`), and FEBio's own figure; None where there is
-    none.  `scale` is what differences are divided by: of a displacement the largest of the model's
-    nodes, else the figure."""
+    """One quantity by each element and FEBio's own figure; None where there is none.  `scale` is
+    what differences are divided by: of a displacement the largest of the model's nodes, else the
+    reference, which is FEBio's figure or else what `q4ans` says."""
 
     quantity: str
-    ours: float
-    alike: float | None = None
-    remade: float | None = None
+    own: float | None = None
+    shell: float | None = None
+    q4ans: float | None = None
     febio: float | None = None
     scale: float = 1.0
 
     @property
-    def difference(self) -> float | None:
-        """Of ours from FEBio's figure, relative."""
-        return self.off(self.ours)
+    def reference(self) -> float | None:
+        return self.q4ans if self.febio is None else self.febio
 
     def off(self, value: float | None) -> float | None:
-        """A value's difference from FEBio's figure; None where one of them is not there."""
-        if value is None or self.febio is None:
+        """A value's relative difference from the reference; None where one of them is missing."""
+        if value is None or self.reference is None:
             return None
-        return (value - self.febio) / self.scale
+        return (value - self.reference) / self.scale
 
     @property
     def verdict(self) -> str:
-        """Of ours, and where that differs of the nearest to FEBio's formulation that there is."""
-        if self.febio is None:
+        """Of our own shell, and where that differs of the nearest to FEBio that there is."""
+        if self.reference is None:
             return "no figure"
-        nearest = self.alike if self.remade is None else self.remade
-        for value, word in ((self.ours, "agrees"), (nearest, "formulation")):
+        nearest = self.shell if self.q4ans is None else self.q4ans
+        for value, word in ((self.own, "agrees"), (nearest, "formulation")):
             off = self.off(value)
             if off is not None and abs(off) <= TOLERANCE:
                 return word
@@ -68,22 +79,10 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Again:
-    """A model with FEBio's element and contact made anew: values by name, the deepest penetration
-    of a Gauss point (um), CPU seconds from our solution on, iterations; or why it is missing."""
-
-    values: dict[str, float]
-    penetration: float = 0.0
-    cpu_s: float = 0.0
-    iterations: int = 0
-    missing: str = ""
-
-
-@dataclass(frozen=True)
 class Measured:
     """One model solved in a process of its own: values by name, the deepest penetration (um), CPU
     seconds of the solve and of the set-up (file, model, distances of bones), peak memory of the
-    imports alone and of all, MB; `again` where it was solved as FEBio does."""
+    imports alone and of all, MB."""
 
     values: dict[str, float]
     penetration: float
@@ -93,25 +92,18 @@ class Measured:
     peak_mb: float
     iterations: int
     linear_solver: str
-    again: Again | None = None
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """A model's rows and costs; `febio_s` is FEBio's CPU time scaled to this machine by the
-    reference job, None where that is not there."""
+    """A model's rows, and by element what it took or why there is no solution; `febio_s` is FEBio's
+    CPU time scaled to this machine by the reference job, None where that is not there."""
 
     model: str
     rows: tuple[Row, ...]
-    ours: Measured
+    solved: dict[Element, Measured | str]
     published: Published | None = None
     febio_s: float | None = None
-    again: Again | None = None
-
-    @property
-    def share(self) -> float | None:
-        """Our CPU time over FEBio's."""
-        return None if self.febio_s is None else self.ours.solve_s / self.febio_s
 
 
 def models_in(folder: Path) -> list[Path]:
@@ -123,43 +115,39 @@ def models_in(folder: Path) -> list[Path]:
 
 
 def quantities(job: Job, state: JobState, published: Published | None) -> dict[str, float]:
-    """What is compared, by name, mm and N: what is published, else the node that moves farthest and
-    the contact on all bodies."""
-    moved, contact = displacement(job, state), state.contact[: len(job.bodies)]
-    return _named(job, published, moved, contact, state.spring_forces)
-
-
-def _named(
-    job: Job,
-    published: Published | None,
-    displacement: Array,
-    contact: Array,
-    springs: Sequence[Array],
-) -> dict[str, float]:
-    """From displacements (n, 3) m, contact forces (nb, 3) N and each spring set's forces (k,) N."""
+    """What is compared, by name, mm and N: what is published, else the node at rest farthest from
+    all that are held, the bodies in contact and the springs."""
     index = {int(n): i for i, n in enumerate(job.node_ids)}
     if published is None:
-        farthest = int(job.node_ids[np.linalg.norm(displacement, axis=1).argmax()])
-        wanted = [(farthest, i) for i in range(3)]
-        touched = np.flatnonzero(contact[:, 2])
+        wanted = [(int(job.node_ids[_loosest(job)]), i) for i in range(3)]
+        touched = sorted({pair.body for pair in job.contacts})
     else:
         nodes = published.displacement
         missing = [n for n in nodes if n not in index]
         if missing:
             raise InputError(f"{job.name}: has no node {missing[0]}; it is not the published model")
         wanted = [(n, i) for n in nodes for i in range(3) if nodes[n][i] != 0.0]
-        touched = np.arange(len(published.contact))
-    u = 1e3 * displacement
+        touched = list(range(len(published.contact)))
+    u, contact = 1e3 * displacement(job, state), state.contact
     out = {f"u{'xyz'[i]} of node {n} (mm)": float(u[index[n], i]) for n, i in wanted}
     for i in touched:
         out[f"contact z on {job.bodies[i].name} (N)"] = float(contact[i, 2])
-    if not springs:
+    if not state.spring_forces:
         return out
-    force = np.concatenate(springs)
+    force = np.concatenate(state.spring_forces)
     out["largest spring (N)"] = float(force.max(initial=0.0))
     out["sum of springs (N)"] = float(force.sum())
     out["active springs"] = float((force > 0).sum())
     return out
+
+
+def _loosest(job: Job) -> int:
+    """The node farthest from those that are tied or held."""
+    held = [t.nodes for t in job.tied] + [h.nodes for h in job.held]
+    if not held:
+        return 0
+    x = job.points[np.concatenate(held)]
+    return int(np.linalg.norm(job.points[:, None] - x, axis=2).min(axis=1).argmax())
 
 
 def _figures(published: Published) -> list[float]:
@@ -168,41 +156,43 @@ def _figures(published: Published) -> list[float]:
     return [*moved, *published.contact, published.largest, published.total, float(published.active)]
 
 
-def rows(
-    published: Published | None,
-    ours: dict[str, float],
-    alike: dict[str, float],
-    again: dict[str, float] | None = None,
-) -> list[Row]:
-    """One for each quantity."""
+def rows(published: Published | None, solved: Mapping[Element, dict[str, float]]) -> list[Row]:
+    """One for each quantity, from the values by name of each element that has a solution."""
+    names = next(iter(solved.values()), {})
+    figures: list[float | None] = [None] * len(names)
+    if published is not None:
+        figures = [*_figures(published)]
+    own, shell, q4ans = (solved.get(e, {}) for e in Element)
+    out = [
+        Row(name, own.get(name), shell.get(name), q4ans.get(name), figure)
+        for name, figure in zip(names, figures, strict=True)
+    ]
     if published is None:
-        return [Row(name, value) for name, value in ours.items()]
-    largest = float(max(np.linalg.norm(u) for u in published.displacement.values()))
-    out = []
-    for name, figure in zip(ours, _figures(published), strict=True):
-        scale = largest if name.startswith("u") else abs(figure)
-        out.append(Row(name, ours[name], alike[name], (again or {}).get(name), figure, scale))
-    return out
+        moved = [r.reference or 0.0 for r in out if r.quantity.startswith("u")]
+        largest = float(np.linalg.norm(moved))
+    else:
+        largest = float(max(np.linalg.norm(u) for u in published.displacement.values()))
+    return [replace(r, scale=_scale(r, largest)) for r in out]
+
+
+def _scale(row: Row, largest: float) -> float:
+    size = largest if row.quantity.startswith("u") else abs(row.reference or 0.0)
+    return size or 1.0
 
 
 def compare(folder: Path, spacing: float = 0.25e-3) -> Iterator[Comparison]:
-    """All models of a folder, each solved in a process of its own with one thread: once as the
-    solver is, which is timed, and, where FEBio's figures are published, once as FEBio does and from
-    there with FEBio's element and contact made anew.
+    """All models of a folder, solved with each element in a process of its own with one thread.
 
-    Raises InputError where the folder holds none, and CosimError where one is not solved."""
+    Raises InputError where the folder holds none, and where one of them cannot be read."""
     for path in models_in(folder):
         seconds = reference_seconds(folder)  # beside each solve: machines have moods
-        ours = measured(path, False, spacing)
+        solved = {e: measured(path, e, spacing) for e in Element}
         published = PUBLISHED.get(path.stem)
-        if published is None:
-            yield Comparison(path.stem, tuple(rows(None, ours.values, {})), ours)
-            continue
-        alike = measured(path, True, spacing)
-        again = alike.again
-        found = rows(published, ours.values, alike.values, again.values if again else None)
-        scaled = None if seconds is None else seconds / REFERENCE_S * published.cpu_s
-        yield Comparison(path.stem, tuple(found), ours, published, scaled, again)
+        values = {e: m.values for e, m in solved.items() if isinstance(m, Measured)}
+        scaled = None
+        if seconds is not None and published is not None:
+            scaled = seconds / REFERENCE_S * published.cpu_s
+        yield Comparison(path.stem, tuple(rows(published, values)), solved, published, scaled)
 
 
 def reference_seconds(folder: Path) -> float | None:
@@ -220,11 +210,13 @@ def reference_seconds(folder: Path) -> float | None:
         raise InputError(f"{script}: expected it to print its CPU seconds") from None
 
 
-def measured(path: Path, as_febio: bool, spacing: float) -> Measured:
-    """A model solved in a process of its own.  Raises CosimError where that fails."""
+def measured(path: Path, element: Element, spacing: float) -> Measured | str:
+    """A model solved in a process of its own; or why there is no solution.
+
+    Raises InputError where the model cannot be read or is not covered by our own shell."""
     one = {"FE_SOLVER_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
     one |= {"OPENBLAS_NUM_THREADS": "1"}
-    call = [sys.executable, "-m", __name__, str(path), str(int(as_febio)), repr(spacing)]
+    call = [sys.executable, "-m", __name__, str(path), element.name, repr(spacing)]
     done = subprocess.run(
         call,
         capture_output=True,
@@ -233,61 +225,46 @@ def measured(path: Path, as_febio: bool, spacing: float) -> Measured:
         check=False,
         env={**os.environ, **one},
     )
-    if done.returncode:
-        reason = (done.stderr.strip().splitlines() or ["no reason given"])[-1]
-        raise (InputError if done.returncode == 2 else CosimError)(reason)
-    found = json.loads(done.stdout)
-    again = found.pop("again")
-    return Measured(**found, again=None if again is None else Again(**again))
+    if not done.returncode:
+        return Measured(**json.loads(done.stdout))
+    reason = (done.stderr.strip().splitlines() or ["no reason given"])[-1]
+    if done.returncode == INPUT_FAULT and element != Element.Q4ANS:
+        raise InputError(reason)
+    return reason
 
 
-def _main(path: str, as_febio: str, spacing: str) -> None:
+def solved_with(path: Path | str, element: Element, spacing: float) -> JobResult:
+    """A model's end, contact by a penalty alone, as FEBio's figures are."""
+    job, options = read_feb(path), JobOptions(None, spacing=spacing)
+    if element == Element.Q4ANS:
+        return solve_solid(job, options=options)
+    return solve_job(replace(job, as_febio=element == Element.SHELL), options=options)
+
+
+def _main(path: str, element: str, spacing: str) -> None:
     """The process of one model: prints a `Measured` as JSON."""
     from ..bench import PULL, rod_sheet
-    from ..job_solve import solve_job
     from ..linear_algebra import chosen
     from ..newton import NewtonOptions, solve
     from ..verification.sheets import at_rest
-    from .read import read_feb
 
     warm = rod_sheet(64)  # compiles the kernels, or takes them from their cache
     solve(warm, at_rest(warm), PULL, NewtonOptions(tolerance=1e-8))
     imports = peak_mb()
     began = time.process_time()
-    job = replace(read_feb(path), as_febio=bool(int(as_febio)))
-    read = time.process_time() - began
-    # FEBio's figures are of a penalty without augmentation, so ours are, too
-    result = solve_job(job, options=JobOptions(None, spacing=float(spacing)))
-    last, published = result.states[-1], PUBLISHED.get(Path(path).stem)
-    values = quantities(job, last, published)
+    result = solved_with(path, Element[element], float(spacing))
+    spent, last = time.process_time() - began, result.states[-1]
     made = Measured(
-        values,
+        quantities(result.job, last, PUBLISHED.get(Path(path).stem)),
         1e6 * last.penetration,
         result.effort.cpu_s,
-        result.setup_s + read,
+        spent - result.effort.cpu_s,
         imports,
         peak_mb(),
         result.effort.iterations,
         chosen(),
-        made_again(result, published) if job.as_febio else None,
     )
     print(json.dumps(asdict(made)))
-
-
-def made_again(result: JobResult, published: Published | None) -> Again:
-    """A job solved `as_febio`, with FEBio's element and contact; or why not."""
-    reason = not_covered(result.job)
-    if reason is not None:
-        return Again({}, missing=f"the model {reason}")
-    began = time.process_time()
-    try:
-        found = remade(result)
-    except ConvergenceError as error:
-        return Again({}, missing=str(error))
-    spent, job = time.process_time() - began, result.job
-    moved = found.x - job.points
-    values = _named(job, published, moved, found.contact, found.spring_forces)
-    return Again(values, 1e6 * found.penetration, spent, found.iterations)
 
 
 def peak_mb() -> float:
@@ -307,4 +284,4 @@ if __name__ == "__main__":
         _main(*sys.argv[1:])
     except CosimError as error:
         print(error, file=sys.stderr)
-        sys.exit(2 if isinstance(error, InputError) else 1)
+        sys.exit(INPUT_FAULT if isinstance(error, InputError) else 1)

@@ -1,5 +1,5 @@
 """FEBio's frictionless `sliding-elastic` contact made anew from its documentation, one pass, by a
-penalty alone: beside `q4ans`, to tell what a difference from FEBio's figures comes from.
+penalty alone, or augmented: the contact of `q4ans` sheets.
 
 At the Gauss points of the sheet's facets the pressure is the penalty times the depth; depth is
 measured along the facet's normal to the body's flat triangles, and the pressure acts along that
@@ -35,24 +35,31 @@ SHAPES = np.stack([shape(r, s) for r, s in GAUSS])
 @dataclass(frozen=True)
 class Facets:
     """Quads (k, 4) whose face on `side` (k,) of their normals slides on the triangles (nt, 3, 3) m
-    of a body, in its frame; penalty (k,) N/m3."""
+    of a body, in its frame, and keeps a gap (m) from them; penalty (k,) N/m3."""
 
     quads: Ints
     side: Ints
     penalty: Array
     body: int
     triangles: Array
+    gap: float = 0.0
 
     @cached_property
     def tree(self) -> cKDTree:
         """The triangles' middles."""
         return cKDTree(self.triangles.mean(axis=1))
 
+    @cached_property
+    def reach(self) -> float:
+        """m from a middle within which a point may meet a triangle."""
+        edge = np.linalg.norm(np.roll(self.triangles, -1, axis=1) - self.triangles, axis=2)
+        return SEARCH_RADIUS + float(edge.max(initial=0.0))
+
 
 class Pressed(NamedTuple):
     """What contact does: `gradient` (k, 12) N that the quads' corners resist with, `blocks` (k, 12,
     12) N/m its derivative, `force` (3,) N on the body, pressure (k, 4) Pa and depth (k, 4) m at the
-    Gauss points, positive inside the body."""
+    Gauss points, positive inside the body (or the gap)."""
 
     gradient: Array
     blocks: Array
@@ -61,28 +68,53 @@ class Pressed(NamedTuple):
     depth: Array
 
 
-def pressed(facets: Facets, x: Array, position: Array, rotation: Array) -> Pressed:
-    """Contact of nodes x (n, 3) m with the body at its position (3,) m and rotation (3, 3).
+def pressed(
+    facets: Facets,
+    x: Array,
+    position: Array,
+    rotation: Array,
+    multiplier: Array | float = 0.0,
+    met: Ints | None = None,
+) -> Pressed:
+    """Contact of nodes x (n, 3) m with the body at its position (3,) m and rotation (3, 3); the
+    pressure is the positive part of multiplier (k, 4) Pa + penalty * depth.  Each Gauss point
+    presses on the plane of the triangle that it has `met` (see `triangles_met`), which is looked
+    for where None.
 
     The derivative is that at normals which do not turn, symmetric: what it leaves out is of the
     order of depth over element size, and Newton needs no more."""
-    corners = x[facets.quads]
-    at, by_r, by_s = np.moveaxis(np.einsum("gda,kai->kgdi", SHAPES, corners), 2, 0)
-    area = np.cross(by_r, by_s)
-    size = np.linalg.norm(area, axis=2)
-    normal = area / size[..., None] * facets.side[:, None, None]
-    depth = _depth(facets, (at - position) @ rotation, normal @ rotation)
-    stiffness = facets.penalty[:, None] * size * (depth > 0)
-    push = (stiffness * depth)[..., None] * normal
+    at, normal, size = _gauss_points(facets, x)
+    local, turned = (at - position) @ rotation, normal @ rotation
+    if met is None:
+        met = _met(facets, local, turned)
+    depth = facets.gap + _depth(facets, local, turned, met)
+    pressure = np.maximum(multiplier + facets.penalty[:, None] * depth, 0)
+    stiffness = facets.penalty[:, None] * size * (pressure > 0)
+    push = (pressure * size)[..., None] * normal
     spread = SHAPES[:, 0, :, None] * normal[:, :, None]
     spread = spread.reshape(*depth.shape, 12)
     return Pressed(
-        np.einsum("kg,kgi->ki", stiffness * depth, spread),
+        np.einsum("kg,kgi->ki", pressure * size, spread),
         np.einsum("kg,kgi,kgj->kij", stiffness, spread, spread, optimize=True),
         push.sum(axis=(0, 1)),
-        facets.penalty[:, None] * np.maximum(depth, 0),
+        pressure,
         depth,
     )
+
+
+def triangles_met(facets: Facets, x: Array, position: Array, rotation: Array) -> Ints:
+    """(k, 4) the triangle that each Gauss point meets along its normal, the nearest of those that
+    face it; -1 where it meets none."""
+    at, normal, _ = _gauss_points(facets, x)
+    return _met(facets, (at - position) @ rotation, normal @ rotation)
+
+
+def _gauss_points(facets: Facets, x: Array) -> tuple[Array, Array, Array]:
+    """Places (k, 4, 3) m, unit normals (k, 4, 3) towards the body and area ratios (k, 4)."""
+    at, by_r, by_s = np.moveaxis(np.einsum("gda,kai->kgdi", SHAPES, x[facets.quads]), 2, 0)
+    area = np.cross(by_r, by_s)
+    size = np.linalg.norm(area, axis=2)
+    return at, area / size[..., None] * facets.side[:, None, None], size
 
 
 def cut(triangles: Array, longest: float) -> Array:
@@ -101,15 +133,28 @@ def cut(triangles: Array, longest: float) -> Array:
     return np.concatenate(done)
 
 
-def _depth(facets: Facets, points: Array, normals: Array) -> Array:
-    """(k, 4) m by which points (k, 4, 3) have passed the nearest triangle that faces them along
-    their normals (k, 4, 3), all in the body's frame; minus the search radius where there is none.
+def _met(facets: Facets, points: Array, normals: Array) -> Ints:
+    """(k, 4) as `triangles_met`, for points and normals (k, 4, 3) in the body's frame."""
+    q, n = points.reshape(-1, 3), normals.reshape(-1, 3)
+    count = min(NEAREST, len(facets.triangles))
+    nearest, _ = facets.tree.query(q, distance_upper_bound=facets.reach)
+    watched = np.flatnonzero(np.isfinite(nearest))
+    out = np.full(len(q), -1)
+    if len(watched):
+        _, near = facets.tree.query(q[watched], k=np.arange(1, count + 1))
+        distance = _distances(facets.triangles[near], q[watched, None], n[watched, None])
+        best = np.abs(distance).argmin(axis=1)
+        row = np.arange(len(watched))
+        out[watched] = np.where(np.isfinite(distance[row, best]), near[row, best], -1)
+    return out.reshape(points.shape[:2])
+
+
+def _distances(triangles: Array, q: Array, n: Array) -> Array:
+    """(m, t) m along the normals n (m, 1, 3) from points q (m, 1, 3) to triangles (m, t, 3, 3);
+    infinite where a triangle does not face the point or is not met within the search radius.
 
     A point q meets a triangle a, a + u, a + v at q + t n = a + b u + c v (Cramer's rule)."""
-    q, n = points.reshape(-1, 1, 3), normals.reshape(-1, 1, 3)
-    count = min(NEAREST, len(facets.triangles))
-    _, near = facets.tree.query(q[:, 0], k=np.arange(1, count + 1))
-    a, u, v = np.moveaxis(facets.triangles[near], 2, 0)
+    a, u, v = np.moveaxis(triangles, 2, 0)
     u, v, w = u - a, v - a, q - a
     face = np.cross(u, v)
     facing = np.einsum("mki,mki->mk", face, np.broadcast_to(n, face.shape))
@@ -120,6 +165,16 @@ def _depth(facets: Facets, points: Array, normals: Array) -> Array:
     t = -np.einsum("mki,mki->mk", face, w) * scale
     met = (facing < 0) & (b >= -SEARCH_TOLERANCE) & (c >= -SEARCH_TOLERANCE)
     met &= (b + c <= 1 + SEARCH_TOLERANCE) & (np.abs(t) < SEARCH_RADIUS)
-    distance = np.where(met, t, SEARCH_RADIUS)
-    best = np.abs(distance).argmin(axis=1)
-    return np.asarray(-distance[np.arange(len(best)), best].reshape(points.shape[:2]))
+    return np.where(met, t, np.inf)
+
+
+def _depth(facets: Facets, points: Array, normals: Array, met: Ints) -> Array:
+    """(k, 4) m by which points (k, 4, 3) have passed the planes of the triangles that they have
+    met, along their normals; minus the search radius where they have met none."""
+    on = met >= 0
+    a, b, c = np.moveaxis(facets.triangles[met[on]], 1, 0)
+    face = np.cross(b - a, c - a)
+    ahead = np.einsum("mi,mi->m", face, normals[on])
+    out = np.full(met.shape, -SEARCH_RADIUS)
+    out[on] = np.einsum("mi,mi->m", face, points[on] - a) / np.where(ahead < 0, ahead, np.inf)
+    return out

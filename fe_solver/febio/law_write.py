@@ -13,7 +13,7 @@ from ..fibre_materials import ExponentialFamily, HolzapfelGasserOgden, TransIsoM
 from ..hyperelastic import NeoHookean
 from ..materials import Isotropic, Law, Orthotropic, Real
 
-FIELDS = ("E1", "E2", "nu12", "G12", "G13", "G23")
+FIELDS = ("E1", "E2", "nu12", "G12", "G13", "G23", "nu23", "nu31")
 
 
 def oriented(law: Law) -> bool:
@@ -121,7 +121,9 @@ def _parameters(name: str, law: Law, s: float) -> tuple[str, dict[str, float]]:
         scaled = ("c", "k1", "k")
         return "Holzapfel-Gasser-Ogden", {k: v / s if k in scaled else v for k, v in out.items()}
     if isinstance(law, Orthotropic):
-        return "orthotropic elastic", _orthotropic({n: one(getattr(law, n)) for n in FIELDS}, s)
+        out = {n: one(getattr(law, n)) for n in FIELDS}
+        out["E3"] = out["E2"] if law.E3 is None else one(law.E3)
+        return "orthotropic elastic", _orthotropic(out, s)
     if isinstance(law, CrossedLinear):
         raise InputError(
             f"part {name!r}: FEBio has no linear material with two fibre families; take "
@@ -131,15 +133,13 @@ def _parameters(name: str, law: Law, s: float) -> tuple[str, dict[str, float]]:
 
 
 def _orthotropic(p: dict[str, float], s: float) -> dict[str, float]:
-    """The sheet says nothing of the third direction: as stiff as the second, and without
-    contraction."""
     return {
         "E1": p["E1"] / s,
         "E2": p["E2"] / s,
-        "E3": p["E2"] / s,
+        "E3": p["E3"] / s,
         "v12": p["nu12"],
-        "v23": 0.0,
-        "v31": 0.0,
+        "v23": p["nu23"],
+        "v31": p["nu31"],
         "G12": p["G12"] / s,
         "G23": p["G23"] / s,
         "G31": p["G13"] / s,

@@ -183,11 +183,11 @@ def _law(t: Tag, stress: float) -> Law:
         with t.told():
             return HolzapfelGasserOgden(c * stress, k1 * stress, k2, kappa, gamma, k * stress)
     if kind == "orthotropic elastic":
-        for ignored in ("E3", "v23", "v31"):
-            t.all(ignored)
         E1, E2, v12, *G = _needed(t, "E1", "E2", "v12", "G12", "G31", "G23")
+        E3, v23, v31 = t.value("E3", E2) * stress, t.value("v23", 0.0), t.value("v31", 0.0)
+        G12, G13, G23 = (g * stress for g in G)
         with t.told():
-            return Orthotropic(E1 * stress, E2 * stress, v12, *(g * stress for g in G))
+            return Orthotropic(E1 * stress, E2 * stress, v12, G12, G13, G23, E3, v23, v31)
     raise t.fault(
         f"the material {kind!r} is not known; known: isotropic elastic, neo-Hookean, "
         "Mooney-Rivlin, trans iso Mooney-Rivlin, Holzapfel-Gasser-Ogden, orthotropic elastic, "

@@ -140,7 +140,8 @@ def _check_domain(t: Tag, block: Block, notes: list[str]) -> None:
     if block.kind != "q4ans":
         notes.append(
             f"{block.tag.path} {t.attribute('name')!r} (line {block.tag.line}): {block.kind} "
-            "elements are taken as our locking-free shell; FEBio's lock where the sheet is thin"
+            "elements are taken as our locking-free shell, or as q4ans; FEBio's lock where the "
+            "sheet is thin"
         )
 
 

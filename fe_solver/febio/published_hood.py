@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from cosim.port import InputError
 
-from ..fields import fields
 from ..job import Body, Job, NodalForce, Part, SpringLaw, SpringSet, Tied
-from ..job_solve import JobState, solve_job
+from ..job_solve import ShellState, solve_job
 from ..materials import Isotropic
 from .read import read_feb
 
@@ -173,12 +172,12 @@ def _adhesion(job: Job, tied: Tied, body: Body) -> SpringSet:
     )
 
 
-def _observed(job: Job, state: JobState) -> PublishedHood:
+def _observed(job: Job, state: ShellState) -> PublishedHood:
     x, _, z = _middles(job).T
     tie = {body: float(np.linalg.norm(state.wrench["tie"][body, :3])) for body in (MIDDLE, DISTAL)}
     slip = (z > SLIP - 8e-3) & (z < SLIP + 3e-3) & (np.abs(x - CENTRE) < HALF)
     return PublishedHood(
-        fields(state.model, state.configuration).strain,
+        state.fields.strain,
         state.model.tables.weight.sum(axis=1),
         (np.abs(x - CENTRE) < HALF) & (z > MCP) & (z < SLIP),
         slip,

@@ -1,5 +1,4 @@
-"""FEBio's `q4ans` shell made anew from its documentation, to tell what a difference from FEBio's
-figures comes from: not an element to solve with.
+"""FEBio's `q4ans` shell, from its documentation: the element of `cosim solve --element q4ans`.
 
 Each node is a pair, one on either face of the sheet; the element is the solid between the faces,
 linear through the thickness (FEBio theory manual 3.4, section 4.2; user manual 3.4, section 3.6.2:
@@ -10,15 +9,16 @@ linear through the thickness (FEBio theory manual 3.4, section 4.2; user manual 
     thickness strain E33          bilinear between the corners (Betsch and Stein 1995, Commun Numer
                                   Meth Eng 11:899)
 
-the others as the displacements have them; 2 x 2 x 2 Gauss points, all six strains in the law.
+the others as the displacements have them; 2 x 2 x 2 Gauss points, all six strains in the law.  A
+triangle is a quad whose last two corners are one node.
 
 Every natural strain at a Gauss point is a quadratic form of the nodes' positions, the same for all
 elements (`FORMS`), so that the tangent is exact and symmetric.
 
-E33 is constant through the thickness and hangs on the nodes.  Poisson's contraction, linear through
-it in bending, is held back, so that a sheet of nu = 0.4 bends (lambda + 2 mu) (1 - nu^2) / E = 1.8
-times too stiffly (thickness locking); and where a point load leaves the strains of an element
-uneven, the thickness cannot follow.
+E33 is constant through the thickness and depends on the nodes alone.  Poisson's contraction, linear
+through it in bending, is held back, so that a sheet of nu = 0.4 bends (lambda + 2 mu) (1 - nu^2) /
+E = 1.8 times too stiffly (thickness locking); and where a point load leaves the strains of an
+element uneven, the thickness cannot follow.
 """
 
 from __future__ import annotations
@@ -27,8 +27,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-
-from cosim.port import InputError
 
 from ..assumed_strain import CORNERS, GAUSS, shape
 from ..materials import Law
@@ -85,16 +83,24 @@ class SolidTables:
     volume: Array
 
 
+def _bases(Y: Array) -> Array:
+    """(ne, 8, 3, 3) base vectors, as rows, at the Gauss points of elements Y (ne, 8, 3) m."""
+    weights = np.stack([base_weights(*point) for point in POINTS])
+    return np.asarray(np.einsum("gia,nak->ngik", weights, Y))
+
+
+def crossed(Y: Array, side: float) -> NDArray[np.bool_]:
+    """(ne,) whether the faces of elements Y (ne, 8, 3) m cross, as those of a sheet do that is
+    thicker than its radius; `side` is positive where the last four nodes lie on the side of the
+    first four's normal, else negative."""
+    return np.asarray((np.linalg.det(_bases(Y)) * side <= 0).any(axis=1))
+
+
 def solid_tables(Y: Array, fibre: Array) -> SolidTables:
     """Tables for elements with nodes Y (ne, 8, 3) m; local axis 1 is `fibre` (ne, 3) brought into
-    the sheet's plane, axis 3 its normal.
-
-    Raises InputError where the faces cross."""
-    weights = np.stack([base_weights(*point) for point in POINTS])
-    G = np.einsum("gia,nak->ngik", weights, Y)
+    the sheet's plane, axis 3 its normal."""
+    G = _bases(Y)
     volume = np.linalg.det(G)
-    if (volume * np.sign(volume[0, 0]) <= 0).any():
-        raise InputError("the sheet is thicker than its radius: its faces cross")
     normal = np.cross(G[..., 0, :], G[..., 1, :])
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
     along = fibre[:, None] - np.einsum("nk,ngk->ng", fibre, normal)[..., None] * normal
@@ -126,7 +132,7 @@ def solid_strain(tables: SolidTables, y: Array) -> Array:
 def solid_response(tables: SolidTables, law: Law, y: Array) -> tuple[Array, Array]:
     """Internal forces (ne, 24) N and tangents (ne, 24, 24) N/m at nodes y (ne, 8, 3) m.
 
-    Raises InputError for a law that is not covered."""
+    Raises InputError for a law that is not known."""
     ne, T = len(y), tables.local
     B = _gradient(y)
     natural = B @ y.reshape(ne, 24, 1) / 2 - tables.rest

@@ -1,20 +1,29 @@
-"""FEBio's laws with all six strains, for elements whose thickness is free: `isotropic elastic` and
-`trans iso Mooney-Rivlin` (FEBio user manual, Materials; Weiss, Maker and Govindjee 1996, Comput
-Methods Appl Mech Eng 135:107).
+"""FEBio's laws with all six strains, for elements whose thickness is free (FEBio user manual,
+Materials; Weiss, Maker and Govindjee 1996, Comput Methods Appl Mech Eng 135:107; Gasser, Ogden and
+Holzapfel 2006, J R Soc Interface 3:15).
 
 Components are in the order of `PAIRS`; strains are Green-Lagrange with engineering shears, stresses
 second Piola-Kirchhoff, axis 1 along the fibre, axis 3 through the thickness.
+
+The hyperelastic laws are energies U(ln J) + W(I1~, I2~, I4~, ...) of the deviatoric invariants
+
+    I1~ = J^(-2/3) tr C,    I2~ = J^(-4/3) (tr(C)^2 - tr(C^2)) / 2,    I4~ = J^(-2/3) a.C.a
+
+so that S = 2 dW/dC and its derivative 4 d2W/dC2 follow by the chain rule (`_isochoric`).
 """
 
 from __future__ import annotations
+
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cosim.port import InputError
 
-from ..fibre_materials import TransIsoMooneyRivlin
-from ..materials import Isotropic, Law
+from ..fibre_materials import HolzapfelGasserOgden, TransIsoMooneyRivlin
+from ..hyperelastic import NeoHookean
+from ..materials import Isotropic, Law, Orthotropic
 
 Array = NDArray[np.float64]
 
@@ -22,69 +31,193 @@ PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))
 FIRST, SECOND = np.array(PAIRS).T
 SHEAR = FIRST != SECOND
 ONE = np.array([1.0, 1, 1, 0, 0, 0])
-FIBRE = np.array([1.0, 0, 0, 0, 0, 0])
+SAME = np.diag(np.where(SHEAR, 0.5, 1.0))
+"""The symmetric identity of fourth order."""
 
 
-def covered(law: Law) -> bool:
-    """Whether `solid_stress` knows the law."""
-    if isinstance(law, TransIsoMooneyRivlin):
-        return bool(np.isfinite(law.k)) and not np.any(law.c2)
-    return isinstance(law, Isotropic)
+def law_obstacle(law: Law) -> str | None:
+    """Why `solid_stress` does not know the law, in words; None where it does."""
+    if isinstance(law, TransIsoMooneyRivlin | HolzapfelGasserOgden):
+        return None if np.isfinite(law.k).all() else "is incompressible: give it a finite k"
+    if isinstance(law, Orthotropic):
+        stable = np.linalg.eigvalsh(_orthotropic_compliance(law)).min() > 0
+        return None if stable else "is not positive definite with E3, v23 and v31"
+    if isinstance(law, Isotropic | NeoHookean):
+        return None
+    return "is not known with all six strains"
 
 
 def solid_stress(law: Law, strain: Array) -> tuple[Array, Array]:
     """Stress (..., 6), Pa, and its derivative (..., 6, 6) at strains (..., 6); not finite where the
     law has no answer.
 
-    Raises InputError for a law that is not covered."""
-    if not covered(law):
-        raise InputError(f"{type(law).__name__}: not known with all six strains")
+    Raises InputError for a law that is not known."""
+    reason = law_obstacle(law)
+    if reason is not None:
+        raise InputError(f"{type(law).__name__}: {reason}")
+    if isinstance(law, Isotropic | Orthotropic):
+        stiff = _linear_stiffness(law)
+        return strain @ stiff, np.broadcast_to(stiff, (*strain.shape, 6))
+    C = _right_cauchy_green(strain)
+    if isinstance(law, NeoHookean):
+        return _neo_hookean(law, C)
     if isinstance(law, TransIsoMooneyRivlin):
-        return _fibred(law, strain)
-    assert isinstance(law, Isotropic)
-    mu = float(law.E) / (2 * (1 + float(law.nu)))
-    stiff = 2 * mu * float(law.nu) / (1 - 2 * float(law.nu)) * np.outer(ONE, ONE)
-    stiff += np.diag(mu * np.where(SHEAR, 1.0, 2.0))
-    return strain @ stiff, np.broadcast_to(stiff, (*strain.shape, 6))
+        return _mooney_rivlin(law, C)
+    assert isinstance(law, HolzapfelGasserOgden)
+    return _gasser(law, C)
 
 
 def normal_modulus(law: Law) -> float:
     """Pa, of a pull through the unstrained sheet's thickness, its sides free: 1 / the compliance.
 
-    Raises InputError for a law that is not covered."""
+    Raises InputError for a law that is not known."""
     return float(1 / np.linalg.inv(solid_stress(law, np.zeros(6))[1])[2, 2])
 
 
-def _fibred(law: TransIsoMooneyRivlin, strain: Array) -> tuple[Array, Array]:
-    """W = c1 (I1~ - 3) + F(sqrt I4~) + k/2 (ln J)^2 by C, times 2 and 4."""
+def _linear_stiffness(law: Isotropic | Orthotropic) -> Array:
+    if isinstance(law, Orthotropic):
+        return np.asarray(np.linalg.inv(_orthotropic_compliance(law)))
+    mu = float(law.E) / (2 * (1 + float(law.nu)))
+    stiff = 2 * mu * float(law.nu) / (1 - 2 * float(law.nu)) * np.outer(ONE, ONE)
+    return np.asarray(stiff + 2 * mu * SAME)
+
+
+def _orthotropic_compliance(law: Orthotropic) -> Array:
+    """(6, 6) 1/Pa against engineering shears (FEBio user manual, orthotropic elastic)."""
+    E1, E2, nu12, G12, G13, G23 = (
+        float(v) for v in (law.E1, law.E2, law.nu12, law.G12, law.G13, law.G23)
+    )
+    E3 = E2 if law.E3 is None else float(law.E3)
+    out = np.diag([1 / E1, 1 / E2, 1 / E3, 1 / G12, 1 / G23, 1 / G13])
+    contraction = (-nu12 / E1, -float(law.nu23) / E2, -float(law.nu31) / E3)
+    for (i, j), value in zip(((0, 1), (1, 2), (2, 0)), contraction, strict=True):
+        out[i, j] = out[j, i] = value
+    return out
+
+
+class _Strained:
+    """Of C (..., 3, 3): its components, its inverse's, ln J, and what they are differentiated
+    with."""
+
+    def __init__(self, C: Array) -> None:
+        inverse = np.asarray(np.linalg.inv(C), dtype=float)
+        self.c: Array = C[..., FIRST, SECOND]
+        self.ci: Array = inverse[..., FIRST, SECOND]
+        self.log = np.log(np.linalg.det(C)) / 2
+        self.both = _outer(self.ci, self.ci)
+        self.turn = _paired(inverse)
+        """(..., 6, 6) minus the derivative of the inverse by C."""
+
+
+def _right_cauchy_green(strain: Array) -> Array:
     C = np.zeros((*strain.shape[:-1], 3, 3))
     C[..., FIRST, SECOND] = C[..., SECOND, FIRST] = strain * np.where(SHEAR, 1.0, 2.0)
-    C += np.eye(3)
-    inverse = np.linalg.inv(C)
-    log = np.log(np.linalg.det(C))[..., None] / 2
-    ci, turn = inverse[..., FIRST, SECOND], _paired(inverse)
-    trace, fibre = np.trace(C, axis1=-2, axis2=-1)[..., None], C[..., 0, 0, None]
-    a = np.exp(-2 / 3 * log)
-    i4 = a * fibre
-    tension, rate = law.tension(np.sqrt(i4))
-    by4, by44 = tension / (2 * i4), (rate - 2 * tension) / (4 * i4**2)
-    d1, h1 = _isochoric(ONE, trace, a, ci, turn)
-    d4, h4 = _isochoric(FIBRE, fibre, a, ci, turn)
-    stress = law.c1 * d1 + by4 * d4 + law.k / 2 * log * ci
-    stiff = law.c1 * h1 + by4[..., None] * h4 + by44[..., None] * _outer(d4, d4)
-    stiff = stiff + law.k / 4 * _outer(ci, ci) - law.k / 2 * log[..., None] * turn
-    return 2 * stress, 4 * stiff
+    return C + np.eye(3)
+
+
+def _volumetric(x: _Strained, slope: Array, curvature: Array | float) -> tuple[Array, Array]:
+    """First and second derivative by C of U(ln J), from dU/d(ln J) and its derivative."""
+    first = slope[..., None] / 2 * x.ci
+    curved = np.asarray(curvature)[..., None, None] / 4 * x.both
+    return first, curved - slope[..., None, None] / 2 * x.turn
 
 
 def _isochoric(
-    direction: Array, value: Array, a: Array, ci: Array, turn: Array
-) -> tuple[Array, Array]:
-    """Derivatives by C of a (direction : C), a = J^(-2/3); `value` (..., 1) is direction : C."""
-    first = a * (direction - value / 3 * ci)
-    mixed = _outer(np.broadcast_to(direction, ci.shape), ci)
+    x: _Strained, degree: int, value: Array, slope: Array, curvature: Array | None = None
+) -> tuple[Array, Array, Array]:
+    """J^(-2 degree / 3) g with its first and second derivative by C, for g homogeneous of that
+    degree: its value (...,), slope (..., 6) and curvature (..., 6, 6)."""
+    m = degree / 3
+    scale = np.exp(-2 * m * x.log)
+    slope = np.asarray(np.broadcast_to(slope, x.ci.shape))
+    mixed = _outer(slope, x.ci)
     mixed = mixed + np.swapaxes(mixed, -1, -2)
-    v = value[..., None]
-    return first, a[..., None] * (-mixed / 3 + v / 9 * _outer(ci, ci) + v / 3 * turn)
+    second = value[..., None, None] * (m * m * x.both + m * x.turn) - m * mixed
+    if curvature is not None:
+        second = second + curvature
+    first = slope - m * value[..., None] * x.ci
+    return scale * value, scale[..., None] * first, scale[..., None, None] * second
+
+
+def _first(x: _Strained) -> tuple[Array, Array, Array]:
+    """I1~ and its derivatives."""
+    return _isochoric(x, 1, x.c @ ONE, ONE)
+
+
+def _second(x: _Strained) -> tuple[Array, Array, Array]:
+    """I2~ and its derivatives."""
+    trace = x.c @ ONE
+    squares = x.c**2 @ np.where(SHEAR, 2.0, 1.0)
+    slope = trace[..., None] * ONE - x.c
+    return _isochoric(x, 2, (trace**2 - squares) / 2, slope, np.outer(ONE, ONE) - SAME)
+
+
+def _along(x: _Strained, angle: float) -> tuple[Array, Array, Array]:
+    """I4~ of fibres at an angle from axis 1 in the sheet, and its derivatives."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    direction = np.array([cos * cos, sin * sin, 0, cos * sin, 0, 0])
+    return _isochoric(x, 1, x.c @ (direction * np.where(SHEAR, 2.0, 1.0)), direction)
+
+
+def _summed(terms: Iterator[tuple[Array, Array]]) -> tuple[Array, Array]:
+    """Stress and its derivative from terms' derivatives by C."""
+    first, second = (sum(t) for t in zip(*terms, strict=True))
+    return np.asarray(2 * first), np.asarray(4 * second)
+
+
+def _neo_hookean(law: NeoHookean, C: Array) -> tuple[Array, Array]:
+    """W = mu/2 (I1 - 3) - mu ln J + lambda/2 (ln J)^2."""
+    x, (lam, mu) = _Strained(C), law.lame()
+    first, second = _volumetric(x, lam * x.log - mu, lam)
+    return 2 * first + mu * ONE, 4 * second
+
+
+def _mooney_rivlin(law: TransIsoMooneyRivlin, C: Array) -> tuple[Array, Array]:
+    """W = c1 (I1~ - 3) + c2 (I2~ - 3) + F(sqrt I4~) + k/2 (ln J)^2."""
+    x = _Strained(C)
+
+    def terms() -> Iterator[tuple[Array, Array]]:
+        yield _volumetric(x, law.k * x.log, law.k)
+        _, d1, h1 = _first(x)
+        yield law.c1 * d1, law.c1 * h1
+        if np.any(law.c2):
+            _, d2, h2 = _second(x)
+            yield law.c2 * d2, law.c2 * h2
+        i4, d4, h4 = _along(x, 0.0)
+        tension, rate = law.tension(np.sqrt(i4))
+        yield _of_invariant(tension / (2 * i4), (rate - 2 * tension) / (4 * i4**2), d4, h4)
+
+    return _summed(terms())
+
+
+def _gasser(law: HolzapfelGasserOgden, C: Array) -> tuple[Array, Array]:
+    """W = c/2 (I1~ - 3) + k1 / (2 k2) sum (exp(k2 <E>^2) - 1) + k/2 ((J^2 - 1)/2 - ln J) with
+    E = kappa (I1~ - 3) + (1 - 3 kappa) (I4~ - 1)."""
+    x = _Strained(C)
+    kappa, along = law.kappa, 1 - 3 * law.kappa
+
+    def terms() -> Iterator[tuple[Array, Array]]:
+        J2 = np.exp(2 * x.log)
+        yield _volumetric(x, law.k / 2 * (J2 - 1), law.k * J2)
+        i1, d1, h1 = _first(x)
+        yield law.c / 2 * d1, law.c / 2 * h1
+        for sign in (1, -1):
+            i4, d4, h4 = _along(x, sign * float(law.gamma))
+            strain = kappa * (i1 - 3) + along * (i4 - 1)
+            taut = np.maximum(strain, 0)
+            stiff = law.k1 * np.exp(law.k2 * taut**2)
+            curvature = stiff * (1 + 2 * law.k2 * taut**2) * (strain > 0)
+            slope = kappa * d1 + along * d4
+            yield _of_invariant(stiff * taut, curvature, slope, kappa * h1 + along * h4)
+
+    return _summed(terms())
+
+
+def _of_invariant(slope: Array, curvature: Array, d: Array, h: Array) -> tuple[Array, Array]:
+    """Derivatives by C of W(I), from those of W by I and of I by C."""
+    return slope[..., None] * d, slope[..., None, None] * h + curvature[..., None, None] * _outer(
+        d, d
+    )
 
 
 def _outer(a: Array, b: Array) -> Array:

@@ -1,0 +1,350 @@
+"""A job as a solid of `q4ans` elements: what holds, loads and touches the sheet at a time.
+
+The sheet's n nodes are pairs: positions z (2n, 3) m hold those on the file's face, where forces,
+springs and ties act, then those on the other face.  Contact is FEBio's (`facets`), with its
+automatic penalty or the file's own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cosim.port import InputError
+
+from ..job import ContactPair, Job
+from ..job_model import (
+    body_poses,
+    corner_means,
+    dead_loads,
+    follower_pressure,
+    job_links,
+    job_springs,
+)
+from ..linear_algebra import Analysis, Factor, NotPositiveDefiniteError, SuperLUAnalysis, analyse
+from ..loads import pressure_forces, pressure_tangent
+from ..materials import Law
+from ..mesh_checks import check_job
+from ..mesh_geometry import node_directors
+from ..springs import NodeSprings, Springs, node_springs, spring_forces
+from .facets import Facets, Pressed, cut, pressed, triangles_met
+from .q4ans import SolidTables, crossed, solid_response, solid_tables
+from .solid_laws import law_obstacle, normal_modulus
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.intp]
+
+ON_FACE = 1e-9
+"""Of the thickness, by which a node may lie off the sheet's face."""
+
+
+def _obstacles(job: Job) -> Iterator[tuple[bool, str]]:
+    """What `q4ans` elements do not cover, and whether the job has it."""
+    for part in job.parts:
+        reason = law_obstacle(part.law)
+        yield reason is not None, f"part {part.name!r}: the law {type(part.law).__name__} {reason}"
+        yield (
+            part.in_situ_stretch != 1.0,
+            f"part {part.name!r} has fibres that are stretched in situ",
+        )
+    off = np.abs(2 * np.abs(job.height) - job.thickness) > ON_FACE * job.thickness
+    off |= job.height * job.height[0, 0] <= 0
+    yield (
+        bool(off.any()),
+        "its nodes do not all lie on one face of the sheet (leave out --mid-surface)",
+    )
+    for pair in job.contacts:
+        yield pair.friction > 0, f"contact {pair.name!r} has friction"
+    for d in job.held_directors:
+        given = [h.nodes for h in job.held if h.component == d.component]
+        loose = np.setdiff1d(d.nodes, np.concatenate([*given, *(t.nodes for t in job.tied)]))
+        yield len(loose) > 0, "directors are held at nodes that are free to move"
+
+
+def uncovered(job: Job) -> str | None:
+    """What a job has that `q4ans` elements do not cover, in words; None where they cover all."""
+    return next((words for found, words in _obstacles(job) if found), None)
+
+
+class Loads(NamedTuple):
+    """At one time: bodies' positions (nb, 3) m and rotations (nb, 3, 3), dead loads (n, 3) N,
+    pressure that follows the quads (ne,) Pa; of each contact pair the multipliers (k, 4) Pa and the
+    triangles met (k, 4), None where they are to be looked for."""
+
+    position: Array
+    rotation: Array
+    dead: Array
+    pressure: Array | None
+    multipliers: tuple[Array | float, ...]
+    met: tuple[Ints | None, ...]
+
+
+class Source(Enum):
+    """What resists."""
+
+    ELEMENT = "element"
+    CONTACT = "contact"
+    SPRING = "spring"
+    LINK = "spring between nodes"
+    PRESSURE = "pressure"
+
+
+class Term(NamedTuple):
+    """A part of the balance: forces (k, m, 3) N with which nodes (k, m) resist, and their
+    derivative (k, 3m, 3m) N/m; the body (k,) that they act on, None where there is none."""
+
+    source: Source
+    nodes: Ints
+    force: Array
+    stiffness: Array
+    body: Ints | None = None
+
+    def product(self, moved: Array) -> Array:
+        """(k, m, 3) N by which displacements (k, m, 3) m of the nodes change the forces."""
+        flat = moved.reshape(len(moved), 3 * moved.shape[1], 1)
+        return np.asarray((self.stiffness @ flat).reshape(moved.shape))
+
+
+@dataclass(frozen=True)
+class SolidPart:
+    """Elements (k,) of one law: their nodes at rest (k, 8, 3) m and tables."""
+
+    elements: Ints
+    rest: Array
+    tables: SolidTables
+    law: Law
+
+
+@dataclass(frozen=True)
+class SolidModel:
+    """n pairs of nodes: `rest` (2n, 3) m and which components are free (2n, 3)."""
+
+    job: Job
+    rest: Array
+    free: NDArray[np.bool_]
+    parts: tuple[SolidPart, ...]
+    facets: tuple[Facets, ...]
+    springs: Springs
+    links: NodeSprings
+
+    @cached_property
+    def pairs(self) -> Ints:
+        """(ne, 8) the elements' nodes."""
+        return np.concatenate([self.job.quads, self.job.quads + len(self.job.points)], axis=1)
+
+    def at(self, time: float, multipliers: tuple[Array | float, ...] | None = None) -> Loads:
+        """The loads of a time; contact without multipliers where None."""
+        dead, pressure = dead_loads(self.job, time), follower_pressure(self.job, time)
+        if multipliers is None:
+            multipliers = (0.0,) * len(self.facets)
+        met = (None,) * len(self.facets)
+        return Loads(*body_poses(self.job.bodies, time), dead, pressure, multipliers, met)
+
+    def searched(self, z: Array, loads: Loads) -> Loads:
+        """The loads with contact kept to the triangles that it meets at z."""
+        met = (
+            triangles_met(f, z, loads.position[f.body], loads.rotation[f.body]) for f in self.facets
+        )
+        return loads._replace(met=tuple(met))
+
+    def with_penalty(self, share: float) -> SolidModel:
+        """The model with so much of contact's penalties."""
+        facets = tuple(replace(f, penalty=share * f.penalty) for f in self.facets)
+        return replace(self, facets=facets)
+
+    def placed(self, z: Array, time: float) -> Array:
+        """z (2n, 3) with what is given at a time: ties to bodies and held displacements."""
+        job, n, out = self.job, len(self.job.points), z.copy()
+        for h in job.held:
+            out[h.nodes, h.component] = self.rest[h.nodes, h.component] + h.displacement.at(time)
+        for d in job.held_directors:
+            moved = out[d.nodes, d.component] - self.rest[d.nodes, d.component]
+            out[n + d.nodes, d.component] = self.rest[n + d.nodes, d.component] + moved
+        for t in job.tied:
+            body = job.bodies[t.body]
+            position, rotation = body.pose(time)
+            nodes = np.concatenate([t.nodes, n + t.nodes]) if t.clamped else t.nodes
+            out[nodes] = position + (self.rest[nodes] - body.origin) @ rotation.T
+        return out
+
+    def contacts(self, z: Array, loads: Loads) -> list[Pressed]:
+        """What each pair does."""
+        return [
+            pressed(f, z, loads.position[f.body], loads.rotation[f.body], multiplier, met)
+            for f, multiplier, met in zip(self.facets, loads.multipliers, loads.met, strict=True)
+        ]
+
+    def terms(self, z: Array, loads: Loads) -> Iterator[Term]:
+        """All parts of the balance but the dead loads, always in this order: elements by part,
+        contact by pair, springs to bodies, springs between nodes, pressure."""
+        for part in self.parts:
+            nodes = self.pairs[part.elements]
+            y = part.rest + (z - self.rest)[nodes]
+            force, stiffness = solid_response(part.tables, part.law, y)
+            yield Term(Source.ELEMENT, nodes, force.reshape(-1, 8, 3), stiffness)
+        for f, p in zip(self.facets, self.contacts(z, loads), strict=True):
+            body = np.full(len(f.quads), f.body)
+            yield Term(Source.CONTACT, f.quads, p.gradient.reshape(-1, 4, 3), p.blocks, body)
+        s = spring_forces(self.springs, z, loads.position, loads.rotation, curvature=True)
+        yield Term(Source.SPRING, s.nodes, s.gradient[:, None], s.hessian, s.body)
+        links = node_springs(self.links, z, curvature=True)
+        yield Term(Source.LINK, self.links.nodes, links.gradient, links.hessian)
+        if loads.pressure is not None:
+            x = z[self.job.quads]
+            stiffness = -pressure_tangent(x, loads.pressure).reshape(-1, 12, 12)
+            stiffness = (stiffness + np.swapaxes(stiffness, 1, 2)) / 2
+            force = -pressure_forces(x, loads.pressure)
+            yield Term(Source.PRESSURE, self.job.quads, force, stiffness)
+
+    def unbalanced(self, terms: Sequence[Term], loads: Loads) -> Array:
+        """(2n, 3) N with which the nodes resist more than the dead loads ask for: zero at free
+        components in equilibrium, reactions at given ones."""
+        out = np.zeros_like(self.rest)
+        out[: len(loads.dead)] = -loads.dead
+        for term in terms:
+            np.add.at(out, term.nodes, term.force)
+        return out
+
+    def missed(self, unbalanced: Array) -> float:
+        """N, the norm of what does not balance; infinite where a law has no answer."""
+        size = float(np.linalg.norm(unbalanced[self.free]))
+        return size if np.isfinite(size) else np.inf
+
+    def scale(self, unbalanced: Array, terms: Sequence[Term]) -> float:
+        """N, the largest of the reactions' norm and the forces on nodes by all but elements."""
+        outer = [np.abs(t.force).max(initial=0.0) for t in terms if t.source != Source.ELEMENT]
+        return float(max(self.least_force, np.linalg.norm(unbalanced[~self.free]), *outer))
+
+    @cached_property
+    def thickness(self) -> float:
+        """m, the mean."""
+        return float(self.job.thickness.mean())
+
+    @cached_property
+    def least_force(self) -> float:
+        """N below which there is no load: a millionth of modulus times squared thickness."""
+        modulus = max(normal_modulus(p.law) for p in self.parts)
+        return 1e-6 * modulus * self.thickness**2
+
+    def deepest(self, z: Array, loads: Loads) -> float:
+        """m by which contact penetrates."""
+        contacts = self.contacts(z, loads)
+        return max((float(p.depth.max(initial=0.0)) for p in contacts), default=0.0)
+
+    def pattern(self, terms: Sequence[Term]) -> Pattern:
+        """Of the tangent's free part; the same for all terms of a model."""
+        return _pattern([t.nodes for t in terms], self.free)
+
+
+def solid_model(job: Job) -> SolidModel:
+    """Raises InputError for what `check_job` finds, and naming what is not covered."""
+    check_job(job)
+    reason = uncovered(job)
+    if reason is not None:
+        raise InputError(f"{job.name}: {reason}: --element q4ans does not cover that")
+    n, quads = len(job.points), job.quads
+    directors = node_directors(job.points, quads)
+    mean = corner_means(quads, job.height, n)
+    rest = np.concatenate([job.points, job.points + 2 * mean[:, None] * directors])
+    parts = [
+        _part(job, np.flatnonzero(job.part == i), p.law, directors) for i, p in enumerate(job.parts)
+    ]
+    parts = [p for p in parts if len(p.elements)]
+    volume, modulus = np.zeros(len(quads)), np.zeros(len(quads))
+    for p in parts:
+        volume[p.elements] = p.tables.volume.sum(axis=1)
+        modulus[p.elements] = normal_modulus(p.law)
+    facets = tuple(_facets(job, pair, volume, modulus) for pair in job.contacts)
+    springs, links = job_springs(job), job_links(job)
+    return SolidModel(job, rest, _free(job), tuple(parts), facets, springs, links)
+
+
+def _part(job: Job, elements: Ints, law: Law, directors: Array) -> SolidPart:
+    quads = job.quads[elements]
+    low = job.points[quads]
+    high = low + 2 * job.height[elements, :, None] * directors[quads]
+    rest = np.concatenate([low, high], axis=1)
+    bad = elements[crossed(rest, job.height[0, 0])]
+    if len(bad):
+        raise InputError(
+            f"{job.name}: {job.element(bad[0])}: the sheet is thicker than its radius there, so "
+            f"that its faces cross ({len(bad)} such elements): --element q4ans does not cover that"
+        )
+    return SolidPart(elements, rest, solid_tables(rest, job.fibre[elements]), law)
+
+
+def _free(job: Job) -> NDArray[np.bool_]:
+    n = len(job.points)
+    free = np.ones((2 * n, 3), dtype=bool)
+    for t in job.tied:
+        free[t.nodes] = False
+        if t.clamped:
+            free[n + t.nodes] = False
+    for h in job.held:
+        free[h.nodes, h.component] = False
+    for d in job.held_directors:
+        free[n + d.nodes, d.component] = False
+    return free
+
+
+def _facets(job: Job, pair: ContactPair, volume: Array, modulus: Array) -> Facets:
+    """With FEBio's automatic penalty E A / V times the file's factor: the modulus along the normal,
+    the facet's area, the element's volume (theory manual 3.4, section 7.1.7); or the file's."""
+    X = job.points[job.quads[pair.quads]]
+    area = np.linalg.norm(np.cross(X[:, 2] - X[:, 0], X[:, 3] - X[:, 1]), axis=1) / 2
+    penalty = np.full(len(pair.quads), pair.penalty)
+    if pair.automatic:
+        penalty *= modulus[pair.quads] * area / volume[pair.quads]
+    other = pair.side * job.height[pair.quads, 0] > 0
+    quads = job.quads[pair.quads] + len(job.points) * other[:, None]
+    triangles = job.bodies[pair.body].vertices[pair.triangles]
+    near = cut(triangles, float(np.sqrt(np.median(area))))
+    return Facets(quads, pair.side, penalty, pair.body, near, pair.gap)
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """Where the entries of all terms go among the matrix's data."""
+
+    kept: NDArray[np.bool_]
+    place: Ints
+    slots: sp.csc_array
+
+    @cached_property
+    def analysis(self) -> Analysis:
+        return analyse(self.slots)
+
+    def data(self, terms: Sequence[Term]) -> Array:
+        """The matrix's entries."""
+        values = np.concatenate([t.stiffness.ravel() for t in terms])[self.kept]
+        return np.bincount(self.place, values, self.slots.nnz).astype(float)
+
+    def factorised(self, terms: Sequence[Term]) -> Factor:
+        """The tangent, which may be indefinite.  Raises ConvergenceError where it is singular."""
+        data = self.data(terms)
+        try:
+            return self.analysis.factor(data)
+        except NotPositiveDefiniteError:
+            return SuperLUAnalysis(self.slots).factor(data)
+
+
+def _pattern(groups: Sequence[Ints], free: NDArray[np.bool_]) -> Pattern:
+    """Of blocks that join the nodes of each row of the groups (k, m)."""
+    number = np.where(free.ravel(), np.cumsum(free) - 1, -1)
+    dofs = [
+        number[3 * g[:, :, None] + np.arange(3)].reshape(len(g), 3 * g.shape[1]) for g in groups
+    ]
+    rows = np.concatenate([np.repeat(d, d.shape[1], axis=1).ravel() for d in dofs])
+    columns = np.concatenate([np.tile(d, (1, d.shape[1])).ravel() for d in dofs])
+    kept, size = (rows >= 0) & (columns >= 0), int(free.sum())
+    at, place = np.unique(columns[kept] * size + rows[kept], return_inverse=True)
+    begins = np.searchsorted(at, np.arange(size + 1) * size)
+    data = 1.0 + np.arange(len(at))
+    return Pattern(kept, place, sp.csc_array((data, at % size, begins), shape=(size, size)))

@@ -1,0 +1,277 @@
+"""Solving a job with `q4ans` elements: steps in time that grow and shrink by themselves.
+
+A step is predicted by one back-substitution for what moves and for what the loads change, solved by
+whole Newton steps, and halved where Newton fails.  A sheet that bends far is nearly inextensible:
+no search for less residual follows that valley, whole steps leave it and come back.  Their first
+are kept short, so that springs become taut and contact closes before the sheet has swung past them.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from cosim.port import ConvergenceError, InputError
+from cosim.processes import one_blas_thread
+
+from ..assembly import cross
+from ..job import Job
+from ..job_model import JobOptions
+from ..job_solve import (
+    SAME_TIME,
+    Effort,
+    JobResult,
+    JobState,
+    effort_since,
+    wanted_times,
+)
+from ..linear_algebra import Factor, mechanism
+from .like import bending_notes
+from .solid_model import Loads, SolidModel, Term, solid_model
+from .solid_state import Equilibrium, solid_state
+
+Array = NDArray[np.float64]
+
+TOLERANCE = 1e-7
+"""Residual over the largest force at a spring, in contact or of all reactions."""
+MOST_ITERATIONS = 40
+FIRST_STEP = 0.1
+"""Of the thickness: no node moves further in the first iteration, nor more than twice as far in
+the next as in the last."""
+SEARCHED = (1e-6, 1e-2)
+"""Residuals over forces between which a step must lower the residual: there only contact that
+opens and closes keeps Newton from the end."""
+PATIENCE = 12
+"""Iterations after which every step must."""
+HALVINGS = 5
+SOFTER = (0.01, 0.1)
+"""Of contact's penalty, one after the other, where the first step from rest fails."""
+TURN = 0.25
+"""rad that a body turns at most in one step in time."""
+QUICK = 20
+"""Iterations up to which the next step is twice as long."""
+SEARCHES = 10
+"""Iterations after which contact keeps to the triangles that it has met, as FEBio's seg_up asks: a
+point that slides over a bone's sharp edge would come and go for ever."""
+MOST_AUGMENTATIONS = 30
+
+
+@one_blas_thread()
+def solve_solid(
+    job: Job,
+    until: float | None = None,
+    options: JobOptions | None = None,
+    times: Sequence[float] | None = None,
+) -> JobResult:
+    """Static equilibria of a job with `q4ans` elements at `times`, or else at the ends of its
+    steps, up to `until`.  Of the options it follows `penetration` (None is FEBio's penalty alone)
+    and `shortest`.
+
+    Raises InputError for a job that these elements do not cover, for times that do not ascend from
+    above 0 and for a sheet that could move without resistance, and ConvergenceError naming the
+    time and the place."""
+    options = options or JobOptions(penetration=None)
+    began = clock.process_time()
+    wanted = wanted_times(job, until, times)
+    stepper = _Stepper(solid_model(job), options)
+    setup = clock.process_time() - began
+    began = clock.process_time()
+    states = tuple(stepper.reach(time) for time in wanted)
+    effort = replace(stepper.effort, cpu_s=clock.process_time() - began)
+    notes = tuple(n for n in job.notes if n not in bending_notes(job))
+    return JobResult(replace(job, notes=notes), states, setup, effort)
+
+
+@dataclass
+class _Stepper:
+    """The last equilibrium and how to get to the next."""
+
+    model: SolidModel
+    options: JobOptions
+
+    def __post_init__(self) -> None:
+        loads = self.model.at(0.0)
+        terms = tuple(self.model.terms(self.model.rest, loads))
+        self.pattern = self.model.pattern(terms)
+        self.last = Equilibrium(0.0, self.model.rest, loads, terms, 0.0)
+        self.effort, self.stride = Effort(), np.inf
+
+    def reach(self, time: float) -> JobState:
+        """Steps up to a time, at which contact does not penetrate too deep."""
+        began, before = clock.process_time(), self.effort
+        span = time - self.last.time
+        while self.last.time < time - SAME_TIME * span:
+            self._go(time, span)
+        self._augment()
+        cpu = clock.process_time() - began
+        self._require_held()
+        return solid_state(self.model, self.last, effort_since(self.effort, before, cpu))
+
+    def _go(self, time: float, span: float) -> None:
+        """One step towards `time`, or a shorter stride after it has failed."""
+        step = min(self.stride, time - self.last.time, self._longest(time))
+        there = self.last.time + step
+        there = time if there > time - SAME_TIME * span else there
+        before = self.effort.iterations
+        try:
+            self.last = self._step(there)
+        except ConvergenceError as error:
+            self.effort = replace(self.effort, failures=self.effort.failures + 1)
+            self.stride = step / 2
+            if self.stride < self.options.shortest * span:
+                raise self._stopped(there, error) from error
+            return
+        self.effort = replace(self.effort, steps=self.effort.steps + 1)
+        if self.effort.iterations - before <= QUICK:
+            self.stride = 2 * step
+
+    def _step(self, time: float) -> Equilibrium:
+        """The equilibrium of a time; from rest, where nothing tells which points will touch, by
+        softer contact if not at once.  Raises ConvergenceError."""
+        z, loads = self._predicted(time)
+        try:
+            return self._equilibrium(self.model, z, loads, time)
+        except ConvergenceError:
+            if self.effort.steps or not self.model.facets:
+                raise
+        for share in SOFTER:
+            z = self._equilibrium(self.model.with_penalty(share), z, loads, time).z
+        return self._equilibrium(self.model, z, loads, time)
+
+    def _stopped(self, time: float, error: ConvergenceError) -> ConvergenceError:
+        e = self.effort
+        return ConvergenceError(
+            f"{self.model.job.name}: no equilibrium of q4ans elements was found at t = {time:.6g}, "
+            f"after {e.steps} steps up to t = {self.last.time:.6g} and {e.failures} that failed. "
+            f"{error}. Nearest to it is our own shell: leave out --element q4ans"
+        )
+
+    def _longest(self, time: float) -> float:
+        """The stride at which no body turns by more than TURN."""
+        before, after = self.last.loads.rotation, self.model.at(time).rotation
+        angle = np.linalg.norm(_turns(before, after), axis=1).max(initial=0.0)
+        return (time - self.last.time) / max(1, int(np.ceil(angle / TURN)))
+
+    def _factorised(self, terms: Sequence[Term]) -> Factor:
+        self.effort = replace(self.effort, solves=self.effort.solves + 1)
+        return self.pattern.factorised(terms)
+
+    def _predicted(self, time: float) -> tuple[Array, Loads]:
+        """First-order prediction of the equilibrium at a time, and its loads.
+
+        A body that moves by w leaves the forces on it as they would be if the nodes moved by -w and
+        all turned with it.  From rest, where no spring is taut yet, loads are left to Newton."""
+        m, last = self.model, self.last
+        new = m.at(time, last.loads.multipliers)
+        given = m.placed(last.z, time) - last.z
+        right = np.zeros_like(last.z)
+        if self.effort.steps:
+            right[: len(new.dead)] = last.loads.dead - new.dead
+        turn = _turns(last.loads.rotation, new.rotation)
+        shift = new.position - last.loads.position
+        for t in last.terms:
+            moved = given[t.nodes]
+            if t.body is not None and len(t.body):
+                arm = last.z[t.nodes] - last.loads.position[t.body][:, None]
+                spin = np.broadcast_to(turn[t.body][:, None], arm.shape)
+                moved = moved - shift[t.body][:, None] - cross(spin, arm)
+                np.add.at(right, t.nodes, cross(spin, t.force))
+            np.add.at(right, t.nodes, t.product(moved))
+        if not right[m.free].any():
+            return last.z + given, new
+        step = np.zeros_like(last.z)
+        step[m.free] = -self._factorised(last.terms).solve(right[m.free])
+        return m.placed(last.z + given + step, time), new
+
+    def _equilibrium(self, m: SolidModel, z: Array, loads: Loads, time: float) -> Equilibrium:
+        """By Newton.  Raises ConvergenceError."""
+        with np.errstate(all="ignore"):
+            terms = tuple(m.terms(z, loads))
+            for iteration in range(MOST_ITERATIONS):
+                force = m.unbalanced(terms, loads)
+                missed, scale = m.missed(force), m.scale(force, terms)
+                if missed <= TOLERANCE * scale:
+                    return Equilibrium(time, z, loads, terms, missed)
+                if not np.isfinite(missed):
+                    break
+                if iteration == SEARCHES:
+                    loads = m.searched(z, loads)
+                step = np.zeros_like(z)
+                step[m.free] = -self._factorised(terms).solve(force[m.free])
+                longest = FIRST_STEP * 2.0**iteration * m.thickness
+                share = min(1.0, longest / float(np.abs(step).max()))
+                limits = (SEARCHED[0] * scale, SEARCHED[1] * scale)
+                searched = limits[0] < missed < limits[1] or iteration >= PATIENCE
+                z, terms = _moved(m, z, share * step, loads, missed if searched else np.inf)
+                self.effort = replace(self.effort, iterations=self.effort.iterations + 1)
+        raise ConvergenceError(self._words(z, force, missed, scale))
+
+    def _words(self, z: Array, force: Array, missed: float, scale: float) -> str:
+        if not np.isfinite(missed):
+            return "An element is turned inside out, or its law has no answer"
+        size = np.linalg.norm(np.where(self.model.free, force, 0.0), axis=1)
+        worst = int(size.argmax())
+        job = self.model.job
+        place = ", ".join(f"{1e3 * v:.2f}" for v in z[worst])
+        return (
+            f"After {MOST_ITERATIONS} iterations {missed:.2e} N do not balance, against forces of "
+            f"{scale:.2e} N, most at {job.node(worst % len(job.points))} at ({place}) mm"
+        )
+
+    def _deepest(self) -> float:
+        return self.model.deepest(self.last.z, self.last.loads)
+
+    def _augment(self) -> None:
+        """Raise contact's multipliers until it penetrates no deeper than wanted."""
+        limit = self.options.penetration
+        if limit is None:
+            return
+        for _ in range(MOST_AUGMENTATIONS):
+            if self._deepest() <= limit:
+                return
+            z, loads = self.last.z, self.last.loads
+            pressure = tuple(p.pressure for p in self.model.contacts(z, loads))
+            loads = loads._replace(multipliers=pressure)
+            self.last = self._equilibrium(self.model, z, loads, self.last.time)
+        raise ConvergenceError(
+            f"{self.model.job.name}: at t = {self.last.time:.6g} contact penetrates by "
+            f"{1e6 * self._deepest():.3g} um after {MOST_AUGMENTATIONS} augmentations; "
+            "allow more, or take FEBio's penalty alone: --penetration none"
+        )
+
+    def _require_held(self) -> None:
+        """Raises InputError where the sheet can move without resistance."""
+        if mechanism(self.pattern.data(self.last.terms), self.pattern.slots):
+            raise InputError(
+                f"{self.model.job.name}: at t = {self.last.time:.6g} the sheet can move, and "
+                "nothing resists it: the answer would be one of many. Tie it to a body, hold more "
+                "of its displacements, or give it springs that are taut"
+            )
+
+
+def _turns(before: Array, after: Array) -> Array:
+    """(nb, 3) rotation vectors, rad, between rotations (nb, 3, 3)."""
+    if not len(before):
+        return np.zeros((0, 3))
+    return Rotation.from_matrix(after @ np.swapaxes(before, 1, 2)).as_rotvec()
+
+
+def _moved(
+    model: SolidModel, z: Array, step: Array, loads: Loads, limit: float
+) -> tuple[Array, tuple[Term, ...]]:
+    """After a step, or the first of ever shorter ones whose residual is below the limit (N), or the
+    best of them."""
+    tried: list[tuple[float, Array, tuple[Term, ...]]] = []
+    for halving in range(HALVINGS):
+        there = z + step / 2**halving
+        terms = tuple(model.terms(there, loads))
+        missed = model.missed(model.unbalanced(terms, loads))
+        tried.append((missed, there, terms))
+        if missed < limit or limit == np.inf:
+            break
+    return min(tried, key=lambda t: t[0])[1:]

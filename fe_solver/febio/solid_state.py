@@ -1,0 +1,136 @@
+"""What an equilibrium of `q4ans` elements holds, as a state of a job."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..assembly import cross
+from ..fields import Fields
+from ..job_solve import Effort, JobState, by_spring_set
+from ..mesh_geometry import node_areas
+from ..model import Configuration
+from ..springs import node_spring_state, spring_state
+from .q4ans import solid_strain
+from .solid_laws import solid_stress
+from .solid_model import Loads, SolidModel, Source, Term
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.intp]
+
+GROUND = "ground"
+"""The body that bears the reactions of held displacements."""
+PLANE = [0, 1, 3]
+"""E11, E22 and 2 E12 among the six strains."""
+
+
+class Equilibrium(NamedTuple):
+    """A solved time: positions z (2n, 3) m, and the residual, N."""
+
+    time: float
+    z: Array
+    loads: Loads
+    terms: tuple[Term, ...]
+    residual: float
+
+
+def solid_state(model: SolidModel, found: Equilibrium, effort: Effort) -> JobState:
+    """An equilibrium's fields, forces and balance."""
+    job, (z, loads) = model.job, (found.z, found.loads)
+    n = len(job.points)
+    wrench = _wrenches(model, found)
+    applied = _applied(model, found)
+    position = np.concatenate([loads.position, np.zeros((1, 3))])
+    total = np.asarray(sum(wrench.values()))
+    force = total[:, :3].sum(axis=0) - applied[:3]
+    moment = (total[:, 3:] + cross(position, total[:, :3])).sum(axis=0) - applied[3:]
+    director = (z[n:] - z[:n]) * np.sign(job.height[0, 0])
+    director /= np.linalg.norm(director, axis=1, keepdims=True)
+    rotation = np.concatenate([loads.rotation, np.eye(3)[None]])
+    to_bodies = spring_state(model.springs, z, loads.position, loads.rotation).force
+    between = node_spring_state(model.links, z).force
+    return JobState(
+        found.time,
+        Configuration(z[:n], director, position, rotation),
+        (*(b.name for b in job.bodies), GROUND),
+        by_spring_set(job, (model.springs, to_bodies), (model.links, between)),
+        wrench,
+        applied,
+        max(model.deepest(z, loads), 0.0),
+        found.residual,
+        (float(np.linalg.norm(force)), float(np.linalg.norm(moment))),
+        effort,
+        _fields(model, z),
+        _contact_pressure(model, found),
+    )
+
+
+def _about(arm: Array, force: Array) -> Array:
+    """(6,) N and N m of forces (k, 3) at arms (k, 3)."""
+    return np.concatenate([force.sum(axis=0), cross(arm, force).sum(axis=0)])
+
+
+def _wrenches(model: SolidModel, found: Equilibrium) -> dict[str, Array]:
+    """(nb + 1, 6) N and N m of the sheet on the bodies, about their origins, by source."""
+    job, z, position = model.job, found.z, found.loads.position
+    count = len(job.bodies) + 1
+    out = {"contact": np.zeros((count, 6))}
+    for term in found.terms:
+        if term.body is None:
+            continue
+        group = np.full(len(term.nodes), -1)
+        if term.source == Source.SPRING:
+            group = model.springs.group
+        for i, body in {*zip(group.tolist(), term.body.tolist(), strict=True)}:
+            own = (group == i) & (term.body == body)
+            arm = (z[term.nodes[own]] - position[body]).reshape(-1, 3)
+            wrench = out.setdefault(f"spring {i}" if i >= 0 else "contact", np.zeros((count, 6)))
+            wrench[body] += _about(arm, term.force[own].reshape(-1, 3))
+    resisted = model.unbalanced(found.terms, found.loads)
+    tie, guide, left = np.zeros((count, 6)), np.zeros((count, 6)), ~model.free
+    n = len(job.points)
+    for t in job.tied:
+        nodes = np.concatenate([t.nodes, n + t.nodes]) if t.clamped else t.nodes
+        tie[t.body] -= _about(z[nodes] - position[t.body], resisted[nodes])
+        left[nodes] = False
+    guide[-1] = -_about(z, np.where(left, resisted, 0.0))
+    return {**out, "tie": tie, "guide": guide}
+
+
+def _applied(model: SolidModel, found: Equilibrium) -> Array:
+    """(6,) N and N m of the loads about the world's origin."""
+    x = found.z[: len(found.loads.dead)]
+    out = _about(x, found.loads.dead)
+    if found.loads.pressure is not None:
+        (term,) = (t for t in found.terms if t.source == Source.PRESSURE)
+        out -= _about(found.z[term.nodes].reshape(-1, 3), term.force.reshape(-1, 3))
+    return out
+
+
+def _fields(model: SolidModel, z: Array) -> Fields:
+    """Means over each element; its faces' strains by what the Gauss points on either side of the
+    middle say."""
+    count = len(model.job.quads)
+    strain, stress, faces = np.zeros((count, 3)), np.zeros((count, 3)), np.zeros((count, 2))
+    for part in model.parts:
+        e = part.elements
+        points = solid_strain(part.tables, part.rest + (z - model.rest)[model.pairs[e]])
+        weight = part.tables.volume / part.tables.volume.sum(axis=1, keepdims=True)
+        strain[e] = np.einsum("ng,ngc->nc", weight, points[..., PLANE])
+        stress[e] = np.einsum("ng,ngc->nc", weight, solid_stress(part.law, points)[0][..., PLANE])
+        low, high = (points[:, i::2, 0].mean(axis=1) for i in (0, 1))
+        bend = np.sqrt(3) * (high - low) / 2 * np.sign(model.job.height[0, 0])
+        faces[e] = np.stack([strain[e, 0] - bend, strain[e, 0] + bend], axis=1)
+    return Fields(strain, stress, faces, np.full(count, -1, dtype=np.int8))
+
+
+def _contact_pressure(model: SolidModel, found: Equilibrium) -> Array:
+    """(n,) N/m2 on each pair of nodes, over its area."""
+    n = len(model.job.points)
+    force = np.zeros((2 * n, 3))
+    for f, p in zip(model.facets, model.contacts(found.z, found.loads), strict=True):
+        np.add.at(force, f.quads, p.gradient.reshape(-1, 4, 3))
+    size = np.linalg.norm(force[:n] + force[n:], axis=1)
+    return np.asarray(size / node_areas(model.job.points, model.job.quads))
