@@ -152,9 +152,8 @@ def test_what_a_job_cannot_say_of_a_hood_is_refused():
     hood, bones = rod_hood()
     with pytest.raises(InputError, match="surface is not given"):
         job_of_hood(hood, hood.rest, np.array([1.0]), {})
-    model = replace(
-        hood.model, tables=replace(hood.model.tables, weight=1.1 * hood.model.tables.weight)
-    )
+    longer = np.tile([0.1, 0.0], (len(hood.model.quads), 1))
+    model = replace(hood.model, tables=replace(hood.model.tables, growth=longer))
     with pytest.raises(InputError, match="extra length"):
         job_of_hood(replace(hood, model=model), hood.rest, np.array([1.0]), bones)
     (patch,) = hood.model.section.patches
