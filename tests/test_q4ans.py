@@ -11,10 +11,16 @@ from scipy.spatial.transform import Rotation
 from shells import mapped
 
 from cosim.port import InputError
+from fe_solver.crossed_fibres import CrossedFibres, CrossedLinear
 from fe_solver.febio.facets import Facets, cut, pressed, triangles_met
 from fe_solver.febio.q4ans import SolidTables, solid_response, solid_strain, solid_tables
-from fe_solver.febio.solid_laws import normal_modulus, solid_stress
-from fe_solver.fibre_materials import HolzapfelGasserOgden, TransIsoMooneyRivlin
+from fe_solver.febio.solid_laws import in_situ_strain, normal_modulus, solid_stress
+from fe_solver.fibre_materials import (
+    DispersedFamily,
+    ExponentialFamily,
+    HolzapfelGasserOgden,
+    TransIsoMooneyRivlin,
+)
 from fe_solver.hyperelastic import NeoHookean
 from fe_solver.materials import Isotropic, Orthotropic
 from fe_solver.mesh_geometry import node_directors
@@ -155,6 +161,9 @@ def test_a_cantilever_is_too_stiff_by_thickness_locking():
     assert tip(0.4) == pytest.approx(1 / 1.8, rel=5e-3)
 
 
+SECOND = ExponentialFamily(MPA, 40.0, 500 * MPA, 1.02)
+CROSSED = CrossedFibres(febio_law(200), SECOND, 0.7)
+NET = HolzapfelGasserOgden(7 * MPA, 100 * MPA, 20, 0.1, 0.0, 900 * MPA)
 LAWS = {
     "isotropic": RUBBER,
     "orthotropic": Orthotropic(4 * E, 2 * E, 0.3, E / 2, E / 3, E / 4, 1.5 * E, 0.2, 0.1),
@@ -164,6 +173,8 @@ LAWS = {
     "Mooney-Rivlin": TransIsoMooneyRivlin(2 * MPA, MPA, 0, 1, 0, 2, 500 * MPA),
     "dispersed": HolzapfelGasserOgden(7 * MPA, 100 * MPA, 20, 0.1, 0.6, 900 * MPA),
     "aligned": HolzapfelGasserOgden(7 * MPA, 100 * MPA, 20, 0, 0, 900 * MPA),
+    "crossed": CROSSED,
+    "crossed, dispersed": CrossedFibres(NET, DispersedFamily(50 * MPA, 30, 0.05), -0.7),
 }
 
 
@@ -188,11 +199,51 @@ def test_without_normal_stress_a_solid_is_a_sheet(law):
     assert stress[[0, 1, 3]] == pytest.approx(sheet, rel=1e-9, abs=1e-9 * np.abs(sheet).max())
 
 
-@pytest.mark.parametrize("law", [RUBBER, febio_law(200), febio_law(5000)])
-def test_the_tangent_is_that_of_the_forces(law):
+def test_a_second_family_is_the_first_one_turned():
+    """A law of two like families answers to a strain mirrored about their bisector alike."""
+    base = febio_law(200)
+    like = ExponentialFamily(base.c3, base.c4, base.c5, base.lam_max)
+    half = 0.35
+    law = CrossedFibres(base, like, 2 * half)
+    axis = np.array([np.cos(half), np.sin(half), 0])
+    mirror = 2 * np.outer(axis, axis) - np.diag([1.0, 1, -1])
+    e = RNG.normal(scale=0.02, size=(3, 3))
+    e = e + e.T + np.diag([0.03, 0.03, 0])
+
+    def stress(e):
+        six = np.array([e[0, 0], e[1, 1], e[2, 2], 2 * e[0, 1], 2 * e[1, 2], 2 * e[0, 2]])
+        s, _ = solid_stress(law, six)
+        return np.array([[s[0], s[3], s[5]], [s[3], s[1], s[4]], [s[5], s[4], s[2]]])
+
+    assert stress(mirror @ e @ mirror) == pytest.approx(mirror @ stress(e) @ mirror, rel=1e-9)
+    assert np.abs(stress(e) - mirror @ stress(e) @ mirror).max() > 0.1 * MPA
+
+
+def test_a_stretch_in_situ_strains_as_its_gradient_does():
+    """C_e = F_p C F_p with F_p = diag(s, s^-1/2, s^-1/2) in the fibre's axes, at every point."""
+    z, pairs = patch(False)
+    s, fibres = 1.05, np.tile(ALONG, (len(pairs), 1))
+    F = np.eye(3) + 0.02 * np.array([[1.0, 2, 1], [-1, -0.5, 2], [0.3, 0.4, -0.6]])
+    y = (z @ F.T)[pairs]
+    plain = solid_strain(solid_tables(z[pairs], fibres), y)[0, 0]
+    e11, e22, e33, e12, e23, e13 = plain * [1, 1, 1, 0.5, 0.5, 0.5]
+    C = np.eye(3) + 2 * np.array([[e11, e12, e13], [e12, e22, e23], [e13, e23, e33]])
+    grown = np.diag([s, s**-0.5, s**-0.5])
+    e = (grown @ C @ grown - np.eye(3)) / 2
+    exact = [e[0, 0], e[1, 1], e[2, 2], 2 * e[0, 1], 2 * e[1, 2], 2 * e[0, 2]]
+    found = solid_strain(solid_tables(z[pairs], fibres, s), y)
+    assert np.abs(found - exact).max() < 1e-12
+    factors, initial = in_situ_strain(s)
+    assert factors[:3].prod() == pytest.approx(1.0)
+    assert found[0, 0] == pytest.approx(factors * plain + initial, abs=1e-12)
+
+
+@pytest.mark.parametrize("stretch", [0.97, 1.0, 1.04])
+@pytest.mark.parametrize("law", [RUBBER, febio_law(200), febio_law(5000), CROSSED])
+def test_the_tangent_is_that_of_the_forces(law, stretch):
     z, pairs = patch(True)
     y = (z * [1.04, 1.01, 0.98])[pairs] + RNG.normal(size=(len(pairs), 8, 3)) * 2e-6
-    tables = tables_of(z, pairs)
+    tables = solid_tables(z[pairs], np.tile(ALONG, (len(pairs), 1)), stretch)
     _, K = solid_response(tables, law, y)
     assert np.abs(K - np.swapaxes(K, 1, 2)).max() < 1e-12 * np.abs(K).max()
     way = RNG.normal(size=y.shape)
@@ -222,6 +273,16 @@ def test_the_modulus_through_the_thickness():
         solid_stress(febio_law(np.inf), np.zeros(6))
     with pytest.raises(InputError, match="TensionField: is not known"):
         solid_stress(TensionField(RUBBER), np.zeros(6))
+    with pytest.raises(InputError, match="CrossedLinear: is not known"):
+        solid_stress(CrossedLinear(RUBBER, E, 0.4), np.zeros(6))
+    with pytest.raises(InputError, match="CrossedFibres: is incompressible"):
+        solid_stress(replace(CROSSED, base=febio_law(np.inf)), np.zeros(6))
+    several = np.array([[[0.1]], [[0.2]]])
+    for law in (replace(CROSSED, angle=several), replace(febio_law(200), c3=MPA * several)):
+        with pytest.raises(InputError, match=f"{type(law).__name__}: varies within the part"):
+            solid_stress(law, np.zeros(6))
+    linear = Isotropic(E, 0.0)  # S33 = p33 E (p33 E33 + E0), p33 = 1 / s
+    assert normal_modulus(linear, 1.25) == pytest.approx(E / 1.25**2)
 
 
 FLAT = np.array([[[-9, -9, 0], [40, -9, 0], [40, 20, 0]], [[-9, -9, 0], [40, 20, 0], [-9, 20, 0]]])

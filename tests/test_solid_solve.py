@@ -14,6 +14,7 @@ import pytest
 from jobs import COARSE, LENGTH, RAMP, THICK, WIDTH, E, at, body, floored, run, sprung, strip
 
 from cosim.port import ConvergenceError, InputError
+from fe_solver.crossed_fibres import CrossedFibres
 from fe_solver.curves import Drive
 from fe_solver.febio.compare import Element, Row, quantities, rows
 from fe_solver.febio.figures import PUBLISHED
@@ -21,16 +22,20 @@ from fe_solver.febio.read import read_feb
 from fe_solver.febio.solid_model import solid_model
 from fe_solver.febio.solid_solve import solve_solid
 from fe_solver.febio.write import write_feb
+from fe_solver.fibre_materials import ExponentialFamily
 from fe_solver.job import Held, HeldDirector, NodalForce, Part, Pressure, SpringLaw, SpringSet, Tied
 from fe_solver.job_model import JobOptions
 from fe_solver.job_results import write_job
 from fe_solver.job_solve import solve_job
 from fe_solver.materials import Isotropic, Orthotropic
 from fe_solver.mesh_geometry import node_areas
-from fe_solver.verification.febio_rows import MPA, febio_law
+from fe_solver.verification.febio_rows import FEBIO_STRESS, MPA, febio_law
 
 RUBBER = Isotropic(E, 0.4)
 PENALTY = replace(COARSE, penetration=None)
+TENDON = febio_law(200)
+LIKE = ExponentialFamily(TENDON.c3, TENDON.c4, TENDON.c5, TENDON.lam_max)
+CROSSED = CrossedFibres(TENDON, LIKE, 0.7)
 
 
 def low(**more):
@@ -53,6 +58,10 @@ def loaded(nodes, force, **more):
 
 def last(job):
     return solve_solid(job).states[-1]
+
+
+def solved_by_shell(job):
+    return solve_job(job, options=PENALTY).states[-1]
 
 
 def by_both(job, nodes, force) -> float:
@@ -233,6 +242,53 @@ def test_the_faces_strain_by_bending_as_a_plates_do():
     assert state.fields.stress == pytest.approx(shell.fields.stress, abs=2e-2 * MPA)
 
 
+def gripped(job, slide: float = 0.0):
+    """Ends that slide across alone, one of them pulled by `slide` (m); a flat lower face."""
+    start, side = at(job, 0.0), np.flatnonzero(job.points[:, 1] == 0)
+    pulled = Held(end(job), 0, Drive(slide, RAMP))
+    across = (Held(side, 1), Held(np.arange(len(job.points)), 2))
+    directors = ((start, 0), (end(job), 0), (side, 1))
+    return replace(
+        job,
+        tied=(),
+        held=(Held(start, 0), pulled, *across),
+        held_directors=tuple(HeldDirector(*d) for d in directors),
+    )
+
+
+@pytest.mark.parametrize("k", FEBIO_STRESS)
+def test_a_strip_stretched_in_situ_bears_the_stress_of_its_stretch(k):
+    """Held at its length, FEBio's Cauchy stress at the stretch on J times the section as laid out;
+    the fields are those of our shell."""
+    s = 1.03
+    cauchy, volume, lateral = FEBIO_STRESS[k][s]
+    job = gripped(low(parts=(Part("skin", febio_law(k), s),)))
+    found, across = last(job), (1 + lateral) * s**0.5
+    assert np.ptp(found.configuration.x[:, 1]) == pytest.approx(across * WIDTH, rel=1e-7)
+    model = solid_model(job)
+    loads = model.at(1.0)
+    z = model.rest * [1, across, across]
+    force = model.unbalanced(tuple(model.terms(z, loads)), loads)
+    grip = np.isclose(model.rest[:, 0], LENGTH)
+    section = volume * WIDTH * THICK
+    rounding = 4e-8 * k * MPA * section  # the figures have eight decimals
+    assert force[grip, 0].sum() == pytest.approx(cauchy * MPA * section, abs=rounding)
+    assert np.abs(force[model.free]).max() < rounding * LENGTH / THICK
+    shell = solved_by_shell(job)
+    assert found.fields.strain == pytest.approx(shell.fields.strain, abs=1e-7)
+    assert found.fields.stress == pytest.approx(shell.fields.stress, abs=1e-5 * cauchy * MPA)
+
+
+@pytest.mark.parametrize(("stretch", "tolerance"), [(1.0, 1e-5), (1.02, 5e-3)])
+def test_two_fibre_families_are_pulled_as_those_of_our_shell(stretch, tolerance):
+    """At equal angles to the pull; with one of them stretched in situ the strip shears, and the
+    elements differ near its grips."""
+    job = gripped(low(parts=(Part("skin", CROSSED, stretch),)), 0.05 * LENGTH)
+    job = replace(job, fibre=np.tile([np.cos(0.35), -np.sin(0.35), 0], (len(job.quads), 1)))
+    found, shell = (s.fields.stress.mean(axis=0) for s in (last(job), solved_by_shell(job)))
+    assert found == pytest.approx(shell, abs=tolerance * np.abs(shell).max())
+
+
 def valley(job) -> np.ndarray:
     """A strip bent to a radius less than its thickness, on the side to which that grows."""
     x, y, _ = job.points.T
@@ -249,6 +305,10 @@ def loose_director(job):
     [
         (lambda j: {"height": 0 * j.height}, "leave out --mid-surface"),
         (lambda j: {"parts": (Part("skin", febio_law(np.inf)),)}, "'skin'.*incompressible"),
+        (
+            lambda j: {"parts": (Part("skin", replace(CROSSED, angle=np.array([0.1, 0.2]))),)},
+            "'skin'.*CrossedFibres varies within the part",
+        ),
         (loose_director, "free to move"),
         (lambda j: {"points": valley(j)}, r"element \d+ .*faces cross \(24 such elements\)"),
     ],

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from ..assumed_strain import CORNERS, GAUSS, shape
 from ..materials import Law
-from .solid_laws import FIRST, PAIRS, SECOND, SHEAR, solid_stress
+from .solid_laws import FIRST, PAIRS, SECOND, SHEAR, in_situ_strain, solid_stress
 
 Array = NDArray[np.float64]
 
@@ -75,8 +75,8 @@ _FLAT = FORMS.reshape(-1, 8)
 
 @dataclass(frozen=True)
 class SolidTables:
-    """Constants of a mesh: the forms' values at rest (ne, 48, 1), the local Cartesian strains from
-    the natural ones (ne, 8, 6, 6), the points' volumes (ne, 8) m3."""
+    """Constants of a mesh: the forms' values without stress (ne, 48, 1), the local Cartesian
+    strains from the natural ones (ne, 8, 6, 6), the points' volumes (ne, 8) m3."""
 
     rest: Array
     local: Array
@@ -96,9 +96,13 @@ def crossed(Y: Array, side: float) -> NDArray[np.bool_]:
     return np.asarray((np.linalg.det(_bases(Y)) * side <= 0).any(axis=1))
 
 
-def solid_tables(Y: Array, fibre: Array) -> SolidTables:
+def solid_tables(Y: Array, fibre: Array, stretch: float = 1.0) -> SolidTables:
     """Tables for elements with nodes Y (ne, 8, 3) m; local axis 1 is `fibre` (ne, 3) brought into
-    the sheet's plane, axis 3 its normal."""
+    the sheet's plane, axis 3 its normal.
+
+    Fibres are stretched in situ by `stretch`, with the volume kept (FEBio's `uncoupled prestrain
+    elastic`): strains, and with them forces and tangents, are those from the stress-free sheet,
+    E_e = p (E of Y) + E0 (`in_situ_strain`)."""
     G = _bases(Y)
     volume = np.linalg.det(G)
     normal = np.cross(G[..., 0, :], G[..., 1, :])
@@ -106,8 +110,11 @@ def solid_tables(Y: Array, fibre: Array) -> SolidTables:
     along = fibre[:, None] - np.einsum("nk,ngk->ng", fibre, normal)[..., None] * normal
     along /= np.linalg.norm(along, axis=-1, keepdims=True)
     axes = np.stack([along, np.cross(normal, along), normal], axis=2)
+    factors, initial = in_situ_strain(stretch)
+    local = factors[:, None] * _to_local(axes @ np.linalg.inv(G))
     rest = _gradient(Y) @ Y.reshape(-1, 24, 1) / 2
-    return SolidTables(rest, _to_local(axes @ np.linalg.inv(G)), np.abs(volume))
+    rest -= np.linalg.solve(local, initial[:, None]).reshape(-1, 48, 1)
+    return SolidTables(rest, local, np.abs(volume))
 
 
 def _to_local(P: Array) -> Array:
@@ -124,7 +131,8 @@ def _gradient(y: Array) -> Array:
 
 
 def solid_strain(tables: SolidTables, y: Array) -> Array:
-    """(ne, 8, 6) local Green-Lagrange strains, engineering shears, at nodes y (ne, 8, 3) m."""
+    """(ne, 8, 6) local Green-Lagrange strains from the stress-free sheet, engineering shears, at
+    nodes y (ne, 8, 3) m."""
     natural = _gradient(y) @ y.reshape(-1, 24, 1) / 2 - tables.rest
     return np.asarray((tables.local @ natural.reshape(-1, 8, 6, 1))[..., 0])
 

@@ -9,23 +9,34 @@ The hyperelastic laws are energies U(ln J) + W(I1~, I2~, I4~, ...) of the deviat
 
     I1~ = J^(-2/3) tr C,    I2~ = J^(-4/3) (tr(C)^2 - tr(C^2)) / 2,    I4~ = J^(-2/3) a.C.a
 
-so that S = 2 dW/dC and its derivative 4 d2W/dC2 follow by the chain rule (`_isochoric`).
+so that S = 2 dW/dC and its derivative 4 d2W/dC2 follow by the chain rule (`_isochoric`).  A second
+fibre family adds its energy, of its own I4~, to that of the first law (`crossed_fibres`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cosim.port import InputError
 
-from ..fibre_materials import HolzapfelGasserOgden, TransIsoMooneyRivlin
+from ..crossed_fibres import CrossedFibres
+from ..fibre_materials import (
+    DispersedFamily,
+    ExponentialToe,
+    Family,
+    HolzapfelGasserOgden,
+    TransIsoMooneyRivlin,
+)
 from ..hyperelastic import NeoHookean
-from ..materials import Isotropic, Law, Orthotropic
+from ..materials import Isotropic, Law, Orthotropic, Real
 
 Array = NDArray[np.float64]
+
+Fibrous = TransIsoMooneyRivlin | HolzapfelGasserOgden
 
 PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))
 FIRST, SECOND = np.array(PAIRS).T
@@ -37,14 +48,24 @@ SAME = np.diag(np.where(SHEAR, 0.5, 1.0))
 
 def law_obstacle(law: Law) -> str | None:
     """Why `solid_stress` does not know the law, in words; None where it does."""
-    if isinstance(law, TransIsoMooneyRivlin | HolzapfelGasserOgden):
-        return None if np.isfinite(law.k).all() else "is incompressible: give it a finite k"
+    if isinstance(law, CrossedFibres):
+        varies = _varies(law) or _varies(law.second)
+        return "varies within the part" if varies else law_obstacle(law.base)
+    if not isinstance(law, Isotropic | Orthotropic | NeoHookean | Fibrous):
+        return "is not known with all six strains"
+    if _varies(law):
+        return "varies within the part"
+    if isinstance(law, Fibrous) and not np.isfinite(law.k):
+        return "is incompressible: give it a finite k"
     if isinstance(law, Orthotropic):
         stable = np.linalg.eigvalsh(_orthotropic_compliance(law)).min() > 0
         return None if stable else "is not positive definite with E3, v23 and v31"
-    if isinstance(law, Isotropic | NeoHookean):
-        return None
-    return "is not known with all six strains"
+    return None
+
+
+def _varies(law: object) -> bool:
+    """Whether a parameter is an array of several numbers."""
+    return any(np.size(value) != 1 for value in vars(law).values())
 
 
 def solid_stress(law: Law, strain: Array) -> tuple[Array, Array]:
@@ -58,20 +79,32 @@ def solid_stress(law: Law, strain: Array) -> tuple[Array, Array]:
     if isinstance(law, Isotropic | Orthotropic):
         stiff = _linear_stiffness(law)
         return strain @ stiff, np.broadcast_to(stiff, (*strain.shape, 6))
-    C = _right_cauchy_green(strain)
+    x = _Strained(_right_cauchy_green(strain))
     if isinstance(law, NeoHookean):
-        return _neo_hookean(law, C)
-    if isinstance(law, TransIsoMooneyRivlin):
-        return _mooney_rivlin(law, C)
-    assert isinstance(law, HolzapfelGasserOgden)
-    return _gasser(law, C)
+        return _neo_hookean(law, x)
+    assert isinstance(law, Fibrous | CrossedFibres)
+    return _summed(_terms(law, x))
 
 
-def normal_modulus(law: Law) -> float:
-    """Pa, of a pull through the unstrained sheet's thickness, its sides free: 1 / the compliance.
+def in_situ_strain(stretch: float) -> tuple[Array, Array]:
+    """The factors p (6,) and the strain E0 (6,) of a sheet whose fibres are stretched in situ.
+
+    With F_p = diag(g), g = (s, s^-1/2, s^-1/2), the law answers to C_e = F_p C F_p, which is
+    E_e = p E + E0 with p_ij = g_i g_j and E0 = (F_p^2 - 1)/2.  F_p keeps the volume, so that
+    S = F_p S_e F_p = p S_e and dS/dE = p p^T dS_e/dE_e."""
+    g = stretch ** np.array([1.0, -0.5, -0.5])
+    factors = g[FIRST] * g[SECOND]
+    return factors, (factors - 1) / 2 * ONE
+
+
+def normal_modulus(law: Law, stretch: float = 1.0) -> float:
+    """Pa, of a pull through the thickness of the sheet as laid out with fibres stretched in situ,
+    its sides free: 1 / the compliance.
 
     Raises InputError for a law that is not known."""
-    return float(1 / np.linalg.inv(solid_stress(law, np.zeros(6))[1])[2, 2])
+    factors, strain = in_situ_strain(stretch)
+    stiff = _outer(factors, factors) * solid_stress(law, strain)[1]
+    return float(1 / np.linalg.inv(stiff)[2, 2])
 
 
 def _linear_stiffness(law: Isotropic | Orthotropic) -> Array:
@@ -108,6 +141,11 @@ class _Strained:
         self.turn = _paired(inverse)
         """(..., 6, 6) minus the derivative of the inverse by C."""
 
+    @cached_property
+    def first(self) -> tuple[Array, Array, Array]:
+        """I1~ and its derivatives."""
+        return _isochoric(self, 1, self.c @ ONE, ONE)
+
 
 def _right_cauchy_green(strain: Array) -> Array:
     C = np.zeros((*strain.shape[:-1], 3, 3))
@@ -139,11 +177,6 @@ def _isochoric(
     return scale * value, scale[..., None] * first, scale[..., None, None] * second
 
 
-def _first(x: _Strained) -> tuple[Array, Array, Array]:
-    """I1~ and its derivatives."""
-    return _isochoric(x, 1, x.c @ ONE, ONE)
-
-
 def _second(x: _Strained) -> tuple[Array, Array, Array]:
     """I2~ and its derivatives."""
     trace = x.c @ ONE
@@ -152,8 +185,9 @@ def _second(x: _Strained) -> tuple[Array, Array, Array]:
     return _isochoric(x, 2, (trace**2 - squares) / 2, slope, np.outer(ONE, ONE) - SAME)
 
 
-def _along(x: _Strained, angle: float) -> tuple[Array, Array, Array]:
-    """I4~ of fibres at an angle from axis 1 in the sheet, and its derivatives."""
+def _along(x: _Strained, angle: Real) -> tuple[Array, Array, Array]:
+    """I4~ of fibres at an angle (rad) from axis 1 in the sheet, and its derivatives."""
+    angle = np.asarray(angle).item()
     cos, sin = np.cos(angle), np.sin(angle)
     direction = np.array([cos * cos, sin * sin, 0, cos * sin, 0, 0])
     return _isochoric(x, 1, x.c @ (direction * np.where(SHEAR, 2.0, 1.0)), direction)
@@ -165,52 +199,70 @@ def _summed(terms: Iterator[tuple[Array, Array]]) -> tuple[Array, Array]:
     return np.asarray(2 * first), np.asarray(4 * second)
 
 
-def _neo_hookean(law: NeoHookean, C: Array) -> tuple[Array, Array]:
+def _neo_hookean(law: NeoHookean, x: _Strained) -> tuple[Array, Array]:
     """W = mu/2 (I1 - 3) - mu ln J + lambda/2 (ln J)^2."""
-    x, (lam, mu) = _Strained(C), law.lame()
+    lam, mu = law.lame()
     first, second = _volumetric(x, lam * x.log - mu, lam)
     return 2 * first + mu * ONE, 4 * second
 
 
-def _mooney_rivlin(law: TransIsoMooneyRivlin, C: Array) -> tuple[Array, Array]:
+def _terms(law: Fibrous | CrossedFibres, x: _Strained) -> Iterator[tuple[Array, Array]]:
+    """First and second derivatives by C of the law's energies."""
+    if isinstance(law, CrossedFibres):
+        yield from _terms(law.base, x)
+        yield _family(law.second, x, law.angle)
+    elif isinstance(law, TransIsoMooneyRivlin):
+        yield from _mooney_rivlin(law, x)
+    else:
+        yield from _gasser(law, x)
+
+
+def _mooney_rivlin(law: TransIsoMooneyRivlin, x: _Strained) -> Iterator[tuple[Array, Array]]:
     """W = c1 (I1~ - 3) + c2 (I2~ - 3) + F(sqrt I4~) + k/2 (ln J)^2."""
-    x = _Strained(C)
-
-    def terms() -> Iterator[tuple[Array, Array]]:
-        yield _volumetric(x, law.k * x.log, law.k)
-        _, d1, h1 = _first(x)
-        yield law.c1 * d1, law.c1 * h1
-        if np.any(law.c2):
-            _, d2, h2 = _second(x)
-            yield law.c2 * d2, law.c2 * h2
-        i4, d4, h4 = _along(x, 0.0)
-        tension, rate = law.tension(np.sqrt(i4))
-        yield _of_invariant(tension / (2 * i4), (rate - 2 * tension) / (4 * i4**2), d4, h4)
-
-    return _summed(terms())
+    yield _volumetric(x, law.k * x.log, law.k)
+    _, d1, h1 = x.first
+    yield law.c1 * d1, law.c1 * h1
+    if np.any(law.c2):
+        _, d2, h2 = _second(x)
+        yield law.c2 * d2, law.c2 * h2
+    yield _exponential(law, x, 0.0)
 
 
-def _gasser(law: HolzapfelGasserOgden, C: Array) -> tuple[Array, Array]:
-    """W = c/2 (I1~ - 3) + k1 / (2 k2) sum (exp(k2 <E>^2) - 1) + k/2 ((J^2 - 1)/2 - ln J) with
-    E = kappa (I1~ - 3) + (1 - 3 kappa) (I4~ - 1)."""
-    x = _Strained(C)
+def _gasser(law: HolzapfelGasserOgden, x: _Strained) -> Iterator[tuple[Array, Array]]:
+    """W = c/2 (I1~ - 3) + k/2 ((J^2 - 1)/2 - ln J) and two families of `_dispersed`."""
+    J2 = np.exp(2 * x.log)
+    yield _volumetric(x, law.k / 2 * (J2 - 1), law.k * J2)
+    _, d1, h1 = x.first
+    yield law.c / 2 * d1, law.c / 2 * h1
+    family = DispersedFamily(law.k1, law.k2, law.kappa)
+    for sign in (1, -1):
+        yield _dispersed(family, x, sign * law.gamma)
+
+
+def _family(law: Family, x: _Strained, angle: Real) -> tuple[Array, Array]:
+    """One fibre family at an angle (rad) from axis 1."""
+    if isinstance(law, DispersedFamily):
+        return _dispersed(law, x, angle)
+    return _exponential(law, x, angle)
+
+
+def _exponential(law: ExponentialToe, x: _Strained, angle: Real) -> tuple[Array, Array]:
+    """W = F(sqrt I4~)."""
+    i4, d4, h4 = _along(x, angle)
+    tension, rate = law.tension(np.sqrt(i4))
+    return _of_invariant(tension / (2 * i4), (rate - 2 * tension) / (4 * i4**2), d4, h4)
+
+
+def _dispersed(law: DispersedFamily, x: _Strained, angle: Real) -> tuple[Array, Array]:
+    """W = k1 / (2 k2) (exp(k2 <E>^2) - 1), E = kappa (I1~ - 3) + (1 - 3 kappa) (I4~ - 1)."""
     kappa, along = law.kappa, 1 - 3 * law.kappa
-
-    def terms() -> Iterator[tuple[Array, Array]]:
-        J2 = np.exp(2 * x.log)
-        yield _volumetric(x, law.k / 2 * (J2 - 1), law.k * J2)
-        i1, d1, h1 = _first(x)
-        yield law.c / 2 * d1, law.c / 2 * h1
-        for sign in (1, -1):
-            i4, d4, h4 = _along(x, sign * float(law.gamma))
-            strain = kappa * (i1 - 3) + along * (i4 - 1)
-            taut = np.maximum(strain, 0)
-            stiff = law.k1 * np.exp(law.k2 * taut**2)
-            curvature = stiff * (1 + 2 * law.k2 * taut**2) * (strain > 0)
-            slope = kappa * d1 + along * d4
-            yield _of_invariant(stiff * taut, curvature, slope, kappa * h1 + along * h4)
-
-    return _summed(terms())
+    (i1, d1, h1), (i4, d4, h4) = x.first, _along(x, angle)
+    strain = kappa * (i1 - 3) + along * (i4 - 1)
+    taut = np.maximum(strain, 0)
+    stiff = law.k1 * np.exp(law.k2 * taut**2)
+    curvature = stiff * (1 + 2 * law.k2 * taut**2) * (strain > 0)
+    slope = kappa * d1 + along * d4
+    return _of_invariant(stiff * taut, curvature, slope, kappa * h1 + along * h4)
 
 
 def _of_invariant(slope: Array, curvature: Array, d: Array, h: Array) -> tuple[Array, Array]:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from cosim.port import InputError
 
-from ..job import ContactPair, Job
+from ..job import ContactPair, Job, Part
 from ..job_model import (
     body_poses,
     corner_means,
@@ -50,10 +50,6 @@ def _obstacles(job: Job) -> Iterator[tuple[bool, str]]:
     for part in job.parts:
         reason = law_obstacle(part.law)
         yield reason is not None, f"part {part.name!r}: the law {type(part.law).__name__} {reason}"
-        yield (
-            part.in_situ_stretch != 1.0,
-            f"part {part.name!r} has fibres that are stretched in situ",
-        )
     off = np.abs(2 * np.abs(job.height) - job.thickness) > ON_FACE * job.thickness
     off |= job.height * job.height[0, 0] <= 0
     yield (
@@ -114,12 +110,14 @@ class Term(NamedTuple):
 
 @dataclass(frozen=True)
 class SolidPart:
-    """Elements (k,) of one law: their nodes at rest (k, 8, 3) m and tables."""
+    """Elements (k,) of one law: their nodes as laid out (k, 8, 3) m and tables; the modulus (Pa)
+    through the thickness."""
 
     elements: Ints
     rest: Array
     tables: SolidTables
     law: Law
+    normal_modulus: float
 
 
 @dataclass(frozen=True)
@@ -230,7 +228,7 @@ class SolidModel:
     @cached_property
     def least_force(self) -> float:
         """N below which there is no load: a millionth of modulus times squared thickness."""
-        modulus = max(normal_modulus(p.law) for p in self.parts)
+        modulus = max(p.normal_modulus for p in self.parts)
         return 1e-6 * modulus * self.thickness**2
 
     def deepest(self, z: Array, loads: Loads) -> float:
@@ -254,19 +252,19 @@ def solid_model(job: Job) -> SolidModel:
     mean = corner_means(quads, job.height, n)
     rest = np.concatenate([job.points, job.points + 2 * mean[:, None] * directors])
     parts = [
-        _part(job, np.flatnonzero(job.part == i), p.law, directors) for i, p in enumerate(job.parts)
+        _part(job, np.flatnonzero(job.part == i), p, directors) for i, p in enumerate(job.parts)
     ]
     parts = [p for p in parts if len(p.elements)]
     volume, modulus = np.zeros(len(quads)), np.zeros(len(quads))
     for p in parts:
         volume[p.elements] = p.tables.volume.sum(axis=1)
-        modulus[p.elements] = normal_modulus(p.law)
+        modulus[p.elements] = p.normal_modulus
     facets = tuple(_facets(job, pair, volume, modulus) for pair in job.contacts)
     springs, links = job_springs(job), job_links(job)
     return SolidModel(job, rest, _free(job), tuple(parts), facets, springs, links)
 
 
-def _part(job: Job, elements: Ints, law: Law, directors: Array) -> SolidPart:
+def _part(job: Job, elements: Ints, part: Part, directors: Array) -> SolidPart:
     quads = job.quads[elements]
     low = job.points[quads]
     high = low + 2 * job.height[elements, :, None] * directors[quads]
@@ -277,7 +275,9 @@ def _part(job: Job, elements: Ints, law: Law, directors: Array) -> SolidPart:
             f"{job.name}: {job.element(bad[0])}: the sheet is thicker than its radius there, so "
             f"that its faces cross ({len(bad)} such elements): --element q4ans does not cover that"
         )
-    return SolidPart(elements, rest, solid_tables(rest, job.fibre[elements]), law)
+    tables = solid_tables(rest, job.fibre[elements], part.in_situ_stretch)
+    modulus = normal_modulus(part.law, part.in_situ_stretch)
+    return SolidPart(elements, rest, tables, part.law, modulus)
 
 
 def _free(job: Job) -> NDArray[np.bool_]:

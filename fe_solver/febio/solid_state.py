@@ -110,8 +110,8 @@ def _applied(model: SolidModel, found: Equilibrium) -> Array:
 
 
 def _fields(model: SolidModel, z: Array) -> Fields:
-    """Means over each element; its faces' strains by what the Gauss points on either side of the
-    middle say."""
+    """Means over each element, from the stress-free sheet; its faces' strains by what the Gauss
+    points on either side of the middle say."""
     count = len(model.job.quads)
     strain, stress, faces = np.zeros((count, 3)), np.zeros((count, 3)), np.zeros((count, 2))
     for part in model.parts:
