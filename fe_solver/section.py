@@ -122,7 +122,7 @@ class Section:
         for p in self.nonlinear:
             own = _membrane if isinstance(p.law, TensionField) else _integrated
             more = own(p, strain[p.elements])
-            if isinstance(p.law, Potential):
+            if isinstance(_base(p.law)[0], Potential):
                 more = _with_shear(p, strain[p.elements], more)
             energy[p.elements] += p.factor * more.energy
             force[p.elements] += p.factor[..., None] * more.force
@@ -209,9 +209,10 @@ def _constant(p: Patch) -> Array:
     out[..., 3:6, 3:6] = p.bending * (h**3 / 12)[..., None, None]
     if isinstance(p.law, Potential):
         return out
-    for i, modulus in zip((6, 7), p.law.shear(), strict=True):
-        out[..., i, i] = p.shear_correction * h * _at_points(modulus, h)
-    law = p.law.base if isinstance(p.law, TensionField) else p.law
+    law = _base(p.law)[0]
+    if not isinstance(law, Potential):
+        for i, modulus in zip((6, 7), law.shear(), strict=True):
+            out[..., i, i] = p.shear_correction * h * _at_points(modulus, h)
     plane = law.response(np.zeros((*h.shape, 1, 3))).tangent[:, :, 0]
     out[..., 3:6, 3:6] += plane * (h**3 / 12)[..., None, None]
     if law is p.law:
