@@ -2,7 +2,8 @@
 
 At a Gauss point the in-plane strain is e + z k with z in [-h/2, h/2]; membrane forces, moments and
 their tangent are the integrals of the plane stress, its first moment and its tangent.  Linear laws
-are integrated in closed form, once; the others by Gauss-Legendre points at every evaluation.
+are integrated in closed form, once; the others by Gauss-Legendre points at every evaluation.  A
+tension field acts on the mid-surface's strain e, and bends as its base law does at rest.
 Transverse shear is linear, with the law's initial moduli; a hyperelastic sheet stiffens in it as it
 is compressed and as its director leans (`_with_shear`).
 """

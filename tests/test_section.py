@@ -27,6 +27,8 @@ LAWS: tuple[Law | TensionField, ...] = (
     HolzapfelGasserOgden(2e4, 1e5, 2.0, 0.1, 0.3, 1e6),
     TensionField(Isotropic(1e6, 0.3)),
     TensionField(Isotropic(2e6, 0.3)),
+    TensionField(TENDON, 1e-2),
+    TensionField(replace(TENDON, c1=3e5, lam_max=1.01), 1e-2),
 )
 
 
@@ -78,15 +80,16 @@ def test_a_sheared_sheet_has_the_energy_of_an_incompressible_solid() -> None:
     np.testing.assert_allclose(energy, solid, rtol=1e-12)
 
 
-def test_no_director_comes_to_lie_in_the_sheet() -> None:
+@pytest.mark.parametrize("law", [NeoHookean(1e6, 0.3), TensionField(NeoHookean(1e6, 0.3))])
+def test_no_director_comes_to_lie_in_the_sheet(law: Law) -> None:
     strain = np.zeros((3, 4, 8))
     strain[:, :, 6] = np.array([0.99, 0.9999, 1.0])[:, None]
-    energy = sheet(NeoHookean(1e6, 0.3), 3).response(strain).energy[:, 0]
+    energy = sheet(law, 3).response(strain).energy[:, 0]
     assert energy[1] > 50 * energy[0]
     assert energy[2] == np.inf
 
 
-@pytest.mark.parametrize("law", [LAWS[0], LAWS[2], LAWS[5], LAWS[7]])
+@pytest.mark.parametrize("law", [LAWS[0], LAWS[2], LAWS[5], LAWS[7], LAWS[-1]])
 def test_force_and_stiffness_of_a_sheared_sheet_are_derivatives(law: Law) -> None:
     rng, section, step = np.random.default_rng(12), sheet(law, 20), 1e-6
     strain = rng.uniform(-0.1, 0.1, (20, 4, 8)) * [1, 1, 1, 100, 100, 100, 4, 4]
