@@ -11,10 +11,13 @@ import pytest
 
 from cosim.build import Models, build, hood_mesh, tensions
 from cosim.case import load_case
+from cosim.observe import drawn_hood
 from cosim.port import STATIC, InputError
+from cosim.strains import strain_summary
 from fe_solver.fibre_materials import HolzapfelGasserOgden, TransIsoMooneyRivlin
 from fe_solver.hyperelastic import NeoHookean
 from fe_solver.materials import Orthotropic
+from fe_solver.tension_field import TensionField
 from meshes.hood_mesh import REGIONS, HoodMesh, read
 
 COARSE = "hood.mesh.quads=120"
@@ -298,8 +301,20 @@ def test_a_region_of_any_material_solves(kind):
     assert np.abs(total).max() < 1e-8
 
 
+@pytest.mark.parametrize("kind", MATERIALS)
+def test_every_material_can_be_a_tension_field(kind):
+    text, law = MATERIALS[kind]
+    setting = f'hood.regions.central_band={{kind="{kind}", {text}, tension_field=true}}'
+    models, mesh = made(setting)
+    band = np.flatnonzero(mesh.cells("central_band"))
+    patch = next(p for p in models.hood.model.section.patches if p.elements[0] in band)
+    assert isinstance(patch.law, TensionField)
+    assert type(patch.law.base) is law
+
+
 def test_a_wrinkling_sheet_bears_less():
-    """The same finger, straighter than the sheet was laid: it pushes less where it may wrinkle."""
+    """The same finger, straighter than the sheet was laid: it pushes less where it may wrinkle,
+    and its states are told."""
     regions = load_case("isometric_edc").hood.regions
     wrinkling = [f"hood.regions.{name}.tension_field=true" for name in regions]
     pushes = []
@@ -309,7 +324,12 @@ def test_a_wrinkling_sheet_bears_less():
         response = models.hood.advance(models.hood.start(motion), motion, np.full(4, 0.2), STATIC)
         strain = models.hood.strain(response.state)
         pushes.append(-models.hood.model.section.response(strain).force[..., :2].min())
+        look = models.look(response.state)
+        states = strain_summary(look).get("tension_field_area_percent")
     assert pushes[1] < 0.2 * pushes[0]
+    assert set(look.tension) == {0, 1, 2}
+    assert sum(states.values()) == pytest.approx(100)
+    assert np.array_equal(drawn_hood(look).cell_data["tension_state"], look.tension)
 
 
 def test_a_material_that_is_none_names_its_region():
