@@ -37,6 +37,7 @@ def stretched(mesh: HoodMesh, along: float, across: float) -> HoodLook:
         strain=strain,
         line_strain=strain,
         fibres=np.zeros((0, ne, 3)),
+        tension=np.full(ne, -1),
         faces=np.zeros((ne, 2)),
         stress=np.zeros((ne, 3)),
         area=mesh.areas(),
