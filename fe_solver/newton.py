@@ -181,7 +181,7 @@ def solve(
             raise
     c, iterations, solves = start, 0, 0
     for smoothing in (*(s for s in SMOOTHER if s > own), own):
-        easier = model.alike(section=model.section.smoothed(smoothing))
+        easier = model.alike(section=model.section.with_smoothing(smoothing))
         found = _solve(easier, c, tension, options, c is not start)
         c = found.configuration
         iterations, solves = iterations + found.iterations, solves + found.solves

@@ -103,7 +103,7 @@ class Section:
         laws = [p.law for p in self.patches]
         return min((law.smoothing for law in laws if isinstance(law, TensionField)), default=None)
 
-    def smoothed(self, least: float) -> Section:
+    def with_smoothing(self, least: float) -> Section:
         """The section whose tension fields are smoothed by at least that strain."""
 
         def smoother(law: Law | TensionField) -> Law | TensionField:

@@ -70,6 +70,9 @@ class TensionField:
 
     Use it for the membrane strain; bending is the base law's.
 
+    >>> import numpy as np
+    >>> from fe_solver.materials import Isotropic
+    >>> from fe_solver.tension_field import TensionField
     >>> law = TensionField(Isotropic(1e8, 0.4))
     >>> law.state(np.array([[0.01, 0.0, 0.0], [0.01, -0.02, 0.0], [-0.01, -0.01, 0.0]]))
     array([0, 1, 2])
@@ -84,9 +87,9 @@ class TensionField:
 
     def response(self, strain: Array) -> Stress:
         """See `materials.Law.response`."""
-        w = self._relaxed(strain)
+        w = self._relaxation(strain)
         C, T = w.there.tangent, w.by_growth
-        tangent = C - C @ T @ _solved(w.curvature, np.swapaxes(T, 1, 2) @ C)
+        tangent = C - C @ T @ _solve(w.curvature, np.swapaxes(T, 1, 2) @ C)
         tangent = (tangent + np.swapaxes(tangent, 1, 2)) / 2
         fine = w.found[:, None]
         shape = np.shape(strain)
@@ -98,21 +101,22 @@ class TensionField:
 
     def state(self, strain: Array) -> NDArray[np.intp]:
         """(...,) `State` at strains (..., 3)."""
-        p = _strain(self._relaxed(strain).factor) * np.array([1.0, 1.0, 0.5])
-        wrinkled = _principal(p)[0] > SEEN * self.smoothing
+        p = _strain(self._relaxation(strain).factor) * np.array([1.0, 1.0, 0.5])
+        wrinkled = _principal_values(p)[0] > SEEN * self.smoothing
         return wrinkled.sum(axis=1).reshape(np.shape(strain)[:-1])
 
     def shear(self) -> tuple[Real, Real]:
         return self.base.shear()
 
-    def _relaxed(self, strain: Array) -> _Wrinkled:
+    def _relaxation(self, strain: Array) -> _Relaxation:
         strain = np.asarray(strain, dtype=float)
-        law = _at(self.base, np.ones(strain.shape[:-1], dtype=bool))
+        law = _law_at(self.base, np.ones(strain.shape[:-1], dtype=bool))
         flat = strain.reshape(-1, 3)
         rest = law.response(np.zeros_like(flat)).tangent
         modulus = np.minimum(rest[:, 0, 0], rest[:, 1, 1])
         cost = _Cost(modulus * self.smoothing**2, modulus * RESIDUAL)
-        return _wrinkled(law, flat, cost, self.smoothing)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            return _relax(law, flat, cost, self.smoothing)
 
 
 class _Cost(NamedTuple):
@@ -130,7 +134,7 @@ class _Cost(NamedTuple):
         return _Cost(times * self.barrier, self.residual)
 
 
-class _Wrinkled(NamedTuple):
+class _Relaxation(NamedTuple):
     """m points in balance, with the wrinkles' strain P = A A'.  By a growth X of the wrinkles, P
     becomes A (1 + X) A'."""
 
@@ -147,7 +151,7 @@ class _Wrinkled(NamedTuple):
     found: Mask
 
 
-def _at(law: Law, points: Mask) -> Law:
+def _law_at(law: Law, points: Mask) -> Law:
     """The law of some points (a mask), its parameters that differ by point those of them."""
     return cast(Law, _parameters_at(law, points))
 
@@ -168,14 +172,14 @@ def _strain(A: Array) -> Array:
     return np.stack([a * a + b * b, c * c + d * d, 2 * (a * c + b * d)], axis=1)
 
 
-def _single(p: Array) -> Array:
+def _dyad(p: Array) -> Array:
     """(m, 3) p p' of vectors (m, 2), as `_strain`."""
     p1, p2 = p.T
     return np.stack([p1 * p1, p2 * p2, 2 * p1 * p2], axis=1)
 
 
 def _by_growth(A: Array) -> Array:
-    """(m, 3, 3) see `_Wrinkled`."""
+    """(m, 3, 3) see `_Relaxation`."""
     (a, b), (c, d) = np.moveaxis(A, 0, 2)
     rows = [
         [a * a, b * b, 2 * a * b],
@@ -185,14 +189,14 @@ def _by_growth(A: Array) -> Array:
     return np.moveaxis(np.array(rows), 2, 0)
 
 
-def _price(cost: _Cost, A: Array) -> Array:
+def _wrinkle_energy(cost: _Cost, A: Array) -> Array:
     """(m,) J/m3, what wrinkles A A' cost."""
     (a, b), (c, d) = np.moveaxis(A, 0, 2)
     residual = cost.residual / 2 * (np.square(_strain(A)) @ SQUARED)
     return np.asarray(residual - 2 * cost.barrier * np.log(np.abs(a * d - b * c)))
 
 
-def _principal(x: Array) -> tuple[Array, Array]:
+def _principal_values(x: Array) -> tuple[Array, Array]:
     """(m, 2) principal values of tensors (m, 3) of components 11, 22, 12, and their directions (m,
     2, 2), as columns."""
     mean, radius = (x[:, 0] + x[:, 1]) / 2, np.hypot((x[:, 0] - x[:, 1]) / 2, x[:, 2])
@@ -205,19 +209,19 @@ def _principal(x: Array) -> tuple[Array, Array]:
 def _axes_guess(law: Law, strain: Array, cost: _Cost, full: Stress) -> Array:
     """(m, 2, 2) A where the lesser principal stress of the base law, with its own stiffness, were
     in balance, and then the greater one with what that changes of it."""
-    stress, axes = _principal(full.stress)
+    stress, axes = _principal_values(full.stress)
     c, s = axes[:, 0], axes[:, 1]
     unit = np.stack([c * c, s * s, 2 * s * c], axis=2)
     C = unit @ full.tangent @ np.swapaxes(unit, 1, 2)
     least = STIFF * np.abs(full.tangent).max(axis=(1, 2))
     barrier = cost.barrier
-    lesser = _balanced(stress[:, 1], np.maximum(C[:, 1, 1], least), barrier)
+    lesser = _strain_in_balance(stress[:, 1], np.maximum(C[:, 1, 1], least), barrier)
     greater = stress[:, 0] + C[:, 0, 1] * lesser
-    sizes = [_balanced(greater, np.maximum(C[:, 0, 0], least), barrier), lesser]
+    sizes = [_strain_in_balance(greater, np.maximum(C[:, 0, 0], least), barrier), lesser]
     return axes * np.sqrt(np.stack(sizes, axis=1))[:, None]
 
 
-def _balanced(stress: Array, stiff: Array, barrier: Array) -> Array:
+def _strain_in_balance(stress: Array, stiff: Array, barrier: Array) -> Array:
     """(m,) the p > 0 of stress + stiff p = barrier / p."""
     root = np.sqrt(stress * stress + 4 * stiff * barrier)
     pulled = 2 * barrier / (root + np.abs(stress))
@@ -226,7 +230,7 @@ def _balanced(stress: Array, stiff: Array, barrier: Array) -> Array:
 
 def _central_guess(law: Law, strain: Array, cost: _Cost, full: Stress) -> Array:
     """(m, 2, 2) A that makes up for every shortening, and for CENTRAL more."""
-    size, axes = _principal(strain * np.array([1.0, 1.0, 0.5]))
+    size, axes = _principal_values(strain * np.array([1.0, 1.0, 0.5]))
     return axes * np.sqrt(np.maximum(-size, 0.0) + CENTRAL)[:, None]
 
 
@@ -235,15 +239,15 @@ def _turned_guess(law: Law, strain: Array, cost: _Cost, full: Stress) -> Array:
     the lesser principal stress, and t across it in balance."""
     p = _axes_guess(law, strain, cost, full)[:, :, 1]
     for _ in range(TURNS):
-        here = law.response(strain + _single(p))
+        here = law.response(strain + _dyad(p))
         p = p + _turning_step(p, here)
     size = np.linalg.norm(p, axis=1, keepdims=True)
     t = np.stack([-p[:, 1], p[:, 0]], axis=1) / np.maximum(size, TINY)
-    here = law.response(strain + _single(p))
-    unit = _single(t)
+    here = law.response(strain + _dyad(p))
+    unit = _dyad(t)
     stiff = np.einsum("mi,mij,mj->m", unit, here.tangent, unit)
     stiff = np.maximum(stiff, STIFF * np.abs(here.tangent).max(axis=(1, 2)))
-    across = _balanced(np.einsum("mi,mi->m", unit, here.stress), stiff, cost.barrier)
+    across = _strain_in_balance(np.einsum("mi,mi->m", unit, here.stress), stiff, cost.barrier)
     return np.stack([p, np.sqrt(across)[:, None] * t], axis=2)
 
 
@@ -256,14 +260,14 @@ def _turning_step(p: Array, here: Stress) -> Array:
     S1, S2, S12 = here.stress.T
     curved = np.swapaxes(by_p, 1, 2) @ here.tangent @ by_p
     H11, H22, H12 = curved[:, 0, 0] + 2 * S1, curved[:, 1, 1] + 2 * S2, curved[:, 0, 1] + 2 * S12
-    values, axes = _principal(np.stack([H11, H22, H12], axis=1))
+    values, axes = _principal_values(np.stack([H11, H22, H12], axis=1))
     along = np.einsum("mij,mi->mj", axes, slope) / np.maximum(np.abs(values), TINY)
     step = -np.einsum("mij,mj->mi", axes, along)
     longest, size = np.linalg.norm(p, axis=1), np.linalg.norm(step, axis=1)
     return step * np.minimum(1.0, longest / np.maximum(size, TINY))[:, None]
 
 
-def _wrinkled(law: Law, strain: Array, cost: _Cost, smoothing: float) -> _Wrinkled:
+def _relax(law: Law, strain: Array, cost: _Cost, smoothing: float) -> _Relaxation:
     """The least energy over P, each point for itself: from a first guess, where that leads nowhere
     from a better one, and else along the path of ever lower barriers."""
     full = law.response(strain)
@@ -273,15 +277,15 @@ def _wrinkled(law: Law, strain: Array, cost: _Cost, smoothing: float) -> _Wrinkl
         on = left if guess is _central_guess else left & finite
         if not on.any():
             continue
-        own = _at(law, on), strain[on], cost.of(on)
+        own = _law_at(law, on), strain[on], cost.of(on)
         start = guess(*own, Stress(*(x[on] for x in full)))
         path = _path(smoothing) if guess is _central_guess else (1.0,)
-        A[on], near = _lowered(*own, start, path)
+        A[on], near = _follow_path(*own, start, path)
         left[on] = ~near
     there, T = law.response(strain + _strain(A)), _by_growth(A)
-    energy = there.energy + _price(cost, A) + 2 * cost.barrier * np.log(smoothing)
+    energy = there.energy + _wrinkle_energy(cost, A) + 2 * cost.barrier * np.log(smoothing)
     found = ~left & np.isfinite(energy)
-    return _Wrinkled(A, energy, there, T, _curvature(T, there, cost), found)
+    return _Relaxation(A, energy, there, T, _curvature(T, there, cost), found)
 
 
 def _path(smoothing: float) -> tuple[float, ...]:
@@ -289,7 +293,7 @@ def _path(smoothing: float) -> tuple[float, ...]:
     return (*10.0 ** np.arange(2 * np.log10(CENTRAL / smoothing), 0, -DECADES), 1.0)
 
 
-def _lowered(
+def _follow_path(
     law: Law, strain: Array, cost: _Cost, A: Array, path: Sequence[float]
 ) -> tuple[Array, Mask]:
     """(m, 2, 2) the A of balance at the end of a path of barriers, in times the cost's, and where
@@ -298,7 +302,7 @@ def _lowered(
     for times in path:
         todo = np.ones(len(A), dtype=bool)
         for _ in range(FEW_STEPS if len(path) == 1 else MOST_STEPS):
-            own = _at(law, todo), strain[todo], cost.of(todo).higher(times)
+            own = _law_at(law, todo), strain[todo], cost.of(todo).higher(times)
             now = A[todo], Stress(*(x[todo] for x in here))
             A[todo], there, near = _newton_step(*own, *now, CONVERGED if times == 1 else ROUGHLY)
             for mine, new in zip(here, there, strict=True):
@@ -316,7 +320,7 @@ def _curvature(T: Array, there: Stress, cost: _Cost) -> Array:
     return np.asarray(np.swapaxes(T, 1, 2) @ stiff @ T + barrier)
 
 
-def _solved(matrix: Array, right: Array) -> Array:
+def _solve(matrix: Array, right: Array) -> Array:
     """(m, 3, k) solutions of symmetric matrices (m, 3, 3), of the like of singular ones too."""
     scale = 1 / np.sqrt(np.diagonal(matrix, axis1=1, axis2=2))[:, :, None]
     even = matrix * scale * np.swapaxes(scale, 1, 2) + np.finfo(float).eps * np.eye(3)
@@ -328,10 +332,10 @@ def _newton_step(
 ) -> tuple[Array, Stress, Mask]:
     """(m, 2, 2) A after a step from where the law is `here`, the law there, and whether that was
     short enough for the last."""
-    T, mu, level = _by_growth(A), cost.barrier, here.energy + _price(cost, A)
+    T, mu, level = _by_growth(A), cost.barrier, here.energy + _wrinkle_energy(cost, A)
     stress = here.stress + cost.residual[:, None] * SQUARED * _strain(A)
     slope = np.einsum("mij,mi->mj", T, stress) - mu[:, None] * np.array([1.0, 1.0, 0.0])
-    X = -_solved(_curvature(T, here, cost), slope[:, :, None])[:, :, 0]
+    X = -_solve(_curvature(T, here, cost), slope[:, :, None])[:, :, 0]
     along = np.einsum("mi,mi->m", slope, X)
     rising = ~(along < 0)
     X[rising] = -slope[rising] / mu[rising, None]
@@ -341,9 +345,9 @@ def _newton_step(
     size = 1 / np.maximum(1.0, -least / TO_THE_EDGE)
     noise = ROUNDING * (mu + np.abs(level) * 1e-13)
     for _ in range(HALVINGS):
-        grown = A @ _root(size[:, None] * X)
+        grown = A @ _growth_factor(size[:, None] * X)
         there = law.response(strain + _strain(grown))
-        rise = there.energy + _price(cost, grown) - level
+        rise = there.energy + _wrinkle_energy(cost, grown) - level
         high = ~near & ~(rise <= LEAST_SLOPE * size * along + noise)
         if not high.any():
             break
@@ -351,7 +355,7 @@ def _newton_step(
     return grown, there, near
 
 
-def _root(X: Array) -> Array:
+def _growth_factor(X: Array) -> Array:
     """(m, 2, 2) lower triangular L with L L' = 1 + X, of X (m, 3) as X11, X22, X12."""
     out = np.zeros((len(X), 2, 2))
     out[:, 0, 0] = np.sqrt(1 + X[:, 0])

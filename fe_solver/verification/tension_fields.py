@@ -27,13 +27,13 @@ def _sheet(X: Array, quads: np.ndarray) -> ShellModel:
     return sheet(X, quads, MODULUS, POISSON, THICKNESS, law=law)
 
 
-def _settled(model: ShellModel) -> Solution:
+def _equilibrium(model: ShellModel) -> Solution:
     """Equilibrium with all that is held where it has been put."""
     c = at_rest(model)
     return solve(model, model.posed(c, c.position, c.rotation), NO_TENSION, PRECISE)
 
 
-def _displaced(model: ShellModel, nodes: np.ndarray, by: Array) -> ShellModel:
+def _clamp(model: ShellModel, nodes: np.ndarray, by: Array) -> ShellModel:
     """The model clamped at nodes (k,) that are moved by (k, 3)."""
     held = clamped(model, nodes)
     return replace(held, ties=replace(held.ties, position=held.ties.position + by))
@@ -45,8 +45,8 @@ def shear_web(n: int, nodes: int) -> list[float]:
     uv, quads = elements(3 * n, n, nodes)
     X = np.column_stack([uv * [length, height], 0 * uv[:, 0]])
     frame = np.flatnonzero((uv.round(9) % 1 == 0).any(axis=1))
-    model = _displaced(_sheet(X, quads), frame, angle * X[frame, 1:2] * [1.0, 0, 0])
-    work = 2 * _settled(model).evaluation.energy
+    model = _clamp(_sheet(X, quads), frame, angle * X[frame, 1:2] * [1.0, 0, 0])
+    work = 2 * _equilibrium(model).evaluation.energy
     return [work / (angle**2 * MODULUS * length * height * THICKNESS)]
 
 
@@ -92,8 +92,8 @@ def annulus(n: int, nodes: int) -> list[float]:
     hub, rim = np.isclose(radius, INNER), np.isclose(radius, OUTER)
     ends = np.flatnonzero(hub | rim)
     spin = turn * np.column_stack([-kept[:, 1], kept[:, 0], 0 * radius])
-    model = _displaced(_sheet(kept, quads), ends, np.where(hub[ends, None], spin[ends], 0.0))
-    force = _settled(model).evaluation.gradient_x
+    model = _clamp(_sheet(kept, quads), ends, np.where(hub[ends, None], spin[ends], 0.0))
+    force = _equilibrium(model).evaluation.gradient_x
     torque = (kept[hub, 0] * force[hub, 1] - kept[hub, 1] * force[hub, 0]).sum()
     exact = 2 * np.pi * THICKNESS * MODULUS * turn * annulus_torque(INNER, OUTER)
     return [float(torque / exact)]
@@ -127,7 +127,7 @@ def bent_rectangle(moment: float, n: int, nodes: int) -> list[float]:
     on = right[g.node]
     origin = g.origin.copy()
     origin[on, 0] += LENGTH * curvature * (X[g.node[on], 1] - wrinkled)
-    found = _settled(replace(model, guides=replace(g, origin=origin)))
+    found = _equilibrium(replace(model, guides=replace(g, origin=origin)))
     force = found.evaluation.gradient_x[right, 0]
     pull, turned = force.sum(), force @ (X[right, 1] - HEIGHT / 2)
     return [pull / PULL, turned / (pull * HEIGHT), _where_it_ends(found) / HEIGHT]
