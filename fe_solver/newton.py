@@ -14,7 +14,7 @@ from .assembly import DOFS
 from .coupling import as_one, coupling, shared_twist
 from .linear_algebra import FREE, Factor, Nearby, NotPositiveDefiniteError, mechanism
 from .model import Configuration, Evaluation, ShellModel
-from .newton_step import factorised, flipping_step, limited, newton_step, pressed
+from .newton_step import damped_step, factorised, flipping_step, limited, newton_step, pressed
 
 Array = NDArray[np.float64]
 
@@ -30,6 +30,8 @@ CHORDS = 2
 """Iterations with an old factor that cost no more than one with a new tangent."""
 SMOOTHER = (1e-2, 1e-3, 1e-4, 1e-5)
 """Strains by which tension fields are smoothed, one after the other, on the way to their own."""
+NEARLY = 0.05
+"""Residual over the largest force beyond which the load is too far, and no smoothing helps."""
 KEPT = 3e-3
 """Residual after over before such an iteration, where no iteration has told it yet."""
 
@@ -92,6 +94,14 @@ class Solution:
         out[:, :6] = as_one(m, c, self.evaluation.bases)[m.free]
         out[:, :6] -= out[:, 6 : 6 + len(twists)] @ twists
         return out
+
+
+class _StuckError(ConvergenceError):
+    """No step lowers the energy, or too many were taken; `share` of the largest force is left."""
+
+    def __init__(self, words: str, share: float) -> None:
+        super().__init__(words)
+        self.share = share
 
 
 @dataclass(frozen=True)
@@ -170,14 +180,14 @@ def solve(
     (a chord iteration) while it lowers the residual fast, and that of `before` serves first; the
     residual then ends nearer to the tolerance than Newton's own iterations leave it.
 
-    Where a sheet without compression finds none, it is sought with tension fields that are smoother
-    at first (`SMOOTHER`).
+    Where a sheet without compression comes near one only, it is sought with tension fields that are
+    smoother at first (`SMOOTHER`).
     Raises ConvergenceError naming the place of the largest residual."""
     try:
         return _solve(model, start, tension, options, near, before)
-    except ConvergenceError:
+    except _StuckError as stuck:
         own = model.section.smoothing
-        if own is None or own >= SMOOTHER[0]:
+        if own is None or own >= SMOOTHER[0] or stuck.share > NEARLY:
             raise
     c, iterations, solves = start, 0, 0
     for smoothing in (*(s for s in SMOOTHER if s > own), own):
@@ -226,7 +236,11 @@ def _solve(
         data = e.data
         assert data is not None
         stiffest = stiffest_entry(model, data)
-        step, factor = newton_step(model, data, e.reduced, kept)
+        if model.section.smoothing is None:
+            step, factor = newton_step(model, data, e.reduced, kept)
+        else:
+            longest = options.max_step, options.max_turn
+            step, factor = damped_step(model, data, e.reduced, *longest, kept)
         if kept is not None and factor is not None and not isinstance(factor, Nearby):
             kept = factor
         trial, more = _advanced(model, c, e, tension, step, options, kept)
@@ -243,10 +257,11 @@ def _solve(
         else:
             stuck, convex, chord = True, not convex, None
             e = model.evaluate(c, tension, tangent=True, convex=convex)
-    raise ConvergenceError(
+    raise _StuckError(
         f"the hood did not reach equilibrium in {iteration} iterations: the residual is "
         f"{residual:.2e} N against forces of {force:.2e} N, largest at {worst_place(model, c, e)}. "
-        f"{_advice(model, model.with_tangent(c, e))}"
+        f"{_advice(model, model.with_tangent(c, e))}",
+        residual / force,
     )
 
 

@@ -19,6 +19,10 @@ MOST_FLIPS = 2
 """Rounds of the active set in one step; more cost factorisations and saved no iterations."""
 MOST_SHIFTS = 10
 """Tenfold raises of the diagonal, from a millionth."""
+LONG = 50.0
+"""Times the longest step allowed: beyond it the tangent is damped, where a part may be slack."""
+DAMPING = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
+"""Shares of the diagonal's mean."""
 SMOOTH = 0.2
 """Of a smoothed force's ramp: within it the tangent knows both sides, so that a contact is not
 worth foreseeing."""
@@ -69,6 +73,31 @@ def newton_step(
         data[diagonal] += more * np.abs(data[diagonal])
     if singular is not None:
         raise singular
+    return step, factor
+
+
+def damped_step(
+    model: ShellModel,
+    data: Array,
+    gradient: Array,
+    max_step: float,
+    max_turn: float,
+    near: Factor | None = None,
+) -> tuple[Array, Factor | None]:
+    """`newton_step` of a model with slack parts, which have next to no stiffness: the diagonal is
+    raised by ever more of its mean until no step is LONG times the longest allowed.  Shortened as a
+    whole instead, the step would move the slack parts alone.  A damped tangent's factor is None."""
+    pattern, turns = model.pattern, model.free % DOFS > 2
+    diagonal = pattern.diagonal[:, range(DOFS), range(DOFS)].ravel()[model.free]
+    size = np.abs(data[diagonal])
+    mean = np.where(turns, size[turns].mean(), size[~turns].mean())
+    step, factor = newton_step(model, data, gradient, near)
+    for share in DAMPING:
+        if limited(step, max_step, max_turn)[1] <= LONG:
+            break
+        damped, factor = data.copy(), None
+        damped[diagonal] += share * mean
+        step = newton_step(model, damped, gradient)[0]
     return step, factor
 
 

@@ -7,17 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shells
-from shells import NO_TENSION, at_rest, plate, sheet
+from shells import NO_TENSION, at_rest, clamped, plate, sheet
 from straps import TENSION, TIGHT, joined, perturbed, springs, strap
 
 from cosim.port import ConvergenceError
 from fe_solver import linear_algebra, newton
 from fe_solver.linear_algebra import Nearby
+from fe_solver.materials import Isotropic
 from fe_solver.model import Configuration, ShellModel
-from fe_solver.newton import Solution, residual_norm, solve
-from fe_solver.newton_step import factorised
+from fe_solver.newton import NewtonOptions, Solution, residual_norm, solve
+from fe_solver.newton_step import LONG, damped_step, factorised, limited, newton_step
 from fe_solver.shell import Array
 from fe_solver.surfaces import Sphere
+from fe_solver.tension_field import State, TensionField
 
 
 @pytest.fixture(scope="module")
@@ -257,3 +259,64 @@ def test_a_node_that_leaves_a_bone_is_put_where_its_force_holds_it():
     assert np.array_equal(pressed[3:], step[3:])
     near = newton.pressed(model, e, 0.1 * step)
     assert np.array_equal(near, 0.1 * step)
+
+
+def slack_web() -> tuple[ShellModel, Configuration]:
+    """A sheet without compression between two rails, one of them moved along the other; its other
+    two sides are free, so that its corners hang slack."""
+    X, quads = plate(0.3, 0.1, 24, 8)
+    rails = np.flatnonzero(np.isclose(X[:, 1], 0) | np.isclose(X[:, 1], 0.1))
+    model = clamped(sheet(X, quads, 0, 0, 1e-3, law=TensionField(Isotropic(1e8, 0.3))), rails)
+    moved = model.ties.position + 1e-2 * X[rails, 1:2] * [1.0, 0, 0]
+    model = replace(model, ties=replace(model.ties, position=moved))
+    start = at_rest(model)
+    return model, model.posed(start, start.position, start.rotation)
+
+
+def test_a_web_with_slack_corners_is_in_equilibrium():
+    model, start = slack_web()
+    found = solve(model, start, NO_TENSION, NewtonOptions(tolerance=1e-9))
+    c = found.configuration
+    state = model.section.tension_state(
+        model.tables.strain(np.concatenate([c.x[model.quads], c.d[model.quads]], axis=1))
+    )
+    assert {State.WRINKLED, State.SLACK} <= set(state)
+    assert 0.15 < 2 * found.evaluation.energy / (1e-4 * 1e8 * 0.3 * 0.1 * 1e-3) < 0.25
+
+
+def test_a_damped_step_does_not_run_away_in_slack_parts():
+    model, start = slack_web()
+    c = solve(model, start, NO_TENSION, NewtonOptions(tolerance=1e-9)).configuration
+    e = model.evaluate(c, NO_TENSION, tangent=True)
+    gradient = np.zeros_like(e.reduced)
+    gradient[model.free] = np.random.default_rng(2).normal(size=len(model.free))
+    longest = 1e-6, 1e-3
+    whole = newton_step(model, e.data, gradient)[0]
+    damped, factor = damped_step(model, e.data, gradient, *longest)
+    assert limited(whole, *longest)[1] > 1e3 * LONG
+    assert limited(damped, *longest)[1] < limited(whole, *longest)[1] / 5
+    assert damped @ gradient < 0
+    assert factor is None
+    assert np.array_equal(damped_step(model, e.data, gradient, 1e9, 1e9)[0], whole)
+
+
+@pytest.mark.parametrize("share", [0.01, 0.5])
+def test_what_comes_near_is_sought_with_smoother_tension_fields(share, monkeypatch):
+    model, start = slack_web()
+    tried, once = [], newton._solve
+
+    def stuck_at_first(m, *rest):
+        tried.append(m.section.smoothing)
+        if len(tried) == 1:
+            raise newton._StuckError("stuck", share)
+        return once(m, *rest)
+
+    monkeypatch.setattr(newton, "_solve", stuck_at_first)
+    if share > newton.NEARLY:
+        with pytest.raises(ConvergenceError, match="stuck"):
+            solve(model, start, NO_TENSION, NewtonOptions(tolerance=1e-9))
+        return
+    found = solve(model, start, NO_TENSION, NewtonOptions(tolerance=1e-9))
+    assert tried == [1e-6, *newton.SMOOTHER, 1e-6]
+    assert found.model is model
+    assert residual_norm(model, found.evaluation)[0] == found.residual
