@@ -66,6 +66,19 @@ class Viscous:
     def thickness(self) -> Array:
         return self.base.thickness
 
+    @property
+    def smoothing(self) -> float | None:
+        """As of `Section`."""
+        return self.base.smoothing
+
+    def with_smoothing(self, least: float) -> Viscous:
+        """As of `Section`; the damper has no tension field."""
+        return replace(self, base=self.base.with_smoothing(least))
+
+    def tension_state(self, strain: Array) -> NDArray[np.int8]:
+        """As of `Section`."""
+        return self.base.tension_state(strain)
+
     def response(self, strain: Array) -> Resultants:
         """As of `Section`; the energy is that of the step's incremental potential."""
         own, more = self.base.response(strain), self.damper.response(strain - self.before)

@@ -11,9 +11,12 @@ from shells import NO_TENSION, at_rest, clamped, plate, sheet
 
 from cosim.port import InputError
 from fe_solver import dynamics
-from fe_solver.dynamics import Substance, advance, kinetic_energy, masses
+from fe_solver.dynamics import Substance, Viscous, advance, kinetic_energy, masses
+from fe_solver.materials import Isotropic
 from fe_solver.model import ShellModel
 from fe_solver.newton import NewtonOptions
+from fe_solver.section import one_law
+from fe_solver.tension_field import TensionField
 
 MODULUS, THICKNESS, LENGTH = 1e6, 0.01, 1.0
 STUFF = Substance(density=1000.0)
@@ -112,6 +115,18 @@ def test_viscosity_makes_the_swing_decay():
     expected = np.exp(-np.pi * (2 * np.pi / exact) * eta / MODULUS)
     assert expected < 0.9
     assert loss == pytest.approx(expected, rel=0.02)
+
+
+def test_a_section_with_a_damper_tells_of_its_tension_field():
+    base = one_law(TensionField(Isotropic(1e6, 0.3)), np.full(2, 1e-3))
+    strain = np.zeros((2, 4, 8))
+    strain[..., 0] = [[0.01], [-0.01]]
+    strain[..., 1] = -0.02
+    damper = one_law(Isotropic(1e3, 0.0), np.full(2, 1e-3))
+    viscous = Viscous(base, damper, strain)
+    assert viscous.smoothing == base.smoothing
+    assert viscous.with_smoothing(1e-3).smoothing == 1e-3
+    assert list(viscous.tension_state(strain)) == list(base.tension_state(strain)) == [1, 2]
 
 
 def test_numerical_damping_takes_energy_and_none_does_not():
