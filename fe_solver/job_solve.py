@@ -19,7 +19,7 @@ from cosim.processes import one_blas_thread
 
 from .augment import AugmentOptions, settled, solve_augmented
 from .coupling import coupling, wrenches
-from .febio.solid_model import uncovered
+from .febio.solid_model import first_obstacle
 from .fields import Fields, contact_pressure, fields
 from .job import Job
 from .job_model import JobModel, JobOptions, job_model
@@ -164,7 +164,7 @@ def _advice(job: Job, steps: int) -> str:
     """What to try, the nearest first, where no equilibrium was found after so many steps."""
     ways = []
     if steps and job.as_febio:
-        if uncovered(job) is None:
+        if first_obstacle(job) is None:
             ways.append("--element q4ans (FEBio's own shell and contact)")
         ways.append("--own-shell (bends as a thin sheet does)")
     if job.springs and job.height.any():

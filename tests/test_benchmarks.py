@@ -13,7 +13,7 @@ from fe_solver.verification.beams import rectangle_torsion, straight_beam
 from fe_solver.verification.benchmark import Benchmark, Meshes
 from fe_solver.verification.limit_loads import buckling_load
 from fe_solver.verification.membranes import hencky_deflection, triangle_elements
-from fe_solver.verification.paths import driven, largest
+from fe_solver.verification.paths import drive_node, largest
 from fe_solver.verification.sheets import (
     clamped,
     elements,
@@ -134,7 +134,7 @@ def test_a_driven_node_needs_the_force_that_moves_it():
     stiffness = 1 / linear_response(model, load)[0][tip, 2]
     held = np.zeros(X.shape, dtype=bool)
     held[tip, 2] = True
-    forces, c = driven(mirrored(model, np.zeros_like(held), held), tip, up, [1e-3, 2e-3])
+    forces, c = drive_node(mirrored(model, np.zeros_like(held), held), tip, up, [1e-3, 2e-3])
     assert forces == pytest.approx(stiffness * np.array([1e-3, 2e-3]), rel=1e-4)
     assert c.x[tip, 2] == pytest.approx(2e-3)
 

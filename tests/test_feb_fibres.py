@@ -12,7 +12,7 @@ from feb_files import ISOTROPIC, changed, read, same
 from cosim.port import InputError
 from fe_solver.crossed_fibres import CrossedFibres, CrossedLinear
 from fe_solver.febio.read import read_feb
-from fe_solver.febio.solid_model import uncovered
+from fe_solver.febio.solid_model import first_obstacle
 from fe_solver.febio.write import write_feb
 from fe_solver.fibre_materials import (
     DispersedFamily,
@@ -41,7 +41,7 @@ def test_what_is_written_reads_back(tmp_path: Path, law: Law, stretch: float) ->
     job = dataclasses.replace(with_law(read(tmp_path), law, stretch), name="again")
     write_feb(job, tmp_path / "again.feb")
     again = dataclasses.replace(read_feb(tmp_path / "again.feb"), notes=())
-    assert uncovered(dataclasses.replace(again, contacts=())) is None
+    assert first_obstacle(dataclasses.replace(again, contacts=())) is None
     found, wanted = again.parts[0].law, job.parts[0].law
     if isinstance(law, CrossedFibres):
         assert isinstance(found, CrossedFibres)

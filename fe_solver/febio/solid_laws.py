@@ -83,7 +83,7 @@ def solid_stress(law: Law, strain: Array) -> tuple[Array, Array]:
     if isinstance(law, NeoHookean):
         return _neo_hookean(law, x)
     assert isinstance(law, Fibrous | CrossedFibres)
-    return _summed(_terms(law, x))
+    return _sum_terms(_terms(law, x))
 
 
 def in_situ_strain(stretch: float) -> tuple[Array, Array]:
@@ -193,7 +193,7 @@ def _along(x: _Strained, angle: Real) -> tuple[Array, Array, Array]:
     return _isochoric(x, 1, x.c @ (direction * np.where(SHEAR, 2.0, 1.0)), direction)
 
 
-def _summed(terms: Iterator[tuple[Array, Array]]) -> tuple[Array, Array]:
+def _sum_terms(terms: Iterator[tuple[Array, Array]]) -> tuple[Array, Array]:
     """Stress and its derivative from terms' derivatives by C."""
     first, second = (sum(t) for t in zip(*terms, strict=True))
     return np.asarray(2 * first), np.asarray(4 * second)
@@ -229,20 +229,20 @@ def _mooney_rivlin(law: TransIsoMooneyRivlin, x: _Strained) -> Iterator[tuple[Ar
 
 
 def _gasser(law: HolzapfelGasserOgden, x: _Strained) -> Iterator[tuple[Array, Array]]:
-    """W = c/2 (I1~ - 3) + k/2 ((J^2 - 1)/2 - ln J) and two families of `_dispersed`."""
+    """W = c/2 (I1~ - 3) + k/2 ((J^2 - 1)/2 - ln J) and two families of `_dispersed_terms`."""
     J2 = np.exp(2 * x.log)
     yield _volumetric(x, law.k / 2 * (J2 - 1), law.k * J2)
     _, d1, h1 = x.first
     yield law.c / 2 * d1, law.c / 2 * h1
     family = DispersedFamily(law.k1, law.k2, law.kappa)
     for sign in (1, -1):
-        yield _dispersed(family, x, sign * law.gamma)
+        yield _dispersed_terms(family, x, sign * law.gamma)
 
 
 def _family(law: Family, x: _Strained, angle: Real) -> tuple[Array, Array]:
     """One fibre family at an angle (rad) from axis 1."""
     if isinstance(law, DispersedFamily):
-        return _dispersed(law, x, angle)
+        return _dispersed_terms(law, x, angle)
     return _exponential(law, x, angle)
 
 
@@ -253,7 +253,7 @@ def _exponential(law: ExponentialToe, x: _Strained, angle: Real) -> tuple[Array,
     return _of_invariant(tension / (2 * i4), (rate - 2 * tension) / (4 * i4**2), d4, h4)
 
 
-def _dispersed(law: DispersedFamily, x: _Strained, angle: Real) -> tuple[Array, Array]:
+def _dispersed_terms(law: DispersedFamily, x: _Strained, angle: Real) -> tuple[Array, Array]:
     """W = k1 / (2 k2) (exp(k2 <E>^2) - 1), E = kappa (I1~ - 3) + (1 - 3 kappa) (I4~ - 1)."""
     kappa, along = law.kappa, 1 - 3 * law.kappa
     (i1, d1, h1), (i4, d4, h4) = x.first, _along(x, angle)

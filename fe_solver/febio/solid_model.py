@@ -64,7 +64,7 @@ def _obstacles(job: Job) -> Iterator[tuple[bool, str]]:
         yield len(loose) > 0, "directors are held at nodes that are free to move"
 
 
-def uncovered(job: Job) -> str | None:
+def first_obstacle(job: Job) -> str | None:
     """What a job has that `q4ans` elements do not cover, in words; None where they cover all."""
     return next((words for found, words in _obstacles(job) if found), None)
 
@@ -244,7 +244,7 @@ class SolidModel:
 def solid_model(job: Job) -> SolidModel:
     """Raises InputError for what `check_job` finds, and naming what is not covered."""
     check_job(job)
-    reason = uncovered(job)
+    reason = first_obstacle(job)
     if reason is not None:
         raise InputError(f"{job.name}: {reason}: --element q4ans does not cover that")
     n, quads = len(job.points), job.quads

@@ -41,7 +41,7 @@ def solid_state(model: SolidModel, found: Equilibrium, effort: Effort) -> JobSta
     job, (z, loads) = model.job, (found.z, found.loads)
     n = len(job.points)
     wrench = _wrenches(model, found)
-    applied = _applied(model, found)
+    applied = _load_wrench(model, found)
     position = np.concatenate([loads.position, np.zeros((1, 3))])
     total = np.asarray(sum(wrench.values()))
     force = total[:, :3].sum(axis=0) - applied[:3]
@@ -99,7 +99,7 @@ def _wrenches(model: SolidModel, found: Equilibrium) -> dict[str, Array]:
     return {**out, "tie": tie, "guide": guide}
 
 
-def _applied(model: SolidModel, found: Equilibrium) -> Array:
+def _load_wrench(model: SolidModel, found: Equilibrium) -> Array:
     """(6,) N and N m of the loads about the world's origin."""
     x = found.z[: len(found.loads.dead)]
     out = _about(x, found.loads.dead)

@@ -13,7 +13,7 @@ from ..newton import solve
 from ..shell import Array
 from .beams import rectangle_torsion
 from .benchmark import Benchmark, Meshes
-from .paths import WHOLE, driven, largest
+from .paths import WHOLE, drive_node, largest
 from .sheets import NO_TENSION, at_rest, clamped, elements, line_weights, mirrored, sheet
 
 DEEPEST = 16
@@ -34,7 +34,7 @@ def hinged_roof(thickness: float, n: int, nodes: int) -> list[float]:
     held = np.outer(hinge, [True, True, True])
     held[top, 2] = True
     model = mirrored(model, mirror, held)
-    forces, _ = driven(model, top, np.array([0, 0, -1.0]), np.arange(1.0, DEEPEST + 1))
+    forces, _ = drive_node(model, top, np.array([0, 0, -1.0]), np.arange(1.0, DEEPEST + 1))
     return [4 * largest(forces)]
 
 

@@ -87,7 +87,7 @@ def limit(coarse: float, fine: float) -> float:
     return float(fine + (fine - coarse) / 3)
 
 
-def driven(
+def drive_node(
     model: ShellModel, node: int, way: Array, values: Iterable[float]
 ) -> tuple[Array, Configuration]:
     """(len(values),) N force along `way` (3,), a unit vector, that moves a held node along it by
