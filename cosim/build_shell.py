@@ -121,6 +121,7 @@ def laid_mesh(
         width=width_of(finger),
         intrinsic=_intrinsic(finger),
         quadratic=hood.mesh.elements == "quadratic",
+        one_sheet=hood.mesh.layout == "one_sheet",
     )
 
 

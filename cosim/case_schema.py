@@ -45,11 +45,13 @@ from meshes.hood_mesh import REGIONS, SPRINGS
 
 
 class GeneratedMesh(Table):
-    """Our own hood, laid out on the bones in `rest_posture`, where it is free of stress."""
+    """Our own hood, laid out on the bones in `rest_posture`, where it is free of stress.  As
+    "one_sheet" its wings reach the central slip's insertion, without a triangular ligament."""
 
     kind: Literal["generated"]
     quads: Annotated[Count, Field(ge=120, le=20000)]
     elements: Literal["linear", "quadratic"] = "linear"
+    layout: Literal["anatomical", "one_sheet"] = "anatomical"
     rest_posture: Posture
 
 
@@ -160,6 +162,8 @@ class ShellHood(Table):
     @model_validator(mode="after")
     def _complete(self) -> ShellHood:
         lacking = [name for name in REGIONS if name not in self.regions]
+        if self.mesh.kind == "generated" and self.mesh.layout == "one_sheet":
+            lacking = [name for name in lacking if name != "triangular_ligament"]
         if lacking and self.mesh.kind == "generated":
             raise fault(f"regions: the generated mesh also has {', '.join(lacking)}; name them")
         return self

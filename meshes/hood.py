@@ -6,17 +6,22 @@ The sheet is a structured grid of rows (stations s, mm along the straight chain 
 finger's joint centres, MCP at 0, PIP at 42.6, DIP at 67.7; on another finger each phalanx takes its
 own part of them: `meshes.hull.along`) and columns (angle phi about the chain, 0 dorsal, positive
 radial).  The inner columns are extensor tendon, central band and central slip, and, from the MCP
-on, the sheet beside them, whose edges there are the sagittal bands; the outer columns are the
-lateral bands, which leave the sheet proximal to the join and run palmar of the MCP axis as the
-intrinsic tendons, and which meet over the middle phalanx to end in the terminal slip.  Between
-central slip and terminal slip the sheet is open.
+on, the wings beside them: sagittal bands over the MCP, then transverse fibres, then the lateral
+slips that run from the central tendon to the lateral bands, then the oblique fibres beside the
+central slip.  The outer columns are the intrinsic tendons, which run palmar of the MCP axis, from
+the join on the lateral bands, which meet over the middle phalanx to end in the terminal slip.
+Between them lies the triangular ligament, which ends short of where they meet.  Beside the central
+slip's insertion the sheet is open, so that the bands can glide past it as the PIP flexes.
 
 Sources of the proportions.  [mi29]: measured on the published finger hood `Verify/mi29.feb` of
 FEBio's test suite: central tendon end 20 mm proximal of the MCP, hood 18 mm wide at the MCP, 12 to
 13 mm over the proximal phalanx and at the PIP, 7 mm at the terminal slip, whose edge is 6 mm wide;
-central-slip patch 4.6 mm wide.  [An]: An et al. 1979, J Biomech 12:775, normative points of the
-index finger, in units of 20 mm.  [trial]: an assumption that held in a trial
-of this sheet on these bones.
+central-slip patch 4.6 mm wide; lateral slips leave the tendon at 13 to 16 mm and are one with the
+bands from 31 mm on; triangular ligament 6 mm wide, narrowing to 2.  [El-Gammal]: El-Gammal et al.
+1993, J Hand Surg 18:717, twenty index fingers: the oblique retinacular ligament runs from the
+middle third of the proximal phalanx and fans into the lateral band 4 to 6 mm distal to the PIP.
+[An]: An et al. 1979, J Biomech 12:775, normative points of the index finger, in units of 20 mm.
+[trial]: an assumption that held in a trial of this sheet on these bones.
 """
 
 from __future__ import annotations
@@ -28,28 +33,35 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .hood_lines import (
+    CAPSULE_ROWS,
     CENTRAL_END,
+    HOOD_END,
     JOIN,
     LATERAL_END,
     LIGAMENT_ROWS,
     MERGE,
+    OBLIQUE_END,
+    OBLIQUE_ROWS,
     RETINACULAR_ROWS,
     SAGITTAL_ROWS,
     SLIP_END,
     SLIP_START,
     TENDON,
+    TRIANGLE_START,
     columns,
     even_shares,
     rows,
 )
-from .hood_mesh import REGIONS, Attachment, HoodMesh
+from .hood_mesh import REGIONS, Attachment, HoodMesh, runs_round
 from .hull import CLEARANCE, PIP, Chain, Hull, Level, Surface, along
 from .skeleton import BODIES, Skeleton
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
-INSERTED = 0.75  # of the inner columns' half-angle, what the central slip's insertion holds
+INSERTED = {True: 0.75, False: TENDON}
+"""Of the inner columns' half-angle, what the central slip's insertion holds; by whether the wings
+reach it."""
 # Half-angle of the inner columns and outer angle of the lateral bands, deg, against station.
 # [trial], widened to what [mi29] measures at the PIP (here 11 mm of 13) and the terminal slip.
 INNER = np.array(
@@ -68,6 +80,9 @@ INTRINSIC = {
 BAND_WIDTH = 3.0  # mm, of the intrinsic tendons; [mi29] lateral tendon ends
 PALMAR_PLATE = (-3.0, 7.0)  # dorsal, radial mm, on the base of the proximal phalanx [trial]
 RETINACULAR_ANCHOR = (-3.0, 5.0)  # dorsal, radial mm, on the head of the proximal phalanx [trial]
+OBLIQUE_ORIGIN = 28.0  # mm, station [El-Gammal]
+OBLIQUE_ANCHOR = (-2.0, 6.0)  # dorsal, radial mm, beside the proximal phalanx (assumption)
+CAPSULE_REACH = 5.0  # mm from the dorsal capsule's rows to its origin, proximally (assumption)
 SLIP_REACH = 2.5  # mm from the central slip's last row to its insertion, distally (assumption)
 
 
@@ -87,6 +102,8 @@ class _Grid:
     band: Mapping[str, Ints]
     """Per side, columns from the inner edge to the outer edge; the rows proximal of the join are
     the intrinsic tendon's."""
+    triangle: Ints
+    """Columns of the triangular ligament from the ulnar to the radial band."""
 
 
 def _is_tendon(across: Array) -> NDArray[np.bool_]:
@@ -103,6 +120,7 @@ def generate(
     width: float = 1.0,
     intrinsic: Mapping[str, tuple[float, float, float]] | None = None,
     quadratic: bool = False,
+    one_sheet: bool = False,
 ) -> HoodMesh:
     """A hood of about `quads` elements laid over bones at `rest_posture` (rad).
 
@@ -110,7 +128,9 @@ def generate(
     sheet's; `surfaces` are those of the scaled bones; `width` scales the hand-measured points
     across the finger, and the skeleton's lengths those along it.  `intrinsic`: where the tendons at
     the radial and the ulnar side run to the sheet from, m distal of the MCP, dorsal and radial;
-    otherwise the index finger's, scaled.  `quadratic`: quadratic elements, of nine nodes."""
+    otherwise the index finger's, scaled.  `quadratic`: quadratic elements, of nine nodes.
+    `one_sheet`: the wings reach the central slip's insertion, and nothing lies between the lateral
+    bands distal of it."""
     chain = Chain(skeleton, *skeleton.pose(rest_posture))
     middle = {body: height + thickness / 2 for body, height in offset.items()}
     level = Level(surfaces, middle, chain.position, chain.rotation)
@@ -119,10 +139,15 @@ def generate(
         side: (1e-3 * scale * s, 1e-3 * width * dorsal, 1e-3 * width * radial)
         for side, (s, dorsal, radial) in INTRINSIC.items()
     }
-    across, over_band = columns(quads, quadratic)
+    across, over_band, over_triangle = columns(quads, quadratic)
     stations = rows(quads, quadratic)
     hull = Hull(chain, level)
-    grid, points, station = _lay(hull, stations, across, over_band, guides)
+    if one_sheet:
+        over_triangle = over_triangle[:0]
+    wings_end = SLIP_END if one_sheet else stations[stations <= OBLIQUE_END][-1]
+    grid, points, station = _lay(
+        hull, stations, across, over_band, over_triangle, guides, wings_end, quadratic
+    )
     fixed = _end_nodes(grid)
     cells, region, along = _cells(grid, across, quadratic)
     free = np.setdiff1d(np.arange(len(points)), np.concatenate(list(fixed.values())))
@@ -155,7 +180,10 @@ def _lay(
     stations: Array,
     across: Array,
     over_band: Array,
+    over_triangle: Array,
     guides: Mapping[str, tuple[float, float, float]],
+    wings_end: float,
+    quadratic: bool,
 ) -> tuple[_Grid, Array, Array]:
     """Number the nodes and place them: the grid, points (n, 3) m, stations (n,) mm."""
     nr = len(stations)
@@ -172,7 +200,7 @@ def _lay(
     eps = 1e-6
     for i, s in enumerate(stations):
         if s <= SLIP_END + eps:
-            here = _is_tendon(across) | (s >= LATERAL_END - eps)
+            here = _is_tendon(across) | (LATERAL_END - eps <= s <= wings_end + eps)
             inner[i, here] = [node(s, f * half[i]) for f in across[here]]
     band: dict[str, Ints] = {}
     for side, sign in (("radial", 1), ("ulnar", -1)):
@@ -182,7 +210,7 @@ def _lay(
                 continue
             fractions = half[i] + over_band * (out[i] - half[i])
             for k, phi in enumerate(fractions):
-                shared = k == 0 and JOIN - eps <= s <= SLIP_END + eps
+                shared = k == 0 and JOIN - eps <= s <= wings_end + eps
                 merged = k == 0 and s >= MERGE - eps and side == "ulnar"
                 if shared:
                     nodes[i, k] = inner[i, -1 if sign > 0 else 0]
@@ -191,9 +219,16 @@ def _lay(
                 else:
                     nodes[i, k] = node(s, sign * phi)
         band[side] = nodes
+    triangle = np.full((nr, len(over_triangle)), -1)
+    # the last rows of elements before the bands meet are left out: they would come to a point
+    meeting = int(np.flatnonzero(stations >= MERGE - eps)[0]) - (2 if quadratic else 1)
+    for i in np.flatnonzero(stations[: meeting + 1] >= TRIANGLE_START - eps):
+        between = [node(stations[i], f * half[i]) for f in over_triangle[1:-1]]
+        if len(over_triangle):
+            triangle[i] = [band["ulnar"][i, 0], *between, band["radial"][i, 0]]
     station = np.array(s_list)
     points = hull.points(station, np.array(phi_list))
-    grid = _Grid(stations, inner, band)
+    grid = _Grid(stations, inner, band, triangle)
     for side in band:
         _lay_intrinsic(grid, hull, points, over_band, side, guides[side])
     return grid, points, station
@@ -234,12 +269,26 @@ def _inner_region(s: float, f: float) -> str:
     if s < LATERAL_END:
         return "extensor_tendon_proximal"
     if abs(f) > TENDON:
-        return "sagittal_band_radial" if f > 0 else "sagittal_band_ulnar"
+        return f"{_wing(s)}_{'radial' if f > 0 else 'ulnar'}"
     if s < 0:
         return "extensor_tendon_proximal"
     if s < JOIN:
         return "extensor_tendon_distal"
     return "central_band" if s < SLIP_START else "central_slip"
+
+
+def _wing(s: float) -> str:
+    """Region, without its side, of the sheet beside the tendon at station s (mm)."""
+    parts = {"sagittal_band": SAGITTAL_ROWS[1], "transverse_fibres": HOOD_END}
+    parts |= {"lateral_slip": SLIP_START, "oblique_fibres": SLIP_END}
+    return next(name for name, end in parts.items() if s < end)
+
+
+def _band(s: float, side: str) -> str:
+    """Region of a quad of a side's outer columns at station s (mm)."""
+    if s > MERGE:
+        return "terminal_slip"
+    return f"{'intrinsic_tendon' if s < JOIN else 'lateral_band'}_{side}"
 
 
 def _cells(grid: _Grid, across: Array, quadratic: bool) -> tuple[Ints, Ints, NDArray[np.bool_]]:
@@ -258,21 +307,26 @@ def _cells(grid: _Grid, across: Array, quadratic: bool) -> tuple[Ints, Ints, NDA
         if s < SLIP_END:
             lines = grid.inner[i : i + n + 1]
             for k in range(0, len(across) - n, n):
-                if lines[0, k] >= 0 and lines[0, k + n] >= 0:
+                if (lines[[0, 0, n, n], [k, k + n, k, k + n]] >= 0).all():
                     cells.append(quad(lines, k, False))
                     names.append(_inner_region(s, (across[k] + across[k + n]) / 2))
         if s > LATERAL_END:
             for side, nodes in grid.band.items():
                 for k in range(0, nodes.shape[1] - n, n):
                     cells.append(quad(nodes[i : i + n + 1], k, side == "ulnar"))
-                    names.append("terminal_slip" if s > MERGE else f"lateral_band_{side}")
+                    names.append(_band(s, side))
+        lines = grid.triangle[i : i + n + 1]
+        for k in range(0, lines.shape[1] - n, n):
+            if (lines[[0, n], k] >= 0).all():
+                cells.append(quad(lines, k, False))
+                names.append("triangular_ligament")
     region = np.array([REGIONS.index(n) for n in names])
-    along = np.array([not n.startswith("sagittal") for n in names])
+    along = np.array([not runs_round(n) for n in names])
     return np.array(cells), region, along
 
 
 def _fibres(points: Array, cells: Ints, along: NDArray[np.bool_]) -> Array:
-    """Unit fibre directions: along the finger in tendons and bands, round it in sagittal bands."""
+    """Unit fibre directions, along the finger or round it."""
     p = points[cells]
     if cells.shape[1] == 9:
         distal, across = p[:, 5] - p[:, 4], p[:, 7] - p[:, 6]
@@ -331,7 +385,8 @@ def _attachments(
 ) -> dict[str, Attachment]:
     s, eps = grid.stations, 1e-6
     last = int(np.flatnonzero(s <= SLIP_END + eps)[-1])
-    columns, shares = _held(grid.inner[last], across, (-INSERTED, INSERTED), quadratic)
+    inserted = INSERTED[bool(grid.inner[last, 0] >= 0)]
+    columns, shares = _held(grid.inner[last], across, (-inserted, inserted), quadratic)
     middle = grid.inner[last, columns]
     distal = chain.rotation[2][:, 0]
     slip = points[middle] + SLIP_REACH * 1e-3 * scale * distal
@@ -339,19 +394,41 @@ def _attachments(
     # contact, the deeper the finer the rows
     on_middle = on_bone("middle", middle, slip, level, level.offset["middle"])
     out = {"central_slip": replace(on_middle, shares=shares)}
+    out["dorsal_capsule"] = _capsule(grid, across, chain, level, points, scale, quadratic)
     for side, sign, edge in (("radial", 1, -1), ("ulnar", -1, 0)):
         band = grid.band[side]
         out[f"ligament_{side}"] = _grown(band, over_band, s, points, level, quadratic)
-        for name, line, ends, (dorsal, radial) in (
-            ("sagittal", grid.inner[:, edge], SAGITTAL_ROWS, PALMAR_PLATE),
-            ("retinacular", band[:, -1], RETINACULAR_ROWS, RETINACULAR_ANCHOR),
+        for name, line, ends, origin, (dorsal, radial) in (
+            ("sagittal", grid.inner[:, edge], SAGITTAL_ROWS, None, PALMAR_PLATE),
+            ("retinacular", band[:, -1], RETINACULAR_ROWS, None, RETINACULAR_ANCHOR),
+            ("oblique_retinacular", band[:, -1], OBLIQUE_ROWS, OBLIQUE_ORIGIN, OBLIQUE_ANCHOR),
         ):
             rows, shares = _held(line, s, ends, quadratic)
             local = np.empty((len(rows), 3))
-            local[:, 0] = along(chain.skeleton, s[rows])
+            local[:, 0] = along(chain.skeleton, s[rows] if origin is None else np.array([origin]))
             local[:, 1:] = 1e-3 * width * np.array([sign * radial, dorsal])
             out[f"{name}_{side}"] = Attachment("proximal", line[rows], np.round(local, 7), shares)
     return out
+
+
+def _capsule(
+    grid: _Grid,
+    across: Array,
+    chain: Chain,
+    level: Level,
+    points: Array,
+    scale: float,
+    quadratic: bool,
+) -> Attachment:
+    """The dorsal capsule of the PIP: what binds the central slip over the joint to the head of the
+    proximal phalanx."""
+    columns = np.flatnonzero(_is_tendon(across))
+    rows, along_it = _held(grid.inner[:, columns[0]], grid.stations, CAPSULE_ROWS, quadratic)
+    over_it = even_shares(across[columns], (-TENDON, TENDON), quadratic)
+    nodes = grid.inner[np.ix_(rows, columns)].ravel()
+    origin = points[nodes] - CAPSULE_REACH * 1e-3 * scale * chain.rotation[1][:, 0]
+    shares = (along_it[:, None] * over_it).ravel()
+    return replace(on_bone("proximal", nodes, origin, level), shares=np.round(shares, 7))
 
 
 def _grown(

@@ -14,14 +14,19 @@ Array = NDArray[np.float64]
 CENTRAL_END = -20.0  # [mi29]
 LATERAL_END = -8.0  # [An] proximal MCP points of LU and UI, -.400 x 20
 JOIN = 15.0  # [An] distal MCP points, (.318 + .432) x 20
+HOOD_END = 9.4  # of the transverse fibres; [mi29] 7 to 13
 SLIP_START = 36.0  # [trial]
+OBLIQUE_END = 45.1  # of the wings, past the head of the proximal phalanx (assumption)
 SLIP_END = 49.0  # [trial], 6.4 mm past the PIP
+TRIANGLE_START = 52.5  # of the triangular ligament; [mi29] 49
 MERGE = 63.0  # [trial]
 TERMINAL_END = 73.0  # [trial], 5.3 mm past the DIP
 # What holds the sheet, from and to.
 SAGITTAL_ROWS = (-3.5, 3.5)  # [trial]
 LIGAMENT_ROWS = (JOIN, JOIN + 5.25)  # of the adhesion under a lateral band [trial]
 RETINACULAR_ROWS = (PIP - 2.5, PIP + 2.5)
+OBLIQUE_ROWS = (PIP + 4.0, PIP + 6.0)  # [El-Gammal]
+CAPSULE_ROWS = (PIP - 2.5, PIP + 2.5)  # assumption
 # Where each span of rows begins, and its rows in a mesh of 600 quads: many where the sheet slides
 # over a head, where the lateral bands turn off the slip and in the terminal slip, few over shafts.
 SPANS = (
@@ -34,7 +39,7 @@ SPANS = (
     (40.0, 7),
     (44.5, 3),
     (SLIP_END, 5),
-    (52.5, 9),
+    (TRIANGLE_START, 9),
     (MERGE, 4),
     (68.0, 10),
 )
@@ -51,7 +56,7 @@ QUADRATIC_SPANS = (
     (RETINACULAR_ROWS[0], 6),
     (RETINACULAR_ROWS[1], 3),
     (SLIP_END, 2),
-    (52.5, 3),
+    (TRIANGLE_START, 3),
     (MERGE, 4),
     (68.0, 5),
 )
@@ -77,17 +82,19 @@ def _within(first: float, end: float, count: int, crowded: float) -> Array:
     return first + (end - first) * ((1 + crowded) * u - crowded * u * u)
 
 
-def columns(quads: int, quadratic: bool) -> tuple[Array, Array]:
+def columns(quads: int, quadratic: bool) -> tuple[Array, Array, Array]:
     """Where the lines of nodes run: across the inner sheet (-1 ulnar to 1 radial, of its
-    half-angle), and across each lateral band (0 at the inner edge to 1)."""
+    half-angle), across each lateral band (0 at the inner edge to 1), and across the triangular
+    ligament (-1 to 1)."""
     fineness, counts = np.sqrt(quads / 600), (2, 2, 4) if quadratic else (3, 2, 3)
     tendon, side, band = (max(1, round(n * fineness)) for n in counts)
     middle = np.linspace(0, TENDON, tendon, endpoint=False)
     half = np.concatenate([middle, np.linspace(TENDON, 1, side + 1)])
     over_band = np.linspace(0, 1, band + 1)
+    triangle = np.linspace(-1, 1, 2 * max(1, round(fineness)) + 1)
     if quadratic:
-        half, over_band = _with_middles(half), _with_middles(over_band)
-    return np.concatenate([-half[:0:-1], half]), over_band
+        half, over_band, triangle = map(_with_middles, (half, over_band, triangle))
+    return np.concatenate([-half[:0:-1], half]), over_band, triangle
 
 
 def _with_middles(ends: Array) -> Array:

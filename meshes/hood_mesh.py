@@ -28,12 +28,23 @@ REGIONS = (
     "extensor_tendon_distal",
     "central_band",
     "central_slip",
+    "lateral_slip_radial",
+    "lateral_slip_ulnar",
+    "oblique_fibres_radial",
+    "oblique_fibres_ulnar",
+    "intrinsic_tendon_radial",
+    "intrinsic_tendon_ulnar",
     "lateral_band_radial",
     "lateral_band_ulnar",
     "terminal_slip",
     "sagittal_band_radial",
     "sagittal_band_ulnar",
+    "transverse_fibres_radial",
+    "transverse_fibres_ulnar",
+    "triangular_ligament",
 )
+ROUND = ("sagittal_band", "transverse_fibres", "triangular_ligament")
+"""What a region's name begins with whose fibres run round the finger."""
 SPRINGS = (
     "central_slip",
     "ligament_radial",
@@ -42,6 +53,9 @@ SPRINGS = (
     "sagittal_ulnar",
     "retinacular_radial",
     "retinacular_ulnar",
+    "oblique_retinacular_radial",
+    "oblique_retinacular_ulnar",
+    "dorsal_capsule",
 )
 ENDS = ("central", "radial", "ulnar")
 MOST = 1e6
@@ -113,6 +127,11 @@ class HoodMesh:
     def cells(self, *names: str) -> NDArray[np.bool_]:
         """Mask of the quads in the named regions."""
         return np.isin(self.region, [REGIONS.index(n) for n in names])
+
+
+def runs_round(region: str) -> bool:
+    """Whether a region's fibres run round the finger, and not along it."""
+    return region.startswith(ROUND)
 
 
 def flat(quads: Ints) -> Ints:

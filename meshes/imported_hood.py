@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cosim.port import InputError
 
 from .hood import on_bone
-from .hood_mesh import ENDS, REGIONS, SPRINGS, Attachment, HoodMesh
+from .hood_mesh import ENDS, REGIONS, SPRINGS, Attachment, HoodMesh, runs_round
 from .hull import Chain, Level, along
 from .imported import RawMesh
 from .imported_checks import (
@@ -248,7 +248,7 @@ def _fibres(points: Array, quads: Ints, region: Ints, chain: Chain) -> Array:
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     ahead = chain.frames(places(p.mean(axis=1), chain))[1][:, :, 0]
     ahead = ahead - np.einsum("nk,nk->n", ahead, normal)[:, None] * normal
-    around = np.array([REGIONS[i].startswith("sagittal") for i in region])
+    around = np.array([runs_round(REGIONS[i]) for i in region])
     fibre = np.where(around[:, None], np.cross(normal, ahead), ahead)
     return fibre / np.linalg.norm(fibre, axis=1, keepdims=True)
 
