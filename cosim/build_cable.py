@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from fe_solver.cables import Cables
     from fe_solver.shell_hood import ShellHood as FeHood
     from meshes.cable_net import CableNet
+    from meshes.glide import Place
     from meshes.skeleton import Skeleton
 
 ENDS = {"EDC": "central", "EI": "indicis", "LUM": "radial", "FPI": "ulnar"}
@@ -141,13 +142,17 @@ def cable_law(hood: CableHood, net: CableNet, lesion: Lesion | None = None) -> C
 
 def looking_at(hood: FeHood, net: CableNet) -> Callable[[State], CableLook]:
     """What there is to see at a state."""
-    return partial(_look, hood, net, guide_depth(hood))
+    from meshes.glide import net_places
+
+    return partial(_look, hood, net, guide_depth(hood), net_places(net))
 
 
-def _look(hood: FeHood, net: CableNet, depth: float, state: State) -> CableLook:
+def _look(
+    hood: FeHood, net: CableNet, depth: float, places: Sequence[Place], state: State
+) -> CableLook:
     from fe_solver.cable_model import pulls_in
 
-    seen, pull = look_at(hood, depth, state), pulls_in(hood, state)
+    seen, pull = look_at(hood, depth, places, state), pulls_in(hood, state)
     points = state.solution.evaluation.points
     on = points.group < 0
     pressed = np.linalg.norm(points.gradient[on], axis=1)

@@ -3,13 +3,14 @@ the lines on which its tendons' ends slide clear the bone."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cosim.port import Array, State
+from meshes.glide import Place, glide
 from meshes.hull import to_the_joint
 
 if TYPE_CHECKING:
@@ -36,10 +37,13 @@ class Look:
     """m, the deepest."""
     guide_depth: float
     """m, of `guide_depth`."""
+    glide: Mapping[str, float]
+    """m by place, of `meshes.glide`, positive distally."""
 
 
-def look_at(hood: FeHood, depth: float, state: State) -> Look:
-    """At a state; `depth` is the hood's `guide_depth`, which no state changes."""
+def look_at(hood: FeHood, depth: float, places: Sequence[Place], state: State) -> Look:
+    """At a state; `depth` is the hood's `guide_depth`, which no state changes, `places` those at
+    which its glide is told."""
     from fe_solver.springs import spring_state
 
     springs, forces, c = hood.model.springs, hood.group_forces(state), state.configuration
@@ -52,6 +56,11 @@ def look_at(hood: FeHood, depth: float, state: State) -> Look:
         spring_node=springs.node,
         penetration=max(0.0, -float(hood.gap(state).min())),
         guide_depth=depth,
+        glide=glide(
+            places,
+            (hood.model.reference, hood.rest.position, hood.rest.rotation),
+            (c.x, c.position, c.rotation),
+        ),
     )
 
 

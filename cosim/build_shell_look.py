@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
@@ -14,6 +14,7 @@ from cosim.port import Array, State
 
 if TYPE_CHECKING:
     from fe_solver.shell_hood import ShellHood as FeHood
+    from meshes.glide import Place
     from meshes.hood_mesh import HoodMesh
     from meshes.markers import Markers
 
@@ -56,10 +57,12 @@ class HoodLook(Look):
 
 def looking_at(hood: FeHood, mesh: HoodMesh) -> Callable[[State], HoodLook]:
     """What there is to see at a state."""
+    from meshes.glide import sheet_places
     from meshes.markers import markers
 
     turn = _line_angle(hood, mesh)
-    return partial(_look, hood, mesh, guide_depth(hood), markers(mesh, CENTRAL), turn)
+    depth, places = guide_depth(hood), sheet_places(mesh)
+    return partial(_look, hood, mesh, depth, places, markers(mesh, CENTRAL), turn)
 
 
 def _line_angle(hood: FeHood, mesh: HoodMesh) -> Array:
@@ -84,14 +87,20 @@ def _turned(strain: Array, angle: Array) -> Array:
 
 
 def _look(
-    hood: FeHood, mesh: HoodMesh, depth: float, placed: Markers, turn: Array, state: State
+    hood: FeHood,
+    mesh: HoodMesh,
+    depth: float,
+    places: Sequence[Place],
+    placed: Markers,
+    turn: Array,
+    state: State,
 ) -> HoodLook:
     from fe_solver.fibre_families import fibre_families
     from fe_solver.fields import contact_pressure, fields
 
     field = fields(hood.model, state.configuration)
     return HoodLook(
-        **vars(look_at(hood, depth, state)),
+        **vars(look_at(hood, depth, places, state)),
         quads=hood.model.quads,
         region=mesh.region,
         strain=field.strain,

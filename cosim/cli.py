@@ -32,7 +32,7 @@ from cosim.reduce_commands import reduce
 from cosim.report_commands import report
 from cosim.shell_commands import info, verify
 from cosim.study.commands import bench_studies, status, study
-from cosim.terminal import console, tell, told, warn_of_audits
+from cosim.terminal import console, tell, told, warn, warn_of_audits
 from cosim.trial_commands import identify, sensitivity
 from cosim.validate_commands import validate
 
@@ -141,8 +141,8 @@ def run(
 
 
 def _run_all(cases: Sequence[Case], out: Path, voice: Voice) -> None:
-    """Run cases one after the other until the user stops one; what their audits missed is said
-    last."""
+    """Run cases one after the other until the user stops one; their warnings, and what their audits
+    missed, are said last."""
     summaries: dict[str, Mapping[str, Any] | None] = {}
     failed = 0
     for case in cases:
@@ -157,6 +157,7 @@ def _run_all(cases: Sequence[Case], out: Path, voice: Voice) -> None:
         from cosim.summary import batch_table
 
         console().print(batch_table([case.name for case in cases], summaries))
+    warn({name: (summary or {}).get("warnings", ()) for name, summary in summaries.items()})
     missed = warn_of_audits({n: list(describe_misses(s or {})) for n, s in summaries.items()})
     raise typer.Exit(failed or missed)
 

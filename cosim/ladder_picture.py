@@ -38,16 +38,18 @@ def draw_ladder(rungs: Sequence[Rung], title: str) -> Figure:
 
 
 def _vectors(axes: Axes, rungs: Sequence[Rung], looks: dict[str, Look]) -> None:
-    """Distal to the right, palmar down."""
+    """Distal to the right, palmar down; a line from the force at rest to that under load."""
     for rung in rungs:
-        distal, palmar, _ = rung.summary["difference"]["fingertip_force_N"]
-        axes.plot([0, distal], [0, palmar], lw=1.5, label=heading(rung), **looks[rung.name].line)
-        axes.plot(distal, palmar, "o", color=looks[rung.name].colour, ms=5)
+        states = (rung.summary["unloaded"], rung.summary)
+        distal, palmar, _ = np.transpose([state["fingertip_force_N"] for state in states])
+        axes.plot(distal, palmar, lw=1.5, label=heading(rung), **looks[rung.name].line)
+        axes.plot(distal[0], palmar[0], "x", color=looks[rung.name].colour, ms=5)
+        axes.plot(distal[1], palmar[1], "o", color=looks[rung.name].colour, ms=5)
     axes.axhline(0, color="0.7", lw=0.8, zorder=0)
     axes.axvline(0, color="0.7", lw=0.8, zorder=0)
     axes.set_aspect("equal", adjustable="datalim")
     axes.invert_yaxis()
-    axes.set(title="tip force on the world", xlabel="distal, N", ylabel="palmar, N")
+    axes.set(title="tip force on the world (x: at rest)", xlabel="distal, N", ylabel="palmar, N")
     axes.grid(alpha=0.3)
 
 

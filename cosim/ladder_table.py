@@ -20,12 +20,15 @@ Figures = dict[str, float | None]
 
 def figures(rung: Rung) -> Figures:
     """What is shown of a rung, by name and unit; None where its hood does not say."""
-    change = rung.summary.get("difference", {})
-    force = change.get("fingertip_force_N", [None] * 3)
+    force = rung.summary.get("fingertip_force_N", [None] * 3)
+    unloaded = rung.summary.get("unloaded", {})
     out: Figures = {
         f"tip force {axis} N": value for axis, value in zip(COMPONENTS, force, strict=True)
     }
-    out["tip force N"] = change.get("fingertip_magnitude_N")
+    out["tip force N"] = rung.summary.get("fingertip_magnitude_N")
+    out["tip force at rest N"] = unloaded.get("fingertip_magnitude_N")
+    change = rung.summary.get("difference", {})
+    out["change of the tip force N"] = change.get("fingertip_magnitude_N")
     central, terminal = rung.slips.get("central"), rung.slips.get("terminal")
     out |= {"central slip N": central, "terminal slip N": terminal}
     out["terminal / central"] = terminal / central if terminal is not None and central else None
@@ -61,7 +64,7 @@ def _audits(rung: Rung) -> str:
 
 def reasons(rungs: Sequence[Rung]) -> Iterator[str]:
     """What a reader must know beside the figures."""
-    yield "tip force: loaded less unloaded, on the world; slips: loaded; *: the case's own hood"
+    yield "tip force on the world and slips: loaded; *: the case's own hood"
     for rung in rungs:
         if rung.reason:
             yield f"{rung.name}: {rung.status}: {rung.reason}"

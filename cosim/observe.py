@@ -15,6 +15,7 @@ from cosim.build_finger import joint_ranges
 from cosim.build_shell_look import HoodLook
 from cosim.case_schema import Case
 from cosim.couple import Equilibrium, moment_arms
+from cosim.load_and_rest import rest_block, rest_warnings
 from cosim.observe_one_way import one_way_summary
 from cosim.port import Array
 from cosim.results import STRAIN, HoodField, LedgerRow, Result, Scene
@@ -74,8 +75,11 @@ def summary(
         missed.append(POSTURE)
     newton = getattr(loaded.response.state, "iterations", 0)
     iterations = {"coupling": loaded.iterations, "newton": newton}
-    rest = {
+    rest = rest_block(now, before, models.hood.tendons)
+    beside = {
         "unloaded": before,
+        "rest": rest,
+        "warnings": rest_warnings(rest, before, is_laid=bool(looks)),
         "difference": _difference(models, unloaded, loaded, before, now, looks),
         "audit": audit,
         "audit_missed": missed,
@@ -83,7 +87,7 @@ def summary(
         **one_way_summary(case, models, states),
         "iterations": iterations,
     }
-    return {**head, **now, **rest}
+    return {**head, **now, **beside}
 
 
 def _size(look: Look) -> dict[str, int]:
@@ -142,6 +146,7 @@ def _state(models: Models, e: Equilibrium, look: Look | None) -> dict[str, Any]:
         if not is_slack(slips, "central"):
             out["slip_ratio"] = slips["terminal"] / slips["central"]
     if look is not None:
+        out["glide_mm"] = {place: 1e3 * glide for place, glide in look.glide.items()}
         out["spring_force_N"] = dict(look.spring_force)
         if isinstance(look, CableLook):
             out["cable"] = strand_forces(look)
@@ -279,6 +284,12 @@ def dataset(
             "spring_force": stack(
                 ("spring",), "N", [v.spring_tension for v in see], "tension of the spring"
             ),
+            "glide": stack(
+                ("place",),
+                "m",
+                [np.array(list(v.glide.values())) for v in see],
+                "glide of the hood along the bone beneath, from where it was laid, distally",
+            ),
         }
     if cables := [v for v in looks.values() if isinstance(v, CableLook)]:
         data |= {
@@ -328,6 +339,7 @@ def dataset(
     if cables:
         coords["strand"] = ("cell", [cables[0].strands[i] for i in cables[0].strand])
     if looks:
+        coords["place"] = list(see[0].glide)
         coords["spring_set"] = ("spring", list(see[0].spring_set))
         coords["spring_node"] = ("spring", see[0].spring_node)
     return xarray.Dataset(data, coords)

@@ -12,6 +12,7 @@ from cosim.audit import missed_bounds
 from cosim.build import drawn_bones
 from cosim.build_finger import held_by
 from cosim.case_schema import Case
+from cosim.load_and_rest import NO_UNLOADED
 from cosim.observe import IN_METACARPAL
 from cosim.observe_air import air_data, air_end
 from cosim.port import Array, Load
@@ -81,6 +82,7 @@ def _summary(case: Case, moved: Moved, imbalance: float, wall: float) -> dict[st
         },
         "audit": audit,
         "audit_missed": missed_bounds(audit),
+        "rest": {"exempt": NO_UNLOADED},
         "steps": len(s.time) - 1,
     }
     if moved.normalised_length:

@@ -14,6 +14,7 @@ from cosim.build_finger import held_by
 from cosim.case_schema import Case
 from cosim.double_count import pairs
 from cosim.fmu.settle import OPEN
+from cosim.load_and_rest import NO_UNLOADED
 from cosim.motion import Frame, Moment
 from cosim.observe import COMPONENTS, IN_METACARPAL, drawn_hood
 from cosim.observe_air import air_data, air_end
@@ -91,6 +92,7 @@ def _summary(
         "coupling_scheme": case.coupling.scheme,
         "audit": {**audit, "artificial_energy_over_effort": abs(artificial) / effort},
         "audit_missed": missed_bounds(audit),
+        "rest": {"exempt": NO_UNLOADED},
         "iterations": {"steps": steps, "hood_solves": coupled.solves},
     }
     if case.forward is not None and case.forward.adaptive is not None:

@@ -14,6 +14,7 @@ from typing import Any
 from cosim.case_types import TENDONS
 from cosim.compare import COMPONENTS, Target, parts_of
 from cosim.port import InputError
+from meshes.glide import PLACES
 from meshes.hood_mesh import REGIONS, SPRINGS
 from meshes.skeleton import BODIES, JOINTS
 
@@ -26,7 +27,9 @@ NAMES: Mapping[str, tuple[str, ...]] = {
     "<statistic>": ("min", "mean", "max"),
     "<slip>": ("central", "terminal"),
     "<tension>": ("taut", "wrinkled", "slack"),
+    "<place>": PLACES,
     "<springs>": (*SPRINGS, *(f"adhesion_{r}_{body}" for r in REGIONS for body in BODIES)),
+    "<beside>": ("at_rest", "change"),
     "<torque>": ("hood", "gravity", "passive", "limit", "fingertip", "holder", *TENDONS),
 }
 """What stands for a key of a path."""
@@ -44,6 +47,7 @@ STATE = (
     "joint_torque_Nmm.<torque>.<joint>",
     "slip_force_N.<slip>",
     "slip_ratio",
+    "glide_mm.<place>",
     "spring_force_N.<springs>",
     "cable.*.tension_N",
     "cable.*.mean_strain_percent",
@@ -109,6 +113,9 @@ OF_RUN = (
     "step_control.largest_error_deg",
     "step_control.shortest_half_ms",
     "step_control.longest_half_ms",
+    "rest.fingertip_force_N.<beside>",
+    "rest.hood_torque_Nmm.<beside>",
+    "rest.slip_force_N.<beside>",
     "one_way.interface_residual",
     "one_way.handed_over_force_balance",
     "one_way.handed_over_moment_balance",

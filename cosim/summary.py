@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from cosim.load_and_rest import describe_rest
+
 if TYPE_CHECKING:
     from rich.table import Table
 
@@ -18,7 +20,7 @@ Row = tuple[str, ...]
 
 def tables(summary: Mapping[str, Any]) -> list[Table]:
     """The states side by side, the tendons, and the checks."""
-    state = ("", "loaded", "unloaded", "difference")
+    state = ("", "loaded", "at rest")
     arms = [f"arm {joint} mm" for joint in _joints(summary)]
     tendon = ("tendon", "tension N", "excursion mm", *arms)
     found = [
@@ -44,7 +46,8 @@ def _ending(summary: Mapping[str, Any] | None) -> str:
     if summary is None:
         return "failed or stopped"
     missed = ", ".join(name.replace("_", " ") for name in summary.get("audit_missed", ()))
-    return f"AUDIT MISSED: {missed}" if missed else "done"
+    done = "done, with a warning" if summary.get("warnings") else "done"
+    return f"AUDIT MISSED: {missed}" if missed else done
 
 
 def _filled(header: Row, rows: Sequence[Row]) -> tuple[Row, list[Row]]:
@@ -82,7 +85,7 @@ def _number(value: Any) -> str:
 
 def _states(summary: Mapping[str, Any]) -> Iterator[Row]:
     def row(label: str, *keys: str | int) -> Row:
-        places = ((), ("unloaded",), ("difference",))
+        places = ((), ("unloaded",))
         return (label, *(_number(_at(summary, *place, *keys)) for place in places))
 
     for joint in _at(summary, "posture_deg") or ():
@@ -92,6 +95,12 @@ def _states(summary: Mapping[str, Any]) -> Iterator[Row]:
     for i, axis in enumerate(AXES):
         yield row(f"fingertip force {axis} N", "fingertip_force_N", i)
     yield row("fingertip force N", "fingertip_magnitude_N")
+    torque = _at(summary, "unloaded", "joint_torque_Nmm", "hood") or {}
+    for joint in torque if any(torque.values()) else ():
+        name = joint.replace("_", " ")
+        yield row(f"torque of the hood, {name} N mm", "joint_torque_Nmm", "hood", joint)
+    for place in _at(summary, "glide_mm") or ():
+        yield row(f"glide of the {place.replace('_', ' ')} mm", "glide_mm", place)
 
 
 def _joints(summary: Mapping[str, Any]) -> tuple[str, ...]:
@@ -116,6 +125,7 @@ def _checks(summary: Mapping[str, Any]) -> Iterator[Row]:
     moment = _at(summary, "fingertip_moment_Nmm") or ()
     if any(abs(value) > LEAST_MOMENT for value in moment):
         yield "fingertip moment N mm", ", ".join(_number(value) for value in moment)
+    yield from describe_rest(summary)
     for name, muscle in (_at(summary, "muscle") or {}).items():
         now, then = (
             _number(_at(muscle, key))

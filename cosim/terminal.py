@@ -39,6 +39,14 @@ def warn_of_audits(missed: Mapping[str, Sequence[str]]) -> int:
     return AUDIT_MISSED if any(missed.values()) else 0
 
 
+def warn(warnings: Mapping[str, Sequence[str]]) -> None:
+    """Say on the error stream what to know of runs before their results are used, by the run's
+    name; the exit code stays."""
+    for name, found in warnings.items():
+        for text in found:
+            typer.echo(f"cosim: {name}: WARNING: {text}", err=True)
+
+
 @contextmanager
 def told() -> Iterator[None]:
     """Faults as one message and an exit code."""

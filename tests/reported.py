@@ -37,7 +37,7 @@ def as_motion(run: Path, folder: Path) -> Path:
     moved = kept.rename(state="time").assign_coords(time=[0.0, 0.25])
     moved.to_netcdf(folder / "results.nc", engine="h5netcdf")
     summary = json.loads((run / "summary.json").read_text(encoding="utf-8"))
-    for key in ("unloaded", "difference"):
+    for key in ("unloaded", "difference", "rest", "warnings"):
         del summary[key]
     (folder / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
     return folder

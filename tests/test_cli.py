@@ -83,7 +83,6 @@ def test_the_table_shows_states_side_by_side(solver):
     assert next(v for k, v in rows.items() if k == "fingertip force N") == [
         "0.459",
         "0.11",
-        "0.349",
     ]
     (edc,) = [line.split() for line in lines if line.split()[:1] == ["EDC"]]
     assert edc == ["EDC", "3.469", "1.25", "-7.4", "0.1", "-5.2", "-2.1"]

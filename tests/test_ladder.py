@@ -72,7 +72,10 @@ def test_tables_hold_every_rung(rungs):
         network["moment_arm_mm"]["EDC"]["PIP"], rel=1e-3
     )
     assert float(rows["tip force palmar N"][2]) == pytest.approx(
-        network["difference"]["fingertip_force_N"][1], rel=1e-3
+        network["fingertip_force_N"][1], rel=1e-3
+    )
+    assert float(rows["tip force at rest N"][2]) == pytest.approx(
+        network["unloaded"]["fingertip_magnitude_N"], rel=1e-3
     )
     assert rows["audits"] == ("kept", "kept", "kept")
     told = list(csv.DictReader(to_csv(rungs).splitlines()))

@@ -133,8 +133,12 @@ def test_the_tables_say_what_the_summary_says(hood):
     assert outcome["fingertip force, palmar"] == (
         summary["fingertip_force_N"][1],
         summary["unloaded"]["fingertip_force_N"][1],
-        summary["difference"]["fingertip_force_N"][1],
     )
+    assert outcome["torque of the hood, PIP"] == tuple(
+        state["joint_torque_Nmm"]["hood"]["PIP"] for state in (summary, summary["unloaded"])
+    )
+    (change,) = (r for r in tables["difference"].rows if r[0] == "fingertip force, palmar")
+    assert change[2] == summary["difference"]["fingertip_force_N"][1]
     numbers = {row[0]: row[2] for row in tables["numbers"].rows}
     assert (
         numbers["unloaded.moment_arm_mm.EDC.PIP"]

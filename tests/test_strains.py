@@ -49,6 +49,7 @@ def stretched(mesh: HoodMesh, along: float, across: float) -> HoodLook:
         spring_node=np.zeros(0, dtype=int),
         penetration=0.0,
         guide_depth=0.0,
+        glide={},
         markers=markers(mesh, ["central_band"]),
     )
 

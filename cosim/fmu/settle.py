@@ -22,6 +22,7 @@ from cosim.case_finger import FmuFinger as FingerTable
 from cosim.case_schema import Case
 from cosim.double_count import counted_twice
 from cosim.fmu.finger import FingerAt, FmuFinger, Met, met, met_held
+from cosim.load_and_rest import rest_block, rest_warnings
 from cosim.observe import COMPONENTS, IN_METACARPAL
 from cosim.port import Array, Hood, InputError
 from cosim.results import LedgerRow, Result, Scene
@@ -111,6 +112,7 @@ def _summary(case: Case, found: Settled, wall: float) -> dict[str, Any]:
     force, moment = now.response.load.imbalance(now.motion)
     audit = {"hood_force_balance": force, "hood_moment_balance": moment}
     loaded, unloaded = (_state(found, found.states[name]) for name in ("loaded", "unloaded"))
+    rest = rest_block(loaded, unloaded, found.hood.tendons)
     change = np.subtract(loaded["fingertip_force_N"], unloaded["fingertip_force_N"])
     out = {
         "case": case.name,
@@ -119,6 +121,8 @@ def _summary(case: Case, found: Settled, wall: float) -> dict[str, Any]:
         "wall_s": round(wall, 4),
         **loaded,
         "unloaded": unloaded,
+        "rest": rest,
+        "warnings": rest_warnings(rest, unloaded, is_laid=False),
         "difference": {
             "fingertip_force_N": change.tolist(),
             "fingertip_magnitude_N": float(np.linalg.norm(change)),

@@ -21,6 +21,11 @@ INKS = ("#00446b", "#0a7d6c", "#5b3a8e", "#2e6b3e", "#8c1d40", "#4d4d4d")
 REFERENCE = "#b3540a"
 SHAFT, DASHED = 2.4, (2.5, 1.7)
 """Width of an arrow, px, and the dashes of one that is not the answer itself."""
+DOTTED = (1.0, 1.2)
+"""The dashes of what is there at rest, of several runs."""
+REST, LESS = "unloaded.", "difference."
+PLACES = {"": "loaded", REST: "at rest", LESS: "loaded less at rest"}
+"""What a report draws of a run's fingertip force, by where the summary has it."""
 SHAPES: dict[Verdict, str] = {
     "inside 1 SD": "●",
     "inside the band": "◆",
@@ -57,7 +62,7 @@ def arrows_of(runs: Sequence[Run]) -> list[Arrow]:
     given = [vector for run in runs for vector in force_vectors(run.comparison)]
     references = {(v.label, v.reference, v.sd): v for v in given}.values()
     arrows = [
-        Arrow(_letter(i), label, tip, ink, dashes, sd)
+        Arrow(letter(i), label, tip, ink, dashes, sd)
         for i, (label, tip, ink, dashes, sd) in enumerate(
             [*found, *(_reference(vector) for vector in references)]
         )
@@ -65,7 +70,7 @@ def arrows_of(runs: Sequence[Run]) -> list[Arrow]:
     return arrows if any(arrow.magnitude > LEAST for arrow in arrows) else []
 
 
-def _letter(n: int) -> str:
+def letter(n: int) -> str:
     """A, B, ... Z, A2, B2, ..."""
     return ascii_uppercase[n % 26] + (str(n // 26 + 1) if n >= 26 else "")
 
@@ -76,21 +81,30 @@ Drawn = tuple[str, tuple[float, float], str, tuple[float, ...], tuple[float, flo
 
 
 def _of_one(run: Run) -> Iterator[Drawn]:
-    places = {"": "loaded", "unloaded.": "unloaded", "difference.": "loaded less unloaded"}
-    if "unloaded" not in run.summary:
-        places = {"": "at the end"}
-    for ink, (place, label) in zip((INKS[0], INKS[5], INKS[0]), places.items(), strict=False):
-        if (tip := _in_plane(run, place)) is not None:
-            yield f"model, {label}", tip, ink, DASHED if label == "loaded" else (), None
+    inks = {"": INKS[0], REST: INKS[5], LESS: INKS[0]}
+    for place, label, tip in states_of(run):
+        yield f"model, {label}", tip, inks[place], DASHED if place == LESS else (), None
 
 
 def _of_many(runs: Sequence[Run]) -> Iterator[Drawn]:
+    """The loaded state of each run and what it has at rest; their difference only where a reference
+    is one."""
+    compared = any(row.target.quantity.startswith(LESS) for run in runs for row in run.comparison)
     for i, run in enumerate(runs):
-        place = "difference." if "unloaded" in run.summary else ""
+        one = look(i, INKS)
+        own = {"": (), REST: DOTTED, LESS: DASHED}
+        for place, label, tip in states_of(run):
+            if place != LESS or compared:
+                yield f"{run.name}, {label}", tip, one.colour, (*own[place], *one.dashes), None
+
+
+def states_of(run: Run) -> Iterator[tuple[str, str, tuple[float, float]]]:
+    """Of the loaded state, the unloaded one and their difference: where the summary has it, its
+    name, and the fingertip force (distal, palmar) N."""
+    places = PLACES if "unloaded" in run.summary else {"": "at the end"}
+    for place, label in places.items():
         if (tip := _in_plane(run, place)) is not None:
-            what = "loaded less unloaded" if place else "at the end"
-            one = look(i, INKS)
-            yield f"{run.name}, {what}", tip, one.colour, one.dashes, None
+            yield place, label, tip
 
 
 def _in_plane(run: Run, place: str) -> tuple[float, float] | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from cosim.compare import number, unit_of, value_of
 from cosim.port import Array
@@ -147,12 +147,15 @@ def lesion_page(
 
 def _arrows(pair: Pair) -> list[drawings.Arrow]:
     """The fingertip's forces in the sagittal plane, in the postures' colours."""
-    looks = (("before", BEFORE, drawings.DASHED), ("after", AFTER, ()))
-    found = drawings.arrows_of([pair.before, pair.after])
-    return [
-        replace(arrow, label=f"{side}, loaded less unloaded", ink=ink, dashes=dashes)
-        for arrow, (side, ink, dashes) in zip(found, looks, strict=False)
+    sides = (("before", pair.before, BEFORE), ("after", pair.after, AFTER))
+    found = [
+        (f"{side}, {label}", tip, ink, drawings.DOTTED if place == drawings.REST else ())
+        for side, run, ink in sides
+        for place, label, tip in drawings.states_of(run)
+        if place != drawings.LESS
     ]
+    arrows = [drawings.Arrow(drawings.letter(i), *one) for i, one in enumerate(found)]
+    return arrows if any(arrow.magnitude > drawings.LEAST for arrow in arrows) else []
 
 
 def _maps(seen: Sequence[tuple[Pair, View, View]], marked: Sequence[str]) -> tuple[list[Map], str]:

@@ -23,6 +23,12 @@ SAGITTAL = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 """World (distal, radial, dorsal) to (distal, palmar, radial)."""
 LARGEST = "largest_interface_residual"
 """A figure of a motion's summary beside its audit."""
+AT_REST = "at rest"
+OF_THE_HOOD = (
+    *("fingertip_force_N", "fingertip_magnitude_N", "slip_force_N"),
+    *("joint_torque_Nmm", "glide_mm"),
+)
+"""Quantities of which runs side by side also show the unloaded state."""
 NOT_OUTCOMES = ("wall_s", "version", "case")
 
 
@@ -41,6 +47,7 @@ def tables_of(runs: Sequence[Run], against: Run | None) -> list[Table]:
     """All tables, those without rows left out."""
     every = [*runs, against] if against is not None else [*runs]
     found = [_outcome(runs[0]) if len(every) == 1 else _side_by_side(runs, against)]
+    found.append(_differences(runs, against))
     for i, run in enumerate(every):
         found += [_tendons(run, i), _comparison(run, i), _ledger(run, i), _audit(run, i)]
     found.append(_numbers(runs, against))
@@ -48,8 +55,8 @@ def tables_of(runs: Sequence[Run], against: Run | None) -> list[Table]:
 
 
 def _outcome(run: Run) -> Table:
-    """One run: its loaded state, the unloaded one, and the difference."""
-    places = {"loaded": "", "unloaded": "unloaded.", "loaded less unloaded": "difference."}
+    """One run: its loaded state beside the unloaded one."""
+    places = {"loaded": "", AT_REST: "unloaded."}
     if "unloaded" not in run.summary:
         places = {"at the end": ""}
     rows: list[tuple[Cell, ...]] = []
@@ -60,18 +67,30 @@ def _outcome(run: Run) -> Table:
 
 
 def _side_by_side(runs: Sequence[Run], against: Run | None) -> Table:
-    """Several runs: a column each; against another the differences too."""
+    """Several runs: a column each; against another the differences too.  Below the loaded state of
+    what the hood does stands the unloaded one."""
     labels = dict(pair for run in (*runs, against) if run for pair in asked(run.summary))
     by_quantity = {quantity: label for label, quantity in labels.items()}
     rows = []
     for quantity, label in by_quantity.items():
         rows.append((label, unit_of(quantity), *_values(runs, against, quantity)))
-        if quantity.split(".")[0] in ("fingertip_force_N", "fingertip_magnitude_N", "slip_force_N"):
-            less = f"difference.{quantity}"
-            values = _values(runs, against, less)
+        if quantity.split(".")[0] in OF_THE_HOOD:
+            values = _values(runs, against, f"unloaded.{quantity}")
             if any(value is not None for value in values):
-                rows.append((f"{label}, less unloaded", unit_of(quantity), *values))
+                rows.append((f"{label}, {AT_REST}", unit_of(quantity), *values))
     return Table("outcome", "Side by side", _columns(runs, against), tuple(rows))
+
+
+def _differences(runs: Sequence[Run], against: Run | None) -> Table:
+    """The loaded state less the unloaded one, a column for each run."""
+    labels = dict(pair for run in (*runs, against) if run for pair in asked(run.summary))
+    by_quantity = {quantity: label for label, quantity in labels.items()}
+    rows = (
+        (label, unit_of(quantity), *_values(runs, against, f"difference.{quantity}"))
+        for quantity, label in by_quantity.items()
+    )
+    kept = tuple(row for row in rows if any(value is not None for value in row[2:]))
+    return Table("difference", "Loaded less unloaded", _columns(runs, against), kept)
 
 
 def _columns(runs: Sequence[Run], against: Run | None) -> tuple[str, ...]:
@@ -97,6 +116,11 @@ def asked(summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     yield "fingertip force, magnitude", "fingertip_magnitude_N"
     for slip in summary.get("slip_force_N", ()):
         yield f"force in the {slip} slip", f"slip_force_N.{slip}"
+    torque = summary.get("joint_torque_Nmm", {}).get("hood", {})
+    for joint in torque if any(torque.values()) else ():
+        yield f"torque of the hood, {joint.replace('_', ' ')}", f"joint_torque_Nmm.hood.{joint}"
+    for place in summary.get("glide_mm", ()):
+        yield f"glide of the {place.replace('_', ' ')}", f"glide_mm.{place}"
     for direction, values in summary.get("strain_percent", {}).items():
         for which in values:
             place = f"strain_percent.{direction}.{which}"

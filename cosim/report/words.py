@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from cosim.compare import COMPONENTS, Comparison, number, tally, value_of
+from cosim.load_and_rest import describe_rest
 from cosim.report.runs import Run
 from cosim.report.tables import last_ledger
 
@@ -91,7 +92,7 @@ def _scheme(stated: Mapping[str, Any], hood: str) -> str:
 def _time(stated: Mapping[str, Any]) -> str:
     forward = _table(stated, "forward")
     if not forward:
-        return "an equilibrium, unloaded and loaded"
+        return "an equilibrium, at rest and loaded"
     return f"a motion of {forward.get('duration', '')} in steps of {forward.get('step', '')}"
 
 
@@ -114,8 +115,8 @@ def _table(stated: Mapping[str, Any], key: str) -> Mapping[str, Any]:
 
 def answer(run: Run) -> str:
     """What came out, in a sentence or three."""
-    place = "difference." if "difference" in run.summary else ""
-    force = [value_of(run.summary, f"{place}fingertip_force_N.{axis}") for axis in COMPONENTS]
+    has_rest = "unloaded" in run.summary
+    force = [value_of(run.summary, f"fingertip_force_N.{axis}") for axis in COMPONENTS]
     parts = []
     if None not in force:
         size = math.sqrt(sum(f * f for f in force if f is not None))
@@ -125,14 +126,18 @@ def answer(run: Run) -> str:
             for axis, f in named
             if f is not None
         )
-        over = "Over the unloaded state, the" if place else "At the end, the"
+        when = "Under load" if has_rest else "At the end"
         if size > 5e-4:
-            parts.append(f"{over} fingertip pushes with {size:.2f} N ({split}).")
+            rest = _at_rest(run, "fingertip_magnitude_N")
+            parts.append(f"{when}, the fingertip pushes with {size:.2f} N ({split}){rest}.")
         else:
             parts.append("The fingertip pushes on nothing.")
     slips = run.summary.get("slip_force_N", {})
     if slips:
-        said = ", ".join(f"the {slip} slip carries {value:.2f} N" for slip, value in slips.items())
+        said = "; ".join(
+            f"the {slip} slip carries {value:.2f} N{_at_rest(run, f'slip_force_N.{slip}')}"
+            for slip, value in slips.items()
+        )
         parts.append(said[0].upper() + said[1:] + ".")
     strain = run.summary.get("strain_percent", {}).get("longitudinal")
     if strain:
@@ -141,6 +146,18 @@ def answer(run: Run) -> str:
             f"{strain['max']:.2f} %, mean {strain['mean']:.2f} %."
         )
     return " ".join(parts).replace("-", "−")
+
+
+def _at_rest(run: Run, quantity: str) -> str:
+    """A force of the unloaded state in words, to follow that of the loaded one."""
+    value = value_of(run.summary, f"unloaded.{quantity}")
+    return "" if value is None else f", {value:.2f} N at rest"
+
+
+def rest(run: Run) -> list[str]:
+    """What there is at rest beside what the load changes, a sentence for each quantity; or why
+    that is not judged."""
+    return [f"{name[0].upper()}{name[1:]}: {text}." for name, text in describe_rest(run.summary)]
 
 
 def trust(run: Run) -> str:
@@ -177,6 +194,14 @@ def doubts(run: Run) -> Iterator[str]:
         yield f"Counted twice: {'; '.join(map(str, twice))}."
     if run.summary.get("audit_missed"):
         yield trust(run)
+
+
+def warnings(runs: Sequence[Run]) -> Iterator[str]:
+    """What the runs warn of, with the run's name where there are several."""
+    for run in runs:
+        name = f"{run.name}: " if len(runs) > 1 else ""
+        for warning in run.summary.get("warnings", ()):
+            yield f"Warning: {name}{warning}"
 
 
 def score(rows: Sequence[Comparison]) -> str:

@@ -1,0 +1,109 @@
+"""How far a hood has glided along the bones, from where it was laid, at named places.
+
+Glide is measured in the frame of the bone beneath: the stress-free hood is carried along rigidly
+with that bone from the posture in which it was laid, and a place has glided by as much as it now
+lies distal of there, along the bone's long axis.  Each place is the middle of a part of the hood
+where a line across the finger crosses it:
+
+    central_tendon        halfway along the proximal phalanx, against that phalanx
+    lateral_band_radial   at the PIP, against the proximal phalanx
+    lateral_band_ulnar    the same
+    terminal_slip         its proximal end, against the middle phalanx
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .cable_net import CableNet
+from .hood_mesh import HoodMesh, flat
+from .hull import PIP
+from .skeleton import BODIES
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.intp]
+
+PLACES = ("central_tendon", "lateral_band_radial", "lateral_band_ulnar", "terminal_slip")
+SHEET = {
+    "central_tendon": ("extensor_tendon_distal", "central_band", "central_slip"),
+    "lateral_band_radial": ("lateral_band_radial",),
+    "lateral_band_ulnar": ("lateral_band_ulnar",),
+    "terminal_slip": ("terminal_slip",),
+}
+"""Regions of a sheet in which each place lies."""
+NET = {
+    "central_tendon": ("extensor_tendon", "central_band", "central_slip"),
+    "lateral_band_radial": ("lateral_band_radial",),
+    "lateral_band_ulnar": ("lateral_band_ulnar",),
+    "terminal_slip": ("terminal_slip",),
+}
+"""Strands of a net of cables in which each place lies."""
+STATION = {"central_tendon": PIP / 2, "lateral_band_radial": PIP, "lateral_band_ulnar": PIP}
+"""mm of the straight index finger from the MCP; a place without begins its part of the hood."""
+BENEATH = {"terminal_slip": "middle"}
+"""The bone beneath a place, where it is not the proximal phalanx."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """A point that a hood carries: the weighted mean of its nodes (k,)."""
+
+    name: str
+    body: int
+    """Index of the bone beneath, of BODIES."""
+    nodes: Ints
+    weight: Array
+
+    def along(self, points: Array, position: Array, rotation: Array) -> float:
+        """m distal of the bone's origin along the bone, with nodes at `points` (n, 3) m and bodies
+        at `position` (nb, 3) m, `rotation` (nb, 3, 3), all in one frame."""
+        from_origin = self.weight @ points[self.nodes] - position[self.body]
+        return float(from_origin @ rotation[self.body][:, 0])
+
+
+def sheet_places(mesh: HoodMesh) -> tuple[Place, ...]:
+    """The places of a sheet; those whose regions the mesh lacks are left out."""
+    edges = {}
+    for name, regions in SHEET.items():
+        quads = flat(mesh.quads[mesh.cells(*regions)])
+        sides = np.stack([quads, np.roll(quads, 1, axis=1)], axis=-1).reshape(-1, 2)
+        edges[name] = np.unique(np.sort(sides, axis=1), axis=0)
+    return tuple(_places(mesh.station, edges))
+
+
+def net_places(net: CableNet) -> tuple[Place, ...]:
+    """The places of a net of cables; those whose strands it lacks are left out."""
+    names = np.array(net.strands)[net.strand]
+    edges = {name: net.cells[np.isin(names, strands)] for name, strands in NET.items()}
+    return tuple(_places(net.station, edges))
+
+
+def _places(station: Array, edges: Mapping[str, Ints]) -> Iterator[Place]:
+    """Where lines across the finger cross the edges (m, 2) of each part of a hood whose nodes were
+    laid at `station` (n,) mm."""
+    for name, pairs in edges.items():
+        pairs = pairs[np.ptp(station[pairs], axis=1) > 0]
+        if not len(pairs):
+            continue
+        first, last = station[pairs].T
+        row = STATION.get(name, station[pairs].min())
+        on = (np.minimum(first, last) <= row) & (row <= np.maximum(first, last))
+        if not on.any():
+            continue
+        share = (row - first[on]) / (last[on] - first[on])
+        weight = np.column_stack([1 - share, share]).ravel() / on.sum()
+        yield Place(name, BODIES.index(BENEATH.get(name, "proximal")), pairs[on].ravel(), weight)
+
+
+def glide(
+    places: Sequence[Place], laid: tuple[Array, Array, Array], now: tuple[Array, Array, Array]
+) -> dict[str, float]:
+    """m by place, positive distally.
+
+    `laid` and `now`: points (n, 3) m of the hood, positions (nb, 3) m and rotations (nb, 3, 3) of
+    BODIES, each of the two in a frame of its own."""
+    return {place.name: place.along(*now) - place.along(*laid) for place in places}
