@@ -44,34 +44,38 @@ Kept = dict[str, Solved]
 class CaseWorkers:
     """Processes that solve; case i is of process i modulo their number."""
 
-    def __init__(self, cases: Sequence[tuple[str, Path, bool]], pools: Sequence[Executor]) -> None:
-        """Cases: name, file, and whether the tangent serves it."""
-        self._cases, self._pools = cases, pools
+    def __init__(
+        self, cases: Sequence[tuple[str, Path, bool]], pools: Sequence[Executor], arms: bool
+    ) -> None:
+        """Cases: name, file, and whether the tangent serves it; `arms` as in `nearby.foretold`."""
+        self._cases, self._pools, self._arms = cases, pools, arms
 
     def solve(self, settings: Mapping[int, Settings], afresh: bool = False) -> dict[int, Outcome]:
         """An outcome for each case by its place, with its settings; `afresh` from scratch."""
         asked = {}
         for i, own in settings.items():
             name, source, serves = self._cases[i]
-            asked[i] = self._submit(i, solve_one, name if serves else "", source, own, afresh)
+            asked[i] = self._submit(
+                i, solve_one, name if serves else "", source, own, self._arms, afresh
+            )
         return {i: future.result() for i, future in asked.items()}
 
     def solve_beside(
-        self, around: Sequence[Settings], beside: Sequence[Sequence[Settings]], arms: bool
+        self, around: Sequence[Settings], beside: Sequence[Sequence[Settings]]
     ) -> list[list[Outcome]]:
         """Outcomes, by case, of settings that differ little from those `around`: by the tangent
-        where that serves; `arms` as in `nearby.foretold`."""
+        where that serves."""
         whole: dict[int, Future] = {}
         each: dict[int, list[Future]] = {}
         count = 0
         for i, (name, source, serves) in enumerate(self._cases):
             if serves:
                 own = tuple(beside[i])
-                whole[i] = self._submit(i, solve_many, name, source, around[i], own, arms)
+                whole[i] = self._submit(i, solve_many, name, source, around[i], own, self._arms)
                 continue
             each[i] = []
             for settings in beside[i]:
-                each[i].append(self._submit(count, solve_one, "", source, settings, True))
+                each[i].append(self._submit(count, solve_one, "", source, settings, True, True))
                 count += 1
         return [
             whole[i].result() if i in whole else [future.result() for future in each[i]]
@@ -83,18 +87,21 @@ class CaseWorkers:
 
 
 @contextmanager
-def case_workers(cases: Sequence[tuple[str, Path, bool]], jobs: int) -> Iterator[CaseWorkers]:
+def case_workers(
+    cases: Sequence[tuple[str, Path, bool]], jobs: int, arms: bool
+) -> Iterator[CaseWorkers]:
     """Workers for cases (name, file, whether the tangent serves it); with one job in this process.
+    `arms`: whether anybody looks at moment arms by force.
 
     Raises InputError where a process was ended from outside."""
     if jobs == 1:
-        yield CaseWorkers(cases, [_Here()])
+        yield CaseWorkers(cases, [_Here()], arms)
         return
     with ExitStack() as stack, not_ended():
         spawn = get_context("spawn")
         pools = [stack.enter_context(ProcessPoolExecutor(1, spawn)) for _ in range(jobs)]
         try:
-            yield CaseWorkers(cases, pools)
+            yield CaseWorkers(cases, pools, arms)
         finally:
             for pool in pools:
                 pool.shutdown(wait=False, cancel_futures=True)
@@ -122,7 +129,9 @@ class _Here(Executor):
 
 
 @one_blas_thread()
-def solve_one(kept: Kept, name: str, source: Path, settings: Settings, afresh: bool) -> Outcome:
+def solve_one(
+    kept: Kept, name: str, source: Path, settings: Settings, arms: bool, afresh: bool
+) -> Outcome:
     """The case solved, with a `name` from what is kept, if anything is, and not `afresh`."""
     if not name:
         return trials.outcome(source, settings)
@@ -131,18 +140,18 @@ def solve_one(kept: Kept, name: str, source: Path, settings: Settings, afresh: b
     except InputError as error:
         return Outcome("refused", {}, one_line(error))
     try:
-        models, states = _solved(case, None if afresh else kept.get(name))
+        models, states = _solved(case, None if afresh else kept.get(name), arms)
         kept[name] = Solved(case, settings, models, states)
         return Outcome("converged", result(case, models, states, 0.0).summary)
     except CosimError as error:
         return Outcome("failed", {}, one_line(error))
 
 
-def _solved(case: Case, before: Solved | None) -> tuple[Models, States]:
+def _solved(case: Case, before: Solved | None, arms: bool) -> tuple[Models, States]:
     check_fit(case)
     if before is not None:
         with suppress(ConvergenceError):
-            found = solved_from(case, before.models, before.states)
+            found = solved_from(case, before.models, before.states, arms)
             if found is not None:
                 return found
     return solve(case)
@@ -159,7 +168,7 @@ def solve_many(
 ) -> list[Outcome]:
     """The case with each of the settings `beside`, which differ little from those `around`."""
     if name not in kept or kept[name].settings != around:
-        found = solve_one(kept, name, source, around, afresh=False)
+        found = solve_one(kept, name, source, around, arms, afresh=False)
         if found.status != "converged":
             return [found] * len(beside)
     return [_beside(kept[name], source, settings, arms) for settings in beside]
@@ -176,7 +185,7 @@ def _beside(solved: Solved, source: Path, settings: Settings, arms: bool) -> Out
         if case.mesh_key() == solved.case.mesh_key():
             summary = foretold(case, solved.models, solved.states, arms)
         else:
-            found = solved_from(case, solved.models, solved.states)
+            found = solved_from(case, solved.models, solved.states, arms)
             summary = None if found is None else result(case, *found, 0.0).summary
     except CosimError as error:
         return Outcome("failed", {}, one_line(error))

@@ -192,7 +192,9 @@ def fit_all(
     converge at the start or nowhere beside a point of the search."""
     serves = [tangent_serves(load_case(c.stated.source, c.stated.settings)) for c in cases]
     own = [(c.name, c.stated.source, on) for c, on in zip(cases, serves, strict=True)]
-    with case_workers(own, jobs) as workers:
+    rows = [row for case in cases for row in (*case.rows, *case.held_out)]
+    arms = any("moment_arm" in row.quantity for row in rows)
+    with case_workers(own, jobs, arms) as workers:
         return _Search(cases, serves, workers, most, progress).run()
 
 
@@ -233,7 +235,6 @@ class _Search:
         bounds = [[p.coordinate(p.low), p.coordinate(p.high)] for p in self.parameters]
         self.low, self.high = np.array(bounds).T
         self.sizes = np.array([self.steps_of(i) for i in range(len(cases))])
-        self.arms = any("moment_arm" in t.quantity for c in cases for t in c.rows)
         self.evaluations = self.solves = 0
         self.failures: list[str] = []
         self.last = _Point(np.full(len(bounds), np.nan))
@@ -414,7 +415,6 @@ class _Search:
         outcomes = self.workers.solve_beside(
             [self.trial(case, x) for case in self.cases],
             [[self.trial(case, end) for end in there] for case, there in each],
-            self.arms,
         )
         blocks, first = [], 0
         for (case, there), found in zip(each, outcomes, strict=True):

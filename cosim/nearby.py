@@ -57,13 +57,15 @@ def foretold(
     return result(case, fresh, near, 0.0).summary
 
 
-def solved_from(case: Case, models: Models, states: States) -> tuple[Models, States] | None:
-    """The equilibria of `case` by Newton's method from those of a solved case; None as of
-    `foretold`.  Reciprocity is not audited.  Raises ConvergenceError."""
+def solved_from(
+    case: Case, models: Models, states: States, arms: bool = True
+) -> tuple[Models, States] | None:
+    """The equilibria of `case` by Newton's method from those of a solved case; None and `arms` as
+    of `foretold`.  Reciprocity is not audited.  Raises ConvergenceError."""
     fresh = _beside(case, models, states)
     if fresh is None:
         return None
-    reached = _reshaped(case, (models, fresh), states, FeHood.solve_from, arms=True)
+    reached = _reshaped(case, (models, fresh), states, FeHood.solve_from, arms)
     return fresh, replace(reached, reciprocity=None)
 
 

@@ -28,7 +28,7 @@ QUANTITIES = (
 def kept() -> Kept:
     """The coarse case, solved."""
     found: Kept = {}
-    assert solve_one(found, "hood", SOURCE, COARSE, afresh=True).status == "converged"
+    assert solve_one(found, "hood", SOURCE, COARSE, arms=True, afresh=True).status == "converged"
     return found
 
 
@@ -108,7 +108,7 @@ def test_another_mesh_is_solved_from_the_solved_case(kept, setting):
 @pytest.mark.slow
 def test_a_case_is_solved_from_what_it_was_solved_to_last(kept):
     other = (*COARSE, "hood.extra_length.terminal_slip=-1.1 mm", "tendons.EDC.tension=11 N")
-    found = solve_one(dict(kept), "hood", SOURCE, other, afresh=False).summary
+    found = solve_one(dict(kept), "hood", SOURCE, other, arms=True, afresh=False).summary
     solved = outcome(SOURCE, other).summary
     assert found["iterations"]["newton"] < solved["iterations"]["newton"]
     for quantity in QUANTITIES:
