@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, field
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -177,7 +177,23 @@ def hood_mesh(case: Case) -> HoodMesh:
         )
     if not (isinstance(case.finger, UnderHood) and isinstance(case.hood, ShellHood)):
         raise InputError(f"{case.name}: has no shell hood, so it has no mesh")
-    return laid_mesh(case.hood, case.finger, skeleton_of(case.finger), drawn_bones(case))
+    return _laid(_Laying(case.mesh_key(), case))
+
+
+@dataclass(frozen=True)
+class _Laying:
+    """A case as far as its mesh is laid out by it."""
+
+    key: str
+    case: Case = field(compare=False)
+
+
+@lru_cache(maxsize=8)
+def _laid(laying: _Laying) -> HoodMesh:
+    hood, finger = laying.case.hood, laying.case.finger
+    assert isinstance(finger, UnderHood)
+    assert isinstance(hood, ShellHood)
+    return laid_mesh(hood, finger, skeleton_of(finger), drawn_bones(laying.case))
 
 
 def check_mesh_file(case: Case) -> None:

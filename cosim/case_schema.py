@@ -347,10 +347,22 @@ class Case(CaseFile):
         file that they read counts with its time and size."""
         shared = {"finger", "hood", "lesion", "solve", "coupling"}
         parts = self.model_dump(mode="json", include=shared)
-        stamps = [
-            f"{path}:{path.stat().st_mtime_ns}:{path.stat().st_size}" for path in _files(self)
+        return json.dumps([parts, _stamps(self)], sort_keys=True)
+
+    def mesh_key(self) -> str:
+        """A text that two cases with a shell hood share only where its mesh is laid out alike,
+        before any lesion; a file that they read counts with its time and size."""
+        apart = {"posture", "tip", "limit", "passive", "gravity"}
+        parts = [
+            self.hood.model_dump(mode="json", include={"mesh", "thickness"}),
+            self.hood.contact.offset.model_dump() if isinstance(self.hood, ShellHood) else None,
+            self.finger.model_dump(mode="json", exclude=apart),
         ]
-        return json.dumps([parts, stamps], sort_keys=True)
+        return json.dumps([parts, _stamps(self)], sort_keys=True)
+
+
+def _stamps(case: Case) -> list[str]:
+    return [f"{path}:{path.stat().st_mtime_ns}:{path.stat().st_size}" for path in _files(case)]
 
 
 def _files(case: Case) -> list[Path]:

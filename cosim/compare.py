@@ -1,7 +1,9 @@
 """Comparison with measured and published numbers: rows with a verdict, misses shown like hits.
 
-A target is a number that somebody measured or published, with its source.  A comparison is a target
-beside what a model says.  `cosim.compare_files` reads and writes both.
+A target is a number that somebody measured or published, with its source, or of the kind
+"requirement" one that nobody measured and that the model is asked to have (a hood without torque
+at rest).  A comparison is a target beside what a model says.  `cosim.compare_files` reads and
+writes both.
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ import numpy as np
 
 from cosim.port import InputError
 
-Kind = Literal["experiment", "published model", "inferred"]
+Kind = Literal["experiment", "published model", "inferred", "requirement"]
 Verdict = Literal["inside 1 SD", "inside the band", "outside", "nothing to judge by", "no value"]
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
 COMPONENTS = ("distal", "palmar", "radial")
@@ -160,11 +162,17 @@ def unit_of(quantity: str) -> str:
     return "1"
 
 
-def tally(rows: Sequence[Comparison]) -> dict[Verdict, int]:
-    """How many rows of each verdict, in the order of `VERDICTS`; verdicts of no row are left
-    out."""
-    count = Counter(row.verdict for row in rows)
-    return {name: count[name] for name in VERDICTS if count[name]}
+def tally(rows: Sequence[Comparison]) -> dict[str, int]:
+    """How many rows of each verdict, in the order of `VERDICTS`, then those of requirements, which
+    are no evidence; verdicts of no row are left out."""
+    required = [row.target.kind == "requirement" for row in rows]
+    count = Counter(zip((row.verdict for row in rows), required, strict=True))
+    return {
+        f"{name} (requirement)" if asked else name: count[name, asked]
+        for asked in (False, True)
+        for name in VERDICTS
+        if count[name, asked]
+    }
 
 
 def as_dict(row: Comparison) -> dict[str, Any]:

@@ -1,7 +1,8 @@
-"""Fitting stated parameters of a case to measured numbers, and what those could not tell.
+"""Fitting stated parameters of cases to measured numbers, and what those could not tell.
 
-The logarithms of the parameters are found by bounded least squares (scipy's trust-region reflective
-method).  Gradients are central differences: where the bones are held of the hood's shape as its
+The parameters' coordinates (`Parameter`: logarithms, or fractions of a range) are found by bounded
+least squares (scipy's trust-region reflective method) over the rows of all cases.  Gradients are
+central differences, in every case for itself: where the bones are held of the hood's shape as its
 tangent moves it (`cosim.nearby`), else of whole solves.
 
 A target's miss is the distance from its band, zero inside; without a band the difference to its
@@ -12,43 +13,46 @@ Rows inside their bands do not pull, and tell nothing of the parameters but an i
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from math import exp, log
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from cosim.case import load_case
+from cosim.case_workers import CaseWorkers, case_workers
 from cosim.compare import Comparison, Target, compared
+from cosim.fit_cases import FitCase, StatedCase, assigned
 from cosim.nearby import tangent_serves
-from cosim.parameters import Free, Parameter
+from cosim.parameters import Free, Parameter, raise_faults
 from cosim.port import Array, ConvergenceError, InputError
-from cosim.trials import Settings, Solve, solver
+from cosim.quantities import check_quantities
+from cosim.trials import Outcome, Settings
 
 STEP, SMALL_STEP = 0.01, 1e-4
-"""Of the logarithms, of the differences: of solves, and of what the tangent foretells, which no
+"""Of the coordinates, of the differences: of solves, and of what the tangent foretells, which no
 tolerance of a solve blurs."""
-DIGITS = 4
-"""Significant ones of the parameters found; their solve is the one that is reported."""
 TOLERANCE = 1e-4
 """Relative, of cost and step, at which the search ends."""
 NORMAL = 1.959964
 """Standard deviations of a 95 % interval of a normal distribution."""
 NEAR_BOUND, SAME = 0.1, 0.01
-"""A parameter so near to a bound, as a fraction of its range of logarithms, is put there where the
+"""A parameter so near to a bound, as a fraction of its range of coordinates, is put there where the
 squared misses grow by less than a fraction: the targets do not tell the two apart."""
+OTHER_STATE = 0.1
+"""SDs that a row of the search may differ by from that of a solve from scratch."""
+SHOWN = 3
+"""Largest misses in a line of progress."""
 NOTHING = 1e-9
 """Of the largest singular value: a direction that the targets do not see."""
 
 
 @dataclass(frozen=True)
 class Confidence:
-    """What rows say of the logarithms of n parameters, linearised."""
+    """What rows say of the coordinates of n parameters, linearised."""
 
     singular_values: Array
-    """(n,) of the misses by the logarithms, descending."""
+    """(n,) of the misses by the coordinates, descending."""
     directions: Array
     """(n, n), a row for each singular value."""
     deviation: Array
@@ -62,25 +66,33 @@ class Confidence:
 
 @dataclass(frozen=True)
 class Fit:
-    """What was found."""
+    """What was found.  Rows are those of all cases, each with its case's name."""
 
     parameters: tuple[Parameter, ...]
     values: dict[str, float]
     settings: Settings
+    """What the values set in the first case."""
     start: tuple[Comparison, ...]
     rows: tuple[Comparison, ...]
     """The targets beside the model before and after."""
+    held_out_start: tuple[Comparison, ...]
+    held_out: tuple[Comparison, ...]
+    """Rows that did not pull, before and after."""
     misses: Array
-    """(m,) after."""
+    """(m,) of the targets, after."""
     slopes: Array
-    """(m, n) of every row's number by the logarithms, in units of its SD, band or no band."""
+    """(m, n) of every target's number by the coordinates, in units of its SD, band or no band."""
+    evaluations: int
+    """Points of the search at which every case was solved."""
     solves: int
     failures: tuple[str, ...]
     """Of solves on the way, with their reason."""
+    notes: tuple[str, ...]
+    """What to know of the solves from scratch that the rows are of."""
     ended: str
     """Why the search ended."""
-    by_tangent: bool
-    """Whether the gradients are by the hood's tangent, not by differences of solves."""
+    by_tangent: tuple[str, ...]
+    """Cases whose gradients are by the hood's tangent, not by differences of solves."""
 
     @property
     def within(self) -> tuple[Parameter, ...]:
@@ -131,20 +143,25 @@ def confidence(slopes: Array, misses: Array) -> Confidence:
 
 def interval(fit: Fit, name: str) -> tuple[float, float]:
     """The 95 % interval of a parameter `within`, cut off at its bounds."""
+    p, ends = _interval(fit, name)
+    low, high = (p.value(end) for end in ends)
+    return low, high
+
+
+def _interval(fit: Fit, name: str) -> tuple[Parameter, tuple[float, float]]:
+    """The parameter, and its interval in coordinates."""
     i = [p.name for p in fit.within].index(name)
     p, width = fit.within[i], NORMAL * fit.confidence.deviation[i]
-    at = log(fit.values[name])
-    low, high = max(at - width, log(p.low)), min(at + width, log(p.high))
-    return exp(low), exp(high)
+    at, low, high = (p.coordinate(v) for v in (fit.values[name], p.low, p.high))
+    return p, (max(at - width, low), min(at + width, high))
 
 
 def standing(fit: Fit, name: str) -> str:
     """In words whether the targets tell the parameter."""
-    p = next(p for p in fit.parameters if p.name == name)
-    if p not in fit.within:
+    if name not in [p.name for p in fit.within]:
         return "at its bound"
-    low, high = interval(fit, name)
-    reached = [low <= p.low * (1 + 1e-9), high >= p.high * (1 - 1e-9)]
+    p, (low, high) = _interval(fit, name)
+    reached = [low <= p.coordinate(p.low) + 1e-9, high >= p.coordinate(p.high) - 1e-9]
     return ("identified", "one side only", "not identified")[sum(reached)]
 
 
@@ -157,77 +174,123 @@ def fit(
     most: int = 30,
     progress: Callable[[str], None] = lambda text: None,
 ) -> Fit:
-    """The parameters with which the case at `source` misses the targets least, in at most so many
-    steps.  Raises InputError where a target is not in the run, ConvergenceError where the case does
-    not converge at the start or beside a point of the search."""
-    chosen = tuple(t for t in targets if t.case in ("", source.stem))
-    if not chosen:
-        raise InputError(f"no target is for the case {source.stem}")
-    with solver(source, jobs) as solve:
-        tangent = tangent_serves(load_case(source, settings))
-        search = _Search(source.stem, settings, free, chosen, solve, progress, tangent)
-        return search.run(most)
+    """`fit_all` of one case, the one at `source` with settings; targets for others are left out."""
+    stated = (StatedCase(source.stem, source, settings),)
+    return fit_all(assigned(stated, (free,), targets), jobs, most, progress)
+
+
+def fit_all(
+    cases: Sequence[FitCase],
+    jobs: int = 1,
+    most: int = 30,
+    progress: Callable[[str], None] = lambda text: None,
+) -> Fit:
+    """The parameters, the same in all cases, with which they miss their targets least, in at most
+    so many evaluations of all cases; gradients and the last solves, from scratch, come on top.
+
+    Raises InputError where a target is not in its run, ConvergenceError where a case does not
+    converge at the start or nowhere beside a point of the search."""
+    serves = [tangent_serves(load_case(c.stated.source, c.stated.settings)) for c in cases]
+    own = [(c.name, c.stated.source, on) for c, on in zip(cases, serves, strict=True)]
+    rows = [row for case in cases for row in (*case.rows, *case.held_out)]
+    arms = any("moment_arm" in row.quantity for row in rows)
+    with case_workers(own, jobs, arms) as workers:
+        return _Search(cases, serves, workers, most, progress).run()
+
+
+@dataclass(frozen=True)
+class _Point:
+    """All cases solved at a point of the search; `failures` where one has no result."""
+
+    x: Array
+    rows: tuple[Comparison, ...] = ()
+    held_out: tuple[Comparison, ...] = ()
+    failures: tuple[str, ...] = ()
+    misses: Array = field(init=False)
+    """(m,)"""
+
+    def __post_init__(self) -> None:
+        misses = np.array([miss(row.target, row.model or 0.0) for row in self.rows])
+        object.__setattr__(self, "misses", misses)
+
+    @property
+    def squares(self) -> float:
+        return float(self.misses @ self.misses)
 
 
 class _Search:
-    """The solves of one fit; keeps the last point's, which residuals and slopes share."""
+    """The solves of one fit; keeps the last point, which residuals and slopes share."""
 
     def __init__(
         self,
-        case: str,
-        settings: Settings,
-        free: Free,
-        targets: tuple[Target, ...],
-        solve: Solve,
+        cases: Sequence[FitCase],
+        serves: Sequence[bool],
+        workers: CaseWorkers,
+        most: int,
         progress: Callable[[str], None],
-        tangent: bool,
     ) -> None:
-        self.case, self.settings, self.free, self.targets = case, settings, free, targets
-        self.solve, self.progress, self.tangent = solve, progress, tangent
-        self.low, self.high = np.log([[p.low, p.high] for p in free.parameters]).T
-        self.solves = 0
+        self.cases, self.serves, self.workers = cases, serves, workers
+        self.most, self.progress = most, progress
+        self.parameters = cases[0].free.parameters
+        bounds = [[p.coordinate(p.low), p.coordinate(p.high)] for p in self.parameters]
+        self.low, self.high = np.array(bounds).T
+        self.sizes = np.array([self.steps_of(i) for i in range(len(cases))])
+        self.evaluations = self.solves = 0
         self.failures: list[str] = []
-        self.last: tuple[bytes, tuple[Comparison, ...]] = (b"", ())
+        self.last = _Point(np.full(len(bounds), np.nan))
+        self.best: _Point | None = None
 
-    def run(self, most: int) -> Fit:
-        x = np.log([p.start for p in self.free.parameters])
-        start = self.rows([x])[0]
-        if not start:
-            raise ConvergenceError(f"at the start: {self.failures[-1]}")
+    def run(self) -> Fit:
+        x = np.array([p.coordinate(p.start) for p in self.parameters])
+        counts = len(self.cases), len(self.parameters), sum(len(c.rows) for c in self.cases)
+        self.progress("{} cases, {} parameters, {} rows: the start, from scratch".format(*counts))
+        start = self.at(x)
+        if start.failures:
+            raise ConvergenceError("at the start: " + "; ".join(start.failures))
         inside = 1e-6 * (self.high - self.low)
+        begin = np.clip(x, self.low + inside, self.high - inside)
         found = least_squares(
             self.residuals,
-            np.clip(x, self.low + inside, self.high - inside),
+            begin,
             self.slopes_that_pull,
             bounds=(self.low, self.high),
             ftol=TOLERANCE,
             xtol=TOLERANCE,
-            max_nfev=most,
+            max_nfev=max(1, self.most - int((begin != x).any())),
         )
-        x = self.snapped(np.log([float(f"{value:.{DIGITS}g}") for value in np.exp(found.x)]))
+        each = zip(self.parameters, found.x, strict=True)
+        x = self.snapped(np.array([p.rounded(z) for p, z in each]))
+        end, notes = self.afresh(x)
         values = self.values(x)
-        rows = self.at(x)
-        if not rows:
-            raise ConvergenceError(f"at the end: {self.failures[-1]}")
+        names = tuple(c.name for c, serves in zip(self.cases, self.serves, strict=True) if serves)
         return Fit(
-            self.free.parameters,
+            self.parameters,
             values,
-            self.free.settings(values),
-            start,
-            rows,
-            np.array([miss(row.target, row.model or 0.0) for row in rows]),
-            self.slopes(x),
+            self.cases[0].free.settings(values),
+            start.rows,
+            end.rows,
+            start.held_out,
+            end.held_out,
+            end.misses,
+            self.slopes(end),
+            self.evaluations,
             self.solves,
             tuple(self.failures),
-            str(found.message).replace("`", "").rstrip("."),
-            self.tangent,
+            notes,
+            self.ending(found.status, str(found.message)),
+            names,
         )
 
+    def ending(self, status: int, message: str) -> str:
+        if status == 0:
+            return f"stopped at {self.most} evaluations, the most that were allowed"
+        return message.replace("`", "").rstrip(".")
+
     def snapped(self, x: Array) -> Array:
-        """At the bounds that the targets do not tell x from."""
+        """At the bounds that the targets do not tell x from, as far as evaluations are left."""
         for i, reach in enumerate(NEAR_BOUND * (self.high - self.low)):
             for bound in (self.low[i], self.high[i]):
-                if 0 < abs(x[i] - bound) <= reach:
+                if 0 < abs(x[i] - bound) <= reach and self.evaluations < self.most:
                     there = np.where(np.arange(len(x)) == i, bound, x)
                     most = (1 + SAME) * np.sum(self.residuals(x) ** 2)
                     x = there if np.sum(self.residuals(there) ** 2) <= most else x
@@ -235,83 +298,193 @@ class _Search:
 
     def values(self, x: Array) -> dict[str, float]:
         """By name, in digits as they are written."""
-        names = [p.name for p in self.free.parameters]
-        return {n: float(f"{v:.12g}") for n, v in zip(names, np.exp(x), strict=True)}
+        return {p.name: p.value(z) for p, z in zip(self.parameters, x, strict=True)}
 
-    def trial(self, x: Array) -> Settings:
-        return self.settings + self.free.settings(self.values(x))
+    def trial(self, case: FitCase, x: Array) -> Settings:
+        return case.stated.settings + case.free.settings(self.values(x))
 
-    def rows(
-        self, points: Sequence[Array], around: Array | None = None
-    ) -> list[tuple[Comparison, ...]]:
-        """The targets beside the model at each point, `around` one by its tangent; nothing where it
-        did not converge."""
-        near = self.trial(around) if around is not None and self.tangent else None
-        self.solves += len(points) if near is None else 1
-        outcomes = self.solve([self.trial(x) for x in points], near)
-        found: list[tuple[Comparison, ...]] = []
-        for x, outcome in zip(points, outcomes, strict=True):
+    def at(self, x: Array) -> _Point:
+        """All cases solved at x."""
+        if not np.array_equal(self.last.x, x):
+            self.evaluations += 1
+            self.solves += len(self.cases)
+            trials = {i: self.trial(case, x) for i, case in enumerate(self.cases)}
+            self.last = self.point(x, self.workers.solve(trials))
+            self.failures += self.last.failures
+            better = self.best is None or self.last.squares < self.best.squares
+            if better and not self.last.failures:
+                self.best = self.last
+            self.progress(self.line(self.last))
+        return self.last
+
+    def point(self, x: Array, outcomes: Mapping[int, Outcome]) -> _Point:
+        """Raises InputError for what a case does not take, and for numbers that no run has."""
+        failures, faults = [], []
+        fitted: list[Comparison] = []
+        held_out: list[Comparison] = []
+        for i, case in enumerate(self.cases):
+            outcome = outcomes[i]
+            if outcome.status == "refused":
+                faults.append(outcome.reason)
+            elif outcome.status == "failed":
+                failures.append(f"{case.name}: {_told(self.values(x))}: {outcome.reason}")
+            else:
+                pair = [compared(t, outcome.summary, case.name) for t in (case.rows, case.held_out)]
+                faults += [
+                    _absent(row, outcome) for rows in pair for row in rows if row.model is None
+                ]
+                fitted += pair[0]
+                held_out += pair[1]
+        raise_faults(faults)
+        if failures:
+            return _Point(x, failures=tuple(failures))
+        return _Point(x, tuple(fitted), tuple(held_out))
+
+    def line(self, point: _Point) -> str:
+        count = f"{self.evaluations} of at most {self.most}"
+        if point.failures:
+            return f"{count}: did not converge: {'; '.join(point.failures)}"
+        order = np.argsort(-np.abs(point.misses), kind="stable")[:SHOWN]
+        largest = ", ".join(f"{self.label(point.rows[i])} {point.misses[i]:+.3g}" for i in order)
+        return (
+            f"{count}: sum of squared misses {point.squares:.4g}; {_told(self.values(point.x))}; "
+            f"largest, SDs: {largest}"
+        )
+
+    def label(self, row: Comparison) -> str:
+        return row.target.name + (f" [{row.target.case}]" if len(self.cases) > 1 else "")
+
+    def afresh(self, x: Array) -> tuple[_Point, tuple[str, ...]]:
+        """All cases solved from scratch, as a run of each does it, and what to know of that.  A
+        hood may have an equilibrium that the search followed and a run does not come to."""
+        trials = {i: self.trial(case, x) for i, case in enumerate(self.cases)}
+        self.solves += len(trials)
+        outcomes = self.workers.solve(trials, afresh=True)
+        failed = [i for i, o in outcomes.items() if o.status == "failed"]
+        notes = [
+            f"{self.cases[i].name} does not converge from scratch with what was found; its rows "
+            f"are those that the search came to: {outcomes[i].reason}"
+            for i in failed
+            if self.serves[i]
+        ]
+        if failed:
+            outcomes |= self.workers.solve({i: trials[i] for i in failed})
+        end = self.point(x, outcomes)
+        if end.failures:
+            raise ConvergenceError("at the end: " + "; ".join(end.failures))
+        return end, (*notes, *self.other_states(end))
+
+    def other_states(self, end: _Point) -> list[str]:
+        """Rows that the search, where it came to the same parameters, has other numbers of."""
+        if self.best is None or np.abs(end.x - self.best.x).max() > STEP / 10:
+            return []
+        return [
+            f"{self.label(row)}: {row.model:.4g} from scratch, {before.model:.4g} in the search: "
+            "the case has more than one equilibrium there"
+            for row, before in zip(end.rows, self.best.rows, strict=True)
+            if abs(_scaled([row])[0] - _scaled([before])[0]) > OTHER_STATE
+        ]
+
+    def residuals(self, x: Array) -> Array:
+        """(m,); infinite where a solve did not converge, which makes the search step shorter."""
+        point = self.at(x)
+        if point.failures:
+            return np.full(sum(len(case.rows) for case in self.cases), np.inf)
+        return point.misses
+
+    def slopes_that_pull(self, x: Array) -> Array:
+        point = self.at(x)
+        told = np.array([pulls(row.target, row.model or 0.0) for row in point.rows])
+        return self.slopes(point) * told[:, None]
+
+    def slopes(self, point: _Point) -> Array:
+        """(m, n) of the numbers by the coordinates, in units of their SDs."""
+        x, sides = point.x, (-1, 1)
+        ends = [
+            [
+                np.clip(x + sign * size * unit, self.low, self.high)
+                for size, unit in zip(sizes, np.eye(len(x)), strict=True)
+                for sign in sides
+            ]
+            for sizes in self.sizes
+        ]
+        each = list(zip(self.cases, ends, strict=True))
+        self.solves += sum(
+            len(there) for there, serves in zip(ends, self.serves, strict=True) if not serves
+        )
+        outcomes = self.workers.solve_beside(
+            [self.trial(case, x) for case in self.cases],
+            [[self.trial(case, end) for end in there] for case, there in each],
+        )
+        blocks, first = [], 0
+        for (case, there), found in zip(each, outcomes, strict=True):
+            rows = point.rows[first : first + len(case.rows)]
+            first += len(rows)
+            blocks.append(self.slopes_of(case, (x, rows), there, found))
+        slopes = np.concatenate(blocks)
+        lost = np.flatnonzero(np.isnan(slopes).all(axis=0))
+        if len(lost):
+            name = self.parameters[lost[0]].name
+            raise ConvergenceError(f"no gradient by {name}: {self.failures[-1]}")
+        return np.nan_to_num(slopes)
+
+    def slopes_of(
+        self,
+        case: FitCase,
+        at: tuple[Array, Sequence[Comparison]],
+        ends: Sequence[Array],
+        outcomes: Sequence[Outcome],
+    ) -> Array:
+        """(m, n) of one case; NaN by a parameter to neither side of which it converged."""
+        there: list[tuple[Array, Sequence[Comparison]]] = []
+        for end, outcome in zip(ends, outcomes, strict=True):
             if outcome.status == "refused":
                 raise InputError(outcome.reason)
             if outcome.status == "failed":
-                self.failures.append(f"{_told(self.values(x))}: {outcome.reason}")
-                found.append(())
-                continue
-            found.append(_compared(self.targets, outcome.summary, self.case))
-        return found
-
-    def at(self, x: Array) -> tuple[Comparison, ...]:
-        if self.last[0] != x.tobytes():
-            rows = self.rows([x])[0]
-            self.last = (x.tobytes(), rows)
-            squares = sum(miss(row.target, row.model or 0.0) ** 2 for row in rows)
-            told = f"sum of squared misses {squares:.4g}" if rows else "did not converge"
-            self.progress(f"{_told(self.values(x))}: {told}")
-        return self.last[1]
-
-    def residuals(self, x: Array) -> Array:
-        """(m,); infinite where the solve did not converge, which makes the search step shorter."""
-        rows = self.at(x)
-        if not rows:
-            return np.full(len(self.targets), np.inf)
-        return np.array([miss(row.target, row.model or 0.0) for row in rows])
-
-    def slopes_that_pull(self, x: Array) -> Array:
-        told = np.array([pulls(row.target, row.model or 0.0) for row in self.at(x)])
-        return self.slopes(x) * told[:, None]
-
-    def slopes(self, x: Array) -> Array:
-        """(m, n) of the numbers by the logarithms, in units of their SDs."""
-        n = len(x)
-        size = SMALL_STEP if self.tangent else STEP
-        steps = size * np.stack([s * np.eye(n)[i] for i in range(n) for s in (-1, 1)])
-        ends = [np.clip(x + step, self.low, self.high) for step in steps]
-        rows = self.rows(ends, x)
+                self.failures.append(f"{case.name}: {_told(self.values(end))}: {outcome.reason}")
+            rows = compared(case.rows, outcome.summary, case.name)
+            there.append((end, rows if outcome.status == "converged" else ()))
         columns = []
-        for i in range(n):
-            pair = [(ends[k], rows[k]) for k in (2 * i, 2 * i + 1) if rows[k]]
-            if len(pair) < 2:
-                pair.append((x, self.at(x)))
-            (x0, before), (x1, after) = pair[:2]
-            if not before or not after or x0[i] == x1[i]:
-                name = self.free.parameters[i].name
-                raise ConvergenceError(f"no gradient by {name}: {self.failures[-1]}")
+        for i in range(len(self.parameters)):
+            pair = [found for found in there[2 * i : 2 * i + 2] if found[1]]
+            (x0, before), (x1, after) = (*pair, at, at)[:2]
+            if x0[i] == x1[i]:
+                columns.append(np.full(len(case.rows), np.nan))
+                continue
             columns.append((_scaled(after) - _scaled(before)) / (x1[i] - x0[i]))
         return np.stack(columns, axis=1)
+
+    def steps_of(self, i: int) -> list[float]:
+        """Of the differences by each parameter in case i."""
+        if not self.serves[i]:
+            return [STEP] * len(self.parameters)
+        return [STEP if self.lays_mesh(self.cases[i], p) else SMALL_STEP for p in self.parameters]
+
+    def lays_mesh(self, case: FitCase, p: Parameter) -> bool:
+        """Whether the mesh is laid elsewhere with another value of the parameter."""
+        start = {p.name: p.start for p in self.parameters}
+        other = {**start, p.name: p.low if p.start != p.low else p.high}
+        keys = {
+            load_case(
+                case.stated.source, case.stated.settings + case.free.settings(values)
+            ).mesh_key()
+            for values in (start, other)
+        }
+        return len(keys) > 1
+
+
+def _absent(row: Comparison, outcome: Outcome) -> str:
+    """Why a run has no number there: with the nearest name where that is misspelt."""
+    target = row.target
+    try:
+        check_quantities([target], [(target.case, outcome.summary)])
+    except InputError as error:
+        return str(error)
+    return f"{target.name}: the run of {target.case} has no number at {target.quantity}"
 
 
 def _scaled(rows: Sequence[Comparison]) -> Array:
     return np.array([(row.model or 0.0) / (row.target.sd or 1.0) for row in rows])
-
-
-def _compared(
-    targets: Sequence[Target], summary: Mapping[str, Any], case: str
-) -> tuple[Comparison, ...]:
-    rows = compared(targets, summary, case)
-    absent = [row.target.quantity for row in rows if row.model is None]
-    if absent:
-        raise InputError(f"the run of {case} has no number at {', '.join(absent)}")
-    return rows
 
 
 def _told(values: Mapping[str, float]) -> str:

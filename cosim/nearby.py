@@ -1,31 +1,36 @@
-"""What a case with held bones would say with parameters a little different, to first order.
+"""A case with held bones at parameters a little different from those it was solved with.
 
 Where the bones are held, parameters reach the result through the hood's shape alone.  Of a solved
 shell x(p) with tangent K the shape for parameters p' near by is x - K^-1 R(x, p'), R the residual:
-an assembly and a back-substitution in place of a solve.  What is observed of that shape is the
-result, so that its differences over small steps of p are the derivatives by the tangent.
+an assembly and a back-substitution in place of a solve (`foretold`).  What is observed of that
+shape is the result, so that its differences over small steps of p are the derivatives by the
+tangent.  Newton's method from x reaches the equilibrium at p' itself (`solved_from`).
+
+The nodes of the mesh may be parameters too (offsets, rest posture): tied and guided nodes then
+stand where the new mesh has them, and the others follow.  What moves the bones or changes which
+nodes a quad joins has to be solved anew.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from cosim.build import Models, build, tensions
 from cosim.build_shell import UnderHood
-from cosim.case import load_case
 from cosim.case_schema import Case, ShellHood
 from cosim.couple import Equilibrium
 from cosim.observe import result
-from cosim.port import Array, CosimError, InputError
-from cosim.run import States, solve
-from cosim.trials import Outcome, Settings, one_line, outcome
+from cosim.port import Array
+from cosim.run import States
+from fe_solver.shell_hood import HoodState
 from fe_solver.shell_hood import ShellHood as FeHood
+
+Reshape = Callable[[FeHood, FeHood, HoodState, Array], HoodState]
+"""The state of a hood from that of another, under tensions (nt,) N."""
 
 
 def tangent_serves(case: Case) -> bool:
@@ -35,45 +40,46 @@ def tangent_serves(case: Case) -> bool:
     contact, pulls = case.hood.contact, case.tendons.values()
     smooth = contact.penetration is None and contact.friction == 0
     plain = all(t.muscle is None and t.excursion is None for t in pulls)
-    return case.forward is None and case.finger.tip.kind == "posture" and smooth and plain
+    coupled = case.coupling.scheme != "one_way" and case.forward is None
+    return coupled and case.finger.tip.kind == "posture" and smooth and plain
 
 
-def near_outcome(source: Path, around: Settings, settings: Settings) -> Outcome:
-    """The case at `source` with `settings`, by the tangent at `around`; solved, where a setting
-    moves the bones or lays another mesh."""
-    try:
-        case = load_case(source, settings)
-    except InputError as error:
-        return Outcome("refused", {}, one_line(error))
-    try:
-        summary = foretold(case, *_solved(source, around))
-    except CosimError as error:
-        return Outcome("failed", {}, one_line(error))
-    return outcome(source, settings) if summary is None else Outcome("converged", summary)
-
-
-@lru_cache(maxsize=1)
-def _solved(source: Path, settings: Settings) -> tuple[Models, States]:
-    return solve(load_case(source, settings))
-
-
-def foretold(case: Case, models: Models, states: States) -> Mapping[str, Any] | None:
+def foretold(
+    case: Case, models: Models, states: States, arms: bool = True
+) -> Mapping[str, Any] | None:
     """The summary of `case`, to first order, from a solved case that differs little from it; None
-    where its bones stand elsewhere or its hood has another mesh."""
-    fresh = build(case)
-    held = fresh.finger.motion(fresh.finger.start(fresh.posture))
-    if np.abs(held.twist_to(states.loaded.motion)).max() > 0 or not _alike(fresh, models):
+    where its bones stand elsewhere or its mesh has other quads.  Without `arms` the moment arms by
+    force, which cost most of it, are those of the solved case."""
+    fresh = _beside(case, models, states)
+    if fresh is None:
         return None
-    hood, finger = tensions(case, fresh)
-    rest = [np.full(len(pull), fresh.resting) for pull in (hood, finger)]
-    unloaded = _near(fresh, states.unloaded, *rest)
-    loaded = _near(fresh, states.loaded, hood, finger)
-    near = replace(states, unloaded=unloaded, loaded=loaded)
+    near = _reshaped(case, (models, fresh), states, FeHood.near, arms)
     return result(case, fresh, near, 0.0).summary
 
 
-def _alike(models: Models, others: Models) -> bool:
-    return np.array_equal(_shell(models).model.quads, _shell(others).model.quads)
+def solved_from(
+    case: Case, models: Models, states: States, arms: bool = True
+) -> tuple[Models, States] | None:
+    """The equilibria of `case` by Newton's method from those of a solved case; None and `arms` as
+    of `foretold`.  Reciprocity is not audited.  Raises ConvergenceError."""
+    fresh = _beside(case, models, states)
+    if fresh is None:
+        return None
+    reached = _reshaped(case, (models, fresh), states, FeHood.solve_from, arms)
+    return fresh, replace(reached, reciprocity=None)
+
+
+def _beside(case: Case, models: Models, states: States) -> Models | None:
+    """Models of `case` where a hood of theirs can follow from the solved one."""
+    fresh = build(case)
+    held = fresh.finger.motion(fresh.finger.start(fresh.posture))
+    moved = np.abs(held.twist_to(states.loaded.motion)).max() > 0
+    return None if moved or not _alike(_shell(fresh), _shell(models)) else fresh
+
+
+def _alike(hood: FeHood, other: FeHood) -> bool:
+    a, b = hood.model, other.model
+    return np.array_equal(a.quads, b.quads) and np.array_equal(a.free, b.free)
 
 
 def _shell(models: Models) -> FeHood:
@@ -81,17 +87,30 @@ def _shell(models: Models) -> FeHood:
     return models.hood
 
 
-def _near(models: Models, e: Equilibrium, hood: Array, finger: Array) -> Equilibrium:
-    held = models.finger.start(models.posture)
-    shell = _shell(models)
-    state = shell.near(e.response.state, hood)
-    response = shell.answer(state)
-    return replace(
-        e,
-        finger_state=held,
-        response=response,
-        balance=models.finger.balance(held, response.load, finger),
-        jacobian=shell.jacobian(state),
-        hood_tension=hood,
-        finger_tension=finger,
-    )
+def _reshaped(
+    case: Case, pair: tuple[Models, Models], states: States, reshape: Reshape, arms: bool
+) -> States:
+    """The states of the second models from those of the first."""
+    before, models = pair
+    hood, finger = tensions(case, models)
+    rest = [np.full(len(pull), models.resting) for pull in (hood, finger)]
+
+    def moved(e: Equilibrium, hood: Array, finger: Array) -> Equilibrium:
+        held, shell = models.finger.start(models.posture), _shell(models)
+        state = reshape(shell, _shell(before), e.response.state, hood)
+        response = shell.answer(state)
+        balance = models.finger.balance(held, response.load, finger)
+        return replace(
+            e,
+            finger_state=held,
+            response=response,
+            balance=balance,
+            jacobian=shell.jacobian(state) if arms else e.jacobian,
+            hood_tension=hood,
+            finger_tension=finger,
+            finger_residual=balance.relative,
+            interface_residual=balance.relative,
+        )
+
+    unloaded, loaded = moved(states.unloaded, *rest), moved(states.loaded, hood, finger)
+    return replace(states, unloaded=unloaded, loaded=loaded)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from math import exp, isfinite, log
+from math import ceil, exp, isfinite, log, log10
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 from cosim import units
 from cosim.case_schema import Case, FibreMooneyRivlin, ShellHood, TransverselyIsotropic
@@ -17,13 +17,21 @@ from cosim.variations import toe_settings
 
 Values = Mapping[str, float]
 """By a parameter's name, in its unit."""
-KEYS = {"low", "high", "start", "unit", "settings"}
+Scale = Literal["logarithmic", "linear"]
+KEYS = {"low", "high", "start", "unit", "scale", "settings"}
+CASES = "cases"
+"""The table of the same file that is no parameter; see `cosim.fit_cases`."""
+DIGITS = 4
+"""Significant ones of a parameter found; on a linear scale, of its range."""
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """A positive number to find within bounds, all in `unit`; what it is set to is told by
-    `templates` (KEY={value}), or, without them, by the built-in rule of that name."""
+    """A number to find within bounds, all in `unit`; what it is set to is told by `templates`
+    (KEY={value}), or, without them, by the built-in rule of that name.
+
+    The search is for its `coordinate`: on a logarithmic scale (of positive numbers alone) the
+    logarithm, on a linear one the fraction of the way from `low` to `high`."""
 
     name: str
     unit: str
@@ -31,17 +39,46 @@ class Parameter:
     high: float
     start: float
     templates: Settings = ()
+    scale: Scale = "logarithmic"
 
     def __post_init__(self) -> None:
-        if not 0 < self.low < self.high or not self.low <= self.start <= self.high:
+        positive = self.scale == "linear" or self.low > 0
+        if not positive or not self.low < self.high or not self.low <= self.start <= self.high:
+            order = "low < high" if self.scale == "linear" else "0 < low < high"
+            signed = "" if positive else '; scale = "linear" is for numbers of any sign'
             raise InputError(
-                f"parameter {self.name}: expected 0 < low < high and a start between them, not "
-                f"low = {self.low:g}, high = {self.high:g}, start = {self.start:g}"
+                f"parameter {self.name}: expected {order} and a start between them, not "
+                f"low = {self.low:g}, high = {self.high:g}, start = {self.start:g}{signed}"
             )
 
     def written(self, value: float) -> str:
         """With its unit, as a case states it."""
         return f"{value!r} {self.unit}".rstrip()
+
+    def coordinate(self, value: float) -> float:
+        """What the search sees of a value."""
+        if self.scale == "linear":
+            return (value - self.low) / (self.high - self.low)
+        return log(value)
+
+    def value(self, coordinate: float) -> float:
+        """The value at a coordinate, within the bounds, in digits as it is written."""
+        for bound in (self.low, self.high):
+            if coordinate == self.coordinate(bound):
+                return bound
+        linear = self.scale == "linear"
+        way = coordinate * (self.high - self.low)
+        value = self.low + way if linear else exp(coordinate)
+        return min(max(float(f"{value:.12g}"), self.low), self.high)
+
+    def rounded(self, coordinate: float) -> float:
+        """The coordinate of the nearest value of `DIGITS` digits within the bounds."""
+        value = self.value(coordinate)
+        if self.scale == "linear":
+            value = round(value, DIGITS - ceil(log10(self.high - self.low)) + 1)
+        else:
+            value = float(f"{value:.{DIGITS}g}")
+        return self.coordinate(min(max(value, self.low), self.high))
 
 
 @dataclass(frozen=True)
@@ -74,15 +111,35 @@ def built_in(case: Case) -> Free:
 
 def read_free(path: Path, case: Case) -> Free:
     """The parameters of a TOML file, a table for each: of a built-in one low, high and start where
-    they are others; of any other these, unit and `settings`, a list of "KEY={value}".
+    they are others; of any other these, unit, scale and `settings`, a list of "KEY={value}".  A
+    file that has but the table of cases leaves the built-in ones free.
 
-    Raises InputError, naming the table."""
+    Raises InputError with every fault, each with its table."""
     known = _known(case, needed=False)
-    tables = _tables(path)
-    return _free(case, tuple(_read(f"{path}: {n}", n, t, known) for n, t in tables.items()))
+    tables = {name: table for name, table in fit_tables(path).items() if name != CASES}
+    if not tables:
+        return built_in(case)
+    parameters, faults = [], []
+    for name, table in tables.items():
+        try:
+            parameters.append(_read(f"{path}: {name}", name, table, known))
+        except InputError as error:
+            faults.append(str(error))
+    raise_faults(faults)
+    return _free(case, tuple(parameters))
 
 
-def _tables(path: Path) -> dict[str, Any]:
+def raise_faults(faults: Iterable[str]) -> None:
+    """Raises InputError with all faults, each once, if there are any."""
+    each = [fault.replace("\n", "\n  ") for fault in dict.fromkeys(faults)]
+    if len(each) == 1:
+        raise InputError(each[0])
+    if each:
+        raise InputError("\n  ".join([f"{len(each)} faults", *each]))
+
+
+def fit_tables(path: Path) -> dict[str, Any]:
+    """The tables of a file of parameters.  Raises InputError."""
     try:
         tables = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
@@ -108,15 +165,20 @@ def _read(
                 f"{place}: give settings, for example ['hood.springs.ligament_radial.slack="
                 f"{{value}}']; without them this case knows {', '.join(known) or 'none'}"
             )
+        if "scale" in table:
+            raise InputError(f"{place}: scale goes with settings; {name} is logarithmic")
         p = known[name]
         low, high = numbers.get("low", p.low), numbers.get("high", p.high)
         return Parameter(name, p.unit, low, high, numbers.get("start", p.start))
-    templates = table["settings"]
+    templates, scale = table["settings"], table.get("scale", "logarithmic")
     if not isinstance(templates, list) or not all("={value}" in str(text) for text in templates):
         raise InputError(f"{place}: settings: expected a list of texts KEY={{value}}")
+    if scale not in get_args(Scale):
+        raise InputError(f"{place}: scale = {scale!r}: expected {' or '.join(get_args(Scale))}")
     if lacking := sorted({"low", "high", "start"} - set(numbers)):
         raise InputError(f"{place}: lacks {', '.join(lacking)}")
-    return Parameter(name, str(table.get("unit", "")), **numbers, templates=tuple(templates))
+    unit = str(table.get("unit", ""))
+    return Parameter(name, unit, **numbers, templates=tuple(map(str, templates)), scale=scale)
 
 
 def _number(place: str, key: str, value: Any) -> float:

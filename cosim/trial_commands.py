@@ -18,7 +18,8 @@ from cosim.terminal import print_table, told
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from cosim.compare import Target
+    from cosim.compare import Comparison, Target
+    from cosim.fit_cases import FitCase
     from cosim.identify import Fit
     from cosim.sensitivity import Sensitivity
     from cosim.variations import Variation
@@ -160,63 +161,96 @@ def _show_sensitivity(found: Sensitivity) -> None:
 
 
 def identify(
-    case: CaseName,
+    cases: Annotated[
+        list[str],
+        typer.Argument(metavar="CASE...", help="Case files, or packaged cases, to fit together."),
+    ],
     targets: Annotated[
         Path,
         typer.Option(
             help="CSV of measured numbers, as `cosim report --data` takes them. A band pulls where "
-            "the model lies outside of it; SDs are the weights, 1 unit where there is none."
+            "the model lies outside of it; SDs are the weights, 1 unit where there is none. The "
+            "column case says which case a row is for; empty: for each."
         ),
     ],
     settings: Settings = None,
     free: Annotated[
         Path | None,
         typer.Option(
-            help="TOML, a table for each parameter: low, high, start, unit and settings = "
-            "['KEY={value}']; of c1, toe, c4, modulus_across, shear_modulus the bounds alone. "
-            "Without it those that the case's laws have."
+            help="TOML, a table for each parameter: low, high, start, unit, settings = "
+            "['KEY={value}'] and, for a number of any sign, scale = 'linear'; of c1, toe, c4, "
+            "modulus_across, shear_modulus the bounds alone. Without it those that the cases' laws "
+            "have. Tables [cases.NAME] with set = ['KEY=VALUE'] make several cases of the one CASE "
+            "(or of `from`), for example of as many postures."
         ),
     ] = None,
-    out: Annotated[
-        Path | None, typer.Option(metavar="CASE.toml", help="Case file to write, extending CASE.")
+    held_out: Annotated[
+        Path | None,
+        typer.Option(help="CSV of rows that are compared and shown, but do not pull."),
     ] = None,
-    steps: Annotated[int, typer.Option(min=1, max=1000, help="Steps of the search, at most.")] = 30,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="CASE.toml",
+            help="Case file to write, extending CASE; of several CASEs the settings alone.",
+        ),
+    ] = None,
+    most: Annotated[
+        int,
+        typer.Option(
+            "--most",
+            "--steps",
+            min=1,
+            max=1000,
+            help="Evaluations of all cases in the search, at most; gradients and the last solves, "
+            "from scratch, come on top.",
+        ),
+    ] = 30,
     jobs: Jobs = 2,
 ) -> None:
-    """Fit a case's parameters to measured numbers, within bounds; say with intervals, correlations
-    and singular values what the numbers could not tell."""
+    """Fit parameters of one or several cases to measured numbers, within bounds; say with
+    intervals, correlations and singular values what the numbers could not tell."""
     with told():
-        from cosim.case import load_case
         from cosim.compare_files import read_targets
-        from cosim.identified import base_of, case_text, check_loads
-        from cosim.identify import fit
-        from cosim.parameters import built_in, read_free
+        from cosim.fit_cases import fit_cases, stated_cases
+        from cosim.identified import check_same_settings
+        from cosim.identify import fit_all
 
-        own = tuple(settings or ())
-        checked = load_case(case, own)
+        stated = stated_cases(cases, tuple(settings or ()), free)
         wanted = read_targets(targets)
-        chosen = built_in(checked) if free is None else read_free(free, checked)
-        found = fit(
-            checked.source,
-            own,
-            chosen,
-            wanted,
-            jobs,
-            steps,
-            lambda text: typer.echo(text, err=True),
-        )
-        _show_fit(found)
+        apart = read_targets(held_out) if held_out is not None else ()
+        chosen = fit_cases(stated, free, wanted, apart)
         if out is not None:
-            base, title = base_of(checked.source, out), f"{checked.title}, identified"
-            with written_whole(out) as part:
-                part.write_text(case_text(found, title, base, own, targets.name), encoding="utf-8")
-                check_loads(part)
-            typer.echo(f"case in {out}")
+            check_same_settings(chosen)
+        found = fit_all(chosen, jobs, most, lambda text: typer.echo(text, err=True))
+        _show_fit(found, len(chosen) > 1)
+        if out is not None:
+            _write_found(out, found, chosen, tuple(settings or ()), targets.name)
 
 
-def _show_fit(found: Fit) -> None:
+def _write_found(
+    out: Path, found: Fit, cases: Sequence[FitCase], own: tuple[str, ...], targets: str
+) -> None:
+    """The case that all cases are made of, or, where they are made of several, the settings."""
+    from cosim.case import load_case
+    from cosim.identified import base_of, case_text, check_loads
+
+    stated = [case.stated for case in cases]
+    source = stated[0].source
+    of_one = all(case.source == source for case in stated)
+    base = base_of(source, out) if of_one else None
+    title = f"{load_case(source, own).title}, identified"
+    with written_whole(out) as part:
+        text = case_text(found, title, base, own, targets, stated)
+        part.write_text(text, encoding="utf-8")
+        if of_one:
+            check_loads(part)
+    typer.echo(f"{'case' if of_one else 'settings'} in {out}")
+
+
+def _show_fit(found: Fit, several: bool) -> None:
     """Parameters, misses, correlations, singular values."""
-    from cosim.compare import number, stated
+    from cosim.compare import number
     from cosim.identify import interval, standing
 
     rows = []
@@ -228,22 +262,55 @@ def _show_fit(found: Fit) -> None:
         )
     header = ("", "start", "fitted", "95 % interval", "bounds", "")
     print_table("Parameters", header, rows)
-    rows = [
-        (
-            f"{row.target.name}, {row.target.unit}",
-            *(number(before.model), number(row.model), stated(row.target)),
-            *(f"{miss:+.3g}", row.target.kind),
-        )
-        for before, row, miss in zip(found.start, found.rows, found.misses, strict=True)
-    ]
-    print_table("Targets", ("", "before", "after", "target", "miss, SDs", "kind"), rows)
+    pairs = list(zip(found.start, found.rows, strict=True))
+    measured = [pair for pair in pairs if pair[1].target.kind != "requirement"]
+    required = [pair for pair in pairs if pair[1].target.kind == "requirement"]
+    held_out = list(zip(found.held_out_start, found.held_out, strict=True))
+    for title, shown in (
+        ("Targets", measured),
+        ("Requirements, which nobody measured", required),
+        ("Held out, which did not pull", held_out),
+    ):
+        _show_rows(title, shown, several)
+    for title, shown in (("targets", pairs), ("rows held out", held_out)):
+        if shown:
+            before, after = (_squares(rows) for rows in zip(*shown, strict=True))
+            typer.echo(f"{title}: sum of squared misses {before:.4g} before, {after:.4g} after")
     _show_confidence(found)
+    by = f"the tangent of the hood in {', '.join(found.by_tangent)}" if found.by_tangent else ""
     typer.echo(
-        f"{found.solves} solves, {len(found.failures)} of which did not converge; {found.ended}; "
-        f"gradients by {'the tangent of the hood' if found.by_tangent else 'differences of solves'}"
+        f"{found.evaluations} evaluations, {found.solves} solves, {len(found.failures)} of which "
+        f"did not converge; {found.ended}; gradients by {by or 'differences of solves'}"
     )
     for failure in found.failures:
         typer.echo(f"did not converge: {failure}")
+    for note in found.notes:
+        typer.echo(f"note: {note}")
+
+
+def _squares(rows: Sequence[Comparison]) -> float:
+    from cosim.identify import miss
+
+    return sum(miss(row.target, row.model or 0.0) ** 2 for row in rows)
+
+
+def _show_rows(title: str, pairs: Sequence[tuple[Comparison, Comparison]], several: bool) -> None:
+    """Rows before and after."""
+    from cosim.compare import number, stated
+    from cosim.identify import miss
+
+    rows = [
+        (
+            *([row.target.case] if several else []),
+            f"{row.target.name}, {row.target.unit}",
+            *(number(before.model), number(row.model), stated(row.target)),
+            *(f"{miss(row.target, row.model or 0.0):+.3g}", row.target.kind),
+        )
+        for before, row in pairs
+    ]
+    head = ("", "before", "after", "target", "miss, SDs", "kind")
+    if rows:
+        print_table(title, ("case", *head) if several else head, rows)
 
 
 def _show_confidence(found: Fit) -> None:
@@ -259,7 +326,7 @@ def _show_confidence(found: Fit) -> None:
         for name, line in zip(names, pulling.correlation, strict=True)
     ]
     if len(names) > 1:
-        print_table("Correlations of the logarithms", ("", *names), rows)
+        print_table("Correlations", ("", *names), rows)
     points = confidence(found.slopes, found.misses)
     for title, header, seen in (
         ("the rows that pull (parameters at bounds held)", names, pulling),
@@ -269,6 +336,8 @@ def _show_confidence(found: Fit) -> None:
             (f"{s:.3g}", *(f"{part:+.2f}" for part in direction))
             for s, direction in zip(seen.singular_values, seen.directions, strict=True)
         ]
-        print_table(f"Singular values of {title}, SDs per e-fold", ("", *header), rows)
+        print_table(
+            f"Singular values of {title}, SDs per e-fold or whole range", ("", *header), rows
+        )
     if pulling.inflation > 1:
         typer.echo(f"intervals widened {pulling.inflation:.3g} times: rows miss by more than SDs")

@@ -33,12 +33,9 @@ class Outcome:
 
 
 class Solve(Protocol):
-    """An outcome for each of `trials`, in their order; with `around` to first order by the tangent
-    of the case with those settings, where that serves."""
+    """An outcome for each of `trials`, in their order."""
 
-    def __call__(
-        self, trials: Iterable[Settings], around: Settings | None = None
-    ) -> Iterator[Outcome]: ...
+    def __call__(self, trials: Iterable[Settings]) -> Iterator[Outcome]: ...
 
 
 def outcome(source: Path, settings: Settings) -> Outcome:
@@ -60,32 +57,31 @@ def one_line(error: CosimError) -> str:
     return " ".join(str(error).split())
 
 
-def _one(source: Path, around: Settings | None, settings: Settings) -> Outcome:
-    if around is None:
-        return outcome(source, settings)
-    from cosim.nearby import near_outcome
-
-    return near_outcome(source, around, settings)
-
-
 @contextmanager
 def solver(source: Path, jobs: int) -> Iterator[Solve]:
     """What solves the case, in so many processes (1: in this one).
 
     Raises InputError where a process was ended from outside."""
     if jobs == 1:
-        yield lambda trials, around=None: map(partial(_one, source, around), trials)
+        yield lambda trials: map(partial(outcome, source), trials)
         return
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool, not_ended():
         try:
-            yield lambda trials, around=None: pool.map(partial(_one, source, around), trials)
-        except BrokenProcessPool:
-            raise InputError(
-                "a process that solved was ended from outside, it may be for want of memory; "
-                "--jobs 1 needs the least"
-            ) from None
+            yield lambda trials: pool.map(partial(outcome, source), trials)
         finally:
             pool.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def not_ended() -> Iterator[None]:
+    """Raises InputError where a process that solves was ended from outside."""
+    try:
+        yield
+    except BrokenProcessPool:
+        raise InputError(
+            "a process that solved was ended from outside, it may be for want of memory; "
+            "--jobs 1 needs the least"
+        ) from None
 
 
 def measured(summary: Mapping[str, Any], quantity: str) -> float | None:

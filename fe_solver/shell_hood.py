@@ -115,17 +115,34 @@ class ShellHood:
         load = Load(self.bodies, self.sources, self._by_source(s), self._pull(c, s.tension))
         return Response(state, load, self.model.excursion(c))
 
-    def near(self, state: HoodState, tension: Array) -> HoodState:
-        """One Newton step with the tangent of another hood's equilibrium on the same mesh: where
-        this one, whose parameters differ little, settles at the same pose, to first order."""
+    def near(self, hood: ShellHood, state: HoodState, tension: Array) -> HoodState:
+        """Where this hood settles at the pose of another one's equilibrium, to first order in what
+        their parameters and nodes differ in: one Newton step with the other one's tangent.  The
+        other one's mesh has the same quads."""
         s = _solved(state)
-        m, c, step = self.model, s.configuration, np.zeros(self.model.pattern.size)
+        m, c = self.model, self._laid_like(hood, state)
+        step = np.zeros(m.pattern.size)
         e = m.evaluate(c, tension, tangent=False)
         step[m.free] = -s.factor.solve(e.reduced[m.free])
         c = m.stepped(c, e.bases, step)
         there = m.evaluate(c, tension, tangent=True)
         solution = Solution(m, c, there, tension, 1, 1, residual_norm(m, there)[0])
         return HoodState(state.motion, c, solution, state.iterations + 1)
+
+    def solve_from(self, hood: ShellHood, state: HoodState, tension: Array) -> HoodState:
+        """The equilibrium under `tension` (nt,) N at the pose of another hood's, whose mesh has the
+        same quads, by Newton's method from its shape.  Raises ConvergenceError."""
+        start = self._laid_like(hood, state)
+        s = solve(self.model, start, tension, self.options, True, _solved(state))
+        return HoodState(state.motion, s.configuration, s, s.iterations)
+
+    def _laid_like(self, hood: ShellHood, state: HoodState) -> Configuration:
+        """Another hood's shape, with the nodes moved by as much as this one's are laid elsewhere on
+        the bones."""
+        c = state.configuration
+        moved = _on_bodies(self) - _on_bodies(hood)
+        x = c.x + np.einsum("nb,bij,bnj->ni", self.carriers, c.rotation, moved)
+        return self.model.posed(replace(c, x=x), c.position, c.rotation)
 
     def jacobian(self, state: HoodState) -> HoodJacobian:
         """Derivatives by back-substitution with the factor of the solved state."""
@@ -348,6 +365,12 @@ class ShellHood:
         for k in self.model.contacts:
             np.minimum.at(out, k.nodes, k.gap(c.x, c.position, c.rotation))
         return out
+
+
+def _on_bodies(hood: ShellHood) -> Array:
+    """(nb, n, 3) m, the nodes as laid out, in the bodies' frames."""
+    from_origin = hood.model.reference - hood.rest.position[:, None]
+    return np.asarray(np.einsum("bji,bnj->bni", hood.rest.rotation, from_origin))
 
 
 def partway(start: Motion, end: Motion, part: float) -> Motion:

@@ -114,6 +114,11 @@ def test_a_case_is_compared_with_its_own_targets_alone():
     assert tally(rows) == {"outside": 2}
 
 
+def test_requirements_are_counted_apart():
+    rows = compared((FORCE, replace(FORCE, kind="requirement")), SUMMARY, "edc")
+    assert tally(rows) == {"outside": 1, "outside (requirement)": 1}
+
+
 def test_a_unit_that_is_not_the_quantitys_is_refused():
     with pytest.raises(InputError, match="is in N, the row in mN"):
         compared((replace(FORCE, unit="mN"),), SUMMARY, "edc")

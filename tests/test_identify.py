@@ -272,7 +272,7 @@ def test_faulty_parameters_are_refused(tmp_path, text, match):
 def test_a_target_that_the_run_does_not_have_is_refused(held):
     (target,) = twin(held)[:1]
     absent = replace(target, quantity="joint_torque_Nmm.hood.thumb")
-    with pytest.raises(InputError, match="no number at joint_torque_Nmm"):
+    with pytest.raises(InputError, match="did you mean joint_torque_Nmm"):
         fit(held, (), of(stiffness()), [absent])
     with pytest.raises(InputError, match="no target is for the case held"):
         fit(held, (), of(stiffness()), [replace(target, case="other")])

@@ -1,13 +1,14 @@
-"""What the hood's tangent foretells of other parameters, beside whole solves."""
+"""What follows of other parameters from a solved hood, beside whole solves."""
 
 from __future__ import annotations
 
 import pytest
 
 from cosim.case import find_case, load_case
+from cosim.case_workers import Kept, solve_many, solve_one
 from cosim.compare import value_of
-from cosim.nearby import near_outcome, tangent_serves
-from cosim.trials import outcome
+from cosim.nearby import tangent_serves
+from cosim.trials import Outcome, Settings, outcome
 
 SOURCE = find_case("strain_lee2008_soft_iso")
 # With mean moduli the central slip hangs slack on a coarse mesh.
@@ -23,41 +24,102 @@ QUANTITIES = (
 )
 
 
+@pytest.fixture(scope="module")
+def kept() -> Kept:
+    """The coarse case, solved."""
+    found: Kept = {}
+    assert solve_one(found, "hood", SOURCE, COARSE, arms=True, afresh=True).status == "converged"
+    return found
+
+
+def near(kept: Kept, *settings: Settings) -> list[Outcome]:
+    return solve_many(kept, "hood", SOURCE, COARSE, settings, arms=True)
+
+
 @pytest.mark.parametrize(
     ("key", "value", "unit"),
     [
         pytest.param(
             "hood.regions.central_slip.modulus", 53.99, "MPa", marks=pytest.mark.slow, id="modulus"
         ),
+        pytest.param(
+            "hood.springs.retinacular_radial.stiffness",
+            *(22.5, "N/mm"),
+            marks=pytest.mark.slow,
+            id="spring",
+        ),
+        pytest.param(
+            "hood.extra_length.terminal_slip", -1.23, "mm", marks=pytest.mark.slow, id="length"
+        ),
+        pytest.param(
+            "hood.regions.terminal_slip.thickness", 0.65, "mm", marks=pytest.mark.slow, id="region"
+        ),
         pytest.param("tendons.EDC.tension", 11.8, "N", id="tension"),
     ],
 )
-def test_slopes_by_the_tangent_are_those_of_solves(key, value, unit):
+def test_slopes_by_the_tangent_are_those_of_solves(kept, key, value, unit):
     ends = [(*COARSE, f"{key}={value * (1 + d)!r} {unit}") for d in (-SMALL, SMALL)]
     solved = [outcome(SOURCE, settings).summary for settings in ends]
-    near = [near_outcome(SOURCE, COARSE, settings).summary for settings in ends]
+    found = [outcome.summary for outcome in near(kept, *ends)]
     for quantity in QUANTITIES:
         slopes = [
-            (value_of(b, quantity) - value_of(a, quantity)) / (2 * SMALL) for a, b in (solved, near)
+            (value_of(b, quantity) - value_of(a, quantity)) / (2 * SMALL)
+            for a, b in (solved, found)
         ]
         assert slopes[0] != 0
         assert slopes[1] == pytest.approx(slopes[0], rel=2e-3), quantity
 
 
-def test_no_change_is_the_solved_case():
-    near, solved = near_outcome(SOURCE, COARSE, COARSE).summary, outcome(SOURCE, COARSE).summary
+def test_no_change_is_the_solved_case(kept):
+    found, solved = near(kept, COARSE)[0].summary, outcome(SOURCE, COARSE).summary
     for quantity in QUANTITIES:
-        assert value_of(near, quantity) == pytest.approx(value_of(solved, quantity), rel=1e-7)
+        assert value_of(found, quantity) == pytest.approx(value_of(solved, quantity), rel=1e-7)
 
 
-def test_bones_that_move_are_solved_for():
-    moved = (*COARSE, "finger.posture.PIP=1 deg")
-    near, solved = (
-        near_outcome(SOURCE, COARSE, moved).summary,
-        outcome(SOURCE, moved).summary,
+def test_moment_arms_that_nobody_asks_for_are_the_solved_ones(kept):
+    other = (*COARSE, "tendons.EDC.tension=11.7 N")
+    full, quick = (
+        solve_many(kept, "hood", SOURCE, COARSE, [other], arms)[0].summary for arms in (True, False)
     )
-    assert near["slip_force_N"] == pytest.approx(solved["slip_force_N"], rel=1e-9)
-    assert near["posture_deg"]["PIP"] == pytest.approx(1.0)
+    assert quick["slip_force_N"] == full["slip_force_N"]
+    arms, moved = (found["moment_arm_mm"]["EDC"]["PIP"] for found in (quick, full))
+    solved = near(kept, COARSE)[0].summary["moment_arm_mm"]["EDC"]["PIP"]
+    assert arms == pytest.approx(solved, rel=1e-9)
+    assert abs(moved - solved) > 1e-6
+
+
+@pytest.mark.parametrize(
+    "setting",
+    [
+        pytest.param("hood.contact.offset.middle=1.16 mm", marks=pytest.mark.slow),
+        pytest.param("hood.mesh.rest_posture.PIP=0.2 deg", marks=pytest.mark.slow),
+        pytest.param("hood.thickness=0.66 mm", marks=pytest.mark.slow),
+    ],
+)
+def test_another_mesh_is_solved_from_the_solved_case(kept, setting):
+    other = (*COARSE, setting)
+    assert load_case(SOURCE, other).mesh_key() != load_case(SOURCE, COARSE).mesh_key()
+    found, solved = near(kept, other)[0].summary, outcome(SOURCE, other).summary
+    assert found["iterations"]["newton"] < solved["iterations"]["newton"] / 3
+    for quantity in QUANTITIES:
+        assert value_of(found, quantity) == pytest.approx(value_of(solved, quantity), rel=1e-6)
+
+
+@pytest.mark.slow
+def test_a_case_is_solved_from_what_it_was_solved_to_last(kept):
+    other = (*COARSE, "hood.extra_length.terminal_slip=-1.1 mm", "tendons.EDC.tension=11 N")
+    found = solve_one(dict(kept), "hood", SOURCE, other, arms=True, afresh=False).summary
+    solved = outcome(SOURCE, other).summary
+    assert found["iterations"]["newton"] < solved["iterations"]["newton"]
+    for quantity in QUANTITIES:
+        assert value_of(found, quantity) == pytest.approx(value_of(solved, quantity), rel=1e-6)
+
+
+def test_bones_that_move_are_solved_for(kept):
+    moved = (*COARSE, "finger.posture.PIP=1 deg")
+    found, solved = near(kept, moved)[0].summary, outcome(SOURCE, moved).summary
+    assert found["slip_force_N"] == pytest.approx(solved["slip_force_N"], rel=1e-9)
+    assert found["posture_deg"]["PIP"] == pytest.approx(1.0)
 
 
 def test_a_finger_that_is_free_to_turn_is_not_foretold():
@@ -67,7 +129,7 @@ def test_a_finger_that_is_free_to_turn_is_not_foretold():
     assert not tangent_serves(load_case("split_edc"))
 
 
-def test_a_refused_setting_says_why():
-    found = near_outcome(SOURCE, COARSE, ("hood.thickness=-1 mm",))
+def test_a_refused_setting_says_why(kept):
+    (found,) = near(kept, ("hood.thickness=-1 mm",))
     assert found.status == "refused"
     assert "hood.thickness" in found.reason
