@@ -213,11 +213,12 @@ def _section(
     from fe_solver.section import Patch, joined_sections
     from meshes.hood_mesh import REGIONS
 
-    patches, bending = [], hood.bending_modulus * INCOMPRESSIBLE
+    patches = []
     for i in np.unique(mesh.region):
         region, cells = hood.regions[REGIONS[i]], np.flatnonzero(mesh.region == i)
         h = np.tile(thickness[cells, None], (1, mesh.quads.shape[1]))
         law = _law(REGIONS[i], region, _law_angle(fibres.angle.get(i), growth[cells]))
+        bending = 12 * hood.bending_stiffness / thickness[cells[0]] ** 3 * INCOMPRESSIBLE
         patches.append(Patch(cells, law, h, bending=bending))
     return joined_sections(patches)
 

@@ -26,7 +26,7 @@ from cosim.case_lumped import NetworkHood, TwoBandHood
 from cosim.case_robot import RobotFinger
 from cosim.case_supports import Contact, Spring
 from cosim.case_types import (
-    BendingModulus,
+    BendingStiffness,
     BodyName,
     Coordinate,
     Count,
@@ -147,13 +147,14 @@ class ExtraLengths(Table):
 
 
 class ShellHood(Table):
-    """The shell finite-element hood.  `bending_modulus`: as if with a sheet of this modulus,
-    isotropic and incompressible, that acts in bending alone, beside what the regions' laws make."""
+    """The shell finite-element hood.  `bending_stiffness` (N m, of a strip per its width): as if
+    with a sheet, isotropic and incompressible, that acts in bending alone, beside what the regions'
+    laws make."""
 
     kind: Literal["shell"]
     mesh: Annotated[GeneratedMesh | MeshFile, Field(discriminator="kind")]
     thickness: Thickness
-    bending_modulus: BendingModulus = 0.0
+    bending_stiffness: BendingStiffness = 0.0
     regions: dict[Annotated[str, name_of("region", REGIONS)], Material]
     contact: Contact
     extra_length: ExtraLengths = ExtraLengths()

@@ -32,7 +32,7 @@ Acceleration = Annotated[
 ]
 Thickness = Annotated[float, quantity(units.LENGTH, above="0 mm", most="5 mm")]
 Modulus = Annotated[float, quantity(units.PRESSURE, above="0 MPa", most="100 GPa")]
-BendingModulus = Annotated[float, quantity(units.PRESSURE, least="0 MPa", most="1 GPa")]
+BendingStiffness = Annotated[float, quantity(units.TORQUE, least="0 N*mm", most="100 N*mm")]
 Section = Annotated[float, quantity(units.AREA, above="0 mm**2", most="100 mm**2")]
 Gap = Annotated[float, quantity(units.LENGTH, above="0 mm", most="1 mm")]
 Offset = Annotated[float, quantity(units.LENGTH, least="0 mm", most="10 mm")]

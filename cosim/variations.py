@@ -128,10 +128,10 @@ def _of_finger(case: Case) -> Iterator[Variation]:
 
 
 def _bending(hood: ShellHood) -> Variation:
-    if not hood.bending_modulus:
-        return _without("bending modulus", "the sheet bends as its materials do")
-    key = {"hood.bending_modulus": hood.bending_modulus}
-    return _scaled("bending modulus", key, (0.5, 2.0), units.PRESSURE)
+    if not hood.bending_stiffness:
+        return _without("bending stiffness", "the sheet bends as its materials do")
+    key = {"hood.bending_stiffness": hood.bending_stiffness}
+    return _scaled("bending stiffness", key, (0.5, 2.0), units.TORQUE)
 
 
 def _thickness(hood: ShellHood) -> Variation:

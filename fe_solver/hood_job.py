@@ -115,7 +115,7 @@ def _check(hood: ShellHood) -> None:
     if any(p.bending.any() for p in m.section.patches):
         raise InputError(
             "a hood with a bending modulus of its own cannot be written: in FEBio's format a shell "
-            "bends as its material does; set hood.bending_modulus to zero"
+            "bends as its material does; set hood.bending_stiffness to zero"
         )
     if np.isnan(in_situ_stretch(m.tables.growth)).any():
         raise InputError(

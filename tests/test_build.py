@@ -45,12 +45,12 @@ def test_modulus_and_thickness_make_the_membrane_and_bending_stiffness():
     np.testing.assert_allclose(stiffness[:, 3, 3], stiffness[:, 0, 0] * 0.4e-3**2 / 12)
 
 
-def test_a_bending_modulus_adds_an_incompressible_sheet_in_bending_alone():
-    (plain, _), (more, _) = made(), made("hood.bending_modulus=12 MPa")
+def test_a_bending_stiffness_adds_an_incompressible_sheet_in_bending_alone():
+    (plain, _), (more, _) = made(), made("hood.bending_stiffness=0.3 N*mm")
     added = more.hood.model.section.linear - plain.hood.model.section.linear
-    plate = 12e6 / (1 - 0.5**2) * np.array([[1, 0.5, 0], [0.5, 1, 0], [0, 0, 0.25]])
+    plate = 0.3e-3 / (1 - 0.5**2) * np.array([[1, 0.5, 0], [0.5, 1, 0], [0, 0, 0.25]])
     whole = np.zeros((8, 8))
-    whole[3:6, 3:6] = plate * 0.65e-3**3 / 12
+    whole[3:6, 3:6] = plate
     np.testing.assert_allclose(added, np.broadcast_to(whole, added.shape), rtol=1e-9, atol=1e-12)
 
 

@@ -178,7 +178,7 @@ def test_a_job_of_the_hood_has_its_fibres_and_its_stretch(on_face: bool):
     """Whichever way its quads face."""
     bands = ("lateral_band_radial", "lateral_band_ulnar")
     case, hood = hood_with(
-        "hood.bending_modulus=0 MPa",
+        "hood.bending_stiffness=0 N*mm",
         "hood.extra_length.terminal_slip=0 mm",
         stated("central_slip", "in_situ_stretch", "1.03"),
         *(direction(b, '{ angle = "20 deg" }') for b in bands),

@@ -159,7 +159,7 @@ def test_what_a_job_cannot_say_of_a_hood_is_refused():
     (patch,) = hood.model.section.patches
     stiff = Section((replace(patch, bending=1e7 * np.eye(3)),))
     model = replace(hood.model, section=stiff)
-    with pytest.raises(InputError, match="bending_modulus"):
+    with pytest.raises(InputError, match="bending_stiffness"):
         job_of_hood(replace(hood, model=model), hood.rest, np.array([1.0]), bones)
 
 
