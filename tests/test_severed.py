@@ -60,7 +60,8 @@ def test_every_part_can_be_cut_and_leaves_a_whole_mesh(part):
     lost = len(before.quads) - len(after.quads)
     released = sum(map(len, before.tied.values())) - sum(map(len, after.tied.values()))
     sets = len(before.springs) - len(after.springs)
-    assert [lost > 0, released > 0, sets > 0].count(True) == 1
+    kinds = 2 if part.startswith("sagittal_band") else 1  # its springs and its sheet
+    assert [lost > 0, released > 0, sets > 0].count(True) == kinds
     assert all(
         np.array_equal(before.points[before.ends[e]], after.points[after.ends[e]])
         for e in before.ends
