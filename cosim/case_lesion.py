@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -113,6 +113,18 @@ class Lesion(Table):
     def length_changes(self) -> dict[str, float]:
         """m by part, how much longer it is than the case says; negative where it is shorter."""
         return {name: -less for name, less in self.shorten.items()} | self.lengthen
+
+
+def idle_cut(lesion: Lesion, springs: Collection[str]) -> str:
+    """What is wrong with a lesion that cuts springs of a sheet which `springs`, the sets that its
+    case gives a stiffness, do not name; empty where nothing is."""
+    for name in lesion.cut:
+        if name in SHEET_SUPPORTS and name not in springs:
+            return (
+                f"lesion.cut: the hood has no {name} to cut; give hood.springs.{name} a stiffness "
+                "and a slack, or leave it out"
+            )
+    return ""
 
 
 def lesion_fault(lesion: Lesion, kind: str, connecting: Sequence[str], reduced: bool) -> str:
