@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
@@ -11,12 +11,14 @@ import numpy as np
 
 from cosim.build_ends import Look, guide_depth, look_at
 from cosim.port import Array, State
+from cosim.region_forces import Crossing, middle_crossings, region_forces
 
 if TYPE_CHECKING:
     from fe_solver.shell_hood import ShellHood as FeHood
     from meshes.glide import Place
     from meshes.hood_mesh import HoodMesh
     from meshes.markers import Markers
+    from meshes.skeleton import Skeleton
 
 SAME_LINE = 1e-9
 """rad, fibres and mesh lines nearer than that are one."""
@@ -53,16 +55,19 @@ class HoodLook(Look):
     """(nf, ne, 3) unit directions of the fibre families, zero on quads without; nf may be 0."""
     markers: Markers
     """Over the central region, along and across the finger."""
+    region_force: Mapping[str, float]
+    """N by region, of `cosim.region_forces`."""
 
 
-def looking_at(hood: FeHood, mesh: HoodMesh) -> Callable[[State], HoodLook]:
-    """What there is to see at a state."""
+def looking_at(hood: FeHood, mesh: HoodMesh, skeleton: Skeleton) -> Callable[[State], HoodLook]:
+    """What there is to see at a state; the mesh lies on a finger of that skeleton."""
     from meshes.glide import sheet_places
     from meshes.markers import markers
 
     turn = _line_angle(hood, mesh)
     depth, places = guide_depth(hood), sheet_places(mesh)
-    return partial(_look, hood, mesh, depth, places, markers(mesh, CENTRAL), turn)
+    lines = middle_crossings(mesh, skeleton)
+    return partial(_look, hood, mesh, depth, places, markers(mesh, CENTRAL), turn, lines)
 
 
 def _line_angle(hood: FeHood, mesh: HoodMesh) -> Array:
@@ -93,6 +98,7 @@ def _look(
     places: Sequence[Place],
     placed: Markers,
     turn: Array,
+    lines: Mapping[str, Crossing],
     state: State,
 ) -> HoodLook:
     from fe_solver.fibre_families import fibre_families
@@ -113,4 +119,5 @@ def _look(
         pressure=contact_pressure(hood.model, state.configuration),
         fibres=fibre_families(hood.model, state.configuration),
         markers=placed,
+        region_force=region_forces(hood, lines, state),
     )

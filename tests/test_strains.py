@@ -51,6 +51,7 @@ def stretched(mesh: HoodMesh, along: float, across: float) -> HoodLook:
         guide_depth=0.0,
         glide={},
         markers=markers(mesh, ["central_band"]),
+        region_force={},
     )
 
 
