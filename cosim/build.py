@@ -118,7 +118,7 @@ def build(case: Case) -> Models:
             resting,
             bones,
             muscles,
-            looking_at_cables(cables, net),
+            looking_at_cables(cables, net, skeleton),
             partial(linear, cables),
             {},
             partial(slip_forces, cables),
@@ -138,7 +138,8 @@ def build(case: Case) -> Models:
             slips_of(_lumped(case) or case.hood, stated),
         )
     mesh = injured_mesh(hood_mesh(case), case.lesion)
-    shell = shell_hood_of(case, case.hood, skeleton_of(case.finger), bones, mesh)
+    skeleton = skeleton_of(case.finger)
+    shell = shell_hood_of(case, case.hood, skeleton, bones, mesh)
     return Models(
         finger,
         shell,
@@ -146,7 +147,7 @@ def build(case: Case) -> Models:
         resting,
         bones,
         muscles,
-        looking_at(shell, mesh),
+        looking_at(shell, mesh, skeleton),
         partial(linear, shell),
         {},
         partial(slip_forces, shell),

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cosim.build_ends import Look, guide_depth, look_at
+from cosim.build_ends import Lines, Look, guide_depth, look_at
 from cosim.port import Array, State
+from meshes.skeleton import JOINTS
 
 if TYPE_CHECKING:
     from fe_solver.shell_hood import ShellHood as FeHood
-    from meshes.glide import Place
     from meshes.hood_mesh import HoodMesh
     from meshes.markers import Markers
+    from meshes.skeleton import Skeleton
 
 SAME_LINE = 1e-9
 """rad, fibres and mesh lines nearer than that are one."""
@@ -55,14 +56,17 @@ class HoodLook(Look):
     """Over the central region, along and across the finger."""
 
 
-def looking_at(hood: FeHood, mesh: HoodMesh) -> Callable[[State], HoodLook]:
+def looking_at(
+    hood: FeHood, mesh: HoodMesh, skeleton: Skeleton
+) -> Callable[[State], HoodLook]:
     """What there is to see at a state."""
+    from meshes.bands import sheet_bands
     from meshes.glide import sheet_places
     from meshes.markers import markers
 
     turn = _line_angle(hood, mesh)
-    depth, places = guide_depth(hood), sheet_places(mesh)
-    return partial(_look, hood, mesh, depth, places, markers(mesh, CENTRAL), turn)
+    lines = Lines(sheet_places(mesh), sheet_bands(mesh), skeleton.axis[JOINTS.index("PIP")])
+    return partial(_look, hood, mesh, guide_depth(hood), lines, markers(mesh, CENTRAL), turn)
 
 
 def _line_angle(hood: FeHood, mesh: HoodMesh) -> Array:
@@ -90,7 +94,7 @@ def _look(
     hood: FeHood,
     mesh: HoodMesh,
     depth: float,
-    places: Sequence[Place],
+    lines: Lines,
     placed: Markers,
     turn: Array,
     state: State,
@@ -100,7 +104,7 @@ def _look(
 
     field = fields(hood.model, state.configuration)
     return HoodLook(
-        **vars(look_at(hood, depth, places, state)),
+        **vars(look_at(hood, depth, lines, state)),
         quads=hood.model.quads,
         region=mesh.region,
         strain=field.strain,
