@@ -139,9 +139,7 @@ def cable_law(hood: CableHood, net: CableNet, lesion: Lesion | None = None) -> C
     )
 
 
-def looking_at(
-    hood: FeHood, net: CableNet, skeleton: Skeleton
-) -> Callable[[State], CableLook]:
+def looking_at(hood: FeHood, net: CableNet, skeleton: Skeleton) -> Callable[[State], CableLook]:
     """What there is to see at a state."""
     from meshes.bands import net_bands
     from meshes.glide import net_places

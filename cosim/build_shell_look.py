@@ -56,9 +56,7 @@ class HoodLook(Look):
     """Over the central region, along and across the finger."""
 
 
-def looking_at(
-    hood: FeHood, mesh: HoodMesh, skeleton: Skeleton
-) -> Callable[[State], HoodLook]:
+def looking_at(hood: FeHood, mesh: HoodMesh, skeleton: Skeleton) -> Callable[[State], HoodLook]:
     """What there is to see at a state."""
     from meshes.bands import sheet_bands
     from meshes.glide import sheet_places

@@ -17,7 +17,7 @@ tendon; it is positive where the line leans distally.  The lines and the squares
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -141,7 +141,9 @@ def sagittal_bands(mesh: HoodMesh) -> SagittalBands | None:
     pairs = sheet_edges(mesh, OVER_MCP)
     if len(found) < len(SIDES) or not len(pairs):
         return None
-    tendon = tuple(_crossings(mesh.station, pairs, np.array([SAGITTAL_ROWS[0], 0, SAGITTAL_ROWS[1]])))
+    tendon = tuple(
+        _crossings(mesh.station, pairs, np.array([SAGITTAL_ROWS[0], 0, SAGITTAL_ROWS[1]]))
+    )
     if len(tendon) < 3:
         return None
     shares = {
