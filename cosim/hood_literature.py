@@ -71,6 +71,7 @@ def fitted_postures(quantity: str) -> frozenset[Posture]:
     cases/data/hood_fit.toml and hood_fit_rows.csv."""
     import pandas
 
+    from cosim.build_finger import our_finger
     from cosim.case import find_case
     from cosim.fit_cases import stated_cases
 
@@ -80,7 +81,7 @@ def fitted_postures(quantity: str) -> frozenset[Posture]:
     cases = stated_cases([find_case("hood_rest")], (), data / "hood_fit.toml")
     every = rows.case.isna().any()
     return frozenset(
-        _posture(case.load().finger.posture.angles())
+        _posture(our_finger(case.load()).posture.angles())
         for case in cases
         if every or case.name in set(rows.case)
     )

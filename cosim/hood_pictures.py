@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Sheet
 
 CENTRAL, TERMINAL = "#0b5394", "#b45309"
-SHADE = {"color": "0.92", "zorder": 0, "lw": 0}
+SHADE: dict[str, Any] = {"color": "0.92", "zorder": 0, "lw": 0}
 LINES = ("#88ccee", "#0b5394", "#b45309", "#ddaa66")
 """Colours of the couplings' lines, in their order."""
 
@@ -99,7 +99,7 @@ def draw_slips(
     for axes in (forces, ratios):
         axes.set_xticks(x, [posture_name(p.posture) for p in by_posture], rotation=45, fontsize=8)
         axes.set_xlim(-0.6, len(x) - 0.4)
-        _mark_lost(axes, [i for i, p in zip(x, by_posture, strict=True) if not p.converged])
+        _mark_lost(axes, [i for i, p in enumerate(by_posture) if not p.converged])
     for k, posture in enumerate(dict.fromkeys(pose.posture for pose in by_load)):
         poses = [pose for pose in by_load if pose.posture == posture]
         tension = [dict(pose.pull)["EDC"] for pose in poses]
@@ -142,7 +142,7 @@ def draw_arms(
     for (above, below), joint in zip(panels.T, JOINTS, strict=True):
         swept = table[table.joint == joint]
         for tendon, part in swept.groupby("tendon", sort=False):
-            style = {**looks[str(tendon)].line, "marker": "o", "ms": 3, "lw": 1.6}
+            style: dict[str, Any] = {**looks[str(tendon)].line, "marker": "o", "ms": 3, "lw": 1.6}
             above.plot(part.angle_deg, part.arm_mm, **style)
             below.plot(part.angle_deg, part.excursion_mm, **style)
         for row in known[known.joint == joint].itertuples():
@@ -159,7 +159,7 @@ def draw_arms(
     panels[0, 0].set_ylabel("arm about the joint that moves, mm")
     panels[1, 0].set_ylabel("excursion from straight, mm")
     handles = [Line2D([], [], label=tendon, **looks[tendon].line) for tendon in tendons]
-    plain = {"color": "0.3", "ls": "", "mfc": "white", "mew": 1.6}
+    plain: dict[str, Any] = {"color": "0.3", "ls": "", "mfc": "white", "mew": 1.6}
     if len(known):
         handles.append(Line2D([], [], marker="D", label="EDC's height, An 1979", **plain))
         handles.append(Line2D([], [], marker="x", label="MyoHand", **plain))
@@ -174,7 +174,11 @@ def draw_bands(heights: pd.DataFrame, glides: pd.DataFrame, sheet: Sheet) -> Non
     for (load, way), part in heights.groupby(["load", "way"], sort=False):
         dash, back = ("--" if load == "rest" else "-"), way == "extension"
         for side, colour in (("radial", CENTRAL), ("ulnar", TERMINAL)):
-            style = {"color": colour, "ms": 5 if back else 3.5, "mfc": "white" if back else colour}
+            style: dict[str, Any] = {
+                "color": colour,
+                "ms": 5 if back else 3.5,
+                "mfc": "white" if back else colour,
+            }
             label = f"{side}, {load}" if not back else None
             mark = "o" if back else f"o{dash}"
             left.plot(part.PIP_deg, part[f"{side}_mm"], mark, lw=1.5, label=label, **style)
@@ -184,8 +188,14 @@ def draw_bands(heights: pd.DataFrame, glides: pd.DataFrame, sheet: Sheet) -> Non
     for i, joint in enumerate(JOINTS):
         for load, part in glides[glides.joint == joint].groupby("load", sort=False):
             dash = "--" if load == "rest" else "-"
-            style = {"color": look(i).colour, "ls": dash, "marker": "o", "ms": 3.5, "lw": 1.5}
-            right.plot(part.angle_deg, part.glide_mm, label=f"{joint} alone, {load}", **style)
+            line: dict[str, Any] = {
+                "color": look(i).colour,
+                "ls": dash,
+                "marker": "o",
+                "ms": 3.5,
+                "lw": 1.5,
+            }
+            right.plot(part.angle_deg, part.glide_mm, label=f"{joint} alone, {load}", **line)
     _mark_lost(right, list(glides[glides.glide_mm.isna()].angle_deg.unique()))
     right.axhline(0.0, color="0.6", lw=0.7)
     framed(right, "angle of the joint that moves, deg", "glide of the terminal slip, mm distal")
@@ -204,7 +214,13 @@ def draw_sagittal(table: pd.DataFrame, sheet: Sheet) -> None:
     for i, (line, words) in enumerate(SAGITTAL_LINES.items()):
         for load, part in table.groupby("load", sort=False):
             dash = "--" if load == "rest" else "-"
-            style = {"color": look(i).colour, "ls": dash, "marker": "o", "ms": 3.5, "lw": 1.5}
+            style: dict[str, Any] = {
+                "color": look(i).colour,
+                "ls": dash,
+                "marker": "o",
+                "ms": 3.5,
+                "lw": 1.5,
+            }
             label = words if load != "rest" else None
             axes.plot(part.MCP_deg, part[f"{line}_deg"], label=label, **style)
     axes.plot(list(YOUNG_RAYAN), list(YOUNG_RAYAN.values()), "D", color="black", mfc="white", ms=7,
