@@ -2,9 +2,9 @@
 
 At a posture (MCP, PIP, DIP; deg) the hood is solved at rest, every tendon at the case's resting
 tension, and from there under each pull, tensions in N of some tendons in place of the resting one.
-Where there is no equilibrium the way there is tried once more, at rest from the straight finger,
-under a pull in smaller steps of tension.  A pose without equilibrium stays in the results, with its
-reason and without numbers.
+Where no equilibrium is found another way is tried: at rest from the hood as it was laid, under a
+pull from the last posture under the same pull.  A pose without equilibrium stays in the results,
+with its reason and without numbers.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from cosim.audit import missed_bounds
 from cosim.build import Models, build, hood_mesh
 from cosim.build_lesion import injured_mesh
 from cosim.case_schema import Case
-from cosim.port import STATIC, Array, ConvergenceError, Motion, Response, State
+from cosim.port import STATIC, Array, ConvergenceError, Response, State
 from cosim.strains import is_slack
 from cosim.trials import one_line
 from meshes.bands import sagittal_angles, sagittal_bands
@@ -30,8 +30,6 @@ Pull = tuple[tuple[str, float], ...]
 JOINTS = ("MCP", "PIP", "DIP")
 REST: Pull = ()
 CONVERGED = "equilibrium"
-STEPS = 6
-"""Of the tensions, where one step finds no equilibrium."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +83,8 @@ class HoodPoses:
     """Told of each pose."""
     models: Models = field(init=False)
     known: dict[tuple[Posture, Pull, str], SolvedPose] = field(init=False, default_factory=dict)
-    _last: State = field(init=False, default=None)
+    _last: dict[Pull, State] = field(init=False, default_factory=dict)
+    """The state in the last posture with equilibrium, by pull."""
 
     def __post_init__(self) -> None:
         """Build the hood.  Raises InputError for a case without a sheet."""
@@ -116,13 +115,11 @@ class HoodPoses:
         if all(key in self.known for key in keys):
             yield from (self.known[key] for key in keys)
             return
-        before = self._last
+        before = self._last.get(REST)
         for key in keys:
             pose, state = self._solve(*key, before)
             if state is not None:
-                before = state
-                if key[1] == REST:
-                    self._last = state
+                before = self._last[key[1]] = state
             self.known[key] = pose
             yield pose
 
@@ -133,32 +130,18 @@ class HoodPoses:
         finger, hood = self.models.finger, self.models.hood
         at = finger.start(dict(zip(JOINTS, np.radians(posture), strict=True)))
         motion, tension = finger.motion(at), self._tension(pull)
-        fresh = hood.start(motion)
-        try:
+        starts = [before, self._last.get(pull) if pull else hood.start(motion)]
+        reason = "nothing to begin from"
+        for start in (state for state in starts if state is not None):
             try:
-                start = fresh if before is None else before
                 response = hood.advance(start, motion, tension, STATIC)
-            except ConvergenceError:
-                if before is None:
-                    raise
-                start = before if pull else fresh
-                response = self._in_steps(start, motion, tension, STEPS if pull else 1)
-        except ConvergenceError as error:
-            status = f"no equilibrium: {one_line(error)}"
-            return SolvedPose(posture, pull, way, status, {}), None
-        numbers, missed = self._numbers(at, response)
-        status = f"audit missed: {', '.join(missed)}" if missed else CONVERGED
-        return SolvedPose(posture, pull, way, status, numbers), response.state
-
-    def _in_steps(self, state: State, motion: Motion, tension: Array, steps: int) -> Response:
-        """The response, the tensions growing from the resting one in so many steps.  Raises
-        ConvergenceError."""
-        resting = self._tension(REST)
-        for share in np.linspace(0.0, 1.0, steps + 1)[1:]:
-            now = resting + share * (tension - resting)
-            response = self.models.hood.advance(state, motion, now, STATIC)
-            state = response.state
-        return response
+            except ConvergenceError as error:
+                reason = one_line(error)
+                continue
+            numbers, missed = self._numbers(at, response)
+            status = f"audit missed: {', '.join(missed)}" if missed else CONVERGED
+            return SolvedPose(posture, pull, way, status, numbers), response.state
+        return SolvedPose(posture, pull, way, f"no equilibrium: {reason}", {}), None
 
     def _tension(self, pull: Pull) -> Array:
         out = np.full(len(self.tendons), self.models.resting)

@@ -88,7 +88,7 @@ class HoodStudies:
             Study("bands", "height of the lateral bands, glide of the terminal slip", self.bands),
             Study("sagittal", "angle of the sagittal bands against the MCP", self.sagittal),
         )
-        title = f"The hood over postures: {self.case.title or self.case.name}"
+        title = f"The hood of {self.case.name} over postures"
         return Paper("hood", title, studies, "A hood over postures, beside literature", command)
 
     def unsolved(self) -> list[SolvedPose]:
@@ -287,10 +287,11 @@ def _edc(tension: float) -> Pull:
 
 
 def rest_postures() -> list[Posture]:
-    """The postures at rest in an order in which each is near the one before."""
+    """The postures at rest in an order in which each is near the one before, as far as the way is
+    easy: with the MCP flexed a straight PIP is reached from a flexed one."""
     out: list[Posture] = []
     forth = True
-    for mcp in REST_MCP:
+    for mcp in (*REST_MCP[1:], REST_MCP[0]):
         for pip in REST_PIP if forth else REST_PIP[::-1]:
             dips = sorted({coupled(name, pip) for name in COUPLINGS})
             if out and abs(out[-1][2] - dips[-1]) < abs(out[-1][2] - dips[0]):
