@@ -167,8 +167,8 @@ def draw_arms(
 
 
 def draw_bands(heights: pd.DataFrame, glides: pd.DataFrame, sheet: Sheet) -> None:
-    """Heights of the lateral bands (left) and glide of the terminal slip (right)."""
-    left, right = sheet.subplots(1, 2)
+    """Heights of the lateral bands (left), glide of terminal slip and lateral bands (right)."""
+    left, middle, right = sheet.subplots(1, 3)
     fine = np.linspace(0.0, 90.0, 91)
     left.plot(fine, buchner_height(fine), color="0.65", lw=3, label="Buchner (assumption)")
     for (load, way), part in heights.groupby(["load", "way"], sort=False):
@@ -185,25 +185,30 @@ def draw_bands(heights: pd.DataFrame, glides: pd.DataFrame, sheet: Sheet) -> Non
     _mark_lost(left, list(heights[heights.mean_mm.isna()].PIP_deg.unique()))
     left.axhline(0.0, color="0.6", lw=0.7)
     framed(left, "PIP, deg", "lateral bands over the PIP's axis, mm dorsal")
+    for axes, (name, words) in zip((middle, right), GLIDES.items(), strict=True):
+        _draw_glide(axes, glides, name)
+        framed(axes, "angle of the joint that moves, deg", f"glide of the {words}, mm distal")
+    for axes in (left, middle, right):
+        handles, names = axes.get_legend_handles_labels()
+        low, high = axes.get_ylim()
+        axes.set_ylim(low - 0.06 * (high - low), high + 0.34 * (high - low))
+        told: dict[str, Any] = {"ncols": 2, "frameon": False, "fontsize": 7.5, "handlelength": 2.8}
+        axes.legend(handles, names, loc="upper left", columnspacing=0.8, **told)
+
+
+GLIDES = {"terminal_slip_mm": "terminal slip", "lateral_bands_mm": "lateral bands at the PIP"}
+
+
+def _draw_glide(axes: Axes, glides: pd.DataFrame, name: str) -> None:
+    """Of one part of the hood, a line for each joint and load."""
     for i, joint in enumerate(JOINTS):
         for load, part in glides[glides.joint == joint].groupby("load", sort=False):
             dash = "--" if load == "rest" else "-"
-            line: dict[str, Any] = {
-                "color": look(i).colour,
-                "ls": dash,
-                "marker": "o",
-                "ms": 3.5,
-                "lw": 1.5,
-            }
-            right.plot(part.angle_deg, part.glide_mm, label=f"{joint} alone, {load}", **line)
-    _mark_lost(right, list(glides[glides.glide_mm.isna()].angle_deg.unique()))
-    right.axhline(0.0, color="0.6", lw=0.7)
-    framed(right, "angle of the joint that moves, deg", "glide of the terminal slip, mm distal")
-    for axes in (left, right):
-        handles, names = axes.get_legend_handles_labels()
-        low, high = axes.get_ylim()
-        axes.set_ylim(low - 0.06 * (high - low), high + 0.32 * (high - low))
-        axes.legend(handles, names, loc="upper left", ncols=2, frameon=False, fontsize=8)
+            line: dict[str, Any] = {"color": look(i).colour, "ls": dash, "ms": 3.5, "lw": 1.5}
+            label = f"{joint}, {load}"
+            axes.plot(part.angle_deg, part[name], marker="o", label=label, **line)
+    _mark_lost(axes, list(glides[glides[name].isna()].angle_deg.unique()))
+    axes.axhline(0.0, color="0.6", lw=0.7)
 
 
 def draw_sagittal(table: pd.DataFrame, sheet: Sheet) -> None:

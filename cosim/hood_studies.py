@@ -172,7 +172,7 @@ class HoodStudies:
                 if len(known)
                 else "The published arms at hand are the index finger's. "
             )
-            + self._said_fitted("moment_arm", "EDC's arms, by difference of torques,")
+            + self._said_fitted("moment_arm", "EDC's arms, by difference of torques")
             + _said_lost([pose for pose in solved if pull_name(pose.pull) == small])
         )
         return [
@@ -196,12 +196,15 @@ class HoodStudies:
             "Hollow marks: on the way back from 90 deg. Grey: Buchner's parabola 5 - 2.42 PIP "
             "(mm, rad), an assumption with the right ends of the range of motion and no "
             f"measurement; nobody seems to have measured the shift in mm. {_sinking(heights)}"
-            " Right: glide of the terminal slip's proximal end along the middle phalanx, "
-            "distally, from the straight finger. Schweitzer and Rayan 2004 II (56 digits): it "
-            f"moves with PIP and DIP, not with the MCP. {_glided(glides)} "
-            f"Nothing here was fitted.{_said_lost(solved)}"
+            " Middle: glide of the terminal slip's proximal end along the middle phalanx, right: "
+            "that of the lateral bands at the PIP along the proximal phalanx, mean of both sides, "
+            "distally, from the straight finger. Schweitzer and Rayan 2004 II (56 digits): the "
+            "terminal tendon moves with PIP and DIP, not with the MCP. Here the DIP is held while "
+            "the PIP flexes: the slip, which ends on the distal phalanx, then moves along the "
+            "middle one by its stretch alone, and the bands show the PIP's part. "
+            f"{_glided(glides)} Nothing here was fitted.{_said_lost(solved)}"
         )
-        tables = {"lateral_bands": heights, "terminal_slip_glide": glides}
+        tables = {"lateral_bands": heights, "glide": glides}
         tables["bands"] = _table(solved, ("lateral", "glide"), frozenset(), way=True)
         return [
             Figure(
@@ -210,7 +213,7 @@ class HoodStudies:
                 caption,
                 partial(pictures.draw_bands, heights, glides),
                 tables,
-                (8.6, 4.6),
+                (11.0, 4.6),
             )
         ]
 
@@ -263,8 +266,8 @@ class HoodStudies:
             return "Nothing of this finger was fitted."
         named = ", ".join("/".join(f"{a:g}" for a in posture) for posture in postures)
         return (
-            f"Of the packaged hood, {what} was fitted at {named} (cases/data/hood_fit.toml); all "
-            "else here is held out."
+            f"Fitted of the packaged hood: {what}, at {named} (cases/data/hood_fit.toml); all else "
+            "here is held out."
         )
 
     def _published(self, tendons: Sequence[str]) -> pd.DataFrame:
@@ -445,25 +448,33 @@ def band_table(poses: Sequence[SolvedPose]) -> pd.DataFrame:
 
 
 def glide_table(poses: Sequence[SolvedPose]) -> pd.DataFrame:
-    """Glide (mm, distally, from straight) of the terminal slip while one joint flexes."""
+    """Glide (mm, distally, from straight) of the terminal slip and, mean of both sides, of the
+    lateral bands at the PIP, while one joint flexes."""
     rows = []
     for pull in (REST, _edc(TAUT)):
         held = [pose for pose in poses if pose.pull == pull]
         straight = next((p for p in held if p.posture == STRAIGHT and p.way == "flexion"), None)
-        begun = _number(straight, "glide_terminal_slip_mm") if straight else float("nan")
+        slip, bands = _glides(straight) if straight else (float("nan"), float("nan"))
         for joint in JOINTS:
             rows += [
                 {
                     "joint": joint,
                     "angle_deg": _angle(pose, joint),
                     "load": pull_name(pull),
-                    "glide_mm": _number(pose, "glide_terminal_slip_mm") - begun,
+                    "terminal_slip_mm": _glides(pose)[0] - slip,
+                    "lateral_bands_mm": _glides(pose)[1] - bands,
                     "status": pose.status,
                 }
                 for pose in held
                 if _swept(pose, joint)
             ]
     return pd.DataFrame(rows)
+
+
+def _glides(pose: SolvedPose) -> tuple[float, float]:
+    """mm, of the terminal slip, and mean of the lateral bands."""
+    bands = [_number(pose, f"glide_lateral_band_{side}_mm") for side in ("radial", "ulnar")]
+    return _number(pose, "glide_terminal_slip_mm"), (bands[0] + bands[1]) / 2
 
 
 SAGITTAL_LINES = {
@@ -511,8 +522,9 @@ def _glided(glides: pd.DataFrame) -> str:
     parts = []
     for joint, part in glides[glides.load != "rest"].groupby("joint", sort=False):
         last = part.loc[part.angle_deg.idxmax()]
-        parts.append(f"{last.glide_mm:+.2f} mm at {joint} {last.angle_deg:g} deg")
-    return f"Here under EDC: {', '.join(parts)}."
+        moved = f"{last.terminal_slip_mm:+.2f} and {last.lateral_bands_mm:+.2f} mm"
+        parts.append(f"{moved} at {joint} {last.angle_deg:g} deg")
+    return f"Under EDC, slip and bands: {', '.join(parts)}."
 
 
 def _said_lost(poses: Sequence[SolvedPose]) -> str:
