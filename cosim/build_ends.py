@@ -100,12 +100,14 @@ def guide_depth(hood: FeHood) -> float:
     start = (model.reference[model.guides.node] - hood.rest.position[0]) @ hood.rest.rotation[0]
     dorsal = start[:, 2] > 0
     way = to_the_joint(start[dorsal])
-    own = np.repeat(lift[model.guides.node[dorsal]], way.shape[1])
-    depths = (
-        (contact.offset - lift[contact.nodes]).max()
-        + own
-        - contact.surface.distance(way.reshape(-1, 3)).value
-        for contact in model.contacts
-        if contact.body == 0
-    )
-    return max((float(d.max(initial=0.0)) for d in depths), default=0.0)
+    own = model.guides.node[dorsal]
+    deepest = 0.0
+    for contact in model.contacts:
+        if contact.body != 0:
+            continue
+        apart = model.reference[own][:, None] - model.reference[contact.nodes]
+        next_to = np.linalg.norm(apart, axis=2).argmin(axis=1)
+        level = (contact.offset - lift[contact.nodes])[next_to] + lift[own]
+        depth = np.repeat(level, way.shape[1]) - contact.surface.distance(way.reshape(-1, 3)).value
+        deepest = max(deepest, float(depth.max(initial=0.0)))
+    return deepest

@@ -45,10 +45,10 @@ def injured_net(net: CableNet, lesion: Lesion | None) -> CableNet:
 
 
 def longer(extra: Mapping[str, float], lesion: Lesion | None) -> dict[str, float]:
-    """m, how much longer than laid each part is, less what a lesion takes from it."""
+    """m, how much longer than laid each part is, with what a lesion adds to it or takes."""
     out = dict(extra)
-    for name, less in (lesion.shorten if lesion else {}).items():
-        out[name] = out.get(name, 0.0) - less
+    for name, more in (lesion.length_changes() if lesion else {}).items():
+        out[name] = out.get(name, 0.0) + more
     return out
 
 
@@ -102,7 +102,7 @@ def _place(names: tuple[str, ...], name: str) -> int:
 def injured_network(
     hood: NetworkHood | TwoBandHood, lesion: Lesion | None
 ) -> NetworkHood | TwoBandHood:
-    """A hood in lumped form without the connecting tendons that are cut, others shorter.
+    """A hood in lumped form without the connecting tendons that are cut, others shorter or longer.
 
     Raises InputError where a muscle would be left to pull on nothing."""
     if lesion is None:
@@ -110,11 +110,11 @@ def injured_network(
     network = _as_network(hood) if isinstance(hood, TwoBandHood) else hood
     cut = {tendon for part in lesion.cut for tendon in _tendons(network, part, "cut")}
     left = {name: t for name, t in network.connecting.items() if name not in cut}
-    for part, less in lesion.shorten.items():
-        for name in _tendons(network, part, "shorten"):
+    for part, more in lesion.length_changes().items():
+        for name in _tendons(network, part, "shorten" if more < 0 else "lengthen"):
             if name in left:
                 tendon = left[name]
-                left[name] = tendon.model_copy(update={"rest": tendon.rest - less})
+                left[name] = tendon.model_copy(update={"rest": tendon.rest + more})
     pulling = {t.muscle for t in left.values()}
     if idle := [t.muscle for t in network.connecting.values() if t.muscle not in pulling]:
         raise InputError(f"lesion.cut: leaves no connecting tendon for {idle[0]} to pull; cut less")

@@ -325,7 +325,9 @@ def _growth(hood: ShellHood, mesh: HoodMesh, lesion: Lesion | None) -> Array:
     for name, extra in longer(hood.extra_length.model_dump(), lesion).items():
         if not extra:
             continue
-        key = "lesion.shorten" if lesion and name in lesion.shorten else "hood.extra_length"
+        key = "hood.extra_length"
+        if lesion and name in lesion.length_changes():
+            key = "lesion.shorten" if name in lesion.shorten else "lesion.lengthen"
         cells = mesh.cells(name)
         if not cells.any():
             raise InputError(f"{key}.{name}: the mesh has no region {name}")

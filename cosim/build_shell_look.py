@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
@@ -11,6 +11,7 @@ import numpy as np
 
 from cosim.build_ends import Lines, Look, guide_depth, look_at
 from cosim.port import Array, State
+from cosim.region_forces import Crossing, middle_crossings, region_forces
 from meshes.skeleton import JOINTS
 
 if TYPE_CHECKING:
@@ -54,17 +55,21 @@ class HoodLook(Look):
     """(nf, ne, 3) unit directions of the fibre families, zero on quads without; nf may be 0."""
     markers: Markers
     """Over the central region, along and across the finger."""
+    region_force: Mapping[str, float]
+    """N by region, of `cosim.region_forces`."""
 
 
 def looking_at(hood: FeHood, mesh: HoodMesh, skeleton: Skeleton) -> Callable[[State], HoodLook]:
-    """What there is to see at a state."""
+    """What there is to see at a state; the mesh lies on a finger of that skeleton."""
     from meshes.bands import sheet_bands
     from meshes.glide import sheet_places
     from meshes.markers import markers
 
     turn = _line_angle(hood, mesh)
     lines = Lines(sheet_places(mesh), sheet_bands(mesh), skeleton.axis[JOINTS.index("PIP")])
-    return partial(_look, hood, mesh, guide_depth(hood), lines, markers(mesh, CENTRAL), turn)
+    crossings = middle_crossings(mesh, skeleton)
+    depth, placed = guide_depth(hood), markers(mesh, CENTRAL)
+    return partial(_look, hood, mesh, depth, lines, placed, turn, crossings)
 
 
 def _line_angle(hood: FeHood, mesh: HoodMesh) -> Array:
@@ -95,6 +100,7 @@ def _look(
     lines: Lines,
     placed: Markers,
     turn: Array,
+    crossings: Mapping[str, Crossing],
     state: State,
 ) -> HoodLook:
     from fe_solver.fibre_families import fibre_families
@@ -115,4 +121,5 @@ def _look(
         pressure=contact_pressure(hood.model, state.configuration),
         fibres=fibre_families(hood.model, state.configuration),
         markers=placed,
+        region_force=region_forces(hood, crossings, state),
     )

@@ -1,9 +1,9 @@
-"""What a case may say of injury and repair: what is cut, stuck to the bone or shortened."""
+"""What a case may say of injury and repair: parts cut, stuck to the bone, shorter or longer."""
 
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -14,7 +14,7 @@ from cosim.case_fields import fault, quantity
 from cosim.case_types import Table
 from meshes.hood_mesh import REGIONS
 
-Shortening = Annotated[float, quantity(units.LENGTH, above="0 mm", most="5 mm")]
+LengthChange = Annotated[float, quantity(units.LENGTH, above="0 mm", most="5 mm")]
 
 SLIPS = ("central_slip", "terminal_slip")
 SUPPORTS = (
@@ -22,12 +22,21 @@ SUPPORTS = (
     *("retinacular_radial", "retinacular_ulnar"),
     *("ligament_radial", "ligament_ulnar"),
 )
-"""What springs stand for: a cut lets go of them."""
+"""What springs stand for: a cut lets go of them, and takes away the sheet of a sagittal band."""
+SHEET_SUPPORTS = ("oblique_retinacular_radial", "oblique_retinacular_ulnar", "dorsal_capsule")
+"""The same, which only a sheet has."""
 ACROSS = (
     *("lateral_band_radial", "lateral_band_ulnar"),
     *("central_band", "extensor_tendon_distal"),
+    *("lateral_slip_radial", "lateral_slip_ulnar"),
 )
 """Regions of a sheet that a cut parts across the fibres."""
+THIN_SHEETS = (
+    *("transverse_fibres_radial", "transverse_fibres_ulnar"),
+    *("oblique_fibres_radial", "oblique_fibres_ulnar"),
+    "triangular_ligament",
+)
+"""Regions of a sheet between its tendons, which a cut takes out whole."""
 COURSES = (
     "central_band",
     *("lateral_band_radial", "lateral_band_ulnar"),
@@ -44,13 +53,14 @@ class Parts:
 
     cut: tuple[str, ...]
     adhere: tuple[str, ...]
-    shorten: tuple[str, ...]
+    lengths: tuple[str, ...]
+    """Of `shorten` and `lengthen`."""
 
 
 OF_MESH: Mapping[str, Parts] = {
-    "shell": Parts((*SLIPS, *SUPPORTS, *ACROSS), REGIONS, REGIONS),
+    "shell": Parts((*SLIPS, *SUPPORTS, *SHEET_SUPPORTS, *ACROSS, *THIN_SHEETS), REGIONS, REGIONS),
     "cable": Parts(
-        (*SLIPS, *SUPPORTS, *COURSES, "triangular_ligament"),
+        (*SLIPS, *SUPPORTS, *COURSES, "extensor_tendon_distal", "triangular_ligament"),
         (*SLIPS, *COURSES),
         (*SLIPS, *COURSES),
     ),
@@ -64,31 +74,57 @@ class Lesion(Table):
     `cut`: a slip comes off its bone, a band of springs lets go, any other part is severed across
     its fibres (`meshes.severed` has the places).  `adhere`: a part grows onto the bone beneath it,
     where it was laid: each of its nodes is held there by `adhesion` (N/m, of the whole part) in
-    every direction.  `shorten`: how much shorter a part is than the case says, m."""
+    every direction.  `shorten` and `lengthen`: how much shorter or longer a part is than the case
+    says, m."""
 
     cut: tuple[str, ...] = ()
     adhere: tuple[str, ...] = ()
-    shorten: dict[str, Shortening] = Field(default_factory=dict)
+    shorten: dict[str, LengthChange] = Field(default_factory=dict)
+    lengthen: dict[str, LengthChange] = Field(default_factory=dict)
     adhesion: Annotated[float, quantity(units.STIFFNESS, above="0 N/mm", most="1e6 N/mm")] = 1e6
     """The thesis's stiffness of ligamentous adhesions to the proximal phalanx, 1000 N/mm."""
 
     @model_validator(mode="after")
     def _sound(self) -> Lesion:
-        if not (self.cut or self.adhere or self.shorten):
+        if not any(self.names().values()):
             raise fault(
                 'says nothing; write for example cut = ["central_slip"], adhere = ["central_band"] '
-                'or shorten = { terminal_slip = "1 mm" }, or leave the table out'
+                'or shorten = { terminal_slip = "1 mm" } (or lengthen), or leave the table out'
             )
         for key, names in (("cut", self.cut), ("adhere", self.adhere)):
             if twice := [name for name in names if names.count(name) > 1]:
                 raise fault(f"{key}: names {twice[0]} twice")
-        if both := [name for name in self.cut if name in self.shorten]:
-            raise fault(f"{both[0]} is both cut and shortened; leave one of them")
+        for word, changed in (("shortened", self.shorten), ("lengthened", self.lengthen)):
+            if both := [name for name in self.cut if name in changed]:
+                raise fault(f"{both[0]} is both cut and {word}; leave one of them")
+        if both := [name for name in self.shorten if name in self.lengthen]:
+            raise fault(f"{both[0]} is both shortened and lengthened; leave one of them")
         return self
 
     def names(self) -> dict[str, tuple[str, ...]]:
         """The parts that each key names."""
-        return {"cut": self.cut, "adhere": self.adhere, "shorten": tuple(self.shorten)}
+        return {
+            "cut": self.cut,
+            "adhere": self.adhere,
+            "shorten": tuple(self.shorten),
+            "lengthen": tuple(self.lengthen),
+        }
+
+    def length_changes(self) -> dict[str, float]:
+        """m by part, how much longer it is than the case says; negative where it is shorter."""
+        return {name: -less for name, less in self.shorten.items()} | self.lengthen
+
+
+def idle_cut(lesion: Lesion, springs: Collection[str]) -> str:
+    """What is wrong with a lesion that cuts springs of a sheet which `springs`, the sets that its
+    case gives a stiffness, do not name; empty where nothing is."""
+    for name in lesion.cut:
+        if name in SHEET_SUPPORTS and name not in springs:
+            return (
+                f"lesion.cut: the hood has no {name} to cut; give hood.springs.{name} a stiffness "
+                "and a slack, or leave it out"
+            )
+    return ""
 
 
 def lesion_fault(lesion: Lesion, kind: str, connecting: Sequence[str], reduced: bool) -> str:
@@ -102,7 +138,7 @@ def lesion_fault(lesion: Lesion, kind: str, connecting: Sequence[str], reduced: 
         what = "a reduced network" if reduced else f'a hood of kind "{kind}"'
         return f"lesion: {what} has no parts to injure; {', '.join((*OF_MESH, 'network'))} have"
     for key, names in lesion.names().items():
-        allowed = {"cut": known.cut, "adhere": known.adhere, "shorten": known.shorten}[key]
+        allowed = {"cut": known.cut, "adhere": known.adhere}.get(key, known.lengths)
         for name in names:
             if name not in allowed:
                 return f"lesion.{key}: {_unknown(name, kind, allowed)}"

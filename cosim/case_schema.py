@@ -21,7 +21,7 @@ from cosim.case_finger import (
     Posture,
     Tendon,
 )
-from cosim.case_lesion import Lesion, lesion_fault
+from cosim.case_lesion import Lesion, idle_cut, lesion_fault
 from cosim.case_lumped import NetworkHood, TwoBandHood
 from cosim.case_robot import RobotFinger
 from cosim.case_supports import Contact, Spring
@@ -328,7 +328,9 @@ class CaseFile(Table):
         network = self.hood if isinstance(self.hood, NetworkHood) else None
         connecting = tuple(network.connecting) if network is not None else ()
         reduced = network is not None and network.reduced is not None
-        return lesion_fault(self.lesion, self.hood.kind, connecting, reduced)
+        if wrong := lesion_fault(self.lesion, self.hood.kind, connecting, reduced):
+            return wrong
+        return idle_cut(self.lesion, self.hood.springs) if self.hood.kind == "shell" else ""
 
 
 class Case(CaseFile):

@@ -32,11 +32,11 @@ RUNGS = {
     "two_band": "base/two_band",
     "network": "base/network",
     "cable": "base/cable",
-    "isotropic shell": "base/calibrated_isotropic",
-    "fibre shell": "base/calibrated_finger",
+    "isotropic shell": "base/isotropic_finger",
+    "fibre shell": "base/index_finger",
 }
 """From the coarsest to the finest, with the packaged case that states each hood."""
-MIDDLE = "base/calibrated_middle"
+MIDDLE = "base/middle_hood"
 """States the shells of the middle finger."""
 
 

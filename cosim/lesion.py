@@ -75,8 +75,9 @@ def said(case: Case) -> Iterator[str]:
         return
     for verb, names in (("cut", lesion.cut), ("grown onto the bone", lesion.adhere)):
         yield from (f"{name.replace('_', ' ')} {verb}" for name in names)
-    for name, less in lesion.shorten.items():
-        yield f"{name.replace('_', ' ')} {1e3 * less:g} mm shorter"
+    for name, more in lesion.length_changes().items():
+        word = "shorter" if more < 0 else "longer"
+        yield f"{name.replace('_', ' ')} {1e3 * abs(more):g} mm {word}"
 
 
 def marked(case: Case) -> list[str]:

@@ -32,6 +32,8 @@ IN_METACARPAL = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 """World (distal, radial, dorsal) to (distal, palmar, radial)."""
 BEYOND = float(np.radians(10.0))
 """A joint further beyond its range of motion than this stands where no finger can."""
+HYPEREXTENDED = {"DIP": float(np.radians(25.0))}
+"""The same below a joint's range: a boutonniere finger's DIP stands 15 deg in hyperextension."""
 Look = HoodLook | CableLook
 COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 
@@ -101,7 +103,8 @@ def _beyond_ranges(models: Models, e: Equilibrium) -> bool:
     ranges, finger = joint_ranges(models.finger), models.finger
     angles = dict(zip(finger.joints, finger.angles(e.finger_state), strict=True))
     return any(
-        not low - BEYOND <= angles[joint] <= high + BEYOND for joint, (low, high) in ranges.items()
+        not low - HYPEREXTENDED.get(joint, BEYOND) <= angles[joint] <= high + BEYOND
+        for joint, (low, high) in ranges.items()
     )
 
 

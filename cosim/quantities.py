@@ -56,6 +56,7 @@ STATE = (
     "cable.*.mean_strain_percent",
     "strain_percent.<direction>.<statistic>",
     "region_strain_percent.<region>.<direction>.<statistic>",
+    "region_force_N.<region>",
     "tension_field_area_percent.<tension>",
     "max_penetration_mm",
     "guide_depth_mm",

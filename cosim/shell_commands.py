@@ -102,11 +102,13 @@ def robot(as_json: AsJson = False, only: Only = None, slow: Slow = False) -> Non
 @verify.command()
 def studies(as_json: AsJson = False, only: Only = None, slow: Slow = False) -> None:
     """Verify that studies lose nothing when they are killed, count their failures and keep their
-    memory, and that lesions show a clinic's signs; exit code 1 when a row fails."""
+    memory, that lesions show a clinic's signs, and lay published experiments on lengths and cuts
+    beside the models (--only "lengths and cuts"); exit code 1 when a row fails."""
+    from cosim.verification_lengths import STUDIES as LENGTHS
     from cosim.verification_lesions import STUDIES as LESIONS
     from cosim.verification_studies import STUDIES
 
-    _verify((*STUDIES, *LESIONS), as_json, only, slow)
+    _verify((*STUDIES, *LESIONS, *LENGTHS), as_json, only, slow)
 
 
 def info() -> None:

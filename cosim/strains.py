@@ -37,11 +37,13 @@ def is_slack(slips: Mapping[str, float], slip: str) -> bool:
 
 
 def strain_summary(look: HoodLook) -> dict[str, object]:
-    """Percent, Green-Lagrange from free of stress: over the central region, and by region; and of
-    the area of the regions that are tension fields how much is taut, wrinkled and slack."""
+    """Percent, Green-Lagrange from free of stress: over the central region, and by region; N that
+    each region passes on along its fibres; and of the area of the regions that are tension fields
+    how much is taut, wrinkled and slack."""
     out: dict[str, object] = {
         "strain_percent": _over_central(look.line_strain, look),
         "region_strain_percent": _by_region(look.line_strain, look),
+        "region_force_N": dict(look.region_force),
     }
     whole = look.area[look.tension >= 0].sum()
     if whole > 0:

@@ -222,10 +222,10 @@ def _lay(
     triangle = np.full((nr, len(over_triangle)), -1)
     # the last rows of elements before the bands meet are left out: they would come to a point
     meeting = int(np.flatnonzero(stations >= MERGE - eps)[0]) - (2 if quadratic else 1)
-    for i in np.flatnonzero(stations[: meeting + 1] >= TRIANGLE_START - eps):
-        between = [node(stations[i], f * half[i]) for f in over_triangle[1:-1]]
+    for row in np.flatnonzero(stations[: meeting + 1] >= TRIANGLE_START - eps):
+        between = [node(stations[row], f * half[row]) for f in over_triangle[1:-1]]
         if len(over_triangle):
-            triangle[i] = [band["ulnar"][i, 0], *between, band["radial"][i, 0]]
+            triangle[row] = [band["ulnar"][row, 0], *between, band["radial"][row, 0]]
     station = np.array(s_list)
     points = hull.points(station, np.array(phi_list))
     grid = _Grid(stations, inner, band, triangle)

@@ -2,10 +2,12 @@
 
 Places, in station (mm along the straight index finger, as `meshes.hood` counts them): the central
 and the terminal slip come off their bone, as a closed boutonniere or mallet injury leaves them;
-sagittal bands, retinacular ligaments and adhesions let go of it; a lateral band is severed over the
+sagittal bands, retinacular ligaments, dorsal capsule and adhesions let go of it, and a sagittal
+band's sheet goes with it, from the tendon to where it was held; a lateral band is severed over the
 middle phalanx, where it is free of the rest of the sheet, midway between the end of the central
-slip and the bands' meeting; the central band and the distal part of the extensor tendon at their
-middles, the sheet beside them left whole.
+slip and the bands' meeting; the central band, the distal part of the extensor tendon and a lateral
+slip at their middles, the sheet beside them left whole.  The thin sheets between tendons
+(transverse and oblique fibres, triangular ligament) are taken out whole.
 """
 
 from __future__ import annotations
@@ -19,19 +21,24 @@ from numpy.typing import NDArray
 from cosim.port import InputError
 
 from .cable_net import CableNet
-from .hood_lines import JOIN, MERGE, SLIP_END, SLIP_START
-from .hood_mesh import Attachment, HoodMesh, pairs
+from .hood_lines import HOOD_END, JOIN, MERGE, SAGITTAL_ROWS, SLIP_END, SLIP_START
+from .hood_mesh import REGIONS, Attachment, HoodMesh, pairs
 
 Ints = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
+SLIPS = ("central_slip", "terminal_slip")
 PLACES = {
     "lateral_band_radial": (SLIP_END + MERGE) / 2,
     "lateral_band_ulnar": (SLIP_END + MERGE) / 2,
     "central_band": (JOIN + SLIP_START) / 2,
     "extensor_tendon_distal": JOIN / 2,
+    "lateral_slip_radial": (HOOD_END + SLIP_START) / 2,
+    "lateral_slip_ulnar": (HOOD_END + SLIP_START) / 2,
 }
 """mm, the station at which a region is severed."""
+STRAND_OF = {"extensor_tendon_distal": "extensor_tendon"}
+"""Strands of a net that are not called as the part that is severed in them."""
 SPRINGS_OF = {"sagittal_band_radial": "sagittal_radial", "sagittal_band_ulnar": "sagittal_ulnar"}
 """Spring sets that are not called as the part that they hold."""
 
@@ -43,14 +50,34 @@ def severed(mesh: HoodMesh, part: str) -> HoodMesh:
     a piece that nothing holds."""
     if part in PLACES:
         return _whole(mesh, ~_crossed(mesh, part), part)
+    if part in REGIONS and part not in (*SLIPS, *SPRINGS_OF):
+        return _whole(mesh, ~_taken_out(mesh, part), part)
     ties = mesh.tied
-    if part in ("central_slip", "terminal_slip"):
+    if part in SLIPS:
         own = np.unique(mesh.quads[mesh.cells(part)])
         ties = {body: np.setdiff1d(nodes, own) for body, nodes in mesh.tied.items()}
     springs = _without(mesh.springs, SPRINGS_OF.get(part, part))
     if len(springs) == len(mesh.springs) and _count(ties) == _count(mesh.tied):
         raise InputError(f"lesion.cut: nothing in the hood's mesh holds a {part} that could let go")
-    return replace(mesh, springs=springs, tied=ties)
+    released = replace(mesh, springs=springs, tied=ties)
+    if part in SPRINGS_OF:
+        return _whole(released, ~_band_sheet(mesh, part), part)
+    return released
+
+
+def _taken_out(mesh: HoodMesh, part: str) -> Mask:
+    """(ne,) all quads of the part."""
+    out = mesh.cells(part)
+    if not out.any():
+        raise InputError(f"lesion.cut: the mesh has no {part} to take out")
+    return np.asarray(out)
+
+
+def _band_sheet(mesh: HoodMesh, part: str) -> Mask:
+    """(ne,) the part's quads over the MCP, up to the last row that is held: a mesh may call all of
+    the sheet from there to the PIP a sagittal band."""
+    middle = mesh.station[mesh.quads].mean(axis=1)
+    return np.asarray(mesh.cells(part) & (middle < SAGITTAL_ROWS[1]))
 
 
 def _without(springs: Mapping[str, Attachment], name: str) -> dict[str, Attachment]:
@@ -136,7 +163,7 @@ def severed_net(net: CableNet, part: str) -> CableNet:
         tied = {}
     elif part == "triangular_ligament":
         kept = np.array([name != part for name in net.strands])[net.strand]
-    elif part in net.strands and part not in (*SPRINGS_OF, "central_slip"):
+    elif STRAND_OF.get(part, part) in net.strands and part not in (*SPRINGS_OF, "central_slip"):
         kept[_cell_at(net, part)] = False
     else:
         springs = _without(springs, SPRINGS_OF.get(part, part))
@@ -146,7 +173,7 @@ def severed_net(net: CableNet, part: str) -> CableNet:
 
 
 def _cell_at(net: CableNet, part: str) -> int:
-    own = np.flatnonzero(net.strand == net.strands.index(part))
+    own = np.flatnonzero(net.strand == net.strands.index(STRAND_OF.get(part, part)))
     if part not in PLACES:
         return int(own[len(own) // 2])
     middle = net.station[net.cells[own]].mean(axis=1)

@@ -85,9 +85,9 @@ def test_packaged_cases_load_and_their_active_tendon_is_in_their_name(name):
     named = ["EDC"] if name.startswith("strain") else name.upper().split("_")
     if name.startswith("network_contact"):  # figure 4 of its paper: five muscles in turn
         named = ["EDC", "LUM", "FPI", "FDP", "FDS"]
-    if name.startswith("lesion"):  # posture under extensor and flexor
+    if name.startswith(("lesion", "lengths", "cuts")):  # posture under extensor and flexor
         named = ["EDC", "EI", "FDP"]
-    assert active
+    assert active or name == "lengths_dip_resistance"  # of a hood at rest
     assert all(any(tendon.upper().startswith(part) for part in named) for tendon in active)
 
 

@@ -173,6 +173,23 @@ def test_a_shorter_tendon_of_a_network_takes_its_part_of_the_force():
     assert sum(more.values()) == pytest.approx(20.0, rel=1e-9)
 
 
+def test_a_longer_tendon_of_a_network_has_a_longer_rest_length():
+    case = load_case("network_edc", ['lesion={lengthen={terminal_slip="4 mm"}}'])
+    rests = {n: t.rest for n, t in case.hood.connecting.items()}
+    injured = injured_network(case.hood, case.lesion).connecting
+    longer = {name: injured[name].rest - rests[name] for name in rests}
+    ends = {n for n, t in case.hood.connecting.items() if "DIP" in t.arms}
+    assert {n for n, more in longer.items() if more} == ends
+    assert [longer[name] for name in ends] == pytest.approx([4e-3] * len(ends), rel=1e-12)
+
+
+def test_longer_is_the_reverse_of_shorter():
+    held = ("finger.tip.kind=posture", 'solve.resting_tension="0 N"', 'tendons.EDC.tension="20 N"')
+    longer = slips(*held, 'lesion={lengthen={terminal_slip="0.05 mm"}}')
+    shorter = slips(*held, 'lesion={shorten={central_slip="0.05 mm"}}')
+    assert longer == pytest.approx(shorter, rel=1e-9)
+
+
 @pytest.mark.parametrize(
     ("part", "other"), [("central_slip", "terminal"), ("terminal_slip", "central")]
 )
@@ -213,6 +230,10 @@ def test_a_muscle_of_a_network_that_would_pull_on_nothing_is_refused():
         ),
         ("lesion_mallet", 'lesion.adhere=["retinacular_radial"]', "lesion.adhere: no part"),
         ("lesion_mallet", 'lesion.shorten.terminal_slip="1 mm"', "both cut and shortened"),
+        ("lesion_mallet", 'lesion.lengthen.terminal_slip="1 mm"', "both cut and lengthened"),
+        ("lesion_swan_neck", 'lesion.lengthen.central_slip="1 mm"', "shortened and lengthened"),
+        ("lesion_mallet", 'lesion.lengthen.terminal_slp="1 mm"', "did you mean terminal_slip"),
+        ("lesion_mallet", 'lesion.cut=["dorsal_capsule"]', "give hood.springs.dorsal_capsule"),
         ("lesion_mallet", 'lesion.shorten.central_slip="0 mm"', "above 0 mm"),
         ("lesion_mallet", "lesion.cut=[]", "says nothing"),
         ("lesion_mallet", 'lesion.cute=["central_slip"]', "did you mean cut"),

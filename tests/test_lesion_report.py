@@ -68,6 +68,16 @@ def test_the_page_shows_both_sides_and_their_difference(sheet):
     assert not re.search(r"(src|href)=\"(http|//)", page)
 
 
+def test_the_page_lays_what_each_part_carries_beside_its_strength(sheet):
+    page = (sheet[0] / "page.html").read_text(encoding="utf-8")
+    run = read_run(sheet[0] / "runs" / "lesion_lateral_band_after_free")
+    rows = {cells[0][1]: cells for cells in rows_of(page, "strength_free")}
+    carried = run.summary["region_force_N"]["central_band"]
+    assert float(rows["central band, middle"][2][0]) == pytest.approx(carried, abs=1e-12)
+    assert float(rows["central slip, insertion"][3][0]) == 89.0
+    assert rows["terminal slip, middle"][4][1] == "no strength in print"
+
+
 def test_the_page_draws_two_postures_and_four_maps_on_one_scale(sheet):
     page = (sheet[0] / "page.html").read_text(encoding="utf-8")
     assert len(re.findall(r'aria-label="Postures', page)) == 2

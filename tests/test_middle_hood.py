@@ -218,7 +218,7 @@ def test_a_case_differs_from_the_fixed_splits_in_the_hood_alone(posture, muscle)
 
 
 def test_the_hood_is_the_calibrated_one_scaled_by_o2o3():
-    middle, index = case().hood, load_case("base/calibrated_finger.toml").hood
+    middle, index = case().hood, load_case("base/index_finger.toml").hood
     assert middle.regions == index.regions
     assert middle.thickness == index.thickness
     assert middle.mesh.rest_posture == index.mesh.rest_posture

@@ -15,6 +15,7 @@ from cosim.port import InputError, Motion
 from fe_solver.hood_model import SpringSet, springs_of
 from fe_solver.springs import spring_forces
 from meshes.cable_net import CableNet
+from meshes.hood_lines import JOIN
 from meshes.hood_mesh import REGIONS, Attachment, HoodMesh
 from meshes.severed import severed, severed_net
 
@@ -60,7 +61,8 @@ def test_every_part_can_be_cut_and_leaves_a_whole_mesh(part):
     lost = len(before.quads) - len(after.quads)
     released = sum(map(len, before.tied.values())) - sum(map(len, after.tied.values()))
     sets = len(before.springs) - len(after.springs)
-    assert [lost > 0, released > 0, sets > 0].count(True) == 1
+    kinds = 2 if part.startswith("sagittal_band") else 1  # its springs and its sheet
+    assert [lost > 0, released > 0, sets > 0].count(True) == kinds
     assert all(
         np.array_equal(before.points[before.ends[e]], after.points[after.ends[e]])
         for e in before.ends
@@ -232,3 +234,30 @@ def test_more_than_half_of_a_part_cannot_be_taken(name):
         return
     with pytest.raises(InputError, match=r"central_slip: 8\.00 mm shorter"):
         build(case)
+
+
+def test_a_sagittal_band_goes_with_its_sheet_and_leaves_the_tendon():
+    before, after = intact(), severed(intact(), "sagittal_band_radial")
+    assert "sagittal_radial" not in after.springs
+    assert not after.cells("sagittal_band_radial").any()
+    tendons = ("extensor_tendon_proximal", "extensor_tendon_distal", "sagittal_band_ulnar")
+    assert after.cells(*tendons).sum() == before.cells(*tendons).sum()
+
+
+def test_a_thin_sheet_is_taken_out_whole():
+    after = severed(intact(), "triangular_ligament")
+    assert not after.cells("triangular_ligament").any()
+    assert len(intact().quads) - len(after.quads) == intact().cells("triangular_ligament").sum()
+
+
+def test_a_net_s_extensor_tendon_is_severed_where_a_sheet_s_is():
+    after = severed_net(net(), "extensor_tendon_distal")
+
+    def over_the_cut(laid: CableNet) -> bool:
+        own = laid.strand == laid.strands.index("extensor_tendon")
+        beyond = laid.station[laid.cells[own]] > JOIN / 2
+        return bool((beyond.any(axis=1) & ~beyond.all(axis=1)).any())
+
+    assert over_the_cut(net())
+    assert not over_the_cut(after)
+    assert "central_band" in after.strands

@@ -52,6 +52,7 @@ def stretched(mesh: HoodMesh, along: float, across: float) -> HoodLook:
         glide={},
         band_height={},
         markers=markers(mesh, ["central_band"]),
+        region_force={},
     )
 
 

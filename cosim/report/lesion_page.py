@@ -20,6 +20,7 @@ from cosim.report.page import colours, own_file, templates
 from cosim.report.runs import Run
 from cosim.report.tables import Cell, Table, asked
 from cosim.report.views import View, limits, view_of
+from cosim.strengths import carried, strength_of
 
 FIELD = "along"
 LEAST_ANGLE, LEAST_FORCE = 0.05, 0.005
@@ -44,9 +45,30 @@ class Map:
 
 
 def tables_of_lesion(pairs: Sequence[Pair]) -> list[Table]:
-    """For each pair its numbers before, after and the difference; strains of regions too."""
+    """For each pair its numbers before, after and the difference, strains of regions too; and of a
+    sheet what its parts carry beside what they are known to bear."""
     columns = ("quantity", "unit", "before", "after", "after less before")
-    return [Table(pair.tip, f"Fingertip {pair.tip}", columns, tuple(_rows(pair))) for pair in pairs]
+    out = []
+    for pair in pairs:
+        out.append(Table(pair.tip, f"Fingertip {pair.tip}", columns, tuple(_rows(pair))))
+        out.append(_load_and_strength(pair))
+    return [table for table in out if table.rows]
+
+
+def _load_and_strength(pair: Pair) -> Table:
+    """What each part of a sheet carries; without rows of another hood."""
+    labels = dict(p for run in (pair.after, pair.before) for p in carried(run.summary))
+    rows: list[tuple[Cell, ...]] = []
+    for label, quantity in labels.items():
+        before, after = (value_of(run.summary, quantity) for run in (pair.before, pair.after))
+        known = strength_of(quantity)
+        rows.append((label, before, after, known.bears, known.says))
+    return Table(
+        f"strength_{pair.tip}",
+        f"Load against strength, fingertip {pair.tip}",
+        ("part", "carries before, N", "carries after, N", "bears at least, N", "what is known"),
+        tuple(rows),
+    )
 
 
 def _rows(pair: Pair) -> list[tuple[Cell, ...]]:

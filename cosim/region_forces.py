@@ -1,0 +1,96 @@
+"""The force that each region of a sheet passes on along its fibres, across its middle.
+
+The elements that the middle line of a region runs through pull on their nodes beyond it with as
+much as the region passes on there: with W the energy of an element and x its nodes' places, the sum
+of dW/dx over the nodes beyond the line.  So the forces of all regions at one station add up to what
+is pulled there, to the solver's tolerance, however coarse the mesh.  The force is positive where
+the region is pulled; each element's is counted along its own line from the nodes before the middle
+to those beyond.
+
+The middle line lies halfway along a region whose fibres run along the finger, and halfway round it
+where they run round (sagittal band, transverse fibres); of a region over the midline whose fibres
+run round, it is the midline.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cosim.port import Array, State
+
+if TYPE_CHECKING:
+    from fe_solver.shell_hood import ShellHood as FeHood
+    from meshes.hood_mesh import HoodMesh
+    from meshes.skeleton import Skeleton
+
+ON_THE_LINE = 1e-6
+"""Share of a region's extent within which a node counts as before its middle line."""
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """The elements (k,) that a line across a sheet runs through, and which of their nodes (k, 4 or
+    9) lie beyond it."""
+
+    elements: np.ndarray
+    beyond: np.ndarray
+
+
+def crossing(quads: np.ndarray, elements: np.ndarray, beyond: np.ndarray) -> Crossing:
+    """Of the `elements` of a mesh with `quads` (ne, 4 or 9), those with nodes on both sides of a
+    line; `beyond` (n,) says which of all nodes lie beyond it."""
+    side = beyond[quads[elements]]
+    both = side.any(axis=1) & ~side.all(axis=1)
+    return Crossing(elements[both], side[both])
+
+
+def middle_crossings(mesh: HoodMesh, skeleton: Skeleton) -> dict[str, Crossing]:
+    """By region of the mesh, where its middle line runs."""
+    from meshes.hood_mesh import REGIONS, runs_round
+    from meshes.region_places import region_places, turns
+
+    turn, out = turns(mesh, skeleton).turn, {}
+    for region in np.unique(mesh.region):
+        name, own = REGIONS[region], np.flatnonzero(mesh.region == region)
+        distal, across = region_places(mesh, region, turn, mesh.station, turn)
+        if not runs_round(name):
+            beyond = distal > 0.5 + ON_THE_LINE
+        elif name.endswith(("_radial", "_ulnar")):
+            beyond = across > 0.5 + ON_THE_LINE
+        else:
+            beyond = turn > ON_THE_LINE
+        out[name] = crossing(mesh.quads, own, beyond)
+    return {name: found for name, found in out.items() if len(found.elements)}
+
+
+def element_forces(hood: FeHood, state: State) -> Array:
+    """(ne, k, 3) N, the gradient of each element's energy by the places of its nodes."""
+    from fe_solver.shell import element_response
+
+    model, c = hood.model, state.configuration
+    nodes = np.concatenate([c.x[model.quads], c.d[model.quads]], axis=1)
+    gradient = element_response(model.tables, model.section, nodes).gradient
+    return np.asarray(gradient[:, : model.quads.shape[1]])
+
+
+def crossing_force(force: Array, points: Array, quads: np.ndarray, line: Crossing) -> float:
+    """N, what elements pull with across a line; `force` (ne, k, 3) of all elements, `points` (n, 3)
+    of the nodes."""
+    placed, beyond = points[quads[line.elements]], line.beyond[..., None]
+    count = line.beyond.sum(axis=1)[:, None]
+    ahead = (placed * beyond).sum(axis=1) / count
+    behind = (placed * ~beyond).sum(axis=1) / (beyond.shape[1] - count)
+    way = (ahead - behind) / np.linalg.norm(ahead - behind, axis=1, keepdims=True)
+    pull = (force[line.elements] * beyond).sum(axis=1)
+    return float((pull * way).sum())
+
+
+def region_forces(hood: FeHood, lines: Mapping[str, Crossing], state: State) -> dict[str, float]:
+    """N by region."""
+    force, quads = element_forces(hood, state), hood.model.quads
+    points = state.configuration.x
+    return {name: crossing_force(force, points, quads, line) for name, line in lines.items()}
