@@ -118,7 +118,7 @@ def build(case: Case) -> Models:
             resting,
             bones,
             muscles,
-            looking_at_cables(cables, net),
+            looking_at_cables(cables, net, skeleton),
             partial(linear, cables),
             {},
             partial(slip_forces, cables),

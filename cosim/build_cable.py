@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cosim.build_ends import Look, guide_depth, look_at
+from cosim.build_ends import Lines, Look, guide_depth, look_at
 from cosim.build_lesion import adhesions, longer
 from cosim.build_shell import Triangles, baked_surfaces
 from cosim.case_cable import CableHood
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from fe_solver.cables import Cables
     from fe_solver.shell_hood import ShellHood as FeHood
     from meshes.cable_net import CableNet
-    from meshes.glide import Place
     from meshes.skeleton import Skeleton
 
 ENDS = {"EDC": "central", "EI": "indicis", "LUM": "radial", "FPI": "ulnar"}
@@ -140,19 +139,20 @@ def cable_law(hood: CableHood, net: CableNet, lesion: Lesion | None = None) -> C
     )
 
 
-def looking_at(hood: FeHood, net: CableNet) -> Callable[[State], CableLook]:
+def looking_at(hood: FeHood, net: CableNet, skeleton: Skeleton) -> Callable[[State], CableLook]:
     """What there is to see at a state."""
+    from meshes.bands import net_bands
     from meshes.glide import net_places
+    from meshes.skeleton import JOINTS
 
-    return partial(_look, hood, net, guide_depth(hood), net_places(net))
+    lines = Lines(net_places(net), net_bands(net), skeleton.axis[JOINTS.index("PIP")])
+    return partial(_look, hood, net, guide_depth(hood), lines)
 
 
-def _look(
-    hood: FeHood, net: CableNet, depth: float, places: Sequence[Place], state: State
-) -> CableLook:
+def _look(hood: FeHood, net: CableNet, depth: float, lines: Lines, state: State) -> CableLook:
     from fe_solver.cable_model import pulls_in
 
-    seen, pull = look_at(hood, depth, places, state), pulls_in(hood, state)
+    seen, pull = look_at(hood, depth, lines, state), pulls_in(hood, state)
     points = state.solution.evaluation.points
     on = points.group < 0
     pressed = np.linalg.norm(points.gradient[on], axis=1)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cosim.port import Array, State
+from meshes.bands import Line, band_heights
 from meshes.glide import Place, glide
 from meshes.hull import to_the_joint
 
@@ -39,11 +40,24 @@ class Look:
     """m, of `guide_depth`."""
     glide: Mapping[str, float]
     """m by place, of `meshes.glide`, positive distally."""
+    band_height: Mapping[str, float]
+    """m by side, of the lateral bands over the PIP's axis (`meshes.bands`), positive dorsally."""
 
 
-def look_at(hood: FeHood, depth: float, places: Sequence[Place], state: State) -> Look:
-    """At a state; `depth` is the hood's `guide_depth`, which no state changes, `places` those at
-    which its glide is told."""
+@dataclass(frozen=True)
+class Lines:
+    """Where a hood is looked at, whatever its state."""
+
+    places: Sequence[Place]
+    """At which its glide is measured."""
+    bands: Mapping[str, Line]
+    """The lateral bands' middle lines, by side."""
+    axis: Array
+    """(3,) unit, the PIP's in the middle phalanx's frame."""
+
+
+def look_at(hood: FeHood, depth: float, lines: Lines, state: State) -> Look:
+    """At a state; `depth` is the hood's `guide_depth`, which no state changes."""
     from fe_solver.springs import spring_state
 
     springs, forces, c = hood.model.springs, hood.group_forces(state), state.configuration
@@ -57,10 +71,11 @@ def look_at(hood: FeHood, depth: float, places: Sequence[Place], state: State) -
         penetration=max(0.0, -float(hood.gap(state).min())),
         guide_depth=depth,
         glide=glide(
-            places,
+            lines.places,
             (hood.model.reference, hood.rest.position, hood.rest.rotation),
             (c.x, c.position, c.rotation),
         ),
+        band_height=band_heights(lines.bands, c.x, c.position, c.rotation, lines.axis),
     )
 
 

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cosim.build_ends import Look, guide_depth, look_at
+from cosim.build_ends import Lines, Look, guide_depth, look_at
 from cosim.port import Array, State
 from cosim.region_forces import Crossing, middle_crossings, region_forces
+from meshes.skeleton import JOINTS
 
 if TYPE_CHECKING:
     from fe_solver.shell_hood import ShellHood as FeHood
-    from meshes.glide import Place
     from meshes.hood_mesh import HoodMesh
     from meshes.markers import Markers
     from meshes.skeleton import Skeleton
@@ -61,13 +61,15 @@ class HoodLook(Look):
 
 def looking_at(hood: FeHood, mesh: HoodMesh, skeleton: Skeleton) -> Callable[[State], HoodLook]:
     """What there is to see at a state; the mesh lies on a finger of that skeleton."""
+    from meshes.bands import sheet_bands
     from meshes.glide import sheet_places
     from meshes.markers import markers
 
     turn = _line_angle(hood, mesh)
-    depth, places = guide_depth(hood), sheet_places(mesh)
-    lines = middle_crossings(mesh, skeleton)
-    return partial(_look, hood, mesh, depth, places, markers(mesh, CENTRAL), turn, lines)
+    lines = Lines(sheet_places(mesh), sheet_bands(mesh), skeleton.axis[JOINTS.index("PIP")])
+    crossings = middle_crossings(mesh, skeleton)
+    depth, placed = guide_depth(hood), markers(mesh, CENTRAL)
+    return partial(_look, hood, mesh, depth, lines, placed, turn, crossings)
 
 
 def _line_angle(hood: FeHood, mesh: HoodMesh) -> Array:
@@ -95,10 +97,10 @@ def _look(
     hood: FeHood,
     mesh: HoodMesh,
     depth: float,
-    places: Sequence[Place],
+    lines: Lines,
     placed: Markers,
     turn: Array,
-    lines: Mapping[str, Crossing],
+    crossings: Mapping[str, Crossing],
     state: State,
 ) -> HoodLook:
     from fe_solver.fibre_families import fibre_families
@@ -106,7 +108,7 @@ def _look(
 
     field = fields(hood.model, state.configuration)
     return HoodLook(
-        **vars(look_at(hood, depth, places, state)),
+        **vars(look_at(hood, depth, lines, state)),
         quads=hood.model.quads,
         region=mesh.region,
         strain=field.strain,
@@ -119,5 +121,5 @@ def _look(
         pressure=contact_pressure(hood.model, state.configuration),
         fibres=fibre_families(hood.model, state.configuration),
         markers=placed,
-        region_force=region_forces(hood, lines, state),
+        region_force=region_forces(hood, crossings, state),
     )

@@ -20,6 +20,7 @@ from cosim.audit import describe_misses
 from cosim.estimate_commands import estimate
 from cosim.finger_commands import bench_fingers, bench_robotic_finger, mjcf, moment_arms
 from cosim.fmu_commands import fmu
+from cosim.hood_commands import show_hood
 from cosim.job_commands import bench_fe, bench_febio, export, solve
 from cosim.ladder_commands import ladder
 from cosim.lesion_commands import lesion
@@ -63,6 +64,7 @@ app.command()(identify)
 app.command()(study)
 app.command()(status)
 app.command()(reproduce)
+app.command("hood")(show_hood)
 app.command()(estimate)
 app.command()(ladder)
 app.command()(lesion)

@@ -150,6 +150,9 @@ def _state(models: Models, e: Equilibrium, look: Look | None) -> dict[str, Any]:
             out["slip_ratio"] = slips["terminal"] / slips["central"]
     if look is not None:
         out["glide_mm"] = {place: 1e3 * glide for place, glide in look.glide.items()}
+        heights = {side: 1e3 * z for side, z in look.band_height.items() if np.isfinite(z)}
+        if heights:
+            out["lateral_band_height_mm"] = heights
         out["spring_force_N"] = dict(look.spring_force)
         if isinstance(look, CableLook):
             out["cable"] = strand_forces(look)

@@ -14,6 +14,7 @@ from typing import Any
 from cosim.case_types import TENDONS
 from cosim.compare import COMPONENTS, Target, parts_of
 from cosim.port import InputError
+from meshes.bands import SIDES
 from meshes.glide import PLACES
 from meshes.hood_mesh import REGIONS, SPRINGS
 from meshes.skeleton import BODIES, JOINTS
@@ -28,6 +29,7 @@ NAMES: Mapping[str, tuple[str, ...]] = {
     "<slip>": ("central", "terminal"),
     "<tension>": ("taut", "wrinkled", "slack"),
     "<place>": PLACES,
+    "<side>": SIDES,
     "<springs>": (*SPRINGS, *(f"adhesion_{r}_{body}" for r in REGIONS for body in BODIES)),
     "<beside>": ("at_rest", "change"),
     "<torque>": ("hood", "gravity", "passive", "limit", "fingertip", "holder", *TENDONS),
@@ -48,6 +50,7 @@ STATE = (
     "slip_force_N.<slip>",
     "slip_ratio",
     "glide_mm.<place>",
+    "lateral_band_height_mm.<side>",
     "spring_force_N.<springs>",
     "cable.*.tension_N",
     "cable.*.mean_strain_percent",

@@ -101,6 +101,8 @@ def _states(summary: Mapping[str, Any]) -> Iterator[Row]:
         yield row(f"torque of the hood, {name} N mm", "joint_torque_Nmm", "hood", joint)
     for place in _at(summary, "glide_mm") or ():
         yield row(f"glide of the {place.replace('_', ' ')} mm", "glide_mm", place)
+    for side in _at(summary, "lateral_band_height_mm") or ():
+        yield row(f"height of the {side} lateral band mm", "lateral_band_height_mm", side)
 
 
 def _joints(summary: Mapping[str, Any]) -> tuple[str, ...]:

@@ -127,6 +127,21 @@ def _of_finger(case: Case) -> Iterator[Variation]:
         yield _added(f"posture, {joint}", {f"finger.posture.{joint}": angle}, step, units.ANGLE)
 
 
+def scaled_moduli(case: Case, factor: float) -> Settings:
+    """What multiplies all moduli of a sheet's regions by `factor`, those of second families too;
+    nothing of a hood that is no sheet."""
+    if not isinstance(case.hood, ShellHood):
+        return ()
+    values = {}
+    for name, region in case.hood.regions.items():
+        second = getattr(region, "second", None)
+        for key, law in (("", region), ("second.", second)):
+            for field in MODULI[region.kind]:
+                if value := getattr(law, field, None):
+                    values[f"hood.regions.{name}.{key}{field}"] = factor * value
+    return _spelt(values.items(), units.PRESSURE)
+
+
 def _bending(hood: ShellHood) -> Variation:
     if not hood.bending_stiffness:
         return _without("bending stiffness", "the sheet bends as its materials do")

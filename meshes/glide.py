@@ -67,19 +67,26 @@ class Place:
 
 def sheet_places(mesh: HoodMesh) -> tuple[Place, ...]:
     """The places of a sheet; those whose regions the mesh lacks are left out."""
-    edges = {}
-    for name, regions in SHEET.items():
-        quads = flat(mesh.quads[mesh.cells(*regions)])
-        sides = np.stack([quads, np.roll(quads, 1, axis=1)], axis=-1).reshape(-1, 2)
-        edges[name] = np.unique(np.sort(sides, axis=1), axis=0)
+    edges = {name: sheet_edges(mesh, regions) for name, regions in SHEET.items()}
     return tuple(_places(mesh.station, edges))
 
 
 def net_places(net: CableNet) -> tuple[Place, ...]:
     """The places of a net of cables; those whose strands it lacks are left out."""
-    names = np.array(net.strands)[net.strand]
-    edges = {name: net.cells[np.isin(names, strands)] for name, strands in NET.items()}
+    edges = {name: net_edges(net, strands) for name, strands in NET.items()}
     return tuple(_places(net.station, edges))
+
+
+def sheet_edges(mesh: HoodMesh, regions: Sequence[str]) -> Ints:
+    """(m, 2) nodes at the ends of the edges of quads in the named regions, each edge once."""
+    quads = flat(mesh.quads[mesh.cells(*regions)])
+    sides = np.stack([quads, np.roll(quads, 1, axis=1)], axis=-1).reshape(-1, 2)
+    return np.unique(np.sort(sides, axis=1), axis=0)
+
+
+def net_edges(net: CableNet, strands: Sequence[str]) -> Ints:
+    """(m, 2) nodes at the ends of the cells of the named strands."""
+    return net.cells[np.isin(np.array(net.strands)[net.strand], strands)]
 
 
 def _places(station: Array, edges: Mapping[str, Ints]) -> Iterator[Place]:
@@ -89,14 +96,21 @@ def _places(station: Array, edges: Mapping[str, Ints]) -> Iterator[Place]:
         pairs = pairs[np.ptp(station[pairs], axis=1) > 0]
         if not len(pairs):
             continue
-        first, last = station[pairs].T
-        row = STATION.get(name, station[pairs].min())
-        on = (np.minimum(first, last) <= row) & (row <= np.maximum(first, last))
-        if not on.any():
-            continue
-        share = (row - first[on]) / (last[on] - first[on])
-        weight = np.column_stack([1 - share, share]).ravel() / on.sum()
-        yield Place(name, BODIES.index(BENEATH.get(name, "proximal")), pairs[on].ravel(), weight)
+        crossed = crossing(station, pairs, STATION.get(name, station[pairs].min()))
+        if crossed is not None:
+            yield Place(name, BODIES.index(BENEATH.get(name, "proximal")), *crossed)
+
+
+def crossing(station: Array, pairs: Ints, row: float) -> tuple[Ints, Array] | None:
+    """Nodes (k,) and weights (k,) of the mean point at which the line of constant station `row`
+    (mm) crosses edges (m, 2) of nodes laid at `station` (n,) mm; None where it crosses none."""
+    pairs = pairs[np.ptp(station[pairs], axis=1) > 0]
+    first, last = station[pairs].T
+    on = (np.minimum(first, last) <= row) & (row <= np.maximum(first, last))
+    if not on.any():
+        return None
+    share = (row - first[on]) / (last[on] - first[on])
+    return pairs[on].ravel(), np.column_stack([1 - share, share]).ravel() / on.sum()
 
 
 def glide(

@@ -50,6 +50,7 @@ def stretched(mesh: HoodMesh, along: float, across: float) -> HoodLook:
         penetration=0.0,
         guide_depth=0.0,
         glide={},
+        band_height={},
         markers=markers(mesh, ["central_band"]),
         region_force={},
     )

@@ -32,6 +32,14 @@ class Paper:
     """As in `cosim reproduce NAME`."""
     title: str
     studies: tuple[Study, ...]
+    kind: str = "A paper's figures, computed anew"
+    """What the page is, in a line above its title."""
+    made_by: str = ""
+    """The command, where it is not `cosim reproduce NAME`."""
+
+    @property
+    def command(self) -> str:
+        return self.made_by or f"cosim reproduce {self.name}"
 
 
 def chosen(paper: Paper, only: Sequence[str]) -> list[Study]:
@@ -73,7 +81,7 @@ def _shown(folder: Path, paper: Paper, study: Study, figure: Figure) -> dict[str
         "picture": b64encode(picture).decode("ascii"),
         "small": list(_small(figure)),
         "files": [f"{name}.csv" for name in figure.tables],
-        "command": f"cosim reproduce {paper.name} --only {study.name}",
+        "command": f"{paper.command} --only {study.name}",
     }
 
 
@@ -120,7 +128,6 @@ def _page(paper: Paper, studies: Sequence[Study], shown: Sequence[dict[str, obje
         shown=shown,
         style=style,
         version=__version__,
-        command=f"cosim reproduce {paper.name}"
-        + ("" if whole else "".join(f" --only {s.name}" for s in studies)),
+        command=paper.command + ("" if whole else "".join(f" --only {s.name}" for s in studies)),
         left_out=[s for s in paper.studies if s not in studies],
     )

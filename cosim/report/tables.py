@@ -26,7 +26,7 @@ LARGEST = "largest_interface_residual"
 AT_REST = "at rest"
 OF_THE_HOOD = (
     *("fingertip_force_N", "fingertip_magnitude_N", "slip_force_N"),
-    *("joint_torque_Nmm", "glide_mm"),
+    *("joint_torque_Nmm", "glide_mm", "lateral_band_height_mm"),
 )
 """Quantities of which runs side by side also show the unloaded state."""
 NOT_OUTCOMES = ("wall_s", "version", "case")
@@ -121,6 +121,8 @@ def asked(summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         yield f"torque of the hood, {joint.replace('_', ' ')}", f"joint_torque_Nmm.hood.{joint}"
     for place in summary.get("glide_mm", ()):
         yield f"glide of the {place.replace('_', ' ')}", f"glide_mm.{place}"
+    for side in summary.get("lateral_band_height_mm", ()):
+        yield f"height of the {side} lateral band at the PIP", f"lateral_band_height_mm.{side}"
     for direction, values in summary.get("strain_percent", {}).items():
         for which in values:
             place = f"strain_percent.{direction}.{which}"
