@@ -16,6 +16,7 @@ from cosim import units
 from cosim.case_finger import FmuFinger
 from cosim.case_schema import Case, Material, ShellHood, SplitHood
 from cosim.units import Kind
+from meshes.hood_mesh import REGIONS, runs_round
 
 Settings = tuple[str, ...]
 ABSENT = "1e-6 N/mm"
@@ -24,7 +25,9 @@ SECTION_RANGE = (0.3e-6, 1.8e-6)
 """m2."""
 COEFFICIENTS = (0.1, 0.3)
 """Of friction, where a case has none."""
-SHEETS = ("sagittal_band_radial", "sagittal_band_ulnar")
+CROSSED = ("lateral_slip", "oblique_fibres")
+"""What a region's name begins with that is a sheet of crossing fibres."""
+SHEETS = tuple(name for name in REGIONS if runs_round(name) or name.startswith(CROSSED))
 """Regions that are no cables and so have no cross-section of their own."""
 LIGAMENTS = {
     "radial adhesion": ("ligament_radial",),

@@ -30,12 +30,12 @@ COARSE = "hood.mesh.quads=120"
 Surfaces = Mapping[str, tuple[np.ndarray, np.ndarray]]
 BESIDE = np.array([0.01, 0.03, 0])
 """m."""
-LAID = ["--posture", "20 40 11"]
+LAID = ["--posture", "0 0 0"]
 
 
 @pytest.fixture(scope="module")
 def ours() -> HoodMesh:
-    return hood_mesh(load_case("base/one_sheet.toml", [COARSE]))
+    return hood_mesh(load_case("isometric_edc", [COARSE]))
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +70,6 @@ def bones(files: Path) -> list[str]:
     return ["--bones", *(str(files / f"{body}.obj") for body in BODIES), "--bone-unit", "m"]
 
 
-@pytest.mark.xfail(reason="the mesh is of the one-sheet hood, the base case's regions are not")
 def test_our_own_hood_bones_and_finger_make_the_same_run(
     files: Path, ours: HoodMesh, tmp_path: Path
 ):
@@ -94,12 +93,11 @@ def test_our_own_hood_bones_and_finger_make_the_same_run(
         np.testing.assert_array_equal(mine.nodes[order], held.nodes[known])
         np.testing.assert_allclose(mine.anchors[order], held.anchors[known], atol=2e-7)
     even = {name: replace(held, shares=None) for name, held in ours.springs.items()}
-    plain = replace(ours, lift=None, springs=even)  # as of every mesh of others
+    # as of every mesh of others, whose fibres are taken to run along the finger or round it
+    plain = replace(ours, lift=None, springs=even, fibre=mesh.fibre)
     (tmp_path / "level.json").write_text(to_json(plain))
     level = f'hood.mesh={{kind="file", path="{(tmp_path / "level.json").as_posix()}"}}'
-    offset = loaded.hood.contact.offset  # type: ignore[union-attr]
-    faces = [f"hood.contact.offset.{b}={1e3 * value!r} mm" for b, value in offset]
-    before = run_case(load_case("isometric_edc", [level, *faces]), lambda stage: None, None).summary
+    before = run_case(load_case("isometric_edc", [level]), lambda stage: None, None).summary
     after = run_case(loaded, lambda stage: None, None).summary
     for key in ("fingertip_force_N", "moment_arm_mm"):
         assert flat(after[key]) == pytest.approx(flat(before[key]), rel=1e-6, abs=1e-7)
@@ -201,7 +199,7 @@ def test_a_hood_through_the_bones_is_counted_and_measured(
     assert code == 0
     assert "nodes are nearer than the base case's" in told
     hood = load_case(tmp_path / "out" / "mine.toml").hood
-    assert 0.5e-3 < hood.contact.offset.proximal < 1.2e-3  # type: ignore[union-attr]
+    assert 2.0e-3 < hood.contact.offset.proximal < 2.4e-3  # type: ignore[union-attr]
 
 
 def test_a_larger_hand_keeps_its_bones_size(surfaces: Surfaces, tmp_path: Path):
