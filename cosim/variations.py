@@ -38,7 +38,7 @@ LIGAMENTS = {
 MODULI = {
     "isotropic": ("modulus",),
     "neo_hookean": ("modulus",),
-    "transversely_isotropic": ("modulus_along", "modulus_across", "shear_modulus"),
+    "transversely_isotropic": ("modulus_along", "modulus_across", "shear_modulus", "modulus"),
     "trans_iso_mooney_rivlin": ("c1", "c2", "c3", "c5", "bulk_modulus"),
     "holzapfel_gasser_ogden": ("c", "k1", "bulk_modulus"),
 }
@@ -135,14 +135,8 @@ def scaled_moduli(case: Case, factor: float) -> Settings:
     nothing of a hood that is no sheet."""
     if not isinstance(case.hood, ShellHood):
         return ()
-    values = {}
-    for name, region in case.hood.regions.items():
-        second = getattr(region, "second", None)
-        for key, law in (("", region), ("second.", second)):
-            for field in MODULI[region.kind]:
-                if value := getattr(law, field, None):
-                    values[f"hood.regions.{name}.{key}{field}"] = factor * value
-    return _spelt(values.items(), units.PRESSURE)
+    values = _fields(case.hood, MODULI)
+    return _spelt(((key, factor * value) for key, value in values.items()), units.PRESSURE)
 
 
 def _bending(hood: ShellHood) -> Variation:
@@ -220,7 +214,9 @@ def _toe(hood: ShellHood) -> Variation:
             tuple(
                 setting
                 for n, r in fibres.items()
-                for setting in toe_settings(n, r.c5, r.c4, factor * (r.lam_max - 1))
+                for part, law in ((n, r), (f"{n}.second", r.second))
+                if law is not None
+                for setting in toe_settings(part, law.c5, law.c4, factor * (law.lam_max - 1))
             ),
         )
 
@@ -279,12 +275,14 @@ def _mesh(hood: ShellHood) -> Iterator[Variation]:
         yield _added(f"stress-free posture, {joint}", angle, step, units.ANGLE)
 
 
-def _fields(hood: ShellHood, wanted: Mapping[str, tuple[str, ...]]) -> dict[str, float | None]:
-    """Key -> value of the fields of every region's law."""
+def _fields(hood: ShellHood, wanted: Mapping[str, tuple[str, ...]]) -> dict[str, float]:
+    """Key -> value of the fields that every region's law and its second family have."""
     return {
-        f"hood.regions.{name}.{field}": dict(region)[field]
+        f"hood.regions.{name}.{part}{field}": value
         for name, region in hood.regions.items()
+        for part, law in (("", region), ("second.", getattr(region, "second", None)))
         for field in wanted.get(region.kind, ())
+        if (value := getattr(law, field, None)) is not None
     }
 
 
