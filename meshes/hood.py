@@ -47,6 +47,7 @@ from .hood_lines import (
     SLIP_END,
     SLIP_START,
     TENDON,
+    TRIANGLE_END,
     TRIANGLE_START,
     columns,
     even_shares,
@@ -220,9 +221,10 @@ def _lay(
                     nodes[i, k] = node(s, sign * phi)
         band[side] = nodes
     triangle = np.full((nr, len(over_triangle)), -1)
-    # the last rows of elements before the bands meet are left out: they would come to a point
-    meeting = int(np.flatnonzero(stations >= MERGE - eps)[0]) - (2 if quadratic else 1)
-    for row in np.flatnonzero(stations[: meeting + 1] >= TRIANGLE_START - eps):
+    ends = stations[:: 2 if quadratic else 1]
+    last = ends[ends <= TRIANGLE_END + eps][-1]
+    of_triangle = (stations >= TRIANGLE_START - eps) & (stations <= last + eps)
+    for row in np.flatnonzero(of_triangle & (last > TRIANGLE_START + eps)):
         between = [node(stations[row], f * half[row]) for f in over_triangle[1:-1]]
         if len(over_triangle):
             triangle[row] = [band["ulnar"][row, 0], *between, band["radial"][row, 0]]

@@ -18,7 +18,8 @@ HOOD_END = 9.4  # of the transverse fibres; [mi29] 7 to 13
 SLIP_START = 36.0  # [trial]
 OBLIQUE_END = 45.1  # of the wings, past the head of the proximal phalanx (assumption)
 SLIP_END = 49.0  # [trial], 6.4 mm past the PIP
-TRIANGLE_START = 52.5  # of the triangular ligament; [mi29] 49
+# Of the triangular ligament, at most; [mi29] 49 to 67.  Where bands meet it would come to a point.
+TRIANGLE_START, TRIANGLE_END = 52.5, 59.5
 MERGE = 63.0  # [trial]
 TERMINAL_END = 73.0  # [trial], 5.3 mm past the DIP
 # What holds the sheet, from and to.

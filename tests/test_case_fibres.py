@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from cosim.build import drawn_bones, hood_mesh
 from cosim.build_fibres import angles_at, fibres_of
 from cosim.build_finger import skeleton_of
-from cosim.build_shell import shell_hood_of
+from cosim.build_shell import shell_hood_of, thickness_of
 from cosim.build_shell_look import _line_angle
 from cosim.case import load_case, resolved_toml
 from cosim.case_fibres import Direction
@@ -190,7 +190,8 @@ def test_a_job_of_the_hood_has_its_fibres_and_its_stretch(on_face: bool):
     stretch = {p.name: p.in_situ_stretch for p in job.parts}
     assert stretch.pop("central_slip") == pytest.approx(1.03)
     assert set(stretch.values()) == {1.0}
-    assert job.thickness[mesh().cells("terminal_slip")].min() > 0.5e-3
+    laid = thickness_of(case.hood, mesh())
+    assert job.thickness == pytest.approx(np.tile(laid[:, None], 4))
     c = hood.start(hood.rest).configuration
     first, second = fibre_families(hood.model, c)
     corners = job.points[job.quads]

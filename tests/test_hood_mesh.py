@@ -64,7 +64,7 @@ def test_about_as_many_quads_as_asked_for(quads, elements):
 @pytest.mark.parametrize("elements", ["linear", "quadratic"])
 def test_rows_and_columns_are_halved_in_a_mesh_four_times_as_large(elements):
     coarse, fine = (len(mesh_of(quads, elements).quads) for quads in (600, 2400))
-    assert fine == pytest.approx(4 * coarse, rel=5e-3)  # the triangular ligament has odd rows
+    assert fine == 4 * coarse
 
 
 def test_nine_nodes_are_an_element():
