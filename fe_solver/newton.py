@@ -99,7 +99,7 @@ class Solution:
 class _StuckError(ConvergenceError):
     """No step lowers the energy, or too many were taken; `share` of the largest force is left."""
 
-    def __init__(self, words: str, share: float) -> None:
+    def __init__(self, words: str, share: float = 1.0) -> None:
         super().__init__(words)
         self.share = share
 

@@ -17,7 +17,7 @@ DATA = """\
 # Numbers made for tests
 name, quantity, unit, reference, sd, low, high, source, kind, case, geometry, fitted, note
 "Force, distal", difference.fingertip_force_N.distal, N, 0.24, 0.05, , , "T, 1", experiment, , , ,
-"Force, palmar", difference.fingertip_force_N.palmar, N, -0.39, 0.08, , , "T, 1", experiment, , , ,
+"Force, palmar", difference.fingertip_force_N.palmar, N, -0.09, 0.08, , , "T, 1", experiment, , , ,
 Lateral strain, strain_percent.lateral.min, %, , , , -8, U, inferred, , mi29, yes, <b>held</b>
 Slip, slip_force_N.terminal, N, 2, , 1, 3, U, published model, isometric_edc, , ,
 """

@@ -247,7 +247,7 @@ def test_a_bound_that_the_case_does_not_take_is_refused_before_any_solve(held, t
 
 
 def test_built_in_parameters_must_be_those_of_every_case():
-    stated = stated_cases(["strain_lee2008_average_ti", "isometric_edc"], (), None)
+    stated = stated_cases(["strain_lee2008_average_ti", "fingertip_isotropic_edc"], (), None)
     with pytest.raises(InputError, match="no region has a law"):
         fit_cases(stated, None, [row("", 1.0)])
 

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+import importlib
+import pickle
+import pkgutil
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cosim.port import InputError, Load, Motion, rotation_matrix, rotation_vector, skew
+import cosim
+import fe_solver
+import meshes
+import rigid
+from cosim.port import CosimError, InputError, Load, Motion, rotation_matrix, rotation_vector, skew
 
 BODIES = ("a", "b", "c")
 vectors = st.lists(st.floats(-1.7, 1.7), min_size=3, max_size=3).map(np.array)
@@ -89,3 +97,19 @@ def test_imbalance_is_relative_to_the_largest_force_and_distance() -> None:
     arm = np.linalg.norm(m.position[0, 1:])  # of a force along x
     span = np.ptp(m.position, axis=0).max()
     assert moment == pytest.approx(0.13 * arm / (13.0 * span))
+
+
+def kinds(of: type[CosimError] = CosimError) -> list[type[CosimError]]:
+    return [of, *(deeper for kind in of.__subclasses__() for deeper in kinds(kind))]
+
+
+def test_every_error_can_be_named_and_comes_back_from_a_process() -> None:
+    for room in (cosim, fe_solver, meshes, rigid):
+        for module in pkgutil.iter_modules(room.__path__, f"{room.__name__}."):
+            importlib.import_module(module.name)
+    found = kinds()
+    assert len(found) > 4
+    for kind in found:
+        again = kind(f"a case: {kind('words')}")
+        assert str(again) == "a case: words"
+        assert str(pickle.loads(pickle.dumps(again))) == "a case: words"

@@ -290,7 +290,7 @@ def test_arrows_are_those_of_the_run_and_of_its_data(hood, data):
     arrows = arrows_of([run])
     assert [arrow.letter for arrow in arrows] == ["A", "B", "C", "D"]
     assert arrows[2].tip == tuple(run.summary["difference"]["fingertip_force_N"][:2])
-    assert (arrows[3].tip, arrows[3].sd) == ((0.24, -0.39), (0.05, 0.08))
+    assert (arrows[3].tip, arrows[3].sd) == ((0.24, -0.09), (0.05, 0.08))
     assert sagittal(arrows).count("<ellipse") == 1
 
 
