@@ -241,4 +241,4 @@ def test_files_of_a_windows_editor_are_read(tmp_path):
     free = tmp_path / "p.toml"
     free.write_bytes(f"{BOM}a = 1\r\n".encode())
     with pytest.raises(InputError, match="expected a table"):
-        read_free(free, load_case("strain_lee2008_identified"))
+        read_free(free, load_case("strain_lee2008_average_ti"))
