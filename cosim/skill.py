@@ -72,7 +72,8 @@ def skill(
     rows: Sequence[Comparison], null: str, answers: Mapping[Target, float | None] | None = None
 ) -> Skill | None:
     """Skill of the counted rows over a null model: one of FACTORS, or the `answers` of another
-    model by target.  None where the null model misses nothing, or no row counts.
+    model by target; minus infinity where the null model alone misses nothing.  None where neither
+    misses, or no row counts.
 
     The interval (95 %) is a bootstrap over the trials, 2000 resamples of a fixed seed."""
     judged = counted(rows)
@@ -96,7 +97,8 @@ def skill(
         np.add.at(errors[side], place, weights * gaps**2)
     total, worst = errors.sum(axis=1)
     if worst <= 0:
-        return None
+        lost = Skill(null, -np.inf, None, None, len(judged), len(trials))
+        return lost if total > 0 else None
     low, high = _interval(errors)
     return Skill(null, float(1 - total / worst), low, high, len(judged), len(trials))
 

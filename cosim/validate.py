@@ -9,6 +9,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
+from math import isfinite
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -278,13 +279,11 @@ def _judged(board: Board) -> dict[str, Any]:
 
 
 def _skill(found: Skill) -> dict[str, Any]:
-    """To four decimals: it is a ratio of sums, near 1 at best."""
-    numbers = {k: v if v is None else round(v, 4) for k, v in _ends(found).items()}
-    return {"null": found.null, **numbers, "rows": found.rows, "trials": found.trials}
-
-
-def _ends(found: Skill) -> dict[str, float | None]:
-    return {"skill": found.value, "low": found.low, "high": found.high}
+    """To four decimals: it is a ratio of sums, near 1 at best; null where it is minus infinity."""
+    values = {"skill": found.value, "low": found.low, "high": found.high}
+    numbers = {k: round(v, 4) if v is not None and isfinite(v) else None for k, v in values.items()}
+    counts = {"rows": found.rows, "trials": found.trials}
+    return {"null": found.null, **numbers, "fault": found.fault, **counts}
 
 
 def _rounded(row: Comparison) -> dict[str, Any]:
