@@ -43,7 +43,7 @@ Task = tuple[Trial, tuple[str, ...], str]
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a trial said, or why it said nothing."""
+    """What a trial said, or why it said nothing or not all."""
 
     trial: str
     summary: dict[str, Any] | None
@@ -197,10 +197,7 @@ def _run(task: Task) -> Outcome:
     trial, settings, folder = task
     started = time.perf_counter()
     if trial.study:
-        try:
-            return Outcome(trial.name, measured(trial.study, [*trial.settings, *settings]), None)
-        except ConvergenceError as error:
-            return Outcome(trial.name, None, str(error))
+        return Outcome(trial.name, *measured(trial.study, [*trial.settings, *settings]))
     if trial.published:
         return Outcome(trial.name, published_summary(trial), None)
     case = _case(task)

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from cosim.compare import SECOND_HAND, UNITS, Target
+from cosim.port import ConvergenceError
 from cosim.validation_trial import Group, Trial
 from cosim.verification_lengths import MADE, experiments
 
@@ -49,12 +50,18 @@ def _targets(trial: Trial, which: slice) -> Iterator[Target]:
         )
 
 
-def measured(study: str, settings: Sequence[str]) -> dict[str, Any]:
-    """A summary of what the shell, with settings of one's own, does in the experiments of a study.
+def measured(study: str, settings: Sequence[str]) -> tuple[dict[str, Any], str | None]:
+    """A summary of what the shell, with settings of one's own, does in the experiments of a study;
+    and why it ends before its last value, if it does.
 
-    Raises InputError and ConvergenceError."""
-    values = MADE[study].values(SHELL, settings)
-    return {"measured": {_key(v.experiment, v.where): float(v.value) for v in values}}
+    Raises InputError."""
+    found: dict[str, float] = {}
+    try:
+        for v in MADE[study].values(SHELL, settings):
+            found[_key(v.experiment, v.where)] = float(v.value)
+    except ConvergenceError as error:
+        return {"measured": found}, str(error)
+    return {"measured": found}, None
 
 
 def _key(experiment: str, where: str) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import multiprocessing
+from collections.abc import Iterator
 from dataclasses import replace
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -16,7 +17,7 @@ from cosim.audit import BOUNDS, Bound
 from cosim.case import load_case
 from cosim.cli import app
 from cosim.compare import Comparison, Target, verdict
-from cosim.port import InputError
+from cosim.port import ConvergenceError, InputError
 from cosim.skill import FACTORS, counted
 from cosim.validate import (
     SPLIT,
@@ -30,11 +31,11 @@ from cosim.validate import (
     validated,
 )
 from cosim.validation_force import AN, MYOHAND, PAST_THE_HOOD, THROUGH_THE_HOOD, two_models
-from cosim.validation_lengths import OWN_ZERO
+from cosim.validation_lengths import OWN_ZERO, measured
 from cosim.validation_plan import STRAIGHT, groups, losses, posed, rows_of, split_answers
 from cosim.validation_reasons import MISSES, NOT_KNOWN, explained, reasons
 from cosim.validation_trial import Group
-from cosim.verification_lengths import MADE, experiments
+from cosim.verification_lengths import MADE, Value, experiments
 
 GROUPS = groups(Path("mi29.feb"))
 
@@ -156,6 +157,22 @@ def test_lengths_and_cuts_are_judged_once_and_as_printed():
     printed = {(e.mean, e.sd, e.at_least) for e in experiments().values()}
     assert {(t.reference, t.sd, t.low) for t in first.targets} == printed
     assert all(t.high is None and t.note.startswith("n ") for t in first.targets)
+
+
+def test_a_study_that_ends_early_keeps_what_it_measured(monkeypatch):
+    def values(hood: str, settings: list[str]) -> Iterator[Value]:
+        assert (hood, settings) == ("shell", ["a=1"])
+        yield Value("glide_mcp", "", 0.02)
+        raise ConvergenceError("no equilibrium")
+
+    what = "glide of the terminal slip"
+    monkeypatch.setitem(MADE, what, MADE[what]._replace(values=values))
+    summary, why = measured(what, ["a=1"])
+    assert why == "no equilibrium"
+    group = BY_NAME["lengths and cuts"]
+    rows = {r.target.quantity: r for r in rows_of(group, {f"lengths: {what}": summary})}
+    assert rows["measured.glide_mcp_mm"].verdict == "inside 1 SD"
+    assert rows["measured.glide_pip_mm"].verdict == "no value"
 
 
 def test_a_slip_that_gains_force_is_outside_and_one_that_loses_as_much_as_measured_inside():
