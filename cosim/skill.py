@@ -22,6 +22,7 @@ from cosim.port import Array
 FACTORS = {"no answer": 0.0, "halved": 0.5, "doubled": 2.0, "reversed": -1.0}
 """Null models by what the model's numbers are multiplied by."""
 RESAMPLES, SEED, LEVEL = 2000, 1, 0.95
+ONE_TRIAL = "one trial, no interval"
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ class Skill:
         if self.value <= 0:
             return "skill <= 0"
         if self.low is None:
-            return "one trial, no interval"
+            return ONE_TRIAL
         return "" if self.low > 0 else "interval reaches 0"
 
     def __str__(self) -> str:
@@ -141,7 +142,9 @@ def headline(skills: Sequence[Skill], judged: int) -> str:
         return "Not counted: every row chose a parameter, or there is none."
     if not skills:
         return "Says nothing: no null model misses a row."
-    lost = [f"{s.null} (skill {s}: {s.fault})" for s in skills if s.fault]
+    lost = [f"{s.null} (skill {s}: {s.fault})" for s in skills if s.fault not in ("", ONE_TRIAL)]
     if lost:
         return "DOES NOT BEAT " + "; ".join(lost)
-    return "Beats its null models: " + "; ".join(f"{s.null} {s}" for s in skills)
+    undecided = any(s.fault for s in skills)
+    word = f"Undecided ({ONE_TRIAL}): " if undecided else "Beats its null models: "
+    return word + "; ".join(f"{s.null} {s}" for s in skills)

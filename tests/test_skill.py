@@ -104,6 +104,8 @@ def test_the_first_line_says_which_null_model_wins_and_why():
     assert headline(against_factors(rows(MEASURED)), 24).startswith(
         "Beats its null models: no answer"
     )
+    (one,) = (s for s in against_factors(rows(MEASURED)[:3]) if s.null == "no answer")
+    assert headline([one], 3) == "Undecided (one trial, no interval): no answer 1"
     assert headline([], 0).startswith("Not counted")
 
 
