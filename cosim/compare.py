@@ -17,7 +17,11 @@ import numpy as np
 
 from cosim.port import InputError
 
-Kind = Literal["experiment", "published model", "inferred", "requirement"]
+Kind = Literal[
+    "experiment", "experiment at second hand", "published model", "inferred", "requirement"
+]
+"""What a reference rests on.  At second hand: known from an abstract or another's text alone."""
+SECOND_HAND: Kind = "experiment at second hand"
 Verdict = Literal["inside 1 SD", "inside the band", "outside", "nothing to judge by", "no value"]
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
 COMPONENTS = ("distal", "palmar", "radial")
@@ -173,6 +177,11 @@ def tally(rows: Sequence[Comparison]) -> dict[str, int]:
         for name in VERDICTS
         if count[name, asked]
     }
+
+
+def misses_first(rows: Sequence[Comparison]) -> list[Comparison]:
+    """The rows without a value or outside first, else in their order."""
+    return sorted(rows, key=lambda row: row.verdict not in ("no value", "outside"))
 
 
 def as_dict(row: Comparison) -> dict[str, Any]:

@@ -12,8 +12,9 @@ for people and say where the numbers are from.  Columns:
 * sd: its standard deviation; may be empty;
 * low, high: the ends of a band of acceptance, in the unit, not relative; either may be empty;
 * source: paper and table, or file;
-* kind: experiment, published model, inferred, or requirement (nobody measured it: what the model is
-  asked to have; tables count such rows apart, and the source says who asks);
+* kind: experiment, experiment at second hand (known from an abstract or another's text), published
+  model, inferred, or requirement (nobody measured it: what the model is asked to have; tables count
+  such rows apart, and the source says who asks);
 * case (may be left out): the case that the row is for; empty is every case;
 * geometry (may be left out): of the hood or finger that the row is about, where it is not ours;
 * fitted (may be left out): yes where the model was fitted to this number;

@@ -189,14 +189,15 @@ def _difference(
     now: Mapping[str, Any],
     looks: Mapping[str, Look],
 ) -> dict[str, Any]:
-    """Loaded less unloaded: forces, strains, and per tendon that was pulled its effective moment
-    arms, change of the hood's joint torques over change of tension."""
+    """Loaded less unloaded: forces, joint angles, strains, and per tendon that was pulled its
+    effective moment arms, change of the hood's joint torques over change of tension."""
     force = np.subtract(now["fingertip_force_N"], before["fingertip_force_N"])
     phalanx = "fingertip_force_in_phalanx_N"
     out: dict[str, Any] = {
         "fingertip_force_N": force.tolist(),
         phalanx: np.subtract(now[phalanx], before[phalanx]).tolist(),
         "fingertip_magnitude_N": float(np.linalg.norm(force)),
+        "posture_deg": {j: now["posture_deg"][j] - a for j, a in before["posture_deg"].items()},
     }
     if "slip_force_N" in now:
         slips = now["slip_force_N"]

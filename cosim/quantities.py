@@ -63,6 +63,7 @@ STATE = (
 )
 """Of an equilibrium, loaded or `unloaded`, or of the end of a motion."""
 DIFFERENCE = (
+    "posture_deg.<joint>",
     "fingertip_force_N.<axis>",
     "fingertip_force_in_phalanx_N.<axis>",
     "fingertip_magnitude_N",

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from cosim import __version__, validation_mesh
-from cosim.compare import Comparison, Verdict, marks, number, stated, tally
+from cosim.compare import Comparison, Verdict, marks, misses_first, number, stated
 from cosim.files import written_whole
-from cosim.validate import Board
+from cosim.skill import Skill
+from cosim.validate import Board, by_kind
 from cosim.validation_mesh import Change
 
 SHAPES: dict[Verdict, str] = {
@@ -30,20 +31,47 @@ def write_page(path: Path, boards: Sequence[Board], changes: Sequence[Change] = 
     shown = [
         {
             "group": board.group,
-            "tally": tally(board.rows),
+            "kind": board.kind,
+            "variant": board.variant,
+            "headline": board.headline,
+            "nulls": _nulls(board),
+            "by_hand": {hand: _skills(each) for hand, each in board.by_hand.items()},
             "failures": board.failures,
-            "rows": [_cells(row) for row in board.rows],
+            "rows": [_cells(row) for row in misses_first(board.rows)],
         }
         for board in boards
     ]
     text = page.get_template("scoreboard.html.j2").render(
         version=__version__,
         boards=shown,
+        kinds=[
+            {"group": b.group, "headline": b.headline, "nulls": _nulls(b)} for b in by_kind(boards)
+        ],
         changes=[_changed(c) for c in changes],
         mesh_tally=validation_mesh.tally(changes),
     )
     with written_whole(path) as part:
         part.write_text(text, encoding="utf-8")
+
+
+def _nulls(board: Board) -> list[dict[str, str]]:
+    """The tally of the model and of each null model, with the skill over it."""
+    skills = {s.null: s for s in board.skills}
+    found = []
+    for name, verdicts in board.tallies().items():
+        s = skills.get(name)
+        beaten = "" if s is None else s.fault or "beaten"
+        row = {"name": name, "tally": _said(verdicts), "skill": "" if s is None else str(s)}
+        found.append(row | {"beaten": beaten})
+    return found
+
+
+def _skills(found: Sequence[Skill]) -> str:
+    return ", ".join(f"{s.null} {s}" for s in found)
+
+
+def _said(found: Mapping[str, int]) -> str:
+    return ", ".join(f"{count} {word}" for word, count in found.items())
 
 
 def _cells(row: Comparison) -> dict[str, Any]:

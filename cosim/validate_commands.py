@@ -10,8 +10,11 @@ import typer
 from cosim.terminal import console, told, warn_of_audits
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from cosim.validate import Board
     from cosim.validation_mesh import Change
+    from cosim.validation_trial import Group
 
 PLACE = Path("cases/scoreboard.json")
 """Where the committed scoreboard is, of a checkout."""
@@ -49,11 +52,15 @@ def validate(
         ),
     ] = None,
     workers: Annotated[int, typer.Option(min=1, max=64, help="Processes.")] = 2,
+    listed: Annotated[
+        bool, typer.Option("--list", help="Name the trials by group, and run none.")
+    ] = False,
     update: Annotated[
         bool, typer.Option("--update", help=f"Write {PLACE}, the committed scoreboard, as well.")
     ] = False,
 ) -> None:
-    """Run the validations and print every compared number, the misses too."""
+    """Run the validations; print the tally by what references rest on, the skill over null models,
+    and every compared number, misses first."""
     with told():
         from cosim.port import InputError
         from cosim.scoreboard_page import write_page
@@ -66,6 +73,9 @@ def validate(
         if update and not PLACE.parent.is_dir():
             raise InputError(f"--update: there is no {PLACE.parent}/ here; run it in a checkout")
         groups = chosen(only, hoods[-1] if hoods else published)
+        if listed:
+            _list(groups)
+            return
         finer_groups = [] if finer is None else on_finer_meshes(groups, finer, own)
         boards = validated(groups, out, own, workers, _progress)
         again = validated(finer_groups, out / "finer", (), workers, _progress)
@@ -96,24 +106,52 @@ def _progress(text: str) -> None:
     typer.echo(text, err=True)
 
 
-def _print(boards: list[Board]) -> None:
-    from rich.table import Table
+def _list(groups: list[Group]) -> None:
+    for group in groups:
+        typer.echo(f"{group.name} ({group.kind}{', variant' if group.variant else ''})")
+        for trial in group.trials:
+            typer.echo(f"  {trial.name}")
 
-    from cosim.compare import marks, number, stated, tally
+
+def _print(boards: list[Board]) -> None:
+    from cosim.validate import by_kind
 
     screen = console()
+    for board in by_kind(boards):
+        _print_tallies(board)
     for board in boards:
-        table = Table(title=board.group, title_justify="left")
-        for name in ("what", "model", "reference", "difference", "verdict", "kind"):
-            table.add_column(name)
-        for row in board.rows:
-            t = row.target
-            name = " ".join([t.name, *(f"[{mark}]" for mark in marks(t))])
-            gap, model = number(row.difference, 3), number(row.model, 3)
-            table.add_row(name, f"{model} {t.unit}", stated(t), gap, row.verdict, t.kind)
-        screen.print(table)
-        screen.print(", ".join(f"{count} {word}" for word, count in tally(board.rows).items()))
+        _print_tallies(board)
+        for hand, skills in board.by_hand.items():
+            screen.print(f"  skill, {hand}: {', '.join(f'{s.null} {s}' for s in skills)}")
+        _print_rows(board)
         _print_failures(board)
+
+
+def _print_tallies(board: Board) -> None:
+    variant = " (variant)" if board.variant else ""
+    console().print(f"\n{board.group}{variant}: {board.headline}")
+    for answer, found in board.tallies().items():
+        console().print(f"  {answer}: {_said(found) or 'nothing counts'}")
+
+
+def _said(found: Mapping[str, int]) -> str:
+    return ", ".join(f"{count} {word}" for word, count in found.items())
+
+
+def _print_rows(board: Board) -> None:
+    from rich.table import Table
+
+    from cosim.compare import marks, misses_first, number, stated
+
+    table = Table()
+    for name in ("what", "model", "reference", "difference", "verdict", "kind"):
+        table.add_column(name)
+    for row in misses_first(board.rows):
+        t = row.target
+        name = " ".join([t.name, *(f"[{mark}]" for mark in marks(t))])
+        gap, model = number(row.difference, 3), number(row.model, 3)
+        table.add_row(name, f"{model} {t.unit}", stated(t), gap, row.verdict, t.kind)
+    console().print(table)
 
 
 def _print_changes(again: list[Board], found: list[Change]) -> None:

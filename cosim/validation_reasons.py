@@ -1,7 +1,7 @@
 """Why a compared number misses: what the sensitivity study found, beside the row that it explains.
 
-`cases/data/validation_reasons.csv` has a line for each kind of miss: the group, a pattern of the
-rows' names (as of file names) and the reason, with the study's own figures."""
+`cases/data/validation_reasons.csv` has a line for each kind of miss: patterns of
+the groups' and the rows' names (as of file names) and the reason, with the study's own figures."""
 
 from __future__ import annotations
 
@@ -15,11 +15,12 @@ from typing import NamedTuple
 
 from cosim.compare import Comparison, Verdict
 
+NOT_KNOWN = "not known"
 MISSES: tuple[Verdict, ...] = ("outside", "no value")
 
 
 class Reason(NamedTuple):
-    """Of the rows of a group whose names are like `pattern`."""
+    """Of the rows whose names are like `pattern`, of the groups whose names are like `group`."""
 
     group: str
     pattern: str
@@ -36,16 +37,18 @@ def reasons() -> tuple[Reason, ...]:
 
 def reason_of(group: str, name: str) -> str | None:
     """The first that fits a row, None where there is none."""
-    fits = (r.text for r in reasons() if r.group == group and fnmatchcase(name, r.pattern))
+    fits = (
+        r.text for r in reasons() if fnmatchcase(group, r.group) and fnmatchcase(name, r.pattern)
+    )
     return next(fits, None)
 
 
 def explained(group: str, rows: Iterable[Comparison]) -> Iterator[Comparison]:
-    """The rows, those that miss with the reason in their note."""
+    """The rows, those that miss with the reason in their note, or that none is known."""
     for row in rows:
-        why = reason_of(group, row.target.name) if row.verdict in MISSES else None
-        if why is None:
+        if row.verdict not in MISSES:
             yield row
             continue
+        why = reason_of(group, row.target.name) or NOT_KNOWN
         note = "; ".join(part for part in (row.target.note, f"why: {why}") if part)
         yield replace(row, target=replace(row.target, note=note))

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
-from cosim.compare import Kind, Target
+from cosim.compare import Comparison, Kind, Target
 
 Summaries = Mapping[str, Mapping[str, Any]]
 """Of the trials that converged, by name."""
@@ -14,11 +14,13 @@ Summaries = Mapping[str, Mapping[str, Any]]
 
 @dataclass(frozen=True)
 class Trial:
-    """A case with settings of its own."""
+    """A case with settings of its own, or the `study` of experiments on lengths and cuts that is
+    called so."""
 
     name: str
     case: str
     settings: tuple[str, ...] = ()
+    study: str = ""
 
     @property
     def published(self) -> bool:
@@ -28,14 +30,20 @@ class Trial:
 
 @dataclass(frozen=True)
 class Group:
-    """Trials, and the rows that compare what they said."""
+    """Trials, and the rows that compare what they said with references of one kind.
+
+    A `variant` is another model beside numbers that the shipped hood is judged by: it has a tally
+    of its own and does not count in that of its kind."""
 
     name: str
+    kind: Kind
     trials: tuple[Trial, ...]
     targets: tuple[Target, ...]
     """By trial, as their `case`."""
-
-
-def at_most(name: str, quantity: str, unit: str, high: float, source: str, kind: Kind) -> Target:
-    """A target that is but an upper bound."""
-    return Target(name, quantity, unit, None, None, None, high, source, kind)
+    variant: bool = False
+    partners: Mapping[str, str] = field(default_factory=dict)
+    """By trial, the same load's trial with the fixed split, which is a null model."""
+    hands: Mapping[str, tuple[Target, ...]] = field(default_factory=dict)
+    """What was measured hand by hand."""
+    derived: Callable[[Summaries], Iterator[Comparison]] | None = None
+    """Rows that take more than one trial."""

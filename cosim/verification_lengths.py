@@ -1,5 +1,6 @@
-"""Published experiments on lengths and cuts of the extensor beside the shell, the net of cables and
-the network: rows of a verification, which are comparisons and never fail for a model that misses.
+"""Published experiments on lengths and cuts of the extensor beside the shell (a group of the
+validations), the net of cables and the network (rows of a verification, which are comparisons and
+never fail for a model that misses).
 
 Nothing was fitted to them.  `cases/data/length_experiments.csv` says what was measured and how it
 was read; each has its packaged case (`lengths_*`, `cuts_*`), whose assumptions stand there.  What a
@@ -13,7 +14,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from importlib.resources import files
-from typing import Any
+from typing import Any, NamedTuple
 
 from cosim.build_finger import skeleton_of
 from cosim.case import load_case
@@ -62,6 +63,15 @@ class Experiment:
         return Row(model, quantity, self.mean, computed, self.sd, source, "comparison")
 
 
+class Value(NamedTuple):
+    """What a model computes for an experiment, under which assumption, and what else it shows."""
+
+    experiment: str
+    where: str
+    value: float
+    shown: str = ""
+
+
 @cache
 def experiments() -> Mapping[str, Experiment]:
     """The packaged experiments by name."""
@@ -96,36 +106,34 @@ def _summary(name: str, hood: str, settings: tuple[str, ...], injured: bool) -> 
     return run_case(case_with(name, hood, settings, injured=injured)).summary
 
 
-def lengthened_rows(hood: str) -> Iterator[Row]:
+def lengthened(hood: str, settings: Sequence[str] = ()) -> Iterator[Value]:
     """How far the DIP drops with a longer terminal tendon, under either load."""
     for load, setting in LOADS.items():
-        intact = summary("lengths_terminal_1mm", hood, [setting], injured=False)
+        asked = [*settings, setting]
+        intact = summary("lengths_terminal_1mm", hood, asked, injured=False)
         for name in ("terminal_1mm", "terminal_4mm"):
-            longer = summary(f"lengths_{name}", hood, [setting])
-            drop = longer["posture_deg"]["DIP"] - intact["posture_deg"]["DIP"]
-            yield experiments()[name].row(f"{hood}, {load}", drop)
+            longer = summary(f"lengths_{name}", hood, asked)
+            yield Value(name, load, longer["posture_deg"]["DIP"] - intact["posture_deg"]["DIP"])
 
 
-def gap_rows(hood: str) -> Iterator[Row]:
+def mended(hood: str, settings: Sequence[str] = ()) -> Iterator[Value]:
     """Posture of the finger whose central slip was mended with a gap, under either load."""
     for load, setting in LOADS.items():
-        posture = summary("lengths_central_gap", hood, [setting])["posture_deg"]
+        posture = summary("lengths_central_gap", hood, [*settings, setting])["posture_deg"]
         for joint in ("PIP", "DIP"):
-            experiment = experiments()[f"central_gap_{joint.lower()}"]
-            yield experiment.row(f"{hood}, {load}", posture[joint])
+            yield Value(f"central_gap_{joint.lower()}", load, posture[joint])
 
 
-def cut_rows(hood: str) -> Iterator[Row]:
+def cut(hood: str, settings: Sequence[str] = ()) -> Iterator[Value]:
     """How much force of extension at the MCP is lost by either cut: torque of the hood over the
     distance to where it may have been measured."""
     for mcp in (0, 45):
-        held = [f'finger.posture.MCP="{mcp} deg"']
+        held = [*settings, f'finger.posture.MCP="{mcp} deg"']
         intact = _extension(summary("cuts_sagittal_bands", hood, held, injured=False))
-        for cut, name in (("bands", "cuts_sagittal_bands"), ("tendon", "cuts_extensor_tendon")):
+        for what, name in (("bands", "cuts_sagittal_bands"), ("tendon", "cuts_extensor_tendon")):
             lost = intact - _extension(summary(name, hood, held))
             for place, lever in levers(case_with(name, hood)).items():
-                experiment = experiments()[f"{cut}_{mcp}"]
-                yield experiment.row(f"{hood}, at the {place}", lost / lever)
+                yield Value(f"{what}_{mcp}", f"at the {place}", lost / lever)
 
 
 def _extension(of: Summary) -> float:
@@ -140,29 +148,34 @@ def levers(case: Case) -> dict[str, float]:
     return {"PIP": float(length[1]), "fingertip": float(length[1:].sum())}
 
 
-def glide_rows(hood: str) -> Iterator[Row]:
+def glide(hood: str, settings: Sequence[str] = ()) -> Iterator[Value]:
     """How far the terminal slip moves, along the middle phalanx, as one joint flexes."""
-    straight = summary("lengths_terminal_glide", hood)["glide_mm"]["terminal_slip"]
+
+    def place(*held: str) -> float:
+        moved = summary("lengths_terminal_glide", hood, [*settings, *held])["glide_mm"]
+        return float(moved["terminal_slip"])
+
+    straight = place()
     for key, (joint, angle) in FLEXED.items():
-        held = [f'finger.posture.{joint}="{angle} deg"']
-        flexed = summary("lengths_terminal_glide", hood, held)["glide_mm"]["terminal_slip"]
-        yield experiments()[f"glide_{key}"].row(hood, abs(flexed - straight))
+        flexed = place(f'finger.posture.{joint}="{angle} deg"')
+        yield Value(f"glide_{key}", "", abs(flexed - straight))
 
 
-def resistance_rows(hood: str) -> Iterator[Row]:
+def resistance(hood: str, settings: Sequence[str] = ()) -> Iterator[Value]:
     """Where the hood at rest resists the flexed DIP most and least, and what of that a sheet loses
     with its oblique retinacular ligaments."""
-    found = {}
-    for angle in PIP_ANGLES:
-        held = [f'finger.posture.PIP="{angle} deg"']
-        found[angle] = _resistance(summary("lengths_dip_resistance", hood, held, injured=False))
-    listed = ", ".join(f"{torque:.2g}" for torque in found.values())
-    model = f"{hood} ({listed} N mm at PIP {', '.join(map(str, found))} deg)"
-    yield experiments()["resistance_most"].row(model, max(found, key=lambda a: found[a]))
-    yield experiments()["resistance_least"].row(model, min(found, key=lambda a: found[a]))
+
+    def torque(pip: int, *, injured: bool) -> float:
+        held = [*settings, f'finger.posture.PIP="{pip} deg"']
+        return _resistance(summary("lengths_dip_resistance", hood, held, injured=injured))
+
+    found = {angle: torque(angle, injured=False) for angle in PIP_ANGLES}
+    listed = ", ".join(f"{each:.2g}" for each in found.values())
+    shown = f" ({listed} N mm at PIP {', '.join(map(str, found))} deg)"
+    yield Value("resistance_most", "", max(found, key=lambda a: found[a]), shown)
+    yield Value("resistance_least", "", min(found, key=lambda a: found[a]), shown)
     if hood == "shell":
-        cut = _resistance(summary("lengths_dip_resistance", hood, ['finger.posture.PIP="0 deg"']))
-        yield experiments()["oblique_share"].row(hood, 100 * (1 - cut / found[0]))
+        yield Value("oblique_share", "", 100 * (1 - torque(0, injured=True) / found[0]))
 
 
 def _resistance(of: Summary) -> float:
@@ -170,17 +183,55 @@ def _resistance(of: Summary) -> float:
     return -float(of["unloaded"]["joint_torque_Nmm"]["hood"]["DIP"])
 
 
-Rows = Callable[[str], Iterator[Row]]
-MADE: Mapping[str, tuple[Rows, tuple[str, ...]]] = {
-    "terminal tendon longer": (lengthened_rows, tuple(HOODS)),
-    "central slip mended with a gap": (gap_rows, tuple(HOODS)),
-    "sagittal bands and tendon cut": (cut_rows, ("shell", "net of cables")),
-    "glide of the terminal slip": (glide_rows, ("shell", "net of cables")),
-    "resistance of the DIP": (resistance_rows, tuple(HOODS)),
+class Repeated(NamedTuple):
+    """How experiments are repeated: what makes their values, on which hoods beside the shell, the
+    experiments, what is assumed of each (the first is judged), and a case of theirs."""
+
+    values: Callable[[str, Sequence[str]], Iterator[Value]]
+    hoods: tuple[str, ...]
+    experiments: tuple[str, ...]
+    assumed: tuple[str, ...]
+    case: str
+
+
+LUMPED = ("net of cables", "network")
+MADE: Mapping[str, Repeated] = {
+    "terminal tendon longer": Repeated(
+        lengthened, LUMPED, ("terminal_1mm", "terminal_4mm"), tuple(LOADS), "lengths_terminal_1mm"
+    ),
+    "central slip mended with a gap": Repeated(
+        mended, LUMPED, ("central_gap_pip", "central_gap_dip"), tuple(LOADS), "lengths_central_gap"
+    ),
+    "sagittal bands and tendon cut": Repeated(
+        cut,
+        LUMPED[:1],
+        ("bands_0", "bands_45", "tendon_0", "tendon_45"),
+        ("at the PIP", "at the fingertip"),
+        "cuts_sagittal_bands",
+    ),
+    "glide of the terminal slip": Repeated(
+        glide, LUMPED[:1], ("glide_mcp", "glide_pip", "glide_dip"), ("",), "lengths_terminal_glide"
+    ),
+    "resistance of the DIP": Repeated(
+        resistance,
+        LUMPED,
+        ("resistance_most", "resistance_least", "oblique_share"),
+        ("",),
+        "lengths_dip_resistance",
+    ),
 }
-"""By experiment, its rows and the hoods that have what it is about."""
+"""By experiment."""
+
+
+def rows(what: str, hood: str) -> Iterator[Row]:
+    """The rows of an experiment of MADE and a hood of HOODS."""
+    for name, where, value, shown in MADE[what].values(hood, ()):
+        model = ", ".join(filter(None, (hood, where))) + shown
+        yield experiments()[name].row(model, value)
+
+
 STUDIES = tuple(
-    Study(f"lengths and cuts: {what}, {hood}", partial(rows, hood), slow=True)
-    for what, (rows, hoods) in MADE.items()
-    for hood in hoods
+    Study(f"lengths and cuts: {what}, {hood}", partial(rows, what, hood), slow=True)
+    for what, made in MADE.items()
+    for hood in made.hoods
 )

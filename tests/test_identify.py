@@ -170,17 +170,6 @@ def test_a_twin_of_the_hood_gives_back_its_matrix(tmp_path):
     assert standing(found, "c1") == "identified"
 
 
-@pytest.mark.slow
-def test_the_identified_case_is_what_its_data_give():
-    base = load_case(LEE)
-    free, targets = read_free(DATA / "lee2008_free.toml", base), read_targets(DATA / STRAIN_DATA)
-    found = fit(base.source, (), free, targets, jobs=2)
-    assert (standing(found, "c1"), standing(found, "toe")) == ("not identified", "at its bound")
-    for name, law in load_case("strain_lee2008_identified").hood.regions.items():
-        assert law.c1 / 1e6 == pytest.approx(found.values["c1"], rel=0.02), name
-        assert law.lam_max - 1 == pytest.approx(found.values["toe"], rel=0.01), name
-
-
 @given(st.floats(-20, 20), st.floats(-10, 0), st.floats(0, 10), st.floats(0.1, 5))
 def test_a_miss_is_the_distance_from_the_band(model, low, high, sd):
     target = Target("t", "x", "1", 0.0, sd, low, high, "A", "experiment")

@@ -131,7 +131,7 @@ def test_null_is_no_misspelling(summaries):
         ("fingertip_magnitude_N.0", "nothing in fingertip_magnitude_N"),
         ("fingertip_force_N.7", "There are distal, palmar, radial"),
         ("posture_deg.pip", r"did you mean posture_deg\.PIP\?"),
-        ("difference.posture_deg.PIP", 'no "posture_deg" in difference'),
+        ("difference.excursion_mm.EDC", 'no "excursion_mm" in difference'),
         ("cable.slip.tensionN", r"did you mean cable\.slip\.tension_N\?"),
     ],
 )
