@@ -85,23 +85,15 @@ def pull(edc: str, *lesion: str) -> float:
     return run_case(case).summary["joint_torque_Nmm"]["hood"]["PIP"]
 
 
-def test_in_a_flexed_finger_a_mallet_injury_turns_the_pull_to_extend_but_takes_a_stretch_away():
+def test_in_a_flexed_finger_a_mallet_injury_turns_the_pull_to_extend():
     """Torque of the hood at the PIP, N mm (flexion positive), 46/60/25 deg held, before -> after:
-
-        by EDC's 3 N, over rest   -10.3 -> -11.1   all of it to the central slip, which lies further
-                                                   dorsal of the axis than the lateral bands
-        at rest                    -9.9 ->  -7.2   the sheet, laid at 20/40/11 deg, is stretched
-                                                   over the PIP between its insertions and the
-                                                   ligaments; the terminal slip's part of that is
-                                                   let go
-        both                      -20.2 -> -18.3
-
-    (600 quads; with 400 as here -9.8 -> -10.8 and -10.2 -> -7.2.)  The first is what makes a swan
-    neck; the second is a tether that goes with the slip, and grows as the PIP flexes."""
+    by EDC's 3 N, over rest, -17.2 -> -17.9, all of it to the central slip, which lies further
+    dorsal of the axis than the lateral bands; at rest -2.6 -> -2.5, for a hood at rest holds
+    nothing that the cut could let go.  The first is what makes a swan neck."""
     rest, full = pull("0.05 N"), pull("3 N")
     rest_cut, full_cut = pull("0.05 N", TERMINAL), pull("3 N", TERMINAL)
     assert (full_cut - rest_cut) - (full - rest) < -0.5
-    assert rest_cut - rest > 0.5
+    assert abs(rest_cut - rest) < 0.5
 
 
 @pytest.mark.slow
