@@ -131,7 +131,8 @@ def _check_span(table: Table, base: str) -> None:
         )
     if table.time[0] > 0 or table.time[-1] < forward.duration:
         raise InputError(
-            f"the table spans {table.time[0]:g} to {table.time[-1]:g} s, the motion of {base} 0 to {forward.duration:g} s; record "
+            f"the table spans {table.time[0]:g} to {table.time[-1]:g} s, the motion of {base} 0 "
+            f"to {forward.duration:g} s; record "
             "longer, or extend a case with a shorter duration"
         )
 

@@ -146,7 +146,9 @@ BAD = {
     "no text": (b"\xff\xfe\n", "is no text in UTF-8"),
     "log of a run that failed": (LOG.replace("N O R M A L", "E R R O R"), "did not end well"),
     "log cut off": (LOG[: LOG.rindex("3 -3")], "did not end well"),
-    "extract cut off": (LOG.replace("beginning", "")[: LOG.rindex("3 -3") - 18], "body 3 is missing"),
+    "extract cut off": (
+        LOG.replace("beginning", "")[: LOG.rindex("3 -3") - 18], "body 3 is missing"
+    ),
 }  # fmt: skip
 
 
