@@ -19,7 +19,6 @@ from cosim.papers.thesis_models import (
     SAME,
     device_run,
     force_run,
-    magnitude,
     time_numbers,
     tip_force,
 )
@@ -35,7 +34,6 @@ COMPONENTS = ("distal", "palmar", "radial")
 MODELS = (POINT, ONE_WAY, SAME, OURS)
 COLOURS = ("0.6", "#c2410c", "#7a9cc6", "#0b5394")
 BONES = ("proximal", "middle", "distal")
-OTHER = "other sources"
 MOST_SOURCES = 7
 """Of a bar chart; smaller ones are one bar."""
 
@@ -51,7 +49,7 @@ def device_figures() -> list[Figure]:
     )
     size["apart_N"] = (size.cage_N - size.shell_N).abs()
     size["turned_deg"] = [_angle(force[m, "cage"], force[m, "shell"]) for m in MUSCLES]
-    vectors = _vectors({key: value for key, value in force.items()}, "device")
+    vectors = _vectors(force, "device")
 
     def draw(sheet: Sheet) -> None:
         left, right = sheet.subplots(1, 2, width_ratios=(1.0, 1.5))

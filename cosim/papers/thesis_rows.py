@@ -6,7 +6,7 @@ import csv
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, cast, get_args
 
 import numpy as np
 import pandas as pd
@@ -61,10 +61,16 @@ def rows() -> list[Row]:
     """All rows, in the order of the thesis."""
     text = (files("cases") / "data" / "thesis_rows.csv").read_text(encoding="utf-8")
     lines = [line for line in text.splitlines() if not line.startswith("#")]
-    return [
-        Row(**{**row, "values": tuple(float(v) for v in row["values"].split(";") if v)})
-        for row in csv.DictReader(lines)
-    ]
+    return [_row(cells) for cells in csv.DictReader(lines)]
+
+
+def _row(cells: Mapping[str, str]) -> Row:
+    relation = cells["relation"]
+    assert relation in get_args(Relation)
+    values = tuple(float(v) for v in cells["values"].split(";") if v)
+    place, item, printed, unit = (cells[k] for k in ("place", "item", "printed", "unit"))
+    kind = cast(Relation, relation)
+    return Row(place, item, printed, unit, values, kind, cells["ours"], cells["why"])
 
 
 def state(row: Row, ours: Sequence[float]) -> State:
