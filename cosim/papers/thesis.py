@@ -15,6 +15,7 @@ from cosim.papers.thesis_forces import (
 from cosim.papers.thesis_models import all_numbers
 from cosim.papers.thesis_rows import row_figures
 from cosim.papers.thesis_strains import slip_figures, strain_figures
+from cosim.papers.thesis_unprinted import unprinted_figures
 
 
 def _rows() -> list[Figure]:
@@ -25,6 +26,7 @@ STUDIES: tuple[Study, ...] = (
     Study("rows", "every row of its tables and sections, and whether ours is the same", _rows),
     Study("devices", "figures 3.1 and 3.2: two fingertip devices", device_figures),
     Study("strains", "figure 3.4 and table 5: six strain maps", strain_figures),
+    Study("unprinted", "what the thesis does not print, and what it changes", unprinted_figures),
     Study("slips", "figure 3.5: strains of the slips", slip_figures),
     Study("forces", "figures 3.6 and 3.7: forces one way and two-way", force_figures),
     Study("ledger", "table 7: forces by source", ledger_figures),

@@ -35,7 +35,9 @@ MODELS = (POINT, ONE_WAY, SAME, OURS)
 COLOURS = ("0.6", "#c2410c", "#7a9cc6", "#0b5394")
 BONES = ("proximal", "middle", "distal")
 MOST_SOURCES = 7
-"""Of a bar chart; smaller ones are one bar."""
+"""Of a bar chart: the largest; the table has all."""
+WIDTHS = (4.2, 1.8, 3.2, 1.2)
+"""Of arrows, so that one does not hide another."""
 
 
 def device_figures() -> list[Figure]:
@@ -52,7 +54,7 @@ def device_figures() -> list[Figure]:
     vectors = _vectors(force, "device")
 
     def draw(sheet: Sheet) -> None:
-        left, right = sheet.subplots(1, 2, width_ratios=(1.0, 1.5))
+        left, right = sheet.subplots(2, 1, height_ratios=(1.6, 1.0))
         _bars(left, MUSCLES, [size.cage_N, size.shell_N], ("#0b5394", "#b45309"), DEVICES)
         left.set_ylabel("fingertip force, N")
         _arrows(right, force, ("#0b5394", "#b45309"), DEVICES)
@@ -70,7 +72,7 @@ def device_figures() -> list[Figure]:
     )
     title = "Figures 3.1 and 3.2: two fingertip devices"
     tables = {"figure_3_1_devices": size, "figure_3_2_vectors": vectors}
-    return [Figure("figure_3_1_devices", title, caption, draw, tables, (9.0, 3.9))]
+    return [Figure("figure_3_1_devices", title, caption, draw, tables, (8.0, 4.8))]
 
 
 def force_figures() -> list[Figure]:
@@ -91,7 +93,7 @@ def force_figures() -> list[Figure]:
     vectors = _vectors(force, "model")
 
     def draw(sheet: Sheet) -> None:
-        left, right = sheet.subplots(1, 2, width_ratios=(1.0, 1.5))
+        left, right = sheet.subplots(1, 2, width_ratios=(1.0, 1.3))
         heights = [[size[m, k] for m in INTEGRATED] for k in MODELS]
         _bars(left, INTEGRATED, heights, COLOURS, MODELS)
         left.set_ylabel("fingertip force, N")
@@ -144,7 +146,7 @@ def ledger_figures() -> list[Figure]:
         "the finger's joints a second time; in the two-way equilibrium there is no such part. "
         "Forces of one bone with their moments add up to zero; the table holds their magnitudes."
     )
-    title = "Table 7: forces by source"
+    title = "Forces by source (table 7): EDC, one way and two-way"
     return [Figure("table_7_sources", title, caption, draw, {"table_7_sources": table}, (9.5, 4.2))]
 
 
@@ -176,7 +178,7 @@ def time_figures() -> list[Figure]:
         "beside both of the thesis's last rows, of which it gives 4 min 40 s to 5 min for the "
         "finite elements (290 s: the middle) and at most 5 min 15 s for all."
     )
-    title = "Section 3.1: run times"
+    title = "Run times (section 3.1): the thesis's and ours"
     return [Figure("section_3_1_times", title, caption, draw, {"run_times": table}, (8.0, 3.0))]
 
 
@@ -230,14 +232,21 @@ def _arrows(
     """The forces in the finger's plane, distal to the right and dorsal up, muscle by muscle."""
     muscles = list(dict.fromkeys(muscle for muscle, _ in force))
     reach = max(float(np.linalg.norm(f[:2])) for f in force.values())
+    step = 2.0 * max(max(abs(float(f[0])) for f in force.values()), 0.5 * reach)
     for k, muscle in enumerate(muscles):
-        for colour, name in zip(colours, names, strict=True):
+        for i, (colour, name) in enumerate(zip(colours, names, strict=True)):
             distal, palmar, _ = force[muscle, name]
-            tail, head = (2.2 * reach * k, 0.0), (2.2 * reach * k + distal, -palmar)
-            style = {"arrowstyle": "-|>", "lw": 1.8, "color": colour, "shrinkA": 0, "shrinkB": 0}
+            tail, head = (step * k, 0.0), (step * k + distal, -palmar)
+            style = {
+                "arrowstyle": "-|>",
+                "lw": WIDTHS[i],
+                "color": colour,
+                "shrinkA": 0,
+                "shrinkB": 0,
+            }
             axes.annotate("", head, tail, arrowprops=style)
-        axes.text(2.2 * reach * k, 1.12 * reach, muscle, ha="center", fontsize=9)
-    axes.set_xlim(-1.2 * reach, (2.2 * len(muscles) - 1.0) * reach)
+        axes.text(step * k, 1.12 * reach, muscle, ha="center", fontsize=9)
+    axes.set_xlim(-0.6 * step, (len(muscles) - 0.4) * step)
     axes.set_ylim(-1.15 * reach, 1.35 * reach)
     axes.set_aspect("equal")
     axes.set_xticks([])
