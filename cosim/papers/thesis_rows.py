@@ -73,6 +73,11 @@ def _row(cells: Mapping[str, str]) -> Row:
     return Row(place, item, printed, unit, values, kind, cells["ours"], cells["why"])
 
 
+def printed_numbers() -> dict[str, float]:
+    """What the thesis prints of its own models and ours has too, by the name of ours."""
+    return {row.ours: row.values[0] for row in rows() if row.relation == "number"}
+
+
 def state(row: Row, ours: Sequence[float]) -> State:
     """Whether `ours` reproduces what the row prints."""
     if row.relation == "text":

@@ -9,8 +9,8 @@ import pandas as pd
 
 from cosim.papers.figure import Figure
 from cosim.papers.lines import framed
-from cosim.papers.thesis_models import DIRECTIONS, MODULI, hood_run
-from cosim.papers.thesis_rows import rows
+from cosim.papers.thesis_models import DIRECTIONS, MODULI, STATISTICS, hood_run
+from cosim.papers.thesis_rows import printed_numbers
 from cosim.results import HoodField, Result
 
 if TYPE_CHECKING:
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 SHEET, FIBRES = "thesis_strain_{}", "strain_lee2008_{}_ti"
 FIELDS = {"longitudinal": "longitudinal_strain", "lateral": "transverse_strain"}
-STATISTICS = ("min", "mean", "max")
 SLIPS = ("central", "terminal")
 INK = "#222222"
 LEAST_SCALE = 1.0
@@ -120,14 +119,14 @@ def _map_figure(name: str, title: str, case: str, caption: str) -> Figure:
 
 def _table(runs: dict[str, Result]) -> pd.DataFrame:
     """% over the central region, beside what the thesis prints."""
-    printed = {row.ours: row.printed for row in rows() if row.ours.startswith("strain.")}
+    printed = printed_numbers()
     out = []
     for direction in DIRECTIONS:
         for statistic in STATISTICS:
             line: dict[str, object] = {"direction": direction, "strain_percent": statistic}
             for moduli, run in runs.items():
-                theirs = printed.get(f"strain.{moduli}.{direction}.{statistic}", "-")
-                line[f"thesis, {moduli}"] = theirs.split(" ")[0]
+                theirs = printed.get(f"strain.{moduli}.{direction}.{statistic}")
+                line[f"thesis, {moduli}"] = "-" if theirs is None else f"{theirs:g}"
                 line[f"ours, {moduli}"] = float(run.summary["strain_percent"][direction][statistic])
             out.append(line)
     return pd.DataFrame(out)

@@ -11,15 +11,14 @@ from cosim.case import load_case
 from cosim.case_schema import ShellHood
 from cosim.papers.figure import Figure
 from cosim.papers.lines import framed
-from cosim.papers.thesis_models import DIRECTIONS, hood_run
+from cosim.papers.thesis_models import DIRECTIONS, STATISTICS, hood_run
+from cosim.papers.thesis_rows import printed_numbers
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Sheet
 
 CASE = "thesis_strain_soft"
-PRINTED = {"longitudinal": (-2.99, 1.81, 6.95), "lateral": (-2.56, -0.78, 1.48)}
-"""%, least, mean and largest (section 3.3)."""
-STATISTICS = ("min", "mean", "max")
+COLUMNS = tuple(f"{s}_percent" for s in STATISTICS)
 COLOURS = ("#0b5394", "#c2410c")
 AS_IS = "as it is"
 
@@ -46,29 +45,34 @@ def _bent(*angles: int) -> tuple[str, ...]:
 
 def unprinted_figures() -> list[Figure]:
     """Strains over the central region with soft moduli, by what is assumed of the sheet."""
+    printed = printed_numbers()
+    thesis = {d: tuple(printed[f"strain.soft.{d}.{s}"] for s in STATISTICS) for d in DIRECTIONS}
     runs = {name: hood_run(CASE, *settings).summary for name, settings in variants().items()}
+    strains = {
+        "thesis": thesis,
+        **{
+            name: {d: tuple(said["strain_percent"][d][s] for s in STATISTICS) for d in DIRECTIONS}
+            for name, said in runs.items()
+        },
+    }
     table = pd.DataFrame(
         [
-            {"sheet": "thesis", **{f"{d}, {s}": x for d in DIRECTIONS
-                                   for s, x in zip(STATISTICS, PRINTED[d], strict=True)}},
-            *(
-                {"sheet": name, **{f"{d}, {s}": float(said["strain_percent"][d][s])
-                                   for d in DIRECTIONS for s in STATISTICS}}
-                for name, said in runs.items()
-            ),
+            {"sheet": name, "direction": d} | dict(zip(COLUMNS, strain[d], strict=True))
+            for name, strain in strains.items()
+            for d in DIRECTIONS
         ]
-    )  # fmt: skip
+    )
 
     def draw(sheet: Sheet) -> None:
         every = sheet.subplots(1, 2, sharey=True)
-        place = np.arange(len(table))
+        place = np.arange(len(strains))
         for axes, direction, colour in zip(every, DIRECTIONS, COLOURS, strict=True):
-            low, mean, high = (table[f"{direction}, {s}"] for s in STATISTICS)
+            low, mean, high = np.array([strain[direction] for strain in strains.values()]).T
             axes.hlines(place, low, high, color=colour, lw=3)
             axes.plot(mean, place, "o", color=colour, mfc="white", mew=1.8)
             axes.axvline(0.0, color="0.8", lw=0.8)
             framed(axes, f"{direction} strain, %", "")
-        every[0].set_yticks(place, list(table.sheet))
+        every[0].set_yticks(place, list(strains))
         every[0].invert_yaxis()
 
     caption = (
