@@ -35,6 +35,8 @@ MODELS = (POINT, ONE_WAY, SAME, OURS)
 SHORT = ("alone", "one_way", "two_way_sheet", "two_way_ours")
 COLOURS = ("0.6", "#c2410c", "#7a9cc6", "#0b5394")
 BONES = ("proximal", "middle", "distal")
+BOUND = 0.02
+"""N between the devices (thesis, section 3.1)."""
 MOST_SOURCES = 7
 """Of a bar chart: the largest; the table has all."""
 WIDTHS = (3.4, 1.8, 2.4, 1.2)
@@ -62,12 +64,14 @@ def device_figures() -> list[Figure]:
         handles, names = left.get_legend_handles_labels()
         sheet.legend(handles, names, loc="outside lower center", ncols=2, frameon=False)
 
-    over = ", ".join(f"{r.muscle} {r.apart_N:.3f} N" for r in size.itertuples() if r.apart_N > 0.02)
+    above = ", ".join(
+        f"{r.muscle} {r.apart_N:.3f} N" for r in size.itertuples() if r.apart_N > 0.02
+    )
     caption = (
         "The dynamic model alone after 2 s, the fingertip a sphere in a cage of six walls "
         "(Hunt-Crossley) and in a hollow sphere (elastic foundation), one muscle at 10 % (FDI at "
         "5 %). Thesis: the devices differ by less than 0.02 N for each muscle, and little in "
-        f"direction. Ours: {'all' if not over else over + ', the others'} below. The finger is ours: "
+        f"direction. Ours: {f'{above}, the others' if above else 'all'} below. The finger is ours: "
         "An's tendon paths, bones of our lengths, linear passive joints. The thesis draws the "
         "magnitudes and vectors and prints none."
     )

@@ -23,6 +23,7 @@ STATES: tuple[State, ...] = ("reproduced", "differs", "no number printed")
 COLOURS = ("#2e7d4f", "#c2410c", "0.75")
 NEAR = 0.1
 """Relative, within which a number is called reproduced."""
+UNKNOWN = "not looked into"
 SAME = 1e-9
 """Relative, of a number that a case takes from the thesis."""
 TITLES = {
@@ -113,7 +114,7 @@ def _judged(numbers: Mapping[str, Sequence[float]]) -> Iterator[dict[str, str]]:
                               for x in ours),
             "unit": row.unit,
             "state": found,
-            "why, or what is ours": row.why,
+            "why, or what is ours": row.why or (UNKNOWN if found == "differs" else ""),
         }  # fmt: skip
 
 
