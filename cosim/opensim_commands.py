@@ -69,7 +69,7 @@ def tensions(
     out: Annotated[Path, typer.Option("--out", "-o", help="The case file to write.")],
     extends: Annotated[
         str, typer.Option(help="The case that the tensions are laid over: a file or packaged case.")
-    ] = "hood_rest",
+    ] = "base/index_finger.toml",
     time: Annotated[
         float | None, typer.Option(help="s, of the tensions; else the table's last time.")
     ] = None,
@@ -93,12 +93,15 @@ def tensions(
         if over_time and time is not None:
             raise InputError("--time and --over-time: one of the two")
         found = read_tensions(forces, dict(_pairs(column or (), "--column", "EDC=EDC1")))
-        write_case(forces, found, out, extends, time, over_time)
+        case = write_case(forces, found, out, extends, time, over_time)
         for tendon, tension in tensions_at(found, time).items():
             what = "over time" if over_time else f"{tension:.6g} N"
             typer.echo(f"{tendon}: {what}, column {found.column[tendon]}")
         if found.left_out:
             typer.echo(f"left out: {', '.join(found.left_out)}")
+        for tendon, kept in case.tendons.items():
+            if tendon not in found.column and (kept.force or kept.excursion or kept.actuation):
+                typer.echo(f"{tendon}: pulls as in {extends}")
         typer.echo(f"case in {out}; for example: cosim run {out}")
 
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from cosim.build_fit import check_fit
 from cosim.case import find_case, load_case
+from cosim.case_schema import Case
 from cosim.case_types import TENDONS
 from cosim.files import written_whole
 from cosim.port import InputError
@@ -95,9 +96,9 @@ def tensions_at(found: Tensions, time: float | None) -> dict[str, float]:
 
 def write_case(
     source: Path, found: Tensions, out: Path, base: str, time: float | None, over_time: bool
-) -> None:
-    """Write a case that lays the tensions over the case `base`: those at a time, or, `over_time`,
-    the table's columns as the tensions of a motion.
+) -> Case:
+    """Write a case that lays the tensions over the case `base`, and load it: those at a time, or,
+    `over_time`, the table's columns as the tensions of a motion.
 
     Raises InputError where the case that comes of it has a fault."""
     lines = [f"extends = {json.dumps(_extends(base, out.parent))}"]
@@ -117,9 +118,11 @@ def write_case(
     with written_whole(out) as part:
         part.write_text("\n".join(lines) + "\n", encoding="utf-8")
         try:
-            check_fit(load_case(part))
+            case = load_case(part)
+            check_fit(case)
         except InputError as error:
             raise InputError(str(error).replace(part.name, out.name)) from error
+    return case
 
 
 def _check_span(table: Table, base: str) -> None:

@@ -306,16 +306,19 @@ def test_names_that_opensim_or_xml_cannot_hold_are_refused(tmp_path):
 def test_tensions_become_a_case_over_another(tmp_path):
     table, out = kept(tmp_path, TENSIONS, "f.sto"), tmp_path / "sub/mine.toml"
     words = ["tensions", table, "--column", "EDC=EDC1", "-o", out]
-    code, said = run(*words, "--time", 1, "--extends", "hood_rest")
+    code, said = run(*words, "--time", 1)
     assert code == 0, said
     assert "left out: soleus" in said
+    assert "pulls as in" not in said
     case = load_case(out)
     assert {n: t.tension for n, t in case.tendons.items() if t.tension} == {"EDC": 2.0, "FDP": 4.0}
-    assert case.hood == load_case("hood_rest").hood
+    assert case.hood == load_case("base/index_finger.toml").hood
     over = tmp_path / "over.toml"
     code, said = run("tensions", table, "--column", "EDC=EDC1", "-o", over, "--extends", out)
     assert code == 0, said
     assert load_case(over).tendons["EDC"].tension == 3.0  # the last time
+    code, said = run("tensions", table, "-o", over, "--extends", "isometric_edc")
+    assert "EDC: pulls as in isometric_edc" in said
 
 
 def test_tensions_over_time_become_the_courses_of_a_motion(tmp_path):
