@@ -92,15 +92,15 @@ def tensions(
 
         if over_time and time is not None:
             raise InputError("--time and --over-time: one of the two")
-        found = read_tensions(forces, dict(_pairs(column or (), "--column", "EDC=EDC1")))
-        case = write_case(forces, found, out, extends, time, over_time)
-        for tendon, tension in tensions_at(found, time).items():
+        table = read_tensions(forces, dict(_pairs(column or (), "--column", "EDC=EDC1")))
+        case = write_case(forces, table, out, extends, time, over_time)
+        for tendon, tension in tensions_at(table, time).items():
             what = "over time" if over_time else f"{tension:.6g} N"
-            typer.echo(f"{tendon}: {what}, column {found.column[tendon]}")
-        if found.left_out:
-            typer.echo(f"left out: {', '.join(found.left_out)}")
-        for tendon, kept in case.tendons.items():
-            if tendon not in found.column and (kept.force or kept.excursion or kept.actuation):
+            typer.echo(f"{tendon}: {what}, column {table.column[tendon]}")
+        if table.left_out:
+            typer.echo(f"left out: {', '.join(table.left_out)}")
+        for tendon, pull in case.tendons.items():
+            if tendon not in table.column and (pull.force or pull.excursion or pull.actuation):
                 typer.echo(f"{tendon}: pulls as in {extends}")
         typer.echo(f"case in {out}; for example: cosim run {out}")
 
@@ -167,7 +167,7 @@ def loads(
         from cosim.opensim_loads import Handover, write_loads
 
         names = _bodies(body)
-        given = Handover(
+        handover = Handover(
             names,
             _points(list(names.values()), model, point or ()),
             axes,
@@ -179,7 +179,7 @@ def loads(
             not no_moments,
             tuple(word.strip() for word in columns.split(";") if word.strip()),
         )
-        paths, notes = write_loads(logs, given, out)
+        paths, notes = write_loads(logs, handover, out)
         for note in notes:
             typer.echo(note)
         typer.echo(f"wrote {' and '.join(map(str, paths))}")

@@ -17,14 +17,10 @@ from rigid.opensim.external_loads import BodyLoad, write_external_loads
 from rigid.opensim.skeleton import read_skeleton
 from rigid.opensim.xml import read_xml
 
-THESIS_AXES = "-x -z -y"
-"""OpenSim's x, y, z in FEBio's axes (thesis, table 1)."""
-THESIS_DURATION = 2.0
-"""s (thesis, 2.1.3)."""
-MOST_DURATION = 1e4
-"""s."""
-STEPS = 200
-"""Of the table of a mean."""
+THESIS_AXES = "-x -z -y"  # OpenSim's x, y, z in FEBio's axes (thesis, table 1)
+THESIS_DURATION = 2.0  # s (thesis, 2.1.3)
+MOST_DURATION = 1e4  # s
+STEPS = 200  # rows of a mean's table, less one
 FORCE_UNITS = {"N": 1.0, "mN": 1e-3, "kN": 1e3}
 LENGTH_UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6}
 
@@ -51,25 +47,27 @@ class Handover:
     columns: tuple[str, ...] = ()
 
 
-def write_loads(logs: Sequence[Path], given: Handover, mot: Path) -> tuple[list[Path], list[str]]:
+def write_loads(
+    logs: Sequence[Path], handover: Handover, mot: Path
+) -> tuple[list[Path], list[str]]:
     """Write the .mot and the .xml; their paths, and what there is to know of them, a line each.
 
     Raises InputError."""
-    if not (given.mean is None or 0 < given.duration <= MOST_DURATION):
-        raise InputError(f"--duration {given.duration:g}: expected up to {MOST_DURATION:g} s")
-    found = read_reactions(logs, given.columns)
-    time, loads = loads_of(found, given, ", ".join(map(str, logs)))
+    if not (handover.mean is None or 0 < handover.duration <= MOST_DURATION):
+        raise InputError(f"--duration {handover.duration:g}: expected up to {MOST_DURATION:g} s")
+    reactions = read_reactions(logs, handover.columns)
+    time, loads = loads_of(reactions, handover, ", ".join(map(str, logs)))
     paths = write_external_loads(mot, time, loads)
-    notes = [f"{len(found.time)} times, {found.time[0]:g} to {found.time[-1]:g}"]
-    if left_out := sorted(set(found.bodies) - set(given.bodies)):
+    notes = [f"{len(reactions.time)} times, {reactions.time[0]:g} to {reactions.time[-1]:g}"]
+    if left_out := sorted(set(reactions.bodies) - set(handover.bodies)):
         notes.append(f"left out: body {', '.join(map(str, left_out))}, for which there is no name")
-    if found.moment is None:
+    if reactions.moment is None:
         notes.append("the log holds no moments: forces alone are handed over")
-    elif not given.moments:
+    elif not handover.moments:
         notes.append("the log's moments are left out")
     notes.append(
         "the loads are the opposite of FEBio's reactions: what tissue and contact do to the bodies"
-        if given.sign < 0
+        if handover.sign < 0
         else "the loads are FEBio's reactions as they stand: what holds the bodies. What tissue "
         "and contact do to them is the opposite (--opposite)"
     )
@@ -77,27 +75,27 @@ def write_loads(logs: Sequence[Path], given: Handover, mot: Path) -> tuple[list[
 
 
 def loads_of(
-    found: RigidReactions, given: Handover, where: str = "the log"
+    reactions: RigidReactions, handover: Handover, where: str = "the log"
 ) -> tuple[Array, list[BodyLoad]]:
     """Times (n,) s and the loads in OpenSim's axes and SI units.  Raises InputError."""
-    if missing := sorted(set(given.bodies) - set(found.bodies)):
+    if missing := sorted(set(handover.bodies) - set(reactions.bodies)):
         raise InputError(
             f"{where}: has no body {', '.join(map(str, missing))}; it has "
-            f"{', '.join(map(str, found.bodies))}"
+            f"{', '.join(map(str, reactions.bodies))}"
         )
-    force = FORCE_UNITS[given.force_unit] * given.sign
-    moment = force * LENGTH_UNITS[given.length_unit]
-    turn = axes_of(given.axes)
-    time, out = found.time, []
-    for number, body in given.bodies.items():
-        k = found.bodies.index(number)
-        parts = [force * found.force[:, k] @ turn.T]
-        if found.moment is not None and given.moments:
-            parts.append(moment * found.moment[:, k] @ turn.T)
-        if given.mean is not None:
-            parts = [np.tile(mean(found.time, p, given.mean), (STEPS + 1, 1)) for p in parts]
-            time = np.linspace(0.0, given.duration, STEPS + 1)
-        out.append(BodyLoad(body, parts[0], given.points[body], *parts[1:]))
+    force = FORCE_UNITS[handover.force_unit] * handover.sign
+    moment = force * LENGTH_UNITS[handover.length_unit]
+    turn = axes_of(handover.axes)
+    time, out = reactions.time, []
+    for number, body in handover.bodies.items():
+        k = reactions.bodies.index(number)
+        parts = [force * reactions.force[:, k] @ turn.T]
+        if reactions.moment is not None and handover.moments:
+            parts.append(moment * reactions.moment[:, k] @ turn.T)
+        if handover.mean is not None:
+            parts = [np.tile(mean(reactions.time, p, handover.mean), (STEPS + 1, 1)) for p in parts]
+            time = np.linspace(0.0, handover.duration, STEPS + 1)
+        out.append(BodyLoad(body, parts[0], handover.points[body], *parts[1:]))
     return time, out
 
 

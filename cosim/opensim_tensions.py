@@ -52,7 +52,7 @@ def read_tensions(path: Path, named: Mapping[str, str]) -> Tensions:
             raise InputError(f"--column {tendon}={column}: tendons are {', '.join(TENDONS)}")
         if column not in table.columns:
             raise InputError(f"{path}: has no column {column!r}; it has {_listed(table.columns)}")
-    found = dict(named)
+    columns = dict(named)
     for tendon in TENDONS:
         like = [c for c in table.columns if _is_called(c, tendon)]
         if tendon not in named and len(like) > 1:
@@ -61,13 +61,13 @@ def read_tensions(path: Path, named: Mapping[str, str]) -> Tensions:
                 f"--column {tendon}={like[0]}"
             )
         if tendon not in named and like and like[0] not in named.values():
-            found[tendon] = like[0]
-    if not found:
+            columns[tendon] = like[0]
+    if not columns:
         raise InputError(
             f"{path}: no column is called as a tendon; it has {_listed(table.columns)}. Say which "
             f"is which, for example --column EDC={table.columns[0] if table.columns else 'EDC1'}"
         )
-    for tendon, column in found.items():
+    for tendon, column in columns.items():
         values = table.values[:, table.columns.index(column)]
         if (values < 0).any():
             k = int(np.argmax(values < 0))
@@ -75,14 +75,14 @@ def read_tensions(path: Path, named: Mapping[str, str]) -> Tensions:
                 f"{path}, column {column!r}, time {table.time[k]:g} s: {values[k]:g} N for the "
                 f"tendon {tendon}; a tendon pulls with zero or more"
             )
-    return Tensions(table, {t: found[t] for t in TENDONS if t in found})
+    return Tensions(table, {t: columns[t] for t in TENDONS if t in columns})
 
 
-def tensions_at(found: Tensions, time: float | None) -> dict[str, float]:
+def tensions_at(tensions: Tensions, time: float | None) -> dict[str, float]:
     """N by tendon at a time in s, linear between rows; at the last without one.
 
     Raises InputError for a time that the table does not span."""
-    table = found.table
+    table = tensions.table
     at = float(table.time[-1]) if time is None else time
     if not table.time[0] <= at <= table.time[-1]:
         raise InputError(
@@ -90,12 +90,12 @@ def tensions_at(found: Tensions, time: float | None) -> dict[str, float]:
         )
     return {
         tendon: float(np.interp(at, table.time, table.values[:, table.columns.index(column)]))
-        for tendon, column in found.column.items()
+        for tendon, column in tensions.column.items()
     }
 
 
 def write_case(
-    source: Path, found: Tensions, out: Path, base: str, time: float | None, over_time: bool
+    source: Path, tensions: Tensions, out: Path, base: str, time: float | None, over_time: bool
 ) -> Case:
     """Write a case that lays the tensions over the case `base`, and load it: those at a time, or,
     `over_time`, the table's columns as the tensions of a motion.
@@ -103,17 +103,17 @@ def write_case(
     Raises InputError where the case that comes of it has a fault."""
     lines = [f"extends = {json.dumps(_extends(base, out.parent))}"]
     if over_time:
-        _check_span(found.table, base)
+        _check_span(tensions.table, base)
         path = json.dumps(Path(os.path.relpath(source, out.parent)).as_posix())
         lines.append(f"title = {json.dumps(f'Tensions of {source.name}')}")
-        for tendon, column in found.column.items():
+        for tendon, column in tensions.column.items():
             course = f'{{ kind = "file", path = {path}, column = {json.dumps(column)} }}'
             lines += ["", f"[tendons.{tendon}]", 'tension = "1 N"', f"course = {course}"]
     else:
-        at = float(found.table.time[-1]) if time is None else time
+        at = float(tensions.table.time[-1]) if time is None else time
         lines.append(f"title = {json.dumps(f'Tensions of {source.name} at {at:g} s')}")
-        for tendon, tension in tensions_at(found, time).items():
-            note = f"  # column {json.dumps(found.column[tendon])}"
+        for tendon, tension in tensions_at(tensions, time).items():
+            note = f"  # column {json.dumps(tensions.column[tendon])}"
             lines += ["", f"[tendons.{tendon}]", f'tension = "{tension!r} N"{note}']
     with written_whole(out) as part:
         part.write_text("\n".join(lines) + "\n", encoding="utf-8")
@@ -142,13 +142,13 @@ def _check_span(table: Table, base: str) -> None:
 
 def _extends(base: str, folder: Path) -> str:
     """What to write for the case `base` in a file of that folder."""
-    found = find_case(base)
+    source = find_case(base)
     packaged = Path(os.path.realpath(str(resources.files("cases"))))
-    if found.is_relative_to(packaged):
-        name = found.relative_to(packaged).as_posix()
-        if find_case(name, folder) == found:
+    if source.is_relative_to(packaged):
+        name = source.relative_to(packaged).as_posix()
+        if find_case(name, folder) == source:
             return name
-    return Path(os.path.relpath(found, os.path.realpath(folder))).as_posix()
+    return Path(os.path.relpath(source, os.path.realpath(folder))).as_posix()
 
 
 def _is_called(column: str, tendon: str) -> bool:

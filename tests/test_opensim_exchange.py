@@ -441,3 +441,22 @@ def test_a_table_with_other_columns_than_forces_is_untouched(tmp_path):
     code, said = run("tensions", tmp_path / "f.sto", "-o", tmp_path / "mine.toml")
     assert code == 0, said
     assert read_sto(tmp_path / "f.sto").columns == ("EDC", "x")
+
+
+def test_the_tensions_of_a_run_make_the_same_force_again(tmp_path):
+    from cosim.results import write_result
+    from cosim.run import run_case
+    from cosim.sto import write_tables
+
+    first = run_case(load_case("split_edc", ["output.picture=false"]))
+    folder = write_result(tmp_path, load_case("split_edc", ["output.picture=false"]), first)
+    _, forces = write_tables(folder, tmp_path)
+    columns = [f"{name}={name}_tension" for name in first.summary["tension_N"]]
+    named = [word for column in columns for word in ("--column", column)]
+    code, said = run(
+        "tensions", forces, *named, "--extends", "base/split.toml", "-o", tmp_path / "again.toml"
+    )
+    assert code == 0, said
+    again = run_case(load_case(tmp_path / "again.toml", ["output.picture=false"]))
+    force = [result.summary["fingertip_force_N"] for result in (first, again)]
+    assert_allclose(force[1], force[0], atol=1e-9)

@@ -1,4 +1,4 @@
-"""The thesis, computed anew: its rows, what they are judged by, and its page."""
+"""The thesis, computed anew: its rows, what they are judge_rows by, and its page."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from cosim.papers.thesis_rows import (
     TITLES,
     Relation,
     Row,
-    judged,
+    judge_rows,
     printed_numbers,
     rows,
     state,
@@ -104,11 +104,11 @@ def test_the_sheets_differ_by_their_moduli_alone():
 
 def test_a_row_that_differs_for_no_known_reason_says_so():
     numbers = {r.ours: tuple(x + 1e3 for x in r.values) for r in rows() if r.ours}
-    table = judged(numbers)
+    table = judge_rows(numbers)
     assert (table.state[table.row == "FDP"] == "differs").all()
     assert (table["why, or what is ours"][table.row == "FDP"] == "not looked into").all()
     with pytest.raises(KeyError):
-        judged({})
+        judge_rows({})
 
 
 def test_the_devices_are_compared_for_every_muscle():
@@ -124,9 +124,9 @@ def test_the_devices_are_compared_for_every_muscle():
 @pytest.fixture
 def coarse(monkeypatch):
     monkeypatch.setattr(thesis_models, "MESH", COARSE)
-    thesis_models.ran.cache_clear()
+    thesis_models.run_once.cache_clear()
     yield
-    thesis_models.ran.cache_clear()
+    thesis_models.run_once.cache_clear()
 
 
 def written(folder: Path, *studies: str) -> str:

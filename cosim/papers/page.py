@@ -25,8 +25,7 @@ MARK = "index.html"
 DPI = 150
 MOST_ROWS, MOST_COLUMNS = 16, 8
 """A table that is no larger is shown on the page too."""
-WIDE = 40
-"""Characters of a cell beyond which its column's lines are broken."""
+WIDE = 40  # characters of a cell beyond which its column's lines are broken
 DIGITS = "{:.4g}".format
 
 

@@ -20,7 +20,7 @@ from cosim.results import Result
 from cosim.run import run_case
 
 MESH: tuple[str, ...] = ()
-"""Settings of every hood; as the cases ship."""
+"""Settings of every hood's mesh; none, as the cases ship."""
 MUSCLES = ("EDC", "EI", "LUM", "FPI", "FDP", "FDS", "FDI")
 INTEGRATED = ("EDC", "EI", "LUM", "FPI")
 """Whose integrated simulations the thesis has."""
@@ -44,26 +44,26 @@ Numbers = dict[str, tuple[float, ...]]
 
 
 @lru_cache(maxsize=64)
-def ran(name: str, *settings: str) -> Result:
+def run_once(name: str, *settings: str) -> Result:
     """The run of a case.  Raises ConvergenceError."""
     return run_case(load_case(name, ("output.picture=false", *settings)))
 
 
 def hood_run(name: str, *settings: str) -> Result:
     """The run of a case with a hood, on its mesh."""
-    return ran(name, *MESH, *settings)
+    return run_once(name, *MESH, *settings)
 
 
 def device_run(muscle: str, device: str) -> Result:
     """2 s of the dynamic model alone, the fingertip in a device."""
-    return ran(f"forward_{muscle.lower()}", f'finger.tip.kind="{device}"')
+    return run_once(f"forward_{muscle.lower()}", f'finger.tip.kind="{device}"')
 
 
 def force_run(muscle: str, model: str) -> Result:
     """The equilibrium of a muscle alone at 10 % (FDI 5 %), the fingertip held at a point."""
     low = muscle.lower()
     if model == POINT:
-        return ran(f"split_{low}")
+        return run_once(f"split_{low}")
     if model == ONE_WAY:
         return hood_run(f"thesis_one_way_{low}")
     if model == SAME:

@@ -21,11 +21,9 @@ Relation = Literal["input", "number", "at_most", "at_least", "other", "text"]
 State = Literal["reproduced", "differs", "no number printed"]
 STATES: tuple[State, ...] = ("reproduced", "differs", "no number printed")
 COLOURS = ("#2e7d4f", "#c2410c", "0.75")
-NEAR = 0.1
-"""Relative, within which a number is called reproduced."""
+NEAR = 0.1  # relative, within which a number is called reproduced
 UNKNOWN = "not looked into"
-SAME = 1e-9
-"""Relative, of a number that a case takes from the thesis."""
+SAME = 1e-9  # relative, of a number that a case takes from the thesis
 TITLES = {
     "Table 1": "Table 1: axes of OpenSim and FEBio",
     "Table 2": "Table 2: muscles",
@@ -96,13 +94,13 @@ def state(row: Row, ours: Sequence[float]) -> State:
     return "reproduced" if bool(same.all()) else "differs"
 
 
-def judged(numbers: Mapping[str, Sequence[float]]) -> pd.DataFrame:
+def judge_rows(numbers: Mapping[str, Sequence[float]]) -> pd.DataFrame:
     """Every row with our numbers and its state.  Raises KeyError for a row of a number that there
     is not."""
-    return pd.DataFrame(list(_judged(numbers)))
+    return pd.DataFrame(list(_judgements(numbers)))
 
 
-def _judged(numbers: Mapping[str, Sequence[float]]) -> Iterator[dict[str, str]]:
+def _judgements(numbers: Mapping[str, Sequence[float]]) -> Iterator[dict[str, str]]:
     for row in rows():
         ours = numbers[row.ours] if row.ours else ()
         found = state(row, ours)
@@ -120,7 +118,7 @@ def _judged(numbers: Mapping[str, Sequence[float]]) -> Iterator[dict[str, str]]:
 
 def row_figures(numbers: Callable[[], Numbers]) -> list[Figure]:
     """The states of all rows, and a table for each place of the thesis."""
-    table = judged(numbers())
+    table = judge_rows(numbers())
     count = pd.crosstab(table.place, table.state).reindex(
         index=list(TITLES), columns=list(STATES), fill_value=0
     )

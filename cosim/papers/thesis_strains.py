@@ -22,8 +22,7 @@ SHEET, FIBRES = "thesis_strain_{}", "strain_lee2008_{}_ti"
 FIELDS = {"longitudinal": "longitudinal_strain", "lateral": "transverse_strain"}
 SLIPS = ("central", "terminal")
 INK = "#222222"
-LEAST_SCALE = 1.0
-"""%."""
+LEAST_SCALE = 1.0  # %
 
 
 def strain_figures() -> list[Figure]:

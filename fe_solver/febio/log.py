@@ -30,8 +30,7 @@ from cosim.port import Array, InputError
 
 FORCE, MOMENT = ("Fx", "Fy", "Fz"), ("Mx", "My", "Mz")
 MOST_BYTES = 256 << 20
-MOST_NUMBER = 1e30
-"""A magnitude beyond which squares and their products leave the range of floating point."""
+MOST_NUMBER = 1e30  # beyond, squares and their products leave the range of floating point
 MOST_WORD = 40
 KEYS = ("Step", "Time", "Data", "File")
 RECORD = "Data Record #"
@@ -95,7 +94,7 @@ def read_reactions(paths: Sequence[Path], columns: Sequence[str] = ()) -> RigidR
                 series[key] = values
     if first is None:
         raise InputError(f"{', '.join(map(str, paths))}: {_WANTED}")
-    return _assembled(paths, first, series)
+    return _assemble(paths, first, series)
 
 
 _WANTED = (
@@ -104,7 +103,7 @@ _WANTED = (
 )
 
 
-def _assembled(
+def _assemble(
     paths: Sequence[Path], time: Array, series: Mapping[tuple[int, str], Array]
 ) -> RigidReactions:
     bodies = tuple(sorted({body for body, _ in series}))
@@ -130,7 +129,7 @@ def _table(path: Path, record: list[_Section]) -> tuple[Array, dict[tuple[int, s
     time = np.array([section.time for section in record], dtype=float)
     head = record[0]
     for before, section in itertools.pairwise(record):
-        assert before.time is not None  # `_checked` sees to it
+        assert before.time is not None  # `_check_section` sees to it
         assert section.time is not None
         if section.time <= before.time:
             raise InputError(
@@ -209,7 +208,7 @@ def _sections(path: Path, text: str, is_log: bool, columns: tuple[str, ...]) -> 
         starts = line.startswith(RECORD) if is_log else key == "Step"
         ends = is_log and current is not None and bool(current.rows) and not _is_row(line)
         if current is not None and (starts or ends):
-            yield _checked(path, current)
+            yield _check_section(path, current)
             current = None
         if starts:
             record = line.removeprefix(RECORD) if is_log else ""
@@ -225,7 +224,7 @@ def _sections(path: Path, text: str, is_log: bool, columns: tuple[str, ...]) -> 
                 'expected a data file of FEBio, written with comments="on", or its log'
             )
     if current is not None:
-        yield _checked(path, current)
+        yield _check_section(path, current)
 
 
 def _head(line: str) -> tuple[str, str]:
@@ -282,7 +281,7 @@ def _number(path: Path, line: int, place: int, word: str) -> float:
     return value
 
 
-def _checked(path: Path, section: _Section) -> _Section:
+def _check_section(path: Path, section: _Section) -> _Section:
     """The section, once it is whole."""
     if section.elsewhere or (section.columns and not set(section.columns) & {*FORCE, *MOMENT}):
         return section

@@ -83,7 +83,7 @@ def external_loads_xml(name: str, datafile: str, loads: Sequence[BodyLoad]) -> b
 
 def _add_force(objects: etree._Element, load: BodyLoad) -> None:
     force = etree.SubElement(objects, "ExternalForce", name=f"{load.body}_load")
-    told = {
+    tags = {
         "isDisabled": "false",
         "applied_to_body": load.body,
         "force_expressed_in_body": GROUND,
@@ -92,6 +92,6 @@ def _add_force(objects: etree._Element, load: BodyLoad) -> None:
         "point_identifier": f"{load.body}_force_p",
     }
     if load.moment is not None:
-        told["torque_identifier"] = f"{load.body}_torque_"
-    for tag, text in told.items():
+        tags["torque_identifier"] = f"{load.body}_torque_"
+    for tag, text in tags.items():
         etree.SubElement(force, tag).text = text
