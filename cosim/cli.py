@@ -25,7 +25,7 @@ from cosim.job_commands import bench_fe, bench_febio, export, solve
 from cosim.ladder_commands import ladder
 from cosim.lesion_commands import lesion
 from cosim.new_commands import new
-from cosim.opensim_commands import import_model, sto
+from cosim.opensim_commands import import_model, opensim, sto
 from cosim.paper_commands import reproduce
 from cosim.port import ConvergenceError, CosimError, InputError, StoppedError
 from cosim.processes import prepare_process
@@ -48,6 +48,7 @@ app = typer.Typer(
     help="Co-simulation of a finger's extensor hood and its bones.",
 )
 app.add_typer(verify, name="verify")
+app.add_typer(opensim, name="opensim")
 app.command()(info)
 app.command()(solve)
 app.command()(export)

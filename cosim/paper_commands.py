@@ -20,6 +20,7 @@ class PaperName(StrEnum):
     NETWORKS = "networks"
     COORDINATION = "coordination"
     ROBOT = "robot"
+    THESIS = "thesis"
 
 
 def reproduce(
@@ -27,7 +28,8 @@ def reproduce(
         PaperName,
         typer.Argument(
             help="networks: interconnected tendon networks; coordination: Buchner, Hines and "
-            "Hemami 1988, interphalangeal coordination; robot: the pneumatic robotic finger."
+            "Hemami 1988, interphalangeal coordination; robot: the pneumatic robotic finger; "
+            "thesis: Jadelis, the extensor hood by finite elements and rigid bodies."
         ),
     ],
     only: Annotated[
@@ -68,6 +70,15 @@ def _paper(name: PaperName) -> Paper:
             "Design of an Anthropomorphic Robotic Finger System with Biomimetic Artificial Joints"
         )
         return Paper(name.value, title, of_robot)
+    if name is PaperName.THESIS:
+        from cosim.papers.thesis import STUDIES as of_thesis
+
+        title = (
+            "Jadelis: Index Finger Extensor Hood Mechanics Using Finite Element and Rigid Body "
+            "Dynamic Modeling"
+        )
+        kind = "A thesis's tables and figures, computed anew"
+        return Paper(name.value, title, of_thesis, kind)
     from cosim.papers.coordination import STUDIES as ours
 
     title = (

@@ -82,7 +82,7 @@ def test_packaged_cases_load_and_their_active_tendon_is_in_their_name(name):
         for name, tendon in case.tendons.items()
         if case.tension(name) > case.solve.resting_tension or tendon.actuation is not None
     ]
-    named = ["EDC"] if name.startswith("strain") else name.upper().split("_")
+    named = ["EDC"] if name.startswith(("strain", "thesis_strain")) else name.upper().split("_")
     if name.startswith("network_contact"):  # figure 4 of its paper: five muscles in turn
         named = ["EDC", "LUM", "FPI", "FDP", "FDS"]
     if name.startswith(("lesion", "lengths", "cuts")):  # posture under extensor and flexor

@@ -76,6 +76,8 @@ KNOW_THE_SOLVERS = {
     "cosim.job_commands",
     "cosim.nearby",
     "cosim.opensim_commands",
+    "cosim.opensim_loads",
+    "cosim.opensim_tensions",
     "cosim.sto",
     "cosim.validation_published",
     "cosim.verification_pairs",

@@ -32,7 +32,7 @@ OFTEN = {
     "strain_lee2008_soft_iso",
     "thesis_one_way_edc",
 }
-KINDS = ("hood_", "lesion", "fingertip_", "strain_lee2008", "thesis_one_way")
+KINDS = ("hood_", "lesion", "fingertip_", "strain_lee2008", "thesis_")
 """Of these only those above are in the default run of the tests."""
 COARSE = "hood.mesh.quads=250"
 HEADS = {"FDIm": "FDI", "FDIl": "FDI", "RIp": "RI"}

@@ -22,7 +22,8 @@ class Figure:
     title: str
     caption: str
     """What is seen, what the paper says of it, and what is ours: assumptions, labels, misses."""
-    draw: Callable[[Sheet], None]
+    draw: Callable[[Sheet], None] | None
+    """None: a table alone."""
     tables: Mapping[str, pd.DataFrame] = field(default_factory=dict)
     size: tuple[float, float] = (7.0, 4.5)
 

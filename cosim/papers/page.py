@@ -9,6 +9,7 @@ from html import escape
 from importlib.resources import files
 from io import BytesIO
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pandas as pd
 
@@ -17,10 +18,14 @@ from cosim.folders import folder_written_whole
 from cosim.papers.figure import Figure, Study
 from cosim.port import InputError
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Sheet
+
 MARK = "index.html"
 DPI = 150
 MOST_ROWS, MOST_COLUMNS = 16, 8
 """A table that is no larger is shown on the page too."""
+WIDE = 40  # characters of a cell beyond which its column's lines are broken
 DIGITS = "{:.4g}".format
 
 
@@ -72,8 +77,9 @@ def write_figures(
 
 def _shown(folder: Path, paper: Paper, study: Study, figure: Figure) -> dict[str, object]:
     """Write a figure's files; what the page shows of it."""
-    picture = _picture(figure)
-    (folder / f"{figure.name}.png").write_bytes(picture)
+    picture = b"" if figure.draw is None else _picture(figure.draw, figure.size)
+    if picture:
+        (folder / f"{figure.name}.png").write_bytes(picture)
     for name, table in figure.tables.items():
         table.to_csv(folder / f"{name}.csv", index=False, float_format="%.9g")
     return {
@@ -85,11 +91,11 @@ def _shown(folder: Path, paper: Paper, study: Study, figure: Figure) -> dict[str
     }
 
 
-def _picture(figure: Figure) -> bytes:
-    from matplotlib.figure import Figure as Sheet
+def _picture(draw: Callable[[Sheet], None], size: tuple[float, float]) -> bytes:
+    from matplotlib.figure import Figure as Blank
 
-    sheet, out = Sheet(figsize=figure.size, layout="constrained"), BytesIO()
-    figure.draw(sheet)
+    sheet, out = Blank(figsize=size, layout="constrained"), BytesIO()
+    draw(sheet)
     sheet.savefig(out, dpi=DPI, format="png")
     return out.getvalue()
 
@@ -102,8 +108,7 @@ def _small(figure: Figure) -> Iterator[tuple[str, str]]:
 
 
 def _html(table: pd.DataFrame) -> str:
-    numeric = [pd.api.types.is_numeric_dtype(kind) for kind in table.dtypes]
-    kinds = ['class="n"' if number else "" for number in numeric]
+    kinds = [_kind(table[name]) for name in table]
 
     def row(tag: str, cells: Sequence[object]) -> str:
         parts = (
@@ -115,6 +120,13 @@ def _html(table: pd.DataFrame) -> str:
     head = row("th", list(table.columns))
     body = "".join(row("td", cells) for cells in table.itertuples(index=False))
     return f"<table><thead>{head}</thead><tbody>{body}</tbody></table>"
+
+
+def _kind(column: pd.Series) -> str:
+    """How a column's cells are set."""
+    if pd.api.types.is_numeric_dtype(column.dtype):
+        return 'class="n"'
+    return 'class="w"' if column.astype(str).str.len().max() > WIDE else ""
 
 
 def _page(paper: Paper, studies: Sequence[Study], shown: Sequence[dict[str, object]]) -> str:

@@ -1,0 +1,34 @@
+"""The thesis, computed anew: tables 1 to 7 and figures 2.1 to 3.7 as far as its text gives numbers.
+
+C. T. Jadelis, Index Finger Extensor Hood Mechanics Using Finite Element and Rigid Body Dynamic
+Modeling, thesis, North Carolina State University."""
+
+from __future__ import annotations
+
+from cosim.papers.figure import Figure, Study
+from cosim.papers.thesis_forces import (
+    device_figures,
+    force_figures,
+    ledger_figures,
+    time_figures,
+)
+from cosim.papers.thesis_models import all_numbers
+from cosim.papers.thesis_rows import row_figures
+from cosim.papers.thesis_strains import slip_figures, strain_figures
+from cosim.papers.thesis_unprinted import unprinted_figures
+
+
+def _rows() -> list[Figure]:
+    return row_figures(all_numbers)
+
+
+STUDIES: tuple[Study, ...] = (
+    Study("rows", "every row of its tables and sections, and whether ours is the same", _rows),
+    Study("devices", "figures 3.1 and 3.2: two fingertip devices", device_figures),
+    Study("strains", "figure 3.4 and table 5: six strain maps", strain_figures),
+    Study("unprinted", "what the thesis does not print, and what it changes", unprinted_figures),
+    Study("slips", "figure 3.5: strains of the slips", slip_figures),
+    Study("forces", "figures 3.6 and 3.7: forces one way and two-way", force_figures),
+    Study("ledger", "table 7: forces by source", ledger_figures),
+    Study("times", "section 3.1: run times", time_figures),
+)
