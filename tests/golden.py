@@ -80,12 +80,12 @@ def compare_outcomes(old: Outcome, new: Outcome, tolerance: float, config: Confi
     if old.leaves is not None and new.leaves is not None:
         return compare(old.leaves, new.leaves, tolerance, config)
     if old.leaves is None and new.leaves is None and old.message == new.message:
-        return Comparison("identical", [f"fails in both: {new.message}"])
-    told = ["ran" if o.leaves is not None else f"failed: {o.message}" for o in (old, new)]
-    return Comparison("different", [f"before: {told[0]}", f"now: {told[1]}"])
+        return Comparison("fails in both", [new.message])
+    before, now = ("ran" if o.leaves is not None else f"failed: {o.message}" for o in (old, new))
+    return Comparison("different", [f"before: {before}", f"now: {now}"])
 
 
-class Children:
+class ChildProcesses:
     """Child processes, which can be ended from another thread."""
 
     def __init__(self) -> None:
@@ -109,8 +109,8 @@ class Children:
             )
             self._running.add(child)
         try:
-            _, said = child.communicate()
-            return child.returncode, said
+            _, stderr = child.communicate()
+            return child.returncode, stderr
         finally:
             with self._lock:
                 self._running.discard(child)
@@ -123,38 +123,44 @@ class Children:
                 child.terminate()
 
 
-def run_case(tree: Path, case: str, settings: Sequence[str], children: Children) -> Outcome:
-    """Run a case by a tree's command line, in a process and a folder of its own."""
-    asked = [part for setting in settings for part in ("--set", setting)]
+def run_case(tree: Path, case: str, settings: Sequence[str], children: ChildProcesses) -> Outcome:
+    """Run a case by a tree's command line, in a process and a folder of its own.
+
+    Raises RuntimeError where the process was ended from outside.
+    """
+    options = [part for setting in settings for part in ("--set", setting)]
     path = {"PYTHONPATH": str(tree), "COLUMNS": "100000"}  # messages in one line
     with TemporaryDirectory(prefix="golden_") as scratch:
         folder = Path(scratch)
         command = [sys.executable, "-c", CHILD, str(tree), "run", case, "--quiet", "--out", "runs"]
-        code, said = children.run([*command, *asked], folder, {**os.environ, **ONE_THREAD, **path})
+        env = {**os.environ, **ONE_THREAD, **path}
+        code, stderr = children.run([*command, *options], folder, env)
+        if code < 0:
+            raise RuntimeError(f"{case} was ended by signal {-code}")
         run = folder / "runs" / case
         if (run / "summary.json").exists():
             leaves = read_run(run) | {"exit code": Leaf(np.array(code), "exit code")}
             return Outcome(leaves, summary=read_summary(run))
-        return Outcome(None, _message(code, said, {str(tree): "TREE", scratch: "FOLDER"}))
+        return Outcome(None, _message(code, stderr, {str(tree): "TREE", scratch: "FOLDER"}))
 
 
-def _message(code: int, said: str, places: Mapping[str, str]) -> str:
+def _message(code: int, stderr: str, places: Mapping[str, str]) -> str:
     """Why a run failed, the same for every tree and folder; of a crash its last line."""
-    if "Traceback (most recent call last)" in said:
-        said = said.strip().splitlines()[-1]
+    if "Traceback (most recent call last)" in stderr:
+        stderr = stderr.strip().splitlines()[-1]
     for place, word in places.items():
-        said = said.replace(place, word)
-    return f"exit code {code}: {' '.join(said.split())}"
+        stderr = stderr.replace(place, word)
+    return f"exit code {code}: {' '.join(stderr.split())}"
 
 
-def shipped(tree: Path) -> list[str]:
+def shipped_cases(tree: Path) -> list[str]:
     """The names of a tree's cases."""
     cases = tree / "cases"
     files = (path.relative_to(cases) for path in cases.rglob("*.toml"))
     return sorted(file.stem for file in files if NO_CASES.isdisjoint(file.parts))
 
 
-def chosen(names: Sequence[str], only: Sequence[str]) -> list[str]:
+def select(names: Sequence[str], only: Sequence[str]) -> list[str]:
     """The names that fit one of the patterns, all of them where there is none."""
     return [name for name in names if not only or any(fnmatchcase(name, p) for p in only)]
 
@@ -164,7 +170,7 @@ def _git(*arguments: str | Path) -> None:
 
 
 @contextmanager
-def checked_out(revision: str) -> Iterator[Path]:
+def worktree(revision: str) -> Iterator[Path]:
     """A worktree of the revision in a temporary folder, there for as long as the context."""
     with TemporaryDirectory(prefix="golden_", ignore_cleanup_errors=True) as scratch:
         tree = Path(scratch).resolve() / "tree"
@@ -176,11 +182,11 @@ def checked_out(revision: str) -> Iterator[Path]:
                 _git("worktree", "remove", "--force", tree)
 
 
-def _in_parallel(
-    names: Sequence[str], task: Callable[[str, Children], Any], workers: int
+def _run_parallel(
+    names: Sequence[str], task: Callable[[str, ChildProcesses], Any], workers: int
 ) -> Generator[tuple[str, Any], None, None]:
     """What the task returns for each name, as they end; Ctrl-C ends the children."""
-    children = Children()
+    children = ChildProcesses()
     with ThreadPoolExecutor(workers) as pool:
         futures: dict[Future[Any], str] = {pool.submit(task, n, children): n for n in names}
         try:
@@ -191,14 +197,14 @@ def _in_parallel(
             children.stop()
 
 
-def against(
+def compare_trees(
     revision: str, tolerance: float, only: Sequence[str], workers: int, config: Config
 ) -> int:
     """Compare this tree with another revision's; the exit code."""
-    with checked_out(revision) as tree:
-        names = {config.new_name("cases", name): name for name in shipped(tree)}
+    with worktree(revision) as tree:
+        names = {config.new_name("cases", name): name for name in shipped_cases(tree)}
 
-        def task(case: str, children: Children) -> Comparison:
+        def task(case: str, children: ChildProcesses) -> Comparison:
             settings = config.settings_of(case)
             before = [config.old_setting(setting) for setting in settings]
             old = run_case(tree, names[case], before, children)
@@ -208,12 +214,12 @@ def against(
         return _compare_all(list(names), revision, task, tolerance, only, workers)
 
 
-def check(tolerance: float, only: Sequence[str], workers: int, config: Config) -> int:
+def check_golden(tolerance: float, only: Sequence[str], workers: int, config: Config) -> int:
     """Compare this tree's summaries with golden.json; the exit code."""
     kept = read_golden()
     golden = {config.new_name("cases", name): entry for name, entry in kept.items()}
 
-    def task(case: str, children: Children) -> Comparison:
+    def task(case: str, children: ChildProcesses) -> Comparison:
         entry, settings = golden[case], config.settings_of(case)
         if entry["settings"] not in (settings, [config.old_setting(s) for s in settings]):
             return Comparison("different", [f"{CONFIG.name} has other settings now: --write"])
@@ -223,18 +229,18 @@ def check(tolerance: float, only: Sequence[str], workers: int, config: Config) -
     return _compare_all(list(golden), GOLDEN.name, task, tolerance, only, workers)
 
 
-def write(only: Sequence[str], workers: int, config: Config) -> int:
+def write_golden(only: Sequence[str], workers: int, config: Config) -> int:
     """Write the summaries' numbers of this tree to golden.json, a case a line; the exit code.
 
     With patterns in `only` the other cases stay as they are.
     """
     entries = read_golden() if only and GOLDEN.exists() else {}
 
-    def task(case: str, children: Children) -> dict[str, Any]:
+    def task(case: str, children: ChildProcesses) -> dict[str, Any]:
         settings = config.settings_of(case)
         return golden_entry(settings, run_case(TREE, case, settings, children), config)
 
-    with closing(_in_parallel(chosen(shipped(TREE), only), task, workers)) as ended:
+    with closing(_run_parallel(select(shipped_cases(TREE), only), task, workers)) as ended:
         for name, entry in ended:
             print(f"{name}: {entry.get('failed', 'ran')}", flush=True)
             entries[name] = entry
@@ -261,15 +267,17 @@ def golden_entry(settings: Sequence[str], outcome: Outcome, config: Config) -> d
 
 
 def numbers_of(value: Any, path: str, config: Config) -> Any:
-    """The numbers of nested tables and lists, rounded, less what may differ; None where there are
-    none."""
+    """The numbers of nested tables and lists that golden.json holds, rounded.
+
+    None where there are none.
+    """
     if isinstance(value, Mapping):
         items = {key: numbers_of(item, f"{path}/{key}", config) for key, item in value.items()}
         return {key: item for key, item in items.items() if item is not None} or None
     if isinstance(value, list):
         kept = [numbers_of(item, f"{path}/{i}", config) for i, item in enumerate(value)]
         return [item for item in kept if item is not None] or None
-    if not is_number(value) or config.is_ignored(path):
+    if not is_number(value) or not config.is_kept(path):
         return None
     return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value
 
@@ -287,19 +295,19 @@ def _compact(value: Any) -> str:
 def _compare_all(
     before: Sequence[str],
     where: str,
-    task: Callable[[str, Children], Comparison],
+    task: Callable[[str, ChildProcesses], Comparison],
     tolerance: float,
     only: Sequence[str],
     workers: int,
 ) -> int:
     """Compare the cases that are both here and `before`, and print what comes out; the exit code.
 
-    A case that is gone counts as a difference, one that is new does not.
+    A case that is gone counts as a difference; one that is new, or fails in both, does not.
     """
-    present, known = chosen(shipped(TREE), only), chosen(sorted(before), only)
+    present, known = select(shipped_cases(TREE), only), select(sorted(before), only)
     verdicts: Counter[Verdict] = Counter()
     both = [name for name in present if name in known]
-    with closing(_in_parallel(both, task, workers)) as ended:
+    with closing(_run_parallel(both, task, workers)) as ended:
         for name, comparison in ended:
             verdicts[comparison.verdict] += 1
             print("\n".join(report(name, comparison, tolerance)), flush=True)
@@ -310,10 +318,12 @@ def _compare_all(
         print(f"{name}: in {where} alone")
     print(
         f"{len(both)} cases: {verdicts['identical']} identical, {verdicts['within']} within "
-        f"{tolerance:g}, {verdicts['different']} different; {len(new)} here alone, {len(gone)} gone"
+        f"{tolerance:g}, {verdicts['fails in both']} failing in both, "
+        f"{verdicts['different']} different; {len(new)} here alone, {len(gone)} gone"
     )
-    if not both and not gone:
-        raise SystemExit("no case is compared: see --only")
+    if verdicts["fails in both"] == len(both):
+        print("no case ran, so nothing is compared", file=sys.stderr)
+        return 1
     return 1 if verdicts["different"] or gone else 0
 
 
@@ -322,8 +332,8 @@ def report(name: str, comparison: Comparison, tolerance: float) -> list[str]:
     words = {"within": f"within {tolerance:g}", "different": "DIFFERENT"}
     verdict, lines = comparison.verdict, comparison.lines
     more = [f"and {len(lines) - MOST_LINES} more"] if len(lines) > MOST_LINES else []
-    told = [f"    {line}" for line in (*lines[:MOST_LINES], *more)]
-    return [f"{name}: {words.get(verdict, verdict)}", *told]
+    indented = [f"    {line}" for line in (*lines[:MOST_LINES], *more)]
+    return [f"{name}: {words.get(verdict, verdict)}", *indented]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -348,13 +358,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     config, only, workers = read_config(CONFIG), asked.only, max(1, asked.workers)
     tolerance = asked.tolerance
     if asked.write:
-        return write(only, workers, config)
+        return write_golden(only, workers, config)
     if asked.check:
         tolerance = CHECK_TOLERANCE if tolerance is None else tolerance
-        return check(tolerance, only, workers, config)
+        return check_golden(tolerance, only, workers, config)
     tolerance = AGAINST_TOLERANCE if tolerance is None else tolerance
     try:
-        return against(asked.against, tolerance, only, workers, config)
+        return compare_trees(asked.against, tolerance, only, workers, config)
     except subprocess.CalledProcessError as error:  # git's
         print(error.stderr.strip(), file=sys.stderr)
         return 2

@@ -18,7 +18,7 @@ import numpy as np
 
 Array = np.ndarray[Any, np.dtype[Any]]
 NUMBERS = "iuf"  # kinds of dtype
-Verdict = Literal["identical", "within", "different"]
+Verdict = Literal["identical", "within", "fails in both", "different"]
 
 
 @dataclass(frozen=True)
@@ -39,6 +39,7 @@ class Config:
     """What golden.toml says."""
 
     ignored: Sequence[str] = ()
+    not_kept: Sequence[str] = ()
     common: Sequence[str] = ()
     floors: Mapping[str, float] = field(default_factory=dict)
     settings: Mapping[str, Sequence[str]] = field(default_factory=dict)
@@ -55,6 +56,10 @@ class Config:
     def is_ignored(self, path: str) -> bool:
         """Whether the array at the path may differ."""
         return any(_match(pattern, path) for pattern in self.ignored)
+
+    def is_kept(self, path: str) -> bool:
+        """Whether golden.json holds the numbers at the path."""
+        return not any(_match(pattern, path) for pattern in (*self.ignored, *self.not_kept))
 
     def new_name(self, kind: str, name: str) -> str:
         """The present name of what had this one in an older tree."""
@@ -177,7 +182,7 @@ class Comparison:
 
 def compare(old: Leaves, new: Leaves, tolerance: float, config: Config) -> Comparison:
     """Compare arrays of the same path, of `old` after renaming."""
-    old, new = (_less_ignored(leaves, config) for leaves in (_renamed(old, config), new))
+    old, new = (_drop_ignored(leaves, config) for leaves in (_rename(old, config), new))
     faults = [f"missing: {path}" for path in old if path not in new]
     faults += [f"extra: {path}" for path in new if path not in old]
     scales = _scales(old, new)
@@ -199,11 +204,11 @@ def compare(old: Leaves, new: Leaves, tolerance: float, config: Config) -> Compa
     return Comparison("within", [lines[ranked[0]]]) if ranked else Comparison("identical")
 
 
-def _less_ignored(leaves: Leaves, config: Config) -> Leaves:
+def _drop_ignored(leaves: Leaves, config: Config) -> Leaves:
     return {path: leaf for path, leaf in leaves.items() if not config.is_ignored(path)}
 
 
-def _renamed(leaves: Leaves, config: Config) -> Leaves:
+def _rename(leaves: Leaves, config: Config) -> Leaves:
     """The arrays of an older tree under their present paths and labels.
 
     Raises ValueError where two get the same path.

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from tests import golden
-from tests.golden import CONFIG, Outcome, compare_outcomes, shipped
+from tests.golden import CONFIG, Outcome, compare_outcomes, shipped_cases
 from tests.golden_arrays import Config, Leaf, Leaves, compare, flatten, read_config, read_run
 
 ROOT = Path(__file__).parents[1]
@@ -140,7 +140,7 @@ def test_each_star_stands_for_the_same_text() -> None:
 
 def test_the_same_failure_is_the_same() -> None:
     failed, ran = Outcome(None, "no convergence"), Outcome(changed())
-    assert compare_outcomes(failed, failed, 0.0, PLAIN).verdict == "identical"
+    assert compare_outcomes(failed, failed, 0.0, PLAIN).verdict == "fails in both"
     assert compare_outcomes(failed, Outcome(None, "other"), 0.0, PLAIN).verdict == "different"
     assert compare_outcomes(failed, ran, 0.0, PLAIN).verdict == "different"
 
@@ -164,7 +164,7 @@ def test_a_run_is_read_as_labelled_arrays(tmp_path: Path) -> None:
 
 
 def test_every_case_has_its_settings() -> None:
-    names, config = shipped(ROOT), read_config(CONFIG)
+    names, config = shipped_cases(ROOT), read_config(CONFIG)
     assert {"isometric_edc", "split_edc"} <= set(names)
     assert not {"index_finger", "hood_fit", "shell_moduli"} & set(names)
     assert config.settings_of("isometric_edc")[-1] == "hood.mesh.quads=150"
@@ -178,7 +178,7 @@ def test_the_settings_fit_the_cases() -> None:
     from cosim.case import load_case
 
     config = read_config(CONFIG)
-    for name in shipped(ROOT):
+    for name in shipped_cases(ROOT):
         load_case(name, config.settings_of(name))
 
 
@@ -192,13 +192,15 @@ def runs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[tuple[str, str
     }
 
     @contextmanager
-    def checked_out(revision: str) -> Iterator[Path]:
+    def worktree(revision: str) -> Iterator[Path]:
         yield tmp_path / "old"
 
     monkeypatch.setattr(golden, "TREE", tmp_path / "new")
     monkeypatch.setattr(golden, "GOLDEN", tmp_path / "golden.json")
-    monkeypatch.setattr(golden, "checked_out", checked_out)
-    monkeypatch.setattr(golden, "shipped", lambda tree: [c for t, c in given if t == tree.name])
+    monkeypatch.setattr(golden, "worktree", worktree)
+    monkeypatch.setattr(
+        golden, "shipped_cases", lambda tree: [c for t, c in given if t == tree.name]
+    )
     monkeypatch.setattr(golden, "run_case", lambda tree, case, *rest: given[tree.name, case])
     return given
 
@@ -215,6 +217,13 @@ def test_a_difference_is_reported(
     )
     assert golden.main(["--against", "REV", "--only", "a"]) == 0
     assert golden.main(["--against", "REV", "--tolerance", "2"]) == 0
+
+
+def test_a_comparison_without_a_run_is_no_success(runs: dict[tuple[str, str], Outcome]) -> None:
+    runs["old", "a"] = runs["new", "a"] = Outcome(None, "no convergence")
+    assert golden.main(["--against", "REV"]) == 0
+    assert golden.main(["--against", "REV", "--only", "a"]) == 1
+    assert golden.main(["--against", "REV", "--only", "none"]) == 1
 
 
 def test_cases_of_one_tree_alone_are_listed(
@@ -260,7 +269,7 @@ def test_two_trees_are_run_and_compared(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """HEAD against HEAD with one case changed; both worktrees go at the end."""
-    with golden.checked_out("HEAD") as tree:
+    with golden.worktree("HEAD") as tree:
         case = tree / "cases" / "split_edc.toml"
         text = case.read_text(encoding="utf-8")
         case.write_text(text.replace("activation = 0.1 ", "activation = 0.11 "), encoding="utf-8")
