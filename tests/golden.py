@@ -359,6 +359,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     tolerance = asked.tolerance
     if asked.write:
         return write_golden(only, workers, config)
+    if asked.check and not GOLDEN.exists():
+        print(f"there is no {GOLDEN.name}: --write it first", file=sys.stderr)
+        return 2
     if asked.check:
         tolerance = CHECK_TOLERANCE if tolerance is None else tolerance
         return check_golden(tolerance, only, workers, config)

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from tests import golden
-from tests.golden import CONFIG, Outcome, compare_outcomes, shipped_cases
+from tests.golden import CONFIG, Outcome, compare_outcomes
 from tests.golden_arrays import Config, Leaf, Leaves, compare, flatten, read_config, read_run
 
 ROOT = Path(__file__).parents[1]
@@ -164,7 +164,7 @@ def test_a_run_is_read_as_labelled_arrays(tmp_path: Path) -> None:
 
 
 def test_every_case_has_its_settings() -> None:
-    names, config = shipped_cases(ROOT), read_config(CONFIG)
+    names, config = golden.shipped_cases(ROOT), read_config(CONFIG)
     assert {"isometric_edc", "split_edc"} <= set(names)
     assert not {"index_finger", "hood_fit", "shell_moduli"} & set(names)
     assert config.settings_of("isometric_edc")[-1] == "hood.mesh.quads=150"
@@ -178,7 +178,7 @@ def test_the_settings_fit_the_cases() -> None:
     from cosim.case import load_case
 
     config = read_config(CONFIG)
-    for name in shipped_cases(ROOT):
+    for name in golden.shipped_cases(ROOT):
         load_case(name, config.settings_of(name))
 
 
@@ -195,12 +195,13 @@ def runs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[tuple[str, str
     def worktree(revision: str) -> Iterator[Path]:
         yield tmp_path / "old"
 
+    def shipped_cases(tree: Path) -> list[str]:
+        return [case for name, case in given if name == tree.name]
+
     monkeypatch.setattr(golden, "TREE", tmp_path / "new")
     monkeypatch.setattr(golden, "GOLDEN", tmp_path / "golden.json")
     monkeypatch.setattr(golden, "worktree", worktree)
-    monkeypatch.setattr(
-        golden, "shipped_cases", lambda tree: [c for t, c in given if t == tree.name]
-    )
+    monkeypatch.setattr(golden, "shipped_cases", shipped_cases)
     monkeypatch.setattr(golden, "run_case", lambda tree, case, *rest: given[tree.name, case])
     return given
 
@@ -240,6 +241,7 @@ def test_cases_of_one_tree_alone_are_listed(
 def test_the_numbers_kept_are_compared(
     runs: dict[tuple[str, str], Outcome], capsys: pytest.CaptureFixture[str]
 ) -> None:
+    assert golden.main(["--check"]) == 2
     runs["new", "b"] = Outcome(None, "no convergence")
     assert golden.main(["--write"]) == 0
     kept = json.loads(golden.GOLDEN.read_text(encoding="utf-8"))
