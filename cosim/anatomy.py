@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cosim.anatomy_bones import BoneFrame, Bones, read_bones
-from cosim.case_types import MUSCLES
 from cosim.port import Array, InputError
+from cosim.schema.types import MUSCLES
 from meshes.imported_checks import Placing
 from meshes.imported_hood import hood_of, read_sheet
 from meshes.imported_names import check_known
@@ -141,7 +141,7 @@ def _with_hood(
     skeleton: Skeleton,
     report: list[str],
 ) -> Built:
-    from cosim.build_shell import baked_surfaces
+    from cosim.hoods.shell.build import baked_surfaces
     from meshes.bones import load_bone
     from meshes.hull import Chain, Level
 

@@ -35,8 +35,8 @@ def new_case(name: str, given: Anatomy, out: Path) -> tuple[Path, tuple[str, ...
 
 
 def _defaults() -> Defaults:
-    from cosim.case import load_case
-    from cosim.case_schema import ShellHood
+    from cosim.case.file import load_case
+    from cosim.case.schema import ShellHood
 
     hood = load_case(BASE).hood
     assert isinstance(hood, ShellHood)
@@ -99,7 +99,7 @@ def _check(path: Path) -> None:
     """What `cosim check` does.  Raises InputError."""
     from cosim.build import check_mesh_file
     from cosim.build_fit import check_fit
-    from cosim.case import load_case
+    from cosim.case.file import load_case
 
     case = load_case(path)
     check_fit(case)

@@ -7,8 +7,8 @@ from time import perf_counter
 
 from cosim.build import build
 from cosim.build_forward import together
-from cosim.case_schema import Case, Forward
-from cosim.motion import moments
+from cosim.case.schema import Case, Forward
+from cosim.coupling.motion import moments
 from cosim.port import InputError
 from cosim.run import settled, solve
 

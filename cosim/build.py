@@ -9,29 +9,29 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cosim.build_cable import ENDS, CableLook, cable_hood_of, laid_net
-from cosim.build_cable import looking_at as looking_at_cables
-from cosim.build_ends import slip_forces
-from cosim.build_finger import live_finger, our_finger, skeleton_of, width_of
 from cosim.build_fit import check_fit, check_tendons
-from cosim.build_lesion import injured_mesh, injured_net, injured_network
-from cosim.build_lumped import lumped_hood, slips_of
-from cosim.build_muscles import CaseMuscles, live_muscles
-from cosim.build_robot_hood import ROBOT_ENDS, robot_bones, robot_net, robot_skeleton
-from cosim.build_shell import (
+from cosim.case.schema import Case, FmuHood, MeshFile, PathPoint, PulleyHood, ShellHood
+from cosim.fingers.common import Bone, IndexFinger, MiddleFinger
+from cosim.fingers.kinds import live_finger, our_finger, skeleton_of, width_of
+from cosim.fingers.robot import RobotFinger
+from cosim.hoods.cable.build import ENDS, CableLook, cable_hood_of, laid_net
+from cosim.hoods.cable.build import looking_at as looking_at_cables
+from cosim.hoods.cable.robot import ROBOT_ENDS, robot_bones, robot_net, robot_skeleton
+from cosim.hoods.cable.table import CableHood
+from cosim.hoods.fe_view import slip_forces
+from cosim.hoods.injury import injured_mesh, injured_net, injured_network
+from cosim.hoods.lumped.build import lumped_hood, slips_of
+from cosim.hoods.lumped.table import NetworkHood, TwoBandHood
+from cosim.hoods.shell.build import (
     Triangles,
     UnderHood,
     laid_mesh,
     linear,
     shell_hood_of,
 )
-from cosim.build_shell_look import HoodLook, looking_at
-from cosim.case_cable import CableHood
-from cosim.case_finger import Bone, IndexFinger, MiddleFinger
-from cosim.case_lumped import NetworkHood, TwoBandHood
-from cosim.case_robot import RobotFinger
-from cosim.case_schema import Case, FmuHood, MeshFile, PathPoint, PulleyHood, ShellHood
+from cosim.hoods.shell.view import HoodLook, looking_at
 from cosim.port import Array, Finger, Hood, InputError, Motion, State
+from cosim.tendons.muscles import CaseMuscles, live_muscles
 from meshes.skeleton import BODIES
 
 if TYPE_CHECKING:

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from cosim.build_air import check_air
-from cosim.build_course import factor_of
-from cosim.build_finger import finger_model, held_by
-from cosim.case_cable import CableHood
-from cosim.case_finger import FmuFinger, HingeFinger, IndexFinger
-from cosim.case_lumped import NetworkHood, TwoBandHood
-from cosim.case_robot import RobotFinger
-from cosim.case_schema import Case, FmuHood, PulleyHood, ShellHood, SplitHood
+from cosim.case.schema import Case, FmuHood, PulleyHood, ShellHood, SplitHood
 from cosim.double_count import refuse, stated_pairs
+from cosim.fingers.common import FmuFinger, HingeFinger, IndexFinger
+from cosim.fingers.kinds import finger_model, held_by
+from cosim.fingers.robot import RobotFinger
+from cosim.hoods.cable.table import CableHood
+from cosim.hoods.lumped.table import NetworkHood, TwoBandHood
 from cosim.port import InputError
+from cosim.tendons.air import check_air
+from cosim.tendons.courses import factor_of
 from meshes.skeleton import BODIES
 
 HOODS = {

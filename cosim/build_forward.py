@@ -9,21 +9,21 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from cosim.build import build, cables_of, hood_on
-from cosim.build_air import begun, cylinders, pulled
-from cosim.build_cable import CableLook
-from cosim.build_course import factor_of
-from cosim.build_finger import live_finger, our_finger
 from cosim.build_fit import check_tendons
-from cosim.build_muscles import fibres
 from cosim.build_scheme import scheme_of
-from cosim.build_shell import Triangles
-from cosim.build_shell_look import HoodLook
-from cosim.case_finger import CageTip, FmuFinger, ShellTip, Tendon
-from cosim.case_schema import Case, Forward
-from cosim.driven import Driven
-from cosim.motion import Moves, WatchedFinger
+from cosim.case.schema import Case, Forward
+from cosim.coupling.excursion import Driven
+from cosim.coupling.motion import Moves, WatchedFinger
+from cosim.coupling.state_arrays import Special
+from cosim.fingers.common import CageTip, FmuFinger, ShellTip, Tendon
+from cosim.fingers.kinds import live_finger, our_finger
+from cosim.hoods.cable.build import CableLook
+from cosim.hoods.shell.build import Triangles
+from cosim.hoods.shell.view import HoodLook
 from cosim.port import Array, Hood, InputError, State
-from cosim.snapshot import Special
+from cosim.tendons.air import begun, cylinders, pulled
+from cosim.tendons.courses import factor_of
+from cosim.tendons.muscles import fibres
 
 if TYPE_CHECKING:
     from rigid.device import Device

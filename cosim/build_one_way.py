@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from cosim.build import Models, build, tensions
-from cosim.build_finger import live_finger, our_finger
-from cosim.build_muscles import Pull, live_muscles
-from cosim.case_schema import Case
-from cosim.couple import CouplingOptions, Equilibrium, equilibrium
-from cosim.one_way import HandedOver, Passed, torques
+from cosim.case.schema import Case
+from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium
+from cosim.coupling.one_way import HandedOver, Passed, torques
+from cosim.fingers.kinds import live_finger, our_finger
 from cosim.port import STATIC, Array, Finger, Hood, Motion, Response, State
+from cosim.tendons.muscles import Pull, live_muscles
 
 if TYPE_CHECKING:
     from cosim.run import States

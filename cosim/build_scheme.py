@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from cosim.accelerate import Accelerator, Aitken, Constant, QuasiNewton
-from cosim.case_schema import Coupling
-from cosim.schemes import Explicit, Implicit, Linear, Newton, Scheme
+from cosim.case.schema import Coupling
+from cosim.coupling.accelerators import Accelerator, Aitken, Constant, QuasiNewton
+from cosim.coupling.schemes import Explicit, Implicit, Linear, Newton, Scheme
 
 
 def scheme_of(coupling: Coupling) -> Scheme:

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from cosim.case_schema import Case
+from cosim.case.schema import Case
 from cosim.port import Array, InputError
 
 Weights = Literal["pcsa", "F0", "one"]

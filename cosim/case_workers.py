@@ -17,8 +17,8 @@ from typing import Any
 
 from cosim import trials
 from cosim.build_fit import check_fit
-from cosim.case import load_case
-from cosim.case_schema import Case
+from cosim.case.file import load_case
+from cosim.case.schema import Case
 from cosim.nearby import foretold, solved_from
 from cosim.observe import result
 from cosim.port import ConvergenceError, CosimError, InputError

@@ -38,7 +38,7 @@ from cosim.trial_commands import identify, sensitivity
 from cosim.validate_commands import validate
 
 if TYPE_CHECKING:
-    from cosim.case_schema import Case
+    from cosim.case.schema import Case
 
 app = typer.Typer(
     add_completion=False,
@@ -110,7 +110,7 @@ def _options(
 
 def _load(names: Sequence[str], settings: Sequence[str] | None) -> list[Case]:
     """All cases; the faults of every one are told before the exit."""
-    from cosim.case import load_case
+    from cosim.case.file import load_case
 
     cases, faults = [], []
     for name in names:
@@ -213,7 +213,7 @@ def _keeps_checkpoints(case: Case) -> bool:
 
 
 def _what_stays(unfinished: Path | None) -> str:
-    from cosim.checkpoint import NAME
+    from cosim.coupling.checkpoint import NAME
 
     if unfinished is None or not (unfinished / NAME).is_file():
         return "nothing of this run is kept"
@@ -230,7 +230,7 @@ def _unfinished(case: Case, out: Path) -> Path | None:
     for a case that keeps none.  Raises InputError where it cannot be made."""
     if not _keeps_checkpoints(case):
         return None
-    from cosim.case import resolved_toml
+    from cosim.case.file import resolved_toml
     from cosim.files import written_whole
 
     folder = out / f"{case.name}{UNFINISHED}"
@@ -243,8 +243,8 @@ def _unfinished(case: Case, out: Path) -> Path | None:
 
 def _check_unfinished(cases: Sequence[Case], out: Path) -> None:
     """Raises InputError for a motion of which a part is kept, which a new run would throw away."""
-    from cosim.case import resolved_toml
-    from cosim.checkpoint import NAME
+    from cosim.case.file import resolved_toml
+    from cosim.coupling.checkpoint import NAME
 
     for case in filter(_keeps_checkpoints, cases):
         folder = out / f"{case.name}{UNFINISHED}"
@@ -264,7 +264,7 @@ def resume(
     as_json: AsJson = False,
 ) -> None:
     """Go on with a coupled motion that was stopped or killed, from its last checkpoint."""
-    from cosim.case import load_case
+    from cosim.case.file import load_case
 
     name = run.name.removesuffix(UNFINISHED)
     with told():
@@ -333,7 +333,7 @@ def check(cases: Cases, settings: Settings = None) -> None:
 @app.command()
 def schema() -> None:
     """Print the JSON Schema of a case file, for editors."""
-    from cosim.case import json_schema
+    from cosim.case.file import json_schema
 
     typer.echo(json.dumps(json_schema(), indent=2))
 

@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from cosim.case_lumped import NetworkHood, TwoBandHood
-from cosim.case_schema import Case, FmuHood, PulleyHood
-from cosim.one_way import JOINT_CONTACT
+from cosim.case.schema import Case, FmuHood, PulleyHood
+from cosim.coupling.one_way import JOINT_CONTACT
+from cosim.hoods.lumped.table import NetworkHood, TwoBandHood
 from cosim.port import Finger, Hood, InputError, MovingFinger
 
 OF_FINGER = ("joint", "muscle", "passive", "limit", "damping", "gravity", "inertia", "fingertip")

@@ -14,7 +14,7 @@ from cosim.terminal import print_table, told
 if TYPE_CHECKING:
     from cosim.estimate_case import Along, Answer, Setup
     from cosim.feasible import ForceSet
-    from cosim.units import Kind
+    from cosim.schema.units import Kind
 
 
 class CostName(StrEnum):
@@ -103,11 +103,11 @@ def estimate(
     """Muscles' tensions from a fingertip force, joint torques or a motion, with the hood of a case
     behind them; and the set of fingertip forces that they can make (alone, without a target)."""
     with told():
-        from cosim import units
-        from cosim.case import load_case
+        from cosim.case.file import load_case
         from cosim.estimate_case import parsed_values, setup
         from cosim.folders import check_folder
         from cosim.port import InputError
+        from cosim.schema import units
 
         given = [
             o for o, v in (("--force", force), ("--torque", torque), ("--motion", motion)) if v
@@ -146,10 +146,10 @@ def _motion(
     reserve: str | None,
     started: float,
 ) -> None:
-    from cosim import units
     from cosim.course_of_motion import read_motion
     from cosim.estimate_case import for_motion
     from cosim.estimate_files import write_motion
+    from cosim.schema import units
 
     highest = None if cutoff is None else _parsed("--cutoff", cutoff, units.FREQUENCY)
     lacking = 0.0 if reserve is None else _parsed("--reserve", reserve, units.TORQUE)
@@ -161,8 +161,8 @@ def _motion(
 
 
 def _parsed(option: str, text: str, kind: Kind) -> float:
-    from cosim import units
     from cosim.port import InputError
+    from cosim.schema import units
 
     try:
         return units.parse(text, kind)
@@ -173,9 +173,9 @@ def _parsed(option: str, text: str, kind: Kind) -> float:
 def _target(
     folder: Path, s: Setup, force: str | None, torque: list[str] | tuple[()], started: float
 ) -> None:
-    from cosim import units
     from cosim.estimate_case import for_force, for_torques, parsed_force, parsed_values
     from cosim.estimate_files import write_answer
+    from cosim.schema import units
 
     answer = None
     if force is not None:

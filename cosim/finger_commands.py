@@ -33,8 +33,8 @@ def moment_arms(
     with told():
         from cosim.arms import beside_published, draw, published, sweep
         from cosim.build import build, tensions
-        from cosim.build_finger import joint_ranges
-        from cosim.case import load_case
+        from cosim.case.file import load_case
+        from cosim.fingers.kinds import joint_ranges
 
         checked = load_case(case, settings or ())
         models = build(checked)
@@ -104,8 +104,8 @@ def mjcf(
     each, whose control is the tension; without passive torques, limits, what holds the tip, and
     the hood."""
     with told():
-        from cosim.build_finger import mjcf_of
-        from cosim.case import load_case
+        from cosim.case.file import load_case
+        from cosim.fingers.kinds import mjcf_of
 
         text = mjcf_of(load_case(case, settings or ()))
         with written_whole(out) as path:

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from cosim.case import find_case, load_case
-from cosim.case_schema import Case
+from cosim.case.file import find_case, load_case
+from cosim.case.schema import Case
 from cosim.compare import Target, unit_of
 from cosim.parameters import CASES, Free, built_in, fit_tables, raise_faults, read_free
 from cosim.port import InputError

@@ -37,7 +37,7 @@ def fmu(
 
     It holds the whole case and runs where this package is installed, at the same version."""
     with told():
-        from cosim.case import load_case
+        from cosim.case.file import load_case
         from cosim.fmu.export import write_fmu
 
         checked = load_case(case, settings or ())

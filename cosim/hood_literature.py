@@ -71,8 +71,8 @@ def fitted_postures(quantity: str) -> frozenset[Posture]:
     cases/data/hood_fit.toml and hood_fit_rows.csv."""
     import pandas
 
-    from cosim.build_finger import our_finger
-    from cosim.case import find_case
+    from cosim.case.file import find_case
+    from cosim.fingers.kinds import our_finger
     from cosim.fit_cases import stated_cases
 
     data = Path(str(resources.files("cases") / "data"))

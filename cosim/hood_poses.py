@@ -16,8 +16,8 @@ import numpy as np
 
 from cosim.audit import missed_bounds
 from cosim.build import Models, build, hood_mesh
-from cosim.build_lesion import injured_mesh
-from cosim.case_schema import Case
+from cosim.case.schema import Case
+from cosim.hoods.injury import injured_mesh
 from cosim.port import STATIC, Array, ConvergenceError, Response, State
 from cosim.strains import is_slack
 from cosim.trials import one_line

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from cosim import hood_pictures as pictures
-from cosim.case_schema import Case
+from cosim.case.schema import Case
 from cosim.hood_literature import (
     AN_HEIGHT,
     COUPLINGS,

@@ -142,7 +142,7 @@ def _text(value: str) -> str:
 
 def check_loads(path: Path) -> None:
     """Raises InputError where the file is no case."""
-    from cosim.case import load_case
+    from cosim.case.file import load_case
 
     try:
         load_case(path)

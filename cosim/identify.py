@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import least_squares
 
-from cosim.case import load_case
+from cosim.case.file import load_case
 from cosim.case_workers import CaseWorkers, case_workers
 from cosim.compare import Comparison, Target, compared
 from cosim.fit_cases import FitCase, StatedCase, assigned

@@ -61,7 +61,7 @@ def solve(
 ) -> None:
     """Solve a FEBio model and write its states; the forces' unit in the file is N."""
     with told():
-        from cosim.units import LENGTH, parse
+        from cosim.schema.units import LENGTH, parse
         from fe_solver.febio.read import read_feb
         from fe_solver.febio.solid_solve import solve_solid
         from fe_solver.job_model import JobOptions
@@ -143,7 +143,7 @@ def export(
     """Write the shell hood of a case at its posture, under its tendons' tensions, for FEBio."""
     with told():
         from cosim.build import build, tensions
-        from cosim.case import load_case
+        from cosim.case.file import load_case
         from fe_solver.febio.write import write_feb
         from fe_solver.hood_job import job_of_hood
         from fe_solver.shell_hood import ShellHood
@@ -183,7 +183,7 @@ def bench_fe(quads: Sequence[int] = QUADS) -> None:
 
 def bench_febio(folder: Path | None, spacing: str) -> None:
     """Print our answers and costs beside FEBio's.  Raises CosimError."""
-    from cosim.units import LENGTH, parse
+    from cosim.schema.units import LENGTH, parse
     from fe_solver.febio.compare import compare
     from fe_solver.febio.figures import SOURCE
 

@@ -14,14 +14,14 @@ from typing import Any, Literal
 import numpy as np
 
 from cosim.build import Models
-from cosim.build_finger import our_finger
 from cosim.build_fit import check_fit
-from cosim.build_lumped import split_slips
-from cosim.case import load_case
-from cosim.case_finger import FmuFinger
-from cosim.case_lumped import TwoBandHood
-from cosim.case_schema import Case, CaseFile, ShellHood, SplitHood
-from cosim.couple import Equilibrium
+from cosim.case.file import load_case
+from cosim.case.schema import Case, CaseFile, ShellHood, SplitHood
+from cosim.coupling.equilibrium import Equilibrium
+from cosim.fingers.common import FmuFinger
+from cosim.fingers.kinds import our_finger
+from cosim.hoods.lumped.build import split_slips
+from cosim.hoods.lumped.table import TwoBandHood
 from cosim.observe import result
 from cosim.port import Array, ConvergenceError, CosimError, InputError
 from cosim.run import States, solve

@@ -30,7 +30,7 @@ def ladder(
     that does not fit the case is a column with its reason.  Exit code 1 where one that fits did not
     converge."""
     with told():
-        from cosim.case import load_case
+        from cosim.case.file import load_case
         from cosim.ladder import climbed, rungs_of
 
         own = tuple(settings or ())

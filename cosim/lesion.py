@@ -7,7 +7,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Literal
 
-from cosim.case_finger import (
+from cosim.case.schema import Case
+from cosim.fingers.common import (
     FmuFinger,
     HeldTip,
     HingeFinger,
@@ -15,8 +16,7 @@ from cosim.case_finger import (
     MiddleFinger,
     PlanarFinger,
 )
-from cosim.case_robot import RobotFinger
-from cosim.case_schema import Case
+from cosim.fingers.robot import RobotFinger
 from cosim.port import InputError
 
 Held = IndexFinger | MiddleFinger | HingeFinger | PlanarFinger | RobotFinger

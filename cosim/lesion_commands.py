@@ -12,7 +12,7 @@ from cosim.audit import describe_misses
 from cosim.terminal import console, told, warn_of_audits
 
 if TYPE_CHECKING:
-    from cosim.case_schema import Case
+    from cosim.case.schema import Case
     from cosim.report.lesion_page import Pair
     from cosim.report.tables import Table
 
@@ -38,7 +38,7 @@ def lesion(
     """Solve a case without its lesion and with it, fingertip free and held, and report both:
     posture, slip forces, fingertip force, strain maps."""
     with told():
-        from cosim.case import load_case
+        from cosim.case.file import load_case
 
         checked = load_case(case, settings or ())
         pairs = _solved(checked, out)

@@ -20,9 +20,9 @@ from typing import Any
 import numpy as np
 
 from cosim.build import Models, build, tensions
-from cosim.build_shell import UnderHood
-from cosim.case_schema import Case, ShellHood
-from cosim.couple import Equilibrium
+from cosim.case.schema import Case, ShellHood
+from cosim.coupling.equilibrium import Equilibrium
+from cosim.hoods.shell.build import UnderHood
 from cosim.observe import result
 from cosim.port import Array
 from cosim.run import States

@@ -130,7 +130,7 @@ def _posture(text: str) -> dict[str, float]:
 
 
 def _thickness(text: str | None) -> float | None:
-    from cosim import units
+    from cosim.schema import units
 
     if text is None:
         return None

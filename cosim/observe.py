@@ -10,11 +10,11 @@ import numpy as np
 from cosim import __version__
 from cosim.audit import POSTURE, audit_figures, missed_bounds
 from cosim.build import Models
-from cosim.build_cable import CableLook, strand_forces
-from cosim.build_finger import joint_ranges
-from cosim.build_shell_look import HoodLook
-from cosim.case_schema import Case
-from cosim.couple import Equilibrium, moment_arms
+from cosim.case.schema import Case
+from cosim.coupling.equilibrium import Equilibrium, moment_arms
+from cosim.fingers.kinds import joint_ranges
+from cosim.hoods.cable.build import CableLook, strand_forces
+from cosim.hoods.shell.view import HoodLook
 from cosim.load_and_rest import rest_block, rest_warnings
 from cosim.observe_one_way import one_way_summary
 from cosim.port import Array

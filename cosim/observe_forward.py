@@ -10,8 +10,8 @@ import numpy as np
 from cosim import __version__
 from cosim.audit import missed_bounds
 from cosim.build import drawn_bones
-from cosim.build_finger import held_by
-from cosim.case_schema import Case
+from cosim.case.schema import Case
+from cosim.fingers.kinds import held_by
 from cosim.load_and_rest import NO_UNLOADED
 from cosim.observe import IN_METACARPAL
 from cosim.observe_air import air_data, air_end

@@ -10,12 +10,12 @@ import numpy as np
 from cosim import __version__
 from cosim.audit import missed_bounds
 from cosim.build import drawn_cables
-from cosim.build_finger import held_by
-from cosim.case_schema import Case
+from cosim.case.schema import Case
+from cosim.coupling.motion import Frame, Moment
 from cosim.double_count import pairs
+from cosim.fingers.kinds import held_by
 from cosim.fmu.settle import OPEN
 from cosim.load_and_rest import NO_UNLOADED
-from cosim.motion import Frame, Moment
 from cosim.observe import COMPONENTS, IN_METACARPAL, drawn_hood
 from cosim.observe_air import air_data, air_end
 from cosim.port import Array

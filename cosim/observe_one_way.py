@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from cosim.build import Models
-from cosim.case_schema import Case
+from cosim.case.schema import Case
 from cosim.double_count import pairs
 
 if TYPE_CHECKING:

@@ -14,11 +14,11 @@ from pathlib import Path
 import numpy as np
 
 from cosim.build_fit import check_fit
-from cosim.case import find_case, load_case
-from cosim.case_schema import Case
-from cosim.case_types import TENDONS
+from cosim.case.file import find_case, load_case
+from cosim.case.schema import Case
 from cosim.files import written_whole
 from cosim.port import InputError
+from cosim.schema.types import TENDONS
 from rigid.opensim.sto import Table, read_sto
 
 OUTPUTS = ("", "tendon_force", "actuation", "tension")

@@ -9,9 +9,9 @@ from math import ceil, exp, isfinite, log, log10
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from cosim import units
-from cosim.case_schema import Case, FibreMooneyRivlin, ShellHood, TransverselyIsotropic
+from cosim.case.schema import Case, FibreMooneyRivlin, ShellHood, TransverselyIsotropic
 from cosim.port import InputError
+from cosim.schema import units
 from cosim.trials import Settings
 from cosim.variations import toe_settings
 

@@ -11,9 +11,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from difflib import SequenceMatcher
 from typing import Any
 
-from cosim.case_types import TENDONS
 from cosim.compare import COMPONENTS, Target, parts_of
 from cosim.port import InputError
+from cosim.schema.types import TENDONS
 from meshes.bands import SIDES
 from meshes.glide import PLACES
 from meshes.hood_mesh import REGIONS, SPRINGS

@@ -54,7 +54,7 @@ def reduce(
     """Fit a network hood to what a case's shell or cables do, over a grid of postures and loads,
     for use in real time; the error is that of postures held out."""
     with told():
-        from cosim.case import load_case
+        from cosim.case.file import load_case
         from cosim.identified import base_of, check_loads
         from cosim.reduced_case import case_text
         from cosim.reduction import read_grid, reduce_case

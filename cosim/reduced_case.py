@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cosim import units
 from cosim.reduction import Reduction
 from cosim.reduction_errors import errors
 from cosim.reduction_walks import (
@@ -24,10 +23,11 @@ from cosim.reduction_walks import (
     NEAR_ENDS,
     SEED,
 )
+from cosim.schema import units
 from cosim.trials import Settings
 
 if TYPE_CHECKING:
-    from cosim.build_lumped import Potential
+    from cosim.hoods.lumped.build import Potential
 
 WIDTH, DIGITS = 98, 9
 

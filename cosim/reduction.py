@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from cosim.build import build
-from cosim.build_finger import live_finger, our_finger
 from cosim.build_fit import HOODS
-from cosim.build_lumped import Sample, fitted, stacked
-from cosim.case import load_case
-from cosim.case_cable import CableHood
-from cosim.case_schema import Case, ShellHood
+from cosim.case.file import load_case
+from cosim.case.schema import Case, ShellHood
+from cosim.fingers.kinds import live_finger, our_finger
+from cosim.hoods.cable.table import CableHood
+from cosim.hoods.lumped.build import Sample, fitted, stacked
 from cosim.port import Array, InputError
 from cosim.reduction_kept import kept
 from cosim.reduction_samples import FREE, Lost, Walked, sampled
@@ -26,7 +26,7 @@ from cosim.reduction_walks import GRID, SPREAD, Within, grid_walks, held_walks, 
 from cosim.study.address import address, code_version
 
 if TYPE_CHECKING:
-    from cosim.build_lumped import Potential
+    from cosim.hoods.lumped.build import Potential
 
 BATCH = 20_000
 Tell = Callable[[str], None]
@@ -184,7 +184,7 @@ def state_in_words(angle: Array, tension: Array, tendons: Sequence[str]) -> str:
 
 def _rate(potential: Potential, samples: Sequence[Sample], case: Case) -> Rate:
     """Measured: states one by one behind the port, and a batch."""
-    from cosim.build_lumped import reduced_hood
+    from cosim.hoods.lumped.build import reduced_hood
 
     finger = live_finger(our_finger(case), case.hood)
     hood = reduced_hood(potential, our_finger(case), finger.bodies)

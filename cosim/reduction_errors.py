@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cosim.build_lumped import Sample, stacked
+from cosim.hoods.lumped.build import Sample, stacked
 from cosim.port import Array
 from cosim.reduction import Reduction, state_in_words
 from cosim.reduction_tip import tip_maps

@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from cosim.build_lumped import Sample
 from cosim.files import written_whole
+from cosim.hoods.lumped.build import Sample
 from cosim.port import InputError
 from cosim.reduction_samples import Lost, Walk, Walked
 

@@ -18,8 +18,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cosim.build import Models, build
-from cosim.build_lumped import Sample
-from cosim.case import load_case
+from cosim.case.file import load_case
+from cosim.hoods.lumped.build import Sample
 from cosim.port import STATIC, Array, ConvergenceError, Load, State
 
 FREE = 'finger.tip.kind="free"'

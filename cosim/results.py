@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cosim.case import resolved_toml
-from cosim.case_schema import Case
+from cosim.case.file import resolved_toml
+from cosim.case.schema import Case
 from cosim.folders import replace_folder
 from cosim.port import Array, InputError
 

@@ -12,16 +12,16 @@ import numpy as np
 
 from cosim.build import Models, build, tensions
 from cosim.build_fit import check_fit
-from cosim.build_muscles import Pull, live_muscles
 from cosim.build_scheme import accelerator_of
-from cosim.case_schema import Case
-from cosim.couple import CouplingOptions, Equilibrium, equilibrium, reciprocity
-from cosim.drawn import Drawn, begun, redrawn
-from cosim.fixed_point import fixed_point
-from cosim.one_way import Passed
+from cosim.case.schema import Case
+from cosim.coupling.drawn import Drawn, begun, redrawn
+from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium, reciprocity
+from cosim.coupling.fixed_point import fixed_point
+from cosim.coupling.one_way import Passed
 from cosim.port import Array, ConvergenceError, State
 from cosim.processes import one_blas_thread
 from cosim.results import Result
+from cosim.tendons.muscles import Pull, live_muscles
 
 Progress = Callable[[str], None]
 AUDIT_STEP = 2e-5

@@ -7,17 +7,17 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from cosim.adaptive import Control
 from cosim.build_forward import Together, special_states, together
-from cosim.case import resolved_toml
-from cosim.case_schema import Case, Forward
-from cosim.checkpoint import NAME, Kept, read_checkpoint, write_checkpoint
-from cosim.motion import Frame, Moment, Moves, moments
+from cosim.case.file import resolved_toml
+from cosim.case.schema import Case, Forward
+from cosim.coupling.adaptive import Control
+from cosim.coupling.checkpoint import NAME, Kept, read_checkpoint, write_checkpoint
+from cosim.coupling.motion import Frame, Moment, Moves, moments
+from cosim.coupling.paced import paced
+from cosim.coupling.state_arrays import Special
 from cosim.observe_motion import motion_result
-from cosim.paced import paced
 from cosim.port import ConvergenceError, InputError, StoppedError
 from cosim.results import Result
-from cosim.snapshot import Special
 
 Progress = Callable[[str], None]
 RATE, WINDOW = 1e-3, 0.1

@@ -16,7 +16,7 @@ from cosim.terminal import console, told
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from cosim.verification import Row, Study
+    from cosim.checks import Row, Study
 
 verify = typer.Typer(
     no_args_is_help=True,
@@ -46,7 +46,7 @@ def fe(as_json: AsJson = False, only: Only = None, slow: Slow = False) -> None:
 
 
 def _verify(studies: Sequence[Study], as_json: bool, only: str | None, slow: bool) -> None:
-    from cosim.verification import chosen
+    from cosim.checks import chosen
 
     with told():
         studies = chosen(only, slow, studies)

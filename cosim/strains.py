@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from cosim.build_shell_look import HoodLook
+from cosim.hoods.shell.view import HoodLook
 from cosim.port import Array
 from meshes.hood_mesh import REGIONS
 

@@ -63,7 +63,7 @@ def sensitivity(
     """How a case's results answer to what it assumes: moduli, thickness, rest lengths, ligaments,
     fibres, contact, joints, posture, mesh; a tornado chart for each quantity, and a table."""
     with told():
-        from cosim.case import load_case
+        from cosim.case.file import load_case
         from cosim.compare_files import read_targets
         from cosim.sensitivity import study, to_csv, to_json
         from cosim.variations import variations
@@ -232,7 +232,7 @@ def _write_found(
     out: Path, found: Fit, cases: Sequence[FitCase], own: tuple[str, ...], targets: str
 ) -> None:
     """The case that all cases are made of, or, where they are made of several, the settings."""
-    from cosim.case import load_case
+    from cosim.case.file import load_case
     from cosim.identified import base_of, case_text, check_loads
 
     stated = [case.stated for case in cases]

@@ -12,7 +12,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, Literal, Protocol
 
-from cosim.case import load_case
+from cosim.case.file import load_case
 from cosim.compare import unit_of, value_of
 from cosim.port import CosimError, InputError
 

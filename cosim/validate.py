@@ -17,8 +17,8 @@ from typing import Any
 from cosim import __version__
 from cosim.audit import describe_misses
 from cosim.build_fit import check_fit
-from cosim.case import load_case
-from cosim.case_schema import Case
+from cosim.case.file import load_case
+from cosim.case.schema import Case
 from cosim.compare import Comparison, Kind, Target, as_dict, tally
 from cosim.compare_files import write_json
 from cosim.files import written_whole

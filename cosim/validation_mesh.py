@@ -11,8 +11,8 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from cosim import __version__
-from cosim.case import load_case
-from cosim.case_schema import GeneratedMesh, ShellHood
+from cosim.case.file import load_case
+from cosim.case.schema import GeneratedMesh, ShellHood
 from cosim.compare import COMPONENTS, Comparison
 from cosim.files import written_whole
 from cosim.validate import Board, six_digits

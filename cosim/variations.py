@@ -12,10 +12,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
-from cosim import units
-from cosim.case_finger import FmuFinger
-from cosim.case_schema import Case, Material, ShellHood, SplitHood
-from cosim.units import Kind
+from cosim.case.schema import Case, Material, ShellHood, SplitHood
+from cosim.fingers.common import FmuFinger
+from cosim.schema import units
+from cosim.schema.units import Kind
 from meshes.hood_mesh import REGIONS, runs_round
 
 Settings = tuple[str, ...]

@@ -7,11 +7,11 @@ from typing import Literal
 
 import numpy as np
 
-from cosim.accelerate import Aitken, QuasiNewton
-from cosim.coupled import Coupled, Pulls
+from cosim.checks import Row, Study
+from cosim.coupling.accelerators import Aitken, QuasiNewton
+from cosim.coupling.schemes import Explicit, Implicit, Linear, Newton, Scheme, begin, step
+from cosim.coupling.state import Coupled, Pulls
 from cosim.port import Array, ConvergenceError, Hood, MovingFinger
-from cosim.schemes import Explicit, Implicit, Linear, Newton, Scheme, begin, step
-from cosim.verification import Row, Study
 from cosim.verification_pairs import (
     FULL,
     INERTIA,

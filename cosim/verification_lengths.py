@@ -16,12 +16,12 @@ from functools import cache, partial
 from importlib.resources import files
 from typing import Any, NamedTuple
 
-from cosim.build_finger import skeleton_of
-from cosim.case import load_case
-from cosim.case_finger import IndexFinger
-from cosim.case_schema import Case
+from cosim.case.file import load_case
+from cosim.case.schema import Case
+from cosim.checks import Row, Study
+from cosim.fingers.common import IndexFinger
+from cosim.fingers.kinds import skeleton_of
 from cosim.run import run_case
-from cosim.verification import Row, Study
 
 HOODS = {"shell": "", "net of cables": "base/cable", "network": "base/network"}
 """Case that states each hood; the shell is the experiments' own."""

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from cosim.case import load_case
-from cosim.case_schema import Case
+from cosim.case.file import load_case
+from cosim.case.schema import Case
+from cosim.checks import Row, Study
 from cosim.lesion import both_sides
 from cosim.run import run_case
-from cosim.verification import Row, Study
 
 LEAST = 0.1
 """deg, of a change that is one."""

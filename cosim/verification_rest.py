@@ -7,11 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from cosim.build_forward import together
-from cosim.case import load_case
-from cosim.motion import moments
+from cosim.case.file import load_case
+from cosim.checks import Row, Study
+from cosim.coupling.motion import moments
 from cosim.port import Array
 from cosim.run import solve
-from cosim.verification import Row, Study
 
 COARSE = "hood.mesh.quads=120"
 AGREE = 1e-4

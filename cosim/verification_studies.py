@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cosim.case import find_case, load_case
+from cosim.case.file import find_case, load_case
+from cosim.checks import Row, Study
 from cosim.port import ConvergenceError
 from cosim.reduced_case import case_text
 from cosim.reduction import reduce_case
@@ -27,7 +28,6 @@ from cosim.study.address import address, code_version, stated
 from cosim.study.plan import Plan, read_plan
 from cosim.study.store import Store
 from cosim.study.task import Task, settle
-from cosim.verification import Row, Study
 
 if TYPE_CHECKING:
     import pandas as pd

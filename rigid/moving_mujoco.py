@@ -1,4 +1,4 @@
-"""A MuJoCo finger in motion behind the port: what `cosim.schemes` steps."""
+"""A MuJoCo finger in motion behind the port: what `cosim.coupling.schemes` steps."""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from cosim.couple import CouplingOptions, equilibrium
+from cosim.coupling.equilibrium import CouplingOptions, equilibrium
 from cosim.port import Array, Balance, Finger, Load
 from meshes.skeleton import JOINTS, Skeleton, index_finger
 from rigid import hinge

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from cosim.case_schema import Case
+from cosim.case.schema import Case
 from cosim.fmu.mapping import Place, places
 from cosim.fmu.parts import part_of
 from cosim.fmu.unit import Unit

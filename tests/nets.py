@@ -14,7 +14,7 @@ COARSE = 'hood.mesh.spacing="3 mm"'
 def cable_hood(*overrides: str) -> ShellHood:
     """As a case builds it."""
     from cosim.build import build
-    from cosim.case import load_case
+    from cosim.case.file import load_case
 
     hood = build(load_case("cable_edc", [COARSE, *overrides])).hood
     assert isinstance(hood, ShellHood)

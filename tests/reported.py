@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import xarray
 
-from cosim.case import load_case
+from cosim.case.file import load_case
 from cosim.results import write_result
 from cosim.run import run_case
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from cosim.build import Models, build
-from cosim.build_lumped import slip_forces
-from cosim.case import load_case
-from cosim.case_finger import IndexFinger
-from cosim.case_lumped import NetworkHood
+from cosim.case.file import load_case
+from cosim.fingers.common import IndexFinger
+from cosim.hoods.lumped.build import slip_forces
+from cosim.hoods.lumped.table import NetworkHood
 from cosim.port import STATIC
 from cosim.reduction_samples import FREE, Walk, on_models
 from cosim.verification_reduction import SOFT

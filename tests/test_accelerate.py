@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cosim.accelerate import (
+from cosim.coupling.accelerators import (
     Accelerator,
     Aitken,
     Constant,

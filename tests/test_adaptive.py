@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from told_hood import told
 
-from cosim.adaptive import Control, adaptive
+from cosim.coupling.adaptive import Control, adaptive
+from cosim.coupling.schemes import Explicit, Linear, Newton, Scheme, begin, step
 from cosim.port import ConvergenceError, InputError
-from cosim.schemes import Explicit, Linear, Newton, Scheme, begin, step
 from cosim.verification_pairs import REST, pulls_on_cables, soft_pair, soft_truth, stiff_pair
 
 

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from cosim.build_air import begun, cylinders, pulled
-from cosim.case import load_case, resolved_toml
+from cosim.case.file import load_case, resolved_toml
 from cosim.cli import app
 from cosim.history import draw_history
 from cosim.port import ConvergenceError, InputError, StoppedError
 from cosim.results import Result
 from cosim.run import run_case
+from cosim.tendons.air import begun, cylinders, pulled
 from rigid.pneumatic import ATMOSPHERE, Cylinder
 
 PLAIN = "output.picture=false"

@@ -12,9 +12,9 @@ from typer.testing import CliRunner
 
 from cosim.arms import beside_published, draw, own_arms, published, sweep
 from cosim.build import build, tensions
-from cosim.build_finger import joint_ranges
-from cosim.case import load_case
+from cosim.case.file import load_case
 from cosim.cli import app
+from cosim.fingers.kinds import joint_ranges
 from cosim.port import ConvergenceError, Motion
 
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cosim.checks import Row
 from cosim.port import ConvergenceError
-from cosim.verification import Row
 from fe_solver.verification.beams import rectangle_torsion, straight_beam
 from fe_solver.verification.benchmark import Benchmark, Meshes
 from fe_solver.verification.limit_loads import buckling_load

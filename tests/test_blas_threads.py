@@ -24,7 +24,7 @@ def threads():
 """
 DOORS = {
     "a case": """
-from cosim.case import load_case
+from cosim.case.file import load_case
 from cosim.run import run_case
 seen = []
 run_case(load_case("pulley_edc"), lambda stage: seen.extend(threads()))

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from cosim.build import Models, build, hood_mesh, tensions
-from cosim.case import load_case
+from cosim.case.file import load_case
 from cosim.observe import drawn_hood
 from cosim.port import STATIC, InputError
 from cosim.strains import strain_summary

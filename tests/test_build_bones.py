@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cosim.build import build, hood_mesh
-from cosim.case import load_case
+from cosim.case.file import load_case
 from cosim.port import InputError
 from meshes.bones import load_bone
 

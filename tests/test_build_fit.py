@@ -7,7 +7,7 @@ import pytest
 
 from cosim.build import build
 from cosim.build_fit import check_fit
-from cosim.case import load_case
+from cosim.case.file import load_case
 from cosim.port import InputError
 
 

@@ -13,10 +13,10 @@ import pytest
 import xarray
 from typer.testing import CliRunner
 
-from cosim.build_cable import cable_law
-from cosim.case import load_case
-from cosim.case_cable import CableHood
+from cosim.case.file import load_case
 from cosim.cli import app
+from cosim.hoods.cable.build import cable_law
+from cosim.hoods.cable.table import CableHood
 from cosim.port import STATIC, InputError, Motion
 from cosim.report.runs import read_run
 from cosim.report.views import view_of
@@ -45,7 +45,7 @@ def pose(**angles: float) -> Motion:
 @pytest.fixture(scope="module")
 def net() -> CableNet:
     """Over cylinders and balls for bones: the net asks nothing more of them."""
-    from cosim.build_finger import skeleton_of
+    from cosim.fingers.kinds import skeleton_of
     from fe_solver.shapes import Capsule
 
     case = load_case("cable_edc")

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cosim import units
-from cosim.case import find_case, json_schema, load_case, merge, resolved_toml
-from cosim.case_schema import Case
+from cosim.case.file import find_case, json_schema, load_case, merge, resolved_toml
+from cosim.case.schema import Case
 from cosim.port import InputError
+from cosim.schema import units
 
 PACKAGED = sorted(p.stem for p in find_case("isometric_edc").parent.glob("*.toml"))
 KINDS = [kind for kind in vars(units).values() if isinstance(kind, units.Kind)]

@@ -9,13 +9,13 @@ import pytest
 from typer.testing import CliRunner
 
 from cosim.build import drawn_bones, hood_mesh
-from cosim.build_fibres import angles_at, fibres_of
-from cosim.build_finger import skeleton_of
-from cosim.build_shell import shell_hood_of, thickness_of
-from cosim.build_shell_look import _line_angle
-from cosim.case import load_case, resolved_toml
-from cosim.case_fibres import Direction
+from cosim.case.file import load_case, resolved_toml
 from cosim.cli import app
+from cosim.fingers.kinds import skeleton_of
+from cosim.hoods.shell.build import shell_hood_of, thickness_of
+from cosim.hoods.shell.fibre_table import Direction
+from cosim.hoods.shell.fibres import angles_at, fibres_of
+from cosim.hoods.shell.view import _line_angle
 from cosim.port import InputError
 from cosim.strokes import SPACING, carry, stroke_cells, strokes
 from fe_solver.fibre_families import fibre_families

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cosim.build_muscles import live_muscles
-from cosim.case import load_case
+from cosim.case.file import load_case
 from cosim.port import InputError
 from cosim.run import run_case
+from cosim.tendons.muscles import live_muscles
 
 FAST = "output.picture=false"
 FIBRE = (

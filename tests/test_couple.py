@@ -10,13 +10,14 @@ import pytest
 from fingers import LENGTHS, cables_over_all_joints
 from scipy.optimize import brentq, minimize
 
-from cosim.couple import (
+from cosim.coupling.equilibrium import (
     CouplingOptions,
     Equilibrium,
     equilibrium,
     moment_arms,
     reciprocity,
 )
+from cosim.coupling.finger_equilibrium import affine, balanced
 from cosim.port import (
     STATIC,
     Array,
@@ -28,7 +29,6 @@ from cosim.port import (
     Response,
     State,
 )
-from cosim.rest import affine, balanced
 from rigid import hinge
 from rigid.hinge import HingeFinger
 from rigid.joint_torques import joint_law

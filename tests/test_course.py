@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.build_course import factor_of
-from cosim.case import load_case
-from cosim.case_finger import FileCourse, PointsCourse, SineCourse
+from cosim.case.file import load_case
+from cosim.fingers.common import FileCourse, PointsCourse, SineCourse
 from cosim.port import InputError
+from cosim.tendons.courses import factor_of
 from rigid.opensim.sto import Table, write_sto
 
 

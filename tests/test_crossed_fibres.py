@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
+from cosim.checks import Row
 from cosim.port import InputError
-from cosim.verification import Row
 from fe_solver.crossed_fibres import CrossedFibres, CrossedLinear
 from fe_solver.fibre_families import family_angles
 from fe_solver.fibre_materials import (

@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cosim.build_fit import check_fit
-from cosim.case import find_case, load_case
+from cosim.case.file import find_case, load_case
 from cosim.cli import app
 from cosim.double_count import counted_twice, stated_pairs
 from cosim.port import InputError

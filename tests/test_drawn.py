@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cosim.case import load_case
+from cosim.case.file import load_case
 from cosim.port import ConvergenceError, InputError
 from cosim.run import run_case
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from cosim.build_forward import together
-from cosim.case import load_case
-from cosim.driven import Draw, Driven, begun, drawn
+from cosim.case.file import load_case
+from cosim.coupling.excursion import Draw, Driven, begun, drawn
 from cosim.port import ConvergenceError, InputError, StoppedError
 from cosim.results import Result
 from cosim.run import run_case

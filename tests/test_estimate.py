@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from cosim.capacity import capacity
-from cosim.case import load_case
+from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.course_of_motion import read_motion
 from cosim.demand import AXES, force_demand, torque_demand

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from fingers import POSTURE, cables_over_all_joints, hinge_finger, solve
 
-from cosim.accelerate import Aitken, Constant, QuasiNewton
-from cosim.case import load_case
-from cosim.couple import CouplingOptions
-from cosim.fixed_point import fixed_point
+from cosim.case.file import load_case
+from cosim.coupling.accelerators import Aitken, Constant, QuasiNewton
+from cosim.coupling.equilibrium import CouplingOptions
+from cosim.coupling.fixed_point import fixed_point
 from cosim.port import ConvergenceError
 from cosim.run import run_case
 from rigid.support import FREE, IN_PLANE

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cosim.case import load_case
+from cosim.case.file import load_case
 from cosim.fmu import archive
 from cosim.fmu.archive import opened
 from cosim.fmu.export import write_fmu

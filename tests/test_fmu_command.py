@@ -7,7 +7,7 @@ import pytest
 import typer
 from typer.testing import CliRunner, Result
 
-from cosim.case import load_case
+from cosim.case.file import load_case
 from cosim.fmu import export, verification
 from cosim.fmu.export import write_fmu
 from cosim.fmu.unit import Unit

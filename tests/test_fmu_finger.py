@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from cosim.build import Models, build
 from cosim.build_fit import check_fit
-from cosim.case import json_schema, load_case
+from cosim.case.file import json_schema, load_case
 from cosim.cli import app
 from cosim.fmu.export import write_fmu
 from cosim.fmu.finger import FmuFinger

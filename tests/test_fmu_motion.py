@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from cosim.build_forward import Together, together
-from cosim.case import load_case
-from cosim.case_schema import Case
+from cosim.case.file import load_case
+from cosim.case.schema import Case
 from cosim.fmu.export import write_fmu
 from cosim.fmu.moving import FmuMovingFinger
 from cosim.fmu.parts import part_of

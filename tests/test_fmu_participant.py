@@ -9,18 +9,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.accelerate import Aitken
 from cosim.build import Models, build, tensions
-from cosim.build_finger import planar_chain
-from cosim.case import load_case
-from cosim.couple import CouplingOptions, Equilibrium, equilibrium
+from cosim.case.file import load_case
+from cosim.coupling.accelerators import Aitken
+from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium
+from cosim.coupling.schemes import Explicit, Implicit, Linear, Newton, begin, step
+from cosim.fingers.kinds import planar_chain
 from cosim.fmu.export import write_fmu
 from cosim.fmu.finger import FmuFinger, met
 from cosim.fmu.participant import FmuHood
 from cosim.fmu.quantity import tangent_of
 from cosim.fmu.unit import Unit
 from cosim.port import STATIC, ConvergenceError, Hood, InputError, Motion
-from cosim.schemes import Explicit, Implicit, Linear, Newton, begin, step
 from rigid.joint_torques import joint_law
 from rigid.moving_hinge import MovingHinge
 from tests.fmus import NEEDS_FMU, described

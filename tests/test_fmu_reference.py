@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.case import load_case
+from cosim.case.file import load_case
 from cosim.fmu.export import write_fmu
 from cosim.fmu.mapping import KINDS, Place
 from cosim.fmu.unit import Unit

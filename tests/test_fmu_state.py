@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.case import load_case
-from cosim.case_schema import Case
+from cosim.case.file import load_case
+from cosim.case.schema import Case
 from cosim.fmu.export import write_fmu
 from cosim.fmu.mapping import Place
 from cosim.fmu.parts import PARTS

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
+from cosim.coupling.finger_equilibrium import at_rest
 from cosim.port import Array, ConvergenceError, InputError, State
-from cosim.rest import at_rest
 from meshes.skeleton import JOINTS
 from rigid.device import Cage, Contact, Device, Shell
 from rigid.dynamics import Constant, FingerDynamics, Pull

@@ -175,7 +175,7 @@ def test_every_case_has_its_settings() -> None:
 
 def test_the_settings_fit_the_cases() -> None:
     """Every shipped case loads with its settings."""
-    from cosim.case import load_case
+    from cosim.case.file import load_case
 
     config = read_config(CONFIG)
     for name in golden.shipped_cases(ROOT):

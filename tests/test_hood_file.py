@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cosim.build import hood_mesh
-from cosim.case import load_case
+from cosim.case.file import load_case
 from cosim.port import InputError
 from fe_solver.mesh_geometry import node_directors
 from fe_solver.shell import shell_tables

@@ -7,9 +7,9 @@ import pytest
 import shells
 
 from cosim.build import build, drawn_bones, hood_mesh
-from cosim.build_ends import guide_depth
-from cosim.build_shell import baked_surfaces
-from cosim.case import find_case, load_case
+from cosim.case.file import find_case, load_case
+from cosim.hoods.fe_view import guide_depth
+from cosim.hoods.shell.build import baked_surfaces
 from cosim.reduction_samples import Walk, sampled
 from cosim.run import Setting, run_case, settled
 from fe_solver.shell_hood import ShellHood

@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cosim import hood_studies
-from cosim.case import load_case
+from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.hood_literature import (
     COUPLINGS,

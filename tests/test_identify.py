@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from cosim.case import load_case
+from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.compare import Target, value_of
 from cosim.compare_files import read_targets

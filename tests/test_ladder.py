@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cosim import ladder
-from cosim.case import load_case
+from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.ladder_table import side_by_side, to_csv, to_markdown
 from cosim.port import InputError

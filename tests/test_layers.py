@@ -21,28 +21,38 @@ MODULES = {
 # What a module, or each of a package, may import of ours, at the top or inside a function.
 ALLOWED = {
     "cosim.port": (),
-    "cosim.couple": ("cosim.port", "cosim.rest"),
-    "cosim.rest": ("cosim.port",),
+    "cosim.coupling.equilibrium": ("cosim.port", "cosim.coupling.finger_equilibrium"),
+    "cosim.coupling.finger_equilibrium": ("cosim.port",),
     "cosim.files": ("cosim.port",),
     "cosim.processes": (),
     "cosim.mesh_file": ("cosim.port",),
     "cosim.vtu_child": (),
-    "cosim.verification": ("cosim.port",),
-    "cosim.accelerate": ("cosim.port",),
-    "cosim.coupled": ("cosim.port", "cosim.accelerate"),
-    "cosim.schemes": ("cosim.port", "cosim.accelerate", "cosim.coupled"),
-    "cosim.adaptive": ("cosim.port", "cosim.coupled", "cosim.schemes"),
-    "cosim.driven": ("cosim.port",),
-    "cosim.motion": ("cosim.port", "cosim.coupled", "cosim.driven", "cosim.schemes"),
-    "cosim.snapshot": ("cosim.port",),
-    "cosim.one_way": ("cosim.port",),
-    "cosim.fixed_point": ("cosim.port", "cosim.accelerate", "cosim.couple", "cosim.rest"),
+    "cosim.checks": ("cosim.port",),
+    "cosim.coupling.accelerators": ("cosim.port",),
+    "cosim.coupling.state": ("cosim.port", "cosim.coupling.accelerators"),
+    "cosim.coupling.schemes": ("cosim.port", "cosim.coupling.accelerators", "cosim.coupling.state"),
+    "cosim.coupling.adaptive": ("cosim.port", "cosim.coupling.state", "cosim.coupling.schemes"),
+    "cosim.coupling.excursion": ("cosim.port",),
+    "cosim.coupling.motion": (
+        "cosim.port",
+        "cosim.coupling.state",
+        "cosim.coupling.excursion",
+        "cosim.coupling.schemes",
+    ),
+    "cosim.coupling.state_arrays": ("cosim.port",),
+    "cosim.coupling.one_way": ("cosim.port",),
+    "cosim.coupling.fixed_point": (
+        "cosim.port",
+        "cosim.coupling.accelerators",
+        "cosim.coupling.equilibrium",
+        "cosim.coupling.finger_equilibrium",
+    ),
     "fe_solver": (
-        *("cosim.port", "cosim.mesh_file", "cosim.processes", "cosim.verification"),
+        *("cosim.port", "cosim.mesh_file", "cosim.processes", "cosim.checks"),
         "fe_solver",
     ),
     "rigid": (
-        *("cosim.port", "cosim.rest", "cosim.files", "cosim.verification"),
+        *("cosim.port", "cosim.coupling.finger_equilibrium", "cosim.files", "cosim.checks"),
         *("meshes.skeleton", "rigid"),
     ),
     "meshes": ("cosim.port", "cosim.mesh_file", "meshes"),
@@ -52,26 +62,26 @@ KNOW_THE_SOLVERS = {
     "cosim.anatomy_case",
     "cosim.anatomy_feb",
     "cosim.build",
-    "cosim.build_air",
-    "cosim.build_cable",
-    "cosim.build_course",
-    "cosim.build_ends",
-    "cosim.build_fibres",
-    "cosim.build_finger",
+    "cosim.tendons.air",
+    "cosim.hoods.cable.build",
+    "cosim.tendons.courses",
+    "cosim.hoods.fe_view",
+    "cosim.hoods.shell.fibres",
+    "cosim.fingers.kinds",
     "cosim.build_fit",
     "cosim.build_forward",
-    "cosim.build_lumped",
-    "cosim.build_muscles",
+    "cosim.hoods.lumped.build",
+    "cosim.tendons.muscles",
     "cosim.build_one_way",
-    "cosim.build_robot_hood",
+    "cosim.hoods.cable.robot",
     "cosim.course_of_motion",
     "cosim.estimate",
     "cosim.estimate_case",
     "cosim.finger_commands",
     "cosim.hood_literature",
-    "cosim.region_forces",
-    "cosim.build_shell",
-    "cosim.build_shell_look",
+    "cosim.hoods.shell.region_forces",
+    "cosim.hoods.shell.build",
+    "cosim.hoods.shell.view",
     "cosim.shell_commands",
     "cosim.job_commands",
     "cosim.nearby",
@@ -122,8 +132,8 @@ def test_the_modules_are_found():
     assert {"cosim.port", "fe_solver.shell_hood", "rigid.pulley", "meshes.hood"} <= set(MODULES)
     assert "meshes.skeleton" in set(imports("rigid.index_finger", top_only=True))
     assert "fe_solver.newton" in set(imports("fe_solver.shell_hood", top_only=True))
-    assert "rigid.hinge" in set(imports("cosim.build_finger", top_only=False))
-    assert "rigid.hinge" not in set(imports("cosim.build_finger", top_only=True))
+    assert "rigid.hinge" in set(imports("cosim.fingers.kinds", top_only=False))
+    assert "rigid.hinge" not in set(imports("cosim.fingers.kinds", top_only=True))
 
 
 @pytest.mark.parametrize("room", ALLOWED)
@@ -160,7 +170,7 @@ def test_no_modules_import_each_other_in_a_circle():
         ("cosim.cli", {"mujoco", "scipy", "pyvista", "matplotlib", "xarray", "fe_solver", "rigid"}),
         ("cosim.cli", {"dask", "distributed", "pyarrow", "pandas", "SALib"}),
         ("cosim.study", {"dask", "pandas", "xarray", "scipy", "fe_solver", "rigid"}),
-        ("cosim.case", {"mujoco", "scipy", "xarray", "fe_solver", "rigid"}),
+        ("cosim.case.file", {"mujoco", "scipy", "xarray", "fe_solver", "rigid"}),
     ],
 )
 def test_importing_one_does_not_load_the_other(module, heavy):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from cosim.case import load_case
+from cosim.case.file import load_case
 from cosim.quantities import is_known
 from cosim.strengths import NOT_KNOWN, carried, strength_of, strengths
 from cosim.verification_lengths import (

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cosim.build_lesion import injured_network
-from cosim.case import load_case, resolved_toml
-from cosim.case_lesion import OF_MESH, Lesion
+from cosim.case.file import load_case, resolved_toml
+from cosim.hoods.injury import injured_network
+from cosim.hoods.lesion import OF_MESH, Lesion
 from cosim.lesion import both_sides
 from cosim.port import InputError
 from cosim.run import run_case
@@ -245,7 +245,7 @@ def test_a_faulty_lesion_says_where_and_what_to_write(name, setting, message):
 
 @given(st.text(min_size=1, max_size=20))
 def test_any_name_is_known_or_refused_by_name(name):
-    from cosim.case_lesion import lesion_fault
+    from cosim.hoods.lesion import lesion_fault
 
     for kind, parts in OF_MESH.items():
         wrong = lesion_fault(Lesion(cut=(name,)), kind, (), reduced=False)

@@ -13,7 +13,7 @@ from reported import run_into
 from typer.testing import CliRunner
 
 from cosim.build import build, hood_mesh
-from cosim.case import load_case
+from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.load_and_rest import (
     LEAST_RATIO,

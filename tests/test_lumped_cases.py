@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cosim.build import build
-from cosim.case import load_case, resolved_toml
+from cosim.case.file import load_case, resolved_toml
 from cosim.port import STATIC, Hood, InputError
 from cosim.results import Result
 from cosim.run import run_case

@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
+from cosim.checks import Row
 from cosim.port import InputError
-from cosim.verification import Row
 from fe_solver.crossed_fibres import CrossedFibres
 from fe_solver.fibre_materials import ExponentialFamily, HolzapfelGasserOgden, TransIsoMooneyRivlin
 from fe_solver.hyperelastic import NeoHookean, volume_ratio

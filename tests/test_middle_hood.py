@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from cosim.build import Models, build, drawn_bones, hood_mesh
-from cosim.build_finger import skeleton_of, width_of
-from cosim.build_shell import thickness_of
-from cosim.case import load_case
-from cosim.case_schema import Case
+from cosim.case.file import load_case
+from cosim.case.schema import Case
 from cosim.compare import Target, compared
 from cosim.compare_files import read_targets
+from cosim.fingers.kinds import skeleton_of, width_of
+from cosim.hoods.shell.build import thickness_of
 from cosim.port import InputError
 from cosim.run import run_case
 from meshes.hood_mesh import HoodMesh

@@ -11,9 +11,9 @@ import pytest
 from typer.testing import CliRunner
 
 from cosim import run_motion
-from cosim.case import load_case, resolved_toml
-from cosim.checkpoint import NAME
+from cosim.case.file import load_case, resolved_toml
 from cosim.cli import app
+from cosim.coupling.checkpoint import NAME
 from cosim.port import ConvergenceError, InputError, StoppedError
 from cosim.results import Result
 from cosim.run import run_case

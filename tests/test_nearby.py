@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from cosim.case import find_case, load_case
+from cosim.case.file import find_case, load_case
 from cosim.case_workers import Kept, solve_many, solve_one
 from cosim.compare import value_of
 from cosim.nearby import tangent_serves

@@ -6,12 +6,12 @@ import conformance
 import numpy as np
 import pytest
 
-from cosim.build_finger import live_finger
 from cosim.build_fit import check_fit
-from cosim.build_lumped import lumped_hood, slip_forces
-from cosim.case import load_case
-from cosim.case_finger import MiddleFinger
-from cosim.case_lumped import NetworkHood
+from cosim.case.file import load_case
+from cosim.fingers.common import MiddleFinger
+from cosim.fingers.kinds import live_finger
+from cosim.hoods.lumped.build import lumped_hood, slip_forces
+from cosim.hoods.lumped.table import NetworkHood
 from cosim.observe import result
 from cosim.port import STATIC, Finger, Hood
 from cosim.run import solve

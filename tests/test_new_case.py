@@ -15,9 +15,9 @@ from cosim.anatomy import Anatomy, Built
 from cosim.anatomy_bones import Bones, read_bones
 from cosim.anatomy_case import write_case
 from cosim.build import drawn_bones, hood_mesh
-from cosim.build_finger import mjcf_of
-from cosim.case import load_case
+from cosim.case.file import load_case
 from cosim.cli import app
+from cosim.fingers.kinds import mjcf_of
 from cosim.port import InputError
 from cosim.run import run_case
 from meshes.hood_mesh import HoodMesh, to_json

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.build_finger import finger_model, live_finger, mjcf_of, skeleton_of
 from cosim.build_fit import check_fit
-from cosim.case import load_case
-from cosim.case_finger import IndexFinger
+from cosim.case.file import load_case
+from cosim.fingers.common import IndexFinger
+from cosim.fingers.kinds import finger_model, live_finger, mjcf_of, skeleton_of
 from cosim.port import InputError
 from cosim.run import run_case
 from meshes.skeleton import JOINTS

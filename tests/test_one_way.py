@@ -11,12 +11,12 @@ import pytest
 from fingers import POSTURE, mujoco_finger
 
 from cosim import verification_rest, verification_thesis
-from cosim.build_muscles import live_muscles
-from cosim.case import load_case
-from cosim.one_way import JOINT_CONTACT, LUMPING, HandedOver, joint_forces
+from cosim.case.file import load_case
+from cosim.coupling.one_way import JOINT_CONTACT, LUMPING, HandedOver, joint_forces
 from cosim.port import STATIC, Load, Response
 from cosim.results import Result
 from cosim.run import run_case
+from cosim.tendons.muscles import live_muscles
 from cosim.verification_thesis import greatest_tip_force
 from meshes.skeleton import BODIES
 from rigid.support import HELD

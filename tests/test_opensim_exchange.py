@@ -12,7 +12,7 @@ from lxml import etree
 from numpy.testing import assert_allclose, assert_array_equal
 from typer.testing import CliRunner
 
-from cosim.case import load_case
+from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.opensim_loads import Handover, axes_of, loads_of, mean
 from cosim.port import InputError
@@ -322,7 +322,7 @@ def test_tensions_become_a_case_over_another(tmp_path):
 
 
 def test_tensions_over_time_become_the_courses_of_a_motion(tmp_path):
-    from cosim.build_course import factor_of
+    from cosim.tendons.courses import factor_of
 
     table, out = kept(tmp_path, TENSIONS, "f.sto"), tmp_path / "m.toml"
     words = ["tensions", table, "--column", "EDC=EDC1", "--over-time", "-o", out]

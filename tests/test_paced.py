@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from cosim import run_motion
-from cosim.case import load_case, resolved_toml
-from cosim.motion import Pace
-from cosim.paced import ROUNDING, _first_try
+from cosim.case.file import load_case, resolved_toml
+from cosim.coupling.motion import Pace
+from cosim.coupling.paced import ROUNDING, _first_try
 from cosim.port import ConvergenceError, InputError, StoppedError
 from cosim.results import Result
 from cosim.run import run_case

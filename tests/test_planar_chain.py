@@ -9,8 +9,8 @@ from fingers import mujoco_finger, pushed
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cosim.build_finger import planar_chain
-from cosim.case import load_case
+from cosim.case.file import load_case
+from cosim.fingers.kinds import planar_chain
 from cosim.port import InputError
 from cosim.run import run_case
 from rigid.planar_chain import BUCHNER, PlanarChain

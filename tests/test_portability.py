@@ -15,7 +15,7 @@ import psutil
 import pytest
 
 from cosim import files, identified
-from cosim.case import load_case
+from cosim.case.file import load_case
 from cosim.folders import replace_folder
 from cosim.parameters import read_free
 from cosim.port import CosimError, InputError

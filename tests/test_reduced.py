@@ -11,10 +11,10 @@ from scipy.special import eval_legendre
 from soft_network import JOINTS, MUSCLES, STRAIGHT, fitted_to, found, held_out, samples
 
 from cosim.build import build
-from cosim.build_finger import finger_model
-from cosim.build_lumped import fitted, reduced_hood
-from cosim.case import load_case
-from cosim.case_finger import IndexFinger
+from cosim.case.file import load_case
+from cosim.fingers.common import IndexFinger
+from cosim.fingers.kinds import finger_model
+from cosim.hoods.lumped.build import fitted, reduced_hood
 from cosim.port import STATIC, ConvergenceError, InputError, Motion
 from cosim.reduction_tip import tip_maps
 from meshes.skeleton import BODIES, index_finger

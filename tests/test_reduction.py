@@ -11,10 +11,10 @@ from typer.testing import CliRunner
 
 from cosim import reduction, reduction_walks
 from cosim.build import build
-from cosim.build_lumped import potential
-from cosim.case import find_case, load_case
-from cosim.case_lumped import NetworkHood
+from cosim.case.file import find_case, load_case
 from cosim.cli import app
+from cosim.hoods.lumped.build import potential
+from cosim.hoods.lumped.table import NetworkHood
 from cosim.port import ConvergenceError, InputError
 from cosim.reduced_case import case_text
 from cosim.reduction_errors import errors

@@ -9,8 +9,8 @@ import pytest
 from soft_network import soft_models
 from typer.testing import CliRunner
 
-from cosim.build_lumped import Sample
 from cosim.cli import app
+from cosim.hoods.lumped.build import Sample
 from cosim.port import InputError
 from cosim.reduction_kept import kept
 from cosim.reduction_samples import Lost, Walk, Walked, on_models

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from cosim.build import Models, hood_mesh
-from cosim.case import load_case
-from cosim.region_forces import Crossing, crossing, crossing_force, element_forces
+from cosim.case.file import load_case
+from cosim.hoods.shell.region_forces import Crossing, crossing, crossing_force, element_forces
 from cosim.run import run_case, solve
 
 PULL = 7.0

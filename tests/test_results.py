@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import xarray
 
-from cosim.case import load_case
+from cosim.case.file import load_case
 from cosim.picture import MOST_TRIANGLES, VIEWS, draw, thinned
 from cosim.port import InputError
 from cosim.results import (

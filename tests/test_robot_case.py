@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from cosim.build import Models, build, drawn_bones
-from cosim.build_finger import finger_model, our_finger
-from cosim.build_lumped import slip_forces, split_slips
-from cosim.case import load_case
+from cosim.case.file import load_case
+from cosim.fingers.kinds import finger_model, our_finger
+from cosim.hoods.lumped.build import slip_forces, split_slips
 from cosim.port import InputError
 from cosim.run import solve
 from rigid.robot.tables import LENGTHS, TABLE_III

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from cosim.build import drawn_bones
-from cosim.build_finger import finger_model
-from cosim.build_robot_hood import ROBOT_ENDS, robot_skeleton
-from cosim.case import load_case
+from cosim.case.file import load_case
+from cosim.fingers.kinds import finger_model
+from cosim.hoods.cable.robot import ROBOT_ENDS, robot_skeleton
 from cosim.run import solve
 from fe_solver.shapes import Capsule
 from meshes.cable_net import CableNet, cable_of, lay

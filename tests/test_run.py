@@ -12,7 +12,7 @@ import pytest
 import xarray
 from typer.testing import CliRunner
 
-from cosim.case import find_case, load_case
+from cosim.case.file import find_case, load_case
 from cosim.cli import app
 from cosim.observe import IN_METACARPAL
 from cosim.port import ConvergenceError

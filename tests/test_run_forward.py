@@ -11,7 +11,7 @@ import pytest
 import xarray
 from typer.testing import CliRunner
 
-from cosim.case import load_case
+from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.port import ConvergenceError, InputError
 from cosim.run import run_case

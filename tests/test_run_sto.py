@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from cosim.case import load_case
+from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.results import write_result
 from cosim.run import run_case

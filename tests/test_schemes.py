@@ -9,11 +9,9 @@ import numpy as np
 import pytest
 from told_hood import told
 
-from cosim import schemes
-from cosim.accelerate import Aitken, Constant, QuasiNewton
-from cosim.coupled import Coupled, apart, followed, standing, unexplained
-from cosim.port import STATIC, Array, ConvergenceError
-from cosim.schemes import (
+from cosim.coupling import schemes
+from cosim.coupling.accelerators import Aitken, Constant, QuasiNewton
+from cosim.coupling.schemes import (
     Explicit,
     Implicit,
     Linear,
@@ -24,6 +22,8 @@ from cosim.schemes import (
     forgotten,
     step,
 )
+from cosim.coupling.state import Coupled, apart, followed, standing, unexplained
+from cosim.port import STATIC, Array, ConvergenceError
 from cosim.verification_coupling import (
     SCHEMES,
     STUDIES,

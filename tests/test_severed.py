@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from cosim.build import build, hood_mesh
-from cosim.build_lesion import STRUT, adhesions, injured_mesh, injured_net
-from cosim.case import load_case
-from cosim.case_lesion import OF_MESH
+from cosim.case.file import load_case
+from cosim.hoods.injury import STRUT, adhesions, injured_mesh, injured_net
+from cosim.hoods.lesion import OF_MESH
 from cosim.port import InputError, Motion
 from fe_solver.hood_model import SpringSet, springs_of
 from fe_solver.springs import spring_forces
@@ -31,8 +31,8 @@ def intact() -> HoodMesh:
 @cache
 def net() -> CableNet:
     from cosim.build import drawn_bones
-    from cosim.build_cable import laid_net
-    from cosim.build_finger import skeleton_of
+    from cosim.fingers.kinds import skeleton_of
+    from cosim.hoods.cable.build import laid_net
 
     case = load_case("cable_edc", [SPACED])
     return laid_net(case.hood, case.finger, skeleton_of(case.finger), drawn_bones(case))
@@ -187,7 +187,7 @@ def test_the_uncut_is_as_it_was():
 def test_an_adhesion_holds_a_part_with_its_stiffness_in_every_direction():
     case = load_case("lesion_adhesion", [COARSE])
     mesh, lesion = intact(), case.lesion
-    from cosim.build_finger import skeleton_of
+    from cosim.fingers.kinds import skeleton_of
     from meshes.skeleton import BODIES
 
     rest = Motion(BODIES, *skeleton_of(case.finger).pose(mesh.rest_posture))
@@ -204,7 +204,7 @@ def test_an_adhesion_holds_a_part_with_its_stiffness_in_every_direction():
 
 
 def test_a_part_over_a_joint_grows_onto_both_bones():
-    from cosim.build_finger import skeleton_of
+    from cosim.fingers.kinds import skeleton_of
     from meshes.skeleton import BODIES
 
     case = load_case("lesion_adhesion", [COARSE, 'lesion.adhere=["central_slip"]'])

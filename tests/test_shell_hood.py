@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from test_conformance import index_motions
 
 from cosim.build import build, hood_mesh
-from cosim.case import load_case
+from cosim.case.file import load_case
 from cosim.port import STATIC, ConvergenceError, InputError, Motion, Response
 from fe_solver.bend import Bend
 from fe_solver.fields import contact_pressure, fields

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cosim.build_shell_look import HoodLook
+from cosim.hoods.shell.view import HoodLook
 from cosim.port import InputError
 from cosim.strains import gauged, is_slack, marker_strains, strain_change, strain_summary
 from meshes.hood_mesh import REGIONS, HoodMesh

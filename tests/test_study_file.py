@@ -9,7 +9,7 @@ from held import HELD
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cosim.case import load_case
+from cosim.case.file import load_case
 from cosim.port import InputError
 from cosim.study.file import read_file
 from cosim.study.plan import read_plan, scaled

@@ -15,7 +15,7 @@ import pytest
 from held import HELD
 from typer.testing import CliRunner
 
-from cosim.case import load_case
+from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.port import ConvergenceError, InputError
 from cosim.study import apart, open_study

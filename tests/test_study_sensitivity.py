@@ -13,8 +13,8 @@ import pytest
 from held import HELD
 from typer.testing import CliRunner
 
-from cosim.case import load_case
-from cosim.case_schema import Case
+from cosim.case.file import load_case
+from cosim.case.schema import Case
 from cosim.cli import app
 from cosim.compare import Target
 from cosim.port import ConvergenceError, InputError

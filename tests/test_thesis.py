@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
-from cosim.case import load_case
+from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.papers import thesis, thesis_models
 from cosim.papers.thesis import STUDIES
@@ -26,7 +26,7 @@ from cosim.papers.thesis_rows import (
     state,
 )
 from cosim.papers.thesis_unprinted import CASE, variants
-from cosim.validation_force import EXCESS
+from cosim.verification_thesis import EXCESS
 
 DATA = Path(thesis_models.__file__).parents[2] / "cases/data"
 COARSE = ("hood.mesh.quads=120",)

@@ -14,7 +14,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cosim.audit import BOUNDS, Bound
-from cosim.case import load_case
+from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.compare import Comparison, Target, verdict
 from cosim.port import ConvergenceError, InputError

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from cosim.checks import Row, chosen
 from cosim.cli import app
 from cosim.port import ConvergenceError, InputError
-from cosim.verification import Row, chosen
 from fe_solver.contact import Status, contact_forces, contact_state
 from fe_solver.springs import spring_state
 from fe_solver.verification import (

@@ -15,7 +15,7 @@ from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
 
 from cosim import mesh_file
 from cosim.build import hood_mesh
-from cosim.case import load_case
+from cosim.case.file import load_case
 from cosim.mesh_file import read_mesh_file
 from cosim.port import InputError
 from fe_solver.mesh_files import read_mesh

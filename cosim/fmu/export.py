@@ -21,8 +21,8 @@ from xml.etree.ElementTree import indent, tostring
 from pydantic import BaseModel
 
 from cosim import __version__
-from cosim.case import resolved_toml
-from cosim.case_schema import Case
+from cosim.case.file import resolved_toml
+from cosim.case.schema import Case
 from cosim.files import written_whole
 from cosim.fmu.run import ABOUT, CASE
 from cosim.port import InputError

@@ -1,7 +1,8 @@
 """A static finger over an FMU, and its coupling with any hood of the port.
 
-The unit answers an affine load with its equilibrium, which is all that `cosim.couple` asks of a
-finger within a round; so the rounds here are the same, between what need not be more than two FMUs.
+The unit answers an affine load with its equilibrium, which is all that `cosim.coupling.equilibrium`
+asks of a finger within a round; so the rounds here are the same, between what need not be more than
+two FMUs.
 """
 
 from __future__ import annotations
@@ -12,8 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.accelerate import Accelerator, accelerated, begun
-from cosim.couple import AT_REST, LOOSE
+from cosim.coupling.accelerators import Accelerator, accelerated, begun
+from cosim.coupling.equilibrium import AT_REST, LOOSE
+from cosim.coupling.finger_equilibrium import MOST_TURN
 from cosim.fmu.kinematics import OPTIONAL, Kinematics, Pose
 from cosim.fmu.mapping import places
 from cosim.fmu.participant import SHORT
@@ -30,7 +32,6 @@ from cosim.port import (
     Response,
     State,
 )
-from cosim.rest import MOST_TURN
 
 STILL = 1e-10
 """rad: the rounds end where no joint turns further."""
@@ -136,7 +137,7 @@ def met(
     progress: Progress = lambda text: None,
 ) -> Met:
     """The finger and the hood in equilibrium, from the finger's state `at` or its start: the rounds
-    of `cosim.couple.equilibrium`, ended by the finger's standing still.
+    of `cosim.coupling.equilibrium.equilibrium`, ended by the finger's standing still.
 
     Raises ConvergenceError."""
     at = finger.start() if at is None else at
@@ -167,8 +168,9 @@ def met_held(
     at: FingerAt | None = None,
     progress: Progress = lambda text: None,
 ) -> Met:
-    """The same by an accelerated fixed point in the joint angles, as `cosim.fixed_point`: no
-    derivative is asked for on the way.  It ends where no joint turns further than `tolerance` rad.
+    """The same by an accelerated fixed point in the joint angles, as `cosim.coupling.fixed_point`:
+    no derivative is asked for on the way.  It ends where no joint turns further than `tolerance`
+    rad.
 
     Raises ConvergenceError, and InputError for a unit without `kinematics`."""
     at = finger.start() if at is None else at

@@ -1,4 +1,5 @@
-"""A finger in motion over an FMU: `cosim.motion.WatchedFinger`, so far as a unit tells it."""
+"""A finger in motion over an FMU: `cosim.coupling.motion.WatchedFinger`, so far as a unit tells
+it."""
 
 from __future__ import annotations
 

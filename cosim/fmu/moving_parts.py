@@ -11,8 +11,11 @@ from math import ceil
 import numpy as np
 
 from cosim.build_forward import Together, special_states, together
-from cosim.case_schema import Case, Forward
-from cosim.coupled import Coupled
+from cosim.case.schema import Case, Forward
+from cosim.coupling.motion import WatchedFinger
+from cosim.coupling.schemes import step
+from cosim.coupling.state import Coupled
+from cosim.coupling.state_arrays import Special
 from cosim.fmu.parts import Part, motion_of_input, poses
 from cosim.fmu.quantity import (
     KINEMATICS,
@@ -23,10 +26,7 @@ from cosim.fmu.quantity import (
     moving_quantities,
     tensions_of,
 )
-from cosim.motion import WatchedFinger
 from cosim.port import AffineLoad, Array, InputError, State
-from cosim.schemes import step
-from cosim.snapshot import Special
 
 ROUNDING = 1e-9
 """Of a step, by which a master's may be longer than the case's."""

@@ -14,8 +14,10 @@ import numpy as np
 
 from cosim.build import Models, build, tensions
 from cosim.build_forward import special_states
-from cosim.case_schema import Case
-from cosim.couple import CouplingOptions, Equilibrium, equilibrium
+from cosim.case.schema import Case
+from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium
+from cosim.coupling.finger_equilibrium import balanced
+from cosim.coupling.state_arrays import Special
 from cosim.fmu.quantity import (
     KINEMATICS,
     STATIC_STEP,
@@ -28,8 +30,6 @@ from cosim.fmu.quantity import (
     tensions_of,
 )
 from cosim.port import STATIC, Array, Hood, InputError, Load, Motion, Response, State
-from cosim.rest import balanced
-from cosim.snapshot import Special
 
 ORTHONORMAL = 1e-6
 """How far from a rotation the matrix of a pose may be."""
@@ -142,7 +142,7 @@ class FingerPart:
     """The static finger alone: a step ends in its equilibrium under a load that follows its bodies.
 
     So far from equilibrium that a joint turns by more than a few degrees, it is a state on the way
-    there (`cosim.rest.balanced`), and the load is asked for again."""
+    there (`cosim.coupling.finger_equilibrium.balanced`), and the load is asked for again."""
 
     def __init__(self, case: Case, models: Models, tangent: bool = True) -> None:
         self.finger, self.tolerance = models.finger, case.solve.tolerance

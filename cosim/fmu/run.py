@@ -13,13 +13,13 @@ from uuid import NAMESPACE_URL, uuid5
 import numpy as np
 
 from cosim import __version__
-from cosim.case import load_case
+from cosim.case.file import load_case
+from cosim.coupling.state_arrays import Special
 from cosim.fmu.parts import Part, part_of
 from cosim.fmu.quantity import WITH_TANGENT, Quantity
 from cosim.fmu.state import Snapshot, Written
 from cosim.port import Array, CosimError, InputError
 from cosim.processes import one_blas_thread
-from cosim.snapshot import Special
 
 CASE, ABOUT = "case.toml", "about.json"
 """Files of a unit: the resolved case, and which part of it the unit is."""

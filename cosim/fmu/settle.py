@@ -18,9 +18,9 @@ from cosim.audit import missed_bounds
 from cosim.build import cables_of, drawn_cables, hood_on
 from cosim.build_fit import check_tendons
 from cosim.build_scheme import accelerator_of
-from cosim.case_finger import FmuFinger as FingerTable
-from cosim.case_schema import Case
+from cosim.case.schema import Case
 from cosim.double_count import counted_twice
+from cosim.fingers.common import FmuFinger as FingerTable
 from cosim.fmu.finger import FingerAt, FmuFinger, Met, met, met_held
 from cosim.load_and_rest import rest_block, rest_warnings
 from cosim.observe import COMPONENTS, IN_METACARPAL

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cosim.coupling.state_arrays import Arrays, Special, flattened, rebuilt
 from cosim.port import Array, InputError, State
-from cosim.snapshot import Arrays, Special, flattened, rebuilt
 
 if TYPE_CHECKING:
     from cosim.fmu.run import Run

@@ -13,9 +13,11 @@ import numpy as np
 
 from cosim.build import Models, build, tensions
 from cosim.build_forward import Together, together
-from cosim.case import load_case
-from cosim.case_schema import Case
-from cosim.couple import CouplingOptions, Equilibrium, equilibrium
+from cosim.case.file import load_case
+from cosim.case.schema import Case
+from cosim.checks import Row, Study
+from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium
+from cosim.coupling.finger_equilibrium import balanced
 from cosim.fmu.export import write_fmu
 from cosim.fmu.finger import FmuFinger, met
 from cosim.fmu.moving import FmuMovingFinger
@@ -23,9 +25,7 @@ from cosim.fmu.participant import FmuHood
 from cosim.fmu.parts import PARTS
 from cosim.fmu.settle import settled
 from cosim.port import STATIC, AffineLoad, Array, Hood
-from cosim.rest import balanced
 from cosim.run import run_case
-from cosim.verification import Row, Study
 
 TOLERANCE = 1e-9
 """N, of the fingertip force."""

@@ -13,9 +13,9 @@ from functools import lru_cache
 import numpy as np
 
 from cosim.build import build
-from cosim.case import load_case
-from cosim.case_lumped import JOINTS
-from cosim.case_lumped import NetworkHood as NetworkTable
+from cosim.case.file import load_case
+from cosim.hoods.lumped.table import JOINTS
+from cosim.hoods.lumped.table import NetworkHood as NetworkTable
 from cosim.port import STATIC, Array, Motion
 from cosim.run import run_case
 from rigid.chain import Chain, body_jacobian, tip_jacobian

@@ -11,9 +11,9 @@ from statistics import median
 
 import numpy as np
 
-from cosim.case import load_case
-from cosim.case_finger import CageTip
-from cosim.case_schema import Case, Isotropic, ShellHood
+from cosim.case.file import load_case
+from cosim.case.schema import Case, Isotropic, ShellHood
+from cosim.fingers.common import CageTip
 from cosim.opensim_loads import THESIS_AXES, axes_of
 from cosim.port import Array
 from cosim.results import Result

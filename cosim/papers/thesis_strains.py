@@ -156,7 +156,7 @@ def _draw_map(axes: Axes, run: Result, field: str, norm: Normalize) -> None:
 
 def _outline(hood: HoodField) -> list[np.ndarray]:
     """(2, 2) mm each: edges that only one cell of the central region has."""
-    from cosim.build_shell_look import CENTRAL
+    from cosim.hoods.shell.view import CENTRAL
     from meshes.hood_mesh import REGIONS
 
     within = np.isin(hood.cell_data["region"], [REGIONS.index(name) for name in CENTRAL])

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from cosim.case import load_case
-from cosim.case_finger import FmuFinger
-from cosim.case_schema import Case, PulleyHood
+from cosim.case.file import load_case
+from cosim.case.schema import Case, PulleyHood
+from cosim.fingers.common import FmuFinger
 from cosim.picture import thinned
 from cosim.port import Array, InputError, Motion
 from cosim.report.flat import laid_out
@@ -133,7 +133,7 @@ def _labels(run: Run, chosen: np.ndarray) -> tuple[str, ...]:
 def _with_finger(view: View, case: Case) -> View:
     """Bones, tendons and fingertip, from the joint angles.  Raises InputError."""
     from cosim.build import build, drawn_bones
-    from cosim.build_finger import live_finger
+    from cosim.fingers.kinds import live_finger
 
     if isinstance(case.finger, FmuFinger):
         raise InputError("its finger is in an FMU, a program that a report does not run")

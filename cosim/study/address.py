@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from cosim import __version__
-from cosim.case_schema import Case
+from cosim.case.schema import Case
 from cosim.port import InputError
 
 PACKAGES = ("cosim", "fe_solver", "rigid", "meshes")

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
-from cosim.case import load_case
+from cosim.case.file import load_case
 from cosim.port import InputError
 from cosim.study.address import address, code_version, stated
 from cosim.study.engine import Solve

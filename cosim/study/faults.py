@@ -9,7 +9,7 @@ from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from cosim.case_faults import at, found, unknown
+from cosim.case.faults import at, found, unknown
 
 
 def listing(source: Path, faults: Sequence[str]) -> str:

@@ -12,10 +12,10 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field, PlainValidator, ValidationError
 
-from cosim import units
-from cosim.case_fields import fault, quantity
-from cosim.case_types import Count, Switch, Table
 from cosim.port import InputError
+from cosim.schema import units
+from cosim.schema.fields import fault, quantity
+from cosim.schema.types import Count, Switch, Table
 from cosim.study.faults import faults_of, listing, shown
 from cosim.study.laws import Axis, Law, Lognormal, Normal, TruncatedNormal, Uniform, axis
 from cosim.study.samples import KINDS, Kind

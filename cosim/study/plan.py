@@ -9,7 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from cosim.case import find_case, load_case
+from cosim.case.file import find_case, load_case
 from cosim.compare import Target
 from cosim.port import Array, InputError
 from cosim.study.file import FORM, Parameter, Sampling, find_study, read_file

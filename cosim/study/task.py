@@ -87,7 +87,7 @@ def row_of(
 
 
 def _solved(task: Task, store: Store) -> Row:
-    from cosim.case_schema import Case, CaseFile
+    from cosim.case.schema import Case, CaseFile
     from cosim.run import run_case, settled
 
     settled.cache_clear()  # so that no bit depends on what this process solved before

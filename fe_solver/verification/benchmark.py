@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
-from cosim.verification import Row
+from cosim.checks import Row
 
 from ..shell import Array
 from .paths import halving_order

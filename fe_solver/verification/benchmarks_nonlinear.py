@@ -14,8 +14,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.linalg import norm
 
+from cosim.checks import Row
 from cosim.port import ConvergenceError, rotation_matrix
-from cosim.verification import Row
 
 from ..coupling import coupling, wrenches
 from ..model import Configuration, ShellModel

@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import brentq
 
+from cosim.checks import Row, Study
 from cosim.port import rotation_matrix
-from cosim.verification import Row, Study
 
 from ..cable_model import NO_QUADS, no_tables
 from ..cables import Cables, Ints, cable_forces, cable_state

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cosim.verification import Row
+from cosim.checks import Row
 
 from ..augment import settled, solve_augmented
 from ..contact import contact_state

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from cosim.checks import Row
 from cosim.port import rotation_matrix
-from cosim.verification import Row
 
 from ..materials import Isotropic, Law
 from ..model import Configuration, ShellModel

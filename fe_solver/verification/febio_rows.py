@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from cosim.verification import Row
+from cosim.checks import Row
 
 from ..fibre_materials import TransIsoMooneyRivlin
 from .material_points import fibre_tension, uniaxial

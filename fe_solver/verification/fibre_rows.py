@@ -22,7 +22,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cosim.verification import Row
+from cosim.checks import Row
 
 from ..crossed_fibres import CrossedFibres, CrossedLinear
 from ..fibre_materials import (

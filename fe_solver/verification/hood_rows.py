@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from cosim.checks import Row
 from cosim.port import HoodJacobian, Motion, rotation_matrix
-from cosim.verification import Row
 
 from ..augment import AugmentOptions, solve_augmented
 from ..contact import contact_state, partition

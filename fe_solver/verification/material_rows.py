@@ -8,7 +8,7 @@ from itertools import product
 
 import numpy as np
 
-from cosim.verification import Row
+from cosim.checks import Row
 
 from ..fibre_materials import HolzapfelGasserOgden, TransIsoMooneyRivlin
 from ..hyperelastic import NeoHookean, Potential

@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
+from cosim.checks import Row
 from cosim.port import ConvergenceError, CosimError
-from cosim.verification import Row
 
 from ..linear_algebra import chosen
 from ..model import ShellModel

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cosim.verification import Row
+from cosim.checks import Row
 
 from ..materials import Orthotropic
 from .paths import error_order

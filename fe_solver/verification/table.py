@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from cosim.verification import Row, Study
+from cosim.checks import Row, Study
 
 from . import (
     benchmarks_linear,

@@ -9,8 +9,8 @@ from functools import partial
 
 import numpy as np
 
+from cosim.checks import Row
 from cosim.port import rotation_matrix
-from cosim.verification import Row
 
 from ..contact import Contact, Grip, contact_forces
 from ..loads import Inertia

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from cosim.checks import Row
 from cosim.port import CosimError
-from cosim.verification import Row
 
 from ..kernels import PAYS, thread_count
 from ..linear_algebra import VARIABLE, chosen

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from cosim.checks import Row, Study
 from cosim.port import Array
-from cosim.verification import Row, Study
 from rigid.pneumatic import (
     GAMMA,
     GAS_CONSTANT,

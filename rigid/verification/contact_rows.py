@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from cosim.checks import Row
 from cosim.port import Array
-from cosim.verification import Row
 from rigid.human_network import MUSCLES, STIFFNESS, TENDONS, human_finger
 from rigid.network import Network
 from rigid.planar_chain import BUCHNER

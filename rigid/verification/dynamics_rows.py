@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from cosim.checks import Row
+from cosim.coupling.finger_equilibrium import at_rest
 from cosim.port import Array
-from cosim.rest import at_rest
-from cosim.verification import Row
 from meshes.skeleton import JOINTS, index_finger
 from rigid.bench import cpu_seconds
 from rigid.device import Cage, Contact, Device, Shell, wrench

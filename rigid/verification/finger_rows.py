@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
+from cosim.checks import Row
+from cosim.coupling.finger_equilibrium import at_rest
 from cosim.port import Array
-from cosim.rest import at_rest
-from cosim.verification import Row
 from meshes.skeleton import index_finger
 from rigid.index_finger import finger_model as index_model
 from rigid.joint_torques import JointLaw, joint_law

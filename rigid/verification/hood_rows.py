@@ -8,8 +8,8 @@ from time import perf_counter
 import numpy as np
 from scipy.optimize import brentq
 
+from cosim.checks import Row
 from cosim.port import STATIC, Array, Motion
-from cosim.verification import Row
 from meshes.skeleton import BODIES, index_finger
 from rigid.hinge_angle import flexion_angles
 from rigid.human_network import OPERATING_FORCE, TENDONS, human_finger

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cosim.verification import Study
+from cosim.checks import Study
 
 from . import contact_rows, hood_rows, network_study_rows, sharing_rows
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.verification import Row
+from cosim.checks import Row
 from rigid.muscle import opensim_reference
 from rigid.muscle.curves import Curve
 from rigid.muscle.dynamics import at_rest, fibre_velocity, step

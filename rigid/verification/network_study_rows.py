@@ -12,8 +12,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import minimize
 
+from cosim.checks import Row
 from cosim.port import Array
-from cosim.verification import Row
 from rigid.arm_switch import predicted, switch
 from rigid.excursion_fit import identify
 from rigid.excursion_fit_check import drawn, repeated

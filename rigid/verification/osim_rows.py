@@ -14,8 +14,8 @@ from importlib.resources import as_file, files
 import mujoco
 import numpy as np
 
+from cosim.checks import Row
 from cosim.port import Array
-from cosim.verification import Row
 from rigid.opensim.osim import Imported, import_osim
 
 NAME = "OpenSim file, imported"

@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 
-from cosim.verification import Row, Study
+from cosim.checks import Row, Study
 from rigid.robot import checks
 from rigid.robot.finger import robot_finger
 from rigid.robot.tables import JOINTS, TABLE_III, TENDONS

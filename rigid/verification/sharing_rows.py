@@ -13,8 +13,8 @@ from functools import partial
 import numpy as np
 from scipy.optimize import brentq
 
+from cosim.checks import Row
 from cosim.port import Array
-from cosim.verification import Row
 from rigid.coordination import Loop, deviation, flexed
 from rigid.coordination_findings import feasible, findings, flexion
 from rigid.flexion import DURATION, FULL, Course, cosine, on_the_curve, quintic, torques

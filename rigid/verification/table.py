@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cosim.verification import Study
+from cosim.checks import Study
 
 from . import dynamics_rows, finger_rows, muscle_rows, osim_rows
 

@@ -1,0 +1,1 @@
+"""The case: its schema, its file, and its faults in plain words."""

@@ -1,0 +1,237 @@
+"""The case file: found, read, layered, checked; every fault told at once, with its place."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import tomllib
+from collections.abc import Mapping, Sequence
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from cosim.case.faults import describe
+from cosim.case.schema import Case, CaseFile
+from cosim.port import InputError
+
+Layer = tuple[str, dict[str, Any]]
+"""Where values are stated (for messages) and the values."""
+
+# A later layer's word replaces an earlier layer's other way of saying the same.
+_ALTERNATIVES = {
+    "activation": {"tension", "excursion", "actuation"},
+    "tension": {"activation", "muscle", "excursion", "actuation"},
+    "muscle": {"tension", "excursion", "actuation"},
+    "excursion": {"tension", "activation", "muscle", "actuation"},
+    "actuation": {"tension", "activation", "muscle", "excursion"},
+    "voltage": {"pressure"},
+    "pressure": {"voltage"},
+    "curve": {"stiffness", "rest"},
+    "stiffness": {"curve"},
+    "rest": {"curve"},
+    "angle": {"along", "across", "field", "second"},
+    "field": {"angle", "along", "across"},
+    "second": {"angle"},
+}
+
+
+def load_case(path_or_name: str | Path, overrides: Sequence[str] = ()) -> Case:
+    """The checked case at a path, or of that name among the packaged ones, with `overrides`
+    ("hood.mesh.quads=250") on top.
+
+    Raises InputError that lists every fault with its place and what to write instead.
+    """
+    source = find_case(path_or_name)
+    try:
+        layers = [*_read_layers(source, ()), *map(_override, overrides)]
+        merged: dict[str, Any] = {}
+        for _, layer in layers:
+            merged = merge(merged, layer)
+        checked = CaseFile.model_validate(merged)
+    except ValidationError as error:
+        faults = describe(error, merged, layers)
+        raise InputError(_listing(source, faults)) from None
+    except RecursionError:
+        raise InputError(f"{_shown(source)}: tables are nested too deeply") from None
+    return Case.model_construct(name=source.stem, source=source, **dict(checked))
+
+
+def find_case(path_or_name: str | Path, beside: Path | None = None) -> Path:
+    """The file at a path (relative to `beside` or here), or the packaged case of that name.
+
+    Raises InputError."""
+    packaged = Path(str(resources.files("cases")))
+    text = str(path_or_name)
+    places = [(beside or Path.cwd()) / text, packaged / text, packaged / f"{text}.toml"]
+    for place in places:
+        if os.path.isfile(place):
+            return Path(os.path.realpath(place))
+    known = ", ".join(sorted(p.stem for p in packaged.glob("*.toml")))
+    raise InputError(f"{text!r}: no such file and no packaged case; packaged are: {known}")
+
+
+def _listing(source: Path, faults: Sequence[str]) -> str:
+    count = f"{len(faults)} fault" + ("s" if len(faults) > 1 else "")
+    return "\n  ".join([f"{_shown(source)}: {count}", *faults])
+
+
+def _shown(path: Path) -> str:
+    """The path as a person here would type it, where that is shorter."""
+    try:
+        return min(str(path), os.path.relpath(path), key=len)
+    except ValueError:  # another drive
+        return str(path)
+
+
+def _read_layers(source: Path, above: tuple[Path, ...]) -> list[Layer]:
+    """The file's values, with those it extends before them."""
+    if source in above:
+        chain = " -> ".join(_shown(p) for p in (*above, source))
+        raise InputError(f"these files extend each other in a circle: {chain}")
+    values = _read_toml(source)
+    base = values.pop("extends", None)
+    here: Layer = (_shown(source), _anchored(values, source.parent))
+    if base is None:
+        return [here]
+    if not isinstance(base, str):
+        raise InputError(f"{_shown(source)}: extends = {base!r}: write the path of a case file")
+    try:
+        found = find_case(base, source.parent)
+    except InputError as error:
+        raise InputError(f"{_shown(source)}: extends {error}") from None
+    return [*_read_layers(found, (*above, source)), here]
+
+
+def _read_toml(source: Path) -> dict[str, Any]:
+    try:
+        text = source.read_bytes().decode("utf-8-sig")
+        return tomllib.loads(text)
+    except OSError as error:
+        raise InputError(f"{_shown(source)}: cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{_shown(source)}: is not a text file in UTF-8") from error
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(_toml_fault(_shown(source), text, str(error))) from error
+    except ValueError as error:  # e.g. an integer of thousands of digits
+        raise InputError(f"{_shown(source)}: is not valid TOML: {error}") from error
+
+
+def _toml_fault(shown: str, text: str, message: str) -> str:
+    """tomllib's message with the line it is about, in plain words."""
+    place = re.search(r" \(at (?:line (\d+), column (\d+)|end of document)\)$", message)
+    what = message[: place.start()] if place else message
+    twice = re.search(
+        r"Cannot overwrite a value|Cannot (?:declare|mutate).*(?:twice|namespace)", what
+    )
+    if twice:
+        what = "this key or table is given twice; keep one"
+    if not place or not place[1]:
+        return f"{shown}: is not valid TOML: {what} (at the end of the file)"
+    line = text.splitlines()[int(place[1]) - 1].strip() if text.splitlines() else ""
+    return f"{shown}, line {place[1]}, column {place[2]}: {what}\n  {line[:100]}"
+
+
+def _anchored(values: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """Paths stated in a file made relative to that file."""
+    mesh = _table(values, "hood", "mesh")
+    tables = [(mesh, "path"), (_table(values, "hood"), "path"), (_table(values, "finger"), "path")]
+    tables += [(_table(t, "course"), "path") for t in _table(values, "tendons").values()]
+    tables += [(bone, "surface") for bone in _table(values, "finger", "bones").values()]
+    for table, key in tables:
+        if isinstance(table, dict) and isinstance(table.get(key), str):
+            table[key] = str(folder / table[key])
+    return values
+
+
+def _table(values: Any, *keys: str) -> dict[str, Any]:
+    for key in keys:
+        values = values.get(key) if isinstance(values, dict) else None
+    return values if isinstance(values, dict) else {}
+
+
+def _override(text: str) -> Layer:
+    """One `a.b.c=value`: the value as TOML, or as plain text where it is none."""
+    key, equals, value = text.partition("=")
+    names = [name.strip() for name in key.split(".")]
+    if not equals or not all(names):
+        raise InputError(f"--set {text!r}: write key=value, for example hood.mesh.quads=250")
+    if any("\ud800" <= c <= "\udfff" for c in text):
+        raise InputError(f"--set {text!r}: is not text in UTF-8")
+    nested: Any = _value(value.strip())
+    for name in reversed(names):
+        nested = {name: nested}
+    return f"--set {key.strip()}", _anchored(nested, Path.cwd())
+
+
+def _value(text: str) -> Any:
+    try:
+        parsed = tomllib.loads(f"value = {text}")
+    except ValueError:
+        return text
+    return parsed["value"] if len(parsed) == 1 else text
+
+
+def merge(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+    """`base` with `over` on top, table by table; a table of another `kind` replaces the old one."""
+    if "kind" in over and "kind" in base and over["kind"] != base["kind"]:
+        return dict(over)
+    replaced = {old for key in over for old in _ALTERNATIVES.get(key, ())}
+    merged = {key: value for key, value in base.items() if key not in replaced}
+    for key, value in over.items():
+        old = merged.get(key)
+        if isinstance(old, dict) and isinstance(value, dict):
+            value = merge(old, value)
+        merged[key] = value
+    return merged
+
+
+def resolved_toml(case: Case) -> str:
+    """The whole case as one TOML file, which loads to the same case again."""
+    values = case.model_dump(mode="json", exclude={"name", "source"}, exclude_none=True)
+    return "\n".join(_toml_lines(values, ())).lstrip() + "\n"
+
+
+def _toml_lines(table: Mapping[str, Any], path: tuple[str, ...]) -> list[str]:
+    plain = {key: value for key, value in table.items() if not isinstance(value, dict)}
+    lines = ["", f"[{'.'.join(path)}]"] if path and (plain or not table) else []
+    lines += [f"{key} = {_toml_value(value)}" for key, value in plain.items()]
+    for key, value in table.items():
+        if isinstance(value, dict):
+            lines += _toml_lines(value, (*path, key))
+    return lines
+
+
+def _toml_value(value: Any) -> str:
+    if isinstance(value, list):
+        return f"[{', '.join(map(_toml_value, value))}]"
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{k} = {_toml_value(v)}" for k, v in value.items()) + "}"
+    # JSON's strings, numbers and truth values are TOML's, but for DEL
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def json_schema() -> dict[str, Any]:
+    """JSON Schema of a case file, for editors.
+
+    Since a file may leave to the one it extends what it does not say itself, nothing is required.
+    """
+    schema = _relaxed(CaseFile.model_json_schema())
+    schema["properties"]["extends"] = {
+        "type": "string",
+        "description": "case file whose values these come on top of; relative to this file",
+    }
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+
+
+def _relaxed(node: Any) -> Any:
+    if isinstance(node, list | tuple):
+        return [_relaxed(item) for item in node]
+    if not isinstance(node, dict):
+        return node
+    kept = {k: _relaxed(v) for k, v in node.items() if k not in ("required", "discriminator")}
+    if "oneOf" in kept:
+        kept["anyOf"] = kept.pop("oneOf")
+    return kept

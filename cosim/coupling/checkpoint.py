@@ -1,0 +1,112 @@
+"""Checkpoints of a coupled motion: all that going on needs, written whole or not at all.
+
+A file of plain arrays (`cosim.coupling.state_arrays`), with the case that it belongs to as text:
+nothing in it can build anything but the state of that case.
+"""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cosim import __version__
+from cosim.coupling.motion import Frame, Moment
+from cosim.coupling.state_arrays import Special, flattened, rebuilt
+from cosim.files import written_whole
+from cosim.port import Array, InputError
+
+NAME = "checkpoint.npz"
+FRAMES = "frames"
+
+
+@dataclass(frozen=True)
+class Kept:
+    """A motion so far: its state, and the frames and fingertip wrenches of the steps behind."""
+
+    moment: Moment
+    frames: tuple[Frame, ...]
+    tips: tuple[Array, ...]
+
+
+def write_checkpoint(folder: Path, case: str, kept: Kept, special: Special) -> None:
+    """Into `folder`, over an older one.  Raises InputError where it cannot be written (a full disk
+    leaves the older one as it was)."""
+    arrays = flattened(kept.moment, special)
+    arrays |= {f"{FRAMES}/{k}": v for k, v in _stacked(kept.frames, kept.tips).items()}
+    arrays |= {"case": np.array(case), "version": np.array(__version__)}
+    with written_whole(folder / NAME) as part, part.open("wb") as file:
+        np.savez(file, **arrays)
+
+
+def read_checkpoint(folder: Path, case: str, template: Kept, special: Special) -> Kept:
+    """The motion that `write_checkpoint` left, of which `template` is the beginning.
+
+    Raises InputError for a file that is none, that is cut off, or that belongs to another case or
+    version."""
+    path = folder / NAME
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays: dict[str, Any] = {name: file[name] for name in file.files}
+    except FileNotFoundError:
+        raise InputError(f"{path}: there is no checkpoint to go on from") from None
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile, KeyError) as error:
+        raise InputError(f"{path}: is no whole checkpoint ({error}); run the case anew") from error
+    told = {key: str(arrays.pop(key, "")) for key in ("case", "version")}
+    if told["version"] != __version__:
+        raise InputError(
+            f"{path}: written by version {told['version'] or 'unknown'}, this is {__version__}; "
+            "run the case anew"
+        )
+    if told["case"] != case:
+        raise InputError(f"{path}: belongs to another case than {folder / 'case.toml'} says")
+    own = {k: arrays.pop(k) for k in list(arrays) if k.startswith(f"{FRAMES}/")}
+    try:
+        moment = rebuilt(template.moment, arrays, special)
+        frames, tips = _unstacked({k.partition("/")[2]: v for k, v in own.items()})
+    except (KeyError, ValueError, TypeError) as error:
+        raise InputError(f"{path}: is no whole checkpoint ({error}); run the case anew") from error
+    return Kept(moment, frames, tips)
+
+
+FIELDS = (
+    "time",
+    "angles",
+    "rates",
+    "tension",
+    "excursion",
+    "wrench",
+    "total",
+    "imbalance",
+    "drive",
+)
+NUMBERS = ("residual", "energy")
+
+
+def _stacked(frames: Sequence[Frame], tips: Sequence[Array]) -> dict[str, Array]:
+    out = {name: np.array([getattr(f, name) for f in frames]) for name in (*FIELDS, *NUMBERS)}
+    return {**out, "tips": np.array(tips)}
+
+
+def _unstacked(arrays: dict[str, Array]) -> tuple[tuple[Frame, ...], tuple[Array, ...]]:
+    frames = tuple(
+        Frame(
+            time=float(arrays["time"][k]),
+            angles=arrays["angles"][k],
+            rates=arrays["rates"][k],
+            tension=arrays["tension"][k],
+            excursion=arrays["excursion"][k],
+            wrench=arrays["wrench"][k],
+            total=arrays["total"][k],
+            imbalance=(float(arrays["imbalance"][k, 0]), float(arrays["imbalance"][k, 1])),
+            residual=float(arrays["residual"][k]),
+            energy=float(arrays["energy"][k]),
+            drive=arrays["drive"][k],
+        )
+        for k in range(len(arrays["time"]))
+    )
+    return frames, tuple(arrays["tips"])

@@ -1,0 +1,176 @@
+"""Coupled static equilibrium of a finger and a hood, over the port and nothing else.
+
+The hood answers a pose with wrenches and with their derivatives.  The finger then balances against
+that answer as an affine function of its poses, which costs it next to nothing; the hood is asked
+again at the new pose, until its answer is the one that the finger balanced against.  Each round is
+a Newton step of the whole (the finger's own nonlinearity, such as a joint limit, is solved out).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from cosim.coupling.finger_equilibrium import balanced
+from cosim.port import (
+    STATIC,
+    Array,
+    Balance,
+    ConvergenceError,
+    Finger,
+    Hood,
+    HoodJacobian,
+    Load,
+    Motion,
+    Response,
+    State,
+)
+
+LOOSE, NEAR = 1e-3, 0.1
+"""The hood is solved to LOOSE until the interface's residual is below NEAR (an inexact Newton:
+Dembo, Eisenstat and Steihaug 1982, SIAM J Numer Anal 19:400)."""
+AT_REST = 1e-4
+"""rad: a finger that would still turn so far is not at rest, however small its residual: it stands
+where it would run away."""
+
+PATIENCE = 8
+"""Rounds after which a step that does not lower the interface's residual is halved: a hood whose
+tendons go slack and taut has kinks, between which whole steps can go to and fro for ever."""
+LEAST_PART = 2.0**-10
+
+
+@dataclass(frozen=True)
+class CouplingOptions:
+    """`tolerance` of the finger's and of the interface's relative residual."""
+
+    tolerance: float = 5e-7
+    max_iterations: int = 25
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """A coupled equilibrium with its audit."""
+
+    finger_state: State
+    motion: Motion
+    response: Response
+    balance: Balance
+    jacobian: HoodJacobian
+    hood_tension: Array
+    finger_tension: Array
+    finger_residual: float
+    """Relative imbalance of the finger against the load that it was solved with."""
+    interface_residual: float
+    """Relative difference, as joint torques, of that load and the hood's answer at this pose."""
+    iterations: int
+    """Hood solves."""
+
+    @property
+    def load(self) -> Load:
+        return self.response.load
+
+    @property
+    def excursion(self) -> Array:
+        return self.response.excursion
+
+
+def equilibrium(
+    finger: Finger,
+    hood: Hood,
+    finger_state: State,
+    hood_state: State,
+    hood_tension: Array,
+    finger_tension: Array,
+    options: CouplingOptions,
+    progress: Callable[[str], None] = lambda text: None,
+) -> Equilibrium:
+    """Joint angles, tip reaction and hood shape that balance, from a finger and a hood nearby.
+
+    Raises ConvergenceError when the interface residual stays above its tolerance, or when the hood
+    or the finger alone has no equilibrium."""
+    interface, exact = np.inf, False
+    state, part = hood_state, 1.0
+    way: _Way | None = None
+    for iteration in range(1, options.max_iterations + 1):
+        motion = finger.motion(finger_state)
+        solver = hood if exact else hood.loosely(LOOSE)
+        response = solver.advance(state, motion, hood_tension, STATIC)
+        jacobian = solver.jacobian(response.state)
+        now = finger.balance(finger_state, response.load, finger_tension)
+        interface = now.relative
+        progress(f"coupling round {iteration}: relative residual {interface:.1e}")
+        is_late = iteration > PATIENCE and part > LEAST_PART
+        if is_late and way is not None and interface > max(way.interface, options.tolerance):
+            part, state = 0.5 * part, way.state
+            finger_state = finger.displaced(way.finger_state, part * way.step)
+            continue
+        aim, foreseen = balanced(
+            finger,
+            finger_state,
+            response.load,
+            finger_tension,
+            jacobian.load_motion,
+            options.tolerance,
+        )
+        turn = np.abs(finger.angles(aim) - finger.angles(finger_state)).max()
+        if exact and interface <= options.tolerance and turn <= AT_REST:
+            return Equilibrium(
+                finger_state,
+                motion,
+                response,
+                now,
+                jacobian,
+                hood_tension,
+                finger_tension,
+                foreseen.relative,
+                interface,
+                iteration,
+            )
+        exact = interface <= NEAR
+        step = finger.unknowns(aim) - finger.unknowns(finger_state)
+        way, part = _Way(finger_state, response.state, step, interface), 1.0
+        finger_state, state = aim, response.state
+    raise ConvergenceError(
+        f"hood and finger did not agree in {options.max_iterations} rounds: the interface's "
+        f"relative residual is {interface:.1e}, its tolerance {options.tolerance:.1e}. Try more "
+        "rounds (solve.max_iterations), a smaller tension, or a stiffer passive joint."
+    )
+
+
+class _Way(NamedTuple):
+    """A step that was taken: from where, the finger's unknowns (n,) that it moved, and the
+    interface's residual there."""
+
+    finger_state: State
+    state: State
+    step: Array
+    interface: float
+
+
+def moment_arms(finger: Finger, e: Equilibrium) -> Array:
+    """(nq, nt) m, by force: derivative of the joint torques by each hood tendon's tension,
+    d tau/d T at fixed pose (for a prestressed hood not the same as tau/T)."""
+    return finger.jacobian(e.finger_state).T @ e.jacobian.load_tension
+
+
+def reciprocity(finger: Finger, hood: Hood, e: Equilibrium, tendon: int, step: float) -> float:
+    """Relative difference of the moment arms by force and by excursion.
+
+    By force: `moment_arms`.  By excursion: the slope of all tendons' excursions over two hood
+    solves with the joints moved by +-`step` (rad) along the moment arms of `tendon` (Maxwell's
+    reciprocity; the slope is what excursion experiments measure)."""
+    by_force = moment_arms(finger, e)
+    way = by_force[:, tendon] / np.linalg.norm(by_force[:, tendon])
+    excursion = []
+    for sign in (1.0, -1.0):
+        move = np.zeros(len(finger.unknowns(e.finger_state)))
+        move[: len(way)] = sign * step * way
+        motion = finger.motion(finger.displaced(e.finger_state, move))
+        there = hood.advance(e.response.state, motion, e.hood_tension, STATIC)
+        excursion.append(there.excursion)
+    by_excursion = (excursion[0] - excursion[1]) / (2 * step)
+    along = way @ by_force
+    return float(np.abs(by_excursion - along).max() / np.abs(along).max())

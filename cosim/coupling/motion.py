@@ -1,0 +1,244 @@
+"""A coupled motion in time: the loop over the steps, and what is kept of each.
+
+Muscles pull with the lengths that their paths had at the end of the step before.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+import numpy as np
+
+from cosim.coupling.excursion import Draw, Driven, begun, drawn
+from cosim.coupling.schemes import Scheme, begin, step
+from cosim.coupling.state import Coupled
+from cosim.port import Array, ConvergenceError, Hood, MovingFinger, State
+
+Progress = Callable[[str], None]
+EVERY = 50
+"""Steps between two words of progress."""
+
+
+class Puller(Protocol):
+    """What gives tensions over time; its state is opaque."""
+
+    def start(self, length: Array) -> State:
+        """At t = 0 with paths of `length` (nt,) m, the hood's tendons first."""
+        ...
+
+    def pull(self, state: State, time: float, length: Array, dt: float) -> Any:
+        """At `time` s, `dt` s after `state`: an object with `tension` (nt,) N and `state`."""
+        ...
+
+    def settled(self, state: State, length: Array) -> State:
+        """The state of the start, once the hood has found its equilibrium with paths of `length`:
+        pistons stand where they start there."""
+        ...
+
+    def told(self, state: State, time: float) -> Array:
+        """(nc, 2) of each pneumatic cylinder: V commanded, Pa above the atmosphere."""
+        ...
+
+
+class WatchedFinger(MovingFinger, Protocol):
+    """A finger in time that tells more than a scheme asks for: what is kept of a motion."""
+
+    def dissipation(self, state: State) -> float:
+        """W, of the damping of joints and limits."""
+        ...
+
+    def tip_wrench(self, state: State) -> Array:
+        """(6,) N, and N m about the fingertip, of it on the world, world frame."""
+        ...
+
+    def tip(self, angles: Array) -> Array | None:
+        """(3,) m, the fingertip's point at joint angles (nq,) rad, where it is known."""
+        ...
+
+    def lines(self, angles: Array) -> dict[str, Array]:
+        """Polylines (k, 3) m to draw, by name."""
+        ...
+
+    def ledger(
+        self,
+        before: tuple[Array, Array],
+        now: tuple[Array, Array],
+        dt: float,
+        hood: Array,
+        tension: Array,
+        tip: Array,
+    ) -> dict[str, Array]:
+        """(nb, 6) wrench on each body about its origin by source at the end of a step of `dt` s
+        between two (angles, rates), beside the hood's (nb, 6) and under the own tendons' tensions
+        (nt,) and the tip's wrench (6,) on the world, so far as the finger knows its forces."""
+        ...
+
+
+@dataclass(frozen=True)
+class Pace:
+    """How the steps of a motion went whose length follows from their error."""
+
+    proposed: float
+    """s, for the next one."""
+    accepted: int = 0
+    rejected: int = 0
+    error: float = 0.0
+    """rad, the largest estimated of an accepted step."""
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A motion between two steps: all that going on needs."""
+
+    coupled: Coupled
+    puller: State
+    dissipated: float
+    """J, by the joints and limits since the start."""
+    pace: Pace
+    draw: Draw
+    """Of the tendons whose ends are displaced."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """What is kept of a time."""
+
+    time: float
+    angles: Array
+    rates: Array
+    tension: Array
+    """(nt,) N, the hood's tendons, then the finger's own."""
+    excursion: Array
+    wrench: Array
+    """(nb, ns, 6) of the hood by source; with the scheme Linear at the predicted pose."""
+    total: Array
+    """(nb, 6) of the hood at the pose."""
+    imbalance: tuple[float, float]
+    """Of the massless hood: relative, of forces and moments."""
+    residual: float
+    energy: float
+    """J, of the finger."""
+    drive: Array
+    """(nc, 2) of each pneumatic cylinder: V commanded, Pa above the atmosphere."""
+
+
+NOTHING_DRIVEN = Driven((), np.zeros(0, dtype=int), lambda time: np.zeros(0))
+
+
+@dataclass(frozen=True)
+class Moves:
+    """A finger and a hood that move together in steps of `dt` s."""
+
+    scheme: Scheme
+    finger: WatchedFinger
+    hood: Hood
+    puller: Puller
+    dt: float
+    driven: Driven = NOTHING_DRIVEN
+
+    def begin(self, state: State) -> Moment:
+        """At rest in the finger's `state`, the hood in equilibrium on it."""
+        split, (pulls, tension) = len(self.hood.tendons), self.first_pull(state)
+        coupled = begin(
+            self.scheme,
+            self.finger,
+            self.hood,
+            state,
+            lambda time: (tension[:split], tension[split:]),
+        )
+        index = self.driven.index
+        draw = begun(tension[index], self._excursions(coupled)[index])
+        lengths = np.concatenate([-coupled.point.excursion, self._own(coupled.finger)])
+        pulls = self.puller.settled(pulls, lengths)
+        return Moment(coupled, pulls, 0.0, Pace(self.dt), draw)
+
+    def first_pull(self, state: State) -> tuple[State, Array]:
+        """What pulls at t = 0 on the finger in `state`, and with what tensions (nt,) N."""
+        lengths = np.concatenate([np.zeros(len(self.hood.tendons)), self._own(state)])
+        pulls = self.puller.start(lengths)
+        return pulls, self.puller.pull(pulls, 0.0, lengths, 0.0).tension
+
+    def advance(self, at: Moment) -> Moment:
+        """One step on; raises ConvergenceError."""
+        time = at.coupled.time + self.dt
+        pull = self.pulled(at, time)
+        if self.driven.names:
+            after, draw = self._drawn(at, pull.tension, time)
+        else:
+            after, draw = self._stepped(at.coupled, pull.tension), at.draw
+        lost = self.dt * self.finger.dissipation(after.finger)
+        return Moment(after, pull.state, at.dissipated + lost, at.pace, draw)
+
+    def _drawn(self, at: Moment, tension: Array, time: float) -> tuple[Coupled, Draw]:
+        """A step under tensions (nt,) N, those of displaced tendons to be found; the hood solves of
+        all trials are counted."""
+        index, c, solves = self.driven.index, at.coupled, 0
+
+        def trial(found: Array) -> tuple[Coupled, Array]:
+            nonlocal solves
+            pulls = tension.copy()
+            pulls[index] = found
+            after = self._stepped(c, pulls)
+            solves += after.solves - c.solves
+            return after, self._excursions(after)[index]
+
+        after, draw = drawn(self.driven, at.draw, time, trial)
+        return replace(after, solves=c.solves + solves), draw
+
+    def _stepped(self, c: Coupled, tension: Array) -> Coupled:
+        """A step under tensions (nt,) N."""
+        split = len(self.hood.tendons)
+        pulls = tension[:split], tension[split:]
+        return step(self.scheme, self.finger, self.hood, c, lambda time: pulls, self.dt)
+
+    def _excursions(self, c: Coupled) -> Array:
+        """(nt,) m of all tendons, each from a length of its own."""
+        return np.concatenate([c.point.excursion, -self._own(c.finger)])
+
+    def pulled(self, at: Moment, time: float) -> Any:
+        """What pulls at `time` s, after `at`, on paths as long as they are at `at`: an object with
+        `tension` (nt,) N and `state`."""
+        c = at.coupled
+        lengths = np.concatenate([-c.point.excursion, self._own(c.finger)])
+        return self.puller.pull(at.puller, time, lengths, time - c.time)
+
+    def frame(self, at: Moment) -> Frame:
+        c = at.coupled
+        load, motion = c.answer.response.load, c.answer.motion
+        return Frame(
+            c.time,
+            self.finger.angles(c.finger),
+            self.finger.rates(c.finger),
+            np.concatenate(c.tension),
+            c.point.excursion,
+            load.wrench,
+            c.point.wrench,
+            load.imbalance(motion),
+            c.residual,
+            self.finger.energy(c.finger),
+            self.puller.told(at.puller, c.time),
+        )
+
+    def _own(self, state: State) -> Array:
+        return self.finger.path_lengths(self.finger.angles(state))
+
+
+def moments(moves: Moves, at: Moment, steps: int, progress: Progress) -> Iterator[Moment]:
+    """The states after each of `steps` steps.  Raises ConvergenceError, which says when."""
+    begun = time.perf_counter()
+    for k in range(1, steps + 1):
+        try:
+            at = moves.advance(at)
+        except ConvergenceError as error:
+            raise ConvergenceError(f"at t = {at.coupled.time:.6g} s: {error}") from error
+        if k % EVERY == 0 or k == steps:
+            c = at.coupled
+            left = (time.perf_counter() - begun) / k * (steps - k)
+            progress(
+                f"t = {c.time:.4g} s, residual {c.residual:.1e}, {c.solves} hood solves, some "
+                f"{left:.0f} s left"
+            )
+        yield at

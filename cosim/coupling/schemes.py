@@ -1,0 +1,269 @@
+"""Coupling in time: one step of a finger and a hood, over the port and nothing else.
+
+In a step from t to t + h the finger moves under what the scheme knows of the hood's load w(q, T):
+
+    Explicit              w of the step before, held; then the hood follows (Gauss-Seidel), or works
+                          at the same time at the pose q + h v (parallel: Jacobi)
+    Implicit              w(q+), held, by a fixed point in the joint angles q+, accelerated
+    Newton                w at the last iterate with its tangent, until that iterate is q+
+    Linear                w at the predicted pose q + h v with its tangent, once
+
+The angles agree to `tolerance` (rad).  Where wrenches are compared, moments count over `length`, so
+that N and N m do not mix.  Nothing here has a state: `Coupled` is a value, and a step may be
+repeated from it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from cosim.coupling.accelerators import (
+    Accelerator,
+    Aitken,
+    Constant,
+    accelerated,
+    begun,
+    cleared,
+    next_step,
+)
+from cosim.coupling.state import (
+    Answer,
+    Coupled,
+    Energy,
+    Pulls,
+    apart,
+    followed,
+    standing,
+    unexplained,
+)
+from cosim.port import STATIC, Array, ConvergenceError, Hood, Motion, MovingFinger, State
+
+LENGTH = 0.046
+"""m, of a proximal phalanx (Buchner et al. 1988, J Biomech 21, table 2)."""
+TOLERANCE = 1e-9
+"""rad."""
+MOST_SOLVES = 30
+BORROWED = 10.0
+"""A stable staggered step lends the finger energy and takes it back, near its limit several times
+what passes; what grows goes beyond any multiple."""
+ROUNDING = 1e-12
+"""J."""
+MOST_TURN = np.deg2rad(8.0)
+"""Between two iterations no joint moves further."""
+
+
+@dataclass(frozen=True)
+class Explicit:
+    """Staggered; `parallel` for Jacobi instead of Gauss-Seidel."""
+
+    parallel: bool = False
+    length: float = LENGTH
+
+
+@dataclass(frozen=True)
+class Implicit:
+    """A fixed point; no derivatives are asked for."""
+
+    accelerator: Accelerator = field(default_factory=Aitken)
+    tolerance: float = TOLERANCE
+    most_solves: int = MOST_SOLVES
+    length: float = LENGTH
+
+
+@dataclass(frozen=True)
+class Newton:
+    """With the hood's Jacobian, asked for in every iteration."""
+
+    tolerance: float = TOLERANCE
+    most_solves: int = MOST_SOLVES
+    length: float = LENGTH
+
+
+@dataclass(frozen=True)
+class Linear:
+    """Linearly implicit: one hood solve and one Jacobian a step."""
+
+    length: float = LENGTH
+
+
+Scheme = Explicit | Implicit | Newton | Linear
+
+
+def begin(
+    scheme: Scheme,
+    finger: MovingFinger,
+    hood: Hood,
+    state: State,
+    tension: Pulls,
+    time: float = 0.0,
+) -> Coupled:
+    """A finger's `state` (from `finger.begin`) and a hood at static equilibrium on it."""
+    motion = finger.motion(finger.angles(state))
+    answer = _asked(scheme, hood, hood.start(motion), motion, tension(time)[0], STATIC)
+    nq = len(finger.joints)
+    return Coupled(
+        state,
+        answer,
+        float(time),
+        standing(answer, motion),
+        answer.response.load.total(),
+        tension(time),
+        0.0,
+        1,
+        finger.energy(state),
+        Energy(),
+        begun(_accelerator(scheme), nq),
+    )
+
+
+def forgotten(scheme: Scheme, state: Coupled) -> Coupled:
+    """The same with the accelerator's history cleared, for a change that the load does not show."""
+    return replace(state, history=cleared(_accelerator(scheme), state.history))
+
+
+def step(
+    scheme: Scheme, finger: MovingFinger, hood: Hood, state: Coupled, tension: Pulls, dt: float
+) -> Coupled:
+    """Both `dt` s later; `state` stays valid.
+
+    Raises ConvergenceError where the iteration, the hood or the finger does not converge, and where
+    an explicit step gains energy that nobody put in."""
+    if isinstance(scheme, Explicit):
+        after = _explicit(scheme, finger, hood, state, tension, dt)
+        _watch(scheme, finger, hood, state, after, dt)
+        return after
+    if isinstance(scheme, Linear):
+        return _linear(scheme, finger, hood, state, tension, dt)
+    return _iterated(scheme, finger, hood, state, tension, dt)
+
+
+def _explicit(
+    scheme: Explicit, finger: MovingFinger, hood: Hood, state: Coupled, tension: Pulls, dt: float
+) -> Coupled:
+    pulls = tension(state.time + dt)
+    moved = finger.step(state.finger, state.answer.held(), pulls[1], dt)
+    angles = _predicted(finger, state, dt) if scheme.parallel else finger.angles(moved)
+    answer = _asked(scheme, hood, state.hood, finger.motion(angles), pulls[0], dt)
+    applied = state.answer.response.load.total()
+    residual = apart(applied, answer, scheme.length)
+    point = standing(answer, finger.motion(finger.angles(moved)))
+    after = followed(finger, state, moved, answer, point, applied, pulls, dt)
+    return replace(after, residual=residual, solves=state.solves + 1)
+
+
+def _linear(
+    scheme: Linear, finger: MovingFinger, hood: Hood, state: Coupled, tension: Pulls, dt: float
+) -> Coupled:
+    pulls = tension(state.time + dt)
+    motion = finger.motion(_predicted(finger, state, dt))
+    answer = _asked(scheme, hood, state.hood, motion, pulls[0], dt)
+    moved = finger.step(state.finger, answer.load(), pulls[1], dt)
+    point = standing(answer, finger.motion(finger.angles(moved)))
+    foreseen = state.answer.foreseen(motion, pulls[0])
+    residual = apart(foreseen, answer, scheme.length)
+    after = followed(finger, state, moved, answer, point, point.wrench, pulls, dt)
+    return replace(after, residual=residual, solves=state.solves + 1)
+
+
+def _iterated(
+    scheme: Implicit | Newton,
+    finger: MovingFinger,
+    hood: Hood,
+    state: Coupled,
+    tension: Pulls,
+    dt: float,
+) -> Coupled:
+    pulls, accelerator = tension(state.time + dt), _accelerator(scheme)
+    before, history = state.answer, next_step(accelerator, state.history)
+    last, angles, same_set = finger.angles(state.finger), _predicted(finger, state, dt), True
+    for solves in range(1, scheme.most_solves + 1):
+        answer = _asked(scheme, hood, state.hood, finger.motion(angles), pulls[0], dt)
+        if same_set and (_active(answer) != _active(state.answer)).any():
+            # Once a step: an iteration that hops to and fro would never learn.
+            same_set, history = False, cleared(accelerator, history)
+        moved = finger.step(state.finger, answer.load(), pulls[1], dt)
+        there = finger.angles(moved)
+        turn = float(np.abs(there - angles).max())
+        if turn <= scheme.tolerance:
+            foreseen = before.foreseen(answer.motion, pulls[0])
+            gap = apart(foreseen, answer, scheme.length)
+            residual = gap * min(1.0, turn / (np.abs(angles - last).max() or turn or 1.0))
+            point = standing(answer, finger.motion(there))
+            after = followed(finger, state, moved, answer, point, point.wrench, pulls, dt)
+            solves += state.solves
+            return replace(after, residual=residual, solves=solves, history=history)
+        before, last = answer, angles
+        aim, history = accelerated(accelerator, history, angles, there)
+        angles = last + (aim - last) * min(1.0, MOST_TURN / (np.abs(aim - last).max() or 1.0))
+    raise ConvergenceError(
+        f"hood and finger did not agree in the step from t = {state.time:.6g} s to "
+        f"{state.time + dt:.6g} s: after {solves} hood solves a joint would still turn by "
+        f"{turn:.1e} rad, {scheme.tolerance:.1e} is allowed. Try a smaller step, IQN-ILS in place "
+        "of another acceleration, or the scheme newton or linear."
+    )
+
+
+def _accelerator(scheme: Scheme) -> Accelerator:
+    return scheme.accelerator if isinstance(scheme, Implicit) else Constant()
+
+
+def _predicted(finger: MovingFinger, state: Coupled, dt: float) -> Array:
+    """(nq,) rad, q + h v."""
+    return finger.angles(state.finger) + dt * finger.rates(state.finger)
+
+
+def _asked(
+    scheme: Scheme, hood: Hood, state: State, motion: Motion, tension: Array, dt: float
+) -> Answer:
+    response = hood.advance(state, motion, tension, dt)
+    wants_tangent = isinstance(scheme, (Newton, Linear))
+    tangent = hood.jacobian(response.state) if wants_tangent else None
+    return Answer(motion, tension, response, tangent)
+
+
+def _active(answer: Answer) -> Array:
+    """Which tendons pull, and which bodies feel which source: what slack and contacts change."""
+    loaded = (answer.response.load.wrench != 0).any(axis=2)
+    return np.concatenate([answer.tension > 0, loaded.ravel()])
+
+
+def _watch(
+    scheme: Explicit, finger: MovingFinger, hood: Hood, state: Coupled, after: Coupled, dt: float
+) -> None:
+    """Raises ConvergenceError where the finger has more energy than hood and tendons gave it, by
+    BORROWED times what they ever gave and what was stored in the finger at first."""
+    # In parallel the hood's books are one step late.
+    gained = unexplained(finger, replace(after, finger=state.finger) if scheme.parallel else after)
+    e = after.energy
+    allowed = e.effort + e.most + abs(after.start) + ROUNDING
+    if gained <= BORROWED * allowed:
+        return
+    limit = explicit_limit(finger, hood, state, dt)
+    known = (
+        "Working in parallel needs damping and a step far below"
+        if scheme.parallel
+        else "It is stable below about"
+    )
+    raise ConvergenceError(
+        f"explicit coupling: up to t = {after.time:.6g} s the finger gained {gained:.1e} J that "
+        f"nobody put in (hood and tendons gave it {allowed:.1e} J at most): unstable at a step of "
+        f"{dt:g} s. {known} 2 sqrt(I/K) = {limit:.2g} s, I the joints' inertia and K the hood's "
+        "stiffness. Try a smaller step, or the scheme linear."
+    )
+
+
+def explicit_limit(finger: MovingFinger, hood: Hood, state: Coupled, dt: float) -> float:
+    """s, 2 sqrt(I/K) of the stiffest motion, from the hood's Jacobian K and the finger's answers
+    h^2 I^-1 K dq to the load of small turns dq; infinite where the hood does not push back."""
+    q = finger.angles(state.finger)
+    load, own = state.answer.held(), state.tension[1]
+    slope = hood.jacobian(state.hood).load_motion @ finger.jacobian(q)
+    still = finger.angles(finger.step(state.finger, load, own, dt))
+    turn, answers = 1e-5, []
+    for change in slope.T:
+        pushed = replace(load, wrench=load.wrench + turn * change.reshape(-1, 6))
+        answers.append(finger.angles(finger.step(state.finger, pushed, own, dt)) - still)
+    most = float(np.linalg.eigvals(-np.array(answers).T / turn).real.max())
+    return 2 * dt / np.sqrt(most) if most > 0 else np.inf

@@ -1,0 +1,1 @@
+"""Fingers: what a case may say of one, and how it is built."""

@@ -1,0 +1,350 @@
+"""What a case may say of the finger: posture, passive joints, fingertip, muscles."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from cosim.fmu.quantity import FINGER_QUANTITIES
+from cosim.schema import units
+from cosim.schema.fields import fault, name_of, quantity
+from cosim.schema.types import (
+    AbductionAngle,
+    Acceleration,
+    BodyName,
+    DipAngle,
+    File,
+    Force,
+    Inertia,
+    Mass,
+    McpAngle,
+    Number,
+    Phalanx,
+    PipAngle,
+    Switch,
+    Table,
+    TendonName,
+)
+from cosim.tendons.air_table import Pneumatic
+from meshes.skeleton import BODIES, JOINTS
+
+
+class PlanarPosture(Table):
+    """Flexion angles, rad."""
+
+    MCP: McpAngle
+    PIP: PipAngle
+    DIP: DipAngle
+
+    def angles(self) -> dict[str, float]:
+        """Joint name -> angle (rad)."""
+        return {name: float(value) for name, value in self}
+
+
+class Posture(PlanarPosture):
+    """Joint angles, rad; radial abduction positive."""
+
+    MCP_abduction: AbductionAngle = 0.0
+
+
+JointAngle = Annotated[float, quantity(units.ANGLE, least="-90 deg", most="150 deg")]
+JointTorque = Annotated[float, quantity(units.TORQUE, least="-100 N*m", most="100 N*m")]
+
+
+class Limit(Table):
+    """The torque that keeps a joint within `half_range` of the posture (OpenSim's
+    CoordinateLimitForce)."""
+
+    half_range: Annotated[float, quantity(units.ANGLE, least="0 deg", most="90 deg")]
+    stiffness: Annotated[
+        float, quantity(units.LIMIT_STIFFNESS, least="0 N*m/deg", most="1000 N*m/deg")
+    ]
+    transition: Annotated[float, quantity(units.ANGLE, above="0 deg", most="45 deg")]
+    damping: Annotated[
+        float, quantity(units.LIMIT_DAMPING, least="0 N*m*s/deg", most="100 N*m*s/deg")
+    ] = 0.0
+
+
+class Passive(Table):
+    """A passive joint torque: linear, N m/rad about `rest` (an angle in rad, or "posture"), or a
+    `curve` of (angle, torque) points through which a smooth line runs, straight beyond its ends;
+    and viscous damping, which acts where the finger moves in time."""
+
+    stiffness: (
+        Annotated[float, quantity(units.JOINT_STIFFNESS, least="0 N*m/rad", most="100 N*m/rad")]
+        | None
+    ) = None
+    rest: (
+        Annotated[
+            float | Literal["posture"],
+            quantity(units.ANGLE, least="-90 deg", most="110 deg", word="posture"),
+        ]
+        | None
+    ) = None
+    curve: Annotated[tuple[tuple[JointAngle, JointTorque], ...], Field(min_length=2)] | None = None
+    damping: Annotated[
+        float, quantity(units.JOINT_DAMPING, least="0 N*m*s/rad", most="1 N*m*s/rad")
+    ] = 0.0
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Passive:
+        if (self.stiffness is None) != (self.rest is None):
+            raise fault('gives one of stiffness and rest; write both, for example rest = "posture"')
+        if self.curve is not None and self.stiffness is not None:
+            raise fault("gives both a curve and a stiffness; write one of them")
+        angles = [angle for angle, _ in self.curve or ()]
+        if any(b <= a for a, b in pairwise(angles)):
+            raise fault("curve: its angles must rise from point to point")
+        return self
+
+
+class HeldTip(Table):
+    """The fingertip is held at a point: free to turn there ("point"), clamped against flexion too
+    ("clamped"), or not held at all ("free"); with "posture" every joint is held instead, as bones
+    on a rig are."""
+
+    kind: Literal["point", "clamped", "free", "posture"]
+
+
+class DeviceTip(Table):
+    """A sphere about the fingertip that pushes against what surrounds it, with friction, in a
+    motion in time.  Defaults are those of the thesis (section 2.2.1) and of Simbody."""
+
+    sphere: Annotated[float, quantity(units.LENGTH, above="0 mm", most="100 mm")] = 8e-3
+    """Diameter, m."""
+    width: Annotated[float, quantity(units.LENGTH, above="0 mm", most="200 mm")] = 9e-3
+    """Between opposite walls, m."""
+    dissipation: Annotated[float, quantity(units.DISSIPATION, least="0 s/m", most="1e4 s/m")] = 0.99
+    static_friction: Annotated[Number, Field(ge=0, le=10)] = 0.1
+    dynamic_friction: Annotated[Number, Field(ge=0, le=10)] = 0.03
+    viscous_friction: Annotated[float, quantity(units.DRAG, least="0 s/m", most="1e4 s/m")] = 0.6
+    transition_velocity: Annotated[float, quantity(units.SPEED, above="0 m/s", most="10 m/s")] = (
+        0.01
+    )
+
+    @model_validator(mode="after")
+    def _fits(self) -> DeviceTip:
+        if not self.width > self.sphere:
+            raise fault("its width must exceed the sphere's diameter")
+        return self
+
+
+class CageTip(DeviceTip):
+    """A cube of six walls, Hunt-Crossley; `stiffness` is the plane-strain modulus of sphere and
+    walls, Pa."""
+
+    kind: Literal["cage"]
+    stiffness: Annotated[float, quantity(units.PRESSURE, above="0 MPa", most="1000 GPa")] = 20e9
+
+
+class ShellTip(DeviceTip):
+    """A hollow sphere, elastic foundation; `stiffness` is pressure over depth, Pa/m."""
+
+    kind: Literal["shell"]
+    stiffness: Annotated[
+        float, quantity(units.CONTACT_STIFFNESS, above="0 N/mm**3", most="1e6 N/mm**3")
+    ] = 20e9
+
+
+Tip = Annotated[HeldTip | CageTip | ShellTip, Field(discriminator="kind")]
+
+
+class Bone(Table):
+    """A watertight surface (STL or OBJ) in place of our bone."""
+
+    surface: File
+    unit: Literal["m", "mm"]
+    frame: Literal["ours", "myohand"]
+
+
+class MiddleFinger(Table):
+    """The MuJoCo middle finger of Synek et al. 2019."""
+
+    kind: Literal["middle"]
+    posture: Posture
+    length_scale: Annotated[Number, Field(ge=0.1, le=3)] = 1.0
+    tip: Tip = HeldTip(kind="point")
+    limit: Limit | None = None
+    passive: dict[Annotated[str, name_of("joint", JOINTS)], Passive] = Field(default_factory=dict)
+    gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, 0.0)
+
+
+class IndexFinger(Table):
+    """The MuJoCo index finger: ours, or with `path` the user's."""
+
+    kind: Literal["index"]
+    path: File | None = None
+    """A MuJoCo model with joints, lengths and tendons in place of ours: bodies, joints, tendons and
+    the site "tip" are called as `cosim mjcf` calls them (`cosim new` makes such a file of another).
+    """
+    posture: Posture
+    length_scale: Annotated[Number, Field(ge=0.1, le=3)] = 1.0
+    width_scale: Annotated[Number, Field(ge=0.1, le=3)] = 1.0
+    tip: Tip = HeldTip(kind="point")
+    limit: Limit | None = None
+    passive: dict[Annotated[str, name_of("joint", JOINTS)], Passive] = Field(default_factory=dict)
+    bones: dict[BodyName, Bone] = Field(default_factory=dict)
+    gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, 0.0)
+
+    @model_validator(mode="after")
+    def _of_one_size(self) -> IndexFinger:
+        if self.path is not None and (self.length_scale, self.width_scale) != (1.0, 1.0):
+            raise fault(
+                "gives a path and length_scale or width_scale; a finger out of a file has its size"
+            )
+        return self
+
+
+class HingeFinger(Table):
+    """The analytic planar finger: three hinges in a row."""
+
+    kind: Literal["hinge"]
+    lengths: tuple[Phalanx, Phalanx, Phalanx]
+    posture: PlanarPosture
+    tip: Tip = HeldTip(kind="point")
+    limit: Limit | None = None
+    passive: dict[Annotated[str, name_of("joint", ("MCP", "PIP", "DIP"))], Passive] = Field(
+        default_factory=dict
+    )
+
+
+Factor = Annotated[Number, Field(ge=0, le=1e6)]
+
+
+class PointsCourse(Table):
+    """Factors at times, straight between them and constant beyond."""
+
+    kind: Literal["points"]
+    at: Annotated[
+        tuple[
+            tuple[Annotated[float, quantity(units.TIME, least="0 s", most="1e6 s")], Factor], ...
+        ],
+        Field(min_length=1),
+    ]
+
+    @model_validator(mode="after")
+    def _rising(self) -> PointsCourse:
+        if any(b <= a for (a, _), (b, _) in pairwise(self.at)):
+            raise fault("at: its times must rise from point to point")
+        return self
+
+
+class SineCourse(Table):
+    """mean + amplitude sin(2 pi frequency t + phase), never below zero."""
+
+    kind: Literal["sine"]
+    frequency: Annotated[float, quantity(units.FREQUENCY, above="0 Hz", most="1000 Hz")]
+    mean: Factor
+    amplitude: Factor
+    phase: Annotated[float, quantity(units.ANGLE, least="-360 deg", most="360 deg")] = 0.0
+
+
+class FileCourse(Table):
+    """Factors from a column of a table over time: .sto or .mot, or .csv with a column `time`."""
+
+    kind: Literal["file"]
+    path: File
+    column: str
+
+
+Course = Annotated[PointsCourse | SineCourse | FileCourse, Field(discriminator="kind")]
+
+
+class Millard(Table):
+    """The equilibrium muscle of Millard et al. 2013 between its tendon's path and the bone.
+
+    `fibre_length`: of the fibre over its optimal length, in the case's posture at the case's
+    activation; nobody measured it, and the force depends on it.  An activation below 0.01 acts as
+    0.01, as in OpenSim."""
+
+    kind: Literal["millard"]
+    optimal_fibre_length: Annotated[float, quantity(units.LENGTH, above="0 mm", most="500 mm")]
+    tendon_slack_length: Annotated[float, quantity(units.LENGTH, above="0 mm", most="1000 mm")]
+    pennation: Annotated[float, quantity(units.ANGLE, least="0 deg", most="60 deg")] = 0.0
+    fibre_length: Annotated[Number, Field(ge=0.4, le=1.7)] = 1.0
+    tendon: Literal["elastic", "rigid"] = "elastic"
+
+
+class PlanarFinger(Table):
+    """Three links in a plane on MuJoCo: lengths, distances of the centres of mass from the proximal
+    joints, masses, and moments of inertia about the centres of mass."""
+
+    kind: Literal["planar"]
+    lengths: tuple[Phalanx, Phalanx, Phalanx]
+    centres: tuple[Phalanx, Phalanx, Phalanx]
+    masses: tuple[Mass, Mass, Mass]
+    inertias: tuple[Inertia, Inertia, Inertia]
+    posture: PlanarPosture
+    tip: Tip = HeldTip(kind="point")
+    limit: Limit | None = None
+    passive: dict[Annotated[str, name_of("joint", ("MCP", "PIP", "DIP"))], Passive] = Field(
+        default_factory=dict
+    )
+    gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, 0.0)
+
+
+class FmuFinger(Table):
+    """A finger in an FMU of FMI 2 or 3, which is a program and runs as one; it holds its posture,
+    joints and fingertip.  `bodies`, `joints` and `tendons` name its own, in its order; `map` says,
+    by quantity, how its variables are called where they are not called as in our own units."""
+
+    kind: Literal["fmu"]
+    path: File
+    bodies: Annotated[tuple[BodyName, ...], Field(min_length=2)] = BODIES
+    joints: Annotated[tuple[str, ...], Field(min_length=1)]
+    tendons: tuple[TendonName, ...] = ()
+    map: dict[Annotated[str, name_of("quantity", FINGER_QUANTITIES)], str] = Field(
+        default_factory=dict
+    )
+    assume_si: Switch = False
+
+    @model_validator(mode="after")
+    def _once(self) -> FmuFinger:
+        for what in ("bodies", "joints", "tendons"):
+            names = getattr(self, what)
+            if len(set(names)) < len(names):
+                raise fault(f"{what}: names one twice")
+        return self
+
+
+class Tendon(Table):
+    """A muscle: its tension, or its greatest force and its activation (0..1); with neither it is
+    at the resting tension.  The force of an activation is activation times the greatest force, or
+    what `muscle` makes of it."""
+
+    tension: Force | None = None
+    max_force: Force | None = None
+    activation: Annotated[Number, Field(ge=0, le=1)] | None = None
+    muscle: Millard | None = None
+    excursion: Annotated[float, quantity(units.LENGTH, least="-50 mm", most="50 mm")] | None = None
+    """In place of a tension: how far the tendon's end is drawn proximally from the unloaded state,
+    m, or in a motion from its start; the tension that this takes is found."""
+    actuation: Pneumatic | None = None
+    """In place of a tension, in a motion: what pulls, and on what command."""
+    course: Course | None = None
+    """Over time, of a motion: what tension, activation, excursion or command is multiplied by."""
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Tendon:
+        if self.tension is not None and self.activation is not None:
+            raise fault("gives both tension and activation; write one of them")
+        if self.excursion is not None and (self.tension, self.activation) != (None, None):
+            raise fault("gives an excursion and a tension or activation; write one of them")
+        if self.actuation is not None:
+            others = {"tension", "activation", "muscle", "excursion"} & self.model_fields_set
+            if others := {name for name in others if getattr(self, name) is not None}:
+                raise fault(f"gives actuation and {min(others)}; write one of them")
+        if self.tension is not None and self.muscle is not None:
+            raise fault("gives both tension and muscle; a muscle's tension follows from activation")
+        if self.activation is not None and self.max_force is None:
+            raise fault('gives activation without max_force; add for example max_force = "35 N"')
+        return self
+
+    @property
+    def force(self) -> float | None:
+        """N; None: at the resting tension."""
+        if self.activation is not None and self.max_force is not None:
+            return self.activation * self.max_force
+        return self.tension

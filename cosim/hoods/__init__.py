@@ -1,0 +1,1 @@
+"""Hoods: what a case may say of one, and how it is built."""

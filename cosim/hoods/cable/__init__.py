@@ -1,0 +1,1 @@
+"""The hood of cables: its table, and how it is built."""

@@ -1,0 +1,1 @@
+"""The hoods in lumped form: their tables, and how they are built."""

@@ -1,0 +1,120 @@
+"""What a case may say of a hood in lumped form: muscles, springs and moment arms at the joints."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from cosim.fingers.common import JointAngle
+from cosim.schema import units
+from cosim.schema.fields import fault, name_of, quantity
+from cosim.schema.types import Count, Number, Table, TendonName
+
+JOINTS = ("MCP", "PIP", "DIP")
+"""The joints in flexion; a hood in lumped form has no arms in abduction, unless it is reduced."""
+ALL_JOINTS = ("MCP", "MCP_abduction", "PIP", "DIP")
+
+
+class Arm(Table):
+    """A moment arm, flexion positive: `constant` + `slope` times the joint's angle, m, m/rad."""
+
+    constant: Annotated[float, quantity(units.LENGTH, least="-50 mm", most="50 mm")]
+    slope: Annotated[float, quantity(units.ARM_SLOPE, least="-50 mm/rad", most="50 mm/rad")] = 0.0
+
+
+Arms = dict[Annotated[str, name_of("joint", JOINTS)], Arm]
+Powers = Annotated[
+    tuple[tuple[Annotated[Count, Field(ge=0, le=12)], ...], ...], Field(min_length=1)
+]
+Stiffness = Annotated[float, quantity(units.STIFFNESS, above="0 N/mm", most="1e6 N/mm")]
+
+
+class ConnectingTendon(Table):
+    """A spring from a muscle's junction to the bones; `rest`: how much slack it has with all joints
+    straight, m."""
+
+    muscle: TendonName
+    stiffness: Stiffness
+    rest: Annotated[float, quantity(units.LENGTH, least="-20 mm", most="20 mm")] = 0.0
+    arms: Annotated[Arms, Field(min_length=1)]
+
+
+class Reduced(Table):
+    """What `cosim reduce` fitted: one potential of joint angles and tensions over a box, from which
+    torques and excursions follow (rigid/reduced_network.py).  `angles`: the box, by joint in the
+    finger's order; `tensions`: of each muscle the greatest, with `toe` of it; `energy` in J, a row
+    for each of `angle_powers`, a column for each of `tension_terms`; `slips`: central and terminal,
+    N and 1/m, for each of `slip_powers` a constant and a factor of each joint's torque."""
+
+    angles: dict[Annotated[str, name_of("joint", ALL_JOINTS)], tuple[JointAngle, JointAngle]]
+    tensions: dict[TendonName, Annotated[float, quantity(units.FORCE, above="0 N", most="1000 N")]]
+    toe: Annotated[Number, Field(gt=0, le=1)]
+    angle_powers: Powers
+    tension_terms: Annotated[
+        tuple[tuple[Annotated[Count, Field(ge=0, le=3)], ...], ...], Field(min_length=1)
+    ]
+    energy: tuple[tuple[Number, ...], ...]
+    slip_powers: Powers
+    slips: tuple[tuple[tuple[Number, ...], ...], tuple[tuple[Number, ...], ...]]
+
+
+class NetworkHood(Table):
+    """A network of tendons (Development and Validation of Modeling Framework for Interconnected
+    Tendon Networks): `muscles` with the arms at which they cross joints themselves, `connecting`
+    tendons from their junctions on.  With `operating_force` the shares depend on posture alone, as
+    they are at that force of every muscle.  One that is `reduced` from another hood has neither
+    arms nor connecting tendons of its own."""
+
+    kind: Literal["network"]
+    muscles: Annotated[dict[TendonName, Arms], Field(min_length=1)]
+    connecting: dict[str, ConnectingTendon]
+    operating_force: Annotated[float, quantity(units.FORCE, above="0 N", most="1000 N")] | None = (
+        None
+    )
+    reduced: Reduced | None = None
+
+    @model_validator(mode="after")
+    def _joined(self) -> NetworkHood:
+        if self.reduced is not None and (
+            self.connecting or any(self.muscles.values()) or self.operating_force is not None
+        ):
+            raise fault(
+                "reduced: stands for all arms and connecting tendons; leave out the muscles' arms, "
+                "connecting tendons and operating_force"
+            )
+        if self.reduced is not None and tuple(self.reduced.tensions) != tuple(self.muscles):
+            raise fault(
+                f"reduced.tensions: expected the hood's muscles, {', '.join(self.muscles)}, in "
+                "this order"
+            )
+        for name, tendon in self.connecting.items():
+            if tendon.muscle not in self.muscles:
+                raise fault(
+                    f"connecting.{name}: its muscle {tendon.muscle} is not among the hood's "
+                    f"muscles; they are {', '.join(self.muscles)}"
+                )
+        return self
+
+
+class TwoBandHood(Table):
+    """An extensor that parts into a middle and a lateral band (Buchner, Hines and Hemami 1988),
+    with the elasticity K between them and the share `lateral_share` of its tension in the lateral
+    band where both shifts agree; other `muscles` cross the joints on their own."""
+
+    kind: Literal["two_band"]
+    muscles: Annotated[dict[TendonName, Arms], Field(min_length=1)]
+    extensor: TendonName = "EDC"
+    middle: Annotated[Arms, Field(min_length=1)]
+    lateral: Annotated[Arms, Field(min_length=1)]
+    elasticity: Stiffness = 500.0
+    lateral_share: Annotated[Number, Field(gt=0, lt=1)] = 0.5
+
+    @model_validator(mode="after")
+    def _joined(self) -> TwoBandHood:
+        if self.extensor not in self.muscles:
+            raise fault(
+                f"extensor: {self.extensor} is not among the hood's muscles; they are "
+                f"{', '.join(self.muscles)}"
+            )
+        return self

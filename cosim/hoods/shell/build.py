@@ -1,0 +1,409 @@
+"""The shell hood of a case: its mesh, materials and supports."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cosim.case import schema
+from cosim.case.schema import (
+    Case,
+    GeneratedMesh,
+    IndexFinger,
+    MiddleFinger,
+    Region,
+    ShellHood,
+)
+from cosim.hoods.injury import adhesions, longer
+from cosim.hoods.shell.fibre_table import Fibrous
+from cosim.hoods.shell.fibres import Fibres, fibres_of
+from cosim.port import Array, InputError, Motion, State
+
+if TYPE_CHECKING:
+    from cosim.hoods.lesion import Lesion
+    from fe_solver.hood_model import Tendon
+    from fe_solver.materials import Law, Linear, Real
+    from fe_solver.section import Section
+    from fe_solver.shell_hood import ShellHood as FeHood
+    from fe_solver.surfaces import Surface
+    from fe_solver.tension_field import TensionField
+    from meshes.hood_mesh import HoodMesh
+    from meshes.skeleton import Skeleton
+
+Triangles = tuple[Array, np.ndarray]
+UnderHood = IndexFinger | MiddleFinger
+"""The fingers that take a shell hood."""
+WHOLE, ULNAR = np.zeros(3), np.array([0.0, -1.0, 0.0])
+PALMAR, DORSAL = np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, 1.0])
+ENDS = {
+    "index": {
+        "EDC": ("central", WHOLE),
+        "EI": ("central", ULNAR),
+        "LUM": ("radial", WHOLE),
+        "FPI": ("ulnar", WHOLE),
+    },
+    # An et al. 1979: the third digit's lumbrical runs palmar of its interosseous.
+    "middle": {
+        "EDC": ("central", WHOLE),
+        "LUM": ("radial", PALMAR),
+        "RI": ("radial", DORSAL),
+        "UI": ("ulnar", WHOLE),
+    },
+}
+"""By finger, the tendons that act through the hood: the end that each one pulls, and of the half
+that it pulls on which side that is (metacarpal's frame)."""
+INCOMPRESSIBLE = np.array([[4, 2, 0], [2, 4, 0], [0, 0, 1]]) / 3
+"""Plane-stress moduli of an incompressible isotropic sheet, over Young's."""
+MOST_SHORTENED = 0.5
+"""Of a region's length as laid."""
+SAME_ANGLE = 1e-9
+"""rad, angles between two families that differ by less are one."""
+MARGIN = 5e-3
+"""m, how far beyond a bone its baked distance reaches."""
+
+
+def baked_surfaces(bones: Mapping[str, Triangles]) -> dict[str, Surface]:
+    return {body: _baked(body, *map(_frozen, triangles)) for body, triangles in bones.items()}
+
+
+class _frozen:
+    """An array that can be a cache's key."""
+
+    def __init__(self, array: np.ndarray) -> None:
+        self.array = array
+        self.key = hash((array.shape, array.tobytes()))
+
+    def __hash__(self) -> int:
+        return self.key
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _frozen) and np.array_equal(self.array, other.array)
+
+
+@lru_cache(maxsize=32)
+def _baked(body: str, vertices: _frozen, faces: _frozen) -> Surface:
+    from fe_solver.surfaces import SplineDistance, cache_folder
+
+    try:
+        return SplineDistance.bake(vertices.array, faces.array, margin=MARGIN, cache=cache_folder())
+    except InputError as error:
+        raise InputError(f"finger.bones.{body}.surface: {error}") from error
+
+
+def laid_mesh(
+    hood: ShellHood, finger: UnderHood, skeleton: Skeleton, bones: Mapping[str, Triangles]
+) -> HoodMesh:
+    """The mesh of a shell hood, read or generated.  Raises InputError."""
+    from cosim.fingers.kinds import width_of
+    from meshes.hood import generate
+    from meshes.hood_mesh import read
+
+    if not isinstance(hood.mesh, GeneratedMesh):
+        mesh, reach = read(hood.mesh.path), float(skeleton.length[1])
+        if not np.isclose(mesh.reach, reach, rtol=1e-3):
+            raise InputError(
+                f"hood.mesh.path: {hood.mesh.path.name} was laid on a finger of "
+                f"{mesh.reach * 1e3:.2f} mm from MCP to PIP, this one has {reach * 1e3:.2f} mm. "
+                'Lay a hood on it (hood.mesh.kind = "generated") or set finger.length_scale'
+            )
+        return mesh
+    offset = hood.contact.offset
+    return generate(
+        skeleton,
+        baked_surfaces(bones),
+        {body: getattr(offset, body) for body in bones},
+        hood.thickness,
+        hood.mesh.rest_posture.angles(),
+        hood.mesh.quads,
+        width=width_of(finger),
+        intrinsic=_intrinsic(finger),
+        quadratic=hood.mesh.elements == "quadratic",
+        one_sheet=hood.mesh.layout == "one_sheet",
+    )
+
+
+def _intrinsic(finger: UnderHood) -> Mapping[str, tuple[float, float, float]] | None:
+    """Where the intrinsic tendons run to the sheet from, of a finger that has its own."""
+    from rigid.middle_finger import intrinsic_guides
+
+    return intrinsic_guides(finger.length_scale) if isinstance(finger, MiddleFinger) else None
+
+
+def shell_hood_of(
+    case: Case,
+    hood: ShellHood,
+    skeleton: Skeleton,
+    bones: Mapping[str, Triangles],
+    mesh: HoodMesh,
+) -> FeHood:
+    """The hood over the bones as a case describes it, behind the port."""
+    from fe_solver.hood_model import ContactLaw, Sheet, SpringSet, shell_hood
+    from fe_solver.in_situ import in_situ_growth, stress_free_thickness
+    from fe_solver.newton import NewtonOptions
+    from meshes.hood_mesh import REGIONS
+    from meshes.hull import along, carriers
+    from meshes.skeleton import BODIES
+
+    missing = [REGIONS[i] for i in np.unique(mesh.region) if REGIONS[i] not in hood.regions]
+    if missing:
+        raise InputError(f"hood.regions: the mesh also has {', '.join(missing)}; name them")
+    thickness = thickness_of(hood, mesh)
+    points = _faced(mesh, thickness)
+    fibres = fibres_of(mesh, points, hood.regions, skeleton)
+    stretch, growth = _in_situ(hood, mesh), _growth(hood, mesh, case.lesion)
+    growth = np.where(stretch[:, None] != 1.0, in_situ_growth(stretch), growth)
+    sheet = Sheet(
+        points,
+        mesh.quads,
+        fibres.first,
+        _section(hood, mesh, stress_free_thickness(thickness, stretch), fibres, growth),
+        growth,
+        tuple(REGIONS[i] for i in mesh.region),
+        0.0 if mesh.lift is None else mesh.lift,
+        bool((stretch != 1.0).any()),
+    )
+    springs = {
+        name: SpringSet(
+            mesh.springs[name],
+            spring.stiffness,
+            spring.slack,
+            spring.tension_only,
+        )
+        for name, spring in hood.springs.items()
+        if name in mesh.springs
+    }
+    position, rotation = skeleton.pose(mesh.rest_posture)
+    rest = Motion(BODIES, position, rotation)
+    for name, grown in adhesions(case.lesion, mesh, sheet.points, rest).items():
+        springs[name] = SpringSet(grown.held, grown.stiffness, 0.0, tension_only=False)
+    if "central_slip" not in springs and not any(len(nodes) for nodes in mesh.tied.values()):
+        raise InputError(
+            "hood: no insertion holds the hood: its mesh ties no nodes to a bone, and there are no "
+            "springs of the central slip. Give hood.springs.central_slip, or a mesh that is tied"
+        )
+    offset = {body: getattr(hood.contact.offset, body) for body in BODIES}
+    return shell_hood(
+        sheet,
+        rest,
+        carriers(skeleton, along(skeleton, mesh.station)),
+        springs,
+        mesh.tied,
+        "metacarpal",
+        np.array([-1.0, 0.0, 0.0]),
+        _tendons(mesh, case.finger.kind),
+        ContactLaw(
+            hood.contact.stiffness,
+            hood.contact.smoothing,
+            baked_surfaces(bones),
+            offset,
+            hood.contact.penetration,
+            hood.contact.friction,
+        ),
+        NewtonOptions(tolerance=case.solve.hood_tolerance),
+    )
+
+
+def _section(
+    hood: ShellHood, mesh: HoodMesh, thickness: Array, fibres: Fibres, growth: Array
+) -> Section:
+    """The materials of the regions, each of its thickness, with the hood's own bending."""
+    from fe_solver.section import Patch, joined_sections
+    from meshes.hood_mesh import REGIONS
+
+    patches = []
+    for i in np.unique(mesh.region):
+        region, cells = hood.regions[REGIONS[i]], np.flatnonzero(mesh.region == i)
+        h = np.tile(thickness[cells, None], (1, mesh.quads.shape[1]))
+        law = _law(REGIONS[i], region, _law_angle(fibres.angle.get(i), growth[cells]))
+        bending = 12 * hood.bending_stiffness / thickness[cells[0]] ** 3 * INCOMPRESSIBLE
+        patches.append(Patch(cells, law, h, bending=bending))
+    return joined_sections(patches)
+
+
+def _law_angle(laid: Array | None, growth: Array) -> Real:
+    """The angle (rad) from the first to the second family in the stress-free sheet, from that as
+    laid out (k, g): one number, or (k, g, 1) where it varies; `growth` (k, 2)."""
+    if laid is None:
+        return 0.0
+    along, across = (1 + growth.T)[..., None]
+    angle = np.arctan2(across * np.sin(laid), along * np.cos(laid))
+    if np.ptp(angle) < SAME_ANGLE:
+        return float(angle.mean())
+    return np.asarray(angle[..., None])
+
+
+def _law(name: str, region: Region, angle: Real) -> Law | TensionField:
+    """A region's material, its second family at `angle` (rad) from the first.
+
+    Raises InputError, with its name, for one that is none."""
+    from fe_solver.tension_field import TensionField
+
+    law = _bare_law(name, region, angle)
+    return TensionField(law) if region.tension_field else law
+
+
+def _bare_law(name: str, region: Region, angle: Real) -> Law:
+    from fe_solver import crossed_fibres, fibre_materials, hyperelastic, materials
+
+    def bulk(modulus: float | None) -> float:
+        return np.inf if modulus is None else modulus
+
+    try:
+        match region:
+            case schema.Isotropic() as r:
+                linear: Linear = materials.Isotropic(r.modulus, r.poisson)
+                return linear
+            case schema.TransverselyIsotropic() as r:
+                linear = materials.Orthotropic.transversely_isotropic(
+                    r.modulus_along, r.modulus_across, r.poisson, r.shear_modulus, r.poisson_across
+                )
+                if r.second is not None:
+                    return crossed_fibres.CrossedLinear(linear, r.second.modulus, angle)
+                return linear
+            case schema.NeoHookean() as r:
+                return hyperelastic.NeoHookean(r.modulus, r.poisson)
+            case schema.FibreMooneyRivlin() as r:
+                one = fibre_materials.TransIsoMooneyRivlin(
+                    r.c1, r.c2, r.c3, r.c4, r.c5, r.lam_max, bulk(r.bulk_modulus)
+                )
+                if (f := r.second) is None:
+                    return one
+                toe = fibre_materials.ExponentialFamily(f.c3, f.c4, f.c5, f.lam_max)
+                return crossed_fibres.CrossedFibres(one, toe, angle)
+            case schema.FibreGasser(second=None) as r:
+                assert r.angle is not None  # checked by the schema
+                return fibre_materials.HolzapfelGasserOgden(
+                    r.c, r.k1, r.k2, r.dispersion, r.angle, bulk(r.bulk_modulus)
+                )
+            case schema.FibreGasser(second=schema.SecondGasser() as f) as r:
+                # two equal families in one direction are one of twice k1
+                gasser = fibre_materials.HolzapfelGasserOgden(
+                    r.c, r.k1 / 2, r.k2, r.dispersion, 0.0, bulk(r.bulk_modulus)
+                )
+                dispersed = fibre_materials.DispersedFamily(f.k1, f.k2, f.dispersion)
+                return crossed_fibres.CrossedFibres(gasser, dispersed, angle)
+        raise AssertionError(f"no law for {type(region).__name__}")
+    except InputError as error:
+        raise InputError(f"hood.regions.{name}: {error}") from error
+
+
+def thickness_of(hood: ShellHood, mesh: HoodMesh) -> Array:
+    """(ne,) m."""
+    from meshes.hood_mesh import REGIONS
+
+    out = np.full(len(mesh.quads), hood.thickness)
+    for i in np.unique(mesh.region):
+        region, cells = hood.regions[REGIONS[i]], mesh.region == i
+        if region.section is not None:
+            width = mesh.areas()[cells].sum() / _length(mesh, cells)
+            out[cells] = region.section / width
+        elif region.thickness is not None:
+            out[cells] = region.thickness
+    return out
+
+
+def _faced(mesh: HoodMesh, thickness: Array) -> Array:
+    """Mid-surface points (n, 3) that leave the face towards the bones where the sheet that the mesh
+    was laid for has it."""
+    from fe_solver.mesh_geometry import node_directors, node_means
+
+    rise = (node_means(thickness, mesh.quads, len(mesh.points)) - mesh.thickness) / 2
+    if np.abs(rise).max() < 1e-12:
+        return mesh.points
+    return mesh.points + rise[:, None] * node_directors(mesh.points, mesh.quads)
+
+
+def _growth(hood: ShellHood, mesh: HoodMesh, lesion: Lesion | None) -> Array:
+    """(ne, 2) growth along and across the fibres that makes a region longer than laid out by its
+    extra length.
+
+    Raises InputError for a length that the mesh or the fibres cannot have."""
+    out = np.zeros((len(mesh.quads), 2))
+    for name, extra in longer(hood.extra_length.model_dump(), lesion).items():
+        if not extra:
+            continue
+        key = "hood.extra_length"
+        if lesion and name in lesion.length_changes():
+            key = "lesion.shorten" if name in lesion.shorten else "lesion.lengthen"
+        cells = mesh.cells(name)
+        if not cells.any():
+            raise InputError(f"{key}.{name}: the mesh has no region {name}")
+        region = hood.regions[name]
+        if isinstance(region, Fibrous):
+            _check_one_rest(f"{key}.{name}", name, region)
+        length = _length(mesh, cells)
+        if extra <= -MOST_SHORTENED * length:
+            raise InputError(
+                f"{key}.{name}: {-1e3 * extra:.2f} mm shorter in all, of {1e3 * length:.2f} mm; "
+                "at most half of it can be taken"
+            )
+        out[cells, 0] = extra / length
+    return out
+
+
+def _check_one_rest(key: str, name: str, region: Fibrous) -> None:
+    """Raises InputError for a region whose extra length does not go with its fibres."""
+    own = f"hood.regions.{name}"
+    if region.direction is not None:
+        raise InputError(
+            f"{key}: is along the finger, but {own}.direction turns the fibres that would be "
+            f"longer or shorter; leave one of them out, or write {own}.in_situ_stretch"
+        )
+    if region.in_situ_stretch != 1.0:
+        raise InputError(
+            f"{key}: says how long the fibres are at rest, and so does {own}.in_situ_stretch; "
+            "leave one of them out"
+        )
+
+
+def _in_situ(hood: ShellHood, mesh: HoodMesh) -> Array:
+    """(ne,) stretch of the fibres in the sheet as laid out."""
+    from meshes.hood_mesh import REGIONS
+
+    out = np.ones(len(mesh.quads))
+    for i in np.unique(mesh.region):
+        region = hood.regions[REGIONS[i]]
+        if isinstance(region, Fibrous):
+            out[mesh.region == i] = region.in_situ_stretch
+    return out
+
+
+def _length(mesh: HoodMesh, cells: np.ndarray) -> float:
+    """Length (m) of a region along its fibres."""
+    nodes = np.unique(mesh.quads[cells])
+    along = mesh.points[nodes] @ mesh.fibre[cells].mean(axis=0)
+    return float(np.ptp(along))
+
+
+def _tendons(mesh: HoodMesh, finger: str) -> dict[str, Tendon]:
+    """Each tendon's end nodes and their shares of a pull that is even over them, or over half."""
+    from fe_solver.hood_model import Tendon
+    from meshes.hood_lines import even_shares
+
+    out = {}
+    for tendon, (end, side) in ENDS[finger].items():
+        nodes = mesh.ends[end]
+        place = np.arange(len(nodes), dtype=float)
+        first, last = float(place[0]), float(place[-1])
+        if side.any():
+            middle, height = (first + last) / 2, mesh.points[nodes] @ side
+            first, last = (middle, last) if height[-1] > height[0] else (first, middle)
+        share = even_shares(place, (first, last), mesh.quadratic)
+        out[tendon] = Tendon(nodes, share / share.sum())
+    return out
+
+
+def linear(hood: FeHood, state: State) -> tuple[float, float]:
+    from time import perf_counter
+
+    from fe_solver.newton_step import factorised
+
+    start = perf_counter()
+    e = hood.model.evaluate(state.configuration, state.solution.tension, tangent=True)
+    assembled = perf_counter()
+    assert e.data is not None  # the tangent was asked for
+    factorised(hood.model, e.data)
+    return assembled - start, perf_counter() - assembled

@@ -1,0 +1,1 @@
+"""What every table of a case is made of: units, fields and types."""

@@ -1,0 +1,98 @@
+"""Values that a case states as text: how each is read, written and described in the schema."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic_core import PydanticCustomError, core_schema
+
+from cosim.schema import units
+from cosim.schema.units import Kind
+
+
+@dataclass(frozen=True)
+class Text:
+    """Metadata of a value that a case states as text (or as lists of text); how it is read, written
+    and described."""
+
+    read: Callable[[Any], Any]
+    write: Callable[[Any], Any]
+    schema: tuple[tuple[str, Any], ...]
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> core_schema.CoreSchema:
+        write = core_schema.plain_serializer_function_ser_schema(self.write, when_used="json")
+        return core_schema.no_info_plain_validator_function(self.read, serialization=write)
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
+        return {"type": "string", **dict(self.schema)}
+
+
+def fault(message: str) -> PydanticCustomError:
+    """A fault in the words that the user will read."""
+    return PydanticCustomError("fault", "{message}", {"message": message})
+
+
+def _read_quantity(kind: Kind, above: str, least: str, most: str, value: Any) -> float:
+    advice = kind.advice
+    if not isinstance(value, str):
+        bare = isinstance(value, int | float) and not isinstance(value, bool)
+        raise fault(f"{'is a bare number' if bare else 'is not text'}; {advice}")
+    try:
+        number = units.parse(value, kind)
+    except ValueError as error:
+        raise fault(str(error)) from None
+    if above and number <= units.parse(above, kind):
+        raise fault(f"must be above {above}")
+    if least and number < units.parse(least, kind):
+        raise fault(f"must be {least} or more")
+    if most and number > units.parse(most, kind):
+        raise fault(f"must be {most} or less")
+    return number
+
+
+def quantity(
+    kind: Kind, *, above: str = "", least: str = "", most: str = "", word: str = ""
+) -> Text:
+    """A quantity with its range; `word` may stand in its place."""
+
+    def read(value: Any) -> Any:
+        if word and value == word:
+            return word
+        return _read_quantity(kind, above, least, most, value)
+
+    def write(value: Any) -> str:
+        return word if word and value == word else units.spell(value, kind)
+
+    bounds = [("above", above), ("at least", least), ("at most", most), ("or the word", word)]
+    limits = ", ".join(f"{name} {bound}" for name, bound in bounds if bound)
+    description = f"{kind.name} with its unit" + (f": {limits}" if limits else "")
+    return Text(read, write, (("description", description), ("examples", (kind.example,))))
+
+
+def name_of(what: str, names: tuple[str, ...]) -> Text:
+    """One of a list of names, as the key of a table."""
+
+    def read(value: Any) -> str:
+        if value not in names:
+            context = {"what": what, "names": names}
+            raise PydanticCustomError("unknown_name", "is not a {what}", context)
+        return str(value)
+
+    return Text(read, str, (("enum", names),))
+
+
+def existing_file() -> Text:
+    """A path; that the file exists is checked."""
+    return Text(_read_file, str, (("description", "path of a file"),))
+
+
+def _read_file(value: Any) -> Path:
+    if not isinstance(value, str):
+        raise fault("is not text; write the path of a file")
+    if not os.path.isfile(value):
+        raise fault("no such file; a path is relative to the case file that states it")
+    return Path(value)

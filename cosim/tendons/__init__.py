@@ -1,0 +1,1 @@
+"""Tendons: their tables, their tensions over time, and the muscles and cylinders that pull them."""

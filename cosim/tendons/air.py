@@ -1,0 +1,170 @@
+"""From the pneumatic cylinders of a case to live ones.  One of the files that know the solvers by
+name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from cosim.case.schema import Case
+from cosim.port import Array, ConvergenceError, InputError
+from cosim.tendons.air_table import Pneumatic
+from cosim.tendons.courses import factor_of
+
+if TYPE_CHECKING:
+    from rigid.pneumatic import AirState, Cylinder, Pneumatics, Valve
+
+MOST_VOLTAGE = 10.0
+"""V."""
+SLACK = 1e-9
+"""m, by which a piston may be beyond an end of its stroke."""
+
+
+@dataclass(frozen=True)
+class Cylinders:
+    """The pneumatic cylinders of a case, (n,), and where they stand among its tendons."""
+
+    names: tuple[str, ...]
+    where: Array
+    air: Pneumatics
+    drawn: Array
+    """(n,) m, of each piston into its cylinder at t = 0."""
+    command: Callable[[float], Array]
+    """(n,) V at a time in s, before the delay."""
+
+    def reaching(self, time: float) -> Array:
+        """(n,) V that reach the valves: those commanded a delay before, the first ones before."""
+        delay = np.broadcast_to(self.air.valve.delay, len(self.names))
+        by_delay = {d: self.command(max(time - d, 0.0)) for d in set(delay.tolist())}
+        return np.array([by_delay[d][i] for i, d in enumerate(delay.tolist())])
+
+
+class Drawn(NamedTuple):
+    """What cylinders make of a step, (n,) each."""
+
+    tension: Array
+    """N."""
+    stiffness: Array
+    """N/m: the air's as a spring, adiabatic, by which the tension follows the path in a step."""
+    state: AirState
+
+
+def check_air(case: Case) -> None:
+    """Raises InputError for a cylinder in an equilibrium, or one whose parts do not fit."""
+    for name in _driven(case):
+        if case.forward is None:
+            raise InputError(
+                f"tendons.{name}.actuation: air takes time to act, and an equilibrium has none; "
+                "add a table [forward], or state the tension (area times pressure, for example "
+                'tension = "10 N")'
+            )
+        try:
+            _command(case, name)(0.0)
+        except InputError as error:
+            raise InputError(f"tendons.{name}.actuation: {error}") from None
+
+
+def cylinders(case: Case, tendons: tuple[str, ...]) -> Cylinders | None:
+    """Those of a case with these tendons; None where air pulls nothing.  Raises InputError."""
+    names = tuple(n for n in tendons if n in _driven(case))
+    if not names:
+        return None
+    tables = [_table(case, n) for n in names]
+    air = _stacked([parts(table) for table in tables])
+    commands = [_command(case, n) for n in names]
+    drawn = np.array([table.start for table in tables]) * air.cylinder.stroke
+    where = np.array([tendons.index(n) for n in names])
+    return Cylinders(names, where, air, drawn, lambda t: np.array([f(t) for f in commands]))
+
+
+def parts(table: Pneumatic) -> Pneumatics:
+    """Valve and cylinder of a table.  Raises InputError."""
+    from rigid.pneumatic import ATMOSPHERE, Cylinder, Pneumatics, Valve
+
+    said = {name: value for name, value in table if value is not None}
+    if table.supply is not None:
+        said["supply"] = ATMOSPHERE + table.supply
+    valve = {f.name: said[f.name] for f in fields(Valve) if f.name in said}
+    cylinder = {f.name: said[f.name] for f in fields(Cylinder) if f.name in said}
+    return Pneumatics(Valve(**valve), Cylinder(**cylinder))
+
+
+def begun(c: Cylinders) -> AirState:
+    """At rest under the first command."""
+    from rigid.pneumatic import at_rest
+
+    return at_rest(c.air, c.reaching(0.0), np.asarray(c.air.cylinder.volume(c.drawn)))
+
+
+def pulled(c: Cylinders, state: AirState, time: float, inward: Array, dt: float) -> Drawn:
+    """The cylinders at `time` s, `dt` s after `state`, the pistons moved inward by (n,) m since the
+    start.  Raises ConvergenceError where one has reached an end of its stroke."""
+    from rigid.pneumatic import GAMMA, step, tension
+
+    cylinder = c.air.cylinder
+    area = np.asarray(cylinder.area)
+    if dt == 0.0:
+        return Drawn(tension(cylinder, state.pressure), np.zeros(len(c.names)), state)
+    volume = np.asarray(cylinder.volume(_within(c, inward)))
+    speed = (volume - state.volume) / (area * dt)
+    after = step(c.air, state, c.reaching(time - 0.5 * dt), volume, dt)
+    pull = tension(cylinder, after.pressure, speed)
+    spring = GAMMA * after.pressure * area**2 / volume
+    return Drawn(pull, np.where(pull > 0.0, spring, 0.0), after)
+
+
+def _within(c: Cylinders, inward: Array) -> Array:
+    """(n,) m, how far the pistons are drawn in."""
+    drawn = c.drawn + inward
+    stroke = np.broadcast_to(c.air.cylinder.stroke, drawn.shape)
+    off = np.maximum(-drawn, drawn - stroke)
+    worst = int(np.argmax(off))
+    if off[worst] > SLACK:
+        end = "out to" if drawn[worst] < 0 else "in to"
+        raise ConvergenceError(
+            f"tendons.{c.names[worst]}.actuation: the piston was drawn {end} the end of its stroke "
+            f"of {1e3 * stroke[worst]:.3g} mm; state another start or a longer stroke"
+        )
+    return np.asarray(drawn)
+
+
+def _driven(case: Case) -> list[str]:
+    return [name for name, tendon in case.tendons.items() if tendon.actuation is not None]
+
+
+def _table(case: Case, name: str) -> Pneumatic:
+    table = case.tendons[name].actuation
+    assert table is not None  # of those that _driven names
+    return table
+
+
+def _command(case: Case, name: str) -> Callable[[float], float]:
+    """V at a time in s."""
+    from rigid.pneumatic import ATMOSPHERE, settled
+
+    table, factor = _table(case, name), factor_of(case.tendons[name].course)
+    valve = parts(table).valve
+    if table.voltage is not None:
+        volts = table.voltage
+        return lambda t: min(volts * factor(t), MOST_VOLTAGE)
+    most, wanted = float(np.asarray(valve.supply)), float(table.pressure or 0.0)
+    if ATMOSPHERE + wanted > most:
+        raise InputError(
+            f"pressure: {wanted / 1e6:.4g} MPa is more than the supply's "
+            f"{(most - ATMOSPHERE) / 1e6:.4g} MPa; both count from the atmosphere's"
+        )
+    return lambda t: float(settled(valve, min(ATMOSPHERE + wanted * factor(t), most)))
+
+
+def _stacked(each: list[Pneumatics]) -> Pneumatics:
+    from rigid.pneumatic import Cylinder, Pneumatics, Valve
+
+    def of(tables: list[Valve] | list[Cylinder]) -> dict[str, Array]:
+        return {f.name: np.array([getattr(t, f.name) for t in tables]) for f in fields(tables[0])}
+
+    return Pneumatics(
+        Valve(**of([e.valve for e in each])), Cylinder(**of([e.cylinder for e in each]))
+    )

@@ -1,0 +1,71 @@
+"""The course of a tension or an activation over time, as a function.
+
+One of the files that know the solvers by name, for the tables that OpenSim writes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from cosim.fingers.common import FileCourse, PointsCourse, SineCourse
+from cosim.port import Array, InputError
+
+
+def factor_of(course: PointsCourse | SineCourse | FileCourse | None) -> Callable[[float], float]:
+    """The factor at a time in s; one at all times without a course.
+
+    Raises InputError for a file that holds no such column, or values that are not factors."""
+    if course is None:
+        return lambda time: 1.0
+    if isinstance(course, SineCourse):
+        rate = 2 * np.pi * course.frequency
+        return lambda t: max(
+            course.mean + course.amplitude * float(np.sin(rate * t + course.phase)), 0.0
+        )
+    if isinstance(course, PointsCourse):
+        times, factors = np.array(course.at).T
+    else:
+        times, factors = _recorded(course.path, course.column)
+    return lambda t: float(np.interp(t, times, factors))
+
+
+def _recorded(path: Path, column: str) -> tuple[Array, Array]:
+    times, values = (_csv if path.suffix.lower() == ".csv" else _sto)(path, column)
+    ordered = len(times) > 0 and bool((np.diff(times) > 0).all())
+    if not (ordered and np.isfinite(values).all() and (values >= 0).all()):
+        raise InputError(
+            f"{path}, column {column!r}: expected times that rise and values that are finite and "
+            "not negative"
+        )
+    return times, values
+
+
+def _sto(path: Path, column: str) -> tuple[Array, Array]:
+    from rigid.opensim.sto import read_sto
+
+    table = read_sto(path, ())
+    if column not in table.columns:
+        raise _no_column(path, column, table.columns)
+    return table.time, table.values[:, table.columns.index(column)]
+
+
+def _csv(path: Path, column: str) -> tuple[Array, Array]:
+    import pandas
+
+    try:
+        table = pandas.read_csv(path, comment="#", skipinitialspace=True)
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: cannot be read as a table ({error})") from error
+    for name in ("time", column):
+        if name not in table:
+            raise _no_column(path, name, tuple(map(str, table.columns)))
+    try:
+        return table["time"].to_numpy(dtype=float), table[column].to_numpy(dtype=float)
+    except ValueError as error:
+        raise InputError(f"{path}: holds something that is no number ({error})") from error
+
+
+def _no_column(path: Path, column: str, among: tuple[str, ...]) -> InputError:
+    return InputError(f"{path}: has no column {column!r}; it has {', '.join(among)}")
