@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cosim.build import Models
-from cosim.looks import Look, look
+from cosim.build.models import Models
 from cosim.port import STATIC, Array, ConvergenceError, Load, Motion, State
+from cosim.results.looks import Look, look
 
 if TYPE_CHECKING:
     import pandas

@@ -5,12 +5,12 @@ from __future__ import annotations
 from statistics import fmean, median
 from time import perf_counter
 
-from cosim.build import build
-from cosim.build_forward import together
+from cosim.build.models import build
+from cosim.build.motion import together
 from cosim.case.schema import Case, Forward
 from cosim.coupling.motion import moments
+from cosim.pipeline import settled, solve
 from cosim.port import InputError
-from cosim.run import settled, solve
 
 REPEATS = 5
 EVERY = 25

@@ -16,14 +16,14 @@ from pathlib import Path
 from typing import Any
 
 from cosim import trials
-from cosim.build_fit import check_fit
+from cosim.build.fit import check_fit
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.nearby import foretold, solved_from
-from cosim.observe import result
+from cosim.pipeline import Models, States, solve
 from cosim.port import ConvergenceError, CosimError, InputError
 from cosim.processes import one_blas_thread
-from cosim.run import Models, States, solve
+from cosim.results.static import result
 from cosim.trials import Outcome, Settings, not_ended, one_line
 
 

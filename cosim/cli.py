@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from cosim import __version__
-from cosim.audit import describe_misses
 from cosim.estimate_commands import estimate
 from cosim.finger_commands import bench_fingers, bench_robotic_finger, mjcf, moment_arms
 from cosim.fmu_commands import fmu
@@ -31,6 +30,7 @@ from cosim.port import ConvergenceError, CosimError, InputError, StoppedError
 from cosim.processes import prepare_process
 from cosim.reduce_commands import reduce
 from cosim.report_commands import report
+from cosim.results.audit import describe_misses
 from cosim.shell_commands import info, verify
 from cosim.study.commands import bench_studies, status, study
 from cosim.terminal import console, tell, told, warn, warn_of_audits
@@ -157,7 +157,7 @@ def _run_all(cases: Sequence[Case], out: Path, voice: Voice) -> None:
             if isinstance(error, StoppedError):
                 break
     if voice == "plain" and len(cases) > 1:
-        from cosim.summary import batch_table
+        from cosim.results.summary_tables import batch_table
 
         console().print(batch_table([case.name for case in cases], summaries))
     warn({name: (summary or {}).get("warnings", ()) for name, summary in summaries.items()})
@@ -172,7 +172,7 @@ def _voice(quiet: bool, as_json: bool) -> Voice:
 
 
 def _check_targets(cases: Sequence[Case], out: Path) -> None:
-    from cosim.results import check_target
+    from cosim.results.data import check_target
 
     names = [case.name for case in cases]
     twice = sorted({name for name in names if names.count(name) > 1})
@@ -184,8 +184,8 @@ def _check_targets(cases: Sequence[Case], out: Path) -> None:
 
 def _run_one(case: Case, out: Path, voice: Voice) -> Mapping[str, Any]:
     """Run, write and show one case; its summary.  Raises CosimError."""
-    from cosim.results import write_result
-    from cosim.run import run_case
+    from cosim.pipeline import run_case
+    from cosim.results.data import write_result
 
     unfinished = _unfinished(case, out)
     try:
@@ -298,7 +298,7 @@ def _progress(name: str, voice: Voice) -> Iterator[Callable[[str], None]]:
 
 
 def _show(case: Case, summary: Mapping[str, Any]) -> None:
-    from cosim.summary import tables
+    from cosim.results.summary_tables import tables
 
     printer = console()
     printer.print(f"\n{case.name}: {case.title}")
@@ -316,8 +316,8 @@ def _shown(path: Path) -> str:
 @app.command()
 def check(cases: Cases, settings: Settings = None) -> None:
     """Check cases, and the mesh files that they name, and run nothing."""
-    from cosim.build import check_mesh_file
-    from cosim.build_fit import check_fit
+    from cosim.build.fit import check_fit
+    from cosim.build.models import check_mesh_file
 
     codes = [0]
     for case in _load(cases, settings):
@@ -368,7 +368,7 @@ def _has_display() -> bool:
 def _open_window(hood: Path) -> None:
     import pyvista
 
-    from cosim.results import STRAIN
+    from cosim.results.data import STRAIN
 
     mesh = pyvista.read(hood)
     plotter = pyvista.Plotter(title=f"cosim: {hood.parent.name}")
@@ -445,7 +445,7 @@ def mesh(
     """Write the hood mesh of a case, for hood.mesh.kind = "file"."""
     (checked,) = _load([case], settings)
     with told():
-        from cosim.build import hood_mesh
+        from cosim.build.models import hood_mesh
         from meshes.hood_mesh import write
 
         made = hood_mesh(checked)

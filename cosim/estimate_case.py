@@ -8,15 +8,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.build import Models, build
+from cosim.build.models import Models, build
 from cosim.capacity import Capacity, Weights, capacity
 from cosim.case.schema import Case, NetworkHood, PulleyHood, SplitHood
 from cosim.course_of_motion import JointMotion
 from cosim.demand import AXES, Demand, force_demand, torque_demand
 from cosim.estimate import Bounds, Cost, Estimate, estimate, spelt
 from cosim.held import Held, Torques
+from cosim.pipeline import agreed
 from cosim.port import Array, ConvergenceError, InputError
-from cosim.run import agreed
 from cosim.schema import units
 from rigid.programme import Power
 

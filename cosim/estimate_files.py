@@ -17,7 +17,7 @@ from cosim.estimate_plot import draw_estimate, draw_motion
 from cosim.feasible import ForceSet
 from cosim.folders import folder_written_whole
 from cosim.port import Array
-from cosim.results import plain
+from cosim.results.data import plain
 
 MARK = "estimate.json"
 DPI = 140

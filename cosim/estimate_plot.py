@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cosim.looks import look
 from cosim.port import Array
+from cosim.results.looks import look
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -32,7 +32,7 @@ def moment_arms(
     """Moment arms of all tendons while each joint passes its range, beside published ones."""
     with told():
         from cosim.arms import beside_published, draw, published, sweep
-        from cosim.build import build, tensions
+        from cosim.build.models import build, tensions
         from cosim.case.file import load_case
         from cosim.fingers.kinds import joint_ranges
 

@@ -14,9 +14,9 @@ from typing import Any
 
 from cosim.case.file import find_case, load_case
 from cosim.case.schema import Case
-from cosim.compare import Target, unit_of
 from cosim.parameters import CASES, Free, built_in, fit_tables, raise_faults, read_free
 from cosim.port import InputError
+from cosim.results.compare import Target, unit_of
 from cosim.trials import Settings
 
 

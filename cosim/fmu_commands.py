@@ -38,7 +38,7 @@ def fmu(
     It holds the whole case and runs where this package is installed, at the same version."""
     with told():
         from cosim.case.file import load_case
-        from cosim.fmu.export import write_fmu
+        from cosim.fmu_export.write import write_fmu
 
         checked = load_case(case, settings or ())
         path = out or Path(f"{checked.name}_{part.value}.fmu")

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cosim.build import Models
+from cosim.build.models import Models
 from cosim.port import STATIC, Array, InputError, Load, State
 
 NOT_MUSCLES = ("fingertip", "holder")

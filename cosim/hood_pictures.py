@@ -19,8 +19,8 @@ from cosim.hood_literature import (
     coupled,
 )
 from cosim.hood_poses import JOINTS, Posture, SolvedPose, posture_name
-from cosim.looks import look
 from cosim.papers.lines import framed
+from cosim.results.looks import look
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -14,12 +14,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cosim.audit import missed_bounds
-from cosim.build import Models, build, hood_mesh
+from cosim.build.models import Models, build, hood_mesh
 from cosim.case.schema import Case
 from cosim.hoods.injury import injured_mesh
 from cosim.port import STATIC, Array, ConvergenceError, Response, State
-from cosim.strains import is_slack
+from cosim.results.audit import missed_bounds
+from cosim.results.strains import is_slack
 from cosim.trials import one_line
 from meshes.bands import sagittal_angles, sagittal_bands
 

@@ -9,10 +9,10 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from textwrap import wrap
 
-from cosim.compare import Comparison, number, stated
 from cosim.fit_cases import FitCase, StatedCase
 from cosim.identify import Fit, interval, standing
 from cosim.port import InputError
+from cosim.results.compare import Comparison, number, stated
 from cosim.trials import Settings
 
 WIDTH = 98

@@ -21,12 +21,12 @@ from scipy.optimize import least_squares
 
 from cosim.case.file import load_case
 from cosim.case_workers import CaseWorkers, case_workers
-from cosim.compare import Comparison, Target, compared
 from cosim.fit_cases import FitCase, StatedCase, assigned
 from cosim.nearby import tangent_serves
 from cosim.parameters import Free, Parameter, raise_faults
 from cosim.port import Array, ConvergenceError, InputError
-from cosim.quantities import check_quantities
+from cosim.results.compare import Comparison, Target, compared
+from cosim.results.quantities import check_quantities
 from cosim.trials import Outcome, Settings
 
 STEP, SMALL_STEP = 0.01, 1e-4

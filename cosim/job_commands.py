@@ -142,7 +142,7 @@ def export(
 ) -> None:
     """Write the shell hood of a case at its posture, under its tendons' tensions, for FEBio."""
     with told():
-        from cosim.build import build, tensions
+        from cosim.build.models import build, tensions
         from cosim.case.file import load_case
         from fe_solver.febio.write import write_feb
         from fe_solver.hood_job import job_of_hood

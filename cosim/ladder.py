@@ -13,8 +13,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from cosim.build import Models
-from cosim.build_fit import check_fit
+from cosim.build.fit import check_fit
+from cosim.build.models import Models
 from cosim.case.file import load_case
 from cosim.case.schema import Case, CaseFile, ShellHood, SplitHood
 from cosim.coupling.equilibrium import Equilibrium
@@ -22,9 +22,9 @@ from cosim.fingers.common import FmuFinger
 from cosim.fingers.kinds import our_finger
 from cosim.hoods.lumped.build import split_slips
 from cosim.hoods.lumped.table import TwoBandHood
-from cosim.observe import result
+from cosim.pipeline import States, solve
 from cosim.port import Array, ConvergenceError, CosimError, InputError
-from cosim.run import States, solve
+from cosim.results.static import result
 
 Status = Literal["converged", "failed", "does not apply"]
 RUNGS = {

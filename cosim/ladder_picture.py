@@ -9,7 +9,7 @@ import numpy as np
 
 from cosim.ladder import Rung
 from cosim.ladder_table import EXTENSOR, JOINTS, figures, heading
-from cosim.looks import Look, look
+from cosim.results.looks import Look, look
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,9 +8,9 @@ import json
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 
-from cosim.compare import COMPONENTS, number
 from cosim.ladder import Rung
-from cosim.results import plain
+from cosim.results.compare import COMPONENTS, number
+from cosim.results.data import plain
 
 JOINTS = ("MCP", "PIP", "DIP")
 EXTENSOR = "EDC"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from cosim.audit import describe_misses
+from cosim.results.audit import describe_misses
 from cosim.terminal import console, told, warn_of_audits
 
 if TYPE_CHECKING:
@@ -54,11 +54,11 @@ def lesion(
 def _solved(case: Case, out: Path) -> list[Pair]:
     """The four runs, each in its folder.  Raises InputError and ConvergenceError."""
     from cosim.lesion import TIPS, both_sides
+    from cosim.pipeline import run_case
     from cosim.port import CosimError
     from cosim.report.lesion_page import Pair
-    from cosim.report.runs import read_run
-    from cosim.results import check_target, write_result
-    from cosim.run import run_case
+    from cosim.results.data import check_target, write_result
+    from cosim.results.read import read_run
 
     four, runs = both_sides(case), {}
     for one in four.values():

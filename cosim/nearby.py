@@ -19,13 +19,13 @@ from typing import Any
 
 import numpy as np
 
-from cosim.build import Models, build, tensions
+from cosim.build.models import Models, build, tensions
 from cosim.case.schema import Case, ShellHood
 from cosim.coupling.equilibrium import Equilibrium
 from cosim.hoods.shell.build import UnderHood
-from cosim.observe import result
+from cosim.pipeline import States
 from cosim.port import Array
-from cosim.run import States
+from cosim.results.static import result
 from fe_solver.shell_hood import HoodState
 from fe_solver.shell_hood import ShellHood as FeHood
 

@@ -55,7 +55,7 @@ def sto(
 ) -> None:
     """Write a run's motions and forces as .sto tables, which OpenSim plots."""
     with told():
-        from cosim.sto import write_tables
+        from cosim.results.sto import write_tables
 
         for path in write_tables(run, out or run):
             typer.echo(f"wrote {path}")

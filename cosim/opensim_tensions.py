@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.build_fit import check_fit
+from cosim.build.fit import check_fit
 from cosim.case.file import find_case, load_case
 from cosim.case.schema import Case
 from cosim.files import written_whole

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from cosim.build import build
-from cosim.build_fit import HOODS
+from cosim.build.fit import HOODS
+from cosim.build.models import build
 from cosim.case.file import load_case
 from cosim.case.schema import Case, ShellHood
 from cosim.fingers.kinds import live_finger, our_finger

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cosim.build import Models, build
+from cosim.build.models import Models, build
 from cosim.case.file import load_case
 from cosim.hoods.lumped.build import Sample
 from cosim.port import STATIC, Array, ConvergenceError, Load, State

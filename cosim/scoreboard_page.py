@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from cosim import __version__, validation_mesh
-from cosim.compare import Comparison, Verdict, marks, misses_first, number, stated
 from cosim.files import written_whole
+from cosim.results.compare import Comparison, Verdict, marks, misses_first, number, stated
 from cosim.skill import Skill
 from cosim.validate import Board, by_kind
 from cosim.validation_mesh import Change

@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from cosim.compare import Comparison, Target, difference, number
 from cosim.port import Array
+from cosim.results.compare import Comparison, Target, difference, number
 
 FACTORS = {"no answer": 0.0, "halved": 0.5, "doubled": 2.0, "reversed": -1.0}
 """Null models by what the model's numbers are multiplied by."""

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
-from cosim.compare import Target, stated
+from cosim.results.compare import Target, stated
 from cosim.sensitivity import Bar, Run, Sensitivity, bars
 from cosim.trials import unit
 

@@ -18,9 +18,9 @@ from cosim.terminal import print_table, told
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from cosim.compare import Comparison, Target
     from cosim.fit_cases import FitCase
     from cosim.identify import Fit
+    from cosim.results.compare import Comparison, Target
     from cosim.sensitivity import Sensitivity
     from cosim.variations import Variation
 
@@ -64,7 +64,7 @@ def sensitivity(
     fibres, contact, joints, posture, mesh; a tornado chart for each quantity, and a table."""
     with told():
         from cosim.case.file import load_case
-        from cosim.compare_files import read_targets
+        from cosim.results.compare_files import read_targets
         from cosim.sensitivity import study, to_csv, to_json
         from cosim.variations import variations
 
@@ -134,7 +134,7 @@ def _write_charts(folder: Path, found: Sensitivity, targets: Sequence[Target]) -
 
 def _show_sensitivity(found: Sensitivity) -> None:
     """The strongest answers of each quantity, and the runs that have none."""
-    from cosim.compare import number
+    from cosim.results.compare import number
     from cosim.sensitivity import bars
     from cosim.trials import unit
 
@@ -211,10 +211,10 @@ def identify(
     """Fit parameters of one or several cases to measured numbers, within bounds; say with
     intervals, correlations and singular values what the numbers could not tell."""
     with told():
-        from cosim.compare_files import read_targets
         from cosim.fit_cases import fit_cases, stated_cases
         from cosim.identified import check_same_settings
         from cosim.identify import fit_all
+        from cosim.results.compare_files import read_targets
 
         stated = stated_cases(cases, tuple(settings or ()), free)
         wanted = read_targets(targets)
@@ -250,8 +250,8 @@ def _write_found(
 
 def _show_fit(found: Fit, several: bool) -> None:
     """Parameters, misses, correlations, singular values."""
-    from cosim.compare import number
     from cosim.identify import interval, standing
+    from cosim.results.compare import number
 
     rows = []
     for p in found.parameters:
@@ -296,8 +296,8 @@ def _squares(rows: Sequence[Comparison]) -> float:
 
 def _show_rows(title: str, pairs: Sequence[tuple[Comparison, Comparison]], several: bool) -> None:
     """Rows before and after."""
-    from cosim.compare import number, stated
     from cosim.identify import miss
+    from cosim.results.compare import number, stated
 
     rows = [
         (

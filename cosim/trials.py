@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any, Literal, Protocol
 
 from cosim.case.file import load_case
-from cosim.compare import unit_of, value_of
 from cosim.port import CosimError, InputError
+from cosim.results.compare import unit_of, value_of
 
 Settings = tuple[str, ...]
 """KEY=VALUE, as --set takes them; a later one has the last word."""
@@ -40,7 +40,7 @@ class Solve(Protocol):
 
 def outcome(source: Path, settings: Settings) -> Outcome:
     """The case at `source` with settings on top, solved."""
-    from cosim.run import run_case
+    from cosim.pipeline import run_case
 
     try:
         case = load_case(source, settings)

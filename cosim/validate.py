@@ -15,17 +15,17 @@ from pathlib import Path
 from typing import Any
 
 from cosim import __version__
-from cosim.audit import describe_misses
-from cosim.build_fit import check_fit
+from cosim.build.fit import check_fit
 from cosim.case.file import load_case
 from cosim.case.schema import Case
-from cosim.compare import Comparison, Kind, Target, as_dict, tally
-from cosim.compare_files import write_json
 from cosim.files import written_whole
-from cosim.observe import result
+from cosim.pipeline import solve
 from cosim.port import ConvergenceError, InputError
-from cosim.results import plain, write_result
-from cosim.run import solve
+from cosim.results.audit import describe_misses
+from cosim.results.compare import Comparison, Kind, Target, as_dict, tally
+from cosim.results.compare_files import write_json
+from cosim.results.data import plain, write_result
+from cosim.results.static import result
 from cosim.skill import FACTORS, Skill, against_factors, counted, headline, scaled, skill
 from cosim.validation_lengths import measured
 from cosim.validation_plan import groups, rows_of, split_answers

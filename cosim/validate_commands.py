@@ -141,7 +141,7 @@ def _said(found: Mapping[str, int]) -> str:
 def _print_rows(board: Board) -> None:
     from rich.table import Table
 
-    from cosim.compare import marks, misses_first, number, stated
+    from cosim.results.compare import marks, misses_first, number, stated
 
     table = Table()
     for name in ("what", "model", "reference", "difference", "verdict", "kind"):
@@ -157,7 +157,7 @@ def _print_rows(board: Board) -> None:
 def _print_changes(again: list[Board], found: list[Change]) -> None:
     from rich.table import Table
 
-    from cosim.compare import number
+    from cosim.results.compare import number
     from cosim.validation_mesh import tally
 
     screen = console()

@@ -10,7 +10,7 @@ import csv
 from collections.abc import Iterator, Sequence
 from importlib.resources import files
 
-from cosim.compare import COMPONENTS, Target
+from cosim.results.compare import COMPONENTS, Target
 from cosim.validation_trial import Group, Trial
 
 CLAMPED = 'finger.tip.kind="clamped"'

@@ -6,8 +6,8 @@ import itertools
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from cosim.compare import SECOND_HAND, UNITS, Target
 from cosim.port import ConvergenceError
+from cosim.results.compare import SECOND_HAND, UNITS, Target
 from cosim.validation_trial import Group, Trial
 from cosim.verification_lengths import MADE, experiments
 

@@ -13,8 +13,8 @@ import numpy as np
 from cosim import __version__
 from cosim.case.file import load_case
 from cosim.case.schema import GeneratedMesh, ShellHood
-from cosim.compare import COMPONENTS, Comparison
 from cosim.files import written_whole
+from cosim.results.compare import COMPONENTS, Comparison
 from cosim.validate import Board, six_digits
 from cosim.validation_trial import Group, Trial
 

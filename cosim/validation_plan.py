@@ -12,9 +12,9 @@ from functools import cache, partial
 from importlib.resources import as_file, files
 from pathlib import Path
 
-from cosim.compare import SECOND_HAND, Comparison, Target, compared, value_of, verdict
-from cosim.compare_files import read_targets
-from cosim.strains import is_slack
+from cosim.results.compare import SECOND_HAND, Comparison, Target, compared, value_of, verdict
+from cosim.results.compare_files import read_targets
+from cosim.results.strains import is_slack
 from cosim.validation_force import force_groups
 from cosim.validation_lengths import OWN_ZERO, length_groups
 from cosim.validation_trial import Group, Summaries, Trial

@@ -13,7 +13,7 @@ from functools import cache
 from importlib.resources import files
 from typing import NamedTuple
 
-from cosim.compare import Comparison, Verdict
+from cosim.results.compare import Comparison, Verdict
 
 NOT_KNOWN = "not known"
 MISSES: tuple[Verdict, ...] = ("outside", "no value")

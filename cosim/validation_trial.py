@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from cosim.compare import Comparison, Kind, Target
+from cosim.results.compare import Comparison, Kind, Target
 
 Summaries = Mapping[str, Mapping[str, Any]]
 """Of the trials that converged, by name."""

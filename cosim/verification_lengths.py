@@ -21,7 +21,7 @@ from cosim.case.schema import Case
 from cosim.checks import Row, Study
 from cosim.fingers.common import IndexFinger
 from cosim.fingers.kinds import skeleton_of
-from cosim.run import run_case
+from cosim.pipeline import run_case
 
 HOODS = {"shell": "", "net of cables": "base/cable", "network": "base/network"}
 """Case that states each hood; the shell is the experiments' own."""

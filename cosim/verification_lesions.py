@@ -14,7 +14,7 @@ from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.checks import Row, Study
 from cosim.lesion import both_sides
-from cosim.run import run_case
+from cosim.pipeline import run_case
 
 LEAST = 0.1
 """deg, of a change that is one."""

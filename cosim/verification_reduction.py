@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from cosim.build import build
+from cosim.build.models import build
 from cosim.case.file import find_case, load_case
 from cosim.checks import Row, Study
 from cosim.hoods.lumped.build import Sample, fitted, stacked

@@ -231,7 +231,7 @@ def failing_rows() -> Iterator[Row]:
 
 def _right_rows(name: str, rows: pd.DataFrame, plan: Plan) -> Iterator[Row]:
     """The others, against runs of the case itself."""
-    from cosim.run import run_case
+    from cosim.pipeline import run_case
 
     off = 0.0
     for row in rows.to_dict("records"):

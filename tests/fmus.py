@@ -13,8 +13,8 @@ import pytest
 
 from cosim.case.schema import Case
 from cosim.fmu.mapping import Place, places
-from cosim.fmu.parts import part_of
 from cosim.fmu.unit import Unit
+from cosim.fmu_export.static_parts import part_of
 
 NEEDS_FMU = [
     pytest.mark.fmu,

@@ -13,7 +13,7 @@ COARSE = 'hood.mesh.spacing="3 mm"'
 @cache
 def cable_hood(*overrides: str) -> ShellHood:
     """As a case builds it."""
-    from cosim.build import build
+    from cosim.build.models import build
     from cosim.case.file import load_case
 
     hood = build(load_case("cable_edc", [COARSE, *overrides])).hood

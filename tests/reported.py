@@ -10,8 +10,8 @@ import numpy as np
 import xarray
 
 from cosim.case.file import load_case
-from cosim.results import write_result
-from cosim.run import run_case
+from cosim.pipeline import run_case
+from cosim.results.data import write_result
 
 DATA = """\
 # Numbers made for tests

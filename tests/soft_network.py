@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from cosim.build import Models, build
+from cosim.build.models import Models, build
 from cosim.case.file import load_case
 from cosim.fingers.common import IndexFinger
 from cosim.hoods.lumped.build import slip_forces

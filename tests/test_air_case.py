@@ -12,10 +12,10 @@ from typer.testing import CliRunner
 
 from cosim.case.file import load_case, resolved_toml
 from cosim.cli import app
-from cosim.history import draw_history
+from cosim.pipeline import run_case
 from cosim.port import ConvergenceError, InputError, StoppedError
-from cosim.results import Result
-from cosim.run import run_case
+from cosim.results.data import Result
+from cosim.results.history_plot import draw_history
 from cosim.tendons.air import begun, cylinders, pulled
 from rigid.pneumatic import ATMOSPHERE, Cylinder
 

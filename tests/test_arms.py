@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cosim.arms import beside_published, draw, own_arms, published, sweep
-from cosim.build import build, tensions
+from cosim.build.models import build, tensions
 from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.fingers.kinds import joint_ranges
@@ -32,7 +32,7 @@ def test_a_sweep_holds_every_tendon_joint_and_posture() -> None:
 
 def test_cables_over_a_hood_have_the_arms_of_their_run() -> None:
     """The pulley hood: d torque / d tension in the sweep is what the run's summary says."""
-    from cosim.run import run_case
+    from cosim.pipeline import run_case
 
     case = load_case("pulley_edc", ["output.picture=false"])
     models = build(case)

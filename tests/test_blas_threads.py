@@ -25,7 +25,7 @@ def threads():
 DOORS = {
     "a case": """
 from cosim.case.file import load_case
-from cosim.run import run_case
+from cosim.pipeline import run_case
 seen = []
 run_case(load_case("pulley_edc"), lambda stage: seen.extend(threads()))
 """,
@@ -43,7 +43,7 @@ except InterruptedError:
 """,
     "a step of an FMU": """
 import numpy as np
-import cosim.fmu.run as door
+import cosim.fmu_export.run as door
 seen = []
 class Bare(door.Run):
     part = type("", (), {"step": lambda *_: (seen.extend(threads()), {})})()

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.build import Models, build, hood_mesh, tensions
+from cosim.build.models import Models, build, hood_mesh, tensions
 from cosim.case.file import load_case
-from cosim.observe import drawn_hood
 from cosim.port import STATIC, InputError
-from cosim.strains import strain_summary
+from cosim.results.static import drawn_hood
+from cosim.results.strains import strain_summary
 from fe_solver.fibre_materials import HolzapfelGasserOgden, TransIsoMooneyRivlin
 from fe_solver.hyperelastic import NeoHookean
 from fe_solver.materials import Orthotropic

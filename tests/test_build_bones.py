@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.build import build, hood_mesh
+from cosim.build.models import build, hood_mesh
 from cosim.case.file import load_case
 from cosim.port import InputError
 from meshes.bones import load_bone

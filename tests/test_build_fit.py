@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cosim.build import build
-from cosim.build_fit import check_fit
+from cosim.build.fit import check_fit
+from cosim.build.models import build
 from cosim.case.file import load_case
 from cosim.port import InputError
 

@@ -18,8 +18,8 @@ from cosim.cli import app
 from cosim.hoods.cable.build import cable_law
 from cosim.hoods.cable.table import CableHood
 from cosim.port import STATIC, InputError, Motion
-from cosim.report.runs import read_run
 from cosim.report.views import view_of
+from cosim.results.read import read_run
 from fe_solver.cable_model import pulls_in
 from fe_solver.shell_hood import ShellHood
 from meshes.cable_net import CABLES, CableNet, cable_of, lay
@@ -167,8 +167,8 @@ def test_a_case_runs_and_passes_its_audits(tmp_path: Path) -> None:
 
 
 def test_a_picture_draws_line_cells() -> None:
-    from cosim.picture import draw
-    from cosim.results import STRAIN, HoodField, Scene
+    from cosim.results.data import STRAIN, HoodField, Scene
+    from cosim.results.scene_plot import draw
 
     line = np.array([[0.0, 0, 0], [1e-3, 0, 0], [2e-3, 1e-3, 0]])
     field = HoodField(line, np.array([[0, 1], [1, 2]]), {}, {STRAIN: np.array([0.0, 0.02])})

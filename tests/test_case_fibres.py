@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from cosim.build import drawn_bones, hood_mesh
+from cosim.build.models import drawn_bones, hood_mesh
 from cosim.case.file import load_case, resolved_toml
 from cosim.cli import app
 from cosim.fingers.kinds import skeleton_of
@@ -17,7 +17,7 @@ from cosim.hoods.shell.fibre_table import Direction
 from cosim.hoods.shell.fibres import angles_at, fibres_of
 from cosim.hoods.shell.view import _line_angle
 from cosim.port import InputError
-from cosim.strokes import SPACING, carry, stroke_cells, strokes
+from cosim.results.strokes import SPACING, carry, stroke_cells, strokes
 from fe_solver.fibre_families import fibre_families
 from fe_solver.fibres import angle_between, turn_in_sheet
 from fe_solver.hood_job import job_of_hood

@@ -10,11 +10,11 @@ import xarray
 from typer.testing import CliRunner
 
 from cosim import __version__
-from cosim import run as main_path
-from cosim.audit import BEYOND, BOUNDS, POSTURE
+from cosim import pipeline as main_path
 from cosim.cli import app
 from cosim.port import ConvergenceError, InputError
-from cosim.results import LedgerRow, Result, Scene
+from cosim.results.audit import BEYOND, BOUNDS, POSTURE
+from cosim.results.data import LedgerRow, Result, Scene
 
 ROOT = Path(__file__).parents[1]
 SUMMARY = {
@@ -38,7 +38,7 @@ SUMMARY = {
 @pytest.fixture
 def solver(monkeypatch, tmp_path):
     """A stand-in for the solver; `fails` maps a case to the error that it meets, `ran` records."""
-    fake = types.ModuleType("cosim.run")
+    fake = types.ModuleType("cosim.pipeline")
     fake.fails, fake.ran, fake.summary = {}, [], SUMMARY
 
     def run_case(case, progress, unfinished=None):
@@ -52,7 +52,7 @@ def solver(monkeypatch, tmp_path):
         )
 
     fake.run_case = run_case
-    monkeypatch.setitem(sys.modules, "cosim.run", fake)
+    monkeypatch.setitem(sys.modules, "cosim.pipeline", fake)
     monkeypatch.chdir(tmp_path)
     return fake
 

@@ -11,7 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cosim.compare import (
+from cosim.port import InputError
+from cosim.results.compare import (
     COLUMNS,
     VERDICTS,
     Comparison,
@@ -25,8 +26,14 @@ from cosim.compare import (
     value_of,
     verdict,
 )
-from cosim.compare_files import read_json, read_targets, to_csv, to_json, to_markdown, write_json
-from cosim.port import InputError
+from cosim.results.compare_files import (
+    read_json,
+    read_targets,
+    to_csv,
+    to_json,
+    to_markdown,
+    write_json,
+)
 
 FORCE = Target(
     *("EDC force", "difference.fingertip_magnitude_N", "N", 0.46, 0.05, None, None),

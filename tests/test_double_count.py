@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from cosim.build_fit import check_fit
+from cosim.build.double_count import counted_twice, stated_pairs
+from cosim.build.fit import check_fit
 from cosim.case.file import find_case, load_case
 from cosim.cli import app
-from cosim.double_count import counted_twice, stated_pairs
+from cosim.pipeline import run_case
 from cosim.port import InputError
-from cosim.run import run_case
 
 PACKAGED = sorted(p.stem for p in find_case("isometric_edc").parent.glob("*.toml"))
 FDP = (

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from cosim.case.file import load_case
+from cosim.pipeline import run_case
 from cosim.port import ConvergenceError, InputError
-from cosim.run import run_case
 
 PLAIN = "output.picture=false"
 

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.build_forward import together
+from cosim.build.motion import together
 from cosim.case.file import load_case
 from cosim.coupling.excursion import Draw, Driven, begun, drawn
+from cosim.pipeline import run_case
 from cosim.port import ConvergenceError, InputError, StoppedError
-from cosim.results import Result
-from cosim.run import run_case
+from cosim.results.data import Result
 from tests.test_motion import FREE, HELD, PLAIN, Stopper, identical
 
 LOOSE = FREE[:2]
@@ -141,7 +141,7 @@ def test_what_is_refused(settings: list[str], words: str):
 
 
 def test_an_fmu_in_motion_takes_tensions():
-    from cosim.fmu.parts import part_of
+    from cosim.fmu_export.static_parts import part_of
 
     case = load_case("pulley_edc", [PLAIN, *LOOSE, SHORT, draws("FDP")])
     with pytest.raises(InputError, match="an FMU in motion takes tensions"):

@@ -20,8 +20,8 @@ from cosim.demand import AXES, force_demand, torque_demand
 from cosim.estimate import Bounds, Cost, estimate, linearised, nearest
 from cosim.estimate_case import for_force, for_motion, for_torques, parsed_force, setup
 from cosim.feasible import force_set
+from cosim.pipeline import solve
 from cosim.port import InputError
-from cosim.run import solve
 from rigid.flexion import on_the_curve, torques
 from rigid.force_sharing import linear
 from rigid.inverse_dynamics import needed_torque

@@ -15,11 +15,11 @@ from typer.testing import CliRunner
 
 from cosim.case.file import load_case
 from cosim.cli import app
-from cosim.compare import Target
 from cosim.fit_cases import FitCase, fit_cases, stated_cases
 from cosim.identify import fit_all, interval, standing
 from cosim.parameters import Parameter
 from cosim.port import ConvergenceError, InputError
+from cosim.results.compare import Target
 from cosim.trials import Outcome
 
 TORQUE = "joint_torque_Nmm.passive.PIP"

@@ -10,8 +10,8 @@ from cosim.case.file import load_case
 from cosim.coupling.accelerators import Aitken, Constant, QuasiNewton
 from cosim.coupling.equilibrium import CouplingOptions
 from cosim.coupling.fixed_point import fixed_point
+from cosim.pipeline import run_case
 from cosim.port import ConvergenceError
-from cosim.run import run_case
 from rigid.support import FREE, IN_PLANE
 
 TENSION, NONE = np.array([3.0]), np.zeros(0)

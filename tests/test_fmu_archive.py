@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 from cosim.case.file import load_case
 from cosim.fmu import archive
 from cosim.fmu.archive import opened
-from cosim.fmu.export import write_fmu
 from cosim.fmu.mapping import places
-from cosim.fmu.parts import part_of
 from cosim.fmu.quantity import hood_quantities
 from cosim.fmu.unit import Unit
+from cosim.fmu_export.static_parts import part_of
+from cosim.fmu_export.write import write_fmu
 from cosim.port import InputError
 from tests.fmus import NEEDS_FMU, described, tampered
 

@@ -8,11 +8,12 @@ import typer
 from typer.testing import CliRunner, Result
 
 from cosim.case.file import load_case
-from cosim.fmu import export, verification
-from cosim.fmu.export import write_fmu
+from cosim.fmu import verification
 from cosim.fmu.unit import Unit
 from cosim.fmu_commands import fmu
-from cosim.run import solve
+from cosim.fmu_export import write as export
+from cosim.fmu_export.write import write_fmu
+from cosim.pipeline import solve
 from tests.fmus import NEEDS_FMU, placed
 
 pytestmark = NEEDS_FMU

@@ -11,16 +11,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.build import build, tensions
+from cosim.build.models import build, tensions
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import CouplingOptions, equilibrium
-from cosim.fmu.export import write_fmu
 from cosim.fmu.mapping import Place, places
-from cosim.fmu.parts import HoodPart, part_of
 from cosim.fmu.unit import Unit
+from cosim.fmu_export.static_parts import HoodPart, part_of
+from cosim.fmu_export.write import write_fmu
+from cosim.pipeline import solve
 from cosim.port import STATIC, ConvergenceError, InputError, rotation_matrix
-from cosim.run import solve
 from tests.fmus import NEEDS_FMU, placed, tampered
 
 pytestmark = NEEDS_FMU
@@ -331,7 +331,7 @@ def test_inputs_belong_to_a_state(written, case, fmi):
 def test_a_unit_is_whole_that_is_written_after_another_was_loaded(written, tmp_path, fmi):
     code = (
         "import sys\nfrom pathlib import Path\nfrom cosim.case.file import load_case\n"
-        "from cosim.fmu.unit import Unit\nfrom cosim.fmu.export import write_fmu\n"
+        "from cosim.fmu.unit import Unit\nfrom cosim.fmu_export.write import write_fmu\n"
         "Unit(Path(sys.argv[1])).step(0.01)\nout = Path(sys.argv[2])\n"
         f"write_fmu(load_case('pulley_edc'), 'hood', {fmi}, out)\nUnit(out).step(0.01)\n"
     )

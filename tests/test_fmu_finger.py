@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from cosim.build import Models, build
-from cosim.build_fit import check_fit
+from cosim.build.fit import check_fit
+from cosim.build.models import Models, build
 from cosim.case.file import json_schema, load_case
 from cosim.cli import app
-from cosim.fmu.export import write_fmu
 from cosim.fmu.finger import FmuFinger
 from cosim.fmu.kinematics import MOST_KEPT
-from cosim.fmu.settle import finger_of
 from cosim.fmu.verification import in_units
+from cosim.fmu_export.write import write_fmu
+from cosim.pipeline import run_case
 from cosim.port import ConvergenceError, InputError
-from cosim.results import Result
-from cosim.run import run_case
+from cosim.results.data import Result
+from cosim.solve.fmu import finger_of
 from tests.fmus import NEEDS_FMU, described
 
 pytestmark = NEEDS_FMU

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.fmu.participant import FmuHood
+from cosim.fmu.hood import FmuHood
 from cosim.fmu.quantity import UNITS, load_of, motion_of, tensions_of
 from cosim.fmu.unit import Unit
 from cosim.port import STATIC, ConvergenceError, InputError, Motion, rotation_matrix

@@ -7,17 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.build_forward import Together, together
+from cosim.build.motion import Together, together
 from cosim.case.file import load_case
 from cosim.case.schema import Case
-from cosim.fmu.export import write_fmu
-from cosim.fmu.moving import FmuMovingFinger
-from cosim.fmu.parts import part_of
+from cosim.fmu.moving_finger import FmuMovingFinger
 from cosim.fmu.unit import Unit
 from cosim.fmu.verification import MOTION, MOTION_OF_UNITS, in_units
+from cosim.fmu_export.static_parts import part_of
+from cosim.fmu_export.write import write_fmu
+from cosim.pipeline import run_case
 from cosim.port import AffineLoad, ConvergenceError, InputError, Motion
-from cosim.results import Result
-from cosim.run import run_case
+from cosim.results.data import Result
 from tests.fmus import NEEDS_FMU, described, placed
 
 pytestmark = NEEDS_FMU

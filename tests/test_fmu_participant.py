@@ -9,17 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.build import Models, build, tensions
+from cosim.build.models import Models, build, tensions
 from cosim.case.file import load_case
 from cosim.coupling.accelerators import Aitken
 from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium
 from cosim.coupling.schemes import Explicit, Implicit, Linear, Newton, begin, step
 from cosim.fingers.kinds import planar_chain
-from cosim.fmu.export import write_fmu
 from cosim.fmu.finger import FmuFinger, met
-from cosim.fmu.participant import FmuHood
+from cosim.fmu.hood import FmuHood
 from cosim.fmu.quantity import tangent_of
 from cosim.fmu.unit import Unit
+from cosim.fmu_export.write import write_fmu
 from cosim.port import STATIC, ConvergenceError, Hood, InputError, Motion
 from rigid.joint_torques import joint_law
 from rigid.moving_hinge import MovingHinge

@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 
 from cosim.case.file import load_case
-from cosim.fmu.export import write_fmu
 from cosim.fmu.mapping import KINDS, Place
 from cosim.fmu.unit import Unit
+from cosim.fmu_export.write import write_fmu
 from cosim.port import InputError
 from tests.fmus import NEEDS_FMU
 

@@ -11,16 +11,16 @@ import pytest
 
 from cosim.case.file import load_case
 from cosim.case.schema import Case
-from cosim.fmu.export import write_fmu
 from cosim.fmu.mapping import Place
-from cosim.fmu.parts import PARTS
-from cosim.fmu.run import Run
-from cosim.fmu.state import Snapshot
 from cosim.fmu.unit import Unit
 from cosim.fmu.verification import MOTION, MOTION_OF_UNITS, in_units
+from cosim.fmu_export.run import Run
+from cosim.fmu_export.state import Snapshot
+from cosim.fmu_export.static_parts import PARTS
+from cosim.fmu_export.write import write_fmu
+from cosim.pipeline import run_case
 from cosim.port import ConvergenceError, InputError, StoppedError
-from cosim.results import Result
-from cosim.run import run_case
+from cosim.results.data import Result
 from tests.fmus import NEEDS_FMU, described, placed
 from tests.test_fmu_motion import case_of
 
@@ -177,7 +177,7 @@ LONG = 'forward={duration="0.08 s",must_rest=false,checkpoint=20}'
 
 
 def units_case(tmp_path: Path, fmi: int, scheme: str) -> Case:
-    from cosim.build_forward import together
+    from cosim.build.motion import together
 
     case = case_of()
     assert case.forward is not None

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cosim.build import hood_mesh
+from cosim.build.models import hood_mesh
 from cosim.case.file import load_case
 from cosim.port import InputError
 from fe_solver.mesh_geometry import node_directors

@@ -14,12 +14,12 @@ from typer.testing import CliRunner
 
 from cosim.case.file import load_case
 from cosim.cli import app
-from cosim.compare import Target, value_of
-from cosim.compare_files import read_targets
 from cosim.identify import Fit, confidence, fit, interval, miss, standing
 from cosim.parameters import Free, Parameter, built_in, read_free
+from cosim.pipeline import run_case
 from cosim.port import ConvergenceError, InputError
-from cosim.run import run_case
+from cosim.results.compare import Target, value_of
+from cosim.results.compare_files import read_targets
 from cosim.trials import outcome
 
 PASSIVE, PULL = "joint_torque_Nmm.passive.PIP", "joint_torque_Nmm.EDC.MCP"

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from cosim.case.file import load_case
-from cosim.quantities import is_known
-from cosim.strengths import NOT_KNOWN, carried, strength_of, strengths
+from cosim.report.strengths import NOT_KNOWN, carried, strength_of, strengths
+from cosim.results.quantities import is_known
 from cosim.verification_lengths import (
     HOODS,
     STUDIES,

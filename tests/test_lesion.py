@@ -13,8 +13,8 @@ from cosim.case.file import load_case, resolved_toml
 from cosim.hoods.injury import injured_network
 from cosim.hoods.lesion import OF_MESH, Lesion
 from cosim.lesion import both_sides
+from cosim.pipeline import run_case
 from cosim.port import InputError
-from cosim.run import run_case
 
 COARSE, FINER = "hood.mesh.quads=250", "hood.mesh.quads=400"
 SPACED = 'hood.mesh.spacing="3 mm"'

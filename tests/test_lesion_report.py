@@ -17,10 +17,10 @@ from cosim.cli import app
 from cosim.lesion import TIPS
 from cosim.report.lesion_drawings import outline, same_layout
 from cosim.report.lesion_page import Pair, tables_of_lesion
-from cosim.report.runs import read_run
 from cosim.report.tables import as_csv, as_markdown
 from cosim.report.views import Bone, Sheet
 from cosim.report.words import question
+from cosim.results.read import read_run
 
 COARSE = "hood.mesh.quads=120"
 QUICK = "output.picture=false"

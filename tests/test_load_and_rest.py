@@ -12,10 +12,13 @@ import shells
 from reported import run_into
 from typer.testing import CliRunner
 
-from cosim.build import build, hood_mesh
+from cosim.build.models import build, hood_mesh
 from cosim.case.file import load_case
 from cosim.cli import app
-from cosim.load_and_rest import (
+from cosim.port import STATIC, Array, Motion, rotation_matrix
+from cosim.report.page import page
+from cosim.report.tables import tables_of
+from cosim.results.load_and_rest import (
     LEAST_RATIO,
     NO_TENDONS,
     NO_UNLOADED,
@@ -24,10 +27,7 @@ from cosim.load_and_rest import (
     rest_block,
     rest_warnings,
 )
-from cosim.port import STATIC, Array, Motion, rotation_matrix
-from cosim.report.page import page
-from cosim.report.runs import read_runs
-from cosim.report.tables import tables_of
+from cosim.results.read import read_runs
 from meshes.cable_net import CableNet
 from meshes.glide import PLACES, Place, glide, net_places, sheet_places
 

@@ -16,15 +16,15 @@ from reported import as_motion, run_into
 
 from cosim import arms
 from cosim.estimate_plot import draw_motion
-from cosim.history import draw_history
 from cosim.ladder import Rung
 from cosim.ladder_picture import draw_ladder
-from cosim.ledger_plot import draw_ledger
-from cosim.looks import look
 from cosim.report import page as page_module
 from cosim.report.drawings import arrows_of
-from cosim.report.runs import read_run
-from cosim.results import LedgerRow
+from cosim.results.data import LedgerRow
+from cosim.results.history_plot import draw_history
+from cosim.results.ledger_plot import draw_ledger
+from cosim.results.looks import look
+from cosim.results.read import read_run
 
 MANY = 40
 TIMES = (0.0, 0.1, 0.2, 0.3)

@@ -7,11 +7,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from cosim.build import build
+from cosim.build.models import build
 from cosim.case.file import load_case, resolved_toml
+from cosim.pipeline import run_case
 from cosim.port import STATIC, Hood, InputError
-from cosim.results import Result
-from cosim.run import run_case
+from cosim.results.data import Result
 from rigid.human_network import human_finger
 from rigid.network import Network
 from rigid.network_hood import NetworkHood

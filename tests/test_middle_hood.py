@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.build import Models, build, drawn_bones, hood_mesh
+from cosim.build.models import Models, build, drawn_bones, hood_mesh
 from cosim.case.file import load_case
 from cosim.case.schema import Case
-from cosim.compare import Target, compared
-from cosim.compare_files import read_targets
 from cosim.fingers.kinds import skeleton_of, width_of
 from cosim.hoods.shell.build import thickness_of
+from cosim.pipeline import run_case
 from cosim.port import InputError
-from cosim.run import run_case
+from cosim.results.compare import Target, compared
+from cosim.results.compare_files import read_targets
 from meshes.hood_mesh import HoodMesh
 from meshes.hull import DIP, PIP, Chain, Hull, Level, along
 from meshes.skeleton import BODIES, index_finger

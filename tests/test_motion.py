@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from cosim import run_motion
 from cosim.case.file import load_case, resolved_toml
 from cosim.cli import app
 from cosim.coupling.checkpoint import NAME
+from cosim.pipeline import run_case
 from cosim.port import ConvergenceError, InputError, StoppedError
-from cosim.results import Result
-from cosim.run import run_case
+from cosim.results.data import Result
+from cosim.solve import motion as run_motion
 from meshes.skeleton import BODIES
 
 PLAIN = "output.picture=false"

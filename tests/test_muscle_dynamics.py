@@ -262,7 +262,7 @@ def test_a_velocity_that_does_not_converge_is_named(monkeypatch: pytest.MonkeyPa
 
 
 def _never(*_: object) -> np.ndarray:
-    raise newton.NotConverged(FDS)
+    raise newton.NotConverged("1 did not converge", FDS)
 
 
 def test_rounds_of_newton_in_a_smooth_motion(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,8 +6,8 @@ import pytest
 
 from cosim.case.file import find_case, load_case
 from cosim.case_workers import Kept, solve_many, solve_one
-from cosim.compare import value_of
 from cosim.nearby import tangent_serves
+from cosim.results.compare import value_of
 from cosim.trials import Outcome, Settings, outcome
 
 SOURCE = find_case("strain_lee2008_soft_iso")

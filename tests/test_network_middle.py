@@ -6,15 +6,15 @@ import conformance
 import numpy as np
 import pytest
 
-from cosim.build_fit import check_fit
+from cosim.build.fit import check_fit
 from cosim.case.file import load_case
 from cosim.fingers.common import MiddleFinger
 from cosim.fingers.kinds import live_finger
 from cosim.hoods.lumped.build import lumped_hood, slip_forces
 from cosim.hoods.lumped.table import NetworkHood
-from cosim.observe import result
+from cosim.pipeline import solve
 from cosim.port import STATIC, Finger, Hood
-from cosim.run import solve
+from cosim.results.static import result
 
 TENSION = np.array([10.0, 4.0, 7.0])
 POSTURES = (

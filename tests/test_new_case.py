@@ -14,12 +14,12 @@ from typer.testing import CliRunner
 from cosim.anatomy import Anatomy, Built
 from cosim.anatomy_bones import Bones, read_bones
 from cosim.anatomy_case import write_case
-from cosim.build import drawn_bones, hood_mesh
+from cosim.build.models import drawn_bones, hood_mesh
 from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.fingers.kinds import mjcf_of
+from cosim.pipeline import run_case
 from cosim.port import InputError
-from cosim.run import run_case
 from meshes.hood_mesh import HoodMesh, to_json
 from meshes.hull import Chain
 from meshes.imported_checks import Placing

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.build_fit import check_fit
+from cosim.build.fit import check_fit
 from cosim.case.file import load_case
 from cosim.fingers.common import IndexFinger
 from cosim.fingers.kinds import finger_model, live_finger, mjcf_of, skeleton_of
+from cosim.pipeline import run_case
 from cosim.port import InputError
-from cosim.run import run_case
 from meshes.skeleton import JOINTS
 from rigid.mjcf_read import read_mjcf
 from rigid.mujoco_finger import MujocoFinger

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cosim.anatomy import read_hood
-from cosim.build import hood_mesh
+from cosim.build.models import hood_mesh
 from cosim.case.file import load_case
 from cosim.port import InputError
 from meshes.hood_mesh import HoodMesh

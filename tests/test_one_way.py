@@ -13,9 +13,9 @@ from fingers import POSTURE, mujoco_finger
 from cosim import verification_rest, verification_thesis
 from cosim.case.file import load_case
 from cosim.coupling.one_way import JOINT_CONTACT, LUMPING, HandedOver, joint_forces
+from cosim.pipeline import run_case
 from cosim.port import STATIC, Load, Response
-from cosim.results import Result
-from cosim.run import run_case
+from cosim.results.data import Result
 from cosim.tendons.muscles import live_muscles
 from cosim.verification_thesis import greatest_tip_force
 from meshes.skeleton import BODIES

@@ -444,9 +444,9 @@ def test_a_table_with_other_columns_than_forces_is_untouched(tmp_path):
 
 
 def test_the_tensions_of_a_run_make_the_same_force_again(tmp_path):
-    from cosim.results import write_result
-    from cosim.run import run_case
-    from cosim.sto import write_tables
+    from cosim.pipeline import run_case
+    from cosim.results.data import write_result
+    from cosim.results.sto import write_tables
 
     first = run_case(load_case("split_edc", ["output.picture=false"]))
     folder = write_result(tmp_path, load_case("split_edc", ["output.picture=false"]), first)

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim import run_motion
 from cosim.case.file import load_case, resolved_toml
 from cosim.coupling.motion import Pace
 from cosim.coupling.paced import ROUNDING, _first_try
+from cosim.pipeline import run_case
 from cosim.port import ConvergenceError, InputError, StoppedError
-from cosim.results import Result
-from cosim.run import run_case
+from cosim.results.data import Result
+from cosim.solve import motion as run_motion
 from meshes.skeleton import BODIES
 from tests.test_motion import FREE, PLAIN, Stopper, identical
 
@@ -76,7 +76,7 @@ def test_the_books_close_at_each_half():
 
 def _lost(result: Result) -> np.ndarray:
     """J in each half, by the case's law alone."""
-    from cosim.build_forward import together
+    from cosim.build.motion import together
 
     case = load_case("pulley_edc", [PLAIN, *FREE, forward("0.01 deg"), DAMPED])
     assert case.forward is not None
@@ -153,7 +153,7 @@ def test_what_is_refused(name: str, setting: str, words: str):
 
 
 def test_an_fmu_leaves_its_steps_to_its_master():
-    from cosim.fmu.parts import part_of
+    from cosim.fmu_export.static_parts import part_of
 
     case = load_case("pulley_edc", [*FREE, forward("0.1 deg")])
     with pytest.raises(InputError, match="the steps of an FMU are its master's"):

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from cosim.case.file import load_case
 from cosim.fingers.kinds import planar_chain
+from cosim.pipeline import run_case
 from cosim.port import InputError
-from cosim.run import run_case
 from rigid.planar_chain import BUCHNER, PlanarChain
 from rigid.support import HELD
 from rigid.verification.finger_rows import planar_rows

@@ -105,7 +105,7 @@ def kinds(of: type[CosimError] = CosimError) -> list[type[CosimError]]:
 
 def test_every_error_can_be_named_and_comes_back_from_a_process() -> None:
     for room in (cosim, fe_solver, meshes, rigid):
-        for module in pkgutil.iter_modules(room.__path__, f"{room.__name__}."):
+        for module in pkgutil.walk_packages(room.__path__, f"{room.__name__}."):
             importlib.import_module(module.name)
     found = kinds()
     assert len(found) > 4

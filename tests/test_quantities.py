@@ -14,12 +14,12 @@ from reported import DATA, run_into
 from typer.testing import CliRunner
 
 from cosim.cli import app
-from cosim.compare import Target, unit_of
 from cosim.port import InputError
-from cosim.quantities import check_quantities, is_known
-from cosim.report.runs import read_run, read_runs
 from cosim.report.tables import _leaves
-from cosim.strains import is_slack
+from cosim.results.compare import Target, unit_of
+from cosim.results.quantities import check_quantities, is_known
+from cosim.results.read import read_run, read_runs
+from cosim.results.strains import is_slack
 
 QUICK = "output.picture=false"
 CASES = {

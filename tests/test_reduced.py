@@ -10,7 +10,7 @@ import pytest
 from scipy.special import eval_legendre
 from soft_network import JOINTS, MUSCLES, STRAIGHT, fitted_to, found, held_out, samples
 
-from cosim.build import build
+from cosim.build.models import build
 from cosim.case.file import load_case
 from cosim.fingers.common import IndexFinger
 from cosim.fingers.kinds import finger_model

@@ -10,7 +10,7 @@ from soft_network import FITTED, MUSCLES, SOFT, found, held_out, samples, soft_m
 from typer.testing import CliRunner
 
 from cosim import reduction, reduction_walks
-from cosim.build import build
+from cosim.build.models import build
 from cosim.case.file import find_case, load_case
 from cosim.cli import app
 from cosim.hoods.lumped.build import potential

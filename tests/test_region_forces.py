@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cosim.build import Models, hood_mesh
+from cosim.build.models import Models, hood_mesh
 from cosim.case.file import load_case
 from cosim.hoods.shell.region_forces import Crossing, crossing, crossing_force, element_forces
-from cosim.run import run_case, solve
+from cosim.pipeline import run_case, solve
 
 PULL = 7.0
 """N, of the strip."""

@@ -19,11 +19,11 @@ from cosim.cli import app
 from cosim.port import InputError
 from cosim.report.drawings import Arrow, arrows_of, sagittal, ticks
 from cosim.report.flat import laid_out
-from cosim.report.runs import read_run, read_runs
 from cosim.report.tables import last_ledger, tables_of
 from cosim.report.views import box, difference_view, limits, packed, view_of
 from cosim.report.words import answer, closure, commands, doubts, pulled, question
 from cosim.report.write import write_report
+from cosim.results.read import read_run, read_runs
 
 QUICK = "output.picture=false"
 
@@ -284,7 +284,7 @@ def test_the_view_packs_what_runs_share_once(hood, motion):
 
 
 def test_arrows_are_those_of_the_run_and_of_its_data(hood, data):
-    from cosim.compare_files import read_targets
+    from cosim.results.compare_files import read_targets
 
     run = read_run(hood, read_targets(data))
     arrows = arrows_of([run])
@@ -371,7 +371,7 @@ def test_rows_for_a_case_of_which_no_run_is_reported_are_counted(hood, tmp_path,
 
 
 def test_rows_of_the_runs_own_file_come_first(tmp_path, hood, data):
-    from cosim.compare_files import read_targets, write_json
+    from cosim.results.compare_files import read_targets, write_json
 
     run = read_run(hood, read_targets(data))
     shutil.copytree(hood, tmp_path / "run")

@@ -22,8 +22,8 @@ from reported import DATA, as_motion, run_into, swinging
 from cosim.port import InputError
 from cosim.report import page as page_module
 from cosim.report.page import MOST_BYTES
-from cosim.report.runs import read_run
 from cosim.report.write import write_report
+from cosim.results.read import read_run
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 FLAGS = (

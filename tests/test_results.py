@@ -8,9 +8,8 @@ import pytest
 import xarray
 
 from cosim.case.file import load_case
-from cosim.picture import MOST_TRIANGLES, VIEWS, draw, thinned
 from cosim.port import InputError
-from cosim.results import (
+from cosim.results.data import (
     LEDGER_HEADER,
     STRAIN,
     HoodField,
@@ -19,6 +18,7 @@ from cosim.results import (
     Scene,
     write_result,
 )
+from cosim.results.scene_plot import MOST_TRIANGLES, VIEWS, draw, thinned
 
 
 def tube(radius: float = 5e-3, length: float = 40e-3, around: int = 24, along: int = 20):
@@ -171,7 +171,7 @@ def test_a_large_surface_is_thinned_to_the_same_shape():
 
 
 def test_the_ledger_s_plot_shows_states_as_bars_and_times_as_lines():
-    from cosim.ledger_plot import draw_ledger
+    from cosim.results.ledger_plot import draw_ledger
 
     def row(state: str, source: str, force: float) -> LedgerRow:
         return LedgerRow(state, "distal", source, np.array([force, 0, 0]), np.zeros(3))

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cosim.build import drawn_bones
+from cosim.build.models import drawn_bones
 from cosim.case.file import load_case
 from cosim.fingers.kinds import finger_model
 from cosim.hoods.cable.robot import ROBOT_ENDS, robot_skeleton
-from cosim.run import solve
+from cosim.pipeline import solve
 from fe_solver.shapes import Capsule
 from meshes.cable_net import CableNet, cable_of, lay
 from meshes.robot_net import OTHERS, extensor_alone, wider

@@ -14,10 +14,10 @@ from typer.testing import CliRunner
 
 from cosim.case.file import find_case, load_case
 from cosim.cli import app
-from cosim.observe import IN_METACARPAL
+from cosim.pipeline import run_case, settled
 from cosim.port import ConvergenceError
-from cosim.results import Result, write_result
-from cosim.run import run_case, settled
+from cosim.results.data import Result, write_result
+from cosim.results.static import IN_METACARPAL
 from meshes.skeleton import BODIES
 
 PACKAGED = sorted(p.stem for p in find_case("isometric_edc").parent.glob("*.toml"))

@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 
 from cosim.case.file import load_case
 from cosim.cli import app
+from cosim.pipeline import run_case
 from cosim.port import ConvergenceError, InputError
-from cosim.run import run_case
 
 FORWARD = "forward={}"
 SHORT = 'forward={duration="0.6 s"}'

@@ -10,8 +10,8 @@ from typer.testing import CliRunner
 
 from cosim.case.file import load_case
 from cosim.cli import app
-from cosim.results import write_result
-from cosim.run import run_case
+from cosim.pipeline import run_case
+from cosim.results.data import write_result
 from rigid.opensim.sto import read_sto
 
 

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from cosim.build import build, hood_mesh
+from cosim.build.models import build, hood_mesh
 from cosim.case.file import load_case
 from cosim.hoods.injury import STRUT, adhesions, injured_mesh, injured_net
 from cosim.hoods.lesion import OF_MESH
@@ -30,7 +30,7 @@ def intact() -> HoodMesh:
 
 @cache
 def net() -> CableNet:
-    from cosim.build import drawn_bones
+    from cosim.build.models import drawn_bones
     from cosim.fingers.kinds import skeleton_of
     from cosim.hoods.cable.build import laid_net
 

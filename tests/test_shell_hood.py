@@ -12,7 +12,7 @@ import shells
 from scipy.spatial.transform import Rotation
 from test_conformance import index_motions
 
-from cosim.build import build, hood_mesh
+from cosim.build.models import build, hood_mesh
 from cosim.case.file import load_case
 from cosim.port import STATIC, ConvergenceError, InputError, Motion, Response
 from fe_solver.bend import Bend

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cosim.compare import Comparison, Target, verdict
+from cosim.results.compare import Comparison, Target, verdict
 from cosim.skill import FACTORS, against_factors, counted, headline, scaled, skill
 
 RNG = np.random.default_rng(3)

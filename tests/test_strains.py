@@ -7,7 +7,7 @@ import pytest
 
 from cosim.hoods.shell.view import HoodLook
 from cosim.port import InputError
-from cosim.strains import gauged, is_slack, marker_strains, strain_change, strain_summary
+from cosim.results.strains import gauged, is_slack, marker_strains, strain_change, strain_summary
 from meshes.hood_mesh import REGIONS, HoodMesh
 from meshes.markers import ROWS, markers
 

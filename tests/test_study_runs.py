@@ -137,7 +137,7 @@ def test_a_study_goes_on_where_it_was(place, monkeypatch):
 
 
 def test_failures_are_rows_and_retry_does_them_again(place, monkeypatch):
-    from cosim import run
+    from cosim import pipeline as run
 
     real, broken = run.run_case, [True]
 

@@ -16,8 +16,8 @@ from typer.testing import CliRunner
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.cli import app
-from cosim.compare import Target
 from cosim.port import ConvergenceError, InputError
+from cosim.results.compare import Target
 from cosim.sensitivity import RATIO, Run, Sensitivity, bars, study, to_csv, to_json
 from cosim.tornado import draw_tornado
 from cosim.trials import measured, outcome, unit

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from cosim.audit import BOUNDS, Bound
 from cosim.case.file import load_case
 from cosim.cli import app
-from cosim.compare import Comparison, Target, verdict
 from cosim.port import ConvergenceError, InputError
+from cosim.results.audit import BOUNDS, Bound
+from cosim.results.compare import Comparison, Target, verdict
 from cosim.skill import FACTORS, counted
 from cosim.validate import (
     SPLIT,

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from cosim.case.file import load_case
 from cosim.cli import app
-from cosim.compare import Comparison, Target
+from cosim.results.compare import Comparison, Target
 from cosim.validate import Board, chosen
 from cosim.validation_mesh import VERDICTS, Change, changes, on_finer_meshes, tally
 

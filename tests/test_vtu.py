@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
 
 from cosim import mesh_file
-from cosim.build import hood_mesh
+from cosim.build.models import hood_mesh
 from cosim.case.file import load_case
 from cosim.mesh_file import read_mesh_file
 from cosim.port import InputError

@@ -16,9 +16,9 @@ import numpy as np
 from cosim.coupling.accelerators import Accelerator, accelerated, begun
 from cosim.coupling.equilibrium import AT_REST, LOOSE
 from cosim.coupling.finger_equilibrium import MOST_TURN
+from cosim.fmu.hood import SHORT
 from cosim.fmu.kinematics import OPTIONAL, Kinematics, Pose
 from cosim.fmu.mapping import places
-from cosim.fmu.participant import SHORT
 from cosim.fmu.quantity import Quantity, finger_quantities
 from cosim.fmu.unit import Saved, Unit
 from cosim.port import (

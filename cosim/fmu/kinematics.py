@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cosim.fmu.hood import SHORT
 from cosim.fmu.mapping import Place
-from cosim.fmu.participant import SHORT
 from cosim.fmu.quantity import KINEMATICS
 from cosim.fmu.unit import Unit
 from cosim.port import Array, InputError, Motion

@@ -11,21 +11,21 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.build import Models, build, tensions
-from cosim.build_forward import Together, together
+from cosim.build.models import Models, build, tensions
+from cosim.build.motion import Together, together
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.checks import Row, Study
 from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium
 from cosim.coupling.finger_equilibrium import balanced
-from cosim.fmu.export import write_fmu
 from cosim.fmu.finger import FmuFinger, met
-from cosim.fmu.moving import FmuMovingFinger
-from cosim.fmu.participant import FmuHood
-from cosim.fmu.parts import PARTS
-from cosim.fmu.settle import settled
+from cosim.fmu.hood import FmuHood
+from cosim.fmu.moving_finger import FmuMovingFinger
+from cosim.fmu_export.static_parts import PARTS
+from cosim.fmu_export.write import write_fmu
+from cosim.pipeline import run_case
 from cosim.port import STATIC, AffineLoad, Array, Hood
-from cosim.run import run_case
+from cosim.solve.fmu import settled
 
 TOLERANCE = 1e-9
 """N, of the fingertip force."""

@@ -12,12 +12,12 @@ from functools import lru_cache
 
 import numpy as np
 
-from cosim.build import build
+from cosim.build.models import build
 from cosim.case.file import load_case
 from cosim.hoods.lumped.table import JOINTS
 from cosim.hoods.lumped.table import NetworkHood as NetworkTable
+from cosim.pipeline import run_case
 from cosim.port import STATIC, Array, Motion
-from cosim.run import run_case
 from rigid.chain import Chain, body_jacobian, tip_jacobian
 from rigid.mujoco_finger import MujocoFinger
 from rigid.network import Network

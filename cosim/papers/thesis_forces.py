@@ -23,7 +23,7 @@ from cosim.papers.thesis_models import (
     tip_force,
 )
 from cosim.port import Array
-from cosim.results import Result
+from cosim.results.data import Result
 from cosim.verification_thesis import EXCESS
 
 if TYPE_CHECKING:

@@ -15,9 +15,9 @@ from cosim.case.file import load_case
 from cosim.case.schema import Case, Isotropic, ShellHood
 from cosim.fingers.common import CageTip
 from cosim.opensim_loads import THESIS_AXES, axes_of
+from cosim.pipeline import run_case
 from cosim.port import Array
-from cosim.results import Result
-from cosim.run import run_case
+from cosim.results.data import Result
 
 MESH: tuple[str, ...] = ()
 """Settings of every hood's mesh; none, as the cases ship."""

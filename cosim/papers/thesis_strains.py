@@ -11,7 +11,7 @@ from cosim.papers.figure import Figure
 from cosim.papers.lines import framed
 from cosim.papers.thesis_models import DIRECTIONS, MODULI, STATISTICS, hood_run
 from cosim.papers.thesis_rows import printed_numbers
-from cosim.results import HoodField, Result
+from cosim.results.data import HoodField, Result
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

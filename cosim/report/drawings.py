@@ -11,10 +11,10 @@ from string import ascii_uppercase
 
 import numpy as np
 
-from cosim.compare import Comparison, ForceVector, Verdict, force_vectors, value_of
-from cosim.looks import look
 from cosim.port import Array
-from cosim.report.runs import Run
+from cosim.results.compare import Comparison, ForceVector, Verdict, force_vectors, value_of
+from cosim.results.looks import look
+from cosim.results.read import Run
 
 INKS = ("#00446b", "#0a7d6c", "#5b3a8e", "#2e6b3e", "#8c1d40", "#4d4d4d")
 """Dark enough for paper and for the letters of the legend."""

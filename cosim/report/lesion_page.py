@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from cosim.compare import number, unit_of, value_of
 from cosim.port import Array
 from cosim.report import drawings, words
 from cosim.report.lesion_drawings import (
@@ -17,10 +16,11 @@ from cosim.report.lesion_drawings import (
     strain_map,
 )
 from cosim.report.page import colours, own_file, templates
-from cosim.report.runs import Run
+from cosim.report.strengths import carried, strength_of
 from cosim.report.tables import Cell, Table, asked
 from cosim.report.views import View, limits, view_of
-from cosim.strengths import carried, strength_of
+from cosim.results.compare import number, unit_of, value_of
+from cosim.results.read import Run
 
 FIELD = "along"
 LEAST_ANGLE, LEAST_FORCE = 0.05, 0.005

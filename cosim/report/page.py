@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cosim.compare import number
-from cosim.looks import look
 from cosim.port import InputError
 from cosim.report import drawings, words
-from cosim.report.runs import Run
 from cosim.report.tables import SAGITTAL, SUM, Cell, Table, last_ledger, last_state
 from cosim.report.views import View, difference_view, floats, limits, packed, view_of
+from cosim.results.compare import number
+from cosim.results.looks import look
+from cosim.results.read import Run
 
 if TYPE_CHECKING:
     from jinja2 import Environment

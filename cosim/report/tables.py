@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from cosim.audit import BOUNDS, audit_figures
-from cosim.compare import COLUMNS, COMPONENTS, as_dict, number, unit_of, value_of
-from cosim.report.runs import Run
+from cosim.results.audit import BOUNDS, audit_figures
+from cosim.results.compare import COLUMNS, COMPONENTS, as_dict, number, unit_of, value_of
+from cosim.results.read import Run
 
 FORMAT = "cosim report 1"
 Cell = str | float | bool | None

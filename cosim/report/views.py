@@ -12,13 +12,13 @@ import numpy as np
 from cosim.case.file import load_case
 from cosim.case.schema import Case, PulleyHood
 from cosim.fingers.common import FmuFinger
-from cosim.picture import thinned
 from cosim.port import Array, InputError, Motion
 from cosim.report.flat import laid_out
-from cosim.report.runs import Run
 from cosim.report.tables import SAGITTAL
-from cosim.results import STRAIN, HoodField
-from cosim.strokes import carry, families_of, stroke_cells, strokes
+from cosim.results.data import STRAIN, HoodField
+from cosim.results.read import Run
+from cosim.results.scene_plot import thinned
+from cosim.results.strokes import carry, families_of, stroke_cells, strokes
 from meshes.hood_mesh import REGIONS
 
 MOST_FRAMES = 41
@@ -132,7 +132,7 @@ def _labels(run: Run, chosen: np.ndarray) -> tuple[str, ...]:
 
 def _with_finger(view: View, case: Case) -> View:
     """Bones, tendons and fingertip, from the joint angles.  Raises InputError."""
-    from cosim.build import build, drawn_bones
+    from cosim.build.models import build, drawn_bones
     from cosim.fingers.kinds import live_finger
 
     if isinstance(case.finger, FmuFinger):

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from cosim.compare import COMPONENTS, Comparison, number, tally, value_of
-from cosim.load_and_rest import describe_rest
-from cosim.report.runs import Run
 from cosim.report.tables import last_ledger
+from cosim.results.compare import COMPONENTS, Comparison, number, tally, value_of
+from cosim.results.load_and_rest import describe_rest
+from cosim.results.read import Run
 
 FINGERS = {
     "index": "index finger of a right hand",

@@ -7,10 +7,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Literal
 
-from cosim.compare_files import read_targets
 from cosim.files import written_whole
-from cosim.report.runs import read_runs
 from cosim.report.tables import as_csv, as_json, as_markdown, tables_of
+from cosim.results.compare_files import read_targets
+from cosim.results.read import read_runs
 
 
 def write_report(

@@ -27,7 +27,7 @@ def main() -> None:
     lines: SimpleQueue[str] = SimpleQueue()
     Thread(target=_listen, args=(lines,), daemon=True).start()
     stores: dict[str, Store] = {}
-    import_module("cosim.run")  # a run's time is that of solving alone
+    import_module("cosim.pipeline")  # a run's time is that of solving alone
     print("ready", file=answers, flush=True)
     while True:
         print(_answer(lines.get(), stores), file=answers, flush=True)

@@ -83,7 +83,7 @@ def _engine(workers: int, scheduler: str | None) -> AbstractContextManager[Solve
 
 
 def _show(plan: Plan, done: Done, found: Opened, folder: Path) -> None:
-    from cosim.compare import number
+    from cosim.results.compare import number
 
     rows = []
     for name in found.outputs:

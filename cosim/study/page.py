@@ -9,7 +9,7 @@ from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
 from cosim import __version__
-from cosim.compare import Target, number, stated
+from cosim.results.compare import Target, number, stated
 from cosim.study import pictures
 from cosim.study.answers import Band, Indices
 from cosim.study.laws import Axis, Law, Lognormal, Normal, TruncatedNormal, Uniform

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cosim.compare import Target, stated
 from cosim.port import Array
+from cosim.results.compare import Target, stated
 from cosim.study.answers import Indices, Slopes, Surface
 from cosim.study.opened import Opened
 

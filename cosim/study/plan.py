@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from cosim.case.file import find_case, load_case
-from cosim.compare import Target
 from cosim.port import Array, InputError
+from cosim.results.compare import Target
 from cosim.study.file import FORM, Parameter, Sampling, find_study, read_file
 from cosim.study.laws import Axis, Word, middle
 from cosim.study.samples import points, unit_points
@@ -102,7 +102,7 @@ def read_plan(path_or_name: str | Path, other: str | Path | None = None) -> Plan
 def _targets(source: Path, data: str) -> tuple[Target, ...]:
     if not data:
         return ()
-    from cosim.compare_files import read_targets
+    from cosim.results.compare_files import read_targets
 
     return read_targets(source.parent / data)
 

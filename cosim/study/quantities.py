@@ -6,8 +6,8 @@ import difflib
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from cosim.compare import COMPONENTS
 from cosim.port import InputError
+from cosim.results.compare import COMPONENTS
 from cosim.trials import measured
 
 NEAREST = 3

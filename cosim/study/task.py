@@ -88,7 +88,7 @@ def row_of(
 
 def _solved(task: Task, store: Store) -> Row:
     from cosim.case.schema import Case, CaseFile
-    from cosim.run import run_case, settled
+    from cosim.pipeline import run_case, settled
 
     settled.cache_clear()  # so that no bit depends on what this process solved before
     begun = time.perf_counter()
@@ -107,7 +107,7 @@ def _solved(task: Task, store: Store) -> Row:
 
 
 def _numbers(summary: Mapping[str, Any]) -> dict[str, Any]:
-    from cosim.results import plain
+    from cosim.results.data import plain
 
     kept = {key: value for key, value in summary.items() if key not in NOT_NUMBERS}
     found: dict[str, Any] = json.loads(json.dumps(kept, default=plain, allow_nan=False))

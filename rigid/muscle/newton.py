@@ -20,9 +20,9 @@ STEEP = 1e-30
 class NotConverged(ConvergenceError):
     """`where` marks the elements that are still moving."""
 
-    def __init__(self, where: NDArray[np.bool_]) -> None:
-        super().__init__(f"{where.sum()} of {where.size} scalar equations did not converge")
-        self.where = where
+    def __init__(self, message: str, where: NDArray[np.bool_] | None = None) -> None:
+        super().__init__(message)
+        self.where = np.zeros(0, dtype=np.bool_) if where is None else where
 
 
 def increasing_root(
@@ -47,4 +47,6 @@ def increasing_root(
         x = new
         if (last <= tolerance).all():
             return x
-    raise NotConverged(~(last <= tolerance))
+    moves = ~(last <= tolerance)
+    message = f"{moves.sum()} of {moves.size} scalar equations did not converge"
+    raise NotConverged(message, moves)

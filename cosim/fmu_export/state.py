@@ -14,7 +14,7 @@ from cosim.coupling.state_arrays import Arrays, Special, flattened, rebuilt
 from cosim.port import Array, InputError, State
 
 if TYPE_CHECKING:
-    from cosim.fmu.run import Run
+    from cosim.fmu_export.run import Run
 
 UNIT, TIME, VALUES = "unit", "time", "values"
 UNREADABLE = (OSError, ValueError, TypeError, EOFError, KeyError, IndexError, zipfile.BadZipFile)

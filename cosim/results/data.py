@@ -131,15 +131,15 @@ def _write_files(folder: Path, case: Case, result: Result) -> None:
     if result.scene.hood is not None:
         _write_hood(folder / "hood.vtu", result.scene.hood)
     if case.output.picture:
-        from cosim.picture import draw
+        from cosim.results.scene_plot import draw
 
         draw(result.scene, case.title).savefig(folder / "picture.png", dpi=150)
         if result.ledger:
-            from cosim.ledger_plot import draw_ledger
+            from cosim.results.ledger_plot import draw_ledger
 
             draw_ledger(result.ledger, case.title).savefig(folder / "ledger.png", dpi=130)
         if "time" in result.dataset.dims:
-            from cosim.history import draw_history
+            from cosim.results.history_plot import draw_history
 
             draw_history(result.dataset, case.title).savefig(folder / "history.png", dpi=130)
 

@@ -15,9 +15,9 @@ import numpy as np
 from cosim import __version__
 from cosim.case.file import load_case
 from cosim.coupling.state_arrays import Special
-from cosim.fmu.parts import Part, part_of
 from cosim.fmu.quantity import WITH_TANGENT, Quantity
-from cosim.fmu.state import Snapshot, Written
+from cosim.fmu_export.state import Snapshot, Written
+from cosim.fmu_export.static_parts import Part, part_of
 from cosim.port import Array, CosimError, InputError
 from cosim.processes import one_blas_thread
 

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from cosim.port import Array
-from cosim.results import STRAIN, Scene
-from cosim.strokes import families_of, stroke_cells, strokes
+from cosim.results.data import STRAIN, Scene
+from cosim.results.strokes import families_of, stroke_cells, strokes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from cosim.build import build, cables_of, hood_on
-from cosim.build_fit import check_tendons
-from cosim.build_scheme import scheme_of
+from cosim.build.models import build, cables_of, hood_on
+from cosim.build.fit import check_tendons
+from cosim.build.scheme import scheme_of
 from cosim.case.schema import Case, Forward
 from cosim.coupling.excursion import Driven
 from cosim.coupling.motion import Moves, WatchedFinger
@@ -113,7 +113,7 @@ def together(case: Case, forward: Forward) -> Together:
 
 def _with_unit(case: Case, table: FmuFinger, forward: Forward) -> Together:
     """A finger in an FMU, with a hood that is no shell."""
-    from cosim.fmu.moving import FmuMovingFinger
+    from cosim.fmu.moving_finger import FmuMovingFinger
 
     names = table.bodies, table.joints, table.tendons
     finger = FmuMovingFinger(table.path, *names, table.map, assume_si=table.assume_si)
@@ -140,8 +140,8 @@ def special_states(hood: Hood, finger: WatchedFinger | None = None) -> Special:
     which its tangent is made anew; an FMU's is what it writes itself.
 
     Raises InputError for a hood or a unit whose states cannot be."""
-    from cosim.fmu.moving import FmuMovingFinger
-    from cosim.fmu.participant import FmuHood
+    from cosim.fmu.moving_finger import FmuMovingFinger
+    from cosim.fmu.hood import FmuHood
     from cosim.fmu.unit import written_states
     from fe_solver.shell_hood import HoodState, ShellHood
 

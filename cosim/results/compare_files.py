@@ -32,9 +32,9 @@ from typing import Any
 
 import numpy as np
 
-from cosim.compare import COLUMNS, Comparison, Target, as_dict, marks, number, stated
 from cosim.files import written_whole
 from cosim.port import InputError
+from cosim.results.compare import COLUMNS, Comparison, Target, as_dict, marks, number, stated
 
 FORMAT = "cosim comparison 1"
 NEEDED = ("name", "quantity", "unit", "reference", "sd", "low", "high", "source", "kind")

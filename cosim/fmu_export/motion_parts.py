@@ -10,13 +10,12 @@ from math import ceil
 
 import numpy as np
 
-from cosim.build_forward import Together, special_states, together
+from cosim.build.motion import Together, special_states, together
 from cosim.case.schema import Case, Forward
 from cosim.coupling.motion import WatchedFinger
 from cosim.coupling.schemes import step
 from cosim.coupling.state import Coupled
 from cosim.coupling.state_arrays import Special
-from cosim.fmu.parts import Part, motion_of_input, poses
 from cosim.fmu.quantity import (
     KINEMATICS,
     Quantity,
@@ -26,6 +25,7 @@ from cosim.fmu.quantity import (
     moving_quantities,
     tensions_of,
 )
+from cosim.fmu_export.static_parts import Part, motion_of_input, poses
 from cosim.port import AffineLoad, Array, InputError, State
 
 ROUNDING = 1e-9

@@ -14,18 +14,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cosim import __version__
-from cosim.audit import missed_bounds
-from cosim.build import cables_of, drawn_cables, hood_on
-from cosim.build_fit import check_tendons
-from cosim.build_scheme import accelerator_of
+from cosim.build.double_count import counted_twice
+from cosim.build.fit import check_tendons
+from cosim.build.models import cables_of, drawn_cables, hood_on
+from cosim.build.scheme import accelerator_of
 from cosim.case.schema import Case
-from cosim.double_count import counted_twice
 from cosim.fingers.common import FmuFinger as FingerTable
 from cosim.fmu.finger import FingerAt, FmuFinger, Met, met, met_held
-from cosim.load_and_rest import rest_block, rest_warnings
-from cosim.observe import COMPONENTS, IN_METACARPAL
 from cosim.port import Array, Hood, InputError
-from cosim.results import LedgerRow, Result, Scene
+from cosim.results.audit import missed_bounds
+from cosim.results.data import LedgerRow, Result, Scene
+from cosim.results.load_and_rest import rest_block, rest_warnings
+from cosim.results.static import COMPONENTS, IN_METACARPAL
 
 if TYPE_CHECKING:
     import xarray

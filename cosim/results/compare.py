@@ -2,8 +2,8 @@
 
 A target is a number that somebody measured or published, with its source, or of the kind
 "requirement" one that nobody measured and that the model is asked to have (a hood without torque
-at rest).  A comparison is a target beside what a model says.  `cosim.compare_files` reads and
-writes both.
+at rest).  A comparison is a target beside what a model says.  `cosim.results.compare_files` reads
+and writes both.
 """
 
 from __future__ import annotations

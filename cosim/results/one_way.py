@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from cosim.build import Models
+from cosim.build.double_count import pairs
+from cosim.build.models import Models
 from cosim.case.schema import Case
-from cosim.double_count import pairs
 
 if TYPE_CHECKING:
-    from cosim.run import States
+    from cosim.pipeline import States
 
 
 def one_way_summary(case: Case, models: Models, states: States) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from cosim.build_forward import Together, special_states, together
+from cosim.build.motion import Together, special_states, together
 from cosim.case.file import resolved_toml
 from cosim.case.schema import Case, Forward
 from cosim.coupling.adaptive import Control
@@ -15,9 +15,9 @@ from cosim.coupling.checkpoint import NAME, Kept, read_checkpoint, write_checkpo
 from cosim.coupling.motion import Frame, Moment, Moves, moments
 from cosim.coupling.paced import paced
 from cosim.coupling.state_arrays import Special
-from cosim.observe_motion import motion_result
 from cosim.port import ConvergenceError, InputError, StoppedError
-from cosim.results import Result
+from cosim.results.data import Result
+from cosim.results.motion import motion_result
 
 Progress = Callable[[str], None]
 RATE, WINDOW = 1e-3, 0.1

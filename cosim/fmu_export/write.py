@@ -24,7 +24,7 @@ from cosim import __version__
 from cosim.case.file import resolved_toml
 from cosim.case.schema import Case
 from cosim.files import written_whole
-from cosim.fmu.run import ABOUT, CASE
+from cosim.fmu_export.run import ABOUT, CASE
 from cosim.port import InputError
 
 SCRIPT = {2: "cosim_fmu2", 3: "cosim_fmu3"}
@@ -97,11 +97,11 @@ def _described(fmi: int, resources: Path) -> tuple[str, bytes]:
     """The unit's identifier and description, of an instance of it."""
     slave: Any
     if fmi == 2:
-        from cosim.fmu.fmi2 import CosimFmu2
+        from cosim.fmu_export.fmi2 import CosimFmu2
 
         slave = CosimFmu2(instance_name="description", resources=str(resources))
     else:
-        from cosim.fmu.fmi3 import CosimFmu3
+        from cosim.fmu_export.fmi3 import CosimFmu3
 
         slave = CosimFmu3(instance_name="description", resources=str(resources))
     root = slave.to_xml()

@@ -6,7 +6,7 @@ from __future__ import annotations
 from xml.etree.ElementTree import Element, SubElement
 
 from cosim.fmu.quantity import UNITS, Quantity
-from cosim.fmu.run import Run
+from cosim.fmu_export.run import Run
 
 
 def finished(root: Element, run: Run) -> Element:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cosim.case.schema import Case, FmuHood, PulleyHood, ShellHood, SplitHood
-from cosim.double_count import refuse, stated_pairs
+from cosim.build.double_count import refuse, stated_pairs
 from cosim.fingers.common import FmuFinger, HingeFinger, IndexFinger
 from cosim.fingers.kinds import finger_model, held_by
 from cosim.fingers.robot import RobotFinger

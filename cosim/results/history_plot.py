@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cosim.looks import look
+from cosim.results.looks import look
 
 if TYPE_CHECKING:
     import xarray

@@ -12,8 +12,8 @@ from typing import Protocol
 
 import numpy as np
 
-from cosim.build import Models, build, tensions
-from cosim.build_forward import special_states
+from cosim.build.models import Models, build, tensions
+from cosim.build.motion import special_states
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium
 from cosim.coupling.finger_equilibrium import balanced
@@ -77,7 +77,7 @@ def part_of(case: Case, part: str, tangent: bool = True) -> Part:
     if part not in PARTS:
         raise InputError(f"part {part!r}: write {', '.join(PARTS[:-1])} or {PARTS[-1]}")
     if case.forward is not None and part != "hood":
-        from cosim.fmu.moving_parts import moving_part
+        from cosim.fmu_export.motion_parts import moving_part
 
         return moving_part(case, case.forward, part, tangent)
     makers: Mapping[str, Callable[[Case, Models], Part]] = {
@@ -260,7 +260,7 @@ class CoupledPart:
         return _Coupled(rest, rest.excursion, finger.path_lengths(rest.finger_state))
 
     def _solved(self, before: Equilibrium, tension: Array) -> Equilibrium:
-        """As `cosim.run`: a hood whose tensions change is carried to its bodies anew."""
+        """As `cosim.pipeline`: a hood whose tensions change is carried to its bodies anew."""
         hood, finger = np.split(tension, [len(self.models.hood.tendons)])
         state = before.response.state
         if not np.array_equal(hood, before.hood_tension):

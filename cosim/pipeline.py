@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.build import Models, build, tensions
-from cosim.build_fit import check_fit
-from cosim.build_scheme import accelerator_of
+from cosim.build.fit import check_fit
+from cosim.build.models import Models, build, tensions
+from cosim.build.scheme import accelerator_of
 from cosim.case.schema import Case
 from cosim.coupling.drawn import Drawn, begun, redrawn
 from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium, reciprocity
@@ -20,7 +20,7 @@ from cosim.coupling.fixed_point import fixed_point
 from cosim.coupling.one_way import Passed
 from cosim.port import Array, ConvergenceError, State
 from cosim.processes import one_blas_thread
-from cosim.results import Result
+from cosim.results.data import Result
 from cosim.tendons.muscles import Pull, live_muscles
 
 Progress = Callable[[str], None]
@@ -62,23 +62,23 @@ def run_case(
 ) -> Result:
     """Build, solve and summarise a case; a coupled motion keeps its checkpoints in the folder
     `unfinished` and goes on from one that is there.  Raises InputError and ConvergenceError."""
-    from cosim.observe import result
+    from cosim.results.static import result
 
     started = time.perf_counter()
     check_fit(case)
     if case.forward is not None:
-        from cosim.build_forward import simulated
-        from cosim.observe_forward import forward_result
+        from cosim.build.motion import simulated
+        from cosim.results.forward import forward_result
 
         if case.hood.kind != "split":
-            from cosim.run_motion import moved_together
+            from cosim.solve.motion import moved_together
 
             return moved_together(case, case.forward, progress, unfinished)
         progress(f"simulating {case.forward.duration:g} s")
         moved = simulated(case, case.forward)
         return forward_result(case, moved, time.perf_counter() - started)
     if case.finger.kind == "fmu":
-        from cosim.fmu.settle import settled_result
+        from cosim.solve.fmu import settled_result
 
         return settled_result(case, progress)
     models, states = solve(case, progress)
@@ -91,7 +91,7 @@ def solve(case: Case, progress: Progress = lambda text: None) -> tuple[Models, S
 
     Models that cases share are not theirs: a case's own muscles come with it."""
     if case.coupling.scheme == "one_way":
-        from cosim.build_one_way import passed_once
+        from cosim.solve.one_way import passed_once
 
         return passed_once(case, progress)
     shared, unloaded = settled(Setting(case.setting_key(), case, progress))

@@ -11,8 +11,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from difflib import SequenceMatcher
 from typing import Any
 
-from cosim.compare import COMPONENTS, Target, parts_of
 from cosim.port import InputError
+from cosim.results.compare import COMPONENTS, Target, parts_of
 from cosim.schema.types import TENDONS
 from meshes.bands import SIDES
 from meshes.glide import PLACES

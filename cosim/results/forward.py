@@ -8,20 +8,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cosim import __version__
-from cosim.audit import missed_bounds
-from cosim.build import drawn_bones
+from cosim.build.models import drawn_bones
 from cosim.case.schema import Case
 from cosim.fingers.kinds import held_by
-from cosim.load_and_rest import NO_UNLOADED
-from cosim.observe import IN_METACARPAL
-from cosim.observe_air import air_data, air_end
 from cosim.port import Array, Load
-from cosim.results import LedgerRow, Result, Scene
+from cosim.results.air import air_data, air_end
+from cosim.results.audit import missed_bounds
+from cosim.results.data import LedgerRow, Result, Scene
+from cosim.results.load_and_rest import NO_UNLOADED
+from cosim.results.static import IN_METACARPAL
 
 if TYPE_CHECKING:
     import xarray
 
-    from cosim.build_forward import Moved
+    from cosim.build.motion import Moved
 
 
 def forward_result(case: Case, moved: Moved, wall: float) -> Result:

@@ -8,25 +8,25 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cosim import __version__
-from cosim.audit import POSTURE, audit_figures, missed_bounds
-from cosim.build import Models
+from cosim.build.models import Models
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import Equilibrium, moment_arms
 from cosim.fingers.kinds import joint_ranges
 from cosim.hoods.cable.build import CableLook, strand_forces
 from cosim.hoods.shell.view import HoodLook
-from cosim.load_and_rest import rest_block, rest_warnings
-from cosim.observe_one_way import one_way_summary
 from cosim.port import Array
-from cosim.results import STRAIN, HoodField, LedgerRow, Result, Scene
-from cosim.strains import is_slack, strain_change, strain_summary
-from cosim.strokes import FAMILIES
+from cosim.results.audit import POSTURE, audit_figures, missed_bounds
+from cosim.results.data import STRAIN, HoodField, LedgerRow, Result, Scene
+from cosim.results.load_and_rest import rest_block, rest_warnings
+from cosim.results.one_way import one_way_summary
+from cosim.results.strains import is_slack, strain_change, strain_summary
+from cosim.results.strokes import FAMILIES
 from meshes.hood_mesh import flat
 
 if TYPE_CHECKING:
     import xarray
 
-    from cosim.run import States
+    from cosim.pipeline import States
 
 IN_METACARPAL = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 """World (distal, radial, dorsal) to (distal, palmar, radial)."""

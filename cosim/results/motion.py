@@ -8,23 +8,23 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cosim import __version__
-from cosim.audit import missed_bounds
-from cosim.build import drawn_cables
+from cosim.build.double_count import pairs
+from cosim.build.models import drawn_cables
 from cosim.case.schema import Case
 from cosim.coupling.motion import Frame, Moment
-from cosim.double_count import pairs
 from cosim.fingers.kinds import held_by
-from cosim.fmu.settle import OPEN
-from cosim.load_and_rest import NO_UNLOADED
-from cosim.observe import COMPONENTS, IN_METACARPAL, drawn_hood
-from cosim.observe_air import air_data, air_end
 from cosim.port import Array
-from cosim.results import LedgerRow, Result, Scene
+from cosim.results.air import air_data, air_end
+from cosim.results.audit import missed_bounds
+from cosim.results.data import LedgerRow, Result, Scene
+from cosim.results.load_and_rest import NO_UNLOADED
+from cosim.results.static import COMPONENTS, IN_METACARPAL, drawn_hood
+from cosim.solve.fmu import OPEN
 
 if TYPE_CHECKING:
     import xarray
 
-    from cosim.build_forward import Together
+    from cosim.build.motion import Together
 
 
 def motion_result(

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cosim.looks import Look, look
-from cosim.results import LedgerRow
+from cosim.results.data import LedgerRow
+from cosim.results.looks import Look, look
 
 if TYPE_CHECKING:
     import pandas

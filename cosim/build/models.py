@@ -1,4 +1,4 @@
-"""From a case to live models.  With `build_shell` the only file that knows the solvers by name."""
+"""From a case to live models.  One of the files that know the solvers by name."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cosim.build_fit import check_fit, check_tendons
+from cosim.build.fit import check_fit, check_tendons
 from cosim.case.schema import Case, FmuHood, MeshFile, PathPoint, PulleyHood, ShellHood
 from cosim.fingers.common import Bone, IndexFinger, MiddleFinger
 from cosim.fingers.kinds import live_finger, our_finger, skeleton_of, width_of
@@ -332,7 +332,7 @@ def _lumped(case: Case) -> NetworkHood | TwoBandHood | None:
 
 
 def _unit(hood: FmuHood, bodies: tuple[str, ...]) -> Hood:
-    from cosim.fmu.participant import FmuHood as Unit
+    from cosim.fmu.hood import FmuHood as Unit
 
     return Unit(
         hood.path,

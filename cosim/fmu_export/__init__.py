@@ -1,0 +1,1 @@
+"""Our models as Functional Mock-up Units."""

@@ -1,0 +1,1 @@
+"""What a run leaves: made, written, read, drawn and compared."""
