@@ -12,8 +12,8 @@ import typer
 from cosim.terminal import print_table, told
 
 if TYPE_CHECKING:
-    from cosim.estimate_case import Along, Answer, Setup
-    from cosim.feasible import ForceSet
+    from cosim.analyses.estimate.feasible import ForceSet
+    from cosim.analyses.estimate.of_case import Along, Answer, Setup
     from cosim.schema.units import Kind
 
 
@@ -103,8 +103,8 @@ def estimate(
     """Muscles' tensions from a fingertip force, joint torques or a motion, with the hood of a case
     behind them; and the set of fingertip forces that they can make (alone, without a target)."""
     with told():
+        from cosim.analyses.estimate.of_case import parsed_values, setup
         from cosim.case.file import load_case
-        from cosim.estimate_case import parsed_values, setup
         from cosim.folders import check_folder
         from cosim.port import InputError
         from cosim.schema import units
@@ -146,9 +146,9 @@ def _motion(
     reserve: str | None,
     started: float,
 ) -> None:
-    from cosim.course_of_motion import read_motion
-    from cosim.estimate_case import for_motion
-    from cosim.estimate_files import write_motion
+    from cosim.analyses.estimate.files import write_motion
+    from cosim.analyses.estimate.joint_motion import read_motion
+    from cosim.analyses.estimate.of_case import for_motion
     from cosim.schema import units
 
     highest = None if cutoff is None else _parsed("--cutoff", cutoff, units.FREQUENCY)
@@ -173,8 +173,8 @@ def _parsed(option: str, text: str, kind: Kind) -> float:
 def _target(
     folder: Path, s: Setup, force: str | None, torque: list[str] | tuple[()], started: float
 ) -> None:
-    from cosim.estimate_case import for_force, for_torques, parsed_force, parsed_values
-    from cosim.estimate_files import write_answer
+    from cosim.analyses.estimate.files import write_answer
+    from cosim.analyses.estimate.of_case import for_force, for_torques, parsed_force, parsed_values
     from cosim.schema import units
 
     answer = None
@@ -191,8 +191,8 @@ def _target(
 
 def _forces(s: Setup, answer: Answer | None) -> ForceSet | None:
     """The set of forces, where the target is one or there is none; said why where there is none."""
-    from cosim.estimate_case import force_basis, shares_fixed
-    from cosim.feasible import force_set
+    from cosim.analyses.estimate.feasible import force_set
+    from cosim.analyses.estimate.of_case import force_basis, shares_fixed
     from cosim.port import InputError
 
     if answer is not None and answer.demand.unit != "N":
@@ -215,8 +215,8 @@ def _forces(s: Setup, answer: Answer | None) -> ForceSet | None:
 
 
 def _show(s: Setup, answer: Answer) -> None:
-    from cosim.estimate_case import told_of
-    from cosim.estimate_files import muscle_table
+    from cosim.analyses.estimate.files import muscle_table
+    from cosim.analyses.estimate.of_case import told_of
 
     table = muscle_table(s.capacity, answer.found.tension)
     rows = [

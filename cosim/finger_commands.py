@@ -31,7 +31,7 @@ def moment_arms(
 ) -> None:
     """Moment arms of all tendons while each joint passes its range, beside published ones."""
     with told():
-        from cosim.arms import beside_published, draw, published, sweep
+        from cosim.analyses.moment_arms import beside_published, draw, published, sweep
         from cosim.build.models import build, tensions
         from cosim.case.file import load_case
         from cosim.fingers.kinds import joint_ranges
@@ -66,7 +66,7 @@ def _write(
 
 def _show(table: pandas.DataFrame) -> None:
     """A line for each tendon and joint that it acts on, a column for each posture."""
-    from cosim.arms import ACTION
+    from cosim.analyses.moment_arms import ACTION
 
     for joint, here in table.groupby("joint", sort=False):
         wide = here.pivot(index="tendon", columns="angle_deg", values="arm_mm")

@@ -44,10 +44,10 @@ def show_hood(
     about 12 minutes on one core with --set hood.mesh.quads=400.  A pose without equilibrium is
     shown as such."""
     with told():
+        from cosim.analyses.hood.studies import HoodStudies
+        from cosim.analyses.identify.variations import scaled_moduli
         from cosim.case.file import load_case
-        from cosim.hood_studies import HoodStudies
         from cosim.papers.page import chosen, write_figures
-        from cosim.variations import scaled_moduli
 
         own = tuple(settings or ())
         checked = load_case(case, own)

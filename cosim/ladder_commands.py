@@ -13,7 +13,7 @@ from cosim.terminal import print_table, told
 from cosim.trial_commands import CaseName, Jobs, Settings
 
 if TYPE_CHECKING:
-    from cosim.ladder import Rung
+    from cosim.analyses.ladder import Rung
 
 MARK = "ladder.json"
 
@@ -30,8 +30,8 @@ def ladder(
     that does not fit the case is a column with its reason.  Exit code 1 where one that fits did not
     converge."""
     with told():
+        from cosim.analyses.ladder import climbed, rungs_of
         from cosim.case.file import load_case
-        from cosim.ladder import climbed, rungs_of
 
         own = tuple(settings or ())
         checked = load_case(case, own)
@@ -49,8 +49,8 @@ def ladder(
 
 
 def _write(folder: Path, rungs: Sequence[Rung], title: str) -> None:
-    from cosim.ladder_picture import draw_ladder
-    from cosim.ladder_table import to_csv, to_json, to_markdown
+    from cosim.analyses.ladder_plot import draw_ladder
+    from cosim.analyses.ladder_tables import to_csv, to_json, to_markdown
 
     for name, text in (
         (MARK, to_json(rungs)),
@@ -62,7 +62,7 @@ def _write(folder: Path, rungs: Sequence[Rung], title: str) -> None:
 
 
 def _show(rungs: Sequence[Rung], title: str) -> None:
-    from cosim.ladder_table import heading, reasons, side_by_side
+    from cosim.analyses.ladder_tables import heading, reasons, side_by_side
 
     print_table(title, ("", *map(heading, rungs)), side_by_side(rungs))
     for line in reasons(rungs):

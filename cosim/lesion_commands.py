@@ -53,7 +53,7 @@ def lesion(
 
 def _solved(case: Case, out: Path) -> list[Pair]:
     """The four runs, each in its folder.  Raises InputError and ConvergenceError."""
-    from cosim.lesion import TIPS, both_sides
+    from cosim.analyses.lesion import TIPS, both_sides
     from cosim.pipeline import run_case
     from cosim.port import CosimError
     from cosim.report.lesion_page import Pair
@@ -73,8 +73,8 @@ def _solved(case: Case, out: Path) -> list[Pair]:
 
 
 def _written(case: Case, pairs: Sequence[Pair], where: Path, form: Format) -> list[Table]:
+    from cosim.analyses.lesion import marked, said
     from cosim.files import written_whole
-    from cosim.lesion import marked, said
     from cosim.report.lesion_page import lesion_page, tables_of_lesion
     from cosim.report.tables import as_csv, as_json, as_markdown
 

@@ -14,7 +14,7 @@ from cosim.port import InputError
 from cosim.terminal import told
 
 if TYPE_CHECKING:
-    from cosim.anatomy import Anatomy
+    from cosim.anatomy.read import Anatomy
 
 Unit = Literal["m", "cm", "mm", "um", "in"]
 Frame = Literal["body", "hood", "myohand"]
@@ -80,8 +80,8 @@ def new(
     with told():
         import numpy as np
 
-        from cosim.anatomy import Anatomy
-        from cosim.anatomy_case import new_case
+        from cosim.anatomy.case_folder import new_case
+        from cosim.anatomy.read import Anatomy
         from meshes.imported_checks import Placing, parse_axes
 
         centre = np.array(_numbers(origin, "--origin", "0 0 0"))

@@ -88,7 +88,7 @@ def tensions(
 ) -> None:
     """Write a case with the muscle forces of an OpenSim table as tendon tensions."""
     with told():
-        from cosim.opensim_tensions import read_tensions, tensions_at, write_case
+        from cosim.analyses.opensim.tensions import read_tensions, tensions_at, write_case
 
         if over_time and time is not None:
             raise InputError("--time and --over-time: one of the two")
@@ -164,7 +164,7 @@ def loads(
 ) -> None:
     """Write the reactions of rigid bodies that FEBio logged as OpenSim's external loads."""
     with told():
-        from cosim.opensim_loads import Handover, write_loads
+        from cosim.analyses.opensim.loads import Handover, write_loads
 
         names = _bodies(body)
         handover = Handover(
@@ -210,7 +210,7 @@ def _points(names: Sequence[str], model: Path | None, texts: Sequence[str]) -> d
     """(3,) m of each body."""
     import numpy as np
 
-    from cosim.opensim_loads import mass_centres
+    from cosim.analyses.opensim.loads import mass_centres
 
     there = {} if model is None else mass_centres(model)
     stated = {}

@@ -12,7 +12,7 @@ from cosim.terminal import print_table, told
 from cosim.trial_commands import CaseName, Jobs, Settings
 
 if TYPE_CHECKING:
-    from cosim.reduction import Reduction
+    from cosim.analyses.reduction.reduce import Reduction
 
 
 def reduce(
@@ -54,11 +54,11 @@ def reduce(
     """Fit a network hood to what a case's shell or cables do, over a grid of postures and loads,
     for use in real time; the error is that of postures held out."""
     with told():
+        from cosim.analyses.identify.case_text import base_of, check_loads
+        from cosim.analyses.reduction.case_text import case_text
+        from cosim.analyses.reduction.reduce import read_grid, reduce_case
+        from cosim.analyses.reduction.walks import SPREAD
         from cosim.case.file import load_case
-        from cosim.identified import base_of, check_loads
-        from cosim.reduced_case import case_text
-        from cosim.reduction import read_grid, reduce_case
-        from cosim.reduction_walks import SPREAD
 
         own = tuple(settings or ())
         checked = load_case(case, own)
@@ -82,7 +82,7 @@ def reduce(
 
 def _show(found: Reduction) -> None:
     """Errors, rates, and where the hood found no equilibrium."""
-    from cosim.reduction_errors import errors
+    from cosim.analyses.reduction.errors import errors
 
     told = list(errors(found))
     rows = [

@@ -18,11 +18,11 @@ from cosim.terminal import print_table, told
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from cosim.fit_cases import FitCase
-    from cosim.identify import Fit
+    from cosim.analyses.identify.cases import FitCase
+    from cosim.analyses.identify.fit import Fit
+    from cosim.analyses.identify.sensitivity import Sensitivity
+    from cosim.analyses.identify.variations import Variation
     from cosim.results.compare import Comparison, Target
-    from cosim.sensitivity import Sensitivity
-    from cosim.variations import Variation
 
 CaseName = Annotated[str, typer.Argument(metavar="CASE", help="Case file, or a packaged case.")]
 Settings = Annotated[
@@ -63,10 +63,10 @@ def sensitivity(
     """How a case's results answer to what it assumes: moduli, thickness, rest lengths, ligaments,
     fibres, contact, joints, posture, mesh; a tornado chart for each quantity, and a table."""
     with told():
+        from cosim.analyses.identify.sensitivity import study, to_csv, to_json
+        from cosim.analyses.identify.variations import variations
         from cosim.case.file import load_case
         from cosim.results.compare_files import read_targets
-        from cosim.sensitivity import study, to_csv, to_json
-        from cosim.variations import variations
 
         own = tuple(settings or ())
         checked = load_case(case, own)
@@ -119,8 +119,8 @@ def _counted(name: str) -> Iterator[Callable[[int, int, str], None]]:
 
 def _write_charts(folder: Path, found: Sensitivity, targets: Sequence[Target]) -> int:
     """A chart for each quantity that answers to anything; how many."""
-    from cosim.sensitivity import bars
-    from cosim.tornado import draw_tornado
+    from cosim.analyses.identify.sensitivity import bars
+    from cosim.analyses.identify.tornado import draw_tornado
 
     target = {t.quantity: t for t in targets}
     drawn = [q for q in found.base if any(bar.swing > 0 for bar in bars(found, q))]
@@ -134,9 +134,9 @@ def _write_charts(folder: Path, found: Sensitivity, targets: Sequence[Target]) -
 
 def _show_sensitivity(found: Sensitivity) -> None:
     """The strongest answers of each quantity, and the runs that have none."""
+    from cosim.analyses.identify.sensitivity import bars
+    from cosim.analyses.trials.outcome import unit
     from cosim.results.compare import number
-    from cosim.sensitivity import bars
-    from cosim.trials import unit
 
     for quantity, base in found.base.items():
         rows = [
@@ -211,9 +211,9 @@ def identify(
     """Fit parameters of one or several cases to measured numbers, within bounds; say with
     intervals, correlations and singular values what the numbers could not tell."""
     with told():
-        from cosim.fit_cases import fit_cases, stated_cases
-        from cosim.identified import check_same_settings
-        from cosim.identify import fit_all
+        from cosim.analyses.identify.case_text import check_same_settings
+        from cosim.analyses.identify.cases import fit_cases, stated_cases
+        from cosim.analyses.identify.fit import fit_all
         from cosim.results.compare_files import read_targets
 
         stated = stated_cases(cases, tuple(settings or ()), free)
@@ -232,8 +232,8 @@ def _write_found(
     out: Path, found: Fit, cases: Sequence[FitCase], own: tuple[str, ...], targets: str
 ) -> None:
     """The case that all cases are made of, or, where they are made of several, the settings."""
+    from cosim.analyses.identify.case_text import base_of, case_text, check_loads
     from cosim.case.file import load_case
-    from cosim.identified import base_of, case_text, check_loads
 
     stated = [case.stated for case in cases]
     source = stated[0].source
@@ -250,7 +250,7 @@ def _write_found(
 
 def _show_fit(found: Fit, several: bool) -> None:
     """Parameters, misses, correlations, singular values."""
-    from cosim.identify import interval, standing
+    from cosim.analyses.identify.fit import interval, standing
     from cosim.results.compare import number
 
     rows = []
@@ -289,14 +289,14 @@ def _show_fit(found: Fit, several: bool) -> None:
 
 
 def _squares(rows: Sequence[Comparison]) -> float:
-    from cosim.identify import miss
+    from cosim.analyses.identify.fit import miss
 
     return sum(miss(row.target, row.model or 0.0) ** 2 for row in rows)
 
 
 def _show_rows(title: str, pairs: Sequence[tuple[Comparison, Comparison]], several: bool) -> None:
     """Rows before and after."""
-    from cosim.identify import miss
+    from cosim.analyses.identify.fit import miss
     from cosim.results.compare import number, stated
 
     rows = [
@@ -317,7 +317,7 @@ def _show_confidence(found: Fit) -> None:
     """Of the rows that pull; and what every row would tell if it were a point, not a band."""
     import numpy as np
 
-    from cosim.identify import confidence
+    from cosim.analyses.identify.fit import confidence
 
     every = [p.name for p in found.parameters]
     names, pulling = [p.name for p in found.within], found.confidence

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from cosim.analyses.lesion import both_sides
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.checks import Row, Study
-from cosim.lesion import both_sides
 from cosim.pipeline import run_case
 
 LEAST = 0.1

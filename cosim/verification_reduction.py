@@ -8,14 +8,14 @@ from functools import partial
 
 import numpy as np
 
+from cosim.analyses.reduction.errors import errors
+from cosim.analyses.reduction.reduce import reduce_case
+from cosim.analyses.reduction.samples import FREE, Walk, on_models
+from cosim.analyses.reduction.walks import GRID
 from cosim.build.models import build
 from cosim.case.file import find_case, load_case
 from cosim.checks import Row, Study
 from cosim.hoods.lumped.build import Sample, fitted, stacked
-from cosim.reduction import reduce_case
-from cosim.reduction_errors import errors
-from cosim.reduction_samples import FREE, Walk, on_models
-from cosim.reduction_walks import GRID
 
 SPRINGS = ("edc_ulnar", "edc_slip", "edc_radial", "lum_slip", "lum_lateral", "fpi_slip")
 SOFT = [f'hood.connecting.{name}.stiffness="{1 + 0.2 * i} N/mm"' for i, name in enumerate(SPRINGS)]

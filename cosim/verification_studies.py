@@ -18,11 +18,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cosim.analyses.reduction.case_text import case_text
+from cosim.analyses.reduction.reduce import reduce_case
 from cosim.case.file import find_case, load_case
 from cosim.checks import Row, Study
 from cosim.port import ConvergenceError
-from cosim.reduced_case import case_text
-from cosim.reduction import reduce_case
 from cosim.study import open_study
 from cosim.study.address import address, code_version, stated
 from cosim.study.plan import Plan, read_plan

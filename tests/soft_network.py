@@ -8,13 +8,13 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from cosim.analyses.reduction.samples import FREE, Walk, on_models
 from cosim.build.models import Models, build
 from cosim.case.file import load_case
 from cosim.fingers.common import IndexFinger
 from cosim.hoods.lumped.build import slip_forces
 from cosim.hoods.lumped.table import NetworkHood
 from cosim.port import STATIC
-from cosim.reduction_samples import FREE, Walk, on_models
 from cosim.verification_reduction import SOFT
 from rigid.reduced_network import Potential
 from rigid.reduction import Order, Sample, reduced, stacked

@@ -10,7 +10,7 @@ import pandas
 import pytest
 from typer.testing import CliRunner
 
-from cosim.arms import beside_published, draw, own_arms, published, sweep
+from cosim.analyses.moment_arms import beside_published, draw, own_arms, published, sweep
 from cosim.build.models import build, tensions
 from cosim.case.file import load_case
 from cosim.cli import app

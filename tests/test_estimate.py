@@ -12,14 +12,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from cosim.capacity import capacity
+from cosim.analyses.estimate.capacity import capacity
+from cosim.analyses.estimate.demand import AXES, force_demand, torque_demand
+from cosim.analyses.estimate.feasible import force_set
+from cosim.analyses.estimate.joint_motion import read_motion
+from cosim.analyses.estimate.of_case import for_force, for_motion, for_torques, parsed_force, setup
+from cosim.analyses.estimate.tensions import Bounds, Cost, estimate, linearised, nearest
 from cosim.case.file import load_case
 from cosim.cli import app
-from cosim.course_of_motion import read_motion
-from cosim.demand import AXES, force_demand, torque_demand
-from cosim.estimate import Bounds, Cost, estimate, linearised, nearest
-from cosim.estimate_case import for_force, for_motion, for_torques, parsed_force, setup
-from cosim.feasible import force_set
 from cosim.pipeline import solve
 from cosim.port import InputError
 from rigid.flexion import on_the_curve, torques
@@ -136,7 +136,7 @@ def test_a_motion_over_two_bands_takes_what_the_linear_programme_says():
     s = made("two_band_edc", *NO_SPRINGS, weights="one", power=1)
     time = np.linspace(0.0, 1.0, 401)
     angle, rate, acceleration = on_the_curve(time)
-    from cosim.course_of_motion import JointMotion
+    from cosim.analyses.estimate.joint_motion import JointMotion
 
     few = slice(0, None, 80)
     motion = JointMotion(time[few], angle[few], rate[few], acceleration[few])

@@ -13,14 +13,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
+from cosim.analyses.identify.cases import FitCase, fit_cases, stated_cases
+from cosim.analyses.identify.fit import fit_all, interval, standing
+from cosim.analyses.identify.parameters import Parameter
+from cosim.analyses.trials.outcome import Outcome
 from cosim.case.file import load_case
 from cosim.cli import app
-from cosim.fit_cases import FitCase, fit_cases, stated_cases
-from cosim.identify import fit_all, interval, standing
-from cosim.parameters import Parameter
 from cosim.port import ConvergenceError, InputError
 from cosim.results.compare import Target
-from cosim.trials import Outcome
 
 TORQUE = "joint_torque_Nmm.passive.PIP"
 ANGLES = (10.0, 30.0, 60.0)
@@ -59,7 +59,7 @@ def spring(source, settings) -> Outcome:
 @pytest.fixture(autouse=True)
 def analytic(monkeypatch) -> None:
     """No solves; a test that wants them undoes it."""
-    monkeypatch.setattr("cosim.trials.outcome", spring)
+    monkeypatch.setattr("cosim.analyses.trials.outcome.outcome", spring)
 
 
 @pytest.fixture
@@ -171,7 +171,7 @@ def failing(monkeypatch, case: str, fails) -> None:
             return replace(found, status="failed", summary={}, reason="folds")
         return found
 
-    monkeypatch.setattr("cosim.trials.outcome", sometimes)
+    monkeypatch.setattr("cosim.analyses.trials.outcome.outcome", sometimes)
 
 
 def test_a_case_that_fails_on_the_way_makes_the_step_shorter(held, tmp_path, monkeypatch):

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import shells
 
+from cosim.analyses.reduction.samples import Walk, sampled
 from cosim.build.models import build, drawn_bones, hood_mesh
 from cosim.case.file import find_case, load_case
 from cosim.hoods.fe_view import guide_depth
 from cosim.hoods.shell.build import baked_surfaces
 from cosim.pipeline import Setting, run_case, settled
-from cosim.reduction_samples import Walk, sampled
 from fe_solver.shell_hood import ShellHood
 from meshes import hood as hood_generator
 from meshes.hood_lines import (

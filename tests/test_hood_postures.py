@@ -9,18 +9,16 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
-from cosim import hood_studies
-from cosim.case.file import load_case
-from cosim.cli import app
-from cosim.hood_literature import (
+from cosim.analyses.hood import studies as hood_studies
+from cosim.analyses.hood.literature import (
     COUPLINGS,
     buchner_dip,
     buchner_height,
     coupled,
     fitted_postures,
 )
-from cosim.hood_poses import CONVERGED, HoodPoses, SolvedPose, pull_name
-from cosim.hood_studies import (
+from cosim.analyses.hood.poses import CONVERGED, HoodPoses, SolvedPose, pull_name
+from cosim.analyses.hood.studies import (
     STRAIGHT,
     HoodStudies,
     arm_table,
@@ -32,9 +30,11 @@ from cosim.hood_studies import (
     sagittal_table,
     sweep_postures,
 )
+from cosim.analyses.identify.variations import scaled_moduli
+from cosim.case.file import load_case
+from cosim.cli import app
 from cosim.papers.page import write_figures
 from cosim.port import ConvergenceError
-from cosim.variations import scaled_moduli
 from meshes.bands import Line, SagittalBands, band_heights, sagittal_angles
 
 COARSE = "hood.mesh.quads=120"

@@ -12,15 +12,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
+from cosim.analyses.identify.fit import Fit, confidence, fit, interval, miss, standing
+from cosim.analyses.identify.parameters import Free, Parameter, built_in, read_free
+from cosim.analyses.trials.outcome import outcome
 from cosim.case.file import load_case
 from cosim.cli import app
-from cosim.identify import Fit, confidence, fit, interval, miss, standing
-from cosim.parameters import Free, Parameter, built_in, read_free
 from cosim.pipeline import run_case
 from cosim.port import ConvergenceError, InputError
 from cosim.results.compare import Target, value_of
 from cosim.results.compare_files import read_targets
-from cosim.trials import outcome
 
 PASSIVE, PULL = "joint_torque_Nmm.passive.PIP", "joint_torque_Nmm.EDC.MCP"
 COARSE = ("hood.mesh.quads=120",)
@@ -147,7 +147,7 @@ def test_solves_that_fail_on_the_way_are_listed_and_passed_by(held, monkeypatch)
         found = outcome(source, settings)
         return replace(found, status="failed", summary={}, reason="soft") if value < 40 else found
 
-    monkeypatch.setattr("cosim.trials.outcome", fails_when_soft)
+    monkeypatch.setattr("cosim.analyses.trials.outcome.outcome", fails_when_soft)
     truth = ("finger.passive.PIP.stiffness=0.06 N*m/rad",)
     target = replace(measured_in(held, truth, PASSIVE, sd=0.1)[0], reference=-47.1239)
     near = replace(stiffness(), start=900.0)

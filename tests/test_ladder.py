@@ -8,10 +8,10 @@ import json
 import pytest
 from typer.testing import CliRunner
 
-from cosim import ladder
+from cosim.analyses import ladder
+from cosim.analyses.ladder_tables import side_by_side, to_csv, to_markdown
 from cosim.case.file import load_case
 from cosim.cli import app
-from cosim.ladder_table import side_by_side, to_csv, to_markdown
 from cosim.port import InputError
 
 QUICK = {name: ladder.RUNGS[name] for name in ("split", "two_band", "network")}

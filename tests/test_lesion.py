@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from cosim.analyses.lesion import both_sides
 from cosim.case.file import load_case, resolved_toml
 from cosim.hoods.injury import injured_network
 from cosim.hoods.lesion import OF_MESH, Lesion
-from cosim.lesion import both_sides
 from cosim.pipeline import run_case
 from cosim.port import InputError
 

@@ -14,10 +14,10 @@ import xarray
 from matplotlib.colors import to_hex
 from reported import as_motion, run_into
 
-from cosim import arms
-from cosim.estimate_plot import draw_motion
-from cosim.ladder import Rung
-from cosim.ladder_picture import draw_ladder
+from cosim.analyses import moment_arms as arms
+from cosim.analyses.estimate.plot import draw_motion
+from cosim.analyses.ladder import Rung
+from cosim.analyses.ladder_plot import draw_ladder
 from cosim.report import page as page_module
 from cosim.report.drawings import arrows_of
 from cosim.results.data import LedgerRow

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
+from cosim.analyses.trials.by_tangent import tangent_serves
+from cosim.analyses.trials.outcome import Outcome, Settings, outcome
+from cosim.analyses.trials.workers import Kept, solve_many, solve_one
 from cosim.case.file import find_case, load_case
-from cosim.case_workers import Kept, solve_many, solve_one
-from cosim.nearby import tangent_serves
 from cosim.results.compare import value_of
-from cosim.trials import Outcome, Settings, outcome
 
 SOURCE = find_case("strain_lee2008_soft_iso")
 # With mean moduli the central slip hangs slack on a coarse mesh.

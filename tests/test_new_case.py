@@ -11,9 +11,9 @@ import pytest
 import trimesh
 from typer.testing import CliRunner
 
-from cosim.anatomy import Anatomy, Built
-from cosim.anatomy_bones import Bones, read_bones
-from cosim.anatomy_case import write_case
+from cosim.anatomy.bones import Bones, read_bones
+from cosim.anatomy.case_folder import write_case
+from cosim.anatomy.read import Anatomy, Built
 from cosim.build.models import drawn_bones, hood_mesh
 from cosim.case.file import load_case
 from cosim.cli import app

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cosim.anatomy import read_hood
+from cosim.anatomy.read import read_hood
 from cosim.build.models import hood_mesh
 from cosim.case.file import load_case
 from cosim.port import InputError

@@ -12,9 +12,9 @@ from lxml import etree
 from numpy.testing import assert_allclose, assert_array_equal
 from typer.testing import CliRunner
 
+from cosim.analyses.opensim.loads import Handover, axes_of, loads_of, mean
 from cosim.case.file import load_case
 from cosim.cli import app
-from cosim.opensim_loads import Handover, axes_of, loads_of, mean
 from cosim.port import InputError
 from fe_solver.febio.log import RigidReactions, read_reactions
 from rigid.opensim.external_loads import BodyLoad, write_external_loads
@@ -426,7 +426,7 @@ def test_a_model_gives_the_centres_of_mass(tmp_path):
     log, out = kept(tmp_path, DATA), tmp_path / "l.mot"
     code, said = run("loads", log, "--body", "2=proximal", "--model", model, "-o", out)
     assert code == 0, said
-    from cosim.opensim_loads import mass_centres
+    from cosim.analyses.opensim.loads import mass_centres
 
     table = read_sto(out)
     assert_array_equal(table.values[0, 3:6], mass_centres(model)["proximal"])

@@ -14,10 +14,11 @@ from types import SimpleNamespace
 import psutil
 import pytest
 
-from cosim import files, identified
+from cosim import files
+from cosim.analyses.identify import case_text as identified
+from cosim.analyses.identify.parameters import read_free
 from cosim.case.file import load_case
 from cosim.folders import replace_folder
-from cosim.parameters import read_free
 from cosim.port import CosimError, InputError
 from cosim.study import apart
 from cosim.study.plan import read_plan

@@ -10,13 +10,13 @@ import pytest
 from scipy.special import eval_legendre
 from soft_network import JOINTS, MUSCLES, STRAIGHT, fitted_to, found, held_out, samples
 
+from cosim.analyses.reduction.tip import tip_maps
 from cosim.build.models import build
 from cosim.case.file import load_case
 from cosim.fingers.common import IndexFinger
 from cosim.fingers.kinds import finger_model
 from cosim.hoods.lumped.build import fitted, reduced_hood
 from cosim.port import STATIC, ConvergenceError, InputError, Motion
-from cosim.reduction_tip import tip_maps
 from meshes.skeleton import BODIES, index_finger
 from rigid.hinge_angle import angles, flexion_angles
 from rigid.reduced_basis import legendre, loadings, monomials, to_powers

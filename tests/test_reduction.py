@@ -9,17 +9,18 @@ import pytest
 from soft_network import FITTED, MUSCLES, SOFT, found, held_out, samples, soft_models
 from typer.testing import CliRunner
 
-from cosim import reduction, reduction_walks
+from cosim.analyses.reduction import reduce as reduction
+from cosim.analyses.reduction import walks as reduction_walks
+from cosim.analyses.reduction.case_text import case_text
+from cosim.analyses.reduction.errors import errors
+from cosim.analyses.reduction.samples import Lost, Walk, Walked, on_models
+from cosim.analyses.reduction.tip import clamped, tip_map, tip_maps
 from cosim.build.models import build
 from cosim.case.file import find_case, load_case
 from cosim.cli import app
 from cosim.hoods.lumped.build import potential
 from cosim.hoods.lumped.table import NetworkHood
 from cosim.port import ConvergenceError, InputError
-from cosim.reduced_case import case_text
-from cosim.reduction_errors import errors
-from cosim.reduction_samples import Lost, Walk, Walked, on_models
-from cosim.reduction_tip import clamped, tip_map, tip_maps
 from rigid.reduced_network import Potential
 from rigid.reduction import Order, reduced
 

@@ -9,11 +9,11 @@ import pytest
 from soft_network import soft_models
 from typer.testing import CliRunner
 
+from cosim.analyses.reduction.sample_cache import kept
+from cosim.analyses.reduction.samples import Lost, Walk, Walked, on_models
 from cosim.cli import app
 from cosim.hoods.lumped.build import Sample
 from cosim.port import InputError
-from cosim.reduction_kept import kept
-from cosim.reduction_samples import Lost, Walk, Walked, on_models
 
 ANGLE = np.array([[0, 0, 0.3, 0.1], [0, 0, 0.35, 0.1]])
 WALKS = [Walk(ANGLE + 0.05 * k, np.full((2, 3), 8.0)) for k in range(3)]

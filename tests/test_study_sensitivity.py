@@ -13,15 +13,23 @@ import pytest
 from held import HELD
 from typer.testing import CliRunner
 
+from cosim.analyses.identify.sensitivity import (
+    RATIO,
+    Run,
+    Sensitivity,
+    bars,
+    study,
+    to_csv,
+    to_json,
+)
+from cosim.analyses.identify.tornado import draw_tornado
+from cosim.analyses.identify.variations import SHEETS, Side, Variation, variations
+from cosim.analyses.trials.outcome import measured, outcome, unit
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.cli import app
 from cosim.port import ConvergenceError, InputError
 from cosim.results.compare import Target
-from cosim.sensitivity import RATIO, Run, Sensitivity, bars, study, to_csv, to_json
-from cosim.tornado import draw_tornado
-from cosim.trials import measured, outcome, unit
-from cosim.variations import SHEETS, Side, Variation, variations
 
 PASSIVE, EDC = "joint_torque_Nmm.passive.PIP", "joint_torque_Nmm.EDC.PIP"
 STIFFER = Variation(

@@ -11,10 +11,10 @@ from statistics import median
 
 import numpy as np
 
+from cosim.analyses.opensim.loads import THESIS_AXES, axes_of
 from cosim.case.file import load_case
 from cosim.case.schema import Case, Isotropic, ShellHood
 from cosim.fingers.common import CageTip
-from cosim.opensim_loads import THESIS_AXES, axes_of
 from cosim.pipeline import run_case
 from cosim.port import Array
 from cosim.results.data import Result

@@ -6,9 +6,9 @@ import difflib
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from cosim.analyses.trials.outcome import measured
 from cosim.port import InputError
 from cosim.results.compare import COMPONENTS
-from cosim.trials import measured
 
 NEAREST = 3
 

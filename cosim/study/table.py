@@ -7,10 +7,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cosim.analyses.trials.outcome import measured, unit
 from cosim.study.conduct import Done
 from cosim.study.plan import Plan
 from cosim.study.store import Store
-from cosim.trials import measured, unit
 
 if TYPE_CHECKING:
     import pandas as pd

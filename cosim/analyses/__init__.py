@@ -1,0 +1,1 @@
+"""What asks a case many questions."""

@@ -1,0 +1,1 @@
+"""Muscles' tensions from what a finger is asked for."""

@@ -1,0 +1,135 @@
+"""What `cosim estimate` leaves: numbers, tables and a picture."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from cosim import __version__
+from cosim.analyses.estimate.capacity import Capacity
+from cosim.analyses.estimate.feasible import ForceSet
+from cosim.analyses.estimate.of_case import Along, Answer, Setup, shares_fixed
+from cosim.analyses.estimate.plot import draw_estimate, draw_motion
+from cosim.analyses.estimate.tensions import spelt
+from cosim.folders import folder_written_whole
+from cosim.port import Array
+from cosim.results.data import plain
+
+MARK = "estimate.json"
+DPI = 140
+
+
+def muscle_table(bear: Capacity, tension: Array) -> pd.DataFrame:
+    """A row for each muscle."""
+    return pd.DataFrame(
+        {
+            "muscle": bear.names,
+            "tension_N": tension,
+            "greatest_N": bear.most,
+            "activation": tension / bear.most,
+            "area_cm2": 1e4 * bear.area,
+            "stress_N_per_cm2": tension / (1e4 * bear.area),
+            "greatest_from": [m for _, m in bear.sources],
+            "area_from": [a for a, _ in bear.sources],
+        }
+    )
+
+
+def write_answer(
+    folder: Path, s: Setup, answer: Answer | None, forces: ForceSet | None, wall: float
+) -> None:
+    """An estimate and the set of feasible forces, either of which may lack.  Raises InputError."""
+    tension = None if answer is None else answer.found.tension
+    wanted = None if answer is None or answer.demand.unit != "N" else answer.wanted
+    with folder_written_whole(folder, MARK) as part:
+        summary = {**_head(s, wall), **({} if answer is None else _told(s, answer))}
+        if forces is not None:
+            summary["feasible_force"] = _set(s, forces)
+            names = [f"{name}_N" for name in forces.names]
+            _csv(part / "feasible_force.csv", pd.DataFrame(forces.vertices, columns=names))
+        _json(part / MARK, summary)
+        if tension is not None:
+            _csv(part / "estimate.csv", muscle_table(s.capacity, tension))
+        exact = shares_fixed(s.case)
+        asked = "" if answer is None else f", asked for {spelt(answer.demand, answer.wanted)}"
+        title = f"{s.case.name}{asked}"
+        sheet = draw_estimate(s.capacity, tension, forces, wanted, title, exact)
+        sheet.savefig(part / "estimate.png", dpi=DPI, format="png")
+
+
+def write_motion(folder: Path, s: Setup, found: Along, wall: float) -> None:
+    """Tensions along a motion.  Raises InputError."""
+    joints = s.models.finger.joints
+    table = {"time_s": found.motion.time}
+    table |= {f"{j}_deg": np.degrees(found.motion.angle[:, k]) for k, j in enumerate(joints)}
+    table |= {f"{j}_torque_Nmm": 1e3 * found.needed[:, k] for k, j in enumerate(joints)}
+    table |= {f"{j}_made_Nmm": 1e3 * found.made[:, k] for k, j in enumerate(joints)}
+    table |= {f"{n}_N": found.tension[:, k] for k, n in enumerate(s.capacity.names)}
+    with folder_written_whole(folder, MARK) as part:
+        audit = {
+            "worst_miss": found.worst,
+            "largest_torque_lacking_Nmm": 1e3 * float(np.abs(found.made - found.needed).max()),
+            "hood_solves": found.rounds,
+        }
+        most = dict(zip(s.capacity.names, found.tension.max(axis=0), strict=True))
+        _json(part / MARK, {**_head(s, wall), "largest_tension_N": most, "audit": audit})
+        _csv(part / "estimate.csv", pd.DataFrame(table))
+        sheet = draw_motion(s.capacity.names, joints, found, s.case.name)
+        sheet.savefig(part / "estimate.png", dpi=DPI, format="png")
+
+
+def _head(s: Setup, wall: float) -> dict[str, Any]:
+    kinds = {1: "linear", 2: "quadratic", 3: "cubic"}
+    return {
+        "case": s.case.name,
+        "version": __version__,
+        "cost": kinds[s.cost.power],
+        "weights": dict(zip(s.capacity.names, s.cost.weight, strict=True)),
+        "bounds_N": {
+            name: [low, high]
+            for name, low, high in zip(
+                s.capacity.names, s.capacity.least, s.capacity.most, strict=True
+            )
+        },
+        "wall_s": round(wall, 3),
+    }
+
+
+def _told(s: Setup, answer: Answer) -> dict[str, Any]:
+    unit = answer.demand.unit.replace(" ", "")
+    named = answer.demand.names
+    joints = s.models.finger.joints
+    return {
+        f"target_{unit}": dict(zip(named, answer.wanted, strict=True)),
+        "tension_N": dict(zip(s.capacity.names, answer.found.tension, strict=True)),
+        "audit": {
+            f"made_forward_{unit}": dict(zip(named, answer.audit.made, strict=True)),
+            "largest_difference": float(np.abs(answer.audit.made - answer.wanted).max()),
+            "joints_turned_deg": dict(zip(joints, np.degrees(answer.audit.turned), strict=True)),
+            "equations_miss": answer.found.gap,
+            "optimality_miss": answer.found.optimum.miss,
+            "hood_solves": answer.found.rounds,
+        },
+    }
+
+
+def _set(s: Setup, forces: ForceSet) -> dict[str, Any]:
+    low, high = forces.vertices.min(axis=0), forces.vertices.max(axis=0)
+    return {
+        "exact": shares_fixed(s.case),
+        "vertices": len(forces.vertices),
+        "range_N": {name: [a, b] for name, a, b in zip(forces.names, low, high, strict=True)},
+    }
+
+
+def _json(path: Path, summary: dict[str, Any]) -> None:
+    text = json.dumps(summary, indent=2, default=plain, allow_nan=False)
+    path.write_text(text + "\n", encoding="utf-8")
+
+
+def _csv(path: Path, table: pd.DataFrame) -> None:
+    table.to_csv(path, index=False, float_format="%.9g")

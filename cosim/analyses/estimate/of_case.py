@@ -1,0 +1,298 @@
+"""Estimates of a case: one target in its posture, or a motion, with an audit that runs forward."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cosim.analyses.estimate.capacity import Capacity, Weights, capacity
+from cosim.analyses.estimate.demand import AXES, Demand, force_demand, torque_demand
+from cosim.analyses.estimate.held_finger import Held, Torques
+from cosim.analyses.estimate.joint_motion import JointMotion
+from cosim.analyses.estimate.tensions import Bounds, Cost, Estimate, estimate, spelt
+from cosim.build.models import Models, build
+from cosim.case.schema import Case, NetworkHood, PulleyHood, SplitHood
+from cosim.pipeline import agreed
+from cosim.port import Array, ConvergenceError, InputError
+from cosim.schema import units
+from rigid.programme import Power
+
+STAGES = (0.25, 0.5, 0.75, 1.0)
+"""Of the way to a force that was not found at once."""
+OPEN = "free"
+"""In place of a component of a force that nothing is asked of."""
+COMPONENT = re.compile(rf"\s*({OPEN}|[-+]?[\d.]+(?:e[-+]?\d+)?\s*[a-zA-Z]+)\s*,?", re.I)
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What all estimates of a case share."""
+
+    case: Case
+    models: Models
+    capacity: Capacity
+    cost: Cost
+
+    @property
+    def bounds(self) -> Bounds:
+        return Bounds(self.capacity.least, self.capacity.most)
+
+    def held(self, posture: Mapping[str, float]) -> Held:
+        """The finger in a posture (rad).  Raises InputError for one outside its ranges."""
+        return Held(self.models, self.models.finger.start(posture))
+
+
+@dataclass(frozen=True)
+class Audit:
+    """The case run forward under the estimated tensions, from its own start."""
+
+    made: Array
+    """(d,) the demand's components there."""
+    turned: Array
+    """(nq,) rad, by how much the joints left the posture; zero where they are held."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """An estimate of one target."""
+
+    demand: Demand
+    wanted: Array
+    found: Estimate
+    audit: Audit
+
+
+def setup(
+    case: Case,
+    weights: Weights,
+    power: Power,
+    areas: Mapping[str, float],
+    most: Mapping[str, float],
+) -> Setup:
+    """Models and costs.  Raises InputError."""
+    models = build(case)
+    names = (*models.hood.tendons, *models.finger.tendons)
+    bear = capacity(case, names, areas, most)
+    return Setup(case, models, bear, Cost(bear.weight(weights), power))
+
+
+def parsed_force(text: str) -> tuple[float | None, float | None, float | None]:
+    """N along distal, radial and dorsal; None where a component is left open.
+
+    Raises InputError for anything but three of them."""
+    parts, rest = COMPONENT.findall(text), COMPONENT.sub("", text).strip()
+    if len(parts) != 3 or rest:
+        raise InputError(
+            f'--force "{text}": expected the fingertip\'s force on the world along distal, radial '
+            'and dorsal, for example "-1 N 0 N -2 N"; "free" leaves a component open'
+        )
+    try:
+        x, y, z = (None if p.lower() == OPEN else units.parse(p, units.FORCE) for p in parts)
+    except ValueError as error:
+        raise InputError(f'--force "{text}": {error}') from error
+    return x, y, z
+
+
+def parsed_values(option: str, given: Sequence[str], kind: units.Kind) -> dict[str, float]:
+    """SI values of NAME=QUANTITY texts.  Raises InputError."""
+    out = {}
+    for text in given:
+        name, equals, value = text.partition("=")
+        try:
+            out[name.strip()] = units.parse(value.strip().strip('"'), kind)
+        except ValueError as error:
+            raise InputError(f"{option} {text}: {error}") from error
+        if not equals:
+            raise InputError(f"{option} {text}: expected NAME={kind.example}")
+    return out
+
+
+def torques_wanted(joints: Sequence[str], given: Mapping[str, float]) -> Array:
+    """(nq,) N m; a joint that is not named bears none.  Raises InputError for an unknown one."""
+    strange = [name for name in given if name.removesuffix("_flexion") not in joints]
+    if strange:
+        raise InputError(
+            f"--torque {', '.join(strange)}: unknown joint; the joints are {', '.join(joints)}"
+        )
+    named = {name.removesuffix("_flexion"): value for name, value in given.items()}
+    return np.array([named.get(joint, 0.0) for joint in joints])
+
+
+def for_force(
+    s: Setup,
+    force: tuple[float | None, float | None, float | None],
+    progress: Callable[[str], None],
+) -> Answer:
+    """Tensions for a fingertip force in the case's posture, audited by its coupled equilibrium.
+
+    Raises InputError and ConvergenceError."""
+    held = s.held(s.models.posture)
+    first = held.at(s.capacity.least, held.begin())
+    left = [axis for axis, value in zip(AXES, force, strict=True) if value is None]
+    demand = force_demand(held, first, left)
+    stated = dict(zip(AXES, force, strict=True))
+    across = [a for a in AXES if a not in demand.names and stated[a]]
+    if across:
+        raise InputError(
+            f"--force: this finger's tip bears no force along {', '.join(across)}; write 0 N there"
+        )
+    wanted = np.array([stated[name] or 0.0 for name in demand.names])
+    found = _approached(s, held, demand, wanted, first, progress)
+    progress("running the case forward")
+    return Answer(demand, wanted, found, _forward(s, held, demand, found, progress))
+
+
+def _approached(
+    s: Setup,
+    held: Held,
+    demand: Demand,
+    wanted: Array,
+    first: Torques,
+    progress: Callable[[str], None],
+) -> Estimate:
+    """The estimate at once; or, where a hood whose shares vary stands far from its start and finds
+    the wanted out of reach there, in STAGES from what its least tensions make."""
+    start = s.capacity.least, first.state
+    try:
+        return estimate(held, demand, wanted, s.bounds, s.cost, start, progress)
+    except InputError as error:
+        if shares_fixed(s.case):
+            raise
+        at_once = error
+    begun, reached = demand.made(first.torque), 0.0
+    for part in STAGES:
+        progress(f"out of reach at once; {part:.0%} of the way")
+        aim = begun + part * (wanted - begun)
+        try:
+            found = estimate(held, demand, aim, s.bounds, s.cost, start, progress)
+        except InputError:
+            raise InputError(
+                f"{at_once}. The hood's shares vary with tension: that is said of where the search "
+                f"ended. In stages from the unloaded finger, {reached:.0%} of the way was reached, "
+                f"{part:.0%} was not"
+            ) from at_once
+        start, reached = (found.tension, found.at.state), part
+    return found
+
+
+def _forward(
+    s: Setup, held: Held, demand: Demand, found: Estimate, progress: Callable[[str], None]
+) -> Audit:
+    finger, hood = s.models.finger, s.models.hood
+    split = len(hood.tendons)
+    try:
+        e = agreed(
+            s.case,
+            s.models,
+            held.finger_state,
+            held.begin(),
+            found.tension[:split],
+            found.tension[split:],
+            progress,
+        )
+    except ConvergenceError as error:
+        raise ConvergenceError(
+            f"estimate: the tensions balance the target in the posture, but run forward the case "
+            f"finds no equilibrium with them: {error} A fingertip held at a point can turn away; "
+            "try --set finger.tip.kind='\"clamped\"'"
+        ) from error
+    turned = finger.angles(e.finger_state) - finger.angles(held.finger_state)
+    return Audit(np.array([e.balance.tip_force[AXES.index(a)] for a in demand.names]), turned)
+
+
+def for_torques(s: Setup, given: Mapping[str, float], progress: Callable[[str], None]) -> Answer:
+    """Tensions of which hood and muscles make joint torques (N m) in the case's posture, audited by
+    a hood that is solved anew, from its start, under them."""
+    held = s.held(s.models.posture)
+    demand = torque_demand(held)
+    wanted = torques_wanted(s.models.finger.joints, given)
+    first = held.at(s.capacity.least, held.begin())
+    found = _approached(s, held, demand, wanted, first, progress)
+    anew = held.at(found.tension, held.begin())
+    return Answer(demand, wanted, found, Audit(demand.made(anew.torque), np.zeros(len(wanted))))
+
+
+@dataclass(frozen=True)
+class Along:
+    """Estimates along a motion of n samples."""
+
+    motion: JointMotion
+    needed: Array
+    """(n, nq) N m."""
+    made: Array
+    """(n, nq) N m, what hood and muscles make; the needed but for a reserve."""
+    tension: Array
+    """(n, nt) N."""
+    worst: float
+    """Relative, of the conditions of optimality and of the torques."""
+    rounds: int
+
+
+def for_motion(
+    s: Setup, motion: JointMotion, progress: Callable[[str], None], reserve: float = 0.0
+) -> Along:
+    """Tensions along a motion, of which hood and muscles make its torques by inverse dynamics, each
+    sample from the one before; a torque may lack `reserve` N m where tensions make no better.
+
+    Raises InputError (a finger without mass, angles out of range, torques out of reach), naming the
+    time, and ConvergenceError."""
+    needed = _needed(s, motion)
+    joints = s.models.finger.joints
+    start, tensions, made, worst, rounds = None, [], [], 0.0, 0
+    for k, time in enumerate(motion.time):
+        held = s.held(dict(zip(joints, motion.angle[k], strict=True)))
+        try:
+            found = estimate(
+                held, torque_demand(held), needed[k], s.bounds, s.cost, start, reserve=reserve
+            )
+        except (InputError, ConvergenceError) as error:
+            raise type(error)(
+                f"at {time:.4g} s of the motion: {error}. Of a motion, --reserve says how much "
+                "torque may lack"
+            ) from error
+        progress(f"{k + 1}/{len(motion.time)}, {time:.3g} s: {found.rounds} rounds")
+        start = found.tension, found.at.state
+        tensions.append(found.tension)
+        made.append(found.made)
+        worst = max(worst, found.optimum.miss, found.gap)
+        rounds += found.rounds
+    return Along(motion, needed, np.array(made), np.array(tensions), worst, rounds)
+
+
+def _needed(s: Setup, motion: JointMotion) -> Array:
+    from rigid.inverse_dynamics import needed_torque
+    from rigid.mujoco_finger import MujocoFinger
+
+    finger = s.models.finger
+    if not isinstance(finger, MujocoFinger):
+        raise InputError(
+            '--motion takes a finger with mass: finger.kind = "index", "middle", "planar" or '
+            '"robot"'
+        )
+    rows = zip(motion.angle, motion.rate, motion.acceleration, strict=True)
+    return np.array([needed_torque(finger, *row) for row in rows])
+
+
+def shares_fixed(case: Case) -> bool:
+    """Whether a case's torques are linear in its tensions."""
+    hood = case.hood
+    fixed = isinstance(hood, NetworkHood) and hood.operating_force is not None
+    return fixed or isinstance(hood, SplitHood | PulleyHood)
+
+
+def force_basis(s: Setup) -> tuple[Demand, Torques]:
+    """The demand of any fingertip force, and the torques at the least tensions, for a set of
+    forces without a target."""
+    held = s.held(s.models.posture)
+    first = held.at(s.capacity.least, held.begin())
+    return force_demand(held, first), first
+
+
+def told_of(answer: Answer) -> str:
+    """What was asked for and what the forward run made, in words."""
+    return f"asked for {spelt(answer.demand, answer.wanted)}; made, run forward: " + spelt(
+        answer.demand, answer.audit.made
+    )

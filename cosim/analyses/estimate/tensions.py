@@ -1,0 +1,224 @@
+"""Muscles' tensions from what a finger is asked for, with any hood behind it.
+
+The least cost sum (T_i / w_i)^p within bounds, under the equations of a demand, whose torques are
+those of hood and muscles.  A hood that parts tensions in fixed shares makes them linear in T, and
+one programme answers.  Others are linearised at the last tensions, again and again (sequential
+programmes: Nocedal and Wright 2006, Numerical Optimization, ch. 18), until the hood makes at the
+new tensions what the programme foresaw: then the programme's conditions of optimality are those of
+the problem itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from cosim.analyses.estimate.demand import Demand
+from cosim.analyses.estimate.held_finger import Held, Torques
+from cosim.port import Array, ConvergenceError, InputError, State
+from rigid.programme import Optimum, Power, Programme, least
+
+MOST_ROUNDS = 40
+PATIENCE = 6
+"""Rounds after which a step that does not bring the hood nearer to what was foreseen is halved."""
+LEAST_PART = 2.0**-8
+AGREED = 1e-6
+"""Relative, of torques that the hood makes and those foreseen, and of tensions between rounds."""
+NEGLIGIBLE = 1e-9
+SHORT = 1e-6
+"""Relative: a demand that is missed by more was out of reach."""
+
+
+class Cost(NamedTuple):
+    """sum (T / weight)^power, weight (n,)."""
+
+    weight: Array
+    power: Power
+
+    @property
+    def factors(self) -> Array:
+        factors: Array = (1.0 / self.weight) ** self.power
+        return factors
+
+
+class Bounds(NamedTuple):
+    """N, (n,) each."""
+
+    least: Array
+    most: Array
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Tensions (n,) N in the order of `Held.names`, checked."""
+
+    tension: Array
+    made: Array
+    """(d,) of the demand's components, by the hood's own answer."""
+    at: Torques
+    optimum: Optimum
+    gap: float
+    """Relative difference of the torques made and those asked for."""
+    rounds: int
+    """Hood solves."""
+
+
+def estimate(
+    held: Held,
+    demand: Demand,
+    wanted: Array,
+    bounds: Bounds,
+    cost: Cost,
+    start: tuple[Array, State] | None = None,
+    progress: Callable[[str], None] = lambda text: None,
+    reserve: float = 0.0,
+) -> Estimate:
+    """The cheapest tensions that make the components `wanted` (d,) of a demand, or where none do
+    those nearest, if none of them is further off than `reserve`; `start`: tensions and a hood's
+    state near by.
+
+    Raises InputError where the wanted lies out of reach, ConvergenceError where hood and programme
+    do not agree."""
+    tension, state = (bounds.least, held.begin()) if start is None else start
+    at = held.at(tension, state)
+    aim, part, last = tension, 1.0, np.inf
+    for rounds in range(1, MOST_ROUNDS + 1):
+        programme = linearised(demand, wanted, tension, at, bounds)
+        found = least(programme, cost.factors, cost.power)
+        asked = wanted if found is not None else nearest(demand, wanted, tension, at, bounds)
+        if found is None:
+            programme = linearised(demand, asked, tension, at, bounds)
+            found = least(programme, cost.factors, cost.power)
+        if found is None:
+            raise _unsettled(rounds, last)
+        gap, moved = _gap(demand, asked, at), _moved(tension, found.x)
+        progress(f"round {rounds}: torques off by {gap:.1e}, tensions by {moved:.1e}")
+        if gap <= AGREED and moved <= AGREED:
+            if np.abs(asked - wanted).max() > max(SHORT * np.abs(wanted).max(), reserve, 1e-12):
+                raise _short(demand, wanted, asked, programme, tension, bounds, held)
+            return Estimate(tension, demand.made(at.torque), at, found, gap, rounds)
+        if rounds > PATIENCE and gap + moved >= last:
+            part = max(0.5 * part, LEAST_PART)
+        last, aim = gap + moved, found.x
+        tension, at = _stepped(held, tension, at, aim, part)
+    raise _unsettled(MOST_ROUNDS, last)
+
+
+def linearised(
+    demand: Demand, wanted: Array, tension: Array, at: Torques, bounds: Bounds
+) -> Programme:
+    """The demand's equations in the tensions, as the hood's tangent has them."""
+    A = demand.rows @ at.by_tension
+    offset = at.torque - at.by_tension @ tension + demand.beside
+    return Programme(A, demand.spread @ wanted - demand.rows @ offset, *bounds)
+
+
+def nearest(demand: Demand, wanted: Array, tension: Array, at: Torques, bounds: Bounds) -> Array:
+    """(d,) the components nearest to those wanted that tensions within the bounds can make, as
+    linearised.  Raises InputError where they balance none at all."""
+    programme = linearised(demand, wanted, tension, at, bounds)
+    d, n = len(wanted), len(tension)
+    free = np.full(d, np.inf)
+    wider = Programme(
+        np.hstack([-demand.spread, programme.A]),
+        programme.b,
+        np.append(-free, bounds.least),
+        np.append(free, bounds.most),
+    )
+    found = least(wider, np.append(np.ones(d), np.zeros(n)), 2)
+    if found is None:
+        raise InputError(
+            "no tensions within their bounds balance this posture, whatever the fingertip's force: "
+            "some joint is left with a torque. Try another posture, wider bounds (--most), or a "
+            "clamped fingertip (--set finger.tip.kind='\"clamped\"')"
+        )
+    made: Array = wanted + found.x[:d]
+    return made
+
+
+def reach(demand: Demand, wanted: Array, programme: Programme) -> tuple[float, float] | None:
+    """The least and the largest multiple, none negative, of the wanted components that the bounds
+    allow, as linearised; None where there is none.  `programme`: linearised at the wanted."""
+    from scipy.optimize import linprog
+
+    way = demand.spread @ wanted
+    A = np.hstack([-way[:, None], programme.A])
+    bounds = [(0.0, None), *zip(programme.lower, programme.upper, strict=True)]
+    ends = []
+    for sign in (1.0, -1.0):
+        cost = np.append(sign, np.zeros(len(programme.lower)))
+        found = linprog(cost, A_eq=A, b_eq=programme.b - way, bounds=bounds, method="highs")
+        if not found.success:
+            return None
+        ends.append(float(found.x[0]))
+    return ends[0], ends[1]
+
+
+def _stepped(
+    held: Held, tension: Array, at: Torques, aim: Array, part: float
+) -> tuple[Array, Torques]:
+    """The tensions a part of the way on, and the hood there; less of it where the hood's own solve
+    fails, from its last state or from its start."""
+    while True:
+        there = tension + part * (aim - tension)
+        for state in (at.state, None):
+            try:
+                return there, held.at(there, held.begin() if state is None else state)
+            except ConvergenceError as error:
+                why = error
+        part *= 0.5
+        if part < LEAST_PART:
+            raise ConvergenceError(f"the hood found no equilibrium on the way: {why}") from why
+
+
+def _gap(demand: Demand, asked: Array, at: Torques) -> float:
+    """Relative: of the largest torque in play."""
+    made, need = demand.rows @ (at.torque + demand.beside), demand.spread @ asked
+    scale = max(float(np.abs(at.torque).max()), float(np.abs(need).max()), 1e-6)
+    return float(np.abs(made - need).max() / scale)
+
+
+def _moved(before: Array, now: Array) -> float:
+    """Relative to the largest tension, or to 1 N."""
+    return float(np.abs(now - before).max() / max(1.0, float(now.max())))
+
+
+def _short(
+    demand: Demand,
+    wanted: Array,
+    asked: Array,
+    programme: Programme,
+    tension: Array,
+    bounds: Bounds,
+    held: Held,
+) -> InputError:
+    """What to say where the components asked for are not those wanted."""
+    shift = demand.spread @ (wanted - asked)
+    ends = reach(demand, wanted, programme._replace(b=programme.b + shift))
+    full = [n for n, t, m in zip(held.names, tension, bounds.most, strict=True) if t >= 0.999 * m]
+    way = "nothing" if ends is None else f"{ends[0]:.3g} to {ends[1]:.3g} times what is wanted"
+    return InputError(
+        f"no tensions within their bounds make {spelt(demand, wanted)}. The nearest that they make "
+        f"is {spelt(demand, asked)}; in the wanted direction they make {way}. "
+        + (f"At their greatest force there: {', '.join(full)}. " if full else "")
+        + "Ask for less, or widen the bounds (--most)"
+    )
+
+
+def spelt(demand: Demand, values: Array) -> str:
+    """The components with names and units."""
+    factor, unit = (1e3, "N mm") if demand.unit == "N m" else (1.0, "N")
+    seen = np.where(np.abs(values) > NEGLIGIBLE * np.abs(values).max(), factor * values, 0.0)
+    parts = zip(demand.names, seen, strict=True)
+    return ", ".join(f"{name} {value:.4g}" for name, value in parts) + f" {unit}"
+
+
+def _unsettled(rounds: int, last: float) -> ConvergenceError:
+    return ConvergenceError(
+        f"estimate: hood and programme did not agree in {rounds} rounds; torques and tensions are "
+        f"off by {last:.1e} (relative). Try --cost quadratic, whose answer moves with the "
+        "hood's without jumps, a smaller target, or a hood without slack tendons"
+    )

@@ -1,0 +1,1 @@
+"""A hood over many postures."""

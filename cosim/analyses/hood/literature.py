@@ -1,0 +1,92 @@
+"""What the hood's figures stand beside: published numbers, couplings of the joints, and which
+postures the packaged hood was fitted in."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+
+from cosim.analyses.hood.poses import JOINTS, Posture
+from cosim.port import Array
+from rigid.two_band import coupled_dip, lateral_band
+
+REST_TORQUE, REST_SLIP = 3.0, 0.4
+"""N mm and N: the most that a hood at rest may have."""
+LEE_RATIO, LEE_BAND = 1.7, (1.0, 2.5)
+"""Terminal over central slip: Lee et al. 2008 (n 5), nearly constant; and the target's band."""
+LEE_TENSION = 11.8
+"""N of EDC, of Lee et al. 2008."""
+LEAST_SHARE = 0.1
+"""Of EDC's tension, that each slip is to bear at least."""
+AN_HEIGHT = {"MCP": 9.66, "PIP": 5.32, "DIP": 2.0}
+"""mm of EDC over the joint's axis: An et al. 1979, in units of O2O3 = 20 mm, index finger.  That at
+the DIP is the terminal slip's, of which EDC's arm is the slip's share."""
+YOUNG_RAYAN = {0.0: 0.0, 45.0: 25.0, 80.0: 55.0}
+"""deg of the sagittal bands' fibres from the square of the tendon, by MCP flexion: Young and Rayan
+2000, 48 digits; the last is of full flexion, put at 80 deg here."""
+DIP_RANGE = (0.0, 70.0)
+FDP_RATIO = 0.7
+"""DIP over PIP as FDP flexes a free index finger: Nimbarte et al. 2008, 29.4/41.8 deg."""
+OFF = 15.0
+"""deg that the DIP is moved off the two couplings."""
+
+
+def buchner_dip(pip: float) -> float:
+    """deg of the DIP on Buchner's coupling curve R'12/R13 PIP^2, 1.21 mm/rad over 3.5 mm."""
+    return float(np.degrees(coupled_dip(np.radians(np.asarray(pip)))))
+
+
+def fdp_dip(pip: float) -> float:
+    """deg of the DIP as FDP flexes the finger."""
+    return FDP_RATIO * pip
+
+
+def buchner_height(pip: Array) -> Array:
+    """mm of the lateral bands over the PIP's axis at PIP angles in deg, 5 - 2.42 PIP (rad):
+    Buchner et al. 1988.  An assumption with the right ends of the range, not a measurement."""
+    constant, slope = lateral_band()["PIP"]
+    return -1e3 * (constant + slope * np.radians(pip))
+
+
+COUPLINGS = {
+    f"Buchner less {OFF:g} deg": lambda pip: buchner_dip(pip) - OFF,
+    "Buchner": buchner_dip,
+    f"{FDP_RATIO:g} PIP": fdp_dip,
+    f"{FDP_RATIO:g} PIP and {OFF:g} deg": lambda pip: fdp_dip(pip) + OFF,
+}
+"""deg of the DIP by that of the PIP, before `DIP_RANGE` and rounding."""
+
+
+def coupled(name: str, pip: float) -> float:
+    """deg of the DIP on a coupling's line, a whole number within `DIP_RANGE`."""
+    return float(np.clip(round(COUPLINGS[name](pip)), *DIP_RANGE))
+
+
+@cache
+def fitted_postures(quantity: str) -> frozenset[Posture]:
+    """Postures in which the packaged hood was fitted to quantities that contain `quantity`:
+    cases/data/hood_fit.toml and hood_fit_rows.csv."""
+    import pandas
+
+    from cosim.analyses.identify.cases import stated_cases
+    from cosim.case.file import find_case
+    from cosim.fingers.kinds import our_finger
+
+    data = Path(str(resources.files("cases") / "data"))
+    rows = pandas.read_csv(data / "hood_fit_rows.csv")
+    rows = rows[rows.quantity.str.contains(quantity, regex=False)]
+    cases = stated_cases([find_case("hood_rest")], (), data / "hood_fit.toml")
+    every = rows.case.isna().any()
+    return frozenset(
+        _posture(our_finger(case.load()).posture.angles())
+        for case in cases
+        if every or case.name in set(rows.case)
+    )
+
+
+def _posture(angles: dict[str, float]) -> Posture:
+    mcp, pip, dip = (round(float(np.degrees(angles[joint])), 3) for joint in JOINTS)
+    return mcp, pip, dip

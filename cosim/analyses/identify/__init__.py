@@ -1,0 +1,1 @@
+"""Parameters fitted to measured numbers, and what the results depend on."""

@@ -1,0 +1,150 @@
+"""The case file of a fit: the case that it extends, the settings found, and where they are from."""
+
+from __future__ import annotations
+
+import json
+import os
+import tomllib
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from textwrap import wrap
+
+from cosim.analyses.identify.cases import FitCase, StatedCase
+from cosim.analyses.identify.fit import Fit, interval, standing
+from cosim.analyses.trials.outcome import Settings
+from cosim.port import InputError
+from cosim.results.compare import Comparison, number, stated
+
+WIDTH = 98
+
+
+def case_text(
+    fit: Fit,
+    title: str,
+    base: str | None,
+    settings: Settings,
+    targets: str,
+    cases: Sequence[StatedCase] = (),
+) -> str:
+    """TOML that extends the case `base` (a path or name) with `settings` and those found; without a
+    base the settings alone, for a case file of one's own.  `cases`: of a fit over several."""
+    told = _provenance(fit, targets, cases)
+    lines = [f"# {line}".rstrip() for part in told for line in _wrapped(part)]
+    if base is None:
+        lines += ['# Settings alone: write extends = "CASE" and a title above them.', ""]
+    else:
+        lines += [f"extends = {_text(base)}", f"title = {_text(title)}", ""]
+    return "\n".join([*lines, *_assignments((*settings, *fit.settings))]) + "\n"
+
+
+def check_same_settings(cases: Sequence[FitCase]) -> None:
+    """Raises InputError where one file cannot hold what is fitted, as it sets other keys in other
+    cases."""
+    first = cases[0].free
+    start = {p.name: p.start for p in first.parameters}
+    other = [c.name for c in cases if c.free.settings(start) != first.settings(start)]
+    if other:
+        raise InputError(
+            f"--out: the parameters set other keys or values in {', '.join(other)} than in "
+            f"{cases[0].name}, so that one file cannot say them; leave --out away, or give the "
+            "parameters settings in --free"
+        )
+
+
+def base_of(source: Path, out: Path) -> str:
+    """How a case file at `out` names the case that it extends."""
+    try:
+        return Path(os.path.relpath(source, out.resolve().parent)).as_posix()
+    except ValueError:  # another drive
+        return source.resolve().as_posix()
+
+
+def _wrapped(text: str) -> list[str]:
+    return wrap(text, WIDTH, subsequent_indent="    ", break_long_words=False) or [""]
+
+
+def _provenance(fit: Fit, targets: str, cases: Sequence[StatedCase]) -> Iterator[str]:
+    yield f"Identified with `cosim identify` from {targets}; nothing else was fitted to."
+    yield ""
+    if len(cases) > 1:
+        yield "Cases of the fit:"
+        for case in cases:
+            yield f"  {case.name}: {' '.join([case.source.name, *case.settings])}"
+        yield ""
+    yield "Fitted (95 % interval, linearised, of the rows that pull; bounds; start):"
+    for p in fit.parameters:
+        told = "{:.3g} to {:.3g}; ".format(*interval(fit, p.name)) if p in fit.within else ""
+        yield (
+            f"  {p.name} = {p.written(fit.values[p.name])} ({told}{p.low:g} to {p.high:g}; "
+            f"{p.start:.4g}): {standing(fit, p.name)}"
+        )
+    yield ""
+    yield from _correlations(fit)
+    several = len(cases) > 1
+    yield from _rows("Targets, the model before and after:", fit.start, fit.rows, several)
+    title = "Held out, rows that did not pull, the model before and after:"
+    yield from _rows(title, fit.held_out_start, fit.held_out, several)
+    for note in fit.notes:
+        yield f"{note}."
+        yield ""
+
+
+def _correlations(fit: Fit) -> Iterator[str]:
+    names = [p.name for p in fit.within]
+    pairs = [
+        f"{a} with {b} {fit.confidence.correlation[i, j]:+.2f}"
+        for i, a in enumerate(names)
+        for j, b in enumerate(names[:i])
+    ]
+    if pairs:
+        yield f"Correlations: {', '.join(pairs)}."
+        yield ""
+
+
+def _rows(
+    title: str, start: Sequence[Comparison], rows: Sequence[Comparison], several: bool
+) -> Iterator[str]:
+    if not rows:
+        return
+    yield title
+    for before, row in zip(start, rows, strict=True):
+        yield f"  {f'{row.target.case}: ' if several else ''}{_row(before, row)}"
+    yield ""
+
+
+def _row(before: Comparison, row: Comparison) -> str:
+    t = row.target
+    return (
+        f"{t.name}: {stated(t)} {t.unit} ({t.kind}; {t.source}); {number(before.model)}, "
+        f"{number(row.model)}"
+    )
+
+
+def _assignments(settings: Sequence[str]) -> Iterator[str]:
+    """`key = value` lines; of a key that is set twice the last."""
+    pairs = (text.partition("=") for text in settings)
+    for key, value in {key.strip(): value.strip() for key, _, value in pairs}.items():
+        yield f"{key} = {_toml(value)}"
+
+
+def _toml(value: str) -> str:
+    """As --set reads it: TOML, or else a text."""
+    try:
+        parsed = tomllib.loads(f"value = {value}")
+    except ValueError:
+        return _text(value)
+    return value if len(parsed) == 1 else _text(value)
+
+
+def _text(value: str) -> str:
+    return json.dumps(value, ensure_ascii=False)
+
+
+def check_loads(path: Path) -> None:
+    """Raises InputError where the file is no case."""
+    from cosim.case.file import load_case
+
+    try:
+        load_case(path)
+    except InputError as error:
+        raise InputError(f"the settings found do not make a case file: {error}") from None

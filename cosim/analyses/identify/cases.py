@@ -1,0 +1,200 @@
+"""The cases that a fit is over, and the rows that are for each.
+
+They are those that are named, or one case in many postures: a table `[cases.NAME]` for each in the
+file of parameters, with `set`, a list of KEY=VALUE as --set takes them, and `from`, the case that
+it is made of (a path beside the file, or a packaged case) where that is not the one named.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from cosim.analyses.identify.parameters import (
+    CASES,
+    Free,
+    built_in,
+    fit_tables,
+    raise_faults,
+    read_free,
+)
+from cosim.analyses.trials.outcome import Settings
+from cosim.case.file import find_case, load_case
+from cosim.case.schema import Case
+from cosim.port import InputError
+from cosim.results.compare import Target, unit_of
+
+
+@dataclass(frozen=True)
+class StatedCase:
+    """A case of a fit as it is stated: a file, and settings on top of it."""
+
+    name: str
+    """What rows call it: the file's stem, or the table's name."""
+    source: Path
+    settings: Settings
+
+    def load(self) -> Case:
+        """Raises InputError, naming the case where its name is not the file's."""
+        try:
+            return load_case(self.source, self.settings)
+        except InputError as error:
+            own = self.name == self.source.stem
+            raise InputError(str(error) if own else f"{CASES}.{self.name}: {error}") from None
+
+
+@dataclass(frozen=True)
+class FitCase:
+    """A case of a fit with what is free in it, the rows that it is fitted to and those held out, of
+    which every one names it."""
+
+    stated: StatedCase
+    free: Free
+    rows: tuple[Target, ...]
+    held_out: tuple[Target, ...] = ()
+
+    @property
+    def name(self) -> str:
+        return self.stated.name
+
+
+def stated_cases(
+    names: Sequence[str | Path], settings: Settings, path: Path | None
+) -> tuple[StatedCase, ...]:
+    """The cases named, or those of the tables in the file at `path`, each with `settings`.
+
+    Raises InputError with every fault, each with its place."""
+    tables = fit_tables(path).get(CASES, {}) if path is not None else {}
+    if tables:
+        if len(names) > 1:
+            raise InputError(
+                f"{path}: with tables [{CASES}.NAME] expected one CASE, the one that they are made "
+                f"of, not {', '.join(map(str, names))}; a table says with `from` if it is another"
+            )
+        return _of_tables(Path(str(path)), tables, find_case(names[0]), settings)
+    found = tuple(StatedCase(s.stem, s, settings) for s in map(find_case, names))
+    twice = sorted({c.name for i, c in enumerate(found) if c.name in [d.name for d in found[:i]]})
+    if twice:
+        raise InputError(
+            f"more than one case is called {', '.join(twice)}; rows could not say which"
+        )
+    return found
+
+
+def _of_tables(
+    path: Path, tables: dict[str, Any], base: Path, settings: Settings
+) -> tuple[StatedCase, ...]:
+    found, faults = [], []
+    for name, table in tables.items():
+        try:
+            found.append(_of_table(f"{path}: {CASES}.{name}", name, table, path, base, settings))
+        except InputError as error:
+            faults.append(str(error))
+    raise_faults(faults)
+    return tuple(found)
+
+
+def _of_table(
+    place: str, name: str, table: Any, path: Path, base: Path, settings: Settings
+) -> StatedCase:
+    if not isinstance(table, dict) or set(table) - {"from", "set"}:
+        raise InputError(
+            f"{place}: expected a table of `set` and, if wanted, `from`, for example "
+            "set = ['finger.posture.PIP=45 deg']"
+        )
+    own, source = table.get("set", []), base
+    if not isinstance(own, list) or not all(isinstance(text, str) for text in own):
+        raise InputError(f"{place}: set = {own!r}: expected a list of texts KEY=VALUE")
+    if "from" in table:
+        try:
+            source = find_case(str(table["from"]), path.resolve().parent)
+        except InputError as error:
+            raise InputError(f"{place}: from: {error}") from None
+    return StatedCase(name, source, (*settings, *own))
+
+
+def fit_cases(
+    stated: Sequence[StatedCase],
+    path: Path | None,
+    targets: Sequence[Target],
+    held_out: Sequence[Target] = (),
+) -> tuple[FitCase, ...]:
+    """Each case with its parameters, those of the file at `path` or the built-in ones, and its
+    rows.
+
+    Raises InputError with every fault: of the cases, of parameters that a case does not take, of
+    rows."""
+    faults: list[str] = []
+    frees = [free for case in stated for free in _free_of(case, path, faults)]
+    if len(frees) == len(stated):
+        faults += _faults_of_parameters(stated, frees)
+    faults += _faults_of_rows([c.name for c in stated], targets, held_out)
+    raise_faults(faults)
+    return assigned(stated, frees, targets, held_out)
+
+
+def _free_of(case: StatedCase, path: Path | None, faults: list[str]) -> Iterator[Free]:
+    try:
+        loaded = case.load()
+        yield built_in(loaded) if path is None else read_free(path, loaded)
+    except InputError as error:
+        faults.append(str(error))
+
+
+def _faults_of_parameters(stated: Sequence[StatedCase], frees: Sequence[Free]) -> Iterator[str]:
+    """Of names that differ from case to case, and of values that a case does not take: all at their
+    starts, and, in one case of each file, each at its bounds."""
+    names = [[p.name for p in free.parameters] for free in frees]
+    for case, own in zip(stated, names, strict=True):
+        if own != names[0]:
+            yield (
+                f"{case.name}: its laws have the parameters {', '.join(own)}, those of "
+                f"{stated[0].name} {', '.join(names[0])}; name those to fit with --free"
+            )
+    if any(own != names[0] for own in names):
+        return
+    start = {p.name: p.start for p in frees[0].parameters}
+    ends = [{**start, p.name: v} for p in frees[0].parameters for v in (p.low, p.high)]
+    sources: set[Path] = set()
+    for case, free in zip(stated, frees, strict=True):
+        for values in (start, *([] if case.source in sources else ends)):
+            try:
+                replace(case, settings=(*case.settings, *free.settings(values))).load()
+            except InputError as error:
+                yield str(error)
+        sources.add(case.source)
+
+
+def _faults_of_rows(
+    names: Sequence[str], targets: Sequence[Target], held_out: Sequence[Target]
+) -> Iterator[str]:
+    every = (*targets, *held_out)
+    for t in every if len(names) > 1 else ():
+        if t.case not in ("", *names):
+            yield f"{t.name}: there is no case {t.case}; there are {', '.join(names)}"
+    for name in names:
+        if not any(t.case in ("", name) for t in targets):
+            yield f"no target is for the case {name}"
+    for t in every:
+        if t.case in ("", *names) and t.unit != (said := unit_of(t.quantity)):
+            yield f"{t.name}: {t.quantity} is in {said}, the row in {t.unit}"
+
+
+def assigned(
+    stated: Sequence[StatedCase],
+    frees: Sequence[Free],
+    targets: Sequence[Target],
+    held_out: Sequence[Target] = (),
+) -> tuple[FitCase, ...]:
+    """The cases with their rows.  Raises InputError."""
+    raise_faults(_faults_of_rows([c.name for c in stated], targets, held_out))
+
+    def rows(case: StatedCase, of: Sequence[Target]) -> tuple[Target, ...]:
+        return tuple(replace(t, case=case.name) for t in of if t.case in ("", case.name))
+
+    return tuple(
+        FitCase(case, free, rows(case, targets), rows(case, held_out))
+        for case, free in zip(stated, frees, strict=True)
+    )

@@ -1,0 +1,491 @@
+"""Fitting stated parameters of cases to measured numbers, and what those could not tell.
+
+The parameters' coordinates (`Parameter`: logarithms, or fractions of a range) are found by bounded
+least squares (scipy's trust-region reflective method) over the rows of all cases.  Gradients are
+central differences, in every case for itself: where the bones are held of the hood's shape as its
+tangent moves it (`cosim.analyses.trials.by_tangent`), else of whole solves.
+
+A target's miss is the distance from its band, zero inside; without a band the difference to its
+reference; in units of its SD or, where nobody gave one, of 1 unit of the quantity (1 % of strain).
+Rows inside their bands do not pull, and tell nothing of the parameters but an inequality.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from cosim.analyses.identify.cases import FitCase, StatedCase, assigned
+from cosim.analyses.identify.parameters import Free, Parameter, raise_faults
+from cosim.analyses.trials.by_tangent import tangent_serves
+from cosim.analyses.trials.outcome import Outcome, Settings
+from cosim.analyses.trials.workers import CaseWorkers, case_workers
+from cosim.case.file import load_case
+from cosim.port import Array, ConvergenceError, InputError
+from cosim.results.compare import Comparison, Target, compared
+from cosim.results.quantities import check_quantities
+
+STEP, SMALL_STEP = 0.01, 1e-4
+"""Of the coordinates, of the differences: of solves, and of what the tangent foretells, which no
+tolerance of a solve blurs."""
+TOLERANCE = 1e-4
+"""Relative, of cost and step, at which the search ends."""
+NORMAL = 1.959964
+"""Standard deviations of a 95 % interval of a normal distribution."""
+NEAR_BOUND, SAME = 0.1, 0.01
+"""A parameter so near to a bound, as a fraction of its range of coordinates, is put there where the
+squared misses grow by less than a fraction: the targets do not tell the two apart."""
+OTHER_STATE = 0.1
+"""SDs that a row of the search may differ by from that of a solve from scratch."""
+SHOWN = 3
+"""Largest misses in a line of progress."""
+NOTHING = 1e-9
+"""Of the largest singular value: a direction that the targets do not see."""
+
+
+@dataclass(frozen=True)
+class Confidence:
+    """What rows say of the coordinates of n parameters, linearised."""
+
+    singular_values: Array
+    """(n,) of the misses by the coordinates, descending."""
+    directions: Array
+    """(n, n), a row for each singular value."""
+    deviation: Array
+    """(n,), infinite where nothing was seen."""
+    correlation: Array
+    """(n, n), NaN where a deviation is infinite."""
+    inflation: float
+    """Of the deviations, because the rows miss by more than their SDs: the square root of the
+    misses' squares per degree of freedom, or 1."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What was found.  Rows are those of all cases, each with its case's name."""
+
+    parameters: tuple[Parameter, ...]
+    values: dict[str, float]
+    settings: Settings
+    """What the values set in the first case."""
+    start: tuple[Comparison, ...]
+    rows: tuple[Comparison, ...]
+    """The targets beside the model before and after."""
+    held_out_start: tuple[Comparison, ...]
+    held_out: tuple[Comparison, ...]
+    """Rows that did not pull, before and after."""
+    misses: Array
+    """(m,) of the targets, after."""
+    slopes: Array
+    """(m, n) of every target's number by the coordinates, in units of its SD, band or no band."""
+    evaluations: int
+    """Points of the search at which every case was solved."""
+    solves: int
+    failures: tuple[str, ...]
+    """Of solves on the way, with their reason."""
+    notes: tuple[str, ...]
+    """What to know of the solves from scratch that the rows are of."""
+    ended: str
+    """Why the search ended."""
+    by_tangent: tuple[str, ...]
+    """Cases whose gradients are by the hood's tangent, not by differences of solves."""
+
+    @property
+    def within(self) -> tuple[Parameter, ...]:
+        """Those that do not stand at a bound."""
+        return tuple(p for p in self.parameters if self.values[p.name] not in (p.low, p.high))
+
+    @property
+    def confidence(self) -> Confidence:
+        """Of the parameters `within`, by the rows that pull, the others held at their bounds."""
+        told = np.array([pulls(row.target, row.model or 0.0) for row in self.rows])
+        columns = [i for i, p in enumerate(self.parameters) if p in self.within]
+        return confidence(self.slopes[told][:, columns], self.misses[told])
+
+
+def miss(target: Target, model: float) -> float:
+    """Zero where the target is met; see the module."""
+    scale = target.sd or 1.0
+    if target.low is None and target.high is None:
+        return (model - (target.reference or 0.0)) / scale
+    low = -np.inf if target.low is None else target.low
+    high = np.inf if target.high is None else target.high
+    return float(model - np.clip(model, low, high)) / scale
+
+
+def pulls(target: Target, model: float) -> bool:
+    """Whether the model's number matters: always, but inside of a band."""
+    return (target.low is None and target.high is None) or miss(target, model) != 0
+
+
+def confidence(slopes: Array, misses: Array) -> Confidence:
+    """From slopes (k, n) and misses (k,) of the rows that pull."""
+    n = slopes.shape[1]
+    _, s, directions = np.linalg.svd(np.vstack([slopes, np.zeros((n, n))]))
+    seen = s > NOTHING * s.max(initial=NOTHING)
+    freedom = len(misses) - int(seen.sum())
+    inflation = max(1.0, float(np.sqrt(misses @ misses / freedom))) if freedom > 0 else 1.0
+    parts = directions[seen] / s[seen, None]
+    covariance = inflation**2 * parts.T @ parts
+    deviation = np.sqrt(np.diag(covariance))
+    lost = (np.abs(directions[~seen]) > 1e-6).any(axis=0)
+    deviation[lost] = np.inf
+    correlation = np.full((n, n), np.nan)
+    told = np.flatnonzero(~lost)
+    outer = np.outer(deviation[told], deviation[told])
+    correlation[np.ix_(told, told)] = covariance[np.ix_(told, told)] / outer
+    return Confidence(s, directions, deviation, correlation, inflation)
+
+
+def interval(fit: Fit, name: str) -> tuple[float, float]:
+    """The 95 % interval of a parameter `within`, cut off at its bounds."""
+    p, ends = _interval(fit, name)
+    low, high = (p.value(end) for end in ends)
+    return low, high
+
+
+def _interval(fit: Fit, name: str) -> tuple[Parameter, tuple[float, float]]:
+    """The parameter, and its interval in coordinates."""
+    i = [p.name for p in fit.within].index(name)
+    p, width = fit.within[i], NORMAL * fit.confidence.deviation[i]
+    at, low, high = (p.coordinate(v) for v in (fit.values[name], p.low, p.high))
+    return p, (max(at - width, low), min(at + width, high))
+
+
+def standing(fit: Fit, name: str) -> str:
+    """In words whether the targets tell the parameter."""
+    if name not in [p.name for p in fit.within]:
+        return "at its bound"
+    p, (low, high) = _interval(fit, name)
+    reached = [low <= p.coordinate(p.low) + 1e-9, high >= p.coordinate(p.high) - 1e-9]
+    return ("identified", "one side only", "not identified")[sum(reached)]
+
+
+def fit(
+    source: Path,
+    settings: Settings,
+    free: Free,
+    targets: Sequence[Target],
+    jobs: int = 1,
+    most: int = 30,
+    progress: Callable[[str], None] = lambda text: None,
+) -> Fit:
+    """`fit_all` of one case, the one at `source` with settings; targets for others are left out."""
+    stated = (StatedCase(source.stem, source, settings),)
+    return fit_all(assigned(stated, (free,), targets), jobs, most, progress)
+
+
+def fit_all(
+    cases: Sequence[FitCase],
+    jobs: int = 1,
+    most: int = 30,
+    progress: Callable[[str], None] = lambda text: None,
+) -> Fit:
+    """The parameters, the same in all cases, with which they miss their targets least, in at most
+    so many evaluations of all cases; gradients and the last solves, from scratch, come on top.
+
+    Raises InputError where a target is not in its run, ConvergenceError where a case does not
+    converge at the start or nowhere beside a point of the search."""
+    serves = [tangent_serves(load_case(c.stated.source, c.stated.settings)) for c in cases]
+    own = [(c.name, c.stated.source, on) for c, on in zip(cases, serves, strict=True)]
+    rows = [row for case in cases for row in (*case.rows, *case.held_out)]
+    arms = any("moment_arm" in row.quantity for row in rows)
+    with case_workers(own, jobs, arms) as workers:
+        return _Search(cases, serves, workers, most, progress).run()
+
+
+@dataclass(frozen=True)
+class _Point:
+    """All cases solved at a point of the search; `failures` where one has no result."""
+
+    x: Array
+    rows: tuple[Comparison, ...] = ()
+    held_out: tuple[Comparison, ...] = ()
+    failures: tuple[str, ...] = ()
+    misses: Array = field(init=False)
+    """(m,)"""
+
+    def __post_init__(self) -> None:
+        misses = np.array([miss(row.target, row.model or 0.0) for row in self.rows])
+        object.__setattr__(self, "misses", misses)
+
+    @property
+    def squares(self) -> float:
+        return float(self.misses @ self.misses)
+
+
+class _Search:
+    """The solves of one fit; keeps the last point, which residuals and slopes share."""
+
+    def __init__(
+        self,
+        cases: Sequence[FitCase],
+        serves: Sequence[bool],
+        workers: CaseWorkers,
+        most: int,
+        progress: Callable[[str], None],
+    ) -> None:
+        self.cases, self.serves, self.workers = cases, serves, workers
+        self.most, self.progress = most, progress
+        self.parameters = cases[0].free.parameters
+        bounds = [[p.coordinate(p.low), p.coordinate(p.high)] for p in self.parameters]
+        self.low, self.high = np.array(bounds).T
+        self.sizes = np.array([self.steps_of(i) for i in range(len(cases))])
+        self.evaluations = self.solves = 0
+        self.failures: list[str] = []
+        self.last = _Point(np.full(len(bounds), np.nan))
+        self.best: _Point | None = None
+
+    def run(self) -> Fit:
+        x = np.array([p.coordinate(p.start) for p in self.parameters])
+        counts = len(self.cases), len(self.parameters), sum(len(c.rows) for c in self.cases)
+        self.progress("{} cases, {} parameters, {} rows: the start, from scratch".format(*counts))
+        start = self.at(x)
+        if start.failures:
+            raise ConvergenceError("at the start: " + "; ".join(start.failures))
+        inside = 1e-6 * (self.high - self.low)
+        begin = np.clip(x, self.low + inside, self.high - inside)
+        found = least_squares(
+            self.residuals,
+            begin,
+            self.slopes_that_pull,
+            bounds=(self.low, self.high),
+            ftol=TOLERANCE,
+            xtol=TOLERANCE,
+            max_nfev=max(1, self.most - int((begin != x).any())),
+        )
+        each = zip(self.parameters, found.x, strict=True)
+        x = self.snapped(np.array([p.rounded(z) for p, z in each]))
+        end, notes = self.afresh(x)
+        values = self.values(x)
+        names = tuple(c.name for c, serves in zip(self.cases, self.serves, strict=True) if serves)
+        return Fit(
+            self.parameters,
+            values,
+            self.cases[0].free.settings(values),
+            start.rows,
+            end.rows,
+            start.held_out,
+            end.held_out,
+            end.misses,
+            self.slopes(end),
+            self.evaluations,
+            self.solves,
+            tuple(self.failures),
+            notes,
+            self.ending(found.status, str(found.message)),
+            names,
+        )
+
+    def ending(self, status: int, message: str) -> str:
+        if status == 0:
+            return f"stopped at {self.most} evaluations, the most that were allowed"
+        return message.replace("`", "").rstrip(".")
+
+    def snapped(self, x: Array) -> Array:
+        """At the bounds that the targets do not tell x from, as far as evaluations are left."""
+        for i, reach in enumerate(NEAR_BOUND * (self.high - self.low)):
+            for bound in (self.low[i], self.high[i]):
+                if 0 < abs(x[i] - bound) <= reach and self.evaluations < self.most:
+                    there = np.where(np.arange(len(x)) == i, bound, x)
+                    most = (1 + SAME) * np.sum(self.residuals(x) ** 2)
+                    x = there if np.sum(self.residuals(there) ** 2) <= most else x
+        return x
+
+    def values(self, x: Array) -> dict[str, float]:
+        """By name, in digits as they are written."""
+        return {p.name: p.value(z) for p, z in zip(self.parameters, x, strict=True)}
+
+    def trial(self, case: FitCase, x: Array) -> Settings:
+        return case.stated.settings + case.free.settings(self.values(x))
+
+    def at(self, x: Array) -> _Point:
+        """All cases solved at x."""
+        if not np.array_equal(self.last.x, x):
+            self.evaluations += 1
+            self.solves += len(self.cases)
+            trials = {i: self.trial(case, x) for i, case in enumerate(self.cases)}
+            self.last = self.point(x, self.workers.solve(trials))
+            self.failures += self.last.failures
+            better = self.best is None or self.last.squares < self.best.squares
+            if better and not self.last.failures:
+                self.best = self.last
+            self.progress(self.line(self.last))
+        return self.last
+
+    def point(self, x: Array, outcomes: Mapping[int, Outcome]) -> _Point:
+        """Raises InputError for what a case does not take, and for numbers that no run has."""
+        failures, faults = [], []
+        fitted: list[Comparison] = []
+        held_out: list[Comparison] = []
+        for i, case in enumerate(self.cases):
+            outcome = outcomes[i]
+            if outcome.status == "refused":
+                faults.append(outcome.reason)
+            elif outcome.status == "failed":
+                failures.append(f"{case.name}: {_told(self.values(x))}: {outcome.reason}")
+            else:
+                pair = [compared(t, outcome.summary, case.name) for t in (case.rows, case.held_out)]
+                faults += [
+                    _absent(row, outcome) for rows in pair for row in rows if row.model is None
+                ]
+                fitted += pair[0]
+                held_out += pair[1]
+        raise_faults(faults)
+        if failures:
+            return _Point(x, failures=tuple(failures))
+        return _Point(x, tuple(fitted), tuple(held_out))
+
+    def line(self, point: _Point) -> str:
+        count = f"{self.evaluations} of at most {self.most}"
+        if point.failures:
+            return f"{count}: did not converge: {'; '.join(point.failures)}"
+        order = np.argsort(-np.abs(point.misses), kind="stable")[:SHOWN]
+        largest = ", ".join(f"{self.label(point.rows[i])} {point.misses[i]:+.3g}" for i in order)
+        return (
+            f"{count}: sum of squared misses {point.squares:.4g}; {_told(self.values(point.x))}; "
+            f"largest, SDs: {largest}"
+        )
+
+    def label(self, row: Comparison) -> str:
+        return row.target.name + (f" [{row.target.case}]" if len(self.cases) > 1 else "")
+
+    def afresh(self, x: Array) -> tuple[_Point, tuple[str, ...]]:
+        """All cases solved from scratch, as a run of each does it, and what to know of that.  A
+        hood may have an equilibrium that the search followed and a run does not come to."""
+        trials = {i: self.trial(case, x) for i, case in enumerate(self.cases)}
+        self.solves += len(trials)
+        outcomes = self.workers.solve(trials, afresh=True)
+        failed = [i for i, o in outcomes.items() if o.status == "failed"]
+        notes = [
+            f"{self.cases[i].name} does not converge from scratch with what was found; its rows "
+            f"are those that the search came to: {outcomes[i].reason}"
+            for i in failed
+            if self.serves[i]
+        ]
+        if failed:
+            outcomes |= self.workers.solve({i: trials[i] for i in failed})
+        end = self.point(x, outcomes)
+        if end.failures:
+            raise ConvergenceError("at the end: " + "; ".join(end.failures))
+        return end, (*notes, *self.other_states(end))
+
+    def other_states(self, end: _Point) -> list[str]:
+        """Rows that the search, where it came to the same parameters, has other numbers of."""
+        if self.best is None or np.abs(end.x - self.best.x).max() > STEP / 10:
+            return []
+        return [
+            f"{self.label(row)}: {row.model:.4g} from scratch, {before.model:.4g} in the search: "
+            "the case has more than one equilibrium there"
+            for row, before in zip(end.rows, self.best.rows, strict=True)
+            if abs(_scaled([row])[0] - _scaled([before])[0]) > OTHER_STATE
+        ]
+
+    def residuals(self, x: Array) -> Array:
+        """(m,); infinite where a solve did not converge, which makes the search step shorter."""
+        point = self.at(x)
+        if point.failures:
+            return np.full(sum(len(case.rows) for case in self.cases), np.inf)
+        return point.misses
+
+    def slopes_that_pull(self, x: Array) -> Array:
+        point = self.at(x)
+        told = np.array([pulls(row.target, row.model or 0.0) for row in point.rows])
+        return self.slopes(point) * told[:, None]
+
+    def slopes(self, point: _Point) -> Array:
+        """(m, n) of the numbers by the coordinates, in units of their SDs."""
+        x, sides = point.x, (-1, 1)
+        ends = [
+            [
+                np.clip(x + sign * size * unit, self.low, self.high)
+                for size, unit in zip(sizes, np.eye(len(x)), strict=True)
+                for sign in sides
+            ]
+            for sizes in self.sizes
+        ]
+        each = list(zip(self.cases, ends, strict=True))
+        self.solves += sum(
+            len(there) for there, serves in zip(ends, self.serves, strict=True) if not serves
+        )
+        outcomes = self.workers.solve_beside(
+            [self.trial(case, x) for case in self.cases],
+            [[self.trial(case, end) for end in there] for case, there in each],
+        )
+        blocks, first = [], 0
+        for (case, there), found in zip(each, outcomes, strict=True):
+            rows = point.rows[first : first + len(case.rows)]
+            first += len(rows)
+            blocks.append(self.slopes_of(case, (x, rows), there, found))
+        slopes = np.concatenate(blocks)
+        lost = np.flatnonzero(np.isnan(slopes).all(axis=0))
+        if len(lost):
+            name = self.parameters[lost[0]].name
+            raise ConvergenceError(f"no gradient by {name}: {self.failures[-1]}")
+        return np.nan_to_num(slopes)
+
+    def slopes_of(
+        self,
+        case: FitCase,
+        at: tuple[Array, Sequence[Comparison]],
+        ends: Sequence[Array],
+        outcomes: Sequence[Outcome],
+    ) -> Array:
+        """(m, n) of one case; NaN by a parameter to neither side of which it converged."""
+        there: list[tuple[Array, Sequence[Comparison]]] = []
+        for end, outcome in zip(ends, outcomes, strict=True):
+            if outcome.status == "refused":
+                raise InputError(outcome.reason)
+            if outcome.status == "failed":
+                self.failures.append(f"{case.name}: {_told(self.values(end))}: {outcome.reason}")
+            rows = compared(case.rows, outcome.summary, case.name)
+            there.append((end, rows if outcome.status == "converged" else ()))
+        columns = []
+        for i in range(len(self.parameters)):
+            pair = [found for found in there[2 * i : 2 * i + 2] if found[1]]
+            (x0, before), (x1, after) = (*pair, at, at)[:2]
+            if x0[i] == x1[i]:
+                columns.append(np.full(len(case.rows), np.nan))
+                continue
+            columns.append((_scaled(after) - _scaled(before)) / (x1[i] - x0[i]))
+        return np.stack(columns, axis=1)
+
+    def steps_of(self, i: int) -> list[float]:
+        """Of the differences by each parameter in case i."""
+        if not self.serves[i]:
+            return [STEP] * len(self.parameters)
+        return [STEP if self.lays_mesh(self.cases[i], p) else SMALL_STEP for p in self.parameters]
+
+    def lays_mesh(self, case: FitCase, p: Parameter) -> bool:
+        """Whether the mesh is laid elsewhere with another value of the parameter."""
+        start = {p.name: p.start for p in self.parameters}
+        other = {**start, p.name: p.low if p.start != p.low else p.high}
+        keys = {
+            load_case(
+                case.stated.source, case.stated.settings + case.free.settings(values)
+            ).mesh_key()
+            for values in (start, other)
+        }
+        return len(keys) > 1
+
+
+def _absent(row: Comparison, outcome: Outcome) -> str:
+    """Why a run has no number there: with the nearest name where that is misspelt."""
+    target = row.target
+    try:
+        check_quantities([target], [(target.case, outcome.summary)])
+    except InputError as error:
+        return str(error)
+    return f"{target.name}: the run of {target.case} has no number at {target.quantity}"
+
+
+def _scaled(rows: Sequence[Comparison]) -> Array:
+    return np.array([(row.model or 0.0) / (row.target.sd or 1.0) for row in rows])
+
+
+def _told(values: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} {value:.4g}" for name, value in values.items())

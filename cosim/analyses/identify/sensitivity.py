@@ -1,0 +1,194 @@
+"""How every compared quantity answers to what a case assumes: one at a time, solved anew each.
+
+No derivative is used: contacts come and go and springs slacken, so that the answer to 50 % is not
+fifty times that to 1 %."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from cosim.analyses.identify.variations import Side, Variation
+from cosim.analyses.trials.outcome import Outcome, Settings, measured, solver, unit
+from cosim.port import ConvergenceError, InputError
+
+FORMAT = "cosim sensitivity 1"
+RATIO = "difference.slip_force_N.terminal/difference.slip_force_N.central"
+QUANTITIES = (
+    "difference.fingertip_magnitude_N",
+    "difference.fingertip_force_N.distal",
+    "difference.fingertip_force_N.palmar",
+    "difference.slip_force_N.central",
+    "difference.slip_force_N.terminal",
+    RATIO,
+    "difference.marker_strain_percent.longitudinal.min",
+    "difference.marker_strain_percent.longitudinal.mean",
+    "difference.marker_strain_percent.longitudinal.max",
+    "difference.marker_strain_percent.lateral.min",
+    "difference.marker_strain_percent.lateral.mean",
+    "difference.marker_strain_percent.lateral.max",
+    "difference.region_engineering_strain_percent.central_slip.longitudinal.mean",
+    "difference.region_engineering_strain_percent.terminal_slip.longitudinal.mean",
+)
+"""Looked at where nothing else is asked for, if the run has them, and the pulled tendon's arms."""
+COLUMNS = ("variation", "side", "set_to", "settings", "status", "reason")
+"""Of the table, before a column for each quantity."""
+End = Literal["low", "high"]
+Progress = Callable[[int, int, str], None]
+"""Runs done, runs in all, what is next."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """One side of a variation, and what came of it; `values` by quantity."""
+
+    variation: str
+    side: End
+    set_to: str
+    settings: Settings
+    status: Literal["converged", "failed", "refused", "does not apply"]
+    reason: str
+    values: Mapping[str, float | None]
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """Of a case with its own settings: what its quantities are, and what they become."""
+
+    case: str
+    settings: Settings
+    base: Mapping[str, float]
+    """By quantity."""
+    runs: tuple[Run, ...]
+    """Low and high of each variation, in their order."""
+
+
+@dataclass(frozen=True)
+class Bar:
+    """A quantity's answer to one variation."""
+
+    variation: str
+    low: Run
+    high: Run
+    quantity: str
+    base: float
+
+    @property
+    def changes(self) -> tuple[float | None, float | None]:
+        """Value less base, at the low and the high side; None where there is no value."""
+        found = [run.values.get(self.quantity) for run in (self.low, self.high)]
+        low, high = (None if value is None else value - self.base for value in found)
+        return low, high
+
+    @property
+    def swing(self) -> float:
+        """The largest change, 0 where no side has a value."""
+        return max(abs(change or 0.0) for change in self.changes)
+
+
+def study(
+    source: Path,
+    settings: Settings,
+    varied: Sequence[Variation],
+    quantities: Sequence[str] = (),
+    also: Sequence[str] = (),
+    jobs: int = 1,
+    progress: Progress = lambda done, total, name: None,
+) -> Sensitivity:
+    """The case at `source` with `settings`, and with each side of every variation on top;
+    `quantities`: paths in the summary, or A/B; none: those that one looks at; and `also` others.
+
+    Raises ConvergenceError or InputError where the case itself has no answer, InputError for a
+    quantity that it does not have."""
+    sides = [side for v in varied for side in _sides(v)]
+    asked = [(v, name, side) for v, name, side in sides if side.settings]
+    total = 1 + len(asked)
+    progress(0, total, "the case as it is")
+    with solver(source, jobs) as solve:
+        found = solve([settings, *(settings + side.settings for _, _, side in asked)])
+        first = next(found)
+        base = _base(first, quantities, also)
+        outcomes = {}
+        for done, (v, name, _) in enumerate(asked, 1):
+            progress(done, total, f"{v.name}, {name}")
+            outcomes[v.name, name] = next(found)
+    progress(total, total, "")
+    runs = tuple(_run(v, name, side, outcomes.get((v.name, name)), base) for v, name, side in sides)
+    return Sensitivity(source.stem, settings, base, runs)
+
+
+def _sides(v: Variation) -> tuple[tuple[Variation, End, Side], ...]:
+    return (v, "low", v.low), (v, "high", v.high)
+
+
+def _base(first: Outcome, quantities: Sequence[str], also: Sequence[str]) -> dict[str, float]:
+    if first.status == "refused":
+        raise InputError(first.reason)
+    if first.status == "failed":
+        raise ConvergenceError(f"the case as it is: {first.reason}")
+    usual = () if quantities else (*QUANTITIES, *_arms(first.summary))
+    values = {q: measured(first.summary, q) for q in (*quantities, *usual, *also)}
+    absent = [q for q in (*quantities, *also) if values[q] is None]
+    if absent:
+        raise InputError(
+            f"the run has no number at {', '.join(absent)}; write a path of keys of its "
+            "summary.json, for example slip_force_N.central, or a ratio of two, A/B"
+        )
+    there = {q: value for q, value in values.items() if value is not None}
+    if not there:
+        raise InputError("this run has none of the usual quantities; name some with --quantity")
+    return there
+
+
+def _arms(summary: Mapping[str, Any]) -> Iterator[str]:
+    for tendon, arms in summary.get("difference", {}).get("moment_arm_mm", {}).items():
+        yield from (f"difference.moment_arm_mm.{tendon}.{joint}" for joint in arms)
+
+
+def _run(v: Variation, name: End, side: Side, found: Outcome | None, base: Mapping) -> Run:
+    if found is None:
+        return Run(v.name, name, side.label, (), "does not apply", side.why_not, {})
+    values = {q: measured(found.summary, q) for q in base}
+    missed = ", ".join(found.summary.get("audit_missed", ()))
+    reason = f"audit missed: {missed}" if missed else found.reason
+    return Run(v.name, name, side.label, side.settings, found.status, reason, values)
+
+
+def bars(found: Sensitivity, quantity: str) -> list[Bar]:
+    """Of one quantity, the strongest first."""
+    pairs = zip(found.runs[::2], found.runs[1::2], strict=True)
+    base = found.base[quantity]
+    every = [Bar(low.variation, low, high, quantity, base) for low, high in pairs]
+    return sorted(every, key=lambda bar: -bar.swing)
+
+
+def to_csv(found: Sensitivity) -> str:
+    """A line for each run, the case as it is first; numbers in full; what is not there is empty."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([*COLUMNS, *found.base])
+    own = " ".join(found.settings)
+    writer.writerow(["", "", "as it is", own, "converged", "", *found.base.values()])
+    for run in found.runs:
+        values = [run.values.get(q) for q in found.base]
+        head = [run.variation, run.side, run.set_to, " ".join(run.settings), run.status, run.reason]
+        writer.writerow([*head, *values])
+    return text.getvalue()
+
+
+def to_json(found: Sensitivity) -> str:
+    """All of it."""
+    content = {
+        "format": FORMAT,
+        "case": found.case,
+        "settings": found.settings,
+        "units": {q: unit(q) for q in found.base},
+        "base": found.base,
+        "runs": [vars(run) for run in found.runs],
+    }
+    return json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False) + "\n"

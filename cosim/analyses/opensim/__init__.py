@@ -1,0 +1,1 @@
+"""OpenSim's tables from FEBio's reactions, and tensions from OpenSim's tables."""

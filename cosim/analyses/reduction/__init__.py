@@ -1,0 +1,1 @@
+"""A network hood fitted to what a shell or a net of cables does."""

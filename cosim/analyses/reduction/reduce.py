@@ -1,0 +1,208 @@
+"""A network hood fitted to what a shell or a net of cables does, and how far it is off."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from cosim.analyses.reduction.sample_cache import kept
+from cosim.analyses.reduction.samples import FREE, Lost, Walked, sampled
+from cosim.analyses.reduction.tip import tip_maps
+from cosim.analyses.reduction.walks import (
+    GRID,
+    SPREAD,
+    Within,
+    grid_walks,
+    held_walks,
+    spread_walks,
+)
+from cosim.build.fit import HOODS
+from cosim.build.models import build
+from cosim.case.file import load_case
+from cosim.case.schema import Case, ShellHood
+from cosim.fingers.kinds import live_finger, our_finger
+from cosim.hoods.cable.table import CableHood
+from cosim.hoods.lumped.build import Sample, fitted, stacked
+from cosim.port import Array, InputError
+from cosim.study.address import address, code_version
+
+if TYPE_CHECKING:
+    from cosim.hoods.lumped.build import Potential
+
+BATCH = 20_000
+Tell = Callable[[str], None]
+
+
+class Rate(NamedTuple):
+    """s for one state."""
+
+    one: float
+    """Load, excursions and derivatives behind the port."""
+    batched: float
+    """Torques and slips of many at once."""
+
+
+@dataclass(frozen=True)
+class Reduction:
+    """What was fitted, to what, and what was held out."""
+
+    case: Case
+    within: Within
+    loads: Mapping[str, float]
+    """N, the greatest of each tendon."""
+    potential: Potential
+    samples: tuple[Sample, ...]
+    held: tuple[Sample, ...]
+    lost: tuple[str, ...]
+    """States without an equilibrium, with the reason."""
+    seconds: float
+    """s, of the hood for one state: of all walks, with the steps between postures and what was
+    lost, in processes beside each other."""
+    rate: Rate
+
+
+def read_grid(texts: Sequence[str]) -> dict[str, tuple[float, ...]]:
+    """deg by joint, of JOINT=DEG,DEG; the default without any.  Raises InputError."""
+    if not texts:
+        return dict(GRID)
+    return dict(_axis(text) for text in texts)
+
+
+def _axis(text: str) -> tuple[str, tuple[float, ...]]:
+    joint, _, values = text.partition("=")
+    try:
+        angles = tuple(sorted({float(value) for value in values.split(",")}))
+    except ValueError:
+        angles = ()
+    if not angles or not np.isfinite(angles).all():
+        raise InputError(f"--grid {text!r}: write JOINT=DEG,DEG, for example PIP=10,35,60")
+    return joint.strip(), angles
+
+
+def greatest_loads(case: Case, tendons: Sequence[str]) -> dict[str, float]:
+    """N of each tendon of the hood: the case's; of one that rests there as large a part of its
+    greatest force as the case's most active tendon has of its own, or the case's greatest load.
+
+    Raises InputError for a case that loads none."""
+    rest, own = case.solve.resting_tension, {name: case.tension(name) for name in tendons}
+    most = max(own.values())
+    if most <= rest:
+        raise InputError(
+            f"{case.name}: loads no tendon of the hood; give one of {', '.join(tendons)} a tension "
+            "or an activation"
+        )
+    strength = {n: t.max_force for n, t in case.tendons.items() if t.max_force is not None}
+    part = max((own[n] / strength[n] for n in own if n in strength), default=0.0)
+    return {
+        name: force if force > rest else part * strength[name] if name in strength else most
+        for name, force in own.items()
+    }
+
+
+def reduce_case(
+    source: Path,
+    settings: Sequence[str],
+    grid: Mapping[str, tuple[float, ...]],
+    jobs: int,
+    tell: Tell = lambda text: None,
+    spread: int = SPREAD,
+    samples: Path | None = None,
+) -> Reduction:
+    """Sample the case's hood on the grid and off it (`spread` as of `Within`), and fit; what the
+    file `samples` has is read from there, and the rest kept there as it comes.
+
+    Raises InputError for a hood in closed form, an unknown joint, too few samples, or a file that
+    holds others."""
+    case = load_case(source, settings)
+    if not isinstance(case.hood, ShellHood | CableHood):
+        raise InputError(
+            f'{case.name}: hood.kind = "{case.hood.kind}" is not solved by finite elements, so '
+            "that nothing is gained by reducing it; take a case with a shell or cables"
+        )
+    if "network" not in HOODS[case.finger.kind]:
+        raise InputError(
+            f'{case.name}: finger.kind = "{case.finger.kind}" takes no network hood, which is what '
+            "a reduced hood is"
+        )
+    models = build(case)
+    joints, tendons = models.finger.joints, models.hood.tendons
+    if unknown := [joint for joint in grid if joint not in joints]:
+        raise InputError(
+            f"--grid: unknown joint {unknown[0]}; expected some of {', '.join(joints)}"
+        )
+    for joint, angles in grid.items():
+        low, high = np.degrees(models.finger.ranges[joint])
+        if beyond := [angle for angle in angles if not low <= angle <= high]:
+            raise InputError(
+                f"--grid: {joint} = {beyond[0]:g} deg: the joint goes from {low:g} to {high:g} deg"
+            )
+    home = np.array([models.posture.get(joint, 0.0) for joint in joints])
+    loads = greatest_loads(case, tendons)
+    most, rest = np.array(list(loads.values())), case.solve.resting_tension
+    axes = {j: grid[j] for j in joints if j in grid}
+    within = Within(joints, home, axes, most, rest, spread)
+    on_grid = [*grid_walks(within), *spread_walks(within)]
+    off_grid = held_walks(within)
+    found: list[Walked] = []
+    walks = [*on_grid, *off_grid]
+    sampling = partial(sampled, source, settings, jobs=jobs)
+    if samples is None:
+        walking = sampling(walks)
+    else:
+        held_case = load_case(source, (*settings, FREE))
+        walking = kept(samples, address(held_case, code_version()), walks, sampling)
+    for walked in walking:
+        found.append(walked)
+        states = [s for w in found for s in w.states]
+        lost = sum(isinstance(s, Lost) for s in states)
+        tell(f"walk {len(found)}/{len(walks)}: {len(states)} states, {lost} lost")
+    fit = tuple(s for w in found[: len(on_grid)] for s in w.states if isinstance(s, Sample))
+    held = tuple(s for w in found[len(on_grid) :] for s in w.states if isinstance(s, Sample))
+    lost_states = tuple(
+        f"{state_in_words(s.angle, s.tension, tendons)}: {s.reason}"
+        for s in states
+        if isinstance(s, Lost)
+    )
+    if not fit or not held:
+        raise InputError(
+            f"{case.name}: the hood found no equilibrium in any posture of the grid, or of those "
+            f"held out ({lost_states[0] if lost_states else 'none'}); choose another --grid"
+        )
+    tell(f"fitting to {len(fit)} states")
+    data = stacked(fit)
+    potential = fitted(data, joints, tendons, tip_maps(case, data.angle))
+    rate = _rate(potential, fit, case)
+    seconds = sum(w.seconds for w in found) / len(states)
+    return Reduction(case, within, loads, potential, fit, held, lost_states, seconds, rate)
+
+
+def state_in_words(angle: Array, tension: Array, tendons: Sequence[str]) -> str:
+    """Joint angles (n,) in the finger's order and tensions (m,)."""
+    posture = "/".join(f"{a:.3g}" for a in np.round(np.degrees(angle), 6) + 0.0)
+    load = ", ".join(f"{n} {t:.3g}" for n, t in zip(tendons, tension, strict=True))
+    return f"{posture} deg, {load} N"
+
+
+def _rate(potential: Potential, samples: Sequence[Sample], case: Case) -> Rate:
+    """Measured: states one by one behind the port, and a batch."""
+    from cosim.hoods.lumped.build import reduced_hood
+
+    finger = live_finger(our_finger(case), case.hood)
+    hood = reduced_hood(potential, our_finger(case), finger.bodies)
+    named = [dict(zip(finger.joints, map(float, s.angle), strict=True)) for s in samples]
+    motions = [finger.motion(finger.start(posture)) for posture in named]
+    state, started = hood.start(motions[0]), time.perf_counter()
+    for motion, s in zip(motions, samples, strict=True):
+        hood.jacobian(hood.advance(state, motion, s.tension, np.inf).state)
+    one = (time.perf_counter() - started) / len(samples)
+    data, pick = stacked(samples), np.arange(BATCH) % len(samples)
+    angle, tension = data.angle[pick], data.tension[pick]
+    started = time.perf_counter()
+    potential.slips(angle, potential.torques(angle, tension))
+    return Rate(one, (time.perf_counter() - started) / BATCH)

@@ -1,0 +1,1 @@
+"""A case solved many times with other settings."""

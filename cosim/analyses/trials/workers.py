@@ -1,0 +1,194 @@
+"""Cases solved again and again at parameters near by: what a fit over several cases asks for.
+
+A case with held bones stays with one process, which begins from the equilibria that it solved last
+(`cosim.analyses.trials.by_tangent`), so that what it finds does not depend on how many processes
+there are.  Any other case is solved from scratch, in whichever process.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+from cosim.analyses.trials import outcome as trials
+from cosim.analyses.trials.by_tangent import foretold, solved_from
+from cosim.analyses.trials.outcome import Outcome, Settings, not_ended, one_line
+from cosim.build.fit import check_fit
+from cosim.case.file import load_case
+from cosim.case.schema import Case
+from cosim.pipeline import Models, States, solve
+from cosim.port import ConvergenceError, CosimError, InputError
+from cosim.processes import one_blas_thread
+from cosim.results.static import result
+
+
+@dataclass(frozen=True)
+class Solved:
+    """A case with held bones in equilibrium."""
+
+    case: Case
+    settings: Settings
+    models: Models
+    states: States
+
+
+Kept = dict[str, Solved]
+"""By a case's name, what it was solved to last."""
+
+
+class CaseWorkers:
+    """Processes that solve; case i is of process i modulo their number."""
+
+    def __init__(
+        self, cases: Sequence[tuple[str, Path, bool]], pools: Sequence[Executor], arms: bool
+    ) -> None:
+        """Cases: name, file, and whether the tangent serves it; `arms` as in `nearby.foretold`."""
+        self._cases, self._pools, self._arms = cases, pools, arms
+
+    def solve(self, settings: Mapping[int, Settings], afresh: bool = False) -> dict[int, Outcome]:
+        """An outcome for each case by its place, with its settings; `afresh` from scratch."""
+        asked = {}
+        for i, own in settings.items():
+            name, source, serves = self._cases[i]
+            asked[i] = self._submit(
+                i, solve_one, name if serves else "", source, own, self._arms, afresh
+            )
+        return {i: future.result() for i, future in asked.items()}
+
+    def solve_beside(
+        self, around: Sequence[Settings], beside: Sequence[Sequence[Settings]]
+    ) -> list[list[Outcome]]:
+        """Outcomes, by case, of settings that differ little from those `around`: by the tangent
+        where that serves."""
+        whole: dict[int, Future] = {}
+        each: dict[int, list[Future]] = {}
+        count = 0
+        for i, (name, source, serves) in enumerate(self._cases):
+            if serves:
+                own = tuple(beside[i])
+                whole[i] = self._submit(i, solve_many, name, source, around[i], own, self._arms)
+                continue
+            each[i] = []
+            for settings in beside[i]:
+                each[i].append(self._submit(count, solve_one, "", source, settings, True, True))
+                count += 1
+        return [
+            whole[i].result() if i in whole else [future.result() for future in each[i]]
+            for i in range(len(self._cases))
+        ]
+
+    def _submit(self, i: int, task: Callable[..., Any], *args: Any) -> Future:
+        return self._pools[i % len(self._pools)].submit(_in_process, task, *args)
+
+
+@contextmanager
+def case_workers(
+    cases: Sequence[tuple[str, Path, bool]], jobs: int, arms: bool
+) -> Iterator[CaseWorkers]:
+    """Workers for cases (name, file, whether the tangent serves it); with one job in this process.
+    `arms`: whether anybody looks at moment arms by force.
+
+    Raises InputError where a process was ended from outside."""
+    if jobs == 1:
+        yield CaseWorkers(cases, [_Here()], arms)
+        return
+    with ExitStack() as stack, not_ended():
+        spawn = get_context("spawn")
+        pools = [stack.enter_context(ProcessPoolExecutor(1, spawn)) for _ in range(jobs)]
+        try:
+            yield CaseWorkers(cases, pools, arms)
+        finally:
+            for pool in pools:
+                pool.shutdown(wait=False, cancel_futures=True)
+
+
+_kept: Kept = {}
+"""Of a worker process, which is that of one fit."""
+
+
+def _in_process(task: Callable[..., Any], *args: Any) -> Any:
+    return task(_kept, *args)
+
+
+class _Here(Executor):
+    """This process."""
+
+    def __init__(self) -> None:
+        self._kept: Kept = {}
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future:
+        future: Future = Future()
+        task, *rest = args
+        future.set_result(task(self._kept, *rest, **kwargs))
+        return future
+
+
+@one_blas_thread()
+def solve_one(
+    kept: Kept, name: str, source: Path, settings: Settings, arms: bool, afresh: bool
+) -> Outcome:
+    """The case solved, with a `name` from what is kept, if anything is, and not `afresh`."""
+    if not name:
+        return trials.outcome(source, settings)
+    try:
+        case = load_case(source, settings)
+    except InputError as error:
+        return Outcome("refused", {}, one_line(error))
+    try:
+        models, states = _solved(case, None if afresh else kept.get(name), arms)
+        kept[name] = Solved(case, settings, models, states)
+        return Outcome("converged", result(case, models, states, 0.0).summary)
+    except CosimError as error:
+        return Outcome("failed", {}, one_line(error))
+
+
+def _solved(case: Case, before: Solved | None, arms: bool) -> tuple[Models, States]:
+    check_fit(case)
+    if before is not None:
+        with suppress(ConvergenceError):
+            found = solved_from(case, before.models, before.states, arms)
+            if found is not None:
+                return found
+    return solve(case)
+
+
+@one_blas_thread()
+def solve_many(
+    kept: Kept,
+    name: str,
+    source: Path,
+    around: Settings,
+    beside: Sequence[Settings],
+    arms: bool,
+) -> list[Outcome]:
+    """The case with each of the settings `beside`, which differ little from those `around`."""
+    if name not in kept or kept[name].settings != around:
+        found = solve_one(kept, name, source, around, arms, afresh=False)
+        if found.status != "converged":
+            return [found] * len(beside)
+    return [_beside(kept[name], source, settings, arms) for settings in beside]
+
+
+def _beside(solved: Solved, source: Path, settings: Settings, arms: bool) -> Outcome:
+    """By the tangent; where the mesh is laid elsewhere by Newton's method from the solved case,
+    because the nodes' coordinates are rounded; from scratch where neither serves."""
+    try:
+        case = load_case(source, settings)
+    except InputError as error:
+        return Outcome("refused", {}, one_line(error))
+    try:
+        if case.mesh_key() == solved.case.mesh_key():
+            summary = foretold(case, solved.models, solved.states, arms)
+        else:
+            found = solved_from(case, solved.models, solved.states, arms)
+            summary = None if found is None else result(case, *found, 0.0).summary
+    except CosimError as error:
+        return Outcome("failed", {}, one_line(error))
+    return (
+        Outcome("converged", summary) if summary is not None else trials.outcome(source, settings)
+    )

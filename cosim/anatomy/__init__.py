@@ -1,0 +1,1 @@
+"""A user's own anatomy, read, checked and made a case."""
