@@ -16,26 +16,26 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from cosim import __version__
-from cosim.estimate_commands import estimate
-from cosim.finger_commands import bench_fingers, bench_robotic_finger, mjcf, moment_arms
-from cosim.fmu_commands import fmu
-from cosim.hood_commands import show_hood
-from cosim.job_commands import bench_fe, bench_febio, export, solve
-from cosim.ladder_commands import ladder
-from cosim.lesion_commands import lesion
-from cosim.new_commands import new
-from cosim.opensim_commands import import_model, opensim, sto
-from cosim.paper_commands import reproduce
+from cosim.commands.estimate import estimate
+from cosim.commands.febio import bench_fe, bench_febio, export, solve
+from cosim.commands.finger import bench_fingers, bench_robotic_finger, mjcf, moment_arms
+from cosim.commands.fmu import fmu
+from cosim.commands.hood import show_hood
+from cosim.commands.identify import identify, sensitivity
+from cosim.commands.ladder import ladder
+from cosim.commands.lesion import lesion
+from cosim.commands.new import new
+from cosim.commands.opensim import import_model, opensim, sto
+from cosim.commands.reduce import reduce
+from cosim.commands.report import report
+from cosim.commands.reproduce import reproduce
+from cosim.commands.study import bench_studies, status, study
+from cosim.commands.terminal import console, tell, told, warn, warn_of_audits
+from cosim.commands.validate import validate
+from cosim.commands.verify import info, verify
 from cosim.port import ConvergenceError, CosimError, InputError, StoppedError
 from cosim.processes import prepare_process
-from cosim.reduce_commands import reduce
-from cosim.report_commands import report
 from cosim.results.audit import describe_misses
-from cosim.shell_commands import info, verify
-from cosim.study.commands import bench_studies, status, study
-from cosim.terminal import console, tell, told, warn, warn_of_audits
-from cosim.trial_commands import identify, sensitivity
-from cosim.validate_commands import validate
 
 if TYPE_CHECKING:
     from cosim.case.schema import Case
@@ -429,7 +429,7 @@ def bench(
             bench_febio(models, spacing)
         return
     (checked,) = _load([case], settings)
-    from cosim.bench import bench_case
+    from cosim.commands.bench_case import bench_case
 
     with told():
         for name, value in bench_case(checked).items():

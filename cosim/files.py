@@ -1,8 +1,9 @@
-"""Files that are written whole or not at all."""
+"""Files and folders that are written whole or not at all."""
 
 from __future__ import annotations
 
 import os
+import shutil
 import sys
 import time
 from collections.abc import Iterator
@@ -49,3 +50,48 @@ def written_whole(path: Path) -> Iterator[Path]:
     finally:
         with suppress(OSError):
             part.unlink(missing_ok=True)
+
+
+@contextmanager
+def folder_written_whole(target: Path, mark: str) -> Iterator[Path]:
+    """An empty folder beside `target` to write to, moved there once the block has ended well.
+
+    It replaces one that an earlier call left, known by its file `mark`, or an empty one.  Raises
+    InputError where it cannot be written, or where something else stands in its place."""
+    part = target.with_name(f".{target.name}.{os.getpid()}.part")
+    try:
+        check_folder(target, mark)
+        part.mkdir(parents=True)
+        yield part
+        replace_folder(target, part)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise InputError(f"{target}: cannot be written ({reason}); choose another --out") from error
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+
+
+def replace_folder(target: Path, part: Path) -> None:
+    """Put the folder `part` in the place of `target`, which stays where that fails.
+
+    Raises OSError."""
+    old = part.with_suffix(".old")
+    if target.exists():
+        move_into_place(target, old)
+    try:
+        move_into_place(part, target)
+    except OSError:
+        if old.exists():
+            move_into_place(old, target)
+        raise
+    shutil.rmtree(old, ignore_errors=True)
+
+
+def check_folder(target: Path, mark: str) -> None:
+    """Raises InputError where something stands that may not be replaced."""
+    if not target.exists():
+        return
+    if not target.is_dir() or (any(target.iterdir()) and not (target / mark).is_file()):
+        raise InputError(
+            f"{target}: is in the way and was not written by this command; choose another --out"
+        )

@@ -15,7 +15,7 @@ from cosim.fingers.common import IndexFinger
 from cosim.hoods.lumped.build import slip_forces
 from cosim.hoods.lumped.table import NetworkHood
 from cosim.port import STATIC
-from cosim.verification_reduction import SOFT
+from cosim.verification.reduction import SOFT
 from rigid.reduced_network import Potential
 from rigid.reduction import Order, Sample, reduced, stacked
 

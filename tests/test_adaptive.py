@@ -9,7 +9,7 @@ from told_hood import told
 from cosim.coupling.adaptive import Control, adaptive
 from cosim.coupling.schemes import Explicit, Linear, Newton, Scheme, begin, step
 from cosim.port import ConvergenceError, InputError
-from cosim.verification_pairs import REST, pulls_on_cables, soft_pair, soft_truth, stiff_pair
+from cosim.verification.pairs import REST, pulls_on_cables, soft_pair, soft_truth, stiff_pair
 
 
 def steps_of(control: Control, until: float, scheme: Scheme | None = None) -> list:

@@ -8,12 +8,12 @@ import typer
 from typer.testing import CliRunner, Result
 
 from cosim.case.file import load_case
-from cosim.fmu import verification
+from cosim.commands.fmu import fmu
 from cosim.fmu.unit import Unit
-from cosim.fmu_commands import fmu
 from cosim.fmu_export import write as export
 from cosim.fmu_export.write import write_fmu
 from cosim.pipeline import solve
+from cosim.verification import fmu as verification
 from tests.fmus import NEEDS_FMU, placed
 
 pytestmark = NEEDS_FMU

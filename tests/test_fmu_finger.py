@@ -15,12 +15,12 @@ from cosim.case.file import json_schema, load_case
 from cosim.cli import app
 from cosim.fmu.finger import FmuFinger
 from cosim.fmu.kinematics import MOST_KEPT
-from cosim.fmu.verification import in_units
 from cosim.fmu_export.write import write_fmu
 from cosim.pipeline import run_case
 from cosim.port import ConvergenceError, InputError
 from cosim.results.data import Result
 from cosim.solve.fmu import finger_of
+from cosim.verification.fmu import in_units
 from tests.fmus import NEEDS_FMU, described
 
 pytestmark = NEEDS_FMU

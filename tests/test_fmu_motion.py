@@ -12,12 +12,12 @@ from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.fmu.moving_finger import FmuMovingFinger
 from cosim.fmu.unit import Unit
-from cosim.fmu.verification import MOTION, MOTION_OF_UNITS, in_units
 from cosim.fmu_export.static_parts import part_of
 from cosim.fmu_export.write import write_fmu
 from cosim.pipeline import run_case
 from cosim.port import AffineLoad, ConvergenceError, InputError, Motion
 from cosim.results.data import Result
+from cosim.verification.fmu import MOTION, MOTION_OF_UNITS, in_units
 from tests.fmus import NEEDS_FMU, described, placed
 
 pytestmark = NEEDS_FMU

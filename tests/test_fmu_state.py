@@ -13,7 +13,6 @@ from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.fmu.mapping import Place
 from cosim.fmu.unit import Unit
-from cosim.fmu.verification import MOTION, MOTION_OF_UNITS, in_units
 from cosim.fmu_export.run import Run
 from cosim.fmu_export.state import Snapshot
 from cosim.fmu_export.static_parts import PARTS
@@ -21,6 +20,7 @@ from cosim.fmu_export.write import write_fmu
 from cosim.pipeline import run_case
 from cosim.port import ConvergenceError, InputError, StoppedError
 from cosim.results.data import Result
+from cosim.verification.fmu import MOTION, MOTION_OF_UNITS, in_units
 from tests.fmus import NEEDS_FMU, described, placed
 from tests.test_fmu_motion import case_of
 

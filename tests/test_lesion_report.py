@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from cosim import lesion_commands
 from cosim.analyses.lesion import TIPS
 from cosim.cli import app
+from cosim.commands import lesion as lesion_commands
 from cosim.report.lesion_drawings import outline, same_layout
 from cosim.report.lesion_page import Pair, tables_of_lesion
 from cosim.report.tables import as_csv, as_markdown

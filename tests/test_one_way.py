@@ -10,14 +10,15 @@ import numpy as np
 import pytest
 from fingers import POSTURE, mujoco_finger
 
-from cosim import verification_rest, verification_thesis
 from cosim.case.file import load_case
 from cosim.coupling.one_way import JOINT_CONTACT, LUMPING, HandedOver, joint_forces
 from cosim.pipeline import run_case
 from cosim.port import STATIC, Load, Response
 from cosim.results.data import Result
 from cosim.tendons.muscles import live_muscles
-from cosim.verification_thesis import greatest_tip_force
+from cosim.verification import schemes_at_rest as verification_rest
+from cosim.verification import thesis as verification_thesis
+from cosim.verification.thesis import greatest_tip_force
 from meshes.skeleton import BODIES
 from rigid.support import HELD
 

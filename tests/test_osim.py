@@ -25,7 +25,7 @@ from osim_files import (
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
-from cosim.opensim_commands import import_model
+from cosim.commands.opensim import import_model
 from rigid.opensim.osim import write_import
 from rigid.verification.osim_rows import at_postures, rows, shipped
 

@@ -11,7 +11,7 @@ import typer
 from osim_files import TWO_POINTS, imported, model, muscle, point, reasons
 from typer.testing import CliRunner
 
-from cosim.opensim_commands import import_model
+from cosim.commands.opensim import import_model
 
 MUSCLES = (
     *("DeGrooteFregly2016Muscle", "Delp1990Muscle_Deprecated", "MeyerFregly2016Muscle"),

@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cosim.cli import app
-from cosim.folders import folder_written_whole
+from cosim.files import folder_written_whole
 from cosim.papers.figure import Figure, Study
 from cosim.papers.page import Paper, chosen, write_figures
 from cosim.port import ConvergenceError, InputError

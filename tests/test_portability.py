@@ -18,12 +18,12 @@ from cosim import files
 from cosim.analyses.identify import case_text as identified
 from cosim.analyses.identify.parameters import read_free
 from cosim.case.file import load_case
-from cosim.folders import replace_folder
+from cosim.files import replace_folder
 from cosim.port import CosimError, InputError
-from cosim.study import apart
+from cosim.study import process as apart
 from cosim.study.plan import read_plan
-from cosim.validate import folder_name
-from cosim.validation_plan import groups
+from cosim.validation.plan import groups
+from cosim.validation.run import folder_name
 from fe_solver.febio import compare
 from fe_solver.verification import apart as process
 

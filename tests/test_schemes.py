@@ -24,7 +24,7 @@ from cosim.coupling.schemes import (
 )
 from cosim.coupling.state import Coupled, apart, followed, standing, unexplained
 from cosim.port import STATIC, Array, ConvergenceError
-from cosim.verification_coupling import (
+from cosim.verification.coupling import (
     SCHEMES,
     STUDIES,
     TIGHT,
@@ -33,7 +33,7 @@ from cosim.verification_coupling import (
     limit_row,
     order_row,
 )
-from cosim.verification_pairs import (
+from cosim.verification.pairs import (
     DAMPING,
     FULL,
     INERTIA,

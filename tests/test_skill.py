@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cosim.results.compare import Comparison, Target, verdict
-from cosim.skill import FACTORS, against_factors, counted, headline, scaled, skill
+from cosim.validation.skill import FACTORS, against_factors, counted, headline, scaled, skill
 
 RNG = np.random.default_rng(3)
 MEASURED = RNG.normal(0, 2, 24)

@@ -9,8 +9,16 @@ import pytest
 
 from cosim.port import InputError
 from cosim.study.answers import MOST_LOST, Indices, band, indices, slopes, surface
-from cosim.study.laws import Axis, Lognormal, Normal, TruncatedNormal, Uniform, axis, middle
-from cosim.study.samples import KINDS, block, points, unit_points
+from cosim.study.distributions import (
+    Axis,
+    Lognormal,
+    Normal,
+    TruncatedNormal,
+    Uniform,
+    axis,
+    middle,
+)
+from cosim.study.sampling import KINDS, block, points, unit_points
 
 EVEN = (np.arange(20000) + 0.5) / 20000
 ISHIGAMI = (7.0, 0.1)

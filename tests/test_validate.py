@@ -18,8 +18,11 @@ from cosim.cli import app
 from cosim.port import ConvergenceError, InputError
 from cosim.results.audit import BOUNDS, Bound
 from cosim.results.compare import Comparison, Target, verdict
-from cosim.skill import FACTORS, counted
-from cosim.validate import (
+from cosim.validation.force import AN, MYOHAND, PAST_THE_HOOD, THROUGH_THE_HOOD, two_models
+from cosim.validation.lengths import OWN_ZERO, measured
+from cosim.validation.plan import STRAIGHT, groups, losses, posed, rows_of, split_answers
+from cosim.validation.reasons import MISSES, NOT_KNOWN, explained, reasons
+from cosim.validation.run import (
     SPLIT,
     Board,
     Outcome,
@@ -30,12 +33,9 @@ from cosim.validate import (
     scoreboard,
     validated,
 )
-from cosim.validation_force import AN, MYOHAND, PAST_THE_HOOD, THROUGH_THE_HOOD, two_models
-from cosim.validation_lengths import OWN_ZERO, measured
-from cosim.validation_plan import STRAIGHT, groups, losses, posed, rows_of, split_answers
-from cosim.validation_reasons import MISSES, NOT_KNOWN, explained, reasons
-from cosim.validation_trial import Group
-from cosim.verification_lengths import MADE, Value, experiments
+from cosim.validation.skill import FACTORS, counted
+from cosim.validation.trial import Group
+from cosim.verification.lengths import MADE, Value, experiments
 
 GROUPS = groups(Path("mi29.feb"))
 

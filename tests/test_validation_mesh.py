@@ -12,8 +12,8 @@ from typer.testing import CliRunner
 from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.results.compare import Comparison, Target
-from cosim.validate import Board, chosen
-from cosim.validation_mesh import VERDICTS, Change, changes, on_finer_meshes, tally
+from cosim.validation.mesh import VERDICTS, Change, changes, on_finer_meshes, tally
+from cosim.validation.run import Board, chosen
 
 CASES = Path(__file__).resolve().parent.parent / "cases"
 

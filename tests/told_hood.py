@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cosim.port import Array, ConvergenceError, HoodJacobian, Motion, Response
-from cosim.verification_pairs import Drum, stiff_pair
+from cosim.verification.pairs import Drum, stiff_pair
 from rigid.moving_hinge import MovingHinge
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from cosim.anatomy.read import Anatomy, Built, Defaults, built
-from cosim.folders import folder_written_whole
+from cosim.files import folder_written_whole
 from cosim.port import InputError
 
 BASE, BARE = "base/index_finger.toml", "base/split.toml"
@@ -24,7 +24,7 @@ def new_case(name: str, given: Anatomy, out: Path) -> tuple[Path, tuple[str, ...
     Raises InputError for anything that the case could not be run with."""
     if not re.fullmatch(r"[A-Za-z0-9][\w-]{0,80}", name):
         raise InputError(f"{name!r}: a case's name is made of letters, digits, _ and -")
-    from cosim.folders import check_folder
+    from cosim.files import check_folder
 
     check_folder(out, REPORT)
     made = built(given, _defaults())

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from cosim import __version__
-from cosim.folders import folder_written_whole
+from cosim.files import folder_written_whole
 from cosim.papers.figure import Figure, Study
 from cosim.port import InputError
 
@@ -133,9 +133,9 @@ def _page(paper: Paper, studies: Sequence[Study], shown: Sequence[dict[str, obje
     from jinja2 import Environment, PackageLoader
 
     style = (files("cosim.report") / "page.css").read_text(encoding="utf-8")
-    page = Environment(loader=PackageLoader("cosim", "."), autoescape=True, trim_blocks=True)
+    page = Environment(loader=PackageLoader("cosim.papers", ""), autoescape=True, trim_blocks=True)
     whole = len(studies) == len(paper.studies)
-    return page.get_template("paper_page.html.j2").render(
+    return page.get_template("page.html.j2").render(
         paper=paper,
         shown=shown,
         style=style,

@@ -24,7 +24,7 @@ from cosim.papers.thesis_models import (
 )
 from cosim.port import Array
 from cosim.results.data import Result
-from cosim.verification_thesis import EXCESS
+from cosim.verification.thesis import EXCESS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

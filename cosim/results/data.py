@@ -15,7 +15,7 @@ import numpy as np
 
 from cosim.case.file import resolved_toml
 from cosim.case.schema import Case
-from cosim.folders import replace_folder
+from cosim.files import replace_folder
 from cosim.port import Array, InputError
 
 if TYPE_CHECKING:

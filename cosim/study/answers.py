@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cosim.port import Array
-from cosim.study.samples import block, problem
+from cosim.study.sampling import block, problem
 
 QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
 CONFIDENCE = 0.95

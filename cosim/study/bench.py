@@ -10,9 +10,9 @@ from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from cosim.study import apart
-from cosim.study.conduct import conduct
+from cosim.study import process as apart
 from cosim.study.engine import Solve, local
+from cosim.study.execute import conduct
 from cosim.study.plan import read_plan
 from cosim.study.store import Store
 from cosim.study.task import Task, Verdict

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cosim.port import CosimError, InputError
-from cosim.study import apart
+from cosim.study import process as apart
 from cosim.study.store import Store
 from cosim.study.task import Task, Verdict, row_of, settle
 

@@ -16,9 +16,9 @@ from cosim.port import InputError
 from cosim.schema import units
 from cosim.schema.fields import fault, quantity
 from cosim.schema.types import Count, Switch, Table
+from cosim.study.distributions import Axis, Law, Lognormal, Normal, TruncatedNormal, Uniform, axis
 from cosim.study.faults import faults_of, listing, shown
-from cosim.study.laws import Axis, Law, Lognormal, Normal, TruncatedNormal, Uniform, axis
-from cosim.study.samples import KINDS, Kind
+from cosim.study.sampling import KINDS, Kind
 
 FORM = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S.*?)?\s*")
 

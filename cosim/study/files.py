@@ -10,9 +10,9 @@ from typing import Any
 
 from cosim.files import written_whole
 from cosim.study.answers import CONFIDENCE, QUANTILES, Indices
-from cosim.study.conduct import Done
-from cosim.study.opened import FORMAT, MARK, Opened, finite, opened
+from cosim.study.execute import Done
 from cosim.study.plan import Plan
+from cosim.study.results import FORMAT, MARK, Opened, finite, opened
 from cosim.study.store import Store
 from cosim.study.table import table_of, units_of, write_table
 

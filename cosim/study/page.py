@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 from cosim import __version__
 from cosim.results.compare import Target, number, stated
-from cosim.study import pictures
+from cosim.study import plots as pictures
 from cosim.study.answers import Band, Indices
-from cosim.study.laws import Axis, Law, Lognormal, Normal, TruncatedNormal, Uniform
-from cosim.study.opened import Opened
+from cosim.study.distributions import Axis, Law, Lognormal, Normal, TruncatedNormal, Uniform
 from cosim.study.plan import Plan
+from cosim.study.results import Opened
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -13,9 +13,9 @@ from cosim.analyses.trials.outcome import Settings
 from cosim.case.file import find_case, load_case
 from cosim.port import Array, InputError
 from cosim.results.compare import Target
+from cosim.study.distributions import Axis, Word, middle
 from cosim.study.file import FORM, Parameter, Sampling, find_study, read_file
-from cosim.study.laws import Axis, Word, middle
-from cosim.study.samples import points, unit_points
+from cosim.study.sampling import points, unit_points
 
 Point = tuple[Word, ...]
 """A value for each parameter."""

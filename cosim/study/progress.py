@@ -16,7 +16,7 @@ from typing import Any
 import typer
 
 from cosim.port import InputError
-from cosim.study.conduct import Count
+from cosim.study.execute import Count
 from cosim.study.store import Store, StoreError
 
 EVERY = 1.0

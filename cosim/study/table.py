@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cosim.analyses.trials.outcome import measured, unit
-from cosim.study.conduct import Done
+from cosim.study.execute import Done
 from cosim.study.plan import Plan
 from cosim.study.store import Store
 

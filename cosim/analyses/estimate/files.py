@@ -15,7 +15,7 @@ from cosim.analyses.estimate.feasible import ForceSet
 from cosim.analyses.estimate.of_case import Along, Answer, Setup, shares_fixed
 from cosim.analyses.estimate.plot import draw_estimate, draw_motion
 from cosim.analyses.estimate.tensions import spelt
-from cosim.folders import folder_written_whole
+from cosim.files import folder_written_whole
 from cosim.port import Array
 from cosim.results.data import plain
 

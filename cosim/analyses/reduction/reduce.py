@@ -30,7 +30,7 @@ from cosim.fingers.kinds import live_finger, our_finger
 from cosim.hoods.cable.table import CableHood
 from cosim.hoods.lumped.build import Sample, fitted, stacked
 from cosim.port import Array, InputError
-from cosim.study.address import address, code_version
+from cosim.study.cache_key import address, code_version
 
 if TYPE_CHECKING:
     from cosim.hoods.lumped.build import Potential

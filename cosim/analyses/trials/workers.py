@@ -47,7 +47,8 @@ class CaseWorkers:
     def __init__(
         self, cases: Sequence[tuple[str, Path, bool]], pools: Sequence[Executor], arms: bool
     ) -> None:
-        """Cases: name, file, and whether the tangent serves it; `arms` as in `nearby.foretold`."""
+        """Cases: name, file, and whether the tangent serves it; `arms` as in
+        `by_tangent.foretold`."""
         self._cases, self._pools, self._arms = cases, pools, arms
 
     def solve(self, settings: Mapping[int, Settings], afresh: bool = False) -> dict[int, Outcome]:

@@ -1,0 +1,1 @@
+"""The commands of `cosim`, a file each."""

@@ -1,0 +1,252 @@
+"""The command of muscle forces from what a finger does: `cosim estimate`."""
+
+from __future__ import annotations
+
+import time
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from cosim.commands.terminal import print_table, told
+
+if TYPE_CHECKING:
+    from cosim.analyses.estimate.feasible import ForceSet
+    from cosim.analyses.estimate.of_case import Along, Answer, Setup
+    from cosim.schema.units import Kind
+
+
+class CostName(StrEnum):
+    """Of the sum of (tension over weight) to a power."""
+
+    LINEAR = "linear"
+    QUADRATIC = "quadratic"
+    CUBIC = "cubic"
+
+
+POWER: dict[CostName, Literal[1, 2, 3]] = {
+    CostName.LINEAR: 1,
+    CostName.QUADRATIC: 2,
+    CostName.CUBIC: 3,
+}
+
+
+class WeightName(StrEnum):
+    """What a tension is divided by in the cost."""
+
+    PCSA = "pcsa"
+    F0 = "F0"
+    ONE = "one"
+
+
+def estimate(
+    case: Annotated[str, typer.Argument(metavar="CASE", help="Case file, or a packaged case.")],
+    force: Annotated[
+        str | None,
+        typer.Option(
+            metavar='"X Y Z"',
+            help='Fingertip force on the world along distal, radial and dorsal: "-1 N 0 N -2 N"; '
+            '"free" leaves a component open.',
+        ),
+    ] = None,
+    torque: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="JOINT=TORQUE",
+            help='Torque of hood and muscles about a joint: MCP="0.1 N*m"; repeatable, joints not '
+            "named bear none.",
+        ),
+    ] = None,
+    motion: Annotated[
+        Path | None,
+        typer.Option(
+            help="Joint angles over time, .sto, .mot or .csv (time, PIP_deg, ...); torques by "
+            "inverse dynamics."
+        ),
+    ] = None,
+    cost: Annotated[CostName, typer.Option(help="Power of the tensions in the cost.")] = (
+        CostName.QUADRATIC
+    ),
+    weights: Annotated[WeightName, typer.Option(help="What a tension is divided by.")] = (
+        WeightName.PCSA
+    ),
+    area: Annotated[
+        list[str] | None,
+        typer.Option(metavar='NAME="2 cm**2"', help="A muscle's area; repeatable."),
+    ] = None,
+    most: Annotated[
+        list[str] | None,
+        typer.Option(metavar='NAME="80 N"', help="A muscle's greatest force; repeatable."),
+    ] = None,
+    samples: Annotated[
+        int | None, typer.Option(min=2, max=100_000, help="Of a motion: times in equal steps.")
+    ] = None,
+    cutoff: Annotated[
+        str | None, typer.Option(metavar='"6 Hz"', help="Of a motion: low-pass filter.")
+    ] = None,
+    reserve: Annotated[
+        str | None,
+        typer.Option(
+            metavar='"1 N*mm"',
+            help="Of a motion: torque that may lack where tensions make no more.",
+        ),
+    ] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Replace a value of the case; repeatable."),
+    ] = None,
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the results.")] = Path(
+        "estimates"
+    ),
+) -> None:
+    """Muscles' tensions from a fingertip force, joint torques or a motion, with the hood of a case
+    behind them; and the set of fingertip forces that they can make (alone, without a target)."""
+    with told():
+        from cosim.analyses.estimate.of_case import parsed_values, setup
+        from cosim.case.file import load_case
+        from cosim.files import check_folder
+        from cosim.port import InputError
+        from cosim.schema import units
+
+        given = [
+            o for o, v in (("--force", force), ("--torque", torque), ("--motion", motion)) if v
+        ]
+        if len(given) > 1:
+            raise InputError(f"{' and '.join(given)}: one of them")
+        if motion is None and (samples, cutoff, reserve) != (None, None, None):
+            raise InputError("--samples, --cutoff and --reserve belong to --motion")
+        started = time.perf_counter()
+        checked = load_case(case, settings or ())
+        folder = out / checked.name
+        check_folder(folder, "estimate.json")
+        made = setup(
+            checked,
+            weights.value,
+            POWER[cost],
+            parsed_values("--area", area or (), units.AREA),
+            parsed_values("--most", most or (), units.FORCE),
+        )
+        if motion is not None:
+            _motion(folder, made, motion, samples, cutoff, reserve, started)
+        else:
+            _target(folder, made, force, torque or (), started)
+
+
+def _say(text: str) -> None:
+    typer.echo(text, err=True)
+
+
+def _motion(
+    folder: Path,
+    s: Setup,
+    path: Path,
+    samples: int | None,
+    cutoff: str | None,
+    reserve: str | None,
+    started: float,
+) -> None:
+    from cosim.analyses.estimate.files import write_motion
+    from cosim.analyses.estimate.joint_motion import read_motion
+    from cosim.analyses.estimate.of_case import for_motion
+    from cosim.schema import units
+
+    highest = None if cutoff is None else _parsed("--cutoff", cutoff, units.FREQUENCY)
+    lacking = 0.0 if reserve is None else _parsed("--reserve", reserve, units.TORQUE)
+    motion = read_motion(path, s.models.finger.joints, s.models.posture, samples, highest)
+    found = for_motion(s, motion, _say, lacking)
+    write_motion(folder, s, found, time.perf_counter() - started)
+    _show_motion(s, found)
+    typer.echo(f"results in {folder}")
+
+
+def _parsed(option: str, text: str, kind: Kind) -> float:
+    from cosim.port import InputError
+    from cosim.schema import units
+
+    try:
+        return units.parse(text, kind)
+    except ValueError as error:
+        raise InputError(f'{option} "{text}": {error}') from error
+
+
+def _target(
+    folder: Path, s: Setup, force: str | None, torque: list[str] | tuple[()], started: float
+) -> None:
+    from cosim.analyses.estimate.files import write_answer
+    from cosim.analyses.estimate.of_case import for_force, for_torques, parsed_force, parsed_values
+    from cosim.schema import units
+
+    answer = None
+    if force is not None:
+        answer = for_force(s, parsed_force(force), _say)
+    elif torque:
+        answer = for_torques(s, parsed_values("--torque", torque, units.TORQUE), _say)
+    forces = _forces(s, answer)
+    write_answer(folder, s, answer, forces, time.perf_counter() - started)
+    if answer is not None:
+        _show(s, answer)
+    typer.echo(f"results in {folder}")
+
+
+def _forces(s: Setup, answer: Answer | None) -> ForceSet | None:
+    """The set of forces, where the target is one or there is none; said why where there is none."""
+    from cosim.analyses.estimate.feasible import force_set
+    from cosim.analyses.estimate.of_case import force_basis, shares_fixed
+    from cosim.port import InputError
+
+    if answer is not None and answer.demand.unit != "N":
+        return None
+    try:
+        if answer is None:
+            demand, at = force_basis(s)
+            tension = s.capacity.least
+        else:
+            demand, at, tension = answer.demand, answer.found.at, answer.found.tension
+        found = force_set(demand, tension, at, s.bounds)
+    except InputError as error:
+        if answer is None:
+            raise
+        typer.echo(f"no picture of the feasible forces: {error}", err=True)
+        return None
+    if not shares_fixed(s.case):
+        typer.echo("feasible forces: linearised at the tensions in this posture", err=True)
+    return found
+
+
+def _show(s: Setup, answer: Answer) -> None:
+    from cosim.analyses.estimate.files import muscle_table
+    from cosim.analyses.estimate.of_case import told_of
+
+    table = muscle_table(s.capacity, answer.found.tension)
+    rows = [
+        (
+            str(r.muscle),
+            *(f"{x:.4g}" for x in (r.tension_N, r.greatest_N, r.activation, r.stress_N_per_cm2)),
+        )
+        for r in table.itertuples()
+    ]
+    header = ("muscle", "tension, N", "greatest, N", "activation", "stress, N/cm2")
+    print_table("Tensions", header, rows)
+    found = answer.found
+    typer.echo(told_of(answer))
+    typer.echo(
+        f"{found.rounds} hood solves; equations missed by {found.gap:.1e}, optimality by "
+        f"{found.optimum.miss:.1e} (relative)"
+    )
+
+
+def _show_motion(s: Setup, found: Along) -> None:
+
+    rows = [
+        (name, f"{low:.4g}", f"{high:.4g}")
+        for name, low, high in zip(
+            s.capacity.names, found.tension.min(axis=0), found.tension.max(axis=0), strict=True
+        )
+    ]
+    print_table("Tensions over the motion, N", ("muscle", "least", "most"), rows)
+    lacking = 1e3 * float(abs(found.made - found.needed).max())
+    typer.echo(
+        f"{found.rounds} hood solves; conditions missed by at most {found.worst:.1e}, torques lack "
+        f"at most {lacking:.3g} N mm"
+    )

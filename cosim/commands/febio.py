@@ -1,0 +1,251 @@
+"""The commands of stand-alone shell models: `cosim solve`, `cosim export` and two benches."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cosim.commands.terminal import console, told
+from cosim.port import InputError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from fe_solver.febio.compare import Comparison, Measured, Row
+    from fe_solver.job_solve import JobResult, JobState
+
+Model = Annotated[Path, typer.Argument(metavar="MODEL.feb", help="A FEBio 4 file.")]
+QUADS = (500, 2000, 8000)
+NO_LIMIT, PENETRATION = "none", "2 um"
+
+
+class Element(StrEnum):
+    """What a model is solved with."""
+
+    SHELL = "shell"
+    Q4ANS = "q4ans"
+
+
+def solve(
+    model: Model,
+    until: Annotated[
+        float | None, typer.Option(help="The last time; else the end of the file's last step.")
+    ] = None,
+    states: Annotated[int, typer.Option(min=1, help="States to keep of each step.")] = 1,
+    out: Annotated[Path | None, typer.Option(help="Folder of the result; else runs/MODEL.")] = None,
+    penetration: Annotated[
+        str | None,
+        typer.Option(
+            help='Largest penetration of contact, or "none" for a penalty alone; else 2 um, and '
+            "of q4ans none."
+        ),
+    ] = None,
+    length_unit: Annotated[str, typer.Option(help="The file's unit of length.")] = "mm",
+    spacing: Annotated[
+        str, typer.Option(help="Of the grids that the bodies' distances are baked on.")
+    ] = "0.25 mm",
+    element: Annotated[
+        Element, typer.Option(help="Our shell, or FEBio's shell and contact as documented.")
+    ] = Element.SHELL,
+    own_shell: Annotated[
+        bool, typer.Option("--own-shell", help="Bend and touch as thin sheets do, not as FEBio's.")
+    ] = False,
+    mid_surface: Annotated[
+        bool, typer.Option("--mid-surface", help="Springs, ties and loads act on the mid-surface.")
+    ] = False,
+) -> None:
+    """Solve a FEBio model and write its states; the forces' unit in the file is N."""
+    with told():
+        from cosim.schema.units import LENGTH, parse
+        from fe_solver.febio.read import read_feb
+        from fe_solver.febio.solid_solve import solve_solid
+        from fe_solver.job_model import JobOptions
+        from fe_solver.job_results import check_target, write_job
+        from fe_solver.job_solve import solve_job, spread_times
+        from fe_solver.mid_surface import on_mid_surface
+
+        folder = out or Path("runs") / model.stem
+        check_target(folder)
+        solid = element == Element.Q4ANS
+        if solid and (own_shell or mid_surface):
+            raise InputError(
+                "--own-shell and --mid-surface are of our own shell: leave them out, or --element "
+                "q4ans"
+            )
+        deepest = penetration or (NO_LIMIT if solid else PENETRATION)
+        try:
+            limit = None if deepest == NO_LIMIT else parse(deepest, LENGTH)
+            unit, grid = parse(f"1 {length_unit}", LENGTH), parse(spacing, LENGTH)
+        except ValueError as error:
+            raise InputError(str(error)) from error
+        job = replace(read_feb(model, unit), as_febio=not own_shell)
+        if mid_surface:
+            job = on_mid_surface(job)
+        solver = solve_solid if solid else solve_job
+        options = JobOptions(penetration=limit, spacing=grid)
+        result = solver(job, options=options, times=spread_times(job, until, states))
+        _show(result)
+        typer.echo(f"results in {write_job(folder, result)}")
+
+
+def _show(result: JobResult) -> None:
+    from rich.table import Table
+
+    screen = console()
+    screen.print(f"{result.job.name}: {len(result.job.quads)} elements")
+    for state in result.states:
+        table = Table(title=f"t = {state.time:g}", title_justify="left", show_header=False)
+        for row in _rows(result, state):
+            table.add_row(*row)
+        screen.print(table)
+    e = result.effort
+    screen.print(
+        f"CPU: {result.setup_s:.2f} s to set up, {e.cpu_s:.2f} s to solve "
+        f"({e.iterations} iterations, {e.solves} linear solves, {e.steps} steps, {e.failures} cut "
+        f"back, {e.relaxations} relaxed)"
+    )
+    for note in result.job.notes:
+        screen.print(f"left out: {note}")
+
+
+def _rows(result: JobResult, state: JobState) -> Iterator[tuple[str, str]]:
+    from fe_solver.job_results import farthest
+
+    largest, node = farthest(result.job, state)
+    yield "largest displacement", f"{1e3 * largest:.5g} mm at node {node}"
+    for i, name in enumerate(state.bodies):
+        force = state.contact[i]
+        if force.any():
+            yield f"contact force on {name}", ", ".join(f"{v:.4g}" for v in force) + " N"
+    for s, f in zip(result.job.springs, state.spring_forces, strict=True):
+        figures = f"largest {f.max(initial=0.0) + 0.0:.4g} N, sum {f.sum() + 0.0:.4g} N"
+        yield f"springs {s.name}", f"{figures}, {(f != 0).sum()} of {len(f)} active"
+    if result.job.contacts:
+        yield "deepest penetration", f"{1e6 * state.penetration:.3g} um"
+    yield "residual", f"{state.residual:.1e} N"
+    force, moment = state.imbalance
+    yield "out of balance", f"{force:.1e} N, {1e3 * moment:.1e} N mm"
+    yield "CPU", f"{state.effort.cpu_s:.2f} s"
+
+
+def export(
+    case: Annotated[str, typer.Argument(help="Case file, or name of a packaged case.")],
+    settings: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Replace a value.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="The FEBio file to write.")] = Path("hood.feb"),
+) -> None:
+    """Write the shell hood of a case at its posture, under its tendons' tensions, for FEBio."""
+    with told():
+        from cosim.build.models import build, tensions
+        from cosim.case.file import load_case
+        from fe_solver.febio.write import write_feb
+        from fe_solver.hood_job import job_of_hood
+        from fe_solver.shell_hood import ShellHood
+
+        checked = load_case(case, settings or ())
+        models = build(checked)
+        if not isinstance(models.hood, ShellHood):
+            raise InputError(f"{checked.name}: has no shell hood to write")
+        motion = models.finger.motion(models.finger.start(models.posture))
+        tension, _ = tensions(checked, models)
+        job = job_of_hood(models.hood, motion, tension, models.bones, checked.name)
+        write_feb(job, out)
+        typer.echo(f"{len(job.quads)} elements in {out}")
+
+
+def bench_fe(quads: Sequence[int] = QUADS) -> None:
+    """Print how long a Newton iteration takes, beside its floor."""
+    from rich.table import Table
+
+    from fe_solver.bench import machine, speed
+
+    table = Table("quads", "case", "iterations", "linear solves", "floor ms")
+    table.add_column("iteration / floor", justify="right")
+    table.add_column("linear solve / floor", justify="right")
+    for s in (found for count in quads for found in speed(count)):
+        row = [s.quads, s.case, s.iterations, s.solves, f"{1e3 * s.floor_s:.3g}"]
+        table.add_row(*map(str, row), f"{s.ratio:.2f}", f"{s.solve_ratio:.2f}")
+    screen = console()
+    screen.print(table)
+    screen.print("floor: one evaluation with tangent, one factorisation, one solution")
+    screen.print(
+        "settle: from far onto a rod, with foresight of which nodes will touch; follow: 5 % more "
+        "load"
+    )
+    screen.print(machine())
+
+
+def bench_febio(folder: Path | None, spacing: str) -> None:
+    """Print our answers and costs beside FEBio's.  Raises CosimError."""
+    from cosim.schema.units import LENGTH, parse
+    from fe_solver.febio.compare import compare
+    from fe_solver.febio.figures import SOURCE
+
+    if folder is None:
+        raise InputError("bench febio: name the folder of the models with --models")
+    try:
+        grid = parse(spacing, LENGTH)
+    except ValueError as error:
+        raise InputError(str(error)) from error
+    screen = console()
+    for found in compare(folder, grid):
+        _print_comparison(screen, found)
+    screen.print(f"FEBio's figures: {SOURCE}.")
+    screen.print(
+        "In brackets: differences from FEBio's figure, or where there is none from q4ans; of "
+        "displacements in % of the largest one.  cosim solve: our shell with FEBio's bending "
+        "(thickness strain constant through the thickness, no shear correction) and contact (at "
+        "the facets' Gauss points).  --element q4ans: FEBio's element and contact.  All contact by "
+        "a penalty alone.  Verdicts: agrees: our own shell, within 3 %; formulation: not that, but "
+        "q4ans (or cosim solve, if that is missing) is; differs: neither."
+    )
+
+
+def _print_comparison(screen: Console, found: Comparison) -> None:
+    from rich.table import Table
+
+    from fe_solver.febio.compare import Element
+
+    table = Table(title=found.model, title_justify="left")
+    for name in ("quantity", *(e.value for e in Element), "FEBio"):
+        table.add_column(name, justify="left" if name == "quantity" else "right")
+    table.add_column("verdict")
+    for r in found.rows:
+        values = (_beside(r, v) for v in (r.own, r.shell, r.q4ans, r.febio))
+        table.add_row(r.quantity, *values, r.verdict)
+    screen.print(table)
+    for element, solved in found.solved.items():
+        _print_cost(screen, element.value, solved, found.febio_s)
+    theirs = found.published
+    if theirs is not None:
+        scaled = "" if found.febio_s is None else f"CPU {found.febio_s:.2f} s on this machine; "
+        depth = f"deepest penetration {theirs.penetration:.1f} um"
+        screen.print(f"FEBio: {scaled}{depth}; peak memory {theirs.peak_mb:.0f} MB")
+
+
+def _beside(row: Row, value: float | None) -> str:
+    """A figure with its difference from FEBio's."""
+    if value is None:
+        return "-"
+    off = None if value is row.reference else row.off(value)
+    return f"{value:.5g}" if off is None else f"{value:.5g} ({100 * off:+.1f} %)"
+
+
+def _print_cost(screen: Console, name: str, solved: Measured | str, febio_s: float | None) -> None:
+    if isinstance(solved, str):
+        screen.print(f"{name}: {solved}")
+        return
+    share = "" if febio_s is None else f", {solved.solve_s / febio_s:.2f} of FEBio's"
+    own = solved.peak_mb - solved.import_mb
+    screen.print(
+        f"{name}: CPU {solved.solve_s:.2f} s{share} ({solved.iterations} iterations, "
+        f"{solved.linear_solver}), set-up {solved.setup_s:.2f} s; deepest penetration "
+        f"{solved.penetration:.1f} um; peak memory {solved.peak_mb:.0f} MB, of which the solve "
+        f"{own:.0f}"
+    )

@@ -1,0 +1,144 @@
+"""The commands about fingers: `cosim moment-arms`, `mjcf`, benches of fingers and OpenSim's."""
+
+from __future__ import annotations
+
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cosim.commands.terminal import print_table, told
+from cosim.files import written_whole
+from cosim.port import InputError
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
+
+CaseName = Annotated[str, typer.Argument(metavar="CASE", help="Case file, or a packaged case.")]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Replace a value of the case; repeatable."),
+]
+
+
+def moment_arms(
+    case: CaseName,
+    settings: Settings = None,
+    out: Annotated[Path, typer.Option(help="Folder for table and plot.")] = Path("moment_arms"),
+    steps: Annotated[int, typer.Option(min=2, max=1000, help="Postures of each joint.")] = 9,
+) -> None:
+    """Moment arms of all tendons while each joint passes its range, beside published ones."""
+    with told():
+        from cosim.analyses.moment_arms import beside_published, draw, published, sweep
+        from cosim.build.models import build, tensions
+        from cosim.case.file import load_case
+        from cosim.fingers.kinds import joint_ranges
+
+        checked = load_case(case, settings or ())
+        models = build(checked)
+        tension, _ = tensions(checked, models)
+        table, lost = sweep(models, tension, joint_ranges(models.finger), steps)
+        known, compared = None, None
+        if checked.finger.kind == "index":
+            known, compared = published(), beside_published(models)
+        _write(out, table, compared, draw(table, checked.title, known, models.posture))
+        _show(table)
+        if compared is not None:
+            _show_published(compared)
+        for reason in lost:
+            typer.echo(f"left out, the hood found no equilibrium: {reason}", err=True)
+        typer.echo(f"table and plot in {out}")
+
+
+def _write(
+    out: Path, table: pandas.DataFrame, compared: pandas.DataFrame | None, figure: Figure
+) -> None:
+    with written_whole(out / "moment_arms.csv") as path:
+        table.round(4).to_csv(path, index=False)
+    if compared is not None:
+        with written_whole(out / "published.csv") as path:
+            compared.round(4).to_csv(path, index=False)
+    with written_whole(out / "moment_arms.png") as path:
+        figure.savefig(path, dpi=130, format="png")
+
+
+def _show(table: pandas.DataFrame) -> None:
+    """A line for each tendon and joint that it acts on, a column for each posture."""
+    from cosim.analyses.moment_arms import ACTION
+
+    for joint, here in table.groupby("joint", sort=False):
+        wide = here.pivot(index="tendon", columns="angle_deg", values="arm_mm")
+        wide = wide.loc[
+            [t for t in dict.fromkeys(here.tendon) if wide.loc[t].abs().max() >= 1e3 * ACTION]
+        ]
+        rows = [
+            (str(tendon), *(f"{arm:.2f}" if isfinite(arm) else "-" for arm in arms))
+            for tendon, arms in zip(wide.index, wide.to_numpy(), strict=True)
+        ]
+        print_table("", (f"{joint} deg, arm mm", *(f"{angle:.0f}" for angle in wide.columns)), rows)
+
+
+def _show_published(compared: pandas.DataFrame) -> None:
+    rows = [
+        (
+            f"{row.tendon} {row.joint}",
+            row.posture_deg,
+            f"{row.model_mm:.2f}",
+            f"{row.arm_mm:.2f}",
+            f"{row.model_mm - row.arm_mm:+.2f}",
+            row.source,
+        )
+        for row in compared.itertuples()
+    ]
+    print_table("", ("arm, mm", "MCP/PIP/DIP", "model", "published", "difference", "source"), rows)
+
+
+def mjcf(
+    case: CaseName,
+    settings: Settings = None,
+    out: Annotated[Path, typer.Option(help="The file to write.")] = Path("finger.xml"),
+) -> None:
+    """Write the MuJoCo model of a case's finger: bones, joints, its own tendons with an actuator
+    each, whose control is the tension; without passive torques, limits, what holds the tip, and
+    the hood."""
+    with told():
+        from cosim.case.file import load_case
+        from cosim.fingers.kinds import mjcf_of
+
+        text = mjcf_of(load_case(case, settings or ()))
+        with written_whole(out) as path:
+            path.write_text(text + "\n", encoding="utf-8")
+        typer.echo(
+            f"finger in {out}, without passive torques, limits, the tip's support and the hood"
+        )
+
+
+def bench_fingers(beside_opensim: bool) -> None:
+    """Print what the finger alone costs; raises InputError where OpenSim is to be there and is
+    not."""
+    from importlib.util import find_spec
+
+    if not beside_opensim:
+        from rigid.verification.dynamics_rows import time_rows
+
+        for row in time_rows():
+            typer.echo(f"static solve of the finger, ms  {row.computed:.3f}   ({row.source})")
+        return
+    if find_spec("opensim") is None:
+        raise InputError("OpenSim is not installed here: pip install '.[opensim]'")
+    from rigid.bench import bench_opensim
+
+    for name, value in bench_opensim().items():
+        typer.echo(f"{name:<20} {value:.4g}")
+
+
+def bench_robotic_finger() -> None:
+    """Print what the robotic finger's control loop costs, beside the paper's figures."""
+    from rigid.robot.bench import PAPER_LOOP, PAPER_QP, bench_robot
+
+    paper = {"loop_s": PAPER_LOOP, "qp_s": PAPER_QP}
+    for name, value in bench_robot().items():
+        beside = f"   (paper: {paper[name]:.4g})" if name in paper else ""
+        typer.echo(f"{name:<20} {value:.4g}{beside}")

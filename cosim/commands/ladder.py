@@ -1,0 +1,69 @@
+"""`cosim ladder`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cosim.commands.identify import CaseName, Jobs, Settings
+from cosim.commands.terminal import print_table, told
+from cosim.files import folder_written_whole
+
+if TYPE_CHECKING:
+    from cosim.analyses.ladder import Rung
+
+MARK = "ladder.json"
+
+
+def ladder(
+    case: CaseName,
+    settings: Settings = None,
+    out: Annotated[
+        Path, typer.Option("--out", "-o", metavar="FOLDER", help="Folder for tables and picture.")
+    ] = Path("ladder"),
+    jobs: Jobs = 1,
+) -> None:
+    """Run one case with every hood, from a fixed split to a shell with fibres, side by side; a hood
+    that does not fit the case is a column with its reason.  Exit code 1 where one that fits did not
+    converge."""
+    with told():
+        from cosim.analyses.ladder import climbed, rungs_of
+        from cosim.case.file import load_case
+
+        own = tuple(settings or ())
+        checked = load_case(case, own)
+        target = out / checked.name
+        names, rungs = rungs_of(checked), []
+        for rung in climbed(checked.source, own, jobs):
+            rungs.append(rung)
+            told_of = rung.status if rung.status != "converged" else f"{rung.wall:.1f} s"
+            typer.echo(f"{len(rungs)}/{len(names)} {rung.name}: {told_of}", err=True)
+        with folder_written_whole(target, MARK) as folder:
+            _write(folder, rungs, checked.title)
+    _show(rungs, checked.title)
+    typer.echo(f"tables and picture in {target}")
+    raise typer.Exit(1 if any(rung.status == "failed" for rung in rungs) else 0)
+
+
+def _write(folder: Path, rungs: Sequence[Rung], title: str) -> None:
+    from cosim.analyses.ladder_plot import draw_ladder
+    from cosim.analyses.ladder_tables import to_csv, to_json, to_markdown
+
+    for name, text in (
+        (MARK, to_json(rungs)),
+        ("ladder.csv", to_csv(rungs)),
+        ("ladder.md", to_markdown(rungs, title)),
+    ):
+        (folder / name).write_text(text, encoding="utf-8")
+    draw_ladder(rungs, title).savefig(folder / "ladder.png", dpi=140)
+
+
+def _show(rungs: Sequence[Rung], title: str) -> None:
+    from cosim.analyses.ladder_tables import heading, reasons, side_by_side
+
+    print_table(title, ("", *map(heading, rungs)), side_by_side(rungs))
+    for line in reasons(rungs):
+        typer.echo(line)

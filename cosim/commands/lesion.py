@@ -1,0 +1,101 @@
+"""The command of injuries and repairs: `cosim lesion`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from cosim.commands.terminal import console, told, warn_of_audits
+from cosim.results.audit import describe_misses
+
+if TYPE_CHECKING:
+    from cosim.case.schema import Case
+    from cosim.report.lesion_page import Pair
+    from cosim.report.tables import Table
+
+Format = Literal["html", "csv", "json", "md"]
+
+
+def lesion(
+    case: Annotated[
+        str, typer.Argument(help="Case file with a table [lesion], or a packaged one.")
+    ],
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Replace a value of the case; repeatable."),
+    ] = None,
+    page: Annotated[
+        Path | None, typer.Option("-o", "--page", help="The file to write; else CASE.html.")
+    ] = None,
+    form: Annotated[
+        Format, typer.Option("--format", help="A page, or its tables alone as csv, json or md.")
+    ] = "html",
+    out: Annotated[Path, typer.Option(help="Folder for the four runs.")] = Path("runs"),
+) -> None:
+    """Solve a case without its lesion and with it, fingertip free and held, and report both:
+    posture, slip forces, fingertip force, strain maps."""
+    with told():
+        from cosim.case.file import load_case
+
+        checked = load_case(case, settings or ())
+        pairs = _solved(checked, out)
+        where = page or Path(f"{checked.name}.{form}")
+        tables = _written(checked, pairs, where, form)
+    for table in tables:
+        _show(table)
+    typer.echo(f"report in {where}, runs in {out}")
+    runs = [run for pair in pairs for run in (pair.before, pair.after)]
+    raise typer.Exit(warn_of_audits({run.name: list(describe_misses(run.summary)) for run in runs}))
+
+
+def _solved(case: Case, out: Path) -> list[Pair]:
+    """The four runs, each in its folder.  Raises InputError and ConvergenceError."""
+    from cosim.analyses.lesion import TIPS, both_sides
+    from cosim.pipeline import run_case
+    from cosim.port import CosimError
+    from cosim.report.lesion_page import Pair
+    from cosim.results.data import check_target, write_result
+    from cosim.results.read import read_run
+
+    four, runs = both_sides(case), {}
+    for one in four.values():
+        check_target(out, one.name)
+    for key, one in four.items():
+        typer.echo(f"{one.title}", err=True)
+        try:
+            runs[key] = read_run(write_result(out, one, run_case(one)))
+        except CosimError as error:
+            raise type(error)(f"{one.name}: {error}") from error
+    return [Pair(tip, runs[tip, "before"], runs[tip, "after"]) for tip in TIPS]
+
+
+def _written(case: Case, pairs: Sequence[Pair], where: Path, form: Format) -> list[Table]:
+    from cosim.analyses.lesion import marked, said
+    from cosim.files import written_whole
+    from cosim.report.lesion_page import lesion_page, tables_of_lesion
+    from cosim.report.tables import as_csv, as_json, as_markdown
+
+    tables = tables_of_lesion(pairs)
+    if form == "html":
+        text = lesion_page(case.title, list(said(case)), marked(case), pairs)
+    elif form == "json":
+        text = as_json([run for p in pairs for run in (p.before, p.after)], tables)
+    else:
+        text = {"csv": as_csv, "md": as_markdown}[form](tables)
+    with written_whole(where) as part:
+        part.write_text(text, encoding="utf-8")
+    return tables
+
+
+def _show(table: Table) -> None:
+    from rich.table import Table as Grid
+
+    from cosim.report.tables import shown
+
+    grid = Grid(*table.columns, title=table.title, title_justify="left", box=None)
+    for row in table.rows:
+        grid.add_row(*map(shown, row))
+    console().print(grid)

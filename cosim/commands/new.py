@@ -1,0 +1,172 @@
+"""The command that makes a case of a user's own anatomy: `cosim new`."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from cosim.commands.terminal import told
+from cosim.port import InputError
+
+if TYPE_CHECKING:
+    from cosim.anatomy.read import Anatomy
+
+Unit = Literal["m", "cm", "mm", "um", "in"]
+Frame = Literal["body", "hood", "myohand"]
+Files = tuple[Path, Path, Path, Path]
+
+
+def new(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Of the case.")],
+    hood: Annotated[
+        Path | None, typer.Option(help="The hood: quads with named sets, .feb, .vtu, .msh or .inp.")
+    ] = None,
+    bones: Annotated[
+        Files | None,
+        typer.Option(
+            metavar="METACARPAL PROXIMAL MIDDLE DISTAL",
+            help="Four closed surfaces, STL or OBJ; ours if not given.",
+        ),
+    ] = None,
+    finger: Annotated[
+        Path | None,
+        typer.Option(help="A MuJoCo model (.xml) of the finger; our index finger if not given."),
+    ] = None,
+    unit: Annotated[Unit, typer.Option(help="Of the hood's file.")] = "mm",
+    bone_unit: Annotated[
+        Unit | None, typer.Option(help="Of the bones' files; the hood's if not given.")
+    ] = None,
+    bone_frame: Annotated[
+        Frame,
+        typer.Option(help="body: each bone in its body's frame; hood: all in the hood's; myohand."),
+    ] = "body",
+    axes: Annotated[
+        str,
+        typer.Option(help='Axes of the file that run distal, radial and dorsal, as "z -x y".'),
+    ] = "x y z",
+    origin: Annotated[
+        str, typer.Option(help="The MCP's centre in the hood's file, in its unit and axes.")
+    ] = "0 0 0",
+    posture: Annotated[
+        str,
+        typer.Option(help="Flexion of MCP, PIP and DIP, deg, in which the hood was laid."),
+    ] = "0 0 0",
+    thickness: Annotated[
+        str | None, typer.Option(help='Of the sheet, as "0.65 mm"; else the file\'s or 0.65 mm.')
+    ] = None,
+    length_scale: Annotated[
+        float, typer.Option(min=0.1, max=3.0, help="Of our index finger.")
+    ] = 1.0,
+    set_name: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="OURS=YOURS", help="What a set, body, joint or tendon is called; repeatable."
+        ),
+    ] = None,
+    names: Annotated[
+        Path | None, typer.Option(help='A TOML file of such names: end_central = "NSET_12".')
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="The folder to write; else NAME.")
+    ] = None,
+) -> None:
+    """Make a case of your own hood mesh, bones and finger, and tell what was found, assumed and
+    dropped."""
+    with told():
+        import numpy as np
+
+        from cosim.anatomy.case_folder import new_case
+        from cosim.anatomy.read import Anatomy
+        from meshes.imported_checks import Placing, parse_axes
+
+        centre = np.array(_numbers(origin, "--origin", "0 0 0"))
+        placing = Placing(unit, parse_axes(axes), centre)
+        given = Anatomy(
+            hood,
+            bones or (),
+            finger,
+            _names(names, set_name or ()),
+            placing,
+            bone_unit or unit,
+            bone_frame,
+            _posture(posture),
+            _thickness(thickness),
+            _scale(length_scale, finger),
+        )
+        case, report = new_case(name, given, out or Path(name))
+    _show(case, report, given)
+
+
+def _show(case: Path, report: Sequence[str], given: Anatomy) -> None:
+    for line in report:
+        typer.echo(line)
+    pulled = "" if given.hood is None else " --set tendons.EDC.activation=0.1"
+    typer.echo(f"case in {case}; for example: cosim run {case}{pulled}")
+
+
+def _numbers(text: str, option: str, example: str) -> list[float]:
+    try:
+        numbers = [float(word) for word in text.split()]
+    except ValueError:
+        numbers = []
+    if len(numbers) == 3 and all(map(math.isfinite, numbers)):
+        return numbers
+    raise InputError(f'{option} {text!r}: write three numbers, for example "{example}"')
+
+
+def _posture(text: str) -> dict[str, float]:
+    """rad."""
+    angles = _numbers(text, "--posture", "20 40 11")
+    limits = {"MCP": (-30, 90), "PIP": (0, 110), "DIP": (0, 70)}
+    for (joint, (low, high)), angle in zip(limits.items(), angles, strict=True):
+        if not low <= angle <= high:
+            raise InputError(f"--posture: {joint} {angle:g} deg is not from {low} to {high} deg")
+    return {joint: math.radians(angle) for joint, angle in zip(limits, angles, strict=True)}
+
+
+def _thickness(text: str | None) -> float | None:
+    from cosim.schema import units
+
+    if text is None:
+        return None
+    try:
+        value = units.parse(text, units.LENGTH)
+    except ValueError as error:
+        raise InputError(f"--thickness {text!r}: {error}") from None
+    if not 0 < value <= 5e-3:
+        raise InputError(f"--thickness {text!r}: expected a thickness up to 5 mm")
+    return float(value)
+
+
+def _scale(scale: float, finger: Path | None) -> float:
+    if finger is not None and scale != 1.0:
+        raise InputError(
+            "--length-scale: is of our finger; one of your own (--finger) has its size"
+        )
+    return scale
+
+
+def _names(file: Path | None, settings: Sequence[str]) -> dict[str, str]:
+    out = {} if file is None else _table(file)
+    for text in settings:
+        ours, equals, theirs = text.partition("=")
+        if not (equals and ours.strip() and theirs.strip()):
+            raise InputError(f"--set-name {text!r}: write OURS=YOURS, as end_central=NSET_12")
+        out[ours.strip()] = theirs.strip()
+    return out
+
+
+def _table(file: Path) -> dict[str, str]:
+    try:
+        values = tomllib.loads(file.read_text(encoding="utf-8-sig"))
+    except (OSError, ValueError) as error:
+        raise InputError(f"--names {file}: cannot be read as TOML ({error})") from error
+    wrong = [name for name, value in values.items() if not isinstance(value, str)]
+    if wrong:
+        raise InputError(f'--names {file}: {wrong[0]}: write a name, as {wrong[0]} = "NSET_12"')
+    return values

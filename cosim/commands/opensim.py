@@ -1,0 +1,240 @@
+"""The commands of OpenSim's files: `cosim import`, `cosim sto` and `cosim opensim`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from cosim.commands.terminal import told
+from cosim.port import InputError
+
+if TYPE_CHECKING:
+    from cosim.port import Array
+
+ForceUnit = Literal["N", "mN", "kN"]
+LengthUnit = Literal["m", "cm", "mm", "um"]
+opensim = typer.Typer(
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    help="Exchange forces with OpenSim: muscle forces in, external loads out.",
+)
+
+
+def import_model(
+    model: Annotated[Path, typer.Argument(metavar="MODEL.osim", help="A model of OpenSim 4.")],
+    out: Annotated[
+        Path | None, typer.Option(help="The MJCF to write; else MODEL.xml in this folder.")
+    ] = None,
+) -> None:
+    """Turn an OpenSim model into MJCF and list what was dropped or changed; the numbers of its
+    muscles and joint limits go into a JSON file beside.  Ends with code 2 where the model has
+    muscles and none could be imported."""
+    with told():
+        from rigid.opensim.losses import report
+        from rigid.opensim.osim import import_osim, write_import
+
+        imported = import_osim(model)
+        written = write_import(imported, out or Path(f"{model.stem}.xml"))
+        for line in report(imported.losses):
+            typer.echo(line)
+        made = ", ".join(str(path) for path in written)
+        muscles = f"{len(imported.muscles)} of {imported.path_actuators} muscles"
+        typer.echo(f"{len(imported.coordinates)} coordinates and {muscles} in {made}")
+        if imported.path_actuators and not imported.muscles:
+            raise InputError(f"{model}: {muscles} imported; {written[2]} says why of each")
+
+
+def sto(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")],
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for the tables; else that of the run.")
+    ] = None,
+) -> None:
+    """Write a run's motions and forces as .sto tables, which OpenSim plots."""
+    with told():
+        from cosim.results.sto import write_tables
+
+        for path in write_tables(run, out or run):
+            typer.echo(f"wrote {path}")
+
+
+@opensim.command()
+def tensions(
+    forces: Annotated[
+        Path, typer.Argument(metavar="FORCES.sto", help="A table of muscle forces, .sto or .mot.")
+    ],
+    out: Annotated[Path, typer.Option("--out", "-o", help="The case file to write.")],
+    extends: Annotated[
+        str, typer.Option(help="The case that the tensions are laid over: a file or packaged case.")
+    ] = "base/index_finger.toml",
+    time: Annotated[
+        float | None, typer.Option(help="s, of the tensions; else the table's last time.")
+    ] = None,
+    column: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="TENDON=COLUMN",
+            help="Which column a tendon's force is, where it is not called as the tendon; "
+            "repeatable.",
+        ),
+    ] = None,
+    over_time: Annotated[
+        bool,
+        typer.Option("--over-time", help="The columns as tensions over time, of a case in motion."),
+    ] = False,
+) -> None:
+    """Write a case with the muscle forces of an OpenSim table as tendon tensions."""
+    with told():
+        from cosim.analyses.opensim.tensions import read_tensions, tensions_at, write_case
+
+        if over_time and time is not None:
+            raise InputError("--time and --over-time: one of the two")
+        table = read_tensions(forces, dict(_pairs(column or (), "--column", "EDC=EDC1")))
+        case = write_case(forces, table, out, extends, time, over_time)
+        for tendon, tension in tensions_at(table, time).items():
+            what = "over time" if over_time else f"{tension:.6g} N"
+            typer.echo(f"{tendon}: {what}, column {table.column[tendon]}")
+        if table.left_out:
+            typer.echo(f"left out: {', '.join(table.left_out)}")
+        for tendon, pull in case.tendons.items():
+            if tendon not in table.column and (pull.force or pull.excursion or pull.actuation):
+                typer.echo(f"{tendon}: pulls as in {extends}")
+        typer.echo(f"case in {out}; for example: cosim run {out}")
+
+
+@opensim.command()
+def loads(
+    logs: Annotated[
+        list[Path],
+        typer.Argument(metavar="LOG...", help="FEBio's log, or data files of rigid_body_data."),
+    ],
+    out: Annotated[
+        Path, typer.Option("--out", "-o", help="The .mot to write, with an .xml beside it.")
+    ],
+    body: Annotated[
+        list[str],
+        typer.Option(
+            metavar="NUMBER=NAME",
+            help="FEBio's number of a rigid body and OpenSim's name of it; repeatable.",
+        ),
+    ],
+    model: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="MODEL.osim",
+            help="Where the forces act: at the centres of mass of this model's bodies.",
+        ),
+    ] = None,
+    point: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar='NAME="X Y Z"',
+            help="Or at this point, m in OpenSim's frame of the body; repeatable.",
+        ),
+    ] = None,
+    axes: Annotated[
+        str, typer.Option(help="OpenSim's x, y, z in FEBio's axes; the thesis's if not given.")
+    ] = "-x -z -y",
+    mean: Annotated[
+        tuple[float, float] | None,
+        typer.Option(
+            metavar="FROM TO", help="The mean between two times of FEBio, repeated for --duration."
+        ),
+    ] = None,
+    duration: Annotated[float, typer.Option(help="s, for which a mean is repeated.")] = 2.0,
+    opposite: Annotated[
+        bool,
+        typer.Option(
+            "--opposite",
+            help="The opposite of FEBio's reactions: what tissue and contact do to the bodies.",
+        ),
+    ] = False,
+    no_moments: Annotated[
+        bool, typer.Option("--no-moments", help="Forces alone, as in the thesis.")
+    ] = False,
+    force_unit: Annotated[ForceUnit, typer.Option(help="FEBio's.")] = "N",
+    length_unit: Annotated[LengthUnit, typer.Option(help="FEBio's, of moments.")] = "mm",
+    columns: Annotated[
+        str,
+        typer.Option(help='Of records that are named otherwise: "Fx;Fy;Fz".'),
+    ] = "",
+) -> None:
+    """Write the reactions of rigid bodies that FEBio logged as OpenSim's external loads."""
+    with told():
+        from cosim.analyses.opensim.loads import Handover, write_loads
+
+        names = _bodies(body)
+        handover = Handover(
+            names,
+            _points(list(names.values()), model, point or ()),
+            axes,
+            -1.0 if opposite else 1.0,
+            mean,
+            duration,
+            force_unit,
+            length_unit,
+            not no_moments,
+            tuple(word.strip() for word in columns.split(";") if word.strip()),
+        )
+        paths, notes = write_loads(logs, handover, out)
+        for note in notes:
+            typer.echo(note)
+        typer.echo(f"wrote {' and '.join(map(str, paths))}")
+
+
+def _pairs(texts: Sequence[str], option: str, example: str) -> list[tuple[str, str]]:
+    """Both sides of each `A=B`.  Raises InputError for other texts and for one that comes twice."""
+    pairs = [(a.strip(), b.strip()) for a, _, b in (text.partition("=") for text in texts)]
+    for text, (left, right) in zip(texts, pairs, strict=True):
+        if not left or not right:
+            raise InputError(f"{option} {text!r}: write, for example, {option} {example}")
+    for sides in ([left for left, _ in pairs], [right for _, right in pairs]):
+        if twice := [side for side in sides if sides.count(side) > 1]:
+            raise InputError(f"{option}: {twice[0]!r} comes twice; name it once")
+    return pairs
+
+
+def _bodies(texts: Sequence[str]) -> dict[int, str]:
+    out = {}
+    for number, name in _pairs(texts, "--body", "2=proximal"):
+        if not (number.isascii() and number.isdigit() and len(number) < 10):
+            raise InputError(f"--body {number}={name}: write FEBio's number of the body first")
+        out[int(number)] = name
+    return out
+
+
+def _points(names: Sequence[str], model: Path | None, texts: Sequence[str]) -> dict[str, Array]:
+    """(3,) m of each body."""
+    import numpy as np
+
+    from cosim.analyses.opensim.loads import mass_centres
+
+    there = {} if model is None else mass_centres(model)
+    stated = {}
+    for name, text in (_split_point(text) for text in texts):
+        try:
+            place = np.array([float(word) for word in text.split()])
+        except ValueError:
+            place = np.zeros(0)
+        if place.shape != (3,) or not np.isfinite(place).all() or name not in names:
+            raise InputError(
+                f"--point {name}={text}: write a body named with --body and three numbers, m, for "
+                'example proximal="0.02 0 0"'
+            )
+        stated[name] = place
+    for name in names:
+        if model is not None and name not in there:
+            raise InputError(f"{model}: has no body {name!r}; it has {', '.join(there)}")
+        if name not in stated and name not in there:
+            raise InputError(
+                f"{name}: say where its force acts: --model MODEL.osim, whose centres of mass are "
+                f'taken, or --point {name}="X Y Z"'
+            )
+    return {name: stated[name] if name in stated else there[name] for name in names}
+
+
+def _split_point(text: str) -> tuple[str, str]:
+    return _pairs([text], "--point", 'proximal="0.02 0 0"')[0]

@@ -1,0 +1,109 @@
+"""`cosim reduce`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cosim.commands.identify import CaseName, Jobs, Settings
+from cosim.commands.terminal import print_table, told
+from cosim.files import written_whole
+
+if TYPE_CHECKING:
+    from cosim.analyses.reduction.reduce import Reduction
+
+
+def reduce(
+    case: CaseName,
+    settings: Settings = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", "-o", metavar="CASE.toml", help="Case file to write, extending CASE."
+        ),
+    ] = None,
+    grid: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="JOINT=DEG,DEG,...",
+            help="Angles of a joint in the grid of postures, in deg; repeatable. A joint without "
+            "any stays as in the case. Without it MCP=0,22,45, PIP=10,32,55 and DIP=5,20,35.",
+        ),
+    ] = None,
+    spread: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            max=10_000,
+            help="Postures between the grid's points in which each tendon pulls alone; a third "
+            "more in which all pull. Fewer are quicker and less exact. Without it 512.",
+        ),
+    ] = None,
+    samples: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.json",
+            help="Keep what the hood did in a file as it comes; a call that was cut off, or "
+            "another fit of the same hood, takes from there what it has.",
+        ),
+    ] = None,
+    jobs: Jobs = 2,
+) -> None:
+    """Fit a network hood to what a case's shell or cables do, over a grid of postures and loads,
+    for use in real time; the error is that of postures held out."""
+    with told():
+        from cosim.analyses.identify.case_text import base_of, check_loads
+        from cosim.analyses.reduction.case_text import case_text
+        from cosim.analyses.reduction.reduce import read_grid, reduce_case
+        from cosim.analyses.reduction.walks import SPREAD
+        from cosim.case.file import load_case
+
+        own = tuple(settings or ())
+        checked = load_case(case, own)
+        found = reduce_case(
+            checked.source,
+            own,
+            read_grid(grid or ()),
+            jobs,
+            lambda text: typer.echo(text, err=True),
+            SPREAD if spread is None else spread,
+            samples,
+        )
+        _show(found)
+        if out is not None:
+            base, title = base_of(checked.source, out), f"{checked.title}, hood reduced"
+            with written_whole(out) as part:
+                part.write_text(case_text(found, title, base, own), encoding="utf-8")
+                check_loads(part)
+            typer.echo(f"case in {out}")
+
+
+def _show(found: Reduction) -> None:
+    """Errors, rates, and where the hood found no equilibrium."""
+    from cosim.analyses.reduction.errors import errors
+
+    told = list(errors(found))
+    rows = [
+        (
+            e.quantity,
+            *(f"{100 * value:.1f} %" for value in (e.fit, e.median, e.most)),
+            "" if e.mark is None else f"{100 * e.mark:.0f} %",
+            "" if e.mark is None else f"{100 * e.beyond:.0f} %",
+        )
+        for e in told
+    ]
+    header = ("error of", "fitted, median", "held out, median", "most", "mark", "beyond it")
+    print_table("Reduced hood less the hood itself", header, rows)
+    for e in told:
+        typer.echo(f"{e.quantity}, most: at {e.where}")
+    rate = found.rate
+    typer.echo(
+        f"one state: {found.seconds:.2f} s by the hood with the way there, "
+        f"{1e3 * rate.one:.2f} ms by the reduced one ({found.seconds / rate.one:.0f} times "
+        f"faster), {1e6 * rate.batched:.1f} us in a batch "
+        f"({found.seconds / rate.batched:.0f} times)"
+    )
+    for lost in found.lost:
+        typer.echo(f"left out: {lost}")

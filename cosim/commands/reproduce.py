@@ -1,0 +1,87 @@
+"""The command of the papers' figures: `cosim reproduce`."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cosim.commands.terminal import told
+
+if TYPE_CHECKING:
+    from cosim.papers.page import Paper
+
+
+class PaperName(StrEnum):
+    """The papers whose figures are computed anew."""
+
+    NETWORKS = "networks"
+    COORDINATION = "coordination"
+    ROBOT = "robot"
+    THESIS = "thesis"
+
+
+def reproduce(
+    paper: Annotated[
+        PaperName,
+        typer.Argument(
+            help="networks: interconnected tendon networks; coordination: Buchner, Hines and "
+            "Hemami 1988, interphalangeal coordination; robot: the pneumatic robotic finger; "
+            "thesis: Jadelis, the extensor hood by finite elements and rigid bodies."
+        ),
+    ],
+    only: Annotated[
+        list[str] | None,
+        typer.Option("--only", metavar="NAME", help="This study alone; repeatable."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Folder; reproduced/PAPER without it.")
+    ] = None,
+) -> None:
+    """Compute a paper's figures anew: a picture and tables of each, and one page of all."""
+    with told():
+        from cosim.papers.page import chosen, write_figures
+
+        found = _paper(paper)
+        folder = Path("reproduced") / paper.value if out is None else out
+        studies = chosen(found, only or ())
+        count = write_figures(found, studies, folder, lambda text: typer.echo(text, err=True))
+        figures = "figure" if count == 1 else "figures"
+        typer.echo(f"{count} {figures} in {folder / 'index.html'}")
+
+
+def _paper(name: PaperName) -> Paper:
+    from cosim.papers.page import Paper
+
+    if name is PaperName.NETWORKS:
+        from cosim.papers.networks import STUDIES
+
+        title = (
+            "Development and Validation of Modeling Framework for Interconnected Tendon Networks "
+            "in Robotic and Human Fingers"
+        )
+        return Paper(name.value, title, STUDIES)
+    if name is PaperName.ROBOT:
+        from cosim.papers.robot import STUDIES as of_robot
+
+        title = (
+            "Design of an Anthropomorphic Robotic Finger System with Biomimetic Artificial Joints"
+        )
+        return Paper(name.value, title, of_robot)
+    if name is PaperName.THESIS:
+        from cosim.papers.thesis import STUDIES as of_thesis
+
+        title = (
+            "Jadelis: Index Finger Extensor Hood Mechanics Using Finite Element and Rigid Body "
+            "Dynamic Modeling"
+        )
+        kind = "A thesis's tables and figures, computed anew"
+        return Paper(name.value, title, of_thesis, kind)
+    from cosim.papers.coordination import STUDIES as ours
+
+    title = (
+        "Buchner, Hines and Hemami 1988: A dynamic model for finger interphalangeal coordination"
+    )
+    return Paper(name.value, title, ours)

@@ -1,0 +1,146 @@
+"""`cosim study` and `cosim status`."""
+
+from __future__ import annotations
+
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cosim.commands.terminal import console, print_table, told
+from cosim.port import InputError
+
+if TYPE_CHECKING:
+    from cosim.study.engine import Solve
+    from cosim.study.execute import Done
+    from cosim.study.plan import Plan
+    from cosim.study.results import Opened
+
+REASONS = 8
+"""Told in the terminal."""
+
+
+def study(
+    file: Annotated[
+        str, typer.Argument(metavar="STUDY", help="Study file, or name of a packaged study.")
+    ],
+    case: Annotated[
+        str | None,
+        typer.Option(metavar="CASE", help="Case file or name, in place of the study's own."),
+    ] = None,
+    workers: Annotated[
+        int,
+        typer.Option(min=0, max=1024, help="Processes on this machine; 0: in this process alone."),
+    ] = 2,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", help="A Dask scheduler, tcp://host:8786, in their place."),
+    ] = None,
+    retry: Annotated[bool, typer.Option("--retry", help="Do failed runs again.")] = False,
+    store: Annotated[
+        Path | None,
+        typer.Option(help="Folder of finished runs, which studies may share; else OUT/store."),
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder for the study's table and page.")] = Path(
+        "studies"
+    ),
+) -> None:
+    """Solve a case for many values of its parameters, and say what its results answer to. A study
+    that was cut off goes on where it was; a run that has finished is never done again. Exit code 1
+    where a run has no answer."""
+    with told():
+        from cosim.study.execute import conduct
+        from cosim.study.files import write_study
+        from cosim.study.plan import read_plan
+        from cosim.study.progress import progress
+        from cosim.study.store import Store
+
+        plan = read_plan(file, case)
+        if workers == 0 and scheduler is None and plan.most_seconds is not None:
+            raise InputError("limits.time needs a process that can be ended: --workers 1 or more")
+        kept = Store((store or out / "store").absolute()).open()
+        try:
+            with _engine(workers, scheduler) as solve, progress(plan.name, kept) as tell:
+                done = conduct(plan, kept, solve, retry, tell)
+        except KeyboardInterrupt:
+            typer.echo(f"stopped; what had finished is in {kept.root}: the same command goes on")
+            raise typer.Exit(130) from None
+        folder = out / plan.name
+        _show(plan, done, write_study(plan, done, kept, folder), folder)
+    raise typer.Exit(1 if done.count.failed or done.stopped else 0)
+
+
+def _engine(workers: int, scheduler: str | None) -> AbstractContextManager[Solve]:
+    from cosim.study import engine
+
+    def tell(text: str) -> None:
+        typer.echo(text, err=True)
+
+    if scheduler is not None:
+        return engine.remote(scheduler, tell)
+    return engine.local(workers, tell) if workers else nullcontext(engine.here)
+
+
+def _show(plan: Plan, done: Done, found: Opened, folder: Path) -> None:
+    from cosim.results.compare import number
+
+    rows = []
+    for name in found.outputs:
+        band, unit = found.band(name), found.units[name]
+        if band is not None:
+            low, _, middle, _, high = map(number, band.quantiles)
+            label = name if unit == "1" else f"{name}, {unit}"
+            rows.append((label, number(band.mean), number(band.sd, 3), low, middle, high))
+    header = ("", "mean", "SD", "2.5 %", "median", "97.5 %")
+    if rows:
+        print_table(f"{plan.title}: {len(plan.points)} runs", header, rows)
+    count = done.count
+    for reason, times in count.reasons.most_common(REASONS):
+        typer.echo(f"{times} without an answer: {reason}")
+    if len(count.reasons) > REASONS:
+        typer.echo(f"and {len(count.reasons) - REASONS} more reasons, in the table")
+    if done.stopped:
+        typer.echo(
+            f"stopped at {count.failed} failures (limits.failures); {count.total - count.done} "
+            "runs were not done"
+        )
+    typer.echo(
+        f"{count.solved} runs solved, {count.done - count.solved - len(done.refused)} found in the "
+        f"store, {count.failed} without an answer; page and tables in {folder}"
+    )
+
+
+def status(
+    store: Annotated[Path, typer.Argument(metavar="STORE", help="Folder of finished runs.")],
+) -> None:
+    """How far the studies of a store are."""
+    with told():
+        import time
+
+        from rich import box
+        from rich.table import Table
+
+        from cosim.study.progress import notes, span, standing
+
+        found = notes(store)
+        if not found:
+            typer.echo(f"{store}: no study has begun")
+            return
+        header = ("study", "done", "failed", "handed out", "waiting", "rate", "left", "")
+        table = Table(*header, box=box.SIMPLE, pad_edge=False)
+        for n in found:
+            rate = "-" if n.rate is None else f"{n.rate:.3g}/s"
+            left = "-" if n.remaining is None else span(n.remaining)
+            waiting = n.total - n.done - n.handed_out
+            counts = (f"{n.done}/{n.total}", str(n.failed), str(n.handed_out), str(waiting))
+            table.add_row(n.name, *counts, rate, left, standing(n, time.time()))
+        console().print(table)
+
+
+def bench_studies() -> None:
+    """Of `cosim bench studies`: what it costs to hand out runs, and what a second worker gains."""
+    from cosim.study.bench import figures
+
+    for name, value in figures(lambda text: typer.echo(text, err=True)):
+        typer.echo(f"{name:<58} {value:.4g}")

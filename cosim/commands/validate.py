@@ -1,0 +1,179 @@
+"""The command of the validations: `cosim validate`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cosim.commands.terminal import console, told, warn_of_audits
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from cosim.validation.mesh import Change
+    from cosim.validation.run import Board
+    from cosim.validation.trial import Group
+
+PLACE = Path("cases/scoreboard.json")
+"""Where the committed scoreboard is, of a checkout."""
+CHANGES = "mesh_convergence.json"
+"""Beside it, what a finer mesh changes."""
+MESH = "hood.mesh"
+
+
+def validate(
+    only: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Only the trials whose name holds this.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder for the runs and the page.")] = Path(
+        "runs/validation"
+    ),
+    settings: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="KEY=VALUE",
+            help="Replace a value of every trial; hood.mesh=MI29.FEB is --published.",
+        ),
+    ] = None,
+    published: Annotated[
+        Path | None,
+        typer.Option(metavar="MI29.FEB", help="The published hood's file (FEBio's test suite)."),
+    ] = None,
+    finer: Annotated[
+        int | None,
+        typer.Option(
+            metavar="QUADS",
+            min=120,
+            max=20000,
+            help="Once more on hoods of so many quads: what the mesh changes in every number.",
+        ),
+    ] = None,
+    workers: Annotated[int, typer.Option(min=1, max=64, help="Processes.")] = 2,
+    listed: Annotated[
+        bool, typer.Option("--list", help="Name the trials by group, and run none.")
+    ] = False,
+    update: Annotated[
+        bool, typer.Option("--update", help=f"Write {PLACE}, the committed scoreboard, as well.")
+    ] = False,
+) -> None:
+    """Run the validations; print the tally by what references rest on, the skill over null models,
+    and every compared number, misses first."""
+    with told():
+        from cosim.port import InputError
+        from cosim.validation.mesh import changes, on_finer_meshes, write_changes
+        from cosim.validation.page import write_page
+        from cosim.validation.run import chosen, validated, write_scoreboard
+
+        hoods, own = _hoods(settings or [])
+        if update and (only or own):
+            raise InputError("--update takes all trials as they are: leave out --only and --set")
+        if update and not PLACE.parent.is_dir():
+            raise InputError(f"--update: there is no {PLACE.parent}/ here; run it in a checkout")
+        groups = chosen(only, hoods[-1] if hoods else published)
+        if listed:
+            _list(groups)
+            return
+        finer_groups = [] if finer is None else on_finer_meshes(groups, finer, own)
+        boards = validated(groups, out, own, workers, _progress)
+        again = validated(finer_groups, out / "finer", (), workers, _progress)
+        found = changes(boards, again)
+        places = [out / "scoreboard.json", *([PLACE] if update else [])]
+        for place in places:
+            write_scoreboard(place, boards)
+            if finer is not None:
+                write_changes(place.with_name(CHANGES), finer, again, found)
+        write_page(out / "scoreboard.html", boards, found)
+    _print(boards)
+    if finer is not None:
+        _print_changes(again, found)
+    typer.echo(f"scoreboard in {out / 'scoreboard.html'} and {' and '.join(map(str, places))}")
+    every = (*boards, *again)
+    missed = warn_of_audits({name: why for board in every for name, why in board.missed.items()})
+    raise typer.Exit(1 if any(board.failures for board in every) else missed)
+
+
+def _hoods(settings: list[str]) -> tuple[list[Path], list[str]]:
+    """The hood meshes among settings, which have trials of their own, and the other settings."""
+    pairs = [text.partition("=") for text in settings]
+    hoods = [Path(value.strip().strip("\"'")) for key, _, value in pairs if key.strip() == MESH]
+    return hoods, ["".join(pair) for pair in pairs if pair[0].strip() != MESH]
+
+
+def _progress(text: str) -> None:
+    typer.echo(text, err=True)
+
+
+def _list(groups: list[Group]) -> None:
+    for group in groups:
+        typer.echo(f"{group.name} ({group.kind}{', variant' if group.variant else ''})")
+        for trial in group.trials:
+            typer.echo(f"  {trial.name}")
+
+
+def _print(boards: list[Board]) -> None:
+    from cosim.validation.run import by_kind
+
+    screen = console()
+    for board in by_kind(boards):
+        _print_tallies(board)
+    for board in boards:
+        _print_tallies(board)
+        for hand, skills in board.by_hand.items():
+            screen.print(f"  skill, {hand}: {', '.join(f'{s.null} {s}' for s in skills)}")
+        _print_rows(board)
+        _print_failures(board)
+
+
+def _print_tallies(board: Board) -> None:
+    variant = " (variant)" if board.variant else ""
+    console().print(f"\n{board.group}{variant}: {board.headline}")
+    for answer, found in board.tallies().items():
+        console().print(f"  {answer}: {_said(found) or 'nothing counts'}")
+
+
+def _said(found: Mapping[str, int]) -> str:
+    return ", ".join(f"{count} {word}" for word, count in found.items())
+
+
+def _print_rows(board: Board) -> None:
+    from rich.table import Table
+
+    from cosim.results.compare import marks, misses_first, number, stated
+
+    table = Table()
+    for name in ("what", "model", "reference", "difference", "verdict", "kind"):
+        table.add_column(name)
+    for row in misses_first(board.rows):
+        t = row.target
+        name = " ".join([t.name, *(f"[{mark}]" for mark in marks(t))])
+        gap, model = number(row.difference, 3), number(row.model, 3)
+        table.add_row(name, f"{model} {t.unit}", stated(t), gap, row.verdict, t.kind)
+    console().print(table)
+
+
+def _print_changes(again: list[Board], found: list[Change]) -> None:
+    from rich.table import Table
+
+    from cosim.results.compare import number
+    from cosim.validation.mesh import tally
+
+    screen = console()
+    table = Table(title="mesh: what more quads change", title_justify="left")
+    for name in ("what", "model", "finer", "change", "at most", "verdict"):
+        table.add_column(name)
+    for c in found:
+        model = f"{number(c.model, 3)} {c.unit}"
+        numbers = (number(value, 3) for value in (c.finer, c.change, c.bound))
+        table.add_row(f"{c.name} [{c.case or c.group}]", model, *numbers, c.verdict)
+    screen.print(table)
+    screen.print(", ".join(f"{count} {word}" for word, count in tally(found).items()))
+    for board in again:
+        _print_failures(board)
+
+
+def _print_failures(board: Board) -> None:
+    for name, why in board.failures.items():
+        console().print(f"failed: {name}: {why}")

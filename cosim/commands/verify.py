@@ -1,0 +1,210 @@
+"""`cosim verify` and `cosim info`."""
+
+from __future__ import annotations
+
+import json
+import math
+import platform
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from cosim.commands.terminal import console, told
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from cosim.checks import Row, Study
+
+verify = typer.Typer(
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    help="Solve problems whose answers are known, and judge the program by them.",
+)
+
+
+AsJson = Annotated[bool, typer.Option("--json", help="Print the table as JSON.")]
+Only = Annotated[
+    str | None, typer.Option(metavar="NAME", help="Only the studies whose name holds this.")
+]
+Slow = Annotated[bool, typer.Option("--slow", help="The studies of many seconds too.")]
+
+
+@verify.callback()
+def _parts() -> None:
+    pass
+
+
+@verify.command()
+def fe(as_json: AsJson = False, only: Only = None, slow: Slow = False) -> None:
+    """Verify the shell solver; exit code 1 when a row fails."""
+    from fe_solver.verification.table import STUDIES
+
+    _verify(STUDIES, as_json, only, slow)
+
+
+def _verify(studies: Sequence[Study], as_json: bool, only: str | None, slow: bool) -> None:
+    from cosim.checks import chosen
+
+    with told():
+        studies = chosen(only, slow, studies)
+    rows: list[Row] = []
+    for study in studies:
+        typer.echo(f"verify: {study.name}", err=True)
+        rows += list(study.rows())
+    _print(rows, as_json)
+    raise typer.Exit(0 if all(row.passed for row in rows) else 1)
+
+
+@verify.command()
+def fingers(as_json: AsJson = False, only: Only = None, slow: Slow = False) -> None:
+    """Verify fingers, muscles and devices, and compare them with experiments; exit code 1 when a
+    row fails."""
+    from rigid.verification.table import STUDIES
+
+    _verify(STUDIES, as_json, only, slow)
+
+
+@verify.command()
+def hoods(as_json: AsJson = False, only: Only = None, slow: Slow = False) -> None:
+    """Verify the hoods in lumped form and of cables, and compare them with their papers; exit code
+    1 when a row fails."""
+    from cosim.verification.reduction import STUDIES as REDUCED
+    from fe_solver.verification.cable_rows import STUDIES as CABLES
+    from rigid.verification.hood_table import STUDIES
+
+    _verify((*STUDIES, *CABLES, *REDUCED), as_json, only, slow)
+
+
+@verify.command()
+def coupling(as_json: AsJson = False, only: Only = None, slow: Slow = False) -> None:
+    """Verify the schemes that couple in time; exit code 1 when a row fails."""
+    from cosim.verification import coupling as verification_coupling
+    from cosim.verification import schemes_at_rest as verification_rest
+    from cosim.verification import thesis as verification_thesis
+    from cosim.verification.fmu import studies
+
+    here = (verification_coupling, verification_rest, verification_thesis)
+    all_studies = [study for module in here for study in module.STUDIES]
+    _verify((*all_studies, *studies()), as_json, only, slow)
+
+
+@verify.command()
+def robot(as_json: AsJson = False, only: Only = None, slow: Slow = False) -> None:
+    """Verify the pneumatic robotic finger: routing, air, estimation, control; exit code 1 when a
+    row fails."""
+    from rigid.verification.air_rows import STUDIES as AIR
+    from rigid.verification.robot_rows import STUDIES
+
+    _verify((*STUDIES, *AIR), as_json, only, slow)
+
+
+@verify.command()
+def studies(as_json: AsJson = False, only: Only = None, slow: Slow = False) -> None:
+    """Verify that studies lose nothing when they are killed, count their failures and keep their
+    memory, that lesions show a clinic's signs, and lay published experiments on lengths and cuts
+    beside the models (--only "lengths and cuts"); exit code 1 when a row fails."""
+    from cosim.verification.lengths import STUDIES as LENGTHS
+    from cosim.verification.lesions import STUDIES as LESIONS
+    from cosim.verification.studies import STUDIES
+
+    _verify((*STUDIES, *LESIONS, *LENGTHS), as_json, only, slow)
+
+
+def info() -> None:
+    """What is installed and in use, and what would be faster."""
+    with told():
+        facts = dict(_facts())
+    wide = max(map(len, facts))
+    for name, value in facts.items():
+        typer.echo(f"{name:{wide}}  {value}")
+
+
+def _facts() -> Iterator[tuple[str, str]]:
+    from importlib.metadata import version
+
+    from cosim import __version__
+    from fe_solver import kernels
+    from fe_solver.linear_algebra import BACKENDS, FASTER, VARIABLE, available, chosen
+
+    yield "cosim", f"{__version__} on Python {platform.python_version()}, {platform.machine()}"
+    yield "libraries", ", ".join(f"{name} {version(name)}" for name in ("numpy", "scipy", "mujoco"))
+    compiled = (
+        f"numba {version('numba')}"
+        if kernels.COMPILED
+        else "plain numpy (numba is absent or switched off)"
+    )
+    yield "kernels", f"{compiled}, {kernels.thread_count()} threads on large meshes"
+    yield "linear solver", f"{chosen()}, of {', '.join(available())}"
+    better = [name for name in BACKENDS if name in FASTER]
+    better = better[: better.index(chosen())] if chosen() in better else better
+    words = [f"{b} (set {VARIABLE})" if b in available() else FASTER[b] for b in better]
+    yield "faster would be", "; ".join(words) or "nothing that is known"
+
+
+def _print(rows: Sequence[Row], as_json: bool) -> None:
+    if as_json:
+        typer.echo(json.dumps([as_record(row) for row in rows], indent=2))
+        return
+    out = console()
+    sources = list(dict.fromkeys(row.source for row in rows))
+    out.print(rich_table(rows, sources))
+    for number, source in enumerate(sources, 1):
+        out.print(f"[{number}] {source}")
+    failed = sum(not row.passed for row in rows)
+    outside = sum(row.verdict == "outside" for row in rows)
+    compared = f", {outside} outside an experiment's spread" if outside else ""
+    out.print(f"{len(rows)} rows, {failed} failed{compared}")
+
+
+def as_record(row: Row) -> dict[str, Any]:
+    """A row for JSON: what is not a number is null."""
+    record = asdict(row) | {"error": row.error, "verdict": row.verdict}
+    return {key: _finite(value) for key, value in record.items()}
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, str) or value is None:
+        return value
+    return float(value) if math.isfinite(value) else None
+
+
+def rich_table(rows: Iterable[Row], sources: Sequence[str]) -> Table:
+    """The rows, a name said once where it repeats and the source by its number; of a bound the
+    target is the most allowed."""
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
+    table.add_column("name", ratio=1)
+    table.add_column("quantity", ratio=1)
+    for title in ("target", "computed", "error", "tolerance", "order", "verdict", "source"):
+        table.add_column(title, justify="right", no_wrap=True)
+    last = ""
+    for row in rows:
+        number = f"[{sources.index(row.source) + 1}]"
+        table.add_row("" if row.name == last else row.name, row.quantity, *_figures(row), number)
+        last = row.name
+    return table
+
+
+def _figures(row: Row) -> tuple[str, ...]:
+    target, relative = f"{row.target:.5g}", row.measure in ("relative", "shown")
+    if row.measure == "bound":
+        target = f"<= {row.target + row.tolerance:.2g}"
+    return (
+        target,
+        f"{row.computed:.5g}" if row.measure != "bound" else f"{row.computed:.2g}",
+        "-" if row.measure == "bound" else _percent(row.error, relative),
+        "-" if row.measure in ("bound", "shown") else _percent(row.tolerance, relative),
+        "" if row.order is None else f"{row.order:.1f}",
+        row.verdict,
+    )
+
+
+def _percent(value: float, relative: bool) -> str:
+    if not relative or value == 0:
+        return f"{value:.1g}"
+    return f"{100 * value:.2f} %" if value >= 5e-5 else f"{value:.0e}"

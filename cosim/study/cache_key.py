@@ -1,0 +1,94 @@
+"""Where a run's answer is kept: the address of a case as it is solved, by this code."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator
+from functools import cache, lru_cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from cosim import __version__
+from cosim.case.schema import Case
+from cosim.port import InputError
+
+PACKAGES = ("cosim", "fe_solver", "rigid", "meshes")
+ABOUT_RESULTS = (
+    *("cosim/report", "cosim/papers", "cosim/study"),
+    *("cosim/commands/report.py", "cosim/commands/study.py"),
+)
+"""What only shows results or says how runs are spread; it changes no number."""
+LIBRARIES = ("numpy", "scipy", "mujoco")
+NOT_CODE = (".pyc", ".css", ".js", ".j2", ".md", ".nbi", ".nbc")
+WORDS = ("title", "notes", "output")
+"""Of a case, what changes no number."""
+
+
+@cache
+def code_version() -> str:
+    """Of this program: its version, its sources and the data in them, and the libraries that
+    compute.  Two programs that share it give the same numbers on the same kind of machine."""
+    root = Path(__file__).parents[2]
+    digest = hashlib.sha256()
+    for package in PACKAGES:
+        for path in sorted((root / package).rglob("*")):
+            name = path.relative_to(root).as_posix()
+            if (
+                path.is_file()
+                and path.suffix not in NOT_CODE
+                and not name.startswith(ABOUT_RESULTS)
+            ):
+                digest.update(f"{name}\n".encode())
+                digest.update(hashlib.sha256(path.read_bytes()).digest())
+    libraries = " ".join(f"{name} {version(name)}" for name in LIBRARIES)
+    return f"{__version__} {digest.hexdigest()[:16]} {libraries}"
+
+
+def stated(case: Case) -> dict[str, Any]:
+    """The whole case as its file would state it; `CaseFile` reads the same case from it."""
+    return case.model_dump(mode="json", exclude={"name", "source"}, exclude_none=True)
+
+
+def address(case: Case, code: str) -> str:
+    """sha256 of the case, with the contents of its files in place of their paths, and of the code.
+
+    Raises InputError where a file cannot be read."""
+    files = {str(path): _content(path) for path in _paths(case.model_dump(mode="python"))}
+    said = {key: value for key, value in stated(case).items() if key not in WORDS}
+    text = json.dumps([_with(said, files), code], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _paths(values: Any) -> Iterator[Path]:
+    if isinstance(values, Path):
+        yield values
+    elif isinstance(values, dict):
+        for key, value in values.items():
+            if key != "source":
+                yield from _paths(value)
+    elif isinstance(values, list | tuple):
+        for value in values:
+            yield from _paths(value)
+
+
+def _with(values: Any, files: dict[str, str]) -> Any:
+    if isinstance(values, dict):
+        return {key: _with(value, files) for key, value in values.items()}
+    if isinstance(values, list):
+        return [_with(value, files) for value in values]
+    return files.get(values, values) if isinstance(values, str) else values
+
+
+def _content(path: Path) -> str:
+    try:
+        stamp = path.stat()
+        return _hashed(path, stamp.st_mtime_ns, stamp.st_size)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+
+
+@lru_cache(maxsize=256)
+def _hashed(path: Path, time: int, size: int) -> str:
+    return f"sha256:{hashlib.sha256(path.read_bytes()).hexdigest()}"

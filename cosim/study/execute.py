@@ -1,0 +1,127 @@
+"""A study done: the runs that the store has not are handed out, and all are counted."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+from cosim.case.file import load_case
+from cosim.port import InputError
+from cosim.study.cache_key import address, code_version, stated
+from cosim.study.engine import Solve
+from cosim.study.plan import Plan, Point
+from cosim.study.quantities import check_outputs
+from cosim.study.store import Store
+from cosim.study.task import Task, Verdict, known
+
+PACK = 5000
+"""Runs solved, after which the store is packed."""
+
+
+@dataclass
+class Count:
+    """How far a study is, in runs that differ."""
+
+    total: int
+    done: int = 0
+    """Ended, failed ones too."""
+    failed: int = 0
+    solved: int = 0
+    """Ended now, not found in the store."""
+    handed_out: int = 0
+    """Given to the workers now, and not ended."""
+    reasons: Counter[str] = field(default_factory=Counter)
+
+    def end(self, verdict: Verdict) -> None:
+        """A run has ended, or had."""
+        self.done += 1
+        self.solved += verdict.solved
+        if verdict.status != "converged":
+            self.failed += 1
+            self.reasons[verdict.reason] += 1
+
+
+@dataclass(frozen=True)
+class Done:
+    """Where every run's row is, or why the case does not allow it; without all of them where the
+    study stopped for its failures."""
+
+    keys: dict[Point, str]
+    refused: dict[Point, str]
+    count: Count
+
+    @property
+    def stopped(self) -> bool:
+        return self.count.done < self.count.total
+
+
+def conduct(
+    plan: Plan, store: Store, solve: Solve, again: bool, tell: Callable[[Count], None]
+) -> Done:
+    """Do what is left of the study; `again`: also what had failed.
+
+    Raises InputError for an output that a run has not and for a store that cannot be written;
+    every run that ended is in the store then."""
+    points = list(dict.fromkeys(plan.points))
+    done = Done({}, {}, Count(len(points)))
+    count, is_checked = done.count, False
+
+    def note(verdict: Verdict) -> None:
+        nonlocal is_checked
+        count.end(verdict)
+        if verdict.status == "converged" and not is_checked:
+            (row,) = store.rows([verdict.key])
+            check_outputs(plan.outputs, row.summary)
+            is_checked = True
+        tell(count)
+
+    def tasks() -> Iterator[Task]:
+        code = code_version()
+        for point in points:
+            if plan.most_failures is not None and count.failed >= plan.most_failures:
+                return
+            try:
+                task = _task(plan, point, store, code, again)
+            except InputError as error:
+                done.refused[point] = _faults(error)
+                note(Verdict("", "refused", done.refused[point], 0.0, solved=False))
+                continue
+            done.keys[point] = task.key
+            found = known(task, store)
+            if found is not None:
+                note(found)
+                continue
+            count.handed_out += 1
+            yield task
+
+    tell(count)
+    for verdict in solve(tasks()):
+        count.handed_out -= 1
+        note(verdict)
+        if count.solved and count.solved % PACK == 0:
+            store.pack()
+    store.pack()
+    return done
+
+
+def _faults(error: InputError) -> str:
+    """In a line, without the path that the first line shows as it is seen from here."""
+    lines = str(error).splitlines()
+    return " ".join(" ".join(lines[1:] or lines).split())
+
+
+def _task(plan: Plan, point: Point, store: Store, code: str, again: bool) -> Task:
+    """Raises InputError where the case does not allow the point."""
+    case = load_case(plan.case, plan.settings_at(point))
+    return Task(
+        address(case, code),
+        stated(case),
+        case.name,
+        str(case.source),
+        str(store.root),
+        code,
+        plan.arrays,
+        plan.most_seconds,
+        again,
+    )

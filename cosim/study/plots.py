@@ -1,0 +1,202 @@
+"""The pictures of a study: band and what was measured, what answers to what, scatter, surface."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from textwrap import fill
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cosim.port import Array
+from cosim.results.compare import Target, stated
+from cosim.study.answers import Indices, Slopes, Surface
+from cosim.study.results import Opened
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+BLUE, ORANGE, GREEN = "#0072b2", "#e69f00", "#009e73"
+"""Of Okabe and Ito's palette for colour-blind readers; also told apart by hatch and shape."""
+ACROSS = 4
+MOST_POINTS = 4000
+"""Drawn of a scatter; the band and the answers are of all."""
+GRID = 60
+BINS = 8
+
+
+def written(found: Opened, name: str) -> str:
+    """A parameter or output with its unit, as an axis says it."""
+    unit = found.units[name]
+    return found.label(name) + ("" if unit == "1" else f" ({unit})")
+
+
+def draw_band(found: Opened, output: str, targets: Sequence[Target]) -> Figure:
+    """The distribution over the runs, its middle 50 and 95 %, and measured values on its scale."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8.4, 2.6 + 0.28 * len(targets)), layout="constrained")
+    axes = figure.subplots()
+    values = found.values(output)
+    values = values[np.isfinite(values)]
+    axes.hist(values, bins=min(40, max(8, len(values) // 12)), color=BLUE, alpha=0.75)
+    if (band := found.band(output)) is not None:
+        low, quarter, middle, upper, high = band.quantiles
+        axes.axvspan(low, high, color="0.6", alpha=0.18, lw=0, label="95 % of the runs")
+        axes.axvspan(quarter, upper, color="0.6", alpha=0.3, lw=0, label="50 % of the runs")
+        axes.axvline(middle, color="black", lw=1.2, label="median")
+    top = axes.get_ylim()[1]
+    for i, target in enumerate(targets):
+        _draw_target(axes, target, top * (1.1 + 0.16 * i))
+    axes.set_ylim(0, top * (1.05 + 0.16 * len(targets)))
+    axes.set_xlabel(written(found, output))
+    axes.set_ylabel("runs")
+    figure.legend(loc="outside right upper", fontsize=8, frameon=False)
+    return figure
+
+
+def _draw_target(axes: Axes, target: Target, height: float) -> None:
+    label = fill(f"{target.kind}: {target.name}, {stated(target)}", 42)
+    look: Any = {"color": GREEN, "label": label}
+    if target.reference is not None:
+        spread = target.sd if target.sd is not None else None
+        axes.errorbar(target.reference, height, xerr=spread, fmt="D", capsize=4, ms=5, **look)
+        return
+    ends = [e for e in (target.low, target.high) if e is not None]
+    axes.plot(ends, [height] * len(ends), marker="|", ms=11, lw=2.5, **look)
+
+
+def draw_influence(found: Opened, output: str) -> Figure | None:
+    """Tornado of the slopes, and Sobol's indices with their intervals where there are any."""
+    from matplotlib.figure import Figure
+
+    slopes, indices = found.slopes(output), found.indices(output)
+    has_indices = isinstance(indices, Indices)
+    if slopes is None and not has_indices:
+        return None
+    names = strongest(found, output)
+    panels = (slopes is not None) + has_indices
+    size = (4.6 * panels + 1.6, 1.3 + 0.34 * len(names))
+    figure = Figure(figsize=size, layout="constrained")
+    every = list(np.atleast_1d(figure.subplots(1, panels, sharey=True)))
+    every[0].set_yticks(range(len(names)), [fill(found.label(n), 30) for n in names], fontsize=9)
+    every[0].set_ylim(len(names) - 0.4, -0.6)
+    if slopes is not None:
+        _draw_slopes(every[0], found, slopes, names)
+    if isinstance(indices, Indices):
+        _draw_indices(every[-1], found, indices, names)
+    for axes in every:
+        axes.grid(axis="x", alpha=0.3)
+        axes.set_axisbelow(True)
+    return figure
+
+
+def strongest(found: Opened, output: str) -> list[str]:
+    """The numeric parameters, the strongest first: by total index, else by slope."""
+    indices, slopes = found.indices(output), found.slopes(output)
+    if isinstance(indices, Indices):
+        weight = dict(zip(found.parameters, indices.total, strict=True))
+    elif slopes is not None:
+        weight = dict(zip(found.numeric, np.abs(slopes.slope), strict=True))
+    else:
+        weight = {}
+    return sorted(found.numeric, key=lambda name: -weight.get(name, 0.0))
+
+
+def _draw_slopes(axes: Axes, found: Opened, slopes: Slopes, names: Sequence[str]) -> None:
+    for place, name in enumerate(names):
+        i = found.numeric.index(name)
+        value, colour = slopes.slope[i], BLUE if slopes.slope[i] >= 0 else ORANGE
+        hatch = "" if value >= 0 else "////"
+        axes.barh(place, value, 0.62, color=colour, hatch=hatch, edgecolor="white", lw=0)
+        axes.errorbar(value, place, xerr=2 * slopes.error[i], color="black", lw=1, capsize=2)
+    axes.axvline(0, color="black", lw=0.8)
+    axes.set_xlabel(
+        "SDs of the output for one SD of the parameter (±2 standard errors)", fontsize=8
+    )
+    axes.set_title(f"Tornado; a straight line explains {max(slopes.r2, 0):.0%}", fontsize=10)
+
+
+def _draw_indices(axes: Axes, found: Opened, indices: Indices, names: Sequence[str]) -> None:
+    at = [found.parameters.index(name) for name in names]
+    places = np.arange(len(names))
+    parts = (
+        (indices.first, indices.first_conf, -0.17, BLUE, "", "first order"),
+        (indices.total, indices.total_conf, 0.17, ORANGE, "////", "total"),
+    )
+    for value, width, shift, colour, hatch, label in parts:
+        look: Any = {"color": colour, "hatch": hatch, "edgecolor": "white", "lw": 0}
+        axes.barh(places + shift, value[at], 0.32, label=label, **look)
+        axes.errorbar(
+            value[at], places + shift, xerr=width[at], fmt="none", color="black", lw=1, capsize=2
+        )
+    axes.axvline(0, color="black", lw=0.8)
+    axes.set_xlabel("share of the variance (95 % intervals)", fontsize=8)
+    lost = indices.planned - indices.blocks
+    missing = f"; {lost} of {indices.planned} blocks left out" if lost else ""
+    axes.set_title(f"Sobol's indices{missing}", fontsize=10)
+    axes.legend(fontsize=8, frameon=False, loc="lower right")
+
+
+def draw_scatter(found: Opened, output: str) -> Figure | None:
+    """The output against each numeric parameter, with the means of equal parts of the runs."""
+    from matplotlib.figure import Figure
+
+    names = strongest(found, output)
+    if not names:
+        return None
+    values = found.values(output)
+    there = np.flatnonzero(np.isfinite(values))
+    shown = there[:: max(1, -(-len(there) // MOST_POINTS))]
+    rows = -(-len(names) // ACROSS)
+    width = min(len(names), ACROSS)
+    figure = Figure(figsize=(2.75 * width + 0.7, 2.4 * rows), layout="constrained")
+    every = np.atleast_1d(figure.subplots(rows, width, sharey=True, squeeze=False)).ravel()
+    for axes, name in zip(every, names, strict=False):
+        x = found.table[name].to_numpy(float)
+        axes.plot(x[shown], values[shown], ".", color=BLUE, ms=4, alpha=0.6, mew=0)
+        axes.plot(*_means(x[there], values[there]), color="black", lw=1.4)
+        axes.set_xlabel(fill(written(found, name), 34), fontsize=8)
+        axes.tick_params(labelsize=8)
+        axes.grid(alpha=0.25)
+    for axes in every[len(names) :]:
+        axes.set_visible(False)
+    figure.supylabel(written(found, output), fontsize=9)
+    return figure
+
+
+def _means(x: Array, y: Array) -> tuple[Array, Array]:
+    """Of bins with as many runs each, or of each value where those are few."""
+    distinct = np.unique(x)
+    if len(distinct) <= BINS:
+        return distinct, np.array([y[x == value].mean() for value in distinct])
+    parts = np.array_split(np.argsort(x, kind="stable"), min(BINS, len(x)))
+    return np.array([x[p].mean() for p in parts]), np.array([y[p].mean() for p in parts])
+
+
+def draw_surface(found: Opened, output: str, fit: Surface) -> Figure | None:
+    """The quadratic over the two strongest parameters, the others at their means."""
+    from matplotlib.figure import Figure
+
+    names = strongest(found, output)[:2]
+    if len(names) < 2:
+        return None
+    figure = Figure(figsize=(5.6, 4.2), layout="constrained")
+    axes = figure.subplots()
+    at = [found.numeric.index(name) for name in names]
+    inputs = found.inputs
+    ends = [np.linspace(inputs[:, i].min(), inputs[:, i].max(), GRID) for i in at]
+    across, along = np.meshgrid(*ends)
+    x = np.tile(fit.mean, (across.size, 1))
+    x[:, at[0]], x[:, at[1]] = across.ravel(), along.ravel()
+    drawn = axes.contourf(across, along, fit(x).reshape(across.shape), 14, cmap="viridis")
+    lines = axes.contour(
+        across, along, fit(x).reshape(across.shape), 7, colors="white", linewidths=0.6
+    )
+    axes.clabel(lines, fontsize=7)
+    figure.colorbar(drawn, label=written(found, output))
+    axes.plot(inputs[:MOST_POINTS, at[0]], inputs[:MOST_POINTS, at[1]], ".", color="black", ms=1.5)
+    axes.set_xlabel(written(found, names[0]))
+    axes.set_ylabel(written(found, names[1]))
+    return figure

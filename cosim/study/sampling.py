@@ -1,0 +1,74 @@
+"""Points of the unit cube to try, by seed: at random, Latin hypercube, Sobol, Saltelli."""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import Literal, get_args
+
+import numpy as np
+
+from cosim.port import Array, InputError
+from cosim.study.distributions import Axis, Law, Word
+
+Kind = Literal["random", "latin_hypercube", "sobol", "saltelli"]
+KINDS: tuple[Kind, ...] = get_args(Kind)
+POWERS_OF_TWO: tuple[Kind, ...] = ("sobol", "saltelli")
+"""Their sequences are balanced for such counts alone (Owen 2020, arXiv:2008.08051)."""
+
+
+def block(dimensions: int, second_order: bool) -> int:
+    """Points of Saltelli's scheme for each of its base points: A, A with a column of B for each
+    parameter (and B with one of A for indices of second order), B."""
+    return (2 if second_order else 1) * dimensions + 2
+
+
+def unit_points(kind: Kind, dimensions: int, n: int, seed: int, second_order: bool) -> Array:
+    """(m, dimensions) inside (0, 1); m is n, of Saltelli's scheme (Comput Phys Commun 145:280,
+    2002) n `block`s.  Raises InputError for a count that the sequence is not balanced for."""
+    if kind in POWERS_OF_TWO and n & (n - 1):
+        below = 1 << (n.bit_length() - 1)
+        raise InputError(
+            f"sampling.n = {n}: {kind} needs a power of 2, for example {below} or {2 * below}"
+        )
+    found = _points(kind, dimensions, n, seed, second_order)
+    tiny = np.finfo(float).eps
+    return np.clip(found, tiny, 1 - tiny)
+
+
+def _points(kind: Kind, dimensions: int, n: int, seed: int, second_order: bool) -> Array:
+    from scipy.stats import qmc
+
+    if kind == "random":
+        return np.random.default_rng(seed).random((n, dimensions))
+    if kind == "latin_hypercube":
+        return np.asarray(qmc.LatinHypercube(dimensions, seed=seed).random(n))
+    if kind == "sobol":
+        return np.asarray(qmc.Sobol(dimensions, seed=seed).random(n))
+    from SALib.sample.sobol import sample
+
+    found = sample(problem(dimensions), n, calc_second_order=second_order, seed=seed)
+    return np.asarray(found)
+
+
+def problem(dimensions: int) -> dict[str, object]:
+    """What SALib asks of so many parameters on the unit cube."""
+    names = [f"x{i}" for i in range(dimensions)]
+    return {"num_vars": dimensions, "names": names, "bounds": [[0.0, 1.0]] * dimensions}
+
+
+def points(laws: tuple[Law, ...], samples: Array | None) -> list[tuple[Word, ...]]:
+    """The values of every run: for each sample (a row of `samples`, a column for each
+    distribution) all of the axes' combinations, the last axis fastest."""
+    drawn = [law for law in laws if not isinstance(law, Axis)]
+    columns = [
+        law.quantile(samples[:, i]).tolist() for i, law in enumerate(drawn) if samples is not None
+    ]
+    rows = list(zip(*columns, strict=True)) if columns else [()]
+    steps = list(product(*(law.values for law in laws if isinstance(law, Axis))))
+    return [_woven(laws, row, step) for row in rows for step in steps]
+
+
+def _woven(laws: tuple[Law, ...], row: tuple[float, ...], step: tuple[Word, ...]) -> tuple:
+    """The values in the order of the laws."""
+    sampled, stepped = iter(row), iter(step)
+    return tuple(next(stepped if isinstance(law, Axis) else sampled) for law in laws)

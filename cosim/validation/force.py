@@ -1,0 +1,81 @@
+"""The fingertip forces of seven muscles at 30/45/15 deg beside two published rigid-body models.
+
+No experiment: the forces are statics of An's normative paths and of MyoHand's moment arms.  Neither
+prints a spread, so that no row has a band.  The tendons of our split, and of the flexors, run along
+An's own paths: these are compared with MyoHand alone."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator, Sequence
+from importlib.resources import files
+
+from cosim.results.compare import COMPONENTS, Target
+from cosim.validation.trial import Group, Trial
+
+CLAMPED = 'finger.tip.kind="clamped"'
+THROUGH_THE_HOOD = ("EDC", "EI", "LUM", "FPI")
+THROUGH_THE_NETWORK = ("EDC", "LUM", "FPI")
+"""The paper of the network has no EI."""
+PAST_THE_HOOD = ("FDP", "FDS", "FDI")
+"""Muscles that no hood touches: they are judged once."""
+AN, MYOHAND = "An 1979", "MyoHand"
+CASES = {"ti": "fingertip_fibres", "iso": "fingertip_isotropic", "network": "network"}
+
+
+def force_groups() -> tuple[Group, ...]:
+    """The shipped hood, the muscles past it, then the variants."""
+    both = (AN, MYOHAND)
+    partners = {f"force ti {m}": f"force split {m}" for m in THROUGH_THE_HOOD}
+    return (
+        _group("two models: hood", "ti", THROUGH_THE_HOOD, both, partners=partners),
+        _group("two models: flexors", "split", PAST_THE_HOOD, (MYOHAND,)),
+        _group("two models: fixed split", "split", THROUGH_THE_HOOD, (MYOHAND,), variant=True),
+        _group("two models: isotropic hood", "iso", THROUGH_THE_HOOD, both, variant=True),
+        _group("two models: network", "network", THROUGH_THE_NETWORK, both, variant=True),
+    )
+
+
+def _group(
+    name: str,
+    law: str,
+    muscles: Sequence[str],
+    sources: Sequence[str],
+    *,
+    variant: bool = False,
+    partners: dict[str, str] | None = None,
+) -> Group:
+    case = CASES.get(law, law)
+    trials = tuple(Trial(f"force {law} {m}", f"{case}_{m.lower()}", (CLAMPED,)) for m in muscles)
+    targets = tuple(t for trial in trials for t in _targets(trial, sources))
+    return Group(name, "published model", trials, targets, variant, partners or {})
+
+
+def _targets(trial: Trial, sources: Sequence[str]) -> Iterator[Target]:
+    for source in sources:
+        vector = two_models()[trial.name.split()[-1]][source]
+        for component, value in zip(COMPONENTS, vector, strict=True):
+            yield Target(
+                f"{trial.name}: {component}, {source}",
+                f"difference.fingertip_force_N.{component}",
+                "N",
+                value,
+                None,
+                None,
+                None,
+                source,
+                "published model",
+                trial.name,
+                note="clamped",
+            )
+
+
+def two_models() -> dict[str, dict[str, tuple[float, float, float]]]:
+    """Distal, palmar and radial force, N, by muscle and source."""
+    text = (files("cases") / "data" / "fingertip_two_models.csv").read_text(encoding="utf-8")
+    lines = [line for line in text.splitlines() if not line.startswith("#")]
+    out: dict[str, dict[str, tuple[float, float, float]]] = {}
+    for row in csv.DictReader(lines):
+        vector = (float(row["distal"]), float(row["palmar"]), float(row["radial"]))
+        out.setdefault(row["muscle"], {})[row["source"]] = vector
+    return out

@@ -1,0 +1,69 @@
+"""Experiments on lengths and cuts of the extensor among the validations, with the shell."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from cosim.port import ConvergenceError
+from cosim.results.compare import SECOND_HAND, UNITS, Target
+from cosim.validation.trial import Group, Trial
+from cosim.verification.lengths import MADE, experiments
+
+SHELL = "shell"
+ENDINGS = {unit: key for key, unit in UNITS.items()}
+OWN_ZERO = "zero lies within the experiment's own range"
+
+
+def length_groups() -> tuple[Group, Group]:
+    """What is judged: the first of the assumptions that each experiment leaves open; and, as a
+    variant, the others."""
+    trials = tuple(Trial(f"lengths: {what}", m.case, study=what) for what, m in MADE.items())
+    first = tuple(t for trial in trials for t in _targets(trial, slice(1)))
+    rest = tuple(t for trial in trials for t in _targets(trial, slice(1, None)))
+    others = tuple(t for t in trials if t.name in {target.case for target in rest})
+    return (
+        Group("lengths and cuts", SECOND_HAND, trials, first),
+        Group("lengths and cuts: other loads and places", SECOND_HAND, others, rest, variant=True),
+    )
+
+
+def _targets(trial: Trial, which: slice) -> Iterator[Target]:
+    made = MADE[trial.study]
+    for name, where in itertools.product(made.experiments, made.assumed[which]):
+        e = experiments()[name]
+        none = e.mean is not None and e.sd is not None and abs(e.mean) <= e.sd
+        note = "; ".join(filter(None, (f"n {e.n}", e.read, OWN_ZERO if none else "")))
+        yield Target(
+            ", ".join(filter(None, (e.measured, where))),
+            f"measured.{_key(name, where)}",
+            e.unit,
+            e.mean,
+            e.sd,
+            e.at_least,
+            None,
+            e.source,
+            SECOND_HAND,
+            trial.name,
+            note=note,
+        )
+
+
+def measured(study: str, settings: Sequence[str]) -> tuple[dict[str, Any], str | None]:
+    """A summary of what the shell, with settings of one's own, does in the experiments of a study;
+    and why it ends before its last value, if it does.
+
+    Raises InputError."""
+    found: dict[str, float] = {}
+    try:
+        for v in MADE[study].values(SHELL, settings):
+            found[_key(v.experiment, v.where)] = float(v.value)
+    except ConvergenceError as error:
+        return {"measured": found}, str(error)
+    return {"measured": found}, None
+
+
+def _key(experiment: str, where: str) -> str:
+    words = "_".join((experiment, *where.split()))
+    return f"{words}_{ENDINGS[experiments()[experiment].unit]}"

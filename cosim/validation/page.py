@@ -1,0 +1,108 @@
+"""The scoreboard as a page that needs nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from cosim import __version__
+from cosim.files import written_whole
+from cosim.results.compare import Comparison, Verdict, marks, misses_first, number, stated
+from cosim.validation import mesh as validation_mesh
+from cosim.validation.mesh import Change
+from cosim.validation.run import Board, by_kind
+from cosim.validation.skill import Skill
+
+SHAPES: dict[Verdict, str] = {
+    "inside 1 SD": "●",
+    "inside the band": "●",
+    "outside": "▲",
+    "nothing to judge by": "○",
+    "no value": "✕",
+}
+
+
+def write_page(path: Path, boards: Sequence[Board], changes: Sequence[Change] = ()) -> None:
+    """The page of the boards, and of what a finer mesh `changes`.  Raises InputError where the file
+    cannot be written."""
+    from jinja2 import Environment, PackageLoader
+
+    page = Environment(
+        loader=PackageLoader("cosim.validation", ""), autoescape=True, trim_blocks=True
+    )
+    shown = [
+        {
+            "group": board.group,
+            "kind": board.kind,
+            "variant": board.variant,
+            "headline": board.headline,
+            "nulls": _nulls(board),
+            "by_hand": {hand: _skills(each) for hand, each in board.by_hand.items()},
+            "failures": board.failures,
+            "rows": [_cells(row) for row in misses_first(board.rows)],
+        }
+        for board in boards
+    ]
+    text = page.get_template("page.html.j2").render(
+        version=__version__,
+        boards=shown,
+        kinds=[
+            {"group": b.group, "headline": b.headline, "nulls": _nulls(b)} for b in by_kind(boards)
+        ],
+        changes=[_changed(c) for c in changes],
+        mesh_tally=validation_mesh.tally(changes),
+    )
+    with written_whole(path) as part:
+        part.write_text(text, encoding="utf-8")
+
+
+def _nulls(board: Board) -> list[dict[str, str]]:
+    """The tally of the model and of each null model, with the skill over it."""
+    skills = {s.null: s for s in board.skills}
+    found = []
+    for name, verdicts in board.tallies().items():
+        s = skills.get(name)
+        beaten = "" if s is None else s.fault or "beaten"
+        row = {"name": name, "tally": _said(verdicts), "skill": "" if s is None else str(s)}
+        found.append(row | {"beaten": beaten})
+    return found
+
+
+def _skills(found: Sequence[Skill]) -> str:
+    return ", ".join(f"{s.null} {s}" for s in found)
+
+
+def _said(found: Mapping[str, int]) -> str:
+    return ", ".join(f"{count} {word}" for word, count in found.items())
+
+
+def _cells(row: Comparison) -> dict[str, Any]:
+    t = row.target
+    return {
+        "name": t.name,
+        "marks": marks(t),
+        "note": t.note,
+        "model": number(row.model),
+        "unit": t.unit if t.unit != "1" else "",
+        "stated": stated(t),
+        "difference": number(row.difference),
+        "verdict": row.verdict,
+        "shape": SHAPES[row.verdict],
+        "source": t.source,
+        "kind": t.kind,
+    }
+
+
+def _changed(found: Change) -> dict[str, str]:
+    numbers = {k: number(getattr(found, k)) for k in ("model", "finer", "change", "bound")}
+    shape = {"beyond": "▲", "within": "●", "no value": "✕"}[found.verdict]
+    unit = found.unit if found.unit != "1" else ""
+    where = found.case or found.group
+    return numbers | {
+        "name": found.name,
+        "where": where,
+        "unit": unit,
+        "verdict": found.verdict,
+        "shape": shape,
+    }

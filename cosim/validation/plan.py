@@ -1,0 +1,252 @@
+"""What `cosim validate` runs, and what it compares with: trials and targets by group.
+
+Groups are of one kind of reference, experiments first; the shipped hood's stand before variants of
+it, whose rows are beside the same numbers."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import cache, partial
+from importlib.resources import as_file, files
+from pathlib import Path
+
+from cosim.results.compare import SECOND_HAND, Comparison, Target, compared, value_of, verdict
+from cosim.results.compare_files import read_targets
+from cosim.results.strains import is_slack
+from cosim.validation.force import force_groups
+from cosim.validation.lengths import OWN_ZERO, length_groups
+from cosim.validation.trial import Group, Summaries, Trial
+
+MCP, IP = (0, 30, 60), ((0, 0), (45, 15), (60, 30))
+"""deg, the nine postures of Lee's fingers."""
+FALLS = {"IP joints flex": 1e-3, "MCP flexes": 0.3}
+"""Least share of its force that each slip loses [Lee et al. 2008, abstract]: with the IP joints it
+falls (p < 0.01; how far is not printed: any loss beyond 0.1 %), with the MCP, the IP joints
+straight, by more than 30 %."""
+MODULI = {"soft": -1.0, "average": 0.0, "stiff": 1.0}
+"""SD from the means of the thesis's table 4."""
+POSTURES = ("minorflex", "majorflex")
+THROUGH, PAST = ("edc", "lum", "ri", "ui"), ("fdp", "fds")
+"""Muscles of the middle finger that act through its hood, and that no hood touches."""
+HANDS = ("H01", "H02", "H03")
+EXTRINSIC = ("edc", "ei", "fdp", "fds")
+STRAIGHT = "strain average ti"
+
+
+def groups(published: Path | None = None) -> tuple[Group, ...]:
+    """All validations, in the order of the scoreboard; those of the published hood where its file
+    is given.  Raises InputError for faulty data."""
+    two_models, past, *other_models = force_groups()
+    lengths, other_lengths = length_groups()
+    cadaver, flexors, split = cadaver_groups()
+    free, free_split = free_groups()
+    strains, slips, slip_strain, laws = lee_groups()
+    other = (published_group(published),) if published is not None else ()
+    judged = (cadaver, flexors, strains, slips, free, lengths, two_models, past, slip_strain)
+    variants = (split, free_split, laws, other_lengths, *other_models, *other)
+    return (*judged, fitted_group(), *variants)
+
+
+@cache
+def data(name: str) -> tuple[Target, ...]:
+    """The targets of a packaged file."""
+    with as_file(files("cases") / "data" / name) as path:
+        return read_targets(path)
+
+
+def rows_of(group: Group, summaries: Summaries) -> Iterator[Comparison]:
+    """Every comparison of a group; a trial that did not converge has no value."""
+    for trial in group.trials:
+        mine = [t for t in group.targets if t.case == trial.name]
+        yield from compared(mine, summaries.get(trial.name, {}), trial.name)
+    if group.derived is not None:
+        yield from group.derived(summaries)
+
+
+def split_answers(
+    group: Group, rows: Sequence[Comparison], summaries: Summaries
+) -> dict[Target, float | None]:
+    """What the fixed split says of the rows whose trial has a partner that gave an answer."""
+    found = ((r.target, summaries.get(group.partners.get(r.target.case, ""))) for r in rows)
+    return {t: value_of(said, t.quantity) for t, said in found if said is not None}
+
+
+def of_trial(trial: str, targets: Sequence[Target], geometry: str = "") -> tuple[Target, ...]:
+    """The targets as those of a trial."""
+    return tuple(
+        replace(t, name=f"{trial}: {t.name}", case=trial, geometry=geometry) for t in targets
+    )
+
+
+# Lee et al. 2008 ----------------------------------------------------------------------------------
+
+
+def lee_groups() -> tuple[Group, Group, Group, Group]:
+    """Strains, slips' forces and the inferred strain of the central slip with the shipped hood; and
+    all of them, at 0/0/0 deg, with other moduli and the isotropic law."""
+    straight = (Trial(STRAIGHT, "strain_lee2008_average_ti"),)
+    printed, inferred = lee_strains()
+    (ratio,) = data("lee2008_slips.csv")
+    postures = tuple(posture_trials())
+    bent = [of_trial(t.name, [ratio]) for t in postures if t.name != STRAIGHT]
+    slips = tuple(itertools.chain.from_iterable(bent))
+    others = tuple(
+        Trial(f"strain {modulus} {law}", f"strain_lee2008_{modulus}_{law}")
+        for modulus, law in itertools.product(MODULI, ("ti", "iso"))
+        if (modulus, law) != ("average", "ti")
+    )
+    every = [of_trial(t.name, [*printed, ratio]) for t in others]
+    derived = partial(losses, {t.name for t in postures})
+    return (
+        Group("Lee 2008: strains", SECOND_HAND, straight, of_trial(STRAIGHT, printed)),
+        Group("Lee 2008: slip forces", SECOND_HAND, postures, slips, derived=derived),
+        Group("inferred: central slip", "inferred", straight, of_trial(STRAIGHT, inferred)),
+        Group(
+            "Lee 2008: other moduli and law",
+            SECOND_HAND,
+            others,
+            tuple(itertools.chain.from_iterable(every)),
+            variant=True,
+        ),
+    )
+
+
+def lee_strains() -> tuple[list[Target], list[Target]]:
+    """Those printed, and those inferred."""
+    every = data("lee2008_strain.csv")
+    return [t for t in every if t.kind == SECOND_HAND], [t for t in every if t.kind == "inferred"]
+
+
+def posture_trials() -> Iterator[Trial]:
+    """The shipped hood in the nine postures."""
+    for mcp, (pip, dip) in itertools.product(MCP, IP):
+        name, case = posed(mcp, pip, dip), "strain_lee2008_average_ti"
+        angles = {"MCP": mcp, "PIP": pip, "DIP": dip}
+        settings = tuple(f'finger.posture.{j}="{a} deg"' for j, a in angles.items())
+        title = f'title="Lee 2008: 11.8 N in EDC at {mcp}/{pip}/{dip} deg, fibres in a matrix"'
+        yield Trial(name, case) if name == STRAIGHT else Trial(name, case, (*settings, title))
+
+
+def posed(mcp: int, pip: int, dip: int) -> str:
+    """The name of a trial of the shipped hood."""
+    return STRAIGHT if (mcp, pip, dip) == (0, 0, 0) else f"{STRAIGHT} {mcp}/{pip}/{dip}"
+
+
+def losses(trials: set[str], summaries: Summaries) -> Iterator[Comparison]:
+    """Which share of its force each slip loses as IP joints or MCP flex, where it is not slack
+    before; of the pairs whose trials are asked for."""
+    with_ip, with_mcp = FALLS
+    bent = [((mcp, *ip), (mcp, 0, 0), with_ip) for mcp, ip in itertools.product(MCP, IP[1:])]
+    pairs = [*bent, ((MCP[-1], 0, 0), (0, 0, 0), with_mcp)]
+    for slip, (now, then, joints) in itertools.product(("central", "terminal"), pairs):
+        names = posed(*now), posed(*then)
+        if not trials.issuperset(names):
+            continue
+        found = [
+            summaries.get(name, {}).get("difference", {}).get("slip_force_N") for name in names
+        ]
+        value = None
+        if all(found) and not is_slack(found[1], slip):
+            value = 1 - found[0][slip] / found[1][slip]
+        words = ["/".join(map(str, posture)) for posture in (then, now)]
+        yield Comparison(
+            Target(
+                f"{slip} slip: force lost as the {joints}, {words[0]} to {words[1]}",
+                "lost_share",
+                "1",
+                None,
+                None,
+                FALLS[joints],
+                None,
+                "Lee et al. 2008, abstract",
+                SECOND_HAND,
+                names[0],
+            ),
+            value,
+        )
+
+
+def fitted_group() -> Group:
+    """What the hood was fitted to under Lee's load at 0/0/0 deg, which judges nothing."""
+    chosen = [t for t in data("hood_fit_rows.csv") if t.fitted and t.case == "rest_0_0_0"]
+    trial = Trial(STRAIGHT, "strain_lee2008_average_ti")
+    return Group("fitted numbers", SECOND_HAND, (trial,), of_trial(STRAIGHT, chosen))
+
+
+def published_group(path: Path) -> Group:
+    """The published hood, whose case is its own file; it has no markers, so that strains are the
+    sheet's."""
+    trials = tuple(Trial(f"published hood {modulus}", str(path)) for modulus in MODULI)
+    printed, _ = lee_strains()
+    of_sheet = [replace(t, quantity=t.quantity.replace("difference.marker_", "")) for t in printed]
+    rows = [*of_sheet, *data("lee2008_slips.csv")]
+    every = [of_trial(t.name, rows, geometry="published hood") for t in trials]
+    targets = tuple(itertools.chain.from_iterable(every))
+    return Group("published hood", SECOND_HAND, trials, targets, variant=True)
+
+
+# The free finger of Nimbarte et al. 2008 ----------------------------------------------------------
+
+
+def free_groups() -> tuple[Group, Group]:
+    """With the shipped hood, and with the fixed split."""
+    hood, split = (
+        tuple(Trial(f"{words}_{m}", f"{words}_{m}") for m in EXTRINSIC)
+        for words in ("free", "free_split")
+    )
+    partners = dict(zip((t.name for t in hood), (t.name for t in split), strict=True))
+    targets = data("nimbarte2008_motion.csv")
+    others = tuple(replace(t, case=partners[t.case]) for t in targets)
+    return (
+        Group("free finger: hood", SECOND_HAND, hood, targets, partners=partners),
+        Group("free finger: fixed split", SECOND_HAND, split, others, variant=True),
+    )
+
+
+# The middle fingers of Synek et al. 2019 ----------------------------------------------------------
+
+
+def cadaver_groups() -> tuple[Group, Group, Group]:
+    """The hood, the flexors, which no hood touches, and the fixed split."""
+    hood, past, split = (
+        tuple(
+            Trial(f"{model}_{posture}_{muscle}", f"{model}_{posture}_{muscle}")
+            for posture, muscle in itertools.product(POSTURES, muscles)
+        )
+        for model, muscles in (("hood", THROUGH), ("middle", PAST), ("middle", THROUGH))
+    )
+    partners = dict(zip((t.name for t in hood), (t.name for t in split), strict=True))
+    return (
+        _cadaver("cadaver forces: hood", hood, partners=partners),
+        _cadaver("cadaver forces: flexors", past),
+        _cadaver("cadaver forces: fixed split", split, variant=True),
+    )
+
+
+def _cadaver(
+    name: str,
+    trials: tuple[Trial, ...],
+    *,
+    variant: bool = False,
+    partners: Mapping[str, str] | None = None,
+) -> Group:
+    """The components' means with the hands' SD; the magnitude follows from them."""
+    names = {t.name for t in trials}
+
+    def forces(file: str) -> list[Target]:
+        mine = (t for t in data(file) if t.case in names)
+        return [t for t in mine if "force_in_phalanx" in t.quantity]
+
+    means = tuple(_marked(t) for t in forces("synek2019_fingertip.csv"))
+    each = forces("synek2019_specimens.csv")
+    hands = {hand: tuple(t for t in each if f", {hand}, " in t.name) for hand in HANDS}
+    return Group(name, "experiment", trials, means, variant, partners or {}, hands)
+
+
+def _marked(target: Target) -> Target:
+    """Says where zero lies within the spread of the hands themselves."""
+    if verdict(target, 0.0) != "inside 1 SD":
+        return target
+    return replace(target, note=f"{target.note}; {OWN_ZERO}")

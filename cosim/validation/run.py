@@ -1,0 +1,302 @@
+"""The validations: every trial run, every compared number with its verdict, misses included."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import ExitStack
+from dataclasses import dataclass, field, replace
+from math import isfinite
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+from cosim import __version__
+from cosim.build.fit import check_fit
+from cosim.case.file import load_case
+from cosim.case.schema import Case
+from cosim.files import written_whole
+from cosim.pipeline import solve
+from cosim.port import ConvergenceError, InputError
+from cosim.results.audit import describe_misses
+from cosim.results.compare import Comparison, Kind, Target, as_dict, tally
+from cosim.results.compare_files import write_json
+from cosim.results.data import plain, write_result
+from cosim.results.static import result
+from cosim.validation.lengths import measured
+from cosim.validation.plan import groups, rows_of, split_answers
+from cosim.validation.published_hood import published_summary
+from cosim.validation.reasons import explained
+from cosim.validation.skill import FACTORS, Skill, against_factors, counted, headline, scaled, skill
+from cosim.validation.trial import Group, Summaries, Trial
+
+FORMAT = "cosim scoreboard 2"
+SPLIT = "fixed split"
+"""The null model that has no hood."""
+Told = Callable[[str], None]
+Task = tuple[Trial, tuple[str, ...], str]
+"""A trial, settings beside its own, and the folder for its run."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a trial said, or why it said nothing or not all."""
+
+    trial: str
+    summary: dict[str, Any] | None
+    failure: str | None
+
+
+@dataclass(frozen=True)
+class Board:
+    """The rows of one group, the trials that failed, what the audits of others missed, and the
+    skill of the model over its null models, over all rows and hand by hand."""
+
+    group: str
+    rows: tuple[Comparison, ...]
+    failures: dict[str, str]
+    missed: Mapping[str, list[str]] = field(default_factory=dict)
+    kind: Kind = "experiment"
+    variant: bool = False
+    skills: tuple[Skill, ...] = ()
+    by_hand: Mapping[str, tuple[Skill, ...]] = field(default_factory=dict)
+    split: Mapping[Target, float | None] = field(default_factory=dict)
+    """The fixed split's answers."""
+
+    @property
+    def headline(self) -> str:
+        """Whether the model beats its null models."""
+        return headline(self.skills, len(counted(self.rows)))
+
+    def tallies(self) -> dict[str, dict[str, int]]:
+        """The tally of the rows that count, of the model and of each null model."""
+        rows = counted(self.rows)
+        found = {"model": tally(rows)}
+        found |= {null: tally(scaled(rows, factor)) for null, factor in FACTORS.items()}
+        if self.split:
+            mine = [r.target for r in rows if r.target in self.split]
+            found[SPLIT] = tally([Comparison(t, self.split[t]) for t in mine])
+        return found
+
+
+def by_kind(boards: Sequence[Board]) -> list[Board]:
+    """A board of each kind of reference that has rows which count, variants left out."""
+    found = []
+    for kind in dict.fromkeys(b.kind for b in boards):
+        mine = [b for b in boards if b.kind == kind and not b.variant]
+        rows = tuple(counted([row for b in mine for row in b.rows]))
+        split = {t: value for b in mine for t, value in b.split.items()}
+        if rows:
+            found.append(Board(kind, rows, {}, kind=kind, skills=_skills(rows, split), split=split))
+    return found
+
+
+def chosen(only: str | None, published: Path | None = None) -> list[Group]:
+    """The groups, or of each the trials whose name holds `only`; with the `published` hood's file
+    those on it as well.  Raises InputError for none."""
+    every = groups(published)
+    if only is None:
+        return list(every)
+    kept = []
+    for group in every:
+        trials = tuple(t for t in group.trials if only in t.name)
+        names = {t.name for t in trials}
+        if trials:
+            targets = tuple(t for t in group.targets if t.case in names)
+            kept.append(replace(group, trials=trials, targets=targets))
+    if not kept:
+        raise InputError(
+            f"--only {only}: no trial is called so (--list shows them); there are, for example, "
+            + ", ".join(g.trials[0].name for g in every)
+        )
+    return kept
+
+
+def validated(
+    chosen_groups: Sequence[Group],
+    folder: Path,
+    settings: Sequence[str] = (),
+    workers: int = 2,
+    told: Told = lambda text: None,
+) -> list[Board]:
+    """Run the trials of the groups, each once, leave a run folder of each in `folder` with its
+    comparison, and compare.  Raises InputError."""
+    trials = {t.name: t for g in chosen_groups for t in g.trials}
+    tasks = [(t, tuple(settings), str(folder)) for t in trials.values()]
+    outcomes: dict[str, Outcome] = {}
+    started = time.perf_counter()
+    for done, outcome in enumerate(_all(tasks, workers), 1):
+        outcomes[outcome.trial] = outcome
+        word = "" if outcome.failure is None else f": {outcome.failure}"
+        left = (time.perf_counter() - started) / done * (len(tasks) - done)
+        told(f"{done} of {len(tasks)}, {_duration(left)} left: {outcome.trial}{word}")
+    boards = [_board(group, outcomes) for group in chosen_groups]
+    for name in trials:
+        own = [row for b in boards for row in b.rows if row.target.case == name]
+        if own and (folder / folder_name(name)).is_dir():
+            write_json(folder / folder_name(name) / "comparison.json", own)
+    return boards
+
+
+def _duration(seconds: float) -> str:
+    return f"about {seconds / 60:.0f} min" if seconds >= 90 else f"about {seconds:.0f} s"
+
+
+def _all(tasks: Sequence[Task], workers: int) -> Iterator[Outcome]:
+    """What the trials said, as they end.
+
+    Raises InputError where a process was ended from outside."""
+    batches = _batches(tasks)
+    if workers == 1:
+        yield from (_run(task) for batch in batches for task in batch)
+        return
+    with ExitStack() as stack:
+        running: dict[Future[Outcome], tuple[ProcessPoolExecutor, list[Task]]] = {}
+        for _ in range(min(workers, len(batches))):
+            pool = ProcessPoolExecutor(1, mp_context=get_context("spawn"))
+            first, *rest = batches.pop(0)
+            running[stack.enter_context(pool).submit(_run, first)] = pool, rest
+        while running:
+            for done in wait(running, return_when=FIRST_COMPLETED).done:
+                pool, rest = running.pop(done)
+                if not rest and batches:
+                    rest = batches.pop(0)
+                try:
+                    outcome = done.result()
+                    if rest:
+                        running[pool.submit(_run, rest[0])] = pool, rest[1:]
+                except BrokenProcessPool:
+                    raise InputError(
+                        "a process that ran trials was ended from outside, it may be for want of "
+                        "memory; --workers 1 needs the least"
+                    ) from None
+                yield outcome
+
+
+def _batches(tasks: Sequence[Task]) -> list[list[Task]]:
+    """The tasks whose cases share an unloaded equilibrium, which one process solves but once, in
+    one batch each, the largest first."""
+    found: dict[str, list[Task]] = {}
+    for task in tasks:
+        key = task[0].name if task[0].published or task[0].study else _case(task).setting_key()
+        found.setdefault(key, []).append(task)
+    return sorted(found.values(), key=len, reverse=True)
+
+
+def _case(task: Task) -> Case:
+    """Raises InputError."""
+    trial, settings, _ = task
+    case = load_case(trial.case, [*trial.settings, *settings])
+    return case.model_copy(update={"name": folder_name(trial.name)})
+
+
+def _run(task: Task) -> Outcome:
+    trial, settings, folder = task
+    started = time.perf_counter()
+    if trial.study:
+        return Outcome(trial.name, *measured(trial.study, [*trial.settings, *settings]))
+    if trial.published:
+        return Outcome(trial.name, published_summary(trial), None)
+    case = _case(task)
+    check_fit(case)
+    try:
+        models, states = solve(case)
+    except ConvergenceError as error:
+        return Outcome(trial.name, None, str(error))
+    made = result(case, models, states, time.perf_counter() - started)
+    write_result(folder, case, made)
+    return Outcome(trial.name, json.loads(json.dumps(made.summary, default=plain)), None)
+
+
+def folder_name(trial: str) -> str:
+    """The trial's name as a folder's."""
+    return "".join(c if c.isalnum() else "_" for c in trial)
+
+
+def _board(group: Group, outcomes: Mapping[str, Outcome]) -> Board:
+    mine = [outcomes[t.name] for t in group.trials]
+    summaries = {o.trial: o.summary for o in outcomes.values() if o.summary is not None}
+    rows = tuple(explained(group.name, rows_of(group, summaries)))
+    failures = {o.trial: o.failure for o in mine if o.failure is not None}
+    missed = {
+        o.trial: found for o in mine if o.summary and (found := list(describe_misses(o.summary)))
+    }
+    split = split_answers(group, rows, summaries)
+    by_hand = {hand: _of_hand(group, targets, summaries) for hand, targets in group.hands.items()}
+    return Board(
+        group.name,
+        rows,
+        failures,
+        missed,
+        group.kind,
+        group.variant,
+        _skills(rows, split),
+        by_hand,
+        split,
+    )
+
+
+def _of_hand(group: Group, targets: Sequence[Target], summaries: Summaries) -> tuple[Skill, ...]:
+    """Skill beside the forces of one hand."""
+    own = replace(group, targets=tuple(targets), derived=None)
+    rows = list(rows_of(own, summaries))
+    return _skills(rows, split_answers(own, rows, summaries))
+
+
+def _skills(rows: Sequence[Comparison], split: Mapping[Target, float | None]) -> tuple[Skill, ...]:
+    found = [*against_factors(rows), skill(rows, SPLIT, split) if split else None]
+    return tuple(s for s in found if s is not None)
+
+
+def scoreboard(boards: Sequence[Board]) -> str:
+    """The text of the file: the same rows give the same bytes."""
+    content = {
+        "format": FORMAT,
+        "version": __version__,
+        "kinds": {b.group: _judged(b) for b in by_kind(boards)},
+        "judged": {b.group: _judged(b) for b in boards},
+        "failed": {name: why for b in boards for name, why in b.failures.items()},
+        "groups": {b.group: [_rounded(row) for row in b.rows] for b in boards},
+    }
+    return json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def _judged(board: Board) -> dict[str, Any]:
+    return {
+        "headline": board.headline,
+        "kind": board.kind,
+        "variant": board.variant,
+        "tally": board.tallies(),
+        "skill": [_skill(s) for s in board.skills],
+        "skill_by_hand": {hand: [_skill(s) for s in each] for hand, each in board.by_hand.items()},
+    }
+
+
+def _skill(found: Skill) -> dict[str, Any]:
+    """To four decimals: it is a ratio of sums, near 1 at best; null where it is minus infinity."""
+    values = {"skill": found.value, "low": found.low, "high": found.high}
+    numbers = {k: round(v, 4) if v is not None and isfinite(v) else None for k, v in values.items()}
+    counts = {"rows": found.rows, "trials": found.trials}
+    return {"null": found.null, **numbers, "fault": found.fault, **counts}
+
+
+def _rounded(row: Comparison) -> dict[str, Any]:
+    """Six digits are more than the models are good for, and hide the last bits of a machine, which
+    a difference of almost equal numbers would show: it is that of the numbers as they are told."""
+    numbers = {k: six_digits(getattr(row.target, k)) for k in ("reference", "sd", "low", "high")}
+    told = Comparison(replace(row.target, **numbers), six_digits(row.model))
+    return {k: six_digits(v) for k, v in as_dict(told).items()}
+
+
+def six_digits(value: Any) -> Any:
+    """A float to six digits, anything else as it is."""
+    return float(f"{value:.6g}") if isinstance(value, float) else value
+
+
+def write_scoreboard(path: Path, boards: Sequence[Board]) -> None:
+    """Raises InputError where the file cannot be written."""
+    with written_whole(path) as part:
+        part.write_text(scoreboard(boards), encoding="utf-8")

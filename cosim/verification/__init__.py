@@ -1,0 +1,1 @@
+"""The model beside known answers: rows of `cosim verify`."""
