@@ -15,14 +15,14 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from . import kernels
-from .contact import Contact
-from .linear_algebra import chosen
-from .model import ShellModel
-from .newton import NewtonOptions, Solution, solve
-from .newton_step import factorised
-from .shapes import Capsule
-from .verification import sheets
+from fe_solver.elements import kernels
+from fe_solver.forces.contact import Contact
+from fe_solver.solver.linear_algebra import chosen
+from fe_solver.solver.model import ShellModel
+from fe_solver.solver.newton import NewtonOptions, Solution, solve
+from fe_solver.solver.newton_step import factorised
+from fe_solver.surfaces.shapes import Capsule
+from fe_solver.verification import sheets
 
 Array = NDArray[np.float64]
 

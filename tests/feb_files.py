@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from fe_solver.febio.read import read_feb
-from fe_solver.job import Job
+from fe_solver.job.job import Job
 
 Sections = dict[str, str | None]
 ISOTROPIC = (

@@ -11,8 +11,9 @@ from typer.testing import CliRunner
 
 from cosim.cli import app
 from cosim.port import Motion
-from fe_solver.curves import Curve
-from fe_solver.job import (
+from fe_solver.hood.shell_hood import ShellHood
+from fe_solver.job.curves import Curve
+from fe_solver.job.job import (
     Body,
     ContactPair,
     Held,
@@ -24,11 +25,10 @@ from fe_solver.job import (
     Step,
     Tied,
 )
-from fe_solver.job_model import JobOptions
-from fe_solver.materials import Isotropic
-from fe_solver.newton import NewtonOptions
-from fe_solver.shapes import Capsule
-from fe_solver.shell_hood import ShellHood
+from fe_solver.job.model import JobOptions
+from fe_solver.materials.linear import Isotropic
+from fe_solver.solver.newton import NewtonOptions
+from fe_solver.surfaces.shapes import Capsule
 
 LENGTH, WIDTH, THICK, E = 20e-3, 5e-3, 0.5e-3, 100e6
 RAMP = Curve((0.0, 1.0), (0.0, 1.0))
@@ -116,7 +116,7 @@ def floored(gap: float = 0.0, height: float = 0.0, side: int = -1, lift: float =
 
 
 def one_of(patch) -> np.ndarray:
-    from fe_solver.section import Section
+    from fe_solver.materials.section import Section
 
     return Section((patch,)).linear[0, 0]
 
@@ -135,7 +135,7 @@ def rod_job(across: int) -> tuple[Job, float]:
 
 
 def job_normal_up(job: Job) -> bool:
-    from fe_solver.mesh_geometry import node_directors
+    from fe_solver.elements.mesh_geometry import node_directors
 
     return bool(node_directors(job.points, job.quads)[:, 2].mean() > 0)
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 
-from fe_solver.mesh_geometry import node_directors
+from fe_solver.elements.mesh_geometry import node_directors
 from meshes.hood_mesh import REGIONS, HoodMesh
 from meshes.skeleton import BODIES, index_finger
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 
-from fe_solver.shell_hood import ShellHood
+from fe_solver.hood.shell_hood import ShellHood
 from fe_solver.verification.sheets import (
     BENCHMARK,
     GROUND,

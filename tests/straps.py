@@ -8,11 +8,11 @@ import numpy as np
 import shells
 from shells import clamped, guided, sheet
 
-from fe_solver.model import Configuration, ShellModel
-from fe_solver.newton import NewtonOptions
-from fe_solver.shell import Array
-from fe_solver.springs import NodeSprings, Springs
-from fe_solver.surfaces import Sphere
+from fe_solver.elements.shell import Array
+from fe_solver.forces.springs import NodeSprings, Springs
+from fe_solver.solver.model import Configuration, ShellModel
+from fe_solver.solver.newton import NewtonOptions
+from fe_solver.surfaces.spline_distance import Sphere
 
 TIGHT = NewtonOptions(tolerance=1e-12)
 TENSION = np.array([3.0, 1.5])

@@ -17,7 +17,7 @@ from cosim.cli import app
 from cosim.port import InputError
 from fe_solver.febio import xml as feb_xml
 from fe_solver.febio.read import read_feb
-from fe_solver.mesh_checks import check_job
+from fe_solver.job.checks import check_job
 
 SKIN = '<material id="1" name="skin" type="isotropic elastic"><E>100</E><v>0.3</v></material>'
 BOX = """<quad4 id="1">11,14,13,12</quad4><quad4 id="2">15,16,17,18</quad4>

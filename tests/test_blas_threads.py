@@ -30,7 +30,7 @@ seen = []
 run_case(load_case("pulley_edc"), lambda stage: seen.extend(threads()))
 """,
     "a model of the shell solver": """
-import fe_solver.job_solve as door
+import fe_solver.job.solve as door
 seen = []
 def job_model(*_):
     seen.extend(threads())

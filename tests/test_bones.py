@@ -4,8 +4,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cosim.port import InputError
-from fe_solver.surfaces import SplineDistance
-from fe_solver.triangles import checked_surface
+from fe_solver.surfaces.spline_distance import SplineDistance
+from fe_solver.surfaces.triangle_distance import checked_surface
 from meshes.bones import load_bone, spline
 from meshes.measure_bones import Plan, farthest_hits, fit_error, measure, read_stl, table
 from meshes.skeleton import BODIES, index_finger

@@ -14,10 +14,10 @@ from cosim.case.file import load_case
 from cosim.port import STATIC, InputError
 from cosim.results.static import drawn_hood
 from cosim.results.strains import strain_summary
-from fe_solver.fibre_materials import HolzapfelGasserOgden, TransIsoMooneyRivlin
-from fe_solver.hyperelastic import NeoHookean
-from fe_solver.materials import Orthotropic
-from fe_solver.tension_field import TensionField
+from fe_solver.materials.fibres import HolzapfelGasserOgden, TransIsoMooneyRivlin
+from fe_solver.materials.hyperelastic import NeoHookean
+from fe_solver.materials.linear import Orthotropic
+from fe_solver.materials.tension_field import TensionField
 from meshes.hood_mesh import REGIONS, HoodMesh, read
 
 COARSE = "hood.mesh.quads=120"

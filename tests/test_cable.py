@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from cosim.port import InputError, Motion, rotation_matrix
-from fe_solver.cable_model import Net, cable_hood
-from fe_solver.cables import Cables, cable_forces, cable_masses, cable_state, law
-from fe_solver.coupling import wrenches
-from fe_solver.hood_model import ContactLaw, Tendon
-from fe_solver.newton import NewtonOptions, solve
-from fe_solver.relaxation import relax
+from fe_solver.forces.cables import Cables, cable_forces, cable_masses, cable_state, law
+from fe_solver.hood.build_cable import Net, cable_hood
+from fe_solver.hood.build_shell import ContactLaw, Tendon
+from fe_solver.solver.body_coupling import wrenches
+from fe_solver.solver.newton import NewtonOptions, solve
+from fe_solver.solver.relaxation import relax
 from fe_solver.verification import cable_rows
 from fe_solver.verification.sheets import NO_TENSION, at_rest, clamped
 

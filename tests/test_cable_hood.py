@@ -20,8 +20,8 @@ from cosim.hoods.cable.table import CableHood
 from cosim.port import STATIC, InputError, Motion
 from cosim.report.views import view_of
 from cosim.results.read import read_run
-from fe_solver.cable_model import pulls_in
-from fe_solver.shell_hood import ShellHood
+from fe_solver.hood.build_cable import pulls_in
+from fe_solver.hood.shell_hood import ShellHood
 from meshes.cable_net import CABLES, CableNet, cable_of, lay
 from meshes.hull import PIP
 from meshes.skeleton import BODIES, index_finger
@@ -46,7 +46,7 @@ def pose(**angles: float) -> Motion:
 def net() -> CableNet:
     """Over cylinders and balls for bones: the net asks nothing more of them."""
     from cosim.fingers.kinds import skeleton_of
-    from fe_solver.shapes import Capsule
+    from fe_solver.surfaces.shapes import Capsule
 
     case = load_case("cable_edc")
     skeleton = skeleton_of(case.finger)

@@ -18,9 +18,9 @@ from cosim.hoods.shell.fibres import angles_at, fibres_of
 from cosim.hoods.shell.view import _line_angle
 from cosim.port import InputError
 from cosim.results.strokes import SPACING, carry, stroke_cells, strokes
-from fe_solver.fibre_families import fibre_families
-from fe_solver.fibres import angle_between, turn_in_sheet
-from fe_solver.hood_job import job_of_hood
+from fe_solver.elements.fibres import angle_between, turn_in_sheet
+from fe_solver.hood.as_job import job_of_hood
+from fe_solver.hood.fibre_families import fibre_families
 from meshes.hood_mesh import REGIONS, HoodMesh
 
 CASE = "fingertip_fibres_edc"

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from shells import NO_TENSION, at_rest, clamped, guided, plate, sheet
 
 from cosim.port import ConvergenceError, InputError, rotation_matrix
-from fe_solver.augment import AugmentOptions, dissipated, settled, solve_augmented
-from fe_solver.contact import (
+from fe_solver.elements.shell import Array
+from fe_solver.forces.contact import (
     REACH,
     Contact,
     Grip,
@@ -27,13 +27,13 @@ from fe_solver.contact import (
     ramp,
     unramp,
 )
-from fe_solver.coupling import wrenches
-from fe_solver.fields import contact_pressure
-from fe_solver.model import Configuration, ShellModel
-from fe_solver.newton import NewtonOptions, Solution, solve
-from fe_solver.shapes import HalfSpace, Sphere
-from fe_solver.shell import Array
-from fe_solver.springs import PointForces, Springs, spring_forces
+from fe_solver.forces.springs import PointForces, Springs, spring_forces
+from fe_solver.solver.augmented_contact import AugmentOptions, dissipated, settled, solve_augmented
+from fe_solver.solver.body_coupling import wrenches
+from fe_solver.solver.fields import contact_pressure
+from fe_solver.solver.model import Configuration, ShellModel
+from fe_solver.solver.newton import NewtonOptions, Solution, solve
+from fe_solver.surfaces.shapes import HalfSpace, Sphere
 from fe_solver.verification import contact_rows
 
 TIGHT = NewtonOptions(tolerance=1e-11)

@@ -10,15 +10,15 @@ from shells import NO_TENSION, at_rest, clamped, contact, nine_noded, plate, she
 from test_contact import POSITION, ROTATION
 
 from cosim.port import InputError
-from fe_solver import kernels
-from fe_solver.contact import Contact, contact_fields, contact_forces, contact_state
-from fe_solver.contact_points import Within
-from fe_solver.elements import KINDS
-from fe_solver.mesh_geometry import element_areas, node_areas
-from fe_solver.model import ShellModel
-from fe_solver.newton import worst_place
-from fe_solver.shapes import HalfSpace, Sphere
-from fe_solver.shell import Array
+from fe_solver.elements import kernels
+from fe_solver.elements.kinds import KINDS
+from fe_solver.elements.mesh_geometry import element_areas, node_areas
+from fe_solver.elements.shell import Array
+from fe_solver.forces.contact import Contact, contact_fields, contact_forces, contact_state
+from fe_solver.forces.contact_points import Within
+from fe_solver.solver.model import ShellModel
+from fe_solver.solver.newton import worst_place
+from fe_solver.surfaces.shapes import HalfSpace, Sphere
 
 SIDE = 2e-3
 RADIUS, DEPTH = 5e-3, 0.4e-3

@@ -10,11 +10,11 @@ from shells import at_rest
 from straps import TENSION, TIGHT, perturbed, strap
 
 from cosim.port import rotation_matrix
-from fe_solver.coupling import coupling, wrenches
-from fe_solver.guides import Guides
-from fe_solver.model import Configuration, ShellModel
-from fe_solver.newton import Solution, solve
-from fe_solver.shell import Array
+from fe_solver.elements.shell import Array
+from fe_solver.forces.guides import Guides
+from fe_solver.solver.body_coupling import coupling, wrenches
+from fe_solver.solver.model import Configuration, ShellModel
+from fe_solver.solver.newton import Solution, solve
 
 
 @pytest.fixture(scope="module")

@@ -9,18 +9,18 @@ import pytest
 
 from cosim.checks import Row
 from cosim.port import InputError
-from fe_solver.crossed_fibres import CrossedFibres, CrossedLinear
-from fe_solver.fibre_families import family_angles
-from fe_solver.fibre_materials import (
+from fe_solver.hood.fibre_families import family_angles
+from fe_solver.materials.crossed_fibres import CrossedFibres, CrossedLinear
+from fe_solver.materials.fibres import (
     DispersedFamily,
     ExponentialFamily,
     HolzapfelGasserOgden,
     TransIsoMooneyRivlin,
 )
-from fe_solver.in_situ import in_situ_growth, in_situ_stretch
-from fe_solver.materials import Law
-from fe_solver.section import Patch, joined_sections, one_law
-from fe_solver.tension_field import TensionField
+from fe_solver.materials.in_situ import in_situ_growth, in_situ_stretch
+from fe_solver.materials.linear import Law
+from fe_solver.materials.section import Patch, joined_sections, one_law
+from fe_solver.materials.tension_field import TensionField
 from fe_solver.verification import fibre_rows
 from fe_solver.verification.material_points import axes, differences, least_energy, strains, turned
 from fe_solver.verification.material_rows import ARTERY, ISOTROPIC, ORTHOTROPIC, SOFT_TENDON, TENDON

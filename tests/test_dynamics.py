@@ -10,13 +10,13 @@ import shells
 from shells import NO_TENSION, at_rest, clamped, plate, sheet
 
 from cosim.port import InputError
-from fe_solver import dynamics
-from fe_solver.dynamics import Substance, Viscous, advance, kinetic_energy, masses
-from fe_solver.materials import Isotropic
-from fe_solver.model import ShellModel
-from fe_solver.newton import NewtonOptions
-from fe_solver.section import one_law
-from fe_solver.tension_field import TensionField
+from fe_solver.materials.linear import Isotropic
+from fe_solver.materials.section import one_law
+from fe_solver.materials.tension_field import TensionField
+from fe_solver.solver import dynamics
+from fe_solver.solver.dynamics import Substance, Viscous, advance, kinetic_energy, masses
+from fe_solver.solver.model import ShellModel
+from fe_solver.solver.newton import NewtonOptions
 
 MODULUS, THICKNESS, LENGTH = 1e6, 0.01, 1.0
 STUFF = Substance(density=1000.0)

@@ -10,16 +10,16 @@ import pytest
 from feb_files import SECTIONS, Sections, changed, feb_text, read, same, write
 
 from cosim.port import InputError
-from fe_solver.curves import Curve
 from fe_solver.febio.read import read_feb
-from fe_solver.fibre_materials import HolzapfelGasserOgden, TransIsoMooneyRivlin
-from fe_solver.hyperelastic import NeoHookean
-from fe_solver.job import (
+from fe_solver.job.checks import check_job
+from fe_solver.job.curves import Curve
+from fe_solver.job.job import (
     SpringLaw,
     Step,
 )
-from fe_solver.materials import Isotropic, Law, Orthotropic
-from fe_solver.mesh_checks import check_job
+from fe_solver.materials.fibres import HolzapfelGasserOgden, TransIsoMooneyRivlin
+from fe_solver.materials.hyperelastic import NeoHookean
+from fe_solver.materials.linear import Isotropic, Law, Orthotropic
 
 
 def test_everything_in_the_file_arrives_in_si_units(tmp_path: Path) -> None:

@@ -14,13 +14,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cosim.port import InputError
-from fe_solver.closing import boundary_loops, closed_surface, volume
-from fe_solver.curves import Curve, Drive, Extension, Interpolation
 from fe_solver.febio.read import read_feb
-from fe_solver.job import Job, SpringLaw
-from fe_solver.mesh_checks import check_job
-from fe_solver.mesh_files import read_mesh
-from fe_solver.surfaces import SplineDistance
+from fe_solver.job.checks import check_job
+from fe_solver.job.curves import Curve, Drive, Extension, Interpolation
+from fe_solver.job.job import Job, SpringLaw
+from fe_solver.job.mesh_files import read_mesh
+from fe_solver.surfaces.closing import boundary_loops, closed_surface, volume
+from fe_solver.surfaces.spline_distance import SplineDistance
 
 TIMES = (0.0, 1.0, 3.0, 4.0)
 VALUES = (1.0, 2.0, 0.0, 6.0)

@@ -12,12 +12,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from cosim.port import InputError
-from fe_solver.curves import Curve, Drive, Extension, Interpolation
 from fe_solver.febio.read import read_feb
 from fe_solver.febio.write import write_feb
-from fe_solver.fibre_materials import HolzapfelGasserOgden, TransIsoMooneyRivlin
-from fe_solver.hyperelastic import NeoHookean
-from fe_solver.job import (
+from fe_solver.job.curves import Curve, Drive, Extension, Interpolation
+from fe_solver.job.job import (
     Body,
     ContactPair,
     Held,
@@ -31,7 +29,9 @@ from fe_solver.job import (
     Step,
     Tied,
 )
-from fe_solver.materials import Isotropic, Law, Orthotropic
+from fe_solver.materials.fibres import HolzapfelGasserOgden, TransIsoMooneyRivlin
+from fe_solver.materials.hyperelastic import NeoHookean
+from fe_solver.materials.linear import Isotropic, Law, Orthotropic
 
 INTS = np.array
 SLACK = np.array([1e-4, 2e-4])

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import shells
 
-from fe_solver.assumed_strain import GAUSS, shape
-from fe_solver.elements import kind_of
-from fe_solver.fibres import at_nodes, followed, smoothed
+from fe_solver.elements.fibres import at_nodes, followed, smoothed
+from fe_solver.elements.kinds import kind_of
+from fe_solver.elements.mitc4 import GAUSS, shape
 
 
 def ring(around: int):

@@ -12,7 +12,7 @@ from cosim.case.file import find_case, load_case
 from cosim.hoods.fe_view import guide_depth
 from cosim.hoods.shell.build import baked_surfaces
 from cosim.pipeline import Setting, run_case, settled
-from fe_solver.shell_hood import ShellHood
+from fe_solver.hood.shell_hood import ShellHood
 from meshes import hood as hood_generator
 from meshes.hood_lines import (
     CENTRAL_END,

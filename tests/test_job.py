@@ -24,8 +24,8 @@ from jobs import (
 )
 
 from cosim.port import ConvergenceError, InputError
-from fe_solver.curves import Curve, Drive
-from fe_solver.job import (
+from fe_solver.job.curves import Curve, Drive
+from fe_solver.job.job import (
     Body,
     Held,
     HeldDirector,
@@ -35,9 +35,9 @@ from fe_solver.job import (
     SpringSet,
     Tied,
 )
-from fe_solver.job_model import JobOptions, job_model
-from fe_solver.job_solve import solve_job, spread_times
-from fe_solver.newton import NewtonOptions, solve
+from fe_solver.job.model import JobOptions, job_model
+from fe_solver.job.solve import solve_job, spread_times
+from fe_solver.solver.newton import NewtonOptions, solve
 
 
 def test_a_prescribed_displacement_stretches_as_the_law_says():

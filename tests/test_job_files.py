@@ -28,12 +28,11 @@ from jobs import (
 
 from cosim.port import InputError
 from fe_solver.febio.compare import quantities
-from fe_solver.febio.like import bending_notes, facet_lift, febio_patch
 from fe_solver.febio.read import read_feb
 from fe_solver.febio.write import write_feb
-from fe_solver.hood_job import job_of_hood
-from fe_solver.hyperelastic import NeoHookean
-from fe_solver.job import (
+from fe_solver.hood.as_job import job_of_hood
+from fe_solver.job.febio_like import bending_notes, facet_lift, febio_patch
+from fe_solver.job.job import (
     Body,
     ContactPair,
     NodalForce,
@@ -42,10 +41,11 @@ from fe_solver.job import (
     SpringSet,
     Tied,
 )
-from fe_solver.job_solve import solve_job
-from fe_solver.materials import Isotropic, Orthotropic
-from fe_solver.mid_surface import on_mid_surface
-from fe_solver.section import Section, one_law
+from fe_solver.job.mid_surface import on_mid_surface
+from fe_solver.job.solve import solve_job
+from fe_solver.materials.hyperelastic import NeoHookean
+from fe_solver.materials.linear import Isotropic, Orthotropic
+from fe_solver.materials.section import Section, one_law
 
 
 def test_febios_bending_is_stiffer_as_its_constant_thickness_strain_makes_it():

@@ -17,16 +17,16 @@ from jobs import (
 )
 
 from cosim.port import InputError
-from fe_solver.curves import Curve
 from fe_solver.febio.compare import Element, quantities, rows
 from fe_solver.febio.figures import PUBLISHED
 from fe_solver.febio.read import read_feb
 from fe_solver.febio.write import write_feb
-from fe_solver.job import (
+from fe_solver.job.curves import Curve
+from fe_solver.job.job import (
     SpringLaw,
 )
-from fe_solver.job_results import write_job
-from fe_solver.job_solve import _advice, solve_job
+from fe_solver.job.results import write_job
+from fe_solver.job.solve import _advice, solve_job
 
 
 def test_results_are_whole_and_can_be_read(tmp_path):

@@ -204,9 +204,11 @@ def _is_within(name: str, room: str) -> bool:
 
 
 def test_the_modules_are_found():
-    assert {"cosim.port", "fe_solver.shell_hood", "rigid.pulley", "meshes.hood"} <= set(MODULES)
+    assert {"cosim.port", "fe_solver.hood.shell_hood", "rigid.pulley", "meshes.hood"} <= set(
+        MODULES
+    )
     assert "meshes.skeleton" in set(imports("rigid.index_finger", top_only=True))
-    assert "fe_solver.newton" in set(imports("fe_solver.shell_hood", top_only=True))
+    assert "fe_solver.solver.newton" in set(imports("fe_solver.hood.shell_hood", top_only=True))
     assert "rigid.hinge" in set(imports("cosim.fingers.kinds", top_only=False))
     assert "rigid.hinge" not in set(imports("cosim.fingers.kinds", top_only=True))
 
@@ -300,7 +302,7 @@ def _reached(graph: dict[str, set[str]], start: str) -> set[str]:
 @pytest.mark.parametrize(
     ("module", "heavy"),
     [
-        ("fe_solver.shell_hood", {"mujoco", "pydantic", "typer"}),
+        ("fe_solver.hood.shell_hood", {"mujoco", "pydantic", "typer"}),
         ("cosim.cli", {"mujoco", "scipy", "pyvista", "matplotlib", "xarray", "fe_solver", "rigid"}),
         ("cosim.cli", {"dask", "distributed", "pyarrow", "pandas", "SALib"}),
         ("cosim.study", {"dask", "pandas", "xarray", "scipy", "fe_solver", "rigid"}),

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from fe_solver.linear_algebra import (
+from fe_solver.solver.linear_algebra import (
     REDUCED,
     Analysis,
     Factor,

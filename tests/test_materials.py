@@ -13,11 +13,11 @@ from scipy.integrate import quad
 
 from cosim.checks import Row
 from cosim.port import InputError
-from fe_solver.crossed_fibres import CrossedFibres
-from fe_solver.fibre_materials import ExponentialFamily, HolzapfelGasserOgden, TransIsoMooneyRivlin
-from fe_solver.hyperelastic import NeoHookean, volume_ratio
-from fe_solver.materials import Isotropic, Law, Linear, Orthotropic
-from fe_solver.tension_field import RESIDUAL, State, TensionField
+from fe_solver.materials.crossed_fibres import CrossedFibres
+from fe_solver.materials.fibres import ExponentialFamily, HolzapfelGasserOgden, TransIsoMooneyRivlin
+from fe_solver.materials.hyperelastic import NeoHookean, volume_ratio
+from fe_solver.materials.linear import Isotropic, Law, Linear, Orthotropic
+from fe_solver.materials.tension_field import RESIDUAL, State, TensionField
 from fe_solver.verification import material_rows
 from fe_solver.verification.material_points import (
     axes,

@@ -11,15 +11,15 @@ from shells import NO_TENSION, at_rest, clamped, plate, sheet
 from straps import TENSION, TIGHT, joined, perturbed, springs, strap
 
 from cosim.port import ConvergenceError
-from fe_solver import linear_algebra, newton
-from fe_solver.linear_algebra import Nearby
-from fe_solver.materials import Isotropic
-from fe_solver.model import Configuration, ShellModel
-from fe_solver.newton import NewtonOptions, Solution, residual_norm, solve
-from fe_solver.newton_step import LONG, damped_step, factorised, limited, newton_step
-from fe_solver.shell import Array
-from fe_solver.surfaces import Sphere
-from fe_solver.tension_field import State, TensionField
+from fe_solver.elements.shell import Array
+from fe_solver.materials.linear import Isotropic
+from fe_solver.materials.tension_field import State, TensionField
+from fe_solver.solver import linear_algebra, newton
+from fe_solver.solver.linear_algebra import Nearby
+from fe_solver.solver.model import Configuration, ShellModel
+from fe_solver.solver.newton import NewtonOptions, Solution, residual_norm, solve
+from fe_solver.solver.newton_step import LONG, damped_step, factorised, limited, newton_step
+from fe_solver.surfaces.spline_distance import Sphere
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from cosim.case.file import load_case
 from cosim.fingers.kinds import finger_model
 from cosim.hoods.cable.robot import ROBOT_ENDS, robot_skeleton
 from cosim.pipeline import solve
-from fe_solver.shapes import Capsule
+from fe_solver.surfaces.shapes import Capsule
 from meshes.cable_net import CableNet, cable_of, lay
 from meshes.robot_net import OTHERS, extensor_alone, wider
 from meshes.skeleton import BODIES

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fe_solver.fibre_materials import HolzapfelGasserOgden
-from fe_solver.hyperelastic import NeoHookean
-from fe_solver.materials import Isotropic, Law
-from fe_solver.section import Patch, Section, joined_sections
-from fe_solver.tension_field import TensionField
+from fe_solver.materials.fibres import HolzapfelGasserOgden
+from fe_solver.materials.hyperelastic import NeoHookean
+from fe_solver.materials.linear import Isotropic, Law
+from fe_solver.materials.section import Patch, Section, joined_sections
+from fe_solver.materials.tension_field import TensionField
 from fe_solver.verification.material_rows import TENDON
 
 LAWS: tuple[Law | TensionField, ...] = (

@@ -7,8 +7,7 @@ import pytest
 import shells
 from test_newton import TENSION, TIGHT, strap
 
-from fe_solver.newton import Solution, solve
-from fe_solver.sensitivity import (
+from fe_solver.solver.adjoint import (
     ExcursionOf,
     PositionOf,
     StrainOf,
@@ -19,6 +18,7 @@ from fe_solver.sensitivity import (
     stiffness,
     thickness,
 )
+from fe_solver.solver.newton import Solution, solve
 
 
 @pytest.fixture(scope="module")

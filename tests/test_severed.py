@@ -12,8 +12,8 @@ from cosim.case.file import load_case
 from cosim.hoods.injury import STRUT, adhesions, injured_mesh, injured_net
 from cosim.hoods.lesion import OF_MESH
 from cosim.port import InputError, Motion
-from fe_solver.hood_model import SpringSet, springs_of
-from fe_solver.springs import spring_forces
+from fe_solver.forces.springs import spring_forces
+from fe_solver.hood.build_shell import SpringSet, springs_of
 from meshes.cable_net import CableNet
 from meshes.hood_lines import JOIN
 from meshes.hood_mesh import REGIONS, Attachment, HoodMesh

@@ -23,18 +23,24 @@ from shells import (
 )
 
 from cosim.port import rotation_matrix
-from fe_solver import kernels
-from fe_solver.assumed_strain import CORNERS, GAUSS, shape
-from fe_solver.coupling import wrenches
-from fe_solver.fields import fields
-from fe_solver.hyperelastic import NeoHookean
-from fe_solver.materials import Isotropic
-from fe_solver.model import Configuration
-from fe_solver.newton import solve
-from fe_solver.nine_nodes import NINE
-from fe_solver.section import Section, one_law
-from fe_solver.shell import Array, ShellTables, element_blocks, element_response, shell_tables
-from fe_solver.tension_field import TensionField
+from fe_solver.elements import kernels
+from fe_solver.elements.mitc4 import CORNERS, GAUSS, shape
+from fe_solver.elements.mitc9 import NINE
+from fe_solver.elements.shell import (
+    Array,
+    ShellTables,
+    element_blocks,
+    element_response,
+    shell_tables,
+)
+from fe_solver.materials.hyperelastic import NeoHookean
+from fe_solver.materials.linear import Isotropic
+from fe_solver.materials.section import Section, one_law
+from fe_solver.materials.tension_field import TensionField
+from fe_solver.solver.body_coupling import wrenches
+from fe_solver.solver.fields import fields
+from fe_solver.solver.model import Configuration
+from fe_solver.solver.newton import solve
 
 VECTORS = st.tuples(*[st.floats(-3, 3)] * 3).map(np.array)
 SHAPES = {

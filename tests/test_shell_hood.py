@@ -15,14 +15,14 @@ from test_conformance import index_motions
 from cosim.build.models import build, hood_mesh
 from cosim.case.file import load_case
 from cosim.port import STATIC, ConvergenceError, InputError, Motion, Response
-from fe_solver.bend import Bend
-from fe_solver.fields import contact_pressure, fields
-from fe_solver.hood_model import ContactLaw, Sheet, Tendon, shell_hood
-from fe_solver.materials import Isotropic
-from fe_solver.mesh_geometry import node_areas
-from fe_solver.newton import NewtonOptions
-from fe_solver.section import one_law
-from fe_solver.shell_hood import TIE, HoodState, ShellHood
+from fe_solver.elements.mesh_geometry import node_areas
+from fe_solver.hood.build_shell import ContactLaw, Sheet, Tendon, shell_hood
+from fe_solver.hood.extrapolation import Bend
+from fe_solver.hood.shell_hood import TIE, HoodState, ShellHood
+from fe_solver.materials.linear import Isotropic
+from fe_solver.materials.section import one_law
+from fe_solver.solver.fields import contact_pressure, fields
+from fe_solver.solver.newton import NewtonOptions
 from meshes.hood_mesh import HoodMesh
 from meshes.skeleton import BODIES
 

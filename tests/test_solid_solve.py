@@ -14,21 +14,30 @@ import pytest
 from jobs import COARSE, LENGTH, RAMP, THICK, WIDTH, E, at, body, floored, run, sprung, strip
 
 from cosim.port import ConvergenceError, InputError
-from fe_solver.crossed_fibres import CrossedFibres
-from fe_solver.curves import Drive
+from fe_solver.elements.mesh_geometry import node_areas
 from fe_solver.febio.compare import Element, Row, quantities, rows
 from fe_solver.febio.figures import PUBLISHED
 from fe_solver.febio.read import read_feb
 from fe_solver.febio.solid_model import solid_model
 from fe_solver.febio.solid_solve import solve_solid
 from fe_solver.febio.write import write_feb
-from fe_solver.fibre_materials import ExponentialFamily
-from fe_solver.job import Held, HeldDirector, NodalForce, Part, Pressure, SpringLaw, SpringSet, Tied
-from fe_solver.job_model import JobOptions
-from fe_solver.job_results import write_job
-from fe_solver.job_solve import solve_job
-from fe_solver.materials import Isotropic, Orthotropic
-from fe_solver.mesh_geometry import node_areas
+from fe_solver.job.curves import Drive
+from fe_solver.job.job import (
+    Held,
+    HeldDirector,
+    NodalForce,
+    Part,
+    Pressure,
+    SpringLaw,
+    SpringSet,
+    Tied,
+)
+from fe_solver.job.model import JobOptions
+from fe_solver.job.results import write_job
+from fe_solver.job.solve import solve_job
+from fe_solver.materials.crossed_fibres import CrossedFibres
+from fe_solver.materials.fibres import ExponentialFamily
+from fe_solver.materials.linear import Isotropic, Orthotropic
 from fe_solver.verification.febio_rows import FEBIO_STRESS, MPA, febio_law
 
 RUBBER = Isotropic(E, 0.4)

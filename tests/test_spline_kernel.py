@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fe_solver import kernels
-from fe_solver.surfaces import SplineDistance
+from fe_solver.elements import kernels
+from fe_solver.surfaces.spline_distance import SplineDistance
 
 
 @pytest.mark.skipif(not kernels.COMPILED, reason="numba is not installed")

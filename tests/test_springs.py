@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cosim.port import InputError
-from fe_solver.springs import (
+from fe_solver.forces.springs import (
     ForceCurve,
     NodeSprings,
     Springs,

@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 from shells import plate
 
 from cosim.port import InputError, rotation_matrix
-from fe_solver.augment import AugmentOptions, solve_augmented
-from fe_solver.contact import Contact
-from fe_solver.curves import Curve
-from fe_solver.job import (
+from fe_solver.forces.contact import Contact
+from fe_solver.job.curves import Curve
+from fe_solver.job.job import (
     Body,
     Held,
     HeldDirector,
@@ -28,13 +27,14 @@ from fe_solver.job import (
     Step,
     Tied,
 )
-from fe_solver.job_model import JobOptions, job_model
-from fe_solver.job_solve import solve_job
-from fe_solver.materials import Isotropic
-from fe_solver.model import Configuration, Evaluation, ShellModel
-from fe_solver.newton import NewtonOptions, solve
-from fe_solver.shapes import Cylinder, HalfSpace, Surface
-from fe_solver.supports import FreeMotions, rigid_freedoms
+from fe_solver.job.model import JobOptions, job_model
+from fe_solver.job.rigid_modes import FreeMotions, rigid_freedoms
+from fe_solver.job.solve import solve_job
+from fe_solver.materials.linear import Isotropic
+from fe_solver.solver.augmented_contact import AugmentOptions, solve_augmented
+from fe_solver.solver.model import Configuration, Evaluation, ShellModel
+from fe_solver.solver.newton import NewtonOptions, solve
+from fe_solver.surfaces.shapes import Cylinder, HalfSpace, Surface
 
 LENGTH, WIDTH = 20e-3, 5e-3
 OPTIONS = JobOptions(cached=False)

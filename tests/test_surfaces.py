@@ -5,9 +5,9 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
 from cosim.port import InputError, rotation_matrix
-from fe_solver.quadrics import Ellipsoid
-from fe_solver.shapes import Capsule, Cone, Cylinder, HalfSpace, RoundCone, Sphere
-from fe_solver.surfaces import SplineDistance
+from fe_solver.surfaces.ellipsoid import Ellipsoid
+from fe_solver.surfaces.shapes import Capsule, Cone, Cylinder, HalfSpace, RoundCone, Sphere
+from fe_solver.surfaces.spline_distance import SplineDistance
 
 RADIUS = 5e-3
 SPHERE = Sphere(np.array([1e-3, -2e-3, 0.5e-3]), RADIUS)

@@ -7,9 +7,14 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
 from cosim.port import InputError
-from fe_solver import kernels, surfaces
-from fe_solver.surfaces import SplineDistance
-from fe_solver.triangles import checked_surface, distance_squared, distances_on_grid
+from fe_solver.elements import kernels
+from fe_solver.surfaces import spline_distance as surfaces
+from fe_solver.surfaces.spline_distance import SplineDistance
+from fe_solver.surfaces.triangle_distance import (
+    checked_surface,
+    distance_squared,
+    distances_on_grid,
+)
 
 CUBE = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]) * 4e-3
 CUBE_FACES = ConvexHull(CUBE).simplices
@@ -218,5 +223,7 @@ def test_the_compiled_distances_are_those_of_numpy(monkeypatch):
     monkeypatch.setattr(kernels, "COMPILED", False)
     assert np.abs(found - distances_on_grid(points, faces, *WAISTED)).max() < 1e-16
     monkeypatch.undo()
-    monkeypatch.setattr("fe_solver.triangles.SLACK", 0.0)  # where a guess is too low
+    monkeypatch.setattr(
+        "fe_solver.surfaces.triangle_distance.SLACK", 0.0
+    )  # where a guess is too low
     assert np.abs(found - distances_on_grid(points, faces, *WAISTED)).max() < 1e-16

@@ -18,7 +18,7 @@ from cosim.build.models import hood_mesh
 from cosim.case.file import load_case
 from cosim.mesh_file import read_mesh_file
 from cosim.port import InputError
-from fe_solver.mesh_files import read_mesh
+from fe_solver.job.mesh_files import read_mesh
 from meshes.imported import RawMesh, read_raw
 from tests.own_anatomy import Exported, exported
 

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from cosim.port import Array, InputError
+from fe_solver.elements.mesh_geometry import node_directors
 from fe_solver.febio.mesh import SHELLS, FebMesh, read_mesh_section
 from fe_solver.febio.xml import Tag, read_xml
-from fe_solver.mesh_geometry import node_directors
 from meshes.imported import RawMesh
 
 USED = ("Module", "Mesh", "MeshDomains", "MeshData")

@@ -143,7 +143,7 @@ def special_states(hood: Hood, finger: WatchedFinger | None = None) -> Special:
     from cosim.fmu.moving_finger import FmuMovingFinger
     from cosim.fmu.hood import FmuHood
     from cosim.fmu.unit import written_states
-    from fe_solver.shell_hood import HoodState, ShellHood
+    from fe_solver.hood.shell_hood import HoodState, ShellHood
 
     units = [part.unit for part in (hood, finger) if isinstance(part, FmuHood | FmuMovingFinger)]
     kept = written_states(units) if units else {}

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from fe_solver.febio.compare import Comparison, Measured, Row
-    from fe_solver.job_solve import JobResult, JobState
+    from fe_solver.job.solve import JobResult, JobState
 
 Model = Annotated[Path, typer.Argument(metavar="MODEL.feb", help="A FEBio 4 file.")]
 QUADS = (500, 2000, 8000)
@@ -64,10 +64,10 @@ def solve(
         from cosim.schema.units import LENGTH, parse
         from fe_solver.febio.read import read_feb
         from fe_solver.febio.solid_solve import solve_solid
-        from fe_solver.job_model import JobOptions
-        from fe_solver.job_results import check_target, write_job
-        from fe_solver.job_solve import solve_job, spread_times
-        from fe_solver.mid_surface import on_mid_surface
+        from fe_solver.job.mid_surface import on_mid_surface
+        from fe_solver.job.model import JobOptions
+        from fe_solver.job.results import check_target, write_job
+        from fe_solver.job.solve import solve_job, spread_times
 
         folder = out or Path("runs") / model.stem
         check_target(folder)
@@ -114,7 +114,7 @@ def _show(result: JobResult) -> None:
 
 
 def _rows(result: JobResult, state: JobState) -> Iterator[tuple[str, str]]:
-    from fe_solver.job_results import farthest
+    from fe_solver.job.results import farthest
 
     largest, node = farthest(result.job, state)
     yield "largest displacement", f"{1e3 * largest:.5g} mm at node {node}"
@@ -145,8 +145,8 @@ def export(
         from cosim.build.models import build, tensions
         from cosim.case.file import load_case
         from fe_solver.febio.write import write_feb
-        from fe_solver.hood_job import job_of_hood
-        from fe_solver.shell_hood import ShellHood
+        from fe_solver.hood.as_job import job_of_hood
+        from fe_solver.hood.shell_hood import ShellHood
 
         checked = load_case(case, settings or ())
         models = build(checked)

@@ -126,8 +126,8 @@ def _facts() -> Iterator[tuple[str, str]]:
     from importlib.metadata import version
 
     from cosim import __version__
-    from fe_solver import kernels
-    from fe_solver.linear_algebra import BACKENDS, FASTER, VARIABLE, available, chosen
+    from fe_solver.elements import kernels
+    from fe_solver.solver.linear_algebra import BACKENDS, FASTER, VARIABLE, available, chosen
 
     yield "cosim", f"{__version__} on Python {platform.python_version()}, {platform.machine()}"
     yield "libraries", ", ".join(f"{name} {version(name)}" for name in ("numpy", "scipy", "mujoco"))

@@ -15,7 +15,7 @@ from meshes.glide import Place, glide
 from meshes.hull import to_the_joint
 
 if TYPE_CHECKING:
-    from fe_solver.shell_hood import ShellHood as FeHood
+    from fe_solver.hood.shell_hood import ShellHood as FeHood
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,7 +58,7 @@ class Lines:
 
 def look_at(hood: FeHood, depth: float, lines: Lines, state: State) -> Look:
     """At a state; `depth` is the hood's `guide_depth`, which no state changes."""
-    from fe_solver.springs import spring_state
+    from fe_solver.forces.springs import spring_state
 
     springs, forces, c = hood.model.springs, hood.group_forces(state), state.configuration
     return Look(

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..curves import Curve, Drive, Extension, Interpolation
-from ..job import Body
-from .materials import Material, material_named
-from .mesh import SHELLS, FebMesh, rows_of
-from .parts import Parts
-from .xml import Tag
+from fe_solver.febio.materials import Material, material_named
+from fe_solver.febio.mesh import SHELLS, FebMesh, rows_of
+from fe_solver.febio.parts import Parts
+from fe_solver.febio.xml import Tag
+from fe_solver.job.curves import Curve, Drive, Extension, Interpolation
+from fe_solver.job.job import Body
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..job import Held, HeldDirector, NodalForce, Pressure, SpringLaw, SpringSet, Tied
-from .bodies import AXES, Model, read_curve
-from .parts import Sheet
-from .xml import Tag
+from fe_solver.febio.bodies import AXES, Model, read_curve
+from fe_solver.febio.parts import Sheet
+from fe_solver.febio.xml import Tag
+from fe_solver.job.job import Held, HeldDirector, NodalForce, Pressure, SpringLaw, SpringSet, Tied
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from ..assumed_strain import GAUSS, shape
+from fe_solver.elements.mitc4 import GAUSS, shape
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]

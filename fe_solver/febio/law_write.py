@@ -7,11 +7,10 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from cosim.port import InputError
-
-from ..crossed_fibres import CrossedFibres, CrossedLinear
-from ..fibre_materials import ExponentialFamily, HolzapfelGasserOgden, TransIsoMooneyRivlin
-from ..hyperelastic import NeoHookean
-from ..materials import Isotropic, Law, Orthotropic, Real
+from fe_solver.materials.crossed_fibres import CrossedFibres, CrossedLinear
+from fe_solver.materials.fibres import ExponentialFamily, HolzapfelGasserOgden, TransIsoMooneyRivlin
+from fe_solver.materials.hyperelastic import NeoHookean
+from fe_solver.materials.linear import Isotropic, Law, Orthotropic, Real
 
 FIELDS = ("E1", "E2", "nu12", "G12", "G13", "G23", "nu23", "nu31")
 

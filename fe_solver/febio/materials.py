@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..crossed_fibres import CrossedFibres
-from ..fibre_materials import ExponentialFamily, HolzapfelGasserOgden, TransIsoMooneyRivlin
-from ..hyperelastic import NeoHookean
-from ..materials import Isotropic, Law, Orthotropic
-from .mesh import rows_of
-from .xml import Tag
+from fe_solver.febio.mesh import rows_of
+from fe_solver.febio.xml import Tag
+from fe_solver.materials.crossed_fibres import CrossedFibres
+from fe_solver.materials.fibres import ExponentialFamily, HolzapfelGasserOgden, TransIsoMooneyRivlin
+from fe_solver.materials.hyperelastic import NeoHookean
+from fe_solver.materials.linear import Isotropic, Law, Orthotropic
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .xml import Tag
+from fe_solver.febio.xml import Tag
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]

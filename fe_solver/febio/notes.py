@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import groupby
 
-from .xml import Tag
+from fe_solver.febio.xml import Tag
 
 SETTINGS = (
     "laugon tolerance gaptol update_penalty two_pass knmult ktmult search_tol search_radius seg_up "

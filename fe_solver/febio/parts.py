@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .materials import Material, fibre_directions, material_named
-from .mesh import SHELLS, Block, FebMesh, rows_of
-from .xml import Tag
+from fe_solver.febio.materials import Material, fibre_directions, material_named
+from fe_solver.febio.mesh import SHELLS, Block, FebMesh, rows_of
+from fe_solver.febio.xml import Tag
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]

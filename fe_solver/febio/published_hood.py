@@ -15,11 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.port import InputError
-
-from ..job import Body, Job, NodalForce, Part, SpringLaw, SpringSet, Tied
-from ..job_solve import ShellState, solve_job
-from ..materials import Isotropic
-from .read import read_feb
+from fe_solver.febio.read import read_feb
+from fe_solver.job.job import Body, Job, NodalForce, Part, SpringLaw, SpringSet, Tied
+from fe_solver.job.solve import ShellState, solve_job
+from fe_solver.materials.linear import Isotropic
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -28,9 +28,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..assumed_strain import CORNERS, GAUSS, shape
-from ..materials import Law
-from .solid_laws import FIRST, PAIRS, SECOND, SHEAR, in_situ_strain, solid_stress
+from fe_solver.elements.mitc4 import CORNERS, GAUSS, shape
+from fe_solver.febio.solid_laws import FIRST, PAIRS, SECOND, SHEAR, in_situ_strain, solid_stress
+from fe_solver.materials.linear import Law
 
 Array = NDArray[np.float64]
 

@@ -14,9 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..job import Body, ContactPair, Job, Part, Step
-from ..mesh_checks import check_mesh, within
-from .bodies import (
+from fe_solver.febio.bodies import (
     GROUND,
     Model,
     Units,
@@ -25,7 +23,7 @@ from .bodies import (
     read_curves,
     triangles_of,
 )
-from .conditions import (
+from fe_solver.febio.conditions import (
     fixed_nodes,
     matched,
     read_forces,
@@ -34,12 +32,14 @@ from .conditions import (
     read_springs,
     read_tied,
 )
-from .like import bending_notes
-from .materials import read_materials
-from .mesh import FebMesh, read_mesh_section
-from .notes import told_of
-from .parts import Parts, Sheet, read_parts
-from .xml import Tag, read_xml
+from fe_solver.febio.materials import read_materials
+from fe_solver.febio.mesh import FebMesh, read_mesh_section
+from fe_solver.febio.notes import told_of
+from fe_solver.febio.parts import Parts, Sheet, read_parts
+from fe_solver.febio.xml import Tag, read_xml
+from fe_solver.job.checks import check_mesh, within
+from fe_solver.job.febio_like import bending_notes
+from fe_solver.job.job import Body, ContactPair, Job, Part, Step
 
 Ints = NDArray[np.intp]
 

@@ -22,17 +22,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.port import InputError
-
-from ..crossed_fibres import CrossedFibres
-from ..fibre_materials import (
+from fe_solver.materials.crossed_fibres import CrossedFibres
+from fe_solver.materials.fibres import (
     DispersedFamily,
     ExponentialToe,
     Family,
     HolzapfelGasserOgden,
     TransIsoMooneyRivlin,
 )
-from ..hyperelastic import NeoHookean
-from ..materials import Isotropic, Law, Orthotropic, Real
+from fe_solver.materials.hyperelastic import NeoHookean
+from fe_solver.materials.linear import Isotropic, Law, Orthotropic, Real
 
 Array = NDArray[np.float64]
 

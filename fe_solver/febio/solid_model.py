@@ -18,9 +18,15 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cosim.port import InputError
-
-from ..job import ContactPair, Job, Part
-from ..job_model import (
+from fe_solver.elements.mesh_geometry import node_directors
+from fe_solver.febio.facets import Facets, Pressed, cut, pressed, triangles_met
+from fe_solver.febio.q4ans import SolidTables, crossed, solid_response, solid_tables
+from fe_solver.febio.solid_laws import law_obstacle, normal_modulus
+from fe_solver.forces.loads import pressure_forces, pressure_tangent
+from fe_solver.forces.springs import NodeSprings, Springs, node_springs, spring_forces
+from fe_solver.job.checks import check_job
+from fe_solver.job.job import ContactPair, Job, Part
+from fe_solver.job.model import (
     body_poses,
     corner_means,
     dead_loads,
@@ -28,15 +34,14 @@ from ..job_model import (
     job_links,
     job_springs,
 )
-from ..linear_algebra import Analysis, Factor, NotPositiveDefiniteError, SuperLUAnalysis, analyse
-from ..loads import pressure_forces, pressure_tangent
-from ..materials import Law
-from ..mesh_checks import check_job
-from ..mesh_geometry import node_directors
-from ..springs import NodeSprings, Springs, node_springs, spring_forces
-from .facets import Facets, Pressed, cut, pressed, triangles_met
-from .q4ans import SolidTables, crossed, solid_response, solid_tables
-from .solid_laws import law_obstacle, normal_modulus
+from fe_solver.materials.linear import Law
+from fe_solver.solver.linear_algebra import (
+    Analysis,
+    Factor,
+    NotPositiveDefiniteError,
+    SuperLUAnalysis,
+    analyse,
+)
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]

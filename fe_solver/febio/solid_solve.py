@@ -18,11 +18,12 @@ from scipy.spatial.transform import Rotation
 
 from cosim.port import ConvergenceError, InputError
 from cosim.processes import one_blas_thread
-
-from ..assembly import cross
-from ..job import Job
-from ..job_model import JobOptions
-from ..job_solve import (
+from fe_solver.febio.solid_model import Loads, SolidModel, Term, solid_model
+from fe_solver.febio.solid_state import Equilibrium, solid_state
+from fe_solver.job.febio_like import bending_notes
+from fe_solver.job.job import Job
+from fe_solver.job.model import JobOptions
+from fe_solver.job.solve import (
     SAME_TIME,
     Effort,
     JobResult,
@@ -30,10 +31,8 @@ from ..job_solve import (
     effort_since,
     wanted_times,
 )
-from ..linear_algebra import Factor, mechanism
-from .like import bending_notes
-from .solid_model import Loads, SolidModel, Term, solid_model
-from .solid_state import Equilibrium, solid_state
+from fe_solver.solver.assembly import cross
+from fe_solver.solver.linear_algebra import Factor, mechanism
 
 Array = NDArray[np.float64]
 

@@ -12,13 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.port import InputError
-
-from ..job import Job
-from ..materials import Law
-from ..mesh_geometry import node_directors
-from .bodies import Units
-from .law_write import law_line, oriented
-from .write_conditions import SAME_POINT, Conditions, Lines, number, row, whole
+from fe_solver.elements.mesh_geometry import node_directors
+from fe_solver.febio.bodies import Units
+from fe_solver.febio.law_write import law_line, oriented
+from fe_solver.febio.write_conditions import SAME_POINT, Conditions, Lines, number, row, whole
+from fe_solver.job.job import Job
+from fe_solver.materials.linear import Law
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]

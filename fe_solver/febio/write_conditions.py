@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.port import InputError
-
-from ..curves import Curve, Drive
-from ..job import Job, SpringLaw, SpringSet
-from .bodies import AXES, Units
+from fe_solver.febio.bodies import AXES, Units
+from fe_solver.job.curves import Curve, Drive
+from fe_solver.job.job import Job, SpringLaw, SpringSet
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]

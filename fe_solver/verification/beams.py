@@ -7,10 +7,10 @@ from functools import partial
 
 import numpy as np
 
-from ..model import ShellModel
-from ..shell import Array
-from .benchmark import Benchmark, Meshes
-from .sheets import clamped, elements, line_weights, linear_response, sheet
+from fe_solver.elements.shell import Array
+from fe_solver.solver.model import ShellModel
+from fe_solver.verification.benchmark import Benchmark, Meshes
+from fe_solver.verification.sheets import clamped, elements, line_weights, linear_response, sheet
 
 MACNEAL = "MacNeal, Harder 1985, Finite Elem Anal Des 1:3"
 LENGTH, DEPTH, THICKNESS, MODULUS, POISSON = 6.0, 0.2, 0.1, 1e7, 0.3

@@ -6,9 +6,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 from cosim.checks import Row
-
-from ..shell import Array
-from .paths import halving_order
+from fe_solver.elements.shell import Array
+from fe_solver.verification.paths import halving_order
 
 Solve = Callable[[int, int], Sequence[float] | Array]
 """The quantities of a problem, from the mesh's size and the number of nodes of its elements."""

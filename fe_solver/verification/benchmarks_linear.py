@@ -7,11 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from cosim.checks import Row
-
-from ..mesh_geometry import node_areas
-from ..shell import Array
-from .paths import error_order
-from .sheets import clamped, grid, linear_response, mirrored, plate, sheet
+from fe_solver.elements.mesh_geometry import node_areas
+from fe_solver.elements.shell import Array
+from fe_solver.verification.paths import error_order
+from fe_solver.verification.sheets import clamped, grid, linear_response, mirrored, plate, sheet
 
 SHEAR = 5 / 6
 """Shear correction of a rectangular section."""

@@ -16,15 +16,23 @@ from numpy.linalg import norm
 
 from cosim.checks import Row
 from cosim.port import ConvergenceError, rotation_matrix
-
-from ..coupling import coupling, wrenches
-from ..model import Configuration, ShellModel
-from ..newton import residual_norm
-from ..newton_step import factorised
-from ..shell import Array
-from .benchmark import Benchmark, Meshes
-from .paths import Loading, error_order, followed, halving_order, watching
-from .sheets import at_rest, clamped, elements, grid, line_weights, mirrored, plate, sheet
+from fe_solver.elements.shell import Array
+from fe_solver.solver.body_coupling import coupling, wrenches
+from fe_solver.solver.model import Configuration, ShellModel
+from fe_solver.solver.newton import residual_norm
+from fe_solver.solver.newton_step import factorised
+from fe_solver.verification.benchmark import Benchmark, Meshes
+from fe_solver.verification.paths import Loading, error_order, followed, halving_order, watching
+from fe_solver.verification.sheets import (
+    at_rest,
+    clamped,
+    elements,
+    grid,
+    line_weights,
+    mirrored,
+    plate,
+    sheet,
+)
 
 TWENTIETHS = np.arange(1, 21) / 20
 SZE = "Sze, Liu, Lo 2004"

@@ -11,19 +11,18 @@ from scipy.optimize import brentq
 
 from cosim.checks import Row, Study
 from cosim.port import rotation_matrix
-
-from ..cable_model import NO_QUADS, no_tables
-from ..cables import Cables, Ints, cable_forces, cable_state
-from ..contact import Contact, partition
-from ..guides import Guides, Ties
-from ..model import ShellModel
-from ..newton import NewtonOptions, Solution, solve
-from ..section import Section
-from ..shapes import Capsule, Cylinder
-from ..shell import Array
-from ..springs import Springs
-from . import hood_rows
-from .sheets import NO_TENSION, at_rest, clamped, guided
+from fe_solver.elements.shell import Array
+from fe_solver.forces.cables import Cables, Ints, cable_forces, cable_state
+from fe_solver.forces.contact import Contact, partition
+from fe_solver.forces.guides import Guides, Ties
+from fe_solver.forces.springs import Springs
+from fe_solver.hood.build_cable import NO_QUADS, no_tables
+from fe_solver.materials.section import Section
+from fe_solver.solver.model import ShellModel
+from fe_solver.solver.newton import NewtonOptions, Solution, solve
+from fe_solver.surfaces.shapes import Capsule, Cylinder
+from fe_solver.verification import hood_rows
+from fe_solver.verification.sheets import NO_TENSION, at_rest, clamped, guided
 
 NEWTON = NewtonOptions(tolerance=1e-11, max_step=0.1)
 MODULUS, SECTION, TOE, RESIDUAL = 1e8, 1e-6, 0.02, 0.02

@@ -8,16 +8,15 @@ from dataclasses import replace
 import numpy as np
 
 from cosim.checks import Row
-
-from ..augment import settled, solve_augmented
-from ..contact import contact_state
-from ..coupling import wrenches
-from ..model import ShellModel
-from ..newton import NewtonOptions, Solution
-from ..shapes import Cylinder
-from ..shell import Array
-from . import sheets
-from .sheets import at_rest, clamped, guided, sheet
+from fe_solver.elements.shell import Array
+from fe_solver.forces.contact import contact_state
+from fe_solver.solver.augmented_contact import settled, solve_augmented
+from fe_solver.solver.body_coupling import wrenches
+from fe_solver.solver.model import ShellModel
+from fe_solver.solver.newton import NewtonOptions, Solution
+from fe_solver.surfaces.shapes import Cylinder
+from fe_solver.verification import sheets
+from fe_solver.verification.sheets import at_rest, clamped, guided, sheet
 
 NEWTON = NewtonOptions(tolerance=1e-10)
 RADIUS, ANGLE, WIDTH, TAIL = 8e-3, np.deg2rad(120), 4e-3, 6e-3

@@ -8,14 +8,13 @@ import numpy as np
 
 from cosim.checks import Row
 from cosim.port import rotation_matrix
-
-from ..materials import Isotropic, Law
-from ..model import Configuration, ShellModel
-from ..shell import Array
-from ..tension_field import TensionField
-from . import sheets
-from .material_rows import LAWS
-from .sheets import at_rest, clamped, disturbed, nine_noded, plate, sheet
+from fe_solver.elements.shell import Array
+from fe_solver.materials.linear import Isotropic, Law
+from fe_solver.materials.tension_field import TensionField
+from fe_solver.solver.model import Configuration, ShellModel
+from fe_solver.verification import sheets
+from fe_solver.verification.material_rows import LAWS
+from fe_solver.verification.sheets import at_rest, clamped, disturbed, nine_noded, plate, sheet
 
 SIDE, THICK = 10e-3, 1e-3
 SOFT = Isotropic(1e6, 0.3)

@@ -6,9 +6,8 @@ import math
 from collections.abc import Iterator
 
 from cosim.checks import Row
-
-from ..fibre_materials import TransIsoMooneyRivlin
-from .material_points import fibre_tension, uniaxial
+from fe_solver.materials.fibres import TransIsoMooneyRivlin
+from fe_solver.verification.material_points import fibre_tension, uniaxial
 
 MPA = 1e6
 FEBIO_STRESS: dict[float, dict[float, tuple[float, float, float]]] = {

@@ -23,22 +23,21 @@ from dataclasses import replace
 import numpy as np
 
 from cosim.checks import Row
-
-from ..crossed_fibres import CrossedFibres, CrossedLinear
-from ..fibre_materials import (
+from fe_solver.elements.shell import shell_tables
+from fe_solver.forces.guides import Guides
+from fe_solver.materials.crossed_fibres import CrossedFibres, CrossedLinear
+from fe_solver.materials.fibres import (
     DispersedFamily,
     ExponentialFamily,
     HolzapfelGasserOgden,
     TransIsoMooneyRivlin,
 )
-from ..guides import Guides
-from ..in_situ import in_situ_growth, stress_free_thickness
-from ..materials import Law, Orthotropic
-from ..model import ShellModel
-from ..newton import NewtonOptions, Solution, solve
-from ..shell import shell_tables
-from .material_points import fibre_tension, uniaxial
-from .sheets import NO_TENSION, at_rest, plate, sheet
+from fe_solver.materials.in_situ import in_situ_growth, stress_free_thickness
+from fe_solver.materials.linear import Law, Orthotropic
+from fe_solver.solver.model import ShellModel
+from fe_solver.solver.newton import NewtonOptions, Solution, solve
+from fe_solver.verification.material_points import fibre_tension, uniaxial
+from fe_solver.verification.sheets import NO_TENSION, at_rest, plate, sheet
 
 MPA = 1e6
 LENGTH, WIDTH, THICKNESS = 3.0, 1.0, 0.01

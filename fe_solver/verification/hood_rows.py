@@ -10,18 +10,17 @@ import numpy as np
 
 from cosim.checks import Row
 from cosim.port import HoodJacobian, Motion, rotation_matrix
-
-from ..augment import AugmentOptions, solve_augmented
-from ..contact import contact_state, partition
-from ..coupling import wrenches
-from ..model import Configuration, ShellModel
-from ..newton import NewtonOptions, Solution, solve
-from ..shapes import Capsule, HalfSpace
-from ..shell import Array
-from ..shell_hood import HoodState, ShellHood
-from ..springs import Springs
-from . import sheets
-from .sheets import at_rest, clamped, guided, sheet
+from fe_solver.elements.shell import Array
+from fe_solver.forces.contact import contact_state, partition
+from fe_solver.forces.springs import Springs
+from fe_solver.hood.shell_hood import HoodState, ShellHood
+from fe_solver.solver.augmented_contact import AugmentOptions, solve_augmented
+from fe_solver.solver.body_coupling import wrenches
+from fe_solver.solver.model import Configuration, ShellModel
+from fe_solver.solver.newton import NewtonOptions, Solution, solve
+from fe_solver.surfaces.shapes import Capsule, HalfSpace
+from fe_solver.verification import sheets
+from fe_solver.verification.sheets import at_rest, clamped, guided, sheet
 
 NEWTON = NewtonOptions(tolerance=1e-10)
 TIGHT, CLOSED = NewtonOptions(tolerance=1e-11), AugmentOptions(penetration=2e-13)

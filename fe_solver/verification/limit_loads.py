@@ -7,14 +7,21 @@ from functools import partial
 import numpy as np
 
 from cosim.port import ConvergenceError
-
-from ..model import ShellModel
-from ..newton import solve
-from ..shell import Array
-from .beams import rectangle_torsion
-from .benchmark import Benchmark, Meshes
-from .paths import WHOLE, drive_node, largest
-from .sheets import NO_TENSION, at_rest, clamped, elements, line_weights, mirrored, sheet
+from fe_solver.elements.shell import Array
+from fe_solver.solver.model import ShellModel
+from fe_solver.solver.newton import solve
+from fe_solver.verification.beams import rectangle_torsion
+from fe_solver.verification.benchmark import Benchmark, Meshes
+from fe_solver.verification.paths import WHOLE, drive_node, largest
+from fe_solver.verification.sheets import (
+    NO_TENSION,
+    at_rest,
+    clamped,
+    elements,
+    line_weights,
+    mirrored,
+    sheet,
+)
 
 DEEPEST = 16
 """mm, of the roofs' middle; both limit loads are before it."""

@@ -7,9 +7,9 @@ import math
 import numpy as np
 from scipy.optimize import minimize, minimize_scalar
 
-from ..fibre_materials import HolzapfelGasserOgden, TransIsoMooneyRivlin
-from ..hyperelastic import NeoHookean, Potential, volume_ratio
-from ..materials import Array, Law, Linear
+from fe_solver.materials.fibres import HolzapfelGasserOgden, TransIsoMooneyRivlin
+from fe_solver.materials.hyperelastic import NeoHookean, Potential, volume_ratio
+from fe_solver.materials.linear import Array, Law, Linear
 
 
 def axes(angle: float) -> Array:

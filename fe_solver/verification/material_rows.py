@@ -9,13 +9,12 @@ from itertools import product
 import numpy as np
 
 from cosim.checks import Row
-
-from ..fibre_materials import HolzapfelGasserOgden, TransIsoMooneyRivlin
-from ..hyperelastic import NeoHookean, Potential
-from ..materials import Isotropic, Law, Orthotropic
-from ..tension_field import TensionField
-from . import febio_rows
-from .material_points import (
+from fe_solver.materials.fibres import HolzapfelGasserOgden, TransIsoMooneyRivlin
+from fe_solver.materials.hyperelastic import NeoHookean, Potential
+from fe_solver.materials.linear import Isotropic, Law, Orthotropic
+from fe_solver.materials.tension_field import TensionField
+from fe_solver.verification import febio_rows
+from fe_solver.verification.material_points import (
     axes,
     cauchy,
     differences,

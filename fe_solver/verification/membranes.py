@@ -5,12 +5,19 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import brentq
 
-from ..fibre_materials import TransIsoMooneyRivlin
-from ..newton import solve
-from ..shell import Array
-from .benchmark import Benchmark, Meshes
-from .paths import WHOLE
-from .sheets import NO_TENSION, at_rest, elements, mirrored, sheet, surface_weights
+from fe_solver.elements.shell import Array
+from fe_solver.materials.fibres import TransIsoMooneyRivlin
+from fe_solver.solver.newton import solve
+from fe_solver.verification.benchmark import Benchmark, Meshes
+from fe_solver.verification.paths import WHOLE
+from fe_solver.verification.sheets import (
+    NO_TENSION,
+    at_rest,
+    elements,
+    mirrored,
+    sheet,
+    surface_weights,
+)
 
 CORNERS = np.eye(3)
 TERMS = 60

@@ -7,10 +7,10 @@ from functools import partial
 
 import numpy as np
 
-from ..shell import Array
-from .benchmark import Benchmark, Meshes
-from .paths import watching
-from .sheets import (
+from fe_solver.elements.shell import Array
+from fe_solver.verification.benchmark import Benchmark, Meshes
+from fe_solver.verification.paths import watching
+from fe_solver.verification.sheets import (
     clamped,
     elements,
     line_weights,

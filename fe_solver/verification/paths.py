@@ -8,11 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cosim.port import ConvergenceError
-
-from ..model import Configuration, ShellModel
-from ..newton import solve
-from ..shell import Array
-from .sheets import BENCHMARK, NO_TENSION, at_rest
+from fe_solver.elements.shell import Array
+from fe_solver.solver.model import Configuration, ShellModel
+from fe_solver.solver.newton import solve
+from fe_solver.verification.sheets import BENCHMARK, NO_TENSION, at_rest
 
 SEEN = 2e-4
 """Relative change by a halved mesh below which no order is measured: other errors are as large."""

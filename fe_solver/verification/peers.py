@@ -18,14 +18,13 @@ import numpy as np
 
 from cosim.checks import Row
 from cosim.port import ConvergenceError, CosimError
-
-from ..linear_algebra import chosen
-from ..model import ShellModel
-from ..newton import NewtonOptions, solve
-from ..shell import Array
-from . import sheets
-from .apart import answer, python, threads
-from .paths import error_order, limit
+from fe_solver.elements.shell import Array
+from fe_solver.solver.linear_algebra import chosen
+from fe_solver.solver.model import ShellModel
+from fe_solver.solver.newton import NewtonOptions, solve
+from fe_solver.verification import sheets
+from fe_solver.verification.apart import answer, python, threads
+from fe_solver.verification.paths import error_order, limit
 
 LENGTH, ARC, RADIUS, THICKNESS = 60e-3, 15e-3, 8e-3, 0.5e-3
 MODULUS, POISSON, LOAD = 100e6, 0.3, 0.05

@@ -7,10 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from cosim.checks import Row
-
-from ..materials import Orthotropic
-from .paths import error_order
-from .sheets import linear_response, mirrored, nine_noded, plate, sheet
+from fe_solver.materials.linear import Orthotropic
+from fe_solver.verification.paths import error_order
+from fe_solver.verification.sheets import linear_response, mirrored, nine_noded, plate, sheet
 
 ALONG, SHEAR = 1e8, 1e6
 """Pa: the fibres' modulus and the matrix's shear modulus."""

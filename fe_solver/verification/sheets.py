@@ -7,20 +7,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..contact import Contact
-from ..contact_points import Within
-from ..elements import kind_of
-from ..guides import Guides, Ties
-from ..materials import Isotropic, Law
-from ..mesh_geometry import node_areas, node_directors
-from ..model import Configuration, ShellModel
-from ..newton import NewtonOptions
-from ..newton_step import factorised
-from ..section import one_law
-from ..shell import Array, shell_tables
-from ..springs import Springs
-from ..surfaces import Surface
-from ..tension_field import TensionField
+from fe_solver.elements.kinds import kind_of
+from fe_solver.elements.mesh_geometry import node_areas, node_directors
+from fe_solver.elements.shell import Array, shell_tables
+from fe_solver.forces.contact import Contact
+from fe_solver.forces.contact_points import Within
+from fe_solver.forces.guides import Guides, Ties
+from fe_solver.forces.springs import Springs
+from fe_solver.materials.linear import Isotropic, Law
+from fe_solver.materials.section import one_law
+from fe_solver.materials.tension_field import TensionField
+from fe_solver.solver.model import Configuration, ShellModel
+from fe_solver.solver.newton import NewtonOptions
+from fe_solver.solver.newton_step import factorised
+from fe_solver.surfaces.spline_distance import Surface
 
 GROUND = (np.zeros((1, 3)), np.eye(3)[None])
 """Pose of one body at the world's origin."""

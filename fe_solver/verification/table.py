@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from cosim.checks import Row, Study
-
-from . import (
+from fe_solver.verification import (
     benchmarks_linear,
     benchmarks_nonlinear,
     contact_rows,
@@ -19,11 +18,11 @@ from . import (
     tangent_rows,
     thread_rows,
 )
-from .beams import CURVED, HOOK, STRAIGHT_BEAMS
-from .benchmark import Benchmark, rows_of
-from .limit_loads import HINGED_ROOFS, STRIP_BUCKLING
-from .membranes import BALLOON, HENCKY
-from .obstacle_course import (
+from fe_solver.verification.beams import CURVED, HOOK, STRAIGHT_BEAMS
+from fe_solver.verification.benchmark import Benchmark, rows_of
+from fe_solver.verification.limit_loads import HINGED_ROOFS, STRIP_BUCKLING
+from fe_solver.verification.membranes import BALLOON, HENCKY
+from fe_solver.verification.obstacle_course import (
     COOK,
     HEMISPHERES,
     HYPERBOLIC_PARABOLOIDS,
@@ -32,7 +31,7 @@ from .obstacle_course import (
     ROOF,
     TWISTED_BEAMS,
 )
-from .tension_fields import ANNULUS, BENT_RECTANGLES, SHEAR_WEB
+from fe_solver.verification.tension_fields import ANNULUS, BENT_RECTANGLES, SHEAR_WEB
 
 BENCHMARKS: dict[str, tuple[Benchmark, ...]] = {
     "straight beam": STRAIGHT_BEAMS,

@@ -11,19 +11,25 @@ import numpy as np
 
 from cosim.checks import Row
 from cosim.port import rotation_matrix
-
-from ..contact import Contact, Grip, contact_forces
-from ..loads import Inertia
-from ..model import ShellModel
-from ..quadrics import Ellipsoid
-from ..shapes import Capsule, Cone, Cylinder, HalfSpace, RoundCone, Sphere
-from ..shell import Array
-from ..springs import ForceCurve, NodeSprings, PointForces, Springs, node_springs, spring_forces
-from ..surfaces import SplineDistance, Surface
-from . import sheets
-from .element_rows import OWN, SIDE, THICK, distorted
-from .element_rows import tangent_error as model_error
-from .sheets import clamped, guided, mirrored
+from fe_solver.elements.shell import Array
+from fe_solver.forces.contact import Contact, Grip, contact_forces
+from fe_solver.forces.loads import Inertia
+from fe_solver.forces.springs import (
+    ForceCurve,
+    NodeSprings,
+    PointForces,
+    Springs,
+    node_springs,
+    spring_forces,
+)
+from fe_solver.solver.model import ShellModel
+from fe_solver.surfaces.ellipsoid import Ellipsoid
+from fe_solver.surfaces.shapes import Capsule, Cone, Cylinder, HalfSpace, RoundCone, Sphere
+from fe_solver.surfaces.spline_distance import SplineDistance, Surface
+from fe_solver.verification import sheets
+from fe_solver.verification.element_rows import OWN, SIDE, THICK, distorted
+from fe_solver.verification.element_rows import tangent_error as model_error
+from fe_solver.verification.sheets import clamped, guided, mirrored
 
 Part = Callable[[ShellModel], ShellModel]
 POSE = (

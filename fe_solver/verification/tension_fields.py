@@ -9,14 +9,14 @@ from functools import partial
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from ..elements import kind_of
-from ..materials import Isotropic
-from ..model import ShellModel
-from ..newton import NewtonOptions, Solution, solve
-from ..shell import Array
-from ..tension_field import TensionField
-from .benchmark import Benchmark, Meshes
-from .sheets import NO_TENSION, at_rest, clamped, elements, mirrored, sheet
+from fe_solver.elements.kinds import kind_of
+from fe_solver.elements.shell import Array
+from fe_solver.materials.linear import Isotropic
+from fe_solver.materials.tension_field import TensionField
+from fe_solver.solver.model import ShellModel
+from fe_solver.solver.newton import NewtonOptions, Solution, solve
+from fe_solver.verification.benchmark import Benchmark, Meshes
+from fe_solver.verification.sheets import NO_TENSION, at_rest, clamped, elements, mirrored, sheet
 
 MODULUS, POISSON, THICKNESS = 1e8, 0.3, 1e-3
 PRECISE = NewtonOptions(tolerance=1e-9)

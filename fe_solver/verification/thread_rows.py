@@ -10,13 +10,12 @@ import numpy as np
 
 from cosim.checks import Row
 from cosim.port import CosimError
-
-from ..kernels import PAYS, thread_count
-from ..linear_algebra import VARIABLE, chosen
-from ..newton import NewtonOptions, solve
-from . import sheets
-from .apart import answer, python, threads
-from .peers import strip
+from fe_solver.elements.kernels import PAYS, thread_count
+from fe_solver.solver.linear_algebra import VARIABLE, chosen
+from fe_solver.solver.newton import NewtonOptions, solve
+from fe_solver.verification import sheets
+from fe_solver.verification.apart import answer, python, threads
+from fe_solver.verification.peers import strip
 
 MESH = (60, 20)
 THREADS = (1, 2)

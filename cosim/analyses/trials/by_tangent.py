@@ -26,8 +26,8 @@ from cosim.hoods.shell.build import UnderHood
 from cosim.pipeline import States
 from cosim.port import Array
 from cosim.results.static import result
-from fe_solver.shell_hood import HoodState
-from fe_solver.shell_hood import ShellHood as FeHood
+from fe_solver.hood.shell_hood import HoodState
+from fe_solver.hood.shell_hood import ShellHood as FeHood
 
 Reshape = Callable[[FeHood, FeHood, HoodState, Array], HoodState]
 """The state of a hood from that of another, under tensions (nt,) N."""

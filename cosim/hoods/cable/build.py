@@ -18,8 +18,8 @@ from cosim.hoods.shell.build import Triangles, baked_surfaces
 from cosim.port import Array, InputError, Motion, State
 
 if TYPE_CHECKING:
-    from fe_solver.cables import Cables
-    from fe_solver.shell_hood import ShellHood as FeHood
+    from fe_solver.forces.cables import Cables
+    from fe_solver.hood.shell_hood import ShellHood as FeHood
     from meshes.cable_net import CableNet
     from meshes.skeleton import Skeleton
 
@@ -73,9 +73,9 @@ def cable_hood_of(
     """The net over the bones as a case describes it, behind the port; its own equilibrium to the
     relative `tolerance`; `ends`: those of the net that tendons pull, by tendon.  Raises
     InputError."""
-    from fe_solver.cable_model import Net, cable_hood
-    from fe_solver.hood_model import ContactLaw, SpringSet, Tendon
-    from fe_solver.newton import NewtonOptions
+    from fe_solver.hood.build_cable import Net, cable_hood
+    from fe_solver.hood.build_shell import ContactLaw, SpringSet, Tendon
+    from fe_solver.solver.newton import NewtonOptions
     from meshes.hull import along, carriers
     from meshes.skeleton import BODIES
 
@@ -115,7 +115,7 @@ def cable_hood_of(
 
 def cable_law(hood: CableHood, net: CableNet, lesion: Lesion | None = None) -> Cables:
     """The cells' law; a strand that is longer than laid is so in all its cells."""
-    from fe_solver.cables import Cables
+    from fe_solver.forces.cables import Cables
 
     tables = [hood.cables[name] for name in net.cable]
     stated = zip(net.strands, (table.extra_length for table in tables), strict=True)
@@ -150,7 +150,7 @@ def looking_at(hood: FeHood, net: CableNet, skeleton: Skeleton) -> Callable[[Sta
 
 
 def _look(hood: FeHood, net: CableNet, depth: float, lines: Lines, state: State) -> CableLook:
-    from fe_solver.cable_model import pulls_in
+    from fe_solver.hood.build_cable import pulls_in
 
     seen, pull = look_at(hood, depth, lines, state), pulls_in(hood, state)
     points = state.solution.evaluation.points

@@ -24,12 +24,12 @@ from cosim.port import Array, InputError, Motion, State
 
 if TYPE_CHECKING:
     from cosim.hoods.lesion import Lesion
-    from fe_solver.hood_model import Tendon
-    from fe_solver.materials import Law, Linear, Real
-    from fe_solver.section import Section
-    from fe_solver.shell_hood import ShellHood as FeHood
-    from fe_solver.surfaces import Surface
-    from fe_solver.tension_field import TensionField
+    from fe_solver.hood.build_shell import Tendon
+    from fe_solver.hood.shell_hood import ShellHood as FeHood
+    from fe_solver.materials.linear import Law, Linear, Real
+    from fe_solver.materials.section import Section
+    from fe_solver.materials.tension_field import TensionField
+    from fe_solver.surfaces.spline_distance import Surface
     from meshes.hood_mesh import HoodMesh
     from meshes.skeleton import Skeleton
 
@@ -85,7 +85,7 @@ class _frozen:
 
 @lru_cache(maxsize=32)
 def _baked(body: str, vertices: _frozen, faces: _frozen) -> Surface:
-    from fe_solver.surfaces import SplineDistance, cache_folder
+    from fe_solver.surfaces.spline_distance import SplineDistance, cache_folder
 
     try:
         return SplineDistance.bake(vertices.array, faces.array, margin=MARGIN, cache=cache_folder())
@@ -140,9 +140,9 @@ def shell_hood_of(
     mesh: HoodMesh,
 ) -> FeHood:
     """The hood over the bones as a case describes it, behind the port."""
-    from fe_solver.hood_model import ContactLaw, Sheet, SpringSet, shell_hood
-    from fe_solver.in_situ import in_situ_growth, stress_free_thickness
-    from fe_solver.newton import NewtonOptions
+    from fe_solver.hood.build_shell import ContactLaw, Sheet, SpringSet, shell_hood
+    from fe_solver.materials.in_situ import in_situ_growth, stress_free_thickness
+    from fe_solver.solver.newton import NewtonOptions
     from meshes.hood_mesh import REGIONS
     from meshes.hull import along, carriers
     from meshes.skeleton import BODIES
@@ -210,7 +210,7 @@ def _section(
     hood: ShellHood, mesh: HoodMesh, thickness: Array, fibres: Fibres, growth: Array
 ) -> Section:
     """The materials of the regions, each of its thickness, with the hood's own bending."""
-    from fe_solver.section import Patch, joined_sections
+    from fe_solver.materials.section import Patch, joined_sections
     from meshes.hood_mesh import REGIONS
 
     patches = []
@@ -239,14 +239,16 @@ def _law(name: str, region: Region, angle: Real) -> Law | TensionField:
     """A region's material, its second family at `angle` (rad) from the first.
 
     Raises InputError, with its name, for one that is none."""
-    from fe_solver.tension_field import TensionField
+    from fe_solver.materials.tension_field import TensionField
 
     law = _bare_law(name, region, angle)
     return TensionField(law) if region.tension_field else law
 
 
 def _bare_law(name: str, region: Region, angle: Real) -> Law:
-    from fe_solver import crossed_fibres, fibre_materials, hyperelastic, materials
+    from fe_solver.materials import crossed_fibres, hyperelastic
+    from fe_solver.materials import fibres as fibre_materials
+    from fe_solver.materials import linear as materials
 
     def bulk(modulus: float | None) -> float:
         return np.inf if modulus is None else modulus
@@ -308,7 +310,7 @@ def thickness_of(hood: ShellHood, mesh: HoodMesh) -> Array:
 def _faced(mesh: HoodMesh, thickness: Array) -> Array:
     """Mid-surface points (n, 3) that leave the face towards the bones where the sheet that the mesh
     was laid for has it."""
-    from fe_solver.mesh_geometry import node_directors, node_means
+    from fe_solver.elements.mesh_geometry import node_directors, node_means
 
     rise = (node_means(thickness, mesh.quads, len(mesh.points)) - mesh.thickness) / 2
     if np.abs(rise).max() < 1e-12:
@@ -380,7 +382,7 @@ def _length(mesh: HoodMesh, cells: np.ndarray) -> float:
 
 def _tendons(mesh: HoodMesh, finger: str) -> dict[str, Tendon]:
     """Each tendon's end nodes and their shares of a pull that is even over them, or over half."""
-    from fe_solver.hood_model import Tendon
+    from fe_solver.hood.build_shell import Tendon
     from meshes.hood_lines import even_shares
 
     out = {}
@@ -399,7 +401,7 @@ def _tendons(mesh: HoodMesh, finger: str) -> dict[str, Tendon]:
 def linear(hood: FeHood, state: State) -> tuple[float, float]:
     from time import perf_counter
 
-    from fe_solver.newton_step import factorised
+    from fe_solver.solver.newton_step import factorised
 
     start = perf_counter()
     e = hood.model.evaluate(state.configuration, state.solution.tension, tangent=True)

@@ -35,7 +35,7 @@ def fibres_of(
     """The directions of a case's regions on a mesh whose mid-surface is at points (n, 3).
 
     Raises InputError for a field that the mesh does not have."""
-    from fe_solver.fibres import angle_between
+    from fe_solver.elements.fibres import angle_between
     from meshes.hood_mesh import REGIONS
 
     laid = _Laid(mesh, points, skeleton)
@@ -57,7 +57,7 @@ def at_gauss_points(mesh: HoodMesh, fibre: Array) -> Array:
     """(ne, g, 3) of directions (ne, 3).  Those of quadratic elements follow the mesh's lines; one
     an element, smoothed, is of first order at a region's edge, where a soft matrix is drawn aside
     by the width of a column."""
-    from fe_solver.fibres import followed, smoothed
+    from fe_solver.elements.fibres import followed, smoothed
 
     if mesh.quadratic:
         return followed(mesh.points, mesh.quads, fibre)
@@ -77,7 +77,7 @@ class _Laid:
         cells = self.mesh.region == region
         if stated.field is not None:
             return at_gauss_points(self.mesh, self._field(region, stated.field, key))[cells]
-        from fe_solver.fibres import turn_in_sheet
+        from fe_solver.elements.fibres import turn_in_sheet
 
         return turn_in_sheet(
             self.points, self.mesh.quads[cells], self.own[cells], self._angles(region, stated)
@@ -96,7 +96,7 @@ class _Laid:
 
     def _angles(self, region: int, stated: Direction) -> Array:
         """(k, g) rad from the mesh's own direction, counter-clockwise about the normal."""
-        from fe_solver.fibres import gauss_points, normals
+        from fe_solver.elements.fibres import gauss_points, normals
         from meshes.hood_mesh import REGIONS, runs_round
         from meshes.region_places import region_places, side_of, turns
 

@@ -23,7 +23,7 @@ import numpy as np
 from cosim.port import Array, State
 
 if TYPE_CHECKING:
-    from fe_solver.shell_hood import ShellHood as FeHood
+    from fe_solver.hood.shell_hood import ShellHood as FeHood
     from meshes.hood_mesh import HoodMesh
     from meshes.skeleton import Skeleton
 
@@ -69,7 +69,7 @@ def middle_crossings(mesh: HoodMesh, skeleton: Skeleton) -> dict[str, Crossing]:
 
 def element_forces(hood: FeHood, state: State) -> Array:
     """(ne, k, 3) N, the gradient of each element's energy by the places of its nodes."""
-    from fe_solver.shell import element_response
+    from fe_solver.elements.shell import element_response
 
     model, c = hood.model, state.configuration
     nodes = np.concatenate([c.x[model.quads], c.d[model.quads]], axis=1)

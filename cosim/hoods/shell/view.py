@@ -15,7 +15,7 @@ from cosim.port import Array, State
 from meshes.skeleton import JOINTS
 
 if TYPE_CHECKING:
-    from fe_solver.shell_hood import ShellHood as FeHood
+    from fe_solver.hood.shell_hood import ShellHood as FeHood
     from meshes.hood_mesh import HoodMesh
     from meshes.markers import Markers
     from meshes.skeleton import Skeleton
@@ -75,7 +75,7 @@ def looking_at(hood: FeHood, mesh: HoodMesh, skeleton: Skeleton) -> Callable[[St
 def _line_angle(hood: FeHood, mesh: HoodMesh) -> Array:
     """(ne,) rad from the fibre to the mesh's own line in each element, 0 where they are one."""
     from cosim.hoods.shell.fibres import at_gauss_points
-    from fe_solver.fibres import angle_between
+    from fe_solver.elements.fibres import angle_between
 
     fibre, lines = hood.model.tables.frame[:, :, 0], at_gauss_points(mesh, mesh.fibre)
     angle = angle_between(hood.model.reference, mesh.quads, fibre, lines)
@@ -103,8 +103,8 @@ def _look(
     crossings: Mapping[str, Crossing],
     state: State,
 ) -> HoodLook:
-    from fe_solver.fibre_families import fibre_families
-    from fe_solver.fields import contact_pressure, fields
+    from fe_solver.hood.fibre_families import fibre_families
+    from fe_solver.solver.fields import contact_pressure, fields
 
     field = fields(hood.model, state.configuration)
     return HoodLook(

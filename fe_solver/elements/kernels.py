@@ -1,0 +1,340 @@
+"""The two inner loops of the assembly, compiled by numba where it is installed.
+
+Every element and every entry of the matrix is worked on by itself and in the same order, so that
+any number of threads gives the same bits.  Without numba `fe_solver.elements.shell` and numpy do
+the same.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from importlib.util import find_spec
+from itertools import pairwise
+from typing import Any, TypeVar
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cosim.port import InputError
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.intp]
+Kernel = TypeVar("Kernel", bound=Callable[..., None])
+
+COMPILED = find_spec("numba") is not None and not os.environ.get("FE_SOLVER_NO_NUMBA")
+THREADS = "FE_SOLVER_THREADS"
+MOST_THREADS = 256
+PAYS = 1000
+"""Elements from which a second thread pays."""
+
+
+def compiled(kernel: Kernel) -> Kernel:
+    """The kernel compiled when it is first called, and kept on disk."""
+    if not COMPILED:
+        return kernel
+    import numba
+
+    jit: Any = numba.njit(nogil=True, cache=True, error_model="numpy", boundscheck=False)
+    made: Kernel = jit(kernel)
+    return made
+
+
+def thread_count() -> int:
+    """Threads of a large assembly: FE_SOLVER_THREADS, else the cores at hand up to four.  Raises
+    InputError for a wish that is no positive whole number."""
+    wish = os.environ.get(THREADS)
+    if not wish:
+        return min(4, os.cpu_count() or 1)
+    if not (wish.isascii() and wish.isdigit() and 0 < int(wish) <= MOST_THREADS):
+        raise InputError(f"{THREADS}={wish}: expected a whole number from 1 to {MOST_THREADS}")
+    return int(wish)
+
+
+@cache
+def _pool(threads: int) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(threads, thread_name_prefix="assembly")
+
+
+def in_parallel(work: Callable[[int, int], None], count: int, pays: int) -> None:
+    """Do work(first, last) for all of `count` items, in equal parts side by side."""
+    threads = thread_count() if count >= pays else 1
+    if threads == 1:
+        work(0, count)
+        return
+    ends = [count * i // threads for i in range(threads + 1)]
+    for done in [_pool(threads).submit(work, a, b) for a, b in pairwise(ends)]:
+        done.result()
+
+
+def gathered(start: Ints, gather: Ints, values: Array) -> Array:
+    """(m,) sums of values[gather[start[k]:start[k + 1]]], each taken in order."""
+    out = np.zeros(len(start) - 1)
+    if COMPILED:
+        in_parallel(lambda a, b: _gather(a, b, start, gather, values, out), len(out), 400 * PAYS)
+        return out
+    which = np.repeat(np.arange(len(out)), np.diff(start))
+    return np.bincount(which, weights=values[gather], minlength=len(out)).astype(float, copy=False)
+
+
+@compiled
+def _gather(first: int, last: int, start: Ints, gather: Ints, values: Array, out: Array) -> None:
+    for k in range(first, last):
+        total = 0.0
+        for i in range(start[k], start[k + 1]):
+            total += values[gather[i]]
+        out[k] = total
+
+
+def spread(which: Ints, weights: Array, hessian: Array, count: int) -> Array:
+    """(count, m, 3, m, 3) sums of weights[k, a] weights[k, b] hessian[k] over those k whose `which`
+    (k,) is the same; weights (k, m), hessian (k, 3, 3)."""
+    k, m = weights.shape
+    if COMPILED:
+        out = np.zeros((count, m, 3, m, 3))
+        _spread(which, weights, hessian, out)
+        return out
+    own = np.einsum("ka,kb,kij->kaibj", weights, weights, hessian).reshape(k, -1)
+    sums = sp.csr_array((np.ones(k), (which, np.arange(k))), (count, k))
+    return (sums @ own).reshape(count, m, 3, m, 3)
+
+
+@compiled
+def _spread(which: Ints, weights: Array, hessian: Array, out: Array) -> None:
+    m = weights.shape[1]
+    for k in range(len(which)):
+        e = which[k]
+        for a in range(m):
+            for b in range(m):
+                w = weights[k, a] * weights[k, b]
+                for i in range(3):
+                    for j in range(3):
+                        out[e, a, i, b, j] += w * hessian[k, i, j]
+
+
+def sampled(samples: Array, membrane: int, y: Array) -> Array:
+    """(ne, m) values y.samples.y / 2 of y (ne, 2k, 3); the first `membrane` of them are of the
+    positions alone, the others of positions times directors."""
+    out, known = np.empty((len(y), len(samples))), (0,) * (y.shape[1] // 2)
+    in_parallel(lambda a, b: _sample(a, b, known, samples, membrane, y, out), len(y), PAYS)
+    return out
+
+
+@compiled
+def _sample(
+    first: int,
+    last: int,
+    known: tuple[int, ...],
+    samples: Array,
+    membrane: int,
+    y: Array,
+    out: Array,
+) -> None:
+    nodes = len(known)  # the length of a tuple is known to the compiler, which unrolls by it
+    for e in range(first, last):
+        for i in range(len(samples)):
+            total = 0.0
+            for a in range(nodes):
+                for k in range(3):
+                    value = 0.0
+                    if i < membrane:
+                        for b in range(nodes):
+                            value += 0.5 * samples[i, a, b] * y[e, b, k]
+                    else:
+                        for b in range(nodes, 2 * nodes):
+                            value += samples[i, a, b] * y[e, b, k]
+                    total += y[e, a, k] * value
+            out[e, i] = total
+
+
+def stress_gradient(samples: Array, membrane: int, y: Array, stress: Array) -> Array:
+    """(ne, 2k, 3) sum of stress (ne, m) times the samples' gradients at y (ne, 2k, 3)."""
+    out = np.empty_like(y)
+
+    def work(first: int, last: int) -> None:
+        _stress_gradient(first, last, samples, membrane, y, stress, out)
+
+    in_parallel(work, len(y), PAYS)
+    return out
+
+
+@compiled
+def _stress_gradient(
+    first: int,
+    last: int,
+    samples: Array,
+    membrane: int,
+    y: Array,
+    stress: Array,
+    out: Array,
+) -> None:
+    size = y.shape[1]
+    G = np.zeros((size, size))
+    for e in range(first, last):
+        _geometric(samples, membrane, stress[e], G)
+        for a in range(size):
+            for k in range(3):
+                value = 0.0
+                for b in range(size):
+                    value += G[a, b] * y[e, b, k]
+                out[e, a, k] = value
+
+
+@compiled
+def _geometric(samples: Array, membrane: int, stress: Array, out: Array) -> None:
+    """(2k, 2k) sum of stress (m,) times samples, of which the lower right block is zero."""
+    nodes = out.shape[0] // 2
+    out[:, :] = 0.0
+    for i in range(membrane):
+        for a in range(nodes):
+            for b in range(nodes):
+                out[a, b] += stress[i] * samples[i, a, b]
+    for i in range(membrane, len(stress)):
+        for a in range(nodes):
+            for b in range(nodes, 2 * nodes):
+                out[a, b] += stress[i] * samples[i, a, b]
+    for a in range(nodes):
+        for b in range(nodes, 2 * nodes):
+            out[b, a] = out[a, b]
+
+
+def element_blocks(
+    samples: Array,
+    y: Array,
+    height: Array,
+    tables: tuple[Array, Array, Array],
+    stress: Array,
+    stiffness: Array,
+    bases: tuple[Array, Array],
+) -> Array:
+    """(ne, 5k, 5k) tangent of each element in its nodes' bases: y (ne, 2k, 3) of the mid-surface,
+    height (ne, k), tables (membrane, bending, shear) of the Gauss points, stress (ne, m) that
+    makes the geometric part, stiffness (ne, g, 8, 8) times the area of each Gauss point, bases A
+    (ne, k, 3, 3) and T (ne, k, 3, 2)."""
+    size = 5 * height.shape[1]
+    out = np.empty((len(y), size, size))
+
+    def work(first: int, last: int) -> None:
+        _blocks(first, last, samples, y, height, *tables, stress, stiffness, *bases, out)
+
+    in_parallel(work, len(y), PAYS)
+    return out
+
+
+@compiled
+def _blocks(
+    first: int,
+    last: int,
+    samples: Array,
+    y: Array,
+    height: Array,
+    membrane: Array,
+    bending: Array,
+    shear: Array,
+    stress: Array,
+    stiffness: Array,
+    A: Array,
+    T: Array,
+    out: Array,
+) -> None:
+    nodes, points, m = height.shape[1], stiffness.shape[1], len(samples)
+    stretch, slips = membrane.shape[3], shear.shape[3]
+    size, shears = 5 * nodes, m - slips
+    B = np.zeros((m, 2 * nodes, 3))
+    R = np.zeros((m, size))  # the samples' gradients in the nodes' bases
+    L = np.zeros((8 * points, size))  # the strains' gradients
+    CL = np.zeros((8 * points, size))
+    K = np.zeros((size, size))
+    G = np.zeros((2 * nodes, 2 * nodes))
+    for e in range(first, last):
+        B[:, :, :] = 0.0
+        for i in range(stretch):
+            for a in range(nodes):
+                for b in range(nodes):
+                    for k in range(3):
+                        B[i, a, k] += samples[i, a, b] * y[e, b, k]
+        for i in range(stretch, m):
+            for a in range(nodes):
+                for b in range(nodes, 2 * nodes):
+                    for k in range(3):
+                        B[i, a, k] += samples[i, a, b] * y[e, b, k]
+                        B[i, b, k] += samples[i, a, b] * y[e, a, k]
+        for i in range(m):
+            for a in range(nodes):
+                h = height[e, a]
+                for j in range(3):
+                    value = 0.0
+                    for k in range(3):
+                        value += B[i, a, k] * A[e, a, k, j]
+                    R[i, 5 * a + j] = value
+                for j in range(2):
+                    value = 0.0
+                    for k in range(3):
+                        value += (B[i, nodes + a, k] + h * B[i, a, k]) * T[e, a, k, j]
+                    R[i, 5 * a + 3 + j] = value
+        L[:, :] = 0.0
+        CL[:, :] = 0.0
+        for g in range(points):
+            at = 8 * g
+            for c in range(3):
+                for i in range(stretch):
+                    if membrane[e, g, c, i] != 0.0:
+                        for j in range(size):
+                            L[at + c, j] += membrane[e, g, c, i] * R[i, j]
+                for i in range(3):
+                    for j in range(size):
+                        L[at + 3 + c, j] += bending[e, g, c, i] * R[stretch + 3 * g + i, j]
+            for c in range(2):
+                for i in range(slips):
+                    for j in range(size):
+                        L[at + 6 + c, j] += shear[e, g, c, i] * R[shears + i, j]
+            for c in range(8):
+                for i in range(8):
+                    if stiffness[e, g, c, i] != 0.0:
+                        for j in range(size):
+                            CL[at + c, j] += stiffness[e, g, c, i] * L[at + i, j]
+        np.dot(L.T, CL, K)
+        _geometric(samples, stretch, stress[e], G)
+        for a in range(nodes):
+            for b in range(nodes):
+                G[a, nodes + b] += height[e, b] * G[a, b]
+        for a in range(nodes):
+            for b in range(nodes):
+                G[nodes + a, nodes + b] = height[e, a] * G[a, nodes + b]
+        for a in range(nodes):
+            for b in range(nodes):
+                G[nodes + a, nodes + b] += height[e, b] * G[nodes + a, b]
+        for a in range(nodes):
+            for b in range(nodes):
+                G[nodes + b, a] = G[a, nodes + b]
+        for a in range(nodes):
+            for b in range(a + 1):
+                for i in range(3):
+                    for j in range(3):
+                        value = 0.0
+                        for k in range(3):
+                            value += A[e, a, k, i] * A[e, b, k, j]
+                        K[5 * a + i, 5 * b + j] += G[a, b] * value
+                    for j in range(2):
+                        value = 0.0
+                        for k in range(3):
+                            value += A[e, a, k, i] * T[e, b, k, j]
+                        K[5 * a + i, 5 * b + 3 + j] += G[a, nodes + b] * value
+                for i in range(2):
+                    for j in range(3):
+                        value = 0.0
+                        for k in range(3):
+                            value += T[e, a, k, i] * A[e, b, k, j]
+                        K[5 * a + 3 + i, 5 * b + j] += G[nodes + a, b] * value
+                    for j in range(2):
+                        value = 0.0
+                        for k in range(3):
+                            value += T[e, a, k, i] * T[e, b, k, j]
+                        K[5 * a + 3 + i, 5 * b + 3 + j] += G[nodes + a, nodes + b] * value
+        for i in range(size):
+            for j in range(i + 1):
+                out[e, i, j] = K[i, j]
+                out[e, j, i] = K[i, j]

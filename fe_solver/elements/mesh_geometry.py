@@ -1,0 +1,55 @@
+"""Directors, areas and means at the nodes of elements (ne, k), triangles as (a, b, c, c)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fe_solver.elements.kinds import flat, kind_of
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.intp]
+
+
+def is_triangle(quads: Ints) -> NDArray[np.bool_]:
+    """(ne,) whose last two corners are one node."""
+    return quads[:, 2] == quads[:, 3]
+
+
+def corner_shares(quads: Ints) -> Array:
+    """(ne, k) of an element for each of its nodes; a triangle's doubled corner counts once."""
+    share = np.tile(kind_of(quads).share, (len(quads), 1))
+    share[is_triangle(quads), :4] = np.array([2.0, 2.0, 1.0, 1.0]) / 6
+    return share
+
+
+def node_directors(points: Array, quads: Ints) -> Array:
+    """(n, 3) unit normals at the nodes: the mean of the adjoining elements' there."""
+    element, p = kind_of(quads), points[quads]
+    bases = [element.base_vectors(p, r, s) for r, s in element.nodes]
+    corner = np.stack([np.cross(b[:, 0], b[:, 1]) for b in bases], axis=1)
+    triangle = is_triangle(quads)
+    corner[triangle, :4] = corner[triangle, :1] * [[[1.0], [1], [0.5], [0.5]]]
+    out = np.zeros_like(points)
+    np.add.at(out, quads, corner)
+    return out / np.linalg.norm(out, axis=1, keepdims=True)
+
+
+def node_means(values: Array, quads: Ints, count: int) -> Array:
+    """(n,) mean of the quads' values (ne,) that meet at each node."""
+    total = np.bincount(quads.ravel(), weights=np.repeat(values, quads.shape[1]), minlength=count)
+    return total / np.maximum(np.bincount(quads.ravel(), minlength=count), 1)
+
+
+def element_areas(points: Array, quads: Ints) -> Array:
+    """(ne,) m2, of the flat quads that show the elements."""
+    p = points[flat(quads)]
+    area = np.linalg.norm(np.cross(p[:, 2] - p[:, 0], p[:, 3] - p[:, 1]), axis=1) / 2
+    return np.asarray(area.reshape(-1, len(kind_of(quads).shown)).sum(axis=1))
+
+
+def node_areas(points: Array, quads: Ints) -> Array:
+    """(n,) m2, of each adjoining element its corner's share."""
+    shares = (element_areas(points, quads)[:, None] * corner_shares(quads)).ravel()
+    total = np.bincount(quads.ravel(), weights=shares, minlength=len(points))
+    return total.astype(float, copy=False)

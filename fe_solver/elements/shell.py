@@ -1,0 +1,342 @@
+"""Shell elements: total Lagrangian, finite rotations, position and unit director.
+
+The shell is x(r, s) + z d(r, s), with z the distance from the mid-surface along the director.  Its
+strains (`strain_forms`) are quadratic forms of y = (x1..xk, d1..dk), so that their gradient is
+linear in y, their Hessian is constant and the tangent is exact and symmetric.  An element has k = 4
+nodes (`assumed_strain`) and is integrated at g = 4 Gauss points, or 9 (`nine_nodes`) at 9.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fe_solver.elements import kernels
+from fe_solver.elements import mitc9 as nine_nodes
+from fe_solver.elements.kinds import KINDS, kind_of
+from fe_solver.elements.mitc4 import (
+    FOUR,
+    TRIANGLE_MEMBRANE,
+    distortion,
+    quad_membrane,
+    tied_shear,
+    triangle_shear,
+)
+from fe_solver.elements.strain_forms import Element, to_cartesian
+from fe_solver.materials.section import Section
+
+Array = NDArray[np.float64]
+
+FOLD, STEEPEST = np.cos(np.deg2rad(12)), 0.25
+"""Cosines of the angles between director and element's normal: beyond the first sheets meet at an
+angle, within it one sheet is curved; to the second the lean is made up for."""
+
+
+@dataclass(frozen=True)
+class ShellTables:
+    """Constant tables of a mesh of shell elements.
+
+    Strains at the Gauss points from the samples: membrane (ne, g, 3, 5 or 24), bending (ne, g, 3,
+    3) from the point's own three, shear (ne, g, 2, 4 or 12), each less `offset` (ne, g, 8); weight
+    (ne, g) reference area of each Gauss point; frame (ne, g, 3, 3) rows local axes 1 (fibre), 2
+    (transverse), 3 (normal) in the reference configuration; height (ne, k) of the mid-surface over
+    the nodes, along the elements' directors, which are those of the nodes times `mitre` (ne, k):
+    where sheets meet at an angle the node's director leans, and is the longer for it, so that the
+    thickness across each sheet is its own.  growth (ne, 2): the stress-free lengths along axes 1
+    and 2 are 1 + growth times those of the mesh."""
+
+    membrane: Array
+    bending: Array
+    shear: Array
+    offset: Array
+    weight: Array
+    frame: Array
+    height: Array
+    mitre: Array
+    growth: Array
+
+    @property
+    def element(self) -> Element:
+        """The kind of the elements."""
+        return KINDS[self.height.shape[1]]
+
+    def middle(self, y: Array) -> Array:
+        """y (ne, 2k, 3) of the nodes as that of the mid-surface, seen from its first node: strains
+        do not change with that, and their rounding errors are those of an element's lengths."""
+        out = _over(y, self.height, self.mitre)
+        out[:, : y.shape[1] // 2] -= out[:, :1]
+        return out
+
+    def strain(self, y: Array) -> Array:
+        """(ne, g, 8) generalized strains of the nodes' y (ne, 2k, 3): e11, e22, 2 e12 of the
+        mid-surface, k11, k22, 2 k12 of bending, g13, g23 of transverse shear."""
+        return self.combined(_sampled(self.element, self.middle(y)))
+
+    def combined(self, samples: Array) -> Array:
+        """(ne, g, 8) strains from samples (ne, m)."""
+        membrane, bending, shear = self.element.parts
+        points = self.weight.shape[1]
+        parts = [
+            self.membrane @ samples[:, None, membrane, None],
+            self.bending @ samples[:, bending].reshape(-1, points, 3, 1),
+            self.shear @ samples[:, None, shear, None],
+        ]
+        return np.concatenate(parts, axis=2)[..., 0] - self.offset
+
+    def collected(self, force: Array) -> Array:
+        """(ne, m) stress of the samples from the forces (ne, g, 8) of the Gauss points."""
+        bent = np.einsum("ngci,ngc->ngi", self.bending, force[..., 3:6])
+        parts = [
+            np.einsum("ngci,ngc->ni", self.membrane, force[..., :3]),
+            bent.reshape(len(bent), 3 * bent.shape[1]),
+            np.einsum("ngci,ngc->ni", self.shear, force[..., 6:]),
+        ]
+        return np.concatenate(parts, axis=1)
+
+    def forces(self, y: Array, resultant: Array) -> Array:
+        """(ne, 2k, 3) by the nodes' y: gradient of resultant (ne, g, 8) times strain, no area."""
+        k = y.shape[1] // 2
+        out = _stress_gradient(self.element, self.middle(y), self.collected(resultant))
+        out[:, k:] += self.height[:, :, None] * out[:, :k]
+        out[:, k:] *= self.mitre[:, :, None]
+        return out
+
+    def spread(self) -> Array:
+        """(ne, 8 g, m) the combinations as one matrix an element."""
+        membrane, bending, shear = self.element.parts
+        ne, points = self.weight.shape
+        out = np.zeros((ne, points, 8, len(self.element.samples)))
+        out[:, :, :3, membrane], out[:, :, 6:, shear] = self.membrane, self.shear
+        for g in range(points):
+            first = bending.start + 3 * g
+            out[:, g, 3:6, first : first + 3] = self.bending[:, g]
+        return out.reshape(ne, 8 * points, -1)
+
+
+def _sampled(element: Element, y: Array) -> Array:
+    """(ne, m) samples of the mid-surface's y (ne, 2k, 3)."""
+    if kernels.COMPILED:
+        return kernels.sampled(element.samples, element.parts[0].stop, y)
+    return np.einsum("ncak,nak->nc", element.samples @ y[:, None], y) / 2
+
+
+def _over(y: Array, height: Array, mitre: Array) -> Array:
+    k = y.shape[1] // 2
+    out = y.copy()
+    out[:, k:] *= mitre[:, :, None]
+    out[:, :k] += height[:, :, None] * out[:, k:]
+    return out
+
+
+def _mitre(X: Array, D: Array) -> Array:
+    """(ne, k) 1 / |D . n|, with the elements' normals n at their nodes, where there is a fold;
+    directors may point to either side."""
+    element = kind_of(X)
+    bases = [element.base_vectors(X, r, s) for r, s in element.nodes]
+    normal = np.stack([np.cross(b[:, 0], b[:, 1]) for b in bases], axis=1)
+    triangle = _is_triangle(X)
+    normal[triangle] = normal[triangle, :1]
+    normal /= np.linalg.norm(normal, axis=2, keepdims=True)
+    lean = np.abs(np.einsum("nak,nak->na", normal, D))
+    return np.where(lean < FOLD, 1 / np.maximum(lean, STEEPEST), 1.0)
+
+
+def _is_triangle(X: Array) -> NDArray[np.bool_]:
+    """(ne,) whose last two corners are at one place; X (ne, k, 3)."""
+    return np.asarray((X[:, 2] == X[:, 3]).all(axis=1))
+
+
+def local_frames(X: Array, fibre: Array, r: float, s: float) -> tuple[Array, Array, Array]:
+    """Local axes (ne, 3, 3) as rows, J (ne, 2, 2) and area factor (ne,) at one point of the
+    reference elements X (ne, k, 3); axis 1 is `fibre` (ne, 3) brought into the tangent plane."""
+    G = kind_of(X).base_vectors(X, r, s)
+    normal = np.cross(G[:, 0], G[:, 1])
+    area = np.linalg.norm(normal, axis=1)
+    normal = normal / area[:, None]
+    e1 = fibre - np.einsum("nk,nk->n", fibre, normal)[:, None] * normal
+    e1 = e1 / np.linalg.norm(e1, axis=1, keepdims=True)
+    frame = np.stack([e1, np.cross(normal, e1), normal], axis=1)
+    return frame, np.einsum("nik,ngk->nig", frame[:, :2], G), area
+
+
+def shell_tables(
+    X: Array,
+    D: Array,
+    fibre: Array,
+    growth: Array,
+    height: Array | float = 0.0,
+    *,
+    bilinear: bool = False,
+) -> ShellTables:
+    """Tables for elements with nodes X (ne, k, 3), unit directors D (ne, k, 3), fibre directions
+    (ne, 3) or (ne, g, 3) at the Gauss points, and growth (ne,) or (ne, 2): the stress-free length
+    along the fibre, and that across it, is 1 + growth times that of the mesh (a multiplicative,
+    plane eigenstrain; none across where only one is given).  `height`
+    (ne, k), m, of the mid-surface over each node along its director: nodes on the lower face of a
+    shell lie half its thickness below.  `bilinear`: the membrane strain of a four-node quad is that
+    of its displacements, as FEBio has it, and locks when it is bent in its plane."""
+    element, ne = kind_of(X), len(X)
+    points = len(element.gauss)
+    height = np.broadcast_to(height, X.shape[:2]).astype(float)
+    fibre = np.broadcast_to(fibre[:, None] if fibre.ndim == 2 else fibre, (ne, points, 3))
+    nodes, mitre = np.concatenate([X, D], axis=1), _mitre(X, D)
+    X = _over(nodes, height, mitre)[:, : X.shape[1]]
+    growth = growth if growth.ndim == 2 else np.stack([growth, np.zeros(ne)], axis=1)
+    if element is FOUR:
+        centre = None if bilinear else _stress_free_centre(X, fibre[:, 0], growth)
+        membranes, shears = _four_nodes(X, centre)
+    else:
+        membranes, shears = _nine_nodes(X)
+    one, two = (1 + growth).T
+    tensor = np.stack([one**-2, two**-2, 1 / (one * two)], axis=1)[:, :, None]
+    edges = np.stack([X[:, 1] - X[:, 0], X[:, 2] - X[:, 0]], axis=2)
+    triangle = _is_triangle(X)[:, None, None]
+    parts: list[tuple[Array, ...]] = []
+    for g, (r, s) in enumerate(element.gauss):
+        frame, J, area = local_frames(X, fibre[:, g], r, s)
+        own = np.where(triangle, frame[:, :2] @ edges, J)
+        bending = to_cartesian(J, np.broadcast_to(np.eye(3), (ne, 3, 3)))
+        shear = np.swapaxes(np.linalg.inv(own), 1, 2) @ shears[:, g]
+        shear /= (1 + growth)[:, :, None]
+        membrane = to_cartesian(own, membranes[:, g]) * tensor
+        area = element.factors[g] * area * one * two
+        parts.append((membrane, bending * tensor, shear, area, frame))
+    membrane, bending, shear, weight, frames = (np.stack(p, 1) for p in zip(*parts, strict=True))
+    none = np.zeros((ne, points, 8))
+    bare = ShellTables(membrane, bending, shear, none, weight, frames, height, mitre, growth)
+    offset = bare.strain(nodes)
+    offset[:, :, :2] += (1 - tensor[:, None, :2, 0]) / 2
+    return replace(bare, offset=offset)
+
+
+def _stress_free_centre(X: Array, fibre: Array, growth: Array) -> Array:
+    """(ne, 2, 3) base vectors r and s of the elements' centres, grown along the fibre (ne, 3) and
+    across it by growth (ne, 2)."""
+    base = kind_of(X).base_vectors(X, 0, 0)
+    axes = local_frames(X, fibre, 0, 0)[0][:, :2]
+    return base + np.einsum("nik,nak,na,nal->nil", base, axes, growth, axes)
+
+
+def _four_nodes(X: Array, centre: Array | None) -> tuple[Array, Array]:
+    """Membrane (ne, 4, 3, 5) and shear (ne, 4, 2, 4) at the Gauss points from the samples: of quads
+    covariant, of triangles along their first and last edge; `centre` as in `quad_membrane`."""
+    triangle = _is_triangle(X)
+    warp = np.zeros((5, len(X)))
+    warp[:, ~triangle] = distortion(X[~triangle])
+    membrane = quad_membrane(X, warp, centre)
+    membrane[triangle] = TRIANGLE_MEMBRANE
+    shear = np.stack([tied_shear(r, s) for r, s in FOUR.gauss])
+    of_triangle = np.stack([triangle_shear(r, s) for r, s in FOUR.gauss])
+    return membrane, np.where(triangle[:, None, None, None], of_triangle, shear)
+
+
+def _nine_nodes(X: Array) -> tuple[Array, Array]:
+    """Membrane (ne, 9, 3, 24) and shear (ne, 9, 2, 12), covariant, as `_four_nodes`."""
+    shear = nine_nodes.tied_shear()
+    return nine_nodes.tied_membrane(X), np.broadcast_to(shear, (len(X), *shear.shape))
+
+
+@dataclass(frozen=True)
+class ElementResponse:
+    """Energy (J) of all elements and its gradient (ne, 2k, 3) by the nodes' y, with what the
+    tangent is made of: the mid-surface's y (ne, 2k, 3), and the Gauss points' forces (ne, g, 8) and
+    stiffness (ne, g, 8, 8), the first times the points' areas."""
+
+    energy: float
+    gradient: Array
+    middle: Array
+    force: Array
+    stiffness: Array
+
+
+def element_response(tables: ShellTables, section: Section, y: Array) -> ElementResponse:
+    """Energy and gradient of all elements at the nodes' y (ne, 2k, 3)."""
+    middle = tables.middle(y)
+    answer = section.response(tables.combined(_sampled(tables.element, middle)))
+    energy = float(np.vdot(answer.energy, tables.weight))
+    force = answer.force * tables.weight[:, :, None]
+    return ElementResponse(energy, tables.forces(y, force), middle, force, answer.stiffness)
+
+
+def element_blocks(
+    tables: ShellTables, response: ElementResponse, bases: tuple[Array, Array], convex: bool = False
+) -> Array:
+    """(ne, 5k, 5k) tangent in the nodes' bases A (ne, k, 3, 3) and T (ne, k, 3, 2), without the
+    curvature of the directors' sphere.
+
+    `convex` keeps of the geometric stiffness what tension makes, so that the tangent is positive
+    semidefinite: not consistent, but a descent direction from any state."""
+    stress = tables.collected(tensile(response.force) if convex else response.force)
+    stiffness = response.stiffness * tables.weight[:, :, None, None]
+    bases = bases[0], bases[1] * tables.mitre[:, :, None, None]
+    blocks = _compiled_blocks if kernels.COMPILED else _plain_blocks
+    return blocks(tables, response.middle, stress, stiffness, bases)
+
+
+def tensile(resultant: Array) -> Array:
+    """The part of the stress resultants (ne, g, 8) whose geometric stiffness is not negative: the
+    membrane's tensile principal forces."""
+    n1, n2, n12 = resultant[..., 0], resultant[..., 1], resultant[..., 2]
+    mean, half = (n1 + n2) / 2, (n1 - n2) / 2
+    radius = np.hypot(half, n12)
+    high, low = np.maximum(mean + radius, 0), np.maximum(mean - radius, 0)
+    ratio = np.divide(high - low, 2 * radius, out=np.zeros_like(radius), where=radius > 0)
+    out = np.zeros_like(resultant)
+    out[..., 0] = (high + low) / 2 + ratio * half
+    out[..., 1] = (high + low) / 2 - ratio * half
+    out[..., 2] = ratio * n12
+    return out
+
+
+def _stress_gradient(element: Element, y: Array, stress: Array) -> Array:
+    """(ne, 2k, 3) gradient of the samples, weighted by stress (ne, m)."""
+    if kernels.COMPILED:
+        return kernels.stress_gradient(element.samples, element.parts[0].stop, y, stress)
+    return _geometric(element, stress) @ y
+
+
+def _geometric(element: Element, stress: Array) -> Array:
+    """(ne, 2k, 2k) Hessian of the samples, weighted by stress (ne, m)."""
+    m, size = element.samples.shape[:2]
+    return (stress @ element.samples.reshape(m, size * size)).reshape(-1, size, size)
+
+
+def _compiled_blocks(
+    tables: ShellTables, y: Array, stress: Array, stiffness: Array, bases: tuple[Array, Array]
+) -> Array:
+    parts = tables.membrane, tables.bending, tables.shear
+    samples = tables.element.samples
+    return kernels.element_blocks(samples, y, tables.height, parts, stress, stiffness, bases)
+
+
+def _plain_blocks(
+    tables: ShellTables, y: Array, stress: Array, stiffness: Array, bases: tuple[Array, Array]
+) -> Array:
+    """The element tangents in numpy: what the compiled kernel is held to."""
+    ne, size = y.shape[:2]
+    samples, spread = tables.element.samples, tables.spread()
+    m, points = len(samples), stiffness.shape[1]
+    flat = (samples @ y[:, None]).reshape(ne, m, 3 * size)
+    inner = (stiffness @ spread.reshape(ne, points, 8, m)).reshape(ne, 8 * points, m)
+    hessian = np.swapaxes(flat, 1, 2) @ (np.swapaxes(spread, 1, 2) @ inner) @ flat
+    geometric = _geometric(tables.element, stress)
+    blocks = hessian.reshape(ne, size, 3, size, 3)
+    for k in range(3):
+        blocks[:, :, k, :, k] += geometric
+    W = _projection(tables.height, *bases)
+    out = np.swapaxes(W, 1, 2) @ hessian @ W
+    return (out + np.swapaxes(out, 1, 2)) / 2
+
+
+def _projection(height: Array, A: Array, T: Array) -> Array:
+    """(ne, 6k, 5k) the mid-surface's y by the nodes' degrees of freedom."""
+    ne, count = height.shape
+    W = np.zeros((ne, 6 * count, 5 * count))
+    for a in range(count):
+        x, at = slice(3 * a, 3 * a + 3), 5 * a
+        d = slice(3 * (count + a), 3 * (count + a) + 3)
+        W[:, x, at : at + 3], W[:, d, at + 3 : at + 5] = A[:, a], T[:, a]
+        W[:, x, at + 3 : at + 5] = height[:, a, None, None] * T[:, a]
+    return W

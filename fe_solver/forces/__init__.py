@@ -1,0 +1,1 @@
+"""Forces on a model besides its elements: cables, contact, guides, loads, springs."""

@@ -1,0 +1,340 @@
+"""Contact of points of a shell with rigid bodies through smooth signed distances.
+
+The points are nodes, or lie within elements.  A point presses on every body that it penetrates (no
+owner is chosen, so no force jumps from bone to bone).  The gap is g = distance(x) - offset, and the
+pressure is k m(-g + s) with the smoothed ramp m, quadratic within `smoothing` of zero, so that the
+energy has a continuous Hessian.  Without a multiplier the shift s is zero: a penalty, which presses
+from a gap of `smoothing` on.  With the multiplier p, k m(s) = p: at a gap of zero the pressure is
+p, whatever k and the smoothing are.  `fe_solver.solver.augmented_contact` finds the multipliers
+whose gaps vanish (augmented Lagrangian), so that neither k nor the smoothing is left in the answer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from enum import IntEnum
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.port import InputError
+from fe_solver.forces.contact_points import Within
+from fe_solver.forces.springs import PointForces
+from fe_solver.surfaces.shapes import Surface
+
+Array = NDArray[np.float64]
+
+REACH = 1.5e-3
+"""m of gap within which a point is watched for contact."""
+
+
+@dataclass(frozen=True)
+class Grip:
+    """What friction remembers of k points, in the body's frame.
+
+    anchor (k, 3) m, where a point would stick without force; normal (k, 3); limit (k,) N, friction
+    coefficient times the normal force; both of the last round of the outer loop.  dissipated (k,)
+    J since the first increment."""
+
+    anchor: Array
+    normal: Array
+    limit: Array
+    dissipated: Array
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Contact of k points with one body's surface.
+
+    body index; nodes (k,), the points themselves, or where these lie `within` elements the nearest
+    to each; offset (k,) m of the mid-surface from the bone's surface at which contact begins
+    (cartilage, capsule and half the shell); area (k,) m2; stiffness N/m3; smoothing m.
+
+    share (k,) in [0, 1] multiplies the areas; None is 1.  Without shares every body acts on every
+    point, and as each force grows from zero with its own penetration, nothing jumps: right where a
+    sheet may meet several bones.  Share a point (see `partition`) where two surfaces overlap, at a
+    joint, and both would carry the same tendon; a point of share zero passes through that body.
+
+    pressure (k,) Pa is the multiplier; of points within elements, more than their nodes, not every
+    gap can be closed.  friction is Coulomb's coefficient; shear (N/m3) the
+    elastic stiffness of sticking, as the `stiffness` where None; grip its state.  pin (k,) N/m
+    stands for the stiffness along the normal where it is positive, in the tangent alone.
+
+    Raises InputError for what is not positive, or out of its range."""
+
+    body: int
+    surface: Surface
+    nodes: NDArray[np.intp]
+    offset: Array
+    area: Array
+    stiffness: float
+    smoothing: float
+    share: Array | None = None
+    pressure: Array | None = None
+    friction: float = 0.0
+    shear: float | None = None
+    grip: Grip | None = None
+    pin: Array | None = None
+    within: Within | None = None
+
+    def __post_init__(self) -> None:
+        shear = self.stiffness if self.shear is None else self.shear
+        for value, what in (
+            (self.stiffness, "stiffness (N/m3)"),
+            (self.smoothing, "smoothing (m)"),
+            (shear, "shear stiffness (N/m3)"),
+        ):
+            if not (np.isfinite(value) and value > 0):
+                raise InputError(f"contact with body {self.body}: {what} must be positive: {value}")
+        if not 0 <= self.friction < np.inf:
+            raise InputError(
+                f"contact with body {self.body}: the friction coefficient must be 0 or a positive "
+                f"number, got {self.friction}"
+            )
+        if self.share is not None and not ((self.share >= 0) & (self.share <= 1)).all():
+            raise InputError(f"contact with body {self.body}: shares must lie between 0 and 1")
+
+    @property
+    def weight(self) -> Array:
+        """(k,) m2 of the points that press on this body."""
+        return self.area if self.share is None else self.area * self.share
+
+    @property
+    def stick(self) -> Array:
+        """(k,) N/m, elastic stiffness of sticking."""
+        return self.weight * (self.stiffness if self.shear is None else self.shear)
+
+    @property
+    def shift(self) -> Array:
+        """(k,) m, the depth at which the ramp gives the multiplier."""
+        if self.pressure is None:
+            return np.zeros(len(self.nodes))
+        return unramp(self.pressure / self.stiffness, self.smoothing)
+
+    def at(self, x: Array) -> Array:
+        """(k, 3) m, the points, at node positions x (n, 3)."""
+        return x[self.nodes] if self.within is None else self.within.mean(x)
+
+    def local(self, x: Array, position: Array, rotation: Array) -> Array:
+        """(k, 3) m, the points as the body sees them."""
+        return (self.at(x) - position[self.body]) @ rotation[self.body]
+
+    def gap(self, x: Array, position: Array, rotation: Array) -> Array:
+        """(k,) m, negative where a point penetrates."""
+        return self.surface.distance(self.local(x, position, rotation)).value - self.offset
+
+
+def ramp(depth: Array, smoothing: Array | float) -> tuple[Array, Array, Array]:
+    """Integral, value and slope of the smoothed ramp max(depth, 0)."""
+    blend = (depth + smoothing) / 2
+    inside = np.abs(depth) < smoothing
+    value = np.where(inside, blend**2 / smoothing, np.maximum(depth, 0.0))
+    slope = np.where(inside, blend / smoothing, (depth > 0).astype(float))
+    deep = depth**2 / 2 + smoothing**2 / 6
+    integral = np.where(inside, 2 * blend**3 / (3 * smoothing), np.where(depth > 0, deep, 0.0))
+    return integral, value, slope
+
+
+def unramp(value: Array, smoothing: Array | float) -> Array:
+    """The depth at which the ramp has this value; of zero, the largest such depth."""
+    return np.where(
+        value < smoothing, 2 * np.sqrt(smoothing * np.maximum(value, 0.0)) - smoothing, value
+    )
+
+
+def friction_forces(contact: Contact, grip: Grip, local: Array) -> tuple[Array, Array, Array]:
+    """Energy (k,), gradient (k, 3) and Hessian (k, 3, 3) of friction by places (k, 3), body frame.
+
+    Coulomb's law as an incremental potential with the normal force of the last round: elastic up to
+    the limit, then of constant force (Huber's function of the slip since the anchor); convex, with
+    a symmetric tangent (Laursen and Simo 1993, Int J Numer Meth Eng 36:3451, for the augmented
+    treatment with a limit that follows)."""
+    n, stick, limit = grip.normal, contact.stick, grip.limit
+    away = local - grip.anchor
+    slip = away - np.einsum("ki,ki->k", away, n)[:, None] * n
+    size = np.linalg.norm(slip, axis=1)
+    slides = stick * size > limit
+    ratio = np.divide(limit, size, out=stick.copy(), where=slides)
+    lost = np.divide(limit**2, 2 * stick, out=np.zeros_like(size), where=stick > 0)
+    energy = np.where(slides, limit * size - lost, stick * size**2 / 2)
+    along = np.divide(slip, size[:, None], out=np.zeros_like(slip), where=slides[:, None])
+    plane = np.eye(3) - n[:, :, None] * n[:, None, :] - along[:, :, None] * along[:, None, :]
+    return energy, ratio[:, None] * slip, ratio[:, None, None] * plane
+
+
+def contact_forces(
+    contact: Contact, x: Array, position: Array, rotation: Array, curvature: bool
+) -> PointForces:
+    """Contact energy at node positions x (n, 3); `curvature` keeps the (negative) term of the
+    Hessian that the surface's curvature makes."""
+    p, R = position[contact.body], rotation[contact.body]
+    at = contact.at(x)
+    local = (at - p) @ R
+    value, gradient, bend = contact.surface.distance(local)
+    depth = contact.offset - value + contact.shift
+    watched = depth > -REACH
+    if contact.grip is not None:
+        watched |= contact.grip.limit > 0
+    near = np.flatnonzero(watched)
+    scale = (contact.stiffness * contact.weight)[near]
+    work, force, slope = ramp(depth[near], contact.smoothing)
+    normal = gradient[near] @ R.T
+    along = scale * slope
+    if contact.pin is not None:
+        along = np.where(contact.pin[near] > 0, contact.pin[near], along)
+    pushed = scale * force
+    energy, pull, dragged = float(scale @ work), -pushed[:, None] * normal, None
+    if contact.grip is not None:
+        held, drag, slopes = friction_forces(contact, contact.grip, local)
+        energy += float(held.sum())
+        pull += drag[near] @ R.T
+        dragged = slopes[near]
+    curved = bend[near] if curvature else None
+    k, one = contact.within, np.ones(len(near))
+    cell, point = (0, 0) if k is None else np.divmod(near, len(k.shape))
+    return PointForces(
+        contact.nodes[near][:, None] if k is None else k.quads[cell],
+        one[:, None] if k is None else k.shape[point],
+        np.full(len(near), -1, dtype=np.intp) if k is None else k.cells[cell],
+        np.full(len(near), contact.body, dtype=np.intp),
+        energy,
+        pull,
+        partial(_hessian, R, along, normal, pushed, curved, dragged),
+        at[near] - p,
+        one > 0,
+        np.full(len(near), -1, dtype=np.intp),
+        depth[near],
+        -normal,
+        scale,
+        contact.smoothing * one,
+    )
+
+
+def _hessian(
+    R: Array,
+    along: Array,
+    normal: Array,
+    pushed: Array,
+    curved: Array | None,
+    dragged: Array | None,
+) -> Array:
+    """(k, 3, 3) of stiffness `along` (k,) the normals (k, 3); of forces `pushed` (k,) N on what is
+    `curved` (k, 3, 3) 1/m and of friction `dragged` (k, 3, 3) N/m, both as the body sees them."""
+    out = along[:, None, None] * normal[:, :, None] * normal[:, None, :]
+    if curved is not None:
+        on = np.flatnonzero(pushed)
+        out[on] -= pushed[on, None, None] * (R @ curved[on] @ R.T)
+    if dragged is not None:
+        out += R @ dragged @ R.T
+    return out
+
+
+def joined(parts: list[PointForces]) -> PointForces:
+    """All point forces as one."""
+    names = [f.name for f in fields(PointForces) if f.name not in ("energy", "bend")]
+    parts = _as_wide(parts)
+    columns = {n: np.concatenate([getattr(p, n) for p in parts]) for n in names}
+    return PointForces(
+        energy=sum(p.energy for p in parts), bend=partial(_hessians, parts), **columns
+    )
+
+
+def _as_wide(parts: list[PointForces]) -> list[PointForces]:
+    """The point forces with as many nodes for each point, those more than it has without weight."""
+    width = max(p.nodes.shape[1] for p in parts)
+    more = [((0, 0), (0, width - p.nodes.shape[1])) for p in parts]
+    return [
+        replace(p, nodes=np.pad(p.nodes, m, mode="edge"), weights=np.pad(p.weights, m))
+        for p, m in zip(parts, more, strict=True)
+    ]
+
+
+def _hessians(parts: list[PointForces]) -> Array:
+    return np.concatenate([p.hessian for p in parts])
+
+
+class Status(IntEnum):
+    """Of a point against a body; without friction what presses slides."""
+
+    OPEN = 0
+    SLIDING = 1
+    STICKING = 2
+
+
+class ContactState(NamedTuple):
+    """A contact at some configuration, by its points (k,)."""
+
+    gap: Array
+    """m, negative where a point penetrates."""
+    pressure: Array
+    """Pa, normal force over the point's whole area."""
+    drag: Array
+    """(k, 3) N, friction on the point, world frame."""
+    status: NDArray[np.int8]
+    """Of `Status`."""
+
+
+def contact_state(contact: Contact, x: Array, position: Array, rotation: Array) -> ContactState:
+    """Gap, pressure, friction and status at node positions x (n, 3) and body poses."""
+    gap = contact.gap(x, position, rotation)
+    share = 1.0 if contact.share is None else contact.share
+    pressure = contact.stiffness * share * ramp(contact.shift - gap, contact.smoothing)[1]
+    status = np.where(pressure > 0, Status.SLIDING, Status.OPEN).astype(np.int8)
+    drag = np.zeros((len(gap), 3))
+    if contact.grip is not None:
+        local = contact.local(x, position, rotation)
+        drag = -friction_forces(contact, contact.grip, local)[1] @ rotation[contact.body].T
+        holds = np.linalg.norm(drag, axis=1) < (1 - 1e-9) * contact.grip.limit
+        status[(pressure > 0) & holds] = Status.STICKING
+    return ContactState(gap, pressure, drag, status)
+
+
+class ContactFields(NamedTuple):
+    """All contacts by node and body, (n, nb); a node stands for the points it is nearest to."""
+
+    gap: Array
+    """m, the smallest; inf where a node meets no surface of the body."""
+    pressure: Array
+    """Pa, force over area."""
+    status: NDArray[np.int8]
+    """Of `Status`, the largest."""
+
+
+def contact_fields(
+    contacts: Sequence[Contact], x: Array, position: Array, rotation: Array
+) -> ContactFields:
+    """Gap, pressure and status of every node against every body, for x (n, 3) and nb poses."""
+    shape = (len(x), len(position))
+    gap, pressure = np.full(shape, np.inf), np.zeros(shape)
+    status = np.zeros(shape, dtype=np.int8)
+    for contact in contacts:
+        state, body = contact_state(contact, x, position, rotation), contact.body
+        np.minimum.at(gap[:, body], contact.nodes, state.gap)
+        np.maximum.at(status[:, body], contact.nodes, state.status)
+        force, area = (
+            np.bincount(contact.nodes, weights, len(x))
+            for weights in (state.pressure * contact.area, contact.area)
+        )
+        pressure[:, body] += np.divide(force, area, out=0 * force, where=area > 0)
+    return ContactFields(gap, pressure, status)
+
+
+def partition(distances: Array, blend: float) -> Array:
+    """(k, nb) shares of nb bodies in k nodes from their signed distances (k, nb) m at rest: smooth
+    (C1) in the distances, each row adding up to one.
+
+    A body has all of a node that is nearer to it by `blend` (m) or more than to any other, nothing
+    of one that is as much nearer to another, half where two are equally near.  Raises InputError
+    where `blend` is not positive."""
+    if not blend > 0:
+        raise InputError(f"the blending length must be positive (m), got {blend}")
+    nearer = (distances[:, None, :] - distances[:, :, None]) / blend
+    t = np.clip((nearer + 1) / 2, 0, 1)
+    step = t * t * (3 - 2 * t)
+    own = np.arange(distances.shape[1])
+    step[:, own, own] = 1.0
+    weight = step.prod(axis=2)
+    return weight / weight.sum(axis=1, keepdims=True)

@@ -1,0 +1,64 @@
+"""Points within elements at which a sheet feels what it touches.
+
+Where contact ends inside an element, its force is as good as the points there are dense: that of a
+ball in a sheet of elements as wide as its mark is off by 4.5 % where the nodes alone feel it, by
+0.7, 0.4 and 0.2 % with three, four and five Gauss points in a line (tests/test_contact_points.py).
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fe_solver.elements.kinds import kind_of
+from fe_solver.elements.strain_forms import to_centre
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.intp]
+
+IN_LINE = 4
+"""Points in a line of an element; sixteen in all cost about a tenth of a solve's time."""
+
+
+@dataclass(frozen=True)
+class Within:
+    """The same p points in each of c elements, element by element.
+
+    cells (c,) the elements' numbers in their sheet; quads (c, m) their nodes; shape (p, m) shape
+    functions at the points; factor (p,) of the area at each point."""
+
+    cells: Ints
+    quads: Ints
+    shape: Array
+    factor: Array
+    places: Array
+    """(p, 2) r and s."""
+
+    @staticmethod
+    def of(sheet: Ints, cells: Ints, in_line: int = IN_LINE) -> Within:
+        """Gauss points, `in_line` by `in_line`, of the elements `cells` (c,) of a sheet (ne, m)."""
+        at, factor = np.polynomial.legendre.leggauss(in_line)
+        places = np.array(list(itertools.product(at, at)))
+        quads = sheet[cells]
+        shape = np.stack([kind_of(quads).shape(r, s)[0] for r, s in places])
+        return Within(cells, quads, shape, np.outer(factor, factor).ravel(), places)
+
+    @cached_property
+    def nearest(self) -> Ints:
+        """(c p,) the node that is nearest to each point, by r and s."""
+        away = self.places[:, None] - kind_of(self.quads).nodes
+        return self.quads[:, np.linalg.norm(away, axis=2).argmin(axis=1)].ravel()
+
+    def mean(self, values: Array) -> Array:
+        """(c p, ...) at the points of values (n, ...) at the nodes."""
+        own = values[self.quads].reshape(*self.quads.shape, -1)
+        return np.asarray((self.shape @ own).reshape(-1, *values.shape[1:]))
+
+    def areas(self, X: Array) -> Array:
+        """(c p,) m2 for each point, of nodes X (n, 3) m."""
+        _, area = to_centre(kind_of(self.quads), X[self.quads], self.places)
+        return np.asarray((area.T * self.factor).ravel())

@@ -1,0 +1,74 @@
+"""What holds nodes of the sheet: ties to bodies, and guides that leave some of their motions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fe_solver.solver.assembly import tangents
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class Ties:
+    """Nodes that move rigidly with a body: node (k,), body (k,), local position and director (k,
+    3)."""
+
+    node: Ints
+    body: Ints
+    position: Array
+    director: Array
+
+
+@dataclass(frozen=True)
+class Guides:
+    """Nodes held along some directions of a body and free along the others.
+
+    origin (k, 3) in the body frame; axes (k, 3, 3), orthonormal columns, body frame, the first a
+    tendon's pull; held (k, 3) which of them do not move.  level (k, 3): the director's turns along
+    it and across it are held as still (k, 2) says (a mirror plane holds the turn along its
+    normal)."""
+
+    node: Ints
+    body: Ints
+    origin: Array
+    axes: Array
+    held: NDArray[np.bool_]
+    level: Array
+    still: NDArray[np.bool_]
+
+    @staticmethod
+    def along(node: Ints, body: Ints, origin: Array, direction: Array) -> Guides:
+        """Nodes that slide along lines of unit `direction` (k, 3), their directors free."""
+        axes = np.concatenate([direction[:, :, None], tangents(direction)], axis=2)
+        held = np.tile([False, True, True], (len(node), 1))
+        return Guides(node, body, origin, axes, held, *_free_turns(len(node)))
+
+    @staticmethod
+    def fixed(node: Ints, body: Ints, origin: Array, held: NDArray[np.bool_]) -> Guides:
+        """Nodes held along the body's axes that `held` (k, 3) marks, their directors free."""
+        axes = np.tile(np.eye(3), (len(node), 1, 1))
+        return Guides(node, body, origin, axes, held, *_free_turns(len(node)))
+
+    @staticmethod
+    def none() -> Guides:
+        i, v = np.zeros(0, dtype=np.intp), np.zeros((0, 3))
+        return Guides.along(i, i, v, v)
+
+    @property
+    def direction(self) -> Array:
+        """(k, 3) the first axis, body frame."""
+        return self.axes[:, :, 0]
+
+    @property
+    def steady(self) -> NDArray[np.bool_]:
+        """(k,) whose director the body turns."""
+        return np.asarray(self.still.any(axis=1))
+
+
+def _free_turns(count: int) -> tuple[Array, NDArray[np.bool_]]:
+    return np.tile([1.0, 0.0, 0.0], (count, 1)), np.zeros((count, 2), dtype=bool)

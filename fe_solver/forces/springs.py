@@ -1,0 +1,300 @@
+"""Springs between hood nodes and points of a rigid body, and between two nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator, PPoly
+
+from cosim.port import InputError
+from fe_solver.solver.assembly import scattered
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class ForceCurve:
+    """A table of force (p,) N over stretch (p,) m that is the law of some springs.
+
+    Between the points it is the cubic of Fritsch and Carlson (SIAM J Numer Anal 17:238, 1980, with
+    Fritsch and Butland's slopes), C1 and monotone wherever the points are, so that Newton meets no
+    kink and no spurious softening; beyond them it goes on straight.  `springs` are the indices, in
+    their `Springs`, of those that follow it; their own stiffness then plays no part.
+
+    Raises InputError for fewer than two points, a stretch that does not grow and what is not
+    finite."""
+
+    springs: Ints
+    stretch: Array
+    force: Array
+
+    def __post_init__(self) -> None:
+        stretch, force = (np.asarray(v, dtype=float) for v in (self.stretch, self.force))
+        object.__setattr__(self, "stretch", stretch)
+        object.__setattr__(self, "force", force)
+        if stretch.ndim != 1 or stretch.shape != force.shape or len(stretch) < 2:
+            raise InputError(
+                "a force curve needs two or more pairs of stretch (m) and force (N), got "
+                f"{stretch.shape} stretches and {force.shape} forces"
+            )
+        if not (np.isfinite(stretch).all() and np.isfinite(force).all()):
+            raise InputError("a force curve holds a value that is not finite")
+        if (fault := np.flatnonzero(np.diff(stretch) <= 0)).size:
+            a, b = stretch[fault[0] : fault[0] + 2]
+            raise InputError(
+                f"force curve: the stretch must grow from point to point, but {b:g} m follows "
+                f"{a:g} m (points {fault[0]} and {fault[0] + 1})"
+            )
+
+    @cached_property
+    def _pieces(self) -> tuple[PPoly, PPoly, PPoly]:
+        force = PchipInterpolator(self.stretch, self.force)
+        return force.antiderivative(), force, force.derivative()
+
+    def _to_start(self, stretch: Array) -> tuple[Array, Array, Array]:
+        """Work from the first point (J), force (N) and slope (N/m)."""
+        inside = np.clip(stretch, self.stretch[0], self.stretch[-1])
+        work, force, slope = (piece(inside) for piece in self._pieces)
+        beyond = stretch - inside
+        return work + (force + slope * beyond / 2) * beyond, force + slope * beyond, slope
+
+    def __call__(self, stretch: Array) -> tuple[Array, Array, Array]:
+        """Energy (J, zero at no stretch), force (N) and slope (N/m) at stretches (k,) m."""
+        work, force, slope = self._to_start(stretch)
+        return work - self._to_start(np.zeros(1))[0], force, slope
+
+
+@dataclass(frozen=True)
+class Springs:
+    """Springs of energy k (l - l0)^2 / 2, zero for l < l0 where `tension_only`.
+
+    node (k,), body (k,) indices; anchor (k, 3) in the body frame, m; stiffness (k,) N/m; length
+    (k,) slack length l0, m; tension_only (k,) bool; group (k,) index of the set that a spring is
+    of; `curves` replace k (l - l0) for the springs that they name."""
+
+    node: Ints
+    body: Ints
+    anchor: Array
+    stiffness: Array
+    length: Array
+    tension_only: NDArray[np.bool_]
+    group: Ints
+    curves: Sequence[ForceCurve] = ()
+
+    def __post_init__(self) -> None:
+        _check_curves(self.curves, self.tension_only)
+
+    @staticmethod
+    def none() -> Springs:
+        i, f = np.zeros(0, dtype=np.intp), np.zeros(0)
+        return Springs(i, i, np.zeros((0, 3)), f, f, np.zeros(0, dtype=bool), i)
+
+
+@dataclass(frozen=True)
+class NodeSprings:
+    """Springs between two nodes of the shell, as `Springs` otherwise: nodes (k, 2) indices."""
+
+    nodes: Ints
+    stiffness: Array
+    length: Array
+    tension_only: NDArray[np.bool_]
+    group: Ints
+    curves: Sequence[ForceCurve] = ()
+
+    def __post_init__(self) -> None:
+        _check_curves(self.curves, self.tension_only)
+
+    @staticmethod
+    def none() -> NodeSprings:
+        i, f = np.zeros(0, dtype=np.intp), np.zeros(0)
+        return NodeSprings(np.zeros((0, 2), dtype=np.intp), f, f, np.zeros(0, dtype=bool), i)
+
+
+def _check_curves(curves: Sequence[ForceCurve], tension_only: NDArray[np.bool_]) -> None:
+    """A spring that pulls only when stretched must not pull at once, or its force would jump."""
+    count = len(tension_only)
+    for curve in curves:
+        if ((curve.springs < 0) | (curve.springs >= count)).any():
+            raise InputError(f"a force curve names spring {curve.springs.max()} of {count}")
+        at_rest = float(curve(np.zeros(1))[1][0])
+        if tension_only[curve.springs].any() and abs(at_rest) > 1e-9 * np.abs(curve.force).max():
+            raise InputError(
+                f"force curve of a tension-only spring: the force at no stretch is {at_rest:g} N, "
+                "expected 0; shift the curve, or change the spring's slack length"
+            )
+
+
+class Axial(NamedTuple):
+    """What springs do along themselves, each (k,)."""
+
+    energy: Array
+    """J."""
+    force: Array
+    """N, positive where it pulls."""
+    slope: Array
+    """N/m."""
+    stretch: Array
+    """m, length less slack length."""
+    taut: NDArray[np.bool_]
+    """Whether the spring acts; one that also pushes always does."""
+
+
+def axial(springs: Springs | NodeSprings, length: Array) -> Axial:
+    """Law of the springs at lengths (k,) m."""
+    stretch = length - springs.length
+    taut = ~springs.tension_only | (stretch > 0)
+    energy, force = springs.stiffness * stretch**2 / 2, springs.stiffness * stretch
+    slope = springs.stiffness.astype(float)
+    for curve in springs.curves:
+        i = curve.springs
+        energy[i], force[i], slope[i] = curve(stretch[i])
+    return Axial(taut * energy, taut * force, taut * slope, stretch, taut)
+
+
+def _lines(reach: Array) -> tuple[Array, Array]:
+    """Length (k,) and unit direction (k, 3) of vectors (k, 3); no length has no direction."""
+    length = np.linalg.norm(reach, axis=1)
+    return length, reach / np.where(length > 0, length, 1.0)[:, None]
+
+
+def _hessian(pull: Axial, length: Array, direction: Array, curvature: bool) -> Array:
+    """(k, 3, 3) f' along the spring and f / l across it."""
+    across = np.divide(pull.force, length, out=pull.slope.copy(), where=length > 0)
+    slope = pull.slope
+    if not curvature:
+        across, slope = np.maximum(across, 0), np.maximum(slope, 0)
+    along = direction[:, :, None] * direction[:, None, :]
+    return slope[:, None, None] * along + across[:, None, None] * (np.eye(3) - along)
+
+
+@dataclass(frozen=True)
+class PointForces:
+    """Forces between points of the hood and bodies that act along one line at one point.
+
+    A point is the mean of nodes (k, m) by `weights` (k, m): one node alone, or those of the element
+    `cell` (k,), which is -1 for a node alone.  gradient (k, 3) of the energy by the point's
+    position (so the hood feels its opposite and the body feels it); arm (k, 3) point of action from
+    the body's origin, world; `bend` makes hessian;
+    turns (k,) bool: the force turns with the body (contact) or follows the point (spring).
+
+    Each force is that of a one-sided spring of `stiffness` (k,) N/m in its `depth` (k,) m, which
+    grows along the unit `direction` (k, 3): penetration, or stretch; a two-sided spring has no
+    depth (inf). Those that are open are listed too, with no force; within `ramp` (k,) m of depth
+    zero the force is smoothed."""
+
+    nodes: Ints
+    weights: Array
+    cell: Ints
+    body: Ints
+    energy: float
+    gradient: Array
+    bend: Callable[[], Array]
+    arm: Array
+    turns: NDArray[np.bool_]
+    group: Ints
+    depth: Array
+    direction: Array
+    stiffness: Array
+    ramp: Array
+
+    @property
+    def node(self) -> Ints:
+        """(k,) the node that bears most of each force."""
+        return np.asarray(self.nodes[np.arange(len(self.nodes)), self.weights.argmax(axis=1)])
+
+    def at_points(self, values: Array) -> Array:
+        """(k, 3) of values (n, 3) at the nodes."""
+        return np.asarray((self.weights[:, None] @ values[self.nodes])[:, 0])
+
+    def on_nodes(self, forces: Array, count: int) -> Array:
+        """(n, 3) N at `count` nodes of forces (k, 3) at the points."""
+        on = np.flatnonzero(forces.any(axis=1))
+        return scattered(self.nodes[on], self.weights[on, :, None] * forces[on, None], count)
+
+    @cached_property
+    def hessian(self) -> Array:
+        """(k, 3, 3); made when it is first asked for, as a trial of a line search never does."""
+        return self.bend()
+
+
+def _reach(springs: Springs, x: Array, position: Array, rotation: Array) -> tuple[Array, Array]:
+    """Arms (k, 3) of the anchors from their bodies' origins and vectors (k, 3) from the anchors to
+    the nodes, world frame."""
+    arm = np.einsum("kij,kj->ki", rotation[springs.body], springs.anchor)
+    return arm, x[springs.node] - position[springs.body] - arm
+
+
+def spring_state(springs: Springs, x: Array, position: Array, rotation: Array) -> Axial:
+    """Force, stretch and whether it is taut, by spring, at node positions x (n, 3) and body poses
+    (nb, 3), (nb, 3, 3)."""
+    return axial(springs, _lines(_reach(springs, x, position, rotation)[1])[0])
+
+
+def node_spring_state(springs: NodeSprings, x: Array) -> Axial:
+    """Force, stretch and whether it is taut, by spring, at node positions x (n, 3)."""
+    return axial(springs, _lines(x[springs.nodes[:, 1]] - x[springs.nodes[:, 0]])[0])
+
+
+def spring_forces(
+    springs: Springs, x: Array, position: Array, rotation: Array, curvature: bool
+) -> PointForces:
+    """Spring energies at node positions x (n, 3) and body poses (nb, 3), (nb, 3, 3); without
+    `curvature` the negative terms of the Hessian are left out: compression across a spring, and a
+    falling force curve."""
+    arm, reach = _reach(springs, x, position, rotation)
+    length, direction = _lines(reach)
+    pull = axial(springs, length)
+    stiffness = springs.stiffness.astype(float)
+    for curve in springs.curves:
+        stiffness[curve.springs] = curve(np.maximum(pull.stretch[curve.springs], 0))[2]
+    return PointForces(
+        springs.node[:, None],
+        np.ones((len(length), 1)),
+        np.full(len(length), -1, dtype=np.intp),
+        springs.body,
+        float(pull.energy.sum()),
+        pull.force[:, None] * direction,
+        partial(_hessian, pull, length, direction, curvature),
+        arm,
+        np.zeros(len(length), dtype=bool),
+        springs.group,
+        np.where(springs.tension_only, pull.stretch, np.inf),
+        direction,
+        stiffness,
+        np.zeros(len(length)),
+    )
+
+
+class PairForces(NamedTuple):
+    """Forces between pairs of nodes."""
+
+    energy: float
+    """J."""
+    gradient: Array
+    """(k, 2, 3) N, of the energy by the position of either node."""
+    hessian: Array
+    """(k, 6, 6) N/m, by the positions of the first node and of the second."""
+
+    @staticmethod
+    def none() -> PairForces:
+        return PairForces(0.0, np.zeros((0, 2, 3)), np.zeros((0, 6, 6)))
+
+
+def node_springs(springs: NodeSprings, x: Array, curvature: bool) -> PairForces:
+    """Energy, gradients and Hessian of springs between nodes at positions x (n, 3); `curvature` as
+    in `spring_forces`."""
+    length, direction = _lines(x[springs.nodes[:, 1]] - x[springs.nodes[:, 0]])
+    pull = axial(springs, length)
+    force = pull.force[:, None] * direction
+    block = _hessian(pull, length, direction, curvature)
+    return PairForces(
+        float(pull.energy.sum()),
+        np.stack([-force, force], axis=1),
+        np.block([[block, -block], [-block, block]]),
+    )

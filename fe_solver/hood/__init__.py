@@ -1,0 +1,1 @@
+"""Hoods behind the port, of shells and of cables."""

@@ -1,0 +1,290 @@
+"""A hood of a case as a stand-alone Job, for FEBio's files."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.port import InputError, Motion
+from fe_solver.elements.mesh_geometry import is_triangle, node_directors
+from fe_solver.elements.mitc4 import GAUSS, shape
+from fe_solver.forces.contact import Contact
+from fe_solver.forces.guides import Guides
+from fe_solver.hood.shell_hood import ShellHood
+from fe_solver.job.curves import Curve, Drive
+from fe_solver.job.job import (
+    Body,
+    ContactPair,
+    Held,
+    Job,
+    NodalForce,
+    Part,
+    SpringLaw,
+    SpringSet,
+    Step,
+    Tied,
+)
+from fe_solver.job.model import corner_means
+from fe_solver.materials.crossed_fibres import CrossedFibres, CrossedLinear
+from fe_solver.materials.in_situ import in_situ_stretch, laid_thickness
+from fe_solver.materials.section import Patch
+from fe_solver.solver.model import ShellModel
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.intp]
+Triangles = tuple[Array, Ints]
+
+RAMP = Curve((0.0, 1.0), (0.0, 1.0))
+INCREMENTS = 10
+SAME = 1e-9
+"""m, or relative: what differs by less is one."""
+
+
+def job_of_hood(
+    hood: ShellHood,
+    motion: Motion,
+    tension: Array,
+    bones: Mapping[str, Triangles],
+    name: str = "hood",
+    on_face: bool = True,
+) -> Job:
+    """The hood from its rest pose to `motion` under `tension` (nt,) N, both growing over t = 0 to
+    1, in the frame of the body along which its tendons slide (the first one where none does).
+
+    `bones` are the surfaces of the bodies that the hood touches, by name: vertices (nv, 3) m in the
+    body's frame, triangles (nt, 3).  The file format puts nodes on the face that the normal points
+    to: `on_face` turns the quads' normals to the bones and moves the nodes there, half a thickness,
+    with ties, springs and pulls; their rest lengths follow.  Else the nodes stay on the
+    mid-surface.
+
+    Raises InputError for what a job cannot say: stress-free growth but a stretch in situ, materials
+    that vary within a region, springs with tables, tendons that do not slide along an axis of one
+    body."""
+    model = hood.model
+    _check(hood)
+    frame = int(model.guides.body[0]) if len(model.guides.node) else 0
+    rest, there = _seen_from(hood.rest, frame), _seen_from(motion, frame)
+    points = (model.reference - hood.rest.position[frame]) @ hood.rest.rotation[frame]
+    turned = on_face and _bones_lie_below(model, hood.rest)
+    quads = _flipped(model.quads) if turned else model.quads
+    stretch = in_situ_stretch(model.tables.growth)
+    thickness = _corners(laid_thickness(model.section.thickness, model.tables.growth))
+    height = model.tables.height
+    if turned:
+        thickness, height = _turned(model.quads, thickness), -_turned(model.quads, height)
+    flat = points
+    if on_face:
+        points = points + corner_means(quads, height + thickness / 2, len(points))[
+            :, None
+        ] * node_directors(points, quads)
+        height = -thickness / 2
+    part, parts = _parts(model, stretch, turned)
+    ne = len(quads)
+    frames = _mean_direction(model.tables.frame[:, :, 0])
+    fibre = frames @ hood.rest.rotation[frame]
+    job = Job(
+        name,
+        points,
+        np.arange(1, len(points) + 1),
+        quads,
+        np.arange(1, ne + 1),
+        part,
+        parts,
+        thickness,
+        height,
+        fibre / np.linalg.norm(fibre, axis=1, keepdims=True),
+        _bodies(rest, there, bones),
+        _tied(model),
+        _held(model.guides),
+        (),
+        _springs(model, rest, flat, points),
+        _pulls(hood, tension),
+        (),
+        (),
+        (Step("pose and tension", 1.0, INCREMENTS),),
+    )
+    side = 1 if turned else -1
+    # facets that touch at points of their own, as the format's do, need no lift
+    lift = np.broadcast_to(hood.lift, len(points))
+    pairs = [_pair(job, k, lift[k.nodes], side, bones, hood.bodies) for k in model.contacts]
+    return replace(job, contacts=tuple(pairs))
+
+
+def _check(hood: ShellHood) -> None:
+    m = hood.model
+    if len(m.cables.nodes):
+        raise InputError("a hood of cables is not written: FEBio's format is given shells alone")
+    if m.quads.shape[1] != 4:
+        raise InputError(
+            "a hood of nine-node elements cannot be written: FEBio's format has no such shell; set "
+            'hood.mesh.elements to "linear"'
+        )
+    if any(p.bending.any() for p in m.section.patches):
+        raise InputError(
+            "a hood with a bending modulus of its own cannot be written: in FEBio's format a shell "
+            "bends as its material does; set hood.bending_stiffness to zero"
+        )
+    if np.isnan(in_situ_stretch(m.tables.growth)).any():
+        raise InputError(
+            "a hood with extra length in its slips cannot be written: FEBio's format has no "
+            "stress-free growth but a stretch in situ; set hood.extra_length to zero"
+        )
+    if m.springs.curves:
+        raise InputError("a hood whose springs follow tables is not written")
+    if len(set(m.guides.body.tolist())) > 1:
+        raise InputError("a hood whose tendons slide along several bodies is not written")
+
+
+def _seen_from(motion: Motion, frame: int) -> Motion:
+    """The poses as one of the bodies sees them."""
+    back = motion.rotation[frame].T
+    return motion.moved(back, -back @ motion.position[frame])
+
+
+def _bones_lie_below(model: ShellModel, rest: Motion) -> bool:
+    """Whether the directors point away from what the sheet touches."""
+    total = 0.0
+    for k in model.contacts:
+        R = rest.rotation[k.body]
+        slope = k.surface.distance(k.local(model.reference, rest.position, rest.rotation)).gradient
+        total += float(np.vdot(slope @ R.T, model.directors[k.nodes]))
+    return total > 0
+
+
+def _flipped(quads: Ints) -> Ints:
+    return np.asarray(_turned(quads, quads))
+
+
+def _turned(quads: Ints, values: Array | Ints) -> NDArray:
+    """What the corners (ne, 4) hold, in the order of the elements wound the other way."""
+    triangle = is_triangle(quads)[:, None]
+    return np.where(triangle, values[:, [1, 0, 2, 3]], values[:, [0, 3, 2, 1]])
+
+
+def _corners(gauss: Array) -> Array:
+    """(ne, 4) at the corners of what the Gauss points have."""
+    if np.ptp(gauss, axis=1).max() < SAME * gauss.max():
+        return np.array(np.broadcast_to(gauss.mean(axis=1)[:, None], gauss.shape))
+    weight = np.stack([shape(r, s)[0] for r, s in GAUSS])
+    return np.asarray(gauss @ np.linalg.inv(weight).T)
+
+
+def _mean_direction(gauss: Array) -> Array:
+    """(ne, 3) of directions (ne, g, 3), whose senses say nothing."""
+    sense = np.einsum("egk,ek->eg", gauss, gauss[:, 0])
+    return np.asarray((gauss * np.where(sense < 0, -1.0, 1.0)[..., None]).mean(axis=1))
+
+
+def _parts(model: ShellModel, stretch: Array, turned: bool) -> tuple[Ints, tuple[Part, ...]]:
+    part, parts = np.zeros(len(model.quads), dtype=np.intp), []
+    for i, patch in enumerate(model.section.patches):
+        part[patch.elements] = i
+        name = model.regions[patch.elements[0]] if model.regions else f"part {i + 1}"
+        law = _law(patch, name)
+        if turned and isinstance(law, CrossedLinear | CrossedFibres):
+            law = replace(law, angle=-np.asarray(law.angle).item())  # about the other normal
+        parts.append(Part(name, law, float(stretch[patch.elements[0]])))
+    return part, tuple(parts)
+
+
+def _law(patch: Patch, name: str):  # type: ignore[no-untyped-def]
+    if not np.allclose(patch.factor, 1.0) or any(np.ndim(v) for v in vars(patch.law).values()):
+        raise InputError(f"the region {name!r} has a material that varies within it")
+    return patch.law
+
+
+def _bodies(rest: Motion, there: Motion, bones: Mapping[str, Triangles]) -> tuple[Body, ...]:
+    out = []
+    for i, twist in enumerate(rest.twist_to(there)):
+        name = rest.bodies[i]
+        none = (np.zeros((0, 3)), np.zeros((0, 3), dtype=np.intp))
+        vertices, triangles = bones.get(name, none)
+        x, y, z, u, v, w = (_drive(float(t)) for t in twist)
+        turned = np.asarray(vertices) @ rest.rotation[i].T
+        out.append(Body(name, rest.position[i], turned, triangles, (x, y, z), (u, v, w)))
+    return tuple(out)
+
+
+def _drive(value: float) -> Drive:
+    return Drive() if abs(value) < 1e-14 else Drive(value, RAMP)
+
+
+def _tied(model: ShellModel) -> tuple[Tied, ...]:
+    t = model.ties
+    return tuple(Tied(t.node[t.body == b], int(b)) for b in np.unique(t.body))
+
+
+def _held(guides: Guides) -> tuple[Held, ...]:
+    """Raises InputError where a node slides along no axis of its body."""
+    out = []
+    for i in range(3):
+        along = np.abs(guides.axes[:, i])
+        if not (np.abs(np.sort(along, axis=1) - [0, 0, 1]) < SAME).all():
+            raise InputError("a tendon's end slides along no axis of its body; turn that body")
+    which = np.abs(guides.axes).argmax(axis=1)  # (k, 3) the component of each axis
+    for component in range(3):
+        held = (guides.held & (which == component)).any(axis=1)
+        if held.any():
+            out.append(Held(guides.node[held], component))
+    return tuple(out)
+
+
+def _springs(model: ShellModel, rest: Motion, flat: Array, points: Array) -> tuple[SpringSet, ...]:
+    """One set for each group; where its springs are not alike, one for each kind of them."""
+    s, out = model.springs, []
+    kinds = np.stack([s.group, s.stiffness, s.tension_only], axis=1)
+    unique, kind = np.unique(kinds, axis=0, return_inverse=True)
+    for i, (group, stiffness, only) in enumerate(unique):
+        own = np.flatnonzero(kind.reshape(-1) == i)
+        node, body = s.node[own], s.body[own]
+        anchor = np.einsum("kij,kj->ki", rest.rotation[body], s.anchor[own])
+        there = rest.position[body] + anchor
+        slack = s.length[own] - np.linalg.norm(flat[node] - there, axis=1)
+        length = slack + np.linalg.norm(points[node] - there, axis=1)
+        group_name = model.groups[int(group)] if model.groups else f"springs {int(group) + 1}"
+        alone = (unique[:, 0] == group).sum() == 1
+        law = SpringLaw(float(stiffness), bool(only))
+        title = group_name if alone else f"{group_name} {i + 1}"
+        out.append(SpringSet(title, law, node, body, anchor, np.full(len(own), -1), length))
+    return tuple(out)
+
+
+def _pulls(hood: ShellHood, tension: Array) -> tuple[NodalForce, ...]:
+    g = hood.model.guides
+    size = np.asarray(tension, dtype=float) @ hood.model.share
+    return tuple(
+        NodalForce(np.array([n]), f * d, RAMP)
+        for n, f, d in zip(g.node, size, g.direction, strict=True)
+        if f
+    )
+
+
+def _pair(
+    job: Job,
+    contact: Contact,
+    lift: Array,
+    side: int,
+    bones: Mapping[str, Triangles],
+    bodies: Sequence[str],
+) -> ContactPair:
+    name = bodies[contact.body]
+    if name not in bones:
+        raise InputError(f"the hood touches the body {name!r}, whose surface is not given")
+    own = np.isin(job.quads, contact.nodes).all(axis=1)
+    half = corner_means(job.quads, job.thickness, len(job.points))[contact.nodes] / 2
+    gap = contact.offset - half - lift
+    if np.ptp(gap) > SAME:
+        raise InputError(f"the contact level over the body {name!r} varies from node to node")
+    quads = np.flatnonzero(own)
+    return ContactPair(
+        f"{job.name} on {name}",
+        quads,
+        np.full(len(quads), side),
+        contact.body,
+        np.asarray(bones[name][1]),
+        friction=contact.friction,
+        gap=float(gap.mean()),
+    )

@@ -1,0 +1,71 @@
+"""The fibre families of a solved sheet, as directions that one can draw."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fe_solver.elements.fibres import leading
+from fe_solver.elements.kinds import kind_of
+from fe_solver.materials.crossed_fibres import CrossedLinear
+from fe_solver.materials.hyperelastic import Potential
+from fe_solver.materials.linear import Law, Orthotropic, Real
+from fe_solver.materials.section import Patch
+from fe_solver.materials.tension_field import TensionField
+from fe_solver.solver.model import Configuration, ShellModel
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.intp]
+
+
+def family_angles(law: Law | TensionField) -> tuple[Real, ...]:
+    """rad, of each of a law's fibre families from axis 1 in the stress-free sheet; none of a law
+    without fibres."""
+    if isinstance(law, TensionField):
+        return family_angles(law.base)
+    if isinstance(law, CrossedLinear):
+        return (*family_angles(law.base), law.angle)
+    if isinstance(law, Orthotropic):
+        return (0.0,)
+    if not isinstance(law, Potential):
+        return ()
+    angles = [np.arctan2(sc, cc) for cc, _, sc in law.fibres()]
+    # two families in one direction are seen as one
+    return tuple(
+        a for i, a in enumerate(angles) if not any(np.array_equal(a, b) for b in angles[:i])
+    )
+
+
+def fibre_families(model: ShellModel, c: Configuration) -> Array:
+    """(nf, ne, 3) unit directions of the families at the elements' centres, in the deformed sheet;
+    zero on elements without such a family.  nf is the most that a part of the sheet has."""
+    patches = [(p, family_angles(p.law)) for p in model.section.patches]
+    out = np.zeros((max((len(a) for _, a in patches), default=0), len(model.quads), 3))
+    for patch, angles in patches:
+        for family, angle in enumerate(angles):
+            laid = _as_laid(model, patch, angle)
+            quads = model.quads[patch.elements]
+            out[family, patch.elements] = carried(quads, model.reference, c.x, laid)
+    return out
+
+
+def _as_laid(model: ShellModel, patch: Patch, angle: Real) -> Array:
+    """(k, 3) directions at an angle in the stress-free sheet, in the sheet as it was laid out: mean
+    over each element."""
+    frame, grown = model.tables.frame[patch.elements], 1 + model.tables.growth[patch.elements]
+    angle = np.broadcast_to(angle, (*patch.thickness.shape, 1))
+    along = np.cos(angle) / grown[:, None, None, 0]
+    across = np.sin(angle) / grown[:, None, None, 1]
+    direction = along * frame[:, :, 0] + across * frame[:, :, 1]
+    direction /= np.linalg.norm(direction, axis=2, keepdims=True)
+    return leading(np.einsum("egi,egj->eij", direction, direction))
+
+
+def carried(quads: Ints, before: Array, after: Array, direction: Array) -> Array:
+    """(k, 3) unit directions at the centres of elements (k, m), that the sheet carries along as its
+    nodes move from `before` (n, 3) to `after` (n, 3)."""
+    element = kind_of(quads)
+    first, last = (element.base_vectors(x[quads], 0.0, 0.0) for x in (before, after))
+    share = np.einsum("eka,ek->ea", np.linalg.pinv(first), direction)
+    out = np.einsum("ea,eak->ek", share, last)
+    return np.asarray(out / np.linalg.norm(out, axis=1, keepdims=True))

@@ -1,0 +1,415 @@
+"""The shell behind the port: a hood of finite elements that answers poses and tensions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.port import (
+    Array,
+    ConvergenceError,
+    HoodJacobian,
+    InputError,
+    Load,
+    Motion,
+    Response,
+)
+from fe_solver.hood.extrapolation import Bend
+from fe_solver.solver.assembly import cross
+from fe_solver.solver.augmented_contact import AugmentOptions, settled, solve_augmented
+from fe_solver.solver.body_coupling import wrenches
+from fe_solver.solver.model import Configuration, ShellModel
+from fe_solver.solver.newton import NewtonOptions, Solution, residual_norm, solve
+from fe_solver.solver.relaxation import relax
+
+TIE, HELD = "terminal_slip", ("contact", "guide")
+"""The ledger's names of what the tied nodes and the bones do; springs have their sets' names."""
+SMALL_TURN = 0.02
+"""rad; below it the tangent predicts the hood's motion, above it the bones carry the nodes."""
+SMALL_PULL, NO_PULL = 0.3, 0.1
+"""The same of the tensions' change, of the largest one, which is no less than NO_PULL (N)."""
+LEAP = 0.2
+"""rad that a joint turns at most in one solve.  A slack sheet may have several equilibria in a bent
+posture (its central slip taut or not); which of them a long leap ends in is the mesh's whim."""
+MOST_HALVINGS = 4
+TAUT = 6.0
+"""N more in every tendon: taut enough for a sheet that folds in a joint when slack."""
+LED = NewtonOptions(tolerance=1e-2)
+"""Of the equilibrium on softer contact that leads to the one that is sought."""
+
+
+@dataclass(frozen=True)
+class HoodState:
+    """A hood in equilibrium (or, before the first solve, carried there by its bones)."""
+
+    motion: Motion
+    configuration: Configuration
+    solution: Solution | None = None
+    iterations: int = 0
+    """Newton iterations since the start."""
+    bend: Bend | None = None
+    """None where the last step was not foreseen."""
+
+
+@dataclass(frozen=True)
+class ShellHood:
+    """A shell over the bones as a Hood of the port.
+
+    `carriers` (n, nb) say how much of each node's motion each body carries in a large change of
+    pose; `groups` names the springs' groups, each a source of the load; `rest` is the pose in
+    which the mesh was laid.  With `augment` no node penetrates further than it says, and
+    contacts may rub; a state then remembers their pressures and where they stick.  With `softer`
+    below 1 a large change is solved with that much of the contact's stiffness first: what slides on
+    a bone without resisting, as slack cables do, follows its curvature in steps that are longer the
+    softer the contact.  No joint turns further than by `leap`, rad, in one solve.  `lift` (n,) or
+    one for all, m, is how much of the contact's offset makes up for the chords on which the sheet
+    runs between its nodes.  `stretched`: the sheet's fibres are stretched as it is laid out, so
+    that it is not in equilibrium there and is solved in the rest pose before anything moves."""
+
+    model: ShellModel
+    tendons: tuple[str, ...]
+    rest: Motion
+    carriers: Array
+    groups: tuple[str, ...]
+    options: NewtonOptions = field(default_factory=NewtonOptions)
+    augment: AugmentOptions | None = None
+    softer: float = 1.0
+    leap: float = LEAP
+    lift: Array | float = 0.0
+    stretched: bool = False
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        return self.model.bodies
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        return (*self.groups, TIE, *HELD)
+
+    def start(self, motion: Motion) -> HoodState:
+        """The rest shape, to be carried by the bones from the rest pose."""
+        self._check(motion)
+        m = self.model
+        rest = Configuration(m.reference, m.directors, self.rest.position, self.rest.rotation)
+        return HoodState(self.rest, rest)
+
+    def advance(self, state: HoodState, motion: Motion, tension: Array, dt: float) -> Response:
+        """Static equilibrium at `motion` under `tension` (nt,); a massless hood has no memory, so
+        `dt` plays no part.  Raises InputError and ConvergenceError."""
+        del dt
+        self._check(motion)
+        tension = np.asarray(tension, dtype=float)
+        if tension.shape != (len(self.tendons),) or not np.isfinite(tension).all():
+            raise InputError(
+                f"expected {len(self.tendons)} finite tensions {self.tendons}, got {tension}"
+            )
+        return self.answer(self._settled(state, motion, tension))
+
+    def answer(self, state: HoodState) -> Response:
+        """What a solved state does to the bodies."""
+        c, s = state.configuration, _solved(state)
+        load = Load(self.bodies, self.sources, self._by_source(s), self._pull(c, s.tension))
+        return Response(state, load, self.model.excursion(c))
+
+    def near(self, hood: ShellHood, state: HoodState, tension: Array) -> HoodState:
+        """Where this hood settles at the pose of another one's equilibrium, to first order in what
+        their parameters and nodes differ in: one Newton step with the other one's tangent.  The
+        other one's mesh has the same quads."""
+        s = _solved(state)
+        m, c = self.model, self._laid_like(hood, state)
+        step = np.zeros(m.pattern.size)
+        e = m.evaluate(c, tension, tangent=False)
+        step[m.free] = -s.factor.solve(e.reduced[m.free])
+        c = m.stepped(c, e.bases, step)
+        there = m.evaluate(c, tension, tangent=True)
+        solution = Solution(m, c, there, tension, 1, 1, residual_norm(m, there)[0])
+        return HoodState(state.motion, c, solution, state.iterations + 1)
+
+    def solve_from(self, hood: ShellHood, state: HoodState, tension: Array) -> HoodState:
+        """The equilibrium under `tension` (nt,) N at the pose of another hood's, whose mesh has the
+        same quads, by Newton's method from its shape.  Raises ConvergenceError."""
+        start = self._laid_like(hood, state)
+        s = solve(self.model, start, tension, self.options, True, _solved(state))
+        return HoodState(state.motion, s.configuration, s, s.iterations)
+
+    def _laid_like(self, hood: ShellHood, state: HoodState) -> Configuration:
+        """Another hood's shape, with the nodes moved by as much as this one's are laid elsewhere on
+        the bones."""
+        c = state.configuration
+        moved = _on_bodies(self) - _on_bodies(hood)
+        x = c.x + np.einsum("nb,bij,bnj->ni", self.carriers, c.rotation, moved)
+        return self.model.posed(replace(c, x=x), c.position, c.rotation)
+
+    def jacobian(self, state: HoodState) -> HoodJacobian:
+        """Derivatives by back-substitution with the factor of the solved state."""
+        s = _solved(state)
+        _, wrench_motion, _, wrench_tension = s.coupling
+        nm, by_follow = len(wrench_motion), s.pushed.T @ s.follow
+        return HoodJacobian(
+            wrench_motion - by_follow[:nm, :nm],
+            wrench_tension - by_follow[:nm, nm:],
+            -by_follow[nm:, :nm],
+            -by_follow[nm:, nm:],
+        )
+
+    def to_arrays(self, state: HoodState) -> dict[str, Array]:
+        """All that a state of a hood without augmented contact is made of."""
+        out = {f"motion/{k}": v for k, v in _pose(state.motion.position, state.motion.rotation)}
+        c = state.configuration
+        out |= {"x": c.x, "d": c.d, **dict(_pose(c.position, c.rotation))}
+        out["iterations"] = np.array(state.iterations)
+        if state.solution is not None:
+            s = state.solution
+            out |= {"tension": s.tension, "residual": np.array(s.residual)}
+            out["counts"] = np.array([s.iterations, s.solves])
+        if state.bend is not None:
+            out |= {f"bend/{k}": v for k, v in vars(state.bend).items()}
+        return out
+
+    def from_arrays(self, arrays: Mapping[str, Array]) -> HoodState:
+        """The state of `to_arrays`, its tangent evaluated anew: the same bits.
+
+        Raises InputError where the arrays are another hood's."""
+        shape = self.model.reference.shape
+        if "x" not in arrays or arrays["x"].shape != shape or arrays["d"].shape != shape:
+            raise InputError(f"the state of another hood: expected {shape[0]} nodes")
+        motion = Motion(self.bodies, arrays["motion/position"], arrays["motion/rotation"])
+        c = Configuration(arrays["x"], arrays["d"], arrays["position"], arrays["rotation"])
+        solution = None
+        if "tension" in arrays:
+            tension = arrays["tension"]
+            evaluation = self.model.evaluate(c, tension, tangent=True)
+            iterations, solves = (int(n) for n in arrays["counts"])
+            residual = float(arrays["residual"])
+            solution = Solution(self.model, c, evaluation, tension, iterations, solves, residual)
+        bend = None
+        if "bend/x" in arrays:
+            bend = Bend(**{f.name: arrays[f"bend/{f.name}"] for f in fields(Bend)})
+        return HoodState(motion, c, solution, int(arrays["iterations"]), bend)
+
+    def loosely(self, tolerance: float) -> ShellHood:
+        """The same shell, its Newton stopped at a relative residual of `tolerance`."""
+        loose = max(tolerance, self.options.tolerance)
+        return replace(self, options=replace(self.options, tolerance=loose))
+
+    def _check(self, motion: Motion) -> None:
+        if motion.bodies != self.bodies:
+            raise InputError(f"the hood shares the bodies {self.bodies}, got {motion.bodies}")
+
+    def _carried(self, c: Configuration, motion: Motion) -> Configuration:
+        """Every node moved with the bodies that carry it, tied and guided nodes exactly."""
+        turn = motion.rotation @ np.swapaxes(c.rotation, 1, 2)
+        moved = np.einsum("bij,bnj->bni", turn, c.x[None] - c.position[:, None])
+        moved += motion.position[:, None]
+        x = np.einsum("nb,bni->ni", self.carriers, moved)
+        d = np.einsum("nb,bij,nj->ni", self.carriers, turn, c.d)
+        d /= np.linalg.norm(d, axis=1, keepdims=True)
+        slid = self.model.posed(c, motion.position, motion.rotation)
+        held = np.concatenate([self.model.ties.node, self.model.guides.node])
+        x[held] = slid.x[held]
+        d[self.model.ties.node] = slid.d[self.model.ties.node]
+        return Configuration(x, d, motion.position, motion.rotation)
+
+    def _foreseen(
+        self, state: HoodState, motion: Motion, tension: Array
+    ) -> tuple[Solution, Configuration] | None:
+        """The state's solution and, to first order, the hood at a nearby motion under other
+        tensions; None where the change is too large for that."""
+        s, twist = state.solution, state.motion.twist_to(motion)
+        if s is None or np.abs(twist[:, 3:]).max() > SMALL_TURN:
+            return None
+        pulled = np.abs(tension - s.tension).max(initial=0.0)
+        if pulled > SMALL_PULL * max(np.abs(tension).max(initial=0.0), NO_PULL):
+            return None
+        m, c = self.model, s.configuration
+        step = np.zeros(m.pattern.size)
+        step[m.free] = s.follow @ np.concatenate([twist.ravel(), tension - s.tension])
+        c = m.stepped(c, s.evaluation.bases, step)
+        return s, m.posed(c, motion.position, motion.rotation)
+
+    def _bent(self, state: HoodState, foreseen: Configuration) -> Configuration:
+        """What is foreseen, and beyond it what the last two steps' tangents missed: to second order
+        in the travel, of which the last step says how much this one has."""
+        bend, c = state.bend, foreseen
+        growth = 0.0 if bend is None else bend.growth(c.x - state.configuration.x)
+        if bend is None or growth == 0.0:
+            return c
+        d = c.d + growth**2 * bend.steady_d
+        d /= np.linalg.norm(d, axis=1, keepdims=True)
+        bent = Configuration(c.x + growth**2 * bend.steady_x, d, c.position, c.rotation)
+        return self.model.posed(bent, c.position, c.rotation)
+
+    def _settled(self, state: HoodState, motion: Motion, tension: Array) -> HoodState:
+        """The equilibrium, reached taut where the slack sheet would fold on the way.  There is no
+        such way with friction, which would keep what the detour pulled."""
+        try:
+            return self._in_steps(state, motion, tension)
+        except ConvergenceError as error:
+            rubs = any(k.friction for k in self.model.contacts)
+            if rubs or tension.min(initial=np.inf) > TAUT:
+                raise
+            try:
+                taut = self._in_steps(state, motion, tension + TAUT)
+                return self._in_steps(taut, motion, tension)
+            except ConvergenceError:
+                raise error from None
+
+    def _in_steps(self, state: HoodState, motion: Motion, tension: Array) -> HoodState:
+        """Solve at `motion` and, where that is far, on the way there; a sheet stretched in situ is
+        balanced first where it was laid out."""
+        if self.stretched and state.solution is None:
+            state = self._solve(state, state.motion, tension, MOST_HALVINGS)
+        begin, before = state.motion, state.solution.tension if state.solution else tension
+        steps = int(np.ceil(_bend(begin, motion) / self.leap))
+        for part in np.arange(1, steps) / max(steps, 1):
+            pull = before + part * (tension - before)
+            state = self._solve(state, partway(begin, motion, part), pull, MOST_HALVINGS)
+        return self._solve(state, motion, tension, MOST_HALVINGS)
+
+    def _solve(self, state: HoodState, motion: Motion, tension: Array, halvings: int) -> HoodState:
+        """Solve at once, and where that fails half the way first; at last by a damped motion."""
+        try:
+            return self._reached(state, motion, tension)
+        except ConvergenceError as error:
+            if halvings == 0:
+                return self._relaxed(state, motion, tension, error)
+        before = state.solution.tension if state.solution else 0.0 * tension
+        half = partway(state.motion, motion, 0.5)
+        middle = self._solve(state, half, (before + tension) / 2, halvings - 1)
+        return self._solve(middle, motion, tension, halvings - 1)
+
+    def _reached(self, state: HoodState, motion: Motion, tension: Array) -> HoodState:
+        near = self._foreseen(state, motion, tension)
+        if near is None:
+            guess, spent = self._led(self._carried(state.configuration, motion), tension)
+            s = self._equilibrium(state, guess, tension, None)
+            return HoodState(motion, s.configuration, s, state.iterations + spent + s.iterations)
+        before, foreseen = near
+        s = self._equilibrium(state, self._bent(state, foreseen), tension, before)
+        c = s.configuration
+        travel = foreseen.x - state.configuration.x
+        bend = Bend.told(state.bend, travel, c.x - foreseen.x, c.d - foreseen.d)
+        return HoodState(motion, c, s, state.iterations + s.iterations, bend)
+
+    def _led(self, guess: Configuration, tension: Array) -> tuple[Configuration, int]:
+        """The guess, or near it the equilibrium on softer contact; and the iterations it took."""
+        if self.softer == 1.0:
+            return guess, 0
+        contacts = self.model.contacts
+        soft = tuple(replace(k, stiffness=self.softer * k.stiffness) for k in contacts)
+        try:
+            s = solve(self.model.alike(contacts=soft), guess, tension, LED)
+        except ConvergenceError:
+            return guess, LED.max_iterations
+        return s.configuration, s.iterations
+
+    def _relaxed(
+        self, state: HoodState, motion: Motion, tension: Array, error: ConvergenceError
+    ) -> HoodState:
+        guess = self._carried(state.configuration, motion)
+        try:
+            c = relax(self.model, guess, tension)
+            s = self._equilibrium(state, c, tension, None)
+        except ConvergenceError:
+            raise error from None
+        return HoodState(motion, s.configuration, s, state.iterations + s.iterations)
+
+    def _equilibrium(
+        self, state: HoodState, guess: Configuration, tension: Array, near: Solution | None
+    ) -> Solution:
+        if self.augment is None:
+            return solve(self.model, guess, tension, self.options, near is not None, near)
+        model = settled(state.solution) if state.solution else self.model
+        return solve_augmented(model, guess, tension, self.options, self.augment)
+
+    def _by_source(self, s: Solution) -> Array:
+        """(nb, ns, 6) wrenches on the bodies."""
+        out = np.zeros((len(self.bodies), len(self.sources), 6))
+        parts = wrenches(self.model, s.configuration, s.evaluation, s.tension)
+        names = {"contact": "contact", "tie": TIE, "guide": "guide"}
+        names |= {f"spring {i}": group for i, group in enumerate(self.groups)}
+        for part, wrench in parts.items():
+            out[:, self.sources.index(names[part])] += wrench
+        return out
+
+    def _pull(self, c: Configuration, tension: Array) -> Array:
+        """(nt, 6) wrench of each tendon on the hood about the world's origin."""
+        g = self.model.guides
+        along = np.einsum("kij,kj->ki", c.rotation[g.body], g.direction)
+        force = (tension[:, None] * self.model.share) @ along
+        moment = (tension[:, None] * self.model.share) @ cross(c.x[g.node], along)
+        return np.hstack([force, moment])
+
+    def group_forces(self, state: HoodState) -> dict[str, Array]:
+        """(3,) N summed force on the bone of each spring group, and of the ties, world frame."""
+        s = _solved(state)
+        points = s.evaluation.points
+        out = {g: points.gradient[points.group == i].sum(axis=0) for i, g in enumerate(self.groups)}
+        out[TIE] = -s.evaluation.gradient_x[self.model.ties.node].sum(axis=0)
+        return out
+
+    def strain(self, state: HoodState) -> Array:
+        """(ne, 4, 8) generalized strains at the Gauss points, local axes 1 along the fibre."""
+        c, q = state.configuration, self.model.quads
+        return self.model.tables.strain(np.concatenate([c.x[q], c.d[q]], axis=1))
+
+    def gap(self, state: HoodState) -> NDArray[np.float64]:
+        """(n,) m smallest gap of each node, or of the points that it is nearest to, to a bone's
+        contact level; inf where it meets none."""
+        c = state.configuration
+        out = np.full(len(c.x), np.inf)
+        for k in self.model.contacts:
+            np.minimum.at(out, k.nodes, k.gap(c.x, c.position, c.rotation))
+        return out
+
+
+def _on_bodies(hood: ShellHood) -> Array:
+    """(nb, n, 3) m, the nodes as laid out, in the bodies' frames."""
+    from_origin = hood.model.reference - hood.rest.position[:, None]
+    return np.asarray(np.einsum("bji,bnj->bni", hood.rest.rotation, from_origin))
+
+
+def partway(start: Motion, end: Motion, part: float) -> Motion:
+    """Poses a `part` (0 to 1) of the way, with each body so far as the one before it sees it, so
+    that a chain of bodies stays whole."""
+    from scipy.spatial.transform import Rotation
+
+    position, rotation = np.empty_like(start.position), np.empty_like(start.rotation)
+    before = (np.zeros(3), np.eye(3))
+    for i, (offsets, turns) in enumerate(zip(*_seen(start, end), strict=True)):
+        turn = part * Rotation.from_matrix(turns[1] @ turns[0].T).as_rotvec()
+        offset = (1 - part) * offsets[0] + part * offsets[1]
+        position[i] = before[0] + before[1] @ offset
+        rotation[i] = before[1] @ Rotation.from_rotvec(turn).as_matrix() @ turns[0]
+        before = position[i], rotation[i]
+    return Motion(start.bodies, position, rotation)
+
+
+def _seen(start: Motion, end: Motion) -> tuple[Array, Array]:
+    """(nb, 2, 3) origins and (nb, 2, 3, 3) rotations of the bodies in both motions, as the body
+    before each sees them; the first one's in the world."""
+    p = np.stack([start.position, end.position], axis=1)
+    R = np.stack([start.rotation, end.rotation], axis=1)
+    back = np.swapaxes(R[:-1], 2, 3)
+    offset = np.einsum("bmij,bmj->bmi", back, p[1:] - p[:-1])
+    return np.concatenate([p[:1], offset]), np.concatenate([R[:1], back @ R[1:]])
+
+
+def _bend(start: Motion, end: Motion) -> float:
+    """rad, the most that a body turns as the one before it sees it."""
+    turns = _seen(start, end)[1][1:]
+    cosine = (np.einsum("bij,bij->b", turns[:, 0], turns[:, 1]) - 1) / 2
+    return float(np.arccos(np.clip(cosine, -1, 1)).max(initial=0.0))
+
+
+def _pose(position: Array, rotation: Array) -> tuple[tuple[str, Array], ...]:
+    return ("position", position), ("rotation", rotation)
+
+
+def _solved(state: HoodState) -> Solution:
+    if state.solution is None:
+        raise InputError("this hood state has not been solved: call advance first")
+    return state.solution

@@ -1,0 +1,1 @@
+"""Stand-alone shell models: read, checked, solved, written."""

@@ -1,0 +1,228 @@
+"""Faults of a shell mesh and of a job, told before anything is solved."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from cosim.port import InputError
+from fe_solver.job.job import Job
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.intp]
+Name = Callable[[int], str]
+
+SAME_PLACE = 1e-9
+"""Of the mesh's size: nodes nearer than that lie at one place."""
+THIN = 1e-10
+"""Of the square of its longest edge: less is no area."""
+THICKNESS = (1e-8, 100.0)
+"""Of the mesh's size: a sheet beyond that is a mistake of units, and its stiffness loses all its
+digits."""
+TILT = 0.02
+"""Least sine of the angle between fibre and normal."""
+
+
+def check_job(job: Job) -> None:
+    """Raises InputError, naming the node or element of the file, for the first fault found."""
+
+    _check_shapes(job)
+    with within(job.name):
+        check_mesh(job.points, job.quads, job.node, job.element)
+        _check_values(job)
+        _check_pieces(job)
+
+
+@contextmanager
+def within(where: str) -> Iterator[None]:
+    """Errors are told with the file or job in which they are."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from error
+
+
+def _check_pieces(job: Job) -> None:
+    pairs = (
+        [s.nodes[s.other >= 0] for s in job.springs],
+        [s.other[s.other >= 0] for s in job.springs],
+    )
+    joined = np.stack([np.concatenate([np.zeros(0, dtype=np.intp), *p]) for p in pairs], axis=1)
+    holds = [t.nodes for t in job.tied] + [h.nodes for h in job.held]
+    holds += [s.nodes[s.body >= 0] for s in job.springs]
+    held = np.concatenate([np.zeros(0, dtype=np.intp), *holds])
+    check_held(job.quads, held, joined, job.node)
+
+
+def check_mesh(points: Array, quads: Ints, node: Name, element: Name) -> None:
+    """Points (n, 3) and quads (ne, 4), triangles as (a, b, c, c).
+
+    Raises InputError for values that are not finite, node indices out of range, elements without
+    area, reflex or crossing corners, a node named twice, two elements with the same nodes,
+    neighbours wound against each other, and two nodes at one place."""
+    bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
+    if len(bad):
+        raise InputError(f"{node(bad[0])} has coordinates that are not finite numbers")
+    if not len(quads):
+        raise InputError("the shell has no elements")
+    bad = np.flatnonzero(((quads < 0) | (quads >= len(points))).any(axis=1))
+    if len(bad):
+        raise InputError(
+            f"{element(bad[0])} names the node indices {quads[bad[0]].tolist()}, expected 0 to "
+            f"{len(points) - 1}"
+        )
+    _check_places(points, quads, node)
+    _check_names(quads, node, element)
+    _check_corners(points, quads, element)
+    _check_winding(quads, element)
+
+
+def _check_names(quads: Ints, node: Name, element: Name) -> None:
+    """No element names a node twice, but for a triangle's last, and no two have the same nodes."""
+    own = quads.copy()
+    own[own[:, 2] == own[:, 3], 3] = -1
+    own.sort(axis=1)
+    bad = np.flatnonzero((own[:, 1:] == own[:, :-1]).any(axis=1))
+    if len(bad):
+        twice = own[bad[0], 1:][own[bad[0], 1:] == own[bad[0], :-1]][0]
+        raise InputError(
+            f"{element(bad[0])} names {node(twice)} twice: give a triangle three nodes"
+        )
+    _, number, times = np.unique(own, axis=0, return_inverse=True, return_counts=True)
+    if (times > 1).any():
+        same = np.flatnonzero(number.reshape(-1) == np.argmax(times > 1))
+        raise InputError(
+            f"{element(same[0])} and {element(same[1])} have the same nodes: remove one of them"
+        )
+
+
+def _check_corners(points: Array, quads: Ints, element: Name) -> None:
+    x = points[quads]
+    normal = np.cross(x[:, 2] - x[:, 0], x[:, 3] - x[:, 1])
+    area = np.linalg.norm(normal, axis=1)
+    edge = np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2)
+    least = THIN * edge.max(axis=1) ** 2
+    corner = np.cross(np.roll(x, -1, axis=1) - x, np.roll(x, 1, axis=1) - x)
+    bad = np.flatnonzero(~(np.linalg.norm(corner, axis=2).max(axis=1) > least))
+    if len(bad):
+        raise InputError(
+            f"{element(bad[0])} has no area: its nodes lie on a line; move them or remove it"
+        )
+    normal /= np.maximum(area, least)[:, None]
+    turn = np.einsum("eak,ek->ea", corner, normal)
+    triangle = quads[:, 2] == quads[:, 3]
+    turn[triangle, 2:] = area[triangle, None]
+    bad = np.flatnonzero((area <= least) | (turn <= THIN * area[:, None]).any(axis=1))
+    if len(bad):
+        raise InputError(
+            f"{element(bad[0])} is inverted: it has a reflex corner or crosses itself; order its "
+            "nodes around it"
+        )
+
+
+def _edges(quads: Ints) -> tuple[Ints, Ints]:
+    """Directed edges (m, 2) and their elements (m,), without those of no length."""
+    edges = np.stack([quads, np.roll(quads, -1, axis=1)], axis=2).reshape(-1, 2)
+    owner = np.repeat(np.arange(len(quads)), 4)
+    real = edges[:, 0] != edges[:, 1]
+    return edges[real], owner[real]
+
+
+def _check_winding(quads: Ints, element: Name) -> None:
+    """Two elements that alone share an edge must run along it in opposite directions."""
+    edges, owner = _edges(quads)
+    _, number, times = np.unique(
+        np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True
+    )
+    number = number.reshape(-1)
+    forward = np.bincount(number, weights=edges[:, 0] < edges[:, 1])
+    bad = np.flatnonzero((times == 2) & (forward != 1))
+    if len(bad):
+        i, j = owner[np.flatnonzero(number == bad[0])]
+        raise InputError(
+            f"{element(i)} and its neighbour, {element(j)}, are wound in opposite senses: turn one "
+            "of them over, so that their normals agree"
+        )
+
+
+def _check_places(points: Array, quads: Ints, node: Name) -> None:
+    used = np.unique(quads)
+    x = points[used]
+    size = float(np.linalg.norm(np.ptp(x, axis=0)))
+    twins = cKDTree(x).query_pairs(SAME_PLACE * size, output_type="ndarray")
+    if len(twins):
+        i, j = used[twins[0]]
+        raise InputError(
+            f"{node(i)} lies where {node(j)} does ({len(twins)} such pairs), so that what is "
+            "between them is not joined; merge the mesh's duplicate nodes"
+        )
+
+
+def _check_shapes(job: Job) -> None:
+    ne = len(job.quads)
+    shapes = {"thickness": (ne, 4), "height": (ne, 4), "fibre": (ne, 3), "part": (ne,)}
+    for name, shape in shapes.items():
+        if getattr(job, name).shape != shape:
+            raise InputError(
+                f"{job.name}: {name} has shape {getattr(job, name).shape}, expected {shape}"
+            )
+
+
+def _check_values(job: Job) -> None:
+    bad = np.flatnonzero(~((job.thickness > 0) & np.isfinite(job.thickness)).all(axis=1))
+    if len(bad):
+        raise InputError(
+            f"{job.element(bad[0])} has the thickness {job.thickness[bad[0]].min():g} m: it must "
+            "be positive at every node"
+        )
+    size = float(np.linalg.norm(np.ptp(job.points, axis=0)))
+    least, most = (share * size for share in THICKNESS)
+    bad = np.flatnonzero(~((job.thickness >= least) & (job.thickness <= most)).all(axis=1))
+    if len(bad):
+        raise InputError(
+            f"{job.element(bad[0])} has the thickness {job.thickness[bad[0]].max():g} m in a mesh "
+            f"of {size:g} m: that is no sheet; check the units"
+        )
+    x = job.points[job.quads]
+    normal = np.cross(x[:, 2] - x[:, 0], x[:, 3] - x[:, 1])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    flat = job.fibre - np.einsum("ek,ek->e", job.fibre, normal)[:, None] * normal
+    length = np.linalg.norm(job.fibre, axis=1)
+    bad = np.flatnonzero(~((length > 0) & (np.linalg.norm(flat, axis=1) > TILT * length)))
+    if len(bad):
+        raise InputError(
+            f"{job.element(bad[0])} has the fibre direction {job.fibre[bad[0]].tolist()}, which is "
+            "zero or normal to the shell: it must lie in it"
+        )
+    conditions = [[c.nodes for c in cs] for cs in (job.tied, job.held, job.springs, job.forces)]
+    for nodes in [nodes for own in conditions for nodes in own]:
+        if len(nodes) and (nodes.min() < 0 or nodes.max() >= len(job.points)):
+            raise InputError(
+                f"a condition names node index {nodes.max()}, beyond the {len(job.points)} nodes"
+            )
+
+
+def check_held(quads: Ints, held: Ints, joined: Ints, node: Name) -> None:
+    """Whether each connected piece has one of the nodes `held` (k,); `joined` (m, 2) nodes hang on
+    each other.
+
+    Raises InputError naming a node of a piece that nothing holds."""
+    n = int(max(quads.max(), held.max(initial=0), joined.max(initial=0))) + 1
+    edges = np.concatenate([_edges(quads)[0], joined])
+    graph = coo_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(n, n))
+    _, piece = connected_components(graph, directed=False)
+    used = np.unique(quads)
+    loose = used[~np.isin(piece[used], piece[held])]
+    if len(loose):
+        count = len(np.unique(piece[used]))
+        what = "the shell" if count == 1 else f"its piece of the shell ({count} pieces in all)"
+        raise InputError(
+            f"{node(loose[0])}: nothing holds {what}; give it a tie, a held displacement or a "
+            "spring to a body, or join it to the rest"
+        )

@@ -1,0 +1,386 @@
+"""A Job as the shell model of the solver: what holds, loads and touches the sheet at a time.
+
+Contact is our own, whatever penalty a file asks for: a node of a pair presses on the signed
+distance of the body's surface, closed where it is open, with a stiffness taken from the sheet.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.port import InputError
+from fe_solver.elements.mesh_geometry import node_areas, node_directors
+from fe_solver.elements.mitc4 import GAUSS, shape
+from fe_solver.elements.shell import shell_tables
+from fe_solver.forces.contact import REACH, Contact
+from fe_solver.forces.guides import Guides, Ties
+from fe_solver.forces.loads import pressure_forces
+from fe_solver.forces.springs import ForceCurve, NodeSprings, Springs
+from fe_solver.job.checks import check_job
+from fe_solver.job.curves import Curve, Drive, Extension, Interpolation
+from fe_solver.job.febio_like import facet_lift, febio_patch
+from fe_solver.job.job import STILL, ZERO, Body, ContactPair, Job, SpringSet
+from fe_solver.materials.in_situ import in_situ_growth, stress_free_thickness
+from fe_solver.materials.section import Patch, Section, joined_sections
+from fe_solver.solver.model import Configuration, ShellModel
+from fe_solver.solver.newton import NewtonOptions
+from fe_solver.surfaces.closing import closed_surface
+from fe_solver.surfaces.spline_distance import SplineDistance, cache_folder
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.intp]
+
+KINK = 0.01
+"""Of a table's interval, on either side of its points: there the corners are rounded."""
+BEYOND = 1e-3
+"""m past what contact needs that a baked distance reaches."""
+
+
+@dataclass(frozen=True)
+class JobOptions:
+    """How a job is solved.
+
+    `penetration` (m) is the largest that a solved state may have (by the augmented Lagrangian);
+    None leaves it to the contact's stiffness, which is `contact_factor` times the sheet's membrane
+    modulus over its thickness, N/m3: of the order of the sheet's own stiffness through its
+    thickness, so that the tangent stays well conditioned and the penetration is the sheet's own
+    compression.  Contact begins smoothly within `smoothing` (m).  `spacing` (m) of the grids that
+    bodies' distances are baked on; `cached` keeps those grids in the user's cache folder.
+
+    No step in time turns a body by more than `turn` (rad) or is shorter than `shortest`, of the
+    time that the step of the job takes."""
+
+    penetration: float | None = 2e-6
+    contact_factor: float = 1.0
+    smoothing: float = 2e-6
+    spacing: float = 0.25e-3
+    cached: bool = True
+    turn: float = 0.1
+    shortest: float = 1e-3
+    newton: NewtonOptions = field(
+        default_factory=lambda: NewtonOptions(tolerance=1e-8, max_iterations=60)
+    )
+
+    def __post_init__(self) -> None:
+        for name in ("penetration", "contact_factor", "smoothing", "spacing", "turn", "shortest"):
+            value = getattr(self, name)
+            if value is not None and not (np.isfinite(value) and value > 0):
+                raise InputError(f"{name} = {value:g}: expected more than zero, and finite")
+
+
+@dataclass(frozen=True)
+class JobModel:
+    """A job's shell and bodies; those after the job's own carry nodes whose displacement is
+    given.  `base` is the model at time 0 without loads."""
+
+    job: Job
+    base: ShellModel
+    bodies: tuple[Body, ...]
+
+    def start(self) -> Configuration:
+        """The sheet as the job has it, its bodies where they are at time 0."""
+        origins = np.array([b.origin for b in self.bodies]).reshape(-1, 3)
+        upright = np.tile(np.eye(3), (len(origins), 1, 1))
+        bare = Configuration(self.base.reference, self.base.directors, origins, upright)
+        return self.base.posed(bare, *self.poses(0.0))
+
+    def poses(self, time: float) -> tuple[Array, Array]:
+        """Positions (nb, 3) m and rotations (nb, 3, 3) of the bodies."""
+        return body_poses(self.bodies, time)
+
+    def at(self, time: float, contacts: tuple[Contact, ...] | None = None) -> ShellModel:
+        """The model under the loads of a time, with the contacts in another state if given; it
+        shares its sparsity with all others."""
+        kept = self.base.contacts if contacts is None else contacts
+        dead, pressure = dead_loads(self.job, time), follower_pressure(self.job, time)
+        return self.base.alike(dead=dead, pressure=pressure, contacts=kept)
+
+
+def body_poses(bodies: Sequence[Body], time: float) -> tuple[Array, Array]:
+    """Positions (nb, 3) m and rotations (nb, 3, 3) of bodies at a time."""
+    poses = [b.pose(time) for b in bodies]
+    if not poses:
+        return np.zeros((0, 3)), np.zeros((0, 3, 3))
+    return np.stack([p for p, _ in poses]), np.stack([r for _, r in poses])
+
+
+def dead_loads(job: Job, time: float) -> Array:
+    """(n, 3) N on the nodes at a time that keep their direction."""
+    out = np.zeros_like(job.points)
+    for load in job.forces:
+        scale = 1.0 if load.curve is None else load.curve.at(time)
+        np.add.at(out, load.nodes, scale * load.force)
+    for p in (p for p in job.pressures if p.dead):
+        size = p.pressure.at(time) * p.sign.astype(float)
+        force = pressure_forces(job.points[job.quads[p.quads]], size)
+        np.add.at(out, job.quads[p.quads], force)
+    return out
+
+
+def follower_pressure(job: Job, time: float) -> Array | None:
+    """(ne,) Pa at a time that follow the quads, against their normals; None where none do."""
+    live = [p for p in job.pressures if not p.dead]
+    out = np.zeros(len(job.quads))
+    for p in live:
+        np.add.at(out, p.quads, p.sign * p.pressure.at(time))
+    return out if live else None
+
+
+def job_model(job: Job, options: JobOptions) -> JobModel:
+    """Raises InputError for what `check_job` finds, for conditions that contradict each other, and
+    for surfaces that have no inside."""
+    check_job(job)
+    directors = node_directors(job.points, job.quads)
+    ties = _ties(job, directors)
+    guides, carriers = _guides(job, directors, ties.node)
+    bodies = job.bodies + carriers
+    tables = shell_tables(
+        job.points[job.quads],
+        directors[job.quads],
+        job.fibre,
+        in_situ_growth(_in_situ(job)),
+        job.height,
+        bilinear=job.as_febio,
+    )
+    base = ShellModel(
+        job.quads,
+        job.points,
+        directors,
+        tables,
+        _section(job),
+        job_springs(job),
+        ties,
+        guides,
+        np.zeros((0, len(guides.node))),
+        tuple(_contact(job, pair, _immovable(ties, guides), options) for pair in job.contacts),
+        tuple(b.name for b in bodies),
+        links=job_links(job),
+        groups=tuple(s.name for s in job.springs),
+        regions=tuple(job.parts[i].name for i in job.part),
+        node_ids=job.node_ids,
+    )
+    return JobModel(job, base, bodies)
+
+
+def _in_situ(job: Job) -> Array:
+    """(ne,) stretch of the fibres in the mesh."""
+    return np.array([part.in_situ_stretch for part in job.parts])[job.part]
+
+
+def _section(job: Job) -> Section:
+    weight = np.stack([shape(r, s)[0] for r, s in GAUSS])
+    of_part = [np.flatnonzero(job.part == i) for i in range(len(job.parts))]
+    thickness = stress_free_thickness(job.thickness, _in_situ(job))
+    patches = [
+        Patch(own, part.law, thickness[own] @ weight.T)
+        for own, part in zip(of_part, job.parts, strict=True)
+        if len(own)
+    ]
+    return joined_sections([febio_patch(p) for p in patches] if job.as_febio else patches)
+
+
+def _origin(job: Job, bodies: Ints) -> Array:
+    return np.array([b.origin for b in job.bodies] or [np.zeros(3)])[bodies]
+
+
+def _ties(job: Job, directors: Array) -> Ties:
+    clamps = [t for t in job.tied if t.clamped]
+    node = np.concatenate([np.zeros(0, dtype=np.intp), *[t.nodes for t in clamps]])
+    body = np.repeat([t.body for t in clamps], [len(t.nodes) for t in clamps]).astype(np.intp)
+    _once(job, np.concatenate([node, *[t.nodes for t in job.tied if not t.clamped]]))
+    return Ties(node, body, job.points[node] - _origin(job, body), directors[node])
+
+
+def _once(job: Job, nodes: Ints) -> None:
+    unique, times = np.unique(nodes, return_counts=True)
+    if (times > 1).any():
+        raise InputError(
+            f"{job.name}: {job.node(unique[times > 1][0])} is tied twice; tie each node to one body"
+        )
+
+
+def _guides(job: Job, directors: Array, tied: Ints) -> tuple[Guides, tuple[Body, ...]]:
+    """Nodes that are held in part, and the bodies that carry them besides the job's own."""
+    hinges = [t for t in job.tied if not t.clamped]
+    pinned = np.concatenate([np.zeros(0, dtype=np.intp), *[t.nodes for t in hinges]])
+    drives = _drives(job, np.union1d(tied, pinned))
+    moves = list(dict.fromkeys(_whole(own) for own in drives.values()))
+    carriers = tuple(
+        Body("ground" if m == STILL else f"displacement {i + 1}", np.zeros(3), *_bare(), m)
+        for i, m in enumerate(moves)
+    )
+    held = [(int(n), t.body, [True, True, True]) for t in hinges for n in t.nodes]
+    held += [
+        (n, len(job.bodies) + moves.index(_whole(own)), [d is not None for d in own])
+        for n, own in drives.items()
+    ]
+    node, body = (np.array([h[i] for h in held], dtype=np.intp) for i in (0, 1))
+    fixed = np.array([h[2] for h in held], dtype=bool).reshape(-1, 3)
+    origins = np.array([b.origin for b in (*job.bodies, *carriers)] or [np.zeros(3)])
+    guides = Guides.fixed(node, body, job.points[node] - origins[body], fixed)
+    level, still = _levels(job, node)
+    return replace(guides, level=level, still=still), carriers
+
+
+def _whole(own: list[Drive | None]) -> tuple[Drive, Drive, Drive]:
+    """The motion of what carries a node; along the components that are free, none."""
+    return own[0] or ZERO, own[1] or ZERO, own[2] or ZERO
+
+
+def _bare() -> tuple[Array, Ints]:
+    return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.intp)
+
+
+def _drives(job: Job, taken: Ints) -> dict[int, list[Drive | None]]:
+    """By node that no body holds: the drive of each displacement component, None where free."""
+    out: dict[int, list[Drive | None]] = {}
+    for h in job.held:
+        for n in np.setdiff1d(h.nodes, taken).tolist():
+            own = out.setdefault(n, [None, None, None])
+            if own[h.component] not in (None, h.displacement):
+                raise InputError(
+                    f"{job.name}: the displacement {'xyz'[h.component]} of {job.node(n)} is given "
+                    "twice, and not alike"
+                )
+            own[h.component] = h.displacement
+    for d in job.held_directors:
+        for n in np.setdiff1d(d.nodes, taken).tolist():
+            out.setdefault(n, [None, None, None])
+    return out
+
+
+def _levels(job: Job, node: Ints) -> tuple[Array, NDArray[np.bool_]]:
+    """Of guided nodes: the axis (k, 3) of which the director keeps its component, and which of its
+    two turns (k, 2) are held: one component holds the turn towards its axis, two hold both."""
+    held = np.zeros((len(job.points), 3), dtype=bool)
+    for d in job.held_directors:
+        held[d.nodes, d.component] = True
+    own = held[node]
+    still = np.stack([own.any(axis=1), own.sum(axis=1) > 1], axis=1)
+    return np.eye(3)[np.argmax(own, axis=1)], still
+
+
+def _columns(
+    sets: Sequence[tuple[int, SpringSet, Ints]],
+) -> tuple[Array, Array, NDArray[np.bool_], Ints]:
+    """Stiffness, rest length, tension-only and group of the springs, each (k,)."""
+    count = [len(own) for _, _, own in sets]
+    stiffness = np.repeat([s.law.stiffness for _, s, _ in sets], count).astype(float)
+    length = np.concatenate([np.zeros(0), *[s.length[own] for _, s, own in sets]])
+    only = np.repeat([s.law.tension_only for _, s, _ in sets], count).astype(bool)
+    return stiffness, length, only, np.repeat([i for i, _, _ in sets], count).astype(np.intp)
+
+
+def job_springs(job: Job) -> Springs:
+    """The springs that end at bodies; a spring's group is the number of its set."""
+    sets = [(i, s, np.flatnonzero(s.body >= 0)) for i, s in enumerate(job.springs)]
+    whole = [np.zeros(0, dtype=np.intp)]
+    return Springs(
+        np.concatenate(whole + [s.nodes[own] for _, s, own in sets]),
+        np.concatenate(whole + [s.body[own] for _, s, own in sets]),
+        np.concatenate([np.zeros((0, 3)), *[s.anchor[own] for _, s, own in sets]]),
+        *_columns(sets),
+        _curves(sets),
+    )
+
+
+def job_links(job: Job) -> NodeSprings:
+    """The springs between nodes; a spring's group is the number of its set."""
+    sets = [(i, s, np.flatnonzero(s.body < 0)) for i, s in enumerate(job.springs)]
+    ends = [np.stack([s.nodes[own], s.other[own]], axis=1) for _, s, own in sets]
+    nodes = np.concatenate([np.zeros((0, 2), dtype=np.intp), *ends])
+    return NodeSprings(nodes, *_columns(sets), _curves(sets))
+
+
+def _curves(sets: Sequence[tuple[int, SpringSet, Ints]]) -> tuple[ForceCurve, ...]:
+    first, out = 0, []
+    for _, s, own in sets:
+        if s.law.table is not None and len(own):
+            out.append(_force_curve(s.name, s.law.table, np.arange(first, first + len(own))))
+        first += len(own)
+    return tuple(out)
+
+
+def _force_curve(name: str, table: Curve, springs: Ints) -> ForceCurve:
+    """The table with points beside its corners, so that the smooth curve through them is straight
+    where the table is."""
+    if table.interpolation == Interpolation.STEP or table.extension in (
+        Extension.REPEAT,
+        Extension.REPEAT_OFFSET,
+    ):
+        raise InputError(
+            f"springs {name!r}: a force that steps or repeats with the elongation is not solved; "
+            "give a table of straight or smooth pieces"
+        )
+    times = np.array(table.times)
+    share = np.array([0, KINK, 1 - KINK])
+    if table.interpolation != Interpolation.LINEAR:
+        share = np.linspace(0, 1, 21)[:-1]
+    inside = (times[:-1, None] + np.diff(times)[:, None] * share).ravel()
+    span = times[-1] - times[0]
+    low, high = times[0] - span * np.array([1, KINK]), times[-1] + span * np.array([0, KINK, 1])
+    at = np.concatenate([low, inside, high])
+    return ForceCurve(springs, at, np.array([table.at(float(t)) for t in at]))
+
+
+def _immovable(ties: Ties, guides: Guides) -> Ints:
+    """Nodes whose place is given: contact could press on them but not move them."""
+    return np.union1d(ties.node, guides.node[guides.held.all(axis=1)])
+
+
+def _contact(job: Job, pair: ContactPair, given: Ints, options: JobOptions) -> Contact:
+    quads = job.quads[pair.quads]
+    nodes = np.setdiff1d(quads, given)
+    area = node_areas(job.points, quads)
+    # how far the face that is meant lies beyond the nodes, towards the body
+    beyond = pair.side[:, None] * job.height[pair.quads] + job.thickness[pair.quads] / 2
+    offset = pair.gap + corner_means(quads, beyond, len(job.points))[nodes]
+    if job.as_febio:
+        offset = offset + facet_lift(job, pair)[nodes]
+    return Contact(
+        pair.body,
+        _surface(job, pair, float(offset.max(initial=0.0)), options),
+        nodes,
+        offset,
+        area[nodes],
+        options.contact_factor * sheet_stiffness(job, pair.quads),
+        options.smoothing,
+        friction=pair.friction,
+    )
+
+
+def corner_means(quads: Ints, values: Array, count: int) -> Array:
+    """(n,) mean of the corners' values (k, 4) at each node."""
+    total = np.bincount(quads.ravel(), weights=values.ravel(), minlength=count)
+    return total / np.maximum(np.bincount(quads.ravel(), minlength=count), 1)
+
+
+def sheet_stiffness(job: Job, quads: Ints) -> float:
+    """N/m3: modulus over thickness, the mean over quads (k,); of a law that is not isotropic the
+    larger of its two initial plane-stress moduli."""
+    moduli = []
+    for part in job.parts:
+        tangent = part.law.response(np.zeros((1, 1, 1, 3))).tangent
+        moduli.append(float(np.max(tangent[..., range(2), range(2)])))
+    return float(np.mean(np.array(moduli)[job.part[quads]] / job.thickness[quads].mean(axis=1)))
+
+
+def _surface(job: Job, pair: ContactPair, offset: float, options: JobOptions) -> SplineDistance:
+    body = job.bodies[pair.body]
+    try:
+        vertices, triangles = closed_surface(body.vertices, pair.triangles)
+        return SplineDistance.bake(
+            vertices,
+            triangles,
+            options.spacing,
+            max(0.0, offset) + REACH + BEYOND,
+            cache_folder() if options.cached else None,
+        )
+    except InputError as error:
+        raise InputError(
+            f"{job.name}: contact {pair.name!r} with the body {body.name!r}: {error}"
+        ) from error

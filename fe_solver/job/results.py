@@ -1,0 +1,203 @@
+"""What a solved Job leaves behind: a summary, and its states for ParaView, in a folder that is
+whole or not there."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.port import InputError
+from fe_solver.job.job import Job
+from fe_solver.job.solve import JobResult, JobState
+
+Array = NDArray[np.float64]
+
+SUMMARY = "summary.json"
+
+
+def displacement(job: Job, state: JobState) -> Array:
+    """(n, 3) m."""
+    return np.asarray(state.configuration.x - job.points)
+
+
+def farthest(job: Job, state: JobState) -> tuple[float, int]:
+    """The largest displacement, m, and the number of its node in the file."""
+    size = np.linalg.norm(displacement(job, state), axis=1)
+    return float(size.max()), int(job.node_ids[size.argmax()])
+
+
+def state_summary(job: Job, state: JobState) -> dict[str, Any]:
+    """The numbers one asks for first; keys end in their unit."""
+    largest, node = farthest(job, state)
+    springs = {
+        s.name: {
+            "largest_N": float(f.max(initial=0.0)),
+            "sum_N": float(f.sum()),
+            "active": int((f != 0).sum()),
+            "springs": len(f),
+        }
+        for s, f in zip(job.springs, state.spring_forces, strict=True)
+    }
+    bodies = {
+        name: {f"{source}_N": w[i, :3].tolist() for source, w in state.wrench.items() if w[i].any()}
+        for i, name in enumerate(state.bodies)
+    }
+    return {
+        "time": state.time,
+        "largest_displacement_mm": 1e3 * largest,
+        "largest_displacement_node": node,
+        "force_on_bodies": bodies,
+        "springs": springs,
+        "penetration_um": 1e6 * state.penetration,
+        "applied_N": state.applied[:3].tolist(),
+        "residual_N": state.residual,
+        "force_imbalance_N": state.imbalance[0],
+        "moment_imbalance_Nmm": 1e3 * state.imbalance[1],
+        "iterations": state.effort.iterations,
+        "linear_solves": state.effort.solves,
+        "steps": state.effort.steps,
+        "cpu_s": state.effort.cpu_s,
+    }
+
+
+def summary(result: JobResult) -> dict[str, Any]:
+    """All states, what was left out of the file, and what it cost."""
+    e = result.effort
+    return {
+        "job": result.job.name,
+        "nodes": len(result.job.points),
+        "elements": len(result.job.quads),
+        "states": [state_summary(result.job, s) for s in result.states],
+        "setup_cpu_s": result.setup_s,
+        "solve_cpu_s": e.cpu_s,
+        "failed_steps": e.failures,
+        "relaxations": e.relaxations,
+        "notes": list(result.job.notes),
+    }
+
+
+def check_target(folder: Path) -> None:
+    """Raises InputError where something that is no result stands in the way."""
+    mine = not folder.exists() or (folder / SUMMARY).is_file()
+    if not mine and not (folder.is_dir() and not any(folder.iterdir())):
+        raise InputError(f"{folder}: is in the way and is no earlier result; choose another --out")
+
+
+def write_job(folder: Path | str, result: JobResult) -> Path:
+    """Write summary.json, springs.csv, a .vtu of each state with a .pvd of all, and an .xdmf.
+
+    The folder appears whole, in the place of an earlier result, or not at all.  Raises InputError
+    where it cannot be written."""
+    target = Path(folder)
+    part = target.with_name(f".{target.name}.{os.getpid()}.part")
+    try:
+        check_target(target)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        part.mkdir()
+        _write_files(part, result)
+        _replace(target, part)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise InputError(f"{target}: cannot be written ({reason}); choose another --out") from error
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+    return target
+
+
+def _replace(target: Path, part: Path) -> None:
+    old = part.with_suffix(".old")
+    if target.exists():
+        target.rename(old)
+    part.rename(target)
+    shutil.rmtree(old, ignore_errors=True)
+
+
+def _write_files(folder: Path, result: JobResult) -> None:
+    import meshio
+
+    text = json.dumps(summary(result), indent=2, allow_nan=False)
+    (folder / SUMMARY).write_text(text + "\n", encoding="utf-8")
+    cells = _Cells(result.job)
+    frames = []
+    for i, state in enumerate(result.states):
+        name = f"state_{i:03d}.vtu"
+        points, own = point_data(result.job, state), cells.split(cell_data(result.job, state))
+        mesh = meshio.Mesh(state.configuration.x, cells.blocks, points, own)
+        mesh.write(folder / name, file_format="vtu")
+        frames.append(f'<DataSet timestep="{state.time!r}" part="0" file="{name}"/>')
+    lines = ['<?xml version="1.0"?>', '<VTKFile type="Collection" version="0.1">', "<Collection>"]
+    lines += [*frames, "</Collection>", "</VTKFile>", ""]
+    (folder / "states.pvd").write_text("\n".join(lines), encoding="utf-8")
+    _write_xdmf(folder / "states.xdmf", result, cells)
+    if result.job.springs:
+        _write_springs(folder / "springs.csv", result)
+
+
+def _write_springs(path: Path, result: JobResult) -> None:
+    """A row for each spring in each state: nodes by their numbers, force in N."""
+    job = result.job
+    with path.open("w", encoding="utf-8", newline="") as stream:
+        out = csv.writer(stream)
+        out.writerow(["time", "set", "node", "end", "force_N"])
+        for state in result.states:
+            for s, force in zip(job.springs, state.spring_forces, strict=True):
+                ends = [
+                    job.bodies[b].name if b >= 0 else f"node {job.node_ids[n]}"
+                    for b, n in zip(s.body, s.other, strict=True)
+                ]
+                for node, end, f in zip(job.node_ids[s.nodes], ends, force.tolist(), strict=True):
+                    out.writerow([repr(state.time), s.name, node, end, repr(f + 0.0)])
+
+
+def _write_xdmf(path: Path, result: JobResult, cells: _Cells) -> None:
+    """The mesh at rest with the displacement; numbers as text, so that it is one file."""
+    from meshio.xdmf import TimeSeriesWriter
+
+    with TimeSeriesWriter(path, data_format="XML") as writer:
+        writer.write_points_cells(result.job.points, cells.blocks)
+        for state in result.states:
+            own = cells.split(cell_data(result.job, state))
+            writer.write_data(state.time, point_data=point_data(result.job, state), cell_data=own)
+
+
+class _Cells:
+    """Quads and triangles as meshio has them, apart."""
+
+    def __init__(self, job: Job) -> None:
+        triangle = job.quads[:, 2] == job.quads[:, 3]
+        kinds = [("quad", ~triangle, 4), ("triangle", triangle, 3)]
+        self._rows = [np.flatnonzero(mask) for _, mask, _ in kinds if mask.any()]
+        self.blocks = [(kind, job.quads[mask, :n]) for kind, mask, n in kinds if mask.any()]
+
+    def split(self, data: Mapping[str, Array]) -> dict[str, list[Array]]:
+        return {name: [values[rows] for rows in self._rows] for name, values in data.items()}
+
+
+def point_data(job: Job, state: JobState) -> dict[str, Array]:
+    """Arrays (n,) and (n, 3) by name, SI units."""
+    return {
+        "displacement": displacement(job, state),
+        "director": state.configuration.d,
+        "contact_pressure": state.contact_pressure,
+        "node": job.node_ids.astype(float),
+    }
+
+
+def cell_data(job: Job, state: JobState) -> dict[str, Array]:
+    """Arrays (ne,) and (ne, 3) by name: means of the mid-surface, local axes 1 along the fibre."""
+    own = state.fields
+    return {
+        "strain": own.strain,
+        "stress": own.stress,
+        "face_strain": np.column_stack([own.faces, np.zeros(len(own.faces))]),
+        "part": job.part.astype(float),
+        "element": job.element_ids.astype(float),
+    }

@@ -1,0 +1,194 @@
+"""Whether an equilibrium is held: the rigid motions of a sheet that nothing resists.
+
+Newton stops at once where a sheet that nothing holds carries no load, so that an equilibrium alone
+does not say that a model is complete.  Here each connected piece of the mesh is moved as a rigid
+body within what ties and guides allow, and the tangent is asked for its resistance: springs,
+contact, friction and the sheet's own tension are all in it, so that a sheet that hangs from strings
+is held, as a pendulum is.
+
+A sheet that rests without friction on a baked surface counts as held along it: the spline through
+a flat face is not quite flat, and its ripples hold the sheet where it was put.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from cosim.port import InputError
+from fe_solver.job.job import Job
+from fe_solver.solver.assembly import DOFS
+from fe_solver.solver.model import Configuration, Evaluation, ShellModel
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.intp]
+
+ALLOWED = 1e-12
+"""Of a motion's squared size: what of it ties and guides may take before they forbid it."""
+ROUNDING = 10 * np.finfo(float).eps
+"""Of the sum of the products' magnitudes: a resistance below it is rounding error."""
+SAME = 1e-6
+"""Of a motion's size: less of a component is none."""
+
+
+@dataclass(frozen=True)
+class FreeMotions:
+    """Rigid motions of one piece of the sheet that nothing resists.
+
+    nodes (k,) of the piece; pieces, how many the sheet has; shift (m, 3) and turn (m, 3) of m
+    motions, the velocity of the piece's middle (m) and its rotation (rad) times the `length` (m) of
+    the piece, together of unit size; middle (3,) m, world."""
+
+    nodes: Ints
+    pieces: int
+    shift: Array
+    turn: Array
+    middle: Array
+    length: float
+
+    def words(self) -> str:
+        """The motions, as a person would tell them."""
+        turns = int(np.linalg.matrix_rank(self.turn, SAME))
+        slides = len(self.turn) - turns
+        if slides and not turns:
+            return f"move along {_axes(self.shift)}"
+        if turns == 1 and not slides:
+            return f"turn about {self._axis()}"
+        kinds = [(slides, "translation"), (turns, "rotation")]
+        told = [f"{n} {kind}{'s' * (n > 1)}" for n, kind in kinds if n]
+        return f"move freely ({' and '.join(told)})"
+
+    def _axis(self) -> str:
+        """Of the only turn: its direction and a point on it."""
+        turn, shift = self.turn[0], self.shift[0]
+        size = np.linalg.norm(turn)
+        point = self.middle + self.length * np.cross(turn, shift) / size**2
+        place = ", ".join(f"{1e3 * v:.4g}" for v in point + 0.0)
+        screw = " and along it" if abs(shift @ turn) > SAME * size else ""
+        return f"{_axes(turn[None] / size)} through ({place}) mm{screw}"
+
+
+def _axes(directions: Array) -> str:
+    """Unit directions (m, 3) in words."""
+    whole = [a for a, e in zip("xyz", np.eye(3), strict=True) if _spanned(e, directions)]
+    if len(whole) == len(directions):
+        return " and ".join(whole)
+    if len(directions) == 1:
+        return f"({', '.join(f'{v:.3g}' for v in directions[0])})"
+    return f"{len(directions)} directions"
+
+
+def _spanned(e: Array, directions: Array) -> bool:
+    """Whether a unit vector (3,) lies in the span of directions (m, 3)."""
+    basis = np.linalg.svd(directions, full_matrices=False)[2]
+    return bool(np.linalg.norm(basis @ e) > 1 - SAME)
+
+
+def require_held(job: Job, time: float, model: ShellModel, c: Configuration, e: Evaluation) -> None:
+    """Raises InputError, naming the piece, the time and the motions, where an equilibrium of a job
+    with its tangent leaves a piece of the sheet free to move as a rigid body."""
+    for free in rigid_freedoms(model, c, e):
+        more = "" if free.pieces == 1 else f", one of {free.pieces} pieces,"
+        raise InputError(
+            f"{job.name}: at t = {time:.6g} the sheet of {job.node(free.nodes[0])}{more} can "
+            f"{free.words()}, and nothing resists it: the answer would be one of many. Tie it to a "
+            "body, hold more of its displacements, or give it springs that are taut"
+        )
+
+
+def rigid_freedoms(model: ShellModel, c: Configuration, e: Evaluation) -> tuple[FreeMotions, ...]:
+    """The pieces of the sheet that can move as rigid bodies without resistance at an equilibrium
+    evaluated with its tangent.
+
+    The motions q (a velocity of the middle, a turn times the piece's length) that ties and guides
+    allow are those that leave the held degrees of freedom in place; of them, those are free whose
+    change of force, K q as all such motions feel it (not symmetric under a pressure), is not above
+    its rounding error and the residual that Newton left, which turns with the piece."""
+    assert e.data is not None
+    piece, count = _pieces(model)
+    middle, length = _sizes(c.x, piece, count)
+    moves = _moves(c, e, middle[piece], length[piece])
+    allowed = [_allowed(model, moves, piece == p, length[p]) for p in range(count)]
+    widths = [z.shape[1] for z in allowed]
+    columns = np.zeros((len(c.x), DOFS, sum(widths)))
+    if not any(widths):
+        return ()
+    ends = np.cumsum(widths)
+    for p, (z, end) in enumerate(zip(allowed, ends, strict=True)):
+        columns[piece == p, :, end - len(z.T) : end] = moves[piece == p] @ z
+    null = _unresisted(model, e, columns.reshape(-1, sum(widths)), float(length.min()))
+    out = []
+    for p, (z, end) in enumerate(zip(allowed, ends, strict=True)):
+        own = _basis(z @ null[end - len(z.T) : end])
+        if len(own):
+            nodes = np.flatnonzero(piece == p)
+            out.append(
+                FreeMotions(nodes, count, own[:, :3], own[:, 3:], middle[p], float(length[p]))
+            )
+    return tuple(out)
+
+
+def _pieces(model: ShellModel) -> tuple[Ints, int]:
+    """(n,) the connected piece of each node, and how many there are."""
+    q, n = model.quads, len(model.reference)
+    edges = np.concatenate([q[:, [0, 1]], q[:, [1, 2]], q[:, [2, 3]]])
+    graph = coo_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(n, n))
+    count, piece = connected_components(graph, directed=False)
+    return piece.astype(np.intp), int(count)
+
+
+def _sizes(x: Array, piece: Ints, count: int) -> tuple[Array, Array]:
+    """Middle (count, 3) m and length (count,) m of each piece."""
+    size = np.bincount(piece, minlength=count)[:, None]
+    middle = np.zeros((count, 3))
+    np.add.at(middle, piece, x)
+    middle /= size
+    length = np.zeros(count)
+    np.maximum.at(length, piece, np.linalg.norm(x - middle[piece], axis=1))
+    return middle, length
+
+
+def _moves(c: Configuration, e: Evaluation, middle: Array, length: Array) -> Array:
+    """(n, 5, 6) the nodes' degrees of freedom by the six rigid motions of their pieces."""
+    A, T = e.bases
+    out = np.zeros((len(c.x), DOFS, 6))
+    out[:, :3, :3] = np.swapaxes(A, 1, 2)
+    arm, along = (c.x - middle) / length[:, None], c.d / length[:, None]
+    for k, axis in enumerate(np.eye(3)):
+        out[:, :3, 3 + k] = np.einsum("nij,ni->nj", A, np.cross(axis, arm))
+        out[:, 3:, 3 + k] = np.einsum("nij,ni->nj", T, np.cross(axis, along))
+    return out
+
+
+def _allowed(model: ShellModel, moves: Array, own: NDArray[np.bool_], length: float) -> Array:
+    """(6, m) the motions of a piece that move none of its held degrees of freedom."""
+    held = np.ones(len(moves) * DOFS, dtype=bool)
+    held[model.free] = False
+    rows = moves * np.array([1.0, 1.0, 1.0, length, length])[:, None]
+    rows = rows[held.reshape(-1, DOFS) & own[:, None]]
+    taken, directions = np.linalg.eigh(rows.T @ rows)
+    return np.asarray(directions[:, taken <= ALLOWED * max(1, len(rows))])
+
+
+def _unresisted(model: ShellModel, e: Evaluation, columns: Array, length: float) -> Array:
+    """(m, k) combinations of motions, columns (5n, m), that the tangent does not resist."""
+    assert e.data is not None
+    moved = np.zeros_like(columns)
+    moved[model.free] = columns[model.free]
+    tangent = model.pattern.full(e.data)
+    resistance = moved.T @ (tangent @ moved)
+    sums = np.abs(moved) * (abs(tangent) @ np.abs(moved))
+    limit = ROUNDING * sums.sum(axis=0).max(initial=0.0)
+    limit += np.abs(e.reduced[model.free]).sum() / length
+    _, size, directions = np.linalg.svd(resistance)
+    return np.asarray(directions[size <= limit].T)
+
+
+def _basis(motions: Array) -> Array:
+    """(m, 6) orthonormal rows that span the columns of motions (6, k)."""
+    directions, size, _ = np.linalg.svd(motions, full_matrices=False)
+    return np.asarray(directions[:, size > SAME].T)

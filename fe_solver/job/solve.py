@@ -1,0 +1,398 @@
+"""Solving a Job: steps in time that grow and shrink by themselves, and what each state holds.
+
+A step is predicted by one back-substitution for what moves and for what the loads change, solved by
+Newton, and halved where Newton fails; where no step is short enough, a damped motion
+(`fe_solver.solver.relaxation`) looks for the equilibrium before the solve gives up.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.port import ConvergenceError, InputError
+from cosim.processes import one_blas_thread
+from fe_solver.febio.solid_model import first_obstacle
+from fe_solver.forces.loads import pressure_forces
+from fe_solver.forces.springs import NodeSprings, Springs, node_spring_state, spring_state
+from fe_solver.job.job import Job
+from fe_solver.job.model import JobModel, JobOptions, job_model
+from fe_solver.job.rigid_modes import require_held
+from fe_solver.solver.augmented_contact import AugmentOptions, settled, solve_augmented
+from fe_solver.solver.body_coupling import coupling, wrenches
+from fe_solver.solver.fields import Fields, contact_pressure, fields
+from fe_solver.solver.model import Configuration, ShellModel
+from fe_solver.solver.newton import Solution, solve
+from fe_solver.solver.relaxation import RelaxOptions, relax
+
+Array = NDArray[np.float64]
+
+NO_TENSION = np.zeros(0)
+QUICK = 12
+"""Iterations up to which the next step is twice as long."""
+GROWTH = 2.0
+REST = (1e-4, 1e-6, 1e-8)
+"""Residuals over forces at which a damped motion is handed to Newton, the next where that fails:
+near a snap the first moves of the sheet are slow."""
+SAME_TIME = 1e-9
+
+
+@dataclass(frozen=True)
+class Effort:
+    """What a solve took: CPU seconds, Newton iterations, linear solves, accepted steps, failed
+    ones, and states that only a damped motion reached."""
+
+    cpu_s: float = 0.0
+    iterations: int = 0
+    solves: int = 0
+    steps: int = 0
+    failures: int = 0
+    relaxations: int = 0
+
+
+@dataclass(frozen=True)
+class JobState:
+    """An equilibrium.  n nodes; nb `bodies` by name (the job's own, then those that carry held
+    nodes)."""
+
+    time: float
+    configuration: Configuration
+    bodies: tuple[str, ...]
+    spring_forces: tuple[Array, ...]
+    """By spring set of the job: (k,) N, positive in tension."""
+    wrench: dict[str, Array]
+    """(nb, 6) N and N m about each body's origin, of the sheet on the bodies, by source: contact,
+    spring <set's number>, tie, guide."""
+    applied: Array
+    """(6,) N and N m about the world's origin of the loads."""
+    penetration: float
+    """m, the deepest of a contact node."""
+    residual: float
+    """N, the largest that Newton left."""
+    imbalance: tuple[float, float]
+    """Force (N) and moment (N m) by which bodies and loads miss balance."""
+    effort: Effort
+    fields: Fields
+    contact_pressure: Array
+    """(n,) N/m2 of all bodies on each node."""
+
+    @property
+    def contact(self) -> Array:
+        """(nb, 3) N of the sheet on each body through contact."""
+        return self.wrench["contact"][:, :3]
+
+
+@dataclass(frozen=True)
+class ShellState(JobState):
+    """An equilibrium of our own shell, with its model."""
+
+    model: ShellModel
+
+
+@dataclass(frozen=True)
+class JobResult:
+    """The states at the wanted times; `setup_s` CPU seconds to build the model, with the distances
+    of its bodies; `effort` of all steps."""
+
+    job: Job
+    states: tuple[JobState, ...]
+    setup_s: float
+    effort: Effort
+
+
+@dataclass(frozen=True)
+class ShellResult(JobResult):
+    """What our own shell says."""
+
+    states: tuple[ShellState, ...]
+
+
+@one_blas_thread()
+def solve_job(
+    job: Job,
+    until: float | None = None,
+    options: JobOptions | None = None,
+    times: Sequence[float] | None = None,
+) -> ShellResult:
+    """Static equilibria of a job at `times`, or else at the ends of its steps, up to `until` (its
+    last step's end where None; later than that the curves go on as they say).
+
+    Raises InputError as `job_model` does, for times that do not ascend from above 0 and for a state
+    whose sheet could move as a rigid body without resistance, and ConvergenceError naming the time
+    and the place."""
+    options = options or JobOptions()
+    began = clock.process_time()
+    wanted = wanted_times(job, until, times)
+    model = job_model(job, options)
+    setup = clock.process_time() - began
+    began = clock.process_time()
+    stepper = _Stepper(model, options)
+    states = [stepper.reach(time) for time in wanted]
+    effort = replace(stepper.effort, cpu_s=clock.process_time() - began)
+    return ShellResult(job, tuple(states), setup, effort)
+
+
+def wanted_times(job: Job, until: float | None, times: Sequence[float] | None) -> list[float]:
+    """`times`, or else the ends of the job's steps up to `until`.
+
+    Raises InputError where they do not ascend from above 0."""
+    out = [float(t) for t in (spread_times(job, until) if times is None else times)]
+    if not out or not np.isfinite(out).all() or min(np.diff([0.0, *out])) <= 0:
+        raise InputError(f"{job.name}: expected times that ascend from above 0, got {out}")
+    return out
+
+
+def spread_times(job: Job, until: float | None = None, states: int = 1) -> list[float]:
+    """`states` evenly spaced times of each step of a job, up to `until` and with it."""
+    begins = [0.0, *(s.end for s in job.steps)]
+    out = [
+        begin + (step.end - begin) * (i + 1) / states
+        for begin, step in zip(begins, job.steps, strict=False)
+        for i in range(states)
+    ]
+    if until is None:
+        return out
+    return [t for t in out if t < until * (1 - SAME_TIME)] + [until]
+
+
+def _advice(job: Job, steps: int) -> str:
+    """What to try, the nearest first, where no equilibrium was found after so many steps."""
+    ways = []
+    if steps and job.as_febio:
+        if first_obstacle(job) is None:
+            ways.append("--element q4ans (FEBio's own shell and contact)")
+        ways.append("--own-shell (bends as a thin sheet does)")
+    if job.springs and job.height.any():
+        ways.append(
+            "--mid-surface (fe_solver.job.mid_surface: the springs pull at a face of the sheet, on "
+            "a thin one a couple beyond its bending stiffness)"
+        )
+    return f" To try, the nearest first: {'; '.join(ways)}." if ways else ""
+
+
+class _Stepper:
+    """The last equilibrium and how to get to the next."""
+
+    def __init__(self, model: JobModel, options: JobOptions) -> None:
+        self.model, self.options = model, options
+        self.time, self.solution = 0.0, None
+        self.effort = Effort()
+        self.stride = np.inf
+
+    time: float
+    solution: Solution | None
+
+    def reach(self, time: float) -> ShellState:
+        """Steps up to a time, at which contact does not penetrate."""
+        begun, before = clock.process_time(), self.effort
+        span = time - self.time
+        while self.time < time - SAME_TIME * span:
+            self._go(time, span)
+        cpu = clock.process_time() - begun
+        found = self._solved()
+        require_held(self.model.job, time, found.model, found.configuration, found.evaluation)
+        return job_state(self.model, found, time, effort_since(self.effort, before, cpu))
+
+    def _solved(self) -> Solution:
+        assert self.solution is not None
+        return self.solution
+
+    def _go(self, time: float, span: float) -> None:
+        """One step towards `time`, or a shorter stride after it has failed."""
+        step = min(self.stride, time - self.time, self._longest(time))
+        there = self.time + step
+        end = there > time - SAME_TIME * span
+        there = time if end else there
+        try:
+            solution = self._step(there, end)
+        except ConvergenceError as error:
+            self.effort = replace(self.effort, failures=self.effort.failures + 1)
+            self.stride = step / 2
+            if self.stride < self.options.shortest * span:
+                solution = self._relaxed(there, end, error)
+                self.stride = step
+                self._accept(there, solution)
+            return
+        if solution.iterations <= QUICK:
+            self.stride = GROWTH * step
+        self._accept(there, solution)
+
+    def _accept(self, time: float, solution: Solution) -> None:
+        e = self.effort
+        self.effort = replace(
+            e,
+            iterations=e.iterations + solution.iterations,
+            solves=e.solves + solution.solves,
+            steps=e.steps + 1,
+        )
+        self.time, self.solution = time, solution
+
+    def _longest(self, time: float) -> float:
+        """The stride at which no body turns by more than allowed."""
+        _, before = self.model.poses(self.time)
+        _, after = self.model.poses(time)
+        turn = after @ np.swapaxes(before, 1, 2)
+        cosine = (np.trace(turn, axis1=1, axis2=2) - 1) / 2
+        angle = float(np.arccos(np.clip(cosine, -1, 1)).max(initial=0.0))
+        count = max(1, int(np.ceil(angle / self.options.turn)))
+        return (time - self.time) / count
+
+    def _model(self, time: float) -> ShellModel:
+        if self.solution is None:
+            return self.model.at(time)
+        return self.model.at(time, settled(self.solution).contacts)
+
+    def _step(self, time: float, end: bool) -> Solution:
+        model = self._model(time)
+        if self.solution is None:
+            start, near = model.posed(self.model.start(), *self.model.poses(time)), False
+        else:
+            start, near = predicted(model, self.solution, *self.model.poses(time)), True
+        return self._equilibrium(model, start, near, end)
+
+    def _equilibrium(
+        self, model: ShellModel, start: Configuration, near: bool, end: bool
+    ) -> Solution:
+        """By Newton; augmented where a wanted state penetrates too deep, and wherever friction
+        remembers the path."""
+        o = self.options
+        augment = AugmentOptions(penetration=o.penetration or np.inf)
+        if any(k.friction > 0 for k in model.contacts):
+            return solve_augmented(model, start, NO_TENSION, o.newton, augment)
+        plain = solve(model, start, NO_TENSION, o.newton, near)
+        if not end or penetration(plain) <= augment.penetration:
+            return plain
+        more = solve_augmented(model, plain.configuration, NO_TENSION, o.newton, augment)
+        return replace(
+            more, iterations=plain.iterations + more.iterations, solves=plain.solves + more.solves
+        )
+
+    def _relaxed(self, time: float, end: bool, error: ConvergenceError) -> Solution:
+        """The equilibrium found by a damped motion.  Raises ConvergenceError."""
+        model = self._model(time)
+        last = self.model.start() if self.solution is None else self.solution.configuration
+        c = model.posed(last, *self.model.poses(time))
+        try:
+            found = self._settled(model, c, end)
+        except ConvergenceError as failed:
+            raise ConvergenceError(
+                f"{self.model.job.name}: no equilibrium was found at t = {time:.6g}, after "
+                f"{self.effort.steps} steps up to t = {self.time:.6g} and {self.effort.failures} "
+                f"that failed; nor by a damped motion ({failed}). {error}"
+                + _advice(self.model.job, self.effort.steps)
+            ) from error
+        self.effort = replace(self.effort, relaxations=self.effort.relaxations + 1)
+        return found
+
+    def _settled(self, model: ShellModel, c: Configuration, end: bool) -> Solution:
+        """By a damped motion, then Newton; by a longer motion where Newton fails."""
+        for tolerance in REST:
+            c = relax(model, c, options=RelaxOptions(tolerance=tolerance))
+            try:
+                return self._equilibrium(model, c, True, end)
+            except ConvergenceError as error:
+                failed = error
+        raise failed
+
+
+def predicted(
+    model: ShellModel, solution: Solution, position: Array, rotation: Array
+) -> Configuration:
+    """First-order prediction of the equilibrium of `model` with its bodies at new poses, from the
+    solution of a model that differs from it by its loads."""
+    from scipy.spatial.transform import Rotation
+
+    before, c, e = solution.model, solution.configuration, solution.evaluation
+    turn = Rotation.from_matrix(rotation @ np.swapaxes(c.rotation, 1, 2)) if len(rotation) else None
+    right = -reduced_loads(model, c, e.bases[0]) + reduced_loads(before, c, e.bases[0])
+    if turn is not None:
+        twist = np.hstack([position - c.position, turn.as_rotvec()])
+        if twist.any():
+            right = right + coupling(before, c, e, NO_TENSION)[0] @ twist.ravel()
+    step = np.zeros(model.pattern.size)
+    step[model.free] = -solution.factor.solve(right[model.free])
+    return model.posed(model.stepped(c, e.bases, step), position, rotation)
+
+
+def reduced_loads(model: ShellModel, c: Configuration, bases: Array) -> Array:
+    """(5n,) N of the dead loads and the pressure in the nodes' bases (n, 3, 3)."""
+    out = np.zeros((len(c.x), 5))
+    out[:, :3] = np.einsum("nij,ni->nj", bases, nodal_loads(model, c.x))
+    return out.ravel()
+
+
+def nodal_loads(model: ShellModel, x: Array) -> Array:
+    """(n, 3) N of the dead loads and the pressure on the nodes."""
+    out = np.zeros_like(x) if model.dead is None else model.dead.copy()
+    if model.pressure is not None:
+        np.add.at(out, model.quads, pressure_forces(x[model.quads], model.pressure))
+    return out
+
+
+def job_state(model: JobModel, solution: Solution, time: float, effort: Effort) -> ShellState:
+    """What an equilibrium holds."""
+    own, c, e = solution.model, solution.configuration, solution.evaluation
+    wrench = wrenches(own, c, e, NO_TENSION)
+    loads = nodal_loads(own, c.x)
+    applied = np.concatenate([loads.sum(axis=0), np.cross(c.x, loads).sum(axis=0)])
+    total = np.asarray(sum(wrench.values()))
+    force = total[:, :3].sum(axis=0) - applied[:3]
+    moment = (total[:, 3:] + np.cross(c.position, total[:, :3])).sum(axis=0) - applied[3:]
+    return ShellState(
+        time,
+        c,
+        own.bodies,
+        _spring_forces(model.job, own, c),
+        wrench,
+        applied,
+        penetration(solution),
+        solution.residual,
+        (float(np.linalg.norm(force)), float(np.linalg.norm(moment))),
+        effort,
+        fields(own, c),
+        contact_pressure(own, c),
+        own,
+    )
+
+
+def penetration(solution: Solution) -> float:
+    """m, of the deepest contact node."""
+    c = solution.configuration
+    gaps = [k.gap(c.x, c.position, c.rotation) for k in solution.model.contacts]
+    return max((float(np.max(-g, initial=0.0)) for g in gaps), default=0.0)
+
+
+def _spring_forces(job: Job, model: ShellModel, c: Configuration) -> tuple[Array, ...]:
+    to_body = spring_state(model.springs, c.x, c.position, c.rotation).force
+    between = node_spring_state(model.links, c.x).force
+    return by_spring_set(job, (model.springs, to_body), (model.links, between))
+
+
+def by_spring_set(
+    job: Job, to_bodies: tuple[Springs, Array], between: tuple[NodeSprings, Array]
+) -> tuple[Array, ...]:
+    """Forces (k,) N of each spring set of a job, in its order, from those of its springs to bodies
+    and of its springs between nodes."""
+    out = []
+    for i, s in enumerate(job.springs):
+        force = np.zeros(len(s.nodes))
+        for own, (springs, values) in ((s.body >= 0, to_bodies), (s.body < 0, between)):
+            force[own] = values[springs.group == i]
+        out.append(force)
+    return tuple(out)
+
+
+def effort_since(now: Effort, before: Effort, cpu: float) -> Effort:
+    """What was spent between two counts, in `cpu` seconds."""
+    return Effort(
+        cpu,
+        now.iterations - before.iterations,
+        now.solves - before.solves,
+        now.steps - before.steps,
+        now.failures - before.failures,
+        now.relaxations - before.relaxations,
+    )

@@ -1,0 +1,292 @@
+"""Stress resultants of the shell: its materials, integrated through the thickness.
+
+At a Gauss point the in-plane strain is e + z k with z in [-h/2, h/2]; membrane forces, moments and
+their tangent are the integrals of the plane stress, its first moment and its tangent.  Linear laws
+are integrated in closed form, once; the others by Gauss-Legendre points at every evaluation.  A
+tension field acts on the mid-surface's strain e, and bends as its base law does at rest.
+Transverse shear is linear, with the law's initial moduli; a hyperelastic sheet stiffens in it as it
+is compressed and as its director leans (`_with_shear`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fe_solver.materials.hyperelastic import Potential
+from fe_solver.materials.linear import Law, Linear, Real
+from fe_solver.materials.tension_field import TensionField
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.intp]
+
+SHEAR_CORRECTION = 5.0 / 6.0
+LAYERS, LAYER_WEIGHTS = np.polynomial.legendre.leggauss(5)
+"""Gauss-Legendre points through the thickness, in [-1, 1]."""
+
+
+class Resultants(NamedTuple):
+    """Of each Gauss point, per reference area, against the generalized strains e11, e22, 2 e12,
+    k11, k22, 2 k12, g13, g23: energy (ne, g) J/m2, force (ne, g, 8) N/m and N, stiffness (ne, g, 8,
+    8).  An inadmissible strain has infinite energy and no force."""
+
+    energy: Array
+    force: Array
+    stiffness: Array
+
+
+@dataclass(frozen=True)
+class Patch:
+    """Elements of one material: indices (k,), their law and thickness (k, g) m at the Gauss
+    points.  Parameters of the law that differ by element have shape (k, 1, 1); `factor` (k, 1) or
+    (1, 1) multiplies all its stresses.  `bending` (3, 3) Pa are moduli of bending besides the law's
+    own; `shear_correction` multiplies transverse shear."""
+
+    elements: Ints
+    law: Law | TensionField
+    thickness: Array
+    factor: Array = field(default_factory=lambda: np.ones((1, 1)))
+    bending: Array = field(default_factory=lambda: np.zeros((3, 3)))
+    shear_correction: float = SHEAR_CORRECTION
+
+
+@dataclass(frozen=True)
+class Section:
+    """The materials of all elements; every element belongs to one patch."""
+
+    patches: tuple[Patch, ...]
+
+    @cached_property
+    def count(self) -> int:
+        return sum(len(p.elements) for p in self.patches)
+
+    @cached_property
+    def points(self) -> int:
+        """Gauss points of an element; four where there is none."""
+        return self.patches[0].thickness.shape[1] if self.patches else 4
+
+    @cached_property
+    def thickness(self) -> Array:
+        """(ne, g) m."""
+        out = np.empty((self.count, self.points))
+        for p in self.patches:
+            out[p.elements] = p.thickness
+        return out
+
+    @cached_property
+    def linear(self) -> Array:
+        """(ne, g, 8, 8) constant stiffness: all of it where the law is linear; of a tension field
+        bending and transverse shear as its base law has them at rest, of a hyperelastic law the
+        patch's own bending."""
+        out = np.zeros((self.count, self.points, 8, 8))
+        for p in self.patches:
+            out[p.elements] = p.factor[..., None, None] * _constant(p)
+        return out
+
+    @cached_property
+    def nonlinear(self) -> tuple[Patch, ...]:
+        """Those of a kind as one, so that an evaluation is few and large operations."""
+        kinds: dict[tuple[object, ...], list[Patch]] = {}
+        for i, p in enumerate(self.patches):
+            if not isinstance(p.law, Linear):
+                kinds.setdefault(_kind(p) or (i,), []).append(p)
+        return tuple(map(_as_one, kinds.values()))
+
+    @cached_property
+    def smoothing(self) -> float | None:
+        """The least strain by which its tension fields are smoothed; None without one."""
+        laws = [p.law for p in self.patches]
+        return min((law.smoothing for law in laws if isinstance(law, TensionField)), default=None)
+
+    def with_smoothing(self, least: float) -> Section:
+        """The section whose tension fields are smoothed by at least that strain."""
+
+        def smoother(law: Law | TensionField) -> Law | TensionField:
+            if not isinstance(law, TensionField):
+                return law
+            return replace(law, smoothing=max(law.smoothing, least))
+
+        return Section(tuple(replace(p, law=smoother(p.law)) for p in self.patches))
+
+    def response(self, strain: Array) -> Resultants:
+        """Energy, force and stiffness at generalized strains (ne, g, 8)."""
+        force = np.einsum("ngij,ngj->ngi", self.linear, strain)
+        energy = np.einsum("ngi,ngi->ng", force, strain) / 2
+        if not self.nonlinear:
+            return Resultants(energy, force, self.linear)
+        stiffness = self.linear.copy()
+        for p in self.nonlinear:
+            own = _membrane if isinstance(p.law, TensionField) else _integrated
+            more = own(p, strain[p.elements])
+            if isinstance(_base(p.law)[0], Potential):
+                more = _with_shear(p, strain[p.elements], more)
+            energy[p.elements] += p.factor * more.energy
+            force[p.elements] += p.factor[..., None] * more.force
+            stiffness[p.elements] += p.factor[..., None, None] * more.stiffness
+        return Resultants(energy, force, stiffness)
+
+    def tension_state(self, strain: Array) -> NDArray[np.int8]:
+        """(ne,) `tension_field.State`, the rounded mean of the Gauss points' at strains (ne, g, 8);
+        -1 where there is no tension field and the sheet bears compression."""
+        out = np.full(len(strain), -1, dtype=np.int8)
+        for p in self.patches:
+            if isinstance(p.law, TensionField):
+                states = p.law.state(strain[p.elements, :, None, :3])[..., 0]
+                out[p.elements] = np.rint(states.mean(axis=1))
+        return out
+
+    def stress(self, strain: Array, z: float = 0.0) -> Array:
+        """(ne, g, 3) second Piola-Kirchhoff stress S11, S22, S12 (Pa) at the height z, in halves of
+        the thickness."""
+        out = np.empty((*strain.shape[:2], 3))
+        for p in self.patches:
+            e = strain[p.elements]
+            plane = e[..., :3] + z * p.thickness[..., None] / 2 * e[..., 3:6]
+            own = p.law.response(plane[..., None, :]).stress[..., 0, :]
+            out[p.elements] = p.factor[..., None] * own
+        return out
+
+
+def one_law(law: Law | TensionField, thickness: Array) -> Section:
+    """One law on elements of thickness (ne,), with four Gauss points, or (ne, g)."""
+    thickness = np.asarray(thickness, dtype=float)
+    if thickness.ndim == 1:
+        thickness = np.tile(thickness[:, None], (1, 4))
+    return Section((Patch(np.arange(len(thickness)), law, thickness),))
+
+
+def joined_sections(patches: Sequence[Patch]) -> Section:
+    """Raises ValueError where elements lie in no patch or in two."""
+    elements = np.concatenate([p.elements for p in patches])
+    if not np.array_equal(np.sort(elements), np.arange(len(elements))):
+        raise ValueError("every element must lie in exactly one patch")
+    return Section(tuple(patches))
+
+
+def _kind(p: Patch) -> tuple[object, ...]:
+    """What patches share whose laws differ in nothing but numbers; empty of one that is alone."""
+    law, smoothing = _base(p.law)
+    if not all(isinstance(v, float) for v in vars(law).values()):
+        return ()
+    fibres = (law.incompressible(), law.fibres()) if isinstance(law, Potential) else ()
+    return type(law), smoothing, fibres, p.shear_correction
+
+
+def _base(law: Law | TensionField) -> tuple[Law, float | None]:
+    """The law that a tension field relaxes, with its smoothing; any other law is its own."""
+    return (law.base, law.smoothing) if isinstance(law, TensionField) else (law, None)
+
+
+def _as_one(patches: Sequence[Patch]) -> Patch:
+    """Patches of one kind, for their law and its shear: each element with the numbers of its own;
+    what is linear in a patch stays with the patch."""
+    if len(patches) == 1:
+        return patches[0]
+    bases: list[Any] = [_base(p.law)[0] for p in patches]
+    sizes, numbers = [len(p.elements) for p in patches], {}
+    for name in vars(bases[0]):
+        values = [getattr(law, name) for law in bases]
+        if len(set(values)) > 1:
+            numbers[name] = np.repeat(values, sizes)[:, None, None]
+    law, first = replace(bases[0], **numbers), patches[0].law
+    return Patch(
+        np.concatenate([p.elements for p in patches]),
+        replace(first, base=law) if isinstance(first, TensionField) else law,
+        np.concatenate([p.thickness for p in patches]),
+        np.concatenate([np.broadcast_to(p.factor, (len(p.elements), 1)) for p in patches]),
+        shear_correction=patches[0].shear_correction,
+    )
+
+
+def _constant(p: Patch) -> Array:
+    """(k, g, 8, 8) of a patch: shear, and of a linear law membrane and bending."""
+    h = p.thickness
+    out = np.zeros((*h.shape, 8, 8))
+    out[..., 3:6, 3:6] = p.bending * (h**3 / 12)[..., None, None]
+    if isinstance(p.law, Potential):
+        return out
+    law = _base(p.law)[0]
+    if not isinstance(law, Potential):
+        for i, modulus in zip((6, 7), law.shear(), strict=True):
+            out[..., i, i] = p.shear_correction * h * _at_points(modulus, h)
+    plane = law.response(np.zeros((*h.shape, 1, 3))).tangent[:, :, 0]
+    out[..., 3:6, 3:6] += plane * (h**3 / 12)[..., None, None]
+    if law is p.law:
+        out[..., :3, :3] = plane * h[..., None, None]
+    return out
+
+
+def _membrane(p: Patch, strain: Array) -> Resultants:
+    """A law that acts on the mid-surface's strain alone."""
+    h = p.thickness
+    answer = p.law.response(strain[..., None, :3])
+    out = _nothing(strain)
+    out.energy[:] = answer.energy[..., 0] * h
+    out.force[..., :3] = answer.stress[..., 0, :] * h[..., None]
+    out.stiffness[..., :3, :3] = answer.tangent[..., 0, :, :] * h[..., None, None]
+    return out
+
+
+def _integrated(p: Patch, strain: Array) -> Resultants:
+    """A law at points through the thickness."""
+    h = p.thickness[..., None]
+    z, w = LAYERS * h / 2, LAYER_WEIGHTS * h / 2  # (k, g, layers)
+    answer = p.law.response(strain[..., None, :3] + z[..., None] * strain[..., None, 3:6])
+    out = _nothing(strain)
+    out.energy[:] = (w * answer.energy).sum(axis=-1)
+    for i, power in ((0, np.ones_like(z)), (1, z)):
+        out.force[..., 3 * i : 3 * i + 3] = np.einsum("...z,...zi->...i", w * power, answer.stress)
+    for i, j, power in ((0, 0, np.ones_like(z)), (0, 1, z), (1, 0, z), (1, 1, z**2)):
+        block = np.einsum("...z,...zij->...ij", w * power, answer.tangent)
+        out.stiffness[..., 3 * i : 3 * i + 3, 3 * j : 3 * j + 3] = block
+    return out
+
+
+def _with_shear(p: Patch, strain: Array, plane: Resultants) -> Resultants:
+    """The resultants with the energy of transverse shear, s mu h (1 / r - 1 / D) / 2: shear
+    correction s, D = det C of the plane, r that of C in space with a director of unit length.
+
+    With s = 1 it is an incompressible neo-Hookean solid's, F = (a1, a2, l d) and l = 1 / sqrt(r):
+    a director that leans (r = D cos^2) is resisted without bound, and the more the smaller the
+    sheet's area is."""
+    e, (g1, g2) = strain[..., :3], np.moveaxis(strain[..., 6:], -1, 0)
+    c11, c22, c12 = 1 + 2 * e[..., 0], 1 + 2 * e[..., 1], e[..., 2]
+    D = c11 * c22 - c12 * c12
+    r = D - (c22 * g1 * g1 - 2 * c12 * g1 * g2 + c11 * g2 * g2)
+    fine = (c11 > 0) & (D > 0) & (r > 0)
+    D, r = np.where(fine, D, 1.0), np.where(fine, r, 1.0)
+    k = np.where(fine, p.shear_correction * p.thickness * _at_points(p.law.shear()[0], D) / 2, 0.0)
+    by_D = 2 * np.stack([c22, c11, -c12, 0 * D, 0 * D], -1)
+    lean = np.stack([g2 * g2, g1 * g1, -g1 * g2, c22 * g1 - c12 * g2, c11 * g2 - c12 * g1], -1)
+    by_r = by_D - 2 * lean
+    curved, plain = k / r**2, k / D**2
+    own = np.zeros((*D.shape, 5, 5))  # what D and r themselves bend
+    own[..., 0, 1], own[..., 2, 2] = 4 * (plain - curved), 2 * (curved - plain)
+    own[..., 0, 4], own[..., 1, 3] = 4 * curved * g2, 4 * curved * g1
+    own[..., 2, 3], own[..., 2, 4] = -2 * curved * g2, -2 * curved * g1
+    own[..., 3, 3], own[..., 4, 4] = 2 * curved * c22, 2 * curved * c11
+    own[..., 3, 4] = -2 * curved * c12
+    for i, j in ((0, 1), (0, 4), (1, 3), (2, 3), (2, 4), (3, 4)):
+        own[..., j, i] = own[..., i, j]
+    for factor, by in ((2 * curved / r, by_r), (-2 * plain / D, by_D)):
+        own += (factor[..., None] * by)[..., :, None] * by[..., None, :]
+    at = np.array([0, 1, 2, 6, 7])
+    plane.energy[:] = np.where(fine, plane.energy + k / r - k / D, np.inf)
+    plane.force[..., at] += plain[..., None] * by_D - curved[..., None] * by_r
+    plane.stiffness[..., at[:, None], at] += own
+    return plane
+
+
+def _at_points(modulus: Real, like: Array) -> Array:
+    """A law's modulus at the Gauss points (k, g)."""
+    return np.broadcast_to(modulus, (*like.shape, 1))[..., 0]
+
+
+def _nothing(strain: Array) -> Resultants:
+    shape = strain.shape
+    return Resultants(np.zeros(shape[:-1]), np.zeros(shape), np.zeros((*shape, 8)))

@@ -1,0 +1,1 @@
+"""The model, its assembly, Newton's method and dynamics."""

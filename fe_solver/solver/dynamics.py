@@ -1,0 +1,163 @@
+"""The shell in motion: density, viscosity, and one implicit step in time.
+
+A step of Newmark's method (average acceleration, with numerical damping `damping` a: gamma = 1/2 +
+a, beta = (1 + a)^2 / 4) is the minimum of the potential energy and of springs to where inertia
+would take the nodes (Radovitzky and Ortiz 1999, Comput Methods Appl Mech Eng 172:203), so that the
+one Newton finds it.  Directors carry their rotary inertia and move along straight lines in a step.
+Viscosity is Kelvin and Voigt's: a second stress, linear in the strain's rate (backward Euler).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.port import InputError
+from fe_solver.elements.mesh_geometry import corner_shares
+from fe_solver.forces.cables import cable_masses
+from fe_solver.forces.loads import Inertia
+from fe_solver.materials.linear import Isotropic
+from fe_solver.materials.section import Resultants, Section, one_law
+from fe_solver.solver.model import Configuration, ShellModel
+from fe_solver.solver.newton import NewtonOptions, Solution, solve
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Substance:
+    """What resists motion: density (kg/m3), and viscosity (Pa s) of a uniaxial stretch."""
+
+    density: float
+    viscosity: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite([self.density, self.viscosity]).all() and self.density > 0):
+            raise InputError(f"density must be positive and both finite, got {self}")
+        if self.viscosity < 0:
+            raise InputError(f"viscosity must not be negative, got {self.viscosity} Pa s")
+
+
+@dataclass(frozen=True)
+class Moving:
+    """A shell in motion: its configuration, the rates (n, 3) of positions (m/s) and directors (1/s)
+    and their accelerations."""
+
+    configuration: Configuration
+    velocity: Array
+    spin: Array
+    acceleration: Array
+    turning: Array
+
+
+@dataclass(frozen=True)
+class Viscous:
+    """A section with a damper beside it, which started the step at the strain `before` (ne, 4,
+    8)."""
+
+    base: Section
+    damper: Section
+    before: Array
+
+    @property
+    def thickness(self) -> Array:
+        return self.base.thickness
+
+    @property
+    def smoothing(self) -> float | None:
+        """As of `Section`."""
+        return self.base.smoothing
+
+    def with_smoothing(self, least: float) -> Viscous:
+        """As of `Section`; the damper has no tension field."""
+        return replace(self, base=self.base.with_smoothing(least))
+
+    def tension_state(self, strain: Array) -> NDArray[np.int8]:
+        """As of `Section`."""
+        return self.base.tension_state(strain)
+
+    def response(self, strain: Array) -> Resultants:
+        """As of `Section`; the energy is that of the step's incremental potential."""
+        own, more = self.base.response(strain), self.damper.response(strain - self.before)
+        return Resultants(*(a + b for a, b in zip(own, more, strict=True)))
+
+    def stress(self, strain: Array, z: float = 0.0) -> Array:
+        """The elastic part, Pa."""
+        return self.base.stress(strain, z)
+
+
+def at_rest(c: Configuration) -> Moving:
+    """A configuration that does not move (and feels no force)."""
+    none = np.zeros_like(c.x)
+    return Moving(c, none, none, none, none)
+
+
+def masses(model: ShellModel, substance: Substance) -> tuple[Array, Array]:
+    """(n,) kg of the nodes and (n,) kg m2 of their directors: density times thickness, and times a
+    twelfth of its cube, over each node's share of the area; and the cables' mass."""
+    h = model.section.thickness
+    share = corner_shares(model.quads)
+    out = []
+    for power in (h, h**3 / 12):
+        element = (model.tables.weight * power).sum(axis=1) * substance.density
+        spread = (element[:, None] * share).ravel()
+        out.append(np.bincount(model.quads.ravel(), weights=spread, minlength=len(model.reference)))
+    cables = cable_masses(model.cables, substance.density, len(model.reference))
+    return out[0] + cables, out[1].astype(float)
+
+
+def advance(
+    model: ShellModel,
+    state: Moving,
+    tension: Array,
+    dt: float,
+    substance: Substance,
+    options: NewtonOptions,
+    damping: float = 0.0,
+) -> tuple[Moving, Solution]:
+    """One step of `dt` s; bodies are where `state` has them (see `ShellModel.posed`).
+
+    Raises InputError for a step that is not positive and ConvergenceError as `newton.solve`."""
+    if not (np.isfinite(dt) and dt > 0 and 0 <= damping <= 1):
+        raise InputError(f"expected dt > 0 (s) and damping in [0, 1], got {dt} and {damping}")
+    beta, gamma = (1 + damping) ** 2 / 4, 0.5 + damping
+    c = state.configuration
+    mass, rotary = masses(model, substance)
+    ahead = c.x + dt * state.velocity + dt**2 * (0.5 - beta) * state.acceleration
+    turned = c.d + dt * state.spin + dt**2 * (0.5 - beta) * state.turning
+    pull = beta * dt**2
+    stepping = model.alike(
+        inertia=Inertia(mass / pull, ahead, rotary / pull, turned),
+        section=_damped(model, c, dt, substance),
+    )
+    solution = solve(stepping, _guess(model, c, ahead), tension, options, near=True)
+    there = solution.configuration
+    acceleration, turning = (there.x - ahead) / pull, (there.d - turned) / pull
+    velocity = state.velocity + dt * (gamma * acceleration + (1 - gamma) * state.acceleration)
+    spin = state.spin + dt * (gamma * turning + (1 - gamma) * state.turning)
+    return Moving(there, velocity, spin, acceleration, turning), solution
+
+
+def kinetic_energy(model: ShellModel, state: Moving, substance: Substance) -> float:
+    """J."""
+    mass, rotary = masses(model, substance)
+    return float(mass @ (state.velocity**2).sum(1) + rotary @ (state.spin**2).sum(1)) / 2
+
+
+def _damped(model: ShellModel, c: Configuration, dt: float, substance: Substance) -> Section:
+    if substance.viscosity == 0.0:
+        return model.section
+    damper = one_law(Isotropic(substance.viscosity / dt, 0.0), model.section.thickness)
+    y = np.concatenate([c.x[model.quads], c.d[model.quads]], axis=1)
+    damped: Section = Viscous(model.section, damper, model.tables.strain(y))  # type: ignore[assignment]
+    return damped
+
+
+def _guess(model: ShellModel, c: Configuration, ahead: Array) -> Configuration:
+    """The nodes that are free where inertia alone would take them."""
+    x = ahead.copy()
+    for held in (model.ties.node, model.guides.node):
+        x[held] = c.x[held]
+    return replace(c, x=x)

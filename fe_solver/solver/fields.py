@@ -1,0 +1,44 @@
+"""What one looks at in a solved shell: strains, stresses, slip forces, gaps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fe_solver.forces.contact import contact_fields
+from fe_solver.solver.model import Configuration, ShellModel
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Fields:
+    """Means over each quad, mid-surface; local axes 1 along the fibre, 2 across it.
+
+    strain (ne, 3) Green-Lagrange E11, E22, 2 E12; stress (ne, 3) second Piola-Kirchhoff S11, S22,
+    S12, Pa; faces (ne, 2) E11 at the two faces (tangential bending included); tension (ne,) the
+    `tension_field.State`, -1 where the sheet bears compression."""
+
+    strain: Array
+    stress: Array
+    faces: Array
+    tension: NDArray[np.int8]
+
+
+def fields(model: ShellModel, c: Configuration) -> Fields:
+    """Strain and stress of a configuration."""
+    y = np.concatenate([c.x[model.quads], c.d[model.quads]], axis=1)
+    strain = model.tables.strain(y)
+    weight = model.tables.weight / model.tables.weight.sum(axis=1, keepdims=True)
+    mean = np.einsum("ng,ngc->nc", weight, strain)
+    bend = mean[:, 3] * model.section.thickness.mean(axis=1) / 2
+    faces = np.stack([mean[:, 0] - bend, mean[:, 0] + bend], axis=1)
+    stress = np.einsum("ng,ngc->nc", weight, model.section.stress(strain))
+    return Fields(mean[:, :3], stress, faces, model.section.tension_state(strain))
+
+
+def contact_pressure(model: ShellModel, c: Configuration) -> Array:
+    """(n,) N/m2 of all bodies on each node, over the node's area, friction left out."""
+    return contact_fields(model.contacts, c.x, c.position, c.rotation).pressure.sum(axis=1)

@@ -1,0 +1,327 @@
+"""Shell and cables with all that holds them: energy, residual and tangent at body poses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from fe_solver.elements import kernels
+from fe_solver.elements.shell import ElementResponse, ShellTables, element_blocks, element_response
+from fe_solver.forces.cables import Cables, cable_forces
+from fe_solver.forces.contact import Contact, contact_forces, joined
+from fe_solver.forces.guides import Guides, Ties
+from fe_solver.forces.loads import Inertia, pressure_forces, pressure_tangent
+from fe_solver.forces.springs import (
+    NodeSprings,
+    PairForces,
+    PointForces,
+    Springs,
+    node_springs,
+    spring_forces,
+)
+from fe_solver.materials.section import Section
+from fe_solver.solver.assembly import (
+    DOFS,
+    Pattern,
+    cross,
+    make_pattern,
+    scattered,
+    tangents,
+    turned,
+)
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """Node positions (n, 3), directors (n, 3) and body poses (nb, 3), (nb, 3, 3)."""
+
+    x: Array
+    d: Array
+    position: Array
+    rotation: Array
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Energy (J) less the dead loads' work but not the tendons', its raw gradients by x and d (n,
+    3), the point forces, what the tangent is made of, and its data where it was asked for."""
+
+    energy: float
+    gradient_x: Array
+    gradient_d: Array
+    points: PointForces
+    bases: tuple[Array, Array]
+    reduced: Array
+    """(5n,) gradient in the nodes' bases, tendon pulls included."""
+    follower: Array
+    """(n, 3) N of the pressure on the nodes, in `gradient_x` but not in `energy`."""
+    convex: bool
+    """Whether the tangent is, or will be, the convex one (see `ShellModel.evaluate`)."""
+    elements: ElementResponse
+    links: PairForces
+    data: Array | None = None
+
+
+@dataclass(frozen=True)
+class ShellModel:
+    """A shell, its supports and loads; tendons pull guided nodes along their first axis with shares
+    `share` (nt, k) of k guided nodes, each row adding up to one.  `dead` (n, 3) N are forces on the
+    nodes that stay as they are in the world frame, `pressure` (ne,) Pa follows the quads and pushes
+    against their normals."""
+
+    quads: Ints
+    reference: Array
+    directors: Array
+    tables: ShellTables
+    section: Section
+    springs: Springs
+    ties: Ties
+    guides: Guides
+    share: Array
+    contacts: tuple[Contact, ...]
+    bodies: tuple[str, ...]
+    dead: Array | None = None
+    pressure: Array | None = None
+    links: NodeSprings = field(default_factory=NodeSprings.none)
+    """Springs between nodes of the shell."""
+    cables: Cables = field(default_factory=Cables.none)
+    """Line cells; a node of no quad has no director to turn."""
+    inertia: Inertia | None = None
+    groups: tuple[str, ...] = ()
+    """Names of the springs' groups."""
+    regions: tuple[str, ...] = ()
+    """Name of each quad's region, for messages."""
+    node_ids: Ints | None = None
+    """Numbers (n,) by which the user knows the nodes, for messages; None counts them from 0."""
+
+    def node_name(self, node: int) -> str:
+        """A node as its user knows it."""
+        return f"node {node if self.node_ids is None else self.node_ids[node]}"
+
+    def alike(self, **changes: Any) -> ShellModel:
+        """A copy with other loads, contacts, inertia or materials, which shares the sparsity: its
+        quads, supports and links are these."""
+        other = replace(self, **changes)
+        vars(other)["pattern"] = self.pattern
+        return other
+
+    @cached_property
+    def pattern(self) -> Pattern:
+        return make_pattern(self.quads, len(self.reference), self.free, self.pairs)
+
+    @cached_property
+    def pairs(self) -> Ints:
+        """(k, 2) nodes that springs join, then those that cables do."""
+        return np.concatenate([self.links.nodes, self.cables.nodes])
+
+    def pair_forces(self, x: Array, curvature: bool) -> PairForces:
+        """Of the springs between nodes, then of the cables; `curvature` as in `node_springs`."""
+        if not len(self.pairs):
+            return PairForces.none()
+        own, more = node_springs(self.links, x, curvature), cable_forces(self.cables, x)
+        return PairForces(
+            own.energy + more.energy,
+            np.concatenate([own.gradient, more.gradient]),
+            np.concatenate([own.hessian, more.hessian]),
+        )
+
+    @cached_property
+    def free(self) -> Ints:
+        """Ascending indices of the free degrees of freedom."""
+        mask = np.ones((len(self.reference), DOFS), dtype=bool)
+        mask[self.ties.node] = False
+        mask[self.guides.node] = ~np.hstack([self.guides.held, self.guides.still])
+        mask[np.setdiff1d(np.arange(len(mask)), self.quads), 3:] = False
+        return np.flatnonzero(mask)
+
+    @cached_property
+    def side(self) -> Array:
+        """(ne, k) signs of the reference's `cosines`."""
+        return np.sign(self.cosines(self.reference, self.directors))
+
+    def cosines(self, x: Array, d: Array) -> Array:
+        """(ne, k) of the angles between the quads' normals and their nodes' directors."""
+        X = x[self.quads]
+        normal = cross(X[:, 2] - X[:, 0], X[:, 3] - X[:, 1])
+        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
+        return np.asarray(np.einsum("ek,eak->ea", normal, d[self.quads]))
+
+    def bases(self, c: Configuration) -> tuple[Array, Array]:
+        """Displacement bases (n, 3, 3) and director tangents (n, 3, 2)."""
+        g = self.guides
+        A, T = np.tile(np.eye(3), (len(c.x), 1, 1)), tangents(c.d)
+        A[g.node] = c.rotation[g.body] @ g.axes
+        if g.steady.any():
+            T[g.node[g.steady]] = self._level_tangents(c)
+        return A, T
+
+    def _level_tangents(self, c: Configuration) -> Array:
+        """(k, 3, 2) tangents of the steady directors, the first along `level`."""
+        g, on = self.guides, self.guides.steady
+        d = c.d[g.node[on]]
+        level = np.einsum("kij,kj->ki", c.rotation[g.body[on]], g.level[on])
+        first = level - np.einsum("ki,ki->k", level, d)[:, None] * d
+        first /= np.linalg.norm(first, axis=1, keepdims=True)
+        return np.stack([first, cross(d, first)], axis=2)
+
+    def posed(self, c: Configuration, position: Array, rotation: Array) -> Configuration:
+        """The same hood with its bodies at new poses: tied nodes follow, guided nodes are put back
+        on their lines and planes."""
+        x, d = c.x.copy(), c.d.copy()
+        t, g = self.ties, self.guides
+        x[t.node] = position[t.body] + np.einsum("kij,kj->ki", rotation[t.body], t.position)
+        d[t.node] = np.einsum("kij,kj->ki", rotation[t.body], t.director)
+        moved = np.where(g.held, 0.0, self._moved(c))
+        local = g.origin + np.einsum("kij,kj->ki", g.axes, moved)
+        x[g.node] = position[g.body] + np.einsum("kij,kj->ki", rotation[g.body], local)
+        on = g.node[g.steady], g.body[g.steady]
+        seen = np.einsum("kji,kj->ki", c.rotation[on[1]], c.d[on[0]])
+        d[on[0]] = np.einsum("kij,kj->ki", rotation[on[1]], seen)
+        return Configuration(x, d, position, rotation)
+
+    def _moved(self, c: Configuration) -> Array:
+        """(k, 3) m, how far each guided node has moved along its axes."""
+        g = self.guides
+        local = np.einsum("kji,kj->ki", c.rotation[g.body], c.x[g.node] - c.position[g.body])
+        return np.einsum("kji,kj->ki", g.axes, local - g.origin)
+
+    def slide(self, c: Configuration) -> Array:
+        """(k,) m, how far each guided node has moved along its first axis."""
+        return self._moved(c)[:, 0]
+
+    def excursion(self, c: Configuration) -> Array:
+        """(nt,) m."""
+        return self.share @ self.slide(c)
+
+    def pulls(self, c: Configuration, tension: Array) -> Array:
+        """(k, 3) N force of the tendons on each guided node."""
+        g = self.guides
+        along = np.einsum("kij,kj->ki", c.rotation[g.body], g.direction)
+        return (tension @ self.share)[:, None] * along
+
+    def stepped(self, c: Configuration, bases: tuple[Array, Array], step: Array) -> Configuration:
+        """The configuration after a step (5n,) in the nodes' bases."""
+        u = step.reshape(-1, DOFS)
+        x = c.x + np.einsum("nij,nj->ni", bases[0], u[:, :3])
+        return Configuration(x, turned(c.d, bases[1], u[:, 3:]), c.position, c.rotation)
+
+    def point_forces(self, c: Configuration, curvature: bool = True) -> PointForces:
+        parts = [spring_forces(self.springs, c.x, c.position, c.rotation, curvature)]
+        parts += [contact_forces(k, c.x, c.position, c.rotation, curvature) for k in self.contacts]
+        return joined(parts)
+
+    def potential(self, c: Configuration, energy: float, tension: Array) -> float:
+        """Total potential energy, J: an evaluation's energy less the tendons' work."""
+        return energy - float(tension @ self.excursion(c))
+
+    def evaluate(
+        self, c: Configuration, tension: Array, tangent: bool, convex: bool = False
+    ) -> Evaluation:
+        """Energy, residual and (on request) tangent at a configuration; with `convex` the tangent
+        is the positive semidefinite part that is cheap to have, not the consistent one."""
+        y = np.concatenate([c.x[self.quads], c.d[self.quads]], axis=1)
+        bases = A, T = self.bases(c)
+        elements = element_response(self.tables, self.section, y)
+        points = self.point_forces(c, not convex)
+        n = len(c.x)
+        gx, gd = self.nodal(elements.gradient)
+        links = self.pair_forces(c.x, not convex)
+        gx += points.on_nodes(points.gradient, n)
+        gx += scattered(self.pairs, links.gradient, n)
+        energy = elements.energy + points.energy + links.energy
+        if self.dead is not None:
+            gx -= self.dead
+            energy -= float(np.vdot(self.dead, c.x - self.reference))
+        follower = self._follower(c.x)
+        gx -= follower
+        if self.inertia is not None:
+            more, ix, id_ = self.inertia.pull(c.x, c.d)
+            energy, gx, gd = energy + more, gx + ix, gd + id_
+        pulled = gx.copy()
+        pulled[self.guides.node] -= self.pulls(c, tension)
+        reduced = np.concatenate(
+            [np.einsum("nij,ni->nj", A, pulled), np.einsum("nij,ni->nj", T, gd)], axis=1
+        ).ravel()
+        e = Evaluation(energy, gx, gd, points, bases, reduced, follower, convex, elements, links)
+        return self.with_tangent(c, e) if tangent else e
+
+    def with_tangent(self, c: Configuration, e: Evaluation) -> Evaluation:
+        """An evaluation at `c` with its tangent; one that has it already is itself."""
+        return e if e.data is not None else replace(e, data=self._assemble(c, e))
+
+    def nodal(self, elements: Array) -> tuple[Array, Array]:
+        """Sums at the nodes, by position and by director (n, 3), of element vectors (ne, 2k, 3)."""
+        n, k = len(self.reference), self.quads.shape[1]
+        by_position = scattered(self.quads, elements[:, :k], n)
+        return by_position, scattered(self.quads, elements[:, k:], n)
+
+    def _follower(self, x: Array) -> Array:
+        """(n, 3) N force of the pressure on the nodes."""
+        if self.pressure is None:
+            return np.zeros_like(x)
+        return scattered(self.quads, pressure_forces(x[self.quads], self.pressure), len(x))
+
+    def _assemble(self, c: Configuration, e: Evaluation) -> Array:
+        (A, T), points = e.bases, e.points
+        corners = A[self.quads], T[self.quads]
+        blocks = element_blocks(self.tables, e.elements, corners, e.convex)
+        bend = -np.einsum("ni,ni->n", e.gradient_d, c.d)
+        bend = np.maximum(bend, 0) if e.convex else bend
+        if self.pressure is not None:
+            at = (5 * np.arange(self.quads.shape[1])[:, None] + np.arange(3)).ravel()
+            W = A[self.quads]
+            slope = pressure_tangent(c.x[self.quads], self.pressure)
+            turned = np.einsum("naki,nakbl,nblj->naibj", W, slope, W)
+            blocks[:, at[:, None], at] -= turned.reshape(-1, len(at), len(at))
+        nodal = np.zeros((len(bend), DOFS, DOFS))
+        self.add_points(blocks, nodal, points, points.hessian, A)
+        B = A[self.pairs]
+        pairs = np.einsum("kaji,kajbl,kblm->kaibm", B, e.links.hessian.reshape(-1, 2, 3, 2, 3), B)
+        np.add.at(nodal[:, :3, :3], self.pairs[:, 0], pairs[:, 0, :, 0])
+        np.add.at(nodal[:, :3, :3], self.pairs[:, 1], pairs[:, 1, :, 1])
+        if self.inertia is not None:
+            nodal[:, range(3), range(3)] += self.inertia.stiffness[:, None]
+            bend = bend + self.inertia.turning
+        # the sphere's curvature: the second variation of a unit director is -|angle|^2 d
+        bend[self.ties.node] = 0.0
+        nodal[:, 3, 3] = nodal[:, 4, 4] = bend
+        return self.pattern.assemble(blocks, nodal, pairs[:, 0, :, 1])
+
+    def add_points(
+        self, blocks: Array, nodal: Array, points: PointForces, hessian: Array, A: Array
+    ) -> None:
+        """Add Hessians (k, 3, 3) of point forces to the blocks of elements (ne, 5m, 5m) and of
+        nodes (n, 5, 5), in the nodes' bases A (n, 3, 3), in place."""
+        acts, alone = hessian.any(axis=(1, 2)), points.cell < 0
+        node, own = points.nodes[acts & alone, 0], hessian[acts & alone]
+        np.add.at(nodal[:, :3, :3], node, np.swapaxes(A[node], 1, 2) @ own @ A[node])
+        on = np.flatnonzero(acts & ~alone)
+        if not on.size:
+            return
+        cells, which = np.unique(points.cell[on], return_inverse=True)
+        spread = kernels.spread(which, points.weights[on], hessian[on], len(cells))
+        quads = self.quads[cells]
+        turned = np.flatnonzero(np.isin(quads, self.guides.node).any(axis=1))
+        B = A[quads[turned]]
+        spread[turned] = np.einsum("eaki,eakbl,eblj->eaibj", B, spread[turned], B, optimize=True)
+        m = quads.shape[1]
+        at = (DOFS * np.arange(m)[:, None] + np.arange(3)).ravel()
+        blocks[cells[:, None, None], at[:, None], at] += spread.reshape(-1, 3 * m, 3 * m)
+
+    @cached_property
+    def slaves(self) -> tuple[Ints, sp.csr_array]:
+        """The degrees of freedom of tied and guided nodes, and the tangent's columns there, their
+        entries the positions in its data."""
+        nodes = np.union1d(self.ties.node, self.guides.node)
+        dofs = (nodes[:, None] * DOFS + np.arange(DOFS)).ravel()
+        slots = self.pattern.full(np.arange(1.0, len(self.pattern.indices) + 1))[:, dofs]
+        places = slots.data.astype(np.intp) - 1
+        return dofs, sp.csr_array((places, slots.indices, slots.indptr), slots.shape)

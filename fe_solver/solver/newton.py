@@ -1,0 +1,433 @@
+"""The one Newton: static equilibrium of the shell by minimising its potential energy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.port import ConvergenceError
+from fe_solver.solver.assembly import DOFS
+from fe_solver.solver.body_coupling import as_one, coupling, shared_twist
+from fe_solver.solver.linear_algebra import (
+    FREE,
+    Factor,
+    Nearby,
+    NotPositiveDefiniteError,
+    mechanism,
+)
+from fe_solver.solver.model import Configuration, Evaluation, ShellModel
+from fe_solver.solver.newton_step import (
+    damped_step,
+    factorised,
+    flipping_step,
+    limited,
+    newton_step,
+    pressed,
+)
+
+Array = NDArray[np.float64]
+
+STUCK = 30
+"""A residual up to so many limits that no step lowers is rounding error too."""
+CLOSE = 1e-6
+"""Residual over the largest force at which the search by energy takes over from whole steps."""
+UPRIGHT = 0.05
+"""Cosine of the angle between a director and its elements' normals that no step goes below."""
+NEAR = 0.1
+"""Step size, against the longest step allowed, below which the tangent is the consistent one."""
+CHORDS = 2
+"""Iterations with an old factor that cost no more than one with a new tangent."""
+SMOOTHER = (1e-2, 1e-3, 1e-4, 1e-5)
+"""Strains by which tension fields are smoothed, one after the other, on the way to their own."""
+NEARLY = 0.05
+"""Residual over the largest force beyond which the load is too far, and no smoothing helps."""
+KEPT = 3e-3
+"""Residual after over before such an iteration, where no iteration has told it yet."""
+
+
+@dataclass(frozen=True)
+class NewtonOptions:
+    """`tolerance` is relative to the largest nodal force; steps longer than `max_step` (m) or
+    turning a director by more than `max_turn` (rad) are shortened.  With `undamped` as many whole
+    steps are tried first: a thin sheet that turns far is nearly inextensible, and a search for ever
+    less energy follows that curved valley in small steps."""
+
+    tolerance: float = 1e-10
+    max_iterations: int = 150
+    max_step: float = 3e-3
+    max_turn: float = 0.6
+    undamped: int = 0
+
+
+@dataclass(frozen=True)
+class Solution:
+    """A converged equilibrium."""
+
+    model: ShellModel
+    configuration: Configuration
+    evaluation: Evaluation
+    tension: Array
+    iterations: int
+    solves: int
+    """Linear solves: one an iteration, and those that foresaw contacts."""
+    residual: float
+    """Largest residual force, N (moments over the element size)."""
+
+    @cached_property
+    def factor(self) -> Factor:
+        """Of the consistent tangent's free part; made when it is first asked for."""
+        assert self.evaluation.data is not None
+        return factorised(self.model, self.evaluation.data)
+
+    @cached_property
+    def coupling(self) -> tuple[Array, Array, Array, Array]:
+        """Of `coupling.coupling`."""
+        return coupling(self.model, self.configuration, self.evaluation, self.tension)
+
+    @cached_property
+    def pushed(self) -> Array:
+        """(free, 6nb + nt) the residual by the bodies' twists and the tensions."""
+        by_motion, _, by_tension, _ = self.coupling
+        return np.hstack([by_motion, by_tension])[self.model.free]
+
+    @cached_property
+    def follow(self) -> Array:
+        """(free, 6nb + nt) how the free degrees of freedom follow the bodies' twists and the
+        tensions.  What moves with all the bodies as one is known, so that the first body's twists
+        follow from those of the others, unless loads or inertia stand fast in the world."""
+        m, c = self.model, self.configuration
+        if m.dead is not None or m.inertia is not None:
+            return -self.factor.solve(self.pushed)
+        out, twists = np.empty_like(self.pushed), shared_twist(c)[6:]
+        out[:, 6:] = -self.factor.solve(self.pushed[:, 6:])
+        out[:, :6] = as_one(m, c, self.evaluation.bases)[m.free]
+        out[:, :6] -= out[:, 6 : 6 + len(twists)] @ twists
+        return out
+
+
+class _StuckError(ConvergenceError):
+    """No step lowers the energy, or too many were taken; `share` of the largest force is left."""
+
+    def __init__(self, words: str, share: float = 1.0) -> None:
+        super().__init__(words)
+        self.share = share
+
+
+@dataclass(frozen=True)
+class _Chord:
+    """An old tangent: its factor, its data and the residual (N) from which it led to the present
+    one; None before its first use."""
+
+    factor: Factor
+    data: Array
+    since: float | None = None
+
+    def pays(self, residual: float, limit: float) -> bool:
+        """Whether the rate at which it lowers the residual is enough to end before a new tangent
+        would."""
+        rate = KEPT if self.since is None else residual / self.since
+        return residual * rate**CHORDS <= limit
+
+
+def length_scale(model: ShellModel) -> float:
+    """Root of the mean element area, or the mean length of cells where there are but cables, m."""
+    if not len(model.quads):
+        return float(model.cables.length.mean())
+    return float(np.sqrt(model.tables.weight.sum() / len(model.quads)))
+
+
+def residual_norm(model: ShellModel, e: Evaluation) -> tuple[float, float]:
+    """Largest residual and largest nodal force, both N."""
+    left = e.reduced[model.free]
+    turns = model.free % DOFS > 2
+    left[turns] /= length_scale(model)
+    forces = [np.abs(e.gradient_x).max(), np.abs(e.points.gradient).max(initial=0.0)]
+    return float(np.abs(left).max(initial=0.0)), float(max(forces))
+
+
+def rounding(c: Configuration, stiffest: float) -> float:
+    """What of the residual is rounding error (N): the tangent's stiffest entry (N/m) times the last
+    bit of the coordinates."""
+    return float(0.2 * np.finfo(float).eps * stiffest * np.abs(c.x).max())
+
+
+def stiffest_entry(model: ShellModel, data: Array) -> float:
+    """N/m, of the tangent's blocks by the nodes' displacements."""
+    return float(np.abs(data[model.pattern.diagonal[:, :3, :3]]).max())
+
+
+def worst_place(model: ShellModel, c: Configuration, e: Evaluation) -> str:
+    """Where the largest residual sits, in words: node, region, and what presses or pulls there."""
+    r = np.zeros(model.pattern.size)
+    r[model.free] = e.reduced[model.free]
+    node = int(np.argmax(np.abs(r.reshape(-1, DOFS)[:, :3]).max(axis=1)))
+    place = f"{model.node_name(node)} at ({', '.join(f'{v * 1e3:.2f}' for v in c.x[node])}) mm"
+    if model.regions:
+        quad = int(np.flatnonzero((model.quads == node).any(axis=1))[0])
+        place += f" in the region {model.regions[quad]}"
+    p = e.points
+    acting = np.flatnonzero((p.node == node) & p.gradient.any(axis=1))
+    for body, group in zip(p.body[acting], p.group[acting], strict=True):
+        name = model.groups[group] if 0 <= group < len(model.groups) else str(group)
+        what = "in contact with" if group < 0 else f"pulled by the springs {name} to"
+        place += f", {what} the body {model.bodies[body]}"
+    return place
+
+
+def solve(
+    model: ShellModel,
+    start: Configuration,
+    tension: Array,
+    options: NewtonOptions,
+    near: bool = False,
+    before: Solution | None = None,
+) -> Solution:
+    """Equilibrium near `start` under `tension` (nt,) N at the poses of `start`.
+
+    Far from equilibrium the tangent is the convex one, near it (as `near` says of `start`) the
+    consistent one.  With `before`, an equilibrium of the same model close by, a factor serves again
+    (a chord iteration) while it lowers the residual fast, and that of `before` serves first; the
+    residual then ends nearer to the tolerance than Newton's own iterations leave it.
+
+    Where a sheet without compression comes near one only, it is sought with tension fields that are
+    smoother at first (`SMOOTHER`).
+    Raises ConvergenceError naming the place of the largest residual."""
+    try:
+        return _solve(model, start, tension, options, near, before)
+    except _StuckError as stuck:
+        own = model.section.smoothing
+        if own is None or own >= SMOOTHER[0] or stuck.share > NEARLY:
+            raise
+    c, iterations, solves = start, 0, 0
+    for smoothing in (*(s for s in SMOOTHER if s > own), own):
+        easier = model.alike(section=model.section.with_smoothing(smoothing))
+        found = _solve(easier, c, tension, options, c is not start)
+        c = found.configuration
+        iterations, solves = iterations + found.iterations, solves + found.solves
+    return replace(found, model=model, iterations=iterations, solves=solves)
+
+
+def _solve(
+    model: ShellModel,
+    start: Configuration,
+    tension: Array,
+    options: NewtonOptions,
+    near: bool = False,
+    before: Solution | None = None,
+) -> Solution:
+    c, solves = _undamped(model, start, tension, options) if options.undamped else (start, 0)
+    convex, stuck, chord = not near, False, _kept(before)
+    kept = None if before is None else before.factor
+    e = model.evaluate(c, tension, tangent=chord is None, convex=convex)
+    data = e.data if chord is None else chord.data
+    assert data is not None
+    stiffest = stiffest_entry(model, data)
+    for iteration in range(options.max_iterations + 1):
+        residual, force = residual_norm(model, e)
+        limit = options.tolerance * force + rounding(c, stiffest)
+        if residual <= limit:
+            e, convex = _consistent(model, c, e, tension), False
+            assert e.data is not None
+            stiffest = stiffest_entry(model, e.data)
+            limit = options.tolerance * force + rounding(c, stiffest)
+            if residual <= limit:
+                return _upright(Solution(model, c, e, tension, iteration, solves, residual))
+        if iteration == options.max_iterations:
+            break
+        if chord is not None and not convex and chord.pays(residual, limit):
+            solves += 1
+            found = _chord_step(model, c, e, tension, chord.factor, options)
+            if found is not None:
+                c, e = found
+                chord = replace(chord, since=residual)
+                continue
+        e = model.with_tangent(c, e)
+        data = e.data
+        assert data is not None
+        stiffest = stiffest_entry(model, data)
+        if model.section.smoothing is None:
+            step, factor = newton_step(model, data, e.reduced, kept)
+        else:
+            longest = options.max_step, options.max_turn
+            step, factor = damped_step(model, data, e.reduced, *longest, kept)
+        if kept is not None and factor is not None and not isinstance(factor, Nearby):
+            kept = factor
+        trial, more = _advanced(model, c, e, tension, step, options, kept)
+        solves += 1 + more
+        if trial is not None:
+            (c, e, convex), stuck = trial, False
+            # a new tangent's error is quadratic, so that its second use lowers it half as far
+            chord = _Chord(factor, data, residual / 2) if before is not None and factor else None
+        elif stuck and residual <= STUCK * limit:
+            e = _consistent(model, c, e, tension)
+            return _upright(Solution(model, c, e, tension, iteration, solves, residual))
+        elif stuck:
+            break
+        else:
+            stuck, convex, chord = True, not convex, None
+            e = model.evaluate(c, tension, tangent=True, convex=convex)
+    raise _StuckError(
+        f"the hood did not reach equilibrium in {iteration} iterations: the residual is "
+        f"{residual:.2e} N against forces of {force:.2e} N, largest at {worst_place(model, c, e)}. "
+        f"{_advice(model, model.with_tangent(c, e))}",
+        residual / force,
+    )
+
+
+def _kept(before: Solution | None) -> _Chord | None:
+    if before is None:
+        return None
+    assert before.evaluation.data is not None
+    return _Chord(before.factor, before.evaluation.data)
+
+
+def _consistent(model: ShellModel, c: Configuration, e: Evaluation, tension: Array) -> Evaluation:
+    """The evaluation with its consistent tangent."""
+    return model.evaluate(c, tension, tangent=True) if e.convex else model.with_tangent(c, e)
+
+
+def _chord_step(
+    model: ShellModel,
+    c: Configuration,
+    e: Evaluation,
+    tension: Array,
+    factor: Factor,
+    options: NewtonOptions,
+) -> tuple[Configuration, Evaluation] | None:
+    """The whole step that an old tangent's factor gives, if it is short and halves the residual."""
+    step = np.zeros(model.pattern.size)
+    try:
+        step[model.free] = -factor.solve(e.reduced[model.free])
+    except NotPositiveDefiniteError:
+        return None
+    if not limited(step, options.max_step, options.max_turn)[1] <= NEAR:
+        return None
+    trial = model.stepped(c, e.bases, step)
+    there = model.evaluate(trial, tension, tangent=False)
+    return (trial, there) if _halved(model, e, there) else None
+
+
+def _halved(model: ShellModel, before: Evaluation, after: Evaluation) -> bool:
+    return residual_norm(model, after)[0] < residual_norm(model, before)[0] / 2
+
+
+def _upright(solution: Solution) -> Solution:
+    """The solution, unless a director has turned through the plane of an element: the discrete
+    sheet has equilibria with elements folded back on their neighbours, which no sheet has.
+
+    Raises ConvergenceError naming the place."""
+    model, facing = solution.model, _facing(solution.model, solution.configuration)
+    if facing.min(initial=1.0) > 0:
+        return solution
+    raise ConvergenceError(
+        f"the hood came to rest with a director turned through an element's plane, at "
+        f"{model.node_name(model.quads.ravel()[facing.argmin()])}: no sheet does that. Try smaller "
+        "steps of posture or tension, or a finer mesh."
+    )
+
+
+def _is_folded(model: ShellModel, c: Configuration) -> bool:
+    return bool(_facing(model, c).min(initial=1.0) <= UPRIGHT)
+
+
+def _facing(model: ShellModel, c: Configuration) -> Array:
+    """(ne, 4) cosines of the angles between the quads' normals and their corners' directors, on the
+    side on which these were at first."""
+    return model.side * model.cosines(c.x, c.d)
+
+
+def _undamped(
+    model: ShellModel, start: Configuration, tension: Array, options: NewtonOptions
+) -> tuple[Configuration, int]:
+    """The configuration near equilibrium that whole Newton steps lead to, or the start where they
+    do not; and the linear solves that took."""
+    c = start
+    for solves in range(options.undamped):
+        e = model.evaluate(c, tension, tangent=True)
+        assert e.data is not None
+        residual, force = residual_norm(model, e)
+        if residual <= CLOSE * force:
+            return c, solves
+        if not np.isfinite(residual):
+            return start, solves
+        step = np.zeros(model.pattern.size)
+        try:
+            step[model.free] = -factorised(model, e.data).solve(e.reduced[model.free])
+        except ConvergenceError:
+            return start, solves
+        c = model.stepped(c, e.bases, limited(step, options.max_step, options.max_turn)[0])
+    return start, options.undamped
+
+
+def _advice(model: ShellModel, e: Evaluation) -> str:
+    assert e.data is not None
+    if mechanism(e.data, model.pattern.slots):
+        return f"The tangent stiffness is singular: {FREE}"
+    return "Try smaller steps of posture or tension, a softer contact or a finer mesh."
+
+
+def _advanced(
+    model: ShellModel,
+    c: Configuration,
+    e: Evaluation,
+    tension: Array,
+    step: Array,
+    options: NewtonOptions,
+    near: Factor | None,
+) -> tuple[tuple[Configuration, Evaluation, bool] | None, int]:
+    """The next configuration along the step, with its evaluation and whether that is the convex
+    one: the whole step, or a part of the step that foresees the contacts; None where none descends.
+    Also the linear solves that foreseeing took.  A solve that follows an equilibrium, as a factor
+    `near` says, presses the nodes of the whole step."""
+
+    def tried(
+        way: Array, tries: int, first: float = 1.0, foreseen: bool = False
+    ) -> tuple[tuple[Configuration, Evaluation, bool] | None, float]:
+        way, size = limited(way, options.max_step, options.max_turn)
+        convex = foreseen or size > NEAR
+        found, last = _line_search(model, c, e, tension, way, tries, convex, first)
+        return None if found is None else (*found, convex), last
+
+    found, left = tried(step if near is None else pressed(model, e, step), 1)
+    if found:
+        return found, 0
+    way, solves = flipping_step(model, e, step, near)
+    if solves:
+        found = tried(way, 4, foreseen=True)[0]
+        return found or tried(step, 7, left)[0], solves
+    found, left = tried(step, 3, left, foreseen=True)
+    return found or tried(step, 4, left)[0], 0
+
+
+def _line_search(
+    model: ShellModel,
+    c: Configuration,
+    e: Evaluation,
+    tension: Array,
+    step: Array,
+    tries: int,
+    convex: bool,
+    factor: float,
+) -> tuple[tuple[Configuration, Evaluation] | None, float]:
+    """The first of ever shorter steps, from `factor` of the step on, that lowers the energy enough,
+    or, where the energy is below its rounding error, the residual; none turns a director into an
+    element's plane.  Also the factor to go on from."""
+    slope = float(step @ e.reduced)
+    before = model.potential(c, e.energy, tension)
+    noise = 1e-11 * max(abs(before), e.energy)
+    for _ in range(tries if slope < 0 else 0):
+        trial = model.stepped(c, e.bases, factor * step)
+        if _is_folded(model, trial) and not _is_folded(model, c):
+            factor *= 0.5
+            continue
+        there = model.evaluate(trial, tension, tangent=False, convex=convex)
+        rise = model.potential(trial, there.energy, tension) - before
+        rise -= float(np.vdot(e.follower + there.follower, trial.x - c.x)) / 2
+        if rise <= 1e-4 * factor * slope or (rise <= noise and _halved(model, e, there)):
+            return (trial, there), factor
+        parabola = -slope * factor**2 / (2 * (rise - slope * factor))
+        factor = float(np.clip(parabola, 0.1 * factor, 0.5 * factor))
+    return None, factor

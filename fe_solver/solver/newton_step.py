@@ -1,0 +1,178 @@
+"""One Newton step of the shell: the factorised tangent, contacts foreseen, steps kept short."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.port import ConvergenceError
+from fe_solver.forces.contact import ramp, unramp
+from fe_solver.forces.springs import PointForces
+from fe_solver.solver.assembly import DOFS
+from fe_solver.solver.linear_algebra import Analysis, Factor, Nearby, NotPositiveDefiniteError
+from fe_solver.solver.model import Evaluation, ShellModel
+
+Array = NDArray[np.float64]
+
+MOST_FLIPS = 2
+"""Rounds of the active set in one step; more cost factorisations and saved no iterations."""
+MOST_SHIFTS = 10
+"""Tenfold raises of the diagonal, from a millionth."""
+LONG = 50.0
+"""Times the longest step allowed: beyond it the tangent is damped, where a part may be slack."""
+DAMPING = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
+"""Shares of the diagonal's mean."""
+SMOOTH = 0.2
+"""Of a smoothed force's ramp: within it the tangent knows both sides, so that a contact is not
+worth foreseeing."""
+FAR = 0.2
+"""Of a node's way into a smoothed ramp: a step beyond it is far."""
+
+
+def factorised(model: ShellModel, data: Array) -> Factor:
+    """Factor of the free part of the tangent, definite or not."""
+    try:
+        return _analysis(model).factor(data)
+    except NotPositiveDefiniteError:
+        return model.pattern.general.factor(data)
+
+
+def newton_step(
+    model: ShellModel, data: Array, gradient: Array, near: Factor | None = None
+) -> tuple[Array, Factor | None]:
+    """(5n,) the Newton step, the tangent's diagonal raised (Levenberg) until it descends, and the
+    factor that gave it.  The factor of a tangent `near` serves where a factorisation is dear, and
+    then a factor is a `Nearby`.
+
+    Raises ConvergenceError where the tangent stays singular all the same."""
+    pattern, free = model.pattern, model.free
+    step = np.zeros(pattern.size)
+    if near is not None and _analysis(model).dear:
+        own = Nearby(pattern.free_part(data), near)
+        try:
+            step[free] = -own.solve(gradient[free])
+            return step, own
+        except NotPositiveDefiniteError:
+            pass
+    diagonal = pattern.diagonal[:, range(DOFS), range(DOFS)].ravel()[free]
+    shift, singular, factor = 0.0, None, None
+    for _ in range(MOST_SHIFTS):
+        try:
+            factor = _analysis(model).factor(data)
+            step[free] = -factor.solve(gradient[free])
+            if step[free] @ gradient[free] <= 0:
+                return step, factor
+        except NotPositiveDefiniteError:
+            pass
+        except ConvergenceError as error:
+            singular = error
+        data = data.copy() if shift == 0.0 else data
+        more = max(10 * shift, 1e-6) - shift
+        shift += more
+        data[diagonal] += more * np.abs(data[diagonal])
+    if singular is not None:
+        raise singular
+    return step, factor
+
+
+def damped_step(
+    model: ShellModel,
+    data: Array,
+    gradient: Array,
+    max_step: float,
+    max_turn: float,
+    near: Factor | None = None,
+) -> tuple[Array, Factor | None]:
+    """`newton_step` of a model with slack parts, which have next to no stiffness: the diagonal is
+    raised by ever more of its mean until no step is LONG times the longest allowed.  Shortened as a
+    whole instead, the step would move the slack parts alone.  A damped tangent's factor is None."""
+    pattern, turns = model.pattern, model.free % DOFS > 2
+    diagonal = pattern.diagonal[:, range(DOFS), range(DOFS)].ravel()[model.free]
+    size = np.abs(data[diagonal])
+    mean = np.where(turns, size[turns].mean(), size[~turns].mean())
+    step, factor = newton_step(model, data, gradient, near)
+    for share in DAMPING:
+        if limited(step, max_step, max_turn)[1] <= LONG:
+            break
+        damped, factor = data.copy(), None
+        damped[diagonal] += share * mean
+        step = newton_step(model, damped, gradient)[0]
+    return step, factor
+
+
+def _analysis(model: ShellModel) -> Analysis:
+    return model.pattern.analysis if model.pressure is None else model.pattern.general
+
+
+def flipping_step(
+    model: ShellModel, e: Evaluation, step: Array, near: Factor | None = None
+) -> tuple[Array, int]:
+    """The Newton step once more, with the one-sided springs that `step` would close or open closed
+    or opened beforehand (a primal-dual active set: Hintermueller, Ito and Kunisch 2002, SIAM J
+    Optim 13:865), or the line search would stop at the first node that meets a bone.  Also the
+    linear solves it took; `near` as in `newton_step`."""
+    p, A = e.points, e.bases[0]
+    flipped = np.zeros(len(p.depth), dtype=bool)
+    for solves in range(MOST_FLIPS):
+        moved = p.depth + _deeper(p, A, step)
+        now = ((moved > 0) != (p.depth > 0)) & (np.abs(p.depth) > SMOOTH * p.ramp)
+        if np.array_equal(now, flipped):
+            return step, solves
+        flipped = now
+        step = newton_step(model, *_with_flips(model, e, flipped), near)[0]
+    return step, MOST_FLIPS
+
+
+def _deeper(p: PointForces, A: Array, step: Array) -> Array:
+    """(k,) m, how much deeper a step (5n,) in the nodes' bases A (n, 3, 3) brings the points."""
+    moved = np.einsum("nij,nj->ni", A, step.reshape(-1, DOFS)[:, :3])
+    return np.asarray(np.einsum("kj,kj->k", p.direction, p.at_points(moved)))
+
+
+def _with_flips(
+    model: ShellModel, e: Evaluation, flipped: NDArray[np.bool_]
+) -> tuple[Array, Array]:
+    """Tangent data and gradient with the flipped one-sided springs closed or opened."""
+    assert e.data is not None
+    p, A, gradient = e.points, e.bases[0], e.reduced.copy()
+    stiffness = np.where(flipped, np.where(p.depth > 0, -1.0, 1.0) * p.stiffness, 0.0)
+    hessian = stiffness[:, None, None] * p.direction[:, :, None] * p.direction[:, None, :]
+    size = DOFS * model.quads.shape[1]
+    blocks, nodal = np.zeros((len(model.quads), size, size)), np.zeros((len(A), DOFS, DOFS))
+    model.add_points(blocks, nodal, p, hessian, A)
+    data = e.data + model.pattern.assemble(blocks, nodal, np.zeros((len(model.pairs), 3, 3)))
+    depth = np.where(flipped, p.depth, 0.0)
+    more = p.on_nodes((stiffness * depth)[:, None] * p.direction, len(A))
+    gradient.reshape(-1, DOFS)[:, :3] += np.einsum("nij,ni->nj", A, more)
+    return data, gradient
+
+
+def pressed(model: ShellModel, e: Evaluation, step: Array) -> Array:
+    """The step with nodes that move far in a smoothed ramp put where they feel the force that the
+    tangent foresees: towards the foot of a ramp that grows with the square of the depth, Newton's
+    own steps go but half the way.  A node that two bodies press is left alone, as are the points
+    within elements."""
+    p, A = e.points, e.bases[0]
+    more = _deeper(p, A, step)
+    far = np.abs(more) > FAR * np.abs(p.depth + p.ramp)
+    on = np.flatnonzero((p.ramp > 0) & (p.cell < 0) & far)
+    on = on[np.bincount(p.node[on])[p.node[on]] == 1]
+    if not on.size:
+        return step
+    node = p.node[on]
+    depth, more, width, normal = p.depth[on], more[on], p.ramp[on], p.direction[on]
+    _, value, slope = ramp(depth, width)
+    force = value + slope * more
+    away = np.where(force > 0, unramp(force, width) - (depth + more), 0.0)
+    moved = np.zeros_like(step)
+    moved.reshape(-1, DOFS)[node, :3] = np.einsum("kij,ki->kj", A[node], away[:, None] * normal)
+    out = step.copy()
+    out[model.free] += moved[model.free]
+    return out
+
+
+def limited(step: Array, max_step: float, max_turn: float) -> tuple[Array, float]:
+    """The step, shortened if it is too long, and its size against the longest one."""
+    u = np.abs(step.reshape(-1, DOFS))
+    size = max(u[:, :3].max() / max_step, u[:, 3:].max() / max_turn)
+    return step / max(1.0, size), float(size)

@@ -1,0 +1,1 @@
+"""Rigid surfaces: distance, normal and curvature."""

@@ -1,0 +1,213 @@
+"""The signed distance of any watertight triangle surface, baked once to a C2 spline and cached.
+
+All lengths in m, all points in the frame of the body that carries the surface; distances are
+negative inside.  The exact shapes are in `fe_solver.surfaces.shapes`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.port import InputError
+from fe_solver.elements import kernels
+from fe_solver.surfaces.shapes import Distance, Sphere, Surface, positive
+from fe_solver.surfaces.spline_kernel import spline_at
+from fe_solver.surfaces.triangle_distance import checked_surface, distances_on_grid
+
+__all__ = ["Sphere", "SplineDistance", "Surface", "cache_folder"]
+
+Array = NDArray[np.float64]
+
+VERSION = 3
+"""Part of the cache key: raise it when the same surface would bake to other coefficients."""
+MOST_NODES = 20_000_000
+SYMMETRIC = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
+"""Where xx, xy, xz, yy, yz, zz stand in a Hessian."""
+
+
+def _basis(t: Array) -> Array:
+    """Uniform cubic B-spline weights of four coefficients and their first and second derivatives,
+    (3, 4, *t.shape), at t in [0, 1] (de Boor, A Practical Guide to Splines, 1978)."""
+    s = 1 - t
+    ss, tt = s * s, t * t
+    weight = np.empty((3, 4, *t.shape))
+    weight[0] = ss * s / 6, (t / 2 - 1) * tt + 2 / 3, (s / 2 - 1) * ss + 2 / 3, tt * t / 6
+    weight[1] = ss / -2, (1.5 * t - 2) * t, (2 - 1.5 * s) * s, tt / 2
+    weight[2] = s, 3 * t - 2, 3 * s - 2, t
+    return weight
+
+
+def _coefficients(values: Array) -> Array:
+    """(n + 2, ...) coefficients of the natural cubic spline through `values` (n, ...) in axis 0."""
+    from scipy.linalg import solveh_banded
+
+    out = np.empty((len(values) + 2, *values.shape[1:]))
+    rhs = 6 * values[1:-1]
+    rhs[0] -= values[0]
+    rhs[-1] -= values[-1]
+    bands = np.tile([[1.0], [4.0]], len(rhs))
+    out[1], out[-2] = values[0], values[-1]
+    out[2:-2] = solveh_banded(bands, rhs.reshape(len(rhs), -1)).reshape(rhs.shape)
+    out[0], out[-1] = 2 * out[1] - out[2], 2 * out[-2] - out[-3]
+    return out
+
+
+@dataclass(frozen=True)
+class SplineDistance:
+    """Tricubic uniform B-spline (C2) over a grid of exact signed distances.
+
+    Outside the grid the value is the constant `outside` with zero derivatives: no point there is
+    nearer to the surface than that, so it is for contact laws whose reach is shorter.
+    """
+
+    origin: Array
+    """(3,) m, the first grid node."""
+    spacing: float
+    coefficients: Array
+    """(nx + 2, ny + 2, nz + 2) m, for nx * ny * nz grid nodes."""
+    outside: float
+
+    def distance(self, points: Array) -> Distance:
+        """Signed distance, gradient and Hessian at points (n, 3)."""
+        at = (np.asarray(points, dtype=float) - self.origin) / self.spacing
+        value = self.outside + 0.0 * at.sum(axis=1)  # what is not finite must not pass for far
+        gradient, hessian = np.zeros_like(at), np.zeros((len(at), 3, 3))
+        if kernels.COMPILED:
+            spline_at(self.coefficients, self.spacing, at, value, gradient, hessian)
+            return Distance(value, gradient, hessian)
+        cells = np.array(self.coefficients.shape) - 3
+        inside = np.flatnonzero(((at >= 0) & (at <= cells)).all(axis=1))
+        at = at[inside].T
+        cell = np.minimum(at.astype(np.intp), cells[:, None] - 1)
+        v, g, h = self._evaluate(cell, at - cell)
+        value[inside], gradient[inside] = v, g.T / self.spacing
+        hessian[inside] = (h / self.spacing**2)[SYMMETRIC].transpose(2, 0, 1)
+        return Distance(value, gradient, hessian)
+
+    def _evaluate(self, cell: Array, t: Array) -> tuple[Array, Array, Array]:
+        """Value (n,), gradient (3, n) and upper Hessian (6, n) per grid spacing, for `cell` (3, n)
+        and the place `t` (3, n) in it.  Points run along the last axis, where numpy is fastest."""
+        shape = self.coefficients.shape
+        i = np.arange(4)
+        steps = np.ravel_multi_index(np.meshgrid(i, i, i, indexing="ij"), shape)
+        first = np.ravel_multi_index(tuple(cell), shape)
+        near = self.coefficients.ravel().take(steps.reshape(64, 1) + first).reshape(4, 4, 4, -1)
+        x, y, z = _basis(t).transpose(2, 0, 1, 3)
+        # c[a] = near contracted in x with derivative a, and so on for y and z.
+        c0, c1, c2 = np.einsum("aip,ijkp->ajkp", x, near)
+        c00, c01, c02 = np.einsum("bjp,jkp->bkp", y, c0)
+        c10, c11 = np.einsum("bjp,jkp->bkp", y[:2], c1)
+        c20 = np.einsum("jp,jkp->kp", y[0], c2)
+        v, vz, vzz = np.einsum("ckp,kp->cp", z, c00)
+        vy, vyz = np.einsum("ckp,kp->cp", z[:2], c01)
+        vx, vxz = np.einsum("ckp,kp->cp", z[:2], c10)
+        vxx, vxy, vyy = ((z[0] * c).sum(0) for c in (c20, c11, c02))
+        return v, np.stack([vx, vy, vz]), np.stack([vxx, vxy, vxz, vyy, vyz, vzz])
+
+    @classmethod
+    def bake(
+        cls,
+        vertices: Array,
+        faces: NDArray[np.integer],
+        spacing: float = 0.5e-3,
+        margin: float = 4e-3,
+        cache: Path | None = None,
+    ) -> SplineDistance:
+        """The distance of a watertight triangle surface: vertices (nv, 3) m, faces (nf, 3).
+
+        The grid reaches `margin` beyond the surface.  `cache` is a folder for baked grids (see
+        `cache_folder`); None bakes afresh.  Raises InputError for a surface that is empty, not
+        watertight or not finite, and for a grid of more than MOST_NODES nodes.
+        """
+        positive(spacing, "grid spacing")
+        positive(margin, "grid margin")
+        vertices, faces = checked_surface(vertices, faces)
+        origin, shape = _grid(vertices, spacing, margin)
+        file = cache and Path(cache) / f"{_key(vertices, faces, spacing, margin)}.npz"
+        coefficients = _read(file, shape) if file else None
+        if coefficients is not None:
+            return cls(origin, spacing, coefficients, margin)
+        values = distances_on_grid(vertices, faces, origin, spacing, shape)
+        baked = cls.from_grid(origin, spacing, values, margin)
+        if file:
+            _write(file, baked.coefficients)
+        return baked
+
+    @classmethod
+    def from_grid(
+        cls, origin: Array, spacing: float, values: Array, outside: float
+    ) -> SplineDistance:
+        """The spline through distances (m) at grid nodes, values (nx, ny, nz), three or more each
+        way; its second derivative across the border of the grid is zero there."""
+        for axis in range(3):
+            values = np.moveaxis(_coefficients(np.moveaxis(values, axis, 0)), 0, axis)
+        return cls(origin, spacing, np.ascontiguousarray(values), outside)
+
+
+def _grid(vertices: Array, spacing: float, margin: float) -> tuple[Array, tuple[int, ...]]:
+    """First node and node counts of a grid reaching at least `margin` beyond the surface."""
+    low, high = vertices.min(0) - margin, vertices.max(0) + margin
+    cells = np.ceil((high - low) / spacing)
+    if np.prod(cells + 1) > MOST_NODES:
+        size = " x ".join(f"{s:.3g}" for s in high - low)
+        raise InputError(
+            f"distance grid of {size} m at a spacing of {spacing:g} m has more than "
+            f"{MOST_NODES:,} nodes; expected a bone in metres: scale the surface (mm are 0.001 m) "
+            "or take a larger spacing"
+        )
+    origin = (low + high - cells * spacing) / 2
+    return origin, tuple(int(c) + 1 for c in cells)
+
+
+def cache_folder() -> Path:
+    """The user's folder for baked grids (may not exist yet)."""
+    from platformdirs import user_cache_path
+
+    return user_cache_path("cosim", appauthor=False)
+
+
+def _key(vertices: Array, faces: NDArray[np.integer], spacing: float, margin: float) -> str:
+    digest = hashlib.sha256(f"{VERSION} {spacing!r} {margin!r} {vertices.shape}".encode())
+    digest.update(np.ascontiguousarray(vertices, dtype="<f8").tobytes())
+    digest.update(np.ascontiguousarray(faces, dtype="<i8").tobytes())
+    return digest.hexdigest()
+
+
+def _digest(file: Path, coefficients: Array) -> str:
+    """What tells that these coefficients were written to this file, whose name is their key."""
+    digest = hashlib.sha256(f"{file.stem} {coefficients.dtype.str} {coefficients.shape}".encode())
+    digest.update(np.ascontiguousarray(coefficients).tobytes())
+    return digest.hexdigest()
+
+
+def _read(file: Path, shape: tuple[int, ...]) -> Array | None:
+    """Cached coefficients, or None where there are none that can be used."""
+    try:
+        with np.load(file, allow_pickle=False) as stored:
+            coefficients, digest = stored["coefficients"], str(stored["digest"])
+    except (OSError, ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile):
+        return None
+    fits = coefficients.shape == tuple(n + 2 for n in shape) and coefficients.dtype == np.float64
+    return coefficients if fits and digest == _digest(file, coefficients) else None
+
+
+def _write(file: Path, coefficients: Array) -> None:
+    """Store for the next time; a folder that cannot be written to only costs that time."""
+    temporary = None
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(dir=file.parent, suffix=".tmp")
+        with os.fdopen(handle, "wb") as stream:
+            np.savez(stream, coefficients=coefficients, digest=_digest(file, coefficients))
+        os.replace(temporary, file)
+    except OSError:
+        if temporary:
+            Path(temporary).unlink(missing_ok=True)
