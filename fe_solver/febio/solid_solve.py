@@ -31,8 +31,8 @@ from fe_solver.job.solve import (
     effort_since,
     wanted_times,
 )
-from fe_solver.solver.assembly import cross
 from fe_solver.solver.linear_algebra import Factor, mechanism
+from fe_solver.vectors import cross
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fe_solver.solver.assembly import tangents
+from fe_solver.vectors import tangents
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]

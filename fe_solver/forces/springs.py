@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator, PPoly
 
 from cosim.port import InputError
-from fe_solver.solver.assembly import scattered
+from fe_solver.vectors import scattered
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]

@@ -18,12 +18,12 @@ from cosim.port import (
     Response,
 )
 from fe_solver.hood.extrapolation import Bend
-from fe_solver.solver.assembly import cross
 from fe_solver.solver.augmented_contact import AugmentOptions, settled, solve_augmented
 from fe_solver.solver.body_coupling import wrenches
 from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import NewtonOptions, Solution, residual_norm, solve
 from fe_solver.solver.relaxation import relax
+from fe_solver.vectors import cross
 
 TIE, HELD = "terminal_slip", ("contact", "guide")
 """The ledger's names of what the tied nodes and the bones do; springs have their sets' names."""

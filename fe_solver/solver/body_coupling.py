@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 
 from cosim.port import skew
 from fe_solver.forces.springs import PointForces
-from fe_solver.solver.assembly import DOFS, add_at, cross
+from fe_solver.solver.assembly import DOFS
 from fe_solver.solver.model import Configuration, Evaluation, ShellModel
+from fe_solver.vectors import add_at, cross
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]

@@ -25,15 +25,8 @@ from fe_solver.forces.springs import (
     spring_forces,
 )
 from fe_solver.materials.section import Section
-from fe_solver.solver.assembly import (
-    DOFS,
-    Pattern,
-    cross,
-    make_pattern,
-    scattered,
-    tangents,
-    turned,
-)
+from fe_solver.solver.assembly import DOFS, Pattern, make_pattern
+from fe_solver.vectors import cross, scattered, tangents, turned
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
