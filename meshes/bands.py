@@ -23,11 +23,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .cable_net import CableNet
-from .glide import NET, SHEET, crossing, net_edges, sheet_edges
-from .hood_lines import SAGITTAL_ROWS
-from .hood_mesh import HoodMesh
-from .skeleton import BODIES
+from meshes.cable_net import CableNet
+from meshes.glide import NET, SHEET, crossing, net_edges, sheet_edges
+from meshes.hood_lines import SAGITTAL_ROWS
+from meshes.hood_mesh import HoodMesh
+from meshes.skeleton import BODIES
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]

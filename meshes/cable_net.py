@@ -22,7 +22,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from .hood import (
+from meshes.hood import (
     INTRINSIC,
     PALMAR_PLATE,
     RETINACULAR_ANCHOR,
@@ -30,7 +30,7 @@ from .hood import (
     clear_guides,
     on_bone,
 )
-from .hood_lines import (
+from meshes.hood_lines import (
     CENTRAL_END,
     JOIN,
     LATERAL_END,
@@ -40,9 +40,9 @@ from .hood_lines import (
     SLIP_END,
     TERMINAL_END,
 )
-from .hood_mesh import Attachment
-from .hull import CLEARANCE, PIP, Chain, Hull, Level, Surface, along
-from .skeleton import Skeleton
+from meshes.hood_mesh import Attachment
+from meshes.hull import CLEARANCE, PIP, Chain, Hull, Level, Surface, along
+from meshes.skeleton import Skeleton
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]

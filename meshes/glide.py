@@ -19,10 +19,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .cable_net import CableNet
-from .hood_mesh import HoodMesh, flat
-from .hull import PIP
-from .skeleton import BODIES
+from meshes.cable_net import CableNet
+from meshes.hood_mesh import HoodMesh, flat
+from meshes.hull import PIP
+from meshes.skeleton import BODIES
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]

@@ -32,7 +32,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .hood_lines import (
+from meshes.hood_lines import (
     CAPSULE_ROWS,
     CENTRAL_END,
     HOOD_END,
@@ -53,9 +53,9 @@ from .hood_lines import (
     even_shares,
     rows,
 )
-from .hood_mesh import REGIONS, Attachment, HoodMesh, runs_round
-from .hull import CLEARANCE, PIP, Chain, Hull, Level, Surface, along
-from .skeleton import BODIES, Skeleton
+from meshes.hood_mesh import REGIONS, Attachment, HoodMesh, runs_round
+from meshes.hull import CLEARANCE, PIP, Chain, Hull, Level, Surface, along
+from meshes.skeleton import BODIES, Skeleton
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .hull import PIP
+from meshes.hull import PIP
 
 Array = NDArray[np.float64]
 

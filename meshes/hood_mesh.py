@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.port import InputError
-
-from .skeleton import BODIES, JOINTS
+from meshes.skeleton import BODIES, JOINTS
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]

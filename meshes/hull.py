@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from .skeleton import BODIES, Skeleton, index_finger
+from meshes.skeleton import BODIES, Skeleton, index_finger
 
 Array = NDArray[np.float64]
 

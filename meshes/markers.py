@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.port import InputError
-
-from .hood_mesh import HoodMesh, flat
+from meshes.hood_mesh import HoodMesh, flat
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]

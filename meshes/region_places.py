@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .hood_mesh import REGIONS, HoodMesh, flat
-from .hull import Chain, along
-from .skeleton import Skeleton
+from meshes.hood_mesh import REGIONS, HoodMesh, flat
+from meshes.hull import Chain, along
+from meshes.skeleton import Skeleton
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]

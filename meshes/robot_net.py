@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .bones import load_bone
-from .cable_net import CableNet, cable_of
-from .skeleton import BODIES, Skeleton, index_finger
+from meshes.bones import load_bone
+from meshes.cable_net import CableNet, cable_of
+from meshes.skeleton import BODIES, Skeleton, index_finger
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]

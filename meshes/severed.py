@@ -19,10 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.port import InputError
-
-from .cable_net import CableNet
-from .hood_lines import HOOD_END, JOIN, MERGE, SAGITTAL_ROWS, SLIP_END, SLIP_START
-from .hood_mesh import REGIONS, Attachment, HoodMesh, pairs
+from meshes.cable_net import CableNet
+from meshes.hood_lines import HOOD_END, JOIN, MERGE, SAGITTAL_ROWS, SLIP_END, SLIP_START
+from meshes.hood_mesh import REGIONS, Attachment, HoodMesh, pairs
 
 Ints = NDArray[np.intp]
 Mask = NDArray[np.bool_]

@@ -9,14 +9,14 @@ import numpy as np
 from cosim.coupling.equilibrium import CouplingOptions, equilibrium
 from cosim.port import Array, Balance, Finger, Load
 from meshes.skeleton import JOINTS, Skeleton, index_finger
-from rigid import hinge
-from rigid.hinge import HingeFinger
-from rigid.index_finger import finger_model
-from rigid.joint_torques import joint_law
-from rigid.mujoco_finger import MujocoFinger
-from rigid.pulley import Cable, PulleyHood
-from rigid.statics import ChainFinger, FingerState
-from rigid.support import Support
+from rigid.chain import hinge
+from rigid.chain.hinge import HingeFinger
+from rigid.chain.joint_torques import joint_law
+from rigid.chain.statics import ChainFinger, FingerState
+from rigid.chain.support import Support
+from rigid.fingers.index import finger_model
+from rigid.hoods.pulley import Cable, PulleyHood
+from rigid.mujoco.finger import MujocoFinger
 
 POSTURE = {"MCP": np.radians(30), "PIP": np.radians(45), "DIP": np.radians(15)}
 STIFFNESS = {"MCP": 0.04, "PIP": 0.03, "DIP": 0.02}

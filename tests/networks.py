@@ -7,12 +7,12 @@ import numpy as np
 
 from cosim.port import Array, Hood, Motion
 from meshes.skeleton import BODIES, index_finger
-from rigid.hinge_angle import flexion_angles
-from rigid.human_network import OPERATING_FORCE, human_finger
-from rigid.index_finger import finger_model
-from rigid.network import Network
-from rigid.network_hood import NetworkHood
-from rigid.two_band import two_band
+from rigid.fingers.index import finger_model
+from rigid.hoods.hinge_angle import flexion_angles
+from rigid.hoods.network import Network
+from rigid.hoods.network_hood import NetworkHood
+from rigid.hoods.two_band import two_band
+from rigid.papers.networks.human_network import OPERATING_FORCE, human_finger
 
 Subject = tuple[Hood, list[Motion], Array, float]
 POSTURES = (

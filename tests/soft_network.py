@@ -16,8 +16,8 @@ from cosim.hoods.lumped.build import slip_forces
 from cosim.hoods.lumped.table import NetworkHood
 from cosim.port import STATIC
 from cosim.verification.reduction import SOFT
-from rigid.reduced_network import Potential
-from rigid.reduction import Order, Sample, reduced, stacked
+from rigid.hoods.reduced import Potential
+from rigid.hoods.reduction import Order, Sample, reduced, stacked
 
 JOINTS, MUSCLES = ("MCP", "MCP_abduction", "PIP", "DIP"), ("EDC", "LUM", "FPI")
 STRAIGHT = Order(angle=4, toe=None)

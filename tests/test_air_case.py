@@ -17,7 +17,7 @@ from cosim.port import ConvergenceError, InputError, StoppedError
 from cosim.results.data import Result
 from cosim.results.history_plot import draw_history
 from cosim.tendons.air import begun, cylinders, pulled
-from rigid.pneumatic import ATMOSPHERE, Cylinder
+from rigid.air.plant import ATMOSPHERE, Cylinder
 
 PLAIN = "output.picture=false"
 AREA = float(np.asarray(Cylinder().area))

@@ -15,7 +15,7 @@ import shells
 
 from cosim.port import Array, Hood, InputError, Motion
 from meshes.skeleton import BODIES, index_finger
-from rigid.pulley import Cable, PulleyHood
+from rigid.hoods.pulley import Cable, PulleyHood
 
 Subject = tuple[Hood, list[Motion], Array, float]
 POSTURES = (

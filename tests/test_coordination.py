@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from cosim.port import ConvergenceError
-from rigid.coordination import (
+from rigid.hoods.two_band import TABLE_1, Entry, coupled_dip, excursions, two_band
+from rigid.papers.buchner1988.coordination import (
     Loop,
     asked_torque,
     band_torque,
@@ -21,9 +22,8 @@ from rigid.coordination import (
     reference,
     shared,
 )
-from rigid.coordination_findings import doubts, feasible, findings, flexion
-from rigid.flexion import DURATION, FULL
-from rigid.two_band import TABLE_1, Entry, coupled_dip, excursions, two_band
+from rigid.papers.buchner1988.coordination_findings import doubts, feasible, findings, flexion
+from rigid.papers.buchner1988.flexion import DURATION, FULL
 
 
 @cache

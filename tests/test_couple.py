@@ -29,11 +29,11 @@ from cosim.port import (
     Response,
     State,
 )
-from rigid import hinge
-from rigid.hinge import HingeFinger
-from rigid.joint_torques import joint_law
-from rigid.pulley import Cable, PulleyHood
-from rigid.support import FREE, IN_PLANE
+from rigid.chain import hinge
+from rigid.chain.hinge import HingeFinger
+from rigid.chain.joint_torques import joint_law
+from rigid.chain.support import FREE, IN_PLANE
+from rigid.hoods.pulley import Cable, PulleyHood
 
 H, A = 0.006, 0.008  # m, eyelets above and beside each joint
 STIFFNESS = np.array([0.20, 0.12, 0.08])  # N m/rad

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cosim.port import Array, InputError
-from rigid.contact_step import friction
-from rigid.device import Cage, Contact, Device, Nothing, Shell, wrench
+from rigid.mujoco.implicit_step import friction
+from rigid.mujoco.tip_device import Cage, Contact, Device, Nothing, Shell, wrench
 
 STILL = np.zeros(6)
 DEVICES = (Cage(), Shell())

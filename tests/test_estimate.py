@@ -22,12 +22,12 @@ from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.pipeline import solve
 from cosim.port import InputError
-from rigid.flexion import on_the_curve, torques
-from rigid.force_sharing import linear
-from rigid.inverse_dynamics import needed_torque
-from rigid.planar_chain import BUCHNER
-from rigid.programme import least
-from rigid.two_band import two_band
+from rigid.chain.planar_chain import BUCHNER
+from rigid.hoods.two_band import two_band
+from rigid.mujoco.inverse_dynamics import needed_torque
+from rigid.muscle.least_cost import least
+from rigid.papers.buchner1988.flexion import on_the_curve, torques
+from rigid.papers.buchner1988.force_sharing import linear
 
 CLAMPED = 'finger.tip.kind="clamped"'
 NO_SPRINGS = [f'finger.passive.{j}.stiffness="0 N*m/rad"' for j in ("MCP", "PIP", "DIP")]

@@ -27,13 +27,13 @@ from scipy.optimize import brentq
 
 from cosim.port import Array, InputError
 from meshes.skeleton import JOINTS
-from rigid import hinge
-from rigid.hinge import HingeFinger
-from rigid.index_finger import finger_model
-from rigid.joint_torques import joint_law, limit_torque, spring_torque
-from rigid.mujoco_finger import MujocoFinger
-from rigid.statics import ChainFinger
-from rigid.support import CLAMPED, CLAMPED_IN_PLANE, FREE, HELD, IN_PLANE, JOINTS_HELD
+from rigid.chain import hinge
+from rigid.chain.hinge import HingeFinger
+from rigid.chain.joint_torques import joint_law, limit_torque, spring_torque
+from rigid.chain.statics import ChainFinger
+from rigid.chain.support import CLAMPED, CLAMPED_IN_PLANE, FREE, HELD, IN_PLANE, JOINTS_HELD
+from rigid.fingers.index import finger_model
+from rigid.mujoco.finger import MujocoFinger
 
 FINGERS = {
     "hinge-held": lambda: hinge_finger(IN_PLANE),
@@ -244,7 +244,7 @@ def test_fingers_refuse_wrong_input(finger: ChainFinger) -> None:
 
 def test_rigid_needs_no_mujoco() -> None:
     code = (
-        "import sys, rigid, rigid.hinge, rigid.pulley, rigid.index_finger;"
+        "import sys, rigid, rigid.chain.hinge, rigid.hoods.pulley, rigid.fingers.index;"
         "assert 'mujoco' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -12,7 +12,7 @@ from cosim.coupling.equilibrium import CouplingOptions
 from cosim.coupling.fixed_point import fixed_point
 from cosim.pipeline import run_case
 from cosim.port import ConvergenceError
-from rigid.support import FREE, IN_PLANE
+from rigid.chain.support import FREE, IN_PLANE
 
 TENSION, NONE = np.array([3.0]), np.zeros(0)
 

@@ -21,8 +21,8 @@ from cosim.fmu.quantity import tangent_of
 from cosim.fmu.unit import Unit
 from cosim.fmu_export.write import write_fmu
 from cosim.port import STATIC, ConvergenceError, Hood, InputError, Motion
-from rigid.joint_torques import joint_law
-from rigid.moving_hinge import MovingHinge
+from rigid.chain.joint_torques import joint_law
+from rigid.chain.moving_hinge import MovingHinge
 from tests.fmus import NEEDS_FMU, described
 
 pytestmark = NEEDS_FMU

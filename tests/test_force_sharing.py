@@ -10,14 +10,14 @@ from typer.testing import CliRunner
 
 from cosim.cli import app
 from cosim.port import ConvergenceError
-from rigid.flexion import DURATION, FULL, cosine, on_the_curve, quintic, torques
-from rigid.force_sharing import linear, quadratic
-from rigid.hinge import HingeFinger
-from rigid.human_network import MUSCLES, human_finger
-from rigid.network import Arms, Network
-from rigid.planar_chain import BUCHNER
-from rigid.point_contact import best_share, distal_torque, settled, tip_jacobian
-from rigid.two_band import coupled_dip, two_band
+from rigid.chain.hinge import HingeFinger
+from rigid.chain.planar_chain import BUCHNER
+from rigid.hoods.network import Arms, Network
+from rigid.hoods.two_band import coupled_dip, two_band
+from rigid.papers.buchner1988.flexion import DURATION, FULL, cosine, on_the_curve, quintic, torques
+from rigid.papers.buchner1988.force_sharing import linear, quadratic
+from rigid.papers.networks.human_network import MUSCLES, human_finger
+from rigid.papers.networks.point_contact import best_share, distal_torque, settled, tip_jacobian
 from rigid.verification.hood_table import STUDIES
 
 EQUAL = np.ones(5)

@@ -11,14 +11,14 @@ import pytest
 from cosim.coupling.finger_equilibrium import at_rest
 from cosim.port import Array, ConvergenceError, InputError, State
 from meshes.skeleton import JOINTS
-from rigid.device import Cage, Contact, Device, Shell
-from rigid.dynamics import Constant, FingerDynamics, Pull
-from rigid.forward import Rest, Simulation, came_to_rest, limit_energy, simulate
-from rigid.index_finger import finger_model
-from rigid.joint_torques import JointLaw, TorqueCurve, joint_law, limit_torque
+from rigid.chain.joint_torques import JointLaw, TorqueCurve, joint_law, limit_torque
+from rigid.chain.support import CLAMPED, FREE, HELD, Support
+from rigid.fingers.index import finger_model
 from rigid.model import FingerModel, Hinge, Segment
-from rigid.mujoco_finger import MujocoFinger
-from rigid.support import CLAMPED, FREE, HELD, Support
+from rigid.mujoco.dynamics import Constant, FingerDynamics, Pull
+from rigid.mujoco.finger import MujocoFinger
+from rigid.mujoco.forward import Rest, Simulation, came_to_rest, limit_energy, simulate
+from rigid.mujoco.tip_device import Cage, Contact, Device, Shell
 from tests.fingers import POSTURE, straight_skeleton
 
 LENGTH, MASS, GRAVITY = 0.05, 0.02, 9.81

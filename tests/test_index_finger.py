@@ -12,14 +12,14 @@ from scipy.optimize import minimize_scalar
 
 from cosim.port import Array, InputError, Motion
 from meshes.skeleton import BODIES, JOINTS, Skeleton, index_finger
-from rigid.anatomy import _distance
-from rigid.index_finger import finger_model
-from rigid.joint_torques import joint_law
-from rigid.middle_finger import finger_model as middle_finger
-from rigid.mjcf import mjcf_xml
+from rigid.chain.joint_torques import joint_law
+from rigid.chain.support import FREE, HELD
+from rigid.fingers.anatomy import _distance
+from rigid.fingers.index import finger_model
+from rigid.fingers.middle import finger_model as middle_finger
+from rigid.mjcf.write import mjcf_xml
 from rigid.model import FingerModel
-from rigid.mujoco_finger import MujocoFinger
-from rigid.support import FREE, HELD
+from rigid.mujoco.finger import MujocoFinger
 
 
 def test_mujoco_has_the_skeletons_frames() -> None:

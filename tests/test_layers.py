@@ -124,7 +124,7 @@ CIRCLES: set[frozenset[str]] = {
         }
     ),
     frozenset({"cosim.results.data", "cosim.results.ledger_plot", "cosim.results.scene_plot"}),
-    frozenset({"rigid.reduced_fit", "rigid.reduction"}),
+    frozenset({"rigid.hoods.reduced_fit", "rigid.hoods.reduction"}),
 }
 # What may use the studies of the papers, and what does and should not.
 USE_THE_PAPERS = {"cosim.commands", "cosim.verification"}
@@ -204,13 +204,13 @@ def _is_within(name: str, room: str) -> bool:
 
 
 def test_the_modules_are_found():
-    assert {"cosim.port", "fe_solver.hood.shell_hood", "rigid.pulley", "meshes.hood"} <= set(
+    assert {"cosim.port", "fe_solver.hood.shell_hood", "rigid.hoods.pulley", "meshes.hood"} <= set(
         MODULES
     )
-    assert "meshes.skeleton" in set(imports("rigid.index_finger", top_only=True))
+    assert "meshes.skeleton" in set(imports("rigid.fingers.index", top_only=True))
     assert "fe_solver.solver.newton" in set(imports("fe_solver.hood.shell_hood", top_only=True))
-    assert "rigid.hinge" in set(imports("cosim.fingers.kinds", top_only=False))
-    assert "rigid.hinge" not in set(imports("cosim.fingers.kinds", top_only=True))
+    assert "rigid.chain.hinge" in set(imports("cosim.fingers.kinds", top_only=False))
+    assert "rigid.chain.hinge" not in set(imports("cosim.fingers.kinds", top_only=True))
 
 
 @pytest.mark.parametrize("room", ALLOWED)

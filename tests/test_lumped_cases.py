@@ -12,10 +12,10 @@ from cosim.case.file import load_case, resolved_toml
 from cosim.pipeline import run_case
 from cosim.port import STATIC, Hood, InputError
 from cosim.results.data import Result
-from rigid.human_network import human_finger
-from rigid.network import Network
-from rigid.network_hood import NetworkHood
-from rigid.two_band import coupled_dip, two_band
+from rigid.hoods.network import Network
+from rigid.hoods.network_hood import NetworkHood
+from rigid.hoods.two_band import coupled_dip, two_band
+from rigid.papers.networks.human_network import human_finger
 
 
 @cache

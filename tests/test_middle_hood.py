@@ -21,7 +21,7 @@ from cosim.results.compare_files import read_targets
 from meshes.hood_mesh import HoodMesh
 from meshes.hull import DIP, PIP, Chain, Hull, Level, along
 from meshes.skeleton import BODIES, index_finger
-from rigid import middle_finger
+from rigid.fingers import middle as middle_finger
 from rigid.verification.finger_rows import SINGLE_TENDON
 
 DATA = Path(__file__).parents[1] / "cases" / "data"

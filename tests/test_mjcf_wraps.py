@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from meshes.skeleton import JOINTS
-from rigid.mjcf import mjcf_xml
-from rigid.mjcf_read import ReadFinger, read_mjcf
+from rigid.mjcf.read import ReadFinger, read_mjcf
+from rigid.mjcf.write import mjcf_xml
 from rigid.model import Cylinder, Sphere
-from rigid.robot.paths import tendon_lengths, wrapped_length
+from rigid.papers.xu2012.paths import tendon_lengths, wrapped_length
 
 OVER = '<site site="e0"/><site site="e1"/><geom geom="drum"{}/><site site="e2"/><site site="e3"/>'
 

@@ -8,11 +8,11 @@ from fingers import LENGTHS
 from scipy.integrate import quad, solve_ivp
 
 from cosim.port import AffineLoad, Array, ConvergenceError, InputError, Motion
-from rigid import moving_hinge
-from rigid.hinge import JOINTS, HingeFinger
-from rigid.joint_torques import JointLaw, TorqueCurve, joint_law, limit_torque
-from rigid.moving_hinge import HingeMoment, MovingHinge, inverse_dynamics
-from rigid.planar_chain import BUCHNER, PlanarChain
+from rigid.chain import moving_hinge
+from rigid.chain.hinge import JOINTS, HingeFinger
+from rigid.chain.joint_torques import JointLaw, TorqueCurve, joint_law, limit_torque
+from rigid.chain.moving_hinge import HingeMoment, MovingHinge, inverse_dynamics
+from rigid.chain.planar_chain import BUCHNER, PlanarChain
 
 NONE = np.zeros(0)
 

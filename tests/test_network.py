@@ -13,13 +13,19 @@ from scipy.spatial.transform import Rotation
 
 from cosim.port import STATIC, Array, InputError, Motion
 from meshes.skeleton import BODIES, index_finger
-from rigid.hinge import HingeFinger
-from rigid.hinge_angle import HingeAngle, angles, flexion_angles
-from rigid.human_network import MUSCLES, OPERATING_FORCE, STIFFNESS, TENDONS, human_finger
-from rigid.index_finger import finger_model
-from rigid.network import Arms, Network, junction
-from rigid.network_hood import NetworkHood
-from rigid.two_band import JOINTS
+from rigid.chain.hinge import HingeFinger
+from rigid.fingers.index import finger_model
+from rigid.hoods.hinge_angle import HingeAngle, angles, flexion_angles
+from rigid.hoods.network import Arms, Network, junction
+from rigid.hoods.network_hood import NetworkHood
+from rigid.hoods.two_band import JOINTS
+from rigid.papers.networks.human_network import (
+    MUSCLES,
+    OPERATING_FORCE,
+    STIFFNESS,
+    TENDONS,
+    human_finger,
+)
 
 EDC, LUM, UI = range(3)
 ES, LB = TENDONS.index("EDC slip"), TENDONS.index("EDC radial")

@@ -11,14 +11,20 @@ from cosim.papers.network_arms import arm_figures
 from cosim.papers.network_contact import end_states
 from cosim.papers.network_motion import SETTLED, contact
 from cosim.papers.networks import STUDIES
-from rigid.arm_switch import predicted, switch
-from rigid.excursion_fit import EXTENSOR, coupled_dip, identify, off_curve, off_curve_slopes
-from rigid.excursion_fit_check import drawn, true_parameters
-from rigid.human_network import human_finger
-from rigid.network import Arms
-from rigid.point_contact import distal_torque, tip_jacobian
-from rigid.robotic_finger import LENGTH, robotic_finger
-from rigid.share_models import Finger, best_share, forward, inverse, with_shares
+from rigid.hoods.network import Arms
+from rigid.papers.networks.arm_switch import predicted, switch
+from rigid.papers.networks.excursion_fit import (
+    EXTENSOR,
+    coupled_dip,
+    identify,
+    off_curve,
+    off_curve_slopes,
+)
+from rigid.papers.networks.excursion_fit_check import drawn, true_parameters
+from rigid.papers.networks.human_network import human_finger
+from rigid.papers.networks.point_contact import distal_torque, tip_jacobian
+from rigid.papers.networks.robotic_finger import LENGTH, robotic_finger
+from rigid.papers.networks.share_models import Finger, best_share, forward, inverse, with_shares
 
 COARSE = ('forward.step="10 ms"', "output.picture=false")
 POSTURE = np.array([0.2, 0.6, 0.13])

@@ -22,7 +22,7 @@ from cosim.pipeline import run_case
 from cosim.port import InputError
 from meshes.hood_mesh import HoodMesh, to_json
 from meshes.hull import Chain
-from meshes.imported_checks import Placing
+from meshes.imported.checks import Placing
 from meshes.skeleton import BODIES, index_finger
 from tests.own_anatomy import exported, moved, with_a_free_node, write_bones, write_meshio
 

@@ -15,8 +15,8 @@ from cosim.fingers.kinds import finger_model, live_finger, mjcf_of, skeleton_of
 from cosim.pipeline import run_case
 from cosim.port import InputError
 from meshes.skeleton import JOINTS
-from rigid.mjcf_read import read_mjcf
-from rigid.mujoco_finger import MujocoFinger
+from rigid.mjcf.read import read_mjcf
+from rigid.mujoco.finger import MujocoFinger
 
 RIGHT = np.eye(3)
 LIKE_MYOHAND = np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]])

@@ -18,8 +18,7 @@ from cosim.case.file import load_case
 from cosim.port import InputError
 from meshes.hood_mesh import HoodMesh
 from meshes.hull import Chain, along
-from meshes.imported import RawMesh, read_raw
-from meshes.imported_checks import (
+from meshes.imported.checks import (
     Placing,
     axes_fault,
     axes_text,
@@ -27,8 +26,9 @@ from meshes.imported_checks import (
     parse_axes,
     turned_alike,
 )
-from meshes.imported_hood import Sheet, places, read_sheet, stations
-from meshes.imported_names import missing, named
+from meshes.imported.hood import Sheet, places, read_sheet, stations
+from meshes.imported.names import missing, named
+from meshes.imported.raw import RawMesh, read_raw
 from meshes.skeleton import index_finger
 from tests.own_anatomy import exported, write_feb, write_meshio
 

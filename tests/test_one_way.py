@@ -20,7 +20,7 @@ from cosim.verification import schemes_at_rest as verification_rest
 from cosim.verification import thesis as verification_thesis
 from cosim.verification.thesis import greatest_tip_force
 from meshes.skeleton import BODIES
-from rigid.support import HELD
+from rigid.chain.support import HELD
 
 ONE_WAY = 'coupling.scheme="one_way"'
 ALLOWED = "coupling.allow_double_counting=true"

@@ -13,8 +13,8 @@ from cosim.case.file import load_case
 from cosim.fingers.kinds import planar_chain
 from cosim.pipeline import run_case
 from cosim.port import InputError
-from rigid.planar_chain import BUCHNER, PlanarChain
-from rigid.support import HELD
+from rigid.chain.planar_chain import BUCHNER, PlanarChain
+from rigid.chain.support import HELD
 from rigid.verification.finger_rows import planar_rows
 
 NONE = np.zeros(2)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cosim.port import InputError
-from rigid.pneumatic import (
+from rigid.air.plant import (
     ATMOSPHERE,
     GAMMA,
     GAS_CONSTANT,

@@ -7,8 +7,7 @@ import pytest
 
 from cosim.papers import robot_air
 from cosim.port import Array, InputError
-from rigid.pneumatic import Pneumatics, Valve
-from rigid.pneumatic_model import (
+from rigid.air.model import (
     AT,
     FULL_TERMS,
     PRINTED_TERMS,
@@ -25,6 +24,7 @@ from rigid.pneumatic_model import (
     spread,
     steps,
 )
+from rigid.air.plant import Pneumatics, Valve
 
 TRUE = np.array([2e5, -5e4, 9e3, -2.0, 1.0, -0.3, 0.02])
 LAG = 2

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rigid.programme import ACCURATE, Programme, least, optimality
+from rigid.muscle.least_cost import ACCURATE, Programme, least, optimality
 
 
 def one_equation(arms, torque, most=np.inf):

@@ -18,11 +18,11 @@ from cosim.fingers.kinds import finger_model
 from cosim.hoods.lumped.build import fitted, reduced_hood
 from cosim.port import STATIC, ConvergenceError, InputError, Motion
 from meshes.skeleton import BODIES, index_finger
-from rigid.hinge_angle import angles, flexion_angles
-from rigid.reduced_basis import legendre, loadings, monomials, to_powers
-from rigid.reduced_fit import LEAST_FORCE, TIP, least_squares, tip_rows
-from rigid.reduced_network import AT_ONCE, Potential
-from rigid.reduction import (
+from rigid.hoods.hinge_angle import angles, flexion_angles
+from rigid.hoods.reduced import AT_ONCE, Potential
+from rigid.hoods.reduced_basis import legendre, loadings, monomials, to_powers
+from rigid.hoods.reduced_fit import LEAST_FORCE, TIP, least_squares, tip_rows
+from rigid.hoods.reduction import (
     ENOUGH,
     Order,
     angle_powers,
@@ -31,7 +31,7 @@ from rigid.reduction import (
     stacked,
     tension_terms,
 )
-from rigid.universal_angle import all_angles, chain_of, joints_of
+from rigid.hoods.universal_angle import all_angles, chain_of, joints_of
 
 
 def test_a_network_is_recovered_to_round_off():
@@ -263,7 +263,7 @@ def test_too_few_samples_are_refused():
 
 
 def test_rows_in_parts_are_the_rows_at_once(monkeypatch):
-    monkeypatch.setattr("rigid.reduced_fit.AT_ONCE", 37)
+    monkeypatch.setattr("rigid.hoods.reduced_fit.AT_ONCE", 37)
     parted, held = reduced(fitted_to(), JOINTS, MUSCLES, STRAIGHT), held_out()
     torque = parted.torques(held.angle, held.tension)
     assert torque == pytest.approx(held.torque, rel=1e-8, abs=1e-10)

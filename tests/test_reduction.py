@@ -21,8 +21,8 @@ from cosim.cli import app
 from cosim.hoods.lumped.build import potential
 from cosim.hoods.lumped.table import NetworkHood
 from cosim.port import ConvergenceError, InputError
-from rigid.reduced_network import Potential
-from rigid.reduction import Order, reduced
+from rigid.hoods.reduced import Potential
+from rigid.hoods.reduction import Order, reduced
 
 
 def a_reduction(made: Potential) -> reduction.Reduction:

@@ -9,15 +9,15 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from cosim.port import ConvergenceError, InputError
-from rigid.anatomy import RANGES
+from rigid.fingers.anatomy import RANGES
+from rigid.fingers.robot import robot_finger
+from rigid.fingers.robot_tables import JOINTS, LENGTHS, LONG, MASSES, SHORT, TABLE_III
 from rigid.model import Cylinder, Sphere, Strand, Tendon, Via
-from rigid.mujoco_finger import MujocoFinger
-from rigid.robot import checks, excursions, paths
-from rigid.robot.calibration import Seen, Spread, calibrated
-from rigid.robot.finger import robot_finger
-from rigid.robot.pose import Markers, cubic_minimum, estimated
-from rigid.robot.tables import JOINTS, LENGTHS, LONG, MASSES, SHORT, TABLE_III
-from rigid.robot.tracking import MARKERS, poses
+from rigid.mujoco.finger import MujocoFinger
+from rigid.papers.xu2012 import checks, excursions, paths
+from rigid.papers.xu2012.calibration import Seen, Spread, calibrated
+from rigid.papers.xu2012.pose import Markers, cubic_minimum, estimated
+from rigid.papers.xu2012.tracking import MARKERS, poses
 
 POSE = np.radians([30.0, 10.0, 45.0, 20.0])
 

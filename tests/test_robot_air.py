@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from cosim.port import Array
-from rigid.pneumatic import ATMOSPHERE, GAMMA
-from rigid.robot import checks
-from rigid.robot.actuators import PERIOD
-from rigid.robot.air import Air, Driven, PressureLoop, identified
-from rigid.robot.control import AIR_GAINS
-from rigid.robot.plant import STEP
-from rigid.robot.tracking import poses
+from rigid.air.plant import ATMOSPHERE, GAMMA
+from rigid.papers.xu2012 import checks
+from rigid.papers.xu2012.actuators import PERIOD
+from rigid.papers.xu2012.air import Air, Driven, PressureLoop, identified
+from rigid.papers.xu2012.control import AIR_GAINS
+from rigid.papers.xu2012.plant import STEP
+from rigid.papers.xu2012.tracking import poses
 
 LONGEST, LENGTH = np.full(4, 0.12), np.full(4, 0.10)
 WANTED = np.array([1.0, 3.0, 6.0, 12.0])

@@ -9,7 +9,7 @@ from cosim.fingers.kinds import finger_model, our_finger
 from cosim.hoods.lumped.build import slip_forces, split_slips
 from cosim.pipeline import solve
 from cosim.port import InputError
-from rigid.robot.tables import LENGTHS, TABLE_III
+from rigid.fingers.robot_tables import LENGTHS, TABLE_III
 
 PULLEYS, NETWORK = "robot_pulleys_extensor", "robot_network_extensor"
 FREE = 'finger.tip.kind="free"'

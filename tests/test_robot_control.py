@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear, nnls
 
-from rigid.mujoco_finger import MujocoFinger
-from rigid.robot import checks
-from rigid.robot.actuators import PERIOD, Lag
-from rigid.robot.control import (
+from rigid.fingers.robot import robot_finger
+from rigid.mujoco.finger import MujocoFinger
+from rigid.papers.xu2012 import checks
+from rigid.papers.xu2012.actuators import PERIOD, Lag
+from rigid.papers.xu2012.control import (
     JOINT_GAINS,
     Gains,
     Memory,
@@ -18,11 +19,10 @@ from rigid.robot.control import (
     remember,
     tendon_forces,
 )
-from rigid.robot.fan import fan, least_share
-from rigid.robot.finger import robot_finger
-from rigid.robot.plant import Plant
-from rigid.robot.tensions import ARM, WEIGHT, tensions
-from rigid.robot.tracking import Bench, Step, poses
+from rigid.papers.xu2012.fan import fan, least_share
+from rigid.papers.xu2012.plant import Plant
+from rigid.papers.xu2012.tensions import ARM, WEIGHT, tensions
+from rigid.papers.xu2012.tracking import Bench, Step, poses
 
 POSE = np.radians([30.0, 10.0, 45.0, 20.0])
 

@@ -14,9 +14,9 @@ from fe_solver.surfaces.shapes import Capsule
 from meshes.cable_net import CableNet, cable_of, lay
 from meshes.robot_net import OTHERS, extensor_alone, wider
 from meshes.skeleton import BODIES
-from rigid.mujoco_finger import MujocoFinger
-from rigid.robot.finger import robot_finger
-from rigid.robot.tables import JOINTS, LENGTHS
+from rigid.fingers.robot import robot_finger
+from rigid.fingers.robot_tables import JOINTS, LENGTHS
+from rigid.mujoco.finger import MujocoFinger
 
 CABLES, PULLEYS = "robot_cable_extensor", "robot_pulleys_extensor"
 

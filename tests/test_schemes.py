@@ -46,7 +46,7 @@ from cosim.verification.pairs import (
     stiff_pair,
     unstable_from,
 )
-from rigid.moving_hinge import MovingHinge
+from rigid.chain.moving_hinge import MovingHinge
 
 QUICK = {"partitioned = monolithic"}
 EACH = [pytest.param(scheme, id=name) for name, scheme in SCHEMES.items()]

@@ -7,9 +7,8 @@ import pytest
 from scipy.optimize import brentq
 
 from cosim.port import InputError
-from rigid.human_network import human_finger
-from rigid.network import Network
-from rigid.two_band import (
+from rigid.hoods.network import Network
+from rigid.hoods.two_band import (
     ELASTICITY,
     JOINTS,
     TABLE_1,
@@ -22,6 +21,7 @@ from rigid.two_band import (
     shift_difference,
     two_band,
 )
+from rigid.papers.networks.human_network import human_finger
 
 PARABOLA = TABLE_1["ED", "PIP"].slope / TABLE_1["ED", "DIP"].radius
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from cosim.port import ConvergenceError
-from rigid.point_contact import settled
-from rigid.robotic_finger import LENGTH, robotic_finger
-from rigid.testbed_runs import (
+from rigid.papers.networks.point_contact import settled
+from rigid.papers.networks.robotic_finger import LENGTH, robotic_finger
+from rigid.papers.networks.testbed_runs import (
     ELSEWHERE,
     FRICTION_ELSEWHERE,
     HAND,
@@ -20,8 +20,8 @@ from rigid.testbed_runs import (
     hysteresis,
     virtual_bed,
 )
-from rigid.testbed_study import errors, kept_to_curve, trials
-from rigid.virtual_testbed import Course, held, simulate
+from rigid.papers.networks.testbed_study import errors, kept_to_curve, trials
+from rigid.papers.networks.virtual_testbed import Course, held, simulate
 
 PULL = np.array([1.0, 1.0, 5.0, 4.0])
 

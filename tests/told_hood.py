@@ -8,7 +8,7 @@ import numpy as np
 
 from cosim.port import Array, ConvergenceError, HoodJacobian, Motion, Response
 from cosim.verification.pairs import Drum, stiff_pair
-from rigid.moving_hinge import MovingHinge
+from rigid.chain.moving_hinge import MovingHinge
 
 
 @dataclass

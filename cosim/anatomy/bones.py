@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from cosim.port import Array, InputError
-from meshes.imported_checks import UNITS, turned_alike
+from meshes.imported.checks import UNITS, turned_alike
 from meshes.skeleton import BODIES
 
 if TYPE_CHECKING:
     from meshes.hull import Chain
-    from meshes.imported_checks import Placing
+    from meshes.imported.checks import Placing
 
 Triangles = tuple[Array, np.ndarray]
 BoneFrame = Literal["body", "hood", "myohand"]

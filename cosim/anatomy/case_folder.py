@@ -50,7 +50,7 @@ def write_case(part: Path, name: str, given: Anatomy, made: Built) -> None:
     if made.hood is not None:
         write(made.hood, part / "hood.json")
     if made.model is not None:
-        from rigid.mjcf import mjcf_xml
+        from rigid.mjcf.write import mjcf_xml
 
         (part / "finger.xml").write_text(mjcf_xml(made.model) + "\n", encoding="utf-8")
     scale = 1.0 if made.model is not None else given.length_scale

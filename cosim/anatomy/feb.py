@@ -11,7 +11,7 @@ from cosim.port import Array, InputError
 from fe_solver.elements.mesh_geometry import node_directors
 from fe_solver.febio.mesh import SHELLS, FebMesh, read_mesh_section
 from fe_solver.febio.xml import Tag, read_xml
-from meshes.imported import RawMesh
+from meshes.imported.raw import RawMesh
 
 USED = ("Module", "Mesh", "MeshDomains", "MeshData")
 RIGID = "rigid body"

@@ -1,6 +1,6 @@
 """A user's own anatomy: hood mesh, bones and finger read and checked, for a case.
 
-The work is done by `meshes.imported*` (the hood), `cosim.anatomy.bones` and `rigid.mjcf_read`.
+The work is done by `meshes.imported` (the hood), `cosim.anatomy.bones` and `rigid.mjcf.read`.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ import numpy as np
 from cosim.anatomy.bones import BoneFrame, Bones, read_bones
 from cosim.port import Array, InputError
 from cosim.schema.types import MUSCLES
-from meshes.imported_checks import Placing
-from meshes.imported_hood import hood_of, read_sheet
-from meshes.imported_names import check_known
+from meshes.imported.checks import Placing
+from meshes.imported.hood import hood_of, read_sheet
+from meshes.imported.names import check_known
 from meshes.skeleton import BODIES, JOINTS, Skeleton, index_finger
 
 if TYPE_CHECKING:
     from meshes.hood_mesh import HoodMesh
     from meshes.hull import Level
-    from meshes.imported import RawMesh
+    from meshes.imported.raw import RawMesh
     from rigid.model import FingerModel
 
 FINGER_NAMES = (*BODIES, *JOINTS, "tip", *MUSCLES)
@@ -105,7 +105,7 @@ def _finger(
         lengths = ", ".join(f"{1e3 * part:.1f}" for part in skeleton.length[1:])
         report.append(f"finger: our index finger, phalanges {lengths} mm from joint to joint")
         return None, {}, skeleton
-    from rigid.mjcf_read import read_mjcf, skeleton_of
+    from rigid.mjcf.read import read_mjcf, skeleton_of
 
     names = {ours: theirs for ours, theirs in given.names.items() if ours in FINGER_NAMES}
     read = read_mjcf(given.finger, names, MUSCLES)
@@ -176,7 +176,7 @@ def _with_hood(
 def read_hood(path: Path) -> RawMesh:
     """A mesh file by its ending.  Raises InputError."""
     from cosim.anatomy.feb import read_feb_mesh
-    from meshes.imported import FORMATS, read_raw
+    from meshes.imported.raw import FORMATS, read_raw
 
     ending = path.suffix.lower()
     if ending == ".feb":

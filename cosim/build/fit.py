@@ -66,7 +66,7 @@ def _check_pulley(case: Case) -> None:
     """What the robotic finger's own pulley leaves to say."""
     if not (isinstance(case.finger, RobotFinger) and isinstance(case.hood, SplitHood)):
         return
-    from rigid.robot.tables import LONG, SHORT
+    from rigid.fingers.robot_tables import LONG, SHORT
 
     if case.hood.central != 2 * SHORT:
         raise InputError(

@@ -233,14 +233,14 @@ def drawn_bones(case: Case) -> dict[str, Triangles]:
 
 
 def _thick_rods(lengths: tuple[float, float, float]) -> dict[str, Triangles]:
-    from rigid.anatomy import VIEW_RADIUS
+    from rigid.fingers.anatomy import VIEW_RADIUS
 
     return _rods(lengths, VIEW_RADIUS)
 
 
 def _thin_rods() -> dict[str, Triangles]:
     """Of the robotic finger, thin enough to leave its extensor in sight."""
-    from rigid.robot.tables import LENGTHS
+    from rigid.fingers.robot_tables import LENGTHS
 
     return _rods(LENGTHS, dict.fromkeys(BODIES, THIN))
 
@@ -250,7 +250,7 @@ def _rods(lengths: tuple[float, float, float], radius: Mapping[str, float]) -> d
     model shows; `radius`: m, by body."""
     from trimesh.creation import capsule
 
-    from rigid.anatomy import VIEW_METACARPAL
+    from rigid.fingers.anatomy import VIEW_METACARPAL
 
     out = {}
     for body, length in zip(BODIES, (VIEW_METACARPAL, *lengths), strict=True):
@@ -347,8 +347,8 @@ def _unit(hood: FmuHood, bodies: tuple[str, ...]) -> Hood:
 
 def _cables(case: Case, rest: Motion) -> Hood:
     """The pulley hood, of no cables where the finger's own tendons stand for the hood."""
-    from rigid.pulley import Cable
-    from rigid.pulley import PulleyHood as Pulleys
+    from rigid.hoods.pulley import Cable
+    from rigid.hoods.pulley import PulleyHood as Pulleys
 
     paths = _paths(case)
     cables = {name: Cable(tuple((p.body, p.point) for p in path)) for name, path in paths.items()}

@@ -26,13 +26,13 @@ from cosim.tendons.courses import factor_of
 from cosim.tendons.muscles import fibres
 
 if TYPE_CHECKING:
-    from rigid.device import Device
-    from rigid.dynamics import Pull
-    from rigid.forward import Simulation
-    from rigid.mujoco_finger import MujocoFinger
+    from rigid.mujoco.tip_device import Device
+    from rigid.mujoco.dynamics import Pull
+    from rigid.mujoco.forward import Simulation
+    from rigid.mujoco.finger import MujocoFinger
     from rigid.muscle.dynamics import MuscleState
     from rigid.muscle.parameters import Muscles
-    from rigid.pneumatic import AirState
+    from rigid.air.plant import AirState
 
 
 @dataclass(frozen=True)
@@ -52,9 +52,9 @@ def simulated(case: Case, forward: Forward) -> Moved:
 
     Raises InputError for a case that has none, ConvergenceError where a step does not converge or
     the finger is not at rest at the end although the case wants that."""
-    from rigid.dynamics import FingerDynamics
-    from rigid.forward import came_to_rest, simulate
-    from rigid.mujoco_finger import MujocoFinger
+    from rigid.mujoco.dynamics import FingerDynamics
+    from rigid.mujoco.forward import came_to_rest, simulate
+    from rigid.mujoco.finger import MujocoFinger
 
     stated = our_finger(case)
     finger = live_finger(stated, case.hood)
@@ -99,8 +99,8 @@ def together(case: Case, forward: Forward) -> Together:
     """The models of a coupled motion.  Raises InputError."""
     if isinstance(case.finger, FmuFinger):
         return _with_unit(case, case.finger, forward)
-    from rigid.moving_mujoco import MovingMujoco
-    from rigid.mujoco_finger import MujocoFinger
+    from rigid.mujoco.moving_finger import MovingMujoco
+    from rigid.mujoco.finger import MujocoFinger
 
     models = build(case)
     assert isinstance(models.finger, MujocoFinger)  # what check_fit lets move
@@ -162,7 +162,7 @@ def special_states(hood: Hood, finger: WatchedFinger | None = None) -> Special:
 
 
 def _device(case: Case) -> Device | None:
-    from rigid.device import Cage, Contact, Shell
+    from rigid.mujoco.tip_device import Cage, Contact, Shell
 
     tip = our_finger(case).tip
     if not isinstance(tip, CageTip | ShellTip):
@@ -237,7 +237,7 @@ class TendonPulls:
 
     def told(self, state: State, time: float) -> Array:
         """(nc, 2) of each cylinder: V commanded, Pa above the atmosphere."""
-        from rigid.pneumatic import ATMOSPHERE
+        from rigid.air.plant import ATMOSPHERE
 
         if self._air is None:
             return np.zeros((0, 2))
@@ -251,7 +251,7 @@ class TendonPulls:
 
     def pull(self, state: State, time: float, length: Array, dt: float) -> Pull:
         """Tension, its stiffness and the state, `dt` s after `state`."""
-        from rigid.dynamics import Pull
+        from rigid.mujoco.dynamics import Pull
         from rigid.muscle.dynamics import step
         from rigid.muscle.millard import equilibrium
 

@@ -128,7 +128,7 @@ def bench_fingers(beside_opensim: bool) -> None:
         return
     if find_spec("opensim") is None:
         raise InputError("OpenSim is not installed here: pip install '.[opensim]'")
-    from rigid.bench import bench_opensim
+    from rigid.verification.bench import bench_opensim
 
     for name, value in bench_opensim().items():
         typer.echo(f"{name:<20} {value:.4g}")
@@ -136,7 +136,7 @@ def bench_fingers(beside_opensim: bool) -> None:
 
 def bench_robotic_finger() -> None:
     """Print what the robotic finger's control loop costs, beside the paper's figures."""
-    from rigid.robot.bench import PAPER_LOOP, PAPER_QP, bench_robot
+    from rigid.papers.xu2012.bench import PAPER_LOOP, PAPER_QP, bench_robot
 
     paper = {"loop_s": PAPER_LOOP, "qp_s": PAPER_QP}
     for name, value in bench_robot().items():

@@ -82,7 +82,7 @@ def new(
 
         from cosim.anatomy.case_folder import new_case
         from cosim.anatomy.read import Anatomy
-        from meshes.imported_checks import Placing, parse_axes
+        from meshes.imported.checks import Placing, parse_axes
 
         centre = np.array(_numbers(origin, "--origin", "0 0 0"))
         placing = Placing(unit, parse_axes(axes), centre)

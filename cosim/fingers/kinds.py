@@ -17,11 +17,11 @@ from cosim.schema.types import MUSCLES
 
 if TYPE_CHECKING:
     from meshes.skeleton import Skeleton
-    from rigid.joint_torques import JointLaw
+    from rigid.chain.joint_torques import JointLaw
+    from rigid.chain.planar_chain import PlanarChain
+    from rigid.chain.statics import ChainFinger
+    from rigid.chain.support import Support
     from rigid.model import FingerModel
-    from rigid.planar_chain import PlanarChain
-    from rigid.statics import ChainFinger
-    from rigid.support import Support
 
 LEAST_ARM = 1e-3
 """m, of the joints about a held tip; some 2 deg of flexion in all."""
@@ -64,7 +64,7 @@ def live_finger(finger: AnyFinger, hood: object) -> ChainFinger:
 
 def joint_ranges(finger: Finger) -> dict[str, tuple[float, float]]:
     """rad by joint: the finger's own, or where it states none those of a posture in a case."""
-    from rigid.anatomy import RANGES
+    from rigid.fingers.anatomy import RANGES
 
     stated = {joint: r for joint, r in finger.ranges.items() if np.isfinite(r).all()}
     return {joint: stated.get(joint, RANGES[joint]) for joint in finger.joints}
@@ -73,10 +73,10 @@ def joint_ranges(finger: Finger) -> dict[str, tuple[float, float]]:
 def skeleton_of(finger: IndexFinger | MiddleFinger) -> Skeleton:
     """The finger's joints and lengths, as its MuJoCo model has them."""
     from meshes.skeleton import index_finger
-    from rigid.middle_finger import skeleton
+    from rigid.fingers.middle import skeleton
 
     if isinstance(finger, IndexFinger) and finger.path is not None:
-        from rigid.mjcf_read import skeleton_of as skeleton_in_file
+        from rigid.mjcf.read import skeleton_of as skeleton_in_file
 
         return skeleton_in_file(_in_file(finger.path))
     made = skeleton() if isinstance(finger, MiddleFinger) else index_finger()
@@ -86,7 +86,8 @@ def skeleton_of(finger: IndexFinger | MiddleFinger) -> Skeleton:
 def width_of(finger: IndexFinger | MiddleFinger) -> float:
     """How much wider the finger is than our index finger; of the middle finger after O2O3, the unit
     of their tendon paths."""
-    from rigid import index_finger, middle_finger
+    from rigid.fingers import index as index_finger
+    from rigid.fingers import middle as middle_finger
 
     if isinstance(finger, MiddleFinger):
         return middle_finger.O2O3 / index_finger.O2O3 * finger.length_scale
@@ -95,7 +96,8 @@ def width_of(finger: IndexFinger | MiddleFinger) -> float:
 
 def finger_model(finger: OnMujoco, hood: object) -> FingerModel:
     """Bones, joints and tendons in words."""
-    from rigid import index_finger, middle_finger
+    from rigid.fingers import index as index_finger
+    from rigid.fingers import middle as middle_finger
 
     central = hood.central if isinstance(hood, SplitHood) else None
     if isinstance(finger, IndexFinger) and finger.path is not None:
@@ -124,15 +126,15 @@ def _in_file(path: Path) -> FingerModel:
 
 @lru_cache(maxsize=8)
 def _read(path: Path, changed: int, size: int) -> FingerModel:
-    from rigid.mjcf_read import read_mjcf
+    from rigid.mjcf.read import read_mjcf
 
     return read_mjcf(path, tendons=MUSCLES).model
 
 
 def _robot(finger: RobotFinger, pulley: bool) -> FingerModel:
     """Without its pulley another hood takes the central extensor's place."""
-    from rigid.robot.finger import robot_finger
-    from rigid.robot.tables import TENDONS
+    from rigid.fingers.robot import robot_finger
+    from rigid.fingers.robot_tables import TENDONS
 
     made = robot_finger(finger.second_extensor)
     return made if pulley else made.with_only(*(m for m in made.muscles if m != TENDONS[0]))
@@ -140,7 +142,7 @@ def _robot(finger: RobotFinger, pulley: bool) -> FingerModel:
 
 def mjcf_of(case: Case) -> str:
     """The finger of a case as MJCF.  Raises InputError for one that has none."""
-    from rigid.mjcf import mjcf_xml
+    from rigid.mjcf.write import mjcf_xml
 
     finger = our_finger(case)
     if isinstance(finger, HingeFinger):
@@ -152,7 +154,7 @@ def mjcf_of(case: Case) -> str:
 
 def planar_chain(finger: PlanarFinger) -> PlanarChain:
     """The finger in closed form."""
-    from rigid.planar_chain import PlanarChain
+    from rigid.chain.planar_chain import PlanarChain
 
     parts = (finger.lengths, finger.centres, finger.masses, finger.inertias)
     length, centre, mass, inertia = (np.array(part) for part in parts)
@@ -160,7 +162,7 @@ def planar_chain(finger: PlanarFinger) -> PlanarChain:
 
 
 def _on_mujoco(finger: OnMujoco, hood: object) -> ChainFinger:
-    from rigid.mujoco_finger import MujocoFinger
+    from rigid.mujoco.finger import MujocoFinger
 
     model = finger_model(finger, hood)
     support = _support(finger.tip.kind, in_plane=isinstance(finger, PlanarFinger))
@@ -169,22 +171,22 @@ def _on_mujoco(finger: OnMujoco, hood: object) -> ChainFinger:
 
 
 def _support(kind: str, in_plane: bool) -> Support:
-    from rigid.support import CLAMPED, CLAMPED_IN_PLANE, FREE, HELD, IN_PLANE, JOINTS_HELD
+    from rigid.chain.support import CLAMPED, CLAMPED_IN_PLANE, FREE, HELD, IN_PLANE, JOINTS_HELD
 
     point, clamped = (IN_PLANE, CLAMPED_IN_PLANE) if in_plane else (HELD, CLAMPED)
     return {"point": point, "clamped": clamped, "posture": JOINTS_HELD}.get(kind, FREE)
 
 
 def _hinges(finger: HingeFinger) -> ChainFinger:
-    from rigid.hinge import JOINTS
-    from rigid.hinge import HingeFinger as Hinges
+    from rigid.chain.hinge import JOINTS
+    from rigid.chain.hinge import HingeFinger as Hinges
 
     support = _support(finger.tip.kind, in_plane=True)
     return Hinges(finger.lengths, law=_law(finger, JOINTS), support=support)
 
 
 def _law(finger: AnyFinger, joints: tuple[str, ...]) -> JointLaw:
-    from rigid.joint_torques import TorqueCurve, joint_law
+    from rigid.chain.joint_torques import TorqueCurve, joint_law
 
     posture = finger.posture.angles()
     springs = {j: p for j, p in finger.passive.items() if p.stiffness is not None}

@@ -13,8 +13,9 @@ from meshes.skeleton import JOINTS
 
 
 class RobotFinger(Table):
-    """The robotic finger of Xu et al. 2012 on MuJoCo (rigid/robot), with its own tendons: over its
-    extensor's pulley under `hood.kind = "split"`; any other hood takes that extensor's place."""
+    """The robotic finger of Xu et al. 2012 on MuJoCo (rigid/fingers/robot.py), with its own
+    tendons: over its extensor's pulley under `hood.kind = "split"`; any other hood takes that
+    extensor's place."""
 
     kind: Literal["robot"]
     posture: Posture

@@ -16,9 +16,9 @@ from cosim.papers.coordination_table import table_figures
 from cosim.papers.figure import Figure, Study
 from cosim.papers.lines import BAND_COLOURS, MUSCLE_COLOURS, Line, lines_drawn
 from cosim.port import Array
-from rigid.coordination import Loop, deviation, flexed
-from rigid.coordination_findings import Flexion, flexion
-from rigid.two_band import LONG_NAMES, MUSCLES, coupled_dip, excursions
+from rigid.hoods.two_band import LONG_NAMES, MUSCLES, coupled_dip, excursions
+from rigid.papers.buchner1988.coordination import Loop, deviation, flexed
+from rigid.papers.buchner1988.coordination_findings import Flexion, flexion
 
 OURS = (
     "Ours: the course in time (a polynomial of fifth order) and the feedback (10 rad/s), which the "

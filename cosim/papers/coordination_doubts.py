@@ -10,8 +10,8 @@ import pandas as pd
 
 from cosim.papers.figure import Figure
 from cosim.papers.lines import framed
-from rigid.coordination import Loop, deviation, flexed
-from rigid.coordination_findings import (
+from rigid.papers.buchner1988.coordination import Loop, deviation, flexed
+from rigid.papers.buchner1988.coordination_findings import (
     CHANGE,
     Finding,
     Flexion,
@@ -20,7 +20,7 @@ from rigid.coordination_findings import (
     findings,
     flexion,
 )
-from rigid.flexion import cosine
+from rigid.papers.buchner1988.flexion import cosine
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Sheet

@@ -9,7 +9,7 @@ import pandas as pd
 
 from cosim.papers.figure import Figure
 from cosim.papers.lines import MUSCLE_COLOURS, framed
-from rigid.two_band import JOINTS, MUSCLES, TABLE_1, excursions
+from rigid.hoods.two_band import JOINTS, MUSCLES, TABLE_1, excursions
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Sheet

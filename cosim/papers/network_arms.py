@@ -11,10 +11,10 @@ import pandas as pd
 from cosim.papers.figure import Figure
 from cosim.papers.lines import framed
 from cosim.port import Array
-from rigid.arm_switch import Switch, switch
-from rigid.human_network import OPERATING_FORCE, human_finger
-from rigid.network import Network
-from rigid.two_band import coupled_dip, lateral_band, middle_band
+from rigid.hoods.network import Network
+from rigid.hoods.two_band import coupled_dip, lateral_band, middle_band
+from rigid.papers.networks.arm_switch import Switch, switch
+from rigid.papers.networks.human_network import OPERATING_FORCE, human_finger
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,10 +10,10 @@ import pandas as pd
 from cosim.papers.figure import Figure
 from cosim.papers.lines import framed
 from cosim.papers.network_motion import SETTLED, Contact, contact
-from rigid.human_network import MUSCLES, human_finger
-from rigid.planar_chain import BUCHNER
-from rigid.point_contact import settled
-from rigid.two_band import coupled_dip
+from rigid.chain.planar_chain import BUCHNER
+from rigid.hoods.two_band import coupled_dip
+from rigid.papers.networks.human_network import MUSCLES, human_finger
+from rigid.papers.networks.point_contact import settled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -180,9 +180,9 @@ def _ends(runs: dict[str, Contact]) -> Figure:
     caption = (
         "Section IV-C: the share that minimises |tau_dist| in a settled posture is the one that "
         f"the simulation settled at (largest difference {worst:.0e}; the paper: identical). The "
-        f"planar run ends within {apart:.0e} rad of `rigid/point_contact.py`, the same finger "
-        "without inertia and orchestrator; the index finger differs from both by its flexors' "
-        "paths, its lengths and its abduction (0.1 deg)."
+        f"planar run ends within {apart:.0e} rad of `rigid/papers/networks/point_contact.py`, the "
+        "same finger without inertia and orchestrator; the index finger differs from both by its "
+        "flexors' paths, its lengths and its abduction (0.1 deg)."
     )
     title = "Forward prediction: optimal share and settled simulation"
     return Figure("forward_optimum", title, caption, draw, tables, (7.0, 4.2))

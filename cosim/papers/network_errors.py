@@ -19,7 +19,7 @@ from cosim.papers.network_testbed import (
     seed_table,
 )
 from cosim.port import Array
-from rigid.testbed_runs import (
+from rigid.papers.networks.testbed_runs import (
     ELSEWHERE,
     FRICTION,
     FRICTION_ELSEWHERE,
@@ -29,7 +29,7 @@ from rigid.testbed_runs import (
     hysteresis,
     virtual_bed,
 )
-from rigid.testbed_study import REPORTED_ERRORS, errors, trials
+from rigid.papers.networks.testbed_study import REPORTED_ERRORS, errors, trials
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,9 +9,15 @@ import pandas as pd
 
 from cosim.papers.figure import Figure
 from cosim.papers.lines import framed
-from rigid.excursion_fit import EXTENSOR, Identified, coupled_dip, identify
-from rigid.excursion_fit_check import NORMAL_95, Draws, drawn, repeated, true_parameters
-from rigid.robotic_finger import robotic_finger
+from rigid.papers.networks.excursion_fit import EXTENSOR, Identified, coupled_dip, identify
+from rigid.papers.networks.excursion_fit_check import (
+    NORMAL_95,
+    Draws,
+    drawn,
+    repeated,
+    true_parameters,
+)
+from rigid.papers.networks.robotic_finger import robotic_finger
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

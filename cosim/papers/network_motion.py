@@ -18,11 +18,11 @@ from cosim.hoods.lumped.table import JOINTS
 from cosim.hoods.lumped.table import NetworkHood as NetworkTable
 from cosim.pipeline import run_case
 from cosim.port import STATIC, Array, Motion
-from rigid.chain import Chain, body_jacobian, tip_jacobian
-from rigid.mujoco_finger import MujocoFinger
-from rigid.network import Network
-from rigid.network_hood import NetworkHood
-from rigid.point_contact import best_share
+from rigid.chain.kinematics import Chain, body_jacobian, tip_jacobian
+from rigid.hoods.network import Network
+from rigid.hoods.network_hood import NetworkHood
+from rigid.mujoco.finger import MujocoFinger
+from rigid.papers.networks.point_contact import best_share
 
 EXTENSORS = ("EDC", "LUM", "FPI")
 SETTLED = (0.995, 1.995, 2.995)

@@ -10,9 +10,9 @@ import pandas as pd
 from cosim.papers.figure import Figure
 from cosim.papers.lines import framed
 from cosim.port import Array
-from rigid.robotic_finger import MUSCLES
-from rigid.testbed_runs import EDC, LUM, STEP, Measured
-from rigid.testbed_study import Predictions, Trial, errors, trials
+from rigid.papers.networks.robotic_finger import MUSCLES
+from rigid.papers.networks.testbed_runs import EDC, LUM, STEP, Measured
+from rigid.papers.networks.testbed_study import Predictions, Trial, errors, trials
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

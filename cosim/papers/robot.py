@@ -14,13 +14,13 @@ from cosim.papers.lines import framed
 from cosim.papers.robot_air import STUDIES as AIR
 from cosim.papers.robot_steps import step_figures
 from cosim.port import Array
-from rigid.anatomy import RANGES
-from rigid.mujoco_finger import MujocoFinger
-from rigid.robot import checks
-from rigid.robot.excursions import MOST_RESIDUAL
-from rigid.robot.fan import fan
-from rigid.robot.finger import robot_finger
-from rigid.robot.tables import JOINTS, SMALLEST, TABLE_III, TENDONS
+from rigid.fingers.anatomy import RANGES
+from rigid.fingers.robot import robot_finger
+from rigid.fingers.robot_tables import JOINTS, SMALLEST, TABLE_III, TENDONS
+from rigid.mujoco.finger import MujocoFinger
+from rigid.papers.xu2012 import checks
+from rigid.papers.xu2012.excursions import MOST_RESIDUAL
+from rigid.papers.xu2012.fan import fan
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Sheet

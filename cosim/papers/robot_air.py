@@ -15,8 +15,7 @@ import pandas as pd
 from cosim.papers.figure import Figure, Study
 from cosim.papers.lines import framed
 from cosim.port import Array
-from rigid.pneumatic import Pneumatics, Valve
-from rigid.pneumatic_model import (
+from rigid.air.model import (
     AMPLITUDE,
     AT,
     FULL_TERMS,
@@ -35,6 +34,7 @@ from rigid.pneumatic_model import (
     r_squared,
     steps,
 )
+from rigid.air.plant import Pneumatics, Valve
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Sheet

@@ -11,11 +11,11 @@ import pandas as pd
 from cosim.papers.figure import Figure
 from cosim.papers.lines import framed
 from cosim.port import Array
-from rigid.mujoco_finger import MujocoFinger
-from rigid.robot import checks
-from rigid.robot.finger import robot_finger
-from rigid.robot.tables import JOINTS
-from rigid.robot.tracking import Step
+from rigid.fingers.robot import robot_finger
+from rigid.fingers.robot_tables import JOINTS
+from rigid.mujoco.finger import MujocoFinger
+from rigid.papers.xu2012 import checks
+from rigid.papers.xu2012.tracking import Step
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Sheet

@@ -114,7 +114,7 @@ def _lumps(case: Case) -> bool:
 
 def _centres(finger: Finger, at: State) -> Array:
     """(nb, 3) m, the bodies' centres of mass in their frames."""
-    from rigid.mujoco_finger import MujocoFinger
+    from rigid.mujoco.finger import MujocoFinger
 
     assert isinstance(finger, MujocoFinger)  # what check_fit lets be lumped
     motion = finger.motion(at)

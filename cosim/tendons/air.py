@@ -15,7 +15,7 @@ from cosim.tendons.air_table import Pneumatic
 from cosim.tendons.courses import factor_of
 
 if TYPE_CHECKING:
-    from rigid.pneumatic import AirState, Cylinder, Pneumatics, Valve
+    from rigid.air.plant import AirState, Cylinder, Pneumatics, Valve
 
 MOST_VOLTAGE = 10.0
 """V."""
@@ -82,7 +82,7 @@ def cylinders(case: Case, tendons: tuple[str, ...]) -> Cylinders | None:
 
 def parts(table: Pneumatic) -> Pneumatics:
     """Valve and cylinder of a table.  Raises InputError."""
-    from rigid.pneumatic import ATMOSPHERE, Cylinder, Pneumatics, Valve
+    from rigid.air.plant import ATMOSPHERE, Cylinder, Pneumatics, Valve
 
     said = {name: value for name, value in table if value is not None}
     if table.supply is not None:
@@ -94,7 +94,7 @@ def parts(table: Pneumatic) -> Pneumatics:
 
 def begun(c: Cylinders) -> AirState:
     """At rest under the first command."""
-    from rigid.pneumatic import at_rest
+    from rigid.air.plant import at_rest
 
     return at_rest(c.air, c.reaching(0.0), np.asarray(c.air.cylinder.volume(c.drawn)))
 
@@ -102,7 +102,7 @@ def begun(c: Cylinders) -> AirState:
 def pulled(c: Cylinders, state: AirState, time: float, inward: Array, dt: float) -> Drawn:
     """The cylinders at `time` s, `dt` s after `state`, the pistons moved inward by (n,) m since the
     start.  Raises ConvergenceError where one has reached an end of its stroke."""
-    from rigid.pneumatic import GAMMA, step, tension
+    from rigid.air.plant import GAMMA, step, tension
 
     cylinder = c.air.cylinder
     area = np.asarray(cylinder.area)
@@ -143,7 +143,7 @@ def _table(case: Case, name: str) -> Pneumatic:
 
 def _command(case: Case, name: str) -> Callable[[float], float]:
     """V at a time in s."""
-    from rigid.pneumatic import ATMOSPHERE, settled
+    from rigid.air.plant import ATMOSPHERE, settled
 
     table, factor = _table(case, name), factor_of(case.tendons[name].course)
     valve = parts(table).valve
@@ -160,7 +160,7 @@ def _command(case: Case, name: str) -> Callable[[float], float]:
 
 
 def _stacked(each: list[Pneumatics]) -> Pneumatics:
-    from rigid.pneumatic import Cylinder, Pneumatics, Valve
+    from rigid.air.plant import Cylinder, Pneumatics, Valve
 
     def of(tables: list[Valve] | list[Cylinder]) -> dict[str, Array]:
         return {f.name: np.array([getattr(t, f.name) for t in tables]) for f in fields(tables[0])}

@@ -23,7 +23,7 @@ class Pneumatic(Table):
 
     The command, times the tendon's course: a valve voltage, 0 (exhaust) to 10 V (fill), or a wanted
     pressure above the atmosphere's, for which the valve is given the voltage that settles there.
-    What else is not stated is as `rigid.pneumatic` has it, whose sizes are in part assumed."""
+    What else is not stated is as `rigid.air.plant` has it, whose sizes are in part assumed."""
 
     kind: Literal["pneumatic"]
     voltage: Annotated[float, quantity(units.VOLTAGE, least="0 V", most="10 V")] | None = None

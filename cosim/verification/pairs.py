@@ -15,11 +15,11 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
 from cosim.port import Array, HoodJacobian, Load, Motion, Response
-from rigid.hinge import BODIES, JOINTS
-from rigid.joint_torques import joint_law
-from rigid.moving_hinge import MovingHinge
-from rigid.planar_chain import BUCHNER, PlanarChain
-from rigid.pulley import Cable, PulleyHood
+from rigid.chain.hinge import BODIES, JOINTS
+from rigid.chain.joint_torques import joint_law
+from rigid.chain.moving_hinge import MovingHinge
+from rigid.chain.planar_chain import BUCHNER, PlanarChain
+from rigid.hoods.pulley import Cable, PulleyHood
 
 
 @dataclass(frozen=True)

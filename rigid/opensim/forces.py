@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from cosim.port import InputError
-from rigid.joint_torques import LIMIT_STIFFNESS, LIMIT_TRANSITION, JointLaw, joint_law
+from rigid.chain.joint_torques import LIMIT_STIFFNESS, LIMIT_TRANSITION, JointLaw, joint_law
 from rigid.opensim.xml import Tag
 
 DEGREES = math.degrees(1.0)

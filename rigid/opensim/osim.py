@@ -12,7 +12,7 @@ import numpy as np
 
 from cosim.files import written_whole
 from cosim.port import InputError
-from rigid.joint_torques import JointLaw
+from rigid.chain.joint_torques import JointLaw
 from rigid.opensim.components import Components, components
 from rigid.opensim.forces import (
     PATH,

@@ -8,7 +8,18 @@ import numpy as np
 
 from cosim.checks import Row, Study
 from cosim.port import Array
-from rigid.pneumatic import (
+from rigid.air.model import (
+    STEPPED_DOWN,
+    STEPPED_UP,
+    TRAINING,
+    UNSEEN,
+    identification,
+    identify,
+    latency,
+    r_squared,
+    steps,
+)
+from rigid.air.plant import (
     GAMMA,
     GAS_CONSTANT,
     REFERENCE_DENSITY,
@@ -22,17 +33,6 @@ from rigid.pneumatic import (
     resting_pressure,
     settled,
     step,
-)
-from rigid.pneumatic_model import (
-    STEPPED_DOWN,
-    STEPPED_UP,
-    TRAINING,
-    UNSEEN,
-    identification,
-    identify,
-    latency,
-    r_squared,
-    steps,
 )
 
 FIRST_LAW = "closed form: balance of mass and energy, sonic flow of ISO 6358-1"

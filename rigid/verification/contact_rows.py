@@ -8,11 +8,11 @@ import numpy as np
 
 from cosim.checks import Row
 from cosim.port import Array
-from rigid.human_network import MUSCLES, STIFFNESS, TENDONS, human_finger
-from rigid.network import Network
-from rigid.planar_chain import BUCHNER
-from rigid.point_contact import best_share, distal_torque, settled
-from rigid.two_band import TABLE_1, coupled_dip
+from rigid.chain.planar_chain import BUCHNER
+from rigid.hoods.network import Network
+from rigid.hoods.two_band import TABLE_1, coupled_dip
+from rigid.papers.networks.human_network import MUSCLES, STIFFNESS, TENDONS, human_finger
+from rigid.papers.networks.point_contact import best_share, distal_torque, settled
 
 PAPER = (
     "Development and Validation of Modeling Framework for Interconnected Tendon Networks in "

@@ -18,14 +18,14 @@ from cosim.checks import Row
 from cosim.coupling.finger_equilibrium import at_rest
 from cosim.port import Array
 from meshes.skeleton import JOINTS, index_finger
-from rigid.bench import cpu_seconds
-from rigid.device import Cage, Contact, Device, Shell, wrench
-from rigid.dynamics import Constant, FingerDynamics
-from rigid.forward import Simulation, simulate
-from rigid.index_finger import finger_model
-from rigid.joint_torques import joint_law
-from rigid.mujoco_finger import MujocoFinger
-from rigid.twin import LIMIT_DAMPING, POSTURE, TENSIONS, twin_law, twin_model
+from rigid.chain.joint_torques import joint_law
+from rigid.fingers.index import finger_model
+from rigid.mujoco.dynamics import Constant, FingerDynamics
+from rigid.mujoco.finger import MujocoFinger
+from rigid.mujoco.forward import Simulation, simulate
+from rigid.mujoco.tip_device import Cage, Contact, Device, Shell, wrench
+from rigid.verification.bench import cpu_seconds
+from rigid.verification.thesis_twin import LIMIT_DAMPING, POSTURE, TENSIONS, twin_law, twin_model
 
 FIGURES = Path(__file__).parent / "data" / "twin_opensim.json"
 THESIS = "Jadelis, thesis, section 3.1: below 0.02 N between its two devices"
@@ -92,7 +92,7 @@ def live_rows() -> Iterator[Row]:
     """The same, of the twin held at a point, which OpenSim solves in a second or so."""
     import opensim
 
-    from rigid.opensim_twin import twin
+    from rigid.verification.opensim_twin import twin
 
     source = f"OpenSim {opensim.GetVersion()}, installed"
     finger = MujocoFinger(twin_model(), law=twin_law())

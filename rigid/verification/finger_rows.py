@@ -11,14 +11,14 @@ from cosim.checks import Row
 from cosim.coupling.finger_equilibrium import at_rest
 from cosim.port import Array
 from meshes.skeleton import index_finger
-from rigid.index_finger import finger_model as index_model
-from rigid.joint_torques import JointLaw, joint_law
-from rigid.middle_finger import finger_model as middle_model
-from rigid.mjcf import mjcf_xml
+from rigid.chain.joint_torques import JointLaw, joint_law
+from rigid.chain.planar_chain import BUCHNER
+from rigid.chain.support import CLAMPED, FREE
+from rigid.fingers.index import finger_model as index_model
+from rigid.fingers.middle import finger_model as middle_model
+from rigid.mjcf.write import mjcf_xml
 from rigid.model import FingerModel
-from rigid.mujoco_finger import MujocoFinger
-from rigid.planar_chain import BUCHNER
-from rigid.support import CLAMPED, FREE
+from rigid.mujoco.finger import MujocoFinger
 
 APPENDIX = "Buchner, Hines and Hemami 1988, J Biomech 21, equation 7, appendix and table 2"
 SYNEK = "Synek et al. 2019, PeerJ 7:e7470, raw data: mean and SD of three specimens"

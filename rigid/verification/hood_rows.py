@@ -11,12 +11,11 @@ from scipy.optimize import brentq
 from cosim.checks import Row
 from cosim.port import STATIC, Array, Motion
 from meshes.skeleton import BODIES, index_finger
-from rigid.hinge_angle import flexion_angles
-from rigid.human_network import OPERATING_FORCE, TENDONS, human_finger
-from rigid.index_finger import finger_model
-from rigid.network import Network
-from rigid.network_hood import NetworkHood
-from rigid.two_band import (
+from rigid.fingers.index import finger_model
+from rigid.hoods.hinge_angle import flexion_angles
+from rigid.hoods.network import Network
+from rigid.hoods.network_hood import NetworkHood
+from rigid.hoods.two_band import (
     ELASTICITY,
     band_forces,
     coupled_dip,
@@ -25,6 +24,7 @@ from rigid.two_band import (
     shift_difference,
     two_band,
 )
+from rigid.papers.networks.human_network import OPERATING_FORCE, TENDONS, human_finger
 
 NETWORKS = (
     "Development and Validation of Modeling Framework for Interconnected Tendon Networks in "

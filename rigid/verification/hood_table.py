@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from cosim.checks import Study
-
-from . import contact_rows, hood_rows, network_study_rows, sharing_rows
+from rigid.verification import contact_rows, hood_rows, network_study_rows, sharing_rows
 
 STUDIES = (
     Study("network", hood_rows.network_rows),

@@ -1,7 +1,7 @@
 """The studies of the network paper: switch, identification, inverse prediction, virtual testbed.
 
-The testbed is virtual throughout: its measurements are not published (`rigid/testbed_runs.py` says
-what was taken instead).
+The testbed is virtual throughout: its measurements are not published
+(`rigid/papers/networks/testbed_runs.py` says what was taken instead).
 """
 
 from __future__ import annotations
@@ -14,13 +14,20 @@ from scipy.optimize import minimize
 
 from cosim.checks import Row
 from cosim.port import Array
-from rigid.arm_switch import predicted, switch
-from rigid.excursion_fit import identify
-from rigid.excursion_fit_check import drawn, repeated
-from rigid.human_network import MUSCLES, OPERATING_FORCE, human_finger
-from rigid.robotic_finger import LENGTH
-from rigid.share_models import MOMENT_ARM, Finger, Inverse, forward, inverse, with_shares
-from rigid.testbed_runs import (
+from rigid.papers.networks.arm_switch import predicted, switch
+from rigid.papers.networks.excursion_fit import identify
+from rigid.papers.networks.excursion_fit_check import drawn, repeated
+from rigid.papers.networks.human_network import MUSCLES, OPERATING_FORCE, human_finger
+from rigid.papers.networks.robotic_finger import LENGTH
+from rigid.papers.networks.share_models import (
+    MOMENT_ARM,
+    Finger,
+    Inverse,
+    forward,
+    inverse,
+    with_shares,
+)
+from rigid.papers.networks.testbed_runs import (
     ELSEWHERE,
     FRICTION_ELSEWHERE,
     POSTURE,
@@ -28,7 +35,13 @@ from rigid.testbed_runs import (
     hysteresis,
     virtual_bed,
 )
-from rigid.testbed_study import REPORTED_ERRORS, Trial, errors, kept_to_curve, trials
+from rigid.papers.networks.testbed_study import (
+    REPORTED_ERRORS,
+    Trial,
+    errors,
+    kept_to_curve,
+    trials,
+)
 
 PAPER = (
     "Development and Validation of Modeling Framework for Interconnected Tendon Networks in "

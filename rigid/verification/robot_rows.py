@@ -11,10 +11,10 @@ from functools import partial
 import numpy as np
 
 from cosim.checks import Row, Study
-from rigid.robot import checks
-from rigid.robot.finger import robot_finger
-from rigid.robot.tables import JOINTS, TABLE_III, TENDONS
-from rigid.robot.tracking import SETTLED, STEP_SECONDS, Step
+from rigid.fingers.robot import robot_finger
+from rigid.fingers.robot_tables import JOINTS, TABLE_III, TENDONS
+from rigid.papers.xu2012 import checks
+from rigid.papers.xu2012.tracking import SETTLED, STEP_SECONDS, Step
 
 PAPER = "Design of an Anthropomorphic Robotic Finger System with Biomimetic Artificial Joints"
 POSTURES = 40
@@ -53,9 +53,9 @@ def _path_rows(name: str, six: bool) -> Iterator[Row]:
               source="central differences, 1e-5 rad")  # fmt: skip
     length, arms = checks.beside_closed_forms(model, some)
     yield row("length less closed forms, m", computed=length, tolerance=1e-12,
-              source="rigid.robot.paths: cylinders unrolled, great circles")  # fmt: skip
+              source="rigid.papers.xu2012.paths: cylinders unrolled, great circles")  # fmt: skip
     yield row("arms less differences of closed forms, m/rad", computed=arms, tolerance=1e-9,
-              source="rigid.robot.paths, central differences")  # fmt: skip
+              source="rigid.papers.xu2012.paths, central differences")  # fmt: skip
 
 
 def fan_rows() -> Iterator[Row]:

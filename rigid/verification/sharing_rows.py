@@ -15,13 +15,21 @@ from scipy.optimize import brentq
 
 from cosim.checks import Row
 from cosim.port import Array
-from rigid.coordination import Loop, deviation, flexed
-from rigid.coordination_findings import feasible, findings, flexion
-from rigid.flexion import DURATION, FULL, Course, cosine, on_the_curve, quintic, torques
-from rigid.force_sharing import Sharing, linear, quadratic
-from rigid.planar_chain import BUCHNER
-from rigid.programme import ACCURATE, Power, Programme, least
-from rigid.two_band import ELASTICITY, MUSCLES, TABLE_1, Entry, coupled_dip, two_band
+from rigid.chain.planar_chain import BUCHNER
+from rigid.hoods.two_band import ELASTICITY, MUSCLES, TABLE_1, Entry, coupled_dip, two_band
+from rigid.muscle.least_cost import ACCURATE, Power, Programme, least
+from rigid.papers.buchner1988.coordination import Loop, deviation, flexed
+from rigid.papers.buchner1988.coordination_findings import feasible, findings, flexion
+from rigid.papers.buchner1988.flexion import (
+    DURATION,
+    FULL,
+    Course,
+    cosine,
+    on_the_curve,
+    quintic,
+    torques,
+)
+from rigid.papers.buchner1988.force_sharing import Sharing, linear, quadratic
 
 PAPER = "Buchner, Hines and Hemami 1988, J Biomech 21, section III, figures 8-14"
 ABOUT = 0.5
@@ -93,7 +101,8 @@ def rows() -> Iterator[Row]:
 
 
 def _loop_rows() -> Iterator[Row]:
-    """The flexion that closes the loop over a linear reference, as `rigid.coordination` has it."""
+    """The flexion that closes the loop over a linear reference, as
+    `rigid.papers.buchner1988.coordination` has it."""
     f = flexion(samples=101)
     row = partial(Row, "flexion in closed loop", source=PAPER)
     for x in findings(f):

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from cosim.checks import Study
-
-from . import dynamics_rows, finger_rows, muscle_rows, osim_rows
+from rigid.verification import dynamics_rows, finger_rows, muscle_rows, osim_rows
 
 STUDIES = (
     Study("muscles", muscle_rows.rows),

@@ -18,7 +18,7 @@ from cosim.case.schema import Case, NetworkHood, PulleyHood, SplitHood
 from cosim.pipeline import agreed
 from cosim.port import Array, ConvergenceError, InputError
 from cosim.schema import units
-from rigid.programme import Power
+from rigid.muscle.least_cost import Power
 
 STAGES = (0.25, 0.5, 0.75, 1.0)
 """Of the way to a force that was not found at once."""
@@ -263,8 +263,8 @@ def for_motion(
 
 
 def _needed(s: Setup, motion: JointMotion) -> Array:
-    from rigid.inverse_dynamics import needed_torque
-    from rigid.mujoco_finger import MujocoFinger
+    from rigid.mujoco.finger import MujocoFinger
+    from rigid.mujoco.inverse_dynamics import needed_torque
 
     finger = s.models.finger
     if not isinstance(finger, MujocoFinger):

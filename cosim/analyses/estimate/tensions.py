@@ -19,7 +19,7 @@ import numpy as np
 from cosim.analyses.estimate.demand import Demand
 from cosim.analyses.estimate.held_finger import Held, Torques
 from cosim.port import Array, ConvergenceError, InputError, State
-from rigid.programme import Optimum, Power, Programme, least
+from rigid.muscle.least_cost import Optimum, Power, Programme, least
 
 MOST_ROUNDS = 40
 PATIENCE = 6

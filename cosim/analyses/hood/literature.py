@@ -11,7 +11,7 @@ import numpy as np
 
 from cosim.analyses.hood.poses import JOINTS, Posture
 from cosim.port import Array
-from rigid.two_band import coupled_dip, lateral_band
+from rigid.hoods.two_band import coupled_dip, lateral_band
 
 REST_TORQUE, REST_SLIP = 3.0, 0.4
 """N mm and N: the most that a hood at rest may have."""

@@ -23,7 +23,7 @@ ROBOT_ENDS = {"extensor": "central"}
 def robot_skeleton() -> Skeleton:
     """The robotic finger's joints, as its MuJoCo model has them."""
     from meshes.robot_net import straight_skeleton
-    from rigid.robot.tables import LENGTHS
+    from rigid.fingers.robot_tables import LENGTHS
 
     return straight_skeleton(LENGTHS)
 

@@ -13,19 +13,19 @@ from cosim.fingers.common import HingeFinger
 from cosim.fingers.kinds import AnyFinger, finger_model
 from cosim.hoods.lumped.table import JOINTS, Arm, NetworkHood, Reduced, TwoBandHood
 from cosim.port import Array, Hood, Motion, State
-from rigid.reduction import Sample as Sample
-from rigid.reduction import stacked as stacked
+from rigid.hoods.reduction import Sample as Sample
+from rigid.hoods.reduction import stacked as stacked
 
 if TYPE_CHECKING:
-    from rigid.hinge_angle import HingeAngle
-    from rigid.network import Arms, Network
-    from rigid.reduced_network import Potential as Potential
-    from rigid.reduced_network import ReducedHood
+    from rigid.hoods.hinge_angle import HingeAngle
+    from rigid.hoods.network import Arms, Network
+    from rigid.hoods.reduced import Potential as Potential
+    from rigid.hoods.reduced import ReducedHood
 
 
 def lumped_hood(hood: NetworkHood | TwoBandHood, finger: AnyFinger, rest: Motion) -> Hood:
     """The network on the flexion angles of a finger, excursions counted from the poses `rest`."""
-    from rigid.network_hood import NetworkHood as OnBodies
+    from rigid.hoods.network_hood import NetworkHood as OnBodies
 
     if isinstance(hood, NetworkHood) and hood.reduced is not None:
         return reduced_hood(potential(hood.reduced), finger, rest.bodies)
@@ -46,7 +46,7 @@ def slip_forces(
 ) -> dict[str, float]:
     """N, what bears on the middle phalanx ("central": it crosses the PIP last) and on the distal
     one ("terminal") of a hood's connecting tendons."""
-    from rigid.hinge_angle import angles
+    from rigid.hoods.hinge_angle import angles
 
     if isinstance(hood, NetworkHood) and hood.reduced is not None:
         made = reduced_hood(potential(hood.reduced), finger, state.motion.bodies)
@@ -86,8 +86,8 @@ def split_slips(
 
 
 def _hinges(hood: NetworkHood | TwoBandHood, finger: AnyFinger) -> tuple[HingeAngle, ...]:
-    from rigid.hinge import BODIES
-    from rigid.hinge_angle import HingeAngle, flexion_angles
+    from rigid.chain.hinge import BODIES
+    from rigid.hoods.hinge_angle import HingeAngle, flexion_angles
 
     if not isinstance(finger, HingeFinger):
         return flexion_angles(finger_model(finger, hood))
@@ -97,9 +97,9 @@ def _hinges(hood: NetworkHood | TwoBandHood, finger: AnyFinger) -> tuple[HingeAn
 
 def reduced_hood(made: Potential, finger: AnyFinger, bodies: tuple[str, ...]) -> ReducedHood:
     """A potential behind the port, on every hinge of a finger."""
-    from rigid.hinge_angle import HingeAngle
-    from rigid.reduced_network import ReducedHood
-    from rigid.universal_angle import Joint, joints_of
+    from rigid.hoods.hinge_angle import HingeAngle
+    from rigid.hoods.reduced import ReducedHood
+    from rigid.hoods.universal_angle import Joint, joints_of
 
     hinges: tuple[Joint, ...]
     if isinstance(finger, HingeFinger):
@@ -116,15 +116,15 @@ def fitted(
     tendons: tuple[str, ...],
     maps: Array | None = None,
 ) -> Potential:
-    """The potential of a hood from samples of it, see `rigid.reduction.reduced`."""
-    from rigid.reduction import reduced
+    """The potential of a hood from samples of it, see `rigid.hoods.reduction.reduced`."""
+    from rigid.hoods.reduction import reduced
 
     return reduced(samples, joints, tendons, maps=maps)
 
 
 def potential(hood: Reduced) -> Potential:
     """The potential that a case states."""
-    from rigid.reduced_network import Potential
+    from rigid.hoods.reduced import Potential
 
     low, high = np.array(list(hood.angles.values())).T
     return Potential(
@@ -143,7 +143,7 @@ def potential(hood: Reduced) -> Potential:
 
 
 def _network(hood: NetworkHood) -> Network:
-    from rigid.network import Network
+    from rigid.hoods.network import Network
 
     muscles, tendons = tuple(hood.muscles), list(hood.connecting.values())
     connection = np.array([[t.muscle == m for m in muscles] for t in tendons], dtype=float)
@@ -160,13 +160,13 @@ def _network(hood: NetworkHood) -> Network:
 
 def band_tendons(hood: TwoBandHood) -> tuple[float, float]:
     """N/m, of the middle and of the lateral band."""
-    from rigid.two_band import band_stiffnesses
+    from rigid.hoods.two_band import band_stiffnesses
 
     return band_stiffnesses(hood.elasticity, hood.lateral_share)
 
 
 def _two_bands(hood: TwoBandHood) -> Network:
-    from rigid.network import Network
+    from rigid.hoods.network import Network
 
     muscles = tuple(hood.muscles)
     connection = np.array([[m == hood.extensor for m in muscles]] * 2, dtype=float)
@@ -182,6 +182,6 @@ def _two_bands(hood: TwoBandHood) -> Network:
 
 
 def _arms(columns: Sequence[dict[str, Arm]]) -> Arms:
-    from rigid.two_band import arms
+    from rigid.hoods.two_band import arms
 
     return arms([{j: (a.constant, a.slope) for j, a in column.items()} for column in columns])

@@ -42,7 +42,7 @@ class ConnectingTendon(Table):
 
 class Reduced(Table):
     """What `cosim reduce` fitted: one potential of joint angles and tensions over a box, from which
-    torques and excursions follow (rigid/reduced_network.py).  `angles`: the box, by joint in the
+    torques and excursions follow (rigid/hoods/reduced.py).  `angles`: the box, by joint in the
     finger's order; `tensions`: of each muscle the greatest, with `toe` of it; `energy` in J, a row
     for each of `angle_powers`, a column for each of `tension_terms`; `slips`: central and terminal,
     N and 1/m, for each of `slip_powers` a constant and a factor of each joint's torque."""

@@ -127,7 +127,7 @@ def laid_mesh(
 
 def _intrinsic(finger: UnderHood) -> Mapping[str, tuple[float, float, float]] | None:
     """Where the intrinsic tendons run to the sheet from, of a finger that has its own."""
-    from rigid.middle_finger import intrinsic_guides
+    from rigid.fingers.middle import intrinsic_guides
 
     return intrinsic_guides(finger.length_scale) if isinstance(finger, MiddleFinger) else None
 

@@ -1,0 +1,1 @@
+"""A user's hood mesh: read, named, checked."""

@@ -1,0 +1,1 @@
+"""Pneumatic cylinders and their valves."""

@@ -1,0 +1,1 @@
+"""Fingers as chains of bones in closed form."""

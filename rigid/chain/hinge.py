@@ -1,0 +1,62 @@
+"""An analytic planar finger: three hinges, flexion about +y, bones along x; no muscles.
+
+It needs numpy only and serves as the closed-form truth for the other fingers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from cosim.port import Array, InputError, Motion
+from rigid.chain.joint_torques import JointLaw, joint_law
+from rigid.chain.kinematics import Chain
+from rigid.chain.statics import ChainFinger
+from rigid.chain.support import IN_PLANE, Support
+
+BODIES = ("metacarpal", "proximal", "middle", "distal")
+JOINTS = ("MCP", "PIP", "DIP")
+
+
+class HingeFinger(ChainFinger):
+    """Bones of lengths L1, L2, L3 (m) at angles f_i = q_1 + ... + q_i below the x axis:
+
+    x_i+1 = x_i + L_i (cos f_i, 0, -sin f_i).  A support may act in the flexion plane only.
+    """
+
+    def __init__(
+        self,
+        lengths: Sequence[float],
+        *,
+        law: JointLaw | None = None,
+        support: Support = IN_PLANE,
+        ranges: Mapping[str, tuple[float, float]] | None = None,
+    ) -> None:
+        """Raises InputError for lengths that are not three positive numbers or an unknown joint."""
+        self.lengths = np.asarray(lengths, dtype=float)
+        if self.lengths.shape != (3,) or not (self.lengths > 0).all():
+            raise InputError(f"hinge finger: expected three positive lengths (m), got {lengths}")
+        law = joint_law(JOINTS) if law is None else law
+        if law.joints != JOINTS:
+            raise InputError(f"hinge finger: its joints are {JOINTS}, the law has {law.joints}")
+        super().__init__(BODIES, (), law, {} if ranges is None else ranges, support)
+
+    def chain(self, angles: Array) -> Chain:
+        flexion = np.cumsum(angles)
+        c, s, o, one = np.cos(flexion), np.sin(flexion), np.zeros(3), np.ones(3)
+        bone = self.lengths[:, None] * np.column_stack([c, o, -s])
+        points = np.vstack([np.zeros((2, 3)), np.cumsum(bone, axis=0)])
+        turn = np.stack([c, o, s, o, one, o, -s, o, c], axis=1).reshape(3, 3, 3)
+        motion = Motion(BODIES, points[:4], np.concatenate([np.eye(3)[None], turn]))
+        axis = np.tile([0.0, 1.0, 0.0], (3, 1))
+        return Chain(motion, np.arange(1, 4), points[1:4], axis, points[4])
+
+    def own_torques(self, angles: Array, tension: Array) -> dict[str, Array]:
+        return {}
+
+    def own_tangent(self, angles: Array, tension: Array) -> Array:
+        return np.zeros((3, 3))
+
+    def own_wrenches(self, angles: Array, tension: Array) -> dict[str, Array]:
+        return {}

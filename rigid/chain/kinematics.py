@@ -1,0 +1,159 @@
+"""Kinematics of a serial chain of hinges at one posture, with exact second derivatives.
+
+A point p of a body moves with joint i (unit axis a_i through c_i) by a_i x (p - c_i).  Joint j
+before i carries a_i and c_i along, so that with lo = min(i, j), hi = max(i, j)
+
+    d2 p / dq_i dq_j = a_lo x (a_hi x (p - c_hi)),     d a_i / dq_j = a_j x a_i  (j < i, else 0)
+
+(Murray, Li and Sastry, A Mathematical Introduction to Robotic Manipulation, 1994, chapter 3).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.port import Array, Motion
+from rigid.kernels import compiled
+
+Indices = NDArray[np.integer]
+
+
+@dataclass(frozen=True)
+class Chain:
+    """Poses, joints and fingertip of a serial chain in the world frame, m."""
+
+    motion: Motion
+    """Bodies in order from the fixed one to the last."""
+    child: Indices
+    """(nq,) index of the body that each joint moves first, not decreasing."""
+    anchor: Array
+    """(nq, 3) a point on each joint's axis."""
+    axis: Array
+    """(nq, 3) unit axes."""
+    tip: Array
+    """(3,) a point of the last body."""
+
+    @cached_property
+    def jacobian(self) -> Array:
+        """(nb + 1, 6, nq) twists of the bodies at their origins and of the last one at the tip, per
+        joint rate."""
+        position = self.motion.position
+        body = np.append(np.arange(len(position)), len(position) - 1)
+        return point_jacobian(self, body, np.vstack([position, self.tip]))
+
+
+def point_jacobian(chain: Chain, body: Indices, point: Array) -> Array:
+    """(k, 6, nq) velocities of points (k, 3) of the bodies with indices `body` (k,) and those
+    bodies' angular velocities, per joint rate."""
+    return _point_jacobian(chain.axis, chain.anchor, chain.child, body, point)
+
+
+@compiled
+def _cross(a: Array, b: Array) -> Array:
+    out = np.empty(3)
+    out[0] = a[1] * b[2] - a[2] * b[1]
+    out[1] = a[2] * b[0] - a[0] * b[2]
+    out[2] = a[0] * b[1] - a[1] * b[0]
+    return out
+
+
+@compiled
+def _point_jacobian(
+    axis: Array, anchor: Array, child: Indices, body: Indices, point: Array
+) -> Array:
+    out = np.zeros((len(body), 6, len(axis)))
+    for k in range(len(body)):
+        for j in range(len(axis)):
+            if child[j] <= body[k]:
+                out[k, :3, j] = _cross(axis[j], point[k] - anchor[j])
+                out[k, 3:, j] = axis[j]
+    return out
+
+
+def body_jacobian(chain: Chain) -> Array:
+    """(6 nb, nq) twists of the bodies at their origins per joint rate."""
+    return chain.jacobian[:-1].reshape(-1, len(chain.axis))
+
+
+def tip_jacobian(chain: Chain) -> Array:
+    """(6, nq) velocity of the fingertip and angular velocity of its body per joint rate."""
+    return chain.jacobian[-1]
+
+
+def geometric_stiffness(chain: Chain, body: Indices, point: Array, wrench: Array) -> Array:
+    """(nq, nq) derivative of sum J^T w over the joint angles: forces and moments `wrench` (k, 6)
+    keep their direction in the world and the forces their points (k, 3) on the bodies (k,)."""
+    return _geometric_stiffness(chain.axis, chain.anchor, chain.child, body, point, wrench)
+
+
+@compiled
+def _geometric_stiffness(
+    axis: Array, anchor: Array, child: Indices, body: Indices, point: Array, wrench: Array
+) -> Array:
+    """By f . (a_lo x (a_hi x p)) = (f x a_lo) . (a_hi x p), and so for the moments."""
+    nq = len(axis)
+    out = np.zeros((nq, nq))
+    for k in range(len(body)):
+        for i in range(nq):
+            if child[i] > body[k]:
+                continue
+            bend = _cross(wrench[k, :3], axis[i])
+            turn = _cross(wrench[k, 3:], axis[i])
+            for j in range(i, nq):
+                if child[j] > body[k]:
+                    continue
+                value = (bend * _cross(axis[j], point[k] - anchor[j])).sum()
+                out[i, j] += value
+                if j > i:
+                    out[j, i] += value + (turn * axis[j]).sum()
+    return out
+
+
+def moved_to(wrench: Array, lever: Array) -> Array:
+    """The same wrench (..., 6) about a point from which its own point lies at `lever` (..., 3)."""
+    moment = wrench[..., 3:] + np.cross(lever, wrench[..., :3])
+    return np.concatenate([wrench[..., :3], moment], axis=-1)
+
+
+def joint_wrenches(chain: Chain, torque: Array) -> Array:
+    """(nb, 6) equal and opposite moments on child and parent that do the work of the joint torques
+    (nq,).  Where one body has several joints the moment M lies in the span of their axes with
+    a_i . M = tau_i, since oblique axes share the work of a moment."""
+    out = np.zeros((len(chain.motion.bodies), 6))
+    for body in np.unique(chain.child):
+        axes = chain.axis[chain.child == body]
+        moment = axes.T @ np.linalg.solve(axes @ axes.T, torque[chain.child == body])
+        out[body, 3:] += moment
+        out[body - 1, 3:] -= moment
+    return out
+
+
+def joint_reactions(chain: Chain, applied: Array) -> Array:
+    """(nb, 6) wrench through each body's proximal joint, about the body's origin, that balances
+    the wrenches `applied` (nb, 6) to it and all bodies beyond; zero for the fixed body."""
+    reaction = np.zeros_like(applied)
+    position = chain.motion.position
+    reaction[-1] = -applied[-1]
+    for b in range(len(applied) - 2, 0, -1):
+        reaction[b] = moved_to(reaction[b + 1], position[b + 1] - position[b]) - applied[b]
+    return reaction
+
+
+def joint_loads(chain: Chain, reaction: Array) -> Array:
+    """(nb, 6) what the joints together do to each body: its own reaction less the next one's."""
+    position = chain.motion.position
+    out = reaction.copy()
+    out[:-1] -= moved_to(reaction[1:], np.diff(position, axis=0))
+    return out
+
+
+def ground_reaction(wrench: Array) -> Array:
+    """(nb, 6) wrench of the ground, which holds the fixed body against all that acts on it, given
+    what acts on each body (nb, 6)."""
+    out = np.zeros_like(wrench)
+    out[0] = -wrench[0]
+    return out

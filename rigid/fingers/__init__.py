@@ -1,0 +1,1 @@
+"""Fingers as numbers: bones, joints and tendons."""

@@ -1,0 +1,96 @@
+"""The middle finger of Synek et al. 2019, PeerJ 7:e7470, in its normative (uncalibrated) form.
+
+The third digit after An et al. 1979, whose axes are parallel; see `anatomy`.  The authors' own
+calibrated points were fitted to the fingertip forces that this finger is compared with, and are
+not used here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from meshes.skeleton import Skeleton
+from rigid.fingers.anatomy import Anatomy, Way, assemble, extensor
+from rigid.model import FingerModel, Vector, vector
+
+O2O3 = 0.02363
+"""m."""
+TIP_REACH = 0.015
+"""m, O0O1: from the distal phalanx's frame to its tip."""
+LENGTHS = ((1.62 + 0.37) * O2O3, (1.0 + 0.22) * O2O3, 0.17 * O2O3 + TIP_REACH)
+"""m, from joint to joint: O4O5 + O5O6, O2O3 + O3O4, O1O2 + O0O1."""
+ROWS = {
+    "MCP": {
+        "FDP": ((-0.300, -0.470, 0.012), (0.180, -0.330, 0.023)),
+        "FDS": ((-0.300, -0.574, 0.019), (0.180, -0.393, 0.039)),
+        "RI": ((-0.400, -0.565, 0.471), (0.380, -0.038, 0.331)),
+        "LU": ((-0.400, -0.623, 0.422), (0.380, -0.140, 0.328)),
+        # Printed as +0.264; the authors had the sign error confirmed by K.-N. An.
+        "UI": ((-0.400, -0.264, -0.358), (0.380, 0.036, -0.357)),
+        "LE": ((0.000, 0.393, -0.039), (0.080, 0.322, -0.018)),
+    },
+    "PIP": {
+        "FDP": ((-0.400, -0.266, -0.004), (0.280, -0.273, -0.004)),
+        "FDS": ((-0.400, -0.217, -0.016), (0.280, -0.207, 0.001)),
+        "RB": ((-0.100, 0.100, 0.242), (0.180, 0.172, 0.227)),
+        "UB": ((-0.100, 0.076, -0.279), (0.180, 0.161, -0.247)),
+        "ES": ((0.000, 0.236, -0.019), (0.030, 0.247, -0.024)),
+    },
+    "DIP": {
+        "FDP": ((-0.300, -0.254, 0.033), (0.050, -0.141, 0.032)),
+        "TE": ((0.000, 0.168, -0.015), (0.050, 0.154, -0.022)),
+    },
+}
+OFFSET = {"DIP": 0.17, "PIP": 0.22, "MCP": 0.37}
+CENTRAL = 0.5
+"""The central slip's share in the normative model."""
+RI_TO_BONE = 0.5
+"""The radial interosseous' share that ends on the proximal phalanx (same source)."""
+
+TO_BONES: Mapping[str, tuple[Way, ...]] = {
+    "RIp": ((1.0, (("MCP", "RI"),)),),
+    "FDP": ((1.0, (("MCP", "FDP"), ("PIP", "FDP"), ("DIP", "FDP"))),),
+    "FDS": ((1.0, (("MCP", "FDS"), ("PIP", "FDS"))),),
+}
+"""RIp is the part of the radial interosseous that ends on the proximal phalanx."""
+
+
+def ways(central: float = CENTRAL) -> Mapping[str, tuple[Way, ...]]:
+    """Each muscle's strands, `central` being the central slip's share of what enters the hood."""
+    hooded = extensor("RI", ("RB",), central)
+    radial = tuple(((1.0 - RI_TO_BONE) * share, rows) for share, rows in hooded)
+    return {
+        "EDC": extensor("LE", ("RB", "UB"), central),
+        "LUM": extensor("LU", ("RB",), central),
+        "RI": ((RI_TO_BONE, (("MCP", "RI"),)), *radial),
+        "UI": extensor("UI", ("UB",), central),
+        **{muscle: TO_BONES[muscle] for muscle in ("FDP", "FDS")},
+    }
+
+
+def intrinsic_guides(scale: float = 1.0) -> dict[str, Vector]:
+    """Where the tendons at the hood's radial and ulnar side run to it from, beside the metacarpal:
+    An's proximal MCP points, m distal of the MCP, dorsal and radial.  RI and LU enter the radial
+    lateral band side by side; theirs is the point between them."""
+    point = {row: np.array(ROWS["MCP"][row][0]) * O2O3 * scale for row in ("RI", "LU", "UI")}
+    return {"radial": vector((point["RI"] + point["LU"]) / 2), "ulnar": vector(point["UI"])}
+
+
+def skeleton() -> Skeleton:
+    """Bones in line at zero angles, parallel flexion axes, abduction normal to them."""
+    axis = np.array([[0.0, 1, 0], [0, 0, 1], [0, 1, 0], [0, 1, 0]])
+    return Skeleton(np.array([0.0, *LENGTHS]), np.tile(np.eye(3), (3, 1, 1)), axis, {})
+
+
+def finger_model(scale: float = 1.0, central: float = CENTRAL) -> FingerModel:
+    """The finger, all lengths times `scale`."""
+    anatomy = Anatomy("middle finger", ROWS, OFFSET, ways(central))
+    return assemble(anatomy, skeleton().scaled(scale), O2O3 * scale)
+
+
+def under_a_hood(scale: float = 1.0) -> FingerModel:
+    """The finger with the tendons that end on bones, for a hood that takes the others."""
+    anatomy = Anatomy("middle finger", ROWS, OFFSET, TO_BONES)
+    return assemble(anatomy, skeleton().scaled(scale), O2O3 * scale)

@@ -1,0 +1,1 @@
+"""Hoods without finite elements: pulleys, bands, networks."""

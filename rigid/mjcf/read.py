@@ -1,0 +1,243 @@
+"""A finger out of a MuJoCo model (MJCF), as the description that ours are made from.
+
+Four bodies (the metacarpal, which is held, and three phalanges), their hinges, and the spatial
+tendons that pull on them.  Body frames that are not ours (x to the next joint, y radial, z dorsal,
+origin in the joint) are replaced by ones that are: y is the flexion axis made normal to x.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from cosim.port import Array, InputError
+from meshes.skeleton import BODIES, JOINTS, Skeleton
+from rigid.fingers.anatomy import VIEW_METACARPAL, VIEW_RADIUS
+from rigid.mjcf.frames import Frames, Where, frames_of
+from rigid.mjcf.tendons import read_tendons
+from rigid.model import FingerModel, Hinge, Segment, vector
+
+TIP = "tip"
+MOVED_BY = {"MCP": 1, "MCP_abduction": 1, "PIP": 2, "DIP": 3}
+"""Index of the body that a joint turns."""
+
+
+@dataclass(frozen=True)
+class ReadFinger:
+    """The finger of a file, the greatest force (N) of each tendon that has one, and what is not in
+    it or is there as something else."""
+
+    model: FingerModel
+    max_force: Mapping[str, float]
+    losses: tuple[str, ...]
+
+
+def read_mjcf(
+    path: Path | str,
+    names: Mapping[str, str] | None = None,
+    tendons: Sequence[str] | None = None,
+) -> ReadFinger:
+    """The finger of a MuJoCo model.  `names`: from our name (of a body, joint, tendon, or "tip") to
+    the file's where they differ, "-NAME" for a joint that turns the other way; `tendons`: the names
+    that a tendon may have, all others being dropped (every name if not given).
+
+    Raises InputError where the file is no MuJoCo model or holds no such finger."""
+    m = _compiled(Path(path))
+    with_minus = dict(names or {})
+    signs = {j: -1.0 if with_minus.get(j, "").startswith("-") else 1.0 for j in JOINTS}
+    plain = {ours: theirs.removeprefix("-") for ours, theirs in with_minus.items()}
+    where = Where(str(path), m, plain)
+    body = [where.find("body", mujoco.mjtObj.mjOBJ_BODY, name) for name in BODIES]
+    joint = [where.find("joint", mujoco.mjtObj.mjOBJ_JOINT, name) for name in JOINTS]
+    tip = where.find("site", mujoco.mjtObj.mjOBJ_SITE, TIP)
+    _check_tree(where, body, joint)
+    sign = np.array([signs[j] for j in JOINTS])
+    data = _at_zero(m, joint)
+    losses: list[str] = []
+    frames = frames_of(where, data, body, joint, sign, data.site_xpos[tip], losses)
+    owner = np.array([_owner(m, b, body) for b in range(m.nbody)])
+    read = read_tendons(m, data, owner, frames, plain, tendons)
+    ends = frames.local(3, data.site_xpos[tip])
+    segments = tuple(
+        _segment(m, data, frames, i, body, joint, sign, ends, losses) for i in range(4)
+    )
+    model = FingerModel(Path(path).stem, segments, vector(ends), read.tendons)
+    return ReadFinger(model, read.max_force, (*losses, *read.losses, *_left(m, joint, body)))
+
+
+def skeleton_of(model: FingerModel) -> Skeleton:
+    """The joints and lengths of a finger of four bodies whose x runs to the next joint.
+
+    Raises InputError where its frames are others or it has other joints."""
+    if model.joints != JOINTS or model.bodies != BODIES:
+        raise InputError(
+            f"finger {model.name}: a hood lies on the bodies {', '.join(BODIES)} and the joints "
+            f"{', '.join(JOINTS)}, in this order; this one has {', '.join(model.bodies)} and "
+            f"{', '.join(model.joints)}"
+        )
+    places = np.array([s.position for s in model.segments[1:]])
+    length = np.array([*places[:, 0], model.tip[0]])
+    beside = max(np.abs(places[:, 1:]).max(), np.abs(places[0]).max())
+    if beside > 1e-6 or length[1:].min() <= 0:
+        raise InputError(
+            f"finger {model.name}: the x axes of its bodies do not run to the next joint "
+            f"({1e3 * beside:.3g} mm beside it); `cosim new` makes frames that do"
+        )
+    zero = np.array([s.rotation for s in model.segments[1:]])
+    axis = np.array([hinge.axis for s in model.segments for hinge in s.hinges])
+    return Skeleton(length, zero, axis, {})
+
+
+def _compiled(path: Path) -> mujoco.MjModel:
+    if not path.is_file():
+        raise InputError(f"{path}: there is no such file")
+    try:
+        return mujoco.MjModel.from_xml_path(str(path))
+    except ValueError as error:
+        text = " ".join(str(error).split())
+        raise InputError(f"{path}: is no MuJoCo model: {text}") from error
+
+
+def _check_tree(where: Where, body: Sequence[int], joint: Sequence[int]) -> None:
+    """Each phalanx hangs on the bone before it by its own hinges and no other joint."""
+    m = where.model
+    for name, j in zip(JOINTS, joint, strict=True):
+        if m.jnt_type[j] != mujoco.mjtJoint.mjJNT_HINGE:
+            raise where.fault(f"joint {m.joint(j).name!r} ({name}) is no hinge")
+        if m.jnt_bodyid[j] != body[MOVED_BY[name]]:
+            mover = m.body(m.jnt_bodyid[j]).name
+            raise where.fault(
+                f"joint {m.joint(j).name!r} ({name}) turns the body {mover!r}, expected "
+                f"{m.body(body[MOVED_BY[name]]).name!r} ({BODIES[MOVED_BY[name]]})"
+            )
+    for i in (1, 2, 3):
+        own = np.flatnonzero(m.jnt_bodyid == body[i])
+        if extra := [m.joint(j).name for j in own if j not in joint]:
+            raise where.fault(
+                f"body {m.body(body[i]).name!r} ({BODIES[i]}) has the joint {extra[0]!r} too; a "
+                f"finger here has the hinges {', '.join(JOINTS)}"
+            )
+        above = int(m.body_parentid[body[i]])
+        while above not in (body[i - 1], 0) and m.body_jntnum[above] == 0:
+            above = int(m.body_parentid[above])
+        if above != body[i - 1]:
+            raise where.fault(
+                f"body {m.body(body[i]).name!r} ({BODIES[i]}) does not hang on "
+                f"{m.body(body[i - 1]).name!r} ({BODIES[i - 1]})"
+            )
+
+
+def _at_zero(m: mujoco.MjModel, joint: Sequence[int]) -> mujoco.MjData:
+    """The finger's angles zero, the other joints where the model is assembled."""
+    data = mujoco.MjData(m)
+    data.qpos[:] = m.qpos0
+    data.qpos[m.jnt_qposadr[list(joint)]] = 0.0
+    mujoco.mj_kinematics(m, data)
+    return data
+
+
+def _owner(m: mujoco.MjModel, b: int, body: Sequence[int]) -> int:
+    """Index of the bone that a body moves with; -1 of one that moves on its own.  What carries the
+    metacarpal is held with it."""
+    carrying, above = set(), body[0]
+    while above:
+        carrying.add(above)
+        above = int(m.body_parentid[above])
+    while b:
+        if b in body:
+            return list(body).index(b)
+        if b in carrying:
+            return 0
+        if m.body_jntnum[b]:
+            return -1
+        b = int(m.body_parentid[b])
+    return 0
+
+
+def _segment(
+    m: mujoco.MjModel,
+    data: mujoco.MjData,
+    frames: Frames,
+    i: int,
+    body: Sequence[int],
+    joint: Sequence[int],
+    sign: Array,
+    tip: Array,
+    losses: list[str],
+) -> Segment:
+    name = BODIES[i]
+    if i == 0:
+        return Segment(name, VIEW_METACARPAL, radius=VIEW_RADIUS[name])
+    turn = frames.turn[i - 1].T @ frames.turn[i]
+    place = np.where(np.abs(at := frames.local(i - 1, frames.origin[i])) < 1e-12, 0.0, at)
+    order = sorted((j, k) for k, j in enumerate(joint) if MOVED_BY[JOINTS[k]] == i)
+    hinges = tuple(
+        Hinge(
+            JOINTS[k],
+            vector(sign[k] * data.xaxis[j] @ frames.turn[i]),
+            _range(m.jnt_range[j], sign[k]),
+        )
+        for j, k in order
+    )
+    ahead = tip if i == 3 else frames.local(i, frames.origin[i + 1])
+    return Segment(
+        name,
+        float(np.linalg.norm(ahead)),
+        vector(place),
+        (vector(turn[0]), vector(turn[1]), vector(turn[2])),
+        hinges,
+        float(m.body_mass[body[i]]),
+        _inertia(m, data, frames, i, body[i], losses),
+        vector(frames.local(i, data.xipos[body[i]])),
+        VIEW_RADIUS[name],
+    )
+
+
+def _range(stated: Array, sign: float) -> tuple[float, float]:
+    if not stated.any():
+        return (-np.inf, np.inf)
+    low, high = sorted(sign * stated)
+    return float(low), float(high)
+
+
+def _inertia(
+    m: mujoco.MjModel, data: mujoco.MjData, frames: Frames, i: int, b: int, losses: list[str]
+) -> tuple[float, float, float]:
+    """About our axes; the products of inertia, which the description lacks, are left out."""
+    axes = frames.turn[i].T @ data.ximat[b].reshape(3, 3)
+    tensor = axes @ np.diag(m.body_inertia[b]) @ axes.T
+    beside = np.abs(tensor - np.diag(np.diag(tensor))).max()
+    if beside > 1e-6 * np.abs(tensor).max():
+        share = 100 * beside / np.abs(tensor).max()
+        losses.append(
+            f"dropped: products of inertia of {BODIES[i]}, {share:.2g} % of its greatest moment "
+            "(they matter in a motion only)"
+        )
+    return vector(np.diag(tensor))
+
+
+def _left(m: mujoco.MjModel, joint: Sequence[int], body: Sequence[int]) -> list[str]:
+    """What a finger here has no place for."""
+    own = list(joint)
+    dof = m.jnt_dofadr[own]
+    others = m.njnt - len(own)
+    damped = m.dof_damping[dof].any() or m.dof_frictionloss[dof].any() or m.dof_armature[dof].any()
+    welded = sum(1 for b in range(1, m.nbody) if b not in body and _owner(m, b, body) > 0)
+    collide = ((m.geom_contype != 0) | (m.geom_conaffinity != 0)).any()
+    told = (
+        (others, f"{others} other joints, held where the model is assembled"),
+        (m.jnt_stiffness[own].any(), "stiffness of the joints; give finger.passive in the case"),
+        (damped, "damping, friction or armature of the joints; give finger.passive in the case"),
+        (m.jnt_limited[own].any(), "limits of the joints as forces; give finger.limit in the case"),
+        (m.neq, f"{m.neq} equality constraints"),
+        (welded, f"mass of {welded} bodies that are fixed to a phalanx"),
+        (collide, "contacts of the geoms"),
+        (m.nsensor, f"{m.nsensor} sensors"),
+        (m.nkey, f"{m.nkey} keyframes"),
+        (m.opt.gravity.any(), "gravity; give finger.gravity in the case"),
+    )
+    return [f"dropped: {what}" for there, what in told if there]

@@ -1,0 +1,1 @@
+"""Fingers on MuJoCo, at rest and in motion."""

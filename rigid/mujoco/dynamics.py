@@ -1,0 +1,278 @@
+"""A finger in motion: M(q) dv/dt = torques + J^T w, in joint space, by implicit steps.
+
+A step from (q, v) to (q + h v+, v+) solves
+
+    M (v+ - v) = h [ A^T t + gravity - c(q, v) + joints(q + h v+, v+) + J^T w(p + h J v+, J v+) ]
+
+by Newton's method in v+: backward Euler in the springs, limits and damping of the joints and in the
+device about the fingertip, which alone are stiff; M, A, J and the inertial torques c are taken at
+the start, and the tensions t follow the tendons' change of length with the stiffness that the
+muscles tell.  Where the tip is held its constraint B J v+ = -gap / h is solved with it, exactly,
+and takes the drift of one step out in the next.  First order in h (Hairer and Wanner, Solving
+Ordinary Differential Equations II); what it damps is in the audit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.port import Array, ConvergenceError, State
+from rigid.chain.joint_torques import JointLaw
+from rigid.chain.statics import FingerState
+from rigid.chain.support import turn_gap
+from rigid.mujoco.finger import MujocoFinger
+from rigid.mujoco.implicit_step import advanced
+from rigid.mujoco.step_data import Joints, Readings
+from rigid.mujoco.tip_device import Device, Nothing
+
+TOLERANCE = 1e-10
+"""N m, of the torques in each step."""
+MOST_SPLITS = 8
+"""A step that does not converge is halved so often."""
+UNTURNED = np.eye(3)
+
+
+class Pull(NamedTuple):
+    """What muscles answer, (nt,) each."""
+
+    tension: Array
+    """N, at the given lengths."""
+    stiffness: Array
+    """N/m, at least 0: how the tension follows the path's length within a step."""
+    state: State
+
+
+class Push(NamedTuple):
+    """Torques (nq,) from elsewhere, N m at joint angles `at` (nq,) rad, with slope (nq, nq)."""
+
+    torque: Array
+    slope: Array
+    at: Array
+
+
+class Muscles(Protocol):
+    """Anything that pulls on a finger's tendons; its state is an opaque value."""
+
+    def start(self, length: Array) -> State:
+        """The state at t = 0 with paths of `length` (nt,) m."""
+        ...
+
+    def pull(self, state: State, time: float, length: Array, dt: float) -> Pull:
+        """The tension at `time` s, `dt` s after `state` (0: at the start)."""
+        ...
+
+
+@dataclass(frozen=True)
+class Constant:
+    """Tensions (nt,) N that do not change."""
+
+    tension: Array
+
+    def start(self, length: Array) -> State:
+        return None
+
+    def pull(self, state: State, time: float, length: Array, dt: float) -> Pull:
+        return Pull(self.tension, np.zeros(len(self.tension)), None)
+
+
+class Moment(NamedTuple):
+    """A finger at one time: the opaque state of `FingerDynamics.advance`, and what it observed."""
+
+    time: float
+    angles: Array
+    rates: Array
+    tip: Array
+    """(6,) N, and N m about the fingertip, of it on the world in the world's axes."""
+    tension: Array
+    """(nt,) N."""
+    length: Array
+    """(nt,) m, of the tendons at the start of the step that ended here."""
+    kinetic: float
+    """J, with the mass matrix at the start of that step."""
+    slip: float
+    """J, that the device dissipated in that step."""
+    muscles: State
+    held: Array
+    """(m,) N and N m, reactions of the support."""
+
+
+class FingerDynamics:
+    """A MuJoCo finger whose tip is held by its own support, or by a device about it.
+
+    MuJoCo gives mass matrix, inertial torques, tendons and tip from the angles and rates of each
+    call alone, so that a state always gives the same bits."""
+
+    def __init__(
+        self,
+        finger: MujocoFinger,
+        state: FingerState,
+        muscles: Muscles,
+        device: Device | None = None,
+        frame: Array = UNTURNED,
+    ) -> None:
+        """state: as from `finger.start`: the posture to begin in; its target is the support's and
+        the centre of the device.  device: in place of the finger's support.  frame (3, 3): the
+        device's axes as columns in the world; the world's if not given."""
+        self._finger, self._state, self._muscles, self._frame = finger, state, muscles, frame
+        held = state.basis if device is None else np.zeros((0, 6))
+        self._turns = bool(held[:, 3:].any())
+        self.device: Device = Nothing() if device is None else device
+        self._surface, self._joints = self.device.surface, _joints(finger.law)
+        self._model = m = finger.model
+        self._data = d = mujoco.MjData(m)
+        self._site, self._last = m.site("tip").id, m.nbody - 1
+        self._position, self._velocity = d.qpos, d.qvel
+        self._readings = Readings(
+            d.M,
+            _dense_mass(m),
+            np.zeros(m.nv),
+            d.ten_J,
+            np.repeat(np.arange(m.ntendon), m.ten_J_rownnz),
+            m.ten_J_colind.astype(np.intp),
+            np.zeros((6, m.nv)),
+            d.site_xpos[self._site],
+            state.target,
+            np.ascontiguousarray(frame, dtype=float),
+            held,
+        )
+        self._nothing = (np.zeros(3), np.zeros(m.nv), np.zeros((m.nv, m.nv)))
+
+    def start(self) -> Moment:
+        """At rest in the posture."""
+        q, nq = self._state.angles, len(self._state.angles)
+        self._at(q, np.zeros(nq))
+        length = self._data.ten_length.copy()
+        muscles = self._muscles.start(length)
+        tension = self._muscles.pull(muscles, 0.0, length, 0.0).tension
+        held = np.zeros(len(self._readings.basis))
+        return Moment(0.0, q, np.zeros(nq), np.zeros(6), tension, length, 0.0, 0.0, muscles, held)
+
+    def advance(self, at: Moment, dt: float) -> Moment:
+        """The state `dt` s later.  A step that does not converge is taken in two halves: while the
+        device's friction falls with the speed of slip, only a short one has a single solution.
+
+        Raises ConvergenceError."""
+        return self._advanced(at, dt, MOST_SPLITS, None, None)
+
+    def pulled(self, at: Moment, tension: Array, push: Push, dt: float) -> Moment:
+        """The same under tensions (nt,) N, in place of the muscles', and torques from elsewhere."""
+        pull = Pull(tension, np.zeros(len(tension)), None)
+        return self._advanced(at, dt, MOST_SPLITS, pull, push)
+
+    def _advanced(
+        self, at: Moment, dt: float, splits: int, given: Pull | None, push: Push | None
+    ) -> Moment:
+        self._at(at.angles, at.rates)
+        length, time = self._data.ten_length.copy(), at.time + dt
+        pull = self._muscles.pull(at.muscles, time, length, dt) if given is None else given
+        done, angles, rates, held, wrench, tension, kinetic, slip = advanced(
+            self._surface,
+            self._joints,
+            self._readings,
+            (at.angles, at.rates, at.held),
+            (pull.tension, pull.stiffness),
+            self._more(at.angles, push),
+            dt,
+            TOLERANCE,
+        )
+        if done:
+            muscles = pull.state
+            return Moment(
+                time, angles, rates, -wrench, tension, length, kinetic, slip, muscles, held
+            )
+        if splits == 0:
+            raise ConvergenceError(
+                f"finger in motion: the step to t = {time:.6g} s did not converge, down to "
+                f"{dt:.1e} s. Try a smaller step, a softer contact or smaller tensions."
+            )
+        half = self._advanced(at, dt / 2, splits - 1, given, push)
+        end = self._advanced(half, dt / 2, splits - 1, given, push)
+        return end._replace(length=half.length, slip=half.slip + end.slip)
+
+    @property
+    def law(self) -> JointLaw:
+        return self._finger.law
+
+    def tendon_lengths(self, at: Moment) -> Array:
+        """(nt,) m, in the angles of a state."""
+        return self._finger.tendon_lengths(at.angles)
+
+    def place(self, at: Moment) -> Array:
+        """(3,) m, the fingertip from the device's centre in its axes."""
+        gap: Array = self._finger.chain(at.angles).tip - self._state.target
+        return gap @ self._frame
+
+    def kinetic_energy(self, at: Moment) -> float:
+        """J, in the angles of a state."""
+        self._at(at.angles, at.rates)
+        product = np.zeros(len(at.rates))
+        mujoco.mj_mulM(self._model, self._data, product, at.rates)
+        return 0.5 * float(at.rates @ product)
+
+    def height_energy(self, at: Moment) -> float:
+        """J, potential energy in gravity."""
+        self._at(at.angles, at.rates)
+        weight = self._model.body_mass[:, None] * self._model.opt.gravity
+        return -float((weight * self._data.xipos).sum())
+
+    def _at(self, angles: Array, rates: Array) -> None:
+        m, d, jacobian = self._model, self._data, self._readings.jacobian
+        self._position[:] = angles
+        self._velocity[:] = rates
+        mujoco.mj_kinematics(m, d)
+        mujoco.mj_comPos(m, d)
+        mujoco.mj_tendon(m, d)
+        mujoco.mj_makeM(m, d)
+        mujoco.mj_comVel(m, d)
+        mujoco.mj_rne(m, d, 0, self._readings.bias)
+        mujoco.mj_jacSite(m, d, jacobian[:3], jacobian[3:], self._site)
+
+    def _more(self, angles: Array, push: Push | None) -> tuple[Array, Array, Array]:
+        """The tip's turn from the one held, where it is; torques of curves and from elsewhere at
+        these angles, and their slopes."""
+        turned, torque, slope = self._nothing
+        if self._turns:
+            now = self._data.xmat[self._last].reshape(3, 3)
+            turned = turn_gap(self._state.turn, now)[0]
+        if self.law.curves:
+            torque, slope = _curves(self.law, angles)
+        if push is not None:
+            torque = torque + push.torque + push.slope @ (angles - push.at)
+            slope = slope + push.slope
+        return turned, torque, slope
+
+
+def _dense_mass(model: mujoco.MjModel) -> NDArray[np.intp]:
+    """(nq, nq) where MuJoCo keeps each entry of the mass matrix, of which it has the lower half."""
+    out = np.zeros((model.nv, model.nv), dtype=np.intp)
+    rows = np.repeat(np.arange(model.nv), model.M_rownnz)
+    out[rows, model.M_colind] = out[model.M_colind, rows] = np.arange(len(rows))
+    return out
+
+
+def _curves(law: JointLaw, angles: Array) -> tuple[Array, Array]:
+    """(nq,) N m and (nq, nq) N m/rad of the torque curves alone."""
+    torque, slope = np.zeros(len(angles)), np.zeros((len(angles), len(angles)))
+    for joint, curve in law.curves.items():
+        i = law.joints.index(joint)
+        torque[i], slope[i, i] = curve(float(angles[i]))
+    return torque, slope
+
+
+def _joints(law: JointLaw) -> Joints:
+    damping = np.zeros(len(law.joints)) if law.damping is None else law.damping
+    return Joints(
+        law.stiffness,
+        law.rest,
+        damping,
+        law.lower,
+        law.upper,
+        law.limit_stiffness,
+        law.transition,
+        law.limit_damping,
+    )

@@ -1,0 +1,170 @@
+"""A finger on MuJoCo, behind the port: oblique axes, tendons with shares and wrapping, gravity."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from cosim.port import Array, InputError, Motion
+from rigid.chain.joint_torques import JointLaw, joint_law
+from rigid.chain.kinematics import Chain, geometric_stiffness, moved_to, point_jacobian
+from rigid.chain.statics import ChainFinger, FingerState
+from rigid.chain.support import HELD, Support
+from rigid.mjcf.write import mjcf_xml
+from rigid.model import FingerModel
+from rigid.mujoco.tendon_paths import TendonWays
+
+ANGLE_STEP = 1e-5
+"""rad, for differences of the tendon Jacobian: truncation and rounding both near 1e-11 of it."""
+
+
+class MujocoFinger(ChainFinger):
+    """A finger model as MuJoCo sees it; `model` is the compiled one.
+
+    MuJoCo gives the poses, the joints' axes and the tendons' Jacobian.  Its buffers are private
+    and depend on nothing but the joint angles of the call, so that a state always gives the same
+    bits.
+    """
+
+    def __init__(
+        self,
+        finger: FingerModel,
+        *,
+        law: JointLaw | None = None,
+        support: Support = HELD,
+        gravity: Sequence[float] = (0.0, 0.0, 0.0),
+    ) -> None:
+        """law: passive springs and limits of the joints (none if not given); support: what holds
+        the tip; gravity: (3,) m/s2 in the world.
+
+        Raises InputError for a law of other joints."""
+        law = joint_law(finger.joints) if law is None else law
+        if law.joints != finger.joints:
+            raise InputError(
+                f"MuJoCo finger: its joints are {finger.joints}, the law has {law.joints}"
+            )
+        super().__init__(finger.bodies, finger.muscles, law, finger.ranges, support)
+        self.xml = mjcf_xml(finger, gravity)
+        self.model = mujoco.MjModel.from_xml_string(self.xml)
+        self._data = mujoco.MjData(self.model)
+        self._qpos, self._path_jacobian = self._data.qpos, self._data.ten_J
+        self._at = np.full(self.model.nq, np.nan)
+        self._seen: tuple[Array, Chain, Array] | None = None
+        self._body = np.array([self.model.body(name).id for name in finger.bodies])
+        self._child = self.model.jnt_bodyid - self._body[0]
+        self._tip = self.model.site("tip").id
+        self._arm_row = np.repeat(np.arange(self.model.ntendon), self.model.ten_J_rownnz)
+        self._arm_at = np.arange(len(self._arm_row))
+        self._ways = TendonWays(self.model)
+        self._weight = np.outer(self.model.body_mass[self._body], self.model.opt.gravity)
+        self._weight[0] = 0.0  # the first body is the ground
+
+    def chain(self, angles: Array) -> Chain:
+        return self._posture(angles)[0]
+
+    def tendon_lengths(self, angles: Array) -> Array:
+        """(nt,) m, of the paths, strands counted by their shares."""
+        return self._forward(angles).ten_length.copy()
+
+    def moment_arms(self, angles: Array) -> Array:
+        """(nt, nq) m: shortening of each tendon per rad, positive where its pull turns the joint
+        in its positive sense."""
+        return self._posture(angles)[1].copy()
+
+    def _posture(self, angles: Array) -> tuple[Chain, Array]:
+        """Kinematics and moment arms, those of the last posture asked for kept: an equilibrium and
+        its tangent ask for the same again and again."""
+        if self._seen is None or not np.array_equal(self._seen[0], angles):
+            d = self._forward(angles)
+            turn = d.xmat[self._body].reshape(-1, 3, 3)
+            motion = Motion(self.bodies, d.xpos[self._body], turn)
+            tip = d.site_xpos[self._tip].copy()
+            chain = Chain(motion, self._child, d.xanchor.copy(), d.xaxis.copy(), tip)
+            self._seen = np.array(angles, dtype=float), chain, self._arms(d)
+        return self._seen[1], self._seen[2]
+
+    def _arms(self, data: mujoco.MjData) -> Array:
+        m = self.model
+        out = np.zeros((m.ntendon, m.nv))
+        out[self._arm_row, m.ten_J_colind] = -data.ten_J
+        return out
+
+    def own_torques(self, angles: Array, tension: Array) -> dict[str, Array]:
+        muscles = np.asarray(tension)[:, None] * self._posture(angles)[1]
+        out = dict(zip(self.tendons, muscles, strict=True))
+        out["gravity"] = np.zeros(len(angles))
+        if self._weight.any():
+            index = np.arange(len(self.bodies))
+            arms = point_jacobian(self.chain(angles), index, self.mass_centres(angles))
+            out["gravity"] = np.einsum("bxj,bx->j", arms[:, :3], self._weight)
+        return out
+
+    def own_tangent(self, angles: Array, tension: Array) -> Array:
+        out = np.zeros((len(angles), len(angles)))
+        if np.any(tension):
+            share = np.zeros((len(self._arm_row), len(angles)))
+            share[self._arm_at, self.model.ten_J_colind] = -np.asarray(tension)[self._arm_row]
+            for i, step in enumerate(ANGLE_STEP * np.eye(len(angles))):
+                self._moved(angles + step)
+                out[:, i] = self._path_jacobian @ share
+                self._moved(angles - step)
+                out[:, i] -= self._path_jacobian @ share
+            out /= 2 * ANGLE_STEP
+        if not self._weight.any():
+            return out
+        weight = np.hstack([self._weight, np.zeros_like(self._weight)])
+        return out + geometric_stiffness(
+            self.chain(angles), np.arange(len(self.bodies)), self.mass_centres(angles), weight
+        )
+
+    def own_wrenches(self, angles: Array, tension: Array) -> dict[str, Array]:
+        data = self._forward(angles)
+        pulls = self._ways.wrenches(data, tension)[:, self._body]
+        out = dict(zip(self.tendons, pulls, strict=True))
+        force = np.hstack([self._weight, np.zeros_like(self._weight)])
+        out["gravity"] = moved_to(force, (data.xipos - data.xpos)[self._body])
+        return out
+
+    def path_lengths(self, state: FingerState) -> Array:
+        return self.tendon_lengths(state.angles)
+
+    def tendon_paths(self, state: FingerState) -> dict[str, Array]:
+        return self.paths_at(state.angles)
+
+    def paths_at(self, angles: Array) -> dict[str, Array]:
+        """(k, 3) world points of each strand from origin to insertion, m, at joint angles (nq,);
+        the strands of a tendon that parts are named NAME, NAME 2, ..."""
+        data = self._forward(angles)
+        return {
+            name if n == 0 else f"{name} {n + 1}": points
+            for name, strands in zip(self.tendons, self._ways.points(data), strict=True)
+            for n, points in enumerate(strands)
+        }
+
+    def momentum(self, angles: Array, rates: Array) -> Array:
+        """(nb, 6) N s and N m s of each body, about its centre of mass, world frame."""
+        data, m = self._forward(angles), self.model
+        index = np.arange(len(self.bodies))
+        twist = point_jacobian(self.chain(angles), index, self.mass_centres(angles)) @ rates
+        axes = data.ximat[self._body].reshape(-1, 3, 3)
+        spin = np.einsum("bji,bj->bi", axes, twist[:, 3:]) * m.body_inertia[self._body]
+        mass = m.body_mass[self._body][:, None]
+        return np.hstack([mass * twist[:, :3], np.einsum("bij,bj->bi", axes, spin)])
+
+    def mass_centres(self, angles: Array) -> Array:
+        """(nb, 3) m, world frame."""
+        return self._forward(angles).xipos[self._body]
+
+    def _forward(self, angles: Array) -> mujoco.MjData:
+        return self._data if np.array_equal(self._at, angles) else self._moved(angles)
+
+    def _moved(self, angles: Array) -> mujoco.MjData:
+        m, d = self.model, self._data
+        self._at[:] = angles
+        self._qpos[:] = angles
+        mujoco.mj_kinematics(m, d)
+        mujoco.mj_comPos(m, d)
+        mujoco.mj_tendon(m, d)
+        return d

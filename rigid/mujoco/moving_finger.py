@@ -1,0 +1,176 @@
+"""A MuJoCo finger in motion behind the port: what `cosim.coupling.schemes` steps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from cosim.port import AffineLoad, Array, ConvergenceError, InputError, Motion
+from rigid.chain.kinematics import (
+    Chain,
+    body_jacobian,
+    geometric_stiffness,
+    ground_reaction,
+    joint_loads,
+    joint_reactions,
+    joint_wrenches,
+    moved_to,
+)
+from rigid.chain.statics import FingerState
+from rigid.mujoco.dynamics import Constant, FingerDynamics, Moment, Push
+from rigid.mujoco.finger import MujocoFinger
+from rigid.mujoco.tip_device import Device
+
+SETTLED = 1e-12
+"""rad, the change of the angles in the last iteration of a step."""
+MOST_ITERATIONS = 30
+
+
+class Moving(NamedTuple):
+    """A finger in motion at one time, and the state that it was begun in."""
+
+    start: FingerState
+    moment: Moment
+    acceleration: Array
+    """(nq,) rad/s2, mean over the last step: the next one begins its iteration with it."""
+
+
+@dataclass(frozen=True)
+class MovingMujoco:
+    """`cosim.port.MovingFinger` on MuJoCo: held by the finger's own support, or by a `device`.
+
+    A step is that of `rigid.mujoco.dynamics`, implicit in the load: J^T w at the new poses, by
+    iteration with its slope.  First order in dt."""
+
+    finger: MujocoFinger
+    device: Device | None = None
+    _made: dict[bytes, FingerDynamics] = field(default_factory=dict, compare=False, repr=False)
+    """By the posture that a motion was begun in."""
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        return self.finger.bodies
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        return self.finger.joints
+
+    @property
+    def tendons(self) -> tuple[str, ...]:
+        return self.finger.tendons
+
+    def begin(self, posture: Mapping[str, float]) -> Moving:
+        """At rest; raises InputError for a posture that the finger does not take."""
+        start = self.finger.start(posture)
+        at_rest = self._dynamics(start).start()
+        return Moving(start, at_rest, np.zeros_like(at_rest.rates))
+
+    def angles(self, state: Moving) -> Array:
+        return state.moment.angles
+
+    def rates(self, state: Moving) -> Array:
+        return state.moment.rates
+
+    def tip_wrench(self, state: Moving) -> Array:
+        """(6,) N, and N m about the fingertip, of it on the world, world frame."""
+        return state.moment.tip
+
+    def motion(self, angles: Array) -> Motion:
+        return self.finger.chain(angles).motion
+
+    def jacobian(self, angles: Array) -> Array:
+        return body_jacobian(self.finger.chain(angles))
+
+    def path_lengths(self, angles: Array) -> Array:
+        return self.finger.tendon_lengths(angles)
+
+    def step(self, state: Moving, load: AffineLoad, tension: Array, dt: float) -> Moving:
+        """Raises InputError for a load on other bodies, ConvergenceError."""
+        if load.at.bodies != self.bodies:
+            raise InputError(f"load on bodies {load.at.bodies}: the finger's are {self.bodies}")
+        dynamics, before = self._dynamics(state.start), state.moment
+        angles = before.angles + dt * (before.rates + dt * state.acceleration)
+        for _ in range(MOST_ITERATIONS):
+            after = dynamics.pulled(before, tension, self._push(load, angles), dt)
+            turn = float(np.abs(after.angles - angles).max())
+            if turn <= SETTLED:
+                return Moving(state.start, after, (after.rates - before.rates) / dt)
+            angles = after.angles
+        raise ConvergenceError(
+            f"moving finger: the step to t = {before.time + dt:.6g} s still turns a joint by "
+            f"{turn:.1e} rad after {MOST_ITERATIONS} iterations. Try a smaller step than {dt:g} s."
+        )
+
+    def energy(self, state: Moving) -> float:
+        dynamics, at = self._dynamics(state.start), state.moment
+        held = 0.0 if self.device is None else self.device.energy(dynamics.place(at))
+        stored = self.finger.law.energy(at.angles)
+        return dynamics.kinetic_energy(at) + dynamics.height_energy(at) + stored + held
+
+    def dissipation(self, state: Moving) -> float:
+        """W, of the viscous torques of joints and limits."""
+        rates = state.moment.rates
+        return -float(self.finger.law.viscous(state.moment.angles, rates)[0] @ rates)
+
+    def tip(self, angles: Array) -> Array:
+        """(3,) m, the fingertip's point, world frame."""
+        return self.finger.chain(angles).tip
+
+    def lines(self, angles: Array) -> dict[str, Array]:
+        """Polylines (k, 3) m of the tendons, world frame, by name."""
+        return self.finger.paths_at(angles)
+
+    def ledger(
+        self,
+        before: tuple[Array, Array],
+        now: tuple[Array, Array],
+        dt: float,
+        hood: Array,
+        tension: Array,
+        tip: Array,
+    ) -> dict[str, Array]:
+        """(nb, 6) wrench on each body about its origin (world frame) by source at the end of a step
+        of `dt` s from angles and rates `before` to `now`: each muscle, gravity, passive, limit,
+        damping, fingertip, inertia (minus the change of momentum over the step), joint, and the
+        ground, which holds the fixed body; with the hood's (nb, 6) they close to zero on each body.
+
+        tension: (nt,) N, of the finger's own tendons; tip: (6,) of the fingertip on the world."""
+        finger, (angles, rates) = self.finger, now
+        chain, law = finger.chain(angles), finger.law
+        fingertip = np.zeros_like(hood)
+        fingertip[-1] = moved_to(-tip, chain.tip - chain.motion.position[-1])
+        momentum = [finger.momentum(*state) for state in (before, now)]
+        change = (momentum[0] - momentum[1]) / dt
+        centre = finger.mass_centres(angles) - chain.motion.position
+        books = {
+            **finger.own_wrenches(angles, tension),
+            "passive": joint_wrenches(chain, law.passive(angles)[0]),
+            "limit": joint_wrenches(chain, law.limit(angles)[0]),
+            "damping": joint_wrenches(chain, law.viscous(angles, rates)[0]),
+            "fingertip": fingertip,
+            "inertia": moved_to(change, centre),
+        }
+        applied = hood + np.sum(list(books.values()), axis=0)
+        joint = joint_loads(chain, joint_reactions(chain, applied))
+        return {**books, "joint": joint, "ground": ground_reaction(applied + joint)}
+
+    def _push(self, load: AffineLoad, angles: Array) -> Push:
+        """The load's torques at joint angles, with their slope."""
+        chain: Chain = self.finger.chain(angles)
+        jacobian = body_jacobian(chain)
+        change = load.by_motion @ load.at.twist_to(chain.motion).ravel()
+        wrench = load.wrench + change.reshape(-1, 6)
+        slope = jacobian.T @ load.by_motion @ jacobian
+        bodies = np.arange(len(self.bodies))
+        slope += geometric_stiffness(chain, bodies, chain.motion.position, wrench)
+        return Push(jacobian.T @ wrench.ravel(), slope, angles)
+
+    def _dynamics(self, start: FingerState) -> FingerDynamics:
+        key = start.angles.tobytes()
+        if key not in self._made:
+            idle = Constant(np.zeros(len(self.tendons)))
+            self._made[key] = FingerDynamics(self.finger, start, idle, self.device)
+        return self._made[key]

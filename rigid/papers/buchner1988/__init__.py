@@ -1,0 +1,1 @@
+"""Buchner et al. 1988: coordination of the joints."""
