@@ -172,7 +172,7 @@ def _voice(quiet: bool, as_json: bool) -> Voice:
 
 
 def _check_targets(cases: Sequence[Case], out: Path) -> None:
-    from cosim.results.data import check_target
+    from cosim.results.write import check_target
 
     names = [case.name for case in cases]
     twice = sorted({name for name in names if names.count(name) > 1})
@@ -185,7 +185,7 @@ def _check_targets(cases: Sequence[Case], out: Path) -> None:
 def _run_one(case: Case, out: Path, voice: Voice) -> Mapping[str, Any]:
     """Run, write and show one case; its summary.  Raises CosimError."""
     from cosim.pipeline import run_case
-    from cosim.results.data import write_result
+    from cosim.results.write import write_result
 
     unfinished = _unfinished(case, out)
     try:

@@ -14,7 +14,7 @@ import pytest
 from cosim.case.schema import Case
 from cosim.fmu.mapping import Place, places
 from cosim.fmu.unit import Unit
-from cosim.fmu_export.static_parts import part_of
+from cosim.fmu_export.part_of import part_of
 
 NEEDS_FMU = [
     pytest.mark.fmu,

@@ -11,7 +11,7 @@ import xarray
 
 from cosim.case.file import load_case
 from cosim.pipeline import run_case
-from cosim.results.data import write_result
+from cosim.results.write import write_result
 
 DATA = """\
 # Numbers made for tests

@@ -17,7 +17,8 @@ from cosim.hoods.lumped.table import NetworkHood
 from cosim.port import STATIC
 from cosim.verification.reduction import SOFT
 from rigid.hoods.reduced import Potential
-from rigid.hoods.reduction import Order, Sample, reduced, stacked
+from rigid.hoods.reduced_sample import Sample, stacked
+from rigid.hoods.reduction import Order, reduced
 
 JOINTS, MUSCLES = ("MCP", "MCP_abduction", "PIP", "DIP"), ("EDC", "LUM", "FPI")
 STRAIGHT = Order(angle=4, toe=None)

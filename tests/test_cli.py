@@ -10,11 +10,11 @@ import xarray
 from typer.testing import CliRunner
 
 from cosim import __version__
-from cosim import pipeline as main_path
 from cosim.cli import app
 from cosim.port import ConvergenceError, InputError
 from cosim.results.audit import BEYOND, BOUNDS, POSTURE
 from cosim.results.data import LedgerRow, Result, Scene
+from cosim.solve import static as main_path
 
 ROOT = Path(__file__).parents[1]
 SUMMARY = {

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from cosim.case.file import load_case
-from cosim.fingers.common import FileCourse, PointsCourse, SineCourse
 from cosim.port import InputError
 from cosim.tendons.courses import factor_of
+from cosim.tendons.table import FileCourse, PointsCourse, SineCourse
 from rigid.opensim.sto import Table, write_sto
 
 

@@ -16,7 +16,7 @@ from cosim.fmu.archive import opened
 from cosim.fmu.mapping import places
 from cosim.fmu.quantity import hood_quantities
 from cosim.fmu.unit import Unit
-from cosim.fmu_export.static_parts import part_of
+from cosim.fmu_export.part_of import part_of
 from cosim.fmu_export.write import write_fmu
 from cosim.port import InputError
 from tests.fmus import NEEDS_FMU, described, tampered

@@ -17,10 +17,11 @@ from cosim.case.schema import Case
 from cosim.coupling.equilibrium import CouplingOptions, equilibrium
 from cosim.fmu.mapping import Place, places
 from cosim.fmu.unit import Unit
-from cosim.fmu_export.static_parts import HoodPart, part_of
+from cosim.fmu_export.part_of import part_of
+from cosim.fmu_export.static_parts import HoodPart
 from cosim.fmu_export.write import write_fmu
-from cosim.pipeline import solve
 from cosim.port import STATIC, ConvergenceError, InputError, rotation_matrix
+from cosim.solve.static import solve
 from tests.fmus import NEEDS_FMU, placed, tampered
 
 pytestmark = NEEDS_FMU

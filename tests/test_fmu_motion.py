@@ -12,7 +12,7 @@ from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.fmu.moving_finger import FmuMovingFinger
 from cosim.fmu.unit import Unit
-from cosim.fmu_export.static_parts import part_of
+from cosim.fmu_export.part_of import part_of
 from cosim.fmu_export.write import write_fmu
 from cosim.pipeline import run_case
 from cosim.port import AffineLoad, ConvergenceError, InputError, Motion

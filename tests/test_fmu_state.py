@@ -13,9 +13,9 @@ from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.fmu.mapping import Place
 from cosim.fmu.unit import Unit
+from cosim.fmu_export.part_of import PARTS
 from cosim.fmu_export.run import Run
 from cosim.fmu_export.state import Snapshot
-from cosim.fmu_export.static_parts import PARTS
 from cosim.fmu_export.write import write_fmu
 from cosim.pipeline import run_case
 from cosim.port import ConvergenceError, InputError, StoppedError

@@ -11,7 +11,8 @@ from cosim.build.models import build, drawn_bones, hood_mesh
 from cosim.case.file import find_case, load_case
 from cosim.hoods.fe_view import guide_depth
 from cosim.hoods.shell.build import baked_surfaces
-from cosim.pipeline import Setting, run_case, settled
+from cosim.pipeline import run_case
+from cosim.solve.static import Setting, settled
 from fe_solver.hood.shell_hood import ShellHood
 from meshes import hood as hood_generator
 from meshes.hood_lines import (

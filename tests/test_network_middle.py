@@ -12,9 +12,9 @@ from cosim.fingers.common import MiddleFinger
 from cosim.fingers.kinds import live_finger
 from cosim.hoods.lumped.build import lumped_hood, slip_forces
 from cosim.hoods.lumped.table import NetworkHood
-from cosim.pipeline import solve
 from cosim.port import STATIC, Finger, Hood
 from cosim.results.static import result
+from cosim.solve.static import solve
 
 TENSION = np.array([10.0, 4.0, 7.0])
 POSTURES = (

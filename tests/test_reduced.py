@@ -22,15 +22,8 @@ from rigid.hoods.hinge_angle import angles, flexion_angles
 from rigid.hoods.reduced import AT_ONCE, Potential
 from rigid.hoods.reduced_basis import legendre, loadings, monomials, to_powers
 from rigid.hoods.reduced_fit import LEAST_FORCE, TIP, least_squares, tip_rows
-from rigid.hoods.reduction import (
-    ENOUGH,
-    Order,
-    angle_powers,
-    borne,
-    reduced,
-    stacked,
-    tension_terms,
-)
+from rigid.hoods.reduced_sample import stacked
+from rigid.hoods.reduction import ENOUGH, Order, angle_powers, borne, reduced, tension_terms
 from rigid.hoods.universal_angle import all_angles, chain_of, joints_of
 
 

@@ -11,7 +11,8 @@ import pytest
 from cosim.build.models import Models, hood_mesh
 from cosim.case.file import load_case
 from cosim.hoods.shell.region_forces import Crossing, crossing, crossing_force, element_forces
-from cosim.pipeline import run_case, solve
+from cosim.pipeline import run_case
+from cosim.solve.static import solve
 
 PULL = 7.0
 """N, of the strip."""

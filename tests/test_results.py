@@ -9,16 +9,9 @@ import xarray
 
 from cosim.case.file import load_case
 from cosim.port import InputError
-from cosim.results.data import (
-    LEDGER_HEADER,
-    STRAIN,
-    HoodField,
-    LedgerRow,
-    Result,
-    Scene,
-    write_result,
-)
+from cosim.results.data import LEDGER_HEADER, STRAIN, HoodField, LedgerRow, Result, Scene
 from cosim.results.scene_plot import MOST_TRIANGLES, VIEWS, draw, thinned
+from cosim.results.write import write_result
 
 
 def tube(radius: float = 5e-3, length: float = 40e-3, around: int = 24, along: int = 20):

@@ -7,8 +7,8 @@ from cosim.build.models import Models, build, drawn_bones
 from cosim.case.file import load_case
 from cosim.fingers.kinds import finger_model, our_finger
 from cosim.hoods.lumped.build import slip_forces, split_slips
-from cosim.pipeline import solve
 from cosim.port import InputError
+from cosim.solve.static import solve
 from rigid.fingers.robot_tables import LENGTHS, TABLE_III
 
 PULLEYS, NETWORK = "robot_pulleys_extensor", "robot_network_extensor"

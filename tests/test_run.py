@@ -14,10 +14,12 @@ from typer.testing import CliRunner
 
 from cosim.case.file import find_case, load_case
 from cosim.cli import app
-from cosim.pipeline import run_case, settled
+from cosim.pipeline import run_case
 from cosim.port import ConvergenceError
-from cosim.results.data import Result, write_result
+from cosim.results.data import Result
 from cosim.results.static import IN_METACARPAL
+from cosim.results.write import write_result
+from cosim.solve.static import settled
 from meshes.skeleton import BODIES
 
 PACKAGED = sorted(p.stem for p in find_case("isometric_edc").parent.glob("*.toml"))

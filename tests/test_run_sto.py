@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.pipeline import run_case
-from cosim.results.data import write_result
+from cosim.results.write import write_result
 from rigid.opensim.sto import read_sto
 
 

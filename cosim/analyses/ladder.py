@@ -22,9 +22,10 @@ from cosim.fingers.common import FmuFinger
 from cosim.fingers.kinds import our_finger
 from cosim.hoods.lumped.build import split_slips
 from cosim.hoods.lumped.table import TwoBandHood
-from cosim.pipeline import States, solve
 from cosim.port import Array, ConvergenceError, CosimError, InputError
 from cosim.results.static import result
+from cosim.solve.states import States
+from cosim.solve.static import solve
 
 Status = Literal["converged", "failed", "does not apply"]
 RUNGS = {

@@ -10,7 +10,7 @@ from dataclasses import asdict
 
 from cosim.analyses.ladder import Rung
 from cosim.results.compare import COMPONENTS, number
-from cosim.results.data import plain
+from cosim.results.write import plain
 
 JOINTS = ("MCP", "PIP", "DIP")
 EXTENSOR = "EDC"

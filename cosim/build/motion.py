@@ -15,7 +15,8 @@ from cosim.case.schema import Case, Forward
 from cosim.coupling.excursion import Driven
 from cosim.coupling.motion import Moves, WatchedFinger
 from cosim.coupling.state_arrays import Special
-from cosim.fingers.common import CageTip, FmuFinger, ShellTip, Tendon
+from cosim.fingers.common import CageTip, FmuFinger, ShellTip
+from cosim.tendons.table import Tendon
 from cosim.fingers.kinds import live_finger, our_finger
 from cosim.hoods.cable.build import CableLook
 from cosim.hoods.shell.build import Triangles

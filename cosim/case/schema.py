@@ -15,7 +15,6 @@ from cosim.fingers.common import (
     MiddleFinger,
     PlanarFinger,
     Posture,
-    Tendon,
 )
 from cosim.fingers.robot import RobotFinger
 from cosim.fmu.quantity import HOOD_QUANTITIES
@@ -41,6 +40,7 @@ from cosim.schema.types import (
     TendonName,
     Thickness,
 )
+from cosim.tendons.table import Tendon
 from meshes.hood_mesh import REGIONS, SPRINGS
 
 

@@ -9,8 +9,8 @@ from cosim.build.models import build
 from cosim.build.motion import together
 from cosim.case.schema import Case, Forward
 from cosim.coupling.motion import moments
-from cosim.pipeline import settled, solve
 from cosim.port import InputError
+from cosim.solve.static import settled, solve
 
 REPEATS = 5
 EVERY = 25

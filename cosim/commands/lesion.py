@@ -57,8 +57,8 @@ def _solved(case: Case, out: Path) -> list[Pair]:
     from cosim.pipeline import run_case
     from cosim.port import CosimError
     from cosim.report.lesion_page import Pair
-    from cosim.results.data import check_target, write_result
     from cosim.results.read import read_run
+    from cosim.results.write import check_target, write_result
 
     four, runs = both_sides(case), {}
     for one in four.values():

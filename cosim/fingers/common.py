@@ -16,7 +16,6 @@ from cosim.schema.types import (
     BodyName,
     DipAngle,
     File,
-    Force,
     Inertia,
     Mass,
     McpAngle,
@@ -27,7 +26,6 @@ from cosim.schema.types import (
     Table,
     TendonName,
 )
-from cosim.tendons.air_table import Pneumatic
 from meshes.skeleton import BODIES, JOINTS
 
 
@@ -210,63 +208,6 @@ class HingeFinger(Table):
     )
 
 
-Factor = Annotated[Number, Field(ge=0, le=1e6)]
-
-
-class PointsCourse(Table):
-    """Factors at times, straight between them and constant beyond."""
-
-    kind: Literal["points"]
-    at: Annotated[
-        tuple[
-            tuple[Annotated[float, quantity(units.TIME, least="0 s", most="1e6 s")], Factor], ...
-        ],
-        Field(min_length=1),
-    ]
-
-    @model_validator(mode="after")
-    def _rising(self) -> PointsCourse:
-        if any(b <= a for (a, _), (b, _) in pairwise(self.at)):
-            raise fault("at: its times must rise from point to point")
-        return self
-
-
-class SineCourse(Table):
-    """mean + amplitude sin(2 pi frequency t + phase), never below zero."""
-
-    kind: Literal["sine"]
-    frequency: Annotated[float, quantity(units.FREQUENCY, above="0 Hz", most="1000 Hz")]
-    mean: Factor
-    amplitude: Factor
-    phase: Annotated[float, quantity(units.ANGLE, least="-360 deg", most="360 deg")] = 0.0
-
-
-class FileCourse(Table):
-    """Factors from a column of a table over time: .sto or .mot, or .csv with a column `time`."""
-
-    kind: Literal["file"]
-    path: File
-    column: str
-
-
-Course = Annotated[PointsCourse | SineCourse | FileCourse, Field(discriminator="kind")]
-
-
-class Millard(Table):
-    """The equilibrium muscle of Millard et al. 2013 between its tendon's path and the bone.
-
-    `fibre_length`: of the fibre over its optimal length, in the case's posture at the case's
-    activation; nobody measured it, and the force depends on it.  An activation below 0.01 acts as
-    0.01, as in OpenSim."""
-
-    kind: Literal["millard"]
-    optimal_fibre_length: Annotated[float, quantity(units.LENGTH, above="0 mm", most="500 mm")]
-    tendon_slack_length: Annotated[float, quantity(units.LENGTH, above="0 mm", most="1000 mm")]
-    pennation: Annotated[float, quantity(units.ANGLE, least="0 deg", most="60 deg")] = 0.0
-    fibre_length: Annotated[Number, Field(ge=0.4, le=1.7)] = 1.0
-    tendon: Literal["elastic", "rigid"] = "elastic"
-
-
 class PlanarFinger(Table):
     """Three links in a plane on MuJoCo: lengths, distances of the centres of mass from the proximal
     joints, masses, and moments of inertia about the centres of mass."""
@@ -307,44 +248,3 @@ class FmuFinger(Table):
             if len(set(names)) < len(names):
                 raise fault(f"{what}: names one twice")
         return self
-
-
-class Tendon(Table):
-    """A muscle: its tension, or its greatest force and its activation (0..1); with neither it is
-    at the resting tension.  The force of an activation is activation times the greatest force, or
-    what `muscle` makes of it."""
-
-    tension: Force | None = None
-    max_force: Force | None = None
-    activation: Annotated[Number, Field(ge=0, le=1)] | None = None
-    muscle: Millard | None = None
-    excursion: Annotated[float, quantity(units.LENGTH, least="-50 mm", most="50 mm")] | None = None
-    """In place of a tension: how far the tendon's end is drawn proximally from the unloaded state,
-    m, or in a motion from its start; the tension that this takes is found."""
-    actuation: Pneumatic | None = None
-    """In place of a tension, in a motion: what pulls, and on what command."""
-    course: Course | None = None
-    """Over time, of a motion: what tension, activation, excursion or command is multiplied by."""
-
-    @model_validator(mode="after")
-    def _one_way(self) -> Tendon:
-        if self.tension is not None and self.activation is not None:
-            raise fault("gives both tension and activation; write one of them")
-        if self.excursion is not None and (self.tension, self.activation) != (None, None):
-            raise fault("gives an excursion and a tension or activation; write one of them")
-        if self.actuation is not None:
-            others = {"tension", "activation", "muscle", "excursion"} & self.model_fields_set
-            if others := {name for name in others if getattr(self, name) is not None}:
-                raise fault(f"gives actuation and {min(others)}; write one of them")
-        if self.tension is not None and self.muscle is not None:
-            raise fault("gives both tension and muscle; a muscle's tension follows from activation")
-        if self.activation is not None and self.max_force is None:
-            raise fault('gives activation without max_force; add for example max_force = "35 N"')
-        return self
-
-    @property
-    def force(self) -> float | None:
-        """N; None: at the resting tension."""
-        if self.activation is not None and self.max_force is not None:
-            return self.activation * self.max_force
-        return self.tension

@@ -20,8 +20,8 @@ from pythonfmu3.enums import Fmi3Status
 try:
     from cosim.fmu.quantity import Quantity
     from cosim.fmu_export.describe import finished
+    from cosim.fmu_export.hooks import Stateful
     from cosim.fmu_export.run import Run
-    from cosim.fmu_export.state import Stateful
 except ImportError as error:
     raise ImportError(
         "this FMU runs in a Python with cosim-hand and its extra fmu installed; this one lacks it "

@@ -25,7 +25,7 @@ from cosim.fmu.quantity import (
     moving_quantities,
     tensions_of,
 )
-from cosim.fmu_export.static_parts import Part, motion_of_input, poses
+from cosim.fmu_export.part import Part, motion_of_input, poses
 from cosim.port import AffineLoad, Array, InputError, State
 
 ROUNDING = 1e-9

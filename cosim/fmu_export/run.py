@@ -16,8 +16,9 @@ from cosim import __version__
 from cosim.case.file import load_case
 from cosim.coupling.state_arrays import Special
 from cosim.fmu.quantity import WITH_TANGENT, Quantity
+from cosim.fmu_export.part import Part
+from cosim.fmu_export.part_of import part_of
 from cosim.fmu_export.state import Snapshot, Written
-from cosim.fmu_export.static_parts import Part, part_of
 from cosim.port import Array, CosimError, InputError
 from cosim.processes import one_blas_thread
 

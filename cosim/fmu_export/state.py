@@ -6,7 +6,7 @@ import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from io import BytesIO
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from cosim.coupling.state_arrays import Arrays, Special, flattened, rebuilt
 from cosim.port import Array, InputError, State
 
 if TYPE_CHECKING:
-    from cosim.fmu_export.run import Run
+    pass
 
 UNIT, TIME, VALUES = "unit", "time", "values"
 UNREADABLE = (OSError, ValueError, TypeError, EOFError, KeyError, IndexError, zipfile.BadZipFile)
@@ -70,24 +70,3 @@ class Written:
             return Snapshot(token, float(time), np.array(values, dtype=float), state, special)
         except UNREADABLE as error:
             raise InputError(f"the bytes are no whole state of this unit ({error})") from error
-
-
-class Stateful:
-    """The hooks by which pythonfmu and pythonfmu3 get, set, write and read states."""
-
-    run: Run
-
-    def _get_fmu_state(self) -> Snapshot:
-        return self.run.snapshot()
-
-    def _set_fmu_state(self, state: Any) -> None:
-        self.run.restore(state)
-
-    @staticmethod
-    def _fmu_state_to_bytes(state: Any) -> bytes:
-        return state.to_bytes() if isinstance(state, Snapshot | Written) else b""
-
-    @staticmethod
-    def _fmu_state_from_bytes(state: bytes) -> Written:
-        """Not looked at before it is set: what is wrong with it then fails the next step."""
-        return Written(bytes(state))

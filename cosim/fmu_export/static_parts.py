@@ -5,14 +5,11 @@ A state is an opaque value that a step leaves as it was, as everywhere behind th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
-from typing import Protocol
 
 import numpy as np
 
-from cosim.build.models import Models, build, tensions
+from cosim.build.models import Models, tensions
 from cosim.build.motion import special_states
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium
@@ -29,63 +26,8 @@ from cosim.fmu.quantity import (
     hood_quantities,
     tensions_of,
 )
-from cosim.port import STATIC, Array, Hood, InputError, Load, Motion, Response, State
-
-ORTHONORMAL = 1e-6
-"""How far from a rotation the matrix of a pose may be."""
-PARTS = ("hood", "finger", "coupled")
-
-
-class Part(Protocol):
-    """What an FMU holds."""
-
-    @property
-    def quantities(self) -> tuple[Quantity, ...]: ...
-
-    @property
-    def begin(self) -> Values:
-        """What inputs, parameters and outputs are at the start."""
-        ...
-
-    def start(self) -> State: ...
-
-    def step(self, state: State, given: Values, dt: float) -> tuple[State, Values]:
-        """The state and the outputs after `dt` s of constant inputs.
-
-        Raises InputError and ConvergenceError; `state` stays valid."""
-        ...
-
-    def tangent(self, state: State) -> Values:
-        """The outputs that only a set `with_tangent` asks for."""
-        ...
-
-    def template(self) -> State:
-        """A state after a step, by which written ones are read."""
-        ...
-
-    def special(self) -> Special:
-        """How states are written that hold more than arrays.  Raises InputError where they cannot
-        be."""
-        ...
-
-
-def part_of(case: Case, part: str, tangent: bool = True) -> Part:
-    """The hood, the finger or both of a case, at rest or, of one with a table [forward], in motion;
-    the hood and the finger without the tangent of the hood's load where none is wanted.
-
-    Raises InputError."""
-    if part not in PARTS:
-        raise InputError(f"part {part!r}: write {', '.join(PARTS[:-1])} or {PARTS[-1]}")
-    if case.forward is not None and part != "hood":
-        from cosim.fmu_export.motion_parts import moving_part
-
-        return moving_part(case, case.forward, part, tangent)
-    makers: Mapping[str, Callable[[Case, Models], Part]] = {
-        "hood": partial(HoodPart, tangent=tangent),
-        "finger": partial(FingerPart, tangent=tangent),
-        "coupled": CoupledPart,
-    }
-    return makers[part](case, build(case))
+from cosim.fmu_export.part import loads, motion_of_input, poses
+from cosim.port import STATIC, Array, Hood, InputError, Load, State
 
 
 class HoodPart:
@@ -286,33 +228,3 @@ class CoupledPart:
             slips = self.models.slips(now.response.state)
             out["slip_force"] = np.array([slips["central"], slips["terminal"]])
         return out
-
-
-def loads(response: Response) -> Values:
-    """A hood's answer as an FMU's outputs."""
-    load = response.load
-    return {
-        "force": load.wrench[..., :3],
-        "moment": load.wrench[..., 3:],
-        "pull_force": load.pull[:, :3],
-        "pull_moment": load.pull[:, 3:],
-        "excursion": response.excursion,
-    }
-
-
-def poses(motion: Motion) -> dict[str, Array]:
-    return {"position": motion.position, "rotation": motion.rotation}
-
-
-def motion_of_input(bodies: tuple[str, ...], given: Values) -> Motion:
-    """Raises InputError for a matrix that is no rotation."""
-    turn = given["rotation"]
-    off = np.abs(turn @ np.swapaxes(turn, 1, 2) - np.eye(3)).max(axis=(1, 2))
-    off = np.maximum(off, np.abs(np.linalg.det(turn) - 1))
-    if not (off <= ORTHONORMAL).all():
-        worst = int(np.argmax(off))
-        raise InputError(
-            f"rotation of {bodies[worst]}: is no rotation matrix, off by {off[worst]:.1e}; set all "
-            "nine entries before a step"
-        )
-    return Motion(bodies, given["position"], turn)

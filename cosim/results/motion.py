@@ -17,9 +17,9 @@ from cosim.port import Array
 from cosim.results.air import air_data, air_end
 from cosim.results.audit import missed_bounds
 from cosim.results.data import LedgerRow, Result, Scene
+from cosim.results.fmu import OPEN
 from cosim.results.load_and_rest import NO_UNLOADED
 from cosim.results.static import COMPONENTS, IN_METACARPAL, drawn_hood
-from cosim.solve.fmu import OPEN
 
 if TYPE_CHECKING:
     import xarray

@@ -9,7 +9,7 @@ from cosim.build.models import Models
 from cosim.case.schema import Case
 
 if TYPE_CHECKING:
-    from cosim.pipeline import States
+    from cosim.solve.states import States
 
 
 def one_way_summary(case: Case, models: Models, states: States) -> dict[str, Any]:

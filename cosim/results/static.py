@@ -26,7 +26,7 @@ from meshes.hood_mesh import flat
 if TYPE_CHECKING:
     import xarray
 
-    from cosim.pipeline import States
+    from cosim.solve.states import States
 
 IN_METACARPAL = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 """World (distal, radial, dorsal) to (distal, palmar, radial)."""

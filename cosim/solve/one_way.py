@@ -17,7 +17,7 @@ from cosim.port import STATIC, Array, Finger, Hood, Motion, Response, State
 from cosim.tendons.muscles import Pull, live_muscles
 
 if TYPE_CHECKING:
-    from cosim.pipeline import States
+    from cosim.solve.states import States
 
 Progress = Callable[[str], None]
 
@@ -70,7 +70,7 @@ def hood_pass(case: Case, progress: Progress) -> HoodPass:
 
 def finger_pass(case: Case, given: HoodPass, progress: Progress) -> tuple[Models, States]:
     """The finger's part: what the case hands over of the hood's answers, and what comes of it."""
-    from cosim.pipeline import States
+    from cosim.solve.states import States
 
     models = replace(given.models, finger=_second(case, given.models.finger))
     centre = _centres(given.models.finger, given.start) if _lumps(case) else None

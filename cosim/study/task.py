@@ -88,7 +88,8 @@ def row_of(
 
 def _solved(task: Task, store: Store) -> Row:
     from cosim.case.schema import Case, CaseFile
-    from cosim.pipeline import run_case, settled
+    from cosim.pipeline import run_case
+    from cosim.solve.static import settled
 
     settled.cache_clear()  # so that no bit depends on what this process solved before
     begun = time.perf_counter()
@@ -107,7 +108,7 @@ def _solved(task: Task, store: Store) -> Row:
 
 
 def _numbers(summary: Mapping[str, Any]) -> dict[str, Any]:
-    from cosim.results.data import plain
+    from cosim.results.write import plain
 
     kept = {key: value for key, value in summary.items() if key not in NOT_NUMBERS}
     found: dict[str, Any] = json.loads(json.dumps(kept, default=plain, allow_nan=False))

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.fingers.common import FileCourse, PointsCourse, SineCourse
 from cosim.port import Array, InputError
+from cosim.tendons.table import FileCourse, PointsCourse, SineCourse
 
 
 def factor_of(course: PointsCourse | SineCourse | FileCourse | None) -> Callable[[float], float]:

@@ -19,13 +19,13 @@ from cosim.build.fit import check_fit
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.files import written_whole
-from cosim.pipeline import solve
 from cosim.port import ConvergenceError, InputError
 from cosim.results.audit import describe_misses
 from cosim.results.compare import Comparison, Kind, Target, as_dict, tally
 from cosim.results.compare_files import write_json
-from cosim.results.data import plain, write_result
 from cosim.results.static import result
+from cosim.results.write import plain, write_result
+from cosim.solve.static import solve
 from cosim.validation.lengths import measured
 from cosim.validation.plan import groups, rows_of, split_answers
 from cosim.validation.published_hood import published_summary

@@ -21,7 +21,7 @@ from cosim.coupling.finger_equilibrium import balanced
 from cosim.fmu.finger import FmuFinger, met
 from cosim.fmu.hood import FmuHood
 from cosim.fmu.moving_finger import FmuMovingFinger
-from cosim.fmu_export.static_parts import PARTS
+from cosim.fmu_export.part_of import PARTS
 from cosim.fmu_export.write import write_fmu
 from cosim.pipeline import run_case
 from cosim.port import STATIC, AffineLoad, Array, Hood

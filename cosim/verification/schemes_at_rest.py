@@ -10,8 +10,8 @@ from cosim.build.motion import together
 from cosim.case.file import load_case
 from cosim.checks import Row, Study
 from cosim.coupling.motion import moments
-from cosim.pipeline import solve
 from cosim.port import Array
+from cosim.solve.static import solve
 
 COARSE = "hood.mesh.quads=120"
 AGREE = 1e-4

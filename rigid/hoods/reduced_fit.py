@@ -27,7 +27,7 @@ from rigid.hoods.reduced_basis import Basis, legendre, loadings, scaled, to_powe
 
 if TYPE_CHECKING:
     from rigid.hoods.reduced import Potential
-    from rigid.hoods.reduction import Sample
+    from rigid.hoods.reduced_sample import Sample
 
 CURVES, TIP = 0.1, 4.0
 """Chosen, and with them the greatest Order.angle and ENOUGH, by states that were not fitted."""

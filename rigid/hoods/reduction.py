@@ -8,8 +8,7 @@ are fitted beside it.  What is fitted and how it is weighted is in `rigid.hoods.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 from cosim.port import Array, InputError
 from rigid.hoods.reduced import Potential
 from rigid.hoods.reduced_fit import energy, slips
+from rigid.hoods.reduced_sample import Sample
 
 HELD = 0.1
 """rad."""
@@ -25,36 +25,6 @@ STILL = 1e-9
 """rad."""
 DEFAULT_TOE = 0.03
 MEASURED = ("torque", "excursion", "stiffness", "arms", "compliance")
-
-
-@dataclass(frozen=True)
-class Sample:
-    """A hood's equilibrium on held bones, n joints and m muscles: of one state, or of s states with
-    s first."""
-
-    angle: Array
-    """(n,) rad."""
-    tension: Array
-    """(m,) N."""
-    torque: Array
-    """(n,) N m of the hood."""
-    excursion: Array
-    """(m,) m."""
-    stiffness: Array
-    """(n, n) N m/rad, derivative of the torques by the angles."""
-    arms: Array
-    """(n, m) m, of the torques by the tensions."""
-    compliance: Array
-    """(m, m) m/N, of the excursions by the tensions."""
-    slip: Array
-    """(2,) N, central and terminal; NaN of a hood without slips."""
-
-
-def stacked(samples: Sequence[Sample]) -> Sample:
-    """The states as one sample, states first."""
-    return Sample(
-        *(np.array([getattr(s, field.name) for s in samples]) for field in fields(Sample))
-    )
 
 
 @dataclass(frozen=True)

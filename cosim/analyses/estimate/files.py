@@ -17,7 +17,7 @@ from cosim.analyses.estimate.plot import draw_estimate, draw_motion
 from cosim.analyses.estimate.tensions import spelt
 from cosim.files import folder_written_whole
 from cosim.port import Array
-from cosim.results.data import plain
+from cosim.results.write import plain
 
 MARK = "estimate.json"
 DPI = 140

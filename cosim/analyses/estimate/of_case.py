@@ -15,9 +15,9 @@ from cosim.analyses.estimate.joint_motion import JointMotion
 from cosim.analyses.estimate.tensions import Bounds, Cost, Estimate, estimate, spelt
 from cosim.build.models import Models, build
 from cosim.case.schema import Case, NetworkHood, PulleyHood, SplitHood
-from cosim.pipeline import agreed
 from cosim.port import Array, ConvergenceError, InputError
 from cosim.schema import units
+from cosim.solve.static import agreed
 from rigid.muscle.least_cost import Power
 
 STAGES = (0.25, 0.5, 0.75, 1.0)

@@ -23,9 +23,9 @@ from cosim.build.models import Models, build, tensions
 from cosim.case.schema import Case, ShellHood
 from cosim.coupling.equilibrium import Equilibrium
 from cosim.hoods.shell.build import UnderHood
-from cosim.pipeline import States
 from cosim.port import Array
 from cosim.results.static import result
+from cosim.solve.states import States
 from fe_solver.hood.shell_hood import HoodState
 from fe_solver.hood.shell_hood import ShellHood as FeHood
 

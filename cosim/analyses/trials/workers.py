@@ -19,12 +19,14 @@ from cosim.analyses.trials import outcome as trials
 from cosim.analyses.trials.by_tangent import foretold, solved_from
 from cosim.analyses.trials.outcome import Outcome, Settings, not_ended, one_line
 from cosim.build.fit import check_fit
+from cosim.build.models import Models
 from cosim.case.file import load_case
 from cosim.case.schema import Case
-from cosim.pipeline import Models, States, solve
 from cosim.port import ConvergenceError, CosimError, InputError
 from cosim.processes import one_blas_thread
 from cosim.results.static import result
+from cosim.solve.states import States
+from cosim.solve.static import solve
 
 
 @dataclass(frozen=True)

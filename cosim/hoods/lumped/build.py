@@ -13,8 +13,8 @@ from cosim.fingers.common import HingeFinger
 from cosim.fingers.kinds import AnyFinger, finger_model
 from cosim.hoods.lumped.table import JOINTS, Arm, NetworkHood, Reduced, TwoBandHood
 from cosim.port import Array, Hood, Motion, State
-from rigid.hoods.reduction import Sample as Sample
-from rigid.hoods.reduction import stacked as stacked
+from rigid.hoods.reduced_sample import Sample as Sample
+from rigid.hoods.reduced_sample import stacked as stacked
 
 if TYPE_CHECKING:
     from rigid.hoods.hinge_angle import HingeAngle

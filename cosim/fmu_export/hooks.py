@@ -1,0 +1,31 @@
+"""What a unit whose state can be taken has."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from cosim.fmu_export.state import Snapshot, Written
+
+if TYPE_CHECKING:
+    from cosim.fmu_export.run import Run
+
+
+class Stateful:
+    """The hooks by which pythonfmu and pythonfmu3 get, set, write and read states."""
+
+    run: Run
+
+    def _get_fmu_state(self) -> Snapshot:
+        return self.run.snapshot()
+
+    def _set_fmu_state(self, state: Any) -> None:
+        self.run.restore(state)
+
+    @staticmethod
+    def _fmu_state_to_bytes(state: Any) -> bytes:
+        return state.to_bytes() if isinstance(state, Snapshot | Written) else b""
+
+    @staticmethod
+    def _fmu_state_from_bytes(state: bytes) -> Written:
+        """Not looked at before it is set: what is wrong with it then fails the next step."""
+        return Written(bytes(state))

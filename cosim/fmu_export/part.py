@@ -1,0 +1,80 @@
+"""What the parts of an exported unit share."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from cosim.coupling.state_arrays import Special
+from cosim.fmu.quantity import (
+    Quantity,
+    Values,
+)
+from cosim.port import Array, InputError, Motion, Response, State
+
+ORTHONORMAL = 1e-6
+"""How far from a rotation the matrix of a pose may be."""
+
+
+class Part(Protocol):
+    """What an FMU holds."""
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]: ...
+
+    @property
+    def begin(self) -> Values:
+        """What inputs, parameters and outputs are at the start."""
+        ...
+
+    def start(self) -> State: ...
+
+    def step(self, state: State, given: Values, dt: float) -> tuple[State, Values]:
+        """The state and the outputs after `dt` s of constant inputs.
+
+        Raises InputError and ConvergenceError; `state` stays valid."""
+        ...
+
+    def tangent(self, state: State) -> Values:
+        """The outputs that only a set `with_tangent` asks for."""
+        ...
+
+    def template(self) -> State:
+        """A state after a step, by which written ones are read."""
+        ...
+
+    def special(self) -> Special:
+        """How states are written that hold more than arrays.  Raises InputError where they cannot
+        be."""
+        ...
+
+
+def loads(response: Response) -> Values:
+    """A hood's answer as an FMU's outputs."""
+    load = response.load
+    return {
+        "force": load.wrench[..., :3],
+        "moment": load.wrench[..., 3:],
+        "pull_force": load.pull[:, :3],
+        "pull_moment": load.pull[:, 3:],
+        "excursion": response.excursion,
+    }
+
+
+def poses(motion: Motion) -> dict[str, Array]:
+    return {"position": motion.position, "rotation": motion.rotation}
+
+
+def motion_of_input(bodies: tuple[str, ...], given: Values) -> Motion:
+    """Raises InputError for a matrix that is no rotation."""
+    turn = given["rotation"]
+    off = np.abs(turn @ np.swapaxes(turn, 1, 2) - np.eye(3)).max(axis=(1, 2))
+    off = np.maximum(off, np.abs(np.linalg.det(turn) - 1))
+    if not (off <= ORTHONORMAL).all():
+        worst = int(np.argmax(off))
+        raise InputError(
+            f"rotation of {bodies[worst]}: is no rotation matrix, off by {off[worst]:.1e}; set all "
+            "nine entries before a step"
+        )
+    return Motion(bodies, given["position"], turn)

@@ -1,0 +1,114 @@
+"""A result in a folder that is whole or not there."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import shutil
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cosim.case.file import resolved_toml
+from cosim.case.schema import Case
+from cosim.files import replace_folder
+from cosim.port import InputError
+from cosim.results.data import LEDGER_HEADER, HoodField, LedgerRow, Result
+
+if TYPE_CHECKING:
+    pass
+
+
+def write_result(folder: str | Path, case: Case, result: Result) -> Path:
+    """Write the result to `folder`/<case name> and return that path.
+
+    Written beside it and moved there once complete, so that an older run is replaced by a whole
+    new one or not at all.  Raises InputError where the folder cannot be written, or where
+    something that is not a run stands in its place.
+    """
+    target = Path(folder) / case.name
+    check_target(folder, case.name)
+    part = target.with_name(f".{case.name}.{os.getpid()}.part")
+    try:
+        part.mkdir()
+        _write_files(part, case, result)
+        replace_folder(target, part)
+    except OSError as error:
+        raise _unwritable(target, error) from error
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+    return target
+
+
+def check_target(folder: str | Path, name: str) -> None:
+    """Make the output folder, and see that a run called `name` can be written there.
+
+    Raises InputError."""
+    target = Path(folder) / name
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        probe = target.with_name(f".{name}.{os.getpid()}.probe")
+        probe.mkdir()
+        probe.rmdir()
+        is_run = (target / "summary.json").exists() or (
+            target.is_dir() and not any(target.iterdir())
+        )
+    except OSError as error:
+        raise _unwritable(target, error) from error
+    if target.exists() and not is_run:
+        raise InputError(f"{target}: is in the way and is no earlier run; choose another --out")
+
+
+def _unwritable(target: Path, error: OSError) -> InputError:
+    reason = error.strerror or str(error)
+    return InputError(f"{target}: cannot be written ({reason}); choose another folder with --out")
+
+
+def _write_files(folder: Path, case: Case, result: Result) -> None:
+    summary = json.dumps(result.summary, indent=2, default=plain, allow_nan=False)
+    (folder / "summary.json").write_text(summary + "\n", encoding="utf-8")
+    (folder / "case.toml").write_text(resolved_toml(case), encoding="utf-8")
+    result.dataset.to_netcdf(folder / "results.nc", engine="h5netcdf")
+    _write_ledger(folder / "ledger.csv", result.ledger)
+    if result.scene.hood is not None:
+        _write_hood(folder / "hood.vtu", result.scene.hood)
+    if case.output.picture:
+        from cosim.results.scene_plot import draw
+
+        draw(result.scene, case.title).savefig(folder / "picture.png", dpi=150)
+        if result.ledger:
+            from cosim.results.ledger_plot import draw_ledger
+
+            draw_ledger(result.ledger, case.title).savefig(folder / "ledger.png", dpi=130)
+        if "time" in result.dataset.dims:
+            from cosim.results.history_plot import draw_history
+
+            draw_history(result.dataset, case.title).savefig(folder / "history.png", dpi=130)
+
+
+def plain(value: Any) -> Any:
+    """numpy's scalars and arrays for JSON."""
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    raise TypeError(f"summary holds a {type(value).__name__}")
+
+
+def _write_ledger(path: Path, ledger: tuple[LedgerRow, ...]) -> None:
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(LEDGER_HEADER)
+        for row in ledger:
+            numbers = [*row.force, *(1e3 * np.asarray(row.moment))]
+            writer.writerow([row.state, row.body, row.source, *(f"{x:.9g}" for x in numbers)])
+
+
+def _write_hood(path: Path, hood: HoodField) -> None:
+    import meshio
+
+    cell_data = {name: [np.asarray(values)] for name, values in hood.cell_data.items()}
+    point_data = {name: np.asarray(values) for name, values in hood.point_data.items()}
+    kind = {4: "quad", 2: "line"}[hood.quads.shape[1]]
+    mesh = meshio.Mesh(hood.points, [(kind, hood.quads)], point_data, cell_data)
+    mesh.write(path, file_format="vtu")

@@ -1,0 +1,23 @@
+"""The equilibria of a case at rest, and the audit of the loaded one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from cosim.coupling.equilibrium import Equilibrium
+from cosim.coupling.one_way import Passed
+from cosim.tendons.muscles import Pull
+
+
+@dataclass(frozen=True)
+class States:
+    """The two equilibria of an isometric case, and the audit of the loaded one."""
+
+    unloaded: Equilibrium
+    loaded: Equilibrium
+    reciprocity: float | None
+    """None where the hood has no tendons to pull."""
+    pull: Pull
+    """Of the muscles that have a fibre, in the loaded state."""
+    passed: Passed | None = None
+    """Of a one-way pass: what was handed over."""
