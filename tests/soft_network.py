@@ -11,7 +11,7 @@ import pytest
 from cosim.analyses.reduction.samples import FREE, Walk, on_models
 from cosim.build.models import Models, build
 from cosim.case.file import load_case
-from cosim.fingers.common import IndexFinger
+from cosim.fingers.index import IndexFinger
 from cosim.hoods.lumped.build import slip_forces
 from cosim.hoods.lumped.table import NetworkHood
 from cosim.port import STATIC

@@ -13,10 +13,7 @@ from cosim.port import InputError
 from fe_solver.febio.read import read_feb
 from fe_solver.job.checks import check_job
 from fe_solver.job.curves import Curve
-from fe_solver.job.job import (
-    SpringLaw,
-    Step,
-)
+from fe_solver.job.job import SpringLaw, Step
 from fe_solver.materials.fibres import HolzapfelGasserOgden, TransIsoMooneyRivlin
 from fe_solver.materials.hyperelastic import NeoHookean
 from fe_solver.materials.linear import Isotropic, Law, Orthotropic

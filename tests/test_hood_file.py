@@ -14,16 +14,7 @@ from cosim.case.file import load_case
 from cosim.port import InputError
 from fe_solver.elements.mesh_geometry import node_directors
 from fe_solver.elements.shell import shell_tables
-from meshes.hood_mesh import (
-    ENDS,
-    SPRINGS,
-    Attachment,
-    HoodMesh,
-    folded,
-    read,
-    to_json,
-    write,
-)
+from meshes.hood_mesh import ENDS, SPRINGS, Attachment, HoodMesh, folded, read, to_json, write
 from meshes.skeleton import JOINTS
 
 

@@ -25,13 +25,7 @@ from meshes.hood_lines import (
     SLIP_START,
     even_shares,
 )
-from meshes.hood_mesh import (
-    ENDS,
-    REGIONS,
-    SPRINGS,
-    HoodMesh,
-    to_json,
-)
+from meshes.hood_mesh import ENDS, REGIONS, SPRINGS, HoodMesh, to_json
 from meshes.skeleton import JOINTS
 
 

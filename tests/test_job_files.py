@@ -32,15 +32,7 @@ from fe_solver.febio.read import read_feb
 from fe_solver.febio.write import write_feb
 from fe_solver.hood.as_job import job_of_hood
 from fe_solver.job.febio_like import bending_notes, facet_lift, febio_patch
-from fe_solver.job.job import (
-    Body,
-    ContactPair,
-    NodalForce,
-    Part,
-    SpringLaw,
-    SpringSet,
-    Tied,
-)
+from fe_solver.job.job import Body, ContactPair, NodalForce, Part, SpringLaw, SpringSet, Tied
 from fe_solver.job.mid_surface import on_mid_surface
 from fe_solver.job.solve import solve_job
 from fe_solver.materials.hyperelastic import NeoHookean

@@ -22,9 +22,7 @@ from fe_solver.febio.figures import PUBLISHED
 from fe_solver.febio.read import read_feb
 from fe_solver.febio.write import write_feb
 from fe_solver.job.curves import Curve
-from fe_solver.job.job import (
-    SpringLaw,
-)
+from fe_solver.job.job import SpringLaw
 from fe_solver.job.results import write_job
 from fe_solver.job.solve import _advice, solve_job
 

@@ -7,14 +7,7 @@ import pytest
 from cosim.case.file import load_case
 from cosim.report.strengths import NOT_KNOWN, carried, strength_of, strengths
 from cosim.results.quantities import is_known
-from cosim.verification.lengths import (
-    HOODS,
-    STUDIES,
-    case_with,
-    experiments,
-    levers,
-    rows,
-)
+from cosim.verification.lengths import HOODS, STUDIES, case_with, experiments, levers, rows
 from meshes.hood_mesh import REGIONS
 
 CASES = (

@@ -8,8 +8,8 @@ import pytest
 
 from cosim.build.fit import check_fit
 from cosim.case.file import load_case
-from cosim.fingers.common import MiddleFinger
 from cosim.fingers.kinds import live_finger
+from cosim.fingers.middle import MiddleFinger
 from cosim.hoods.lumped.build import lumped_hood, slip_forces
 from cosim.hoods.lumped.table import NetworkHood
 from cosim.port import STATIC, Finger, Hood

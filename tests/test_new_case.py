@@ -14,10 +14,9 @@ from typer.testing import CliRunner
 from cosim.anatomy.bones import Bones, read_bones
 from cosim.anatomy.case_folder import write_case
 from cosim.anatomy.read import Anatomy, Built
-from cosim.build.models import drawn_bones, hood_mesh
+from cosim.build.models import drawn_bones, hood_mesh, mjcf_of
 from cosim.case.file import load_case
 from cosim.cli import app
-from cosim.fingers.kinds import mjcf_of
 from cosim.pipeline import run_case
 from cosim.port import InputError
 from meshes.hood_mesh import HoodMesh, to_json

@@ -13,7 +13,7 @@ from soft_network import JOINTS, MUSCLES, STRAIGHT, fitted_to, found, held_out, 
 from cosim.analyses.reduction.tip import tip_maps
 from cosim.build.models import build
 from cosim.case.file import load_case
-from cosim.fingers.common import IndexFinger
+from cosim.fingers.index import IndexFinger
 from cosim.fingers.kinds import finger_model
 from cosim.hoods.lumped.build import fitted, reduced_hood
 from cosim.port import STATIC, ConvergenceError, InputError, Motion

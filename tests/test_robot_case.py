@@ -5,7 +5,8 @@ import pytest
 
 from cosim.build.models import Models, build, drawn_bones
 from cosim.case.file import load_case
-from cosim.fingers.kinds import finger_model, our_finger
+from cosim.case.schema import our_finger
+from cosim.fingers.kinds import finger_model
 from cosim.hoods.lumped.build import slip_forces, split_slips
 from cosim.port import InputError
 from cosim.solve.static import solve

@@ -16,12 +16,13 @@ import numpy as np
 from cosim.build.fit import check_fit
 from cosim.build.models import Models
 from cosim.case.file import load_case
-from cosim.case.schema import Case, CaseFile, ShellHood, SplitHood
+from cosim.case.schema import Case, CaseFile, our_finger
 from cosim.coupling.equilibrium import Equilibrium
-from cosim.fingers.common import FmuFinger
-from cosim.fingers.kinds import our_finger
+from cosim.fingers.fmu import FmuFinger
 from cosim.hoods.lumped.build import split_slips
 from cosim.hoods.lumped.table import TwoBandHood
+from cosim.hoods.shell.table import ShellHood
+from cosim.hoods.split import SplitHood
 from cosim.port import Array, ConvergenceError, CosimError, InputError
 from cosim.results.static import result
 from cosim.solve.states import States

@@ -8,14 +8,12 @@ from collections.abc import Iterator
 from typing import Literal
 
 from cosim.case.schema import Case
-from cosim.fingers.common import (
-    FmuFinger,
-    HeldTip,
-    HingeFinger,
-    IndexFinger,
-    MiddleFinger,
-    PlanarFinger,
-)
+from cosim.fingers.common import HeldTip
+from cosim.fingers.fmu import FmuFinger
+from cosim.fingers.hinge import HingeFinger
+from cosim.fingers.index import IndexFinger
+from cosim.fingers.middle import MiddleFinger
+from cosim.fingers.planar import PlanarFinger
 from cosim.fingers.robot import RobotFinger
 from cosim.port import InputError
 

@@ -36,7 +36,7 @@ def new_case(name: str, given: Anatomy, out: Path) -> tuple[Path, tuple[str, ...
 
 def _defaults() -> Defaults:
     from cosim.case.file import load_case
-    from cosim.case.schema import ShellHood
+    from cosim.hoods.shell.table import ShellHood
 
     hood = load_case(BASE).hood
     assert isinstance(hood, ShellHood)

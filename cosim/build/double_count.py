@@ -10,7 +10,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from cosim.case.schema import Case, FmuHood, PulleyHood
+from cosim.case.schema import Case
+from cosim.hoods.fmu import FmuHood
+from cosim.hoods.pulley import PulleyHood
 from cosim.coupling.one_way import JOINT_CONTACT
 from cosim.hoods.lumped.table import NetworkHood, TwoBandHood
 from cosim.port import Finger, Hood, InputError, MovingFinger

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
-from cosim.case.schema import Case, FmuHood, PulleyHood, ShellHood, SplitHood
+from cosim.case.schema import Case
+from cosim.hoods.split import SplitHood
+from cosim.hoods.fmu import FmuHood
+from cosim.hoods.pulley import PulleyHood
+from cosim.hoods.shell.table import ShellHood
 from cosim.build.double_count import refuse, stated_pairs
-from cosim.fingers.common import FmuFinger, HingeFinger, IndexFinger
-from cosim.fingers.kinds import finger_model, held_by
+from cosim.fingers.index import IndexFinger
+from cosim.fingers.hinge import HingeFinger
+from cosim.fingers.fmu import FmuFinger
+from cosim.fingers.kinds import finger_model
+from cosim.case.schema import held_by
 from cosim.fingers.robot import RobotFinger
 from cosim.hoods.cable.table import CableHood
 from cosim.hoods.lumped.table import NetworkHood, TwoBandHood

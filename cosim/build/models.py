@@ -1,6 +1,7 @@
 """From a case to live models.  One of the files that know the solvers by name."""
 
 from __future__ import annotations
+from cosim.fingers.kinds import finger_model
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -10,9 +11,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cosim.build.fit import check_fit, check_tendons
-from cosim.case.schema import Case, FmuHood, MeshFile, PathPoint, PulleyHood, ShellHood
-from cosim.fingers.common import Bone, IndexFinger, MiddleFinger
-from cosim.fingers.kinds import live_finger, our_finger, skeleton_of, width_of
+from cosim.case.schema import Case
+from cosim.hoods.fmu import FmuHood
+from cosim.hoods.pulley import PathPoint, PulleyHood
+from cosim.hoods.shell.table import MeshFile, ShellHood
+from cosim.fingers.middle import MiddleFinger
+from cosim.fingers.index import Bone, IndexFinger
+from cosim.fingers.kinds import live_finger, skeleton_of, width_of
+from cosim.case.schema import our_finger
 from cosim.fingers.robot import RobotFinger
 from cosim.hoods.cable.build import ENDS, CableLook, cable_hood_of, laid_net
 from cosim.hoods.cable.build import looking_at as looking_at_cables
@@ -22,17 +28,33 @@ from cosim.hoods.fe_view import slip_forces
 from cosim.hoods.injury import injured_mesh, injured_net, injured_network
 from cosim.hoods.lumped.build import lumped_hood, slips_of
 from cosim.hoods.lumped.table import NetworkHood, TwoBandHood
-from cosim.hoods.shell.build import (
-    Triangles,
-    UnderHood,
-    laid_mesh,
-    linear,
-    shell_hood_of,
-)
+from cosim.hoods.shell.build import Triangles, UnderHood, laid_mesh, linear, shell_hood_of
 from cosim.hoods.shell.view import HoodLook, looking_at
 from cosim.port import Array, Finger, Hood, InputError, Motion, State
 from cosim.tendons.muscles import CaseMuscles, live_muscles
 from meshes.skeleton import BODIES
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+import numpy as np
+from cosim.case.schema import Case, our_finger
+from cosim.fingers.hinge import HingeFinger
+from cosim.fingers.index import IndexFinger
+from cosim.fingers.middle import MiddleFinger
+from cosim.fingers.planar import PlanarFinger
+from cosim.fingers.robot import RobotFinger
+from cosim.hoods.shell.table import ShellHood
+from cosim.hoods.split import SplitHood
+from cosim.port import Finger, InputError
+from cosim.schema.types import MUSCLES
+if TYPE_CHECKING:
+    from meshes.skeleton import Skeleton
+    from rigid.chain.joint_torques import JointLaw
+    from rigid.chain.planar_chain import PlanarChain
+    from rigid.chain.statics import ChainFinger
+    from rigid.chain.support import Support
+    from rigid.model import FingerModel
 
 if TYPE_CHECKING:
     from meshes.hood_mesh import HoodMesh
@@ -353,3 +375,18 @@ def _cables(case: Case, rest: Motion) -> Hood:
     paths = _paths(case)
     cables = {name: Cable(tuple((p.body, p.point) for p in path)) for name, path in paths.items()}
     return Pulleys(cables, rest)
+
+
+
+
+
+def mjcf_of(case: Case) -> str:
+    """The finger of a case as MJCF.  Raises InputError for one that has none."""
+    from rigid.mjcf.write import mjcf_xml
+
+    finger = our_finger(case)
+    if isinstance(finger, HingeFinger):
+        raise InputError(
+            f'{case.name}: finger.kind = "hinge" has no MuJoCo model; take another kind'
+        )
+    return mjcf_xml(finger_model(finger, case.hood), finger.gravity)

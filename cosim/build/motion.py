@@ -15,9 +15,11 @@ from cosim.case.schema import Case, Forward
 from cosim.coupling.excursion import Driven
 from cosim.coupling.motion import Moves, WatchedFinger
 from cosim.coupling.state_arrays import Special
-from cosim.fingers.common import CageTip, FmuFinger, ShellTip
+from cosim.fingers.common import CageTip, ShellTip
+from cosim.fingers.fmu import FmuFinger
 from cosim.tendons.table import Tendon
-from cosim.fingers.kinds import live_finger, our_finger
+from cosim.fingers.kinds import live_finger
+from cosim.case.schema import our_finger
 from cosim.hoods.cable.build import CableLook
 from cosim.hoods.shell.build import Triangles
 from cosim.hoods.shell.view import HoodLook

@@ -8,205 +8,25 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from cosim.fingers.common import (
-    FmuFinger,
-    HingeFinger,
-    IndexFinger,
-    MiddleFinger,
-    PlanarFinger,
-    Posture,
-)
+from cosim.fingers.fmu import FmuFinger
+from cosim.fingers.hinge import HingeFinger
+from cosim.fingers.index import IndexFinger
+from cosim.fingers.kinds import AnyFinger
+from cosim.fingers.middle import MiddleFinger
+from cosim.fingers.planar import PlanarFinger
 from cosim.fingers.robot import RobotFinger
-from cosim.fmu.quantity import HOOD_QUANTITIES
 from cosim.hoods.cable.table import CableHood
+from cosim.hoods.fmu import FmuHood
 from cosim.hoods.lesion import Lesion, idle_cut, lesion_fault
 from cosim.hoods.lumped.table import NetworkHood, TwoBandHood
-from cosim.hoods.shell.fibre_table import Fibrous, SecondGasser, SecondLinear, SecondMooneyRivlin
-from cosim.hoods.supports import Contact, Spring
+from cosim.hoods.pulley import PulleyHood
+from cosim.hoods.shell.table import MeshFile, ShellHood
+from cosim.hoods.split import SplitHood
+from cosim.port import InputError
 from cosim.schema import units
-from cosim.schema.fields import fault, name_of, quantity
-from cosim.schema.types import (
-    BendingStiffness,
-    BodyName,
-    Coordinate,
-    Count,
-    ExtraLength,
-    File,
-    Modulus,
-    Number,
-    Region,
-    Switch,
-    Table,
-    TendonName,
-    Thickness,
-)
+from cosim.schema.fields import fault, quantity
+from cosim.schema.types import Count, Number, Switch, Table, TendonName
 from cosim.tendons.table import Tendon
-from meshes.hood_mesh import REGIONS, SPRINGS
-
-
-class GeneratedMesh(Table):
-    """Our own hood, laid out on the bones in `rest_posture`, where it is free of stress.  As
-    "one_sheet" its wings reach the central slip's insertion, without a triangular ligament."""
-
-    kind: Literal["generated"]
-    quads: Annotated[Count, Field(ge=120, le=20000)]
-    elements: Literal["linear", "quadratic"] = "linear"
-    layout: Literal["anatomical", "one_sheet"] = "anatomical"
-    rest_posture: Posture
-
-
-class MeshFile(Table):
-    """A hood mesh of the user's."""
-
-    kind: Literal["file"]
-    path: File
-
-
-class Isotropic(Region):
-    """Saint Venant-Kirchhoff."""
-
-    kind: Literal["isotropic"]
-    modulus: Modulus
-    poisson: Annotated[Number, Field(ge=0, le=0.49)]
-
-
-class TransverselyIsotropic(Fibrous):
-    """Saint Venant-Kirchhoff with fibres: moduli along and across them, contraction across a pull
-    along them (`poisson`) and in the plane across them (`poisson_across`), shear along them.  A
-    `second` family adds its own modulus."""
-
-    kind: Literal["transversely_isotropic"]
-    modulus_along: Modulus
-    modulus_across: Modulus
-    shear_modulus: Modulus
-    poisson: Annotated[Number, Field(ge=0, le=2)]
-    poisson_across: Annotated[Number, Field(ge=0, le=0.99)]
-    second: SecondLinear | None = None
-
-
-class NeoHookean(Region):
-    """Compressible, by its moduli at small strain."""
-
-    kind: Literal["neo_hookean"]
-    modulus: Modulus
-    poisson: Annotated[Number, Field(ge=0, le=0.49)]
-
-
-class FibreMooneyRivlin(Fibrous):
-    """FEBio's `trans iso Mooney-Rivlin`: matrix c1, c2, fibres with an exponential toe c3 (exp(c4
-    (l - 1)) - 1) up to the stretch lam_max, linear with c5 beyond; incompressible without a bulk
-    modulus.  A `second` family has such numbers of its own."""
-
-    kind: Literal["trans_iso_mooney_rivlin"]
-    c1: Modulus
-    c2: Annotated[float, quantity(units.PRESSURE, least="0 MPa", most="100 GPa")]
-    c3: Modulus
-    c4: Annotated[Number, Field(gt=0, le=600)]
-    c5: Modulus
-    lam_max: Annotated[Number, Field(gt=1, le=2)]
-    bulk_modulus: Modulus | None = None
-    second: SecondMooneyRivlin | None = None
-
-
-class FibreGasser(Fibrous):
-    """Holzapfel, Gasser and Ogden: matrix c, fibres k1, k2 dispersed by `dispersion` (0 aligned,
-    1/3 isotropic) about the two directions at `angle` from the region's own; incompressible
-    without a bulk modulus.  With a `second` family there is no `angle`: the first one lies in the
-    region's direction, the second has its own direction and numbers."""
-
-    kind: Literal["holzapfel_gasser_ogden"]
-    c: Modulus
-    k1: Modulus
-    k2: Annotated[Number, Field(gt=0, le=1e4)]
-    dispersion: Annotated[Number, Field(ge=0, le=0.3333)]
-    angle: Annotated[float, quantity(units.ANGLE, least="0 deg", most="90 deg")] | None = None
-    bulk_modulus: Modulus | None = None
-    second: SecondGasser | None = None
-
-    @model_validator(mode="after")
-    def _families(self) -> FibreGasser:
-        if (self.angle is None) == (self.second is None):
-            raise fault(
-                "write either angle (two families of the same numbers on both sides of the "
-                "region's direction) or a table second (a second family of its own numbers)"
-            )
-        return self
-
-
-Material = Annotated[
-    Isotropic | TransverselyIsotropic | NeoHookean | FibreMooneyRivlin | FibreGasser,
-    Field(discriminator="kind"),
-]
-
-
-class ExtraLengths(Table):
-    """How much longer than laid out a slip is, m."""
-
-    central_slip: ExtraLength = 0.0
-    terminal_slip: ExtraLength = 0.0
-
-
-class ShellHood(Table):
-    """The shell finite-element hood.  `bending_stiffness` (N m, of a strip per its width): as if
-    with a sheet, isotropic and incompressible, that acts in bending alone, beside what the regions'
-    laws make."""
-
-    kind: Literal["shell"]
-    mesh: Annotated[GeneratedMesh | MeshFile, Field(discriminator="kind")]
-    thickness: Thickness
-    bending_stiffness: BendingStiffness = 0.0
-    regions: dict[Annotated[str, name_of("region", REGIONS)], Material]
-    contact: Contact
-    extra_length: ExtraLengths = ExtraLengths()
-    springs: dict[Annotated[str, name_of("spring set", SPRINGS)], Spring]
-
-    @model_validator(mode="after")
-    def _complete(self) -> ShellHood:
-        lacking = [name for name in REGIONS if name not in self.regions]
-        if self.mesh.kind == "generated" and self.mesh.layout == "one_sheet":
-            lacking = [name for name in lacking if name != "triangular_ligament"]
-        if lacking and self.mesh.kind == "generated":
-            raise fault(f"regions: the generated mesh also has {', '.join(lacking)}; name them")
-        return self
-
-
-class PathPoint(Table):
-    """A point fixed to a body, in its frame, m."""
-
-    body: BodyName
-    point: tuple[Coordinate, Coordinate, Coordinate]
-
-
-class PulleyHood(Table):
-    """Tendons as straight lines through points fixed to bodies."""
-
-    kind: Literal["pulley"]
-    paths: dict[TendonName, Annotated[tuple[PathPoint, ...], Field(min_length=2)]]
-
-
-class FmuHood(Table):
-    """A hood in an FMU of FMI 2 or 3, which is a program and runs as one.  `tendons` and `sources`
-    name its own, in its order; `map` says, by quantity, how its variables are called where they are
-    not called as in our own units; `rest_step` is a communication step in which it comes to rest,
-    for one without the switch `static`."""
-
-    kind: Literal["fmu"]
-    path: File
-    tendons: Annotated[tuple[TendonName, ...], Field(min_length=1)]
-    sources: Annotated[tuple[str, ...], Field(min_length=1)]
-    map: dict[Annotated[str, name_of("quantity", HOOD_QUANTITIES)], str] = Field(
-        default_factory=dict
-    )
-    rest_step: Annotated[float, quantity(units.TIME, above="0 s", most="1000 s")] | None = None
-    assume_si: Switch = False
-
-
-class SplitHood(Table):
-    """No hood at all: tendons that part into strands of fixed shares, `central` of what enters the
-    hood going to the central slip (equal parts in the normative model: An et al. 1979)."""
-
-    kind: Literal["split"]
-    central: Annotated[Number, Field(ge=0, le=1)] = 0.5
 
 
 class Solve(Table):
@@ -379,3 +199,18 @@ def _files(case: Case) -> list[Path]:
     ]
     meshes = [mesh.path] if isinstance(mesh, MeshFile) else []
     return [b.surface for b in bones] + meshes + model + units
+
+
+def our_finger(case: Case) -> AnyFinger:
+    """The finger of a case.  Raises InputError for one in an FMU."""
+    if isinstance(case.finger, FmuFinger):
+        raise InputError(
+            f'{case.name}: finger.kind = "fmu" can be run and no more; for this take a finger of '
+            'our own: finger.kind = "index", "middle", "planar", "hinge" or "robot"'
+        )
+    return case.finger
+
+
+def held_by(case: Case) -> str:
+    """What holds the fingertip of a case: the word of its `finger.tip.kind`; "fmu" of a unit's."""
+    return case.finger.kind if isinstance(case.finger, FmuFinger) else case.finger.tip.kind

@@ -104,8 +104,8 @@ def mjcf(
     each, whose control is the tension; without passive torques, limits, what holds the tip, and
     the hood."""
     with told():
+        from cosim.build.models import mjcf_of
         from cosim.case.file import load_case
-        from cosim.fingers.kinds import mjcf_of
 
         text = mjcf_of(load_case(case, settings or ()))
         with written_whole(out) as path:

@@ -7,26 +7,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from cosim.fmu.quantity import FINGER_QUANTITIES
 from cosim.schema import units
-from cosim.schema.fields import fault, name_of, quantity
-from cosim.schema.types import (
-    AbductionAngle,
-    Acceleration,
-    BodyName,
-    DipAngle,
-    File,
-    Inertia,
-    Mass,
-    McpAngle,
-    Number,
-    Phalanx,
-    PipAngle,
-    Switch,
-    Table,
-    TendonName,
-)
-from meshes.skeleton import BODIES, JOINTS
+from cosim.schema.fields import fault, quantity
+from cosim.schema.types import AbductionAngle, DipAngle, McpAngle, Number, PipAngle, Table
 
 
 class PlanarPosture(Table):
@@ -147,104 +130,3 @@ class ShellTip(DeviceTip):
 
 
 Tip = Annotated[HeldTip | CageTip | ShellTip, Field(discriminator="kind")]
-
-
-class Bone(Table):
-    """A watertight surface (STL or OBJ) in place of our bone."""
-
-    surface: File
-    unit: Literal["m", "mm"]
-    frame: Literal["ours", "myohand"]
-
-
-class MiddleFinger(Table):
-    """The MuJoCo middle finger of Synek et al. 2019."""
-
-    kind: Literal["middle"]
-    posture: Posture
-    length_scale: Annotated[Number, Field(ge=0.1, le=3)] = 1.0
-    tip: Tip = HeldTip(kind="point")
-    limit: Limit | None = None
-    passive: dict[Annotated[str, name_of("joint", JOINTS)], Passive] = Field(default_factory=dict)
-    gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, 0.0)
-
-
-class IndexFinger(Table):
-    """The MuJoCo index finger: ours, or with `path` the user's."""
-
-    kind: Literal["index"]
-    path: File | None = None
-    """A MuJoCo model with joints, lengths and tendons in place of ours: bodies, joints, tendons and
-    the site "tip" are called as `cosim mjcf` calls them (`cosim new` makes such a file of another).
-    """
-    posture: Posture
-    length_scale: Annotated[Number, Field(ge=0.1, le=3)] = 1.0
-    width_scale: Annotated[Number, Field(ge=0.1, le=3)] = 1.0
-    tip: Tip = HeldTip(kind="point")
-    limit: Limit | None = None
-    passive: dict[Annotated[str, name_of("joint", JOINTS)], Passive] = Field(default_factory=dict)
-    bones: dict[BodyName, Bone] = Field(default_factory=dict)
-    gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, 0.0)
-
-    @model_validator(mode="after")
-    def _of_one_size(self) -> IndexFinger:
-        if self.path is not None and (self.length_scale, self.width_scale) != (1.0, 1.0):
-            raise fault(
-                "gives a path and length_scale or width_scale; a finger out of a file has its size"
-            )
-        return self
-
-
-class HingeFinger(Table):
-    """The analytic planar finger: three hinges in a row."""
-
-    kind: Literal["hinge"]
-    lengths: tuple[Phalanx, Phalanx, Phalanx]
-    posture: PlanarPosture
-    tip: Tip = HeldTip(kind="point")
-    limit: Limit | None = None
-    passive: dict[Annotated[str, name_of("joint", ("MCP", "PIP", "DIP"))], Passive] = Field(
-        default_factory=dict
-    )
-
-
-class PlanarFinger(Table):
-    """Three links in a plane on MuJoCo: lengths, distances of the centres of mass from the proximal
-    joints, masses, and moments of inertia about the centres of mass."""
-
-    kind: Literal["planar"]
-    lengths: tuple[Phalanx, Phalanx, Phalanx]
-    centres: tuple[Phalanx, Phalanx, Phalanx]
-    masses: tuple[Mass, Mass, Mass]
-    inertias: tuple[Inertia, Inertia, Inertia]
-    posture: PlanarPosture
-    tip: Tip = HeldTip(kind="point")
-    limit: Limit | None = None
-    passive: dict[Annotated[str, name_of("joint", ("MCP", "PIP", "DIP"))], Passive] = Field(
-        default_factory=dict
-    )
-    gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, 0.0)
-
-
-class FmuFinger(Table):
-    """A finger in an FMU of FMI 2 or 3, which is a program and runs as one; it holds its posture,
-    joints and fingertip.  `bodies`, `joints` and `tendons` name its own, in its order; `map` says,
-    by quantity, how its variables are called where they are not called as in our own units."""
-
-    kind: Literal["fmu"]
-    path: File
-    bodies: Annotated[tuple[BodyName, ...], Field(min_length=2)] = BODIES
-    joints: Annotated[tuple[str, ...], Field(min_length=1)]
-    tendons: tuple[TendonName, ...] = ()
-    map: dict[Annotated[str, name_of("quantity", FINGER_QUANTITIES)], str] = Field(
-        default_factory=dict
-    )
-    assume_si: Switch = False
-
-    @model_validator(mode="after")
-    def _once(self) -> FmuFinger:
-        for what in ("bodies", "joints", "tendons"):
-            names = getattr(self, what)
-            if len(set(names)) < len(names):
-                raise fault(f"{what}: names one twice")
-        return self

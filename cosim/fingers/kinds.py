@@ -9,9 +9,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cosim.case.schema import Case, ShellHood, SplitHood
-from cosim.fingers.common import FmuFinger, HingeFinger, IndexFinger, MiddleFinger, PlanarFinger
+from cosim.fingers.hinge import HingeFinger
+from cosim.fingers.index import IndexFinger
+from cosim.fingers.middle import MiddleFinger
+from cosim.fingers.planar import PlanarFinger
 from cosim.fingers.robot import RobotFinger
+from cosim.hoods.shell.table import ShellHood
+from cosim.hoods.split import SplitHood
 from cosim.port import Finger, InputError
 from cosim.schema.types import MUSCLES
 
@@ -28,21 +32,6 @@ LEAST_ARM = 1e-3
 AnyFinger = IndexFinger | MiddleFinger | HingeFinger | PlanarFinger | RobotFinger
 """Those of our own."""
 OnMujoco = IndexFinger | MiddleFinger | PlanarFinger | RobotFinger
-
-
-def our_finger(case: Case) -> AnyFinger:
-    """The finger of a case.  Raises InputError for one in an FMU."""
-    if isinstance(case.finger, FmuFinger):
-        raise InputError(
-            f'{case.name}: finger.kind = "fmu" can be run and no more; for this take a finger of '
-            'our own: finger.kind = "index", "middle", "planar", "hinge" or "robot"'
-        )
-    return case.finger
-
-
-def held_by(case: Case) -> str:
-    """What holds the fingertip of a case: the word of its `finger.tip.kind`; "fmu" of a unit's."""
-    return case.finger.kind if isinstance(case.finger, FmuFinger) else case.finger.tip.kind
 
 
 def live_finger(finger: AnyFinger, hood: object) -> ChainFinger:
@@ -138,18 +127,6 @@ def _robot(finger: RobotFinger, pulley: bool) -> FingerModel:
 
     made = robot_finger(finger.second_extensor)
     return made if pulley else made.with_only(*(m for m in made.muscles if m != TENDONS[0]))
-
-
-def mjcf_of(case: Case) -> str:
-    """The finger of a case as MJCF.  Raises InputError for one that has none."""
-    from rigid.mjcf.write import mjcf_xml
-
-    finger = our_finger(case)
-    if isinstance(finger, HingeFinger):
-        raise InputError(
-            f'{case.name}: finger.kind = "hinge" has no MuJoCo model; take another kind'
-        )
-    return mjcf_xml(finger_model(finger, case.hood), finger.gravity)
 
 
 def planar_chain(finger: PlanarFinger) -> PlanarChain:

@@ -12,23 +12,9 @@ from typing import Literal
 import numpy as np
 
 from cosim.fmu.mapping import Place, places
-from cosim.fmu.quantity import (
-    STATIC_STEP,
-    TOLERANCE,
-    WITH_TANGENT,
-    hood_quantities,
-    tangent_of,
-)
+from cosim.fmu.quantity import STATIC_STEP, TOLERANCE, WITH_TANGENT, hood_quantities, tangent_of
 from cosim.fmu.unit import Saved, Unit
-from cosim.port import (
-    Array,
-    HoodJacobian,
-    InputError,
-    Load,
-    Motion,
-    Response,
-    skew,
-)
+from cosim.port import Array, HoodJacobian, InputError, Load, Motion, Response, skew
 
 TangentBy = Literal["outputs", "directional derivatives", "differences"]
 ANSWERS = ("force", "moment", "excursion")

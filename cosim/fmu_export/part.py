@@ -7,10 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from cosim.coupling.state_arrays import Special
-from cosim.fmu.quantity import (
-    Quantity,
-    Values,
-)
+from cosim.fmu.quantity import Quantity, Values
 from cosim.port import Array, InputError, Motion, Response, State
 
 ORTHONORMAL = 1e-6

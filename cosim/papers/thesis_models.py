@@ -13,8 +13,9 @@ import numpy as np
 
 from cosim.analyses.opensim.loads import THESIS_AXES, axes_of
 from cosim.case.file import load_case
-from cosim.case.schema import Case, Isotropic, ShellHood
+from cosim.case.schema import Case
 from cosim.fingers.common import CageTip
+from cosim.hoods.shell.table import Isotropic, ShellHood
 from cosim.pipeline import run_case
 from cosim.port import Array
 from cosim.results.data import Result

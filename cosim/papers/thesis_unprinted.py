@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from cosim.case.file import load_case
-from cosim.case.schema import ShellHood
+from cosim.hoods.shell.table import ShellHood
 from cosim.papers.figure import Figure
 from cosim.papers.lines import framed
 from cosim.papers.thesis_models import DIRECTIONS, STATISTICS, hood_run

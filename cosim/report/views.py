@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from cosim.case.file import load_case
-from cosim.case.schema import Case, PulleyHood
-from cosim.fingers.common import FmuFinger
+from cosim.case.schema import Case
+from cosim.fingers.fmu import FmuFinger
+from cosim.hoods.pulley import PulleyHood
 from cosim.port import Array, InputError, Motion
 from cosim.report.flat import laid_out
 from cosim.report.tables import SAGITTAL

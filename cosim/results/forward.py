@@ -9,8 +9,7 @@ import numpy as np
 
 from cosim import __version__
 from cosim.build.models import drawn_bones
-from cosim.case.schema import Case
-from cosim.fingers.kinds import held_by
+from cosim.case.schema import Case, held_by
 from cosim.port import Array, Load
 from cosim.results.air import air_data, air_end
 from cosim.results.audit import missed_bounds

@@ -10,9 +10,8 @@ import numpy as np
 from cosim import __version__
 from cosim.build.double_count import pairs
 from cosim.build.models import drawn_cables
-from cosim.case.schema import Case
+from cosim.case.schema import Case, held_by
 from cosim.coupling.motion import Frame, Moment
-from cosim.fingers.kinds import held_by
 from cosim.port import Array
 from cosim.results.air import air_data, air_end
 from cosim.results.audit import missed_bounds

@@ -16,7 +16,7 @@ from cosim.build.fit import check_tendons
 from cosim.build.models import hood_on
 from cosim.build.scheme import accelerator_of
 from cosim.case.schema import Case
-from cosim.fingers.common import FmuFinger as FingerTable
+from cosim.fingers.fmu import FmuFinger as FingerTable
 from cosim.fmu.finger import FingerAt, FmuFinger, Met, met, met_held
 from cosim.port import Array, Hood, InputError
 

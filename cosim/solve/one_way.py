@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from cosim.build.models import Models, build, tensions
-from cosim.case.schema import Case
+from cosim.case.schema import Case, our_finger
 from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium
 from cosim.coupling.one_way import HandedOver, Passed, torques
-from cosim.fingers.kinds import live_finger, our_finger
+from cosim.fingers.kinds import live_finger
 from cosim.port import STATIC, Array, Finger, Hood, Motion, Response, State
 from cosim.tendons.muscles import Pull, live_muscles
 

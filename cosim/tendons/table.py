@@ -9,12 +9,7 @@ from pydantic import Field, model_validator
 
 from cosim.schema import units
 from cosim.schema.fields import fault, quantity
-from cosim.schema.types import (
-    File,
-    Force,
-    Number,
-    Table,
-)
+from cosim.schema.types import File, Force, Number, Table
 from cosim.tendons.air_table import Pneumatic
 
 Factor = Annotated[Number, Field(ge=0, le=1e6)]

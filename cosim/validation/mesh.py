@@ -12,8 +12,8 @@ import numpy as np
 
 from cosim import __version__
 from cosim.case.file import load_case
-from cosim.case.schema import GeneratedMesh, ShellHood
 from cosim.files import written_whole
+from cosim.hoods.shell.table import GeneratedMesh, ShellHood
 from cosim.results.compare import COMPONENTS, Comparison
 from cosim.validation.run import Board, six_digits
 from cosim.validation.trial import Group, Trial

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.checks import Row, Study
-from cosim.fingers.common import IndexFinger
+from cosim.fingers.index import IndexFinger
 from cosim.fingers.kinds import skeleton_of
 from cosim.pipeline import run_case
 

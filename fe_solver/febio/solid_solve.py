@@ -23,14 +23,7 @@ from fe_solver.febio.solid_state import Equilibrium, solid_state
 from fe_solver.job.febio_like import bending_notes
 from fe_solver.job.job import Job
 from fe_solver.job.model import JobOptions
-from fe_solver.job.solve import (
-    SAME_TIME,
-    Effort,
-    JobResult,
-    JobState,
-    effort_since,
-    wanted_times,
-)
+from fe_solver.job.solve import SAME_TIME, Effort, JobResult, JobState, effort_since, wanted_times
 from fe_solver.solver.linear_algebra import Factor, mechanism
 from fe_solver.vectors import cross
 

@@ -14,7 +14,10 @@ from cosim.analyses.estimate.held_finger import Held, Torques
 from cosim.analyses.estimate.joint_motion import JointMotion
 from cosim.analyses.estimate.tensions import Bounds, Cost, Estimate, estimate, spelt
 from cosim.build.models import Models, build
-from cosim.case.schema import Case, NetworkHood, PulleyHood, SplitHood
+from cosim.case.schema import Case
+from cosim.hoods.lumped.table import NetworkHood
+from cosim.hoods.pulley import PulleyHood
+from cosim.hoods.split import SplitHood
 from cosim.port import Array, ConvergenceError, InputError
 from cosim.schema import units
 from cosim.solve.static import agreed

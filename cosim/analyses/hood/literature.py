@@ -73,7 +73,7 @@ def fitted_postures(quantity: str) -> frozenset[Posture]:
 
     from cosim.analyses.identify.cases import stated_cases
     from cosim.case.file import find_case
-    from cosim.fingers.kinds import our_finger
+    from cosim.case.schema import our_finger
 
     data = Path(str(resources.files("cases") / "data"))
     rows = pandas.read_csv(data / "hood_fit_rows.csv")

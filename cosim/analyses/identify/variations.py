@@ -12,8 +12,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
-from cosim.case.schema import Case, Material, ShellHood, SplitHood
-from cosim.fingers.common import FmuFinger
+from cosim.case.schema import Case
+from cosim.fingers.fmu import FmuFinger
+from cosim.hoods.shell.table import Material, ShellHood
+from cosim.hoods.split import SplitHood
 from cosim.schema import units
 from cosim.schema.units import Kind
 from meshes.hood_mesh import REGIONS, runs_round

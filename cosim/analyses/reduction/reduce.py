@@ -25,10 +25,11 @@ from cosim.analyses.reduction.walks import (
 from cosim.build.fit import HOODS
 from cosim.build.models import build
 from cosim.case.file import load_case
-from cosim.case.schema import Case, ShellHood
-from cosim.fingers.kinds import live_finger, our_finger
+from cosim.case.schema import Case, our_finger
+from cosim.fingers.kinds import live_finger
 from cosim.hoods.cable.table import CableHood
 from cosim.hoods.lumped.build import Sample, fitted, stacked
+from cosim.hoods.shell.table import ShellHood
 from cosim.port import Array, InputError
 from cosim.study.cache_key import address, code_version
 

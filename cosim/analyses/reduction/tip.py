@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from cosim.case.schema import Case
-from cosim.fingers.kinds import live_finger, our_finger
+from cosim.case.schema import Case, our_finger
+from cosim.fingers.kinds import live_finger
 from cosim.port import Array, Finger, Load
 
 

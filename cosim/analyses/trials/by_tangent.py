@@ -20,9 +20,10 @@ from typing import Any
 import numpy as np
 
 from cosim.build.models import Models, build, tensions
-from cosim.case.schema import Case, ShellHood
+from cosim.case.schema import Case
 from cosim.coupling.equilibrium import Equilibrium
 from cosim.hoods.shell.build import UnderHood
+from cosim.hoods.shell.table import ShellHood
 from cosim.port import Array
 from cosim.results.static import result
 from cosim.solve.states import States

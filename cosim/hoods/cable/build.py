@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cosim.fingers.common import IndexFinger
+from cosim.fingers.index import IndexFinger
 from cosim.hoods.cable.table import CableHood
 from cosim.hoods.fe_view import Lines, Look, guide_depth, look_at
 from cosim.hoods.injury import adhesions, longer

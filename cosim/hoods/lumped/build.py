@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cosim.case.schema import SplitHood
-from cosim.fingers.common import HingeFinger
+from cosim.fingers.hinge import HingeFinger
 from cosim.fingers.kinds import AnyFinger, finger_model
 from cosim.hoods.lumped.table import JOINTS, Arm, NetworkHood, Reduced, TwoBandHood
+from cosim.hoods.split import SplitHood
 from cosim.port import Array, Hood, Motion, State
 from rigid.hoods.reduced_sample import Sample as Sample
 from rigid.hoods.reduced_sample import stacked as stacked

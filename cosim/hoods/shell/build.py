@@ -8,19 +8,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cosim.case import schema
-from cosim.case.schema import (
-    Case,
-    GeneratedMesh,
-    IndexFinger,
-    MiddleFinger,
-    Region,
-    ShellHood,
-)
+from cosim.case.schema import Case
+from cosim.fingers.index import IndexFinger
+from cosim.fingers.middle import MiddleFinger
 from cosim.hoods.injury import adhesions, longer
+from cosim.hoods.shell import table
 from cosim.hoods.shell.fibre_table import Fibrous
 from cosim.hoods.shell.fibres import Fibres, fibres_of
+from cosim.hoods.shell.table import GeneratedMesh, ShellHood
 from cosim.port import Array, InputError, Motion, State
+from cosim.schema.types import Region
 
 if TYPE_CHECKING:
     from cosim.hoods.lesion import Lesion
@@ -255,19 +252,19 @@ def _bare_law(name: str, region: Region, angle: Real) -> Law:
 
     try:
         match region:
-            case schema.Isotropic() as r:
+            case table.Isotropic() as r:
                 linear: Linear = materials.Isotropic(r.modulus, r.poisson)
                 return linear
-            case schema.TransverselyIsotropic() as r:
+            case table.TransverselyIsotropic() as r:
                 linear = materials.Orthotropic.transversely_isotropic(
                     r.modulus_along, r.modulus_across, r.poisson, r.shear_modulus, r.poisson_across
                 )
                 if r.second is not None:
                     return crossed_fibres.CrossedLinear(linear, r.second.modulus, angle)
                 return linear
-            case schema.NeoHookean() as r:
+            case table.NeoHookean() as r:
                 return hyperelastic.NeoHookean(r.modulus, r.poisson)
-            case schema.FibreMooneyRivlin() as r:
+            case table.FibreMooneyRivlin() as r:
                 one = fibre_materials.TransIsoMooneyRivlin(
                     r.c1, r.c2, r.c3, r.c4, r.c5, r.lam_max, bulk(r.bulk_modulus)
                 )
@@ -275,12 +272,12 @@ def _bare_law(name: str, region: Region, angle: Real) -> Law:
                     return one
                 toe = fibre_materials.ExponentialFamily(f.c3, f.c4, f.c5, f.lam_max)
                 return crossed_fibres.CrossedFibres(one, toe, angle)
-            case schema.FibreGasser(second=None) as r:
+            case table.FibreGasser(second=None) as r:
                 assert r.angle is not None  # checked by the schema
                 return fibre_materials.HolzapfelGasserOgden(
                     r.c, r.k1, r.k2, r.dispersion, r.angle, bulk(r.bulk_modulus)
                 )
-            case schema.FibreGasser(second=schema.SecondGasser() as f) as r:
+            case table.FibreGasser(second=table.SecondGasser() as f) as r:
                 # two equal families in one direction are one of twice k1
                 gasser = fibre_materials.HolzapfelGasserOgden(
                     r.c, r.k1 / 2, r.k2, r.dispersion, 0.0, bulk(r.bulk_modulus)

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cosim.case.schema import Region
 from cosim.hoods.shell.fibre_table import Direction, Fibrous
 from cosim.port import Array, InputError
+from cosim.schema.types import Region
 
 if TYPE_CHECKING:
     from meshes.hood_mesh import HoodMesh

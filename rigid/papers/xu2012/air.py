@@ -25,15 +25,7 @@ import numpy as np
 
 from cosim.port import Array
 from rigid.air.model import TRAINING, AirModel, identify, sines
-from rigid.air.plant import (
-    ATMOSPHERE,
-    AirState,
-    Pneumatics,
-    at_rest,
-    settled,
-    step,
-    tension,
-)
+from rigid.air.plant import ATMOSPHERE, AirState, Pneumatics, at_rest, settled, step, tension
 from rigid.papers.xu2012.actuators import PERIOD
 from rigid.papers.xu2012.plant import STEP
 
