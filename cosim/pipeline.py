@@ -30,9 +30,12 @@ def run_case(
         from cosim.results.forward import forward_result
 
         if case.hood.kind != "split":
+            from cosim.results.motion import motion_result
             from cosim.solve.motion import moved_together
 
-            return moved_together(case, case.forward, progress, unfinished)
+            both, kept = moved_together(case, case.forward, progress, unfinished)
+            wall = time.perf_counter() - started
+            return motion_result(case, both, kept.frames, kept.tips, kept.moment, wall)
         progress(f"simulating {case.forward.duration:g} s")
         moved = simulated(case, case.forward)
         return forward_result(case, moved, time.perf_counter() - started)

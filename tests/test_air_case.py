@@ -93,7 +93,7 @@ def test_the_chamber_s_volume_follows_the_tendon() -> None:
     """A shut valve: p V^gamma is constant, and the piston drawn in pulls less."""
     shut = 'voltage="5 V",conductance="1e-12 mm**3/s/Pa",heat="0 W/K",friction="0 N"'
     case = load_case("split_edc", ["forward={}", air(shut), air('pressure="0.1 MPa"', "FDP")])
-    live = cylinders(case, ("FDS", "FDP", "EDC"))
+    live = cylinders(case.tendons, ("FDS", "FDP", "EDC"))
     assert live is not None
     assert live.names == ("FDP", "EDC")
     assert live.where.tolist() == [1, 2]
@@ -113,7 +113,7 @@ def test_the_chamber_s_volume_follows_the_tendon() -> None:
 
 @pytest.mark.parametrize(("inward", "words"), [(0.02, "drawn in to"), (-0.02, "drawn out to")])
 def test_a_piston_at_its_end_stops_the_run(inward: float, words: str) -> None:
-    live = cylinders(load_case("split_edc", ["forward={}", air('voltage="5 V"')]), ("EDC",))
+    live = cylinders(load_case("split_edc", ["forward={}", air('voltage="5 V"')]).tendons, ("EDC",))
     assert live is not None
     with pytest.raises(ConvergenceError, match=f"tendons.EDC.actuation: the piston was {words}"):
         pulled(live, begun(live), 1e-3, np.array([inward]), 1e-3)
@@ -127,7 +127,7 @@ def test_what_a_case_says_reaches_the_cylinder_and_is_written_again(tmp_path: Pa
     )
     course = 'tendons.EDC.course={kind="points",at=[["0 s",1.0],["0.1 s",2.0]]}'
     case = load_case("split_edc", ["forward={}", air(said), course])
-    live = cylinders(case, ("EDC",))
+    live = cylinders(case.tendons, ("EDC",))
     assert live is not None
     valve, cylinder = live.air.valve, live.air.cylinder
     assert [float(np.asarray(x)[0]) for x in (

@@ -22,7 +22,7 @@ def summary(name: str, *settings: str) -> dict:
 
 
 def test_at_its_optimal_length_a_muscle_pulls_activation_times_force_along_the_tendon() -> None:
-    muscles = live_muscles(load_case("split_fdp", [FIBRE]))
+    muscles = live_muscles(load_case("split_fdp", [FIBRE]).tendons)
     pull = muscles.pull(np.zeros(1))
     # f_PE(1) = 0; the fibre stands at 7 deg to the tendon
     assert pull.tension == pytest.approx(0.1 * 79.12 * np.cos(np.radians(7.0)), rel=1e-9)
@@ -37,7 +37,7 @@ def test_the_tension_is_that_of_the_fibre_at_the_finger_s_own_path() -> None:
     assert fibre["assumed_normalised_fibre_length_unloaded"] == 1.0
     case = load_case("split_fdp", [FIBRE])
     lengths = np.linspace(0.0, 3e-3, 3001)
-    pulls = [live_muscles(case).pull(np.array([x])) for x in lengths[::100]]
+    pulls = [live_muscles(case.tendons).pull(np.array([x])) for x in lengths[::100]]
     tensions = [float(p.tension[0]) for p in pulls]
     found = float(
         np.interp(
@@ -64,7 +64,7 @@ def test_the_assumed_fibre_length_moves_the_force() -> None:
 def test_elastic_and_rigid_tendons_in_one_case() -> None:
     rigid = FIBRE.replace("FDP", "FDS").replace('deg"}', 'deg",tendon="rigid"}')
     case = load_case("split_fdp", [FIBRE, rigid, "tendons.FDS.activation=0.2"])
-    muscles = live_muscles(case)
+    muscles = live_muscles(case.tendons)
     pull = muscles.pull(np.zeros(2))
     force = dict(zip(muscles.names, pull.tension, strict=True))
     cosine = np.cos(np.radians(7.0))
@@ -74,7 +74,7 @@ def test_elastic_and_rigid_tendons_in_one_case() -> None:
 
 def test_a_fibre_that_cannot_be_so_short_is_refused() -> None:
     with pytest.raises(InputError, match=r"FDP, normalised fibre length.*raise fibre_length"):
-        live_muscles(load_case("split_fdp", [FIBRE, "tendons.FDP.muscle.fibre_length=0.4"]))
+        live_muscles(load_case("split_fdp", [FIBRE, "tendons.FDP.muscle.fibre_length=0.4"]).tendons)
 
 
 def test_a_passive_curve_acts_like_the_spring_that_it_draws() -> None:

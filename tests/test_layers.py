@@ -87,19 +87,10 @@ EXCEPTIONS: set[tuple[str, str]] = {
     ("cosim.fingers.kinds", "cosim.hoods.shell.table"),
     ("cosim.fingers.kinds", "cosim.hoods.split"),
     ("cosim.hoods.shell.build", "cosim.case.schema"),
-    ("cosim.papers.thesis_forces", "cosim.verification.thesis"),
-    ("cosim.solve.motion", "cosim.results.data"),
-    ("cosim.solve.motion", "cosim.results.motion"),
     ("cosim.study.plan", "cosim.analyses.trials.outcome"),
     ("cosim.study.quantities", "cosim.analyses.trials.outcome"),
     ("cosim.study.table", "cosim.analyses.trials.outcome"),
-    ("cosim.tendons.air", "cosim.case.schema"),
-    ("cosim.tendons.muscles", "cosim.case.schema"),
     ("cosim.validation.lengths", "cosim.verification.lengths"),
-}
-# Circles of imports some of which run inside functions: to be cut, and none to be added.
-CIRCLES: set[frozenset[str]] = {
-    frozenset({"cosim.analyses.hood.plots", "cosim.analyses.hood.studies"}),
 }
 # What may use the studies of the papers, and what does and should not.
 USE_THE_PAPERS = {"cosim.commands", "cosim.verification"}
@@ -240,38 +231,12 @@ def test_only_build_knows_the_solvers():
 
 
 def test_no_modules_import_each_other_in_a_circle():
-    graph = {module: set(imports(module, top_only=True)) - {module} for module in MODULES}
+    """Imports inside functions and those for type checkers count."""
+    graph = {module: set(imports(module, top_only=False)) - {module} for module in MODULES}
     try:
         TopologicalSorter(graph).prepare()
     except CycleError as error:
         raise AssertionError(f"circle: {' <- '.join(error.args[1])}") from None
-
-
-def test_circles_that_deferred_imports_hide_are_known():
-    graph = {m: {n for n in imports(m, top_only=False) if n != m} for m in MODULES}
-    assert _circles(graph) == CIRCLES
-
-
-def _circles(graph: dict[str, set[str]]) -> set[frozenset[str]]:
-    """The largest sets of modules that lead to each other."""
-    reached = {module: _reached(graph, module) for module in graph}
-    return {
-        frozenset({other for other in reached[module] if module in reached.get(other, ())})
-        for module in graph
-        if module in reached[module]
-    }
-
-
-def _reached(graph: dict[str, set[str]], start: str) -> set[str]:
-    """What a module's imports lead to."""
-    found: set[str] = set()
-    waiting = list(graph[start])
-    while waiting:
-        module = waiting.pop()
-        if module not in found:
-            found.add(module)
-            waiting.extend(graph.get(module, ()))
-    return found
 
 
 @pytest.mark.parametrize(

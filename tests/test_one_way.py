@@ -189,7 +189,7 @@ def test_a_muscle_with_a_fibre_pulls_as_it_does_in_the_posture():
     """Longer than its optimum it pulls harder than activation times the greatest force."""
     case = load_case("muscle_edc", [*COARSE, ONE_WAY, "tendons.EDC.muscle.fibre_length=1.3"])
     once = run_case(case).summary
-    fibre = live_muscles(case).pull(np.zeros(1))
+    fibre = live_muscles(case.tendons).pull(np.zeros(1))
     assert once["tension_N"]["EDC"] == fibre.tension[0] > 1.2 * case.tension("EDC")
     assert once["muscle"]["EDC"]["normalised_fibre_length"] == fibre.normalised_length[0]
 

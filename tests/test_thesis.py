@@ -14,7 +14,7 @@ from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.papers import thesis, thesis_models
 from cosim.papers.thesis import STUDIES
-from cosim.papers.thesis_models import INTEGRATED, MODULI, MUSCLES, input_numbers
+from cosim.papers.thesis_models import EXCESS, INTEGRATED, MODULI, MUSCLES, input_numbers
 from cosim.papers.thesis_rows import (
     STATES,
     TITLES,
@@ -26,7 +26,6 @@ from cosim.papers.thesis_rows import (
     state,
 )
 from cosim.papers.thesis_unprinted import CASE, variants
-from cosim.verification.thesis import EXCESS
 
 DATA = Path(thesis_models.__file__).parents[2] / "cases/data"
 COARSE = ("hood.mesh.quads=120",)

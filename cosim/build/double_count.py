@@ -11,10 +11,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from cosim.case.schema import Case
-from cosim.hoods.fmu import FmuHood
-from cosim.hoods.pulley import PulleyHood
 from cosim.coupling.one_way import JOINT_CONTACT
+from cosim.hoods.fmu import FmuHood
 from cosim.hoods.lumped.table import NetworkHood, TwoBandHood
+from cosim.hoods.pulley import PulleyHood
 from cosim.port import Finger, Hood, InputError, MovingFinger
 
 OF_FINGER = ("joint", "muscle", "passive", "limit", "damping", "gravity", "inertia", "fingertip")

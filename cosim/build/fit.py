@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from cosim.case.schema import Case
-from cosim.hoods.split import SplitHood
-from cosim.hoods.fmu import FmuHood
-from cosim.hoods.pulley import PulleyHood
-from cosim.hoods.shell.table import ShellHood
 from cosim.build.double_count import refuse, stated_pairs
-from cosim.fingers.index import IndexFinger
-from cosim.fingers.hinge import HingeFinger
+from cosim.case.schema import Case, held_by
 from cosim.fingers.fmu import FmuFinger
+from cosim.fingers.hinge import HingeFinger
+from cosim.fingers.index import IndexFinger
 from cosim.fingers.kinds import finger_model
-from cosim.case.schema import held_by
 from cosim.fingers.robot import RobotFinger
 from cosim.hoods.cable.table import CableHood
+from cosim.hoods.fmu import FmuHood
 from cosim.hoods.lumped.table import NetworkHood, TwoBandHood
+from cosim.hoods.pulley import PulleyHood
+from cosim.hoods.shell.table import ShellHood
+from cosim.hoods.split import SplitHood
 from cosim.port import InputError
 from cosim.tendons.air import check_air
 from cosim.tendons.courses import factor_of
@@ -57,7 +56,7 @@ def check_fit(case: Case) -> None:
         )
     for name in courses:
         factor_of(case.tendons[name].course)
-    check_air(case)
+    check_air(case.tendons, in_motion=case.forward is not None)
     _check_pulley(case)
     _check_own(case)
     _check_drawn(case)

@@ -1,7 +1,6 @@
 """From a case to live models.  One of the files that know the solvers by name."""
 
 from __future__ import annotations
-from cosim.fingers.kinds import finger_model
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -11,50 +10,28 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cosim.build.fit import check_fit, check_tendons
-from cosim.case.schema import Case
-from cosim.hoods.fmu import FmuHood
-from cosim.hoods.pulley import PathPoint, PulleyHood
-from cosim.hoods.shell.table import MeshFile, ShellHood
-from cosim.fingers.middle import MiddleFinger
+from cosim.case.schema import Case, our_finger
+from cosim.fingers.hinge import HingeFinger
 from cosim.fingers.index import Bone, IndexFinger
-from cosim.fingers.kinds import live_finger, skeleton_of, width_of
-from cosim.case.schema import our_finger
+from cosim.fingers.kinds import finger_model, live_finger, skeleton_of, width_of
+from cosim.fingers.middle import MiddleFinger
 from cosim.fingers.robot import RobotFinger
 from cosim.hoods.cable.build import ENDS, CableLook, cable_hood_of, laid_net
 from cosim.hoods.cable.build import looking_at as looking_at_cables
 from cosim.hoods.cable.robot import ROBOT_ENDS, robot_bones, robot_net, robot_skeleton
 from cosim.hoods.cable.table import CableHood
 from cosim.hoods.fe_view import slip_forces
+from cosim.hoods.fmu import FmuHood
 from cosim.hoods.injury import injured_mesh, injured_net, injured_network
 from cosim.hoods.lumped.build import lumped_hood, slips_of
 from cosim.hoods.lumped.table import NetworkHood, TwoBandHood
+from cosim.hoods.pulley import PathPoint, PulleyHood
 from cosim.hoods.shell.build import Triangles, UnderHood, laid_mesh, linear, shell_hood_of
+from cosim.hoods.shell.table import MeshFile, ShellHood
 from cosim.hoods.shell.view import HoodLook, looking_at
 from cosim.port import Array, Finger, Hood, InputError, Motion, State
 from cosim.tendons.muscles import CaseMuscles, live_muscles
 from meshes.skeleton import BODIES
-from dataclasses import replace
-from functools import lru_cache
-from pathlib import Path
-from typing import TYPE_CHECKING
-import numpy as np
-from cosim.case.schema import Case, our_finger
-from cosim.fingers.hinge import HingeFinger
-from cosim.fingers.index import IndexFinger
-from cosim.fingers.middle import MiddleFinger
-from cosim.fingers.planar import PlanarFinger
-from cosim.fingers.robot import RobotFinger
-from cosim.hoods.shell.table import ShellHood
-from cosim.hoods.split import SplitHood
-from cosim.port import Finger, InputError
-from cosim.schema.types import MUSCLES
-if TYPE_CHECKING:
-    from meshes.skeleton import Skeleton
-    from rigid.chain.joint_torques import JointLaw
-    from rigid.chain.planar_chain import PlanarChain
-    from rigid.chain.statics import ChainFinger
-    from rigid.chain.support import Support
-    from rigid.model import FingerModel
 
 if TYPE_CHECKING:
     from meshes.hood_mesh import HoodMesh
@@ -121,7 +98,7 @@ def build(case: Case) -> Models:
     check_lesion(case)
     stated, resting = our_finger(case), case.solve.resting_tension
     posture, finger = stated.posture.angles(), live_finger(stated, case.hood)
-    muscles = live_muscles(case)
+    muscles = live_muscles(case.tendons)
     bones = drawn_bones(case)
     if isinstance(case.finger, IndexFinger | RobotFinger) and isinstance(case.hood, CableHood):
         if isinstance(case.finger, RobotFinger):
@@ -375,9 +352,6 @@ def _cables(case: Case, rest: Motion) -> Hood:
     paths = _paths(case)
     cables = {name: Cable(tuple((p.body, p.point) for p in path)) for name, path in paths.items()}
     return Pulleys(cables, rest)
-
-
-
 
 
 def mjcf_of(case: Case) -> str:

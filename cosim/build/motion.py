@@ -8,18 +8,16 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from cosim.build.models import build, cables_of, hood_on
 from cosim.build.fit import check_tendons
+from cosim.build.models import build, cables_of, hood_on
 from cosim.build.scheme import scheme_of
-from cosim.case.schema import Case, Forward
+from cosim.case.schema import Case, Forward, our_finger
 from cosim.coupling.excursion import Driven
 from cosim.coupling.motion import Moves, WatchedFinger
 from cosim.coupling.state_arrays import Special
 from cosim.fingers.common import CageTip, ShellTip
 from cosim.fingers.fmu import FmuFinger
-from cosim.tendons.table import Tendon
 from cosim.fingers.kinds import live_finger
-from cosim.case.schema import our_finger
 from cosim.hoods.cable.build import CableLook
 from cosim.hoods.shell.build import Triangles
 from cosim.hoods.shell.view import HoodLook
@@ -27,15 +25,16 @@ from cosim.port import Array, Hood, InputError, State
 from cosim.tendons.air import begun, cylinders, pulled
 from cosim.tendons.courses import factor_of
 from cosim.tendons.muscles import fibres
+from cosim.tendons.table import Tendon
 
 if TYPE_CHECKING:
-    from rigid.mujoco.tip_device import Device
+    from rigid.air.plant import AirState
     from rigid.mujoco.dynamics import Pull
-    from rigid.mujoco.forward import Simulation
     from rigid.mujoco.finger import MujocoFinger
+    from rigid.mujoco.forward import Simulation
+    from rigid.mujoco.tip_device import Device
     from rigid.muscle.dynamics import MuscleState
     from rigid.muscle.parameters import Muscles
-    from rigid.air.plant import AirState
 
 
 @dataclass(frozen=True)
@@ -56,8 +55,8 @@ def simulated(case: Case, forward: Forward) -> Moved:
     Raises InputError for a case that has none, ConvergenceError where a step does not converge or
     the finger is not at rest at the end although the case wants that."""
     from rigid.mujoco.dynamics import FingerDynamics
-    from rigid.mujoco.forward import came_to_rest, simulate
     from rigid.mujoco.finger import MujocoFinger
+    from rigid.mujoco.forward import came_to_rest, simulate
 
     stated = our_finger(case)
     finger = live_finger(stated, case.hood)
@@ -102,8 +101,8 @@ def together(case: Case, forward: Forward) -> Together:
     """The models of a coupled motion.  Raises InputError."""
     if isinstance(case.finger, FmuFinger):
         return _with_unit(case, case.finger, forward)
-    from rigid.mujoco.moving_finger import MovingMujoco
     from rigid.mujoco.finger import MujocoFinger
+    from rigid.mujoco.moving_finger import MovingMujoco
 
     models = build(case)
     assert isinstance(models.finger, MujocoFinger)  # what check_fit lets move
@@ -143,8 +142,8 @@ def special_states(hood: Hood, finger: WatchedFinger | None = None) -> Special:
     which its tangent is made anew; an FMU's is what it writes itself.
 
     Raises InputError for a hood or a unit whose states cannot be."""
-    from cosim.fmu.moving_finger import FmuMovingFinger
     from cosim.fmu.hood import FmuHood
+    from cosim.fmu.moving_finger import FmuMovingFinger
     from cosim.fmu.unit import written_states
     from fe_solver.hood.shell_hood import HoodState, ShellHood
 
@@ -215,9 +214,9 @@ class TendonPulls:
         self._factors = [factor_of(course) for course in courses]
         self._groups = [
             Group(muscles, activation, home, np.array([tendons.index(n) for n in muscles.names]))
-            for muscles, activation, home in fibres(case)
+            for muscles, activation, home in fibres(case.tendons)
         ]
-        self._air = cylinders(case, tendons)
+        self._air = cylinders(case.tendons, tendons)
         self._start = np.zeros(len(tendons))
 
     @property

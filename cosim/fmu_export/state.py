@@ -6,15 +6,11 @@ import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from io import BytesIO
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cosim.coupling.state_arrays import Arrays, Special, flattened, rebuilt
 from cosim.port import Array, InputError, State
-
-if TYPE_CHECKING:
-    pass
 
 UNIT, TIME, VALUES = "unit", "time", "values"
 UNREADABLE = (OSError, ValueError, TypeError, EOFError, KeyError, IndexError, zipfile.BadZipFile)

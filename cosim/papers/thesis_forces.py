@@ -11,6 +11,7 @@ from cosim.papers.figure import Figure
 from cosim.papers.lines import framed
 from cosim.papers.thesis_models import (
     DEVICES,
+    EXCESS,
     INTEGRATED,
     MUSCLES,
     ONE_WAY,
@@ -24,7 +25,6 @@ from cosim.papers.thesis_models import (
 )
 from cosim.port import Array
 from cosim.results.data import Result
-from cosim.verification.thesis import EXCESS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

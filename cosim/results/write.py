@@ -7,7 +7,7 @@ import json
 import os
 import shutil
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -16,9 +16,6 @@ from cosim.case.schema import Case
 from cosim.files import replace_folder
 from cosim.port import InputError
 from cosim.results.data import LEDGER_HEADER, HoodField, LedgerRow, Result
-
-if TYPE_CHECKING:
-    pass
 
 
 def write_result(folder: str | Path, case: Case, result: Result) -> Path:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,9 +18,6 @@ from cosim.case.schema import Case
 from cosim.fingers.fmu import FmuFinger as FingerTable
 from cosim.fmu.finger import FingerAt, FmuFinger, Met, met, met_held
 from cosim.port import Array, Hood, InputError
-
-if TYPE_CHECKING:
-    pass
 
 Progress = Callable[[str], None]
 

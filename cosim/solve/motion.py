@@ -1,4 +1,4 @@
-"""A coupled motion from a case to its result: begun, or gone on with from a checkpoint."""
+"""A coupled motion of a case: begun, or gone on with from a checkpoint."""
 
 from __future__ import annotations
 
@@ -16,8 +16,6 @@ from cosim.coupling.motion import Frame, Moment, Moves, moments
 from cosim.coupling.paced import paced
 from cosim.coupling.state_arrays import Special
 from cosim.port import ConvergenceError, InputError, StoppedError
-from cosim.results.data import Result
-from cosim.results.motion import motion_result
 
 Progress = Callable[[str], None]
 RATE, WINDOW = 1e-3, 0.1
@@ -28,12 +26,11 @@ PAUSE = 10.0
 
 def moved_together(
     case: Case, forward: Forward, progress: Progress, folder: Path | None = None
-) -> Result:
-    """The motion of finger and hood; with a `folder` (which holds the case as `case.toml`)
-    checkpoints go there, and a motion that has one there goes on from it.
+) -> tuple[Together, Kept]:
+    """The models of finger and hood, and what is kept of their motion; with a `folder` (which holds
+    the case as `case.toml`) checkpoints go there, and a motion that has one there goes on from it.
 
     Raises InputError, ConvergenceError, and StoppedError where Ctrl-C ends it."""
-    started = time.perf_counter()
     progress("building the models")
     both = together(case, forward)
     begun = both.moves.begin(both.finger.begin(both.posture))
@@ -58,8 +55,7 @@ def moved_together(
             f"there is kept. Go on with: cosim resume {keeper.folder}"
         ) from None
     _rested(forward, kept.frames)
-    wall = time.perf_counter() - started
-    return motion_result(case, both, kept.frames, kept.tips, kept.moment, wall)
+    return both, kept
 
 
 @dataclass

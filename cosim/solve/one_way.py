@@ -53,7 +53,7 @@ def passed_once(case: Case, progress: Progress) -> tuple[Models, States]:
 def hood_pass(case: Case, progress: Progress) -> HoodPass:
     """The hood's part of `passed_once`, which does not depend on what is handed over."""
     progress("building the models")
-    models = replace(build(case), muscles=live_muscles(case))
+    models = replace(build(case), muscles=live_muscles(case.tendons))
     start = models.finger.start(models.posture)
     at = models.finger.motion(start)
     hood, own, pull = _tensions(case, models)

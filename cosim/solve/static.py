@@ -46,7 +46,7 @@ def solve(case: Case, progress: Progress = lambda text: None) -> tuple[Models, S
 
         return passed_once(case, progress)
     shared, unloaded = settled(Setting(case.setting_key(), case, progress))
-    models = replace(shared, muscles=live_muscles(case))
+    models = replace(shared, muscles=live_muscles(case.tendons))
     loaded, pull = _loaded(case, models, unloaded, progress)
     if not models.hood.tendons:
         return models, States(unloaded, loaded, None, pull)

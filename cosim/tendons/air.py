@@ -3,16 +3,16 @@ name."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from cosim.case.schema import Case
 from cosim.port import Array, ConvergenceError, InputError
 from cosim.tendons.air_table import Pneumatic
 from cosim.tendons.courses import factor_of
+from cosim.tendons.table import Tendon
 
 if TYPE_CHECKING:
     from rigid.air.plant import AirState, Cylinder, Pneumatics, Valve
@@ -52,30 +52,30 @@ class Drawn(NamedTuple):
     state: AirState
 
 
-def check_air(case: Case) -> None:
+def check_air(tables: Mapping[str, Tendon], in_motion: bool) -> None:
     """Raises InputError for a cylinder in an equilibrium, or one whose parts do not fit."""
-    for name in _driven(case):
-        if case.forward is None:
+    for name in _driven(tables):
+        if not in_motion:
             raise InputError(
                 f"tendons.{name}.actuation: air takes time to act, and an equilibrium has none; "
                 "add a table [forward], or state the tension (area times pressure, for example "
                 'tension = "10 N")'
             )
         try:
-            _command(case, name)(0.0)
+            _command(tables[name])(0.0)
         except InputError as error:
             raise InputError(f"tendons.{name}.actuation: {error}") from None
 
 
-def cylinders(case: Case, tendons: tuple[str, ...]) -> Cylinders | None:
+def cylinders(tables: Mapping[str, Tendon], tendons: tuple[str, ...]) -> Cylinders | None:
     """Those of a case with these tendons; None where air pulls nothing.  Raises InputError."""
-    names = tuple(n for n in tendons if n in _driven(case))
+    names = tuple(n for n in tendons if n in _driven(tables))
     if not names:
         return None
-    tables = [_table(case, n) for n in names]
-    air = _stacked([parts(table) for table in tables])
-    commands = [_command(case, n) for n in names]
-    drawn = np.array([table.start for table in tables]) * air.cylinder.stroke
+    air_tables = [_table(tables[n]) for n in names]
+    air = _stacked([parts(table) for table in air_tables])
+    commands = [_command(tables[n]) for n in names]
+    drawn = np.array([table.start for table in air_tables]) * air.cylinder.stroke
     where = np.array([tendons.index(n) for n in names])
     return Cylinders(names, where, air, drawn, lambda t: np.array([f(t) for f in commands]))
 
@@ -131,21 +131,21 @@ def _within(c: Cylinders, inward: Array) -> Array:
     return np.asarray(drawn)
 
 
-def _driven(case: Case) -> list[str]:
-    return [name for name, tendon in case.tendons.items() if tendon.actuation is not None]
+def _driven(tables: Mapping[str, Tendon]) -> list[str]:
+    return [name for name, tendon in tables.items() if tendon.actuation is not None]
 
 
-def _table(case: Case, name: str) -> Pneumatic:
-    table = case.tendons[name].actuation
+def _table(tendon: Tendon) -> Pneumatic:
+    table = tendon.actuation
     assert table is not None  # of those that _driven names
     return table
 
 
-def _command(case: Case, name: str) -> Callable[[float], float]:
+def _command(tendon: Tendon) -> Callable[[float], float]:
     """V at a time in s."""
     from rigid.air.plant import ATMOSPHERE, settled
 
-    table, factor = _table(case, name), factor_of(case.tendons[name].course)
+    table, factor = _table(tendon), factor_of(tendon.course)
     valve = parts(table).valve
     if table.voltage is not None:
         volts = table.voltage

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cosim.case.schema import Case
 from cosim.port import Array, InputError
+from cosim.tendons.table import Tendon
 
 if TYPE_CHECKING:
     from rigid.muscle.parameters import Muscles
@@ -36,11 +36,11 @@ class CaseMuscles:
     """Of the shortening (n,) of their paths since the unloaded state, m."""
 
 
-def live_muscles(case: Case) -> CaseMuscles:
-    """The muscles that the case activates and gives a fibre.
+def live_muscles(tendons: Mapping[str, Tendon]) -> CaseMuscles:
+    """The muscles that a case activates and gives a fibre.
 
     Raises InputError for a fibre length that is shorter than its muscle can be."""
-    groups = fibres(case)
+    groups = fibres(tendons)
     names = tuple(name for muscles, _, _ in groups for name in muscles.names)
 
     def pull(shortening: Array) -> Pull:
@@ -57,26 +57,31 @@ def live_muscles(case: Case) -> CaseMuscles:
     return CaseMuscles(names, pull)
 
 
-def fibres(case: Case) -> list[tuple[Muscles, Array, Array]]:
+def fibres(tendons: Mapping[str, Tendon]) -> list[tuple[Muscles, Array, Array]]:
     """Muscles with elastic tendons and those with rigid ones, where the case has any: with their
     activations and their paths' lengths (m) at the fibre lengths that the case assumes.
 
     Raises InputError as `live_muscles`."""
     names: dict[str, list[str]] = {"elastic": [], "rigid": []}
-    for name, tendon in case.tendons.items():
+    for name, tendon in tendons.items():
         if tendon.muscle is not None and tendon.activation is not None:
             names[tendon.muscle.tendon].append(name)
-    return [_group(case, tuple(group), kind == "rigid") for kind, group in names.items() if group]
+    return [
+        _group(group, [tendons[name] for name in group], kind == "rigid")
+        for kind, group in names.items()
+        if group
+    ]
 
 
-def _group(case: Case, names: tuple[str, ...], rigid: bool) -> tuple[Muscles, Array, Array]:
+def _group(
+    names: Sequence[str], tendons: Sequence[Tendon], rigid: bool
+) -> tuple[Muscles, Array, Array]:
     from rigid.muscle.millard import path_length
     from rigid.muscle.parameters import Muscles
 
-    tendons = [case.tendons[n] for n in names]
     stated = [t.muscle for t in tendons if t.muscle is not None]
     muscles = Muscles(
-        names,
+        tuple(names),
         np.array([t.max_force for t in tendons]),
         np.array([m.optimal_fibre_length for m in stated]),
         np.array([m.tendon_slack_length for m in stated]),

@@ -29,6 +29,12 @@ if TYPE_CHECKING:
 
 CENTRAL, TERMINAL = "#0b5394", "#b45309"
 SHADE: dict[str, Any] = {"color": "0.92", "zorder": 0, "lw": 0}
+SAGITTAL_LINES = {
+    "tendon": "to the tendon, from the metacarpal's square",
+    "tendon_local": "to the tendon, from the tendon's own square",
+    "edge": "to the sheet's edge, from the metacarpal's square",
+    "edge_local": "to the sheet's edge, from the tendon's own square",
+}
 LINES = ("#88ccee", "#0b5394", "#b45309", "#ddaa66")
 """Colours of the couplings' lines, in their order."""
 
@@ -213,8 +219,6 @@ def _draw_glide(axes: Axes, glides: pd.DataFrame, name: str) -> None:
 
 def draw_sagittal(table: pd.DataFrame, sheet: Sheet) -> None:
     """Angle of the bands to the square against the MCP."""
-    from cosim.analyses.hood.studies import SAGITTAL_LINES
-
     axes = sheet.subplots()
     for i, (line, words) in enumerate(SAGITTAL_LINES.items()):
         for load, part in table.groupby("load", sort=False):

@@ -23,6 +23,7 @@ from cosim.analyses.hood.literature import (
     coupled,
     fitted_postures,
 )
+from cosim.analyses.hood.plots import SAGITTAL_LINES
 from cosim.analyses.hood.poses import (
     CONVERGED,
     JOINTS,
@@ -475,14 +476,6 @@ def _glides(pose: SolvedPose) -> tuple[float, float]:
     """mm, of the terminal slip, and mean of the lateral bands."""
     bands = [_number(pose, f"glide_lateral_band_{side}_mm") for side in ("radial", "ulnar")]
     return _number(pose, "glide_terminal_slip_mm"), (bands[0] + bands[1]) / 2
-
-
-SAGITTAL_LINES = {
-    "tendon": "to the tendon, from the metacarpal's square",
-    "tendon_local": "to the tendon, from the tendon's own square",
-    "edge": "to the sheet's edge, from the metacarpal's square",
-    "edge_local": "to the sheet's edge, from the tendon's own square",
-}
 
 
 def sagittal_table(poses: Sequence[SolvedPose]) -> pd.DataFrame:
