@@ -74,12 +74,10 @@ def repair_rows() -> Iterator[Row]:
 
 def doubtful_rows() -> Iterator[Row]:
     """What the default hood does not show, and why, beside hoods that do."""
-    why = "isotropic sheet: lateral bands pull at the flexed PIP with nearly the central slip's arm"
     for hood, name in HOODS.items():
         found = changes(load_case(name, [*FREE, *EVEN, 'lesion.cut=["terminal_slip"]']))["PIP"]
         what = "PIP change deg under EDC 3 N, FDP 3 N; extends below 0"
-        source = why if hood == "shell" else CLINIC
-        yield Row(f"mallet, {hood}", what, min(found, 0.0), found, 0.0, source, "comparison")
+        yield Row(f"mallet, {hood}", what, min(found, 0.0), found, 0.0, CLINIC, "comparison")
     found = changes(load_case("lesion_sagittal_band_radial"))["MCP_abduction"]
     why = "the extensor's end slides on a line of the metacarpal: it cannot slip off its head"
     what = "abduction change deg; the tendon would slip ulnar"
