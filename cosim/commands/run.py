@@ -1,0 +1,259 @@
+"""The commands that run cases or check them: `cosim run`, `resume`, `check` and `schema`."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from cosim.commands.terminal import console, tell, told, warn, warn_of_audits
+from cosim.port import ConvergenceError, CosimError, InputError, StoppedError
+from cosim.results.audit import describe_misses
+
+if TYPE_CHECKING:
+    from cosim.case.schema import Case
+
+UNFINISHED = ".unfinished"
+Voice = Literal["plain", "quiet", "json"]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Say nothing but what is wrong.")]
+AsJson = Annotated[
+    bool, typer.Option("--json", help="Tell stages and results as lines of JSON, for machines.")
+]
+Cases = Annotated[list[str], typer.Argument(help="Case files, or names of packaged cases.")]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Replace a value of every case; repeatable."),
+]
+
+
+def load_cases(names: Sequence[str], settings: Sequence[str] | None) -> list[Case]:
+    """All cases; the faults of every one are told before the exit."""
+    from cosim.case.file import load_case
+
+    cases, faults = [], []
+    for name in names:
+        try:
+            cases.append(load_case(name, settings or ()))
+        except InputError as error:
+            faults.append(error)
+    if faults:
+        raise typer.Exit(max([tell(fault) for fault in faults]))
+    return cases
+
+
+def run(
+    cases: Cases,
+    settings: Settings = None,
+    out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("runs"),
+    restart: Annotated[
+        bool, typer.Option("--restart", help="Begin motions anew of which a part is kept.")
+    ] = False,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+) -> None:
+    """Run cases; each leaves its results in a folder of its name."""
+    checked = load_cases(cases, settings)
+    with told():
+        _check_targets(checked, out)
+        if not restart:
+            _check_unfinished(checked, out)
+    _run_all(checked, out, _voice(quiet, as_json))
+
+
+def _run_all(cases: Sequence[Case], out: Path, voice: Voice) -> None:
+    """Run cases one after the other until the user stops one; their warnings, and what their audits
+    missed, are said last."""
+    summaries: dict[str, Mapping[str, Any] | None] = {}
+    failed = 0
+    for case in cases:
+        try:
+            summaries[case.name] = _run_one(case, out, voice)
+        except CosimError as error:
+            summaries[case.name] = None
+            failed = max(failed, tell(type(error)(f"{case.name}: {error}")))
+            if isinstance(error, StoppedError):
+                break
+    if voice == "plain" and len(cases) > 1:
+        from cosim.results.summary_tables import batch_table
+
+        console().print(batch_table([case.name for case in cases], summaries))
+    warn({name: (summary or {}).get("warnings", ()) for name, summary in summaries.items()})
+    missed = warn_of_audits({n: list(describe_misses(s or {})) for n, s in summaries.items()})
+    raise typer.Exit(failed or missed)
+
+
+def _voice(quiet: bool, as_json: bool) -> Voice:
+    if quiet and as_json:
+        raise typer.BadParameter("--quiet and --json: one of the two")
+    return "quiet" if quiet else "json" if as_json else "plain"
+
+
+def _check_targets(cases: Sequence[Case], out: Path) -> None:
+    from cosim.results.write import check_target
+
+    names = [case.name for case in cases]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise InputError(f"two cases are named {', '.join(twice)}: run them one by one with --out")
+    for name in names:
+        check_target(out, name)
+
+
+def _run_one(case: Case, out: Path, voice: Voice) -> Mapping[str, Any]:
+    """Run, write and show one case; its summary.  Raises CosimError."""
+    from cosim.pipeline import run_case
+    from cosim.results.write import write_result
+
+    unfinished = _unfinished(case, out)
+    try:
+        with _progress(case.name, voice) as say:
+            result = run_case(case, say, unfinished)
+            say("writing the results")
+            folder = write_result(out, case, result)
+    except KeyboardInterrupt:
+        raise StoppedError(f"stopped before its end; {_what_stays(unfinished)}") from None
+    except ConvergenceError:
+        _forget(unfinished)  # it would fail again where it failed
+        raise
+    _forget(unfinished)
+    if voice == "json":
+        line = {"case": case.name, "results": str(folder), "summary": result.summary}
+        typer.echo(json.dumps(line, default=float))
+    elif voice == "plain":
+        _show(case, result.summary)
+        typer.echo(f"results in {shown(folder)}")
+    return result.summary
+
+
+def _keeps_checkpoints(case: Case) -> bool:
+    return case.forward is not None and case.forward.checkpoint != 0 and case.hood.kind != "split"
+
+
+def _what_stays(unfinished: Path | None) -> str:
+    from cosim.coupling.checkpoint import NAME
+
+    if unfinished is None or not (unfinished / NAME).is_file():
+        return "nothing of this run is kept"
+    return f"what was kept before stays. Go on with: cosim resume {shown(unfinished)}"
+
+
+def _forget(unfinished: Path | None) -> None:
+    if unfinished is not None:
+        shutil.rmtree(unfinished, ignore_errors=True)
+
+
+def _unfinished(case: Case, out: Path) -> Path | None:
+    """The folder where a motion keeps its checkpoints until it has ended, with its case in it; None
+    for a case that keeps none.  Raises InputError where it cannot be made."""
+    if not _keeps_checkpoints(case):
+        return None
+    from cosim.case.file import resolved_toml
+    from cosim.files import written_whole
+
+    folder = out / f"{case.name}{UNFINISHED}"
+    if case.source.parent.resolve() != folder.resolve():  # not resumed: from the start
+        shutil.rmtree(folder, ignore_errors=True)
+        with written_whole(folder / "case.toml") as part:
+            part.write_text(resolved_toml(case), encoding="utf-8")
+    return folder
+
+
+def _check_unfinished(cases: Sequence[Case], out: Path) -> None:
+    """Raises InputError for a motion of which a part is kept, which a new run would throw away."""
+    from cosim.case.file import resolved_toml
+    from cosim.coupling.checkpoint import NAME
+
+    for case in filter(_keeps_checkpoints, cases):
+        folder = out / f"{case.name}{UNFINISHED}"
+        if not (folder / NAME).is_file():
+            continue
+        if (folder / "case.toml").read_text(encoding="utf-8") == resolved_toml(case):
+            raise InputError(
+                f"{shown(folder)}: holds a part of this run, which was stopped or killed. Go on "
+                f"with: cosim resume {shown(folder)}; or add --restart to begin anew"
+            )
+
+
+def resume(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run that was cut off.")],
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+) -> None:
+    """Go on with a coupled motion that was stopped or killed, from its last checkpoint."""
+    from cosim.case.file import load_case
+
+    name = run.name.removesuffix(UNFINISHED)
+    with told():
+        file = run.with_name(name + UNFINISHED) / "case.toml"
+        if not file.is_file():
+            raise InputError(
+                f"{run}: nothing was cut off here: only a coupled motion that was stopped or "
+                f"killed leaves a folder RUN{UNFINISHED}"
+            )
+        case = load_case(file).model_copy(update={"name": name})
+    _run_all([case], run.parent, _voice(quiet, as_json))
+
+
+@contextmanager
+def _progress(name: str, voice: Voice) -> Iterator[Callable[[str], None]]:
+    """What tells of the stages: a spinner on a terminal, else a line for each; or lines of JSON,
+    or nothing."""
+    if voice == "quiet":
+        yield lambda stage: None
+        return
+    if voice == "json":
+        yield lambda stage: typer.echo(json.dumps({"case": name, "stage": stage}))
+        return
+    if not sys.stderr.isatty():
+        yield lambda stage: typer.echo(f"{name}: {stage}", err=True)
+        return
+    from rich.console import Console
+
+    with Console(stderr=True).status(name) as status:
+        yield lambda stage: status.update(f"{name}: {stage}")
+
+
+def _show(case: Case, summary: Mapping[str, Any]) -> None:
+    from cosim.results.summary_tables import tables
+
+    printer = console()
+    printer.print(f"\n{case.name}: {case.title}")
+    for table in tables(summary):
+        printer.print(table)
+
+
+def shown(path: Path) -> str:
+    try:
+        return min(str(path), os.path.relpath(path), key=len)
+    except ValueError:  # another drive
+        return str(path)
+
+
+def check(cases: Cases, settings: Settings = None) -> None:
+    """Check cases, and the mesh files that they name, and run nothing."""
+    from cosim.build.fit import check_fit
+    from cosim.build.models import check_mesh_file
+
+    codes = [0]
+    for case in load_cases(cases, settings):
+        try:
+            check_fit(case)
+            check_mesh_file(case)
+            typer.echo(f"{case.name}: in order")
+        except InputError as error:
+            codes.append(tell(InputError(f"{case.name}: {error}")))
+    raise typer.Exit(max(codes))
+
+
+def schema() -> None:
+    """Print the JSON Schema of a case file, for editors."""
+    from cosim.case.file import json_schema
+
+    typer.echo(json.dumps(json_schema(), indent=2))

@@ -1,0 +1,83 @@
+"""`cosim view` and `cosim mesh`."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from cosim.commands.run import Settings, load_cases, shown
+from cosim.commands.terminal import told
+from cosim.port import InputError
+
+
+def view(
+    folder: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")],
+) -> None:
+    """Show a run's hood in a window."""
+    with told():
+        hood = folder / "hood.vtu"
+        if not (folder / "summary.json").is_file():
+            raise InputError(
+                f"{folder}: is not the folder of a run; for example runs/isometric_edc"
+            )
+        if not hood.is_file():
+            raise InputError(f"{folder}: this run has no deformable hood to show")
+        if not _has_display():
+            picture = folder / "picture.png"
+            there = f"the picture is {picture}" if picture.is_file() else "nor was a picture made"
+            typer.echo(f"there is no display here; {there}")
+            return
+        _open_window(hood)
+
+
+def _has_display() -> bool:
+    if sys.platform in ("darwin", "win32"):
+        return True
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def _open_window(hood: Path) -> None:
+    import pyvista
+
+    from cosim.results.data import STRAIN
+
+    mesh = pyvista.read(hood)
+    plotter = pyvista.Plotter(title=f"cosim: {hood.parent.name}")
+    if STRAIN in mesh.cell_data:
+        percent = 100 * mesh.cell_data[STRAIN]
+        most = float(abs(percent).max())
+        bar: Any = {"title": "longitudinal strain, %"}
+        plotter.add_mesh(
+            mesh,
+            scalars=percent,
+            cmap="RdBu_r",
+            clim=(-most, most),
+            show_edges=True,
+            scalar_bar_args=bar,
+        )
+    else:
+        plotter.add_mesh(mesh, show_edges=True)
+    plotter.show()
+
+
+def mesh(
+    case: Annotated[str, typer.Argument(help="Case file, or name of a packaged case.")],
+    settings: Settings = None,
+    out: Annotated[Path, typer.Option(help="The mesh file to write.")] = Path("hood.json"),
+) -> None:
+    """Write the hood mesh of a case, for hood.mesh.kind = "file"."""
+    (checked,) = load_cases([case], settings)
+    with told():
+        from cosim.build.models import hood_mesh
+        from meshes.hood_mesh import write
+
+        made = hood_mesh(checked)
+        try:
+            write(made, out)
+        except OSError as error:
+            raise InputError(f"{out}: cannot be written ({error.strerror})") from error
+        typer.echo(f"{len(made.quads)} quads in {shown(out)}")
