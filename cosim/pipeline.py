@@ -26,8 +26,8 @@ def run_case(
     started = time.perf_counter()
     check_fit(case)
     if case.forward is not None:
-        from cosim.build.motion import simulated
         from cosim.results.forward import forward_result
+        from cosim.solve.forward import simulated
 
         if case.hood.kind != "split":
             from cosim.results.motion import motion_result

@@ -21,6 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Triangles = tuple[Array, np.ndarray]
+"""Corners (n, 3), m, and the triangles between them (m, 3)."""
 State = Any
 
 STATIC = math.inf

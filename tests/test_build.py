@@ -12,7 +12,7 @@ import pytest
 from cosim.build.models import Models, build, hood_mesh, tensions
 from cosim.case.file import load_case
 from cosim.port import STATIC, InputError
-from cosim.results.static import drawn_hood
+from cosim.results.scene import drawn_hood
 from cosim.results.strains import strain_summary
 from fe_solver.materials.fibres import HolzapfelGasserOgden, TransIsoMooneyRivlin
 from fe_solver.materials.hyperelastic import NeoHookean

@@ -9,8 +9,8 @@ import shells
 from cosim.analyses.reduction.samples import Walk, sampled
 from cosim.build.models import build, drawn_bones, hood_mesh
 from cosim.case.file import find_case, load_case
+from cosim.hoods.bone_surfaces import baked_surfaces
 from cosim.hoods.fe_view import guide_depth
-from cosim.hoods.shell.build import baked_surfaces
 from cosim.pipeline import run_case
 from cosim.solve.static import Setting, settled
 from fe_solver.hood.shell_hood import ShellHood

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from fingers import POSTURE, mujoco_finger
 
+from cosim.analyses.tip_bound import greatest_tip_force
 from cosim.case.file import load_case
 from cosim.coupling.one_way import JOINT_CONTACT, LUMPING, HandedOver, joint_forces
 from cosim.pipeline import run_case
@@ -18,7 +19,6 @@ from cosim.results.data import Result
 from cosim.tendons.muscles import live_muscles
 from cosim.verification import schemes_at_rest as verification_rest
 from cosim.verification import thesis as verification_thesis
-from cosim.verification.thesis import greatest_tip_force
 from meshes.skeleton import BODIES
 from rigid.chain.support import HELD
 

@@ -16,8 +16,8 @@ from cosim.case.file import find_case, load_case
 from cosim.cli import app
 from cosim.pipeline import run_case
 from cosim.port import ConvergenceError
+from cosim.results.conventions import IN_METACARPAL
 from cosim.results.data import Result
-from cosim.results.static import IN_METACARPAL
 from cosim.results.write import write_result
 from cosim.solve.static import settled
 from meshes.skeleton import BODIES

@@ -141,7 +141,7 @@ def _with_hood(
     skeleton: Skeleton,
     report: list[str],
 ) -> Built:
-    from cosim.hoods.shell.build import baked_surfaces
+    from cosim.hoods.bone_surfaces import baked_surfaces
     from meshes.bones import load_bone
     from meshes.hull import Chain, Level
 

@@ -26,10 +26,10 @@ from cosim.hoods.injury import injured_mesh, injured_net, injured_network
 from cosim.hoods.lumped.build import lumped_hood, slips_of
 from cosim.hoods.lumped.table import NetworkHood, TwoBandHood
 from cosim.hoods.pulley import PathPoint, PulleyHood
-from cosim.hoods.shell.build import Triangles, UnderHood, laid_mesh, linear, shell_hood_of
+from cosim.hoods.shell.build import UnderHood, laid_mesh, linear, shell_hood_of
 from cosim.hoods.shell.table import MeshFile, ShellHood
 from cosim.hoods.shell.view import HoodLook, looking_at
-from cosim.port import Array, Finger, Hood, InputError, Motion, State
+from cosim.port import Array, Finger, Hood, InputError, Motion, State, Triangles
 from cosim.tendons.muscles import CaseMuscles, live_muscles
 from meshes.skeleton import BODIES
 

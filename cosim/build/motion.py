@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -14,14 +14,11 @@ from cosim.build.scheme import scheme_of
 from cosim.case.schema import Case, Forward, our_finger
 from cosim.coupling.excursion import Driven
 from cosim.coupling.motion import Moves, WatchedFinger
-from cosim.coupling.state_arrays import Special
 from cosim.fingers.common import CageTip, ShellTip
 from cosim.fingers.fmu import FmuFinger
-from cosim.fingers.kinds import live_finger
 from cosim.hoods.cable.build import CableLook
-from cosim.hoods.shell.build import Triangles
 from cosim.hoods.shell.view import HoodLook
-from cosim.port import Array, Hood, InputError, State
+from cosim.port import Array, Hood, State, Triangles
 from cosim.tendons.air import begun, cylinders, pulled
 from cosim.tendons.courses import factor_of
 from cosim.tendons.muscles import fibres
@@ -30,46 +27,9 @@ from cosim.tendons.table import Tendon
 if TYPE_CHECKING:
     from rigid.air.plant import AirState
     from rigid.mujoco.dynamics import Pull
-    from rigid.mujoco.finger import MujocoFinger
-    from rigid.mujoco.forward import Simulation
     from rigid.mujoco.tip_device import Device
     from rigid.muscle.dynamics import MuscleState
     from rigid.muscle.parameters import Muscles
-
-
-@dataclass(frozen=True)
-class Moved:
-    """A finger, its motion, and what its muscles' fibres did at the end."""
-
-    finger: MujocoFinger
-    simulation: Simulation
-    normalised_length: dict[str, float]
-    cylinders: tuple[str, ...]
-    drive: Array
-    """(n + 1, nc, 2) of each cylinder: V commanded, Pa above the atmosphere."""
-
-
-def simulated(case: Case, forward: Forward) -> Moved:
-    """The motion of a case.
-
-    Raises InputError for a case that has none, ConvergenceError where a step does not converge or
-    the finger is not at rest at the end although the case wants that."""
-    from rigid.mujoco.dynamics import FingerDynamics
-    from rigid.mujoco.finger import MujocoFinger
-    from rigid.mujoco.forward import came_to_rest, simulate
-
-    stated = our_finger(case)
-    finger = live_finger(stated, case.hood)
-    assert isinstance(finger, MujocoFinger)  # what goes with a split
-    muscles = TendonPulls(case, finger.tendons)
-    start = finger.start(stated.posture.angles())
-    dynamics = FingerDynamics(finger, start, muscles, _device(case))
-    simulation = simulate(dynamics, forward.duration, forward.step)
-    if forward.must_rest:
-        came_to_rest(simulation)
-    drive = [muscles.told(*at) for at in zip(simulation.muscles, simulation.time, strict=True)]
-    lengths = muscles.lengths(simulation.last.muscles)
-    return Moved(finger, simulation, lengths, muscles.cylinders, np.array(drive))
 
 
 @dataclass(frozen=True)
@@ -106,7 +66,7 @@ def together(case: Case, forward: Forward) -> Together:
 
     models = build(case)
     assert isinstance(models.finger, MujocoFinger)  # what check_fit lets move
-    finger = MovingMujoco(models.finger, _device(case))
+    finger = MovingMujoco(models.finger, tip_device(case))
     pulls = TendonPulls(case, (*models.hood.tendons, *finger.tendons))
     driven = _driven(case, pulls.tendons)
     moves = Moves(scheme_of(case.coupling), finger, models.hood, pulls, forward.step, driven)
@@ -137,33 +97,7 @@ def _driven(case: Case, tendons: tuple[str, ...]) -> Driven:
     return Driven(names, index, lambda time: most * [course(time) for course in courses])
 
 
-def special_states(hood: Hood, finger: WatchedFinger | None = None) -> Special:
-    """How the states that hold more than arrays are written: a shell hood's is its shape, from
-    which its tangent is made anew; an FMU's is what it writes itself.
-
-    Raises InputError for a hood or a unit whose states cannot be."""
-    from cosim.fmu.hood import FmuHood
-    from cosim.fmu.moving_finger import FmuMovingFinger
-    from cosim.fmu.unit import written_states
-    from fe_solver.hood.shell_hood import HoodState, ShellHood
-
-    units = [part.unit for part in (hood, finger) if isinstance(part, FmuHood | FmuMovingFinger)]
-    kept = written_states(units) if units else {}
-    if not isinstance(hood, ShellHood):
-        return kept
-    if hood.augment is not None:
-        raise InputError(
-            "forward.checkpoint: a hood whose contact is augmented (hood.contact.penetration or "
-            "friction) has no checkpoints; leave one of the two out"
-        )
-
-    def read(template: HoodState, arrays: dict[str, Any]) -> HoodState:
-        return hood.from_arrays(arrays)
-
-    return {**kept, HoodState: (hood.to_arrays, read)}
-
-
-def _device(case: Case) -> Device | None:
+def tip_device(case: Case) -> Device | None:
     from rigid.mujoco.tip_device import Cage, Contact, Shell
 
     tip = our_finger(case).tip

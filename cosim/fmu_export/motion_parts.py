@@ -10,7 +10,8 @@ from math import ceil
 
 import numpy as np
 
-from cosim.build.motion import Together, special_states, together
+from cosim.build.motion import Together, together
+from cosim.build.states import special_states
 from cosim.case.schema import Case, Forward
 from cosim.coupling.motion import WatchedFinger
 from cosim.coupling.schemes import step

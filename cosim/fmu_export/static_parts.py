@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cosim.build.models import Models, tensions
-from cosim.build.motion import special_states
+from cosim.build.states import special_states
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium
 from cosim.coupling.finger_equilibrium import balanced

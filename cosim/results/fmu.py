@@ -15,9 +15,9 @@ from cosim.case.schema import Case
 from cosim.fmu.finger import FmuFinger, Met
 from cosim.port import Array
 from cosim.results.audit import missed_bounds
+from cosim.results.conventions import COMPONENTS, IN_METACARPAL
 from cosim.results.data import LedgerRow, Result, Scene
 from cosim.results.load_and_rest import rest_block, rest_warnings
-from cosim.results.static import COMPONENTS, IN_METACARPAL
 from cosim.solve.fmu import Settled, settled
 
 if TYPE_CHECKING:

@@ -13,14 +13,14 @@ from cosim.case.schema import Case, held_by
 from cosim.port import Array, Load
 from cosim.results.air import air_data, air_end
 from cosim.results.audit import missed_bounds
+from cosim.results.conventions import IN_METACARPAL
 from cosim.results.data import LedgerRow, Result, Scene
 from cosim.results.load_and_rest import NO_UNLOADED
-from cosim.results.static import IN_METACARPAL
 
 if TYPE_CHECKING:
     import xarray
 
-    from cosim.build.motion import Moved
+    from cosim.solve.forward import Moved
 
 
 def forward_result(case: Case, moved: Moved, wall: float) -> Result:

@@ -15,10 +15,11 @@ from cosim.coupling.motion import Frame, Moment
 from cosim.port import Array
 from cosim.results.air import air_data, air_end
 from cosim.results.audit import missed_bounds
+from cosim.results.conventions import COMPONENTS, IN_METACARPAL
 from cosim.results.data import LedgerRow, Result, Scene
 from cosim.results.fmu import OPEN
 from cosim.results.load_and_rest import NO_UNLOADED
-from cosim.results.static import COMPONENTS, IN_METACARPAL, drawn_hood
+from cosim.results.scene import drawn_hood
 
 if TYPE_CHECKING:
     import xarray

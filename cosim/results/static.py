@@ -16,26 +16,22 @@ from cosim.hoods.cable.build import CableLook, strand_forces
 from cosim.hoods.shell.view import HoodLook
 from cosim.port import Array
 from cosim.results.audit import POSTURE, audit_figures, missed_bounds
-from cosim.results.data import STRAIN, HoodField, LedgerRow, Result, Scene
+from cosim.results.conventions import COMPONENTS, IN_METACARPAL
+from cosim.results.data import LedgerRow, Result
 from cosim.results.load_and_rest import rest_block, rest_warnings
 from cosim.results.one_way import one_way_summary
+from cosim.results.scene import Look, scene
 from cosim.results.strains import is_slack, strain_change, strain_summary
-from cosim.results.strokes import FAMILIES
-from meshes.hood_mesh import flat
 
 if TYPE_CHECKING:
     import xarray
 
     from cosim.solve.states import States
 
-IN_METACARPAL = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-"""World (distal, radial, dorsal) to (distal, palmar, radial)."""
 BEYOND = float(np.radians(10.0))
 """A joint further beyond its range of motion than this stands where no finger can."""
 HYPEREXTENDED = {"DIP": float(np.radians(25.0))}
 """The same below a joint's range: a boutonniere finger's DIP stands 15 deg in hyperextension."""
-Look = HoodLook | CableLook
-COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 
 
 def result(case: Case, models: Models, states: States, wall: float) -> Result:
@@ -350,54 +346,3 @@ def dataset(
         coords["spring_set"] = ("spring", list(see[0].spring_set))
         coords["spring_node"] = ("spring", see[0].spring_node)
     return xarray.Dataset(data, coords)
-
-
-def scene(models: Models, e: Equilibrium, look: Look | None) -> Scene:
-    """The loaded finger."""
-    bones = []
-    for body, (vertices, faces) in models.bones.items():
-        position, rotation = e.motion.of(body)
-        bones.append((body, vertices @ rotation.T + position, faces))
-    paths = {**models.strings(e.motion), **models.finger.tendon_paths(e.finger_state)}
-    tendons = tuple(paths.items())
-    tip = (models.finger.tip(e.finger_state), e.balance.tip_force)
-    return Scene(drawn_hood(look), tuple(bones), tendons, tip)
-
-
-def drawn_hood(look: Look | None) -> HoodField | None:
-    """The hood as pictures and mesh files show it; None where there is no deformable one."""
-    if look is None:
-        return None
-    if isinstance(look, CableLook):
-        return HoodField(
-            look.points,
-            look.cells,
-            {"displacement": look.points - look.reference, "contact_force": look.contact_force},
-            {
-                STRAIN: np.maximum(look.strain, 0.0),  # a slack cable has none
-                "end_to_end_strain": look.strain,
-                "tension": look.tension,
-                "strand": look.strand,
-            },
-        )
-    quads = flat(look.quads)
-    each = len(quads) // len(look.quads)
-    cell_data = {
-        STRAIN: look.strain[:, 0],
-        "transverse_strain": look.strain[:, 1],
-        "shear_strain": look.strain[:, 2] / 2,
-        "inner_face_strain": look.faces[:, 0],
-        "outer_face_strain": look.faces[:, 1],
-        "fibre_stress": look.stress[:, 0],
-        "transverse_stress": look.stress[:, 1],
-        "region": look.region,
-    }
-    cell_data |= dict(zip(FAMILIES, look.fibres, strict=False))
-    if (look.tension >= 0).any():
-        cell_data["tension_state"] = look.tension
-    return HoodField(
-        look.points,
-        quads,
-        {"displacement": look.points - look.reference, "contact_pressure": look.pressure},
-        {name: np.repeat(values, each, axis=0) for name, values in cell_data.items()},
-    )

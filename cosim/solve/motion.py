@@ -7,7 +7,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from cosim.build.motion import Together, special_states, together
+from cosim.build.motion import Together, together
+from cosim.build.states import special_states
 from cosim.case.file import resolved_toml
 from cosim.case.schema import Case, Forward
 from cosim.coupling.adaptive import Control

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cosim.fingers.index import IndexFinger
+from cosim.hoods.bone_surfaces import baked_surfaces
 from cosim.hoods.cable.table import CableHood
 from cosim.hoods.fe_view import Lines, Look, guide_depth, look_at
 from cosim.hoods.injury import adhesions, longer
 from cosim.hoods.lesion import Lesion
-from cosim.hoods.shell.build import Triangles, baked_surfaces
-from cosim.port import Array, InputError, Motion, State
+from cosim.port import Array, InputError, Motion, State, Triangles
 
 if TYPE_CHECKING:
     from fe_solver.forces.cables import Cables

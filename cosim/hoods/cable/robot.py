@@ -9,8 +9,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from cosim.hoods.bone_surfaces import baked_surfaces
 from cosim.hoods.cable.table import CableHood
-from cosim.hoods.shell.build import Triangles, baked_surfaces
+from cosim.port import Triangles
 
 if TYPE_CHECKING:
     from meshes.cable_net import CableNet

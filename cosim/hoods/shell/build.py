@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,12 +10,13 @@ import numpy as np
 from cosim.case.schema import Case
 from cosim.fingers.index import IndexFinger
 from cosim.fingers.middle import MiddleFinger
+from cosim.hoods.bone_surfaces import baked_surfaces
 from cosim.hoods.injury import adhesions, longer
 from cosim.hoods.shell import table
 from cosim.hoods.shell.fibre_table import Fibrous
 from cosim.hoods.shell.fibres import Fibres, fibres_of
 from cosim.hoods.shell.table import GeneratedMesh, ShellHood
-from cosim.port import Array, InputError, Motion, State
+from cosim.port import Array, InputError, Motion, State, Triangles
 from cosim.schema.types import Region
 
 if TYPE_CHECKING:
@@ -26,11 +26,9 @@ if TYPE_CHECKING:
     from fe_solver.materials.linear import Law, Linear, Real
     from fe_solver.materials.section import Section
     from fe_solver.materials.tension_field import TensionField
-    from fe_solver.surfaces.spline_distance import Surface
     from meshes.hood_mesh import HoodMesh
     from meshes.skeleton import Skeleton
 
-Triangles = tuple[Array, np.ndarray]
 UnderHood = IndexFinger | MiddleFinger
 """The fingers that take a shell hood."""
 WHOLE, ULNAR = np.zeros(3), np.array([0.0, -1.0, 0.0])
@@ -58,36 +56,6 @@ MOST_SHORTENED = 0.5
 """Of a region's length as laid."""
 SAME_ANGLE = 1e-9
 """rad, angles between two families that differ by less are one."""
-MARGIN = 5e-3
-"""m, how far beyond a bone its baked distance reaches."""
-
-
-def baked_surfaces(bones: Mapping[str, Triangles]) -> dict[str, Surface]:
-    return {body: _baked(body, *map(_frozen, triangles)) for body, triangles in bones.items()}
-
-
-class _frozen:
-    """An array that can be a cache's key."""
-
-    def __init__(self, array: np.ndarray) -> None:
-        self.array = array
-        self.key = hash((array.shape, array.tobytes()))
-
-    def __hash__(self) -> int:
-        return self.key
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _frozen) and np.array_equal(self.array, other.array)
-
-
-@lru_cache(maxsize=32)
-def _baked(body: str, vertices: _frozen, faces: _frozen) -> Surface:
-    from fe_solver.surfaces.spline_distance import SplineDistance, cache_folder
-
-    try:
-        return SplineDistance.bake(vertices.array, faces.array, margin=MARGIN, cache=cache_folder())
-    except InputError as error:
-        raise InputError(f"finger.bones.{body}.surface: {error}") from error
 
 
 def laid_mesh(
