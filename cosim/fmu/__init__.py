@@ -1,8 +1,6 @@
-"""Functional Mock-up Units: a case's models put into one, and one put in a model's place.
+"""Functional Mock-up Units in the place of a model: a hood, a finger, a finger in motion.
 
-`quantity` names what crosses the border.  Out: `parts` and `moving_parts` say what a written unit
-computes, `run`, `state`, `fmi2` and `fmi3` run it inside a simulator, `describe` and `export` write
-it.  In: `archive` opens a stranger's, `mapping` finds the port's quantities among its variables,
-`unit` drives it, `kinematics` asks where a finger's bodies are, `participant`, `finger` and
-`moving` put it behind the port, `settle` runs a case whose finger at rest it is.
+`quantity` names what crosses the border.  `archive` opens a stranger's unit, `mapping` finds the
+port's quantities among its variables, `unit` drives it, `kinematics` asks where a finger's bodies
+are; `hood`, `finger` and `moving_finger` put it behind the port.
 """

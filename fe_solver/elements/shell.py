@@ -3,7 +3,7 @@
 The shell is x(r, s) + z d(r, s), with z the distance from the mid-surface along the director.  Its
 strains (`strain_forms`) are quadratic forms of y = (x1..xk, d1..dk), so that their gradient is
 linear in y, their Hessian is constant and the tangent is exact and symmetric.  An element has k = 4
-nodes (`assumed_strain`) and is integrated at g = 4 Gauss points, or 9 (`nine_nodes`) at 9.
+nodes (`mitc4`) and is integrated at g = 4 Gauss points, or 9 (`mitc9`) at 9.
 """
 
 from __future__ import annotations

@@ -70,8 +70,8 @@ def cable_hood(
     contact: ContactLaw,
     options: NewtonOptions,
 ) -> ShellHood:
-    """A hood whose model has no quads; as `hood_model.shell_hood` otherwise, but that the contact's
-    offsets are heights of the cables' centre lines over the bare bones.
+    """A hood whose model has no quads; as `build_shell.shell_hood` otherwise, but that the
+    contact's offsets are heights of the cables' centre lines over the bare bones.
 
     Raises InputError where nothing holds the hood, or a node is of no cable."""
     check_held(springs, tied)

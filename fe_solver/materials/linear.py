@@ -1,7 +1,7 @@
 """Plane-stress laws of a sheet: stress and tangent from the in-plane Green-Lagrange strain.
 
 Axes are local and orthonormal: 1 along the fibre, 2 across it, 3 through the thickness.  The linear
-laws live here, the others in `hyperelastic` and `fibre_materials`, the relaxed one in
+laws live here, the others in `hyperelastic` and `fibres`, the relaxed one in
 `tension_field`.
 """
 
