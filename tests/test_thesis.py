@@ -26,7 +26,7 @@ from cosim.papers.thesis_rows import (
     state,
 )
 from cosim.papers.thesis_unprinted import CASE, variants
-from cosim.validation_force import EXCESS
+from cosim.verification_thesis import EXCESS
 
 DATA = Path(thesis_models.__file__).parents[2] / "cases/data"
 COARSE = ("hood.mesh.quads=120",)

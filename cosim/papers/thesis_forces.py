@@ -24,7 +24,7 @@ from cosim.papers.thesis_models import (
 )
 from cosim.port import Array
 from cosim.results import Result
-from cosim.validation_force import EXCESS
+from cosim.verification_thesis import EXCESS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
