@@ -181,7 +181,7 @@ def test_a_job_of_the_hood_has_its_fibres_and_its_stretch(on_face: bool):
     bands = ("lateral_band_radial", "lateral_band_ulnar")
     case, hood = hood_with(
         "hood.bending_stiffness=0 N*mm",
-        "hood.extra_length.terminal_slip=0 mm",
+        "hood.extra_length.central_slip=0 mm",
         stated("central_slip", "in_situ_stretch", "1.03"),
         *(direction(b, '{ angle = "20 deg" }') for b in bands),
         *(stated(b, "second", SECOND % '{ angle = "-35 deg" }') for b in bands),
@@ -288,8 +288,8 @@ def test_a_later_word_replaces_another_way_to_say_it(tmp_path):
 @pytest.mark.parametrize("key", ["direction", "in_situ_stretch"])
 def test_an_extra_length_goes_with_plain_fibres_alone(key: str):
     value = {"direction": '{ angle = "9 deg" }', "in_situ_stretch": "1.01"}[key]
-    with pytest.raises(InputError, match=rf"hood\.extra_length\.terminal_slip.*{key}"):
-        hood_with(stated("terminal_slip", key, value))
+    with pytest.raises(InputError, match=rf"hood\.extra_length\.central_slip.*{key}"):
+        hood_with(stated("central_slip", key, value))
 
 
 def test_strokes_are_few_and_lie_over_the_sheet():

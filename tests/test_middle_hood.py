@@ -227,8 +227,8 @@ def test_the_hood_is_the_index_fingers_scaled_by_o2o3():
         assert region.model_copy(update={"section": own.section}) == own
     assert middle.thickness == index.thickness
     assert middle.mesh.rest_posture == index.mesh.rest_posture
-    extra = middle.extra_length.terminal_slip / index.extra_length.terminal_slip
-    assert middle.extra_length.central_slip == index.extra_length.central_slip == 0
+    extra = middle.extra_length.central_slip / index.extra_length.central_slip
+    assert middle.extra_length.terminal_slip == index.extra_length.terminal_slip == 0
     assert extra == pytest.approx(WIDER, rel=3e-3)
     for name, spring in middle.springs.items():
         assert spring.stiffness == index.springs[name].stiffness

@@ -74,8 +74,9 @@ def run(name: str, *settings: str) -> Result:
 
 
 def coarse(name: str) -> Result:
-    """As shipped where that is quick, else on a mesh of 250 quads."""
-    return run(name) if name == "isometric_edc" or not is_shell(name) else run(name, COARSE)
+    """As shipped where that is quick or a coarse mesh folds, else on a mesh of 250 quads."""
+    as_shipped = name in ("isometric_edc", "free_fdp", "free_fds") or not is_shell(name)
+    return run(name) if as_shipped else run(name, COARSE)
 
 
 def is_shell(name: str) -> bool:
