@@ -232,7 +232,7 @@ def test_the_hood_is_the_index_fingers_scaled_by_o2o3():
     assert extra == pytest.approx(WIDER, rel=3e-3)
     for name, spring in middle.springs.items():
         assert spring.stiffness == index.springs[name].stiffness
-        assert spring.slack == pytest.approx(WIDER * index.springs[name].slack, rel=5e-3)
+        assert spring.slack == pytest.approx(WIDER * index.springs[name].slack, rel=3e-3)
 
 
 @pytest.mark.parametrize(
