@@ -9,7 +9,6 @@ from typing import Annotated
 
 import typer
 
-from cosim import __version__
 from cosim.commands.bench import bench
 from cosim.commands.estimate import estimate
 from cosim.commands.febio import export, solve
@@ -30,6 +29,7 @@ from cosim.commands.validate import validate
 from cosim.commands.verify import info, verify
 from cosim.commands.view import mesh, view
 from cosim.processes import prepare_process
+from cosim.version import __version__
 
 app = typer.Typer(
     add_completion=False,

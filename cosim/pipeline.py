@@ -1,48 +1,41 @@
-"""The main path: case -> models -> coupled equilibria -> result.  Read this file first."""
+"""The main path: case -> build -> solve -> results.  Read this file first."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from pathlib import Path
+from collections.abc import Callable, Mapping
+from typing import Any
 
 from cosim.build.fit import check_fit
-from cosim.case.schema import Case
+from cosim.case.schema import Case, Task
 from cosim.processes import one_blas_thread
-from cosim.results.data import Result
-from cosim.solve.static import solve
+from cosim.results.motion import observe_motion
+from cosim.results.result import Result
+from cosim.results.static import observe_static
+from cosim.solve.session import Session
+from cosim.solve.solvers import SOLVERS
 
 Progress = Callable[[str], None]
+OBSERVERS: Mapping[Task, Callable[[Case, Any, float], Result]] = {
+    "static": observe_static,
+    "one_way": observe_static,
+    "motion": observe_motion,
+}
 
 
 @one_blas_thread()
 def run_case(
-    case: Case, progress: Progress = lambda text: None, unfinished: Path | None = None
+    case: Case, session: Session | None = None, progress: Progress = lambda text: None
 ) -> Result:
-    """Build, solve and summarise a case; a coupled motion keeps its checkpoints in the folder
-    `unfinished` and goes on from one that is there.  Raises InputError and ConvergenceError."""
-    from cosim.results.static import result
+    """Build, solve and observe one case, in a `session` that it shares with others or alone.
 
+    Raises InputError and ConvergenceError."""
     started = time.perf_counter()
     check_fit(case)
-    if case.forward is not None:
-        from cosim.results.forward import forward_result
-        from cosim.solve.forward import simulated
-
-        if case.hood.kind != "split":
-            from cosim.results.motion import motion_result
-            from cosim.solve.motion import moved_together
-
-            both, kept = moved_together(case, case.forward, progress, unfinished)
-            wall = time.perf_counter() - started
-            return motion_result(case, both, kept.frames, kept.tips, kept.moment, wall)
-        progress(f"simulating {case.forward.duration:g} s")
-        moved = simulated(case, case.forward)
-        return forward_result(case, moved, time.perf_counter() - started)
-    if case.finger.kind == "fmu":
+    if case.finger.kind == "fmu" and case.task == "static":
         from cosim.results.fmu import settled_result
 
         return settled_result(case, progress)
-    models, states = solve(case, progress)
+    solved = SOLVERS[case.task](case, session or Session(), progress)
     progress("summing up")
-    return result(case, models, states, time.perf_counter() - started)
+    return OBSERVERS[case.task](case, solved, time.perf_counter() - started)

@@ -11,7 +11,6 @@ import xarray
 
 from cosim.case.file import load_case
 from cosim.pipeline import run_case
-from cosim.results.write import write_result
 
 DATA = """\
 # Numbers made for tests
@@ -25,7 +24,7 @@ Slip, slip_force_N.terminal, N, 2, , 1, 3, U, published model, isometric_edc, , 
 
 def run_into(folder: Path, case: str, *settings: str) -> Path:
     checked = load_case(case, settings)
-    return write_result(folder, checked, run_case(checked))
+    return run_case(checked).save(folder)
 
 
 def as_motion(run: Path, folder: Path) -> Path:

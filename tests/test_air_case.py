@@ -14,8 +14,9 @@ from cosim.case.file import load_case, resolved_toml
 from cosim.cli import app
 from cosim.pipeline import run_case
 from cosim.port import ConvergenceError, InputError, StoppedError
-from cosim.results.data import Result
 from cosim.results.history_plot import draw_history
+from cosim.results.result import Result
+from cosim.solve.session import Session
 from cosim.tendons.air import begun, cylinders, pulled
 from rigid.air.plant import ATMOSPHERE, Cylinder
 
@@ -41,7 +42,7 @@ def test_a_wanted_pressure_ends_as_its_tension_does() -> None:
     assert by_air.summary["fingertip_force_N"] == pytest.approx(
         stated.summary["fingertip_force_N"], abs=1e-4
     )
-    data = by_air.dataset
+    data = by_air.data
     pressure, pull = data.pressure.sel(cylinder="EDC"), data.own_tension.sel(muscle="EDC")
     assert float(pressure[0]) == pytest.approx(0.2 * 57e3)  # at rest under the first command
     rubbed = np.abs(pull.values - AREA * pressure.values)
@@ -67,25 +68,25 @@ def test_a_cut_off_motion_goes_on_to_the_same_bytes_and_its_books_close(tmp_path
     case = load_case("pneumatic_edc_fdp", [PLAIN, *SHORT, early])
     whole = run_case(case)
     with pytest.raises(StoppedError, match="Go on with"):
-        run_case(case, Stopper(), tmp_path)
-    gone = run_case(case, unfinished=tmp_path)
-    for name in whole.dataset.data_vars:
-        assert whole.dataset[name].values.tobytes() == gone.dataset[name].values.tobytes()
-    assert np.ptp(whole.dataset.pressure.values, axis=0).min() > 1e3
+        run_case(case, Session(checkpoints=tmp_path), Stopper())
+    gone = run_case(case, Session(checkpoints=tmp_path))
+    for name in whole.data.data_vars:
+        assert whole.data[name].values.tobytes() == gone.data[name].values.tobytes()
+    assert np.ptp(whole.data.pressure.values, axis=0).min() > 1e3
     assert whole.summary["audit_missed"] == []
     assert whole.summary["audit"]["artificial_energy_over_effort"] < 0.05
-    figure = draw_history(whole.dataset, "air")
+    figure = draw_history(whole.data, "air")
     labels = [axes.get_ylabel() for axes in figure.axes]
     assert labels[2:] == ["valve voltage, V", "pressure, kPa", "tension, N"]
     drawn = figure.axes[-1].lines
-    assert drawn[0].get_ydata()[-1] == float(whole.dataset.tension.sel(tendon="EDC")[-1])
-    assert drawn[1].get_ydata()[-1] == float(whole.dataset.own_tension.sel(muscle="FDP")[-1])
+    assert drawn[0].get_ydata()[-1] == float(whole.data.tension.sel(tendon="EDC")[-1])
+    assert drawn[1].get_ydata()[-1] == float(whole.data.own_tension.sel(muscle="FDP")[-1])
 
 
 def test_at_the_start_the_pistons_stand_where_they_are_stated() -> None:
     """The hood's excursion on the way to its first equilibrium is none of theirs."""
     case = ['forward.duration="0.02 s"', 'forward.step="1 ms"']
-    data = moved("pneumatic_edc_fdp", *case).dataset
+    data = moved("pneumatic_edc_fdp", *case).data
     assert np.abs(np.diff(data.pressure.values, axis=0)).max() < 500.0  # Pa in 1 ms, no command
 
 

@@ -9,12 +9,14 @@ import pytest
 import xarray
 from typer.testing import CliRunner
 
-from cosim import __version__
+from cosim.case.file import resolved_toml
 from cosim.cli import app
 from cosim.port import ConvergenceError, InputError
 from cosim.results.audit import BEYOND, BOUNDS, POSTURE
-from cosim.results.data import LedgerRow, Result, Scene
-from cosim.solve import static as main_path
+from cosim.results.parts import LedgerRow, Scene
+from cosim.results.result import Result
+from cosim.solve import session
+from cosim.version import __version__
 
 ROOT = Path(__file__).parents[1]
 SUMMARY = {
@@ -41,15 +43,15 @@ def solver(monkeypatch, tmp_path):
     fake = types.ModuleType("cosim.pipeline")
     fake.fails, fake.ran, fake.summary = {}, [], SUMMARY
 
-    def run_case(case, progress, unfinished=None):
+    def run_case(case, session, progress):
         progress("solving")
         fake.ran.append(case)
         if case.name in fake.fails:
             raise fake.fails[case.name]
         row = LedgerRow("loaded", "distal", "contact", np.zeros(3), np.zeros(3))
-        return Result(
-            {"case": case.name, **fake.summary}, xarray.Dataset(), (row,), Scene(None, (), ())
-        )
+        told = {"case": case.name, **fake.summary}
+        scene, text = Scene(None, (), ()), resolved_toml(case)
+        return Result(told, xarray.Dataset(), (row,), scene, text, case.name)
 
     fake.run_case = run_case
     monkeypatch.setitem(sys.modules, "cosim.pipeline", fake)
@@ -211,9 +213,8 @@ def test_bench_needs_a_shell():
 
 
 def test_bench_times_a_real_run(monkeypatch):
-    built, build = [], main_path.build
-    monkeypatch.setattr(main_path, "build", lambda case: built.append(case) or build(case))
-    main_path.settled.cache_clear()
+    built, build = [], session.build
+    monkeypatch.setattr(session, "build", lambda case: built.append(case) or build(case))
     done = cosim("bench", "isometric_edc", "--set", "hood.mesh.quads=120")
     assert len(built) == 1 + 2, "warm runs share their models, the two cold ones do not"
     figures = dict(line.split() for line in done.stdout.splitlines())

@@ -21,7 +21,7 @@ from cosim.analyses.estimate.tensions import Bounds, Cost, estimate, linearised,
 from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.port import InputError
-from cosim.solve.static import solve
+from cosim.solve.solvers import solve
 from rigid.chain.planar_chain import BUCHNER
 from rigid.hoods.two_band import two_band
 from rigid.mujoco.inverse_dynamics import needed_torque

@@ -12,7 +12,7 @@ from cosim.commands.fmu import fmu
 from cosim.fmu.unit import Unit
 from cosim.fmu_export import write as export
 from cosim.fmu_export.write import write_fmu
-from cosim.solve.static import solve
+from cosim.solve.solvers import solve
 from cosim.verification import fmu as verification
 from tests.fmus import NEEDS_FMU, placed
 

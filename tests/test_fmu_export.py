@@ -21,7 +21,7 @@ from cosim.fmu_export.part_of import part_of
 from cosim.fmu_export.static_parts import HoodPart
 from cosim.fmu_export.write import write_fmu
 from cosim.port import STATIC, ConvergenceError, InputError, rotation_matrix
-from cosim.solve.static import solve
+from cosim.solve.solvers import solve
 from tests.fmus import NEEDS_FMU, placed, tampered
 
 pytestmark = NEEDS_FMU

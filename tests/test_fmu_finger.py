@@ -18,7 +18,7 @@ from cosim.fmu.kinematics import MOST_KEPT
 from cosim.fmu_export.write import write_fmu
 from cosim.pipeline import run_case
 from cosim.port import ConvergenceError, InputError
-from cosim.results.data import Result
+from cosim.results.result import Result
 from cosim.solve.fmu import finger_of
 from cosim.verification.fmu import in_units
 from tests.fmus import NEEDS_FMU, described
@@ -66,9 +66,9 @@ def test_a_finger_in_an_fmu_gives_the_native_run(written, models, native, fmi, p
     assert apart(found, native, "fingertip_force_N") < 1e-9
     assert apart(found, native, "fingertip_force_in_phalanx_N") < 1e-9
     for name in ("angle", "position", "wrench", "tension", "own_tension", "tip_force", "pull"):
-        ours, other = found.dataset[name].values, native.dataset[name].values
+        ours, other = found.data[name].values, native.data[name].values
         assert np.abs(ours - other).max() < 1e-9, name
-    excursion = [r.dataset.excursion.values for r in (found, native)]
+    excursion = [r.data.excursion.values for r in (found, native)]
     if "hood" in parts:  # which counts from where its own finger stood
         excursion = [e - e[0] for e in excursion]
     assert np.abs(excursion[0] - excursion[1]).max() < 1e-9
@@ -100,7 +100,7 @@ def test_the_ledger_holds_what_is_told_and_says_what_is_not(written, models, nat
     assert "joints" in found.summary["not_in_ledger"]
 
     def rows(result: Result) -> dict[tuple[str, str, str], Any]:
-        return {(r.state, r.body, r.source): np.r_[r.force, r.moment] for r in result.ledger}
+        return {(r.state, r.body, r.source): np.r_[r.force, r.moment] for r in result.rows}
 
     ours, other = rows(found), rows(native)
     told = {k for k in other if k[2].startswith("hood") or k[2] == "fingertip"}

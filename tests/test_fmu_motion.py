@@ -16,7 +16,7 @@ from cosim.fmu_export.part_of import part_of
 from cosim.fmu_export.write import write_fmu
 from cosim.pipeline import run_case
 from cosim.port import AffineLoad, ConvergenceError, InputError, Motion
-from cosim.results.data import Result
+from cosim.results.result import Result
 from cosim.verification.fmu import MOTION, MOTION_OF_UNITS, in_units
 from tests.fmus import NEEDS_FMU, described, placed
 
@@ -71,10 +71,10 @@ def native(scheme: str, *more: str) -> Result:
 def test_every_scheme_makes_the_native_motion(written, models, fmi, parts, scheme):
     found = ran(models, {part: written[part, fmi] for part in parts}, scheme)
     own = native(scheme)
-    assert np.ptp(own.dataset.angle.values, axis=0).max() > 1e-3
-    for name in own.dataset.data_vars:
+    assert np.ptp(own.data.angle.values, axis=0).max() > 1e-3
+    for name in own.data.data_vars:
         if not (name == "excursion" and "hood" in parts):  # which counts from its own rest
-            gap = np.abs(found.dataset[name].values - own.dataset[name].values)
+            gap = np.abs(found.data[name].values - own.data[name].values)
             assert gap.max() < 1e-9, name
     for source, value in own.summary["energy_mJ"].items():
         assert found.summary["energy_mJ"][source] == pytest.approx(value, abs=1e-9), source
@@ -84,7 +84,7 @@ def test_every_scheme_makes_the_native_motion(written, models, fmi, parts, schem
 
 def test_a_hood_in_an_fmu_alone(written, models):
     found, own = ran(models, {"hood": written["hood", 2]}, "newton"), native("newton")
-    assert np.abs(found.dataset.angle - own.dataset.angle).max() < 1e-9
+    assert np.abs(found.data.angle - own.data.angle).max() < 1e-9
     assert "not_in_ledger" not in found.summary
 
 
@@ -94,10 +94,10 @@ def test_a_held_fingertip_pushes_as_the_native_one(tmp_path, models, fmi):
     write_fmu(case_of(held), "finger", fmi, tmp_path / "held.fmu")
     found, own = ran(models, {"finger": tmp_path / "held.fmu"}, "linear"), native("linear", held)
     assert np.linalg.norm(own.summary["fingertip_force_N"]) > 0.01
-    assert np.array_equal(found.dataset.tip_force, own.dataset.tip_force)
+    assert np.array_equal(found.data.tip_force, own.data.tip_force)
 
     def rows(result: Result) -> dict[tuple[str, str, str], np.ndarray]:
-        return {(r.state, r.body, r.source): np.r_[r.force, r.moment] for r in result.ledger}
+        return {(r.state, r.body, r.source): np.r_[r.force, r.moment] for r in result.rows}
 
     ours, other = rows(found), rows(own)
     told = {k for k in other if k[2].startswith("hood") or k[2] == "fingertip"}
@@ -114,13 +114,13 @@ def test_fibres_pull_on_a_unit_by_its_paths(written, models):
     )
     found = ran(models, {"finger": written["finger", 2]}, "linear", fibre)
     own = native("linear", fibre)
-    assert np.ptp(own.dataset.own_tension.sel(muscle="FDP").values) > 1e-4
-    assert np.abs(found.dataset.own_tension - own.dataset.own_tension).max() < 1e-9
+    assert np.ptp(own.data.own_tension.sel(muscle="FDP").values) > 1e-4
+    assert np.abs(found.data.own_tension - own.data.own_tension).max() < 1e-9
 
 
 @BOTH
 def test_finger_and_hood_in_one_unit_follow_the_tensions(written, models, fmi):
-    own = native("linear").dataset
+    own = native("linear").data
     unit = Unit(written["coupled", fmi])
     place = placed(unit, case_of(), "coupled")
     pulls = np.hstack([own.tension.values, own.own_tension.values])
@@ -214,7 +214,7 @@ def without_rollback(path: Path, folder: Path) -> Path:
 def test_a_unit_that_cannot_go_back_runs_staggered_and_else_says_so(written, models, tmp_path):
     path = without_rollback(written["finger", 2], tmp_path)
     found, own = ran(models, {"finger": path}, "explicit"), native("explicit")
-    assert np.array_equal(found.dataset.angle, own.dataset.angle)
+    assert np.array_equal(found.data.angle, own.data.angle)
     for scheme in ("linear", "implicit"):
         with pytest.raises(InputError, match=r"canGetAndSetFMUstate.* explicit"):
             ran(models, {"finger": path}, scheme)
@@ -224,7 +224,7 @@ def test_a_hood_that_cannot_go_back_says_so_where_steps_are_repeated(written, mo
     path = without_rollback(written["hood", 2], tmp_path)
     paths = {"finger": written["finger", 2], "hood": path}
     found, own = ran(models, paths, "explicit"), native("explicit")
-    assert np.array_equal(found.dataset.angle, own.dataset.angle)
+    assert np.array_equal(found.data.angle, own.data.angle)
     with pytest.raises(InputError, match="a step had to be repeated"):
         ran(models, paths, "implicit")
 
@@ -232,7 +232,7 @@ def test_a_hood_that_cannot_go_back_says_so_where_steps_are_repeated(written, mo
 def test_a_unit_that_takes_held_loads_only(models, tmp_path):
     write_fmu(case_of(), "finger", 2, tmp_path / "held.fmu", tangent=False)
     found, own = ran(models, {"finger": tmp_path / "held.fmu"}, "implicit"), native("implicit")
-    assert np.abs(found.dataset.angle - own.dataset.angle).max() < 1e-9
+    assert np.abs(found.data.angle - own.data.angle).max() < 1e-9
     with pytest.raises(InputError, match="takes loads that are held over a step"):
         ran(models, {"finger": tmp_path / "held.fmu"}, "linear")
 

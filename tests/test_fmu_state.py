@@ -19,7 +19,8 @@ from cosim.fmu_export.state import Snapshot
 from cosim.fmu_export.write import write_fmu
 from cosim.pipeline import run_case
 from cosim.port import ConvergenceError, InputError, StoppedError
-from cosim.results.data import Result
+from cosim.results.result import Result
+from cosim.solve.session import Session
 from cosim.verification.fmu import MOTION, MOTION_OF_UNITS, in_units
 from tests.fmus import NEEDS_FMU, described, placed
 from tests.test_fmu_motion import case_of
@@ -196,14 +197,14 @@ def test_a_motion_of_units_that_was_cut_off_goes_on_to_the_same_bytes(tmp_path, 
     case = units_case(tmp_path, fmi, scheme)
     whole = run_case(case)
     with pytest.raises(StoppedError, match="Go on with: cosim resume"):
-        run_case(case, Stopper(), tmp_path)
-    assert identical(whole, run_case(case, unfinished=tmp_path))
+        run_case(case, Session(checkpoints=tmp_path), Stopper())
+    assert identical(whole, run_case(case, Session(checkpoints=tmp_path)))
 
 
 def identical(a: Result, b: Result) -> bool:
     return all(
-        a.dataset[name].values.tobytes() == b.dataset[name].values.tobytes()
-        for name in (*a.dataset.data_vars, "time")
+        a.data[name].values.tobytes() == b.data[name].values.tobytes()
+        for name in (*a.data.data_vars, "time")
     )
 
 
@@ -213,4 +214,4 @@ def test_a_unit_that_writes_no_state_has_no_checkpoints(tmp_path):
     path = described(tmp_path / "finger.fmu", tmp_path / "mute.fmu", old, new)
     mute = case.model_copy(update={"finger": case.finger.model_copy(update={"path": path})})
     with pytest.raises(InputError, match=r"mute\.fmu.*leave forward\.checkpoint out"):
-        run_case(mute, unfinished=tmp_path)
+        run_case(mute, Session(checkpoints=tmp_path))

@@ -17,8 +17,8 @@ from rigid.fingers.index import finger_model
 from rigid.model import FingerModel, Hinge, Segment
 from rigid.mujoco.dynamics import Constant, FingerDynamics, Pull
 from rigid.mujoco.finger import MujocoFinger
-from rigid.mujoco.forward import Rest, Simulation, came_to_rest, limit_energy, simulate
 from rigid.mujoco.tip_device import Cage, Contact, Device, Shell
+from rigid.verification.forward import Rest, Simulation, came_to_rest, limit_energy, simulate
 from tests.fingers import POSTURE, straight_skeleton
 
 LENGTH, MASS, GRAVITY = 0.05, 0.02, 9.81

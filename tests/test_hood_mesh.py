@@ -12,7 +12,7 @@ from cosim.case.file import find_case, load_case
 from cosim.hoods.bone_surfaces import baked_surfaces
 from cosim.hoods.fe_view import guide_depth
 from cosim.pipeline import run_case
-from cosim.solve.static import Setting, settled
+from cosim.solve.session import Session
 from fe_solver.hood.shell_hood import ShellHood
 from meshes import hood as hood_generator
 from meshes.hood_lines import (
@@ -253,8 +253,10 @@ def test_the_unloaded_finger_hangs_on_no_row_at_the_tendons_end(monkeypatch):
 
     def terminal(quads: int) -> float:
         case = load_case("fingertip_fibres_edc", [f"hood.mesh.quads={quads}"])
-        models, rest = settled(Setting(case.setting_key(), case, lambda stage: None))
-        return float(np.linalg.norm(models.hood.group_forces(rest.response.state)["terminal_slip"]))
+        session, silent = Session(), lambda stage: None
+        hood = session.models(case, silent).hood
+        rest = session.unloaded(case, silent)
+        return float(np.linalg.norm(hood.group_forces(rest.response.state)["terminal_slip"]))
 
     before = terminal(600)
     with_rows_halved(monkeypatch, CENTRAL_END, LATERAL_END)

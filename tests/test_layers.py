@@ -128,7 +128,6 @@ KNOW_THE_SOLVERS = {
     "cosim.hoods.shell.region_forces",
     "cosim.hoods.shell.view",
     "cosim.results.sto",
-    "cosim.solve.forward",
     "cosim.solve.one_way",
     "cosim.tendons.air",
     "cosim.tendons.courses",

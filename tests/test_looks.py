@@ -20,10 +20,10 @@ from cosim.analyses.ladder import Rung
 from cosim.analyses.ladder_plot import draw_ladder
 from cosim.report import page as page_module
 from cosim.report.drawings import arrows_of
-from cosim.results.data import LedgerRow
 from cosim.results.history_plot import draw_history
 from cosim.results.ledger_plot import draw_ledger
 from cosim.results.looks import look
+from cosim.results.parts import LedgerRow
 from cosim.results.read import read_run
 
 MANY = 40
@@ -76,7 +76,7 @@ def test_a_ledger_keeps_a_source_s_look_where_another_body_has_others():
 
 
 def test_the_sources_of_a_real_index_finger_differ(hood):
-    ledger = {(row.body, row.source): row for row in read_run(hood).ledger}.values()
+    ledger = {(row.body, row.source): row for row in read_run(hood).rows}.values()
     moving = [
         replace(row, state=f"{t:g} s", force=row.force / np.linalg.norm(row.force))
         for row in ledger

@@ -11,7 +11,7 @@ from cosim.build.models import build
 from cosim.case.file import load_case, resolved_toml
 from cosim.pipeline import run_case
 from cosim.port import STATIC, Hood, InputError
-from cosim.results.data import Result
+from cosim.results.result import Result
 from rigid.hoods.network import Network
 from rigid.hoods.network_hood import NetworkHood
 from rigid.hoods.two_band import coupled_dip, two_band

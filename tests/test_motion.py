@@ -15,9 +15,11 @@ from cosim.cli import app
 from cosim.coupling.checkpoint import NAME
 from cosim.pipeline import run_case
 from cosim.port import ConvergenceError, InputError, StoppedError
-from cosim.results.data import Result
+from cosim.results.result import Result
 from cosim.solve import motion as run_motion
+from cosim.solve.session import Session
 from meshes.skeleton import BODIES
+from tests.energies import work_done, work_kept
 
 PLAIN = "output.picture=false"
 FREE = (
@@ -40,7 +42,7 @@ def moved(*settings: str, name: str = "pulley_edc") -> Result:
 
 def test_iterated_schemes_make_the_same_motion_and_linear_nearly() -> None:
     by_scheme = {
-        scheme: moved(*FREE, SHORT, f"coupling={setting}").dataset.angle.values
+        scheme: moved(*FREE, SHORT, f"coupling={setting}").data.angle.values
         for scheme, setting in {
             "newton": "{scheme='newton'}",
             "aitken": "{scheme='implicit'}",
@@ -60,11 +62,11 @@ def test_iterated_schemes_make_the_same_motion_and_linear_nearly() -> None:
 
 def test_the_books_close_on_every_body_at_every_step() -> None:
     result = moved(*FREE, SHORT, 'finger.gravity=["0 m/s**2","0 m/s**2","-9.81 m/s**2"]')
-    times = {row.state for row in result.ledger}
+    times = {row.state for row in result.rows}
     assert len(times) == 60
     for time in times:
         for body in BODIES:
-            here = [row for row in result.ledger if (row.state, row.body) == (time, body)]
+            here = [row for row in result.rows if (row.state, row.body) == (time, body)]
             held = {"ground"} if body == BODIES[0] else {"inertia", "gravity"}
             assert {"joint", *held} <= {row.source for row in here}
             largest = max(np.linalg.norm(row.force) for row in here)
@@ -81,7 +83,7 @@ def test_joints_carry_little_moment_about_their_axes() -> None:
         forward = f'forward={{duration="0.02 s",step="{step}",must_rest=false}}'
         result = moved(*FREE, forward, name="planar_edc")
         last = "0.02 s"
-        joint = [r for r in result.ledger if r.state == last and r.source == "joint"]
+        joint = [r for r in result.rows if r.state == last and r.source == "joint"]
         (distal,) = [row.moment for row in joint if row.body == "distal"]
         off.append(abs(distal[1]))
     assert off[1] < 0.5 * off[0]
@@ -93,9 +95,7 @@ def test_energy_is_accounted_for_and_the_method_takes_less_at_smaller_steps() ->
         forward = f'forward={{duration="0.06 s",step="{step}",must_rest=false}}'
         summary = moved(*FREE, forward).summary
         e = summary["energy_mJ"]
-        given = e["tendons"] + e["own_tendons"]
-        kept = e["finger"] + e["hood_stored"] + e["joints_dissipated"] + e["artificial"]
-        assert given == pytest.approx(kept, rel=1e-9)
+        assert work_done(e) == pytest.approx(work_kept(e), rel=1e-9)
         taken.append(abs(e["artificial"]))
     assert taken[1] < 0.4 * taken[0]
 
@@ -128,14 +128,14 @@ class Stopper:
 
 def identical(a: Result, b: Result) -> bool:
     return all(
-        a.dataset[name].values.tobytes() == b.dataset[name].values.tobytes()
-        for name in (*a.dataset.data_vars, "time")
+        a.data[name].values.tobytes() == b.data[name].values.tobytes()
+        for name in (*a.data.data_vars, "time")
     )
 
 
 def cut_off(case: Any, folder: Path, words: int) -> None:
     with pytest.raises(StoppedError, match="Go on with: cosim resume"):
-        run_case(case, Stopper(words), folder)
+        run_case(case, Session(checkpoints=folder), Stopper(words))
 
 
 LONG = 'forward={duration="0.1 s",must_rest=false,checkpoint=15}'
@@ -151,7 +151,7 @@ def test_a_motion_that_was_cut_off_goes_on_to_the_same_bytes(tmp_path: Path, sch
     whole = run_case(case)
     for words in (1, 1):  # stopped, gone on with, stopped again
         cut_off(case, tmp_path, words)
-    gone = run_case(case, unfinished=tmp_path)
+    gone = run_case(case, Session(checkpoints=tmp_path))
     assert identical(whole, gone)
     assert gone.summary["iterations"] == whole.summary["iterations"]
 
@@ -160,18 +160,19 @@ def test_checkpoints_are_kept_though_none_were_asked_for(tmp_path: Path, monkeyp
     case = load_case("pulley_edc", [PLAIN, *FREE, SHORT])
     whole = run_case(case)
     cut_off(case, tmp_path / "stopped", 1)
-    assert identical(whole, run_case(case, unfinished=tmp_path / "stopped"))
+    assert identical(whole, run_case(case, Session(checkpoints=tmp_path / "stopped")))
     monkeypatch.setattr(run_motion, "PAUSE", -1.0)
     written: list[Path] = []
     monkeypatch.setattr(run_motion, "write_checkpoint", lambda folder, *_: written.append(folder))
-    assert identical(whole, run_case(case, unfinished=tmp_path / "killed"))
+    assert identical(whole, run_case(case, Session(checkpoints=tmp_path / "killed")))
     assert len(written) == 60
 
 
 def test_a_motion_that_wants_no_checkpoints_keeps_none(tmp_path: Path) -> None:
     forward = 'forward={duration="0.06 s",must_rest=false,checkpoint=0}'
+    case = load_case("pulley_edc", [PLAIN, *FREE, forward])
     with pytest.raises(KeyboardInterrupt):
-        run_case(load_case("pulley_edc", [PLAIN, *FREE, forward]), Stopper(1), tmp_path)
+        run_case(case, Session(checkpoints=tmp_path), Stopper(1))
     assert not list(tmp_path.iterdir())
 
 
@@ -179,11 +180,11 @@ def test_a_hood_whose_state_cannot_be_written_says_so_and_moves(tmp_path: Path) 
     forward = 'forward={duration="0.002 s",must_rest=false}'
     rough = (PLAIN, *FREE, forward, "hood.mesh.quads=120", "hood.contact.friction=0.1")
     said: list[str] = []
-    run_case(load_case("isometric_edc", rough), said.append, tmp_path)
+    run_case(load_case("isometric_edc", rough), Session(checkpoints=tmp_path), said.append)
     assert [text for text in said if "keeps no checkpoints" in text and "augmented" in text]
     asked = [*rough, "forward.checkpoint=1"]
     with pytest.raises(InputError, match="has no checkpoints; leave one of the two out"):
-        run_case(load_case("isometric_edc", asked), lambda text: None, tmp_path)
+        run_case(load_case("isometric_edc", asked), Session(checkpoints=tmp_path))
 
 
 def test_a_shell_hood_goes_on_to_the_same_bytes(tmp_path: Path) -> None:
@@ -191,27 +192,29 @@ def test_a_shell_hood_goes_on_to_the_same_bytes(tmp_path: Path) -> None:
     case = load_case("isometric_edc", [PLAIN, *FREE, forward, "hood.mesh.quads=120"])
     whole = run_case(case)
     cut_off(case, tmp_path, 1)
-    assert identical(whole, run_case(case, unfinished=tmp_path))
+    assert identical(whole, run_case(case, Session(checkpoints=tmp_path)))
 
 
 def test_a_checkpoint_that_does_not_fit_is_refused(tmp_path: Path) -> None:
     case = load_case("pulley_edc", [PLAIN, *FREE, LONG])
     cut_off(case, tmp_path, 1)
-    file = tmp_path / NAME
+    file = tmp_path / "pulley_edc.unfinished" / NAME
     good = file.read_bytes()
     other = load_case("pulley_edc", [PLAIN, *FREE, LONG, "tendons.EDC.activation=0.2"])
+    (file.parent / "case.toml").write_text(resolved_toml(other), encoding="utf-8")
     with pytest.raises(InputError, match="belongs to another case"):
-        run_case(other, unfinished=tmp_path)
+        run_case(other, Session(checkpoints=tmp_path))
+    (file.parent / "case.toml").write_text(resolved_toml(case), encoding="utf-8")
     for size in (0, 100, len(good) // 2, len(good) - 10):
         file.write_bytes(good[:size])
         with pytest.raises(InputError, match="is no whole checkpoint"):
-            run_case(case, unfinished=tmp_path)
+            run_case(case, Session(checkpoints=tmp_path))
     np.savez(file.open("wb"), version=np.array("0.0.0"))
     with pytest.raises(InputError, match=r"written by version 0\.0\.0"):
-        run_case(case, unfinished=tmp_path)
+        run_case(case, Session(checkpoints=tmp_path))
     np.savez(file.open("wb"), object=np.array([{}], dtype=object))
     with pytest.raises(InputError, match="is no whole checkpoint"):
-        run_case(case, unfinished=tmp_path)
+        run_case(case, Session(checkpoints=tmp_path))
 
 
 def stop(*_: Any) -> None:
@@ -228,9 +231,7 @@ def test_the_commands_resume_what_was_cut_off(tmp_path: Path, monkeypatch) -> No
     out = tmp_path / "runs"
     case = load_case(path)
     unfinished = out / "ramp.unfinished"
-    unfinished.mkdir(parents=True)
-    (unfinished / "case.toml").write_text(resolved_toml(case))
-    cut_off(case, unfinished, 1)
+    cut_off(case, out, 1)
     kept = CliRunner().invoke(app, ["run", str(path), "--out", str(out)])
     assert kept.exit_code == 2
     assert f"Go on with: cosim resume {unfinished}; or add --restart" in " ".join(
@@ -249,9 +250,7 @@ def test_the_commands_resume_what_was_cut_off(tmp_path: Path, monkeypatch) -> No
     again = CliRunner().invoke(app, ["resume", str(out / "ramp")])
     assert again.exit_code == 2
     assert "nothing was cut off here" in again.stderr
-    unfinished.mkdir()
-    (unfinished / "case.toml").write_text(resolved_toml(case))
-    cut_off(case, unfinished, 1)
+    cut_off(case, out, 1)
     anew = CliRunner().invoke(app, ["run", str(path), "--out", str(out), "--restart"])
     assert anew.exit_code == 0, anew.output
     assert "going on" not in anew.stderr

@@ -14,7 +14,7 @@ from cosim.hoods.lumped.build import lumped_hood, slip_forces
 from cosim.hoods.lumped.table import NetworkHood
 from cosim.port import STATIC, Finger, Hood
 from cosim.results.static import result
-from cosim.solve.static import solve
+from cosim.solve.solvers import solve
 
 TENSION = np.array([10.0, 4.0, 7.0])
 POSTURES = (

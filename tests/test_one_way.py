@@ -15,7 +15,7 @@ from cosim.case.file import load_case
 from cosim.coupling.one_way import JOINT_CONTACT, LUMPING, HandedOver, joint_forces
 from cosim.pipeline import run_case
 from cosim.port import STATIC, Load, Response
-from cosim.results.data import Result
+from cosim.results.result import Result
 from cosim.tendons.muscles import live_muscles
 from cosim.verification import schemes_at_rest as verification_rest
 from cosim.verification import thesis as verification_thesis
@@ -164,13 +164,13 @@ def test_the_finger_s_own_muscles_and_springs_act_only_where_they_are_wanted():
         tip(pulley(ONE_WAY, fdp, *no_muscles)), tip(pulley(ONE_WAY, *no_muscles))
     )
     for settings, acts in ((no_muscles, True), (choice(passive="false"), False)):
-        torque = pulley(ONE_WAY, *settings).dataset.torque.sel(state="loaded")
+        torque = pulley(ONE_WAY, *settings).data.torque.sel(state="loaded")
         assert bool(np.any(torque.sel(torque_source="passive"))) == acts
 
 
 def test_the_ledger_names_what_was_added_and_closes():
     result = pulley(*THESIS)
-    loaded = [row for row in result.ledger if row.state == "loaded"]
+    loaded = [row for row in result.rows if row.state == "loaded"]
     added = {row.source for row in loaded if row.source.startswith("hood ")}
     assert {"hood lumping", "hood joint_contact"} < added
     assert result.summary["double_counted"] == ["hood joint_contact and joint"]
@@ -179,7 +179,7 @@ def test_the_ledger_names_what_was_added_and_closes():
         for part in ([row.force for row in here], [row.moment for row in here]):
             assert np.linalg.norm(np.sum(part, axis=0)) < 1e-9 * np.abs(part).max()
     torque = result.summary["one_way"]["joint_torque_Nmm"]
-    hood = result.dataset.torque.sel(state="loaded", torque_source="hood")
+    hood = result.data.torque.sel(state="loaded", torque_source="hood")
     for joint in torque["hood"]:
         whole = sum(source[joint] for source in torque.values())
         assert whole == pytest.approx(1e3 * float(hood.sel(joint=joint)), abs=1e-9)

@@ -446,10 +446,9 @@ def test_a_table_with_other_columns_than_forces_is_untouched(tmp_path):
 def test_the_tensions_of_a_run_make_the_same_force_again(tmp_path):
     from cosim.pipeline import run_case
     from cosim.results.sto import write_tables
-    from cosim.results.write import write_result
 
     first = run_case(load_case("split_edc", ["output.picture=false"]))
-    folder = write_result(tmp_path, load_case("split_edc", ["output.picture=false"]), first)
+    folder = first.save(tmp_path)
     _, forces = write_tables(folder, tmp_path)
     columns = [f"{name}={name}_tension" for name in first.summary["tension_N"]]
     named = [word for column in columns for word in ("--column", column)]

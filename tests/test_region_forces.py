@@ -12,7 +12,7 @@ from cosim.build.models import Models, hood_mesh
 from cosim.case.file import load_case
 from cosim.hoods.shell.region_forces import Crossing, crossing, crossing_force, element_forces
 from cosim.pipeline import run_case
-from cosim.solve.static import solve
+from cosim.solve.solvers import solve
 
 PULL = 7.0
 """N, of the strip."""

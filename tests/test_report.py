@@ -188,11 +188,11 @@ def test_frames_hold_bones_tendons_and_hood(hood):
     assert view.sheet is not None
     assert view.sheet.at == (0, 1)
     middle = next(bone for bone in view.bones if bone.name == "middle")
-    stored = run.dataset.position.sel(body="middle").values
+    stored = run.data.position.sel(body="middle").values
     assert middle.position == pytest.approx(stored, abs=1e-12)
     assert view.notes == ()
     along = view.sheet.fields[0].values[-1]
-    assert along == pytest.approx(100 * run.dataset.strain.values[-1, :, 0])
+    assert along == pytest.approx(100 * run.data.strain.values[-1, :, 0])
     by_key = {field.key: field.values[-1] for field in view.sheet.fields}
     for key, name, factor in (
         ("along", "longitudinal_strain", 100),
@@ -209,10 +209,10 @@ def test_a_nine_node_element_is_shown_as_four_quads(tmp_path):
     nine = 'hood.mesh.elements="quadratic"'
     run = read_run(run_into(tmp_path, "isometric_edc", "hood.mesh.quads=150", nine, QUICK))
     sheet = view_of(run).sheet
-    assert len(sheet.quads) == 4 * run.dataset.sizes["quad"] == len(sheet.region)
+    assert len(sheet.quads) == 4 * run.data.sizes["quad"] == len(sheet.region)
     along = sheet.fields[0].values[-1]
     assert along == pytest.approx(100 * run.hood.cell_data["longitudinal_strain"])
-    assert along[::4] == pytest.approx(100 * run.dataset.strain.values[-1, :, 0])
+    assert along[::4] == pytest.approx(100 * run.data.strain.values[-1, :, 0])
     assert all(f.values.shape[1] == len(sheet.quads) for f in sheet.fields if f.on_quads)
 
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 import xarray
 
-from cosim.case.file import load_case
+from cosim.case.file import load_case, resolved_toml
 from cosim.port import InputError
-from cosim.results.data import LEDGER_HEADER, STRAIN, HoodField, LedgerRow, Result, Scene
+from cosim.results.parts import LEDGER_HEADER, STRAIN, HoodField, LedgerRow, Scene
+from cosim.results.result import Result
 from cosim.results.scene_plot import MOST_TRIANGLES, VIEWS, draw, thinned
-from cosim.results.write import write_result
 
 
 def tube(radius: float = 5e-3, length: float = 40e-3, around: int = 24, along: int = 20):
@@ -48,18 +48,19 @@ def result() -> Result:
         "loaded", "proximal", "contact", np.array([1.0, 0, -2.0]), np.array([0, 0.003, 0])
     )
     summary = {"case": "isometric_edc", "fingertip_force_N": np.array([0.1, 0.2, 0.0])}
-    return Result(summary, dataset, (row,), scene)
+    text = resolved_toml(load_case("isometric_edc"))
+    return Result(summary, dataset, (row,), scene, text, "isometric_edc")
 
 
 def test_a_result_reads_back(tmp_path: Path, result):
     import meshio
 
     case = load_case("isometric_edc")
-    folder = write_result(tmp_path / "runs", case, result)
+    folder = result.save(tmp_path / "runs")
     assert folder == tmp_path / "runs" / "isometric_edc"
     assert json.loads((folder / "summary.json").read_text())["fingertip_force_N"] == [0.1, 0.2, 0]
     with xarray.open_dataset(folder / "results.nc", engine="h5netcdf") as dataset:
-        xarray.testing.assert_identical(dataset.load(), result.dataset)
+        xarray.testing.assert_identical(dataset.load(), result.data)
     with (folder / "ledger.csv").open(newline="") as file:
         header, *rows = csv.reader(file)
     assert tuple(header) == LEDGER_HEADER
@@ -74,10 +75,10 @@ def test_a_result_reads_back(tmp_path: Path, result):
 
 
 def test_an_older_run_is_replaced_whole(tmp_path: Path, result):
-    case = load_case("isometric_edc")
-    write_result(tmp_path, case, result)
-    bare = replace(result, summary={"case": "new"}, scene=Scene(None, (), ()))
-    folder = write_result(tmp_path, load_case("isometric_edc", ["output.picture=false"]), bare)
+    result.save(tmp_path)
+    plain = resolved_toml(load_case("isometric_edc", ["output.picture=false"]))
+    bare = replace(result, scene=Scene(None, (), ()), case_text=plain)
+    folder = bare.save(tmp_path)
     assert {p.name for p in folder.iterdir()} == {
         *("summary.json", "case.toml", "results.nc", "ledger.csv")
     }
@@ -85,11 +86,10 @@ def test_an_older_run_is_replaced_whole(tmp_path: Path, result):
 
 
 def test_a_result_that_cannot_be_written_leaves_the_older_one(tmp_path: Path, result):
-    case = load_case("isometric_edc")
-    folder = write_result(tmp_path, case, result)
+    folder = result.save(tmp_path)
     before = (folder / "summary.json").read_text()
     with pytest.raises(ValueError, match="JSON"):
-        write_result(tmp_path, case, replace(result, summary={"wall_s": float("nan")}))
+        replace(result, summary={**result.summary, "wall_s": float("nan")}).save(tmp_path)
     assert (folder / "summary.json").read_text() == before
     assert [p.name for p in tmp_path.iterdir()] == ["isometric_edc"]
 
@@ -97,7 +97,7 @@ def test_a_result_that_cannot_be_written_leaves_the_older_one(tmp_path: Path, re
 def test_an_unwritable_folder_is_the_users_fault(tmp_path: Path, result):
     (tmp_path / "runs").write_text("a file")
     with pytest.raises(InputError, match=r"cannot be written .* --out"):
-        write_result(tmp_path / "runs", load_case("isometric_edc"), result)
+        result.save(tmp_path / "runs")
 
 
 def test_what_is_no_run_is_not_replaced(tmp_path: Path, result):
@@ -105,7 +105,7 @@ def test_what_is_no_run_is_not_replaced(tmp_path: Path, result):
     keep.parent.mkdir()
     keep.write_text("years of work")
     with pytest.raises(InputError, match="no earlier run"):
-        write_result(tmp_path, load_case("isometric_edc"), result)
+        result.save(tmp_path)
     assert keep.read_text() == "years of work"
 
 

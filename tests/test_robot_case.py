@@ -9,7 +9,7 @@ from cosim.case.schema import our_finger
 from cosim.fingers.kinds import finger_model
 from cosim.hoods.lumped.build import slip_forces, split_slips
 from cosim.port import InputError
-from cosim.solve.static import solve
+from cosim.solve.solvers import solve
 from rigid.fingers.robot_tables import LENGTHS, TABLE_III
 
 PULLEYS, NETWORK = "robot_pulleys_extensor", "robot_network_extensor"

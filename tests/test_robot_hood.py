@@ -9,7 +9,7 @@ from cosim.build.models import drawn_bones
 from cosim.case.file import load_case
 from cosim.fingers.kinds import finger_model
 from cosim.hoods.cable.robot import ROBOT_ENDS, robot_skeleton
-from cosim.solve.static import solve
+from cosim.solve.solvers import solve
 from fe_solver.surfaces.shapes import Capsule
 from meshes.cable_net import CableNet, cable_of, lay
 from meshes.robot_net import OTHERS, extensor_alone, wider

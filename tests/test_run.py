@@ -17,9 +17,8 @@ from cosim.cli import app
 from cosim.pipeline import run_case
 from cosim.port import ConvergenceError
 from cosim.results.conventions import IN_METACARPAL
-from cosim.results.data import Result
-from cosim.results.write import write_result
-from cosim.solve.static import settled
+from cosim.results.result import Result
+from cosim.solve.session import Session
 from meshes.skeleton import BODIES
 
 PACKAGED = sorted(p.stem for p in find_case("isometric_edc").parent.glob("*.toml"))
@@ -119,14 +118,14 @@ def test_every_packaged_motion_comes_to_rest(name):
     assert summary["audit_missed"] == []
     assert json.loads(json.dumps(summary, allow_nan=False)) == summary
     for body in BODIES:
-        here = [row for row in result.ledger if row.body == body]
+        here = [row for row in result.rows if row.body == body]
         largest = max(np.linalg.norm(row.force) for row in here)
         assert np.linalg.norm(sum(row.force for row in here)) < 1e-9 * largest
 
 
 @pytest.mark.parametrize("name", marked(STILL))
 def test_forces_on_every_body_close_to_zero(name):
-    rows = coarse(name).ledger
+    rows = coarse(name).rows
     force = max(np.linalg.norm(row.force) for row in rows)
     moment = max(np.linalg.norm(row.moment) for row in rows)
     for state in ("unloaded", "loaded"):
@@ -201,7 +200,7 @@ def test_the_slips_share_what_the_muscle_pulls():
 def test_every_spring_s_force_is_there_and_their_sets_add_up():
     """No more than a set's magnitudes, and nearly that where its springs are parallel."""
     result = run("isometric_edc")
-    data = result.dataset.sel(state="loaded")
+    data = result.data.sel(state="loaded")
     force = data.spring_force
     assert float(force.min()) >= 0
     for name, total in result.summary["spring_force_N"].items():
@@ -213,7 +212,7 @@ def test_every_spring_s_force_is_there_and_their_sets_add_up():
 
 def test_joint_torques_add_up_to_zero_with_the_tips_force():
     result = run("isometric_edc")
-    data = result.dataset.sel(state="loaded")
+    data = result.data.sel(state="loaded")
     total = data.torque.sum("torque_source")
     assert float(abs(total).max()) < 1e-6 * float(abs(data.torque).max())
     np.testing.assert_array_equal(
@@ -222,15 +221,13 @@ def test_joint_torques_add_up_to_zero_with_the_tips_force():
 
 
 def test_a_case_gives_the_same_bits_alone_and_after_another():
-    """The settled state that a batch shares must not carry anything over."""
-    settled.cache_clear()
-    alone = run_case(load_case("isometric_ei", [COARSE]))
-    settled.cache_clear()
-    run_case(load_case("isometric_lum", [COARSE]))
-    after = run_case(load_case("isometric_ei", [COARSE]))
-    xarray.testing.assert_identical(alone.dataset, after.dataset)
+    """The unloaded state that a batch shares must not carry anything over."""
+    alone, session = run_case(load_case("isometric_ei", [COARSE])), Session()
+    run_case(load_case("isometric_lum", [COARSE]), session)
+    after = run_case(load_case("isometric_ei", [COARSE]), session)
+    xarray.testing.assert_identical(alone.data, after.data)
     assert {**alone.summary, "wall_s": 0} == {**after.summary, "wall_s": 0}
-    for a, b in zip(alone.ledger, after.ledger, strict=True):
+    for a, b in zip(alone.rows, after.rows, strict=True):
         assert (a.state, a.body, a.source) == (b.state, b.body, b.source)
         assert np.array_equal(a.force, b.force)
         assert np.array_equal(a.moment, b.moment)
@@ -246,16 +243,16 @@ def test_results_of_a_run_read_back(tmp_path: Path):
     import meshio
 
     result = run("isometric_edc")
-    folder = write_result(tmp_path, load_case("isometric_edc", ["output.picture=false"]), result)
+    folder = result.save(tmp_path)
     assert json.loads((folder / "summary.json").read_text()) == result.summary
     with xarray.open_dataset(folder / "results.nc", engine="h5netcdf") as data:
-        xarray.testing.assert_identical(data.load(), result.dataset)
+        xarray.testing.assert_identical(data.load(), result.data)
         assert float(data.tension.sel(state="loaded", tendon="EDC")) == pytest.approx(3.469)
         assert data.tension.attrs["units"] == "N"
     hood = meshio.read(folder / "hood.vtu")
     assert len(hood.cells_dict["quad"]) == result.summary["hood_quads"]
     np.testing.assert_array_equal(
-        hood.points, result.dataset.node.sel(state="loaded", drop=True).values
+        hood.points, result.data.node.sel(state="loaded", drop=True).values
     )
     strain = 100 * hood.cell_data["longitudinal_strain"][0]
     longitudinal = result.summary["strain_percent"]["longitudinal"]
@@ -295,7 +292,7 @@ def test_the_packaged_motion_of_finger_and_hood_begins(tmp_path: Path):
     short = ["hood.mesh.quads=120", "forward.duration=5 ms", "output.picture=false"]
     result = run_case(load_case("motion_edc_fdp", short))
     assert result.summary["audit_missed"] == []
-    assert result.dataset.sizes["time"] == 6
+    assert result.data.sizes["time"] == 6
 
 
 @pytest.mark.slow

@@ -11,7 +11,6 @@ from typer.testing import CliRunner
 from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.pipeline import run_case
-from cosim.results.write import write_result
 from rigid.opensim.sto import read_sto
 
 
@@ -19,7 +18,7 @@ from rigid.opensim.sto import read_sto
 def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict]:
     case = load_case("split_edc", ["output.picture=false"])
     result = run_case(case)
-    return write_result(tmp_path_factory.mktemp("runs"), case, result), result.summary
+    return result.save(tmp_path_factory.mktemp("runs")), result.summary
 
 
 def test_the_tables_hold_what_the_run_found(run: tuple[Path, dict]) -> None:

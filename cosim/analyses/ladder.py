@@ -24,9 +24,9 @@ from cosim.hoods.lumped.table import TwoBandHood
 from cosim.hoods.shell.table import ShellHood
 from cosim.hoods.split import SplitHood
 from cosim.port import Array, ConvergenceError, CosimError, InputError
-from cosim.results.static import result
+from cosim.results.static import observe_static
+from cosim.solve.solvers import solve
 from cosim.solve.states import States
-from cosim.solve.static import solve
 
 Status = Literal["converged", "failed", "does not apply"]
 RUNGS = {
@@ -140,7 +140,7 @@ def climb(source: Path, settings: tuple[str, ...], name: str) -> Rung:
     except ConvergenceError as error:
         return without("failed", error)
     wall = time.perf_counter() - started
-    summary = result(here, models, states, wall).summary
+    summary = observe_static(here, (models, states), wall).summary
     slips, excursions = _slips(here, models, states.loaded), _excursions(models, states)
     return Rung(name, is_own, "converged", "", wall, summary, slips, excursions)
 

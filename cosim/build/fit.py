@@ -43,11 +43,6 @@ def check_fit(case: Case) -> None:
         raise InputError(
             'forward takes a finger with mass: finger.kind = "index", "middle", "planar" or "robot"'
         )
-    if case.forward is not None and case.forward.adaptive is not None and hood == "split":
-        raise InputError(
-            'forward.adaptive is for a coupled motion; with hood.kind = "split" there is nothing '
-            "to couple, and steps are all as long as forward.step"
-        )
     courses = [name for name, tendon in case.tendons.items() if tendon.course is not None]
     if case.forward is None and courses:
         raise InputError(
@@ -117,9 +112,8 @@ def _check_drawn(case: Case) -> None:
             f'{where}: with coupling.scheme = "{case.coupling.scheme}" the finger moves before the '
             'hood feels a tension, which then draws no end; write "linear", "newton" or "implicit"'
         )
-    if case.hood.kind == "split" or case.forward.adaptive is not None:
-        word = "forward.adaptive" if case.hood.kind != "split" else 'hood.kind = "split"'
-        raise InputError(f"{where}: does not go with {word} in a motion; state a tension")
+    if case.forward.adaptive is not None:
+        raise InputError(f"{where}: does not go with forward.adaptive; state a tension")
     for name in drawn:
         if (first := factor_of(case.tendons[name].course)(0.0)) != 0.0:
             raise InputError(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from cosim.build.scheme import scheme_of
 from cosim.case.schema import Case, Forward, our_finger
 from cosim.coupling.excursion import Driven
 from cosim.coupling.motion import Moves, WatchedFinger
+from cosim.coupling.schemes import Alone
 from cosim.fingers.common import CageTip, ShellTip
 from cosim.fingers.fmu import FmuFinger
 from cosim.hoods.cable.build import CableLook
@@ -52,9 +54,14 @@ class Together:
     def hood(self) -> Hood:
         return self.moves.hood
 
+    @cached_property
+    def begun(self) -> State:
+        """The finger at rest in the posture."""
+        return self.finger.begin(self.posture)
+
     def first_tensions(self) -> Array:
         """(nt,) N at t = 0, of the hood's tendons, then the finger's own."""
-        return self.moves.first_pull(self.finger.begin(self.posture))[1]
+        return self.moves.first_pull(self.begun)[1]
 
 
 def together(case: Case, forward: Forward) -> Together:
@@ -69,7 +76,8 @@ def together(case: Case, forward: Forward) -> Together:
     finger = MovingMujoco(models.finger, tip_device(case))
     pulls = TendonPulls(case, (*models.hood.tendons, *finger.tendons))
     driven = _driven(case, pulls.tendons)
-    moves = Moves(scheme_of(case.coupling), finger, models.hood, pulls, forward.step, driven)
+    scheme = scheme_of(case.coupling) if models.hood.tendons else Alone()
+    moves = Moves(scheme, finger, models.hood, pulls, forward.step, driven)
     return Together(moves, pulls, models.posture, models.bones, models.cables, models.look)
 
 

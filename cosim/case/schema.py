@@ -28,6 +28,8 @@ from cosim.schema.fields import fault, quantity
 from cosim.schema.types import Count, Number, Switch, Table, TendonName
 from cosim.tendons.table import Tendon
 
+Task = Literal["static", "one_way", "motion"]
+
 
 class Solve(Table):
     """Tolerances: of the coupling (relative residual) and of the hood's own equilibrium."""
@@ -92,11 +94,10 @@ class Forward(Table):
     step: Annotated[float, quantity(units.TIME, least="1e-6 s", most="0.1 s")] = 1e-3
     """Of every step; with `adaptive` of the first and the longest."""
     adaptive: Adaptive | None = None
-    """Of a coupled motion."""
     must_rest: Switch = True
     """The run fails where the finger is still moving at the end."""
     checkpoint: Annotated[Count, Field(ge=0, le=1_000_000)] | None = None
-    """Steps from one checkpoint of a coupled motion to the next; without it one is written every
+    """Steps from one checkpoint to the next; without it one is written every
     ten seconds of computing; 0: none."""
 
     @model_validator(mode="after")
@@ -159,6 +160,13 @@ class Case(CaseFile):
     name: str
     """The file's stem."""
     source: Path
+
+    @property
+    def task(self) -> Task:
+        """What is to be solved."""
+        if self.forward is not None:
+            return "motion"
+        return "one_way" if self.coupling.scheme == "one_way" else "static"
 
     def tension(self, tendon: str) -> float:
         """N; the resting tension where the case says nothing else."""

@@ -10,7 +10,8 @@ from cosim.build.motion import together
 from cosim.case.schema import Case, Forward
 from cosim.coupling.motion import moments
 from cosim.port import InputError
-from cosim.solve.static import settled, solve
+from cosim.solve.session import Session
+from cosim.solve.solvers import solve
 
 REPEATS = 5
 EVERY = 25
@@ -26,16 +27,16 @@ def bench_case(case: Case) -> dict[str, float]:
     without a tangent."""
     if case.forward is not None:
         return bench_motion(case, case.forward)
-    models, states = solve(case)
+    session = Session()
+    models, states = solve(case, session)
     if models.linear is None:
         raise InputError(f"{case.name}: bench needs a shell hood")
     warm, linear, cold = [], [], []
     for _ in range(REPEATS):
-        warm.append(_seconds(case))
+        warm.append(_seconds(case, session))
         linear.append(models.linear(states.loaded.response.state))
     for _ in range(2):
-        settled.cache_clear()
-        cold.append(_seconds(case))
+        cold.append(_seconds(case, Session()))
     assembly, factorisation = (median(column) for column in zip(*linear, strict=True))
     return {
         "warm_run_s": median(warm),
@@ -55,7 +56,7 @@ def bench_motion(case: Case, forward: Forward) -> dict[str, float]:
     both, tangent = together(case, forward), build(case).linear
     assert tangent is not None  # of a shell
     moves = both.moves
-    begun = moves.begin(both.finger.begin(both.posture))
+    begun = moves.begin(both.begun)
     steps, floors = [], []
     start = perf_counter()
     for now in moments(moves, begun, round(forward.duration / forward.step), lambda text: None):
@@ -73,7 +74,7 @@ def bench_motion(case: Case, forward: Forward) -> dict[str, float]:
     }
 
 
-def _seconds(case: Case) -> float:
+def _seconds(case: Case, session: Session) -> float:
     start = perf_counter()
-    solve(case)
+    solve(case, session)
     return perf_counter() - start

@@ -58,15 +58,16 @@ def _solved(case: Case, out: Path) -> list[Pair]:
     from cosim.port import CosimError
     from cosim.report.lesion_page import Pair
     from cosim.results.read import read_run
-    from cosim.results.write import check_target, write_result
+    from cosim.results.write import check_target
+    from cosim.solve.session import Session
 
-    four, runs = both_sides(case), {}
+    four, runs, session = both_sides(case), {}, Session()
     for one in four.values():
         check_target(out, one.name)
     for key, one in four.items():
         typer.echo(f"{one.title}", err=True)
         try:
-            runs[key] = read_run(write_result(out, one, run_case(one)))
+            runs[key] = read_run(run_case(one, session).save(out))
         except CosimError as error:
             raise type(error)(f"{one.name}: {error}") from error
     return [Pair(tip, runs[tip, "before"], runs[tip, "after"]) for tip in TIPS]

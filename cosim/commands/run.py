@@ -19,8 +19,8 @@ from cosim.results.audit import describe_misses
 
 if TYPE_CHECKING:
     from cosim.case.schema import Case
+    from cosim.solve.session import Session
 
-UNFINISHED = ".unfinished"
 Voice = Literal["plain", "quiet", "json"]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Say nothing but what is wrong.")]
 AsJson = Annotated[
@@ -62,19 +62,20 @@ def run(
     checked = load_cases(cases, settings)
     with told():
         _check_targets(checked, out)
-        if not restart:
-            _check_unfinished(checked, out)
+        _check_unfinished(checked, out, restart)
     _run_all(checked, out, _voice(quiet, as_json))
 
 
 def _run_all(cases: Sequence[Case], out: Path, voice: Voice) -> None:
     """Run cases one after the other until the user stops one; their warnings, and what their audits
     missed, are said last."""
+    from cosim.solve.session import Session
+
     summaries: dict[str, Mapping[str, Any] | None] = {}
-    failed = 0
+    failed, session = 0, Session(checkpoints=out)
     for case in cases:
         try:
-            summaries[case.name] = _run_one(case, out, voice)
+            summaries[case.name] = _run_one(case, out, session, voice)
         except CosimError as error:
             summaries[case.name] = None
             failed = max(failed, tell(type(error)(f"{case.name}: {error}")))
@@ -106,17 +107,17 @@ def _check_targets(cases: Sequence[Case], out: Path) -> None:
         check_target(out, name)
 
 
-def _run_one(case: Case, out: Path, voice: Voice) -> Mapping[str, Any]:
+def _run_one(case: Case, out: Path, session: Session, voice: Voice) -> Mapping[str, Any]:
     """Run, write and show one case; its summary.  Raises CosimError."""
     from cosim.pipeline import run_case
-    from cosim.results.write import write_result
+    from cosim.solve.motion import unfinished_folder
 
-    unfinished = _unfinished(case, out)
+    unfinished = unfinished_folder(case, out)
     try:
         with _progress(case.name, voice) as say:
-            result = run_case(case, say, unfinished)
+            result = run_case(case, session, say)
             say("writing the results")
-            folder = write_result(out, case, result)
+            folder = result.save(out)
     except KeyboardInterrupt:
         raise StoppedError(f"stopped before its end; {_what_stays(unfinished)}") from None
     except ConvergenceError:
@@ -132,10 +133,6 @@ def _run_one(case: Case, out: Path, voice: Voice) -> Mapping[str, Any]:
     return result.summary
 
 
-def _keeps_checkpoints(case: Case) -> bool:
-    return case.forward is not None and case.forward.checkpoint != 0 and case.hood.kind != "split"
-
-
 def _what_stays(unfinished: Path | None) -> str:
     from cosim.coupling.checkpoint import NAME
 
@@ -149,36 +146,22 @@ def _forget(unfinished: Path | None) -> None:
         shutil.rmtree(unfinished, ignore_errors=True)
 
 
-def _unfinished(case: Case, out: Path) -> Path | None:
-    """The folder where a motion keeps its checkpoints until it has ended, with its case in it; None
-    for a case that keeps none.  Raises InputError where it cannot be made."""
-    if not _keeps_checkpoints(case):
-        return None
-    from cosim.case.file import resolved_toml
-    from cosim.files import written_whole
+def _check_unfinished(cases: Sequence[Case], out: Path, restart: bool) -> None:
+    """Raises InputError for a motion of which a part is kept, which a new run would throw away;
+    with `restart` it is thrown away."""
+    from cosim.solve.motion import has_begun, unfinished_folder
 
-    folder = out / f"{case.name}{UNFINISHED}"
-    if case.source.parent.resolve() != folder.resolve():  # not resumed: from the start
-        shutil.rmtree(folder, ignore_errors=True)
-        with written_whole(folder / "case.toml") as part:
-            part.write_text(resolved_toml(case), encoding="utf-8")
-    return folder
-
-
-def _check_unfinished(cases: Sequence[Case], out: Path) -> None:
-    """Raises InputError for a motion of which a part is kept, which a new run would throw away."""
-    from cosim.case.file import resolved_toml
-    from cosim.coupling.checkpoint import NAME
-
-    for case in filter(_keeps_checkpoints, cases):
-        folder = out / f"{case.name}{UNFINISHED}"
-        if not (folder / NAME).is_file():
+    for case in cases:
+        if not has_begun(case, out):
             continue
-        if (folder / "case.toml").read_text(encoding="utf-8") == resolved_toml(case):
+        folder = unfinished_folder(case, out)
+        assert folder is not None  # of a motion that has begun
+        if not restart:
             raise InputError(
                 f"{shown(folder)}: holds a part of this run, which was stopped or killed. Go on "
                 f"with: cosim resume {shown(folder)}; or add --restart to begin anew"
             )
+        _forget(folder)
 
 
 def resume(
@@ -186,15 +169,16 @@ def resume(
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
-    """Go on with a coupled motion that was stopped or killed, from its last checkpoint."""
+    """Go on with a motion that was stopped or killed, from its last checkpoint."""
     from cosim.case.file import load_case
+    from cosim.solve.motion import UNFINISHED
 
     name = run.name.removesuffix(UNFINISHED)
     with told():
         file = run.with_name(name + UNFINISHED) / "case.toml"
         if not file.is_file():
             raise InputError(
-                f"{run}: nothing was cut off here: only a coupled motion that was stopped or "
+                f"{run}: nothing was cut off here: only a motion that was stopped or "
                 f"killed leaves a folder RUN{UNFINISHED}"
             )
         case = load_case(file).model_copy(update={"name": name})

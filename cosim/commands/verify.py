@@ -125,7 +125,7 @@ def info() -> None:
 def _facts() -> Iterator[tuple[str, str]]:
     from importlib.metadata import version
 
-    from cosim import __version__
+    from cosim.version import __version__
     from fe_solver.elements import kernels
     from fe_solver.solver.linear_algebra import BACKENDS, FASTER, VARIABLE, available, chosen
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cosim.coupling.schemes import Linear, Scheme, step
+from cosim.coupling.schemes import Alone, Linear, Scheme, step
 from cosim.coupling.state import Coupled, Pulls
 from cosim.port import ConvergenceError, Hood, InputError, MovingFinger
 
@@ -98,11 +98,15 @@ def _tried(
     try:
         half = step(scheme, finger, hood, state, tension, 0.5 * h)
         halves = step(scheme, finger, hood, half, tension, 0.5 * h)
-        whole = step(Linear(), finger, hood, state, tension, h)
+        whole = step(_of_whole(scheme), finger, hood, state, tension, h)
     except ConvergenceError as failure:
         return failure
     error = np.abs(finger.angles(halves.finger) - finger.angles(whole.finger)).max()
     return half, halves, float(error), whole.solves - state.solves
+
+
+def _of_whole(scheme: Scheme) -> Scheme:
+    return scheme if isinstance(scheme, Alone) else Linear()
 
 
 def _growth(tolerance: float, error: float) -> float:

@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from cosim import __version__
 from cosim.coupling.motion import Frame, Moment
 from cosim.coupling.state_arrays import Special, flattened, rebuilt
 from cosim.files import written_whole
 from cosim.port import Array, InputError
+from cosim.version import __version__
 
 NAME = "checkpoint.npz"
 FRAMES = "frames"
@@ -29,8 +29,8 @@ class Kept:
     """A motion so far: its state, and the frames and fingertip wrenches of the steps behind."""
 
     moment: Moment
-    frames: tuple[Frame, ...]
-    tips: tuple[Array, ...]
+    frames: Sequence[Frame]
+    tips: Sequence[Array]
 
 
 def write_checkpoint(folder: Path, case: str, kept: Kept, special: Special) -> None:

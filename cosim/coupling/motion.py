@@ -6,7 +6,7 @@ Muscles pull with the lengths that their paths had at the end of the step before
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
@@ -48,6 +48,14 @@ class WatchedFinger(MovingFinger, Protocol):
 
     def dissipation(self, state: State) -> float:
         """W, of the damping of joints and limits."""
+        ...
+
+    def device_loss(self, state: State) -> float:
+        """J, that a device about the fingertip dissipated in the step that ended in the state."""
+        ...
+
+    def stored(self, state: State) -> Mapping[str, float]:
+        """J by kind: the parts of `energy`; empty where only their sum is known."""
         ...
 
     def tip_wrench(self, state: State) -> Array:
@@ -96,7 +104,9 @@ class Moment:
     coupled: Coupled
     puller: State
     dissipated: float
-    """J, by the joints and limits since the start."""
+    """J, by the joints and limits since the start, and"""
+    slipped: float
+    """by a device about the fingertip."""
     pace: Pace
     draw: Draw
     """Of the tendons whose ends are displaced."""
@@ -153,7 +163,7 @@ class Moves:
         draw = begun(tension[index], self._excursions(coupled)[index])
         lengths = np.concatenate([-coupled.point.excursion, self._own(coupled.finger)])
         pulls = self.puller.settled(pulls, lengths)
-        return Moment(coupled, pulls, 0.0, Pace(self.dt), draw)
+        return Moment(coupled, pulls, 0.0, 0.0, Pace(self.dt), draw)
 
     def first_pull(self, state: State) -> tuple[State, Array]:
         """What pulls at t = 0 on the finger in `state`, and with what tensions (nt,) N."""
@@ -169,8 +179,9 @@ class Moves:
             after, draw = self._drawn(at, pull.tension, time)
         else:
             after, draw = self._stepped(at.coupled, pull.tension), at.draw
-        lost = self.dt * self.finger.dissipation(after.finger)
-        return Moment(after, pull.state, at.dissipated + lost, at.pace, draw)
+        lost = at.dissipated + self.dt * self.finger.dissipation(after.finger)
+        slipped = at.slipped + self.finger.device_loss(after.finger)
+        return Moment(after, pull.state, lost, slipped, at.pace, draw)
 
     def _drawn(self, at: Moment, tension: Array, time: float) -> tuple[Coupled, Draw]:
         """A step under tensions (nt,) N, those of displaced tendons to be found; the hood solves of

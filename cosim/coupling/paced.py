@@ -46,8 +46,8 @@ def stepped(moves: Moves, control: Control, at: Moment, until: float) -> tuple[M
 
     dt = _first_try(until - c.time, at.pace.proposed)
     found = adaptive(moves.scheme, moves.finger, moves.hood, c, tension, dt, control)
-    half = _after(moves, at, found.half, 0.5 * found.taken)
-    whole = _after(moves, at, found.state, 0.5 * found.taken, half.dissipated)
+    half = _after(moves, at, at, found.half, 0.5 * found.taken)
+    whole = _after(moves, at, half, found.state, 0.5 * found.taken)
     return half, replace(whole, pace=_pace(at.pace, found))
 
 
@@ -58,12 +58,11 @@ def _first_try(left: float, proposed: float) -> float:
     return min(proposed, 0.5 * left)
 
 
-def _after(
-    moves: Moves, at: Moment, c: Coupled, dt: float, dissipated: float | None = None
-) -> Moment:
-    lost = dt * moves.finger.dissipation(c.finger)
-    before = at.dissipated if dissipated is None else dissipated
-    return Moment(c, moves.pulled(at, c.time).state, before + lost, at.pace, at.draw)
+def _after(moves: Moves, at: Moment, before: Moment, c: Coupled, dt: float) -> Moment:
+    """The state `c`, `dt` s after `before`, in the step that began at `at`."""
+    lost = before.dissipated + dt * moves.finger.dissipation(c.finger)
+    slipped = before.slipped + moves.finger.device_loss(c.finger)
+    return Moment(c, moves.pulled(at, c.time).state, lost, slipped, at.pace, at.draw)
 
 
 def _pace(before: Pace, found: Adapted) -> Pace:

@@ -7,6 +7,7 @@ In a step from t to t + h the finger moves under what the scheme knows of the ho
     Implicit              w(q+), held, by a fixed point in the joint angles q+, accelerated
     Newton                w at the last iterate with its tangent, until that iterate is q+
     Linear                w at the predicted pose q + h v with its tangent, once
+    Alone                 no hood is asked: for one that never pushes
 
 The angles agree to `tolerance` (rad).  Where wrenches are compared, moments count over `length`, so
 that N and N m do not mix.  Nothing here has a state: `Coupled` is a value, and a step may be
@@ -88,7 +89,12 @@ class Linear:
     length: float = LENGTH
 
 
-Scheme = Explicit | Implicit | Newton | Linear
+@dataclass(frozen=True)
+class Alone:
+    """For a hood without tendons that never pushes: it is asked once, at the start."""
+
+
+Scheme = Explicit | Implicit | Newton | Linear | Alone
 
 
 def begin(
@@ -136,6 +142,8 @@ def step(
         return after
     if isinstance(scheme, Linear):
         return _linear(scheme, finger, hood, state, tension, dt)
+    if isinstance(scheme, Alone):
+        return _alone(finger, state, tension, dt)
     return _iterated(scheme, finger, hood, state, tension, dt)
 
 
@@ -151,6 +159,20 @@ def _explicit(
     point = standing(answer, finger.motion(finger.angles(moved)))
     after = followed(finger, state, moved, answer, point, applied, pulls, dt)
     return replace(after, residual=residual, solves=state.solves + 1)
+
+
+def _alone(finger: MovingFinger, state: Coupled, tension: Pulls, dt: float) -> Coupled:
+    pulls = tension(state.time + dt)
+    moved = finger.step(state.finger, state.answer.held(), pulls[1], dt)
+    energy = _with_own_work(finger, state, moved, pulls[1])
+    return replace(state, finger=moved, time=state.time + dt, tension=pulls, energy=energy)
+
+
+def _with_own_work(finger: MovingFinger, state: Coupled, moved: State, tension: Array) -> Energy:
+    then, now = (finger.path_lengths(finger.angles(at)) for at in (state.finger, moved))
+    work, e = 0.5 * (state.tension[1] + tension) * (then - now), state.energy
+    effort = e.effort + float(np.abs(work).sum())
+    return replace(e, own=e.own + float(work.sum()), effort=effort)
 
 
 def _linear(

@@ -85,6 +85,14 @@ class FmuMovingFinger:
         """W, of the damping of joints and limits."""
         return state.dissipation
 
+    def device_loss(self, state: MovingAt) -> float:
+        """None is told."""
+        return 0.0
+
+    def stored(self, state: MovingAt) -> dict[str, float]:
+        """Only their sum is told."""
+        return {}
+
     def tip_wrench(self, state: MovingAt) -> Array:
         """(6,) N, and N m about the fingertip, of it on the world, world frame."""
         return state.tip

@@ -12,7 +12,6 @@ from uuid import NAMESPACE_URL, uuid5
 
 import numpy as np
 
-from cosim import __version__
 from cosim.case.file import load_case
 from cosim.coupling.state_arrays import Special
 from cosim.fmu.quantity import WITH_TANGENT, Quantity
@@ -21,6 +20,7 @@ from cosim.fmu_export.part_of import part_of
 from cosim.fmu_export.state import Snapshot, Written
 from cosim.port import Array, CosimError, InputError
 from cosim.processes import one_blas_thread
+from cosim.version import __version__
 
 CASE, ABOUT = "case.toml", "about.json"
 """Files of a unit: the resolved case, and which part of it the unit is."""

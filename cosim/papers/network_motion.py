@@ -66,7 +66,7 @@ def contact(case: str, settings: tuple[str, ...] = ()) -> Contact:
 
     Raises InputError and ConvergenceError."""
     loaded = load_case(case, settings)
-    data = run_case(loaded).dataset
+    data = run_case(loaded).data
     models = build(loaded)
     hood, finger, stated = models.hood, models.finger, loaded.hood
     assert isinstance(stated, NetworkTable)

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from cosim import __version__
 from cosim.files import folder_written_whole
 from cosim.papers.figure import Figure, Study
 from cosim.port import InputError
+from cosim.version import __version__
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Sheet

@@ -24,7 +24,7 @@ from cosim.papers.thesis_models import (
     tip_force,
 )
 from cosim.port import Array
-from cosim.results.data import Result
+from cosim.results.result import Result
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -194,7 +194,7 @@ def _sources(run: Result) -> pd.DataFrame:
                 "force_N": float(np.linalg.norm(row.force)),
                 "moment_Nmm": 1e3 * float(np.linalg.norm(row.moment)),
             }
-            for row in run.ledger
+            for row in run.rows
             if row.state == "loaded" and row.body in BONES
         ]
     )

@@ -18,7 +18,7 @@ from cosim.fingers.common import CageTip
 from cosim.hoods.shell.table import Isotropic, ShellHood
 from cosim.pipeline import run_case
 from cosim.port import Array
-from cosim.results.data import Result
+from cosim.results.result import Result
 
 MESH: tuple[str, ...] = ()
 """Settings of every hood's mesh; none, as the cases ship."""

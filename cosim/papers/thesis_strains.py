@@ -11,7 +11,8 @@ from cosim.papers.figure import Figure
 from cosim.papers.lines import framed
 from cosim.papers.thesis_models import DIRECTIONS, MODULI, STATISTICS, hood_run
 from cosim.papers.thesis_rows import printed_numbers
-from cosim.results.data import HoodField, Result
+from cosim.results.parts import HoodField
+from cosim.results.result import Result
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

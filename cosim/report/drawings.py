@@ -14,7 +14,7 @@ import numpy as np
 from cosim.port import Array
 from cosim.results.compare import Comparison, ForceVector, Verdict, force_vectors, value_of
 from cosim.results.looks import look
-from cosim.results.read import Run
+from cosim.results.result import Result
 
 INKS = ("#00446b", "#0a7d6c", "#5b3a8e", "#2e6b3e", "#8c1d40", "#4d4d4d")
 """Dark enough for paper and for the letters of the legend."""
@@ -56,7 +56,7 @@ class Arrow:
         return math.hypot(*self.tip)
 
 
-def arrows_of(runs: Sequence[Run]) -> list[Arrow]:
+def arrows_of(runs: Sequence[Result]) -> list[Arrow]:
     """The model's forces, then those that they are compared with; none where all are zero."""
     found = list(_of_one(runs[0])) if len(runs) == 1 else list(_of_many(runs))
     given = [vector for run in runs for vector in force_vectors(run.comparison)]
@@ -80,13 +80,13 @@ Place = Callable[[float, float], tuple[float, float]]
 Drawn = tuple[str, tuple[float, float], str, tuple[float, ...], tuple[float, float] | None]
 
 
-def _of_one(run: Run) -> Iterator[Drawn]:
+def _of_one(run: Result) -> Iterator[Drawn]:
     inks = {"": INKS[0], REST: INKS[5], LESS: INKS[0]}
     for place, label, tip in states_of(run):
         yield f"model, {label}", tip, inks[place], DASHED if place == LESS else (), None
 
 
-def _of_many(runs: Sequence[Run]) -> Iterator[Drawn]:
+def _of_many(runs: Sequence[Result]) -> Iterator[Drawn]:
     """The loaded state of each run and what it has at rest; their difference only where a reference
     is one."""
     compared = any(row.target.quantity.startswith(LESS) for run in runs for row in run.comparison)
@@ -98,7 +98,7 @@ def _of_many(runs: Sequence[Run]) -> Iterator[Drawn]:
                 yield f"{run.name}, {label}", tip, one.colour, (*own[place], *one.dashes), None
 
 
-def states_of(run: Run) -> Iterator[tuple[str, str, tuple[float, float]]]:
+def states_of(run: Result) -> Iterator[tuple[str, str, tuple[float, float]]]:
     """Of the loaded state, the unloaded one and their difference: where the summary has it, its
     name, and the fingertip force (distal, palmar) N."""
     places = PLACES if "unloaded" in run.summary else {"": "at the end"}
@@ -107,7 +107,7 @@ def states_of(run: Run) -> Iterator[tuple[str, str, tuple[float, float]]]:
             yield place, label, tip
 
 
-def _in_plane(run: Run, place: str) -> tuple[float, float] | None:
+def _in_plane(run: Result, place: str) -> tuple[float, float] | None:
     distal, palmar = (
         value_of(run.summary, f"{place}fingertip_force_N.{axis}") for axis in ("distal", "palmar")
     )

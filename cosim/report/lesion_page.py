@@ -20,7 +20,7 @@ from cosim.report.strengths import carried, strength_of
 from cosim.report.tables import Cell, Table, asked
 from cosim.report.views import View, limits, view_of
 from cosim.results.compare import number, unit_of, value_of
-from cosim.results.read import Run
+from cosim.results.result import Result
 
 FIELD = "along"
 LEAST_ANGLE, LEAST_FORCE = 0.05, 0.005
@@ -32,8 +32,8 @@ class Pair:
     """A case before and after a lesion, the fingertip `tip`: free or held."""
 
     tip: str
-    before: Run
-    after: Run
+    before: Result
+    after: Result
 
 
 @dataclass(frozen=True)
@@ -201,7 +201,7 @@ def _maps(seen: Sequence[tuple[Pair, View, View]], marked: Sequence[str]) -> tup
     return out, colour_bar(fields[0], scale, inks)
 
 
-def _laid(run: Run) -> Array:
+def _laid(run: Result) -> Array:
     hood = run.hood
     assert hood is not None  # its sheet was drawn
     return hood.points - hood.point_data["displacement"]

@@ -18,7 +18,7 @@ from cosim.report.tables import SAGITTAL, SUM, Cell, Table, last_ledger, last_st
 from cosim.report.views import View, difference_view, floats, limits, packed, view_of
 from cosim.results.compare import number
 from cosim.results.looks import look
-from cosim.results.read import Run
+from cosim.results.result import Result
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -43,7 +43,7 @@ class Bar:
     angle: float | None
 
 
-def page(runs: Sequence[Run], against: Run | None, tables: Sequence[Table]) -> str:
+def page(runs: Sequence[Result], against: Result | None, tables: Sequence[Table]) -> str:
     """The whole page.  Raises InputError where it would be too large to send around."""
     from plotly.offline import get_plotlyjs
 
@@ -110,7 +110,7 @@ def own_file(name: str) -> str:
     return files("cosim.report").joinpath(name).read_text(encoding="utf-8")
 
 
-def _views(runs: Sequence[Run], against: Run | None) -> tuple[list[View], list[Any]]:
+def _views(runs: Sequence[Result], against: Result | None) -> tuple[list[View], list[Any]]:
     """Views with the colour scales of each: one for all runs, one for all differences."""
     views = [view_of(run) for run in ([*runs, against] if against is not None else runs)]
     gaps = []
@@ -132,7 +132,7 @@ def colours() -> list[str]:
     return [to_hex(colour) for colour in colormaps["viridis"](np.linspace(0, 1, 256))]
 
 
-def _picture(run: Run, name: str) -> str | None:
+def _picture(run: Result, name: str) -> str | None:
     """A picture of the run as a data address: each pixel as it is, in the smallest lossless format
     that browsers know."""
     content = run.picture(name)
@@ -143,18 +143,18 @@ def _picture(run: Run, name: str) -> str | None:
     try:
         image = Image.open(io.BytesIO(content)).convert("RGB")
     except (UnidentifiedImageError, OSError) as error:
-        raise InputError(f"{run.folder / name}.png: is no picture ({error})") from error
+        raise InputError(f"{run.folder}/{name}.png: is no picture ({error})") from error
     out = io.BytesIO()
     image.save(out, "WEBP", lossless=True)
     return "data:image/webp;base64," + base64.b64encode(out.getvalue()).decode("ascii")
 
 
-def _link(run: Run) -> str:
+def _link(run: Result) -> str:
     text = base64.b64encode(run.case_text.encode("utf-8")).decode("ascii")
     return f"data:text/plain;base64,{text}"
 
 
-def _bars(run: Run) -> list[tuple[str, list[Bar], str]]:
+def _bars(run: Result) -> list[tuple[str, list[Bar], str]]:
     """For each body its forces in the last state, the largest first, and what of them is small."""
     books = last_ledger(run)
     sizes = {
@@ -184,7 +184,7 @@ def _direction(wrench: np.ndarray) -> float | None:
     return float(np.rad2deg(np.arctan2(-palmar, distal)))
 
 
-def _histories(runs: Sequence[Run]) -> list[Any]:
+def _histories(runs: Sequence[Result]) -> list[Any]:
     """Of every motion: time s, change of the joint angles deg, fingertip force N, tensions N."""
     return [_history(run) for run in runs if run.axis == "time"]
 
@@ -202,10 +202,10 @@ def _line_looks(histories: Sequence[Any]) -> list[Any]:
     ]
 
 
-def _history(run: Run) -> Any:
-    count = run.dataset.sizes["time"]
+def _history(run: Result) -> Any:
+    count = run.data.sizes["time"]
     chosen = np.unique(np.linspace(0, count - 1, min(count, MOST_MOMENTS)).round().astype(int))
-    data = run.dataset.isel(time=chosen).transpose("time", ...)
+    data = run.data.isel(time=chosen).transpose("time", ...)
     angle = np.rad2deg(data.angle.values)
     tensions = {
         str(name): floats(data[variable].values[:, i])

@@ -13,7 +13,7 @@ import numpy as np
 
 from cosim.results.audit import BOUNDS, audit_figures
 from cosim.results.compare import COLUMNS, COMPONENTS, as_dict, number, unit_of, value_of
-from cosim.results.read import Run
+from cosim.results.result import Result
 
 FORMAT = "cosim report 1"
 Cell = str | float | bool | None
@@ -43,7 +43,7 @@ class Table:
     rows: tuple[tuple[Cell, ...], ...]
 
 
-def tables_of(runs: Sequence[Run], against: Run | None) -> list[Table]:
+def tables_of(runs: Sequence[Result], against: Result | None) -> list[Table]:
     """All tables, those without rows left out."""
     every = [*runs, against] if against is not None else [*runs]
     found = [_outcome(runs[0]) if len(every) == 1 else _side_by_side(runs, against)]
@@ -54,7 +54,7 @@ def tables_of(runs: Sequence[Run], against: Run | None) -> list[Table]:
     return [table for table in found if table.rows]
 
 
-def _outcome(run: Run) -> Table:
+def _outcome(run: Result) -> Table:
     """One run: its loaded state beside the unloaded one."""
     places = {"loaded": "", AT_REST: "unloaded."}
     if "unloaded" not in run.summary:
@@ -66,7 +66,7 @@ def _outcome(run: Run) -> Table:
     return Table("outcome", "What came out", ("quantity", "unit", *places), tuple(rows))
 
 
-def _side_by_side(runs: Sequence[Run], against: Run | None) -> Table:
+def _side_by_side(runs: Sequence[Result], against: Result | None) -> Table:
     """Several runs: a column each; against another the differences too.  Below the loaded state of
     what the hood does stands the unloaded one."""
     labels = dict(pair for run in (*runs, against) if run for pair in asked(run.summary))
@@ -81,7 +81,7 @@ def _side_by_side(runs: Sequence[Run], against: Run | None) -> Table:
     return Table("outcome", "Side by side", _columns(runs, against), tuple(rows))
 
 
-def _differences(runs: Sequence[Run], against: Run | None) -> Table:
+def _differences(runs: Sequence[Result], against: Result | None) -> Table:
     """The loaded state less the unloaded one, a column for each run."""
     labels = dict(pair for run in (*runs, against) if run for pair in asked(run.summary))
     by_quantity = {quantity: label for label, quantity in labels.items()}
@@ -93,14 +93,14 @@ def _differences(runs: Sequence[Run], against: Run | None) -> Table:
     return Table("difference", "Loaded less unloaded", _columns(runs, against), kept)
 
 
-def _columns(runs: Sequence[Run], against: Run | None) -> tuple[str, ...]:
+def _columns(runs: Sequence[Result], against: Result | None) -> tuple[str, ...]:
     names = [run.name for run in runs]
     if against is not None:
         names += [against.name, *(f"{run.name} less {against.name}" for run in runs)]
     return ("quantity", "unit", *names)
 
 
-def _values(runs: Sequence[Run], against: Run | None, quantity: str) -> list[Cell]:
+def _values(runs: Sequence[Result], against: Result | None, quantity: str) -> list[Cell]:
     values = [value_of(run.summary, quantity) for run in runs]
     if against is None:
         return [*values]
@@ -133,7 +133,7 @@ def asked(summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         yield f"energy: {name.replace('_', ' ')}", f"energy_mJ.{name}"
 
 
-def _tendons(run: Run, place: int) -> Table:
+def _tendons(run: Result, place: int) -> Table:
     """Tension, excursion and moment arms of each tendon, at the end."""
     arms = run.summary.get("moment_arm_mm", {})
     joints = tuple(dict.fromkeys(joint for by_joint in arms.values() for joint in by_joint))
@@ -152,12 +152,12 @@ def _tendons(run: Run, place: int) -> Table:
     return Table(f"tendons_{place}", f"Tendons of {run.name}", ("tendon", *kept, *heads), rows)
 
 
-def _comparison(run: Run, place: int) -> Table:
+def _comparison(run: Result, place: int) -> Table:
     rows = tuple(tuple(as_dict(row).values()) for row in run.comparison)
     return Table(f"comparison_{place}", f"{run.name} beside data", COLUMNS, rows)
 
 
-def _ledger(run: Run, place: int) -> Table:
+def _ledger(run: Result, place: int) -> Table:
     """The last state: each body's forces by source, (distal, palmar, radial), and their sum."""
     columns = ("body", "source", *LEDGER, "Mradial N mm")
     rows: list[tuple[Cell, ...]] = []
@@ -171,22 +171,22 @@ def _ledger(run: Run, place: int) -> Table:
     )
 
 
-def last_state(run: Run) -> str:
+def last_state(run: Result) -> str:
     """The last state of the ledger."""
-    return run.ledger[-1].state if run.ledger else ""
+    return run.rows[-1].state if run.rows else ""
 
 
-def last_ledger(run: Run) -> dict[str, dict[str, Any]]:
+def last_ledger(run: Result) -> dict[str, dict[str, Any]]:
     """By body and source, in the last state: (6,) N and N m, (distal, palmar, radial) each."""
     out: dict[str, dict[str, Any]] = {}
-    for row in run.ledger:
+    for row in run.rows:
         if row.state == last_state(run):
             wrench = np.concatenate([SAGITTAL @ row.force, SAGITTAL @ row.moment])
             out.setdefault(row.body, {})[row.source] = wrench
     return out
 
 
-def _audit(run: Run, place: int) -> Table:
+def _audit(run: Result, place: int) -> Table:
     """Each check with the bound that the program holds it to, and the counts of iterations."""
     missed = set(run.summary.get("audit_missed", ()))
     checks = audit_figures(run.summary)
@@ -210,7 +210,7 @@ def _audit(run: Run, place: int) -> Table:
     )
 
 
-def _numbers(runs: Sequence[Run], against: Run | None) -> Table:
+def _numbers(runs: Sequence[Result], against: Result | None) -> Table:
     """Every number of the summaries, by the path that a target's `quantity` names it by."""
     every = [*runs, against] if against is not None else [*runs]
     paths = dict.fromkeys(p for run in every for p in _leaves(run.summary, ""))
@@ -234,7 +234,7 @@ def _leaves(value: Any, path: str) -> Iterator[str]:
         yield path
 
 
-def as_json(runs: Sequence[Run], tables: Sequence[Table]) -> str:
+def as_json(runs: Sequence[Result], tables: Sequence[Table]) -> str:
     """All tables, numbers in full."""
     content = {
         "format": FORMAT,

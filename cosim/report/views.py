@@ -16,8 +16,8 @@ from cosim.hoods.pulley import PulleyHood
 from cosim.port import Array, InputError, Motion
 from cosim.report.flat import laid_out
 from cosim.report.tables import SAGITTAL
-from cosim.results.data import STRAIN, HoodField
-from cosim.results.read import Run
+from cosim.results.parts import STRAIN, HoodField
+from cosim.results.result import Result
 from cosim.results.scene_plot import thinned
 from cosim.results.strokes import carry, families_of, stroke_cells, strokes
 from meshes.hood_mesh import REGIONS
@@ -95,9 +95,9 @@ class View:
     notes: tuple[str, ...]
 
 
-def view_of(run: Run) -> View:
+def view_of(run: Result) -> View:
     """The run's frames: every state of a load axis, some of the times of a motion."""
-    data, axis = run.dataset, run.axis
+    data, axis = run.data, run.axis
     chosen = _chosen(data.sizes[axis])
     angles = data.angle.transpose(axis, "joint").values[chosen]
     force = data.tip_force.transpose(axis, "axis").values[chosen]
@@ -115,6 +115,7 @@ def view_of(run: Run) -> View:
         sheet,
         notes,
     )
+    assert run.folder is not None  # of a run that was read
     try:
         return _with_finger(view, load_case(run.folder / "case.toml"))
     except InputError as error:
@@ -126,8 +127,8 @@ def _chosen(count: int) -> np.ndarray:
     return np.unique(np.linspace(0, count - 1, min(count, MOST_FRAMES)).round().astype(int))
 
 
-def _labels(run: Run, chosen: np.ndarray) -> tuple[str, ...]:
-    values = run.dataset[run.axis].values[chosen]
+def _labels(run: Result, chosen: np.ndarray) -> tuple[str, ...]:
+    values = run.data[run.axis].values[chosen]
     return tuple(f"{v:.4g} s" for v in values) if run.axis == "time" else tuple(map(str, values))
 
 
@@ -159,7 +160,7 @@ def _with_finger(view: View, case: Case) -> View:
     return replace(view, bones=tuple(bones), tendons=tuple(paths), tip=np.array(tips))
 
 
-def _net(run: Run, chosen: np.ndarray) -> tuple[Mapping[str, Array], ...]:
+def _net(run: Result, chosen: np.ndarray) -> tuple[Mapping[str, Array], ...]:
     """For each frame the lines (k, 3) m of a hood of cables, which it has at its end where the run
     stored it there alone; none of another hood."""
     hood = run.hood
@@ -168,10 +169,10 @@ def _net(run: Run, chosen: np.ndarray) -> tuple[Mapping[str, Array], ...]:
     strand, cells = hood.cell_data["strand"], hood.quads
     breaks = np.flatnonzero((cells[1:, 0] != cells[:-1, 1]) | np.diff(strand).astype(bool)) + 1
     lines = [np.append(part[:, 0], part[-1, 1]) for part in np.split(cells, breaks)]
-    if "node" not in run.dataset:
+    if "node" not in run.data:
         bare: tuple[Mapping[str, Array], ...] = ({},) * (len(chosen) - 1)
         return (*bare, _named(lines, hood.points))
-    frames = run.dataset.node.isel({run.axis: chosen}).transpose(run.axis, ...).values
+    frames = run.data.node.isel({run.axis: chosen}).transpose(run.axis, ...).values
     return tuple(_named(lines, points) for points in frames)
 
 
@@ -179,7 +180,7 @@ def _named(lines: Sequence[np.ndarray], points: Array) -> dict[str, Array]:
     return {f"cable {i + 1}": points[line] for i, line in enumerate(lines)}
 
 
-def _sheet(run: Run, chosen: np.ndarray) -> tuple[Sheet | None, tuple[str, ...]]:
+def _sheet(run: Result, chosen: np.ndarray) -> tuple[Sheet | None, tuple[str, ...]]:
     """The hood in every frame where the run stored that, else as it was at the end."""
     hood = run.hood
     if hood is None:
@@ -187,8 +188,8 @@ def _sheet(run: Run, chosen: np.ndarray) -> tuple[Sheet | None, tuple[str, ...]]
     reference = hood.points - hood.point_data["displacement"]
     cells, region = hood.cell_data, tuple(REGIONS[int(i)] for i in hood.cell_data["region"])
     flat, last = laid_out(reference, hood.quads), len(chosen) - 1
-    if {"node", "strain", "stress", "pressure"} <= set(run.dataset):
-        data = run.dataset.isel({run.axis: chosen}).transpose(run.axis, ...)
+    if {"node", "strain", "stress", "pressure"} <= set(run.data):
+        data = run.data.isel({run.axis: chosen}).transpose(run.axis, ...)
         shown = len(hood.quads) // data.sizes["quad"]  # quads that show an element
         strain, stress = (
             np.repeat(of.transpose(run.axis, "quad", ...).values, shown, axis=1)

@@ -11,7 +11,7 @@ import numpy as np
 from cosim.report.tables import last_ledger
 from cosim.results.compare import COMPONENTS, Comparison, number, tally, value_of
 from cosim.results.load_and_rest import describe_rest
-from cosim.results.read import Run
+from cosim.results.result import Result
 
 FINGERS = {
     "index": "index finger of a right hand",
@@ -50,7 +50,7 @@ PULLS = {"activation", "tension", "excursion", "course"}
 """What a case says of a tendon that it pulls."""
 
 
-def question(run: Run) -> list[tuple[str, str]]:
+def question(run: Result) -> list[tuple[str, str]]:
     """What was asked, from the case: heading and words."""
     finger, hood = _table(run.stated, "finger"), _table(run.stated, "hood")
     tip = str(_table(finger, "tip").get("kind", "free"))
@@ -96,7 +96,7 @@ def _time(stated: Mapping[str, Any]) -> str:
     return f"a motion of {forward.get('duration', '')} in steps of {forward.get('step', '')}"
 
 
-def pulled(run: Run) -> str:
+def pulled(run: Result) -> str:
     """The tendons that the case pulls, with their tensions at the end."""
     tensions = run.summary.get("tension_N", {})
     named = [
@@ -113,7 +113,7 @@ def _table(stated: Mapping[str, Any], key: str) -> Mapping[str, Any]:
     return found if isinstance(found, Mapping) else {}
 
 
-def answer(run: Run) -> str:
+def answer(run: Result) -> str:
     """What came out, in a sentence or three."""
     has_rest = "unloaded" in run.summary
     force = [value_of(run.summary, f"fingertip_force_N.{axis}") for axis in COMPONENTS]
@@ -148,19 +148,19 @@ def answer(run: Run) -> str:
     return " ".join(parts).replace("-", "−")
 
 
-def _at_rest(run: Run, quantity: str) -> str:
+def _at_rest(run: Result, quantity: str) -> str:
     """A force of the unloaded state in words, to follow that of the loaded one."""
     value = value_of(run.summary, f"unloaded.{quantity}")
     return "" if value is None else f", {value:.2f} N at rest"
 
 
-def rest(run: Run) -> list[str]:
+def rest(run: Result) -> list[str]:
     """What there is at rest beside what the load changes, a sentence for each quantity; or why
     that is not judged."""
     return [f"{name[0].upper()}{name[1:]}: {text}." for name, text in describe_rest(run.summary)]
 
 
-def trust(run: Run) -> str:
+def trust(run: Result) -> str:
     """What the audit found."""
     missed = run.summary.get("audit_missed")
     if missed is None:
@@ -172,7 +172,7 @@ def trust(run: Run) -> str:
     return f"All {count} checks of the audit were kept." if count > 1 else "The audit was kept."
 
 
-def closure(run: Run) -> str:
+def closure(run: Result) -> str:
     """How nearly the forces on each bone add up to zero; nothing of a run whose finger does not
     tell all its forces."""
     sums = {
@@ -186,7 +186,7 @@ def closure(run: Run) -> str:
     return f"On each bone they add up to zero within {most}; the ground holds the first."
 
 
-def doubts(run: Run) -> Iterator[str]:
+def doubts(run: Result) -> Iterator[str]:
     """What a reader must know before believing a number."""
     if run.summary.get("came_to_rest") is False:
         yield "The finger was still moving at the end."
@@ -196,7 +196,7 @@ def doubts(run: Run) -> Iterator[str]:
         yield trust(run)
 
 
-def warnings(runs: Sequence[Run]) -> Iterator[str]:
+def warnings(runs: Sequence[Result]) -> Iterator[str]:
     """What the runs warn of, with the run's name where there are several."""
     for run in runs:
         name = f"{run.name}: " if len(runs) > 1 else ""
@@ -214,7 +214,7 @@ def score(rows: Sequence[Comparison]) -> str:
     return f"{len(rows)} {word}: {said}"
 
 
-def commands(runs: Sequence[Run], against: Run | None) -> str:
+def commands(runs: Sequence[Result], against: Result | None) -> str:
     """The lines that make the runs and this report again, from the cases saved beside."""
     every = [*runs, against] if against is not None else [*runs]
     lines = [f"# cosim-hand {_version(run)}" for run in every]
@@ -226,15 +226,15 @@ def commands(runs: Sequence[Run], against: Run | None) -> str:
     return "\n".join(lines)
 
 
-def _version(run: Run) -> str:
+def _version(run: Result) -> str:
     return str(run.summary.get("version", "?"))
 
 
-def _folder(run: Run) -> str:
+def _folder(run: Result) -> str:
     """The folder below `runs` that tells runs of one name apart."""
     above = run.name.rpartition("/")[0]
     return f"/{above}" if above else ""
 
 
-def _place(run: Run) -> str:
+def _place(run: Result) -> str:
     return f"runs{_folder(run)}/{run.case}"

@@ -42,6 +42,31 @@ POSTURE = "posture_in_range"
 BEYOND = "a joint stands far beyond its range of motion; hold the fingertip, or pull with less"
 
 
+@dataclass(frozen=True)
+class Audit:
+    """The audit of a run: its figures, their bounds, and what it missed."""
+
+    figures: Mapping[str, float]
+    missed: tuple[str, ...]
+
+    @classmethod
+    def read(cls, summary: Mapping[str, Any]) -> Audit:
+        """That of a summary."""
+        return cls(audit_figures(summary), tuple(summary.get("audit_missed", ())))
+
+    @property
+    def passed(self) -> bool:
+        return not self.missed
+
+    @property
+    def bounds(self) -> dict[str, float]:
+        """The largest value that each figure may have; those without a bound are left out."""
+        return {name: BOUNDS[name].most for name in self.figures if name in BOUNDS}
+
+    def __str__(self) -> str:
+        return "audit passed" if self.passed else f"AUDIT MISSED: {', '.join(self.missed)}"
+
+
 def audit_figures(summary: Mapping[str, Any]) -> dict[str, float]:
     """The figures of a summary's audit, and those beside it that have a bound."""
     beside = {name: summary[name] for name in BOUNDS if name in summary}

@@ -8,17 +8,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cosim import __version__
 from cosim.build.double_count import counted_twice
 from cosim.build.models import cables_of, drawn_cables
+from cosim.case.file import resolved_toml
 from cosim.case.schema import Case
 from cosim.fmu.finger import FmuFinger, Met
 from cosim.port import Array
 from cosim.results.audit import missed_bounds
 from cosim.results.conventions import COMPONENTS, IN_METACARPAL
-from cosim.results.data import LedgerRow, Result, Scene
 from cosim.results.load_and_rest import rest_block, rest_warnings
+from cosim.results.parts import LedgerRow, Scene
+from cosim.results.result import Result
 from cosim.solve.fmu import Settled, settled
+from cosim.version import __version__
 
 if TYPE_CHECKING:
     import xarray
@@ -38,7 +40,14 @@ def settled_result(case: Case, progress: Progress) -> Result:
     rows = [row for name, state in found.states.items() for row in _ledger(found, name, state)]
     scene = _scene(case, found.states["loaded"])
     wall = time.perf_counter() - started
-    return Result(_summary(case, found, wall), _dataset(found), tuple(rows), scene)
+    return Result(
+        _summary(case, found, wall),
+        _dataset(found),
+        tuple(rows),
+        scene,
+        resolved_toml(case),
+        case.name,
+    )
 
 
 def _summary(case: Case, found: Settled, wall: float) -> dict[str, Any]:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cosim.results.data import LedgerRow
 from cosim.results.looks import Look, look
+from cosim.results.parts import LedgerRow
 
 if TYPE_CHECKING:
     import pandas

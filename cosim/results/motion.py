@@ -1,100 +1,86 @@
-"""From a coupled motion to a result: the end in numbers, the history as arrays."""
+"""From a motion to a result: the end in numbers, the history as arrays."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cosim import __version__
 from cosim.build.double_count import pairs
 from cosim.build.models import drawn_cables
+from cosim.build.motion import Together
+from cosim.case.file import resolved_toml
 from cosim.case.schema import Case, held_by
+from cosim.coupling.checkpoint import Kept
 from cosim.coupling.motion import Frame, Moment
 from cosim.port import Array
 from cosim.results.air import air_data, air_end
 from cosim.results.audit import missed_bounds
 from cosim.results.conventions import COMPONENTS, IN_METACARPAL
-from cosim.results.data import LedgerRow, Result, Scene
 from cosim.results.fmu import OPEN
 from cosim.results.load_and_rest import NO_UNLOADED
-from cosim.results.scene import drawn_hood
+from cosim.results.parts import LedgerRow, Scene, ledger_rows
+from cosim.results.result import Result
+from cosim.results.scene import drawn_hood, placed_bones
+from cosim.solve.motion import Moved
+from cosim.version import __version__
 
 if TYPE_CHECKING:
     import xarray
 
-    from cosim.build.motion import Together
+MOST_TIMES = 250
+"""In a ledger: of more steps, as many are booked as evenly as can be, the last among them."""
+SMALL_TORQUE = 1e-12
+"""N m."""
 
 
-def motion_result(
-    case: Case,
-    t: Together,
-    frames: Sequence[Frame],
-    tips: Sequence[Array],
-    end: Moment,
-    wall: float,
-) -> Result:
-    """Everything that a coupled motion leaves behind; tips: (6,) N and N m of the fingertip on the
-    world, for each frame."""
+def observe_motion(case: Case, moved: Moved, wall: float) -> Result:
+    """Everything that a motion leaves behind."""
     return Result(
-        _summary(case, t, frames, tips, end, wall),
-        _dataset(t, frames, tips),
-        tuple(_ledger(t, frames, tips)),
-        _scene(t, end, tips[-1]),
+        _summary(case, moved, wall),
+        _dataset(moved.models, moved.kept),
+        tuple(_ledger(moved.models, moved.kept)),
+        _scene(moved.models, moved.kept),
+        resolved_toml(case),
+        case.name,
     )
 
 
-def _summary(
-    case: Case,
-    t: Together,
-    frames: Sequence[Frame],
-    tips: Sequence[Array],
-    end: Moment,
-    wall: float,
-) -> dict[str, Any]:
+def _summary(case: Case, moved: Moved, wall: float) -> dict[str, Any]:
+    t, frames, tips, end = moved.models, moved.kept.frames, moved.kept.tips, moved.kept.moment
     finger, hood, last = t.finger, t.hood, frames[-1]
-    coupled, energy = end.coupled, end.coupled.energy
-    force = IN_METACARPAL @ tips[-1][:3]
     audit = {
         "hood_force_balance": max(f.imbalance[0] for f in frames),
         "hood_moment_balance": max(f.imbalance[1] for f in frames),
     }
-    gained = last.energy - frames[0].energy
-    work = energy.tendons + energy.own
-    stored = energy.tendons - energy.hood
-    artificial = work - gained - stored - end.dissipated
-    effort = max(energy.effort, 1e-12)
-    steps = len(frames) - 1
+    energy, artificial = _energy(moved)
+    force = IN_METACARPAL @ tips[-1][:3]
     out: dict[str, Any] = {
         "case": case.name,
         "version": __version__,
         "converged": True,
         "wall_s": round(wall, 4),
         "fingertip_device": held_by(case),
+        "came_to_rest": moved.rest.is_reached,
+        "last_rate_rad_per_s": moved.rest.rate,
+        "last_force_change_N": moved.rest.change,
         "posture_deg": dict(zip(finger.joints, np.rad2deg(last.angles).tolist(), strict=True)),
-        "last_rate_rad_per_s": float(np.abs(last.rates).max()),
         "tension_N": dict(
             zip((*hood.tendons, *finger.tendons), last.tension.tolist(), strict=True)
         ),
         "excursion_mm": dict(zip(hood.tendons, (1e3 * last.excursion).tolist(), strict=True)),
         "fingertip_force_N": force.tolist(),
         "fingertip_magnitude_N": float(np.linalg.norm(force)),
-        "energy_mJ": {
-            "tendons": 1e3 * energy.tendons,
-            "own_tendons": 1e3 * energy.own,
-            "finger": 1e3 * gained,
-            "hood_stored": 1e3 * stored,
-            "joints_dissipated": 1e3 * end.dissipated,
-            "artificial": 1e3 * artificial,
-        },
+        "fingertip_moment_Nmm": (1e3 * IN_METACARPAL @ tips[-1][3:]).tolist(),
+        "energy_mJ": energy,
         "largest_interface_residual": max(f.residual for f in frames),
         "coupling_scheme": case.coupling.scheme,
-        "audit": {**audit, "artificial_energy_over_effort": abs(artificial) / effort},
-        "audit_missed": missed_bounds(audit),
+        "audit": {**audit, **_balance_at_rest(moved), "artificial_energy_over_effort": artificial},
         "rest": {"exempt": NO_UNLOADED},
-        "iterations": {"steps": steps, "hood_solves": coupled.solves},
+        "iterations": {"steps": len(frames) - 1, "hood_solves": end.coupled.solves},
     }
+    out["audit_missed"] = missed_bounds(out["audit"])
     if case.forward is not None and case.forward.adaptive is not None:
         out["step_control"] = _steps(end, frames)
     if names := t.moves.driven.names:
@@ -105,12 +91,80 @@ def _summary(
     if twice := [str(pair) for pair in pairs(case, hood, finger)]:
         out["double_counted"] = twice
     if lengths := t.pulls.lengths(end.puller):
-        out["muscle"] = {
-            name: {"normalised_fibre_length": length} for name, length in lengths.items()
-        }
+        out["muscle"] = {name: _muscle(case, name, length) for name, length in lengths.items()}
     if t.pulls.cylinders:
         out["air"] = air_end(t.pulls.cylinders, last.drive)
     return out
+
+
+def _muscle(case: Case, name: str, length: float) -> dict[str, Any]:
+    tendon = case.tendons[name]
+    return {
+        "activation": tendon.activation,
+        "normalised_fibre_length": length,
+        "assumed_normalised_fibre_length_unloaded": (
+            None if tendon.muscle is None else tendon.muscle.fibre_length
+        ),
+    }
+
+
+def _energy(moved: Moved) -> tuple[dict[str, float], float]:
+    """mJ, where the work of tendons and gravity went since the start; and what the method took from
+    it or gave to it, over the tendons' work without its signs."""
+    t, frames, end = moved.models, moved.kept.frames, moved.kept.moment
+    done = end.coupled.energy
+    stored = done.tendons - done.hood
+    lost = end.dissipated + end.slipped
+    artificial = done.tendons + done.own - (frames[-1].energy - frames[0].energy) - stored - lost
+    first, last = (t.finger.stored(at) for at in (t.begun, end.coupled.finger))
+    gained = {kind: last[kind] - first[kind] for kind in last}
+    parts = (
+        {
+            "gravity": -gained["height"],
+            "kinetic": gained["kinetic"],
+            "joints_stored": gained["joints"],
+            "device_stored": gained["device"],
+        }
+        if gained
+        else {"finger": frames[-1].energy - frames[0].energy}
+    )
+    energy = {
+        "tendons": done.tendons,
+        "own_tendons": done.own,
+        **parts,
+        "hood_stored": stored,
+        "joints_dissipated": end.dissipated,
+        "device_dissipated": end.slipped,
+        "artificial": artificial,
+    }
+    in_mJ = {name: 1e3 * value for name, value in energy.items()}
+    return in_mJ, abs(artificial) / max(done.effort, 1e-12)
+
+
+def _balance_at_rest(moved: Moved) -> dict[str, float]:
+    """Of a finger that came to rest and tells its forces, the largest joint torque of inertia over
+    the largest of any source."""
+    t, frames, tips = moved.models, moved.kept.frames, moved.kept.tips
+    books = _books(t, frames[-2], frames[-1], tips[-1])
+    if not moved.rest.is_reached or "inertia" not in books:
+        return {}
+    jacobian = t.finger.jacobian(frames[-1].angles)
+    torque = {name: np.abs(jacobian.T @ w.ravel()).max() for name, w in books.items()}
+    return {
+        "torque_balance_at_rest": float(torque["inertia"] / max(*torque.values(), SMALL_TORQUE))
+    }
+
+
+def _books(t: Together, before: Frame, now: Frame, tip: Array) -> dict[str, Array]:
+    """(nb, 6) on each body by source of the finger, at the end of a step."""
+    return t.finger.ledger(
+        (before.angles, before.rates),
+        (now.angles, now.rates),
+        now.time - before.time,
+        now.total,
+        now.tension[len(t.hood.tendons) :],
+        tip,
+    )
 
 
 def _steps(end: Moment, frames: Sequence[Frame]) -> dict[str, Any]:
@@ -125,10 +179,10 @@ def _steps(end: Moment, frames: Sequence[Frame]) -> dict[str, Any]:
     }
 
 
-def _dataset(t: Together, frames: Sequence[Frame], tips: Sequence[Array]) -> xarray.Dataset:
+def _dataset(t: Together, kept: Kept) -> xarray.Dataset:
     import xarray
 
-    finger, hood = t.finger, t.hood
+    finger, hood, frames = t.finger, t.hood, kept.frames
     split = len(hood.tendons)
 
     def over_time(dims: tuple[str, ...], unit: str, values: list[Any], what: str) -> Any:
@@ -137,76 +191,72 @@ def _dataset(t: Together, frames: Sequence[Frame], tips: Sequence[Array]) -> xar
     data = {
         "angle": over_time(("joint",), "rad", [f.angles for f in frames], "joint angle"),
         "rate": over_time(("joint",), "rad/s", [f.rates for f in frames], "joint rate"),
-        "tension": over_time(("tendon",), "N", [f.tension[:split] for f in frames], "tension"),
         "own_tension": over_time(
             ("muscle",), "N", [f.tension[split:] for f in frames], "of the finger's tendons"
         ),
-        "excursion": over_time(("tendon",), "m", [f.excursion for f in frames], "excursion"),
-        "wrench": over_time(
-            ("body", "source", "component"),
-            "N, N m",
-            [f.wrench for f in frames],
-            "wrench of the hood about the body's origin, at the scheme's pose",
-        ),
-        "total": over_time(
-            ("body", "component"), "N, N m", [f.total for f in frames], "of the hood at the pose"
-        ),
         "tip_force": over_time(
-            ("axis",), "N", [tip[:3] for tip in tips], "force of the tip on the world"
+            ("axis",), "N", [tip[:3] for tip in kept.tips], "force of the tip on the world"
+        ),
+        "tip_moment": over_time(
+            ("axis",), "N m", [tip[3:] for tip in kept.tips], "its moment about the fingertip"
         ),
         "step": over_time(
             (), "s", np.diff([f.time for f in frames], prepend=0.0).tolist(), "that ended here"
         ),
-        "residual": over_time((), "1", [f.residual for f in frames], "interface residual"),
         "finger_energy": over_time((), "J", [f.energy for f in frames], "energy of the finger"),
     }
-    coords = {
+    coords: dict[str, Any] = {
         "time": ("time", [f.time for f in frames], {"units": "s"}),
         "joint": list(finger.joints),
-        "tendon": list(hood.tendons),
         "muscle": list(finger.tendons),
-        "body": list(hood.bodies),
-        "source": list(hood.sources),
-        "component": list(COMPONENTS),
         "axis": ["x", "y", "z"],
     }
+    if hood.tendons:
+        data |= {
+            "tension": over_time(("tendon",), "N", [f.tension[:split] for f in frames], "tension"),
+            "excursion": over_time(("tendon",), "m", [f.excursion for f in frames], "excursion"),
+            "wrench": over_time(
+                ("body", "source", "component"),
+                "N, N m",
+                [f.wrench for f in frames],
+                "wrench of the hood about the body's origin, at the scheme's pose",
+            ),
+            "total": over_time(
+                ("body", "component"),
+                "N, N m",
+                [f.total for f in frames],
+                "of the hood at the pose",
+            ),
+            "residual": over_time((), "1", [f.residual for f in frames], "interface residual"),
+        }
+        coords |= {
+            "tendon": list(hood.tendons),
+            "body": list(hood.bodies),
+            "source": list(hood.sources),
+            "component": list(COMPONENTS),
+        }
     air, cylinders = air_data(t.pulls.cylinders, np.array([f.drive for f in frames]))
     return xarray.Dataset({**data, **air}, {**coords, **cylinders})
 
 
-def _ledger(t: Together, frames: Sequence[Frame], tips: Sequence[Array]) -> list[LedgerRow]:
-    """Every body's forces at every step, closing to zero with the joints' and inertia."""
-    finger, sources = t.finger, t.hood.sources
-    rows = []
-    for before, now, tip in zip(frames, frames[1:], tips[1:], strict=False):
-        split = len(t.hood.tendons)
-        books = finger.ledger(
-            (before.angles, before.rates),
-            (now.angles, now.rates),
-            now.time - before.time,
-            now.total,
-            now.tension[split:],
-            tip,
-        )
-        by_source = {f"hood {s}": now.wrench[:, i] for i, s in enumerate(sources)}
-        off = now.total - now.wrench.sum(axis=1)
-        for b, body in enumerate(finger.bodies):
-            for source, wrench in {**by_source, "hood linearisation": off, **books}.items():
-                if np.any(wrench[b]):
-                    label = f"{now.time:.9g} s"
-                    rows.append(LedgerRow(label, body, source, wrench[b, :3], wrench[b, 3:]))
-    return rows
+def _ledger(t: Together, kept: Kept) -> Iterator[LedgerRow]:
+    """Every body's forces at the end of a step, closing to zero with the joints' and inertia."""
+    frames, bodies = kept.frames, t.finger.bodies
+    steps = len(frames) - 1
+    times = np.unique(np.linspace(1, steps, min(steps, MOST_TIMES)).round().astype(int))
+    for k in times:
+        now = frames[k]
+        by_source = {f"hood {s}": now.wrench[:, i] for i, s in enumerate(t.hood.sources)}
+        off = {"hood linearisation": now.total - now.wrench.sum(axis=1)}
+        every = {**by_source, **off, **_books(t, frames[k - 1], now, kept.tips[k])}
+        yield from ledger_rows(f"{now.time:.9g} s", bodies, every)
 
 
-def _scene(t: Together, end: Moment, tip: Array) -> Scene:
-    finger = t.finger
-    angles = finger.angles(end.coupled.finger)
+def _scene(t: Together, kept: Kept) -> Scene:
+    finger, coupled = t.finger, kept.moment.coupled
+    angles = finger.angles(coupled.finger)
     motion, point = finger.motion(angles), finger.tip(angles)
-    bones = []
-    for body, (vertices, faces) in t.bones.items():
-        position, rotation = motion.of(body)
-        bones.append((body, vertices @ rotation.T + position, faces))
-    look = t.look(end.coupled.hood) if t.look else None
+    look = t.look(coupled.hood) if t.look else None
     lines = {**drawn_cables(t.cables, motion), **finger.lines(angles)}
-    force = None if point is None else (point, tip[:3])
-    return Scene(drawn_hood(look), tuple(bones), tuple(lines.items()), force)
+    force = None if point is None else (point, kept.tips[-1][:3])
+    return Scene(drawn_hood(look), placed_bones(t.bones, motion), tuple(lines.items()), force)

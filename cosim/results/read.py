@@ -6,7 +6,7 @@ import csv
 import json
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -14,10 +14,11 @@ import numpy as np
 
 from cosim.mesh_file import read_mesh_file
 from cosim.port import InputError
-from cosim.results.compare import Comparison, Target, compared
+from cosim.results.compare import Target, compared
 from cosim.results.compare_files import read_json
-from cosim.results.data import LEDGER_HEADER, STRAIN, HoodField, LedgerRow
+from cosim.results.parts import LEDGER_HEADER, STRAIN, HoodField, LedgerRow, Scene
 from cosim.results.quantities import check_quantities
+from cosim.results.result import Result
 
 if TYPE_CHECKING:
     import xarray
@@ -25,40 +26,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-@dataclass(frozen=True)
-class Run:
-    """A run as its folder tells it."""
-
-    name: str
-    """The folder's, made unlike those of other runs in the report."""
-    case: str
-    folder: Path
-    stated: Mapping[str, Any]
-    """The case, as its file says it."""
-    summary: Mapping[str, Any]
-    dataset: xarray.Dataset
-    ledger: tuple[LedgerRow, ...]
-    hood: HoodField | None
-    """As it was left at the end."""
-    case_text: str
-    comparison: tuple[Comparison, ...]
-
-    @property
-    def title(self) -> str:
-        return str(self.stated.get("title", self.case))
-
-    @property
-    def axis(self) -> str:
-        """What the arrays run along: `time`, s, of a motion, else `state`."""
-        return "time" if "time" in self.dataset.dims else "state"
-
-    def picture(self, name: str) -> bytes | None:
-        """A picture that the run left, PNG."""
-        path = self.folder / f"{name}.png"
-        return path.read_bytes() if path.is_file() else None
-
-
-def read_run(folder: Path, targets: tuple[Target, ...] = ()) -> Run:
+def read_run(folder: Path, targets: tuple[Target, ...] = ()) -> Result:
     """A run, compared with `targets` and with what its own `comparison.json` holds.
 
     Raises InputError where the folder is no run or holds a file that cannot be read, and where a
@@ -67,7 +35,7 @@ def read_run(folder: Path, targets: tuple[Target, ...] = ()) -> Run:
     return run
 
 
-def _read_run(folder: Path) -> Run:
+def _read_run(folder: Path) -> Result:
     """A run, compared with what its own `comparison.json` holds."""
     lacking = [f for f in ("summary.json", "results.nc", "case.toml") if not (folder / f).is_file()]
     if lacking:
@@ -76,24 +44,21 @@ def _read_run(folder: Path) -> Run:
             "for example runs/isometric_edc"
         )
     summary = _read(folder / "summary.json", _summary)
-    case = str(summary.get("case", folder.name))
-    stated = _read(folder / "case.toml", lambda path: tomllib.loads(path.read_text("utf-8")))
     own = folder / "comparison.json"
-    return Run(
-        folder.resolve().name,
-        case,
-        folder,
-        stated,
+    hood = _read(folder / "hood.vtu", _hood) if (folder / "hood.vtu").is_file() else None
+    return Result(
         summary,
         _read(folder / "results.nc", _dataset),
         _read(folder / "ledger.csv", _ledger) if (folder / "ledger.csv").is_file() else (),
-        _read(folder / "hood.vtu", _hood) if (folder / "hood.vtu").is_file() else None,
-        (folder / "case.toml").read_text(encoding="utf-8"),
+        Scene(hood, (), ()),
+        _read(folder / "case.toml", _case),
+        folder.resolve().name,
+        folder,
         read_json(own) if own.is_file() else (),
     )
 
 
-def read_runs(folders: Sequence[Path], targets: tuple[Target, ...] = ()) -> list[Run]:
+def read_runs(folders: Sequence[Path], targets: tuple[Target, ...] = ()) -> list[Result]:
     """Runs whose names all differ: those of one name are told apart by the folders they lie in.
 
     Raises InputError."""
@@ -104,12 +69,13 @@ def read_runs(folders: Sequence[Path], targets: tuple[Target, ...] = ()) -> list
         for run in runs
     ]
     names = [run.name for run in runs]
-    if len({run.folder.resolve() for run in runs}) < len(runs):
+    if len({folder.resolve() for folder in folders}) < len(runs):
         raise InputError("a run is named twice; name each once")
     return [run if names.count(run.name) == 1 else replace(run, name=_longer(run)) for run in runs]
 
 
-def _longer(run: Run) -> str:
+def _longer(run: Result) -> str:
+    assert run.folder is not None
     return f"{run.folder.resolve().parent.name}/{run.name}"
 
 
@@ -118,6 +84,12 @@ def _read(path: Path, reader: Callable[[Path], T]) -> T:
         return reader(path)
     except (OSError, ValueError, KeyError, IndexError, TypeError) as error:
         raise InputError(f"{path}: cannot be read as a part of a run ({error})") from error
+
+
+def _case(path: Path) -> str:
+    text = path.read_text(encoding="utf-8")
+    tomllib.loads(text)
+    return text
 
 
 def _summary(path: Path) -> Mapping[str, Any]:

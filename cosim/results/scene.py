@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from cosim.build.models import Models
 from cosim.coupling.equilibrium import Equilibrium
 from cosim.hoods.cable.build import CableLook
 from cosim.hoods.shell.view import HoodLook
-from cosim.results.data import STRAIN, HoodField, Scene
+from cosim.port import Array, Motion, Triangles
+from cosim.results.parts import STRAIN, HoodField, Scene
 from cosim.results.strokes import FAMILIES
 from meshes.hood_mesh import flat
 
@@ -17,14 +20,21 @@ Look = HoodLook | CableLook
 
 def scene(models: Models, e: Equilibrium, look: Look | None) -> Scene:
     """The loaded finger."""
-    bones = []
-    for body, (vertices, faces) in models.bones.items():
-        position, rotation = e.motion.of(body)
-        bones.append((body, vertices @ rotation.T + position, faces))
     paths = {**models.strings(e.motion), **models.finger.tendon_paths(e.finger_state)}
     tendons = tuple(paths.items())
     tip = (models.finger.tip(e.finger_state), e.balance.tip_force)
-    return Scene(drawn_hood(look), tuple(bones), tendons, tip)
+    return Scene(drawn_hood(look), placed_bones(models.bones, e.motion), tendons, tip)
+
+
+def placed_bones(
+    bones: Mapping[str, Triangles], motion: Motion
+) -> tuple[tuple[str, Array, np.ndarray], ...]:
+    """Name, vertices (n, 3) m in the world, and triangles of each bone."""
+    out = []
+    for body, (vertices, faces) in bones.items():
+        position, rotation = motion.of(body)
+        out.append((body, vertices @ rotation.T + position, faces))
+    return tuple(out)
 
 
 def drawn_hood(look: Look | None) -> HoodField | None:

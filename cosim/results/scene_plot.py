@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from cosim.port import Array
-from cosim.results.data import STRAIN, Scene
+from cosim.results.parts import STRAIN, Scene
 from cosim.results.strokes import families_of, stroke_cells, strokes
 
 if TYPE_CHECKING:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cosim import __version__
 from cosim.build.models import Models
+from cosim.case.file import resolved_toml
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import Equilibrium, moment_arms
 from cosim.fingers.kinds import joint_ranges
@@ -17,16 +17,17 @@ from cosim.hoods.shell.view import HoodLook
 from cosim.port import Array
 from cosim.results.audit import POSTURE, audit_figures, missed_bounds
 from cosim.results.conventions import COMPONENTS, IN_METACARPAL
-from cosim.results.data import LedgerRow, Result
 from cosim.results.load_and_rest import rest_block, rest_warnings
 from cosim.results.one_way import one_way_summary
+from cosim.results.parts import LedgerRow, ledger_rows
+from cosim.results.result import Result
 from cosim.results.scene import Look, scene
 from cosim.results.strains import is_slack, strain_change, strain_summary
+from cosim.solve.states import States
+from cosim.version import __version__
 
 if TYPE_CHECKING:
     import xarray
-
-    from cosim.solve.states import States
 
 BEYOND = float(np.radians(10.0))
 """A joint further beyond its range of motion than this stands where no finger can."""
@@ -34,8 +35,9 @@ HYPEREXTENDED = {"DIP": float(np.radians(25.0))}
 """The same below a joint's range: a boutonniere finger's DIP stands 15 deg in hyperextension."""
 
 
-def result(case: Case, models: Models, states: States, wall: float) -> Result:
-    """Everything a run leaves behind."""
+def observe_static(case: Case, solved: tuple[Models, States], wall: float) -> Result:
+    """Everything that the two equilibria of a case leave behind."""
+    models, states = solved
     pair = {"unloaded": states.unloaded, "loaded": states.loaded}
     looks = {name: models.look(e.response.state) for name, e in pair.items()} if models.look else {}
     return Result(
@@ -43,6 +45,8 @@ def result(case: Case, models: Models, states: States, wall: float) -> Result:
         dataset(models, pair, looks),
         tuple(row for name, e in pair.items() for row in ledger(models, name, e)),
         scene(models, states.loaded, looks.get("loaded")),
+        resolved_toml(case),
+        case.name,
     )
 
 
@@ -214,16 +218,11 @@ def _by_joint(models: Models, values: Array) -> dict[str, float]:
     return {j: float(v) for j, v in zip(models.finger.joints, values, strict=True)}
 
 
-def ledger(models: Models, name: str, e: Equilibrium) -> list[LedgerRow]:
+def ledger(models: Models, name: str, e: Equilibrium) -> Iterator[LedgerRow]:
     """A row per body and source; those of one body add up to zero."""
     finger = models.finger.ledger(e.finger_state, e.load, e.finger_tension)
     hood = {f"hood {s}": e.load.wrench[:, i] for i, s in enumerate(e.load.sources)}
-    return [
-        LedgerRow(name, body, source, wrench[b, :3], wrench[b, 3:])
-        for b, body in enumerate(e.load.bodies)
-        for source, wrench in {**hood, **finger}.items()
-        if np.any(wrench[b])
-    ]
+    return ledger_rows(name, e.load.bodies, {**hood, **finger})
 
 
 def dataset(

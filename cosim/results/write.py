@@ -6,31 +6,39 @@ import csv
 import json
 import os
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from cosim.case.file import resolved_toml
-from cosim.case.schema import Case
 from cosim.files import replace_folder
 from cosim.port import InputError
-from cosim.results.data import LEDGER_HEADER, HoodField, LedgerRow, Result
+from cosim.results.parts import LEDGER_HEADER, HoodField, LedgerRow, Parts
 
 
-def write_result(folder: str | Path, case: Case, result: Result) -> Path:
-    """Write the result to `folder`/<case name> and return that path.
+def write_run(folder: str | Path, run: Parts) -> Path:
+    """Write a run to `folder`/<case name> and return that path.
 
-    Written beside it and moved there once complete, so that an older run is replaced by a whole
-    new one or not at all.  Raises InputError where the folder cannot be written, or where
-    something that is not a run stands in its place.
-    """
-    target = Path(folder) / case.name
-    check_target(folder, case.name)
-    part = target.with_name(f".{case.name}.{os.getpid()}.part")
+    Raises InputError where the folder cannot be written, or where something that is not a run
+    stands in its place."""
+    return _whole(folder, run.case, lambda part: _write_files(part, run))
+
+
+def copy_run(folder: str | Path, name: str, left: Path) -> Path:
+    """Copy the folder of a run to `folder`/`name`; as `write_run`."""
+    return _whole(folder, name, lambda part: shutil.copytree(left, part, dirs_exist_ok=True))
+
+
+def _whole(folder: str | Path, name: str, fill: Callable[[Path], object]) -> Path:
+    """Filled beside its place and moved there once complete, so that an older run is replaced by a
+    whole new one or not at all."""
+    target = Path(folder) / name
+    check_target(folder, name)
+    part = target.with_name(f".{name}.{os.getpid()}.part")
     try:
         part.mkdir()
-        _write_files(part, case, result)
+        fill(part)
         replace_folder(target, part)
     except OSError as error:
         raise _unwritable(target, error) from error
@@ -63,26 +71,30 @@ def _unwritable(target: Path, error: OSError) -> InputError:
     return InputError(f"{target}: cannot be written ({reason}); choose another folder with --out")
 
 
-def _write_files(folder: Path, case: Case, result: Result) -> None:
-    summary = json.dumps(result.summary, indent=2, default=plain, allow_nan=False)
+def _write_files(folder: Path, run: Parts) -> None:
+    summary = json.dumps(run.summary, indent=2, default=plain, allow_nan=False)
     (folder / "summary.json").write_text(summary + "\n", encoding="utf-8")
-    (folder / "case.toml").write_text(resolved_toml(case), encoding="utf-8")
-    result.dataset.to_netcdf(folder / "results.nc", engine="h5netcdf")
-    _write_ledger(folder / "ledger.csv", result.ledger)
-    if result.scene.hood is not None:
-        _write_hood(folder / "hood.vtu", result.scene.hood)
-    if case.output.picture:
-        from cosim.results.scene_plot import draw
+    (folder / "case.toml").write_text(run.case_text, encoding="utf-8")
+    run.data.to_netcdf(folder / "results.nc", engine="h5netcdf")
+    _write_ledger(folder / "ledger.csv", run.rows)
+    if run.hood is not None:
+        _write_hood(folder / "hood.vtu", run.hood)
+    if run.stated.get("output", {}).get("picture", True):
+        _draw(folder, run)
 
-        draw(result.scene, case.title).savefig(folder / "picture.png", dpi=150)
-        if result.ledger:
-            from cosim.results.ledger_plot import draw_ledger
 
-            draw_ledger(result.ledger, case.title).savefig(folder / "ledger.png", dpi=130)
-        if "time" in result.dataset.dims:
-            from cosim.results.history_plot import draw_history
+def _draw(folder: Path, run: Parts) -> None:
+    from cosim.results.scene_plot import draw
 
-            draw_history(result.dataset, case.title).savefig(folder / "history.png", dpi=130)
+    draw(run.scene, run.title).savefig(folder / "picture.png", dpi=150)
+    if run.rows:
+        from cosim.results.ledger_plot import draw_ledger
+
+        draw_ledger(run.rows, run.title).savefig(folder / "ledger.png", dpi=130)
+    if run.axis == "time":
+        from cosim.results.history_plot import draw_history
+
+        draw_history(run.data, run.title).savefig(folder / "history.png", dpi=130)
 
 
 def plain(value: Any) -> Any:

@@ -1,11 +1,14 @@
-"""A coupled motion of a case: begun, or gone on with from a checkpoint."""
+"""The motion of a case: begun, or gone on with from a checkpoint."""
 
 from __future__ import annotations
 
+import shutil
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+
+import numpy as np
 
 from cosim.build.motion import Together, together
 from cosim.build.states import special_states
@@ -13,38 +16,69 @@ from cosim.case.file import resolved_toml
 from cosim.case.schema import Case, Forward
 from cosim.coupling.adaptive import Control
 from cosim.coupling.checkpoint import NAME, Kept, read_checkpoint, write_checkpoint
-from cosim.coupling.motion import Frame, Moment, Moves, moments
+from cosim.coupling.motion import Moment, Moves, moments
 from cosim.coupling.paced import paced
 from cosim.coupling.state_arrays import Special
+from cosim.files import written_whole
 from cosim.port import ConvergenceError, InputError, StoppedError
+from cosim.solve.session import Session
 
 Progress = Callable[[str], None]
-RATE, WINDOW = 1e-3, 0.1
-"""rad/s that no joint exceeds over the last WINDOW s of a finger that came to rest."""
+RATE, CHANGE, WINDOW = 1e-3, 1e-3, 0.1
+"""rad/s that no joint exceeds, and N by which no component of the fingertip force strays from its
+end, over the last WINDOW s of a finger that came to rest.  In a cage with friction rest is where
+creep has ended: Simbody's friction is viscous below its transition velocity, so that a finger
+slides until a face, a corner, a limit or the passive joints hold it without friction."""
 PAUSE = 10.0
 """s of computing from one checkpoint to the next, where the case states no number of steps."""
+UNFINISHED = ".unfinished"
+"""What the folder of a motion that has not ended is called after its case's name."""
 
 
-def moved_together(
-    case: Case, forward: Forward, progress: Progress, folder: Path | None = None
-) -> tuple[Together, Kept]:
-    """The models of finger and hood, and what is kept of their motion; with a `folder` (which holds
-    the case as `case.toml`) checkpoints go there, and a motion that has one there goes on from it.
+@dataclass(frozen=True)
+class Rest:
+    """How still a finger is at a motion's end: the largest over the last WINDOW s."""
+
+    rate: float
+    """rad/s, of a joint."""
+    change: float
+    """N, of a component of the fingertip force from its end."""
+
+    @property
+    def is_reached(self) -> bool:
+        return self.rate <= RATE and self.change <= CHANGE
+
+
+@dataclass(frozen=True)
+class Moved:
+    """The models of a motion, what is kept of it, and whether it came to rest."""
+
+    models: Together
+    kept: Kept
+    rest: Rest
+
+
+def solve_motion(case: Case, session: Session, progress: Progress = lambda text: None) -> Moved:
+    """The motion of a case with a table [forward].  With `session.checkpoints` it keeps checkpoints
+    there, and goes on from one that is there.
 
     Raises InputError, ConvergenceError, and StoppedError where Ctrl-C ends it."""
+    forward = case.forward
+    assert forward is not None
     progress("building the models")
     both = together(case, forward)
-    begun = both.moves.begin(both.finger.begin(both.posture))
+    begun = both.moves.begin(both.begun)
     kept = Kept(begun, (both.moves.frame(begun),), (both.finger.tip_wrench(begun.coupled.finger),))
-    keeper = _keeper(case, forward, both, folder, progress)
+    keeper = _keeper(case, forward, both, session.checkpoints, progress)
     if keeper is not None and (keeper.folder / NAME).exists():
         kept = keeper.read(kept)
         progress(f"going on from t = {kept.moment.coupled.time:.6g} s")
+    frames, tips = list(kept.frames), list(kept.tips)
     try:
         for done, now in _on(both.moves, forward, kept, progress):
-            frames = [both.moves.frame(at) for at in now]
-            tips = [both.finger.tip_wrench(at.coupled.finger) for at in now]
-            kept = Kept(now[-1], (*kept.frames, *frames), (*kept.tips, *tips))
+            frames += [both.moves.frame(at) for at in now]
+            tips += [both.finger.tip_wrench(at.coupled.finger) for at in now]
+            kept = Kept(now[-1], frames, tips)
             if keeper is not None and keeper.is_due(done):
                 keeper.write(kept)
     except KeyboardInterrupt:
@@ -55,8 +89,10 @@ def moved_together(
             f"stopped at t = {kept.moment.coupled.time:.6g} s of {forward.duration:g} s; all up to "
             f"there is kept. Go on with: cosim resume {keeper.folder}"
         ) from None
-    _rested(forward, kept.frames)
-    return both, kept
+    rest = _rest(kept)
+    if forward.must_rest:
+        _check_rest(forward, rest)
+    return Moved(both, kept, rest)
 
 
 @dataclass
@@ -83,13 +119,14 @@ class _Keeper:
 
 
 def _keeper(
-    case: Case, forward: Forward, both: Together, folder: Path | None, progress: Progress
+    case: Case, forward: Forward, both: Together, checkpoints: Path | None, progress: Progress
 ) -> _Keeper | None:
     """None for a motion that keeps no checkpoints: that has no folder, asks for none, or asks for
     nothing and cannot write its state.
 
     Raises InputError where it asks for checkpoints and cannot write its state."""
-    if folder is None or forward.checkpoint == 0:
+    folder = unfinished_folder(case, checkpoints)
+    if folder is None:
         return None
     try:
         special = special_states(both.hood, both.finger)
@@ -98,7 +135,32 @@ def _keeper(
             raise
         progress(f"keeps no checkpoints: {error}")
         return None
-    return _Keeper(folder, resolved_toml(case), special, forward.checkpoint)
+    text = resolved_toml(case)
+    if _case_in(folder) != text:
+        shutil.rmtree(folder, ignore_errors=True)
+        with written_whole(folder / "case.toml") as part:
+            part.write_text(text, encoding="utf-8")
+    return _Keeper(folder, text, special, forward.checkpoint)
+
+
+def unfinished_folder(case: Case, checkpoints: Path | None) -> Path | None:
+    """Where a case keeps its checkpoints, beside `case.toml`; None for one that keeps none."""
+    if checkpoints is None or case.forward is None or case.forward.checkpoint == 0:
+        return None
+    return checkpoints / f"{case.name}{UNFINISHED}"
+
+
+def has_begun(case: Case, checkpoints: Path) -> bool:
+    """Whether a part of this very case is kept there."""
+    folder = unfinished_folder(case, checkpoints)
+    return (
+        folder is not None and (folder / NAME).is_file() and _case_in(folder) == resolved_toml(case)
+    )
+
+
+def _case_in(folder: Path) -> str | None:
+    file = folder / "case.toml"
+    return file.read_text(encoding="utf-8") if file.is_file() else None
 
 
 def _on(
@@ -117,12 +179,20 @@ def _on(
         yield k, (now,)
 
 
-def _rested(forward: Forward, frames: Sequence[Frame]) -> None:
-    since = frames[-1].time - WINDOW * (1 + 1e-9)
-    fastest = max(float(abs(frame.rates).max()) for frame in frames if frame.time >= since)
-    if forward.must_rest and fastest > RATE:
+def _rest(kept: Kept) -> Rest:
+    since = kept.frames[-1].time - WINDOW * (1 + 1e-9)
+    last = [k for k, frame in enumerate(kept.frames) if frame.time >= since]
+    rates = np.array([kept.frames[k].rates for k in last])
+    forces = np.array([kept.tips[k][:3] for k in last])
+    return Rest(float(np.abs(rates).max()), float(np.abs(forces - forces[-1]).max()))
+
+
+def _check_rest(forward: Forward, rest: Rest) -> None:
+    if not rest.is_reached:
         raise ConvergenceError(
             f"the finger did not come to rest in {forward.duration:g} s: over the last {WINDOW:g} "
-            f"s a joint turned at up to {fastest:.1e} rad/s (at rest: {RATE:g}). Try a longer "
-            "motion, damping of the joints, or write forward.must_rest = false"
+            f"s a joint turned at up to {rest.rate:.1e} rad/s (at rest: {RATE:g}) and the "
+            f"fingertip force changed by up to {rest.change:.1e} N ({CHANGE:g}). Try a longer "
+            "motion, damping or passive stiffness of the joints, a tip that is held at a point, or "
+            "write forward.must_rest = false"
         )

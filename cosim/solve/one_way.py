@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from cosim.build.models import Models, build, tensions
+from cosim.build.models import Models, tensions
 from cosim.case.schema import Case, our_finger
 from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium
 from cosim.coupling.one_way import HandedOver, Passed, torques
 from cosim.fingers.kinds import live_finger
 from cosim.port import STATIC, Array, Finger, Hood, Motion, Response, State
-from cosim.tendons.muscles import Pull, live_muscles
-
-if TYPE_CHECKING:
-    from cosim.solve.states import States
+from cosim.solve.session import Session
+from cosim.solve.states import States
+from cosim.tendons.muscles import Pull
 
 Progress = Callable[[str], None]
 
@@ -43,17 +42,18 @@ class HoodAnswer(NamedTuple):
     own: Array
 
 
-def passed_once(case: Case, progress: Progress) -> tuple[Models, States]:
+def solve_one_way(
+    case: Case, session: Session, progress: Progress = lambda text: None
+) -> tuple[Models, States]:
     """The models, with what was handed over in the hood's place, and both states.
 
     Muscles with a fibre pull as they do in the posture.  Raises InputError, ConvergenceError."""
-    return finger_pass(case, hood_pass(case, progress), progress)
+    return finger_pass(case, hood_pass(case, session, progress), progress)
 
 
-def hood_pass(case: Case, progress: Progress) -> HoodPass:
-    """The hood's part of `passed_once`, which does not depend on what is handed over."""
-    progress("building the models")
-    models = replace(build(case), muscles=live_muscles(case.tendons))
+def hood_pass(case: Case, session: Session, progress: Progress) -> HoodPass:
+    """The hood's part of `solve_one_way`, which does not depend on what is handed over."""
+    models = session.models(case, progress)
     start = models.finger.start(models.posture)
     at = models.finger.motion(start)
     hood, own, pull = _tensions(case, models)
@@ -70,8 +70,6 @@ def hood_pass(case: Case, progress: Progress) -> HoodPass:
 
 def finger_pass(case: Case, given: HoodPass, progress: Progress) -> tuple[Models, States]:
     """The finger's part: what the case hands over of the hood's answers, and what comes of it."""
-    from cosim.solve.states import States
-
     models = replace(given.models, finger=_second(case, given.models.finger))
     centre = _centres(given.models.finger, given.start) if _lumps(case) else None
     found = []

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from functools import lru_cache
 
 import numpy as np
 
-from cosim.build.models import Models, build, tensions
-from cosim.build.scheme import accelerator_of
+from cosim.build.models import Models, tensions
 from cosim.case.schema import Case
 from cosim.coupling.drawn import Drawn, begun, redrawn
-from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium, reciprocity
-from cosim.coupling.fixed_point import fixed_point
-from cosim.port import Array, ConvergenceError, State
+from cosim.coupling.equilibrium import Equilibrium, reciprocity
+from cosim.port import Array, ConvergenceError
+from cosim.solve.agree import agree
+from cosim.solve.session import Session
 from cosim.solve.states import States
-from cosim.tendons.muscles import Pull, live_muscles
+from cosim.tendons.muscles import Pull
 
 Progress = Callable[[str], None]
 AUDIT_STEP = 2e-5
@@ -28,25 +26,13 @@ PULL_TOLERANCE = 1e-7
 """Of the largest tension (at least 1 N)."""
 
 
-@dataclass(frozen=True)
-class Setting:
-    """What cases that differ only in their tendons share, and so need solve only once."""
-
-    key: str
-    case: Case = field(compare=False)
-    progress: Progress = field(compare=False)
-
-
-def solve(case: Case, progress: Progress = lambda text: None) -> tuple[Models, States]:
+def solve_static(
+    case: Case, session: Session, progress: Progress = lambda text: None
+) -> tuple[Models, States]:
     """The equilibrium with every tendon at its resting tension, then the loaded one.
 
-    Models that cases share are not theirs: a case's own muscles come with it."""
-    if case.coupling.scheme == "one_way":
-        from cosim.solve.one_way import passed_once
-
-        return passed_once(case, progress)
-    shared, unloaded = settled(Setting(case.setting_key(), case, progress))
-    models = replace(shared, muscles=live_muscles(case.tendons))
+    Raises InputError and ConvergenceError."""
+    models, unloaded = session.models(case, progress), session.unloaded(case, progress)
     loaded, pull = _loaded(case, models, unloaded, progress)
     if not models.hood.tendons:
         return models, States(unloaded, loaded, None, pull)
@@ -71,7 +57,7 @@ def _loaded(
     draw = begun(drawn, tension)
     for _ in range(MOST_PULLS):
         tension[own], tension[drawn.index] = pull.tension, draw.tension
-        loaded = agreed(
+        loaded = agree(
             case,
             models,
             start.finger_state,
@@ -106,52 +92,3 @@ def _shortening(models: Models, before: Equilibrium, now: Equilibrium) -> Array:
     """(nt,) m of all tendons' paths, the hood's first."""
     lengths = [models.finger.path_lengths(e.finger_state) for e in (before, now)]
     return np.concatenate([now.excursion - before.excursion, lengths[0] - lengths[1]])
-
-
-@lru_cache(maxsize=4)
-def settled(setting: Setting) -> tuple[Models, Equilibrium]:
-    """The models of a setting and their unloaded equilibrium."""
-    case, progress = setting.case, setting.progress
-    progress("building the models")
-    models = build(case)
-    start = models.finger.start(models.posture)
-    return models, agreed(
-        case,
-        models,
-        start,
-        models.hood.start(models.finger.motion(start)),
-        np.full(len(models.hood.tendons), models.resting),
-        np.full(len(models.finger.tendons), models.resting),
-        lambda text: progress(f"unloaded: {text}"),
-    )
-
-
-def agreed(
-    case: Case,
-    models: Models,
-    start: State,
-    state: State,
-    hood_tension: Array,
-    finger_tension: Array,
-    progress: Progress,
-) -> Equilibrium:
-    """The coupled equilibrium by the case's scheme, from the finger's `start` and the hood's
-    `state`, under tensions in N."""
-    finger, hood, coupling = models.finger, models.hood, case.coupling
-    options = CouplingOptions(case.solve.tolerance, case.solve.max_iterations)
-    if coupling.scheme != "implicit":
-        return equilibrium(
-            finger, hood, start, state, hood_tension, finger_tension, options, progress
-        )
-    return fixed_point(
-        finger,
-        hood,
-        start,
-        state,
-        hood_tension,
-        finger_tension,
-        options,
-        accelerator_of(coupling),
-        coupling.tolerance,
-        progress,
-    )

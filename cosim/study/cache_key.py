@@ -10,9 +10,9 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from cosim import __version__
 from cosim.case.schema import Case
 from cosim.port import InputError
+from cosim.version import __version__
 
 PACKAGES = ("cosim", "fe_solver", "rigid", "meshes")
 ABOUT_RESULTS = (

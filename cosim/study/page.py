@@ -8,13 +8,13 @@ from importlib.resources import files
 from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
-from cosim import __version__
 from cosim.results.compare import Target, number, stated
 from cosim.study import plots as pictures
 from cosim.study.answers import Band, Indices
 from cosim.study.distributions import Axis, Law, Lognormal, Normal, TruncatedNormal, Uniform
 from cosim.study.plan import Plan
 from cosim.study.results import Opened
+from cosim.version import __version__
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -89,9 +89,7 @@ def row_of(
 def _solved(task: Task, store: Store) -> Row:
     from cosim.case.schema import Case, CaseFile
     from cosim.pipeline import run_case
-    from cosim.solve.static import settled
 
-    settled.cache_clear()  # so that no bit depends on what this process solved before
     begun = time.perf_counter()
     checked = CaseFile.model_validate(task.case)
     case = Case.model_construct(name=task.name, source=Path(task.source), **dict(checked))
@@ -101,7 +99,7 @@ def _solved(task: Task, store: Store) -> Row:
         seconds = time.perf_counter() - begun
         return row_of(task, "failed", " ".join(str(error).split()), seconds, {})
     if task.arrays:
-        _keep(result.dataset, task, store)
+        _keep(result.data, task, store)
     missed = ", ".join(result.summary.get("audit_missed", ()))
     reason = f"audit missed: {missed}" if missed else ""
     return row_of(task, "converged", reason, time.perf_counter() - begun, _numbers(result.summary))

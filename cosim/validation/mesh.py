@@ -10,13 +10,13 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from cosim import __version__
 from cosim.case.file import load_case
 from cosim.files import written_whole
 from cosim.hoods.shell.table import GeneratedMesh, ShellHood
 from cosim.results.compare import COMPONENTS, Comparison
 from cosim.validation.run import Board, six_digits
 from cosim.validation.trial import Group, Trial
+from cosim.version import __version__
 
 FORMAT = "cosim mesh convergence 1"
 SHARE = 0.02

@@ -6,13 +6,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from cosim import __version__
 from cosim.files import written_whole
 from cosim.results.compare import Comparison, Verdict, marks, misses_first, number, stated
 from cosim.validation import mesh as validation_mesh
 from cosim.validation.mesh import Change
 from cosim.validation.run import Board, by_kind
 from cosim.validation.skill import Skill
+from cosim.version import __version__
 
 SHAPES: dict[Verdict, str] = {
     "inside 1 SD": "●",

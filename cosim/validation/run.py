@@ -14,7 +14,6 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-from cosim import __version__
 from cosim.build.fit import check_fit
 from cosim.case.file import load_case
 from cosim.case.schema import Case
@@ -23,15 +22,16 @@ from cosim.port import ConvergenceError, InputError
 from cosim.results.audit import describe_misses
 from cosim.results.compare import Comparison, Kind, Target, as_dict, tally
 from cosim.results.compare_files import write_json
-from cosim.results.static import result
-from cosim.results.write import plain, write_result
-from cosim.solve.static import solve
+from cosim.results.static import observe_static
+from cosim.results.write import plain
+from cosim.solve.solvers import solve
 from cosim.validation.lengths import measured
 from cosim.validation.plan import groups, rows_of, split_answers
 from cosim.validation.published_hood import published_summary
 from cosim.validation.reasons import explained
 from cosim.validation.skill import FACTORS, Skill, against_factors, counted, headline, scaled, skill
 from cosim.validation.trial import Group, Summaries, Trial
+from cosim.version import __version__
 
 FORMAT = "cosim scoreboard 2"
 SPLIT = "fixed split"
@@ -206,8 +206,8 @@ def _run(task: Task) -> Outcome:
         models, states = solve(case)
     except ConvergenceError as error:
         return Outcome(trial.name, None, str(error))
-    made = result(case, models, states, time.perf_counter() - started)
-    write_result(folder, case, made)
+    made = observe_static(case, (models, states), time.perf_counter() - started)
+    made.save(folder)
     return Outcome(trial.name, json.loads(json.dumps(made.summary, default=plain)), None)
 
 

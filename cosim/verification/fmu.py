@@ -95,7 +95,7 @@ def motion_rows() -> Iterator[Row]:
                 native = run_case(load_case("pulley_edc", [*MOTION, _scheme(scheme)]))
                 both = in_units(models, paths, scheme)
                 ours = run_case(load_case("pulley_edc", [*MOTION_OF_UNITS, *both]))
-                gap = float(np.abs(ours.dataset.angle - native.dataset.angle).max())
+                gap = float(np.abs(ours.data.angle - native.data.angle).max())
                 what = f"hood and finger in FMUs, {scheme}: angles over 50 steps, rad"
                 yield Row(f"motion, FMI {fmi}", what, 0, gap, TOLERANCE, NATIVE, "absolute")
             yield _overhead(f"motion, FMI {fmi}", "finger", *_times_of_motion(models, paths))

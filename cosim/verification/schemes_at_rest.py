@@ -11,7 +11,7 @@ from cosim.case.file import load_case
 from cosim.checks import Row, Study
 from cosim.coupling.motion import moments
 from cosim.port import Array
-from cosim.solve.static import solve
+from cosim.solve.solvers import solve
 
 COARSE = "hood.mesh.quads=120"
 AGREE = 1e-4

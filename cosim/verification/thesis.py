@@ -9,7 +9,8 @@ from cosim.case.file import load_case
 from cosim.checks import Row, Study
 from cosim.papers.thesis_models import EXCESS
 from cosim.solve.one_way import finger_pass, hood_pass
-from cosim.solve.static import solve
+from cosim.solve.session import Session
+from cosim.solve.solvers import solve
 
 THESIS = "Jadelis, thesis, section 3.4: excess over Qiu's experiment, whose spread was not seen"
 MESH: tuple[str, ...] = ()
@@ -53,7 +54,7 @@ def passes(muscle: str) -> list[tuple[float, float]]:
     """N: tip forces of the one-way pass and their bounds, as the thesis, without the joints'
     forces, and without lumping either."""
     cases = [load_case(f"thesis_one_way_{muscle.lower()}", [*MESH, *s]) for s in SETTINGS]
-    hood = hood_pass(cases[0], silent)
+    hood = hood_pass(cases[0], Session(), silent)
     return [force_and_bound(*finger_pass(case, hood, silent)) for case in cases]
 
 

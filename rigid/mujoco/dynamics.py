@@ -159,8 +159,9 @@ class FingerDynamics:
         Raises ConvergenceError."""
         return self._advanced(at, dt, MOST_SPLITS, None, None)
 
-    def pulled(self, at: Moment, tension: Array, push: Push, dt: float) -> Moment:
-        """The same under tensions (nt,) N, in place of the muscles', and torques from elsewhere."""
+    def pulled(self, at: Moment, tension: Array, push: Push | None, dt: float) -> Moment:
+        """The same under tensions (nt,) N, in place of the muscles', and torques from elsewhere,
+        where there are any."""
         pull = Pull(tension, np.zeros(len(tension)), None)
         return self._advanced(at, dt, MOST_SPLITS, pull, push)
 
@@ -207,18 +208,13 @@ class FingerDynamics:
         gap: Array = self._finger.chain(at.angles).tip - self._state.target
         return gap @ self._frame
 
-    def kinetic_energy(self, at: Moment) -> float:
-        """J, in the angles of a state."""
+    def energies(self, at: Moment) -> tuple[float, float]:
+        """J in the angles of a state: kinetic, and of height in gravity."""
         self._at(at.angles, at.rates)
         product = np.zeros(len(at.rates))
         mujoco.mj_mulM(self._model, self._data, product, at.rates)
-        return 0.5 * float(at.rates @ product)
-
-    def height_energy(self, at: Moment) -> float:
-        """J, potential energy in gravity."""
-        self._at(at.angles, at.rates)
         weight = self._model.body_mass[:, None] * self._model.opt.gravity
-        return -float((weight * self._data.xipos).sum())
+        return 0.5 * float(at.rates @ product), -float((weight * self._data.xipos).sum())
 
     def _at(self, angles: Array, rates: Array) -> None:
         m, d, jacobian = self._model, self._data, self._readings.jacobian

@@ -92,6 +92,9 @@ class MovingMujoco:
         if load.at.bodies != self.bodies:
             raise InputError(f"load on bodies {load.at.bodies}: the finger's are {self.bodies}")
         dynamics, before = self._dynamics(state.start), state.moment
+        if not (load.wrench.any() or load.by_motion.any()):
+            after = dynamics.pulled(before, tension, None, dt)
+            return Moving(state.start, after, (after.rates - before.rates) / dt)
         angles = before.angles + dt * (before.rates + dt * state.acceleration)
         for _ in range(MOST_ITERATIONS):
             after = dynamics.pulled(before, tension, self._push(load, angles), dt)
@@ -105,10 +108,22 @@ class MovingMujoco:
         )
 
     def energy(self, state: Moving) -> float:
+        return sum(self.stored(state).values())
+
+    def stored(self, state: Moving) -> dict[str, float]:
+        """J: kinetic, of height, in joints and limits, in the device."""
         dynamics, at = self._dynamics(state.start), state.moment
-        held = 0.0 if self.device is None else self.device.energy(dynamics.place(at))
-        stored = self.finger.law.energy(at.angles)
-        return dynamics.kinetic_energy(at) + dynamics.height_energy(at) + stored + held
+        kinetic, height = dynamics.energies(at)
+        return {
+            "kinetic": kinetic,
+            "height": height,
+            "joints": self.finger.law.energy(at.angles),
+            "device": 0.0 if self.device is None else self.device.energy(dynamics.place(at)),
+        }
+
+    def device_loss(self, state: Moving) -> float:
+        """J, that the device dissipated in the step that ended in the state."""
+        return state.moment.slip
 
     def dissipation(self, state: Moving) -> float:
         """W, of the viscous torques of joints and limits."""

@@ -8,8 +8,8 @@ from time import process_time
 
 from rigid.mujoco.dynamics import Constant, FingerDynamics
 from rigid.mujoco.finger import MujocoFinger
-from rigid.mujoco.forward import Simulation, simulate
 from rigid.mujoco.tip_device import Cage
+from rigid.verification.forward import Simulation, simulate
 from rigid.verification.thesis_twin import POSTURE, TENSIONS, tensions, twin_law, twin_model
 
 REPEATS = 5

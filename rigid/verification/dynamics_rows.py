@@ -22,9 +22,9 @@ from rigid.chain.joint_torques import joint_law
 from rigid.fingers.index import finger_model
 from rigid.mujoco.dynamics import Constant, FingerDynamics
 from rigid.mujoco.finger import MujocoFinger
-from rigid.mujoco.forward import Simulation, simulate
 from rigid.mujoco.tip_device import Cage, Contact, Device, Shell, wrench
 from rigid.verification.bench import cpu_seconds
+from rigid.verification.forward import Simulation, simulate
 from rigid.verification.thesis_twin import LIMIT_DAMPING, POSTURE, TENSIONS, twin_law, twin_model
 
 FIGURES = Path(__file__).parent / "data" / "twin_opensim.json"

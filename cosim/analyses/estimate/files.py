@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from cosim import __version__
 from cosim.analyses.estimate.capacity import Capacity
 from cosim.analyses.estimate.feasible import ForceSet
 from cosim.analyses.estimate.of_case import Along, Answer, Setup, shares_fixed
@@ -18,6 +17,7 @@ from cosim.analyses.estimate.tensions import spelt
 from cosim.files import folder_written_whole
 from cosim.port import Array
 from cosim.results.write import plain
+from cosim.version import __version__
 
 MARK = "estimate.json"
 DPI = 140

@@ -20,7 +20,7 @@ from cosim.hoods.pulley import PulleyHood
 from cosim.hoods.split import SplitHood
 from cosim.port import Array, ConvergenceError, InputError
 from cosim.schema import units
-from cosim.solve.static import agreed
+from cosim.solve.agree import agree
 from rigid.muscle.least_cost import Power
 
 STAGES = (0.25, 0.5, 0.75, 1.0)
@@ -187,7 +187,7 @@ def _forward(
     finger, hood = s.models.finger, s.models.hood
     split = len(hood.tendons)
     try:
-        e = agreed(
+        e = agree(
             s.case,
             s.models,
             held.finger_state,

@@ -25,7 +25,7 @@ from cosim.coupling.equilibrium import Equilibrium
 from cosim.hoods.shell.build import UnderHood
 from cosim.hoods.shell.table import ShellHood
 from cosim.port import Array
-from cosim.results.static import result
+from cosim.results.static import observe_static
 from cosim.solve.states import States
 from fe_solver.hood.shell_hood import HoodState
 from fe_solver.hood.shell_hood import ShellHood as FeHood
@@ -55,7 +55,7 @@ def foretold(
     if fresh is None:
         return None
     near = _reshaped(case, (models, fresh), states, FeHood.near, arms)
-    return result(case, fresh, near, 0.0).summary
+    return observe_static(case, (fresh, near), 0.0).summary
 
 
 def solved_from(

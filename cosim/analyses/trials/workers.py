@@ -24,9 +24,9 @@ from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.port import ConvergenceError, CosimError, InputError
 from cosim.processes import one_blas_thread
-from cosim.results.static import result
+from cosim.results.static import observe_static
+from cosim.solve.solvers import solve
 from cosim.solve.states import States
-from cosim.solve.static import solve
 
 
 @dataclass(frozen=True)
@@ -145,7 +145,7 @@ def solve_one(
     try:
         models, states = _solved(case, None if afresh else kept.get(name), arms)
         kept[name] = Solved(case, settings, models, states)
-        return Outcome("converged", result(case, models, states, 0.0).summary)
+        return Outcome("converged", observe_static(case, (models, states), 0.0).summary)
     except CosimError as error:
         return Outcome("failed", {}, one_line(error))
 
@@ -189,7 +189,7 @@ def _beside(solved: Solved, source: Path, settings: Settings, arms: bool) -> Out
             summary = foretold(case, solved.models, solved.states, arms)
         else:
             found = solved_from(case, solved.models, solved.states, arms)
-            summary = None if found is None else result(case, *found, 0.0).summary
+            summary = None if found is None else observe_static(case, found, 0.0).summary
     except CosimError as error:
         return Outcome("failed", {}, one_line(error))
     return (

@@ -155,7 +155,7 @@ def _energy(dynamics: FingerDynamics, history: list[Moment], dt: float) -> Energ
     stored = [dynamics.device.energy(dynamics.place(m)) for m in (first, last)]
     return Energy(
         tendons=-_work(tension, length),
-        gravity=dynamics.height_energy(first) - dynamics.height_energy(last),
+        gravity=dynamics.energies(first)[1] - dynamics.energies(last)[1],
         kinetic=last.kinetic - first.kinetic,
         joints_stored=-_work(elastic, angles)
         + limit_energy(law, angles[-1])

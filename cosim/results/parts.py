@@ -1,0 +1,110 @@
+"""What a run leaves behind: numbers, arrays, forces by source and what there is to see."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cosim.port import Array
+
+if TYPE_CHECKING:
+    import xarray
+
+STRAIN = "longitudinal_strain"
+"""The hood's cell data that pictures show, dimensionless."""
+LEDGER_HEADER = ("state", "body", "source", "Fx_N", "Fy_N", "Fz_N", "Mx_Nmm", "My_Nmm", "Mz_Nmm")
+
+
+@dataclass(frozen=True)
+class HoodField:
+    """The deformed hood with its fields; pictures show `cell_data[STRAIN]`."""
+
+    points: Array
+    """(n, 3) deformed positions, m, world frame."""
+    quads: np.ndarray
+    """(m, 4) node numbers; of a hood of cables (m, 2)."""
+    point_data: Mapping[str, Array]
+    """(n,) or (n, 3) each."""
+    cell_data: Mapping[str, Array]
+    """(m,) or (m, 3) each."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What there is to see, m, world frame."""
+
+    hood: HoodField | None
+    bones: tuple[tuple[str, Array, np.ndarray], ...]
+    """Name, vertices (n, 3), triangles (m, 3) turning counter-clockwise as seen from outside."""
+    tendons: tuple[tuple[str, Array], ...]
+    """Name, points (k, 3) in order."""
+    tip: tuple[Array, Array] | None = None
+    """The fingertip point (3,) and the force of the fingertip on the world (3,) N."""
+
+
+@dataclass(frozen=True)
+class LedgerRow:
+    """One force on one body from one source, world frame."""
+
+    state: str
+    body: str
+    source: str
+    force: Array
+    """(3,) N."""
+    moment: Array
+    """(3,) N m about the body's origin."""
+
+
+def ledger_rows(
+    state: str, bodies: Sequence[str], wrenches: Mapping[str, Array]
+) -> Iterator[LedgerRow]:
+    """The rows of one state from the wrenches (nb, 6) by source; what is zero is left out."""
+    for b, body in enumerate(bodies):
+        for source, wrench in wrenches.items():
+            if np.any(wrench[b]):
+                yield LedgerRow(state, body, source, wrench[b, :3], wrench[b, 3:])
+
+
+@dataclass(frozen=True)
+class Parts:
+    """What a run leaves behind, before it is written and after it was read."""
+
+    summary: Mapping[str, Any]
+    """The numbers one asks for first; every key ends in its unit; written as JSON."""
+    data: xarray.Dataset
+    """All arrays, SI units, along `state` (of a motion along `time`)."""
+    rows: tuple[LedgerRow, ...]
+    """The ledger: every force on every body by its source."""
+    scene: Scene
+    """What there is to see; of a run that was read, the hood alone."""
+    case_text: str
+    """The case with every default written out, TOML."""
+
+    @cached_property
+    def stated(self) -> Mapping[str, Any]:
+        """The case as a table."""
+        return tomllib.loads(self.case_text)
+
+    @property
+    def case(self) -> str:
+        """The case's name."""
+        return str(self.summary["case"])
+
+    @property
+    def title(self) -> str:
+        return str(self.stated.get("title", self.case))
+
+    @property
+    def axis(self) -> str:
+        """What the arrays run along: `time`, s, of a motion, else `state`."""
+        return "time" if "time" in self.data.dims else "state"
+
+    @property
+    def hood(self) -> HoodField | None:
+        """As it was left at the end; None of a hood without a shape."""
+        return self.scene.hood

@@ -1,0 +1,33 @@
+"""The solvers of a case, by its task."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from cosim.build.fit import check_fit
+from cosim.build.models import Models
+from cosim.case.schema import Case, Task
+from cosim.solve.motion import solve_motion
+from cosim.solve.one_way import solve_one_way
+from cosim.solve.session import Session
+from cosim.solve.states import States
+from cosim.solve.static import solve_static
+
+Progress = Callable[[str], None]
+SOLVERS: Mapping[Task, Callable[[Case, Session, Progress], Any]] = {
+    "static": solve_static,
+    "one_way": solve_one_way,
+    "motion": solve_motion,
+}
+
+
+def solve(
+    case: Case, session: Session | None = None, progress: Progress = lambda text: None
+) -> tuple[Models, States]:
+    """The models and the two equilibria of a case at rest, coupled or in one pass.
+
+    Raises InputError and ConvergenceError."""
+    check_fit(case)
+    found: tuple[Models, States] = SOLVERS[case.task](case, session or Session(), progress)
+    return found
