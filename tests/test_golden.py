@@ -16,8 +16,8 @@ import pytest
 from tests import golden
 from tests.golden import CONFIG, Outcome, compare_outcomes
 from tests.golden_arrays import Config, Leaf, Leaves, compare, flatten, read_config, read_run
+from tests.helpers.folders import ROOT
 
-ROOT = Path(__file__).parents[1]
 PLAIN = Config()
 SUMMARY: dict[str, Any] = {
     "case": "one",
