@@ -9,12 +9,12 @@ from typer.testing import CliRunner
 
 from cosim.build.double_count import counted_twice, stated_pairs
 from cosim.build.fit import check_fit
-from cosim.case.file import find_case, load_case
+from cosim.case.file import load_case, packaged_cases
 from cosim.cli import app
 from cosim.pipeline import run_case
 from cosim.port import InputError
 
-PACKAGED = sorted(p.stem for p in find_case("isometric_edc").parent.glob("*.toml"))
+PACKAGED = sorted(packaged_cases())
 FDP = (
     'hood.paths.FDP=[{body="metacarpal", point=["-1 cm", "0 mm", "-8 mm"]},'
     ' {body="distal", point=["2 mm", "0 mm", "-4 mm"]}]'

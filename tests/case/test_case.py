@@ -5,12 +5,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cosim.case.file import find_case, json_schema, load_case, merge, resolved_toml
+from cosim.case.file import (
+    NO_FAMILIES,
+    find_case,
+    json_schema,
+    load_case,
+    merge,
+    packaged_cases,
+    resolved_toml,
+)
 from cosim.case.schema import Case
 from cosim.port import InputError
 from cosim.schema import units
+from tests.helpers.folders import ROOT
 
-PACKAGED = sorted(p.stem for p in find_case("isometric_edc").parent.glob("*.toml"))
+PACKAGED = sorted(packaged_cases())
 KINDS = [kind for kind in vars(units).values() if isinstance(kind, units.Kind)]
 
 
@@ -302,6 +311,24 @@ def test_a_file_that_is_not_text_is_refused(tmp_path: Path):
 def test_a_case_that_is_nowhere_names_the_packaged_ones():
     with pytest.raises(InputError, match="isometric_edc"):
         load_case("isometric_abc")
+
+
+@pytest.mark.parametrize("path", ["cases/isometric_edc.toml", "../x/isometric_edc.toml"])
+def test_a_path_to_a_packaged_case_that_is_gone_is_answered_with_its_name(path: str, tmp_path):
+    with pytest.raises(InputError, match=r"write its name: isometric_edc$"):
+        load_case(path)
+    (tmp_path / "mine.toml").write_text(f'extends = "{path}"\n')
+    with pytest.raises(InputError, match=r"mine\.toml: extends .*write its name: isometric_edc$"):
+        load_case(tmp_path / "mine.toml")
+
+
+def test_every_packaged_case_has_a_name_of_its_own_and_a_family():
+    files = [path.relative_to(ROOT / "cases") for path in (ROOT / "cases").rglob("*.toml")]
+    cases = [file for file in files if file.parts[0] not in NO_FAMILIES]
+    assert {len(file.parts) for file in cases} == {2}
+    assert sorted(file.stem for file in cases) == PACKAGED
+    for file in cases:
+        assert find_case(file.stem) == find_case(file) == ROOT / "cases" / file
 
 
 KEYS = st.sampled_from(
