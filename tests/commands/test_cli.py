@@ -353,7 +353,7 @@ def test_the_program_ends_with_its_exit_code(tmp_path):
     (tmp_path / "bad.toml").write_text("title = \n")
 
     def code(*words: str) -> tuple[int, str]:
-        command = [sys.executable, "-m", "cosim.cli", *words]
+        command = [sys.executable, "-m", "cosim", *words]
         done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
         return done.returncode, done.stderr
 

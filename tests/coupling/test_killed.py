@@ -39,7 +39,7 @@ LONG = RAMP.replace("checkpoint = 7\n", "").replace('duration = "0.3 s"', 'durat
 
 def cosim(folder: Path, *words: str, stage: str = "") -> subprocess.Popen[bytes]:
     """The program at work, from when it has told of a stage that begins so."""
-    command = [sys.executable, "-m", "cosim.cli", *words, *([] if stage else ["--quiet"])]
+    command = [sys.executable, "-m", "cosim", *words, *([] if stage else ["--quiet"])]
     path = {**os.environ, "PYTHONPATH": str(ROOT)}
     process = subprocess.Popen(command, cwd=folder, env=path, stderr=subprocess.PIPE)
     assert process.stderr is not None
