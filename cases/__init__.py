@@ -1,1 +1,1 @@
-"""Packaged cases: one TOML file for each run, in SI-checked quantities with units."""
+"""Packaged cases, a folder a family: one TOML file for each run, found by its name alone."""

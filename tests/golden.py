@@ -44,8 +44,9 @@ from tests.golden_arrays import (
     read_run,
     read_summary,
 )
+from tests.helpers.folders import ROOT
 
-TREE = Path(__file__).resolve().parents[1]
+TREE = ROOT
 CONFIG = Path(__file__).with_suffix(".toml")
 GOLDEN = Path(__file__).with_suffix(".json")
 DIGITS = 8  # significant, of a number in golden.json

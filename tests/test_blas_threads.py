@@ -6,12 +6,12 @@ import json
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from cosim.processes import BLAS_THREADS, one_blas_thread
+from tests.helpers.folders import ROOT
 
 SEEN = """
 import json, sys
@@ -65,7 +65,7 @@ seen += [int(os.environ["OMP_NUM_THREADS"])]
 
 def with_two_threads(text: str) -> dict[str, list[int]]:
     """What a program prints that is started with two threads of BLAS."""
-    env = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
+    env = {**os.environ, "PYTHONPATH": str(ROOT)}
     done = subprocess.run(
         [sys.executable, "-c", SEEN + text + "print(json.dumps([seen, threads()]))"],
         env=env | dict.fromkeys(BLAS_THREADS, "2"),

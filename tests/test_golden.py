@@ -16,8 +16,8 @@ import pytest
 from tests import golden
 from tests.golden import CONFIG, Outcome, compare_outcomes
 from tests.golden_arrays import Config, Leaf, Leaves, compare, flatten, read_config, read_run
+from tests.helpers.folders import ROOT
 
-ROOT = Path(__file__).parents[1]
 PLAIN = Config()
 SUMMARY: dict[str, Any] = {
     "case": "one",
@@ -272,7 +272,7 @@ def test_two_trees_are_run_and_compared(
 ) -> None:
     """HEAD against HEAD with one case changed; both worktrees go at the end."""
     with golden.worktree("HEAD") as tree:
-        case = tree / "cases" / "split_edc.toml"
+        case = tree / "cases" / "lumped" / "split_edc.toml"
         text = case.read_text(encoding="utf-8")
         case.write_text(text.replace("activation = 0.1 ", "activation = 0.11 "), encoding="utf-8")
         assert case.read_text(encoding="utf-8") != text

@@ -26,8 +26,8 @@ from cosim.validation.plan import groups
 from cosim.validation.run import folder_name
 from fe_solver.febio import compare
 from fe_solver.verification import apart as process
+from tests.helpers.folders import ROOT
 
-ROOT = Path(__file__).parents[1]
 PACKAGES = ("cosim", "fe_solver", "rigid", "meshes", "cases")
 SOURCES = [path for name in PACKAGES for path in sorted((ROOT / name).rglob("*.py"))]
 RESERVED = {"con", "prn", "aux", "nul", *(f"{n}{i}" for n in ("com", "lpt") for i in range(10))}

@@ -4,14 +4,25 @@ from __future__ import annotations
 
 import re
 import tomllib
-from pathlib import Path
 
 import yaml
 
 from cosim.version import __version__
+from tests.helpers.folders import ROOT
 
-ROOT = Path(__file__).parents[1]
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+WHOLE = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+PROJECT = WHOLE["project"]
+
+
+def test_the_wheel_holds_every_package_whole():
+    """What lies in them, packages and data alike, is found by the build."""
+    packages = {path.parent.name for path in ROOT.glob("*/__init__.py")} - {"tests"}
+    targets = WHOLE["tool"]["hatch"]["build"]["targets"]
+    assert set(targets["wheel"]["packages"]) == packages
+    assert {f"/{name}" for name in (*packages, "tests")} <= set(targets["sdist"]["include"])
+    assert set(WHOLE["tool"]["mypy"]["packages"]) == packages - {"cases"}
+    left_out = {"/cases/scoreboard.json", "/cases/mesh_convergence.json"}
+    assert set(targets["wheel"]["exclude"]) == left_out
 
 
 def test_the_citation_is_of_this_version_and_licence():

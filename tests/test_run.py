@@ -12,7 +12,7 @@ import pytest
 import xarray
 from typer.testing import CliRunner
 
-from cosim.case.file import find_case, load_case
+from cosim.case.file import load_case, packaged_cases
 from cosim.cli import app
 from cosim.pipeline import run_case
 from cosim.port import ConvergenceError
@@ -21,7 +21,7 @@ from cosim.results.result import Result
 from cosim.solve.session import Session
 from meshes.skeleton import BODIES
 
-PACKAGED = sorted(p.stem for p in find_case("isometric_edc").parent.glob("*.toml"))
+PACKAGED = sorted(packaged_cases())
 MOVING = [name for name in PACKAGED if load_case(name).forward is not None]
 STILL = [name for name in PACKAGED if name not in MOVING]
 ISOMETRIC = [name for name in PACKAGED if name.startswith("isometric")]

@@ -15,7 +15,7 @@ from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.pipeline import run_case
 from cosim.port import ConvergenceError, InputError
-from tests.energies import work_done, work_kept
+from tests.helpers.motions import work_done, work_kept
 
 FORWARD = "forward={}"
 SHORT = 'forward={duration="0.6 s"}'

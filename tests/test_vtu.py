@@ -20,7 +20,7 @@ from cosim.mesh_file import read_mesh_file
 from cosim.port import InputError
 from fe_solver.job.mesh_files import read_mesh
 from meshes.imported.raw import RawMesh, read_raw
-from tests.own_anatomy import Exported, exported
+from tests.helpers.own_anatomy import Exported, exported
 
 COMPRESSORS = ("None", "ZLib", "LZ4", "LZMA")
 MODES = ("Ascii", "Binary", "Appended raw", "Appended base64")

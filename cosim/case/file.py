@@ -8,7 +8,7 @@ import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from importlib import resources
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any
 
 from pydantic import ValidationError
@@ -19,6 +19,8 @@ from cosim.port import InputError
 
 Layer = tuple[str, dict[str, Any]]
 """Where values are stated (for messages) and the values."""
+
+NO_FAMILIES = {"base", "studies", "data"}  # folders of cases/
 
 # A later layer's word replaces an earlier layer's other way of saying the same.
 _ALTERNATIVES = {
@@ -59,18 +61,30 @@ def load_case(path_or_name: str | Path, overrides: Sequence[str] = ()) -> Case:
     return Case.model_construct(name=source.stem, source=source, **dict(checked))
 
 
+def packaged_cases() -> dict[str, Path]:
+    """The files of the packaged cases by name; each lies in the folder of its family."""
+    files = sorted(_packaged().glob("*/*.toml"))
+    return {path.stem: path for path in files if path.parent.name not in NO_FAMILIES}
+
+
 def find_case(path_or_name: str | Path, beside: Path | None = None) -> Path:
     """The file at a path (relative to `beside` or here), or the packaged case of that name.
 
-    Raises InputError."""
-    packaged = Path(str(resources.files("cases")))
-    text = str(path_or_name)
+    A path may also be relative to the folder `cases` ("base/split").  Raises InputError."""
+    text, packaged, cases = str(path_or_name), _packaged(), packaged_cases()
     places = [(beside or Path.cwd()) / text, packaged / text, packaged / f"{text}.toml"]
-    for place in places:
+    for place in (*places, cases.get(text, "")):
         if os.path.isfile(place):
             return Path(os.path.realpath(place))
-    known = ", ".join(sorted(p.stem for p in packaged.glob("*.toml")))
+    name = PurePath(text).stem
+    if text.endswith(".toml") and name in cases:
+        raise InputError(f"{text!r}: no such file; for the packaged case write its name: {name}")
+    known = ", ".join(sorted(cases))
     raise InputError(f"{text!r}: no such file and no packaged case; packaged are: {known}")
+
+
+def _packaged() -> Path:
+    return Path(str(resources.files("cases")))
 
 
 def _listing(source: Path, faults: Sequence[str]) -> str:

@@ -2,7 +2,8 @@
 
 Where contact ends inside an element, its force is as good as the points there are dense: that of a
 ball in a sheet of elements as wide as its mark is off by 4.5 % where the nodes alone feel it, by
-0.7, 0.4 and 0.2 % with three, four and five Gauss points in a line (tests/test_contact_points.py).
+0.7, 0.4 and 0.2 % with three, four and five Gauss points in a line
+(tests/fe_solver/forces/test_contact_points.py).
 """
 
 from __future__ import annotations

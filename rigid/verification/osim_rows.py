@@ -1,7 +1,7 @@
 """An .osim written by OpenSim, imported: lengths and moment arms against OpenSim's own.
 
 `data/finger.osim` and OpenSim's figures of it (`data/finger_opensim.json`, with their provenance)
-are made by `tests/make_osim.py`.
+are made by `tests/helpers/make_osim.py`.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from cosim.build.fit import check_fit
-from cosim.case.file import find_case, load_case
+from cosim.case.file import find_case, load_case, packaged_cases
 from cosim.case.schema import Case
 from cosim.files import written_whole
 from cosim.port import InputError
@@ -145,7 +145,8 @@ def _extends(base: str, folder: Path) -> str:
     source = find_case(base)
     packaged = Path(os.path.realpath(str(resources.files("cases"))))
     if source.is_relative_to(packaged):
-        name = source.relative_to(packaged).as_posix()
+        is_named = source.stem in packaged_cases()
+        name = source.stem if is_named else source.relative_to(packaged).as_posix()
         if find_case(name, folder) == source:
             return name
     return Path(os.path.relpath(source, os.path.realpath(folder))).as_posix()

@@ -1,0 +1,312 @@
+"""`cosim new`: bones checked, clearance told, a folder written whole or not at all, and run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from typer.testing import CliRunner
+
+from cosim.anatomy.bones import Bones, read_bones
+from cosim.anatomy.case_folder import write_case
+from cosim.anatomy.read import Anatomy, Built
+from cosim.build.models import drawn_bones, hood_mesh, mjcf_of
+from cosim.case.file import load_case
+from cosim.cli import app
+from cosim.pipeline import run_case
+from cosim.port import InputError
+from meshes.hood_mesh import HoodMesh, to_json
+from meshes.hull import Chain
+from meshes.imported.checks import Placing
+from meshes.skeleton import BODIES, index_finger
+from tests.helpers.own_anatomy import exported, moved, with_a_free_node, write_bones, write_meshio
+
+COARSE = "hood.mesh.quads=120"
+Surfaces = Mapping[str, tuple[np.ndarray, np.ndarray]]
+BESIDE = np.array([0.01, 0.03, 0])
+"""m."""
+LAID = ["--posture", "0 0 0"]
+
+
+@pytest.fixture(scope="module")
+def ours() -> HoodMesh:
+    return hood_mesh(load_case("isometric_edc", [COARSE]))
+
+
+@pytest.fixture(scope="module")
+def surfaces() -> Surfaces:
+    """Coarse ones, for the checks alone."""
+    from meshes.bones import load_bone
+
+    return {body: load_bone(body).surface(1.5e-3) for body in BODIES}
+
+
+@pytest.fixture(scope="module")
+def files(ours: HoodMesh, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with our hood as hood.inp and our bones as .obj, m, in full precision."""
+    folder = tmp_path_factory.mktemp("anatomy")
+    write_meshio(with_a_free_node(exported(ours)), folder / "hood.inp")
+    for body, (points, faces) in drawn_bones(load_case("isometric_edc")).items():
+        rows = [f"v {x!r} {y!r} {z!r}" for x, y, z in points.tolist()]
+        rows += [f"f {a} {b} {c}" for a, b, c in (faces + 1).tolist()]
+        (folder / f"{body}.obj").write_text("\n".join(rows))
+    (folder / "finger.xml").write_text(mjcf_of(load_case("split_edc")))
+    return folder
+
+
+def new(folder: Path, *options: str) -> tuple[int, str]:
+    """Exit code and what was said."""
+    done = CliRunner().invoke(app, ["new", "mine", "-o", str(folder / "out"), *options])
+    assert done.exception is None or isinstance(done.exception, SystemExit)
+    return done.exit_code, done.output
+
+
+def bones(files: Path) -> list[str]:
+    return ["--bones", *(str(files / f"{body}.obj") for body in BODIES), "--bone-unit", "m"]
+
+
+def test_our_own_hood_bones_and_finger_make_the_same_run(
+    files: Path, ours: HoodMesh, tmp_path: Path
+):
+    code, told = new(
+        tmp_path, "--hood", str(files / "hood.inp"), *LAID, *bones(files),
+        "--finger", str(files / "finger.xml"),
+    )  # fmt: skip
+    assert code == 0, told
+    case = tmp_path / "out" / "mine.toml"
+    assert (tmp_path / "out" / "cosim_new.txt").read_text() in told
+    assert "dropped: 1 nodes that belong to no quad, the first is node 0" in told
+    assert CliRunner().invoke(app, ["check", str(case)]).exit_code == 0
+    loaded = load_case(case, ["tendons.EDC.activation=0.1"])
+    mesh = hood_mesh(loaded)
+    np.testing.assert_array_equal(mesh.quads, ours.quads)
+    np.testing.assert_allclose(mesh.points, ours.points, atol=1e-12)
+    for name, held in ours.springs.items():
+        assert mesh.springs[name].body == held.body
+        mine, order = mesh.springs[name], np.argsort(mesh.springs[name].nodes)
+        known = np.argsort(held.nodes)
+        np.testing.assert_array_equal(mine.nodes[order], held.nodes[known])
+        np.testing.assert_allclose(mine.anchors[order], held.anchors[known], atol=2e-7)
+    even = {name: replace(held, shares=None) for name, held in ours.springs.items()}
+    # as of every mesh of others, whose fibres are taken to run along the finger or round it
+    plain = replace(ours, lift=None, springs=even, fibre=mesh.fibre)
+    (tmp_path / "level.json").write_text(to_json(plain))
+    level = f'hood.mesh={{kind="file", path="{(tmp_path / "level.json").as_posix()}"}}'
+    before = run_case(load_case("isometric_edc", [level]), lambda stage: None, None).summary
+    after = run_case(loaded, lambda stage: None, None).summary
+    for key in ("fingertip_force_N", "moment_arm_mm"):
+        assert flat(after[key]) == pytest.approx(flat(before[key]), rel=1e-6, abs=1e-7)
+
+
+def flat(value: object) -> list[float]:
+    if isinstance(value, Mapping):
+        return [number for key in sorted(value) for number in flat(value[key])]
+    return list(np.ravel(np.asarray(value, dtype=float)))
+
+
+def test_nothing_is_written_where_something_is_wrong(files: Path, tmp_path: Path):
+    hood = ["--hood", str(files / "hood.inp"), *LAID]
+    code, told = new(tmp_path, *hood, "--unit", "m")
+    assert code == 2
+    assert "--unit mm" in told
+    assert list(tmp_path.iterdir()) == []
+    code, told = new(tmp_path, *hood, "--finger", str(files / "finger.xml"))
+    assert code == 2
+    assert "give its surfaces too" in told
+    assert list(tmp_path.iterdir()) == []
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "precious").write_text("mine")
+    code, told = new(tmp_path, *hood)
+    assert code == 2
+    assert "is in the way" in told
+    assert [p.name for p in (tmp_path / "out").iterdir()] == ["precious"]
+
+
+def test_a_folder_of_its_own_is_replaced(files: Path, tmp_path: Path):
+    for posture in ("0 0 0", "1 0 0"):
+        code, told = new(tmp_path, "--hood", str(files / "hood.inp"), "--posture", posture)
+        assert code == 0, told
+    assert hood_mesh(load_case(tmp_path / "out" / "mine.toml")).rest_posture["MCP"] == (
+        pytest.approx(np.deg2rad(1))
+    )
+
+
+def test_a_finger_alone_is_a_case_of_its_own_tendons(files: Path, tmp_path: Path):
+    code, told = new(tmp_path, "--finger", str(files / "finger.xml"))
+    assert code == 0
+    assert "tendons EDC, EI, LUM, FPI, FDP" in told
+    case = load_case(tmp_path / "out" / "mine.toml", ["tendons.EDC.activation=0.1"])
+    own = run_case(case, lambda stage: None, None).summary
+    known = run_case(load_case("split_edc"), lambda stage: None, None).summary
+    assert flat(own["fingertip_force_N"]) == pytest.approx(
+        flat(known["fingertip_force_N"]), rel=1e-8
+    )
+
+
+@pytest.mark.parametrize(
+    ("options", "complaint"),
+    [
+        ([], "give a hood's mesh"),
+        (["--hood", "none.vtu"], "there is no such file"),
+        (["--hood", "none.xyz"], "expected a mesh file ending in .feb, .vtu, .msh, .inp"),
+        (["--finger", "none.xml"], "there is no such file"),
+        (["--finger", "f.xml", "--length-scale", "1.1"], "--length-scale"),
+        (["--finger", "f.xml", "--axes", "x x y"], "--axes"),
+        (["--finger", "f.xml", "--origin", "1 2"], "--origin"),
+        (["--finger", "f.xml", "--posture", "20 200 0"], "PIP 200 deg"),
+        (["--finger", "f.xml", "--thickness", "2 N"], "--thickness"),
+        (["--finger", "f.xml", "--set-name", "PIP"], "OURS=YOURS"),
+        (["--finger", "f.xml", "--set-name", "PPI=a"], "did you mean PIP"),
+        (["--finger", "f.xml", "--names", "none.toml"], "--names none.toml"),
+    ],
+)
+def test_options_that_say_nothing_are_one_clear_fault(
+    tmp_path: Path, options: list[str], complaint: str
+):
+    code, told = new(tmp_path, *options)
+    assert code == 2
+    assert complaint in " ".join(told.split())
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_names_come_from_a_file_too(files: Path, tmp_path: Path):
+    text = (files / "finger.xml").read_text().replace('"PIP"', '"hinge 2"')
+    (tmp_path / "f.xml").write_text(text)
+    (tmp_path / "names.toml").write_text('PIP = "hinge 2"\n')
+    code, told = new(tmp_path, "--finger", str(tmp_path / "f.xml"))
+    assert code == 2
+    assert "--set-name PIP=NAME" in told
+    options = ["--finger", str(tmp_path / "f.xml"), "--names", str(tmp_path / "names.toml")]
+    assert new(tmp_path, *options)[0] == 0
+
+
+def test_a_hood_through_the_bones_is_counted_and_measured(
+    files: Path, ours: HoodMesh, tmp_path: Path
+):
+    low = exported(ours)
+    write_meshio(moved(low, low.points - [0, 0, 5.0]), tmp_path / "hood.inp")
+    code, told = new(tmp_path, "--hood", str(tmp_path / "hood.inp"), *LAID)
+    assert code == 2
+    assert "nodes of the hood lie in the bone" in told
+    assert "mm deep" in told
+    write_meshio(moved(low, low.points - [0, 0, 0.3]), tmp_path / "hood.inp")
+    code, told = new(tmp_path, "--hood", str(tmp_path / "hood.inp"), *LAID)
+    assert code == 0
+    assert "nodes are nearer than the base case's" in told
+    hood = load_case(tmp_path / "out" / "mine.toml").hood
+    assert 2.0e-3 < hood.contact.offset.proximal < 2.4e-3  # type: ignore[union-attr]
+
+
+def test_a_larger_hand_keeps_its_bones_size(surfaces: Surfaces, tmp_path: Path):
+    larger = {body: (1.1 * points, faces) for body, (points, faces) in surfaces.items()}
+    made = Built(None, {}, Bones(larger, ()), None, {}, ())
+    write_case(tmp_path, "mine", Anatomy(length_scale=1.1), made)
+    drawn = drawn_bones(load_case(tmp_path / "mine.toml"))
+    for body, (points, _) in larger.items():
+        np.testing.assert_allclose(np.ptp(drawn[body][0], axis=0), np.ptp(points, axis=0))
+
+
+def write(surfaces: Surfaces, folder: Path) -> list[Path]:
+    return write_bones(surfaces, folder)
+
+
+def chain(**posture: float) -> Chain:
+    skeleton = index_finger()
+    return Chain(skeleton, *skeleton.pose({k: np.deg2rad(v) for k, v in posture.items()}))
+
+
+def bone_faults(surfaces: Surfaces, folder: Path, unit: str = "mm") -> str:
+    with pytest.raises(InputError) as caught:
+        read_bones(write(surfaces, folder), "body", unit, Placing(), chain())
+    return str(caught.value)
+
+
+def test_bones_in_one_scan_are_brought_into_their_bodies(surfaces: Surfaces, tmp_path: Path):
+    """Also of a left hand, turned and moved."""
+    there, laid = (
+        chain(MCP=20, PIP=40, DIP=11),
+        Placing("mm", np.array([[0.0, 0, 1], [1, 0, 0], [0, -1, 0]]), np.array([10.0, 20, 30])),
+    )
+    scan = {}
+    for i, body in enumerate(BODIES):
+        world = there.position[i] + surfaces[body][0] @ there.rotation[i].T
+        points = world @ laid.axes + 1e-3 * laid.origin
+        scan[body] = points, surfaces[body][1][:, ::-1] if laid.mirrors else surfaces[body][1]
+    read = read_bones(write(scan, tmp_path), "hood", "mm", laid, there)
+    assert read.notes == ()
+    for body, (points, faces) in read.surfaces.items():
+        own = trimesh.Trimesh(*surfaces[body])
+        back = trimesh.Trimesh(points, faces)
+        np.testing.assert_allclose(back.bounds, own.bounds, atol=1e-7)
+        assert back.volume == pytest.approx(own.volume, rel=1e-5)
+    with pytest.raises(InputError, match="another frame"):
+        read_bones([tmp_path / f"{b}.stl" for b in BODIES], "body", "mm", laid, there)
+
+
+def test_holes_pieces_specks_and_inward_triangles(surfaces: Surfaces, tmp_path: Path):
+    points, faces = surfaces["middle"]
+    told = bone_faults(dict(surfaces) | {"middle": (points, faces[1:])}, tmp_path)
+    assert "middle (middle.stl): its surface is not closed (3 edges" in told
+    both = np.vstack([points, points + BESIDE]), np.vstack([faces, faces + len(points)])
+    told = bone_faults(dict(surfaces) | {"middle": both}, tmp_path)
+    assert "falls into 2 pieces, the second 100 %" in told
+    speck = trimesh.creation.icosphere(1, 3e-4)
+    small = (
+        np.vstack([points, speck.vertices + BESIDE]),
+        np.vstack([faces, speck.faces + len(points)]),
+    )
+    inward = surfaces["distal"][0], surfaces["distal"][1][:, ::-1]
+    mixed = surfaces["proximal"][1].copy()
+    mixed[:40] = mixed[:40, ::-1]
+    spoilt = dict(surfaces) | {
+        "middle": small, "distal": inward, "proximal": (surfaces["proximal"][0], mixed)
+    }  # fmt: skip
+    read = read_bones(write(spoilt, tmp_path), "body", "mm", Placing(), chain())
+    told = " | ".join(read.notes)
+    for word in ("1 specks", "distal (distal.stl): its triangles faced inward", "wound against"):
+        assert word in told
+    for body, (corners, cells) in read.surfaces.items():
+        volume = trimesh.Trimesh(*surfaces[body]).volume
+        assert trimesh.Trimesh(corners, cells).volume == pytest.approx(volume, rel=1e-5)
+
+
+def test_the_same_bone_twice_another_unit_and_another_order(surfaces: Surfaces, tmp_path: Path):
+    shifted = surfaces["proximal"][0] + [0.01, 0, 0], surfaces["proximal"][1]
+    told = bone_faults(dict(surfaces) | {"middle": shifted}, tmp_path)
+    assert "proximal and middle are the same surface" in told
+    assert "--bone-unit mm" in bone_faults(surfaces, tmp_path, "m")
+    other = dict(surfaces) | {"middle": surfaces["distal"], "distal": surfaces["middle"]}
+    other |= {"proximal": surfaces["metacarpal"], "metacarpal": surfaces["proximal"]}
+    assert "in order, from the metacarpal" in bone_faults(
+        dict(surfaces) | {"proximal": surfaces["distal"], "distal": surfaces["proximal"]}, tmp_path
+    )
+    ahead = surfaces["metacarpal"][0] + [0.06, 0, 0], surfaces["metacarpal"][1]
+    assert "metacarpal: its middle lies" in bone_faults(
+        dict(surfaces) | {"metacarpal": ahead}, tmp_path
+    )
+    assert "another frame" in bone_faults(
+        {b: (p[:, [1, 0, 2]] * [1, -1, 1], f) for b, (p, f) in surfaces.items()}, tmp_path
+    )
+
+
+@pytest.mark.parametrize("content", [b"", b"solid", b"v 0 0 0\nf 1 2 3\n", bytes(range(256))])
+def test_a_file_that_is_no_surface_is_one_clear_fault(
+    surfaces: Surfaces, tmp_path: Path, content: bytes
+):
+    paths = write(surfaces, tmp_path)
+    for ending in ("stl", "obj"):
+        bad = tmp_path / f"bad.{ending}"
+        bad.write_bytes(content)
+        with pytest.raises(InputError, match=r"bad\.(stl|obj)"):
+            read_bones([*paths[:3], bad], "body", "mm", Placing(), chain())
+
+
+def test_placing_maps_points_as_it_says():
+    placing = Placing("cm", np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]]), np.array([1.0, 2, 3]))
+    np.testing.assert_allclose(placing.of(np.array([[2.0, 4, 6]])), [[0.03, -0.01, -0.02]])
+    assert not placing.mirrors
+    assert replace(placing, axes=-placing.axes).mirrors

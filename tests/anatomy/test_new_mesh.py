@@ -1,0 +1,340 @@
+"""A user's hood mesh: read from four formats, its faults told, its axes and unit found."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cosim.anatomy.read import read_hood
+from cosim.build.models import hood_mesh
+from cosim.case.file import load_case
+from cosim.port import InputError
+from meshes.hood_mesh import HoodMesh
+from meshes.hull import Chain, along
+from meshes.imported.checks import (
+    Placing,
+    axes_fault,
+    axes_text,
+    landmarks,
+    parse_axes,
+    turned_alike,
+)
+from meshes.imported.hood import Sheet, places, read_sheet, stations
+from meshes.imported.names import missing, named
+from meshes.imported.raw import RawMesh, read_raw
+from meshes.skeleton import index_finger
+from tests.helpers.own_anatomy import exported, write_feb, write_meshio
+
+THICKNESS = 0.65e-3
+FAR = np.array([30.0, -40, 50])
+"""mm, of another origin."""
+
+
+@pytest.fixture(scope="module")
+def ours() -> HoodMesh:
+    return hood_mesh(load_case("isometric_edc", ["hood.mesh.quads=120"]))
+
+
+@pytest.fixture(scope="module")
+def raw(ours: HoodMesh) -> RawMesh:
+    own = exported(ours)
+    nodes = dict(own.nodes) | {name: np.unique(pairs) for name, pairs in own.lines.items()}
+    return RawMesh(own.points, own.quads, own.cells, nodes, own.lines, ())
+
+
+@pytest.fixture(scope="module")
+def chain(ours: HoodMesh) -> Chain:
+    skeleton = index_finger()
+    return Chain(skeleton, *skeleton.pose(ours.rest_posture))
+
+
+def sheet(raw: RawMesh, chain: Chain, placing: Placing | None = None, **names: str) -> Sheet:
+    return read_sheet(raw, names, placing or Placing(), chain, THICKNESS)
+
+
+@pytest.mark.parametrize("ending", ["vtu", "msh", "inp", "feb"])
+def test_every_format_holds_the_same_mesh_and_sets(
+    ours: HoodMesh, raw: RawMesh, tmp_path: Path, ending: str
+):
+    path = tmp_path / f"hood.{ending}"
+    if ending == "feb":
+        write_feb(exported(ours), path)
+    else:
+        write_meshio(exported(ours), path, "gmsh22" if ending == "msh" else None)
+    read = read_hood(path)
+    np.testing.assert_allclose(read.points, raw.points, atol=1e-6)
+    assert missing(read, named(read, {})) == []
+    for name, cells in raw.cells.items():
+        rows = {tuple(quad) for quad in raw.quads[cells].tolist()}
+        assert {tuple(quad) for quad in read.quads[read.cells[name]].tolist()} == rows
+    for name, nodes in raw.nodes.items():
+        np.testing.assert_array_equal(np.unique(read.nodes[name]), np.unique(nodes))
+    for name, pairs in raw.lines.items():
+        np.testing.assert_array_equal(read.lines[name], pairs)
+    stated = ["<Material> (skin)"] if ending == "feb" else []
+    assert list(read.dropped) == stated
+
+
+def test_gmsh_4_and_abaqus_cards_and_other_cells(tmp_path: Path):
+    points = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 1], [0.5, 0, 0.0]])
+    mesh = meshio.Mesh(
+        points,
+        [("quad", [[0, 1, 2, 3]]), ("tetra", [[0, 1, 2, 4]]), ("triangle6", [[0, 1, 2, 5, 5, 5]])],
+        point_data={"height": np.linspace(0, 1, 6), "edge": np.array([1, 1, 0, 0, 0, 0])},
+        cell_data={"part": [np.array([3]), np.array([4]), np.array([5])]},
+    )
+    mesh.write(tmp_path / "a.vtu")
+    read = read_raw(tmp_path / "a.vtu")
+    assert read.quads.tolist() == [[0, 1, 2, 3], [0, 1, 2, 2]]
+    assert {k: v.tolist() for k, v in read.cells.items()} == {"part:3": [0], "part:5": [1]}
+    assert read.nodes["edge"].tolist() == [0, 1]
+    told = " | ".join(read.dropped)
+    for word in (
+        "1 cells of type tetra",
+        "mid-side nodes of 1 cells of type triangle6",
+        "'height'",
+    ):
+        assert word in told
+    text = "*NODE\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n*ELEMENT, TYPE=S4\n1,1,2,3,4\n"
+    text += "*MATERIAL, NAME=a\n*ELASTIC\n1.0,0.4\n** a remark\n*CLOAD\n1,1,1.0\n"
+    (tmp_path / "a.inp").write_text(text)
+    assert read_raw(tmp_path / "a.inp").dropped == ("1 x *CLOAD", "1 x *ELASTIC", "1 x *MATERIAL")
+
+
+def test_our_own_hood_is_in_order_as_it_is(ours: HoodMesh, raw: RawMesh, chain: Chain):
+    read = sheet(raw, chain)
+    np.testing.assert_array_equal(read.quads, ours.quads)
+    assert [note for note in read.notes if "warped" not in note] == []
+
+
+def test_places_along_the_chain_undo_laying_out(chain: Chain):
+    s = np.linspace(-0.02, 0.08, 60)
+    at = chain.at(s, np.full(60, 6e-3), np.linspace(-5e-3, 5e-3, 60))
+    np.testing.assert_allclose(places(at, chain), s, atol=2e-5)
+    station = np.linspace(-20, 75, 40)
+    np.testing.assert_allclose(
+        stations(chain.skeleton, along(chain.skeleton, station)), station, atol=1e-6
+    )
+
+
+def faults(raw: RawMesh, chain: Chain, placing: Placing | None = None, **names: str) -> str:
+    with pytest.raises(InputError) as caught:
+        sheet(raw, chain, placing, **names)
+    return str(caught.value)
+
+
+def test_missing_sets_are_named_with_the_nearest_and_can_be_mapped(raw: RawMesh, chain: Chain):
+    nodes = {k.replace("end_central", "central_end_1"): v for k, v in raw.nodes.items()}
+    nodes |= {"half": raw.nodes["tied_distal"][:1], "other": raw.nodes["tied_distal"][1:]}
+    del nodes["tied_distal"]
+    cells = {k.replace("central_slip", "SLIP"): v for k, v in raw.cells.items()}
+    told = faults(replace(raw, cells=cells, nodes=nodes), chain)
+    assert "in no region, the first is quad" in told
+    assert "(it is in SLIP)" in told
+    assert "no set end_central: " in told
+    assert "nearest names in the mesh are central_end_1" in told
+    assert "no set tied_distal: " in told
+    assert "end_radial:" not in told
+    names = {"end_central": "central_end_1", "tied_distal": "half+other", "central_slip": "SLIP"}
+    read = sheet(replace(raw, cells=cells, nodes=nodes), chain, **names)
+    np.testing.assert_array_equal(read.sets.nodes["tied_distal"], raw.nodes["tied_distal"])
+    wrong = faults(raw, chain, end_centrl="end_central")
+    assert "end_centrl is none of our names; did you mean end_central" in wrong
+    assert "the nearest are end_radial" in faults(raw, chain, end_radial="end_radia")
+
+
+def test_a_name_may_differ_in_case_and_dashes(raw: RawMesh):
+    other = {name.upper().replace("_", "-"): cells for name, cells in raw.cells.items()}
+    assert missing(raw, named(replace(raw, cells=other), {})) == []
+
+
+def test_a_quad_in_two_regions_or_a_loose_end_is_a_fault(raw: RawMesh, chain: Chain):
+    cells = dict(raw.cells) | {"terminal_slip": np.append(raw.cells["terminal_slip"], 0)}
+    assert "1 quads are in two regions: quad 0" in faults(replace(raw, cells=cells), chain)
+    nodes = dict(raw.nodes) | {
+        "end_radial": np.append(raw.nodes["end_radial"], len(raw.points) - 1)
+    }
+    assert "end_radial: 1 of its" in faults(replace(raw, nodes=nodes), chain)
+
+
+def with_triangle(quads: np.ndarray) -> np.ndarray:
+    return np.vstack([[quads[0, 0], quads[0, 1], quads[0, 2], quads[0, 2]], quads[1:]])
+
+
+def with_bow_tie(quads: np.ndarray) -> np.ndarray:
+    return np.vstack([quads[:1, [0, 2, 1, 3]], quads[1:]])
+
+
+@pytest.mark.parametrize(
+    ("spoil", "complaint"),
+    [
+        (with_triangle, "1 of 144 cells are triangles, the first is cell 0"),
+        (with_bow_tie, "1 quads have a reflex corner, cross themselves or have no area: quads 0"),
+        (lambda q: np.vstack([q[1:], q[1:2]]), "1 cells are there twice"),
+        (lambda q: np.vstack([q[1:], [q[0, 0], q[0, 0], *q[0, 2:]]]), "1 quads name a node twice"),
+    ],
+)
+def test_bad_quads_are_counted_and_named(
+    raw: RawMesh, chain: Chain, spoil: Callable[[np.ndarray], np.ndarray], complaint: str
+):
+    told = faults(replace(raw, quads=spoil(raw.quads)), chain)
+    assert complaint.replace("144", str(len(raw.quads))) in told
+
+
+def test_pieces_and_double_nodes_are_told(raw: RawMesh, chain: Chain):
+    apart = raw.quads.copy()
+    seam = np.unique(apart[raw.cells["extensor_tendon_proximal"]])
+    twin = len(raw.points) + np.arange(len(seam))
+    cells = raw.cells["extensor_tendon_proximal"]
+    apart[cells] = twin[np.searchsorted(seam, apart[cells])]
+    points = np.vstack([raw.points, raw.points[seam]])
+    assert "pairs of nodes lie at one place" in faults(
+        replace(raw, quads=apart, points=points), chain
+    )
+    points[twin] += [0, 0, 0.2]
+    assert "falls into 2 pieces" in faults(replace(raw, quads=apart, points=points), chain)
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.sets(st.integers(0, 99)))
+def test_quads_wound_otherwise_are_turned_back(raw: RawMesh, chain: Chain, wrong: set[int]):
+    quads = raw.quads.copy()
+    chosen = np.array(sorted(wrong), dtype=int)
+    quads[chosen] = quads[chosen][:, ::-1]
+    read = sheet(replace(raw, quads=quads), chain)
+    normals = [
+        np.cross(*(raw.points[q[:, [2, 3]]] - raw.points[q[:, [0, 1]]]).transpose(1, 0, 2))
+        for q in (read.quads, raw.quads)
+    ]
+    assert (np.einsum("nk,nk->n", *normals) > 0).all()
+    if chosen.size:
+        assert f"{len(chosen)} quads were wound against" in " ".join(read.notes)
+
+
+def test_a_sheet_turned_inside_out_and_a_third_quad_at_an_edge(raw: RawMesh, chain: Chain):
+    read = sheet(replace(raw, quads=raw.quads[:, ::-1]), chain)
+    np.testing.assert_array_equal(read.quads, raw.quads)
+    assert "all normals pointed at the bones" in " ".join(read.notes)
+    with pytest.raises(InputError, match="3 cells meet at the edge from node 0 to node 1"):
+        turned_alike(np.array([[0, 1, 2, 3], [1, 0, 4, 5], [0, 1, 6, 7]]))
+    with pytest.raises(InputError, match="one-sided"):
+        turned_alike(np.array([[0, 1, 3, 2], [2, 3, 5, 4], [4, 5, 0, 1]]))
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("m", 1e-3), ("cm", 0.1), ("um", 1e3)])
+def test_another_unit_is_found(raw: RawMesh, chain: Chain, unit: str, factor: float):
+    told = faults(replace(raw, points=factor * raw.points), chain)
+    assert f"it would fit in {unit}: --unit {unit}" in told
+    read = sheet(replace(raw, points=factor * raw.points), chain, Placing(unit))
+    np.testing.assert_allclose(read.points, 1e-3 * raw.points, atol=1e-12)
+
+
+@pytest.mark.parametrize("axes", ["y z x", "z -x y", "-x -y z", "x -z y", "-y x z"])
+def test_swapped_axes_are_found_and_the_text_named_mends_them(
+    raw: RawMesh, chain: Chain, axes: str
+):
+    turned = raw.points @ parse_axes(axes)  # so that `axes` brings them back
+    told = faults(replace(raw, points=turned), chain)
+    assert f'--axes "{axes}"' in told
+    assert ("mirrors it into a right hand" in told) == (np.linalg.det(parse_axes(axes)) < 0)
+    read = sheet(replace(raw, points=turned), chain, Placing("mm", parse_axes(axes)))
+    np.testing.assert_allclose(read.points, 1e-3 * raw.points, atol=1e-12)
+
+
+def test_a_left_hand_is_told_and_mirrored(raw: RawMesh, chain: Chain):
+    left = replace(raw, points=raw.points * [1, -1, 1], quads=raw.quads[:, ::-1])
+    told = faults(left, chain)
+    assert "mirrored" in told
+    assert '--axes "x -y z"' in told
+    read = sheet(left, chain, Placing("mm", parse_axes("x -y z")))
+    np.testing.assert_array_equal(read.points, 1e-3 * raw.points)
+    np.testing.assert_array_equal(read.quads, raw.quads)
+    assert "turned over" not in " ".join(read.notes)
+
+
+def test_a_mirrored_hood_is_told_where_its_ends_stand_otherwise_than_ours(chain: Chain):
+    found = landmarks(chain)
+    for side, y in (("radial", -2e-3), ("ulnar", 2e-3)):
+        found[f"end_{side}"] = found[f"end_{side}"] * [1, 0, 1] + [0, y, 0]
+    told, _ = axes_fault(found, chain, np.eye(3))
+    assert "mirrored" in told
+    assert '--axes "x -y z"' in told
+    found = {name: place * [1, -1, 1] for name, place in found.items()}
+    assert axes_fault(found, chain, np.eye(3))[0] == ""
+
+
+def test_a_reflex_corner_is_told(raw: RawMesh, chain: Chain):
+    points, quad = raw.points.copy(), raw.quads[0]
+    points[quad[0]] = 0.1 * points[quad[2]] + 0.45 * (points[quad[1]] + points[quad[3]])
+    assert "1 quads have a reflex corner" in faults(replace(raw, points=points), chain)
+
+
+def test_another_origin_is_told_with_its_place(raw: RawMesh, chain: Chain):
+    told = faults(replace(raw, points=raw.points + FAR), chain)
+    assert "mm from where it would on this finger" in told
+    assert "--origin" in told
+    place = [float(x) for x in told.split('--origin "')[1].split('"')[0].split()]
+    assert np.linalg.norm(np.array(place) - FAR) < 8
+    moved = Placing("mm", np.eye(3), FAR)
+    read = sheet(replace(raw, points=raw.points + FAR), chain, moved)
+    np.testing.assert_allclose(read.points, 1e-3 * raw.points, atol=1e-12)
+
+
+def test_free_nodes_and_sets_of_no_use_are_told(raw: RawMesh, chain: Chain):
+    more = replace(
+        raw,
+        points=np.vstack([raw.points, [[0, 0, 0]]]),
+        nodes=dict(raw.nodes) | {"my_set": raw.nodes["end_radial"]},
+        dropped=("3 x *CLOAD",),
+    )
+    told = " | ".join(sheet(more, chain).notes)
+    assert "dropped: 1 nodes that belong to no quad" in told
+    assert "dropped: the sets my_set" in told
+    assert "dropped: 3 x *CLOAD" in told
+    fewer = {k: v for k, v in raw.nodes.items() if k != "spring_sagittal_radial"}
+    lines = {k: v for k, v in raw.lines.items() if k != "spring_sagittal_radial"}
+    told = " | ".join(sheet(replace(raw, nodes=fewer, lines=lines), chain).notes)
+    assert "not in the model: spring_sagittal_radial" in told
+
+
+@pytest.mark.parametrize("text", ["x y", "x y y", "a b c", "x y zz", ""])
+def test_axes_that_are_none_are_refused(text: str):
+    with pytest.raises(InputError, match="--axes"):
+        parse_axes(text)
+
+
+def test_axes_as_text_and_back():
+    assert axes_text(parse_axes("z -x +y")) == "z -x y"
+    np.testing.assert_array_equal(parse_axes("z -x y") @ [1, 2, 3], [3, -1, 2])
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.binary(max_size=300), st.sampled_from([".vtu", ".msh", ".inp", ".feb", ".stl"]))
+def test_any_bytes_are_one_clear_fault(tmp_path_factory, content: bytes, ending: str):
+    path = tmp_path_factory.mktemp("any") / f"hood{ending}"
+    path.write_bytes(content)
+    with pytest.raises(InputError):
+        read_hood(path)
+
+
+def test_vectors_of_the_quads_become_fields_of_directions(
+    tmp_path: Path, ours: HoodMesh, chain: Chain
+):
+    """In our axes; those that stand on the sheet are dropped and told."""
+    write_meshio(exported(ours), tmp_path / "hood.vtu")
+    mesh = meshio.read(tmp_path / "hood.vtu")
+    lines = np.ones((len(mesh.cells[1].data), 3))
+    mesh.cell_data["slips"] = [2 * ours.fibre, lines]
+    mesh.cell_data["up"] = [np.tile([0.0, 0.0, 1.0], (len(ours.quads), 1)), lines]
+    mesh.write(tmp_path / "vectors.vtu")
+    found = sheet(read_raw(tmp_path / "vectors.vtu"), chain)
+    assert list(found.fields) == ["slips"]
+    assert found.fields["slips"] == pytest.approx(ours.fibre, abs=1e-4)
+    assert any("'up', which do not lie in the sheet" in note for note in found.notes)

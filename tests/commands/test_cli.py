@@ -1,0 +1,387 @@
+import json
+import subprocess
+import sys
+import types
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray
+from typer.testing import CliRunner
+
+from cosim.case.file import resolved_toml
+from cosim.cli import app
+from cosim.port import ConvergenceError, InputError
+from cosim.results.audit import BEYOND, BOUNDS, POSTURE
+from cosim.results.parts import LedgerRow, Scene
+from cosim.results.result import Result
+from cosim.solve import session
+from cosim.version import __version__
+from tests.helpers.folders import ROOT
+
+SUMMARY = {
+    "posture_deg": {"MCP": 30.1, "MCP_abduction": 0.2, "PIP": 45.3, "DIP": 15.2},
+    "tension_N": {"EDC": 3.469, "FDP": 0.05},
+    "excursion_mm": {"EDC": 1.25},
+    "slip_force_N": {"central": 1.5, "terminal": 0.75},
+    "fingertip_force_N": [0.24, -0.39, -0.03],
+    "fingertip_magnitude_N": 0.459,
+    "strain_percent": {"longitudinal": {"min": -1.0, "mean": 0.8, "max": 6.95}},
+    "max_penetration_mm": 0.012,
+    "moment_arm_mm": {"EDC": {"MCP": -7.4, "MCP_abduction": 0.1, "PIP": -5.2, "DIP": -2.1}},
+    "audit": {"hood_force_balance": 3e-13},
+    "iterations": {"coupling": 4, "newton": 21},
+    "unloaded": {"fingertip_magnitude_N": 0.11, "slip_force_N": {"central": 0.1}},
+    "difference": {"fingertip_magnitude_N": 0.349},
+    "wall_s": 1.75,
+}
+
+
+@pytest.fixture
+def solver(monkeypatch, tmp_path):
+    """A stand-in for the solver; `fails` maps a case to the error that it meets, `ran` records."""
+    fake = types.ModuleType("cosim.pipeline")
+    fake.fails, fake.ran, fake.summary = {}, [], SUMMARY
+
+    def run_case(case, session, progress):
+        progress("solving")
+        fake.ran.append(case)
+        if case.name in fake.fails:
+            raise fake.fails[case.name]
+        row = LedgerRow("loaded", "distal", "contact", np.zeros(3), np.zeros(3))
+        told = {"case": case.name, **fake.summary}
+        scene, text = Scene(None, (), ()), resolved_toml(case)
+        return Result(told, xarray.Dataset(), (row,), scene, text, case.name)
+
+    fake.run_case = run_case
+    monkeypatch.setitem(sys.modules, "cosim.pipeline", fake)
+    monkeypatch.chdir(tmp_path)
+    return fake
+
+
+def cosim(*words: str):
+    return CliRunner().invoke(app, words, prog_name="cosim")
+
+
+def test_version_and_help():
+    assert cosim("--version").stdout == f"cosim {__version__}\n"
+    commands = cosim("--help").stdout
+    assert all(word in commands for word in ("run", "check", "schema", "view", "bench", "mesh"))
+
+
+def test_run_writes_and_shows_each_case(solver, tmp_path):
+    done = cosim("run", "isometric_edc", "isometric_ei", "--set", "hood.mesh.quads=250")
+    assert done.exit_code == 0, done.stderr
+    assert [case.hood.mesh.quads for case in solver.ran] == [250, 250]
+    for name in ("isometric_edc", "isometric_ei"):
+        assert f"results in {Path('runs') / name}" in done.stdout
+        assert json.loads((tmp_path / "runs" / name / "summary.json").read_text())["case"] == name
+    assert "isometric_edc: solving" in done.stderr
+
+
+def test_the_table_shows_states_side_by_side(solver):
+    lines = cosim("run", "isometric_edc").stdout.splitlines()
+    rows = {line[:30].strip(): line[30:].split() for line in lines}
+    assert next(v for k, v in rows.items() if k == "fingertip force N") == [
+        "0.459",
+        "0.11",
+    ]
+    (edc,) = [line.split() for line in lines if line.split()[:1] == ["EDC"]]
+    assert edc == ["EDC", "3.469", "1.25", "-7.4", "0.1", "-5.2", "-2.1"]
+    assert any("-1 to 6.95, mean 0.8" in line for line in lines)
+    assert any("hood force balance" in line and "3.0e-13" in line for line in lines)
+
+
+def test_a_motion_shows_its_energy_its_air_and_its_counts(solver):
+    solver.summary = {
+        "energy_mJ": {"own_tendons": 49.72},
+        "air": {"FDP": {"command_V": 4.68, "pressure_kPa": 66.42}},
+        "iterations": {"steps": 800, "hood_solves": 801, "newton": 21},
+    }
+    lines = [line.split() for line in cosim("run", "isometric_edc").stdout.splitlines()]
+    assert "energy: own tendons mJ 49.72".split() in lines
+    told = "cylinder of FDP at the end 4.68 V, 66.42 kPa above the atmosphere"
+    assert told.split() in lines
+    assert ["steps", "800"] in lines
+    assert ["hood", "solves", "801"] in lines
+    assert ["newton", "iterations", "21"] in lines
+
+
+def test_a_run_without_a_deformable_hood_shows_what_it_has(solver):
+    solver.summary = {"tension_N": {"EDC": 3.4}, "wall_s": 0.01}
+    done = cosim("run", "isometric_edc")
+    assert done.exit_code == 0
+    assert "3.4" in done.stdout
+    assert "slip" not in done.stdout
+
+
+def test_one_bad_case_and_nothing_runs(solver, tmp_path):
+    (tmp_path / "bad.toml").write_text('extends = "isometric_edc"\nhood.thickness = 0.6\n')
+    done = cosim("run", "isometric_edc", "bad.toml", "nowhere")
+    assert done.exit_code == 2
+    assert "hood.thickness = 0.6 (bad.toml): is a bare number" in done.stderr
+    assert "'nowhere': no such file" in done.stderr
+    assert solver.ran == []
+    assert not (tmp_path / "runs").exists()
+
+
+def test_a_case_that_does_not_converge_does_not_stop_the_others(solver, tmp_path):
+    solver.fails = {"isometric_edc": ConvergenceError("residual 3e-2 after 50 iterations")}
+    done = cosim("run", "isometric_edc", "isometric_ei")
+    assert done.exit_code == 1
+    assert "isometric_edc: residual 3e-2 after 50 iterations" in done.stderr
+    assert [p.name for p in (tmp_path / "runs").iterdir()] == ["isometric_ei"]
+
+
+@pytest.mark.parametrize("name", [*BOUNDS, POSTURE])
+@pytest.mark.parametrize("voice", [(), ("--quiet",), ("--json",)])
+def test_a_missed_audit_is_said_last_and_is_an_exit_code(solver, tmp_path, name, voice):
+    figures = {} if name == POSTURE else {name: 2 * BOUNDS[name].most}
+    solver.summary = SUMMARY | {"audit": figures, "audit_missed": [name]}
+    done = cosim("run", "isometric_edc", *voice)
+    assert done.exit_code == 3
+    *_, loud, reason = done.stderr.splitlines()
+    assert loud == "cosim: isometric_edc: THE AUDIT IS MISSED, do not trust this result"
+    advice = BEYOND if name == POSTURE else BOUNDS[name].advice
+    assert reason.endswith(advice)
+    assert reason.strip().startswith(name.replace("_", " "))
+    assert (tmp_path / "runs" / "isometric_edc" / "summary.json").is_file()
+
+
+def test_a_batch_ends_with_a_table_of_how_each_case_ended(solver):
+    solver.summary = SUMMARY | {"max_penetration_mm": 0.034, "audit_missed": ["max_penetration_mm"]}
+    solver.fails = {"isometric_ei": ConvergenceError("residual 3e-2 after 50 iterations")}
+    done = cosim("run", "isometric_edc", "isometric_ei")
+    assert done.exit_code == 1  # a case that failed counts for more than an audit that is missed
+    table = done.stdout[done.stdout.rindex("ended") :].splitlines()
+    rows = {line.split()[0]: line for line in table if "isometric" in line}
+    assert "0.459" in rows["isometric_edc"]
+    assert rows["isometric_edc"].rstrip().endswith("AUDIT MISSED: max penetration mm")
+    assert rows["isometric_ei"].rstrip().endswith("failed or stopped")
+    assert "max penetration mm is 0.034, more than 0.02" in done.stderr.splitlines()[-1]
+
+
+def test_ctrl_c_ends_a_batch_and_says_what_is_kept(solver, tmp_path):
+    solver.fails = {"isometric_ei": KeyboardInterrupt()}
+    done = cosim("run", "isometric_edc", "isometric_ei", "isometric_lum")
+    assert done.exit_code == 130
+    assert "isometric_ei: stopped before its end; nothing of this run is kept" in done.stderr
+    assert [case.name for case in solver.ran] == ["isometric_edc", "isometric_ei"]
+    assert any("isometric_lum" in x and "not begun" in x for x in done.stdout.splitlines())
+    assert [path.name for path in (tmp_path / "runs").iterdir()] == ["isometric_edc"]
+
+
+def test_a_fault_found_while_building_is_the_users(solver):
+    solver.fails = {"isometric_edc": InputError("the surface is not watertight")}
+    done = cosim("run", "isometric_edc")
+    assert done.exit_code == 2
+    assert "not watertight" in done.stderr
+
+
+def test_results_that_cannot_be_written_are_told_before_the_run(solver, tmp_path):
+    (tmp_path / "file").touch()
+    done = cosim("run", "isometric_edc", "--out", "file")
+    assert done.exit_code == 2
+    assert "cannot be written" in done.stderr
+    assert solver.ran == []
+
+
+def test_two_cases_of_one_name_are_refused(solver, tmp_path):
+    (tmp_path / "isometric_edc.toml").write_text('extends = "isometric_ei"\n')
+    done = cosim("run", "isometric_ei", "isometric_edc.toml", "isometric_ei")
+    assert done.exit_code == 2
+    assert "two cases are named isometric_ei" in done.stderr
+
+
+def test_schema_is_json():
+    assert json.loads(cosim("schema").stdout)["title"] == "CaseFile"
+
+
+def test_bench_prints_its_figures(monkeypatch):
+    fake = types.ModuleType("cosim.commands.bench_case")
+    fake.bench_case = lambda case: {"warm_run_s": 1.5, "ratio": case.hood.mesh.quads / 100}
+    monkeypatch.setitem(sys.modules, "cosim.commands.bench_case", fake)
+    assert cosim("bench", "isometric_edc", "--set", "hood.mesh.quads=250").stdout.split() == [
+        *("warm_run_s", "1.5", "ratio", "2.5")
+    ]
+
+
+def test_bench_needs_a_shell():
+    done = cosim("bench", "pulley_edc")
+    assert done.exit_code == 2
+    assert "bench needs a shell hood" in done.stderr
+
+
+def test_bench_times_a_real_run(monkeypatch):
+    built, build = [], session.build
+    monkeypatch.setattr(session, "build", lambda case: built.append(case) or build(case))
+    done = cosim("bench", "isometric_edc", "--set", "hood.mesh.quads=120")
+    assert len(built) == 1 + 2, "warm runs share their models, the two cold ones do not"
+    figures = dict(line.split() for line in done.stdout.splitlines())
+    seconds = {name: float(value) for name, value in figures.items()}
+    assert all(value > 0 for value in seconds.values())
+    linear = seconds["assembly_s"] + seconds["factorisation_s"]
+    assert seconds["ratio"] == pytest.approx(seconds["warm_run_s"] / linear, rel=0.01)
+
+
+def test_bench_times_the_steps_of_a_motion():
+    short = ("hood.mesh.quads=120", "forward.duration='3 ms'")
+    done = cosim("bench", "motion_edc_fdp", *(word for s in short for word in ("--set", s)))
+    figures = dict(line.split() for line in done.stdout.splitlines())
+    values = {name: float(value) for name, value in figures.items()}
+    assert values["steps"] == 3
+    linear = values["assembly_s"] + values["factorisation_s"]
+    assert values["ratio"] == pytest.approx(values["step_s"] / linear, rel=0.01)
+    assert values["ratio"] > 1
+
+
+def test_bench_of_a_motion_needs_a_shell():
+    done = cosim("bench", "forward_edc")
+    assert done.exit_code == 2
+    assert "bench needs a shell hood" in done.stderr
+
+
+def test_mesh_writes_a_file_that_a_case_can_take(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = cosim("mesh", "isometric_edc", "--set", "hood.mesh.quads=120", "--out", "my.json")
+    assert done.exit_code == 0, done.stderr
+    count = len(json.loads(Path("my.json").read_text())["quads"])
+    assert done.stdout == f"{count} quads in my.json\n"
+    take = 'hood.mesh={kind="file", path="my.json"}'
+    assert cosim("check", "isometric_edc", "--set", take).exit_code == 0
+
+
+def test_a_mesh_that_cannot_be_made_or_written_is_told(tmp_path):
+    done = cosim("mesh", "pulley_edc", "--out", str(tmp_path / "my.json"))
+    assert done.exit_code == 2
+    assert "has no shell hood" in done.stderr
+    nowhere = str(tmp_path / "nowhere" / "my.json")
+    done = cosim("mesh", "isometric_edc", "--set", "hood.mesh.quads=120", "--out", nowhere)
+    assert done.exit_code == 2
+    assert "cannot be written" in done.stderr
+
+
+def test_view_says_where_the_picture_is_when_there_is_no_display(monkeypatch, tmp_path):
+    for name in ("summary.json", "hood.vtu", "picture.png"):
+        (tmp_path / name).touch()
+    monkeypatch.setattr(sys, "platform", "linux")
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    done = cosim("view", str(tmp_path))
+    assert done.exit_code == 0
+    assert "no display" in done.stdout
+    assert str(tmp_path / "picture.png") in done.stdout
+    assert cosim("view", str(tmp_path / "elsewhere")).exit_code == 2
+
+
+MESH = json.loads((ROOT / "meshes" / "hoods" / "index_600.json").read_text())
+BAD = {
+    "a missing mesh": ('mesh = {kind = "file", path = "none.json"}', "no such file"),
+    "a mesh that is none": ('mesh = {kind = "file", path = "case.toml"}', "cannot be read as JSON"),
+    "a bare number": ("thickness = 0.65", "hood.thickness = 0.65 (case.toml): is a bare number"),
+    "another quantity": ('thickness = "3 kg"', "`kg` is no unit of length"),
+    "an unknown key": ('thicknes = "1 mm"', "unknown key; did you mean thickness?"),
+    "not a number": ('regions.central_slip.c5 = "nan MPa"', "is not finite"),
+    "a bare not-a-number": ("regions.central_slip.lam_max = nan", "finite"),
+    "a negative modulus": ('regions.central_slip.c5 = "-1 MPa"', "must be above 0 MPa"),
+    "out of range": ('[finger.posture]\nPIP = "120 deg"', "must be 110 deg or less"),
+    "a tendon twice": ("[tendons]\nEDC.tension = '1 N'\nEDC.tension = '2 N'", "given twice"),
+    "a tendon in other letters": ("[tendons]\nEdc.tension = '1 N'", "named twice"),
+    "an unknown tendon": ("[tendons]\nEDQ.tension = '1 N'", "did you mean EDC?"),
+}
+BAD_MESH = {
+    "an unknown region": ({"regions": ["slip", *MESH["regions"][1:]]}, "unknown region 'slip'"),
+    "no insertion": ({"springs": {}, "tied": {}}, "no insertion holds the hood"),
+    "a point that is not finite": (
+        {"points": [[float("nan"), 0, 0], *MESH["points"][1:]]},
+        "points: row 0 holds a value that is not finite",
+    ),
+    "a node that is not there": ({"ends": MESH["ends"] | {"radial": [9999]}}, "ends.radial"),
+    "another format": ({"format": "vtu"}, "is it a hood mesh?"),
+    "an unknown insertion": ({"tied": {"distl": [1]}}, 'unknown name "distl"'),
+    "two nodes at one place": (
+        {
+            "points": [*MESH["points"], MESH["points"][4]],
+            "station": [*MESH["station"], MESH["station"][4]],
+            "lift": [*MESH["lift"], MESH["lift"][4]],
+            "quads": [
+                *MESH["quads"][:4],
+                [len(MESH["points"]), *MESH["quads"][4][1:]],
+                *MESH["quads"][5:],
+            ],
+        },
+        f"node {len(MESH['points'])} lies where node 4 does",
+    ),
+    "a loose node": (
+        {key: MESH[key][:-1] for key in ("quads", "regions", "fibre")},
+        "belongs to no quad",
+    ),
+}
+
+
+def told(tmp_path: Path, text: str) -> str:
+    """What `cosim run` says of a bad case; it must end with code 2 and leave nothing."""
+    head = 'extends = "isometric_edc"\ntitle = "bad"\n'
+    text = text if text.startswith("[") else f"[hood]\n{text}"
+    (tmp_path / "case.toml").write_text(head + text)
+    done = cosim("run", "case.toml", "--out", "runs")
+    assert done.exit_code == 2, done.stdout
+    assert "Traceback" not in done.stderr
+    assert sum(line.startswith("cosim: ") for line in done.stderr.splitlines()) == 1
+    assert not list(tmp_path.glob("runs/*"))
+    return done.stderr
+
+
+@pytest.mark.parametrize(("text", "message"), BAD.values(), ids=BAD.keys())
+def test_bad_input_is_told_and_nothing_runs(tmp_path, monkeypatch, text, message):
+    monkeypatch.chdir(tmp_path)
+    assert message in told(tmp_path, text)
+
+
+@pytest.mark.parametrize(("changes", "message"), BAD_MESH.values(), ids=BAD_MESH.keys())
+def test_a_bad_mesh_is_told_with_its_place(tmp_path, monkeypatch, changes, message):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mesh.json").write_text(json.dumps(MESH | changes))
+    assert message in told(tmp_path, 'mesh = {kind = "file", path = "mesh.json"}')
+    checked = cosim("check", "case.toml", "isometric_edc")
+    if changes.keys() != {"springs", "tied"}:  # what a case must bring to hold it, building tells
+        assert checked.exit_code == 2
+        assert message in checked.stderr
+    assert "isometric_edc: in order" in checked.stdout
+
+
+def test_the_program_ends_with_its_exit_code(tmp_path):
+    (tmp_path / "bad.toml").write_text("title = \n")
+
+    def code(*words: str) -> tuple[int, str]:
+        command = [sys.executable, "-m", "cosim", *words]
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+        return done.returncode, done.stderr
+
+    assert code("check", "isometric_edc") == (0, "")
+    status, message = code("check", str(tmp_path / "bad.toml"))
+    assert status == 2
+    assert "line 1" in message
+    assert "Traceback" not in message
+
+
+def test_info_says_what_is_in_use(monkeypatch):
+    monkeypatch.setenv("FE_SOLVER_LINEAR", "superlu")
+    monkeypatch.setenv("FE_SOLVER_THREADS", "3")
+    done = cosim("info")
+    assert done.exit_code == 0
+    assert __version__ in done.output
+    assert "3 threads" in done.output
+    assert "superlu, of" in done.output
+    assert "pardiso" in done.output.split("faster would be")[1].lower()
+
+
+@pytest.mark.parametrize(
+    ("variable", "value"),
+    [("FE_SOLVER_LINEAR", "abacus"), ("FE_SOLVER_THREADS", "0"), ("FE_SOLVER_THREADS", "many")],
+)
+def test_a_setting_that_cannot_be_met_is_refused(variable, value, monkeypatch):
+    monkeypatch.setenv(variable, value)
+    done = cosim("info")
+    assert done.exit_code == 2
+    assert f"{variable}={value}" in done.output

@@ -1,0 +1,91 @@
+"""A motion that is killed at any moment goes on to the same bytes."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import xarray
+
+from tests.helpers.folders import ROOT
+
+RAMP = """
+extends = "pulley_edc"
+title = "EDC ramps"
+output.picture = false
+
+[finger.tip]
+kind = "free"
+
+[tendons.EDC.course]
+kind = "points"
+at = [["0 s", 0.02], ["0.1 s", 1.0]]
+
+[forward]
+duration = "0.3 s"
+must_rest = false
+checkpoint = 7
+"""
+
+
+LONG = RAMP.replace("checkpoint = 7\n", "").replace('duration = "0.3 s"', 'duration = "30 s"')
+
+
+def cosim(folder: Path, *words: str, stage: str = "") -> subprocess.Popen[bytes]:
+    """The program at work, from when it has told of a stage that begins so."""
+    command = [sys.executable, "-m", "cosim", *words, *([] if stage else ["--quiet"])]
+    path = {**os.environ, "PYTHONPATH": str(ROOT)}
+    process = subprocess.Popen(command, cwd=folder, env=path, stderr=subprocess.PIPE)
+    assert process.stderr is not None
+    while stage and stage not in process.stderr.readline().decode():
+        assert process.poll() is None
+    return process
+
+
+def finished(process: subprocess.Popen[bytes]) -> None:
+    told = process.communicate(timeout=120)[1].decode()
+    assert process.returncode == 0, told
+
+
+@pytest.mark.parametrize("kills", [2, pytest.param(50, marks=pytest.mark.slow)])
+def test_killed_and_resumed_a_motion_ends_in_the_same_bytes(tmp_path: Path, kills: int) -> None:
+    (tmp_path / "ramp.toml").write_text(RAMP)
+    begun = time.perf_counter()
+    finished(cosim(tmp_path, "run", "ramp.toml", "--out", "whole"))
+    took = time.perf_counter() - begun
+    rng, unfinished = random.Random(4), tmp_path / "cut" / "ramp.unfinished"
+    words = ["run", "ramp.toml", "--out", "cut"]
+    for _ in range(kills):
+        process = cosim(tmp_path, *words)
+        time.sleep(rng.uniform(0.3, 1.0) * took)
+        process.kill()
+        process.communicate()
+        if not (unfinished / "checkpoint.npz").exists():
+            words = ["run", "ramp.toml", "--out", "cut"]  # killed before the first, or done
+        else:
+            words = ["resume", "cut/ramp"]
+    if unfinished.exists() or not (tmp_path / "cut" / "ramp").exists():
+        finished(cosim(tmp_path, *words))
+    whole, cut = (
+        xarray.load_dataset(tmp_path / run / "ramp" / "results.nc", engine="h5netcdf")
+        for run in ("whole", "cut")
+    )
+    for name in (*whole.data_vars, "time"):
+        assert whole[name].values.tobytes() == cut[name].values.tobytes(), name
+
+
+@pytest.mark.skipif(os.name == "nt", reason="sends SIGINT to another process")
+def test_ctrl_c_keeps_a_motion_that_asked_for_nothing(tmp_path: Path) -> None:
+    (tmp_path / "ramp.toml").write_text(LONG)
+    process = cosim(tmp_path, "run", "ramp.toml", stage=": t = ")
+    process.send_signal(signal.SIGINT)
+    said = process.communicate(timeout=60)[1].decode()
+    assert process.returncode == 130, said
+    assert "s of 30 s; all up to there is kept. Go on with: cosim resume" in said
+    assert (tmp_path / "runs" / "ramp.unfinished" / "checkpoint.npz").is_file()

@@ -1,0 +1,227 @@
+"""Coupled motions of cases: schemes, books, rest, checkpoints."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from cosim.case.file import load_case, resolved_toml
+from cosim.cli import app
+from cosim.coupling.checkpoint import NAME
+from cosim.pipeline import run_case
+from cosim.port import ConvergenceError, InputError, StoppedError
+from cosim.results.result import Result
+from cosim.solve import motion as run_motion
+from cosim.solve.session import Session
+from meshes.skeleton import BODIES
+from tests.helpers.motions import FREE, HELD, PLAIN, Stopper, identical, work_done, work_kept
+
+SHORT = 'forward={duration="0.06 s",must_rest=false}'
+
+
+def moved(*settings: str, name: str = "pulley_edc") -> Result:
+    return run_case(load_case(name, [PLAIN, *settings]))
+
+
+def test_iterated_schemes_make_the_same_motion_and_linear_nearly() -> None:
+    by_scheme = {
+        scheme: moved(*FREE, SHORT, f"coupling={setting}").data.angle.values
+        for scheme, setting in {
+            "newton": "{scheme='newton'}",
+            "aitken": "{scheme='implicit'}",
+            "iqn": "{scheme='implicit',accelerator='iqn_ils'}",
+            "linear": "{scheme='linear'}",
+            "explicit": "{scheme='explicit'}",
+        }.items()
+    }
+    newton = by_scheme.pop("newton")
+    assert np.ptp(newton, axis=0).max() > 0.02  # it moves
+    miss = {scheme: np.abs(a - newton).max() for scheme, a in by_scheme.items()}
+    assert miss["aitken"] < 1e-7
+    assert miss["iqn"] < 1e-7
+    assert miss["linear"] < 1e-4
+    assert miss["linear"] < miss["explicit"] < 5e-2
+
+
+def test_the_books_close_on_every_body_at_every_step() -> None:
+    result = moved(*FREE, SHORT, 'finger.gravity=["0 m/s**2","0 m/s**2","-9.81 m/s**2"]')
+    times = {row.state for row in result.rows}
+    assert len(times) == 60
+    for time in times:
+        for body in BODIES:
+            here = [row for row in result.rows if (row.state, row.body) == (time, body)]
+            held = {"ground"} if body == BODIES[0] else {"inertia", "gravity"}
+            assert {"joint", *held} <= {row.source for row in here}
+            largest = max(np.linalg.norm(row.force) for row in here)
+            assert np.linalg.norm(sum(row.force for row in here)) < 1e-9 * largest
+            moment = max(np.linalg.norm(row.moment) for row in here)
+            assert np.linalg.norm(sum(row.moment for row in here)) < 1e-9 * moment
+    assert result.summary["audit"]["hood_force_balance"] < 1e-9
+
+
+def test_joints_carry_little_moment_about_their_axes() -> None:
+    """What closes the books is no more than the step's own error: less at smaller steps."""
+    off = []
+    for step in ("1 ms", "0.25 ms"):
+        forward = f'forward={{duration="0.02 s",step="{step}",must_rest=false}}'
+        result = moved(*FREE, forward, name="planar_edc")
+        last = "0.02 s"
+        joint = [r for r in result.rows if r.state == last and r.source == "joint"]
+        (distal,) = [row.moment for row in joint if row.body == "distal"]
+        off.append(abs(distal[1]))
+    assert off[1] < 0.5 * off[0]
+
+
+def test_energy_is_accounted_for_and_the_method_takes_less_at_smaller_steps() -> None:
+    taken = []
+    for step in ("1 ms", "0.25 ms"):
+        forward = f'forward={{duration="0.06 s",step="{step}",must_rest=false}}'
+        summary = moved(*FREE, forward).summary
+        e = summary["energy_mJ"]
+        assert work_done(e) == pytest.approx(work_kept(e), rel=1e-9)
+        taken.append(abs(e["artificial"]))
+    assert taken[1] < 0.4 * taken[0]
+
+
+@pytest.mark.slow
+def test_a_held_motion_ends_in_the_equilibrium() -> None:
+    still = moved(*HELD).summary
+    run = moved(*HELD, 'forward={duration="1 s"}').summary
+    assert run["fingertip_force_N"] == pytest.approx(still["fingertip_force_N"], abs=1e-4)
+    for joint, angle in still["posture_deg"].items():
+        assert run["posture_deg"][joint] == pytest.approx(angle, abs=1e-2)
+
+
+def test_a_finger_that_still_moves_is_no_result() -> None:
+    with pytest.raises(ConvergenceError, match=r"did not come to rest in 0\.12 s"):
+        moved(*FREE, 'forward={duration="0.12 s"}')
+
+
+def cut_off(case: Any, folder: Path, words: int) -> None:
+    with pytest.raises(StoppedError, match="Go on with: cosim resume"):
+        run_case(case, Session(checkpoints=folder), Stopper(words))
+
+
+LONG = 'forward={duration="0.1 s",must_rest=false,checkpoint=15}'
+
+
+@pytest.mark.parametrize("scheme", ["linear", pytest.param("implicit", marks=pytest.mark.slow)])
+def test_a_motion_that_was_cut_off_goes_on_to_the_same_bytes(tmp_path: Path, scheme: str) -> None:
+    fibre = (
+        'tendons.EDC.muscle={kind="millard",optimal_fibre_length="70 mm",'
+        'tendon_slack_length="264.68 mm"}'
+    )
+    case = load_case("pulley_edc", [PLAIN, *FREE, LONG, fibre, f"coupling.scheme='{scheme}'"])
+    whole = run_case(case)
+    for words in (1, 1):  # stopped, gone on with, stopped again
+        cut_off(case, tmp_path, words)
+    gone = run_case(case, Session(checkpoints=tmp_path))
+    assert identical(whole, gone)
+    assert gone.summary["iterations"] == whole.summary["iterations"]
+
+
+def test_checkpoints_are_kept_though_none_were_asked_for(tmp_path: Path, monkeypatch) -> None:
+    case = load_case("pulley_edc", [PLAIN, *FREE, SHORT])
+    whole = run_case(case)
+    cut_off(case, tmp_path / "stopped", 1)
+    assert identical(whole, run_case(case, Session(checkpoints=tmp_path / "stopped")))
+    monkeypatch.setattr(run_motion, "PAUSE", -1.0)
+    written: list[Path] = []
+    monkeypatch.setattr(run_motion, "write_checkpoint", lambda folder, *_: written.append(folder))
+    assert identical(whole, run_case(case, Session(checkpoints=tmp_path / "killed")))
+    assert len(written) == 60
+
+
+def test_a_motion_that_wants_no_checkpoints_keeps_none(tmp_path: Path) -> None:
+    forward = 'forward={duration="0.06 s",must_rest=false,checkpoint=0}'
+    case = load_case("pulley_edc", [PLAIN, *FREE, forward])
+    with pytest.raises(KeyboardInterrupt):
+        run_case(case, Session(checkpoints=tmp_path), Stopper(1))
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_hood_whose_state_cannot_be_written_says_so_and_moves(tmp_path: Path) -> None:
+    forward = 'forward={duration="0.002 s",must_rest=false}'
+    rough = (PLAIN, *FREE, forward, "hood.mesh.quads=120", "hood.contact.friction=0.1")
+    said: list[str] = []
+    run_case(load_case("isometric_edc", rough), Session(checkpoints=tmp_path), said.append)
+    assert [text for text in said if "keeps no checkpoints" in text and "augmented" in text]
+    asked = [*rough, "forward.checkpoint=1"]
+    with pytest.raises(InputError, match="has no checkpoints; leave one of the two out"):
+        run_case(load_case("isometric_edc", asked), Session(checkpoints=tmp_path))
+
+
+def test_a_shell_hood_goes_on_to_the_same_bytes(tmp_path: Path) -> None:
+    forward = 'forward={duration="0.03 s",must_rest=false,checkpoint=12}'
+    case = load_case("isometric_edc", [PLAIN, *FREE, forward, "hood.mesh.quads=120"])
+    whole = run_case(case)
+    cut_off(case, tmp_path, 1)
+    assert identical(whole, run_case(case, Session(checkpoints=tmp_path)))
+
+
+def test_a_checkpoint_that_does_not_fit_is_refused(tmp_path: Path) -> None:
+    case = load_case("pulley_edc", [PLAIN, *FREE, LONG])
+    cut_off(case, tmp_path, 1)
+    file = tmp_path / "pulley_edc.unfinished" / NAME
+    good = file.read_bytes()
+    other = load_case("pulley_edc", [PLAIN, *FREE, LONG, "tendons.EDC.activation=0.2"])
+    (file.parent / "case.toml").write_text(resolved_toml(other), encoding="utf-8")
+    with pytest.raises(InputError, match="belongs to another case"):
+        run_case(other, Session(checkpoints=tmp_path))
+    (file.parent / "case.toml").write_text(resolved_toml(case), encoding="utf-8")
+    for size in (0, 100, len(good) // 2, len(good) - 10):
+        file.write_bytes(good[:size])
+        with pytest.raises(InputError, match="is no whole checkpoint"):
+            run_case(case, Session(checkpoints=tmp_path))
+    np.savez(file.open("wb"), version=np.array("0.0.0"))
+    with pytest.raises(InputError, match=r"written by version 0\.0\.0"):
+        run_case(case, Session(checkpoints=tmp_path))
+    np.savez(file.open("wb"), object=np.array([{}], dtype=object))
+    with pytest.raises(InputError, match="is no whole checkpoint"):
+        run_case(case, Session(checkpoints=tmp_path))
+
+
+def stop(*_: Any) -> None:
+    raise KeyboardInterrupt
+
+
+def test_the_commands_resume_what_was_cut_off(tmp_path: Path, monkeypatch) -> None:
+    path = tmp_path / "ramp.toml"
+    path.write_text(
+        'extends = "pulley_edc"\ntitle = "ramp"\noutput.picture = false\n'
+        '[finger.tip]\nkind = "free"\n[forward]\nduration = "0.1 s"\nmust_rest = false\n'
+        "checkpoint = 20\n"
+    )
+    out = tmp_path / "runs"
+    case = load_case(path)
+    unfinished = out / "ramp.unfinished"
+    cut_off(case, out, 1)
+    kept = CliRunner().invoke(app, ["run", str(path), "--out", str(out)])
+    assert kept.exit_code == 2
+    assert f"Go on with: cosim resume {unfinished}; or add --restart" in " ".join(
+        kept.stderr.split()
+    )
+    with monkeypatch.context() as early:  # Ctrl-C while the models are built
+        early.setattr(run_motion, "together", stop)
+        stopped = CliRunner().invoke(app, ["resume", str(out / "ramp")])
+    assert stopped.exit_code == 130
+    assert "what was kept before stays. Go on with: cosim resume" in stopped.stderr
+    done = CliRunner().invoke(app, ["resume", str(out / "ramp")])
+    assert done.exit_code == 0, done.output
+    assert "going on from t = 0.049 s" in done.stderr
+    assert (out / "ramp" / "summary.json").is_file()
+    assert not unfinished.exists()
+    again = CliRunner().invoke(app, ["resume", str(out / "ramp")])
+    assert again.exit_code == 2
+    assert "nothing was cut off here" in again.stderr
+    cut_off(case, out, 1)
+    anew = CliRunner().invoke(app, ["run", str(path), "--out", str(out), "--restart"])
+    assert anew.exit_code == 0, anew.output
+    assert "going on" not in anew.stderr
+    assert not unfinished.exists()
+    shutil.rmtree(out)

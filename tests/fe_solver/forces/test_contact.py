@@ -1,0 +1,356 @@
+"""Springs and contact: their forces are their energy's, and what they carry is what presses."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cosim.port import ConvergenceError, InputError, rotation_matrix
+from fe_solver.elements.shell import Array
+from fe_solver.forces.contact import (
+    REACH,
+    Contact,
+    Grip,
+    Status,
+    contact_fields,
+    contact_forces,
+    contact_state,
+    friction_forces,
+    joined,
+    partition,
+    ramp,
+    unramp,
+)
+from fe_solver.forces.springs import PointForces, Springs, spring_forces
+from fe_solver.solver.augmented_contact import AugmentOptions, dissipated, settled, solve_augmented
+from fe_solver.solver.body_coupling import wrenches
+from fe_solver.solver.fields import contact_pressure
+from fe_solver.solver.model import Configuration, ShellModel
+from fe_solver.solver.newton import NewtonOptions, Solution, solve
+from fe_solver.surfaces.shapes import HalfSpace, Sphere
+from fe_solver.verification import contact_rows
+from tests.helpers import shells
+from tests.helpers.poses import POSITION, ROTATION
+from tests.helpers.shells import NO_TENSION, at_rest, clamped, guided, plate, sheet
+
+TIGHT = NewtonOptions(tolerance=1e-11)
+DEPTHS = st.floats(-3e-4, 3e-4)
+SMOOTHINGS = st.floats(1e-5, 2e-4)
+
+
+@given(DEPTHS, SMOOTHINGS)
+def test_ramps_integral_value_and_slope(depth, smoothing):
+    h = 1e-3 * smoothing
+    depth = np.array([depth])
+    low, high = ramp(depth - h, smoothing), ramp(depth + h, smoothing)
+    _, value, slope = ramp(depth, smoothing)
+    assert (high[0] - low[0]) / (2 * h) == pytest.approx(value, rel=1e-5, abs=1e-6 * smoothing)
+    assert (high[1] - low[1]) / (2 * h) == pytest.approx(slope, abs=1e-3)
+
+
+@given(DEPTHS, SMOOTHINGS)
+def test_ramp_is_that_of_a_gap_beyond_the_smoothing(depth, smoothing):
+    integral, value, slope = ramp(np.array([depth]), smoothing)
+    assert 0 <= value[0] - max(depth, 0.0) <= smoothing / 4 + 1e-18
+    assert integral[0] >= 0
+    if abs(depth) > smoothing:
+        assert value[0] == max(depth, 0.0)
+        assert slope[0] == (depth > 0)
+
+
+def random_springs(rng: np.random.Generator) -> tuple[Springs, Array]:
+    """Nine springs of all kinds between six nodes and two bodies, and the nodes' places (m)."""
+    x = 4e-3 * rng.normal(size=(6, 3))
+    springs = Springs(
+        rng.integers(0, 6, 9),
+        rng.integers(0, 2, 9),
+        4e-3 * rng.normal(size=(9, 3)),
+        rng.uniform(100, 300, 9),
+        rng.uniform(1e-3, 12e-3, 9),
+        np.arange(9) % 2 == 0,
+        np.zeros(9, dtype=np.intp),
+    )
+    return springs, x
+
+
+def touching(rng: np.random.Generator) -> tuple[Contact, Array]:
+    """Nodes around a sphere's contact level, in it, in its smoothing and out of it."""
+    direction = rng.normal(size=(12, 3))
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    away = 5e-3 + 0.5e-3 + np.linspace(-3e-4, 2e-4, 12)
+    centre = np.array([1e-3, 0.0, 2e-3])
+    x = POSITION[1] + (centre + away[:, None] * direction) @ ROTATION[1].T
+    area = rng.uniform(0.5e-6, 2e-6, 12)
+    sphere = Sphere(centre, 5e-3)
+    return Contact(1, sphere, np.arange(12), np.full(12, 0.5e-3), area, 1e10, 1e-4), x
+
+
+def by_node(forces: PointForces, n: int) -> Array:
+    out = np.zeros((n, 3))
+    np.add.at(out, forces.node, forces.gradient)
+    return out
+
+
+@pytest.mark.parametrize("kind", ["springs", "contact"])
+@pytest.mark.parametrize("seed", range(3))
+def test_forces_are_their_energys(kind, seed):
+    """Gradient and Hessian by the nodes, and force and moment on the bodies, by differences."""
+    rng = np.random.default_rng(seed)
+    thing, x = random_springs(rng) if kind == "springs" else touching(rng)
+    act = spring_forces if kind == "springs" else contact_forces
+    here = act(thing, x, POSITION, ROTATION, True)
+    n, h = len(x), 1e-7
+    assert (np.linalg.norm(here.gradient, axis=1) > 0).sum() > 4
+    for v in rng.normal(size=(3, n, 3)):
+        low, high = (act(thing, x + s * h * v, POSITION, ROTATION, True) for s in (-1, 1))
+        slope = (high.energy - low.energy) / (2 * h)
+        assert np.vdot(by_node(here, n), v) == pytest.approx(slope, rel=1e-6)
+        change = (by_node(high, n) - by_node(low, n)) / (2 * h)
+        product = np.zeros((n, 3))
+        np.add.at(product, here.node, np.einsum("kij,kj->ki", here.hessian, v[here.node]))
+        assert product == pytest.approx(change, abs=1e-5 * np.abs(change).max())
+    for twist in rng.normal(size=(3, 2, 6)):
+        twist[:, :3] *= 1e-2
+        energy = [
+            act(
+                thing,
+                x,
+                POSITION + s * h * twist[:, :3],
+                rotation_matrix(s * h * twist[:, 3:]) @ ROTATION,
+                True,
+            ).energy
+            for s in (-100, 100)
+        ]
+        wrench = np.zeros((2, 6))
+        moments = np.cross(here.arm, here.gradient)
+        np.add.at(wrench, here.body, np.hstack([here.gradient, moments]))
+        slope = (energy[1] - energy[0]) / (200 * h)
+        assert -np.vdot(wrench, twist) == pytest.approx(slope, rel=1e-5)
+
+
+def test_nodes_out_of_reach_are_left_out():
+    contact, x = touching(np.random.default_rng(0))
+    far = x + 2 * REACH * (x - x.mean(axis=0)) / np.linalg.norm(x - x.mean(axis=0), axis=1)[:, None]
+    assert len(contact_forces(contact, x + 1.0, POSITION, ROTATION, True).node) == 0
+    both = [contact_forces(contact, p, POSITION, ROTATION, True) for p in (x, far)]
+    assert len(both[1].node) < len(both[0].node) == 12
+    assert joined(both).energy == pytest.approx(both[0].energy + both[1].energy)
+
+
+@pytest.mark.parametrize("surface", ["half-space", "sphere"])
+def test_a_pressed_sheet_hands_on_the_load(surface):
+    """A sheet pressed down by its guided corners: the bone feels the tendon's force, and no node
+    sinks in deeper than the smoothing."""
+    X, quads = plate(12e-3, 12e-3, 12, 12)
+    X = X - [6e-3, 6e-3, 0]
+    model = sheet(X, quads, 1e8, 0.3, 0.6e-3)
+    corners = np.flatnonzero((np.abs(X[:, :2]) > 5.9e-3).all(axis=1))
+    model = guided(model, [corners], [(0.0, 0, -1)])
+    bone = {
+        "half-space": HalfSpace(np.zeros(3), np.array([0.0, 0, 1])),
+        "sphere": Sphere(np.array([0.0, 0, -12e-3]), 12e-3),
+    }[surface]
+    free = np.setdiff1d(np.arange(len(X)), corners)
+    smoothing = 5e-5
+    touching = shells.contact(model, bone, free, 2e11, smoothing)
+    model = replace(model, contacts=(touching,))
+    force = np.array([4.0])
+    solution = solve(model, at_rest(model), force, TIGHT)
+    c = solution.configuration
+    wrench = wrenches(model, c, solution.evaluation, force)["contact"][0]
+    assert wrench == pytest.approx([0, 0, -4.0, 0, 0, 0], abs=1e-8)
+    gap = touching.gap(c.x, *shells.GROUND)
+    assert abs(gap.min()) < smoothing
+    pressure = np.zeros(len(X))
+    pressure[free] = contact_pressure(model, c)[free]
+    normal = -bone.distance(c.x)[1] * (pressure[:, None] * node_area(touching, len(X)))
+    assert normal.sum(axis=0) == pytest.approx(wrench[:3], abs=1e-8)
+
+
+def node_area(contact: Contact, n: int) -> Array:
+    out = np.zeros((n, 1))
+    out[contact.nodes, 0] = contact.area
+    return out
+
+
+def test_without_contact_force_there_is_no_load():
+    X, quads = plate(10e-3, 10e-3, 4, 4)
+    model = clamped(sheet(X, quads, 1e8, 0.3, 0.6e-3), np.arange(5))
+    floor = HalfSpace(np.array([0.0, 0, -1e-3]), np.array([0.0, 0, 1]))
+    model = replace(model, contacts=(shells.contact(model, floor, np.arange(5, 25), 1e11, 5e-5),))
+    solution = solve(model, at_rest(model), NO_TENSION, TIGHT)
+    wrench = wrenches(model, at_rest(model), solution.evaluation, NO_TENSION)
+    assert solution.iterations == 0
+    assert (wrench["contact"] == 0).all()
+    assert np.abs(wrench["tie"]).max() < 1e-12
+
+
+def test_rows():
+    """The closed forms, penalties and tangents of the verification table."""
+    for row in contact_rows.rows():
+        assert row.passed, row
+
+
+@given(st.floats(0, 1e-3), SMOOTHINGS)
+def test_the_depth_of_a_ramps_value(value, smoothing):
+    depth = unramp(np.array([value]), smoothing)
+    assert ramp(depth, smoothing)[1] == pytest.approx(value, abs=1e-12)
+    assert depth >= -smoothing
+
+
+def pushed(friction: float = 0.0, **changes) -> ShellModel:
+    """A small stiff sheet on the ground, pressed by 1 N and held by springs along x to a second
+    body."""
+    X, quads = plate(4e-3, 4e-3, 2, 2)
+    model = sheet(X, quads, 1e9, 0.3, 1e-3, bodies=("ground", "hand"))
+    dead = np.zeros_like(X)
+    dead[:, 2] = -1.0 / len(X)
+    n, everywhere = len(X), np.arange(len(X))
+    springs = Springs(
+        everywhere,
+        np.ones(n, dtype=int),
+        X + np.array([50e-3, 0, 0]),
+        np.full(n, 1e3),
+        np.full(n, 50e-3),
+        np.zeros(n, dtype=bool),
+        np.zeros(n, dtype=int),
+    )
+    floor = HalfSpace(np.zeros(3), np.array([0.0, 0, 1]))
+    contact = shells.contact(model, floor, everywhere, 1e9, 1e-6)
+    contact = replace(contact, friction=friction, **changes)
+    return replace(model, dead=dead, springs=springs, contacts=(contact,))
+
+
+def drawn(model: ShellModel, c: Configuration, by: float) -> Solution:
+    position = c.position.copy()
+    position[1, 0] = by
+    return solve_augmented(model, model.posed(c, position, c.rotation), NO_TENSION, TIGHT)
+
+
+@pytest.mark.parametrize("share", [None, np.full(9, 0.5)])
+def test_a_block_sticks_slides_and_gives_heat(share):
+    """Coulomb's block drawn by springs of 9 N/mm: sticks below mu N, then slides; on the way back
+    it sticks at once.  The heat is the limit times the slip."""
+    model = pushed(0.4, shear=1e13, share=share)
+    c, drags, heats = at_rest(model), [], []
+    for by in (0.02e-3, 0.1e-3, 0.2e-3, 0.19e-3):
+        solution = drawn(model, c, by)
+        c, model = solution.configuration, settled(solution)
+        state = contact_state(solution.model.contacts[0], c.x, c.position, c.rotation)
+        drags.append(state.drag[:, 0].sum())
+        heats.append(dissipated(model))
+        slides = by in (0.1e-3, 0.2e-3)
+        assert (state.status == (Status.SLIDING if slides else Status.STICKING)).all()
+    assert drags == pytest.approx([-0.18, -0.4, -0.4, -0.31], rel=1e-3)
+    slid = 0.2e-3 - 0.4 / 9e3
+    assert heats[0] == 0
+    assert heats[2] == pytest.approx(0.4 * slid, rel=1e-2)
+    assert heats[3] == heats[2]
+
+
+def test_friction_by_hand():
+    """Elastic to the limit of 2 N at 2 um, then constant, with no jump of force or energy; what
+    goes along the normal is no slip."""
+    n, none = 5, np.zeros(5)
+    slip = np.array([0, 1e-6, 2e-6 - 1e-12, 2e-6 + 1e-12, 3e-6])
+    local = np.outer(slip, [0.6, 0.8, 0]) + np.outer(np.arange(n), [0, 0, 1e-3])
+    grip = Grip(np.zeros((n, 3)), np.tile([0.0, 0, 1], (n, 1)), np.full(n, 2.0), none)
+    floor = HalfSpace(np.zeros(3), np.array([0.0, 0, 1]))
+    area = np.full(n, 1e-6)
+    contact = Contact(0, floor, np.arange(n), none, area, 1e9, 1e-6, friction=0.4, shear=1e12)
+    energy, gradient, _ = friction_forces(contact, grip, local)
+    assert energy == pytest.approx([0, 0.5e-6, 2e-6, 2e-6, 4e-6], rel=1e-5)
+    assert gradient == pytest.approx(np.outer([0, 1, 2, 2, 2], [0.6, 0.8, 0]), rel=1e-5)
+
+
+def test_shares_divide_the_load_and_none_lets_through():
+    whole = pushed()
+    quarter = np.full(9, 0.25)
+    halves = tuple(
+        replace(whole.contacts[0], body=b, share=s) for b, s in enumerate((quarter, 1 - quarter))
+    )
+    model = replace(whole, contacts=halves)
+    one, two = (solve(m, at_rest(m), NO_TENSION, TIGHT).configuration for m in (whole, model))
+    assert two.x == pytest.approx(one.x, abs=1e-12)
+    found = contact_fields(halves, two.x, two.position, two.rotation)
+    assert found.pressure[:, 1] == pytest.approx(3 * found.pressure[:, 0])
+    assert (found.status == Status.SLIDING).all()
+    single = contact_fields(whole.contacts, one.x, one.position, one.rotation)
+    assert found.pressure.sum(axis=1) == pytest.approx(single.pressure[:, 0], rel=1e-6)
+    assert np.isinf(single.gap[:, 1]).all()
+    nothing = replace(whole.contacts[0], share=np.zeros(9))
+    deep = contact_forces(nothing, one.x - [0, 0, 1e-3], one.position, one.rotation, True)
+    assert not deep.gradient.any()
+
+
+def test_augmented_pressure_does_not_know_penalty_or_smoothing():
+    """The whole load is carried at a gap below what is asked for."""
+    for stiffness, smoothing in ((1e8, 1e-6), (1e9, 1e-4), (1e10, 1e-6)):
+        model = pushed(stiffness=stiffness, smoothing=smoothing)
+        options = AugmentOptions(penetration=1e-9)
+        solution = solve_augmented(model, at_rest(model), NO_TENSION, TIGHT, options)
+        c = solution.configuration
+        state = contact_state(solution.model.contacts[0], c.x, c.position, c.rotation)
+        assert np.abs(state.gap[state.pressure > 0]).max() <= 1e-9
+        assert state.pressure @ model.contacts[0].area == pytest.approx(1.0)
+        penalty = solve(model, at_rest(model), NO_TENSION, TIGHT).configuration
+        gap = model.contacts[0].gap(penalty.x, *shells.GROUND)
+        assert np.abs(gap).max() > 1e-6
+
+
+def test_a_stiffer_contact_sticks_as_before():
+    solution = contact_rows.wrapped(0.3, (0.3e-3,), 48)
+    began, ended = contact_rows.strip(48, 1e11, 0.3).contacts[0], solution.model.contacts[0]
+    assert ended.stiffness > began.stiffness
+    assert ended.stick == pytest.approx(began.stick)
+
+
+def test_a_loop_that_cannot_end_says_where():
+    model = pushed(stiffness=1e8)
+    with pytest.raises(ConvergenceError, match=r"2 rounds: node \d+ at .* on the body ground"):
+        solve_augmented(
+            model,
+            at_rest(model),
+            NO_TENSION,
+            TIGHT,
+            AugmentOptions(penetration=1e-12, max_rounds=2),
+        )
+
+
+@given(st.lists(st.floats(-2e-3, 2e-3), min_size=3, max_size=3), st.floats(1e-4, 1e-3))
+def test_a_partition_adds_up_and_changes_smoothly(distances, blend):
+    at, h = np.array([distances]), 1e-6 * blend
+    share = partition(at, blend)
+    assert share.sum() == pytest.approx(1)
+    assert ((share >= 0) & (share <= 1)).all()
+    nearest = np.argmin(at)
+    if (np.delete(at - at[0, nearest], nearest) > blend).all():
+        assert share[0, nearest] == 1
+    for way in np.eye(3):
+        low, high = (partition(at + s * h * way, blend) for s in (-1, 1))
+        forward, back = (high - share) / h, (share - low) / h
+        assert forward == pytest.approx(back, abs=1e-4 / blend)  # C1: no kink
+    assert partition(np.array([[1e-3, 1e-3]]), blend) == pytest.approx(np.array([[0.5, 0.5]]))
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"stiffness": 0.0}, "stiffness .* must be positive"),
+        ({"smoothing": -1e-6}, "smoothing .* must be positive"),
+        ({"shear": np.nan}, "shear"),
+        ({"friction": -0.1}, "friction coefficient"),
+        ({"share": np.full(9, 1.1)}, "between 0 and 1"),
+    ],
+)
+def test_impossible_contacts_are_refused(changes, words):
+    with pytest.raises(InputError, match=words):
+        pushed(**changes)
+    with pytest.raises(InputError, match="blending length"):
+        partition(np.zeros((1, 2)), 0.0)
+    with pytest.raises(InputError, match="positive tolerances"):
+        AugmentOptions(penetration=0.0)

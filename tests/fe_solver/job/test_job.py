@@ -1,0 +1,244 @@
+"""Stand-alone jobs: what holds, loads and touches the sheet, and steps in time."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cosim.port import ConvergenceError, InputError
+from fe_solver.job.curves import Curve, Drive
+from fe_solver.job.job import (
+    Body,
+    Held,
+    HeldDirector,
+    NodalForce,
+    Pressure,
+    SpringLaw,
+    SpringSet,
+    Tied,
+)
+from fe_solver.job.model import JobOptions, job_model
+from fe_solver.job.solve import solve_job, spread_times
+from fe_solver.solver.newton import NewtonOptions, solve
+from tests.helpers.jobs import (
+    LENGTH,
+    NONE,
+    PLAIN,
+    RAMP,
+    THICK,
+    WIDTH,
+    E,
+    at,
+    bent,
+    floored,
+    pinned,
+    sprung,
+    strip,
+    total,
+)
+
+
+def test_a_prescribed_displacement_stretches_as_the_law_says():
+    job, end = strip(), at(strip(), LENGTH)
+    held = (Held(at(job, 0.0), 0), Held(end, 0, Drive(1e-3, RAMP)), *pinned(job, 1, 2))
+    job = replace(job, held=held)
+    (state,) = solve_job(job, options=PLAIN).states
+    stretch = 1.05
+    force = stretch * E * (stretch**2 - 1) / 2 * WIDTH * THICK
+    assert state.configuration.x[end, 0] == pytest.approx(LENGTH + 1e-3, abs=1e-12)
+    assert total(state, "guide", "displacement 2")[0] == pytest.approx(-force, rel=1e-9)
+    assert total(state, "guide", "ground")[0] == pytest.approx(force, rel=1e-9)
+
+
+def test_one_component_given_twice_and_not_alike_is_refused():
+    job, end = strip(), at(strip(), LENGTH)
+    job = replace(job, held=(*pinned(job, 0), Held(end, 0, Drive(1e-3, RAMP))))
+    with pytest.raises(InputError, match=f"of {job.node(end[0])} is given twice"):
+        solve_job(job, options=PLAIN)
+
+
+def test_many_steps_end_where_one_does():
+    whole = solve_job(bent(), options=PLAIN)
+    parts = solve_job(bent(), options=PLAIN, times=[0.2, 0.5, 0.8, 1.0])
+    far = whole.states[-1].configuration.x
+    assert np.ptp(far[:, 2]) > 2e-3
+    assert [s.time for s in parts.states] == [0.2, 0.5, 0.8, 1.0]
+    assert np.abs(parts.states[-1].configuration.x - far).max() < 1e-9
+    heights = [s.configuration.x[:, 2].max() for s in parts.states]
+    assert heights == sorted(heights)
+    assert parts.states[0].applied[2] == pytest.approx(0.2 * 0.02 * 4)
+
+
+@pytest.mark.parametrize(
+    ("shortest", "failures", "relaxations"), [(1e-3, range(2, 100), 0), (0.9, range(1, 2), 1)]
+)
+def test_short_steps_or_a_damped_motion_end_where_one_step_does(shortest, failures, relaxations):
+    """Newton may not take the iterations that the whole load takes."""
+    (whole,) = solve_job(bent(), options=PLAIN).states
+    hasty = replace(PLAIN, shortest=shortest, newton=NewtonOptions(1e-8, max_iterations=8))
+    result = solve_job(bent(), options=hasty)
+    assert result.effort.failures in failures
+    assert result.effort.relaxations == relaxations
+    x = result.states[-1].configuration.x
+    assert np.abs(x - whole.configuration.x).max() < 1e-9
+
+
+def test_a_director_turned_through_its_element_is_no_solution():
+    """Such a state is an equilibrium of the discrete sheet, of less energy even."""
+    (state,) = solve_job(bent(), options=PLAIN).states
+    c = state.configuration
+    turned = c.d.copy()
+    turned[at(bent(), LENGTH)[0]] *= -1
+    with pytest.raises(ConvergenceError, match="turned through an element's plane, at node"):
+        solve(state.model, replace(c, d=turned), np.zeros(0), PLAIN.newton, near=True)
+
+
+def test_loads_and_bodies_balance_and_the_tie_carries_the_load():
+    state = solve_job(bent(), options=PLAIN).states[-1]
+    assert max(state.imbalance) < 1e-7
+    assert total(state, "tie", "bone") == pytest.approx([0, 0, 0.08], abs=1e-7)
+    arm = state.configuration.x[at(strip(), LENGTH), 0].mean()
+    assert state.wrench["tie"][0, 4] == pytest.approx(-0.08 * arm, rel=1e-4)
+
+
+def test_a_prediction_saves_iterations():
+    first = solve_job(bent(), options=PLAIN, times=[0.5, 0.502])
+    assert first.states[1].effort.iterations <= 3
+
+
+def test_a_sheet_follows_the_body_that_turns_without_force():
+    turn = (Drive(), Drive(0.7, RAMP), Drive())
+    moved = (Drive(), Drive(), Drive(2e-3, RAMP))
+    job = strip(nu=0.3)
+    bone = Body("bone", np.array([3e-3, 0, 0]), *NONE, moved, turn)
+    job = replace(job, bodies=(bone,), tied=(Tied(at(job, 0.0), 0),))
+    result = solve_job(job, options=PLAIN)
+    (state,) = result.states
+    p, R = bone.pose(1.0)
+    assert np.abs(state.configuration.x - (job.points - bone.origin) @ R.T - p).max() < 1e-8
+    assert np.abs(state.wrench["tie"]).max() < 1e-7
+    assert result.effort.steps >= 7
+
+
+def test_a_hinge_holds_places_and_leaves_directors_free():
+    job = bent(held=(Held(at(strip(), LENGTH), 2),), forces=())
+    job = replace(job, pressures=(Pressure(np.arange(30), np.ones(30, int), Drive(-1e3, RAMP)),))
+    stiff = solve_job(job, options=PLAIN).states[0]
+    loose = replace(job, tied=(replace(job.tied[0], clamped=False),))
+    hinged = solve_job(loose, options=PLAIN).states[0]
+    moment = hinged.wrench["guide"][0, 4] + 0.0
+    assert abs(moment) < 1e-9 < 1e-5 < abs(stiff.wrench["tie"][0, 4])
+    assert hinged.configuration.x[:, 2].max() > 1.5 * stiff.configuration.x[:, 2].max()
+
+
+def test_a_held_director_makes_a_mirror_of_the_edge():
+    job = strip(nx=16)
+    edge, end = at(job, 0.0), at(job, LENGTH)
+    held = (Held(edge, 0), *(Held(end, c) for c in (0, 2)), *pinned(job, 1))
+    load = Pressure(np.arange(48), np.ones(48, int), Drive(-200.0, RAMP))
+    job = replace(job, held=held, pressures=(load,))
+    state = solve_job(replace(job, held_directors=(HeldDirector(edge, 0),)), options=PLAIN).states[
+        0
+    ]
+    assert np.abs(state.configuration.d[edge, 0]).max() < 1e-12
+    assert np.abs(state.configuration.d[end, 0]).min() > 1e-2
+
+
+@pytest.mark.parametrize("dead", [True, False])
+def test_pressure_pushes_against_the_normal(dead):
+    job = bent(forces=())
+    quads = np.arange(len(job.quads))
+    load = Pressure(quads, np.full(len(quads), -1), Drive(500.0, RAMP), dead)
+    state = solve_job(replace(job, pressures=(load,)), options=PLAIN).states[0]
+    area = 500.0 * LENGTH * WIDTH
+    assert max(state.imbalance) < 1e-7
+    if dead:
+        assert state.applied[:3] == pytest.approx([0, 0, area], abs=1e-12)
+    else:
+        assert 0.5 * area < state.applied[2] < area
+        assert np.linalg.norm(state.applied[:3]) < area
+
+
+@pytest.mark.parametrize(
+    ("law", "stretch"),
+    [
+        (SpringLaw(2e3), 1e-3),
+        (SpringLaw(2e3, tension_only=True), 1e-3),
+        (SpringLaw(0.0, table=Curve((-1e-3, 0.0, 0.5e-3, 2e-3), (-1.0, 0.0, 0.5, 5.0))), 1e-3),
+    ],
+)
+def test_a_spring_stretches_until_it_carries_the_load(law, stretch):
+    (state,) = solve_job(sprung(law, 2.0), options=PLAIN).states
+    (force,) = state.spring_forces
+    assert force == pytest.approx([2.0], rel=1e-7)
+    moved = state.configuration.x[0, 0]
+    assert 4e-3 + moved - 3.5e-3 == pytest.approx(stretch, rel=1e-6)
+    assert total(state, "spring 0", "bone")[0] == pytest.approx(2.0, rel=1e-7)
+
+
+def test_a_spring_between_two_nodes_pulls_both():
+    job = replace(strip(), held=(*pinned(strip(), 1, 2), Held(at(strip(), 0.0), 0)))
+    a, b = (int(at(job, x)[0]) for x in (0.0, LENGTH))
+    none = np.zeros((1, 3))
+    tight = SpringSet(
+        "tie",
+        SpringLaw(500.0),
+        *(np.array(v) for v in ([a], [-1])),
+        none,
+        np.array([b]),
+        np.array([10e-3]),
+    )
+    (state,) = solve_job(replace(job, springs=(tight,)), options=PLAIN).states
+    length = np.linalg.norm(state.configuration.x[b] - state.configuration.x[a])
+    assert state.spring_forces[0][0] == pytest.approx(500.0 * (length - 10e-3), rel=1e-9)
+    assert length < LENGTH - 1e-6
+    assert max(state.imbalance) < 1e-8
+
+
+@pytest.mark.parametrize(
+    ("gap", "height", "rest"),
+    [(0.0, 0.0, THICK / 2), (0.1e-3, 0.0, THICK / 2 + 0.1e-3), (0.0, THICK / 2, 0.0)],
+)
+def test_contact_holds_the_face_that_is_meant_at_its_gap(gap, height, rest):
+    job = floored(gap, height, lift=rest + 1e-6)
+    (state,) = solve_job(job, options=PLAIN).states
+    assert state.contact[0] == pytest.approx([0, 0, -1.0], abs=1e-6)
+    assert state.penetration < 2e-6
+    assert np.abs(state.configuration.x[:, 2] - rest).max() < 3e-6
+    assert max(state.imbalance) < 1e-6
+
+
+def test_penetration_is_what_is_asked_for():
+    job = floored(lift=THICK / 2)
+    job = replace(job, held=(*job.held, Held(at(job, 0.0), 2)))
+    load = NodalForce(at(job, LENGTH), np.array([0, 0, -5.0]), RAMP)
+    fine = solve_job(replace(job, forces=(load,)), options=replace(PLAIN, penetration=1e-7))
+    soft = solve_job(replace(job, forces=(load,)), options=replace(PLAIN, penetration=None))
+    assert fine.states[0].penetration < 1e-7 < 1e-6 < soft.states[0].penetration
+
+
+def test_nodes_that_a_body_carries_do_not_touch_it():
+    job = floored(lift=THICK / 4)
+    job = replace(job, held=(), tied=(Tied(at(job, 0.0), 0),))
+    model = job_model(job, PLAIN)
+    assert not np.isin(at(job, 0.0), model.base.contacts[0].nodes).any()
+    assert len(model.base.contacts[0].nodes) == len(job.points) - len(at(job, 0.0))
+
+
+def test_a_solve_that_fails_says_when_and_where():
+    job = replace(sprung(SpringLaw(1e3), 1.0), springs=())
+    options = replace(PLAIN, shortest=0.5, newton=NewtonOptions(max_iterations=5))
+    said = r"strip: .* at t = .*went off by 10 times its length.*node \d+0 at .*region skin"
+    with pytest.raises(ConvergenceError, match=said):
+        solve_job(job, options=options)
+
+
+def test_times_must_ascend():
+    with pytest.raises(InputError, match="expected times that ascend"):
+        solve_job(bent(), options=PLAIN, times=[0.5, 0.5])
+    with pytest.raises(InputError, match="spacing = 0: expected more than zero"):
+        JobOptions(spacing=0.0)
+    assert spread_times(bent(), until=0.6, states=2) == [0.5, 0.6]
+    assert spread_times(bent(), until=2.0) == [1.0, 2.0]

@@ -1,0 +1,181 @@
+"""Jobs beside hoods and FEBio's models: the same sheet, its mid-surface, FEBio's hard cases."""
+
+from __future__ import annotations
+
+import gzip
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cosim.port import InputError
+from fe_solver.febio.compare import quantities
+from fe_solver.febio.read import read_feb
+from fe_solver.febio.write import write_feb
+from fe_solver.hood.as_job import job_of_hood
+from fe_solver.job.febio_like import bending_notes, facet_lift, febio_patch
+from fe_solver.job.job import Body, ContactPair, NodalForce, Part, SpringLaw, SpringSet, Tied
+from fe_solver.job.mid_surface import on_mid_surface
+from fe_solver.job.solve import solve_job
+from fe_solver.materials.hyperelastic import NeoHookean
+from fe_solver.materials.linear import Isotropic, Orthotropic
+from fe_solver.materials.section import Section, one_law
+from tests.helpers.folders import TEST_DATA
+from tests.helpers.jobs import (
+    COARSE,
+    LENGTH,
+    NONE,
+    PLAIN,
+    RAMP,
+    THICK,
+    E,
+    at,
+    body,
+    job_normal_up,
+    one_of,
+    rod_hood,
+    rod_job,
+    run,
+    strip,
+)
+
+
+def test_febios_bending_is_stiffer_as_its_constant_thickness_strain_makes_it():
+    section = one_law(Isotropic(E, 0.4), np.full(1, THICK))
+    ours, theirs = section.linear[0, 0], one_of(febio_patch(section.patches[0]))
+    ratio = theirs[3, 3] / ours[3, 3]
+    assert ratio == pytest.approx(0.6**2 / 0.2, rel=1e-12)
+    assert theirs[:3, :3] == pytest.approx(ours[:3, :3], rel=1e-12)
+    assert theirs[6, 6] / ours[6, 6] == pytest.approx(1.2)
+    neo = febio_patch(replace(section.patches[0], law=NeoHookean(E, 0.4)))
+    assert neo.bending == pytest.approx(febio_patch(section.patches[0]).bending)
+
+
+def test_a_law_whose_bending_in_febio_is_not_known_keeps_its_own_and_is_named():
+    law = Orthotropic(2.0, 1.0, 0.3, 1.0, 1.0, 1.0)
+    (patch,) = one_law(law, np.full(1, THICK)).patches
+    assert not febio_patch(patch).bending.any()
+    job = strip()
+    (note,) = bending_notes(replace(job, parts=(*job.parts, Part("woven", law))))
+    assert "'woven': bends as a thin sheet" in note
+
+
+def test_facets_lie_nearer_to_a_convex_bone_by_two_thirds_of_their_rise():
+    job, rise = rod_job(20)
+    quads = np.arange(len(job.quads))
+    sign = 1 if job_normal_up(job) else -1
+    pair = ContactPair("p", quads, np.full(len(quads), -sign), 0, NONE[1])
+    inner = np.abs(job.points[:, 1]) < 5e-3
+    assert facet_lift(job, pair)[inner] == pytest.approx(2 / 3 * rise, rel=0.01)
+
+
+def test_a_hood_and_its_job_agree_and_so_does_the_file(tmp_path):
+    hood, bones = rod_hood()
+    tension, tip = np.array([8.0]), np.array([[0.0] * 6, [0.2e-3, 0, 0.1e-3, 0, 0.02, 0]])
+    motion = hood.rest.displaced(tip)
+    answer = hood.advance(hood.start(motion), motion, tension, np.inf)
+    c = answer.state.configuration
+    middle = job_of_hood(hood, motion, tension, bones, on_face=False)
+    (state,) = solve_job(middle, options=COARSE).states
+    moved = np.abs(c.x - middle.points).max()
+    assert np.abs(state.configuration.x - c.x).max() < 0.01 * moved
+    load = answer.load.wrench[0, answer.load.sources.index("contact"), :3]
+    assert state.contact[0] == pytest.approx(load, abs=0.01 * np.abs(load).max())
+
+    faced = job_of_hood(hood, motion, tension, bones)
+    write_feb(faced, tmp_path / "hood.feb")
+    again = replace(read_feb(tmp_path / "hood.feb"), as_febio=False)
+    (own,), (read,) = (solve_job(j, options=COARSE).states for j in (faced, again))
+    assert np.abs(own.configuration.x - read.configuration.x).max() < 1e-4 * moved
+    assert read.contact[0] == pytest.approx(own.contact[0], rel=1e-3, abs=1e-4)
+    low = own.configuration.x[own.model.contacts[0].nodes]
+    assert np.linalg.norm(low[:, 1:], axis=1).min() == pytest.approx(8e-3, abs=1e-5)
+
+
+@pytest.fixture(scope="module")
+def packed(tmp_path_factory) -> Path:
+    """A folder with one model of our own: 112 quads tied, guided, pulled and pressed on a rod."""
+    folder = tmp_path_factory.mktemp("models")
+    packed = TEST_DATA / "hood_over_rod.feb.gz"
+    (folder / "hood_over_rod.feb").write_bytes(gzip.decompress(packed.read_bytes()))
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("thin", "gap", "options"),
+    [
+        (1.0, 0.0, {"contact_factor": 10.0, "penetration": None}),
+        (1.0, 0.0, {"contact_factor": 100.0, "penetration": None}),
+        (1.0, -0.2e-3, {}),
+        (0.2, 0.0, {}),
+        (0.1, 0.0, {}),
+    ],
+)
+def test_stiff_contact_a_gap_and_thin_sheets_are_solved(packed, thin, gap, options):
+    """What FEBio failed on in a model of this kind (its README): all balance.  The tip of thinner
+    sheets stands still, as so few quads would buckle in zigzags where it turns."""
+    job = read_feb(packed / "hood_over_rod.feb")
+    still = tuple(Body(b.name, b.origin, b.vertices, b.triangles) for b in job.bodies)
+    job = replace(
+        job,
+        bodies=still if thin < 1 else job.bodies,
+        thickness=thin * job.thickness,
+        height=thin * job.height,
+        contacts=tuple(replace(c, gap=c.gap + gap) for c in job.contacts),
+    )
+    (state,) = solve_job(job, options=replace(COARSE, **options)).states
+    assert state.contact[0, 2] < -0.4
+    assert state.penetration < 2e-6
+    assert state.imbalance[0] < 1e-6
+
+
+def test_a_folder_of_models_is_timed(packed):
+    done = run("bench", "febio", "--models", packed, "--spacing", "1 mm")
+    assert done.exit_code == 0, done.output
+    assert "--element q4ans: CPU" in done.output
+    job = replace(read_feb(packed / "hood_over_rod.feb"), as_febio=False)
+    (state,) = solve_job(job, options=replace(COARSE, penetration=None)).states
+    for name, value in quantities(job, state, None).items():
+        (line,) = (line for line in done.output.splitlines() if f" {name} " in line)
+        assert float(line.split("│")[2].split()[0]) == pytest.approx(value, rel=1e-4)
+
+
+def test_what_a_job_cannot_say_of_a_hood_is_refused():
+    hood, bones = rod_hood()
+    with pytest.raises(InputError, match="surface is not given"):
+        job_of_hood(hood, hood.rest, np.array([1.0]), {})
+    longer = np.tile([0.1, 0.0], (len(hood.model.quads), 1))
+    model = replace(hood.model, tables=replace(hood.model.tables, growth=longer))
+    with pytest.raises(InputError, match="extra length"):
+        job_of_hood(replace(hood, model=model), hood.rest, np.array([1.0]), bones)
+    (patch,) = hood.model.section.patches
+    stiff = Section((replace(patch, bending=1e7 * np.eye(3)),))
+    model = replace(hood.model, section=stiff)
+    with pytest.raises(InputError, match="bending_stiffness"):
+        job_of_hood(replace(hood, model=model), hood.rest, np.array([1.0]), bones)
+
+
+def test_on_its_mid_surface_a_sheet_is_pulled_straight_and_springs_keep_their_slack():
+    """Pulled at a face, it bends by the force times half the thickness."""
+    job, end = strip(), at(strip(), LENGTH)
+    pull = NodalForce(end, np.array([0.5 / len(end), 0, 0]), RAMP)
+    tied = Tied(at(job, 0.0), 0)
+    job = replace(
+        job, height=job.height - THICK / 2, bodies=(body(),), tied=(tied,), forces=(pull,)
+    )
+    other = np.array([-1, int(end[1])])
+    ends = SpringSet(
+        "two", SpringLaw(10.0), end[:2], np.array([0, -1]), np.array([[0, 0, 9e-3], [0, 0, 0]]),
+        other, np.array([0.03, 0.01]),
+    )  # fmt: skip
+    bent_, straight = (
+        solve_job(j, options=PLAIN).states[-1].configuration for j in (job, on_mid_surface(job))
+    )
+    assert np.ptp(bent_.x[:, 2]) > 1e-4
+    assert np.ptp(straight.x[:, 2]) < 1e-12
+    moved = on_mid_surface(replace(job, springs=(ends,)))
+    assert moved.points[:, 2] == pytest.approx(-THICK / 2)
+    slack = np.hypot(LENGTH, 9e-3) - 0.03
+    reach = np.hypot(LENGTH, 9e-3 + THICK / 2)
+    assert moved.springs[0].length == pytest.approx([reach - slack, 0.01])

@@ -1,0 +1,329 @@
+"""The hood on the bones: what the shell does behind the port.
+
+The port's own promises are in test_conformance."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from cosim.build.models import build, hood_mesh
+from cosim.case.file import load_case
+from cosim.port import STATIC, ConvergenceError, InputError, Motion, Response
+from fe_solver.elements.mesh_geometry import node_areas
+from fe_solver.hood.build_shell import ContactLaw, Sheet, Tendon, shell_hood
+from fe_solver.hood.extrapolation import Bend
+from fe_solver.hood.shell_hood import TIE, HoodState, ShellHood
+from fe_solver.materials.linear import Isotropic
+from fe_solver.materials.section import one_law
+from fe_solver.solver.fields import contact_pressure, fields
+from fe_solver.solver.newton import NewtonOptions
+from meshes.hood_mesh import HoodMesh
+from meshes.skeleton import BODIES
+from tests.helpers import shells
+from tests.helpers.conformance import index_motions
+
+TENSION = np.array([3.0, 1.0, 0.8, 0.5])
+HIGH_AND_STRAIGHT = (
+    "finger.tip.kind=posture",
+    *(f"hood.mesh.rest_posture.{joint}=0 deg" for joint in ("MCP", "PIP", "DIP")),
+    "hood.contact.offset.metacarpal=3.7 mm",
+    "hood.contact.offset.proximal=2.2 mm",
+    "hood.contact.offset.middle=1.15 mm",
+    "hood.contact.offset.distal=0.1 mm",
+    "hood.extra_length.terminal_slip=-1.23 mm",
+    *(f"hood.springs.ligament_{side}.slack=4 mm" for side in ("radial", "ulnar")),
+    *(f"hood.springs.sagittal_{side}.slack=2 mm" for side in ("radial", "ulnar")),
+)
+"""The isotropic sheet as high over the joints as An's tendons, free of stress when straight."""
+
+
+def mesh_of(quads: int) -> HoodMesh:
+    return hood_mesh(load_case("base/one_sheet.toml", [f"hood.mesh.quads={quads}"]))
+
+
+@pytest.fixture(scope="module")
+def mesh() -> HoodMesh:
+    return mesh_of(250)
+
+
+@pytest.fixture(scope="module")
+def hood() -> ShellHood:
+    return shells.index_hood()
+
+
+@pytest.fixture(scope="module")
+def motion() -> Motion:
+    return index_motions()[1]
+
+
+@pytest.fixture(scope="module")
+def solved(hood: ShellHood, motion: Motion) -> Response:
+    return hood.advance(hood.start(motion), motion, TENSION, STATIC)
+
+
+def test_tied_and_guided_nodes_are_on_their_places(hood, solved, motion):
+    c, model = solved.state.configuration, hood.model
+    for held in (model.ties, model.guides):
+        local = np.einsum(
+            "kji,kj->ki", motion.rotation[held.body], c.x[held.node] - motion.position[held.body]
+        )
+        if held is model.ties:
+            assert local == pytest.approx(held.position, abs=1e-15)
+            d = np.einsum("kij,kj->ki", motion.rotation[held.body], held.director)
+            assert c.d[held.node] == pytest.approx(d, abs=1e-14)
+        else:
+            beside = np.cross(local - held.origin, held.direction)
+            assert beside == pytest.approx(np.zeros_like(beside), abs=1e-15)
+    assert np.linalg.norm(c.d, axis=1) == pytest.approx(np.ones(len(c.d)), abs=1e-14)
+
+
+@pytest.mark.parametrize(("friction", "ways"), [(0.0, 2), (0.2, 1)])
+def test_friction_which_keeps_what_has_pulled_allows_no_detour(monkeypatch, motion, friction, ways):
+    """A hood that is pulled at 18 N and let back to 12 is not one that is pulled at 12."""
+    pulls = []
+
+    def stuck(self: ShellHood, state: HoodState, motion: Motion, tension: np.ndarray) -> HoodState:
+        pulls.append(tension)
+        raise ConvergenceError("stuck")
+
+    hood = shells.index_hood(f"hood.contact.friction={friction}")
+    monkeypatch.setattr(ShellHood, "_in_steps", stuck)
+    with pytest.raises(ConvergenceError, match="stuck"):
+        hood.advance(hood.start(motion), motion, TENSION, STATIC)
+    assert len(pulls) == ways
+
+
+def test_tendons_pull_along_the_metacarpal(hood, solved, motion):
+    load = solved.load
+    proximal = -motion.rotation[0][:, 0]
+    assert load.pull[:, :3] == pytest.approx(np.outer(TENSION, proximal), abs=1e-12)
+    moved = (solved.state.configuration.x - hood.model.reference) @ proximal
+    turned = hood.rest.rotation[0] @ motion.rotation[0].T
+    assert turned == pytest.approx(np.eye(3))  # the metacarpal is the world's
+    nodes = hood.model.guides.node
+    assert solved.excursion == pytest.approx(hood.model.share @ moved[nodes], abs=1e-15)
+
+
+def test_the_ledger_is_complete(hood, solved):
+    forces = solved.load.wrench[..., :3].sum(axis=0)
+    groups = hood.group_forces(solved.state)
+    assert set(groups) == {*hood.groups, TIE}
+    for name, force in groups.items():
+        assert forces[hood.sources.index(name)] == pytest.approx(force, abs=1e-12)
+    model, c = hood.model, solved.state.configuration
+    assert hood.gap(solved.state).min() > -model.contacts[0].smoothing
+    area = np.full(len(c.x), np.inf)
+    for k in model.contacts:
+        area[k.nodes] = k.area
+    pressed = contact_pressure(model, c)[np.isfinite(area)] @ area[np.isfinite(area)]
+    contact = np.linalg.norm(forces[hood.sources.index("contact")])
+    assert 0 < contact <= pressed
+
+
+def test_strain_is_the_fields(hood, solved):
+    weight = hood.model.tables.weight
+    mean = np.einsum("ng,ngc->nc", weight, hood.strain(solved.state)) / weight.sum(1)[:, None]
+    seen = fields(hood.model, solved.state.configuration)
+    assert seen.strain == pytest.approx(mean[:, :3], abs=1e-14)
+    assert 0.005 < seen.strain[:, 0].max() < 0.2
+
+
+def test_a_moved_hand_needs_no_iteration(hood, solved, motion):
+    """The prediction is exact for a shift of the whole hand: guides, ties and free nodes alike."""
+    shifted = motion.moved(np.eye(3), np.array([1e-3, -2e-3, 3e-3]))
+    response = hood.advance(solved.state, shifted, TENSION, STATIC)
+    assert response.state.iterations == solved.state.iterations
+    assert response.excursion == pytest.approx(solved.excursion, abs=1e-12)
+
+
+def test_a_small_turn_is_foreseen(hood, solved, motion):
+    """From a known state a small turn takes fewer iterations than from afresh."""
+    twist = np.zeros((4, 6))
+    twist[1:, 4] = 2e-3
+    near = hood.advance(solved.state, motion.displaced(twist), TENSION, STATIC)
+    afresh = hood.advance(hood.start(motion), motion.displaced(twist), TENSION, STATIC)
+    assert near.state.iterations - solved.state.iterations <= 5 < afresh.state.iterations
+    wrench = afresh.load.wrench
+    assert near.load.wrench == pytest.approx(wrench, abs=1e-6 * np.abs(wrench).max())
+
+
+def test_a_loose_hood_stops_earlier_near_the_same_state(hood, solved, motion):
+    loose = hood.loosely(1e-2)
+    response = loose.advance(loose.start(motion), motion, TENSION, STATIC)
+    assert response.state.iterations < solved.state.iterations
+    assert response.load.total() == pytest.approx(solved.load.total(), abs=0.1)
+    assert hood.loosely(1e-14).options == hood.options
+
+
+def test_a_longer_terminal_slip_leaves_the_central_slip_more(hood, solved, motion):
+    def central(extra: str) -> float:
+        other = shells.index_hood(f"hood.extra_length.terminal_slip={extra}")
+        response = other.advance(other.start(motion), motion, TENSION, STATIC)
+        return float(np.linalg.norm(other.group_forces(response.state)["central_slip"]))
+
+    laid = float(np.linalg.norm(hood.group_forces(solved.state)["central_slip"]))
+    assert central("-0.5 mm") < 0.5 * laid
+    assert central("0.5 mm") > 1.1 * laid
+
+
+@pytest.mark.parametrize("elements", ["linear", pytest.param("quadratic", marks=pytest.mark.slow)])
+def test_a_bent_hood_is_the_one_that_bends_there_slowly(elements):
+    """An isotropic sheet rests at 60/60/30 deg with its central slip slack or taut.  Bent from
+    straight it is taut; one leap from straight ends slack, with a third to a half of the force."""
+    bent = (f"finger.posture.{joint}" for joint in ('MCP="60 deg"', 'PIP="60 deg"', 'DIP="30 deg"'))
+    mesh = "hood.mesh.quads=120", f'hood.mesh.elements="{elements}"'
+    models = build(load_case("base/one_sheet.toml", [*mesh, *HIGH_AND_STRAIGHT, *bent]))
+    hood, motion = models.hood, models.finger.motion(models.finger.start(models.posture))
+    assert isinstance(hood, ShellHood)
+    rest = np.full(len(hood.tendons), models.resting)
+
+    def slip(leap: float) -> float:
+        way = replace(hood, leap=leap)
+        state = way.advance(way.start(motion), motion, rest, STATIC).state
+        return float(np.linalg.norm(way.group_forces(state)["central_slip"]))
+
+    assert slip(hood.leap) == pytest.approx(slip(hood.leap / 1.5), rel=0.01)
+    assert slip(np.inf) < 0.6 * slip(hood.leap)
+
+
+def test_a_turn_of_the_whole_hand_is_no_leap(hood, solved, motion):
+    """Joints stay as they are: one solve, however far the hand turns."""
+    turned = motion.moved(Rotation.from_rotvec([0.4, -1.9, 0.8]).as_matrix(), np.zeros(3))
+    again = hood.advance(solved.state, turned, TENSION, STATIC)
+    assert again.state.iterations == solved.state.iterations
+
+
+def test_extra_length_is_the_slips(hood, mesh):
+    """The slip's stress-free area grows in proportion to its length."""
+    extra = 0.5e-3
+    longer = shells.index_hood("hood.extra_length.terminal_slip=0.5 mm")
+    ratio = longer.model.tables.weight.sum(axis=1) / hood.model.tables.weight.sum(axis=1)
+    slip = mesh.cells("terminal_slip")
+    assert ratio[~slip] == pytest.approx(np.ones((~slip).sum()))
+    length = extra / (ratio[slip] - 1)
+    assert length == pytest.approx(np.full(slip.sum(), 10e-3), rel=0.1)  # 63 to 73 mm
+
+
+def test_a_state_that_was_not_solved_has_no_derivatives(hood, motion):
+    with pytest.raises(InputError, match="call advance first"):
+        hood.jacobian(hood.start(motion))
+
+
+def test_what_cannot_be_solved_is_an_error_that_names_a_node(hood, motion):
+    hasty = replace(hood, options=NewtonOptions(max_iterations=1))
+    with pytest.raises(ConvergenceError, match=r"node \d+ at"):
+        hasty.advance(hasty.start(motion), motion, TENSION, STATIC)
+
+
+def test_a_hood_that_nothing_holds_is_refused(motion):
+    X, quads = shells.plate(10e-3, 4e-3, 2, 1)
+    section = one_law(Isotropic(1e8, 0.3), np.full(2, 5e-4))
+    sheet = Sheet(X, quads, np.tile([1.0, 0, 0], (2, 1)), section, np.zeros(2))
+    carried = np.tile([1.0, 0, 0, 0], (6, 1))
+    end = {"EDC": Tendon(np.array([0, 1]), np.array([0.5, 0.5]))}
+    law = ContactLaw(1e11, 5e-5, {}, {})
+    pull, options = np.array([-1.0, 0, 0]), NewtonOptions()
+    for tied in ({}, {"distal": np.zeros(0, dtype=np.intp)}):
+        with pytest.raises(InputError, match=r"no insertion holds the hood.*hood\.springs"):
+            shell_hood(sheet, motion, carried, {}, tied, BODIES[0], pull, end, law, options)
+    held = {"distal": np.array([4, 5])}
+    hood = shell_hood(sheet, motion, carried, {}, held, BODIES[0], pull, end, law, options)
+    assert hood.sources == (TIE, "contact", "guide")
+
+
+@pytest.mark.parametrize("setting", ['penetration="1 um"', "friction=0.2"])
+def test_augmented_contact_does_not_penetrate_and_balances(motion, setting):
+    """Over the bones' splines, whose gradients are not quite unit vectors."""
+    hood = shells.index_hood(f"hood.contact.{setting}")
+    first = hood.advance(hood.start(motion), motion, TENSION, STATIC)
+    second = hood.advance(first.state, motion, 1.1 * TENSION, STATIC)
+    for response in (first, second):
+        assert -1e-6 <= hood.gap(response.state).min() < 1e-6
+        total = response.load.wrench.sum(axis=(0, 1))[:3] - response.load.pull[:, :3].sum(axis=0)
+        assert np.abs(total).max() < 1e-8
+    again = hood.advance(first.state, motion, 1.1 * TENSION, STATIC)
+    assert np.array_equal(again.load.wrench, second.load.wrench)
+    rubbing = first.state.solution.model.contacts[1].grip
+    assert (rubbing is not None and rubbing.limit.max() > 0) == setting.startswith("friction")
+
+
+def test_nine_node_elements_touch_within_but_close_gaps_at_their_nodes():
+    nine = 'hood.mesh.elements="quadratic"'
+    smooth = shells.index_hood(nine).model
+    for contact in smooth.contacts:
+        assert len(contact.nodes) == 16 * len(smooth.quads)
+        area = node_areas(smooth.reference, smooth.quads).sum()
+        assert contact.area.sum() == pytest.approx(area, rel=0.02)
+    closed = shells.index_hood(nine, 'hood.contact.penetration="1 um"').model
+    held = np.concatenate([closed.ties.node, closed.guides.node])
+    for contact in closed.contacts:
+        assert set(contact.nodes) == set(range(len(closed.reference))) - set(held)
+
+
+def turns(motion: Motion, sizes: list[float]) -> list[Motion]:
+    """The finger's bodies turned about the flexion axis, rad."""
+    twist = np.zeros((4, 6))
+    twist[1:, 4] = 1.0
+    return [motion.displaced(size * twist) for size in sizes]
+
+
+def walked(hood: ShellHood, solved: Response, motions: list[Motion]) -> HoodState:
+    state = solved.state
+    for motion in motions:
+        state = hood.advance(state, motion, TENSION, STATIC).state
+    return state
+
+
+def missed(hood: ShellHood, state: HoodState, motion: Motion) -> tuple[float, float]:
+    """m, how far the hood is from where its tangent foresees it, and from where it begins."""
+    _, foreseen = hood._foreseen(state, motion, TENSION)
+    begun = hood._bent(state, foreseen)
+    end = hood.advance(state, motion, TENSION, STATIC).state.configuration.x
+    return np.abs(end - foreseen.x).max(), np.abs(end - begun.x).max()
+
+
+def test_the_last_steps_misses_foretell_the_next(hood, solved, motion):
+    *before, fourth, fifth = turns(motion, [1e-5, 2e-5, 3e-5, 4e-5, 4.5e-5])
+    state = walked(hood, solved, before)
+    for ahead in (fourth, fifth):
+        linear, bent = missed(hood, state, ahead)
+        assert bent < 0.3 * linear
+        state = walked(hood, Response(state, None, None), [ahead])
+
+
+def test_what_happened_once_is_not_foretold():
+    """Of three nodes one bends as before, one the other way, and one for the first time."""
+    travel, still = np.ones((3, 3)), np.zeros((3, 3))
+    before = Bend(travel, np.eye(3), still, still, still)
+    x = np.array([[0.5, 0, 0], [0, -1.0, 0], [1.0, 0, 0]])
+    bend = Bend.told(before, travel, x, still)
+    assert np.array_equal(bend.x, x)
+    assert np.array_equal(bend.steady_x, [[0.5, 0, 0], [0, 0, 0], [0, 0, 0]])
+    twice = Bend.told(before, 2 * travel, 8 * x, still)  # misses grow with the travel's square
+    assert np.array_equal(twice.steady_x[0], [4.0, 0, 0])
+
+
+def test_a_step_of_another_size_is_not_foretold(hood, solved, motion):
+    first, second, far = turns(motion, [1e-5, 2e-5, 1e-3])
+    state = walked(hood, solved, [first, second])
+    _, foreseen = hood._foreseen(state, far, TENSION)
+    assert hood._bent(state, foreseen) is foreseen
+    assert solved.state.bend is None
+    assert hood._bent(solved.state, foreseen) is foreseen
+
+
+def test_arrays_hold_all_that_the_next_step_begins_from(hood, solved, motion):
+    first, second, third = turns(motion, [2e-5, 4e-5, 6e-5])
+    state = walked(hood, solved, [first, second])
+    again = hood.from_arrays(hood.to_arrays(state))
+    one, other = (hood.advance(s, third, TENSION, STATIC) for s in (state, again))
+    assert np.array_equal(one.load.wrench, other.load.wrench)
+    assert np.array_equal(one.state.configuration.x, other.state.configuration.x)
+    assert one.state.iterations == other.state.iterations
+    jacobians = hood.jacobian(state), hood.jacobian(again)
+    assert np.array_equal(*(j.load_motion for j in jacobians))
+    assert set(hood.to_arrays(solved.state)) < set(hood.to_arrays(state))

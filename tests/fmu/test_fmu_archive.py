@@ -1,0 +1,236 @@
+"""A stranger's FMU: hostile archives are refused with one message, and nothing of them unpacked."""
+
+from __future__ import annotations
+
+import stat
+import zipfile
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cosim.case.file import load_case
+from cosim.fmu import archive
+from cosim.fmu.archive import opened
+from cosim.fmu.mapping import places
+from cosim.fmu.quantity import hood_quantities
+from cosim.fmu.unit import Unit
+from cosim.fmu_export.part_of import part_of
+from cosim.fmu_export.write import write_fmu
+from cosim.port import InputError
+from tests.helpers.fmus import NEEDS_FMU, described, tampered
+
+pytestmark = NEEDS_FMU
+XML = "modelDescription.xml"
+BOMB = (
+    b'<?xml version="1.0"?><!DOCTYPE lolz [<!ENTITY a "lol"><!ENTITY b "&a;&a;&a;">]>'
+    b'<fmiModelDescription fmiVersion="2.0">&b;</fmiModelDescription>'
+)
+OUTSIDE = (
+    b'<?xml version="1.0"?><!DOCTYPE d [<!ENTITY a SYSTEM "file:///etc/hostname">]>'
+    b'<fmiModelDescription fmiVersion="2.0" modelName="&a;"/>'
+)
+
+
+@pytest.fixture(scope="module")
+def hood(tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("fmu") / "hood.fmu"
+    write_fmu(load_case("pulley_edc"), "hood", 2, path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def hood3(tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("fmu") / "hood3.fmu"
+    write_fmu(load_case("pulley_edc"), "hood", 3, path)
+    return path
+
+
+def refused(path: Path, words: str, folder: Path) -> None:
+    room = folder / "room"
+    room.mkdir()
+    with pytest.raises(InputError, match=words) as error:
+        opened(path, room)
+    assert str(path) in str(error.value)
+    assert not list(room.iterdir())
+
+
+def link(name: str) -> zipfile.ZipInfo:
+    entry = zipfile.ZipInfo(name)
+    entry.create_system, entry.external_attr = 3, (stat.S_IFLNK | 0o777) << 16
+    return entry
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("../outside.txt", "outside of its folder"),
+        ("resources/../../outside.txt", "outside of its folder"),
+        ("/tmp/outside.txt", "outside of its folder"),
+        ("..\\outside.txt", "outside of its folder"),
+        ("C:outside.txt", "outside of its folder"),
+        (link("resources/link"), "is a link or a device"),
+    ],
+)
+def test_a_path_that_leaves_the_archive(hood, tmp_path, name, words):
+    refused(tampered(hood, tmp_path / "evil.fmu", more={name: b"x"}), words, tmp_path)
+
+
+def test_the_same_name_twice(hood, tmp_path):
+    with pytest.warns(UserWarning, match="Duplicate name"):
+        path = tampered(hood, tmp_path / "twice.fmu", more={XML: b"<a/>"})
+    refused(path, "more than once", tmp_path)
+
+
+def test_two_names_that_are_one_where_case_does_not_count(hood, tmp_path):
+    path = tampered(hood, tmp_path / "twice.fmu", more={XML.upper(): b"<a/>"})
+    refused(path, "more than once", tmp_path)
+
+
+def test_more_than_it_may_unpack_to(hood, tmp_path, monkeypatch):
+    big = zipfile.ZipInfo("resources/zeros")
+    big.compress_type = zipfile.ZIP_DEFLATED
+    path = tampered(hood, tmp_path / "bomb.fmu", more={big: bytes(2**24)})
+    monkeypatch.setattr(archive, "MOST_BYTES", 2**23)
+    refused(path, "expected at most 20000 of 8 MiB", tmp_path)
+
+
+def test_more_files_than_it_may_hold(hood, tmp_path, monkeypatch):
+    monkeypatch.setattr(archive, "MOST_FILES", 3)
+    refused(hood, "expected at most 3 of", tmp_path)
+
+
+def test_a_size_that_the_archive_lies_about(hood, tmp_path):
+    """The central directory says 1 byte; zipfile reads no further and finds the checksum wrong."""
+    path = tampered(hood, tmp_path / "lie.fmu", more={"resources/lie": b"lie" * 1000})
+    data = path.read_bytes()
+    at = data.rindex(b"PK\x01\x02", 0, data.rindex(b"resources/lie"))
+    path.write_bytes(data[: at + 24] + (1).to_bytes(4, "little") + data[at + 28 :])
+    with pytest.raises(InputError, match="cannot be read as an FMU"):
+        opened(path, tmp_path / "room")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (b"<fmiModelDescription", "not well-formed"),
+        (b"", "not well-formed"),
+        (BOMB, "document type or entities"),
+        (OUTSIDE, "references external entity"),
+        (b'<fmiModelDescription fmiVersion="1.0"/>', "fmiVersion '1.0'"),
+        (b"<html/>", "is a <html>"),
+    ],
+)
+def test_a_bad_description(hood, tmp_path, text, words):
+    refused(tampered(hood, tmp_path / "bad.fmu", {XML: lambda old: text}), words, tmp_path)
+
+
+def test_no_description(hood, tmp_path):
+    path = tampered(hood, tmp_path / "none.fmu", without=(XML,))
+    refused(path, "is no FMU: it has no modelDescription.xml", tmp_path)
+
+
+def test_a_description_that_breaks_the_schema(hood, tmp_path):
+    path = described(hood, tmp_path / "odd.fmu", "valueReference=", "valueReferenz=")
+    with pytest.raises(InputError, match="is not valid"):
+        opened(path, tmp_path / "room")
+
+
+def test_no_archive_at_all(tmp_path):
+    path = tmp_path / "text.fmu"
+    path.write_text("not a zip")
+    refused(path, "cannot be read as an FMU", tmp_path)
+
+
+def test_an_encrypted_file(hood, tmp_path):
+    path = tmp_path / "secret.fmu"
+    data = hood.read_bytes()
+    at = data.rindex(b"PK\x01\x02")
+    path.write_bytes(data[: at + 8] + b"\x01\x00" + data[at + 10 :])
+    refused(path, "is encrypted", tmp_path)
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_another_platform(hood, hood3, tmp_path, fmi):
+    path = tmp_path / "foreign.fmu"
+    tampered((hood, hood3)[fmi - 2], path, without=("binaries/linux64", "binaries/x86_64-linux"))
+    with pytest.raises(InputError, match=r"no binary for this machine, .*; it has (win|x86)"):
+        opened(path, tmp_path / "room")
+
+
+def test_an_identifier_that_is_a_path(hood, tmp_path):
+    old = 'modelIdentifier="cosim_hood"'
+    path = described(hood, tmp_path / "id.fmu", old, 'modelIdentifier="../../cosim_hood"')
+    with pytest.raises(InputError, match="is no name in the sense of C"):
+        opened(path, tmp_path / "room")
+
+
+def test_what_a_unit_can_do_is_read(hood, hood3, tmp_path):
+    for path in (hood, hood3):
+        found = opened(path, tmp_path / path.stem)
+        assert found.rolls_back
+        assert not found.differentiates
+    old = "<CoSimulation "
+    able = {2: 'providesDirectionalDerivative="true" ', 3: 'providesDirectionalDerivatives="1" '}
+    for fmi, path in ((2, hood), (3, hood3)):
+        new = described(path, tmp_path / f"able{fmi}.fmu", old, old + able[fmi])
+        assert opened(new, tmp_path / f"able{fmi}").differentiates
+
+
+def mapped(path: Path, names: dict[str, str], assume_si: bool = False) -> None:
+    part = part_of(load_case("pulley_edc"), "hood")
+    quantities = hood_quantities(part.hood.bodies, part.hood.sources, part.hood.tendons)
+    places(Unit(path).opened, quantities, names, (), assume_si)
+
+
+@pytest.mark.parametrize(
+    ("names", "words"),
+    [
+        ({"tension": "pull.{tendon}"}, r"no variable pull\.EDC, .*map\.tension names them"),
+        ({"tension": "tensino.{tendon}"}, r"did you mean tension\.EDC\?"),
+        ({"tension": "tension.{muscle}"}, r"it takes \{tendon\}"),
+        ({"tension": "tension.EDC"}, r"tension\.EDC: holds 1 values, expected 4"),
+        ({"velocity": "v"}, r"map\.velocity: no such quantity; known are position,"),
+        ({"tension": "excursion.{tendon}"}, "causality is output, expected input"),
+        ({"static": "tolerance"}, "is of type Real, expected Boolean"),
+        ({"force": "moment.{body}.{source}.{axis}"}, r"is in N\.m, expected N"),
+    ],
+)
+def test_names_that_do_not_map(hood, names, words):
+    with pytest.raises(InputError, match=words):
+        mapped(hood, names)
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_a_unit_in_millimetres(hood, hood3, tmp_path, fmi):
+    old, new = '<BaseUnit m="1" />', '<BaseUnit m="1" factor="0.001" />'
+    path = described((hood, hood3)[fmi - 2], tmp_path / "mm.fmu", old, new)
+    with pytest.raises(InputError, match=r"position\S*: is in m \(0\.001 SI units\), expected m"):
+        mapped(path, {})
+
+
+def test_no_unit(hood, tmp_path):
+    path = described(hood, tmp_path / "bare.fmu", ' unit="N"', "")
+    with pytest.raises(InputError, match=r"states no unit, expected N; .*assume_si = true"):
+        mapped(path, {})
+    mapped(path, {}, assume_si=True)
+
+
+@settings(max_examples=60)
+@given(data=st.data())
+def test_a_damaged_archive_is_refused_or_read(hood, tmp_path_factory, data):
+    """Truncated or with some bytes changed: an InputError, or a unit that is as good as before."""
+    whole = hood.read_bytes()
+    at = data.draw(st.integers(0, len(whole) - 1))
+    piece = data.draw(st.binary(max_size=8))
+    cut = data.draw(st.booleans())
+    folder = tmp_path_factory.mktemp("damaged")
+    path = folder / "damaged.fmu"
+    path.write_bytes(whole[:at] if cut else whole[:at] + piece + whole[at + len(piece) :])
+    try:
+        found = opened(path, folder / "room")
+    except InputError as error:
+        assert str(path) in str(error)
+    else:
+        assert found.description.coSimulation.modelIdentifier == "cosim_hood"

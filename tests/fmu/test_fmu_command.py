@@ -1,0 +1,77 @@
+"""`cosim fmu`: what it writes and refuses; the coupled unit of a shell; the table's rows."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import typer
+from typer.testing import CliRunner, Result
+
+from cosim.case.file import load_case
+from cosim.commands.fmu import fmu
+from cosim.fmu.unit import Unit
+from cosim.fmu_export import write as export
+from cosim.fmu_export.write import write_fmu
+from cosim.solve.solvers import solve
+from cosim.verification import fmu as verification
+from tests.helpers.fmus import NEEDS_FMU, placed
+
+pytestmark = NEEDS_FMU
+
+
+def command(*words: str) -> Result:
+    app = typer.Typer()
+    app.command()(fmu)
+    return CliRunner().invoke(app, ["pulley_edc", *words])
+
+
+def test_the_command_writes_a_unit(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = command("--part", "finger", "--fmi", "3", "--no-tangent")
+    assert done.exit_code == 0, done.output
+    assert done.output.strip() == "finger in pulley_edc_finger.fmu, FMI 3"
+    variables = Unit(tmp_path / "pulley_edc_finger.fmu").opened.description.modelVariables
+    assert {"force", "angle"} <= {v.name for v in variables}
+    assert "load_motion" not in {v.name for v in variables}
+
+
+def test_what_the_command_refuses(tmp_path, monkeypatch):
+    assert command("--part", "hand").exit_code == 2
+    assert command("--fmi", "1").exit_code == 2
+    monkeypatch.setattr(export, "find_spec", lambda name: None)
+    done = command("--out", str(tmp_path / "hood.fmu"))
+    assert done.exit_code == 2
+    assert 'pip install "cosim-hand[fmu]"' in done.output
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_a_shells_coupled_unit_gives_the_native_run(tmp_path, fmi):
+    case, path = load_case("isometric_edc", ["hood.mesh.quads=120"]), tmp_path / "shell.fmu"
+    write_fmu(case, "coupled", fmi, path)
+    unit = Unit(path)
+    place = placed(unit, case, "coupled")
+    unit.step(0.01)
+    models, states = solve(case)
+    slips = models.slips(states.loaded.response.state)
+    assert np.array_equal(unit.get(place["tip_force"]), states.loaded.balance.tip_force)
+    assert unit.get(place["slip_force"]) == pytest.approx([slips["central"], slips["terminal"]])
+    moved = states.loaded.excursion - states.unloaded.excursion
+    assert np.array_equal(unit.get(place["excursion"])[: len(moved)], moved)
+    before = unit.save()
+    unit.set(place["tension"], 1.2 * unit.get(place["tension"]))
+    unit.step(0.01)
+    more = unit.get(place["tip_force"])
+    unit.restore(before)
+    unit.set(place["tension"], 1.2 * unit.get(place["tension"]))
+    unit.step(0.01)
+    assert np.array_equal(unit.get(place["tip_force"]), more)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("study", verification.studies(), ids=lambda study: study.name)
+def test_the_rows_pass(study):
+    rows = list(study.rows())
+    assert len(rows) == (20 if study.name == "FMU, motion" else 26)
+    assert [row.quantity for row in rows if not row.passed] == []

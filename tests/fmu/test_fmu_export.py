@@ -1,0 +1,342 @@
+"""Cases as FMUs: valid, complete, the same numbers, and no exception over their border."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cosim.build.models import build, tensions
+from cosim.case.file import load_case
+from cosim.case.schema import Case
+from cosim.coupling.equilibrium import CouplingOptions, equilibrium
+from cosim.fmu.mapping import Place, places
+from cosim.fmu.unit import Unit
+from cosim.fmu_export.part_of import part_of
+from cosim.fmu_export.static_parts import HoodPart
+from cosim.fmu_export.write import write_fmu
+from cosim.port import STATIC, ConvergenceError, InputError, rotation_matrix
+from cosim.solve.solvers import solve
+from tests.helpers.fmus import NEEDS_FMU, placed, tampered
+
+pytestmark = NEEDS_FMU
+PARTS = ("hood", "finger", "coupled")
+BOTH = pytest.mark.parametrize("fmi", [2, 3])
+
+
+@pytest.fixture(scope="module")
+def case() -> Case:
+    return load_case("pulley_edc")
+
+
+@pytest.fixture(scope="module")
+def written(case, tmp_path_factory) -> dict[tuple[str, int], Path]:
+    folder = tmp_path_factory.mktemp("written")
+    paths = {(part, fmi): folder / f"{part}{fmi}.fmu" for part in PARTS for fmi in (2, 3)}
+    for (part, fmi), path in paths.items():
+        write_fmu(case, part, fmi, path)
+    return paths
+
+
+@BOTH
+@pytest.mark.parametrize("part", PARTS)
+def test_fmpy_finds_no_problem_and_runs_a_second(tmp_path, written, case, part, fmi):
+    """Of FMI 2 without the tangent's hundreds of names, of which FMPy parses each."""
+    from fmpy import simulate_fmu
+    from fmpy.validation import validate_fmu
+
+    path = str(written[part, fmi])
+    if fmi == 2:
+        path = str(tmp_path / "short.fmu")
+        write_fmu(case, part, fmi, Path(path), tangent=False)
+    assert validate_fmu(path) == []
+    result = simulate_fmu(path, stop_time=1.0, output_interval=0.1)
+    assert result["time"][-1] == pytest.approx(1.0)
+    plain = result.view(np.ndarray)
+    assert all(np.isfinite(plain[name]).all() for name in plain.dtype.names)
+
+
+def test_another_importer_gets_the_native_force(written, case):
+    pytest.importorskip("libcosimpy")
+    from libcosimpy.CosimExecution import CosimExecution
+    from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
+    from libcosimpy.CosimObserver import CosimObserver
+    from libcosimpy.CosimSlave import CosimLocalSlave
+
+    log_output_level(CosimLogLevel.WARNING)
+    execution = CosimExecution.from_step_size(step_size=100_000_000)
+    slave = CosimLocalSlave(fmu_path=str(written["coupled", 2]), instance_name="finger")
+    index = execution.add_local_slave(local_slave=slave)
+    observer = CosimObserver.create_last_value()
+    execution.add_observer(observer=observer)
+    assert execution.simulate_until(target_time=1_000_000_000)
+    variables = execution.slave_variables(slave_index=index)
+    names = {v.name.decode(): v.reference for v in variables}
+    refs = [names[f"tip_force.{axis}"] for axis in "xyz"]
+    force = observer.last_real_values(slave_index=index, variable_references=refs)
+    native = solve(case)[1].loaded.balance.tip_force
+    assert force == pytest.approx(native, abs=1e-9)
+
+
+@BOTH
+def test_the_hood_answers_the_same_bits(written, case, fmi):
+    models = build(case)
+    unit = Unit(written["hood", fmi])
+    place = placed(unit, case, "hood")
+    motion = models.finger.motion(models.finger.start({"PIP": 0.7}))
+    tension = np.array([1.0, 0.2, 3.0, 0.4])
+    native = models.hood.advance(models.hood.start(motion), motion, tension, STATIC)
+    given = {"position": motion.position, "rotation": motion.rotation, "tension": tension}
+    for name, value in given.items():
+        unit.set(place[name], value)
+    unit.set(place["with_tangent"], 1.0)
+    unit.step(0.01)
+    wrench = np.concatenate([unit.get(place["force"]), unit.get(place["moment"])], axis=2)
+    pull = np.hstack([unit.get(place["pull_force"]), unit.get(place["pull_moment"])])
+    assert np.array_equal(wrench, native.load.wrench)
+    assert np.array_equal(pull, native.load.pull)
+    assert np.array_equal(unit.get(place["excursion"]), native.excursion)
+    for name, value in vars(models.hood.jacobian(native.state)).items():
+        assert np.array_equal(unit.get(place[name]).ravel(), value.ravel()), name
+
+
+@BOTH
+def test_the_coupled_finger_follows_its_tensions_and_is_taken_back(written, case, fmi):
+    models = build(case)
+    unit = Unit(written["coupled", fmi])
+    place = placed(unit, case, "coupled")
+    pulls = np.concatenate(tensions(case, models))
+    unit.step(0.01)
+    before, first = unit.save(), unit.get(place["tip_force"])
+    unit.set(place["tension"], 1.5 * pulls)
+    unit.step(0.01)
+    more = unit.get(place["tip_force"])
+    assert np.linalg.norm(more) > 1.2 * np.linalg.norm(first)
+    unit.restore(before)
+    assert np.array_equal(unit.get(place["tip_force"]), first)
+    unit.set(place["tension"], 1.5 * pulls)
+    unit.step(0.01)
+    assert np.array_equal(unit.get(place["tip_force"]), more)
+
+
+def test_excursions_count_from_rest(written, case):
+    unit = Unit(written["coupled", 2])
+    place = placed(unit, case, "coupled")
+    rest = np.full(place["tension"].shape, case.solve.resting_tension)
+    unit.set(place["tension"], rest)
+    unit.step(0.01)
+    assert np.abs(unit.get(place["excursion"])).max() < 1e-7
+    unit.set(place["tension"], rest + np.eye(len(rest))[0])
+    unit.step(0.01)
+    assert unit.get(place["excursion"])[0] > 1e-6
+
+
+@pytest.mark.parametrize("name", ["planar_edc", "split_edc"])
+def test_other_fingers_and_hoods(tmp_path, name):
+    case, path = load_case(name), tmp_path / "coupled.fmu"
+    write_fmu(case, "coupled", 3, path)
+    unit = Unit(path)
+    unit.step(0.01)
+    force = unit.get(placed(unit, case, "coupled")["tip_force"])
+    native = solve(case)[1].loaded.balance.tip_force
+    assert force == pytest.approx(native, abs=1e-9)
+
+
+def test_a_hood_without_tendons_is_refused(tmp_path):
+    with pytest.raises(InputError, match="part of the finger's own tendons"):
+        write_fmu(load_case("split_edc"), "hood", 2, tmp_path / "hood.fmu")
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_archive_holds_the_files_that_the_case_names(tmp_path):
+    import trimesh
+
+    bone = tmp_path / "mine" / "bone.stl"
+    bone.parent.mkdir()
+    trimesh.creation.capsule(height=15.0, radius=4.0).export(bone)
+    text = bone.read_bytes()
+    table = f"{{ surface = {json.dumps(str(bone))}, unit = 'mm', frame = 'ours' }}"
+    case = load_case("pulley_edc", [f"finger.bones.distal={table}"])
+    write_fmu(case, "hood", 2, tmp_path / "hood.fmu")
+    write_fmu(case, "hood", 2, tmp_path / "again.fmu")
+    assert (tmp_path / "hood.fmu").read_bytes() == (tmp_path / "again.fmu").read_bytes()
+    bone.unlink()
+    with zipfile.ZipFile(tmp_path / "hood.fmu") as archive:
+        assert archive.read("resources/file_0.stl") == text
+        assert b"generationDateAndTime" not in archive.read("modelDescription.xml")
+        assert not any(str(tmp_path).encode() in archive.read(n) for n in archive.namelist())
+    Unit(tmp_path / "hood.fmu").step(0.01)
+
+
+@BOTH
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("tension", np.full(4, np.nan), "tension: holds a value that is not finite"),
+        ("rotation", np.ones((4, 3, 3)), "no rotation matrix"),
+        ("rotation", np.tile(np.diag([1.0, 1, -1]), (4, 1, 1)), "no rotation matrix"),
+    ],
+)
+def test_a_bad_input_fails_the_step_with_a_message_and_changes_nothing(
+    written, case, fmi, name, value, words
+):
+    unit = Unit(written["hood", fmi])
+    place = placed(unit, case, "hood")
+    unit.step(0.01)
+    good = unit.save()
+    force = unit.get(place["force"])
+    unit.set(place[name], value)
+    with pytest.raises(ConvergenceError, match=words):
+        unit.step(0.01)
+    unit.restore(good)
+    unit.step(0.01)
+    assert np.array_equal(unit.get(place["force"]), force)
+
+
+@BOTH
+def test_a_fault_of_the_program_does_not_cross_the_border(written, monkeypatch, fmi):
+    unit = Unit(written["hood", fmi])
+
+    def broken(*_: object) -> None:
+        raise ZeroDivisionError("by nought")
+
+    monkeypatch.setattr(HoodPart, "step", broken)
+    with pytest.raises(ConvergenceError, match="ZeroDivisionError: by nought"):
+        unit.step(0.01)
+    monkeypatch.undo()
+    unit.step(0.01)
+
+
+@BOTH
+def test_a_variable_that_is_none_fails_the_next_step(written, fmi):
+    unit = Unit(written["hood", fmi])
+    good = unit.save()
+    nowhere = Place((99_999,), (), False)
+    unit.set(nowhere, 1.0)
+    with pytest.raises(ConvergenceError, match="was set that does not exist"):
+        unit.step(0.01)
+    unit.restore(good)
+    with pytest.raises(ConvergenceError, match="not finite"):
+        unit.get(nowhere)
+    with pytest.raises(ConvergenceError, match="was asked for that does not exist"):
+        unit.step(0.01)
+
+
+@BOTH
+def test_another_version_says_so_when_instantiated(tmp_path, written, fmi):
+    def older(text: bytes) -> bytes:
+        return json.dumps({**json.loads(text), "version": "0.0.1"}).encode()
+
+    old = tampered(written["hood", fmi], tmp_path / "old.fmu", {"resources/about.json": older})
+    with pytest.raises(InputError, match=r"written by cosim-hand 0\.0\.1"):
+        Unit(old)
+
+
+def test_a_loose_tolerance_reaches_the_hood(case, monkeypatch):
+    part = part_of(case, "hood")
+    asked = []
+    monkeypatch.setattr(
+        type(part.hood), "loosely", lambda self, tolerance: asked.append(tolerance) or self
+    )
+    for tolerance in (0.0, 1e-3):
+        part.step(None, {**part.begin, "tolerance": np.array(tolerance)}, 0.01)
+    assert asked == [1e-3]
+
+
+def test_time_steps_reach_the_hood_where_static_is_off(case, monkeypatch):
+    part = part_of(case, "hood")
+    steps, native = [], type(part.hood).advance
+    monkeypatch.setattr(
+        type(part.hood),
+        "advance",
+        lambda self, state, motion, tension, dt: (
+            steps.append(dt) or native(self, state, motion, tension, dt)
+        ),
+    )
+    for static in (0.0, 1.0):
+        part.step(None, {**part.begin, "static": np.array(static)}, 0.01)
+    assert steps == [0.01, STATIC]
+
+
+def test_the_finger_balances_a_load_that_follows_it(written, case):
+    """Against `equilibrium`, with the hood's load and tangent at its answer put in."""
+    models = build(case)
+    pulls = tensions(case, models)
+    f, start = models.finger, models.finger.start(models.posture)
+    options = CouplingOptions(case.solve.tolerance)
+    before = models.hood.start(f.motion(start))
+    native = equilibrium(f, models.hood, start, before, *pulls, options)
+    unit = Unit(written["finger", 2])
+    place = placed(unit, case, "finger")
+    at_start = models.hood.advance(before, f.motion(start), pulls[0], STATIC)
+    state, hood = unit.save(), at_start
+    for _ in range(6):
+        unit.restore(state)
+        total = hood.load.total()
+        unit.set(place["force"], total[:, :3])
+        unit.set(place["moment"], total[:, 3:])
+        unit.set(place["load_motion"], models.hood.jacobian(hood.state).load_motion)
+        unit.step(0.01)
+        state = unit.save()
+        motion = type(native.motion)(
+            f.bodies, unit.get(place["position"]), unit.get(place["rotation"])
+        )
+        hood = models.hood.advance(hood.state, motion, pulls[0], STATIC)
+    assert unit.get(place["tip_force"]) == pytest.approx(native.balance.tip_force, abs=1e-9)
+    assert unit.get(place["angle"]) == pytest.approx(f.angles(native.finger_state), abs=1e-9)
+
+
+def test_a_rotation_within_rounding_is_taken(case):
+    part = part_of(case, "hood")
+    turn = part.begin["rotation"] @ rotation_matrix(np.array([0.1, 0.2, 0.3])) * (1 + 1e-8)
+    part.step(None, {**part.begin, "rotation": turn}, 0.01)
+
+
+def test_without_tangent_a_load_is_held(tmp_path, case):
+    write_fmu(case, "finger", 2, tmp_path / "held.fmu", tangent=False)
+    write_fmu(case, "finger", 2, tmp_path / "full.fmu")
+    force = np.zeros((4, 3))
+    force[3, 2] = 0.2
+    ends = []
+    for name in ("held", "full"):
+        unit = Unit(tmp_path / f"{name}.fmu")
+        names = {v.name for v in unit.opened.description.modelVariables}
+        assert any(n.startswith("load_motion") for n in names) == (name == "full")
+        quantities = part_of(case, "finger", tangent=name == "full").quantities
+        place = places(unit.opened, quantities, {})
+        unit.set(place["force"], force)
+        unit.step(0.01)
+        ends.append(unit.get(place["angle"]))
+    assert np.array_equal(*ends)
+
+
+@BOTH
+def test_inputs_belong_to_a_state(written, case, fmi):
+    unit = Unit(written["hood", fmi])
+    place = placed(unit, case, "hood")
+    before, tension = unit.save(), unit.get(place["tension"])
+    unit.set(place["tension"], tension + 1)
+    after = unit.save()
+    unit.restore(before)
+    assert np.array_equal(unit.get(place["tension"]), tension)
+    unit.restore(after)
+    assert np.array_equal(unit.get(place["tension"]), tension + 1)
+
+
+@BOTH
+def test_a_unit_is_whole_that_is_written_after_another_was_loaded(written, tmp_path, fmi):
+    code = (
+        "import sys\nfrom pathlib import Path\nfrom cosim.case.file import load_case\n"
+        "from cosim.fmu.unit import Unit\nfrom cosim.fmu_export.write import write_fmu\n"
+        "Unit(Path(sys.argv[1])).step(0.01)\nout = Path(sys.argv[2])\n"
+        f"write_fmu(load_case('pulley_edc'), 'hood', {fmi}, out)\nUnit(out).step(0.01)\n"
+    )
+    words = [sys.executable, "-c", code, str(written["hood", fmi]), str(tmp_path / "second.fmu")]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "second.fmu").read_bytes() == written["hood", fmi].read_bytes()

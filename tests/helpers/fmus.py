@@ -1,0 +1,76 @@
+"""FMUs for tests: written ones, and archives tampered with."""
+
+from __future__ import annotations
+
+import platform
+import sys
+import zipfile
+from collections.abc import Callable, Mapping
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+from cosim.case.file import load_case
+from cosim.case.schema import Case
+from cosim.fmu.mapping import Place, places
+from cosim.fmu.unit import Unit
+from cosim.fmu_export.part_of import part_of
+from cosim.verification.fmu import MOTION
+
+NEEDS_FMU = [
+    pytest.mark.fmu,
+    pytest.mark.skipif(
+        any(find_spec(name) is None for name in ("pythonfmu", "pythonfmu3")),
+        reason="pythonfmu or pythonfmu3 is not installed",
+    ),
+    pytest.mark.skipif(
+        sys.platform not in ("linux", "win32")
+        or platform.machine().lower() not in ("x86_64", "amd64"),
+        reason="written FMUs have binaries for Linux and Windows on x86-64",
+    ),
+]
+Change = Callable[[bytes], bytes]
+SHORT = 'forward={duration="0.02 s",must_rest=false}'
+RAMP = 'tendons.EDC.course={kind="points",at=[["0 s",0.02],["0.01 s",1.0]]}'
+FREE = (*MOTION, SHORT, RAMP, 'finger.gravity=["0 m/s**2","0 m/s**2","-9.81 m/s**2"]')
+
+
+def moving_case(*settings: str) -> Case:
+    """A finger with a hood of cables that falls and is pulled, for 20 ms."""
+    return load_case("pulley_edc", [*FREE, *settings])
+
+
+def tampered(
+    source: Path,
+    target: Path,
+    changes: Mapping[str, Change] | None = None,
+    *,
+    without: tuple[str, ...] = (),
+    more: Mapping[str | zipfile.ZipInfo, bytes] | None = None,
+) -> Path:
+    """A copy of an archive with some files changed, left out (by their names' starts) or added."""
+    changes = dict(changes or {})
+    with zipfile.ZipFile(source) as old, zipfile.ZipFile(target, "w") as new:
+        for entry in old.infolist():
+            if not entry.filename.startswith(without or ("\0",)):
+                change = changes.pop(entry.filename, bytes)
+                new.writestr(entry, change(old.read(entry)))
+        for name, content in (more or {}).items():
+            new.writestr(name, content)
+    assert not changes, f"the archive has no {', '.join(changes)}"
+    return target
+
+
+def described(source: Path, target: Path, old: str, new: str) -> Path:
+    """A copy whose description says `new` where it said `old`."""
+
+    def change(text: bytes) -> bytes:
+        assert old.encode() in text, f"the description has no {old}"
+        return text.replace(old.encode(), new.encode())
+
+    return tampered(source, target, {"modelDescription.xml": change})
+
+
+def placed(unit: Unit, case: Case, part: str) -> dict[str, Place]:
+    return places(unit.opened, part_of(case, part).quantities, {})

@@ -1,0 +1,167 @@
+"""Small jobs that tests solve: strips held, sprung, pressed, and a hood over a rod."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import trimesh
+from typer.testing import CliRunner
+
+from cosim.cli import app
+from cosim.port import Motion
+from fe_solver.hood.shell_hood import ShellHood
+from fe_solver.job.curves import Curve
+from fe_solver.job.job import (
+    Body,
+    ContactPair,
+    Held,
+    Job,
+    NodalForce,
+    Part,
+    SpringLaw,
+    SpringSet,
+    Step,
+    Tied,
+)
+from fe_solver.job.model import JobOptions
+from fe_solver.materials.linear import Isotropic
+from fe_solver.solver.newton import NewtonOptions
+from fe_solver.surfaces.shapes import Capsule
+from tests.helpers.shells import clamped, contact, guided, mapped, plate, sheet
+
+LENGTH, WIDTH, THICK, E = 20e-3, 5e-3, 0.5e-3, 100e6
+RAMP = Curve((0.0, 1.0), (0.0, 1.0))
+PLAIN = JobOptions(cached=False, spacing=0.5e-3)
+COARSE = JobOptions(cached=False, spacing=1e-3)
+NONE = (np.zeros((0, 3)), np.zeros((0, 3), dtype=np.intp))
+
+
+def strip(nx: int = 10, ny: int = 3, nu: float = 0.0, **more) -> Job:
+    """A flat strip along x, its nodes on the mid-surface."""
+    X, quads = plate(LENGTH, WIDTH, nx, ny)
+    ne = len(quads)
+    job = Job(
+        "strip",
+        X,
+        np.arange(1, len(X) + 1) * 10,
+        quads,
+        np.arange(1, ne + 1),
+        np.zeros(ne, dtype=np.intp),
+        (Part("skin", Isotropic(E, nu)),),
+        np.full((ne, 4), THICK),
+        np.zeros((ne, 4)),
+        np.tile([1.0, 0, 0], (ne, 1)),
+        steps=(Step("only", 1.0, 4),),
+    )
+    return replace(job, **more)
+
+
+def at(job: Job, x: float) -> np.ndarray:
+    return np.flatnonzero(np.isclose(job.points[:, 0], x))
+
+
+def everywhere(job: Job) -> np.ndarray:
+    return np.arange(len(job.points))
+
+
+def pinned(job: Job, *components: int) -> tuple[Held, ...]:
+    return tuple(Held(everywhere(job), c) for c in components)
+
+
+def body(name: str = "bone", **more) -> Body:
+    return Body(name, np.zeros(3), *NONE, **more)
+
+
+def total(state, source: str, name: str) -> np.ndarray:
+    return state.wrench[source][state.bodies.index(name), :3]
+
+
+def bent(**more) -> Job:
+    """Tied at one end, loaded across at the other."""
+    job = strip(nu=0.3)
+    ties, end = (Tied(at(job, 0.0), 0),), at(job, LENGTH)
+    load = NodalForce(end, np.array([0.0, 0.0, 0.02]), RAMP)
+    return replace(job, **{"bodies": (body(),), "tied": ties, "forces": (load,), **more})
+
+
+def sprung(law: SpringLaw, force: float, other: bool = False) -> Job:
+    """A strip that slides along x, held by one spring against a force."""
+    job = strip()
+    first, last = int(at(job, 0.0)[0]), at(job, LENGTH)
+    spring = SpringSet(
+        "string",
+        law,
+        np.array([first]),
+        np.array([0]),
+        np.array([[-4e-3, 0.0, 0.0]]),
+        np.array([-1]),
+        np.array([3.5e-3]),
+    )
+    load = NodalForce(last, np.array([force / len(last), 0, 0]), RAMP)
+    return replace(job, bodies=(body(),), held=pinned(job, 1, 2), springs=(spring,), forces=(load,))
+
+
+def floored(gap: float = 0.0, height: float = 0.0, side: int = -1, lift: float = 0.0) -> Job:
+    """A strip pressed on the flat top of a block; its normals point up, away from it."""
+    job = strip(nu=0.3)
+    block = trimesh.creation.box(bounds=[[-5e-3, -5e-3, -6e-3], [25e-3, 10e-3, 0]])
+    bone = Body("block", np.zeros(3), np.array(block.vertices), np.array(block.faces))
+    quads = np.arange(len(job.quads))
+    pair = ContactPair("pair", quads, np.full(len(quads), side), 0, bone.triangles, gap=gap)
+    load = NodalForce(everywhere(job), np.array([0, 0, -1.0 / len(job.points)]), RAMP)
+    job = replace(job, points=job.points + np.array([0, 0, lift]), height=job.height + height)
+    held = tuple(Held(at(job, x), c) for x, c in ((0.0, 0), (0.0, 1), (LENGTH, 1)))
+    return replace(job, bodies=(bone,), held=held, forces=(load,), contacts=(pair,))
+
+
+def one_of(patch) -> np.ndarray:
+    from fe_solver.materials.section import Section
+
+    return Section((patch,)).linear[0, 0]
+
+
+def rod_job(across: int) -> tuple[Job, float]:
+    """A sheet on a cylinder of 8 mm, normals outwards, and the rise of its facets over chords."""
+
+    def shape(uv):
+        a = (uv[:, 1] - 0.5) * 15 / 8
+        return np.column_stack([LENGTH * uv[:, 0], 8e-3 * np.sin(a), 8e-3 * np.cos(a)])
+
+    X, _ = mapped(6, across, shape)
+    job = strip(6, across, points=X)
+    chord = 2 * 8e-3 * np.sin(15 / 16 / across)
+    return job, chord**2 / (8 * 8e-3)
+
+
+def job_normal_up(job: Job) -> bool:
+    from fe_solver.elements.mesh_geometry import node_directors
+
+    return bool(node_directors(job.points, job.quads)[:, 2].mean() > 0)
+
+
+def rod_hood() -> tuple[ShellHood, dict]:
+    """A sheet over a rod, tied, sprung, touching it and pulled by one tendon."""
+
+    def shape(uv):
+        a, r = (uv[:, 1] - 0.5) * 15 / 8, 8.3e-3 + 0.05e-3 * (1 - uv[:, 0])
+        return np.column_stack([30e-3 * uv[:, 0], r * np.sin(a), r * np.cos(a)])
+
+    X, quads = mapped(14, 8, shape)
+    model = sheet(X, quads, E, 0.4, THICK, bodies=("rod", "tip"))
+    model = clamped(model, np.flatnonzero(X[:, 0] > 29e-3), 1)
+    model = guided(model, [np.flatnonzero(X[:, 0] == 0)], [(-1.0, 0, 0)])
+    free = np.flatnonzero((X[:, 0] > 0) & (X[:, 0] < 29e-3))
+    rod = Capsule(np.array([-0.01, 0, 0]), np.array([0.04, 0, 0]), 8e-3)
+    touching = replace(contact(model, rod, free, 2e11, 2e-6), offset=np.full(len(free), THICK / 2))
+    model = replace(model, contacts=(touching,))
+    rest = Motion(("rod", "tip"), np.zeros((2, 3)), np.tile(np.eye(3), (2, 1, 1)))
+    carriers = np.tile([1.0, 0.0], (len(X), 1))
+    round_ = trimesh.creation.cylinder(8e-3, sections=256, segment=[[-0.01, 0, 0], [0.04, 0, 0]])
+    bones = {"rod": (np.array(round_.vertices), np.array(round_.faces))}
+    hood = ShellHood(model, ("EDC",), rest, carriers, (), NewtonOptions(tolerance=1e-9))
+    return hood, bones
+
+
+def run(*words: str):
+    return CliRunner().invoke(app, [str(w) for w in words])

@@ -1,0 +1,72 @@
+"""The middle finger under a tendon network: its own joints, arms as the case states them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cosim.build.fit import check_fit
+from cosim.case.file import load_case
+from cosim.fingers.kinds import live_finger
+from cosim.fingers.middle import MiddleFinger
+from cosim.hoods.lumped.build import lumped_hood, slip_forces
+from cosim.hoods.lumped.table import NetworkHood
+from cosim.port import STATIC, Finger, Hood
+from cosim.results.static import observe_static
+from cosim.solve.solvers import solve
+from tests.helpers import conformance
+
+TENSION = np.array([10.0, 4.0, 7.0])
+POSTURES = (
+    {"MCP": 0.1, "PIP": 0.2, "DIP": 0.05},
+    {"MCP": 0.7, "MCP_abduction": 0.1, "PIP": 0.96, "DIP": 0.61},
+)
+
+
+def parts() -> tuple[Finger, Hood, NetworkHood, MiddleFinger]:
+    stated, hood = load_case("middle_minorflex_edc").finger, load_case("network_edc").hood
+    assert isinstance(stated, MiddleFinger)
+    assert isinstance(hood, NetworkHood)
+    finger = live_finger(stated, hood)
+    return finger, lumped_hood(hood, stated, finger.motion(finger.start({}))), hood, stated
+
+
+def test_the_hood_keeps_the_ports_promises():
+    finger, hood, _, _ = parts()
+    motions = [finger.motion(finger.start(posture)) for posture in POSTURES]
+    conformance.check_shapes(hood, motions, TENSION)
+    conformance.check_objective(hood, motions, TENSION, 1e-9)
+    conformance.check_balance(hood, motions, TENSION)
+    conformance.check_reciprocity(hood, motions, TENSION, 1e-8, step=1e-5)
+    conformance.check_jacobian(hood, motions, TENSION, 1e-6)
+
+
+def test_arms_are_the_cases_about_the_fingers_own_joints():
+    """EDC at the MCP, which it crosses itself; at PIP and DIP the slips' forces on their arms.
+    Abduction is free of the network."""
+    finger, hood, stated, model = parts()
+    at = finger.start(POSTURES[1])
+    motion = finger.motion(at)
+    answer = hood.advance(hood.start(motion), motion, TENSION, STATIC)
+    found = finger.jacobian(at).T @ answer.load.total().ravel()
+    torque = dict(zip(finger.joints, found, strict=True))
+    mcp = [stated.muscles[name]["MCP"].constant for name in hood.tendons]
+    slips = slip_forces(stated, model, answer.state)
+    assert torque["MCP"] == pytest.approx(mcp @ TENSION, rel=1e-9)
+    assert torque["MCP_abduction"] == pytest.approx(0.0, abs=1e-12)
+    assert torque["DIP"] == pytest.approx(-3.5e-3 * slips["terminal"], rel=1e-9)
+    lateral = -5e-3 + 2.42e-3 * POSTURES[1]["PIP"]
+    pip = -5e-3 * slips["central"] + lateral * slips["terminal"]
+    assert torque["PIP"] == pytest.approx(pip, rel=1e-9)
+    assert sum(slips.values()) == pytest.approx(TENSION.sum(), rel=1e-12)
+
+
+def test_a_case_of_the_middle_finger_takes_a_network():
+    """Solved at rest, clamped as in its cadaver cases: the tip bears what the torques make."""
+    hood = load_case("network_edc").hood
+    case = load_case("middle_minorflex_edc").model_copy(update={"hood": hood})
+    check_fit(case)
+    models, states = solve(case)
+    summary = observe_static(case, (models, states), 0.0).summary
+    assert np.linalg.norm(summary["difference"]["fingertip_force_N"]) > 0.1
+    assert summary["moment_arm_mm"]["EDC"]["MCP"] == pytest.approx(-10.0, rel=1e-3)

@@ -1,0 +1,161 @@
+"""The thesis, computed anew: its rows, what they are judge_rows by, and its page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+from cosim.case.file import load_case
+from cosim.cli import app
+from cosim.papers import thesis, thesis_models
+from cosim.papers.thesis import STUDIES
+from cosim.papers.thesis_models import EXCESS, INTEGRATED, MODULI, MUSCLES, input_numbers
+from cosim.papers.thesis_rows import (
+    STATES,
+    TITLES,
+    Relation,
+    Row,
+    judge_rows,
+    printed_numbers,
+    rows,
+    state,
+)
+from cosim.papers.thesis_unprinted import CASE, variants
+
+COARSE = ("hood.mesh.quads=120",)
+
+
+def row(relation: Relation, *values: float) -> Row:
+    return Row("Table 1", "item", "printed", "N", values, relation, "ours", "")
+
+
+@pytest.mark.parametrize(
+    ("relation", "printed", "ours", "found"),
+    [
+        ("number", (-2.0,), (-2.19,), "reproduced"),
+        ("number", (-2.0,), (-2.21,), "differs"),
+        ("number", (-2.0,), (2.0,), "differs"),
+        ("number", (1.0, 2.0), (1.0, 2.5), "differs"),
+        ("number", (2.0,), (np.nan,), "differs"),
+        ("input", (0.1, 2.0), (0.1 + 1e-12, 2.0), "reproduced"),
+        ("input", (0.1,), (0.1001,), "differs"),
+        ("input", (0.0,), (0.0,), "reproduced"),
+        ("at_most", (0.02,), (0.02,), "reproduced"),
+        ("at_most", (0.02,), (0.021,), "differs"),
+        ("at_least", (0.0,), (-0.1,), "differs"),
+        ("other", (4.69,), (4.69,), "differs"),
+        ("text", (), (), "no number printed"),
+    ],
+)
+def test_what_is_called_reproduced(relation, printed, ours, found):
+    assert state(row(relation, *printed), ours) == found
+
+
+def test_every_row_of_the_tables_is_there_with_its_reason():
+    count = pd.Series([r.place for r in rows()]).value_counts()
+    assert set(count.index) == set(TITLES)
+    tables = [f"Table {i}" for i in range(1, 8)]
+    assert [count[t] for t in tables] == [3, 8, 9, 7, 10, 8, 5]
+    for r in rows():
+        assert r.relation in get_args(Relation)
+        assert bool(r.values) == (r.relation not in ("text", "other") or r.item in _excesses())
+        assert bool(r.ours) == bool(r.values), r
+        assert r.why or r.relation not in ("number", "other"), r
+
+
+def _excesses() -> list[str]:
+    return [f"{m}: over experiment (figure 3.6)" for m in INTEGRATED]
+
+
+def test_the_numbers_are_those_that_the_validation_has():
+    of = {r.item: r.values for r in rows()}
+    assert [of[item][0] for item in _excesses()] == [EXCESS[m] for m in INTEGRATED]
+    printed = printed_numbers()
+    assert printed["strain.soft.longitudinal.mean"] == 1.81
+
+
+def test_what_the_cases_take_from_the_thesis_is_what_it_prints():
+    numbers = input_numbers()
+    of_inputs = [r for r in rows() if r.relation == "input"]
+    differ = [r.item for r in of_inputs if state(r, numbers[r.ours]) != "reproduced"]
+    assert differ == ["limits (2.2.2): stiffness, damping, transition"]
+
+
+def test_the_sheets_differ_by_their_moduli_alone():
+    soft, average, stiff = (load_case(f"thesis_strain_{k}") for k in MODULI)
+    for case in (soft, stiff):
+        same = case.hood.model_copy(update={"regions": average.hood.regions})
+        assert same == average.hood
+        assert (case.finger, case.tendons) == (average.finger, average.tendons)
+    assert all(load_case(CASE, settings) for settings in variants().values())
+
+
+def test_a_row_that_differs_for_no_known_reason_says_so():
+    numbers = {r.ours: tuple(x + 1e3 for x in r.values) for r in rows() if r.ours}
+    table = judge_rows(numbers)
+    assert (table.state[table.row == "FDP"] == "differs").all()
+    assert (table["why, or what is ours"][table.row == "FDP"] == "not looked into").all()
+    with pytest.raises(KeyError):
+        judge_rows({})
+
+
+def test_the_devices_are_compared_for_every_muscle():
+    from cosim.papers.thesis_forces import device_figures
+
+    (figure,) = device_figures()
+    table = figure.tables["figure_3_1_devices"]
+    assert tuple(table.muscle) == MUSCLES
+    assert (table.apart_N < 0.05).all()
+    assert (table.turned_deg < 5).all()
+
+
+@pytest.fixture
+def coarse(monkeypatch):
+    monkeypatch.setattr(thesis_models, "MESH", COARSE)
+    thesis_models.run_once.cache_clear()
+    yield
+    thesis_models.run_once.cache_clear()
+
+
+def written(folder: Path, *studies: str) -> str:
+    only = [word for study in studies for word in ("--only", study)]
+    done = CliRunner().invoke(app, ["reproduce", "thesis", *only, "-o", str(folder)])
+    assert done.exit_code == 0, done.output
+    return (folder / "index.html").read_text(encoding="utf-8")
+
+
+def test_the_page_on_coarse_meshes(coarse, monkeypatch, tmp_path):
+    faked = {r.ours: r.values for r in rows() if r.ours}
+    monkeypatch.setattr(thesis, "all_numbers", lambda: faked)
+    page = written(tmp_path / "out", "rows", "strains", "slips", "ledger")
+    assert "http" not in page
+    assert all(f'id="{name}"' in page for name in ("states", "table_1", "table_7", "figures"))
+    assert len(list((tmp_path / "out").glob("*.png"))) == 5
+    sources = pd.read_csv(tmp_path / "out/table_7_sources.csv")
+    doubled = sources.source == "hood joint_contact"
+    assert set(sources.model[doubled]) == {"one way"}
+    strains = pd.read_csv(tmp_path / "out/figure_3_4_strains_table.csv")
+    assert strains["thesis, soft"].tolist() == [-2.99, 1.81, 6.95, -2.56, -0.78, 1.48]
+    softer = strains[["ours, soft", "ours, average", "ours, stiff"]].iloc[1]
+    assert (np.diff(softer) < 0).all()  # longitudinal means
+
+
+@pytest.mark.slow
+def test_the_page_as_it_ships(tmp_path):
+    page = written(tmp_path / "out")
+    assert all(f'id="{name}"' in page for name in ("states", "unprinted", "section_3_1_times"))
+    table = pd.read_csv(tmp_path / "out/rows.csv")
+    assert len(table) == len(rows())
+    assert set(table.state) == set(STATES)
+    forces = pd.read_csv(tmp_path / "out/figure_3_6_forces.csv")
+    assert np.allclose(forces.excess_ours_N, forces.one_way_N - forces.two_way_sheet_N)
+
+
+def test_every_study_has_a_name_of_its_own():
+    names = [study.name for study in STUDIES]
+    assert len(set(names)) == len(names)

@@ -1,0 +1,234 @@
+"""OpenSim files that nobody vouches for: one message that says where and what, nothing worse."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from cosim.port import InputError
+from tests.helpers.osim_files import (
+    PIN,
+    PLAIN,
+    TWO_POINTS,
+    axis,
+    body,
+    coordinate,
+    custom,
+    imported,
+    joint,
+    model,
+    muscle,
+    point,
+)
+
+LINEAR = "<LinearFunction><coefficients>{}</coefficients></LinearFunction>"
+BOMB = """<?xml version="1.0"?>
+<!DOCTYPE lolz [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;&a;">]>
+<OpenSimDocument Version="40600"><Model name="&b;"/></OpenSimDocument>"""
+OLD = """<OpenSimDocument Version="30516"><Model name="m"><BodySet><objects><Body name="b">
+<mass>1</mass><Joint><PinJoint name="j"><location_in_parent>0 0 0</location_in_parent></PinJoint>
+</Joint></Body></objects></BodySet></Model></OpenSimDocument>"""
+LOOP = body("b") + body("c")
+CIRCLE = joint("j", "/bodyset/c", "/bodyset/b", coordinate("q")) + joint(
+    "k", "/bodyset/b", "/bodyset/c", coordinate("r")
+)
+SELF = f"""<components><PhysicalOffsetFrame name="f"><socket_parent>/bodyset/b/g</socket_parent>
+</PhysicalOffsetFrame><PhysicalOffsetFrame name="g"><socket_parent>/bodyset/b/f</socket_parent>
+</PhysicalOffsetFrame></components>{PLAIN}"""
+SOME_WRAP = """<WrapObjectSet name="w"><objects><WrapSphere name="w">{}</WrapSphere></objects>
+</WrapObjectSet>"""
+USE = '<PathWrap name="p"><wrap_object>w</wrap_object>{}</PathWrap>'
+
+
+def limit(of: str) -> str:
+    return f'<CoordinateLimitForce name="l"><coordinate>{of}</coordinate></CoordinateLimitForce>'
+
+
+def custom_of(function: str, of: str = "q", names: str = "q") -> str:
+    coordinates = "".join(map(coordinate, names))
+    return custom(axis("rotation1", function, of), coordinates=coordinates)
+
+
+def over(wrap: str, use: str = "") -> str:
+    forces = muscle("mus", TWO_POINTS, USE.format(use))
+    return model(body("b", SOME_WRAP.format(wrap) + PLAIN), forces=forces)
+
+
+CASES = {
+    "not xml": ("this is no XML", ("line 1", "not well-formed")),
+    "empty": ("", ("not well-formed",)),
+    "truncated": (model()[:400], ("not well-formed",)),
+    "another root": ("<mujoco/>", ("<mujoco>", "<OpenSimDocument>")),
+    "no model": ('<OpenSimDocument Version="40000"><X/></OpenSimDocument>', ("no <Model>",)),
+    "no ground": (model().replace('<Ground name="ground"/>', ""), ("<Ground> is missing",)),
+    "no version": ("<OpenSimDocument><Model/></OpenSimDocument>", ("Version", "40600")),
+    "layout of 3": (OLD, ("line 2", "OpenSim 3", "save it")),
+    "layout of 3 under a new number": (OLD.replace("30516", "40600"), ("line 2", "OpenSim 3")),
+    "entities": (BOMB, ("line 2", "entities", "<!DOCTYPE")),
+    "encoding": ('<?xml version="1.0" encoding="UTF-16"?><a/>', ("UTF-16", "UTF-8")),
+    "deep": ("<OpenSimDocument>" + "<a>" * 100 + "</a>" * 100, ("not well-formed",)),
+    "deep but closed": (
+        f"<OpenSimDocument>{'<a>' * 100}{'</a>' * 100}</OpenSimDocument>",
+        ("nested more than",),
+    ),
+    "NaN mass": (model(body("b", "<mass>NaN</mass>")), ("line 5", '"b" > mass', "'NaN'")),
+    "no mass": (model(body("b", "")), ('Body "b"', "<mass> is missing")),
+    "short vector": (
+        model(body("b", "<mass>1</mass><mass_center>0 0</mass_center>")),
+        ("mass_center", "3 numbers", "'0 0'"),
+    ),
+    "huge number": (model(rest="<gravity>0 1e300 0</gravity>"), ("gravity", "1e+30")),
+    "impossible inertia": (
+        model(body("b", "<mass>1</mass><inertia>1 1 3 0 0 0</inertia>")),
+        ('Body "b"', "no solid", "1, 1, 3"),
+    ),
+    "negative mass": (model(body("b", "<mass>-1</mass>")), ("no solid has the mass -1",)),
+    "two bodies of one name": (model(body("b") + body("b")), ('Body "b"', "taken", "line 5")),
+    "two coordinates of one name": (
+        model(LOOP, PIN + joint("k", "/bodyset/b", "/bodyset/c", coordinate("q"))),
+        ('Coordinate "q"', "taken"),
+    ),
+    "no name": (model(body("")), ("attribute name is missing",)),
+    "no joint": (model(body("b") + body("c")), ('Body "c"', "no joint")),
+    "closed loop": (
+        model(joints=PIN + joint("k", "/ground", "/bodyset/b", coordinate("r"))),
+        ('"k"', "'pin'", "closed loop"),
+    ),
+    "circle": (model(LOOP, CIRCLE), ("circle", "never to the ground")),
+    "backwards": (
+        model(joints=joint("j", "/bodyset/b", "/ground", coordinate("q"))),
+        ('"j"', "its child is the ground"),
+    ),
+    "unknown frame": (
+        model(joints=joint("j", "/ground", "/bodyset/x", coordinate("q"))),
+        ("line 9", "no component", "'/bodyset/x'"),
+    ),
+    "no frame": (
+        model(joints='<WeldJoint name="j"><socket_child_frame>b</socket_child_frame></WeldJoint>'),
+        ("<socket_parent_frame> is missing",),
+    ),
+    "a frame that is none": (
+        model(joints=PIN + joint("k", "/jointset/pin", "/bodyset/b", coordinate("r"))),
+        ("leads to a PinJoint",),
+    ),
+    "frames in a circle": (
+        model(body("b", SELF), joint("j", "/ground", "/bodyset/b/f", coordinate("q"))),
+        ("offset from itself",),
+    ),
+    "joint of another kind": (
+        model(joints=joint("j", "/ground", "/bodyset/b", "", kind="EllipsoidJoint")),
+        ("EllipsoidJoint", "expected one of", "PinJoint"),
+    ),
+    "too few coordinates": (
+        model(joints=joint("j", "/ground", "/bodyset/b", "", kind="PinJoint")),
+        ("expected 1 coordinates, got 0",),
+    ),
+    "range upside down": (
+        model(joints=joint("j", "/ground", "b", coordinate("q", "<range>1 -1</range>"))),
+        ('Coordinate "q"', "must not exceed"),
+    ),
+    "locked perhaps": (
+        model(joints=joint("j", "/ground", "b", coordinate("q", "<locked>maybe</locked>"))),
+        ("<locked>", "true or false", "'maybe'"),
+    ),
+    "slope": (model(joints=custom_of(LINEAR.format("0.5 0"))), ("0.5 times", "1 and -1")),
+    "curve": (
+        model(joints=custom_of("<SimmSpline><x>0 1 2</x><y>0 1 3</y></SimmSpline>")),
+        ("SimmSpline", "no straight line"),
+    ),
+    "knots": (
+        model(joints=custom_of("<SimmSpline><x>0 0</x><y>0 1</y></SimmSpline>")),
+        ("two knots",),
+    ),
+    "function": (
+        model(joints=custom_of("<StepFunction/>")),
+        ("StepFunction", "a straight line or a constant"),
+    ),
+    "no function": (model(joints=custom_of("")), ('"rotation1"', "function is missing")),
+    "idle coordinate": (
+        model(joints=custom_of(LINEAR.format("1 0"), "q", "qr")),
+        ("'r' moves 0 axes",),
+    ),
+    "coupled axes": (
+        model(
+            joints=custom(
+                axis("rotation1", LINEAR.format("1 0"), "q"),
+                axis("rotation2", LINEAR.format("1 0"), "q"),
+                coordinates=coordinate("q"),
+            )
+        ),
+        ("'q' moves 2 axes",),
+    ),
+    "coordinate of another joint": (
+        model(joints=custom_of(LINEAR.format("1 0"), "x", "")),
+        ("no coordinate of this joint is named 'x'",),
+    ),
+    "several coordinates": (model(joints=custom_of("<f/>", "q r", "qr")), ("several coordinates",)),
+    "moves by itself": (
+        model(joints=custom_of(LINEAR.format("1 0"), "", "")),
+        ("not constant, but of no coordinate",),
+    ),
+    "no axis": (
+        model(joints=custom(axis("rotation1", "", along="0 0 0"))),
+        ("<axis> is missing or has no length",),
+    ),
+    "unknown axis": (model(joints=custom(axis("rotation4", ""))), ("rotation1",)),
+    "twice": (
+        model(body("b", "<mass>1</mass><mass>2</mass>")),
+        ("<mass> comes twice", "line 5"),
+    ),
+    "one path point": (
+        model(forces=muscle("mus", point("a", "/ground", "0 0 0"))),
+        ('"mus"', "at least two path points, got 1"),
+    ),
+    "two muscles of one name": (
+        model(
+            forces=muscle("mus", TWO_POINTS),
+            rest=f"<components>{muscle('mus', TWO_POINTS)}</components>",
+        ),
+        ("another muscle",),
+    ),
+    "a wrap that is none": (
+        model(forces=muscle("mus", TWO_POINTS, USE.format(""))),
+        ("0 wrap objects are named 'w'",),
+    ),
+    "wrap range": (
+        over("<radius>0.1</radius>", "<range>1 5</range>"),
+        ("<range>", "2 points", "1 5"),
+    ),
+    "wrap range between points": (
+        over("<radius>0.1</radius>", "<range>1 1.5</range>"),
+        ("<range>", "2 points", "1 1.5"),
+    ),
+    "wrap radius": (over("<radius>0</radius>"), ("radius and length must be positive",)),
+    "wrap side": (
+        over("<radius>1</radius><quadrant>north</quadrant>"),
+        ("<quadrant>", "'north'"),
+    ),
+    "limit of nothing": (model(forces=limit("x")), ("no coordinate is named 'x'",)),
+    "limit of no number": (
+        model(
+            forces=limit("q")
+            .replace("</coo", "</coo", 1)
+            .replace("<coo", "<damping>x</damping><coo")
+        ),
+        ("damping", "expected 1 number", "'x'"),
+    ),
+    "names that MuJoCo refuses": (
+        model(body("world"), PIN.replace("/bodyset/b", "/bodyset/world")),
+        ("MuJoCo does not take", "world"),
+    ),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_bad_file_is_refused_with_its_place_and_reason(case: str, tmp_path: Path) -> None:
+    text, fragments = CASES[case]
+    with pytest.raises(InputError) as caught:
+        imported(tmp_path, text)
+    message = str(caught.value)
+    assert "model.osim" in message
+    for fragment in fragments:
+        assert fragment in message
+    assert len(message) < 500

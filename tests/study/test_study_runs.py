@@ -1,0 +1,311 @@
+"""A study through the command: tables, resuming, failures, limits; on a case that takes
+milliseconds."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections import Counter
+from math import radians
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from cosim.case.file import load_case
+from cosim.cli import app
+from cosim.port import ConvergenceError, InputError
+from cosim.study import open_study
+from cosim.study import process as apart
+from cosim.study.cache_key import address, code_version, stated
+from cosim.study.quantities import check_outputs, paths
+from cosim.study.store import Store
+from cosim.study.task import Task, known, settle
+from tests.helpers.held import HELD
+
+STUDY = """
+case = "held.toml"
+[parameters.PIP]
+values = ["20 deg", "30 deg", "40 deg", "50 deg"]
+settings = ["finger.posture.PIP={value}"]
+[outputs]
+torque = "joint_torque_Nmm.passive.PIP"
+"""
+FREE = 'settings = ["finger.tip.kind=point", "solve.max_iterations=1"]'
+"""Which one round does not solve."""
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch) -> Path:
+    (tmp_path / "held.toml").write_text(HELD, encoding="utf-8")
+    (tmp_path / "pip.toml").write_text(STUDY, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def cosim(*words: str):
+    return CliRunner().invoke(app, ["study", *words, "--workers", "0"])
+
+
+def begun(place: Path) -> Counter[str]:
+    """Times that each run was begun."""
+    lines = (place / "studies" / "store" / "executions.log").read_text().splitlines()
+    return Counter(line.split()[1] for line in lines if line.startswith("begun"))
+
+
+def a_task(place: Path, *settings: str, **more) -> Task:
+    case = load_case(place / "held.toml", settings)
+    code = code_version()
+    values = json.loads(json.dumps(stated(case)))
+    store = Store(place / "s").open()
+    return Task(address(case, code), values, "held", "held.toml", str(store.root), code, **more)
+
+
+def test_a_study_is_the_closed_form_and_is_not_done_twice(place):
+    done = cosim("pip.toml")
+    assert done.exit_code == 0, done.output
+    found = open_study(place / "studies" / "pip")
+    angles = np.radians([20, 30, 40, 50])
+    assert found.values("torque") == pytest.approx(-40 * angles, rel=1e-9)
+    assert found.dataset().torque.sel(PIP=30).item() == pytest.approx(-40 * radians(30))
+    assert found.dataset().torque.attrs["units"] == "N mm"
+    before = (place / "studies" / "pip" / "table.parquet").read_bytes()
+    again = cosim("pip.toml")
+    assert "0 runs solved" in again.output
+    assert set(begun(place).values()) == {1}
+    assert (place / "studies" / "pip" / "table.parquet").read_bytes() == before
+    page = (place / "studies" / "pip" / "index.html").read_text(encoding="utf-8")
+    assert "http" not in page.replace("http://www.w3.org", "")
+
+
+def test_the_page_lays_the_runs_beside_what_was_measured(place):
+    header = "name,quantity,unit,reference,sd,low,high,source,kind,case"
+    rows = (
+        "near,joint_torque_Nmm.passive.PIP,N mm,-24,5,,,us,experiment,",
+        "far,joint_torque_Nmm.passive.PIP,N mm,,,1,,us,inferred,held",
+        "not ours,joint_torque_Nmm.passive.PIP,N mm,0,,,,us,experiment,another",
+    )
+    (place / "told.csv").write_text("\n".join([header, *rows]), encoding="utf-8")
+    (place / "pip.toml").write_text('data = "told.csv"\n' + STUDY, encoding="utf-8")
+    assert cosim("pip.toml").exit_code == 0
+    page = (place / "studies" / "pip" / "index.html").read_text(encoding="utf-8")
+    assert '>near</td><td>-24 ± 5</td><td class="where">median inside' in page
+    assert '>far</td><td>[at least 1]</td><td class="where">apart' in page
+    assert "not ours" not in page.split('<section id="file">')[0]
+
+
+def test_a_study_is_done_on_another_case_too(place):
+    """Whose joint is twice as stiff; its runs are others, in the same store."""
+    other = '[finger.passive.PIP]\nstiffness = "0.08 N*m/rad"\nrest = "0 deg"\n'
+    (place / "stiff.toml").write_text(f'extends = "held.toml"\n{other}', encoding="utf-8")
+    own = cosim("pip.toml")
+    assert own.exit_code == 0, own.output
+    done = cosim("pip.toml", "--case", "stiff.toml")
+    assert "4 runs solved" in done.output, done.output
+    angles = np.radians([20, 30, 40, 50])
+    assert open_study(place / "studies" / "pip").values("torque") == pytest.approx(-80 * angles)
+    assert cosim("pip.toml", "--case", "nothing.toml").exit_code == 2
+
+
+def test_another_study_of_the_store_takes_what_is_there(place):
+    cosim("pip.toml")
+    other = STUDY.replace('"50 deg"', '"60 deg"')
+    (place / "other.toml").write_text(other, encoding="utf-8")
+    assert "1 runs solved" in cosim("other.toml").output
+
+
+def test_a_study_goes_on_where_it_was(place, monkeypatch):
+    calls = []
+
+    def cut_off(task: Task, store: Store):
+        if len(calls) == 2:
+            raise KeyboardInterrupt
+        calls.append(task.key)
+        return settle(task, store)
+
+    with monkeypatch.context() as patch:
+        patch.setattr("cosim.study.engine.settle", cut_off)
+        stopped = cosim("pip.toml")
+    assert stopped.exit_code == 130
+    assert "the same command goes on" in stopped.output
+    status = CliRunner().invoke(app, ["status", "studies/store"])
+    assert "stopped" in status.output
+    assert "2 runs solved" in cosim("pip.toml").output
+    assert set(begun(place).values()) == {1}
+    assert "4/4" in CliRunner().invoke(app, ["status", "studies/store"]).output
+
+
+def test_failures_are_rows_and_retry_does_them_again(place, monkeypatch):
+    from cosim import pipeline as run
+
+    real, broken = run.run_case, [True]
+
+    def fails(case):
+        if broken[0] and radians(35) < case.finger.posture.PIP:
+            raise ConvergenceError("no equilibrium\nhere")
+        return real(case)
+
+    monkeypatch.setattr(run, "run_case", fails)
+    done = cosim("pip.toml")
+    assert done.exit_code == 1
+    assert "2 without an answer: no equilibrium here" in done.output
+    found = open_study(place / "studies" / "pip")
+    assert found.failures == {("failed", "no equilibrium here"): [2, 3]}
+    assert np.isnan(found.values("torque")[2:]).all()
+    page = (place / "studies" / "pip" / "index.html").read_text(encoding="utf-8")
+    assert "no equilibrium here" in page
+    assert "2 converged, 2 did not" in page
+    broken[0] = False
+    assert cosim("pip.toml").exit_code == 1
+    assert "2 runs solved" in (again := cosim("pip.toml", "--retry")).output
+    assert again.exit_code == 0
+
+
+def test_what_the_case_refuses_is_a_row(place):
+    text = STUDY.replace('"50 deg"', '"150 deg"')
+    (place / "pip.toml").write_text(text, encoding="utf-8")
+    assert cosim("pip.toml").exit_code == 1
+    table = open_study(place / "studies" / "pip").table
+    assert table.status.tolist() == 3 * ["converged"] + ["refused"]
+    assert "must be 110 deg or less" in table.reason[3]
+    assert str(place) not in table.to_csv()
+
+
+def test_failures_stop_the_study_where_it_says(place):
+    text = STUDY.replace("[param", "limits = { failures = 2 }\n" + FREE + "\n[param", 1)
+    (place / "pip.toml").write_text(text, encoding="utf-8")
+    done = cosim("pip.toml")
+    assert done.exit_code == 1
+    assert "2 runs were not done" in done.output
+    table = open_study(place / "studies" / "pip").table
+    assert table.status.tolist() == ["failed", "failed", "waiting", "waiting"]
+
+
+def test_an_output_that_is_not_there_is_told_with_its_neighbours(place):
+    text = STUDY.replace("joint_torque_Nmm.passive.PIP", "joint_torque_Nmm.pasive.PIP")
+    (place / "pip.toml").write_text(text, encoding="utf-8")
+    done = cosim("pip.toml")
+    assert done.exit_code == 2
+    assert "nearest: joint_torque_Nmm.passive.PIP" in done.output
+    summary = {"a": {"b": 1.0, "c": [1.0, 2.0, 3.0]}, "zero": 0.0}
+    assert list(paths(summary)) == ["a.b", "a.c.distal", "a.c.palmar", "a.c.radial", "zero"]
+    check_outputs({"x": "a.b/zero"}, summary)
+    with pytest.raises(InputError, match=r"at a\.d"):
+        check_outputs({"x": "a.b/a.d"}, summary)
+
+
+def test_bad_input_ends_with_2(place):
+    assert cosim("nothing.toml").exit_code == 2
+    assert cosim("pip.toml", "--store", ".").exit_code == 2
+    limited = STUDY.replace("[param", 'limits = { time = "1 s" }\n[param', 1)
+    (place / "pip.toml").write_text(limited, encoding="utf-8")
+    assert "--workers 1" in (done := cosim("pip.toml")).output
+    assert done.exit_code == 2
+    assert CliRunner().invoke(app, ["status", "nowhere"]).exit_code == 2
+
+
+def test_the_address_is_of_what_is_solved(place):
+    (place / "copy.toml").write_text(HELD + "[output]\npicture = false\n", encoding="utf-8")
+    base, code = load_case(place / "held.toml"), code_version()
+    same = load_case(place / "copy.toml", ["title=Another"])
+    other = load_case(place / "held.toml", ["finger.posture.PIP=45.000000001 deg"])
+    assert address(base, code) == address(same, code)
+    assert address(base, code) != address(other, code)
+    assert address(base, code) != address(base, code + "x")
+
+
+def test_the_address_is_of_a_files_content_not_of_its_name(place):
+    surfaces = [place / name for name in ("a.stl", "b.stl", "c.stl")]
+    for path, content in zip(surfaces, ("one", "one", "two"), strict=True):
+        path.write_text(content)
+    found = [
+        address(
+            load_case(
+                "network_edc",
+                [f'finger.bones.proximal={{surface="{path.as_posix()}", unit="mm", frame="ours"}}'],
+            ),
+            "code",
+        )
+        for path in surfaces
+    ]
+    assert found[0] == found[1] != found[2]
+
+
+def test_a_run_in_its_own_process_is_that_of_this_one(place):
+    """Also one that follows it there, one over its time, and one whose process crashes."""
+    try:
+        task = a_task(place, "finger.posture.PIP=33 deg")
+        verdict = apart.solve(task)
+        assert (verdict.status, verdict.solved) == ("converged", True)
+        store = Store(Path(task.store))
+        row = store.find(task.key)
+        here = Store(place / "t").open()
+        settle(Task(**{**vars(task), "store": str(here.root)}), here)
+        same = here.find(task.key)
+        assert row is not None
+        assert same is not None
+        assert row.summary == same.summary
+        assert not apart.solve(task).solved
+        late = a_task(place, "finger.posture.PIP=34 deg", limit=1e-4)
+        assert apart.solve(late).status == "timeout"
+        assert known(late, store) is not None
+        assert known(Task(**{**vars(late), "limit": 60.0}), store) is None
+        other = Task(**{**vars(task), "code": "another"})
+        with pytest.raises(InputError, match="install the same"):
+            apart.solve(other)
+    finally:
+        apart.close()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
+def test_the_process_of_a_run_has_one_thread_and_keeps_its_memory(monkeypatch):
+    """Whatever a Dask worker was given: two that hand every block back get in each other's way."""
+    monkeypatch.setenv("MALLOC_TRIM_THRESHOLD_", "65536")
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "8")
+    child = apart.Child()
+    try:
+        lines = [""]
+        while not any(lines):  # a program that has just begun has no environment yet
+            assert child.process.poll() is None
+            lines = Path(f"/proc/{child.process.pid}/environ").read_text().split("\0")
+    finally:
+        child.end()
+    given = dict(line.split("=", 1) for line in lines if "=" in line)
+    assert {given[name] for name in apart.THREADS} == {"1"}
+    assert int(given["MALLOC_TRIM_THRESHOLD_"]) > 2**26
+    assert given["MALLOC_MMAP_MAX_"] == "0"  # older glibc takes no threshold beyond 32 MB
+
+
+def test_a_run_whose_process_ends_again_and_again_is_a_row(place, monkeypatch):
+    monkeypatch.setattr(apart, "DEATHS", 2)
+    task = Task(**{**vars(a_task(place)), "case": {"title": "no case at all"}})
+    verdict = apart.solve(task)
+    assert verdict.status == "died"
+    assert "its process ended 2 times (exit code 1: " in verdict.reason
+    assert Store(Path(task.store)).find(task.key) is not None
+
+
+def test_arrays_are_kept_where_asked_for(place):
+    cosim("pip.toml")
+    text = STUDY.replace("[param", 'arrays = ["angle"]\n[param', 1)
+    (place / "pip.toml").write_text(text, encoding="utf-8")
+    assert "4 runs solved" in cosim("pip.toml").output
+    found = open_study(place / "studies" / "pip")
+    data = found.arrays(1)
+    assert list(data.data_vars) == ["angle"]
+    assert float(data.angle.sel(joint="PIP")[-1]) == pytest.approx(radians(30))
+    assert "0 runs solved" in cosim("pip.toml").output
+
+
+@pytest.mark.skipif(os.name == "nt", reason="sends signals")
+def test_by_dask_the_table_is_the_same_to_the_byte(place):
+    cosim("pip.toml")
+    done = CliRunner().invoke(
+        app, ["study", "pip.toml", "--workers", "2", "--out", "two"], catch_exceptions=False
+    )
+    assert done.exit_code == 0, done.output
+    for name in ("table.parquet", "table.csv", "answers.json"):
+        one, two = (place / folder / "pip" / name for folder in ("studies", "two"))
+        assert one.read_bytes() == two.read_bytes()

@@ -1,0 +1,414 @@
+"""The validations: what is compared with what, and the scoreboard that says it."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+from collections.abc import Iterator
+from dataclasses import replace
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from cosim.case.file import load_case
+from cosim.cli import app
+from cosim.port import ConvergenceError, InputError
+from cosim.results.audit import BOUNDS, Bound
+from cosim.results.compare import Comparison, Target, verdict
+from cosim.validation.force import AN, MYOHAND, PAST_THE_HOOD, THROUGH_THE_HOOD, two_models
+from cosim.validation.lengths import OWN_ZERO, measured
+from cosim.validation.plan import STRAIGHT, groups, losses, posed, rows_of, split_answers
+from cosim.validation.reasons import MISSES, NOT_KNOWN, explained, reasons
+from cosim.validation.run import (
+    SPLIT,
+    Board,
+    Outcome,
+    _batches,
+    _board,
+    by_kind,
+    chosen,
+    scoreboard,
+    validated,
+)
+from cosim.validation.skill import FACTORS, counted
+from cosim.validation.trial import Group
+from cosim.verification.lengths import MADE, Value, experiments
+from tests.helpers.folders import ROOT
+
+GROUPS = groups(Path("mi29.feb"))
+
+
+BY_NAME = {g.name: g for g in GROUPS}
+JUDGED = [g for g in GROUPS if not g.variant]
+
+
+def test_every_trial_is_a_case_that_loads_and_every_target_belongs_to_a_trial_of_its_group():
+    trials = {}
+    for group in GROUPS:
+        assert {t.case for t in group.targets} <= {t.name for t in group.trials}
+        for trial in group.trials:
+            assert trials.setdefault(trial.name, trial) == trial
+            if not trial.published:
+                load_case(trial.case, trial.settings)
+    assert len(trials) > 60
+
+
+def test_groups_are_of_one_kind_and_the_experiments_come_first():
+    for group in GROUPS:
+        assert {t.kind for t in group.targets if not t.fitted} <= {group.kind}
+    order = [g.kind for g in JUDGED if g.name != "fitted numbers"]
+    assert list(dict.fromkeys(order)) == [
+        *("experiment", "experiment at second hand", "published model", "inferred")
+    ]
+    assert order == sorted(order, key=list(dict.fromkeys(order)).index)
+    assert [g.variant for g in GROUPS] == sorted(g.variant for g in GROUPS)
+
+
+def test_what_was_fitted_is_shown_in_a_group_of_its_own_that_counts_nothing():
+    fitted = {t.name for g in GROUPS for t in g.targets if t.fitted}
+    assert fitted == {t.name for t in BY_NAME["fitted numbers"].targets}
+    assert f"{STRAIGHT}: terminal over central slip under EDC" in fitted
+    assert sum(" EDC at the " in name for name in fitted) >= 2
+    rows = list(rows_of(BY_NAME["fitted numbers"], {}))
+    assert rows
+    assert counted(rows) == []
+
+
+def test_no_target_of_an_experiment_holds_the_null_answer_unless_the_experiment_does():
+    measured = [t for g in GROUPS for t in g.targets if t.kind.startswith("experiment")]
+    assert len(measured) > 100
+    marked = [t for t in measured if OWN_ZERO in t.note]
+    for t in measured:
+        holds = verdict(t, 0.0) in ("inside 1 SD", "inside the band")
+        assert holds == (t in marked), t.name
+    own = [t for t in marked if "Synek" not in t.source and "in Jadelis" not in t.source]
+    assert {t.quantity for t in own} == {"measured.glide_mcp_mm"}
+    lost = list(
+        losses({posed(m, *ip) for m in (0, 30, 60) for ip in ((0, 0), (45, 15), (60, 30))}, {})
+    )
+    assert len(lost) == 14
+    assert {verdict(row.target, 0.0) for row in lost} == {"outside"}
+
+
+def test_no_muscle_that_passes_the_hood_is_judged_twice():
+    seen = set()
+    for group in JUDGED:
+        for t in group.targets:
+            if not t.fitted:
+                key = (t.quantity, t.reference, t.sd, t.low, t.high, t.source, t.case)
+                assert key not in seen, t.name
+                seen.add(key)
+    flexors = [
+        n for g in GROUPS for n in {t.name for t in g.trials} if n.endswith(("_fdp", "_fds"))
+    ]
+    assert sorted(n for n in flexors if not n.startswith("free")) == [
+        *("middle_majorflex_fdp", "middle_majorflex_fds"),
+        *("middle_minorflex_fdp", "middle_minorflex_fds"),
+    ]
+    forces = [t.name for g in GROUPS for t in g.trials if t.name.startswith("force")]
+    for muscle in PAST_THE_HOOD:
+        assert [n for n in forces if n.endswith(muscle)] == [f"force split {muscle}"]
+
+
+def test_nine_postures_of_the_shipped_hood():
+    trials = BY_NAME["Lee 2008: slip forces"].trials
+    assert len(trials) == 9
+    (bent,) = [t for t in trials if t.name == posed(60, 45, 15)]
+    case = load_case(bent.case, bent.settings)
+    angles = case.finger.posture.angles()
+    assert np.degrees(angles["MCP"]) == pytest.approx(60)
+    assert np.degrees(angles["DIP"]) == pytest.approx(15)
+    assert "60/45/15 deg, fibres" in case.title
+
+
+def test_an_s_own_paths_are_not_compared_with_an_s_model():
+    for group in GROUPS:
+        for t in group.targets:
+            assert not (t.case.startswith("force split") and t.source == AN)
+    sources = {t.source for t in BY_NAME["two models: hood"].targets}
+    assert sources == set(two_models()["EDC"]) == {AN, MYOHAND}
+
+
+def test_the_twelve_rows_of_the_free_finger_are_as_printed_and_of_cases_of_their_own():
+    hood, split = BY_NAME["free finger: hood"], BY_NAME["free finger: fixed split"]
+    printed = {(t.case, t.quantity[-3:]): t.reference for t in hood.targets}
+    assert len(printed) == len(hood.targets) == len(split.targets) == 12
+    assert printed["free_fdp", "PIP"] == 41.8
+    assert printed["free_edc", "MCP"] == -18.3
+    for trial in (*hood.trials, *split.trials):
+        case = load_case(trial.case)
+        assert case.finger.tip.kind == "free"
+        assert case.hood.kind == ("split" if "split" in trial.name else "shell")
+    mcp = load_case("free_edc").finger.passive["MCP"].curve
+    angle, torque = np.array(mcp).T
+    assert np.interp(np.radians(33.2), angle, torque) == pytest.approx(0, abs=1e-12)
+    slope = np.interp(np.radians([33.2, 34.2]), angle, torque) @ [-1, 1] / np.radians(1)
+    assert slope == pytest.approx(-0.0391, rel=2e-3)
+
+
+def test_lengths_and_cuts_are_judged_once_and_as_printed():
+    first, rest = BY_NAME["lengths and cuts"], BY_NAME["lengths and cuts: other loads and places"]
+    assert len(first.targets) == len(experiments()) == 14
+    assert len(rest.targets) == sum(
+        len(m.experiments) * (len(m.assumed) - 1) for m in MADE.values()
+    )
+    printed = {(e.mean, e.sd, e.at_least) for e in experiments().values()}
+    assert {(t.reference, t.sd, t.low) for t in first.targets} == printed
+    assert all(t.high is None and t.note.startswith("n ") for t in first.targets)
+
+
+def test_a_study_that_ends_early_keeps_what_it_measured(monkeypatch):
+    def values(hood: str, settings: list[str]) -> Iterator[Value]:
+        assert (hood, settings) == ("shell", ["a=1"])
+        yield Value("glide_mcp", "", 0.02)
+        raise ConvergenceError("no equilibrium")
+
+    what = "glide of the terminal slip"
+    monkeypatch.setitem(MADE, what, MADE[what]._replace(values=values))
+    summary, why = measured(what, ["a=1"])
+    assert why == "no equilibrium"
+    group = BY_NAME["lengths and cuts"]
+    rows = {r.target.quantity: r for r in rows_of(group, {f"lengths: {what}": summary})}
+    assert rows["measured.glide_mcp_mm"].verdict == "inside 1 SD"
+    assert rows["measured.glide_pip_mm"].verdict == "no value"
+
+
+def test_a_slip_that_gains_force_is_outside_and_one_that_loses_as_much_as_measured_inside():
+    def said(central: float, terminal: float) -> dict:
+        return {"difference": {"slip_force_N": {"central": central, "terminal": terminal}}}
+
+    straight, bent, flexed = posed(0, 0, 0), posed(0, 45, 15), posed(60, 0, 0)
+    summaries = {straight: said(4.0, 7.0), bent: said(3.0, 7.7), flexed: said(2.0, 6.0)}
+    found = {c.target.name: c for c in losses(set(summaries), summaries)}
+    assert len(found) == 4
+    central = found["central slip: force lost as the IP joints flex, 0/0/0 to 0/45/15"]
+    assert (central.model, central.verdict) == (pytest.approx(0.25), "inside the band")
+    assert found[central.target.name.replace("central", "terminal")].verdict == "outside"
+    lost = found["terminal slip: force lost as the MCP flexes, 0/0/0 to 60/0/0"]
+    assert (lost.model, lost.verdict) == (pytest.approx(1 / 7), "outside")
+    assert found[lost.target.name.replace("terminal", "central")].verdict == "inside the band"
+    summaries[straight] = said(0.1, 11.7)
+    (slack, *_) = losses({straight, bent}, summaries)
+    assert (slack.model, slack.verdict) == (None, "no value")
+
+
+def test_a_trial_that_failed_stays_on_the_board():
+    group = BY_NAME["Lee 2008: strains"]
+    rows = tuple(rows_of(group, {}))
+    assert rows
+    assert {row.verdict for row in rows} == {"no value"}
+    text = scoreboard([Board(group.name, rows, {"strain soft ti": "no equilibrium"})])
+    board = json.loads(text)
+    assert board["failed"] == {"strain soft ti": "no equilibrium"}
+    assert board["judged"][group.name]["tally"]["model"] == {"no value": len(rows)}
+    assert text == scoreboard([Board(group.name, rows, {"strain soft ti": "no equilibrium"})])
+
+
+def test_every_miss_of_the_committed_board_says_why():
+    board = json.loads((ROOT / "cases" / "scoreboard.json").read_text(encoding="utf-8"))
+    rows = [(name, row) for name, group in board["groups"].items() for row in group]
+    missed = [(name, row) for name, row in rows if row["verdict"] in MISSES]
+    assert missed
+    assert all("why: " in row["note"] for _, row in missed)
+    for group, row in rows:
+        assert ("why: " in row["note"]) == (row["verdict"] in MISSES), (group, row["name"])
+
+
+def test_every_reason_fits_a_group_and_stands_only_beside_a_miss():
+    names = [g.name for g in GROUPS]
+    assert all(any(fnmatchcase(n, r.group) for n in names) for r in reasons())
+    name, note = "40 deg, RI, distal", "clamped"
+    target = Target(name, "q", "N", 1.0, 0.1, None, None, "s", "experiment", note=note)
+    rows = [Comparison(target, 1.05), Comparison(target, 2.0)]
+    near, far = explained("cadaver forces: hood", rows)
+    assert near.target.note == "clamped"
+    assert far.target.note.startswith("clamped; why: An's normative path of RI")
+    (other,) = explained("lengths and cuts", [Comparison(target, 2.0)])
+    assert other.target.note == f"clamped; why: {NOT_KNOWN}"
+
+
+def board_of(group: Group, factor: float, **others: float) -> Board:
+    """The board of models that say so many times what was measured; others: of trials by name."""
+
+    def said(name: str) -> dict:
+        times = others.get(name, factor)
+        mine = [t for t in group.targets if t.case == name]
+        return {"difference": {"fingertip_force_in_phalanx_N": [times * t.reference for t in mine]}}
+
+    trials = [*(t.name for t in group.trials), *group.partners.values()]
+    partner = {split: name for name, split in group.partners.items()}
+    summaries = {n: said(partner.get(n, n)) for n in trials}
+    for split, name in partner.items():
+        summaries[split] = {
+            "difference": {
+                "fingertip_force_in_phalanx_N": [
+                    0.5 * t.reference for t in group.targets if t.case == name
+                ]
+            }
+        }
+    outcomes = {n: Outcome(n, s, None) for n, s in summaries.items()}
+    return _board(group, outcomes)
+
+
+def test_a_board_says_in_its_first_line_whether_the_hood_beats_its_null_models():
+    group = BY_NAME["cadaver forces: hood"]
+    perfect = board_of(group, 1.0)
+    assert perfect.headline.startswith("Beats its null models: no answer 1 [1, 1]")
+    assert list(perfect.tallies()) == ["model", *FACTORS, SPLIT]
+    assert perfect.tallies()["model"] == {"inside 1 SD": 24}
+    assert perfect.tallies()["no answer"].get("outside", 0) > 10
+    assert set(perfect.by_hand) == {"H01", "H02", "H03"}
+    overdone = board_of(group, 2.0)
+    assert overdone.headline.startswith("DOES NOT BEAT no answer")
+    assert f"{SPLIT} (skill -3" in overdone.headline
+    said = json.loads(scoreboard([overdone]))
+    judged = said["judged"][group.name]
+    assert judged["headline"] == overdone.headline == said["kinds"]["experiment"]["headline"]
+    assert [s["null"] for s in judged["skill"]] == [*FACTORS, SPLIT]
+    assert {s["trials"] for s in judged["skill"]} == {8}
+
+
+def test_the_fixed_split_answers_where_its_trial_was_run():
+    group = BY_NAME["cadaver forces: hood"]
+    rows = list(rows_of(group, {}))
+    said = {"difference": {"fingertip_force_in_phalanx_N": [1.0, 2.0, 3.0]}}
+    found = split_answers(group, rows, {"middle_minorflex_ri": said})
+    assert {t.case for t in found} == {"hood_minorflex_ri"}
+    assert list(found.values()) == [1.0, 2.0, 3.0]
+
+
+def test_variants_and_fitted_rows_stay_out_of_the_tally_by_kind():
+    def board(name: str, target: Target, *, variant: bool = False) -> Board:
+        return Board(name, (Comparison(target, 1.0),), {}, kind=target.kind, variant=variant)
+
+    target = Target("a", "q", "N", 1.0, 0.1, None, None, "s", "experiment", "t")
+    fitted = replace(target, fitted=True)
+    boards = [board("a", target), board("b", fitted), board("c", target, variant=True)]
+    (found,) = by_kind(boards)
+    assert (found.group, found.tallies()["model"]) == ("experiment", {"inside 1 SD": 1})
+
+
+def test_numbers_on_the_board_have_six_digits():
+    target = GROUPS[0].targets[0]
+    (row,) = json.loads(scoreboard([Board("g", (Comparison(target, 1 / 3),), {})]))["groups"]["g"]
+    assert row["model"] == 0.333333
+
+
+@pytest.mark.parametrize(
+    ("reference", "high", "models", "told"),
+    [
+        (-0.8, None, (-0.7211621500001, -0.7211620500001), 0.078838),
+        (None, 0.40874318, (0.43693901, 0.43693899), 0.028196),
+    ],
+)
+def test_a_difference_on_the_board_is_that_of_the_numbers_beside_it(reference, high, models, told):
+    target = Target("n", "q", "N", reference, None, None, high, source="s", kind="experiment")
+    boards = [scoreboard([Board("g", (Comparison(target, m),), {})]) for m in models]
+    (row,) = json.loads(boards[0])["groups"]["g"]
+    assert row["difference"] == told
+    assert boards[0] == boards[1]
+
+
+def test_unknown_trials_and_half_a_scoreboard_are_refused(tmp_path: Path):
+    with pytest.raises(InputError, match="no trial is called so"):
+        chosen("toe")
+    run = CliRunner().invoke(app, ["validate", "--only", "toe", "--out", str(tmp_path / "v")])
+    assert run.exit_code == 2
+    half = CliRunner().invoke(app, ["validate", "--only", "EDC", "--update"])
+    assert half.exit_code == 2
+    assert "--update takes all trials" in half.stderr
+
+
+def test_the_command_lists_trials_and_runs_none(tmp_path: Path):
+    words = ["validate", "--list", "--only", "flex_ri", "--out", str(tmp_path / "v")]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 0
+    lines = done.stdout.splitlines()
+    assert lines[:2] == ["cadaver forces: hood (experiment)", "  hood_minorflex_ri"]
+    assert "cadaver forces: fixed split (experiment, variant)" in lines
+    assert not (tmp_path / "v").exists()
+
+
+def test_the_command_runs_trials_and_leaves_runs_page_and_board(tmp_path: Path):
+    words = ["validate", "--only", "force split E", "--out", str(tmp_path), "--workers", "1"]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 0, done.output
+    assert "2 of 2, about 0 s left: force split EI" in done.stderr
+    board = json.loads((tmp_path / "scoreboard.json").read_text(encoding="utf-8"))
+    rows = board["groups"]["two models: fixed split"]
+    page = (tmp_path / "scoreboard.html").read_text(encoding="utf-8")
+    assert page.index("By kind of reference") < page.index("two models: fixed split")
+    assert board["judged"]["two models: fixed split"]["headline"].split(" [")[0] in page
+    assert all(row["name"] in page and row["name"].split(":")[0] in done.stdout for row in rows)
+    own = json.loads(
+        (tmp_path / "force_split_EDC" / "comparison.json").read_text(encoding="utf-8")
+    )["rows"]
+    assert {row["case"] for row in own} == {"force split EDC"}
+    summary = json.loads(
+        (tmp_path / "force_split_EDC" / "summary.json").read_text(encoding="utf-8")
+    )
+    (palmar,) = [r for r in own if r["name"].endswith("palmar, MyoHand")]
+    assert palmar["model"] == summary["difference"]["fingertip_force_N"][1]
+
+
+def test_trials_that_share_an_unloaded_equilibrium_are_run_by_one_process():
+    trials = {t.name: t for g in GROUPS for t in g.trials}
+    tasks = [(t, (), "") for t in trials.values()]
+    batches = _batches(tasks)
+    assert sorted(t.name for batch in batches for t, *_ in batch) == sorted(
+        t.name for t, *_ in tasks
+    )
+    names = [[t.name for t, *_ in batch] for batch in batches]
+    (forces,) = [batch for batch in names if "force ti EDC" in batch]
+    assert set(forces) == {f"force ti {m}" for m in THROUGH_THE_HOOD}
+    assert ["strain average ti 60/0/0"] in names
+    assert [len(batch) for batch in names] == sorted(map(len, names), reverse=True)
+
+
+def test_two_processes_give_the_board_of_one(tmp_path: Path):
+    group = some_of_the_split("fdp")
+    boards = [validated([group], tmp_path / str(n), workers=n) for n in (1, 2)]
+    assert boards[0] == boards[1]
+    assert not boards[0][0].failures
+    assert boards[0][0].skills
+
+
+def test_a_process_that_is_killed_is_told_in_one_message(tmp_path: Path):
+    def kill(text: str) -> None:
+        for process in multiprocessing.active_children():
+            process.kill()
+
+    with pytest.raises(InputError, match="--workers 1 needs the least"):
+        validated([some_of_the_split("fdp", "fds", "lum")], tmp_path, told=kill)
+
+
+def some_of_the_split(*muscles: str) -> Group:
+    """The middle finger without a hood in both postures, these muscles alone."""
+    past, split = chosen("middle_m")
+    group = replace(past, trials=(*past.trials, *split.trials))
+    kept = [t for t in group.trials if t.name.endswith(muscles)]
+    return replace(group, trials=tuple(kept))
+
+
+def test_trials_whose_audit_is_missed_are_said_last(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setitem(BOUNDS, "finger_residual", Bound(-1.0, "nothing helps"))
+    words = ["validate", "--only", "middle_minorflex_fdp", "--out", str(tmp_path), "--workers", "1"]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 3
+    *_, loud, reason = done.stderr.splitlines()
+    assert loud.endswith("THE AUDIT IS MISSED, do not trust this result")
+    assert reason.endswith("more than -1: nothing helps")
+
+
+@pytest.mark.parametrize("given", [("--set", "hood.mesh={file}"), ("--published", "{file}")])
+def test_the_published_hood_is_a_mesh_that_the_user_gives(tmp_path, given):
+    file = tmp_path / "other.feb"
+    file.write_text("<febio_spec version='4.0'/>", encoding="utf-8")
+    arguments = [part.replace("{file}", str(file)) for part in given]
+    only = ("--only", "published hood soft", "--workers", "1", "--out", str(tmp_path / "runs"))
+    found = CliRunner().invoke(app, ["validate", *arguments, *only])
+    assert found.exit_code == 2, found.output
+    assert "other.feb" in found.output.replace("\n", "")
