@@ -29,7 +29,7 @@ def run_case(
         from cosim.results.forward import forward_result
         from cosim.solve.forward import simulated
 
-        if case.hood.kind != "split":
+        if case.hood.is_coupled:
             from cosim.results.motion import motion_result
             from cosim.solve.motion import moved_together
 
@@ -39,7 +39,7 @@ def run_case(
         progress(f"simulating {case.forward.duration:g} s")
         moved = simulated(case, case.forward)
         return forward_result(case, moved, time.perf_counter() - started)
-    if case.finger.kind == "fmu":
+    if not case.finger.is_native:
         from cosim.results.fmu import settled_result
 
         return settled_result(case, progress)

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from cosim.analyses.reduction.sample_cache import kept
 from cosim.analyses.reduction.samples import Lost, Walk, Walked, on_models
 from cosim.cli import app
-from cosim.hoods.lumped.build import Sample
+from cosim.hoods.lumped.reduction import Sample
 from cosim.port import InputError
 
 ANGLE = np.array([[0, 0, 0.3, 0.1], [0, 0, 0.35, 0.1]])

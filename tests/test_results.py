@@ -8,8 +8,9 @@ import pytest
 import xarray
 
 from cosim.case.file import load_case
+from cosim.hoods.view import STRAIN, HoodField
 from cosim.port import InputError
-from cosim.results.data import LEDGER_HEADER, STRAIN, HoodField, LedgerRow, Result, Scene
+from cosim.results.data import LEDGER_HEADER, LedgerRow, Result, Scene
 from cosim.results.scene_plot import MOST_TRIANGLES, VIEWS, draw, thinned
 from cosim.results.write import write_result
 

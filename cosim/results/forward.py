@@ -9,7 +9,8 @@ import numpy as np
 
 from cosim import __version__
 from cosim.build.models import drawn_bones
-from cosim.case.schema import Case, held_by
+from cosim.case.schema import Case
+from cosim.fingers.kinds import held_by
 from cosim.port import Array, Load
 from cosim.results.air import air_data, air_end
 from cosim.results.audit import missed_bounds
@@ -63,7 +64,7 @@ def _summary(case: Case, moved: Moved, imbalance: float, wall: float) -> dict[st
         "version": __version__,
         "converged": True,
         "wall_s": round(wall, 4),
-        "fingertip_device": held_by(case),
+        "fingertip_device": held_by(case.finger),
         "came_to_rest": s.at_rest,
         "last_rate_rad_per_s": s.last_rate,
         "last_force_change_N": s.last_change,

@@ -9,9 +9,10 @@ import numpy as np
 
 from cosim import __version__
 from cosim.build.double_count import pairs
-from cosim.build.models import drawn_cables
-from cosim.case.schema import Case, held_by
+from cosim.case.schema import Case
 from cosim.coupling.motion import Frame, Moment
+from cosim.fingers.kinds import held_by
+from cosim.hoods.view import drawn
 from cosim.port import Array
 from cosim.results.air import air_data, air_end
 from cosim.results.audit import missed_bounds
@@ -19,7 +20,6 @@ from cosim.results.conventions import COMPONENTS, IN_METACARPAL
 from cosim.results.data import LedgerRow, Result, Scene
 from cosim.results.fmu import OPEN
 from cosim.results.load_and_rest import NO_UNLOADED
-from cosim.results.scene import drawn_hood
 
 if TYPE_CHECKING:
     import xarray
@@ -71,7 +71,7 @@ def _summary(
         "version": __version__,
         "converged": True,
         "wall_s": round(wall, 4),
-        "fingertip_device": held_by(case),
+        "fingertip_device": held_by(case.finger),
         "posture_deg": dict(zip(finger.joints, np.rad2deg(last.angles).tolist(), strict=True)),
         "last_rate_rad_per_s": float(np.abs(last.rates).max()),
         "tension_N": dict(
@@ -100,7 +100,7 @@ def _summary(
     if names := t.moves.driven.names:
         reached = 1e3 * (end.draw.found - end.draw.start)
         out["drawn_mm"] = dict(zip(names, reached.tolist(), strict=True))
-    if case.finger.kind == "fmu":
+    if not case.finger.is_native:
         out["not_in_ledger"] = OPEN
     if twice := [str(pair) for pair in pairs(case, hood, finger)]:
         out["double_counted"] = twice
@@ -206,7 +206,7 @@ def _scene(t: Together, end: Moment, tip: Array) -> Scene:
     for body, (vertices, faces) in t.bones.items():
         position, rotation = motion.of(body)
         bones.append((body, vertices @ rotation.T + position, faces))
-    look = t.look(end.coupled.hood) if t.look else None
-    lines = {**drawn_cables(t.cables, motion), **finger.lines(angles)}
+    hood = drawn(t.view(end.coupled.hood)) if t.view else None
+    lines = {**t.lines(motion), **finger.lines(angles)}
     force = None if point is None else (point, tip[:3])
-    return Scene(drawn_hood(look), tuple(bones), tuple(lines.items()), force)
+    return Scene(hood, tuple(bones), tuple(lines.items()), force)

@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from cosim.hoods.view import STRAIN, HoodField
 from cosim.mesh_file import read_mesh_file
 from cosim.port import InputError
 from cosim.results.compare import Comparison, Target, compared
 from cosim.results.compare_files import read_json
-from cosim.results.data import LEDGER_HEADER, STRAIN, HoodField, LedgerRow
+from cosim.results.data import LEDGER_HEADER, LedgerRow
 from cosim.results.quantities import check_quantities
 
 if TYPE_CHECKING:

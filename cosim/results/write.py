@@ -14,8 +14,9 @@ import numpy as np
 from cosim.case.file import resolved_toml
 from cosim.case.schema import Case
 from cosim.files import replace_folder
+from cosim.hoods.view import HoodField
 from cosim.port import InputError
-from cosim.results.data import LEDGER_HEADER, HoodField, LedgerRow, Result
+from cosim.results.data import LEDGER_HEADER, LedgerRow, Result
 
 
 def write_result(folder: str | Path, case: Case, result: Result) -> Path:

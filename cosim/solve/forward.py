@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cosim.build.motion import TendonPulls, tip_device
-from cosim.case.schema import Case, Forward, our_finger
+from cosim.case.schema import Case, Forward
 from cosim.fingers.kinds import live_finger
 from cosim.port import Array
 
@@ -38,8 +38,8 @@ def simulated(case: Case, forward: Forward) -> Moved:
     from rigid.mujoco.finger import MujocoFinger
     from rigid.mujoco.forward import came_to_rest, simulate
 
-    stated = our_finger(case)
-    finger = live_finger(stated, case.hood)
+    stated = case.native_finger()
+    finger = live_finger(stated, case.hood.left_to_finger)
     assert isinstance(finger, MujocoFinger)  # what goes with a split
     muscles = TendonPulls(case, finger.tendons)
     start = finger.start(stated.posture.angles())
