@@ -45,6 +45,8 @@ class Extensor:
 class FingerTable(Table):
     """What the table of any finger says without a solver."""
 
+    title: ClassVar[str]
+    """In words, for reports."""
     is_native: ClassVar[bool] = True
     """A model of ours, not another's program."""
     has_mass: ClassVar[bool] = True

@@ -24,6 +24,7 @@ class FmuFinger(FingerTable):
     joints and fingertip.  `bodies`, `joints` and `tendons` name its own, in its order; `map` says,
     by quantity, how its variables are called where they are not called as in our own units."""
 
+    title: ClassVar[str] = "a finger in an FMU"
     is_native: ClassVar[bool] = False
     kind: Literal["fmu"]
     path: File

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 class HingeFinger(FingerTable):
     """The analytic planar finger: three hinges in a row."""
 
+    title: ClassVar[str] = "planar finger of hinges, analytic"
     has_mass: ClassVar[bool] = False
     kind: Literal["hinge"]
     lengths: tuple[Phalanx, Phalanx, Phalanx]

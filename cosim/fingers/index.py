@@ -56,6 +56,7 @@ class Bone(Table):
 class IndexFinger(FingerTable):
     """The MuJoCo index finger: ours, or with `path` the user's."""
 
+    title: ClassVar[str] = "index finger of a right hand"
     has_literature: ClassVar[bool] = True
     kind: Literal["index"]
     path: File | None = None

@@ -27,6 +27,7 @@ AREAS = {"FDP": 4.1, "FDS": 4.2, "EDC": 1.7, "LUM": 0.2, "UI": 2.2, "RI": 2.8}
 class MiddleFinger(FingerTable):
     """The MuJoCo middle finger of Synek et al. 2019."""
 
+    title: ClassVar[str] = "middle finger of a right hand"
     laid_hood: ClassVar[str | None] = "base/middle_hood"
     flexed: ClassVar[tuple[float, float, float]] = (40.0, 55.0, 35.0)
     kind: Literal["middle"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -34,6 +34,7 @@ class PlanarFinger(FingerTable):
     """Three links in a plane on MuJoCo: lengths, distances of the centres of mass from the proximal
     joints, masses, and moments of inertia about the centres of mass."""
 
+    title: ClassVar[str] = "planar finger of three links"
     kind: Literal["planar"]
     lengths: tuple[Phalanx, Phalanx, Phalanx]
     centres: tuple[Phalanx, Phalanx, Phalanx]

@@ -4,7 +4,7 @@ paper's."""
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
 
@@ -31,6 +31,7 @@ class RobotFinger(FingerTable):
     tendons: over its extensor's pulley under `hood.kind = "split"`; any other hood takes that
     extensor's place."""
 
+    title: ClassVar[str] = "robotic finger of Xu et al. 2012"
     kind: Literal["robot"]
     posture: Posture
     second_extensor: Switch = False

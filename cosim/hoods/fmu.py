@@ -20,7 +20,7 @@ class FmuHood(HoodTable):
     not called as in our own units; `rest_step` is a communication step in which it comes to rest,
     for one without the switch `static`."""
 
-    title: ClassVar[str] = "another program (FMU)"
+    title: ClassVar[str] = "a hood in an FMU"
     fits: ClassVar[tuple[str, ...]] = ("index", "middle", "planar", "hinge", "robot", "fmu")
     needs_no_tension: ClassVar[bool] = False
     kind: Literal["fmu"]

@@ -54,6 +54,11 @@ class HoodTable(Table):
         return False
 
     @property
+    def is_meshed_by_quads(self) -> bool:
+        """Whether its mesh is generated, of about `hood.mesh.quads`."""
+        return False
+
+    @property
     def has_smooth_tangent(self) -> bool:
         """Whether it is a sheet that answers small changes by its tangent."""
         return False

@@ -23,7 +23,7 @@ class PathPoint(Table):
 class PulleyHood(HoodTable):
     """Tendons as straight lines through points fixed to bodies."""
 
-    title: ClassVar[str] = "cables over pulleys"
+    title: ClassVar[str] = "no deformable hood: cables through eyelets"
     fits: ClassVar[tuple[str, ...]] = ("index", "middle", "planar", "hinge", "robot", "fmu")
     example: ClassVar[tuple[str, ...]] = ("pulley_edc",)
     kind: Literal["pulley"]

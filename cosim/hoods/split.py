@@ -22,7 +22,7 @@ class SplitHood(HoodTable):
     """No hood at all: tendons that part into strands of fixed shares, `central` of what enters the
     hood going to the central slip (equal parts in the normative model: An et al. 1979)."""
 
-    title: ClassVar[str] = "fixed split"
+    title: ClassVar[str] = "no hood: tendons that part in fixed shares"
     fits: ClassVar[tuple[str, ...]] = ("index", "middle", "robot")
     is_coupled: ClassVar[bool] = False
     rungs: ClassVar[Mapping[str, str]] = {"split": "base/split"}

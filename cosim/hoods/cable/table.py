@@ -54,7 +54,7 @@ class CableHood(HoodTable):
     each is quadratic up to the strain `toe`, then straight; `residual_tension` (N) beside it keeps
     slack cables from being mechanisms.  `contact.offset` is where their centre lines touch."""
 
-    title: ClassVar[str] = "net of cables"
+    title: ClassVar[str] = "a net of cables that bear tension alone, over the bones"
     fits: ClassVar[tuple[str, ...]] = ("index", "robot")
     lies_on_bones: ClassVar[bool] = True
     needs_no_tension: ClassVar[bool] = False

@@ -69,7 +69,9 @@ class NetworkHood(HoodTable):
     they are at that force of every muscle.  One that is `reduced` from another hood has neither
     arms nor connecting tendons of its own."""
 
-    title: ClassVar[str] = "network of tendons"
+    title: ClassVar[str] = (
+        "no deformable hood: tendons sprung from junctions, moment arms at joints"
+    )
     fits: ClassVar[tuple[str, ...]] = ("index", "middle", "planar", "hinge", "robot")
     can_be_injured: ClassVar[bool] = True
     rungs: ClassVar[Mapping[str, str]] = {"network": "base/network"}
@@ -124,11 +126,11 @@ class TwoBandHood(HoodTable):
     with the elasticity K between them and the share `lateral_share` of its tension in the lateral
     band where both shifts agree; other `muscles` cross the joints on their own."""
 
-    title: ClassVar[str] = "two bands"
+    title: ClassVar[str] = "no deformable hood: a middle and a lateral band, moment arms at joints"
     fits: ClassVar[tuple[str, ...]] = ("index", "planar", "hinge", "robot")
     can_be_injured: ClassVar[bool] = True
     rungs: ClassVar[Mapping[str, str]] = {"two_band": "base/two_band"}
-    example: ClassVar[tuple[str, ...]] = ("base/two_band",)
+    example: ClassVar[tuple[str, ...]] = ("two_band_edc",)
     kind: Literal["two_band"]
     muscles: Annotated[dict[TendonName, Arms], Field(min_length=1)]
     extensor: TendonName = "EDC"

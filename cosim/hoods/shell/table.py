@@ -50,7 +50,6 @@ class GeneratedMesh(Table):
     """Our own hood, laid out on the bones in `rest_posture`, where it is free of stress.  As
     "one_sheet" its wings reach the central slip's insertion, without a triangular ligament."""
 
-    is_generated: ClassVar[bool] = True
     kind: Literal["generated"]
     quads: Annotated[Count, Field(ge=120, le=20000)]
     elements: Literal["linear", "quadratic"] = "linear"
@@ -66,7 +65,6 @@ class GeneratedMesh(Table):
 class MeshFile(Table):
     """A hood mesh of the user's."""
 
-    is_generated: ClassVar[bool] = False
     kind: Literal["file"]
     path: File
 
@@ -160,7 +158,7 @@ class ShellHood(HoodTable):
     with a sheet, isotropic and incompressible, that acts in bending alone, beside what the regions'
     laws make."""
 
-    title: ClassVar[str] = "shell"
+    title: ClassVar[str] = "a sheet of nonlinear shell elements over the bones"
     fits: ClassVar[tuple[str, ...]] = ("index", "middle")
     lies_on_bones: ClassVar[bool] = True
     needs_no_tension: ClassVar[bool] = False
@@ -191,6 +189,10 @@ class ShellHood(HoodTable):
         if lacking := [name for name in own if name not in self.regions]:
             raise fault(f"regions: the generated mesh also has {', '.join(lacking)}; name them")
         return self
+
+    @property
+    def is_meshed_by_quads(self) -> bool:
+        return self.mesh.kind == "generated"
 
     @property
     def has_smooth_tangent(self) -> bool:
