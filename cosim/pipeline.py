@@ -32,7 +32,7 @@ def run_case(
     Raises InputError and ConvergenceError."""
     started = time.perf_counter()
     check_fit(case)
-    if case.finger.kind == "fmu" and case.task == "static":
+    if not case.finger.is_native and case.task == "static":
         from cosim.results.fmu import settled_result
 
         return settled_result(case, progress)

@@ -104,6 +104,10 @@ class CableNet:
         """By strand, the name of its cable, of CABLES."""
         return tuple(cable_of(strand) for strand in self.strands)
 
+    def part_cells(self, name: str) -> Ints:
+        """(m, 2) nodes of a strand's cells; none of a name that is no strand's."""
+        return self.cells[np.array([strand == name for strand in self.strands])[self.strand]]
+
     def lengths(self) -> Array:
         """(k,) m, as laid."""
         ends = self.points[self.cells]

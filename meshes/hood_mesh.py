@@ -127,6 +127,10 @@ class HoodMesh:
         """Mask of the quads in the named regions."""
         return np.isin(self.region, [REGIONS.index(n) for n in names])
 
+    def part_cells(self, name: str) -> Ints:
+        """(m, k) nodes of the quads in a region."""
+        return self.quads[self.cells(name)]
+
 
 def runs_round(region: str) -> bool:
     """Whether a region's fibres run round the finger, and not along it."""

@@ -16,30 +16,18 @@ import numpy as np
 from cosim.build.fit import check_fit
 from cosim.build.models import Models
 from cosim.case.file import load_case
-from cosim.case.schema import Case, CaseFile, our_finger
+from cosim.case.schema import Case
 from cosim.coupling.equilibrium import Equilibrium
-from cosim.fingers.fmu import FmuFinger
-from cosim.hoods.lumped.build import split_slips
-from cosim.hoods.lumped.table import TwoBandHood
-from cosim.hoods.shell.table import ShellHood
-from cosim.hoods.split import SplitHood
+from cosim.hoods.kind import HoodTable
+from cosim.hoods.kinds import rungs
 from cosim.port import Array, ConvergenceError, CosimError, InputError
 from cosim.results.static import observe_static
 from cosim.solve.solvers import solve
 from cosim.solve.states import States
 
 Status = Literal["converged", "failed", "does not apply"]
-RUNGS = {
-    "split": "base/split",
-    "two_band": "base/two_band",
-    "network": "base/network",
-    "cable": "base/cable",
-    "isotropic shell": "base/isotropic_finger",
-    "fibre shell": "base/index_finger",
-}
+RUNGS = rungs()
 """From the coarsest to the finest, with the packaged case that states each hood."""
-MIDDLE = "base/middle_hood"
-"""States the shells of the middle finger."""
 
 
 @dataclass(frozen=True)
@@ -82,50 +70,36 @@ def _check(case: Case) -> None:
         raise InputError(
             f"{case.name}: is a motion; a ladder compares equilibria. Leave out [forward]"
         )
-    if isinstance(case.finger, FmuFinger):
+    if not case.finger.is_native:
         raise InputError(f"{case.name}: its finger is an FMU, which a ladder cannot look into")
     check_fit(case)
 
 
 def rungs_of(case: Case) -> list[str]:
     """The ladder's, and before them the case's own where it is none of them."""
-    own = own_rung(case)
+    own = case.hood.rung()
     return [*RUNGS] if own in RUNGS else [own, *RUNGS]
-
-
-def own_rung(case: Case) -> str:
-    """The name of the rung on which the case stands."""
-    if not isinstance(case.hood, ShellHood):
-        return case.hood.kind
-    isotropic = all(region.kind == "isotropic" for region in case.hood.regions.values())
-    return "isotropic shell" if isotropic else "fibre shell"
 
 
 def on_rung(case: Case, name: str) -> Case:
     """The case with the hood of a rung in place of its own, all else as it was."""
-    if name == own_rung(case):
+    if name == case.hood.rung():
         return case
     return case.model_copy(update={"hood": _hood(case, name)})
 
 
-def _hood(case: Case, name: str) -> object:
-    base: CaseFile = load_case(RUNGS[name])
-    hood = base.hood
-    if isinstance(hood, ShellHood) and case.finger.kind == "middle":
-        laid = load_case(MIDDLE).hood
-        return laid.model_copy(update={"regions": hood.regions})
-    if isinstance(hood, TwoBandHood) and case.finger.kind == "index":
-        # The planar finger's flexors are the hood's; here they are the finger's own.
-        mine = {name: arms for name, arms in hood.muscles.items() if name not in ("FDP", "FDS")}
-        return hood.model_copy(update={"muscles": mine})
-    return hood
+def _hood(case: Case, name: str) -> HoodTable:
+    stated = case.finger.laid_hood
+    laid: Any = None if stated is None else load_case(stated).hood
+    hood: HoodTable = load_case(RUNGS[name]).hood
+    return hood.on_finger(case.finger.kind, laid)
 
 
 def climb(source: Path, settings: tuple[str, ...], name: str) -> Rung:
     """One rung; a hood that does not fit the case or has no equilibrium is one too, with the
     reason."""
     case = load_case(source, settings)
-    is_own, started = name == own_rung(case), time.perf_counter()
+    is_own, started = name == case.hood.rung(), time.perf_counter()
 
     def without(status: Status, error: CosimError) -> Rung:
         wall = time.perf_counter() - started
@@ -141,17 +115,17 @@ def climb(source: Path, settings: tuple[str, ...], name: str) -> Rung:
         return without("failed", error)
     wall = time.perf_counter() - started
     summary = observe_static(here, (models, states), wall).summary
-    slips, excursions = _slips(here, models, states.loaded), _excursions(models, states)
+    slips, excursions = _slips(models, states.loaded), _excursions(models, states)
     return Rung(name, is_own, "converged", "", wall, summary, slips, excursions)
 
 
-def _slips(case: Case, models: Models, e: Equilibrium) -> Mapping[str, float]:
+def _slips(models: Models, e: Equilibrium) -> Mapping[str, float]:
     """N, central and terminal, where the hood has slips."""
     if models.slips is not None:
         return models.slips(e.response.state)
-    if isinstance(case.hood, SplitHood):
-        tension = dict(zip(models.finger.tendons, map(float, e.finger_tension), strict=True))
-        return split_slips(our_finger(case), case.hood, tension)
+    if models.own_slips is not None:
+        tension = zip(models.finger.tendons, map(float, e.finger_tension), strict=True)
+        return models.own_slips(dict(tension))
     return {}
 
 

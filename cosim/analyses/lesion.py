@@ -9,15 +9,9 @@ from typing import Literal
 
 from cosim.case.schema import Case
 from cosim.fingers.common import HeldTip
-from cosim.fingers.fmu import FmuFinger
-from cosim.fingers.hinge import HingeFinger
-from cosim.fingers.index import IndexFinger
-from cosim.fingers.middle import MiddleFinger
-from cosim.fingers.planar import PlanarFinger
-from cosim.fingers.robot import RobotFinger
+from cosim.fingers.kinds import NativeFinger
 from cosim.port import InputError
 
-Held = IndexFinger | MiddleFinger | HingeFinger | PlanarFinger | RobotFinger
 Side = Literal["before", "after"]
 Tip = Literal["free", "held"]
 SIDES: tuple[Side, ...] = ("before", "after")
@@ -51,10 +45,8 @@ def _one(case: Case, tip: Tip, side: Side) -> Case:
     )
 
 
-def _with_tip(case: Case, tip: Tip) -> Held:
-    finger = case.finger
-    if isinstance(finger, FmuFinger):
-        raise InputError(f"{case.name}: its finger is in an FMU, which holds its fingertip itself")
+def _with_tip(case: Case, tip: Tip) -> NativeFinger:
+    finger = case.native_finger()
     stated = finger.tip
     if not isinstance(stated, HeldTip):
         raise InputError(

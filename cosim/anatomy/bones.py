@@ -109,7 +109,7 @@ def _volume(points: Array, faces: np.ndarray) -> float:
 def _loaded(path: Path, what: str) -> Any:
     import trimesh
 
-    from cosim.build.models import UNREADABLE
+    from cosim.fingers.index import UNREADABLE
 
     if not path.is_file():
         raise InputError(f"--bones: {what}: there is no file {path}")

@@ -98,9 +98,8 @@ def _case_lines(name: str, given: Anatomy, made: Built) -> Iterator[str]:
 def _check(path: Path) -> None:
     """What `cosim check` does.  Raises InputError."""
     from cosim.build.fit import check_fit
-    from cosim.build.models import check_mesh_file
     from cosim.case.file import load_case
 
     case = load_case(path)
     check_fit(case)
-    check_mesh_file(case)
+    case.hood.check_files()

@@ -12,9 +12,6 @@ from dataclasses import dataclass
 
 from cosim.case.schema import Case
 from cosim.coupling.one_way import JOINT_CONTACT
-from cosim.hoods.fmu import FmuHood
-from cosim.hoods.lumped.table import NetworkHood, TwoBandHood
-from cosim.hoods.pulley import PulleyHood
 from cosim.port import Finger, Hood, InputError, MovingFinger
 
 OF_FINGER = ("joint", "muscle", "passive", "limit", "damping", "gravity", "inertia", "fingertip")
@@ -50,14 +47,7 @@ def counted_twice(
 def stated_pairs(case: Case, finger_tendons: Sequence[str]) -> tuple[Pair, ...]:
     """What the case alone shows, before anything is built; our own hoods' sources and the shell's
     tendons are never a finger's."""
-    sources: Sequence[str] = ()
-    tendons: Sequence[str] = ()
-    if isinstance(case.hood, FmuHood):
-        sources, tendons = case.hood.sources, case.hood.tendons
-    elif isinstance(case.hood, PulleyHood):
-        tendons = tuple(case.hood.paths)
-    elif isinstance(case.hood, NetworkHood | TwoBandHood):
-        tendons = tuple(case.hood.muscles)
+    sources, tendons = case.hood.source_names(), case.hood.tendon_names() or ()
     return counted_twice((*sources, *handed_over(case)), tendons, finger_tendons)
 
 

@@ -3,46 +3,26 @@
 from __future__ import annotations
 
 from cosim.build.double_count import refuse, stated_pairs
-from cosim.case.schema import Case, held_by
-from cosim.fingers.fmu import FmuFinger
-from cosim.fingers.hinge import HingeFinger
-from cosim.fingers.index import IndexFinger
-from cosim.fingers.kinds import finger_model
-from cosim.fingers.robot import RobotFinger
-from cosim.hoods.cable.table import CableHood
-from cosim.hoods.fmu import FmuHood
-from cosim.hoods.lumped.table import NetworkHood, TwoBandHood
-from cosim.hoods.pulley import PulleyHood
-from cosim.hoods.shell.table import ShellHood
-from cosim.hoods.split import SplitHood
+from cosim.case.schema import Case
+from cosim.fingers.kinds import held_by, own_tendons, with_mass
+from cosim.hoods.kinds import that_fit
 from cosim.port import InputError
 from cosim.tendons.air import check_air
 from cosim.tendons.courses import factor_of
-from meshes.skeleton import BODIES
-
-HOODS = {
-    "index": ("shell", "cable", "pulley", "split", "network", "two_band", "fmu"),
-    "middle": ("shell", "pulley", "split", "network", "fmu"),
-    "planar": ("pulley", "network", "two_band", "fmu"),
-    "hinge": ("pulley", "network", "two_band", "fmu"),
-    "robot": ("split", "cable", "pulley", "network", "two_band", "fmu"),
-    "fmu": ("pulley", "fmu"),
-}
-"""Which hoods go on which finger."""
 
 
 def check_fit(case: Case) -> None:
     """Raises InputError where a case's parts do not go together or a course's file is no table."""
     finger, hood = case.finger.kind, case.hood.kind
-    if hood not in HOODS[finger]:
-        words = " or ".join(f'"{kind}"' for kind in HOODS[finger])
+    if finger not in case.hood.fits:
+        words = " or ".join(f'"{kind}"' for kind in that_fit(finger))
         raise InputError(
             f'hood.kind = "{hood}" does not go with finger.kind = "{finger}", which takes {words}'
         )
-    if case.forward is not None and finger == "hinge":
-        raise InputError(
-            'forward takes a finger with mass: finger.kind = "index", "middle", "planar" or "robot"'
-        )
+    if case.forward is not None and not case.finger.has_mass:
+        raise InputError(f"forward takes a finger with mass: {with_mass()}")
+    if case.forward is not None and case.forward.adaptive is not None and not case.hood.is_coupled:
+        raise InputError()
     courses = [name for name, tendon in case.tendons.items() if tendon.course is not None]
     if case.forward is None and courses:
         raise InputError(
@@ -52,46 +32,15 @@ def check_fit(case: Case) -> None:
     for name in courses:
         factor_of(case.tendons[name].course)
     check_air(case.tendons, in_motion=case.forward is not None)
-    _check_pulley(case)
-    _check_own(case)
+    case.finger.check_extensor(case.hood.left_to_finger)
     _check_drawn(case)
     _check_tip(case)
     _check_unit(case)
     _check_scheme(case)
-    refuse(case, stated_pairs(case, _own_tendons(case)))
-    if not isinstance(case.hood, ShellHood | CableHood):  # whose tendons its mesh has
-        check_tendons(case, _hood_tendons(case) + _own_tendons(case))
-
-
-def _check_pulley(case: Case) -> None:
-    """What the robotic finger's own pulley leaves to say."""
-    if not (isinstance(case.finger, RobotFinger) and isinstance(case.hood, SplitHood)):
-        return
-    from rigid.fingers.robot_tables import LONG, SHORT
-
-    if case.hood.central != 2 * SHORT:
-        raise InputError(
-            f"hood.central: the robotic finger's pulley parts its extensor by {LONG:g} and twice "
-            f"{SHORT:g}, and has no other shares; leave it out"
-        )
-
-
-def _check_own(case: Case) -> None:
-    """What a finger out of the user's file leaves to say."""
-    if not (isinstance(case.finger, IndexFinger) and case.finger.path is not None):
-        return
-    if isinstance(case.hood, SplitHood) and case.hood.central != SplitHood(kind="split").central:
-        raise InputError(
-            "hood.central: a finger out of a file (finger.path) parts its tendons as the file "
-            "says; leave it out"
-        )
-    lacking = [body for body in BODIES if body not in case.finger.bones]
-    if lacking and isinstance(case.hood, ShellHood | CableHood):
-        raise InputError(
-            f"finger.bones: a {case.hood.kind} hood lies on the bones, and our {lacking[0]} does "
-            "not fit a finger out of a file (finger.path); give a surface for each of "
-            f"{', '.join(lacking)}"
-        )
+    own, of_hood = own_tendons(case.finger, case.hood.left_to_finger), case.hood.tendon_names()
+    refuse(case, stated_pairs(case, own))
+    if of_hood is not None:
+        check_tendons(case, of_hood + own)
 
 
 def _check_drawn(case: Case) -> None:
@@ -125,7 +74,7 @@ def _check_drawn(case: Case) -> None:
 
 def _check_tip(case: Case) -> None:
     """What a finger in motion and one at rest can be held by; an FMU's holds itself."""
-    tip = held_by(case)
+    tip = held_by(case.finger)
     if case.forward is None and tip in ("cage", "shell"):
         raise InputError(
             f'finger.tip.kind = "{tip}" holds a finger in motion; add a table [forward], or hold '
@@ -140,7 +89,7 @@ def _check_tip(case: Case) -> None:
 
 def _check_unit(case: Case) -> None:
     """What a finger in an FMU cannot do at rest."""
-    if case.forward is not None or case.finger.kind != "fmu":
+    if case.forward is not None or case.finger.is_native:
         return
     for name, tendon in case.tendons.items():
         if tendon.muscle is not None or tendon.excursion is not None:
@@ -154,8 +103,8 @@ def _check_scheme(case: Case) -> None:
     scheme, lumping = case.coupling.scheme, case.coupling.one_way.lumping
     barred = {
         "forward": case.forward is not None,
-        'hood.kind = "split"': case.hood.kind == "split",
-        'finger.kind = "fmu"': case.finger.kind == "fmu",
+        f'hood.kind = "{case.hood.kind}"': not case.hood.is_coupled,
+        f'finger.kind = "{case.finger.kind}"': not case.finger.is_native,
     }
     word = next((what for what, is_there in barred.items() if is_there), "")
     if scheme == "one_way" and word:
@@ -168,26 +117,11 @@ def _check_scheme(case: Case) -> None:
             f'coupling.scheme = "{scheme}" takes steps in time; add a table [forward], or write '
             '"newton", "implicit" or "one_way"'
         )
-    if lumping == "centre_of_mass" and case.finger.kind == "hinge":
+    if lumping == "centre_of_mass" and not case.finger.has_mass:
         raise InputError(
-            'coupling.one_way.lumping = "centre_of_mass": finger.kind = "hinge" has no mass; take '
-            'another finger, or lumping = "bodies"'
+            'coupling.one_way.lumping = "centre_of_mass": finger.kind = '
+            f'"{case.finger.kind}" has no mass; take another finger, or lumping = "bodies"'
         )
-
-
-def _hood_tendons(case: Case) -> tuple[str, ...]:
-    if isinstance(case.hood, PulleyHood):
-        return tuple(case.hood.paths)
-    if isinstance(case.hood, NetworkHood | TwoBandHood):
-        return tuple(case.hood.muscles)
-    return case.hood.tendons if isinstance(case.hood, FmuHood) else ()
-
-
-def _own_tendons(case: Case) -> tuple[str, ...]:
-    finger = case.finger
-    if isinstance(finger, FmuFinger):
-        return finger.tendons
-    return () if isinstance(finger, HingeFinger) else finger_model(finger, case.hood).muscles
 
 
 def check_tendons(case: Case, known: tuple[str, ...]) -> None:

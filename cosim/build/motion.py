@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
@@ -10,17 +10,16 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from cosim.build.fit import check_tendons
-from cosim.build.models import build, cables_of, hood_on
+from cosim.build.models import build, built_on, site_of
 from cosim.build.scheme import scheme_of
-from cosim.case.schema import Case, Forward, our_finger
+from cosim.case.schema import Case, Forward
 from cosim.coupling.excursion import Driven
 from cosim.coupling.motion import Moves, WatchedFinger
 from cosim.coupling.schemes import Alone
 from cosim.fingers.common import CageTip, ShellTip
 from cosim.fingers.fmu import FmuFinger
-from cosim.hoods.cable.build import CableLook
-from cosim.hoods.shell.view import HoodLook
-from cosim.port import Array, Hood, State, Triangles
+from cosim.hoods.view import HoodView
+from cosim.port import Array, Hood, Motion, State, Triangles
 from cosim.tendons.air import begun, cylinders, pulled
 from cosim.tendons.courses import factor_of
 from cosim.tendons.muscles import fibres
@@ -43,8 +42,8 @@ class Together:
     posture: Mapping[str, float]
     """rad, to begin in; none of a unit, which has its own."""
     bones: Mapping[str, Triangles]
-    cables: Mapping[str, Sequence[tuple[str, Array]]]
-    look: Callable[[State], HoodLook | CableLook] | None
+    lines: Callable[[Motion], Mapping[str, Array]]
+    view: Callable[[State], HoodView] | None
 
     @property
     def finger(self) -> WatchedFinger:
@@ -66,7 +65,7 @@ class Together:
 
 def together(case: Case, forward: Forward) -> Together:
     """The models of a coupled motion.  Raises InputError."""
-    if isinstance(case.finger, FmuFinger):
+    if case.finger.kind == "fmu":
         return _with_unit(case, case.finger, forward)
     from rigid.mujoco.finger import MujocoFinger
     from rigid.mujoco.moving_finger import MovingMujoco
@@ -76,24 +75,22 @@ def together(case: Case, forward: Forward) -> Together:
     finger = MovingMujoco(models.finger, tip_device(case))
     pulls = TendonPulls(case, (*models.hood.tendons, *finger.tendons))
     driven = _driven(case, pulls.tendons)
-    scheme = scheme_of(case.coupling) if models.hood.tendons else Alone()
+    scheme = scheme_of(case.coupling) if case.hood.is_coupled else Alone()
     moves = Moves(scheme, finger, models.hood, pulls, forward.step, driven)
-    return Together(moves, pulls, models.posture, models.bones, models.cables, models.look)
+    return Together(moves, pulls, models.posture, models.bones, models.lines, models.view)
 
 
 def _with_unit(case: Case, table: FmuFinger, forward: Forward) -> Together:
     """A finger in an FMU, with a hood that is no shell."""
-    from cosim.fmu.moving_finger import FmuMovingFinger
-
-    names = table.bodies, table.joints, table.tendons
-    finger = FmuMovingFinger(table.path, *names, table.map, assume_si=table.assume_si)
-    hood = hood_on(case, finger.rest())
+    finger = table.in_motion()
+    built = built_on(case, site_of(case, finger.rest()))
+    hood = built.hood
     tendons = (*hood.tendons, *finger.tendons)
     check_tendons(case, tendons)
     pulls = TendonPulls(case, tendons)
     driven = _driven(case, tendons)
     moves = Moves(scheme_of(case.coupling), finger, hood, pulls, forward.step, driven)
-    return Together(moves, pulls, {}, {}, cables_of(case), None)
+    return Together(moves, pulls, {}, {}, case.hood.lines, built.view)
 
 
 def _driven(case: Case, tendons: tuple[str, ...]) -> Driven:
@@ -108,7 +105,7 @@ def _driven(case: Case, tendons: tuple[str, ...]) -> Driven:
 def tip_device(case: Case) -> Device | None:
     from rigid.mujoco.tip_device import Cage, Contact, Shell
 
-    tip = our_finger(case).tip
+    tip = case.native_finger().tip
     if not isinstance(tip, CageTip | ShellTip):
         return None
     contact = Contact(

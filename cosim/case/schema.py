@@ -8,20 +8,10 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from cosim.fingers.fmu import FmuFinger
-from cosim.fingers.hinge import HingeFinger
-from cosim.fingers.index import IndexFinger
-from cosim.fingers.kinds import AnyFinger
-from cosim.fingers.middle import MiddleFinger
-from cosim.fingers.planar import PlanarFinger
-from cosim.fingers.robot import RobotFinger
-from cosim.hoods.cable.table import CableHood
-from cosim.hoods.fmu import FmuHood
-from cosim.hoods.lesion import Lesion, idle_cut, lesion_fault
-from cosim.hoods.lumped.table import NetworkHood, TwoBandHood
-from cosim.hoods.pulley import PulleyHood
-from cosim.hoods.shell.table import MeshFile, ShellHood
-from cosim.hoods.split import SplitHood
+from cosim.fingers.common import stamps
+from cosim.fingers.kinds import AnyFinger, NativeFinger, native
+from cosim.hoods.kinds import AnyHood, unfit_lesion
+from cosim.hoods.lesion import Lesion
 from cosim.port import InputError
 from cosim.schema import units
 from cosim.schema.fields import fault, quantity
@@ -121,15 +111,9 @@ class CaseFile(Table):
 
     title: str
     notes: str | None = None
-    finger: Annotated[
-        IndexFinger | MiddleFinger | HingeFinger | PlanarFinger | RobotFinger | FmuFinger,
-        Field(discriminator="kind"),
-    ]
+    finger: Annotated[AnyFinger, Field(discriminator="kind")]
     tendons: dict[TendonName, Tendon] = Field(default_factory=dict)
-    hood: Annotated[
-        ShellHood | PulleyHood | SplitHood | NetworkHood | TwoBandHood | CableHood | FmuHood,
-        Field(discriminator="kind"),
-    ]
+    hood: Annotated[AnyHood, Field(discriminator="kind")]
     lesion: Lesion | None = None
     solve: Solve = Solve()
     forward: Forward | None = None
@@ -144,14 +128,7 @@ class CaseFile(Table):
 
     def unfit_lesion(self) -> str:
         """Why this hood cannot have the lesion; empty where it can, or there is none."""
-        if self.lesion is None:
-            return ""
-        network = self.hood if isinstance(self.hood, NetworkHood) else None
-        connecting = tuple(network.connecting) if network is not None else ()
-        reduced = network is not None and network.reduced is not None
-        if wrong := lesion_fault(self.lesion, self.hood.kind, connecting, reduced):
-            return wrong
-        return idle_cut(self.lesion, self.hood.springs) if self.hood.kind == "shell" else ""
+        return "" if self.lesion is None else unfit_lesion(self.hood, self.hood.kind, self.lesion)
 
 
 class Case(CaseFile):
@@ -178,47 +155,17 @@ class Case(CaseFile):
         file that they read counts with its time and size."""
         shared = {"finger", "hood", "lesion", "solve", "coupling"}
         parts = self.model_dump(mode="json", include=shared)
-        return json.dumps([parts, _stamps(self)], sort_keys=True)
+        files = (*self.finger.files(), *self.hood.files())
+        return json.dumps([parts, stamps(files)], sort_keys=True)
 
     def mesh_key(self) -> str:
-        """A text that two cases with a shell hood share only where its mesh is laid out alike,
-        before any lesion; a file that they read counts with its time and size."""
-        apart = {"posture", "tip", "limit", "passive", "gravity"}
-        parts = [
-            self.hood.model_dump(mode="json", include={"mesh", "thickness"}),
-            self.hood.contact.offset.model_dump() if isinstance(self.hood, ShellHood) else None,
-            self.finger.model_dump(mode="json", exclude=apart),
-        ]
-        return json.dumps([parts, _stamps(self)], sort_keys=True)
+        """A text that two cases share only where their hood is laid out alike, before any lesion; a
+        file that they read counts with its time and size."""
+        return f"{self.hood.mesh_key()} {self.finger.anatomy_key()}"
 
-
-def _stamps(case: Case) -> list[str]:
-    return [f"{path}:{path.stat().st_mtime_ns}:{path.stat().st_size}" for path in _files(case)]
-
-
-def _files(case: Case) -> list[Path]:
-    """The files that a case's models are built from."""
-    own = case.finger if isinstance(case.finger, IndexFinger) else None
-    bones = own.bones.values() if own else ()
-    model = [own.path] if own and own.path else []
-    mesh = case.hood.mesh if isinstance(case.hood, ShellHood) else None
-    units = [
-        part.path for part in (case.hood, case.finger) if isinstance(part, FmuHood | FmuFinger)
-    ]
-    meshes = [mesh.path] if isinstance(mesh, MeshFile) else []
-    return [b.surface for b in bones] + meshes + model + units
-
-
-def our_finger(case: Case) -> AnyFinger:
-    """The finger of a case.  Raises InputError for one in an FMU."""
-    if isinstance(case.finger, FmuFinger):
-        raise InputError(
-            f'{case.name}: finger.kind = "fmu" can be run and no more; for this take a finger of '
-            'our own: finger.kind = "index", "middle", "planar", "hinge" or "robot"'
-        )
-    return case.finger
-
-
-def held_by(case: Case) -> str:
-    """What holds the fingertip of a case: the word of its `finger.tip.kind`; "fmu" of a unit's."""
-    return case.finger.kind if isinstance(case.finger, FmuFinger) else case.finger.tip.kind
+    def native_finger(self) -> NativeFinger:
+        """The table of a finger of ours.  Raises InputError for one in an FMU."""
+        try:
+            return native(self.finger)
+        except InputError as error:
+            raise InputError(f"{self.name}: {error}") from None

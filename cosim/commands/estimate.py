@@ -192,7 +192,7 @@ def _target(
 def _forces(s: Setup, answer: Answer | None) -> ForceSet | None:
     """The set of forces, where the target is one or there is none; said why where there is none."""
     from cosim.analyses.estimate.feasible import force_set
-    from cosim.analyses.estimate.of_case import force_basis, shares_fixed
+    from cosim.analyses.estimate.of_case import force_basis
     from cosim.port import InputError
 
     if answer is not None and answer.demand.unit != "N":
@@ -209,7 +209,7 @@ def _forces(s: Setup, answer: Answer | None) -> ForceSet | None:
             raise
         typer.echo(f"no picture of the feasible forces: {error}", err=True)
         return None
-    if not shares_fixed(s.case):
+    if not s.case.hood.shares_fixed:
         typer.echo("feasible forces: linearised at the tensions in this posture", err=True)
     return found
 

@@ -41,7 +41,7 @@ def moment_arms(
         tension, _ = tensions(checked, models)
         table, lost = sweep(models, tension, joint_ranges(models.finger), steps)
         known, compared = None, None
-        if checked.finger.kind == "index":
+        if checked.finger.has_literature:
             known, compared = published(), beside_published(models)
         _write(out, table, compared, draw(table, checked.title, known, models.posture))
         _show(table)

@@ -45,14 +45,14 @@ def show_hood(
     shown as such."""
     with told():
         from cosim.analyses.hood.studies import HoodStudies
-        from cosim.analyses.identify.variations import scaled_moduli
         from cosim.case.file import load_case
+        from cosim.hoods.kinds import KINDS
         from cosim.papers.page import chosen, write_figures
 
         own = tuple(settings or ())
         checked = load_case(case, own)
         if moduli is not None:
-            own = (*own, *scaled_moduli(checked, moduli))
+            own = (*own, *KINDS[checked.hood.kind].scaled_moduli(checked.hood, moduli))
             checked = load_case(case, own)
         options = [f"--set '{text}'" for text in settings or ()]
         options += [] if moduli is None else [f"--moduli {moduli:g}"]

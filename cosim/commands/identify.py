@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from cosim.analyses.identify.cases import FitCase
     from cosim.analyses.identify.fit import Fit
     from cosim.analyses.identify.sensitivity import Sensitivity
-    from cosim.analyses.identify.variations import Variation
+    from cosim.hoods.variation import Variation
     from cosim.results.compare import Comparison, Target
 
 CaseName = Annotated[str, typer.Argument(metavar="CASE", help="Case file, or a packaged case.")]

@@ -223,13 +223,12 @@ def shown(path: Path) -> str:
 def check(cases: Cases, settings: Settings = None) -> None:
     """Check cases, and the mesh files that they name, and run nothing."""
     from cosim.build.fit import check_fit
-    from cosim.build.models import check_mesh_file
 
     codes = [0]
     for case in load_cases(cases, settings):
         try:
             check_fit(case)
-            check_mesh_file(case)
+            case.hood.check_files()
             typer.echo(f"{case.name}: in order")
         except InputError as error:
             codes.append(tell(InputError(f"{case.name}: {error}")))

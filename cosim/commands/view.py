@@ -43,7 +43,7 @@ def _has_display() -> bool:
 def _open_window(hood: Path) -> None:
     import pyvista
 
-    from cosim.results.parts import STRAIN
+    from cosim.hoods.view import STRAIN
 
     mesh = pyvista.read(hood)
     plotter = pyvista.Plotter(title=f"cosim: {hood.parent.name}")

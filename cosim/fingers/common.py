@@ -1,15 +1,86 @@
-"""What a case may say of the finger: posture, passive joints, fingertip, muscles."""
+"""What the tables of fingers share: posture, passive joints, fingertip; what needs no solver."""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import Annotated, Literal
+from pathlib import Path
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
 from cosim.schema import units
 from cosim.schema.fields import fault, quantity
 from cosim.schema.types import AbductionAngle, DipAngle, McpAngle, Number, PipAngle, Table
+
+EQUAL_SHARES = 0.5
+"""The central slip's, where tendons part into two equal strands (An et al. 1979)."""
+INDEX_AREAS = {
+    "FDP": 4.79,
+    "FDS": 4.79,
+    "EDC": 1.39,
+    "EI": 1.12,
+    "LUM": 0.28,
+    "FPI": 2.80,
+    "UI": 2.80,
+    "FDIm": 3.53 / 2,
+    "FDIl": 3.53 / 2,
+}
+"""cm2: AnyBody's index finger, after Wu et al. 2008 (FPI is its UI, the two heads of FDI share its
+RI equally)."""
+
+
+@dataclass(frozen=True)
+class Extensor:
+    """What a hood leaves to the finger of the extensor mechanism."""
+
+    central: float | None = None
+    """The central slip's share, where tendons of the finger's own part by fixed shares; None where
+    the hood takes their place."""
+    lies_on_bones: bool = False
+
+
+class FingerTable(Table):
+    """What the table of any finger says without a solver."""
+
+    title: ClassVar[str]
+    """In words, for reports."""
+    is_native: ClassVar[bool] = True
+    """A model of ours, not another's program."""
+    has_mass: ClassVar[bool] = True
+    has_literature: ClassVar[bool] = False
+    """Moment arms and slips of this finger are published, and the packaged hood was fitted to
+    them."""
+    laid_hood: ClassVar[str | None] = None
+    """The packaged case with a shell laid out on this finger, where it is not the index finger's.
+    """
+    flexed: ClassVar[tuple[float, float, float]] = (30.0, 45.0, 15.0)
+    """deg, MCP, PIP, DIP: the flexed posture in which forces of the slips are compared."""
+    KEPT: ClassVar[frozenset[str]] = frozenset({"posture", "tip", "limit", "passive", "gravity"})
+    """What bones and joints do not depend on."""
+
+    def files(self) -> tuple[Path, ...]:
+        """Those that the finger is built from."""
+        return ()
+
+    def check_extensor(self, extensor: Extensor) -> None:
+        """Raises InputError for what this finger cannot take over from a hood."""
+
+    def anatomy_key(self) -> str:
+        """A text that two fingers share only where bones and joints are alike."""
+        parts = self.model_dump(mode="json", exclude=set(self.KEPT))
+        return json.dumps([parts, stamps(self.files())], sort_keys=True)
+
+    def muscle_areas(self, names: Collection[str]) -> tuple[Mapping[str, float], str]:
+        """cm2 by muscle of a finger with the tendons `names`, and the source in words."""
+        return INDEX_AREAS, "Wu 2008, in AnyBody's index finger"
+
+
+def stamps(files: Collection[Path]) -> list[str]:
+    """Path, time and size of each file."""
+    return [f"{path}:{path.stat().st_mtime_ns}:{path.stat().st_size}" for path in files]
 
 
 class PlanarPosture(Table):

@@ -1,22 +1,31 @@
-"""What a case may say of a finger in an FMU."""
+"""The finger in an FMU: what a case may say of it, and how it is started."""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
+from cosim.fingers.common import FingerTable
+from cosim.fingers.kind import FingerKind
 from cosim.fmu.quantity import FINGER_QUANTITIES
 from cosim.schema.fields import fault, name_of
-from cosim.schema.types import BodyName, File, Switch, Table, TendonName
+from cosim.schema.types import BodyName, File, Switch, TendonName
 from meshes.skeleton import BODIES
 
+if TYPE_CHECKING:
+    from cosim.fmu.finger import FmuFinger as Unit
+    from cosim.fmu.moving_finger import FmuMovingFinger
 
-class FmuFinger(Table):
+
+class FmuFinger(FingerTable):
     """A finger in an FMU of FMI 2 or 3, which is a program and runs as one; it holds its posture,
     joints and fingertip.  `bodies`, `joints` and `tendons` name its own, in its order; `map` says,
     by quantity, how its variables are called where they are not called as in our own units."""
 
+    title: ClassVar[str] = "a finger in an FMU"
+    is_native: ClassVar[bool] = False
     kind: Literal["fmu"]
     path: File
     bodies: Annotated[tuple[BodyName, ...], Field(min_length=2)] = BODIES
@@ -34,3 +43,23 @@ class FmuFinger(Table):
             if len(set(names)) < len(names):
                 raise fault(f"{what}: names one twice")
         return self
+
+    def files(self) -> tuple[Path, ...]:
+        return (self.path,)
+
+    def at_rest(self) -> Unit:
+        """The unit, for equilibria.  Raises InputError."""
+        from cosim.fmu.finger import FmuFinger as Unit
+
+        names = self.bodies, self.joints, self.tendons
+        return Unit(self.path, *names, self.map, assume_si=self.assume_si)
+
+    def in_motion(self) -> FmuMovingFinger:
+        """The unit, for a motion in time.  Raises InputError."""
+        from cosim.fmu.moving_finger import FmuMovingFinger
+
+        names = self.bodies, self.joints, self.tendons
+        return FmuMovingFinger(self.path, *names, self.map, assume_si=self.assume_si)
+
+
+KIND = FingerKind(FmuFinger)

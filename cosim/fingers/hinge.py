@@ -1,19 +1,37 @@
-"""What a case may say of a finger of hinges."""
+"""The finger of hinges: what a case may say of it, and how it is built."""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from cosim.fingers.common import HeldTip, Limit, Passive, PlanarPosture, Tip
+from cosim.fingers.chain import joint_torques, tip_support
+from cosim.fingers.common import (
+    Extensor,
+    FingerTable,
+    HeldTip,
+    Limit,
+    Passive,
+    PlanarPosture,
+    Tip,
+)
+from cosim.fingers.kind import FingerKind
+from cosim.fingers.rods import thick_rods
+from cosim.port import Triangles
 from cosim.schema.fields import name_of
-from cosim.schema.types import Phalanx, Table
+from cosim.schema.types import Phalanx
+
+if TYPE_CHECKING:
+    from rigid.chain.statics import ChainFinger
 
 
-class HingeFinger(Table):
+class HingeFinger(FingerTable):
     """The analytic planar finger: three hinges in a row."""
 
+    title: ClassVar[str] = "planar finger of hinges, analytic"
+    has_mass: ClassVar[bool] = False
     kind: Literal["hinge"]
     lengths: tuple[Phalanx, Phalanx, Phalanx]
     posture: PlanarPosture
@@ -22,3 +40,19 @@ class HingeFinger(Table):
     passive: dict[Annotated[str, name_of("joint", ("MCP", "PIP", "DIP"))], Passive] = Field(
         default_factory=dict
     )
+
+
+def build(finger: HingeFinger, extensor: Extensor) -> ChainFinger:
+    """The live finger, which has no tendons of its own."""
+    from rigid.chain.hinge import JOINTS
+    from rigid.chain.hinge import HingeFinger as Hinges
+
+    support = tip_support(finger.tip, in_plane=True)
+    return Hinges(finger.lengths, law=joint_torques(finger, JOINTS), support=support)
+
+
+def bones(finger: HingeFinger, extensor: Extensor) -> Mapping[str, Triangles]:
+    return thick_rods(finger.lengths)
+
+
+KIND = FingerKind(HingeFinger, build, bones)

@@ -1,15 +1,48 @@
-"""What a case may say of the index finger."""
+"""The index finger: what a case may say of it, and how it is built."""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
+import numpy as np
 from pydantic import Field, model_validator
 
-from cosim.fingers.common import HeldTip, Limit, Passive, Posture, Tip
+from cosim.fingers.chain import on_mujoco
+from cosim.fingers.common import (
+    EQUAL_SHARES,
+    Extensor,
+    FingerTable,
+    HeldTip,
+    Limit,
+    Passive,
+    Posture,
+    Tip,
+)
+from cosim.fingers.kind import FingerKind
+from cosim.port import InputError, Triangles
 from cosim.schema.fields import fault, name_of
-from cosim.schema.types import Acceleration, BodyName, File, Number, Table
-from meshes.skeleton import JOINTS
+from cosim.schema.types import MUSCLES, Acceleration, BodyName, File, Number, Table
+from meshes.skeleton import BODIES, JOINTS, Skeleton, index_finger
+
+if TYPE_CHECKING:
+    from rigid.chain.statics import ChainFinger
+    from rigid.model import FingerModel
+
+BONE_SIZE = (5, 200)
+"""mm, the longest side of a user's bone."""
+UNREADABLE = (
+    OSError,
+    ValueError,
+    TypeError,
+    AttributeError,
+    KeyError,
+    IndexError,
+    NotImplementedError,
+)
+"""What a reader of surfaces raises over files that it does not understand."""
 
 
 class Bone(Table):
@@ -20,9 +53,11 @@ class Bone(Table):
     frame: Literal["ours", "myohand"]
 
 
-class IndexFinger(Table):
+class IndexFinger(FingerTable):
     """The MuJoCo index finger: ours, or with `path` the user's."""
 
+    title: ClassVar[str] = "index finger of a right hand"
+    has_literature: ClassVar[bool] = True
     kind: Literal["index"]
     path: File | None = None
     """A MuJoCo model with joints, lengths and tendons in place of ours: bodies, joints, tendons and
@@ -44,3 +79,106 @@ class IndexFinger(Table):
                 "gives a path and length_scale or width_scale; a finger out of a file has its size"
             )
         return self
+
+    def files(self) -> tuple[Path, ...]:
+        surfaces = tuple(bone.surface for bone in self.bones.values())
+        return surfaces if self.path is None else (*surfaces, self.path)
+
+    def check_extensor(self, extensor: Extensor) -> None:
+        if self.path is None:
+            return
+        if extensor.central not in (None, EQUAL_SHARES):
+            raise InputError(
+                "hood.central: a finger out of a file (finger.path) parts its tendons as the file "
+                "says; leave it out"
+            )
+        lacking = [body for body in BODIES if body not in self.bones]
+        if lacking and extensor.lies_on_bones:
+            raise InputError(
+                f"finger.bones: the hood lies on the bones, and our {lacking[0]} does not fit a "
+                "finger out of a file (finger.path); give a surface for each of "
+                f"{', '.join(lacking)}"
+            )
+
+
+def skeleton(finger: IndexFinger) -> Skeleton:
+    """As its MuJoCo model has it."""
+    if finger.path is not None:
+        from rigid.mjcf.read import skeleton_of
+
+        return skeleton_of(_in_file(finger.path))
+    return index_finger().scaled(finger.length_scale)
+
+
+def width(finger: IndexFinger) -> float:
+    return finger.width_scale
+
+
+def model(finger: IndexFinger, extensor: Extensor) -> FingerModel:
+    from rigid.fingers import index
+
+    if finger.path is not None:
+        made = _in_file(finger.path)
+        hooded = index.through_the_hood() if extensor.central is None else ()
+        return made.with_only(*(m for m in made.muscles if m not in hooded))
+    unit = index.O2O3 * finger.length_scale
+    return index.finger_model(skeleton(finger), unit, central=extensor.central)
+
+
+def _in_file(path: Path) -> FingerModel:
+    """The finger of a MuJoCo model, with the tendons that a case can name."""
+    stamp = path.stat()
+    return _read(path, stamp.st_mtime_ns, stamp.st_size)
+
+
+@lru_cache(maxsize=8)
+def _read(path: Path, changed: int, size: int) -> FingerModel:
+    from rigid.mjcf.read import read_mjcf
+
+    return read_mjcf(path, tendons=MUSCLES).model
+
+
+def build(finger: IndexFinger, extensor: Extensor) -> ChainFinger:
+    return on_mujoco(finger, model(finger, extensor))
+
+
+def bones(finger: IndexFinger, extensor: Extensor) -> Mapping[str, Triangles]:
+    """The user's surfaces, and ours scaled."""
+    from meshes.bones import load_bone
+
+    out = {}
+    for body in BODIES:
+        user = finger.bones.get(body)
+        if user is not None:
+            out[body] = _user_bone(body, user, finger)
+        else:
+            scaled = load_bone(body).scaled(finger.length_scale, finger.width_scale)
+            out[body] = scaled.surface()
+    return out
+
+
+def _user_bone(body: str, bone: Bone, finger: IndexFinger) -> Triangles:
+    import trimesh
+
+    try:
+        loaded = trimesh.load_mesh(bone.surface)
+        points = np.array(loaded.vertices, dtype=float) * {"m": 1.0, "mm": 1e-3}[bone.unit]
+        faces = np.array(loaded.faces, dtype=np.intp)
+    except UNREADABLE as error:
+        raise InputError(
+            f"finger.bones.{body}.surface: {bone.surface.name} cannot be read as a triangle "
+            f"surface ({error}); give a watertight STL or OBJ"
+        ) from error
+    size = 1e3 * float(np.ptp(points, axis=0).max()) if len(points) else 0.0
+    if len(faces) and not BONE_SIZE[0] <= size <= BONE_SIZE[1]:
+        raise InputError(
+            f"finger.bones.{body}.surface: {bone.surface.name} is {size:.3g} mm long as "
+            f"{bone.unit}; expected {BONE_SIZE[0]} to {BONE_SIZE[1]} mm. Check finger.bones.{body}"
+            ".unit"
+        )
+    if bone.frame == "myohand":
+        points = index_finger().from_source(body, points)
+    return points * [finger.length_scale, finger.width_scale, finger.width_scale], faces
+
+
+KIND = FingerKind(IndexFinger, build, bones, model, skeleton, width)

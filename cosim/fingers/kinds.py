@@ -1,44 +1,63 @@
-"""From the finger of a case to a live one.  One of the files that know the solvers by name."""
+"""The kinds of finger: one line in FINGERS and one in the union for each."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-from functools import lru_cache
-from pathlib import Path
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from cosim.fingers.hinge import HingeFinger
-from cosim.fingers.index import IndexFinger
-from cosim.fingers.middle import MiddleFinger
-from cosim.fingers.planar import PlanarFinger
-from cosim.fingers.robot import RobotFinger
-from cosim.hoods.shell.table import ShellHood
-from cosim.hoods.split import SplitHood
-from cosim.port import Finger, InputError
-from cosim.schema.types import MUSCLES
+from cosim.fingers import fmu, hinge, index, middle, planar, robot
+from cosim.fingers.common import Extensor
+from cosim.fingers.kind import Anatomy, FingerKind
+from cosim.port import Finger, InputError, Triangles
 
 if TYPE_CHECKING:
+    from cosim.fingers.chain import Heavy
     from meshes.skeleton import Skeleton
-    from rigid.chain.joint_torques import JointLaw
-    from rigid.chain.planar_chain import PlanarChain
     from rigid.chain.statics import ChainFinger
-    from rigid.chain.support import Support
     from rigid.model import FingerModel
 
+FINGERS: Mapping[str, FingerKind[Any]] = {
+    kind.name: kind
+    for kind in (index.KIND, middle.KIND, planar.KIND, hinge.KIND, robot.KIND, fmu.KIND)
+}
+NativeFinger = (
+    index.IndexFinger
+    | middle.MiddleFinger
+    | planar.PlanarFinger
+    | hinge.HingeFinger
+    | robot.RobotFinger
+)
+"""The tables of those of our own."""
+AnyFinger = NativeFinger | fmu.FmuFinger
 LEAST_ARM = 1e-3
 """m, of the joints about a held tip; some 2 deg of flexion in all."""
-AnyFinger = IndexFinger | MiddleFinger | HingeFinger | PlanarFinger | RobotFinger
-"""Those of our own."""
-OnMujoco = IndexFinger | MiddleFinger | PlanarFinger | RobotFinger
 
 
-def live_finger(finger: AnyFinger, hood: object) -> ChainFinger:
-    """The finger, with the extensor's tendons among its own where the hood is a fixed split.
+def native(finger: AnyFinger) -> NativeFinger:
+    """The table of a finger of ours.  Raises InputError for one in an FMU."""
+    if finger.kind == "fmu":
+        kinds = words(kind for kind, of in FINGERS.items() if of.table.is_native)
+        raise InputError(
+            'finger.kind = "fmu" can be run and no more; for this take a finger of our own: '
+            f"{kinds}"
+        )
+    return finger
+
+
+def held_by(finger: AnyFinger) -> str:
+    """What holds the fingertip: the word of `finger.tip.kind`; "fmu" of a unit's."""
+    return finger.kind if finger.kind == "fmu" else finger.tip.kind
+
+
+def live_finger(finger: NativeFinger, extensor: Extensor) -> ChainFinger:
+    """The finger, with those tendons of its own that the hood leaves to it.
 
     Raises InputError for one that cannot be held where the case holds it."""
-    made = _hinges(finger) if isinstance(finger, HingeFinger) else _on_mujoco(finger, hood)
+    build = FINGERS[finger.kind].build
+    assert build is not None
+    made = build(finger, extensor)
     if finger.tip.kind not in ("point", "clamped"):
         return made
     if made.support_arm(made.start(finger.posture.angles())) < LEAST_ARM:
@@ -51,6 +70,65 @@ def live_finger(finger: AnyFinger, hood: object) -> ChainFinger:
     return made
 
 
+def finger_model(finger: NativeFinger, extensor: Extensor) -> FingerModel:
+    """Bones, joints and tendons in words.  Raises InputError for a finger without a MuJoCo
+    model."""
+    model = FINGERS[finger.kind].model
+    if model is None:
+        raise InputError(f'finger.kind = "{finger.kind}" has no MuJoCo model; take another kind')
+    return model(finger, extensor)
+
+
+def mjcf(finger: NativeFinger, extensor: Extensor) -> str:
+    """The finger as MJCF.  Raises InputError for one without a MuJoCo model."""
+    from rigid.mjcf.write import mjcf_xml
+
+    return mjcf_xml(finger_model(finger, extensor), cast("Heavy", finger).gravity)
+
+
+def own_tendons(finger: AnyFinger, extensor: Extensor) -> tuple[str, ...]:
+    """The finger's own, under a hood that leaves it so much."""
+    if finger.kind == "fmu":
+        return finger.tendons
+    model = FINGERS[finger.kind].model
+    return () if model is None else model(finger, extensor).muscles
+
+
+def skeleton_of(finger: NativeFinger) -> Skeleton:
+    """Joints and lengths.  Raises InputError for a finger that no hood is laid out on."""
+    skeleton = FINGERS[finger.kind].skeleton
+    if skeleton is None:
+        raise InputError(f'finger.kind = "{finger.kind}" has no skeleton; take another kind')
+    return skeleton(finger)
+
+
+def bones_of(finger: NativeFinger, extensor: Extensor) -> Mapping[str, Triangles]:
+    """Surfaces in the bodies' frames, m."""
+    bones = FINGERS[finger.kind].bones
+    assert bones is not None
+    return bones(finger, extensor)
+
+
+def anatomy_of(finger: AnyFinger, extensor: Extensor) -> Anatomy:
+    """What a hood is laid out on; of a finger in an FMU nothing is known."""
+    kind = FINGERS[finger.kind]
+    model = None if kind.model is None else kind.model(finger, extensor)
+    hooded: tuple[str, ...] = ()
+    if kind.model is not None and model is not None and extensor.central is not None:
+        bare = kind.model(finger, Extensor()).muscles
+        hooded = tuple(name for name in model.muscles if name not in bare)
+    return Anatomy(
+        kind.name,
+        finger.anatomy_key(),
+        None if kind.skeleton is None else kind.skeleton(finger),
+        {} if kind.bones is None else kind.bones(finger, extensor),
+        kind.width(finger),
+        kind.intrinsic(finger),
+        model,
+        hooded,
+    )
+
+
 def joint_ranges(finger: Finger) -> dict[str, tuple[float, float]]:
     """rad by joint: the finger's own, or where it states none those of a posture in a case."""
     from rigid.fingers.anatomy import RANGES
@@ -59,132 +137,12 @@ def joint_ranges(finger: Finger) -> dict[str, tuple[float, float]]:
     return {joint: stated.get(joint, RANGES[joint]) for joint in finger.joints}
 
 
-def skeleton_of(finger: IndexFinger | MiddleFinger) -> Skeleton:
-    """The finger's joints and lengths, as its MuJoCo model has them."""
-    from meshes.skeleton import index_finger
-    from rigid.fingers.middle import skeleton
-
-    if isinstance(finger, IndexFinger) and finger.path is not None:
-        from rigid.mjcf.read import skeleton_of as skeleton_in_file
-
-        return skeleton_in_file(_in_file(finger.path))
-    made = skeleton() if isinstance(finger, MiddleFinger) else index_finger()
-    return made.scaled(finger.length_scale)
+def with_mass() -> str:
+    """The kinds of ours that have mass, in words."""
+    return words(k for k, of in FINGERS.items() if of.table.is_native and of.table.has_mass)
 
 
-def width_of(finger: IndexFinger | MiddleFinger) -> float:
-    """How much wider the finger is than our index finger; of the middle finger after O2O3, the unit
-    of their tendon paths."""
-    from rigid.fingers import index as index_finger
-    from rigid.fingers import middle as middle_finger
-
-    if isinstance(finger, MiddleFinger):
-        return middle_finger.O2O3 / index_finger.O2O3 * finger.length_scale
-    return finger.width_scale
-
-
-def finger_model(finger: OnMujoco, hood: object) -> FingerModel:
-    """Bones, joints and tendons in words."""
-    from rigid.fingers import index as index_finger
-    from rigid.fingers import middle as middle_finger
-
-    central = hood.central if isinstance(hood, SplitHood) else None
-    if isinstance(finger, IndexFinger) and finger.path is not None:
-        made = _in_file(finger.path)
-        hooded = () if isinstance(hood, SplitHood) else tuple(index_finger.through_the_hood())
-        return made.with_only(*(m for m in made.muscles if m not in hooded))
-    if isinstance(finger, IndexFinger):
-        unit = index_finger.O2O3 * finger.length_scale
-        return index_finger.finger_model(skeleton_of(finger), unit, central=central)
-    if isinstance(finger, PlanarFinger):
-        return planar_chain(finger).model()
-    if isinstance(finger, RobotFinger):
-        return _robot(finger, pulley=isinstance(hood, SplitHood))
-    if isinstance(hood, ShellHood):
-        return middle_finger.under_a_hood(finger.length_scale)
-    if central is None:
-        return middle_finger.finger_model(finger.length_scale).with_only("FDP", "FDS")
-    return middle_finger.finger_model(finger.length_scale, central)
-
-
-def _in_file(path: Path) -> FingerModel:
-    """The finger of a MuJoCo model, with the tendons that a case can name."""
-    stamp = path.stat()
-    return _read(path, stamp.st_mtime_ns, stamp.st_size)
-
-
-@lru_cache(maxsize=8)
-def _read(path: Path, changed: int, size: int) -> FingerModel:
-    from rigid.mjcf.read import read_mjcf
-
-    return read_mjcf(path, tendons=MUSCLES).model
-
-
-def _robot(finger: RobotFinger, pulley: bool) -> FingerModel:
-    """Without its pulley another hood takes the central extensor's place."""
-    from rigid.fingers.robot import robot_finger
-    from rigid.fingers.robot_tables import TENDONS
-
-    made = robot_finger(finger.second_extensor)
-    return made if pulley else made.with_only(*(m for m in made.muscles if m != TENDONS[0]))
-
-
-def planar_chain(finger: PlanarFinger) -> PlanarChain:
-    """The finger in closed form."""
-    from rigid.chain.planar_chain import PlanarChain
-
-    parts = (finger.lengths, finger.centres, finger.masses, finger.inertias)
-    length, centre, mass, inertia = (np.array(part) for part in parts)
-    return PlanarChain(length, centre, mass, inertia)
-
-
-def _on_mujoco(finger: OnMujoco, hood: object) -> ChainFinger:
-    from rigid.mujoco.finger import MujocoFinger
-
-    model = finger_model(finger, hood)
-    support = _support(finger.tip.kind, in_plane=isinstance(finger, PlanarFinger))
-    law = _law(finger, model.joints)
-    return MujocoFinger(model, law=law, support=support, gravity=finger.gravity)
-
-
-def _support(kind: str, in_plane: bool) -> Support:
-    from rigid.chain.support import CLAMPED, CLAMPED_IN_PLANE, FREE, HELD, IN_PLANE, JOINTS_HELD
-
-    point, clamped = (IN_PLANE, CLAMPED_IN_PLANE) if in_plane else (HELD, CLAMPED)
-    return {"point": point, "clamped": clamped, "posture": JOINTS_HELD}.get(kind, FREE)
-
-
-def _hinges(finger: HingeFinger) -> ChainFinger:
-    from rigid.chain.hinge import JOINTS
-    from rigid.chain.hinge import HingeFinger as Hinges
-
-    support = _support(finger.tip.kind, in_plane=True)
-    return Hinges(finger.lengths, law=_law(finger, JOINTS), support=support)
-
-
-def _law(finger: AnyFinger, joints: tuple[str, ...]) -> JointLaw:
-    from rigid.chain.joint_torques import TorqueCurve, joint_law
-
-    posture = finger.posture.angles()
-    springs = {j: p for j, p in finger.passive.items() if p.stiffness is not None}
-    curves = {
-        j: TorqueCurve(*zip(*p.curve, strict=True)) for j, p in finger.passive.items() if p.curve
-    }
-    law = joint_law(
-        joints,
-        stiffness={j: p.stiffness for j, p in springs.items() if p.stiffness is not None},
-        rest={
-            j: posture[j] if isinstance(p.rest, str) else p.rest or 0.0 for j, p in springs.items()
-        },
-        damping={j: p.damping for j, p in finger.passive.items()},
-        curves=curves,
-    )
-    if finger.limit is None:
-        return law
-    law = replace(
-        law,
-        limit_stiffness=finger.limit.stiffness,
-        transition=finger.limit.transition,
-        limit_damping=finger.limit.damping,
-    )
-    return law.held_about(posture, margin=finger.limit.half_range)
+def words(kinds: Iterable[str]) -> str:
+    """`finger.kind = "a", "b" or "c"`."""
+    *first, last = (f'"{kind}"' for kind in kinds)
+    return f"finger.kind = {', '.join(first)} or {last}"

@@ -1,20 +1,35 @@
-"""What a case may say of the middle finger."""
+"""The middle finger: what a case may say of it, and how it is built."""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Collection, Mapping
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
+import numpy as np
 from pydantic import Field
 
-from cosim.fingers.common import HeldTip, Limit, Passive, Posture, Tip
+from cosim.fingers.chain import on_mujoco
+from cosim.fingers.common import Extensor, FingerTable, HeldTip, Limit, Passive, Posture, Tip
+from cosim.fingers.kind import FingerKind, Guides
+from cosim.port import Triangles
 from cosim.schema.fields import name_of
-from cosim.schema.types import Acceleration, Number, Table
-from meshes.skeleton import JOINTS
+from cosim.schema.types import Acceleration, Number
+from meshes.skeleton import BODIES, JOINTS, Skeleton, index_finger
+
+if TYPE_CHECKING:
+    from rigid.chain.statics import ChainFinger
+    from rigid.model import FingerModel
+
+AREAS = {"FDP": 4.1, "FDS": 4.2, "EDC": 1.7, "LUM": 0.2, "UI": 2.2, "RI": 2.8}
+"""cm2: Chao et al. 1989, digit III, as Synek et al. 2019 take them."""
 
 
-class MiddleFinger(Table):
+class MiddleFinger(FingerTable):
     """The MuJoCo middle finger of Synek et al. 2019."""
 
+    title: ClassVar[str] = "middle finger of a right hand"
+    laid_hood: ClassVar[str | None] = "base/middle_hood"
+    flexed: ClassVar[tuple[float, float, float]] = (40.0, 55.0, 35.0)
     kind: Literal["middle"]
     posture: Posture
     length_scale: Annotated[Number, Field(ge=0.1, le=3)] = 1.0
@@ -22,3 +37,60 @@ class MiddleFinger(Table):
     limit: Limit | None = None
     passive: dict[Annotated[str, name_of("joint", JOINTS)], Passive] = Field(default_factory=dict)
     gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, 0.0)
+
+    def muscle_areas(self, names: Collection[str]) -> tuple[Mapping[str, float], str]:
+        areas = dict(AREAS)
+        if "RIp" in names:  # half of the radial interosseous ends on the bone
+            areas |= {"RI": AREAS["RI"] / 2, "RIp": AREAS["RI"] / 2}
+        return areas, "Chao 1989, digit III, in Synek 2019"
+
+
+def model(finger: MiddleFinger, extensor: Extensor) -> FingerModel:
+    """With the tendons that end on bones under a sheet, with the flexors alone under any other
+    hood, with all where they part by fixed shares."""
+    from rigid.fingers.middle import finger_model, under_a_hood
+
+    if extensor.lies_on_bones:
+        return under_a_hood(finger.length_scale)
+    if extensor.central is None:
+        return finger_model(finger.length_scale).with_only("FDP", "FDS")
+    return finger_model(finger.length_scale, extensor.central)
+
+
+def build(finger: MiddleFinger, extensor: Extensor) -> ChainFinger:
+    return on_mujoco(finger, model(finger, extensor))
+
+
+def skeleton(finger: MiddleFinger) -> Skeleton:
+    from rigid.fingers.middle import skeleton
+
+    return skeleton().scaled(finger.length_scale)
+
+
+def width(finger: MiddleFinger) -> float:
+    """After O2O3, the unit of the fingers' tendon paths."""
+    from rigid.fingers import index, middle
+
+    return middle.O2O3 / index.O2O3 * finger.length_scale
+
+
+def bones(finger: MiddleFinger, extensor: Extensor) -> Mapping[str, Triangles]:
+    """The index finger's bones, each as long as the middle finger's and as much wider as its tendon
+    paths are, in its bodies' frames; the metacarpal longer by the phalanges' mean."""
+    from meshes.bones import load_bone
+
+    longer = skeleton(finger).length[1:] / index_finger().length[1:]
+    along = np.concatenate([[longer.mean()], longer])
+    return {
+        body: load_bone(body).scaled(factor, width(finger)).surface()
+        for body, factor in zip(BODIES, along, strict=True)
+    }
+
+
+def intrinsic(finger: MiddleFinger) -> Guides:
+    from rigid.fingers.middle import intrinsic_guides
+
+    return intrinsic_guides(finger.length_scale)
+
+
+KIND = FingerKind(MiddleFinger, build, bones, model, skeleton, width, intrinsic)

@@ -1,20 +1,40 @@
-"""What a case may say of a planar finger."""
+"""The planar finger: what a case may say of it, and how it is built."""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
+import numpy as np
 from pydantic import Field
 
-from cosim.fingers.common import HeldTip, Limit, Passive, PlanarPosture, Tip
+from cosim.fingers.chain import on_mujoco
+from cosim.fingers.common import (
+    Extensor,
+    FingerTable,
+    HeldTip,
+    Limit,
+    Passive,
+    PlanarPosture,
+    Tip,
+)
+from cosim.fingers.kind import FingerKind
+from cosim.fingers.rods import thick_rods
+from cosim.port import Triangles
 from cosim.schema.fields import name_of
-from cosim.schema.types import Acceleration, Inertia, Mass, Phalanx, Table
+from cosim.schema.types import Acceleration, Inertia, Mass, Phalanx
+
+if TYPE_CHECKING:
+    from rigid.chain.planar_chain import PlanarChain
+    from rigid.chain.statics import ChainFinger
+    from rigid.model import FingerModel
 
 
-class PlanarFinger(Table):
+class PlanarFinger(FingerTable):
     """Three links in a plane on MuJoCo: lengths, distances of the centres of mass from the proximal
     joints, masses, and moments of inertia about the centres of mass."""
 
+    title: ClassVar[str] = "planar finger of three links"
     kind: Literal["planar"]
     lengths: tuple[Phalanx, Phalanx, Phalanx]
     centres: tuple[Phalanx, Phalanx, Phalanx]
@@ -27,3 +47,27 @@ class PlanarFinger(Table):
         default_factory=dict
     )
     gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, 0.0)
+
+
+def planar_chain(finger: PlanarFinger) -> PlanarChain:
+    """The finger in closed form."""
+    from rigid.chain.planar_chain import PlanarChain
+
+    parts = (finger.lengths, finger.centres, finger.masses, finger.inertias)
+    length, centre, mass, inertia = (np.array(part) for part in parts)
+    return PlanarChain(length, centre, mass, inertia)
+
+
+def model(finger: PlanarFinger, extensor: Extensor) -> FingerModel:
+    return planar_chain(finger).model()
+
+
+def build(finger: PlanarFinger, extensor: Extensor) -> ChainFinger:
+    return on_mujoco(finger, model(finger, extensor), in_plane=True)
+
+
+def bones(finger: PlanarFinger, extensor: Extensor) -> Mapping[str, Triangles]:
+    return thick_rods(finger.lengths)
+
+
+KIND = FingerKind(PlanarFinger, build, bones, model)

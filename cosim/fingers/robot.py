@@ -1,22 +1,37 @@
-"""What a case may say of the robotic finger; all else of it is its paper's."""
+"""The robotic finger: what a case may say of it, and how it is built; all else of it is its
+paper's."""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from cosim.fingers.common import HeldTip, Limit, Passive, Posture, Tip
+from cosim.fingers.chain import on_mujoco
+from cosim.fingers.common import Extensor, FingerTable, HeldTip, Limit, Passive, Posture, Tip
+from cosim.fingers.kind import FingerKind
+from cosim.fingers.rods import rods
+from cosim.port import InputError, Triangles
 from cosim.schema.fields import name_of
-from cosim.schema.types import Acceleration, Switch, Table
-from meshes.skeleton import JOINTS
+from cosim.schema.types import Acceleration, Switch
+from meshes.skeleton import BODIES, JOINTS, Skeleton
+
+if TYPE_CHECKING:
+    from rigid.chain.statics import ChainFinger
+    from rigid.model import FingerModel
+
+THIN = 1e-3
+"""m, of the rods that stand for its bones in pictures: its extensor runs 1.2 mm above them at the
+DIP."""
 
 
-class RobotFinger(Table):
+class RobotFinger(FingerTable):
     """The robotic finger of Xu et al. 2012 on MuJoCo (rigid/fingers/robot.py), with its own
     tendons: over its extensor's pulley under `hood.kind = "split"`; any other hood takes that
     extensor's place."""
 
+    title: ClassVar[str] = "robotic finger of Xu et al. 2012"
     kind: Literal["robot"]
     posture: Posture
     second_extensor: Switch = False
@@ -25,3 +40,55 @@ class RobotFinger(Table):
     limit: Limit | None = None
     passive: dict[Annotated[str, name_of("joint", JOINTS)], Passive] = Field(default_factory=dict)
     gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, 0.0)
+
+    def check_extensor(self, extensor: Extensor) -> None:
+        from rigid.fingers.robot_tables import LONG, SHORT
+
+        if extensor.central not in (None, 2 * SHORT):
+            raise InputError(
+                f"hood.central: the robotic finger's pulley parts its extensor by {LONG:g} and "
+                f"twice {SHORT:g}, and has no other shares; leave it out"
+            )
+
+
+def model(finger: RobotFinger, extensor: Extensor) -> FingerModel:
+    """Without its pulley another hood takes the central extensor's place."""
+    from rigid.fingers.robot import robot_finger
+    from rigid.fingers.robot_tables import TENDONS
+
+    made = robot_finger(finger.second_extensor)
+    if extensor.central is not None:
+        return made
+    return made.with_only(*(m for m in made.muscles if m != TENDONS[0]))
+
+
+def build(finger: RobotFinger, extensor: Extensor) -> ChainFinger:
+    return on_mujoco(finger, model(finger, extensor))
+
+
+def skeleton(finger: RobotFinger) -> Skeleton:
+    """As its MuJoCo model has it."""
+    from meshes.robot_net import straight_skeleton
+    from rigid.fingers.robot_tables import LENGTHS
+
+    return straight_skeleton(LENGTHS)
+
+
+def bones(finger: RobotFinger, extensor: Extensor) -> Mapping[str, Triangles]:
+    """Under a hood the human bones after which its own were printed (paper, section II), each as
+    long as its phalanx; else rods, thin enough to leave its extensor in sight."""
+    from meshes.robot_net import bones_of
+    from rigid.fingers.robot_tables import LENGTHS
+
+    if extensor.lies_on_bones:
+        return bones_of(skeleton(finger))
+    return rods(LENGTHS, dict.fromkeys(BODIES, THIN))
+
+
+def width(finger: RobotFinger) -> float:
+    from meshes.robot_net import wider
+
+    return wider(skeleton(finger))
+
+
+KIND = FingerKind(RobotFinger, build, bones, model, skeleton, width)

@@ -5,10 +5,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cosim.hoods.view import Field
 from cosim.port import Array, State
 from meshes.bands import Line, band_heights
 from meshes.glide import Place, glide
@@ -19,8 +21,8 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Look:
-    """What there is to see of a solved hood, be it a sheet or a net."""
+class FeView:
+    """What there is to see of a solved hood of finite elements, be it a sheet or a net."""
 
     points: Array
     """(n, 3) m, deformed."""
@@ -43,6 +45,55 @@ class Look:
     band_height: Mapping[str, float]
     """m by side, of the lateral bands over the PIP's axis (`meshes.bands`), positive dorsally."""
 
+    def fields(self) -> tuple[Field, ...]:
+        """What sheet and net share."""
+        glide = np.array(list(self.glide.values()))
+        return (
+            Field("node", ("point", "axis"), "m", "hood node", self.points),
+            Field("spring_force", ("spring",), "N", "tension of the spring", self.spring_tension),
+            Field(
+                "glide",
+                ("place",),
+                "m",
+                "glide of the hood along the bone beneath, from where it was laid, distally",
+                glide,
+            ),
+            Field(
+                "displacement",
+                ("point", "axis"),
+                "m",
+                "from where it was laid",
+                self.points - self.reference,
+                in_results=False,
+                on_mesh=True,
+            ),
+        )
+
+    def coordinates(self) -> Mapping[str, Any]:
+        return {
+            "place": list(self.glide),
+            "spring_set": ("spring", list(self.spring_set)),
+            "spring_node": ("spring", self.spring_node),
+        }
+
+    def own_summary(self) -> Mapping[str, Any]:
+        """What sheet and net do not share."""
+        return {}
+
+    def summary(self) -> Mapping[str, Any]:
+        heights = {side: 1e3 * z for side, z in self.band_height.items() if np.isfinite(z)}
+        return {
+            "glide_mm": {place: 1e3 * glide for place, glide in self.glide.items()},
+            **({"lateral_band_height_mm": heights} if heights else {}),
+            "spring_force_N": dict(self.spring_force),
+            **self.own_summary(),
+            "max_penetration_mm": 1e3 * self.penetration,
+            "guide_depth_mm": 1e3 * self.guide_depth,
+        }
+
+    def change(self, before: Any) -> Mapping[str, Any]:
+        return {}
+
 
 @dataclass(frozen=True)
 class Lines:
@@ -56,12 +107,12 @@ class Lines:
     """(3,) unit, the PIP's in the middle phalanx's frame."""
 
 
-def look_at(hood: FeHood, depth: float, lines: Lines, state: State) -> Look:
+def look_at(hood: FeHood, depth: float, lines: Lines, state: State) -> FeView:
     """At a state; `depth` is the hood's `guide_depth`, which no state changes."""
     from fe_solver.forces.springs import spring_state
 
     springs, forces, c = hood.model.springs, hood.group_forces(state), state.configuration
-    return Look(
+    return FeView(
         points=c.x,
         reference=hood.model.reference,
         spring_force={name: float(np.linalg.norm(forces[name])) for name in hood.groups},
@@ -111,3 +162,15 @@ def guide_depth(hood: FeHood) -> float:
         depth = np.repeat(level, way.shape[1]) - contact.surface.distance(way.reshape(-1, 3)).value
         deepest = max(deepest, float(depth.max(initial=0.0)))
     return deepest
+
+
+def tangent_seconds(hood: FeHood, state: State) -> tuple[float, float]:
+    """Of one assembly and of one factorisation at a state."""
+    from fe_solver.solver.newton_step import factorised
+
+    start = perf_counter()
+    e = hood.model.evaluate(state.configuration, state.solution.tension, tangent=True)
+    assembled = perf_counter()
+    assert e.data is not None  # the tangent was asked for
+    factorised(hood.model, e.data)
+    return assembled - start, perf_counter() - assembled

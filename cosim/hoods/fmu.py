@@ -1,23 +1,28 @@
-"""What a case may say of a hood in an FMU."""
+"""The hood in an FMU: what a case may say of it, and how it is started."""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from pathlib import Path
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
 from cosim.fmu.quantity import HOOD_QUANTITIES
+from cosim.hoods.kind import BuiltHood, HoodKind, HoodTable, Site
 from cosim.schema import units
 from cosim.schema.fields import name_of, quantity
-from cosim.schema.types import File, Switch, Table, TendonName
+from cosim.schema.types import File, Switch, TendonName
 
 
-class FmuHood(Table):
+class FmuHood(HoodTable):
     """A hood in an FMU of FMI 2 or 3, which is a program and runs as one.  `tendons` and `sources`
     name its own, in its order; `map` says, by quantity, how its variables are called where they are
     not called as in our own units; `rest_step` is a communication step in which it comes to rest,
     for one without the switch `static`."""
 
+    title: ClassVar[str] = "a hood in an FMU"
+    fits: ClassVar[tuple[str, ...]] = ("index", "middle", "planar", "hinge", "robot", "fmu")
+    needs_no_tension: ClassVar[bool] = False
     kind: Literal["fmu"]
     path: File
     tendons: Annotated[tuple[TendonName, ...], Field(min_length=1)]
@@ -27,3 +32,23 @@ class FmuHood(Table):
     )
     rest_step: Annotated[float, quantity(units.TIME, above="0 s", most="1000 s")] | None = None
     assume_si: Switch = False
+
+    def tendon_names(self) -> tuple[str, ...]:
+        return self.tendons
+
+    def source_names(self) -> tuple[str, ...]:
+        return self.sources
+
+    def files(self) -> tuple[Path, ...]:
+        return (self.path,)
+
+
+def build(hood: FmuHood, site: Site) -> BuiltHood:
+    from cosim.fmu.hood import FmuHood as Unit
+
+    names = site.rest.bodies, hood.tendons, hood.sources
+    unit = Unit(hood.path, *names, hood.map, rest_step=hood.rest_step, assume_si=hood.assume_si)
+    return BuiltHood(unit)
+
+
+KIND = HoodKind(FmuHood, build)

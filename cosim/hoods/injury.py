@@ -1,4 +1,4 @@
-"""A hood as an injury or its repair leaves it: meshes, nets and networks before they are built."""
+"""A hood as an injury or its repair leaves it: meshes and nets before they are built."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cosim.hoods.lesion import Lesion
-from cosim.hoods.lumped.table import JOINTS, ConnectingTendon, NetworkHood, TwoBandHood
 from cosim.port import Array, InputError, Motion
 
 if TYPE_CHECKING:
@@ -82,75 +81,8 @@ def _bone_beneath(station: Array) -> np.ndarray:
 
 def _nodes(hood: HoodMesh | CableNet, part: str) -> np.ndarray:
     """The free nodes of a part.  Raises InputError where it has none."""
-    from meshes.cable_net import CableNet
-
-    if isinstance(hood, CableNet):
-        cells = hood.cells[hood.strand == _place(hood.strands, part)]
-    else:
-        cells = hood.quads[hood.cells(part)]
     fixed = np.concatenate([*hood.ends.values(), *hood.tied.values()])
-    nodes = np.setdiff1d(cells, fixed)
+    nodes = np.setdiff1d(hood.part_cells(part), fixed)
     if not len(nodes):
         raise InputError(f"lesion.adhere: the hood has no {part} that could grow onto a bone")
     return nodes
-
-
-def _place(names: tuple[str, ...], name: str) -> int:
-    return names.index(name) if name in names else -1
-
-
-def injured_network(
-    hood: NetworkHood | TwoBandHood, lesion: Lesion | None
-) -> NetworkHood | TwoBandHood:
-    """A hood in lumped form without the connecting tendons that are cut, others shorter or longer.
-
-    Raises InputError where a muscle would be left to pull on nothing."""
-    if lesion is None:
-        return hood
-    network = _as_network(hood) if isinstance(hood, TwoBandHood) else hood
-    cut = {tendon for part in lesion.cut for tendon in _tendons(network, part, "cut")}
-    left = {name: t for name, t in network.connecting.items() if name not in cut}
-    for part, more in lesion.length_changes().items():
-        for name in _tendons(network, part, "shorten" if more < 0 else "lengthen"):
-            if name in left:
-                tendon = left[name]
-                left[name] = tendon.model_copy(update={"rest": tendon.rest + more})
-    pulling = {t.muscle for t in left.values()}
-    if idle := [t.muscle for t in network.connecting.values() if t.muscle not in pulling]:
-        raise InputError(f"lesion.cut: leaves no connecting tendon for {idle[0]} to pull; cut less")
-    return network.model_copy(update={"connecting": left})
-
-
-def _tendons(hood: NetworkHood, part: str, key: str) -> list[str]:
-    """The connecting tendons of a part: those that cross the PIP last are the central slip, those
-    that cross the DIP the terminal one.  Raises InputError where there are none."""
-    if part in hood.connecting:
-        return [part]
-    last = {"central_slip": JOINTS[1], "terminal_slip": JOINTS[2]}[part]
-    found = [
-        n for n, t in hood.connecting.items() if [j for j in JOINTS if j in t.arms][-1] == last
-    ]
-    if not found:
-        raise InputError(f"lesion.{key}: no connecting tendon ends where a {part} does")
-    return found
-
-
-def _as_network(hood: TwoBandHood) -> NetworkHood:
-    """The same two springs on one junction."""
-    from cosim.hoods.lumped.build import band_tendons
-
-    middle, lateral = band_tendons(hood)
-    return NetworkHood.model_construct(
-        kind="network",
-        muscles=hood.muscles,
-        connecting={
-            "middle_band": ConnectingTendon.model_construct(
-                muscle=hood.extensor, stiffness=middle, rest=0.0, arms=hood.middle
-            ),
-            "lateral_band": ConnectingTendon.model_construct(
-                muscle=hood.extensor, stiffness=lateral, rest=0.0, arms=hood.lateral
-            ),
-        },
-        operating_force=None,
-        reduced=None,
-    )

@@ -1,11 +1,15 @@
-"""What a case may say of a hood that is cables over pulleys."""
+"""The hood of cables over pulleys: what a case may say of it, and how it is built."""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import Annotated, ClassVar, Literal
 
+import numpy as np
 from pydantic import Field
 
+from cosim.hoods.kind import BuiltHood, HoodKind, HoodTable, Site
+from cosim.port import Array, Motion
 from cosim.schema.types import BodyName, Coordinate, Table, TendonName
 
 
@@ -16,8 +20,41 @@ class PathPoint(Table):
     point: tuple[Coordinate, Coordinate, Coordinate]
 
 
-class PulleyHood(Table):
+class PulleyHood(HoodTable):
     """Tendons as straight lines through points fixed to bodies."""
 
+    title: ClassVar[str] = "no deformable hood: cables through eyelets"
+    fits: ClassVar[tuple[str, ...]] = ("index", "middle", "planar", "hinge", "robot", "fmu")
+    example: ClassVar[tuple[str, ...]] = ("pulley_edc",)
     kind: Literal["pulley"]
     paths: dict[TendonName, Annotated[tuple[PathPoint, ...], Field(min_length=2)]]
+
+    @property
+    def shares_fixed(self) -> bool:
+        return True
+
+    def tendon_names(self) -> tuple[str, ...]:
+        return tuple(self.paths)
+
+    def lines(self, motion: Motion) -> Mapping[str, Array]:
+        return {
+            f"{name} cable": np.array([_placed(motion, point) for point in path])
+            for name, path in self.paths.items()
+        }
+
+
+def _placed(motion: Motion, point: PathPoint) -> Array:
+    position, rotation = motion.of(point.body)
+    return position + rotation @ np.array(point.point)
+
+
+def build(hood: PulleyHood, site: Site) -> BuiltHood:
+    from rigid.hoods.pulley import Cable
+    from rigid.hoods.pulley import PulleyHood as Pulleys
+
+    paths = hood.paths.items()
+    cables = {name: Cable(tuple((p.body, p.point) for p in path)) for name, path in paths}
+    return BuiltHood(Pulleys(cables, site.rest))
+
+
+KIND = HoodKind(PulleyHood, build)

@@ -156,8 +156,7 @@ def input_numbers() -> Numbers:
 
 
 def _settings(forward: Case) -> Numbers:
-    finger, hood = forward.finger, _hood(load_case("thesis_one_way_edc"))
-    assert finger.kind == "index"
+    finger, hood = forward.native_finger(), _hood(load_case("thesis_one_way_edc"))
     assert isinstance(finger.tip, CageTip)
     assert finger.limit is not None
     assert forward.forward is not None

@@ -5,23 +5,26 @@ from __future__ import annotations
 import base64
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from cosim.case.file import load_case
 from cosim.case.schema import Case
-from cosim.fingers.fmu import FmuFinger
-from cosim.hoods.pulley import PulleyHood
+from cosim.hoods.kinds import KINDS
+from cosim.hoods.view import Colour, HoodField
 from cosim.port import Array, InputError, Motion
 from cosim.report.flat import laid_out
 from cosim.report.tables import SAGITTAL
-from cosim.results.parts import STRAIN, HoodField
 from cosim.results.result import Result
 from cosim.results.scene_plot import thinned
 from cosim.results.strokes import carry, families_of, stroke_cells, strokes
 from meshes.hood_mesh import REGIONS
 
+if TYPE_CHECKING:
+    import xarray
+
+COLOURS = tuple(dict.fromkeys(colour for kind in KINDS.values() for colour in kind.colours))
 MOST_FRAMES = 41
 MOST_TRIANGLES = 2200
 """Of a bone in the view."""
@@ -134,22 +137,21 @@ def _labels(run: Result, chosen: np.ndarray) -> tuple[str, ...]:
 
 def _with_finger(view: View, case: Case) -> View:
     """Bones, tendons and fingertip, from the joint angles.  Raises InputError."""
-    from cosim.build.models import build, drawn_bones
+    from cosim.build.models import drawn_bones
     from cosim.fingers.kinds import live_finger
 
-    if isinstance(case.finger, FmuFinger):
+    if not case.finger.is_native:
         raise InputError("its finger is in an FMU, a program that a report does not run")
-    finger = live_finger(case.finger, case.hood)
-    models = build(case) if isinstance(case.hood, PulleyHood) else None
-    start = finger.start(case.finger.posture.angles())
+    stated = case.native_finger()
+    finger = live_finger(stated, case.hood.left_to_finger)
+    start = finger.start(stated.posture.angles())
     motions: list[Motion] = []
     paths, tips = [], []
     for q, drawn in zip(view.angles, view.tendons, strict=True):
         state = replace(start, angles=np.array(q))
         motion = finger.motion(state)
         motions.append(motion)
-        strings = models.strings(motion) if models is not None else {}
-        paths.append({**drawn, **strings, **finger.tendon_paths(state)})
+        paths.append({**drawn, **case.hood.lines(motion), **finger.tendon_paths(state)})
         tips.append(finger.tip(state))
     bones = []
     for body, surface in drawn_bones(case).items():
@@ -166,7 +168,8 @@ def _net(run: Result, chosen: np.ndarray) -> tuple[Mapping[str, Array], ...]:
     hood = run.hood
     if hood is None or hood.quads.shape[1] != 2:
         return ()
-    strand, cells = hood.cell_data["strand"], hood.quads
+    cells = hood.quads
+    strand = hood.cell_data.get("strand", np.zeros(len(cells), dtype=np.intp))
     breaks = np.flatnonzero((cells[1:, 0] != cells[:-1, 1]) | np.diff(strand).astype(bool)) + 1
     lines = [np.append(part[:, 0], part[-1, 1]) for part in np.split(cells, breaks)]
     if "node" not in run.data:
@@ -186,34 +189,46 @@ def _sheet(run: Result, chosen: np.ndarray) -> tuple[Sheet | None, tuple[str, ..
     if hood is None:
         return None, ("This run has no deformable hood: there is no strain to show.",)
     reference = hood.points - hood.point_data["displacement"]
-    cells, region = hood.cell_data, tuple(REGIONS[int(i)] for i in hood.cell_data["region"])
-    flat, last = laid_out(reference, hood.quads), len(chosen) - 1
-    if {"node", "strain", "stress", "pressure"} <= set(run.data):
-        data = run.data.isel({run.axis: chosen}).transpose(run.axis, ...)
-        shown = len(hood.quads) // data.sizes["quad"]  # quads that show an element
-        strain, stress = (
-            np.repeat(of.transpose(run.axis, "quad", ...).values, shown, axis=1)
-            for of in (data.strain, data.stress)
-        )
-        fields = _fields(strain, stress, data.pressure.values)
-        if "tension_state" in data:
-            state = data.tension_state.transpose(run.axis, "quad").values
-            fields += (_tension(np.repeat(state, shown, axis=1)),)
-        every, points = tuple(range(len(chosen))), data.node.values
-        return Sheet(hood.quads, region, flat, every, points, fields, _fibres(hood, points)), ()
-    strains = (cells[STRAIN], cells["transverse_strain"], 2 * cells["shear_strain"])
-    stresses = (cells["fibre_stress"], cells["transverse_stress"])
-    fields = _fields(
-        np.stack(strains, axis=-1)[None],
-        np.stack(stresses, axis=-1)[None],
-        hood.point_data["contact_pressure"][None],
+    stated = hood.cell_data.get("region")
+    region = (
+        ("hood",) * len(hood.quads) if stated is None else tuple(REGIONS[int(i)] for i in stated)
     )
-    if "tension_state" in cells:
-        fields += (_tension(cells["tension_state"][None]),)
+    flat, last = laid_out(reference, hood.quads), len(chosen) - 1
+    if "node" in run.data:
+        data = run.data.isel({run.axis: chosen}).transpose(run.axis, ...)
+        shown = (_of_results(data, run.axis, hood, colour) for colour in COLOURS)
+        every, points = tuple(range(len(chosen))), data.node.values
+        fields = tuple(field for field in shown if field is not None)
+        return Sheet(hood.quads, region, flat, every, points, fields, _fibres(hood, points)), ()
+    ended = (_of_mesh(hood, colour) for colour in COLOURS)
+    fields = tuple(field for field in ended if field is not None)
     note = "This run stores the shape of its hood at its end only: it is shown there."
     points = hood.points[None]
     fibres = _fibres(hood, points)
     return Sheet(hood.quads, region, flat, (last,), points, fields, fibres), (note,)
+
+
+def _of_results(data: xarray.Dataset, axis: str, hood: HoodField, colour: Colour) -> Field | None:
+    """A field in every frame; None of a run without."""
+    name, component = colour.in_results
+    if name not in data:
+        return None
+    stored = data[name].transpose(axis, ...)
+    values = stored.values if component is None else stored.values[..., component]
+    on_quads = "point" not in stored.dims
+    if on_quads:
+        values = np.repeat(values, len(hood.quads) // values.shape[1], axis=1)
+    return Field(colour.key, colour.label, colour.unit, on_quads, colour.factor * values)
+
+
+def _of_mesh(hood: HoodField, colour: Colour) -> Field | None:
+    """A field at the end of a run; None of a run without."""
+    on_quads = colour.on_mesh in hood.cell_data
+    stored = (hood.cell_data if on_quads else hood.point_data).get(colour.on_mesh)
+    if stored is None:
+        return None
+    values = colour.mesh_factor * np.asarray(stored)[None]
+    return Field(colour.key, colour.label, colour.unit, on_quads, values)
 
 
 def _fibres(hood: HoodField, points: Array) -> tuple[Array, ...]:
@@ -227,27 +242,6 @@ def _fibres(hood: HoodField, points: Array) -> tuple[Array, ...]:
         )
         for direction in families
     )
-
-
-def _fields(strain: Array, stress: Array, pressure: Array) -> tuple[Field, ...]:
-    """Green-Lagrange E11, E22, 2 E12 (nf, m, 3), second Piola-Kirchhoff S11, S22 Pa (nf, m, 2 or
-    3), contact pressure Pa (nf, n)."""
-    return (
-        Field("along", "Green-Lagrange strain along the fibres", "%", True, 100 * strain[..., 0]),
-        Field("across", "Green-Lagrange strain across", "%", True, 100 * strain[..., 1]),
-        Field("shear", "Green-Lagrange shear strain", "%", True, 50 * strain[..., 2]),
-        Field(
-            "stress_along", "Stress along the fibres (2nd P-K)", "MPa", True, 1e-6 * stress[..., 0]
-        ),
-        Field("stress_across", "Stress across (2nd P-K)", "MPa", True, 1e-6 * stress[..., 1]),
-        Field("pressure", "Contact pressure", "MPa", False, 1e-6 * pressure),
-    )
-
-
-def _tension(state: np.ndarray) -> Field:
-    """(nf, m) 0 taut, 1 wrinkled, 2 slack; -1 where there is no tension field."""
-    label = "Tension field: 0 taut, 1 wrinkled, 2 slack (-1: bears compression)"
-    return Field("tension_state", label, "", True, state.astype(float))
 
 
 def difference_view(one: View, other: View) -> View | None:

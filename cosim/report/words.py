@@ -8,34 +8,19 @@ from typing import Any
 
 import numpy as np
 
+from cosim.fingers.kinds import FINGERS
+from cosim.hoods.kinds import KINDS
 from cosim.report.tables import last_ledger
 from cosim.results.compare import COMPONENTS, Comparison, number, tally, value_of
 from cosim.results.load_and_rest import describe_rest
 from cosim.results.result import Result
 
-FINGERS = {
-    "index": "index finger of a right hand",
-    "middle": "middle finger of a right hand",
-    "planar": "planar finger of three links",
-    "robot": "robotic finger of Xu et al. 2012",
-    "hinge": "planar finger of hinges, analytic",
-    "fmu": "a finger in an FMU",
-}
 TIPS = {
     "point": "held at a point, free to turn",
     "clamped": "clamped: it carries a moment too",
     "free": "free",
     "cage": "a sphere in a cage of six walls",
     "shell": "a sphere in a hollow sphere",
-}
-HOODS = {
-    "shell": "a sheet of nonlinear shell elements over the bones",
-    "cable": "a net of cables that bear tension alone, over the bones",
-    "pulley": "no deformable hood: cables through eyelets",
-    "split": "no hood: tendons that part in fixed shares",
-    "network": "no deformable hood: tendons sprung from junctions, moment arms at joints",
-    "two_band": "no deformable hood: a middle and a lateral band, moment arms at joints",
-    "fmu": "a hood in an FMU",
 }
 SCHEMES = {
     "linear": "solved together (the hood's tangent in the finger's Newton iteration)",
@@ -61,17 +46,22 @@ def question(run: Result) -> list[tuple[str, str]]:
     quads = run.summary.get("hood_quads")
     sheet = f" ({quads} quads)" if quads else ""
     facts = [
-        ("Finger", FINGERS.get(str(finger.get("kind")), str(finger.get("kind")))),
+        ("Finger", _title(FINGERS, str(finger.get("kind")))),
         ("Posture", posture),
         ("Fingertip", TIPS.get(tip, tip)),
         ("Pulled", pulled(run) or "no tendon beyond its resting tension"),
-        ("Hood", HOODS.get(kind, kind) + sheet),
+        ("Hood", _title(KINDS, kind) + sheet),
         ("Lesion", _lesion(run.stated)),
         ("Hood and finger", _scheme(run.stated, kind)),
         ("Time", _time(run.stated)),
         ("Notes", str(run.stated.get("notes", ""))),
     ]
     return [(head, text) for head, text in facts if text]
+
+
+def _title(kinds: Mapping[str, Any], kind: str) -> str:
+    """A finger or hood in words; of a kind that this version does not know its name."""
+    return str(kinds[kind].table.title) if kind in kinds else kind
 
 
 def _lesion(stated: Mapping[str, Any]) -> str:
@@ -83,7 +73,7 @@ def _lesion(stated: Mapping[str, Any]) -> str:
 
 
 def _scheme(stated: Mapping[str, Any], hood: str) -> str:
-    if hood == "split":
+    if hood in KINDS and not KINDS[hood].table.is_coupled:
         return ""
     scheme = str(_table(stated, "coupling").get("scheme", "linear"))
     return SCHEMES.get(scheme, scheme)

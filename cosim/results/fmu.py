@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cosim.build.double_count import counted_twice
-from cosim.build.models import cables_of, drawn_cables
 from cosim.case.file import resolved_toml
 from cosim.case.schema import Case
 from cosim.fmu.finger import FmuFinger, Met
@@ -159,6 +158,6 @@ def _ledger(found: Settled, name: str, at: Met) -> list[LedgerRow]:
 def _scene(case: Case, at: Met) -> Scene:
     """Bones as a line through the bodies' origins; the hood's cables, where it has any."""
     pose = at.finger.pose
-    lines = {"bones": pose.line, **drawn_cables(cables_of(case), at.motion)}
+    lines = {"bones": pose.line, **case.hood.lines(at.motion)}
     force = None if pose.tip is None else (pose.tip, at.finger.tip_force)
     return Scene(None, (), tuple(lines.items()), force)

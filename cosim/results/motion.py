@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cosim.build.double_count import pairs
-from cosim.build.models import drawn_cables
 from cosim.build.motion import Together
 from cosim.case.file import resolved_toml
-from cosim.case.schema import Case, held_by
+from cosim.case.schema import Case
 from cosim.coupling.checkpoint import Kept
 from cosim.coupling.motion import Frame, Moment
+from cosim.fingers.kinds import held_by
+from cosim.hoods.view import drawn
 from cosim.port import Array
 from cosim.results.air import air_data, air_end
 from cosim.results.audit import missed_bounds
@@ -22,7 +23,7 @@ from cosim.results.fmu import OPEN
 from cosim.results.load_and_rest import NO_UNLOADED
 from cosim.results.parts import LedgerRow, Scene, ledger_rows
 from cosim.results.result import Result
-from cosim.results.scene import drawn_hood, placed_bones
+from cosim.results.scene import placed_bones
 from cosim.solve.motion import Moved
 from cosim.version import __version__
 
@@ -61,7 +62,7 @@ def _summary(case: Case, moved: Moved, wall: float) -> dict[str, Any]:
         "version": __version__,
         "converged": True,
         "wall_s": round(wall, 4),
-        "fingertip_device": held_by(case),
+        "fingertip_device": held_by(case.finger),
         "came_to_rest": moved.rest.is_reached,
         "last_rate_rad_per_s": moved.rest.rate,
         "last_force_change_N": moved.rest.change,
@@ -86,7 +87,7 @@ def _summary(case: Case, moved: Moved, wall: float) -> dict[str, Any]:
     if names := t.moves.driven.names:
         reached = 1e3 * (end.draw.found - end.draw.start)
         out["drawn_mm"] = dict(zip(names, reached.tolist(), strict=True))
-    if case.finger.kind == "fmu":
+    if not case.finger.is_native:
         out["not_in_ledger"] = OPEN
     if twice := [str(pair) for pair in pairs(case, hood, finger)]:
         out["double_counted"] = twice
@@ -256,7 +257,7 @@ def _scene(t: Together, kept: Kept) -> Scene:
     finger, coupled = t.finger, kept.moment.coupled
     angles = finger.angles(coupled.finger)
     motion, point = finger.motion(angles), finger.tip(angles)
-    look = t.look(coupled.hood) if t.look else None
-    lines = {**drawn_cables(t.cables, motion), **finger.lines(angles)}
+    hood = drawn(t.view(coupled.hood)) if t.view else None
+    lines = {**t.lines(motion), **finger.lines(angles)}
     force = None if point is None else (point, kept.tips[-1][:3])
-    return Scene(drawn_hood(look), placed_bones(t.bones, motion), tuple(lines.items()), force)
+    return Scene(hood, placed_bones(t.bones, motion), tuple(lines.items()), force)

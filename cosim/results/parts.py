@@ -10,28 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cosim.hoods.view import HoodField
 from cosim.port import Array
 
 if TYPE_CHECKING:
     import xarray
 
-STRAIN = "longitudinal_strain"
-"""The hood's cell data that pictures show, dimensionless."""
 LEDGER_HEADER = ("state", "body", "source", "Fx_N", "Fy_N", "Fz_N", "Mx_Nmm", "My_Nmm", "Mz_Nmm")
-
-
-@dataclass(frozen=True)
-class HoodField:
-    """The deformed hood with its fields; pictures show `cell_data[STRAIN]`."""
-
-    points: Array
-    """(n, 3) deformed positions, m, world frame."""
-    quads: np.ndarray
-    """(m, 4) node numbers; of a hood of cables (m, 2)."""
-    point_data: Mapping[str, Array]
-    """(n,) or (n, 3) each."""
-    cell_data: Mapping[str, Array]
-    """(m,) or (m, 3) each."""
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from cosim.hoods.view import STRAIN
 from cosim.port import Array
-from cosim.results.parts import STRAIN, Scene
+from cosim.results.parts import Scene
 from cosim.results.strokes import families_of, stroke_cells, strokes
 
 if TYPE_CHECKING:

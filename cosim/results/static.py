@@ -12,8 +12,7 @@ from cosim.case.file import resolved_toml
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import Equilibrium, moment_arms
 from cosim.fingers.kinds import joint_ranges
-from cosim.hoods.cable.build import CableLook, strand_forces
-from cosim.hoods.shell.view import HoodLook
+from cosim.hoods.view import HoodView
 from cosim.port import Array
 from cosim.results.audit import POSTURE, audit_figures, missed_bounds
 from cosim.results.conventions import COMPONENTS, IN_METACARPAL
@@ -21,8 +20,8 @@ from cosim.results.load_and_rest import rest_block, rest_warnings
 from cosim.results.one_way import one_way_summary
 from cosim.results.parts import LedgerRow, ledger_rows
 from cosim.results.result import Result
-from cosim.results.scene import Look, scene
-from cosim.results.strains import is_slack, strain_change, strain_summary
+from cosim.results.scene import scene
+from cosim.results.slips import is_slack
 from cosim.solve.states import States
 from cosim.version import __version__
 
@@ -39,27 +38,27 @@ def observe_static(case: Case, solved: tuple[Models, States], wall: float) -> Re
     """Everything that the two equilibria of a case leave behind."""
     models, states = solved
     pair = {"unloaded": states.unloaded, "loaded": states.loaded}
-    looks = {name: models.look(e.response.state) for name, e in pair.items()} if models.look else {}
+    views = {name: models.view(e.response.state) for name, e in pair.items()} if models.view else {}
     return Result(
-        summary(case, models, states, looks, wall),
-        dataset(models, pair, looks),
+        summary(case, models, states, views, wall),
+        dataset(models, pair, views),
         tuple(row for name, e in pair.items() for row in ledger(models, name, e)),
-        scene(models, states.loaded, looks.get("loaded")),
+        scene(models, states.loaded, views.get("loaded")),
         resolved_toml(case),
         case.name,
     )
 
 
 def summary(
-    case: Case, models: Models, states: States, looks: Mapping[str, Look], wall: float
+    case: Case, models: Models, states: States, views: Mapping[str, HoodView], wall: float
 ) -> dict[str, Any]:
     """The numbers one asks for first; every key ends in its unit."""
     loaded, unloaded = states.loaded, states.unloaded
     head = {"case": case.name, "version": __version__, "converged": True, "wall_s": round(wall, 4)}
-    if looks:
-        head |= _size(looks["loaded"])
-    before = _state(models, unloaded, looks.get("unloaded"))
-    now = _state(models, loaded, looks.get("loaded"))
+    if views:
+        head |= views["loaded"].size()
+    before = _state(models, unloaded, views.get("unloaded"))
+    now = _state(models, loaded, views.get("loaded"))
     passed = states.passed
     load, motion = (loaded.load, loaded.motion) if passed is None else (passed.answer, passed.at)
     force, moment = load.imbalance(motion)
@@ -81,8 +80,8 @@ def summary(
     beside = {
         "unloaded": before,
         "rest": rest,
-        "warnings": rest_warnings(rest, before, is_laid=bool(looks)),
-        "difference": _difference(models, unloaded, loaded, before, now, looks),
+        "warnings": rest_warnings(rest, before, is_laid=case.hood.lies_on_bones),
+        "difference": _difference(models, unloaded, loaded, before, now, views),
         "audit": audit,
         "audit_missed": missed,
         **_muscles(case, models, states),
@@ -90,12 +89,6 @@ def summary(
         "iterations": iterations,
     }
     return {**head, **now, **beside}
-
-
-def _size(look: Look) -> dict[str, int]:
-    if isinstance(look, CableLook):
-        return {"hood_cells": len(look.cells)}
-    return {"hood_quads": len(look.quads)}
 
 
 def _beyond_ranges(models: Models, e: Equilibrium) -> bool:
@@ -123,7 +116,7 @@ def _muscles(case: Case, models: Models, states: States) -> dict[str, Any]:
     return {"muscle": out} if out else {}
 
 
-def _state(models: Models, e: Equilibrium, look: Look | None) -> dict[str, Any]:
+def _state(models: Models, e: Equilibrium, view: HoodView | None) -> dict[str, Any]:
     """One equilibrium in numbers."""
     hood, finger = models.hood, models.finger
     force = IN_METACARPAL @ e.balance.tip_force
@@ -148,19 +141,7 @@ def _state(models: Models, e: Equilibrium, look: Look | None) -> dict[str, Any]:
         out["slip_force_N"] = dict(slips)
         if not is_slack(slips, "central"):
             out["slip_ratio"] = slips["terminal"] / slips["central"]
-    if look is not None:
-        out["glide_mm"] = {place: 1e3 * glide for place, glide in look.glide.items()}
-        heights = {side: 1e3 * z for side, z in look.band_height.items() if np.isfinite(z)}
-        if heights:
-            out["lateral_band_height_mm"] = heights
-        out["spring_force_N"] = dict(look.spring_force)
-        if isinstance(look, CableLook):
-            out["cable"] = strand_forces(look)
-        else:
-            out |= strain_summary(look)
-        out["max_penetration_mm"] = 1e3 * look.penetration
-        out["guide_depth_mm"] = 1e3 * look.guide_depth
-    return out
+    return out if view is None else {**out, **view.summary()}
 
 
 def _tip_moment(models: Models, e: Equilibrium) -> Array:
@@ -187,7 +168,7 @@ def _difference(
     loaded: Equilibrium,
     before: Mapping[str, Any],
     now: Mapping[str, Any],
-    looks: Mapping[str, Look],
+    views: Mapping[str, HoodView],
 ) -> dict[str, Any]:
     """Loaded less unloaded: forces, joint angles, strains, and per tendon that was pulled its
     effective moment arms, change of the hood's joint torques over change of tension."""
@@ -202,9 +183,9 @@ def _difference(
     if "slip_force_N" in now:
         slips = now["slip_force_N"]
         out["slip_force_N"] = {k: slips[k] - before["slip_force_N"][k] for k in slips}
-    first, last = looks.get("unloaded"), looks.get("loaded")
-    if isinstance(first, HoodLook) and isinstance(last, HoodLook):
-        out |= strain_change(first, last)
+    first, last = views.get("unloaded"), views.get("loaded")
+    if first is not None and last is not None:
+        out |= last.change(first)
     pull = loaded.hood_tension - unloaded.hood_tension
     torque = 1e3 * (loaded.balance.torque["hood"] - unloaded.balance.torque["hood"])
     pulled = np.flatnonzero(pull)
@@ -226,7 +207,7 @@ def ledger(models: Models, name: str, e: Equilibrium) -> Iterator[LedgerRow]:
 
 
 def dataset(
-    models: Models, states: Mapping[str, Equilibrium], looks: Mapping[str, Look]
+    models: Models, states: Mapping[str, Equilibrium], views: Mapping[str, HoodView]
 ) -> xarray.Dataset:
     """All arrays against the load axis `state`, SI units."""
     import xarray
@@ -279,51 +260,10 @@ def dataset(
             ("joint", "tendon"), "m", [moment_arms(finger, e) for e in each], "d torque / d tension"
         ),
     }
-    if looks:
-        see = list(looks.values())
-        data |= {
-            "node": stack(("point", "axis"), "m", [v.points for v in see], "hood node"),
-            "spring_force": stack(
-                ("spring",), "N", [v.spring_tension for v in see], "tension of the spring"
-            ),
-            "glide": stack(
-                ("place",),
-                "m",
-                [np.array(list(v.glide.values())) for v in see],
-                "glide of the hood along the bone beneath, from where it was laid, distally",
-            ),
-        }
-    if cables := [v for v in looks.values() if isinstance(v, CableLook)]:
-        data |= {
-            "cable_strain": stack(("cell",), "1", [v.strain for v in cables], "strain"),
-            "cable_tension": stack(("cell",), "N", [v.tension for v in cables], "tension"),
-            "contact_force": stack(
-                ("point",), "N", [v.contact_force for v in cables], "force of the bones"
-            ),
-        }
-    if shells := [v for v in looks.values() if isinstance(v, HoodLook)]:
-        data |= {
-            "strain": stack(
-                ("quad", "strain_component"),
-                "1",
-                [v.strain for v in shells],
-                "Green-Lagrange strain",
-            ),
-            "stress": stack(
-                ("quad", "strain_component"),
-                "Pa",
-                [v.stress for v in shells],
-                "2nd Piola-Kirchhoff",
-            ),
-            "pressure": stack(("point",), "Pa", [v.pressure for v in shells], "contact pressure"),
-        }
-        if (shells[0].tension >= 0).any():
-            data["tension_state"] = stack(
-                ("quad",),
-                "1",
-                [v.tension for v in shells],
-                "0 taut, 1 wrinkled, 2 slack, -1 bears compression",
-            )
+    every = [[f for f in view.fields() if f.in_results] for view in views.values()]
+    for each_state in zip(*every, strict=True):
+        f = each_state[0]
+        data[f.name] = stack(f.dimensions, f.unit, [at.values for at in each_state], f.long_name)
     coords: dict[str, Any] = {
         "state": list(states),
         "joint": list(finger.joints),
@@ -336,12 +276,6 @@ def dataset(
         "torque_source": sources,
         "component": list(COMPONENTS),
     }
-    if shells:
-        coords["strain_component"] = ["along", "across", "shear"]
-    if cables:
-        coords["strand"] = ("cell", [cables[0].strands[i] for i in cables[0].strand])
-    if looks:
-        coords["place"] = list(see[0].glide)
-        coords["spring_set"] = ("spring", list(see[0].spring_set))
-        coords["spring_node"] = ("spring", see[0].spring_node)
+    for view in views.values():
+        coords |= view.coordinates()
     return xarray.Dataset(data, coords)

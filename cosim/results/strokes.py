@@ -6,10 +6,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from cosim.hoods.view import FAMILIES
 from cosim.port import Array
 
-FAMILIES = ("fibre_1", "fibre_2", "fibre_3")
-"""The hood's cell data that hold the unit direction of a fibre family; zero where there is none."""
 SPACING, LENGTH = 2.0e-3, 1.6e-3
 """m: strokes are no nearer to one another, and how long they are."""
 LIFT = 0.35e-3

@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from cosim.files import replace_folder
+from cosim.hoods.view import HoodField
 from cosim.port import InputError
-from cosim.results.parts import LEDGER_HEADER, HoodField, LedgerRow, Parts
+from cosim.results.parts import LEDGER_HEADER, LedgerRow, Parts
 
 
 def write_run(folder: str | Path, run: Parts) -> Path:

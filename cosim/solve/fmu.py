@@ -12,10 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from cosim.build.fit import check_tendons
-from cosim.build.models import hood_on
+from cosim.build.models import built_on, site_of
 from cosim.build.scheme import accelerator_of
 from cosim.case.schema import Case
-from cosim.fingers.fmu import FmuFinger as FingerTable
 from cosim.fmu.finger import FingerAt, FmuFinger, Met, met, met_held
 from cosim.port import Array, Hood, InputError
 
@@ -34,10 +33,9 @@ class Settled:
 def finger_of(case: Case) -> FmuFinger:
     """The live finger of a case.  Raises InputError."""
     table = case.finger
-    if not isinstance(table, FingerTable):
+    if table.kind != "fmu":
         raise InputError(f'{case.name}: finger.kind = "{table.kind}" is no FMU')
-    names = table.bodies, table.joints, table.tendons
-    return FmuFinger(table.path, *names, table.map, assume_si=table.assume_si)
+    return table.at_rest()
 
 
 def settled(case: Case, progress: Progress = lambda text: None) -> Settled:
@@ -47,7 +45,7 @@ def settled(case: Case, progress: Progress = lambda text: None) -> Settled:
     rest = finger.start().motion
     if finger.kinematics.tells_any:
         rest = finger.kinematics.at(np.zeros(len(finger.joints))).motion
-    hood, resting = hood_on(case, rest), case.solve.resting_tension
+    hood, resting = built_on(case, site_of(case, rest)).hood, case.solve.resting_tension
     check_tendons(case, (*hood.tendons, *finger.tendons))
     names, both = (hood.tendons, finger.tendons), (finger, hood)
     idle = [np.full(len(tendons), resting) for tendons in names]

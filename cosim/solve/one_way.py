@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cosim.build.models import Models, tensions
-from cosim.case.schema import Case, our_finger
+from cosim.case.schema import Case
 from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium
 from cosim.coupling.one_way import HandedOver, Passed, torques
 from cosim.fingers.kinds import live_finger
@@ -103,7 +103,9 @@ def _second(case: Case, first: Finger) -> Finger:
     """The finger of the second pass."""
     if case.coupling.one_way.passive:
         return first
-    return live_finger(our_finger(case).model_copy(update={"passive": {}}), case.hood)
+    return live_finger(
+        case.native_finger().model_copy(update={"passive": {}}), case.hood.left_to_finger
+    )
 
 
 def _lumps(case: Case) -> bool:

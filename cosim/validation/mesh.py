@@ -12,7 +12,6 @@ import numpy as np
 
 from cosim.case.file import load_case
 from cosim.files import written_whole
-from cosim.hoods.shell.table import GeneratedMesh, ShellHood
 from cosim.results.compare import COMPONENTS, Comparison
 from cosim.validation.run import Board, six_digits
 from cosim.validation.trial import Group, Trial
@@ -64,8 +63,8 @@ def on_finer_meshes(
 def _finer(trial: Trial, quads: int, settings: Sequence[str]) -> Trial:
     own = (*trial.settings, *settings)
     hood = load_case(trial.case, own).hood
-    generated = isinstance(hood, ShellHood) and isinstance(hood.mesh, GeneratedMesh)
-    return replace(trial, settings=(*own, f"hood.mesh.quads={quads}") if generated else own)
+    finer = (f"hood.mesh.quads={quads}",) if hood.is_meshed_by_quads else ()
+    return replace(trial, settings=(*own, *finer))
 
 
 def changes(boards: Sequence[Board], finer: Sequence[Board]) -> list[Change]:

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from cosim.results.compare import SECOND_HAND, Comparison, Target, compared, value_of, verdict
 from cosim.results.compare_files import read_targets
-from cosim.results.strains import is_slack
+from cosim.results.slips import is_slack
 from cosim.validation.force import force_groups
 from cosim.validation.lengths import OWN_ZERO, length_groups
 from cosim.validation.trial import Group, Summaries, Trial

@@ -9,7 +9,6 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
-from cosim.analyses.hood import studies as hood_studies
 from cosim.analyses.hood.literature import (
     COUPLINGS,
     buchner_dip,
@@ -30,9 +29,10 @@ from cosim.analyses.hood.studies import (
     sagittal_table,
     sweep_postures,
 )
-from cosim.analyses.identify.variations import scaled_moduli
 from cosim.case.file import load_case
 from cosim.cli import app
+from cosim.fingers.middle import MiddleFinger
+from cosim.hoods.shell.variation import scaled_moduli
 from cosim.papers.page import write_figures
 from cosim.port import ConvergenceError
 from meshes.bands import Line, SagittalBands, band_heights, sagittal_angles
@@ -125,7 +125,7 @@ def test_a_pose_without_equilibrium_keeps_its_row():
 
 def test_all_moduli_are_scaled_those_of_second_families_too():
     case = load_case("hood_rest")
-    hood = load_case("hood_rest", scaled_moduli(case, 10.0)).hood
+    hood = load_case("hood_rest", scaled_moduli(case.hood, 10.0)).hood
     for name, region in case.hood.regions.items():
         assert hood.regions[name].c5 == pytest.approx(10 * region.c5)
     slip, before = (h.regions["lateral_slip_radial"] for h in (hood, case.hood))
@@ -236,7 +236,7 @@ def test_a_page_of_poses_with_pictures_and_tables(tmp_path, monkeypatch):
     ("words", "said"),
     [
         (["--only", "nope"], "no such study; it has rest"),
-        (["split_edc"], "has no shell hood"),
+        (["split_edc"], "has no mesh of quads"),
         (["--moduli", "0"], "moduli"),
     ],
 )
@@ -248,4 +248,4 @@ def test_what_cannot_be_shown_is_refused(words, said, tmp_path):
 
 
 def test_levels_of_load_are_compared_at_a_posture_of_each_finger():
-    assert hood_studies.FLEXED["middle"] == (40.0, 55.0, 35.0)
+    assert MiddleFinger.flexed == (40.0, 55.0, 35.0)

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from cosim.analyses.reduction.sample_cache import kept
 from cosim.analyses.reduction.samples import Lost, Walk, Walked, on_models
 from cosim.cli import app
-from cosim.hoods.lumped.build import Sample
+from cosim.hoods.lumped.reduction import Sample
 from cosim.port import InputError
 from tests.helpers.soft_network import soft_models
 

@@ -22,11 +22,13 @@ from cosim.analyses.identify.sensitivity import (
     to_json,
 )
 from cosim.analyses.identify.tornado import draw_tornado
-from cosim.analyses.identify.variations import SHEETS, Side, Variation, variations
+from cosim.analyses.identify.variations import variations
 from cosim.analyses.trials.outcome import measured, outcome, unit
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.cli import app
+from cosim.hoods.shell.variation import SHEETS
+from cosim.hoods.variation import Side, Variation
 from cosim.port import ConvergenceError, InputError
 from cosim.results.compare import Target
 from tests.helpers.held import HELD

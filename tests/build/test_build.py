@@ -11,9 +11,9 @@ import pytest
 
 from cosim.build.models import Models, build, hood_mesh, tensions
 from cosim.case.file import load_case
+from cosim.hoods.shell.view import strain_summary
+from cosim.hoods.view import drawn
 from cosim.port import STATIC, InputError
-from cosim.results.scene import drawn_hood
-from cosim.results.strains import strain_summary
 from fe_solver.materials.fibres import HolzapfelGasserOgden, TransIsoMooneyRivlin
 from fe_solver.materials.hyperelastic import NeoHookean
 from fe_solver.materials.linear import Orthotropic
@@ -136,7 +136,7 @@ def test_the_analytic_pair_is_built():
     models = build(case)
     assert models.finger.joints == ("MCP", "PIP", "DIP")
     assert models.hood.tendons == ("EDC",)
-    assert models.look is None
+    assert models.view is None
     state = models.finger.start(models.posture)
     tip = 46e-3 * np.exp(-0j) * np.exp(-1j * np.deg2rad(10))
     tip += 28e-3 * np.exp(-1j * np.deg2rad(20)) + 20e-3 * np.exp(-1j * np.deg2rad(30))
@@ -160,7 +160,7 @@ def test_a_shell_needs_bones():
 
 
 def test_a_hood_without_a_mesh_says_so():
-    with pytest.raises(InputError, match="has no shell hood"):
+    with pytest.raises(InputError, match="has no mesh of quads"):
         hood_mesh(load_case("isometric_edc", list(PULLEY)))
 
 
@@ -325,12 +325,12 @@ def test_a_wrinkling_sheet_bears_less():
         response = models.hood.advance(models.hood.start(motion), motion, np.full(4, 0.2), STATIC)
         strain = models.hood.strain(response.state)
         pushes.append(-models.hood.model.section.response(strain).force[..., :2].min())
-        look = models.look(response.state)
+        look = models.view(response.state)
         states = strain_summary(look).get("tension_field_area_percent")
     assert pushes[1] < 0.2 * pushes[0]
     assert set(look.tension) == {0, 1, 2}
     assert sum(states.values()) == pytest.approx(100)
-    assert np.array_equal(drawn_hood(look).cell_data["tension_state"], look.tension)
+    assert np.array_equal(drawn(look).cell_data["tension_state"], look.tension)
 
 
 def test_a_material_that_is_none_names_its_region():

@@ -63,7 +63,7 @@ def test_a_pulley_hood_s_cables_are_drawn_where_they_run():
     case = load_case("pulley_edc", ["output.picture=false"])
     models = build(case)
     motion = models.finger.motion(models.finger.start(models.posture))
-    strings = models.strings(motion)
+    strings = models.lines(motion)
     assert list(strings) == [f"{name} cable" for name in models.hood.tendons]
     position, rotation = motion.of("proximal")
     point = case.hood.paths["EDC"][1].point

@@ -254,7 +254,7 @@ def test_mesh_writes_a_file_that_a_case_can_take(tmp_path, monkeypatch):
 def test_a_mesh_that_cannot_be_made_or_written_is_told(tmp_path):
     done = cosim("mesh", "pulley_edc", "--out", str(tmp_path / "my.json"))
     assert done.exit_code == 2
-    assert "has no shell hood" in done.stderr
+    assert "has no mesh of quads" in done.stderr
     nowhere = str(tmp_path / "nowhere" / "my.json")
     done = cosim("mesh", "isometric_edc", "--set", "hood.mesh.quads=120", "--out", nowhere)
     assert done.exit_code == 2

@@ -70,7 +70,7 @@ def test_what_mjcf_writes_is_read_back_as_the_same_finger(exported: Path):
     ours, theirs = (
         load_case("split_edc", s) for s in ([], [f'finger.path="{exported.as_posix()}"'])
     )
-    a, b = (live_finger(case.finger, case.hood) for case in (ours, theirs))
+    a, b = (live_finger(case.finger, case.hood.left_to_finger) for case in (ours, theirs))
     assert (a.tendons, a.joints, a.ranges) == (b.tendons, b.joints, b.ranges)
     # MuJoCo's own iteration about rings stops at 1e-9 m.
     for angles in np.random.default_rng(1).uniform(0, 1, (20, 4)) * [1.2, 0.2, 1.5, 1.0]:
@@ -89,7 +89,7 @@ def test_what_mjcf_writes_is_read_back_as_the_same_finger(exported: Path):
 
 def test_under_a_hood_the_tendons_of_the_hood_are_left_out(exported: Path):
     case = load_case("isometric_edc", [f'finger.path="{exported.as_posix()}"'])
-    model = finger_model(case.finger, case.hood)  # type: ignore[arg-type]
+    model = finger_model(case.native_finger(), case.hood.left_to_finger)
     assert model.muscles == ("FDP", "FDS", "FDIm", "FDIl")
     with pytest.raises(InputError, match=r"finger\.bones.*our metacarpal does not fit"):
         check_fit(case)

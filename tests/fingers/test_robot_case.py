@@ -5,9 +5,8 @@ import pytest
 
 from cosim.build.models import Models, build, drawn_bones
 from cosim.case.file import load_case
-from cosim.case.schema import our_finger
-from cosim.fingers.kinds import finger_model
-from cosim.hoods.lumped.build import slip_forces, split_slips
+from cosim.fingers.kinds import anatomy_of, finger_model
+from cosim.hoods.lumped.build import slip_forces
 from cosim.port import InputError
 from cosim.solve.solvers import solve
 from rigid.fingers.robot_tables import LENGTHS, TABLE_III
@@ -43,16 +42,16 @@ def pulley_arms(models: Models, posture):
 
 def test_the_extensor_is_the_fingers_own_or_the_hoods():
     pulleys, network = load_case(PULLEYS), load_case(NETWORK)
-    own = finger_model(pulleys.finger, pulleys.hood).muscles
+    own = finger_model(pulleys.finger, pulleys.hood.left_to_finger).muscles
     assert own[0] == "extensor"
-    assert finger_model(network.finger, network.hood).muscles == own[1:]
+    assert finger_model(network.finger, network.hood.left_to_finger).muscles == own[1:]
     assert build(network).hood.tendons == ("extensor",)
 
 
 @pytest.mark.parametrize("name", [PULLEYS, NETWORK])
 def test_a_second_extensor_is_the_fingers_own_under_any_hood(name):
     case = load_case(name, ("finger.second_extensor=true",))
-    assert finger_model(case.finger, case.hood).muscles[-1] == "second_extensor"
+    assert finger_model(case.finger, case.hood.left_to_finger).muscles[-1] == "second_extensor"
 
 
 def test_both_have_the_arms_of_table_iii_where_springs_share_as_the_pulley_does():
@@ -65,13 +64,13 @@ def test_both_have_the_arms_of_table_iii_where_springs_share_as_the_pulley_does(
 def test_shares_follow_from_stiffness_in_the_posture_and_from_the_way_beyond_it():
     """The pulley's do not; with PIP and DIP bent on, the way to the distal phalanx is longer."""
     network, case = built(NETWORK), load_case(NETWORK)
-    finger = our_finger(case)
-    at = slip_forces(case.hood, finger, hood_at(network, network.posture)[0])
+    model = anatomy_of(case.finger, case.hood.left_to_finger).model
+    at = slip_forces(case.hood, model, hood_at(network, network.posture)[0])
     shares = np.array([126.0, 80.0]) / (126 + 80 + 126)
     assert list(at.values()) == pytest.approx(TENSION * shares, rel=3e-3)
     bent = {**network.posture, "PIP": np.radians(55), "DIP": np.radians(25)}
     state, arm = hood_at(network, bent)
-    assert slip_forces(case.hood, finger, state) == pytest.approx(
+    assert slip_forces(case.hood, model, state) == pytest.approx(
         {"central": 0.0, "terminal": TENSION}
     )
     assert arm[3] == pytest.approx(-2.26e-3)
@@ -79,8 +78,9 @@ def test_shares_follow_from_stiffness_in_the_posture_and_from_the_way_beyond_it(
 
 
 def test_the_pulleys_branches_are_its_slips():
-    case = load_case(PULLEYS)
-    slips = split_slips(our_finger(case), case.hood, {"extensor": TENSION})
+    models = built(PULLEYS)
+    assert models.own_slips is not None
+    slips = models.own_slips({"extensor": TENSION})
     assert slips == {"central": 0.25 * TENSION, "terminal": 0.5 * TENSION}
 
 
@@ -106,5 +106,5 @@ def test_the_pulley_has_its_own_shares():
 
 
 def test_a_shell_does_not_go_on_it():
-    with pytest.raises(InputError, match='takes "split" or "cable" or "pulley" or "network"'):
+    with pytest.raises(InputError, match='takes "split" or "two_band" or "network" or "cable"'):
         build(load_case("isometric_edc", ("finger.kind=robot", *POSTURE)))

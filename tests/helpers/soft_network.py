@@ -11,7 +11,7 @@ import pytest
 from cosim.analyses.reduction.samples import FREE, Walk, on_models
 from cosim.build.models import Models, build
 from cosim.case.file import load_case
-from cosim.fingers.index import IndexFinger
+from cosim.fingers.kinds import finger_model
 from cosim.hoods.lumped.build import slip_forces
 from cosim.hoods.lumped.table import NetworkHood
 from cosim.port import STATIC
@@ -40,14 +40,14 @@ def samples() -> tuple[Sample, ...]:
     """Of the soft network, with the slips that its springs make."""
     case, models = load_case("network_edc", SOFT), soft_models()
     assert isinstance(case.hood, NetworkHood)
-    assert isinstance(case.finger, IndexFinger)
+    model = finger_model(case.native_finger(), case.hood.left_to_finger)
     out = []
     for s in on_models(models, walk(28, 0)):
         assert isinstance(s, Sample)
         at = models.finger.start(dict(zip(models.finger.joints, s.angle, strict=True)))
         motion = models.finger.motion(at)
         state = models.hood.advance(models.hood.start(motion), motion, s.tension, STATIC).state
-        slips = slip_forces(case.hood, case.finger, state)
+        slips = slip_forces(case.hood, model, state)
         assert sum(slips.values()) == pytest.approx(s.tension.sum(), rel=1e-12)
         out.append(replace(s, slip=np.array([slips["central"], slips["terminal"]])))
     return tuple(out)

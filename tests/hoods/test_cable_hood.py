@@ -167,7 +167,8 @@ def test_a_case_runs_and_passes_its_audits(tmp_path: Path) -> None:
 
 
 def test_a_picture_draws_line_cells() -> None:
-    from cosim.results.parts import STRAIN, HoodField, Scene
+    from cosim.hoods.view import STRAIN, HoodField
+    from cosim.results.parts import Scene
     from cosim.results.scene_plot import draw
 
     line = np.array([[0.0, 0, 0], [1e-3, 0, 0], [2e-3, 1e-3, 0]])

@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 
 from cosim.analyses.lesion import both_sides
 from cosim.case.file import load_case, resolved_toml
-from cosim.hoods.injury import injured_network
-from cosim.hoods.lesion import OF_MESH, Lesion
+from cosim.hoods.kinds import AnyHood, unfit_lesion
+from cosim.hoods.lesion import Lesion
+from cosim.hoods.lumped.build import injured_network
 from cosim.pipeline import run_case
 from cosim.port import InputError
 
@@ -246,11 +247,14 @@ def test_a_faulty_lesion_says_where_and_what_to_write(name, setting, message):
 
 @given(st.text(min_size=1, max_size=20))
 def test_any_name_is_known_or_refused_by_name(name):
-    from cosim.hoods.lesion import lesion_fault
+    for hood in injurable():
+        wrong = unfit_lesion(hood, hood.kind, Lesion(cut=(name,)))
+        assert (wrong == "") == (name in hood.parts().cut)
 
-    for kind, parts in OF_MESH.items():
-        wrong = lesion_fault(Lesion(cut=(name,)), kind, (), reduced=False)
-        assert (wrong == "") == (name in parts.cut)
+
+@cache
+def injurable() -> tuple[AnyHood, ...]:
+    return tuple(load_case(name).hood for name in ("isometric_edc", "cable_edc", "two_band_edc"))
 
 
 @pytest.mark.parametrize(("name", "what"), [("split_edc", "split"), ("network_edc", "network")])

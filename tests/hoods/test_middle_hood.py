@@ -11,7 +11,7 @@ import pytest
 from cosim.build.models import Models, build, drawn_bones, hood_mesh
 from cosim.case.file import load_case
 from cosim.case.schema import Case
-from cosim.fingers.kinds import skeleton_of, width_of
+from cosim.fingers.kinds import FINGERS, skeleton_of
 from cosim.hoods.shell.build import thickness_of
 from cosim.pipeline import run_case
 from cosim.port import InputError
@@ -32,6 +32,9 @@ COARSE = "hood.mesh.quads=250"
 
 def case(*settings: str, name: str = "hood_minorflex_edc") -> Case:
     return load_case(name, [COARSE, *settings])
+
+
+width = FINGERS["middle"].width
 
 
 @cache
@@ -97,7 +100,7 @@ def test_the_hull_reaches_as_far_as_the_longer_fingers_hood():
 def test_each_bone_is_as_long_as_its_phalanx_and_wider_by_o2o3():
     middle, index = drawn_bones(case()), drawn_bones(load_case("isometric_edc"))
     longer = skeleton_of(case().finger).length[1:] / index_finger().length[1:]
-    assert width_of(case().finger) == pytest.approx(WIDER)
+    assert width(case().finger) == pytest.approx(WIDER)
     for body, factor in zip(BODIES[1:], longer, strict=True):
         size = [np.ptp(bones[body][0], axis=0) for bones in (middle, index)]
         np.testing.assert_allclose(size[0] / size[1], [factor, WIDER, WIDER], rtol=8e-3)
@@ -147,7 +150,7 @@ def test_intrinsic_tendons_come_from_the_third_digits_points():
 
 def test_a_scaled_finger_scales_all_that_its_hood_is_laid_by():
     plain, scaled = case().finger, case("finger.length_scale=1.1").finger
-    assert width_of(scaled) == pytest.approx(1.1 * width_of(plain))
+    assert width(scaled) == pytest.approx(1.1 * width(plain))
     np.testing.assert_allclose(skeleton_of(scaled).length, 1.1 * skeleton_of(plain).length)
     large, small = middle_finger.intrinsic_guides(1.1), middle_finger.intrinsic_guides()
     for side in small:

@@ -7,18 +7,23 @@ import pytest
 
 from cosim.build.models import drawn_bones
 from cosim.case.file import load_case
-from cosim.fingers.kinds import finger_model
-from cosim.hoods.cable.robot import ROBOT_ENDS, robot_skeleton
+from cosim.fingers.kinds import finger_model, skeleton_of
+from cosim.hoods.cable.build import ENDS
 from cosim.solve.solvers import solve
 from fe_solver.surfaces.shapes import Capsule
 from meshes.cable_net import CableNet, cable_of, lay
 from meshes.robot_net import OTHERS, extensor_alone, wider
-from meshes.skeleton import BODIES
+from meshes.skeleton import BODIES, Skeleton
 from rigid.fingers.robot import robot_finger
 from rigid.fingers.robot_tables import JOINTS, LENGTHS
 from rigid.mujoco.finger import MujocoFinger
 
+ROBOT_ENDS = ENDS["robot"]
 CABLES, PULLEYS = "robot_cable_extensor", "robot_pulleys_extensor"
+
+
+def robot_skeleton() -> Skeleton:
+    return skeleton_of(load_case(CABLES).native_finger())
 
 
 @pytest.fixture(scope="module")
@@ -89,7 +94,7 @@ def test_what_is_left_is_where_it_was_and_hangs_together(whole: CableNet) -> Non
 
 def test_the_hood_takes_the_fingers_own_extensors_place() -> None:
     case = load_case(CABLES)
-    assert "extensor" not in finger_model(case.finger, case.hood).muscles
+    assert "extensor" not in finger_model(case.finger, case.hood.left_to_finger).muscles
     pulleys = load_case(PULLEYS)
     assert case.tension("extensor") == pulleys.tension("extensor") == pytest.approx(4.0)
     assert case.finger.passive == pulleys.finger.passive

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from cosim.build.models import drawn_bones, hood_mesh
+from cosim.build.models import drawn_bones, hood_mesh, site_of
 from cosim.case.file import load_case, resolved_toml
 from cosim.cli import app
 from cosim.fingers.kinds import skeleton_of
@@ -16,12 +16,13 @@ from cosim.hoods.shell.build import shell_hood_of, thickness_of
 from cosim.hoods.shell.fibre_table import Direction
 from cosim.hoods.shell.fibres import angles_at, fibres_of
 from cosim.hoods.shell.view import _line_angle
-from cosim.port import InputError
+from cosim.port import InputError, Motion
 from cosim.results.strokes import SPACING, carry, stroke_cells, strokes
 from fe_solver.elements.fibres import angle_between, turn_in_sheet
 from fe_solver.hood.as_job import job_of_hood
 from fe_solver.hood.fibre_families import fibre_families
 from meshes.hood_mesh import REGIONS, HoodMesh
+from meshes.skeleton import BODIES
 
 CASE = "fingertip_fibres_edc"
 SMALL = ("hood.mesh.quads=120", "hood.mesh.elements=linear")
@@ -140,8 +141,8 @@ def test_a_field_of_the_mesh_is_one_too():
 
 def hood_with(*settings: str):
     case = load_case(CASE, [*SMALL, *settings])
-    bones = drawn_bones(case)
-    return case, shell_hood_of(case, case.hood, skeleton_of(case.finger), bones, mesh())
+    rest = Motion(BODIES, *skeleton_of(case.finger).pose({}))
+    return case, shell_hood_of(case.hood, site_of(case, rest), mesh())
 
 
 def test_a_hood_shows_its_families_and_its_strain_along_the_finger():

@@ -9,8 +9,9 @@ import pytest
 
 from cosim.build.models import build, hood_mesh
 from cosim.case.file import load_case
+from cosim.hoods.cable.table import PARTS as OF_CABLES
 from cosim.hoods.injury import STRUT, adhesions, injured_mesh, injured_net
-from cosim.hoods.lesion import OF_MESH
+from cosim.hoods.shell.table import PARTS as OF_SHELL
 from cosim.port import InputError, Motion
 from fe_solver.forces.springs import spring_forces
 from fe_solver.hood.build_shell import SpringSet, springs_of
@@ -30,12 +31,11 @@ def intact() -> HoodMesh:
 
 @cache
 def net() -> CableNet:
-    from cosim.build.models import drawn_bones
-    from cosim.fingers.kinds import skeleton_of
+    from cosim.fingers.kinds import anatomy_of
     from cosim.hoods.cable.build import laid_net
 
     case = load_case("cable_edc", [SPACED])
-    return laid_net(case.hood, case.finger, skeleton_of(case.finger), drawn_bones(case))
+    return laid_net(case.hood, anatomy_of(case.finger, case.hood.left_to_finger))
 
 
 # Cuts of a mesh
@@ -54,7 +54,7 @@ def whole(mesh: HoodMesh) -> None:
         assert np.all(nodes < len(mesh.points))
 
 
-@pytest.mark.parametrize("part", OF_MESH["shell"].cut)
+@pytest.mark.parametrize("part", OF_SHELL.cut)
 def test_every_part_can_be_cut_and_leaves_a_whole_mesh(part):
     before, after = intact(), severed(intact(), part)
     whole(after)
@@ -154,7 +154,7 @@ def test_a_hood_off_both_bones_is_refused():
 # Cuts of a net
 
 
-@pytest.mark.parametrize("part", OF_MESH["cable"].cut)
+@pytest.mark.parametrize("part", OF_CABLES.cut)
 def test_every_part_of_a_net_can_be_cut_and_no_cable_hangs_loose(part):
     after = severed_net(net(), part)
     assert len(after.cells) < len(net().cells) or len(after.springs) < len(net().springs)

@@ -1,19 +1,42 @@
-"""The promises of a hood, over all hoods: add (id, factory) to HOODS.
+"""The promises of a hood, over the example of each kind of a coupled hood, and some beside them.
 
 A factory gives (hood, motions to pass through, tension (nt,) N, tolerance of derivatives)."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import pytest
 
+from cosim.build.models import build
+from cosim.case.file import load_case
+from cosim.hoods.kinds import KINDS
 from cosim.port import Array, Hood, InputError, Motion
 from rigid.hoods.pulley import Cable, PulleyHood
-from tests.helpers import conformance, nets, networks, shells
+from tests.helpers import conformance, networks
 
 Subject = tuple[Hood, list[Motion], Array, float]
+ON_BONES = {"EDC": 3.0, "EI": 1.0, "LUM": 0.8, "FPI": 0.5}
+"""N; what shells and nets bear."""
+IN_CLOSED_FORM = {"EDC": 10.0, "UI": 4.0, "LUM": 7.0}
+"""N; with these no connecting tendon is about to go slack."""
+
+
+def example(kind: str) -> Subject:
+    """The hood of a kind's example, on that finger."""
+    table = KINDS[kind].table
+    name, *settings = table.example
+    models = build(load_case(name, settings))
+    finger = models.finger
+    stated = ON_BONES if table.lies_on_bones else IN_CLOSED_FORM
+    tension = np.array([stated.get(tendon, 2.0) for tendon in models.hood.tendons])
+    motions = [
+        finger.motion(finger.start({j: q for j, q in posture.items() if j in finger.joints}))
+        for posture in conformance.POSTURES
+    ]
+    return models.hood, motions, tension, 1e-4 if table.lies_on_bones else 1e-6
 
 
 def pulley_hood() -> Subject:
@@ -40,22 +63,20 @@ def pulley_hood() -> Subject:
     return hood, motions, np.array([11.8, 2.5]), 1e-6
 
 
-def shell_hood() -> Subject:
-    return shells.index_hood(), conformance.index_motions(), np.array([3.0, 1.0, 0.8, 0.5]), 1e-4
-
-
-def cable_hood() -> Subject:
-    return nets.cable_hood(), conformance.index_motions(), np.array([3.0, 1.0, 0.8, 0.5]), 1e-4
-
-
+EXAMPLES = [name for name, kind in KINDS.items() if kind.table.is_coupled and kind.table.example]
 HOODS: list[tuple[str, Callable[[], Subject]]] = [
-    ("pulley", pulley_hood),
-    ("shell", shell_hood),
-    ("cable", cable_hood),
-    ("network", networks.network_hood),
+    *((name, partial(example, name)) for name in EXAMPLES),
+    ("compliant cables", pulley_hood),
+    ("network of the index finger", networks.network_hood),
     ("network at a constant force", networks.constant_force_hood),
-    ("two bands", networks.two_band_hood),
+    ("two bands of the index finger", networks.two_band_hood),
 ]
+
+
+def test_every_kind_of_ours_has_an_example() -> None:
+    """A hood in an FMU is its program's, and checked where one is written; a split has no
+    tendons."""
+    assert set(KINDS) - set(EXAMPLES) == {"split", "fmu"}
 
 
 @pytest.fixture(scope="module", params=[f for _, f in HOODS], ids=[name for name, _ in HOODS])

@@ -222,9 +222,9 @@ def test_a_hood_where_it_was_laid_without_tension_is_at_rest():
     at = finger.start(angles)
     motion = finger.motion(at)
     response = hood.advance(hood.start(motion), motion, np.zeros(len(hood.tendons)), STATIC)
-    assert models.look is not None
+    assert models.view is not None
     assert models.slips is not None
-    glided = models.look(response.state).glide
+    glided = models.view(response.state).glide
     assert list(glided) == list(PLACES)
     assert glided == pytest.approx(dict.fromkeys(PLACES, 0.0), abs=1e-12)
     torque = finger.jacobian(at).T @ response.load.total().ravel()

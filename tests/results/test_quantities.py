@@ -18,7 +18,7 @@ from cosim.report.tables import _leaves
 from cosim.results.compare import Target, unit_of
 from cosim.results.quantities import check_quantities, is_known
 from cosim.results.read import read_run, read_runs
-from cosim.results.strains import is_slack
+from cosim.results.slips import is_slack
 from tests.helpers.reported import DATA, run_into
 
 QUICK = "output.picture=false"

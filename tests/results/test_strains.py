@@ -5,9 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cosim.hoods.shell.view import HoodLook
+from cosim.hoods.shell.view import (
+    ShellView,
+    gauged,
+    marker_strains,
+    strain_change,
+    strain_summary,
+)
 from cosim.port import InputError
-from cosim.results.strains import gauged, is_slack, marker_strains, strain_change, strain_summary
+from cosim.results.slips import is_slack
 from meshes.hood_mesh import REGIONS, HoodMesh
 from meshes.markers import ROWS, markers
 
@@ -26,10 +32,10 @@ def strip(rows: int = 40) -> HoodMesh:
     return HoodMesh(points, quads, region, fibre, {}, {}, {}, 1e3 * points[:, 0], {}, 42e-3, 5e-4)
 
 
-def stretched(mesh: HoodMesh, along: float, across: float) -> HoodLook:
+def stretched(mesh: HoodMesh, along: float, across: float) -> ShellView:
     ne, n = len(mesh.quads), len(mesh.points)
     strain = np.tile([(along**2 - 1) / 2, (across**2 - 1) / 2, 0.0], (ne, 1))
-    return HoodLook(
+    return ShellView(
         points=mesh.points * [along, across, 1.0],
         reference=mesh.points,
         quads=mesh.quads,

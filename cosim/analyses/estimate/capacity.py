@@ -14,26 +14,7 @@ from cosim.port import Array, InputError
 Weights = Literal["pcsa", "F0", "one"]
 SPECIFIC_TENSION = 45e4
 """Pa: Holzbaur et al. 2005, as Synek et al. 2019 (PeerJ 7:e7470) take it for hands."""
-INDEX = {
-    "FDP": 4.79,
-    "FDS": 4.79,
-    "EDC": 1.39,
-    "EI": 1.12,
-    "LUM": 0.28,
-    "FPI": 2.80,
-    "UI": 2.80,
-    "FDIm": 3.53 / 2,
-    "FDIl": 3.53 / 2,
-}
-"""cm2: AnyBody's index finger, after Wu et al. 2008 (FPI is its UI, the two heads of FDI share its
-RI equally)."""
-MIDDLE = {"FDP": 4.1, "FDS": 4.2, "EDC": 1.7, "LUM": 0.2, "UI": 2.2, "RI": 2.8}
-"""cm2: Chao et al. 1989, digit III, as Synek et al. 2019 take them."""
-INDEX_SOURCE = "Wu 2008, in AnyBody's index finger"
-MIDDLE_SOURCE = "Chao 1989, digit III, in Synek 2019"
 CM2 = 1e-4
-CLOSED_FORM = ("split", "network", "two_band", "pulley")
-"""Hoods whose tendons may go slack."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +40,7 @@ def capacity(
     most: Mapping[str, float] | None = None,
 ) -> Capacity:
     """Areas (m2) and greatest forces (N) of the tendons `names`: as given here, else of the case
-    (max_force) and of the tables above, else area times SPECIFIC_TENSION.
+    (max_force) and of the finger's table, else area times SPECIFIC_TENSION.
 
     Tensions are at least the case's resting tension where the hood is a sheet or a net, which a
     slack tendon would leave without hold, else zero.  Raises InputError for a tendon that nobody
@@ -75,8 +56,8 @@ def capacity(
     found = [_area(case, name, names, areas) for name in names]
     area = np.array([a for a, _ in found])
     limits = [_most(case, name, a, most) for name, a in zip(names, area, strict=True)]
-    slack = case.hood.kind not in CLOSED_FORM
-    least = np.full(len(names), case.solve.resting_tension if slack else 0.0)
+    rest = 0.0 if case.hood.needs_no_tension else case.solve.resting_tension
+    least = np.full(len(names), rest)
     force = np.array([m for m, _ in limits])
     sources = tuple((a, m) for (_, a), (_, m) in zip(found, limits, strict=True))
     return Capacity(names, area, np.minimum(least, force), force, sources)
@@ -87,21 +68,13 @@ def _area(
 ) -> tuple[float, str]:
     if name in areas:
         return areas[name], "given"
-    middle = case.finger.kind == "middle"
-    table = _middle(names) if middle else INDEX
+    table, source = case.finger.muscle_areas(names)
     if name not in table:
         raise InputError(
             f"{name}: no area is known of this muscle; state it, for example "
             f'--area {name}="2 cm**2"'
         )
-    return CM2 * table[name], MIDDLE_SOURCE if middle else INDEX_SOURCE
-
-
-def _middle(names: tuple[str, ...]) -> dict[str, float]:
-    """With the radial interosseous in halves where half of it ends on the bone."""
-    if "RIp" not in names:
-        return MIDDLE
-    return {**MIDDLE, "RI": MIDDLE["RI"] / 2, "RIp": MIDDLE["RI"] / 2}
+    return CM2 * table[name], source
 
 
 def _most(case: Case, name: str, area: float, most: Mapping[str, float]) -> tuple[float, str]:

@@ -11,7 +11,7 @@ import pandas as pd
 
 from cosim.analyses.estimate.capacity import Capacity
 from cosim.analyses.estimate.feasible import ForceSet
-from cosim.analyses.estimate.of_case import Along, Answer, Setup, shares_fixed
+from cosim.analyses.estimate.of_case import Along, Answer, Setup
 from cosim.analyses.estimate.plot import draw_estimate, draw_motion
 from cosim.analyses.estimate.tensions import spelt
 from cosim.files import folder_written_whole
@@ -54,7 +54,7 @@ def write_answer(
         _json(part / MARK, summary)
         if tension is not None:
             _csv(part / "estimate.csv", muscle_table(s.capacity, tension))
-        exact = shares_fixed(s.case)
+        exact = s.case.hood.shares_fixed
         asked = "" if answer is None else f", asked for {spelt(answer.demand, answer.wanted)}"
         title = f"{s.case.name}{asked}"
         sheet = draw_estimate(s.capacity, tension, forces, wanted, title, exact)
@@ -120,7 +120,7 @@ def _told(s: Setup, answer: Answer) -> dict[str, Any]:
 def _set(s: Setup, forces: ForceSet) -> dict[str, Any]:
     low, high = forces.vertices.min(axis=0), forces.vertices.max(axis=0)
     return {
-        "exact": shares_fixed(s.case),
+        "exact": s.case.hood.shares_fixed,
         "vertices": len(forces.vertices),
         "range_N": {name: [a, b] for name, a, b in zip(forces.names, low, high, strict=True)},
     }

@@ -15,9 +15,6 @@ from cosim.analyses.estimate.joint_motion import JointMotion
 from cosim.analyses.estimate.tensions import Bounds, Cost, Estimate, estimate, spelt
 from cosim.build.models import Models, build
 from cosim.case.schema import Case
-from cosim.hoods.lumped.table import NetworkHood
-from cosim.hoods.pulley import PulleyHood
-from cosim.hoods.split import SplitHood
 from cosim.port import Array, ConvergenceError, InputError
 from cosim.schema import units
 from cosim.solve.agree import agree
@@ -162,7 +159,7 @@ def _approached(
     try:
         return estimate(held, demand, wanted, s.bounds, s.cost, start, progress)
     except InputError as error:
-        if shares_fixed(s.case):
+        if s.case.hood.shares_fixed:
             raise
         at_once = error
     begun, reached = demand.made(first.torque), 0.0
@@ -277,13 +274,6 @@ def _needed(s: Setup, motion: JointMotion) -> Array:
         )
     rows = zip(motion.angle, motion.rate, motion.acceleration, strict=True)
     return np.array([needed_torque(finger, *row) for row in rows])
-
-
-def shares_fixed(case: Case) -> bool:
-    """Whether a case's torques are linear in its tensions."""
-    hood = case.hood
-    fixed = isinstance(hood, NetworkHood) and hood.operating_force is not None
-    return fixed or isinstance(hood, SplitHood | PulleyHood)
 
 
 def force_basis(s: Setup) -> tuple[Demand, Torques]:

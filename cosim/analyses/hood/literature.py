@@ -73,7 +73,6 @@ def fitted_postures(quantity: str) -> frozenset[Posture]:
 
     from cosim.analyses.identify.cases import stated_cases
     from cosim.case.file import find_case
-    from cosim.case.schema import our_finger
 
     data = Path(str(resources.files("cases") / "data"))
     rows = pandas.read_csv(data / "hood_fit_rows.csv")
@@ -81,7 +80,7 @@ def fitted_postures(quantity: str) -> frozenset[Posture]:
     cases = stated_cases([find_case("hood_rest")], (), data / "hood_fit.toml")
     every = rows.case.isna().any()
     return frozenset(
-        _posture(our_finger(case.load()).posture.angles())
+        _posture(case.load().native_finger().posture.angles())
         for case in cases
         if every or case.name in set(rows.case)
     )

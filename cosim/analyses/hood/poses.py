@@ -20,7 +20,7 @@ from cosim.case.schema import Case
 from cosim.hoods.injury import injured_mesh
 from cosim.port import STATIC, Array, ConvergenceError, Response, State
 from cosim.results.audit import missed_bounds
-from cosim.results.strains import is_slack
+from cosim.results.slips import is_slack
 from meshes.bands import sagittal_angles, sagittal_bands
 
 Posture = tuple[float, float, float]
@@ -154,9 +154,9 @@ class HoodPoses:
         models = self.models
         state, load, excursion = response
         finger, c = models.finger, state.configuration
-        assert models.look is not None
+        assert models.view is not None
         assert models.slips is not None
-        look, slips = models.look(state), models.slips(state)
+        view, slips = models.view(state).summary(), models.slips(state)
         jacobian = finger.jacobian(at)
         torque = 1e3 * (jacobian.T @ load.total().ravel())
         arms = 1e3 * (jacobian.T @ models.hood.jacobian(state).load_tension)
@@ -169,8 +169,9 @@ class HoodPoses:
             out[f"{tendon}_excursion_mm"] = 1e3 * float(excursion[k])
             for i, joint in zip(rows, JOINTS, strict=True):
                 out[f"{tendon}_{joint}_arm_mm"] = float(arms[i, k])
-        out |= {f"glide_{place}_mm": 1e3 * way for place, way in look.glide.items()}
-        out |= {f"lateral_band_height_{s}_mm": 1e3 * z for s, z in look.band_height.items()}
+        out |= {f"glide_{place}_mm": glide for place, glide in view["glide_mm"].items()}
+        heights = view.get("lateral_band_height_mm", {})
+        out |= {f"lateral_band_height_{side}_mm": height for side, height in heights.items()}
         if self._sagittal is not None:
             told = sagittal_angles(self._sagittal, c.x, c.position, c.rotation)
             for side, lines in told.items():
@@ -181,6 +182,6 @@ class HoodPoses:
             "hood_residual": state.solution.residual,
             "hood_force_balance": force,
             "hood_moment_balance": moment,
-            "max_penetration_mm": 1e3 * look.penetration,
+            "max_penetration_mm": view["max_penetration_mm"],
         }
         return out | audit, missed_bounds(audit)

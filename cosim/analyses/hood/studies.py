@@ -46,8 +46,6 @@ SLIP_POSTURES: tuple[Posture, ...] = tuple(
 )
 LEVELS = (1.0, 2.0, 4.0, 8.0, 12.0)
 """N of EDC."""
-FLEXED: dict[str, Posture] = {"index": (30.0, 45.0, 15.0), "middle": (40.0, 55.0, 35.0)}
-"""Where the levels of load are compared with the straight finger, by finger."""
 STRAIGHT: Posture = (0.0, 0.0, 0.0)
 SWEEPS = {
     "MCP": (0.0, 20.0, 45.0, 60.0, 80.0),
@@ -129,7 +127,7 @@ class HoodStudies:
     def slips(self) -> list[Figure]:
         """Forces in central and terminal slip under EDC."""
         by_posture = self._walk("slips by posture", SLIP_POSTURES, [_edc(LEE_TENSION)])
-        flexed = FLEXED.get(self.case.finger.kind, FLEXED["index"])
+        flexed = self.case.finger.flexed
         by_load = self._walk("slips by load", (STRAIGHT, flexed), [_edc(n) for n in LEVELS])
         loaded = [pose for pose in by_posture if pose.pull]
         levels = [pose for pose in by_load if pose.pull]
@@ -259,7 +257,7 @@ class HoodStudies:
         return self.poses.walk("each joint alone", sweep_postures(), [_edc(TAUT), self._small])
 
     def _fitted(self, quantity: str) -> frozenset[Posture]:
-        return fitted_postures(quantity) if self.case.finger.kind == "index" else frozenset()
+        return fitted_postures(quantity) if self.case.finger.has_literature else frozenset()
 
     def _said_fitted(self, quantity: str, what: str) -> str:
         postures = sorted(self._fitted(quantity))
@@ -282,8 +280,8 @@ class HoodStudies:
             for j, h in AN_HEIGHT.items()
         ]
         every = pd.concat([known, pd.DataFrame(heights, columns=known.columns)])
-        index = self.case.finger.kind == "index"
-        return every[every.tendon.isin(tendons) & index].reset_index(drop=True)
+        known = self.case.finger.has_literature
+        return every[every.tendon.isin(tendons) & known].reset_index(drop=True)
 
 
 def _edc(tension: float) -> Pull:

@@ -9,10 +9,10 @@ from math import ceil, exp, isfinite, log, log10
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from cosim.analyses.identify.variations import toe_settings
 from cosim.analyses.trials.outcome import Settings
 from cosim.case.schema import Case
-from cosim.hoods.shell.table import FibreMooneyRivlin, ShellHood, TransverselyIsotropic
+from cosim.hoods.shell.table import FibreMooneyRivlin, TransverselyIsotropic
+from cosim.hoods.shell.variation import toe_settings
 from cosim.port import InputError
 from cosim.schema import units
 
@@ -219,11 +219,8 @@ def _stated(case: Case) -> dict[str, list[float]]:
 
 def _laws(
     case: Case,
-) -> tuple[dict[str, FibreMooneyRivlin], dict[str, TransverselyIsotropic]]:
-    regions = case.hood.regions if isinstance(case.hood, ShellHood) else {}
-    curved = {n: r for n, r in regions.items() if isinstance(r, FibreMooneyRivlin)}
-    straight = {n: r for n, r in regions.items() if isinstance(r, TransverselyIsotropic)}
-    return curved, straight
+) -> tuple[Mapping[str, FibreMooneyRivlin], Mapping[str, TransverselyIsotropic]]:
+    return case.hood.laws("trans_iso_mooney_rivlin"), case.hood.laws("transversely_isotropic")
 
 
 def _free(case: Case, parameters: tuple[Parameter, ...]) -> Free:

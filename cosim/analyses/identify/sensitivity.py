@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from cosim.analyses.identify.variations import Side, Variation
 from cosim.analyses.trials.outcome import Outcome, Settings, measured, solver, unit
+from cosim.hoods.variation import Side, Variation
 from cosim.port import ConvergenceError, InputError
 
 FORMAT = "cosim sensitivity 1"

@@ -27,7 +27,7 @@ from cosim.analyses.trials.outcome import Settings
 from cosim.schema import units
 
 if TYPE_CHECKING:
-    from cosim.hoods.lumped.build import Potential
+    from cosim.hoods.lumped.reduction import Potential
 
 WIDTH, DIGITS = 98, 9
 

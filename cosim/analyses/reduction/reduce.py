@@ -22,19 +22,18 @@ from cosim.analyses.reduction.walks import (
     held_walks,
     spread_walks,
 )
-from cosim.build.fit import HOODS
 from cosim.build.models import build
 from cosim.case.file import load_case
-from cosim.case.schema import Case, our_finger
-from cosim.fingers.kinds import live_finger
-from cosim.hoods.cable.table import CableHood
-from cosim.hoods.lumped.build import Sample, fitted, stacked
-from cosim.hoods.shell.table import ShellHood
+from cosim.case.schema import Case
+from cosim.fingers.common import Extensor
+from cosim.fingers.kinds import anatomy_of, live_finger
+from cosim.hoods.kinds import that_fit
+from cosim.hoods.lumped.reduction import Sample, fitted, stacked
 from cosim.port import Array, InputError
 from cosim.study.cache_key import address, code_version
 
 if TYPE_CHECKING:
-    from cosim.hoods.lumped.build import Potential
+    from cosim.hoods.lumped.reduction import Potential
 
 BATCH = 20_000
 Tell = Callable[[str], None]
@@ -121,12 +120,12 @@ def reduce_case(
     Raises InputError for a hood in closed form, an unknown joint, too few samples, or a file that
     holds others."""
     case = load_case(source, settings)
-    if not isinstance(case.hood, ShellHood | CableHood):
+    if not case.hood.lies_on_bones:
         raise InputError(
             f'{case.name}: hood.kind = "{case.hood.kind}" is not solved by finite elements, so '
             "that nothing is gained by reducing it; take a case with a shell or cables"
         )
-    if "network" not in HOODS[case.finger.kind]:
+    if "network" not in that_fit(case.finger.kind):
         raise InputError(
             f'{case.name}: finger.kind = "{case.finger.kind}" takes no network hood, which is what '
             "a reduced hood is"
@@ -194,8 +193,9 @@ def _rate(potential: Potential, samples: Sequence[Sample], case: Case) -> Rate:
     """Measured: states one by one behind the port, and a batch."""
     from cosim.hoods.lumped.build import reduced_hood
 
-    finger = live_finger(our_finger(case), case.hood)
-    hood = reduced_hood(potential, our_finger(case), finger.bodies)
+    finger = live_finger(case.native_finger(), case.hood.left_to_finger)
+    model = anatomy_of(case.finger, Extensor()).model
+    hood = reduced_hood(potential, model, finger.bodies)
     named = [dict(zip(finger.joints, map(float, s.angle), strict=True)) for s in samples]
     motions = [finger.motion(finger.start(posture)) for posture in named]
     state, started = hood.start(motions[0]), time.perf_counter()

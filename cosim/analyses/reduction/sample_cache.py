@@ -18,7 +18,7 @@ import numpy as np
 
 from cosim.analyses.reduction.samples import Lost, Walk, Walked
 from cosim.files import written_whole
-from cosim.hoods.lumped.build import Sample
+from cosim.hoods.lumped.reduction import Sample
 from cosim.port import InputError
 
 Sampler = Callable[[Sequence[Walk]], Iterator[Walked]]

@@ -19,7 +19,7 @@ import numpy as np
 
 from cosim.build.models import Models, build
 from cosim.case.file import load_case
-from cosim.hoods.lumped.build import Sample
+from cosim.hoods.lumped.reduction import Sample
 from cosim.port import STATIC, Array, ConvergenceError, Load, State
 
 FREE = 'finger.tip.kind="free"'

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from cosim.case.schema import Case, our_finger
+from cosim.case.schema import Case
 from cosim.fingers.kinds import live_finger
 from cosim.port import Array, Finger, Load
 
 
 def tip_maps(case: Case, angles: Array) -> Array:
     """(s, 3, n) the maps of the case's finger with its tip clamped, at angles (s, n) rad."""
-    finger = live_finger(our_finger(clamped(case)), case.hood)
+    finger = live_finger(clamped(case).native_finger(), case.hood.left_to_finger)
     return np.array([tip_map(finger, angle) for angle in angles])
 
 
 def clamped(case: Case) -> Case:
     """The case with its fingertip clamped."""
-    finger = our_finger(case)
+    finger = case.native_finger()
     tip = finger.tip.model_copy(update={"kind": "clamped"})
     return case.model_copy(update={"finger": finger.model_copy(update={"tip": tip})})
 

@@ -22,8 +22,7 @@ import numpy as np
 from cosim.build.models import Models, build, tensions
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import Equilibrium
-from cosim.hoods.shell.build import UnderHood
-from cosim.hoods.shell.table import ShellHood
+from cosim.fingers.kinds import held_by
 from cosim.port import Array
 from cosim.results.static import observe_static
 from cosim.solve.states import States
@@ -36,13 +35,10 @@ Reshape = Callable[[FeHood, FeHood, HoodState, Array], HoodState]
 
 def tangent_serves(case: Case) -> bool:
     """Whether the bones are held and nothing but a shell in smooth contact answers the tendons."""
-    if not (isinstance(case.hood, ShellHood) and isinstance(case.finger, UnderHood)):
-        return False
-    contact, pulls = case.hood.contact, case.tendons.values()
-    smooth = contact.penetration is None and contact.friction == 0
-    plain = all(t.muscle is None and t.excursion is None for t in pulls)
+    plain = all(t.muscle is None and t.excursion is None for t in case.tendons.values())
     coupled = case.coupling.scheme != "one_way" and case.forward is None
-    return coupled and case.finger.tip.kind == "posture" and smooth and plain
+    held = held_by(case.finger) == "posture"
+    return case.hood.has_smooth_tangent and coupled and held and plain
 
 
 def foretold(

@@ -1,78 +1,65 @@
-"""The cable hood of a case: its net, materials and supports, and what it looks like solved."""
+"""The cable hood of a case: its net, materials and supports."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cosim.fingers.index import IndexFinger
+from cosim.fingers.kind import Anatomy
 from cosim.hoods.bone_surfaces import baked_surfaces
 from cosim.hoods.cable.table import CableHood
-from cosim.hoods.fe_view import Lines, Look, guide_depth, look_at
-from cosim.hoods.injury import adhesions, longer
+from cosim.hoods.cable.view import view_of
+from cosim.hoods.fe_view import slip_forces, tangent_seconds
+from cosim.hoods.injury import adhesions, injured_net, longer
+from cosim.hoods.kind import BuiltHood, HoodKind, Site, skeleton_of
 from cosim.hoods.lesion import Lesion
-from cosim.port import Array, InputError, Motion, State, Triangles
+from cosim.port import InputError, Motion
 
 if TYPE_CHECKING:
     from fe_solver.forces.cables import Cables
     from fe_solver.hood.shell_hood import ShellHood as FeHood
     from meshes.cable_net import CableNet
-    from meshes.skeleton import Skeleton
 
-ENDS = {"EDC": "central", "EI": "indicis", "LUM": "radial", "FPI": "ulnar"}
-"""The tendons that act through the net and the ends that they pull."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class CableLook(Look):
-    """What there is to see of a solved cable hood."""
-
-    cells: np.ndarray
-    """(k, 2)."""
-    strand: np.ndarray
-    """(k,) index into `strands`."""
-    strands: tuple[str, ...]
-    strain: Array
-    """(k,) engineering strain."""
-    tension: Array
-    """(k,) N."""
-    contact_force: Array
-    """(n,) N of the bones on the nodes, sum of magnitudes."""
+ENDS = {
+    "index": {"EDC": "central", "EI": "indicis", "LUM": "radial", "FPI": "ulnar"},
+    "robot": {"extensor": "central"},
+}
+"""By finger, the tendons that act through the net and the ends that they pull."""
 
 
-def laid_net(
-    hood: CableHood, finger: IndexFinger, skeleton: Skeleton, bones: Mapping[str, Triangles]
-) -> CableNet:
-    """The net of a cable hood."""
+def build(hood: CableHood, site: Site) -> BuiltHood:
+    net = injured_net(laid_net(hood, site.anatomy), site.lesion)
+    made = cable_hood_of(hood, site, net)
+    return BuiltHood(
+        made,
+        view_of(made, net, site.skeleton),
+        partial(slip_forces, made),
+        linear=partial(tangent_seconds, made),
+    )
+
+
+def laid_net(hood: CableHood, anatomy: Anatomy) -> CableNet:
+    """The net of a cable hood; where the extensor alone pulls without the other tendons' ends."""
     from meshes.cable_net import lay
+    from meshes.robot_net import extensor_alone
 
-    offset = hood.contact.offset
-    return lay(
-        skeleton,
+    offset, bones = hood.contact.offset, anatomy.bones
+    net = lay(
+        skeleton_of(anatomy),
         baked_surfaces(bones),
         {body: getattr(offset, body) for body in bones},
         hood.mesh.rest_posture.angles(),
         hood.mesh.spacing,
-        finger.width_scale,
+        anatomy.width,
     )
+    ends = ENDS[anatomy.finger].values()
+    return extensor_alone(net) if set(ends) == {"central"} else net
 
 
-def cable_hood_of(
-    hood: CableHood,
-    skeleton: Skeleton,
-    bones: Mapping[str, Triangles],
-    net: CableNet,
-    tolerance: float,
-    lesion: Lesion | None = None,
-    ends: Mapping[str, str] = ENDS,
-) -> FeHood:
-    """The net over the bones as a case describes it, behind the port; its own equilibrium to the
-    relative `tolerance`; `ends`: those of the net that tendons pull, by tendon.  Raises
-    InputError."""
+def cable_hood_of(hood: CableHood, site: Site, net: CableNet) -> FeHood:
+    """The net over the bones as a case describes it, behind the port.  Raises InputError."""
     from fe_solver.hood.build_cable import Net, cable_hood
     from fe_solver.hood.build_shell import ContactLaw, SpringSet, Tendon
     from fe_solver.solver.newton import NewtonOptions
@@ -83,17 +70,18 @@ def cable_hood_of(
         raise InputError(
             "hood.springs: nothing holds the central slip; give hood.springs a table central_slip"
         )
-    contact, offset = hood.contact, hood.contact.offset
+    contact, offset, skeleton = hood.contact, hood.contact.offset, site.skeleton
     rest = Motion(BODIES, *skeleton.pose(net.rest_posture))
     springs = {
         name: SpringSet(net.springs[name], s.stiffness, s.slack, s.tension_only)
         for name, s in hood.springs.items()
         if name in net.springs
     }
-    for name, grown in adhesions(lesion, net, net.points, rest).items():
+    for name, grown in adhesions(site.lesion, net, net.points, rest).items():
         springs[name] = SpringSet(grown.held, grown.stiffness, 0.0, tension_only=False)
+    ends = ENDS[site.anatomy.finger]
     return cable_hood(
-        Net(net.points, cable_law(hood, net, lesion)),
+        Net(net.points, cable_law(hood, net, site.lesion)),
         rest,
         carriers(skeleton, along(skeleton, net.station)),
         springs,
@@ -104,12 +92,12 @@ def cable_hood_of(
         ContactLaw(
             contact.stiffness,
             contact.smoothing,
-            baked_surfaces(bones),
+            baked_surfaces(site.anatomy.bones),
             {body: getattr(offset, body) for body in BODIES},
             contact.penetration,
             contact.friction,
         ),
-        NewtonOptions(tolerance=tolerance),
+        NewtonOptions(tolerance=site.tolerance),
     )
 
 
@@ -139,41 +127,4 @@ def cable_law(hood: CableHood, net: CableNet, lesion: Lesion | None = None) -> C
     )
 
 
-def looking_at(hood: FeHood, net: CableNet, skeleton: Skeleton) -> Callable[[State], CableLook]:
-    """What there is to see at a state."""
-    from meshes.bands import net_bands
-    from meshes.glide import net_places
-    from meshes.skeleton import JOINTS
-
-    lines = Lines(net_places(net), net_bands(net), skeleton.axis[JOINTS.index("PIP")])
-    return partial(_look, hood, net, guide_depth(hood), lines)
-
-
-def _look(hood: FeHood, net: CableNet, depth: float, lines: Lines, state: State) -> CableLook:
-    from fe_solver.hood.build_cable import pulls_in
-
-    seen, pull = look_at(hood, depth, lines, state), pulls_in(hood, state)
-    points = state.solution.evaluation.points
-    on = points.group < 0
-    pressed = np.linalg.norm(points.gradient[on], axis=1)
-    return CableLook(
-        **vars(seen),
-        cells=net.cells,
-        strand=net.strand,
-        strands=net.strands,
-        strain=pull.strain,
-        tension=pull.force,
-        contact_force=np.bincount(points.node[on], pressed, len(seen.points)).astype(float),
-    )
-
-
-def strand_forces(look: CableLook) -> dict[str, dict[str, float]]:
-    """Largest tension (N) and mean strain (per cent) of each strand."""
-    out = {}
-    for i, name in enumerate(look.strands):
-        on = look.strand == i
-        out[name] = {
-            "tension_N": float(look.tension[on].max()),
-            "mean_strain_percent": 100 * float(look.strain[on].mean()),
-        }
-    return out
+KIND = HoodKind(CableHood, build)

@@ -2,17 +2,34 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
 from cosim.fingers.common import Posture
+from cosim.hoods.kind import HoodTable
+from cosim.hoods.lesion import SLIPS, SUPPORTS, Parts
 from cosim.hoods.supports import Contact, Spring
 from cosim.schema import units
 from cosim.schema.fields import fault, name_of, quantity
 from cosim.schema.types import ExtraLength, Modulus, Number, Section, Table
 from meshes.cable_net import CABLES
 from meshes.hood_mesh import SPRINGS
+
+COURSES = (
+    "central_band",
+    *("lateral_band_radial", "lateral_band_ulnar"),
+    *("lateral_slip_radial", "lateral_slip_ulnar"),
+    *("medial_slip_radial", "medial_slip_ulnar"),
+    *("hood_edge_radial", "hood_edge_ulnar"),
+)
+"""Cables that run from end to end."""
+PARTS = Parts(
+    (*SLIPS, *SUPPORTS, *COURSES, "extensor_tendon_distal", "triangular_ligament"),
+    (*SLIPS, *COURSES),
+    (*SLIPS, *COURSES),
+)
 
 
 class Cable(Table):
@@ -32,11 +49,22 @@ class CableMesh(Table):
     rest_posture: Posture
 
 
-class CableHood(Table):
+class CableHood(HoodTable):
     """A net of cables that bear tension alone, over the bones: the tendinous rhombus.  The law of
     each is quadratic up to the strain `toe`, then straight; `residual_tension` (N) beside it keeps
     slack cables from being mechanisms.  `contact.offset` is where their centre lines touch."""
 
+    title: ClassVar[str] = "a net of cables that bear tension alone, over the bones"
+    fits: ClassVar[tuple[str, ...]] = ("index", "robot")
+    lies_on_bones: ClassVar[bool] = True
+    needs_no_tension: ClassVar[bool] = False
+    can_be_injured: ClassVar[bool] = True
+    rungs: ClassVar[Mapping[str, str]] = {"cable": "base/cable"}
+    example: ClassVar[tuple[str, ...]] = (
+        "cable_edc",
+        'hood.mesh.spacing="3 mm"',
+        "solve.hood_tolerance=1e-12",
+    )
     kind: Literal["cable"]
     mesh: CableMesh
     cables: dict[Annotated[str, name_of("cable", CABLES)], Cable]
@@ -50,3 +78,6 @@ class CableHood(Table):
         if lacking := [name for name in CABLES if name not in self.cables]:
             raise fault(f"cables: the net also has {', '.join(lacking)}; name them")
         return self
+
+    def parts(self) -> Parts:
+        return PARTS

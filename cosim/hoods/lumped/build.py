@@ -1,63 +1,100 @@
-"""From a case's hood in lumped form to a live one.  One of the files that know the solvers by
-name."""
+"""The hoods in lumped form, live."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cosim.fingers.hinge import HingeFinger
-from cosim.fingers.kinds import AnyFinger, finger_model
-from cosim.hoods.lumped.table import JOINTS, Arm, NetworkHood, Reduced, TwoBandHood
-from cosim.hoods.split import SplitHood
-from cosim.port import Array, Hood, Motion, State
-from rigid.hoods.reduced_sample import Sample as Sample
-from rigid.hoods.reduced_sample import stacked as stacked
+from cosim.hoods.kind import BuiltHood, HoodKind, Site
+from cosim.hoods.lesion import Lesion
+from cosim.hoods.lumped.table import (
+    JOINTS,
+    Arm,
+    ConnectingTendon,
+    NetworkHood,
+    Reduced,
+    TwoBandHood,
+)
+from cosim.port import Hood, InputError, Motion, State
 
 if TYPE_CHECKING:
     from rigid.hoods.hinge_angle import HingeAngle
     from rigid.hoods.network import Arms, Network
-    from rigid.hoods.reduced import Potential as Potential
-    from rigid.hoods.reduced import ReducedHood
+    from rigid.hoods.reduced import Potential, ReducedHood
+    from rigid.model import FingerModel
 
 
-def lumped_hood(hood: NetworkHood | TwoBandHood, finger: AnyFinger, rest: Motion) -> Hood:
-    """The network on the flexion angles of a finger, excursions counted from the poses `rest`."""
+def build(hood: NetworkHood, site: Site) -> BuiltHood:
+    """The network as a lesion leaves it."""
+    left, model = injured_network(hood, site.lesion), site.anatomy.model
+    return BuiltHood(lumped_hood(left, model, site.rest), slips=partial(slip_forces, left, model))
+
+
+def build_two_bands(hood: TwoBandHood, site: Site) -> BuiltHood:
+    return build(as_network(hood), site)
+
+
+def injured_network(network: NetworkHood, lesion: Lesion | None) -> NetworkHood:
+    """A hood in lumped form without the connecting tendons that are cut, others shorter or longer.
+
+    Raises InputError where a muscle would be left to pull on nothing."""
+    if lesion is None:
+        return network
+    cut = {tendon for part in lesion.cut for tendon in _tendons(network, part, "cut")}
+    left = {name: t for name, t in network.connecting.items() if name not in cut}
+    for part, more in lesion.length_changes().items():
+        for name in _tendons(network, part, "shorten" if more < 0 else "lengthen"):
+            if name in left:
+                tendon = left[name]
+                left[name] = tendon.model_copy(update={"rest": tendon.rest + more})
+    pulling = {t.muscle for t in left.values()}
+    if idle := [t.muscle for t in network.connecting.values() if t.muscle not in pulling]:
+        raise InputError(f"lesion.cut: leaves no connecting tendon for {idle[0]} to pull; cut less")
+    return network.model_copy(update={"connecting": left})
+
+
+def _tendons(hood: NetworkHood, part: str, key: str) -> list[str]:
+    """The connecting tendons of a part: those that cross the PIP last are the central slip, those
+    that cross the DIP the terminal one.  Raises InputError where there are none."""
+    if part in hood.connecting:
+        return [part]
+    last = {"central_slip": JOINTS[1], "terminal_slip": JOINTS[2]}[part]
+    found = [
+        n for n, t in hood.connecting.items() if [j for j in JOINTS if j in t.arms][-1] == last
+    ]
+    if not found:
+        raise InputError(f"lesion.{key}: no connecting tendon ends where a {part} does")
+    return found
+
+
+def lumped_hood(hood: NetworkHood, model: FingerModel | None, rest: Motion) -> Hood:
+    """The network on the flexion angles of a finger (None: hinges in a plane), excursions counted
+    from the poses `rest`."""
     from rigid.hoods.network_hood import NetworkHood as OnBodies
 
-    if isinstance(hood, NetworkHood) and hood.reduced is not None:
-        return reduced_hood(potential(hood.reduced), finger, rest.bodies)
-    network = _network(hood) if isinstance(hood, NetworkHood) else _two_bands(hood)
-    operating = hood.operating_force if isinstance(hood, NetworkHood) else None
-    return OnBodies(network, _hinges(hood, finger), rest, operating_force=operating)
+    if hood.reduced is not None:
+        return reduced_hood(potential(hood.reduced), model, rest.bodies)
+    hinges = _hinges(model)
+    return OnBodies(_network(hood), hinges, rest, operating_force=hood.operating_force)
 
 
-def slips_of(hood: object, finger: AnyFinger) -> Callable[[State], Mapping[str, float]] | None:
-    """`slip_forces` of a hood of that kind, None for another."""
-    if not isinstance(hood, NetworkHood | TwoBandHood):
-        return None
-    return lambda state: slip_forces(hood, finger, state)
-
-
-def slip_forces(
-    hood: NetworkHood | TwoBandHood, finger: AnyFinger, state: State
-) -> dict[str, float]:
+def slip_forces(hood: NetworkHood, model: FingerModel | None, state: State) -> dict[str, float]:
     """N, what bears on the middle phalanx ("central": it crosses the PIP last) and on the distal
     one ("terminal") of a hood's connecting tendons."""
     from rigid.hoods.hinge_angle import angles
 
-    if isinstance(hood, NetworkHood) and hood.reduced is not None:
-        made = reduced_hood(potential(hood.reduced), finger, state.motion.bodies)
+    if hood.reduced is not None:
+        made = reduced_hood(potential(hood.reduced), model, state.motion.bodies)
         return made.slip_forces(state)
-    network = _network(hood) if isinstance(hood, NetworkHood) else _two_bands(hood)
-    at = angles(_hinges(hood, finger), state.motion).value
-    operating = hood.operating_force if isinstance(hood, NetworkHood) else None
-    if operating is None:
+    network = _network(hood)
+    at = angles(_hinges(model), state.motion).value
+    if hood.operating_force is None:
         _, tension = network.solve(at, state.tension)
     else:
-        share = network.distribution(at, np.full(len(network.muscles), operating))
+        share = network.distribution(at, np.full(len(network.muscles), hood.operating_force))
         tension = share @ state.tension
     _, beyond_pip, beyond_dip = (network.connecting.at(at) != 0) | (network.connecting.slope != 0)
     return {
@@ -66,60 +103,31 @@ def slip_forces(
     }
 
 
-def split_slips(
-    finger: AnyFinger, hood: SplitHood, tension: Mapping[str, float]
-) -> dict[str, float]:
-    """N, of the strands that end on the middle and on the distal phalanx, of the tendons (by name,
-    N) that a fixed split has and the bare finger has not."""
-    from meshes.skeleton import BODIES
-
-    if isinstance(finger, HingeFinger):
-        return {}
-    bare, ends = finger_model(finger, None).muscles, {"central": BODIES[2], "terminal": BODIES[3]}
-    strands = [
-        (strand.path[-1].body, strand.share * tension[tendon.name])
-        for tendon in finger_model(finger, hood).tendons
-        if tendon.name not in bare
-        for strand in tendon.strands
-    ]
-    return {slip: sum(f for body, f in strands if body == end) for slip, end in ends.items()}
-
-
-def _hinges(hood: NetworkHood | TwoBandHood, finger: AnyFinger) -> tuple[HingeAngle, ...]:
+def _hinges(model: FingerModel | None) -> tuple[HingeAngle, ...]:
     from rigid.chain.hinge import BODIES
     from rigid.hoods.hinge_angle import HingeAngle, flexion_angles
 
-    if not isinstance(finger, HingeFinger):
-        return flexion_angles(finger_model(finger, hood))
+    if model is not None:
+        return flexion_angles(model)
     joints = zip(JOINTS, BODIES[:-1], BODIES[1:], strict=True)
     return tuple(HingeAngle(*names) for names in joints)
 
 
-def reduced_hood(made: Potential, finger: AnyFinger, bodies: tuple[str, ...]) -> ReducedHood:
-    """A potential behind the port, on every hinge of a finger."""
+def reduced_hood(
+    made: Potential, model: FingerModel | None, bodies: tuple[str, ...]
+) -> ReducedHood:
+    """A potential behind the port, on every hinge of a finger (None: hinges in a plane)."""
     from rigid.hoods.hinge_angle import HingeAngle
     from rigid.hoods.reduced import ReducedHood
     from rigid.hoods.universal_angle import Joint, joints_of
 
     hinges: tuple[Joint, ...]
-    if isinstance(finger, HingeFinger):
+    if model is None:
         joints = zip(made.joints, bodies[:-1], bodies[1:], strict=True)
         hinges = tuple(HingeAngle(*names) for names in joints)
     else:
-        hinges = joints_of(finger_model(finger, None))
+        hinges = joints_of(model)
     return ReducedHood(made, hinges, bodies)
-
-
-def fitted(
-    samples: Sample,
-    joints: tuple[str, ...],
-    tendons: tuple[str, ...],
-    maps: Array | None = None,
-) -> Potential:
-    """The potential of a hood from samples of it, see `rigid.hoods.reduction.reduced`."""
-    from rigid.hoods.reduction import reduced
-
-    return reduced(samples, joints, tendons, maps=maps)
 
 
 def potential(hood: Reduced) -> Potential:
@@ -158,26 +166,24 @@ def _network(hood: NetworkHood) -> Network:
     )
 
 
-def band_tendons(hood: TwoBandHood) -> tuple[float, float]:
-    """N/m, of the middle and of the lateral band."""
+def as_network(hood: TwoBandHood) -> NetworkHood:
+    """The same two springs on one junction."""
     from rigid.hoods.two_band import band_stiffnesses
 
-    return band_stiffnesses(hood.elasticity, hood.lateral_share)
-
-
-def _two_bands(hood: TwoBandHood) -> Network:
-    from rigid.hoods.network import Network
-
-    muscles = tuple(hood.muscles)
-    connection = np.array([[m == hood.extensor for m in muscles]] * 2, dtype=float)
-    return Network(
-        JOINTS,
-        muscles,
-        _arms(list(hood.muscles.values())),
-        _arms([hood.middle, hood.lateral]),
-        np.array(band_tendons(hood)),
-        connection,
-        np.zeros(2),
+    middle, lateral = band_stiffnesses(hood.elasticity, hood.lateral_share)
+    return NetworkHood.model_construct(
+        kind="network",
+        muscles=hood.muscles,
+        connecting={
+            "middle_band": ConnectingTendon.model_construct(
+                muscle=hood.extensor, stiffness=middle, rest=0.0, arms=hood.middle
+            ),
+            "lateral_band": ConnectingTendon.model_construct(
+                muscle=hood.extensor, stiffness=lateral, rest=0.0, arms=hood.lateral
+            ),
+        },
+        operating_force=None,
+        reduced=None,
     )
 
 
@@ -185,3 +191,7 @@ def _arms(columns: Sequence[dict[str, Arm]]) -> Arms:
     from rigid.hoods.two_band import arms
 
     return arms([{j: (a.constant, a.slope) for j, a in column.items()} for column in columns])
+
+
+NETWORK = HoodKind(NetworkHood, build)
+TWO_BANDS = HoodKind(TwoBandHood, build_two_bands)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
 from cosim.fingers.common import JointAngle
+from cosim.hoods.kind import HoodTable
+from cosim.hoods.lesion import SLIPS, Lesion, Parts
 from cosim.schema import units
 from cosim.schema.fields import fault, name_of, quantity
 from cosim.schema.types import Count, Number, Table, TendonName
@@ -59,13 +62,20 @@ class Reduced(Table):
     slips: tuple[tuple[tuple[Number, ...], ...], tuple[tuple[Number, ...], ...]]
 
 
-class NetworkHood(Table):
+class NetworkHood(HoodTable):
     """A network of tendons (Development and Validation of Modeling Framework for Interconnected
     Tendon Networks): `muscles` with the arms at which they cross joints themselves, `connecting`
     tendons from their junctions on.  With `operating_force` the shares depend on posture alone, as
     they are at that force of every muscle.  One that is `reduced` from another hood has neither
     arms nor connecting tendons of its own."""
 
+    title: ClassVar[str] = (
+        "no deformable hood: tendons sprung from junctions, moment arms at joints"
+    )
+    fits: ClassVar[tuple[str, ...]] = ("index", "middle", "planar", "hinge", "robot")
+    can_be_injured: ClassVar[bool] = True
+    rungs: ClassVar[Mapping[str, str]] = {"network": "base/network"}
+    example: ClassVar[tuple[str, ...]] = ("network_edc",)
     kind: Literal["network"]
     muscles: Annotated[dict[TendonName, Arms], Field(min_length=1)]
     connecting: dict[str, ConnectingTendon]
@@ -96,12 +106,31 @@ class NetworkHood(Table):
                 )
         return self
 
+    @property
+    def shares_fixed(self) -> bool:
+        return self.operating_force is not None
 
-class TwoBandHood(Table):
+    def tendon_names(self) -> tuple[str, ...]:
+        return tuple(self.muscles)
+
+    def parts(self) -> Parts | None:
+        tendons = (*SLIPS, *self.connecting)
+        return None if self.reduced is not None else Parts(tendons, (), tendons)
+
+    def cannot_be_injured(self, lesion: Lesion) -> str:
+        return "a reduced network has no parts to injure" if self.reduced is not None else ""
+
+
+class TwoBandHood(HoodTable):
     """An extensor that parts into a middle and a lateral band (Buchner, Hines and Hemami 1988),
     with the elasticity K between them and the share `lateral_share` of its tension in the lateral
     band where both shifts agree; other `muscles` cross the joints on their own."""
 
+    title: ClassVar[str] = "no deformable hood: a middle and a lateral band, moment arms at joints"
+    fits: ClassVar[tuple[str, ...]] = ("index", "planar", "hinge", "robot")
+    can_be_injured: ClassVar[bool] = True
+    rungs: ClassVar[Mapping[str, str]] = {"two_band": "base/two_band"}
+    example: ClassVar[tuple[str, ...]] = ("two_band_edc",)
     kind: Literal["two_band"]
     muscles: Annotated[dict[TendonName, Arms], Field(min_length=1)]
     extensor: TendonName = "EDC"
@@ -118,3 +147,16 @@ class TwoBandHood(Table):
                 f"{', '.join(self.muscles)}"
             )
         return self
+
+    def tendon_names(self) -> tuple[str, ...]:
+        return tuple(self.muscles)
+
+    def parts(self) -> Parts:
+        return Parts(SLIPS, (), SLIPS)
+
+    def on_finger(self, finger: str, laid: object) -> TwoBandHood:
+        """The planar finger's flexors are the hood's; the index finger has its own."""
+        if finger != "index":
+            return self
+        left = {name: arms for name, arms in self.muscles.items() if name not in ("FDP", "FDS")}
+        return self.model_copy(update={"muscles": left})

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cosim.case.schema import Case
-from cosim.fingers.index import IndexFinger
-from cosim.fingers.middle import MiddleFinger
+from cosim.fingers.kind import Anatomy
 from cosim.hoods.bone_surfaces import baked_surfaces
-from cosim.hoods.injury import adhesions, longer
+from cosim.hoods.fe_view import slip_forces, tangent_seconds
+from cosim.hoods.injury import adhesions, injured_mesh, longer
+from cosim.hoods.kind import BuiltHood, HoodKind, Site, skeleton_of
 from cosim.hoods.shell import table
 from cosim.hoods.shell.fibre_table import Fibrous
 from cosim.hoods.shell.fibres import Fibres, fibres_of
-from cosim.hoods.shell.table import GeneratedMesh, ShellHood
-from cosim.port import Array, InputError, Motion, State, Triangles
+from cosim.hoods.shell.table import ShellHood
+from cosim.hoods.shell.variation import scaled_moduli, variations
+from cosim.hoods.shell.view import COLOURS, view_of
+from cosim.port import Array, InputError, Motion
 from cosim.schema.types import Region
 
 if TYPE_CHECKING:
@@ -27,10 +30,7 @@ if TYPE_CHECKING:
     from fe_solver.materials.section import Section
     from fe_solver.materials.tension_field import TensionField
     from meshes.hood_mesh import HoodMesh
-    from meshes.skeleton import Skeleton
 
-UnderHood = IndexFinger | MiddleFinger
-"""The fingers that take a shell hood."""
 WHOLE, ULNAR = np.zeros(3), np.array([0.0, -1.0, 0.0])
 PALMAR, DORSAL = np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, 1.0])
 ENDS = {
@@ -58,15 +58,39 @@ SAME_ANGLE = 1e-9
 """rad, angles between two families that differ by less are one."""
 
 
-def laid_mesh(
-    hood: ShellHood, finger: UnderHood, skeleton: Skeleton, bones: Mapping[str, Triangles]
-) -> HoodMesh:
-    """The mesh of a shell hood, read or generated.  Raises InputError."""
-    from cosim.fingers.kinds import width_of
+def build(hood: ShellHood, site: Site) -> BuiltHood:
+    mesh = injured_mesh(laid_mesh(hood, site.anatomy), site.lesion)
+    made = shell_hood_of(hood, site, mesh)
+    return BuiltHood(
+        made,
+        view_of(made, mesh, site.skeleton),
+        partial(slip_forces, made),
+        linear=partial(tangent_seconds, made),
+    )
+
+
+def laid_mesh(hood: ShellHood, anatomy: Anatomy) -> HoodMesh:
+    """The mesh of a shell hood, read or generated, before any lesion.  Raises InputError."""
+    return _laid(_Laying(f"{hood.mesh_key()} {anatomy.key}", hood, anatomy))
+
+
+@dataclass(frozen=True)
+class _Laying:
+    """A hood and a finger as far as the mesh is laid out by them."""
+
+    key: str
+    hood: ShellHood = field(compare=False)
+    anatomy: Anatomy = field(compare=False)
+
+
+@lru_cache(maxsize=8)
+def _laid(laying: _Laying) -> HoodMesh:
     from meshes.hood import generate
     from meshes.hood_mesh import read
 
-    if not isinstance(hood.mesh, GeneratedMesh):
+    hood, anatomy = laying.hood, laying.anatomy
+    skeleton = skeleton_of(anatomy)
+    if hood.mesh.kind == "file":
         mesh, reach = read(hood.mesh.path), float(skeleton.length[1])
         if not np.isclose(mesh.reach, reach, rtol=1e-3):
             raise InputError(
@@ -78,33 +102,20 @@ def laid_mesh(
     offset = hood.contact.offset
     return generate(
         skeleton,
-        baked_surfaces(bones),
-        {body: getattr(offset, body) for body in bones},
+        baked_surfaces(anatomy.bones),
+        {body: getattr(offset, body) for body in anatomy.bones},
         hood.thickness,
         hood.mesh.rest_posture.angles(),
         hood.mesh.quads,
-        width=width_of(finger),
-        intrinsic=_intrinsic(finger),
+        width=anatomy.width,
+        intrinsic=anatomy.intrinsic,
         quadratic=hood.mesh.elements == "quadratic",
         one_sheet=hood.mesh.layout == "one_sheet",
     )
 
 
-def _intrinsic(finger: UnderHood) -> Mapping[str, tuple[float, float, float]] | None:
-    """Where the intrinsic tendons run to the sheet from, of a finger that has its own."""
-    from rigid.fingers.middle import intrinsic_guides
-
-    return intrinsic_guides(finger.length_scale) if isinstance(finger, MiddleFinger) else None
-
-
-def shell_hood_of(
-    case: Case,
-    hood: ShellHood,
-    skeleton: Skeleton,
-    bones: Mapping[str, Triangles],
-    mesh: HoodMesh,
-) -> FeHood:
-    """The hood over the bones as a case describes it, behind the port."""
+def shell_hood_of(hood: ShellHood, site: Site, mesh: HoodMesh) -> FeHood:
+    """The hood over the bones as a case describes it, behind the port.  Raises InputError."""
     from fe_solver.hood.build_shell import ContactLaw, Sheet, SpringSet, shell_hood
     from fe_solver.materials.in_situ import in_situ_growth, stress_free_thickness
     from fe_solver.solver.newton import NewtonOptions
@@ -115,10 +126,10 @@ def shell_hood_of(
     missing = [REGIONS[i] for i in np.unique(mesh.region) if REGIONS[i] not in hood.regions]
     if missing:
         raise InputError(f"hood.regions: the mesh also has {', '.join(missing)}; name them")
-    thickness = thickness_of(hood, mesh)
+    thickness, skeleton = thickness_of(hood, mesh), site.skeleton
     points = _faced(mesh, thickness)
     fibres = fibres_of(mesh, points, hood.regions, skeleton)
-    stretch, growth = _in_situ(hood, mesh), _growth(hood, mesh, case.lesion)
+    stretch, growth = _in_situ(hood, mesh), _growth(hood, mesh, site.lesion)
     growth = np.where(stretch[:, None] != 1.0, in_situ_growth(stretch), growth)
     sheet = Sheet(
         points,
@@ -142,7 +153,7 @@ def shell_hood_of(
     }
     position, rotation = skeleton.pose(mesh.rest_posture)
     rest = Motion(BODIES, position, rotation)
-    for name, grown in adhesions(case.lesion, mesh, sheet.points, rest).items():
+    for name, grown in adhesions(site.lesion, mesh, sheet.points, rest).items():
         springs[name] = SpringSet(grown.held, grown.stiffness, 0.0, tension_only=False)
     if "central_slip" not in springs and not any(len(nodes) for nodes in mesh.tied.values()):
         raise InputError(
@@ -158,16 +169,16 @@ def shell_hood_of(
         mesh.tied,
         "metacarpal",
         np.array([-1.0, 0.0, 0.0]),
-        _tendons(mesh, case.finger.kind),
+        _tendons(mesh, site.anatomy.finger),
         ContactLaw(
             hood.contact.stiffness,
             hood.contact.smoothing,
-            baked_surfaces(bones),
+            baked_surfaces(site.anatomy.bones),
             offset,
             hood.contact.penetration,
             hood.contact.friction,
         ),
-        NewtonOptions(tolerance=case.solve.hood_tolerance),
+        NewtonOptions(tolerance=site.tolerance),
     )
 
 
@@ -363,14 +374,4 @@ def _tendons(mesh: HoodMesh, finger: str) -> dict[str, Tendon]:
     return out
 
 
-def linear(hood: FeHood, state: State) -> tuple[float, float]:
-    from time import perf_counter
-
-    from fe_solver.solver.newton_step import factorised
-
-    start = perf_counter()
-    e = hood.model.evaluate(state.configuration, state.solution.tension, tangent=True)
-    assembled = perf_counter()
-    assert e.data is not None  # the tangent was asked for
-    factorised(hood.model, e.data)
-    return assembled - start, perf_counter() - assembled
+KIND = HoodKind(ShellHood, build, laid_mesh, COLOURS, variations, scaled_moduli)

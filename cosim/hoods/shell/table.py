@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from cosim.fingers.common import Posture
+from cosim.fingers.common import Posture, stamps
+from cosim.hoods.kind import HoodTable
+from cosim.hoods.lesion import SLIPS, SUPPORTS, Lesion, Parts
 from cosim.hoods.shell.fibre_table import Fibrous, SecondGasser, SecondLinear, SecondMooneyRivlin
 from cosim.hoods.supports import Contact, Spring
 from cosim.schema import units
@@ -24,6 +29,22 @@ from cosim.schema.types import (
 )
 from meshes.hood_mesh import REGIONS, SPRINGS
 
+SHEET_SUPPORTS = ("oblique_retinacular_radial", "oblique_retinacular_ulnar", "dorsal_capsule")
+"""Supports that only a sheet has; a cut lets go of them."""
+ACROSS = (
+    *("lateral_band_radial", "lateral_band_ulnar"),
+    *("central_band", "extensor_tendon_distal"),
+    *("lateral_slip_radial", "lateral_slip_ulnar"),
+)
+"""Regions of a sheet that a cut parts across the fibres."""
+THIN_SHEETS = (
+    *("transverse_fibres_radial", "transverse_fibres_ulnar"),
+    *("oblique_fibres_radial", "oblique_fibres_ulnar"),
+    "triangular_ligament",
+)
+"""Regions of a sheet between its tendons, which a cut takes out whole."""
+PARTS = Parts((*SLIPS, *SUPPORTS, *SHEET_SUPPORTS, *ACROSS, *THIN_SHEETS), REGIONS, REGIONS)
+
 
 class GeneratedMesh(Table):
     """Our own hood, laid out on the bones in `rest_posture`, where it is free of stress.  As
@@ -34,6 +55,11 @@ class GeneratedMesh(Table):
     elements: Literal["linear", "quadratic"] = "linear"
     layout: Literal["anatomical", "one_sheet"] = "anatomical"
     rest_posture: Posture
+
+    @property
+    def lacks(self) -> tuple[str, ...]:
+        """Regions that this layout does not have."""
+        return ("triangular_ligament",) if self.layout == "one_sheet" else ()
 
 
 class MeshFile(Table):
@@ -127,11 +153,25 @@ class ExtraLengths(Table):
     terminal_slip: ExtraLength = 0.0
 
 
-class ShellHood(Table):
+class ShellHood(HoodTable):
     """The shell finite-element hood.  `bending_stiffness` (N m, of a strip per its width): as if
     with a sheet, isotropic and incompressible, that acts in bending alone, beside what the regions'
     laws make."""
 
+    title: ClassVar[str] = "a sheet of nonlinear shell elements over the bones"
+    fits: ClassVar[tuple[str, ...]] = ("index", "middle")
+    lies_on_bones: ClassVar[bool] = True
+    needs_no_tension: ClassVar[bool] = False
+    can_be_injured: ClassVar[bool] = True
+    rungs: ClassVar[Mapping[str, str]] = {
+        "isotropic shell": "base/isotropic_finger",
+        "fibre shell": "base/index_finger",
+    }
+    example: ClassVar[tuple[str, ...]] = (
+        "base/one_sheet.toml",
+        "hood.mesh.quads=250",
+        "solve.hood_tolerance=1e-11",
+    )
     kind: Literal["shell"]
     mesh: Annotated[GeneratedMesh | MeshFile, Field(discriminator="kind")]
     thickness: Thickness
@@ -143,9 +183,54 @@ class ShellHood(Table):
 
     @model_validator(mode="after")
     def _complete(self) -> ShellHood:
-        lacking = [name for name in REGIONS if name not in self.regions]
-        if self.mesh.kind == "generated" and self.mesh.layout == "one_sheet":
-            lacking = [name for name in lacking if name != "triangular_ligament"]
-        if lacking and self.mesh.kind == "generated":
+        if self.mesh.kind == "file":
+            return self
+        own = [name for name in REGIONS if name not in self.mesh.lacks]
+        if lacking := [name for name in own if name not in self.regions]:
             raise fault(f"regions: the generated mesh also has {', '.join(lacking)}; name them")
         return self
+
+    @property
+    def is_meshed_by_quads(self) -> bool:
+        return self.mesh.kind == "generated"
+
+    @property
+    def has_smooth_tangent(self) -> bool:
+        return self.contact.penetration is None and self.contact.friction == 0
+
+    def parts(self) -> Parts:
+        return PARTS
+
+    def cannot_be_injured(self, lesion: Lesion) -> str:
+        """Springs that the case gives no stiffness cannot be cut."""
+        for name in lesion.cut:
+            if name in SHEET_SUPPORTS and name not in self.springs:
+                return (
+                    f"lesion.cut: the hood has no {name} to cut; give hood.springs.{name} a "
+                    "stiffness and a slack, or leave it out"
+                )
+        return ""
+
+    def files(self) -> tuple[Path, ...]:
+        return (self.mesh.path,) if self.mesh.kind == "file" else ()
+
+    def check_files(self) -> None:
+        from meshes.hood_mesh import read
+
+        for path in self.files():
+            read(path)
+
+    def mesh_key(self) -> str:
+        parts = self.model_dump(mode="json", include={"mesh", "thickness"})
+        offset = self.contact.offset.model_dump()
+        return json.dumps([parts, offset, stamps(self.files())], sort_keys=True)
+
+    def laws(self, kind: str) -> Mapping[str, Any]:
+        return {name: region for name, region in self.regions.items() if region.kind == kind}
+
+    def rung(self) -> str:
+        isotropic = all(region.kind == "isotropic" for region in self.regions.values())
+        return "isotropic shell" if isotropic else "fibre shell"
+
+    def on_finger(self, finger: str, laid: ShellHood | None) -> ShellHood:
+        return self if laid is None else laid.model_copy(update={"regions": self.regions})

@@ -1,17 +1,28 @@
-"""What a shell hood looks like solved."""
+"""What a shell hood looks like solved, and its strains in numbers: by region and direction, from
+free of stress and from unloaded.
+
+Longitudinal is along the mesh's lines along the finger (in sagittal bands: round it), whichever way
+the fibres run.  The sheet's own strain over the central region is read by gauges at the markers.  A
+cadaver experiment sees how markers on the hood move from the unloaded to the loaded state; the
+sheet's own Green-Lagrange strain counts from where it is free of stress.  With l1 and l0 the
+lengths of a material line in the two states, e = l1 / l0 - 1 is what markers show (engineering
+strain), and (l1^2 / l0^2 - 1) / 2 the Green-Lagrange strain from the unloaded state.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cosim.hoods.fe_view import Lines, Look, guide_depth, look_at
+from cosim.hoods.fe_view import FeView, Lines, guide_depth, look_at
 from cosim.hoods.shell.region_forces import Crossing, middle_crossings, region_forces
+from cosim.hoods.view import FAMILIES, STRAIN, Colour, Field
 from cosim.port import Array, State
+from meshes.hood_mesh import REGIONS, flat
 from meshes.skeleton import JOINTS
 
 if TYPE_CHECKING:
@@ -22,11 +33,37 @@ if TYPE_CHECKING:
 
 SAME_LINE = 1e-9
 """rad, fibres and mesh lines nearer than that are one."""
+Range = dict[str, float]
+DIRECTIONS = ("longitudinal", "lateral")
+TENSION_STATES = ("taut", "wrinkled", "slack")
+GAUGE = 2e-3
+"""m, the standard deviation of the bell over which a gauge at a marker reads the sheet (what lies
+within 2.4 mm weighs by half and more); an assumption.  What single elements bear says nothing: at
+the corners of what holds the sheet it grows without bound as they get smaller."""
+_COLOURS: tuple[tuple[str, str, str, tuple[str, int | None], float, str, float], ...] = (
+    ("along", "Green-Lagrange strain along the fibres", "%", ("strain", 0), 100, STRAIN, 100),
+    ("across", "Green-Lagrange strain across", "%", ("strain", 1), 100, "transverse_strain", 100),
+    ("shear", "Green-Lagrange shear strain", "%", ("strain", 2), 50, "shear_strain", 100),
+    (
+        *("stress_along", "Stress along the fibres (2nd P-K)", "MPa"),
+        *(("stress", 0), 1e-6, "fibre_stress", 1e-6),
+    ),
+    (
+        *("stress_across", "Stress across (2nd P-K)", "MPa"),
+        *(("stress", 1), 1e-6, "transverse_stress", 1e-6),
+    ),
+    ("pressure", "Contact pressure", "MPa", ("pressure", None), 1e-6, "contact_pressure", 1e-6),
+    (
+        *("tension_state", "Tension field: 0 taut, 1 wrinkled, 2 slack (-1: bears compression)"),
+        *("", ("tension_state", None), 1, "tension_state", 1),
+    ),
+)
+COLOURS = tuple(Colour(*row) for row in _COLOURS)
 CENTRAL = ("extensor_tendon_distal", "central_band", "central_slip")
 
 
 @dataclass(frozen=True, kw_only=True)
-class HoodLook(Look):
+class ShellView(FeView):
     """What there is to see of a solved shell hood; means over each quad, local axes 1 along the
     (first) fibre, 2 across it."""
 
@@ -58,8 +95,58 @@ class HoodLook(Look):
     region_force: Mapping[str, float]
     """N by region, of `cosim.hoods.shell.region_forces`."""
 
+    @property
+    def drawn_cells(self) -> np.ndarray:
+        return flat(self.quads)
 
-def looking_at(hood: FeHood, mesh: HoodMesh, skeleton: Skeleton) -> Callable[[State], HoodLook]:
+    def fields(self) -> tuple[Field, ...]:
+        quad, point, component = ("quad",), ("point",), ("quad", "strain_component")
+
+        def mesh(name: str, unit: str, what: str, values: Array) -> Field:
+            dimensions = quad if values.ndim == 1 else ("quad", "axis")
+            return Field(name, dimensions, unit, what, values, in_results=False, on_mesh=True)
+
+        def contact(name: str, in_results: bool) -> Field:
+            on_mesh = not in_results
+            return Field(name, point, "Pa", "contact pressure", self.pressure, in_results, on_mesh)
+
+        bears = bool((self.tension >= 0).any())
+        state = "0 taut, 1 wrinkled, 2 slack, -1 bears compression"
+        return (
+            *super().fields(),
+            Field("strain", component, "1", "Green-Lagrange strain", self.strain),
+            Field("stress", component, "Pa", "2nd Piola-Kirchhoff", self.stress),
+            contact("pressure", in_results=True),
+            contact("contact_pressure", in_results=False),
+            mesh(STRAIN, "1", "strain along the fibres", self.strain[:, 0]),
+            mesh("transverse_strain", "1", "strain across", self.strain[:, 1]),
+            mesh("shear_strain", "1", "E12", self.strain[:, 2] / 2),
+            mesh("inner_face_strain", "1", "along the fibres, at the inner face", self.faces[:, 0]),
+            mesh("outer_face_strain", "1", "along the fibres, at the outer face", self.faces[:, 1]),
+            mesh("fibre_stress", "Pa", "stress along the fibres", self.stress[:, 0]),
+            mesh("transverse_stress", "Pa", "stress across", self.stress[:, 1]),
+            mesh("region", "", "index of the region", self.region),
+            *(
+                mesh(name, "1", "direction of a fibre family", fibres)
+                for name, fibres in zip(FAMILIES, self.fibres, strict=False)
+            ),
+            *([Field("tension_state", quad, "1", state, self.tension, on_mesh=True)] * bears),
+        )
+
+    def coordinates(self) -> Mapping[str, Any]:
+        return {"strain_component": ["along", "across", "shear"], **super().coordinates()}
+
+    def size(self) -> Mapping[str, int]:
+        return {"hood_quads": len(self.quads)}
+
+    def own_summary(self) -> Mapping[str, Any]:
+        return strain_summary(self)
+
+    def change(self, before: ShellView) -> Mapping[str, Any]:
+        return strain_change(before, self)
+
+
+def view_of(hood: FeHood, mesh: HoodMesh, skeleton: Skeleton) -> Callable[[State], ShellView]:
     """What there is to see at a state; the mesh lies on a finger of that skeleton."""
     from meshes.bands import sheet_bands
     from meshes.glide import sheet_places
@@ -69,7 +156,7 @@ def looking_at(hood: FeHood, mesh: HoodMesh, skeleton: Skeleton) -> Callable[[St
     lines = Lines(sheet_places(mesh), sheet_bands(mesh), skeleton.axis[JOINTS.index("PIP")])
     crossings = middle_crossings(mesh, skeleton)
     depth, placed = guide_depth(hood), markers(mesh, CENTRAL)
-    return partial(_look, hood, mesh, depth, lines, placed, turn, crossings)
+    return partial(_view, hood, mesh, depth, lines, placed, turn, crossings)
 
 
 def _line_angle(hood: FeHood, mesh: HoodMesh) -> Array:
@@ -93,7 +180,7 @@ def _turned(strain: Array, angle: Array) -> Array:
     return np.stack([along, across, 2 * s * c * (e2 - e1) + (c * c - s * s) * shear], axis=1)
 
 
-def _look(
+def _view(
     hood: FeHood,
     mesh: HoodMesh,
     depth: float,
@@ -102,12 +189,12 @@ def _look(
     turn: Array,
     crossings: Mapping[str, Crossing],
     state: State,
-) -> HoodLook:
+) -> ShellView:
     from fe_solver.hood.fibre_families import fibre_families
     from fe_solver.solver.fields import contact_pressure, fields
 
     field = fields(hood.model, state.configuration)
-    return HoodLook(
+    return ShellView(
         **vars(look_at(hood, depth, lines, state)),
         quads=hood.model.quads,
         region=mesh.region,
@@ -123,3 +210,86 @@ def _look(
         markers=placed,
         region_force=region_forces(hood, crossings, state),
     )
+
+
+def strain_summary(view: ShellView) -> dict[str, object]:
+    """Percent, Green-Lagrange from free of stress: over the central region, and by region; N that
+    each region passes on along its fibres; and of the area of the regions that are tension fields
+    how much is taut, wrinkled and slack."""
+    out: dict[str, object] = {
+        "strain_percent": _over_central(view.line_strain, view),
+        "region_strain_percent": _by_region(view.line_strain, view),
+        "region_force_N": dict(view.region_force),
+    }
+    whole = view.area[view.tension >= 0].sum()
+    if whole > 0:
+        parts = (view.area[view.tension == i].sum() for i in range(len(TENSION_STATES)))
+        shares = (100 * float(part / whole) for part in parts)
+        out["tension_field_area_percent"] = dict(zip(TENSION_STATES, shares, strict=True))
+    return out
+
+
+def strain_change(before: ShellView, now: ShellView) -> dict[str, object]:
+    """Percent, from the unloaded state `before`: Green-Lagrange and engineering over the central
+    region, engineering by region and between the markers."""
+    ratio = np.sqrt((1 + 2 * now.line_strain[:, :2]) / (1 + 2 * before.line_strain[:, :2]))
+    return {
+        "strain_percent": _over_central((ratio**2 - 1) / 2, now),
+        "engineering_strain_percent": _over_central(ratio - 1, now),
+        "region_engineering_strain_percent": _by_region(ratio - 1, now),
+        "marker_strain_percent": {
+            name: _range(strain.ravel(), np.ones(strain.size))
+            for name, strain in zip(DIRECTIONS, marker_strains(before, now), strict=True)
+        },
+    }
+
+
+def marker_strains(before: ShellView, now: ShellView) -> tuple[Array, Array]:
+    """(rows - 1, columns) longitudinal and (rows, columns - 1) lateral engineering strains between
+    neighbours of the marker grid, from `before` to `now`."""
+    x0, x1 = now.markers.at(before.points), now.markers.at(now.points)
+
+    def stretch(axis: int) -> Array:
+        l0, l1 = (np.linalg.norm(np.diff(x, axis=axis), axis=2) for x in (x0, x1))
+        return np.asarray(l1 / l0 - 1)
+
+    return stretch(0), stretch(1)
+
+
+def gauged(strain: Array, view: ShellView) -> Array:
+    """(m, 2) what gauges at the m markers read of strains (ne, 2 or 3) of the central region."""
+    on = view.central
+    middle = view.reference[view.quads[on]].mean(axis=1)
+    place = view.markers.at(view.reference).reshape(-1, 1, 3)
+    weight = view.area[on] * np.exp(-(((place - middle) / GAUGE) ** 2).sum(axis=2) / 2)
+    return np.asarray(weight @ strain[on, :2] / weight.sum(axis=1, keepdims=True))
+
+
+def _over_central(strain: Array, view: ShellView) -> dict[str, Range]:
+    """Mean over the area, extremes of what the gauges read."""
+    out = _by_direction(strain, view.area, view.central)
+    for name, read in zip(DIRECTIONS, gauged(strain, view).T, strict=True):
+        out[name] |= {"min": 100 * float(read.min()), "max": 100 * float(read.max())}
+    return out
+
+
+def _by_region(strain: Array, view: ShellView) -> dict[str, Mapping[str, Range]]:
+    there = (i for i in range(len(REGIONS)) if (view.region == i).any())
+    return {REGIONS[i]: _by_direction(strain, view.area, view.region == i) for i in there}
+
+
+def _by_direction(strain: Array, area: Array, cells: np.ndarray) -> dict[str, Range]:
+    return dict(_ranges(strain[cells], area[cells]))
+
+
+def _ranges(strain: Array, area: Array) -> Iterator[tuple[str, Range]]:
+    for name, column in zip(DIRECTIONS, strain.T[:2], strict=True):
+        yield name, _range(column, area)
+
+
+def _range(values: Array, weight: Array) -> Range:
+    return {
+        "min": 100 * float(values.min()),
+        "mean": 100 * float(values @ weight / weight.sum()),
+        "max": 100 * float(values.max()),
+    }

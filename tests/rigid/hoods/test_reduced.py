@@ -11,9 +11,11 @@ from scipy.special import eval_legendre
 from cosim.analyses.reduction.tip import tip_maps
 from cosim.build.models import build
 from cosim.case.file import load_case
+from cosim.fingers.common import Extensor
 from cosim.fingers.index import IndexFinger
 from cosim.fingers.kinds import finger_model
-from cosim.hoods.lumped.build import fitted, reduced_hood
+from cosim.hoods.lumped.build import reduced_hood
+from cosim.hoods.lumped.reduction import fitted
 from cosim.port import STATIC, ConvergenceError, InputError, Motion
 from meshes.skeleton import BODIES, index_finger
 from rigid.hoods.hinge_angle import angles, flexion_angles
@@ -183,7 +185,7 @@ def test_rates_of_all_angles_against_differences(seed):
     """Bodies turned and moved as no hinges allow, abduction's two hinges among them."""
     finger = load_case("network_edc").finger
     assert isinstance(finger, IndexFinger)
-    model = finger_model(finger, None)
+    model = finger_model(finger, Extensor())
     chain, step = chain_of(joints_of(model), BODIES), 1e-6
     bent = Motion(BODIES, *index_finger().pose({"MCP": 0.5, "PIP": 1.4, "DIP": 0.6}))
     twist = np.random.default_rng(seed).uniform(-0.3, 0.3, 24)
@@ -212,7 +214,7 @@ POSTURES = (
 def test_the_hood_keeps_the_ports_promises():
     finger = load_case("network_edc").finger
     assert isinstance(finger, IndexFinger)
-    hood = reduced_hood(any_potential(), finger, BODIES)
+    hood = reduced_hood(any_potential(), finger_model(finger, Extensor()), BODIES)
     motions = [Motion(BODIES, *index_finger().pose(posture)) for posture in POSTURES]
     tension = np.array([2.0, 1.5])
     conformance.check_shapes(hood, motions, tension)
@@ -229,7 +231,7 @@ def test_every_joint_is_felt_with_its_own_torque():
     case = load_case("network_edc")
     assert isinstance(case.finger, IndexFinger)
     made, models = any_potential(), build(case)
-    hood = reduced_hood(made, case.finger, BODIES)
+    hood = reduced_hood(made, finger_model(case.finger, Extensor()), BODIES)
     angle, tension = np.array([0.4, 0.12, 0.7, 0.3]), np.array([2.0, 1.5])
     at = models.finger.start(dict(zip(models.finger.joints, angle, strict=True)))
     answer = hood.advance(
@@ -248,7 +250,7 @@ def test_outside_of_the_box_there_is_no_answer():
     assert "LUM at 5 N" in made.outside(made.high, np.array([1.0, 5.0]))
     finger = load_case("network_edc").finger
     assert isinstance(finger, IndexFinger)
-    hood = reduced_hood(made, finger, BODIES)
+    hood = reduced_hood(made, finger_model(finger, Extensor()), BODIES)
     bent = Motion(BODIES, *index_finger().pose({"PIP": 1.5}))
     with pytest.raises(ConvergenceError, match=r"PIP at 85\.94 deg"):
         hood.advance(hood.start(bent), bent, np.ones(2), STATIC)

@@ -1,0 +1,183 @@
+"""What a kind of hood is: its table, and how it is built on a finger."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, get_args
+
+from cosim.fingers.common import Extensor
+from cosim.fingers.kind import Anatomy
+from cosim.hoods.lesion import Lesion, Parts
+from cosim.hoods.variation import Settings, Variation, without
+from cosim.hoods.view import Colour, HoodView
+from cosim.port import Array, Hood, InputError, Motion, State
+from cosim.schema.types import Table
+
+if TYPE_CHECKING:
+    from meshes.hood_mesh import HoodMesh
+    from meshes.skeleton import Skeleton
+
+Slips = Mapping[str, float]
+"""N, in the central and the terminal slip."""
+
+
+class HoodTable(Table):
+    """What the table of any hood says without a solver."""
+
+    title: ClassVar[str]
+    """In words, for reports."""
+    fits: ClassVar[tuple[str, ...]]
+    """The kinds of finger that it goes on."""
+    lies_on_bones: ClassVar[bool] = False
+    """A sheet or net of finite elements: laid out on bones, and without hold where all is slack."""
+    is_coupled: ClassVar[bool] = True
+    """False where the finger's own tendons stand for it."""
+    needs_no_tension: ClassVar[bool] = True
+    """Its tendons may go slack."""
+    can_be_injured: ClassVar[bool] = False
+    rungs: ClassVar[Mapping[str, str]] = {}
+    """Of the ladder of hoods, with the packaged case that states each."""
+    example: ClassVar[tuple[str, ...]] = ()
+    """A packaged case, and settings, with such a hood: small, for tests.  None of a hood that a
+    program of the user's is."""
+
+    @property
+    def left_to_finger(self) -> Extensor:
+        """What of the extensor mechanism the finger makes."""
+        return Extensor(lies_on_bones=self.lies_on_bones)
+
+    @property
+    def shares_fixed(self) -> bool:
+        """Whether joint torques are linear in the tensions."""
+        return False
+
+    @property
+    def is_meshed_by_quads(self) -> bool:
+        """Whether its mesh is generated, of about `hood.mesh.quads`."""
+        return False
+
+    @property
+    def has_smooth_tangent(self) -> bool:
+        """Whether it is a sheet that answers small changes by its tangent."""
+        return False
+
+    def tendon_names(self) -> tuple[str, ...] | None:
+        """The tendons that pull on it; None where only building tells."""
+        return None
+
+    def source_names(self) -> tuple[str, ...]:
+        """The sources of its load that its table names."""
+        return ()
+
+    def parts(self) -> Parts | None:
+        """What a lesion can do to it."""
+        return None
+
+    def cannot_be_injured(self, lesion: Lesion) -> str:
+        """Why it cannot have a lesion that names none but its parts; empty where it can."""
+        return ""
+
+    def files(self) -> tuple[Path, ...]:
+        """Those that it is built from."""
+        return ()
+
+    def check_files(self) -> None:
+        """Raises InputError for a file that cannot be read."""
+
+    def mesh_key(self) -> str:
+        """A text that two hoods share only where they are laid out alike on the same bones."""
+        return ""
+
+    def laws(self, kind: str) -> Mapping[str, Any]:
+        """The regions whose material is of that kind."""
+        return {}
+
+    def rung(self) -> str:
+        """The rung of the ladder on which it stands."""
+        return kind_of(type(self))
+
+    def on_finger(self, finger: str, laid: Any) -> HoodTable:
+        """The hood for a finger of that kind; `laid`: one laid out on such a finger, if any."""
+        return self
+
+    def lines(self, motion: Motion) -> Mapping[str, Array]:
+        """(k, 3) m each, what pictures draw of it as lines at these poses."""
+        return {}
+
+
+H = TypeVar("H", bound=HoodTable)
+
+
+@dataclass(frozen=True)
+class Site:
+    """What a hood is built on: of the finger and the case, and nothing more."""
+
+    anatomy: Anatomy
+    rest: Motion
+    """The poses from which the excursions of a hood that is not laid out count."""
+    lesion: Lesion | None
+    tolerance: float
+    """Of the hood's own equilibrium, relative."""
+
+    @property
+    def skeleton(self) -> Skeleton:
+        """Raises InputError for a finger that no hood is laid out on."""
+        return skeleton_of(self.anatomy)
+
+
+def skeleton_of(anatomy: Anatomy) -> Skeleton:
+    """Raises InputError for a finger that no hood is laid out on."""
+    if anatomy.skeleton is None:
+        raise InputError(f'finger.kind = "{anatomy.finger}" has no skeleton; take another kind')
+    return anatomy.skeleton
+
+
+@dataclass(frozen=True)
+class BuiltHood:
+    """A hood behind the port, and what else there is to know of its states."""
+
+    hood: Hood
+    view: Callable[[State], HoodView] | None = None
+    """What a state looks like; None for a hood without a shape."""
+    slips: Callable[[State], Slips] | None = None
+    """The forces in the slips at a state; None for a hood without."""
+    own_slips: Callable[[Mapping[str, float]], Slips] | None = None
+    """The same from the tensions (N) of the finger's own tendons, where these make them."""
+    linear: Callable[[State], tuple[float, float]] | None = None
+    """Seconds of one assembly and of one factorisation of its tangent at a state."""
+
+
+def no_variations(hood: HoodTable) -> Iterator[Variation]:
+    """Of a hood that has nothing to vary."""
+    for name in ("modulus", "thickness", "mesh"):
+        yield without(name, f"a hood of kind {kind_of(type(hood))!r} has none")
+
+
+@dataclass(frozen=True)
+class HoodKind(Generic[H]):
+    """A kind of hood."""
+
+    table: type[H]
+    build: Callable[[H, Site], BuiltHood]
+    """Raises InputError for what only building finds out."""
+    mesh: Callable[[H, Anatomy], HoodMesh] | None = None
+    """The sheet as laid out or read, before any lesion."""
+    colours: tuple[Colour, ...] = ()
+    """What reports colour it by."""
+    variations: Callable[[H], Iterable[Variation]] = no_variations
+    """What a sensitivity study varies of it."""
+    scaled_moduli: Callable[[H, float], Settings] = lambda hood, factor: ()
+    """What multiplies all its moduli by a factor; nothing of a hood that is no sheet."""
+
+    @property
+    def name(self) -> str:
+        """The word in `hood.kind`."""
+        return kind_of(self.table)
+
+
+def kind_of(table: type[Table]) -> str:
+    """The word in the `kind` of a table."""
+    word: str = get_args(table.model_fields["kind"].annotation)[0]
+    return word

@@ -1,0 +1,70 @@
+"""The kinds of hood, from coarse to fine: one line in KINDS and one in the union for each."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from cosim.hoods import fmu, pulley, split
+from cosim.hoods.cable import build as cable
+from cosim.hoods.kind import HoodKind, HoodTable
+from cosim.hoods.lesion import Lesion
+from cosim.hoods.lumped import build as lumped
+from cosim.hoods.shell import build as shell
+
+KINDS: Mapping[str, HoodKind[Any]] = {
+    kind.name: kind
+    for kind in (
+        split.KIND,
+        lumped.TWO_BANDS,
+        lumped.NETWORK,
+        cable.KIND,
+        shell.KIND,
+        pulley.KIND,
+        fmu.KIND,
+    )
+}
+AnyHood = (
+    shell.ShellHood
+    | pulley.PulleyHood
+    | split.SplitHood
+    | lumped.NetworkHood
+    | lumped.TwoBandHood
+    | cable.CableHood
+    | fmu.FmuHood
+)
+
+
+def that_fit(finger: str) -> tuple[str, ...]:
+    """The kinds that go on a kind of finger."""
+    return tuple(name for name, kind in KINDS.items() if finger in kind.table.fits)
+
+
+def rungs() -> dict[str, str]:
+    """The ladder, from the coarsest to the finest, with the packaged case that states each hood."""
+    return {rung: case for kind in KINDS.values() for rung, case in kind.table.rungs.items()}
+
+
+def unfit_lesion(hood: HoodTable, kind: str, lesion: Lesion) -> str:
+    """Why a hood of that kind cannot have a lesion; empty where it can."""
+    parts = hood.parts()
+    if parts is None:
+        able = ", ".join(name for name, of in KINDS.items() if of.table.can_be_injured)
+        none = f'a hood of kind "{kind}" has no parts to injure'
+        return f"lesion: {hood.cannot_be_injured(lesion) or none}; {able} have"
+    for key, names in lesion.names().items():
+        allowed = {"cut": parts.cut, "adhere": parts.adhere}.get(key, parts.lengths)
+        for name in names:
+            if name not in allowed:
+                return f"lesion.{key}: {_unknown(name, kind, allowed)}"
+    return hood.cannot_be_injured(lesion)
+
+
+def _unknown(name: str, kind: str, allowed: Sequence[str]) -> str:
+    if not allowed:
+        on_bones = [f'"{name}"' for name, of in KINDS.items() if of.table.lies_on_bones]
+        return f'a hood of kind "{kind}" lies on no bone; {" and ".join(on_bones)} do'
+    near = difflib.get_close_matches(name, allowed, n=1, cutoff=0.5)
+    hint = f"did you mean {near[0]}? " if near else ""
+    return f'no part {name[:60]!r} of a hood of kind "{kind}"; {hint}known: {", ".join(allowed)}'

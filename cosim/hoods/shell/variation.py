@@ -1,0 +1,223 @@
+"""What a sensitivity study varies of a shell hood; the study itself says why."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from cosim.hoods.shell.table import Material, ShellHood
+from cosim.hoods.variation import (
+    Settings,
+    Side,
+    Variation,
+    added,
+    scaled,
+    spelt,
+    without,
+    words,
+    written,
+)
+from cosim.schema import units
+from meshes.hood_mesh import REGIONS, runs_round
+
+ABSENT = "1e-6 N/mm"
+"""Stiffness of a ligament that is not there."""
+SECTION_RANGE = (0.3e-6, 1.8e-6)
+"""m2."""
+COEFFICIENTS = (0.1, 0.3)
+"""Of friction, where a case has none."""
+CROSSED = ("lateral_slip", "oblique_fibres")
+"""What a region's name begins with that is a sheet of crossing fibres."""
+SHEETS = tuple(name for name in REGIONS if runs_round(name) or name.startswith(CROSSED))
+"""Regions that are no cables and so have no cross-section of their own."""
+LIGAMENTS = {
+    "radial adhesion": ("ligament_radial",),
+    "ulnar adhesion": ("ligament_ulnar",),
+    "sagittal bands' ends": ("sagittal_radial", "sagittal_ulnar"),
+    "retinacular ligaments": ("retinacular_radial", "retinacular_ulnar"),
+}
+MODULI = {
+    "isotropic": ("modulus",),
+    "neo_hookean": ("modulus",),
+    "transversely_isotropic": ("modulus_along", "modulus_across", "shear_modulus", "modulus"),
+    "trans_iso_mooney_rivlin": ("c1", "c2", "c3", "c5", "bulk_modulus"),
+    "holzapfel_gasser_ogden": ("c", "k1", "bulk_modulus"),
+}
+ACROSS = {
+    "transversely_isotropic": ("modulus_across", "shear_modulus"),
+    "trans_iso_mooney_rivlin": ("c1", "c2"),
+    "holzapfel_gasser_ogden": ("c",),
+}
+"""What acts across the fibres and in shear."""
+
+
+def variations(hood: ShellHood) -> Iterator[Variation]:
+    """In a fixed order; what does not apply to the hood says why."""
+    yield scaled("modulus", _fields(hood, MODULI), (0.5, 1.5), units.PRESSURE)
+    yield _bending(hood)
+    yield _thickness(hood)
+    yield _sections(hood)
+    yield _across(hood)
+    yield _toe(hood)
+    for slip, length in hood.extra_length:
+        key = f"hood.extra_length.{slip}"
+        yield added(f"rest length of the {words(slip)}", {key: length}, 2e-4, units.LENGTH)
+    for name, sets in LIGAMENTS.items():
+        yield from _ligament(hood, name, [s for s in sets if s in hood.springs])
+    for body, offset in hood.contact.offset:
+        key = f"hood.contact.offset.{body}"
+        yield added(f"contact offset, {body}", {key: offset}, 3e-4, units.LENGTH, 0.0)
+    yield _friction(hood)
+    yield from _mesh(hood)
+
+
+def scaled_moduli(hood: ShellHood, factor: float) -> Settings:
+    """What multiplies all moduli of the regions by `factor`, those of second families too."""
+    values = _fields(hood, MODULI)
+    return spelt(((key, factor * value) for key, value in values.items()), units.PRESSURE)
+
+
+def _bending(hood: ShellHood) -> Variation:
+    if not hood.bending_stiffness:
+        return without("bending stiffness", "the sheet bends as its materials do")
+    key = {"hood.bending_stiffness": hood.bending_stiffness}
+    return scaled("bending stiffness", key, (0.5, 2.0), units.TORQUE)
+
+
+def _thickness(hood: ShellHood) -> Variation:
+    own = {f"hood.regions.{n}.thickness": r.thickness for n, r in hood.regions.items()}
+    sections = {f"hood.regions.{n}.section": r.section for n, r in hood.regions.items()}
+    factors = (0.5, 1.5)
+    every = scaled("thickness", {"hood.thickness": hood.thickness, **own}, factors, units.LENGTH)
+    more = scaled("", sections, factors, units.AREA)
+    low = Side(every.low.label, every.low.settings + more.low.settings)
+    return Variation(
+        "thickness", low, Side(every.high.label, every.high.settings + more.high.settings)
+    )
+
+
+def _sections(hood: ShellHood) -> Variation:
+    cables = {n: r for n, r in hood.regions.items() if n not in SHEETS}
+    thick = [n for n, r in cables.items() if r.thickness is not None]
+    if thick:
+        return without("sections", f"{', '.join(thick)}: their thickness is given instead")
+
+    def side(area: float) -> Side:
+        text = written(area, units.AREA)
+        return Side(text, tuple(f"hood.regions.{n}.section={text}" for n in cables))
+
+    return Variation("sections of the tendons", *map(side, SECTION_RANGE))
+
+
+def _across(hood: ShellHood) -> Variation:
+    name = "stiffness across fibres"
+    fields = _fields(hood, ACROSS)
+    if fields:
+        return scaled(name, fields, (0.5, 2.0), units.PRESSURE)
+    even = {n: r for n, r in hood.regions.items() if r.kind == "isotropic"}
+    if not even:
+        return without(name, "no region has fibres")
+    tenth = tuple(f"hood.regions.{n}={_tenth(r)}" for n, r in even.items())
+    return Variation(name, Side("a tenth of that along", tenth), Side("", why_not="isotropic"))
+
+
+def _tenth(region: Material) -> str:
+    """The isotropic law with a tenth of its modulus across and of its shear modulus."""
+    values = dict(region)
+    modulus, ratio = values["modulus"], values["poisson"]
+    along, across = written(modulus, units.PRESSURE), written(modulus / 10, units.PRESSURE)
+    shear = written(modulus / (20 * (1 + ratio)), units.PRESSURE)
+    same = "".join(
+        f', {key} = "{written(values[key], kind)}"'
+        for key, kind in (("thickness", units.LENGTH), ("section", units.AREA))
+        if values[key] is not None
+    )
+    return (
+        f'{{ kind = "transversely_isotropic", modulus_along = "{along}", modulus_across = '
+        f'"{across}", shear_modulus = "{shear}", poisson = {ratio!r}, poisson_across = {ratio!r}'
+        f"{same}, tension_field = {str(values['tension_field']).lower()} }}"
+    )
+
+
+def _toe(hood: ShellHood) -> Variation:
+    """The stretch at which fibres are straight; the modulus runs on smoothly into c5."""
+    name = "toe of the fibres"
+    fibres = {n: r for n, r in hood.regions.items() if r.kind == "trans_iso_mooney_rivlin"}
+    if not fibres:
+        return without(name, "no region has a law with a toe")
+
+    def side(factor: float) -> Side:
+        return Side(
+            f"x {factor:g}",
+            tuple(
+                setting
+                for n, r in fibres.items()
+                for part, law in ((n, r), (f"{n}.second", r.second))
+                if law is not None
+                for setting in toe_settings(part, law.c5, law.c4, factor * (law.lam_max - 1))
+            ),
+        )
+
+    return Variation(name, side(0.5), side(1.5))
+
+
+def toe_settings(region: str, c5: float, c4: float, toe: float) -> Settings:
+    """Fibres that are straight at a stretch of 1 + toe, with the c3 for which the modulus along
+    them, c3 c4 exp(c4 (l - 1)), runs smoothly into c5 (Pa) there."""
+    from math import exp
+
+    key = f"hood.regions.{region}"
+    c3 = c5 / (c4 * exp(c4 * toe))
+    return (
+        f"{key}.lam_max={1 + toe!r}",
+        f"{key}.c4={c4!r}",
+        f"{key}.c3={written(c3, units.PRESSURE)}",
+    )
+
+
+def _ligament(hood: ShellHood, name: str, sets: list[str]) -> Iterator[Variation]:
+    if not sets:
+        yield without(name, "the hood has no such springs")
+        return
+    key = "hood.springs"
+    stiffness = {f"{key}.{s}.stiffness": hood.springs[s].stiffness for s in sets}
+    slack = {f"{key}.{s}.slack": hood.springs[s].slack for s in sets}
+    yield scaled(f"{name}, stiffness", stiffness, (0.5, 2.0), units.STIFFNESS)
+    yield added(f"{name}, slack", slack, 1e-3, units.LENGTH, 0.0)
+    taut = tuple(f"{text}=0 mm" for text in slack)
+    loose = any(slack.values())
+    yield Variation(
+        f"{name}, presence",
+        Side("absent", tuple(f"{text}={ABSENT}" for text in stiffness)),
+        Side("taut as laid out", taut) if loose else Side("", why_not="taut as it is"),
+    )
+
+
+def _friction(hood: ShellHood) -> Variation:
+    name, key, own = "friction over the bones", "hood.contact.friction", hood.contact.friction
+    if own:
+        return scaled(name, {key: own}, (0.5, 2.0), None)
+    return Variation(name, *(Side(f"{mu:g}", spelt([(key, mu)], None)) for mu in COEFFICIENTS))
+
+
+def _mesh(hood: ShellHood) -> Iterator[Variation]:
+    mesh = hood.mesh
+    if mesh.kind != "generated":
+        yield without("mesh", "it is a file")
+        return
+    sides = (Side(f"x {m}", (f"hood.mesh.quads={m * mesh.quads}",)) for m in (2, 4))
+    yield Variation("quads of the mesh", *sides)
+    step = units.parse("5 deg", units.ANGLE)
+    for joint in ("MCP", "PIP", "DIP"):
+        angle = {f"hood.mesh.rest_posture.{joint}": mesh.rest_posture.angles()[joint]}
+        yield added(f"stress-free posture, {joint}", angle, step, units.ANGLE)
+
+
+def _fields(hood: ShellHood, wanted: Mapping[str, tuple[str, ...]]) -> dict[str, float]:
+    """Key -> value of the fields that every region's law and its second family have."""
+    return {
+        f"hood.regions.{name}.{part}{field}": value
+        for name, region in hood.regions.items()
+        for part, law in (("", region), ("second.", getattr(region, "second", None)))
+        for field in wanted.get(region.kind, ())
+        if (value := getattr(law, field, None)) is not None
+    }

@@ -1,0 +1,105 @@
+"""What a solved hood shows: its shape and the fields over it, which results, mesh files, pictures
+and reports loop over."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from cosim.port import Array
+
+STRAIN = "longitudinal_strain"
+"""The cell data that pictures colour a hood by, dimensionless."""
+FAMILIES = ("fibre_1", "fibre_2", "fibre_3")
+"""The cell data that hold the unit direction of a fibre family; zero where there is none."""
+
+
+@dataclass(frozen=True)
+class Field:
+    """Values over a hood: in the results, on its mesh file, or in both."""
+
+    name: str
+    dimensions: tuple[str, ...]
+    """The first is "point", or a cell, or another thing of which there are many."""
+    unit: str
+    long_name: str
+    values: Array
+    in_results: bool = True
+    on_mesh: bool = False
+
+
+@dataclass(frozen=True)
+class Colour:
+    """What a report colours a hood by, of the results, or where these have no shapes of the hood
+    of the mesh file: `factor` times the component of a field."""
+
+    key: str
+    label: str
+    unit: str
+    in_results: tuple[str, int | None]
+    factor: float
+    on_mesh: str
+    mesh_factor: float
+
+
+@dataclass(frozen=True)
+class HoodField:
+    """The deformed hood with its fields; pictures show `cell_data[STRAIN]`."""
+
+    points: Array
+    """(n, 3) deformed positions, m, world frame."""
+    quads: np.ndarray
+    """(m, 4) node numbers; of a hood of cables (m, 2)."""
+    point_data: Mapping[str, Array]
+    """(n,) or (n, 3) each."""
+    cell_data: Mapping[str, Array]
+    """(m,) or (m, 3) each."""
+
+
+class HoodView(Protocol):
+    """What there is to see of a hood at a state."""
+
+    @property
+    def points(self) -> Array:
+        """(n, 3) m, deformed."""
+        ...
+
+    @property
+    def drawn_cells(self) -> np.ndarray:
+        """(m, 2 or 4) nodes of lines or quads; as many for each cell."""
+        ...
+
+    def fields(self) -> tuple[Field, ...]: ...
+
+    def coordinates(self) -> Mapping[str, Any]:
+        """Names along the fields' dimensions, for the results."""
+        ...
+
+    def size(self) -> Mapping[str, int]:
+        """How many cells it has, for the summary."""
+        ...
+
+    def summary(self) -> Mapping[str, Any]:
+        """Numbers of this state; every key ends in its unit."""
+        ...
+
+    def change(self, before: Any) -> Mapping[str, Any]:
+        """Numbers of this state less an earlier one of the same hood."""
+        ...
+
+
+def drawn(view: HoodView) -> HoodField:
+    """The hood as pictures and mesh files show it."""
+    point_data, cell_data = {}, {}
+    for field in view.fields():
+        if not field.on_mesh:
+            continue
+        if field.dimensions[0] == "point":
+            point_data[field.name] = field.values
+        else:
+            each = len(view.drawn_cells) // len(field.values)
+            cell_data[field.name] = np.repeat(field.values, each, axis=0)
+    return HoodField(view.points, view.drawn_cells, point_data, cell_data)

@@ -1,0 +1,14 @@
+"""What the forces in the slips say."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+SLACK = 0.05
+"""Of both slips' force together, what a slip at most bears that hangs slack."""
+
+
+def is_slack(slips: Mapping[str, float], slip: str) -> bool:
+    """Whether a slip bears so little of both slips' force (N) that no quotient by it says
+    anything."""
+    return slips[slip] <= SLACK * sum(slips.values())
