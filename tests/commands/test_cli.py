@@ -214,6 +214,7 @@ def test_bench_times_a_real_run(monkeypatch):
     built, build = [], main_path.build
     monkeypatch.setattr(main_path, "build", lambda case: built.append(case) or build(case))
     main_path.settled.cache_clear()
+    monkeypatch.setattr("cosim.commands.bench_case.REPEATS", 2)
     done = cosim("bench", "isometric_edc", "--set", "hood.mesh.quads=120")
     assert len(built) == 1 + 2, "warm runs share their models, the two cold ones do not"
     figures = dict(line.split() for line in done.stdout.splitlines())
