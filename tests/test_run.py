@@ -26,15 +26,15 @@ MOVING = [name for name in PACKAGED if load_case(name).forward is not None]
 STILL = [name for name in PACKAGED if name not in MOVING]
 ISOMETRIC = [name for name in PACKAGED if name.startswith("isometric")]
 MIDDLE = [name for name in PACKAGED if name.startswith("hood_")]
-OFTEN = {
-    "lesion_mallet",
-    "fingertip_fibres_edc",
-    "fingertip_isotropic_edc",
-    "strain_lee2008_soft_iso",
-    "thesis_one_way_edc",
-}
-KINDS = ("hood_", "lesion", "fingertip_", "strain_lee2008", "thesis_")
-"""Of these only those above are in the default run of the tests."""
+KINDS = (
+    *("hood_", "lesion", "fingertip_", "strain_lee2008", "thesis_"),
+    *("cable_", "cuts_", "free_", "lengths_"),
+)
+OFTEN = (
+    *("cable_edc", "cuts_sagittal_bands", "fingertip_isotropic_edc", "free_ei", "free_split_"),
+    *("lengths_terminal_1mm", "lesion_mallet", "strain_lee2008_soft_iso", "thesis_one_way_edc"),
+)
+"""Of the kinds above only these are in the default run of the tests."""
 COARSE = "hood.mesh.quads=250"
 HEADS = {"FDIm": "FDI", "FDIl": "FDI", "RIp": "RI"}
 """Muscle of each tendon that is one of two heads."""
@@ -62,7 +62,7 @@ EDC_ARMS = {"MCP": (-9.5, -6.0), "PIP": (-6.0, -2.5), "DIP": (-3.5, -0.5)}
 
 
 def marked(names: list[str]) -> list[Any]:
-    seldom = {n for n in names if n.startswith(KINDS) and n not in OFTEN}
+    seldom = {n for n in names if n.startswith(KINDS) and not n.startswith(OFTEN)}
     return [pytest.param(n, marks=[pytest.mark.slow] if n in seldom else []) for n in names]
 
 

@@ -149,7 +149,8 @@ def least_wrinkled_energy(law: Law, strain: Array) -> float:
         a, b, c = low
         return float(law.response(strain + np.array([a * a, b * b + c * c, 2 * a * b])).energy)
 
-    start, options = np.full(3, 0.1), {"xatol": 1e-10, "fatol": 1e-12, "maxiter": 4000}
+    most = 1e-9 * float(law.response(strain).energy)
+    start, options = np.full(3, 0.1), {"xatol": 1e-6, "fatol": most, "maxiter": 4000}
     for _ in range(2):
         found = minimize(energy, start, method="Nelder-Mead", options=options)
         start = found.x + 1e-4

@@ -379,7 +379,8 @@ def test_tensions_that_are_none_are_refused(text, words, fragment, tmp_path):
     )
 )
 def test_whatever_stands_in_a_table_it_is_taken_or_refused(raw, tmp_path):
-    code, said = run("tensions", kept(tmp_path, raw, "f.sto"), "-o", tmp_path / "mine.toml")
+    table, out = kept(tmp_path, raw, "f.sto"), tmp_path / "mine.toml"
+    code, said = run("tensions", table, "-o", out, "--extends", "base/split")
     assert code in (0, 2), said
 
 

@@ -215,6 +215,7 @@ def test_bench_needs_a_shell():
 def test_bench_times_a_real_run(monkeypatch):
     built, build = [], session.build
     monkeypatch.setattr(session, "build", lambda case: built.append(case) or build(case))
+    monkeypatch.setattr("cosim.commands.bench_case.REPEATS", 2)
     done = cosim("bench", "isometric_edc", "--set", "hood.mesh.quads=120")
     assert len(built) == 1 + 2, "warm runs share their models, the two cold ones do not"
     figures = dict(line.split() for line in done.stdout.splitlines())
