@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -39,8 +39,8 @@ def simulated(case: Case, forward: Forward) -> Moved:
     from rigid.mujoco.forward import came_to_rest, simulate
 
     stated = case.native_finger()
-    finger = live_finger(stated, case.hood.left_to_finger)
-    assert isinstance(finger, MujocoFinger)  # what goes with a split
+    # what goes with a split
+    finger = cast(MujocoFinger, live_finger(stated, case.hood.left_to_finger))
     muscles = TendonPulls(case, finger.tendons)
     start = finger.start(stated.posture.angles())
     dynamics = FingerDynamics(finger, start, muscles, tip_device(case))

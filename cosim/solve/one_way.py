@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from cosim.tendons.muscles import Pull, live_muscles
 
 if TYPE_CHECKING:
     from cosim.solve.states import States
+    from rigid.mujoco.finger import MujocoFinger
 
 Progress = Callable[[str], None]
 
@@ -116,11 +117,9 @@ def _lumps(case: Case) -> bool:
 
 def _centres(finger: Finger, at: State) -> Array:
     """(nb, 3) m, the bodies' centres of mass in their frames."""
-    from rigid.mujoco.finger import MujocoFinger
-
-    assert isinstance(finger, MujocoFinger)  # what check_fit lets be lumped
     motion = finger.motion(at)
-    away = finger.mass_centres(finger.angles(at)) - motion.position
+    heavy = cast("MujocoFinger", finger)  # what check_fit lets be lumped
+    away = heavy.mass_centres(finger.angles(at)) - motion.position
     return np.einsum("bji,bj->bi", motion.rotation, away)
 
 
