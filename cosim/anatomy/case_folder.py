@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 
@@ -38,8 +39,7 @@ def _defaults() -> Defaults:
     from cosim.case.file import load_case
     from cosim.hoods.shell.table import ShellHood
 
-    hood = load_case(BASE).hood
-    assert isinstance(hood, ShellHood)
+    hood = cast(ShellHood, load_case(BASE).hood)
     return Defaults(hood.thickness, hood.contact.offset.model_dump())
 
 

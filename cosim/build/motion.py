@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from cosim.coupling.excursion import Driven
 from cosim.coupling.motion import Moves, WatchedFinger
 from cosim.coupling.schemes import Alone
 from cosim.fingers.common import CageTip, ShellTip
-from cosim.fingers.fmu import FmuFinger
+from cosim.fingers.kinds import unit
 from cosim.hoods.view import HoodView
 from cosim.port import Array, Hood, Motion, State, Triangles
 from cosim.tendons.air import begun, cylinders, pulled
@@ -28,6 +28,7 @@ from cosim.tendons.table import Tendon
 if TYPE_CHECKING:
     from rigid.air.plant import AirState
     from rigid.mujoco.dynamics import Pull
+    from rigid.mujoco.finger import MujocoFinger
     from rigid.mujoco.tip_device import Device
     from rigid.muscle.dynamics import MuscleState
     from rigid.muscle.parameters import Muscles
@@ -65,14 +66,12 @@ class Together:
 
 def together(case: Case, forward: Forward) -> Together:
     """The models of a coupled motion.  Raises InputError."""
-    if case.finger.kind == "fmu":
-        return _with_unit(case, case.finger, forward)
-    from rigid.mujoco.finger import MujocoFinger
+    if not case.finger.is_native:
+        return _with_unit(case, forward)
     from rigid.mujoco.moving_finger import MovingMujoco
 
-    models = build(case)
-    assert isinstance(models.finger, MujocoFinger)  # what check_fit lets move
-    finger = MovingMujoco(models.finger, tip_device(case))
+    models = build(case)  # of a finger that check_fit lets move
+    finger = MovingMujoco(cast("MujocoFinger", models.finger), tip_device(case))
     pulls = TendonPulls(case, (*models.hood.tendons, *finger.tendons))
     driven = _driven(case, pulls.tendons)
     scheme = scheme_of(case.coupling) if case.hood.is_coupled else Alone()
@@ -80,9 +79,9 @@ def together(case: Case, forward: Forward) -> Together:
     return Together(moves, pulls, models.posture, models.bones, models.lines, models.view)
 
 
-def _with_unit(case: Case, table: FmuFinger, forward: Forward) -> Together:
+def _with_unit(case: Case, forward: Forward) -> Together:
     """A finger in an FMU, with a hood that is no shell."""
-    finger = table.in_motion()
+    finger = unit(case.finger).in_motion()
     built = built_on(case, site_of(case, finger.rest()))
     hood = built.hood
     tendons = (*hood.tendons, *finger.tendons)

@@ -219,10 +219,11 @@ def _toml_lines(table: Mapping[str, Any], path: tuple[str, ...]) -> list[str]:
 
 
 def _toml_value(value: Any) -> str:
-    if isinstance(value, list):
-        return f"[{', '.join(map(_toml_value, value))}]"
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{k} = {_toml_value(v)}" for k, v in value.items()) + "}"
+    match value:
+        case list():
+            return f"[{', '.join(map(_toml_value, value))}]"
+        case dict():
+            return "{" + ", ".join(f"{k} = {_toml_value(v)}" for k, v in value.items()) + "}"
     # JSON's strings, numbers and truth values are TOML's, but for DEL
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
@@ -241,11 +242,13 @@ def json_schema() -> dict[str, Any]:
 
 
 def _relaxed(node: Any) -> Any:
-    if isinstance(node, list | tuple):
-        return [_relaxed(item) for item in node]
-    if not isinstance(node, dict):
-        return node
-    kept = {k: _relaxed(v) for k, v in node.items() if k not in ("required", "discriminator")}
-    if "oneOf" in kept:
-        kept["anyOf"] = kept.pop("oneOf")
-    return kept
+    match node:
+        case list() | tuple():
+            return [_relaxed(item) for item in node]
+        case dict():
+            left = (pair for pair in node.items() if pair[0] not in ("required", "discriminator"))
+            kept = {k: _relaxed(v) for k, v in left}
+            if "oneOf" in kept:
+                kept["anyOf"] = kept.pop("oneOf")
+            return kept
+    return node

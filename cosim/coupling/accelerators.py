@@ -93,14 +93,13 @@ def accelerated(
 ) -> tuple[Array, History]:
     """The next iterate (n,) after `x` (n,) was mapped to `image` = F(x) (n,), and its history."""
     residual, last = image - x, np.stack([image - x, image])
-    if isinstance(accelerator, QuasiNewton):
-        history = _with_column(accelerator, history, last)
-        moved = _least_squares(history, residual, image)
-    else:
-        if isinstance(accelerator, Aitken):
+    match accelerator:
+        case QuasiNewton():
+            history = _with_column(accelerator, history, last)
+            return _least_squares(history, residual, image), replace(history, last=last)
+        case Aitken():
             history = replace(history, factor=_aitken(history, last))
-        moved = x + history.factor * residual
-    return moved, replace(history, last=last)
+    return x + history.factor * residual, replace(history, last=last)
 
 
 def _without_columns(history: History) -> History:

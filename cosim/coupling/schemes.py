@@ -136,15 +136,17 @@ def step(
 
     Raises ConvergenceError where the iteration, the hood or the finger does not converge, and where
     an explicit step gains energy that nobody put in."""
-    if isinstance(scheme, Explicit):
-        after = _explicit(scheme, finger, hood, state, tension, dt)
-        _watch(scheme, finger, hood, state, after, dt)
-        return after
-    if isinstance(scheme, Linear):
-        return _linear(scheme, finger, hood, state, tension, dt)
-    if isinstance(scheme, Alone):
-        return _alone(finger, state, tension, dt)
-    return _iterated(scheme, finger, hood, state, tension, dt)
+    match scheme:
+        case Explicit():
+            after = _explicit(scheme, finger, hood, state, tension, dt)
+            _watch(scheme, finger, hood, state, after, dt)
+            return after
+        case Linear():
+            return _linear(scheme, finger, hood, state, tension, dt)
+        case Alone():
+            return _alone(finger, state, tension, dt)
+        case _:
+            return _iterated(scheme, finger, hood, state, tension, dt)
 
 
 def _explicit(

@@ -45,19 +45,25 @@ def _leaves(value: Any, path: str, special: Special) -> Iterator[tuple[str, Any]
     elif is_dataclass(value) and not isinstance(value, type):
         for field in fields(value):
             yield from _leaves(getattr(value, field.name), f"{path}/{field.name}", special)
-    elif isinstance(value, dict):
-        for key, item in value.items():
-            yield from _leaves(item, f"{path}/{key}", special)
-    elif isinstance(value, tuple | list):
-        yield f"{path}/length", np.array(len(value))
-        for i, item in enumerate(value):
-            yield from _leaves(item, f"{path}/{i}", special)
-    elif value is None:
-        yield path, np.array(NONE)
-    elif isinstance(value, np.ndarray | np.generic | bool | int | float | str):
-        yield path, np.asarray(value)
     else:
-        raise TypeError(f"{path}: a {type(value).__name__} is no part of a state")
+        yield from _plain_leaves(value, path, special)
+
+
+def _plain_leaves(value: Any, path: str, special: Special) -> Iterator[tuple[str, Any]]:
+    match value:
+        case dict():
+            for key, item in value.items():
+                yield from _leaves(item, f"{path}/{key}", special)
+        case tuple() | list():
+            yield f"{path}/length", np.array(len(value))
+            for i, item in enumerate(value):
+                yield from _leaves(item, f"{path}/{i}", special)
+        case None:
+            yield path, np.array(NONE)
+        case np.ndarray() | np.generic() | bool() | int() | float() | str():
+            yield path, np.asarray(value)
+        case _:
+            raise TypeError(f"{path}: a {type(value).__name__} is no part of a state")
 
 
 def _built(template: Any, arrays: Arrays, path: str, special: Special) -> Any:
@@ -75,14 +81,14 @@ def _built(template: Any, arrays: Arrays, path: str, special: Special) -> Any:
             if f.init
         }
         return replace(template, **changed)
-    if isinstance(template, dict):
-        return {k: _built(v, arrays, f"{path}/{k}", special) for k, v in template.items()}
-    if isinstance(template, tuple | list):
-        return _sequence(template, arrays, path, special)
-    leaf = _taken(arrays, path)
-    if template is None or isinstance(template, np.ndarray):
-        return leaf
-    return type(template)(leaf.item())
+    match template:
+        case dict():
+            return {k: _built(v, arrays, f"{path}/{k}", special) for k, v in template.items()}
+        case tuple() | list():
+            return _sequence(template, arrays, path, special)
+        case None | np.ndarray():
+            return _taken(arrays, path)
+    return type(template)(_taken(arrays, path).item())
 
 
 def _sequence(template: Any, arrays: Arrays, path: str, special: Special) -> Any:

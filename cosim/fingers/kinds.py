@@ -46,6 +46,13 @@ def native(finger: AnyFinger) -> NativeFinger:
     return finger
 
 
+def unit(finger: AnyFinger) -> fmu.FmuFinger:
+    """The table of a finger in an FMU.  Raises InputError for one of ours."""
+    if finger.kind != "fmu":
+        raise InputError(f'finger.kind = "{finger.kind}" is no FMU')
+    return finger
+
+
 def held_by(finger: AnyFinger) -> str:
     """What holds the fingertip: the word of `finger.tip.kind`; "fmu" of a unit's."""
     return finger.kind if finger.kind == "fmu" else finger.tip.kind

@@ -72,15 +72,18 @@ def _lay_out(case: Case, unit: Mapping[str, Any], fmi: int, resources: Path) -> 
 
 def _with_files(table: Any, resources: Path) -> Any:
     """A value of a case with its files copied into `resources` and their paths relative to it."""
-    if isinstance(table, BaseModel):
-        fields = {name: getattr(table, name) for name in type(table).model_fields}
-        kept = {k: v for k, v in fields.items() if k != "source"}
-        return table.model_copy(update={k: _with_files(v, resources) for k, v in kept.items()})
-    if isinstance(table, dict):
-        return {key: _with_files(value, resources) for key, value in table.items()}
-    if isinstance(table, tuple):
-        return tuple([_with_files(value, resources) for value in table])
-    return _copied(table, resources) if isinstance(table, Path) else table
+    match table:
+        case BaseModel():
+            fields = {name: getattr(table, name) for name in type(table).model_fields}
+            kept = {k: v for k, v in fields.items() if k != "source"}
+            return table.model_copy(update={k: _with_files(v, resources) for k, v in kept.items()})
+        case dict():
+            return {key: _with_files(value, resources) for key, value in table.items()}
+        case tuple():
+            return tuple([_with_files(value, resources) for value in table])
+        case Path():
+            return _copied(table, resources)
+    return table
 
 
 def _copied(file: Path, resources: Path) -> Path:

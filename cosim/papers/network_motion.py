@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import cast
 
 import numpy as np
 
@@ -68,10 +69,8 @@ def contact(case: str, settings: tuple[str, ...] = ()) -> Contact:
     loaded = load_case(case, settings)
     data = run_case(loaded).data
     models = build(loaded)
-    hood, finger, stated = models.hood, models.finger, loaded.hood
-    assert isinstance(stated, NetworkTable)
-    assert isinstance(hood, NetworkHood)
-    assert isinstance(finger, MujocoFinger)
+    stated = cast(NetworkTable, loaded.hood)
+    hood, finger = cast(NetworkHood, models.hood), cast(MujocoFinger, models.finger)
     flexion = data.angle.sel(joint=list(JOINTS)).values
     tension, own = data.tension.values, data.own_tension.values
     _, tendons = hood.network.solve(flexion, tension)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 from statistics import median
+from typing import cast
 
 import numpy as np
 
@@ -157,10 +158,9 @@ def input_numbers() -> Numbers:
 
 def _settings(forward: Case) -> Numbers:
     finger, hood = forward.native_finger(), _hood(load_case("thesis_one_way_edc"))
-    assert isinstance(finger.tip, CageTip)
     assert finger.limit is not None
     assert forward.forward is not None
-    tip, limit = finger.tip, finger.limit
+    tip, limit = cast(CageTip, finger.tip), finger.limit
     posture = finger.posture.angles()
     tension = load_case("thesis_strain_average").tendons["EDC"].tension
     activation = forward.tendons["EDC"].activation
@@ -193,15 +193,12 @@ def _settings(forward: Case) -> Numbers:
 
 
 def _hood(case: Case) -> ShellHood:
-    assert isinstance(case.hood, ShellHood)
-    return case.hood
+    return cast(ShellHood, case.hood)
 
 
 def _modulus(hood: ShellHood, name: str) -> float:
     """MPa."""
-    region = hood.regions[name]
-    assert isinstance(region, Isotropic)
-    return region.modulus / 1e6
+    return cast(Isotropic, hood.regions[name]).modulus / 1e6
 
 
 def all_numbers() -> Numbers:

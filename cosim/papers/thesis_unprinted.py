@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import pandas as pd
@@ -25,8 +25,7 @@ AS_IS = "as it is"
 
 def variants() -> dict[str, tuple[str, ...]]:
     """Settings by what they change; none was chosen by what comes of it."""
-    hood = load_case(CASE).hood
-    assert isinstance(hood, ShellHood)
+    hood = cast(ShellHood, load_case(CASE).hood)
     return {
         AS_IS: (),
         "twice as thick": (f'hood.thickness="{2e3 * hood.thickness:g} mm"',),

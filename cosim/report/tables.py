@@ -14,6 +14,7 @@ import numpy as np
 from cosim.results.audit import BOUNDS, audit_figures
 from cosim.results.compare import COLUMNS, COMPONENTS, as_dict, number, unit_of, value_of
 from cosim.results.result import Result
+from cosim.schema.fields import is_number
 
 FORMAT = "cosim report 1"
 Cell = str | float | bool | None
@@ -223,15 +224,16 @@ def _numbers(runs: Sequence[Result], against: Result | None) -> Table:
 
 
 def _leaves(value: Any, path: str) -> Iterator[str]:
-    if isinstance(value, Mapping):
-        for key, inner in value.items():
-            yield from _leaves(inner, f"{path}.{key}" if path else str(key))
-    elif isinstance(value, list):
-        names = COMPONENTS if len(value) == len(COMPONENTS) else range(len(value))
-        for name, inner in zip(names, value, strict=True):
-            yield from _leaves(inner, f"{path}.{name}")
-    elif isinstance(value, int | float) and not isinstance(value, bool):
-        yield path
+    match value:
+        case Mapping():
+            for key, inner in value.items():
+                yield from _leaves(inner, f"{path}.{key}" if path else str(key))
+        case list():
+            names = COMPONENTS if len(value) == len(COMPONENTS) else range(len(value))
+            for name, inner in zip(names, value, strict=True):
+                yield from _leaves(inner, f"{path}.{name}")
+        case _ if is_number(value):
+            yield path
 
 
 def as_json(runs: Sequence[Result], tables: Sequence[Table]) -> str:

@@ -16,6 +16,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from cosim.port import InputError
+from cosim.schema.fields import is_number
 
 Kind = Literal[
     "experiment", "experiment at second hand", "published model", "inferred", "requirement"
@@ -140,8 +141,7 @@ def value_of(summary: Mapping[str, Any], quantity: str) -> float | None:
     value: Any = summary
     for key in quantity.split("."):
         value = parts_of(value).get(key)
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    return float(value) if is_number and np.isfinite(value) else None
+    return float(value) if is_number(value) and np.isfinite(value) else None
 
 
 def parts_of(value: Any) -> Mapping[str, Any]:

@@ -13,6 +13,7 @@ from typing import Any
 
 from cosim.port import InputError
 from cosim.results.compare import COMPONENTS, Target, parts_of
+from cosim.schema.fields import is_number
 from cosim.schema.types import TENDONS
 from meshes.bands import SIDES
 from meshes.glide import PLACES
@@ -225,7 +226,7 @@ def _at(summary: Mapping[str, Any], keys: Keys) -> Any:
 
 
 def _is_number(value: Any) -> bool:
-    return value is None or (isinstance(value, int | float) and not isinstance(value, bool))
+    return value is None or is_number(value)
 
 
 def _nearest(key: str, names: Sequence[str]) -> str:

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 from pydantic_core import PydanticCustomError, core_schema
 
@@ -36,11 +36,15 @@ def fault(message: str) -> PydanticCustomError:
     return PydanticCustomError("fault", "{message}", {"message": message})
 
 
+def is_number(value: object) -> TypeGuard[float]:
+    """Whether it is a number, and no truth value."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
 def _read_quantity(kind: Kind, above: str, least: str, most: str, value: Any) -> float:
     advice = kind.advice
     if not isinstance(value, str):
-        bare = isinstance(value, int | float) and not isinstance(value, bool)
-        raise fault(f"{'is a bare number' if bare else 'is not text'}; {advice}")
+        raise fault(f"{'is a bare number' if is_number(value) else 'is not text'}; {advice}")
     try:
         number = units.parse(value, kind)
     except ValueError as error:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, Strict, model_validator
 
@@ -64,6 +64,11 @@ class Region(Table):
     thickness: Thickness | None = None
     section: Section | None = None
     tension_field: Switch = False
+
+    @property
+    def fibrous(self) -> Any:
+        """The same with what a region with fibres may say; None of one without."""
+        return None
 
     @model_validator(mode="after")
     def _one_way(self) -> Region:

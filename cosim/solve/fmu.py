@@ -15,8 +15,9 @@ from cosim.build.fit import check_tendons
 from cosim.build.models import built_on, site_of
 from cosim.build.scheme import accelerator_of
 from cosim.case.schema import Case
+from cosim.fingers.kinds import unit
 from cosim.fmu.finger import FingerAt, FmuFinger, Met, met, met_held
-from cosim.port import Array, Hood, InputError
+from cosim.port import Array, Hood
 
 Progress = Callable[[str], None]
 
@@ -32,10 +33,7 @@ class Settled:
 
 def finger_of(case: Case) -> FmuFinger:
     """The live finger of a case.  Raises InputError."""
-    table = case.finger
-    if table.kind != "fmu":
-        raise InputError(f'{case.name}: finger.kind = "{table.kind}" is no FMU')
-    return table.at_rest()
+    return unit(case.finger).at_rest()
 
 
 def settled(case: Case, progress: Progress = lambda text: None) -> Settled:

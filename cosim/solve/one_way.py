@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -114,11 +114,9 @@ def _lumps(case: Case) -> bool:
 
 def _centres(finger: Finger, at: State) -> Array:
     """(nb, 3) m, the bodies' centres of mass in their frames."""
-    from rigid.mujoco.finger import MujocoFinger
-
-    assert isinstance(finger, MujocoFinger)  # what check_fit lets be lumped
     motion = finger.motion(at)
-    away = finger.mass_centres(finger.angles(at)) - motion.position
+    heavy = cast("MujocoFinger", finger)  # what check_fit lets be lumped
+    away = heavy.mass_centres(finger.angles(at)) - motion.position
     return np.einsum("bji,bj->bi", motion.rotation, away)
 
 

@@ -62,23 +62,27 @@ def address(case: Case, code: str) -> str:
 
 
 def _paths(values: Any) -> Iterator[Path]:
-    if isinstance(values, Path):
-        yield values
-    elif isinstance(values, dict):
-        for key, value in values.items():
-            if key != "source":
+    match values:
+        case Path():
+            yield values
+        case dict():
+            for key, value in values.items():
+                if key != "source":
+                    yield from _paths(value)
+        case list() | tuple():
+            for value in values:
                 yield from _paths(value)
-    elif isinstance(values, list | tuple):
-        for value in values:
-            yield from _paths(value)
 
 
 def _with(values: Any, files: dict[str, str]) -> Any:
-    if isinstance(values, dict):
-        return {key: _with(value, files) for key, value in values.items()}
-    if isinstance(values, list):
-        return [_with(value, files) for value in values]
-    return files.get(values, values) if isinstance(values, str) else values
+    match values:
+        case dict():
+            return {key: _with(value, files) for key, value in values.items()}
+        case list():
+            return [_with(value, files) for value in values]
+        case str():
+            return files.get(values, values)
+    return values
 
 
 def _content(path: Path) -> str:

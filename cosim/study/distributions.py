@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import exp, log, sqrt
-from typing import Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 
 from cosim.port import Array, InputError
+
+if TYPE_CHECKING:
+    from typing_extensions import TypeIs
 
 Word = float | str | bool
 """A value on an axis: a number in the parameter's unit, or a word of the case."""
@@ -97,6 +100,11 @@ class Axis:
 Law = Normal | TruncatedNormal | Lognormal | Uniform | Axis
 
 
+def is_axis(law: Law) -> TypeIs[Axis]:
+    """Whether its values are taken one after the other, and not sampled."""
+    return isinstance(law, Axis)
+
+
 def axis(first: float, last: float, count: int, spacing: Literal["linear", "log"]) -> Axis:
     """So many values from first to last, both in it.  Raises InputError."""
     if spacing == "log" and not (first > 0 and last > 0):
@@ -107,7 +115,7 @@ def axis(first: float, last: float, count: int, spacing: Literal["linear", "log"
 
 def middle(law: Law) -> Word:
     """The median of a distribution, the first value of an axis."""
-    return law.values[0] if isinstance(law, Axis) else float(law.quantile(np.array([0.5]))[0])
+    return law.values[0] if is_axis(law) else float(law.quantile(np.array([0.5]))[0])
 
 
 def _frozen(name: str, *numbers: float) -> Any:

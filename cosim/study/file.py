@@ -14,9 +14,18 @@ from pydantic import Field, PlainValidator, ValidationError
 
 from cosim.port import InputError
 from cosim.schema import units
-from cosim.schema.fields import fault, quantity
+from cosim.schema.fields import fault, is_number, quantity
 from cosim.schema.types import Count, Switch, Table
-from cosim.study.distributions import Axis, Law, Lognormal, Normal, TruncatedNormal, Uniform, axis
+from cosim.study.distributions import (
+    Axis,
+    Law,
+    Lognormal,
+    Normal,
+    TruncatedNormal,
+    Uniform,
+    axis,
+    is_axis,
+)
 from cosim.study.faults import faults_of, listing, shown
 from cosim.study.sampling import KINDS, Kind
 
@@ -31,7 +40,7 @@ class Measure(NamedTuple):
 
 
 def _measure(value: Any) -> Measure:
-    if isinstance(value, int | float) and not isinstance(value, bool):
+    if is_number(value):
         found = Measure(_float(value), "")
     elif isinstance(value, str) and (parts := FORM.fullmatch(value)):
         found = Measure(float(parts[1]), parts[2] or "")
@@ -233,7 +242,7 @@ def _parameter(name: str, table: dict[str, Any]) -> Parameter:
     if lacking := [text for text in read.settings if "={value}" not in text.replace(" ", "")]:
         raise InputError(f"settings: {lacking[0]!r} lacks ={{value}}; write KEY={{value}}")
     law, unit = _law(read)
-    if read.scale and (unit or (isinstance(law, Axis) and not law.is_numeric)):
+    if read.scale and (unit or (is_axis(law) and not law.is_numeric)):
         raise InputError("scale: a factor is a plain number; leave out the unit")
     settings = read.settings or (() if read.scale else (f"{name}={{value}}",))
     return Parameter(name, read.label or name, unit, law, settings, read.scale)
@@ -271,8 +280,8 @@ def _law_of(read: _Parameter) -> Law:
 
 def _sampling_faults(study: StudyFile, found: list[Parameter]) -> Iterator[str]:
     """What goes together."""
-    axes = [p.name for p in found if isinstance(p.law, Axis)]
-    drawn = [p.name for p in found if not isinstance(p.law, Axis)]
+    axes = [p.name for p in found if is_axis(p.law)]
+    drawn = [p.name for p in found if not is_axis(p.law)]
     if drawn and study.sampling is None:
         kinds = ", ".join(KINDS)
         example = '{ kind = "latin_hypercube", n = 64, seed = 1 }'

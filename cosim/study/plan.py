@@ -13,7 +13,8 @@ from cosim.analyses.trials.outcome import Settings
 from cosim.case.file import find_case, load_case
 from cosim.port import Array, InputError
 from cosim.results.compare import Target
-from cosim.study.distributions import Axis, Word, middle
+from cosim.schema.fields import is_number
+from cosim.study.distributions import Word, is_axis, middle
 from cosim.study.file import FORM, Parameter, Sampling, find_study, read_file
 from cosim.study.sampling import points, unit_points
 
@@ -49,7 +50,7 @@ class Plan:
     def samples(self) -> Array | None:
         """Points of the unit cube; None where every parameter is an axis."""
         s = self.sampling
-        count = sum(not isinstance(p.law, Axis) for p in self.parameters)
+        count = sum(not is_axis(p.law) for p in self.parameters)
         if s is None:
             return None
         return unit_points(s.kind, count, s.n, s.seed, s.second_order)
@@ -158,7 +159,7 @@ def _times(value: Any, factor: float, key: str) -> str:
     """As TOML: a number, a text with a unit, or a list of such."""
     if isinstance(value, list | tuple):
         return f"[{', '.join(_times(item, factor, key) for item in value)}]"
-    if isinstance(value, int | float) and not isinstance(value, bool):
+    if is_number(value):
         return repr(value * factor)
     if isinstance(value, str) and (parts := FORM.fullmatch(value)):
         return json.dumps(f"{float(parts[1]) * factor!r} {parts[2] or ''}".rstrip())

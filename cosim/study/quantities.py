@@ -9,6 +9,7 @@ from typing import Any
 from cosim.analyses.trials.outcome import measured
 from cosim.port import InputError
 from cosim.results.compare import COMPONENTS
+from cosim.schema.fields import is_number
 
 NEAREST = 3
 
@@ -35,5 +36,5 @@ def paths(summary: Mapping[str, Any], above: str = "") -> Iterator[str]:
             yield from paths(value, f"{above}{key}.")
         elif isinstance(value, list) and len(value) == len(COMPONENTS):
             yield from (f"{above}{key}.{component}" for component in COMPONENTS)
-        elif isinstance(value, int | float) and not isinstance(value, bool):
+        elif is_number(value):
             yield f"{above}{key}"

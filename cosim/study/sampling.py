@@ -8,7 +8,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from cosim.port import Array, InputError
-from cosim.study.distributions import Axis, Law, Word
+from cosim.study.distributions import Law, Word, is_axis
 
 Kind = Literal["random", "latin_hypercube", "sobol", "saltelli"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
@@ -59,16 +59,16 @@ def problem(dimensions: int) -> dict[str, object]:
 def points(laws: tuple[Law, ...], samples: Array | None) -> list[tuple[Word, ...]]:
     """The values of every run: for each sample (a row of `samples`, a column for each
     distribution) all of the axes' combinations, the last axis fastest."""
-    drawn = [law for law in laws if not isinstance(law, Axis)]
+    drawn = [law for law in laws if not is_axis(law)]
     columns = [
         law.quantile(samples[:, i]).tolist() for i, law in enumerate(drawn) if samples is not None
     ]
     rows = list(zip(*columns, strict=True)) if columns else [()]
-    steps = list(product(*(law.values for law in laws if isinstance(law, Axis))))
+    steps = list(product(*(law.values for law in laws if is_axis(law))))
     return [_woven(laws, row, step) for row in rows for step in steps]
 
 
 def _woven(laws: tuple[Law, ...], row: tuple[float, ...], step: tuple[Word, ...]) -> tuple:
     """The values in the order of the laws."""
     sampled, stepped = iter(row), iter(step)
-    return tuple(next(stepped if isinstance(law, Axis) else sampled) for law in laws)
+    return tuple(next(stepped if is_axis(law) else sampled) for law in laws)

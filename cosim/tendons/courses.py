@@ -17,17 +17,19 @@ def factor_of(course: PointsCourse | SineCourse | FileCourse | None) -> Callable
     """The factor at a time in s; one at all times without a course.
 
     Raises InputError for a file that holds no such column, or values that are not factors."""
-    if course is None:
-        return lambda time: 1.0
-    if isinstance(course, SineCourse):
-        rate = 2 * np.pi * course.frequency
-        return lambda t: max(
-            course.mean + course.amplitude * float(np.sin(rate * t + course.phase)), 0.0
-        )
-    if isinstance(course, PointsCourse):
-        times, factors = np.array(course.at).T
-    else:
-        times, factors = _recorded(course.path, course.column)
+    match course:
+        case None:
+            return lambda time: 1.0
+        case SineCourse():
+            rate, mean, most, phase = (
+                *(2 * np.pi * course.frequency, course.mean),
+                *(course.amplitude, course.phase),
+            )
+            return lambda t: max(mean + most * float(np.sin(rate * t + phase)), 0.0)
+        case PointsCourse():
+            times, factors = np.array(course.at).T
+        case FileCourse():
+            times, factors = _recorded(course.path, course.column)
     return lambda t: float(np.interp(t, times, factors))
 
 

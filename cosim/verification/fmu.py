@@ -187,7 +187,7 @@ def _overhead(name: str, part: str, native: float, unit: float) -> Row:
 
 def _time_of_answer(hood: Hood, at: Equilibrium) -> float:
     """s, of a hood's static step."""
-    if isinstance(hood, FmuHood):
+    if hasattr(hood, "tangent_by"):  # a unit's
         hood.tangent_by = "differences"
     first = hood.advance(hood.start(at.motion), at.motion, at.hood_tension, STATIC)
     return _median(lambda: hood.advance(first.state, at.motion, at.hood_tension, STATIC))

@@ -37,11 +37,15 @@ def law_line(number: int, name: str, law: Law, stress: float, in_situ_stretch: f
 
 def _material(name: str, law: Law, stress: float) -> tuple[str, str]:
     """The material's type and what stands in it."""
-    if isinstance(law, CrossedFibres):
-        return _mixture(name, law, stress)
-    kind, values = _parameters(name, law, stress)
-    fibre = _fibre(1.0, 0.0) if isinstance(law, TransIsoMooneyRivlin) else ""
-    return kind, _tags(values) + fibre
+    match law:
+        case CrossedFibres():
+            return _mixture(name, law, stress)
+        case TransIsoMooneyRivlin():
+            kind, values = _parameters(name, law, stress)
+            return kind, _tags(values) + _fibre(1.0, 0.0)
+        case _:
+            kind, values = _parameters(name, law, stress)
+            return kind, _tags(values)
 
 
 def _tags(values: dict[str, float]) -> str:
@@ -106,28 +110,31 @@ def _parameters(name: str, law: Law, s: float) -> tuple[str, dict[str, float]]:
     def one(value: Real) -> float:
         return _one(name, value)
 
-    if isinstance(law, Isotropic):
-        return "isotropic elastic", {"E": one(law.E) / s, "v": one(law.nu)}
-    if isinstance(law, NeoHookean):
-        return "neo-Hookean", {"E": one(law.E) / s, "v": one(law.nu)}
-    if isinstance(law, TransIsoMooneyRivlin):
-        out = {n: one(getattr(law, n)) for n in ("c1", "c2", "c3", "c4", "c5", "lam_max", "k")}
-        pure = ("c4", "lam_max")
-        return "trans iso Mooney-Rivlin", {k: v if k in pure else v / s for k, v in out.items()}
-    if isinstance(law, HolzapfelGasserOgden):
-        out = {n: one(getattr(law, n)) for n in ("c", "k1", "k2", "kappa", "gamma", "k")}
-        out["gamma"] = float(np.degrees(out["gamma"]))
-        scaled = ("c", "k1", "k")
-        return "Holzapfel-Gasser-Ogden", {k: v / s if k in scaled else v for k, v in out.items()}
-    if isinstance(law, Orthotropic):
-        out = {n: one(getattr(law, n)) for n in FIELDS}
-        out["E3"] = out["E2"] if law.E3 is None else one(law.E3)
-        return "orthotropic elastic", _orthotropic(out, s)
-    if isinstance(law, CrossedLinear):
-        raise InputError(
-            f"part {name!r}: FEBio has no linear material with two fibre families; take "
-            "trans iso Mooney-Rivlin fibres, or leave the second family out"
-        )
+    match law:
+        case Isotropic():
+            return "isotropic elastic", {"E": one(law.E) / s, "v": one(law.nu)}
+        case NeoHookean():
+            return "neo-Hookean", {"E": one(law.E) / s, "v": one(law.nu)}
+        case TransIsoMooneyRivlin():
+            out = {n: one(getattr(law, n)) for n in ("c1", "c2", "c3", "c4", "c5", "lam_max", "k")}
+            pure = ("c4", "lam_max")
+            numbers = {k: v if k in pure else v / s for k, v in out.items()}
+            return "trans iso Mooney-Rivlin", numbers
+        case HolzapfelGasserOgden():
+            out = {n: one(getattr(law, n)) for n in ("c", "k1", "k2", "kappa", "gamma", "k")}
+            out["gamma"] = float(np.degrees(out["gamma"]))
+            scaled = ("c", "k1", "k")
+            numbers = {k: v / s if k in scaled else v for k, v in out.items()}
+            return "Holzapfel-Gasser-Ogden", numbers
+        case Orthotropic():
+            out = {n: one(getattr(law, n)) for n in FIELDS}
+            out["E3"] = out["E2"] if law.E3 is None else one(law.E3)
+            return "orthotropic elastic", _orthotropic(out, s)
+        case CrossedLinear():
+            raise InputError(
+                f"part {name!r}: FEBio has no linear material with two fibre families; take "
+                "trans iso Mooney-Rivlin fibres, or leave the second family out"
+            )
     raise InputError(f"part {name!r}: FEBio has no material like {type(law).__name__}")
 
 

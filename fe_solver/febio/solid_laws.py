@@ -47,19 +47,23 @@ SAME = np.diag(np.where(SHEAR, 0.5, 1.0))
 
 def law_obstacle(law: Law) -> str | None:
     """Why `solid_stress` does not know the law, in words; None where it does."""
-    if isinstance(law, CrossedFibres):
-        varies = _varies(law) or _varies(law.second)
-        return "varies within the part" if varies else law_obstacle(law.base)
-    if not isinstance(law, Isotropic | Orthotropic | NeoHookean | Fibrous):
-        return "is not known with all six strains"
-    if _varies(law):
-        return "varies within the part"
-    if isinstance(law, Fibrous) and not np.isfinite(law.k):
-        return "is incompressible: give it a finite k"
-    if isinstance(law, Orthotropic):
-        stable = np.linalg.eigvalsh(_orthotropic_compliance(law)).min() > 0
-        return None if stable else "is not positive definite with E3, v23 and v31"
-    return None
+    varies = "varies within the part" if _varies(law) else None
+    match law:
+        case CrossedFibres():
+            within = "varies within the part" if _varies(law.second) else law_obstacle(law.base)
+            return varies or within
+        case TransIsoMooneyRivlin() | HolzapfelGasserOgden():
+            return varies or (
+                None if np.isfinite(law.k) else "is incompressible: give it a finite k"
+            )
+        case Orthotropic():
+            if varies:
+                return varies
+            stable = np.linalg.eigvalsh(_orthotropic_compliance(law)).min() > 0
+            return None if stable else "is not positive definite with E3, v23 and v31"
+        case Isotropic() | NeoHookean():
+            return varies
+    return "is not known with all six strains"
 
 
 def _varies(law: object) -> bool:
@@ -75,14 +79,15 @@ def solid_stress(law: Law, strain: Array) -> tuple[Array, Array]:
     reason = law_obstacle(law)
     if reason is not None:
         raise InputError(f"{type(law).__name__}: {reason}")
-    if isinstance(law, Isotropic | Orthotropic):
-        stiff = _linear_stiffness(law)
-        return strain @ stiff, np.broadcast_to(stiff, (*strain.shape, 6))
-    x = _Strained(_right_cauchy_green(strain))
-    if isinstance(law, NeoHookean):
-        return _neo_hookean(law, x)
-    assert isinstance(law, Fibrous | CrossedFibres)
-    return _sum_terms(_terms(law, x))
+    match law:
+        case Isotropic() | Orthotropic():
+            stiff = _linear_stiffness(law)
+            return strain @ stiff, np.broadcast_to(stiff, (*strain.shape, 6))
+        case NeoHookean():
+            return _neo_hookean(law, _Strained(_right_cauchy_green(strain)))
+        case TransIsoMooneyRivlin() | HolzapfelGasserOgden() | CrossedFibres():
+            return _sum_terms(_terms(law, _Strained(_right_cauchy_green(strain))))
+    raise AssertionError(law)  # that law_obstacle knows
 
 
 def in_situ_strain(stretch: float) -> tuple[Array, Array]:
@@ -207,13 +212,14 @@ def _neo_hookean(law: NeoHookean, x: _Strained) -> tuple[Array, Array]:
 
 def _terms(law: Fibrous | CrossedFibres, x: _Strained) -> Iterator[tuple[Array, Array]]:
     """First and second derivatives by C of the law's energies."""
-    if isinstance(law, CrossedFibres):
-        yield from _terms(law.base, x)
-        yield _family(law.second, x, law.angle)
-    elif isinstance(law, TransIsoMooneyRivlin):
-        yield from _mooney_rivlin(law, x)
-    else:
-        yield from _gasser(law, x)
+    match law:
+        case CrossedFibres():
+            yield from _terms(law.base, x)
+            yield _family(law.second, x, law.angle)
+        case TransIsoMooneyRivlin():
+            yield from _mooney_rivlin(law, x)
+        case HolzapfelGasserOgden():
+            yield from _gasser(law, x)
 
 
 def _mooney_rivlin(law: TransIsoMooneyRivlin, x: _Strained) -> Iterator[tuple[Array, Array]]:

@@ -21,19 +21,20 @@ Ints = NDArray[np.intp]
 def family_angles(law: Law | TensionField) -> tuple[Real, ...]:
     """rad, of each of a law's fibre families from axis 1 in the stress-free sheet; none of a law
     without fibres."""
-    if isinstance(law, TensionField):
-        return family_angles(law.base)
-    if isinstance(law, CrossedLinear):
-        return (*family_angles(law.base), law.angle)
-    if isinstance(law, Orthotropic):
-        return (0.0,)
-    if not isinstance(law, Potential):
-        return ()
-    angles = [np.arctan2(sc, cc) for cc, _, sc in law.fibres()]
-    # two families in one direction are seen as one
-    return tuple(
-        a for i, a in enumerate(angles) if not any(np.array_equal(a, b) for b in angles[:i])
-    )
+    match law:
+        case TensionField():
+            return family_angles(law.base)
+        case CrossedLinear():
+            return (*family_angles(law.base), law.angle)
+        case Orthotropic():
+            return (0.0,)
+        case Potential():
+            angles = [np.arctan2(sc, cc) for cc, _, sc in law.fibres()]
+            # two families in one direction are seen as one
+            return tuple(
+                a for i, a in enumerate(angles) if not any(np.array_equal(a, b) for b in angles[:i])
+            )
+    return ()
 
 
 def fibre_families(model: ShellModel, c: Configuration) -> Array:

@@ -60,15 +60,16 @@ def bending_notes(job: Job) -> list[str]:
 
 
 def _through(law: Law | TensionField) -> Through | None:
-    if isinstance(law, Isotropic | NeoHookean):
-        E, nu = float(law.E), float(law.nu)
-        lame = E * nu / ((1 + nu) * (1 - 2 * nu))
-        return Through(lame + E / (1 + nu), (lame, lame))
-    if isinstance(law, TransIsoMooneyRivlin) and np.isfinite(law.k):
-        k, mu = float(law.k), 2 * float(law.c1 + law.c2)
-        fibre = float(law.c3 * law.c4)  # modulus of the deviatoric stretch at rest
-        across = k - 2 * mu / 3 + fibre / 9
-        return Through(k + 4 * mu / 3 + fibre / 9, (across - fibre / 3, across))
+    match law:
+        case Isotropic() | NeoHookean():
+            E, nu = float(law.E), float(law.nu)
+            lame = E * nu / ((1 + nu) * (1 - 2 * nu))
+            return Through(lame + E / (1 + nu), (lame, lame))
+        case TransIsoMooneyRivlin() if np.isfinite(law.k):
+            k, mu = float(law.k), 2 * float(law.c1 + law.c2)
+            fibre = float(law.c3 * law.c4)  # modulus of the deviatoric stretch at rest
+            across = k - 2 * mu / 3 + fibre / 9
+            return Through(k + 4 * mu / 3 + fibre / 9, (across - fibre / 3, across))
     return None
 
 

@@ -100,8 +100,8 @@ class Section:
     @cached_property
     def smoothing(self) -> float | None:
         """The least strain by which its tension fields are smoothed; None without one."""
-        laws = [p.law for p in self.patches]
-        return min((law.smoothing for law in laws if isinstance(law, TensionField)), default=None)
+        each = (_base(p.law)[1] for p in self.patches)
+        return min((smoothing for smoothing in each if smoothing is not None), default=None)
 
     def with_smoothing(self, least: float) -> Section:
         """The section whose tension fields are smoothed by at least that strain."""
@@ -121,9 +121,10 @@ class Section:
             return Resultants(energy, force, self.linear)
         stiffness = self.linear.copy()
         for p in self.nonlinear:
-            own = _membrane if isinstance(p.law, TensionField) else _integrated
+            base, smoothing = _base(p.law)
+            own = _integrated if smoothing is None else _membrane
             more = own(p, strain[p.elements])
-            if isinstance(_base(p.law)[0], Potential):
+            if isinstance(base, Potential):
                 more = _with_shear(p, strain[p.elements], more)
             energy[p.elements] += p.factor * more.energy
             force[p.elements] += p.factor[..., None] * more.force

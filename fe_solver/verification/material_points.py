@@ -82,20 +82,22 @@ def solid_energy(law: Potential, C: Array) -> float:
     bar = C * J ** (-2 / 3)
     I1 = float(np.trace(bar))
     I2 = (I1**2 - float(np.trace(bar @ bar))) / 2
-    if isinstance(law, NeoHookean):
-        lam, mu = law.lame()
-        log = math.log(J)
-        return float(mu / 2 * (np.trace(C) - 3) - mu * log + lam / 2 * log**2)
-    if isinstance(law, TransIsoMooneyRivlin):
-        fibre = law.fibre_energy(np.sqrt(bar[0, 0]))
-        return float(law.c1 * (I1 - 3) + law.c2 * (I2 - 3) + fibre + law.k / 2 * math.log(J) ** 2)
-    assert isinstance(law, HolzapfelGasserOgden)
-    energy = law.c / 2 * (I1 - 3) + law.k / 2 * ((J**2 - 1) / 2 - math.log(J))
-    for sign in (1, -1):
-        a = np.array([np.cos(law.gamma), sign * np.sin(law.gamma), 0.0])
-        E = law.kappa * (I1 - 3) + (1 - 3 * law.kappa) * (a @ bar @ a - 1)
-        energy += law.k1 / (2 * law.k2) * np.expm1(law.k2 * max(E, 0.0) ** 2)
-    return float(energy)
+    log = math.log(J)
+    match law:
+        case NeoHookean():
+            lam, mu = law.lame()
+            return float(mu / 2 * (np.trace(C) - 3) - mu * log + lam / 2 * log**2)
+        case TransIsoMooneyRivlin():
+            fibre = law.fibre_energy(np.sqrt(bar[0, 0]))
+            return float(law.c1 * (I1 - 3) + law.c2 * (I2 - 3) + fibre + law.k / 2 * log**2)
+        case HolzapfelGasserOgden():
+            energy = law.c / 2 * (I1 - 3) + law.k / 2 * ((J**2 - 1) / 2 - log)
+            for sign in (1, -1):
+                a = np.array([np.cos(law.gamma), sign * np.sin(law.gamma), 0.0])
+                E = law.kappa * (I1 - 3) + (1 - 3 * law.kappa) * (a @ bar @ a - 1)
+                energy += law.k1 / (2 * law.k2) * np.expm1(law.k2 * max(E, 0.0) ** 2)
+            return float(energy)
+    raise AssertionError(law)  # of no compressible law
 
 
 def least_energy(law: Potential, strain: Array) -> float:

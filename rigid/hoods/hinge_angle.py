@@ -40,6 +40,15 @@ class HingeAngle:
             raise InputError(f"joint {self.name}: expected an axis other than zero")
         object.__setattr__(self, "axis", vector(np.array(self.axis) / length))
 
+    @property
+    def names(self) -> tuple[str]:
+        return (self.name,)
+
+    @property
+    def axes(self) -> tuple[Vector, Vector]:
+        """Twice its own: of two hinges in one joint each has one."""
+        return self.axis, self.axis
+
 
 @dataclass(frozen=True)
 class Angles:

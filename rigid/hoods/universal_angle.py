@@ -57,8 +57,7 @@ def _joint(parent: str, body: Segment) -> Joint:
 
 def names_of(joints: Sequence[Joint]) -> tuple[str, ...]:
     """Of their angles."""
-    each = ((j.name,) if isinstance(j, HingeAngle) else j.names for j in joints)
-    return tuple(name for names in each for name in names)
+    return tuple(name for joint in joints for name in joint.names)
 
 
 class Chain(NamedTuple):
@@ -74,10 +73,9 @@ def chain_of(joints: Sequence[Joint], bodies: Sequence[str]) -> Chain:
     place, axes, zero = [], [], []
     for joint in joints:
         ends = [bodies.index(body) for body in (joint.parent, joint.child)]
-        both = (joint.axis, joint.axis) if isinstance(joint, HingeAngle) else joint.axes
-        for kind in (0,) if isinstance(joint, HingeAngle) else (1, 2):
+        for kind in (0,) if len(joint.names) == 1 else (1, 2):
             place.append([*ends, kind])
-            axes.append(both)
+            axes.append(joint.axes)
             zero.append(joint.zero)
     return Chain(np.array(place, dtype=np.int64), np.array(axes), np.array(zero))
 

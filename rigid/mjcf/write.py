@@ -98,10 +98,11 @@ def _add_guides(body: ET.Element, tendon: Tendon, name: str) -> None:
             if element.body != name:
                 continue
             label = _label(tendon, s, k)
-            if isinstance(element, Via):
-                _add_site(body, label, element.point)
-            else:
-                _add_surface(body, label, element)
+            match element:
+                case Via():
+                    _add_site(body, label, element.point)
+                case Sphere() | Cylinder():
+                    _add_surface(body, label, element)
 
 
 def _label(tendon: Tendon, strand: int, element: int) -> str:
@@ -123,13 +124,14 @@ def _add_surface(body: ET.Element, name: str, surface: Cylinder | Sphere) -> Non
     }
     if surface.side is not None:
         _add_site(body, f"{name}_side", surface.side)
-    if isinstance(surface, Sphere):
-        ET.SubElement(body, "geom", drawn | {"type": "sphere", "pos": _text(surface.centre)})
-        return
-    centre, axis = np.array(surface.centre), np.array(surface.axis)
-    half = HALF_WIDTH * axis / np.linalg.norm(axis)
-    ends = _text([*(centre - half), *(centre + half)])
-    ET.SubElement(body, "geom", drawn | {"type": "cylinder", "fromto": ends})
+    match surface:
+        case Sphere():
+            ET.SubElement(body, "geom", drawn | {"type": "sphere", "pos": _text(surface.centre)})
+        case Cylinder():
+            centre, axis = np.array(surface.centre), np.array(surface.axis)
+            half = HALF_WIDTH * axis / np.linalg.norm(axis)
+            ends = _text([*(centre - half), *(centre + half)])
+            ET.SubElement(body, "geom", drawn | {"type": "cylinder", "fromto": ends})
 
 
 def _add_tendons(root: ET.Element, model: FingerModel) -> None:
@@ -155,8 +157,9 @@ def _add_actuators(root: ET.Element, model: FingerModel) -> None:
 def _add_strand(spatial: ET.Element, tendon: Tendon, s: int, strand: Strand) -> None:
     for k, element in enumerate(strand.path):
         label = _label(tendon, s, k)
-        if isinstance(element, Via):
-            ET.SubElement(spatial, "site", site=label)
-        else:
-            side = {} if element.side is None else {"sidesite": f"{label}_side"}
-            ET.SubElement(spatial, "geom", {"geom": label} | side)
+        match element:
+            case Via():
+                ET.SubElement(spatial, "site", site=label)
+            case Sphere() | Cylinder():
+                side = {} if element.side is None else {"sidesite": f"{label}_side"}
+                ET.SubElement(spatial, "geom", {"geom": label} | side)

@@ -103,7 +103,7 @@ def test_a_new_hood_runs_from_a_case_and_is_in_its_report(house: Path):
     python(house, "-m", "cosim", "report", str(folder), "-o", "page.html")
     page = (house / "page.html").read_text(encoding="utf-8")
     assert "one elastic string over the PIP" in page
-    assert "string tension" in page
+    assert "string_tension_N.EDC" in page
 
 
 def test_a_new_hood_is_in_the_schema(house: Path):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from cosim.analyses.estimate.joint_motion import JointMotion
 from cosim.analyses.estimate.tensions import Bounds, Cost, Estimate, estimate, spelt
 from cosim.build.models import Models, build
 from cosim.case.schema import Case
+from cosim.fingers.kinds import with_mass
 from cosim.port import Array, ConvergenceError, InputError
 from cosim.schema import units
 from cosim.solve.agree import agree
@@ -266,12 +268,9 @@ def _needed(s: Setup, motion: JointMotion) -> Array:
     from rigid.mujoco.finger import MujocoFinger
     from rigid.mujoco.inverse_dynamics import needed_torque
 
-    finger = s.models.finger
-    if not isinstance(finger, MujocoFinger):
-        raise InputError(
-            '--motion takes a finger with mass: finger.kind = "index", "middle", "planar" or '
-            '"robot"'
-        )
+    finger = cast(MujocoFinger, s.models.finger)
+    if not s.case.finger.has_mass:
+        raise InputError(f"--motion takes a finger with mass: {with_mass()}")
     rows = zip(motion.angle, motion.rate, motion.acceleration, strict=True)
     return np.array([needed_torque(finger, *row) for row in rows])
 

@@ -11,12 +11,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import cast
 
 import numpy as np
 
 from cosim.analyses.trials.outcome import one_line
 from cosim.build.models import Models, build, hood_mesh
 from cosim.case.schema import Case
+from cosim.hoods.fe_view import FeView
 from cosim.hoods.injury import injured_mesh
 from cosim.port import STATIC, Array, ConvergenceError, Response, State
 from cosim.results.audit import missed_bounds
@@ -156,7 +158,8 @@ class HoodPoses:
         finger, c = models.finger, state.configuration
         assert models.view is not None
         assert models.slips is not None
-        view, slips = models.view(state).summary(), models.slips(state)
+        # of a sheet, as __post_init__ has seen
+        view, slips = cast(FeView, models.view(state)), models.slips(state)
         jacobian = finger.jacobian(at)
         torque = 1e3 * (jacobian.T @ load.total().ravel())
         arms = 1e3 * (jacobian.T @ models.hood.jacobian(state).load_tension)
@@ -169,9 +172,8 @@ class HoodPoses:
             out[f"{tendon}_excursion_mm"] = 1e3 * float(excursion[k])
             for i, joint in zip(rows, JOINTS, strict=True):
                 out[f"{tendon}_{joint}_arm_mm"] = float(arms[i, k])
-        out |= {f"glide_{place}_mm": glide for place, glide in view["glide_mm"].items()}
-        heights = view.get("lateral_band_height_mm", {})
-        out |= {f"lateral_band_height_{side}_mm": height for side, height in heights.items()}
+        out |= {f"glide_{place}_mm": 1e3 * way for place, way in view.glide.items()}
+        out |= {f"lateral_band_height_{s}_mm": 1e3 * z for s, z in view.band_height.items()}
         if self._sagittal is not None:
             told = sagittal_angles(self._sagittal, c.x, c.position, c.rotation)
             for side, lines in told.items():
@@ -182,6 +184,6 @@ class HoodPoses:
             "hood_residual": state.solution.residual,
             "hood_force_balance": force,
             "hood_moment_balance": moment,
-            "max_penetration_mm": view["max_penetration_mm"],
+            "max_penetration_mm": 1e3 * view.penetration,
         }
         return out | audit, missed_bounds(audit)

@@ -15,6 +15,7 @@ from cosim.hoods.shell.table import FibreMooneyRivlin, TransverselyIsotropic
 from cosim.hoods.shell.variation import toe_settings
 from cosim.port import InputError
 from cosim.schema import units
+from cosim.schema.fields import is_number
 
 Values = Mapping[str, float]
 """By a parameter's name, in its unit."""
@@ -183,7 +184,7 @@ def _read(
 
 
 def _number(place: str, key: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
+    if not is_number(value) or not isfinite(value):
         raise InputError(f"{place}: {key} = {value!r}: expected a number, in `unit`")
     return float(value)
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from cosim.analyses.reduction.sample_cache import kept
-from cosim.analyses.reduction.samples import FREE, Lost, Walked, sampled
+from cosim.analyses.reduction.samples import FREE, Walked, sampled
 from cosim.analyses.reduction.tip import tip_maps
 from cosim.analyses.reduction.walks import (
     GRID,
@@ -160,15 +160,11 @@ def reduce_case(
     for walked in walking:
         found.append(walked)
         states = [s for w in found for s in w.states]
-        lost = sum(isinstance(s, Lost) for s in states)
-        tell(f"walk {len(found)}/{len(walks)}: {len(states)} states, {lost} lost")
-    fit = tuple(s for w in found[: len(on_grid)] for s in w.states if isinstance(s, Sample))
-    held = tuple(s for w in found[len(on_grid) :] for s in w.states if isinstance(s, Sample))
-    lost_states = tuple(
-        f"{state_in_words(s.angle, s.tension, tendons)}: {s.reason}"
-        for s in states
-        if isinstance(s, Lost)
-    )
+        lost = [s for w in found for s in w.lost()]
+        tell(f"walk {len(found)}/{len(walks)}: {len(states)} states, {len(lost)} lost")
+    fit = tuple(s for w in found[: len(on_grid)] for s in w.samples())
+    held = tuple(s for w in found[len(on_grid) :] for s in w.samples())
+    lost_states = tuple(f"{state_in_words(s.angle, s.tension, tendons)}: {s.reason}" for s in lost)
     if not fit or not held:
         raise InputError(
             f"{case.name}: the hood found no equilibrium in any posture of the grid, or of those "

@@ -59,6 +59,12 @@ class Walked(NamedTuple):
     seconds: float
     """s it took, in a process beside others."""
 
+    def samples(self) -> list[Sample]:
+        return [state for state in self.states if isinstance(state, Sample)]
+
+    def lost(self) -> list[Lost]:
+        return [state for state in self.states if isinstance(state, Lost)]
+
 
 def sampled(
     source: Path, settings: Sequence[str], walks: Sequence[Walk], jobs: int

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -80,8 +80,7 @@ def _alike(hood: FeHood, other: FeHood) -> bool:
 
 
 def _shell(models: Models) -> FeHood:
-    assert isinstance(models.hood, FeHood)
-    return models.hood
+    return cast(FeHood, models.hood)  # of a hood that has a smooth tangent
 
 
 def _reshaped(

@@ -310,8 +310,8 @@ def _growth(hood: ShellHood, mesh: HoodMesh, lesion: Lesion | None) -> Array:
         if not cells.any():
             raise InputError(f"{key}.{name}: the mesh has no region {name}")
         region = hood.regions[name]
-        if isinstance(region, Fibrous):
-            _check_one_rest(f"{key}.{name}", name, region)
+        if region.fibrous is not None:
+            _check_one_rest(f"{key}.{name}", name, region.fibrous)
         length = _length(mesh, cells)
         if extra <= -MOST_SHORTENED * length:
             raise InputError(
@@ -343,8 +343,8 @@ def _in_situ(hood: ShellHood, mesh: HoodMesh) -> Array:
 
     out = np.ones(len(mesh.quads))
     for i in np.unique(mesh.region):
-        region = hood.regions[REGIONS[i]]
-        if isinstance(region, Fibrous):
+        region = hood.regions[REGIONS[i]].fibrous
+        if region is not None:
             out[mesh.region == i] = region.in_situ_stretch
     return out
 

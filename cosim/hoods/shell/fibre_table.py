@@ -117,6 +117,10 @@ class Fibrous(Region):
     second: SecondFamily | None = None
     in_situ_stretch: InSituStretch = 1.0
 
+    @property
+    def fibrous(self) -> Fibrous:
+        return self
+
 
 class SecondLinear(SecondFamily):
     """Straight fibres that add `modulus` to the sheet's along themselves, and nothing else."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cosim.hoods.shell.fibre_table import Direction, Fibrous
+from cosim.hoods.shell.fibre_table import Direction
 from cosim.port import Array, InputError
 from cosim.schema.types import Region
 
@@ -41,8 +41,8 @@ def fibres_of(
     laid = _Laid(mesh, points, skeleton)
     first, second, angle = laid.own.copy(), {}, {}
     for i in np.unique(mesh.region):
-        region, cells = regions[REGIONS[i]], mesh.region == i
-        if not isinstance(region, Fibrous):
+        region, cells = regions[REGIONS[i]].fibrous, mesh.region == i
+        if region is None:
             continue
         if region.direction is not None:
             first[cells] = laid.directions(i, region.direction, "direction")
