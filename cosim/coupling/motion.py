@@ -12,7 +12,12 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from cosim.coupling.excursion import Draw, Driven, begun, drawn
+from cosim.coupling.excursion import (
+    ExcursionState,
+    PrescribedExcursions,
+    initial_excursions,
+    solve_excursions,
+)
 from cosim.coupling.schemes import Scheme, begin, step
 from cosim.coupling.state import Coupled
 from cosim.port import Array, ConvergenceError, Hood, MovingFinger, State
@@ -98,8 +103,7 @@ class Moment:
     dissipated: float
     """J, by the joints and limits since the start."""
     pace: Pace
-    draw: Draw
-    """Of the tendons whose ends are displaced."""
+    draw: ExcursionState
 
 
 @dataclass(frozen=True)
@@ -125,7 +129,7 @@ class Frame:
     """(nc, 2) of each pneumatic cylinder: V commanded, Pa above the atmosphere."""
 
 
-NOTHING_DRIVEN = Driven((), np.zeros(0, dtype=int), lambda time: np.zeros(0))
+NOTHING_DRIVEN = PrescribedExcursions((), np.zeros(0, dtype=int), lambda time: np.zeros(0))
 
 
 @dataclass(frozen=True)
@@ -137,7 +141,7 @@ class Moves:
     hood: Hood
     puller: Puller
     dt: float
-    driven: Driven = NOTHING_DRIVEN
+    driven: PrescribedExcursions = NOTHING_DRIVEN
 
     def begin(self, state: State) -> Moment:
         """At rest in the finger's `state`, the hood in equilibrium on it."""
@@ -150,7 +154,7 @@ class Moves:
             lambda time: (tension[:split], tension[split:]),
         )
         index = self.driven.index
-        draw = begun(tension[index], self._excursions(coupled)[index])
+        draw = initial_excursions(tension[index], self._excursions(coupled)[index])
         lengths = np.concatenate([-coupled.point.excursion, self._own(coupled.finger)])
         pulls = self.puller.settled(pulls, lengths)
         return Moment(coupled, pulls, 0.0, Pace(self.dt), draw)
@@ -172,7 +176,7 @@ class Moves:
         lost = self.dt * self.finger.dissipation(after.finger)
         return Moment(after, pull.state, at.dissipated + lost, at.pace, draw)
 
-    def _drawn(self, at: Moment, tension: Array, time: float) -> tuple[Coupled, Draw]:
+    def _drawn(self, at: Moment, tension: Array, time: float) -> tuple[Coupled, ExcursionState]:
         """A step under tensions (nt,) N, those of displaced tendons to be found; the hood solves of
         all trials are counted."""
         index, c, solves = self.driven.index, at.coupled, 0
@@ -185,7 +189,7 @@ class Moves:
             solves += after.solves - c.solves
             return after, self._excursions(after)[index]
 
-        after, draw = drawn(self.driven, at.draw, time, trial)
+        after, draw = solve_excursions(self.driven, at.draw, time, trial)
         return replace(after, solves=c.solves + solves), draw
 
     def _stepped(self, c: Coupled, tension: Array) -> Coupled:
