@@ -48,14 +48,14 @@ ALLOWED = {
         "cosim.coupling.finger_equilibrium",
     ),
     "fe_solver": (
-        *("cosim.port", "cosim.mesh_file", "cosim.processes", "cosim.checks"),
+        *("cosim.port", "cosim.files", "cosim.mesh_file", "cosim.processes", "cosim.checks"),
         "fe_solver",
     ),
     "rigid": (
         *("cosim.port", "cosim.coupling.finger_equilibrium", "cosim.files", "cosim.checks"),
         *("meshes.skeleton", "rigid"),
     ),
-    "meshes": ("cosim.port", "cosim.mesh_file", "meshes"),
+    "meshes": ("cosim.port", "cosim.files", "cosim.mesh_file", "meshes"),
 }
 # The rooms of cosim from the ground up: each may import its own modules and those of floors below.
 FLOORS = (

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cosim.commands.terminal import console, told
+from cosim.files import check_folder
 from cosim.port import InputError
 
 if TYPE_CHECKING:
@@ -66,11 +67,11 @@ def solve(
         from fe_solver.febio.solid_solve import solve_solid
         from fe_solver.job.mid_surface import on_mid_surface
         from fe_solver.job.model import JobOptions
-        from fe_solver.job.results import check_target, write_job
+        from fe_solver.job.results import SUMMARY, write_job
         from fe_solver.job.solve import solve_job, spread_times
 
         folder = out or Path("runs") / model.stem
-        check_target(folder)
+        check_folder(folder, SUMMARY)
         solid = element == Element.Q4ANS
         if solid and (own_shell or mid_surface):
             raise InputError(
