@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 from cosim.build.fit import check_fit
 from cosim.case.schema import Case
+from cosim.port import Progress, quiet
 from cosim.processes import one_blas_thread
 from cosim.results.data import Result
 from cosim.solve.static import solve
 
-Progress = Callable[[str], None]
-
 
 @one_blas_thread()
-def run_case(
-    case: Case, progress: Progress = lambda text: None, unfinished: Path | None = None
-) -> Result:
+def run_case(case: Case, progress: Progress = quiet, unfinished: Path | None = None) -> Result:
     """Build, solve and summarise a case; a coupled motion keeps its checkpoints in the folder
     `unfinished` and goes on from one that is there.  Raises InputError and ConvergenceError."""
     from cosim.results.static import result

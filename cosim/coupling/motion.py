@@ -6,7 +6,7 @@ Muscles pull with the lengths that their paths had at the end of the step before
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
@@ -20,9 +20,8 @@ from cosim.coupling.excursion import (
 )
 from cosim.coupling.schemes import Scheme, begin, step
 from cosim.coupling.state import Coupled
-from cosim.port import Array, ConvergenceError, Hood, MovingFinger, State
+from cosim.port import Array, ConvergenceError, Hood, MovingFinger, Progress, State
 
-Progress = Callable[[str], None]
 EVERY = 50
 """Steps between two words of progress."""
 

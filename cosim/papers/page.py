@@ -16,7 +16,7 @@ import pandas as pd
 from cosim import __version__
 from cosim.files import folder_written_whole
 from cosim.papers.figure import Figure, Study
-from cosim.port import InputError
+from cosim.port import InputError, Progress
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Sheet
@@ -59,9 +59,7 @@ def chosen(paper: Paper, only: Sequence[str]) -> list[Study]:
     return [study for study in paper.studies if not only or study.name in only]
 
 
-def write_figures(
-    paper: Paper, studies: Sequence[Study], folder: Path, progress: Callable[[str], None]
-) -> int:
+def write_figures(paper: Paper, studies: Sequence[Study], folder: Path, progress: Progress) -> int:
     """Compute the studies' figures; write each one's picture and tables, and the page; how many.
 
     Raises InputError where the folder cannot be written, and what a study raises."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from cosim.build.double_count import counted_twice
 from cosim.build.models import cables_of, drawn_cables
 from cosim.case.schema import Case
 from cosim.fmu.finger import FmuFinger, Met
-from cosim.port import Array
+from cosim.port import Array, Progress
 from cosim.results.audit import missed_bounds
 from cosim.results.conventions import COMPONENTS, IN_METACARPAL
 from cosim.results.data import LedgerRow, Result, Scene
@@ -22,8 +21,6 @@ from cosim.solve.fmu import Settled, settled
 
 if TYPE_CHECKING:
     import xarray
-
-Progress = Callable[[str], None]
 
 
 OPEN = "the FMU's own: tendons, joints, limits"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -16,9 +16,8 @@ from cosim.coupling.checkpoint import NAME, Kept, read_checkpoint, write_checkpo
 from cosim.coupling.motion import Frame, Moment, Moves, moments
 from cosim.coupling.paced import paced
 from cosim.coupling.state_arrays import Special
-from cosim.port import ConvergenceError, InputError, StoppedError
+from cosim.port import ConvergenceError, InputError, Progress, StoppedError
 
-Progress = Callable[[str], None]
 RATE, WINDOW = 1e-3, 0.1
 """rad/s that no joint exceeds over the last WINDOW s of a finger that came to rest."""
 PAUSE = 10.0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -13,13 +12,11 @@ from cosim.case.schema import Case, our_finger
 from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium
 from cosim.coupling.one_way import HandedOver, Passed, torques
 from cosim.fingers.kinds import live_finger
-from cosim.port import STATIC, Array, Finger, Hood, Motion, Response, State
+from cosim.port import STATIC, Array, Finger, Hood, Motion, Progress, Response, State
 from cosim.tendons.muscles import Pull, live_muscles
 
 if TYPE_CHECKING:
     from cosim.solve.states import States
-
-Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)

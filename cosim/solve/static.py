@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
@@ -18,11 +17,10 @@ from cosim.coupling.excursion import (
     solve_excursions,
 )
 from cosim.coupling.fixed_point import fixed_point
-from cosim.port import Array, ConvergenceError, State
+from cosim.port import Array, ConvergenceError, Progress, State, quiet
 from cosim.solve.states import States
 from cosim.tendons.muscles import Pull, live_muscles
 
-Progress = Callable[[str], None]
 AUDIT_STEP = 2e-5
 """rad, joint step of the reciprocity audit: small against the contact's smoothing."""
 MOST_PULLS = 30
@@ -39,7 +37,7 @@ class Setting:
     progress: Progress = field(compare=False)
 
 
-def solve(case: Case, progress: Progress = lambda text: None) -> tuple[Models, States]:
+def solve(case: Case, progress: Progress = quiet) -> tuple[Models, States]:
     """The equilibrium with every tendon at its resting tension, then the loaded one.
 
     Models that cases share are not theirs: a case's own muscles come with it."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack
@@ -19,7 +19,7 @@ from cosim.build.fit import check_fit
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.files import written_whole
-from cosim.port import ConvergenceError, InputError
+from cosim.port import ConvergenceError, InputError, Progress, quiet
 from cosim.results.audit import describe_misses
 from cosim.results.compare import Comparison, Kind, Target, as_dict, tally
 from cosim.results.compare_files import write_json
@@ -36,7 +36,6 @@ from cosim.validation.trial import Group, Summaries, Trial
 FORMAT = "cosim scoreboard 2"
 SPLIT = "fixed split"
 """The null model that has no hood."""
-Told = Callable[[str], None]
 Task = tuple[Trial, tuple[str, ...], str]
 """A trial, settings beside its own, and the folder for its run."""
 
@@ -120,7 +119,7 @@ def validated(
     folder: Path,
     settings: Sequence[str] = (),
     workers: int = 2,
-    told: Told = lambda text: None,
+    told: Progress = quiet,
 ) -> list[Board]:
     """Run the trials of the groups, each once, leave a run folder of each in `folder` with its
     comparison, and compare.  Raises InputError."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +18,7 @@ from cosim.case.schema import Case
 from cosim.hoods.lumped.table import NetworkHood
 from cosim.hoods.pulley import PulleyHood
 from cosim.hoods.split import SplitHood
-from cosim.port import Array, ConvergenceError, InputError
+from cosim.port import Array, ConvergenceError, InputError, Progress
 from cosim.schema import units
 from cosim.solve.static import agreed
 from rigid.muscle.least_cost import Power
@@ -127,7 +127,7 @@ def torques_wanted(joints: Sequence[str], given: Mapping[str, float]) -> Array:
 def for_force(
     s: Setup,
     force: tuple[float | None, float | None, float | None],
-    progress: Callable[[str], None],
+    progress: Progress,
 ) -> Answer:
     """Tensions for a fingertip force in the case's posture, audited by its coupled equilibrium.
 
@@ -154,7 +154,7 @@ def _approached(
     demand: Demand,
     wanted: Array,
     first: Torques,
-    progress: Callable[[str], None],
+    progress: Progress,
 ) -> Estimate:
     """The estimate at once; or, where a hood whose shares vary stands far from its start and finds
     the wanted out of reach there, in STAGES from what its least tensions make."""
@@ -181,9 +181,7 @@ def _approached(
     return found
 
 
-def _forward(
-    s: Setup, held: Held, demand: Demand, found: Estimate, progress: Callable[[str], None]
-) -> Audit:
+def _forward(s: Setup, held: Held, demand: Demand, found: Estimate, progress: Progress) -> Audit:
     finger, hood = s.models.finger, s.models.hood
     split = len(hood.tendons)
     try:
@@ -206,7 +204,7 @@ def _forward(
     return Audit(np.array([e.balance.tip_force[AXES.index(a)] for a in demand.names]), turned)
 
 
-def for_torques(s: Setup, given: Mapping[str, float], progress: Callable[[str], None]) -> Answer:
+def for_torques(s: Setup, given: Mapping[str, float], progress: Progress) -> Answer:
     """Tensions of which hood and muscles make joint torques (N m) in the case's posture, audited by
     a hood that is solved anew, from its start, under them."""
     held = s.held(s.models.posture)
@@ -234,9 +232,7 @@ class Along:
     rounds: int
 
 
-def for_motion(
-    s: Setup, motion: JointMotion, progress: Callable[[str], None], reserve: float = 0.0
-) -> Along:
+def for_motion(s: Setup, motion: JointMotion, progress: Progress, reserve: float = 0.0) -> Along:
     """Tensions along a motion, of which hood and muscles make its torques by inverse dynamics, each
     sample from the one before; a torque may lack `reserve` N m where tensions make no better.
 

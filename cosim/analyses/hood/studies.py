@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cached_property, partial
 
 import numpy as np
@@ -37,6 +37,7 @@ from cosim.analyses.hood.poses import (
 from cosim.case.schema import Case
 from cosim.papers.figure import Figure, Study
 from cosim.papers.page import Paper
+from cosim.port import Progress, quiet
 
 REST_MCP, REST_PIP = (0.0, 40.0, 80.0), (0.0, 45.0, 90.0)
 SLIP_POSTURES: tuple[Posture, ...] = tuple(
@@ -73,7 +74,7 @@ POSTURE = list(WHERE[:3])
 class HoodStudies:
     """The studies of one case; they share the poses that more than one of them looks at."""
 
-    def __init__(self, case: Case, say: Callable[[str], None] = lambda text: None) -> None:
+    def __init__(self, case: Case, say: Progress = quiet) -> None:
         self.case, self.say = case, say
 
     @cached_property

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -30,14 +30,13 @@ from cosim.fingers.kinds import live_finger
 from cosim.hoods.cable.table import CableHood
 from cosim.hoods.lumped.build import Sample, fitted, stacked
 from cosim.hoods.shell.table import ShellHood
-from cosim.port import Array, InputError
+from cosim.port import Array, InputError, Progress, quiet
 from cosim.study.cache_key import address, code_version
 
 if TYPE_CHECKING:
     from cosim.hoods.lumped.build import Potential
 
 BATCH = 20_000
-Tell = Callable[[str], None]
 
 
 class Rate(NamedTuple):
@@ -111,7 +110,7 @@ def reduce_case(
     settings: Sequence[str],
     grid: Mapping[str, tuple[float, ...]],
     jobs: int,
-    tell: Tell = lambda text: None,
+    tell: Progress = quiet,
     spread: int = SPREAD,
     samples: Path | None = None,
 ) -> Reduction:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
@@ -19,7 +19,6 @@ from cosim.results.compare import unit_of, value_of
 Settings = tuple[str, ...]
 """KEY=VALUE, as --set takes them; a later one has the last word."""
 Status = Literal["converged", "failed", "refused"]
-Tell = Callable[[str], None]
 
 
 @dataclass(frozen=True)
