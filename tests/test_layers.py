@@ -24,7 +24,7 @@ ALLOWED = {
     "cosim.coupling.equilibrium": ("cosim.port", "cosim.coupling.finger_equilibrium"),
     "cosim.coupling.finger_equilibrium": ("cosim.port",),
     "cosim.files": ("cosim.port",),
-    "cosim.processes": (),
+    "cosim.processes": ("cosim.port",),
     "cosim.mesh_file": ("cosim.port",),
     "cosim.vtu_child": (),
     "cosim.checks": ("cosim.port",),
@@ -59,8 +59,8 @@ ALLOWED = {
 }
 # The rooms of cosim from the ground up: each may import its own modules and those of floors below.
 FLOORS = (
-    {"cosim.port", "cosim.version", "cosim.processes", "cosim.vtu_child"},
-    {"cosim.schema", "cosim.checks", "cosim.files", "cosim.mesh_file"},
+    {"cosim.port", "cosim.version", "cosim.vtu_child"},
+    {"cosim.schema", "cosim.checks", "cosim.files", "cosim.mesh_file", "cosim.processes"},
     {"cosim.tendons"},
     {"cosim.coupling"},
     {"cosim.fmu"},

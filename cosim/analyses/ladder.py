@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, Literal
 
@@ -24,6 +22,7 @@ from cosim.hoods.lumped.table import TwoBandHood
 from cosim.hoods.shell.table import ShellHood
 from cosim.hoods.split import SplitHood
 from cosim.port import Array, ConvergenceError, CosimError, InputError
+from cosim.processes import process_pool
 from cosim.results.static import result
 from cosim.solve.states import States
 from cosim.solve.static import solve
@@ -68,13 +67,8 @@ def climbed(source: Path, settings: Sequence[str], jobs: int) -> Iterator[Rung]:
     Raises InputError for a case that is no equilibrium of a finger of ours."""
     case = load_case(source, settings)
     _check(case)
-    one = partial(climb, source, tuple(settings))
-    names = rungs_of(case)
-    if jobs == 1:
-        yield from map(one, names)
-        return
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        yield from pool.map(one, names)
+    with process_pool(jobs) as pool:
+        yield from pool.in_order(partial(climb, source, tuple(settings)), rungs_of(case))
 
 
 def _check(case: Case) -> None:

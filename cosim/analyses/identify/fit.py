@@ -23,9 +23,10 @@ from cosim.analyses.identify.cases import FitCase, StatedCase, assigned
 from cosim.analyses.identify.parameters import Free, Parameter, raise_faults
 from cosim.analyses.trials.by_tangent import tangent_serves
 from cosim.analyses.trials.outcome import Outcome, Settings
-from cosim.analyses.trials.workers import CaseWorkers, case_workers
+from cosim.analyses.trials.workers import CaseWorkers
 from cosim.case.file import load_case
 from cosim.port import Array, ConvergenceError, InputError, Progress, quiet
+from cosim.processes import process_pool
 from cosim.results.compare import Comparison, Target, compared
 from cosim.results.quantities import check_quantities
 
@@ -194,8 +195,8 @@ def fit_all(
     own = [(c.name, c.stated.source, on) for c, on in zip(cases, serves, strict=True)]
     rows = [row for case in cases for row in (*case.rows, *case.held_out)]
     arms = any("moment_arm" in row.quantity for row in rows)
-    with case_workers(own, jobs, arms) as workers:
-        return _Search(cases, serves, workers, most, progress).run()
+    with process_pool(jobs) as pool:
+        return _Search(cases, serves, CaseWorkers(own, pool, arms), most, progress).run()
 
 
 @dataclass(frozen=True)

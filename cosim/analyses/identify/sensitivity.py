@@ -10,12 +10,14 @@ import io
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
 from cosim.analyses.identify.variations import Side, Variation
-from cosim.analyses.trials.outcome import Outcome, Settings, measured, solver, unit
+from cosim.analyses.trials.outcome import Outcome, Settings, measured, outcome, unit
 from cosim.port import ConvergenceError, InputError
+from cosim.processes import process_pool
 
 FORMAT = "cosim sensitivity 1"
 RATIO = "difference.slip_force_N.terminal/difference.slip_force_N.central"
@@ -109,8 +111,9 @@ def study(
     asked = [(v, name, side) for v, name, side in sides if side.settings]
     total = 1 + len(asked)
     progress(0, total, "the case as it is")
-    with solver(source, jobs) as solve:
-        found = solve([settings, *(settings + side.settings for _, _, side in asked)])
+    every = [settings, *(settings + side.settings for _, _, side in asked)]
+    with process_pool(jobs) as pool:
+        found = pool.in_order(partial(outcome, source), every)
         first = next(found)
         base = _base(first, quantities, also)
         outcomes = {}

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 from cosim.case.file import load_case
 from cosim.port import CosimError, InputError
@@ -31,12 +26,6 @@ class Outcome:
     reason: str = ""
 
 
-class Solve(Protocol):
-    """An outcome for each of `trials`, in their order."""
-
-    def __call__(self, trials: Iterable[Settings]) -> Iterator[Outcome]: ...
-
-
 def outcome(source: Path, settings: Settings) -> Outcome:
     """The case at `source` with settings on top, solved."""
     from cosim.pipeline import run_case
@@ -54,33 +43,6 @@ def outcome(source: Path, settings: Settings) -> Outcome:
 def one_line(error: CosimError) -> str:
     """What is wrong, in one line."""
     return " ".join(str(error).split())
-
-
-@contextmanager
-def solver(source: Path, jobs: int) -> Iterator[Solve]:
-    """What solves the case, in so many processes (1: in this one).
-
-    Raises InputError where a process was ended from outside."""
-    if jobs == 1:
-        yield lambda trials: map(partial(outcome, source), trials)
-        return
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool, not_ended():
-        try:
-            yield lambda trials: pool.map(partial(outcome, source), trials)
-        finally:
-            pool.shutdown(cancel_futures=True)
-
-
-@contextmanager
-def not_ended() -> Iterator[None]:
-    """Raises InputError where a process that solves was ended from outside."""
-    try:
-        yield
-    except BrokenProcessPool:
-        raise InputError(
-            "a process that solved was ended from outside, it may be for want of memory; "
-            "--jobs 1 needs the least"
-        ) from None
 
 
 def measured(summary: Mapping[str, Any], quantity: str) -> float | None:
