@@ -80,24 +80,14 @@ FLOORS = (
 )
 # Imports that the floors do not allow: to be cut, and none to be added.
 EXCEPTIONS: set[tuple[str, str]] = {
-    ("cosim.analyses.hood.plots", "cosim.papers.lines"),
-    ("cosim.analyses.hood.studies", "cosim.papers.figure"),
-    ("cosim.analyses.hood.studies", "cosim.papers.page"),
-    ("cosim.analyses.reduction.reduce", "cosim.study.cache_key"),
     ("cosim.fingers.kinds", "cosim.hoods.shell.table"),
     ("cosim.fingers.kinds", "cosim.hoods.split"),
     ("cosim.hoods.shell.build", "cosim.case.schema"),
-    ("cosim.study.plan", "cosim.analyses.trials.outcome"),
-    ("cosim.study.quantities", "cosim.analyses.trials.outcome"),
-    ("cosim.study.table", "cosim.analyses.trials.outcome"),
-    ("cosim.validation.lengths", "cosim.verification.lengths"),
 }
-# What may use the studies of the papers, and what does and should not.
-USE_THE_PAPERS = {"cosim.commands", "cosim.verification"}
-SHOULD_NOT_USE_THE_PAPERS: set[str] = {
-    "cosim.analyses.hood.plots",
-    "cosim.analyses.hood.studies",
-}
+# The papers' models and studies, and what may use them: proofs, and the command that shows them.
+PAPERS = ("cosim.papers", "rigid.papers")
+PROOFS = ("cosim.verification", "fe_solver.verification", "rigid.verification")
+USE_THE_PAPERS = ("cosim.commands.reproduce", "cosim.verification", "rigid.verification")
 KNOW_THE_SOLVERS = {
     "cosim.analyses.estimate.joint_motion",
     "cosim.analyses.estimate.of_case",
@@ -210,15 +200,27 @@ def test_imports_lead_downwards():
     assert against == EXCEPTIONS
 
 
-def test_only_commands_and_verifications_use_the_papers():
+def test_only_proofs_use_the_papers():
     using = {
         module
         for module in MODULES
         for name in imports(module, top_only=False)
-        if _is_within(name, "cosim.papers")
-        if not any(_is_within(module, room) for room in ("cosim.papers", *USE_THE_PAPERS))
+        if any(_is_within(name, papers) for papers in PAPERS)
+        if not any(_is_within(module, room) for room in (*PAPERS, *USE_THE_PAPERS))
     }
-    assert using == SHOULD_NOT_USE_THE_PAPERS
+    assert not using
+
+
+def test_only_commands_use_the_proofs():
+    """Verifications, benchmarks and twins of other programs."""
+    using = {
+        module
+        for module in MODULES
+        for name in imports(module, top_only=False)
+        if any(_is_within(name, room) for room in PROOFS)
+        if not any(_is_within(module, room) for room in (*PROOFS, "cosim.commands"))
+    }
+    assert not using
 
 
 def test_only_build_knows_the_solvers():

@@ -19,6 +19,8 @@ from cosim.port import InputError
 
 Layer = tuple[str, dict[str, Any]]
 """Where values are stated (for messages) and the values."""
+Settings = tuple[str, ...]
+"""KEY=VALUE, as --set takes them; a later one has the last word."""
 
 # A later layer's word replaces an earlier layer's other way of saying the same.
 _ALTERNATIVES = {

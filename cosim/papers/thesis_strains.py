@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from cosim.papers.figure import Figure
-from cosim.papers.lines import framed
 from cosim.papers.thesis_models import DIRECTIONS, MODULI, STATISTICS, hood_run
 from cosim.papers.thesis_rows import printed_numbers
+from cosim.report.figures import Figure, framed
 from cosim.results.data import HoodField, Result
 
 if TYPE_CHECKING:

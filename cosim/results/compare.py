@@ -136,12 +136,17 @@ def compared(
 
 
 def value_of(summary: Mapping[str, Any], quantity: str) -> float | None:
-    """The number at a path of keys joined by dots, None where the summary has no number there."""
-    value: Any = summary
+    """The number at a path of keys joined by dots, or of A/B the ratio of two; None where the
+    summary has no number there."""
+    above, slash, below = quantity.partition("/")
+    if slash:
+        value, divisor = value_of(summary, above), value_of(summary, below)
+        return value / divisor if value is not None and divisor else None
+    part: Any = summary
     for key in quantity.split("."):
-        value = parts_of(value).get(key)
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    return float(value) if is_number and np.isfinite(value) else None
+        part = parts_of(part).get(key)
+    is_number = isinstance(part, int | float) and not isinstance(part, bool)
+    return float(part) if is_number and np.isfinite(part) else None
 
 
 def parts_of(value: Any) -> Mapping[str, Any]:
@@ -158,7 +163,12 @@ def parts_of(value: Any) -> Mapping[str, Any]:
 
 
 def unit_of(quantity: str) -> str:
-    """The unit that a key of the path ends in, the last that ends in one; else 1."""
+    """The unit that a key of the path ends in, the last that ends in one, else 1; of A/B the ratio
+    of two, 1 where they are alike."""
+    above, slash, below = quantity.partition("/")
+    if slash:
+        units = unit_of(above), unit_of(below)
+        return "1" if units[0] == units[1] else f"{units[0]} / ({units[1]})"
     for key in reversed(quantity.split(".")):
         for ending, unit in UNITS.items():
             if key.endswith(f"_{ending}") and not key.endswith(f"_per_{ending}"):

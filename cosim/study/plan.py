@@ -9,8 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from cosim.analyses.trials.outcome import Settings
-from cosim.case.file import find_case, load_case
+from cosim.case.file import Settings, find_case, load_case
 from cosim.port import Array, InputError
 from cosim.results.compare import Target
 from cosim.study.distributions import Axis, Word, middle

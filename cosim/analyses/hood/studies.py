@@ -35,9 +35,8 @@ from cosim.analyses.hood.poses import (
     pull_name,
 )
 from cosim.case.schema import Case
-from cosim.papers.figure import Figure, Study
-from cosim.papers.page import Paper
 from cosim.port import Progress, quiet
+from cosim.report.figures import Figure, FigurePage, Study
 
 REST_MCP, REST_PIP = (0.0, 40.0, 80.0), (0.0, 45.0, 90.0)
 SLIP_POSTURES: tuple[Posture, ...] = tuple(
@@ -82,7 +81,7 @@ class HoodStudies:
         """Raises InputError for a case without a sheet."""
         return HoodPoses(self.case, self.say)
 
-    def paper(self, command: str) -> Paper:
+    def paper(self, command: str) -> FigurePage:
         studies = (
             Study("rest", "torques and slips at rest along couplings of PIP and DIP", self.at_rest),
             Study("slips", "central and terminal slip under EDC, by posture and load", self.slips),
@@ -91,7 +90,9 @@ class HoodStudies:
             Study("sagittal", "angle of the sagittal bands against the MCP", self.sagittal),
         )
         title = f"The hood of {self.case.name} over postures"
-        return Paper("hood", title, studies, "A hood over postures, beside literature", command)
+        return FigurePage(
+            "hood", title, studies, "A hood over postures, beside literature", command
+        )
 
     def unsolved(self) -> list[SolvedPose]:
         """Poses without equilibrium, or whose audit is missed."""

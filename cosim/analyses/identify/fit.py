@@ -22,9 +22,9 @@ from scipy.optimize import least_squares
 from cosim.analyses.identify.cases import FitCase, StatedCase, assigned
 from cosim.analyses.identify.parameters import Free, Parameter, raise_faults
 from cosim.analyses.trials.by_tangent import tangent_serves
-from cosim.analyses.trials.outcome import Outcome, Settings
+from cosim.analyses.trials.outcome import Outcome
 from cosim.analyses.trials.workers import CaseWorkers
-from cosim.case.file import load_case
+from cosim.case.file import Settings, load_case
 from cosim.port import Array, ConvergenceError, InputError, Progress, quiet
 from cosim.processes import process_pool
 from cosim.results.compare import Comparison, Target, compared

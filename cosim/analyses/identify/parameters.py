@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 from cosim.analyses.identify.variations import toe_settings
-from cosim.analyses.trials.outcome import Settings
+from cosim.case.file import Settings
 from cosim.case.schema import Case
 from cosim.hoods.shell.table import FibreMooneyRivlin, ShellHood, TransverselyIsotropic
 from cosim.port import InputError

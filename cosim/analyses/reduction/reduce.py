@@ -24,6 +24,7 @@ from cosim.analyses.reduction.walks import (
 )
 from cosim.build.fit import HOODS
 from cosim.build.models import build
+from cosim.case.cache_key import address, code_version
 from cosim.case.file import load_case
 from cosim.case.schema import Case, our_finger
 from cosim.fingers.kinds import live_finger
@@ -31,7 +32,6 @@ from cosim.hoods.cable.table import CableHood
 from cosim.hoods.lumped.build import Sample, fitted, stacked
 from cosim.hoods.shell.table import ShellHood
 from cosim.port import Array, InputError, Progress, quiet
-from cosim.study.cache_key import address, code_version
 
 if TYPE_CHECKING:
     from cosim.hoods.lumped.build import Potential

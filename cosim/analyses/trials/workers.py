@@ -15,10 +15,10 @@ from pathlib import Path
 
 from cosim.analyses.trials import outcome as trials
 from cosim.analyses.trials.by_tangent import foretold, solved_from
-from cosim.analyses.trials.outcome import Outcome, Settings, one_line
+from cosim.analyses.trials.outcome import Outcome, one_line
 from cosim.build.fit import check_fit
 from cosim.build.models import Models
-from cosim.case.file import load_case
+from cosim.case.file import Settings, load_case
 from cosim.case.schema import Case
 from cosim.port import ConvergenceError, CosimError, InputError
 from cosim.processes import ProcessPool, one_blas_thread
