@@ -19,8 +19,7 @@ from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.pipeline import run_case
 from cosim.port import ConvergenceError, InputError
-from cosim.results.compare import Target, value_of
-from cosim.results.compare_files import read_targets
+from cosim.results.compare import Target, read_targets, value_of
 
 PASSIVE, PULL = "joint_torque_Nmm.passive.PIP", "joint_torque_Nmm.EDC.MCP"
 COARSE = ("hood.mesh.quads=120",)

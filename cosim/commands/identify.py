@@ -66,7 +66,7 @@ def sensitivity(
         from cosim.analyses.identify.sensitivity import study, to_csv, to_json
         from cosim.analyses.identify.variations import variations
         from cosim.case.file import load_case
-        from cosim.results.compare_files import read_targets
+        from cosim.results.compare import read_targets
 
         own = tuple(settings or ())
         checked = load_case(case, own)
@@ -213,7 +213,7 @@ def identify(
         from cosim.analyses.identify.case_text import check_same_settings
         from cosim.analyses.identify.cases import fit_cases, stated_cases
         from cosim.analyses.identify.fit import fit_all
-        from cosim.results.compare_files import read_targets
+        from cosim.results.compare import read_targets
 
         stated = stated_cases(cases, tuple(settings or ()), free)
         wanted = read_targets(targets)

@@ -14,8 +14,7 @@ import numpy as np
 
 from cosim.mesh_file import read_mesh_file
 from cosim.port import InputError
-from cosim.results.compare import Comparison, Target, compared
-from cosim.results.compare_files import read_json
+from cosim.results.compare import Comparison, Target, compared, read_json
 from cosim.results.data import LEDGER_HEADER, STRAIN, HoodField, LedgerRow
 from cosim.results.quantities import check_quantities
 

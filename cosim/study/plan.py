@@ -101,7 +101,7 @@ def read_plan(path_or_name: str | Path, other: str | Path | None = None) -> Plan
 def _targets(source: Path, data: str) -> tuple[Target, ...]:
     if not data:
         return ()
-    from cosim.results.compare_files import read_targets
+    from cosim.results.compare import read_targets
 
     return read_targets(source.parent / data)
 

@@ -18,8 +18,7 @@ from cosim.files import written_whole
 from cosim.port import ConvergenceError, InputError, Progress, quiet
 from cosim.processes import process_pool
 from cosim.results.audit import describe_misses
-from cosim.results.compare import Comparison, Kind, Target, as_dict, tally
-from cosim.results.compare_files import write_json
+from cosim.results.compare import Comparison, Kind, Target, as_dict, tally, write_json
 from cosim.results.static import result
 from cosim.results.write import plain, write_result
 from cosim.solve.static import solve
