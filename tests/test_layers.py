@@ -26,6 +26,7 @@ ALLOWED = {
     "cosim.files": ("cosim.port",),
     "cosim.processes": ("cosim.port",),
     "cosim.mesh_file": ("cosim.port",),
+    "cosim.xml_tree": ("cosim.port",),
     "cosim.vtu_child": (),
     "cosim.checks": ("cosim.port",),
     "cosim.coupling.accelerators": ("cosim.port",),
@@ -49,18 +50,19 @@ ALLOWED = {
     ),
     "fe_solver": (
         *("cosim.port", "cosim.files", "cosim.mesh_file", "cosim.processes", "cosim.checks"),
-        "fe_solver",
+        *("cosim.xml_tree", "fe_solver"),
     ),
     "rigid": (
         *("cosim.port", "cosim.coupling.finger_equilibrium", "cosim.files", "cosim.checks"),
-        *("meshes.skeleton", "rigid"),
+        *("cosim.xml_tree", "meshes.skeleton", "rigid"),
     ),
     "meshes": ("cosim.port", "cosim.files", "cosim.mesh_file", "meshes"),
 }
 # The rooms of cosim from the ground up: each may import its own modules and those of floors below.
 FLOORS = (
     {"cosim.port", "cosim.version", "cosim.vtu_child"},
-    {"cosim.schema", "cosim.checks", "cosim.files", "cosim.mesh_file", "cosim.processes"},
+    {"cosim.schema", "cosim.checks", "cosim.files", "cosim.mesh_file"},
+    {"cosim.processes", "cosim.xml_tree"},
     {"cosim.tendons"},
     {"cosim.coupling"},
     {"cosim.fmu"},
