@@ -9,6 +9,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from uuid import uuid4
 
 from cosim.port import InputError
 
@@ -33,23 +34,30 @@ def move_into_place(part: Path, target: Path) -> None:
 
 
 @contextmanager
-def written_whole(path: Path) -> Iterator[Path]:
-    """A place beside `path` to write to, moved there once the block has ended well.
-
-    Raises InputError where the file cannot be written."""
-    if path.exists() and not path.is_file():
-        raise InputError(f"{path}: is no file that could be replaced; choose another")
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+def replaced(path: Path) -> Iterator[Path]:
+    """A place beside `path`, of this writer's own, to write to; moved there once the block has
+    ended well.  Raises OSError."""
+    part = path.with_name(f".{path.name[:40]}.{os.getpid()}.{uuid4().hex[:8]}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         yield part
         move_into_place(part, path)
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise InputError(f"{path}: cannot be written ({reason}); choose another") from error
     finally:
         with suppress(OSError):
             part.unlink(missing_ok=True)
+
+
+@contextmanager
+def written_whole(path: Path) -> Iterator[Path]:
+    """As `replaced`.  Raises InputError where the file cannot be written."""
+    if path.exists() and not path.is_file():
+        raise InputError(f"{path}: is no file that could be replaced; choose another")
+    try:
+        with replaced(path) as part:
+            yield part
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise InputError(f"{path}: cannot be written ({reason}); choose another") from error
 
 
 @contextmanager

@@ -8,6 +8,7 @@ from typing import Any
 
 from cosim.build.fit import check_fit
 from cosim.case.schema import Case, Task
+from cosim.port import Progress, quiet
 from cosim.processes import one_blas_thread
 from cosim.results.motion import observe_motion
 from cosim.results.result import Result
@@ -15,7 +16,6 @@ from cosim.results.static import observe_static
 from cosim.solve.session import Session
 from cosim.solve.solvers import SOLVERS
 
-Progress = Callable[[str], None]
 OBSERVERS: Mapping[Task, Callable[[Case, Any, float], Result]] = {
     "static": observe_static,
     "one_way": observe_static,
@@ -24,9 +24,7 @@ OBSERVERS: Mapping[Task, Callable[[Case, Any, float], Result]] = {
 
 
 @one_blas_thread()
-def run_case(
-    case: Case, session: Session | None = None, progress: Progress = lambda text: None
-) -> Result:
+def run_case(case: Case, session: Session | None = None, progress: Progress = quiet) -> Result:
     """Build, solve and observe one case, in a `session` that it shares with others or alone.
 
     Raises InputError and ConvergenceError."""

@@ -13,7 +13,7 @@ repeated, which is all that implicit coupling, checkpoints and rollback need.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
@@ -24,6 +24,14 @@ Array = NDArray[np.float64]
 Triangles = tuple[Array, np.ndarray]
 """Corners (n, 3), m, and the triangles between them (m, 3)."""
 State = Any
+
+Progress = Callable[[str], None]
+"""Is told of each stage of what takes long, in a line."""
+
+
+def quiet(text: str) -> None:
+    """The progress of a caller who asks for none."""
+
 
 STATIC = math.inf
 """The time step that asks `Hood.advance` for static equilibrium."""

@@ -1,14 +1,19 @@
-"""Threads of BLAS and memory of the processes that solve."""
+"""The processes that solve: a pool of them, and their threads of BLAS and memory."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+import signal
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from functools import cache
-from typing import TYPE_CHECKING
+from functools import cache, partial
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from cosim.port import InputError
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor, Future
+
     from threadpoolctl import ThreadpoolController
 
 BLAS_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -46,3 +51,108 @@ def prepare_process() -> None:
     threadpool_limits(1, user_api="blas")  # of what has loaded
     for name, value in KEPT.items():
         os.environ.setdefault(name, value)
+
+
+T = TypeVar("T")
+R = TypeVar("R")
+Memory = dict[str, Any]
+"""What one process of a pool keeps from call to call."""
+_memory: Memory = {}
+
+
+class ProcessPool:
+    """Processes that work side by side, numbered from 0; or this one."""
+
+    def __init__(self, processes: Sequence[Executor]) -> None:
+        """One executor of one process each; none: this process does the work."""
+        self._processes = processes
+        self._own: Memory = {}
+
+    def submit(self, process: int, task: Callable[..., R], *args: Any) -> Future[R]:
+        """Do `task(memory, *args)` in that process (modulo their number)."""
+        if self._processes:
+            at = process % len(self._processes)
+            return self._processes[at].submit(_with_memory, task, *args)
+        from concurrent.futures import Future
+
+        done: Future[R] = Future()
+        done.set_result(task(self._own, *args))
+        return done
+
+    def in_order(self, function: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
+        """The function of each item, in their order."""
+        ended: dict[int, R] = {}
+        following = 0
+        batches = ([item] for item in enumerate(items))
+        for i, result in self.as_ended(partial(_numbered, function), batches):
+            ended[i] = result
+            while following in ended:
+                yield ended.pop(following)
+                following += 1
+
+    def as_ended(self, function: Callable[[T], R], batches: Iterable[Sequence[T]]) -> Iterator[R]:
+        """The function of each item as it ends; those of a batch in one process, in their order."""
+        from concurrent.futures import FIRST_COMPLETED, wait
+
+        if not self._processes:
+            yield from (function(item) for batch in batches for item in batch)
+            return
+        waiting = [batch for batch in map(list, batches) if batch]
+        running: dict[Future[R], tuple[int, list[T]]] = {}
+
+        def go_on(process: int, rest: list[T]) -> None:
+            batch = rest or (waiting.pop(0) if waiting else [])
+            if batch:
+                future = self._processes[process].submit(function, batch[0])
+                running[future] = process, batch[1:]
+
+        for process in range(len(self._processes)):
+            go_on(process, [])
+        while running:
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                process, rest = running.pop(future)
+                result = future.result()
+                go_on(process, rest)
+                yield result
+
+
+@contextmanager
+def process_pool(jobs: int, option: str = "--jobs") -> Iterator[ProcessPool]:
+    """So many processes for the block (1: this one), which end with it: at once where the block
+    ends by an error or Ctrl-C.
+
+    Raises InputError, which names the command's `option`, where one was ended from outside."""
+    if jobs == 1:
+        yield ProcessPool(())
+        return
+    from concurrent.futures import ProcessPoolExecutor
+    from concurrent.futures.process import BrokenProcessPool
+    from multiprocessing import active_children, get_context
+
+    others, has_ended = set(active_children()), False
+    ignore = (signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches them too, and this process ends them
+    processes = [
+        ProcessPoolExecutor(1, get_context("spawn"), initializer=signal.signal, initargs=ignore)
+        for _ in range(jobs)
+    ]
+    try:
+        yield ProcessPool(processes)
+        has_ended = True
+    except BrokenProcessPool:
+        raise InputError(
+            "a process that solved was ended from outside, it may be for want of memory; "
+            f"{option} 1 needs the least"
+        ) from None
+    finally:
+        for executor in processes:
+            executor.shutdown(wait=has_ended, cancel_futures=True)
+        for child in set(active_children()) - others:
+            child.terminate()
+
+
+def _with_memory(task: Callable[..., R], *args: Any) -> R:
+    return task(_memory, *args)
+
+
+def _numbered(function: Callable[[T], R], item: tuple[int, T]) -> tuple[int, R]:
+    return item[0], function(item[1])

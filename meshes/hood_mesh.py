@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.files import written_whole
 from cosim.port import InputError
 from meshes.skeleton import BODIES, JOINTS
 
@@ -187,10 +188,9 @@ def to_json(mesh: HoodMesh) -> str:
 
 
 def write(mesh: HoodMesh, path: Path) -> None:
-    """Write the mesh file, whole or not at all."""
-    part = path.with_name(f".{path.name}.part")
-    part.write_text(to_json(mesh), encoding="utf-8")
-    part.replace(path)
+    """Write the mesh file, whole or not at all.  Raises InputError."""
+    with written_whole(path) as part:
+        part.write_text(to_json(mesh), encoding="utf-8")
 
 
 def read(path: Path) -> HoodMesh:

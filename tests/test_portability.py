@@ -24,8 +24,8 @@ from cosim.study import process as apart
 from cosim.study.plan import read_plan
 from cosim.validation.plan import groups
 from cosim.validation.run import folder_name
-from fe_solver.febio import compare
 from fe_solver.verification import apart as process
+from fe_solver.verification.febio import compare
 from tests.helpers.folders import ROOT
 
 PACKAGES = ("cosim", "fe_solver", "rigid", "meshes", "cases")

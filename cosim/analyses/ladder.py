@@ -1,15 +1,17 @@
-"""One case climbed through hoods of growing detail: from a fixed split to a shell with fibres."""
+"""One case climbed through hoods of growing detail, from a fixed split to a shell with fibres: its
+rungs, their tables and their picture."""
 
 from __future__ import annotations
 
+import csv
+import io
+import json
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -21,9 +23,17 @@ from cosim.coupling.equilibrium import Equilibrium
 from cosim.hoods.kind import HoodTable
 from cosim.hoods.kinds import rungs
 from cosim.port import Array, ConvergenceError, CosimError, InputError
+from cosim.processes import process_pool
+from cosim.results.compare import COMPONENTS, number
+from cosim.results.looks import Look, look
 from cosim.results.static import observe_static
+from cosim.results.write import plain
 from cosim.solve.solvers import solve
 from cosim.solve.states import States
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 Status = Literal["converged", "failed", "does not apply"]
 RUNGS = rungs()
@@ -56,13 +66,8 @@ def climbed(source: Path, settings: Sequence[str], jobs: int) -> Iterator[Rung]:
     Raises InputError for a case that is no equilibrium of a finger of ours."""
     case = load_case(source, settings)
     _check(case)
-    one = partial(climb, source, tuple(settings))
-    names = rungs_of(case)
-    if jobs == 1:
-        yield from map(one, names)
-        return
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        yield from pool.map(one, names)
+    with process_pool(jobs) as pool:
+        yield from pool.in_order(partial(climb, source, tuple(settings)), rungs_of(case))
 
 
 def _check(case: Case) -> None:
@@ -143,3 +148,147 @@ def _excursions(models: Models, states: States) -> dict[str, float]:
 
 def _tension(e: Equilibrium) -> Array:
     return np.concatenate([e.hood_tension, e.finger_tension])
+
+
+JOINTS = ("MCP", "PIP", "DIP")
+EXTENSOR = "EDC"
+"""Whose moment arms are shown."""
+Figures = dict[str, float | None]
+
+
+def figures(rung: Rung) -> Figures:
+    """What is shown of a rung, by name and unit; None where its hood does not say."""
+    force = rung.summary.get("fingertip_force_N", [None] * 3)
+    unloaded = rung.summary.get("unloaded", {})
+    out: Figures = {
+        f"tip force {axis} N": value for axis, value in zip(COMPONENTS, force, strict=True)
+    }
+    out["tip force N"] = rung.summary.get("fingertip_magnitude_N")
+    out["tip force at rest N"] = unloaded.get("fingertip_magnitude_N")
+    change = rung.summary.get("difference", {})
+    out["change of the tip force N"] = change.get("fingertip_magnitude_N")
+    central, terminal = rung.slips.get("central"), rung.slips.get("terminal")
+    out |= {"central slip N": central, "terminal slip N": terminal}
+    out["terminal / central"] = terminal / central if terminal is not None and central else None
+    out |= {f"excursion {name} mm": value for name, value in rung.excursions.items()}
+    arms = rung.summary.get("moment_arm_mm", {}).get(EXTENSOR, {})
+    out |= {f"arm {EXTENSOR} {joint} mm": arms.get(joint) for joint in JOINTS}
+    out["wall s"] = rung.wall
+    return out
+
+
+def heading(rung: Rung) -> str:
+    return f"{rung.name} *" if rung.is_own else rung.name
+
+
+def side_by_side(rungs: Sequence[Rung]) -> list[tuple[str, ...]]:
+    """A row for each figure that any rung has, a column for each rung; last the audits."""
+    found = [figures(rung) for rung in rungs]
+    names = dict.fromkeys(name for each in found for name in each)
+    rows = [
+        (name, *(number(each.get(name)) for each in found))
+        for name in names
+        if any(each.get(name) is not None for each in found)
+    ]
+    return [*rows, ("audits", *(_audits(rung) for rung in rungs))]
+
+
+def _audits(rung: Rung) -> str:
+    if rung.status != "converged":
+        return rung.status
+    missed = rung.summary["audit_missed"]
+    return f"{len(missed)} missed" if missed else "kept"
+
+
+def reasons(rungs: Sequence[Rung]) -> Iterator[str]:
+    """What a reader must know beside the figures."""
+    yield "tip force on the world and slips: loaded; *: the case's own hood"
+    for rung in rungs:
+        if rung.reason:
+            yield f"{rung.name}: {rung.status}: {rung.reason}"
+        elif missed := rung.summary["audit_missed"]:
+            yield f"{rung.name}: audits missed: {', '.join(missed)}"
+
+
+def to_csv(rungs: Sequence[Rung]) -> str:
+    """A row for each rung."""
+    found = [figures(rung) for rung in rungs]
+    names = list(dict.fromkeys(name for each in found for name in each))
+    file = io.StringIO()
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow(["rung", "own", "status", "reason", *names, "audits"])
+    for rung, each in zip(rungs, found, strict=True):
+        values = ["" if (v := each.get(name)) is None else f"{v:.9g}" for name in names]
+        head = [rung.name, rung.is_own, rung.status, rung.reason]
+        writer.writerow([*head, *values, _audits(rung)])
+    return file.getvalue()
+
+
+def to_json(rungs: Sequence[Rung]) -> str:
+    """Everything, the runs' summaries too."""
+    return json.dumps([asdict(rung) for rung in rungs], indent=2, default=plain) + "\n"
+
+
+def to_markdown(rungs: Sequence[Rung], title: str) -> str:
+    """The table side by side."""
+    lines = [f"# {title}: ladder of hoods", "", _line(["", *map(heading, rungs)])]
+    lines.append(_line(["---", *("---:" for _ in rungs)]))
+    lines += [_line(row) for row in side_by_side(rungs)]
+    return "\n".join([*lines, "", *(f"- {text}" for text in reasons(rungs))]) + "\n"
+
+
+def _line(cells: Sequence[str]) -> str:
+    return f"| {' | '.join(cell.replace('|', '/') for cell in cells)} |"
+
+
+SLIPS = ("central slip N", "terminal slip N")
+ARMS = tuple(f"arm {EXTENSOR} {joint} mm" for joint in JOINTS)
+
+
+def draw_ladder(rungs: Sequence[Rung], title: str) -> Figure:
+    """Of the rungs that have numbers; the case's own is marked by a star."""
+    from matplotlib.figure import Figure
+
+    shown = [rung for rung in rungs if rung.status == "converged"]
+    looks = {rung.name: look(i) for i, rung in enumerate(rungs)}
+    figure = Figure(figsize=(13, 4.6), layout="constrained")
+    force, slips, arms = figure.subplots(1, 3)
+    _vectors(force, shown, looks)
+    _bars(slips, shown, looks, SLIPS, "force of the loaded slips, N")
+    _bars(arms, shown, looks, ARMS, f"moment arm of {EXTENSOR}, mm")
+    handles, labels = force.get_legend_handles_labels()
+    if handles:
+        figure.legend(handles, labels, loc="outside right center")
+    figure.suptitle(f"{title}: ladder of hoods (*: the case's own)", fontsize=11)
+    return figure
+
+
+def _vectors(axes: Axes, rungs: Sequence[Rung], looks: dict[str, Look]) -> None:
+    """Distal to the right, palmar down; a line from the force at rest to that under load."""
+    for rung in rungs:
+        states = (rung.summary["unloaded"], rung.summary)
+        distal, palmar, _ = np.transpose([state["fingertip_force_N"] for state in states])
+        axes.plot(distal, palmar, lw=1.5, label=heading(rung), **looks[rung.name].line)
+        axes.plot(distal[0], palmar[0], "x", color=looks[rung.name].colour, ms=5)
+        axes.plot(distal[1], palmar[1], "o", color=looks[rung.name].colour, ms=5)
+    axes.axhline(0, color="0.7", lw=0.8, zorder=0)
+    axes.axvline(0, color="0.7", lw=0.8, zorder=0)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.invert_yaxis()
+    axes.set(title="tip force on the world (x: at rest)", xlabel="distal, N", ylabel="palmar, N")
+    axes.grid(alpha=0.3)
+
+
+def _bars(
+    axes: Axes, rungs: Sequence[Rung], looks: dict[str, Look], names: Sequence[str], title: str
+) -> None:
+    """A group for each name, a bar in it for each rung; none where a hood does not say."""
+    width = 0.8 / max(len(rungs), 1)
+    for i, rung in enumerate(rungs):
+        values = [told if (told := figures(rung).get(n)) is not None else np.nan for n in names]
+        place = np.arange(len(names)) + (i - (len(rungs) - 1) / 2) * width
+        axes.bar(place, values, width, **looks[rung.name].bar)
+    axes.axhline(0, color="0.7", lw=0.8)
+    axes.set_xticks(range(len(names)), [n.rsplit(" ", 1)[0] for n in names])
+    axes.set_title(title)
+    axes.grid(axis="y", alpha=0.3)

@@ -13,7 +13,7 @@ from cosim.build.fit import check_tendons
 from cosim.build.models import build, built_on, site_of
 from cosim.build.scheme import scheme_of
 from cosim.case.schema import Case, Forward
-from cosim.coupling.excursion import Driven
+from cosim.coupling.excursion import PrescribedExcursions
 from cosim.coupling.motion import Moves, WatchedFinger
 from cosim.coupling.schemes import Alone
 from cosim.fingers.common import CageTip, ShellTip
@@ -92,13 +92,15 @@ def _with_unit(case: Case, forward: Forward) -> Together:
     return Together(moves, pulls, {}, {}, case.hood.lines, built.view)
 
 
-def _driven(case: Case, tendons: tuple[str, ...]) -> Driven:
+def _driven(case: Case, tendons: tuple[str, ...]) -> PrescribedExcursions:
     """The tendons whose ends are displaced, each by its excursion times its course."""
     names = tuple(n for n in tendons if n in case.tendons and case.tendons[n].excursion is not None)
     most = np.array([case.tendons[n].excursion for n in names], dtype=float)
     courses = [factor_of(case.tendons[n].course) for n in names]
     index = np.array([tendons.index(n) for n in names], dtype=int)
-    return Driven(names, index, lambda time: most * [course(time) for course in courses])
+    return PrescribedExcursions(
+        names, index, lambda time: most * [course(time) for course in courses]
+    )
 
 
 def tip_device(case: Case) -> Device | None:

@@ -19,6 +19,8 @@ from cosim.port import InputError
 
 Layer = tuple[str, dict[str, Any]]
 """Where values are stated (for messages) and the values."""
+Settings = tuple[str, ...]
+"""KEY=VALUE, as --set takes them; a later one has the last word."""
 
 NO_FAMILIES = {"base", "studies", "data"}  # folders of cases/
 

@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cosim.commands.terminal import console, told
+from cosim.files import check_folder
 from cosim.port import InputError
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from fe_solver.febio.compare import Comparison, Measured, Row
     from fe_solver.job.solve import JobResult, JobState
+    from fe_solver.verification.febio.compare import Comparison, Measured, Row
 
 Model = Annotated[Path, typer.Argument(metavar="MODEL.feb", help="A FEBio 4 file.")]
 QUADS = (500, 2000, 8000)
@@ -63,14 +64,14 @@ def solve(
     with told():
         from cosim.schema.units import LENGTH, parse
         from fe_solver.febio.read import read_feb
-        from fe_solver.febio.solid_solve import solve_solid
         from fe_solver.job.mid_surface import on_mid_surface
         from fe_solver.job.model import JobOptions
-        from fe_solver.job.results import check_target, write_job
+        from fe_solver.job.results import SUMMARY, write_job
         from fe_solver.job.solve import solve_job, spread_times
+        from fe_solver.verification.febio.solid_solve import other_ways, solve_solid
 
         folder = out or Path("runs") / model.stem
-        check_target(folder)
+        check_folder(folder, SUMMARY)
         solid = element == Element.Q4ANS
         if solid and (own_shell or mid_surface):
             raise InputError(
@@ -86,9 +87,14 @@ def solve(
         job = replace(read_feb(model, unit), as_febio=not own_shell)
         if mid_surface:
             job = on_mid_surface(job)
-        solver = solve_solid if solid else solve_job
-        options = JobOptions(penetration=limit, spacing=grid)
-        result = solver(job, options=options, times=spread_times(job, until, states))
+        options, times = (
+            JobOptions(penetration=limit, spacing=grid),
+            spread_times(job, until, states),
+        )
+        if solid:
+            result = solve_solid(job, options=options, times=times)
+        else:
+            result = solve_job(job, options=options, times=times, ways=other_ways(job))
         _show(result)
         typer.echo(f"results in {write_job(folder, result)}")
 
@@ -163,7 +169,7 @@ def bench_fe(quads: Sequence[int] = QUADS) -> None:
     """Print how long a Newton iteration takes, beside its floor."""
     from rich.table import Table
 
-    from fe_solver.bench import machine, speed
+    from fe_solver.verification.bench import machine, speed
 
     table = Table("quads", "case", "iterations", "linear solves", "floor ms")
     table.add_column("iteration / floor", justify="right")
@@ -184,8 +190,8 @@ def bench_fe(quads: Sequence[int] = QUADS) -> None:
 def bench_febio(folder: Path | None, spacing: str) -> None:
     """Print our answers and costs beside FEBio's.  Raises CosimError."""
     from cosim.schema.units import LENGTH, parse
-    from fe_solver.febio.compare import compare
-    from fe_solver.febio.figures import SOURCE
+    from fe_solver.verification.febio.compare import compare
+    from fe_solver.verification.febio.figures import SOURCE
 
     if folder is None:
         raise InputError("bench febio: name the folder of the models with --models")
@@ -210,7 +216,7 @@ def bench_febio(folder: Path | None, spacing: str) -> None:
 def _print_comparison(screen: Console, found: Comparison) -> None:
     from rich.table import Table
 
-    from fe_solver.febio.compare import Element
+    from fe_solver.verification.febio.compare import Element
 
     table = Table(title=found.model, title_justify="left")
     for name in ("quantity", *(e.value for e in Element), "FEBio"):

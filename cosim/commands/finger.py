@@ -136,7 +136,7 @@ def bench_fingers(beside_opensim: bool) -> None:
 
 def bench_robotic_finger() -> None:
     """Print what the robotic finger's control loop costs, beside the paper's figures."""
-    from rigid.papers.xu2012.bench import PAPER_LOOP, PAPER_QP, bench_robot
+    from rigid.verification.robot_bench import PAPER_LOOP, PAPER_QP, bench_robot
 
     paper = {"loop_s": PAPER_LOOP, "qp_s": PAPER_QP}
     for name, value in bench_robot().items():

@@ -47,7 +47,7 @@ def show_hood(
         from cosim.analyses.hood.studies import HoodStudies
         from cosim.case.file import load_case
         from cosim.hoods.kinds import KINDS
-        from cosim.papers.page import chosen, write_figures
+        from cosim.report.figures import chosen, write_figures
 
         own = tuple(settings or ())
         checked = load_case(case, own)

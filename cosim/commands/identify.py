@@ -66,7 +66,7 @@ def sensitivity(
         from cosim.analyses.identify.sensitivity import study, to_csv, to_json
         from cosim.analyses.identify.variations import variations
         from cosim.case.file import load_case
-        from cosim.results.compare_files import read_targets
+        from cosim.results.compare import read_targets
 
         own = tuple(settings or ())
         checked = load_case(case, own)
@@ -135,8 +135,7 @@ def _write_charts(folder: Path, found: Sensitivity, targets: Sequence[Target]) -
 def _show_sensitivity(found: Sensitivity) -> None:
     """The strongest answers of each quantity, and the runs that have none."""
     from cosim.analyses.identify.sensitivity import bars
-    from cosim.analyses.trials.outcome import unit
-    from cosim.results.compare import number
+    from cosim.results.compare import number, unit_of
 
     for quantity, base in found.base.items():
         rows = [
@@ -148,7 +147,7 @@ def _show_sensitivity(found: Sensitivity) -> None:
             for bar in bars(found, quantity)[:STRONGEST]
             if bar.swing > 0
         ]
-        of = "" if unit(quantity) == "1" else f" {unit(quantity)}"
+        of = "" if unit_of(quantity) == "1" else f" {unit_of(quantity)}"
         title = f"{quantity}: {number(base)}{of}"
         if rows:
             print_table(title, ("", "low", "then", "high", "then"), rows)
@@ -214,7 +213,7 @@ def identify(
         from cosim.analyses.identify.case_text import check_same_settings
         from cosim.analyses.identify.cases import fit_cases, stated_cases
         from cosim.analyses.identify.fit import fit_all
-        from cosim.results.compare_files import read_targets
+        from cosim.results.compare import read_targets
 
         stated = stated_cases(cases, tuple(settings or ()), free)
         wanted = read_targets(targets)

@@ -49,8 +49,7 @@ def ladder(
 
 
 def _write(folder: Path, rungs: Sequence[Rung], title: str) -> None:
-    from cosim.analyses.ladder_plot import draw_ladder
-    from cosim.analyses.ladder_tables import to_csv, to_json, to_markdown
+    from cosim.analyses.ladder import draw_ladder, to_csv, to_json, to_markdown
 
     for name, text in (
         (MARK, to_json(rungs)),
@@ -62,7 +61,7 @@ def _write(folder: Path, rungs: Sequence[Rung], title: str) -> None:
 
 
 def _show(rungs: Sequence[Rung], title: str) -> None:
-    from cosim.analyses.ladder_tables import heading, reasons, side_by_side
+    from cosim.analyses.ladder import heading, reasons, side_by_side
 
     print_table(title, ("", *map(heading, rungs)), side_by_side(rungs))
     for line in reasons(rungs):

@@ -11,7 +11,7 @@ import typer
 from cosim.commands.terminal import told
 
 if TYPE_CHECKING:
-    from cosim.papers.page import Paper
+    from cosim.report.figures import FigurePage
 
 
 class PaperName(StrEnum):
@@ -42,7 +42,7 @@ def reproduce(
 ) -> None:
     """Compute a paper's figures anew: a picture and tables of each, and one page of all."""
     with told():
-        from cosim.papers.page import chosen, write_figures
+        from cosim.report.figures import chosen, write_figures
 
         found = _paper(paper)
         folder = Path("reproduced") / paper.value if out is None else out
@@ -52,8 +52,8 @@ def reproduce(
         typer.echo(f"{count} {figures} in {folder / 'index.html'}")
 
 
-def _paper(name: PaperName) -> Paper:
-    from cosim.papers.page import Paper
+def _paper(name: PaperName) -> FigurePage:
+    from cosim.report.figures import FigurePage
 
     if name is PaperName.NETWORKS:
         from cosim.papers.networks import STUDIES
@@ -62,14 +62,14 @@ def _paper(name: PaperName) -> Paper:
             "Development and Validation of Modeling Framework for Interconnected Tendon Networks "
             "in Robotic and Human Fingers"
         )
-        return Paper(name.value, title, STUDIES)
+        return FigurePage(name.value, title, STUDIES)
     if name is PaperName.ROBOT:
         from cosim.papers.robot import STUDIES as of_robot
 
         title = (
             "Design of an Anthropomorphic Robotic Finger System with Biomimetic Artificial Joints"
         )
-        return Paper(name.value, title, of_robot)
+        return FigurePage(name.value, title, of_robot)
     if name is PaperName.THESIS:
         from cosim.papers.thesis import STUDIES as of_thesis
 
@@ -78,10 +78,10 @@ def _paper(name: PaperName) -> Paper:
             "Dynamic Modeling"
         )
         kind = "A thesis's tables and figures, computed anew"
-        return Paper(name.value, title, of_thesis, kind)
+        return FigurePage(name.value, title, of_thesis, kind)
     from cosim.papers.coordination import STUDIES as ours
 
     title = (
         "Buchner, Hines and Hemami 1988: A dynamic model for finger interphalangeal coordination"
     )
-    return Paper(name.value, title, ours)
+    return FigurePage(name.value, title, ours)

@@ -6,7 +6,7 @@ import json
 import os
 import shutil
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from cosim.commands.terminal import console, tell, told, warn, warn_of_audits
-from cosim.port import ConvergenceError, CosimError, InputError, StoppedError
+from cosim.port import ConvergenceError, CosimError, InputError, Progress, StoppedError, quiet
 from cosim.results.audit import describe_misses
 
 if TYPE_CHECKING:
@@ -186,11 +186,11 @@ def resume(
 
 
 @contextmanager
-def _progress(name: str, voice: Voice) -> Iterator[Callable[[str], None]]:
+def _progress(name: str, voice: Voice) -> Iterator[Progress]:
     """What tells of the stages: a spinner on a terminal, else a line for each; or lines of JSON,
     or nothing."""
     if voice == "quiet":
-        yield lambda stage: None
+        yield quiet
         return
     if voice == "json":
         yield lambda stage: typer.echo(json.dumps({"case": name, "stage": stage}))

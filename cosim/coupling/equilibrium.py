@@ -8,7 +8,6 @@ a Newton step of the whole (the finger's own nonlinearity, such as a joint limit
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -25,8 +24,10 @@ from cosim.port import (
     HoodJacobian,
     Load,
     Motion,
+    Progress,
     Response,
     State,
+    quiet,
 )
 
 LOOSE, NEAR = 1e-3, 0.1
@@ -85,7 +86,7 @@ def equilibrium(
     hood_tension: Array,
     finger_tension: Array,
     options: CouplingOptions,
-    progress: Callable[[str], None] = lambda text: None,
+    progress: Progress = quiet,
 ) -> Equilibrium:
     """Joint angles, tip reaction and hood shape that balance, from a finger and a hood nearby.
 

@@ -1,6 +1,7 @@
-"""Tendons whose ends are displaced over time: the tensions that a step takes, by Broyden's method.
+"""Tendons whose ends are displaced: the tensions that it takes, by Broyden's method.
 
-With x(T) the excursions after a step under tensions T, and e those stated, a step solves
+With x(T) the excursions under tensions T, in an equilibrium or after a step of a motion, and e the
+prescribed ones, it solves
 
     T >= 0,    x(T) - e >= 0,    T (x(T) - e) = 0,
 
@@ -28,21 +29,21 @@ MOST_GROWTH = 1.0
 MOST_TRIALS = 40
 T = TypeVar("T")
 Trial = Callable[[Array], tuple[T, Array]]
-"""A step under tensions (nd,) N: what comes of it, and the excursions (nd,) m after it."""
+"""Tensions (nd,) N -> what comes of them, and the excursions (nd,) m then."""
 
 
 @dataclass(frozen=True)
-class Driven:
+class PrescribedExcursions:
     """Tendons, where they stand among all (the hood's first), and how far their ends have been
-    drawn proximally (nd,) m since the start at a time in s."""
+    moved proximally (nd,) m since the start at a time in s."""
 
     names: tuple[str, ...]
     index: Any
     excursion: Callable[[float], Array]
 
 
-class Draw(NamedTuple):
-    """What a step leaves to the next one, (nd,) each."""
+class ExcursionState(NamedTuple):
+    """What one solve leaves to the next one, (nd,) each."""
 
     tension: Array
     """N."""
@@ -51,34 +52,37 @@ class Draw(NamedTuple):
     start: Array
     """m, those that they began with."""
     slope: Array
-    """(nd, nd) m/N; (0, 0) before the first step."""
+    """(nd, nd) m/N; (0, 0) before the first solve."""
 
 
-def begun(tension: Array, excursion: Array) -> Draw:
+def initial_excursions(tension: Array, excursion: Array) -> ExcursionState:
     """At rest under tensions (nd,) N with excursions (nd,) m."""
-    return Draw(tension, excursion, excursion, np.zeros((0, 0)))
+    return ExcursionState(tension, excursion, excursion, np.zeros((0, 0)))
 
 
-def drawn(driven: Driven, draw: Draw, time: float, trial: Trial[T]) -> tuple[T, Draw]:
-    """What comes of the step to `time` s in which the tendons have the excursions stated, or are
+def solve_excursions(
+    prescribed: PrescribedExcursions, at: ExcursionState, time: float, trial: Trial[T]
+) -> tuple[T, ExcursionState]:
+    """What comes of the tensions with which the tendons have the excursions of `time` s, or are
     slack.  Raises ConvergenceError."""
-    aim, tension = draw.start + driven.excursion(time), draw.tension
+    aim, tension = at.start + prescribed.excursion(time), at.tension
     result, found = trial(tension)
-    slope = draw.slope if draw.slope.size else _first_slope(trial, tension, found)
+    slope = at.slope if at.slope.size else _first_slope(trial, tension, found)
     for _ in range(MOST_TRIALS):
         gap = aim - found
         taut = (tension > 0) | (gap > 0)
         if np.abs(gap[taut]).max(initial=0.0) <= TOLERANCE:
-            return result, Draw(tension, found, draw.start, slope)
+            return result, ExcursionState(tension, found, at.start, slope)
         after = _next(tension, gap, taut, slope)
         result, now = trial(after)
         slope = _updated(slope, after - tension, now - found)
         tension, found = after, now
     off = np.where(taut, np.abs(gap), 0.0)
     raise ConvergenceError(
-        f"tendons.{driven.names[int(np.argmax(off))]}.excursion: in {MOST_TRIALS} trials no "
-        f"tension was found that draws it as far as stated at t = {time:.6g} s; "
-        f"{1e3 * off.max():.2e} mm are missing. Try a slower course or a smaller step"
+        f"tendons.{prescribed.names[int(np.argmax(off))]}.excursion: in {MOST_TRIALS} trials no "
+        f"tension was found that moves it as far as prescribed at t = {time:.6g} s; "
+        f"{1e3 * off.max():.2e} mm are missing. Try a smaller excursion, "
+        "or in a motion a slower course or a smaller step"
     )
 
 

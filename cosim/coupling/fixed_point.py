@@ -7,7 +7,6 @@ one at the end, for the moment arms that are reported.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +14,18 @@ import numpy as np
 from cosim.coupling.accelerators import Accelerator, accelerated, begun
 from cosim.coupling.equilibrium import CouplingOptions, Equilibrium
 from cosim.coupling.finger_equilibrium import MOST_TURN, balanced
-from cosim.port import STATIC, Array, Balance, ConvergenceError, Finger, Hood, Response, State
+from cosim.port import (
+    STATIC,
+    Array,
+    Balance,
+    ConvergenceError,
+    Finger,
+    Hood,
+    Progress,
+    Response,
+    State,
+    quiet,
+)
 
 
 class Round(NamedTuple):
@@ -40,7 +50,7 @@ def fixed_point(
     options: CouplingOptions,
     accelerator: Accelerator,
     turn: float,
-    progress: Callable[[str], None] = lambda text: None,
+    progress: Progress = quiet,
 ) -> Equilibrium:
     """As `cosim.coupling.equilibrium.equilibrium`, to the interface's tolerance and a `turn` (rad)
     of the joints in the last round.  Raises ConvergenceError."""

@@ -6,18 +6,22 @@ Muscles pull with the lengths that their paths had at the end of the step before
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
 
-from cosim.coupling.excursion import Draw, Driven, begun, drawn
+from cosim.coupling.excursion import (
+    ExcursionState,
+    PrescribedExcursions,
+    initial_excursions,
+    solve_excursions,
+)
 from cosim.coupling.schemes import Scheme, begin, step
 from cosim.coupling.state import Coupled
-from cosim.port import Array, ConvergenceError, Hood, MovingFinger, State
+from cosim.port import Array, ConvergenceError, Hood, MovingFinger, Progress, State
 
-Progress = Callable[[str], None]
 EVERY = 50
 """Steps between two words of progress."""
 
@@ -108,8 +112,7 @@ class Moment:
     slipped: float
     """by a device about the fingertip."""
     pace: Pace
-    draw: Draw
-    """Of the tendons whose ends are displaced."""
+    draw: ExcursionState
 
 
 @dataclass(frozen=True)
@@ -135,7 +138,7 @@ class Frame:
     """(nc, 2) of each pneumatic cylinder: V commanded, Pa above the atmosphere."""
 
 
-NOTHING_DRIVEN = Driven((), np.zeros(0, dtype=int), lambda time: np.zeros(0))
+NOTHING_DRIVEN = PrescribedExcursions((), np.zeros(0, dtype=int), lambda time: np.zeros(0))
 
 
 @dataclass(frozen=True)
@@ -147,7 +150,7 @@ class Moves:
     hood: Hood
     puller: Puller
     dt: float
-    driven: Driven = NOTHING_DRIVEN
+    driven: PrescribedExcursions = NOTHING_DRIVEN
 
     def begin(self, state: State) -> Moment:
         """At rest in the finger's `state`, the hood in equilibrium on it."""
@@ -160,7 +163,7 @@ class Moves:
             lambda time: (tension[:split], tension[split:]),
         )
         index = self.driven.index
-        draw = begun(tension[index], self._excursions(coupled)[index])
+        draw = initial_excursions(tension[index], self._excursions(coupled)[index])
         lengths = np.concatenate([-coupled.point.excursion, self._own(coupled.finger)])
         pulls = self.puller.settled(pulls, lengths)
         return Moment(coupled, pulls, 0.0, 0.0, Pace(self.dt), draw)
@@ -183,7 +186,7 @@ class Moves:
         slipped = at.slipped + self.finger.device_loss(after.finger)
         return Moment(after, pull.state, lost, slipped, at.pace, draw)
 
-    def _drawn(self, at: Moment, tension: Array, time: float) -> tuple[Coupled, Draw]:
+    def _drawn(self, at: Moment, tension: Array, time: float) -> tuple[Coupled, ExcursionState]:
         """A step under tensions (nt,) N, those of displaced tendons to be found; the hood solves of
         all trials are counted."""
         index, c, solves = self.driven.index, at.coupled, 0
@@ -196,7 +199,7 @@ class Moves:
             solves += after.solves - c.solves
             return after, self._excursions(after)[index]
 
-        after, draw = drawn(self.driven, at.draw, time, trial)
+        after, draw = solve_excursions(self.driven, at.draw, time, trial)
         return replace(after, solves=c.solves + solves), draw
 
     def _stepped(self, c: Coupled, tension: Array) -> Coupled:

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from cosim.coupling.adaptive import Adapted, Control, adaptive
-from cosim.coupling.motion import EVERY, Moment, Moves, Pace, Progress
+from cosim.coupling.motion import EVERY, Moment, Moves, Pace
 from cosim.coupling.state import Coupled
-from cosim.port import Array
+from cosim.port import Array, Progress
 
 ROUNDING = 1e-12
 """Of the duration, that may be missing at the end."""

@@ -7,7 +7,7 @@ two FMUs.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -29,14 +29,15 @@ from cosim.port import (
     HoodJacobian,
     InputError,
     Motion,
+    Progress,
     Response,
     State,
+    quiet,
 )
 
 STILL = 1e-10
 """rad: the rounds end where no joint turns further."""
 MOST_ROUNDS = 50
-Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -134,7 +135,7 @@ def met(
     hood_tension: Array,
     finger_tension: Array,
     at: FingerAt | None = None,
-    progress: Progress = lambda text: None,
+    progress: Progress = quiet,
 ) -> Met:
     """The finger and the hood in equilibrium, from the finger's state `at` or its start: the rounds
     of `cosim.coupling.equilibrium.equilibrium`, ended by the finger's standing still.
@@ -166,7 +167,7 @@ def met_held(
     tolerance: float,
     most_rounds: int,
     at: FingerAt | None = None,
-    progress: Progress = lambda text: None,
+    progress: Progress = quiet,
 ) -> Met:
     """The same by an accelerated fixed point in the joint angles, as `cosim.coupling.fixed_point`:
     no derivative is asked for on the way.  It ends where no joint turns further than `tolerance`

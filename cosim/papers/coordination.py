@@ -13,9 +13,9 @@ import pandas as pd
 
 from cosim.papers.coordination_doubts import doubt_figures
 from cosim.papers.coordination_table import table_figures
-from cosim.papers.figure import Figure, Study
 from cosim.papers.lines import BAND_COLOURS, MUSCLE_COLOURS, Line, lines_drawn
 from cosim.port import Array
+from cosim.report.figures import Figure, Study
 from rigid.hoods.two_band import LONG_NAMES, MUSCLES, coupled_dip, excursions
 from rigid.papers.buchner1988.coordination import Loop, deviation, flexed
 from rigid.papers.buchner1988.coordination_findings import Flexion, flexion

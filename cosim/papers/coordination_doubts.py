@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from cosim.papers.figure import Figure
-from cosim.papers.lines import framed
+from cosim.report.figures import Figure, framed
 from rigid.papers.buchner1988.coordination import Loop, deviation, flexed
 from rigid.papers.buchner1988.coordination_findings import (
     CHANGE,

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from cosim.papers.figure import Figure
-from cosim.papers.lines import MUSCLE_COLOURS, framed
+from cosim.papers.lines import MUSCLE_COLOURS
+from cosim.report.figures import Figure, framed
 from rigid.hoods.two_band import JOINTS, MUSCLES, TABLE_1, excursions
 
 if TYPE_CHECKING:

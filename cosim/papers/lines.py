@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from cosim.port import Array
+from cosim.report.figures import framed
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Sheet
 
 MUSCLE_COLOURS = ("#0b5394", "#b45309", "#2e7d4f", "#8e3b8a", "0.45")
@@ -46,11 +46,3 @@ def lines_drawn(lines: Sequence[Line], x: str, y: str) -> Callable[[Sheet], None
             sheet.legend(loc="outside lower center", ncols=min(3, len(lines)), frameon=False)
 
     return draw
-
-
-def framed(axes: Axes, x: str, y: str) -> None:
-    """Labels, a quiet grid, no box."""
-    axes.set(xlabel=x, ylabel=y)
-    axes.grid(color="0.9", lw=0.7)
-    axes.set_axisbelow(True)
-    axes.spines[["top", "right"]].set_visible(False)

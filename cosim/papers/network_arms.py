@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from cosim.papers.figure import Figure
-from cosim.papers.lines import framed
 from cosim.port import Array
+from cosim.report.figures import Figure, framed
 from rigid.hoods.network import Network
 from rigid.hoods.two_band import coupled_dip, lateral_band, middle_band
 from rigid.papers.networks.arm_switch import Switch, switch

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from cosim.papers.figure import Figure
-from cosim.papers.lines import framed
 from cosim.papers.network_motion import SETTLED, Contact, contact
+from cosim.report.figures import Figure, framed
 from rigid.chain.planar_chain import BUCHNER
 from rigid.hoods.two_band import coupled_dip
 from rigid.papers.networks.human_network import MUSCLES, human_finger

@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from cosim.papers.figure import Figure
-from cosim.papers.lines import framed
 from cosim.papers.network_testbed import (
     INTERCONNECTED,
     MODELS,
@@ -19,6 +17,7 @@ from cosim.papers.network_testbed import (
     seed_table,
 )
 from cosim.port import Array
+from cosim.report.figures import Figure, framed
 from rigid.papers.networks.testbed_runs import (
     ELSEWHERE,
     FRICTION,

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from cosim.papers.figure import Figure
-from cosim.papers.lines import framed
+from cosim.report.figures import Figure, framed
 from rigid.papers.networks.excursion_fit import EXTENSOR, Identified, coupled_dip, identify
 from rigid.papers.networks.excursion_fit_check import (
     NORMAL_95,

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from cosim.papers.figure import Figure
-from cosim.papers.lines import framed
 from cosim.port import Array
+from cosim.report.figures import Figure, framed
 from rigid.papers.networks.robotic_finger import MUSCLES
 from rigid.papers.networks.testbed_runs import EDC, LUM, STEP, Measured
 from rigid.papers.networks.testbed_study import Predictions, Trial, errors, trials

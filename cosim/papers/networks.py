@@ -5,12 +5,12 @@ Human Fingers."""
 
 from __future__ import annotations
 
-from cosim.papers.figure import Study
 from cosim.papers.network_arms import arm_figures
 from cosim.papers.network_contact import contact_figures
 from cosim.papers.network_errors import error_figures
 from cosim.papers.network_identification import identification_figures
 from cosim.papers.network_testbed import run_figures
+from cosim.report.figures import Study
 
 STUDIES: tuple[Study, ...] = (
     Study("arms", "figure 3: effective moment arms and how sharply they switch", arm_figures),

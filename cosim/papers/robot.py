@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from cosim.papers.figure import Figure, Study
-from cosim.papers.lines import framed
 from cosim.papers.robot_air import STUDIES as AIR
 from cosim.papers.robot_steps import step_figures
 from cosim.port import Array
+from cosim.report.figures import Figure, Study, framed
 from rigid.fingers.anatomy import RANGES
 from rigid.fingers.robot import robot_finger
 from rigid.fingers.robot_tables import JOINTS, SMALLEST, TABLE_III, TENDONS

@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from cosim.papers.figure import Figure, Study
-from cosim.papers.lines import framed
 from cosim.port import Array
+from cosim.report.figures import Figure, Study, framed
 from rigid.air.model import (
     AMPLITUDE,
     AT,

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from cosim.papers.figure import Figure
-from cosim.papers.lines import framed
 from cosim.port import Array
+from cosim.report.figures import Figure, framed
 from rigid.fingers.robot import robot_finger
 from rigid.fingers.robot_tables import JOINTS
 from rigid.mujoco.finger import MujocoFinger

@@ -5,12 +5,12 @@ Modeling, thesis, North Carolina State University."""
 
 from __future__ import annotations
 
-from cosim.papers.figure import Figure, Study
 from cosim.papers.thesis_forces import device_figures, force_figures, ledger_figures, time_figures
 from cosim.papers.thesis_models import all_numbers
 from cosim.papers.thesis_rows import row_figures
 from cosim.papers.thesis_strains import slip_figures, strain_figures
 from cosim.papers.thesis_unprinted import unprinted_figures
+from cosim.report.figures import Figure, Study
 
 
 def _rows() -> list[Figure]:

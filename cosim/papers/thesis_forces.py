@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from cosim.papers.figure import Figure
-from cosim.papers.lines import framed
 from cosim.papers.thesis_models import (
     DEVICES,
     EXCESS,
@@ -24,6 +22,7 @@ from cosim.papers.thesis_models import (
     tip_force,
 )
 from cosim.port import Array
+from cosim.report.figures import Figure, framed
 from cosim.results.result import Result
 
 if TYPE_CHECKING:

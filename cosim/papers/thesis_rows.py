@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Literal, cast, get_args
 import numpy as np
 import pandas as pd
 
-from cosim.papers.figure import Figure
 from cosim.papers.thesis_models import Numbers
+from cosim.report.figures import Figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Sheet

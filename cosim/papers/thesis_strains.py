@@ -8,10 +8,9 @@ import numpy as np
 import pandas as pd
 
 from cosim.hoods.view import HoodField
-from cosim.papers.figure import Figure
-from cosim.papers.lines import framed
 from cosim.papers.thesis_models import DIRECTIONS, MODULI, STATISTICS, hood_run
 from cosim.papers.thesis_rows import printed_numbers
+from cosim.report.figures import Figure, framed
 from cosim.results.result import Result
 
 if TYPE_CHECKING:

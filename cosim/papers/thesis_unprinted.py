@@ -9,10 +9,9 @@ import pandas as pd
 
 from cosim.case.file import load_case
 from cosim.hoods.shell.table import ShellHood
-from cosim.papers.figure import Figure
-from cosim.papers.lines import framed
 from cosim.papers.thesis_models import DIRECTIONS, STATISTICS, hood_run
 from cosim.papers.thesis_rows import printed_numbers
+from cosim.report.figures import Figure, framed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Sheet

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
 from cosim.files import written_whole
+from cosim.port import Progress, quiet
 from cosim.report.tables import as_csv, as_json, as_markdown, tables_of
-from cosim.results.compare_files import read_targets
+from cosim.results.compare import read_targets
 from cosim.results.read import read_runs
 
 
@@ -19,7 +20,7 @@ def write_report(
     form: Literal["html", "csv", "json", "md"],
     against: Path | None = None,
     data: Path | None = None,
-    note: Callable[[str], None] = lambda text: None,
+    note: Progress = quiet,
 ) -> str:
     """Write the report and return what to tell: where it is, or without `out` the tables; `note`
     takes what there is to say beside it.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from cosim.build.double_count import counted_twice
 from cosim.case.file import resolved_toml
 from cosim.case.schema import Case
 from cosim.fmu.finger import FmuFinger, Met
-from cosim.port import Array
+from cosim.port import Array, Progress
 from cosim.results.audit import missed_bounds
 from cosim.results.conventions import COMPONENTS, IN_METACARPAL
 from cosim.results.load_and_rest import rest_block, rest_warnings
@@ -23,8 +22,6 @@ from cosim.version import __version__
 
 if TYPE_CHECKING:
     import xarray
-
-Progress = Callable[[str], None]
 
 
 OPEN = "the FMU's own: tendons, joints, limits"

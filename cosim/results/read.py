@@ -15,8 +15,7 @@ import numpy as np
 from cosim.hoods.view import STRAIN, HoodField
 from cosim.mesh_file import read_mesh_file
 from cosim.port import InputError
-from cosim.results.compare import Target, compared
-from cosim.results.compare_files import read_json
+from cosim.results.compare import Target, compared, read_json
 from cosim.results.parts import LEDGER_HEADER, LedgerRow, Scene
 from cosim.results.quantities import check_quantities
 from cosim.results.result import Result

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from cosim.build.models import Models
 from cosim.build.scheme import accelerator_of
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium
 from cosim.coupling.fixed_point import fixed_point
-from cosim.port import Array, State
-
-Progress = Callable[[str], None]
+from cosim.port import Array, Progress, State
 
 
 def agree(

@@ -6,7 +6,7 @@ torques by source nor the forces in its joints are in the result, and its ledger
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,9 +17,7 @@ from cosim.build.scheme import accelerator_of
 from cosim.case.schema import Case
 from cosim.fingers.kinds import unit
 from cosim.fmu.finger import FingerAt, FmuFinger, Met, met, met_held
-from cosim.port import Array, Hood
-
-Progress = Callable[[str], None]
+from cosim.port import Array, Hood, Progress, quiet
 
 
 @dataclass(frozen=True)
@@ -36,7 +34,7 @@ def finger_of(case: Case) -> FmuFinger:
     return unit(case.finger).at_rest()
 
 
-def settled(case: Case, progress: Progress = lambda text: None) -> Settled:
+def settled(case: Case, progress: Progress = quiet) -> Settled:
     """The equilibrium with every tendon at its resting tension, then the loaded one from there, by
     the case's scheme.  Raises InputError and ConvergenceError."""
     finger = finger_of(case)

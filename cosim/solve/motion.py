@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -20,10 +20,9 @@ from cosim.coupling.motion import Moment, Moves, moments
 from cosim.coupling.paced import paced
 from cosim.coupling.state_arrays import Special
 from cosim.files import written_whole
-from cosim.port import ConvergenceError, InputError, StoppedError
+from cosim.port import ConvergenceError, InputError, Progress, StoppedError, quiet
 from cosim.solve.session import Session
 
-Progress = Callable[[str], None]
 RATE, CHANGE, WINDOW = 1e-3, 1e-3, 0.1
 """rad/s that no joint exceeds, and N by which no component of the fingertip force strays from its
 end, over the last WINDOW s of a finger that came to rest.  In a cage with friction rest is where
@@ -58,7 +57,7 @@ class Moved:
     rest: Rest
 
 
-def solve_motion(case: Case, session: Session, progress: Progress = lambda text: None) -> Moved:
+def solve_motion(case: Case, session: Session, progress: Progress = quiet) -> Moved:
     """The motion of a case with a table [forward].  With `session.checkpoints` it keeps checkpoints
     there, and goes on from one that is there.
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import NamedTuple, cast
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 
@@ -13,12 +12,13 @@ from cosim.case.schema import Case
 from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium
 from cosim.coupling.one_way import HandedOver, Passed, torques
 from cosim.fingers.kinds import live_finger
-from cosim.port import STATIC, Array, Finger, Hood, Motion, Response, State
+from cosim.port import STATIC, Array, Finger, Hood, Motion, Progress, Response, State, quiet
 from cosim.solve.session import Session
 from cosim.solve.states import States
 from cosim.tendons.muscles import Pull
 
-Progress = Callable[[str], None]
+if TYPE_CHECKING:
+    from rigid.mujoco.finger import MujocoFinger
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class HoodAnswer(NamedTuple):
 
 
 def solve_one_way(
-    case: Case, session: Session, progress: Progress = lambda text: None
+    case: Case, session: Session, progress: Progress = quiet
 ) -> tuple[Models, States]:
     """The models, with what was handed over in the hood's place, and both states.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,10 +11,9 @@ import numpy as np
 from cosim.build.models import Models, build
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import Equilibrium
+from cosim.port import Progress
 from cosim.solve.agree import agree
 from cosim.tendons.muscles import live_muscles
-
-Progress = Callable[[str], None]
 
 
 @dataclass

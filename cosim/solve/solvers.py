@@ -8,13 +8,13 @@ from typing import Any
 from cosim.build.fit import check_fit
 from cosim.build.models import Models
 from cosim.case.schema import Case, Task
+from cosim.port import Progress, quiet
 from cosim.solve.motion import solve_motion
 from cosim.solve.one_way import solve_one_way
 from cosim.solve.session import Session
 from cosim.solve.states import States
 from cosim.solve.static import solve_static
 
-Progress = Callable[[str], None]
 SOLVERS: Mapping[Task, Callable[[Case, Session, Progress], Any]] = {
     "static": solve_static,
     "one_way": solve_one_way,
@@ -23,7 +23,7 @@ SOLVERS: Mapping[Task, Callable[[Case, Session, Progress], Any]] = {
 
 
 def solve(
-    case: Case, session: Session | None = None, progress: Progress = lambda text: None
+    case: Case, session: Session | None = None, progress: Progress = quiet
 ) -> tuple[Models, States]:
     """The models and the two equilibria of a case at rest, coupled or in one pass.
 

@@ -2,33 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from cosim.build.models import Models, tensions
 from cosim.case.schema import Case
-from cosim.coupling.drawn import Drawn, begun, redrawn
 from cosim.coupling.equilibrium import Equilibrium, reciprocity
-from cosim.port import Array, ConvergenceError
+from cosim.coupling.excursion import (
+    PrescribedExcursions,
+    initial_excursions,
+    solve_excursions,
+)
+from cosim.port import Array, ConvergenceError, Progress, quiet
 from cosim.solve.agree import agree
 from cosim.solve.session import Session
 from cosim.solve.states import States
 from cosim.tendons.muscles import Pull
 
-Progress = Callable[[str], None]
 AUDIT_STEP = 2e-5
 """rad, joint step of the reciprocity audit: small against the contact's smoothing."""
 MOST_PULLS = 30
-DRAWN_TOLERANCE = 1e-9
-"""m."""
 PULL_TOLERANCE = 1e-7
 """Of the largest tension (at least 1 N)."""
 
 
-def solve_static(
-    case: Case, session: Session, progress: Progress = lambda text: None
-) -> tuple[Models, States]:
+def solve_static(case: Case, session: Session, progress: Progress = quiet) -> tuple[Models, States]:
     """The equilibrium with every tendon at its resting tension, then the loaded one.
 
     Raises InputError and ConvergenceError."""
@@ -49,43 +46,56 @@ def _loaded(
     at that length, and every tendon whose excursion is stated has it."""
     names = (*models.hood.tendons, *models.finger.tendons)
     own = np.array([names.index(name) for name in models.muscles.names], dtype=int)
-    drawn = _drawn(case, names)
-    hood, finger = tensions(case, models)
-    tension, split = np.concatenate([hood, finger]), len(hood)
+    prescribed = _prescribed(case, names)
+    index, tension = prescribed.index, np.concatenate(tensions(case, models))
+    split, loaded = len(models.hood.tendons), unloaded
     pull = models.muscles.pull(np.zeros(len(own)))
-    start, state = unloaded, unloaded.response.state
-    draw = begun(drawn, tension)
-    for _ in range(MOST_PULLS):
-        tension[own], tension[drawn.index] = pull.tension, draw.tension
-        loaded = agree(
-            case,
-            models,
-            start.finger_state,
-            state,
-            tension[:split].copy(),
-            tension[split:].copy(),
-            lambda text: progress(f"loaded: {text}"),
+
+    def pulled(found: Array) -> tuple[tuple[Equilibrium, Pull], Array]:
+        """The equilibrium from the last one, with tensions (nd,) N of displaced tendons."""
+        nonlocal loaded, pull
+        tension[index] = found
+        for _ in range(MOST_PULLS):
+            tension[own] = pull.tension
+            loaded = agree(
+                case,
+                models,
+                loaded.finger_state,
+                loaded.response.state,
+                tension[:split].copy(),
+                tension[split:].copy(),
+                lambda text: progress(f"loaded: {text}"),
+            )
+            shortening = _shortening(models, unloaded, loaded)
+            pull = models.muscles.pull(shortening[own])
+            miss = np.abs(pull.tension - tension[own]).max(initial=0.0)
+            if miss <= PULL_TOLERANCE * max(1.0, tension.max(initial=0.0)):
+                return (loaded, pull), shortening[index]
+            progress(f"tensions: off by {miss:.1e} N")
+        raise ConvergenceError(
+            f"muscles and finger did not agree in {MOST_PULLS} rounds: a tension still changes by "
+            f"{miss:.1e} N. Try a smaller activation, or a fibre_length nearer to 1"
         )
-        shortening = _shortening(models, unloaded, loaded)
-        pull = models.muscles.pull(shortening[own])
-        miss = np.abs(pull.tension - tension[own]).max(initial=0.0)
-        off = np.abs(shortening[drawn.index] - drawn.excursion).max(initial=0.0)
-        if miss <= PULL_TOLERANCE * max(1.0, tension.max(initial=0.0)) and off <= DRAWN_TOLERANCE:
-            return loaded, pull
-        progress(f"tensions: off by {miss:.1e} N, excursions by {1e3 * off:.1e} mm")
-        draw = redrawn(drawn, draw, shortening[drawn.index])
-        start, state = loaded, loaded.response.state
-    raise ConvergenceError(
-        f"tendons and finger did not agree in {MOST_PULLS} rounds: a tension still changes by "
-        f"{miss:.1e} N, an excursion is off by {1e3 * off:.1e} mm. Try a smaller activation or "
-        "excursion, or a fibre_length nearer to 1"
+
+    start = tension[index]
+    if not prescribed.names:
+        return pulled(start)[0]
+    found, end = solve_excursions(
+        prescribed, initial_excursions(start, np.zeros(len(start))), 0.0, pulled
     )
+    if (slack := end.tension <= 0).any():
+        i = int(np.argmax(slack))
+        raise ConvergenceError(
+            f"tendons.{prescribed.names[i]}.excursion: {1e3 * prescribed.excursion(0.0)[i]:.4g} mm "
+            "would slacken the tendon; draw it further, or leave it at the resting tension"
+        )
+    return found
 
 
-def _drawn(case: Case, names: tuple[str, ...]) -> Drawn:
+def _prescribed(case: Case, names: tuple[str, ...]) -> PrescribedExcursions:
     stated = {n: t.excursion for n, t in case.tendons.items() if t.excursion is not None}
     index = np.array([names.index(name) for name in stated], dtype=int)
-    return Drawn(tuple(stated), index, np.array(list(stated.values())))
+    return PrescribedExcursions(tuple(stated), index, lambda time: np.array(list(stated.values())))
 
 
 def _shortening(models: Models, before: Equilibrium, now: Equilibrium) -> Array:

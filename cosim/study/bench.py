@@ -10,6 +10,7 @@ from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from cosim.port import Progress, quiet
 from cosim.study import process as apart
 from cosim.study.engine import Solve, local
 from cosim.study.execute import conduct
@@ -73,7 +74,7 @@ def _ended(store: Store) -> Iterator[tuple[str, float]]:
 
 def dask(workers: int) -> AbstractContextManager[Solve]:
     """The engine of studies."""
-    return local(workers, lambda text: None)
+    return local(workers, quiet)
 
 
 def plain(workers: int) -> AbstractContextManager[Solve]:
@@ -95,7 +96,7 @@ def _share(tasks: list[Task]) -> list[Verdict]:
         apart.close()
 
 
-def figures(tell: Callable[[str], None]) -> Iterator[tuple[str, float]]:
+def figures(tell: Progress) -> Iterator[tuple[str, float]]:
     """Name and value of every figure."""
     text = STUDY.format(runs=RUNS)
     tell(f"{RUNS} runs of the shell by one worker")

@@ -13,7 +13,7 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cosim.port import CosimError, InputError
+from cosim.port import CosimError, InputError, Progress
 from cosim.study import process as apart
 from cosim.study.store import Store
 from cosim.study.task import Task, Verdict, row_of, settle
@@ -45,7 +45,7 @@ def here(tasks: Iterator[Task]) -> Iterator[Verdict]:
 
 
 @contextmanager
-def local(workers: int, tell: Callable[[str], None]) -> Iterator[Solve]:
+def local(workers: int, tell: Progress) -> Iterator[Solve]:
     """So many processes on this machine."""
     import logging
 
@@ -68,7 +68,7 @@ def local(workers: int, tell: Callable[[str], None]) -> Iterator[Solve]:
 
 
 @contextmanager
-def remote(scheduler: str, tell: Callable[[str], None]) -> Iterator[Solve]:
+def remote(scheduler: str, tell: Progress) -> Iterator[Solve]:
     """The workers of a Dask scheduler, as they come and go.  Raises InputError."""
     from distributed import Client
 
@@ -83,7 +83,7 @@ def remote(scheduler: str, tell: Callable[[str], None]) -> Iterator[Solve]:
         yield lambda tasks: _through(client, tasks)
 
 
-def _tell_of_page(client: Client, tell: Callable[[str], None]) -> None:
+def _tell_of_page(client: Client, tell: Progress) -> None:
     if find_spec("bokeh"):
         tell(f"live page of Dask: {client.dashboard_link}")
 

@@ -6,9 +6,9 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
+from cosim.case.cache_key import address, code_version, stated
 from cosim.case.file import load_case
 from cosim.port import InputError
-from cosim.study.cache_key import address, code_version, stated
 from cosim.study.engine import Solve
 from cosim.study.plan import Plan, Point
 from cosim.study.quantities import check_outputs

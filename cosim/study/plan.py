@@ -9,8 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from cosim.analyses.trials.outcome import Settings
-from cosim.case.file import find_case, load_case
+from cosim.case.file import Settings, find_case, load_case
 from cosim.port import Array, InputError
 from cosim.results.compare import Target
 from cosim.schema.fields import is_number
@@ -103,7 +102,7 @@ def read_plan(path_or_name: str | Path, other: str | Path | None = None) -> Plan
 def _targets(source: Path, data: str) -> tuple[Target, ...]:
     if not data:
         return ()
-    from cosim.results.compare_files import read_targets
+    from cosim.results.compare import read_targets
 
     return read_targets(source.parent / data)
 

@@ -6,9 +6,8 @@ import difflib
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from cosim.analyses.trials.outcome import measured
 from cosim.port import InputError
-from cosim.results.compare import COMPONENTS
+from cosim.results.compare import COMPONENTS, value_of
 from cosim.schema.fields import is_number
 
 NEAREST = 3
@@ -21,7 +20,7 @@ def check_outputs(outputs: Mapping[str, str], summary: Mapping[str, Any]) -> Non
     faults = []
     for name, quantity in outputs.items():
         for path in quantity.partition("/")[::2]:
-            if path and measured(summary, path) is None:
+            if path and value_of(summary, path) is None:
                 near = difflib.get_close_matches(path, known, NEAREST, 0.3)
                 hint = f"; nearest: {', '.join(near)}" if near else ""
                 faults.append(f"outputs.{name}: the run has no number at {path}{hint}")

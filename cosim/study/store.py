@@ -23,9 +23,8 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal
-from uuid import uuid4
 
-from cosim.files import move_into_place
+from cosim.files import replaced
 from cosim.port import InputError
 
 FORMAT = {"format": "cosim study store 1"}
@@ -124,17 +123,12 @@ class Store:
 
     def write_by(self, path: Path, writer: Callable[[Path], None]) -> None:
         """As `write`, by what writes to a path.  Raises StoreError."""
-        part = path.with_name(f".{path.stem[:16]}.{os.getpid()}.{uuid4().hex[:8]}.part")
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            writer(part)
-            move_into_place(part, path)
+            with replaced(path) as part:
+                writer(part)
             _sync_folder(path.parent)
         except OSError as error:
             raise self.unwritable(error) from error
-        finally:
-            with suppress(OSError):
-                part.unlink(missing_ok=True)
 
     def unwritable(self, error: OSError) -> StoreError:
         """The fault in words."""

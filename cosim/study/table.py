@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cosim.analyses.trials.outcome import measured, unit
+from cosim.results.compare import unit_of, value_of
 from cosim.study.execute import Done
 from cosim.study.plan import Plan
 from cosim.study.store import Store
@@ -44,13 +44,13 @@ def table_of(plan: Plan, done: Done, store: Store) -> pd.DataFrame:
 
 
 def _values(summary: Mapping[str, Any], outputs: Mapping[str, str]) -> list[float | None]:
-    return [measured(summary, quantity) for quantity in outputs.values()]
+    return [value_of(summary, quantity) for quantity in outputs.values()]
 
 
 def units_of(plan: Plan) -> dict[str, str]:
     """Of parameters and outputs; of a factor, a plain number or a word 1."""
     return {p.name: p.unit or "1" for p in plan.parameters} | {
-        name: unit(quantity) for name, quantity in plan.outputs.items()
+        name: unit_of(quantity) for name, quantity in plan.outputs.items()
     }
 
 

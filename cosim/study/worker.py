@@ -14,8 +14,8 @@ from pathlib import Path
 from queue import SimpleQueue
 from threading import Thread
 
+from cosim.case.cache_key import code_version
 from cosim.port import InputError
-from cosim.study.cache_key import code_version
 from cosim.study.store import Store
 from cosim.study.task import Task, settle
 

@@ -6,10 +6,10 @@ import itertools
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+from cosim.analyses.length_experiments import MADE, experiments
 from cosim.port import ConvergenceError
 from cosim.results.compare import SECOND_HAND, UNITS, Target
 from cosim.validation.trial import Group, Trial
-from cosim.verification.lengths import MADE, experiments
 
 SHELL = "shell"
 ENDINGS = {unit: key for key, unit in UNITS.items()}

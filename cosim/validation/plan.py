@@ -12,8 +12,15 @@ from functools import cache, partial
 from importlib.resources import as_file, files
 from pathlib import Path
 
-from cosim.results.compare import SECOND_HAND, Comparison, Target, compared, value_of, verdict
-from cosim.results.compare_files import read_targets
+from cosim.results.compare import (
+    SECOND_HAND,
+    Comparison,
+    Target,
+    compared,
+    read_targets,
+    value_of,
+    verdict,
+)
 from cosim.results.slips import is_slack
 from cosim.validation.force import force_groups
 from cosim.validation.lengths import OWN_ZERO, length_groups

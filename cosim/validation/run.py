@@ -4,13 +4,9 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import ExitStack
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import isfinite
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +14,10 @@ from cosim.build.fit import check_fit
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.files import written_whole
-from cosim.port import ConvergenceError, InputError
+from cosim.port import ConvergenceError, InputError, Progress, quiet
+from cosim.processes import process_pool
 from cosim.results.audit import describe_misses
-from cosim.results.compare import Comparison, Kind, Target, as_dict, tally
-from cosim.results.compare_files import write_json
+from cosim.results.compare import Comparison, Kind, Target, as_dict, tally, write_json
 from cosim.results.static import observe_static
 from cosim.results.write import plain
 from cosim.solve.solvers import solve
@@ -36,7 +32,6 @@ from cosim.version import __version__
 FORMAT = "cosim scoreboard 2"
 SPLIT = "fixed split"
 """The null model that has no hood."""
-Told = Callable[[str], None]
 Task = tuple[Trial, tuple[str, ...], str]
 """A trial, settings beside its own, and the folder for its run."""
 
@@ -120,7 +115,7 @@ def validated(
     folder: Path,
     settings: Sequence[str] = (),
     workers: int = 2,
-    told: Told = lambda text: None,
+    told: Progress = quiet,
 ) -> list[Board]:
     """Run the trials of the groups, each once, leave a run folder of each in `folder` with its
     comparison, and compare.  Raises InputError."""
@@ -128,11 +123,13 @@ def validated(
     tasks = [(t, tuple(settings), str(folder)) for t in trials.values()]
     outcomes: dict[str, Outcome] = {}
     started = time.perf_counter()
-    for done, outcome in enumerate(_all(tasks, workers), 1):
-        outcomes[outcome.trial] = outcome
-        word = "" if outcome.failure is None else f": {outcome.failure}"
-        left = (time.perf_counter() - started) / done * (len(tasks) - done)
-        told(f"{done} of {len(tasks)}, {_duration(left)} left: {outcome.trial}{word}")
+    batches = _batches(tasks)
+    with process_pool(min(workers, len(batches)), "--workers") as pool:
+        for done, outcome in enumerate(pool.as_ended(_run, batches), 1):
+            outcomes[outcome.trial] = outcome
+            word = "" if outcome.failure is None else f": {outcome.failure}"
+            left = (time.perf_counter() - started) / done * (len(tasks) - done)
+            told(f"{done} of {len(tasks)}, {_duration(left)} left: {outcome.trial}{word}")
     boards = [_board(group, outcomes) for group in chosen_groups]
     for name in trials:
         own = [row for b in boards for row in b.rows if row.target.case == name]
@@ -143,37 +140,6 @@ def validated(
 
 def _duration(seconds: float) -> str:
     return f"about {seconds / 60:.0f} min" if seconds >= 90 else f"about {seconds:.0f} s"
-
-
-def _all(tasks: Sequence[Task], workers: int) -> Iterator[Outcome]:
-    """What the trials said, as they end.
-
-    Raises InputError where a process was ended from outside."""
-    batches = _batches(tasks)
-    if workers == 1:
-        yield from (_run(task) for batch in batches for task in batch)
-        return
-    with ExitStack() as stack:
-        running: dict[Future[Outcome], tuple[ProcessPoolExecutor, list[Task]]] = {}
-        for _ in range(min(workers, len(batches))):
-            pool = ProcessPoolExecutor(1, mp_context=get_context("spawn"))
-            first, *rest = batches.pop(0)
-            running[stack.enter_context(pool).submit(_run, first)] = pool, rest
-        while running:
-            for done in wait(running, return_when=FIRST_COMPLETED).done:
-                pool, rest = running.pop(done)
-                if not rest and batches:
-                    rest = batches.pop(0)
-                try:
-                    outcome = done.result()
-                    if rest:
-                        running[pool.submit(_run, rest[0])] = pool, rest[1:]
-                except BrokenProcessPool:
-                    raise InputError(
-                        "a process that ran trials was ended from outside, it may be for want of "
-                        "memory; --workers 1 needs the least"
-                    ) from None
-                yield outcome
 
 
 def _batches(tasks: Sequence[Task]) -> list[list[Task]]:

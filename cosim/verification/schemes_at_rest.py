@@ -10,7 +10,7 @@ from cosim.build.motion import together
 from cosim.case.file import load_case
 from cosim.checks import Row, Study
 from cosim.coupling.motion import moments
-from cosim.port import Array
+from cosim.port import Array, quiet
 from cosim.solve.solvers import solve
 
 COARSE = "hood.mesh.quads=120"
@@ -65,7 +65,7 @@ def run_to_rest(muscle: str) -> Array:
     assert case.forward is not None  # stated above
     both = together(case, case.forward)
     start = both.moves.begin(both.finger.begin(both.posture))
-    *_, end = moments(both.moves, start, round(DURATION / STEP), lambda text: None)
+    *_, end = moments(both.moves, start, round(DURATION / STEP), quiet)
     return both.finger.tip_wrench(end.coupled.finger)[:3]
 
 

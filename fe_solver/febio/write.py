@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -11,6 +10,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.files import written_whole
 from cosim.port import InputError
 from fe_solver.elements.mesh_geometry import node_directors
 from fe_solver.febio.bodies import Units
@@ -49,17 +49,8 @@ def write_feb(
         raise InputError(f"points have shape {own.shape}, expected {job.points.shape}")
     _check_names(job)
     w = Conditions(job, face_points(job, own), Units(length_unit, force_unit))
-    _write_whole(path, "\n".join(_lines(w)) + "\n")
-
-
-def _write_whole(path: Path, text: str) -> None:
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        part.write_text(text, encoding="utf-8")
-        part.replace(path)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise InputError(f"{path}: cannot be written: {error.strerror}") from error
+    with written_whole(path) as part:
+        part.write_text("\n".join(_lines(w)) + "\n", encoding="utf-8")
 
 
 def _check_names(job: Job) -> None:

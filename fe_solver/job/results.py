@@ -5,8 +5,6 @@ from __future__ import annotations
 
 import csv
 import json
-import os
-import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -14,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.port import InputError
+from cosim.files import folder_written_whole
 from fe_solver.job.job import Job
 from fe_solver.job.solve import JobResult, JobState
 
@@ -84,40 +82,15 @@ def summary(result: JobResult) -> dict[str, Any]:
     }
 
 
-def check_target(folder: Path) -> None:
-    """Raises InputError where something that is no result stands in the way."""
-    mine = not folder.exists() or (folder / SUMMARY).is_file()
-    if not mine and not (folder.is_dir() and not any(folder.iterdir())):
-        raise InputError(f"{folder}: is in the way and is no earlier result; choose another --out")
-
-
 def write_job(folder: Path | str, result: JobResult) -> Path:
     """Write summary.json, springs.csv, a .vtu of each state with a .pvd of all, and an .xdmf.
 
     The folder appears whole, in the place of an earlier result, or not at all.  Raises InputError
     where it cannot be written."""
     target = Path(folder)
-    part = target.with_name(f".{target.name}.{os.getpid()}.part")
-    try:
-        check_target(target)
-        target.parent.mkdir(parents=True, exist_ok=True)
-        part.mkdir()
+    with folder_written_whole(target, SUMMARY) as part:
         _write_files(part, result)
-        _replace(target, part)
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise InputError(f"{target}: cannot be written ({reason}); choose another --out") from error
-    finally:
-        shutil.rmtree(part, ignore_errors=True)
     return target
-
-
-def _replace(target: Path, part: Path) -> None:
-    old = part.with_suffix(".old")
-    if target.exists():
-        target.rename(old)
-    part.rename(target)
-    shutil.rmtree(old, ignore_errors=True)
 
 
 def _write_files(folder: Path, result: JobResult) -> None:

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from cosim.port import ConvergenceError, InputError
 from cosim.processes import one_blas_thread
-from fe_solver.febio.solid_model import first_obstacle
 from fe_solver.forces.loads import pressure_forces
 from fe_solver.forces.springs import NodeSprings, Springs, node_spring_state, spring_state
 from fe_solver.job.job import Job
@@ -117,20 +116,21 @@ def solve_job(
     until: float | None = None,
     options: JobOptions | None = None,
     times: Sequence[float] | None = None,
+    ways: Sequence[str] = (),
 ) -> ShellResult:
     """Static equilibria of a job at `times`, or else at the ends of its steps, up to `until` (its
     last step's end where None; later than that the curves go on as they say).
 
     Raises InputError as `job_model` does, for times that do not ascend from above 0 and for a state
-    whose sheet could move as a rigid body without resistance, and ConvergenceError naming the time
-    and the place."""
+    whose sheet could move as a rigid body without resistance, and ConvergenceError naming the time,
+    the place, and what to try: other `ways` to solve a model of FEBio's first."""
     options = options or JobOptions()
     began = clock.process_time()
     wanted = wanted_times(job, until, times)
     model = job_model(job, options)
     setup = clock.process_time() - began
     began = clock.process_time()
-    stepper = _Stepper(model, options)
+    stepper = _Stepper(model, options, ways)
     states = [stepper.reach(time) for time in wanted]
     effort = replace(stepper.effort, cpu_s=clock.process_time() - began)
     return ShellResult(job, tuple(states), setup, effort)
@@ -159,26 +159,24 @@ def spread_times(job: Job, until: float | None = None, states: int = 1) -> list[
     return [t for t in out if t < until * (1 - SAME_TIME)] + [until]
 
 
-def _advice(job: Job, steps: int) -> str:
+def _advice(job: Job, steps: int, ways: Sequence[str]) -> str:
     """What to try, the nearest first, where no equilibrium was found after so many steps."""
-    ways = []
+    tries = []
     if steps and job.as_febio:
-        if first_obstacle(job) is None:
-            ways.append("--element q4ans (FEBio's own shell and contact)")
-        ways.append("--own-shell (bends as a thin sheet does)")
+        tries += [*ways, "--own-shell (bends as a thin sheet does)"]
     if job.springs and job.height.any():
-        ways.append(
+        tries.append(
             "--mid-surface (fe_solver.job.mid_surface: the springs pull at a face of the sheet, on "
             "a thin one a couple beyond its bending stiffness)"
         )
-    return f" To try, the nearest first: {'; '.join(ways)}." if ways else ""
+    return f" To try, the nearest first: {'; '.join(tries)}." if tries else ""
 
 
 class _Stepper:
     """The last equilibrium and how to get to the next."""
 
-    def __init__(self, model: JobModel, options: JobOptions) -> None:
-        self.model, self.options = model, options
+    def __init__(self, model: JobModel, options: JobOptions, ways: Sequence[str]) -> None:
+        self.model, self.options, self.ways = model, options, ways
         self.time, self.solution = 0.0, None
         self.effort = Effort()
         self.stride = np.inf
@@ -283,7 +281,7 @@ class _Stepper:
                 f"{self.model.job.name}: no equilibrium was found at t = {time:.6g}, after "
                 f"{self.effort.steps} steps up to t = {self.time:.6g} and {self.effort.failures} "
                 f"that failed; nor by a damped motion ({failed}). {error}"
-                + _advice(self.model.job, self.effort.steps)
+                + _advice(self.model.job, self.effort.steps, self.ways)
             ) from error
         self.effort = replace(self.effort, relaxations=self.effort.relaxations + 1)
         return found

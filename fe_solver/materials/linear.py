@@ -132,7 +132,7 @@ class Orthotropic(Linear):
     """Moduli (Pa) along and across the fibre; nu12 is the contraction across a pull along it.
 
     E3 (as E2 where None), nu23 and nu31 are of the thickness, which a sheet in plane stress does
-    not ask for and a solid does (`febio.solid_laws`)."""
+    not ask for and a solid does (`verification.febio.solid_laws`)."""
 
     E1: Real
     E2: Real

@@ -7,15 +7,15 @@ negative inside.  The exact shapes are in `fe_solver.surfaces.shapes`.
 from __future__ import annotations
 
 import hashlib
-import os
-import tempfile
 import zipfile
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.files import replaced
 from cosim.port import InputError
 from fe_solver.elements import kernels
 from fe_solver.surfaces.shapes import Distance, Sphere, Surface, positive
@@ -201,13 +201,5 @@ def _read(file: Path, shape: tuple[int, ...]) -> Array | None:
 
 def _write(file: Path, coefficients: Array) -> None:
     """Store for the next time; a folder that cannot be written to only costs that time."""
-    temporary = None
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(dir=file.parent, suffix=".tmp")
-        with os.fdopen(handle, "wb") as stream:
-            np.savez(stream, coefficients=coefficients, digest=_digest(file, coefficients))
-        os.replace(temporary, file)
-    except OSError:
-        if temporary:
-            Path(temporary).unlink(missing_ok=True)
+    with suppress(OSError), replaced(file) as part, part.open("wb") as stream:
+        np.savez(stream, coefficients=coefficients, digest=_digest(file, coefficients))

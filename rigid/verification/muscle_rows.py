@@ -11,11 +11,11 @@ import numpy as np
 from cosim.checks import Row
 from rigid.muscle.curves import Curve
 from rigid.muscle.dynamics import at_rest, fibre_velocity, step
-from rigid.muscle.index_muscles import index_muscles
 from rigid.muscle.millard import equilibrium, path_length
 from rigid.muscle.newton import Array
 from rigid.muscle.parameters import DAMPED
 from rigid.verification import opensim_reference
+from rigid.verification.index_muscles import index_muscles
 
 TABLE = Path(__file__).parent / "data" / "millard_opensim.npz"
 MILLARD = "Millard, Uchida, Seth, Delp 2013, J Biomech Eng 135:021005"

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from rigid.muscle.index_muscles import index_muscles
 from rigid.muscle.newton import Array
 from rigid.muscle.parameters import Muscles
+from rigid.verification.index_muscles import index_muscles
 
 ACTIVATIONS = np.linspace(0.0, 1.0, 11)
 FIBRES = np.linspace(0.3, 1.6, 41)

@@ -33,8 +33,8 @@ from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.fingers.middle import MiddleFinger
 from cosim.hoods.shell.variation import scaled_moduli
-from cosim.papers.page import write_figures
 from cosim.port import ConvergenceError
+from cosim.report.figures import write_figures
 from meshes.bands import Line, SagittalBands, band_heights, sagittal_angles
 
 COARSE = "hood.mesh.quads=120"

@@ -18,8 +18,7 @@ from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.pipeline import run_case
 from cosim.port import ConvergenceError, InputError
-from cosim.results.compare import Target, value_of
-from cosim.results.compare_files import read_targets
+from cosim.results.compare import Target, read_targets, value_of
 from tests.helpers.folders import CASE_DATA
 from tests.helpers.held import HELD
 

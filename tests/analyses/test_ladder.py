@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cosim.analyses import ladder
-from cosim.analyses.ladder_tables import side_by_side, to_csv, to_markdown
+from cosim.analyses.ladder import side_by_side, to_csv, to_markdown
 from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.port import InputError

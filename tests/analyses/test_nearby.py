@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from cosim.analyses.trials.by_tangent import tangent_serves
-from cosim.analyses.trials.outcome import Outcome, Settings, outcome
+from cosim.analyses.trials.outcome import Outcome, outcome
 from cosim.analyses.trials.workers import Kept, solve_many, solve_one
-from cosim.case.file import find_case, load_case
+from cosim.case.file import Settings, find_case, load_case
 from cosim.results.compare import value_of
 
 SOURCE = find_case("strain_lee2008_soft_iso")

@@ -23,14 +23,14 @@ from cosim.analyses.identify.sensitivity import (
 )
 from cosim.analyses.identify.tornado import draw_tornado
 from cosim.analyses.identify.variations import variations
-from cosim.analyses.trials.outcome import measured, outcome, unit
+from cosim.analyses.trials.outcome import outcome
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.cli import app
 from cosim.hoods.shell.variation import SHEETS
 from cosim.hoods.variation import Side, Variation
 from cosim.port import ConvergenceError, InputError
-from cosim.results.compare import Target
+from cosim.results.compare import Target, unit_of, value_of
 from tests.helpers.held import HELD
 
 PASSIVE, EDC = "joint_torque_Nmm.passive.PIP", "joint_torque_Nmm.EDC.PIP"
@@ -111,12 +111,12 @@ def test_two_processes_say_the_same_bytes(held):
 
 def test_ratios_are_measured():
     summary = {"difference": {"slip_force_N": {"terminal": 5.1, "central": 3.0}}, "a_mm": 2.0}
-    assert measured(summary, RATIO) == pytest.approx(1.7)
-    assert unit(RATIO) == "1"
-    assert unit("slip_force_N.central/a_mm") == "N / (mm)"
-    assert measured(summary, "a_mm/absent_mm") is None
+    assert value_of(summary, RATIO) == pytest.approx(1.7)
+    assert unit_of(RATIO) == "1"
+    assert unit_of("slip_force_N.central/a_mm") == "N / (mm)"
+    assert value_of(summary, "a_mm/absent_mm") is None
     summary["difference"]["slip_force_N"]["central"] = 0.0
-    assert measured(summary, RATIO) is None
+    assert value_of(summary, RATIO) is None
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ import gzip
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -341,9 +342,9 @@ def test_hostile_files_take_little_time_and_memory(tmp_path: Path) -> None:
 def test_rows_and_bytes_are_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     model = tmp_path / "model.feb"
     model.write_text(TEXT)
-    monkeypatch.setattr(feb_xml, "MOST_ROWS", 20)
+    monkeypatch.setattr(feb_xml, "LIMITS", replace(feb_xml.LIMITS, rows=20))
     assert "more than 20 rows" in told(tmp_path, model)
-    monkeypatch.setattr(feb_xml, "MOST_BYTES", 1000)
+    monkeypatch.setattr(feb_xml, "LIMITS", replace(feb_xml.LIMITS, bytes=1000))
     assert "the file is longer than" in told(tmp_path, model)
 
 

@@ -9,7 +9,12 @@ import pytest
 
 from cosim.build.motion import together
 from cosim.case.file import load_case
-from cosim.coupling.excursion import Draw, Driven, begun, drawn
+from cosim.coupling.excursion import (
+    ExcursionState,
+    PrescribedExcursions,
+    initial_excursions,
+    solve_excursions,
+)
 from cosim.pipeline import run_case
 from cosim.port import ConvergenceError, InputError, StoppedError
 from cosim.results.result import Result
@@ -155,7 +160,7 @@ def test_an_fmu_in_motion_takes_tensions():
 STRAIGHT = np.array([[1.0, 0.2], [0.1, 2.0]])
 
 
-def pulled(aim: list[float], stiff: float = 0.0) -> tuple[np.ndarray, Draw, int]:
+def pulled(aim: list[float], stiff: float = 0.0) -> tuple[np.ndarray, ExcursionState, int]:
     """Two tendons with x = S T + stiff T^3, from 0.5 N each."""
     count = 0
 
@@ -165,10 +170,12 @@ def pulled(aim: list[float], stiff: float = 0.0) -> tuple[np.ndarray, Draw, int]
         return tension, 1e-3 * (STRAIGHT @ tension + stiff * tension**3)
 
     start = np.array([0.5, 0.5])
-    draw = begun(start, trial(start)[1])
+    draw = initial_excursions(start, trial(start)[1])
     count = 0
-    driven = Driven(("a", "b"), np.arange(2), lambda time: 1e-3 * np.array(aim) * time)
-    tension, after = drawn(driven, draw, 1.0, trial)
+    driven = PrescribedExcursions(
+        ("a", "b"), np.arange(2), lambda time: 1e-3 * np.array(aim) * time
+    )
+    tension, after = solve_excursions(driven, draw, 1.0, trial)
     return tension, after, count
 
 
@@ -195,9 +202,9 @@ def test_a_tendon_that_would_have_to_push_is_slack():
 
 
 def test_what_no_tension_draws_is_an_error():
-    driven = Driven(("EDC",), np.arange(1), lambda time: np.array([1e-3]))
-    deaf = begun(np.zeros(1), np.zeros(1))
+    driven = PrescribedExcursions(("EDC",), np.arange(1), lambda time: np.array([1e-3]))
+    deaf = initial_excursions(np.zeros(1), np.zeros(1))
     with pytest.raises(ConvergenceError, match="does not depend on its tendon's tension"):
-        drawn(driven, deaf, 1.0, lambda tension: (None, np.zeros(1)))
+        solve_excursions(driven, deaf, 1.0, lambda tension: (None, np.zeros(1)))
     with pytest.raises(ConvergenceError, match=r"tendons\.EDC\.excursion: in 40 trials"):
-        drawn(driven, deaf, 1.0, lambda tension: (None, 1e-4 * tension / (1 + tension)))
+        solve_excursions(driven, deaf, 1.0, lambda tension: (None, 1e-4 * tension / (1 + tension)))

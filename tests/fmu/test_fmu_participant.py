@@ -14,7 +14,7 @@ from cosim.case.file import load_case
 from cosim.coupling.accelerators import Aitken
 from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium
 from cosim.coupling.schemes import Explicit, Implicit, Linear, Newton, begin, step
-from cosim.fingers.kinds import planar_chain
+from cosim.fingers.planar import planar_chain
 from cosim.fmu.finger import FmuFinger, met
 from cosim.fmu.hood import FmuHood
 from cosim.fmu.quantity import tangent_of

@@ -15,8 +15,7 @@ from cosim.fingers.kinds import FINGERS, skeleton_of
 from cosim.hoods.shell.build import thickness_of
 from cosim.pipeline import run_case
 from cosim.port import InputError
-from cosim.results.compare import Target, compared
-from cosim.results.compare_files import read_targets
+from cosim.results.compare import Target, compared, read_targets
 from meshes.hood_mesh import HoodMesh
 from meshes.hull import DIP, PIP, Chain, Hull, Level, along
 from meshes.skeleton import BODIES, index_finger

@@ -9,9 +9,8 @@ from typer.testing import CliRunner
 
 from cosim.cli import app
 from cosim.files import folder_written_whole
-from cosim.papers.figure import Figure, Study
-from cosim.papers.page import Paper, chosen, write_figures
 from cosim.port import ConvergenceError, InputError
+from cosim.report.figures import Figure, FigurePage, Study, chosen, write_figures
 
 
 def drawn(sheet):
@@ -28,7 +27,7 @@ def paper(*figures, fails=False):
         raise ConvergenceError("did not converge")
 
     studies = (Study("one", "the first", lambda: list(figures)), Study("two", "fails", fail))
-    return Paper("mine", "A paper", studies[: 2 if fails else 1])
+    return FigurePage("mine", "A paper", studies[: 2 if fails else 1])
 
 
 def test_pictures_tables_and_a_page_that_needs_nothing_else(tmp_path):

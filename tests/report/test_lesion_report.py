@@ -15,8 +15,7 @@ from typer.testing import CliRunner
 from cosim.analyses.lesion import TIPS
 from cosim.cli import app
 from cosim.commands import lesion as lesion_commands
-from cosim.report.lesion_drawings import outline, same_layout
-from cosim.report.lesion_page import Pair, tables_of_lesion
+from cosim.report.lesion_page import Pair, outline, same_layout, tables_of_lesion
 from cosim.report.tables import as_csv, as_markdown
 from cosim.report.views import Bone, Sheet
 from cosim.report.words import question

@@ -284,7 +284,7 @@ def test_the_view_packs_what_runs_share_once(hood, motion):
 
 
 def test_arrows_are_those_of_the_run_and_of_its_data(hood, data):
-    from cosim.results.compare_files import read_targets
+    from cosim.results.compare import read_targets
 
     run = read_run(hood, read_targets(data))
     arrows = arrows_of([run])
@@ -371,7 +371,7 @@ def test_rows_for_a_case_of_which_no_run_is_reported_are_counted(hood, tmp_path,
 
 
 def test_rows_of_the_runs_own_file_come_first(tmp_path, hood, data):
-    from cosim.results.compare_files import read_targets, write_json
+    from cosim.results.compare import read_targets, write_json
 
     run = read_run(hood, read_targets(data))
     shutil.copytree(hood, tmp_path / "run")

@@ -21,17 +21,15 @@ from cosim.results.compare import (
     compared,
     difference,
     force_vectors,
-    tally,
-    unit_of,
-    value_of,
-    verdict,
-)
-from cosim.results.compare_files import (
     read_json,
     read_targets,
+    tally,
     to_csv,
     to_json,
     to_markdown,
+    unit_of,
+    value_of,
+    verdict,
     write_json,
 )
 

@@ -15,8 +15,7 @@ from matplotlib.colors import to_hex
 
 from cosim.analyses import moment_arms as arms
 from cosim.analyses.estimate.plot import draw_motion
-from cosim.analyses.ladder import Rung
-from cosim.analyses.ladder_plot import draw_ladder
+from cosim.analyses.ladder import Rung, draw_ladder
 from cosim.report import page as page_module
 from cosim.report.drawings import arrows_of
 from cosim.results.history_plot import draw_history

@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from cosim.case.cache_key import address, code_version, stated
 from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.port import ConvergenceError, InputError
 from cosim.study import open_study
 from cosim.study import process as apart
-from cosim.study.cache_key import address, code_version, stated
 from cosim.study.quantities import check_outputs, paths
 from cosim.study.store import Store
 from cosim.study.task import Task, known, settle

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import pytest
 
+from cosim.analyses.length_experiments import HOODS, case_with, experiments, levers
 from cosim.case.file import load_case
 from cosim.report.strengths import NOT_KNOWN, carried, strength_of, strengths
 from cosim.results.quantities import is_known
-from cosim.verification.lengths import HOODS, STUDIES, case_with, experiments, levers, rows
+from cosim.verification.lengths import STUDIES, rows
 from meshes.hood_mesh import REGIONS
 
 CASES = (

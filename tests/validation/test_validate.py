@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from cosim.analyses.length_experiments import MADE, Value, experiments
 from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.port import ConvergenceError, InputError
@@ -35,7 +36,6 @@ from cosim.validation.run import (
 )
 from cosim.validation.skill import FACTORS, counted
 from cosim.validation.trial import Group
-from cosim.verification.lengths import MADE, Value, experiments
 from tests.helpers.folders import ROOT
 
 GROUPS = groups(Path("mi29.feb"))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import cast
 
@@ -17,7 +17,7 @@ from cosim.analyses.estimate.tensions import Bounds, Cost, Estimate, estimate, s
 from cosim.build.models import Models, build
 from cosim.case.schema import Case
 from cosim.fingers.kinds import with_mass
-from cosim.port import Array, ConvergenceError, InputError
+from cosim.port import Array, ConvergenceError, InputError, Progress
 from cosim.schema import units
 from cosim.solve.agree import agree
 from rigid.muscle.least_cost import Power
@@ -126,7 +126,7 @@ def torques_wanted(joints: Sequence[str], given: Mapping[str, float]) -> Array:
 def for_force(
     s: Setup,
     force: tuple[float | None, float | None, float | None],
-    progress: Callable[[str], None],
+    progress: Progress,
 ) -> Answer:
     """Tensions for a fingertip force in the case's posture, audited by its coupled equilibrium.
 
@@ -153,7 +153,7 @@ def _approached(
     demand: Demand,
     wanted: Array,
     first: Torques,
-    progress: Callable[[str], None],
+    progress: Progress,
 ) -> Estimate:
     """The estimate at once; or, where a hood whose shares vary stands far from its start and finds
     the wanted out of reach there, in STAGES from what its least tensions make."""
@@ -180,9 +180,7 @@ def _approached(
     return found
 
 
-def _forward(
-    s: Setup, held: Held, demand: Demand, found: Estimate, progress: Callable[[str], None]
-) -> Audit:
+def _forward(s: Setup, held: Held, demand: Demand, found: Estimate, progress: Progress) -> Audit:
     finger, hood = s.models.finger, s.models.hood
     split = len(hood.tendons)
     try:
@@ -205,7 +203,7 @@ def _forward(
     return Audit(np.array([e.balance.tip_force[AXES.index(a)] for a in demand.names]), turned)
 
 
-def for_torques(s: Setup, given: Mapping[str, float], progress: Callable[[str], None]) -> Answer:
+def for_torques(s: Setup, given: Mapping[str, float], progress: Progress) -> Answer:
     """Tensions of which hood and muscles make joint torques (N m) in the case's posture, audited by
     a hood that is solved anew, from its start, under them."""
     held = s.held(s.models.posture)
@@ -233,9 +231,7 @@ class Along:
     rounds: int
 
 
-def for_motion(
-    s: Setup, motion: JointMotion, progress: Callable[[str], None], reserve: float = 0.0
-) -> Along:
+def for_motion(s: Setup, motion: JointMotion, progress: Progress, reserve: float = 0.0) -> Along:
     """Tensions along a motion, of which hood and muscles make its torques by inverse dynamics, each
     sample from the one before; a torque may lack `reserve` N m where tensions make no better.
 

@@ -10,7 +10,6 @@ the problem itself.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -18,7 +17,7 @@ import numpy as np
 
 from cosim.analyses.estimate.demand import Demand
 from cosim.analyses.estimate.held_finger import Held, Torques
-from cosim.port import Array, ConvergenceError, InputError, State
+from cosim.port import Array, ConvergenceError, InputError, Progress, State, quiet
 from rigid.muscle.least_cost import Optimum, Power, Programme, least
 
 MOST_ROUNDS = 40
@@ -73,7 +72,7 @@ def estimate(
     bounds: Bounds,
     cost: Cost,
     start: tuple[Array, State] | None = None,
-    progress: Callable[[str], None] = lambda text: None,
+    progress: Progress = quiet,
     reserve: float = 0.0,
 ) -> Estimate:
     """The cheapest tensions that make the components `wanted` (d,) of a demand, or where none do

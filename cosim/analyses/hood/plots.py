@@ -19,7 +19,7 @@ from cosim.analyses.hood.literature import (
     coupled,
 )
 from cosim.analyses.hood.poses import JOINTS, Posture, SolvedPose, posture_name
-from cosim.papers.lines import framed
+from cosim.report.figures import framed
 from cosim.results.looks import look
 
 if TYPE_CHECKING:

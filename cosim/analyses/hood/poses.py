@@ -9,7 +9,7 @@ with its reason and without numbers.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import cast
 
@@ -20,7 +20,7 @@ from cosim.build.models import Models, build, hood_mesh
 from cosim.case.schema import Case
 from cosim.hoods.fe_view import FeView
 from cosim.hoods.injury import injured_mesh
-from cosim.port import STATIC, Array, ConvergenceError, Response, State
+from cosim.port import STATIC, Array, ConvergenceError, Progress, Response, State, quiet
 from cosim.results.audit import missed_bounds
 from cosim.results.slips import is_slack
 from meshes.bands import sagittal_angles, sagittal_bands
@@ -81,7 +81,7 @@ class HoodPoses:
     """The hood of a case, its state in the last posture, and what was solved so far."""
 
     case: Case
-    say: Callable[[str], None] = lambda text: None
+    say: Progress = quiet
     """Told of each pose."""
     models: Models = field(init=False)
     known: dict[tuple[Posture, Pull, str], SolvedPose] = field(init=False, default_factory=dict)

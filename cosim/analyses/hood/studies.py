@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cached_property, partial
 
 import numpy as np
@@ -35,8 +35,8 @@ from cosim.analyses.hood.poses import (
     pull_name,
 )
 from cosim.case.schema import Case
-from cosim.papers.figure import Figure, Study
-from cosim.papers.page import Paper
+from cosim.port import Progress, quiet
+from cosim.report.figures import Figure, FigurePage, Study
 
 REST_MCP, REST_PIP = (0.0, 40.0, 80.0), (0.0, 45.0, 90.0)
 SLIP_POSTURES: tuple[Posture, ...] = tuple(
@@ -71,7 +71,7 @@ POSTURE = list(WHERE[:3])
 class HoodStudies:
     """The studies of one case; they share the poses that more than one of them looks at."""
 
-    def __init__(self, case: Case, say: Callable[[str], None] = lambda text: None) -> None:
+    def __init__(self, case: Case, say: Progress = quiet) -> None:
         self.case, self.say = case, say
 
     @cached_property
@@ -79,7 +79,7 @@ class HoodStudies:
         """Raises InputError for a case without a sheet."""
         return HoodPoses(self.case, self.say)
 
-    def paper(self, command: str) -> Paper:
+    def paper(self, command: str) -> FigurePage:
         studies = (
             Study("rest", "torques and slips at rest along couplings of PIP and DIP", self.at_rest),
             Study("slips", "central and terminal slip under EDC, by posture and load", self.slips),
@@ -88,7 +88,9 @@ class HoodStudies:
             Study("sagittal", "angle of the sagittal bands against the MCP", self.sagittal),
         )
         title = f"The hood of {self.case.name} over postures"
-        return Paper("hood", title, studies, "A hood over postures, beside literature", command)
+        return FigurePage(
+            "hood", title, studies, "A hood over postures, beside literature", command
+        )
 
     def unsolved(self) -> list[SolvedPose]:
         """Poses without equilibrium, or whose audit is missed."""

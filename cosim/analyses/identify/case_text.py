@@ -11,7 +11,7 @@ from textwrap import wrap
 
 from cosim.analyses.identify.cases import FitCase, StatedCase
 from cosim.analyses.identify.fit import Fit, interval, standing
-from cosim.analyses.trials.outcome import Settings
+from cosim.case.file import Settings
 from cosim.port import InputError
 from cosim.results.compare import Comparison, number, stated
 

@@ -20,8 +20,7 @@ from cosim.analyses.identify.parameters import (
     raise_faults,
     read_free,
 )
-from cosim.analyses.trials.outcome import Settings
-from cosim.case.file import find_case, load_case
+from cosim.case.file import Settings, find_case, load_case
 from cosim.case.schema import Case
 from cosim.port import InputError
 from cosim.results.compare import Target, unit_of

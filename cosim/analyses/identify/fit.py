@@ -12,7 +12,7 @@ Rows inside their bands do not pull, and tell nothing of the parameters but an i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -22,10 +22,11 @@ from scipy.optimize import least_squares
 from cosim.analyses.identify.cases import FitCase, StatedCase, assigned
 from cosim.analyses.identify.parameters import Free, Parameter, raise_faults
 from cosim.analyses.trials.by_tangent import tangent_serves
-from cosim.analyses.trials.outcome import Outcome, Settings
-from cosim.analyses.trials.workers import CaseWorkers, case_workers
-from cosim.case.file import load_case
-from cosim.port import Array, ConvergenceError, InputError
+from cosim.analyses.trials.outcome import Outcome
+from cosim.analyses.trials.workers import CaseWorkers
+from cosim.case.file import Settings, load_case
+from cosim.port import Array, ConvergenceError, InputError, Progress, quiet
+from cosim.processes import process_pool
 from cosim.results.compare import Comparison, Target, compared
 from cosim.results.quantities import check_quantities
 
@@ -172,7 +173,7 @@ def fit(
     targets: Sequence[Target],
     jobs: int = 1,
     most: int = 30,
-    progress: Callable[[str], None] = lambda text: None,
+    progress: Progress = quiet,
 ) -> Fit:
     """`fit_all` of one case, the one at `source` with settings; targets for others are left out."""
     stated = (StatedCase(source.stem, source, settings),)
@@ -183,7 +184,7 @@ def fit_all(
     cases: Sequence[FitCase],
     jobs: int = 1,
     most: int = 30,
-    progress: Callable[[str], None] = lambda text: None,
+    progress: Progress = quiet,
 ) -> Fit:
     """The parameters, the same in all cases, with which they miss their targets least, in at most
     so many evaluations of all cases; gradients and the last solves, from scratch, come on top.
@@ -194,8 +195,8 @@ def fit_all(
     own = [(c.name, c.stated.source, on) for c, on in zip(cases, serves, strict=True)]
     rows = [row for case in cases for row in (*case.rows, *case.held_out)]
     arms = any("moment_arm" in row.quantity for row in rows)
-    with case_workers(own, jobs, arms) as workers:
-        return _Search(cases, serves, workers, most, progress).run()
+    with process_pool(jobs) as pool:
+        return _Search(cases, serves, CaseWorkers(own, pool, arms), most, progress).run()
 
 
 @dataclass(frozen=True)
@@ -227,7 +228,7 @@ class _Search:
         serves: Sequence[bool],
         workers: CaseWorkers,
         most: int,
-        progress: Callable[[str], None],
+        progress: Progress,
     ) -> None:
         self.cases, self.serves, self.workers = cases, serves, workers
         self.most, self.progress = most, progress

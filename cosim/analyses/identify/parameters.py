@@ -9,7 +9,7 @@ from math import ceil, exp, isfinite, log, log10
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from cosim.analyses.trials.outcome import Settings
+from cosim.case.file import Settings
 from cosim.case.schema import Case
 from cosim.hoods.shell.table import FibreMooneyRivlin, TransverselyIsotropic
 from cosim.hoods.shell.variation import toe_settings

@@ -10,12 +10,16 @@ import io
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
-from cosim.analyses.trials.outcome import Outcome, Settings, measured, solver, unit
+from cosim.analyses.trials.outcome import Outcome, outcome
+from cosim.case.file import Settings
 from cosim.hoods.variation import Side, Variation
 from cosim.port import ConvergenceError, InputError
+from cosim.processes import process_pool
+from cosim.results.compare import unit_of, value_of
 
 FORMAT = "cosim sensitivity 1"
 RATIO = "difference.slip_force_N.terminal/difference.slip_force_N.central"
@@ -109,8 +113,9 @@ def study(
     asked = [(v, name, side) for v, name, side in sides if side.settings]
     total = 1 + len(asked)
     progress(0, total, "the case as it is")
-    with solver(source, jobs) as solve:
-        found = solve([settings, *(settings + side.settings for _, _, side in asked)])
+    every = [settings, *(settings + side.settings for _, _, side in asked)]
+    with process_pool(jobs) as pool:
+        found = pool.in_order(partial(outcome, source), every)
         first = next(found)
         base = _base(first, quantities, also)
         outcomes = {}
@@ -132,7 +137,7 @@ def _base(first: Outcome, quantities: Sequence[str], also: Sequence[str]) -> dic
     if first.status == "failed":
         raise ConvergenceError(f"the case as it is: {first.reason}")
     usual = () if quantities else (*QUANTITIES, *_arms(first.summary))
-    values = {q: measured(first.summary, q) for q in (*quantities, *usual, *also)}
+    values = {q: value_of(first.summary, q) for q in (*quantities, *usual, *also)}
     absent = [q for q in (*quantities, *also) if values[q] is None]
     if absent:
         raise InputError(
@@ -153,7 +158,7 @@ def _arms(summary: Mapping[str, Any]) -> Iterator[str]:
 def _run(v: Variation, name: End, side: Side, found: Outcome | None, base: Mapping) -> Run:
     if found is None:
         return Run(v.name, name, side.label, (), "does not apply", side.why_not, {})
-    values = {q: measured(found.summary, q) for q in base}
+    values = {q: value_of(found.summary, q) for q in base}
     missed = ", ".join(found.summary.get("audit_missed", ()))
     reason = f"audit missed: {missed}" if missed else found.reason
     return Run(v.name, name, side.label, side.settings, found.status, reason, values)
@@ -187,7 +192,7 @@ def to_json(found: Sensitivity) -> str:
         "format": FORMAT,
         "case": found.case,
         "settings": found.settings,
-        "units": {q: unit(q) for q in found.base},
+        "units": {q: unit_of(q) for q in found.base},
         "base": found.base,
         "runs": [vars(run) for run in found.runs],
     }

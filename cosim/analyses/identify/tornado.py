@@ -7,8 +7,7 @@ from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 from cosim.analyses.identify.sensitivity import Bar, Run, Sensitivity, bars
-from cosim.analyses.trials.outcome import unit
-from cosim.results.compare import Target, stated
+from cosim.results.compare import Target, stated, unit_of
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -45,7 +44,7 @@ def draw_tornado(found: Sensitivity, quantity: str, target: Target | None = None
     axes.set_yticks(range(len(drawn)), [bar.variation for bar in drawn])
     axes.set_ylim(len(drawn) - 0.4, -0.6)
     _make_room(axes, base, drawn)
-    of, subject = unit(quantity), quantity.replace("/", " / ")
+    of, subject = unit_of(quantity), quantity.replace("/", " / ")
     axes.set_xlabel(subject + ("" if of == "1" else f" ({of})"), fontsize=9)
     axes.grid(axis="x", alpha=0.3)
     axes.set_axisbelow(True)

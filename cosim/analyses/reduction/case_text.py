@@ -23,7 +23,7 @@ from cosim.analyses.reduction.walks import (
     NEAR_ENDS,
     SEED,
 )
-from cosim.analyses.trials.outcome import Settings
+from cosim.case.file import Settings
 from cosim.schema import units
 
 if TYPE_CHECKING:

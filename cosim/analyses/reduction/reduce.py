@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -23,20 +23,19 @@ from cosim.analyses.reduction.walks import (
     spread_walks,
 )
 from cosim.build.models import build
+from cosim.case.cache_key import address, code_version
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.fingers.common import Extensor
 from cosim.fingers.kinds import anatomy_of, live_finger
 from cosim.hoods.kinds import that_fit
 from cosim.hoods.lumped.reduction import Sample, fitted, stacked
-from cosim.port import Array, InputError
-from cosim.study.cache_key import address, code_version
+from cosim.port import Array, InputError, Progress, quiet
 
 if TYPE_CHECKING:
     from cosim.hoods.lumped.reduction import Potential
 
 BATCH = 20_000
-Tell = Callable[[str], None]
 
 
 class Rate(NamedTuple):
@@ -110,7 +109,7 @@ def reduce_case(
     settings: Sequence[str],
     grid: Mapping[str, tuple[float, ...]],
     jobs: int,
-    tell: Tell = lambda text: None,
+    tell: Progress = quiet,
     spread: int = SPREAD,
     samples: Path | None = None,
 ) -> Reduction:

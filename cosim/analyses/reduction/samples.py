@@ -8,10 +8,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache, partial
-from multiprocessing import get_context
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,6 +19,7 @@ from cosim.build.models import Models, build
 from cosim.case.file import load_case
 from cosim.hoods.lumped.reduction import Sample
 from cosim.port import STATIC, Array, ConvergenceError, Load, State
+from cosim.processes import process_pool
 
 FREE = 'finger.tip.kind="free"'
 """The bones are held where they are put, whatever holds the case's fingertip."""
@@ -70,12 +69,8 @@ def sampled(
     source: Path, settings: Sequence[str], walks: Sequence[Walk], jobs: int
 ) -> Iterator[Walked]:
     """What each walk found, in their order, in so many processes (1: in this one)."""
-    one = partial(walked, source, tuple(settings))
-    if jobs == 1:
-        yield from map(one, walks)
-        return
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        yield from pool.map(one, walks)
+    with process_pool(jobs) as pool:
+        yield from pool.in_order(partial(walked, source, tuple(settings)), walks)
 
 
 def walked(source: Path, settings: tuple[str, ...], walk: Walk) -> Walked:

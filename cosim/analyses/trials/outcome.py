@@ -2,24 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
-from cosim.case.file import load_case
+from cosim.case.file import Settings, load_case
 from cosim.port import CosimError, InputError
-from cosim.results.compare import unit_of, value_of
 
-Settings = tuple[str, ...]
-"""KEY=VALUE, as --set takes them; a later one has the last word."""
 Status = Literal["converged", "failed", "refused"]
-Tell = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -30,12 +21,6 @@ class Outcome:
     status: Status
     summary: Mapping[str, Any]
     reason: str = ""
-
-
-class Solve(Protocol):
-    """An outcome for each of `trials`, in their order."""
-
-    def __call__(self, trials: Iterable[Settings]) -> Iterator[Outcome]: ...
 
 
 def outcome(source: Path, settings: Settings) -> Outcome:
@@ -55,49 +40,3 @@ def outcome(source: Path, settings: Settings) -> Outcome:
 def one_line(error: CosimError) -> str:
     """What is wrong, in one line."""
     return " ".join(str(error).split())
-
-
-@contextmanager
-def solver(source: Path, jobs: int) -> Iterator[Solve]:
-    """What solves the case, in so many processes (1: in this one).
-
-    Raises InputError where a process was ended from outside."""
-    if jobs == 1:
-        yield lambda trials: map(partial(outcome, source), trials)
-        return
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool, not_ended():
-        try:
-            yield lambda trials: pool.map(partial(outcome, source), trials)
-        finally:
-            pool.shutdown(cancel_futures=True)
-
-
-@contextmanager
-def not_ended() -> Iterator[None]:
-    """Raises InputError where a process that solves was ended from outside."""
-    try:
-        yield
-    except BrokenProcessPool:
-        raise InputError(
-            "a process that solved was ended from outside, it may be for want of memory; "
-            "--jobs 1 needs the least"
-        ) from None
-
-
-def measured(summary: Mapping[str, Any], quantity: str) -> float | None:
-    """The number at a path of keys, or of A/B the ratio of two; None where there is none."""
-    above, slash, below = quantity.partition("/")
-    value = value_of(summary, above)
-    if not slash or value is None:
-        return value
-    other = value_of(summary, below)
-    return value / other if other else None
-
-
-def unit(quantity: str) -> str:
-    """Of a quantity; a ratio of two in one unit has the unit 1."""
-    above, slash, below = quantity.partition("/")
-    if not slash:
-        return unit_of(above)
-    units = (unit_of(above), unit_of(below))
-    return "1" if units[0] == units[1] else f"{units[0]} / ({units[1]})"

@@ -7,23 +7,21 @@ there are.  Any other case is solved from scratch, in whichever process.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, Future, ProcessPoolExecutor
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Future
+from contextlib import suppress
 from dataclasses import dataclass
-from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
 
 from cosim.analyses.trials import outcome as trials
 from cosim.analyses.trials.by_tangent import foretold, solved_from
-from cosim.analyses.trials.outcome import Outcome, Settings, not_ended, one_line
+from cosim.analyses.trials.outcome import Outcome, one_line
 from cosim.build.fit import check_fit
 from cosim.build.models import Models
-from cosim.case.file import load_case
+from cosim.case.file import Settings, load_case
 from cosim.case.schema import Case
 from cosim.port import ConvergenceError, CosimError, InputError
-from cosim.processes import one_blas_thread
+from cosim.processes import ProcessPool, one_blas_thread
 from cosim.results.static import observe_static
 from cosim.solve.solvers import solve
 from cosim.solve.states import States
@@ -47,18 +45,18 @@ class CaseWorkers:
     """Processes that solve; case i is of process i modulo their number."""
 
     def __init__(
-        self, cases: Sequence[tuple[str, Path, bool]], pools: Sequence[Executor], arms: bool
+        self, cases: Sequence[tuple[str, Path, bool]], pool: ProcessPool, arms: bool
     ) -> None:
-        """Cases: name, file, and whether the tangent serves it; `arms` as in
-        `by_tangent.foretold`."""
-        self._cases, self._pools, self._arms = cases, pools, arms
+        """Cases: name, file, and whether the tangent serves it; `arms`: whether anybody looks at
+        moment arms by force, as in `by_tangent.foretold`."""
+        self._cases, self._pool, self._arms = cases, pool, arms
 
     def solve(self, settings: Mapping[int, Settings], afresh: bool = False) -> dict[int, Outcome]:
         """An outcome for each case by its place, with its settings; `afresh` from scratch."""
         asked = {}
         for i, own in settings.items():
             name, source, serves = self._cases[i]
-            asked[i] = self._submit(
+            asked[i] = self._pool.submit(
                 i, solve_one, name if serves else "", source, own, self._arms, afresh
             )
         return {i: future.result() for i, future in asked.items()}
@@ -74,61 +72,20 @@ class CaseWorkers:
         for i, (name, source, serves) in enumerate(self._cases):
             if serves:
                 own = tuple(beside[i])
-                whole[i] = self._submit(i, solve_many, name, source, around[i], own, self._arms)
+                whole[i] = self._pool.submit(
+                    i, solve_many, name, source, around[i], own, self._arms
+                )
                 continue
             each[i] = []
             for settings in beside[i]:
-                each[i].append(self._submit(count, solve_one, "", source, settings, True, True))
+                each[i].append(
+                    self._pool.submit(count, solve_one, "", source, settings, True, True)
+                )
                 count += 1
         return [
             whole[i].result() if i in whole else [future.result() for future in each[i]]
             for i in range(len(self._cases))
         ]
-
-    def _submit(self, i: int, task: Callable[..., Any], *args: Any) -> Future:
-        return self._pools[i % len(self._pools)].submit(_in_process, task, *args)
-
-
-@contextmanager
-def case_workers(
-    cases: Sequence[tuple[str, Path, bool]], jobs: int, arms: bool
-) -> Iterator[CaseWorkers]:
-    """Workers for cases (name, file, whether the tangent serves it); with one job in this process.
-    `arms`: whether anybody looks at moment arms by force.
-
-    Raises InputError where a process was ended from outside."""
-    if jobs == 1:
-        yield CaseWorkers(cases, [_Here()], arms)
-        return
-    with ExitStack() as stack, not_ended():
-        spawn = get_context("spawn")
-        pools = [stack.enter_context(ProcessPoolExecutor(1, spawn)) for _ in range(jobs)]
-        try:
-            yield CaseWorkers(cases, pools, arms)
-        finally:
-            for pool in pools:
-                pool.shutdown(wait=False, cancel_futures=True)
-
-
-_kept: Kept = {}
-"""Of a worker process, which is that of one fit."""
-
-
-def _in_process(task: Callable[..., Any], *args: Any) -> Any:
-    return task(_kept, *args)
-
-
-class _Here(Executor):
-    """This process."""
-
-    def __init__(self) -> None:
-        self._kept: Kept = {}
-
-    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future:
-        future: Future = Future()
-        task, *rest = args
-        future.set_result(task(self._kept, *rest, **kwargs))
-        return future
 
 
 @one_blas_thread()

@@ -10,7 +10,6 @@ import pytest
 
 from cosim.port import InputError
 from fe_solver.febio.read import read_feb
-from fe_solver.febio.solid_model import first_obstacle
 from fe_solver.febio.write import write_feb
 from fe_solver.job.job import Job
 from fe_solver.job.model import JobOptions, job_model
@@ -22,6 +21,7 @@ from fe_solver.materials.fibres import (
     TransIsoMooneyRivlin,
 )
 from fe_solver.materials.linear import Law, Orthotropic
+from fe_solver.verification.febio.solid_model import first_obstacle
 from tests.helpers.feb_files import ISOTROPIC, changed, read, same
 
 TENDON = TransIsoMooneyRivlin(1e6, 2e5, 3e5, 50.0, 9e7, 1.05, 1e9)

@@ -220,5 +220,6 @@ def test_what_febio_cannot_say_is_not_written(tmp_path: Path) -> None:
         with pytest.raises(InputError, match=words):
             write_feb(dataclasses.replace(job, **changes), path)
     assert not path.exists()
+    (tmp_path / "file").touch()
     with pytest.raises(InputError, match="cannot be written"):
-        write_feb(job, tmp_path / "absent" / "x.feb")
+        write_feb(job, tmp_path / "file" / "x.feb")

@@ -10,9 +10,6 @@ from scipy.spatial.transform import Rotation
 
 from cosim.port import InputError
 from fe_solver.elements.mesh_geometry import node_directors
-from fe_solver.febio.facets import Facets, cut, pressed, triangles_met
-from fe_solver.febio.q4ans import SolidTables, solid_response, solid_strain, solid_tables
-from fe_solver.febio.solid_laws import in_situ_strain, normal_modulus, solid_stress
 from fe_solver.materials.crossed_fibres import CrossedFibres, CrossedLinear
 from fe_solver.materials.fibres import (
     DispersedFamily,
@@ -23,6 +20,14 @@ from fe_solver.materials.fibres import (
 from fe_solver.materials.hyperelastic import NeoHookean
 from fe_solver.materials.linear import Isotropic, Orthotropic
 from fe_solver.materials.tension_field import TensionField
+from fe_solver.verification.febio.facets import Facets, cut, pressed, triangles_met
+from fe_solver.verification.febio.q4ans import (
+    SolidTables,
+    solid_response,
+    solid_strain,
+    solid_tables,
+)
+from fe_solver.verification.febio.solid_laws import in_situ_strain, normal_modulus, solid_stress
 from fe_solver.verification.febio_rows import FEBIO_STRESS, MPA, febio_law
 from tests.helpers.jobs import COARSE, LENGTH, THICK, WIDTH, E, strip
 from tests.helpers.shells import mapped

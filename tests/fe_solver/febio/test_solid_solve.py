@@ -13,11 +13,7 @@ import pytest
 
 from cosim.port import ConvergenceError, InputError
 from fe_solver.elements.mesh_geometry import node_areas
-from fe_solver.febio.compare import Element, Row, quantities, rows
-from fe_solver.febio.figures import PUBLISHED
 from fe_solver.febio.read import read_feb
-from fe_solver.febio.solid_model import solid_model
-from fe_solver.febio.solid_solve import solve_solid
 from fe_solver.febio.write import write_feb
 from fe_solver.job.curves import Drive
 from fe_solver.job.job import (
@@ -36,6 +32,10 @@ from fe_solver.job.solve import solve_job
 from fe_solver.materials.crossed_fibres import CrossedFibres
 from fe_solver.materials.fibres import ExponentialFamily
 from fe_solver.materials.linear import Isotropic, Orthotropic
+from fe_solver.verification.febio.compare import Element, Row, quantities, rows
+from fe_solver.verification.febio.figures import PUBLISHED
+from fe_solver.verification.febio.solid_model import solid_model
+from fe_solver.verification.febio.solid_solve import solve_solid
 from fe_solver.verification.febio_rows import FEBIO_STRESS, MPA, febio_law
 from tests.helpers.folders import TEST_DATA
 from tests.helpers.jobs import (
@@ -348,7 +348,7 @@ def test_a_sheet_that_can_move_and_one_that_finds_no_rest_are_told(monkeypatch):
     with pytest.raises(InputError, match="nothing resists"):
         solve_solid(job)
     job = loaded(end, [0, 0, 0.01])
-    monkeypatch.setattr("fe_solver.febio.solid_solve.MOST_ITERATIONS", 1)
+    monkeypatch.setattr("fe_solver.verification.febio.solid_solve.MOST_ITERATIONS", 1)
     with pytest.raises(ConvergenceError, match=r"no equilibrium of q4ans.*leave out --element"):
         solve_solid(job)
 

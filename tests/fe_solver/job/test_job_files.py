@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from cosim.port import InputError
-from fe_solver.febio.compare import quantities
 from fe_solver.febio.read import read_feb
 from fe_solver.febio.write import write_feb
 from fe_solver.hood.as_job import job_of_hood
@@ -21,6 +20,7 @@ from fe_solver.job.solve import solve_job
 from fe_solver.materials.hyperelastic import NeoHookean
 from fe_solver.materials.linear import Isotropic, Orthotropic
 from fe_solver.materials.section import Section, one_law
+from fe_solver.verification.febio.compare import quantities
 from tests.helpers.folders import TEST_DATA
 from tests.helpers.jobs import (
     COARSE,

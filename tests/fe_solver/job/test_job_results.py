@@ -10,14 +10,15 @@ import numpy as np
 import pytest
 
 from cosim.port import InputError
-from fe_solver.febio.compare import Element, quantities, rows
-from fe_solver.febio.figures import PUBLISHED
 from fe_solver.febio.read import read_feb
 from fe_solver.febio.write import write_feb
 from fe_solver.job.curves import Curve
 from fe_solver.job.job import SpringLaw
 from fe_solver.job.results import write_job
 from fe_solver.job.solve import _advice, solve_job
+from fe_solver.verification.febio.compare import Element, quantities, rows
+from fe_solver.verification.febio.figures import PUBLISHED
+from fe_solver.verification.febio.solid_solve import other_ways
 from tests.helpers.jobs import (
     PLAIN,
     bent,
@@ -109,12 +110,12 @@ def test_a_file_bends_as_febios_shells_unless_told_otherwise(tmp_path):
 def test_the_nearest_is_advised_first():
     job = sprung(SpringLaw(1e3), 1.0)
     on_face = replace(job, as_febio=True, height=job.height + job.thickness / 2)
-    told = _advice(on_face, 3)
+    told = _advice(on_face, 3, other_ways(on_face))
     places = [told.index(w) for w in ("--element q4ans", "--own-shell", "--mid-surface")]
     assert places == sorted(places)
-    assert "q4ans" not in _advice(replace(job, as_febio=True), 3)  # nodes lie on no face
-    assert "q4ans" not in _advice(on_face, 0)  # perhaps nothing holds it
-    assert _advice(job, 3) == ""
+    assert not other_ways(job)  # nodes lie on no face
+    assert "q4ans" not in _advice(on_face, 0, other_ways(on_face))  # perhaps nothing holds it
+    assert _advice(job, 3, ()) == ""
 
 
 def test_the_command_tells_faults_by_its_exit_code(tmp_path):

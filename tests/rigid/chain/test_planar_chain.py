@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cosim.case.file import load_case
-from cosim.fingers.kinds import planar_chain
+from cosim.fingers.planar import planar_chain
 from cosim.pipeline import run_case
 from cosim.port import InputError
 from rigid.chain.planar_chain import BUCHNER, PlanarChain

@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 
 from cosim.port import ConvergenceError, InputError
 from rigid.muscle import curves, millard, newton
-from rigid.muscle.index_muscles import index_muscles
 from rigid.muscle.millard import equilibrium, path_length
 from rigid.muscle.parameters import DAMPED, Muscles
 from rigid.verification import muscle_rows
+from rigid.verification.index_muscles import index_muscles
 
 INDEX = index_muscles()
 RIGID = index_muscles(rigid_tendon=True)
@@ -53,7 +53,7 @@ def test_all_rows_of_the_verification_pass() -> None:
 def test_muscles_stand_alone() -> None:
     """Neither MuJoCo nor what reads case files comes with them."""
     code = (
-        "import sys, rigid.muscle.dynamics, rigid.muscle.index_muscles;"
+        "import sys, rigid.muscle.dynamics, rigid.verification.index_muscles;"
         "print(sorted({'mujoco', 'scipy', 'pydantic', 'opensim'} & set(sys.modules)))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

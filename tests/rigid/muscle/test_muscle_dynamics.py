@@ -22,9 +22,9 @@ from rigid.muscle.dynamics import (
     rigid_force,
     step,
 )
-from rigid.muscle.index_muscles import index_muscles
 from rigid.muscle.millard import equilibrium, path_length
 from rigid.muscle.parameters import DAMPED, Muscles, undamped_curves
+from rigid.verification.index_muscles import index_muscles
 
 INDEX = index_muscles()
 RIGID = index_muscles(rigid_tendon=True)

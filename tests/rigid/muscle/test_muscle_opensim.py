@@ -10,10 +10,10 @@ import pytest
 from rigid.muscle import curves
 from rigid.muscle.curves import Curve
 from rigid.muscle.dynamics import activation_rate, fibre_velocity, rigid_force
-from rigid.muscle.index_muscles import index_muscles
 from rigid.muscle.millard import equilibrium
 from rigid.muscle.parameters import DAMPED, Muscles, undamped_curves
 from rigid.verification import opensim_reference as reference
+from rigid.verification.index_muscles import index_muscles
 
 opensim = pytest.importorskip("opensim")
 pytestmark = pytest.mark.opensim

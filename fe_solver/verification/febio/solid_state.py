@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fe_solver.elements.mesh_geometry import node_areas
-from fe_solver.febio.q4ans import solid_strain
-from fe_solver.febio.solid_laws import solid_stress
-from fe_solver.febio.solid_model import Loads, SolidModel, Source, Term
 from fe_solver.forces.springs import node_spring_state, spring_state
 from fe_solver.job.solve import Effort, JobState, by_spring_set
 from fe_solver.solver.fields import Fields
 from fe_solver.solver.model import Configuration
 from fe_solver.vectors import cross
+from fe_solver.verification.febio.q4ans import solid_strain
+from fe_solver.verification.febio.solid_laws import solid_stress
+from fe_solver.verification.febio.solid_model import Loads, SolidModel, Source, Term
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]

@@ -1,10 +1,10 @@
-"""A paper's figures as files, and as one page that needs nothing else."""
+"""Figures computed anew, as files and as one page that needs nothing else."""
 
 from __future__ import annotations
 
 from base64 import b64encode
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from html import escape
 from importlib.resources import files
 from io import BytesIO
@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from cosim.files import folder_written_whole
-from cosim.papers.figure import Figure, Study
-from cosim.port import InputError
+from cosim.port import InputError, Progress
 from cosim.version import __version__
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Sheet
 
 MARK = "index.html"
@@ -30,8 +30,33 @@ DIGITS = "{:.4g}".format
 
 
 @dataclass(frozen=True)
-class Paper:
-    """What its page says of it."""
+class Figure:
+    """One picture with the table behind it.  `draw` fills a fresh matplotlib figure of `size`
+    inches; `tables` by file name hold every number that is drawn, with units in their headings."""
+
+    name: str
+    """A file's name without its ending: "figure_3_contours"."""
+    title: str
+    caption: str
+    """What is seen, what the paper says of it, and what is ours: assumptions, labels, misses."""
+    draw: Callable[[Sheet], None] | None
+    """None: a table alone."""
+    tables: Mapping[str, pd.DataFrame] = field(default_factory=dict)
+    size: tuple[float, float] = (7.0, 4.5)
+
+
+@dataclass(frozen=True)
+class Study:
+    """What figures are known by before they are computed."""
+
+    name: str
+    about: str
+    figures: Callable[[], list[Figure]]
+
+
+@dataclass(frozen=True)
+class FigurePage:
+    """What a page of figures says of itself."""
 
     name: str
     """As in `cosim reproduce NAME`."""
@@ -47,20 +72,20 @@ class Paper:
         return self.made_by or f"cosim reproduce {self.name}"
 
 
-def chosen(paper: Paper, only: Sequence[str]) -> list[Study]:
+def chosen(page: FigurePage, only: Sequence[str]) -> list[Study]:
     """The studies named, all without a name.  Raises InputError for one that there is not."""
-    known = [study.name for study in paper.studies]
+    known = [study.name for study in page.studies]
     strange = [name for name in only if name not in known]
     if strange:
         raise InputError(
-            f"--only {', '.join(strange)}: {paper.name} has no such study; it has "
-            + ", ".join(f"{s.name} ({s.about})" for s in paper.studies)
+            f"--only {', '.join(strange)}: {page.name} has no such study; it has "
+            + ", ".join(f"{s.name} ({s.about})" for s in page.studies)
         )
-    return [study for study in paper.studies if not only or study.name in only]
+    return [study for study in page.studies if not only or study.name in only]
 
 
 def write_figures(
-    paper: Paper, studies: Sequence[Study], folder: Path, progress: Callable[[str], None]
+    page: FigurePage, studies: Sequence[Study], folder: Path, progress: Progress
 ) -> int:
     """Compute the studies' figures; write each one's picture and tables, and the page; how many.
 
@@ -70,12 +95,12 @@ def write_figures(
         for study in studies:
             progress(f"{study.name}: {study.about}")
             for figure in study.figures():
-                shown.append(_shown(part, paper, study, figure))
-        (part / MARK).write_text(_page(paper, studies, shown), encoding="utf-8")
+                shown.append(_shown(part, page, study, figure))
+        (part / MARK).write_text(_page(page, studies, shown), encoding="utf-8")
     return len(shown)
 
 
-def _shown(folder: Path, paper: Paper, study: Study, figure: Figure) -> dict[str, object]:
+def _shown(folder: Path, page: FigurePage, study: Study, figure: Figure) -> dict[str, object]:
     """Write a figure's files; what the page shows of it."""
     picture = b"" if figure.draw is None else _picture(figure.draw, figure.size)
     if picture:
@@ -87,7 +112,7 @@ def _shown(folder: Path, paper: Paper, study: Study, figure: Figure) -> dict[str
         "picture": b64encode(picture).decode("ascii"),
         "small": list(_small(figure)),
         "files": [f"{name}.csv" for name in figure.tables],
-        "command": f"{paper.command} --only {study.name}",
+        "command": f"{page.command} --only {study.name}",
     }
 
 
@@ -129,17 +154,27 @@ def _kind(column: pd.Series) -> str:
     return 'class="w"' if column.astype(str).str.len().max() > WIDE else ""
 
 
-def _page(paper: Paper, studies: Sequence[Study], shown: Sequence[dict[str, object]]) -> str:
+def _page(page: FigurePage, studies: Sequence[Study], shown: Sequence[dict[str, object]]) -> str:
     from jinja2 import Environment, PackageLoader
 
     style = (files("cosim.report") / "page.css").read_text(encoding="utf-8")
-    page = Environment(loader=PackageLoader("cosim.papers", ""), autoescape=True, trim_blocks=True)
-    whole = len(studies) == len(paper.studies)
-    return page.get_template("page.html.j2").render(
-        paper=paper,
+    templates = Environment(
+        loader=PackageLoader("cosim.report", ""), autoescape=True, trim_blocks=True
+    )
+    whole = len(studies) == len(page.studies)
+    return templates.get_template("figures.html.j2").render(
+        page=page,
         shown=shown,
         style=style,
         version=__version__,
-        command=paper.command + ("" if whole else "".join(f" --only {s.name}" for s in studies)),
-        left_out=[s for s in paper.studies if s not in studies],
+        command=page.command + ("" if whole else "".join(f" --only {s.name}" for s in studies)),
+        left_out=[s for s in page.studies if s not in studies],
     )
+
+
+def framed(axes: Axes, x: str, y: str) -> None:
+    """Labels, a quiet grid, no box."""
+    axes.set(xlabel=x, ylabel=y)
+    axes.grid(color="0.9", lw=0.7)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)

@@ -29,8 +29,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fe_solver.elements.mitc4 import CORNERS, GAUSS, shape
-from fe_solver.febio.solid_laws import FIRST, PAIRS, SECOND, SHEAR, in_situ_strain, solid_stress
 from fe_solver.materials.linear import Law
+from fe_solver.verification.febio.solid_laws import (
+    FIRST,
+    PAIRS,
+    SECOND,
+    SHEAR,
+    in_situ_strain,
+    solid_stress,
+)
 
 Array = NDArray[np.float64]
 

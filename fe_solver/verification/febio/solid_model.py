@@ -19,9 +19,6 @@ from numpy.typing import NDArray
 
 from cosim.port import InputError
 from fe_solver.elements.mesh_geometry import node_directors
-from fe_solver.febio.facets import Facets, Pressed, cut, pressed, triangles_met
-from fe_solver.febio.q4ans import SolidTables, crossed, solid_response, solid_tables
-from fe_solver.febio.solid_laws import law_obstacle, normal_modulus
 from fe_solver.forces.loads import pressure_forces, pressure_tangent
 from fe_solver.forces.springs import NodeSprings, Springs, node_springs, spring_forces
 from fe_solver.job.checks import check_job
@@ -42,6 +39,9 @@ from fe_solver.solver.linear_algebra import (
     SuperLUAnalysis,
     analyse,
 )
+from fe_solver.verification.febio.facets import Facets, Pressed, cut, pressed, triangles_met
+from fe_solver.verification.febio.q4ans import SolidTables, crossed, solid_response, solid_tables
+from fe_solver.verification.febio.solid_laws import law_obstacle, normal_modulus
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]

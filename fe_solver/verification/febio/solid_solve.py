@@ -18,14 +18,20 @@ from scipy.spatial.transform import Rotation
 
 from cosim.port import ConvergenceError, InputError
 from cosim.processes import one_blas_thread
-from fe_solver.febio.solid_model import Loads, SolidModel, Term, solid_model
-from fe_solver.febio.solid_state import Equilibrium, solid_state
 from fe_solver.job.febio_like import bending_notes
 from fe_solver.job.job import Job
 from fe_solver.job.model import JobOptions
 from fe_solver.job.solve import SAME_TIME, Effort, JobResult, JobState, effort_since, wanted_times
 from fe_solver.solver.linear_algebra import Factor, mechanism
 from fe_solver.vectors import cross
+from fe_solver.verification.febio.solid_model import (
+    Loads,
+    SolidModel,
+    Term,
+    first_obstacle,
+    solid_model,
+)
+from fe_solver.verification.febio.solid_state import Equilibrium, solid_state
 
 Array = NDArray[np.float64]
 
@@ -51,6 +57,13 @@ SEARCHES = 10
 """Iterations after which contact keeps to the triangles that it has met, as FEBio's seg_up asks: a
 point that slides over a bone's sharp edge would come and go for ever."""
 MOST_AUGMENTATIONS = 30
+
+
+def other_ways(job: Job) -> list[str]:
+    """What to try where our own shell finds no equilibrium of a job: this one where it can."""
+    if first_obstacle(job) is not None:
+        return []
+    return ["--element q4ans (FEBio's own shell and contact)"]
 
 
 @one_blas_thread()

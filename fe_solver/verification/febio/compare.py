@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.port import CosimError, InputError
-from fe_solver.febio.figures import PUBLISHED, REFERENCE_S, Published
 from fe_solver.febio.read import read_feb
-from fe_solver.febio.solid_solve import solve_solid
 from fe_solver.job.job import Job
 from fe_solver.job.model import JobOptions
 from fe_solver.job.results import displacement
 from fe_solver.job.solve import JobResult, JobState, solve_job
+from fe_solver.verification.febio.figures import PUBLISHED, REFERENCE_S, Published
+from fe_solver.verification.febio.solid_solve import solve_solid
 
 Array = NDArray[np.float64]
 
@@ -242,9 +242,9 @@ def solved_with(path: Path | str, element: Element, spacing: float) -> JobResult
 
 def _main(path: str, element: str, spacing: str) -> None:
     """The process of one model: prints a `Measured` as JSON."""
-    from fe_solver.bench import PULL, rod_sheet
     from fe_solver.solver.linear_algebra import chosen
     from fe_solver.solver.newton import NewtonOptions, solve
+    from fe_solver.verification.bench import PULL, rod_sheet
     from fe_solver.verification.sheets import at_rest
 
     warm = rod_sheet(64)  # compiles the kernels, or takes them from their cache

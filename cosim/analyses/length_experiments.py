@@ -1,0 +1,221 @@
+"""Published experiments on lengths and cuts of the extensor, repeated with hoods of growing detail.
+
+Nothing was fitted to them.  `cases/data/length_experiments.csv` says what was measured and how it
+was read; each has its packaged case (`lengths_*`, `cuts_*`), whose assumptions stand there.  What a
+lesion does is the difference between the case with it and without.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from typing import Any, NamedTuple
+
+from cosim.case.file import load_case
+from cosim.case.schema import Case
+from cosim.checks import Row
+from cosim.fingers.index import IndexFinger
+from cosim.fingers.kinds import skeleton_of
+from cosim.pipeline import run_case
+
+HOODS = {"shell": "", "net of cables": "base/cable", "network": "base/network"}
+"""Case that states each hood; the shell is the experiments' own."""
+LOADS = {"FDP 1 N": 'tendons.FDP.tension="1 N"', "FDP 3 N": 'tendons.FDP.tension="3 N"'}
+"""Tones of the flexor against which EDC extends with the case's 5 N: assumptions."""
+FLEXED = {"mcp": ("MCP", 60), "pip": ("PIP", 60), "dip": ("DIP", 45)}
+"""Joint and deg of each experiment on glide."""
+PIP_ANGLES = (0, 30, 60, 90)
+"""deg, of the PIP in the experiment on the DIP's resistance."""
+Summary = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """What was measured, as printed: a mean, with its SD where it is known, or a bound from
+    below."""
+
+    name: str
+    measured: str
+    unit: str
+    mean: float | None
+    sd: float | None
+    at_least: float | None
+    n: int
+    source: str
+    read: str
+
+    def row(self, model: str, computed: float) -> Row:
+        """The experiment beside what a model, which is named, computes."""
+        source = f"{self.source}; n {self.n}; {self.read}"
+        quantity = f"{self.measured}, {self.unit}"
+        if self.at_least is not None:
+            more = max(computed - self.at_least, 0.0)
+            text = f"{quantity}: at least"
+            return Row(model, text, self.at_least, computed, more, source, "comparison")
+        assert self.mean is not None  # it has no bound
+        if self.sd is None:
+            return Row(model, quantity, self.mean, computed, 0.0, source, "shown")
+        return Row(model, quantity, self.mean, computed, self.sd, source, "comparison")
+
+
+class Value(NamedTuple):
+    """What a model computes for an experiment, under which assumption, and what else it shows."""
+
+    experiment: str
+    where: str
+    value: float
+    shown: str = ""
+
+
+@cache
+def experiments() -> Mapping[str, Experiment]:
+    """The packaged experiments by name."""
+    text = (files("cases") / "data" / "length_experiments.csv").read_text(encoding="utf-8")
+    lines = [line for line in text.splitlines() if not line.startswith("#")]
+    return {row["name"]: _experiment(row) for row in csv.DictReader(lines)}
+
+
+def _experiment(row: Mapping[str, str]) -> Experiment:
+    mean, sd, at_least = (float(row[c]) if row[c] else None for c in ("mean", "sd", "at_least"))
+    name, measured, unit, source, read = (
+        row[c] for c in ("name", "measured", "unit", "source", "read")
+    )
+    return Experiment(name, measured, unit, mean, sd, at_least, int(row["n"]), source, read)
+
+
+def case_with(name: str, hood: str, settings: Sequence[str] = (), *, injured: bool = True) -> Case:
+    """A packaged case with a hood of HOODS in place of its own, without its lesion if asked."""
+    case = load_case(name, settings)
+    if HOODS[hood]:
+        case = case.model_copy(update={"hood": load_case(HOODS[hood]).hood})
+    return case if injured else case.model_copy(update={"lesion": None})
+
+
+def summary(name: str, hood: str, settings: Sequence[str] = (), *, injured: bool = True) -> Summary:
+    """The summary of such a case's run."""
+    return _summary(name, hood, tuple(settings), injured)
+
+
+@cache
+def _summary(name: str, hood: str, settings: tuple[str, ...], injured: bool) -> Summary:
+    return run_case(case_with(name, hood, settings, injured=injured)).summary
+
+
+def lengthened(hood: str, settings: Sequence[str] = ()) -> Iterator[Value]:
+    """How far the DIP drops with a longer terminal tendon, under either load."""
+    for load, setting in LOADS.items():
+        asked = [*settings, setting]
+        intact = summary("lengths_terminal_1mm", hood, asked, injured=False)
+        for name in ("terminal_1mm", "terminal_4mm"):
+            longer = summary(f"lengths_{name}", hood, asked)
+            yield Value(name, load, longer["posture_deg"]["DIP"] - intact["posture_deg"]["DIP"])
+
+
+def mended(hood: str, settings: Sequence[str] = ()) -> Iterator[Value]:
+    """Posture of the finger whose central slip was mended with a gap, under either load."""
+    for load, setting in LOADS.items():
+        posture = summary("lengths_central_gap", hood, [*settings, setting])["posture_deg"]
+        for joint in ("PIP", "DIP"):
+            yield Value(f"central_gap_{joint.lower()}", load, posture[joint])
+
+
+def cut(hood: str, settings: Sequence[str] = ()) -> Iterator[Value]:
+    """How much force of extension at the MCP is lost by either cut: torque of the hood over the
+    distance to where it may have been measured."""
+    for mcp in (0, 45):
+        held = [*settings, f'finger.posture.MCP="{mcp} deg"']
+        intact = _extension(summary("cuts_sagittal_bands", hood, held, injured=False))
+        for what, name in (("bands", "cuts_sagittal_bands"), ("tendon", "cuts_extensor_tendon")):
+            lost = intact - _extension(summary(name, hood, held))
+            for place, lever in levers(case_with(name, hood)).items():
+                yield Value(f"{what}_{mcp}", f"at the {place}", lost / lever)
+
+
+def _extension(of: Summary) -> float:
+    """N mm, with which the hood extends the MCP."""
+    return -float(of["joint_torque_Nmm"]["hood"]["MCP"])
+
+
+def levers(case: Case) -> dict[str, float]:
+    """mm from the MCP to where its force may have been measured, of the straight finger."""
+    assert isinstance(case.finger, IndexFinger)  # the packaged experiments are of one
+    length = 1e3 * skeleton_of(case.finger).length
+    return {"PIP": float(length[1]), "fingertip": float(length[1:].sum())}
+
+
+def glide(hood: str, settings: Sequence[str] = ()) -> Iterator[Value]:
+    """How far the terminal slip moves, along the middle phalanx, as one joint flexes."""
+
+    def place(*held: str) -> float:
+        moved = summary("lengths_terminal_glide", hood, [*settings, *held])["glide_mm"]
+        return float(moved["terminal_slip"])
+
+    straight = place()
+    for key, (joint, angle) in FLEXED.items():
+        flexed = place(f'finger.posture.{joint}="{angle} deg"')
+        yield Value(f"glide_{key}", "", abs(flexed - straight))
+
+
+def resistance(hood: str, settings: Sequence[str] = ()) -> Iterator[Value]:
+    """Where the hood at rest resists the flexed DIP most and least, and what of that a sheet loses
+    with its oblique retinacular ligaments."""
+
+    def torque(pip: int, *, injured: bool) -> float:
+        held = [*settings, f'finger.posture.PIP="{pip} deg"']
+        return _resistance(summary("lengths_dip_resistance", hood, held, injured=injured))
+
+    found = {angle: torque(angle, injured=False) for angle in PIP_ANGLES}
+    listed = ", ".join(f"{each:.2g}" for each in found.values())
+    shown = f" ({listed} N mm at PIP {', '.join(map(str, found))} deg)"
+    yield Value("resistance_most", "", max(found, key=lambda a: found[a]), shown)
+    yield Value("resistance_least", "", min(found, key=lambda a: found[a]), shown)
+    if hood == "shell":
+        yield Value("oblique_share", "", 100 * (1 - torque(0, injured=True) / found[0]))
+
+
+def _resistance(of: Summary) -> float:
+    """N mm, with which the hood at rest extends the DIP."""
+    return -float(of["unloaded"]["joint_torque_Nmm"]["hood"]["DIP"])
+
+
+class Repeated(NamedTuple):
+    """How experiments are repeated: what makes their values, on which hoods beside the shell, the
+    experiments, what is assumed of each (the first is judged), and a case of theirs."""
+
+    values: Callable[[str, Sequence[str]], Iterator[Value]]
+    hoods: tuple[str, ...]
+    experiments: tuple[str, ...]
+    assumed: tuple[str, ...]
+    case: str
+
+
+LUMPED = ("net of cables", "network")
+MADE: Mapping[str, Repeated] = {
+    "terminal tendon longer": Repeated(
+        lengthened, LUMPED, ("terminal_1mm", "terminal_4mm"), tuple(LOADS), "lengths_terminal_1mm"
+    ),
+    "central slip mended with a gap": Repeated(
+        mended, LUMPED, ("central_gap_pip", "central_gap_dip"), tuple(LOADS), "lengths_central_gap"
+    ),
+    "sagittal bands and tendon cut": Repeated(
+        cut,
+        LUMPED[:1],
+        ("bands_0", "bands_45", "tendon_0", "tendon_45"),
+        ("at the PIP", "at the fingertip"),
+        "cuts_sagittal_bands",
+    ),
+    "glide of the terminal slip": Repeated(
+        glide, LUMPED[:1], ("glide_mcp", "glide_pip", "glide_dip"), ("",), "lengths_terminal_glide"
+    ),
+    "resistance of the DIP": Repeated(
+        resistance,
+        LUMPED,
+        ("resistance_most", "resistance_least", "oblique_share"),
+        ("",),
+        "lengths_dip_resistance",
+    ),
+}
+"""By experiment."""
