@@ -18,6 +18,14 @@ PATIENCE = 2.0 if sys.platform == "win32" else 0.0
 scanner for viruses among them."""
 
 
+def shown_path(path: Path) -> str:
+    """The path as a person here would type it, where that is shorter."""
+    try:
+        return min(str(path), os.path.relpath(path), key=len)
+    except ValueError:  # another drive
+        return str(path)
+
+
 def move_into_place(part: Path, target: Path) -> None:
     """Give `part` the name `target`, in place of a file that has it.
 

@@ -73,6 +73,7 @@ FLOORS = (
     {"cosim.solve"},
     {"cosim.results"},
     {"cosim.pipeline"},
+    {"cosim.face"},
     {"cosim.fmu_export", "cosim.report"},
     {"cosim.anatomy", "cosim.analyses", "cosim.study"},
     {"cosim.papers"},

@@ -10,26 +10,30 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
-from cosim.case.schema import CaseFile
 from cosim.schema.fields import Text
 
 Place = tuple[str | int, ...]
+Model = type[BaseModel]
 
 _ABSENT = ("missing", "union_tag_not_found")
 
 
 def describe(
-    error: ValidationError, values: Mapping[str, Any], layers: Sequence[tuple[str, Mapping]]
+    error: ValidationError,
+    model: Model,
+    values: Mapping[str, Any],
+    layers: Sequence[tuple[str, Mapping]],
 ) -> list[str]:
-    """One line per fault, as `key = value (file): what is wrong; what to write`."""
+    """One line per fault of a `model` made of values, as `key = value (file): what is wrong; what
+    to write`."""
     lines = []
     for item in error.errors(include_url=False):
         loc = item["loc"][:-1] if item["type"] == "unknown_name" else item["loc"]  # less "[key]"
-        place = _place(loc, values)
+        place = _place(loc, model, values)
         if item["type"].startswith("union_tag"):
             place = (*place, "kind")
         key = re.sub(r"\.\[", "[", ".".join(_shown_key(part) for part in place)) or "the case"
-        message = _message(item, place, values)
+        message = _message(item, place, model, values)
         stated = "" if item["type"] in _ABSENT else _stated(layers, place)
         lines.append(f"{key}{_found(values, place)}{stated}: {message}")
     return sorted(lines)
@@ -41,7 +45,7 @@ def _shown_key(part: str | int) -> str:
     return part[:60] if re.fullmatch(r"[\w-]+", part) else repr(part[:60])
 
 
-def _place(loc: Sequence[str | int], values: Any) -> Place:
+def _place(loc: Sequence[str | int], model: Model, values: Any) -> Place:
     """pydantic's location without the tags of its unions."""
     place: Place = ()
     tag = None
@@ -50,7 +54,7 @@ def _place(loc: Sequence[str | int], values: Any) -> Place:
             tag = None
             continue
         place = (*place, part)
-        tagged = any(_kind(t) for t in _types(place, values))
+        tagged = any(_kind(t) for t in _types(place, model, values))
         tag = at(_lookup(values, place), "kind") if tagged else None
     return place
 
@@ -93,17 +97,17 @@ def _stated(layers: Sequence[tuple[str, Mapping]], place: Place) -> str:
     return ""
 
 
-def _message(item: Any, place: Place, values: Any) -> str:
+def _message(item: Any, place: Place, model: Model, values: Any) -> str:
     kind, context = item["type"], item.get("ctx", {})
     if kind == "extra_forbidden":
         return unknown(
-            "key", str(place[-1]), _keys(place[:-1], values), _lookup(values, place[:-1])
+            "key", str(place[-1]), _keys(place[:-1], model, values), _lookup(values, place[:-1])
         )
     if kind == "unknown_name":
         siblings = _lookup(values, place[:-1])
         return unknown(context["what"], str(place[-1]), context["names"], siblings)
     if kind in _ABSENT:
-        return f"is missing; {_advice(place, values)}"
+        return f"is missing; {_advice(place, model, values)}"
     if kind in ("literal_error", "union_tag_invalid"):
         words = context.get("expected") or context["expected_tags"]
         return f"write {words.replace(', ', ' or ')}"
@@ -125,20 +129,20 @@ def unknown(what: str, name: str, known: Sequence[str], siblings: Any) -> str:
     return f"unknown {what}; {hint}known: {', '.join(known)}"
 
 
-def _keys(place: Place, values: Any) -> tuple[str, ...]:
-    models = [t for t in _types(place, values) if _is_model(t)]
-    return tuple(dict.fromkeys(key for model in models for key in model.model_fields))
+def _keys(place: Place, model: Model, values: Any) -> tuple[str, ...]:
+    models = [t for t in _types(place, model, values) if _is_model(t)]
+    return tuple(dict.fromkeys(key for each in models for key in each.model_fields))
 
 
-def _advice(place: Place, values: Any) -> str:
+def _advice(place: Place, model: Model, values: Any) -> str:
     """What to write at a place where something is missing."""
-    types = _types(place, values)
+    types = _types(place, model, values)
     if isinstance(place[-1], int):
         return "the list is too short"
     words = [repr(word) for t in types if get_origin(t) is Literal for word in get_args(t)]
     if words:
         return f"write {' or '.join(words)}"
-    for facts in _texts(place, values):
+    for facts in _texts(place, model, values):
         example = facts["examples"][0] if "examples" in facts else "..."
         return f'write: {facts["description"]}, for example "{example}"'
     if float in types or int in types:
@@ -147,24 +151,24 @@ def _advice(place: Place, values: Any) -> str:
         return "write a text in quotes"
     if any(get_origin(t) is tuple for t in types):
         return "write a list in square brackets"
-    keys = _keys(place, values)
+    keys = _keys(place, model, values)
     return f"write the table [{'.'.join(map(str, place))}]" + (
         f" with {', '.join(keys)}" if keys else ""
     )
 
 
-def _texts(place: Place, values: Any) -> Iterator[dict[str, Any]]:
+def _texts(place: Place, model: Model, values: Any) -> Iterator[dict[str, Any]]:
     """What the schema says of the quantity or path that belongs at a place."""
-    for model in _types(place[:-1], values):
-        field = model.model_fields.get(str(place[-1])) if _is_model(model) else None
+    for table in _types(place[:-1], model, values):
+        field = table.model_fields.get(str(place[-1])) if _is_model(table) else None
         for item in field.metadata if field else ():
             if isinstance(item, Text):
                 yield dict(item.schema)
 
 
-def _types(place: Place, values: Any) -> list[Any]:
+def _types(place: Place, model: Model, values: Any) -> list[Any]:
     """The types that may stand at a place of the case, those of another `kind` left out."""
-    types: list[Any] = [CaseFile]
+    types: list[Any] = [model]
     for part in place:
         values = at(values, part)
         types = [inner for outer in types for inner in _inner(outer, part)]

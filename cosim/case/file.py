@@ -11,35 +11,15 @@ from importlib import resources
 from pathlib import Path, PurePath
 from typing import Any
 
-from pydantic import ValidationError
-
-from cosim.case.faults import describe
+from cosim.case.layers import Layer, nested
 from cosim.case.schema import Case, CaseFile
+from cosim.files import shown_path
 from cosim.port import InputError
 
-Layer = tuple[str, dict[str, Any]]
-"""Where values are stated (for messages) and the values."""
 Settings = tuple[str, ...]
 """KEY=VALUE, as --set takes them; a later one has the last word."""
 
 NO_FAMILIES = {"base", "studies", "data"}  # folders of cases/
-
-# A later layer's word replaces an earlier layer's other way of saying the same.
-_ALTERNATIVES = {
-    "activation": {"tension", "excursion", "actuation"},
-    "tension": {"activation", "muscle", "excursion", "actuation"},
-    "muscle": {"tension", "excursion", "actuation"},
-    "excursion": {"tension", "activation", "muscle", "actuation"},
-    "actuation": {"tension", "activation", "muscle", "excursion"},
-    "voltage": {"pressure"},
-    "pressure": {"voltage"},
-    "curve": {"stiffness", "rest"},
-    "stiffness": {"curve"},
-    "rest": {"curve"},
-    "angle": {"along", "across", "field", "second"},
-    "field": {"angle", "along", "across"},
-    "second": {"angle"},
-}
 
 
 def load_case(path_or_name: str | Path, overrides: Sequence[str] = ()) -> Case:
@@ -49,18 +29,15 @@ def load_case(path_or_name: str | Path, overrides: Sequence[str] = ()) -> Case:
     Raises InputError that lists every fault with its place and what to write instead.
     """
     source = find_case(path_or_name)
-    try:
-        layers = [*_read_layers(source, ()), *map(_override, overrides)]
-        merged: dict[str, Any] = {}
-        for _, layer in layers:
-            merged = merge(merged, layer)
-        checked = CaseFile.model_validate(merged)
-    except ValidationError as error:
-        faults = describe(error, merged, layers)
-        raise InputError(_listing(source, faults)) from None
-    except RecursionError:
-        raise InputError(f"{_shown(source)}: tables are nested too deeply") from None
-    return Case.model_construct(name=source.stem, source=source, **dict(checked))
+    return Case.from_layers([*_read_layers(source, ()), *map(_override, overrides)], source)
+
+
+def case_of(table: Mapping[str, Any], name: str = "case") -> Case:
+    """The checked case that a table states, as a file of that name here would.
+
+    Raises InputError that lists every fault with its place and what to write instead."""
+    source = Path.cwd() / f"{name}.toml"
+    return Case.from_layers(_layers_of(dict(table), "the table", source, ()), source)
 
 
 def packaged_cases() -> dict[str, Path]:
@@ -89,35 +66,27 @@ def _packaged() -> Path:
     return Path(str(resources.files("cases")))
 
 
-def _listing(source: Path, faults: Sequence[str]) -> str:
-    count = f"{len(faults)} fault" + ("s" if len(faults) > 1 else "")
-    return "\n  ".join([f"{_shown(source)}: {count}", *faults])
-
-
-def _shown(path: Path) -> str:
-    """The path as a person here would type it, where that is shorter."""
-    try:
-        return min(str(path), os.path.relpath(path), key=len)
-    except ValueError:  # another drive
-        return str(path)
-
-
 def _read_layers(source: Path, above: tuple[Path, ...]) -> list[Layer]:
     """The file's values, with those it extends before them."""
     if source in above:
-        chain = " -> ".join(_shown(p) for p in (*above, source))
+        chain = " -> ".join(shown_path(p) for p in (*above, source))
         raise InputError(f"these files extend each other in a circle: {chain}")
-    values = _read_toml(source)
+    return _layers_of(_read_toml(source), shown_path(source), source, above)
+
+
+def _layers_of(
+    values: dict[str, Any], where: str, source: Path, above: tuple[Path, ...]
+) -> list[Layer]:
     base = values.pop("extends", None)
-    here: Layer = (_shown(source), _anchored(values, source.parent))
+    here: Layer = (where, _anchored(values, source.parent))
     if base is None:
         return [here]
     if not isinstance(base, str):
-        raise InputError(f"{_shown(source)}: extends = {base!r}: write the path of a case file")
+        raise InputError(f"{where}: extends = {base!r}: write the path of a case file")
     try:
         found = find_case(base, source.parent)
     except InputError as error:
-        raise InputError(f"{_shown(source)}: extends {error}") from None
+        raise InputError(f"{where}: extends {error}") from None
     return [*_read_layers(found, (*above, source)), here]
 
 
@@ -126,13 +95,13 @@ def _read_toml(source: Path) -> dict[str, Any]:
         text = source.read_bytes().decode("utf-8-sig")
         return tomllib.loads(text)
     except OSError as error:
-        raise InputError(f"{_shown(source)}: cannot be read: {error.strerror}") from error
+        raise InputError(f"{shown_path(source)}: cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
-        raise InputError(f"{_shown(source)}: is not a text file in UTF-8") from error
+        raise InputError(f"{shown_path(source)}: is not a text file in UTF-8") from error
     except tomllib.TOMLDecodeError as error:
-        raise InputError(_toml_fault(_shown(source), text, str(error))) from error
+        raise InputError(_toml_fault(shown_path(source), text, str(error))) from error
     except ValueError as error:  # e.g. an integer of thousands of digits
-        raise InputError(f"{_shown(source)}: is not valid TOML: {error}") from error
+        raise InputError(f"{shown_path(source)}: is not valid TOML: {error}") from error
 
 
 def _toml_fault(shown: str, text: str, message: str) -> str:
@@ -176,10 +145,8 @@ def _override(text: str) -> Layer:
         raise InputError(f"--set {text!r}: write key=value, for example hood.mesh.quads=250")
     if any("\ud800" <= c <= "\udfff" for c in text):
         raise InputError(f"--set {text!r}: is not text in UTF-8")
-    nested: Any = _value(value.strip())
-    for name in reversed(names):
-        nested = {name: nested}
-    return f"--set {key.strip()}", _anchored(nested, Path.cwd())
+    table = nested(".".join(names), _value(value.strip()))
+    return f"--set {key.strip()}", _anchored(table, Path.cwd())
 
 
 def _value(text: str) -> Any:
@@ -188,20 +155,6 @@ def _value(text: str) -> Any:
     except ValueError:
         return text
     return parsed["value"] if len(parsed) == 1 else text
-
-
-def merge(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
-    """`base` with `over` on top, table by table; a table of another `kind` replaces the old one."""
-    if "kind" in over and "kind" in base and over["kind"] != base["kind"]:
-        return dict(over)
-    replaced = {old for key in over for old in _ALTERNATIVES.get(key, ())}
-    merged = {key: value for key, value in base.items() if key not in replaced}
-    for key, value in over.items():
-        old = merged.get(key)
-        if isinstance(old, dict) and isinstance(value, dict):
-            value = merge(old, value)
-        merged[key] = value
-    return merged
 
 
 def resolved_toml(case: Case) -> str:

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationError, model_validator
 
+from cosim.case.faults import describe
+from cosim.case.layers import Layer, merge, nested
+from cosim.files import shown_path
 from cosim.fingers.common import stamps
 from cosim.fingers.kinds import AnyFinger, NativeFinger, native
 from cosim.hoods.kinds import AnyHood, unfit_lesion
@@ -131,12 +135,50 @@ class CaseFile(Table):
         return "" if self.lesion is None else unfit_lesion(self.hood, self.hood.kind, self.lesion)
 
 
+def _stated(value: Any) -> Any:
+    """A value as a case file would state it."""
+    return f"{value:~}".replace(" ** ", "**") if hasattr(value, "units") else value
+
+
 class Case(CaseFile):
     """A checked case: SI floats, angles in rad, paths absolute."""
 
     name: str
     """The file's stem."""
     source: Path
+
+    @classmethod
+    def from_layers(cls, layers: Sequence[Layer], source: Path) -> Case:
+        """The case that layers make, each on top of those before, as a file `source` states it.
+
+        Raises InputError that lists every fault with its place and what to write instead."""
+        merged: dict[str, Any] = {}
+        try:
+            for _, layer in layers:
+                merged = merge(merged, layer)
+            checked = CaseFile.model_validate(merged)
+        except ValidationError as error:
+            faults = describe(error, CaseFile, merged, layers)
+            count = f"{len(faults)} fault" + ("s" if len(faults) > 1 else "")
+            raise InputError("\n  ".join([f"{shown_path(source)}: {count}", *faults])) from None
+        except RecursionError:
+            raise InputError(f"{shown_path(source)}: tables are nested too deeply") from None
+        return cls.model_construct(name=source.stem, source=source, **dict(checked))
+
+    def replace(self, values: Mapping[str, Any], name: str | None = None) -> Case:
+        """The case with other values by dotted key: texts with units as in a case file, pint's
+        quantities, or bare numbers where the key has no unit.
+
+        >>> import cosim
+        >>> stiffer = cosim.load("isometric_edc").replace({"hood.mesh.quads": 250})
+        >>> stiffer.hood.mesh.quads
+        250
+
+        Raises InputError that lists every fault with its place and what to write instead."""
+        own = self.model_dump(mode="json", exclude={"name", "source"}, exclude_none=True)
+        more = [("replace", nested(key, _stated(value))) for key, value in values.items()]
+        found = Case.from_layers([(self.name, own), *more], self.source)
+        return found.model_copy(update={"name": name or self.name})
 
     @property
     def task(self) -> Task:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from cosim.commands.terminal import console, tell, told, warn, warn_of_audits
+from cosim.files import shown_path
 from cosim.port import ConvergenceError, CosimError, InputError, Progress, StoppedError, quiet
 from cosim.results.audit import describe_misses
 
@@ -129,7 +129,7 @@ def _run_one(case: Case, out: Path, session: Session, voice: Voice) -> Mapping[s
         typer.echo(json.dumps(line, default=float))
     elif voice == "plain":
         _show(case, result.summary)
-        typer.echo(f"results in {shown(folder)}")
+        typer.echo(f"results in {shown_path(folder)}")
     return result.summary
 
 
@@ -138,7 +138,7 @@ def _what_stays(unfinished: Path | None) -> str:
 
     if unfinished is None or not (unfinished / NAME).is_file():
         return "nothing of this run is kept"
-    return f"what was kept before stays. Go on with: cosim resume {shown(unfinished)}"
+    return f"what was kept before stays. Go on with: cosim resume {shown_path(unfinished)}"
 
 
 def _forget(unfinished: Path | None) -> None:
@@ -157,9 +157,10 @@ def _check_unfinished(cases: Sequence[Case], out: Path, restart: bool) -> None:
         folder = unfinished_folder(case, out)
         assert folder is not None  # of a motion that has begun
         if not restart:
+            where = shown_path(folder)
             raise InputError(
-                f"{shown(folder)}: holds a part of this run, which was stopped or killed. Go on "
-                f"with: cosim resume {shown(folder)}; or add --restart to begin anew"
+                f"{where}: holds a part of this run, which was stopped or killed. Go on with: "
+                f"cosim resume {where}; or add --restart to begin anew"
             )
         _forget(folder)
 
@@ -211,13 +212,6 @@ def _show(case: Case, summary: Mapping[str, Any]) -> None:
     printer.print(f"\n{case.name}: {case.title}")
     for table in tables(summary):
         printer.print(table)
-
-
-def shown(path: Path) -> str:
-    try:
-        return min(str(path), os.path.relpath(path), key=len)
-    except ValueError:  # another drive
-        return str(path)
 
 
 def check(cases: Cases, settings: Settings = None) -> None:

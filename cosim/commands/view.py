@@ -9,8 +9,9 @@ from typing import Annotated, Any
 
 import typer
 
-from cosim.commands.run import Settings, load_cases, shown
+from cosim.commands.run import Settings, load_cases
 from cosim.commands.terminal import told
+from cosim.files import shown_path
 from cosim.port import InputError
 
 
@@ -80,4 +81,4 @@ def mesh(
             write(made, out)
         except OSError as error:
             raise InputError(f"{out}: cannot be written ({error.strerror})") from error
-        typer.echo(f"{len(made.quads)} quads in {shown(out)}")
+        typer.echo(f"{len(made.quads)} quads in {shown_path(out)}")

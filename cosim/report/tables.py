@@ -12,9 +12,16 @@ from typing import Any
 import numpy as np
 
 from cosim.results.audit import BOUNDS, audit_figures
-from cosim.results.compare import COLUMNS, COMPONENTS, as_dict, number, unit_of, value_of
+from cosim.results.compare import (
+    COLUMNS,
+    COMPONENTS,
+    as_dict,
+    number,
+    numbers_of,
+    unit_of,
+    value_of,
+)
 from cosim.results.result import Result
-from cosim.schema.fields import is_number
 
 FORMAT = "cosim report 1"
 Cell = str | float | bool | None
@@ -214,26 +221,13 @@ def _audit(run: Result, place: int) -> Table:
 def _numbers(runs: Sequence[Result], against: Result | None) -> Table:
     """Every number of the summaries, by the path that a target's `quantity` names it by."""
     every = [*runs, against] if against is not None else [*runs]
-    paths = dict.fromkeys(p for run in every for p in _leaves(run.summary, ""))
+    paths = dict.fromkeys(p for run in every for p in numbers_of(run.summary))
     rows = tuple(
         (path, unit_of(path), *_values(runs, against, path))
         for path in paths
         if path.split(".")[0] not in NOT_OUTCOMES
     )
     return Table("numbers", "Every number of the summary", _columns(runs, against), rows)
-
-
-def _leaves(value: Any, path: str) -> Iterator[str]:
-    match value:
-        case Mapping():
-            for key, inner in value.items():
-                yield from _leaves(inner, f"{path}.{key}" if path else str(key))
-        case list():
-            names = COMPONENTS if len(value) == len(COMPONENTS) else range(len(value))
-            for name, inner in zip(names, value, strict=True):
-                yield from _leaves(inner, f"{path}.{name}")
-        case _ if is_number(value):
-            yield path
 
 
 def as_json(runs: Sequence[Result], tables: Sequence[Table]) -> str:

@@ -186,6 +186,24 @@ def parts_of(value: Any) -> Mapping[str, Any]:
     return {}
 
 
+def numbers_of(summary: Mapping[str, Any]) -> dict[str, float]:
+    """Every number of a summary, by the path that a target's `quantity` names it by."""
+    return {path: float(value) for path, value in _leaves(summary, "")}
+
+
+def _leaves(value: Any, path: str) -> Iterator[tuple[str, float]]:
+    match value:
+        case Mapping():
+            for key, inner in value.items():
+                yield from _leaves(inner, f"{path}.{key}" if path else str(key))
+        case list():
+            names = COMPONENTS if len(value) == len(COMPONENTS) else range(len(value))
+            for name, inner in zip(names, value, strict=True):
+                yield from _leaves(inner, f"{path}.{name}")
+        case _ if is_number(value):
+            yield path, value
+
+
 def unit_of(quantity: str) -> str:
     """The unit that a key of the path ends in, the last that ends in one, else 1; of A/B the ratio
     of two, 1 where they are alike."""

@@ -1,0 +1,126 @@
+"""The public face: what `import cosim` offers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cosim.build.models import build
+from cosim.case.file import case_of, load_case
+from cosim.case.schema import Case
+from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium
+from cosim.pipeline import run_case
+from cosim.port import Finger, Hood, InputError, Progress, quiet
+from cosim.results.compare import as_dict, compared, numbers_of, read_targets, unit_of
+from cosim.results.read import read_run
+from cosim.results.result import Result
+from cosim.solve.session import Session
+
+if TYPE_CHECKING:
+    import pandas
+
+
+def load(case: str | Path | Mapping[str, Any], settings: Sequence[str] = ()) -> Case:
+    """A checked case: a packaged one by its name, a case file by its path, or a table that says the
+    same.  `settings`: "hood.mesh.quads=250", on top.
+
+    >>> import cosim
+    >>> cosim.load("pulley_edc").hood.kind
+    'pulley'
+
+    Raises InputError that lists every fault with its place and what to write instead."""
+    if isinstance(case, Mapping):
+        return case_of(case)
+    return load_case(case, settings)
+
+
+def run(case: Case, session: Session | None = None, progress: Progress = quiet) -> Result:
+    """The result of a case.  In one `session` the runs of cases that differ only in their tendons
+    share their models and the unloaded equilibrium; `progress` is told each stage in words.
+
+    >>> import cosim
+    >>> result = cosim.run(cosim.load("pulley_edc"))
+    >>> round(result.tip_force["dorsal"], 2) > 0
+    True
+
+    Raises InputError, and ConvergenceError where there is no result."""
+    return run_case(case, session, progress)
+
+
+def open_run(folder: str | Path) -> Result:
+    """The result that a run left in a folder.  Raises InputError."""
+    return read_run(Path(folder))
+
+
+def compare(result: Result, *others: Result | str | Path) -> pandas.DataFrame:
+    """Results side by side, a row for each number of their summaries; or a result beside the
+    measured or published values in one CSV file, a row for each with its verdict.
+
+    >>> import cosim
+    >>> one = cosim.load("pulley_edc")
+    >>> more = one.replace({"tendons.EDC.tension": "5 N"}, name="5 N")
+    >>> table = cosim.compare(cosim.run(one), cosim.run(more))
+    >>> list(table.columns)
+    ['unit', 'pulley_edc', '5 N']
+
+    Raises InputError."""
+    import pandas
+
+    files = [other for other in others if not isinstance(other, Result)]
+    if files:
+        if len(others) > 1:
+            raise InputError("compare: give either results or one file of values")
+        rows = compared(read_targets(Path(files[0])), result.summary, result.case)
+        return pandas.DataFrame([as_dict(row) for row in rows])
+    runs = [result, *(other for other in others if isinstance(other, Result))]
+    names = [run.name for run in runs]
+    if len(set(names)) < len(names):
+        raise InputError(f"compare: two results are named alike ({', '.join(names)})")
+    table = pandas.DataFrame({run.name: numbers_of(run.summary) for run in runs})
+    table.insert(0, "unit", [unit_of(quantity) for quantity in table.index])
+    return table
+
+
+def couple(
+    finger: Finger | Case,
+    hood: Hood,
+    tensions: Mapping[str, float],
+    posture: Mapping[str, float] | None = None,
+    *,
+    resting: float = 0.0,
+    tolerance: float = 5e-7,
+    max_iterations: int = 50,
+    progress: Progress = quiet,
+) -> Equilibrium:
+    """The equilibrium of a finger and a hood of one's own behind the port, without a case file.
+
+    `finger`: one behind `cosim.port.Finger`, or a case whose finger (and posture) is taken.
+    `tensions`: N by tendon; those not named pull with `resting`.  `posture`: rad by joint, where
+    the finger starts and its tip is held.
+
+    >>> import cosim
+    >>> from cosim.build.models import build
+    >>> case = cosim.load("pulley_edc")
+    >>> found = cosim.couple(case, build(case).hood, {"EDC": 3.0})
+    >>> found.interface_residual < 5e-7
+    True
+
+    Raises InputError for a tendon that neither has, and ConvergenceError."""
+    if isinstance(finger, Case):
+        models = build(finger)
+        finger, posture = models.finger, models.posture if posture is None else posture
+    unknown = sorted(set(tensions) - {*hood.tendons, *finger.tendons})
+    if unknown:
+        known = ", ".join((*hood.tendons, *finger.tendons)) or "none"
+        raise InputError(f"tensions: no tendon {unknown[0]}; hood and finger have {known}")
+    start = finger.start(posture or {})
+    pulls = [
+        np.array([tensions.get(tendon, resting) for tendon in tendons], dtype=float)
+        for tendons in (hood.tendons, finger.tendons)
+    ]
+    options = CouplingOptions(tolerance, max_iterations)
+    state = hood.start(finger.motion(start))
+    return equilibrium(finger, hood, start, state, pulls[0], pulls[1], options, progress)
