@@ -21,8 +21,6 @@ def check_fit(case: Case) -> None:
         )
     if case.forward is not None and not case.finger.has_mass:
         raise InputError(f"forward takes a finger with mass: {with_mass()}")
-    if case.forward is not None and case.forward.adaptive is not None and not case.hood.is_coupled:
-        raise InputError()
     courses = [name for name, tendon in case.tendons.items() if tendon.course is not None]
     if case.forward is None and courses:
         raise InputError(

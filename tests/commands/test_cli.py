@@ -209,7 +209,7 @@ def test_bench_prints_its_figures(monkeypatch):
 def test_bench_needs_a_shell():
     done = cosim("bench", "pulley_edc")
     assert done.exit_code == 2
-    assert "bench needs a shell hood" in done.stderr
+    assert "bench needs a hood of finite elements" in done.stderr
 
 
 def test_bench_times_a_real_run(monkeypatch):
@@ -239,7 +239,7 @@ def test_bench_times_the_steps_of_a_motion():
 def test_bench_of_a_motion_needs_a_shell():
     done = cosim("bench", "forward_edc")
     assert done.exit_code == 2
-    assert "bench needs a shell hood" in done.stderr
+    assert "bench needs a hood of finite elements" in done.stderr
 
 
 def test_mesh_writes_a_file_that_a_case_can_take(tmp_path, monkeypatch):
@@ -256,6 +256,7 @@ def test_a_mesh_that_cannot_be_made_or_written_is_told(tmp_path):
     done = cosim("mesh", "pulley_edc", "--out", str(tmp_path / "my.json"))
     assert done.exit_code == 2
     assert "has no mesh of quads" in done.stderr
+    (tmp_path / "nowhere").touch()
     nowhere = str(tmp_path / "nowhere" / "my.json")
     done = cosim("mesh", "isometric_edc", "--set", "hood.mesh.quads=120", "--out", nowhere)
     assert done.exit_code == 2

@@ -68,10 +68,18 @@ def test_every_scheme_makes_the_native_motion(written, models, fmi, parts, schem
         if not (name == "excursion" and "hood" in parts):  # which counts from its own rest
             gap = np.abs(found.data[name].values - own.data[name].values)
             assert gap.max() < 1e-9, name
-    for source, value in own.summary["energy_mJ"].items():
-        assert found.summary["energy_mJ"][source] == pytest.approx(value, abs=1e-9), source
-    assert found.summary["audit"] == pytest.approx(own.summary["audit"], abs=1e-9)
+    for source, value in found.summary["energy_mJ"].items():
+        assert energy(own)[source] == pytest.approx(value, abs=1e-9), source
+    for name, value in found.summary["audit"].items():
+        assert own.summary["audit"][name] == pytest.approx(value, abs=1e-9), name
     assert found.summary["fingertip_device"] == "fmu"
+
+
+def energy(run: Result) -> dict[str, float]:
+    """mJ, with the parts of the finger's as one, as a unit tells it."""
+    told = run.summary["energy_mJ"]
+    gained = told["kinetic"] + told["joints_stored"] + told["device_stored"] - told["gravity"]
+    return {**told, "finger": told.get("finger", gained)}
 
 
 def test_a_hood_in_an_fmu_alone(written, models):

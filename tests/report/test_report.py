@@ -313,7 +313,7 @@ def test_ticks_are_few_and_round(span):
 def test_sentences(hood, split):
     run, other = read_runs([hood, split])
     assert pulled(run) == "EDC with 3.469 N"
-    assert pulled(replace(run, stated={})) == ""
+    assert pulled(replace(run, case_text="")) == ""
     assert dict(question(run))["Fingertip"] == "held at a point, free to turn"
     assert "central slip carries" in answer(run)
     assert "slip" not in answer(other)
