@@ -273,3 +273,17 @@ def test_files_that_are_spoilt_anywhere(tmp_path: Path, mode: str, compressor: s
         for at in rng.integers(0, len(content), 3):
             spoilt[at] = rng.integers(0, 256)
         check_spoilt(path, bytes(spoilt))
+
+
+@pytest.mark.parametrize("name", ["a.vtu", "a.msh", "a.stl", "a.inp", "a.xyz", "a.vtk", "a.obj"])
+@pytest.mark.parametrize("content", [b"", b"\x00\xff garbage \x80" * 9, b"<VTKFile>", b"1 2\n3"])
+def test_a_broken_file_of_any_format_gives_one_message(
+    tmp_path: Path, name: str, content: bytes
+) -> None:
+    (tmp_path / name).write_bytes(content)
+    try:
+        mesh = read_mesh_file(tmp_path / name)
+    except InputError as error:
+        assert name in str(error)
+    else:
+        assert not mesh.cells
