@@ -124,11 +124,6 @@ def begin(
     )
 
 
-def forgotten(scheme: Scheme, state: Coupled) -> Coupled:
-    """The same with the accelerator's history cleared, for a change that the load does not show."""
-    return replace(state, history=cleared(_accelerator(scheme), state.history))
-
-
 def step(
     scheme: Scheme, finger: MovingFinger, hood: Hood, state: Coupled, tension: Pulls, dt: float
 ) -> Coupled:

@@ -34,7 +34,6 @@ MODELS = (POINT, ONE_WAY, SAME, OURS)
 SHORT = ("alone", "one_way", "two_way_sheet", "two_way_ours")
 COLOURS = ("0.6", "#c2410c", "#7a9cc6", "#0b5394")
 BONES = ("proximal", "middle", "distal")
-BOUND = 0.02  # N between the devices (thesis, section 3.1)
 MOST_SOURCES = 7  # bars: the largest forces; the table has all
 WIDTHS = (3.4, 1.8, 2.4, 1.2)  # of arrows, so that one does not hide another
 

@@ -28,7 +28,6 @@ for people and say where the numbers are from.  Columns:
 from __future__ import annotations
 
 import csv
-import io
 import json
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -337,30 +336,6 @@ YES = {"yes": True, "true": True, "1": True, "no": False, "false": False, "0": F
 def to_json(rows: Sequence[Comparison]) -> str:
     content = {"format": FORMAT, "rows": [as_dict(row) for row in rows]}
     return json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
-
-
-def to_csv(rows: Sequence[Comparison]) -> str:
-    """Numbers in full; what is not there is empty."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
-    writer.writeheader()
-    for row in rows:
-        values = as_dict(row)
-        writer.writerow(values | {"fitted": "yes" if row.target.fitted else "no"})
-    return text.getvalue()
-
-
-def to_markdown(rows: Sequence[Comparison]) -> str:
-    """A table for a README: numbers to four digits, the reference with its SD or band."""
-    lines = ["| what | model | reference | difference | verdict | source | kind |"]
-    lines.append("|---|---|---|---|---|---|---|")
-    for row in rows:
-        t = row.target
-        name = " ".join([t.name, *(f"[{mark}]" for mark in marks(t))])
-        model, gap = number(row.model), number(row.difference)
-        cells = (name, f"{model} {t.unit}", stated(t), gap, row.verdict, t.source, t.kind)
-        lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
-    return "\n".join(lines) + "\n"
 
 
 def write_json(path: Path, rows: Sequence[Comparison]) -> None:

@@ -18,7 +18,6 @@ from fe_solver.materials.hyperelastic import NeoHookean
 from fe_solver.materials.linear import Isotropic, Law, Orthotropic
 
 Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
 
 RIGID = "rigid body"
 IN_PLANE = 0.9

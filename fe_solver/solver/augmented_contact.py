@@ -86,11 +86,6 @@ def settled(solution: Solution) -> ShellModel:
     return solution.model.alike(contacts=tuple(contacts))
 
 
-def dissipated(model: ShellModel) -> float:
-    """J turned to heat by friction up to the last settled increment."""
-    return float(sum(k.grip.dissipated.sum() for k in model.contacts if k.grip is not None))
-
-
 @dataclass(frozen=True)
 class _Look:
     """A contact beside the solution of its smooth problem: `error` (k,) m is how far the depth at

@@ -13,7 +13,6 @@ from fe_solver.solver.model import Configuration, Evaluation, ShellModel
 from fe_solver.vectors import add_at, cross
 
 Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
 
 
 def wrenches(

@@ -134,11 +134,6 @@ class Network:
         through = self.connecting.at(angle) @ self.distribution(angle, force)
         return self.direct.at(angle) + through
 
-    def tangent_arms(self, angle: Array, force: Array) -> Array:
-        """(..., n, m) m: derivatives of the torques by the forces, which are those of the
-        excursions by the angles; the effective arms wherever one spring bears."""
-        return self.direct.at(angle) + self.connecting.at(angle) @ self.sharing(angle, force)
-
     def torque(self, angle: Array, force: Array) -> Array:
         """(..., n) N m (2)."""
         _, tension = self.solve(angle, force)

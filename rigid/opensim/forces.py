@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TypeVar
 
 from cosim.port import InputError
@@ -133,20 +131,3 @@ def _single(forces: list[Force], what: str) -> dict[str, Force]:
     if len(out) < len(forces):
         raise InputError(f"imported {what}: several act on one of the joints {sorted(out)}")
     return out
-
-
-def read_forces(path: Path) -> tuple[dict[str, Limit], dict[str, Spring]]:
-    """The limits and springs in the JSON file that an import left beside its MJCF.
-
-    Raises InputError where it is no such file."""
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-        limits = {name: Limit(**force) for name, force in data["limits"].items()}
-        return limits, {name: Spring(**force) for name, force in data["springs"].items()}
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise InputError(
-            f"{path}: expected the JSON file that `cosim import` writes beside the MJCF, with its "
-            f"limits and springs ({type(error).__name__}: {error})"
-        ) from error

@@ -9,7 +9,7 @@ from time import process_time
 from rigid.mujoco.dynamics import Constant, FingerDynamics
 from rigid.mujoco.finger import MujocoFinger
 from rigid.mujoco.tip_device import Cage
-from rigid.verification.forward import Simulation, simulate
+from rigid.verification.forward import simulate
 from rigid.verification.thesis_twin import POSTURE, TENSIONS, tensions, twin_law, twin_model
 
 REPEATS = 5
@@ -37,13 +37,6 @@ def cpu_seconds(work: Callable[[], object], repeats: int) -> list[float]:
         work()
         out.append(process_time() - begin)
     return out
-
-
-def twin_in_cage(muscle: str) -> Simulation:
-    """The twin's forward simulation with one muscle."""
-    finger = MujocoFinger(twin_model(), law=twin_law())
-    pull = Constant(tensions(finger.tendons, muscle))
-    return simulate(FingerDynamics(finger, finger.start(POSTURE), pull, Cage()))
 
 
 def _forward_cpu(muscle: str, repeats: int) -> float:

@@ -29,7 +29,6 @@ from rigid.verification.thesis_twin import LIMIT_DAMPING, POSTURE, TENSIONS, twi
 
 FIGURES = Path(__file__).parent / "data" / "twin_opensim.json"
 THESIS = "Jadelis, thesis, section 3.1: below 0.02 N between its two devices"
-ISSUE = "asked of the finger: 1 % and 1 degree"
 PASSIVE = 0.0391
 """N m/rad, mean of four index MCPs (PMC7775510, table 2); the other joints are assumed alike."""
 ALONE = {"EDC": ("EDC",), "EI": ("EI",), "LUM": ("LUM",), "FPI": ("FPI",)} | {

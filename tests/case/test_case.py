@@ -10,10 +10,10 @@ from cosim.case.file import (
     find_case,
     json_schema,
     load_case,
-    merge,
     packaged_cases,
     resolved_toml,
 )
+from cosim.case.layers import merge
 from cosim.case.schema import Case
 from cosim.port import InputError
 from cosim.schema import units

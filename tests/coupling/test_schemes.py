@@ -18,7 +18,6 @@ from cosim.coupling.schemes import (
     Scheme,
     begin,
     explicit_limit,
-    forgotten,
     step,
 )
 from cosim.coupling.state import Coupled, apart, followed, standing, unexplained
@@ -335,7 +334,6 @@ def test_a_tendon_going_slack_clears_the_history(monkeypatch):
         state = step(scheme, finger, hood, state, on_off, 1e-3)
     assert np.round(calls, 6).tolist() == [0.002, 0.006]
     assert state.history.residuals.shape[1] > 0
-    assert forgotten(scheme, state).history.residuals.shape[1] == 0
 
 
 def test_the_start_is_the_hoods_static_answer():

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from dataclasses import replace
 
@@ -13,7 +11,6 @@ from hypothesis import strategies as st
 
 from cosim.port import InputError
 from cosim.results.compare import (
-    COLUMNS,
     VERDICTS,
     Comparison,
     Target,
@@ -24,9 +21,7 @@ from cosim.results.compare import (
     read_json,
     read_targets,
     tally,
-    to_csv,
     to_json,
-    to_markdown,
     unit_of,
     value_of,
     verdict,
@@ -224,24 +219,6 @@ def test_a_row_of_json_that_lacks_a_number_is_refused(tmp_path):
     (tmp_path / "comparison.json").write_text(json.dumps(content), encoding="utf-8")
     with pytest.raises(InputError, match="row 1: lacks one of"):
         read_json(tmp_path / "comparison.json")
-
-
-def test_csv_has_every_number_in_full():
-    row = Comparison(replace(FORCE, fitted=True), 1 / 3)
-    (read,) = csv.DictReader(io.StringIO(to_csv([row])))
-    assert tuple(read) == COLUMNS
-    assert float(read["model"]) == 1 / 3
-    assert float(read["difference"]) == row.difference
-    assert (read["verdict"], read["fitted"], read["low"]) == ("outside", "yes", "")
-
-
-def test_markdown_shows_misses_and_marks():
-    rows = [Comparison(replace(FORCE, fitted=True, geometry="mi29", name="a|b"), 0.9)]
-    rows.append(Comparison(band(None, -8.0), None))
-    text = to_markdown(rows)
-    assert "a\\|b [fitted] [mi29] | 0.9 N | 0.46 ± 0.05 | 0.44 | outside" in text
-    assert "| – N | [at most -8] | – | no value |" in text
-    assert all(line.replace("\\|", "").count("|") == 8 for line in text.splitlines())
 
 
 def test_every_verdict_is_known():

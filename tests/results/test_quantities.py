@@ -14,8 +14,7 @@ from typer.testing import CliRunner
 
 from cosim.cli import app
 from cosim.port import InputError
-from cosim.report.tables import _leaves
-from cosim.results.compare import Target, unit_of
+from cosim.results.compare import Target, numbers_of, unit_of
 from cosim.results.quantities import check_quantities, is_known
 from cosim.results.read import read_run, read_runs
 from cosim.results.slips import is_slack
@@ -66,7 +65,7 @@ def changed(key: str) -> set[str]:
 
 @pytest.mark.parametrize("case", CASES)
 def test_every_number_of_a_run_is_known_there_and_in_other_runs(case, summaries):
-    for path in _leaves(summaries[case], ""):
+    for path in numbers_of(summaries[case]):
         check_quantities([target(path)], [(case, summaries[case])])
         assert is_known(path), f"{path} is missing from the table of what runs may have"
 
@@ -76,7 +75,7 @@ def test_every_number_of_a_run_is_known_there_and_in_other_runs(case, summaries)
 def test_a_misspelt_quantity_is_refused_and_the_right_one_named(case, stride, summaries):
     """Each stride-th of the ways to misspell a key by one letter."""
     summary, tried = summaries[case], set()
-    for path in _leaves(summary, ""):
+    for path in numbers_of(summary):
         keys = path.split(".")
         for i, key in enumerate(keys):
             if key.isdigit() or tuple(keys[: i + 1]) in tried:

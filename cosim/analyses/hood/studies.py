@@ -65,7 +65,6 @@ AUDIT = (
     "status",
 )
 WHERE = (*(f"{joint}_deg" for joint in JOINTS), "load")
-POSTURE = list(WHERE[:3])
 
 
 class HoodStudies:

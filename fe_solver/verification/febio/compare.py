@@ -13,7 +13,6 @@ from enum import Enum
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cosim.port import CosimError, InputError
 from fe_solver.febio.read import read_feb
@@ -23,8 +22,6 @@ from fe_solver.job.results import displacement
 from fe_solver.job.solve import JobResult, JobState, solve_job
 from fe_solver.verification.febio.figures import PUBLISHED, REFERENCE_S, Published
 from fe_solver.verification.febio.solid_solve import solve_solid
-
-Array = NDArray[np.float64]
 
 TOLERANCE = 0.03
 REFERENCE_JOB = "reference_job.py"

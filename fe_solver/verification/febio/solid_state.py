@@ -18,7 +18,6 @@ from fe_solver.verification.febio.solid_laws import solid_stress
 from fe_solver.verification.febio.solid_model import Loads, SolidModel, Source, Term
 
 Array = NDArray[np.float64]
-Ints = NDArray[np.intp]
 
 GROUND = "ground"
 """The body that bears the reactions of held displacements."""

@@ -21,7 +21,6 @@ from rigid.papers.buchner1988.coordination import (
 )
 
 ED, FDP, FDS, INT, LUM = range(len(MUSCLES))
-PAPER = "Buchner, Hines and Hemami 1988, J Biomech 21, section III"
 CHANGE = 0.2
 """Of an entry of table 1 that is not certain, both ways."""
 

@@ -36,8 +36,3 @@ def tensions(torque: Array, arms: Array, most: float = MOST_FORCE, least: float 
     if flag < 1:
         raise ConvergenceError(f"tendon forces: the quadratic programme found none (flag {flag})")
     return np.clip(found, least, most)
-
-
-def missed(torque: Array, arms: Array, force: Array) -> Array:
-    """(nq,) N m of the torque that the tendon forces (nt,) do not make."""
-    return np.asarray(torque - force @ arms)

@@ -6,7 +6,6 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
-import meshio
 import numpy as np
 import pytest
 from hypothesis import given
@@ -17,7 +16,6 @@ from fe_solver.febio.read import read_feb
 from fe_solver.job.checks import check_job
 from fe_solver.job.curves import Curve, Drive, Extension, Interpolation
 from fe_solver.job.job import Job, SpringLaw
-from fe_solver.job.mesh_files import read_mesh
 from fe_solver.surfaces.closing import boundary_loops, closed_surface, volume
 from fe_solver.surfaces.spline_distance import SplineDistance
 from tests.helpers.feb_files import feb_text, write
@@ -293,57 +291,3 @@ def test_a_piece_that_nothing_holds_is_named_and_a_spring_would_hold_it(job: Job
         body=np.array([-1, -1]),
     )
     check_job(dataclasses.replace(torn, springs=(spring,)))
-
-
-# --- mesh files -------------------------------------------------------------------------------
-
-POINTS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0.5, 0], [9, 9, 9.0]])
-
-
-@pytest.mark.parametrize("name", ["a.vtu", "a.vtk", "a.msh", "a.inp", "a.ply", "a.xdmf", "a.off"])
-def test_meshes_of_other_formats(tmp_path: Path, name: str) -> None:
-    cells = [("triangle", np.array([[1, 4, 2]]))]
-    if name != "a.off":
-        cells.insert(0, ("quad", np.array([[0, 1, 2, 3]])))
-    meshio.write(tmp_path / name, meshio.Mesh(POINTS, cells))
-    mesh = read_mesh(tmp_path / name, unit=1e-3)
-    wanted = [[1, 4, 2, 2]] if name == "a.off" else [[0, 1, 2, 3], [1, 4, 2, 2]]
-    found = mesh.points[mesh.quads]
-    np.testing.assert_allclose(found, POINTS[np.array(wanted)] * 1e-3)
-    assert any("no element uses" in n for n in mesh.notes)
-
-
-def test_data_stay_with_their_nodes_and_elements(tmp_path: Path) -> None:
-    mesh = meshio.Mesh(
-        POINTS,
-        [("line", [[0, 1]]), ("quad", [[0, 1, 2, 3]]), ("triangle", [[1, 4, 2]])],
-        point_data={"u": np.arange(6.0)},
-        cell_data={"part": [[7.0], [8.0], [9.0]]},
-    )
-    meshio.write(tmp_path / "a.vtu", mesh)
-    back = read_mesh(tmp_path / "a.vtu")
-    assert back.point_data["u"].tolist() == [0, 1, 2, 3, 4]
-    assert back.cell_data["part"].tolist() == [8, 9]
-    assert any("type line" in n for n in back.notes)
-
-
-def test_meshes_that_are_refused(tmp_path: Path) -> None:
-    solid = tmp_path / "solid.vtu"
-    meshio.write(solid, meshio.Mesh(POINTS, [("tetra", np.array([[0, 1, 2, 5]]))]))
-    with pytest.raises(InputError, match="1 cells of type tetra"):
-        read_mesh(solid)
-    flat = tmp_path / "flat.vtu"
-    meshio.write(flat, meshio.Mesh(POINTS, [("quad", np.array([[0, 1, 1, 0]]))]))
-    with pytest.raises(InputError, match=r"flat.vtu: element 0 names node 0 twice"):
-        read_mesh(flat)
-    with pytest.raises(InputError, match="no such file"):
-        read_mesh(tmp_path / "absent.vtu")
-
-
-@pytest.mark.parametrize("name", ["a.vtu", "a.msh", "a.stl", "a.inp", "a.xyz", "a.vtk", "a.obj"])
-@pytest.mark.parametrize("content", [b"", b"\x00\xff garbage \x80" * 9, b"<VTKFile>", b"1 2\n3"])
-def test_broken_mesh_files_give_one_message(tmp_path: Path, name: str, content: bytes) -> None:
-    (tmp_path / name).write_bytes(content)
-    with pytest.raises(InputError) as caught:
-        read_mesh(tmp_path / name)
-    assert name in str(caught.value) or "no elements" in str(caught.value)

@@ -151,7 +151,8 @@ def test_excursions_are_the_integral_of_the_arms(constant):
         if constant:
             arms = network.effective_arms(middle, np.broadcast_to(same, (40000, 6)))
         else:
-            arms = network.tangent_arms(middle, np.broadcast_to(force, (40000, 6)))
+            shares = network.sharing(middle, np.broadcast_to(force, (40000, 6)))
+            arms = network.direct.at(middle) + network.connecting.at(middle) @ shares
         quadrature = np.einsum("pn,pnm->m", step, arms)
         if constant:
             ends = [network.constant_force_excursion(q, same) for q in (path[0], path[-1])]

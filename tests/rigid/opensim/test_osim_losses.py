@@ -11,8 +11,6 @@ import pytest
 from numpy.testing import assert_allclose
 
 from cosim.port import InputError
-from rigid.opensim.forces import read_forces
-from rigid.opensim.osim import write_import
 from rigid.verification.osim_rows import shipped
 from tests.helpers.osim_files import (
     PIN,
@@ -259,18 +257,6 @@ def test_a_limit_of_a_slide_is_in_metres(tmp_path: Path) -> None:
     made = imported(tmp_path, model(joints=slide, forces=LIMIT))
     limit = made.limits["limit"]
     assert (limit.upper, limit.upper_stiffness, limit.transition) == (10.0, 20.0, 5.0)
-
-
-def test_the_json_beside_the_mjcf_gives_the_forces_back(tmp_path: Path) -> None:
-    made = imported(tmp_path, model(forces=LIMIT + SPRING))
-    _, beside, _ = write_import(made, tmp_path / "m.xml")
-    assert read_forces(beside) == (made.limits, made.springs)
-    for text in ("{", "[]", '{"limits": {"a": {"lower": 1}}, "springs": {}}'):
-        beside.write_text(text)
-        with pytest.raises(InputError, match="expected the JSON file"):
-            read_forces(beside)
-    with pytest.raises(InputError, match="cannot be read"):
-        read_forces(tmp_path / "none.json")
 
 
 def test_limits_that_our_law_cannot_hold_are_refused(tmp_path: Path) -> None:
