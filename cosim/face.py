@@ -13,7 +13,7 @@ from cosim.case.file import case_of, load_case
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium
 from cosim.pipeline import run_case
-from cosim.port import Finger, Hood, InputError, Progress, quiet
+from cosim.port import Finger, Hood, InputError, Pair, PairState, Progress, Tensions, quiet
 from cosim.results.compare import as_dict, compared, numbers_of, read_targets, unit_of
 from cosim.results.read import read_run
 from cosim.results.result import Result
@@ -32,9 +32,11 @@ def load(case: str | Path | Mapping[str, Any], settings: Sequence[str] = ()) -> 
     'pulley'
 
     Raises InputError that lists every fault with its place and what to write instead."""
-    if isinstance(case, Mapping):
-        return case_of(case)
-    return load_case(case, settings)
+    match case:
+        case Mapping():
+            return case_of(case)
+        case _:
+            return load_case(case, settings)
 
 
 def run(case: Case, session: Session | None = None, progress: Progress = quiet) -> Result:
@@ -55,9 +57,9 @@ def open_run(folder: str | Path) -> Result:
     return read_run(Path(folder))
 
 
-def compare(result: Result, *others: Result | str | Path) -> pandas.DataFrame:
-    """Results side by side, a row for each number of their summaries; or a result beside the
-    measured or published values in one CSV file, a row for each with its verdict.
+def compare(*results: Result, data: str | Path | None = None) -> pandas.DataFrame:
+    """Results side by side, a row for each number of their summaries; or one result beside the
+    measured or published values in a CSV file, a row for each with its verdict.
 
     >>> import cosim
     >>> one = cosim.load("pulley_edc")
@@ -69,17 +71,15 @@ def compare(result: Result, *others: Result | str | Path) -> pandas.DataFrame:
     Raises InputError."""
     import pandas
 
-    files = [other for other in others if not isinstance(other, Result)]
-    if files:
-        if len(others) > 1:
-            raise InputError("compare: give either results or one file of values")
-        rows = compared(read_targets(Path(files[0])), result.summary, result.case)
+    names = [result.name for result in results]
+    if data is not None:
+        if len(results) != 1:
+            raise InputError(f"compare: data go beside one result, not {len(results)}")
+        rows = compared(read_targets(Path(data)), results[0].summary, results[0].case)
         return pandas.DataFrame([as_dict(row) for row in rows])
-    runs = [result, *(other for other in others if isinstance(other, Result))]
-    names = [run.name for run in runs]
     if len(set(names)) < len(names):
         raise InputError(f"compare: two results are named alike ({', '.join(names)})")
-    table = pandas.DataFrame({run.name: numbers_of(run.summary) for run in runs})
+    table = pandas.DataFrame({run.name: numbers_of(run.summary) for run in results})
     table.insert(0, "unit", [unit_of(quantity) for quantity in table.index])
     return table
 
@@ -118,9 +118,9 @@ def couple(
         raise InputError(f"tensions: no tendon {unknown[0]}; hood and finger have {known}")
     start = finger.start(posture or {})
     pulls = [
-        np.array([tensions.get(tendon, resting) for tendon in tendons], dtype=float)
+        np.array([tensions.get(name, resting) for name in tendons], dtype=float)
         for tendons in (hood.tendons, finger.tendons)
     ]
+    begun = PairState(start, hood.start(finger.motion(start)))
     options = CouplingOptions(tolerance, max_iterations)
-    state = hood.start(finger.motion(start))
-    return equilibrium(finger, hood, start, state, pulls[0], pulls[1], options, progress)
+    return equilibrium(Pair(finger, hood), begun, Tensions(*pulls), options, progress)

@@ -30,10 +30,6 @@ def run_case(case: Case, session: Session | None = None, progress: Progress = qu
     Raises InputError and ConvergenceError."""
     started = time.perf_counter()
     check_fit(case)
-    if not case.finger.is_native and case.task == "static":
-        from cosim.results.fmu import settled_result
-
-        return settled_result(case, progress)
     solved = SOLVERS[case.task](case, session or Session(), progress)
     progress("summing up")
     return OBSERVERS[case.task](case, solved, time.perf_counter() - started)

@@ -244,10 +244,8 @@ class Balance:
 
 
 class Finger(Protocol):
-    """A chain of rigid bodies with its own muscles, passive joints and fingertip support.
-
-    Its static unknowns z are the joint angles (nq) and the tip reaction (0 or 3).
-    """
+    """A finger at rest, ours or another program's: under a load that follows its bodies it finds
+    its own equilibrium."""
 
     @property
     def bodies(self) -> tuple[str, ...]: ...
@@ -261,21 +259,78 @@ class Finger(Protocol):
         ...
 
     def start(self, posture: Mapping[str, float]) -> State:
-        """The state at joint angles `posture` (rad) with no reaction; that tip point is held.
+        """The state at joint angles `posture` (rad) with no reaction; that tip point is held.  A
+        finger with a posture of its own begins there, whatever is asked.
 
         Raises InputError for an unknown joint or an angle outside the joint's range."""
+        ...
+
+    def rest(self) -> Motion:
+        """The poses from which the excursions of hoods count: with all joints at zero."""
         ...
 
     def angles(self, state: State) -> Array:
         """(nq,) rad."""
         ...
 
-    def unknowns(self, state: State) -> Array:
-        """(n,) z: the joint angles (rad), then the tip's reaction (N)."""
-        ...
-
     def motion(self, state: State) -> Motion:
         """Poses of the shared bodies."""
+        ...
+
+    def settle(
+        self, state: State, load: Load, by_motion: Array, tension: Array, tolerance: float
+    ) -> tuple[State, float]:
+        """The equilibrium, or a state on the way there, under its own tendons' tensions (nt,) N and
+        a load that is `load` at the poses of `state` and follows the bodies with `by_motion`
+        (6 nb, 6 nb); and the relative residual that is left, NaN of a finger that tells none.
+
+        Raises ConvergenceError; `state` stays valid."""
+        ...
+
+    def balance(self, state: State, load: Load, tension: Array) -> Balance | None:
+        """Equilibrium under the hood's load and the finger's own tendon tensions (N); None of a
+        finger that tells no forces."""
+        ...
+
+    def between(self, state: State, aim: State, part: float) -> State:
+        """The state a `part` of the way from one to another."""
+        ...
+
+    def turned(self, state: State, angles: Array) -> State:
+        """The state with its joints at angles (nq,) rad, its reaction kept.
+
+        Raises InputError of a finger that cannot be asked at any angles."""
+        ...
+
+    def tip(self, state: State) -> Array | None:
+        """(3,) the fingertip point, world frame, m, where it is known."""
+        ...
+
+    def tip_force(self, state: State) -> Array:
+        """(3,) N, of the fingertip on the world, world frame; zero for a free tip."""
+        ...
+
+    def jacobian(self, state: State) -> Array | None:
+        """(6 nb, nq) twists of the bodies per joint rate, where they are known."""
+        ...
+
+    def ledger(self, state: State, load: Load, tension: Array) -> dict[str, Array]:
+        """(nb, 6) wrench on each body about its origin, world frame, by source, so far as the
+        finger tells its forces."""
+        ...
+
+    def tendon_paths(self, state: State) -> dict[str, Array]:
+        """Polylines (k, 3) of the finger's own tendons, world frame, m, for pictures."""
+        ...
+
+
+class OpenFinger(Finger, Protocol):
+    """A finger that tells its equations: a chain of rigid bodies with its own muscles, passive
+    joints and fingertip support.  Its static unknowns z are the joint angles (nq) and the tip
+    reaction (0 or 3)."""
+
+    def unknowns(self, state: State) -> Array:
+        """(n,) z: the joint angles (rad), then the tip's reaction (N)."""
         ...
 
     def tip(self, state: State) -> Array:
@@ -309,9 +364,26 @@ class Finger(Protocol):
         """(nt,) m, of the finger's own tendons."""
         ...
 
-    def tendon_paths(self, state: State) -> dict[str, Array]:
-        """Polylines (k, 3) of the finger's own tendons, world frame, m, for pictures."""
-        ...
+
+class Pair(NamedTuple):
+    """A finger and the hood on it."""
+
+    finger: Finger
+    hood: Hood
+
+
+class PairState(NamedTuple):
+    """A state of each."""
+
+    finger: State
+    hood: State
+
+
+class Tensions(NamedTuple):
+    """N, of the hood's tendons and of the finger's own."""
+
+    hood: Array
+    finger: Array
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,6 @@ from typing import Any, NamedTuple
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.checks import Row
-from cosim.fingers.index import IndexFinger
 from cosim.fingers.kinds import skeleton_of
 from cosim.pipeline import run_case
 
@@ -141,8 +140,7 @@ def _extension(of: Summary) -> float:
 
 def levers(case: Case) -> dict[str, float]:
     """mm from the MCP to where its force may have been measured, of the straight finger."""
-    assert isinstance(case.finger, IndexFinger)  # the packaged experiments are of one
-    length = 1e3 * skeleton_of(case.finger).length
+    length = 1e3 * skeleton_of(case.native_finger()).length
     return {"PIP": float(length[1]), "fingertip": float(length[1:].sum())}
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cosim.build.models import Models
-from cosim.port import Array, Finger, State
+from cosim.port import Array, OpenFinger, State
 from cosim.solve.states import States
 
 RESISTING = ("passive", "limit", "fingertip")
@@ -13,7 +13,7 @@ DIFFERENCE = 1e-6
 """rad."""
 
 
-def greatest_tip_force(finger: Finger, at: State, torque: Array) -> float:
+def greatest_tip_force(finger: OpenFinger, at: State, torque: Array) -> float:
     """N, what a fingertip held at a point can bear at most under joint torques tau (nq,) N m.
 
     With J the tip's Jacobian (3, nq) and F the force on the world, J^T F = tau + p, where springs
@@ -37,9 +37,9 @@ def force_and_bound(models: Models, states: States) -> tuple[float, float]:
     """N: the loaded tip force, and the largest that what pulls in that pose could make: tendons on
     bones, and of the hood its own torque, without what a pass adds."""
     loaded = states.loaded
-    torque = {s: t for s, t in loaded.balance.torque.items() if s not in RESISTING}
+    torque = {s: t for s, t in loaded.told.torque.items() if s not in RESISTING}
     if states.passed is not None:
         torque["hood"] = states.passed.torque["hood"]
     pull = np.sum(list(torque.values()), axis=0)
     bound = greatest_tip_force(models.finger, loaded.finger_state, pull)
-    return float(np.linalg.norm(loaded.balance.tip_force)), bound
+    return float(np.linalg.norm(loaded.told.tip_force)), bound

@@ -4,17 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from cosim.build.fit import check_fit, check_tendons
 from cosim.case.schema import Case
-from cosim.fingers.kinds import anatomy_of, bones_of, live_finger, mjcf
+from cosim.fingers.kinds import anatomy_of, bones_of, live_finger, mjcf, unit
 from cosim.hoods.kind import BuiltHood, Site, Slips
 from cosim.hoods.kinds import KINDS
 from cosim.hoods.view import HoodView
-from cosim.port import Array, Finger, Hood, InputError, Motion, State, Triangles
+from cosim.port import (
+    Array,
+    Hood,
+    InputError,
+    Motion,
+    OpenFinger,
+    Pair,
+    PairState,
+    State,
+    Triangles,
+)
 from cosim.tendons.muscles import CaseMuscles, live_muscles
 
 if TYPE_CHECKING:
@@ -25,7 +35,7 @@ if TYPE_CHECKING:
 class Models:
     """What a case builds: a finger and a hood behind the port, and what pictures need."""
 
-    finger: Finger
+    finger: OpenFinger
     hood: Hood
     posture: Mapping[str, float]
     resting: float
@@ -42,18 +52,39 @@ class Models:
     own_slips: Callable[[Mapping[str, float]], Slips] | None = None
     """The same from the tensions (N) of the finger's own tendons, where these make them."""
 
+    @property
+    def pair(self) -> Pair:
+        return Pair(self.finger, self.hood)
+
+    def start(self) -> PairState:
+        """The finger in its posture, and the hood on it."""
+        finger = self.finger.start(self.posture)
+        return PairState(finger, self.hood.start(self.finger.motion(finger)))
+
 
 def build(case: Case) -> Models:
-    """Models of a case.  Raises InputError for what only building finds out."""
+    """Models of a case with a finger of ours.  Raises InputError for what only building finds
+    out."""
+    case.native_finger()
+    return build_any(case)
+
+
+def build_any(case: Case) -> Models:
+    """The same of any case: a finger in an FMU is a `cosim.port.Finger` and no more, which is all
+    that the solver and the observer of an equilibrium ask for."""
     check_fit(case)
-    stated = case.native_finger()
-    finger = live_finger(stated, case.hood.left_to_finger)
-    site = site_of(case, finger.motion(finger.start({})))
+    if case.finger.is_native:
+        stated = case.native_finger()
+        finger: OpenFinger = live_finger(stated, case.hood.left_to_finger)
+        posture = stated.posture.angles()
+    else:
+        finger, posture = cast(OpenFinger, unit(case.finger).at_rest()), {}
+    site = site_of(case, finger.rest())
     hood = built_on(case, site)
     return Models(
         finger,
         hood.hood,
-        stated.posture.angles(),
+        posture,
         case.solve.resting_tension,
         site.anatomy.bones,
         live_muscles(case.tendons),

@@ -13,20 +13,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cosim.coupling.finger_equilibrium import balanced
 from cosim.port import (
     STATIC,
     Array,
     Balance,
     ConvergenceError,
-    Finger,
     Hood,
     HoodJacobian,
     Load,
     Motion,
+    OpenFinger,
+    Pair,
+    PairState,
     Progress,
     Response,
     State,
+    Tensions,
     quiet,
 )
 
@@ -36,6 +38,8 @@ Dembo, Eisenstat and Steihaug 1982, SIAM J Numer Anal 19:400)."""
 AT_REST = 1e-4
 """rad: a finger that would still turn so far is not at rest, however small its residual: it stands
 where it would run away."""
+STILL = 1e-10
+"""rad: a finger that tells no forces is at rest where no joint turns further in a round."""
 
 PATIENCE = 8
 """Rounds after which a step that does not lower the interface's residual is halved: a hood whose
@@ -58,7 +62,8 @@ class Equilibrium:
     finger_state: State
     motion: Motion
     response: Response
-    balance: Balance
+    balance: Balance | None
+    """None of a finger that tells no forces."""
     jacobian: HoodJacobian
     hood_tension: Array
     finger_tension: Array
@@ -68,6 +73,14 @@ class Equilibrium:
     """Relative difference, as joint torques, of that load and the hood's answer at this pose."""
     iterations: int
     """Hood solves."""
+    turn: float
+    """rad, the most that a joint would have turned further."""
+
+    @property
+    def told(self) -> Balance:
+        """The balance of a finger that tells its forces."""
+        assert self.balance is not None
+        return self.balance
 
     @property
     def load(self) -> Load:
@@ -79,85 +92,98 @@ class Equilibrium:
 
 
 def equilibrium(
-    finger: Finger,
-    hood: Hood,
-    finger_state: State,
-    hood_state: State,
-    hood_tension: Array,
-    finger_tension: Array,
+    pair: Pair,
+    start: PairState,
+    tensions: Tensions,
     options: CouplingOptions,
     progress: Progress = quiet,
 ) -> Equilibrium:
     """Joint angles, tip reaction and hood shape that balance, from a finger and a hood nearby.
 
-    Raises ConvergenceError when the interface residual stays above its tolerance, or when the hood
-    or the finger alone has no equilibrium."""
-    interface, exact = np.inf, False
-    state, part = hood_state, 1.0
+    Raises ConvergenceError when the interface residual stays above its tolerance (of a finger that
+    tells no forces: when a joint goes on turning), or when the hood or the finger alone has no
+    equilibrium."""
+    finger, hood = pair
+    finger_state, state = start
+    interface, exact, part, turn = np.inf, False, 1.0, np.inf
     way: _Way | None = None
     for iteration in range(1, options.max_iterations + 1):
         motion = finger.motion(finger_state)
         solver = hood if exact else hood.loosely(LOOSE)
-        response = solver.advance(state, motion, hood_tension, STATIC)
+        response = solver.advance(state, motion, tensions.hood, STATIC)
         jacobian = solver.jacobian(response.state)
-        now = finger.balance(finger_state, response.load, finger_tension)
-        interface = now.relative
-        progress(f"coupling round {iteration}: relative residual {interface:.1e}")
+        now = finger.balance(finger_state, response.load, tensions.finger)
+        interface = np.nan if now is None else now.relative
+        progress(f"coupling round {iteration}: {_how_far(interface, turn)}")
         is_late = iteration > PATIENCE and part > LEAST_PART
         if is_late and way is not None and interface > max(way.interface, options.tolerance):
             part, state = 0.5 * part, way.state
-            finger_state = finger.displaced(way.finger_state, part * way.step)
+            finger_state = finger.between(way.finger_state, way.aim, part)
             continue
-        aim, foreseen = balanced(
-            finger,
+        aim, foreseen = finger.settle(
             finger_state,
             response.load,
-            finger_tension,
             jacobian.load_motion,
+            tensions.finger,
             options.tolerance,
         )
-        turn = np.abs(finger.angles(aim) - finger.angles(finger_state)).max()
-        if exact and interface <= options.tolerance and turn <= AT_REST:
+        turn = float(np.abs(finger.angles(aim) - finger.angles(finger_state)).max())
+        if exact and _is_at_rest(interface, turn, options.tolerance):
             return Equilibrium(
-                finger_state,
+                aim if now is None else finger_state,
                 motion,
                 response,
                 now,
                 jacobian,
-                hood_tension,
-                finger_tension,
-                foreseen.relative,
+                *tensions,
+                foreseen,
                 interface,
                 iteration,
+                turn,
             )
-        exact = interface <= NEAR
-        step = finger.unknowns(aim) - finger.unknowns(finger_state)
-        way, part = _Way(finger_state, response.state, step, interface), 1.0
+        exact = turn <= AT_REST if now is None else interface <= NEAR
+        way, part = _Way(finger_state, response.state, aim, interface), 1.0
         finger_state, state = aim, response.state
     raise ConvergenceError(
-        f"hood and finger did not agree in {options.max_iterations} rounds: the interface's "
-        f"relative residual is {interface:.1e}, its tolerance {options.tolerance:.1e}. Try more "
+        f"hood and finger did not agree in {options.max_iterations} rounds: in the last one "
+        f"{_how_far(interface, turn)}, allowed {_allowed(interface, options.tolerance)}. Try more "
         "rounds (solve.max_iterations), a smaller tension, or a stiffer passive joint."
     )
 
 
+def _is_at_rest(interface: float, turn: float, tolerance: float) -> bool:
+    if np.isnan(interface):
+        return turn <= STILL
+    return interface <= tolerance and turn <= AT_REST
+
+
+def _allowed(interface: float, tolerance: float) -> str:
+    return f"{STILL if np.isnan(interface) else tolerance:.1e}"
+
+
+def _how_far(interface: float, turn: float) -> str:
+    if np.isnan(interface):
+        return f"a joint turned by {turn:.1e} rad"
+    return f"relative residual {interface:.1e}"
+
+
 class _Way(NamedTuple):
-    """A step that was taken: from where, the finger's unknowns (n,) that it moved, and the
-    interface's residual there."""
+    """A step that was taken: from where, where the finger aimed, and the interface's residual at
+    its beginning."""
 
     finger_state: State
     state: State
-    step: Array
+    aim: State
     interface: float
 
 
-def moment_arms(finger: Finger, e: Equilibrium) -> Array:
+def moment_arms(finger: OpenFinger, e: Equilibrium) -> Array:
     """(nq, nt) m, by force: derivative of the joint torques by each hood tendon's tension,
     d tau/d T at fixed pose (for a prestressed hood not the same as tau/T)."""
     return finger.jacobian(e.finger_state).T @ e.jacobian.load_tension
 
 
-def reciprocity(finger: Finger, hood: Hood, e: Equilibrium, tendon: int, step: float) -> float:
+def reciprocity(finger: OpenFinger, hood: Hood, e: Equilibrium, tendon: int, step: float) -> float:
     """Relative difference of the moment arms by force and by excursion.
 
     By force: `moment_arms`.  By excursion: the slope of all tendons' excursions over two hood

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cosim.port import Array, Balance, ConvergenceError, Finger, Load, Motion, State
+from cosim.port import Array, Balance, ConvergenceError, Load, Motion, OpenFinger, State
 
 MOST_TURN = np.deg2rad(8.0)
 """A finger's joint moves at most so far in one round."""
@@ -34,7 +34,7 @@ def affine(load: Load, by_motion: Array, at: Motion, motion: Motion) -> Load:
 
 
 def balanced(
-    finger: Finger, state: State, load: Load, tension: Array, by_motion: Array, tolerance: float
+    finger: OpenFinger, state: State, load: Load, tension: Array, by_motion: Array, tolerance: float
 ) -> tuple[State, Balance]:
     """The finger's stable equilibrium under an affine load (its poses at `state` are where it was
     taken), or a state on the way there where a joint turns by more than MOST_TURN: so far off, the
@@ -50,7 +50,7 @@ def balanced(
 
 
 def _settled(
-    finger: Finger,
+    finger: OpenFinger,
     state: State,
     load_at: Callable[[State], Load],
     tension: Array,
@@ -164,7 +164,7 @@ def _relaxed(
 
 
 def at_rest(
-    finger: Finger, state: State, tension: Array, tolerance: float = 1e-9
+    finger: OpenFinger, state: State, tension: Array, tolerance: float = 1e-9
 ) -> tuple[State, Balance]:
     """The stable equilibrium of a finger with its own tendons' tensions (N) and no hood.
 

@@ -1,109 +1,66 @@
 """Coupled static equilibrium by an accelerated fixed point, for hoods without derivatives.
 
-In each round the hood answers the finger's pose, and the finger balances against that answer, held;
+In each round the hood answers the finger's pose, and the finger settles under that answer, held;
 the joint angles go on as the accelerator says.  No derivative of the hood is asked for on the way,
 one at the end, for the moment arms that are reported.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from cosim.coupling.accelerators import Accelerator, accelerated, begun
 from cosim.coupling.equilibrium import CouplingOptions, Equilibrium
-from cosim.coupling.finger_equilibrium import MOST_TURN, balanced
-from cosim.port import (
-    STATIC,
-    Array,
-    Balance,
-    ConvergenceError,
-    Finger,
-    Hood,
-    Progress,
-    Response,
-    State,
-    quiet,
-)
-
-
-class Round(NamedTuple):
-    """What a round of the fixed point found."""
-
-    response: Response
-    now: Balance
-    """Of the finger against the hood's answer, where it stands."""
-    aim: State
-    foreseen: Balance
-    turn: float
-    """rad, the largest from where it stands to its aim."""
+from cosim.coupling.finger_equilibrium import MOST_TURN
+from cosim.port import STATIC, ConvergenceError, Pair, PairState, Progress, Tensions, quiet
 
 
 def fixed_point(
-    finger: Finger,
-    hood: Hood,
-    finger_state: State,
-    hood_state: State,
-    hood_tension: Array,
-    finger_tension: Array,
+    pair: Pair,
+    start: PairState,
+    tensions: Tensions,
     options: CouplingOptions,
     accelerator: Accelerator,
     turn: float,
     progress: Progress = quiet,
 ) -> Equilibrium:
-    """As `cosim.coupling.equilibrium.equilibrium`, to the interface's tolerance and a `turn` (rad)
-    of the joints in the last round.  Raises ConvergenceError."""
-    history = begun(accelerator, len(finger.joints))
-    at, state = finger_state, hood_state
+    """As `cosim.coupling.equilibrium.equilibrium`, to the interface's tolerance (of a finger that
+    tells its forces) and a `turn` (rad) of the joints in the last round.
+
+    Raises ConvergenceError, and InputError for a finger that cannot be asked at any angles."""
+    finger, hood = pair
+    at, state = start
+    history, n = begun(accelerator, len(finger.joints)), 6 * len(finger.bodies)
+    held = np.zeros((n, n))
     for iteration in range(1, options.max_iterations + 1):
-        found = _round(finger, hood, at, state, hood_tension, finger_tension, options.tolerance)
-        progress(f"fixed point, round {iteration}: relative residual {found.now.relative:.1e}")
-        if found.now.relative <= options.tolerance and found.turn <= turn:
+        motion = finger.motion(at)
+        response = hood.advance(state, motion, tensions.hood, STATIC)
+        now = finger.balance(at, response.load, tensions.finger)
+        aim, foreseen = finger.settle(at, response.load, held, tensions.finger, options.tolerance)
+        angles, image = finger.angles(at), finger.angles(aim)
+        turned = float(np.abs(image - angles).max())
+        interface = np.nan if now is None else now.relative
+        progress(f"fixed point, round {iteration}: a joint turns by {turned:.1e} rad")
+        if turned <= turn and (now is None or interface <= options.tolerance):
             return Equilibrium(
-                at,
-                finger.motion(at),
-                found.response,
-                found.now,
-                hood.jacobian(found.response.state),
-                hood_tension,
-                finger_tension,
-                found.foreseen.relative,
-                found.now.relative,
+                aim if now is None else at,
+                motion,
+                response,
+                now,
+                hood.jacobian(response.state),
+                *tensions,
+                foreseen,
+                interface,
                 iteration,
+                turned,
             )
-        angles, image = finger.angles(at), finger.angles(found.aim)
-        aim, history = accelerated(accelerator, history, angles, image)
-        step = (aim - angles) * min(1.0, MOST_TURN / (np.abs(aim - angles).max() or 1.0))
-        at, state = _at(finger, found.aim, angles + step), found.response.state
+        goal, history = accelerated(accelerator, history, angles, image)
+        step = (goal - angles) * min(1.0, MOST_TURN / (np.abs(goal - angles).max() or 1.0))
+        at, state = finger.turned(aim, angles + step), response.state
+    known = f"the relative residual is {interface:.1e} ({options.tolerance:.1e} is allowed) and "
+    residual = "" if np.isnan(interface) else known
     raise ConvergenceError(
-        f"hood and finger did not agree in {options.max_iterations} rounds of the fixed point: the "
-        f"relative residual is {found.now.relative:.1e} ({options.tolerance:.1e} is allowed) and a "
-        f"joint would still turn by {found.turn:.1e} rad ({turn:.1e}). Try more rounds "
+        f"hood and finger did not agree in {options.max_iterations} rounds of the fixed point: "
+        f"{residual}a joint would still turn by {turned:.1e} rad ({turn:.1e}). Try more rounds "
         '(solve.max_iterations), coupling.accelerator = "iqn_ils", or coupling.scheme = "newton"'
     )
-
-
-def _round(
-    finger: Finger,
-    hood: Hood,
-    at: State,
-    state: State,
-    hood_tension: Array,
-    finger_tension: Array,
-    tolerance: float,
-) -> Round:
-    response = hood.advance(state, finger.motion(at), hood_tension, STATIC)
-    now = finger.balance(at, response.load, finger_tension)
-    n = 6 * len(finger.bodies)
-    held = np.zeros((n, n))
-    aim, foreseen = balanced(finger, at, response.load, finger_tension, held, tolerance)
-    turn = float(np.abs(finger.angles(aim) - finger.angles(at)).max())
-    return Round(response, now, aim, foreseen, turn)
-
-
-def _at(finger: Finger, state: State, angles: Array) -> State:
-    """The state with its joints at angles (nq,) rad, its reaction kept."""
-    step = np.zeros(len(finger.unknowns(state)))
-    step[: len(angles)] = angles - finger.angles(state)
-    return finger.displaced(state, step)

@@ -1,43 +1,26 @@
-"""A static finger over an FMU, and its coupling with any hood of the port.
+"""A static finger over an FMU, behind `cosim.port.Finger`.
 
-The unit answers an affine load with its equilibrium, which is all that `cosim.coupling.equilibrium`
-asks of a finger within a round; so the rounds here are the same, between what need not be more than
-two FMUs.
+A unit tells where its bodies are and what its fingertip does, not what it is made of: neither
+torques by source nor the forces in its joints are known, and its ledger stays open.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from cosim.coupling.accelerators import Accelerator, accelerated, begun
-from cosim.coupling.equilibrium import AT_REST, LOOSE
-from cosim.coupling.finger_equilibrium import MOST_TURN
 from cosim.fmu.hood import SHORT
 from cosim.fmu.kinematics import OPTIONAL, Kinematics, Pose
 from cosim.fmu.mapping import places
 from cosim.fmu.quantity import Quantity, finger_quantities
 from cosim.fmu.unit import Saved, Unit
-from cosim.port import (
-    STATIC,
-    Array,
-    ConvergenceError,
-    Hood,
-    HoodJacobian,
-    InputError,
-    Motion,
-    Progress,
-    Response,
-    State,
-    quiet,
-)
+from cosim.port import Array, InputError, Load, Motion
 
-STILL = 1e-10
-"""rad: the rounds end where no joint turns further."""
-MOST_ROUNDS = 50
+OPEN = "the FMU's own: tendons, joints, limits"
+"""What no ledger of a finger in an FMU holds."""
 
 
 @dataclass(frozen=True)
@@ -80,9 +63,66 @@ class FmuFinger:
         self.kinematics = Kinematics(self.unit, self._place, bodies)
         self._begin = self._seen()
 
-    def start(self) -> FingerAt:
-        """The unit as it was initialised."""
+    @property
+    def ranges(self) -> dict[str, tuple[float, float]]:
+        """Not told."""
+        return dict.fromkeys(self.joints, (-np.inf, np.inf))
+
+    def start(self, posture: Mapping[str, float]) -> FingerAt:
+        """The unit as it was initialised, in its own posture."""
         return self._begin
+
+    def rest(self) -> Motion:
+        """The poses at zero angles; those of the start where the unit does not tell others."""
+        if self.kinematics.tells_any:
+            return self.kinematics.at(np.zeros(len(self.joints))).motion
+        return self._begin.motion
+
+    def angles(self, state: FingerAt) -> Array:
+        return state.angles
+
+    def motion(self, state: FingerAt) -> Motion:
+        return state.motion
+
+    def settle(
+        self, state: FingerAt, load: Load, by_motion: Array, tension: Array, tolerance: float
+    ) -> tuple[FingerAt, float]:
+        """See `cosim.port.Finger`; raises InputError too."""
+        return self.step(state, load.total(), by_motion, tension), np.nan
+
+    def balance(self, state: FingerAt, load: Load, tension: Array) -> None:
+        """Not told."""
+
+    def between(self, state: FingerAt, aim: FingerAt, part: float) -> FingerAt:
+        """Raises InputError for a unit that does not tell its poses at any angles."""
+        return self.turned(aim, state.angles + part * (aim.angles - state.angles))
+
+    def turned(self, state: FingerAt, angles: Array) -> FingerAt:
+        """Raises InputError for a unit that does not tell its poses at any angles."""
+        return replace(state, angles=angles, pose=self.kinematics.at(angles))
+
+    def tip(self, state: FingerAt) -> Array | None:
+        return state.pose.tip
+
+    def tip_force(self, state: FingerAt) -> Array:
+        return state.tip_force
+
+    def jacobian(self, state: FingerAt) -> Array | None:
+        """By differences, where the unit tells its poses at any angles."""
+        return self.kinematics.jacobian(state.angles) if self.kinematics.tells_any else None
+
+    def ledger(self, state: FingerAt, load: Load, tension: Array) -> dict[str, Array]:
+        """The fingertip's, where its point is known: a unit tells no other force."""
+        if state.pose.tip is None:
+            return {}
+        out, held = np.zeros((len(self.bodies), 6)), -state.tip_force
+        lever = state.pose.tip - state.motion.position[-1]
+        out[-1] = np.concatenate([held, np.cross(lever, held)])
+        return {"fingertip": out}
+
+    def tendon_paths(self, state: FingerAt) -> dict[str, Array]:
+        """A line through the bodies' origins."""
+        return {"bones": state.pose.line}
 
     def step(self, state: FingerAt, wrench: Array, by_motion: Array, tension: Array) -> FingerAt:
         """The equilibrium under a load whose wrench (nb, 6) at the poses of `state` changes with
@@ -111,91 +151,3 @@ class FmuFinger:
         angles = self.unit.get(self._place["angle"])
         pose, force = self.kinematics.reached(angles), self.unit.get(self._place["tip_force"])
         return FingerAt(self.unit.save(), angles, pose, force)
-
-
-@dataclass(frozen=True)
-class Met:
-    """A coupled equilibrium."""
-
-    finger: FingerAt
-    motion: Motion
-    """The poses that the hood answered last; the finger stands there to within `turn`."""
-    response: Response
-    jacobian: HoodJacobian
-    tension: tuple[Array, Array]
-    """N, of the hood's tendons and of the finger's own."""
-    turn: float
-    """rad, the most that a joint turned in the last round."""
-    rounds: int
-
-
-def met(
-    finger: FmuFinger,
-    hood: Hood,
-    hood_tension: Array,
-    finger_tension: Array,
-    at: FingerAt | None = None,
-    progress: Progress = quiet,
-) -> Met:
-    """The finger and the hood in equilibrium, from the finger's state `at` or its start: the rounds
-    of `cosim.coupling.equilibrium.equilibrium`, ended by the finger's standing still.
-
-    Raises ConvergenceError."""
-    at = finger.start() if at is None else at
-    state, exact, turn = hood.start(at.motion), False, np.inf
-    for rounds in range(1, MOST_ROUNDS + 1):
-        solver = hood if exact else hood.loosely(LOOSE)
-        response = solver.advance(state, at.motion, hood_tension, STATIC)
-        jacobian = solver.jacobian(response.state)
-        load = response.load.total()
-        aim = finger.step(at, load, jacobian.load_motion, finger_tension)
-        turn = float(np.abs(aim.angles - at.angles).max())
-        progress(f"coupling round {rounds}: a joint turns by {turn:.1e} rad")
-        if exact and turn <= STILL:
-            pulls = hood_tension, finger_tension
-            return Met(aim, at.motion, response, jacobian, pulls, turn, rounds)
-        exact, at, state = turn <= AT_REST, aim, response.state
-    raise _apart(MOST_ROUNDS, turn, STILL)
-
-
-def met_held(
-    finger: FmuFinger,
-    hood: Hood,
-    hood_tension: Array,
-    finger_tension: Array,
-    accelerator: Accelerator,
-    tolerance: float,
-    most_rounds: int,
-    at: FingerAt | None = None,
-    progress: Progress = quiet,
-) -> Met:
-    """The same by an accelerated fixed point in the joint angles, as `cosim.coupling.fixed_point`:
-    no derivative is asked for on the way.  It ends where no joint turns further than `tolerance`
-    rad.
-
-    Raises ConvergenceError, and InputError for a unit without `kinematics`."""
-    at = finger.start() if at is None else at
-    n, angles, history = 6 * len(finger.bodies), at.angles, begun(accelerator, len(finger.joints))
-    state: State = hood.start(at.motion)
-    for rounds in range(1, most_rounds + 1):
-        motion = finger.kinematics.at(angles).motion
-        response = hood.advance(state, motion, hood_tension, STATIC)
-        at = finger.step(at, response.load.total(), np.zeros((n, n)), finger_tension)
-        turn = float(np.abs(at.angles - angles).max())
-        progress(f"fixed point, round {rounds}: a joint turns by {turn:.1e} rad")
-        if turn <= tolerance:
-            pulls, jacobian = (hood_tension, finger_tension), hood.jacobian(response.state)
-            return Met(at, motion, response, jacobian, pulls, turn, rounds)
-        aim, history = accelerated(accelerator, history, angles, at.angles)
-        step = aim - angles
-        angles = angles + step * min(1.0, MOST_TURN / (np.abs(step).max() or 1.0))
-        state = response.state
-    raise _apart(most_rounds, turn, tolerance)
-
-
-def _apart(rounds: int, turn: float, allowed: float) -> ConvergenceError:
-    return ConvergenceError(
-        f"hood and finger did not agree in {rounds} rounds: a joint still turns by {turn:.1e} rad, "
-        f"expected at most {allowed:.0e}. Try a smaller tension, a stiffer passive joint, or "
-        'another coupling.scheme ("newton", "implicit")'
-    )

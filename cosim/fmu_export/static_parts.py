@@ -27,7 +27,7 @@ from cosim.fmu.quantity import (
     tensions_of,
 )
 from cosim.fmu_export.part import loads, motion_of_input, poses
-from cosim.port import STATIC, Array, Hood, InputError, Load, State
+from cosim.port import STATIC, Array, Hood, InputError, Load, PairState, State, Tensions
 
 
 class HoodPart:
@@ -195,10 +195,11 @@ class CoupledPart:
 
     def _rest(self) -> _Coupled:
         finger, hood = self.models.finger, self.models.hood
-        start, tension = finger.start(self.models.posture), np.full(len(self.tendons), self.resting)
+        tension = np.full(len(self.tendons), self.resting)
         pulls = np.split(tension, [len(hood.tendons)])
-        before = hood.start(finger.motion(start))
-        rest = equilibrium(finger, hood, start, before, pulls[0], pulls[1], self.options)
+        rest = equilibrium(
+            self.models.pair, self.models.start(), Tensions(pulls[0], pulls[1]), self.options
+        )
         return _Coupled(rest, rest.excursion, finger.path_lengths(rest.finger_state))
 
     def _solved(self, before: Equilibrium, tension: Array) -> Equilibrium:
@@ -207,8 +208,8 @@ class CoupledPart:
         state = before.response.state
         if not np.array_equal(hood, before.hood_tension):
             state = self.models.hood.start(before.motion)
-        m = self.models
-        return equilibrium(m.finger, m.hood, before.finger_state, state, hood, finger, self.options)
+        start = PairState(before.finger_state, state)
+        return equilibrium(self.models.pair, start, Tensions(hood, finger), self.options)
 
     def _slips(self) -> list[Quantity]:
         if self.models.slips is None:
@@ -221,7 +222,7 @@ class CoupledPart:
         own = state.rest_path - finger.path_lengths(now.finger_state)
         out = {
             "angle": finger.angles(now.finger_state),
-            "tip_force": now.balance.tip_force,
+            "tip_force": now.told.tip_force,
             "excursion": np.concatenate([now.excursion - state.rest_excursion, own]),
         }
         if self.models.slips is not None:

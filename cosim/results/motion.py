@@ -14,12 +14,12 @@ from cosim.case.schema import Case
 from cosim.coupling.checkpoint import Kept
 from cosim.coupling.motion import Frame, Moment
 from cosim.fingers.kinds import held_by
+from cosim.fmu.finger import OPEN
 from cosim.hoods.view import drawn
 from cosim.port import Array
 from cosim.results.air import air_data, air_end
 from cosim.results.audit import missed_bounds
 from cosim.results.conventions import COMPONENTS, IN_METACARPAL
-from cosim.results.fmu import OPEN
 from cosim.results.load_and_rest import NO_UNLOADED
 from cosim.results.parts import LedgerRow, Scene, ledger_rows
 from cosim.results.result import Result

@@ -17,7 +17,7 @@ def scene(models: Models, e: Equilibrium, view: HoodView | None) -> Scene:
     """The loaded finger."""
     paths = {**models.lines(e.motion), **models.finger.tendon_paths(e.finger_state)}
     tendons = tuple(paths.items())
-    tip = (models.finger.tip(e.finger_state), e.balance.tip_force)
+    tip = (models.finger.tip(e.finger_state), models.finger.tip_force(e.finger_state))
     hood = None if view is None else drawn(view)
     return Scene(hood, placed_bones(models.bones, e.motion), tendons, tip)
 

@@ -10,10 +10,11 @@ import numpy as np
 from cosim.build.models import Models
 from cosim.case.file import resolved_toml
 from cosim.case.schema import Case
-from cosim.coupling.equilibrium import Equilibrium, moment_arms
+from cosim.coupling.equilibrium import Equilibrium
 from cosim.fingers.kinds import joint_ranges
+from cosim.fmu.finger import OPEN
 from cosim.hoods.view import HoodView
-from cosim.port import Array
+from cosim.port import Array, Finger
 from cosim.results.audit import POSTURE, audit_figures, missed_bounds
 from cosim.results.conventions import COMPONENTS, IN_METACARPAL
 from cosim.results.load_and_rest import rest_block, rest_warnings
@@ -62,17 +63,17 @@ def summary(
     passed = states.passed
     load, motion = (loaded.load, loaded.motion) if passed is None else (passed.answer, passed.at)
     force, moment = load.imbalance(motion)
-    audit = {
-        "hood_force_balance": force,
-        "hood_moment_balance": moment,
-        "finger_residual": loaded.finger_residual,
-    }
-    if passed is None:
-        audit["interface_residual"] = loaded.interface_residual
+    audit = {"hood_force_balance": force, "hood_moment_balance": moment}
+    if loaded.balance is None:
+        audit["last_turn_rad"] = loaded.turn
+    else:
+        audit["finger_residual"] = loaded.finger_residual
+        if passed is None:
+            audit["interface_residual"] = loaded.interface_residual
     if states.reciprocity is not None:
         audit["reciprocity"] = states.reciprocity
     missed = missed_bounds(audit_figures({**now, "audit": audit}))
-    if _beyond_ranges(models, loaded):
+    if loaded.balance is not None and _beyond_ranges(models, loaded):
         missed.append(POSTURE)
     newton = getattr(loaded.response.state, "iterations", 0)
     iterations = {"coupling": loaded.iterations, "newton": newton}
@@ -84,6 +85,7 @@ def summary(
         "difference": _difference(models, unloaded, loaded, before, now, views),
         "audit": audit,
         "audit_missed": missed,
+        **({"not_in_ledger": OPEN} if loaded.balance is None else {}),
         **_muscles(case, models, states),
         **one_way_summary(case, models, states),
         "iterations": iterations,
@@ -119,9 +121,9 @@ def _muscles(case: Case, models: Models, states: States) -> dict[str, Any]:
 def _state(models: Models, e: Equilibrium, view: HoodView | None) -> dict[str, Any]:
     """One equilibrium in numbers."""
     hood, finger = models.hood, models.finger
-    force = IN_METACARPAL @ e.balance.tip_force
-    phalanx = IN_METACARPAL @ e.motion.rotation[-1].T @ e.balance.tip_force
-    arms = {t: _by_joint(models, 1e3 * a) for t, a in _arms(models, e).items()}
+    on_world = finger.tip_force(e.finger_state)
+    force = IN_METACARPAL @ on_world
+    phalanx = IN_METACARPAL @ e.motion.rotation[-1].T @ on_world
     out: dict[str, Any] = {
         "posture_deg": _by_joint(models, np.rad2deg(finger.angles(e.finger_state))),
         "tension_N": dict(zip(hood.tendons, e.hood_tension, strict=True))
@@ -130,12 +132,15 @@ def _state(models: Models, e: Equilibrium, view: HoodView | None) -> dict[str, A
         "fingertip_force_N": force.tolist(),
         "fingertip_force_in_phalanx_N": phalanx.tolist(),
         "fingertip_magnitude_N": float(np.linalg.norm(force)),
-        "fingertip_moment_Nmm": (1e3 * IN_METACARPAL @ _tip_moment(models, e)).tolist(),
-        "moment_arm_mm": arms,
-        "joint_torque_Nmm": {
-            source: _by_joint(models, 1e3 * torque) for source, torque in e.balance.torque.items()
-        },
     }
+    if e.balance is not None:
+        out["fingertip_moment_Nmm"] = (1e3 * IN_METACARPAL @ _tip_moment(models, e)).tolist()
+    if arms := _arms(models, e):
+        out["moment_arm_mm"] = {t: _by_joint(models, 1e3 * arm) for t, arm in arms.items()}
+    if e.balance is not None:
+        out["joint_torque_Nmm"] = {
+            source: _by_joint(models, 1e3 * torque) for source, torque in e.balance.torque.items()
+        }
     if models.slips is not None:
         slips = models.slips(e.response.state)
         out["slip_force_N"] = dict(slips)
@@ -154,12 +159,23 @@ def _tip_moment(models: Models, e: Equilibrium) -> Array:
 
 
 def _arms(models: Models, e: Equilibrium) -> dict[str, Array]:
-    """(nq,) m of each tendon: d tau/d T for those of the hood, tau/T for the finger's own."""
-    out = dict(zip(models.hood.tendons, moment_arms(models.finger, e).T, strict=True))
+    """(nq,) m of each tendon: d tau/d T for those of the hood, tau/T for the finger's own, so far
+    as the finger tells them."""
+    by_force = _arms_by_force(models, e)
+    out = {} if by_force is None else dict(zip(models.hood.tendons, by_force.T, strict=True))
+    if e.balance is None:
+        return out
     for tendon, tension in zip(models.finger.tendons, e.finger_tension, strict=True):
         if tension > 0:
             out[tendon] = e.balance.torque[tendon] / tension
     return out
+
+
+def _arms_by_force(models: Models, e: Equilibrium) -> Array | None:
+    """(nq, nt) m of the hood's tendons, where the finger tells how its bodies turn."""
+    finger: Finger = models.finger
+    jacobian = finger.jacobian(e.finger_state)
+    return None if jacobian is None else jacobian.T @ e.jacobian.load_tension
 
 
 def _difference(
@@ -187,9 +203,9 @@ def _difference(
     if first is not None and last is not None:
         out |= last.change(first)
     pull = loaded.hood_tension - unloaded.hood_tension
-    torque = 1e3 * (loaded.balance.torque["hood"] - unloaded.balance.torque["hood"])
     pulled = np.flatnonzero(pull)
-    if len(pulled) == 1:
+    if len(pulled) == 1 and loaded.balance is not None:
+        torque = 1e3 * (loaded.told.torque["hood"] - unloaded.told.torque["hood"])
         i = int(pulled[0])
         out["moment_arm_mm"] = {models.hood.tendons[i]: _by_joint(models, torque / pull[i])}
     return out
@@ -213,7 +229,6 @@ def dataset(
     import xarray
 
     hood, finger, each = models.hood, models.finger, list(states.values())
-    sources = list(each[0].balance.torque)
 
     def stack(dims: tuple[str, ...], unit: str, values: list[Array], what: str) -> Any:
         return (("state", *dims), np.stack(values), {"units": unit, "long_name": what})
@@ -248,18 +263,15 @@ def dataset(
             "pull of the tendon on the hood about the world's origin",
         ),
         "tip_force": stack(
-            ("axis",), "N", [e.balance.tip_force for e in each], "force of the tip on the world"
-        ),
-        "torque": stack(
-            ("torque_source", "joint"),
-            "N m",
-            [np.stack([e.balance.torque[s] for s in sources]) for e in each],
-            "joint torque by source",
-        ),
-        "moment_arm": stack(
-            ("joint", "tendon"), "m", [moment_arms(finger, e) for e in each], "d torque / d tension"
+            ("axis",),
+            "N",
+            [finger.tip_force(e.finger_state) for e in each],
+            "force of the tip on the world",
         ),
     }
+    arms = [arm for e in each if (arm := _arms_by_force(models, e)) is not None]
+    if arms:
+        data["moment_arm"] = stack(("joint", "tendon"), "m", arms, "d torque / d tension")
     every = [[f for f in view.fields() if f.in_results] for view in views.values()]
     for each_state in zip(*every, strict=True):
         f = each_state[0]
@@ -273,9 +285,12 @@ def dataset(
         "tendon": list(hood.tendons),
         "muscle": list(finger.tendons),
         "source": list(hood.sources),
-        "torque_source": sources,
         "component": list(COMPONENTS),
     }
+    if each[0].balance is not None:
+        coords["torque_source"] = list(each[0].told.torque)
+        torque = [np.stack(list(e.told.torque.values())) for e in each]
+        data["torque"] = stack(("torque_source", "joint"), "N m", torque, "joint torque by source")
     for view in views.values():
         coords |= view.coordinates()
     return xarray.Dataset(data, coords)

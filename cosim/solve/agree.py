@@ -7,35 +7,17 @@ from cosim.build.scheme import accelerator_of
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium
 from cosim.coupling.fixed_point import fixed_point
-from cosim.port import Array, Progress, State
+from cosim.port import PairState, Progress, Tensions
 
 
 def agree(
-    case: Case,
-    models: Models,
-    start: State,
-    state: State,
-    hood_tension: Array,
-    finger_tension: Array,
-    progress: Progress,
+    case: Case, models: Models, start: PairState, tensions: Tensions, progress: Progress
 ) -> Equilibrium:
-    """The coupled equilibrium by the case's scheme, from the finger's `start` and the hood's
-    `state`, under tensions in N."""
-    finger, hood, coupling = models.finger, models.hood, case.coupling
+    """The equilibrium from the states `start`, under tensions in N.  Raises ConvergenceError."""
+    coupling = case.coupling
     options = CouplingOptions(case.solve.tolerance, case.solve.max_iterations)
     if coupling.scheme != "implicit":
-        return equilibrium(
-            finger, hood, start, state, hood_tension, finger_tension, options, progress
-        )
-    return fixed_point(
-        finger,
-        hood,
-        start,
-        state,
-        hood_tension,
-        finger_tension,
-        options,
-        accelerator_of(coupling),
-        coupling.tolerance,
-        progress,
-    )
+        return equilibrium(models.pair, start, tensions, options, progress)
+    accelerator = accelerator_of(coupling)
+    turn = coupling.tolerance
+    return fixed_point(models.pair, start, tensions, options, accelerator, turn, progress)

@@ -12,7 +12,20 @@ from cosim.case.schema import Case
 from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium
 from cosim.coupling.one_way import HandedOver, Passed, torques
 from cosim.fingers.kinds import live_finger
-from cosim.port import STATIC, Array, Finger, Hood, Motion, Progress, Response, State, quiet
+from cosim.port import (
+    STATIC,
+    Array,
+    Hood,
+    Motion,
+    OpenFinger,
+    Pair,
+    PairState,
+    Progress,
+    Response,
+    State,
+    Tensions,
+    quiet,
+)
 from cosim.solve.session import Session
 from cosim.solve.states import States
 from cosim.tendons.muscles import Pull
@@ -90,16 +103,17 @@ def finger_pass(case: Case, given: HoodPass, progress: Progress) -> tuple[Models
 
 
 def _balanced(
-    case: Case, finger: Finger, handed: HandedOver, start: State, answer: HoodAnswer
+    case: Case, finger: OpenFinger, handed: HandedOver, start: State, answer: HoodAnswer
 ) -> Equilibrium:
     """The finger's equilibrium under what was handed over."""
     own = answer.own if case.coupling.one_way.muscles else np.zeros(len(answer.own))
     options = CouplingOptions(case.solve.tolerance, case.solve.max_iterations)
     state = answer.response.state
-    return equilibrium(finger, handed, start, state, answer.hood, own, options)
+    tensions = Tensions(answer.hood, own)
+    return equilibrium(Pair(finger, handed), PairState(start, state), tensions, options)
 
 
-def _second(case: Case, first: Finger) -> Finger:
+def _second(case: Case, first: OpenFinger) -> OpenFinger:
     """The finger of the second pass."""
     if case.coupling.one_way.passive:
         return first
@@ -112,7 +126,7 @@ def _lumps(case: Case) -> bool:
     return case.coupling.one_way.lumping == "centre_of_mass"
 
 
-def _centres(finger: Finger, at: State) -> Array:
+def _centres(finger: OpenFinger, at: State) -> Array:
     """(nb, 3) m, the bodies' centres of mass in their frames."""
     motion = finger.motion(at)
     heavy = cast("MujocoFinger", finger)  # what check_fit lets be lumped
@@ -132,7 +146,7 @@ def _tensions(case: Case, models: Models) -> tuple[Array, Array, Pull]:
     return hood, own, pull
 
 
-def _left_open(hood: Hood, finger: Finger, e: Equilibrium) -> tuple[float, dict[str, Array]]:
+def _left_open(hood: Hood, finger: OpenFinger, e: Equilibrium) -> tuple[float, dict[str, Array]]:
     """What another round would have begun with, relative, and the torques that were handed over."""
     answer = hood.advance(e.response.state, e.motion, e.hood_tension, STATIC)
     missed = finger.balance(e.finger_state, answer.load, e.finger_tension).relative

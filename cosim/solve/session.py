@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.build.models import Models, build
+from cosim.build.models import Models, build_any
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import Equilibrium
-from cosim.port import Progress
+from cosim.port import Progress, Tensions
 from cosim.solve.agree import agree
 from cosim.tendons.muscles import live_muscles
 
@@ -54,7 +54,7 @@ class Session:
         key = case.setting_key()
         if key not in self._settings:
             progress("building the models")
-            self._settings[key] = _Setting(build(case))
+            self._settings[key] = _Setting(build_any(case))
         self._settings.move_to_end(key)
         while len(self._settings) > self._most:
             self._settings.popitem(last=False)
@@ -62,13 +62,8 @@ class Session:
 
 
 def _unloaded(case: Case, models: Models, progress: Progress) -> Equilibrium:
-    start = models.finger.start(models.posture)
-    return agree(
-        case,
-        models,
-        start,
-        models.hood.start(models.finger.motion(start)),
+    idle = Tensions(
         np.full(len(models.hood.tendons), models.resting),
         np.full(len(models.finger.tendons), models.resting),
-        lambda text: progress(f"unloaded: {text}"),
     )
+    return agree(case, models, models.start(), idle, lambda text: progress(f"unloaded: {text}"))

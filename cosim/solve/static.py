@@ -12,7 +12,7 @@ from cosim.coupling.excursion import (
     initial_excursions,
     solve_excursions,
 )
-from cosim.port import Array, ConvergenceError, Progress, quiet
+from cosim.port import Array, ConvergenceError, PairState, Progress, Tensions, quiet
 from cosim.solve.agree import agree
 from cosim.solve.session import Session
 from cosim.solve.states import States
@@ -31,7 +31,7 @@ def solve_static(case: Case, session: Session, progress: Progress = quiet) -> tu
     Raises InputError and ConvergenceError."""
     models, unloaded = session.models(case, progress), session.unloaded(case, progress)
     loaded, pull = _loaded(case, models, unloaded, progress)
-    if not models.hood.tendons:
+    if not models.hood.tendons or loaded.balance is None:
         return models, States(unloaded, loaded, None, pull)
     progress("auditing reciprocity")
     strongest = int(np.argmax(loaded.hood_tension))
@@ -60,12 +60,12 @@ def _loaded(
             loaded = agree(
                 case,
                 models,
-                loaded.finger_state,
-                loaded.response.state,
-                tension[:split].copy(),
-                tension[split:].copy(),
+                PairState(loaded.finger_state, loaded.response.state),
+                Tensions(tension[:split].copy(), tension[split:].copy()),
                 lambda text: progress(f"loaded: {text}"),
             )
+            if not len(own) and not len(index):
+                return (loaded, pull), np.zeros(0)
             shortening = _shortening(models, unloaded, loaded)
             pull = models.muscles.pull(shortening[own])
             miss = np.abs(pull.tension - tension[own]).max(initial=0.0)

@@ -17,15 +17,14 @@ from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.checks import Row, Study
 from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium
-from cosim.coupling.finger_equilibrium import balanced
-from cosim.fmu.finger import FmuFinger, met
+from cosim.fmu.finger import FmuFinger
 from cosim.fmu.hood import FmuHood
 from cosim.fmu.moving_finger import FmuMovingFinger
 from cosim.fmu_export.part_of import PARTS
 from cosim.fmu_export.write import write_fmu
 from cosim.pipeline import run_case
-from cosim.port import STATIC, AffineLoad, Array, Hood
-from cosim.solve.fmu import settled
+from cosim.port import STATIC, AffineLoad, Array, Hood, Pair, PairState, Tensions
+from cosim.solve.solvers import solve
 
 TOLERANCE = 1e-9
 """N, of the fingertip force."""
@@ -103,10 +102,11 @@ def motion_rows() -> Iterator[Row]:
 
 def coupled_by_us(case: Case, models: Models, hood: Hood) -> Equilibrium:
     """The case's equilibrium with `hood` in its hood's place."""
-    pulls, start = tensions(case, models), models.finger.start(models.posture)
+    start = models.finger.start(models.posture)
     options = CouplingOptions(case.solve.tolerance, case.solve.max_iterations)
-    before = hood.start(models.finger.motion(start))
-    return equilibrium(models.finger, hood, start, before, *pulls, options)
+    before = PairState(start, hood.start(models.finger.motion(start)))
+    pulls = Tensions(*tensions(case, models))
+    return equilibrium(Pair(models.finger, hood), before, pulls, options)
 
 
 def _accepted(name: str, path: Path) -> Iterator[Row]:
@@ -129,15 +129,16 @@ def _coupled(
 ) -> Iterator[Row]:
     own = models.hood
     hood = FmuHood(paths["hood"], own.bodies, own.tendons, own.sources)
-    force = coupled_by_us(case, models, hood).balance.tip_force
+    force = coupled_by_us(case, models, hood).told.tip_force
     yield _force_row(name, "hood in an FMU", force, native)
     hood.tangent_by = "differences"
-    force = coupled_by_us(case, models, hood).balance.tip_force
+    force = coupled_by_us(case, models, hood).told.tip_force
     yield _force_row(name, "hood in an FMU, its tangent by differences", force, native)
     hood.tangent_by = "outputs"
     for scheme in ("newton", "implicit"):
         both = load_case(case.source, [*settings, *in_units(models, paths, scheme)])
-        force = settled(both).states["loaded"].finger.tip_force
+        units, states = solve(both)
+        force = units.finger.tip_force(states.loaded.finger_state)
         yield _force_row(name, f"hood and finger in FMUs, {scheme}", force, native)
     yield _rollback(name, hood, native)
     yield _overhead(name, "hood", *[_time_of_answer(h, native) for h in (own, hood)])
@@ -165,7 +166,7 @@ def _scheme(name: str) -> str:
 
 
 def _force_row(name: str, what: str, force: Array, native: Equilibrium) -> Row:
-    gap = float(np.abs(force - native.balance.tip_force).max())
+    gap = float(np.abs(force - native.told.tip_force).max())
     return Row(name, f"{what}: fingertip force, N", 0, gap, TOLERANCE, NATIVE, "absolute")
 
 
@@ -198,10 +199,10 @@ def _times_of_rest(case: Case, models: Models, path: Path, at: Equilibrium) -> t
     f, load, pulls = models.finger, at.load, at.finger_tension
     slope, tolerance = at.jacobian.load_motion, case.solve.tolerance
     unit = FmuFinger(path, f.bodies, f.joints, f.tendons)
-    there, total = met(unit, models.hood, at.hood_tension, pulls).finger, load.total()
+    there, _ = unit.settle(unit.start({}), load, slope, pulls, tolerance)
     return (
-        _median(lambda: balanced(f, at.finger_state, load, pulls, slope, tolerance)),
-        _median(lambda: unit.step(there, total, slope, pulls)),
+        _median(lambda: f.settle(at.finger_state, load, slope, pulls, tolerance)),
+        _median(lambda: unit.settle(there, load, slope, pulls, tolerance)),
     )
 
 

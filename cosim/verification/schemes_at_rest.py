@@ -54,7 +54,7 @@ def rows_of(muscle: str) -> Iterator[Row]:
 def at_rest(muscle: str, scheme: str) -> Array:
     """(3,) N by a scheme for equilibria."""
     case = load_case(f"isometric_{muscle}", [COARSE, f'coupling.scheme="{scheme}"'])
-    return solve(case)[1].loaded.balance.tip_force
+    return solve(case)[1].loaded.told.tip_force
 
 
 def run_to_rest(muscle: str) -> Array:

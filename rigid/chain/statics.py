@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cosim.coupling.finger_equilibrium import balanced
 from cosim.port import Array, Balance, InputError, Load, Motion
 from rigid.chain.joint_torques import JointLaw, by_joint
 from rigid.chain.kinematics import (
@@ -53,7 +54,7 @@ class FingerState:
 
 
 class ChainFinger(ABC):
-    """All of `cosim.port.Finger` from a chain's kinematics and the finger's own torques."""
+    """All of `cosim.port.OpenFinger` from a chain's kinematics and the finger's own torques."""
 
     def __init__(
         self,
@@ -101,6 +102,31 @@ class ChainFinger(ABC):
 
     def angles(self, state: FingerState) -> Array:
         return state.angles
+
+    def rest(self) -> Motion:
+        """The poses with all joints at zero."""
+        return self.motion(self.start({}))
+
+    def between(self, state: FingerState, aim: FingerState, part: float) -> FingerState:
+        """The state a `part` of the way from one to another."""
+        return self.displaced(state, part * (self.unknowns(aim) - self.unknowns(state)))
+
+    def turned(self, state: FingerState, angles: Array) -> FingerState:
+        """The state with its joints at angles (nq,) rad, its reaction kept."""
+        step = np.zeros(len(self.unknowns(state)))
+        step[: len(angles)] = angles - state.angles
+        return self.displaced(state, step)
+
+    def settle(
+        self, state: FingerState, load: Load, by_motion: Array, tension: Array, tolerance: float
+    ) -> tuple[FingerState, float]:
+        """See `cosim.port.Finger`; `cosim.coupling.finger_equilibrium.balanced`."""
+        aim, balance = balanced(self, state, load, tension, by_motion, tolerance)
+        return aim, balance.relative
+
+    def tip_force(self, state: FingerState) -> Array:
+        """(3,) N, of the fingertip on the world."""
+        return -state.reaction[:3]
 
     def unknowns(self, state: FingerState) -> Array:
         """(nq + m,) angles, then the reaction along the support's unit wrenches."""

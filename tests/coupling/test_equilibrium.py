@@ -25,8 +25,11 @@ from cosim.port import (
     HoodJacobian,
     InputError,
     Motion,
+    Pair,
+    PairState,
     Response,
     State,
+    Tensions,
 )
 from rigid.chain import hinge
 from rigid.chain.hinge import HingeFinger
@@ -69,8 +72,8 @@ def coupled(
     options: CouplingOptions = OPTIONS,
 ) -> Equilibrium:
     state = f.start(dict(zip(hinge.JOINTS, start, strict=True)))
-    there = hood.start(f.motion(state))
-    return equilibrium(f, hood, state, there, tension, np.zeros(0), options)
+    there = PairState(state, hood.start(f.motion(state)))
+    return equilibrium(Pair(f, hood), there, Tensions(tension, np.zeros(0)), options)
 
 
 def span(q: Array) -> Array:
@@ -333,8 +336,8 @@ def test_progress_tells_of_every_round():
     told: list[str] = []
     f, hood = finger(True), dorsal_and_palmar()
     state = f.start(dict(zip(hinge.JOINTS, REST, strict=True)))
-    start = hood.start(f.motion(state))
-    tension = np.array([6.0, 4.0])
-    found = equilibrium(f, hood, state, start, tension, np.zeros(0), OPTIONS, told.append)
+    start = PairState(state, hood.start(f.motion(state)))
+    tensions = Tensions(np.array([6.0, 4.0]), np.zeros(0))
+    found = equilibrium(Pair(f, hood), start, tensions, OPTIONS, told.append)
     assert len(told) == found.iterations
     assert all("relative residual" in text for text in told)

@@ -10,7 +10,12 @@ from cosim.coupling.accelerators import Aitken, Constant, QuasiNewton
 from cosim.coupling.equilibrium import CouplingOptions
 from cosim.coupling.fixed_point import fixed_point
 from cosim.pipeline import run_case
-from cosim.port import ConvergenceError
+from cosim.port import (
+    ConvergenceError,
+    Pair,
+    PairState,
+    Tensions,
+)
 from rigid.chain.support import FREE, IN_PLANE
 from tests.helpers.fingers import POSTURE, cables_over_all_joints, hinge_finger, solve
 
@@ -21,10 +26,9 @@ def by_fixed_point(support, accelerator, rounds=60, tolerance=1e-10, turn=1e-9):
     finger, hood = hinge_finger(support), cables_over_all_joints()
     start = finger.start(POSTURE)
     options = CouplingOptions(tolerance, rounds)
-    state = hood.start(finger.motion(start))
-    return finger, fixed_point(
-        finger, hood, start, state, TENSION, NONE, options, accelerator, turn
-    )
+    state = PairState(start, hood.start(finger.motion(start)))
+    pair, tensions = Pair(finger, hood), Tensions(TENSION, NONE)
+    return finger, fixed_point(pair, state, tensions, options, accelerator, turn)
 
 
 @pytest.mark.parametrize("support", [IN_PLANE, FREE], ids=["held", "free"])

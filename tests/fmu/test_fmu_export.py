@@ -20,7 +20,14 @@ from cosim.fmu.unit import Unit
 from cosim.fmu_export.part_of import part_of
 from cosim.fmu_export.static_parts import HoodPart
 from cosim.fmu_export.write import write_fmu
-from cosim.port import STATIC, ConvergenceError, InputError, rotation_matrix
+from cosim.port import (
+    STATIC,
+    ConvergenceError,
+    InputError,
+    PairState,
+    Tensions,
+    rotation_matrix,
+)
 from cosim.solve.solvers import solve
 from tests.helpers.fmus import NEEDS_FMU, placed, tampered
 
@@ -270,7 +277,7 @@ def test_the_finger_balances_a_load_that_follows_it(written, case):
     f, start = models.finger, models.finger.start(models.posture)
     options = CouplingOptions(case.solve.tolerance)
     before = models.hood.start(f.motion(start))
-    native = equilibrium(f, models.hood, start, before, *pulls, options)
+    native = equilibrium(models.pair, PairState(start, before), Tensions(*pulls), options)
     unit = Unit(written["finger", 2])
     place = placed(unit, case, "finger")
     at_start = models.hood.advance(before, f.motion(start), pulls[0], STATIC)

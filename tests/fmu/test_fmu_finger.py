@@ -13,13 +13,13 @@ from cosim.build.fit import check_fit
 from cosim.build.models import Models, build
 from cosim.case.file import json_schema, load_case
 from cosim.cli import app
+from cosim.fingers.kinds import unit
 from cosim.fmu.finger import FmuFinger
 from cosim.fmu.kinematics import MOST_KEPT
 from cosim.fmu_export.write import write_fmu
 from cosim.pipeline import run_case
 from cosim.port import ConvergenceError, InputError
 from cosim.results.result import Result
-from cosim.solve.fmu import finger_of
 from cosim.verification.fmu import in_units
 from tests.helpers.fmus import NEEDS_FMU, described
 
@@ -162,7 +162,7 @@ def test_poses_at_any_angles_are_the_native_ones(written, models, fmi):
     assert pose.path == pytest.approx(f.path_lengths(state), abs=1e-14)
     slope = finger.kinematics.jacobian(angles)
     assert slope == pytest.approx(f.jacobian(state), abs=1e-9)
-    finger.unit.restore(finger.start().saved)
+    finger.unit.restore(finger.start({}).saved)
     assert np.array_equal(finger.unit.get(finger._place["angle"]), before)
 
 
@@ -224,12 +224,12 @@ def test_it_is_run_and_nothing_else(written, models):
     with pytest.raises(InputError, match="can be run and no more"):
         build(case)
     with pytest.raises(InputError, match='"index" is no FMU'):
-        finger_of(CASE)
+        unit(CASE.finger)
 
 
 def test_rounds_that_do_not_end_are_an_error(written, models):
     settings = ["solve.max_iterations=2"]
-    with pytest.raises(ConvergenceError, match="did not agree in 2 rounds: a joint still turns"):
+    with pytest.raises(ConvergenceError, match="2 rounds of the fixed point: a joint would"):
         ran(models, {"finger": written["finger", 2]}, "implicit", *settings)
 
 

@@ -15,12 +15,21 @@ from cosim.coupling.accelerators import Aitken
 from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium
 from cosim.coupling.schemes import Explicit, Implicit, Linear, Newton, begin, step
 from cosim.fingers.planar import planar_chain
-from cosim.fmu.finger import FmuFinger, met
+from cosim.fmu.finger import FmuFinger
 from cosim.fmu.hood import FmuHood
 from cosim.fmu.quantity import tangent_of
 from cosim.fmu.unit import Unit
 from cosim.fmu_export.write import write_fmu
-from cosim.port import STATIC, ConvergenceError, Hood, InputError, Motion
+from cosim.port import (
+    STATIC,
+    ConvergenceError,
+    Hood,
+    InputError,
+    Motion,
+    Pair,
+    PairState,
+    Tensions,
+)
 from rigid.chain.joint_torques import joint_law
 from rigid.chain.moving_hinge import MovingHinge
 from tests.helpers.fmus import NEEDS_FMU, described
@@ -53,8 +62,9 @@ def hood_of(path: Path, models: Models, **more: object) -> FmuHood:
 
 def coupled(models: Models, hood: Hood) -> Equilibrium:
     start, pulls = models.finger.start(models.posture), tensions(CASE, models)
-    before, options = hood.start(models.finger.motion(start)), CouplingOptions(CASE.solve.tolerance)
-    return equilibrium(models.finger, hood, start, before, *pulls, options)
+    before = PairState(start, hood.start(models.finger.motion(start)))
+    options = CouplingOptions(CASE.solve.tolerance)
+    return equilibrium(Pair(models.finger, hood), before, Tensions(*pulls), options)
 
 
 def without_rollback(path: Path, folder: Path) -> Path:
@@ -87,16 +97,19 @@ def test_hood_and_finger_in_fmus_meet_where_the_native_ones_do(written, models, 
     native = coupled(models, models.hood)
     f = models.finger
     finger = FmuFinger(written["finger", fmi], f.bodies, f.joints, f.tendons)
-    both = met(finger, hood_of(written["hood", fmi], models), *tensions(CASE, models))
-    assert np.abs(both.finger.tip_force - native.balance.tip_force).max() <= 1e-9
-    assert np.abs(both.finger.angles - f.angles(native.finger_state)).max() <= 1e-9
+    hood = hood_of(written["hood", fmi], models)
+    start = PairState(finger.start({}), hood.start(finger.rest()))
+    pulls, options = Tensions(*tensions(CASE, models)), CouplingOptions()
+    both = equilibrium(Pair(finger, hood), start, pulls, options).finger_state
+    assert np.abs(both.tip_force - native.told.tip_force).max() <= 1e-9
+    assert np.abs(both.angles - f.angles(native.finger_state)).max() <= 1e-9
 
 
 def test_a_finger_takes_a_load_of_the_right_shape_only(written, models):
     f = models.finger
     finger = FmuFinger(written["finger", 2], f.bodies, f.joints, f.tendons)
     with pytest.raises(InputError, match=r"load_motion: expected shape \(24, 24\)"):
-        finger.step(finger.start(), np.zeros((4, 6)), np.zeros((6, 6)), np.zeros(len(f.tendons)))
+        finger.step(finger.start({}), np.zeros((4, 6)), np.zeros((6, 6)), np.zeros(len(f.tendons)))
 
 
 @BOTH
@@ -378,7 +391,7 @@ def test_static_and_timed_steps_reach_the_hood_inside(written, models, monkeypat
 def test_a_fingers_state_may_be_stepped_again(written, models):
     f = models.finger
     finger = FmuFinger(written["finger", 3], f.bodies, f.joints, f.tendons)
-    start, wrench, own = finger.start(), np.zeros((4, 6)), np.zeros(len(f.tendons))
+    start, wrench, own = finger.start({}), np.zeros((4, 6)), np.zeros(len(f.tendons))
     wrench[3, 2] = 0.3
     held = np.zeros((24, 24))
     first = finger.step(start, wrench, held, own)

@@ -7,7 +7,15 @@ from collections.abc import Mapping
 import numpy as np
 
 from cosim.coupling.equilibrium import CouplingOptions, equilibrium
-from cosim.port import Array, Balance, Finger, Load
+from cosim.port import (
+    Array,
+    Balance,
+    Finger,
+    Load,
+    Pair,
+    PairState,
+    Tensions,
+)
 from meshes.skeleton import JOINTS, Skeleton, index_finger
 from rigid.chain import hinge
 from rigid.chain.hinge import HingeFinger
@@ -78,6 +86,7 @@ def solve(
 ) -> tuple[FingerState, Load, Balance]:
     """The coupled equilibrium nearest to the posture `first`."""
     state = finger.start(first)
-    start = hood.start(finger.motion(state))
-    e = equilibrium(finger, hood, state, start, tension, own, CouplingOptions(1e-12))
-    return e.finger_state, e.load, e.balance
+    start = PairState(state, hood.start(finger.motion(state)))
+    tensions = Tensions(tension, own)
+    e = equilibrium(Pair(finger, hood), start, tensions, CouplingOptions(1e-12))
+    return e.finger_state, e.load, e.told

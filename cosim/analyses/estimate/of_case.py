@@ -17,7 +17,7 @@ from cosim.analyses.estimate.tensions import Bounds, Cost, Estimate, estimate, s
 from cosim.build.models import Models, build
 from cosim.case.schema import Case
 from cosim.fingers.kinds import with_mass
-from cosim.port import Array, ConvergenceError, InputError, Progress
+from cosim.port import Array, ConvergenceError, InputError, PairState, Progress, Tensions
 from cosim.schema import units
 from cosim.solve.agree import agree
 from rigid.muscle.least_cost import Power
@@ -187,10 +187,8 @@ def _forward(s: Setup, held: Held, demand: Demand, found: Estimate, progress: Pr
         e = agree(
             s.case,
             s.models,
-            held.finger_state,
-            held.begin(),
-            found.tension[:split],
-            found.tension[split:],
+            PairState(held.finger_state, held.begin()),
+            Tensions(found.tension[:split], found.tension[split:]),
             progress,
         )
     except ConvergenceError as error:
@@ -200,7 +198,7 @@ def _forward(s: Setup, held: Held, demand: Demand, found: Estimate, progress: Pr
             "try --set finger.tip.kind='\"clamped\"'"
         ) from error
     turned = finger.angles(e.finger_state) - finger.angles(held.finger_state)
-    return Audit(np.array([e.balance.tip_force[AXES.index(a)] for a in demand.names]), turned)
+    return Audit(np.array([e.told.tip_force[AXES.index(a)] for a in demand.names]), turned)
 
 
 def for_torques(s: Setup, given: Mapping[str, float], progress: Progress) -> Answer:

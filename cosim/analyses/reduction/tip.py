@@ -6,7 +6,7 @@ import numpy as np
 
 from cosim.case.schema import Case
 from cosim.fingers.kinds import live_finger
-from cosim.port import Array, Finger, Load
+from cosim.port import Array, Load, OpenFinger
 
 
 def tip_maps(case: Case, angles: Array) -> Array:
@@ -22,7 +22,7 @@ def clamped(case: Case) -> Case:
     return case.model_copy(update={"finger": finger.model_copy(update={"tip": tip})})
 
 
-def tip_map(finger: Finger, angle: Array) -> Array:
+def tip_map(finger: OpenFinger, angle: Array) -> Array:
     """(3, n) the force of a held fingertip on the world by torques about the joints, N/(N m)."""
     state = finger.start(dict(zip(finger.joints, map(float, angle), strict=True)))
     bodies, none = finger.bodies, np.zeros(len(finger.tendons))

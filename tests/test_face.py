@@ -1,0 +1,122 @@
+"""The public face: its names, that it stays light, and what each does."""
+
+from __future__ import annotations
+
+import pkgutil
+import subprocess
+import sys
+from importlib import import_module
+
+import numpy as np
+import pytest
+
+import cosim
+from cosim.build.models import build
+from tests.helpers.folders import ROOT
+
+PLAIN = {"output.picture": False}
+
+
+def python(code: str) -> str:
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    return done.stdout
+
+
+def test_the_names_are_there_and_none_is_a_submodule():
+    for name in cosim.__all__:
+        assert getattr(cosim, name) is not None
+    assert not {m.name for m in pkgutil.iter_modules(cosim.__path__)} & set(cosim.__all__)
+    assert set(cosim.__all__) <= set(dir(cosim))
+    with pytest.raises(AttributeError, match="no attribute 'rum'"):
+        cosim.rum  # noqa: B018
+
+
+def test_every_name_can_still_be_called_once_all_is_imported():
+    for module in pkgutil.walk_packages(cosim.__path__, "cosim."):
+        if not module.name.endswith("__main__"):
+            import_module(module.name)
+    for name in set(cosim.__all__) - {"__version__"}:
+        assert callable(getattr(cosim, name)), name
+
+
+def test_importing_it_and_checking_a_case_load_nothing_heavy():
+    heavy = {"mujoco", "numba", "xarray", "matplotlib", "scipy", "pandas", "pyvista"}
+    loaded = set(python("import cosim, sys; print(*sys.modules)").split())
+    assert not loaded & {*heavy, "pydantic", "typer", "numpy"}
+    check = "from cosim.cli import app; app(['check', 'pulley_edc'], standalone_mode=False)"
+    said = python(f"import sys\n{check}\nprint(*sys.modules)")
+    assert "in order" in said
+    assert not set(said.split()) & {"mujoco", "numba", "xarray", "matplotlib"}
+
+
+def test_a_run_saved_and_opened_is_the_same(tmp_path):
+    result = cosim.run(cosim.load("split_edc").replace(PLAIN))
+    again = cosim.open_run(result.save(tmp_path))
+    assert type(again) is cosim.Result
+    assert again.tip_force == result.tip_force
+    assert again.summary == result.summary
+    assert again.stated == result.stated
+    assert again.audit.passed
+    assert again.audit.bounds == result.audit.bounds
+    assert len(repr(again)) < 200
+    copied = cosim.open_run(again.save(tmp_path / "copy"))
+    assert copied.tip_force == result.tip_force
+    rows = again.ledger
+    assert set(rows.state) == {"loaded", "unloaded"}
+    assert rows[rows.body == "distal"].groupby("state").force_dorsal.sum().abs().max() < 1e-6
+
+
+def test_replacing_tells_every_fault_at_once():
+    case = cosim.load("isometric_edc")
+    with pytest.raises(cosim.InputError) as caught:
+        case.replace({"tendons.EDC.tension": 3, "hood.mesh.quods": 4})
+    assert "2 faults" in str(caught.value)
+    assert "bare number" in str(caught.value)
+    assert "quads" in str(caught.value)
+    assert case.replace({"hood.mesh.quads": 300}).hood.mesh.quads == 300
+    assert case.replace({}, name="other").name == "other"
+
+
+def test_quantities_of_pint_are_taken():
+    pint = pytest.importorskip("pint")
+    units = pint.UnitRegistry()
+    case = cosim.load("isometric_edc").replace({"hood.thickness": 0.5 * units.mm})
+    assert case.hood.thickness == pytest.approx(5e-4)
+    stiff = case.replace({"hood.contact.stiffness": 200 * units.N / units.mm**3})
+    assert stiff.hood.contact.stiffness == pytest.approx(2e11)
+
+
+def test_a_table_is_a_case():
+    case = cosim.load({"extends": "pulley_edc", "title": "mine"})
+    assert (case.name, case.title, case.hood.kind) == ("case", "mine", "pulley")
+    with pytest.raises(cosim.InputError, match="the table"):
+        cosim.load({"extends": "pulley_edc", "titel": "mine"})
+
+
+def test_results_are_compared_with_each_other_and_with_data(tmp_path):
+    case = cosim.load("split_edc").replace(PLAIN)
+    one, other = (cosim.run(case.replace({}, name=name)) for name in ("one", "other"))
+    table = cosim.compare(one, other)
+    assert (table.one == table.other).mean() > 0.9  # but for the wall time
+    assert table.unit["fingertip_force_N.distal"] == "N"
+    with pytest.raises(cosim.InputError, match="named alike"):
+        cosim.compare(one, one)
+    file = tmp_path / "measured.csv"
+    file.write_text(
+        "name,quantity,unit,reference,sd,low,high,source,kind,case,geometry,fitted,note\n"
+        "Force,fingertip_magnitude_N,N,0.5,0.1,,,me,experiment,,,,\n"
+    )
+    rows = cosim.compare(one, data=file)
+    assert set(rows.verdict) <= {"inside 1 SD", "outside"}
+
+
+def test_a_hood_of_ones_own_is_coupled_without_a_case_file():
+    case = cosim.load("pulley_edc")
+    hood = build(case).hood
+    found = cosim.couple(case, hood, {"EDC": 3.469}, resting=0.05)
+    run = cosim.run(case.replace(PLAIN))
+    assert found.told.tip_force == pytest.approx(np.array(list(run.tip_force.values())), abs=1e-5)
+    with pytest.raises(cosim.InputError, match="no tendon ECD"):
+        cosim.couple(case, hood, {"ECD": 1.0})
