@@ -16,15 +16,15 @@ from cosim.version import __version__
 
 if TYPE_CHECKING:
     from cosim.case.schema import Case
+    from cosim.errors import ConvergenceError, InputError
     from cosim.face import compare, couple, load, open_run, run
-    from cosim.port import ConvergenceError, InputError
     from cosim.results.result import Result
     from cosim.solve.session import Session
 
 _HOME = {
     "Case": "cosim.case.schema",
-    "ConvergenceError": "cosim.port",
-    "InputError": "cosim.port",
+    "ConvergenceError": "cosim.errors",
+    "InputError": "cosim.errors",
     "Result": "cosim.results.result",
     "Session": "cosim.solve.session",
     "compare": "cosim.face",

@@ -12,8 +12,9 @@ from cosim.build.models import build
 from cosim.case.file import case_of, load_case
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium
+from cosim.errors import InputError, Progress, quiet
 from cosim.pipeline import run_case
-from cosim.port import Finger, Hood, InputError, Pair, PairState, Progress, Tensions, quiet
+from cosim.port import Finger, Hood, Pair, PairState, Tensions
 from cosim.results.compare import as_dict, compared, numbers_of, read_targets, unit_of
 from cosim.results.read import read_run
 from cosim.results.result import Result

@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from uuid import uuid4
 
-from cosim.port import InputError
+from cosim.errors import InputError
 
 PATIENCE = 2.0 if sys.platform == "win32" else 0.0
 """Seconds that a move waits for another process: Windows moves nothing that one has open, a

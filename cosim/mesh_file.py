@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.port import InputError
+from cosim.errors import InputError
 
 if TYPE_CHECKING:
     from meshio import Mesh

@@ -8,7 +8,7 @@ from typing import Any
 
 from cosim.build.fit import check_fit
 from cosim.case.schema import Case, Task
-from cosim.port import Progress, quiet
+from cosim.errors import Progress, quiet
 from cosim.processes import one_blas_thread
 from cosim.results.motion import observe_motion
 from cosim.results.result import Result

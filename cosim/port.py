@@ -13,44 +13,22 @@ repeated, which is all that implicit coupling, checkpoints and rollback need.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.errors import InputError
+
 Array = NDArray[np.float64]
 Triangles = tuple[Array, np.ndarray]
 """Corners (n, 3), m, and the triangles between them (m, 3)."""
 State = Any
 
-Progress = Callable[[str], None]
-"""Is told of each stage of what takes long, in a line."""
-
-
-def quiet(text: str) -> None:
-    """The progress of a caller who asks for none."""
-
-
 STATIC = math.inf
 """The time step that asks `Hood.advance` for static equilibrium."""
-
-
-class CosimError(Exception):
-    """A fault told to a person: what is wrong, where, what was expected, what to do."""
-
-
-class InputError(CosimError):
-    """The user's input is at fault; nothing was computed (exit code 2)."""
-
-
-class ConvergenceError(CosimError):
-    """A solve did not converge; there is no result (exit code 1)."""
-
-
-class StoppedError(CosimError):
-    """The user stopped a run before its end; there is no result (exit code 130)."""
 
 
 def skew(vector: Array) -> Array:

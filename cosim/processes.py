@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from functools import cache, partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from cosim.port import InputError
+from cosim.errors import InputError
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor, Future

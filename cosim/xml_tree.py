@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import ClassVar, Generic, Self, TypeVar
 from xml.parsers import expat
 
-from cosim.port import InputError
+from cosim.errors import InputError
 
 CHUNK = 1 << 16
 MOST_NAME = 100

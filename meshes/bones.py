@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from meshes.skeleton import BODIES
 
 Array = NDArray[np.float64]

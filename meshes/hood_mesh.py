@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.errors import InputError
 from cosim.files import written_whole
-from cosim.port import InputError
 from meshes.skeleton import BODIES, JOINTS
 
 Array = NDArray[np.float64]

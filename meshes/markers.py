@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from meshes.hood_mesh import HoodMesh, flat
 
 Array = NDArray[np.float64]

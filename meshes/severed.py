@@ -18,7 +18,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from meshes.cable_net import CableNet
 from meshes.hood_lines import HOOD_END, JOIN, MERGE, SAGITTAL_ROWS, SLIP_END, SLIP_START
 from meshes.hood_mesh import REGIONS, Attachment, HoodMesh, pairs

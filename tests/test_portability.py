@@ -18,8 +18,8 @@ from cosim import files
 from cosim.analyses.identify import case_text as identified
 from cosim.analyses.identify.parameters import read_free
 from cosim.case.file import load_case
+from cosim.errors import CosimError, InputError
 from cosim.files import replace_folder
-from cosim.port import CosimError, InputError
 from cosim.study import process as apart
 from cosim.study.plan import read_plan
 from cosim.validation.plan import groups

@@ -14,8 +14,8 @@ from typer.testing import CliRunner
 
 from cosim.case.file import load_case, packaged_cases
 from cosim.cli import app
+from cosim.errors import ConvergenceError
 from cosim.pipeline import run_case
-from cosim.port import ConvergenceError
 from cosim.results.conventions import IN_METACARPAL
 from cosim.results.result import Result
 from cosim.solve.session import Session

@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 
 from cosim.case.file import load_case
 from cosim.cli import app
+from cosim.errors import ConvergenceError, InputError
 from cosim.pipeline import run_case
-from cosim.port import ConvergenceError, InputError
 from tests.helpers.motions import work_done, work_kept
 
 FORWARD = "forward={}"

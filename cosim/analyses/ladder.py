@@ -20,9 +20,10 @@ from cosim.build.models import Models
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import Equilibrium
+from cosim.errors import ConvergenceError, CosimError, InputError
 from cosim.hoods.kind import HoodTable
 from cosim.hoods.kinds import rungs
-from cosim.port import Array, ConvergenceError, CosimError, InputError
+from cosim.port import Array
 from cosim.processes import process_pool
 from cosim.results.compare import COMPONENTS, number
 from cosim.results.looks import Look, look

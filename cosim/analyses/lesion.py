@@ -8,9 +8,9 @@ from collections.abc import Iterator
 from typing import Literal
 
 from cosim.case.schema import Case
+from cosim.errors import InputError
 from cosim.fingers.common import HeldTip
 from cosim.fingers.kinds import NativeFinger
-from cosim.port import InputError
 
 Side = Literal["before", "after"]
 Tip = Literal["free", "held"]

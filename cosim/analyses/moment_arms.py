@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cosim.build.models import Models
-from cosim.port import STATIC, Array, ConvergenceError, Load, Motion, State
+from cosim.errors import ConvergenceError
+from cosim.port import STATIC, Array, Load, Motion, State
 from cosim.results.looks import Look, look
 
 if TYPE_CHECKING:

@@ -11,8 +11,8 @@ from typing import cast
 import numpy as np
 
 from cosim.anatomy.read import Anatomy, Built, Defaults, built
+from cosim.errors import InputError
 from cosim.files import folder_written_whole
-from cosim.port import InputError
 
 BASE, BARE = "base/index_finger.toml", "base/split.toml"
 REPORT = "cosim_new.txt"

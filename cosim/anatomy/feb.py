@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.port import Array, InputError
+from cosim.errors import InputError
+from cosim.port import Array
 from fe_solver.elements.mesh_geometry import node_directors
 from fe_solver.febio.mesh import SHELLS, FebMesh, read_mesh_section
 from fe_solver.febio.xml import Tag, read_xml

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cosim.anatomy.bones import BoneFrame, Bones, read_bones
-from cosim.port import Array, InputError
+from cosim.errors import InputError
+from cosim.port import Array
 from cosim.schema.types import MUSCLES
 from meshes.imported.checks import Placing
 from meshes.imported.hood import hood_of, read_sheet

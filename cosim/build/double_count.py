@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 from cosim.case.schema import Case
 from cosim.coupling.one_way import JOINT_CONTACT
-from cosim.port import Finger, Hood, InputError, MovingFinger
+from cosim.errors import InputError
+from cosim.port import Finger, Hood, MovingFinger
 
 OF_FINGER = ("joint", "muscle", "passive", "limit", "damping", "gravity", "inertia", "fingertip")
 """What `cosim.port.Finger.ledger` and that of a motion book, besides tendons by name."""

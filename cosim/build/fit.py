@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from cosim.build.double_count import refuse, stated_pairs
 from cosim.case.schema import Case
+from cosim.errors import InputError
 from cosim.fingers.kinds import held_by, own_tendons, with_mass
 from cosim.hoods.kinds import that_fit
-from cosim.port import InputError
 from cosim.tendons.air import check_air
 from cosim.tendons.courses import factor_of
 

@@ -6,7 +6,8 @@ from typing import Any
 
 from cosim.coupling.motion import WatchedFinger
 from cosim.coupling.state_arrays import Special
-from cosim.port import Hood, InputError
+from cosim.errors import InputError
+from cosim.port import Hood
 
 
 def special_states(hood: Hood, finger: WatchedFinger | None = None) -> Special:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from cosim.case.schema import Case
-from cosim.port import InputError
+from cosim.errors import InputError
 from cosim.version import __version__
 
 PACKAGES = ("cosim", "fe_solver", "rigid", "meshes")

@@ -13,8 +13,8 @@ from typing import Any
 
 from cosim.case.layers import Layer, nested
 from cosim.case.schema import Case, CaseFile
+from cosim.errors import InputError
 from cosim.files import shown_path
-from cosim.port import InputError
 
 Settings = tuple[str, ...]
 """KEY=VALUE, as --set takes them; a later one has the last word."""

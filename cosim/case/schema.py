@@ -11,12 +11,12 @@ from pydantic import Field, ValidationError, model_validator
 
 from cosim.case.faults import describe
 from cosim.case.layers import Layer, merge, nested
+from cosim.errors import InputError
 from cosim.files import shown_path
 from cosim.fingers.common import stamps
 from cosim.fingers.kinds import AnyFinger, NativeFinger, native
 from cosim.hoods.kinds import AnyHood, unfit_lesion
 from cosim.hoods.lesion import Lesion
-from cosim.port import InputError
 from cosim.schema import units
 from cosim.schema.fields import fault, quantity
 from cosim.schema.types import Count, Number, Switch, Table, TendonName

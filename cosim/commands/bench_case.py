@@ -9,7 +9,7 @@ from cosim.build.models import build
 from cosim.build.motion import together
 from cosim.case.schema import Case, Forward
 from cosim.coupling.motion import moments
-from cosim.port import InputError, quiet
+from cosim.errors import InputError, quiet
 from cosim.solve.session import Session
 from cosim.solve.solvers import solve
 

@@ -105,8 +105,8 @@ def estimate(
     with told():
         from cosim.analyses.estimate.of_case import parsed_values, setup
         from cosim.case.file import load_case
+        from cosim.errors import InputError
         from cosim.files import check_folder
-        from cosim.port import InputError
         from cosim.schema import units
 
         given = [
@@ -161,7 +161,7 @@ def _motion(
 
 
 def _parsed(option: str, text: str, kind: Kind) -> float:
-    from cosim.port import InputError
+    from cosim.errors import InputError
     from cosim.schema import units
 
     try:
@@ -193,7 +193,7 @@ def _forces(s: Setup, answer: Answer | None) -> ForceSet | None:
     """The set of forces, where the target is one or there is none; said why where there is none."""
     from cosim.analyses.estimate.feasible import force_set
     from cosim.analyses.estimate.of_case import force_basis
-    from cosim.port import InputError
+    from cosim.errors import InputError
 
     if answer is not None and answer.demand.unit != "N":
         return None

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cosim.commands.terminal import console, told
+from cosim.errors import InputError
 from cosim.files import check_folder
-from cosim.port import InputError
 
 if TYPE_CHECKING:
     from rich.console import Console

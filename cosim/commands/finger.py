@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cosim.commands.terminal import print_table, told
+from cosim.errors import InputError
 from cosim.files import written_whole
-from cosim.port import InputError
 
 if TYPE_CHECKING:
     import pandas

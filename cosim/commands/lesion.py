@@ -54,8 +54,8 @@ def lesion(
 def _solved(case: Case, out: Path) -> list[Pair]:
     """The four runs, each in its folder.  Raises InputError and ConvergenceError."""
     from cosim.analyses.lesion import TIPS, both_sides
+    from cosim.errors import CosimError
     from cosim.pipeline import run_case
-    from cosim.port import CosimError
     from cosim.report.lesion_page import Pair
     from cosim.results.read import read_run
     from cosim.results.write import check_target

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from cosim.commands.terminal import told
-from cosim.port import InputError
+from cosim.errors import InputError
 
 if TYPE_CHECKING:
     from cosim.anatomy.read import Anatomy

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from cosim.commands.terminal import told
-from cosim.port import InputError
+from cosim.errors import InputError
 
 if TYPE_CHECKING:
     from cosim.port import Array
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 ForceUnit = Literal["N", "mN", "kN"]
 LengthUnit = Literal["m", "cm", "mm", "um"]
 opensim = typer.Typer(
+    add_completion=False,
     no_args_is_help=True,
     rich_markup_mode=None,
     help="Exchange forces with OpenSim: muscle forces in, external loads out.",

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from cosim.commands.terminal import console, tell, told, warn, warn_of_audits
+from cosim.errors import ConvergenceError, CosimError, InputError, Progress, StoppedError, quiet
 from cosim.files import shown_path
-from cosim.port import ConvergenceError, CosimError, InputError, Progress, StoppedError, quiet
 from cosim.results.audit import describe_misses
 
 if TYPE_CHECKING:

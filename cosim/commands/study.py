@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cosim.commands.terminal import console, print_table, told
-from cosim.port import InputError
+from cosim.errors import InputError
 
 if TYPE_CHECKING:
     from cosim.study.engine import Solve

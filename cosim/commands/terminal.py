@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from cosim.port import CosimError, InputError, StoppedError
+from cosim.errors import CosimError, InputError, StoppedError
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -62,7 +62,7 @@ def validate(
     """Run the validations; print the tally by what references rest on, the skill over null models,
     and every compared number, misses first."""
     with told():
-        from cosim.port import InputError
+        from cosim.errors import InputError
         from cosim.validation.mesh import changes, on_finer_meshes, write_changes
         from cosim.validation.page import write_page
         from cosim.validation.run import chosen, validated, write_scoreboard

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from cosim.checks import Row, Study
 
 verify = typer.Typer(
+    add_completion=False,
     no_args_is_help=True,
     rich_markup_mode=None,
     help="Solve problems whose answers are known, and judge the program by them.",

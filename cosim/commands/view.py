@@ -11,8 +11,8 @@ import typer
 
 from cosim.commands.run import Settings, load_cases
 from cosim.commands.terminal import told
+from cosim.errors import InputError
 from cosim.files import shown_path
-from cosim.port import InputError
 
 
 def view(

@@ -9,7 +9,8 @@ import numpy as np
 
 from cosim.coupling.schemes import Alone, Linear, Scheme, step
 from cosim.coupling.state import Coupled, Pulls
-from cosim.port import ConvergenceError, Hood, InputError, MovingFinger
+from cosim.errors import ConvergenceError, InputError
+from cosim.port import Hood, MovingFinger
 
 SAFETY, SMALLEST, LARGEST = 0.9, 0.2, 2.0
 """Of the step that the error suggests, the share that is tried; the next step is between SMALLEST

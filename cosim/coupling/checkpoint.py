@@ -16,8 +16,9 @@ import numpy as np
 
 from cosim.coupling.motion import Frame, Moment
 from cosim.coupling.state_arrays import Special, flattened, rebuilt
+from cosim.errors import InputError
 from cosim.files import written_whole
-from cosim.port import Array, InputError
+from cosim.port import Array
 from cosim.version import __version__
 
 NAME = "checkpoint.npz"

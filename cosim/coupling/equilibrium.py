@@ -13,11 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cosim.errors import ConvergenceError, Progress, quiet
 from cosim.port import (
     STATIC,
     Array,
     Balance,
-    ConvergenceError,
     Hood,
     HoodJacobian,
     Load,
@@ -25,11 +25,9 @@ from cosim.port import (
     OpenFinger,
     Pair,
     PairState,
-    Progress,
     Response,
     State,
     Tensions,
-    quiet,
 )
 
 LOOSE, NEAR = 1e-3, 0.1

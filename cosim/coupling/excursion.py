@@ -18,7 +18,8 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.port import Array, ConvergenceError
+from cosim.errors import ConvergenceError
+from cosim.port import Array
 
 TOLERANCE = 1e-10
 """m."""

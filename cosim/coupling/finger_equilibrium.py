@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cosim.port import Array, Balance, ConvergenceError, Load, Motion, OpenFinger, State
+from cosim.errors import ConvergenceError
+from cosim.port import Array, Balance, Load, Motion, OpenFinger, State
 
 MOST_TURN = np.deg2rad(8.0)
 """A finger's joint moves at most so far in one round."""

@@ -12,7 +12,8 @@ import numpy as np
 from cosim.coupling.accelerators import Accelerator, accelerated, begun
 from cosim.coupling.equilibrium import CouplingOptions, Equilibrium
 from cosim.coupling.finger_equilibrium import MOST_TURN
-from cosim.port import STATIC, ConvergenceError, Pair, PairState, Progress, Tensions, quiet
+from cosim.errors import ConvergenceError, Progress, quiet
+from cosim.port import STATIC, Pair, PairState, Tensions
 
 
 def fixed_point(

@@ -20,7 +20,8 @@ from cosim.coupling.excursion import (
 )
 from cosim.coupling.schemes import Scheme, begin, step
 from cosim.coupling.state import Coupled
-from cosim.port import Array, ConvergenceError, Hood, MovingFinger, Progress, State
+from cosim.errors import ConvergenceError, Progress
+from cosim.port import Array, Hood, MovingFinger, State
 
 EVERY = 50
 """Steps between two words of progress."""

@@ -9,7 +9,8 @@ from dataclasses import replace
 from cosim.coupling.adaptive import Adapted, Control, adaptive
 from cosim.coupling.motion import EVERY, Moment, Moves, Pace
 from cosim.coupling.state import Coupled
-from cosim.port import Array, Progress
+from cosim.errors import Progress
+from cosim.port import Array
 
 ROUNDING = 1e-12
 """Of the duration, that may be missing at the end."""

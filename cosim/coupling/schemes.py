@@ -39,7 +39,8 @@ from cosim.coupling.state import (
     standing,
     unexplained,
 )
-from cosim.port import STATIC, Array, ConvergenceError, Hood, Motion, MovingFinger, State
+from cosim.errors import ConvergenceError
+from cosim.port import STATIC, Array, Hood, Motion, MovingFinger, State
 
 LENGTH = 0.046
 """m, of a proximal phalanx (Buchner et al. 1988, J Biomech 21, table 2)."""

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.port import InputError
+from cosim.errors import InputError
 
 Arrays = dict[str, Any]
 Special = Mapping[type, tuple[Callable[[Any], Arrays], Callable[[Any, Arrays], Any]]]

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
+from cosim.errors import InputError
 from cosim.fingers.chain import on_mujoco
 from cosim.fingers.common import (
     EQUAL_SHARES,
@@ -22,7 +23,7 @@ from cosim.fingers.common import (
     Tip,
 )
 from cosim.fingers.kind import FingerKind
-from cosim.port import InputError, Triangles
+from cosim.port import Triangles
 from cosim.schema.fields import fault, name_of
 from cosim.schema.types import MUSCLES, Acceleration, BodyName, File, Number, Table
 from meshes.skeleton import BODIES, JOINTS, Skeleton, index_finger

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from cosim.errors import InputError
 from cosim.fingers import fmu, hinge, index, middle, planar, robot
 from cosim.fingers.common import Extensor
 from cosim.fingers.kind import Anatomy, FingerKind
-from cosim.port import Finger, InputError, Triangles
+from cosim.port import Finger, Triangles
 
 if TYPE_CHECKING:
     from cosim.fingers.chain import Heavy

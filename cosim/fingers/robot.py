@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
 
+from cosim.errors import InputError
 from cosim.fingers.chain import on_mujoco
 from cosim.fingers.common import Extensor, FingerTable, HeldTip, Limit, Passive, Posture, Tip
 from cosim.fingers.kind import FingerKind
 from cosim.fingers.rods import rods
-from cosim.port import InputError, Triangles
+from cosim.port import Triangles
 from cosim.schema.fields import name_of
 from cosim.schema.types import Acceleration, Switch
 from meshes.skeleton import BODIES, JOINTS, Skeleton

@@ -16,7 +16,7 @@ from zlib import error as ZlibError
 
 from lxml import etree
 
-from cosim.port import InputError
+from cosim.errors import InputError
 
 if TYPE_CHECKING:
     from fmpy.model_description import ModelDescription

@@ -12,12 +12,13 @@ from pathlib import Path
 
 import numpy as np
 
+from cosim.errors import InputError
 from cosim.fmu.hood import SHORT
 from cosim.fmu.kinematics import OPTIONAL, Kinematics, Pose
 from cosim.fmu.mapping import places
 from cosim.fmu.quantity import Quantity, finger_quantities
 from cosim.fmu.unit import Saved, Unit
-from cosim.port import Array, InputError, Load, Motion
+from cosim.port import Array, Load, Motion
 
 OPEN = "the FMU's own: tendons, joints, limits"
 """What no ledger of a finger in an FMU holds."""

@@ -11,10 +11,11 @@ from typing import Literal
 
 import numpy as np
 
+from cosim.errors import InputError
 from cosim.fmu.mapping import Place, places
 from cosim.fmu.quantity import STATIC_STEP, TOLERANCE, WITH_TANGENT, hood_quantities, tangent_of
 from cosim.fmu.unit import Saved, Unit
-from cosim.port import Array, HoodJacobian, InputError, Load, Motion, Response, skew
+from cosim.port import Array, HoodJacobian, Load, Motion, Response, skew
 
 TangentBy = Literal["outputs", "directional derivatives", "differences"]
 ANSWERS = ("force", "moment", "excursion")

@@ -8,11 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cosim.errors import InputError
 from cosim.fmu.hood import SHORT
 from cosim.fmu.mapping import Place
 from cosim.fmu.quantity import KINEMATICS
 from cosim.fmu.unit import Unit
-from cosim.port import Array, InputError, Motion
+from cosim.port import Array, Motion
 
 ASKED = "asked_angle"
 OPTIONAL = ("tip", "path", ASKED, KINEMATICS.name)

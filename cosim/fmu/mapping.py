@@ -9,9 +9,9 @@ from math import prod
 from pathlib import Path
 from typing import Any
 
+from cosim.errors import InputError
 from cosim.fmu.archive import Opened
 from cosim.fmu.quantity import UNITS, Quantity
-from cosim.port import InputError
 
 KINDS = {False: ("Real", "Float64"), True: ("Boolean",)}
 """FMI's types of a quantity, by whether it is a switch."""

@@ -9,11 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
+from cosim.errors import InputError
 from cosim.fmu.kinematics import ASKED, Kinematics
 from cosim.fmu.mapping import places
 from cosim.fmu.quantity import KINEMATICS, moving_quantities
 from cosim.fmu.unit import Saved, Unit
-from cosim.port import AffineLoad, Array, InputError, Motion
+from cosim.port import AffineLoad, Array, Motion
 
 FOLLOWED = ("load_motion", "load_position", "load_rotation")
 """Quantities of a load that follows the bodies."""

@@ -15,9 +15,10 @@ from typing import Any, TypeVar
 import numpy as np
 
 from cosim.coupling.state_arrays import Arrays, Special
+from cosim.errors import ConvergenceError, InputError
 from cosim.fmu.archive import Opened, opened
 from cosim.fmu.mapping import Place
-from cosim.port import Array, ConvergenceError, InputError
+from cosim.port import Array
 
 MOST_LOGGED = 5
 T = TypeVar("T")

@@ -17,6 +17,7 @@ from cosim.coupling.motion import WatchedFinger
 from cosim.coupling.schemes import step
 from cosim.coupling.state import Coupled
 from cosim.coupling.state_arrays import Special
+from cosim.errors import InputError
 from cosim.fmu.quantity import (
     KINEMATICS,
     Quantity,
@@ -27,7 +28,7 @@ from cosim.fmu.quantity import (
     tensions_of,
 )
 from cosim.fmu_export.part import Part, motion_of_input, poses
-from cosim.port import AffineLoad, Array, InputError, State
+from cosim.port import AffineLoad, Array, State
 
 ROUNDING = 1e-9
 """Of a step, by which a master's may be longer than the case's."""

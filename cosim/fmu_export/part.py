@@ -7,8 +7,9 @@ from typing import Protocol
 import numpy as np
 
 from cosim.coupling.state_arrays import Special
+from cosim.errors import InputError
 from cosim.fmu.quantity import Quantity, Values
-from cosim.port import Array, InputError, Motion, Response, State
+from cosim.port import Array, Motion, Response, State
 
 ORTHONORMAL = 1e-6
 """How far from a rotation the matrix of a pose may be."""

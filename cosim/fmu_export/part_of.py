@@ -7,9 +7,9 @@ from functools import partial
 
 from cosim.build.models import Models, build
 from cosim.case.schema import Case
+from cosim.errors import InputError
 from cosim.fmu_export.part import Part
 from cosim.fmu_export.static_parts import CoupledPart, FingerPart, HoodPart
-from cosim.port import InputError
 
 PARTS = ("hood", "finger", "coupled")
 

@@ -14,11 +14,12 @@ import numpy as np
 
 from cosim.case.file import load_case
 from cosim.coupling.state_arrays import Special
+from cosim.errors import CosimError, InputError
 from cosim.fmu.quantity import WITH_TANGENT, Quantity
 from cosim.fmu_export.part import Part
 from cosim.fmu_export.part_of import part_of
 from cosim.fmu_export.state import Snapshot, Written
-from cosim.port import Array, CosimError, InputError
+from cosim.port import Array
 from cosim.processes import one_blas_thread
 from cosim.version import __version__
 

@@ -10,7 +10,8 @@ from io import BytesIO
 import numpy as np
 
 from cosim.coupling.state_arrays import Arrays, Special, flattened, rebuilt
-from cosim.port import Array, InputError, State
+from cosim.errors import InputError
+from cosim.port import Array, State
 
 UNIT, TIME, VALUES = "unit", "time", "values"
 UNREADABLE = (OSError, ValueError, TypeError, EOFError, KeyError, IndexError, zipfile.BadZipFile)

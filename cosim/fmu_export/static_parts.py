@@ -15,6 +15,7 @@ from cosim.case.schema import Case
 from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium
 from cosim.coupling.finger_equilibrium import balanced
 from cosim.coupling.state_arrays import Special
+from cosim.errors import InputError
 from cosim.fmu.quantity import (
     KINEMATICS,
     STATIC_STEP,
@@ -27,7 +28,7 @@ from cosim.fmu.quantity import (
     tensions_of,
 )
 from cosim.fmu_export.part import loads, motion_of_input, poses
-from cosim.port import STATIC, Array, Hood, InputError, Load, PairState, State, Tensions
+from cosim.port import STATIC, Array, Hood, Load, PairState, State, Tensions
 
 
 class HoodPart:

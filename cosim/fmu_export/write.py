@@ -22,9 +22,9 @@ from pydantic import BaseModel
 
 from cosim.case.file import resolved_toml
 from cosim.case.schema import Case
+from cosim.errors import InputError
 from cosim.files import written_whole
 from cosim.fmu_export.run import ABOUT, CASE
-from cosim.port import InputError
 from cosim.version import __version__
 
 SCRIPT = {2: "cosim_fmu2", 3: "cosim_fmu3"}

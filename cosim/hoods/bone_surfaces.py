@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cosim.port import InputError, Triangles
+from cosim.errors import InputError
+from cosim.port import Triangles
 
 if TYPE_CHECKING:
     from fe_solver.surfaces.spline_distance import Surface

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cosim.errors import InputError
 from cosim.hoods.lesion import Lesion
-from cosim.port import Array, InputError, Motion
+from cosim.port import Array, Motion
 
 if TYPE_CHECKING:
     from meshes.cable_net import CableNet

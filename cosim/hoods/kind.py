@@ -7,12 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, get_args
 
+from cosim.errors import InputError
 from cosim.fingers.common import Extensor
 from cosim.fingers.kind import Anatomy
 from cosim.hoods.lesion import Lesion, Parts
 from cosim.hoods.variation import Settings, Variation, without
 from cosim.hoods.view import Colour, HoodView
-from cosim.port import Array, Hood, InputError, Motion, State
+from cosim.port import Array, Hood, Motion, State
 from cosim.schema.types import Table
 
 if TYPE_CHECKING:

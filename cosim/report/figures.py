@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
+from cosim.errors import InputError, Progress
 from cosim.files import folder_written_whole
-from cosim.port import InputError, Progress
 from cosim.version import __version__
 
 if TYPE_CHECKING:

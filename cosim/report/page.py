@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from cosim.report import drawings, words
 from cosim.report.tables import SAGITTAL, SUM, Cell, Table, last_ledger, last_state
 from cosim.report.views import View, difference_view, floats, limits, packed, view_of

@@ -11,9 +11,10 @@ import numpy as np
 
 from cosim.case.file import load_case
 from cosim.case.schema import Case
+from cosim.errors import InputError
 from cosim.hoods.kinds import KINDS
 from cosim.hoods.view import Colour, HoodField
-from cosim.port import Array, InputError, Motion
+from cosim.port import Array, Motion
 from cosim.report.flat import laid_out
 from cosim.report.tables import SAGITTAL
 from cosim.results.result import Result

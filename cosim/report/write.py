@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
+from cosim.errors import Progress, quiet
 from cosim.files import written_whole
-from cosim.port import Progress, quiet
 from cosim.report.tables import as_csv, as_json, as_markdown, tables_of
 from cosim.results.compare import read_targets
 from cosim.results.read import read_runs

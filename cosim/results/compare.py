@@ -37,8 +37,8 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
+from cosim.errors import InputError
 from cosim.files import written_whole
-from cosim.port import InputError
 from cosim.schema.fields import is_number
 
 Kind = Literal[

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from difflib import SequenceMatcher
 from typing import Any
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from cosim.results.compare import COMPONENTS, Target, parts_of
 from cosim.schema.fields import is_number
 from cosim.schema.types import TENDONS

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from cosim.errors import InputError
 from cosim.hoods.view import STRAIN, HoodField
 from cosim.mesh_file import read_mesh_file
-from cosim.port import InputError
 from cosim.results.compare import Target, compared, read_json
 from cosim.results.parts import LEDGER_HEADER, LedgerRow, Scene
 from cosim.results.quantities import check_quantities

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cosim.port import InputError
+from cosim.errors import InputError
 
 if TYPE_CHECKING:
     import xarray

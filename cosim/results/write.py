@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from cosim.errors import InputError
 from cosim.files import replace_folder
 from cosim.hoods.view import HoodField
-from cosim.port import InputError
 from cosim.results.parts import LEDGER_HEADER, LedgerRow, Parts
 
 

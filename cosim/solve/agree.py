@@ -7,7 +7,8 @@ from cosim.build.scheme import accelerator_of
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium
 from cosim.coupling.fixed_point import fixed_point
-from cosim.port import PairState, Progress, Tensions
+from cosim.errors import Progress
+from cosim.port import PairState, Tensions
 
 
 def agree(

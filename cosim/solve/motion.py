@@ -19,8 +19,8 @@ from cosim.coupling.checkpoint import NAME, Kept, read_checkpoint, write_checkpo
 from cosim.coupling.motion import Moment, Moves, moments
 from cosim.coupling.paced import paced
 from cosim.coupling.state_arrays import Special
+from cosim.errors import ConvergenceError, InputError, Progress, StoppedError, quiet
 from cosim.files import written_whole
-from cosim.port import ConvergenceError, InputError, Progress, StoppedError, quiet
 from cosim.solve.session import Session
 
 RATE, CHANGE, WINDOW = 1e-3, 1e-3, 0.1

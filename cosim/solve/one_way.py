@@ -11,6 +11,7 @@ from cosim.build.models import Models, tensions
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium
 from cosim.coupling.one_way import HandedOver, Passed, torques
+from cosim.errors import Progress, quiet
 from cosim.fingers.kinds import live_finger
 from cosim.port import (
     STATIC,
@@ -20,11 +21,9 @@ from cosim.port import (
     OpenFinger,
     Pair,
     PairState,
-    Progress,
     Response,
     State,
     Tensions,
-    quiet,
 )
 from cosim.solve.session import Session
 from cosim.solve.states import States

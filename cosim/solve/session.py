@@ -11,7 +11,8 @@ import numpy as np
 from cosim.build.models import Models, build_any
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import Equilibrium
-from cosim.port import Progress, Tensions
+from cosim.errors import Progress
+from cosim.port import Tensions
 from cosim.solve.agree import agree
 from cosim.tendons.muscles import live_muscles
 

@@ -8,7 +8,7 @@ from typing import Any
 from cosim.build.fit import check_fit
 from cosim.build.models import Models
 from cosim.case.schema import Case, Task
-from cosim.port import Progress, quiet
+from cosim.errors import Progress, quiet
 from cosim.solve.motion import solve_motion
 from cosim.solve.one_way import solve_one_way
 from cosim.solve.session import Session

@@ -12,7 +12,8 @@ from cosim.coupling.excursion import (
     initial_excursions,
     solve_excursions,
 )
-from cosim.port import Array, ConvergenceError, PairState, Progress, Tensions, quiet
+from cosim.errors import ConvergenceError, Progress, quiet
+from cosim.port import Array, PairState, Tensions
 from cosim.solve.agree import agree
 from cosim.solve.session import Session
 from cosim.solve.states import States

@@ -10,7 +10,7 @@ from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from cosim.port import Progress, quiet
+from cosim.errors import Progress, quiet
 from cosim.study import process as apart
 from cosim.study.engine import Solve, local
 from cosim.study.execute import conduct

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 
-from cosim.port import Array, InputError
+from cosim.errors import InputError
+from cosim.port import Array
 
 if TYPE_CHECKING:
     from typing_extensions import TypeIs

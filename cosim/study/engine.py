@@ -13,7 +13,7 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cosim.port import CosimError, InputError, Progress
+from cosim.errors import CosimError, InputError, Progress
 from cosim.study import process as apart
 from cosim.study.store import Store
 from cosim.study.task import Task, Verdict, row_of, settle

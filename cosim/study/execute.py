@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from cosim.case.cache_key import address, code_version, stated
 from cosim.case.file import load_case
-from cosim.port import InputError
+from cosim.errors import InputError
 from cosim.study.engine import Solve
 from cosim.study.plan import Plan, Point
 from cosim.study.quantities import check_outputs

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field, PlainValidator, ValidationError
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from cosim.schema import units
 from cosim.schema.fields import fault, is_number, quantity
 from cosim.schema.types import Count, Switch, Table

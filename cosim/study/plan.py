@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from cosim.case.file import Settings, find_case, load_case
-from cosim.port import Array, InputError
+from cosim.errors import InputError
+from cosim.port import Array
 from cosim.results.compare import Target
 from cosim.schema.fields import is_number
 from cosim.study.distributions import Word, is_axis, middle

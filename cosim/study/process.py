@@ -13,7 +13,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import IO
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from cosim.processes import BLAS_THREADS, KEPT
 from cosim.study.store import Status, Store
 from cosim.study.task import Task, Verdict, row_of

@@ -15,7 +15,7 @@ from typing import Any
 
 import typer
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from cosim.study.execute import Count
 from cosim.study.store import Store, StoreError
 

@@ -6,7 +6,7 @@ import difflib
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from cosim.results.compare import COMPONENTS, value_of
 from cosim.schema.fields import is_number
 

@@ -7,7 +7,8 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from cosim.port import Array, InputError
+from cosim.errors import InputError
+from cosim.port import Array
 from cosim.study.distributions import Law, Word, is_axis
 
 Kind = Literal["random", "latin_hypercube", "sobol", "saltelli"]

@@ -24,8 +24,8 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
+from cosim.errors import InputError
 from cosim.files import replaced
-from cosim.port import InputError
 
 FORMAT = {"format": "cosim study store 1"}
 Status = Literal["converged", "failed", "refused", "timeout", "died"]

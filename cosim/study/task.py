@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cosim.port import CosimError
+from cosim.errors import CosimError
 from cosim.study.store import Row, Status, Store
 
 NOT_NUMBERS = ("case", "version", "wall_s")

@@ -15,7 +15,7 @@ from queue import SimpleQueue
 from threading import Thread
 
 from cosim.case.cache_key import code_version
-from cosim.port import InputError
+from cosim.errors import InputError
 from cosim.study.store import Store
 from cosim.study.task import Task, settle
 

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from cosim.port import Array, ConvergenceError, InputError
+from cosim.errors import ConvergenceError, InputError
+from cosim.port import Array
 from cosim.tendons.air_table import Pneumatic
 from cosim.tendons.courses import factor_of
 from cosim.tendons.table import Tendon

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.port import Array, InputError
+from cosim.errors import InputError
+from cosim.port import Array
 from cosim.tendons.table import FileCourse, PointsCourse, SineCourse
 
 

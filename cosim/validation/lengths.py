@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from cosim.analyses.length_experiments import MADE, experiments
-from cosim.port import ConvergenceError
+from cosim.errors import ConvergenceError
 from cosim.results.compare import SECOND_HAND, UNITS, Target
 from cosim.validation.trial import Group, Trial
 

@@ -13,13 +13,14 @@ from typing import Any
 from cosim.build.fit import check_fit
 from cosim.case.file import load_case
 from cosim.case.schema import Case
+from cosim.errors import ConvergenceError, InputError, Progress, quiet
 from cosim.files import written_whole
-from cosim.port import ConvergenceError, InputError, Progress, quiet
 from cosim.processes import process_pool
 from cosim.results.audit import describe_misses
 from cosim.results.compare import Comparison, Kind, Target, as_dict, tally, write_json
 from cosim.results.static import observe_static
 from cosim.results.write import plain
+from cosim.solve.session import Session
 from cosim.solve.solvers import solve
 from cosim.validation.lengths import measured
 from cosim.validation.plan import groups, rows_of, split_answers
@@ -125,11 +126,12 @@ def validated(
     started = time.perf_counter()
     batches = _batches(tasks)
     with process_pool(min(workers, len(batches)), "--workers") as pool:
-        for done, outcome in enumerate(pool.as_ended(_run, batches), 1):
-            outcomes[outcome.trial] = outcome
-            word = "" if outcome.failure is None else f": {outcome.failure}"
-            left = (time.perf_counter() - started) / done * (len(tasks) - done)
-            told(f"{done} of {len(tasks)}, {_duration(left)} left: {outcome.trial}{word}")
+        for ended in pool.as_ended(_run_batch, [[batch] for batch in batches]):
+            for outcome in ended:
+                outcomes[outcome.trial] = outcome
+                done, word = len(outcomes), f": {outcome.failure}" if outcome.failure else ""
+                left = (time.perf_counter() - started) / done * (len(tasks) - done)
+                told(f"{done} of {len(tasks)}, {_duration(left)} left: {outcome.trial}{word}")
     boards = [_board(group, outcomes) for group in chosen_groups]
     for name in trials:
         own = [row for b in boards for row in b.rows if row.target.case == name]
@@ -159,7 +161,12 @@ def _case(task: Task) -> Case:
     return case.model_copy(update={"name": folder_name(trial.name)})
 
 
-def _run(task: Task) -> Outcome:
+def _run_batch(batch: Sequence[Task]) -> list[Outcome]:
+    session = Session()
+    return [_run(task, session) for task in batch]
+
+
+def _run(task: Task, session: Session) -> Outcome:
     trial, settings, folder = task
     started = time.perf_counter()
     if trial.study:
@@ -169,7 +176,7 @@ def _run(task: Task) -> Outcome:
     case = _case(task)
     check_fit(case)
     try:
-        models, states = solve(case)
+        models, states = solve(case, session)
     except ConvergenceError as error:
         return Outcome(trial.name, None, str(error))
     made = observe_static(case, (models, states), time.perf_counter() - started)

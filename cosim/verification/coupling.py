@@ -11,7 +11,8 @@ from cosim.checks import Row, Study
 from cosim.coupling.accelerators import Aitken, QuasiNewton
 from cosim.coupling.schemes import Explicit, Implicit, Linear, Newton, Scheme, begin, step
 from cosim.coupling.state import Coupled, Pulls
-from cosim.port import Array, ConvergenceError, Hood, MovingFinger
+from cosim.errors import ConvergenceError
+from cosim.port import Array, Hood, MovingFinger
 from cosim.verification.pairs import (
     FULL,
     INERTIA,

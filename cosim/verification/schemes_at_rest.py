@@ -10,7 +10,8 @@ from cosim.build.motion import together
 from cosim.case.file import load_case
 from cosim.checks import Row, Study
 from cosim.coupling.motion import moments
-from cosim.port import Array, quiet
+from cosim.errors import quiet
+from cosim.port import Array
 from cosim.solve.solvers import solve
 
 COARSE = "hood.mesh.quads=120"

@@ -19,7 +19,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cosim.port import InputError
+from cosim.errors import InputError
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]

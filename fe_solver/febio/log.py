@@ -26,7 +26,8 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.port import Array, InputError
+from cosim.errors import InputError
+from cosim.port import Array
 
 FORCE, MOMENT = ("Fx", "Fy", "Fz"), ("Mx", "My", "Mz")
 MOST_BYTES = 256 << 20

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from fe_solver.febio.read import read_feb
 from fe_solver.job.job import Body, Job, NodalForce, Part, SpringLaw, SpringSet, Tied
 from fe_solver.job.solve import ShellState, solve_job

@@ -10,8 +10,8 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.errors import InputError
 from cosim.files import written_whole
-from cosim.port import InputError
 from fe_solver.elements.mesh_geometry import node_directors
 from fe_solver.febio.bodies import Units
 from fe_solver.febio.law_write import law_line, oriented

@@ -9,7 +9,7 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from fe_solver.febio.bodies import AXES, Units
 from fe_solver.job.curves import Curve, Drive
 from fe_solver.job.job import Job, SpringLaw, SpringSet

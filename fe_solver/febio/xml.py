@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from cosim import xml_tree
-from cosim.port import InputError
+from cosim.errors import InputError
 from cosim.xml_tree import Limits, Rows, read_tree
 
 LIMITS = Limits(

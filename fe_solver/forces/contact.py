@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from fe_solver.forces.contact_points import Within
 from fe_solver.forces.springs import PointForces
 from fe_solver.surfaces.shapes import Surface

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator, PPoly
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from fe_solver.vectors import scattered
 
 Array = NDArray[np.float64]

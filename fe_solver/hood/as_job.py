@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.port import InputError, Motion
+from cosim.errors import InputError
+from cosim.port import Motion
 from fe_solver.elements.mesh_geometry import is_triangle, node_directors
 from fe_solver.elements.mitc4 import GAUSS, shape
 from fe_solver.forces.contact import Contact

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.port import InputError, Motion
+from cosim.errors import InputError
+from cosim.port import Motion
 from fe_solver.elements.shell import ShellTables, shell_tables
 from fe_solver.forces.cables import Cables, Pull, cable_state
 from fe_solver.hood.build_shell import (

@@ -9,7 +9,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.port import InputError, Motion
+from cosim.errors import InputError
+from cosim.port import Motion
 from fe_solver.elements.mesh_geometry import node_areas, node_directors, node_means
 from fe_solver.elements.shell import shell_tables
 from fe_solver.forces.contact import Contact

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.port import Array, ConvergenceError, HoodJacobian, InputError, Load, Motion, Response
+from cosim.errors import ConvergenceError, InputError
+from cosim.port import Array, HoodJacobian, Load, Motion, Response
 from fe_solver.hood.extrapolation import Bend
 from fe_solver.solver.augmented_contact import AugmentOptions, settled, solve_augmented
 from fe_solver.solver.body_coupling import wrenches

@@ -11,7 +11,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from fe_solver.job.job import Job
 
 Array = NDArray[np.float64]

@@ -8,7 +8,7 @@ from bisect import bisect_left
 from dataclasses import dataclass
 from enum import StrEnum
 
-from cosim.port import InputError
+from cosim.errors import InputError
 
 
 class Interpolation(StrEnum):

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from fe_solver.elements.mesh_geometry import node_areas, node_directors
 from fe_solver.elements.mitc4 import GAUSS, shape
 from fe_solver.elements.shell import shell_tables

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from fe_solver.job.job import Job
 from fe_solver.solver.assembly import DOFS
 from fe_solver.solver.model import Configuration, Evaluation, ShellModel

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.port import ConvergenceError, InputError
+from cosim.errors import ConvergenceError, InputError
 from cosim.processes import one_blas_thread
 from fe_solver.forces.loads import pressure_forces
 from fe_solver.forces.springs import NodeSprings, Springs, node_spring_state, spring_state

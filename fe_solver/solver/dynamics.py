@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from fe_solver.elements.mesh_geometry import corner_shares
 from fe_solver.forces.cables import cable_masses
 from fe_solver.forces.loads import Inertia

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.port import ConvergenceError
+from cosim.errors import ConvergenceError
 from fe_solver.solver.assembly import DOFS
 from fe_solver.solver.body_coupling import as_one, coupling, shared_twist
 from fe_solver.solver.linear_algebra import (

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.port import ConvergenceError
+from cosim.errors import ConvergenceError
 from fe_solver.forces.contact import ramp, unramp
 from fe_solver.forces.springs import PointForces
 from fe_solver.solver.assembly import DOFS

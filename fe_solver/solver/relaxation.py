@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.port import ConvergenceError
+from cosim.errors import ConvergenceError
 from fe_solver.solver.dynamics import Substance, advance, at_rest, kinetic_energy, masses
 from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import NewtonOptions, length_scale, residual_norm

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.port import InputError
+from cosim.errors import InputError
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from fe_solver.surfaces.shapes import Array, Distance, positive, vector
 
 MOST_ITERATIONS = 60

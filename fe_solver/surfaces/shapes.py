@@ -12,7 +12,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.port import InputError
+from cosim.errors import InputError
 
 Array = NDArray[np.float64]
 

@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.errors import InputError
 from cosim.files import replaced
-from cosim.port import InputError
 from fe_solver.elements import kernels
 from fe_solver.surfaces.shapes import Distance, Sphere, Surface, positive
 from fe_solver.surfaces.spline_kernel import spline_at

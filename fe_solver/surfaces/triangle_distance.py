@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from fe_solver.elements import kernels
 from fe_solver.surfaces.triangle_kernel import lower_distances
 

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.linalg import norm
 
 from cosim.checks import Row
-from cosim.port import ConvergenceError, rotation_matrix
+from cosim.errors import ConvergenceError
+from cosim.port import rotation_matrix
 from fe_solver.elements.shell import Array
 from fe_solver.solver.body_coupling import coupling, wrenches
 from fe_solver.solver.model import Configuration, ShellModel

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from cosim.port import ConvergenceError
+from cosim.errors import ConvergenceError
 from fe_solver.elements.shell import Array
 from fe_solver.solver.model import ShellModel
 from fe_solver.solver.newton import solve

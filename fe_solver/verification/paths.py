@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cosim.port import ConvergenceError
+from cosim.errors import ConvergenceError
 from fe_solver.elements.shell import Array
 from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import solve

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from cosim.checks import Row
-from cosim.port import ConvergenceError, CosimError
+from cosim.errors import ConvergenceError, CosimError
 from fe_solver.elements.shell import Array
 from fe_solver.solver.linear_algebra import chosen
 from fe_solver.solver.model import ShellModel

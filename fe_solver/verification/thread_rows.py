@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from cosim.checks import Row
-from cosim.port import CosimError
+from cosim.errors import CosimError
 from fe_solver.elements.kernels import PAYS, thread_count
 from fe_solver.solver.linear_algebra import VARIABLE, chosen
 from fe_solver.solver.newton import NewtonOptions, solve

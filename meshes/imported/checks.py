@@ -12,7 +12,7 @@ from itertools import permutations, product
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from meshes.hood import INTRINSIC
 from meshes.hood_lines import CENTRAL_END, TERMINAL_END
 from meshes.hood_mesh import folded

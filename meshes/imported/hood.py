@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from meshes.hood import on_bone
 from meshes.hood_mesh import ENDS, REGIONS, SPRINGS, Attachment, HoodMesh, runs_round
 from meshes.hull import Chain, Level, along

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from meshes.hood_mesh import ENDS, REGIONS, SPRINGS
 from meshes.imported.raw import RawMesh
 from meshes.skeleton import BODIES

@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.errors import InputError
 from cosim.mesh_file import read_mesh_file
-from cosim.port import InputError
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]

@@ -18,7 +18,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.port import Array, InputError
+from cosim.errors import InputError
+from cosim.port import Array
 from rigid.air.plant import ATMOSPHERE, FULL, NEUTRAL, Pneumatics, at_rest, step
 
 SAMPLE = 0.01

@@ -26,7 +26,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cosim.port import Array, InputError
+from cosim.errors import InputError
+from cosim.port import Array
 
 GAS_CONSTANT = 288.0
 """J/(kg K), air at 65 % relative humidity: the reference atmosphere of ISO 6358-1 (ISO 8778)."""

@@ -9,7 +9,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from cosim.port import Array, InputError, Motion
+from cosim.errors import InputError
+from cosim.port import Array, Motion
 from rigid.chain.joint_torques import JointLaw, joint_law
 from rigid.chain.kinematics import Chain
 from rigid.chain.statics import ChainFinger

@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from cosim.port import Array, InputError
+from cosim.errors import InputError
+from cosim.port import Array
 from rigid.kernels import compiled
 
 LIMIT_STIFFNESS = float(np.degrees(20.0))

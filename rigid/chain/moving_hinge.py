@@ -21,7 +21,8 @@ from typing import Literal
 
 import numpy as np
 
-from cosim.port import AffineLoad, Array, ConvergenceError, InputError, Motion
+from cosim.errors import ConvergenceError, InputError
+from cosim.port import AffineLoad, Array, Motion
 from rigid.chain.hinge import BODIES
 from rigid.chain.joint_torques import JointLaw, by_joint
 from rigid.chain.kinematics import Chain, body_jacobian, geometric_stiffness

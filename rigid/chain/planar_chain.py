@@ -20,7 +20,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.port import Array, InputError
+from cosim.errors import InputError
+from cosim.port import Array
 from rigid.model import FingerModel, Hinge, Segment
 
 STANDARD_GRAVITY = 9.80665

@@ -16,7 +16,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cosim.coupling.finger_equilibrium import balanced
-from cosim.port import Array, Balance, InputError, Load, Motion
+from cosim.errors import InputError
+from cosim.port import Array, Balance, Load, Motion
 from rigid.chain.joint_torques import JointLaw, by_joint
 from rigid.chain.kinematics import (
     Chain,

@@ -17,7 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.port import Array, InputError, Motion, skew
+from cosim.errors import InputError
+from cosim.port import Array, Motion, skew
 from rigid.model import NO_TURN, FingerModel, Vector, vector
 
 

@@ -27,7 +27,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cosim.port import Array, InputError
+from cosim.errors import InputError
+from cosim.port import Array
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.port import Array, HoodJacobian, InputError, Load, Motion, Response, skew
+from cosim.errors import InputError
+from cosim.port import Array, HoodJacobian, Load, Motion, Response, skew
 from rigid.hoods.hinge_angle import HingeAngle, angles
 from rigid.hoods.network import Network
 from rigid.model import Vector

@@ -17,7 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.port import Array, HoodJacobian, InputError, Load, Motion, Response, skew
+from cosim.errors import InputError
+from cosim.port import Array, HoodJacobian, Load, Motion, Response, skew
 from rigid.chain.kinematics import Indices
 
 SOURCES = ("pulley", "insertion")

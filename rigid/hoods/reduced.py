@@ -30,16 +30,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cosim.port import (
-    Array,
-    ConvergenceError,
-    HoodJacobian,
-    InputError,
-    Load,
-    Motion,
-    Response,
-    skew,
-)
+from cosim.errors import ConvergenceError, InputError
+from cosim.port import Array, HoodJacobian, Load, Motion, Response, skew
 from rigid.hoods.hinge_angle import Angles
 from rigid.hoods.reduced_basis import (
     Basis,

@@ -14,7 +14,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.port import Array, InputError
+from cosim.errors import InputError
+from cosim.port import Array
 from rigid.hoods.reduced import Potential
 from rigid.hoods.reduced_fit import energy, slips
 from rigid.hoods.reduced_sample import Sample

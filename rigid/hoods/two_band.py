@@ -24,7 +24,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.port import Array, InputError
+from cosim.errors import InputError
+from cosim.port import Array
 from rigid.hoods.network import Arms, Network
 
 JOINTS = ("MCP", "PIP", "DIP")

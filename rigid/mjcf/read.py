@@ -14,7 +14,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from cosim.port import Array, InputError
+from cosim.errors import InputError
+from cosim.port import Array
 from meshes.skeleton import BODIES, JOINTS, Skeleton
 from rigid.fingers.anatomy import VIEW_METACARPAL, VIEW_RADIUS
 from rigid.mjcf.frames import Frames, Where, frames_of

@@ -21,7 +21,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.port import Array, ConvergenceError, State
+from cosim.errors import ConvergenceError
+from cosim.port import Array, State
 from rigid.chain.joint_torques import JointLaw
 from rigid.chain.statics import FingerState
 from rigid.chain.support import turn_gap

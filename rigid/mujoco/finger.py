@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from cosim.port import Array, InputError, Motion
+from cosim.errors import InputError
+from cosim.port import Array, Motion
 from rigid.chain.joint_torques import JointLaw, joint_law
 from rigid.chain.kinematics import Chain, geometric_stiffness, moved_to, point_jacobian
 from rigid.chain.statics import ChainFinger, FingerState

@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cosim.port import AffineLoad, Array, ConvergenceError, InputError, Motion
+from cosim.errors import ConvergenceError, InputError
+from cosim.port import AffineLoad, Array, Motion
 from rigid.chain.kinematics import (
     Chain,
     body_jacobian,

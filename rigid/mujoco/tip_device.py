@@ -22,7 +22,8 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from cosim.port import Array, InputError
+from cosim.errors import InputError
+from cosim.port import Array
 from rigid.mujoco.implicit_step import touched
 from rigid.mujoco.step_data import CAGE, FREE, SHELL, Surface
 

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from rigid.muscle.newton import Array, increasing_root
 
 BERNSTEIN = np.array(

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cosim.port import ConvergenceError, InputError
+from cosim.errors import ConvergenceError, InputError
 from rigid.muscle.millard import along, balance, equilibrium, pull, solved
 from rigid.muscle.newton import Array, NotConverged, increasing_root
 from rigid.muscle.parameters import Muscles

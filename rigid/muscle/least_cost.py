@@ -19,7 +19,8 @@ import daqp
 import numpy as np
 from scipy.optimize import linprog
 
-from cosim.port import Array, ConvergenceError
+from cosim.errors import ConvergenceError
+from cosim.port import Array
 
 Power = Literal[1, 2, 3]
 ACCURATE = 1e-6

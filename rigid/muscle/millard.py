@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cosim.port import ConvergenceError, InputError
+from cosim.errors import ConvergenceError, InputError
 from rigid.muscle.newton import STEEP, Array, NotConverged, increasing_root
 from rigid.muscle.parameters import Muscles
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.port import ConvergenceError
+from cosim.errors import ConvergenceError
 
 Array = NDArray[np.float64]
 Function = Callable[[Array], tuple[Array, Array]]

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from rigid.muscle import curves
 from rigid.muscle.curves import Curve
 from rigid.muscle.newton import Array

@@ -14,8 +14,9 @@ from pathlib import Path
 import numpy as np
 from lxml import etree
 
+from cosim.errors import InputError
 from cosim.files import written_whole
-from cosim.port import Array, InputError
+from cosim.port import Array
 from rigid.opensim.sto import Table, write_sto
 
 VERSION = "30000"

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TypeVar
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from rigid.chain.joint_torques import LIMIT_STIFFNESS, LIMIT_TRANSITION, JointLaw, joint_law
 from rigid.opensim.xml import Tag
 

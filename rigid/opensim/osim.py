@@ -10,8 +10,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from cosim.errors import InputError
 from cosim.files import written_whole
-from cosim.port import InputError
 from rigid.chain.joint_torques import JointLaw
 from rigid.opensim.components import Components, components
 from rigid.opensim.forces import (

@@ -8,7 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
-from cosim.port import Array, InputError
+from cosim.errors import InputError
+from cosim.port import Array
 from rigid.opensim.components import GROUND, Components
 from rigid.opensim.joints import KINDS, Coordinate, Joint, read_joint
 from rigid.opensim.losses import Loss, changed

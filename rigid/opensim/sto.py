@@ -15,8 +15,9 @@ from typing import Literal
 
 import numpy as np
 
+from cosim.errors import InputError
 from cosim.files import written_whole
-from cosim.port import Array, InputError
+from cosim.port import Array
 
 MOST_BYTES = 256 << 20
 MOST_HEADER = 1 << 16

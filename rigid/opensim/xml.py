@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from cosim import xml_tree
-from cosim.port import InputError
+from cosim.errors import InputError
 from cosim.xml_tree import Limits, read_tree, short
 
 LIMITS = Limits(bytes=32 << 20, tags=600_000, depth=64)

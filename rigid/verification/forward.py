@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.port import Array, ConvergenceError, InputError, State
+from cosim.errors import ConvergenceError, InputError
+from cosim.port import Array, State
 from rigid.chain.joint_torques import JointLaw, limit_damping
 from rigid.mujoco.dynamics import FingerDynamics, Moment
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from rigid.muscle.parameters import Muscles
 
 TABLE_2 = {

@@ -20,7 +20,7 @@ from cosim.analyses.estimate.of_case import for_force, for_motion, for_torques, 
 from cosim.analyses.estimate.tensions import Bounds, Cost, estimate, linearised, nearest
 from cosim.case.file import load_case
 from cosim.cli import app
-from cosim.port import InputError
+from cosim.errors import InputError
 from cosim.solve.solvers import solve
 from rigid.chain.planar_chain import BUCHNER
 from rigid.hoods.two_band import two_band

@@ -18,7 +18,7 @@ from cosim.analyses.identify.parameters import Parameter
 from cosim.analyses.trials.outcome import Outcome
 from cosim.case.file import load_case
 from cosim.cli import app
-from cosim.port import ConvergenceError, InputError
+from cosim.errors import ConvergenceError, InputError
 from cosim.results.compare import Target
 from tests.helpers.held import HELD
 

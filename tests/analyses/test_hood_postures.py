@@ -31,9 +31,9 @@ from cosim.analyses.hood.studies import (
 )
 from cosim.case.file import load_case
 from cosim.cli import app
+from cosim.errors import ConvergenceError
 from cosim.fingers.middle import MiddleFinger
 from cosim.hoods.shell.variation import scaled_moduli
-from cosim.port import ConvergenceError
 from cosim.report.figures import write_figures
 from meshes.bands import Line, SagittalBands, band_heights, sagittal_angles
 

@@ -16,8 +16,8 @@ from cosim.analyses.identify.parameters import Free, Parameter, built_in, read_f
 from cosim.analyses.trials.outcome import outcome
 from cosim.case.file import load_case
 from cosim.cli import app
+from cosim.errors import ConvergenceError, InputError
 from cosim.pipeline import run_case
-from cosim.port import ConvergenceError, InputError
 from cosim.results.compare import Target, read_targets, value_of
 from tests.helpers.folders import CASE_DATA
 from tests.helpers.held import HELD

@@ -12,7 +12,7 @@ from cosim.analyses import ladder
 from cosim.analyses.ladder import side_by_side, to_csv, to_markdown
 from cosim.case.file import load_case
 from cosim.cli import app
-from cosim.port import InputError
+from cosim.errors import InputError
 
 QUICK = {name: ladder.RUNGS[name] for name in ("split", "two_band", "network")}
 

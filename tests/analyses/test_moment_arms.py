@@ -14,8 +14,9 @@ from cosim.analyses.moment_arms import beside_published, draw, own_arms, publish
 from cosim.build.models import build, tensions
 from cosim.case.file import load_case
 from cosim.cli import app
+from cosim.errors import ConvergenceError
 from cosim.fingers.kinds import joint_ranges
-from cosim.port import ConvergenceError, Motion
+from cosim.port import Motion
 
 
 def test_a_sweep_holds_every_tendon_joint_and_posture() -> None:

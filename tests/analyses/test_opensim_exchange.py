@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from cosim.analyses.opensim.loads import Handover, axes_of, loads_of, mean
 from cosim.case.file import load_case
 from cosim.cli import app
-from cosim.port import InputError
+from cosim.errors import InputError
 from fe_solver.febio.log import RigidReactions, read_reactions
 from rigid.opensim.external_loads import BodyLoad, write_external_loads
 from rigid.opensim.sto import Table, read_sto, write_sto

@@ -17,9 +17,9 @@ from cosim.analyses.reduction.tip import clamped, tip_map, tip_maps
 from cosim.build.models import build
 from cosim.case.file import find_case, load_case
 from cosim.cli import app
+from cosim.errors import ConvergenceError, InputError
 from cosim.hoods.lumped.build import potential
 from cosim.hoods.lumped.table import NetworkHood
-from cosim.port import ConvergenceError, InputError
 from rigid.hoods.reduced import Potential
 from rigid.hoods.reduction import Order, reduced
 from tests.helpers.soft_network import FITTED, MUSCLES, SOFT, found, held_out, samples, soft_models

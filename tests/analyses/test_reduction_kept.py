@@ -11,8 +11,8 @@ from typer.testing import CliRunner
 from cosim.analyses.reduction.sample_cache import kept
 from cosim.analyses.reduction.samples import Lost, Walk, Walked, on_models
 from cosim.cli import app
+from cosim.errors import InputError
 from cosim.hoods.lumped.reduction import Sample
-from cosim.port import InputError
 from tests.helpers.soft_network import soft_models
 
 ANGLE = np.array([[0, 0, 0.3, 0.1], [0, 0, 0.35, 0.1]])

@@ -27,9 +27,9 @@ from cosim.analyses.trials.outcome import outcome
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.cli import app
+from cosim.errors import ConvergenceError, InputError
 from cosim.hoods.shell.variation import SHEETS
 from cosim.hoods.variation import Side, Variation
-from cosim.port import ConvergenceError, InputError
 from cosim.results.compare import Target, unit_of, value_of
 from tests.helpers.held import HELD
 

@@ -17,8 +17,8 @@ from cosim.anatomy.read import Anatomy, Built
 from cosim.build.models import drawn_bones, hood_mesh, mjcf_of
 from cosim.case.file import load_case
 from cosim.cli import app
+from cosim.errors import InputError
 from cosim.pipeline import run_case
-from cosim.port import InputError
 from meshes.hood_mesh import HoodMesh, to_json
 from meshes.hull import Chain
 from meshes.imported.checks import Placing

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from cosim.anatomy.read import read_hood
 from cosim.build.models import hood_mesh
 from cosim.case.file import load_case
-from cosim.port import InputError
+from cosim.errors import InputError
 from meshes.hood_mesh import HoodMesh
 from meshes.hull import Chain, along
 from meshes.imported.checks import (

@@ -11,9 +11,10 @@ import pytest
 
 from cosim.build.models import Models, build, hood_mesh, tensions
 from cosim.case.file import load_case
+from cosim.errors import InputError
 from cosim.hoods.shell.view import strain_summary
 from cosim.hoods.view import drawn
-from cosim.port import STATIC, InputError
+from cosim.port import STATIC
 from fe_solver.materials.fibres import HolzapfelGasserOgden, TransIsoMooneyRivlin
 from fe_solver.materials.hyperelastic import NeoHookean
 from fe_solver.materials.linear import Orthotropic

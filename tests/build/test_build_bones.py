@@ -9,7 +9,7 @@ import pytest
 
 from cosim.build.models import build, hood_mesh
 from cosim.case.file import load_case
-from cosim.port import InputError
+from cosim.errors import InputError
 from meshes.bones import load_bone
 
 COARSE = "hood.mesh.quads=120"

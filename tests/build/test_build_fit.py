@@ -8,7 +8,7 @@ import pytest
 from cosim.build.fit import check_fit
 from cosim.build.models import build
 from cosim.case.file import load_case
-from cosim.port import InputError
+from cosim.errors import InputError
 
 
 def test_fingers_without_bones_of_their_own_are_drawn_as_rods():

@@ -11,8 +11,8 @@ from cosim.build.double_count import counted_twice, stated_pairs
 from cosim.build.fit import check_fit
 from cosim.case.file import load_case, packaged_cases
 from cosim.cli import app
+from cosim.errors import InputError
 from cosim.pipeline import run_case
-from cosim.port import InputError
 
 PACKAGED = sorted(packaged_cases())
 FDP = (

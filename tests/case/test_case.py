@@ -15,7 +15,7 @@ from cosim.case.file import (
 )
 from cosim.case.layers import merge
 from cosim.case.schema import Case
-from cosim.port import InputError
+from cosim.errors import InputError
 from cosim.schema import units
 from tests.helpers.folders import ROOT
 

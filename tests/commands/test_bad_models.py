@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from cosim.cli import app
-from cosim.port import InputError
+from cosim.errors import InputError
 from fe_solver.febio import xml as feb_xml
 from fe_solver.febio.read import read_feb
 from fe_solver.job.checks import check_job
@@ -302,7 +302,7 @@ LIMITED = """
 import sys
 from pathlib import Path
 from time import process_time
-from cosim.port import InputError
+from cosim.errors import InputError
 from fe_solver.febio.read import read_feb
 
 def peak():

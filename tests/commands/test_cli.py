@@ -10,8 +10,8 @@ import xarray
 from typer.testing import CliRunner
 
 from cosim.case.file import resolved_toml
-from cosim.cli import app
-from cosim.port import ConvergenceError, InputError
+from cosim.cli import COMMANDS, app
+from cosim.errors import ConvergenceError, InputError
 from cosim.results.audit import BEYOND, BOUNDS, POSTURE
 from cosim.results.parts import LedgerRow, Scene
 from cosim.results.result import Result
@@ -213,8 +213,8 @@ def test_bench_needs_a_shell():
 
 
 def test_bench_times_a_real_run(monkeypatch):
-    built, build = [], session.build
-    monkeypatch.setattr(session, "build", lambda case: built.append(case) or build(case))
+    built, build = [], session.build_any
+    monkeypatch.setattr(session, "build_any", lambda case: built.append(case) or build(case))
     monkeypatch.setattr("cosim.commands.bench_case.REPEATS", 2)
     done = cosim("bench", "isometric_edc", "--set", "hood.mesh.quads=120")
     assert len(built) == 1 + 2, "warm runs share their models, the two cold ones do not"
@@ -387,3 +387,31 @@ def test_a_setting_that_cannot_be_met_is_refused(variable, value, monkeypatch):
     done = cosim("info")
     assert done.exit_code == 2
     assert f"{variable}={value}" in done.output
+
+
+def test_every_command_is_found_and_tells_its_use():
+    told = cosim("-h").stdout
+    for heading, named in COMMANDS.items():
+        assert f"{heading}:" in told
+        for name, (_, line) in named.items():
+            assert line in told
+            assert f"Usage: cosim {name} " in cosim(name, "-h").stdout, name
+
+
+def test_the_help_costs_little_beyond_what_prints_it():
+    code = "import sys; from cosim.cli import app; app(['--help'], standalone_mode=False); "
+    done = subprocess.run(
+        [sys.executable, "-c", code + "print(*sys.modules)"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    loaded = set(done.stdout.split())
+    assert not loaded & {"numpy", "pydantic", "cosim.port", "cosim.commands.run"}
+
+
+def test_a_wrong_command_names_the_nearest():
+    done = cosim("vaildate")
+    assert done.exit_code == 2
+    assert "Did you mean 'validate'" in done.stderr

@@ -19,7 +19,8 @@ from cosim.coupling.accelerators import (
     independent,
     next_step,
 )
-from cosim.port import Array, InputError
+from cosim.errors import InputError
+from cosim.port import Array
 
 SLOPE = np.array([[-3.0, 1.0, 0.2], [0.5, -8.0, 0.1], [0.0, 2.0, -1.5]])
 """A map that runs away from its fixed point in every direction."""

@@ -7,7 +7,7 @@ import pytest
 
 from cosim.coupling.adaptive import Control, adaptive
 from cosim.coupling.schemes import Explicit, Linear, Newton, Scheme, begin, step
-from cosim.port import ConvergenceError, InputError
+from cosim.errors import ConvergenceError, InputError
 from cosim.verification.pairs import REST, pulls_on_cables, soft_pair, soft_truth, stiff_pair
 from tests.helpers.told_hood import told
 

@@ -17,13 +17,12 @@ from cosim.coupling.equilibrium import (
     reciprocity,
 )
 from cosim.coupling.finger_equilibrium import affine, balanced
+from cosim.errors import ConvergenceError, InputError
 from cosim.port import (
     STATIC,
     Array,
-    ConvergenceError,
     Hood,
     HoodJacobian,
-    InputError,
     Motion,
     Pair,
     PairState,

@@ -15,8 +15,8 @@ from cosim.coupling.excursion import (
     initial_excursions,
     solve_excursions,
 )
+from cosim.errors import ConvergenceError, InputError, StoppedError
 from cosim.pipeline import run_case
-from cosim.port import ConvergenceError, InputError, StoppedError
 from cosim.results.result import Result
 from cosim.solve.session import Session
 from tests.helpers.motions import FREE, HELD, PLAIN, Stopper, identical

@@ -9,13 +9,9 @@ from cosim.case.file import load_case
 from cosim.coupling.accelerators import Aitken, Constant, QuasiNewton
 from cosim.coupling.equilibrium import CouplingOptions
 from cosim.coupling.fixed_point import fixed_point
+from cosim.errors import ConvergenceError
 from cosim.pipeline import run_case
-from cosim.port import (
-    ConvergenceError,
-    Pair,
-    PairState,
-    Tensions,
-)
+from cosim.port import Pair, PairState, Tensions
 from rigid.chain.support import FREE, IN_PLANE
 from tests.helpers.fingers import POSTURE, cables_over_all_joints, hinge_finger, solve
 

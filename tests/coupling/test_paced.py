@@ -10,8 +10,8 @@ import pytest
 from cosim.case.file import load_case, resolved_toml
 from cosim.coupling.motion import Pace
 from cosim.coupling.paced import ROUNDING, _first_try
+from cosim.errors import ConvergenceError, InputError, StoppedError
 from cosim.pipeline import run_case
-from cosim.port import ConvergenceError, InputError, StoppedError
 from cosim.results.result import Result
 from cosim.solve import motion as run_motion
 from cosim.solve.session import Session

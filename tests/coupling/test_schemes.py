@@ -21,7 +21,8 @@ from cosim.coupling.schemes import (
     step,
 )
 from cosim.coupling.state import Coupled, apart, followed, standing, unexplained
-from cosim.port import STATIC, Array, ConvergenceError
+from cosim.errors import ConvergenceError
+from cosim.port import STATIC, Array
 from cosim.verification.coupling import (
     SCHEMES,
     STUDIES,

@@ -12,7 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from cosim.build.models import build, hood_mesh
 from cosim.case.file import load_case
-from cosim.port import STATIC, ConvergenceError, InputError, Motion, Response
+from cosim.errors import ConvergenceError, InputError
+from cosim.port import STATIC, Motion, Response
 from fe_solver.elements.mesh_geometry import node_areas
 from fe_solver.hood.build_shell import ContactLaw, Sheet, Tendon, shell_hood
 from fe_solver.hood.extrapolation import Bend

@@ -11,10 +11,10 @@ import pytest
 from cosim.build.fit import check_fit
 from cosim.build.models import mjcf_of
 from cosim.case.file import load_case
+from cosim.errors import InputError
 from cosim.fingers.index import IndexFinger
 from cosim.fingers.kinds import finger_model, live_finger, skeleton_of
 from cosim.pipeline import run_case
-from cosim.port import InputError
 from meshes.skeleton import JOINTS
 from rigid.mjcf.read import read_mjcf
 from rigid.mujoco.finger import MujocoFinger

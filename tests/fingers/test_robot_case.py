@@ -5,9 +5,9 @@ import pytest
 
 from cosim.build.models import Models, build, drawn_bones
 from cosim.case.file import load_case
+from cosim.errors import InputError
 from cosim.fingers.kinds import anatomy_of, finger_model
 from cosim.hoods.lumped.build import slip_forces
-from cosim.port import InputError
 from cosim.solve.solvers import solve
 from rigid.fingers.robot_tables import LENGTHS, TABLE_III
 

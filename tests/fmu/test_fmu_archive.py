@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cosim.case.file import load_case
+from cosim.errors import InputError
 from cosim.fmu import archive
 from cosim.fmu.archive import opened
 from cosim.fmu.mapping import places
@@ -18,7 +19,6 @@ from cosim.fmu.quantity import hood_quantities
 from cosim.fmu.unit import Unit
 from cosim.fmu_export.part_of import part_of
 from cosim.fmu_export.write import write_fmu
-from cosim.port import InputError
 from tests.helpers.fmus import NEEDS_FMU, described, tampered
 
 pytestmark = NEEDS_FMU

@@ -15,19 +15,13 @@ from cosim.build.models import build, tensions
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import CouplingOptions, equilibrium
+from cosim.errors import ConvergenceError, InputError
 from cosim.fmu.mapping import Place, places
 from cosim.fmu.unit import Unit
 from cosim.fmu_export.part_of import part_of
 from cosim.fmu_export.static_parts import HoodPart
 from cosim.fmu_export.write import write_fmu
-from cosim.port import (
-    STATIC,
-    ConvergenceError,
-    InputError,
-    PairState,
-    Tensions,
-    rotation_matrix,
-)
+from cosim.port import STATIC, PairState, Tensions, rotation_matrix
 from cosim.solve.solvers import solve
 from tests.helpers.fmus import NEEDS_FMU, placed, tampered
 

@@ -13,12 +13,12 @@ from cosim.build.fit import check_fit
 from cosim.build.models import Models, build
 from cosim.case.file import json_schema, load_case
 from cosim.cli import app
+from cosim.errors import ConvergenceError, InputError
 from cosim.fingers.kinds import unit
 from cosim.fmu.finger import FmuFinger
 from cosim.fmu.kinematics import MOST_KEPT
 from cosim.fmu_export.write import write_fmu
 from cosim.pipeline import run_case
-from cosim.port import ConvergenceError, InputError
 from cosim.results.result import Result
 from cosim.verification.fmu import in_units
 from tests.helpers.fmus import NEEDS_FMU, described

@@ -11,10 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cosim.errors import ConvergenceError, InputError
 from cosim.fmu.hood import FmuHood
 from cosim.fmu.quantity import UNITS, load_of, motion_of, tensions_of
 from cosim.fmu.unit import Unit
-from cosim.port import STATIC, ConvergenceError, InputError, Motion, rotation_matrix
+from cosim.port import STATIC, Motion, rotation_matrix
 from tests.helpers.fmus import NEEDS_FMU, tampered
 from tests.helpers.folders import TEST_DATA
 

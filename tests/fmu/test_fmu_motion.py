@@ -9,12 +9,13 @@ import pytest
 
 from cosim.build.motion import Together, together
 from cosim.case.file import load_case
+from cosim.errors import ConvergenceError, InputError
 from cosim.fmu.moving_finger import FmuMovingFinger
 from cosim.fmu.unit import Unit
 from cosim.fmu_export.part_of import part_of
 from cosim.fmu_export.write import write_fmu
 from cosim.pipeline import run_case
-from cosim.port import AffineLoad, ConvergenceError, InputError, Motion
+from cosim.port import AffineLoad, Motion
 from cosim.results.result import Result
 from cosim.verification.fmu import MOTION_OF_UNITS, in_units
 from tests.helpers.fmus import FREE, NEEDS_FMU, RAMP, SHORT, described, moving_case, placed

@@ -14,22 +14,14 @@ from cosim.case.file import load_case
 from cosim.coupling.accelerators import Aitken
 from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium
 from cosim.coupling.schemes import Explicit, Implicit, Linear, Newton, begin, step
+from cosim.errors import ConvergenceError, InputError
 from cosim.fingers.planar import planar_chain
 from cosim.fmu.finger import FmuFinger
 from cosim.fmu.hood import FmuHood
 from cosim.fmu.quantity import tangent_of
 from cosim.fmu.unit import Unit
 from cosim.fmu_export.write import write_fmu
-from cosim.port import (
-    STATIC,
-    ConvergenceError,
-    Hood,
-    InputError,
-    Motion,
-    Pair,
-    PairState,
-    Tensions,
-)
+from cosim.port import STATIC, Hood, Motion, Pair, PairState, Tensions
 from rigid.chain.joint_torques import joint_law
 from rigid.chain.moving_hinge import MovingHinge
 from tests.helpers.fmus import NEEDS_FMU, described

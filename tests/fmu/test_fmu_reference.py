@@ -16,10 +16,10 @@ import numpy as np
 import pytest
 
 from cosim.case.file import load_case
+from cosim.errors import InputError
 from cosim.fmu.mapping import KINDS, Place
 from cosim.fmu.unit import Unit
 from cosim.fmu_export.write import write_fmu
-from cosim.port import InputError
 from tests.helpers.fmus import NEEDS_FMU
 
 pytestmark = NEEDS_FMU

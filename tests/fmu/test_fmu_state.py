@@ -11,6 +11,7 @@ import pytest
 
 from cosim.case.file import load_case
 from cosim.case.schema import Case
+from cosim.errors import ConvergenceError, InputError, StoppedError
 from cosim.fmu.mapping import Place
 from cosim.fmu.unit import Unit
 from cosim.fmu_export.part_of import PARTS
@@ -18,7 +19,6 @@ from cosim.fmu_export.run import Run
 from cosim.fmu_export.state import Snapshot
 from cosim.fmu_export.write import write_fmu
 from cosim.pipeline import run_case
-from cosim.port import ConvergenceError, InputError, StoppedError
 from cosim.solve.session import Session
 from cosim.verification.fmu import MOTION, MOTION_OF_UNITS, in_units
 from tests.helpers.fmus import NEEDS_FMU, described, moving_case, placed

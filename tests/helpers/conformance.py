@@ -12,7 +12,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cosim.port import STATIC, Array, Hood, InputError, Load, Motion, Response, rotation_matrix
+from cosim.errors import InputError
+from cosim.port import STATIC, Array, Hood, Load, Motion, Response, rotation_matrix
 from meshes.skeleton import BODIES, index_finger
 
 TWIST_SCALE = np.array([1e-3, 1e-3, 1e-3, 0.1, 0.1, 0.1])

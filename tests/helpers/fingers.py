@@ -7,15 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from cosim.coupling.equilibrium import CouplingOptions, equilibrium
-from cosim.port import (
-    Array,
-    Balance,
-    Finger,
-    Load,
-    Pair,
-    PairState,
-    Tensions,
-)
+from cosim.port import Array, Balance, Finger, Load, Pair, PairState, Tensions
 from meshes.skeleton import JOINTS, Skeleton, index_finger
 from rigid.chain import hinge
 from rigid.chain.hinge import HingeFinger

@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cosim.port import Array, ConvergenceError, HoodJacobian, Motion, Response
+from cosim.errors import ConvergenceError
+from cosim.port import Array, HoodJacobian, Motion, Response
 from cosim.verification.pairs import Drum, stiff_pair
 from rigid.chain.moving_hinge import MovingHinge
 

@@ -14,9 +14,10 @@ from typer.testing import CliRunner
 
 from cosim.case.file import load_case
 from cosim.cli import app
+from cosim.errors import InputError
 from cosim.hoods.cable.build import cable_law
 from cosim.hoods.cable.table import CableHood
-from cosim.port import STATIC, InputError, Motion
+from cosim.port import STATIC, Motion
 from cosim.report.views import view_of
 from cosim.results.read import read_run
 from fe_solver.hood.build_cable import pulls_in

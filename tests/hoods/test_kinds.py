@@ -33,7 +33,7 @@ import json
 from cosim.analyses import ladder
 from cosim.build.fit import check_fit
 from cosim.case.file import load_case
-from cosim.port import InputError
+from cosim.errors import InputError
 
 refused = {}
 for name in ("two_band_edc", "middle_minorflex_edc"):

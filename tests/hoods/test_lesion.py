@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 
 from cosim.analyses.lesion import both_sides
 from cosim.case.file import load_case, resolved_toml
+from cosim.errors import InputError
 from cosim.hoods.kinds import AnyHood, unfit_lesion
 from cosim.hoods.lesion import Lesion
 from cosim.hoods.lumped.build import injured_network
 from cosim.pipeline import run_case
-from cosim.port import InputError
 
 COARSE, FINER = "hood.mesh.quads=250", "hood.mesh.quads=400"
 SPACED = 'hood.mesh.spacing="3 mm"'

@@ -9,8 +9,9 @@ import pytest
 
 from cosim.build.models import build
 from cosim.case.file import load_case, resolved_toml
+from cosim.errors import InputError
 from cosim.pipeline import run_case
-from cosim.port import STATIC, Hood, InputError
+from cosim.port import STATIC, Hood
 from cosim.results.result import Result
 from rigid.hoods.network import Network
 from rigid.hoods.network_hood import NetworkHood

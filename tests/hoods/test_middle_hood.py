@@ -11,10 +11,10 @@ import pytest
 from cosim.build.models import Models, build, drawn_bones, hood_mesh
 from cosim.case.file import load_case
 from cosim.case.schema import Case
+from cosim.errors import InputError
 from cosim.fingers.kinds import FINGERS, skeleton_of
 from cosim.hoods.shell.build import thickness_of
 from cosim.pipeline import run_case
-from cosim.port import InputError
 from cosim.results.compare import Target, compared, read_targets
 from meshes.hood_mesh import HoodMesh
 from meshes.hull import DIP, PIP, Chain, Hull, Level, along

@@ -11,12 +11,13 @@ from typer.testing import CliRunner
 from cosim.build.models import drawn_bones, hood_mesh, site_of
 from cosim.case.file import load_case, resolved_toml
 from cosim.cli import app
+from cosim.errors import InputError
 from cosim.fingers.kinds import skeleton_of
 from cosim.hoods.shell.build import shell_hood_of, thickness_of
 from cosim.hoods.shell.fibre_table import Direction
 from cosim.hoods.shell.fibres import angles_at, fibres_of
 from cosim.hoods.shell.view import _line_angle
-from cosim.port import InputError, Motion
+from cosim.port import Motion
 from cosim.results.strokes import SPACING, carry, stroke_cells, strokes
 from fe_solver.elements.fibres import angle_between, turn_in_sheet
 from fe_solver.hood.as_job import job_of_hood

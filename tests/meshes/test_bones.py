@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from fe_solver.surfaces.spline_distance import SplineDistance
 from fe_solver.surfaces.triangle_distance import checked_surface
 from meshes.bones import load_bone, spline

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from cosim.build.models import hood_mesh
 from cosim.case.file import load_case
-from cosim.port import InputError
+from cosim.errors import InputError
 from fe_solver.elements.mesh_geometry import node_directors
 from fe_solver.elements.shell import shell_tables
 from meshes.hood_mesh import ENDS, SPRINGS, Attachment, HoodMesh, folded, read, to_json, write

@@ -9,10 +9,11 @@ import pytest
 
 from cosim.build.models import build, hood_mesh
 from cosim.case.file import load_case
+from cosim.errors import InputError
 from cosim.hoods.cable.table import PARTS as OF_CABLES
 from cosim.hoods.injury import STRUT, adhesions, injured_mesh, injured_net
 from cosim.hoods.shell.table import PARTS as OF_SHELL
-from cosim.port import InputError, Motion
+from cosim.port import Motion
 from fe_solver.forces.springs import spring_forces
 from fe_solver.hood.build_shell import SpringSet, springs_of
 from meshes.cable_net import CableNet

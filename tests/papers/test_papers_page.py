@@ -8,8 +8,8 @@ import pytest
 from typer.testing import CliRunner
 
 from cosim.cli import app
+from cosim.errors import ConvergenceError, InputError
 from cosim.files import folder_written_whole
-from cosim.port import ConvergenceError, InputError
 from cosim.report.figures import Figure, FigurePage, Study, chosen, write_figures
 
 

@@ -12,8 +12,9 @@ import pytest
 
 from cosim.build.models import build
 from cosim.case.file import load_case
+from cosim.errors import InputError
 from cosim.hoods.kinds import KINDS
-from cosim.port import Array, Hood, InputError, Motion
+from cosim.port import Array, Hood, Motion
 from rigid.hoods.pulley import Cable, PulleyHood
 from tests.helpers import conformance, networks
 

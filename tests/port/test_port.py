@@ -15,7 +15,8 @@ import cosim
 import fe_solver
 import meshes
 import rigid
-from cosim.port import CosimError, InputError, Load, Motion, rotation_matrix, rotation_vector, skew
+from cosim.errors import CosimError, InputError
+from cosim.port import Load, Motion, rotation_matrix, rotation_vector, skew
 
 BODIES = ("a", "b", "c")
 vectors = st.lists(st.floats(-1.7, 1.7), min_size=3, max_size=3).map(np.array)

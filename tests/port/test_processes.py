@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from cosim.processes import Memory, process_pool
 
 

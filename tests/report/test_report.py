@@ -15,7 +15,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cosim.cli import app
-from cosim.port import InputError
+from cosim.errors import InputError
 from cosim.report.drawings import Arrow, arrows_of, sagittal, ticks
 from cosim.report.flat import laid_out
 from cosim.report.tables import last_ledger, tables_of

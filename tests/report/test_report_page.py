@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from cosim.report import page as page_module
 from cosim.report.page import MOST_BYTES
 from cosim.report.write import write_report

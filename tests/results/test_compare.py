@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from cosim.results.compare import (
     VERDICTS,
     Comparison,

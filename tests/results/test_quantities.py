@@ -13,7 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cosim.cli import app
-from cosim.port import InputError
+from cosim.errors import InputError
 from cosim.results.compare import Target, numbers_of, unit_of
 from cosim.results.quantities import check_quantities, is_known
 from cosim.results.read import read_run, read_runs

@@ -8,8 +8,8 @@ import pytest
 import xarray
 
 from cosim.case.file import load_case, resolved_toml
+from cosim.errors import InputError
 from cosim.hoods.view import STRAIN, HoodField
-from cosim.port import InputError
 from cosim.results.parts import LEDGER_HEADER, LedgerRow, Scene
 from cosim.results.result import Result
 from cosim.results.scene_plot import MOST_TRIANGLES, VIEWS, draw, thinned

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from cosim.errors import InputError
 from cosim.hoods.shell.view import (
     ShellView,
     gauged,
@@ -12,7 +13,6 @@ from cosim.hoods.shell.view import (
     strain_change,
     strain_summary,
 )
-from cosim.port import InputError
 from cosim.results.slips import is_slack
 from meshes.hood_mesh import REGIONS, HoodMesh
 from meshes.markers import ROWS, markers

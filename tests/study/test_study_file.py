@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cosim.case.file import load_case
-from cosim.port import InputError
+from cosim.errors import InputError
 from cosim.study.file import read_file
 from cosim.study.plan import read_plan, scaled
 from tests.helpers.folders import ROOT

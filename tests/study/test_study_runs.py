@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 from cosim.case.cache_key import address, code_version, stated
 from cosim.case.file import load_case
 from cosim.cli import app
-from cosim.port import ConvergenceError, InputError
+from cosim.errors import ConvergenceError, InputError
 from cosim.study import open_study
 from cosim.study import process as apart
 from cosim.study.quantities import check_outputs, paths

@@ -7,7 +7,7 @@ from math import pi
 import numpy as np
 import pytest
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from cosim.study.answers import MOST_LOST, Indices, band, indices, slopes, surface
 from cosim.study.distributions import (
     Axis,

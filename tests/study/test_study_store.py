@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from cosim.study.store import Row, Store, StoreError
 
 ROW = Row("ab" + 62 * "0", "converged", "", {"a": [1.5, {"b": 0.1}]}, "x", 2.0, "here", "code")

@@ -12,8 +12,8 @@ from typer.testing import CliRunner
 
 from cosim.case.file import load_case, resolved_toml
 from cosim.cli import app
+from cosim.errors import ConvergenceError, InputError, StoppedError
 from cosim.pipeline import run_case
-from cosim.port import ConvergenceError, InputError, StoppedError
 from cosim.results.history_plot import draw_history
 from cosim.results.result import Result
 from cosim.solve.session import Session

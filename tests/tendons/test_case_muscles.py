@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from cosim.case.file import load_case
+from cosim.errors import InputError
 from cosim.pipeline import run_case
-from cosim.port import InputError
 from cosim.tendons.muscles import live_muscles
 
 FAST = "output.picture=false"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cosim.case.file import load_case
-from cosim.port import InputError
+from cosim.errors import InputError
 from cosim.tendons.courses import factor_of
 from cosim.tendons.table import FileCourse, PointsCourse, SineCourse
 from rigid.opensim.sto import Table, write_sto

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from cosim.analyses.length_experiments import MADE, Value, experiments
 from cosim.case.file import load_case
 from cosim.cli import app
-from cosim.port import ConvergenceError, InputError
+from cosim.errors import ConvergenceError, InputError
 from cosim.results.audit import BOUNDS, Bound
 from cosim.results.compare import Comparison, Target, verdict
 from cosim.validation.force import AN, MYOHAND, PAST_THE_HOOD, THROUGH_THE_HOOD, two_models

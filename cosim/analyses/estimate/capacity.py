@@ -9,7 +9,8 @@ from typing import Literal
 import numpy as np
 
 from cosim.case.schema import Case
-from cosim.port import Array, InputError
+from cosim.errors import InputError
+from cosim.port import Array
 
 Weights = Literal["pcsa", "F0", "one"]
 SPECIFIC_TENSION = 45e4

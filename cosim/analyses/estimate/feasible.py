@@ -22,7 +22,8 @@ from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 from cosim.analyses.estimate.demand import Demand
 from cosim.analyses.estimate.held_finger import Torques
 from cosim.analyses.estimate.tensions import Bounds
-from cosim.port import Array, InputError
+from cosim.errors import InputError
+from cosim.port import Array
 
 MOST_TENDONS = 14
 """Of a box's corners, 2 to that power, all are looked at."""

@@ -13,7 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cosim.build.models import Models
-from cosim.port import STATIC, Array, InputError, Load, State
+from cosim.errors import InputError
+from cosim.port import STATIC, Array, Load, State
 
 NOT_MUSCLES = ("fingertip", "holder")
 """Torques that answer the others."""

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.port import Array, InputError
+from cosim.errors import InputError
+from cosim.port import Array
 
 UNITS = {"deg": np.pi / 180.0, "rad": 1.0}
 FEWEST = 4

@@ -16,8 +16,9 @@ from cosim.analyses.estimate.joint_motion import JointMotion
 from cosim.analyses.estimate.tensions import Bounds, Cost, Estimate, estimate, spelt
 from cosim.build.models import Models, build
 from cosim.case.schema import Case
+from cosim.errors import ConvergenceError, InputError, Progress
 from cosim.fingers.kinds import with_mass
-from cosim.port import Array, ConvergenceError, InputError, PairState, Progress, Tensions
+from cosim.port import Array, PairState, Tensions
 from cosim.schema import units
 from cosim.solve.agree import agree
 from rigid.muscle.least_cost import Power

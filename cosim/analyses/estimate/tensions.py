@@ -17,7 +17,8 @@ import numpy as np
 
 from cosim.analyses.estimate.demand import Demand
 from cosim.analyses.estimate.held_finger import Held, Torques
-from cosim.port import Array, ConvergenceError, InputError, Progress, State, quiet
+from cosim.errors import ConvergenceError, InputError, Progress, quiet
+from cosim.port import Array, State
 from rigid.muscle.least_cost import Optimum, Power, Programme, least
 
 MOST_ROUNDS = 40

@@ -18,9 +18,10 @@ import numpy as np
 from cosim.analyses.trials.outcome import one_line
 from cosim.build.models import Models, build, hood_mesh
 from cosim.case.schema import Case
+from cosim.errors import ConvergenceError, Progress, quiet
 from cosim.hoods.fe_view import FeView
 from cosim.hoods.injury import injured_mesh
-from cosim.port import STATIC, Array, ConvergenceError, Progress, Response, State, quiet
+from cosim.port import STATIC, Array, Response, State
 from cosim.results.audit import missed_bounds
 from cosim.results.slips import is_slack
 from meshes.bands import sagittal_angles, sagittal_bands

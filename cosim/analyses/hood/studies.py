@@ -35,7 +35,7 @@ from cosim.analyses.hood.poses import (
     pull_name,
 )
 from cosim.case.schema import Case
-from cosim.port import Progress, quiet
+from cosim.errors import Progress, quiet
 from cosim.report.figures import Figure, FigurePage, Study
 
 REST_MCP, REST_PIP = (0.0, 40.0, 80.0), (0.0, 45.0, 90.0)

@@ -12,7 +12,7 @@ from textwrap import wrap
 from cosim.analyses.identify.cases import FitCase, StatedCase
 from cosim.analyses.identify.fit import Fit, interval, standing
 from cosim.case.file import Settings
-from cosim.port import InputError
+from cosim.errors import InputError
 from cosim.results.compare import Comparison, number, stated
 
 WIDTH = 98

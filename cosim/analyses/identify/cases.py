@@ -22,7 +22,7 @@ from cosim.analyses.identify.parameters import (
 )
 from cosim.case.file import Settings, find_case, load_case
 from cosim.case.schema import Case
-from cosim.port import InputError
+from cosim.errors import InputError
 from cosim.results.compare import Target, unit_of
 
 

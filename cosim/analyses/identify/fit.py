@@ -25,7 +25,8 @@ from cosim.analyses.trials.by_tangent import tangent_serves
 from cosim.analyses.trials.outcome import Outcome
 from cosim.analyses.trials.workers import CaseWorkers
 from cosim.case.file import Settings, load_case
-from cosim.port import Array, ConvergenceError, InputError, Progress, quiet
+from cosim.errors import ConvergenceError, InputError, Progress, quiet
+from cosim.port import Array
 from cosim.processes import process_pool
 from cosim.results.compare import Comparison, Target, compared
 from cosim.results.quantities import check_quantities

@@ -11,9 +11,9 @@ from typing import Any, Literal, get_args
 
 from cosim.case.file import Settings
 from cosim.case.schema import Case
+from cosim.errors import InputError
 from cosim.hoods.shell.table import FibreMooneyRivlin, TransverselyIsotropic
 from cosim.hoods.shell.variation import toe_settings
-from cosim.port import InputError
 from cosim.schema import units
 from cosim.schema.fields import is_number
 

@@ -16,8 +16,8 @@ from typing import Any, Literal
 
 from cosim.analyses.trials.outcome import Outcome, outcome
 from cosim.case.file import Settings
+from cosim.errors import ConvergenceError, InputError
 from cosim.hoods.variation import Side, Variation
-from cosim.port import ConvergenceError, InputError
 from cosim.processes import process_pool
 from cosim.results.compare import unit_of, value_of
 

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.port import Array, InputError
+from cosim.errors import InputError
+from cosim.port import Array
 from fe_solver.febio.log import RigidReactions, read_reactions
 from rigid.opensim.components import components
 from rigid.opensim.external_loads import BodyLoad, write_external_loads

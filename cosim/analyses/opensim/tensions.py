@@ -16,8 +16,8 @@ import numpy as np
 from cosim.build.fit import check_fit
 from cosim.case.file import find_case, load_case, packaged_cases
 from cosim.case.schema import Case
+from cosim.errors import InputError
 from cosim.files import written_whole
-from cosim.port import InputError
 from cosim.schema.types import TENDONS
 from rigid.opensim.sto import Table, read_sto
 

@@ -26,11 +26,12 @@ from cosim.build.models import build
 from cosim.case.cache_key import address, code_version
 from cosim.case.file import load_case
 from cosim.case.schema import Case
+from cosim.errors import InputError, Progress, quiet
 from cosim.fingers.common import Extensor
 from cosim.fingers.kinds import anatomy_of, live_finger
 from cosim.hoods.kinds import that_fit
 from cosim.hoods.lumped.reduction import Sample, fitted, stacked
-from cosim.port import Array, InputError, Progress, quiet
+from cosim.port import Array
 
 if TYPE_CHECKING:
     from cosim.hoods.lumped.reduction import Potential

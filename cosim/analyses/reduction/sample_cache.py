@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 
 from cosim.analyses.reduction.samples import Lost, Walk, Walked
+from cosim.errors import InputError
 from cosim.files import written_whole
 from cosim.hoods.lumped.reduction import Sample
-from cosim.port import InputError
 
 Sampler = Callable[[Sequence[Walk]], Iterator[Walked]]
 MOST_BYTES = 1 << 30

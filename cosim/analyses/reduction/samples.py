@@ -17,8 +17,9 @@ import numpy as np
 
 from cosim.build.models import Models, build
 from cosim.case.file import load_case
+from cosim.errors import ConvergenceError
 from cosim.hoods.lumped.reduction import Sample
-from cosim.port import STATIC, Array, ConvergenceError, Load, State
+from cosim.port import STATIC, Array, Load, State
 from cosim.processes import process_pool
 
 FREE = 'finger.tip.kind="free"'

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from cosim.case.file import Settings, load_case
-from cosim.port import CosimError, InputError
+from cosim.errors import CosimError, InputError
 
 Status = Literal["converged", "failed", "refused"]
 

@@ -20,7 +20,7 @@ from cosim.build.fit import check_fit
 from cosim.build.models import Models
 from cosim.case.file import Settings, load_case
 from cosim.case.schema import Case
-from cosim.port import ConvergenceError, CosimError, InputError
+from cosim.errors import ConvergenceError, CosimError, InputError
 from cosim.processes import ProcessPool, one_blas_thread
 from cosim.results.static import observe_static
 from cosim.solve.solvers import solve

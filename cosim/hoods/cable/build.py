@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cosim.errors import InputError
 from cosim.fingers.kind import Anatomy
 from cosim.hoods.bone_surfaces import baked_surfaces
 from cosim.hoods.cable.table import CableHood
@@ -15,7 +16,7 @@ from cosim.hoods.fe_view import slip_forces, tangent_seconds
 from cosim.hoods.injury import adhesions, injured_net, longer
 from cosim.hoods.kind import BuiltHood, HoodKind, Site, skeleton_of
 from cosim.hoods.lesion import Lesion
-from cosim.port import InputError, Motion
+from cosim.port import Motion
 
 if TYPE_CHECKING:
     from fe_solver.forces.cables import Cables

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cosim.errors import InputError
 from cosim.hoods.kind import BuiltHood, HoodKind, Site
 from cosim.hoods.lesion import Lesion
 from cosim.hoods.lumped.table import (
@@ -18,7 +19,7 @@ from cosim.hoods.lumped.table import (
     Reduced,
     TwoBandHood,
 )
-from cosim.port import Hood, InputError, Motion, State
+from cosim.port import Hood, Motion, State
 
 if TYPE_CHECKING:
     from rigid.hoods.hinge_angle import HingeAngle

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cosim.errors import InputError
 from cosim.fingers.kind import Anatomy
 from cosim.hoods.bone_surfaces import baked_surfaces
 from cosim.hoods.fe_view import slip_forces, tangent_seconds
@@ -19,7 +20,7 @@ from cosim.hoods.shell.fibres import Fibres, fibres_of
 from cosim.hoods.shell.table import ShellHood
 from cosim.hoods.shell.variation import scaled_moduli, variations
 from cosim.hoods.shell.view import COLOURS, view_of
-from cosim.port import Array, InputError, Motion
+from cosim.port import Array, Motion
 from cosim.schema.types import Region
 
 if TYPE_CHECKING:

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cosim.errors import InputError
 from cosim.hoods.shell.fibre_table import Direction
-from cosim.port import Array, InputError
+from cosim.port import Array
 from cosim.schema.types import Region
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.port import CosimError, InputError
+from cosim.errors import CosimError, InputError
 from fe_solver.febio.read import read_feb
 from fe_solver.job.job import Job
 from fe_solver.job.model import JobOptions

@@ -21,7 +21,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from fe_solver.materials.crossed_fibres import CrossedFibres
 from fe_solver.materials.fibres import (
     DispersedFamily,

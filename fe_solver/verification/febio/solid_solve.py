@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from cosim.port import ConvergenceError, InputError
+from cosim.errors import ConvergenceError, InputError
 from cosim.processes import one_blas_thread
 from fe_solver.job.febio_like import bending_notes
 from fe_solver.job.job import Job

@@ -27,7 +27,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from cosim.port import Array, ConvergenceError
+from cosim.errors import ConvergenceError
+from cosim.port import Array
 from rigid.chain.planar_chain import BUCHNER, PlanarChain
 from rigid.hoods.two_band import (
     ELASTICITY,

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cosim.port import ConvergenceError
+from cosim.errors import ConvergenceError
 from rigid.hoods.two_band import MUSCLES, Entry
 from rigid.papers.buchner1988.coordination import (
     Forces,

@@ -14,7 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cosim.port import Array, ConvergenceError
+from cosim.errors import ConvergenceError
+from cosim.port import Array
 from rigid.hoods.network import Network
 from rigid.muscle.least_cost import Power, Programme, least
 

@@ -15,7 +15,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from cosim.port import Array, ConvergenceError
+from cosim.errors import ConvergenceError
+from cosim.port import Array
 from rigid.hoods.network import Network
 
 VISCOSITY = 0.01

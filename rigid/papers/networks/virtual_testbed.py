@@ -22,7 +22,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cosim.port import Array, ConvergenceError
+from cosim.errors import ConvergenceError
+from cosim.port import Array
 from rigid.hoods.network import Network
 from rigid.papers.networks.point_contact import VISCOSITY
 from rigid.papers.networks.share_models import tip_jacobians

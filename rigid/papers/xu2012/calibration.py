@@ -18,7 +18,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cosim.port import Array, ConvergenceError
+from cosim.errors import ConvergenceError
+from cosim.port import Array
 from rigid.chain.kinematics import Indices
 from rigid.mujoco.finger import MujocoFinger
 from rigid.papers.xu2012.pose import Markers

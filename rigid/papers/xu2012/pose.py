@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.port import Array, ConvergenceError
+from cosim.errors import ConvergenceError
+from cosim.port import Array
 from rigid.chain.kinematics import Indices, point_jacobian
 from rigid.mujoco.finger import MujocoFinger
 

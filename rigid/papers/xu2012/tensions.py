@@ -11,7 +11,8 @@ from __future__ import annotations
 import daqp
 import numpy as np
 
-from cosim.port import Array, ConvergenceError
+from cosim.errors import ConvergenceError
+from cosim.port import Array
 from rigid.fingers.robot_tables import MOST_FORCE
 
 ARM = 0.01

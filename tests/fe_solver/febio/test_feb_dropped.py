@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from fe_solver.febio.read import read_feb
 from tests.helpers.feb_files import SECTIONS, Sections, changed, feb_text, read, write
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from fe_solver.febio.read import read_feb
 from tests.helpers.feb_files import changed, feb_text, write
 

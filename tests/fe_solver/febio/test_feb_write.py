@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from fe_solver.febio.read import read_feb
 from fe_solver.febio.write import write_feb
 from fe_solver.job.curves import Curve, Drive, Extension, Interpolation

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from fe_solver.elements.mesh_geometry import node_directors
 from fe_solver.materials.crossed_fibres import CrossedFibres, CrossedLinear
 from fe_solver.materials.fibres import (

@@ -11,7 +11,7 @@ import meshio
 import numpy as np
 import pytest
 
-from cosim.port import ConvergenceError, InputError
+from cosim.errors import ConvergenceError, InputError
 from fe_solver.elements.mesh_geometry import node_areas
 from fe_solver.febio.read import read_feb
 from fe_solver.febio.write import write_feb

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cosim.port import InputError, Motion, rotation_matrix
+from cosim.errors import InputError
+from cosim.port import Motion, rotation_matrix
 from fe_solver.forces.cables import Cables, cable_forces, cable_masses, cable_state, law
 from fe_solver.hood.build_cable import Net, cable_hood
 from fe_solver.hood.build_shell import ContactLaw, Tendon

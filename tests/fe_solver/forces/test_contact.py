@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cosim.port import ConvergenceError, InputError, rotation_matrix
+from cosim.errors import ConvergenceError, InputError
+from cosim.port import rotation_matrix
 from fe_solver.elements.shell import Array
 from fe_solver.forces.contact import (
     REACH,

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from fe_solver.elements import kernels
 from fe_solver.elements.kinds import KINDS
 from fe_solver.elements.mesh_geometry import element_areas, node_areas

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cosim.port import ConvergenceError, InputError
+from cosim.errors import ConvergenceError, InputError
 from fe_solver.job.curves import Curve, Drive
 from fe_solver.job.job import (
     Body,

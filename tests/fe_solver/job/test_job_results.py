@@ -9,7 +9,7 @@ import meshio
 import numpy as np
 import pytest
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from fe_solver.febio.read import read_feb
 from fe_solver.febio.write import write_feb
 from fe_solver.job.curves import Curve

@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from cosim.port import InputError, rotation_matrix
+from cosim.errors import InputError
+from cosim.port import rotation_matrix
 from fe_solver.forces.contact import Contact
 from fe_solver.job.curves import Curve
 from fe_solver.job.job import (

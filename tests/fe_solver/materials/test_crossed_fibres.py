@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cosim.checks import Row
-from cosim.port import InputError
+from cosim.errors import InputError
 from fe_solver.hood.fibre_families import family_angles
 from fe_solver.materials.crossed_fibres import CrossedFibres, CrossedLinear
 from fe_solver.materials.fibres import (

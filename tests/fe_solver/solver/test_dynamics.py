@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from fe_solver.materials.linear import Isotropic
 from fe_solver.materials.section import one_law
 from fe_solver.materials.tension_field import TensionField

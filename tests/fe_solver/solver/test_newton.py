@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cosim.port import ConvergenceError
+from cosim.errors import ConvergenceError
 from fe_solver.elements.shell import Array
 from fe_solver.materials.linear import Isotropic
 from fe_solver.materials.tension_field import State, TensionField

@@ -4,7 +4,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
-from cosim.port import InputError, rotation_matrix
+from cosim.errors import InputError
+from cosim.port import rotation_matrix
 from fe_solver.surfaces.ellipsoid import Ellipsoid
 from fe_solver.surfaces.shapes import Capsule, Cone, Cylinder, HalfSpace, RoundCone, Sphere
 from fe_solver.surfaces.spline_distance import SplineDistance

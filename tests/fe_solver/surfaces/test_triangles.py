@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from fe_solver.elements import kernels
 from fe_solver.surfaces import spline_distance as surfaces
 from fe_solver.surfaces.spline_distance import SplineDistance

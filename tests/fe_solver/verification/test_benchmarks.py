@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cosim.checks import Row
-from cosim.port import ConvergenceError
+from cosim.errors import ConvergenceError
 from fe_solver.verification.beams import rectangle_torsion, straight_beam
 from fe_solver.verification.benchmark import Benchmark, Meshes
 from fe_solver.verification.limit_loads import buckling_load

@@ -10,7 +10,7 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 
-from cosim.port import CosimError
+from cosim.errors import CosimError
 from fe_solver.verification import apart, peers
 from fe_solver.verification.paths import halving_order, limit
 from tests.helpers.shells import linear_response

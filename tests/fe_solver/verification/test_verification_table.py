@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from cosim.checks import Row, chosen
 from cosim.cli import app
-from cosim.port import ConvergenceError, InputError
+from cosim.errors import ConvergenceError, InputError
 from fe_solver.forces.contact import Status, contact_forces, contact_state
 from fe_solver.forces.springs import spring_state
 from fe_solver.verification import (

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from rigid.air.plant import (
     ATMOSPHERE,
     GAMMA,

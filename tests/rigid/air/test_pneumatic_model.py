@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from cosim.errors import InputError
 from cosim.papers import robot_air
-from cosim.port import Array, InputError
+from cosim.port import Array
 from rigid.air.model import (
     AT,
     FULL_TERMS,

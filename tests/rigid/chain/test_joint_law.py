@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from rigid.chain.joint_torques import TorqueCurve, joint_law, limit_damping
 
 CURVE = TorqueCurve((-0.5, 0.0, 0.5, 1.5), (0.20, 0.02, 0.0, -0.30))

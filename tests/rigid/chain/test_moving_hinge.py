@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.integrate import quad, solve_ivp
 
-from cosim.port import AffineLoad, Array, ConvergenceError, InputError, Motion
+from cosim.errors import ConvergenceError, InputError
+from cosim.port import AffineLoad, Array, Motion
 from rigid.chain import moving_hinge
 from rigid.chain.hinge import JOINTS, HingeFinger
 from rigid.chain.joint_torques import JointLaw, TorqueCurve, joint_law, limit_torque

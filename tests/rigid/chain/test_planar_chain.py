@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cosim.case.file import load_case
+from cosim.errors import InputError
 from cosim.fingers.planar import planar_chain
 from cosim.pipeline import run_case
-from cosim.port import InputError
 from rigid.chain.planar_chain import BUCHNER, PlanarChain
 from rigid.chain.support import HELD
 from rigid.verification.finger_rows import planar_rows

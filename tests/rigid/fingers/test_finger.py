@@ -12,7 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from cosim.port import Array, InputError
+from cosim.errors import InputError
+from cosim.port import Array
 from meshes.skeleton import JOINTS
 from rigid.chain import hinge
 from rigid.chain.hinge import HingeFinger

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
-from cosim.port import Array, InputError, Motion
+from cosim.errors import InputError
+from cosim.port import Array, Motion
 from meshes.skeleton import BODIES, JOINTS, Skeleton, index_finger
 from rigid.chain.joint_torques import joint_law
 from rigid.chain.support import FREE, HELD

@@ -9,7 +9,8 @@ import pytest
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
-from cosim.port import STATIC, Array, InputError, Motion
+from cosim.errors import InputError
+from cosim.port import STATIC, Array, Motion
 from meshes.skeleton import BODIES, index_finger
 from rigid.chain.hinge import HingeFinger
 from rigid.fingers.index import finger_model

@@ -11,12 +11,13 @@ from scipy.special import eval_legendre
 from cosim.analyses.reduction.tip import tip_maps
 from cosim.build.models import build
 from cosim.case.file import load_case
+from cosim.errors import ConvergenceError, InputError
 from cosim.fingers.common import Extensor
 from cosim.fingers.index import IndexFinger
 from cosim.fingers.kinds import finger_model
 from cosim.hoods.lumped.build import reduced_hood
 from cosim.hoods.lumped.reduction import fitted
-from cosim.port import STATIC, ConvergenceError, InputError, Motion
+from cosim.port import STATIC, Motion
 from meshes.skeleton import BODIES, index_finger
 from rigid.hoods.hinge_angle import angles, flexion_angles
 from rigid.hoods.reduced import AT_ONCE, Potential

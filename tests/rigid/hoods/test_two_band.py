@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from rigid.hoods.network import Network
 from rigid.hoods.two_band import (
     ELASTICITY,

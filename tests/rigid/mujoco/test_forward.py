@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from cosim.coupling.finger_equilibrium import at_rest
-from cosim.port import Array, ConvergenceError, InputError, State
+from cosim.errors import ConvergenceError, InputError
+from cosim.port import Array, State
 from meshes.skeleton import JOINTS
 from rigid.chain.joint_torques import JointLaw, TorqueCurve, joint_law, limit_torque
 from rigid.chain.support import CLAMPED, FREE, HELD, Support

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cosim.port import Array, InputError
+from cosim.errors import InputError
+from cosim.port import Array
 from rigid.mujoco.implicit_step import friction
 from rigid.mujoco.tip_device import Cage, Contact, Device, Nothing, Shell, wrench
 

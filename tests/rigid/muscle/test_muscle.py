@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cosim.port import ConvergenceError, InputError
+from cosim.errors import ConvergenceError, InputError
 from rigid.muscle import curves, millard, newton
 from rigid.muscle.millard import equilibrium, path_length
 from rigid.muscle.parameters import DAMPED, Muscles

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from rigid.muscle import curves
 from rigid.muscle.curves import Curve, Knot
 from rigid.muscle.newton import NotConverged, increasing_root

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from tests.helpers.osim_files import (
     PIN,
     PLAIN,

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from rigid.opensim import skeleton, xml
 from rigid.opensim.osim import import_osim, write_import
 from tests.helpers.osim_files import (

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from rigid.verification.osim_rows import shipped
 from tests.helpers.osim_files import (
     PIN,

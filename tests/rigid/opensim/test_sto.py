@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose, assert_array_equal
 
-from cosim.port import InputError
+from cosim.errors import InputError
 from rigid.opensim import sto
 from rigid.opensim.sto import Table, is_angle, read_sto, write_sto
 

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from cosim.port import ConvergenceError
+from cosim.errors import ConvergenceError
 from rigid.hoods.two_band import TABLE_1, Entry, coupled_dip, excursions, two_band
 from rigid.papers.buchner1988.coordination import (
     Loop,

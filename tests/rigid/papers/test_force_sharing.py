@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cosim.cli import app
-from cosim.port import ConvergenceError
+from cosim.errors import ConvergenceError
 from rigid.chain.hinge import HingeFinger
 from rigid.chain.planar_chain import BUCHNER
 from rigid.hoods.network import Arms, Network

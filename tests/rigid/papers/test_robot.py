@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from cosim.port import ConvergenceError, InputError
+from cosim.errors import ConvergenceError, InputError
 from rigid.fingers.anatomy import RANGES
 from rigid.fingers.robot import robot_finger
 from rigid.fingers.robot_tables import JOINTS, LENGTHS, LONG, MASSES, SHORT, TABLE_III

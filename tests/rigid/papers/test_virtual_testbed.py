@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cosim.port import ConvergenceError
+from cosim.errors import ConvergenceError
 from rigid.papers.networks.point_contact import settled
 from rigid.papers.networks.robotic_finger import LENGTH, robotic_finger
 from rigid.papers.networks.testbed_runs import (
