@@ -47,8 +47,6 @@ def draw(result: Result) -> Figure:
 
     figure = draw_scene(result.scene, result.title)
     figure.set_size_inches(10.5, 4.6)
-    for axes in figure.axes[:2]:
-        axes.margins(0.04, 0.15)  # room for the notes under the finger
     return figure
 
 

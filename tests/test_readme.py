@@ -37,7 +37,7 @@ BLOCKS = {
 FIRST = "cosim run isometric_edc"
 TEN = TOP.partition("\n## Ten commands\n")[2].partition("\n## ")[0]
 COMMANDS = [
-    pytest.param(command, marks=[pytest.mark.slow] if "minutes" in note else [])
+    pytest.param(command.strip(), marks=[pytest.mark.slow] if "minutes" in note else [])
     for command, _, note in (
         line.strip().partition(" #") for line in TEN.splitlines() if line.startswith("    cosim ")
     )
