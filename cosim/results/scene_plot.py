@@ -78,7 +78,7 @@ def draw(scene: Scene, title: str) -> Figure:
         note = "strokes: the hood's fibres"
         if len(families_of(scene.hood.cell_data)) > 1:
             note += "; green: the second family"
-        axes[0].text(0.98, 0.08, note, ha="right", transform=axes[0].transAxes, fontsize=10)
+        axes[0].text(0.98, 0.95, note, ha="right", transform=axes[0].transAxes, fontsize=10)
     figure.suptitle(title)
     return figure
 
@@ -232,5 +232,5 @@ def _draw_force(ax: Axes, view: View, point: Array, force: Array) -> None:
     style = {"arrowstyle": "-|>", "lw": 2.2, "color": "black", "shrinkA": 0, "shrinkB": 0}
     ax.annotate("", tuple(head), tuple(tail), arrowprops=style, zorder=5)
     text = f"arrow: fingertip force {magnitude:.2f} N"
-    ax.text(0.98, 0.03, text, ha="right", transform=ax.transAxes, fontsize=10)
+    ax.text(0.98, 0.9, text, ha="right", transform=ax.transAxes, fontsize=10)
     ax.update_datalim([head])
