@@ -52,11 +52,12 @@ COMMANDS = {
         "solve": ("febio.solve", "Solve a FEBio model."),
         "export": ("febio.export", "Write the shell hood of a case as a FEBio model."),
     },
-    "Trust": {
+    "Trust and understand": {
         "validate": ("validate.validate", "Compare with what was measured and published."),
         "verify": ("verify.verify", "Solve problems whose answers are known."),
         "reproduce": ("reproduce.reproduce", "Compute a paper's figures and tables anew."),
         "bench": ("bench.bench", "Time the solvers, as ratios."),
+        "glossary": ("glossary.glossary", "The words and axes of cases and results."),
         "info": ("verify.info", "What is installed and in use."),
     },
 }

@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 from cosim.case.file import resolved_toml
 from cosim.cli import COMMANDS, app
+from cosim.commands.glossary import read_glossary
 from cosim.errors import ConvergenceError, InputError
 from cosim.results.audit import BEYOND, BOUNDS, POSTURE
 from cosim.results.parts import LedgerRow, Scene
@@ -415,3 +416,13 @@ def test_a_wrong_command_names_the_nearest():
     done = cosim("vaildate")
     assert done.exit_code == 2
     assert "Did you mean 'validate'" in done.stderr
+
+
+def test_the_glossary_explains_words_and_axes():
+    told = " ".join(cosim("glossary").stdout.split())
+    assert "palmar is minus dorsal" in told
+    assert set(read_glossary()) >= {"excursion", "ledger", "audit", "slip force"}
+    one = cosim("glossary", "excursion").stdout
+    assert "prescribed" in one
+    assert "adhesion" not in one
+    assert cosim("glossary", "gearbox").exit_code == 2
