@@ -59,7 +59,8 @@ def open_run(folder: str | Path) -> Result:
 
 
 def compare(*results: Result, data: str | Path | None = None) -> pandas.DataFrame:
-    """Results side by side, a row for each number of their summaries; or one result beside the
+    """Results side by side, a row for each number of their summaries (those of one name are
+    numbered); or one result beside the
     measured or published values in a CSV file, a row for each with its verdict.
 
     >>> import cosim
@@ -72,15 +73,17 @@ def compare(*results: Result, data: str | Path | None = None) -> pandas.DataFram
     Raises InputError."""
     import pandas
 
-    names = [result.name for result in results]
     if data is not None:
         if len(results) != 1:
             raise InputError(f"compare: data go beside one result, not {len(results)}")
         rows = compared(read_targets(Path(data)), results[0].summary, results[0].case)
         return pandas.DataFrame([as_dict(row) for row in rows])
-    if len(set(names)) < len(names):
-        raise InputError(f"compare: two results are named alike ({', '.join(names)})")
-    table = pandas.DataFrame({run.name: numbers_of(run.summary) for run in results})
+    columns: dict[str, dict[str, float]] = {}
+    for result in results:
+        alike = [name for name in columns if name.partition(" (")[0] == result.name]
+        name = f"{result.name} ({len(alike) + 1})" if alike else result.name
+        columns[name] = numbers_of(result.summary)
+    table = pandas.DataFrame(columns)
     table.insert(0, "unit", [unit_of(quantity) for quantity in table.index])
     return table
 
