@@ -27,7 +27,7 @@ DOORS = {
 from cosim.case.file import load_case
 from cosim.pipeline import run_case
 seen = []
-run_case(load_case("pulley_edc"), lambda stage: seen.extend(threads()))
+run_case(load_case("pulley_edc"), progress=lambda stage: seen.extend(threads()))
 """,
     "a model of the shell solver": """
 import fe_solver.job.solve as door

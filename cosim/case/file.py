@@ -102,6 +102,8 @@ def _read_toml(source: Path) -> dict[str, Any]:
         raise InputError(_toml_fault(shown_path(source), text, str(error))) from error
     except ValueError as error:  # e.g. an integer of thousands of digits
         raise InputError(f"{shown_path(source)}: is not valid TOML: {error}") from error
+    except RecursionError:
+        raise InputError(f"{shown_path(source)}: tables are nested too deeply") from None
 
 
 def _toml_fault(shown: str, text: str, message: str) -> str:
@@ -152,7 +154,7 @@ def _override(text: str) -> Layer:
 def _value(text: str) -> Any:
     try:
         parsed = tomllib.loads(f"value = {text}")
-    except ValueError:
+    except (ValueError, RecursionError):
         return text
     return parsed["value"] if len(parsed) == 1 else text
 

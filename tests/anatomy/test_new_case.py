@@ -96,8 +96,8 @@ def test_our_own_hood_bones_and_finger_make_the_same_run(
     plain = replace(ours, lift=None, springs=even, fibre=mesh.fibre)
     (tmp_path / "level.json").write_text(to_json(plain))
     level = f'hood.mesh={{kind="file", path="{(tmp_path / "level.json").as_posix()}"}}'
-    before = run_case(load_case("isometric_edc", [level]), lambda stage: None, None).summary
-    after = run_case(loaded, lambda stage: None, None).summary
+    before = run_case(load_case("isometric_edc", [level])).summary
+    after = run_case(loaded).summary
     for key in ("fingertip_force_N", "moment_arm_mm"):
         assert flat(after[key]) == pytest.approx(flat(before[key]), rel=1e-6, abs=1e-7)
 
@@ -140,8 +140,8 @@ def test_a_finger_alone_is_a_case_of_its_own_tendons(files: Path, tmp_path: Path
     assert code == 0
     assert "tendons EDC, EI, LUM, FPI, FDP" in told
     case = load_case(tmp_path / "out" / "mine.toml", ["tendons.EDC.activation=0.1"])
-    own = run_case(case, lambda stage: None, None).summary
-    known = run_case(load_case("split_edc"), lambda stage: None, None).summary
+    own = run_case(case).summary
+    known = run_case(load_case("split_edc")).summary
     assert flat(own["fingertip_force_N"]) == pytest.approx(
         flat(known["fingertip_force_N"]), rel=1e-8
     )

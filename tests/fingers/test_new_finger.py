@@ -82,7 +82,7 @@ def test_what_mjcf_writes_is_read_back_as_the_same_finger(exported: Path):
     one, two = skeleton_of(ours.finger), skeleton_of(theirs.finger)
     for part in ("length", "zero", "axis"):
         np.testing.assert_allclose(getattr(one, part), getattr(two, part), atol=1e-15)
-    results = [run_case(case, lambda stage: None, None).summary for case in (ours, theirs)]
+    results = [run_case(case).summary for case in (ours, theirs)]
     force = [np.array(list(r["fingertip_force_N"])) for r in results]
     np.testing.assert_allclose(force[0], force[1], rtol=1e-8)
 
