@@ -207,7 +207,7 @@ def _audit(run: Result, place: int) -> Table:
         rows.append((name.replace("_", " "), None if value is None else float(value), bound, word))
     for name, count in run.summary.get("iterations", {}).items():
         rows.append((f"{name} (count)", float(count), None, "no bound"))
-    for name in ("steps", "hood_quads", "hood_cells", "wall_s"):
+    for name in ("hood_quads", "hood_cells", "wall_s"):
         if name in run.summary:
             rows.append((name.replace("_", " "), float(run.summary[name]), None, "no bound"))
     return Table(

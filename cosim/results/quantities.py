@@ -80,7 +80,6 @@ OF_RUN = (
     "wall_s",
     "hood_quads",
     "hood_cells",
-    "steps",
     "last_rate_rad_per_s",
     "last_force_change_N",
     "largest_interface_residual",

@@ -135,7 +135,8 @@ def _state(models: Models, e: Equilibrium, view: HoodView | None) -> dict[str, A
     }
     if e.balance is not None:
         out["fingertip_moment_Nmm"] = (1e3 * IN_METACARPAL @ _tip_moment(models, e)).tolist()
-    if arms := _arms(models, e):
+    arms = _arms(models, e)
+    if arms or e.balance is not None:
         out["moment_arm_mm"] = {t: _by_joint(models, 1e3 * arm) for t, arm in arms.items()}
     if e.balance is not None:
         out["joint_torque_Nmm"] = {

@@ -148,7 +148,6 @@ def _checks(summary: Mapping[str, Any]) -> Iterator[Row]:
         yield word if name in COUNTS else f"{word} iterations", _number(count)
     yield "interface residual left open", _number(_at(summary, "one_way", "interface_residual"))
     yield "counted twice", ", ".join(_at(summary, "double_counted") or ())
-    yield "steps in time", _number(_at(summary, "steps"))
     if (missed := _at(summary, "audit_missed")) is not None:
         yield "AUDIT MISSED" if missed else "audit missed", ", ".join(missed) or "none"
     yield "quads", _number(_at(summary, "hood_quads"))

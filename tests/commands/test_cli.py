@@ -226,6 +226,7 @@ def test_bench_times_a_real_run(monkeypatch):
     assert seconds["ratio"] == pytest.approx(seconds["warm_run_s"] / linear, rel=0.01)
 
 
+@pytest.mark.slow
 def test_bench_times_the_steps_of_a_motion():
     short = ("hood.mesh.quads=120", "forward.duration='3 ms'")
     done = cosim("bench", "motion_edc_fdp", *(word for s in short for word in ("--set", s)))
