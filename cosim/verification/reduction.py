@@ -40,7 +40,7 @@ def network_rows() -> Iterator[Row]:
     states = [s for s in on_models(models, Walk(angle, load)) if isinstance(s, Sample)]
     fit, held = stacked(states[:-40]), stacked(states[-40:])
     made = fitted(fit, models.finger.joints, models.hood.tendons)
-    for name, value in made.derived(held.angle, held.tension)._asdict().items():
+    for name, value in made.derivatives(held.angle, held.tension)._asdict().items():
         told = getattr(held, name)
         off = float(np.abs(value - told).max() / np.abs(told).max())
         yield Row("network from a network", f"{name}, relative", 0.0, off, ROUNDING, KNOWN, "bound")

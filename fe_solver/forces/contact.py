@@ -232,7 +232,7 @@ def _hessian(
     return out
 
 
-def joined(parts: list[PointForces]) -> PointForces:
+def join_point_forces(parts: list[PointForces]) -> PointForces:
     """All point forces as one."""
     names = [f.name for f in fields(PointForces) if f.name not in ("energy", "bend")]
     parts = _as_wide(parts)
@@ -257,7 +257,7 @@ def _hessians(parts: list[PointForces]) -> Array:
 
 
 class Status(IntEnum):
-    """Of a point against a body; without friction what presses slides."""
+    """What a point does against a body; without friction what presses slides."""
 
     OPEN = 0
     SLIDING = 1
@@ -274,7 +274,7 @@ class ContactState(NamedTuple):
     drag: Array
     """(k, 3) N, friction on the point, world frame."""
     status: NDArray[np.int8]
-    """Of `Status`."""
+    """Values of `Status`."""
 
 
 def contact_state(contact: Contact, x: Array, position: Array, rotation: Array) -> ContactState:
@@ -300,7 +300,7 @@ class ContactFields(NamedTuple):
     pressure: Array
     """Pa, force over area."""
     status: NDArray[np.int8]
-    """Of `Status`, the largest."""
+    """The largest `Status` of the points."""
 
 
 def contact_fields(

@@ -67,7 +67,7 @@ def _pulled(samples: Sequence[Sample]) -> list[Sample]:
 def misses(found: Reduction, samples: Sequence[Sample]) -> dict[str, Array]:
     """(s,) relative, by quantity, of each state."""
     data = stacked(samples)
-    made = found.potential.derived(data.angle, data.tension)
+    made = found.potential.derivatives(data.angle, data.tension)
     slips = found.potential.slips(data.angle, made.torque)
     maps = tip_maps(found.case, data.angle)
     tip, aimed = (np.einsum("sij,sj->si", maps, torque) for torque in (made.torque, data.torque))

@@ -56,7 +56,7 @@ def test_the_deflection_is_the_load_s():
 
 
 def test_a_program_in_a_process_of_its_own_answers_the_same():
-    there, here = peers.solved("ours", 8, 3), peers.ours(8, 3)
+    there, here = peers.solve_with_peer("ours", 8, 3), peers.ours(8, 3)
     assert there.deflection == pytest.approx(here.deflection, rel=1e-12)
     assert (there.solves, there.linear) == (here.solves, here.linear)
     assert there.solve_s > 0
@@ -153,7 +153,7 @@ def test_without_a_peer_the_study_says_so_and_has_no_rows(monkeypatch):
     assert "not installed" in peers.title()
 
 
-@pytest.mark.skipif(not peers.installed(), reason="KratosMultiphysics not installed")
+@pytest.mark.skipif(not peers.is_installed(), reason="KratosMultiphysics not installed")
 def test_kratos_finds_the_same_deflection():
-    mine, peer = (peers.solved(who, 60, 16).deflection for who in ("ours", "kratos"))
+    mine, peer = (peers.solve_with_peer(who, 60, 16).deflection for who in ("ours", "kratos"))
     assert mine == pytest.approx(peer, rel=0.01)
