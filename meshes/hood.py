@@ -132,6 +132,7 @@ def generate(
     otherwise the index finger's, scaled.  `quadratic`: quadratic elements, of nine nodes.
     `one_sheet`: the wings reach the central slip's insertion, and nothing lies between the lateral
     bands distal of it."""
+    # the bones at rest, and the level of the sheet's middle over them
     chain = Chain(skeleton, *skeleton.pose(rest_posture))
     middle = {body: height + thickness / 2 for body, height in offset.items()}
     level = Level(surfaces, middle, chain.position, chain.rotation)
@@ -140,6 +141,7 @@ def generate(
         side: (1e-3 * scale * s, 1e-3 * width * dorsal, 1e-3 * width * radial)
         for side, (s, dorsal, radial) in INTRINSIC.items()
     }
+    # the grid's lines, laid on the hull of the bones
     across, over_band, over_triangle = columns(quads, quadratic)
     stations = rows(quads, quadratic)
     hull = Hull(chain, level)
@@ -149,6 +151,7 @@ def generate(
     grid, points, station = _lay(
         hull, stations, across, over_band, over_triangle, guides, wings_end, quadratic
     )
+    # cells, and nodes raised so that the chords between them clear the bones
     fixed = _end_nodes(grid)
     cells, region, along = _cells(grid, across, quadratic)
     free = np.setdiff1d(np.arange(len(points)), np.concatenate(list(fixed.values())))
@@ -197,12 +200,14 @@ def _lay(
         phi_list.append(phi)
         return len(s_list) - 1
 
+    # the central slip and the inner columns of the wings
     half, out = _interpolate(INNER, stations), _interpolate(OUTER, stations)
     eps = 1e-6
     for i, s in enumerate(stations):
         if s <= SLIP_END + eps:
             here = _is_tendon(across) | (LATERAL_END - eps <= s <= wings_end + eps)
             inner[i, here] = [node(s, f * half[i]) for f in across[here]]
+    # the lateral bands, which share nodes with the wings and merge distally
     band: dict[str, Ints] = {}
     for side, sign in (("radial", 1), ("ulnar", -1)):
         nodes = np.full((nr, len(over_band)), -1)
@@ -220,6 +225,7 @@ def _lay(
                 else:
                     nodes[i, k] = node(s, sign * phi)
         band[side] = nodes
+    # the triangular ligament between the merging bands
     triangle = np.full((nr, len(over_triangle)), -1)
     ends = stations[:: 2 if quadratic else 1]
     last = ends[ends <= TRIANGLE_END + eps][-1]
@@ -228,6 +234,7 @@ def _lay(
         between = [node(stations[row], f * half[row]) for f in over_triangle[1:-1]]
         if len(over_triangle):
             triangle[row] = [band["ulnar"][row, 0], *between, band["radial"][row, 0]]
+    # places: on the hull, then the intrinsic tendons towards their guides
     station = np.array(s_list)
     points = hull.points(station, np.array(phi_list))
     grid = _Grid(stations, inner, band, triangle)

@@ -250,6 +250,7 @@ def _blocks(
     K = np.zeros((size, size))
     G = np.zeros((2 * nodes, 2 * nodes))
     for e in range(first, last):
+        # B: gradients of the samples by the mid-surface's y (membrane, then the others)
         B[:, :, :] = 0.0
         for i in range(stretch):
             for a in range(nodes):
@@ -262,6 +263,7 @@ def _blocks(
                     for k in range(3):
                         B[i, a, k] += samples[i, a, b] * y[e, b, k]
                         B[i, b, k] += samples[i, a, b] * y[e, a, k]
+        # R: the same by the nodes' degrees of freedom, in their bases A and T
         for i in range(m):
             for a in range(nodes):
                 h = height[e, a]
@@ -275,6 +277,7 @@ def _blocks(
                     for k in range(3):
                         value += (B[i, nodes + a, k] + h * B[i, a, k]) * T[e, a, k, j]
                     R[i, 5 * a + 3 + j] = value
+        # L: gradients of the 8 generalized strains at each Gauss point; CL: stiffness times L
         L[:, :] = 0.0
         CL[:, :] = 0.0
         for g in range(points):
@@ -296,7 +299,9 @@ def _blocks(
                     if stiffness[e, g, c, i] != 0.0:
                         for j in range(size):
                             CL[at + c, j] += stiffness[e, g, c, i] * L[at + i, j]
+        # K: the material part, L^T C L
         np.dot(L.T, CL, K)
+        # G: stress times the samples' Hessian, carried from the mid-surface to the nodes' height
         _geometric(samples, stretch, stress[e], G)
         for a in range(nodes):
             for b in range(nodes):
@@ -310,6 +315,7 @@ def _blocks(
         for a in range(nodes):
             for b in range(nodes):
                 G[nodes + b, a] = G[a, nodes + b]
+        # K += the geometric part, G in the nodes' bases; the lower half alone
         for a in range(nodes):
             for b in range(a + 1):
                 for i in range(3):
@@ -334,6 +340,7 @@ def _blocks(
                         for k in range(3):
                             value += T[e, a, k, i] * T[e, b, k, j]
                         K[5 * a + 3 + i, 5 * b + 3 + j] += G[nodes + a, nodes + b] * value
+        # both halves from the lower one
         for i in range(size):
             for j in range(i + 1):
                 out[e, i, j] = K[i, j]

@@ -226,6 +226,7 @@ def _solve(
     assert data is not None
     stiffest = stiffest_entry(model, data)
     for iteration in range(options.max_iterations + 1):
+        # done where the residual is small by the consistent tangent's rounding error too
         residual, force = residual_norm(model, e)
         limit = options.tolerance * force + rounding(c, stiffest)
         if residual <= limit:
@@ -237,6 +238,7 @@ def _solve(
                 return _upright(Solution(model, c, e, tension, iteration, solves, residual))
         if iteration == options.max_iterations:
             break
+        # a chord iteration: the old factor, while it lowers the residual fast enough
         if chord is not None and not convex and chord.pays(residual, limit):
             solves += 1
             found = _chord_step(model, c, e, tension, chord.factor, options)
@@ -244,6 +246,7 @@ def _solve(
                 c, e = found
                 chord = replace(chord, since=residual)
                 continue
+        # a Newton step with a new tangent, damped where parts of the sheet may be slack
         e = model.with_tangent(c, e)
         data = e.data
         assert data is not None
@@ -255,6 +258,7 @@ def _solve(
             step, factor = damped_step(model, data, e.reduced, *longest, kept)
         if kept is not None and factor is not None and not isinstance(factor, Nearby):
             kept = factor
+        # search along it; where nothing descends, try the other tangent once, then stop
         trial, more = _descend(model, c, e, tension, step, options, kept)
         solves += 1 + more
         if trial is not None:
@@ -383,23 +387,23 @@ def _descend(
     Also the linear solves that foreseeing took.  A solve that follows an equilibrium, as a factor
     `near` says, presses the nodes of the whole step."""
 
-    def tried(
-        way: Array, tries: int, first: float = 1.0, foreseen: bool = False
+    def search(
+        way: Array, tries: int, first: float = 1.0, predicts: bool = False
     ) -> tuple[tuple[Configuration, Evaluation, bool] | None, float]:
         way, size = limit_step(way, options.max_step, options.max_turn)
-        convex = foreseen or size > NEAR
+        convex = predicts or size > NEAR
         found, last = _line_search(model, c, e, tension, way, tries, convex, first)
         return None if found is None else (*found, convex), last
 
-    found, left = tried(step if near is None else limit_to_contact(model, e, step), 1)
+    found, left = search(step if near is None else limit_to_contact(model, e, step), 1)
     if found:
         return found, 0
     way, solves = active_set_step(model, e, step, near)
     if solves:
-        found = tried(way, 4, foreseen=True)[0]
-        return found or tried(step, 7, left)[0], solves
-    found, left = tried(step, 3, left, foreseen=True)
-    return found or tried(step, 4, left)[0], 0
+        found = search(way, 4, predicts=True)[0]
+        return found or search(step, 7, left)[0], solves
+    found, left = search(step, 3, left, predicts=True)
+    return found or search(step, 4, left)[0], 0
 
 
 def _line_search(

@@ -442,12 +442,15 @@ def advance_step(
 
     Whether it converged, then at its end angles, rates, reactions, the wrench on the tip (6,) in
     the world, tensions, kinetic energy and what the device dissipated (J)."""
+    # the start of the step, with the torques from elsewhere
     start = instant(now, at[0], at[1], pull[0], pull[1], more[0], h)
     for i in range(len(at[1])):
         start.torque[i] += more[1][i]
         for j in range(len(at[1])):
             start.by_rate[i, j] += h * more[2][i, j]
+    # Newton on rates and reactions
     done, v, r, local, slip = step(surface, joints, start, h, at[2], tolerance)
+    # back to the world: wrench on the tip, tensions at the end
     device = concatenate(apply(now.frame, local[:3]), apply(now.frame, local[3:]))
     wrench = plus(apply_transpose(now.basis, r), 1.0, device)
     tension, shortening = pull[0].copy(), apply(arms(now, len(pull[0])), v)

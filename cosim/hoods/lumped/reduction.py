@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from cosim.port import Array
 from rigid.hoods.reduced_sample import Sample as Sample
+from rigid.hoods.reduced_sample import stack as stack
 
 if TYPE_CHECKING:
     from rigid.hoods.reduced import Potential as Potential

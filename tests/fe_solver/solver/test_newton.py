@@ -253,11 +253,11 @@ def test_a_node_that_leaves_a_bone_is_put_where_its_force_holds_it():
     force, slope = np.linalg.norm(e.points.gradient[0]), e.points.stiffness[0] * b / 2e-4
     step = np.zeros(model.pattern.size)
     step[2] = 0.99 * force / slope
-    pressed = newton.pressed(model, e, step)
+    pressed = newton.limit_to_contact(model, e, step)
     assert b - step[2] == pytest.approx(b * 0.505)
     assert b - pressed[2] == pytest.approx(b / 10, rel=1e-6)
     assert np.array_equal(pressed[3:], step[3:])
-    near = newton.pressed(model, e, 0.1 * step)
+    near = newton.limit_to_contact(model, e, 0.1 * step)
     assert np.array_equal(near, 0.1 * step)
 
 

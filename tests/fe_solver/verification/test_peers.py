@@ -103,7 +103,7 @@ def test_a_peer_that_fails_is_a_failed_row(monkeypatch):
             raise CosimError("crashed: SIGSEGV")
         return asdict(ANSWER)
 
-    monkeypatch.setattr(peers, "installed", lambda: True)
+    monkeypatch.setattr(peers, "is_installed", lambda: True)
     monkeypatch.setattr(peers, "answer", answer)
     (row,) = peers.rows([(8, 3)])
     assert not row.passed
@@ -125,14 +125,14 @@ OURS = [-4.70e-3, -4.93e-3, -5.0e-3]
     ],
 )
 def test_rows_judge_the_deflection_and_the_time(monkeypatch, theirs, seconds, verdicts):
-    def solved(program, along, across):
+    def solve_with_peer(program, along, across):
         k = [mesh[0] for mesh in peers.MESHES].index(along)
         if program == "kratos":
             return peers.Answer(theirs[k], 20, seconds, "LU")
         return peers.Answer(OURS[k], 20, 0.1, "superlu")
 
-    monkeypatch.setattr(peers, "installed", lambda: True)
-    monkeypatch.setattr(peers, "solved", solved)
+    monkeypatch.setattr(peers, "is_installed", lambda: True)
+    monkeypatch.setattr(peers, "solve_with_peer", solve_with_peer)
     rows = list(peers.rows())
     assert [row.passed for row in rows] == verdicts
     assert "superlu" in rows[-1].quantity
