@@ -363,7 +363,7 @@ class _Reader:
         """Each quad is convex, its fibre lies in it, and neighbours face the same way."""
         q = mesh.quads
         p, k = mesh.points[q[:, :4]], len(flat(q)) // len(q)
-        bad = folded(mesh.points[flat(q)]).reshape(-1, k).any(axis=1) | (mesh.areas() < 1e-12)
+        bad = are_folded(mesh.points[flat(q)]).reshape(-1, k).any(axis=1) | (mesh.areas() < 1e-12)
         if bad.any():
             i = int(np.argmax(bad))
             raise self.fault("quads", f"quad {i} is folded or has no area; its nodes are {q[i]}")
@@ -417,7 +417,7 @@ class _Reader:
             )
 
 
-def folded(corners: Array) -> NDArray[np.bool_]:
+def are_folded(corners: Array) -> NDArray[np.bool_]:
     """(n,) which quads (n, 4, 3) have a reflex corner, cross themselves or have no area."""
     corner = _corners(corners)
     mean = corner.mean(axis=1)

@@ -123,7 +123,7 @@ class FingerModel:
             twice = sorted({name for name in names if names.count(name) > 1})
             if twice:
                 raise InputError(f"finger {self.name}: two of the name {what} {', '.join(twice)}")
-        _known(self.meshes, self.bodies, f"finger {self.name}: meshes")
+        _check_names(self.meshes, self.bodies, f"finger {self.name}: meshes")
         for tendon in self.tendons:
             _check(tendon, self.bodies)
 
@@ -146,11 +146,11 @@ class FingerModel:
 
     def with_only(self, *muscles: str) -> FingerModel:
         """The same finger with these tendons, in the finger's order; InputError if it lacks one."""
-        _known(muscles, self.muscles, f"finger {self.name}: tendons")
+        _check_names(muscles, self.muscles, f"finger {self.name}: tendons")
         return replace(self, tendons=tuple(t for t in self.tendons if t.name in muscles))
 
 
-def _known(names: Iterable[str], among: tuple[str, ...], what: str) -> None:
+def _check_names(names: Iterable[str], among: tuple[str, ...], what: str) -> None:
     unknown = [name for name in names if name not in among]
     if unknown:
         raise InputError(f"{what}: unknown name {', '.join(unknown)}; expected some of {among}")
@@ -161,7 +161,7 @@ def _check(tendon: Tendon, bodies: tuple[str, ...]) -> None:
     if not tendon.strands or not all(s.share > 0 for s in tendon.strands):
         raise InputError(f"{where}: expected strands whose shares are positive")
     for element in _elements(tendon):
-        _known((element.body,), bodies, where)
+        _check_names((element.body,), bodies, where)
     for strand in tendon.strands:
         ends = strand.path[:1] + strand.path[-1:]
         if len(strand.path) < 2 or not all(isinstance(end, Via) for end in ends):

@@ -11,7 +11,7 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.port import Array
-from meshes.imported.checks import UNITS, turned_alike
+from meshes.imported.checks import UNITS, wind_alike
 from meshes.skeleton import BODIES
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ def _read(path: Path, what: str, faults: list[str], notes: list[str]) -> Triangl
         return none
     points, stated = np.array(mesh.vertices, dtype=float), np.array(mesh.faces, dtype=np.intp)
     try:
-        faces, turned = turned_alike(stated)
+        faces, turned = wind_alike(stated)
     except InputError as error:
         faults.append(f"{what}: {error}")
         return none

@@ -18,7 +18,7 @@ from cosim.port import Array
 from cosim.schema.types import MUSCLES
 from meshes.imported.checks import Placing
 from meshes.imported.hood import hood_of, read_sheet
-from meshes.imported.names import check_known
+from meshes.imported.names import check_names
 from meshes.skeleton import BODIES, JOINTS, Skeleton, index_finger
 
 if TYPE_CHECKING:
@@ -82,7 +82,7 @@ def built(given: Anatomy, defaults: Defaults) -> Built:
     """Read and check everything.  Raises InputError."""
     if given.hood is None and given.finger is None:
         raise InputError("give a hood's mesh (--hood), a finger (--finger), or both")
-    check_known(given.names, FINGER_NAMES)
+    check_names(given.names, FINGER_NAMES)
     report: list[str] = []
     model, force, skeleton = _finger(given, report)
     if given.bones and len(given.bones) != len(BODIES):

@@ -126,7 +126,7 @@ def _facts() -> Iterator[tuple[str, str]]:
 
     from cosim.version import __version__
     from fe_solver.elements import kernels
-    from fe_solver.solver.linear_algebra import BACKENDS, FASTER, VARIABLE, available, chosen
+    from fe_solver.solver.linear_algebra import BACKENDS, FASTER, VARIABLE, available, backend_name
 
     yield "cosim", f"{__version__} on Python {platform.python_version()}, {platform.machine()}"
     yield "libraries", ", ".join(f"{name} {version(name)}" for name in ("numpy", "scipy", "mujoco"))
@@ -136,9 +136,9 @@ def _facts() -> Iterator[tuple[str, str]]:
         else "plain numpy (numba is absent or switched off)"
     )
     yield "kernels", f"{compiled}, {kernels.thread_count()} threads on large meshes"
-    yield "linear solver", f"{chosen()}, of {', '.join(available())}"
+    yield "linear solver", f"{backend_name()}, of {', '.join(available())}"
     better = [name for name in BACKENDS if name in FASTER]
-    better = better[: better.index(chosen())] if chosen() in better else better
+    better = better[: better.index(backend_name())] if backend_name() in better else better
     words = [f"{b} (set {VARIABLE})" if b in available() else FASTER[b] for b in better]
     yield "faster would be", "; ".join(words) or "nothing that is known"
 

@@ -76,4 +76,4 @@ def joint_torques(finger: Stated, joints: tuple[str, ...]) -> JointLaw:
         transition=finger.limit.transition,
         limit_damping=finger.limit.damping,
     )
-    return law.held_about(posture, margin=finger.limit.half_range)
+    return law.hold_about(posture, margin=finger.limit.half_range)

@@ -17,7 +17,7 @@ from cosim.papers.lines import BAND_COLOURS, MUSCLE_COLOURS, Line, lines_drawn
 from cosim.port import Array
 from cosim.report.figures import Figure, Study
 from rigid.hoods.two_band import LONG_NAMES, MUSCLES, coupled_dip, excursions
-from rigid.papers.buchner1988.coordination import Loop, deviation, flexed
+from rigid.papers.buchner1988.coordination import Loop, deviation, flex
 from rigid.papers.buchner1988.coordination_findings import Flexion, flexion
 
 OURS = (
@@ -102,7 +102,7 @@ def _interphalangeal(f: Flexion) -> Figure:
     }
     lines = [
         _path("K = 500 N/m, the paper's", f.motion.angle, "#0b5394", "-", 2.4),
-        *(_path(name, flexed(loop).angle, c, "-.") for name, (loop, c) in variants.items()),
+        *(_path(name, flex(loop).angle, c, "-.") for name, (loop, c) in variants.items()),
         _path("reference: a line", f.motion.reference, "0.55", "--"),
         Line("parabola, equation 6", np.degrees(RANGE), np.degrees(coupled_dip(RANGE)), "0.1", ":"),
     ]

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from cosim.report.figures import Figure, framed
-from rigid.papers.buchner1988.coordination import Loop, deviation, flexed
+from rigid.papers.buchner1988.coordination import Loop, deviation, flex
 from rigid.papers.buchner1988.coordination_findings import (
     CHANGE,
     Finding,
@@ -112,7 +112,7 @@ def _loops() -> Figure:
     for bandwidth in BANDWIDTHS:
         for elasticity in ELASTICITIES:
             loop = Loop(bandwidth, elasticity)
-            off = deviation(loop, flexed(loop))
+            off = deviation(loop, flex(loop))
             rows.append((bandwidth, elasticity, off.curve, off.line))
     columns = ["bandwidth_rad_per_s", "K_N_per_m", "from_parabola_deg", "from_line_deg"]
     data = pd.DataFrame(rows, columns=columns)

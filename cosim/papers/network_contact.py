@@ -12,7 +12,7 @@ from cosim.report.figures import Figure, framed
 from rigid.chain.planar_chain import BUCHNER
 from rigid.hoods.two_band import coupled_dip
 from rigid.papers.networks.human_network import MUSCLES, human_finger
-from rigid.papers.networks.point_contact import settled
+from rigid.papers.networks.point_contact import settle
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -148,7 +148,7 @@ def end_states(run: Contact, planar: bool) -> pd.DataFrame:
         if planar:
             names = {"UI": "FPI"}
             force = [float(run.force[names.get(m, m)][k]) if m != "RI" else 0.0 for m in MUSCLES]
-            alone = settled(BUCHNER.length, human_finger(), np.array(force), run.angle[0], 50.0)
+            alone = settle(BUCHNER.length, human_finger(), np.array(force), run.angle[0], 50.0)
             row["largest_angle_apart_rad"] = float(np.abs(alone - run.angle[k]).max())
         rows.append(row)
     return pd.DataFrame(rows)

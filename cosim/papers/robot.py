@@ -96,7 +96,7 @@ def fan_figures() -> list[Figure]:
     """Figure 8's red lines, for five and six tendons."""
     both = [robot_finger(), robot_finger(True)]
     fans = [fan(MujocoFinger(model), SHOWN_AT) for model in both]
-    reached = [checks.reached(False), checks.reached(True)]
+    reached = [checks.reach_targets(False), checks.reach_targets(True)]
     hold = [float(r.hold.max()) for r in reached]
     flat = [100 * float(np.median(r.flatness)) for r in reached]
     rows = [

@@ -29,7 +29,7 @@ from rigid.air.model import (
     identification,
     identify,
     latency,
-    paired,
+    pair_rows,
     r_squared,
     steps,
 )
@@ -94,8 +94,8 @@ UNIT = "dPdt_kPa_per_s"
 
 def _course(record: Record, lag: int, model: Rate, still: Rate, k: int) -> pd.DataFrame:
     """Of one cylinder: dP/dt of the plant and of both models, from the longer of their lags on."""
-    voltage, pressure, rate = (a[:, k] for a in paired(record, lag))
-    now = paired(record, 0)[0][-len(rate) :, k]
+    voltage, pressure, rate = (a[:, k] for a in pair_rows(record, lag))
+    now = pair_rows(record, 0)[0][-len(rate) :, k]
     time = record.time[-1 - len(rate) : -1]
     return pd.DataFrame(
         {

@@ -35,7 +35,7 @@ def step_figures() -> list[Figure]:
 
 
 def _tendon_figure() -> Figure:
-    tuned = checks.tuned(True, air=True)
+    tuned = checks.tune(True, air=True)
     finger = MujocoFinger(robot_finger(True))
     index = [finger.tendons.index(name) for name in FIGURE_10]
     time = _times(tuned.steps)
@@ -117,7 +117,7 @@ def _quality_figure() -> Figure:
     kinds = _kinds()
     data = pd.concat([_quality(name, steps) for name, steps in kinds.items()], ignore_index=True)
     unstable = {name: sum(s.unstable for s in steps) for name, steps in kinds.items()}
-    hold = [float(checks.reached(six).hold.max()) for six in (False, True)]
+    hold = [float(checks.reach_targets(six).hold.max()) for six in (False, True)]
 
     def draw(sheet: Sheet) -> None:
         left, right = sheet.subplots(1, 2, sharey=True)

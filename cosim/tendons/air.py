@@ -144,7 +144,7 @@ def _table(tendon: Tendon) -> Pneumatic:
 
 def _command(tendon: Tendon) -> Callable[[float], float]:
     """V at a time in s."""
-    from rigid.air.plant import ATMOSPHERE, settled
+    from rigid.air.plant import ATMOSPHERE, resting_voltage
 
     table, factor = _table(tendon), factor_of(tendon.course)
     valve = parts(table).valve
@@ -157,7 +157,7 @@ def _command(tendon: Tendon) -> Callable[[float], float]:
             f"pressure: {wanted / 1e6:.4g} MPa is more than the supply's "
             f"{(most - ATMOSPHERE) / 1e6:.4g} MPa; both count from the atmosphere's"
         )
-    return lambda t: float(settled(valve, min(ATMOSPHERE + wanted * factor(t), most)))
+    return lambda t: float(resting_voltage(valve, min(ATMOSPHERE + wanted * factor(t), most)))
 
 
 def _stacked(each: list[Pneumatics]) -> Pneumatics:

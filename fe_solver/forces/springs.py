@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator, PPoly
 
 from cosim.errors import InputError
-from fe_solver.vectors import scattered
+from fe_solver.vectors import sum_at_nodes
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
@@ -215,7 +215,7 @@ class PointForces:
     def on_nodes(self, forces: Array, count: int) -> Array:
         """(n, 3) N at `count` nodes of forces (k, 3) at the points."""
         on = np.flatnonzero(forces.any(axis=1))
-        return scattered(self.nodes[on], self.weights[on, :, None] * forces[on, None], count)
+        return sum_at_nodes(self.nodes[on], self.weights[on, :, None] * forces[on, None], count)
 
     @cached_property
     def hessian(self) -> Array:

@@ -9,7 +9,8 @@ import numpy as np
 from cosim.port import Array
 
 MOST_GROWTH = 2.0
-"""Of the nodes' travel over that of the step before: beyond it that step says nothing of this."""
+"""Largest ratio of the nodes' travel to that of the step before: beyond it that step says nothing
+of this one."""
 
 
 @dataclass(frozen=True)
@@ -25,13 +26,13 @@ class Bend:
     steady_d: Array
 
     @classmethod
-    def told(cls, before: Bend | None, travel: Array, x: Array, d: Array) -> Bend:
+    def after_step(cls, before: Bend | None, travel: Array, x: Array, d: Array) -> Bend:
         """After a step, from what the step before told."""
         growth = 0.0 if before is None else before.growth(travel)
         if before is None or growth == 0.0:
             return cls(travel, x, d, np.zeros_like(x), np.zeros_like(d))
         told = growth**2 * before.x, growth**2 * before.d
-        return cls(travel, x, d, _shared(x, told[0]), _shared(d, told[1]))
+        return cls(travel, x, d, _common_part(x, told[0]), _common_part(d, told[1]))
 
     def growth(self, travel: Array) -> float:
         """How much of this step's travel another has; 0 where it is too far from it to tell."""
@@ -40,7 +41,7 @@ class Bend:
         return growth if abs(growth) <= MOST_GROWTH else 0.0
 
 
-def _shared(a: Array, b: Array) -> Array:
+def _common_part(a: Array, b: Array) -> Array:
     """(n, 3) by node the shorter of two vectors where they point to the same side, else none."""
     alike = np.einsum("ni,ni->n", a, b) > 0
     shorter = np.einsum("ni,ni->n", a, a) < np.einsum("ni,ni->n", b, b)

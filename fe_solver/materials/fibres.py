@@ -112,7 +112,8 @@ class TransIsoMooneyRivlin(ExponentialToe):
         return response(self, strain)
 
     def shear(self) -> tuple[Real, Real]:
-        """Of the matrix: to first order shear out of the plane does not stretch the fibre."""
+        """Shear moduli of the matrix: to first order shear out of the plane does not stretch the
+        fibre."""
         G = 2 * (self.c1 + self.c2)
         return G, G
 
@@ -300,7 +301,8 @@ class HolzapfelGasserOgden:
         return response(self, strain)
 
     def shear(self) -> tuple[Real, Real]:
-        """Of the matrix: to first order shear out of the plane does not stretch the fibres."""
+        """Shear moduli of the matrix: to first order shear out of the plane does not stretch the
+        fibres."""
         return self.c, self.c
 
     def fibres(self) -> tuple[tuple[Real, Real, Real], ...]:

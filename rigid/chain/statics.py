@@ -27,7 +27,7 @@ from rigid.chain.kinematics import (
     joint_loads,
     joint_reactions,
     joint_wrenches,
-    moved_to,
+    move_wrench,
     tip_jacobian,
 )
 from rigid.chain.support import Support, turn_gap
@@ -206,7 +206,7 @@ class ChainFinger(ABC):
         """(nb, 6) wrench on each body about its origin (world frame) by source: each muscle,
         gravity, passive, limit, fingertip, joint, what holds the joints, and the ground, which
         holds the fixed body.  Together with the hood's load they close to zero on every body."""
-        ledger = self._applied(state, load, tension)
+        ledger = self._applied_loads(state, load, tension)
         reaction = self._reactions(state, load, ledger)
         ledger["joint"] = joint_loads(self.chain(state.angles), reaction)
         whole = load.total() + np.sum(list(ledger.values()), axis=0)
@@ -230,13 +230,13 @@ class ChainFinger(ABC):
     def joint_reactions(self, state: FingerState, load: Load, tension: Array) -> Array:
         """(nb, 6) wrench that each body receives through its proximal joint, about the body's
         origin; its moment about the joint's own axes vanishes at equilibrium."""
-        return self._reactions(state, load, self._applied(state, load, tension))
+        return self._reactions(state, load, self._applied_loads(state, load, tension))
 
-    def _applied(self, state: FingerState, load: Load, tension: Array) -> dict[str, Array]:
+    def _applied_loads(self, state: FingerState, load: Load, tension: Array) -> dict[str, Array]:
         self._check(load, tension)
         chain = self.chain(state.angles)
         fingertip = np.zeros((len(self.bodies), 6))
-        fingertip[-1] = moved_to(state.reaction, chain.tip - chain.motion.position[-1])
+        fingertip[-1] = move_wrench(state.reaction, chain.tip - chain.motion.position[-1])
         out = {
             **self.own_wrenches(state.angles, tension),
             "passive": joint_wrenches(chain, self.law.passive(state.angles)[0]),

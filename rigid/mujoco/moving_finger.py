@@ -18,7 +18,7 @@ from rigid.chain.kinematics import (
     joint_loads,
     joint_reactions,
     joint_wrenches,
-    moved_to,
+    move_wrench,
 )
 from rigid.chain.statics import FingerState
 from rigid.mujoco.dynamics import Constant, FingerDynamics, Moment, Push
@@ -94,11 +94,11 @@ class MovingMujoco:
             raise InputError(f"load on bodies {load.at.bodies}: the finger's are {self.bodies}")
         dynamics, before = self._dynamics(state.start), state.moment
         if not (load.wrench.any() or load.by_motion.any()):
-            after = dynamics.pulled(before, tension, None, dt)
+            after = dynamics.pull(before, tension, None, dt)
             return Moving(state.start, after, (after.rates - before.rates) / dt)
         angles = before.angles + dt * (before.rates + dt * state.acceleration)
         for _ in range(MOST_ITERATIONS):
-            after = dynamics.pulled(before, tension, self._push(load, angles), dt)
+            after = dynamics.pull(before, tension, self._push(load, angles), dt)
             turn = float(np.abs(after.angles - angles).max())
             if turn <= SETTLED:
                 return Moving(state.start, after, (after.rates - before.rates) / dt)
@@ -157,7 +157,7 @@ class MovingMujoco:
         finger, (angles, rates) = self.finger, now
         chain, law = finger.chain(angles), finger.law
         fingertip = np.zeros_like(hood)
-        fingertip[-1] = moved_to(-tip, chain.tip - chain.motion.position[-1])
+        fingertip[-1] = move_wrench(-tip, chain.tip - chain.motion.position[-1])
         momentum = [finger.momentum(*state) for state in (before, now)]
         change = (momentum[0] - momentum[1]) / dt
         centre = finger.mass_centres(angles) - chain.motion.position
@@ -167,7 +167,7 @@ class MovingMujoco:
             "limit": joint_wrenches(chain, law.limit(angles)[0]),
             "damping": joint_wrenches(chain, law.viscous(angles, rates)[0]),
             "fingertip": fingertip,
-            "inertia": moved_to(change, centre),
+            "inertia": move_wrench(change, centre),
         }
         applied = hood + np.sum(list(books.values()), axis=0)
         joint = joint_loads(chain, joint_reactions(chain, applied))

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cosim.errors import ConvergenceError, InputError
-from rigid.muscle.millard import along, balance, equilibrium, pull, solved
+from rigid.muscle.millard import along, balance, equilibrium, pull, solve_balance
 from rigid.muscle.newton import Array, NotConverged, increasing_root
 from rigid.muscle.parameters import Muscles
 
@@ -56,7 +56,7 @@ def _quickness(muscles: Muscles, activation: Array, rising: NDArray[np.bool_]) -
     return 1.0 / np.where(rising, rise, fall)
 
 
-def activated(muscles: Muscles, activation: Array, excitation: Array, dt: float) -> Array:
+def advance_activation(muscles: Muscles, activation: Array, excitation: Array, dt: float) -> Array:
     """Activation after `dt` s of constant excitation: exponential approach with the time constant
     halfway; second order, and it never passes the excitation."""
     excitation = muscles.effective(excitation)
@@ -85,14 +85,14 @@ def fibre_velocity(muscles: Muscles, activation: Array, fibre_length: Array, pat
     normalised = length / muscles.optimal_fibre_length
     wanted = tendon * length / s - curves.passive.value(normalised)
     activation, wanted = np.broadcast_arrays(activation, wanted)
-    velocity = _balanced_velocity(
+    velocity = _velocity_in_balance(
         muscles, activation * curves.active.value(normalised), np.asarray(wanted)
     )
     velocity = np.where(length > muscles.shortest_fibre, velocity, np.maximum(velocity, 0.0))
     return np.asarray(velocity * muscles.max_velocity * muscles.optimal_fibre_length)
 
 
-def _balanced_velocity(muscles: Muscles, active: Array, wanted: Array) -> Array:
+def _velocity_in_balance(muscles: Muscles, active: Array, wanted: Array) -> Array:
     """Normalised v with active * f_V(v) + beta v = wanted."""
     curve = muscles.curves.velocity
 
@@ -148,11 +148,11 @@ def step(muscles: Muscles, state: MuscleState, excitation: Array, path: Array, d
     if not (low >= 0.0 and high <= 1.0 and math.isfinite(path.sum())):
         muscles.checked("excitation", excitation, 0.0, 1.0)
         muscles.checked("path length", path, 0.0, np.finfo(float).max)
-    activation = activated(muscles, state.activation, excitation, dt)
+    activation = advance_activation(muscles, state.activation, excitation, dt)
     _, before, velocity, acceleration = state
     ahead = before + dt * (velocity + dt * acceleration)
     start = along(muscles, np.maximum(ahead, muscles.shortest_fibre))
-    s, at = solved(muscles, activation, path, start, before, 1.0 / dt)
+    s, at = solve_balance(muscles, activation, path, start, before, 1.0 / dt)
     length = np.sqrt(s * s + muscles.scales.width2)
     now = (length - before) / dt
     force, stiffness, _ = pull(muscles, at, s)

@@ -21,7 +21,7 @@ from cosim.errors import ConvergenceError, InputError
 from cosim.hoods.lumped.build import potential
 from cosim.hoods.lumped.table import NetworkHood
 from rigid.hoods.reduced import Potential
-from rigid.hoods.reduction import Order, reduced
+from rigid.hoods.reduction import Order, reduce_hood
 from tests.helpers.soft_network import FITTED, MUSCLES, SOFT, found, held_out, samples, soft_models
 
 
@@ -235,7 +235,7 @@ def test_reducing_leaves_out_what_does_not_converge(monkeypatch, tmp_path):
 
     monkeypatch.setattr(reduction, "build", lambda case: models)
     monkeypatch.setattr(reduction, "sampled", in_this_process)
-    monkeypatch.setattr(reduction, "fitted", lambda *a: reduced(*a[:3], Order(angle=2), a[3]))
+    monkeypatch.setattr(reduction, "fitted", lambda *a: reduce_hood(*a[:3], Order(angle=2), a[3]))
     out = tmp_path / "made.toml"
     done = CliRunner().invoke(
         app, ["reduce", "fingertip_isotropic_edc", "--spread", "12", "-o", str(out)]

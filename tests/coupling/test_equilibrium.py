@@ -214,7 +214,7 @@ def stiff_limits() -> HingeFinger:
         dict(zip(hinge.JOINTS, REST, strict=True)),
     )
     posture = dict(zip(hinge.JOINTS, REST, strict=True))
-    return HingeFinger(LENGTHS, law=law.held_about(posture))
+    return HingeFinger(LENGTHS, law=law.hold_about(posture))
 
 
 @pytest.mark.parametrize("tension", [1.0, 10.0, 40.0, 80.0, 160.0, 600.0])

@@ -281,8 +281,8 @@ def walked(hood: ShellHood, solved: Response, motions: list[Motion]) -> HoodStat
 
 def missed(hood: ShellHood, state: HoodState, motion: Motion) -> tuple[float, float]:
     """m, how far the hood is from where its tangent foresees it, and from where it begins."""
-    _, foreseen = hood._foreseen(state, motion, TENSION)
-    begun = hood._bent(state, foreseen)
+    _, foreseen = hood._predict(state, motion, TENSION)
+    begun = hood._extrapolate(state, foreseen)
     end = hood.advance(state, motion, TENSION, STATIC).state.configuration.x
     return np.abs(end - foreseen.x).max(), np.abs(end - begun.x).max()
 
@@ -301,20 +301,21 @@ def test_what_happened_once_is_not_foretold():
     travel, still = np.ones((3, 3)), np.zeros((3, 3))
     before = Bend(travel, np.eye(3), still, still, still)
     x = np.array([[0.5, 0, 0], [0, -1.0, 0], [1.0, 0, 0]])
-    bend = Bend.told(before, travel, x, still)
+    bend = Bend.after_step(before, travel, x, still)
     assert np.array_equal(bend.x, x)
     assert np.array_equal(bend.steady_x, [[0.5, 0, 0], [0, 0, 0], [0, 0, 0]])
-    twice = Bend.told(before, 2 * travel, 8 * x, still)  # misses grow with the travel's square
+    # misses grow with the travel's square
+    twice = Bend.after_step(before, 2 * travel, 8 * x, still)
     assert np.array_equal(twice.steady_x[0], [4.0, 0, 0])
 
 
 def test_a_step_of_another_size_is_not_foretold(hood, solved, motion):
     first, second, far = turns(motion, [1e-5, 2e-5, 1e-3])
     state = walked(hood, solved, [first, second])
-    _, foreseen = hood._foreseen(state, far, TENSION)
-    assert hood._bent(state, foreseen) is foreseen
+    _, foreseen = hood._predict(state, far, TENSION)
+    assert hood._extrapolate(state, foreseen) is foreseen
     assert solved.state.bend is None
-    assert hood._bent(solved.state, foreseen) is foreseen
+    assert hood._extrapolate(solved.state, foreseen) is foreseen
 
 
 def test_arrays_hold_all_that_the_next_step_begins_from(hood, solved, motion):

@@ -32,13 +32,13 @@ def straight_skeleton() -> Skeleton:
 
 
 def hinge_finger(support: Support) -> HingeFinger:
-    law = joint_law(hinge.JOINTS, STIFFNESS, REST, limit_stiffness=SOFT).held_about(POSTURE, 0.02)
+    law = joint_law(hinge.JOINTS, STIFFNESS, REST, limit_stiffness=SOFT).hold_about(POSTURE, 0.02)
     return HingeFinger(LENGTHS, law=law, support=support)
 
 
 def mujoco_finger(support: Support, central: float | None = None) -> MujocoFinger:
     stiffness = {**STIFFNESS, "MCP_abduction": 0.05}
-    law = joint_law(JOINTS, stiffness, REST, limit_stiffness=SOFT).held_about(POSTURE, 0.02)
+    law = joint_law(JOINTS, stiffness, REST, limit_stiffness=SOFT).hold_about(POSTURE, 0.02)
     return MujocoFinger(
         finger_model(index_finger(), central=central),
         law=law,

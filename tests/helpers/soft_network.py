@@ -17,8 +17,8 @@ from cosim.hoods.lumped.table import NetworkHood
 from cosim.port import STATIC
 from cosim.verification.reduction import SOFT
 from rigid.hoods.reduced import Potential
-from rigid.hoods.reduced_sample import Sample, stacked
-from rigid.hoods.reduction import Order, reduced
+from rigid.hoods.reduced_sample import Sample, stack
+from rigid.hoods.reduction import Order, reduce_hood
 
 JOINTS, MUSCLES = ("MCP", "MCP_abduction", "PIP", "DIP"), ("EDC", "LUM", "FPI")
 STRAIGHT = Order(angle=4, toe=None)
@@ -54,13 +54,13 @@ def samples() -> tuple[Sample, ...]:
 
 
 def fitted_to() -> Sample:
-    return stacked(samples()[:FITTED])
+    return stack(samples()[:FITTED])
 
 
 def held_out() -> Sample:
-    return stacked(samples()[FITTED:])
+    return stack(samples()[FITTED:])
 
 
 @lru_cache(maxsize=1)
 def found() -> Potential:
-    return reduced(fitted_to(), JOINTS, MUSCLES, STRAIGHT)
+    return reduce_hood(fitted_to(), JOINTS, MUSCLES, STRAIGHT)

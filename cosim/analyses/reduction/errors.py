@@ -10,7 +10,7 @@ import numpy as np
 from cosim.analyses.reduction.reduce import Reduction, state_in_words
 from cosim.analyses.reduction.tip import tip_maps
 from cosim.analyses.reduction.walks import LOW
-from cosim.hoods.lumped.reduction import Sample, stacked
+from cosim.hoods.lumped.reduction import Sample, stack
 from cosim.port import Array
 
 MARKS = {"tip force": 0.05, "slip forces": 0.10}
@@ -66,8 +66,8 @@ def _pulled(samples: Sequence[Sample]) -> list[Sample]:
 
 def misses(found: Reduction, samples: Sequence[Sample]) -> dict[str, Array]:
     """(s,) relative, by quantity, of each state."""
-    data = stacked(samples)
-    made = found.potential.derived(data.angle, data.tension)
+    data = stack(samples)
+    made = found.potential.derivatives(data.angle, data.tension)
     slips = found.potential.slips(data.angle, made.torque)
     maps = tip_maps(found.case, data.angle)
     tip, aimed = (np.einsum("sij,sj->si", maps, torque) for torque in (made.torque, data.torque))

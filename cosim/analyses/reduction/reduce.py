@@ -30,7 +30,7 @@ from cosim.errors import InputError, Progress, quiet
 from cosim.fingers.common import Extensor
 from cosim.fingers.kinds import anatomy_of, live_finger
 from cosim.hoods.kinds import that_fit
-from cosim.hoods.lumped.reduction import Sample, fitted, stacked
+from cosim.hoods.lumped.reduction import Sample, fitted, stack
 from cosim.port import Array
 
 if TYPE_CHECKING:
@@ -171,7 +171,7 @@ def reduce_case(
             f"held out ({lost_states[0] if lost_states else 'none'}); choose another --grid"
         )
     tell(f"fitting to {len(fit)} states")
-    data = stacked(fit)
+    data = stack(fit)
     potential = fitted(data, joints, tendons, tip_maps(case, data.angle))
     rate = _rate(potential, fit, case)
     seconds = sum(w.seconds for w in found) / len(states)
@@ -198,7 +198,7 @@ def _rate(potential: Potential, samples: Sequence[Sample], case: Case) -> Rate:
     for motion, s in zip(motions, samples, strict=True):
         hood.jacobian(hood.advance(state, motion, s.tension, np.inf).state)
     one = (time.perf_counter() - started) / len(samples)
-    data, pick = stacked(samples), np.arange(BATCH) % len(samples)
+    data, pick = stack(samples), np.arange(BATCH) % len(samples)
     angle, tension = data.angle[pick], data.tension[pick]
     started = time.perf_counter()
     potential.slips(angle, potential.torques(angle, tension))

@@ -187,7 +187,7 @@ def _section(
     hood: ShellHood, mesh: HoodMesh, thickness: Array, fibres: Fibres, growth: Array
 ) -> Section:
     """The materials of the regions, each of its thickness, with the hood's own bending."""
-    from fe_solver.materials.section import Patch, joined_sections
+    from fe_solver.materials.section import Patch, join_sections
     from meshes.hood_mesh import REGIONS
 
     patches = []
@@ -197,7 +197,7 @@ def _section(
         law = _law(REGIONS[i], region, _law_angle(fibres.angle.get(i), growth[cells]))
         bending = 12 * hood.bending_stiffness / thickness[cells[0]] ** 3 * INCOMPRESSIBLE
         patches.append(Patch(cells, law, h, bending=bending))
-    return joined_sections(patches)
+    return join_sections(patches)
 
 
 def _law_angle(laid: Array | None, growth: Array) -> Real:

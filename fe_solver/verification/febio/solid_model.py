@@ -39,15 +39,20 @@ from fe_solver.solver.linear_algebra import (
     SuperLUAnalysis,
     analyse,
 )
-from fe_solver.verification.febio.facets import Facets, Pressed, cut, pressed, triangles_met
-from fe_solver.verification.febio.q4ans import SolidTables, crossed, solid_response, solid_tables
+from fe_solver.verification.febio.facets import Facets, Pressed, cut, find_triangles, pressures
+from fe_solver.verification.febio.q4ans import (
+    SolidTables,
+    cross_matrix,
+    solid_response,
+    solid_tables,
+)
 from fe_solver.verification.febio.solid_laws import law_obstacle, normal_modulus
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
 ON_FACE = 1e-9
-"""Of the thickness, by which a node may lie off the sheet's face."""
+"""Share of the thickness by which a node may lie off the sheet's face."""
 
 
 def _obstacles(job: Job) -> Iterator[tuple[bool, str]]:
@@ -153,7 +158,8 @@ class SolidModel:
     def searched(self, z: Array, loads: Loads) -> Loads:
         """The loads with contact kept to the triangles that it meets at z."""
         met = (
-            triangles_met(f, z, loads.position[f.body], loads.rotation[f.body]) for f in self.facets
+            find_triangles(f, z, loads.position[f.body], loads.rotation[f.body])
+            for f in self.facets
         )
         return loads._replace(met=tuple(met))
 
@@ -180,7 +186,7 @@ class SolidModel:
     def contacts(self, z: Array, loads: Loads) -> list[Pressed]:
         """What each pair does."""
         return [
-            pressed(f, z, loads.position[f.body], loads.rotation[f.body], multiplier, met)
+            pressures(f, z, loads.position[f.body], loads.rotation[f.body], multiplier, met)
             for f, multiplier, met in zip(self.facets, loads.multipliers, loads.met, strict=True)
         ]
 
@@ -242,7 +248,7 @@ class SolidModel:
         return max((float(p.depth.max(initial=0.0)) for p in contacts), default=0.0)
 
     def pattern(self, terms: Sequence[Term]) -> Pattern:
-        """Of the tangent's free part; the same for all terms of a model."""
+        """The pattern of the tangent's free part, which is the same for all terms of a model."""
         return _pattern([t.nodes for t in terms], self.free)
 
 
@@ -274,7 +280,7 @@ def _part(job: Job, elements: Ints, part: Part, directors: Array) -> SolidPart:
     low = job.points[quads]
     high = low + 2 * job.height[elements, :, None] * directors[quads]
     rest = np.concatenate([low, high], axis=1)
-    bad = elements[crossed(rest, job.height[0, 0])]
+    bad = elements[cross_matrix(rest, job.height[0, 0])]
     if len(bad):
         raise InputError(
             f"{job.name}: {job.element(bad[0])}: the sheet is thicker than its radius there, so "
@@ -341,7 +347,7 @@ class Pattern:
 
 
 def _pattern(groups: Sequence[Ints], free: NDArray[np.bool_]) -> Pattern:
-    """Of blocks that join the nodes of each row of the groups (k, m)."""
+    """The pattern of blocks that join the nodes of each row of the groups (k, m)."""
     number = np.where(free.ravel(), np.cumsum(free) - 1, -1)
     dofs = [
         number[3 * g[:, :, None] + np.arange(3)].reshape(len(g), 3 * g.shape[1]) for g in groups

@@ -21,8 +21,8 @@ from cosim.processes import one_blas_thread
 from fe_solver.job.febio_like import bending_notes
 from fe_solver.job.job import Job
 from fe_solver.job.model import JobOptions
-from fe_solver.job.solve import SAME_TIME, Effort, JobResult, JobState, effort_since, wanted_times
-from fe_solver.solver.linear_algebra import Factor, mechanism
+from fe_solver.job.solve import SAME_TIME, Effort, JobResult, JobState, effort_since, output_times
+from fe_solver.solver.linear_algebra import Factor, has_mechanism
 from fe_solver.vectors import cross
 from fe_solver.verification.febio.solid_model import (
     Loads,
@@ -39,8 +39,8 @@ TOLERANCE = 1e-7
 """Residual over the largest force at a spring, in contact or of all reactions."""
 MOST_ITERATIONS = 40
 FIRST_STEP = 0.1
-"""Of the thickness: no node moves further in the first iteration, nor more than twice as far in
-the next as in the last."""
+"""Share of the thickness: no node moves further in the first iteration, nor more than twice as far
+in the next as in the last."""
 SEARCHED = (1e-6, 1e-2)
 """Residuals over forces between which a step must lower the residual: there only contact that
 opens and closes keeps Newton from the end."""
@@ -48,7 +48,7 @@ PATIENCE = 12
 """Iterations after which every step must."""
 HALVINGS = 5
 SOFTER = (0.01, 0.1)
-"""Of contact's penalty, one after the other, where the first step from rest fails."""
+"""Shares of contact's penalty, taken one after the other where the first step from rest fails."""
 TURN = 0.25
 """rad that a body turns at most in one step in time."""
 QUICK = 20
@@ -82,7 +82,7 @@ def solve_solid(
     time and the place."""
     options = options or JobOptions(penetration=None)
     began = clock.process_time()
-    wanted = wanted_times(job, until, times)
+    wanted = output_times(job, until, times)
     stepper = _Stepper(solid_model(job), options)
     setup = clock.process_time() - began
     began = clock.process_time()
@@ -212,7 +212,7 @@ class _Stepper:
                 share = min(1.0, longest / float(np.abs(step).max()))
                 limits = (SEARCHED[0] * scale, SEARCHED[1] * scale)
                 searched = limits[0] < missed < limits[1] or iteration >= PATIENCE
-                z, terms = _moved(m, z, share * step, loads, missed if searched else np.inf)
+                z, terms = _move(m, z, share * step, loads, missed if searched else np.inf)
                 self.effort = replace(self.effort, iterations=self.effort.iterations + 1)
         raise ConvergenceError(self._words(z, force, missed, scale))
 
@@ -251,7 +251,7 @@ class _Stepper:
 
     def _require_held(self) -> None:
         """Raises InputError where the sheet can move without resistance."""
-        if mechanism(self.pattern.data(self.last.terms), self.pattern.slots):
+        if has_mechanism(self.pattern.data(self.last.terms), self.pattern.slots):
             raise InputError(
                 f"{self.model.job.name}: at t = {self.last.time:.6g} the sheet can move, and "
                 "nothing resists it: the answer would be one of many. Tie it to a body, hold more "
@@ -266,7 +266,7 @@ def _turns(before: Array, after: Array) -> Array:
     return Rotation.from_matrix(after @ np.swapaxes(before, 1, 2)).as_rotvec()
 
 
-def _moved(
+def _move(
     model: SolidModel, z: Array, step: Array, loads: Loads, limit: float
 ) -> tuple[Array, tuple[Term, ...]]:
     """After a step, or the first of ever shorter ones whose residual is below the limit (N), or the

@@ -39,7 +39,7 @@ def test_the_strap_is_in_balance(model, solved):
 def moved(model: ShellModel, c: Configuration, twist: Array) -> Configuration:
     """Bodies displaced by `twist` (nb, 6); free degrees of freedom stay."""
     turn = rotation_matrix(twist[:, 3:])
-    return model.posed(c, c.position + twist[:, :3], turn @ c.rotation)
+    return model.move_bodies(c, c.position + twist[:, :3], turn @ c.rotation)
 
 
 def mirrored() -> ShellModel:

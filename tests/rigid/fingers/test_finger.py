@@ -126,7 +126,7 @@ def test_held_finger_pushes_with_the_inverse_of_its_jacobian() -> None:
 
 def test_hinge_finger_equals_a_mujoco_finger_with_straight_axes() -> None:
     planar = hinge_finger(IN_PLANE)
-    law = joint_law(JOINTS, STIFFNESS, REST, limit_stiffness=SOFT).held_about(POSTURE, 0.02)
+    law = joint_law(JOINTS, STIFFNESS, REST, limit_stiffness=SOFT).hold_about(POSTURE, 0.02)
     spatial = MujocoFinger(finger_model(straight_skeleton()), law=law)
     a, load, _ = pushed(planar)
     q = np.insert(a.angles, 1, 0.0)

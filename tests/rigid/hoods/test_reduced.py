@@ -23,8 +23,15 @@ from rigid.hoods.hinge_angle import angles, flexion_angles
 from rigid.hoods.reduced import AT_ONCE, Potential
 from rigid.hoods.reduced_basis import legendre, loadings, monomials, to_powers
 from rigid.hoods.reduced_fit import LEAST_FORCE, TIP, least_squares, tip_rows
-from rigid.hoods.reduced_sample import stacked
-from rigid.hoods.reduction import ENOUGH, Order, angle_powers, borne, reduced, tension_terms
+from rigid.hoods.reduced_sample import stack
+from rigid.hoods.reduction import (
+    ENOUGH,
+    Order,
+    angle_powers,
+    reduce_hood,
+    richest_order,
+    tension_terms,
+)
 from rigid.hoods.universal_angle import all_angles, chain_of, joints_of
 from tests.helpers import conformance
 from tests.helpers.soft_network import (
@@ -42,7 +49,7 @@ def test_a_network_is_recovered_to_round_off():
     """Torques, excursions, all second derivatives and both slips in postures and under loads that
     were not fitted."""
     held, fit = held_out(), found()
-    made = fit.derived(held.angle, held.tension)
+    made = fit.derivatives(held.angle, held.tension)
     for name, value in made._asdict().items():
         told = getattr(held, name)
         assert np.abs(value - told).max() < 1e-9 * np.abs(told).max(), name
@@ -54,15 +61,15 @@ def test_a_network_is_recovered_to_round_off():
 def test_a_network_is_recovered_by_a_fit_with_springs_that_it_has_not():
     """Their toe is nearly told by the other terms: what holds it must not be seen."""
     held = held_out()
-    made = reduced(fitted_to(), JOINTS, MUSCLES, Order(angle=4))
-    for name, value in made.derived(held.angle, held.tension)._asdict().items():
+    made = reduce_hood(fitted_to(), JOINTS, MUSCLES, Order(angle=4))
+    for name, value in made.derivatives(held.angle, held.tension)._asdict().items():
         told = getattr(held, name)
         assert np.abs(value - told).max() < 1e-8 * np.abs(told).max(), name
 
 
 def test_torques_of_many_states_are_those_of_each():
     held, fit = held_out(), found()
-    each = fit.derived(held.angle, held.tension).torque
+    each = fit.derivatives(held.angle, held.tension).torque
     rounds = -(-2 * AT_ONCE // len(each))
     many = np.stack([held.angle] * rounds)
     assert many[..., 0].size > AT_ONCE
@@ -74,7 +81,9 @@ def test_torques_of_many_states_are_those_of_each():
 def test_a_fit_is_as_rich_as_its_numbers_bear():
     moves = np.array([True, False, True, True])
     terms = len(tension_terms(4, Order()))
-    degrees = [borne(numbers, moves, 4).angle for numbers in (0, 2_000, 30_000, 60_000, 10**6)]
+    degrees = [
+        richest_order(numbers, moves, 4).angle for numbers in (0, 2_000, 30_000, 60_000, 10**6)
+    ]
     assert degrees == sorted(degrees)
     assert degrees[0] == 1
     assert degrees[-1] == Order().angle
@@ -151,7 +160,7 @@ def test_a_fit_to_tip_forces_is_better_there():
         off = made.torques(fit.angle, fit.tension) - fit.torque
         return np.sqrt((np.einsum("sij,sj->si", rows, off) ** 2).sum(axis=1).mean())
 
-    plain, aimed = (miss(reduced(fit, JOINTS, MUSCLES, coarse, m)) for m in (None, maps))
+    plain, aimed = (miss(reduce_hood(fit, JOINTS, MUSCLES, coarse, m)) for m in (None, maps))
     assert aimed < 0.999 * plain
 
 
@@ -175,9 +184,9 @@ def test_one_state_is_as_in_a_batch():
     """Where the two ways to the derivatives could part: abduction, all springs, every order."""
     made, random = any_potential(), np.random.default_rng(3)
     angle, tension = random.uniform(made.low, made.high, (6, 4)), random.uniform(0, 3, (6, 2))
-    batch = made.derived(angle, tension)
+    batch = made.derivatives(angle, tension)
     for k in range(6):
-        for one, many in zip(made.derived_at(angle[k], tension[k]), batch, strict=True):
+        for one, many in zip(made.derivatives_at(angle[k], tension[k]), batch, strict=True):
             assert one == pytest.approx(many[k], rel=1e-12, abs=1e-16)
 
 
@@ -239,8 +248,8 @@ def test_every_joint_is_felt_with_its_own_torque():
         hood.start(models.finger.motion(at)), models.finger.motion(at), tension, 1.0
     )
     torque = models.finger.jacobian(at).T @ answer.load.total().ravel()
-    assert torque == pytest.approx(made.derived(angle, tension).torque, rel=1e-9)
-    assert answer.excursion == pytest.approx(made.derived(angle, tension).excursion, rel=1e-9)
+    assert torque == pytest.approx(made.derivatives(angle, tension).torque, rel=1e-9)
+    assert answer.excursion == pytest.approx(made.derivatives(angle, tension).excursion, rel=1e-9)
     assert hood.slip_forces(answer.state)["terminal"] == pytest.approx(max(0.0, -300 * torque[3]))
 
 
@@ -263,11 +272,11 @@ def test_outside_of_the_box_there_is_no_answer():
 
 def test_too_few_samples_are_refused():
     with pytest.raises(InputError, match="too few"):
-        fitted(stacked(samples()[:3]), JOINTS, MUSCLES)
+        fitted(stack(samples()[:3]), JOINTS, MUSCLES)
 
 
 def test_rows_in_parts_are_the_rows_at_once(monkeypatch):
     monkeypatch.setattr("rigid.hoods.reduced_fit.AT_ONCE", 37)
-    parted, held = reduced(fitted_to(), JOINTS, MUSCLES, STRAIGHT), held_out()
+    parted, held = reduce_hood(fitted_to(), JOINTS, MUSCLES, STRAIGHT), held_out()
     torque = parted.torques(held.angle, held.tension)
     assert torque == pytest.approx(held.torque, rel=1e-8, abs=1e-10)

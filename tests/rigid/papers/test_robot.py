@@ -15,8 +15,8 @@ from rigid.fingers.robot_tables import JOINTS, LENGTHS, LONG, MASSES, SHORT, TAB
 from rigid.model import Cylinder, Sphere, Strand, Tendon, Via
 from rigid.mujoco.finger import MujocoFinger
 from rigid.papers.xu2012 import checks, excursions, paths
-from rigid.papers.xu2012.calibration import Seen, Spread, calibrated
-from rigid.papers.xu2012.pose import Markers, cubic_minimum, estimated
+from rigid.papers.xu2012.calibration import Seen, Spread, calibrate
+from rigid.papers.xu2012.pose import Markers, cubic_minimum, estimate
 from rigid.papers.xu2012.tracking import MARKERS, poses
 
 POSE = np.radians([30.0, 10.0, 45.0, 20.0])
@@ -145,7 +145,7 @@ def test_markers_give_the_pose_back(five: MujocoFinger) -> None:
     for markers in (MARKERS, excursions.MEANT):
         for angle in poses(10):
             seen = markers.at(five, angle)[0]
-            found = estimated(five, markers, seen, excursions.START)
+            found = estimate(five, markers, seen, excursions.START)
             np.testing.assert_allclose(found.angle, angle, atol=1e-5)
             assert found.residual < 1e-6
 
@@ -160,7 +160,7 @@ def test_markers_that_move_have_their_jacobian(five: MujocoFinger) -> None:
 def test_markers_that_lie_elsewhere_are_the_least_off(five: MujocoFinger) -> None:
     rng = np.random.default_rng(1)
     seen = MARKERS.at(five, POSE)[0] + rng.normal(0.0, 0.003, (3, 3))
-    found = estimated(five, MARKERS, seen, POSE)
+    found = estimate(five, MARKERS, seen, POSE)
     off = (MARKERS.at(five, found.angle)[0] - seen).ravel()
     gradient = MARKERS.at(five, found.angle)[1].reshape(9, 4).T @ off
     assert np.abs(gradient).max() < 2e-3 * 0.05 * np.linalg.norm(off)
@@ -177,9 +177,9 @@ def test_places_of_markers_come_back_without_noise(five: MujocoFinger) -> None:
     )
     spread = Spread(1e-3, np.full(5, 1e-3), np.array([True, True, True, True, False]))
     start = np.array(
-        [estimated(five, excursions.MEANT, x, excursions.START).angle for x in seen.marker]
+        [estimate(five, excursions.MEANT, x, excursions.START).angle for x in seen.marker]
     )
-    found = calibrated(five, excursions.MEANT, seen, start, spread)
+    found = calibrate(five, excursions.MEANT, seen, start, spread)
     np.testing.assert_allclose(found.markers.place, moved.place, atol=1e-5)
     np.testing.assert_allclose(found.zero[:4], zero[:4], atol=1e-5)
     assert np.isnan(found.zero[4])
@@ -193,7 +193,7 @@ def test_one_pose_alone_does_not_tell_the_places(five: MujocoFinger) -> None:
         np.array([five.tendon_lengths(q) for q in angle]),
     )
     with pytest.raises(ConvergenceError, match="do not tell"):
-        calibrated(five, excursions.MEANT, seen, angle, Spread(1e-3, np.ones(5), np.zeros(5, bool)))
+        calibrate(five, excursions.MEANT, seen, angle, Spread(1e-3, np.ones(5), np.zeros(5, bool)))
 
 
 def test_stops_tell_the_places_where_excursions_hardly_do() -> None:
