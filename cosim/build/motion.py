@@ -14,7 +14,7 @@ from cosim.build.models import build, built_on, site_of
 from cosim.build.scheme import scheme_of
 from cosim.case.schema import Case, Forward
 from cosim.coupling.excursion import PrescribedExcursions
-from cosim.coupling.motion import Moves, WatchedFinger
+from cosim.coupling.motion import CoupledMotion, RecordedFinger
 from cosim.coupling.schemes import Alone
 from cosim.fingers.common import CageTip, ShellTip
 from cosim.fingers.kinds import unit
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 class Together:
     """A finger and a hood ready to move, what pulls on them, and what pictures need."""
 
-    moves: Moves
+    moves: CoupledMotion
     pulls: TendonPulls
     posture: Mapping[str, float]
     """rad, to begin in; none of a unit, which has its own."""
@@ -47,7 +47,7 @@ class Together:
     view: Callable[[State], HoodView] | None
 
     @property
-    def finger(self) -> WatchedFinger:
+    def finger(self) -> RecordedFinger:
         return self.moves.finger
 
     @property
@@ -75,7 +75,7 @@ def together(case: Case, forward: Forward) -> Together:
     pulls = TendonPulls(case, (*models.hood.tendons, *finger.tendons))
     driven = _driven(case, pulls.tendons)
     scheme = scheme_of(case.coupling) if case.hood.is_coupled else Alone()
-    moves = Moves(scheme, finger, models.hood, pulls, forward.step, driven)
+    moves = CoupledMotion(scheme, finger, models.hood, pulls, forward.step, driven)
     return Together(moves, pulls, models.posture, models.bones, models.lines, models.view)
 
 
@@ -88,7 +88,7 @@ def _with_unit(case: Case, forward: Forward) -> Together:
     check_tendons(case, tendons)
     pulls = TendonPulls(case, tendons)
     driven = _driven(case, tendons)
-    moves = Moves(scheme_of(case.coupling), finger, hood, pulls, forward.step, driven)
+    moves = CoupledMotion(scheme_of(case.coupling), finger, hood, pulls, forward.step, driven)
     return Together(moves, pulls, {}, {}, case.hood.lines, built.view)
 
 
@@ -173,11 +173,11 @@ class TendonPulls:
             return Pulling(fibres, None, np.zeros(0))
         return Pulling(fibres, begun(self._air), length[self._air.where])
 
-    def settled(self, state: State, length: Array) -> State:
+    def settle_at(self, state: State, length: Array) -> State:
         """The state of the start with pistons where they start at paths of `length` (nt,) m."""
         return state if self._air is None else state._replace(home=length[self._air.where])
 
-    def told(self, state: State, time: float) -> Array:
+    def cylinder_signals(self, state: State, time: float) -> Array:
         """(nc, 2) of each cylinder: V commanded, Pa above the atmosphere."""
         from rigid.air.plant import ATMOSPHERE
 

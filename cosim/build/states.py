@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from cosim.coupling.motion import WatchedFinger
+from cosim.coupling.motion import RecordedFinger
 from cosim.coupling.state_arrays import Special
 from cosim.errors import InputError
 from cosim.port import Hood
 
 
-def special_states(hood: Hood, finger: WatchedFinger | None = None) -> Special:
+def special_states(hood: Hood, finger: RecordedFinger | None = None) -> Special:
     """How the states that hold more than arrays are written: a shell hood's is its shape, from
     which its tangent is made anew; an FMU's is what it writes itself.
 

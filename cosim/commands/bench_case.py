@@ -8,7 +8,7 @@ from time import perf_counter
 from cosim.build.models import build
 from cosim.build.motion import together
 from cosim.case.schema import Case, Forward
-from cosim.coupling.motion import moments
+from cosim.coupling.motion import motion_states
 from cosim.errors import InputError, quiet
 from cosim.solve.session import Session
 from cosim.solve.solvers import solve
@@ -59,7 +59,7 @@ def bench_motion(case: Case, forward: Forward) -> dict[str, float]:
     begun = moves.begin(both.begun)
     steps, floors = [], []
     start = perf_counter()
-    for now in moments(moves, begun, round(forward.duration / forward.step), quiet):
+    for now in motion_states(moves, begun, round(forward.duration / forward.step), quiet):
         steps.append(perf_counter() - start)
         if len(steps) % EVERY == 1:
             floors.append(tangent(now.coupled.hood))  # once, with its caches as a step finds them

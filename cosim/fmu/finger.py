@@ -96,9 +96,9 @@ class FmuFinger:
 
     def between(self, state: FingerAt, aim: FingerAt, part: float) -> FingerAt:
         """Raises InputError for a unit that does not tell its poses at any angles."""
-        return self.turned(aim, state.angles + part * (aim.angles - state.angles))
+        return self.with_angles(aim, state.angles + part * (aim.angles - state.angles))
 
-    def turned(self, state: FingerAt, angles: Array) -> FingerAt:
+    def with_angles(self, state: FingerAt, angles: Array) -> FingerAt:
         """Raises InputError for a unit that does not tell its poses at any angles."""
         return replace(state, angles=angles, pose=self.kinematics.at(angles))
 

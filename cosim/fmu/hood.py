@@ -97,7 +97,7 @@ class FmuHood:
             return self._assembled(state, self._derived)
         return self._assembled(state, self._differenced)
 
-    def loosely(self, tolerance: float) -> FmuHood:
+    def with_tolerance(self, tolerance: float) -> FmuHood:
         """The same unit with its parameter `tolerance` set, where it has one."""
         if TOLERANCE.name not in self._place:
             return self
@@ -186,7 +186,7 @@ class FmuHood:
         start, down = state.after if isinf(state.dt) else state.before, state.tension - step * pull
         ends = []
         for sign, tension in ((1, state.tension + step * pull), (-1, np.maximum(down, 0.0))):
-            motion = state.motion.displaced(sign * step * twist)
+            motion = state.motion.displace(sign * step * twist)
             self._stepped(start, motion, tension, state.dt)
             ends.append(_stacked(self._answers()))
         span = 2 * step if not pull.any() else (step + min(step, float(state.tension @ pull)))

@@ -90,7 +90,7 @@ class FmuMovingFinger:
         """None is told."""
         return 0.0
 
-    def stored(self, state: MovingAt) -> dict[str, float]:
+    def stored_energy(self, state: MovingAt) -> dict[str, float]:
         """Only their sum is told."""
         return {}
 

@@ -13,7 +13,7 @@ import numpy as np
 from cosim.build.motion import Together, together
 from cosim.build.states import special_states
 from cosim.case.schema import Case, Forward
-from cosim.coupling.motion import WatchedFinger
+from cosim.coupling.motion import RecordedFinger
 from cosim.coupling.schemes import step
 from cosim.coupling.state import Coupled
 from cosim.coupling.state_arrays import Special
@@ -57,7 +57,7 @@ def _steps(dt: float, longest: float) -> list[float]:
     return [dt / count] * count
 
 
-def _answers(finger: WatchedFinger, state: State) -> dict[str, Array]:
+def _answers(finger: RecordedFinger, state: State) -> dict[str, Array]:
     """`moving_answers` in a state."""
     tip = finger.tip_wrench(state)
     return {

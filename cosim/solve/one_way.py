@@ -10,7 +10,7 @@ import numpy as np
 from cosim.build.models import Models, tensions
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium
-from cosim.coupling.one_way import HandedOver, Passed, torques
+from cosim.coupling.one_way import FrozenHood, OneWayPass, torques
 from cosim.errors import Progress, quiet
 from cosim.fingers.kinds import live_finger
 from cosim.port import (
@@ -86,7 +86,7 @@ def finger_pass(case: Case, given: HoodPass, progress: Progress) -> tuple[Models
     centre = _centres(given.models.finger, given.start) if _lumps(case) else None
     found = []
     for answer in given.answers:
-        handed = HandedOver(
+        handed = FrozenHood(
             models.hood.tendons,
             answer.response,
             given.at,
@@ -97,12 +97,12 @@ def finger_pass(case: Case, given: HoodPass, progress: Progress) -> tuple[Models
         found.append(_balanced(case, models.finger, handed, given.start, answer))
         progress(f"one way: finger balanced to {found[-1].finger_residual:.1e}")
     unloaded, loaded = found
-    passed = Passed(handed, *_left_open(models.hood, models.finger, loaded))
+    passed = OneWayPass(handed, *_left_open(models.hood, models.finger, loaded))
     return replace(models, hood=handed), States(unloaded, loaded, None, given.pull, passed)
 
 
 def _balanced(
-    case: Case, finger: OpenFinger, handed: HandedOver, start: State, answer: HoodAnswer
+    case: Case, finger: OpenFinger, handed: FrozenHood, start: State, answer: HoodAnswer
 ) -> Equilibrium:
     """The finger's equilibrium under what was handed over."""
     own = answer.own if case.coupling.one_way.muscles else np.zeros(len(answer.own))

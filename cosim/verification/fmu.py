@@ -129,10 +129,10 @@ def _coupled(
 ) -> Iterator[Row]:
     own = models.hood
     hood = FmuHood(paths["hood"], own.bodies, own.tendons, own.sources)
-    force = coupled_by_us(case, models, hood).told.tip_force
+    force = coupled_by_us(case, models, hood).known_balance.tip_force
     yield _force_row(name, "hood in an FMU", force, native)
     hood.tangent_by = "differences"
-    force = coupled_by_us(case, models, hood).told.tip_force
+    force = coupled_by_us(case, models, hood).known_balance.tip_force
     yield _force_row(name, "hood in an FMU, its tangent by differences", force, native)
     hood.tangent_by = "outputs"
     for scheme in ("newton", "implicit"):
@@ -166,7 +166,7 @@ def _scheme(name: str) -> str:
 
 
 def _force_row(name: str, what: str, force: Array, native: Equilibrium) -> Row:
-    gap = float(np.abs(force - native.told.tip_force).max())
+    gap = float(np.abs(force - native.known_balance.tip_force).max())
     return Row(name, f"{what}: fingertip force, N", 0, gap, TOLERANCE, NATIVE, "absolute")
 
 

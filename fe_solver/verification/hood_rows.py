@@ -138,7 +138,7 @@ def augmented(model: ShellModel, start: Configuration, tension: Array) -> Soluti
 
 def displaced(solution: Solution, solver: Solver, twist: Array) -> Solution:
     """Solved again with the bodies moved by `twist` (12,)."""
-    c, there = solution.configuration, motion(solution).displaced(twist)
+    c, there = solution.configuration, motion(solution).displace(twist)
     start = solution.model.posed(c, there.position, there.rotation)
     return solver(solution.model, start, solution.tension)
 

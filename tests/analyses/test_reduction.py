@@ -103,7 +103,7 @@ def test_the_tip_map_is_what_the_clamped_finger_bears():
     step = 1e-6
     tips = []
     for e in np.eye(len(finger.unknowns(state)))[:4]:
-        ends = [finger.tip(finger.displaced(state, sign * step * e)) for sign in (1, -1)]
+        ends = [finger.tip(finger.displace(state, sign * step * e)) for sign in (1, -1)]
         tips.append((ends[0] - ends[1]) / (2 * step))
     torque = np.array(tips) @ push  # joint torques that press the tip with this force
     assert made @ torque == pytest.approx(push, rel=1e-6)

@@ -243,7 +243,7 @@ def test_it_answers_a_load_that_follows_as_the_native_finger_does(written, model
     f, rng = models.finger, np.random.default_rng(1)
     unit = FmuMovingFinger(written["finger", fmi], f.bodies, f.joints, f.tendons)
     start, pulls = f.begin(models.posture), np.array([0.5, 0.2, 0.0, 0.3])
-    at = f.motion(f.angles(start)).displaced(1e-3 * rng.standard_normal((4, 6)))
+    at = f.motion(f.angles(start)).displace(1e-3 * rng.standard_normal((4, 6)))
     load = AffineLoad(at, 0.1 * rng.standard_normal((4, 6)), rng.standard_normal((24, 24)))
     for dt in (1e-3, 5e-4):
         now, there = unit.step(unit.begin({}), load, pulls, dt), f.step(start, load, pulls, dt)

@@ -199,7 +199,7 @@ def _forward(s: Setup, held: Held, demand: Demand, found: Estimate, progress: Pr
             "try --set finger.tip.kind='\"clamped\"'"
         ) from error
     turned = finger.angles(e.finger_state) - finger.angles(held.finger_state)
-    return Audit(np.array([e.told.tip_force[AXES.index(a)] for a in demand.names]), turned)
+    return Audit(np.array([e.known_balance.tip_force[AXES.index(a)] for a in demand.names]), turned)
 
 
 def for_torques(s: Setup, given: Mapping[str, float], progress: Progress) -> Answer:

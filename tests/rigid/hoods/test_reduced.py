@@ -190,14 +190,14 @@ def test_rates_of_all_angles_against_differences(seed):
     chain, step = chain_of(joints_of(model), BODIES), 1e-6
     bent = Motion(BODIES, *index_finger().pose({"MCP": 0.5, "PIP": 1.4, "DIP": 0.6}))
     twist = np.random.default_rng(seed).uniform(-0.3, 0.3, 24)
-    motion = bent.displaced(twist)
+    motion = bent.displace(twist)
     found = all_angles(chain, motion)
     flexion = angles(flexion_angles(model)[1:], motion)
     assert found.value[2:] == pytest.approx(flexion.value, abs=1e-13)
     assert found.rate[2:] == pytest.approx(flexion.rate, abs=1e-13)
     for k in range(24):
         ahead, behind = (
-            all_angles(chain, motion.displaced(sign * step * np.eye(24)[k])) for sign in (1, -1)
+            all_angles(chain, motion.displace(sign * step * np.eye(24)[k])) for sign in (1, -1)
         )
         rate = (ahead.value - behind.value) / 2 / step
         assert found.rate[:, k] == pytest.approx(rate, abs=1e-8)
