@@ -17,11 +17,11 @@ def special_states(hood: Hood, finger: RecordedFinger | None = None) -> Special:
     Raises InputError for a hood or a unit whose states cannot be."""
     from cosim.fmu.hood import FmuHood
     from cosim.fmu.moving_finger import FmuMovingFinger
-    from cosim.fmu.unit import written_states
+    from cosim.fmu.unit import state_serialisers
     from fe_solver.hood.shell_hood import HoodState, ShellHood
 
     units = [part.unit for part in (hood, finger) if isinstance(part, FmuHood | FmuMovingFinger)]
-    kept = written_states(units) if units else {}
+    kept = state_serialisers(units) if units else {}
     if not isinstance(hood, ShellHood):
         return kept
     if hood.augment is not None:

@@ -35,7 +35,7 @@ class TendonDrive(Protocol):
         ...
 
     def pull(self, state: State, time: float, length: Array, dt: float) -> Any:
-        """An object with `tension` (nt,) N and `state`, at `time` s, which is `dt` s after `state`."""
+        """An object with `tension` (nt,) N and `state` at `time` s, `dt` s after `state`."""
         ...
 
     def settle_at(self, state: State, length: Array) -> State:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.build.motion import Together, together
+from cosim.build.motion import MovingModels, moving_models
 from cosim.build.states import special_states
 from cosim.case.file import resolved_toml
 from cosim.case.schema import Case, Forward
@@ -52,7 +52,7 @@ class Rest:
 class Moved:
     """The models of a motion, what is kept of it, and whether it came to rest."""
 
-    models: Together
+    models: MovingModels
     kept: MotionHistory
     rest: Rest
 
@@ -65,8 +65,8 @@ def solve_motion(case: Case, session: Session, progress: Progress = quiet) -> Mo
     forward = case.forward
     assert forward is not None
     progress("building the models")
-    both = together(case, forward)
-    begun = both.moves.begin(both.begun)
+    both = moving_models(case, forward)
+    begun = both.moves.begin(both.initial_state)
     kept = MotionHistory(
         begun, (both.moves.frame(begun),), (both.finger.tip_wrench(begun.coupled.finger),)
     )
@@ -120,13 +120,13 @@ class _Keeper:
 
 
 def _keeper(
-    case: Case, forward: Forward, both: Together, checkpoints: Path | None, progress: Progress
+    case: Case, forward: Forward, both: MovingModels, checkpoints: Path | None, progress: Progress
 ) -> _Keeper | None:
     """None for a motion that keeps no checkpoints: that has no folder, asks for none, or asks for
     nothing and cannot write its state.
 
     Raises InputError where it asks for checkpoints and cannot write its state."""
-    folder = unfinished_folder(case, checkpoints)
+    folder = checkpoint_folder(case, checkpoints)
     if folder is None:
         return None
     try:
@@ -144,7 +144,7 @@ def _keeper(
     return _Keeper(folder, text, special, forward.checkpoint)
 
 
-def unfinished_folder(case: Case, checkpoints: Path | None) -> Path | None:
+def checkpoint_folder(case: Case, checkpoints: Path | None) -> Path | None:
     """Where a case keeps its checkpoints, beside `case.toml`; None for one that keeps none."""
     if checkpoints is None or case.forward is None or case.forward.checkpoint == 0:
         return None
@@ -153,7 +153,7 @@ def unfinished_folder(case: Case, checkpoints: Path | None) -> Path | None:
 
 def has_begun(case: Case, checkpoints: Path) -> bool:
     """Whether a part of this very case is kept there."""
-    folder = unfinished_folder(case, checkpoints)
+    folder = checkpoint_folder(case, checkpoints)
     return (
         folder is not None and (folder / NAME).is_file() and _case_in(folder) == resolved_toml(case)
     )

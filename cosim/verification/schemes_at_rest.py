@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cosim.build.motion import together
+from cosim.build.motion import moving_models
 from cosim.case.file import load_case
 from cosim.checks import Row, Study
 from cosim.coupling.motion import motion_states
@@ -64,7 +64,7 @@ def run_to_rest(muscle: str) -> Array:
     damped = [f"finger.passive.{joint}.damping={DAMPING}" for joint in JOINTS]
     case = load_case(f"isometric_{muscle}", [COARSE, *motion, *damped])
     assert case.forward is not None  # stated above
-    both = together(case, case.forward)
+    both = moving_models(case, case.forward)
     start = both.moves.begin(both.finger.begin(both.posture))
     *_, end = motion_states(both.moves, start, round(DURATION / STEP), quiet)
     return both.finger.tip_wrench(end.coupled.finger)[:3]
