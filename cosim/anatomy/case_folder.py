@@ -37,9 +37,9 @@ def new_case(name: str, given: Anatomy, out: Path) -> tuple[Path, tuple[str, ...
 
 def _defaults() -> Defaults:
     from cosim.case.file import load_case
-    from cosim.hoods.shell.table import ShellHood
+    from cosim.hoods.shell.table import ShellHoodConfig
 
-    hood = cast(ShellHood, load_case(BASE).hood)
+    hood = cast(ShellHoodConfig, load_case(BASE).hood)
     return Defaults(hood.thickness, hood.contact.offset.model_dump())
 
 

@@ -142,7 +142,7 @@ def _with_hood(
     skeleton: Skeleton,
     report: list[str],
 ) -> Built:
-    from cosim.hoods.bone_surfaces import baked_surfaces
+    from cosim.hoods.bone_surfaces import pose_surfaces
     from meshes.bones import load_bone
     from meshes.hull import Chain, Level
 
@@ -159,7 +159,7 @@ def _with_hood(
         surfaces = {b: load_bone(b).scaled(scale, 1.0).surface() for b in BODIES}
         report.append(f"bones: ours, {scale:g} times as long")
     level = Level(
-        baked_surfaces(surfaces), dict.fromkeys(BODIES, 0.0), chain.position, chain.rotation
+        pose_surfaces(surfaces), dict.fromkeys(BODIES, 0.0), chain.position, chain.rotation
     )
     mesh, assumed = hood_of(sheet, chain, level, given.posture)
     angles = ", ".join(f"{j} {np.rad2deg(given.posture.get(j, 0.0)):g}" for j in JOINTS)

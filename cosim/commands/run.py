@@ -110,9 +110,9 @@ def _check_targets(cases: Sequence[Case], out: Path) -> None:
 def _run_one(case: Case, out: Path, session: Session, voice: Voice) -> Mapping[str, Any]:
     """Run, write and show one case; its summary.  Raises CosimError."""
     from cosim.pipeline import run_case
-    from cosim.solve.motion import unfinished_folder
+    from cosim.solve.motion import checkpoint_folder
 
-    unfinished = unfinished_folder(case, out)
+    unfinished = checkpoint_folder(case, out)
     try:
         with _progress(case.name, voice) as say:
             result = run_case(case, session, say)
@@ -149,12 +149,12 @@ def _forget(unfinished: Path | None) -> None:
 def _check_unfinished(cases: Sequence[Case], out: Path, restart: bool) -> None:
     """Raises InputError for a motion of which a part is kept, which a new run would throw away;
     with `restart` it is thrown away."""
-    from cosim.solve.motion import has_begun, unfinished_folder
+    from cosim.solve.motion import checkpoint_folder, has_begun
 
     for case in cases:
         if not has_begun(case, out):
             continue
-        folder = unfinished_folder(case, out)
+        folder = checkpoint_folder(case, out)
         assert folder is not None  # of a motion that has begun
         if not restart:
             where = shown_path(folder)

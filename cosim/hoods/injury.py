@@ -30,14 +30,14 @@ class Adhesion:
     stiffness: float
 
 
-def injured_mesh(mesh: HoodMesh, lesion: Lesion | None) -> HoodMesh:
+def apply_lesion_to_mesh(mesh: HoodMesh, lesion: Lesion | None) -> HoodMesh:
     """The mesh with all cuts made.  Raises InputError."""
     from meshes.severed import cut_part
 
     return reduce(cut_part, lesion.cut if lesion else (), mesh)
 
 
-def injured_net(net: CableNet, lesion: Lesion | None) -> CableNet:
+def apply_lesion_to_net(net: CableNet, lesion: Lesion | None) -> CableNet:
     """The net with all cuts made.  Raises InputError."""
     from meshes.severed import cut_net
 

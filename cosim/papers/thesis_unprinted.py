@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from cosim.case.file import load_case
-from cosim.hoods.shell.table import ShellHood
+from cosim.hoods.shell.table import ShellHoodConfig
 from cosim.papers.thesis_models import DIRECTIONS, STATISTICS, hood_run
 from cosim.papers.thesis_rows import printed_numbers
 from cosim.report.figures import Figure, framed
@@ -24,7 +24,7 @@ AS_IS = "as it is"
 
 def variants() -> dict[str, tuple[str, ...]]:
     """Settings by what they change; none was chosen by what comes of it."""
-    hood = cast(ShellHood, load_case(CASE).hood)
+    hood = cast(ShellHoodConfig, load_case(CASE).hood)
     return {
         AS_IS: (),
         "twice as thick": (f'hood.thickness="{2e3 * hood.thickness:g} mm"',),

@@ -138,7 +138,7 @@ def _labels(run: Result, chosen: np.ndarray) -> tuple[str, ...]:
 
 def _with_finger(view: View, case: Case) -> View:
     """Bones, tendons and fingertip, from the joint angles.  Raises InputError."""
-    from cosim.build.models import drawn_bones
+    from cosim.build.models import bone_surfaces
     from cosim.fingers.kinds import live_finger
 
     if not case.finger.is_native:
@@ -155,7 +155,7 @@ def _with_finger(view: View, case: Case) -> View:
         paths.append({**drawn, **case.hood.lines(motion), **finger.tendon_paths(state)})
         tips.append(finger.tip(state))
     bones = []
-    for body, surface in drawn_bones(case).items():
+    for body, surface in bone_surfaces(case).items():
         vertices, faces = thinned(*surface, most=MOST_TRIANGLES)
         poses = [motion.of(body) for motion in motions]
         position, rotation = (np.stack(part) for part in zip(*poses, strict=True))

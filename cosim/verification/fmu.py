@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from cosim.build.models import Models, build, tensions
-from cosim.build.motion import Together, together
+from cosim.build.motion import MovingModels, moving_models
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.checks import Row, Study
@@ -82,7 +82,7 @@ def motion_rows() -> Iterator[Row]:
     Raises InputError and ConvergenceError."""
     case = load_case("pulley_edc", MOTION)
     assert case.forward is not None  # stated in MOTION
-    models = together(case, case.forward)
+    models = moving_models(case, case.forward)
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         for fmi in (2, 3):
             paths = {part: Path(folder) / f"{part}{fmi}.fmu" for part in PARTS}
@@ -129,10 +129,10 @@ def _coupled(
 ) -> Iterator[Row]:
     own = models.hood
     hood = FmuHood(paths["hood"], own.bodies, own.tendons, own.sources)
-    force = coupled_by_us(case, models, hood).told.tip_force
+    force = coupled_by_us(case, models, hood).known_balance.tip_force
     yield _force_row(name, "hood in an FMU", force, native)
     hood.tangent_by = "differences"
-    force = coupled_by_us(case, models, hood).told.tip_force
+    force = coupled_by_us(case, models, hood).known_balance.tip_force
     yield _force_row(name, "hood in an FMU, its tangent by differences", force, native)
     hood.tangent_by = "outputs"
     for scheme in ("newton", "implicit"):
@@ -145,7 +145,7 @@ def _coupled(
     yield _overhead(name, "finger", *_times_of_rest(case, models, paths["finger"], native))
 
 
-def in_units(models: Models | Together, paths: Mapping[str, Path], scheme: str) -> list[str]:
+def in_units(models: Models | MovingModels, paths: Mapping[str, Path], scheme: str) -> list[str]:
     """Settings that put units (by part, hood and finger or one of them) in a case's models' places,
     met by a scheme."""
     f, h = models.finger, models.hood
@@ -166,7 +166,7 @@ def _scheme(name: str) -> str:
 
 
 def _force_row(name: str, what: str, force: Array, native: Equilibrium) -> Row:
-    gap = float(np.abs(force - native.told.tip_force).max())
+    gap = float(np.abs(force - native.known_balance.tip_force).max())
     return Row(name, f"{what}: fingertip force, N", 0, gap, TOLERANCE, NATIVE, "absolute")
 
 
@@ -206,7 +206,7 @@ def _times_of_rest(case: Case, models: Models, path: Path, at: Equilibrium) -> t
     )
 
 
-def _times_of_motion(models: Together, paths: Mapping[str, Path]) -> tuple[float, float]:
+def _times_of_motion(models: MovingModels, paths: Mapping[str, Path]) -> tuple[float, float]:
     """s, of a finger's step under a held load: native, and in a unit."""
     own, f = models.finger, models.finger
     unit = FmuMovingFinger(paths["finger"], f.bodies, f.joints, f.tendons)

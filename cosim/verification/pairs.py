@@ -56,7 +56,7 @@ class Drum:
         along = self.arm @ turns
         return HoodJacobian(-turns.T @ self.stiffness @ turns, along.T, along, np.zeros((nt, nt)))
 
-    def loosely(self, tolerance: float) -> Drum:
+    def with_tolerance(self, tolerance: float) -> Drum:
         return self
 
     @property

@@ -145,7 +145,7 @@ def _check(hood: ShellHood) -> None:
 def _in_frame_of(motion: Motion, frame: int) -> Motion:
     """The poses as one of the bodies sees them."""
     back = motion.rotation[frame].T
-    return motion.moved(back, -back @ motion.position[frame])
+    return motion.transform(back, -back @ motion.position[frame])
 
 
 def _bones_lie_below(model: ShellModel, rest: Motion) -> bool:

@@ -183,7 +183,7 @@ class ShellHood:
             bend = Bend(**{f.name: arrays[f"bend/{f.name}"] for f in fields(Bend)})
         return HoodState(motion, c, solution, int(arrays["iterations"]), bend)
 
-    def loosely(self, tolerance: float) -> ShellHood:
+    def with_tolerance(self, tolerance: float) -> ShellHood:
         """The same shell, its Newton stopped at a relative residual of `tolerance`."""
         loose = max(tolerance, self.options.tolerance)
         return replace(self, options=replace(self.options, tolerance=loose))

@@ -138,7 +138,7 @@ def augment(model: ShellModel, start: Configuration, tension: Array) -> Solution
 
 def displace(solution: Solution, solver: Solver, twist: Array) -> Solution:
     """Solved again with the bodies moved by `twist` (12,)."""
-    c, there = solution.configuration, motion(solution).displaced(twist)
+    c, there = solution.configuration, motion(solution).displace(twist)
     start = solution.model.move_bodies(c, there.position, there.rotation)
     return solver(solution.model, start, solution.tension)
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cosim.coupling.finger_equilibrium import balanced
+from cosim.coupling.finger_equilibrium import balance_finger
 from cosim.errors import InputError
 from cosim.port import Array, Balance, Load, Motion
 from rigid.chain.joint_torques import JointLaw, by_joint
@@ -110,19 +110,19 @@ class ChainFinger(ABC):
 
     def between(self, state: FingerState, aim: FingerState, part: float) -> FingerState:
         """The state a `part` of the way from one to another."""
-        return self.displaced(state, part * (self.unknowns(aim) - self.unknowns(state)))
+        return self.displace(state, part * (self.unknowns(aim) - self.unknowns(state)))
 
-    def turned(self, state: FingerState, angles: Array) -> FingerState:
+    def with_angles(self, state: FingerState, angles: Array) -> FingerState:
         """The state with its joints at angles (nq,) rad, its reaction kept."""
         step = np.zeros(len(self.unknowns(state)))
         step[: len(angles)] = angles - state.angles
-        return self.displaced(state, step)
+        return self.displace(state, step)
 
     def settle(
         self, state: FingerState, load: Load, by_motion: Array, tension: Array, tolerance: float
     ) -> tuple[FingerState, float]:
-        """See `cosim.port.Finger`; `cosim.coupling.finger_equilibrium.balanced`."""
-        aim, balance = balanced(self, state, load, tension, by_motion, tolerance)
+        """See `cosim.port.Finger`; `cosim.coupling.finger_equilibrium.balance_finger`."""
+        aim, balance = balance_finger(self, state, load, tension, by_motion, tolerance)
         return aim, balance.relative
 
     def tip_force(self, state: FingerState) -> Array:
@@ -142,7 +142,7 @@ class ChainFinger(ABC):
     def jacobian(self, state: FingerState) -> Array:
         return body_jacobian(self.chain(state.angles))
 
-    def displaced(self, state: FingerState, step: Array) -> FingerState:
+    def displace(self, state: FingerState, step: Array) -> FingerState:
         """The state after a step (nq + m,) of its unknowns."""
         nq, n = len(self.joints), len(self.joints) + len(state.basis)
         if np.shape(step) != (n,):

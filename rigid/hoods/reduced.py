@@ -270,7 +270,7 @@ class ReducedHood:
         by_tension[:3] += guide[:, None]
         return HoodJacobian(by_motion, by_tension, here.arms.T @ at.rate, here.compliance)
 
-    def loosely(self, tolerance: float) -> ReducedHood:
+    def with_tolerance(self, tolerance: float) -> ReducedHood:
         """Itself: closed forms leave no residual."""
         return self
 

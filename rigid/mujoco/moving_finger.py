@@ -109,9 +109,9 @@ class MovingMujoco:
         )
 
     def energy(self, state: Moving) -> float:
-        return sum(self.stored(state).values())
+        return sum(self.stored_energy(state).values())
 
-    def stored(self, state: Moving) -> dict[str, float]:
+    def stored_energy(self, state: Moving) -> dict[str, float]:
         """J: kinetic, of height, in joints and limits, in the device."""
         dynamics, at = self._dynamics(state.start), state.moment
         kinetic, height = dynamics.energies(at)

@@ -170,7 +170,7 @@ def _reciprocity(network: Network, operating: float | None) -> float:
         return hood.advance(state, bent, tension + change, STATIC).load.total().ravel()
 
     def excursion(twist: Array) -> Array:
-        return hood.advance(state, bent.displaced(twist), tension, STATIC).excursion
+        return hood.advance(state, bent.displace(twist), tension, STATIC).excursion
 
     each = step * np.eye(len(tension))
     arms = np.array([(load(dt) - load(-dt)) / (2 * step) for dt in each])

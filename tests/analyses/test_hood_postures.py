@@ -32,8 +32,8 @@ from cosim.analyses.hood.studies import (
 from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.errors import ConvergenceError
-from cosim.fingers.middle import MiddleFinger
-from cosim.hoods.shell.variation import scaled_moduli
+from cosim.fingers.middle import MiddleFingerConfig
+from cosim.hoods.shell.variation import scale_moduli
 from cosim.report.figures import write_figures
 from meshes.bands import Line, SagittalBands, band_heights, sagittal_angles
 
@@ -125,7 +125,7 @@ def test_a_pose_without_equilibrium_keeps_its_row():
 
 def test_all_moduli_are_scaled_those_of_second_families_too():
     case = load_case("hood_rest")
-    hood = load_case("hood_rest", scaled_moduli(case.hood, 10.0)).hood
+    hood = load_case("hood_rest", scale_moduli(case.hood, 10.0)).hood
     for name, region in case.hood.regions.items():
         assert hood.regions[name].c5 == pytest.approx(10 * region.c5)
     slip, before = (h.regions["lateral_slip_radial"] for h in (hood, case.hood))
@@ -248,4 +248,4 @@ def test_what_cannot_be_shown_is_refused(words, said, tmp_path):
 
 
 def test_levels_of_load_are_compared_at_a_posture_of_each_finger():
-    assert MiddleFinger.flexed == (40.0, 55.0, 35.0)
+    assert MiddleFingerConfig.flexed == (40.0, 55.0, 35.0)

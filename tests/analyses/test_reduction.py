@@ -19,7 +19,7 @@ from cosim.case.file import find_case, load_case
 from cosim.cli import app
 from cosim.errors import ConvergenceError, InputError
 from cosim.hoods.lumped.build import potential
-from cosim.hoods.lumped.table import NetworkHood
+from cosim.hoods.lumped.table import NetworkHoodConfig
 from rigid.hoods.reduced import Potential
 from rigid.hoods.reduction import Order, reduce_hood
 from tests.helpers.soft_network import FITTED, MUSCLES, SOFT, found, held_out, samples, soft_models
@@ -48,7 +48,7 @@ def test_the_case_file_holds_the_potential(tmp_path):
     path = tmp_path / "made.toml"
     path.write_text(text)
     case = load_case(path)
-    assert isinstance(case.hood, NetworkHood)
+    assert isinstance(case.hood, NetworkHoodConfig)
     assert case.hood.reduced is not None
     assert case.tension("EDC") == 8.0
     again = potential(case.hood.reduced)
@@ -103,7 +103,7 @@ def test_the_tip_map_is_what_the_clamped_finger_bears():
     step = 1e-6
     tips = []
     for e in np.eye(len(finger.unknowns(state)))[:4]:
-        ends = [finger.tip(finger.displaced(state, sign * step * e)) for sign in (1, -1)]
+        ends = [finger.tip(finger.displace(state, sign * step * e)) for sign in (1, -1)]
         tips.append((ends[0] - ends[1]) / (2 * step))
     torque = np.array(tips) @ push  # joint torques that press the tip with this force
     assert made @ torque == pytest.approx(push, rel=1e-6)
@@ -235,7 +235,9 @@ def test_reducing_leaves_out_what_does_not_converge(monkeypatch, tmp_path):
 
     monkeypatch.setattr(reduction, "build", lambda case: models)
     monkeypatch.setattr(reduction, "sampled", in_this_process)
-    monkeypatch.setattr(reduction, "fitted", lambda *a: reduce_hood(*a[:3], Order(angle=2), a[3]))
+    monkeypatch.setattr(
+        reduction, "fit_potential", lambda *a: reduce_hood(*a[:3], Order(angle=2), a[3])
+    )
     out = tmp_path / "made.toml"
     done = CliRunner().invoke(
         app, ["reduce", "fingertip_isotropic_edc", "--spread", "12", "-o", str(out)]
@@ -243,7 +245,7 @@ def test_reducing_leaves_out_what_does_not_converge(monkeypatch, tmp_path):
     assert done.exit_code == 0, done.output
     assert "left out: 22/0/55/20 deg, EDC 3.47, LUM 0.05, FPI 0.05 N: stuck" in done.output
     case = load_case(out)
-    assert isinstance(case.hood, NetworkHood)
+    assert isinstance(case.hood, NetworkHoodConfig)
     assert case.finger.tip.kind == "clamped"
 
 

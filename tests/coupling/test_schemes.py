@@ -20,7 +20,13 @@ from cosim.coupling.schemes import (
     explicit_limit,
     step,
 )
-from cosim.coupling.state import Coupled, apart, followed, standing, unexplained
+from cosim.coupling.state import (
+    Coupled,
+    advance_state,
+    energy_defect,
+    hood_point,
+    interface_residual,
+)
 from cosim.errors import ConvergenceError
 from cosim.port import STATIC, Array
 from cosim.verification.coupling import (
@@ -182,7 +188,7 @@ def test_the_applied_loads_work_is_what_the_finger_has_and_lost(scheme):
     lost = dt * DAMPING * (v**2).sum() + 0.5 * INERTIA * (np.diff(v) ** 2).sum()
     energy = states[-1].energy
     assert energy.load == pytest.approx(finger.energy(states[-1].finger) + lost, rel=1e-9)
-    assert unexplained(finger, states[-1]) == pytest.approx(energy.artificial - lost, rel=1e-9)
+    assert energy_defect(finger, states[-1]) == pytest.approx(energy.artificial - lost, rel=1e-9)
     w = np.array([RADIUS * s.tension[0][0] - STIFFNESS * s.finger.angles[0] for s in states])
     q = np.diff(angles_of(states)[:, 0])
     sign = -1 if isinstance(scheme, Explicit) else 1
@@ -210,12 +216,12 @@ def test_work_of_the_fingers_own_tendons():
     pulls = lambda t: (np.array([2.0]), np.array([1.0 + 10 * t]))  # noqa: E731
     state = begin(Linear(), finger, hood, finger.begin({}), lambda t: (pulls(t)[0], np.ones(1)))
     moved = finger.begin({"MCP": 0.1})
-    started = unexplained(finger, state)
-    point = standing(state.answer, finger.motion(finger.angles(moved)))
-    after = followed(finger, state, moved, state.answer, point, state.applied, pulls(0.1), 0.1)
+    started = energy_defect(finger, state)
+    point = hood_point(state.answer, finger.motion(finger.angles(moved)))
+    after = advance_state(finger, state, moved, state.answer, point, state.applied, pulls(0.1), 0.1)
     assert after.energy.own == pytest.approx(0.5 * (1.0 + 2.0) * 0.004 * 0.1)
     gained = finger.energy(moved) - after.energy.hood - after.energy.own
-    assert unexplained(finger, after) - started == pytest.approx(gained)
+    assert energy_defect(finger, after) - started == pytest.approx(gained)
     twist = state.answer.motion.twist_to(finger.motion(np.array([0.1])))
     assert after.energy.load == pytest.approx(float((state.applied * twist).sum()))
     assert after.energy.effort == pytest.approx(after.energy.own + 2.0 * RADIUS * 0.1)
@@ -239,7 +245,9 @@ def test_the_interface_residual_bounds_the_disagreement():
         for now in drum(scheme, 5e-4, 30, 3)[5:]:
             motion = finger.motion(now.finger.angles)
             answer = hood.advance(None, motion, now.tension[0], 1.0)
-            true = apart(now.applied, replace(now.answer, response=answer), schemes.LENGTH)
+            true = interface_residual(
+                now.applied, replace(now.answer, response=answer), schemes.LENGTH
+            )
             assert now.residual < 1e-2
             assert true < 30 * now.residual + 1e-12
 
@@ -252,13 +260,13 @@ def test_moments_count_over_a_length():
     answer = replace(state.answer, response=state.answer.response._replace(load=force))
     gap = np.zeros((2, 6))
     gap[1, 4] = 0.1
-    assert apart(gap, answer, 0.05) == pytest.approx(0.1 / 0.05 / 4.0)
+    assert interface_residual(gap, answer, 0.05) == pytest.approx(0.1 / 0.05 / 4.0)
     gap[0, 2] = 3.0
-    assert apart(gap, answer, 0.05) == pytest.approx(3.0 / 4.0)
+    assert interface_residual(gap, answer, 0.05) == pytest.approx(3.0 / 4.0)
     nothing = replace(force, pull=np.zeros((1, 6)))
     answer = replace(answer, response=answer.response._replace(load=nothing))
-    assert apart(gap, answer, 0.05) == pytest.approx(3.0)
-    assert apart(0 * gap, answer, 0.05) == 0.0
+    assert interface_residual(gap, answer, 0.05) == pytest.approx(3.0)
+    assert interface_residual(0 * gap, answer, 0.05) == 0.0
 
 
 def test_explicit_fails_above_its_limit_and_names_it():
@@ -319,13 +327,13 @@ def test_an_iteration_asks_the_hood_only_near_where_it_has_been():
 
 def test_a_tendon_going_slack_clears_the_history(monkeypatch):
     calls: list[float] = []
-    clear = schemes.cleared
+    clear = schemes.reset_history
 
     def counted(accelerator, history):
         calls.append(state.time)
         return clear(accelerator, history)
 
-    monkeypatch.setattr(schemes, "cleared", counted)
+    monkeypatch.setattr(schemes, "reset_history", counted)
     finger, hood = stiff_pair(3)
     on_off = lambda t: (np.array([FULL * (t > 0.0025) * (t < 0.0065)]), np.zeros(0))  # noqa: E731
     scheme = Implicit(QuasiNewton())

@@ -135,7 +135,7 @@ def test_strain_is_the_fields(hood, solved):
 
 def test_a_moved_hand_needs_no_iteration(hood, solved, motion):
     """The prediction is exact for a shift of the whole hand: guides, ties and free nodes alike."""
-    shifted = motion.moved(np.eye(3), np.array([1e-3, -2e-3, 3e-3]))
+    shifted = motion.transform(np.eye(3), np.array([1e-3, -2e-3, 3e-3]))
     response = hood.advance(solved.state, shifted, TENSION, STATIC)
     assert response.state.iterations == solved.state.iterations
     assert response.excursion == pytest.approx(solved.excursion, abs=1e-12)
@@ -145,19 +145,19 @@ def test_a_small_turn_is_foreseen(hood, solved, motion):
     """From a known state a small turn takes fewer iterations than from afresh."""
     twist = np.zeros((4, 6))
     twist[1:, 4] = 2e-3
-    near = hood.advance(solved.state, motion.displaced(twist), TENSION, STATIC)
-    afresh = hood.advance(hood.start(motion), motion.displaced(twist), TENSION, STATIC)
+    near = hood.advance(solved.state, motion.displace(twist), TENSION, STATIC)
+    afresh = hood.advance(hood.start(motion), motion.displace(twist), TENSION, STATIC)
     assert near.state.iterations - solved.state.iterations <= 5 < afresh.state.iterations
     wrench = afresh.load.wrench
     assert near.load.wrench == pytest.approx(wrench, abs=1e-6 * np.abs(wrench).max())
 
 
 def test_a_loose_hood_stops_earlier_near_the_same_state(hood, solved, motion):
-    loose = hood.loosely(1e-2)
+    loose = hood.with_tolerance(1e-2)
     response = loose.advance(loose.start(motion), motion, TENSION, STATIC)
     assert response.state.iterations < solved.state.iterations
     assert response.load.total() == pytest.approx(solved.load.total(), abs=0.1)
-    assert hood.loosely(1e-14).options == hood.options
+    assert hood.with_tolerance(1e-14).options == hood.options
 
 
 def test_a_longer_terminal_slip_leaves_the_central_slip_more(hood, solved, motion):
@@ -193,7 +193,7 @@ def test_a_bent_hood_is_the_one_that_bends_there_slowly(elements):
 
 def test_a_turn_of_the_whole_hand_is_no_leap(hood, solved, motion):
     """Joints stay as they are: one solve, however far the hand turns."""
-    turned = motion.moved(Rotation.from_rotvec([0.4, -1.9, 0.8]).as_matrix(), np.zeros(3))
+    turned = motion.transform(Rotation.from_rotvec([0.4, -1.9, 0.8]).as_matrix(), np.zeros(3))
     again = hood.advance(solved.state, turned, TENSION, STATIC)
     assert again.state.iterations == solved.state.iterations
 
@@ -269,7 +269,7 @@ def turns(motion: Motion, sizes: list[float]) -> list[Motion]:
     """The finger's bodies turned about the flexion axis, rad."""
     twist = np.zeros((4, 6))
     twist[1:, 4] = 1.0
-    return [motion.displaced(size * twist) for size in sizes]
+    return [motion.displace(size * twist) for size in sizes]
 
 
 def walked(hood: ShellHood, solved: Response, motions: list[Motion]) -> HoodState:

@@ -13,7 +13,7 @@ from cosim.build.models import Models, build
 from cosim.case.file import load_case
 from cosim.fingers.kinds import finger_model
 from cosim.hoods.lumped.build import slip_forces
-from cosim.hoods.lumped.table import NetworkHood
+from cosim.hoods.lumped.table import NetworkHoodConfig
 from cosim.port import STATIC
 from cosim.verification.reduction import SOFT
 from rigid.hoods.reduced import Potential
@@ -39,7 +39,7 @@ def walk(count: int, seed: int) -> Walk:
 def samples() -> tuple[Sample, ...]:
     """Of the soft network, with the slips that its springs make."""
     case, models = load_case("network_edc", SOFT), soft_models()
-    assert isinstance(case.hood, NetworkHood)
+    assert isinstance(case.hood, NetworkHoodConfig)
     model = finger_model(case.native_finger(), case.hood.left_to_finger)
     out = []
     for s in on_models(models, walk(28, 0)):

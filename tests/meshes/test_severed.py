@@ -11,7 +11,7 @@ from cosim.build.models import build, hood_mesh
 from cosim.case.file import load_case
 from cosim.errors import InputError
 from cosim.hoods.cable.table import PARTS as OF_CABLES
-from cosim.hoods.injury import STRUT, adhesions, injured_mesh, injured_net
+from cosim.hoods.injury import STRUT, adhesions, apply_lesion_to_mesh, apply_lesion_to_net
 from cosim.hoods.shell.table import PARTS as OF_SHELL
 from cosim.port import Motion
 from fe_solver.forces.springs import spring_forces
@@ -33,10 +33,10 @@ def intact() -> HoodMesh:
 @cache
 def net() -> CableNet:
     from cosim.fingers.kinds import anatomy_of
-    from cosim.hoods.cable.build import laid_net
+    from cosim.hoods.cable.build import build_net
 
     case = load_case("cable_edc", [SPACED])
-    return laid_net(case.hood, anatomy_of(case.finger, case.hood.left_to_finger))
+    return build_net(case.hood, anatomy_of(case.finger, case.hood.left_to_finger))
 
 
 # Cuts of a mesh
@@ -178,8 +178,8 @@ def test_a_net_off_the_distal_phalanx_has_no_terminal_slip():
 
 
 def test_the_uncut_is_as_it_was():
-    assert injured_mesh(intact(), None) is intact()
-    assert injured_net(net(), None) is net()
+    assert apply_lesion_to_mesh(intact(), None) is intact()
+    assert apply_lesion_to_net(net(), None) is net()
 
 
 # Adhesions and lengths

@@ -20,7 +20,7 @@ from cosim.errors import ConvergenceError, InputError, Progress
 from cosim.fingers.kinds import with_mass
 from cosim.port import Array, PairState, Tensions
 from cosim.schema import units
-from cosim.solve.agree import agree
+from cosim.solve.equilibrium import solve_equilibrium
 from rigid.muscle.least_cost import Power
 
 STAGES = (0.25, 0.5, 0.75, 1.0)
@@ -185,7 +185,7 @@ def _forward(s: Setup, held: Held, demand: Demand, found: Estimate, progress: Pr
     finger, hood = s.models.finger, s.models.hood
     split = len(hood.tendons)
     try:
-        e = agree(
+        e = solve_equilibrium(
             s.case,
             s.models,
             PairState(held.finger_state, held.begin()),
@@ -199,7 +199,7 @@ def _forward(s: Setup, held: Held, demand: Demand, found: Estimate, progress: Pr
             "try --set finger.tip.kind='\"clamped\"'"
         ) from error
     turned = finger.angles(e.finger_state) - finger.angles(held.finger_state)
-    return Audit(np.array([e.told.tip_force[AXES.index(a)] for a in demand.names]), turned)
+    return Audit(np.array([e.known_balance.tip_force[AXES.index(a)] for a in demand.names]), turned)
 
 
 def for_torques(s: Setup, given: Mapping[str, float], progress: Progress) -> Answer:

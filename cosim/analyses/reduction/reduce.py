@@ -30,7 +30,7 @@ from cosim.errors import InputError, Progress, quiet
 from cosim.fingers.common import Extensor
 from cosim.fingers.kinds import anatomy_of, live_finger
 from cosim.hoods.kinds import that_fit
-from cosim.hoods.lumped.reduction import Sample, fitted, stack
+from cosim.hoods.lumped.reduction import Sample, fit_potential, stack
 from cosim.port import Array
 
 if TYPE_CHECKING:
@@ -172,7 +172,7 @@ def reduce_case(
         )
     tell(f"fitting to {len(fit)} states")
     data = stack(fit)
-    potential = fitted(data, joints, tendons, tip_maps(case, data.angle))
+    potential = fit_potential(data, joints, tendons, tip_maps(case, data.angle))
     rate = _rate(potential, fit, case)
     seconds = sum(w.seconds for w in found) / len(states)
     return Reduction(case, within, loads, potential, fit, held, lost_states, seconds, rate)
@@ -187,11 +187,11 @@ def state_in_words(angle: Array, tension: Array, tendons: Sequence[str]) -> str:
 
 def _rate(potential: Potential, samples: Sequence[Sample], case: Case) -> Rate:
     """Measured: states one by one behind the port, and a batch."""
-    from cosim.hoods.lumped.build import reduced_hood
+    from cosim.hoods.lumped.build import build_reduced_hood
 
     finger = live_finger(case.native_finger(), case.hood.left_to_finger)
     model = anatomy_of(case.finger, Extensor()).model
-    hood = reduced_hood(potential, model, finger.bodies)
+    hood = build_reduced_hood(potential, model, finger.bodies)
     named = [dict(zip(finger.joints, map(float, s.angle), strict=True)) for s in samples]
     motions = [finger.motion(finger.start(posture)) for posture in named]
     state, started = hood.start(motions[0]), time.perf_counter()

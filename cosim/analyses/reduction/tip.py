@@ -31,7 +31,7 @@ def tip_map(finger: OpenFinger, angle: Array) -> Array:
     slope = finger.tangent(state, idle, none, np.zeros((width, width)))[:n, n:]
     steps = np.eye(n + slope.shape[1])[n:]
     force = np.array(
-        [finger.balance(finger.displaced(state, step), idle, none).tip_force for step in steps]
+        [finger.balance(finger.displace(state, step), idle, none).tip_force for step in steps]
     ).T
     out: Array = -force @ np.linalg.pinv(slope)
     return out

@@ -22,7 +22,7 @@ import numpy as np
 from cosim.build.models import Models, build, tensions
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import Equilibrium
-from cosim.fingers.kinds import held_by
+from cosim.fingers.kinds import tip_support_kind
 from cosim.port import Array
 from cosim.results.static import observe_static
 from cosim.solve.states import States
@@ -37,7 +37,7 @@ def tangent_serves(case: Case) -> bool:
     """Whether the bones are held and nothing but a shell in smooth contact answers the tendons."""
     plain = all(t.muscle is None and t.excursion is None for t in case.tendons.values())
     coupled = case.coupling.scheme != "one_way" and case.forward is None
-    held = held_by(case.finger) == "posture"
+    held = tip_support_kind(case.finger) == "posture"
     return case.hood.has_smooth_tangent and coupled and held and plain
 
 

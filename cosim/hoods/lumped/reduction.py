@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from rigid.hoods.reduced import Potential as Potential
 
 
-def fitted(
+def fit_potential(
     samples: Sample,
     joints: tuple[str, ...],
     tendons: tuple[str, ...],

@@ -13,10 +13,10 @@ from cosim.build.models import build
 from cosim.case.file import load_case
 from cosim.errors import ConvergenceError, InputError
 from cosim.fingers.common import Extensor
-from cosim.fingers.index import IndexFinger
+from cosim.fingers.index import IndexFingerConfig
 from cosim.fingers.kinds import finger_model
-from cosim.hoods.lumped.build import reduced_hood
-from cosim.hoods.lumped.reduction import fitted
+from cosim.hoods.lumped.build import build_reduced_hood
+from cosim.hoods.lumped.reduction import fit_potential
 from cosim.port import STATIC, Motion
 from meshes.skeleton import BODIES, index_finger
 from rigid.hoods.hinge_angle import angles, flexion_angles
@@ -194,19 +194,19 @@ def test_one_state_is_as_in_a_batch():
 def test_rates_of_all_angles_against_differences(seed):
     """Bodies turned and moved as no hinges allow, abduction's two hinges among them."""
     finger = load_case("network_edc").finger
-    assert isinstance(finger, IndexFinger)
+    assert isinstance(finger, IndexFingerConfig)
     model = finger_model(finger, Extensor())
     chain, step = chain_of(joints_of(model), BODIES), 1e-6
     bent = Motion(BODIES, *index_finger().pose({"MCP": 0.5, "PIP": 1.4, "DIP": 0.6}))
     twist = np.random.default_rng(seed).uniform(-0.3, 0.3, 24)
-    motion = bent.displaced(twist)
+    motion = bent.displace(twist)
     found = all_angles(chain, motion)
     flexion = angles(flexion_angles(model)[1:], motion)
     assert found.value[2:] == pytest.approx(flexion.value, abs=1e-13)
     assert found.rate[2:] == pytest.approx(flexion.rate, abs=1e-13)
     for k in range(24):
         ahead, behind = (
-            all_angles(chain, motion.displaced(sign * step * np.eye(24)[k])) for sign in (1, -1)
+            all_angles(chain, motion.displace(sign * step * np.eye(24)[k])) for sign in (1, -1)
         )
         rate = (ahead.value - behind.value) / 2 / step
         assert found.rate[:, k] == pytest.approx(rate, abs=1e-8)
@@ -223,8 +223,8 @@ POSTURES = (
 
 def test_the_hood_keeps_the_ports_promises():
     finger = load_case("network_edc").finger
-    assert isinstance(finger, IndexFinger)
-    hood = reduced_hood(any_potential(), finger_model(finger, Extensor()), BODIES)
+    assert isinstance(finger, IndexFingerConfig)
+    hood = build_reduced_hood(any_potential(), finger_model(finger, Extensor()), BODIES)
     motions = [Motion(BODIES, *index_finger().pose(posture)) for posture in POSTURES]
     tension = np.array([2.0, 1.5])
     conformance.check_shapes(hood, motions, tension)
@@ -239,9 +239,9 @@ def test_the_hood_keeps_the_ports_promises():
 def test_every_joint_is_felt_with_its_own_torque():
     """Behind the port the joint torques, abduction's too, are the potential's derivatives."""
     case = load_case("network_edc")
-    assert isinstance(case.finger, IndexFinger)
+    assert isinstance(case.finger, IndexFingerConfig)
     made, models = any_potential(), build(case)
-    hood = reduced_hood(made, finger_model(case.finger, Extensor()), BODIES)
+    hood = build_reduced_hood(made, finger_model(case.finger, Extensor()), BODIES)
     angle, tension = np.array([0.4, 0.12, 0.7, 0.3]), np.array([2.0, 1.5])
     at = models.finger.start(dict(zip(models.finger.joints, angle, strict=True)))
     answer = hood.advance(
@@ -259,8 +259,8 @@ def test_outside_of_the_box_there_is_no_answer():
     assert "PIP at 90 deg" in made.outside(np.array([0, 0, np.pi / 2, 0]), made.most)
     assert "LUM at 5 N" in made.outside(made.high, np.array([1.0, 5.0]))
     finger = load_case("network_edc").finger
-    assert isinstance(finger, IndexFinger)
-    hood = reduced_hood(made, finger_model(finger, Extensor()), BODIES)
+    assert isinstance(finger, IndexFingerConfig)
+    hood = build_reduced_hood(made, finger_model(finger, Extensor()), BODIES)
     bent = Motion(BODIES, *index_finger().pose({"PIP": 1.5}))
     with pytest.raises(ConvergenceError, match=r"PIP at 85\.94 deg"):
         hood.advance(hood.start(bent), bent, np.ones(2), STATIC)
@@ -272,7 +272,7 @@ def test_outside_of_the_box_there_is_no_answer():
 
 def test_too_few_samples_are_refused():
     with pytest.raises(InputError, match="too few"):
-        fitted(stack(samples()[:3]), JOINTS, MUSCLES)
+        fit_potential(stack(samples()[:3]), JOINTS, MUSCLES)
 
 
 def test_rows_in_parts_are_the_rows_at_once(monkeypatch):

@@ -151,7 +151,7 @@ def test_the_jacobian_of_the_tip_is_the_hinge_fingers():
     step = 1e-6
     for j in range(3):
         moves = [
-            finger.tip(finger.displaced(state, s * step * np.eye(len(finger.unknowns(state)))[j]))
+            finger.tip(finger.displace(state, s * step * np.eye(len(finger.unknowns(state)))[j]))
             for s in (1, -1)
         ]
         slope = (moves[0] - moves[1])[[0, 2]] / (2 * step)
