@@ -78,7 +78,7 @@ class Defaults:
     offset: Mapping[str, float]
 
 
-def built(given: Anatomy, defaults: Defaults) -> Built:
+def read_anatomy(given: Anatomy, defaults: Defaults) -> Built:
     """Read and check everything.  Raises InputError."""
     if given.hood is None and given.finger is None:
         raise InputError("give a hood's mesh (--hood), a finger (--finger), or both")

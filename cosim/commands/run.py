@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from cosim.commands.terminal import console, tell, told, warn, warn_of_audits
+from cosim.commands.terminal import console, exit_on_error, tell, warn, warn_of_audits
 from cosim.errors import ConvergenceError, CosimError, InputError, Progress, StoppedError, quiet
 from cosim.files import shown_path
 from cosim.results.audit import describe_misses
@@ -60,7 +60,7 @@ def run(
 ) -> None:
     """Run cases; each leaves its results in a folder of its name."""
     checked = load_cases(cases, settings)
-    with told():
+    with exit_on_error():
         _check_targets(checked, out)
         _check_unfinished(checked, out, restart)
     _run_all(checked, out, _voice(quiet, as_json))
@@ -175,7 +175,7 @@ def resume(
     from cosim.solve.motion import UNFINISHED
 
     name = run.name.removesuffix(UNFINISHED)
-    with told():
+    with exit_on_error():
         file = run.with_name(name + UNFINISHED) / "case.toml"
         if not file.is_file():
             raise InputError(

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cosim.commands.terminal import console, told
+from cosim.commands.terminal import console, exit_on_error
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -49,7 +49,7 @@ def fe(as_json: AsJson = False, only: Only = None, slow: Slow = False) -> None:
 def _verify(studies: Sequence[Study], as_json: bool, only: str | None, slow: bool) -> None:
     from cosim.checks import chosen
 
-    with told():
+    with exit_on_error():
         studies = chosen(only, slow, studies)
     rows: list[Row] = []
     for study in studies:
@@ -114,7 +114,7 @@ def studies(as_json: AsJson = False, only: Only = None, slow: Slow = False) -> N
 
 def info() -> None:
     """What is installed and in use, and what would be faster."""
-    with told():
+    with exit_on_error():
         facts = dict(_facts())
     wide = max(map(len, facts))
     for name, value in facts.items():

@@ -165,23 +165,23 @@ class MovingCoupledPart:
     def step(self, state: Coupled | None, given: Values, dt: float) -> tuple[State, Values]:
         moves = self.both.moves
         if state is None:
-            state = self._begun()
+            state = self._begin()
         split = len(moves.hood.tendons)
         pulls = given["tension"][:split], given["tension"][split:]
         for h in _steps(dt, moves.dt):
-            state = step(moves.scheme, moves.finger, moves.hood, state, _held(pulls), h)
+            state = step(moves.scheme, moves.finger, moves.hood, state, _constant(pulls), h)
         return state, self._outputs(state)
 
     def tangent(self, state: State) -> Values:
         return {}
 
     def template(self) -> State:
-        return self._begun()
+        return self._begin()
 
     def special(self) -> Special:
         return special_states(self.both.hood, self.both.finger)
 
-    def _begun(self) -> Coupled:
+    def _begin(self) -> Coupled:
         moves = self.both.moves
         return moves.begin(moves.finger.begin(self.both.posture)).coupled
 
@@ -195,6 +195,6 @@ class MovingCoupledPart:
         return {**out, "excursion": excursion} if excursion.size else out
 
 
-def _held(pulls: tuple[Array, Array]) -> Callable[[float], tuple[Array, Array]]:
+def _constant(pulls: tuple[Array, Array]) -> Callable[[float], tuple[Array, Array]]:
     """The same tensions at all times."""
     return lambda time: pulls

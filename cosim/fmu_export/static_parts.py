@@ -181,7 +181,7 @@ class CoupledPart:
         """`dt` plays no part: nothing here moves in time."""
         if state is None:
             state = self._rest()
-        now = self._solved(state.now, given["tension"])
+        now = self._solve(state.now, given["tension"])
         state = _Coupled(now, state.rest_excursion, state.rest_path)
         return state, self._outputs(state)
 
@@ -203,7 +203,7 @@ class CoupledPart:
         )
         return _Coupled(rest, rest.excursion, finger.path_lengths(rest.finger_state))
 
-    def _solved(self, before: Equilibrium, tension: Array) -> Equilibrium:
+    def _solve(self, before: Equilibrium, tension: Array) -> Equilibrium:
         """As `cosim.pipeline`: a hood whose tensions change is carried to its bodies anew."""
         hood, finger = np.split(tension, [len(self.models.hood.tendons)])
         state = before.response.state

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from cosim.papers.network_motion import SETTLED, Contact, contact
-from cosim.report.figures import Figure, framed
+from cosim.report.figures import Figure, style_axes
 from rigid.chain.planar_chain import BUCHNER
 from rigid.hoods.two_band import coupled_dip
 from rigid.papers.networks.human_network import MUSCLES, human_finger
@@ -53,7 +53,7 @@ def _history(runs: dict[str, Contact]) -> Figure:
         for column, (name, run) in zip(grid.T, runs.items(), strict=True):
             for axes, panel in zip(column, (_forces, _angles, _tendons, _tip), strict=True):
                 panel(axes, run)
-                framed(axes, "", "")
+                style_axes(axes, "", "")
             column[0].set_title(CASES[name], fontsize=10)
             column[-1].set_xlabel("time, s")
         words = (
@@ -172,7 +172,7 @@ def _ends(runs: dict[str, Contact]) -> Figure:
                 run.time[times], run.optimum[times], mark, color="white", mec=colour, mew=1.6,
                 label="least |tau_dist| there",
             )  # fmt: skip
-        framed(axes, "time, s", "share of EDC that the slip bears")
+        style_axes(axes, "time, s", "share of EDC that the slip bears")
         axes.set_ylim(0.0, 1.0)
         axes.legend(frameon=False, fontsize=8)
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from cosim.report.figures import Figure, framed
+from cosim.report.figures import Figure, style_axes
 from rigid.papers.networks.excursion_fit import EXTENSOR, Identified, dip_of_pip, identify
 from rigid.papers.networks.excursion_fit_check import (
     NORMAL_95,
@@ -63,7 +63,7 @@ def _curves(axes: Axes, fits: dict[str, Identified], truth: dict[str, float]) ->
         axes.plot(np.degrees(pip), np.degrees(dip_of_pip(found, pip)), color=colour, lw=1.6)
     true = np.array([truth[n] for n in EXTENSOR])
     axes.plot(np.degrees(pip), np.degrees(dip_of_pip(true, pip)), "--", color="black", lw=1.0)
-    framed(axes, "PIP, deg", "DIP on the coupling curve, deg")
+    style_axes(axes, "PIP, deg", "DIP on the coupling curve, deg")
 
 
 def _intervals(axes: Axes, fits: dict[str, Identified], truth: dict[str, float]) -> None:
@@ -76,7 +76,7 @@ def _intervals(axes: Axes, fits: dict[str, Identified], truth: dict[str, float])
         axes.errorbar(off, at, xerr=half, fmt=mark, color=colour, capsize=3, label=name)
     axes.axvline(0.0, color="black", ls="--", lw=1.0, label="truth")
     axes.set_yticks(range(len(EXTENSOR)), EXTENSOR)
-    framed(axes, "estimate less truth with 95 % interval, mm (slope: mm/rad)", "")
+    style_axes(axes, "estimate less truth with 95 % interval, mm (slope: mm/rad)", "")
 
 
 def _caption(fits: dict[str, Identified], draws: dict[str, Draws]) -> str:

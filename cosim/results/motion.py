@@ -23,7 +23,7 @@ from cosim.results.conventions import COMPONENTS, IN_METACARPAL
 from cosim.results.load_and_rest import NO_UNLOADED
 from cosim.results.parts import LedgerRow, Scene, ledger_rows
 from cosim.results.result import Result
-from cosim.results.scene import placed_bones
+from cosim.results.scene import bones_in_world
 from cosim.solve.motion import Moved
 from cosim.version import __version__
 
@@ -260,4 +260,4 @@ def _scene(t: MovingModels, kept: MotionHistory) -> Scene:
     hood = hood_field(t.view(coupled.hood)) if t.view else None
     lines = {**t.lines(motion), **finger.lines(angles)}
     force = None if point is None else (point, kept.tips[-1][:3])
-    return Scene(hood, placed_bones(t.bones, motion), tuple(lines.items()), force)
+    return Scene(hood, bones_in_world(t.bones, motion), tuple(lines.items()), force)

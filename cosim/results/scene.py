@@ -19,10 +19,10 @@ def scene(models: Models, e: Equilibrium, view: HoodView | None) -> Scene:
     tendons = tuple(paths.items())
     tip = (models.finger.tip(e.finger_state), models.finger.tip_force(e.finger_state))
     hood = None if view is None else hood_field(view)
-    return Scene(hood, placed_bones(models.bones, e.motion), tendons, tip)
+    return Scene(hood, bones_in_world(models.bones, e.motion), tendons, tip)
 
 
-def placed_bones(
+def bones_in_world(
     bones: Mapping[str, Triangles], motion: Motion
 ) -> tuple[tuple[str, Array, np.ndarray], ...]:
     """Name, vertices (n, 3) m in the world, and triangles of each bone."""

@@ -65,15 +65,15 @@ def rows(name: str, settings: Sequence[str]) -> Iterator[Row]:
     Raises InputError and ConvergenceError."""
     case = load_case(name, settings)
     models = build(case)
-    native = coupled_by_us(case, models, models.hood)
+    native = solve_coupled(case, models, models.hood)
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         for fmi in (2, 3):
             paths = {part: Path(folder) / f"{name}_{part}{fmi}.fmu" for part in PARTS}
             for part, path in paths.items():
                 write_fmu(case, part, fmi, path)
-                yield from _accepted(f"{name}, {part}, FMI {fmi}", path)
+                yield from _accepting_row(f"{name}, {part}, FMI {fmi}", path)
             del paths["coupled"]
-            yield from _coupled(f"{name}, FMI {fmi}", case, settings, models, native, paths)
+            yield from _solve_coupled(f"{name}, FMI {fmi}", case, settings, models, native, paths)
 
 
 def motion_rows() -> Iterator[Row]:
@@ -88,7 +88,7 @@ def motion_rows() -> Iterator[Row]:
             paths = {part: Path(folder) / f"{part}{fmi}.fmu" for part in PARTS}
             for part, path in paths.items():
                 write_fmu(case, part, fmi, path)
-                yield from _accepted(f"motion, {part}, FMI {fmi}", path)
+                yield from _accepting_row(f"motion, {part}, FMI {fmi}", path)
             del paths["coupled"]
             for scheme in ("explicit", "implicit", "linear"):
                 native = run_case(load_case("pulley_edc", [*MOTION, _scheme(scheme)]))
@@ -100,7 +100,7 @@ def motion_rows() -> Iterator[Row]:
             yield _overhead(f"motion, FMI {fmi}", "finger", *_times_of_motion(models, paths))
 
 
-def coupled_by_us(case: Case, models: Models, hood: Hood) -> Equilibrium:
+def solve_coupled(case: Case, models: Models, hood: Hood) -> Equilibrium:
     """The case's equilibrium with `hood` in its hood's place."""
     start = models.finger.start(models.posture)
     options = CouplingOptions(case.solve.tolerance, case.solve.max_iterations)
@@ -109,7 +109,7 @@ def coupled_by_us(case: Case, models: Models, hood: Hood) -> Equilibrium:
     return equilibrium(Pair(models.finger, hood), before, pulls, options)
 
 
-def _accepted(name: str, path: Path) -> Iterator[Row]:
+def _accepting_row(name: str, path: Path) -> Iterator[Row]:
     from fmpy import simulate_fmu
     from fmpy.validation import validate_fmu
 
@@ -119,7 +119,7 @@ def _accepted(name: str, path: Path) -> Iterator[Row]:
     yield Row(name, "time reached in FMPy, s", 1, float(times[-1]), 1e-9, "fmpy", "absolute")
 
 
-def _coupled(
+def _solve_coupled(
     name: str,
     case: Case,
     settings: Sequence[str],
@@ -129,10 +129,10 @@ def _coupled(
 ) -> Iterator[Row]:
     own = models.hood
     hood = FmuHood(paths["hood"], own.bodies, own.tendons, own.sources)
-    force = coupled_by_us(case, models, hood).known_balance.tip_force
+    force = solve_coupled(case, models, hood).known_balance.tip_force
     yield _force_row(name, "hood in an FMU", force, native)
     hood.tangent_by = "differences"
-    force = coupled_by_us(case, models, hood).known_balance.tip_force
+    force = solve_coupled(case, models, hood).known_balance.tip_force
     yield _force_row(name, "hood in an FMU, its tangent by differences", force, native)
     hood.tangent_by = "outputs"
     for scheme in ("newton", "implicit"):

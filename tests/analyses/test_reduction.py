@@ -12,8 +12,8 @@ from cosim.analyses.reduction import reduce as reduction
 from cosim.analyses.reduction import walks as reduction_walks
 from cosim.analyses.reduction.case_text import case_text
 from cosim.analyses.reduction.errors import errors
-from cosim.analyses.reduction.samples import Lost, Walk, Walked, on_models
-from cosim.analyses.reduction.tip import clamped, tip_map, tip_maps
+from cosim.analyses.reduction.samples import Lost, Walk, WalkSamples, on_models
+from cosim.analyses.reduction.tip import clamp_tip, tip_map, tip_maps
 from cosim.build.models import build
 from cosim.case.file import find_case, load_case
 from cosim.cli import app
@@ -94,7 +94,7 @@ def test_a_state_is_told_in_words():
 
 def test_the_tip_map_is_what_the_clamped_finger_bears():
     """tau + J^T r = 0 of a finger held at its tip: the force balances the torques that made it."""
-    case = clamped(load_case("network_edc"))
+    case = clamp_tip(load_case("network_edc"))
     finger = build(case).finger
     angle = np.array([0.5, 0.0, 0.8, 0.3])
     state = finger.start(dict(zip(finger.joints, angle, strict=True)))
@@ -176,7 +176,7 @@ def test_held_states_are_none_of_those_fitted():
     """But drawn from the same box, from the same loads."""
     walks = [*reduction_walks.grid_walks(within()), *reduction_walks.spread_walks(within())]
     seen = np.array([at for walk in walks for at, _ in stopped(walk)])
-    held = [stop for walk in reduction_walks.held_walks(within()) for stop in stopped(walk)]
+    held = [stop for walk in reduction_walks.held_out_walks(within()) for stop in stopped(walk)]
     assert len(held) == 30
     for at, load in held:
         assert np.abs(at - seen).max(axis=1).min() > 1e-6
@@ -187,7 +187,9 @@ def test_held_states_are_none_of_those_fitted():
 
 
 def test_points_are_passed_from_one_to_the_nearest():
-    made = reduction_walks._chained(np.array([[9.0, 9.0], [0.0, 0.0], [5.0, 5.0], [1.0, 0.0]]))
+    made = reduction_walks._nearest_order(
+        np.array([[9.0, 9.0], [0.0, 0.0], [5.0, 5.0], [1.0, 0.0]])
+    )
     assert made == [1, 3, 2, 0]
 
 
@@ -231,10 +233,10 @@ def test_reducing_leaves_out_what_does_not_converge(monkeypatch, tmp_path):
 
     def in_this_process(source, settings, walks, jobs):
         for one in walks:
-            yield Walked(list(on_models(stuck, one)), 1.0)
+            yield WalkSamples(list(on_models(stuck, one)), 1.0)
 
     monkeypatch.setattr(reduction, "build", lambda case: models)
-    monkeypatch.setattr(reduction, "sampled", in_this_process)
+    monkeypatch.setattr(reduction, "sample_walks", in_this_process)
     monkeypatch.setattr(
         reduction, "fit_potential", lambda *a: reduce_hood(*a[:3], Order(angle=2), a[3])
     )

@@ -34,7 +34,7 @@ from cosim.verification.coupling import (
     STUDIES,
     TIGHT,
     angles_of,
-    driven,
+    drive,
     limit_row,
     order_row,
 )
@@ -73,11 +73,11 @@ def test_every_row_passes(name):
 
 
 def cables(scheme: Scheme, steps: int = 20, dt: float = 1e-3) -> list[Coupled]:
-    return driven(scheme, *soft_pair(), REST, pulls_on_cables, dt, steps)
+    return drive(scheme, *soft_pair(), REST, pulls_on_cables, dt, steps)
 
 
 def drum(scheme: Scheme, dt: float, steps: int, joints: int = 1) -> list[Coupled]:
-    return driven(scheme, *stiff_pair(joints), np.zeros(joints), pulls_on_drum, dt, steps)
+    return drive(scheme, *stiff_pair(joints), np.zeros(joints), pulls_on_drum, dt, steps)
 
 
 def full_pull(time: float) -> tuple[Array, Array]:
@@ -101,7 +101,7 @@ def test_the_two_staggered_schemes_differ():
 @pytest.mark.parametrize("scheme", EACH)
 def test_counts_of_hood_solves_and_tangents_are_true(scheme):
     finger, hood = told(3)
-    states = driven(scheme, finger, hood, np.zeros(3), pulls_on_drum, 2e-4, 15)
+    states = drive(scheme, finger, hood, np.zeros(3), pulls_on_drum, 2e-4, 15)
     assert states[-1].solves == len(hood.asked)
     assert states[-1].hood == 1 + 15, "each solve of a step begins with the step's first state"
     with_tangent = isinstance(scheme, (Newton, Linear))
@@ -128,7 +128,7 @@ def test_where_the_hood_is_asked():
     """Serial: where the finger is; parallel and linear: at q + h v of the step's start."""
     for scheme, ahead in ((Explicit(), False), (Explicit(parallel=True), True), (Linear(), True)):
         finger, hood = told()
-        last, now = driven(scheme, finger, hood, np.zeros(1), full_pull, 1e-4, 5)[-2:]
+        last, now = drive(scheme, finger, hood, np.zeros(1), full_pull, 1e-4, 5)[-2:]
         expected = last.finger.angles + 1e-4 * last.finger.rates if ahead else now.finger.angles
         gap = hood.asked[-1][0].twist_to(finger.motion(expected))
         assert np.abs(gap).max() < 1e-12
@@ -199,7 +199,7 @@ def test_the_most_that_a_hood_has_given():
     """A released spring gives, takes back and gives less."""
     finger, hood = stiff_pair()
     still = lambda t: (np.zeros(1), np.zeros(0))  # noqa: E731
-    states = driven(Newton(), finger, hood, np.array([0.1]), still, 2e-4, 12)
+    states = drive(Newton(), finger, hood, np.array([0.1]), still, 2e-4, 12)
     given = np.array([s.energy.hood for s in states])
     assert given[-1] < 0.9 * given.max()
     np.testing.assert_array_equal([s.energy.most for s in states], np.maximum.accumulate(given))
@@ -293,10 +293,10 @@ def test_a_stable_explicit_run_of_a_released_hood_is_not_stopped():
     """What moves it was stored; no tendon pulls."""
     finger, hood = stiff_pair()
     still = lambda t: (np.zeros(1), np.zeros(0))  # noqa: E731
-    states = driven(Explicit(), finger, hood, np.array([0.2]), still, 1e-3, 60)
+    states = drive(Explicit(), finger, hood, np.array([0.2]), still, 1e-3, 60)
     assert np.abs(angles_of(states)).max() < 0.3
     with pytest.raises(ConvergenceError, match="nobody put in"):
-        driven(Explicit(), finger, hood, np.array([0.2]), still, 1.6e-3, 60)
+        drive(Explicit(), finger, hood, np.array([0.2]), still, 1.6e-3, 60)
 
 
 def test_no_agreement_is_an_error_and_the_state_survives():

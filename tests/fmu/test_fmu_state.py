@@ -15,7 +15,7 @@ from cosim.errors import ConvergenceError, InputError, StoppedError
 from cosim.fmu.mapping import Place
 from cosim.fmu.unit import Unit
 from cosim.fmu_export.part_of import PARTS
-from cosim.fmu_export.run import Run
+from cosim.fmu_export.run import UnitRun
 from cosim.fmu_export.state import Snapshot
 from cosim.fmu_export.write import write_fmu
 from cosim.pipeline import run_case
@@ -135,10 +135,10 @@ def test_nothing_else_is_taken_for_a_state(tmp_path, fmi):
     unit.step(0.01)
 
 
-def run_of(path: Path, folder: Path) -> Run:
+def run_of(path: Path, folder: Path) -> UnitRun:
     with zipfile.ZipFile(path) as archive:
         archive.extractall(folder)
-    return Run(folder / "resources")
+    return UnitRun(folder / "resources")
 
 
 def test_objects_from_outside_are_never_taken(tmp_path):

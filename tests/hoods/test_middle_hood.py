@@ -15,7 +15,7 @@ from cosim.errors import InputError
 from cosim.fingers.kinds import FINGERS, skeleton_of
 from cosim.hoods.shell.build import thickness_of
 from cosim.pipeline import run_case
-from cosim.results.compare import Target, compared, read_targets
+from cosim.results.compare import Target, compare_with_targets, read_targets
 from meshes.hood_mesh import HoodMesh
 from meshes.hull import DIP, PIP, Chain, Hull, Level, along
 from meshes.skeleton import BODIES, index_finger
@@ -304,7 +304,7 @@ def test_a_summary_says_the_change_of_force_in_the_phalanx():
     c, s = np.cos(bend), np.sin(bend)
     expected = [c * along + s * palmar, -s * along + c * palmar, radial]
     np.testing.assert_allclose(change["fingertip_force_in_phalanx_N"], expected, atol=1e-12)
-    rows = compared(targets("fingertip"), summary, "middle_minorflex_ui")
+    rows = compare_with_targets(targets("fingertip"), summary, "middle_minorflex_ui")
     assert [row.model for row in rows][:3] == change["fingertip_force_in_phalanx_N"]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cosim.analyses.reduction.samples import Walk, sampled
+from cosim.analyses.reduction.samples import Walk, sample_walks
 from cosim.build.models import bone_surfaces, build, hood_mesh
 from cosim.case.file import find_case, load_case
 from cosim.hoods.bone_surfaces import pose_surfaces
@@ -230,7 +230,7 @@ def test_the_torque_of_a_tendon_over_the_pip_does_not_ripple_with_the_rows():
     angles = np.tile(np.radians([26.6, 0.0, 0.0, 17.2]), (len(turns), 1))
     angles[:, 2] = np.radians(turns)
     walk = Walk(angles, np.array([[0.05, 1.55, 0.05, 0.05]]))
-    (found,) = sampled(find_case("fingertip_fibres_edc"), (), [walk], 1)
+    (found,) = sample_walks(find_case("fingertip_fibres_edc"), (), [walk], 1)
     torque = np.array([state.torque[2] for state in found.states])
     smooth = np.polynomial.Polynomial.fit(turns, torque, 3)(turns)
     assert np.std(torque - smooth) < 4e-3 * np.abs(torque).mean()

@@ -42,7 +42,7 @@ def errors(found: Reduction) -> Iterator[Error]:
     error without bound, so that the difference is told over the root mean square of all these
     states' tip forces, and over the sum of a state's tensions, too."""
     tendons = found.potential.muscles
-    fitted, held = (_pulled(samples) for samples in (found.samples, found.held))
+    fitted, held = (_loaded_states(samples) for samples in (found.samples, found.held))
     on_grid = misses(found, fitted)
     for name, miss in misses(found, held).items():
         if np.isfinite(miss).any():
@@ -59,7 +59,7 @@ def errors(found: Reduction) -> Iterator[Error]:
             yield made._replace(beyond=beyond)
 
 
-def _pulled(samples: Sequence[Sample]) -> list[Sample]:
+def _loaded_states(samples: Sequence[Sample]) -> list[Sample]:
     """States in which a tendon pulls with more than LOW."""
     return [s for s in samples if s.tension.max() > LOW]
 

@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from cosim.analyses.reduction.sample_cache import kept
-from cosim.analyses.reduction.samples import FREE, Walked, sampled
+from cosim.analyses.reduction.sample_cache import cached_samples
+from cosim.analyses.reduction.samples import FREE, WalkSamples, sample_walks
 from cosim.analyses.reduction.tip import tip_maps
 from cosim.analyses.reduction.walks import (
     GRID,
     SPREAD,
     Within,
     grid_walks,
-    held_walks,
+    held_out_walks,
     spread_walks,
 )
 from cosim.build.models import build
@@ -148,15 +148,15 @@ def reduce_case(
     axes = {j: grid[j] for j in joints if j in grid}
     within = Within(joints, home, axes, most, rest, spread)
     on_grid = [*grid_walks(within), *spread_walks(within)]
-    off_grid = held_walks(within)
-    found: list[Walked] = []
+    off_grid = held_out_walks(within)
+    found: list[WalkSamples] = []
     walks = [*on_grid, *off_grid]
-    sampling = partial(sampled, source, settings, jobs=jobs)
+    sampling = partial(sample_walks, source, settings, jobs=jobs)
     if samples is None:
         walking = sampling(walks)
     else:
         held_case = load_case(source, (*settings, FREE))
-        walking = kept(samples, address(held_case, code_version()), walks, sampling)
+        walking = cached_samples(samples, address(held_case, code_version()), walks, sampling)
     for walked in walking:
         found.append(walked)
         states = [s for w in found for s in w.states]
