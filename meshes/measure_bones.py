@@ -137,6 +137,7 @@ def fit_error(triangles: Array, bone: Bone) -> Array:
 
 
 def main() -> None:
+    """Measure the bones of a folder, as the module says."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path, help="folder of the four STL files")
     folder = parser.parse_args().folder

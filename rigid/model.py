@@ -129,14 +129,17 @@ class FingerModel:
 
     @property
     def bodies(self) -> tuple[str, ...]:
+        """Names of the bodies that are shared with the other side."""
         return tuple(s.name for s in self.segments)
 
     @property
     def joints(self) -> tuple[str, ...]:
+        """Names of the joints, in the order of the angles."""
         return tuple(hinge.name for s in self.segments for hinge in s.hinges)
 
     @property
     def muscles(self) -> tuple[str, ...]:
+        """Names of the muscles."""
         return tuple(t.name for t in self.tendons)
 
     @property

@@ -76,10 +76,12 @@ class ShellHood:
 
     @property
     def bodies(self) -> tuple[str, ...]:
+        """Names of the bodies that are shared with the other side."""
         return self.model.bodies
 
     @property
     def sources(self) -> tuple[str, ...]:
+        """Names of what acts on the bodies, in the ledger's order."""
         return (*self.groups, TIE, *BONE_SOURCES)
 
     def start(self, motion: Motion) -> HoodState:
