@@ -27,7 +27,7 @@ class Plan:
 
     file: str
     proximal: float
-    """x of the centre from which the rays of the proximal end fan out."""
+    """The x of the centre from which the rays of the proximal end fan out."""
     distal: float
     stations: int
     """Plane sections between the two."""

@@ -142,7 +142,7 @@ class Axial(NamedTuple):
     slope: Array
     """N/m."""
     stretch: Array
-    """m, length less slack length."""
+    """Stretch (k,) in m: length less slack length."""
     taut: NDArray[np.bool_]
     """Whether the spring acts; one that also pushes always does."""
 

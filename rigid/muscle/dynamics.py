@@ -26,9 +26,10 @@ class MuscleState(NamedTuple):
     fibre_length: Array
     """m."""
     fibre_velocity: Array
-    """m/s, over the last step."""
+    """Mean rate over the last step, m/s."""
     fibre_acceleration: Array
-    """m/s^2, over the last two steps; only the next step's first guess depends on it."""
+    """Acceleration in m/s^2 over the last two steps; only the next step's first guess depends on
+    it."""
 
 
 class Step(NamedTuple):
