@@ -105,9 +105,9 @@ class HoodMesh:
     """(n,) mm, where each node was laid."""
     rest_posture: Mapping[str, float]
     reach: float
-    """m, MCP to PIP centre of the finger that it was laid on."""
+    """Distance from the MCP to the PIP centre of the finger that it was laid on, m."""
     thickness: float
-    """m, of the sheet whose mid-surface the points are."""
+    """Thickness of the sheet whose mid-surface the points are, m."""
     lift: Array | None = None
     """(n,) m, how much higher than the sheet's face each node touches a bone; None is nowhere."""
     fields: Mapping[str, Array] = field(default_factory=dict)

@@ -32,19 +32,20 @@ class Segment:
 
     name: str
     length: float
-    """m, along x, to the next body's origin or the finger's end; of the first, what is drawn."""
+    """Length in m, along x, to the next body's origin or the finger's end; for the first, what is
+    drawn."""
     position: Vector = (0.0, 0.0, 0.0)
-    """m, the origin in the parent's frame."""
+    """The origin in the parent's frame, m."""
     rotation: tuple[Vector, Vector, Vector] = NO_TURN
     """To the parent's frame at zero angles."""
     hinges: tuple[Hinge, ...] = ()
     """In the order in which they turn the body, the first one nearest to the parent."""
     mass: float = 0.0
     inertia: Vector = (0.0, 0.0, 0.0)
-    """kg m2 about the centre of mass, along the body's axes."""
+    """Moments of inertia in kg m2 about the centre of mass, along the body's axes."""
     centre: Vector = (0.0, 0.0, 0.0)
     radius: float = 0.003
-    """m, of the capsule that stands for the bone in pictures."""
+    """Radius of the capsule that stands for the bone in pictures, m."""
 
 
 @dataclass(frozen=True)
@@ -129,14 +130,17 @@ class FingerModel:
 
     @property
     def bodies(self) -> tuple[str, ...]:
+        """Names of the bodies that are shared with the other side."""
         return tuple(s.name for s in self.segments)
 
     @property
     def joints(self) -> tuple[str, ...]:
+        """Names of the joints, in the order of the angles."""
         return tuple(hinge.name for s in self.segments for hinge in s.hinges)
 
     @property
     def muscles(self) -> tuple[str, ...]:
+        """Names of the muscles."""
         return tuple(t.name for t in self.tendons)
 
     @property

@@ -44,6 +44,7 @@ class Material:
 
     @property
     def rigid(self) -> bool:
+        """Whether it is a rigid body."""
         return self.law is None
 
 

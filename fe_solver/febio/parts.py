@@ -32,6 +32,7 @@ class Sheet:
 
     @property
     def nodes(self) -> Ints:
+        """Indices (k,) of the nodes."""
         return np.unique(self.quads)
 
 

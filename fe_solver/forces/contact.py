@@ -273,7 +273,7 @@ class ContactState(NamedTuple):
     """A contact at some configuration, by its points (k,)."""
 
     gap: Array
-    """m, negative where a point penetrates."""
+    """Gap (k,) in m, negative where a point penetrates."""
     pressure: Array
     """Pa, normal force over the point's whole area."""
     drag: Array
@@ -301,7 +301,7 @@ class ContactFields(NamedTuple):
     """All contacts by node and body, (n, nb); a node stands for the points it is nearest to."""
 
     gap: Array
-    """m, the smallest; inf where a node meets no surface of the body."""
+    """The smallest gap, m; inf where a node meets no surface of the body."""
     pressure: Array
     """Pa, force over area."""
     status: NDArray[np.int8]

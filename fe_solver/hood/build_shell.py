@@ -34,13 +34,24 @@ class Attached(Protocol):
     proportion these share their set's stiffness, evenly where None."""
 
     @property
-    def body(self) -> str: ...
+    def body(self) -> str:
+        """Name of the body."""
+        ...
+
     @property
-    def nodes(self) -> Ints: ...
+    def nodes(self) -> Ints:
+        """Indices (k,) of the nodes."""
+        ...
+
     @property
-    def anchors(self) -> Array: ...
+    def anchors(self) -> Array:
+        """Points (k, 3) on the body, in its frame, m."""
+        ...
+
     @property
-    def shares(self) -> Array | None: ...
+    def shares(self) -> Array | None:
+        """Proportions (k,) of the stiffness, or None for even ones."""
+        ...
 
 
 @dataclass(frozen=True)

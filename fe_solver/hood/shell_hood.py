@@ -18,18 +18,21 @@ from fe_solver.solver.newton import NewtonOptions, Solution, residual_norm, solv
 from fe_solver.solver.relaxation import relax
 from fe_solver.vectors import cross
 
-TIE, BONE_SOURCES = "terminal_slip", ("contact", "guide")
-"""The ledger's names of what the tied nodes and the bones do; springs have their sets' names."""
+TIE = "terminal_slip"
+"""The ledger's name of what the tied nodes do to their bone."""
+BONE_SOURCES = ("contact", "guide")
+"""The ledger's names of what the sheet itself does to the bones; springs have their sets' names."""
 SMALL_TURN = 0.02
 """rad; below it the tangent predicts the hood's motion, above it the bones carry the nodes."""
 SMALL_PULL, NO_PULL = 0.3, 0.1
-"""The same of the tensions' change, of the largest one, which is no less than NO_PULL (N)."""
+"""Largest change of a tension that the tangent predicts, as a share of the largest tension, which
+counts as no less than NO_PULL (N)."""
 MAX_TURN = 0.2
 """rad that a joint turns at most in one solve.  A slack sheet may have several equilibria in a bent
 posture (its central slip taut or not); which of them a long leap ends in is the mesh's whim."""
 MOST_HALVINGS = 4
 DETOUR_TENSION = 6.0
-"""N more in every tendon: taut enough for a sheet that folds in a joint when slack."""
+"""Added to every tension (N) on a detour: a sheet that folds in a joint when slack is then taut."""
 SOFT_START = NewtonOptions(tolerance=1e-2)
 """Options for the equilibrium on softer contact that leads to the one that is sought."""
 
@@ -44,7 +47,7 @@ class HoodState:
     iterations: int = 0
     """Newton iterations since the start."""
     bend: Bend | None = None
-    """None where the last step was not foreseen."""
+    """What the last step corrected of its prediction; None where it was not predicted."""
 
 
 @dataclass(frozen=True)
@@ -76,10 +79,12 @@ class ShellHood:
 
     @property
     def bodies(self) -> tuple[str, ...]:
+        """Names of the bodies that are shared with the other side."""
         return self.model.bodies
 
     @property
     def sources(self) -> tuple[str, ...]:
+        """Names of what acts on the bodies, in the ledger's order."""
         return (*self.groups, TIE, *BONE_SOURCES)
 
     def start(self, motion: Motion) -> HoodState:
@@ -108,7 +113,7 @@ class ShellHood:
         return Response(state, load, self.model.excursion(c))
 
     def near(self, hood: ShellHood, state: HoodState, tension: Array) -> HoodState:
-        """Where this hood settles at the pose of another one's equilibrium, to first order in what
+        """The equilibrium of this hood at the pose of another one's, to first order in what
         their parameters and nodes differ in: one Newton step with the other one's tangent.  The
         other one's mesh has the same quads."""
         s = _solution_of(state)
@@ -224,7 +229,7 @@ class ShellHood:
         return s, m.move_bodies(c, motion.position, motion.rotation)
 
     def _extrapolate(self, state: HoodState, foreseen: Configuration) -> Configuration:
-        """What is foreseen, and beyond it what the last two steps' tangents missed: to second order
+        """The prediction, and beyond it what the last two steps' tangents missed: to second order
         in the travel, of which the last step says how much this one has."""
         bend, c = state.bend, foreseen
         growth = 0.0 if bend is None else bend.growth(c.x - state.configuration.x)

@@ -222,7 +222,7 @@ def _guides(job: Job, directors: Array, tied: Ints) -> tuple[Guides, tuple[Body,
     node, body = (np.array([h[i] for h in held], dtype=np.intp) for i in (0, 1))
     fixed = np.array([h[2] for h in held], dtype=bool).reshape(-1, 3)
     origins = np.array([b.origin for b in (*job.bodies, *carriers)] or [np.zeros(3)])
-    guides = Guides.fixed(node, body, job.points[node] - origins[body], fixed)
+    guides = Guides.on_body_axes(node, body, job.points[node] - origins[body], fixed)
     level, still = _levels(job, node)
     return replace(guides, level=level, still=still), carriers
 

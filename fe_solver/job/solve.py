@@ -69,7 +69,7 @@ class JobState:
     applied: Array
     """(6,) N and N m about the world's origin of the loads."""
     penetration: float
-    """m, the deepest of a contact node."""
+    """The deepest penetration of a contact node, m."""
     residual: float
     """N, the largest that Newton left."""
     imbalance: tuple[float, float]

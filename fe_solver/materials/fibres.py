@@ -118,9 +118,11 @@ class TransIsoMooneyRivlin(ExponentialToe):
         return G, G
 
     def fibres(self) -> tuple[tuple[Real, Real, Real], ...]:
+        """Components (cos^2, sin^2, sin cos) of each fibre family's direction, from axis 1."""
         return ((1.0, 0.0, 0.0),)
 
     def incompressible(self) -> bool:
+        """Whether the law admits no change of volume."""
         return not np.isfinite(self.k).any()
 
     def start(self, p: Invariants) -> Array:
@@ -306,9 +308,11 @@ class HolzapfelGasserOgden:
         return self.c, self.c
 
     def fibres(self) -> tuple[tuple[Real, Real, Real], ...]:
+        """Components (cos^2, sin^2, sin cos) of each fibre family's direction, from axis 1."""
         return axial(self.gamma), axial(-np.asarray(self.gamma))
 
     def incompressible(self) -> bool:
+        """Whether the law admits no change of volume."""
         return not np.isfinite(self.k).any()
 
     def start(self, p: Invariants) -> Array:

@@ -219,9 +219,11 @@ class NeoHookean:
         return mu, mu
 
     def fibres(self) -> tuple[tuple[Real, Real, Real], ...]:
+        """Components (cos^2, sin^2, sin cos) of each fibre family's direction, from axis 1."""
         return ()
 
     def incompressible(self) -> bool:
+        """Whether the law admits no change of volume."""
         return False
 
     def start(self, p: Invariants) -> Array:

@@ -63,6 +63,7 @@ class Section:
 
     @cached_property
     def count(self) -> int:
+        """Number of elements."""
         return sum(len(p.elements) for p in self.patches)
 
     @cached_property

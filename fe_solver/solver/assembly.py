@@ -50,6 +50,7 @@ class Pattern:
         return data
 
     def full(self, data: Array) -> sp.csr_array:
+        """The full matrix of entries `data`."""
         return sp.csr_array((data, self.indices, self.indptr), shape=(self.size, self.size))
 
     @cached_property

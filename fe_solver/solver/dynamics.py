@@ -63,6 +63,7 @@ class Viscous:
 
     @property
     def thickness(self) -> Array:
+        """Thickness at the Gauss points (ne, g), m."""
         return self.base.thickness
 
     @property

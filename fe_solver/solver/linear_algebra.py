@@ -166,6 +166,7 @@ class SuperLUAnalysis:
         return order, ordered, positions(ordered)
 
     def factor(self, data: Array) -> Factor:
+        """The numeric factor of the matrix with entries from `data`."""
         return _OrderedLU(self.lu(data), self._ordering[0])
 
     def lu(self, data: Array) -> spla.SuperLU:
@@ -212,6 +213,7 @@ class CholmodAnalysis:
         return lower, slots, analyze(_legacy(lower, np.ones(len(slots))), mode="supernodal")
 
     def factor(self, data: Array) -> Factor:
+        """The numeric factor of the matrix with entries from `data`."""
         from sksparse.cholmod import CholmodNotPositiveDefiniteError
 
         lower, slots, symbolic = self._lower
@@ -258,6 +260,7 @@ class PardisoAnalysis:
         return upper, slots, solver
 
     def factor(self, data: Array) -> Factor:
+        """The numeric factor of the matrix with entries from `data`."""
         upper, slots, _ = self._upper
         made = _Pardiso(
             self, sp.csr_matrix((data[slots], upper.indices, upper.indptr), upper.shape)

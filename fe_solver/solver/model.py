@@ -108,6 +108,7 @@ class ShellModel:
 
     @cached_property
     def pattern(self) -> Pattern:
+        """The tangent's sparsity."""
         return make_pattern(self.quads, len(self.reference), self.free, self.pairs)
 
     @cached_property
@@ -208,6 +209,7 @@ class ShellModel:
         return Configuration(x, turn_directors(c.d, bases[1], u[:, 3:]), c.position, c.rotation)
 
     def point_forces(self, c: Configuration, curvature: bool = True) -> PointForces:
+        """Forces of springs to bodies and of contacts; `curvature` as in `contact_forces`."""
         parts = [spring_forces(self.springs, c.x, c.position, c.rotation, curvature)]
         parts += [contact_forces(k, c.x, c.position, c.rotation, curvature) for k in self.contacts]
         return join_point_forces(parts)

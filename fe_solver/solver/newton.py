@@ -72,7 +72,7 @@ class Solution:
     tension: Array
     iterations: int
     solves: int
-    """Linear solves: one an iteration, and those that foresaw contacts."""
+    """Linear solves: one an iteration, and those that predicted contacts."""
     residual: float
     """Largest residual force, N (moments over the element size)."""
 
@@ -383,9 +383,9 @@ def _descend(
     near: Factor | None,
 ) -> tuple[tuple[Configuration, Evaluation, bool] | None, int]:
     """The next configuration along the step, with its evaluation and whether that is the convex
-    one: the whole step, or a part of the step that foresees the contacts; None where none descends.
-    Also the linear solves that foreseeing took.  A solve that follows an equilibrium, as a factor
-    `near` says, presses the nodes of the whole step."""
+    one: the whole step, or a part of the step that predicts contacts; None where none descends.
+    Also the linear solves that the prediction took.  A solve that follows an equilibrium, as a
+    factor `near` says, presses the nodes of the whole step."""
 
     def search(
         way: Array, tries: int, first: float = 1.0, predicts: bool = False

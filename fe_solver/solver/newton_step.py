@@ -1,4 +1,4 @@
-"""One Newton step of the shell: the factorised tangent, contacts foreseen, steps kept short."""
+"""One Newton step of the shell: the factorised tangent, contacts predicted, steps kept short."""
 
 from __future__ import annotations
 
@@ -149,7 +149,7 @@ def _with_flips(
 
 def limit_to_contact(model: ShellModel, e: Evaluation, step: Array) -> Array:
     """The step with nodes that move far in a smoothed ramp put where they feel the force that the
-    tangent foresees: towards the foot of a ramp that grows with the square of the depth, Newton's
+    tangent predicts: towards the foot of a ramp that grows with the square of the depth, Newton's
     own steps go but half the way.  A node that two bodies press is left alone, as are the points
     within elements."""
     p, A = e.points, e.bases[0]

@@ -37,6 +37,7 @@ def plate_error(n: int, thickness: float) -> float:
 
 
 def plate_rows() -> Iterator[Row]:
+    """Yield the rows of square plates."""
     for thickness in (0.1, 1e-3, 1e-5):
         coarse, fine = plate_error(8, thickness), plate_error(16, thickness)
         yield Row(
@@ -92,6 +93,7 @@ def taper(n: int) -> tuple[float, float]:
 
 
 def taper_rows() -> Iterator[Row]:
+    """Yield the rows of tapered panels."""
     (coarse, exact), (fine, _) = taper(16), taper(32)
     yield Row(
         "tapered cantilever", "tip deflection", exact, fine, 0.002,
@@ -115,6 +117,7 @@ def eccentric(elements: int) -> tuple[Array, Array]:
 
 
 def eccentric_rows() -> Iterator[Row]:
+    """Yield the rows of sheets off their mid-surface."""
     seen, exact = eccentric(8)
     source = "exact: N / EA + N e^2 / EI, N e L^2 / 2EI; 8 x 1"
     for i, name in enumerate(("x", "z")):

@@ -197,6 +197,7 @@ RING_SOURCE = f"{SZE}, as quoted in the PENGoLINS documentation and by FEniCS-Sh
 
 
 def ring_rows() -> Iterator[Row]:
+    """Yield the rows of the slit ring."""
     found = [follow(slit_ring(n, a), RING_PARTS) for n, a in ((32, 3), (64, 6), (128, 12))]
     source = f"{RING_SOURCE}; "
     table = {"W_A": (10.023, 13.891), "W_B": (13.247, 17.528)}
@@ -229,6 +230,7 @@ HEMISPHERE_SOURCE = f"{SZE}, {ELMER} Shell_OpenHemisphere_High_Order"
 
 
 def hemisphere_rows() -> Iterator[Row]:
+    """Yield the rows of the pinched hemisphere."""
     found = [follow(hemisphere(n), TWENTIETHS) for n in (8, 16, 32)]
     source = f"{HEMISPHERE_SOURCE}; "
     table = {"outward": (3.406, 4.067), "inward": (5.902, 8.178)}
@@ -301,6 +303,7 @@ HALF_CYLINDER_SOURCE = f"{SZE}, as quoted in the FEniCS-Shells demo nonlinear-na
 
 
 def half_cylinder_rows() -> Iterator[Row]:
+    """Yield the rows of the half cylinder."""
     # on 14 x 14 quads or fewer the free end folds up: no solution
     found = [follow(half_cylinder(n), FORTIETHS) for n in (20, 40)]
     source = f"{HALF_CYLINDER_SOURCE}; "

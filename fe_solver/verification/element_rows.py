@@ -191,6 +191,7 @@ def _relative(seen: Array, exact: Array) -> float:
 
 
 def rows() -> Iterator[Row]:
+    """Yield the rows of this table."""
     yield from patch_rows()
     yield from rigid_rows()
     yield from zero_mode_rows()

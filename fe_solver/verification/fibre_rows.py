@@ -96,7 +96,7 @@ def strip(
     held = np.column_stack([start | end, low | (side & held_across), np.ones(len(X), dtype=bool)])
     body, nodes = end.astype(np.intp), np.arange(len(X))
     model = replace(
-        model, guides=Guides.fixed(nodes, body, X, held), share=np.zeros((0, len(nodes)))
+        model, guides=Guides.on_body_axes(nodes, body, X, held), share=np.zeros((0, len(nodes)))
     )
     found = _pull(model, stretch)
     force = found.evaluation.gradient_x

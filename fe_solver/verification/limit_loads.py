@@ -46,6 +46,7 @@ def hinged_roof(thickness: float, n: int, nodes: int) -> list[float]:
 
 
 def hinged_roof_benchmark(thickness: float, target: float) -> Benchmark:
+    """The benchmark of the hinged roof."""
     return Benchmark(
         f"hinged roof, h = {thickness}",
         "a quarter of R = 2540, axial length 508, half angle 0.1 rad, E = 3102.75, nu = 0.3, "

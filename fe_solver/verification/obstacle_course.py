@@ -99,6 +99,7 @@ def twisted_beam(thickness: float, force: float, n: int, nodes: int) -> list[flo
 def twisted_beam_benchmark(
     thickness: float, force: float, y: float, z: float, source: str
 ) -> Benchmark:
+    """The benchmark of the twisted beam."""
     return Benchmark(
         f"twisted beam, t = {thickness}",
         "cantilever twisted by 90 degrees, length 12, width 1.1, E = 29e6, nu = 0.22, tip forces "
@@ -159,6 +160,7 @@ def hemisphere(distortion: float, n: int, nodes: int, thickness: float = 0.04) -
 
 
 def hemisphere_benchmark(distortion: float) -> Benchmark:
+    """The benchmark of the hemisphere."""
     bent = f", mesh lines bent by {distortion}" if distortion else ""
     return Benchmark(
         f"hemisphere with a hole{bent}",
@@ -192,6 +194,7 @@ def hyperbolic_paraboloid(thickness: float, n: int, nodes: int) -> list[float]:
 
 
 def hyperbolic_paraboloid_benchmark(slenderness: float, target: float) -> Benchmark:
+    """The benchmark of the hyperbolic paraboloid."""
     return Benchmark(
         f"hyperbolic paraboloid, t/L = {slenderness:g}",
         "half of z = x^2 - y^2, sides L = 1, E = 2e11, nu = 0.3, clamped at x = -L/2, weight 8000 "

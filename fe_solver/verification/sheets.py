@@ -174,7 +174,7 @@ def mirror_plane(
     move = mirror | held
     node = np.flatnonzero(move.any(axis=1))
     planes = mirror[node]
-    at = Guides.fixed(node, np.zeros_like(node), model.reference[node], move[node])
+    at = Guides.on_body_axes(node, np.zeros_like(node), model.reference[node], move[node])
     level = np.eye(3)[np.argmax(planes, axis=1)]
     still = np.stack([planes.any(axis=1), planes.sum(axis=1) > 1], axis=1)
     guides = replace(at, level=level, still=still)

@@ -141,7 +141,7 @@ def spring_rows() -> Iterator[Row]:
     """Every kind, to bodies and between nodes."""
     for kind in KINDS:
         springs, x = some_springs(kind)
-        error = forces_error(partial(_pulled_by, springs), x)
+        error = forces_error(partial(_pull_by, springs), x)
         yield Row("springs to bodies: tangent", kind, 1e-6, error, 0.0, OWN, "bound")
         error = pair_error(between_nodes(springs, (springs.node + 3) % 8), x)
         yield Row("springs between nodes: tangent", kind, 1e-6, error, 0.0, OWN, "bound")
@@ -158,15 +158,15 @@ def surface_rows() -> Iterator[Row]:
     for name, surface in surfaces().items():
         for way, (pressure, slip) in ways.items():
             contact, x = some_contact(surface, pressure, slip)
-            error = forces_error(partial(_pressed_by, contact), x)
+            error = forces_error(partial(_press_by, contact), x)
             yield Row(f"contact, {name}: tangent", way, 1e-6, error, 0.0, OWN, "bound")
 
 
-def _pulled_by(springs: Springs, x: Array) -> PointForces:
+def _pull_by(springs: Springs, x: Array) -> PointForces:
     return spring_forces(springs, x, *POSE, True)
 
 
-def _pressed_by(contact: Contact, x: Array) -> PointForces:
+def _press_by(contact: Contact, x: Array) -> PointForces:
     return contact_forces(contact, x, *POSE, True)
 
 
@@ -193,7 +193,7 @@ def _laden(model: ShellModel) -> ShellModel:
     return replace(model, dead=np.random.default_rng(9).normal(size=model.reference.shape))
 
 
-def _pressed(model: ShellModel) -> ShellModel:
+def _press(model: ShellModel) -> ShellModel:
     return replace(model, pressure=np.linspace(1e3, 3e3, len(model.quads)))
 
 
@@ -216,19 +216,19 @@ def _touching(pressure: float, slip: float | None, model: ShellModel) -> ShellMo
     return replace(model, contacts=(replace(contact, pressure=np.full(len(at), pressure)),))
 
 
-def _clamped(model: ShellModel) -> ShellModel:
+def _clamp(model: ShellModel) -> ShellModel:
     return clamp(model, np.arange(3))
 
 
-def _guided(model: ShellModel) -> ShellModel:
+def _guide(model: ShellModel) -> ShellModel:
     return guide(model, [np.arange(3), np.array([9, 10])], [(-1.0, 0, 0.2), (1.0, 0.3, 0)])
 
 
-def _guided_beyond(model: ShellModel) -> ShellModel:
+def _guide_beyond(model: ShellModel) -> ShellModel:
     return guide(model, [np.array([9, 10, 11])], [(1.0, 0.3, 0)])
 
 
-def _mirrored(model: ShellModel) -> ShellModel:
+def _mirror(model: ShellModel) -> ShellModel:
     planes = np.zeros((len(model.reference), 3), dtype=bool)
     planes[:3, 0], planes[[0, 3, 6, 9], 1] = True, True
     return mirror_plane(model, planes, np.eye(12, dtype=bool)[:, [11, 11, 10]])
@@ -242,24 +242,24 @@ def model_rows() -> Iterator[Row]:
         "sticking": partial(_touching, PRESSURE, STICKS),
         "sliding": partial(_touching, PRESSURE, SLIDES),
     }
-    together = (partial(_sprung, "tension-only"), _pressed, touching["penalty"])
+    together = (partial(_sprung, "tension-only"), _press, touching["penalty"])
     cases: dict[str, tuple[Part, ...]] = {
         **{f"springs, {kind}": (partial(_sprung, kind),) for kind in KINDS},
         **{f"springs between nodes, {kind}": (partial(_link, kind),) for kind in KINDS},
         "dead loads": (_laden,),
-        "follower pressure": (_pressed,),
+        "follower pressure": (_press,),
         "inertia": (_inert,),
         **{f"contact, {kind}": (part,) for kind, part in touching.items()},
-        "ties": (_clamped,),
-        "guides and tendons": (_guided,),
-        "mirror planes": (_mirrored,),
+        "ties": (_clamp,),
+        "guides and tendons": (_guide,),
+        "mirror planes": (_mirror,),
         **{f"contact, {kind}, {NINE}": (part,) for kind, part in touching.items()},
-        "ties, springs, pressure, contact": (_clamped, *together),
-        f"ties, guides, contact, {NINE}": (_clamped, _guided_beyond, touching["penalty"]),
-        "mirror planes, springs, pressure, contact": (_mirrored, *together),
+        "ties, springs, pressure, contact": (_clamp, *together),
+        f"ties, guides, contact, {NINE}": (_clamp, _guide_beyond, touching["penalty"]),
+        "mirror planes, springs, pressure, contact": (_mirror, *together),
     }
     for name, parts in cases.items():
-        shape = NINE if NINE in name else "flat quads" if _mirrored in parts else "warped quads"
+        shape = NINE if NINE in name else "flat quads" if _mirror in parts else "warped quads"
         model = distort(shape, height=THICK / 2)
         for part in parts:
             model = part(model)
@@ -269,6 +269,7 @@ def model_rows() -> Iterator[Row]:
 
 
 def rows() -> Iterator[Row]:
+    """Yield the rows of this table."""
     yield from spring_rows()
     yield from surface_rows()
     yield from model_rows()

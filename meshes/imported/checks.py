@@ -53,6 +53,7 @@ class Placing:
 
     @property
     def mirrors(self) -> bool:
+        """Whether the placing mirrors the mesh."""
         return bool(np.linalg.det(self.axes) < 0)
 
 

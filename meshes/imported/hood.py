@@ -47,7 +47,7 @@ class Sheet:
     quads: Ints
     sets: Named
     thickness: float
-    """m, mean of what the file states, or what was given."""
+    """Thickness in m: the mean of what the file states, or what was given."""
     notes: tuple[str, ...]
     fields: Mapping[str, Array]
     """Unit directions (ne, 3) by name."""

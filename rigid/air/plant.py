@@ -136,9 +136,9 @@ class AirState(NamedTuple):
     pressure: Array
     """Pa."""
     mass: Array
-    """kg, of the air in chamber and tube."""
+    """Mass of the air in chamber and tube, kg."""
     volume: Array
-    """m^3."""
+    """Volume of the chamber, m^3."""
 
     @property
     def temperature(self) -> Array:

@@ -122,10 +122,10 @@ class JointLaw:
     stiffness: Array
     """N m/rad."""
     rest: Array
-    """rad, where the spring is free of torque."""
+    """Angles at which the spring is free of torque, rad."""
     lower: Array
     upper: Array
-    """rad, where the coordinate limit begins; infinite for none."""
+    """Angles at which the coordinate limit begins, rad; infinite for none."""
     limit_stiffness: float = LIMIT_STIFFNESS
     transition: float = LIMIT_TRANSITION
     limit_damping: float = 0.0

@@ -102,6 +102,7 @@ class ChainFinger(ABC):
         return FingerState(q, q, np.zeros(6), chain.tip, chain.motion.rotation[-1], basis)
 
     def angles(self, state: FingerState) -> Array:
+        """Joint angles (nq,) of a state, rad."""
         return state.angles
 
     def rest(self) -> Motion:

@@ -113,6 +113,7 @@ class Potential:
 
     @property
     def half(self) -> Array:
+        """Half the ranges (n,) of the angles, rad."""
         return (self.high - self.low) / 2
 
     def bases(self, angle: Array, tension: Array) -> tuple[Basis, Basis]:

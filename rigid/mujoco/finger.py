@@ -93,6 +93,7 @@ class MujocoFinger(ChainFinger):
         return out
 
     def own_torques(self, angles: Array, tension: Array) -> dict[str, Array]:
+        """Joint torques (nq,) by source that the finger itself exerts, N m."""
         muscles = np.asarray(tension)[:, None] * self._posture(angles)[1]
         out = dict(zip(self.tendons, muscles, strict=True))
         out["gravity"] = np.zeros(len(angles))
@@ -103,6 +104,7 @@ class MujocoFinger(ChainFinger):
         return out
 
     def own_tangent(self, angles: Array, tension: Array) -> Array:
+        """Derivative (nq, nq) of the finger's own torques by the angles, N m/rad."""
         out = np.zeros((len(angles), len(angles)))
         if np.any(tension):
             share = np.zeros((len(self._arm_row), len(angles)))

@@ -53,14 +53,17 @@ class MovingMujoco:
 
     @property
     def bodies(self) -> tuple[str, ...]:
+        """Names of the bodies that are shared with the other side."""
         return self.finger.bodies
 
     @property
     def joints(self) -> tuple[str, ...]:
+        """Names of the joints, in the order of the angles."""
         return self.finger.joints
 
     @property
     def tendons(self) -> tuple[str, ...]:
+        """Names of the tendons, in the order of the tensions."""
         return self.finger.tendons
 
     def begin(self, posture: Mapping[str, float]) -> Moving:
@@ -70,9 +73,11 @@ class MovingMujoco:
         return Moving(start, at_rest, np.zeros_like(at_rest.rates))
 
     def angles(self, state: Moving) -> Array:
+        """Joint angles (nq,) of a state, rad."""
         return state.moment.angles
 
     def rates(self, state: Moving) -> Array:
+        """Joint rates (nq,) of a state, rad/s."""
         return state.moment.rates
 
     def tip_wrench(self, state: Moving) -> Array:

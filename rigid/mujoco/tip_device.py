@@ -129,7 +129,7 @@ class Cage:
 
     contact: Contact = Contact()
     width: float = 0.009
-    """m, between opposite walls."""
+    """Distance between opposite walls, m."""
 
     def __post_init__(self) -> None:
         _check("cage", self.gap)
@@ -168,7 +168,7 @@ class Shell:
 
     contact: Contact = Contact()
     width: float = 0.009
-    """m, inner diameter."""
+    """Inner diameter, m."""
 
     def __post_init__(self) -> None:
         _check("shell", self.gap)

@@ -118,8 +118,8 @@ def equilibrium(
 
 def _conditions(muscles: Muscles, activation: ArrayLike, path: ArrayLike) -> tuple[Array, Array]:
     """Checked activation and path length of one shape (..., n)."""
-    raised = muscles.effective(muscles.checked("activation", activation, 0.0, 1.0))
-    length = muscles.checked("path length", path, 0.0, np.finfo(float).max)
+    raised = muscles.effective(muscles.check("activation", activation, 0.0, 1.0))
+    length = muscles.check("path length", path, 0.0, np.finfo(float).max)
     shape = np.broadcast_shapes(raised.shape, length.shape)
     return np.broadcast_to(raised, shape), np.broadcast_to(length, shape)
 
@@ -212,9 +212,9 @@ def path_length(muscles: Muscles, normalised_length: ArrayLike, activation: Arra
 
     Raises InputError where a fibre would be shorter than the shortest one."""
     shortest = muscles.shortest_fibre / muscles.optimal_fibre_length
-    raised = muscles.effective(muscles.checked("activation", activation, 0.0, 1.0))
+    raised = muscles.effective(muscles.check("activation", activation, 0.0, 1.0))
     largest = np.finfo(float).max
-    length = muscles.checked("normalised fibre length", normalised_length, 0.0, largest)
+    length = muscles.check("normalised fibre length", normalised_length, 0.0, largest)
     short = length < shortest
     if short.any():
         raise InputError(

@@ -130,7 +130,7 @@ class Muscles:
         where = np.broadcast_to(where, np.broadcast_shapes(where.shape, (len(self.names),)))
         return self.names[int(np.argmax(where.reshape(-1, len(self.names)).any(axis=0)))]
 
-    def checked(self, what: str, given: ArrayLike, lower: float, upper: float) -> Array:
+    def check(self, what: str, given: ArrayLike, lower: float, upper: float) -> Array:
         """`given` as floats ending in the muscles' axis.  Raises InputError, naming the muscle."""
         value = np.asarray(given, dtype=float)
         if value.shape[-1:] not in ((), (1,), (len(self.names),)):

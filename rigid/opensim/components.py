@@ -39,6 +39,7 @@ class Transform:
         return self.rotation @ point + self.position
 
     def inverse(self) -> Transform:
+        """The inverse transform."""
         return Transform(self.rotation.T, -self.rotation.T @ self.position)
 
 

@@ -46,6 +46,7 @@ class Skeleton:
 
     @cached_property
     def coordinates(self) -> dict[str, Coordinate]:
+        """Names of the skeleton's coordinates."""
         return {c.name: c for joint in self.joints.values() for c in joint.coordinates}
 
     @cached_property

@@ -71,9 +71,9 @@ class Simulation:
     energy: Energy
     rest: Rest
     last_rate: float
-    """rad/s, the largest over the window of `rest`, and"""
+    """The largest joint rate over the window of `rest`, rad/s."""
     last_change: float
-    """N, the largest of a force component from its end."""
+    """The largest change of a force component from the end of that window, N."""
     last: Moment
     """The state at the end."""
     muscles: tuple[State, ...]

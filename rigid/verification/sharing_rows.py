@@ -79,9 +79,9 @@ class Programmes:
 
     def change(self) -> float:
         """s, when the linear programme's FDS falls silent and the interossei begin."""
-        return float(brentq(self._flexed, 0.01 * DURATION, 0.9 * DURATION, xtol=1e-6))
+        return float(brentq(self._flex, 0.01 * DURATION, 0.9 * DURATION, xtol=1e-6))
 
-    def _flexed(self, time: float) -> float:
+    def _flex(self, time: float) -> float:
         muscles = self.linear(time).muscles
         return float(muscles[FDS] - muscles[INT])
 

@@ -92,7 +92,7 @@ def test_friction_which_keeps_what_has_pulled_allows_no_detour(monkeypatch, moti
         raise ConvergenceError("stuck")
 
     hood = shells.index_hood(f"hood.contact.friction={friction}")
-    monkeypatch.setattr(ShellHood, "_in_steps", stuck)
+    monkeypatch.setattr(ShellHood, "_solve_in_steps", stuck)
     with pytest.raises(ConvergenceError, match="stuck"):
         hood.advance(hood.start(motion), motion, TENSION, STATIC)
     assert len(pulls) == ways

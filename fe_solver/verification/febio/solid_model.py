@@ -155,7 +155,7 @@ class SolidModel:
         met = (None,) * len(self.facets)
         return Loads(*body_poses(self.job.bodies, time), dead, pressure, multipliers, met)
 
-    def searched(self, z: Array, loads: Loads) -> Loads:
+    def search_contacts(self, z: Array, loads: Loads) -> Loads:
         """The loads with contact kept to the triangles that it meets at z."""
         met = (
             find_triangles(f, z, loads.position[f.body], loads.rotation[f.body])
@@ -168,7 +168,7 @@ class SolidModel:
         facets = tuple(replace(f, penalty=share * f.penalty) for f in self.facets)
         return replace(self, facets=facets)
 
-    def placed(self, z: Array, time: float) -> Array:
+    def place(self, z: Array, time: float) -> Array:
         """z (2n, 3) with what is given at a time: ties to bodies and held displacements."""
         job, n, out = self.job, len(self.job.points), z.copy()
         for h in job.held:
@@ -212,7 +212,7 @@ class SolidModel:
             force = -pressure_forces(x, loads.pressure)
             yield Term(Source.PRESSURE, self.job.quads, force, stiffness)
 
-    def unbalanced(self, terms: Sequence[Term], loads: Loads) -> Array:
+    def imbalance(self, terms: Sequence[Term], loads: Loads) -> Array:
         """(2n, 3) N with which the nodes resist more than the dead loads ask for: zero at free
         components in equilibrium, reactions at given ones."""
         out = np.zeros_like(self.rest)
@@ -221,7 +221,7 @@ class SolidModel:
             np.add.at(out, term.nodes, term.force)
         return out
 
-    def missed(self, unbalanced: Array) -> float:
+    def miss(self, unbalanced: Array) -> float:
         """N, the norm of what does not balance; infinite where a law has no answer."""
         size = float(np.linalg.norm(unbalanced[self.free]))
         return size if np.isfinite(size) else np.inf
@@ -337,7 +337,7 @@ class Pattern:
         values = np.concatenate([t.stiffness.ravel() for t in terms])[self.kept]
         return np.bincount(self.place, values, self.slots.nnz).astype(float)
 
-    def factorised(self, terms: Sequence[Term]) -> Factor:
+    def factorise(self, terms: Sequence[Term]) -> Factor:
         """The tangent, which may be indefinite.  Raises ConvergenceError where it is singular."""
         data = self.data(terms)
         try:

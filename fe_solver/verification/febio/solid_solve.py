@@ -114,7 +114,7 @@ class _Stepper:
             self._go(time, span)
         self._augment()
         cpu = clock.process_time() - began
-        self._require_held()
+        self._require_supports()
         return solid_state(self.model, self.last, effort_since(self.effort, before, cpu))
 
     def _go(self, time: float, span: float) -> None:
@@ -129,7 +129,7 @@ class _Stepper:
             self.effort = replace(self.effort, failures=self.effort.failures + 1)
             self.stride = step / 2
             if self.stride < self.options.shortest * span:
-                raise self._stopped(there, error) from error
+                raise self._stop(there, error) from error
             return
         self.effort = replace(self.effort, steps=self.effort.steps + 1)
         if self.effort.iterations - before <= QUICK:
@@ -138,7 +138,7 @@ class _Stepper:
     def _step(self, time: float) -> Equilibrium:
         """The equilibrium of a time; from rest, where nothing tells which points will touch, by
         softer contact if not at once.  Raises ConvergenceError."""
-        z, loads = self._predicted(time)
+        z, loads = self._predict(time)
         try:
             return self._equilibrium(self.model, z, loads, time)
         except ConvergenceError:
@@ -148,7 +148,7 @@ class _Stepper:
             z = self._equilibrium(self.model.with_penalty(share), z, loads, time).z
         return self._equilibrium(self.model, z, loads, time)
 
-    def _stopped(self, time: float, error: ConvergenceError) -> ConvergenceError:
+    def _stop(self, time: float, error: ConvergenceError) -> ConvergenceError:
         e = self.effort
         return ConvergenceError(
             f"{self.model.job.name}: no equilibrium of q4ans elements was found at t = {time:.6g}, "
@@ -162,18 +162,18 @@ class _Stepper:
         angle = np.linalg.norm(_turns(before, after), axis=1).max(initial=0.0)
         return (time - self.last.time) / max(1, int(np.ceil(angle / TURN)))
 
-    def _factorised(self, terms: Sequence[Term]) -> Factor:
+    def _factorise(self, terms: Sequence[Term]) -> Factor:
         self.effort = replace(self.effort, solves=self.effort.solves + 1)
-        return self.pattern.factorised(terms)
+        return self.pattern.factorise(terms)
 
-    def _predicted(self, time: float) -> tuple[Array, Loads]:
+    def _predict(self, time: float) -> tuple[Array, Loads]:
         """First-order prediction of the equilibrium at a time, and its loads.
 
         A body that moves by w leaves the forces on it as they would be if the nodes moved by -w and
         all turned with it.  From rest, where no spring is taut yet, loads are left to Newton."""
         m, last = self.model, self.last
         new = m.at(time, last.loads.multipliers)
-        given = m.placed(last.z, time) - last.z
+        given = m.place(last.z, time) - last.z
         right = np.zeros_like(last.z)
         if self.effort.steps:
             right[: len(new.dead)] = last.loads.dead - new.dead
@@ -190,24 +190,24 @@ class _Stepper:
         if not right[m.free].any():
             return last.z + given, new
         step = np.zeros_like(last.z)
-        step[m.free] = -self._factorised(last.terms).solve(right[m.free])
-        return m.placed(last.z + given + step, time), new
+        step[m.free] = -self._factorise(last.terms).solve(right[m.free])
+        return m.place(last.z + given + step, time), new
 
     def _equilibrium(self, m: SolidModel, z: Array, loads: Loads, time: float) -> Equilibrium:
         """By Newton.  Raises ConvergenceError."""
         with np.errstate(all="ignore"):
             terms = tuple(m.terms(z, loads))
             for iteration in range(MOST_ITERATIONS):
-                force = m.unbalanced(terms, loads)
-                missed, scale = m.missed(force), m.scale(force, terms)
+                force = m.imbalance(terms, loads)
+                missed, scale = m.miss(force), m.scale(force, terms)
                 if missed <= TOLERANCE * scale:
                     return Equilibrium(time, z, loads, terms, missed)
                 if not np.isfinite(missed):
                     break
                 if iteration == SEARCHES:
-                    loads = m.searched(z, loads)
+                    loads = m.search_contacts(z, loads)
                 step = np.zeros_like(z)
-                step[m.free] = -self._factorised(terms).solve(force[m.free])
+                step[m.free] = -self._factorise(terms).solve(force[m.free])
                 longest = FIRST_STEP * 2.0**iteration * m.thickness
                 share = min(1.0, longest / float(np.abs(step).max()))
                 limits = (SEARCHED[0] * scale, SEARCHED[1] * scale)
@@ -249,7 +249,7 @@ class _Stepper:
             "allow more, or take FEBio's penalty alone: --penetration none"
         )
 
-    def _require_held(self) -> None:
+    def _require_supports(self) -> None:
         """Raises InputError where the sheet can move without resistance."""
         if has_mechanism(self.pattern.data(self.last.terms), self.pattern.slots):
             raise InputError(
@@ -275,7 +275,7 @@ def _move(
     for halving in range(HALVINGS):
         there = z + step / 2**halving
         terms = tuple(model.terms(there, loads))
-        missed = model.missed(model.unbalanced(terms, loads))
+        missed = model.miss(model.imbalance(terms, loads))
         tried.append((missed, there, terms))
         if missed < limit or limit == np.inf:
             break

@@ -87,7 +87,7 @@ def _wrenches(model: SolidModel, found: Equilibrium) -> dict[str, Array]:
             arm = (z[term.nodes[own]] - position[body]).reshape(-1, 3)
             wrench = out.setdefault(f"spring {i}" if i >= 0 else "contact", np.zeros((count, 6)))
             wrench[body] += _about(arm, term.force[own].reshape(-1, 3))
-    resisted = model.unbalanced(found.terms, found.loads)
+    resisted = model.imbalance(found.terms, found.loads)
     tie, guide, left = np.zeros((count, 6)), np.zeros((count, 6)), ~model.free
     n = len(job.points)
     for t in job.tied:

@@ -161,17 +161,17 @@ def _step(bed: Bed, before: _State, course: Course, k: int, point: Array) -> tup
         way = -_solve(slope, found.residual, k)
         x = x + _halve(trial, x, way, size)[:, None] * way
         found = trial(x)
-    raise _lost(k, f"off balance by {size.max():.1e} N after {MOST_ITERATIONS} iterations")
+    raise _losses(k, f"off balance by {size.max():.1e} N after {MOST_ITERATIONS} iterations")
 
 
 def _solve(slope: Array, residual: Array, k: int) -> Array:
     try:
         return np.asarray(np.linalg.solve(slope, residual[..., None])[..., 0])
     except np.linalg.LinAlgError as error:
-        raise _lost(k, "without resistance to some motion") from error
+        raise _losses(k, "without resistance to some motion") from error
 
 
-def _lost(k: int, how: str) -> ConvergenceError:
+def _losses(k: int, how: str) -> ConvergenceError:
     return ConvergenceError(
         f"virtual testbed: step {k} is {how}; keep both ways of the extensors taut, pull and push "
         "less abruptly, or take shorter steps"

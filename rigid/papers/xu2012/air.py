@@ -85,7 +85,7 @@ class PressureLoop:
         ahead = measured
         for v in loop.sent[1:]:
             ahead = self.model.ahead(ahead, v[None]) + PERIOD * bias
-        voltage = self._inverted(ahead, (wanted - ahead) / CLOSING - bias)
+        voltage = self._invert(ahead, (wanted - ahead) / CLOSING - bias)
         return Loop(np.vstack([loop.sent[1:], voltage]), measured, bias)
 
     @cached_property
@@ -94,7 +94,7 @@ class PressureLoop:
         still = self.model.rate(np.zeros_like(VOLTAGES), VOLTAGES)
         return still, self.model.rate(np.ones_like(VOLTAGES), VOLTAGES) - still
 
-    def _inverted(self, pressure: Array, rate: Array) -> Array:
+    def _invert(self, pressure: Array, rate: Array) -> Array:
         """(nt,) V of `VOLTAGES` at which the model has that rate (Pa/s), the nearest end else."""
         still, slope = self._lines
         rates = still[:, None] + np.outer(slope, pressure)

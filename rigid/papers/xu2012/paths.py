@@ -75,7 +75,7 @@ def _strand_length(strand: Strand, pose: dict[str, Pose]) -> float:
         if around is None:
             total += float(np.linalg.norm(point - last))
         else:
-            total += wrapped_length(last, point, around, pose[around.body])
+            total += wrap_length(last, point, around, pose[around.body])
         last, around = point, None
     return total
 
@@ -86,7 +86,7 @@ def _place(pose: Pose, point: tuple[float, float, float]) -> Array:
     return out
 
 
-def wrapped_length(start: Array, end: Array, surface: Cylinder | Sphere, pose: Pose) -> float:
+def wrap_length(start: Array, end: Array, surface: Cylinder | Sphere, pose: Pose) -> float:
     """m, of the way from `start` to `end` (3,) past a surface of a body in that pose."""
     turn, origin = pose
     centre = np.array(surface.centre)

@@ -52,7 +52,7 @@ def mirrored() -> ShellModel:
     D = model.directors.copy()
     D[edge, 1] = 0.0
     D[edge] /= np.linalg.norm(D[edge], axis=1, keepdims=True)
-    plane = Guides.fixed(
+    plane = Guides.on_body_axes(
         edge, np.full(count, 2), X[edge], np.tile([False, True, False], (count, 1))
     )
     plane = replace(

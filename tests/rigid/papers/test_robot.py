@@ -72,9 +72,9 @@ def test_way_over_a_cylinder_is_its_tangents_and_arc() -> None:
     over = Cylinder("", (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 3.0, (0.0, 0.0, 9.0))
     start, end = np.array([-5.0, 0.0, 0.0]), np.array([5.0, 2.0, 0.0])
     flat = 2 * 4.0 + 3.0 * (np.pi - 2 * np.arccos(3 / 5))
-    assert paths.wrapped_length(start, end, over, pose) == pytest.approx(np.hypot(flat, 2.0))
+    assert paths.wrap_length(start, end, over, pose) == pytest.approx(np.hypot(flat, 2.0))
     above = np.array([0.0, 0.0, 4.0])
-    far = paths.wrapped_length(start + above, end + above, over, pose)
+    far = paths.wrap_length(start + above, end + above, over, pose)
     assert far == pytest.approx(np.hypot(10.0, 2.0))
 
 
@@ -88,10 +88,10 @@ def test_way_over_a_sphere_is_its_tangents_and_the_great_circle_between() -> Non
     start, end = (np.array(over.centre) + ends @ turn) @ turn.T + pose[1]
     arc = 3.0 * (apart - np.arccos(3 / 5) - np.arccos(3 / 13))
     wanted = 4.0 + arc + np.sqrt(13**2 - 3**2)
-    assert paths.wrapped_length(start, end, over, pose) == pytest.approx(wanted)
+    assert paths.wrap_length(start, end, over, pose) == pytest.approx(wanted)
     small = Sphere("", over.centre, 0.5)
     straight = float(np.linalg.norm(end - start))
-    assert paths.wrapped_length(start, end, small, pose) == pytest.approx(straight)
+    assert paths.wrap_length(start, end, small, pose) == pytest.approx(straight)
 
 
 def test_arms_over_the_head_are_its_radius_times_the_normal_of_the_plane() -> None:
