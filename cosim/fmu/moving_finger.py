@@ -22,7 +22,7 @@ OPTIONAL = (*FOLLOWED, "tip", "tip_moment", ASKED, KINEMATICS.name)
 
 
 @dataclass(frozen=True)
-class FmuMovingState:
+class MovingAt:
     """A finger in motion at one time."""
 
     saved: Saved
@@ -59,9 +59,9 @@ class FmuMovingFinger:
         self._place = places(self.unit.opened, quantities, names or {}, OPTIONAL, assume_si)
         self.kinematics = Kinematics(self.unit, self._place, bodies)
         self._follows = all(name in self._place for name in FOLLOWED)
-        self._begin = self._read_state()
+        self._begin = self._seen()
 
-    def begin(self, posture: Mapping[str, float]) -> FmuMovingState:
+    def begin(self, posture: Mapping[str, float]) -> MovingAt:
         """The unit as it was initialised, in its own posture; raises InputError for another."""
         if posture:
             raise InputError(f"{self.unit.opened.path}: this FMU begins in a posture of its own")
@@ -73,28 +73,28 @@ class FmuMovingFinger:
             return self.motion(np.zeros(len(self.joints)))
         return self.motion(self._begin.angles)
 
-    def angles(self, state: FmuMovingState) -> Array:
+    def angles(self, state: MovingAt) -> Array:
         return state.angles
 
-    def rates(self, state: FmuMovingState) -> Array:
+    def rates(self, state: MovingAt) -> Array:
         return state.rates
 
-    def energy(self, state: FmuMovingState) -> float:
+    def energy(self, state: MovingAt) -> float:
         return state.energy
 
-    def dissipation(self, state: FmuMovingState) -> float:
+    def dissipation(self, state: MovingAt) -> float:
         """W, of the damping of joints and limits."""
         return state.dissipation
 
-    def device_loss(self, state: FmuMovingState) -> float:
+    def device_loss(self, state: MovingAt) -> float:
         """None is told."""
         return 0.0
 
-    def stored_energy(self, state: FmuMovingState) -> dict[str, float]:
+    def stored(self, state: MovingAt) -> dict[str, float]:
         """Only their sum is told."""
         return {}
 
-    def tip_wrench(self, state: FmuMovingState) -> Array:
+    def tip_wrench(self, state: MovingAt) -> Array:
         """(6,) N, and N m about the fingertip, of it on the world, world frame."""
         return state.tip
 
@@ -116,9 +116,7 @@ class FmuMovingFinger:
         """(k, 3) m, a line through the bodies' origins."""
         return {"bones": self.kinematics.at(angles).line}
 
-    def step(
-        self, state: FmuMovingState, load: AffineLoad, tension: Array, dt: float
-    ) -> FmuMovingState:
+    def step(self, state: MovingAt, load: AffineLoad, tension: Array, dt: float) -> MovingAt:
         """Raises InputError for a load on other bodies, or one that follows them where the unit
         takes held loads only; ConvergenceError."""
         if load.at.bodies != self.bodies:
@@ -138,7 +136,7 @@ class FmuMovingFinger:
             if name in self._place:
                 self.unit.set(self._place[name], value)
         self.unit.step(dt)
-        return self._read_state()
+        return self._seen()
 
     def ledger(
         self,
@@ -159,13 +157,13 @@ class FmuMovingFinger:
         fingertip[-1, 3:] -= np.cross(lever, tip[:3])
         return {"fingertip": fingertip}
 
-    def _read_state(self) -> FmuMovingState:
+    def _seen(self) -> MovingAt:
         told = {
             name: self.unit.get(self._place[name])
             for name in ("angle", "rate", "tip_force", "tip_moment", "energy", "dissipation")
             if name in self._place
         }
-        self.kinematics.read_pose(told["angle"])
+        self.kinematics.reached(told["angle"])
         tip = np.concatenate([told["tip_force"], told.get("tip_moment", np.zeros(3))])
         power = float(told["energy"]), float(told["dissipation"])
-        return FmuMovingState(self.unit.save(), told["angle"], told["rate"], tip, *power)
+        return MovingAt(self.unit.save(), told["angle"], told["rate"], tip, *power)

@@ -15,11 +15,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from cosim.study.results import StudyResults
+    from cosim.study.results import Opened
 
 
-def open_study(folder: str | Path) -> StudyResults:
+def open_study(folder: str | Path) -> Opened:
     """What `cosim study` left in a folder.  Raises InputError where it left nothing there."""
-    from cosim.study.results import read_study
+    from cosim.study.results import opened
 
-    return read_study(Path(folder))
+    return opened(Path(folder))

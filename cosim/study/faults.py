@@ -9,7 +9,7 @@ from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from cosim.case.faults import at, unknown, value_text
+from cosim.case.faults import at, found, unknown
 
 
 def listing(source: Path, faults: Sequence[str]) -> str:
@@ -28,11 +28,10 @@ def faults_of(
         value = values
         for part in place:
             value = at(value, part)
-        where = f"{place_text((*above, *place))}{value_text(value)}"
-        yield f"{where}: {_message(item, place, values, model)}"
+        yield f"{shown((*above, *place))}{found(value)}: {_message(item, place, values, model)}"
 
 
-def place_text(place: tuple[str | int, ...]) -> str:
+def shown(place: tuple[str | int, ...]) -> str:
     """A place as people write it."""
     parts = [
         str(p)[:60] if isinstance(p, int) or re.fullmatch(r"[\w-]+", p) else repr(p[:60])

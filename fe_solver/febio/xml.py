@@ -46,7 +46,7 @@ class Tag(xml_tree.Tag):
         return f"<{self.path}>"
 
     @contextmanager
-    def naming_place(self) -> Iterator[None]:
+    def told(self) -> Iterator[None]:
         """Errors from within are told with this tag's place."""
         try:
             yield

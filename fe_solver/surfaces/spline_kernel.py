@@ -7,12 +7,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fe_solver.elements.kernels import compile_kernel
+from fe_solver.elements.kernels import compiled
 
 Array = NDArray[np.float64]
 
 
-@compile_kernel
+@compiled
 def spline_at(
     coefficients: Array, spacing: float, at: Array, value: Array, gradient: Array, hessian: Array
 ) -> None:

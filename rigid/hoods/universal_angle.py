@@ -56,7 +56,7 @@ def _joint(parent: str, body: Segment) -> Joint:
 
 
 def names_of(joints: Sequence[Joint]) -> tuple[str, ...]:
-    """Names of the joints' angles."""
+    """Of their angles."""
     return tuple(name for joint in joints for name in joint.names)
 
 

@@ -15,9 +15,9 @@ from cosim.hoods.lumped.table import (
     JOINTS,
     Arm,
     ConnectingTendon,
-    NetworkHoodConfig,
+    NetworkHood,
     Reduced,
-    TwoBandHoodConfig,
+    TwoBandHood,
 )
 from cosim.port import Hood, Motion, State
 
@@ -28,19 +28,17 @@ if TYPE_CHECKING:
     from rigid.model import FingerModel
 
 
-def build(hood: NetworkHoodConfig, site: Site) -> BuiltHood:
+def build(hood: NetworkHood, site: Site) -> BuiltHood:
     """The network as a lesion leaves it."""
-    left, model = apply_lesion_to_network(hood, site.lesion), site.anatomy.model
-    return BuiltHood(
-        build_lumped_hood(left, model, site.rest), slips=partial(slip_forces, left, model)
-    )
+    left, model = injured_network(hood, site.lesion), site.anatomy.model
+    return BuiltHood(lumped_hood(left, model, site.rest), slips=partial(slip_forces, left, model))
 
 
-def build_two_bands(hood: TwoBandHoodConfig, site: Site) -> BuiltHood:
+def build_two_bands(hood: TwoBandHood, site: Site) -> BuiltHood:
     return build(as_network(hood), site)
 
 
-def apply_lesion_to_network(network: NetworkHoodConfig, lesion: Lesion | None) -> NetworkHoodConfig:
+def injured_network(network: NetworkHood, lesion: Lesion | None) -> NetworkHood:
     """A hood in lumped form without the connecting tendons that are cut, others shorter or longer.
 
     Raises InputError where a muscle would be left to pull on nothing."""
@@ -59,7 +57,7 @@ def apply_lesion_to_network(network: NetworkHoodConfig, lesion: Lesion | None) -
     return network.model_copy(update={"connecting": left})
 
 
-def _tendons(hood: NetworkHoodConfig, part: str, key: str) -> list[str]:
+def _tendons(hood: NetworkHood, part: str, key: str) -> list[str]:
     """The connecting tendons of a part: those that cross the PIP last are the central slip, those
     that cross the DIP the terminal one.  Raises InputError where there are none."""
     if part in hood.connecting:
@@ -73,26 +71,24 @@ def _tendons(hood: NetworkHoodConfig, part: str, key: str) -> list[str]:
     return found
 
 
-def build_lumped_hood(hood: NetworkHoodConfig, model: FingerModel | None, rest: Motion) -> Hood:
+def lumped_hood(hood: NetworkHood, model: FingerModel | None, rest: Motion) -> Hood:
     """The network on the flexion angles of a finger (None: hinges in a plane), excursions counted
     from the poses `rest`."""
     from rigid.hoods.network_hood import NetworkHood as OnBodies
 
     if hood.reduced is not None:
-        return build_reduced_hood(potential(hood.reduced), model, rest.bodies)
+        return reduced_hood(potential(hood.reduced), model, rest.bodies)
     hinges = _hinges(model)
     return OnBodies(_network(hood), hinges, rest, operating_force=hood.operating_force)
 
 
-def slip_forces(
-    hood: NetworkHoodConfig, model: FingerModel | None, state: State
-) -> dict[str, float]:
+def slip_forces(hood: NetworkHood, model: FingerModel | None, state: State) -> dict[str, float]:
     """N, what bears on the middle phalanx ("central": it crosses the PIP last) and on the distal
     one ("terminal") of a hood's connecting tendons."""
     from rigid.hoods.hinge_angle import angles
 
     if hood.reduced is not None:
-        made = build_reduced_hood(potential(hood.reduced), model, state.motion.bodies)
+        made = reduced_hood(potential(hood.reduced), model, state.motion.bodies)
         return made.slip_forces(state)
     network = _network(hood)
     at = angles(_hinges(model), state.motion).value
@@ -118,7 +114,7 @@ def _hinges(model: FingerModel | None) -> tuple[HingeAngle, ...]:
     return tuple(HingeAngle(*names) for names in joints)
 
 
-def build_reduced_hood(
+def reduced_hood(
     made: Potential, model: FingerModel | None, bodies: tuple[str, ...]
 ) -> ReducedHood:
     """A potential behind the port, on every hinge of a finger (None: hinges in a plane)."""
@@ -155,7 +151,7 @@ def potential(hood: Reduced) -> Potential:
     )
 
 
-def _network(hood: NetworkHoodConfig) -> Network:
+def _network(hood: NetworkHood) -> Network:
     from rigid.hoods.network import Network
 
     muscles, tendons = tuple(hood.muscles), list(hood.connecting.values())
@@ -171,12 +167,12 @@ def _network(hood: NetworkHoodConfig) -> Network:
     )
 
 
-def as_network(hood: TwoBandHoodConfig) -> NetworkHoodConfig:
+def as_network(hood: TwoBandHood) -> NetworkHood:
     """The same two springs on one junction."""
     from rigid.hoods.two_band import band_stiffnesses
 
     middle, lateral = band_stiffnesses(hood.elasticity, hood.lateral_share)
-    return NetworkHoodConfig.model_construct(
+    return NetworkHood.model_construct(
         kind="network",
         muscles=hood.muscles,
         connecting={
@@ -198,5 +194,5 @@ def _arms(columns: Sequence[dict[str, Arm]]) -> Arms:
     return arms([{j: (a.constant, a.slope) for j, a in column.items()} for column in columns])
 
 
-NETWORK = HoodKind(NetworkHoodConfig, build)
-TWO_BANDS = HoodKind(TwoBandHoodConfig, build_two_bands)
+NETWORK = HoodKind(NetworkHood, build)
+TWO_BANDS = HoodKind(TwoBandHood, build_two_bands)

@@ -11,9 +11,9 @@ from pydantic import Field, model_validator
 
 from cosim.fingers.common import Posture, stamps
 from cosim.hoods.kind import HoodTable
-from cosim.hoods.lesion import SLIPS, SUPPORTS, InjurableParts, Lesion
+from cosim.hoods.lesion import SLIPS, SUPPORTS, Lesion, Parts
 from cosim.hoods.shell.fibre_table import Fibrous, SecondGasser, SecondLinear, SecondMooneyRivlin
-from cosim.hoods.supports import ContactConfig, SpringConfig
+from cosim.hoods.supports import Contact, Spring
 from cosim.schema import units
 from cosim.schema.fields import fault, name_of, quantity
 from cosim.schema.types import (
@@ -43,9 +43,7 @@ THIN_SHEETS = (
     "triangular_ligament",
 )
 """Regions of a sheet between its tendons, which a cut takes out whole."""
-PARTS = InjurableParts(
-    (*SLIPS, *SUPPORTS, *SHEET_SUPPORTS, *ACROSS, *THIN_SHEETS), REGIONS, REGIONS
-)
+PARTS = Parts((*SLIPS, *SUPPORTS, *SHEET_SUPPORTS, *ACROSS, *THIN_SHEETS), REGIONS, REGIONS)
 
 
 class GeneratedMesh(Table):
@@ -155,7 +153,7 @@ class ExtraLengths(Table):
     terminal_slip: ExtraLength = 0.0
 
 
-class ShellHoodConfig(HoodTable):
+class ShellHood(HoodTable):
     """The shell finite-element hood.  `bending_stiffness` (N m, of a strip per its width): as if
     with a sheet, isotropic and incompressible, that acts in bending alone, beside what the regions'
     laws make."""
@@ -179,12 +177,12 @@ class ShellHoodConfig(HoodTable):
     thickness: Thickness
     bending_stiffness: BendingStiffness = 0.0
     regions: dict[Annotated[str, name_of("region", REGIONS)], Material]
-    contact: ContactConfig
+    contact: Contact
     extra_length: ExtraLengths = ExtraLengths()
-    springs: dict[Annotated[str, name_of("spring set", SPRINGS)], SpringConfig]
+    springs: dict[Annotated[str, name_of("spring set", SPRINGS)], Spring]
 
     @model_validator(mode="after")
-    def _complete(self) -> ShellHoodConfig:
+    def _complete(self) -> ShellHood:
         if self.mesh.kind == "file":
             return self
         own = [name for name in REGIONS if name not in self.mesh.lacks]
@@ -200,7 +198,7 @@ class ShellHoodConfig(HoodTable):
     def has_smooth_tangent(self) -> bool:
         return self.contact.penetration is None and self.contact.friction == 0
 
-    def parts(self) -> InjurableParts:
+    def parts(self) -> Parts:
         return PARTS
 
     def cannot_be_injured(self, lesion: Lesion) -> str:
@@ -234,5 +232,5 @@ class ShellHoodConfig(HoodTable):
         isotropic = all(region.kind == "isotropic" for region in self.regions.values())
         return "isotropic shell" if isotropic else "fibre shell"
 
-    def on_finger(self, finger: str, laid: ShellHoodConfig | None) -> ShellHoodConfig:
+    def on_finger(self, finger: str, laid: ShellHood | None) -> ShellHood:
         return self if laid is None else laid.model_copy(update={"regions": self.regions})

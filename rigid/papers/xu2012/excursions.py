@@ -24,8 +24,8 @@ from rigid.fingers import robot_tables as tables
 from rigid.fingers.anatomy import RANGES
 from rigid.fingers.robot import robot_finger
 from rigid.mujoco.finger import MujocoFinger
-from rigid.papers.xu2012.calibration import Calibration, Seen, Spread, calibrate
-from rigid.papers.xu2012.pose import Markers, estimate
+from rigid.papers.xu2012.calibration import Calibration, Seen, Spread, calibrated
+from rigid.papers.xu2012.pose import Markers, estimated
 
 POSES = 460
 BALL = 0.002
@@ -59,7 +59,7 @@ class World:
 
     seed: int = 0
     noise: float = 0.0002
-    """Noise of a camera's coordinate at one time, m."""
+    """Of a camera's coordinate at one time."""
     give: float = 0.002
     """Standard deviation of each coordinate of a marker's shift at a pose."""
     misplaced: tuple[tuple[float, float, float], ...] = (
@@ -68,8 +68,7 @@ class World:
     )
     """From where the markers were meant to be to where they are."""
     limiter: float = 0.55
-    """Share of the adduction tendon's excursion over all poses beyond which its piston does not
-    go."""
+    """Of the adduction tendon's excursion over all poses: its piston goes no further."""
     noisy: tuple[float, ...] = (0.0002, 0.0002, 0.0002, 0.001, 0.0002)
     """By tendon: what a pose's excursion is off by; the abduction tendon presses on the capsule."""
     turn: tuple[float, float, float] = (0.4, -0.7, 1.1)
@@ -103,7 +102,7 @@ class Found:
     """What the analysis makes of a record."""
 
     seen: Seen
-    """Measurements of the poses kept, in the finger's frame."""
+    """Of the poses kept, in the finger's frame."""
     residual: Array
     """(poses,) m, of all poses found."""
     angle: Array
@@ -120,7 +119,7 @@ class Found:
         return np.asarray(length - length.mean(axis=0))
 
 
-def record_excursions(world: World, poses: int = POSES) -> tuple[Record, Truth]:
+def recorded(world: World, poses: int = POSES) -> tuple[Record, Truth]:
     """The finger led to random poses of table II and left at rest at each."""
     rng = np.random.default_rng(world.seed)
     finger = MujocoFinger(robot_finger())
@@ -178,7 +177,7 @@ def procrustes(model: Array, seen: Array) -> tuple[Array, Array]:
     return turn, mean_model - turn @ mean_seen
 
 
-def average(record: Record) -> Seen:
+def averaged(record: Record) -> Seen:
     """The times of rest, in the finger's frame."""
     turn, shift = procrustes(BASE, record.base.mean(axis=0))
     times = rests(record)
@@ -186,16 +185,16 @@ def average(record: Record) -> Seen:
     return Seen(marker, np.array([record.piston[t].mean(axis=0) for t in times]))
 
 
-def analyse(record: Record, markers: Markers = MEANT) -> Found:
+def analysed(record: Record, markers: Markers = MEANT) -> Found:
     """Section VI's analysis with the markers where they were meant to be."""
-    finger, seen = MujocoFinger(robot_finger()), average(record)
-    poses = [estimate(finger, markers, x, START) for x in seen.marker]
+    finger, seen = MujocoFinger(robot_finger()), averaged(record)
+    poses = [estimated(finger, markers, x, START) for x in seen.marker]
     residual = np.array([p.residual for p in poses])
     kept = residual <= MOST_RESIDUAL
     angle = np.array([p.angle for p in poses])[kept]
     return Found(Seen(seen.marker[kept], seen.piston[kept]), residual, angle)
 
 
-def recalibrate(found: Found, markers: Markers = MEANT) -> Calibration:
+def recalibrated(found: Found, markers: Markers = MEANT) -> Calibration:
     """The places of the markers, from the poses kept."""
-    return calibrate(MujocoFinger(robot_finger()), markers, found.seen, found.angle, SPREAD)
+    return calibrated(MujocoFinger(robot_finger()), markers, found.seen, found.angle, SPREAD)
