@@ -15,7 +15,7 @@ from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium
 from cosim.errors import InputError, Progress, quiet
 from cosim.pipeline import run_case
 from cosim.port import Finger, Hood, Pair, PairState, Tensions
-from cosim.results.compare import as_dict, compared, numbers_of, read_targets, unit_of
+from cosim.results.compare import as_dict, compare_with_targets, numbers_of, read_targets, unit_of
 from cosim.results.read import read_run
 from cosim.results.result import Result
 from cosim.solve.session import Session
@@ -76,7 +76,7 @@ def compare(*results: Result, data: str | Path | None = None) -> pandas.DataFram
     if data is not None:
         if len(results) != 1:
             raise InputError(f"compare: data go beside one result, not {len(results)}")
-        rows = compared(read_targets(Path(data)), results[0].summary, results[0].case)
+        rows = compare_with_targets(read_targets(Path(data)), results[0].summary, results[0].case)
         return pandas.DataFrame([as_dict(row) for row in rows])
     columns: dict[str, dict[str, float]] = {}
     for result in results:

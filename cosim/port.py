@@ -87,7 +87,7 @@ class Motion:
         if not (np.isfinite(self.position).all() and np.isfinite(self.rotation).all()):
             raise InputError(f"motion of {self.bodies} holds a value that is not finite")
 
-    def displaced(self, twist: Array) -> Motion:
+    def displace(self, twist: Array) -> Motion:
         """Poses after small displacements `twist` (nb, 6): translation of the origin (m), then
         rotation vector (rad), both in the world frame."""
         twist = np.asarray(twist).reshape(-1, 6)
@@ -97,13 +97,13 @@ class Motion:
             rotation_matrix(twist[:, 3:]) @ self.rotation,
         )
 
-    def moved(self, rotation: Array, translation: Array) -> Motion:
+    def transform(self, rotation: Array, translation: Array) -> Motion:
         """The whole hand turned by `rotation` (3, 3) about the world's origin, then shifted (m)."""
         position = self.position @ rotation.T + translation
         return Motion(self.bodies, position, rotation @ self.rotation)
 
     def twist_to(self, other: Motion) -> Array:
-        """(nb, 6) twist with `self.displaced(twist) == other` (rotations below pi)."""
+        """(nb, 6) twist with `self`*.displace(twist) == other` (rotations below pi)."""
         turn = rotation_vector(other.rotation @ np.swapaxes(self.rotation, 1, 2))
         return np.hstack([other.position - self.position, turn])
 
@@ -159,7 +159,7 @@ class Response(NamedTuple):
 
 @dataclass(frozen=True)
 class HoodJacobian:
-    """Derivatives at a state; a twist per body (nb * 6) as in `Motion.displaced`."""
+    """Derivatives at a state; a twist per body (nb * 6) as in `Motion`*.displace`."""
 
     load_motion: Array
     """(6 nb, 6 nb)."""
@@ -196,7 +196,7 @@ class Hood(Protocol):
         """Derivatives of load and excursion at a state that `advance` returned."""
         ...
 
-    def loosely(self, tolerance: float) -> Hood:
+    def with_tolerance(self, tolerance: float) -> Hood:
         """The same hood, free to leave a relative force residual of `tolerance`: for the first
         rounds of an iteration.  A hood in closed form is itself."""
         ...
@@ -274,7 +274,7 @@ class Finger(Protocol):
         """The state a `part` of the way from one to another."""
         ...
 
-    def turned(self, state: State, angles: Array) -> State:
+    def with_angles(self, state: State, angles: Array) -> State:
         """The state with its joints at angles (nq,) rad, its reaction kept.
 
         Raises InputError of a finger that cannot be asked at any angles."""
@@ -328,7 +328,7 @@ class OpenFinger(Finger, Protocol):
         with `load_motion` (6 nb, 6 nb)."""
         ...
 
-    def displaced(self, state: State, step: Array) -> State:
+    def displace(self, state: State, step: Array) -> State:
         """The state with its unknowns z moved by `step` (n,)."""
         ...
 

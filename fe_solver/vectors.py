@@ -27,7 +27,7 @@ def tangents(directors: Array) -> Array:
     return np.stack([t1, cross(directors, t1)], axis=2)
 
 
-def turned(directors: Array, basis: Array, angles: Array) -> Array:
+def turn_directors(directors: Array, basis: Array, angles: Array) -> Array:
     """Directors (n, 3) turned on the sphere by angles (n, 2) along the tangents (n, 3, 2)."""
     step = np.einsum("nij,nj->ni", basis, angles)
     size = np.linalg.norm(step, axis=1, keepdims=True)
@@ -41,7 +41,7 @@ def add_at(out: Array, index: Any, values: Array) -> None:
     np.add.at(out, index, values)
 
 
-def scattered(index: Ints, values: Array, n: int) -> Array:
+def sum_at_nodes(index: Ints, values: Array, n: int) -> Array:
     """Sum of values (..., 3) at node indices (...) into (n, 3)."""
     flat, index = values.reshape(-1, 3), index.ravel()
     sums = [np.bincount(index, weights=flat[:, k], minlength=n) for k in range(3)]

@@ -83,7 +83,7 @@ class Bone:
         column = np.arange(count) * na / count
         points = spline(self.points, row[1:-1], column)
         ends = self.points[[0, -1], 0]
-        return np.vstack([points.reshape(-1, 3), ends]), _closed_tube(rows - 1, count)
+        return np.vstack([points.reshape(-1, 3), ends]), _tube_triangles(rows - 1, count)
 
     def write_stl(self, path: Path | str, edge: float = 0.45e-3) -> None:
         """The surface as binary STL in metres."""
@@ -113,7 +113,7 @@ def spline(points: Array, row: Array, column: Array) -> Array:
     )
 
 
-def _closed_tube(rows: int, count: int) -> NDArray[np.int64]:
+def _tube_triangles(rows: int, count: int) -> NDArray[np.int64]:
     """Triangles of `rows` rings of `count` vertices, closed by two last vertices, the first near
     the first ring."""
     i, j = np.meshgrid(np.arange(rows - 1), np.arange(count), indexing="ij")

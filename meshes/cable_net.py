@@ -234,7 +234,7 @@ def lay(
         station = np.append(station, np.linspace(LATERAL_END, JOIN, len(more), endpoint=False))
     terminal = drawing.node(TERMINAL_END, 0.0)
     free = np.setdiff1d(np.arange(len(points)), [*ends.values(), terminal])
-    points[free] = level.pushed_out(points[free], CLEARANCE * 1e-3)
+    points[free] = level.push_out(points[free], CLEARANCE * 1e-3)
     strands = tuple(dict.fromkeys(drawing.strand))
     return CableNet(
         np.round(points, 7),

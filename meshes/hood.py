@@ -61,8 +61,8 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
 INSERTED = {True: 0.75, False: TENDON}
-"""Of the inner columns' half-angle, what the central slip's insertion holds; by whether the wings
-reach it."""
+"""Share of the inner columns' half-angle that the central slip's insertion holds, by whether the
+wings reach it."""
 # Half-angle of the inner columns and outer angle of the lateral bands, deg, against station.
 # [trial], widened to what [mi29] measures at the PIP (here 11 mm of 13) and the terminal slip.
 INNER = np.array(
@@ -87,7 +87,7 @@ CAPSULE_REACH = 5.0  # mm from the dorsal capsule's rows to its origin, proximal
 SLIP_REACH = 2.5  # mm from the central slip's last row to its insertion, distally (assumption)
 
 
-def _interpolated(table: Array, station: Array) -> Array:
+def _interpolate(table: Array, station: Array) -> Array:
     """Monotone cubic through (station mm, degrees) rows; rad."""
     from scipy.interpolate import PchipInterpolator
 
@@ -132,6 +132,7 @@ def generate(
     otherwise the index finger's, scaled.  `quadratic`: quadratic elements, of nine nodes.
     `one_sheet`: the wings reach the central slip's insertion, and nothing lies between the lateral
     bands distal of it."""
+    # the bones at rest, and the level of the sheet's middle over them
     chain = Chain(skeleton, *skeleton.pose(rest_posture))
     middle = {body: height + thickness / 2 for body, height in offset.items()}
     level = Level(surfaces, middle, chain.position, chain.rotation)
@@ -140,6 +141,7 @@ def generate(
         side: (1e-3 * scale * s, 1e-3 * width * dorsal, 1e-3 * width * radial)
         for side, (s, dorsal, radial) in INTRINSIC.items()
     }
+    # the grid's lines, laid on the hull of the bones
     across, over_band, over_triangle = columns(quads, quadratic)
     stations = rows(quads, quadratic)
     hull = Hull(chain, level)
@@ -149,6 +151,7 @@ def generate(
     grid, points, station = _lay(
         hull, stations, across, over_band, over_triangle, guides, wings_end, quadratic
     )
+    # cells, and nodes raised so that the chords between them clear the bones
     fixed = _end_nodes(grid)
     cells, region, along = _cells(grid, across, quadratic)
     free = np.setdiff1d(np.arange(len(points)), np.concatenate(list(fixed.values())))
@@ -158,7 +161,7 @@ def generate(
         lifted = np.union1d(free, fixed["central"])
         points[lifted] += (lift[:, None] * outward)[lifted]
     clear_guides(points, station, level, lift)
-    points[free] = level.pushed_out(points[free], CLEARANCE * 1e-3 + lift[free])
+    points[free] = level.push_out(points[free], CLEARANCE * 1e-3 + lift[free])
     fibre = _fibres(points, cells, along)
     return HoodMesh(
         np.round(points, 7),
@@ -197,12 +200,14 @@ def _lay(
         phi_list.append(phi)
         return len(s_list) - 1
 
-    half, out = _interpolated(INNER, stations), _interpolated(OUTER, stations)
+    # the central slip and the inner columns of the wings
+    half, out = _interpolate(INNER, stations), _interpolate(OUTER, stations)
     eps = 1e-6
     for i, s in enumerate(stations):
         if s <= SLIP_END + eps:
             here = _is_tendon(across) | (LATERAL_END - eps <= s <= wings_end + eps)
             inner[i, here] = [node(s, f * half[i]) for f in across[here]]
+    # the lateral bands, which share nodes with the wings and merge distally
     band: dict[str, Ints] = {}
     for side, sign in (("radial", 1), ("ulnar", -1)):
         nodes = np.full((nr, len(over_band)), -1)
@@ -220,6 +225,7 @@ def _lay(
                 else:
                     nodes[i, k] = node(s, sign * phi)
         band[side] = nodes
+    # the triangular ligament between the merging bands
     triangle = np.full((nr, len(over_triangle)), -1)
     ends = stations[:: 2 if quadratic else 1]
     last = ends[ends <= TRIANGLE_END + eps][-1]
@@ -228,6 +234,7 @@ def _lay(
         between = [node(stations[row], f * half[row]) for f in over_triangle[1:-1]]
         if len(over_triangle):
             triangle[row] = [band["ulnar"][row, 0], *between, band["radial"][row, 0]]
+    # places: on the hull, then the intrinsic tendons towards their guides
     station = np.array(s_list)
     points = hull.points(station, np.array(phi_list))
     grid = _Grid(stations, inner, band, triangle)
@@ -388,7 +395,7 @@ def _attachments(
     s, eps = grid.stations, 1e-6
     last = int(np.flatnonzero(s <= SLIP_END + eps)[-1])
     inserted = INSERTED[bool(grid.inner[last, 0] >= 0)]
-    columns, shares = _held(grid.inner[last], across, (-inserted, inserted), quadratic)
+    columns, shares = _bearing_nodes(grid.inner[last], across, (-inserted, inserted), quadratic)
     middle = grid.inner[last, columns]
     distal = chain.rotation[2][:, 0]
     slip = points[middle] + SLIP_REACH * 1e-3 * scale * distal
@@ -399,13 +406,13 @@ def _attachments(
     out["dorsal_capsule"] = _capsule(grid, across, chain, level, points, scale, quadratic)
     for side, sign, edge in (("radial", 1, -1), ("ulnar", -1, 0)):
         band = grid.band[side]
-        out[f"ligament_{side}"] = _grown(band, over_band, s, points, level, quadratic)
+        out[f"ligament_{side}"] = _growth(band, over_band, s, points, level, quadratic)
         for name, line, ends, origin, (dorsal, radial) in (
             ("sagittal", grid.inner[:, edge], SAGITTAL_ROWS, None, PALMAR_PLATE),
             ("retinacular", band[:, -1], RETINACULAR_ROWS, None, RETINACULAR_ANCHOR),
             ("oblique_retinacular", band[:, -1], OBLIQUE_ROWS, OBLIQUE_ORIGIN, OBLIQUE_ANCHOR),
         ):
-            rows, shares = _held(line, s, ends, quadratic)
+            rows, shares = _bearing_nodes(line, s, ends, quadratic)
             local = np.empty((len(rows), 3))
             local[:, 0] = along(chain.skeleton, s[rows] if origin is None else np.array([origin]))
             local[:, 1:] = 1e-3 * width * np.array([sign * radial, dorsal])
@@ -425,7 +432,9 @@ def _capsule(
     """The dorsal capsule of the PIP: what binds the central slip over the joint to the head of the
     proximal phalanx."""
     columns = np.flatnonzero(_is_tendon(across))
-    rows, along_it = _held(grid.inner[:, columns[0]], grid.stations, CAPSULE_ROWS, quadratic)
+    rows, along_it = _bearing_nodes(
+        grid.inner[:, columns[0]], grid.stations, CAPSULE_ROWS, quadratic
+    )
     over_it = even_shares(across[columns], (-TENDON, TENDON), quadratic)
     nodes = grid.inner[np.ix_(rows, columns)].ravel()
     origin = points[nodes] - CAPSULE_REACH * 1e-3 * scale * chain.rotation[1][:, 0]
@@ -433,7 +442,7 @@ def _capsule(
     return replace(on_bone("proximal", nodes, origin, level), shares=np.round(shares, 7))
 
 
-def _grown(
+def _growth(
     band: Ints,
     over_band: Array,
     stations: Array,
@@ -442,13 +451,13 @@ def _grown(
     quadratic: bool,
 ) -> Attachment:
     """What binds a lateral band to the bone beneath it, evenly over its width."""
-    rows, along_it = _held(band[:, 0], stations, LIGAMENT_ROWS, quadratic)
+    rows, along_it = _bearing_nodes(band[:, 0], stations, LIGAMENT_ROWS, quadratic)
     nodes = band[rows].ravel()
     shares = (along_it[:, None] * even_shares(over_band, (0.0, 1.0), quadratic)).ravel()
     return replace(on_bone("proximal", nodes, points[nodes], level), shares=np.round(shares, 7))
 
 
-def _held(
+def _bearing_nodes(
     line: Ints, place: Array, ends: tuple[float, float], quadratic: bool = False
 ) -> tuple[Ints, Array]:
     """Where a line of nodes (-1 for none) at ascending places bears something of what holds it

@@ -105,9 +105,9 @@ class HoodMesh:
     """(n,) mm, where each node was laid."""
     rest_posture: Mapping[str, float]
     reach: float
-    """m, MCP to PIP centre of the finger that it was laid on."""
+    """Distance from the MCP to the PIP centre of the finger that it was laid on, m."""
     thickness: float
-    """m, of the sheet whose mid-surface the points are."""
+    """Thickness of the sheet whose mid-surface the points are, m."""
     lift: Array | None = None
     """(n,) m, how much higher than the sheet's face each node touches a bone; None is nowhere."""
     fields: Mapping[str, Array] = field(default_factory=dict)
@@ -363,7 +363,7 @@ class _Reader:
         """Each quad is convex, its fibre lies in it, and neighbours face the same way."""
         q = mesh.quads
         p, k = mesh.points[q[:, :4]], len(flat(q)) // len(q)
-        bad = folded(mesh.points[flat(q)]).reshape(-1, k).any(axis=1) | (mesh.areas() < 1e-12)
+        bad = are_folded(mesh.points[flat(q)]).reshape(-1, k).any(axis=1) | (mesh.areas() < 1e-12)
         if bad.any():
             i = int(np.argmax(bad))
             raise self.fault("quads", f"quad {i} is folded or has no area; its nodes are {q[i]}")
@@ -417,7 +417,7 @@ class _Reader:
             )
 
 
-def folded(corners: Array) -> NDArray[np.bool_]:
+def are_folded(corners: Array) -> NDArray[np.bool_]:
     """(n,) which quads (n, 4, 3) have a reflex corner, cross themselves or have no area."""
     corner = _corners(corners)
     mean = corner.mean(axis=1)

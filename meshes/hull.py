@@ -99,7 +99,7 @@ class Level:
             slope[nearer] = gradient[nearer] @ self.rotation[i].T
         return best, slope
 
-    def pushed_out(self, points: Array, clearance: float) -> Array:
+    def push_out(self, points: Array, clearance: float) -> Array:
         """Points moved along the gradient until each has at least `clearance` (m)."""
         points = points.copy()
         for _ in range(30):
@@ -160,7 +160,7 @@ def hull_radius(
         slope = np.einsum("nk,nk->n", gradient, ray.reshape(-1, 3))
         step = np.where(slope > 0.3, clearance / np.where(slope > 0.3, slope, 1.0), 0.0)
         rho -= np.clip(step, -5e-4, 5e-4).reshape(rho.shape)
-    rho = _bridged(rho, reach=10)
+    rho = _bridge(rho, reach=10)
     return s, phi, gaussian_filter(maximum_filter(rho, (3, 3)), (2.0, 1.0), mode="nearest")
 
 
@@ -176,7 +176,7 @@ def _outermost_crossing(value: Array, radius: Array) -> Array:
     return np.where(crosses, radius[last] + (radius[1] - radius[0]) * share, radius[0])
 
 
-def _bridged(rho: Array, reach: int) -> Array:
+def _bridge(rho: Array, reach: int) -> Array:
     """Each row no lower than any chord between rows at most `reach` to either side."""
     out = rho.copy()
     n = len(rho)

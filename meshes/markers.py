@@ -42,7 +42,7 @@ def markers(mesh: HoodMesh, regions: Sequence[str]) -> Markers:
     edges = edges[np.ptp(mesh.station[edges], axis=1) > 0]
     s = mesh.station[edges]
     tried = np.linspace(s.min(), s.max(), 101)
-    across = (_crossed(mesh, edges, row)[2] for row in tried)
+    across = (_crossing_edges(mesh, edges, row)[2] for row in tried)
     width = np.array([np.ptp(y) if len(y) else 0.0 for y in across])
     whole = tried[width > np.median(width) / 4]  # an end may be ragged or come to a point
     rows = whole[np.linspace(0, len(whole) - 1, ROWS).round().astype(int)]
@@ -50,7 +50,7 @@ def markers(mesh: HoodMesh, regions: Sequence[str]) -> Markers:
     return Markers(np.array(nodes), np.array(weight))
 
 
-def _crossed(mesh: HoodMesh, edges: Ints, row: float) -> tuple[Ints, Array, Array]:
+def _crossing_edges(mesh: HoodMesh, edges: Ints, row: float) -> tuple[Ints, Array, Array]:
     """Those of `edges` that the line at station `row` (mm) crosses, from ulnar to radial, the
     shares (k, 2) of their ends there, and how far radial that is, m."""
     s = mesh.station[edges]
@@ -65,7 +65,7 @@ def _crossed(mesh: HoodMesh, edges: Ints, row: float) -> tuple[Ints, Array, Arra
 def _across(mesh: HoodMesh, edges: Ints, row: float) -> tuple[Ints, Array]:
     """Nodes (3, 4) and weights of the radial edge, the middle and the ulnar edge where the line at
     station `row` crosses `edges`."""
-    edges, share, y = _crossed(mesh, edges, row)
+    edges, share, y = _crossing_edges(mesh, edges, row)
     place = np.interp([y[-1], (y[0] + y[-1]) / 2, y[0]], y, np.arange(len(y)))
     i = place.astype(int)
     j, u = np.minimum(i + 1, len(y) - 1), (place - i)[:, None]

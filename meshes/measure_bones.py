@@ -27,7 +27,7 @@ class Plan:
 
     file: str
     proximal: float
-    """x of the centre from which the rays of the proximal end fan out."""
+    """The x of the centre from which the rays of the proximal end fan out."""
     distal: float
     stations: int
     """Plane sections between the two."""
@@ -137,6 +137,7 @@ def fit_error(triangles: Array, bone: Bone) -> Array:
 
 
 def main() -> None:
+    """Measure the bones of a folder, as the module says."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path, help="folder of the four STL files")
     folder = parser.parse_args().folder

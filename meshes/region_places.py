@@ -25,7 +25,7 @@ ROWS = 65
 
 @dataclass(frozen=True)
 class Turns:
-    """Of the nodes (n,): the turn about the finger, rad, and the direction (n, 3) away from it."""
+    """The nodes' turn (n,) about the finger, rad, and the direction (n, 3) away from it."""
 
     turn: Array
     outward: Array

@@ -63,10 +63,10 @@ def extensor_alone(net: CableNet) -> CableNet:
         strands=tuple(left),
         ends={"central": new[net.ends["central"]]},
         springs={name: replace(held, nodes=new[held.nodes]) for name, held in net.springs.items()},
-        tied=_renumbered(net.tied, new),
+        tied=_renumber(net.tied, new),
         station=net.station[nodes],
     )
 
 
-def _renumbered(sets: Mapping[str, Ints], new: Ints) -> dict[str, Ints]:
+def _renumber(sets: Mapping[str, Ints], new: Ints) -> dict[str, Ints]:
     return {name: new[nodes] for name, nodes in sets.items()}

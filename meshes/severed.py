@@ -42,15 +42,15 @@ SPRINGS_OF = {"sagittal_band_radial": "sagittal_radial", "sagittal_band_ulnar": 
 """Spring sets that are not called as the part that they hold."""
 
 
-def severed(mesh: HoodMesh, part: str) -> HoodMesh:
+def cut_part(mesh: HoodMesh, part: str) -> HoodMesh:
     """The mesh with a part cut, what then hangs on nothing left out.
 
     Raises InputError where the mesh has nothing of the part, or the cut leaves a tendon to pull on
     a piece that nothing holds."""
     if part in PLACES:
-        return _whole(mesh, ~_crossed(mesh, part), part)
+        return _whole(mesh, ~_row_of_part(mesh, part), part)
     if part in REGIONS and part not in (*SLIPS, *SPRINGS_OF):
-        return _whole(mesh, ~_taken_out(mesh, part), part)
+        return _whole(mesh, ~_whole_part(mesh, part), part)
     ties = mesh.tied
     if part in SLIPS:
         own = np.unique(mesh.quads[mesh.cells(part)])
@@ -64,7 +64,7 @@ def severed(mesh: HoodMesh, part: str) -> HoodMesh:
     return released
 
 
-def _taken_out(mesh: HoodMesh, part: str) -> Mask:
+def _whole_part(mesh: HoodMesh, part: str) -> Mask:
     """(ne,) all quads of the part."""
     out = mesh.cells(part)
     if not out.any():
@@ -87,7 +87,7 @@ def _count(tied: Mapping[str, Ints]) -> int:
     return sum(len(nodes) for nodes in tied.values())
 
 
-def _crossed(mesh: HoodMesh, part: str) -> Mask:
+def _row_of_part(mesh: HoodMesh, part: str) -> Mask:
     """(ne,) the part's quads that its place runs through: of a structured mesh one row."""
     station = mesh.station[mesh.quads]
     place = PLACES[part]
@@ -150,7 +150,7 @@ def _of_quads(mesh: HoodMesh, kept: Mask) -> HoodMesh:
     )
 
 
-def severed_net(net: CableNet, part: str) -> CableNet:
+def cut_net(net: CableNet, part: str) -> CableNet:
     """The net with a part cut: slips and springs let go as of a sheet, a cable loses the cell at
     its place (of no place of its own: its middle one), a triangular ligament all of them.  Cables
     with an end that nothing holds bear nothing and are left out.
@@ -168,7 +168,7 @@ def severed_net(net: CableNet, part: str) -> CableNet:
         springs = _without(springs, SPRINGS_OF.get(part, part))
     if kept.all() and len(springs) == len(net.springs) and _count(tied) == _count(net.tied):
         raise InputError(f"lesion.cut: the net of cables has no {part} left to cut")
-    return _pruned(replace(net, springs=springs, tied=tied), kept)
+    return _prune(replace(net, springs=springs, tied=tied), kept)
 
 
 def _cell_at(net: CableNet, part: str) -> int:
@@ -179,7 +179,7 @@ def _cell_at(net: CableNet, part: str) -> int:
     return int(own[np.abs(middle - PLACES[part]).argmin()])
 
 
-def _pruned(net: CableNet, kept: Mask) -> CableNet:
+def _prune(net: CableNet, kept: Mask) -> CableNet:
     """The net of the cells `kept`, less those that end where nothing holds them."""
     sets = [*net.ends.values(), *net.tied.values(), *(s.nodes for s in net.springs.values())]
     held = np.zeros(len(net.points), dtype=bool)

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
 
-def compiled(kernel: Kernel) -> Kernel:
+def compile_kernel(kernel: Kernel) -> Kernel:
     """The kernel compiled when it is first called, and kept on disk.
 
     A kernel calls only others of its own file: numba looks at no other one when it decides whether

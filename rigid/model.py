@@ -32,19 +32,20 @@ class Segment:
 
     name: str
     length: float
-    """m, along x, to the next body's origin or the finger's end; of the first, what is drawn."""
+    """Length in m, along x, to the next body's origin or the finger's end; for the first, what is
+    drawn."""
     position: Vector = (0.0, 0.0, 0.0)
-    """m, the origin in the parent's frame."""
+    """The origin in the parent's frame, m."""
     rotation: tuple[Vector, Vector, Vector] = NO_TURN
     """To the parent's frame at zero angles."""
     hinges: tuple[Hinge, ...] = ()
     """In the order in which they turn the body, the first one nearest to the parent."""
     mass: float = 0.0
     inertia: Vector = (0.0, 0.0, 0.0)
-    """kg m2 about the centre of mass, along the body's axes."""
+    """Moments of inertia in kg m2 about the centre of mass, along the body's axes."""
     centre: Vector = (0.0, 0.0, 0.0)
     radius: float = 0.003
-    """m, of the capsule that stands for the bone in pictures."""
+    """Radius of the capsule that stands for the bone in pictures, m."""
 
 
 @dataclass(frozen=True)
@@ -123,20 +124,23 @@ class FingerModel:
             twice = sorted({name for name in names if names.count(name) > 1})
             if twice:
                 raise InputError(f"finger {self.name}: two of the name {what} {', '.join(twice)}")
-        _known(self.meshes, self.bodies, f"finger {self.name}: meshes")
+        _check_names(self.meshes, self.bodies, f"finger {self.name}: meshes")
         for tendon in self.tendons:
             _check(tendon, self.bodies)
 
     @property
     def bodies(self) -> tuple[str, ...]:
+        """Names of the bodies that are shared with the other side."""
         return tuple(s.name for s in self.segments)
 
     @property
     def joints(self) -> tuple[str, ...]:
+        """Names of the joints, in the order of the angles."""
         return tuple(hinge.name for s in self.segments for hinge in s.hinges)
 
     @property
     def muscles(self) -> tuple[str, ...]:
+        """Names of the muscles."""
         return tuple(t.name for t in self.tendons)
 
     @property
@@ -146,11 +150,11 @@ class FingerModel:
 
     def with_only(self, *muscles: str) -> FingerModel:
         """The same finger with these tendons, in the finger's order; InputError if it lacks one."""
-        _known(muscles, self.muscles, f"finger {self.name}: tendons")
+        _check_names(muscles, self.muscles, f"finger {self.name}: tendons")
         return replace(self, tendons=tuple(t for t in self.tendons if t.name in muscles))
 
 
-def _known(names: Iterable[str], among: tuple[str, ...], what: str) -> None:
+def _check_names(names: Iterable[str], among: tuple[str, ...], what: str) -> None:
     unknown = [name for name in names if name not in among]
     if unknown:
         raise InputError(f"{what}: unknown name {', '.join(unknown)}; expected some of {among}")
@@ -161,7 +165,7 @@ def _check(tendon: Tendon, bodies: tuple[str, ...]) -> None:
     if not tendon.strands or not all(s.share > 0 for s in tendon.strands):
         raise InputError(f"{where}: expected strands whose shares are positive")
     for element in _elements(tendon):
-        _known((element.body,), bodies, where)
+        _check_names((element.body,), bodies, where)
     for strand in tendon.strands:
         ends = strand.path[:1] + strand.path[-1:]
         if len(strand.path) < 2 or not all(isinstance(end, Via) for end in ends):

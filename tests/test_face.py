@@ -116,6 +116,8 @@ def test_a_hood_of_ones_own_is_coupled_without_a_case_file():
     hood = build(case).hood
     found = cosim.couple(case, hood, {"EDC": 3.469}, resting=0.05)
     run = cosim.run(case.replace(PLAIN))
-    assert found.told.tip_force == pytest.approx(np.array(list(run.tip_force.values())), abs=1e-5)
+    assert found.known_balance.tip_force == pytest.approx(
+        np.array(list(run.tip_force.values())), abs=1e-5
+    )
     with pytest.raises(cosim.InputError, match="no tendon ECD"):
         cosim.couple(case, hood, {"ECD": 1.0})

@@ -61,7 +61,7 @@ class Rung:
     """mm, of the loaded tendons, loaded less unloaded."""
 
 
-def climbed(source: Path, settings: Sequence[str], jobs: int) -> Iterator[Rung]:
+def solve_rungs(source: Path, settings: Sequence[str], jobs: int) -> Iterator[Rung]:
     """The rungs of a case, in their order, in so many processes (1: in this one).
 
     Raises InputError for a case that is no equilibrium of a finger of ours."""

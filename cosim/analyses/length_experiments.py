@@ -103,7 +103,7 @@ def _summary(name: str, hood: str, settings: tuple[str, ...], injured: bool) -> 
     return run_case(case_with(name, hood, settings, injured=injured)).summary
 
 
-def lengthened(hood: str, settings: Sequence[str] = ()) -> Iterator[Value]:
+def dip_drop(hood: str, settings: Sequence[str] = ()) -> Iterator[Value]:
     """How far the DIP drops with a longer terminal tendon, under either load."""
     for load, setting in LOADS.items():
         asked = [*settings, setting]
@@ -113,7 +113,7 @@ def lengthened(hood: str, settings: Sequence[str] = ()) -> Iterator[Value]:
             yield Value(name, load, longer["posture_deg"]["DIP"] - intact["posture_deg"]["DIP"])
 
 
-def mended(hood: str, settings: Sequence[str] = ()) -> Iterator[Value]:
+def posture_after_mending(hood: str, settings: Sequence[str] = ()) -> Iterator[Value]:
     """Posture of the finger whose central slip was mended with a gap, under either load."""
     for load, setting in LOADS.items():
         posture = summary("lengths_central_gap", hood, [*settings, setting])["posture_deg"]
@@ -193,10 +193,14 @@ class Repeated(NamedTuple):
 LUMPED = ("net of cables", "network")
 MADE: Mapping[str, Repeated] = {
     "terminal tendon longer": Repeated(
-        lengthened, LUMPED, ("terminal_1mm", "terminal_4mm"), tuple(LOADS), "lengths_terminal_1mm"
+        dip_drop, LUMPED, ("terminal_1mm", "terminal_4mm"), tuple(LOADS), "lengths_terminal_1mm"
     ),
     "central slip mended with a gap": Repeated(
-        mended, LUMPED, ("central_gap_pip", "central_gap_dip"), tuple(LOADS), "lengths_central_gap"
+        posture_after_mending,
+        LUMPED,
+        ("central_gap_pip", "central_gap_dip"),
+        tuple(LOADS),
+        "lengths_central_gap",
     ),
     "sagittal bands and tendon cut": Repeated(
         cut,

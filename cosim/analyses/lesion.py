@@ -58,7 +58,7 @@ def _with_tip(case: Case, tip: Tip) -> NativeFinger:
     return finger.model_copy(update={"tip": HeldTip(kind=kind)})
 
 
-def said(case: Case) -> Iterator[str]:
+def lesion_text(case: Case) -> Iterator[str]:
     """The lesion in words."""
     lesion = case.lesion
     if lesion is None:
@@ -70,7 +70,7 @@ def said(case: Case) -> Iterator[str]:
         yield f"{name.replace('_', ' ')} {1e3 * abs(more):g} mm {word}"
 
 
-def marked(case: Case) -> list[str]:
+def named_parts(case: Case) -> list[str]:
     """The parts that the lesion names."""
     if case.lesion is None:
         return []

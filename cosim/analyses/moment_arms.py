@@ -82,7 +82,7 @@ def _hood(
                     motion = _motion(models, joint, angle)
                     state = models.hood.advance(state, motion, tension, STATIC).state
                 at = angles[k]
-                out[int(k)] = _pulled(models, joint, at, state)
+                out[int(k)] = _with_tension(models, joint, at, state)
         except ConvergenceError as error:
             beyond = f"from {np.degrees(at):.0f} towards {np.degrees(angles[side[-1]]):.0f} deg"
             lost.append(f"{joint} {beyond}: {error}")
@@ -97,14 +97,14 @@ def _motion(models: Models, joint: str, angle: float) -> Motion:
     return models.finger.motion(models.finger.start({**models.posture, joint: float(angle)}))
 
 
-def _pulled(models: Models, joint: str, angle: float, state: State) -> dict[str, Array]:
+def _with_tension(models: Models, joint: str, angle: float, state: State) -> dict[str, Array]:
     finger = models.finger
     jacobian = finger.jacobian(finger.start({**models.posture, joint: float(angle)}))
     arms = jacobian.T @ models.hood.jacobian(state).load_tension
     return dict(zip(models.hood.tendons, arms.T, strict=True))
 
 
-def published() -> pandas.DataFrame:
+def published_arms() -> pandas.DataFrame:
     """Columns tendon, joint, posture_deg, arm_mm, source: the index finger's in the literature."""
     import pandas
 
@@ -116,7 +116,7 @@ def beside_published(models: Models) -> pandas.DataFrame:
     """Published arms beside those of the finger's own tendons in the source's posture, or, where
     the source averages over a range, beside the mean from the straight joint to its full flexion
     in the case's posture of the others."""
-    known = published()
+    known = published_arms()
     here = known.tendon.isin(models.finger.tendons) & known.joint.isin(models.finger.joints)
     known = known[here].copy()
     known["model_mm"] = [
@@ -145,7 +145,7 @@ def draw(
     posture: Mapping[str, float],
 ) -> Figure:
     """A panel for each joint: arm against angle, a line for each tendon; of the published arms
-    `known` (as of `published`) a dotted line where the source averages over the joint's flexion,
+    `known` (as of `published_arms`) a dotted line where the source averages over the flexion,
     and a point where its other joints stand as in `posture` (rad), in which the sweep leaves
     them."""
     from matplotlib.figure import Figure

@@ -27,7 +27,7 @@ def greatest_tip_force(finger: OpenFinger, at: State, torque: Array) -> float:
     for j in range(n):
         step = np.zeros(len(finger.unknowns(at)))
         step[j] = DIFFERENCE
-        ahead, behind = (finger.tip(finger.displaced(at, s)) for s in (step, -step))
+        ahead, behind = (finger.tip(finger.displace(at, s)) for s in (step, -step))
         tip[:, j] = (ahead - behind) / (2 * DIFFERENCE)
     alone = [np.linalg.solve(np.column_stack([tip.T, e]), torque)[:3] for e in np.eye(n)]
     return float(np.linalg.norm(alone, axis=1).max())
@@ -37,9 +37,9 @@ def force_and_bound(models: Models, states: States) -> tuple[float, float]:
     """N: the loaded tip force, and the largest that what pulls in that pose could make: tendons on
     bones, and of the hood its own torque, without what a pass adds."""
     loaded = states.loaded
-    torque = {s: t for s, t in loaded.told.torque.items() if s not in RESISTING}
+    torque = {s: t for s, t in loaded.known_balance.torque.items() if s not in RESISTING}
     if states.passed is not None:
         torque["hood"] = states.passed.torque["hood"]
     pull = np.sum(list(torque.values()), axis=0)
     bound = greatest_tip_force(models.finger, loaded.finger_state, pull)
-    return float(np.linalg.norm(loaded.told.tip_force)), bound
+    return float(np.linalg.norm(loaded.known_balance.tip_force)), bound

@@ -11,7 +11,7 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.port import Array
-from meshes.imported.checks import UNITS, turned_alike
+from meshes.imported.checks import UNITS, wind_alike
 from meshes.skeleton import BODIES
 
 if TYPE_CHECKING:
@@ -56,10 +56,10 @@ def read_bones(
     for body, path in zip(BODIES, files, strict=True):
         points, faces = _read(path, f"{body} ({path.name})", faults, notes)
         if len(faces):
-            surfaces[body] = _placed(body, points, faces, frame, unit, hood, chain)
-    faults += _doubled(surfaces)
+            surfaces[body] = _place(body, points, faces, frame, unit, hood, chain)
+    faults += _duplicates(surfaces)
     if len(surfaces) == len(BODIES) and not faults:
-        faults += _misplaced(surfaces, chain, unit)
+        faults += _placement_faults(surfaces, chain, unit)
     if faults:
         count = f"{len(faults)} fault" + ("s" if len(faults) > 1 else "")
         raise InputError("\n  ".join([f"the bones have {count}", *faults]))
@@ -69,7 +69,7 @@ def read_bones(
 def _read(path: Path, what: str, faults: list[str], notes: list[str]) -> Triangles:
     """A closed surface of one piece, normals outward; of no faces where that cannot be had."""
     none = np.zeros((0, 3)), np.zeros((0, 3), dtype=np.intp)
-    mesh = _loaded(path, what)
+    mesh = _load(path, what)
     if not len(mesh.faces) or not np.isfinite(mesh.vertices).all():
         faults.append(f"{what}: holds no triangles, or corners that are not finite")
         return none
@@ -88,7 +88,7 @@ def _read(path: Path, what: str, faults: list[str], notes: list[str]) -> Triangl
         return none
     points, stated = np.array(mesh.vertices, dtype=float), np.array(mesh.faces, dtype=np.intp)
     try:
-        faces, turned = turned_alike(stated)
+        faces, turned = wind_alike(stated)
     except InputError as error:
         faults.append(f"{what}: {error}")
         return none
@@ -107,7 +107,7 @@ def _volume(points: Array, faces: np.ndarray) -> float:
     return float(np.einsum("nk,nk->", a, np.cross(b, c)) / 6)
 
 
-def _loaded(path: Path, what: str) -> Any:
+def _load(path: Path, what: str) -> Any:
     import trimesh
 
     from cosim.fingers.index import UNREADABLE
@@ -156,7 +156,7 @@ def _largest(mesh: Any, what: str, faults: list[str], notes: list[str]) -> Any:
     return kept
 
 
-def _placed(
+def _place(
     body: str,
     points: Array,
     faces: np.ndarray,
@@ -179,7 +179,7 @@ def _placed(
     return local, faces[:, ::-1] if hood.mirrors else faces
 
 
-def _doubled(surfaces: Mapping[str, Triangles]) -> list[str]:
+def _duplicates(surfaces: Mapping[str, Triangles]) -> list[str]:
     """Bones that are one and the same surface, wherever they lie."""
     seen: dict[tuple[Any, ...], str] = {}
     out = []
@@ -192,7 +192,7 @@ def _doubled(surfaces: Mapping[str, Triangles]) -> list[str]:
     return out
 
 
-def _misplaced(surfaces: Mapping[str, Triangles], chain: Chain, unit: str) -> list[str]:
+def _placement_faults(surfaces: Mapping[str, Triangles], chain: Chain, unit: str) -> list[str]:
     """Bones of another size, or not along their bodies' x from joint to joint."""
     length = chain.skeleton.length
     spans = {b: float(np.ptp(p @ _long(p))) for b, (p, _) in surfaces.items()}

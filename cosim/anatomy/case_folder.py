@@ -10,7 +10,7 @@ from typing import cast
 
 import numpy as np
 
-from cosim.anatomy.read import Anatomy, Built, Defaults, built
+from cosim.anatomy.read import Anatomy, Built, Defaults, read_anatomy
 from cosim.errors import InputError
 from cosim.files import folder_written_whole
 
@@ -28,7 +28,7 @@ def new_case(name: str, given: Anatomy, out: Path) -> tuple[Path, tuple[str, ...
     from cosim.files import check_folder
 
     check_folder(out, REPORT)
-    made = built(given, _defaults())
+    made = read_anatomy(given, _defaults())
     with folder_written_whole(out, REPORT) as part:
         write_case(part, name, given, made)
         _check(part / f"{name}.toml")
@@ -37,9 +37,9 @@ def new_case(name: str, given: Anatomy, out: Path) -> tuple[Path, tuple[str, ...
 
 def _defaults() -> Defaults:
     from cosim.case.file import load_case
-    from cosim.hoods.shell.table import ShellHood
+    from cosim.hoods.shell.table import ShellHoodConfig
 
-    hood = cast(ShellHood, load_case(BASE).hood)
+    hood = cast(ShellHoodConfig, load_case(BASE).hood)
     return Defaults(hood.thickness, hood.contact.offset.model_dump())
 
 

@@ -18,7 +18,7 @@ from cosim.port import Array
 from cosim.schema.types import MUSCLES
 from meshes.imported.checks import Placing
 from meshes.imported.hood import hood_of, read_sheet
-from meshes.imported.names import check_known
+from meshes.imported.names import check_names
 from meshes.skeleton import BODIES, JOINTS, Skeleton, index_finger
 
 if TYPE_CHECKING:
@@ -78,11 +78,11 @@ class Defaults:
     offset: Mapping[str, float]
 
 
-def built(given: Anatomy, defaults: Defaults) -> Built:
+def read_anatomy(given: Anatomy, defaults: Defaults) -> Built:
     """Read and check everything.  Raises InputError."""
     if given.hood is None and given.finger is None:
         raise InputError("give a hood's mesh (--hood), a finger (--finger), or both")
-    check_known(given.names, FINGER_NAMES)
+    check_names(given.names, FINGER_NAMES)
     report: list[str] = []
     model, force, skeleton = _finger(given, report)
     if given.bones and len(given.bones) != len(BODIES):
@@ -142,7 +142,7 @@ def _with_hood(
     skeleton: Skeleton,
     report: list[str],
 ) -> Built:
-    from cosim.hoods.bone_surfaces import baked_surfaces
+    from cosim.hoods.bone_surfaces import pose_surfaces
     from meshes.bones import load_bone
     from meshes.hull import Chain, Level
 
@@ -159,7 +159,7 @@ def _with_hood(
         surfaces = {b: load_bone(b).scaled(scale, 1.0).surface() for b in BODIES}
         report.append(f"bones: ours, {scale:g} times as long")
     level = Level(
-        baked_surfaces(surfaces), dict.fromkeys(BODIES, 0.0), chain.position, chain.rotation
+        pose_surfaces(surfaces), dict.fromkeys(BODIES, 0.0), chain.position, chain.rotation
     )
     mesh, assumed = hood_of(sheet, chain, level, given.posture)
     angles = ", ".join(f"{j} {np.rad2deg(given.posture.get(j, 0.0)):g}" for j in JOINTS)

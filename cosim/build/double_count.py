@@ -20,7 +20,7 @@ OF_FINGER = ("joint", "muscle", "passive", "limit", "damping", "gravity", "inert
 
 
 @dataclass(frozen=True)
-class Pair:
+class DoubleCount:
     """One force under its two names."""
 
     hood: str
@@ -30,9 +30,9 @@ class Pair:
         return f"hood {self.hood} and {self.finger}"
 
 
-def counted_twice(
+def double_counted_pairs(
     sources: Sequence[str], hood_tendons: Sequence[str], finger_tendons: Sequence[str]
-) -> tuple[Pair, ...]:
+) -> tuple[DoubleCount, ...]:
     """The pairs among the sources and tendons of a hood and what a finger with these tendons makes
     itself.  A source is taken by its first word: "joint_contact", "joint reaction" are "joint"."""
     found = []
@@ -40,30 +40,30 @@ def counted_twice(
         first = source.replace("_", " ").split(" ")[0]
         own = first if first in finger_tendons else first.lower()
         if own in OF_FINGER or own in finger_tendons:
-            found.append(Pair(source, own))
+            found.append(DoubleCount(source, own))
     both = [f"tendon {name}" for name in hood_tendons if name in finger_tendons]
-    return (*found, *(Pair(name, name) for name in both))
+    return (*found, *(DoubleCount(name, name) for name in both))
 
 
-def stated_pairs(case: Case, finger_tendons: Sequence[str]) -> tuple[Pair, ...]:
+def pairs_of_case(case: Case, finger_tendons: Sequence[str]) -> tuple[DoubleCount, ...]:
     """What the case alone shows, before anything is built; our own hoods' sources and the shell's
     tendons are never a finger's."""
     sources, tendons = case.hood.source_names(), case.hood.tendon_names() or ()
-    return counted_twice((*sources, *handed_over(case)), tendons, finger_tendons)
+    return double_counted_pairs((*sources, *added_sources(case)), tendons, finger_tendons)
 
 
-def handed_over(case: Case) -> tuple[str, ...]:
+def added_sources(case: Case) -> tuple[str, ...]:
     """What a one-way pass adds to the hood's own sources and the finger makes too."""
     return () if case.coupling.one_way.joint_contact == "none" else (JOINT_CONTACT,)
 
 
-def pairs(case: Case, hood: Hood, finger: Finger | MovingFinger) -> tuple[Pair, ...]:
+def pairs(case: Case, hood: Hood, finger: Finger | MovingFinger) -> tuple[DoubleCount, ...]:
     """What the live models show."""
-    sources = dict.fromkeys((*hood.sources, *handed_over(case)))
-    return counted_twice(tuple(sources), hood.tendons, finger.tendons)
+    sources = dict.fromkeys((*hood.sources, *added_sources(case)))
+    return double_counted_pairs(tuple(sources), hood.tendons, finger.tendons)
 
 
-def refuse(case: Case, found: Sequence[Pair]) -> None:
+def refuse(case: Case, found: Sequence[DoubleCount]) -> None:
     """Raises InputError that names the pairs, unless the case says that it means them."""
     if not found or case.coupling.allow_double_counting:
         return
@@ -75,8 +75,8 @@ def refuse(case: Case, found: Sequence[Pair]) -> None:
     )
 
 
-def _remedy(case: Case, pair: Pair) -> str:
-    if pair.hood in handed_over(case):
+def _remedy(case: Case, pair: DoubleCount) -> str:
+    if pair.hood in added_sources(case):
         return 'write coupling.one_way.joint_contact = "none"'
     what = pair.hood if pair.hood.startswith("tendon ") else f'the source "{pair.hood}"'
     return f"leave {what} out of the hood"

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from cosim.build.double_count import refuse, stated_pairs
+from cosim.build.double_count import pairs_of_case, refuse
 from cosim.case.schema import Case
 from cosim.errors import InputError
-from cosim.fingers.kinds import held_by, own_tendons, with_mass
+from cosim.fingers.kinds import own_tendons, tip_support_kind, with_mass
 from cosim.hoods.kinds import that_fit
 from cosim.tendons.air import check_air
 from cosim.tendons.courses import factor_of
@@ -36,7 +36,7 @@ def check_fit(case: Case) -> None:
     _check_unit(case)
     _check_scheme(case)
     own, of_hood = own_tendons(case.finger, case.hood.left_to_finger), case.hood.tendon_names()
-    refuse(case, stated_pairs(case, own))
+    refuse(case, pairs_of_case(case, own))
     if of_hood is not None:
         check_tendons(case, of_hood + own)
 
@@ -72,7 +72,7 @@ def _check_drawn(case: Case) -> None:
 
 def _check_tip(case: Case) -> None:
     """What a finger in motion and one at rest can be held by; an FMU's holds itself."""
-    tip = held_by(case.finger)
+    tip = tip_support_kind(case.finger)
     if case.forward is None and tip in ("cage", "shell"):
         raise InputError(
             f'finger.tip.kind = "{tip}" holds a finger in motion; add a table [forward], or hold '

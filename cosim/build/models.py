@@ -71,7 +71,7 @@ def build_any(case: Case) -> Models:
     else:
         finger, posture = cast(OpenFinger, unit(case.finger).at_rest()), {}
     site = site_of(case, finger.rest())
-    hood = built_on(case, site)
+    hood = build_hood(case, site)
     return Models(
         finger,
         hood.hood,
@@ -94,7 +94,7 @@ def site_of(case: Case, rest: Motion) -> Site:
     return Site(anatomy, rest, case.lesion, case.solve.hood_tolerance)
 
 
-def built_on(case: Case, site: Site) -> BuiltHood:
+def build_hood(case: Case, site: Site) -> BuiltHood:
     """The hood of a case.  Raises InputError."""
     check_lesion(case)
     return KINDS[case.hood.kind].build(case.hood, site)
@@ -123,7 +123,7 @@ def hood_mesh(case: Case) -> HoodMesh:
     return mesh(case.hood, anatomy_of(case.native_finger(), case.hood.left_to_finger))
 
 
-def drawn_bones(case: Case) -> Mapping[str, Triangles]:
+def bone_surfaces(case: Case) -> Mapping[str, Triangles]:
     """Surfaces of the bones in their bodies' frames, m."""
     return bones_of(case.native_finger(), case.hood.left_to_finger)
 

@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING, NamedTuple, cast
 import numpy as np
 
 from cosim.build.fit import check_tendons
-from cosim.build.models import build, built_on, site_of
+from cosim.build.models import build, build_hood, site_of
 from cosim.build.scheme import scheme_of
 from cosim.case.schema import Case, Forward
 from cosim.coupling.excursion import PrescribedExcursions
-from cosim.coupling.motion import Moves, WatchedFinger
+from cosim.coupling.motion import CoupledMotion, RecordedFinger
 from cosim.coupling.schemes import Alone
 from cosim.fingers.common import CageTip, ShellTip
 from cosim.fingers.kinds import unit
 from cosim.hoods.view import HoodView
 from cosim.port import Array, Hood, Motion, State, Triangles
-from cosim.tendons.air import begun, cylinders, pulled
+from cosim.tendons.air import cylinders, initial_air, step_cylinders
 from cosim.tendons.courses import factor_of
 from cosim.tendons.muscles import fibres
 from cosim.tendons.table import Tendon
@@ -35,11 +35,11 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Together:
+class MovingModels:
     """A finger and a hood ready to move, what pulls on them, and what pictures need."""
 
-    moves: Moves
-    pulls: TendonPulls
+    moves: CoupledMotion
+    pulls: CaseTendonDrive
     posture: Mapping[str, float]
     """rad, to begin in; none of a unit, which has its own."""
     bones: Mapping[str, Triangles]
@@ -47,7 +47,7 @@ class Together:
     view: Callable[[State], HoodView] | None
 
     @property
-    def finger(self) -> WatchedFinger:
+    def finger(self) -> RecordedFinger:
         return self.moves.finger
 
     @property
@@ -55,16 +55,16 @@ class Together:
         return self.moves.hood
 
     @cached_property
-    def begun(self) -> State:
+    def initial_state(self) -> State:
         """The finger at rest in the posture."""
         return self.finger.begin(self.posture)
 
     def first_tensions(self) -> Array:
         """(nt,) N at t = 0, of the hood's tendons, then the finger's own."""
-        return self.moves.first_pull(self.begun)[1]
+        return self.moves.first_pull(self.initial_state)[1]
 
 
-def together(case: Case, forward: Forward) -> Together:
+def moving_models(case: Case, forward: Forward) -> MovingModels:
     """The models of a coupled motion.  Raises InputError."""
     if not case.finger.is_native:
         return _with_unit(case, forward)
@@ -72,27 +72,27 @@ def together(case: Case, forward: Forward) -> Together:
 
     models = build(case)  # of a finger that check_fit lets move
     finger = MovingMujoco(cast("MujocoFinger", models.finger), tip_device(case))
-    pulls = TendonPulls(case, (*models.hood.tendons, *finger.tendons))
-    driven = _driven(case, pulls.tendons)
+    pulls = CaseTendonDrive(case, (*models.hood.tendons, *finger.tendons))
+    driven = _prescribed_excursions(case, pulls.tendons)
     scheme = scheme_of(case.coupling) if case.hood.is_coupled else Alone()
-    moves = Moves(scheme, finger, models.hood, pulls, forward.step, driven)
-    return Together(moves, pulls, models.posture, models.bones, models.lines, models.view)
+    moves = CoupledMotion(scheme, finger, models.hood, pulls, forward.step, driven)
+    return MovingModels(moves, pulls, models.posture, models.bones, models.lines, models.view)
 
 
-def _with_unit(case: Case, forward: Forward) -> Together:
+def _with_unit(case: Case, forward: Forward) -> MovingModels:
     """A finger in an FMU, with a hood that is no shell."""
     finger = unit(case.finger).in_motion()
-    built = built_on(case, site_of(case, finger.rest()))
+    built = build_hood(case, site_of(case, finger.rest()))
     hood = built.hood
     tendons = (*hood.tendons, *finger.tendons)
     check_tendons(case, tendons)
-    pulls = TendonPulls(case, tendons)
-    driven = _driven(case, tendons)
-    moves = Moves(scheme_of(case.coupling), finger, hood, pulls, forward.step, driven)
-    return Together(moves, pulls, {}, {}, case.hood.lines, built.view)
+    pulls = CaseTendonDrive(case, tendons)
+    driven = _prescribed_excursions(case, tendons)
+    moves = CoupledMotion(scheme_of(case.coupling), finger, hood, pulls, forward.step, driven)
+    return MovingModels(moves, pulls, {}, {}, case.hood.lines, built.view)
 
 
-def _driven(case: Case, tendons: tuple[str, ...]) -> PrescribedExcursions:
+def _prescribed_excursions(case: Case, tendons: tuple[str, ...]) -> PrescribedExcursions:
     """The tendons whose ends are displaced, each by its excursion times its course."""
     names = tuple(n for n in tendons if n in case.tendons and case.tendons[n].excursion is not None)
     most = np.array([case.tendons[n].excursion for n in names], dtype=float)
@@ -121,7 +121,7 @@ def tip_device(case: Case) -> Device | None:
     return (Cage if isinstance(tip, CageTip) else Shell)(contact, tip.width)
 
 
-class Group(NamedTuple):
+class MuscleGroup(NamedTuple):
     """Muscles whose tendons are all elastic or all rigid, and where they stand among the finger's
     tendons."""
 
@@ -132,7 +132,7 @@ class Group(NamedTuple):
     where: Array
 
 
-class Pulling(NamedTuple):
+class DriveState(NamedTuple):
     """The state of what pulls: of the fibres by group, and of the air in the cylinders."""
 
     fibres: list[MuscleState]
@@ -141,7 +141,7 @@ class Pulling(NamedTuple):
     """(nc,) m, of the paths with which the pistons stand where they started."""
 
 
-class TendonPulls:
+class CaseTendonDrive:
     """Stated tensions, fibres that begin in equilibrium at their first excitation, and cylinders
     at rest under their first command, each times the factor of its course; the resting tension of
     tendons whose ends are displaced."""
@@ -153,7 +153,9 @@ class TendonPulls:
         courses = [t.course if t.excursion is None else None for t in pulled]
         self._factors = [factor_of(course) for course in courses]
         self._groups = [
-            Group(muscles, activation, home, np.array([tendons.index(n) for n in muscles.names]))
+            MuscleGroup(
+                muscles, activation, home, np.array([tendons.index(n) for n in muscles.names])
+            )
             for muscles, activation, home in fibres(case.tendons)
         ]
         self._air = cylinders(case.tendons, tendons)
@@ -168,16 +170,16 @@ class TendonPulls:
         from rigid.muscle.dynamics import at_rest
 
         self._start = length.copy()
-        fibres = [at_rest(g.muscles, self._excited(g, 0.0), g.home) for g in self._groups]
+        fibres = [at_rest(g.muscles, self._excitation(g, 0.0), g.home) for g in self._groups]
         if self._air is None:
-            return Pulling(fibres, None, np.zeros(0))
-        return Pulling(fibres, begun(self._air), length[self._air.where])
+            return DriveState(fibres, None, np.zeros(0))
+        return DriveState(fibres, initial_air(self._air), length[self._air.where])
 
-    def settled(self, state: State, length: Array) -> State:
+    def settle_at(self, state: State, length: Array) -> State:
         """The state of the start with pistons where they start at paths of `length` (nt,) m."""
         return state if self._air is None else state._replace(home=length[self._air.where])
 
-    def told(self, state: State, time: float) -> Array:
+    def cylinder_signals(self, state: State, time: float) -> Array:
         """(nc, 2) of each cylinder: V commanded, Pa above the atmosphere."""
         from rigid.air.plant import ATMOSPHERE
 
@@ -186,7 +188,7 @@ class TendonPulls:
         pressure = state.air.pressure - ATMOSPHERE
         return np.stack([self._air.command(float(time)), pressure], axis=1)
 
-    def _excited(self, group: Group, time: float) -> Array:
+    def _excitation(self, group: MuscleGroup, time: float) -> Array:
         """(n,) excitation at a time in s."""
         factors = [self._factors[i](time) for i in group.where]
         return np.clip(group.activation * factors, 0.0, 1.0)
@@ -201,7 +203,7 @@ class TendonPulls:
         stiffness, after = np.zeros(len(tension)), []
         for group, at in zip(self._groups, state.fibres, strict=True):
             path = group.home + (length - self._start)[group.where]
-            excited = self._excited(group, time)
+            excited = self._excitation(group, time)
             if dt == 0.0:
                 rest = equilibrium(group.muscles, excited, path)
                 tension[group.where] = rest.force
@@ -214,9 +216,9 @@ class TendonPulls:
         air = state.air
         if self._air is not None:
             where = self._air.where
-            drawn = pulled(self._air, air, time, state.home - length[where], dt)
+            drawn = step_cylinders(self._air, air, time, state.home - length[where], dt)
             tension[where], stiffness[where], air = drawn
-        return Pull(tension, stiffness, Pulling(after, air, state.home))
+        return Pull(tension, stiffness, DriveState(after, air, state.home))
 
     def lengths(self, state: State) -> dict[str, float]:
         """Normalised fibre lengths in a state, by muscle."""

@@ -46,7 +46,7 @@ def code_version() -> str:
     return f"{__version__} {digest.hexdigest()[:16]} {libraries}"
 
 
-def stated(case: Case) -> dict[str, Any]:
+def case_table(case: Case) -> dict[str, Any]:
     """The whole case as its file would state it; `CaseFile` reads the same case from it."""
     return case.model_dump(mode="json", exclude={"name", "source"}, exclude_none=True)
 
@@ -56,7 +56,7 @@ def address(case: Case, code: str) -> str:
 
     Raises InputError where a file cannot be read."""
     files = {str(path): _content(path) for path in _paths(case.model_dump(mode="python"))}
-    said = {key: value for key, value in stated(case).items() if key not in WORDS}
+    said = {key: value for key, value in case_table(case).items() if key not in WORDS}
     text = json.dumps([_with(said, files), code], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
 
@@ -88,11 +88,11 @@ def _with(values: Any, files: dict[str, str]) -> Any:
 def _content(path: Path) -> str:
     try:
         stamp = path.stat()
-        return _hashed(path, stamp.st_mtime_ns, stamp.st_size)
+        return _hash(path, stamp.st_mtime_ns, stamp.st_size)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
 
 
 @lru_cache(maxsize=256)
-def _hashed(path: Path, time: int, size: int) -> str:
+def _hash(path: Path, time: int, size: int) -> str:
     return f"sha256:{hashlib.sha256(path.read_bytes()).hexdigest()}"

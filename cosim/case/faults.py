@@ -32,14 +32,14 @@ def describe(
         place = _place(loc, model, values)
         if item["type"].startswith("union_tag"):
             place = (*place, "kind")
-        key = re.sub(r"\.\[", "[", ".".join(_shown_key(part) for part in place)) or "the case"
+        key = re.sub(r"\.\[", "[", ".".join(_display_key(part) for part in place)) or "the case"
         message = _message(item, place, model, values)
-        stated = "" if item["type"] in _ABSENT else _stated(layers, place)
-        lines.append(f"{key}{_found(values, place)}{stated}: {message}")
+        stated = "" if item["type"] in _ABSENT else _stating_layer(layers, place)
+        lines.append(f"{key}{_value_text_at(values, place)}{stated}: {message}")
     return sorted(lines)
 
 
-def _shown_key(part: str | int) -> str:
+def _display_key(part: str | int) -> str:
     if isinstance(part, int):
         return f"[{part}]"
     return part[:60] if re.fullmatch(r"[\w-]+", part) else repr(part[:60])
@@ -74,11 +74,11 @@ def _lookup(values: Any, place: Place) -> Any:
     return values
 
 
-def _found(values: Any, place: Place) -> str:
-    return found(_lookup(values, place))
+def _value_text_at(values: Any, place: Place) -> str:
+    return value_text(_lookup(values, place))
 
 
-def found(value: Any) -> str:
+def value_text(value: Any) -> str:
     """The value that stands at a fault, cut short; empty of a table or of nothing."""
     if value is None or isinstance(value, dict):
         return ""
@@ -89,7 +89,7 @@ def found(value: Any) -> str:
     return f" = {text if len(text) <= 60 else text[:57] + '...'}"
 
 
-def _stated(layers: Sequence[tuple[str, Mapping]], place: Place) -> str:
+def _stating_layer(layers: Sequence[tuple[str, Mapping]], place: Place) -> str:
     """The last layer that states the value."""
     for name, values in reversed(layers):
         if place and _lookup(values, place) is not None:

@@ -42,7 +42,7 @@ def case_of(table: Mapping[str, Any], name: str = "case") -> Case:
 
 def packaged_cases() -> dict[str, Path]:
     """The files of the packaged cases by name; each lies in the folder of its family."""
-    files = sorted(_packaged().glob("*/*.toml"))
+    files = sorted(_packaged_folder().glob("*/*.toml"))
     return {path.stem: path for path in files if path.parent.name not in NO_FAMILIES}
 
 
@@ -50,7 +50,7 @@ def find_case(path_or_name: str | Path, beside: Path | None = None) -> Path:
     """The file at a path (relative to `beside` or here), or the packaged case of that name.
 
     A path may also be relative to the folder `cases` ("base/split").  Raises InputError."""
-    text, packaged, cases = str(path_or_name), _packaged(), packaged_cases()
+    text, packaged, cases = str(path_or_name), _packaged_folder(), packaged_cases()
     places = [(beside or Path.cwd()) / text, packaged / text, packaged / f"{text}.toml"]
     for place in (*places, cases.get(text, "")):
         if os.path.isfile(place):
@@ -62,7 +62,7 @@ def find_case(path_or_name: str | Path, beside: Path | None = None) -> Path:
     raise InputError(f"{text!r}: no such file and no packaged case; packaged are: {known}")
 
 
-def _packaged() -> Path:
+def _packaged_folder() -> Path:
     return Path(str(resources.files("cases")))
 
 
@@ -78,7 +78,7 @@ def _layers_of(
     values: dict[str, Any], where: str, source: Path, above: tuple[Path, ...]
 ) -> list[Layer]:
     base = values.pop("extends", None)
-    here: Layer = (where, _anchored(values, source.parent))
+    here: Layer = (where, _anchor_paths(values, source.parent))
     if base is None:
         return [here]
     if not isinstance(base, str):
@@ -121,7 +121,7 @@ def _toml_fault(shown: str, text: str, message: str) -> str:
     return f"{shown}, line {place[1]}, column {place[2]}: {what}\n  {line[:100]}"
 
 
-def _anchored(values: dict[str, Any], folder: Path) -> dict[str, Any]:
+def _anchor_paths(values: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Paths stated in a file made relative to that file."""
     mesh = _table(values, "hood", "mesh")
     tables = [(mesh, "path"), (_table(values, "hood"), "path"), (_table(values, "finger"), "path")]
@@ -148,7 +148,7 @@ def _override(text: str) -> Layer:
     if any("\ud800" <= c <= "\udfff" for c in text):
         raise InputError(f"--set {text!r}: is not text in UTF-8")
     table = nested(".".join(names), _value(value.strip()))
-    return f"--set {key.strip()}", _anchored(table, Path.cwd())
+    return f"--set {key.strip()}", _anchor_paths(table, Path.cwd())
 
 
 def _value(text: str) -> Any:
@@ -190,7 +190,7 @@ def json_schema() -> dict[str, Any]:
 
     Since a file may leave to the one it extends what it does not say itself, nothing is required.
     """
-    schema = _relaxed(CaseFile.model_json_schema())
+    schema = _relax(CaseFile.model_json_schema())
     schema["properties"]["extends"] = {
         "type": "string",
         "description": "case file whose values these come on top of; relative to this file",
@@ -198,13 +198,13 @@ def json_schema() -> dict[str, Any]:
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 
-def _relaxed(node: Any) -> Any:
+def _relax(node: Any) -> Any:
     match node:
         case list() | tuple():
-            return [_relaxed(item) for item in node]
+            return [_relax(item) for item in node]
         case dict():
             left = (pair for pair in node.items() if pair[0] not in ("required", "discriminator"))
-            kept = {k: _relaxed(v) for k, v in left}
+            kept = {k: _relax(v) for k, v in left}
             if "oneOf" in kept:
                 kept["anyOf"] = kept.pop("oneOf")
             return kept

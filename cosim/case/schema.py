@@ -135,7 +135,7 @@ class CaseFile(Table):
         return "" if self.lesion is None else unfit_lesion(self.hood, self.hood.kind, self.lesion)
 
 
-def _stated(value: Any) -> Any:
+def _as_stated(value: Any) -> Any:
     """A value as a case file would state it."""
     return f"{value:~}".replace(" ** ", "**") if hasattr(value, "units") else value
 
@@ -176,7 +176,7 @@ class Case(CaseFile):
 
         Raises InputError that lists every fault with its place and what to write instead."""
         own = self.model_dump(mode="json", exclude={"name", "source"}, exclude_none=True)
-        more = [("replace", nested(key, _stated(value))) for key, value in values.items()]
+        more = [("replace", nested(key, _as_stated(value))) for key, value in values.items()]
         found = Case.from_layers([(self.name, own), *more], self.source)
         return found.model_copy(update={"name": name or self.name})
 

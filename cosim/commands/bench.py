@@ -11,7 +11,7 @@ from cosim.commands.febio import bench_fe, bench_febio
 from cosim.commands.finger import bench_fingers, bench_robotic_finger
 from cosim.commands.run import Settings, load_cases
 from cosim.commands.study import bench_studies
-from cosim.commands.terminal import told
+from cosim.commands.terminal import exit_on_error
 
 
 def bench(
@@ -38,23 +38,23 @@ def bench(
         bench_fe()
         return
     if case in ("fingers", "opensim"):
-        with told():
+        with exit_on_error():
             bench_fingers(beside_opensim=case == "opensim")
         return
     if case == "robot":
         bench_robotic_finger()
         return
     if case == "studies":
-        with told():
+        with exit_on_error():
             bench_studies()
         return
     if case == "febio":
-        with told():
+        with exit_on_error():
             bench_febio(models, spacing)
         return
     (checked,) = load_cases([case], settings)
     from cosim.commands.bench_case import bench_case
 
-    with told():
+    with exit_on_error():
         for name, value in bench_case(checked).items():
             typer.echo(f"{name:<20} {value:.4g}")

@@ -6,9 +6,9 @@ from statistics import fmean, median
 from time import perf_counter
 
 from cosim.build.models import build
-from cosim.build.motion import together
+from cosim.build.motion import moving_models
 from cosim.case.schema import Case, Forward
-from cosim.coupling.motion import moments
+from cosim.coupling.motion import motion_states
 from cosim.errors import InputError, quiet
 from cosim.solve.session import Session
 from cosim.solve.solvers import solve
@@ -54,12 +54,12 @@ def bench_motion(case: Case, forward: Forward) -> dict[str, float]:
     tangent = build(case).linear
     if tangent is None:
         raise InputError(f"{case.name}: bench needs a hood of finite elements")
-    both = together(case, forward)
+    both = moving_models(case, forward)
     moves = both.moves
-    begun = moves.begin(both.begun)
+    begun = moves.begin(both.initial_state)
     steps, floors = [], []
     start = perf_counter()
-    for now in moments(moves, begun, round(forward.duration / forward.step), quiet):
+    for now in motion_states(moves, begun, round(forward.duration / forward.step), quiet):
         steps.append(perf_counter() - start)
         if len(steps) % EVERY == 1:
             floors.append(tangent(now.coupled.hood))  # once, with its caches as a step finds them

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from cosim.commands.terminal import print_table, told
+from cosim.commands.terminal import exit_on_error, print_table
 
 if TYPE_CHECKING:
     from cosim.analyses.estimate.feasible import ForceSet
-    from cosim.analyses.estimate.of_case import Along, Answer, Setup
+    from cosim.analyses.estimate.of_case import Along, EstimateAnswer, Setup
     from cosim.schema.units import Kind
 
 
@@ -102,8 +102,8 @@ def estimate(
 ) -> None:
     """Muscles' tensions from a fingertip force, joint torques or a motion, with the hood of a case
     behind them; and the set of fingertip forces that they can make (alone, without a target)."""
-    with told():
-        from cosim.analyses.estimate.of_case import parsed_values, setup
+    with exit_on_error():
+        from cosim.analyses.estimate.of_case import parse_values, setup
         from cosim.case.file import load_case
         from cosim.errors import InputError
         from cosim.files import check_folder
@@ -124,8 +124,8 @@ def estimate(
             checked,
             weights.value,
             POWER[cost],
-            parsed_values("--area", area or (), units.AREA),
-            parsed_values("--most", most or (), units.FORCE),
+            parse_values("--area", area or (), units.AREA),
+            parse_values("--most", most or (), units.FORCE),
         )
         if motion is not None:
             _motion(folder, made, motion, samples, cutoff, reserve, started)
@@ -151,8 +151,8 @@ def _motion(
     from cosim.analyses.estimate.of_case import for_motion
     from cosim.schema import units
 
-    highest = None if cutoff is None else _parsed("--cutoff", cutoff, units.FREQUENCY)
-    lacking = 0.0 if reserve is None else _parsed("--reserve", reserve, units.TORQUE)
+    highest = None if cutoff is None else _parse("--cutoff", cutoff, units.FREQUENCY)
+    lacking = 0.0 if reserve is None else _parse("--reserve", reserve, units.TORQUE)
     motion = read_motion(path, s.models.finger.joints, s.models.posture, samples, highest)
     found = for_motion(s, motion, _say, lacking)
     write_motion(folder, s, found, time.perf_counter() - started)
@@ -160,7 +160,7 @@ def _motion(
     typer.echo(f"results in {folder}")
 
 
-def _parsed(option: str, text: str, kind: Kind) -> float:
+def _parse(option: str, text: str, kind: Kind) -> float:
     from cosim.errors import InputError
     from cosim.schema import units
 
@@ -174,14 +174,14 @@ def _target(
     folder: Path, s: Setup, force: str | None, torque: list[str] | tuple[()], started: float
 ) -> None:
     from cosim.analyses.estimate.files import write_answer
-    from cosim.analyses.estimate.of_case import for_force, for_torques, parsed_force, parsed_values
+    from cosim.analyses.estimate.of_case import for_force, for_torques, parse_force, parse_values
     from cosim.schema import units
 
     answer = None
     if force is not None:
-        answer = for_force(s, parsed_force(force), _say)
+        answer = for_force(s, parse_force(force), _say)
     elif torque:
-        answer = for_torques(s, parsed_values("--torque", torque, units.TORQUE), _say)
+        answer = for_torques(s, parse_values("--torque", torque, units.TORQUE), _say)
     forces = _forces(s, answer)
     write_answer(folder, s, answer, forces, time.perf_counter() - started)
     if answer is not None:
@@ -189,7 +189,7 @@ def _target(
     typer.echo(f"results in {folder}")
 
 
-def _forces(s: Setup, answer: Answer | None) -> ForceSet | None:
+def _forces(s: Setup, answer: EstimateAnswer | None) -> ForceSet | None:
     """The set of forces, where the target is one or there is none; said why where there is none."""
     from cosim.analyses.estimate.feasible import force_set
     from cosim.analyses.estimate.of_case import force_basis
@@ -214,9 +214,9 @@ def _forces(s: Setup, answer: Answer | None) -> ForceSet | None:
     return found
 
 
-def _show(s: Setup, answer: Answer) -> None:
+def _show(s: Setup, answer: EstimateAnswer) -> None:
     from cosim.analyses.estimate.files import muscle_table
-    from cosim.analyses.estimate.of_case import told_of
+    from cosim.analyses.estimate.of_case import forward_run_text
 
     table = muscle_table(s.capacity, answer.found.tension)
     rows = [
@@ -229,7 +229,7 @@ def _show(s: Setup, answer: Answer) -> None:
     header = ("muscle", "tension, N", "greatest, N", "activation", "stress, N/cm2")
     print_table("Tensions", header, rows)
     found = answer.found
-    typer.echo(told_of(answer))
+    typer.echo(forward_run_text(answer))
     typer.echo(
         f"{found.rounds} hood solves; equations missed by {found.gap:.1e}, optimality by "
         f"{found.optimum.miss:.1e} (relative)"

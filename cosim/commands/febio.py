@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cosim.commands.terminal import console, told
+from cosim.commands.terminal import console, exit_on_error
 from cosim.errors import InputError
 from cosim.files import check_folder
 
@@ -61,7 +61,7 @@ def solve(
     ] = False,
 ) -> None:
     """Solve a FEBio model and write its states; the forces' unit in the file is N."""
-    with told():
+    with exit_on_error():
         from cosim.schema.units import LENGTH, parse
         from fe_solver.febio.read import read_feb
         from fe_solver.job.mid_surface import on_mid_surface
@@ -147,7 +147,7 @@ def export(
     out: Annotated[Path, typer.Option(help="The FEBio file to write.")] = Path("hood.feb"),
 ) -> None:
     """Write the shell hood of a case at its posture, under its tendons' tensions, for FEBio."""
-    with told():
+    with exit_on_error():
         from cosim.build.models import build, tensions
         from cosim.case.file import load_case
         from fe_solver.febio.write import write_feb

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cosim.commands.terminal import print_table, told
+from cosim.commands.terminal import exit_on_error, print_table
 from cosim.errors import InputError
 from cosim.files import written_whole
 
@@ -30,8 +30,8 @@ def moment_arms(
     steps: Annotated[int, typer.Option(min=2, max=1000, help="Postures of each joint.")] = 9,
 ) -> None:
     """Moment arms of all tendons while each joint passes its range, beside published ones."""
-    with told():
-        from cosim.analyses.moment_arms import beside_published, draw, published, sweep
+    with exit_on_error():
+        from cosim.analyses.moment_arms import beside_published, draw, published_arms, sweep
         from cosim.build.models import build, tensions
         from cosim.case.file import load_case
         from cosim.fingers.kinds import joint_ranges
@@ -42,7 +42,7 @@ def moment_arms(
         table, lost = sweep(models, tension, joint_ranges(models.finger), steps)
         known, compared = None, None
         if checked.finger.has_literature:
-            known, compared = published(), beside_published(models)
+            known, compared = published_arms(), beside_published(models)
         _write(out, table, compared, draw(table, checked.title, known, models.posture))
         _show(table)
         if compared is not None:
@@ -103,7 +103,7 @@ def mjcf(
     """Write the MuJoCo model of a case's finger: bones, joints, its own tendons with an actuator
     each, whose control is the tension; without passive torques, limits, what holds the tip, and
     the hood."""
-    with told():
+    with exit_on_error():
         from cosim.build.models import mjcf_of
         from cosim.case.file import load_case
 

@@ -9,10 +9,10 @@ from typing import Annotated
 import typer
 
 from cosim.commands.finger import CaseName, Settings
-from cosim.commands.terminal import told
+from cosim.commands.terminal import exit_on_error
 
 
-class Part(StrEnum):
+class FmuPart(StrEnum):
     """What of a case goes into the FMU."""
 
     hood = "hood"
@@ -22,7 +22,7 @@ class Part(StrEnum):
 
 def fmu(
     case: CaseName,
-    part: Annotated[Part, typer.Option(help="What goes into it.")] = Part.hood,
+    part: Annotated[FmuPart, typer.Option(help="What goes into it.")] = FmuPart.hood,
     fmi: Annotated[int, typer.Option(min=2, max=3, help="Version of the standard.")] = 2,
     tangent: Annotated[
         bool,
@@ -36,7 +36,7 @@ def fmu(
     """Write a case's hood, finger or coupled finger, at rest or in motion, as an FMU.
 
     It holds the whole case and runs where this package is installed, at the same version."""
-    with told():
+    with exit_on_error():
         from cosim.case.file import load_case
         from cosim.fmu_export.write import write_fmu
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from cosim.commands.terminal import console, told
+from cosim.commands.terminal import console, exit_on_error
 from cosim.errors import InputError
 
 HEADING = "## Glossary\n"
@@ -24,7 +24,7 @@ def glossary(
     from rich.table import Table
 
     entries = read_glossary()
-    with told():
+    with exit_on_error():
         if word is not None:
             entries = {
                 name: meaning

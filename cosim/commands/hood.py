@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from cosim.commands.identify import Settings
-from cosim.commands.terminal import told
+from cosim.commands.terminal import exit_on_error
 
 
 def show_hood(
@@ -43,11 +43,11 @@ def show_hood(
     The case's own posture, load and fingertip play no part: the bones are held.  Some 120 solves,
     about 12 minutes on one core with --set hood.mesh.quads=400.  A pose without equilibrium is
     shown as such."""
-    with told():
+    with exit_on_error():
         from cosim.analyses.hood.studies import HoodStudies
         from cosim.case.file import load_case
         from cosim.hoods.kinds import KINDS
-        from cosim.report.figures import chosen, write_figures
+        from cosim.report.figures import choose_studies, write_figures
 
         own = tuple(settings or ())
         checked = load_case(case, own)
@@ -58,7 +58,7 @@ def show_hood(
         options += [] if moduli is None else [f"--moduli {moduli:g}"]
         studies = HoodStudies(checked, say := lambda text: typer.echo(text, err=True))
         paper = studies.paper(" ".join(["cosim hood", case, *options]))
-        wanted = chosen(paper, only or ())
+        wanted = choose_studies(paper, only or ())
         folder = Path("hood_postures") / checked.name if out is None else out
         count = write_figures(paper, wanted, folder, say)
         for pose in studies.unsolved():

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cosim.commands.terminal import print_table, told
+from cosim.commands.terminal import exit_on_error, print_table
 from cosim.errors import InputError
 from cosim.files import written_whole
 
@@ -62,7 +62,7 @@ def sensitivity(
 ) -> None:
     """How a case's results answer to what it assumes: moduli, thickness, rest lengths, ligaments,
     fibres, contact, joints, posture, mesh; a tornado chart for each quantity, and a table."""
-    with told():
+    with exit_on_error():
         from cosim.analyses.identify.sensitivity import study, to_csv, to_json
         from cosim.analyses.identify.variations import variations
         from cosim.case.file import load_case
@@ -70,10 +70,10 @@ def sensitivity(
 
         own = tuple(settings or ())
         checked = load_case(case, own)
-        varied = _chosen(variations(checked), only or ())
+        varied = _choose(variations(checked), only or ())
         targets = [t for t in read_targets(data) if t.case in ("", checked.name)] if data else []
         also = [t.quantity for t in targets]
-        with _counted(checked.name) as progress:
+        with _run_counter(checked.name) as progress:
             found = study(
                 checked.source, own, varied, quantity or (), also, jobs=jobs, progress=progress
             )
@@ -89,7 +89,7 @@ def sensitivity(
         typer.echo(f"table and {charts} charts in {folder}")
 
 
-def _chosen(every: Sequence[Variation], only: Sequence[str]) -> list[Variation]:
+def _choose(every: Sequence[Variation], only: Sequence[str]) -> list[Variation]:
     if not only:
         return list(every)
     found = [v for v in every if any(word.casefold() in v.name.casefold() for word in only)]
@@ -102,7 +102,7 @@ def _chosen(every: Sequence[Variation], only: Sequence[str]) -> list[Variation]:
 
 
 @contextmanager
-def _counted(name: str) -> Iterator[Callable[[int, int, str], None]]:
+def _run_counter(name: str) -> Iterator[Callable[[int, int, str], None]]:
     """What tells of the runs: a bar on a terminal, else a line for each."""
     if not sys.stderr.isatty():
         yield lambda done, total, what: typer.echo(f"{name}: {done}/{total} {what}", err=True)
@@ -209,7 +209,7 @@ def identify(
 ) -> None:
     """Fit parameters of one or several cases to measured numbers, within bounds; say with
     intervals, correlations and singular values what the numbers could not tell."""
-    with told():
+    with exit_on_error():
         from cosim.analyses.identify.case_text import check_same_settings
         from cosim.analyses.identify.cases import fit_cases, stated_cases
         from cosim.analyses.identify.fit import fit_all
@@ -296,13 +296,13 @@ def _squares(rows: Sequence[Comparison]) -> float:
 def _show_rows(title: str, pairs: Sequence[tuple[Comparison, Comparison]], several: bool) -> None:
     """Rows before and after."""
     from cosim.analyses.identify.fit import miss
-    from cosim.results.compare import number, stated
+    from cosim.results.compare import number, reference_text
 
     rows = [
         (
             *([row.target.case] if several else []),
             f"{row.target.name}, {row.target.unit}",
-            *(number(before.model), number(row.model), stated(row.target)),
+            *(number(before.model), number(row.model), reference_text(row.target)),
             *(f"{miss(row.target, row.model or 0.0):+.3g}", row.target.kind),
         )
         for before, row in pairs

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cosim.commands.identify import CaseName, Jobs, Settings
-from cosim.commands.terminal import print_table, told
+from cosim.commands.terminal import exit_on_error, print_table
 from cosim.files import folder_written_whole
 
 if TYPE_CHECKING:
@@ -29,15 +29,15 @@ def ladder(
     """Run one case with every hood, from a fixed split to a shell with fibres, side by side; a hood
     that does not fit the case is a column with its reason.  Exit code 1 where one that fits did not
     converge."""
-    with told():
-        from cosim.analyses.ladder import climbed, rungs_of
+    with exit_on_error():
+        from cosim.analyses.ladder import rungs_of, solve_rungs
         from cosim.case.file import load_case
 
         own = tuple(settings or ())
         checked = load_case(case, own)
         target = out / checked.name
         names, rungs = rungs_of(checked), []
-        for rung in climbed(checked.source, own, jobs):
+        for rung in solve_rungs(checked.source, own, jobs):
             rungs.append(rung)
             told_of = rung.status if rung.status != "converged" else f"{rung.wall:.1f} s"
             typer.echo(f"{len(rungs)}/{len(names)} {rung.name}: {told_of}", err=True)

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from cosim.commands.terminal import console, told, warn_of_audits
+from cosim.commands.terminal import console, exit_on_error, warn_of_audits
 from cosim.results.audit import describe_misses
 
 if TYPE_CHECKING:
     from cosim.case.schema import Case
-    from cosim.report.lesion_page import Pair
-    from cosim.report.tables import Table
+    from cosim.report.lesion_page import RunPair
+    from cosim.report.tables import ReportTable
 
 Format = Literal["html", "csv", "json", "md"]
 
@@ -37,13 +37,13 @@ def lesion(
 ) -> None:
     """Solve a case without its lesion and with it, fingertip free and held, and report both:
     posture, slip forces, fingertip force, strain maps."""
-    with told():
+    with exit_on_error():
         from cosim.case.file import load_case
 
         checked = load_case(case, settings or ())
-        pairs = _solved(checked, out)
+        pairs = _solve_runs(checked, out)
         where = page or Path(f"{checked.name}.{form}")
-        tables = _written(checked, pairs, where, form)
+        tables = _write(checked, pairs, where, form)
     for table in tables:
         _show(table)
     typer.echo(f"report in {where}, runs in {out}")
@@ -51,12 +51,12 @@ def lesion(
     raise typer.Exit(warn_of_audits({run.name: list(describe_misses(run.summary)) for run in runs}))
 
 
-def _solved(case: Case, out: Path) -> list[Pair]:
+def _solve_runs(case: Case, out: Path) -> list[RunPair]:
     """The four runs, each in its folder.  Raises InputError and ConvergenceError."""
     from cosim.analyses.lesion import TIPS, both_sides
     from cosim.errors import CosimError
     from cosim.pipeline import run_case
-    from cosim.report.lesion_page import Pair
+    from cosim.report.lesion_page import RunPair
     from cosim.results.read import read_run
     from cosim.results.write import check_target
     from cosim.solve.session import Session
@@ -70,18 +70,18 @@ def _solved(case: Case, out: Path) -> list[Pair]:
             runs[key] = read_run(run_case(one, session).save(out))
         except CosimError as error:
             raise type(error)(f"{one.name}: {error}") from error
-    return [Pair(tip, runs[tip, "before"], runs[tip, "after"]) for tip in TIPS]
+    return [RunPair(tip, runs[tip, "before"], runs[tip, "after"]) for tip in TIPS]
 
 
-def _written(case: Case, pairs: Sequence[Pair], where: Path, form: Format) -> list[Table]:
-    from cosim.analyses.lesion import marked, said
+def _write(case: Case, pairs: Sequence[RunPair], where: Path, form: Format) -> list[ReportTable]:
+    from cosim.analyses.lesion import lesion_text, named_parts
     from cosim.files import written_whole
     from cosim.report.lesion_page import lesion_page, tables_of_lesion
     from cosim.report.tables import as_csv, as_json, as_markdown
 
     tables = tables_of_lesion(pairs)
     if form == "html":
-        text = lesion_page(case.title, list(said(case)), marked(case), pairs)
+        text = lesion_page(case.title, list(lesion_text(case)), named_parts(case), pairs)
     elif form == "json":
         text = as_json([run for p in pairs for run in (p.before, p.after)], tables)
     else:
@@ -91,12 +91,12 @@ def _written(case: Case, pairs: Sequence[Pair], where: Path, form: Format) -> li
     return tables
 
 
-def _show(table: Table) -> None:
+def _show(table: ReportTable) -> None:
     from rich.table import Table as Grid
 
-    from cosim.report.tables import shown
+    from cosim.report.tables import cell_text
 
     grid = Grid(*table.columns, title=table.title, title_justify="left", box=None)
     for row in table.rows:
-        grid.add_row(*map(shown, row))
+        grid.add_row(*map(cell_text, row))
     console().print(grid)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from cosim.commands.terminal import told
+from cosim.commands.terminal import exit_on_error
 from cosim.errors import InputError
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ def new(
 ) -> None:
     """Make a case of your own hood mesh, bones and finger, and tell what was found, assumed and
     dropped."""
-    with told():
+    with exit_on_error():
         import numpy as np
 
         from cosim.anatomy.case_folder import new_case

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from cosim.commands.terminal import told
+from cosim.commands.terminal import exit_on_error
 from cosim.errors import InputError
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ def import_model(
     """Turn an OpenSim model into MJCF and list what was dropped or changed; the numbers of its
     muscles and joint limits go into a JSON file beside.  Ends with code 2 where the model has
     muscles and none could be imported."""
-    with told():
+    with exit_on_error():
         from rigid.opensim.losses import report
         from rigid.opensim.osim import import_osim, write_import
 
@@ -55,7 +55,7 @@ def sto(
     ] = None,
 ) -> None:
     """Write a run's motions and forces as .sto tables, which OpenSim plots."""
-    with told():
+    with exit_on_error():
         from cosim.results.sto import write_tables
 
         for path in write_tables(run, out or run):
@@ -88,7 +88,7 @@ def tensions(
     ] = False,
 ) -> None:
     """Write a case with the muscle forces of an OpenSim table as tendon tensions."""
-    with told():
+    with exit_on_error():
         from cosim.analyses.opensim.tensions import read_tensions, tensions_at, write_case
 
         if over_time and time is not None:
@@ -164,7 +164,7 @@ def loads(
     ] = "",
 ) -> None:
     """Write the reactions of rigid bodies that FEBio logged as OpenSim's external loads."""
-    with told():
+    with exit_on_error():
         from cosim.analyses.opensim.loads import Handover, write_loads
 
         names = _bodies(body)

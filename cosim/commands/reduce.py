@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cosim.commands.identify import CaseName, Jobs, Settings
-from cosim.commands.terminal import print_table, told
+from cosim.commands.terminal import exit_on_error, print_table
 from cosim.files import written_whole
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def reduce(
 ) -> None:
     """Fit a network hood to what a case's shell or cables do, over a grid of postures and loads,
     for use in real time; the error is that of postures held out."""
-    with told():
+    with exit_on_error():
         from cosim.analyses.identify.case_text import base_of, check_loads
         from cosim.analyses.reduction.case_text import case_text
         from cosim.analyses.reduction.reduce import read_grid, reduce_case

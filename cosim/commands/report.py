@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from cosim.commands.terminal import told
+from cosim.commands.terminal import exit_on_error
 
 Format = Literal["html", "csv", "json", "md"]
 
@@ -35,7 +35,7 @@ def report(
     ] = None,
 ) -> None:
     """Show runs, and what they are compared with, in one HTML page that needs nothing else."""
-    with told():
+    with exit_on_error():
         from cosim.report.write import write_report
 
         written = write_report(

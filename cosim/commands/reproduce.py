@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cosim.commands.terminal import told
+from cosim.commands.terminal import exit_on_error
 
 if TYPE_CHECKING:
     from cosim.report.figures import FigurePage
@@ -41,12 +41,12 @@ def reproduce(
     ] = None,
 ) -> None:
     """Compute a paper's figures anew: a picture and tables of each, and one page of all."""
-    with told():
-        from cosim.report.figures import chosen, write_figures
+    with exit_on_error():
+        from cosim.report.figures import choose_studies, write_figures
 
         found = _paper(paper)
         folder = Path("reproduced") / paper.value if out is None else out
-        studies = chosen(found, only or ())
+        studies = choose_studies(found, only or ())
         count = write_figures(found, studies, folder, lambda text: typer.echo(text, err=True))
         figures = "figure" if count == 1 else "figures"
         typer.echo(f"{count} {figures} in {folder / 'index.html'}")

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from cosim.commands.terminal import console, tell, told, warn, warn_of_audits
+from cosim.commands.terminal import console, exit_on_error, tell, warn, warn_of_audits
 from cosim.errors import ConvergenceError, CosimError, InputError, Progress, StoppedError, quiet
 from cosim.files import shown_path
 from cosim.results.audit import describe_misses
@@ -60,7 +60,7 @@ def run(
 ) -> None:
     """Run cases; each leaves its results in a folder of its name."""
     checked = load_cases(cases, settings)
-    with told():
+    with exit_on_error():
         _check_targets(checked, out)
         _check_unfinished(checked, out, restart)
     _run_all(checked, out, _voice(quiet, as_json))
@@ -110,9 +110,9 @@ def _check_targets(cases: Sequence[Case], out: Path) -> None:
 def _run_one(case: Case, out: Path, session: Session, voice: Voice) -> Mapping[str, Any]:
     """Run, write and show one case; its summary.  Raises CosimError."""
     from cosim.pipeline import run_case
-    from cosim.solve.motion import unfinished_folder
+    from cosim.solve.motion import checkpoint_folder
 
-    unfinished = unfinished_folder(case, out)
+    unfinished = checkpoint_folder(case, out)
     try:
         with _progress(case.name, voice) as say:
             result = run_case(case, session, say)
@@ -149,12 +149,12 @@ def _forget(unfinished: Path | None) -> None:
 def _check_unfinished(cases: Sequence[Case], out: Path, restart: bool) -> None:
     """Raises InputError for a motion of which a part is kept, which a new run would throw away;
     with `restart` it is thrown away."""
-    from cosim.solve.motion import has_begun, unfinished_folder
+    from cosim.solve.motion import checkpoint_folder, has_begun
 
     for case in cases:
         if not has_begun(case, out):
             continue
-        folder = unfinished_folder(case, out)
+        folder = checkpoint_folder(case, out)
         assert folder is not None  # of a motion that has begun
         if not restart:
             where = shown_path(folder)
@@ -175,7 +175,7 @@ def resume(
     from cosim.solve.motion import UNFINISHED
 
     name = run.name.removesuffix(UNFINISHED)
-    with told():
+    with exit_on_error():
         file = run.with_name(name + UNFINISHED) / "case.toml"
         if not file.is_file():
             raise InputError(

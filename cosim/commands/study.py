@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cosim.commands.terminal import console, print_table, told
+from cosim.commands.terminal import console, exit_on_error, print_table
 from cosim.errors import InputError
 
 if TYPE_CHECKING:
     from cosim.study.engine import Solve
     from cosim.study.execute import Done
     from cosim.study.plan import Plan
-    from cosim.study.results import Opened
+    from cosim.study.results import StudyResults
 
 REASONS = 8
 """Told in the terminal."""
@@ -49,7 +49,7 @@ def study(
     """Solve a case for many values of its parameters, and say what its results answer to. A study
     that was cut off goes on where it was; a run that has finished is never done again. Exit code 1
     where a run has no answer."""
-    with told():
+    with exit_on_error():
         from cosim.study.execute import conduct
         from cosim.study.files import write_study
         from cosim.study.plan import read_plan
@@ -82,7 +82,7 @@ def _engine(workers: int, scheduler: str | None) -> AbstractContextManager[Solve
     return engine.local(workers, tell) if workers else nullcontext(engine.here)
 
 
-def _show(plan: Plan, done: Done, found: Opened, folder: Path) -> None:
+def _show(plan: Plan, done: Done, found: StudyResults, folder: Path) -> None:
     from cosim.results.compare import number
 
     rows = []
@@ -115,7 +115,7 @@ def status(
     store: Annotated[Path, typer.Argument(metavar="STORE", help="Folder of finished runs.")],
 ) -> None:
     """How far the studies of a store are."""
-    with told():
+    with exit_on_error():
         import time
 
         from rich import box

@@ -48,7 +48,7 @@ def warn(warnings: Mapping[str, Sequence[str]]) -> None:
 
 
 @contextmanager
-def told() -> Iterator[None]:
+def exit_on_error() -> Iterator[None]:
     """Faults as one message and an exit code."""
     try:
         yield

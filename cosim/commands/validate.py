@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cosim.commands.terminal import console, told, warn_of_audits
+from cosim.commands.terminal import console, exit_on_error, warn_of_audits
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from cosim.validation.mesh import Change
     from cosim.validation.run import Board
-    from cosim.validation.trial import Group
+    from cosim.validation.trial import TrialGroup
 
 PLACE = Path("cases/scoreboard.json")
 """Where the committed scoreboard is, of a checkout."""
@@ -61,24 +61,24 @@ def validate(
 ) -> None:
     """Run the validations; print the tally by what references rest on, the skill over null models,
     and every compared number, misses first."""
-    with told():
+    with exit_on_error():
         from cosim.errors import InputError
         from cosim.validation.mesh import changes, on_finer_meshes, write_changes
         from cosim.validation.page import write_page
-        from cosim.validation.run import chosen, validated, write_scoreboard
+        from cosim.validation.run import choose_groups, run_validation, write_scoreboard
 
         hoods, own = _hoods(settings or [])
         if update and (only or own):
             raise InputError("--update takes all trials as they are: leave out --only and --set")
         if update and not PLACE.parent.is_dir():
             raise InputError(f"--update: there is no {PLACE.parent}/ here; run it in a checkout")
-        groups = chosen(only, hoods[-1] if hoods else published)
+        groups = choose_groups(only, hoods[-1] if hoods else published)
         if listed:
             _list(groups)
             return
         finer_groups = [] if finer is None else on_finer_meshes(groups, finer, own)
-        boards = validated(groups, out, own, workers, _progress)
-        again = validated(finer_groups, out / "finer", (), workers, _progress)
+        boards = run_validation(groups, out, own, workers, _progress)
+        again = run_validation(finer_groups, out / "finer", (), workers, _progress)
         found = changes(boards, again)
         places = [out / "scoreboard.json", *([PLACE] if update else [])]
         for place in places:
@@ -106,7 +106,7 @@ def _progress(text: str) -> None:
     typer.echo(text, err=True)
 
 
-def _list(groups: list[Group]) -> None:
+def _list(groups: list[TrialGroup]) -> None:
     for group in groups:
         typer.echo(f"{group.name} ({group.kind}{', variant' if group.variant else ''})")
         for trial in group.trials:
@@ -131,17 +131,17 @@ def _print_tallies(board: Board) -> None:
     variant = " (variant)" if board.variant else ""
     console().print(f"\n{board.group}{variant}: {board.headline}")
     for answer, found in board.tallies().items():
-        console().print(f"  {answer}: {_said(found) or 'nothing counts'}")
+        console().print(f"  {answer}: {_summary_sentence(found) or 'nothing counts'}")
 
 
-def _said(found: Mapping[str, int]) -> str:
+def _summary_sentence(found: Mapping[str, int]) -> str:
     return ", ".join(f"{count} {word}" for word, count in found.items())
 
 
 def _print_rows(board: Board) -> None:
     from rich.table import Table
 
-    from cosim.results.compare import marks, misses_first, number, stated
+    from cosim.results.compare import marks, misses_first, number, reference_text
 
     table = Table()
     for name in ("what", "model", "reference", "difference", "verdict", "kind"):
@@ -150,7 +150,7 @@ def _print_rows(board: Board) -> None:
         t = row.target
         name = " ".join([t.name, *(f"[{mark}]" for mark in marks(t))])
         gap, model = number(row.difference, 3), number(row.model, 3)
-        table.add_row(name, f"{model} {t.unit}", stated(t), gap, row.verdict, t.kind)
+        table.add_row(name, f"{model} {t.unit}", reference_text(t), gap, row.verdict, t.kind)
     console().print(table)
 
 

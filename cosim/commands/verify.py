@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cosim.commands.terminal import console, told
+from cosim.commands.terminal import console, exit_on_error
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -49,7 +49,7 @@ def fe(as_json: AsJson = False, only: Only = None, slow: Slow = False) -> None:
 def _verify(studies: Sequence[Study], as_json: bool, only: str | None, slow: bool) -> None:
     from cosim.checks import chosen
 
-    with told():
+    with exit_on_error():
         studies = chosen(only, slow, studies)
     rows: list[Row] = []
     for study in studies:
@@ -114,7 +114,7 @@ def studies(as_json: AsJson = False, only: Only = None, slow: Slow = False) -> N
 
 def info() -> None:
     """What is installed and in use, and what would be faster."""
-    with told():
+    with exit_on_error():
         facts = dict(_facts())
     wide = max(map(len, facts))
     for name, value in facts.items():
@@ -126,7 +126,7 @@ def _facts() -> Iterator[tuple[str, str]]:
 
     from cosim.version import __version__
     from fe_solver.elements import kernels
-    from fe_solver.solver.linear_algebra import BACKENDS, FASTER, VARIABLE, available, chosen
+    from fe_solver.solver.linear_algebra import BACKENDS, FASTER, VARIABLE, available, backend_name
 
     yield "cosim", f"{__version__} on Python {platform.python_version()}, {platform.machine()}"
     yield "libraries", ", ".join(f"{name} {version(name)}" for name in ("numpy", "scipy", "mujoco"))
@@ -136,9 +136,9 @@ def _facts() -> Iterator[tuple[str, str]]:
         else "plain numpy (numba is absent or switched off)"
     )
     yield "kernels", f"{compiled}, {kernels.thread_count()} threads on large meshes"
-    yield "linear solver", f"{chosen()}, of {', '.join(available())}"
+    yield "linear solver", f"{backend_name()}, of {', '.join(available())}"
     better = [name for name in BACKENDS if name in FASTER]
-    better = better[: better.index(chosen())] if chosen() in better else better
+    better = better[: better.index(backend_name())] if backend_name() in better else better
     words = [f"{b} (set {VARIABLE})" if b in available() else FASTER[b] for b in better]
     yield "faster would be", "; ".join(words) or "nothing that is known"
 

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from cosim.commands.run import Settings, load_cases
-from cosim.commands.terminal import told
+from cosim.commands.terminal import exit_on_error
 from cosim.errors import InputError
 from cosim.files import shown_path
 
@@ -19,7 +19,7 @@ def view(
     folder: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")],
 ) -> None:
     """Show a run's hood in a window."""
-    with told():
+    with exit_on_error():
         hood = folder / "hood.vtu"
         if not (folder / "summary.json").is_file():
             raise InputError(
@@ -72,7 +72,7 @@ def mesh(
 ) -> None:
     """Write the hood mesh of a case, for hood.mesh.kind = "file"."""
     (checked,) = load_cases([case], settings)
-    with told():
+    with exit_on_error():
         from cosim.build.models import hood_mesh
         from meshes.hood_mesh import write
 

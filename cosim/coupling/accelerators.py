@@ -67,7 +67,7 @@ class History:
     """(n, m) columns W."""
 
 
-def begun(accelerator: Accelerator, unknowns: int) -> History:
+def initial_history(accelerator: Accelerator, unknowns: int) -> History:
     """The history before the first step.  Raises InputError for a share that is not positive."""
     factor = accelerator.factor if isinstance(accelerator, Constant) else accelerator.first
     if not factor > 0:
@@ -76,20 +76,20 @@ def begun(accelerator: Accelerator, unknowns: int) -> History:
     return History(factor, np.zeros((2, 0)), nothing, nothing)
 
 
-def next_step(accelerator: Accelerator, history: History) -> History:
+def start_step(accelerator: Accelerator, history: History) -> History:
     """The history with which another step begins."""
     kept = replace(history, last=np.zeros((2, 0)))
     reuses = isinstance(accelerator, QuasiNewton) and accelerator.reuse
     return kept if reuses else _without_columns(kept)
 
 
-def cleared(accelerator: Accelerator, history: History) -> History:
-    """The history without what a changed active set (a tendon gone slack, a contact opened) has
-    made untrue."""
-    return begun(accelerator, len(history.residuals))
+def reset_history(accelerator: Accelerator, history: History) -> History:
+    """A new history, without the columns that a changed active set (a tendon gone slack, a contact
+    opened) has made wrong."""
+    return initial_history(accelerator, len(history.residuals))
 
 
-def accelerated(
+def accelerate(
     accelerator: Accelerator, history: History, x: Array, image: Array
 ) -> tuple[Array, History]:
     """The next iterate (n,) after `x` (n,) was mapped to `image` = F(x) (n,), and its history."""

@@ -13,9 +13,8 @@ from cosim.errors import ConvergenceError, InputError
 from cosim.port import Hood, MovingFinger
 
 SAFETY, SMALLEST, LARGEST = 0.9, 0.2, 2.0
-"""Of the step that the error suggests, the share that is tried; the next step is between SMALLEST
-and LARGEST times the last one (Hairer, Norsett and Wanner, Solving Ordinary Differential Equations
-I)."""
+"""The next step is SAFETY times the one that the error suggests, and between SMALLEST and LARGEST
+times the last one (Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I)."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +35,7 @@ class Control:
             )
 
 
-class Adapted(NamedTuple):
+class AdaptiveStep(NamedTuple):
     """An accepted step."""
 
     half: Coupled
@@ -52,7 +51,7 @@ class Adapted(NamedTuple):
     """Tries before it."""
 
 
-def adaptive(
+def adaptive_step(
     scheme: Scheme,
     finger: MovingFinger,
     hood: Hood,
@@ -60,7 +59,7 @@ def adaptive(
     tension: Pulls,
     dt: float,
     control: Control,
-) -> Adapted:
+) -> AdaptiveStep:
     """One step of at most `dt` s as two halves by `scheme`, whose angles are within the tolerance
     of a whole step by Linear.  A step that is rejected is never tried shorter than the floor.
 
@@ -68,25 +67,25 @@ def adaptive(
     Raises ConvergenceError where a step of the floor's length misses the tolerance, or fails."""
     h, rejected, more = min(dt, control.ceiling), 0, 0
     while True:
-        found = _tried(scheme, finger, hood, state, tension, h)
+        found = _try_step(scheme, finger, hood, state, tension, h)
         if isinstance(found, ConvergenceError):
             error, proposed = np.nan, 0.5 * h
         else:
             half, halves, error, solves = found
-            proposed = h * _growth(control.tolerance, error)
+            proposed = h * _step_growth(control.tolerance, error)
             more += solves
             if error <= control.tolerance:
                 after = replace(halves, solves=halves.solves + more)
-                return Adapted(half, after, error, h, min(proposed, control.ceiling), rejected)
+                return AdaptiveStep(half, after, error, h, min(proposed, control.ceiling), rejected)
             more += halves.solves - state.solves
         if h <= control.floor:
-            raise _stopped(state.time, h, error, control) from (
+            raise _step_error(state.time, h, error, control) from (
                 found if isinstance(found, ConvergenceError) else None
             )
         h, rejected = max(min(proposed, 0.9 * h), control.floor), rejected + 1
 
 
-def _tried(
+def _try_step(
     scheme: Scheme,
     finger: MovingFinger,
     hood: Hood,
@@ -99,23 +98,23 @@ def _tried(
     try:
         half = step(scheme, finger, hood, state, tension, 0.5 * h)
         halves = step(scheme, finger, hood, half, tension, 0.5 * h)
-        whole = step(_of_whole(scheme), finger, hood, state, tension, h)
+        whole = step(_error_scheme(scheme), finger, hood, state, tension, h)
     except ConvergenceError as failure:
         return failure
     error = np.abs(finger.angles(halves.finger) - finger.angles(whole.finger)).max()
     return half, halves, float(error), whole.solves - state.solves
 
 
-def _of_whole(scheme: Scheme) -> Scheme:
+def _error_scheme(scheme: Scheme) -> Scheme:
     return scheme if isinstance(scheme, Alone) else Linear()
 
 
-def _growth(tolerance: float, error: float) -> float:
-    """Of a step whose error goes with its square."""
+def _step_growth(tolerance: float, error: float) -> float:
+    """The factor on the step's length, for an error that goes with the step's square."""
     return float(np.clip(SAFETY * np.sqrt(tolerance / max(error, 1e-300)), SMALLEST, LARGEST))
 
 
-def _stopped(time: float, h: float, error: float, control: Control) -> ConvergenceError:
+def _step_error(time: float, h: float, error: float, control: Control) -> ConvergenceError:
     why = "did not converge" if np.isnan(error) else f"has an error of {error:.1e} rad"
     return ConvergenceError(
         f"step control: at t = {time:.6g} s a step of {h:g} s, the smallest allowed, {why}; the "

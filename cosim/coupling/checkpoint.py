@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from cosim.coupling.motion import Frame, Moment
-from cosim.coupling.state_arrays import Special, flattened, rebuilt
+from cosim.coupling.motion import Frame, MotionState
+from cosim.coupling.state_arrays import Special, flatten, rebuild
 from cosim.errors import InputError
 from cosim.files import written_whole
 from cosim.port import Array
@@ -26,25 +26,27 @@ FRAMES = "frames"
 
 
 @dataclass(frozen=True)
-class Kept:
+class MotionHistory:
     """A motion so far: its state, and the frames and fingertip wrenches of the steps behind."""
 
-    moment: Moment
+    moment: MotionState
     frames: Sequence[Frame]
     tips: Sequence[Array]
 
 
-def write_checkpoint(folder: Path, case: str, kept: Kept, special: Special) -> None:
+def write_checkpoint(folder: Path, case: str, kept: MotionHistory, special: Special) -> None:
     """Into `folder`, over an older one.  Raises InputError where it cannot be written (a full disk
     leaves the older one as it was)."""
-    arrays = flattened(kept.moment, special)
-    arrays |= {f"{FRAMES}/{k}": v for k, v in _stacked(kept.frames, kept.tips).items()}
+    arrays = flatten(kept.moment, special)
+    arrays |= {f"{FRAMES}/{k}": v for k, v in _stack_frames(kept.frames, kept.tips).items()}
     arrays |= {"case": np.array(case), "version": np.array(__version__)}
     with written_whole(folder / NAME) as part, part.open("wb") as file:
         np.savez(file, **arrays)
 
 
-def read_checkpoint(folder: Path, case: str, template: Kept, special: Special) -> Kept:
+def read_checkpoint(
+    folder: Path, case: str, template: MotionHistory, special: Special
+) -> MotionHistory:
     """The motion that `write_checkpoint` left, of which `template` is the beginning.
 
     Raises InputError for a file that is none, that is cut off, or that belongs to another case or
@@ -67,11 +69,11 @@ def read_checkpoint(folder: Path, case: str, template: Kept, special: Special) -
         raise InputError(f"{path}: belongs to another case than {folder / 'case.toml'} says")
     own = {k: arrays.pop(k) for k in list(arrays) if k.startswith(f"{FRAMES}/")}
     try:
-        moment = rebuilt(template.moment, arrays, special)
-        frames, tips = _unstacked({k.partition("/")[2]: v for k, v in own.items()})
+        moment = rebuild(template.moment, arrays, special)
+        frames, tips = _unstack_frames({k.partition("/")[2]: v for k, v in own.items()})
     except (KeyError, ValueError, TypeError) as error:
         raise InputError(f"{path}: is no whole checkpoint ({error}); run the case anew") from error
-    return Kept(moment, frames, tips)
+    return MotionHistory(moment, frames, tips)
 
 
 FIELDS = (
@@ -88,12 +90,12 @@ FIELDS = (
 NUMBERS = ("residual", "energy")
 
 
-def _stacked(frames: Sequence[Frame], tips: Sequence[Array]) -> dict[str, Array]:
+def _stack_frames(frames: Sequence[Frame], tips: Sequence[Array]) -> dict[str, Array]:
     out = {name: np.array([getattr(f, name) for f in frames]) for name in (*FIELDS, *NUMBERS)}
     return {**out, "tips": np.array(tips)}
 
 
-def _unstacked(arrays: dict[str, Array]) -> tuple[tuple[Frame, ...], tuple[Array, ...]]:
+def _unstack_frames(arrays: dict[str, Array]) -> tuple[tuple[Frame, ...], tuple[Array, ...]]:
     frames = tuple(
         Frame(
             time=float(arrays["time"][k]),

@@ -75,17 +75,19 @@ class Equilibrium:
     """rad, the most that a joint would have turned further."""
 
     @property
-    def told(self) -> Balance:
-        """The balance of a finger that tells its forces."""
+    def known_balance(self) -> Balance:
+        """The balance of a finger that reports its forces."""
         assert self.balance is not None
         return self.balance
 
     @property
     def load(self) -> Load:
+        """The hood's load on the bodies in the equilibrium."""
         return self.response.load
 
     @property
     def excursion(self) -> Array:
+        """(nt,) m, the excursions of the hood's tendons in the equilibrium."""
         return self.response.excursion
 
 
@@ -104,15 +106,15 @@ def equilibrium(
     finger, hood = pair
     finger_state, state = start
     interface, exact, part, turn = np.inf, False, 1.0, np.inf
-    way: _Way | None = None
+    way: _CouplingStep | None = None
     for iteration in range(1, options.max_iterations + 1):
         motion = finger.motion(finger_state)
-        solver = hood if exact else hood.loosely(LOOSE)
+        solver = hood if exact else hood.with_tolerance(LOOSE)
         response = solver.advance(state, motion, tensions.hood, STATIC)
         jacobian = solver.jacobian(response.state)
         now = finger.balance(finger_state, response.load, tensions.finger)
         interface = np.nan if now is None else now.relative
-        progress(f"coupling round {iteration}: {_how_far(interface, turn)}")
+        progress(f"coupling round {iteration}: {_progress_text(interface, turn)}")
         is_late = iteration > PATIENCE and part > LEAST_PART
         if is_late and way is not None and interface > max(way.interface, options.tolerance):
             part, state = 0.5 * part, way.state
@@ -140,12 +142,12 @@ def equilibrium(
                 turn,
             )
         exact = turn <= AT_REST if now is None else interface <= NEAR
-        way, part = _Way(finger_state, response.state, aim, interface), 1.0
+        way, part = _CouplingStep(finger_state, response.state, aim, interface), 1.0
         finger_state, state = aim, response.state
     raise ConvergenceError(
         f"hood and finger did not agree in {options.max_iterations} rounds: in the last one "
-        f"{_how_far(interface, turn)}, allowed {_allowed(interface, options.tolerance)}. Try more "
-        "rounds (solve.max_iterations), a smaller tension, or a stiffer passive joint."
+        f"{_progress_text(interface, turn)}, allowed {_limit_text(interface, options.tolerance)}. "
+        "Try more rounds (solve.max_iterations), a smaller tension, or a stiffer passive joint."
     )
 
 
@@ -155,17 +157,17 @@ def _is_at_rest(interface: float, turn: float, tolerance: float) -> bool:
     return interface <= tolerance and turn <= AT_REST
 
 
-def _allowed(interface: float, tolerance: float) -> str:
+def _limit_text(interface: float, tolerance: float) -> str:
     return f"{STILL if np.isnan(interface) else tolerance:.1e}"
 
 
-def _how_far(interface: float, turn: float) -> str:
+def _progress_text(interface: float, turn: float) -> str:
     if np.isnan(interface):
         return f"a joint turned by {turn:.1e} rad"
     return f"relative residual {interface:.1e}"
 
 
-class _Way(NamedTuple):
+class _CouplingStep(NamedTuple):
     """A step that was taken: from where, where the finger aimed, and the interface's residual at
     its beginning."""
 
@@ -193,7 +195,7 @@ def reciprocity(finger: OpenFinger, hood: Hood, e: Equilibrium, tendon: int, ste
     for sign in (1.0, -1.0):
         move = np.zeros(len(finger.unknowns(e.finger_state)))
         move[: len(way)] = sign * step * way
-        motion = finger.motion(finger.displaced(e.finger_state, move))
+        motion = finger.motion(finger.displace(e.finger_state, move))
         there = hood.advance(e.response.state, motion, e.hood_tension, STATIC)
         excursion.append(there.excursion)
     by_excursion = (excursion[0] - excursion[1]) / (2 * step)

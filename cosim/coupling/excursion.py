@@ -74,9 +74,9 @@ def solve_excursions(
         taut = (tension > 0) | (gap > 0)
         if np.abs(gap[taut]).max(initial=0.0) <= TOLERANCE:
             return result, ExcursionState(tension, found, at.start, slope)
-        after = _next(tension, gap, taut, slope)
+        after = _next_tensions(tension, gap, taut, slope)
         result, now = trial(after)
-        slope = _updated(slope, after - tension, now - found)
+        slope = _broyden_update(slope, after - tension, now - found)
         tension, found = after, now
     off = np.where(taut, np.abs(gap), 0.0)
     raise ConvergenceError(
@@ -94,7 +94,7 @@ def _first_slope(trial: Trial[T], tension: Array, found: Array) -> Array:
     return np.stack(columns, axis=1)
 
 
-def _next(tension: Array, gap: Array, taut: NDArray[np.bool_], slope: Array) -> Array:
+def _next_tensions(tension: Array, gap: Array, taut: NDArray[np.bool_], slope: Array) -> Array:
     """The tensions (nd,) N of the next trial; those that are slack stay so."""
     try:
         step = np.linalg.solve(slope[np.ix_(taut, taut)], gap[taut])
@@ -105,7 +105,7 @@ def _next(tension: Array, gap: Array, taut: NDArray[np.bool_], slope: Array) -> 
     return after
 
 
-def _updated(slope: Array, pulled: Array, moved: Array) -> Array:
-    """Broyden's: the nearest slope that explains the last change."""
+def _broyden_update(slope: Array, pulled: Array, moved: Array) -> Array:
+    """The nearest slope (nd, nd) m/N that explains the last change (Broyden 1965)."""
     size = float(pulled @ pulled)
     return slope + np.outer(moved - slope @ pulled, pulled) / size if size > 0 else slope

@@ -17,8 +17,7 @@ MOST_ROUNDS = 50
 MOST_STEPS = 30
 MOST_RELAXING = 500
 RELAXING_TURN = np.deg2rad(0.5)
-NEAR_REST = 1e-6
-"""Of the largest residual met, where relaxing ends and Newton takes over."""
+NEAR_REST = 1e-6  # relative to the largest residual: relaxation ends, Newton begins
 SMALL_TORQUE = 1e-12
 """N m, below which a residual that no longer falls is rounding error."""
 MOST_LEFT = 1e-10
@@ -34,12 +33,12 @@ def affine(load: Load, by_motion: Array, at: Motion, motion: Motion) -> Load:
     return replace(load, wrench=wrench)
 
 
-def balanced(
+def balance_finger(
     finger: OpenFinger, state: State, load: Load, tension: Array, by_motion: Array, tolerance: float
 ) -> tuple[State, Balance]:
-    """The finger's stable equilibrium under an affine load (its poses at `state` are where it was
-    taken), or a state on the way there where a joint turns by more than MOST_TURN: so far off, the
-    affine load need not have an equilibrium.
+    """The finger's stable equilibrium under a load that is affine in its poses (those of `state`
+    are where it was taken); or a state on the way there, where a joint turns by more than
+    MOST_TURN: so far away the affine load need not have an equilibrium.
 
     Raises ConvergenceError."""
     at = finger.motion(state)
@@ -47,10 +46,10 @@ def balanced(
     def load_at(moved: State) -> Load:
         return affine(load, by_motion, at, finger.motion(moved))
 
-    return _settled(finger, state, load_at, tension, by_motion, tolerance)
+    return _solve_balance(finger, state, load_at, tension, by_motion, tolerance)
 
 
-def _settled(
+def _solve_balance(
     finger: OpenFinger,
     state: State,
     load_at: Callable[[State], Load],
@@ -58,24 +57,24 @@ def _settled(
     by_motion: Array,
     tolerance: float,
 ) -> tuple[State, Balance]:
-    """`balanced` under a load that is a function of the finger's state."""
+    """Solves `balance_finger` under a load that is a function of the finger's state."""
     nq, start = len(finger.joints), np.zeros(len(finger.unknowns(state)))
 
     def there(step: Array) -> tuple[State, Balance]:
-        moved = finger.displaced(state, step)
+        moved = finger.displace(state, step)
         return moved, finger.balance(moved, load_at(moved), tension)
 
     def residual(step: Array) -> Array:
         return there(step)[1].residual
 
     def slope(step: Array) -> Array:
-        moved = finger.displaced(state, step)
+        moved = finger.displace(state, step)
         return finger.tangent(moved, load_at(moved), tension, by_motion)
 
     enough = min(0.1 * tolerance, MOST_LEFT)
     root = _newton(there, slope, start, enough)
     if root is None or not _is_near(root.step, nq) or _softest(root.slope, nq) > 0:
-        step = _relaxed(residual, slope, start, nq)
+        step = _relax(residual, slope, start, nq)
         root = _newton(there, slope, step, enough) if _is_near(step, nq) else None
         root = _Root(step, slope(step), *there(step)) if root is None else root
     if _is_near(root.step, nq) and not root.balance.relative <= tolerance:
@@ -141,7 +140,7 @@ def _softest(slope: Array, nq: int) -> float:
     return float(np.linalg.eigvalsh((allowed + allowed.T) / 2).max(initial=-np.inf))
 
 
-def _relaxed(
+def _relax(
     residual: Callable[[Array], Array], slope: Callable[[Array], Array], step: Array, nq: int
 ) -> Array:
     """The step after which a finger with viscous joints has come near rest, or has turned a joint
@@ -174,7 +173,7 @@ def at_rest(
     none = Load(bodies, ("hood",), np.zeros((len(bodies), 1, 6)), np.zeros((0, 6)))
     follows = np.zeros((6 * len(bodies), 6 * len(bodies)))
     for _ in range(MOST_ROUNDS):
-        aim, balance = _settled(finger, state, lambda _: none, tension, follows, tolerance)
+        aim, balance = _solve_balance(finger, state, lambda _: none, tension, follows, tolerance)
         if balance.relative <= tolerance:
             return aim, balance
         state = aim

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cosim.coupling.accelerators import Accelerator, accelerated, begun
+from cosim.coupling.accelerators import Accelerator, accelerate, initial_history
 from cosim.coupling.equilibrium import CouplingOptions, Equilibrium
 from cosim.coupling.finger_equilibrium import MOST_TURN
 from cosim.errors import ConvergenceError, Progress, quiet
@@ -25,13 +25,13 @@ def fixed_point(
     turn: float,
     progress: Progress = quiet,
 ) -> Equilibrium:
-    """As `cosim.coupling.equilibrium.equilibrium`, to the interface's tolerance (of a finger that
-    tells its forces) and a `turn` (rad) of the joints in the last round.
+    """The same as `cosim.coupling.equilibrium.equilibrium`, to the interface's tolerance (of a
+    finger that reports its forces) and a `turn` (rad) of the joints in the last round.
 
     Raises ConvergenceError, and InputError for a finger that cannot be asked at any angles."""
     finger, hood = pair
     at, state = start
-    history, n = begun(accelerator, len(finger.joints)), 6 * len(finger.bodies)
+    history, n = initial_history(accelerator, len(finger.joints)), 6 * len(finger.bodies)
     held = np.zeros((n, n))
     for iteration in range(1, options.max_iterations + 1):
         motion = finger.motion(at)
@@ -55,9 +55,9 @@ def fixed_point(
                 iteration,
                 turned,
             )
-        goal, history = accelerated(accelerator, history, angles, image)
+        goal, history = accelerate(accelerator, history, angles, image)
         step = (goal - angles) * min(1.0, MOST_TURN / (np.abs(goal - angles).max() or 1.0))
-        at, state = finger.turned(aim, angles + step), response.state
+        at, state = finger.with_angles(aim, angles + step), response.state
     known = f"the relative residual is {interface:.1e} ({options.tolerance:.1e} is allowed) and "
     residual = "" if np.isnan(interface) else known
     raise ConvergenceError(

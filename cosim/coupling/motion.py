@@ -27,44 +27,45 @@ EVERY = 50
 """Steps between two words of progress."""
 
 
-class Puller(Protocol):
-    """What gives tensions over time; its state is opaque."""
+class TendonDrive(Protocol):
+    """The drive of the tendons: gives tensions over time. Its state is opaque."""
 
     def start(self, length: Array) -> State:
-        """At t = 0 with paths of `length` (nt,) m, the hood's tendons first."""
+        """The state at t = 0 with paths of `length` (nt,) m, the hood's tendons first."""
         ...
 
     def pull(self, state: State, time: float, length: Array, dt: float) -> Any:
-        """At `time` s, `dt` s after `state`: an object with `tension` (nt,) N and `state`."""
+        """An object with `tension` (nt,) N and `state` at `time` s, `dt` s after `state`."""
         ...
 
-    def settled(self, state: State, length: Array) -> State:
-        """The state of the start, once the hood has found its equilibrium with paths of `length`:
-        pistons stand where they start there."""
+    def settle_at(self, state: State, length: Array) -> State:
+        """The state at the start, once the hood has found its equilibrium with paths of `length`
+        (nt,) m: pistons stand where they start there."""
         ...
 
-    def told(self, state: State, time: float) -> Array:
+    def cylinder_signals(self, state: State, time: float) -> Array:
         """(nc, 2) of each pneumatic cylinder: V commanded, Pa above the atmosphere."""
         ...
 
 
-class WatchedFinger(MovingFinger, Protocol):
-    """A finger in time that tells more than a scheme asks for: what is kept of a motion."""
+class RecordedFinger(MovingFinger, Protocol):
+    """A moving finger that also reports what is recorded of a motion."""
 
     def dissipation(self, state: State) -> float:
-        """W, of the damping of joints and limits."""
+        """W, dissipated by the damping of joints and limits."""
         ...
 
     def device_loss(self, state: State) -> float:
-        """J, that a device about the fingertip dissipated in the step that ended in the state."""
+        """J, dissipated by a device about the fingertip in the step that ended in the state."""
         ...
 
-    def stored(self, state: State) -> Mapping[str, float]:
+    def stored_energy(self, state: State) -> Mapping[str, float]:
         """J by kind: the parts of `energy`; empty where only their sum is known."""
         ...
 
     def tip_wrench(self, state: State) -> Array:
-        """(6,) N, and N m about the fingertip, of it on the world, world frame."""
+        """(6,) N, and N m about the fingertip: the wrench of the fingertip on the world, world
+        frame."""
         ...
 
     def tip(self, angles: Array) -> Array | None:
@@ -103,22 +104,22 @@ class Pace:
 
 
 @dataclass(frozen=True)
-class Moment:
-    """A motion between two steps: all that going on needs."""
+class MotionState:
+    """The state of a motion between two steps: all that is needed to go on."""
 
     coupled: Coupled
     puller: State
     dissipated: float
-    """J, by the joints and limits since the start, and"""
+    """J, dissipated by the joints and limits since the start."""
     slipped: float
-    """by a device about the fingertip."""
+    """J, dissipated by a device about the fingertip since the start."""
     pace: Pace
     draw: ExcursionState
 
 
 @dataclass(frozen=True)
 class Frame:
-    """What is kept of a time."""
+    """The recorded quantities of a motion at one time."""
 
     time: float
     angles: Array
@@ -131,29 +132,29 @@ class Frame:
     total: Array
     """(nb, 6) of the hood at the pose."""
     imbalance: tuple[float, float]
-    """Of the massless hood: relative, of forces and moments."""
+    """Relative imbalance of the massless hood: of its forces, of its moments."""
     residual: float
     energy: float
-    """J, of the finger."""
+    """J, the finger's energy."""
     drive: Array
     """(nc, 2) of each pneumatic cylinder: V commanded, Pa above the atmosphere."""
 
 
-NOTHING_DRIVEN = PrescribedExcursions((), np.zeros(0, dtype=int), lambda time: np.zeros(0))
+NO_EXCURSIONS = PrescribedExcursions((), np.zeros(0, dtype=int), lambda time: np.zeros(0))
 
 
 @dataclass(frozen=True)
-class Moves:
+class CoupledMotion:
     """A finger and a hood that move together in steps of `dt` s."""
 
     scheme: Scheme
-    finger: WatchedFinger
+    finger: RecordedFinger
     hood: Hood
-    puller: Puller
+    puller: TendonDrive
     dt: float
-    driven: PrescribedExcursions = NOTHING_DRIVEN
+    driven: PrescribedExcursions = NO_EXCURSIONS
 
-    def begin(self, state: State) -> Moment:
+    def begin(self, state: State) -> MotionState:
         """At rest in the finger's `state`, the hood in equilibrium on it."""
         split, (pulls, tension) = len(self.hood.tendons), self.first_pull(state)
         coupled = begin(
@@ -166,8 +167,8 @@ class Moves:
         index = self.driven.index
         draw = initial_excursions(tension[index], self._excursions(coupled)[index])
         lengths = np.concatenate([-coupled.point.excursion, self._own(coupled.finger)])
-        pulls = self.puller.settled(pulls, lengths)
-        return Moment(coupled, pulls, 0.0, 0.0, Pace(self.dt), draw)
+        pulls = self.puller.settle_at(pulls, lengths)
+        return MotionState(coupled, pulls, 0.0, 0.0, Pace(self.dt), draw)
 
     def first_pull(self, state: State) -> tuple[State, Array]:
         """What pulls at t = 0 on the finger in `state`, and with what tensions (nt,) N."""
@@ -175,35 +176,37 @@ class Moves:
         pulls = self.puller.start(lengths)
         return pulls, self.puller.pull(pulls, 0.0, lengths, 0.0).tension
 
-    def advance(self, at: Moment) -> Moment:
+    def advance(self, at: MotionState) -> MotionState:
         """One step on; raises ConvergenceError."""
         time = at.coupled.time + self.dt
-        pull = self.pulled(at, time)
+        pull = self.tendon_pull(at, time)
         if self.driven.names:
-            after, draw = self._drawn(at, pull.tension, time)
+            after, draw = self._step_to_excursions(at, pull.tension, time)
         else:
-            after, draw = self._stepped(at.coupled, pull.tension), at.draw
+            after, draw = self._step_under(at.coupled, pull.tension), at.draw
         lost = at.dissipated + self.dt * self.finger.dissipation(after.finger)
         slipped = at.slipped + self.finger.device_loss(after.finger)
-        return Moment(after, pull.state, lost, slipped, at.pace, draw)
+        return MotionState(after, pull.state, lost, slipped, at.pace, draw)
 
-    def _drawn(self, at: Moment, tension: Array, time: float) -> tuple[Coupled, ExcursionState]:
-        """A step under tensions (nt,) N, those of displaced tendons to be found; the hood solves of
-        all trials are counted."""
+    def _step_to_excursions(
+        self, at: MotionState, tension: Array, time: float
+    ) -> tuple[Coupled, ExcursionState]:
+        """A step under tensions (nt,) N, in which those of the displaced tendons are solved for.
+        The hood solves of all trials are counted."""
         index, c, solves = self.driven.index, at.coupled, 0
 
         def trial(found: Array) -> tuple[Coupled, Array]:
             nonlocal solves
             pulls = tension.copy()
             pulls[index] = found
-            after = self._stepped(c, pulls)
+            after = self._step_under(c, pulls)
             solves += after.solves - c.solves
             return after, self._excursions(after)[index]
 
         after, draw = solve_excursions(self.driven, at.draw, time, trial)
         return replace(after, solves=c.solves + solves), draw
 
-    def _stepped(self, c: Coupled, tension: Array) -> Coupled:
+    def _step_under(self, c: Coupled, tension: Array) -> Coupled:
         """A step under tensions (nt,) N."""
         split = len(self.hood.tendons)
         pulls = tension[:split], tension[split:]
@@ -213,14 +216,15 @@ class Moves:
         """(nt,) m of all tendons, each from a length of its own."""
         return np.concatenate([c.point.excursion, -self._own(c.finger)])
 
-    def pulled(self, at: Moment, time: float) -> Any:
-        """What pulls at `time` s, after `at`, on paths as long as they are at `at`: an object with
+    def tendon_pull(self, at: MotionState, time: float) -> Any:
+        """The pull at `time` s, after `at`, on paths as long as they are at `at`: an object with
         `tension` (nt,) N and `state`."""
         c = at.coupled
         lengths = np.concatenate([-c.point.excursion, self._own(c.finger)])
         return self.puller.pull(at.puller, time, lengths, time - c.time)
 
-    def frame(self, at: Moment) -> Frame:
+    def frame(self, at: MotionState) -> Frame:
+        """The recorded quantities of a state."""
         c = at.coupled
         load, motion = c.answer.response.load, c.answer.motion
         return Frame(
@@ -234,14 +238,16 @@ class Moves:
             load.imbalance(motion),
             c.residual,
             self.finger.energy(c.finger),
-            self.puller.told(at.puller, c.time),
+            self.puller.cylinder_signals(at.puller, c.time),
         )
 
     def _own(self, state: State) -> Array:
         return self.finger.path_lengths(self.finger.angles(state))
 
 
-def moments(moves: Moves, at: Moment, steps: int, progress: Progress) -> Iterator[Moment]:
+def motion_states(
+    moves: CoupledMotion, at: MotionState, steps: int, progress: Progress
+) -> Iterator[MotionState]:
     """The states after each of `steps` steps.  Raises ConvergenceError, which says when."""
     begun = time.perf_counter()
     for k in range(1, steps + 1):

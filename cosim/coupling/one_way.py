@@ -31,11 +31,11 @@ End = Literal["none", "distal", "proximal"]
 
 
 @dataclass(frozen=True)
-class HandedOver:
+class FrozenHood:
     """A hood that answers every pose as it answered one: forces of constant direction on points
-    that are fixed to the bodies.  `cosim.port.Hood`.
+    that are fixed to the bodies. It fulfils `cosim.port.Hood`.
 
-    Bodies run from the fixed one to the tip, which a joint joins at each one's origin."""
+    Bodies run from the fixed one to the tip; a joint joins them at each one's origin."""
 
     tendons: tuple[str, ...]
     answered: Response
@@ -49,18 +49,22 @@ class HandedOver:
 
     @property
     def bodies(self) -> tuple[str, ...]:
+        """The names of the bodies, as the hood has them."""
         return self.answered.load.bodies
 
     @property
     def sources(self) -> tuple[str, ...]:
+        """The hood's sources, then those that the one-way pass adds."""
         lumped = () if self.centre is None else (LUMPING,)
         doubled = () if self.joint_contact == "none" else (JOINT_CONTACT,)
         return (*self.answered.load.sources, *lumped, *doubled)
 
     def start(self, motion: Motion) -> State:
+        """The one state that the hood has."""
         return self.answered.state
 
-    def loosely(self, tolerance: float) -> HandedOver:
+    def with_tolerance(self, tolerance: float) -> FrozenHood:
+        """The hood itself: it solves nothing."""
         return self
 
     def advance(self, state: State, motion: Motion, tension: Array, dt: float) -> Response:
@@ -90,10 +94,10 @@ class HandedOver:
 
     @cached_property
     def _extra(self) -> list[tuple[Array, Array, Array]]:
-        return self._added(self.answered.load.total())
+        return self._added_forces(self.answered.load.total())
 
-    def _added(self, total: Array) -> list[tuple[Array, Array, Array]]:
-        """Of each source added to a hood's wrenches (nb, 6), and linear in them: forces (nb, 3),
+    def _added_forces(self, total: Array) -> list[tuple[Array, Array, Array]]:
+        """The sources added to a hood's wrenches (nb, 6), each linear in them: forces (nb, 3),
         points (nb, 3) in the bodies' frames, and the wrenches (nb, 6) that it takes away."""
         whole, nothing = total.copy(), np.zeros_like(total)
         whole[0] = 0.0
@@ -119,7 +123,7 @@ class HandedOver:
         out = self.by_tension.copy()
         for column in out.T:
             own = column.reshape(-1, 6).copy()
-            for force, point, taken in self._added(own):
+            for force, point, taken in self._added_forces(own):
                 arm = np.einsum("bij,bj->bi", self.at.rotation, point)
                 column += (at_points(force, arm) - taken).ravel()
         return out
@@ -140,10 +144,10 @@ def joint_forces(force: Array, end: End) -> Array:
 
 
 @dataclass(frozen=True)
-class Passed:
-    """A one-way pass: what was handed over, and what nobody looked at any more."""
+class OneWayPass:
+    """The result of a one-way pass: the load that was handed over, and what it leaves open."""
 
-    handed: HandedOver
+    handed: FrozenHood
     left_open: float
     """Relative residual, as joint torques, of the finger against what the hood would have answered
     in the pose that the finger came to."""
@@ -152,12 +156,12 @@ class Passed:
 
     @property
     def answer(self) -> Load:
-        """The hood's own load,"""
+        """The hood's own load, in the pose `at`."""
         return self.handed.answered.load
 
     @property
     def at(self) -> Motion:
-        """in the pose where it was solved."""
+        """The pose in which the hood was solved."""
         return self.handed.at
 
 

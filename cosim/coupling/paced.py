@@ -6,26 +6,25 @@ import time
 from collections.abc import Iterator
 from dataclasses import replace
 
-from cosim.coupling.adaptive import Adapted, Control, adaptive
-from cosim.coupling.motion import EVERY, Moment, Moves, Pace
+from cosim.coupling.adaptive import AdaptiveStep, Control, adaptive_step
+from cosim.coupling.motion import EVERY, CoupledMotion, MotionState, Pace
 from cosim.coupling.state import Coupled
 from cosim.errors import Progress
 from cosim.port import Array
 
-ROUNDING = 1e-12
-"""Of the duration, that may be missing at the end."""
+ROUNDING = 1e-12  # relative to the duration: so much may be missing at the end
 
 
-def paced(
-    moves: Moves, control: Control, at: Moment, until: float, progress: Progress
-) -> Iterator[tuple[Moment, Moment]]:
+def adaptive_states(
+    moves: CoupledMotion, control: Control, at: MotionState, until: float, progress: Progress
+) -> Iterator[tuple[MotionState, MotionState]]:
     """The states after each half of every accepted step up to `until` s.
 
     Raises ConvergenceError, which says when, where a step of the control's floor misses its
     tolerance or fails."""
     begun, first = time.perf_counter(), at.coupled.time
     while until - at.coupled.time > ROUNDING * until:
-        half, at = stepped(moves, control, at, until)
+        half, at = take_step(moves, control, at, until)
         yield half, at
         c, count = at.coupled, at.pace.accepted
         if count % EVERY == 0 or until - c.time <= ROUNDING * until:
@@ -36,20 +35,22 @@ def paced(
             )
 
 
-def stepped(moves: Moves, control: Control, at: Moment, until: float) -> tuple[Moment, Moment]:
+def take_step(
+    moves: CoupledMotion, control: Control, at: MotionState, until: float
+) -> tuple[MotionState, MotionState]:
     """One step, as long as the last one proposed or shorter to end at `until` s: the states after
     its halves."""
     c, split = at.coupled, len(moves.hood.tendons)
 
     def tension(time: float) -> tuple[Array, Array]:
-        pulls = moves.pulled(at, time).tension
+        pulls = moves.tendon_pull(at, time).tension
         return pulls[:split], pulls[split:]
 
     dt = _first_try(until - c.time, at.pace.proposed)
-    found = adaptive(moves.scheme, moves.finger, moves.hood, c, tension, dt, control)
-    half = _after(moves, at, at, found.half, 0.5 * found.taken)
-    whole = _after(moves, at, half, found.state, 0.5 * found.taken)
-    return half, replace(whole, pace=_pace(at.pace, found))
+    found = adaptive_step(moves.scheme, moves.finger, moves.hood, c, tension, dt, control)
+    half = _state_after(moves, at, at, found.half, 0.5 * found.taken)
+    whole = _state_after(moves, at, half, found.state, 0.5 * found.taken)
+    return half, replace(whole, pace=_next_pace(at.pace, found))
 
 
 def _first_try(left: float, proposed: float) -> float:
@@ -59,14 +60,16 @@ def _first_try(left: float, proposed: float) -> float:
     return min(proposed, 0.5 * left)
 
 
-def _after(moves: Moves, at: Moment, before: Moment, c: Coupled, dt: float) -> Moment:
+def _state_after(
+    moves: CoupledMotion, at: MotionState, before: MotionState, c: Coupled, dt: float
+) -> MotionState:
     """The state `c`, `dt` s after `before`, in the step that began at `at`."""
     lost = before.dissipated + dt * moves.finger.dissipation(c.finger)
     slipped = before.slipped + moves.finger.device_loss(c.finger)
-    return Moment(c, moves.pulled(at, c.time).state, lost, slipped, at.pace, at.draw)
+    return MotionState(c, moves.tendon_pull(at, c.time).state, lost, slipped, at.pace, at.draw)
 
 
-def _pace(before: Pace, found: Adapted) -> Pace:
+def _next_pace(before: Pace, found: AdaptiveStep) -> Pace:
     return Pace(
         found.proposed,
         before.accepted + 1,

@@ -24,20 +24,20 @@ from cosim.coupling.accelerators import (
     Accelerator,
     Aitken,
     Constant,
-    accelerated,
-    begun,
-    cleared,
-    next_step,
+    accelerate,
+    initial_history,
+    reset_history,
+    start_step,
 )
 from cosim.coupling.state import (
-    Answer,
     Coupled,
     Energy,
+    HoodAnswer,
     Pulls,
-    apart,
-    followed,
-    standing,
-    unexplained,
+    advance_state,
+    energy_defect,
+    hood_point,
+    interface_residual,
 )
 from cosim.errors import ConvergenceError
 from cosim.port import STATIC, Array, Hood, Motion, MovingFinger, State
@@ -108,20 +108,20 @@ def begin(
 ) -> Coupled:
     """A finger's `state` (from `finger.begin`) and a hood at static equilibrium on it."""
     motion = finger.motion(finger.angles(state))
-    answer = _asked(scheme, hood, hood.start(motion), motion, tension(time)[0], STATIC)
+    answer = _ask_hood(scheme, hood, hood.start(motion), motion, tension(time)[0], STATIC)
     nq = len(finger.joints)
     return Coupled(
         state,
         answer,
         float(time),
-        standing(answer, motion),
+        hood_point(answer, motion),
         answer.response.load.total(),
         tension(time),
         0.0,
         1,
         finger.energy(state),
         Energy(),
-        begun(_accelerator(scheme), nq),
+        initial_history(_accelerator(scheme), nq),
     )
 
 
@@ -135,33 +135,33 @@ def step(
     match scheme:
         case Explicit():
             after = _explicit(scheme, finger, hood, state, tension, dt)
-            _watch(scheme, finger, hood, state, after, dt)
+            _check_energy(scheme, finger, hood, state, after, dt)
             return after
         case Linear():
             return _linear(scheme, finger, hood, state, tension, dt)
         case Alone():
             return _alone(finger, state, tension, dt)
         case _:
-            return _iterated(scheme, finger, hood, state, tension, dt)
+            return _implicit(scheme, finger, hood, state, tension, dt)
 
 
 def _explicit(
     scheme: Explicit, finger: MovingFinger, hood: Hood, state: Coupled, tension: Pulls, dt: float
 ) -> Coupled:
     pulls = tension(state.time + dt)
-    moved = finger.step(state.finger, state.answer.held(), pulls[1], dt)
-    angles = _predicted(finger, state, dt) if scheme.parallel else finger.angles(moved)
-    answer = _asked(scheme, hood, state.hood, finger.motion(angles), pulls[0], dt)
+    moved = finger.step(state.finger, state.answer.held_load(), pulls[1], dt)
+    angles = _predict_angles(finger, state, dt) if scheme.parallel else finger.angles(moved)
+    answer = _ask_hood(scheme, hood, state.hood, finger.motion(angles), pulls[0], dt)
     applied = state.answer.response.load.total()
-    residual = apart(applied, answer, scheme.length)
-    point = standing(answer, finger.motion(finger.angles(moved)))
-    after = followed(finger, state, moved, answer, point, applied, pulls, dt)
+    residual = interface_residual(applied, answer, scheme.length)
+    point = hood_point(answer, finger.motion(finger.angles(moved)))
+    after = advance_state(finger, state, moved, answer, point, applied, pulls, dt)
     return replace(after, residual=residual, solves=state.solves + 1)
 
 
 def _alone(finger: MovingFinger, state: Coupled, tension: Pulls, dt: float) -> Coupled:
     pulls = tension(state.time + dt)
-    moved = finger.step(state.finger, state.answer.held(), pulls[1], dt)
+    moved = finger.step(state.finger, state.answer.held_load(), pulls[1], dt)
     energy = _with_own_work(finger, state, moved, pulls[1])
     return replace(state, finger=moved, time=state.time + dt, tension=pulls, energy=energy)
 
@@ -177,17 +177,17 @@ def _linear(
     scheme: Linear, finger: MovingFinger, hood: Hood, state: Coupled, tension: Pulls, dt: float
 ) -> Coupled:
     pulls = tension(state.time + dt)
-    motion = finger.motion(_predicted(finger, state, dt))
-    answer = _asked(scheme, hood, state.hood, motion, pulls[0], dt)
+    motion = finger.motion(_predict_angles(finger, state, dt))
+    answer = _ask_hood(scheme, hood, state.hood, motion, pulls[0], dt)
     moved = finger.step(state.finger, answer.load(), pulls[1], dt)
-    point = standing(answer, finger.motion(finger.angles(moved)))
-    foreseen = state.answer.foreseen(motion, pulls[0])
-    residual = apart(foreseen, answer, scheme.length)
-    after = followed(finger, state, moved, answer, point, point.wrench, pulls, dt)
+    point = hood_point(answer, finger.motion(finger.angles(moved)))
+    foreseen = state.answer.predict(motion, pulls[0])
+    residual = interface_residual(foreseen, answer, scheme.length)
+    after = advance_state(finger, state, moved, answer, point, point.wrench, pulls, dt)
     return replace(after, residual=residual, solves=state.solves + 1)
 
 
-def _iterated(
+def _implicit(
     scheme: Implicit | Newton,
     finger: MovingFinger,
     hood: Hood,
@@ -196,26 +196,26 @@ def _iterated(
     dt: float,
 ) -> Coupled:
     pulls, accelerator = tension(state.time + dt), _accelerator(scheme)
-    before, history = state.answer, next_step(accelerator, state.history)
-    last, angles, same_set = finger.angles(state.finger), _predicted(finger, state, dt), True
+    before, history = state.answer, start_step(accelerator, state.history)
+    last, angles, same_set = finger.angles(state.finger), _predict_angles(finger, state, dt), True
     for solves in range(1, scheme.most_solves + 1):
-        answer = _asked(scheme, hood, state.hood, finger.motion(angles), pulls[0], dt)
+        answer = _ask_hood(scheme, hood, state.hood, finger.motion(angles), pulls[0], dt)
         if same_set and (_active(answer) != _active(state.answer)).any():
             # Once a step: an iteration that hops to and fro would never learn.
-            same_set, history = False, cleared(accelerator, history)
+            same_set, history = False, reset_history(accelerator, history)
         moved = finger.step(state.finger, answer.load(), pulls[1], dt)
         there = finger.angles(moved)
         turn = float(np.abs(there - angles).max())
         if turn <= scheme.tolerance:
-            foreseen = before.foreseen(answer.motion, pulls[0])
-            gap = apart(foreseen, answer, scheme.length)
+            foreseen = before.predict(answer.motion, pulls[0])
+            gap = interface_residual(foreseen, answer, scheme.length)
             residual = gap * min(1.0, turn / (np.abs(angles - last).max() or turn or 1.0))
-            point = standing(answer, finger.motion(there))
-            after = followed(finger, state, moved, answer, point, point.wrench, pulls, dt)
+            point = hood_point(answer, finger.motion(there))
+            after = advance_state(finger, state, moved, answer, point, point.wrench, pulls, dt)
             solves += state.solves
             return replace(after, residual=residual, solves=solves, history=history)
         before, last = answer, angles
-        aim, history = accelerated(accelerator, history, angles, there)
+        aim, history = accelerate(accelerator, history, angles, there)
         angles = last + (aim - last) * min(1.0, MOST_TURN / (np.abs(aim - last).max() or 1.0))
     raise ConvergenceError(
         f"hood and finger did not agree in the step from t = {state.time:.6g} s to "
@@ -229,33 +229,35 @@ def _accelerator(scheme: Scheme) -> Accelerator:
     return scheme.accelerator if isinstance(scheme, Implicit) else Constant()
 
 
-def _predicted(finger: MovingFinger, state: Coupled, dt: float) -> Array:
+def _predict_angles(finger: MovingFinger, state: Coupled, dt: float) -> Array:
     """(nq,) rad, q + h v."""
     return finger.angles(state.finger) + dt * finger.rates(state.finger)
 
 
-def _asked(
+def _ask_hood(
     scheme: Scheme, hood: Hood, state: State, motion: Motion, tension: Array, dt: float
-) -> Answer:
+) -> HoodAnswer:
     response = hood.advance(state, motion, tension, dt)
     wants_tangent = isinstance(scheme, (Newton, Linear))
     tangent = hood.jacobian(response.state) if wants_tangent else None
-    return Answer(motion, tension, response, tangent)
+    return HoodAnswer(motion, tension, response, tangent)
 
 
-def _active(answer: Answer) -> Array:
+def _active(answer: HoodAnswer) -> Array:
     """Which tendons pull, and which bodies feel which source: what slack and contacts change."""
     loaded = (answer.response.load.wrench != 0).any(axis=2)
     return np.concatenate([answer.tension > 0, loaded.ravel()])
 
 
-def _watch(
+def _check_energy(
     scheme: Explicit, finger: MovingFinger, hood: Hood, state: Coupled, after: Coupled, dt: float
 ) -> None:
     """Raises ConvergenceError where the finger has more energy than hood and tendons gave it, by
     BORROWED times what they ever gave and what was stored in the finger at first."""
     # In parallel the hood's books are one step late.
-    gained = unexplained(finger, replace(after, finger=state.finger) if scheme.parallel else after)
+    gained = energy_defect(
+        finger, replace(after, finger=state.finger) if scheme.parallel else after
+    )
     e = after.energy
     allowed = e.effort + e.most + abs(after.start) + ROUNDING
     if gained <= BORROWED * allowed:
@@ -278,7 +280,7 @@ def explicit_limit(finger: MovingFinger, hood: Hood, state: Coupled, dt: float) 
     """s, 2 sqrt(I/K) of the stiffest motion, from the hood's Jacobian K and the finger's answers
     h^2 I^-1 K dq to the load of small turns dq; infinite where the hood does not push back."""
     q = finger.angles(state.finger)
-    load, own = state.answer.held(), state.tension[1]
+    load, own = state.answer.held_load(), state.tension[1]
     slope = hood.jacobian(state.hood).load_motion @ finger.jacobian(q)
     still = finger.angles(finger.step(state.finger, load, own, dt))
     turn, answers = 1e-5, []

@@ -19,8 +19,8 @@ Pulls = Callable[[float], tuple[Array, Array]]
 
 
 @dataclass(frozen=True)
-class Answer:
-    """What a hood said at one pose and tension (nt,) N, with its tangent where that was asked."""
+class HoodAnswer:
+    """A hood's answer at one pose and tension (nt,) N, with its tangent where asked for."""
 
     motion: Motion
     tension: Array
@@ -30,21 +30,21 @@ class Answer:
     def load(self) -> AffineLoad:
         """The load that follows the tangent; held where there is none."""
         if self.tangent is None:
-            return self.held()
+            return self.held_load()
         return AffineLoad(self.motion, self.response.load.total(), self.tangent.load_motion)
 
-    def held(self) -> AffineLoad:
+    def held_load(self) -> AffineLoad:
         """The load as it is, at any pose."""
         n = 6 * len(self.motion.bodies)
         return AffineLoad(self.motion, self.response.load.total(), np.zeros((n, n)))
 
-    def foreseen(self, motion: Motion, tension: Array) -> Array:
-        """(nb, 6) load at another pose and tension, as the tangent has it."""
-        return self.displaced(self.motion.twist_to(motion), tension)
+    def predict(self, motion: Motion, tension: Array) -> Array:
+        """(nb, 6) load at another pose and tension (nt,) N, predicted by the tangent."""
+        return self.predict_from_twist(self.motion.twist_to(motion), tension)
 
-    def displaced(self, twist: Array, tension: Array) -> Array:
-        """(nb, 6) load after the bodies' twists (nb, 6) under another tension, as the tangent has
-        it."""
+    def predict_from_twist(self, twist: Array, tension: Array) -> Array:
+        """(nb, 6) load after the bodies' twists (nb, 6) under another tension (nt,) N, predicted by
+        the tangent."""
         wrench = self.response.load.total()
         if self.tangent is None:
             return wrench
@@ -53,36 +53,36 @@ class Answer:
         return wrench + change.reshape(-1, 6)
 
 
-class Point(NamedTuple):
-    """Where the books of a hood stand."""
+class HoodPoint(NamedTuple):
+    """The hood's load and excursions at a pose, from which its work is counted."""
 
     motion: Motion
     wrench: Array
-    """(nb, 6)."""
+    """(nb, 6) N and N m about the bodies' origins."""
     excursion: Array
     """(nt,) m."""
 
 
 @dataclass(frozen=True)
 class Energy:
-    """J, sums since the start."""
+    """Work done and stored since the start, in J."""
 
     tendons: float = 0.0
-    """Work of the hood's tendons, by their excursions (trapezoidal rule), and"""
+    """Work of the hood's tendons, by their excursions (trapezoidal rule)."""
     own: float = 0.0
-    """of the finger's own, by their lengths."""
+    """Work of the finger's own tendons, by their lengths (trapezoidal rule)."""
     effort: float = 0.0
     """Both without their signs."""
     load: float = 0.0
     """Work of the load that the finger was stepped with, as it was at each step's end."""
     hood: float = 0.0
-    """Work of the hood's load (trapezoidal rule): with the tendons' work it says what the hood has
-    stored; and"""
+    """Work of the hood's load on the bodies (trapezoidal rule); with the tendons' work it gives
+    what the hood has stored."""
     most: float = 0.0
-    """the most that this has been."""
+    """The largest value that `hood` has had."""
     foreseen: float = 0.0
-    """Work of what the answer before foresaw beyond the hood's own answer, between the poses of
-    the two; what a scheme without tangent foresees is the same load."""
+    """Work of the load that the last answer predicted less the hood's next answer, between their
+    two poses; a scheme without tangent predicts the same load."""
 
     @property
     def artificial(self) -> float:
@@ -95,10 +95,10 @@ class Coupled:
     """A finger and a hood at one time."""
 
     finger: State
-    answer: Answer
+    answer: HoodAnswer
     """The hood's last, with its state; at the pose q + h v with Linear and parallel Explicit."""
     time: float
-    point: Point
+    point: HoodPoint
     """The hood's load and excursions at the finger's pose, as its answer and tangent say; without a
     tangent at the pose of its answer."""
     applied: Array
@@ -120,13 +120,14 @@ class Coupled:
 
     @property
     def hood(self) -> State:
+        """The hood's state."""
         return self.answer.response.state
 
 
-def apart(a: Array, answer: Answer, length: float) -> float:
-    """Largest force or moment over `length` (m) of a load (nb, 6) less the answer's, over the
-    largest that the answer holds from any source or tendon; that difference itself (N) where it
-    holds none."""
+def interface_residual(a: Array, answer: HoodAnswer, length: float) -> float:
+    """Relative interface residual: the largest force, or moment over `length` (m), of a load (nb,
+    6) less the answer's, over the largest that the answer holds from any source or tendon; in N
+    where the answer holds none."""
     scale = np.array([1.0, 1.0, 1.0, length, length, length])
     load = answer.response.load
     most = np.abs(load.wrench / scale).max(initial=0.0)
@@ -134,19 +135,19 @@ def apart(a: Array, answer: Answer, length: float) -> float:
     return float(np.abs((a - load.total()) / scale).max() / (most or 1.0))
 
 
-def unexplained(finger: MovingFinger, state: Coupled) -> float:
-    """J that the finger has beyond what it had at first and hood and tendons gave it; negative
-    where that was dissipated."""
+def energy_defect(finger: MovingFinger, state: Coupled) -> float:
+    """J that the finger has beyond its energy at the start and the work of hood and tendons;
+    negative where energy was dissipated."""
     e = state.energy
     return finger.energy(state.finger) - state.start - e.hood - e.own
 
 
-def followed(
+def advance_state(
     finger: MovingFinger,
     state: Coupled,
     moved: State,
-    answer: Answer,
-    point: Point,
+    answer: HoodAnswer,
+    point: HoodPoint,
     applied: Array,
     pulls: tuple[Array, Array],
     dt: float,
@@ -160,26 +161,28 @@ def followed(
         time=state.time + dt,
         applied=applied,
         tension=pulls,
-        energy=_exchanged(finger, state, moved, answer, point, applied, pulls),
+        energy=_update_energy(finger, state, moved, answer, point, applied, pulls),
     )
 
 
-def standing(answer: Answer, motion: Motion) -> Point:
-    """Where the books stand with the finger's bodies at `motion`."""
+def hood_point(answer: HoodAnswer, motion: Motion) -> HoodPoint:
+    """The hood's load and excursions with the bodies at `motion`, by the answer's tangent."""
     response = answer.response
     if answer.tangent is None:
-        return Point(answer.motion, response.load.total(), response.excursion)
+        return HoodPoint(answer.motion, response.load.total(), response.excursion)
     twist = answer.motion.twist_to(motion)
     moved = answer.tangent.excursion_motion @ twist.ravel()
-    return Point(motion, answer.displaced(twist, answer.tension), response.excursion + moved)
+    return HoodPoint(
+        motion, answer.predict_from_twist(twist, answer.tension), response.excursion + moved
+    )
 
 
-def _exchanged(
+def _update_energy(
     finger: MovingFinger,
     state: Coupled,
     moved: State,
-    answer: Answer,
-    point: Point,
+    answer: HoodAnswer,
+    point: HoodPoint,
     applied: Array,
     pulls: tuple[Array, Array],
 ) -> Energy:
@@ -191,7 +194,7 @@ def _exchanged(
     own = 0.5 * (state.tension[1] + pulls[1]) * shorter
     passed = 0.5 * (last.wrench + point.wrench) * last.motion.twist_to(point.motion)
     asked = before.motion.twist_to(answer.motion)
-    beyond = before.displaced(asked, answer.tension) - answer.response.load.total()
+    beyond = before.predict_from_twist(asked, answer.tension) - answer.response.load.total()
     hood = e.hood + float(passed.sum())
     return Energy(
         tendons=e.tendons + float(tendons.sum()),

@@ -22,17 +22,17 @@ of the type and arrays)."""
 NONE = "none"
 
 
-def flattened(value: Any, special: Special | None = None) -> Arrays:
+def flatten(value: Any, special: Special | None = None) -> Arrays:
     """All leaves by path.  Raises TypeError for what is no state."""
     return dict(_leaves(value, "state", special or {}))
 
 
-def rebuilt(template: Any, arrays: Arrays, special: Special | None = None) -> Any:
-    """The state that `flattened` made the arrays of; `template` is one of its kind.
+def rebuild(template: Any, arrays: Arrays, special: Special | None = None) -> Any:
+    """The state that `flatten` made the arrays of; `template` is one of its kind.
 
     Raises InputError where they do not belong together."""
     left = dict(arrays)
-    value = _built(template, left, "state", special or {})
+    value = _build(template, left, "state", special or {})
     if left:
         raise InputError(f"a checkpoint of something else: it also holds {sorted(left)[0]}")
     return value
@@ -66,7 +66,7 @@ def _plain_leaves(value: Any, path: str, special: Special) -> Iterator[tuple[str
             raise TypeError(f"{path}: a {type(value).__name__} is no part of a state")
 
 
-def _built(template: Any, arrays: Arrays, path: str, special: Special) -> Any:
+def _build(template: Any, arrays: Arrays, path: str, special: Special) -> Any:
     if type(template) in special:
         start = f"{path}/"
         own = {k[len(start) :]: arrays.pop(k) for k in list(arrays) if k.startswith(start)}
@@ -76,32 +76,32 @@ def _built(template: Any, arrays: Arrays, path: str, special: Special) -> Any:
         return None
     if is_dataclass(template) and not isinstance(template, type):
         changed = {
-            f.name: _built(getattr(template, f.name), arrays, f"{path}/{f.name}", special)
+            f.name: _build(getattr(template, f.name), arrays, f"{path}/{f.name}", special)
             for f in fields(template)
             if f.init
         }
         return replace(template, **changed)
     match template:
         case dict():
-            return {k: _built(v, arrays, f"{path}/{k}", special) for k, v in template.items()}
+            return {k: _build(v, arrays, f"{path}/{k}", special) for k, v in template.items()}
         case tuple() | list():
             return _sequence(template, arrays, path, special)
         case None | np.ndarray():
-            return _taken(arrays, path)
-    return type(template)(_taken(arrays, path).item())
+            return _take(arrays, path)
+    return type(template)(_take(arrays, path).item())
 
 
 def _sequence(template: Any, arrays: Arrays, path: str, special: Special) -> Any:
     """As many items as were written; those beyond the template's are like its last, or arrays."""
-    length = int(_taken(arrays, f"{path}/length"))
+    length = int(_take(arrays, f"{path}/length"))
     like = list(template) + [template[-1] if template else None] * (length - len(template))
-    items = [_built(like[i], arrays, f"{path}/{i}", special) for i in range(length)]
+    items = [_build(like[i], arrays, f"{path}/{i}", special) for i in range(length)]
     if isinstance(template, tuple) and type(template) is not tuple:  # a named one
         return type(template)(*items)
     return type(template)(items)
 
 
-def _taken(arrays: Arrays, path: str) -> Any:
+def _take(arrays: Arrays, path: str) -> Any:
     if path not in arrays:
         raise InputError(f"a checkpoint of something else: it lacks {path}")
     return arrays.pop(path)

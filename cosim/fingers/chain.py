@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rigid.model import FingerModel
 
 
-class Stated(Protocol):
+class FingerTable(Protocol):
     """What every table of a finger of ours states."""
 
     @property
@@ -28,14 +28,16 @@ class Stated(Protocol):
     def passive(self) -> Mapping[str, Passive]: ...
 
 
-class Heavy(Stated, Protocol):
+class FingerTableWithMass(FingerTable, Protocol):
     """With mass."""
 
     @property
     def gravity(self) -> tuple[float, float, float]: ...
 
 
-def on_mujoco(finger: Heavy, model: FingerModel, in_plane: bool = False) -> ChainFinger:
+def on_mujoco(
+    finger: FingerTableWithMass, model: FingerModel, in_plane: bool = False
+) -> ChainFinger:
     """The live finger of a MuJoCo model."""
     from rigid.mujoco.finger import MujocoFinger
 
@@ -52,7 +54,7 @@ def tip_support(tip: Tip, in_plane: bool) -> Support:
     return {"point": point, "clamped": clamped, "posture": JOINTS_HELD}.get(tip.kind, FREE)
 
 
-def joint_torques(finger: Stated, joints: tuple[str, ...]) -> JointLaw:
+def joint_torques(finger: FingerTable, joints: tuple[str, ...]) -> JointLaw:
     """Passive torques and limits."""
     from rigid.chain.joint_torques import TorqueCurve, joint_law
 
@@ -76,4 +78,4 @@ def joint_torques(finger: Stated, joints: tuple[str, ...]) -> JointLaw:
         transition=finger.limit.transition,
         limit_damping=finger.limit.damping,
     )
-    return law.held_about(posture, margin=finger.limit.half_range)
+    return law.hold_about(posture, margin=finger.limit.half_range)

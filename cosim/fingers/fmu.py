@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from cosim.fmu.moving_finger import FmuMovingFinger
 
 
-class FmuFinger(FingerTable):
+class FmuFingerConfig(FingerTable):
     """A finger in an FMU of FMI 2 or 3, which is a program and runs as one; it holds its posture,
     joints and fingertip.  `bodies`, `joints` and `tendons` name its own, in its order; `map` says,
     by quantity, how its variables are called where they are not called as in our own units."""
@@ -37,7 +37,7 @@ class FmuFinger(FingerTable):
     assume_si: Switch = False
 
     @model_validator(mode="after")
-    def _once(self) -> FmuFinger:
+    def _once(self) -> FmuFingerConfig:
         for what in ("bodies", "joints", "tendons"):
             names = getattr(self, what)
             if len(set(names)) < len(names):
@@ -62,4 +62,4 @@ class FmuFinger(FingerTable):
         return FmuMovingFinger(self.path, *names, self.map, assume_si=self.assume_si)
 
 
-KIND = FingerKind(FmuFinger)
+KIND = FingerKind(FmuFingerConfig)

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from rigid.chain.statics import ChainFinger
 
 
-class HingeFinger(FingerTable):
+class HingeFingerConfig(FingerTable):
     """The analytic planar finger: three hinges in a row."""
 
     title: ClassVar[str] = "planar finger of hinges, analytic"
@@ -42,7 +42,7 @@ class HingeFinger(FingerTable):
     )
 
 
-def build(finger: HingeFinger, extensor: Extensor) -> ChainFinger:
+def build(finger: HingeFingerConfig, extensor: Extensor) -> ChainFinger:
     """The live finger, which has no tendons of its own."""
     from rigid.chain.hinge import JOINTS
     from rigid.chain.hinge import HingeFinger as Hinges
@@ -51,8 +51,8 @@ def build(finger: HingeFinger, extensor: Extensor) -> ChainFinger:
     return Hinges(finger.lengths, law=joint_torques(finger, JOINTS), support=support)
 
 
-def bones(finger: HingeFinger, extensor: Extensor) -> Mapping[str, Triangles]:
+def bones(finger: HingeFingerConfig, extensor: Extensor) -> Mapping[str, Triangles]:
     return thick_rods(finger.lengths)
 
 
-KIND = FingerKind(HingeFinger, build, bones)
+KIND = FingerKind(HingeFingerConfig, build, bones)

@@ -54,7 +54,7 @@ class Bone(Table):
     frame: Literal["ours", "myohand"]
 
 
-class IndexFinger(FingerTable):
+class IndexFingerConfig(FingerTable):
     """The MuJoCo index finger: ours, or with `path` the user's."""
 
     title: ClassVar[str] = "index finger of a right hand"
@@ -74,7 +74,7 @@ class IndexFinger(FingerTable):
     gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, 0.0)
 
     @model_validator(mode="after")
-    def _of_one_size(self) -> IndexFinger:
+    def _of_one_size(self) -> IndexFingerConfig:
         if self.path is not None and (self.length_scale, self.width_scale) != (1.0, 1.0):
             raise fault(
                 "gives a path and length_scale or width_scale; a finger out of a file has its size"
@@ -102,7 +102,7 @@ class IndexFinger(FingerTable):
             )
 
 
-def skeleton(finger: IndexFinger) -> Skeleton:
+def skeleton(finger: IndexFingerConfig) -> Skeleton:
     """As its MuJoCo model has it."""
     if finger.path is not None:
         from rigid.mjcf.read import skeleton_of
@@ -111,11 +111,11 @@ def skeleton(finger: IndexFinger) -> Skeleton:
     return index_finger().scaled(finger.length_scale)
 
 
-def width(finger: IndexFinger) -> float:
+def width(finger: IndexFingerConfig) -> float:
     return finger.width_scale
 
 
-def model(finger: IndexFinger, extensor: Extensor) -> FingerModel:
+def model(finger: IndexFingerConfig, extensor: Extensor) -> FingerModel:
     from rigid.fingers import index
 
     if finger.path is not None:
@@ -139,11 +139,11 @@ def _read(path: Path, changed: int, size: int) -> FingerModel:
     return read_mjcf(path, tendons=MUSCLES).model
 
 
-def build(finger: IndexFinger, extensor: Extensor) -> ChainFinger:
+def build(finger: IndexFingerConfig, extensor: Extensor) -> ChainFinger:
     return on_mujoco(finger, model(finger, extensor))
 
 
-def bones(finger: IndexFinger, extensor: Extensor) -> Mapping[str, Triangles]:
+def bones(finger: IndexFingerConfig, extensor: Extensor) -> Mapping[str, Triangles]:
     """The user's surfaces, and ours scaled."""
     from meshes.bones import load_bone
 
@@ -158,7 +158,7 @@ def bones(finger: IndexFinger, extensor: Extensor) -> Mapping[str, Triangles]:
     return out
 
 
-def _user_bone(body: str, bone: Bone, finger: IndexFinger) -> Triangles:
+def _user_bone(body: str, bone: Bone, finger: IndexFingerConfig) -> Triangles:
     import trimesh
 
     try:
@@ -182,4 +182,4 @@ def _user_bone(body: str, bone: Bone, finger: IndexFinger) -> Triangles:
     return points * [finger.length_scale, finger.width_scale, finger.width_scale], faces
 
 
-KIND = FingerKind(IndexFinger, build, bones, model, skeleton, width)
+KIND = FingerKind(IndexFingerConfig, build, bones, model, skeleton, width)

@@ -14,7 +14,7 @@ from cosim.fingers.kind import Anatomy, FingerKind
 from cosim.port import Finger, Triangles
 
 if TYPE_CHECKING:
-    from cosim.fingers.chain import Heavy
+    from cosim.fingers.chain import FingerTableWithMass
     from meshes.skeleton import Skeleton
     from rigid.chain.statics import ChainFinger
     from rigid.model import FingerModel
@@ -24,14 +24,14 @@ FINGERS: Mapping[str, FingerKind[Any]] = {
     for kind in (index.KIND, middle.KIND, planar.KIND, hinge.KIND, robot.KIND, fmu.KIND)
 }
 NativeFinger = (
-    index.IndexFinger
-    | middle.MiddleFinger
-    | planar.PlanarFinger
-    | hinge.HingeFinger
-    | robot.RobotFinger
+    index.IndexFingerConfig
+    | middle.MiddleFingerConfig
+    | planar.PlanarFingerConfig
+    | hinge.HingeFingerConfig
+    | robot.RobotFingerConfig
 )
 """The tables of those of our own."""
-AnyFinger = NativeFinger | fmu.FmuFinger
+AnyFinger = NativeFinger | fmu.FmuFingerConfig
 LEAST_ARM = 1e-3
 """m, of the joints about a held tip; some 2 deg of flexion in all."""
 
@@ -47,14 +47,14 @@ def native(finger: AnyFinger) -> NativeFinger:
     return finger
 
 
-def unit(finger: AnyFinger) -> fmu.FmuFinger:
+def unit(finger: AnyFinger) -> fmu.FmuFingerConfig:
     """The table of a finger in an FMU.  Raises InputError for one of ours."""
     if finger.kind != "fmu":
         raise InputError(f'finger.kind = "{finger.kind}" is no FMU')
     return finger
 
 
-def held_by(finger: AnyFinger) -> str:
+def tip_support_kind(finger: AnyFinger) -> str:
     """What holds the fingertip: the word of `finger.tip.kind`; "fmu" of a unit's."""
     return finger.kind if finger.kind == "fmu" else finger.tip.kind
 
@@ -91,7 +91,7 @@ def mjcf(finger: NativeFinger, extensor: Extensor) -> str:
     """The finger as MJCF.  Raises InputError for one without a MuJoCo model."""
     from rigid.mjcf.write import mjcf_xml
 
-    return mjcf_xml(finger_model(finger, extensor), cast("Heavy", finger).gravity)
+    return mjcf_xml(finger_model(finger, extensor), cast("FingerTableWithMass", finger).gravity)
 
 
 def own_tendons(finger: AnyFinger, extensor: Extensor) -> tuple[str, ...]:

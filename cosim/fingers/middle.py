@@ -24,7 +24,7 @@ AREAS = {"FDP": 4.1, "FDS": 4.2, "EDC": 1.7, "LUM": 0.2, "UI": 2.2, "RI": 2.8}
 """cm2: Chao et al. 1989, digit III, as Synek et al. 2019 take them."""
 
 
-class MiddleFinger(FingerTable):
+class MiddleFingerConfig(FingerTable):
     """The MuJoCo middle finger of Synek et al. 2019."""
 
     title: ClassVar[str] = "middle finger of a right hand"
@@ -45,7 +45,7 @@ class MiddleFinger(FingerTable):
         return areas, "Chao 1989, digit III, in Synek 2019"
 
 
-def model(finger: MiddleFinger, extensor: Extensor) -> FingerModel:
+def model(finger: MiddleFingerConfig, extensor: Extensor) -> FingerModel:
     """With the tendons that end on bones under a sheet, with the flexors alone under any other
     hood, with all where they part by fixed shares."""
     from rigid.fingers.middle import finger_model, under_a_hood
@@ -57,24 +57,24 @@ def model(finger: MiddleFinger, extensor: Extensor) -> FingerModel:
     return finger_model(finger.length_scale, extensor.central)
 
 
-def build(finger: MiddleFinger, extensor: Extensor) -> ChainFinger:
+def build(finger: MiddleFingerConfig, extensor: Extensor) -> ChainFinger:
     return on_mujoco(finger, model(finger, extensor))
 
 
-def skeleton(finger: MiddleFinger) -> Skeleton:
+def skeleton(finger: MiddleFingerConfig) -> Skeleton:
     from rigid.fingers.middle import skeleton
 
     return skeleton().scaled(finger.length_scale)
 
 
-def width(finger: MiddleFinger) -> float:
+def width(finger: MiddleFingerConfig) -> float:
     """After O2O3, the unit of the fingers' tendon paths."""
     from rigid.fingers import index, middle
 
     return middle.O2O3 / index.O2O3 * finger.length_scale
 
 
-def bones(finger: MiddleFinger, extensor: Extensor) -> Mapping[str, Triangles]:
+def bones(finger: MiddleFingerConfig, extensor: Extensor) -> Mapping[str, Triangles]:
     """The index finger's bones, each as long as the middle finger's and as much wider as its tendon
     paths are, in its bodies' frames; the metacarpal longer by the phalanges' mean."""
     from meshes.bones import load_bone
@@ -87,10 +87,10 @@ def bones(finger: MiddleFinger, extensor: Extensor) -> Mapping[str, Triangles]:
     }
 
 
-def intrinsic(finger: MiddleFinger) -> Guides:
+def intrinsic(finger: MiddleFingerConfig) -> Guides:
     from rigid.fingers.middle import intrinsic_guides
 
     return intrinsic_guides(finger.length_scale)
 
 
-KIND = FingerKind(MiddleFinger, build, bones, model, skeleton, width, intrinsic)
+KIND = FingerKind(MiddleFingerConfig, build, bones, model, skeleton, width, intrinsic)

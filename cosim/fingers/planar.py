@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from rigid.model import FingerModel
 
 
-class PlanarFinger(FingerTable):
+class PlanarFingerConfig(FingerTable):
     """Three links in a plane on MuJoCo: lengths, distances of the centres of mass from the proximal
     joints, masses, and moments of inertia about the centres of mass."""
 
@@ -49,7 +49,7 @@ class PlanarFinger(FingerTable):
     gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, 0.0)
 
 
-def planar_chain(finger: PlanarFinger) -> PlanarChain:
+def planar_chain(finger: PlanarFingerConfig) -> PlanarChain:
     """The finger in closed form."""
     from rigid.chain.planar_chain import PlanarChain
 
@@ -58,16 +58,16 @@ def planar_chain(finger: PlanarFinger) -> PlanarChain:
     return PlanarChain(length, centre, mass, inertia)
 
 
-def model(finger: PlanarFinger, extensor: Extensor) -> FingerModel:
+def model(finger: PlanarFingerConfig, extensor: Extensor) -> FingerModel:
     return planar_chain(finger).model()
 
 
-def build(finger: PlanarFinger, extensor: Extensor) -> ChainFinger:
+def build(finger: PlanarFingerConfig, extensor: Extensor) -> ChainFinger:
     return on_mujoco(finger, model(finger, extensor), in_plane=True)
 
 
-def bones(finger: PlanarFinger, extensor: Extensor) -> Mapping[str, Triangles]:
+def bones(finger: PlanarFingerConfig, extensor: Extensor) -> Mapping[str, Triangles]:
     return thick_rods(finger.lengths)
 
 
-KIND = FingerKind(PlanarFinger, build, bones, model)
+KIND = FingerKind(PlanarFingerConfig, build, bones, model)

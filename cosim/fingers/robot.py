@@ -27,7 +27,7 @@ THIN = 1e-3
 DIP."""
 
 
-class RobotFinger(FingerTable):
+class RobotFingerConfig(FingerTable):
     """The robotic finger of Xu et al. 2012 on MuJoCo (rigid/fingers/robot.py), with its own
     tendons: over its extensor's pulley under `hood.kind = "split"`; any other hood takes that
     extensor's place."""
@@ -52,7 +52,7 @@ class RobotFinger(FingerTable):
             )
 
 
-def model(finger: RobotFinger, extensor: Extensor) -> FingerModel:
+def model(finger: RobotFingerConfig, extensor: Extensor) -> FingerModel:
     """Without its pulley another hood takes the central extensor's place."""
     from rigid.fingers.robot import robot_finger
     from rigid.fingers.robot_tables import TENDONS
@@ -63,11 +63,11 @@ def model(finger: RobotFinger, extensor: Extensor) -> FingerModel:
     return made.with_only(*(m for m in made.muscles if m != TENDONS[0]))
 
 
-def build(finger: RobotFinger, extensor: Extensor) -> ChainFinger:
+def build(finger: RobotFingerConfig, extensor: Extensor) -> ChainFinger:
     return on_mujoco(finger, model(finger, extensor))
 
 
-def skeleton(finger: RobotFinger) -> Skeleton:
+def skeleton(finger: RobotFingerConfig) -> Skeleton:
     """As its MuJoCo model has it."""
     from meshes.robot_net import straight_skeleton
     from rigid.fingers.robot_tables import LENGTHS
@@ -75,7 +75,7 @@ def skeleton(finger: RobotFinger) -> Skeleton:
     return straight_skeleton(LENGTHS)
 
 
-def bones(finger: RobotFinger, extensor: Extensor) -> Mapping[str, Triangles]:
+def bones(finger: RobotFingerConfig, extensor: Extensor) -> Mapping[str, Triangles]:
     """Under a hood the human bones after which its own were printed (paper, section II), each as
     long as its phalanx; else rods, thin enough to leave its extensor in sight."""
     from meshes.robot_net import bones_of
@@ -86,10 +86,10 @@ def bones(finger: RobotFinger, extensor: Extensor) -> Mapping[str, Triangles]:
     return rods(LENGTHS, dict.fromkeys(BODIES, THIN))
 
 
-def width(finger: RobotFinger) -> float:
+def width(finger: RobotFingerConfig) -> float:
     from meshes.robot_net import wider
 
     return wider(skeleton(finger))
 
 
-KIND = FingerKind(RobotFinger, build, bones, model, skeleton, width)
+KIND = FingerKind(RobotFingerConfig, build, bones, model, skeleton, width)

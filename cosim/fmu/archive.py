@@ -29,7 +29,7 @@ UNREADABLE = (zipfile.BadZipFile, ZlibError, EOFError, NotImplementedError, Runt
 
 
 @dataclass(frozen=True)
-class Opened:
+class UnpackedFmu:
     """An unpacked FMU that this machine can load."""
 
     path: Path
@@ -44,7 +44,7 @@ class Opened:
     """Whether its state can be written as bytes."""
 
 
-def opened(path: Path, folder: Path) -> Opened:
+def unpack_fmu(path: Path, folder: Path) -> UnpackedFmu:
     """The FMU at `path` unpacked into the empty `folder`.
 
     Raises InputError for anything that is not a whole and harmless co-simulation FMU of FMI 2 or 3
@@ -52,18 +52,18 @@ def opened(path: Path, folder: Path) -> Opened:
     try:
         with zipfile.ZipFile(path) as archive:
             entries = archive.infolist()
-            for fault in (_crowd(entries), *map(_misplaced, entries)):
+            for fault in (_crowd(entries), *map(_path_fault, entries)):
                 _refuse_if(path, fault)
-            root = _checked_xml(path, _description(path, archive))
+            root = _parse_xml(path, _description(path, archive))
             archive.extractall(folder)
     except UNREADABLE as error:
         raise InputError(f"{path}: cannot be read as an FMU ({error})") from error
-    described = _described(path, folder)
+    described = _read_description(path, folder)
     _refuse_if(path, _unfit(described, folder))
     rolls_back = _is_able(root, "canGetAndSetFMUstate")
     derives = _is_able(root, "providesDirectionalDerivative")
     writes = _is_able(root, "canSerializeFMUstate")
-    return Opened(path, folder, described, rolls_back, derives, rolls_back and writes)
+    return UnpackedFmu(path, folder, described, rolls_back, derives, rolls_back and writes)
 
 
 def _refuse_if(path: Path, fault: str) -> None:
@@ -85,7 +85,7 @@ def _crowd(entries: list[zipfile.ZipInfo]) -> str:
     return f"holds {twice[0]!r} more than once (upper and lower case are the same on some systems)"
 
 
-def _misplaced(entry: zipfile.ZipInfo) -> str:
+def _path_fault(entry: zipfile.ZipInfo) -> str:
     """What is wrong with one file of the archive."""
     name, parts = entry.orig_filename, PurePosixPath(entry.orig_filename).parts
     if "\\" in name or ":" in name or "\0" in name or name.startswith("/") or ".." in parts:
@@ -104,7 +104,7 @@ def _description(path: Path, archive: zipfile.ZipFile) -> bytes:
     return archive.read(DESCRIPTION)
 
 
-def _checked_xml(path: Path, text: bytes) -> etree._Element:
+def _parse_xml(path: Path, text: bytes) -> etree._Element:
     """The root, well-formed, with no document type: there are no entities to expand or fetch."""
     parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False)
     try:
@@ -131,7 +131,7 @@ def _is_able(root: etree._Element, capability: str) -> bool:
     return "true" in values or "1" in values
 
 
-def _described(path: Path, folder: Path) -> ModelDescription:
+def _read_description(path: Path, folder: Path) -> ModelDescription:
     from fmpy import read_model_description
 
     try:

@@ -25,7 +25,7 @@ OPEN = "the FMU's own: tendons, joints, limits"
 
 
 @dataclass(frozen=True)
-class FingerAt:
+class FmuFingerState:
     """A finger's equilibrium, or a state on the way there."""
 
     saved: Saved
@@ -62,14 +62,14 @@ class FmuFinger:
         optional = (*OPTIONAL, "load_motion")
         self._place = places(self.unit.opened, quantities, names or {}, optional, assume_si)
         self.kinematics = Kinematics(self.unit, self._place, bodies)
-        self._begin = self._seen()
+        self._begin = self._read_state()
 
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
         """Not told."""
         return dict.fromkeys(self.joints, (-np.inf, np.inf))
 
-    def start(self, posture: Mapping[str, float]) -> FingerAt:
+    def start(self, posture: Mapping[str, float]) -> FmuFingerState:
         """The unit as it was initialised, in its own posture."""
         return self._begin
 
@@ -79,40 +79,40 @@ class FmuFinger:
             return self.kinematics.at(np.zeros(len(self.joints))).motion
         return self._begin.motion
 
-    def angles(self, state: FingerAt) -> Array:
+    def angles(self, state: FmuFingerState) -> Array:
         return state.angles
 
-    def motion(self, state: FingerAt) -> Motion:
+    def motion(self, state: FmuFingerState) -> Motion:
         return state.motion
 
     def settle(
-        self, state: FingerAt, load: Load, by_motion: Array, tension: Array, tolerance: float
-    ) -> tuple[FingerAt, float]:
+        self, state: FmuFingerState, load: Load, by_motion: Array, tension: Array, tolerance: float
+    ) -> tuple[FmuFingerState, float]:
         """See `cosim.port.Finger`; raises InputError too."""
         return self.step(state, load.total(), by_motion, tension), np.nan
 
-    def balance(self, state: FingerAt, load: Load, tension: Array) -> None:
+    def balance(self, state: FmuFingerState, load: Load, tension: Array) -> None:
         """Not told."""
 
-    def between(self, state: FingerAt, aim: FingerAt, part: float) -> FingerAt:
+    def between(self, state: FmuFingerState, aim: FmuFingerState, part: float) -> FmuFingerState:
         """Raises InputError for a unit that does not tell its poses at any angles."""
-        return self.turned(aim, state.angles + part * (aim.angles - state.angles))
+        return self.with_angles(aim, state.angles + part * (aim.angles - state.angles))
 
-    def turned(self, state: FingerAt, angles: Array) -> FingerAt:
+    def with_angles(self, state: FmuFingerState, angles: Array) -> FmuFingerState:
         """Raises InputError for a unit that does not tell its poses at any angles."""
         return replace(state, angles=angles, pose=self.kinematics.at(angles))
 
-    def tip(self, state: FingerAt) -> Array | None:
+    def tip(self, state: FmuFingerState) -> Array | None:
         return state.pose.tip
 
-    def tip_force(self, state: FingerAt) -> Array:
+    def tip_force(self, state: FmuFingerState) -> Array:
         return state.tip_force
 
-    def jacobian(self, state: FingerAt) -> Array | None:
+    def jacobian(self, state: FmuFingerState) -> Array | None:
         """By differences, where the unit tells its poses at any angles."""
         return self.kinematics.jacobian(state.angles) if self.kinematics.tells_any else None
 
-    def ledger(self, state: FingerAt, load: Load, tension: Array) -> dict[str, Array]:
+    def ledger(self, state: FmuFingerState, load: Load, tension: Array) -> dict[str, Array]:
         """The fingertip's, where its point is known: a unit tells no other force."""
         if state.pose.tip is None:
             return {}
@@ -121,11 +121,13 @@ class FmuFinger:
         out[-1] = np.concatenate([held, np.cross(lever, held)])
         return {"fingertip": out}
 
-    def tendon_paths(self, state: FingerAt) -> dict[str, Array]:
+    def tendon_paths(self, state: FmuFingerState) -> dict[str, Array]:
         """A line through the bodies' origins."""
         return {"bones": state.pose.line}
 
-    def step(self, state: FingerAt, wrench: Array, by_motion: Array, tension: Array) -> FingerAt:
+    def step(
+        self, state: FmuFingerState, wrench: Array, by_motion: Array, tension: Array
+    ) -> FmuFingerState:
         """The equilibrium under a load whose wrench (nb, 6) at the poses of `state` changes with
         the bodies' twists by `by_motion` (6 nb, 6 nb), and the tendons' tensions (nt,) N.
 
@@ -146,9 +148,9 @@ class FmuFinger:
             if name in self._place:
                 self.unit.set(self._place[name], value)
         self.unit.step(SHORT)
-        return self._seen()
+        return self._read_state()
 
-    def _seen(self) -> FingerAt:
+    def _read_state(self) -> FmuFingerState:
         angles = self.unit.get(self._place["angle"])
-        pose, force = self.kinematics.reached(angles), self.unit.get(self._place["tip_force"])
-        return FingerAt(self.unit.save(), angles, pose, force)
+        pose, force = self.kinematics.read_pose(angles), self.unit.get(self._place["tip_force"])
+        return FmuFingerState(self.unit.save(), angles, pose, force)

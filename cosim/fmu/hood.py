@@ -83,7 +83,7 @@ class FmuHood:
         repeat, and ConvergenceError where the unit reports an error."""
         tension = np.asarray(tension, dtype=float)
         self._check(motion, tension, dt)
-        load, excursion = self._stepped(state.after, motion, tension, dt)
+        load, excursion = self._do_step(state.after, motion, tension, dt)
         new = FmuState(state.after, self.unit.save(), motion, tension, dt)
         return Response(new, load, excursion)
 
@@ -94,10 +94,10 @@ class FmuHood:
         if self.tangent_by == "outputs":
             return self._read_jacobian(state)
         if self.tangent_by == "directional derivatives":
-            return self._assembled(state, self._derived)
-        return self._assembled(state, self._differenced)
+            return self._assemble_jacobian(state, self._directional_derivatives)
+        return self._assemble_jacobian(state, self._finite_differences)
 
-    def loosely(self, tolerance: float) -> FmuHood:
+    def with_tolerance(self, tolerance: float) -> FmuHood:
         """The same unit with its parameter `tolerance` set, where it has one."""
         if TOLERANCE.name not in self._place:
             return self
@@ -105,7 +105,7 @@ class FmuHood:
         loose._tolerance = tolerance
         return loose
 
-    def _stepped(
+    def _do_step(
         self, start: Saved, motion: Motion, tension: Array, dt: float
     ) -> tuple[Load, Array]:
         self.unit.restore(start)
@@ -155,7 +155,7 @@ class FmuHood:
             read["excursion_tension"].reshape(nt, nt),
         )
 
-    def _assembled(
+    def _assemble_jacobian(
         self, state: FmuState, slope: Callable[[FmuState, Array, Array], Array]
     ) -> HoodJacobian:
         """Column by column: the answers' slope along a twist (nb, 6) and a change of tension."""
@@ -168,7 +168,7 @@ class FmuHood:
         load, excursion = whole[:n], whole[n:]
         return HoodJacobian(load[:, :n], load[:, n:], excursion[:, :n], excursion[:, n:])
 
-    def _derived(self, state: FmuState, twist: Array, pull: Array) -> Array:
+    def _directional_derivatives(self, state: FmuState, twist: Array, pull: Array) -> Array:
         self.unit.restore(state.after)
         turning = skew(twist[:, 3:]) @ state.motion.rotation
         seed = np.concatenate([twist[:, :3].ravel(), turning.ravel(), pull])
@@ -177,18 +177,18 @@ class FmuHood:
         slopes = self.unit.derivative(unknown, known, seed)
         parts = np.split(slopes, np.cumsum([place.size for place in unknown])[:-1])
         answers = [part.reshape(place.shape) for part, place in zip(parts, unknown, strict=True)]
-        return _stacked(answers)
+        return _stack(answers)
 
-    def _differenced(self, state: FmuState, twist: Array, pull: Array) -> Array:
+    def _finite_differences(self, state: FmuState, twist: Array, pull: Array) -> Array:
         """Central, from the state before the step; from the one after it for a static step, which
         has no memory and is nearer.  No tension is made negative."""
         step = SHIFT * twist[:, :3].any() + TURN * twist[:, 3:].any() + PULL * pull.any()
         start, down = state.after if isinf(state.dt) else state.before, state.tension - step * pull
         ends = []
         for sign, tension in ((1, state.tension + step * pull), (-1, np.maximum(down, 0.0))):
-            motion = state.motion.displaced(sign * step * twist)
-            self._stepped(start, motion, tension, state.dt)
-            ends.append(_stacked(self._answers()))
+            motion = state.motion.displace(sign * step * twist)
+            self._do_step(start, motion, tension, state.dt)
+            ends.append(_stack(self._answers()))
         span = 2 * step if not pull.any() else (step + min(step, float(state.tension @ pull)))
         slope: Array = (ends[0] - ends[1]) / span
         return slope
@@ -204,7 +204,7 @@ class FmuHood:
             raise InputError(f"expected a positive time step (s), got {dt}")
 
 
-def _stacked(answers: list[Array]) -> Array:
+def _stack(answers: list[Array]) -> Array:
     """(6 nb + nt,) the summed wrench of each body, then the excursions."""
     force, moment, excursion = answers
     wrench = np.hstack([force.sum(axis=1), moment.sum(axis=1)])

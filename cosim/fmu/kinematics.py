@@ -56,14 +56,14 @@ class Kinematics:
         switched = KINEMATICS.name in self._place and ASKED in self._place
         return switched and self._unit.opened.rolls_back
 
-    def reached(self, angles: Array) -> Pose:
+    def read_pose(self, angles: Array) -> Pose:
         """The pose that the unit puts out now, at its angles (nq,) rad."""
-        return self._keep(angles, self._seen())
+        return self._keep(angles, self._read())
 
     def at(self, angles: Array) -> Pose:
         """Raises InputError for angles not reached of a unit that does not tell others."""
         kept = self._kept.get(np.asarray(angles).tobytes())
-        return self._asked(angles) if kept is None else kept
+        return self._query(angles) if kept is None else kept
 
     def jacobian(self, angles: Array) -> Array:
         """(6 nb, nq) twists of the bodies per joint rate, by central differences."""
@@ -74,7 +74,7 @@ class Kinematics:
         columns = [before.twist_to(after).ravel() / (2 * TURN) for before, after in ends]
         return np.stack(columns, axis=1)
 
-    def _asked(self, angles: Array) -> Pose:
+    def _query(self, angles: Array) -> Pose:
         if not self.tells_any:
             raise InputError(
                 f"{self._unit.opened.path}: this FMU does not tell its poses at joint angles that "
@@ -86,9 +86,9 @@ class Kinematics:
         self._unit.set(self._place[ASKED], angles)
         self._unit.set(self._place[KINEMATICS.name], 1.0)
         self._unit.step(SHORT)
-        return self._keep(angles, self._seen())
+        return self._keep(angles, self._read())
 
-    def _seen(self) -> Pose:
+    def _read(self) -> Pose:
         told = {
             name: self._unit.get(self._place[name])
             for name in ("position", "rotation", "tip", "path")

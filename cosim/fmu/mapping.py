@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from cosim.errors import InputError
-from cosim.fmu.archive import Opened
+from cosim.fmu.archive import UnpackedFmu
 from cosim.fmu.quantity import UNITS, Quantity
 
 KINDS = {False: ("Real", "Float64"), True: ("Boolean",)}
@@ -37,7 +37,7 @@ class Place:
 
 
 def places(
-    opened: Opened,
+    opened: UnpackedFmu,
     quantities: Iterable[Quantity],
     names: Mapping[str, str],
     optional: Collection[str] = (),
@@ -107,7 +107,7 @@ def _misfits(
     return []
 
 
-def _units(opened: Opened) -> dict[str, Any]:
+def _units(opened: UnpackedFmu) -> dict[str, Any]:
     return {unit.name: unit.baseUnit for unit in opened.description.unitDefinitions}
 
 

@@ -22,7 +22,7 @@ OPTIONAL = (*FOLLOWED, "tip", "tip_moment", ASKED, KINEMATICS.name)
 
 
 @dataclass(frozen=True)
-class MovingAt:
+class FmuMovingState:
     """A finger in motion at one time."""
 
     saved: Saved
@@ -59,9 +59,9 @@ class FmuMovingFinger:
         self._place = places(self.unit.opened, quantities, names or {}, OPTIONAL, assume_si)
         self.kinematics = Kinematics(self.unit, self._place, bodies)
         self._follows = all(name in self._place for name in FOLLOWED)
-        self._begin = self._seen()
+        self._begin = self._read_state()
 
-    def begin(self, posture: Mapping[str, float]) -> MovingAt:
+    def begin(self, posture: Mapping[str, float]) -> FmuMovingState:
         """The unit as it was initialised, in its own posture; raises InputError for another."""
         if posture:
             raise InputError(f"{self.unit.opened.path}: this FMU begins in a posture of its own")
@@ -73,28 +73,28 @@ class FmuMovingFinger:
             return self.motion(np.zeros(len(self.joints)))
         return self.motion(self._begin.angles)
 
-    def angles(self, state: MovingAt) -> Array:
+    def angles(self, state: FmuMovingState) -> Array:
         return state.angles
 
-    def rates(self, state: MovingAt) -> Array:
+    def rates(self, state: FmuMovingState) -> Array:
         return state.rates
 
-    def energy(self, state: MovingAt) -> float:
+    def energy(self, state: FmuMovingState) -> float:
         return state.energy
 
-    def dissipation(self, state: MovingAt) -> float:
+    def dissipation(self, state: FmuMovingState) -> float:
         """W, of the damping of joints and limits."""
         return state.dissipation
 
-    def device_loss(self, state: MovingAt) -> float:
+    def device_loss(self, state: FmuMovingState) -> float:
         """None is told."""
         return 0.0
 
-    def stored(self, state: MovingAt) -> dict[str, float]:
+    def stored_energy(self, state: FmuMovingState) -> dict[str, float]:
         """Only their sum is told."""
         return {}
 
-    def tip_wrench(self, state: MovingAt) -> Array:
+    def tip_wrench(self, state: FmuMovingState) -> Array:
         """(6,) N, and N m about the fingertip, of it on the world, world frame."""
         return state.tip
 
@@ -116,7 +116,9 @@ class FmuMovingFinger:
         """(k, 3) m, a line through the bodies' origins."""
         return {"bones": self.kinematics.at(angles).line}
 
-    def step(self, state: MovingAt, load: AffineLoad, tension: Array, dt: float) -> MovingAt:
+    def step(
+        self, state: FmuMovingState, load: AffineLoad, tension: Array, dt: float
+    ) -> FmuMovingState:
         """Raises InputError for a load on other bodies, or one that follows them where the unit
         takes held loads only; ConvergenceError."""
         if load.at.bodies != self.bodies:
@@ -136,7 +138,7 @@ class FmuMovingFinger:
             if name in self._place:
                 self.unit.set(self._place[name], value)
         self.unit.step(dt)
-        return self._seen()
+        return self._read_state()
 
     def ledger(
         self,
@@ -157,13 +159,13 @@ class FmuMovingFinger:
         fingertip[-1, 3:] -= np.cross(lever, tip[:3])
         return {"fingertip": fingertip}
 
-    def _seen(self) -> MovingAt:
+    def _read_state(self) -> FmuMovingState:
         told = {
             name: self.unit.get(self._place[name])
             for name in ("angle", "rate", "tip_force", "tip_moment", "energy", "dissipation")
             if name in self._place
         }
-        self.kinematics.reached(told["angle"])
+        self.kinematics.read_pose(told["angle"])
         tip = np.concatenate([told["tip_force"], told.get("tip_moment", np.zeros(3))])
         power = float(told["energy"]), float(told["dissipation"])
-        return MovingAt(self.unit.save(), told["angle"], told["rate"], tip, *power)
+        return FmuMovingState(self.unit.save(), told["angle"], told["rate"], tip, *power)

@@ -16,7 +16,7 @@ import numpy as np
 
 from cosim.coupling.state_arrays import Arrays, Special
 from cosim.errors import ConvergenceError, InputError
-from cosim.fmu.archive import Opened, opened
+from cosim.fmu.archive import UnpackedFmu, unpack_fmu
 from cosim.fmu.mapping import Place
 from cosim.port import Array
 
@@ -38,11 +38,11 @@ class Unit:
     """An instance of a co-simulation FMU, initialised at time 0 with its own start values.
 
     It runs code of the archive in this process.  Raises InputError for an FMU that cannot be opened
-    (`archive.opened`) or instantiated."""
+    (`archive.unpack_fmu`) or instantiated."""
 
     def __init__(self, path: Path) -> None:
         room = tempfile.TemporaryDirectory(prefix="fmu_", ignore_cleanup_errors=True)
-        self.opened: Opened = opened(path, Path(room.name))
+        self.opened: UnpackedFmu = unpack_fmu(path, Path(room.name))
         description = self.opened.description
         self.is_fmi2 = description.fmiVersion == "2.0"
         self._log: list[str] = HEARD if self.is_fmi2 else []
@@ -121,15 +121,15 @@ class Unit:
         self._call(lambda: self._fmu.setFMUState(saved.pointer), ConvergenceError, "lost a state")
         self.time, self._current = saved.time, saved
 
-    def written(self, saved: Saved) -> bytes:
+    def serialise(self, saved: Saved) -> bytes:
         """A saved state as bytes, of a unit that serialises."""
         write = self._fmu.serializeFMUState
         content: bytes = self._call(lambda: write(saved.pointer), InputError, "wrote no state")
         return content
 
     def read(self, content: bytes, time: float) -> Saved:
-        """The state that `written` made, at a time in s.  A unit may refuse it here or in the next
-        step from it."""
+        """The state that `serialise` made, at a time in s.  A unit may refuse it here or in the
+        next step from it."""
         read = self._fmu.deserializeFMUState
         saved = Saved(
             self._owner, time, self._call(lambda: read(content), InputError, "read no state")
@@ -197,7 +197,7 @@ class Unit:
             raise error(f"{self.opened.path}: {what}: {reason}") from failure
 
 
-def written_states(units: Sequence[Unit]) -> Special:
+def state_serialisers(units: Sequence[Unit]) -> Special:
     """How their saved states are written and read.  Raises InputError for a unit that cannot."""
     for unit in units:
         if not unit.opened.serialises:
@@ -210,7 +210,7 @@ def written_states(units: Sequence[Unit]) -> Special:
         return next(unit for unit in units if unit.owns(saved))
 
     def write(saved: Saved) -> Arrays:
-        content = np.frombuffer(of(saved).written(saved), dtype=np.uint8)
+        content = np.frombuffer(of(saved).serialise(saved), dtype=np.uint8)
         return {"time": np.array(saved.time), "content": content}
 
     def read(template: Saved, arrays: Arrays) -> Saved:

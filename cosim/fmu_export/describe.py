@@ -6,10 +6,10 @@ from __future__ import annotations
 from xml.etree.ElementTree import Element, SubElement
 
 from cosim.fmu.quantity import UNITS, Quantity
-from cosim.fmu_export.run import Run
+from cosim.fmu_export.run import UnitRun
 
 
-def finished(root: Element, run: Run) -> Element:
+def finish_description(root: Element, run: UnitRun) -> Element:
     """The description `root` with its start values to the last bit and its units, and without the
     date, so that the same unit is the same file."""
     if root.get("fmiVersion") == "2.0":
@@ -27,7 +27,7 @@ def finished(root: Element, run: Run) -> Element:
     return root
 
 
-def _finish_scalars(root: Element, run: Run) -> None:
+def _finish_scalars(root: Element, run: UnitRun) -> None:
     variables = root.findall("ModelVariables/ScalarVariable")
     place = 0
     for quantity in run.quantities:
@@ -37,7 +37,7 @@ def _finish_scalars(root: Element, run: Run) -> None:
             place += 1
 
 
-def _finish_arrays(root: Element, run: Run) -> None:
+def _finish_arrays(root: Element, run: UnitRun) -> None:
     variables = root.find("ModelVariables")
     assert variables is not None
     for variable, quantity in zip(variables, run.quantities, strict=False):

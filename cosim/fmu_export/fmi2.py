@@ -9,9 +9,9 @@ from pythonfmu.enums import Fmi2Status
 
 try:
     from cosim.fmu.quantity import Quantity
-    from cosim.fmu_export.describe import finished
+    from cosim.fmu_export.describe import finish_description
     from cosim.fmu_export.hooks import Stateful
-    from cosim.fmu_export.run import Run
+    from cosim.fmu_export.run import UnitRun
 except ImportError as error:
     raise ImportError(
         "this FMU runs in a Python with cosim-hand and its extra fmu installed; this one lacks it "
@@ -24,7 +24,7 @@ class CosimFmu2(Stateful, Fmi2Slave):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(**kwargs)
-        self.run = Run(Path(self.resources))
+        self.run = UnitRun(Path(self.resources))
         self.modelName, self.description = self.run.name, self.run.description
         self.guid = self.run.token
         for quantity in self.run.quantities:
@@ -34,7 +34,7 @@ class CosimFmu2(Stateful, Fmi2Slave):
     def to_xml(self, model_options: Any = None) -> Element:
         writes = self.run.serialises
         options = {"canGetAndSetFMUstate": True, "canSerializeFMUstate": writes}
-        return finished(super().to_xml(options), self.run)
+        return finish_description(super().to_xml(options), self.run)
 
     def do_step(self, current_time: float, step_size: float) -> bool:
         fault = self.run.step(current_time, step_size)

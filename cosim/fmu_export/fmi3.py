@@ -19,9 +19,9 @@ from pythonfmu3.enums import Fmi3Status
 
 try:
     from cosim.fmu.quantity import Quantity
-    from cosim.fmu_export.describe import finished
+    from cosim.fmu_export.describe import finish_description
     from cosim.fmu_export.hooks import Stateful
-    from cosim.fmu_export.run import Run
+    from cosim.fmu_export.run import UnitRun
 except ImportError as error:
     raise ImportError(
         "this FMU runs in a Python with cosim-hand and its extra fmu installed; this one lacks it "
@@ -34,7 +34,7 @@ class CosimFmu3(Stateful, Fmi3Slave):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(**kwargs)
-        self.run = Run(Path(self.resources))
+        self.run = UnitRun(Path(self.resources))
         self.modelName, self.description = self.run.name, self.run.description
         self.guid = self.run.token
         self._places = [self.run.place[q.name] for q in self.run.quantities]
@@ -48,7 +48,7 @@ class CosimFmu3(Stateful, Fmi3Slave):
     def to_xml(self, model_options: Any = None) -> Element:
         writes = self.run.serialises
         options = {"canGetAndSetFMUState": True, "canSerializeFMUState": writes}
-        return finished(super().to_xml(options), self.run)
+        return finish_description(super().to_xml(options), self.run)
 
     def do_step(self, current_time: float, step_size: float) -> Fmi3StepResult:
         fault = self.run.step(current_time, step_size)
@@ -75,7 +75,7 @@ class CosimFmu3(Stateful, Fmi3Slave):
         self.set_float64(vrs, values)
 
     def _entries(self, vr: int) -> range:
-        """Places of a variable; where there is none, one that `Run` refuses."""
+        """Places of a variable; where there is none, one that `UnitRun` refuses."""
         last = self._places[-1].stop
         place = self._places[vr] if vr < len(self._places) else slice(last, last + 1)
         return range(place.start, place.stop)

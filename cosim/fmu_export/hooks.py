@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 from cosim.fmu_export.state import Snapshot, Written
 
 if TYPE_CHECKING:
-    from cosim.fmu_export.run import Run
+    from cosim.fmu_export.run import UnitRun
 
 
 class Stateful:
     """The hooks by which pythonfmu and pythonfmu3 get, set, write and read states."""
 
-    run: Run
+    run: UnitRun
 
     def _get_fmu_state(self) -> Snapshot:
         return self.run.snapshot()

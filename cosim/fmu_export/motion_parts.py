@@ -10,10 +10,10 @@ from math import ceil
 
 import numpy as np
 
-from cosim.build.motion import Together, together
+from cosim.build.motion import MovingModels, moving_models
 from cosim.build.states import special_states
 from cosim.case.schema import Case, Forward
-from cosim.coupling.motion import WatchedFinger
+from cosim.coupling.motion import RecordedFinger
 from cosim.coupling.schemes import step
 from cosim.coupling.state import Coupled
 from cosim.coupling.state_arrays import Special
@@ -40,7 +40,7 @@ def moving_part(case: Case, forward: Forward, part: str, tangent: bool) -> Part:
         raise InputError(
             f"{case.name}: forward.adaptive: the steps of an FMU are its master's; leave it out"
         )
-    both = together(case, forward)
+    both = moving_models(case, forward)
     if both.moves.driven.names:
         raise InputError(
             f"tendons.{both.moves.driven.names[0]}.excursion: an FMU in motion takes tensions; "
@@ -57,7 +57,7 @@ def _steps(dt: float, longest: float) -> list[float]:
     return [dt / count] * count
 
 
-def _answers(finger: WatchedFinger, state: State) -> dict[str, Array]:
+def _answers(finger: RecordedFinger, state: State) -> dict[str, Array]:
     """`moving_answers` in a state."""
     tip = finger.tip_wrench(state)
     return {
@@ -73,7 +73,7 @@ def _answers(finger: WatchedFinger, state: State) -> dict[str, Array]:
 class MovingFingerPart:
     """The finger alone, under a load that holds at the end of each of its steps."""
 
-    def __init__(self, both: Together, tangent: bool = True) -> None:
+    def __init__(self, both: MovingModels, tangent: bool = True) -> None:
         self.finger, self._longest = both.finger, both.moves.dt
         self._posture, f = both.posture, both.finger
         self.quantities = moving_quantities(f.bodies, f.joints, f.tendons, tangent=tangent)
@@ -136,7 +136,7 @@ class MovingCoupledPart:
 
     A muscle's fibre is not part of it: tensions are inputs, constant over a master's step."""
 
-    def __init__(self, both: Together) -> None:
+    def __init__(self, both: MovingModels) -> None:
         self.both, finger, hood = both, both.finger, both.hood
         self.tendons = (*hood.tendons, *finger.tendons)
         away = "How far the tendon's end has moved along its pull since rest."
@@ -165,23 +165,23 @@ class MovingCoupledPart:
     def step(self, state: Coupled | None, given: Values, dt: float) -> tuple[State, Values]:
         moves = self.both.moves
         if state is None:
-            state = self._begun()
+            state = self._begin()
         split = len(moves.hood.tendons)
         pulls = given["tension"][:split], given["tension"][split:]
         for h in _steps(dt, moves.dt):
-            state = step(moves.scheme, moves.finger, moves.hood, state, _held(pulls), h)
+            state = step(moves.scheme, moves.finger, moves.hood, state, _constant(pulls), h)
         return state, self._outputs(state)
 
     def tangent(self, state: State) -> Values:
         return {}
 
     def template(self) -> State:
-        return self._begun()
+        return self._begin()
 
     def special(self) -> Special:
         return special_states(self.both.hood, self.both.finger)
 
-    def _begun(self) -> Coupled:
+    def _begin(self) -> Coupled:
         moves = self.both.moves
         return moves.begin(moves.finger.begin(self.both.posture)).coupled
 
@@ -195,6 +195,6 @@ class MovingCoupledPart:
         return {**out, "excursion": excursion} if excursion.size else out
 
 
-def _held(pulls: tuple[Array, Array]) -> Callable[[float], tuple[Array, Array]]:
+def _constant(pulls: tuple[Array, Array]) -> Callable[[float], tuple[Array, Array]]:
     """The same tensions at all times."""
     return lambda time: pulls

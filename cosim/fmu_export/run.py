@@ -27,7 +27,7 @@ CASE, ABOUT = "case.toml", "about.json"
 """Files of a unit: the resolved case, and which part of it the unit is."""
 
 
-class Run:
+class UnitRun:
     """The values of all quantities, one after another in one array, and the part that steps them.
 
     `resources` is the unit's folder of that name.  Raises InputError."""
@@ -98,7 +98,7 @@ class Run:
         """A state of this or another instance, in memory or as bytes; anything else makes the next
         steps fail."""
         try:
-            taken = self._taken(snapshot)
+            taken = self._take_step(snapshot)
         except CosimError as error:
             self.refuse(f"a state was set that is none of this unit's: {error}")
             return
@@ -108,7 +108,7 @@ class Run:
         self._values, self._state, self._fault = taken.values, taken.state, ""
         self.time = taken.time
 
-    def _taken(self, snapshot: Any) -> Snapshot:
+    def _take_step(self, snapshot: Any) -> Snapshot:
         if isinstance(snapshot, Written):
             snapshot = snapshot.read(self.token, self.part.template, self._special)
         if not isinstance(snapshot, Snapshot) or snapshot.values.shape != self._values.shape:

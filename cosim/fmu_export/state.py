@@ -9,7 +9,7 @@ from io import BytesIO
 
 import numpy as np
 
-from cosim.coupling.state_arrays import Arrays, Special, flattened, rebuilt
+from cosim.coupling.state_arrays import Arrays, Special, flatten, rebuild
 from cosim.errors import InputError
 from cosim.port import Array, State
 
@@ -35,7 +35,7 @@ class Snapshot:
         """The same bytes for the same state; none of a unit that says that it writes none."""
         if self.special is None:
             return b""
-        arrays = flattened(self.state, self.special)
+        arrays = flatten(self.state, self.special)
         arrays |= {UNIT: np.array(self.token), TIME: np.array(self.time), VALUES: self.values}
         file = BytesIO()
         np.savez(file, **arrays)
@@ -63,7 +63,7 @@ class Written:
             theirs, time, values = (arrays.pop(name) for name in (UNIT, TIME, VALUES))
             if str(theirs) != token:
                 raise InputError("the state was written by another unit, or another version of it")
-            state = rebuilt(template(), arrays, special)
+            state = rebuild(template(), arrays, special)
             return Snapshot(token, float(time), np.array(values, dtype=float), state, special)
         except UNREADABLE as error:
             raise InputError(f"the bytes are no whole state of this unit ({error})") from error

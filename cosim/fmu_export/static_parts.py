@@ -13,7 +13,7 @@ from cosim.build.models import Models, tensions
 from cosim.build.states import special_states
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium
-from cosim.coupling.finger_equilibrium import balanced
+from cosim.coupling.finger_equilibrium import balance_finger
 from cosim.coupling.state_arrays import Special
 from cosim.errors import InputError
 from cosim.fmu.quantity import (
@@ -78,14 +78,14 @@ class HoodPart:
 
     def _solver(self, given: Values) -> Hood:
         tolerance = float(given[TOLERANCE.name])
-        return self.hood.loosely(tolerance) if tolerance > 0 else self.hood
+        return self.hood.with_tolerance(tolerance) if tolerance > 0 else self.hood
 
 
 class FingerPart:
     """The static finger alone: a step ends in its equilibrium under a load that follows its bodies.
 
     So far from equilibrium that a joint turns by more than a few degrees, it is a state on the way
-    there (`cosim.coupling.finger_equilibrium.balanced`), and the load is asked for again."""
+    there (`cosim.coupling.finger_equilibrium.balance_finger`), and the load is asked for again."""
 
     def __init__(self, case: Case, models: Models, tangent: bool = True) -> None:
         self.finger, self.tolerance = models.finger, case.solve.tolerance
@@ -110,7 +110,7 @@ class FingerPart:
         load = Load(bodies, ("hood",), wrench[:, None], np.zeros((0, 6)))
         tension = given.get("tension", np.zeros(0))
         slope = given.get("load_motion", np.zeros((n, n))).reshape(n, n)
-        new, balance = balanced(self.finger, state, load, tension, slope, self.tolerance)
+        new, balance = balance_finger(self.finger, state, load, tension, slope, self.tolerance)
         return new, self._outputs(new, balance.tip_force)
 
     def tangent(self, state: State) -> Values:
@@ -127,7 +127,7 @@ class FingerPart:
         start = self.start()
         step = np.zeros(len(self.finger.unknowns(start)))
         step[: len(angles)] = angles - self.finger.angles(start)
-        return self.finger.displaced(start, step)
+        return self.finger.displace(start, step)
 
     def _outputs(self, state: State, tip_force: Array) -> dict[str, Array]:
         found = {"angle": self.finger.angles(state), "tip_force": tip_force}
@@ -181,7 +181,7 @@ class CoupledPart:
         """`dt` plays no part: nothing here moves in time."""
         if state is None:
             state = self._rest()
-        now = self._solved(state.now, given["tension"])
+        now = self._solve(state.now, given["tension"])
         state = _Coupled(now, state.rest_excursion, state.rest_path)
         return state, self._outputs(state)
 
@@ -203,7 +203,7 @@ class CoupledPart:
         )
         return _Coupled(rest, rest.excursion, finger.path_lengths(rest.finger_state))
 
-    def _solved(self, before: Equilibrium, tension: Array) -> Equilibrium:
+    def _solve(self, before: Equilibrium, tension: Array) -> Equilibrium:
         """As `cosim.pipeline`: a hood whose tensions change is carried to its bodies anew."""
         hood, finger = np.split(tension, [len(self.models.hood.tendons)])
         state = before.response.state
@@ -223,7 +223,7 @@ class CoupledPart:
         own = state.rest_path - finger.path_lengths(now.finger_state)
         out = {
             "angle": finger.angles(now.finger_state),
-            "tip_force": now.told.tip_force,
+            "tip_force": now.known_balance.tip_force,
             "excursion": np.concatenate([now.excursion - state.rest_excursion, own]),
         }
         if self.models.slips is not None:

@@ -44,7 +44,7 @@ def write_fmu(case: Case, part: str, fmi: int, out: Path, *, tangent: bool = Tru
     with tempfile.TemporaryDirectory() as folder:
         resources = Path(folder)
         _lay_out(case, {"part": part, "tangent": tangent}, fmi, resources)
-        identifier, description = _described(fmi, resources)
+        identifier, description = _describe(fmi, resources)
         with written_whole(out) as path, zipfile.ZipFile(path, "w") as archive:
             _add(archive, "modelDescription.xml", description)
             for file in sorted(resources.rglob("*")):
@@ -82,11 +82,11 @@ def _with_files(table: Any, resources: Path) -> Any:
         case tuple():
             return tuple([_with_files(value, resources) for value in table])
         case Path():
-            return _copied(table, resources)
+            return _copy(table, resources)
     return table
 
 
-def _copied(file: Path, resources: Path) -> Path:
+def _copy(file: Path, resources: Path) -> Path:
     # No folder: the case in the unit names it alike on every system.
     place = resources / f"{FILE}{len(list(resources.glob(f'{FILE}*')))}{file.suffix}"
     try:
@@ -96,7 +96,7 @@ def _copied(file: Path, resources: Path) -> Path:
     return place.relative_to(resources)
 
 
-def _described(fmi: int, resources: Path) -> tuple[str, bytes]:
+def _describe(fmi: int, resources: Path) -> tuple[str, bytes]:
     """The unit's identifier and description, of an instance of it."""
     slave: Any
     if fmi == 2:

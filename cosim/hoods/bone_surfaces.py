@@ -18,8 +18,10 @@ MARGIN = 5e-3
 """m, how far beyond a bone its baked distance reaches."""
 
 
-def baked_surfaces(bones: Mapping[str, Triangles]) -> dict[str, Surface]:
-    return {body: _baked(body, *map(_frozen, triangles)) for body, triangles in bones.items()}
+def pose_surfaces(bones: Mapping[str, Triangles]) -> dict[str, Surface]:
+    return {
+        body: _pose_surface(body, *map(_frozen, triangles)) for body, triangles in bones.items()
+    }
 
 
 class _frozen:
@@ -37,7 +39,7 @@ class _frozen:
 
 
 @lru_cache(maxsize=32)
-def _baked(body: str, vertices: _frozen, faces: _frozen) -> Surface:
+def _pose_surface(body: str, vertices: _frozen, faces: _frozen) -> Surface:
     from fe_solver.surfaces.spline_distance import SplineDistance, cache_folder
 
     try:

@@ -166,11 +166,11 @@ def guide_depth(hood: FeHood) -> float:
 
 def tangent_seconds(hood: FeHood, state: State) -> tuple[float, float]:
     """Of one assembly and of one factorisation at a state."""
-    from fe_solver.solver.newton_step import factorised
+    from fe_solver.solver.newton_step import factorise
 
     start = perf_counter()
     e = hood.model.evaluate(state.configuration, state.solution.tension, tangent=True)
     assembled = perf_counter()
     assert e.data is not None  # the tangent was asked for
-    factorised(hood.model, e.data)
+    factorise(hood.model, e.data)
     return assembled - start, perf_counter() - assembled

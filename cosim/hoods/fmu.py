@@ -14,7 +14,7 @@ from cosim.schema.fields import name_of, quantity
 from cosim.schema.types import File, Switch, TendonName
 
 
-class FmuHood(HoodTable):
+class FmuHoodConfig(HoodTable):
     """A hood in an FMU of FMI 2 or 3, which is a program and runs as one.  `tendons` and `sources`
     name its own, in its order; `map` says, by quantity, how its variables are called where they are
     not called as in our own units; `rest_step` is a communication step in which it comes to rest,
@@ -43,7 +43,7 @@ class FmuHood(HoodTable):
         return (self.path,)
 
 
-def build(hood: FmuHood, site: Site) -> BuiltHood:
+def build(hood: FmuHoodConfig, site: Site) -> BuiltHood:
     from cosim.fmu.hood import FmuHood as Unit
 
     names = site.rest.bodies, hood.tendons, hood.sources
@@ -51,4 +51,4 @@ def build(hood: FmuHood, site: Site) -> BuiltHood:
     return BuiltHood(unit)
 
 
-KIND = HoodKind(FmuHood, build)
+KIND = HoodKind(FmuHoodConfig, build)

@@ -30,18 +30,18 @@ class Adhesion:
     stiffness: float
 
 
-def injured_mesh(mesh: HoodMesh, lesion: Lesion | None) -> HoodMesh:
+def apply_lesion_to_mesh(mesh: HoodMesh, lesion: Lesion | None) -> HoodMesh:
     """The mesh with all cuts made.  Raises InputError."""
-    from meshes.severed import severed
+    from meshes.severed import cut_part
 
-    return reduce(severed, lesion.cut if lesion else (), mesh)
+    return reduce(cut_part, lesion.cut if lesion else (), mesh)
 
 
-def injured_net(net: CableNet, lesion: Lesion | None) -> CableNet:
+def apply_lesion_to_net(net: CableNet, lesion: Lesion | None) -> CableNet:
     """The net with all cuts made.  Raises InputError."""
-    from meshes.severed import severed_net
+    from meshes.severed import cut_net
 
-    return reduce(severed_net, lesion.cut if lesion else (), net)
+    return reduce(cut_net, lesion.cut if lesion else (), net)
 
 
 def longer(extra: Mapping[str, float], lesion: Lesion | None) -> dict[str, float]:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, get_args
 from cosim.errors import InputError
 from cosim.fingers.common import Extensor
 from cosim.fingers.kind import Anatomy
-from cosim.hoods.lesion import Lesion, Parts
-from cosim.hoods.variation import Settings, Variation, without
+from cosim.hoods.lesion import InjurableParts, Lesion
+from cosim.hoods.variation import Settings, Variation, no_variation
 from cosim.hoods.view import Colour, HoodView
 from cosim.port import Array, Hood, Motion, State
 from cosim.schema.types import Table
@@ -72,7 +72,7 @@ class HoodTable(Table):
         """The sources of its load that its table names."""
         return ()
 
-    def parts(self) -> Parts | None:
+    def parts(self) -> InjurableParts | None:
         """What a lesion can do to it."""
         return None
 
@@ -153,7 +153,7 @@ class BuiltHood:
 def no_variations(hood: HoodTable) -> Iterator[Variation]:
     """Of a hood that has nothing to vary."""
     for name in ("modulus", "thickness", "mesh"):
-        yield without(name, f"a hood of kind {kind_of(type(hood))!r} has none")
+        yield no_variation(name, f"a hood of kind {kind_of(type(hood))!r} has none")
 
 
 @dataclass(frozen=True)

@@ -26,13 +26,13 @@ KINDS: Mapping[str, HoodKind[Any]] = {
     )
 }
 AnyHood = (
-    shell.ShellHood
-    | pulley.PulleyHood
-    | split.SplitHood
-    | lumped.NetworkHood
-    | lumped.TwoBandHood
-    | cable.CableHood
-    | fmu.FmuHood
+    shell.ShellHoodConfig
+    | pulley.PulleyHoodConfig
+    | split.SplitHoodConfig
+    | lumped.NetworkHoodConfig
+    | lumped.TwoBandHoodConfig
+    | cable.CableHoodConfig
+    | fmu.FmuHoodConfig
 )
 
 

@@ -23,7 +23,7 @@ SUPPORTS = (
 
 
 @dataclass(frozen=True)
-class Parts:
+class InjurableParts:
     """The names that each key of a lesion takes in a kind of hood."""
 
     cut: tuple[str, ...]

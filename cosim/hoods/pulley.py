@@ -20,7 +20,7 @@ class PathPoint(Table):
     point: tuple[Coordinate, Coordinate, Coordinate]
 
 
-class PulleyHood(HoodTable):
+class PulleyHoodConfig(HoodTable):
     """Tendons as straight lines through points fixed to bodies."""
 
     title: ClassVar[str] = "no deformable hood: cables through eyelets"
@@ -38,17 +38,17 @@ class PulleyHood(HoodTable):
 
     def lines(self, motion: Motion) -> Mapping[str, Array]:
         return {
-            f"{name} cable": np.array([_placed(motion, point) for point in path])
+            f"{name} cable": np.array([_world_points(motion, point) for point in path])
             for name, path in self.paths.items()
         }
 
 
-def _placed(motion: Motion, point: PathPoint) -> Array:
+def _world_points(motion: Motion, point: PathPoint) -> Array:
     position, rotation = motion.of(point.body)
     return position + rotation @ np.array(point.point)
 
 
-def build(hood: PulleyHood, site: Site) -> BuiltHood:
+def build(hood: PulleyHoodConfig, site: Site) -> BuiltHood:
     from rigid.hoods.pulley import Cable
     from rigid.hoods.pulley import PulleyHood as Pulleys
 
@@ -57,4 +57,4 @@ def build(hood: PulleyHood, site: Site) -> BuiltHood:
     return BuiltHood(Pulleys(cables, site.rest))
 
 
-KIND = HoodKind(PulleyHood, build)
+KIND = HoodKind(PulleyHoodConfig, build)

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from cosim.fingers.common import EQUAL_SHARES, Extensor
 from cosim.hoods.kind import BuiltHood, HoodKind, HoodTable, Site, no_variations
-from cosim.hoods.variation import Variation, added
+from cosim.hoods.variation import Variation, shift
 from cosim.schema.types import Number
 from meshes.skeleton import BODIES
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rigid.model import FingerModel
 
 
-class SplitHood(HoodTable):
+class SplitHoodConfig(HoodTable):
     """No hood at all: tendons that part into strands of fixed shares, `central` of what enters the
     hood going to the central slip (equal parts in the normative model: An et al. 1979)."""
 
@@ -42,7 +42,7 @@ class SplitHood(HoodTable):
         return ()
 
 
-def build(hood: SplitHood, site: Site) -> BuiltHood:
+def build(hood: SplitHoodConfig, site: Site) -> BuiltHood:
     """A hood of no tendons."""
     from rigid.hoods.pulley import PulleyHood
 
@@ -66,9 +66,9 @@ def split_slips(
     return {slip: sum(f for body, f in strands if body == end) for slip, end in ends.items()}
 
 
-def variations(hood: SplitHood) -> Iterator[Variation]:
-    yield added("central slip's share", {"hood.central": hood.central}, 0.1, None)
+def variations(hood: SplitHoodConfig) -> Iterator[Variation]:
+    yield shift("central slip's share", {"hood.central": hood.central}, 0.1, None)
     yield from no_variations(hood)
 
 
-KIND = HoodKind(SplitHood, build, variations=variations)
+KIND = HoodKind(SplitHoodConfig, build, variations=variations)

@@ -21,7 +21,7 @@ class ContactOffset(Table):
     distal: Offset
 
 
-class Contact(Table):
+class ContactConfig(Table):
     """Contact of hood and bones: a penalty; with `penetration` augmented until no node penetrates
     further, with `friction` (Coulomb's coefficient) augmented too."""
 
@@ -34,7 +34,7 @@ class Contact(Table):
     friction: Annotated[Number, Field(ge=0, le=2)] = 0.0
 
 
-class Spring(Table):
+class SpringConfig(Table):
     """Stiffness of the whole set, N/m, and the stretch before it acts, m."""
 
     stiffness: Annotated[float, quantity(units.STIFFNESS, above="0 N/mm", most="1e7 N/mm")]

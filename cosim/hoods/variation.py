@@ -30,19 +30,19 @@ class Variation:
     high: Side
 
 
-def scaled(
+def scale(
     name: str, values: Mapping[str, float | None], factors: tuple[float, float], kind: Kind | None
 ) -> Variation:
     """All values that there are by the same factor."""
 
     def side(factor: float) -> Side:
         stated = ((key, value) for key, value in values.items() if value is not None)
-        return Side(f"x {factor:g}", spelt(((k, factor * v) for k, v in stated), kind))
+        return Side(f"x {factor:g}", settings_text(((k, factor * v) for k, v in stated), kind))
 
     return Variation(name, side(factors[0]), side(factors[1]))
 
 
-def added(
+def shift(
     name: str,
     values: Mapping[str, float],
     step: float,
@@ -55,28 +55,31 @@ def added(
         new = {key: max(value + sign * step, least) for key, value in values.items()}
         moved = max((new[key] - values[key] for key in values), key=abs)
         if not moved:
-            return Side("", why_not=f"it is {shown(least, kind)} as it is, which is the least")
+            return Side(
+                "", why_not=f"it is {format_value(least, kind)} as it is, which is the least"
+            )
         return Side(
-            f"{'+' if sign > 0 else '-'}{shown(abs(moved), kind)}", spelt(new.items(), kind)
+            f"{'+' if sign > 0 else '-'}{format_value(abs(moved), kind)}",
+            settings_text(new.items(), kind),
         )
 
     return Variation(name, side(-1), side(1))
 
 
-def spelt(values: Iterable[tuple[str, float]], kind: Kind | None) -> Settings:
-    return tuple(f"{k}={v!r}" if kind is None else f"{k}={written(v, kind)}" for k, v in values)
+def settings_text(values: Iterable[tuple[str, float]], kind: Kind | None) -> Settings:
+    return tuple(f"{k}={v!r}" if kind is None else f"{k}={format_si(v, kind)}" for k, v in values)
 
 
-def shown(value: float, kind: Kind | None) -> str:
-    return f"{value:.4g}" if kind is None else written(value, kind, 4)
+def format_value(value: float, kind: Kind | None) -> str:
+    return f"{value:.4g}" if kind is None else format_si(value, kind, 4)
 
 
-def written(value: float, kind: Kind, digits: int = 10) -> str:
+def format_si(value: float, kind: Kind, digits: int = 10) -> str:
     """An SI value in the kind's own unit."""
     return f"{value / units.parse(f'1 {kind.unit}', kind):.{digits}g} {kind.unit}"
 
 
-def without(name: str, reason: str) -> Variation:
+def no_variation(name: str, reason: str) -> Variation:
     return Variation(name, Side("", why_not=reason), Side("", why_not=reason))
 
 

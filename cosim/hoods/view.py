@@ -68,7 +68,7 @@ class HoodView(Protocol):
         ...
 
     @property
-    def drawn_cells(self) -> np.ndarray:
+    def plot_cells(self) -> np.ndarray:
         """(m, 2 or 4) nodes of lines or quads; as many for each cell."""
         ...
 
@@ -91,7 +91,7 @@ class HoodView(Protocol):
         ...
 
 
-def drawn(view: HoodView) -> HoodField:
+def hood_field(view: HoodView) -> HoodField:
     """The hood as pictures and mesh files show it."""
     point_data, cell_data = {}, {}
     for field in view.fields():
@@ -100,6 +100,6 @@ def drawn(view: HoodView) -> HoodField:
         if field.dimensions[0] == "point":
             point_data[field.name] = field.values
         else:
-            each = len(view.drawn_cells) // len(field.values)
+            each = len(view.plot_cells) // len(field.values)
             cell_data[field.name] = np.repeat(field.values, each, axis=0)
-    return HoodField(view.points, view.drawn_cells, point_data, cell_data)
+    return HoodField(view.points, view.plot_cells, point_data, cell_data)

@@ -15,9 +15,9 @@ from cosim.papers.coordination_doubts import doubt_figures
 from cosim.papers.coordination_table import table_figures
 from cosim.papers.lines import BAND_COLOURS, MUSCLE_COLOURS, Line, lines_drawn
 from cosim.port import Array
-from cosim.report.figures import Figure, Study
+from cosim.report.figures import Figure, FigureStudy
 from rigid.hoods.two_band import LONG_NAMES, MUSCLES, coupled_dip, excursions
-from rigid.papers.buchner1988.coordination import Loop, deviation, flexed
+from rigid.papers.buchner1988.coordination import Loop, deviation, flex
 from rigid.papers.buchner1988.coordination_findings import Flexion, flexion
 
 OURS = (
@@ -102,7 +102,7 @@ def _interphalangeal(f: Flexion) -> Figure:
     }
     lines = [
         _path("K = 500 N/m, the paper's", f.motion.angle, "#0b5394", "-", 2.4),
-        *(_path(name, flexed(loop).angle, c, "-.") for name, (loop, c) in variants.items()),
+        *(_path(name, flex(loop).angle, c, "-.") for name, (loop, c) in variants.items()),
         _path("reference: a line", f.motion.reference, "0.55", "--"),
         Line("parabola, equation 6", np.degrees(RANGE), np.degrees(coupled_dip(RANGE)), "0.1", ":"),
     ]
@@ -243,14 +243,18 @@ def table(lines: list[Line], x: str, y: str) -> pd.DataFrame:
     return pd.concat(parts, ignore_index=True)
 
 
-STUDIES: tuple[Study, ...] = (
-    Study("table", "table 1, its entries' certainty, and excursions joint by joint", table_figures),
-    Study("coupling", "figure 3: the coupling curve", coupling_figures),
-    Study("motion", "figures 5-7: flexion in closed loop, on the parabola", motion_figures),
-    Study("linear", "figures 8-10: forces by linear programming", linear_figures),
-    Study("quadratic", "figures 11, 12, 14: forces by quadratic programming", quadratic_figures),
-    Study("excursions", "figure 13: excursions", excursion_figures),
-    Study(
+STUDIES: tuple[FigureStudy, ...] = (
+    FigureStudy(
+        "table", "table 1, its entries' certainty, and excursions joint by joint", table_figures
+    ),
+    FigureStudy("coupling", "figure 3: the coupling curve", coupling_figures),
+    FigureStudy("motion", "figures 5-7: flexion in closed loop, on the parabola", motion_figures),
+    FigureStudy("linear", "figures 8-10: forces by linear programming", linear_figures),
+    FigureStudy(
+        "quadratic", "figures 11, 12, 14: forces by quadratic programming", quadratic_figures
+    ),
+    FigureStudy("excursions", "figure 13: excursions", excursion_figures),
+    FigureStudy(
         "doubts",
         "the paper's numbers beside ours; feedback, elasticity, uncertain entries",
         lambda: doubt_figures(found()),

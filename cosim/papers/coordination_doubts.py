@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from cosim.report.figures import Figure, framed
-from rigid.papers.buchner1988.coordination import Loop, deviation, flexed
+from cosim.report.figures import Figure, style_axes
+from rigid.papers.buchner1988.coordination import Loop, deviation, flex
 from rigid.papers.buchner1988.coordination_findings import (
     CHANGE,
     Finding,
@@ -89,7 +89,7 @@ def _beside(f: Flexion) -> Figure:
         )
         names = [f"{x.what} ({x.ours:.3g}; paper {x.paper:.3g} {x.unit})" for x in shown]
         axes.set_yticks(rank, names)
-        framed(axes, "ours / the paper's", "")
+        style_axes(axes, "ours / the paper's", "")
         axes.set_xlim(0.6, 1.2)
         sheet.legend(loc="outside lower center", ncols=2, frameon=False)
 
@@ -112,7 +112,7 @@ def _loops() -> Figure:
     for bandwidth in BANDWIDTHS:
         for elasticity in ELASTICITIES:
             loop = Loop(bandwidth, elasticity)
-            off = deviation(loop, flexed(loop))
+            off = deviation(loop, flex(loop))
             rows.append((bandwidth, elasticity, off.curve, off.line))
     columns = ["bandwidth_rad_per_s", "K_N_per_m", "from_parabola_deg", "from_line_deg"]
     data = pd.DataFrame(rows, columns=columns)
@@ -130,7 +130,7 @@ def _loops() -> Figure:
             axes.loglog(
                 part.K_N_per_m, part.from_parabola_deg, "o-", color=colour, label=f"{bandwidth:g}"
             )
-        framed(axes, "K, N/m", "from the parabola at most, deg")
+        style_axes(axes, "K, N/m", "from the parabola at most, deg")
         sheet.legend(
             loc="outside lower center", ncols=4, frameon=False, title="bandwidth of feedback, rad/s"
         )
@@ -184,7 +184,7 @@ def _entries(f: Flexion) -> Figure:
             axes.axvline(base[what].paper, color="#b45309", lw=1.2)
             axes.plot(part.as_read, rank, "o", color="#0b5394", ms=4)
             axes.set_yticks(rank, part.entry)
-            framed(axes, base[what].unit, "")
+            style_axes(axes, base[what].unit, "")
             axes.set_title(what.replace(": ", ":\n"), fontsize=9)
             nearest = np.nanmax(np.abs(ends - base[what].paper), initial=0.0)
             if nearest > 2 * base[what].paper:  # one entry would flatten the others

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from cosim.papers.lines import MUSCLE_COLOURS
-from cosim.report.figures import Figure, framed
+from cosim.report.figures import Figure, style_axes
 from rigid.hoods.two_band import JOINTS, MUSCLES, TABLE_1, excursions
 
 if TYPE_CHECKING:
@@ -94,6 +94,6 @@ def _draw(sheet: Sheet) -> None:
                 lw=2.4 if muscle == "ED" else 1.6,
                 label=muscle,
             )
-        framed(axes, f"{joint}, deg", "excursion, mm" if joint == "MCP" else "")
+        style_axes(axes, f"{joint}, deg", "excursion, mm" if joint == "MCP" else "")
     handles, labels = panels[0].get_legend_handles_labels()
     sheet.legend(handles, labels, loc="outside lower center", ncols=5, frameon=False)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from cosim.port import Array
-from cosim.report.figures import framed
+from cosim.report.figures import style_axes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Sheet
@@ -38,7 +38,7 @@ def lines_drawn(lines: Sequence[Line], x: str, y: str) -> Callable[[Sheet], None
         axes = sheet.subplots()
         for line in lines:
             axes.plot(line.x, line.y, line.dash, color=line.colour, lw=line.width, label=line.name)
-        framed(axes, x, y)
+        style_axes(axes, x, y)
         low, high = axes.dataLim.y0, axes.dataLim.y1
         room = HEADROOM * (high - low or 1.0)
         axes.set_ylim(low - room if low < 0 else min(0.0, low), high + room)

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from cosim.port import Array
-from cosim.report.figures import Figure, framed
+from cosim.report.figures import Figure, style_axes
 from rigid.hoods.network import Network
 from rigid.hoods.two_band import coupled_dip, lateral_band, middle_band
 from rigid.papers.networks.arm_switch import Switch, switch
@@ -88,7 +88,7 @@ def _sections(network: Network) -> Figure:
                 axes.plot(pip, arm, dash, color=colour, lw=1.8, label=name)
             for (words, band), dash in bounds:
                 axes.plot(pip, band, dash, color="0.5", lw=0.9, zorder=0, label=words)
-            framed(axes, "PIP, deg", "effective arm at the PIP, mm")
+            style_axes(axes, "PIP, deg", "effective arm at the PIP, mm")
         near.set(xlim=(81, 91), ylim=(-5.2, -1.0), title="at the switch (d)")
         whole.set(xlim=(0, 110), ylim=(-5.2, 0.0), title="DIP 45 deg (c)")
         handles = whole.get_legend_handles_labels()
@@ -137,7 +137,7 @@ def _widths(network: Network) -> Figure:
         )
         axes.axvline(OPERATING_FORCE, color="0.7", lw=0.9, zorder=0)
         axes.text(1.1 * OPERATING_FORCE, 2e-3, "f_m0 of the paper", fontsize=8)
-        framed(axes, "operating force f_m0, N", "width of the switch, PIP deg")
+        style_axes(axes, "operating force f_m0, N", "width of the switch, PIP deg")
         axes.legend(frameon=False, fontsize=8)
 
     caption = (

@@ -8,11 +8,11 @@ import numpy as np
 import pandas as pd
 
 from cosim.papers.network_motion import SETTLED, Contact, contact
-from cosim.report.figures import Figure, framed
+from cosim.report.figures import Figure, style_axes
 from rigid.chain.planar_chain import BUCHNER
 from rigid.hoods.two_band import coupled_dip
 from rigid.papers.networks.human_network import MUSCLES, human_finger
-from rigid.papers.networks.point_contact import settled
+from rigid.papers.networks.point_contact import settle
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -53,7 +53,7 @@ def _history(runs: dict[str, Contact]) -> Figure:
         for column, (name, run) in zip(grid.T, runs.items(), strict=True):
             for axes, panel in zip(column, (_forces, _angles, _tendons, _tip), strict=True):
                 panel(axes, run)
-                framed(axes, "", "")
+                style_axes(axes, "", "")
             column[0].set_title(CASES[name], fontsize=10)
             column[-1].set_xlabel("time, s")
         words = (
@@ -148,7 +148,7 @@ def end_states(run: Contact, planar: bool) -> pd.DataFrame:
         if planar:
             names = {"UI": "FPI"}
             force = [float(run.force[names.get(m, m)][k]) if m != "RI" else 0.0 for m in MUSCLES]
-            alone = settled(BUCHNER.length, human_finger(), np.array(force), run.angle[0], 50.0)
+            alone = settle(BUCHNER.length, human_finger(), np.array(force), run.angle[0], 50.0)
             row["largest_angle_apart_rad"] = float(np.abs(alone - run.angle[k]).max())
         rows.append(row)
     return pd.DataFrame(rows)
@@ -172,7 +172,7 @@ def _ends(runs: dict[str, Contact]) -> Figure:
                 run.time[times], run.optimum[times], mark, color="white", mec=colour, mew=1.6,
                 label="least |tau_dist| there",
             )  # fmt: skip
-        framed(axes, "time, s", "share of EDC that the slip bears")
+        style_axes(axes, "time, s", "share of EDC that the slip bears")
         axes.set_ylim(0.0, 1.0)
         axes.legend(frameon=False, fontsize=8)
 

@@ -17,7 +17,7 @@ from cosim.papers.network_testbed import (
     seed_table,
 )
 from cosim.port import Array
-from cosim.report.figures import Figure, framed
+from cosim.report.figures import Figure, style_axes
 from rigid.papers.networks.testbed_runs import (
     ELSEWHERE,
     FRICTION,
@@ -61,7 +61,7 @@ def _summary() -> Figure:
         right.plot(at, table.paper_ratio, "D", color="black", mfc="white", ms=6)
         for axes, words in ((left, "RMSE, N"), (right, "interconnected over static")):
             axes.set_xticks(at, table.experiment)
-            framed(axes, "", words)
+            style_axes(axes, "", words)
         left.set_yscale("log")
         left.set_ylim(bottom=0.1)
         right.axhline(1.0, color="0.7", lw=0.8)
@@ -110,7 +110,7 @@ def _sized() -> Figure:
         axes.plot(*off.T, "o", color="#0072b2", ms=5, label="at rest after a disturbance")
         axes.plot(*off[0], "s", color="#d55e00", ms=7, label="before any")
         axes.set_aspect("equal")
-        framed(axes, "distal (x), N", "dorsal, N")
+        style_axes(axes, "distal (x), N", "dorsal, N")
         sheet.legend(loc="outside lower center", ncols=3, frameon=False, fontsize=8)
 
     degrees = ", ".join(f"{x:g}" for x in np.degrees(TURNS))
@@ -140,7 +140,7 @@ def _by_friction() -> Figure:
         for axes, name in zip(sheet.subplots(1, 3), REPORTED_ERRORS, strict=True):
             _one_experiment(axes, table[table.experiment == name])
             axes.set_title(name, fontsize=10)
-            framed(axes, "hysteresis, +-N", "RMSE, N")
+            style_axes(axes, "hysteresis, +-N", "RMSE, N")
         handles = axes.get_legend_handles_labels()
         sheet.legend(*handles, loc="outside lower center", ncols=4, frameon=False)
 

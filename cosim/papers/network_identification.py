@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from cosim.report.figures import Figure, framed
-from rigid.papers.networks.excursion_fit import EXTENSOR, Identified, coupled_dip, identify
+from cosim.report.figures import Figure, style_axes
+from rigid.papers.networks.excursion_fit import EXTENSOR, Identified, dip_of_pip, identify
 from rigid.papers.networks.excursion_fit_check import (
     NORMAL_95,
     Draws,
-    drawn,
-    repeated,
+    draw_samples,
+    repeat,
     true_parameters,
 )
 from rigid.papers.networks.robotic_finger import robotic_finger
@@ -27,9 +27,9 @@ LOOKS = {"excursions alone": ("#d55e00", "s"), "with the coupling curve": ("#007
 
 
 def identification_figures() -> list[Figure]:
-    poses, curve = drawn(0)
+    poses, curve = draw_samples(0)
     fits = dict(zip(LOOKS, (identify(poses), identify(poses, curve)), strict=True))
-    draws = dict(zip(LOOKS, repeated(DRAWS), strict=True))
+    draws = dict(zip(LOOKS, repeat(DRAWS), strict=True))
     truth = true_parameters(robotic_finger())
 
     def draw(sheet: Sheet) -> None:
@@ -55,15 +55,15 @@ def identification_figures() -> list[Figure]:
 
 
 def _curves(axes: Axes, fits: dict[str, Identified], truth: dict[str, float]) -> None:
-    _, curve = drawn(0)
+    _, curve = draw_samples(0)
     axes.plot(*np.degrees(curve.angle[:, 1:].T), ".", color="0.6", ms=4, label="observed")
     pip = np.linspace(0.0, 1.75, 100)
     for fit, (colour, _) in zip(fits.values(), LOOKS.values(), strict=True):
         found = fit.value[[fit.names.index(n) for n in EXTENSOR]]
-        axes.plot(np.degrees(pip), np.degrees(coupled_dip(found, pip)), color=colour, lw=1.6)
+        axes.plot(np.degrees(pip), np.degrees(dip_of_pip(found, pip)), color=colour, lw=1.6)
     true = np.array([truth[n] for n in EXTENSOR])
-    axes.plot(np.degrees(pip), np.degrees(coupled_dip(true, pip)), "--", color="black", lw=1.0)
-    framed(axes, "PIP, deg", "DIP on the coupling curve, deg")
+    axes.plot(np.degrees(pip), np.degrees(dip_of_pip(true, pip)), "--", color="black", lw=1.0)
+    style_axes(axes, "PIP, deg", "DIP on the coupling curve, deg")
 
 
 def _intervals(axes: Axes, fits: dict[str, Identified], truth: dict[str, float]) -> None:
@@ -76,7 +76,7 @@ def _intervals(axes: Axes, fits: dict[str, Identified], truth: dict[str, float])
         axes.errorbar(off, at, xerr=half, fmt=mark, color=colour, capsize=3, label=name)
     axes.axvline(0.0, color="black", ls="--", lw=1.0, label="truth")
     axes.set_yticks(range(len(EXTENSOR)), EXTENSOR)
-    framed(axes, "estimate less truth with 95 % interval, mm (slope: mm/rad)", "")
+    style_axes(axes, "estimate less truth with 95 % interval, mm (slope: mm/rad)", "")
 
 
 def _caption(fits: dict[str, Identified], draws: dict[str, Draws]) -> str:

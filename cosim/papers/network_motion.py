@@ -16,7 +16,7 @@ import numpy as np
 from cosim.build.models import build
 from cosim.case.file import load_case
 from cosim.hoods.lumped.table import JOINTS
-from cosim.hoods.lumped.table import NetworkHood as NetworkTable
+from cosim.hoods.lumped.table import NetworkHoodConfig as NetworkTable
 from cosim.pipeline import run_case
 from cosim.port import STATIC, Array, Motion
 from rigid.chain.kinematics import Chain, body_jacobian, tip_jacobian

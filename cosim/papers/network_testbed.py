@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from cosim.port import Array
-from cosim.report.figures import Figure, framed
+from cosim.report.figures import Figure, style_axes
 from rigid.papers.networks.robotic_finger import MUSCLES
 from rigid.papers.networks.testbed_runs import EDC, LUM, STEP, Measured
 from rigid.papers.networks.testbed_study import Predictions, Trial, errors, trials
@@ -49,7 +49,7 @@ def _forward(trial: Trial) -> Figure:
             axes.plot(time, run.measured.tip_force[:, axis], **_look(SEEN, 1.6, "sensor"))
             for model, (words, look) in zip(run.tip, MODELS.items(), strict=True):
                 axes.plot(time, model.force[:, axis], **_look(look, 1.1, words))
-            framed(axes, "", f"tip force {name}, N")
+            style_axes(axes, "", f"tip force {name}, N")
         rows[-1].set_xlabel("time, s")
         _beside(rows[:3])
 
@@ -72,7 +72,7 @@ def _look(look: tuple[str, str], width: float, label: str) -> dict[str, Any]:
 def _muscles(axes: Axes, time: Array, force: Array) -> None:
     for k, (muscle, look) in enumerate(zip(MUSCLES, MUSCLE_LOOKS, strict=True)):
         axes.plot(time, force[:, k], **_look(look, 1.2, muscle))
-    framed(axes, "", "muscle force, N")
+    style_axes(axes, "", "muscle force, N")
 
 
 def _shares(axes: Axes, time: Array, run: Predictions) -> None:
@@ -81,7 +81,7 @@ def _shares(axes: Axes, time: Array, run: Predictions) -> None:
     axes.plot(time, static[:, EDC], **_look(STATIC, 1.2, "static, EDC"))
     axes.plot(time, static[:, LUM], **_look(("#e69f00", ":"), 1.6, "static, LUM"))
     axes.set_ylim(-0.05, 1.05)
-    framed(axes, "", "share to the slip")
+    style_axes(axes, "", "share to the slip")
 
 
 def _beside(rows: list[Axes]) -> None:
@@ -112,7 +112,7 @@ def _inverse(trial: Trial) -> Figure:
             axes.plot(time, run.measured.force[:, k], **_look(SEEN, 1.6, "load cell"))
             for model, (words, look) in zip(trial.muscles, MODELS.items(), strict=True):
                 axes.plot(time, model.muscles[:, k], **_look(look, 1.1, words))
-            framed(axes, "", f"{muscle}, N")
+            style_axes(axes, "", f"{muscle}, N")
         rows[-1].set_xlabel("time, s")
         _beside(rows[:1])
 
@@ -145,7 +145,7 @@ def _circle(trial: Trial) -> Figure:
         for model, (words, look) in zip(run.tip, MODELS.items(), strict=True):
             plane.plot(*model.force.T, **_look(look, 1.1, f"predicted, {words}"))
         plane.set_aspect("equal")
-        framed(plane, "tip force distal, N", "tip force dorsal, N")
+        style_axes(plane, "tip force distal, N", "tip force dorsal, N")
         left.legend(loc="outside lower center", ncols=2, frameon=False, fontsize=8)
         rows = right.subplots(2, 1, sharex=True)
         _muscles(rows[0], time, run.measured.force)

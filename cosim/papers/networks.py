@@ -10,12 +10,14 @@ from cosim.papers.network_contact import contact_figures
 from cosim.papers.network_errors import error_figures
 from cosim.papers.network_identification import identification_figures
 from cosim.papers.network_testbed import run_figures
-from cosim.report.figures import Study
+from cosim.report.figures import FigureStudy
 
-STUDIES: tuple[Study, ...] = (
-    Study("arms", "figure 3: effective moment arms and how sharply they switch", arm_figures),
-    Study("contact", "figure 4: hard point contact, by two cases", contact_figures),
-    Study("identification", "section IV-B: parameters from excursions", identification_figures),
-    Study("runs", "figures 7 to 9: forward, inverse, circle (virtual testbed)", run_figures),
-    Study("errors", "both models' errors over ten seeds (virtual testbed)", error_figures),
+STUDIES: tuple[FigureStudy, ...] = (
+    FigureStudy("arms", "figure 3: effective moment arms and how sharply they switch", arm_figures),
+    FigureStudy("contact", "figure 4: hard point contact, by two cases", contact_figures),
+    FigureStudy(
+        "identification", "section IV-B: parameters from excursions", identification_figures
+    ),
+    FigureStudy("runs", "figures 7 to 9: forward, inverse, circle (virtual testbed)", run_figures),
+    FigureStudy("errors", "both models' errors over ten seeds (virtual testbed)", error_figures),
 )

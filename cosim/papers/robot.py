@@ -12,7 +12,7 @@ import pandas as pd
 from cosim.papers.robot_air import STUDIES as AIR
 from cosim.papers.robot_steps import step_figures
 from cosim.port import Array
-from cosim.report.figures import Figure, Study, framed
+from cosim.report.figures import Figure, FigureStudy, style_axes
 from rigid.fingers.anatomy import RANGES
 from rigid.fingers.robot import robot_finger
 from rigid.fingers.robot_tables import JOINTS, SMALLEST, TABLE_III, TENDONS
@@ -51,7 +51,7 @@ def arm_figures() -> list[Figure]:
                 axes.plot(here.angle_deg, here[name], color=colour, lw=1.8, label=name)
                 there = TABLE_III[JOINTS.index(joint), TENDONS.index(name)]
                 axes.plot(0.0, there, "o", color=colour, ms=6, mfc="white", mew=1.5)
-            framed(axes, f"{joint.replace('_', ' ')}, deg", "")
+            style_axes(axes, f"{joint.replace('_', ' ')}, deg", "")
         every[0].set_ylabel("lengthening, mm/rad")
         handles = {h.get_label(): h for axes in every for h in axes.get_lines()[::2]}
         sheet.legend(
@@ -96,7 +96,7 @@ def fan_figures() -> list[Figure]:
     """Figure 8's red lines, for five and six tendons."""
     both = [robot_finger(), robot_finger(True)]
     fans = [fan(MujocoFinger(model), SHOWN_AT) for model in both]
-    reached = [checks.reached(False), checks.reached(True)]
+    reached = [checks.reach_targets(False), checks.reach_targets(True)]
     hold = [float(r.hold.max()) for r in reached]
     flat = [100 * float(np.median(r.flatness)) for r in reached]
     rows = [
@@ -112,7 +112,7 @@ def fan_figures() -> list[Figure]:
                 for name, a, colour in zip(model.muscles, f.acceleration, COLOURS, strict=False):
                     axes.plot([0, a[i]], [0, a[j]], color=colour, lw=2.2, label=name)
                 axes.set_aspect("equal", adjustable="datalim")
-                framed(axes, f"{'xyz'[i]}: {('distal', 'radial', '')[i]}, m/s² per N", "")
+                style_axes(axes, f"{'xyz'[i]}: {('distal', 'radial', '')[i]}, m/s² per N", "")
             line[0].set_ylabel("z: dorsal, m/s² per N")
             line[0].set_title(f"{len(model.muscles)} tendons", fontsize=10)
         handles, names = every[1, 0].get_legend_handles_labels()
@@ -164,13 +164,13 @@ def excursion_figures() -> list[Figure]:
             ends = np.array([measured[:, k].min(), measured[:, k].max()])
             axes.plot(ends, ends, color="0.6", lw=1)
             axes.plot(predicted[:, k], measured[:, k], ".", color=COLOURS[k], ms=3)
-            framed(axes, "predicted, mm", "measured, mm")
+            style_axes(axes, "predicted, mm", "measured, mm")
             axes.set_title(f"{name}: RMS {after[k]:.2f} mm", fontsize=10)
         axes = every[-1]
         axes.hist(1e3 * e.meant.residual, bins=25, color="0.75", label="as meant")
         axes.hist(1e3 * e.found.residual, bins=25, color="#7a9cc6", alpha=0.7, label="as found")
         axes.axvline(1e3 * MOST_RESIDUAL, color="#b45309", lw=1.2)
-        framed(axes, "markers off by, mm", "poses")
+        style_axes(axes, "markers off by, mm", "poses")
         axes.legend(frameon=False, fontsize=8)
 
     caption = (
@@ -201,10 +201,12 @@ def _listed(values: Array) -> str:
     return ", ".join(f"{v:.2f}" for v in values)
 
 
-STUDIES: tuple[Study, ...] = (
-    Study("arms", "table III, and the arms over the range of motion", arm_figures),
-    Study("fan", "figure 8: what each tendon does to the fingertip", fan_figures),
-    Study("excursions", "figure 9: the excursion experiment, virtually", excursion_figures),
-    Study("steps", "figure 10 and after: steps in tendon space and in joint space", step_figures),
+STUDIES: tuple[FigureStudy, ...] = (
+    FigureStudy("arms", "table III, and the arms over the range of motion", arm_figures),
+    FigureStudy("fan", "figure 8: what each tendon does to the fingertip", fan_figures),
+    FigureStudy("excursions", "figure 9: the excursion experiment, virtually", excursion_figures),
+    FigureStudy(
+        "steps", "figure 10 and after: steps in tendon space and in joint space", step_figures
+    ),
     *AIR,
 )

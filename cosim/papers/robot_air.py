@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from cosim.port import Array
-from cosim.report.figures import Figure, Study, framed
+from cosim.report.figures import Figure, FigureStudy, style_axes
 from rigid.air.model import (
     AMPLITUDE,
     AT,
@@ -29,7 +29,7 @@ from rigid.air.model import (
     identification,
     identify,
     latency,
-    paired,
+    pair_rows,
     r_squared,
     steps,
 )
@@ -94,8 +94,8 @@ UNIT = "dPdt_kPa_per_s"
 
 def _course(record: Record, lag: int, model: Rate, still: Rate, k: int) -> pd.DataFrame:
     """Of one cylinder: dP/dt of the plant and of both models, from the longer of their lags on."""
-    voltage, pressure, rate = (a[:, k] for a in paired(record, lag))
-    now = paired(record, 0)[0][-len(rate) :, k]
+    voltage, pressure, rate = (a[:, k] for a in pair_rows(record, lag))
+    now = pair_rows(record, 0)[0][-len(rate) :, k]
     time = record.time[-1 - len(rate) : -1]
     return pd.DataFrame(
         {
@@ -118,7 +118,7 @@ def _draw_rates(sheet: Sheet, courses: dict[float, pd.DataFrame]) -> None:
             ("model_without_delay", WITHOUT, ":", 1.4, "model without delay"),
         ):
             axes.plot(part.time_s, part[f"{kind}_{UNIT}"], dash, color=colour, lw=width, label=name)
-        framed(axes, "", f"{frequency:g} Hz\nkPa/s")
+        style_axes(axes, "", f"{frequency:g} Hz\nkPa/s")
     rows[-1].set_xlabel("time, s")
     handles, names = rows[0].get_legend_handles_labels()
     sheet.legend(handles, names, loc="outside lower center", ncols=3, frameon=False)
@@ -196,7 +196,7 @@ def _draw_steps(sheet: Sheet, sides: dict[str, Record], ends: dict[str, tuple[fl
         for rate, end, shade in zip(record.rate.T, ends[name], shades, strict=True):
             axes.plot(since, 1e-6 * rate, ".-", color=shade, lw=1.4, ms=3.5, label=f"to {end:g} V")
         axes.axvline(50.0, color="0.4", lw=1.0, ls="--")
-        framed(axes, "", "dP/dt, MPa/s")
+        style_axes(axes, "", "dP/dt, MPa/s")
         axes.set_title(name, fontsize=10, loc="left")
         axes.set_xlim(-20.0, 300.0)
         axes.legend(fontsize=8, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
@@ -259,13 +259,13 @@ def _draw_scores(sheet: Sheet, data: pd.DataFrame) -> None:
     ):
         axes.plot(data[column], at, mark, color=colour, ms=7, label=name)
     axes.axvline(0.9, color="0.4", lw=1.0, ls="--")
-    framed(axes, "R2 at unseen frequencies (dashed: the paper's 0.9)", "")
+    style_axes(axes, "R2 at unseen frequencies (dashed: the paper's 0.9)", "")
     axes.set_yticks(at, data["variant"])
     sheet.legend(loc="outside lower center", ncols=2, frameon=False)
 
 
-STUDIES: tuple[Study, ...] = (
-    Study("air", "figure 6: the polynomial model of the air on unseen data", model_figures),
-    Study("latency", "figure 7: flow rate after steps of the voltage", step_figures),
-    Study("air-doubts", "what the model's R2 depends on", doubt_figures),
+STUDIES: tuple[FigureStudy, ...] = (
+    FigureStudy("air", "figure 6: the polynomial model of the air on unseen data", model_figures),
+    FigureStudy("latency", "figure 7: flow rate after steps of the voltage", step_figures),
+    FigureStudy("air-doubts", "what the model's R2 depends on", doubt_figures),
 )

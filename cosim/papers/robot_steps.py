@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from cosim.port import Array
-from cosim.report.figures import Figure, framed
+from cosim.report.figures import Figure, style_axes
 from rigid.fingers.robot import robot_finger
 from rigid.fingers.robot_tables import JOINTS
 from rigid.mujoco.finger import MujocoFinger
@@ -35,7 +35,7 @@ def step_figures() -> list[Figure]:
 
 
 def _tendon_figure() -> Figure:
-    tuned = checks.tuned(True, air=True)
+    tuned = checks.tune(True, air=True)
     finger = MujocoFinger(robot_finger(True))
     index = [finger.tendons.index(name) for name in FIGURE_10]
     time = _times(tuned.steps)
@@ -48,7 +48,7 @@ def _tendon_figure() -> Figure:
         for k, axes in enumerate(sheet.subplots(len(FIGURE_10), 1, sharex=True)):
             axes.plot(time, wanted[:, k], color="0.5", lw=1.2, ls="--", label="wanted")
             axes.plot(time, got[:, k], color=TENDON, lw=1.6, label="got")
-            framed(axes, "time, s" if k == 2 else "", f"{FIGURE_10[k]}, mm")
+            style_axes(axes, "time, s" if k == 2 else "", f"{FIGURE_10[k]}, mm")
             if k == 0:
                 axes.legend(frameon=False, ncols=2, fontsize=8)
 
@@ -81,7 +81,7 @@ def _joint_figure() -> Figure:
             goal = np.concatenate([np.full(len(s.time), s.goal[k]) for s in joint[shown]])
             axes.plot(time, np.degrees(goal), color="0.2", lw=1.0, ls="--", label="wanted")
             last = k == len(JOINTS) - 1
-            framed(axes, "time, s" if last else "", f"{JOINTS[k].replace('_', ' ')}, deg")
+            style_axes(axes, "time, s" if last else "", f"{JOINTS[k].replace('_', ' ')}, deg")
         handles, names = sheet.axes[0].get_legend_handles_labels()
         sheet.legend(handles, names, loc="outside lower center", ncols=3, frameon=False)
 
@@ -117,7 +117,7 @@ def _quality_figure() -> Figure:
     kinds = _kinds()
     data = pd.concat([_quality(name, steps) for name, steps in kinds.items()], ignore_index=True)
     unstable = {name: sum(s.unstable for s in steps) for name, steps in kinds.items()}
-    hold = [float(checks.reached(six).hold.max()) for six in (False, True)]
+    hold = [float(checks.reach_targets(six).hold.max()) for six in (False, True)]
 
     def draw(sheet: Sheet) -> None:
         left, right = sheet.subplots(1, 2, sharey=True)
@@ -132,8 +132,8 @@ def _quality_figure() -> Figure:
             -np.arange(len(kinds)),
             [f"{n}\n{unstable[n]} of {checks.POSES} unstable" for n in kinds],
         )
-        framed(left, "settling to 2 deg, s (of joints that do)", "")
-        framed(right, "overshoot, deg", "")
+        style_axes(left, "settling to 2 deg, s (of joints that do)", "")
+        style_axes(right, "overshoot, deg", "")
         right.set_xscale("symlog", linthresh=1.0)
         for k, colour in enumerate(COLOURS):
             right.plot([], [], "|", color=colour, ms=9, mew=2, label=JOINTS[k].replace("_", " "))

@@ -22,7 +22,7 @@ from cosim.papers.thesis_models import (
     tip_force,
 )
 from cosim.port import Array
-from cosim.report.figures import Figure, framed
+from cosim.report.figures import Figure, style_axes
 from cosim.results.result import Result
 
 if TYPE_CHECKING:
@@ -169,7 +169,7 @@ def time_figures() -> list[Figure]:
         axes.set_yticks(place, list(table.what))
         axes.set_xscale("log")
         axes.invert_yaxis()
-        framed(axes, "s", "")
+        style_axes(axes, "s", "")
         sheet.legend(loc="outside lower center", ncols=2, frameon=False)
 
     caption = (
@@ -220,7 +220,7 @@ def _bars(
         axes.bar(place + (k - (len(names) - 1) / 2) * width, height, width, color=colour,
                  label=name)  # fmt: skip
     axes.set_xticks(place, groups)
-    framed(axes, "", "")
+    style_axes(axes, "", "")
 
 
 def _arrows(
@@ -250,7 +250,7 @@ def _arrows(
     axes.set_ylim(-1.15 * reach, 1.35 * reach)
     axes.set_aspect("equal")
     axes.set_xticks([])
-    framed(axes, "distal, to scale", "dorsal, N")
+    style_axes(axes, "distal, to scale", "dorsal, N")
 
 
 def _angle(a: Array, b: Array) -> float:

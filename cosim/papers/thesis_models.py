@@ -16,7 +16,7 @@ from cosim.analyses.opensim.loads import THESIS_AXES, axes_of
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.fingers.common import CageTip
-from cosim.hoods.shell.table import Isotropic, ShellHood
+from cosim.hoods.shell.table import Isotropic, ShellHoodConfig
 from cosim.pipeline import run_case
 from cosim.port import Array
 from cosim.results.result import Result
@@ -192,11 +192,11 @@ def _settings(forward: Case) -> Numbers:
     }
 
 
-def _hood(case: Case) -> ShellHood:
-    return cast(ShellHood, case.hood)
+def _hood(case: Case) -> ShellHoodConfig:
+    return cast(ShellHoodConfig, case.hood)
 
 
-def _modulus(hood: ShellHood, name: str) -> float:
+def _modulus(hood: ShellHoodConfig, name: str) -> float:
     """MPa."""
     return cast(Isotropic, hood.regions[name]).modulus / 1e6
 

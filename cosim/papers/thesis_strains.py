@@ -10,7 +10,7 @@ import pandas as pd
 from cosim.hoods.view import HoodField
 from cosim.papers.thesis_models import DIRECTIONS, MODULI, STATISTICS, hood_run
 from cosim.papers.thesis_rows import printed_numbers
-from cosim.report.figures import Figure, framed
+from cosim.report.figures import Figure, style_axes
 from cosim.results.result import Result
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ def slip_figures() -> list[Figure]:
                 axes.bar(place + 0.38 * (k - 0.5), height, 0.38, color=colour, label=model)
             axes.set_xticks(place, MODULI)
             axes.set_title(f"{slip} slip", fontsize=10)
-            framed(axes, "", "")
+            style_axes(axes, "", "")
         every[0].set_ylabel("mean longitudinal strain, %")
         handles, names = every[0].get_legend_handles_labels()
         sheet.legend(handles, names, loc="outside lower center", ncols=2, frameon=False)

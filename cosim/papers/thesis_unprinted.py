@@ -8,10 +8,10 @@ import numpy as np
 import pandas as pd
 
 from cosim.case.file import load_case
-from cosim.hoods.shell.table import ShellHood
+from cosim.hoods.shell.table import ShellHoodConfig
 from cosim.papers.thesis_models import DIRECTIONS, STATISTICS, hood_run
 from cosim.papers.thesis_rows import printed_numbers
-from cosim.report.figures import Figure, framed
+from cosim.report.figures import Figure, style_axes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Sheet
@@ -24,7 +24,7 @@ AS_IS = "as it is"
 
 def variants() -> dict[str, tuple[str, ...]]:
     """Settings by what they change; none was chosen by what comes of it."""
-    hood = cast(ShellHood, load_case(CASE).hood)
+    hood = cast(ShellHoodConfig, load_case(CASE).hood)
     return {
         AS_IS: (),
         "twice as thick": (f'hood.thickness="{2e3 * hood.thickness:g} mm"',),
@@ -69,7 +69,7 @@ def unprinted_figures() -> list[Figure]:
             axes.hlines(place, low, high, color=colour, lw=3)
             axes.plot(mean, place, "o", color=colour, mfc="white", mew=1.8)
             axes.axvline(0.0, color="0.8", lw=0.8)
-            framed(axes, f"{direction} strain, %", "")
+            style_axes(axes, f"{direction} strain, %", "")
         every[0].set_yticks(place, list(strains))
         every[0].invert_yaxis()
 

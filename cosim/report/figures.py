@@ -46,7 +46,7 @@ class Figure:
 
 
 @dataclass(frozen=True)
-class Study:
+class FigureStudy:
     """What figures are known by before they are computed."""
 
     name: str
@@ -61,7 +61,7 @@ class FigurePage:
     name: str
     """As in `cosim reproduce NAME`."""
     title: str
-    studies: tuple[Study, ...]
+    studies: tuple[FigureStudy, ...]
     kind: str = "A paper's figures, computed anew"
     """What the page is, in a line above its title."""
     made_by: str = ""
@@ -72,7 +72,7 @@ class FigurePage:
         return self.made_by or f"cosim reproduce {self.name}"
 
 
-def chosen(page: FigurePage, only: Sequence[str]) -> list[Study]:
+def choose_studies(page: FigurePage, only: Sequence[str]) -> list[FigureStudy]:
     """The studies named, all without a name.  Raises InputError for one that there is not."""
     known = [study.name for study in page.studies]
     strange = [name for name in only if name not in known]
@@ -85,7 +85,7 @@ def chosen(page: FigurePage, only: Sequence[str]) -> list[Study]:
 
 
 def write_figures(
-    page: FigurePage, studies: Sequence[Study], folder: Path, progress: Progress
+    page: FigurePage, studies: Sequence[FigureStudy], folder: Path, progress: Progress
 ) -> int:
     """Compute the studies' figures; write each one's picture and tables, and the page; how many.
 
@@ -95,12 +95,14 @@ def write_figures(
         for study in studies:
             progress(f"{study.name}: {study.about}")
             for figure in study.figures():
-                shown.append(_shown(part, page, study, figure))
+                shown.append(_write_and_show(part, page, study, figure))
         (part / MARK).write_text(_page(page, studies, shown), encoding="utf-8")
     return len(shown)
 
 
-def _shown(folder: Path, page: FigurePage, study: Study, figure: Figure) -> dict[str, object]:
+def _write_and_show(
+    folder: Path, page: FigurePage, study: FigureStudy, figure: Figure
+) -> dict[str, object]:
     """Write a figure's files; what the page shows of it."""
     picture = b"" if figure.draw is None else _picture(figure.draw, figure.size)
     if picture:
@@ -154,7 +156,9 @@ def _kind(column: pd.Series) -> str:
     return 'class="w"' if column.astype(str).str.len().max() > WIDE else ""
 
 
-def _page(page: FigurePage, studies: Sequence[Study], shown: Sequence[dict[str, object]]) -> str:
+def _page(
+    page: FigurePage, studies: Sequence[FigureStudy], shown: Sequence[dict[str, object]]
+) -> str:
     from jinja2 import Environment, PackageLoader
 
     style = (files("cosim.report") / "page.css").read_text(encoding="utf-8")
@@ -172,7 +176,7 @@ def _page(page: FigurePage, studies: Sequence[Study], shown: Sequence[dict[str, 
     )
 
 
-def framed(axes: Axes, x: str, y: str) -> None:
+def style_axes(axes: Axes, x: str, y: str) -> None:
     """Labels, a quiet grid, no box."""
     axes.set(xlabel=x, ylabel=y)
     axes.grid(color="0.9", lw=0.7)

@@ -20,7 +20,7 @@ GAP = 2e-3
 """m, between pieces."""
 
 
-def laid_out(points: Array, quads: np.ndarray) -> Array:
+def flatten_sheet(points: Array, quads: np.ndarray) -> Array:
     """Plane coordinates (n, 2) m of a sheet (n, 3) of `quads` (m, 4): the first axis as far as can
     be along world x (distal), from 0 on, the second towards world y (radial), about its middle.
     Pieces that do not hang together lie beside each other; nodes of no quad are at zero."""
@@ -41,7 +41,7 @@ def laid_out(points: Array, quads: np.ndarray) -> Array:
 def _piece(points: Array, faces: np.ndarray) -> Array:
     local = _corners(points, faces)
     flat = _as_rigid_as_possible(_conformal(points, faces, local), faces, local)
-    return _oriented(flat, points)
+    return _orient(flat, points)
 
 
 def _corners(points: Array, faces: np.ndarray) -> Array:
@@ -95,7 +95,7 @@ def _as_rigid_as_possible(flat: Array, faces: np.ndarray, local: Array) -> Array
     return flat
 
 
-def _oriented(flat: Array, points: Array) -> Array:
+def _orient(flat: Array, points: Array) -> Array:
     """Turned, and mirrored if need be, so that the axes run distally and radially."""
     plane = np.stack([flat.real, flat.imag], axis=1)
     plane -= plane.mean(axis=0)

@@ -11,9 +11,9 @@ import numpy as np
 from cosim.port import Array
 from cosim.report import drawings, words
 from cosim.report.page import colours, own_file, templates
-from cosim.report.strengths import carried, strength_of
-from cosim.report.tables import Cell, Table, asked
-from cosim.report.views import Bone, Field, Sheet, View, limits, view_of
+from cosim.report.strengths import insertion_forces, strength_of
+from cosim.report.tables import Cell, ReportTable, key_quantities
+from cosim.report.views import BoneSurface, Sheet, SheetField, View, limits, view_of
 from cosim.results.compare import number, unit_of, value_of
 from cosim.results.result import Result
 
@@ -23,7 +23,7 @@ LEAST_ANGLE, LEAST_FORCE = 0.05, 0.005
 
 
 @dataclass(frozen=True)
-class Pair:
+class RunPair:
     """A case before and after a lesion, the fingertip `tip`: free or held."""
 
     tip: str
@@ -39,26 +39,26 @@ class Map:
     drawing: str
 
 
-def tables_of_lesion(pairs: Sequence[Pair]) -> list[Table]:
+def tables_of_lesion(pairs: Sequence[RunPair]) -> list[ReportTable]:
     """For each pair its numbers before, after and the difference, strains of regions too; and of a
     sheet what its parts carry beside what they are known to bear."""
     columns = ("quantity", "unit", "before", "after", "after less before")
     out = []
     for pair in pairs:
-        out.append(Table(pair.tip, f"Fingertip {pair.tip}", columns, tuple(_rows(pair))))
+        out.append(ReportTable(pair.tip, f"Fingertip {pair.tip}", columns, tuple(_rows(pair))))
         out.append(_load_and_strength(pair))
     return [table for table in out if table.rows]
 
 
-def _load_and_strength(pair: Pair) -> Table:
+def _load_and_strength(pair: RunPair) -> ReportTable:
     """What each part of a sheet carries; without rows of another hood."""
-    labels = dict(p for run in (pair.after, pair.before) for p in carried(run.summary))
+    labels = dict(p for run in (pair.after, pair.before) for p in insertion_forces(run.summary))
     rows: list[tuple[Cell, ...]] = []
     for label, quantity in labels.items():
         before, after = (value_of(run.summary, quantity) for run in (pair.before, pair.after))
         known = strength_of(quantity)
         rows.append((label, before, after, known.bears, known.says))
-    return Table(
+    return ReportTable(
         f"strength_{pair.tip}",
         f"Load against strength, fingertip {pair.tip}",
         ("part", "carries before, N", "carries after, N", "bears at least, N", "what is known"),
@@ -66,9 +66,9 @@ def _load_and_strength(pair: Pair) -> Table:
     )
 
 
-def _rows(pair: Pair) -> list[tuple[Cell, ...]]:
+def _rows(pair: RunPair) -> list[tuple[Cell, ...]]:
     out: list[tuple[Cell, ...]] = []
-    labels = dict(p for run in (pair.after, pair.before) for p in asked(run.summary))
+    labels = dict(p for run in (pair.after, pair.before) for p in key_quantities(run.summary))
     for label, quantity in (*labels.items(), *_more(pair)):
         if pair.tip == "free" and quantity.startswith("fingertip"):
             continue
@@ -78,7 +78,7 @@ def _rows(pair: Pair) -> list[tuple[Cell, ...]]:
     return out
 
 
-def _more(pair: Pair) -> list[tuple[str, str]]:
+def _more(pair: RunPair) -> list[tuple[str, str]]:
     """Label and quantity of excursions, springs, strains of regions and tensions of cables."""
     found: dict[str, str] = {}
     for run in (pair.before, pair.after):
@@ -95,7 +95,7 @@ def _more(pair: Pair) -> list[tuple[str, str]]:
     return list(found.items())
 
 
-def told_of_lesion(pairs: Sequence[Pair]) -> list[str]:
+def lesion_sentences(pairs: Sequence[RunPair]) -> list[str]:
     """What changed, a sentence for each pair."""
     out = []
     for pair in pairs:
@@ -105,12 +105,12 @@ def told_of_lesion(pairs: Sequence[Pair]) -> list[str]:
     return out
 
 
-def _change(pair: Pair, quantity: str) -> float | None:
+def _change(pair: RunPair, quantity: str) -> float | None:
     before, after = (value_of(run.summary, quantity) for run in (pair.before, pair.after))
     return None if before is None or after is None else after - before
 
 
-def _angles(pair: Pair) -> list[str]:
+def _angles(pair: RunPair) -> list[str]:
     out = []
     for joint in pair.after.summary.get("posture_deg", ()):
         gap = _change(pair, f"posture_deg.{joint}")
@@ -121,7 +121,7 @@ def _angles(pair: Pair) -> list[str]:
     return out
 
 
-def _forces(pair: Pair) -> list[str]:
+def _forces(pair: RunPair) -> list[str]:
     out = []
     named = {f"{slip} slip": f"slip_force_N.{slip}" for slip in ("central", "terminal")}
     if pair.tip == "held":
@@ -136,7 +136,7 @@ def _forces(pair: Pair) -> list[str]:
 
 
 def lesion_page(
-    title: str, lesion: Sequence[str], marked: Sequence[str], pairs: Sequence[Pair]
+    title: str, lesion: Sequence[str], marked: Sequence[str], pairs: Sequence[RunPair]
 ) -> str:
     """The whole page; `lesion` in words, `marked` the names of regions that the maps frame."""
     seen = [(pair, view_of(pair.before), view_of(pair.after)) for pair in pairs]
@@ -149,7 +149,7 @@ def lesion_page(
             title=title,
             lesion=lesion,
             pairs=pairs,
-            changes=told_of_lesion(pairs),
+            changes=lesion_sentences(pairs),
             tables=tables_of_lesion(pairs),
             question=words.question(pairs[0].after),
             postures=[(p, postures(a, b)) for p, a, b in seen if a.bones and b.bones],
@@ -162,7 +162,7 @@ def lesion_page(
     )
 
 
-def _arrows(pair: Pair) -> list[drawings.Arrow]:
+def _arrows(pair: RunPair) -> list[drawings.Arrow]:
     """The fingertip's forces in the sagittal plane, in the postures' colours."""
     sides = (("before", pair.before, BEFORE), ("after", pair.after, AFTER))
     found = [
@@ -175,7 +175,9 @@ def _arrows(pair: Pair) -> list[drawings.Arrow]:
     return arrows if any(arrow.magnitude > drawings.LEAST for arrow in arrows) else []
 
 
-def _maps(seen: Sequence[tuple[Pair, View, View]], marked: Sequence[str]) -> tuple[list[Map], str]:
+def _maps(
+    seen: Sequence[tuple[RunPair, View, View]], marked: Sequence[str]
+) -> tuple[list[Map], str]:
     """All maps of strain along the fibres on one scale, and the scale; none without sheets."""
     views = [view for _, a, b in seen for view in (a, b)]
     fields = [f for v in views if v.sheet is not None for f in v.sheet.fields if f.key == FIELD]
@@ -189,14 +191,14 @@ def _maps(seen: Sequence[tuple[Pair, View, View]], marked: Sequence[str]) -> tup
             first, sheet = both[0].sheet, view.sheet
             assert first is not None  # every view has a field, so a sheet
             assert sheet is not None
-            flat = same_layout(sheet, _laid(run), first, _laid(pair.before))
+            flat = same_layout(sheet, _lay_out(run), first, _lay_out(pair.before))
             field = next(f for f in sheet.fields if f.key == FIELD)
             drawn = strain_map(sheet, flat, field, scale, inks, marked)
             out.append(Map(f"{side}, fingertip {pair.tip}", drawn))
     return out, colour_bar(fields[0], scale, inks)
 
 
-def _laid(run: Result) -> Array:
+def _lay_out(run: Result) -> Array:
     hood = run.hood
     assert hood is not None  # its sheet was drawn
     return hood.points - hood.point_data["displacement"]
@@ -211,7 +213,7 @@ SAME_PLACE = 1e-7
 Place = Callable[[Array], Array]
 
 
-def outline(bone: Bone, frame: int) -> Array:
+def outline(bone: BoneSurface, frame: int) -> Array:
     """(k, 2) m distal and dorsal: the bone's contour in its own sagittal plane, where it stands."""
     v = bone.vertices
     edges = np.linspace(v[:, 0].min(), v[:, 0].max(), SLICES + 1)
@@ -234,7 +236,7 @@ def postures(before: View, after: View) -> str:
     shapes = [[outline(bone, -1) for bone in view.bones] for view in (before, after)]
     drawn = [p for shape in shapes for p in shape]
     drawn += [line for view in (before, after) for line in _hood(view)]
-    at, tall = _fitted(np.concatenate(drawn), WIDE)
+    at, tall = _fit_to_pixels(np.concatenate(drawn), WIDE)
     parts = []
     for view, shape, ink, dash in zip(
         (before, after), shapes, (BEFORE, AFTER), (' stroke-dasharray="5 3"', ""), strict=True
@@ -270,7 +272,7 @@ def _lines(view: View, at: Place, ink: str, dash: str) -> list[str]:
     ]
 
 
-def _fitted(points: Array, width: float) -> tuple[Place, float]:
+def _fit_to_pixels(points: Array, width: float) -> tuple[Place, float]:
     """From (k, 2) m, distal and up, to pixels, distal to the left; and the drawing's height."""
     low, high = points.min(axis=0), points.max(axis=0)
     unit = (width - 2 * MARGIN) / float(high[0] - low[0])
@@ -307,7 +309,7 @@ def same_layout(sheet: Sheet, reference: Array, other: Sheet, theirs: Array) -> 
 def strain_map(
     sheet: Sheet,
     flat: Array,
-    field: Field,
+    field: SheetField,
     scale: tuple[float, float],
     colours: Sequence[str],
     marked: Collection[str],
@@ -317,7 +319,7 @@ def strain_map(
     values = field.values[-1]
     share = np.clip((values - scale[0]) / (scale[1] - scale[0]), 0, 1)
     index = np.round(share * (len(colours) - 1)).astype(int)
-    at, tall = _fitted(flat, WIDE / 2)
+    at, tall = _fit_to_pixels(flat, WIDE / 2)
     cells = [at(corners) for corners in flat[sheet.quads]]
     parts = [
         f'<path d="{_path(cell)}" fill="{colours[i]}" stroke="{colours[i]}" stroke-width=".3">'
@@ -339,7 +341,7 @@ def _rim(sheet: Sheet, marked: Collection[str]) -> np.ndarray:
     return found[count == 1]
 
 
-def colour_bar(field: Field, scale: tuple[float, float], colours: Sequence[str]) -> str:
+def colour_bar(field: SheetField, scale: tuple[float, float], colours: Sequence[str]) -> str:
     """The scale of colours with its ends and middle, below the maps."""
     n, wide = len(colours), 320.0
     step = wide / n

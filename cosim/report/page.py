@@ -14,8 +14,8 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.report import drawings, words
-from cosim.report.tables import SAGITTAL, SUM, Cell, Table, last_ledger, last_state
-from cosim.report.views import View, difference_view, floats, limits, packed, view_of
+from cosim.report.tables import SAGITTAL, SUM, Cell, ReportTable, last_ledger, last_state
+from cosim.report.views import View, difference_view, floats, limits, pack_views, view_of
 from cosim.results.compare import number
 from cosim.results.looks import look
 from cosim.results.result import Result
@@ -43,7 +43,7 @@ class Bar:
     angle: float | None
 
 
-def page(runs: Sequence[Result], against: Result | None, tables: Sequence[Table]) -> str:
+def page(runs: Sequence[Result], against: Result | None, tables: Sequence[ReportTable]) -> str:
     """The whole page.  Raises InputError where it would be too large to send around."""
     from plotly.offline import get_plotlyjs
 
@@ -68,7 +68,7 @@ def page(runs: Sequence[Result], against: Result | None, tables: Sequence[Table]
             cases=[(run, _link(run)) for run in every],
             data=script_of(
                 {
-                    **packed(views, scales),
+                    **pack_views(views, scales),
                     "colours": colours(),
                     "history": histories,
                     "looks": _line_looks(histories),
@@ -99,7 +99,7 @@ def templates() -> Environment:
         lstrip_blocks=True,
     )
     out.globals = {**out.globals, "words": words, "drawings": drawings}
-    out.filters |= {"cell": cell, "spoken": spoken}
+    out.filters |= {"cell": cell, "spoken": name_in_words}
     return out
 
 
@@ -239,6 +239,6 @@ def cell(value: Cell, digits: int = 4) -> str:
     return value if isinstance(value, str) else number(value, digits).replace("-", "−")
 
 
-def spoken(name: str) -> str:
+def name_in_words(name: str) -> str:
     """A name of the ledger or the summary as words."""
     return "sum" if name == SUM else name.replace("_", " ")

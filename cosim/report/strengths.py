@@ -49,7 +49,7 @@ def strength_of(quantity: str) -> Strength:
     return strengths().get(quantity, Strength(None, NOT_KNOWN))
 
 
-def carried(summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+def insertion_forces(summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """Label and quantity of the force in each insertion, region and set of springs of a sheet;
     nothing for a hood that is none."""
     if "region_force_N" not in summary:

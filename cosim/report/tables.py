@@ -41,7 +41,7 @@ NOT_OUTCOMES = ("wall_s", "version", "case")
 
 
 @dataclass(frozen=True)
-class Table:
+class ReportTable:
     """Rows of words and numbers; a number is None where a run does not have it."""
 
     key: str
@@ -51,7 +51,7 @@ class Table:
     rows: tuple[tuple[Cell, ...], ...]
 
 
-def tables_of(runs: Sequence[Result], against: Result | None) -> list[Table]:
+def tables_of(runs: Sequence[Result], against: Result | None) -> list[ReportTable]:
     """All tables, those without rows left out."""
     every = [*runs, against] if against is not None else [*runs]
     found = [_outcome(runs[0]) if len(every) == 1 else _side_by_side(runs, against)]
@@ -62,22 +62,22 @@ def tables_of(runs: Sequence[Result], against: Result | None) -> list[Table]:
     return [table for table in found if table.rows]
 
 
-def _outcome(run: Result) -> Table:
+def _outcome(run: Result) -> ReportTable:
     """One run: its loaded state beside the unloaded one."""
     places = {"loaded": "", AT_REST: "unloaded."}
     if "unloaded" not in run.summary:
         places = {"at the end": ""}
     rows: list[tuple[Cell, ...]] = []
-    for label, quantity in asked(run.summary):
+    for label, quantity in key_quantities(run.summary):
         values = [value_of(run.summary, place + quantity) for place in places.values()]
         rows.append((label, unit_of(quantity), *values))
-    return Table("outcome", "What came out", ("quantity", "unit", *places), tuple(rows))
+    return ReportTable("outcome", "What came out", ("quantity", "unit", *places), tuple(rows))
 
 
-def _side_by_side(runs: Sequence[Result], against: Result | None) -> Table:
+def _side_by_side(runs: Sequence[Result], against: Result | None) -> ReportTable:
     """Several runs: a column each; against another the differences too.  Below the loaded state of
     what the hood does stands the unloaded one."""
-    labels = dict(pair for run in (*runs, against) if run for pair in asked(run.summary))
+    labels = dict(pair for run in (*runs, against) if run for pair in key_quantities(run.summary))
     by_quantity = {quantity: label for label, quantity in labels.items()}
     rows = []
     for quantity, label in by_quantity.items():
@@ -86,19 +86,19 @@ def _side_by_side(runs: Sequence[Result], against: Result | None) -> Table:
             values = _values(runs, against, f"unloaded.{quantity}")
             if any(value is not None for value in values):
                 rows.append((f"{label}, {AT_REST}", unit_of(quantity), *values))
-    return Table("outcome", "Side by side", _columns(runs, against), tuple(rows))
+    return ReportTable("outcome", "Side by side", _columns(runs, against), tuple(rows))
 
 
-def _differences(runs: Sequence[Result], against: Result | None) -> Table:
+def _differences(runs: Sequence[Result], against: Result | None) -> ReportTable:
     """The loaded state less the unloaded one, a column for each run."""
-    labels = dict(pair for run in (*runs, against) if run for pair in asked(run.summary))
+    labels = dict(pair for run in (*runs, against) if run for pair in key_quantities(run.summary))
     by_quantity = {quantity: label for label, quantity in labels.items()}
     rows = (
         (label, unit_of(quantity), *_values(runs, against, f"difference.{quantity}"))
         for quantity, label in by_quantity.items()
     )
     kept = tuple(row for row in rows if any(value is not None for value in row[2:]))
-    return Table("difference", "Loaded less unloaded", _columns(runs, against), kept)
+    return ReportTable("difference", "Loaded less unloaded", _columns(runs, against), kept)
 
 
 def _columns(runs: Sequence[Result], against: Result | None) -> tuple[str, ...]:
@@ -117,7 +117,7 @@ def _values(runs: Sequence[Result], against: Result | None, quantity: str) -> li
     return [*values, base, *gaps]
 
 
-def asked(summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+def key_quantities(summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """Label and quantity of what one asks for first, of what the summary has."""
     for axis in COMPONENTS:
         yield f"fingertip force, {axis}", f"fingertip_force_N.{axis}"
@@ -141,7 +141,7 @@ def asked(summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         yield f"energy: {name.replace('_', ' ')}", f"energy_mJ.{name}"
 
 
-def _tendons(run: Result, place: int) -> Table:
+def _tendons(run: Result, place: int) -> ReportTable:
     """Tension, excursion and moment arms of each tendon, at the end."""
     arms = run.summary.get("moment_arm_mm", {})
     joints = tuple(dict.fromkeys(joint for by_joint in arms.values() for joint in by_joint))
@@ -157,15 +157,17 @@ def _tendons(run: Result, place: int) -> Table:
         for name in names
     )
     heads = (f"arm {joint.replace('_', ' ')} mm" for joint in joints)
-    return Table(f"tendons_{place}", f"Tendons of {run.name}", ("tendon", *kept, *heads), rows)
+    return ReportTable(
+        f"tendons_{place}", f"Tendons of {run.name}", ("tendon", *kept, *heads), rows
+    )
 
 
-def _comparison(run: Result, place: int) -> Table:
+def _comparison(run: Result, place: int) -> ReportTable:
     rows = tuple(tuple(as_dict(row).values()) for row in run.comparison)
-    return Table(f"comparison_{place}", f"{run.name} beside data", COLUMNS, rows)
+    return ReportTable(f"comparison_{place}", f"{run.name} beside data", COLUMNS, rows)
 
 
-def _ledger(run: Result, place: int) -> Table:
+def _ledger(run: Result, place: int) -> ReportTable:
     """The last state: each body's forces by source, (distal, palmar, radial), and their sum."""
     columns = ("body", "source", *LEDGER, "Mradial N mm")
     rows: list[tuple[Cell, ...]] = []
@@ -174,7 +176,7 @@ def _ledger(run: Result, place: int) -> Table:
             force, moment = wrench[:3], 1e3 * wrench[3:]
             size = float(np.linalg.norm(force))
             rows.append((body, source, *map(float, force), size, *map(float, moment)))
-    return Table(
+    return ReportTable(
         f"ledger_{place}", f"Ledger of {run.name}, {last_state(run)}", columns, tuple(rows)
     )
 
@@ -194,7 +196,7 @@ def last_ledger(run: Result) -> dict[str, dict[str, Any]]:
     return out
 
 
-def _audit(run: Result, place: int) -> Table:
+def _audit(run: Result, place: int) -> ReportTable:
     """Each check with the bound that the program holds it to, and the counts of iterations."""
     missed = set(run.summary.get("audit_missed", ()))
     checks = audit_figures(run.summary)
@@ -210,7 +212,7 @@ def _audit(run: Result, place: int) -> Table:
     for name in ("hood_quads", "hood_cells", "wall_s"):
         if name in run.summary:
             rows.append((name.replace("_", " "), float(run.summary[name]), None, "no bound"))
-    return Table(
+    return ReportTable(
         f"audit_{place}",
         f"Audit of {run.name}",
         ("check", "value", "bound", "verdict"),
@@ -218,7 +220,7 @@ def _audit(run: Result, place: int) -> Table:
     )
 
 
-def _numbers(runs: Sequence[Result], against: Result | None) -> Table:
+def _numbers(runs: Sequence[Result], against: Result | None) -> ReportTable:
     """Every number of the summaries, by the path that a target's `quantity` names it by."""
     every = [*runs, against] if against is not None else [*runs]
     paths = dict.fromkeys(p for run in every for p in numbers_of(run.summary))
@@ -227,10 +229,10 @@ def _numbers(runs: Sequence[Result], against: Result | None) -> Table:
         for path in paths
         if path.split(".")[0] not in NOT_OUTCOMES
     )
-    return Table("numbers", "Every number of the summary", _columns(runs, against), rows)
+    return ReportTable("numbers", "Every number of the summary", _columns(runs, against), rows)
 
 
-def as_json(runs: Sequence[Result], tables: Sequence[Table]) -> str:
+def as_json(runs: Sequence[Result], tables: Sequence[ReportTable]) -> str:
     """All tables, numbers in full."""
     content = {
         "format": FORMAT,
@@ -240,7 +242,7 @@ def as_json(runs: Sequence[Result], tables: Sequence[Table]) -> str:
     return json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
 
 
-def as_csv(tables: Sequence[Table]) -> str:
+def as_csv(tables: Sequence[ReportTable]) -> str:
     """A line for each cell: table, row (counted from 1), what the row is of, column, value."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -252,12 +254,12 @@ def as_csv(tables: Sequence[Table]) -> str:
     return text.getvalue()
 
 
-def as_markdown(tables: Sequence[Table]) -> str:
+def as_markdown(tables: Sequence[ReportTable]) -> str:
     """Every table under its title, numbers to four digits."""
     parts = []
     for table in tables:
         lines = [f"## {table.title}", "", _line(table.columns), _line(["---"] * len(table.columns))]
-        lines += [_line([shown(cell) for cell in row]) for row in table.rows]
+        lines += [_line([cell_text(cell) for cell in row]) for row in table.rows]
         parts.append("\n".join(lines))
     return "\n\n".join(parts) + "\n"
 
@@ -266,7 +268,7 @@ def _line(cells: Sequence[str]) -> str:
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
 
 
-def shown(cell: Cell) -> str:
+def cell_text(cell: Cell) -> str:
     """A cell in words: numbers to four digits."""
     if isinstance(cell, bool):
         return "yes" if cell else "no"

@@ -15,10 +15,10 @@ from cosim.errors import InputError
 from cosim.hoods.kinds import KINDS
 from cosim.hoods.view import Colour, HoodField
 from cosim.port import Array, Motion
-from cosim.report.flat import laid_out
+from cosim.report.flat import flatten_sheet
 from cosim.report.tables import SAGITTAL
 from cosim.results.result import Result
-from cosim.results.scene_plot import thinned
+from cosim.results.scene_plot import decimate
 from cosim.results.strokes import carry, families_of, stroke_cells, strokes
 from meshes.hood_mesh import REGIONS
 
@@ -41,7 +41,7 @@ ROOM = 2e-3
 
 
 @dataclass(frozen=True)
-class Field:
+class SheetField:
     """Values over the hood for each of its shapes (nf, m): on quads, or on points."""
 
     key: str
@@ -63,13 +63,13 @@ class Sheet:
     at: tuple[int, ...]
     points: Array
     """(nf, n, 3) m."""
-    fields: tuple[Field, ...]
+    fields: tuple[SheetField, ...]
     fibres: tuple[Array, ...] = ()
     """Of each fibre family (nf, k, 2, 3) m, the ends of strokes along it."""
 
 
 @dataclass(frozen=True)
-class Bone:
+class BoneSurface:
     """A surface in its body's frame, and where it stands in every frame: (nf, 3), (nf, 3, 3)."""
 
     name: str
@@ -85,7 +85,7 @@ class View:
 
     name: str
     frames: tuple[str, ...]
-    bones: tuple[Bone, ...]
+    bones: tuple[BoneSurface, ...]
     tendons: tuple[Mapping[str, Array], ...]
     """For each frame the points (k, 3) of every path."""
     tip: Array
@@ -102,7 +102,7 @@ class View:
 def view_of(run: Result) -> View:
     """The run's frames: every state of a load axis, some of the times of a motion."""
     data, axis = run.data, run.axis
-    chosen = _chosen(data.sizes[axis])
+    chosen = _choose(data.sizes[axis])
     angles = data.angle.transpose(axis, "joint").values[chosen]
     force = data.tip_force.transpose(axis, "axis").values[chosen]
     net = _net(run, chosen)
@@ -127,7 +127,7 @@ def view_of(run: Result) -> View:
         return replace(view, notes=(*notes, told))
 
 
-def _chosen(count: int) -> np.ndarray:
+def _choose(count: int) -> np.ndarray:
     return np.unique(np.linspace(0, count - 1, min(count, MOST_FRAMES)).round().astype(int))
 
 
@@ -138,7 +138,7 @@ def _labels(run: Result, chosen: np.ndarray) -> tuple[str, ...]:
 
 def _with_finger(view: View, case: Case) -> View:
     """Bones, tendons and fingertip, from the joint angles.  Raises InputError."""
-    from cosim.build.models import drawn_bones
+    from cosim.build.models import bone_surfaces
     from cosim.fingers.kinds import live_finger
 
     if not case.finger.is_native:
@@ -155,11 +155,11 @@ def _with_finger(view: View, case: Case) -> View:
         paths.append({**drawn, **case.hood.lines(motion), **finger.tendon_paths(state)})
         tips.append(finger.tip(state))
     bones = []
-    for body, surface in drawn_bones(case).items():
-        vertices, faces = thinned(*surface, most=MOST_TRIANGLES)
+    for body, surface in bone_surfaces(case).items():
+        vertices, faces = decimate(*surface, most=MOST_TRIANGLES)
         poses = [motion.of(body) for motion in motions]
         position, rotation = (np.stack(part) for part in zip(*poses, strict=True))
-        bones.append(Bone(body, vertices, faces, position, rotation))
+        bones.append(BoneSurface(body, vertices, faces, position, rotation))
     return replace(view, bones=tuple(bones), tendons=tuple(paths), tip=np.array(tips))
 
 
@@ -175,12 +175,12 @@ def _net(run: Result, chosen: np.ndarray) -> tuple[Mapping[str, Array], ...]:
     lines = [np.append(part[:, 0], part[-1, 1]) for part in np.split(cells, breaks)]
     if "node" not in run.data:
         bare: tuple[Mapping[str, Array], ...] = ({},) * (len(chosen) - 1)
-        return (*bare, _named(lines, hood.points))
+        return (*bare, _with_names(lines, hood.points))
     frames = run.data.node.isel({run.axis: chosen}).transpose(run.axis, ...).values
-    return tuple(_named(lines, points) for points in frames)
+    return tuple(_with_names(lines, points) for points in frames)
 
 
-def _named(lines: Sequence[np.ndarray], points: Array) -> dict[str, Array]:
+def _with_names(lines: Sequence[np.ndarray], points: Array) -> dict[str, Array]:
     return {f"cable {i + 1}": points[line] for i, line in enumerate(lines)}
 
 
@@ -194,7 +194,7 @@ def _sheet(run: Result, chosen: np.ndarray) -> tuple[Sheet | None, tuple[str, ..
     region = (
         ("hood",) * len(hood.quads) if stated is None else tuple(REGIONS[int(i)] for i in stated)
     )
-    flat, last = laid_out(reference, hood.quads), len(chosen) - 1
+    flat, last = flatten_sheet(reference, hood.quads), len(chosen) - 1
     if "node" in run.data:
         data = run.data.isel({run.axis: chosen}).transpose(run.axis, ...)
         shown = (_of_results(data, run.axis, hood, colour) for colour in COLOURS)
@@ -209,7 +209,9 @@ def _sheet(run: Result, chosen: np.ndarray) -> tuple[Sheet | None, tuple[str, ..
     return Sheet(hood.quads, region, flat, (last,), points, fields, fibres), (note,)
 
 
-def _of_results(data: xarray.Dataset, axis: str, hood: HoodField, colour: Colour) -> Field | None:
+def _of_results(
+    data: xarray.Dataset, axis: str, hood: HoodField, colour: Colour
+) -> SheetField | None:
     """A field in every frame; None of a run without."""
     name, component = colour.in_results
     if name not in data:
@@ -219,17 +221,17 @@ def _of_results(data: xarray.Dataset, axis: str, hood: HoodField, colour: Colour
     on_quads = "point" not in stored.dims
     if on_quads:
         values = np.repeat(values, len(hood.quads) // values.shape[1], axis=1)
-    return Field(colour.key, colour.label, colour.unit, on_quads, colour.factor * values)
+    return SheetField(colour.key, colour.label, colour.unit, on_quads, colour.factor * values)
 
 
-def _of_mesh(hood: HoodField, colour: Colour) -> Field | None:
+def _of_mesh(hood: HoodField, colour: Colour) -> SheetField | None:
     """A field at the end of a run; None of a run without."""
     on_quads = colour.on_mesh in hood.cell_data
     stored = (hood.cell_data if on_quads else hood.point_data).get(colour.on_mesh)
     if stored is None:
         return None
     values = colour.mesh_factor * np.asarray(stored)[None]
-    return Field(colour.key, colour.label, colour.unit, on_quads, values)
+    return SheetField(colour.key, colour.label, colour.unit, on_quads, values)
 
 
 def _fibres(hood: HoodField, points: Array) -> tuple[Array, ...]:
@@ -309,14 +311,16 @@ def _limits(values: Array) -> tuple[float, float]:
     return (low, high) if high > low else (low - 0.5, low + 0.5)
 
 
-def packed(views: Sequence[View], scales: Sequence[Mapping[str, tuple[float, float]]]) -> Any:
+def pack_views(views: Sequence[View], scales: Sequence[Mapping[str, tuple[float, float]]]) -> Any:
     """The views for the page's script: mm, N, degrees; surfaces that views share are sent once."""
     surfaces: dict[str, Any] = {}
-    shown = [_packed(view, scale, surfaces) for view, scale in zip(views, scales, strict=True)]
+    shown = [_pack_view(view, scale, surfaces) for view, scale in zip(views, scales, strict=True)]
     return {"views": shown, "surfaces": list(surfaces.values())}
 
 
-def _packed(view: View, scale: Mapping[str, tuple[float, float]], surfaces: dict[str, Any]) -> Any:
+def _pack_view(
+    view: View, scale: Mapping[str, tuple[float, float]], surfaces: dict[str, Any]
+) -> Any:
     bones = []
     for bone in view.bones:
         surface = {"v": floats(1e3 * bone.vertices), "f": integers(bone.faces)}
@@ -344,11 +348,11 @@ def _packed(view: View, scale: Mapping[str, tuple[float, float]], surfaces: dict
         "notes": view.notes,
         "joints": view.joints,
         "angles": np.rad2deg(view.angles).tolist(),
-        "sheet": None if view.sheet is None else _packed_sheet(view.sheet, scale),
+        "sheet": None if view.sheet is None else _pack_sheet(view.sheet, scale),
     }
 
 
-def _packed_sheet(sheet: Sheet, scale: Mapping[str, tuple[float, float]]) -> Any:
+def _pack_sheet(sheet: Sheet, scale: Mapping[str, tuple[float, float]]) -> Any:
     names = sorted(set(sheet.region))
     fields = [
         {

@@ -37,7 +37,7 @@ PULLS = {"activation", "tension", "excursion", "course"}
 
 def question(run: Result) -> list[tuple[str, str]]:
     """What was asked, from the case: heading and words."""
-    finger, hood = _table(run.stated, "finger"), _table(run.stated, "hood")
+    finger, hood = _table(run.case_as_table, "finger"), _table(run.case_as_table, "hood")
     tip = str(_table(finger, "tip").get("kind", "free"))
     posture = ", ".join(
         f"{joint.replace('_', ' ')} {angle}" for joint, angle in _table(finger, "posture").items()
@@ -49,12 +49,12 @@ def question(run: Result) -> list[tuple[str, str]]:
         ("Finger", _title(FINGERS, str(finger.get("kind")))),
         ("Posture", posture),
         ("Fingertip", TIPS.get(tip, tip)),
-        ("Pulled", pulled(run) or "no tendon beyond its resting tension"),
+        ("Pulled", tendon_pulls(run) or "no tendon beyond its resting tension"),
         ("Hood", _title(KINDS, kind) + sheet),
-        ("Lesion", _lesion(run.stated)),
-        ("Hood and finger", _scheme(run.stated, kind)),
-        ("Time", _time(run.stated)),
-        ("Notes", str(run.stated.get("notes", ""))),
+        ("Lesion", _lesion(run.case_as_table)),
+        ("Hood and finger", _scheme(run.case_as_table, kind)),
+        ("Time", _time(run.case_as_table)),
+        ("Notes", str(run.case_as_table.get("notes", ""))),
     ]
     return [(head, text) for head, text in facts if text]
 
@@ -86,12 +86,12 @@ def _time(stated: Mapping[str, Any]) -> str:
     return f"a motion of {forward.get('duration', '')} in steps of {forward.get('step', '')}"
 
 
-def pulled(run: Result) -> str:
+def tendon_pulls(run: Result) -> str:
     """The tendons that the case pulls, with their tensions at the end."""
     tensions = run.summary.get("tension_N", {})
     named = [
         name
-        for name, tendon in _table(run.stated, "tendons").items()
+        for name, tendon in _table(run.case_as_table, "tendons").items()
         if PULLS & set(tendon) and name in tensions
     ]
     said = ", ".join(f"{name} with {number(tensions[name])} N" for name in named)

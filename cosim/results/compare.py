@@ -144,7 +144,7 @@ def _has_band(target: Target) -> bool:
     return target.low is not None or target.high is not None
 
 
-def compared(
+def compare_with_targets(
     targets: Sequence[Target], summary: Mapping[str, Any], case: str
 ) -> tuple[Comparison, ...]:
     """The targets for `case` beside what its summary says.
@@ -247,7 +247,7 @@ def marks(target: Target) -> list[str]:
     return [mark for mark in ("fitted" if target.fitted else "", target.geometry) if mark]
 
 
-def stated(target: Target) -> str:
+def reference_text(target: Target) -> str:
     """The reference with its SD and band, in words."""
     parts = [] if target.reference is None else [number(target.reference)]
     if target.sd is not None:

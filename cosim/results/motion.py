@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cosim.build.double_count import pairs
-from cosim.build.motion import Together
+from cosim.build.motion import MovingModels
 from cosim.case.file import resolved_toml
 from cosim.case.schema import Case
-from cosim.coupling.checkpoint import Kept
-from cosim.coupling.motion import Frame, Moment
-from cosim.fingers.kinds import held_by
+from cosim.coupling.checkpoint import MotionHistory
+from cosim.coupling.motion import Frame, MotionState
+from cosim.fingers.kinds import tip_support_kind
 from cosim.fmu.finger import OPEN
-from cosim.hoods.view import drawn
+from cosim.hoods.view import hood_field
 from cosim.port import Array
 from cosim.results.air import air_data, air_end
 from cosim.results.audit import missed_bounds
@@ -23,7 +23,7 @@ from cosim.results.conventions import COMPONENTS, IN_METACARPAL
 from cosim.results.load_and_rest import NO_UNLOADED
 from cosim.results.parts import LedgerRow, Scene, ledger_rows
 from cosim.results.result import Result
-from cosim.results.scene import placed_bones
+from cosim.results.scene import bones_in_world
 from cosim.solve.motion import Moved
 from cosim.version import __version__
 
@@ -62,7 +62,7 @@ def _summary(case: Case, moved: Moved, wall: float) -> dict[str, Any]:
         "version": __version__,
         "converged": True,
         "wall_s": round(wall, 4),
-        "fingertip_device": held_by(case.finger),
+        "fingertip_device": tip_support_kind(case.finger),
         "came_to_rest": moved.rest.is_reached,
         "last_rate_rad_per_s": moved.rest.rate,
         "last_force_change_N": moved.rest.change,
@@ -117,7 +117,7 @@ def _energy(moved: Moved) -> tuple[dict[str, float], float]:
     stored = done.tendons - done.hood
     lost = end.dissipated + end.slipped
     artificial = done.tendons + done.own - (frames[-1].energy - frames[0].energy) - stored - lost
-    first, last = (t.finger.stored(at) for at in (t.begun, end.coupled.finger))
+    first, last = (t.finger.stored_energy(at) for at in (t.initial_state, end.coupled.finger))
     gained = {kind: last[kind] - first[kind] for kind in last}
     parts = (
         {
@@ -156,7 +156,7 @@ def _balance_at_rest(moved: Moved) -> dict[str, float]:
     }
 
 
-def _books(t: Together, before: Frame, now: Frame, tip: Array) -> dict[str, Array]:
+def _books(t: MovingModels, before: Frame, now: Frame, tip: Array) -> dict[str, Array]:
     """(nb, 6) on each body by source of the finger, at the end of a step."""
     return t.finger.ledger(
         (before.angles, before.rates),
@@ -168,7 +168,7 @@ def _books(t: Together, before: Frame, now: Frame, tip: Array) -> dict[str, Arra
     )
 
 
-def _steps(end: Moment, frames: Sequence[Frame]) -> dict[str, Any]:
+def _steps(end: MotionState, frames: Sequence[Frame]) -> dict[str, Any]:
     """What became of steps whose length follows from their error, each of them two halves."""
     taken = np.diff([f.time for f in frames])
     return {
@@ -180,7 +180,7 @@ def _steps(end: Moment, frames: Sequence[Frame]) -> dict[str, Any]:
     }
 
 
-def _dataset(t: Together, kept: Kept) -> xarray.Dataset:
+def _dataset(t: MovingModels, kept: MotionHistory) -> xarray.Dataset:
     import xarray
 
     finger, hood, frames = t.finger, t.hood, kept.frames
@@ -240,7 +240,7 @@ def _dataset(t: Together, kept: Kept) -> xarray.Dataset:
     return xarray.Dataset({**data, **air}, {**coords, **cylinders})
 
 
-def _ledger(t: Together, kept: Kept) -> Iterator[LedgerRow]:
+def _ledger(t: MovingModels, kept: MotionHistory) -> Iterator[LedgerRow]:
     """Every body's forces at the end of a step, closing to zero with the joints' and inertia."""
     frames, bodies = kept.frames, t.finger.bodies
     steps = len(frames) - 1
@@ -253,11 +253,11 @@ def _ledger(t: Together, kept: Kept) -> Iterator[LedgerRow]:
         yield from ledger_rows(f"{now.time:.9g} s", bodies, every)
 
 
-def _scene(t: Together, kept: Kept) -> Scene:
+def _scene(t: MovingModels, kept: MotionHistory) -> Scene:
     finger, coupled = t.finger, kept.moment.coupled
     angles = finger.angles(coupled.finger)
     motion, point = finger.motion(angles), finger.tip(angles)
-    hood = drawn(t.view(coupled.hood)) if t.view else None
+    hood = hood_field(t.view(coupled.hood)) if t.view else None
     lines = {**t.lines(motion), **finger.lines(angles)}
     force = None if point is None else (point, kept.tips[-1][:3])
-    return Scene(hood, placed_bones(t.bones, motion), tuple(lines.items()), force)
+    return Scene(hood, bones_in_world(t.bones, motion), tuple(lines.items()), force)

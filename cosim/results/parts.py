@@ -56,7 +56,7 @@ def ledger_rows(
 
 
 @dataclass(frozen=True)
-class Parts:
+class CaseParts:
     """What a run leaves behind, before it is written and after it was read."""
 
     summary: Mapping[str, Any]
@@ -71,7 +71,7 @@ class Parts:
     """The case with every default written out, TOML."""
 
     @cached_property
-    def stated(self) -> Mapping[str, Any]:
+    def case_as_table(self) -> Mapping[str, Any]:
         """The case as a table."""
         return tomllib.loads(self.case_text)
 
@@ -82,7 +82,7 @@ class Parts:
 
     @property
     def title(self) -> str:
-        return str(self.stated.get("title", self.case))
+        return str(self.case_as_table.get("title", self.case))
 
     @property
     def axis(self) -> str:

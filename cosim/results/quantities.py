@@ -173,10 +173,10 @@ def _fault(keys: Keys, summaries: Summaries) -> str | None:
             return f"there is nothing {place}"
         if key not in names:
             nearest = ".".join([*above, _nearest(key, names), *keys[i + 1 :]])
-            listed = _listed(_present(above, summaries) or names)
+            listed = _list_quantities(_present(above, summaries) or names)
             return f'no "{key}" {place}; did you mean {nearest}? There are {listed}'
     inner = _names(keys, "", summaries)
-    return "that is no number" + (f"; it has the parts {_listed(inner)}" if inner else "")
+    return "that is no number" + (f"; it has the parts {_list_quantities(inner)}" if inner else "")
 
 
 def _names(above: Keys, key: str, summaries: Summaries) -> list[str]:
@@ -232,5 +232,5 @@ def _nearest(key: str, names: Sequence[str]) -> str:
     return max(names, key=lambda n: SequenceMatcher(None, key.casefold(), n.casefold()).ratio())
 
 
-def _listed(names: Iterable[str]) -> str:
+def _list_quantities(names: Iterable[str]) -> str:
     return ", ".join(name for name in names if not name.isdigit())

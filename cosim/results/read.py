@@ -15,7 +15,7 @@ import numpy as np
 from cosim.errors import InputError
 from cosim.hoods.view import STRAIN, HoodField
 from cosim.mesh_file import read_mesh_file
-from cosim.results.compare import Target, compared, read_json
+from cosim.results.compare import Target, compare_with_targets, read_json
 from cosim.results.parts import LEDGER_HEADER, LedgerRow, Scene
 from cosim.results.quantities import check_quantities
 from cosim.results.result import Result
@@ -65,7 +65,9 @@ def read_runs(folders: Sequence[Path], targets: tuple[Target, ...] = ()) -> list
     runs = [_read_run(folder) for folder in folders]
     check_quantities(targets, [(run.case, run.summary) for run in runs])
     runs = [
-        replace(run, comparison=(*run.comparison, *compared(targets, run.summary, run.case)))
+        replace(
+            run, comparison=(*run.comparison, *compare_with_targets(targets, run.summary, run.case))
+        )
         for run in runs
     ]
     names = [run.name for run in runs]

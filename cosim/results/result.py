@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from cosim.results.audit import Audit
 from cosim.results.compare import Comparison
 from cosim.results.conventions import AXES
-from cosim.results.parts import Parts
+from cosim.results.parts import CaseParts
 from cosim.results.write import copy_run, write_run
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, repr=False)
-class Result(Parts):
+class Result(CaseParts):
     """What `cosim.run` found, or what `cosim.open_run` read: the same either way.
 
     >>> import cosim

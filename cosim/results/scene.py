@@ -8,7 +8,7 @@ import numpy as np
 
 from cosim.build.models import Models
 from cosim.coupling.equilibrium import Equilibrium
-from cosim.hoods.view import HoodView, drawn
+from cosim.hoods.view import HoodView, hood_field
 from cosim.port import Array, Motion, Triangles
 from cosim.results.parts import Scene
 
@@ -18,11 +18,11 @@ def scene(models: Models, e: Equilibrium, view: HoodView | None) -> Scene:
     paths = {**models.lines(e.motion), **models.finger.tendon_paths(e.finger_state)}
     tendons = tuple(paths.items())
     tip = (models.finger.tip(e.finger_state), models.finger.tip_force(e.finger_state))
-    hood = None if view is None else drawn(view)
-    return Scene(hood, placed_bones(models.bones, e.motion), tendons, tip)
+    hood = None if view is None else hood_field(view)
+    return Scene(hood, bones_in_world(models.bones, e.motion), tendons, tip)
 
 
-def placed_bones(
+def bones_in_world(
     bones: Mapping[str, Triangles], motion: Motion
 ) -> tuple[tuple[str, Array, np.ndarray], ...]:
     """Name, vertices (n, 3) m in the world, and triangles of each bone."""

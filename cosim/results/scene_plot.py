@@ -34,7 +34,7 @@ STROKE_LIFT = 1.2  # mm, of the strokes along fibres, over the quads beside them
 
 
 @dataclass(frozen=True)
-class View:
+class PlotView:
     """An orthographic view: the axes (unit, world frame) to the right, up, and to the viewer."""
 
     title: str
@@ -49,8 +49,8 @@ class View:
 
 
 VIEWS = (
-    View("from the radial side", (-1, 0, 0), (0, 0, 1), ("proximal, mm", "dorsal, mm")),
-    View("from the dorsal side", (-1, 0, 0), (0, -1, 0), ("proximal, mm", "ulnar, mm")),
+    PlotView("from the radial side", (-1, 0, 0), (0, 0, 1), ("proximal, mm", "dorsal, mm")),
+    PlotView("from the dorsal side", (-1, 0, 0), (0, -1, 0), ("proximal, mm", "ulnar, mm")),
 )
 
 
@@ -95,7 +95,7 @@ def _strain_colours(scene: Scene) -> ScalarMappable | None:
     return ScalarMappable(Normalize(-most, most), "RdBu_r")
 
 
-def _draw_view(ax: Axes, scene: Scene, view: View, colours: ScalarMappable | None) -> None:
+def _draw_view(ax: Axes, scene: Scene, view: PlotView, colours: ScalarMappable | None) -> None:
     from matplotlib.collections import PolyCollection
 
     parts = [_bone(view, vertices, faces) for _, vertices, faces in scene.bones]
@@ -120,26 +120,26 @@ def _draw_view(ax: Axes, scene: Scene, view: View, colours: ScalarMappable | Non
     ax.spines[["top", "right"]].set_visible(False)
 
 
-def _bone(view: View, vertices: Array, faces: np.ndarray) -> Polygons:
-    vertices, faces = thinned(vertices, faces)
+def _bone(view: PlotView, vertices: Array, faces: np.ndarray) -> Polygons:
+    vertices, faces = decimate(vertices, faces)
     triangles = view.project(vertices)[faces]
     corners = triangles[:, [0, 1, 2, 2]]
-    face = _shaded(BONE, corners, 0.55)
+    face = _shade(BONE, corners, 0.55)
     return Polygons(corners, face, face)
 
 
-def _hood(view: View, scene: Scene, colours: ScalarMappable | None) -> Polygons:
+def _hood(view: PlotView, scene: Scene, colours: ScalarMappable | None) -> Polygons:
     assert scene.hood is not None
     corners = _corners(view.project(scene.hood.points)[scene.hood.quads])
     colour = np.broadcast_to(PLAIN_HOOD, (len(corners), 3))
     if colours is not None:
         colour = colours.to_rgba(100 * np.asarray(scene.hood.cell_data[STRAIN]))[:, :3]
-    face = _shaded(colour, corners, 0.85)
+    face = _shade(colour, corners, 0.85)
     edge = np.hstack([0.72 * face[:, :3], np.full((len(face), 1), 0.8)])
     return Polygons(corners + np.array([0, 0, HOOD_LIFT]), face, edge)
 
 
-def _fibres(view: View, scene: Scene) -> list[Polygons]:
+def _fibres(view: PlotView, scene: Scene) -> list[Polygons]:
     """Short strokes along each fibre family of the hood."""
     assert scene.hood is not None
     families = families_of(scene.hood.cell_data)
@@ -172,9 +172,9 @@ def _bands(cells: Array, width: float) -> Array:
     return np.stack([first + side, last + side, last - side, first - side], axis=1)
 
 
-def _ribbon(view: View, points: Array) -> Polygons:
+def _ribbon(view: PlotView, points: Array) -> Polygons:
     """A tendon as a band that faces the viewer, in pieces short enough to be sorted."""
-    line = view.project(_resampled(points))
+    line = view.project(_resample(points))
     along = np.gradient(line[:, :2], axis=0)
     across = np.stack([-along[:, 1], along[:, 0]], axis=1)
     across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9)
@@ -185,7 +185,7 @@ def _ribbon(view: View, points: Array) -> Polygons:
     return Polygons(corners, colour, colour)
 
 
-def _resampled(points: Array, step: float = 1e-3) -> Array:
+def _resample(points: Array, step: float = 1e-3) -> Array:
     """The polyline with points about every `step` m, its own among them."""
     pieces = [np.asarray(points[:1], dtype=float)]
     for start, end in itertools.pairwise(np.asarray(points, dtype=float)):
@@ -194,7 +194,7 @@ def _resampled(points: Array, step: float = 1e-3) -> Array:
     return np.concatenate(pieces)
 
 
-def _shaded(colour: Array, corners: Array, ambient: float) -> Array:
+def _shade(colour: Array, corners: Array, ambient: float) -> Array:
     """(n, 4) colours, darker where a polygon turns away from a light at the viewer's upper left."""
     normal = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
     flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -205,7 +205,7 @@ def _shaded(colour: Array, corners: Array, ambient: float) -> Array:
     return np.hstack([colour * bright[:, None], np.ones((len(corners), 1))])
 
 
-def thinned(vertices: Array, faces: np.ndarray, most: int = MOST_TRIANGLES) -> tuple:
+def decimate(vertices: Array, faces: np.ndarray, most: int = MOST_TRIANGLES) -> tuple:
     """A coarser surface of `most` triangles or fewer: vertices within a cell become one.
 
     vertices (n, 3), faces (m, 3) -> the same of fewer."""
@@ -222,7 +222,7 @@ def thinned(vertices: Array, faces: np.ndarray, most: int = MOST_TRIANGLES) -> t
     return vertices, faces
 
 
-def _draw_force(ax: Axes, view: View, point: Array, force: Array) -> None:
+def _draw_force(ax: Axes, view: PlotView, point: Array, force: Array) -> None:
     """The fingertip's force, as long as it is seen from here, with its magnitude."""
     magnitude = float(np.linalg.norm(force))
     if magnitude == 0.0:

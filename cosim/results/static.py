@@ -206,7 +206,7 @@ def _difference(
     pull = loaded.hood_tension - unloaded.hood_tension
     pulled = np.flatnonzero(pull)
     if len(pulled) == 1 and loaded.balance is not None:
-        torque = 1e3 * (loaded.told.torque["hood"] - unloaded.told.torque["hood"])
+        torque = 1e3 * (loaded.known_balance.torque["hood"] - unloaded.known_balance.torque["hood"])
         i = int(pulled[0])
         out["moment_arm_mm"] = {models.hood.tendons[i]: _by_joint(models, torque / pull[i])}
     return out
@@ -289,8 +289,8 @@ def dataset(
         "component": list(COMPONENTS),
     }
     if each[0].balance is not None:
-        coords["torque_source"] = list(each[0].told.torque)
-        torque = [np.stack(list(e.told.torque.values())) for e in each]
+        coords["torque_source"] = list(each[0].known_balance.torque)
+        torque = [np.stack(list(e.known_balance.torque.values())) for e in each]
         data["torque"] = stack(("torque_source", "joint"), "N m", torque, "joint torque by source")
     for view in views.values():
         coords |= view.coordinates()

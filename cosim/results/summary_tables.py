@@ -28,7 +28,7 @@ def tables(summary: Mapping[str, Any]) -> list[Table]:
         (tendon, [row for row in _tendons(summary) if any(row[1:])]),
         (("", ""), [row for row in _checks(summary) if row[1]]),
     ]
-    return [_table(*_filled(header, rows)) for header, rows in found if rows]
+    return [_table(*_drop_empty_columns(header, rows)) for header, rows in found if rows]
 
 
 def batch_table(names: Sequence[str], summaries: Mapping[str, Mapping[str, Any] | None]) -> Table:
@@ -50,7 +50,7 @@ def _ending(summary: Mapping[str, Any] | None) -> str:
     return f"AUDIT MISSED: {missed}" if missed else done
 
 
-def _filled(header: Row, rows: Sequence[Row]) -> tuple[Row, list[Row]]:
+def _drop_empty_columns(header: Row, rows: Sequence[Row]) -> tuple[Row, list[Row]]:
     """Without the columns that no row fills."""
     kept = [i for i in range(len(header)) if any(row[i] for row in rows)]
     return tuple(header[i] for i in kept), [tuple(row[i] for i in kept) for row in rows]

@@ -15,10 +15,10 @@ import numpy as np
 from cosim.errors import InputError
 from cosim.files import replace_folder
 from cosim.hoods.view import HoodField
-from cosim.results.parts import LEDGER_HEADER, LedgerRow, Parts
+from cosim.results.parts import LEDGER_HEADER, CaseParts, LedgerRow
 
 
-def write_run(folder: str | Path, run: Parts) -> Path:
+def write_run(folder: str | Path, run: CaseParts) -> Path:
     """Write a run to `folder`/<case name> and return that path.
 
     Raises InputError where the folder cannot be written, or where something that is not a run
@@ -72,7 +72,7 @@ def _unwritable(target: Path, error: OSError) -> InputError:
     return InputError(f"{target}: cannot be written ({reason}); choose another folder with --out")
 
 
-def _write_files(folder: Path, run: Parts) -> None:
+def _write_files(folder: Path, run: CaseParts) -> None:
     summary = json.dumps(run.summary, indent=2, default=plain, allow_nan=False)
     (folder / "summary.json").write_text(summary + "\n", encoding="utf-8")
     (folder / "case.toml").write_text(run.case_text, encoding="utf-8")
@@ -80,11 +80,11 @@ def _write_files(folder: Path, run: Parts) -> None:
     _write_ledger(folder / "ledger.csv", run.rows)
     if run.hood is not None:
         _write_hood(folder / "hood.vtu", run.hood)
-    if run.stated.get("output", {}).get("picture", True):
+    if run.case_as_table.get("output", {}).get("picture", True):
         _draw(folder, run)
 
 
-def _draw(folder: Path, run: Parts) -> None:
+def _draw(folder: Path, run: CaseParts) -> None:
     from cosim.results.scene_plot import draw
 
     draw(run.scene, run.title).savefig(folder / "picture.png", dpi=150)

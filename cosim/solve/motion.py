@@ -10,14 +10,14 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.build.motion import Together, together
+from cosim.build.motion import MovingModels, moving_models
 from cosim.build.states import special_states
 from cosim.case.file import resolved_toml
 from cosim.case.schema import Case, Forward
 from cosim.coupling.adaptive import Control
-from cosim.coupling.checkpoint import NAME, Kept, read_checkpoint, write_checkpoint
-from cosim.coupling.motion import Moment, Moves, moments
-from cosim.coupling.paced import paced
+from cosim.coupling.checkpoint import NAME, MotionHistory, read_checkpoint, write_checkpoint
+from cosim.coupling.motion import CoupledMotion, MotionState, motion_states
+from cosim.coupling.paced import adaptive_states
 from cosim.coupling.state_arrays import Special
 from cosim.errors import ConvergenceError, InputError, Progress, StoppedError, quiet
 from cosim.files import written_whole
@@ -52,8 +52,8 @@ class Rest:
 class Moved:
     """The models of a motion, what is kept of it, and whether it came to rest."""
 
-    models: Together
-    kept: Kept
+    models: MovingModels
+    kept: MotionHistory
     rest: Rest
 
 
@@ -65,9 +65,11 @@ def solve_motion(case: Case, session: Session, progress: Progress = quiet) -> Mo
     forward = case.forward
     assert forward is not None
     progress("building the models")
-    both = together(case, forward)
-    begun = both.moves.begin(both.begun)
-    kept = Kept(begun, (both.moves.frame(begun),), (both.finger.tip_wrench(begun.coupled.finger),))
+    both = moving_models(case, forward)
+    begun = both.moves.begin(both.initial_state)
+    kept = MotionHistory(
+        begun, (both.moves.frame(begun),), (both.finger.tip_wrench(begun.coupled.finger),)
+    )
     keeper = _keeper(case, forward, both, session.checkpoints, progress)
     if keeper is not None and (keeper.folder / NAME).exists():
         kept = keeper.read(kept)
@@ -77,7 +79,7 @@ def solve_motion(case: Case, session: Session, progress: Progress = quiet) -> Mo
         for done, now in _on(both.moves, forward, kept, progress):
             frames += [both.moves.frame(at) for at in now]
             tips += [both.finger.tip_wrench(at.coupled.finger) for at in now]
-            kept = Kept(now[-1], frames, tips)
+            kept = MotionHistory(now[-1], frames, tips)
             if keeper is not None and keeper.is_due(done):
                 keeper.write(kept)
     except KeyboardInterrupt:
@@ -109,22 +111,22 @@ class _Keeper:
             return time.monotonic() - self.last > PAUSE
         return done % self.every == 0
 
-    def write(self, kept: Kept) -> None:
+    def write(self, kept: MotionHistory) -> None:
         write_checkpoint(self.folder, self.case, kept, self.special)
         self.last = time.monotonic()
 
-    def read(self, template: Kept) -> Kept:
+    def read(self, template: MotionHistory) -> MotionHistory:
         return read_checkpoint(self.folder, self.case, template, self.special)
 
 
 def _keeper(
-    case: Case, forward: Forward, both: Together, checkpoints: Path | None, progress: Progress
+    case: Case, forward: Forward, both: MovingModels, checkpoints: Path | None, progress: Progress
 ) -> _Keeper | None:
     """None for a motion that keeps no checkpoints: that has no folder, asks for none, or asks for
     nothing and cannot write its state.
 
     Raises InputError where it asks for checkpoints and cannot write its state."""
-    folder = unfinished_folder(case, checkpoints)
+    folder = checkpoint_folder(case, checkpoints)
     if folder is None:
         return None
     try:
@@ -142,7 +144,7 @@ def _keeper(
     return _Keeper(folder, text, special, forward.checkpoint)
 
 
-def unfinished_folder(case: Case, checkpoints: Path | None) -> Path | None:
+def checkpoint_folder(case: Case, checkpoints: Path | None) -> Path | None:
     """Where a case keeps its checkpoints, beside `case.toml`; None for one that keeps none."""
     if checkpoints is None or case.forward is None or case.forward.checkpoint == 0:
         return None
@@ -151,7 +153,7 @@ def unfinished_folder(case: Case, checkpoints: Path | None) -> Path | None:
 
 def has_begun(case: Case, checkpoints: Path) -> bool:
     """Whether a part of this very case is kept there."""
-    folder = unfinished_folder(case, checkpoints)
+    folder = checkpoint_folder(case, checkpoints)
     return (
         folder is not None and (folder / NAME).is_file() and _case_in(folder) == resolved_toml(case)
     )
@@ -163,22 +165,22 @@ def _case_in(folder: Path) -> str | None:
 
 
 def _on(
-    moves: Moves, forward: Forward, kept: Kept, progress: Progress
-) -> Iterator[tuple[int, tuple[Moment, ...]]]:
+    moves: CoupledMotion, forward: Forward, kept: MotionHistory, progress: Progress
+) -> Iterator[tuple[int, tuple[MotionState, ...]]]:
     """After each step to the motion's end how many have been made, and the states in it: of a step
     whose length follows from its error, after each half."""
     if forward.adaptive is not None:
         control = Control(forward.adaptive.tolerance, forward.adaptive.floor, forward.step)
-        for both in paced(moves, control, kept.moment, forward.duration, progress):
+        for both in adaptive_states(moves, control, kept.moment, forward.duration, progress):
             yield both[-1].pace.accepted, both
         return
     done = len(kept.frames) - 1
     left = round(forward.duration / forward.step) - done
-    for k, now in enumerate(moments(moves, kept.moment, left, progress), done + 1):
+    for k, now in enumerate(motion_states(moves, kept.moment, left, progress), done + 1):
         yield k, (now,)
 
 
-def _rest(kept: Kept) -> Rest:
+def _rest(kept: MotionHistory) -> Rest:
     since = kept.frames[-1].time - WINDOW * (1 + 1e-9)
     last = [k for k, frame in enumerate(kept.frames) if frame.time >= since]
     rates = np.array([kept.frames[k].rates for k in last])

@@ -10,7 +10,7 @@ import numpy as np
 from cosim.build.models import Models, tensions
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium
-from cosim.coupling.one_way import HandedOver, Passed, torques
+from cosim.coupling.one_way import FrozenHood, OneWayPass, torques
 from cosim.errors import Progress, quiet
 from cosim.fingers.kinds import live_finger
 from cosim.port import (
@@ -41,11 +41,11 @@ class HoodPass:
     start: State
     """The finger's, in the posture."""
     at: Motion
-    answers: tuple[HoodAnswer, HoodAnswer]
+    answers: tuple[PassAnswer, PassAnswer]
     pull: Pull
 
 
-class HoodAnswer(NamedTuple):
+class PassAnswer(NamedTuple):
     """What the hood said, and under which tensions (N) of its own tendons and the finger's."""
 
     response: Response
@@ -75,7 +75,7 @@ def hood_pass(case: Case, session: Session, progress: Progress) -> HoodPass:
         progress(f"one way: hood solved in the posture, {tensions_[0].max(initial=0.0):.3g} N")
         response = models.hood.advance(state, at, tensions_[0], STATIC)
         by_tension = models.hood.jacobian(response.state).load_tension
-        answers.append(HoodAnswer(response, by_tension, *tensions_))
+        answers.append(PassAnswer(response, by_tension, *tensions_))
         state = response.state
     return HoodPass(models, start, at, (answers[0], answers[1]), pull)
 
@@ -86,7 +86,7 @@ def finger_pass(case: Case, given: HoodPass, progress: Progress) -> tuple[Models
     centre = _centres(given.models.finger, given.start) if _lumps(case) else None
     found = []
     for answer in given.answers:
-        handed = HandedOver(
+        handed = FrozenHood(
             models.hood.tendons,
             answer.response,
             given.at,
@@ -94,15 +94,15 @@ def finger_pass(case: Case, given: HoodPass, progress: Progress) -> tuple[Models
             centre,
             case.coupling.one_way.joint_contact,
         )
-        found.append(_balanced(case, models.finger, handed, given.start, answer))
+        found.append(_balance(case, models.finger, handed, given.start, answer))
         progress(f"one way: finger balanced to {found[-1].finger_residual:.1e}")
     unloaded, loaded = found
-    passed = Passed(handed, *_left_open(models.hood, models.finger, loaded))
+    passed = OneWayPass(handed, *_left_open(models.hood, models.finger, loaded))
     return replace(models, hood=handed), States(unloaded, loaded, None, given.pull, passed)
 
 
-def _balanced(
-    case: Case, finger: OpenFinger, handed: HandedOver, start: State, answer: HoodAnswer
+def _balance(
+    case: Case, finger: OpenFinger, handed: FrozenHood, start: State, answer: PassAnswer
 ) -> Equilibrium:
     """The finger's equilibrium under what was handed over."""
     own = answer.own if case.coupling.one_way.muscles else np.zeros(len(answer.own))

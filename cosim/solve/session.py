@@ -13,7 +13,7 @@ from cosim.case.schema import Case
 from cosim.coupling.equilibrium import Equilibrium
 from cosim.errors import Progress
 from cosim.port import Tensions
-from cosim.solve.agree import agree
+from cosim.solve.equilibrium import solve_equilibrium
 from cosim.tendons.muscles import live_muscles
 
 
@@ -48,7 +48,7 @@ class Session:
         Raises InputError and ConvergenceError."""
         setting = self._setting(case, progress)
         if setting.unloaded is None:
-            setting.unloaded = _unloaded(case, setting.models, progress)
+            setting.unloaded = _unloaded_equilibrium(case, setting.models, progress)
         return setting.unloaded
 
     def _setting(self, case: Case, progress: Progress) -> _Setting:
@@ -62,9 +62,11 @@ class Session:
         return self._settings[key]
 
 
-def _unloaded(case: Case, models: Models, progress: Progress) -> Equilibrium:
+def _unloaded_equilibrium(case: Case, models: Models, progress: Progress) -> Equilibrium:
     idle = Tensions(
         np.full(len(models.hood.tendons), models.resting),
         np.full(len(models.finger.tendons), models.resting),
     )
-    return agree(case, models, models.start(), idle, lambda text: progress(f"unloaded: {text}"))
+    return solve_equilibrium(
+        case, models, models.start(), idle, lambda text: progress(f"unloaded: {text}")
+    )

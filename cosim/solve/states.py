@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from cosim.coupling.equilibrium import Equilibrium
-from cosim.coupling.one_way import Passed
+from cosim.coupling.one_way import OneWayPass
 from cosim.tendons.muscles import Pull
 
 
@@ -19,5 +19,5 @@ class States:
     """None where the hood has no tendons to pull."""
     pull: Pull
     """Of the muscles that have a fibre, in the loaded state."""
-    passed: Passed | None = None
+    passed: OneWayPass | None = None
     """Of a one-way pass: what was handed over."""

@@ -14,7 +14,7 @@ from cosim.coupling.excursion import (
 )
 from cosim.errors import ConvergenceError, Progress, quiet
 from cosim.port import Array, PairState, Tensions
-from cosim.solve.agree import agree
+from cosim.solve.equilibrium import solve_equilibrium
 from cosim.solve.session import Session
 from cosim.solve.states import States
 from cosim.tendons.muscles import Pull
@@ -31,7 +31,7 @@ def solve_static(case: Case, session: Session, progress: Progress = quiet) -> tu
 
     Raises InputError and ConvergenceError."""
     models, unloaded = session.models(case, progress), session.unloaded(case, progress)
-    loaded, pull = _loaded(case, models, unloaded, progress)
+    loaded, pull = _loaded_equilibrium(case, models, unloaded, progress)
     if not models.hood.tendons or loaded.balance is None:
         return models, States(unloaded, loaded, None, pull)
     progress("auditing reciprocity")
@@ -40,14 +40,14 @@ def solve_static(case: Case, session: Session, progress: Progress = quiet) -> tu
     return models, States(unloaded, loaded, gap, pull)
 
 
-def _loaded(
+def _loaded_equilibrium(
     case: Case, models: Models, unloaded: Equilibrium, progress: Progress
 ) -> tuple[Equilibrium, Pull]:
     """The equilibrium, pulled from the unloaded one, in which every muscle pulls as its fibre does
     at that length, and every tendon whose excursion is stated has it."""
     names = (*models.hood.tendons, *models.finger.tendons)
     own = np.array([names.index(name) for name in models.muscles.names], dtype=int)
-    prescribed = _prescribed(case, names)
+    prescribed = _prescribed_excursions(case, names)
     index, tension = prescribed.index, np.concatenate(tensions(case, models))
     split, loaded = len(models.hood.tendons), unloaded
     pull = models.muscles.pull(np.zeros(len(own)))
@@ -58,7 +58,7 @@ def _loaded(
         tension[index] = found
         for _ in range(MOST_PULLS):
             tension[own] = pull.tension
-            loaded = agree(
+            loaded = solve_equilibrium(
                 case,
                 models,
                 PairState(loaded.finger_state, loaded.response.state),
@@ -93,7 +93,7 @@ def _loaded(
     return found
 
 
-def _prescribed(case: Case, names: tuple[str, ...]) -> PrescribedExcursions:
+def _prescribed_excursions(case: Case, names: tuple[str, ...]) -> PrescribedExcursions:
     stated = {n: t.excursion for n, t in case.tendons.items() if t.excursion is not None}
     index = np.array([names.index(name) for name in stated], dtype=int)
     return PrescribedExcursions(tuple(stated), index, lambda time: np.array(list(stated.values())))

@@ -15,11 +15,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from cosim.study.results import Opened
+    from cosim.study.results import StudyResults
 
 
-def open_study(folder: str | Path) -> Opened:
+def open_study(folder: str | Path) -> StudyResults:
     """What `cosim study` left in a folder.  Raises InputError where it left nothing there."""
-    from cosim.study.results import opened
+    from cosim.study.results import read_study
 
-    return opened(Path(folder))
+    return read_study(Path(folder))

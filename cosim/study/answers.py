@@ -110,7 +110,7 @@ class Slopes:
 def slopes(inputs: Array, values: Array) -> Slopes | None:
     """Standardised regression coefficients of (n, d) inputs; None with too few runs, or where
     nothing changes."""
-    x, y = _kept(inputs, values)
+    x, y = _significant(inputs, values)
     n, d = x.shape
     if n < d + 3 or np.ptp(y) == 0 or (np.ptp(x, axis=0) == 0).any():
         return None
@@ -123,7 +123,7 @@ def slopes(inputs: Array, values: Array) -> Slopes | None:
     return Slopes(found, error, 1 - left / float((y**2).sum()))
 
 
-def _kept(inputs: Array, values: Array) -> tuple[Array, Array]:
+def _significant(inputs: Array, values: Array) -> tuple[Array, Array]:
     there = np.isfinite(values)
     return inputs[there], values[there]
 
@@ -134,7 +134,7 @@ def _standard(x: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Surface:
+class ResponseSurface:
     """A quadratic in all parameters by least squares; `r2`: of the runs it was fitted to, and
     `held_out` of runs that it was not (tenths left out in turn)."""
 
@@ -151,12 +151,12 @@ class Surface:
         return out
 
 
-def surface(inputs: Array, values: Array, together: int = 1) -> Surface | None:
+def surface(inputs: Array, values: Array, together: int = 1) -> ResponseSurface | None:
     """Of (n, d) inputs; None with fewer runs than twice the terms, or where an input stays.
 
     So many rows after one another are held out `together`: Saltelli's points of a block differ in
     one parameter alone, and would tell each other's values."""
-    x, y = _kept(inputs, values)
+    x, y = _significant(inputs, values)
     groups = np.flatnonzero(np.isfinite(values)) // together
     n, d = x.shape
     terms = (d + 1) * (d + 2) // 2
@@ -172,7 +172,7 @@ def surface(inputs: Array, values: Array, together: int = 1) -> Surface | None:
     for i in range(FOLDS):
         out = fold == i
         predicted[out] = basis[out] @ _least_squares(basis[~out], y[~out])
-    return Surface(mean, sd, found, _r2(y, basis @ found), _r2(y, predicted), n)
+    return ResponseSurface(mean, sd, found, _r2(y, basis @ found), _r2(y, predicted), n)
 
 
 def _least_squares(basis: Array, values: Array) -> Array:

@@ -50,7 +50,7 @@ class Timed:
         return self.runs / self.seconds
 
 
-def timed(engine: Engine, workers: int, text: str) -> Timed:
+def time_study(engine: Engine, workers: int, text: str) -> Timed:
     """A study on an empty store.  Raises InputError."""
     with TemporaryDirectory() as place:
         file = Path(place) / "bench.toml"
@@ -58,13 +58,13 @@ def timed(engine: Engine, workers: int, text: str) -> Timed:
         plan, store = read_plan(file), Store(Path(place) / "store").open()
         with engine(workers) as solve:
             done = conduct(plan, store, solve, False, lambda count: None)
-        taken = sorted(_ended(store), key=lambda end: end[1])
+        taken = sorted(_run_ends(store), key=lambda end: end[1])
         seconds = {row.key: row.seconds for row in store.rows(done.keys.values())}
         counted = [seconds[key] for key, _ in taken[workers:]]
         return Timed(taken[-1][1] - taken[workers - 1][1], sum(counted), len(counted))
 
 
-def _ended(store: Store) -> Iterator[tuple[str, float]]:
+def _run_ends(store: Store) -> Iterator[tuple[str, float]]:
     """Key and time of every run in the book of executions."""
     for line in (store.root / "executions.log").read_text(encoding="utf-8").splitlines():
         word, key, *_, at = line.split()
@@ -100,14 +100,14 @@ def figures(tell: Progress) -> Iterator[tuple[str, float]]:
     """Name and value of every figure."""
     text = STUDY.format(runs=RUNS)
     tell(f"{RUNS} runs of the shell by one worker")
-    one = timed(dask, 1, text)
+    one = time_study(dask, 1, text)
     yield "seconds of a run, one worker", one.solving / one.runs
     yield "cost of handing out, of the run's time", one.seconds / one.solving - 1
     tell(f"{RUNS} runs of the shell by two workers")
-    two = timed(dask, 2, text)
+    two = time_study(dask, 2, text)
     yield "seconds of a run, two workers", two.solving / two.runs
     yield "cost of handing out, two workers", 2 * two.seconds / two.solving - 1
     yield "runs per second, two workers over one", two.rate / one.rate
     tell(f"{2 * RUNS} runs of the shell by one process and two without an engine")
-    ceiling = timed(plain, 2, text).rate / timed(plain, 1, text).rate
+    ceiling = time_study(plain, 2, text).rate / time_study(plain, 1, text).rate
     yield "runs per second, two plain processes over one", ceiling

@@ -35,7 +35,7 @@ class Normal:
         _positive(self.sd)
 
     def quantile(self, probability: Array) -> Array:
-        return _frozen("norm", self.mean, self.sd).ppf(probability)
+        return _freeze("norm", self.mean, self.sd).ppf(probability)
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class TruncatedNormal:
 
     def quantile(self, probability: Array) -> Array:
         ends = ((end - self.mean) / self.sd for end in (self.low, self.high))
-        return _frozen("truncnorm", *ends, self.mean, self.sd).ppf(probability)
+        return _freeze("truncnorm", *ends, self.mean, self.sd).ppf(probability)
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class Lognormal:
     def quantile(self, probability: Array) -> Array:
         spread = sqrt(log(1 + (self.sd / self.mean) ** 2))
         median = self.mean / exp(spread**2 / 2)
-        return _frozen("lognorm", spread, 0, median).ppf(probability)
+        return _freeze("lognorm", spread, 0, median).ppf(probability)
 
 
 @dataclass(frozen=True)
@@ -119,7 +119,7 @@ def middle(law: Law) -> Word:
     return law.values[0] if is_axis(law) else float(law.quantile(np.array([0.5]))[0])
 
 
-def _frozen(name: str, *numbers: float) -> Any:
+def _freeze(name: str, *numbers: float) -> Any:
     from scipy import stats
 
     return getattr(stats, name)(*numbers)

@@ -6,14 +6,14 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
-from cosim.case.cache_key import address, code_version, stated
+from cosim.case.cache_key import address, case_table, code_version
 from cosim.case.file import load_case
 from cosim.errors import InputError
 from cosim.study.engine import Solve
 from cosim.study.plan import Plan, Point
 from cosim.study.quantities import check_outputs
 from cosim.study.store import Store
-from cosim.study.task import Task, Verdict, known
+from cosim.study.task import Task, Verdict, stored_outcome
 
 PACK = 5000
 """Runs solved, after which the store is packed."""
@@ -88,7 +88,7 @@ def conduct(
                 note(Verdict("", "refused", done.refused[point], 0.0, solved=False))
                 continue
             done.keys[point] = task.key
-            found = known(task, store)
+            found = stored_outcome(task, store)
             if found is not None:
                 note(found)
                 continue
@@ -116,7 +116,7 @@ def _task(plan: Plan, point: Point, store: Store, code: str, again: bool) -> Tas
     case = load_case(plan.case, plan.settings_at(point))
     return Task(
         address(case, code),
-        stated(case),
+        case_table(case),
         case.name,
         str(case.source),
         str(store.root),

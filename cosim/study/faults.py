@@ -9,7 +9,7 @@ from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from cosim.case.faults import at, found, unknown
+from cosim.case.faults import at, unknown, value_text
 
 
 def listing(source: Path, faults: Sequence[str]) -> str:
@@ -28,10 +28,11 @@ def faults_of(
         value = values
         for part in place:
             value = at(value, part)
-        yield f"{shown((*above, *place))}{found(value)}: {_message(item, place, values, model)}"
+        where = f"{place_text((*above, *place))}{value_text(value)}"
+        yield f"{where}: {_message(item, place, values, model)}"
 
 
-def shown(place: tuple[str | int, ...]) -> str:
+def place_text(place: tuple[str | int, ...]) -> str:
     """A place as people write it."""
     parts = [
         str(p)[:60] if isinstance(p, int) or re.fullmatch(r"[\w-]+", p) else repr(p[:60])

@@ -26,7 +26,7 @@ from cosim.study.distributions import (
     axis,
     is_axis,
 )
-from cosim.study.faults import faults_of, listing, shown
+from cosim.study.faults import faults_of, listing, place_text
 from cosim.study.sampling import KINDS, Kind
 
 FORM = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S.*?)?\s*")
@@ -129,7 +129,7 @@ class Sampling(Table):
     second_order: Switch = False
 
 
-class Limits(Table):
+class StudyLimits(Table):
     """Seconds for a run, and failed runs after which no other is begun."""
 
     time: Annotated[float, quantity(units.TIME, above="0 s", most="1e6 s")] | None = None
@@ -146,7 +146,7 @@ class StudyFile(Table):
     parameters: Annotated[dict[str, dict[str, Any]], Field(min_length=1)]
     sampling: Sampling | None = None
     outputs: Annotated[dict[str, str], Field(min_length=1)]
-    limits: Limits = Limits()
+    limits: StudyLimits = StudyLimits()
     arrays: Switch | Texts = False
     data: str = ""
 
@@ -197,7 +197,7 @@ def read_file(source: Path) -> tuple[StudyFile, tuple[Parameter, ...]]:
             except ValidationError as error:
                 lines += faults_of(error, table, ("parameters", name), _model(table))
             except InputError as error:
-                lines.append(f"{shown(('parameters', name))}: {error}")
+                lines.append(f"{place_text(('parameters', name))}: {error}")
     if checked is not None:
         lines += _sampling_faults(checked, found)
     if lines or checked is None:

@@ -12,17 +12,17 @@ from cosim.files import written_whole
 from cosim.study.answers import CONFIDENCE, QUANTILES, Indices
 from cosim.study.execute import Done
 from cosim.study.plan import Plan
-from cosim.study.results import FORMAT, MARK, Opened, finite, opened
+from cosim.study.results import FORMAT, MARK, StudyResults, finite, read_study
 from cosim.study.store import Store
 from cosim.study.table import table_of, units_of, write_table
 
 
-def write_study(plan: Plan, done: Done, store: Store, folder: Path) -> Opened:
+def write_study(plan: Plan, done: Done, store: Store, folder: Path) -> StudyResults:
     """Table, answers and page in the folder.  Raises InputError where it cannot be written."""
     write_table(table_of(plan, done, store), folder)
     _write(folder / "study.toml", plan.text)
     _write(folder / MARK, _json(facts_of(plan, store)))
-    found = opened(folder)
+    found = read_study(folder)
     _write(folder / "answers.json", _json(answers_of(found)))
     _write(folder / "indices.csv", "\n".join(_index_lines(found)) + "\n")
     from cosim.study.page import page
@@ -32,7 +32,7 @@ def write_study(plan: Plan, done: Done, store: Store, folder: Path) -> Opened:
 
 
 def facts_of(plan: Plan, store: Store) -> dict[str, Any]:
-    """What `Opened` reads."""
+    """What `StudyResults` reads."""
     s = plan.sampling
     return {
         "format": FORMAT,
@@ -48,7 +48,7 @@ def facts_of(plan: Plan, store: Store) -> dict[str, Any]:
     }
 
 
-def answers_of(found: Opened) -> dict[str, Any]:
+def answers_of(found: StudyResults) -> dict[str, Any]:
     """Of every output, for machines."""
     return {
         "quantiles": list(QUANTILES),
@@ -61,7 +61,7 @@ def answers_of(found: Opened) -> dict[str, Any]:
     }
 
 
-def _answers(found: Opened, output: str) -> dict[str, Any]:
+def _answers(found: StudyResults, output: str) -> dict[str, Any]:
     band, indices = found.band(output), found.indices(output)
     slopes, surface = found.slopes(output), found.surface(output)
     return {
@@ -80,7 +80,7 @@ def _answers(found: Opened, output: str) -> dict[str, Any]:
     }
 
 
-def _indices(found: Opened, indices: Indices) -> dict[str, Any]:
+def _indices(found: StudyResults, indices: Indices) -> dict[str, Any]:
     named = {
         name: dict(zip(found.parameters, finite(values), strict=True))
         for name, values in asdict(indices).items()
@@ -89,7 +89,7 @@ def _indices(found: Opened, indices: Indices) -> dict[str, Any]:
     return named | {"blocks": indices.blocks, "planned": indices.planned}
 
 
-def _index_lines(found: Opened) -> Iterator[str]:
+def _index_lines(found: StudyResults) -> Iterator[str]:
     """What there is not is empty."""
     yield "output,parameter,slope,first,first_conf,total,total_conf"
     for output in found.outputs:

@@ -8,12 +8,12 @@ from importlib.resources import files
 from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
-from cosim.results.compare import Target, number, stated
+from cosim.results.compare import Target, number, reference_text
 from cosim.study import plots as pictures
 from cosim.study.answers import Band, Indices
 from cosim.study.distributions import Axis, Law, Lognormal, Normal, TruncatedNormal, Uniform
 from cosim.study.plan import Plan
-from cosim.study.results import Opened
+from cosim.study.results import StudyResults
 from cosim.version import __version__
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ MOST_RUNS = 12
 """Named of a failure's."""
 
 
-def page(found: Opened, plan: Plan) -> str:
+def page(found: StudyResults, plan: Plan) -> str:
     """The whole page."""
     from jinja2 import Environment, PackageLoader
 
@@ -44,12 +44,12 @@ def page(found: Opened, plan: Plan) -> str:
         audit=sum(found.table.reason.str.startswith("audit missed")),
         failures=list(_failures(found)),
         parameters=list(_parameters(plan)),
-        sampled=_sampled(plan),
+        sampled=_sampling_text(plan),
         outputs=[_output(found, plan, name) for name in found.outputs],
     )
 
 
-def _failures(found: Opened) -> Iterator[dict[str, Any]]:
+def _failures(found: StudyResults) -> Iterator[dict[str, Any]]:
     for (status, reason), runs in found.failures.items():
         if status != "waiting":
             more = len(runs) - MOST_RUNS
@@ -86,7 +86,7 @@ def _steps(law: Axis) -> str:
     return ", ".join(shown) if len(shown) <= 8 else f"{len(shown)} from {shown[0]} to {shown[-1]}"
 
 
-def _sampled(plan: Plan) -> str:
+def _sampling_text(plan: Plan) -> str:
     if plan.sampling is None:
         return "every combination of the values"
     s = plan.sampling
@@ -94,7 +94,7 @@ def _sampled(plan: Plan) -> str:
     return f"{names.get(s.kind, 'Latin hypercube')}, {s.n} points, seed {s.seed}"
 
 
-def _output(found: Opened, plan: Plan, name: str) -> dict[str, Any]:
+def _output(found: StudyResults, plan: Plan, name: str) -> dict[str, Any]:
     here = [t for t in plan.targets if t.case in ("", plan.case.stem)]
     targets = [t for t in here if t.quantity == plan.outputs[name]]
     band, indices, surface = found.band(name), found.indices(name), found.surface(name)
@@ -142,7 +142,7 @@ def _target(target: Target, band: Band | None) -> dict[str, str]:
         apart = ends[1] < low or ends[0] > high
         inside = ends[0] <= band.quantiles[2] <= ends[1]
         where = "median inside" if inside else "apart" if apart else "overlaps, median outside"
-    return {"name": target.name, "stated": stated(target), "kind": target.kind} | {
+    return {"name": target.name, "stated": reference_text(target), "kind": target.kind} | {
         "source": target.source,
         "where": where,
     }
@@ -157,7 +157,7 @@ def _ends(target: Target) -> tuple[float, float]:
     return low, float("inf") if target.high is None else target.high
 
 
-def _index_rows(found: Opened, indices: Indices) -> list[tuple[str, str, str]]:
+def _index_rows(found: StudyResults, indices: Indices) -> list[tuple[str, str, str]]:
     order = [
         found.parameters.index(n)
         for n in sorted(found.parameters, key=lambda n: -indices.total[found.parameters.index(n)])

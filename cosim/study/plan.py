@@ -124,25 +124,25 @@ def _settings(
         written = f"{value!r} {p.unit}".rstrip() if type(value) is float else _word(value)
         yield from (text.replace("{value}", written) for text in p.settings)
         for key in p.scale:
-            yield from scaled(base, key, float(value))
+            yield from scale_setting(base, key, float(value))
 
 
 def _word(value: Word) -> str:
     return str(value) if isinstance(value, str) else json.dumps(value)
 
 
-def scaled(base: Mapping[str, Any], key: str, factor: float) -> Iterator[str]:
+def scale_setting(base: Mapping[str, Any], key: str, factor: float) -> Iterator[str]:
     """KEY=VALUE with what `base` has at the key (a `*` stands for every name) times the factor.
 
     Raises InputError where no number is there."""
-    found = list(_found(base, key.split("."), ()))
+    found = list(_find_values(base, key.split("."), ()))
     if not found:
         raise InputError(f"scale: the case has no number at {key}")
     for path, value in found:
         yield f"{'.'.join(path)}={_times(value, factor, key)}"
 
 
-def _found(
+def _find_values(
     values: Any, keys: list[str], path: tuple[str, ...]
 ) -> Iterator[tuple[tuple[str, ...], Any]]:
     """What lies at the keys, with where."""
@@ -152,7 +152,7 @@ def _found(
     names = list(values) if isinstance(values, dict) and keys[0] == "*" else [keys[0]]
     for name in names:
         if isinstance(values, dict) and name in values:
-            yield from _found(values[name], keys[1:], (*path, name))
+            yield from _find_values(values[name], keys[1:], (*path, name))
 
 
 def _times(value: Any, factor: float, key: str) -> str:

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cosim.port import Array
-from cosim.results.compare import Target, stated
-from cosim.study.answers import Indices, Slopes, Surface
-from cosim.study.results import Opened
+from cosim.results.compare import Target, reference_text
+from cosim.study.answers import Indices, ResponseSurface, Slopes
+from cosim.study.results import StudyResults
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,13 +26,13 @@ GRID = 60
 BINS = 8
 
 
-def written(found: Opened, name: str) -> str:
+def axis_label(found: StudyResults, name: str) -> str:
     """A parameter or output with its unit, as an axis says it."""
     unit = found.units[name]
     return found.label(name) + ("" if unit == "1" else f" ({unit})")
 
 
-def draw_band(found: Opened, output: str, targets: Sequence[Target]) -> Figure:
+def draw_band(found: StudyResults, output: str, targets: Sequence[Target]) -> Figure:
     """The distribution over the runs, its middle 50 and 95 %, and measured values on its scale."""
     from matplotlib.figure import Figure
 
@@ -50,14 +50,14 @@ def draw_band(found: Opened, output: str, targets: Sequence[Target]) -> Figure:
     for i, target in enumerate(targets):
         _draw_target(axes, target, top * (1.1 + 0.16 * i))
     axes.set_ylim(0, top * (1.05 + 0.16 * len(targets)))
-    axes.set_xlabel(written(found, output))
+    axes.set_xlabel(axis_label(found, output))
     axes.set_ylabel("runs")
     figure.legend(loc="outside right upper", fontsize=8, frameon=False)
     return figure
 
 
 def _draw_target(axes: Axes, target: Target, height: float) -> None:
-    label = fill(f"{target.kind}: {target.name}, {stated(target)}", 42)
+    label = fill(f"{target.kind}: {target.name}, {reference_text(target)}", 42)
     look: Any = {"color": GREEN, "label": label}
     if target.reference is not None:
         spread = target.sd if target.sd is not None else None
@@ -67,7 +67,7 @@ def _draw_target(axes: Axes, target: Target, height: float) -> None:
     axes.plot(ends, [height] * len(ends), marker="|", ms=11, lw=2.5, **look)
 
 
-def draw_influence(found: Opened, output: str) -> Figure | None:
+def draw_influence(found: StudyResults, output: str) -> Figure | None:
     """Tornado of the slopes, and Sobol's indices with their intervals where there are any."""
     from matplotlib.figure import Figure
 
@@ -92,7 +92,7 @@ def draw_influence(found: Opened, output: str) -> Figure | None:
     return figure
 
 
-def strongest(found: Opened, output: str) -> list[str]:
+def strongest(found: StudyResults, output: str) -> list[str]:
     """The numeric parameters, the strongest first: by total index, else by slope."""
     indices, slopes = found.indices(output), found.slopes(output)
     if isinstance(indices, Indices):
@@ -104,7 +104,7 @@ def strongest(found: Opened, output: str) -> list[str]:
     return sorted(found.numeric, key=lambda name: -weight.get(name, 0.0))
 
 
-def _draw_slopes(axes: Axes, found: Opened, slopes: Slopes, names: Sequence[str]) -> None:
+def _draw_slopes(axes: Axes, found: StudyResults, slopes: Slopes, names: Sequence[str]) -> None:
     for place, name in enumerate(names):
         i = found.numeric.index(name)
         value, colour = slopes.slope[i], BLUE if slopes.slope[i] >= 0 else ORANGE
@@ -118,7 +118,7 @@ def _draw_slopes(axes: Axes, found: Opened, slopes: Slopes, names: Sequence[str]
     axes.set_title(f"Tornado; a straight line explains {max(slopes.r2, 0):.0%}", fontsize=10)
 
 
-def _draw_indices(axes: Axes, found: Opened, indices: Indices, names: Sequence[str]) -> None:
+def _draw_indices(axes: Axes, found: StudyResults, indices: Indices, names: Sequence[str]) -> None:
     at = [found.parameters.index(name) for name in names]
     places = np.arange(len(names))
     parts = (
@@ -139,7 +139,7 @@ def _draw_indices(axes: Axes, found: Opened, indices: Indices, names: Sequence[s
     axes.legend(fontsize=8, frameon=False, loc="lower right")
 
 
-def draw_scatter(found: Opened, output: str) -> Figure | None:
+def draw_scatter(found: StudyResults, output: str) -> Figure | None:
     """The output against each numeric parameter, with the means of equal parts of the runs."""
     from matplotlib.figure import Figure
 
@@ -157,12 +157,12 @@ def draw_scatter(found: Opened, output: str) -> Figure | None:
         x = found.table[name].to_numpy(float)
         axes.plot(x[shown], values[shown], ".", color=BLUE, ms=4, alpha=0.6, mew=0)
         axes.plot(*_means(x[there], values[there]), color="black", lw=1.4)
-        axes.set_xlabel(fill(written(found, name), 34), fontsize=8)
+        axes.set_xlabel(fill(axis_label(found, name), 34), fontsize=8)
         axes.tick_params(labelsize=8)
         axes.grid(alpha=0.25)
     for axes in every[len(names) :]:
         axes.set_visible(False)
-    figure.supylabel(written(found, output), fontsize=9)
+    figure.supylabel(axis_label(found, output), fontsize=9)
     return figure
 
 
@@ -175,7 +175,7 @@ def _means(x: Array, y: Array) -> tuple[Array, Array]:
     return np.array([x[p].mean() for p in parts]), np.array([y[p].mean() for p in parts])
 
 
-def draw_surface(found: Opened, output: str, fit: Surface) -> Figure | None:
+def draw_surface(found: StudyResults, output: str, fit: ResponseSurface) -> Figure | None:
     """The quadratic over the two strongest parameters, the others at their means."""
     from matplotlib.figure import Figure
 
@@ -195,8 +195,8 @@ def draw_surface(found: Opened, output: str, fit: Surface) -> Figure | None:
         across, along, fit(x).reshape(across.shape), 7, colors="white", linewidths=0.6
     )
     axes.clabel(lines, fontsize=7)
-    figure.colorbar(drawn, label=written(found, output))
+    figure.colorbar(drawn, label=axis_label(found, output))
     axes.plot(inputs[:MOST_POINTS, at[0]], inputs[:MOST_POINTS, at[1]], ".", color="black", ms=1.5)
-    axes.set_xlabel(written(found, names[0]))
-    axes.set_ylabel(written(found, names[1]))
+    axes.set_xlabel(axis_label(found, names[0]))
+    axes.set_ylabel(axis_label(found, names[1]))
     return figure

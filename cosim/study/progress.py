@@ -71,7 +71,7 @@ def progress(name: str, store: Store) -> Iterator[Callable[[Count], None]]:
         store.write(path, json.dumps(vars(made)).encode())
         return made
 
-    with _shown(name) as show:
+    with _progress_display(name) as show:
 
         def tell(count: Count) -> None:
             last[0] = count
@@ -88,7 +88,7 @@ def progress(name: str, store: Store) -> Iterator[Callable[[Count], None]]:
 
 
 @contextmanager
-def _shown(name: str) -> Iterator[Callable[[Note], None]]:
+def _progress_display(name: str) -> Iterator[Callable[[Note], None]]:
     """A bar on a terminal, else a line now and then."""
     if not sys.stderr.isatty():
         yield _lines()

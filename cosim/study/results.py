@@ -14,7 +14,7 @@ import numpy as np
 from cosim.errors import InputError
 from cosim.port import Array
 from cosim.study import answers
-from cosim.study.answers import Band, Indices, Slopes, Surface
+from cosim.study.answers import Band, Indices, ResponseSurface, Slopes
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -27,11 +27,11 @@ FORMAT = "cosim study 1"
 class _Answers(NamedTuple):
     indices: Indices | str
     slopes: Slopes | None
-    surface: Surface | None
+    surface: ResponseSurface | None
 
 
 @dataclass(frozen=True)
-class Opened:
+class StudyResults:
     """What `cosim study` left in a folder."""
 
     folder: Path
@@ -92,16 +92,16 @@ class Opened:
         """Standardised regression coefficients of the `numeric` parameters."""
         return self._answers(output).slopes
 
-    def surface(self, output: str) -> Surface | None:
+    def surface(self, output: str) -> ResponseSurface | None:
         """A quadratic in the `numeric` parameters."""
         return self._answers(output).surface
 
     def _answers(self, output: str) -> _Answers:
         if output not in self._known:
-            self._known[output] = self._answered(self.values(output))
+            self._known[output] = self._answers_to(self.values(output))
         return self._known[output]
 
-    def _answered(self, values: Array) -> _Answers:
+    def _answers_to(self, values: Array) -> _Answers:
         sampling, count = self.facts["sampling"] or {}, len(self.parameters)
         found: Indices | str = 'no indices: sampling.kind = "saltelli" gives them'
         together = 1
@@ -148,7 +148,7 @@ class Opened:
         return dict(sorted(found.items(), key=lambda item: -len(item[1])))
 
 
-def opened(folder: Path) -> Opened:
+def read_study(folder: Path) -> StudyResults:
     """Raises InputError."""
     try:
         facts = json.loads((folder / MARK).read_bytes())
@@ -156,7 +156,7 @@ def opened(folder: Path) -> Opened:
         raise InputError(f"{folder}: holds no study ({error})") from error
     if not isinstance(facts, dict) or facts.get("format") != FORMAT:
         raise InputError(f"{folder / MARK}: expected {FORMAT!r}")
-    return Opened(folder, facts)
+    return StudyResults(folder, facts)
 
 
 def finite(value: Array) -> list[float | None]:

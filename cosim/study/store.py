@@ -38,7 +38,7 @@ class StoreError(InputError):
 
 
 @dataclass(frozen=True)
-class Row:
+class StoreRow:
     """What came of a run; `limit`: the seconds it was given, where that is why it ended."""
 
     key: str
@@ -74,17 +74,17 @@ class Store:
             raise InputError(f"{mark}: expected {FORMAT['format']!r}; choose another --store")
         return self
 
-    def find(self, key: str) -> Row | None:
+    def find(self, key: str) -> StoreRow | None:
         """The row under an address; of one that is packed all but its summary."""
         if (row := self._loose(key)) is not None:
             return row
         if self.is_packed(key):
-            return Row(key, "converged", "", {}, "", 0.0, "", "")
+            return StoreRow(key, "converged", "", {}, "", 0.0, "", "")
         return None
 
-    def _loose(self, key: str) -> Row | None:
+    def _loose(self, key: str) -> StoreRow | None:
         try:
-            return Row(**json.loads(self._path(key).read_bytes()))
+            return StoreRow(**json.loads(self._path(key).read_bytes()))
         except FileNotFoundError:
             return None
         except (OSError, ValueError, TypeError) as error:
@@ -113,13 +113,13 @@ class Store:
                 column = parquet.read_table(path, columns=["key"]).column("key")
                 self._parts[path.name] = frozenset(column.to_pylist())
 
-    def put(self, row: Row) -> None:
+    def put(self, row: StoreRow) -> None:
         """Raises StoreError."""
         self.write(self._path(row.key), json.dumps(asdict(row), allow_nan=False).encode())
 
     def write(self, path: Path, content: bytes) -> None:
         """The file whole, synced, or as it was.  Raises StoreError."""
-        self.write_by(path, lambda part: _synced(part, content))
+        self.write_by(path, lambda part: _sync(part, content))
 
     def write_by(self, path: Path, writer: Callable[[Path], None]) -> None:
         """As `write`, by what writes to a path.  Raises StoreError."""
@@ -146,7 +146,7 @@ class Store:
         except OSError as error:
             raise self.unwritable(error) from error
 
-    def rows(self, keys: Collection[str]) -> Iterator[Row]:
+    def rows(self, keys: Collection[str]) -> Iterator[StoreRow]:
         """Of these addresses, each once, in no order.
 
         Loose ones are read first: one that is packed meanwhile is found in its part then."""
@@ -180,7 +180,7 @@ class Store:
         return len(found)
 
 
-def _synced(path: Path, content: bytes) -> None:
+def _sync(path: Path, content: bytes) -> None:
     with path.open("wb") as file:
         file.write(content)
         file.flush()
@@ -198,7 +198,7 @@ def _sync_folder(folder: Path) -> None:
         os.close(handle)
 
 
-def _write_part(path: Path, rows: list[Row]) -> None:
+def _write_part(path: Path, rows: list[StoreRow]) -> None:
     import pyarrow as pa
     from pyarrow import parquet
 
@@ -212,10 +212,10 @@ def _write_part(path: Path, rows: list[Row]) -> None:
         os.fsync(file.fileno())
 
 
-def _read(path: Path) -> Iterator[Row]:
+def _read(path: Path) -> Iterator[StoreRow]:
     from pyarrow import parquet
 
     with parquet.ParquetFile(path) as file:
         for batch in file.iter_batches(1000):
             for record in batch.to_pylist():
-                yield Row(**(record | {"summary": json.loads(record["summary"])}))
+                yield StoreRow(**(record | {"summary": json.loads(record["summary"])}))

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from cosim.errors import CosimError
-from cosim.study.store import Row, Status, Store
+from cosim.study.store import Status, Store, StoreRow
 
 NOT_NUMBERS = ("case", "version", "wall_s")
 """Of a summary, what differs between two runs of one case."""
@@ -45,7 +45,7 @@ class Verdict:
     solved: bool = True
 
 
-def known(task: Task, store: Store) -> Verdict | None:
+def stored_outcome(task: Task, store: Store) -> Verdict | None:
     """What the store says of a run, None where it must be solved."""
     row = store.find(task.key)
     if row is None:
@@ -67,11 +67,11 @@ def settle(task: Task, store: Store) -> Verdict:
     """The run's verdict, by solving it where the store has none; its row is in the store then.
 
     Raises StoreError."""
-    found = known(task, store)
+    found = stored_outcome(task, store)
     if found is not None:
         return found
     store.log("begun", task.key)
-    row = _solved(task, store)
+    row = _solve(task, store)
     store.put(row)
     store.log("ended", task.key)
     return Verdict(row.key, row.status, row.reason, row.seconds)
@@ -79,14 +79,14 @@ def settle(task: Task, store: Store) -> Verdict:
 
 def row_of(
     task: Task, status: Status, reason: str, seconds: float, summary: Mapping[str, Any]
-) -> Row:
+) -> StoreRow:
     """For the store."""
     limit = task.limit if status == "timeout" else None
     host = socket.gethostname()
-    return Row(task.key, status, reason, summary, task.name, seconds, host, task.code, limit)
+    return StoreRow(task.key, status, reason, summary, task.name, seconds, host, task.code, limit)
 
 
-def _solved(task: Task, store: Store) -> Row:
+def _solve(task: Task, store: Store) -> StoreRow:
     from cosim.case.schema import Case, CaseFile
     from cosim.pipeline import run_case
 

@@ -43,7 +43,7 @@ class Cylinders:
         return np.array([by_delay[d][i] for i, d in enumerate(delay.tolist())])
 
 
-class Drawn(NamedTuple):
+class CylinderStep(NamedTuple):
     """What cylinders make of a step, (n,) each."""
 
     tension: Array
@@ -55,7 +55,7 @@ class Drawn(NamedTuple):
 
 def check_air(tables: Mapping[str, Tendon], in_motion: bool) -> None:
     """Raises InputError for a cylinder in an equilibrium, or one whose parts do not fit."""
-    for name in _driven(tables):
+    for name in _pneumatic_names(tables):
         if not in_motion:
             raise InputError(
                 f"tendons.{name}.actuation: air takes time to act, and an equilibrium has none; "
@@ -70,11 +70,11 @@ def check_air(tables: Mapping[str, Tendon], in_motion: bool) -> None:
 
 def cylinders(tables: Mapping[str, Tendon], tendons: tuple[str, ...]) -> Cylinders | None:
     """Those of a case with these tendons; None where air pulls nothing.  Raises InputError."""
-    names = tuple(n for n in tendons if n in _driven(tables))
+    names = tuple(n for n in tendons if n in _pneumatic_names(tables))
     if not names:
         return None
     air_tables = [_table(tables[n]) for n in names]
-    air = _stacked([parts(table) for table in air_tables])
+    air = _stack([parts(table) for table in air_tables])
     commands = [_command(tables[n]) for n in names]
     drawn = np.array([table.start for table in air_tables]) * air.cylinder.stroke
     where = np.array([tendons.index(n) for n in names])
@@ -93,14 +93,16 @@ def parts(table: Pneumatic) -> Pneumatics:
     return Pneumatics(Valve(**valve), Cylinder(**cylinder))
 
 
-def begun(c: Cylinders) -> AirState:
+def initial_air(c: Cylinders) -> AirState:
     """At rest under the first command."""
     from rigid.air.plant import at_rest
 
     return at_rest(c.air, c.reaching(0.0), np.asarray(c.air.cylinder.volume(c.drawn)))
 
 
-def pulled(c: Cylinders, state: AirState, time: float, inward: Array, dt: float) -> Drawn:
+def step_cylinders(
+    c: Cylinders, state: AirState, time: float, inward: Array, dt: float
+) -> CylinderStep:
     """The cylinders at `time` s, `dt` s after `state`, the pistons moved inward by (n,) m since the
     start.  Raises ConvergenceError where one has reached an end of its stroke."""
     from rigid.air.plant import GAMMA, step, tension
@@ -108,13 +110,13 @@ def pulled(c: Cylinders, state: AirState, time: float, inward: Array, dt: float)
     cylinder = c.air.cylinder
     area = np.asarray(cylinder.area)
     if dt == 0.0:
-        return Drawn(tension(cylinder, state.pressure), np.zeros(len(c.names)), state)
+        return CylinderStep(tension(cylinder, state.pressure), np.zeros(len(c.names)), state)
     volume = np.asarray(cylinder.volume(_within(c, inward)))
     speed = (volume - state.volume) / (area * dt)
     after = step(c.air, state, c.reaching(time - 0.5 * dt), volume, dt)
     pull = tension(cylinder, after.pressure, speed)
     spring = GAMMA * after.pressure * area**2 / volume
-    return Drawn(pull, np.where(pull > 0.0, spring, 0.0), after)
+    return CylinderStep(pull, np.where(pull > 0.0, spring, 0.0), after)
 
 
 def _within(c: Cylinders, inward: Array) -> Array:
@@ -132,19 +134,19 @@ def _within(c: Cylinders, inward: Array) -> Array:
     return np.asarray(drawn)
 
 
-def _driven(tables: Mapping[str, Tendon]) -> list[str]:
+def _pneumatic_names(tables: Mapping[str, Tendon]) -> list[str]:
     return [name for name, tendon in tables.items() if tendon.actuation is not None]
 
 
 def _table(tendon: Tendon) -> Pneumatic:
     table = tendon.actuation
-    assert table is not None  # of those that _driven names
+    assert table is not None  # of those that _pneumatic_names gives
     return table
 
 
 def _command(tendon: Tendon) -> Callable[[float], float]:
     """V at a time in s."""
-    from rigid.air.plant import ATMOSPHERE, settled
+    from rigid.air.plant import ATMOSPHERE, resting_voltage
 
     table, factor = _table(tendon), factor_of(tendon.course)
     valve = parts(table).valve
@@ -157,10 +159,10 @@ def _command(tendon: Tendon) -> Callable[[float], float]:
             f"pressure: {wanted / 1e6:.4g} MPa is more than the supply's "
             f"{(most - ATMOSPHERE) / 1e6:.4g} MPa; both count from the atmosphere's"
         )
-    return lambda t: float(settled(valve, min(ATMOSPHERE + wanted * factor(t), most)))
+    return lambda t: float(resting_voltage(valve, min(ATMOSPHERE + wanted * factor(t), most)))
 
 
-def _stacked(each: list[Pneumatics]) -> Pneumatics:
+def _stack(each: list[Pneumatics]) -> Pneumatics:
     from rigid.air.plant import Cylinder, Pneumatics, Valve
 
     def of(tables: list[Valve] | list[Cylinder]) -> dict[str, Array]:

@@ -30,11 +30,11 @@ def factor_of(course: PointsCourse | SineCourse | FileCourse | None) -> Callable
         case PointsCourse():
             times, factors = np.array(course.at).T
         case FileCourse():
-            times, factors = _recorded(course.path, course.column)
+            times, factors = _recorded_signal(course.path, course.column)
     return lambda t: float(np.interp(t, times, factors))
 
 
-def _recorded(path: Path, column: str) -> tuple[Array, Array]:
+def _recorded_signal(path: Path, column: str) -> tuple[Array, Array]:
     times, values = (_csv if path.suffix.lower() == ".csv" else _sto)(path, column)
     ordered = len(times) > 0 and bool((np.diff(times) > 0).all())
     if not (ordered and np.isfinite(values).all() and (values >= 0).all()):

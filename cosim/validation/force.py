@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from importlib.resources import files
 
 from cosim.results.compare import COMPONENTS, Target
-from cosim.validation.trial import Group, Trial
+from cosim.validation.trial import Trial, TrialGroup
 
 CLAMPED = 'finger.tip.kind="clamped"'
 THROUGH_THE_HOOD = ("EDC", "EI", "LUM", "FPI")
@@ -23,7 +23,7 @@ AN, MYOHAND = "An 1979", "MyoHand"
 CASES = {"ti": "fingertip_fibres", "iso": "fingertip_isotropic", "network": "network"}
 
 
-def force_groups() -> tuple[Group, ...]:
+def force_groups() -> tuple[TrialGroup, ...]:
     """The shipped hood, the muscles past it, then the variants."""
     both = (AN, MYOHAND)
     partners = {f"force ti {m}": f"force split {m}" for m in THROUGH_THE_HOOD}
@@ -44,11 +44,11 @@ def _group(
     *,
     variant: bool = False,
     partners: dict[str, str] | None = None,
-) -> Group:
+) -> TrialGroup:
     case = CASES.get(law, law)
     trials = tuple(Trial(f"force {law} {m}", f"{case}_{m.lower()}", (CLAMPED,)) for m in muscles)
     targets = tuple(t for trial in trials for t in _targets(trial, sources))
-    return Group(name, "published model", trials, targets, variant, partners or {})
+    return TrialGroup(name, "published model", trials, targets, variant, partners or {})
 
 
 def _targets(trial: Trial, sources: Sequence[str]) -> Iterator[Target]:

@@ -9,14 +9,14 @@ from typing import Any
 from cosim.analyses.length_experiments import MADE, experiments
 from cosim.errors import ConvergenceError
 from cosim.results.compare import SECOND_HAND, UNITS, Target
-from cosim.validation.trial import Group, Trial
+from cosim.validation.trial import Trial, TrialGroup
 
 SHELL = "shell"
 ENDINGS = {unit: key for key, unit in UNITS.items()}
 OWN_ZERO = "zero lies within the experiment's own range"
 
 
-def length_groups() -> tuple[Group, Group]:
+def length_groups() -> tuple[TrialGroup, TrialGroup]:
     """What is judged: the first of the assumptions that each experiment leaves open; and, as a
     variant, the others."""
     trials = tuple(Trial(f"lengths: {what}", m.case, study=what) for what, m in MADE.items())
@@ -24,8 +24,10 @@ def length_groups() -> tuple[Group, Group]:
     rest = tuple(t for trial in trials for t in _targets(trial, slice(1, None)))
     others = tuple(t for t in trials if t.name in {target.case for target in rest})
     return (
-        Group("lengths and cuts", SECOND_HAND, trials, first),
-        Group("lengths and cuts: other loads and places", SECOND_HAND, others, rest, variant=True),
+        TrialGroup("lengths and cuts", SECOND_HAND, trials, first),
+        TrialGroup(
+            "lengths and cuts: other loads and places", SECOND_HAND, others, rest, variant=True
+        ),
     )
 
 
@@ -50,7 +52,7 @@ def _targets(trial: Trial, which: slice) -> Iterator[Target]:
         )
 
 
-def measured(study: str, settings: Sequence[str]) -> tuple[dict[str, Any], str | None]:
+def measure_lengths(study: str, settings: Sequence[str]) -> tuple[dict[str, Any], str | None]:
     """A summary of what the shell, with settings of one's own, does in the experiments of a study;
     and why it ends before its last value, if it does.
 

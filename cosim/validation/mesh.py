@@ -14,7 +14,7 @@ from cosim.case.file import load_case
 from cosim.files import written_whole
 from cosim.results.compare import COMPONENTS, Comparison
 from cosim.validation.run import Board, six_digits
-from cosim.validation.trial import Group, Trial
+from cosim.validation.trial import Trial, TrialGroup
 from cosim.version import __version__
 
 FORMAT = "cosim mesh convergence 1"
@@ -52,8 +52,8 @@ class Change:
 
 
 def on_finer_meshes(
-    chosen: Sequence[Group], quads: int, settings: Sequence[str] = ()
-) -> list[Group]:
+    chosen: Sequence[TrialGroup], quads: int, settings: Sequence[str] = ()
+) -> list[TrialGroup]:
     """The groups with `settings`, and with every hood that is generated laid out in about so many
     `quads`; without the trials on a published hood, whose mesh is its own.  Raises InputError."""
     own = [(g, [t for t in g.trials if not t.published]) for g in chosen]

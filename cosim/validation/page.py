@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from cosim.files import written_whole
-from cosim.results.compare import Comparison, Verdict, marks, misses_first, number, stated
+from cosim.results.compare import Comparison, Verdict, marks, misses_first, number, reference_text
 from cosim.validation import mesh as validation_mesh
 from cosim.validation.mesh import Change
 from cosim.validation.run import Board, by_kind
@@ -50,7 +50,7 @@ def write_page(path: Path, boards: Sequence[Board], changes: Sequence[Change] = 
         kinds=[
             {"group": b.group, "headline": b.headline, "nulls": _nulls(b)} for b in by_kind(boards)
         ],
-        changes=[_changed(c) for c in changes],
+        changes=[_changes(c) for c in changes],
         mesh_tally=validation_mesh.tally(changes),
     )
     with written_whole(path) as part:
@@ -64,7 +64,7 @@ def _nulls(board: Board) -> list[dict[str, str]]:
     for name, verdicts in board.tallies().items():
         s = skills.get(name)
         beaten = "" if s is None else s.fault or "beaten"
-        row = {"name": name, "tally": _said(verdicts), "skill": "" if s is None else str(s)}
+        row = {"name": name, "tally": _sentence(verdicts), "skill": "" if s is None else str(s)}
         found.append(row | {"beaten": beaten})
     return found
 
@@ -73,7 +73,7 @@ def _skills(found: Sequence[Skill]) -> str:
     return ", ".join(f"{s.null} {s}" for s in found)
 
 
-def _said(found: Mapping[str, int]) -> str:
+def _sentence(found: Mapping[str, int]) -> str:
     return ", ".join(f"{count} {word}" for word, count in found.items())
 
 
@@ -85,7 +85,7 @@ def _cells(row: Comparison) -> dict[str, Any]:
         "note": t.note,
         "model": number(row.model),
         "unit": t.unit if t.unit != "1" else "",
-        "stated": stated(t),
+        "stated": reference_text(t),
         "difference": number(row.difference),
         "verdict": row.verdict,
         "shape": SHAPES[row.verdict],
@@ -94,7 +94,7 @@ def _cells(row: Comparison) -> dict[str, Any]:
     }
 
 
-def _changed(found: Change) -> dict[str, str]:
+def _changes(found: Change) -> dict[str, str]:
     numbers = {k: number(getattr(found, k)) for k in ("model", "finer", "change", "bound")}
     shape = {"beyond": "▲", "within": "●", "no value": "✕"}[found.verdict]
     unit = found.unit if found.unit != "1" else ""

@@ -16,7 +16,7 @@ from cosim.results.compare import (
     SECOND_HAND,
     Comparison,
     Target,
-    compared,
+    compare_with_targets,
     read_targets,
     value_of,
     verdict,
@@ -24,7 +24,7 @@ from cosim.results.compare import (
 from cosim.results.slips import is_slack
 from cosim.validation.force import force_groups
 from cosim.validation.lengths import OWN_ZERO, length_groups
-from cosim.validation.trial import Group, Summaries, Trial
+from cosim.validation.trial import Summaries, Trial, TrialGroup
 
 MCP, IP = (0, 30, 60), ((0, 0), (45, 15), (60, 30))
 """deg, the nine postures of Lee's fingers."""
@@ -42,7 +42,7 @@ EXTRINSIC = ("edc", "ei", "fdp", "fds")
 STRAIGHT = "strain average ti"
 
 
-def groups(published: Path | None = None) -> tuple[Group, ...]:
+def groups(published: Path | None = None) -> tuple[TrialGroup, ...]:
     """All validations, in the order of the scoreboard; those of the published hood where its file
     is given.  Raises InputError for faulty data."""
     two_models, past, *other_models = force_groups()
@@ -63,17 +63,17 @@ def data(name: str) -> tuple[Target, ...]:
         return read_targets(path)
 
 
-def rows_of(group: Group, summaries: Summaries) -> Iterator[Comparison]:
+def rows_of(group: TrialGroup, summaries: Summaries) -> Iterator[Comparison]:
     """Every comparison of a group; a trial that did not converge has no value."""
     for trial in group.trials:
         mine = [t for t in group.targets if t.case == trial.name]
-        yield from compared(mine, summaries.get(trial.name, {}), trial.name)
+        yield from compare_with_targets(mine, summaries.get(trial.name, {}), trial.name)
     if group.derived is not None:
         yield from group.derived(summaries)
 
 
 def split_answers(
-    group: Group, rows: Sequence[Comparison], summaries: Summaries
+    group: TrialGroup, rows: Sequence[Comparison], summaries: Summaries
 ) -> dict[Target, float | None]:
     """What the fixed split says of the rows whose trial has a partner that gave an answer."""
     found = ((r.target, summaries.get(group.partners.get(r.target.case, ""))) for r in rows)
@@ -90,7 +90,7 @@ def of_trial(trial: str, targets: Sequence[Target], geometry: str = "") -> tuple
 # Lee et al. 2008 ----------------------------------------------------------------------------------
 
 
-def lee_groups() -> tuple[Group, Group, Group, Group]:
+def lee_groups() -> tuple[TrialGroup, TrialGroup, TrialGroup, TrialGroup]:
     """Strains, slips' forces and the inferred strain of the central slip with the shipped hood; and
     all of them, at 0/0/0 deg, with other moduli and the isotropic law."""
     straight = (Trial(STRAIGHT, "strain_lee2008_average_ti"),)
@@ -107,10 +107,10 @@ def lee_groups() -> tuple[Group, Group, Group, Group]:
     every = [of_trial(t.name, [*printed, ratio]) for t in others]
     derived = partial(losses, {t.name for t in postures})
     return (
-        Group("Lee 2008: strains", SECOND_HAND, straight, of_trial(STRAIGHT, printed)),
-        Group("Lee 2008: slip forces", SECOND_HAND, postures, slips, derived=derived),
-        Group("inferred: central slip", "inferred", straight, of_trial(STRAIGHT, inferred)),
-        Group(
+        TrialGroup("Lee 2008: strains", SECOND_HAND, straight, of_trial(STRAIGHT, printed)),
+        TrialGroup("Lee 2008: slip forces", SECOND_HAND, postures, slips, derived=derived),
+        TrialGroup("inferred: central slip", "inferred", straight, of_trial(STRAIGHT, inferred)),
+        TrialGroup(
             "Lee 2008: other moduli and law",
             SECOND_HAND,
             others,
@@ -129,14 +129,14 @@ def lee_strains() -> tuple[list[Target], list[Target]]:
 def posture_trials() -> Iterator[Trial]:
     """The shipped hood in the nine postures."""
     for mcp, (pip, dip) in itertools.product(MCP, IP):
-        name, case = posed(mcp, pip, dip), "strain_lee2008_average_ti"
+        name, case = trial_name(mcp, pip, dip), "strain_lee2008_average_ti"
         angles = {"MCP": mcp, "PIP": pip, "DIP": dip}
         settings = tuple(f'finger.posture.{j}="{a} deg"' for j, a in angles.items())
         title = f'title="Lee 2008: 11.8 N in EDC at {mcp}/{pip}/{dip} deg, fibres in a matrix"'
         yield Trial(name, case) if name == STRAIGHT else Trial(name, case, (*settings, title))
 
 
-def posed(mcp: int, pip: int, dip: int) -> str:
+def trial_name(mcp: int, pip: int, dip: int) -> str:
     """The name of a trial of the shipped hood."""
     return STRAIGHT if (mcp, pip, dip) == (0, 0, 0) else f"{STRAIGHT} {mcp}/{pip}/{dip}"
 
@@ -148,7 +148,7 @@ def losses(trials: set[str], summaries: Summaries) -> Iterator[Comparison]:
     bent = [((mcp, *ip), (mcp, 0, 0), with_ip) for mcp, ip in itertools.product(MCP, IP[1:])]
     pairs = [*bent, ((MCP[-1], 0, 0), (0, 0, 0), with_mcp)]
     for slip, (now, then, joints) in itertools.product(("central", "terminal"), pairs):
-        names = posed(*now), posed(*then)
+        names = trial_name(*now), trial_name(*then)
         if not trials.issuperset(names):
             continue
         found = [
@@ -175,14 +175,14 @@ def losses(trials: set[str], summaries: Summaries) -> Iterator[Comparison]:
         )
 
 
-def fitted_group() -> Group:
+def fitted_group() -> TrialGroup:
     """What the hood was fitted to under Lee's load at 0/0/0 deg, which judges nothing."""
     chosen = [t for t in data("hood_fit_rows.csv") if t.fitted and t.case == "rest_0_0_0"]
     trial = Trial(STRAIGHT, "strain_lee2008_average_ti")
-    return Group("fitted numbers", SECOND_HAND, (trial,), of_trial(STRAIGHT, chosen))
+    return TrialGroup("fitted numbers", SECOND_HAND, (trial,), of_trial(STRAIGHT, chosen))
 
 
-def published_group(path: Path) -> Group:
+def published_group(path: Path) -> TrialGroup:
     """The published hood, whose case is its own file; it has no markers, so that strains are the
     sheet's."""
     trials = tuple(Trial(f"published hood {modulus}", str(path)) for modulus in MODULI)
@@ -191,13 +191,13 @@ def published_group(path: Path) -> Group:
     rows = [*of_sheet, *data("lee2008_slips.csv")]
     every = [of_trial(t.name, rows, geometry="published hood") for t in trials]
     targets = tuple(itertools.chain.from_iterable(every))
-    return Group("published hood", SECOND_HAND, trials, targets, variant=True)
+    return TrialGroup("published hood", SECOND_HAND, trials, targets, variant=True)
 
 
 # The free finger of Nimbarte et al. 2008 ----------------------------------------------------------
 
 
-def free_groups() -> tuple[Group, Group]:
+def free_groups() -> tuple[TrialGroup, TrialGroup]:
     """With the shipped hood, and with the fixed split."""
     hood, split = (
         tuple(Trial(f"{words}_{m}", f"{words}_{m}") for m in EXTRINSIC)
@@ -207,15 +207,15 @@ def free_groups() -> tuple[Group, Group]:
     targets = data("nimbarte2008_motion.csv")
     others = tuple(replace(t, case=partners[t.case]) for t in targets)
     return (
-        Group("free finger: hood", SECOND_HAND, hood, targets, partners=partners),
-        Group("free finger: fixed split", SECOND_HAND, split, others, variant=True),
+        TrialGroup("free finger: hood", SECOND_HAND, hood, targets, partners=partners),
+        TrialGroup("free finger: fixed split", SECOND_HAND, split, others, variant=True),
     )
 
 
 # The middle fingers of Synek et al. 2019 ----------------------------------------------------------
 
 
-def cadaver_groups() -> tuple[Group, Group, Group]:
+def cadaver_groups() -> tuple[TrialGroup, TrialGroup, TrialGroup]:
     """The hood, the flexors, which no hood touches, and the fixed split."""
     hood, past, split = (
         tuple(
@@ -238,7 +238,7 @@ def _cadaver(
     *,
     variant: bool = False,
     partners: Mapping[str, str] | None = None,
-) -> Group:
+) -> TrialGroup:
     """The components' means with the hands' SD; the magnitude follows from them."""
     names = {t.name for t in trials}
 
@@ -246,13 +246,13 @@ def _cadaver(
         mine = (t for t in data(file) if t.case in names)
         return [t for t in mine if "force_in_phalanx" in t.quantity]
 
-    means = tuple(_marked(t) for t in forces("synek2019_fingertip.csv"))
+    means = tuple(_mark_zero(t) for t in forces("synek2019_fingertip.csv"))
     each = forces("synek2019_specimens.csv")
     hands = {hand: tuple(t for t in each if f", {hand}, " in t.name) for hand in HANDS}
-    return Group(name, "experiment", trials, means, variant, partners or {}, hands)
+    return TrialGroup(name, "experiment", trials, means, variant, partners or {}, hands)
 
 
-def _marked(target: Target) -> Target:
+def _mark_zero(target: Target) -> Target:
     """Says where zero lies within the spread of the hands themselves."""
     if verdict(target, 0.0) != "inside 1 SD":
         return target

@@ -23,8 +23,8 @@ MEAN_SD = {
 
 def published_summary(trial: Trial) -> dict[str, Any]:
     """What the hood in the trial's file says.  Raises InputError and ConvergenceError."""
-    from fe_solver.febio.published_hood import Moduli, published_hood
+    from fe_solver.febio.published_hood import Moduli, solve_published_hood
 
     off = MODULI[trial.name.split()[-1]]
     moduli = {name: 1e6 * (mean + off * sd) for name, (mean, sd) in MEAN_SD.items()}
-    return published_hood(trial.case, Moduli(**moduli), PULL).summary()
+    return solve_published_hood(trial.case, Moduli(**moduli), PULL).summary()

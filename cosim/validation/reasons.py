@@ -43,7 +43,7 @@ def reason_of(group: str, name: str) -> str | None:
     return next(fits, None)
 
 
-def explained(group: str, rows: Iterable[Comparison]) -> Iterator[Comparison]:
+def explain_misses(group: str, rows: Iterable[Comparison]) -> Iterator[Comparison]:
     """The rows, those that miss with the reason in their note, or that none is known."""
     for row in rows:
         if row.verdict not in MISSES:

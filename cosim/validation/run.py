@@ -22,12 +22,20 @@ from cosim.results.static import observe_static
 from cosim.results.write import plain
 from cosim.solve.session import Session
 from cosim.solve.solvers import solve
-from cosim.validation.lengths import measured
+from cosim.validation.lengths import measure_lengths
 from cosim.validation.plan import groups, rows_of, split_answers
 from cosim.validation.published_hood import published_summary
-from cosim.validation.reasons import explained
-from cosim.validation.skill import FACTORS, Skill, against_factors, counted, headline, scaled, skill
-from cosim.validation.trial import Group, Summaries, Trial
+from cosim.validation.reasons import explain_misses
+from cosim.validation.skill import (
+    FACTORS,
+    Skill,
+    against_factors,
+    headline,
+    judging_rows,
+    scale_rows,
+    skill,
+)
+from cosim.validation.trial import Summaries, Trial, TrialGroup
 from cosim.version import __version__
 
 FORMAT = "cosim scoreboard 2"
@@ -38,7 +46,7 @@ Task = tuple[Trial, tuple[str, ...], str]
 
 
 @dataclass(frozen=True)
-class Outcome:
+class ValidationOutcome:
     """What a trial said, or why it said nothing or not all."""
 
     trial: str
@@ -65,13 +73,13 @@ class Board:
     @property
     def headline(self) -> str:
         """Whether the model beats its null models."""
-        return headline(self.skills, len(counted(self.rows)))
+        return headline(self.skills, len(judging_rows(self.rows)))
 
     def tallies(self) -> dict[str, dict[str, int]]:
         """The tally of the rows that count, of the model and of each null model."""
-        rows = counted(self.rows)
+        rows = judging_rows(self.rows)
         found = {"model": tally(rows)}
-        found |= {null: tally(scaled(rows, factor)) for null, factor in FACTORS.items()}
+        found |= {null: tally(scale_rows(rows, factor)) for null, factor in FACTORS.items()}
         if self.split:
             mine = [r.target for r in rows if r.target in self.split]
             found[SPLIT] = tally([Comparison(t, self.split[t]) for t in mine])
@@ -83,14 +91,14 @@ def by_kind(boards: Sequence[Board]) -> list[Board]:
     found = []
     for kind in dict.fromkeys(b.kind for b in boards):
         mine = [b for b in boards if b.kind == kind and not b.variant]
-        rows = tuple(counted([row for b in mine for row in b.rows]))
+        rows = tuple(judging_rows([row for b in mine for row in b.rows]))
         split = {t: value for b in mine for t, value in b.split.items()}
         if rows:
             found.append(Board(kind, rows, {}, kind=kind, skills=_skills(rows, split), split=split))
     return found
 
 
-def chosen(only: str | None, published: Path | None = None) -> list[Group]:
+def choose_groups(only: str | None, published: Path | None = None) -> list[TrialGroup]:
     """The groups, or of each the trials whose name holds `only`; with the `published` hood's file
     those on it as well.  Raises InputError for none."""
     every = groups(published)
@@ -111,8 +119,8 @@ def chosen(only: str | None, published: Path | None = None) -> list[Group]:
     return kept
 
 
-def validated(
-    chosen_groups: Sequence[Group],
+def run_validation(
+    chosen_groups: Sequence[TrialGroup],
     folder: Path,
     settings: Sequence[str] = (),
     workers: int = 2,
@@ -122,7 +130,7 @@ def validated(
     comparison, and compare.  Raises InputError."""
     trials = {t.name: t for g in chosen_groups for t in g.trials}
     tasks = [(t, tuple(settings), str(folder)) for t in trials.values()]
-    outcomes: dict[str, Outcome] = {}
+    outcomes: dict[str, ValidationOutcome] = {}
     started = time.perf_counter()
     batches = _batches(tasks)
     with process_pool(min(workers, len(batches)), "--workers") as pool:
@@ -161,27 +169,29 @@ def _case(task: Task) -> Case:
     return case.model_copy(update={"name": folder_name(trial.name)})
 
 
-def _run_batch(batch: Sequence[Task]) -> list[Outcome]:
+def _run_batch(batch: Sequence[Task]) -> list[ValidationOutcome]:
     session = Session()
     return [_run(task, session) for task in batch]
 
 
-def _run(task: Task, session: Session) -> Outcome:
+def _run(task: Task, session: Session) -> ValidationOutcome:
     trial, settings, folder = task
     started = time.perf_counter()
     if trial.study:
-        return Outcome(trial.name, *measured(trial.study, [*trial.settings, *settings]))
+        return ValidationOutcome(
+            trial.name, *measure_lengths(trial.study, [*trial.settings, *settings])
+        )
     if trial.published:
-        return Outcome(trial.name, published_summary(trial), None)
+        return ValidationOutcome(trial.name, published_summary(trial), None)
     case = _case(task)
     check_fit(case)
     try:
         models, states = solve(case, session)
     except ConvergenceError as error:
-        return Outcome(trial.name, None, str(error))
+        return ValidationOutcome(trial.name, None, str(error))
     made = observe_static(case, (models, states), time.perf_counter() - started)
     made.save(folder)
-    return Outcome(trial.name, json.loads(json.dumps(made.summary, default=plain)), None)
+    return ValidationOutcome(trial.name, json.loads(json.dumps(made.summary, default=plain)), None)
 
 
 def folder_name(trial: str) -> str:
@@ -189,10 +199,10 @@ def folder_name(trial: str) -> str:
     return "".join(c if c.isalnum() else "_" for c in trial)
 
 
-def _board(group: Group, outcomes: Mapping[str, Outcome]) -> Board:
+def _board(group: TrialGroup, outcomes: Mapping[str, ValidationOutcome]) -> Board:
     mine = [outcomes[t.name] for t in group.trials]
     summaries = {o.trial: o.summary for o in outcomes.values() if o.summary is not None}
-    rows = tuple(explained(group.name, rows_of(group, summaries)))
+    rows = tuple(explain_misses(group.name, rows_of(group, summaries)))
     failures = {o.trial: o.failure for o in mine if o.failure is not None}
     missed = {
         o.trial: found for o in mine if o.summary and (found := list(describe_misses(o.summary)))
@@ -212,7 +222,9 @@ def _board(group: Group, outcomes: Mapping[str, Outcome]) -> Board:
     )
 
 
-def _of_hand(group: Group, targets: Sequence[Target], summaries: Summaries) -> tuple[Skill, ...]:
+def _of_hand(
+    group: TrialGroup, targets: Sequence[Target], summaries: Summaries
+) -> tuple[Skill, ...]:
     """Skill beside the forces of one hand."""
     own = replace(group, targets=tuple(targets), derived=None)
     rows = list(rows_of(own, summaries))
@@ -229,15 +241,15 @@ def scoreboard(boards: Sequence[Board]) -> str:
     content = {
         "format": FORMAT,
         "version": __version__,
-        "kinds": {b.group: _judged(b) for b in by_kind(boards)},
-        "judged": {b.group: _judged(b) for b in boards},
+        "kinds": {b.group: _judge(b) for b in by_kind(boards)},
+        "judged": {b.group: _judge(b) for b in boards},
         "failed": {name: why for b in boards for name, why in b.failures.items()},
-        "groups": {b.group: [_rounded(row) for row in b.rows] for b in boards},
+        "groups": {b.group: [_round_digits(row) for row in b.rows] for b in boards},
     }
     return json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
 
 
-def _judged(board: Board) -> dict[str, Any]:
+def _judge(board: Board) -> dict[str, Any]:
     return {
         "headline": board.headline,
         "kind": board.kind,
@@ -256,7 +268,7 @@ def _skill(found: Skill) -> dict[str, Any]:
     return {"null": found.null, **numbers, "fault": found.fault, **counts}
 
 
-def _rounded(row: Comparison) -> dict[str, Any]:
+def _round_digits(row: Comparison) -> dict[str, Any]:
     """Six digits are more than the models are good for, and hide the last bits of a machine, which
     a difference of almost equal numbers would show: it is that of the numbers as they are told."""
     numbers = {k: six_digits(getattr(row.target, k)) for k in ("reference", "sd", "low", "high")}

@@ -50,7 +50,7 @@ class Skill:
         return f"{number(self.value, 2)}{ends}"
 
 
-def counted(rows: Sequence[Comparison]) -> list[Comparison]:
+def judging_rows(rows: Sequence[Comparison]) -> list[Comparison]:
     """The rows that judge: neither fitted nor required, and each distinct number once.
 
     Two rows are one number where the same model's number stands beside the same reference."""
@@ -64,7 +64,7 @@ def counted(rows: Sequence[Comparison]) -> list[Comparison]:
     return list(found.values())
 
 
-def scaled(rows: Sequence[Comparison], factor: float) -> list[Comparison]:
+def scale_rows(rows: Sequence[Comparison], factor: float) -> list[Comparison]:
     """The rows with the model's numbers times `factor`."""
     return [replace(r, model=None if r.model is None else factor * r.model) for r in rows]
 
@@ -77,7 +77,7 @@ def skill(
     misses, or no row counts.
 
     The interval (95 %) is a bootstrap over the trials, 2000 resamples of a fixed seed."""
-    judged = counted(rows)
+    judged = judging_rows(rows)
     if answers is not None:
         judged = [row for row in judged if row.target in answers]
     if not judged:

@@ -29,7 +29,7 @@ class Trial:
 
 
 @dataclass(frozen=True)
-class Group:
+class TrialGroup:
     """Trials, and the rows that compare what they said with references of one kind.
 
     A `variant` is another model beside numbers that the shipped hood is judged by: it has a tally

@@ -67,7 +67,7 @@ COUNTED: dict[str, tuple[Scheme, float, str]] = {
 }
 
 
-def driven(
+def drive(
     scheme: Scheme,
     finger: MovingFinger,
     hood: Hood,
@@ -100,7 +100,7 @@ def monolithic_rows() -> Iterator[Row]:
     reference = stiff_by_backward_euler(dt, steps)
     finger, drum = stiff_pair()
     for name in TOGETHER:
-        states = driven(SCHEMES[name], finger, drum, np.zeros(1), pulls_on_drum, dt, steps)
+        states = drive(SCHEMES[name], finger, drum, np.zeros(1), pulls_on_drum, dt, steps)
         gap = float(np.abs(angles_of(states) - reference).max())
         yield Row(f"{PAIR}, {name}", "angle apart rad", 0.0, gap, 1e-8, MONOLITHIC, "absolute")
     dt, steps = 1e-3, 40
@@ -120,7 +120,7 @@ def monolithic_rows() -> Iterator[Row]:
 def soft_angles(scheme: Scheme, dt: float, steps: int, order: Literal[1, 2] = 1) -> Array:
     """(steps + 1, 3) rad."""
     finger, hood = soft_pair(order)
-    return angles_of(driven(scheme, finger, hood, REST, pulls_on_cables, dt, steps))
+    return angles_of(drive(scheme, finger, hood, REST, pulls_on_cables, dt, steps))
 
 
 def order_rows() -> Iterator[Row]:
@@ -148,7 +148,7 @@ def stiff_rows() -> Iterator[Row]:
     finger, drum = stiff_pair()
     for dt in STEPS:
         n = round(LASTS / dt)
-        states = driven(Linear(), finger, drum, np.zeros(1), pulls_on_drum, dt, n)
+        states = drive(Linear(), finger, drum, np.zeros(1), pulls_on_drum, dt, n)
         q, name = angles_of(states), f"stiff pair, linear, {1e3 * dt:g} ms"
         error = 1e3 * float(np.abs(q - stiff_truth(times(dt, n))).max())
         solves = (states[-1].solves - 1) / n
@@ -159,20 +159,20 @@ def stiff_rows() -> Iterator[Row]:
         yield Row(name, "hood solves a step", 1.0, solves, 0.0, "one by construction")
     for factor in (0.9, 1.1, 2.0, 3.5):
         yield limit_row(factor)
-    yield Row("stiff pair, explicit", "limit s", unstable_from(), found_limit(), 0.005, LIMIT)
+    yield Row("stiff pair, explicit", "limit s", unstable_from(), find_limit(), 0.005, LIMIT)
 
 
 def limit_row(factor: float) -> Row:
     """Whether an explicit run at a multiple of 2 sqrt(I/K) is marked as failed."""
     dt = factor * 2 * np.sqrt(INERTIA / STIFFNESS)
-    stopped = stopped_at(dt)
+    stopped = stop_time(dt)
     says = "no" if stopped is None else f"at {stopped:.3g} s"
     name = f"stiff pair, explicit, {1e3 * dt:.3g} ms = {factor:g} x 2 sqrt(I/K)"
     failed = float(stopped is not None)
     return Row(name, f"fails: {says}", float(factor > 1), failed, 0.0, LIMIT, "absolute")
 
 
-def stopped_at(dt: float, least_time: float = 1.0) -> float | None:
+def stop_time(dt: float, least_time: float = 1.0) -> float | None:
     """s, when an explicit run of the stiff pair stops as unstable; None: not in `least_time` s."""
     finger, drum = stiff_pair()
     state = begin(Explicit(), finger, drum, finger.begin({}), pulls_on_drum)
@@ -184,12 +184,12 @@ def stopped_at(dt: float, least_time: float = 1.0) -> float | None:
     return None
 
 
-def found_limit() -> float:
+def find_limit() -> float:
     """s, between the stable and the unstable steps of the explicit pair, by bisection."""
     low, high = 1e-3, 2e-3
     while high - low > 5e-6:
         middle = 0.5 * (low + high)
-        low, high = (low, middle) if stopped_at(middle) else (middle, high)
+        low, high = (low, middle) if stop_time(middle) else (middle, high)
     return 0.5 * (low + high)
 
 
@@ -197,11 +197,11 @@ def solves_rows() -> Iterator[Row]:
     """Hood solves a step of three stiff joints, to the schemes' own tolerance; with the error,
     which is the step's and not the scheme's."""
     finger, drum = stiff_pair(3)
-    fine = driven(Linear(), finger, drum, np.zeros(3), pulls_on_drum, FINE, round(LASTS / FINE))
+    fine = drive(Linear(), finger, drum, np.zeros(3), pulls_on_drum, FINE, round(LASTS / FINE))
     for name, (scheme, most, source) in COUNTED.items():
         for dt in STEPS:
             n = round(LASTS / dt)
-            states = driven(scheme, finger, drum, np.zeros(3), pulls_on_drum, dt, n)
+            states = drive(scheme, finger, drum, np.zeros(3), pulls_on_drum, dt, n)
             error = np.abs(angles_of(states) - angles_of(fine)[:: round(dt / FINE)]).max()
             what = f"hood solves a step (error {1e3 * error:.2f} mrad)"
             solves = (states[-1].solves - 1) / n

@@ -56,7 +56,7 @@ class Drum:
         along = self.arm @ turns
         return HoodJacobian(-turns.T @ self.stiffness @ turns, along.T, along, np.zeros((nt, nt)))
 
-    def loosely(self, tolerance: float) -> Drum:
+    def with_tolerance(self, tolerance: float) -> Drum:
         return self
 
     @property
@@ -92,27 +92,27 @@ def stiff_pair(joints: int = 1) -> tuple[MovingHinge, Drum]:
     return finger, Drum(rest.bodies, RADIUS * one[None], STIFFNESS * np.eye(joints), rest)
 
 
-def risen(time: float) -> float:
+def smooth_rise(time: float) -> float:
     """N, with a continuous slope."""
     u = min(max(time / RISE, 0.0), 1.0)
     return FULL * u**2 * (3 - 2 * u)
 
 
 def pulls_on_drum(time: float) -> tuple[Array, Array]:
-    return np.array([risen(time)]), np.zeros(0)
+    return np.array([smooth_rise(time)]), np.zeros(0)
 
 
 def stiff_truth(times: Array) -> Array:
     """(n, 1) rad."""
 
     def slope(t: float, y: Array) -> list[float]:
-        torque = RADIUS * risen(t) - STIFFNESS * y[0] - DAMPING * y[1]
+        torque = RADIUS * smooth_rise(t) - STIFFNESS * y[0] - DAMPING * y[1]
         return [y[1], torque / INERTIA]
 
-    return integrated(slope, np.zeros(2), times)[:, :1]
+    return integrate(slope, np.zeros(2), times)[:, :1]
 
 
-def integrated(slope: Callable[..., object], start: Array, times: Array) -> Array:
+def integrate(slope: Callable[..., object], start: Array, times: Array) -> Array:
     """(n, len(start)) solution at increasing times from the first on, to 1e-11."""
     span = (times[0], times[-1])
     found = solve_ivp(slope, span, start, "DOP853", times, rtol=1e-11, atol=1e-13)
@@ -124,7 +124,7 @@ def stiff_by_backward_euler(dt: float, steps: int) -> Array:
     matrix = np.array([[1.0, -dt], [dt * STIFFNESS / INERTIA, 1 + dt * DAMPING / INERTIA]])
     y = np.zeros((steps + 1, 2))
     for i in range(steps):
-        pull = dt * RADIUS * risen((i + 1) * dt) / INERTIA
+        pull = dt * RADIUS * smooth_rise((i + 1) * dt) / INERTIA
         y[i + 1] = np.linalg.solve(matrix, y[i] + [0.0, pull])
     return y[:, :1]
 
@@ -186,7 +186,7 @@ def soft_truth(times: Array) -> Array:
     def slope(t: float, y: Array) -> Array:
         return np.concatenate([y[3:], soft_acceleration(t, y[:3], y[3:])])
 
-    return integrated(slope, np.concatenate([REST, np.zeros(3)]), times)[:, :3]
+    return integrate(slope, np.concatenate([REST, np.zeros(3)]), times)[:, :3]
 
 
 def soft_by_backward_euler(dt: float, steps: int) -> Array:

@@ -15,7 +15,7 @@ from cosim.analyses.reduction.walks import GRID
 from cosim.build.models import build
 from cosim.case.file import find_case, load_case
 from cosim.checks import Row, Study
-from cosim.hoods.lumped.reduction import Sample, fitted, stacked
+from cosim.hoods.lumped.reduction import Sample, fit_potential, stack
 
 SPRINGS = ("edc_ulnar", "edc_slip", "edc_radial", "lum_slip", "lum_lateral", "fpi_slip")
 SOFT = [f'hood.connecting.{name}.stiffness="{1 + 0.2 * i} N/mm"' for i, name in enumerate(SPRINGS)]
@@ -38,9 +38,9 @@ def network_rows() -> Iterator[Row]:
     low, high = [-0.1, 0.0, 0.1, 0.0], [0.6, 0.0, 0.9, 0.4]
     angle, load = random.uniform(low, high, (40, 4)), random.uniform(7.0, 12.0, (7, 3))
     states = [s for s in on_models(models, Walk(angle, load)) if isinstance(s, Sample)]
-    fit, held = stacked(states[:-40]), stacked(states[-40:])
-    made = fitted(fit, models.finger.joints, models.hood.tendons)
-    for name, value in made.derived(held.angle, held.tension)._asdict().items():
+    fit, held = stack(states[:-40]), stack(states[-40:])
+    made = fit_potential(fit, models.finger.joints, models.hood.tendons)
+    for name, value in made.derivatives(held.angle, held.tension)._asdict().items():
         told = getattr(held, name)
         off = float(np.abs(value - told).max() / np.abs(told).max())
         yield Row("network from a network", f"{name}, relative", 0.0, off, ROUNDING, KNOWN, "bound")

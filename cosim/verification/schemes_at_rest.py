@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cosim.build.motion import together
+from cosim.build.motion import moving_models
 from cosim.case.file import load_case
 from cosim.checks import Row, Study
-from cosim.coupling.motion import moments
+from cosim.coupling.motion import motion_states
 from cosim.errors import quiet
 from cosim.port import Array
 from cosim.solve.solvers import solve
@@ -55,7 +55,7 @@ def rows_of(muscle: str) -> Iterator[Row]:
 def at_rest(muscle: str, scheme: str) -> Array:
     """(3,) N by a scheme for equilibria."""
     case = load_case(f"isometric_{muscle}", [COARSE, f'coupling.scheme="{scheme}"'])
-    return solve(case)[1].loaded.told.tip_force
+    return solve(case)[1].loaded.known_balance.tip_force
 
 
 def run_to_rest(muscle: str) -> Array:
@@ -64,9 +64,9 @@ def run_to_rest(muscle: str) -> Array:
     damped = [f"finger.passive.{joint}.damping={DAMPING}" for joint in JOINTS]
     case = load_case(f"isometric_{muscle}", [COARSE, *motion, *damped])
     assert case.forward is not None  # stated above
-    both = together(case, case.forward)
+    both = moving_models(case, case.forward)
     start = both.moves.begin(both.finger.begin(both.posture))
-    *_, end = moments(both.moves, start, round(DURATION / STEP), quiet)
+    *_, end = motion_states(both.moves, start, round(DURATION / STEP), quiet)
     return both.finger.tip_wrench(end.coupled.finger)[:3]
 
 

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
 
-def smoothed(quads: Ints, fibre: Array, region: Ints | Sequence[str] | None = None) -> Array:
+def smooth_fibres(quads: Ints, fibre: Array, region: Ints | Sequence[str] | None = None) -> Array:
     """(ne, g, 3) unit directions at the Gauss points, continuous over each region, from one
     direction an element (ne, 3); `region` (ne,) keeps what belongs to one from another."""
     names = np.zeros(len(quads), dtype=int) if region is None else np.asarray(region)
@@ -29,7 +29,7 @@ def smoothed(quads: Ints, fibre: Array, region: Ints | Sequence[str] | None = No
     return out
 
 
-def followed(points: Array, quads: Ints, fibre: Array) -> Array:
+def follow_mesh(points: Array, quads: Ints, fibre: Array) -> Array:
     """(ne, g, 3) directions, not of unit length, at the Gauss points of elements with nodes at
     points (n, 3): everywhere the same combination of the element's base vectors as `fibre` (ne, 3)
     is at its centre, so that a fibre that runs along the mesh's lines follows them."""

@@ -32,7 +32,7 @@ PAYS = 1000
 """Elements from which a second thread pays."""
 
 
-def compiled(kernel: Kernel) -> Kernel:
+def compile_kernel(kernel: Kernel) -> Kernel:
     """The kernel compiled when it is first called, and kept on disk."""
     if not COMPILED:
         return kernel
@@ -70,7 +70,7 @@ def in_parallel(work: Callable[[int, int], None], count: int, pays: int) -> None
         done.result()
 
 
-def gathered(start: Ints, gather: Ints, values: Array) -> Array:
+def sum_entries(start: Ints, gather: Ints, values: Array) -> Array:
     """(m,) sums of values[gather[start[k]:start[k + 1]]], each taken in order."""
     out = np.zeros(len(start) - 1)
     if COMPILED:
@@ -80,7 +80,7 @@ def gathered(start: Ints, gather: Ints, values: Array) -> Array:
     return np.bincount(which, weights=values[gather], minlength=len(out)).astype(float, copy=False)
 
 
-@compiled
+@compile_kernel
 def _gather(first: int, last: int, start: Ints, gather: Ints, values: Array, out: Array) -> None:
     for k in range(first, last):
         total = 0.0
@@ -102,7 +102,7 @@ def spread(which: Ints, weights: Array, hessian: Array, count: int) -> Array:
     return (sums @ own).reshape(count, m, 3, m, 3)
 
 
-@compiled
+@compile_kernel
 def _spread(which: Ints, weights: Array, hessian: Array, out: Array) -> None:
     m = weights.shape[1]
     for k in range(len(which)):
@@ -115,7 +115,7 @@ def _spread(which: Ints, weights: Array, hessian: Array, out: Array) -> None:
                         out[e, a, i, b, j] += w * hessian[k, i, j]
 
 
-def sampled(samples: Array, membrane: int, y: Array) -> Array:
+def sample_values(samples: Array, membrane: int, y: Array) -> Array:
     """(ne, m) values y.samples.y / 2 of y (ne, 2k, 3); the first `membrane` of them are of the
     positions alone, the others of positions times directors."""
     out, known = np.empty((len(y), len(samples))), (0,) * (y.shape[1] // 2)
@@ -123,7 +123,7 @@ def sampled(samples: Array, membrane: int, y: Array) -> Array:
     return out
 
 
-@compiled
+@compile_kernel
 def _sample(
     first: int,
     last: int,
@@ -161,7 +161,7 @@ def stress_gradient(samples: Array, membrane: int, y: Array, stress: Array) -> A
     return out
 
 
-@compiled
+@compile_kernel
 def _stress_gradient(
     first: int,
     last: int,
@@ -183,7 +183,7 @@ def _stress_gradient(
                 out[e, a, k] = value
 
 
-@compiled
+@compile_kernel
 def _geometric(samples: Array, membrane: int, stress: Array, out: Array) -> None:
     """(2k, 2k) sum of stress (m,) times samples, of which the lower right block is zero."""
     nodes = out.shape[0] // 2
@@ -224,7 +224,7 @@ def element_blocks(
     return out
 
 
-@compiled
+@compile_kernel
 def _blocks(
     first: int,
     last: int,
@@ -250,6 +250,7 @@ def _blocks(
     K = np.zeros((size, size))
     G = np.zeros((2 * nodes, 2 * nodes))
     for e in range(first, last):
+        # B: gradients of the samples by the mid-surface's y (membrane, then the others)
         B[:, :, :] = 0.0
         for i in range(stretch):
             for a in range(nodes):
@@ -262,6 +263,7 @@ def _blocks(
                     for k in range(3):
                         B[i, a, k] += samples[i, a, b] * y[e, b, k]
                         B[i, b, k] += samples[i, a, b] * y[e, a, k]
+        # R: the same by the nodes' degrees of freedom, in their bases A and T
         for i in range(m):
             for a in range(nodes):
                 h = height[e, a]
@@ -275,6 +277,7 @@ def _blocks(
                     for k in range(3):
                         value += (B[i, nodes + a, k] + h * B[i, a, k]) * T[e, a, k, j]
                     R[i, 5 * a + 3 + j] = value
+        # L: gradients of the 8 generalized strains at each Gauss point; CL: stiffness times L
         L[:, :] = 0.0
         CL[:, :] = 0.0
         for g in range(points):
@@ -296,7 +299,9 @@ def _blocks(
                     if stiffness[e, g, c, i] != 0.0:
                         for j in range(size):
                             CL[at + c, j] += stiffness[e, g, c, i] * L[at + i, j]
+        # K: the material part, L^T C L
         np.dot(L.T, CL, K)
+        # G: stress times the samples' Hessian, carried from the mid-surface to the nodes' height
         _geometric(samples, stretch, stress[e], G)
         for a in range(nodes):
             for b in range(nodes):
@@ -310,6 +315,7 @@ def _blocks(
         for a in range(nodes):
             for b in range(nodes):
                 G[nodes + b, a] = G[a, nodes + b]
+        # K += the geometric part, G in the nodes' bases; the lower half alone
         for a in range(nodes):
             for b in range(a + 1):
                 for i in range(3):
@@ -334,6 +340,7 @@ def _blocks(
                         for k in range(3):
                             value += T[e, a, k, i] * T[e, b, k, j]
                         K[5 * a + 3 + i, 5 * b + 3 + j] += G[nodes + a, nodes + b] * value
+        # both halves from the lower one
         for i in range(size):
             for j in range(i + 1):
                 out[e, i, j] = K[i, j]

@@ -76,7 +76,7 @@ def distortion(X: Array) -> Array:
     return np.stack(a) / d
 
 
-def _tied_membrane(a: Array, r: float, s: float) -> Array:
+def _mitc_membrane(a: Array, r: float, s: float) -> Array:
     """(ne, 3, 5) MITC4+ e_rr, e_ss, e_rs at one point from the membrane samples; a (5, ne)."""
     aA, aB, aC, aD, aE = a
     p, q = r * r - 1, s * s - 1
@@ -110,7 +110,7 @@ def quad_membrane(X: Array, a: Array, centre: Array | None) -> Array:
 
     With the base vectors r and s (ne, 2, 3) of the stress-free elements' `centre` the strain bends
     in its plane without locking (`_project_variation`); without, it is bilinear."""
-    tied = np.stack([_tied_membrane(a, r, s) for r, s in GAUSS], axis=1)
+    tied = np.stack([_mitc_membrane(a, r, s) for r, s in GAUSS], axis=1)
     if centre is None:
         return tied
     turns, area = to_centre(FOUR, X, GAUSS)
@@ -142,7 +142,7 @@ def _project_variation(centre: Array, share: Array, strain: Array) -> Array:
     return np.asarray(mean + np.einsum("gin,ikn,nim->gnkm", lever, fields, size))
 
 
-def tied_shear(r: float, s: float) -> Array:
+def mitc_shear(r: float, s: float) -> Array:
     """(2, 4) g_r, g_s at one point from the shear samples."""
     return np.array([[1 - s, 1 + s, 0, 0], [0, 0, 1 - r, 1 + r]]) / 2
 

@@ -102,19 +102,19 @@ def _covariant_membrane() -> tuple[Array, Array]:
     return tied, own
 
 
-def tied_membrane(X: Array) -> Array:
+def mitc_membrane(X: Array) -> Array:
     """(ne, 9, 3, 24) membrane e_rr, e_ss, e_rs at the Gauss points from the samples, of elements X
     (ne, 9, 3)."""
     tied, own = _covariant_membrane()
     turns, area = to_centre(NINE, X, GAUSS)
-    strain = _turned(turns, tied)
+    strain = _transform(turns, tied)
     around, share = to_centre(NINE, X, TYING)
-    strain += _mean(_turned(around, own), share) - _mean(strain, area * NINE.factors[:, None])
+    strain += _mean(_transform(around, own), share) - _mean(strain, area * NINE.factors[:, None])
     back = [covariant(np.linalg.inv(t), e) for t, e in zip(turns, strain, strict=True)]
     return np.stack(back, axis=1)
 
 
-def _turned(turns: Array, tensors: Array) -> Array:
+def _transform(turns: Array, tensors: Array) -> Array:
     """(p, ne, 3, m) covariant tensors (p, 3, m), the same for all elements, in the bases of `turns`
     (p, ne, 2, 2)."""
     pairs = zip(turns, tensors, strict=True)
@@ -126,7 +126,7 @@ def _mean(strain: Array, weight: Array) -> Array:
     return np.einsum("pn,pnim->nim", weight / weight.sum(axis=0), strain)
 
 
-def tied_shear() -> Array:
+def mitc_shear() -> Array:
     """(9, 2, 12) g_r, g_s at the Gauss points from the shear samples."""
     out = np.zeros((9, 2, 12))
     for g, (r, s) in enumerate(GAUSS):

@@ -20,8 +20,8 @@ from fe_solver.elements.mitc4 import (
     FOUR,
     TRIANGLE_MEMBRANE,
     distortion,
+    mitc_shear,
     quad_membrane,
-    tied_shear,
     triangle_shear,
 )
 from fe_solver.elements.strain_forms import Element, to_cartesian
@@ -72,9 +72,9 @@ class ShellTables:
     def strain(self, y: Array) -> Array:
         """(ne, g, 8) generalized strains of the nodes' y (ne, 2k, 3): e11, e22, 2 e12 of the
         mid-surface, k11, k22, 2 k12 of bending, g13, g23 of transverse shear."""
-        return self.combined(_sampled(self.element, self.middle(y)))
+        return self.strain_from_samples(_sample_values(self.element, self.middle(y)))
 
-    def combined(self, samples: Array) -> Array:
+    def strain_from_samples(self, samples: Array) -> Array:
         """(ne, g, 8) strains from samples (ne, m)."""
         membrane, bending, shear = self.element.parts
         points = self.weight.shape[1]
@@ -85,7 +85,7 @@ class ShellTables:
         ]
         return np.concatenate(parts, axis=2)[..., 0] - self.offset
 
-    def collected(self, force: Array) -> Array:
+    def sample_stress(self, force: Array) -> Array:
         """(ne, m) stress of the samples from the forces (ne, g, 8) of the Gauss points."""
         bent = np.einsum("ngci,ngc->ngi", self.bending, force[..., 3:6])
         parts = [
@@ -98,7 +98,7 @@ class ShellTables:
     def forces(self, y: Array, resultant: Array) -> Array:
         """(ne, 2k, 3) by the nodes' y: gradient of resultant (ne, g, 8) times strain, no area."""
         k = y.shape[1] // 2
-        out = _stress_gradient(self.element, self.middle(y), self.collected(resultant))
+        out = _stress_gradient(self.element, self.middle(y), self.sample_stress(resultant))
         out[:, k:] += self.height[:, :, None] * out[:, :k]
         out[:, k:] *= self.mitre[:, :, None]
         return out
@@ -115,10 +115,10 @@ class ShellTables:
         return out.reshape(ne, 8 * points, -1)
 
 
-def _sampled(element: Element, y: Array) -> Array:
+def _sample_values(element: Element, y: Array) -> Array:
     """(ne, m) samples of the mid-surface's y (ne, 2k, 3)."""
     if kernels.COMPILED:
-        return kernels.sampled(element.samples, element.parts[0].stop, y)
+        return kernels.sample_values(element.samples, element.parts[0].stop, y)
     return np.einsum("ncak,nak->nc", element.samples @ y[:, None], y) / 2
 
 
@@ -227,15 +227,15 @@ def _four_nodes(X: Array, centre: Array | None) -> tuple[Array, Array]:
     warp[:, ~triangle] = distortion(X[~triangle])
     membrane = quad_membrane(X, warp, centre)
     membrane[triangle] = TRIANGLE_MEMBRANE
-    shear = np.stack([tied_shear(r, s) for r, s in FOUR.gauss])
+    shear = np.stack([mitc_shear(r, s) for r, s in FOUR.gauss])
     of_triangle = np.stack([triangle_shear(r, s) for r, s in FOUR.gauss])
     return membrane, np.where(triangle[:, None, None, None], of_triangle, shear)
 
 
 def _nine_nodes(X: Array) -> tuple[Array, Array]:
     """Membrane (ne, 9, 3, 24) and shear (ne, 9, 2, 12), covariant, as `_four_nodes`."""
-    shear = nine_nodes.tied_shear()
-    return nine_nodes.tied_membrane(X), np.broadcast_to(shear, (len(X), *shear.shape))
+    shear = nine_nodes.mitc_shear()
+    return nine_nodes.mitc_membrane(X), np.broadcast_to(shear, (len(X), *shear.shape))
 
 
 @dataclass(frozen=True)
@@ -254,7 +254,7 @@ class ElementResponse:
 def element_response(tables: ShellTables, section: Section, y: Array) -> ElementResponse:
     """Energy and gradient of all elements at the nodes' y (ne, 2k, 3)."""
     middle = tables.middle(y)
-    answer = section.response(tables.combined(_sampled(tables.element, middle)))
+    answer = section.response(tables.strain_from_samples(_sample_values(tables.element, middle)))
     energy = float(np.vdot(answer.energy, tables.weight))
     force = answer.force * tables.weight[:, :, None]
     return ElementResponse(energy, tables.forces(y, force), middle, force, answer.stiffness)
@@ -268,10 +268,10 @@ def element_blocks(
 
     `convex` keeps of the geometric stiffness what tension makes, so that the tangent is positive
     semidefinite: not consistent, but a descent direction from any state."""
-    stress = tables.collected(tensile(response.force) if convex else response.force)
+    stress = tables.sample_stress(tensile(response.force) if convex else response.force)
     stiffness = response.stiffness * tables.weight[:, :, None, None]
     bases = bases[0], bases[1] * tables.mitre[:, :, None, None]
-    blocks = _compiled_blocks if kernels.COMPILED else _plain_blocks
+    blocks = _kernel_blocks if kernels.COMPILED else _numpy_blocks
     return blocks(tables, response.middle, stress, stiffness, bases)
 
 
@@ -303,7 +303,7 @@ def _geometric(element: Element, stress: Array) -> Array:
     return (stress @ element.samples.reshape(m, size * size)).reshape(-1, size, size)
 
 
-def _compiled_blocks(
+def _kernel_blocks(
     tables: ShellTables, y: Array, stress: Array, stiffness: Array, bases: tuple[Array, Array]
 ) -> Array:
     parts = tables.membrane, tables.bending, tables.shear
@@ -311,7 +311,7 @@ def _compiled_blocks(
     return kernels.element_blocks(samples, y, tables.height, parts, stress, stiffness, bases)
 
 
-def _plain_blocks(
+def _numpy_blocks(
     tables: ShellTables, y: Array, stress: Array, stiffness: Array, bases: tuple[Array, Array]
 ) -> Array:
     """The element tangents in numpy: what the compiled kernel is held to."""

@@ -105,8 +105,8 @@ def to_cartesian(J: Array, tensor: Array) -> Array:
 
 
 def to_centre(element: Element, X: Array, points: Array) -> tuple[Array, Array]:
-    """Of points (p, 2) of the elements X (ne, k, 3): the components (p, ne, 2, 2) of their base
-    vectors, as columns, along those of the element's centre, and their area factors (p, ne)."""
+    """Return the components (p, ne, 2, 2) of the base vectors at points (p, 2) of the elements X
+    (ne, k, 3), as columns, along those of the element's centre, and their area factors (p, ne)."""
     centre = element.base_vectors(X, 0, 0)
     dual = np.linalg.solve(centre @ np.swapaxes(centre, 1, 2), centre)
     bases = np.stack([element.base_vectors(X, r, s) for r, s in points])

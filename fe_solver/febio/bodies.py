@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fe_solver.febio.materials import Material, material_named
+from fe_solver.febio.materials import Material, find_material
 from fe_solver.febio.mesh import SHELLS, FebMesh, rows_of
 from fe_solver.febio.parts import Parts
 from fe_solver.febio.xml import Tag
@@ -68,9 +68,9 @@ class Model:
             raise tag.fault(f"there is no load controller {number}")
         return found
 
-    def body_named(self, tag: Tag, name: str) -> int:
+    def body_of(self, tag: Tag, name: str) -> int:
         """Raises InputError where there is no such rigid material."""
-        m = material_named(tag, self.materials, name)
+        m = find_material(tag, self.materials, name)
         if not m.rigid:
             raise tag.fault(f"the material {name!r} is not rigid")
         return self.rigid.index(m.name)
@@ -122,7 +122,7 @@ def read_curve(t: Tag, across: float = 1.0, along: float = 1.0) -> Curve:
     if beyond not in list(Extension):
         raise t.fault(f"extension {beyond!r} is not read; known: {', '.join(Extension)}")
     times, height = (values * (across, along)).T.tolist() if len(line) else ([], [])
-    with t.told():
+    with t.naming_place():
         return Curve(tuple(times), tuple(height), Interpolation(between), Extension(beyond))
 
 
@@ -152,7 +152,7 @@ def owners(
     shell[parts.sheet.nodes] = True
     for t in boundary:
         if t.attribute("type") == "rigid":
-            m = material_named(t, materials, t.word("rb", ""))
+            m = find_material(t, materials, t.word("rb", ""))
             nodes = mesh.nodes_of(t, t.attribute("node_set"))
             if m.name in model_rigid:
                 out[nodes[~shell[nodes] & (out[nodes] < 0)]] = model_rigid.index(m.name)
@@ -194,16 +194,16 @@ def read_bodies(
 
 
 def _motions(model: Model, sections: list[Tag]) -> list[list[Drive]]:
-    """Of each body: displacement along x, y, z and the rotation vector's components."""
+    """Each body's displacement along x, y, z and the components of its rotation vector."""
     given: list[dict[int, Drive]] = [{} for _ in model.rigid]
     fixed: list[set[int]] = [set() for _ in model.rigid]
     for t in [t for s in sections for t in s.all("rigid_bc")]:
-        body, kind = model.body_named(t, t.word("rb", "")), t.attribute("type")
+        body, kind = model.body_of(t, t.word("rb", "")), t.attribute("type")
         if kind == "rigid_fixed":
             names = ("Rx", "Ry", "Rz", "Ru", "Rv", "Rw")
             fixed[body] |= {i for i, n in enumerate(names) if t.flag(f"{n}_dof")}
         elif kind in ("rigid_displacement", "rigid_rotation"):
-            i, drive = _moved(model, t, kind == "rigid_rotation")
+            i, drive = _read_motion(model, t, kind == "rigid_rotation")
             if i in given[body]:
                 raise t.fault(f"this motion of {model.rigid[body]!r} is prescribed twice")
             given[body][i] = drive
@@ -217,7 +217,7 @@ def _motions(model: Model, sections: list[Tag]) -> list[list[Drive]]:
     return [[own.get(i, Drive()) for i in range(6)] for own in given]
 
 
-def _moved(model: Model, t: Tag, turns: bool) -> tuple[int, Drive]:
+def _read_motion(model: Model, t: Tag, turns: bool) -> tuple[int, Drive]:
     names = ("Ru", "Rv", "Rw") if turns else ("x", "y", "z")
     dof, value = t.word("dof", ""), t.one("value")
     if dof not in names or value is None:

@@ -27,11 +27,11 @@ def _on_sheet(model: Model, tag: Tag, nodes: Ints, what: str) -> Ints:
     return index[index >= 0]
 
 
-def read_tied(model: Model, sections: list[Tag]) -> tuple[Tied, ...]:
+def read_ties(model: Model, sections: list[Tag]) -> tuple[Tied, ...]:
     """Rigid boundary conditions, and shell nodes that are also a rigid element's."""
     out = []
     for t in _conditions(sections, "rigid"):
-        body = model.body_named(t, t.word("rb", ""))
+        body = model.body_of(t, t.word("rb", ""))
         nodes = model.shell[model.mesh.nodes_of(t, t.attribute("node_set"))]
         if (nodes >= 0).any():
             out.append(Tied(nodes[nodes >= 0], body, t.value("clamp_shells", 1.0) != 0))
@@ -46,7 +46,7 @@ def _conditions(sections: list[Tag], kind: str) -> list[Tag]:
     return [t for s in sections for t in s.all("bc") if t.attribute("type") == kind]
 
 
-def fixed_nodes(model: Model, sections: list[Tag]) -> Ints:
+def nodes_at_rest(model: Model, sections: list[Tag]) -> Ints:
     """Mesh nodes of which all three displacements are zero."""
     held = np.zeros((3, len(model.shell)), dtype=bool)
     for t in _conditions(sections, "zero displacement"):
@@ -56,7 +56,7 @@ def fixed_nodes(model: Model, sections: list[Tag]) -> Ints:
     return np.flatnonzero(held.all(axis=0))
 
 
-def read_held(
+def read_displacements(
     model: Model, sections: list[Tag], tied: tuple[Tied, ...]
 ) -> tuple[tuple[Held, ...], tuple[HeldDirector, ...]]:
     """Given displacements of nodes, and of directors through FEBio's back faces.
@@ -83,7 +83,7 @@ def read_held(
         drive = model.drive(value, model.units.length)
         held.append(Held(_free(model, t, taken), AXES.index(dof), drive))
     held = [h for h in held if len(h.nodes)]
-    return tuple(held), _held_directors(model, sections, still, taken)
+    return tuple(held), _read_director_supports(model, sections, still, taken)
 
 
 def _free(model: Model, t: Tag, taken: Ints) -> Ints:
@@ -98,7 +98,7 @@ def _free(model: Model, t: Tag, taken: Ints) -> Ints:
     return nodes[~twice]
 
 
-def _held_directors(
+def _read_director_supports(
     model: Model, sections: list[Tag], held: tuple[Held, ...], taken: Ints
 ) -> tuple[HeldDirector, ...]:
     out = []
@@ -136,7 +136,7 @@ def read_forces(model: Model, sections: list[Tag]) -> tuple[NodalForce, ...]:
     return tuple(out)
 
 
-def matched(model: Model, sheet: Sheet, tag: Tag, facets: Ints) -> tuple[Ints, Ints]:
+def match_facets(model: Model, sheet: Sheet, tag: Tag, facets: Ints) -> tuple[Ints, Ints]:
     """The quad (k,) that each facet (k, 4) of mesh nodes is, and 1 where it is wound alike, else
     -1.  Raises InputError where a facet is no element of the sheet."""
     both = np.concatenate([sheet.quads, facets])
@@ -175,7 +175,7 @@ def read_pressures(model: Model, sheet: Sheet, sections: list[Tag]) -> tuple[Pre
             raise t.fault("<shell_bottom> other than 0 is not read")
         t.all("symmetric_stiffness")
         facets = model.mesh.surface_of(t, t.attribute("surface"))
-        quads, sign = matched(model, sheet, t, facets)
+        quads, sign = match_facets(model, sheet, t, facets)
         drive = model.drive(value, model.units.stress)
         out.append(Pressure(quads, sign, drive, t.flag("linear")))
     return tuple(out)

@@ -15,7 +15,7 @@ from fe_solver.materials.linear import Isotropic, Law, Orthotropic, Real
 FIELDS = ("E1", "E2", "nu12", "G12", "G13", "G23", "nu23", "nu31")
 
 
-def oriented(law: Law) -> bool:
+def needs_fibre(law: Law) -> bool:
     """Whether the law's answer depends on the fibre direction."""
     fibrous = TransIsoMooneyRivlin | HolzapfelGasserOgden | Orthotropic
     return isinstance(law, fibrous | CrossedFibres | CrossedLinear)
@@ -28,7 +28,7 @@ def law_line(number: int, name: str, law: Law, stress: float, in_situ_stretch: f
     part."""
     kind, inner = _material(name, law, stress)
     if in_situ_stretch != 1.0:
-        kind, inner = _prestrained(name, law, stress, in_situ_stretch)
+        kind, inner = _prestrain_text(name, law, stress, in_situ_stretch)
     return (
         f'<material id="{number}" name={quoteattr(name)} type="{kind}"><density>1</density>'
         f"{inner}</material>"
@@ -81,7 +81,7 @@ def _mixture(name: str, law: CrossedFibres, stress: float) -> tuple[str, str]:
     )
 
 
-def _prestrained(name: str, law: Law, stress: float, stretch: float) -> tuple[str, str]:
+def _prestrain_text(name: str, law: Law, stress: float, stretch: float) -> tuple[str, str]:
     if not isinstance(law, TransIsoMooneyRivlin):
         raise InputError(
             f"part {name!r}: FEBio stretches in situ only what has one fibre of its own, of these "

@@ -23,7 +23,7 @@ RIGID = "rigid body"
 IN_PLANE = 0.9
 """Least cosine between the third material axis and the sheet's normal."""
 MATRICES, EXPONENTIAL = ("Mooney-Rivlin", "trans iso Mooney-Rivlin"), "uncoupled fiber-exp-linear"
-"""Of a mixture: what may be its matrix, and its fibres."""
+"""What may be the matrix of a mixture, and its fibres."""
 OFF_PLANE = 1e-9
 """Third component of a mixture's fibre that is rounding."""
 NO_FIBRES = {"c3": 0.0, "c4": 1.0, "c5": 0.0, "lam_max": 2.0}
@@ -44,6 +44,7 @@ class Material:
 
     @property
     def rigid(self) -> bool:
+        """Whether it is a rigid body."""
         return self.law is None
 
 
@@ -64,7 +65,7 @@ def read_materials(section: Tag, stress: float) -> list[Material]:
     return out
 
 
-def material_named(tag: Tag, materials: list[Material], name: str) -> Material:
+def find_material(tag: Tag, materials: list[Material], name: str) -> Material:
     """By name or number.  Raises InputError where there is none."""
     for m in materials:
         if name in (m.name, m.number):
@@ -80,7 +81,7 @@ def _centre(t: Tag) -> Array | None:
     return None if centre is None else np.array(centre.numbers(3))
 
 
-def _needed(t: Tag, *names: str) -> list[float]:
+def _require_values(t: Tag, *names: str) -> list[float]:
     missing = [n for n in names if t.one(n) is None]
     if missing:
         raise t.fault(f"the parameter <{missing[0]}> is missing")
@@ -93,11 +94,11 @@ def _deformable(t: Tag, stress: float) -> tuple[Law, Tag, float]:
     if kind == "uncoupled solid mixture":
         return *_mixture(t, stress), 1.0
     if kind in ("prestrain elastic", "uncoupled prestrain elastic"):
-        return _prestrained(t, stress)
+        return _read_prestrain(t, stress)
     return _law(t, stress), t, 1.0
 
 
-def _prestrained(t: Tag, stress: float) -> tuple[Law, Tag, float]:
+def _read_prestrain(t: Tag, stress: float) -> tuple[Law, Tag, float]:
     """A law whose fibres are stretched in situ."""
     inner, made = t.one("elastic"), t.one("prestrain")
     if inner is None or made is None:
@@ -108,7 +109,7 @@ def _prestrained(t: Tag, stress: float) -> tuple[Law, Tag, float]:
         raise made.fault("prestrain is read as an in-situ stretch alone")
     if not made.value("isochoric", 1.0):
         raise made.fault("an in-situ stretch that changes the volume is not read; set isochoric 1")
-    stretch = _needed(made, "stretch")[0]
+    stretch = _require_values(made, "stretch")[0]
     if not (np.isfinite(stretch) and stretch > 0):
         raise made.fault(f"the stretch must be positive, got {stretch:g}")
     return _mooney_rivlin(inner, stress, False, t), inner, stretch
@@ -131,17 +132,17 @@ def _mixture(t: Tag, stress: float) -> tuple[Law, Tag]:
     law = _mooney_rivlin(matrices[0], stress, plain, t)
     holder = fibres[0] if plain else matrices[0]
     if plain:
-        with fibres[0].told():
+        with fibres[0].naming_place():
             law = replace(law, **vars(_family(fibres[0], stress)))
     if families == 1:
         return law, holder
-    with t.told():
+    with t.naming_place():
         return CrossedFibres(law, _family(fibres[-1], stress), _turn(holder, fibres[-1])), holder
 
 
 def _family(t: Tag, stress: float) -> ExponentialFamily:
-    c3, c4, c5, lam_max = _needed(t, "c3", "c4", "c5", "lambda")
-    with t.told():
+    c3, c4, c5, lam_max = _require_values(t, "c3", "c4", "c5", "lambda")
+    with t.naming_place():
         return ExponentialFamily(c3 * stress, c4, c5 * stress, lam_max)
 
 
@@ -166,26 +167,26 @@ def _in_axes(t: Tag) -> list[float]:
 def _law(t: Tag, stress: float) -> Law:
     kind = t.attribute("type")
     if kind == "isotropic elastic":
-        E, v = _needed(t, "E", "v")
-        with t.told():
+        E, v = _require_values(t, "E", "v")
+        with t.naming_place():
             return Isotropic(E * stress, v)
     if kind == "neo-Hookean":
-        E, v = _needed(t, "E", "v")
-        with t.told():
+        E, v = _require_values(t, "E", "v")
+        with t.naming_place():
             return NeoHookean(E * stress, v)
     if kind in ("trans iso Mooney-Rivlin", "Mooney-Rivlin"):
         return _mooney_rivlin(t, stress, kind == "Mooney-Rivlin")
     if kind == "Holzapfel-Gasser-Ogden":
         _pressure_model(t, "3", "Abaqus (GOH)")
-        c, k1, k2, kappa, gamma, k = _needed(t, "c", "k1", "k2", "kappa", "gamma", "k")
+        c, k1, k2, kappa, gamma, k = _require_values(t, "c", "k1", "k2", "kappa", "gamma", "k")
         gamma = float(np.radians(gamma))
-        with t.told():
+        with t.naming_place():
             return HolzapfelGasserOgden(c * stress, k1 * stress, k2, kappa, gamma, k * stress)
     if kind == "orthotropic elastic":
-        E1, E2, v12, *G = _needed(t, "E1", "E2", "v12", "G12", "G31", "G23")
+        E1, E2, v12, *G = _require_values(t, "E1", "E2", "v12", "G12", "G31", "G23")
         E3, v23, v31 = t.value("E3", E2) * stress, t.value("v23", 0.0), t.value("v31", 0.0)
         G12, G13, G23 = (g * stress for g in G)
-        with t.told():
+        with t.naming_place():
             return Orthotropic(E1 * stress, E2 * stress, v12, G12, G13, G23, E3, v23, v31)
     raise t.fault(
         f"the material {kind!r} is not known; known: isotropic elastic, neo-Hookean, "
@@ -199,11 +200,11 @@ def _mooney_rivlin(
 ) -> TransIsoMooneyRivlin:
     """The law; its bulk modulus is said in the tag `volume`, of a material that wraps it."""
     _pressure_model(volume or t, "0", "default")
-    (c1, c2), (k,) = _needed(t, "c1", "c2"), _needed(volume or t, "k")
+    (c1, c2), (k,) = _require_values(t, "c1", "c2"), _require_values(volume or t, "k")
     names = tuple(NO_FIBRES)
-    c3, c4, c5, lam = NO_FIBRES.values() if plain else _needed(t, *names)
+    c3, c4, c5, lam = NO_FIBRES.values() if plain else _require_values(t, *names)
     fibre = (c3 * stress, c4, c5 * stress, lam)
-    with t.told():
+    with t.naming_place():
         return TransIsoMooneyRivlin(c1 * stress, c2 * stress, *fibre, k * stress)
 
 

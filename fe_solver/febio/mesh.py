@@ -57,18 +57,18 @@ class FebMesh:
             return np.unique(self.surface_of(tag, inner))
         if kind in ("@elem_set", "@part", "@part_list") and inner in self.blocks:
             return np.unique(self.blocks[inner].nodes)
-        return _named(tag, "node set", self.node_sets, name)
+        return _find_set(tag, "node set", self.node_sets, name)
 
     def surface_of(self, tag: Tag, name: str) -> Ints:
         """Facets (k, 4) of a surface.  Raises InputError where there is none of that name."""
-        return _named(tag, "surface", self.surfaces, name)
+        return _find_set(tag, "surface", self.surfaces, name)
 
     def elements_of(self, tag: Tag, name: str) -> Ints:
         """Element numbers of a set or part.  Raises InputError where there is none."""
-        return _named(tag, "element set or part", self.element_sets, name)
+        return _find_set(tag, "element set or part", self.element_sets, name)
 
 
-def _named(tag: Tag, what: str, table: dict[str, Ints], name: str) -> Ints:
+def _find_set(tag: Tag, what: str, table: dict[str, Ints], name: str) -> Ints:
     if name not in table:
         known = ", ".join(map(repr, list(table)[:10])) or "none"
         raise tag.fault(f"there is no {what} {name!r}; the file has {known}")

@@ -12,7 +12,7 @@ SETTINGS = (
     "laugon tolerance gaptol update_penalty two_pass knmult ktmult search_tol search_radius seg_up "
     "symmetric_stiffness minaug maxaug node_reloc smooth_aug fric_tol fric_penalty"
 ).split()
-"""Of a contact: how FEBio finds the answer, not which."""
+"""Settings of a contact that say how FEBio finds the answer, not which."""
 CRITICAL = (
     "Boundary",
     "Rigid",
@@ -40,7 +40,7 @@ ATTRIBUTES = frozenset(
 """That this reader uses, or that say nothing more than it knows."""
 
 
-def told_of(root: Tag, notes: list[str]) -> tuple[str, ...]:
+def collect_notes(root: Tag, notes: list[str]) -> tuple[str, ...]:
     """The notes and one more for everything that nothing read.
 
     Raises InputError where it may change the answer."""
@@ -68,12 +68,12 @@ def _critical(t: Tag) -> bool:
 
 
 def _harmless(t: Tag) -> bool:
-    """Of what may change the answer: settings of contact."""
+    """Whether a setting of contact, which may change the answer, has a value that does not."""
     return t.name in SETTINGS and t.parent is not None and t.parent.name == "contact"
 
 
 def _unknown_attributes(tag: Tag) -> Iterator[str]:
-    """Of the tags that were read."""
+    """Attributes that nothing read, of the tags that were read."""
     for name in tag.attributes.keys() - ATTRIBUTES:
         if _critical(tag):
             raise tag.fault(f"the attribute {name!r} is not known and may change the answer")

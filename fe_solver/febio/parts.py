@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fe_solver.febio.materials import Material, fibre_directions, material_named
+from fe_solver.febio.materials import Material, fibre_directions, find_material
 from fe_solver.febio.mesh import SHELLS, Block, FebMesh, rows_of
 from fe_solver.febio.xml import Tag
 
@@ -32,6 +32,7 @@ class Sheet:
 
     @property
     def nodes(self) -> Ints:
+        """Indices (k,) of the nodes."""
         return np.unique(self.quads)
 
 
@@ -57,7 +58,7 @@ def read_parts(
         if block is None:
             raise t.fault(f"there are no elements called {t.attribute('name')!r}")
         seen.add(block.tag.attribute("name"))
-        m = material_named(t, materials, t.attribute("mat"))
+        m = find_material(t, materials, t.attribute("mat"))
         if m.rigid:
             rigid[m.name].append(block)
             t.pass_over()

@@ -87,7 +87,7 @@ class PublishedHood:
         }
 
 
-def published_hood(path: str | Path, moduli: Moduli, pull: float) -> PublishedHood:
+def solve_published_hood(path: str | Path, moduli: Moduli, pull: float) -> PublishedHood:
     """The hood of the file with `moduli`, adhesions as springs and `pull` (N) at its central end,
     bending and touching as thin sheets do; the other two ends keep the file's 0.25 N.
 
@@ -98,10 +98,10 @@ def published_hood(path: str | Path, moduli: Moduli, pull: float) -> PublishedHo
             f"{path}: is not the published hood: expected Verify/mi29.feb of FEBio's test suite, "
             f"with {QUADS} shell elements and the bodies {', '.join(BODIES)}"
         )
-    job = _with_adhesions(_pulled(_with_moduli(job, moduli), pull))
+    job = _with_adhesions(_scale_pull(_with_moduli(job, moduli), pull))
     job = replace(job, as_febio=False, fibre=_along(job))
     (state,) = solve_job(job, times=[1.0]).states
-    return _observed(job, state)
+    return _observe(job, state)
 
 
 def _middles(job: Job) -> Array:
@@ -138,7 +138,7 @@ def _with_moduli(job: Job, m: Moduli) -> Job:
     return replace(job, parts=parts, part=part)
 
 
-def _pulled(job: Job, pull: float) -> Job:
+def _scale_pull(job: Job, pull: float) -> Job:
     """The end with the most nodes is the central tendon's."""
     central = max(range(len(job.forces)), key=lambda i: len(job.forces[i].nodes))
 
@@ -171,7 +171,7 @@ def _adhesion(job: Job, tied: Tied, body: Body) -> SpringSet:
     )
 
 
-def _observed(job: Job, state: ShellState) -> PublishedHood:
+def _observe(job: Job, state: ShellState) -> PublishedHood:
     x, _, z = _middles(job).T
     tie = {body: float(np.linalg.norm(state.wrench["tie"][body, :3])) for body in (MIDDLE, DISTAL)}
     slip = (z > SLIP - 8e-3) & (z < SLIP + 3e-3) & (np.abs(x - CENTRE) < HALF)

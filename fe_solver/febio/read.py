@@ -24,17 +24,17 @@ from fe_solver.febio.bodies import (
     triangles_of,
 )
 from fe_solver.febio.conditions import (
-    fixed_nodes,
-    matched,
+    match_facets,
+    nodes_at_rest,
+    read_displacements,
     read_forces,
-    read_held,
     read_pressures,
     read_springs,
-    read_tied,
+    read_ties,
 )
 from fe_solver.febio.materials import read_materials
 from fe_solver.febio.mesh import FebMesh, read_mesh_section
-from fe_solver.febio.notes import told_of
+from fe_solver.febio.notes import collect_notes
 from fe_solver.febio.parts import Parts, Sheet, read_parts
 from fe_solver.febio.xml import Tag, read_xml
 from fe_solver.job.checks import check_mesh, within
@@ -78,7 +78,7 @@ def read_feb(path: Path | str, length_unit: float = 1e-3, force_unit: float = 1.
     model = Model(mesh, units, materials, rigid, shell, body, curves, notes)
     job = _job(path.stem, model, parts, sections)
     notes += bending_notes(job)
-    return replace(job, notes=told_of(root, notes), as_febio=True)
+    return replace(job, notes=collect_notes(root, notes), as_febio=True)
 
 
 class _Sections:
@@ -150,10 +150,10 @@ def _check_initial(sections: _Sections, notes: list[str]) -> None:
 
 def _job(name: str, model: Model, parts: Parts, sections: _Sections) -> Job:
     sheet, units, mesh = parts.sheet, model.units, model.mesh
-    tied = read_tied(model, sections.of("Boundary"))
-    held, directors = read_held(model, sections.of("Boundary"), tied)
+    tied = read_ties(model, sections.of("Boundary"))
+    held, directors = read_displacements(model, sections.of("Boundary"), tied)
     springs = read_springs(
-        model, sections.of("Discrete"), fixed_nodes(model, sections.of("Boundary"))
+        model, sections.of("Discrete"), nodes_at_rest(model, sections.of("Boundary"))
     )
     pairs = _contact_tags(mesh, sections.of("Contact"))
     sides = [_sides(model, sheet, t, pair) for t, pair in pairs]
@@ -243,7 +243,7 @@ def _sides(
     owner = np.unique(np.where(model.shell[second] >= 0, -1, model.body[second]))
     if len(owner) != 1 or owner[0] < 0:
         raise t.fault("contact is read between the shell and one rigid body only")
-    quads, wound = matched(model, sheet, t, first)
+    quads, wound = match_facets(model, sheet, t, first)
     return quads, wound, int(owner[0]), second
 
 

@@ -14,7 +14,7 @@ from cosim.errors import InputError
 from cosim.files import written_whole
 from fe_solver.elements.mesh_geometry import node_directors
 from fe_solver.febio.bodies import Units
-from fe_solver.febio.law_write import law_line, oriented
+from fe_solver.febio.law_write import law_line, needs_fibre
 from fe_solver.febio.write_conditions import SAME_POINT, Conditions, Lines, number, row, whole
 from fe_solver.job.job import Job
 from fe_solver.materials.linear import Law
@@ -28,7 +28,7 @@ HEAD = (
 )
 PLOTTED = ("displacement", "stress", "shell thickness", "contact gap", "discrete element force")
 RIGID_THICKNESS = "0.01"
-"""Of rigid shells, which FEBio wants but does not use."""
+"""Thickness of rigid shells, which FEBio wants but does not use."""
 
 
 def write_feb(
@@ -181,7 +181,7 @@ def _mesh_data(w: Conditions, b: _Block) -> Lines:
         for i, values in enumerate(thickness, 1):
             yield f'<e lid="{i}">{row(values)}</e>'
         yield "</ElementData>"
-    if oriented(b.law):
+    if needs_fibre(b.law):
         yield from _axes(w, b)
 
 

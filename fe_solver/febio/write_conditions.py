@@ -25,14 +25,17 @@ SAME_LENGTH = 1e-12
 
 
 def number(value: float) -> str:
+    """A number as XML text."""
     return repr(float(value))
 
 
 def row(values: Iterable[float]) -> str:
+    """Numbers of one row as XML text."""
     return ",".join(repr(float(v)) for v in values)
 
 
 def whole(values: Iterable[int]) -> str:
+    """Whole numbers as XML text."""
     return ",".join(str(int(v)) for v in values)
 
 

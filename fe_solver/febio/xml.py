@@ -46,7 +46,7 @@ class Tag(xml_tree.Tag):
         return f"<{self.path}>"
 
     @contextmanager
-    def told(self) -> Iterator[None]:
+    def naming_place(self) -> Iterator[None]:
         """Errors from within are told with this tag's place."""
         try:
             yield

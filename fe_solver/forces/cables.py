@@ -55,6 +55,7 @@ class Cables:
 
     @staticmethod
     def none() -> Cables:
+        """No cables."""
         f = np.zeros(0)
         return Cables(np.zeros((0, 2), dtype=np.intp), f, f, f, f, f)
 

@@ -170,6 +170,7 @@ def contact_forces(
 ) -> PointForces:
     """Contact energy at node positions x (n, 3); `curvature` keeps the (negative) term of the
     Hessian that the surface's curvature makes."""
+    # gaps: only points near the surface, or gripped, are worked on
     p, R = position[contact.body], rotation[contact.body]
     at = contact.at(x)
     local = (at - p) @ R
@@ -179,6 +180,7 @@ def contact_forces(
     if contact.grip is not None:
         watched |= contact.grip.limit > 0
     near = np.flatnonzero(watched)
+    # normal force along the surface's gradient; a pin stands for its slope in the tangent
     scale = (contact.stiffness * contact.weight)[near]
     work, force, slope = ramp(depth[near], contact.smoothing)
     normal = gradient[near] @ R.T
@@ -186,12 +188,14 @@ def contact_forces(
     if contact.pin is not None:
         along = np.where(contact.pin[near] > 0, contact.pin[near], along)
     pushed = scale * force
+    # energy and gradient, with friction's where there is a grip
     energy, pull, dragged = float(scale @ work), -pushed[:, None] * normal, None
     if contact.grip is not None:
         held, drag, slopes = friction_forces(contact, contact.grip, local)
         energy += float(held.sum())
         pull += drag[near] @ R.T
         dragged = slopes[near]
+    # the forces by node: points within elements act through their shape functions
     curved = bend[near] if curvature else None
     k, one = contact.within, np.ones(len(near))
     cell, point = (0, 0) if k is None else np.divmod(near, len(k.shape))
@@ -223,6 +227,7 @@ def _hessian(
 ) -> Array:
     """(k, 3, 3) of stiffness `along` (k,) the normals (k, 3); of forces `pushed` (k,) N on what is
     `curved` (k, 3, 3) 1/m and of friction `dragged` (k, 3, 3) N/m, both as the body sees them."""
+    # stiffness along the normal, then the surface's curvature, then friction
     out = along[:, None, None] * normal[:, :, None] * normal[:, None, :]
     if curved is not None:
         on = np.flatnonzero(pushed)
@@ -232,7 +237,7 @@ def _hessian(
     return out
 
 
-def joined(parts: list[PointForces]) -> PointForces:
+def join_point_forces(parts: list[PointForces]) -> PointForces:
     """All point forces as one."""
     names = [f.name for f in fields(PointForces) if f.name not in ("energy", "bend")]
     parts = _as_wide(parts)
@@ -257,7 +262,7 @@ def _hessians(parts: list[PointForces]) -> Array:
 
 
 class Status(IntEnum):
-    """Of a point against a body; without friction what presses slides."""
+    """What a point does against a body; without friction what presses slides."""
 
     OPEN = 0
     SLIDING = 1
@@ -268,13 +273,13 @@ class ContactState(NamedTuple):
     """A contact at some configuration, by its points (k,)."""
 
     gap: Array
-    """m, negative where a point penetrates."""
+    """Gap (k,) in m, negative where a point penetrates."""
     pressure: Array
     """Pa, normal force over the point's whole area."""
     drag: Array
     """(k, 3) N, friction on the point, world frame."""
     status: NDArray[np.int8]
-    """Of `Status`."""
+    """Values of `Status`."""
 
 
 def contact_state(contact: Contact, x: Array, position: Array, rotation: Array) -> ContactState:
@@ -296,11 +301,11 @@ class ContactFields(NamedTuple):
     """All contacts by node and body, (n, nb); a node stands for the points it is nearest to."""
 
     gap: Array
-    """m, the smallest; inf where a node meets no surface of the body."""
+    """The smallest gap, m; inf where a node meets no surface of the body."""
     pressure: Array
     """Pa, force over area."""
     status: NDArray[np.int8]
-    """Of `Status`, the largest."""
+    """The largest `Status` of the points."""
 
 
 def contact_fields(

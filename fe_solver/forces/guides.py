@@ -49,13 +49,14 @@ class Guides:
         return Guides(node, body, origin, axes, held, *_free_turns(len(node)))
 
     @staticmethod
-    def fixed(node: Ints, body: Ints, origin: Array, held: NDArray[np.bool_]) -> Guides:
+    def on_body_axes(node: Ints, body: Ints, origin: Array, held: NDArray[np.bool_]) -> Guides:
         """Nodes held along the body's axes that `held` (k, 3) marks, their directors free."""
         axes = np.tile(np.eye(3), (len(node), 1, 1))
         return Guides(node, body, origin, axes, held, *_free_turns(len(node)))
 
     @staticmethod
     def none() -> Guides:
+        """No guided nodes."""
         i, v = np.zeros(0, dtype=np.intp), np.zeros((0, 3))
         return Guides.along(i, i, v, v)
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator, PPoly
 
 from cosim.errors import InputError
-from fe_solver.vectors import scattered
+from fe_solver.vectors import sum_at_nodes
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
@@ -92,6 +92,7 @@ class Springs:
 
     @staticmethod
     def none() -> Springs:
+        """No springs."""
         i, f = np.zeros(0, dtype=np.intp), np.zeros(0)
         return Springs(i, i, np.zeros((0, 3)), f, f, np.zeros(0, dtype=bool), i)
 
@@ -112,6 +113,7 @@ class NodeSprings:
 
     @staticmethod
     def none() -> NodeSprings:
+        """No springs between nodes."""
         i, f = np.zeros(0, dtype=np.intp), np.zeros(0)
         return NodeSprings(np.zeros((0, 2), dtype=np.intp), f, f, np.zeros(0, dtype=bool), i)
 
@@ -140,7 +142,7 @@ class Axial(NamedTuple):
     slope: Array
     """N/m."""
     stretch: Array
-    """m, length less slack length."""
+    """Stretch (k,) in m: length less slack length."""
     taut: NDArray[np.bool_]
     """Whether the spring acts; one that also pushes always does."""
 
@@ -215,7 +217,7 @@ class PointForces:
     def on_nodes(self, forces: Array, count: int) -> Array:
         """(n, 3) N at `count` nodes of forces (k, 3) at the points."""
         on = np.flatnonzero(forces.any(axis=1))
-        return scattered(self.nodes[on], self.weights[on, :, None] * forces[on, None], count)
+        return sum_at_nodes(self.nodes[on], self.weights[on, :, None] * forces[on, None], count)
 
     @cached_property
     def hessian(self) -> Array:
@@ -283,6 +285,7 @@ class PairForces(NamedTuple):
 
     @staticmethod
     def none() -> PairForces:
+        """No forces between nodes."""
         return PairForces(0.0, np.zeros((0, 2, 3)), np.zeros((0, 6, 6)))
 
 

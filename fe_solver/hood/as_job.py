@@ -30,7 +30,7 @@ from fe_solver.job.job import (
 )
 from fe_solver.job.model import corner_means
 from fe_solver.materials.crossed_fibres import CrossedFibres, CrossedLinear
-from fe_solver.materials.in_situ import in_situ_stretch, laid_thickness
+from fe_solver.materials.in_situ import in_situ_stretch, thickness_as_laid
 from fe_solver.materials.section import Patch
 from fe_solver.solver.model import ShellModel
 
@@ -67,15 +67,18 @@ def job_of_hood(
     model = hood.model
     _check(hood)
     frame = int(model.guides.body[0]) if len(model.guides.node) else 0
-    rest, there = _seen_from(hood.rest, frame), _seen_from(motion, frame)
+    rest, there = _in_frame_of(hood.rest, frame), _in_frame_of(motion, frame)
     points = (model.reference - hood.rest.position[frame]) @ hood.rest.rotation[frame]
     turned = on_face and _bones_lie_below(model, hood.rest)
-    quads = _flipped(model.quads) if turned else model.quads
+    quads = _reverse_winding(model.quads) if turned else model.quads
     stretch = in_situ_stretch(model.tables.growth)
-    thickness = _corners(laid_thickness(model.section.thickness, model.tables.growth))
+    thickness = _corners(thickness_as_laid(model.section.thickness, model.tables.growth))
     height = model.tables.height
     if turned:
-        thickness, height = _turned(model.quads, thickness), -_turned(model.quads, height)
+        thickness, height = (
+            _reorder_corners(model.quads, thickness),
+            -_reorder_corners(model.quads, height),
+        )
     flat = points
     if on_face:
         points = points + corner_means(quads, height + thickness / 2, len(points))[
@@ -98,8 +101,8 @@ def job_of_hood(
         height,
         fibre / np.linalg.norm(fibre, axis=1, keepdims=True),
         _bodies(rest, there, bones),
-        _tied(model),
-        _held(model.guides),
+        _ties(model),
+        _supports(model.guides),
         (),
         _springs(model, rest, flat, points),
         _pulls(hood, tension),
@@ -139,10 +142,10 @@ def _check(hood: ShellHood) -> None:
         raise InputError("a hood whose tendons slide along several bodies is not written")
 
 
-def _seen_from(motion: Motion, frame: int) -> Motion:
+def _in_frame_of(motion: Motion, frame: int) -> Motion:
     """The poses as one of the bodies sees them."""
     back = motion.rotation[frame].T
-    return motion.moved(back, -back @ motion.position[frame])
+    return motion.transform(back, -back @ motion.position[frame])
 
 
 def _bones_lie_below(model: ShellModel, rest: Motion) -> bool:
@@ -155,11 +158,11 @@ def _bones_lie_below(model: ShellModel, rest: Motion) -> bool:
     return total > 0
 
 
-def _flipped(quads: Ints) -> Ints:
-    return np.asarray(_turned(quads, quads))
+def _reverse_winding(quads: Ints) -> Ints:
+    return np.asarray(_reorder_corners(quads, quads))
 
 
-def _turned(quads: Ints, values: Array | Ints) -> NDArray:
+def _reorder_corners(quads: Ints, values: Array | Ints) -> NDArray:
     """What the corners (ne, 4) hold, in the order of the elements wound the other way."""
     triangle = is_triangle(quads)[:, None]
     return np.where(triangle, values[:, [1, 0, 2, 3]], values[:, [0, 3, 2, 1]])
@@ -213,12 +216,12 @@ def _drive(value: float) -> Drive:
     return Drive() if abs(value) < 1e-14 else Drive(value, RAMP)
 
 
-def _tied(model: ShellModel) -> tuple[Tied, ...]:
+def _ties(model: ShellModel) -> tuple[Tied, ...]:
     t = model.ties
     return tuple(Tied(t.node[t.body == b], int(b)) for b in np.unique(t.body))
 
 
-def _held(guides: Guides) -> tuple[Held, ...]:
+def _supports(guides: Guides) -> tuple[Held, ...]:
     """Raises InputError where a node slides along no axis of its body."""
     out = []
     for i in range(3):

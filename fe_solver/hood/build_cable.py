@@ -17,7 +17,7 @@ from fe_solver.hood.build_shell import (
     ContactLaw,
     SpringSet,
     Tendon,
-    check_held,
+    check_supports,
     contacts_of,
     guides_of,
     shares_of,
@@ -33,8 +33,8 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
 SOFTER = 0.01
-"""Of the contact's stiffness, that on which a large change of pose is solved first: with it as many
-iterations as a shell's, without it twice to three times as many."""
+"""Share of the contact's stiffness on which a large change of pose is solved first: with it a net
+needs as many iterations as a shell, without it two to three times as many."""
 NO_QUADS = np.zeros((0, 4), dtype=np.intp)
 
 
@@ -75,7 +75,7 @@ def cable_hood(
     contact's offsets are heights of the cables' centre lines over the bare bones.
 
     Raises InputError where nothing holds the hood, or a node is of no cable."""
-    check_held(springs, tied)
+    check_supports(springs, tied)
     X, bodies = net.points, rest.bodies
     loose = np.setdiff1d(np.arange(len(X)), net.cables.nodes)
     if loose.size:

@@ -18,7 +18,7 @@ from fe_solver.forces.contact_points import Within
 from fe_solver.forces.guides import Guides, Ties
 from fe_solver.forces.springs import Springs
 from fe_solver.hood.shell_hood import ShellHood
-from fe_solver.materials.in_situ import laid_thickness
+from fe_solver.materials.in_situ import thickness_as_laid
 from fe_solver.materials.section import Section
 from fe_solver.solver.augmented_contact import AugmentOptions
 from fe_solver.solver.model import ShellModel
@@ -34,13 +34,24 @@ class Attached(Protocol):
     proportion these share their set's stiffness, evenly where None."""
 
     @property
-    def body(self) -> str: ...
+    def body(self) -> str:
+        """Name of the body."""
+        ...
+
     @property
-    def nodes(self) -> Ints: ...
+    def nodes(self) -> Ints:
+        """Indices (k,) of the nodes."""
+        ...
+
     @property
-    def anchors(self) -> Array: ...
+    def anchors(self) -> Array:
+        """Points (k, 3) on the body, in its frame, m."""
+        ...
+
     @property
-    def shares(self) -> Array | None: ...
+    def shares(self) -> Array | None:
+        """Proportions (k,) of the stiffness, or None for even ones."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -81,8 +92,8 @@ class Tendon:
 
 
 STICK = 0.01
-"""Of the contact's stiffness, that of sticking: nodes give way by about a micron before they slide,
-and Newton takes a third of the time that it takes with all of it."""
+"""Stiffness of sticking as a share of the contact's: nodes give way by about a micron before they
+slide, and Newton takes a third of the time that it takes with all of it."""
 PENETRATION = 1e-6
 """m, where friction asks for augmented contact and nothing else is said."""
 
@@ -122,7 +133,7 @@ def shell_hood(
     """Assemble a ShellHood; `pull` (3,) is the tendons' direction in the frame of `guide_body`.
 
     Raises InputError where nothing holds the hood."""
-    check_held(springs, tied)
+    check_supports(springs, tied)
     bodies, X = rest.bodies, sheet.points
     D = node_directors(X, sheet.quads)
     ties = ties_of(X, D, rest, tied)
@@ -158,7 +169,7 @@ def shell_hood(
     )
 
 
-def check_held(springs: Mapping[str, SpringSet], tied: Mapping[str, Ints]) -> None:
+def check_supports(springs: Mapping[str, SpringSet], tied: Mapping[str, Ints]) -> None:
     """Raises InputError where nothing holds the hood."""
     if not springs and not any(len(n) for n in tied.values()):
         raise InputError(
@@ -225,11 +236,12 @@ def springs_of(X: Array, rest: Motion, sets: Mapping[str, SpringSet]) -> Springs
 def _contacts(
     X: Array, sheet: Sheet, bodies: tuple[str, ...], law: ContactLaw, nodes: Ints
 ) -> tuple[Contact, ...]:
-    """Of the nodes with every body, or of the points within quadratic elements of such nodes.
+    """Contacts of the nodes with every body, or of the points within quadratic elements of such
+    nodes.
 
     Augmented contact is the nodes' in any element: a sheet cannot lie on its level in more points
     than it has nodes."""
-    laid = laid_thickness(sheet.section.thickness.mean(axis=1), sheet.growth)
+    laid = thickness_as_laid(sheet.section.thickness.mean(axis=1), sheet.growth)
     half = node_means(laid, sheet.quads, len(X)) / 2
     height = half + sheet.lift
     if sheet.quads.shape[1] == 4 or law.augment() is not None:

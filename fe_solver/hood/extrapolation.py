@@ -1,4 +1,4 @@
-"""What the steps of a hood tell of the next one beyond its tangent."""
+"""A correction of a hood's prediction by what the tangents of the last two steps missed."""
 
 from __future__ import annotations
 
@@ -9,14 +9,17 @@ import numpy as np
 from cosim.port import Array
 
 MOST_GROWTH = 2.0
-"""Of the nodes' travel over that of the step before: beyond it that step says nothing of this."""
+"""Largest ratio of the nodes' travel to that of the step before: beyond it that step says nothing
+of this one."""
 
 
 @dataclass(frozen=True)
 class Bend:
-    """What the last step of a hood tells of the next: the nodes' `travel` (n, 3) m to the place
-    that its tangent foresaw, how far beyond it they came to rest, x (n, 3) m and directors d (n,
-    3), and what of that the step before had told as well: a node that meets a bone bends once."""
+    """What the tangent of a hood's last step missed.
+
+    `travel` (n, 3) m leads the nodes to the place that the tangent predicted; x (n, 3) m and d (n,
+    3) are how far beyond it nodes and directors came to rest; `steady_x` and `steady_d` are what
+    of these the step before had shown as well: a node that meets a bone bends once."""
 
     travel: Array
     x: Array
@@ -25,13 +28,13 @@ class Bend:
     steady_d: Array
 
     @classmethod
-    def told(cls, before: Bend | None, travel: Array, x: Array, d: Array) -> Bend:
-        """After a step, from what the step before told."""
+    def after_step(cls, before: Bend | None, travel: Array, x: Array, d: Array) -> Bend:
+        """The correction after a step, from that of the step before."""
         growth = 0.0 if before is None else before.growth(travel)
         if before is None or growth == 0.0:
             return cls(travel, x, d, np.zeros_like(x), np.zeros_like(d))
-        told = growth**2 * before.x, growth**2 * before.d
-        return cls(travel, x, d, _shared(x, told[0]), _shared(d, told[1]))
+        expected = growth**2 * before.x, growth**2 * before.d
+        return cls(travel, x, d, _common_part(x, expected[0]), _common_part(d, expected[1]))
 
     def growth(self, travel: Array) -> float:
         """How much of this step's travel another has; 0 where it is too far from it to tell."""
@@ -40,7 +43,7 @@ class Bend:
         return growth if abs(growth) <= MOST_GROWTH else 0.0
 
 
-def _shared(a: Array, b: Array) -> Array:
+def _common_part(a: Array, b: Array) -> Array:
     """(n, 3) by node the shorter of two vectors where they point to the same side, else none."""
     alike = np.einsum("ni,ni->n", a, b) > 0
     shorter = np.einsum("ni,ni->n", a, a) < np.einsum("ni,ni->n", b, b)

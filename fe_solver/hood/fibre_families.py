@@ -44,13 +44,13 @@ def fibre_families(model: ShellModel, c: Configuration) -> Array:
     out = np.zeros((max((len(a) for _, a in patches), default=0), len(model.quads), 3))
     for patch, angles in patches:
         for family, angle in enumerate(angles):
-            laid = _as_laid(model, patch, angle)
+            laid = _laid_direction(model, patch, angle)
             quads = model.quads[patch.elements]
-            out[family, patch.elements] = carried(quads, model.reference, c.x, laid)
+            out[family, patch.elements] = convect_directions(quads, model.reference, c.x, laid)
     return out
 
 
-def _as_laid(model: ShellModel, patch: Patch, angle: Real) -> Array:
+def _laid_direction(model: ShellModel, patch: Patch, angle: Real) -> Array:
     """(k, 3) directions at an angle in the stress-free sheet, in the sheet as it was laid out: mean
     over each element."""
     frame, grown = model.tables.frame[patch.elements], 1 + model.tables.growth[patch.elements]
@@ -62,7 +62,7 @@ def _as_laid(model: ShellModel, patch: Patch, angle: Real) -> Array:
     return leading(np.einsum("egi,egj->eij", direction, direction))
 
 
-def carried(quads: Ints, before: Array, after: Array, direction: Array) -> Array:
+def convect_directions(quads: Ints, before: Array, after: Array, direction: Array) -> Array:
     """(k, 3) unit directions at the centres of elements (k, m), that the sheet carries along as its
     nodes move from `before` (n, 3) to `after` (n, 3)."""
     element = kind_of(quads)

@@ -11,27 +11,30 @@ from numpy.typing import NDArray
 from cosim.errors import ConvergenceError, InputError
 from cosim.port import Array, HoodJacobian, Load, Motion, Response
 from fe_solver.hood.extrapolation import Bend
-from fe_solver.solver.augmented_contact import AugmentOptions, settled, solve_augmented
+from fe_solver.solver.augmented_contact import AugmentOptions, next_increment, solve_augmented
 from fe_solver.solver.body_coupling import wrenches
 from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import NewtonOptions, Solution, residual_norm, solve
 from fe_solver.solver.relaxation import relax
 from fe_solver.vectors import cross
 
-TIE, HELD = "terminal_slip", ("contact", "guide")
-"""The ledger's names of what the tied nodes and the bones do; springs have their sets' names."""
+TIE = "terminal_slip"
+"""The ledger's name of what the tied nodes do to their bone."""
+BONE_SOURCES = ("contact", "guide")
+"""The ledger's names of what the sheet itself does to the bones; springs have their sets' names."""
 SMALL_TURN = 0.02
 """rad; below it the tangent predicts the hood's motion, above it the bones carry the nodes."""
 SMALL_PULL, NO_PULL = 0.3, 0.1
-"""The same of the tensions' change, of the largest one, which is no less than NO_PULL (N)."""
-LEAP = 0.2
+"""Largest change of a tension that the tangent predicts, as a share of the largest tension, which
+counts as no less than NO_PULL (N)."""
+MAX_TURN = 0.2
 """rad that a joint turns at most in one solve.  A slack sheet may have several equilibria in a bent
 posture (its central slip taut or not); which of them a long leap ends in is the mesh's whim."""
 MOST_HALVINGS = 4
-TAUT = 6.0
-"""N more in every tendon: taut enough for a sheet that folds in a joint when slack."""
-LED = NewtonOptions(tolerance=1e-2)
-"""Of the equilibrium on softer contact that leads to the one that is sought."""
+DETOUR_TENSION = 6.0
+"""Added to every tension (N) on a detour: a sheet that folds in a joint when slack is then taut."""
+SOFT_START = NewtonOptions(tolerance=1e-2)
+"""Options for the equilibrium on softer contact that leads to the one that is sought."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +47,7 @@ class HoodState:
     iterations: int = 0
     """Newton iterations since the start."""
     bend: Bend | None = None
-    """None where the last step was not foreseen."""
+    """What the last step corrected of its prediction; None where it was not predicted."""
 
 
 @dataclass(frozen=True)
@@ -70,17 +73,19 @@ class ShellHood:
     options: NewtonOptions = field(default_factory=NewtonOptions)
     augment: AugmentOptions | None = None
     softer: float = 1.0
-    leap: float = LEAP
+    leap: float = MAX_TURN
     lift: Array | float = 0.0
     stretched: bool = False
 
     @property
     def bodies(self) -> tuple[str, ...]:
+        """Names of the bodies that are shared with the other side."""
         return self.model.bodies
 
     @property
     def sources(self) -> tuple[str, ...]:
-        return (*self.groups, TIE, *HELD)
+        """Names of what acts on the bodies, in the ledger's order."""
+        return (*self.groups, TIE, *BONE_SOURCES)
 
     def start(self, motion: Motion) -> HoodState:
         """The rest shape, to be carried by the bones from the rest pose."""
@@ -99,24 +104,24 @@ class ShellHood:
             raise InputError(
                 f"expected {len(self.tendons)} finite tensions {self.tendons}, got {tension}"
             )
-        return self.answer(self._settled(state, motion, tension))
+        return self.answer(self._solve_with_detour(state, motion, tension))
 
     def answer(self, state: HoodState) -> Response:
         """What a solved state does to the bodies."""
-        c, s = state.configuration, _solved(state)
+        c, s = state.configuration, _solution_of(state)
         load = Load(self.bodies, self.sources, self._by_source(s), self._pull(c, s.tension))
         return Response(state, load, self.model.excursion(c))
 
     def near(self, hood: ShellHood, state: HoodState, tension: Array) -> HoodState:
-        """Where this hood settles at the pose of another one's equilibrium, to first order in what
+        """The equilibrium of this hood at the pose of another one's, to first order in what
         their parameters and nodes differ in: one Newton step with the other one's tangent.  The
         other one's mesh has the same quads."""
-        s = _solved(state)
-        m, c = self.model, self._laid_like(hood, state)
+        s = _solution_of(state)
+        m, c = self.model, self._start_from_hood(hood, state)
         step = np.zeros(m.pattern.size)
         e = m.evaluate(c, tension, tangent=False)
         step[m.free] = -s.factor.solve(e.reduced[m.free])
-        c = m.stepped(c, e.bases, step)
+        c = m.take_step(c, e.bases, step)
         there = m.evaluate(c, tension, tangent=True)
         solution = Solution(m, c, there, tension, 1, 1, residual_norm(m, there)[0])
         return HoodState(state.motion, c, solution, state.iterations + 1)
@@ -124,23 +129,23 @@ class ShellHood:
     def solve_from(self, hood: ShellHood, state: HoodState, tension: Array) -> HoodState:
         """The equilibrium under `tension` (nt,) N at the pose of another hood's, whose mesh has the
         same quads, by Newton's method from its shape.  Raises ConvergenceError."""
-        start = self._laid_like(hood, state)
-        s = solve(self.model, start, tension, self.options, True, _solved(state))
+        start = self._start_from_hood(hood, state)
+        s = solve(self.model, start, tension, self.options, True, _solution_of(state))
         return HoodState(state.motion, s.configuration, s, s.iterations)
 
-    def _laid_like(self, hood: ShellHood, state: HoodState) -> Configuration:
+    def _start_from_hood(self, hood: ShellHood, state: HoodState) -> Configuration:
         """Another hood's shape, with the nodes moved by as much as this one's are laid elsewhere on
         the bones."""
         c = state.configuration
         moved = _on_bodies(self) - _on_bodies(hood)
         x = c.x + np.einsum("nb,bij,bnj->ni", self.carriers, c.rotation, moved)
-        return self.model.posed(replace(c, x=x), c.position, c.rotation)
+        return self.model.move_bodies(replace(c, x=x), c.position, c.rotation)
 
     def jacobian(self, state: HoodState) -> HoodJacobian:
         """Derivatives by back-substitution with the factor of the solved state."""
-        s = _solved(state)
+        s = _solution_of(state)
         _, wrench_motion, _, wrench_tension = s.coupling
-        nm, by_follow = len(wrench_motion), s.pushed.T @ s.follow
+        nm, by_follow = len(wrench_motion), s.residual_derivative.T @ s.sensitivity
         return HoodJacobian(
             wrench_motion - by_follow[:nm, :nm],
             wrench_tension - by_follow[:nm, nm:],
@@ -183,7 +188,7 @@ class ShellHood:
             bend = Bend(**{f.name: arrays[f"bend/{f.name}"] for f in fields(Bend)})
         return HoodState(motion, c, solution, int(arrays["iterations"]), bend)
 
-    def loosely(self, tolerance: float) -> ShellHood:
+    def with_tolerance(self, tolerance: float) -> ShellHood:
         """The same shell, its Newton stopped at a relative residual of `tolerance`."""
         loose = max(tolerance, self.options.tolerance)
         return replace(self, options=replace(self.options, tolerance=loose))
@@ -192,7 +197,7 @@ class ShellHood:
         if motion.bodies != self.bodies:
             raise InputError(f"the hood shares the bodies {self.bodies}, got {motion.bodies}")
 
-    def _carried(self, c: Configuration, motion: Motion) -> Configuration:
+    def _carry(self, c: Configuration, motion: Motion) -> Configuration:
         """Every node moved with the bodies that carry it, tied and guided nodes exactly."""
         turn = motion.rotation @ np.swapaxes(c.rotation, 1, 2)
         moved = np.einsum("bij,bnj->bni", turn, c.x[None] - c.position[:, None])
@@ -200,13 +205,13 @@ class ShellHood:
         x = np.einsum("nb,bni->ni", self.carriers, moved)
         d = np.einsum("nb,bij,nj->ni", self.carriers, turn, c.d)
         d /= np.linalg.norm(d, axis=1, keepdims=True)
-        slid = self.model.posed(c, motion.position, motion.rotation)
+        slid = self.model.move_bodies(c, motion.position, motion.rotation)
         held = np.concatenate([self.model.ties.node, self.model.guides.node])
         x[held] = slid.x[held]
         d[self.model.ties.node] = slid.d[self.model.ties.node]
         return Configuration(x, d, motion.position, motion.rotation)
 
-    def _foreseen(
+    def _predict(
         self, state: HoodState, motion: Motion, tension: Array
     ) -> tuple[Solution, Configuration] | None:
         """The state's solution and, to first order, the hood at a nearby motion under other
@@ -219,12 +224,12 @@ class ShellHood:
             return None
         m, c = self.model, s.configuration
         step = np.zeros(m.pattern.size)
-        step[m.free] = s.follow @ np.concatenate([twist.ravel(), tension - s.tension])
-        c = m.stepped(c, s.evaluation.bases, step)
-        return s, m.posed(c, motion.position, motion.rotation)
+        step[m.free] = s.sensitivity @ np.concatenate([twist.ravel(), tension - s.tension])
+        c = m.take_step(c, s.evaluation.bases, step)
+        return s, m.move_bodies(c, motion.position, motion.rotation)
 
-    def _bent(self, state: HoodState, foreseen: Configuration) -> Configuration:
-        """What is foreseen, and beyond it what the last two steps' tangents missed: to second order
+    def _extrapolate(self, state: HoodState, foreseen: Configuration) -> Configuration:
+        """The prediction, and beyond it what the last two steps' tangents missed: to second order
         in the travel, of which the last step says how much this one has."""
         bend, c = state.bend, foreseen
         growth = 0.0 if bend is None else bend.growth(c.x - state.configuration.x)
@@ -233,76 +238,84 @@ class ShellHood:
         d = c.d + growth**2 * bend.steady_d
         d /= np.linalg.norm(d, axis=1, keepdims=True)
         bent = Configuration(c.x + growth**2 * bend.steady_x, d, c.position, c.rotation)
-        return self.model.posed(bent, c.position, c.rotation)
+        return self.model.move_bodies(bent, c.position, c.rotation)
 
-    def _settled(self, state: HoodState, motion: Motion, tension: Array) -> HoodState:
+    def _solve_with_detour(self, state: HoodState, motion: Motion, tension: Array) -> HoodState:
         """The equilibrium, reached taut where the slack sheet would fold on the way.  There is no
         such way with friction, which would keep what the detour pulled."""
         try:
-            return self._in_steps(state, motion, tension)
+            return self._solve_in_steps(state, motion, tension)
         except ConvergenceError as error:
             rubs = any(k.friction for k in self.model.contacts)
-            if rubs or tension.min(initial=np.inf) > TAUT:
+            if rubs or tension.min(initial=np.inf) > DETOUR_TENSION:
                 raise
             try:
-                taut = self._in_steps(state, motion, tension + TAUT)
-                return self._in_steps(taut, motion, tension)
+                taut = self._solve_in_steps(state, motion, tension + DETOUR_TENSION)
+                return self._solve_in_steps(taut, motion, tension)
             except ConvergenceError:
                 raise error from None
 
-    def _in_steps(self, state: HoodState, motion: Motion, tension: Array) -> HoodState:
+    def _solve_in_steps(self, state: HoodState, motion: Motion, tension: Array) -> HoodState:
         """Solve at `motion` and, where that is far, on the way there; a sheet stretched in situ is
         balanced first where it was laid out."""
         if self.stretched and state.solution is None:
-            state = self._solve(state, state.motion, tension, MOST_HALVINGS)
+            state = self._solve_or_halve(state, state.motion, tension, MOST_HALVINGS)
         begin, before = state.motion, state.solution.tension if state.solution else tension
-        steps = int(np.ceil(_bend(begin, motion) / self.leap))
+        steps = int(np.ceil(_largest_turn(begin, motion) / self.leap))
         for part in np.arange(1, steps) / max(steps, 1):
             pull = before + part * (tension - before)
-            state = self._solve(state, partway(begin, motion, part), pull, MOST_HALVINGS)
-        return self._solve(state, motion, tension, MOST_HALVINGS)
+            state = self._solve_or_halve(
+                state, interpolate_motion(begin, motion, part), pull, MOST_HALVINGS
+            )
+        return self._solve_or_halve(state, motion, tension, MOST_HALVINGS)
 
-    def _solve(self, state: HoodState, motion: Motion, tension: Array, halvings: int) -> HoodState:
+    def _solve_or_halve(
+        self, state: HoodState, motion: Motion, tension: Array, halvings: int
+    ) -> HoodState:
         """Solve at once, and where that fails half the way first; at last by a damped motion."""
         try:
-            return self._reached(state, motion, tension)
+            return self._solve_once(state, motion, tension)
         except ConvergenceError as error:
             if halvings == 0:
-                return self._relaxed(state, motion, tension, error)
+                return self._relax(state, motion, tension, error)
         before = state.solution.tension if state.solution else 0.0 * tension
-        half = partway(state.motion, motion, 0.5)
-        middle = self._solve(state, half, (before + tension) / 2, halvings - 1)
-        return self._solve(middle, motion, tension, halvings - 1)
+        half = interpolate_motion(state.motion, motion, 0.5)
+        middle = self._solve_or_halve(state, half, (before + tension) / 2, halvings - 1)
+        return self._solve_or_halve(middle, motion, tension, halvings - 1)
 
-    def _reached(self, state: HoodState, motion: Motion, tension: Array) -> HoodState:
-        near = self._foreseen(state, motion, tension)
+    def _solve_once(self, state: HoodState, motion: Motion, tension: Array) -> HoodState:
+        near = self._predict(state, motion, tension)
         if near is None:
-            guess, spent = self._led(self._carried(state.configuration, motion), tension)
+            guess, spent = self._start_on_soft_contact(
+                self._carry(state.configuration, motion), tension
+            )
             s = self._equilibrium(state, guess, tension, None)
             return HoodState(motion, s.configuration, s, state.iterations + spent + s.iterations)
         before, foreseen = near
-        s = self._equilibrium(state, self._bent(state, foreseen), tension, before)
+        s = self._equilibrium(state, self._extrapolate(state, foreseen), tension, before)
         c = s.configuration
         travel = foreseen.x - state.configuration.x
-        bend = Bend.told(state.bend, travel, c.x - foreseen.x, c.d - foreseen.d)
+        bend = Bend.after_step(state.bend, travel, c.x - foreseen.x, c.d - foreseen.d)
         return HoodState(motion, c, s, state.iterations + s.iterations, bend)
 
-    def _led(self, guess: Configuration, tension: Array) -> tuple[Configuration, int]:
+    def _start_on_soft_contact(
+        self, guess: Configuration, tension: Array
+    ) -> tuple[Configuration, int]:
         """The guess, or near it the equilibrium on softer contact; and the iterations it took."""
         if self.softer == 1.0:
             return guess, 0
         contacts = self.model.contacts
         soft = tuple(replace(k, stiffness=self.softer * k.stiffness) for k in contacts)
         try:
-            s = solve(self.model.alike(contacts=soft), guess, tension, LED)
+            s = solve(self.model.with_changes(contacts=soft), guess, tension, SOFT_START)
         except ConvergenceError:
-            return guess, LED.max_iterations
+            return guess, SOFT_START.max_iterations
         return s.configuration, s.iterations
 
-    def _relaxed(
+    def _relax(
         self, state: HoodState, motion: Motion, tension: Array, error: ConvergenceError
     ) -> HoodState:
-        guess = self._carried(state.configuration, motion)
+        guess = self._carry(state.configuration, motion)
         try:
             c = relax(self.model, guess, tension)
             s = self._equilibrium(state, c, tension, None)
@@ -315,7 +328,7 @@ class ShellHood:
     ) -> Solution:
         if self.augment is None:
             return solve(self.model, guess, tension, self.options, near is not None, near)
-        model = settled(state.solution) if state.solution else self.model
+        model = next_increment(state.solution) if state.solution else self.model
         return solve_augmented(model, guess, tension, self.options, self.augment)
 
     def _by_source(self, s: Solution) -> Array:
@@ -338,7 +351,7 @@ class ShellHood:
 
     def group_forces(self, state: HoodState) -> dict[str, Array]:
         """(3,) N summed force on the bone of each spring group, and of the ties, world frame."""
-        s = _solved(state)
+        s = _solution_of(state)
         points = s.evaluation.points
         out = {g: points.gradient[points.group == i].sum(axis=0) for i, g in enumerate(self.groups)}
         out[TIE] = -s.evaluation.gradient_x[self.model.ties.node].sum(axis=0)
@@ -365,14 +378,14 @@ def _on_bodies(hood: ShellHood) -> Array:
     return np.asarray(np.einsum("bji,bnj->bni", hood.rest.rotation, from_origin))
 
 
-def partway(start: Motion, end: Motion, part: float) -> Motion:
+def interpolate_motion(start: Motion, end: Motion, part: float) -> Motion:
     """Poses a `part` (0 to 1) of the way, with each body so far as the one before it sees it, so
     that a chain of bodies stays whole."""
     from scipy.spatial.transform import Rotation
 
     position, rotation = np.empty_like(start.position), np.empty_like(start.rotation)
     before = (np.zeros(3), np.eye(3))
-    for i, (offsets, turns) in enumerate(zip(*_seen(start, end), strict=True)):
+    for i, (offsets, turns) in enumerate(zip(*_relative_poses(start, end), strict=True)):
         turn = part * Rotation.from_matrix(turns[1] @ turns[0].T).as_rotvec()
         offset = (1 - part) * offsets[0] + part * offsets[1]
         position[i] = before[0] + before[1] @ offset
@@ -381,7 +394,7 @@ def partway(start: Motion, end: Motion, part: float) -> Motion:
     return Motion(start.bodies, position, rotation)
 
 
-def _seen(start: Motion, end: Motion) -> tuple[Array, Array]:
+def _relative_poses(start: Motion, end: Motion) -> tuple[Array, Array]:
     """(nb, 2, 3) origins and (nb, 2, 3, 3) rotations of the bodies in both motions, as the body
     before each sees them; the first one's in the world."""
     p = np.stack([start.position, end.position], axis=1)
@@ -391,9 +404,9 @@ def _seen(start: Motion, end: Motion) -> tuple[Array, Array]:
     return np.concatenate([p[:1], offset]), np.concatenate([R[:1], back @ R[1:]])
 
 
-def _bend(start: Motion, end: Motion) -> float:
+def _largest_turn(start: Motion, end: Motion) -> float:
     """rad, the most that a body turns as the one before it sees it."""
-    turns = _seen(start, end)[1][1:]
+    turns = _relative_poses(start, end)[1][1:]
     cosine = (np.einsum("bij,bij->b", turns[:, 0], turns[:, 1]) - 1) / 2
     return float(np.arccos(np.clip(cosine, -1, 1)).max(initial=0.0))
 
@@ -402,7 +415,7 @@ def _pose(position: Array, rotation: Array) -> tuple[tuple[str, Array], ...]:
     return ("position", position), ("rotation", rotation)
 
 
-def _solved(state: HoodState) -> Solution:
+def _solution_of(state: HoodState) -> Solution:
     if state.solution is None:
         raise InputError("this hood state has not been solved: call advance first")
     return state.solution

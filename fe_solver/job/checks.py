@@ -19,12 +19,12 @@ Ints = NDArray[np.intp]
 Name = Callable[[int], str]
 
 SAME_PLACE = 1e-9
-"""Of the mesh's size: nodes nearer than that lie at one place."""
+"""Share of the mesh's size: nodes nearer than that lie at one place."""
 THIN = 1e-10
-"""Of the square of its longest edge: less is no area."""
+"""Share of the square of an element's longest edge: less is no area."""
 THICKNESS = (1e-8, 100.0)
-"""Of the mesh's size: a sheet beyond that is a mistake of units, and its stiffness loses all its
-digits."""
+"""Least and largest share of the mesh's size: a sheet beyond that is a mistake of units, and its
+stiffness loses all its digits."""
 TILT = 0.02
 """Least sine of the angle between fibre and normal."""
 
@@ -57,7 +57,7 @@ def _check_pieces(job: Job) -> None:
     holds = [t.nodes for t in job.tied] + [h.nodes for h in job.held]
     holds += [s.nodes[s.body >= 0] for s in job.springs]
     held = np.concatenate([np.zeros(0, dtype=np.intp), *holds])
-    check_held(job.quads, held, joined, job.node)
+    check_supports(job.quads, held, joined, job.node)
 
 
 def check_mesh(points: Array, quads: Ints, node: Name, element: Name) -> None:
@@ -208,7 +208,7 @@ def _check_values(job: Job) -> None:
             )
 
 
-def check_held(quads: Ints, held: Ints, joined: Ints, node: Name) -> None:
+def check_supports(quads: Ints, held: Ints, joined: Ints, node: Name) -> None:
     """Whether each connected piece has one of the nodes `held` (k,); `joined` (m, 2) nodes hang on
     each other.
 

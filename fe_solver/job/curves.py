@@ -65,7 +65,7 @@ class Curve:
         if self.extension == Extension.CONSTANT:
             return self.values[0] if time < first else self.values[-1]
         if self.extension == Extension.EXTRAPOLATE:
-            return self._extrapolated(time)
+            return self._extrapolate(time)
         turns = math.floor((time - first) / (last - first))
         back = min(max(time - turns * (last - first), first), last)
         again = self._inside(back)
@@ -98,7 +98,7 @@ class Curve:
             + f[2] * (time - a) * (time - b) / ((c - a) * (c - b))
         )
 
-    def _extrapolated(self, time: float) -> float:
+    def _extrapolate(self, time: float) -> float:
         before = time < self.times[0]
         end, value = (
             (self.times[0], self.values[0]) if before else (self.times[-1], self.values[-1])

@@ -24,11 +24,11 @@ def on_mid_surface(job: Job) -> Job:
     follow."""
     height = corner_means(job.quads, job.height, len(job.points))
     points = job.points + height[:, None] * node_directors(job.points, job.quads)
-    springs = tuple(_moved(job, s, points) for s in job.springs)
+    springs = tuple(_move(job, s, points) for s in job.springs)
     return replace(job, points=points, height=job.height - height[job.quads], springs=springs)
 
 
-def _moved(job: Job, s: SpringSet, points: Array) -> SpringSet:
+def _move(job: Job, s: SpringSet, points: Array) -> SpringSet:
     before, after = (_lengths(job, s, x) for x in (job.points, points))
     return replace(s, length=s.length + after - before)
 

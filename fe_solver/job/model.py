@@ -25,17 +25,18 @@ from fe_solver.job.curves import Curve, Drive, Extension, Interpolation
 from fe_solver.job.febio_like import facet_lift, febio_patch
 from fe_solver.job.job import STILL, ZERO, Body, ContactPair, Job, SpringSet
 from fe_solver.materials.in_situ import in_situ_growth, stress_free_thickness
-from fe_solver.materials.section import Patch, Section, joined_sections
+from fe_solver.materials.section import Patch, Section, join_sections
 from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import NewtonOptions
-from fe_solver.surfaces.closing import closed_surface
+from fe_solver.surfaces.closing import close_surface
 from fe_solver.surfaces.spline_distance import SplineDistance, cache_folder
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
 KINK = 0.01
-"""Of a table's interval, on either side of its points: there the corners are rounded."""
+"""Share of a table's interval, on either side of its points, within which the corners are
+rounded."""
 BEYOND = 1e-3
 """m past what contact needs that a baked distance reaches."""
 
@@ -86,7 +87,7 @@ class JobModel:
         origins = np.array([b.origin for b in self.bodies]).reshape(-1, 3)
         upright = np.tile(np.eye(3), (len(origins), 1, 1))
         bare = Configuration(self.base.reference, self.base.directors, origins, upright)
-        return self.base.posed(bare, *self.poses(0.0))
+        return self.base.move_bodies(bare, *self.poses(0.0))
 
     def poses(self, time: float) -> tuple[Array, Array]:
         """Positions (nb, 3) m and rotations (nb, 3, 3) of the bodies."""
@@ -97,7 +98,7 @@ class JobModel:
         shares its sparsity with all others."""
         kept = self.base.contacts if contacts is None else contacts
         dead, pressure = dead_loads(self.job, time), follower_pressure(self.job, time)
-        return self.base.alike(dead=dead, pressure=pressure, contacts=kept)
+        return self.base.with_changes(dead=dead, pressure=pressure, contacts=kept)
 
 
 def body_poses(bodies: Sequence[Body], time: float) -> tuple[Array, Array]:
@@ -180,7 +181,7 @@ def _section(job: Job) -> Section:
         for own, part in zip(of_part, job.parts, strict=True)
         if len(own)
     ]
-    return joined_sections([febio_patch(p) for p in patches] if job.as_febio else patches)
+    return join_sections([febio_patch(p) for p in patches] if job.as_febio else patches)
 
 
 def _origin(job: Job, bodies: Ints) -> Array:
@@ -221,7 +222,7 @@ def _guides(job: Job, directors: Array, tied: Ints) -> tuple[Guides, tuple[Body,
     node, body = (np.array([h[i] for h in held], dtype=np.intp) for i in (0, 1))
     fixed = np.array([h[2] for h in held], dtype=bool).reshape(-1, 3)
     origins = np.array([b.origin for b in (*job.bodies, *carriers)] or [np.zeros(3)])
-    guides = Guides.fixed(node, body, job.points[node] - origins[body], fixed)
+    guides = Guides.on_body_axes(node, body, job.points[node] - origins[body], fixed)
     level, still = _levels(job, node)
     return replace(guides, level=level, still=still), carriers
 
@@ -254,7 +255,7 @@ def _drives(job: Job, taken: Ints) -> dict[int, list[Drive | None]]:
 
 
 def _levels(job: Job, node: Ints) -> tuple[Array, NDArray[np.bool_]]:
-    """Of guided nodes: the axis (k, 3) of which the director keeps its component, and which of its
+    """For guided nodes, the axis (k, 3) of which the director keeps its component, and which of its
     two turns (k, 2) are held: one component holds the turn towards its axis, two hold both."""
     held = np.zeros((len(job.points), 3), dtype=bool)
     for d in job.held_directors:
@@ -372,7 +373,7 @@ def sheet_stiffness(job: Job, quads: Ints) -> float:
 def _surface(job: Job, pair: ContactPair, offset: float, options: JobOptions) -> SplineDistance:
     body = job.bodies[pair.body]
     try:
-        vertices, triangles = closed_surface(body.vertices, pair.triangles)
+        vertices, triangles = close_surface(body.vertices, pair.triangles)
         return SplineDistance.bake(
             vertices,
             triangles,

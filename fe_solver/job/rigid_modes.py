@@ -28,11 +28,11 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
 ALLOWED = 1e-12
-"""Of a motion's squared size: what of it ties and guides may take before they forbid it."""
+"""Share of a motion's squared size that ties and guides may take before they forbid it."""
 ROUNDING = 10 * np.finfo(float).eps
-"""Of the sum of the products' magnitudes: a resistance below it is rounding error."""
+"""Share of the sum of the products' magnitudes: a resistance below it is rounding error."""
 SAME = 1e-6
-"""Of a motion's size: less of a component is none."""
+"""Share of a motion's size: less of a component is none."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class FreeMotions:
         return f"move freely ({' and '.join(told)})"
 
     def _axis(self) -> str:
-        """Of the only turn: its direction and a point on it."""
+        """The direction of the only turn and a point on its axis, in words."""
         turn, shift = self.turn[0], self.shift[0]
         size = np.linalg.norm(turn)
         point = self.middle + self.length * np.cross(turn, shift) / size**2
@@ -74,7 +74,7 @@ class FreeMotions:
 
 def _axes(directions: Array) -> str:
     """Unit directions (m, 3) in words."""
-    whole = [a for a, e in zip("xyz", np.eye(3), strict=True) if _spanned(e, directions)]
+    whole = [a for a, e in zip("xyz", np.eye(3), strict=True) if _is_spanned(e, directions)]
     if len(whole) == len(directions):
         return " and ".join(whole)
     if len(directions) == 1:
@@ -82,13 +82,15 @@ def _axes(directions: Array) -> str:
     return f"{len(directions)} directions"
 
 
-def _spanned(e: Array, directions: Array) -> bool:
+def _is_spanned(e: Array, directions: Array) -> bool:
     """Whether a unit vector (3,) lies in the span of directions (m, 3)."""
     basis = np.linalg.svd(directions, full_matrices=False)[2]
     return bool(np.linalg.norm(basis @ e) > 1 - SAME)
 
 
-def require_held(job: Job, time: float, model: ShellModel, c: Configuration, e: Evaluation) -> None:
+def require_supports(
+    job: Job, time: float, model: ShellModel, c: Configuration, e: Evaluation
+) -> None:
     """Raises InputError, naming the piece, the time and the motions, where an equilibrium of a job
     with its tangent leaves a piece of the sheet free to move as a rigid body."""
     for free in rigid_freedoms(model, c, e):
@@ -112,7 +114,7 @@ def rigid_freedoms(model: ShellModel, c: Configuration, e: Evaluation) -> tuple[
     piece, count = _pieces(model)
     middle, length = _sizes(c.x, piece, count)
     moves = _moves(c, e, middle[piece], length[piece])
-    allowed = [_allowed(model, moves, piece == p, length[p]) for p in range(count)]
+    allowed = [_admissible_motions(model, moves, piece == p, length[p]) for p in range(count)]
     widths = [z.shape[1] for z in allowed]
     columns = np.zeros((len(c.x), DOFS, sum(widths)))
     if not any(widths):
@@ -120,7 +122,7 @@ def rigid_freedoms(model: ShellModel, c: Configuration, e: Evaluation) -> tuple[
     ends = np.cumsum(widths)
     for p, (z, end) in enumerate(zip(allowed, ends, strict=True)):
         columns[piece == p, :, end - len(z.T) : end] = moves[piece == p] @ z
-    null = _unresisted(model, e, columns.reshape(-1, sum(widths)), float(length.min()))
+    null = _free_combinations(model, e, columns.reshape(-1, sum(widths)), float(length.min()))
     out = []
     for p, (z, end) in enumerate(zip(allowed, ends, strict=True)):
         own = _basis(z @ null[end - len(z.T) : end])
@@ -164,7 +166,9 @@ def _moves(c: Configuration, e: Evaluation, middle: Array, length: Array) -> Arr
     return out
 
 
-def _allowed(model: ShellModel, moves: Array, own: NDArray[np.bool_], length: float) -> Array:
+def _admissible_motions(
+    model: ShellModel, moves: Array, own: NDArray[np.bool_], length: float
+) -> Array:
     """(6, m) the motions of a piece that move none of its held degrees of freedom."""
     held = np.ones(len(moves) * DOFS, dtype=bool)
     held[model.free] = False
@@ -174,7 +178,7 @@ def _allowed(model: ShellModel, moves: Array, own: NDArray[np.bool_], length: fl
     return np.asarray(directions[:, taken <= ALLOWED * max(1, len(rows))])
 
 
-def _unresisted(model: ShellModel, e: Evaluation, columns: Array, length: float) -> Array:
+def _free_combinations(model: ShellModel, e: Evaluation, columns: Array, length: float) -> Array:
     """(m, k) combinations of motions, columns (5n, m), that the tangent does not resist."""
     assert e.data is not None
     moved = np.zeros_like(columns)

@@ -20,8 +20,8 @@ from fe_solver.forces.loads import pressure_forces
 from fe_solver.forces.springs import NodeSprings, Springs, node_spring_state, spring_state
 from fe_solver.job.job import Job
 from fe_solver.job.model import JobModel, JobOptions, job_model
-from fe_solver.job.rigid_modes import require_held
-from fe_solver.solver.augmented_contact import AugmentOptions, settled, solve_augmented
+from fe_solver.job.rigid_modes import require_supports
+from fe_solver.solver.augmented_contact import AugmentOptions, next_increment, solve_augmented
 from fe_solver.solver.body_coupling import coupling, wrenches
 from fe_solver.solver.fields import Fields, contact_pressure, fields
 from fe_solver.solver.model import Configuration, ShellModel
@@ -69,7 +69,7 @@ class JobState:
     applied: Array
     """(6,) N and N m about the world's origin of the loads."""
     penetration: float
-    """m, the deepest of a contact node."""
+    """The deepest penetration of a contact node, m."""
     residual: float
     """N, the largest that Newton left."""
     imbalance: tuple[float, float]
@@ -126,7 +126,7 @@ def solve_job(
     the place, and what to try: other `ways` to solve a model of FEBio's first."""
     options = options or JobOptions()
     began = clock.process_time()
-    wanted = wanted_times(job, until, times)
+    wanted = output_times(job, until, times)
     model = job_model(job, options)
     setup = clock.process_time() - began
     began = clock.process_time()
@@ -136,7 +136,7 @@ def solve_job(
     return ShellResult(job, tuple(states), setup, effort)
 
 
-def wanted_times(job: Job, until: float | None, times: Sequence[float] | None) -> list[float]:
+def output_times(job: Job, until: float | None, times: Sequence[float] | None) -> list[float]:
     """`times`, or else the ends of the job's steps up to `until`.
 
     Raises InputError where they do not ascend from above 0."""
@@ -191,11 +191,11 @@ class _Stepper:
         while self.time < time - SAME_TIME * span:
             self._go(time, span)
         cpu = clock.process_time() - begun
-        found = self._solved()
-        require_held(self.model.job, time, found.model, found.configuration, found.evaluation)
+        found = self._last_solution()
+        require_supports(self.model.job, time, found.model, found.configuration, found.evaluation)
         return job_state(self.model, found, time, effort_since(self.effort, before, cpu))
 
-    def _solved(self) -> Solution:
+    def _last_solution(self) -> Solution:
         assert self.solution is not None
         return self.solution
 
@@ -211,7 +211,7 @@ class _Stepper:
             self.effort = replace(self.effort, failures=self.effort.failures + 1)
             self.stride = step / 2
             if self.stride < self.options.shortest * span:
-                solution = self._relaxed(there, end, error)
+                solution = self._relax_or_raise(there, end, error)
                 self.stride = step
                 self._accept(there, solution)
             return
@@ -242,14 +242,14 @@ class _Stepper:
     def _model(self, time: float) -> ShellModel:
         if self.solution is None:
             return self.model.at(time)
-        return self.model.at(time, settled(self.solution).contacts)
+        return self.model.at(time, next_increment(self.solution).contacts)
 
     def _step(self, time: float, end: bool) -> Solution:
         model = self._model(time)
         if self.solution is None:
-            start, near = model.posed(self.model.start(), *self.model.poses(time)), False
+            start, near = model.move_bodies(self.model.start(), *self.model.poses(time)), False
         else:
-            start, near = predicted(model, self.solution, *self.model.poses(time)), True
+            start, near = predict(model, self.solution, *self.model.poses(time)), True
         return self._equilibrium(model, start, near, end)
 
     def _equilibrium(
@@ -269,13 +269,13 @@ class _Stepper:
             more, iterations=plain.iterations + more.iterations, solves=plain.solves + more.solves
         )
 
-    def _relaxed(self, time: float, end: bool, error: ConvergenceError) -> Solution:
+    def _relax_or_raise(self, time: float, end: bool, error: ConvergenceError) -> Solution:
         """The equilibrium found by a damped motion.  Raises ConvergenceError."""
         model = self._model(time)
         last = self.model.start() if self.solution is None else self.solution.configuration
-        c = model.posed(last, *self.model.poses(time))
+        c = model.move_bodies(last, *self.model.poses(time))
         try:
-            found = self._settled(model, c, end)
+            found = self._relax_then_solve(model, c, end)
         except ConvergenceError as failed:
             raise ConvergenceError(
                 f"{self.model.job.name}: no equilibrium was found at t = {time:.6g}, after "
@@ -286,7 +286,7 @@ class _Stepper:
         self.effort = replace(self.effort, relaxations=self.effort.relaxations + 1)
         return found
 
-    def _settled(self, model: ShellModel, c: Configuration, end: bool) -> Solution:
+    def _relax_then_solve(self, model: ShellModel, c: Configuration, end: bool) -> Solution:
         """By a damped motion, then Newton; by a longer motion where Newton fails."""
         for tolerance in REST:
             c = relax(model, c, options=RelaxOptions(tolerance=tolerance))
@@ -297,7 +297,7 @@ class _Stepper:
         raise failed
 
 
-def predicted(
+def predict(
     model: ShellModel, solution: Solution, position: Array, rotation: Array
 ) -> Configuration:
     """First-order prediction of the equilibrium of `model` with its bodies at new poses, from the
@@ -306,17 +306,17 @@ def predicted(
 
     before, c, e = solution.model, solution.configuration, solution.evaluation
     turn = Rotation.from_matrix(rotation @ np.swapaxes(c.rotation, 1, 2)) if len(rotation) else None
-    right = -reduced_loads(model, c, e.bases[0]) + reduced_loads(before, c, e.bases[0])
+    right = -loads_in_bases(model, c, e.bases[0]) + loads_in_bases(before, c, e.bases[0])
     if turn is not None:
         twist = np.hstack([position - c.position, turn.as_rotvec()])
         if twist.any():
             right = right + coupling(before, c, e, NO_TENSION)[0] @ twist.ravel()
     step = np.zeros(model.pattern.size)
     step[model.free] = -solution.factor.solve(right[model.free])
-    return model.posed(model.stepped(c, e.bases, step), position, rotation)
+    return model.move_bodies(model.take_step(c, e.bases, step), position, rotation)
 
 
-def reduced_loads(model: ShellModel, c: Configuration, bases: Array) -> Array:
+def loads_in_bases(model: ShellModel, c: Configuration, bases: Array) -> Array:
     """(5n,) N of the dead loads and the pressure in the nodes' bases (n, 3, 3)."""
     out = np.zeros((len(c.x), 5))
     out[:, :3] = np.einsum("nij,ni->nj", bases, nodal_loads(model, c.x))
@@ -367,10 +367,10 @@ def penetration(solution: Solution) -> float:
 def _spring_forces(job: Job, model: ShellModel, c: Configuration) -> tuple[Array, ...]:
     to_body = spring_state(model.springs, c.x, c.position, c.rotation).force
     between = node_spring_state(model.links, c.x).force
-    return by_spring_set(job, (model.springs, to_body), (model.links, between))
+    return forces_by_set(job, (model.springs, to_body), (model.links, between))
 
 
-def by_spring_set(
+def forces_by_set(
     job: Job, to_bodies: tuple[Springs, Array], between: tuple[NodeSprings, Array]
 ) -> tuple[Array, ...]:
     """Forces (k,) N of each spring set of a job, in its order, from those of its springs to bodies

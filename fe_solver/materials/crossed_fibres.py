@@ -84,9 +84,11 @@ class CrossedFibres:
         return self.base.shear()
 
     def fibres(self) -> tuple[tuple[Real, Real, Real], ...]:
+        """Components (cos^2, sin^2, sin cos) of each fibre family's direction, from axis 1."""
         return (*self.base.fibres(), axial(self.angle))
 
     def incompressible(self) -> bool:
+        """Whether the law admits no change of volume."""
         return self.base.incompressible()
 
     def start(self, p: Invariants) -> Array:

@@ -112,14 +112,17 @@ class TransIsoMooneyRivlin(ExponentialToe):
         return response(self, strain)
 
     def shear(self) -> tuple[Real, Real]:
-        """Of the matrix: to first order shear out of the plane does not stretch the fibre."""
+        """Shear moduli of the matrix: to first order shear out of the plane does not stretch the
+        fibre."""
         G = 2 * (self.c1 + self.c2)
         return G, G
 
     def fibres(self) -> tuple[tuple[Real, Real, Real], ...]:
+        """Components (cos^2, sin^2, sin cos) of each fibre family's direction, from axis 1."""
         return ((1.0, 0.0, 0.0),)
 
     def incompressible(self) -> bool:
+        """Whether the law admits no change of volume."""
         return not np.isfinite(self.k).any()
 
     def start(self, p: Invariants) -> Array:
@@ -300,13 +303,16 @@ class HolzapfelGasserOgden:
         return response(self, strain)
 
     def shear(self) -> tuple[Real, Real]:
-        """Of the matrix: to first order shear out of the plane does not stretch the fibres."""
+        """Shear moduli of the matrix: to first order shear out of the plane does not stretch the
+        fibres."""
         return self.c, self.c
 
     def fibres(self) -> tuple[tuple[Real, Real, Real], ...]:
+        """Components (cos^2, sin^2, sin cos) of each fibre family's direction, from axis 1."""
         return axial(self.gamma), axial(-np.asarray(self.gamma))
 
     def incompressible(self) -> bool:
+        """Whether the law admits no change of volume."""
         return not np.isfinite(self.k).any()
 
     def start(self, p: Invariants) -> Array:

@@ -28,7 +28,7 @@ from fe_solver.materials.linear import (
 )
 
 LONGEST = 1.0
-"""Of a step in ln J: a factor of e in volume."""
+"""Longest step in ln J: a factor of e in volume."""
 CONVERGED = 1e-12
 """The last step in ln J; those before it double the digits."""
 MOST_STEPS = 80
@@ -36,7 +36,7 @@ MOST_STEPS = 80
 
 
 class Invariants(NamedTuple):
-    """Of the plane's right Cauchy-Green tensor, each (...,)."""
+    """Invariants of the plane's right Cauchy-Green tensor, each (...,)."""
 
     trace: Array
     det: Array
@@ -219,9 +219,11 @@ class NeoHookean:
         return mu, mu
 
     def fibres(self) -> tuple[tuple[Real, Real, Real], ...]:
+        """Components (cos^2, sin^2, sin cos) of each fibre family's direction, from axis 1."""
         return ()
 
     def incompressible(self) -> bool:
+        """Whether the law admits no change of volume."""
         return False
 
     def start(self, p: Invariants) -> Array:

@@ -26,7 +26,7 @@ def stress_free_thickness(laid: Array, stretch: Array) -> Array:
     return laid * np.sqrt(stretch).reshape(-1, *[1] * (laid.ndim - 1))
 
 
-def laid_thickness(stress_free: Array, growth: Array) -> Array:
+def thickness_as_laid(stress_free: Array, growth: Array) -> Array:
     """(ne, ...) m, as laid, of a sheet of growth (ne,) along or (ne, 2) along and across: what is
     wider without stress by a stretch in situ is thicker by as much."""
     if growth.ndim == 1:

@@ -55,18 +55,21 @@ def require(law: object, name: str, value: Real, allowed: Mask | bool, words: st
 
 
 def require_positive(law: object, **values: Real) -> None:
+    """Raise InputError unless all values are positive and finite."""
     for name, value in values.items():
         fine = np.greater(value, 0) & np.isfinite(value)
         require(law, name, value, fine, "it must be positive and finite")
 
 
 def require_not_negative(law: object, **values: Real) -> None:
+    """Raise InputError unless all values are finite and not negative."""
     for name, value in values.items():
         fine = np.greater_equal(value, 0) & np.isfinite(value)
         require(law, name, value, fine, "it must be zero or positive, and finite")
 
 
 def require_poisson(law: object, nu: Real) -> None:
+    """Raise InputError for a Poisson's ratio that the material cannot have."""
     fine = np.greater(nu, -1) & np.less(nu, 0.5)
     require(law, "nu", nu, fine, "Poisson's ratio must lie between -1 and 0.5, both excluded")
 

@@ -31,9 +31,9 @@ LAYERS, LAYER_WEIGHTS = np.polynomial.legendre.leggauss(5)
 
 
 class Resultants(NamedTuple):
-    """Of each Gauss point, per reference area, against the generalized strains e11, e22, 2 e12,
-    k11, k22, 2 k12, g13, g23: energy (ne, g) J/m2, force (ne, g, 8) N/m and N, stiffness (ne, g, 8,
-    8).  An inadmissible strain has infinite energy and no force."""
+    """Energy and its derivatives at each Gauss point, per reference area, against the generalized
+    strains e11, e22, 2 e12, k11, k22, 2 k12, g13, g23: energy (ne, g) J/m2, force (ne, g, 8) N/m
+    and N, stiffness (ne, g, 8, 8). An inadmissible strain has infinite energy and no force."""
 
     energy: Array
     force: Array
@@ -63,6 +63,7 @@ class Section:
 
     @cached_property
     def count(self) -> int:
+        """Number of elements."""
         return sum(len(p.elements) for p in self.patches)
 
     @cached_property
@@ -122,7 +123,7 @@ class Section:
         stiffness = self.linear.copy()
         for p in self.nonlinear:
             base, smoothing = _base(p.law)
-            own = _integrated if smoothing is None else _membrane
+            own = _integrate if smoothing is None else _membrane
             more = own(p, strain[p.elements])
             if isinstance(base, Potential):
                 more = _with_shear(p, strain[p.elements], more)
@@ -161,7 +162,7 @@ def one_law(law: Law | TensionField, thickness: Array) -> Section:
     return Section((Patch(np.arange(len(thickness)), law, thickness),))
 
 
-def joined_sections(patches: Sequence[Patch]) -> Section:
+def join_sections(patches: Sequence[Patch]) -> Section:
     """Raises ValueError where elements lie in no patch or in two."""
     elements = np.concatenate([p.elements for p in patches])
     if not np.array_equal(np.sort(elements), np.arange(len(elements))):
@@ -233,7 +234,7 @@ def _membrane(p: Patch, strain: Array) -> Resultants:
     return out
 
 
-def _integrated(p: Patch, strain: Array) -> Resultants:
+def _integrate(p: Patch, strain: Array) -> Resultants:
     """A law at points through the thickness."""
     h = p.thickness[..., None]
     z, w = LAYERS * h / 2, LAYER_WEIGHTS * h / 2  # (k, g, layers)

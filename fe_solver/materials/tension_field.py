@@ -42,13 +42,13 @@ DECADES = 2
 CENTRAL = 0.1
 """Strain by which a barrier smooths from which its path begins."""
 TO_THE_EDGE = 0.95
-"""Of the step at which P is no longer positive."""
+"""Share of the step at which P is no longer positive."""
 LEAST_SLOPE = 1e-4
 HALVINGS = 30
 STIFF = 1e-3
-"""Of the tangent's largest entry: the first guess takes no line of the sheet for softer."""
+"""Share of the tangent's largest entry: the first guess takes no line of the sheet for softer."""
 ROUNDING = 1e-2
-"""Of the barrier, below which a rise of the energy is a rounding error."""
+"""Share of the barrier below which a rise of the energy is a rounding error."""
 RESIDUAL = 1e-6
 SQUARED = np.array([1.0, 1.0, 0.5])
 """P:P from the squares of P11, P22 and 2 P12."""
@@ -234,7 +234,7 @@ def _central_guess(law: Law, strain: Array, cost: _Cost, full: Stress) -> Array:
     return axes * np.sqrt(np.maximum(-size, 0.0) + CENTRAL)[:, None]
 
 
-def _turned_guess(law: Law, strain: Array, cost: _Cost, full: Stress) -> Array:
+def _guess_by_turning(law: Law, strain: Array, cost: _Cost, full: Stress) -> Array:
     """(m, 2, 2) A = (p, t) with p of the least W(E + p p') by TURNS Newton steps from the axis of
     the lesser principal stress, and t across it in balance."""
     p = _axes_guess(law, strain, cost, full)[:, :, 1]
@@ -273,7 +273,7 @@ def _relax(law: Law, strain: Array, cost: _Cost, smoothing: float) -> _Relaxatio
     full = law.response(strain)
     finite, left = np.isfinite(full.energy), np.asarray(np.isfinite(strain).all(axis=1))
     A = np.tile(np.sqrt(smoothing) * np.eye(2), (len(strain), 1, 1))
-    for guess in (_axes_guess, _turned_guess, _central_guess):
+    for guess in (_axes_guess, _guess_by_turning, _central_guess):
         on = left if guess is _central_guess else left & finite
         if not on.any():
             continue

@@ -14,7 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from fe_solver.elements.kernels import gathered
+from fe_solver.elements.kernels import sum_entries
 from fe_solver.solver.linear_algebra import Analysis, analyse, positions
 
 Array = NDArray[np.float64]
@@ -43,13 +43,14 @@ class Pattern:
     def assemble(self, elements: Array, nodes: Array, pairs: Array) -> Array:
         """Full data from element blocks (ne, 5k, 5k), node blocks (n, 5, 5) and the blocks (k, 3,
         3) of the pairs' first node by their second."""
-        data = gathered(self.gather_start, self.gather, elements.reshape(-1))
+        data = sum_entries(self.gather_start, self.gather, elements.reshape(-1))
         data[self.diagonal] += nodes
         np.add.at(data, self.pair[:, 0], pairs)
         np.add.at(data, self.pair[:, 1], np.swapaxes(pairs, 1, 2))
         return data
 
     def full(self, data: Array) -> sp.csr_array:
+        """The full matrix of entries `data`."""
         return sp.csr_array((data, self.indices, self.indptr), shape=(self.size, self.size))
 
     @cached_property
@@ -71,12 +72,12 @@ class Pattern:
 
     @cached_property
     def analysis(self) -> Analysis:
-        """Of the free part, for symmetric values."""
+        """The analysis of the free part for symmetric values."""
         return analyse(self.slots)
 
     @cached_property
     def general(self) -> Analysis:
-        """Of the free part, for indefinite and unsymmetric values too."""
+        """The analysis of the free part that serves indefinite and unsymmetric values too."""
         return analyse(self.slots, "superlu")
 
 

@@ -22,8 +22,9 @@ ENOUGH = 0.25
 STIFFER = 10.0
 MOST_RAISES = 3
 PIN = 2e4
-"""Of the largest stiffness of a node: that of a pressed node in the tangent, where it stands for a
-constraint; the error of a derivative is its inverse, the loss of digits it times 1e-16."""
+"""Multiple of the largest stiffness of a node that a pressed node has in the tangent, where it
+stands for a constraint; the error of a derivative is its inverse, the loss of digits it times
+1e-16."""
 
 
 @dataclass(frozen=True)
@@ -60,34 +61,34 @@ def solve_augmented(
     Raises ConvergenceError where Newton does not converge, or the rounds do not; then with the
     body and the node that penetrates most."""
     augment = augment or AugmentOptions()
-    model = model.alike(contacts=tuple([_begun(k, start) for k in model.contacts]))
+    model = model.with_changes(contacts=tuple([_initialise(k, start) for k in model.contacts]))
     solution = solve(model, start, tension, options)
     iterations, raises, before = solution.iterations, 0, np.inf
     for _ in range(augment.max_rounds):
-        looks = [_look(k, solution.configuration) for k in model.contacts]
+        looks = [_update_of(k, solution.configuration) for k in model.contacts]
         error = max((look.error.max(initial=0.0) for look in looks), default=0.0)
-        if error <= augment.penetration and _drift(looks) <= augment.friction:
-            return _held(replace(solution, iterations=iterations), looks)
-        contacts = [look.updated(error > augment.penetration) for look in looks]
+        if error <= augment.penetration and _limit_change(looks) <= augment.friction:
+            return _constrain(replace(solution, iterations=iterations), looks)
+        contacts = [look.apply(error > augment.penetration) for look in looks]
         if error > max(ENOUGH * before, augment.penetration) and raises < MOST_RAISES:
             contacts, raises = [_stiffer(k) for k in contacts], raises + 1
         before = error
-        model = model.alike(contacts=tuple(contacts))
+        model = model.with_changes(contacts=tuple(contacts))
         solution = solve(model, solution.configuration, tension, options, near=True)
         iterations += solution.iterations
-    raise ConvergenceError(_stalled(model, solution.configuration, looks, augment))
+    raise ConvergenceError(_stall_message(model, solution.configuration, looks, augment))
 
 
-def settled(solution: Solution) -> ShellModel:
+def next_increment(solution: Solution) -> ShellModel:
     """The model for the increment after a solved one: multipliers and limits as they are, anchors
     moved by what has slid, and the heat of it added to what is dissipated."""
     c = solution.configuration
-    contacts = [_slid(replace(k, pin=None), c) for k in solution.model.contacts]
-    return solution.model.alike(contacts=tuple(contacts))
+    contacts = [_move_anchors(replace(k, pin=None), c) for k in solution.model.contacts]
+    return solution.model.with_changes(contacts=tuple(contacts))
 
 
 @dataclass(frozen=True)
-class _Look:
+class _ContactUpdate:
     """A contact beside the solution of its smooth problem: `error` (k,) m is how far the depth at
     which the multiplier acts is from its place, which is the depth where a node is pressed."""
 
@@ -97,7 +98,7 @@ class _Look:
     limit: Array
     error: Array
 
-    def updated(self, multipliers: bool) -> Contact:
+    def apply(self, multipliers: bool) -> Contact:
         """The contact with the limits and normals of the solution, and with its multipliers where
         these are wanted: they go on changing after the gaps have closed, and friction waits."""
         grip = self.contact.grip
@@ -116,7 +117,7 @@ class _Look:
         return np.abs(self.limit - grip.limit) + grip.limit * turn
 
 
-def _look(contact: Contact, c: Configuration) -> _Look:
+def _update_of(contact: Contact, c: Configuration) -> _ContactUpdate:
     value, normal, _ = contact.surface.distance(contact.local(c.x, c.position, c.rotation))
     length = np.linalg.norm(normal, axis=1, keepdims=True)  # a spline's gradient is about a unit
     normal = np.divide(normal, length, out=np.zeros_like(normal), where=length > 0)
@@ -127,17 +128,17 @@ def _look(contact: Contact, c: Configuration) -> _Look:
         error = np.where(pressure > 0, np.inf, 0.0)
     error = np.where(contact.weight > 0, error, 0.0)
     limit = contact.friction * pressure * contact.weight
-    return _Look(contact, pressure, normal, limit, error)
+    return _ContactUpdate(contact, pressure, normal, limit, error)
 
 
-def _drift(looks: Sequence[_Look]) -> float:
+def _limit_change(looks: Sequence[_ContactUpdate]) -> float:
     """Largest change of a limit of friction over the largest limit."""
     largest = max((look.limit.max(initial=0.0) for look in looks), default=0.0)
     change = max((look.change.max(initial=0.0) for look in looks), default=0.0)
     return float(change / largest) if change > 0 else 0.0
 
 
-def _begun(contact: Contact, start: Configuration) -> Contact:
+def _initialise(contact: Contact, start: Configuration) -> Contact:
     """The contact without pins; with friction, anchored where its nodes are at the start."""
     if contact.friction == 0 or contact.grip is not None:
         return replace(contact, pin=None)
@@ -153,7 +154,7 @@ def _stiffer(contact: Contact) -> Contact:
     return replace(contact, stiffness=STIFFER * contact.stiffness, shear=shear)
 
 
-def _held(solution: Solution, looks: Sequence[_Look]) -> Solution:
+def _constrain(solution: Solution, looks: Sequence[_ContactUpdate]) -> Solution:
     """The solution with the tangent of the constrained problem; held are the nodes whose multiplier
     outweighs their gap, both as lengths."""
     model = solution.model
@@ -164,12 +165,12 @@ def _held(solution: Solution, looks: Sequence[_Look]) -> Solution:
         k = look.contact
         presses = unramp(look.pressure / k.stiffness, k.smoothing) + k.smoothing > look.error
         contacts.append(replace(k, pin=np.where((k.weight > 0) & presses, pin, 0.0)))
-    model = model.alike(contacts=tuple(contacts))
+    model = model.with_changes(contacts=tuple(contacts))
     evaluation = model.evaluate(solution.configuration, solution.tension, tangent=True)
     return replace(solution, model=model, evaluation=evaluation)
 
 
-def _slid(contact: Contact, c: Configuration) -> Contact:
+def _move_anchors(contact: Contact, c: Configuration) -> Contact:
     grip = contact.grip
     if grip is None:
         return contact
@@ -184,8 +185,8 @@ def _slid(contact: Contact, c: Configuration) -> Contact:
     return replace(contact, grip=replace(grip, anchor=anchor, dissipated=heat))
 
 
-def _stalled(
-    model: ShellModel, c: Configuration, looks: Sequence[_Look], augment: AugmentOptions
+def _stall_message(
+    model: ShellModel, c: Configuration, looks: Sequence[_ContactUpdate], augment: AugmentOptions
 ) -> str:
     worst = max(looks, key=lambda look: look.error.max(initial=0.0))
     i = int(np.argmax(worst.error))
@@ -195,6 +196,6 @@ def _stalled(
         f"contact did not settle in {augment.max_rounds} rounds: node {node} at ({place}) mm is "
         f"{worst.error[i] * 1e6:.3g} um from its contact level on the body {body}, expected at "
         f"most {augment.penetration * 1e6:.3g} um; the limits of friction still change by "
-        f"{_drift(looks):.1e}, expected {augment.friction:.1e}. Take a stiffer contact, smaller "
-        "steps or more rounds."
+        f"{_limit_change(looks):.1e}, expected {augment.friction:.1e}. Take a stiffer contact, "
+        "smaller steps or more rounds."
     )

@@ -43,7 +43,7 @@ def _about(arm: Array, force: Array) -> Array:
     return np.concatenate([force, cross(arm, force)], axis=1)
 
 
-def slaved(model: ShellModel, c: Configuration, bases: tuple[Array, Array]) -> Array:
+def dependent_motion(model: ShellModel, c: Configuration, bases: tuple[Array, Array]) -> Array:
     """(5n, 6nb) how tied and guided nodes follow twists of the bodies."""
     A, T = bases
     out = np.zeros((len(c.x), DOFS, len(model.bodies), 6))
@@ -60,14 +60,14 @@ def slaved(model: ShellModel, c: Configuration, bases: tuple[Array, Array]) -> A
     return out.reshape(-1, 6 * len(model.bodies))
 
 
-def shared_twist(c: Configuration) -> Array:
+def common_twist(c: Configuration) -> Array:
     """(6nb, 6) the bodies' twists when all move as one, by that of the first."""
     out = np.tile(np.eye(6), (len(c.position), 1, 1))
     out[:, :3, 3:] = -skew(c.position - c.position[0])
     return out.reshape(-1, 6)
 
 
-def as_one(model: ShellModel, c: Configuration, bases: tuple[Array, Array]) -> Array:
+def rigid_motion(model: ShellModel, c: Configuration, bases: tuple[Array, Array]) -> Array:
     """(5n, 6) what a twist of all the bodies as one does to the degrees of freedom that do not
     follow a body by themselves, about the first body's origin."""
     first, second = np.moveaxis(bases[1], 2, 0)  # with the director right-handed
@@ -90,7 +90,7 @@ def coupling(
     assert e.data is not None
     nb, n = len(model.bodies), len(c.x)
     A, _ = e.bases
-    S, (dofs, slots) = slaved(model, c, e.bases), model.slaves
+    S, (dofs, slots) = dependent_motion(model, c, e.bases), model.slaves
     K = sp.csr_array((e.data[slots.data], slots.indices, slots.indptr), slots.shape)
     followed = S[dofs]
     KS = K @ followed
@@ -111,14 +111,14 @@ def coupling(
     own[follow, 3:, 3:] += arm_cross[follow] @ skew(p.arm[follow])
     on_body = (p.body == np.arange(nb)[:, None]).astype(float)
     wrench[range(nb), :, range(nb)] += (on_body @ own.reshape(-1, 36)).reshape(nb, 6, 6)
-    _held_points(p, G, force, A, S.reshape(n, DOFS, nb, 6), wrench)
-    _held_terms(model, c, e, tension, residual, wrench)
+    _point_terms(p, G, force, A, S.reshape(n, DOFS, nb, 6), wrench)
+    _support_terms(model, c, e, tension, residual, wrench)
     by_tension, wrench_tension = _tension_terms(model, c, A)
     size = 6 * nb
     return residual.reshape(-1, size), wrench.reshape(size, size), by_tension, wrench_tension
 
 
-def _held_points(
+def _point_terms(
     p: PointForces, G: Array, force: Array, A: Array, follow: Array, wrench: Array
 ) -> None:
     """Points that act on one body and whose nodes another body moves (in place); follow (n, 5, nb,
@@ -138,7 +138,7 @@ def _held_points(
         wrench[:, :, body] -= back[p.body[on] == body].sum(axis=0)
 
 
-def _held_terms(
+def _support_terms(
     model: ShellModel,
     c: Configuration,
     e: Evaluation,

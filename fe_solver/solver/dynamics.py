@@ -41,7 +41,7 @@ class Substance:
 
 
 @dataclass(frozen=True)
-class Moving:
+class DynamicState:
     """A shell in motion: its configuration, the rates (n, 3) of positions (m/s) and directors (1/s)
     and their accelerations."""
 
@@ -63,6 +63,7 @@ class Viscous:
 
     @property
     def thickness(self) -> Array:
+        """Thickness at the Gauss points (ne, g), m."""
         return self.base.thickness
 
     @property
@@ -88,10 +89,10 @@ class Viscous:
         return self.base.stress(strain, z)
 
 
-def at_rest(c: Configuration) -> Moving:
+def at_rest(c: Configuration) -> DynamicState:
     """A configuration that does not move (and feels no force)."""
     none = np.zeros_like(c.x)
-    return Moving(c, none, none, none, none)
+    return DynamicState(c, none, none, none, none)
 
 
 def masses(model: ShellModel, substance: Substance) -> tuple[Array, Array]:
@@ -110,14 +111,14 @@ def masses(model: ShellModel, substance: Substance) -> tuple[Array, Array]:
 
 def advance(
     model: ShellModel,
-    state: Moving,
+    state: DynamicState,
     tension: Array,
     dt: float,
     substance: Substance,
     options: NewtonOptions,
     damping: float = 0.0,
-) -> tuple[Moving, Solution]:
-    """One step of `dt` s; bodies are where `state` has them (see `ShellModel.posed`).
+) -> tuple[DynamicState, Solution]:
+    """One step of `dt` s; bodies are where `state` has them (see `ShellModel.move_bodies`).
 
     Raises InputError for a step that is not positive and ConvergenceError as `newton.solve`."""
     if not (np.isfinite(dt) and dt > 0 and 0 <= damping <= 1):
@@ -128,25 +129,27 @@ def advance(
     ahead = c.x + dt * state.velocity + dt**2 * (0.5 - beta) * state.acceleration
     turned = c.d + dt * state.spin + dt**2 * (0.5 - beta) * state.turning
     pull = beta * dt**2
-    stepping = model.alike(
+    stepping = model.with_changes(
         inertia=Inertia(mass / pull, ahead, rotary / pull, turned),
-        section=_damped(model, c, dt, substance),
+        section=_viscous_section(model, c, dt, substance),
     )
     solution = solve(stepping, _guess(model, c, ahead), tension, options, near=True)
     there = solution.configuration
     acceleration, turning = (there.x - ahead) / pull, (there.d - turned) / pull
     velocity = state.velocity + dt * (gamma * acceleration + (1 - gamma) * state.acceleration)
     spin = state.spin + dt * (gamma * turning + (1 - gamma) * state.turning)
-    return Moving(there, velocity, spin, acceleration, turning), solution
+    return DynamicState(there, velocity, spin, acceleration, turning), solution
 
 
-def kinetic_energy(model: ShellModel, state: Moving, substance: Substance) -> float:
+def kinetic_energy(model: ShellModel, state: DynamicState, substance: Substance) -> float:
     """J."""
     mass, rotary = masses(model, substance)
     return float(mass @ (state.velocity**2).sum(1) + rotary @ (state.spin**2).sum(1)) / 2
 
 
-def _damped(model: ShellModel, c: Configuration, dt: float, substance: Substance) -> Section:
+def _viscous_section(
+    model: ShellModel, c: Configuration, dt: float, substance: Substance
+) -> Section:
     if substance.viscosity == 0.0:
         return model.section
     damper = one_law(Isotropic(substance.viscosity / dt, 0.0), model.section.thickness)

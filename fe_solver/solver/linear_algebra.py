@@ -36,9 +36,9 @@ VARIABLE = "FE_SOLVER_LINEAR"
 MOST_PRODUCTS = 10
 """Iterations of conjugate gradients with a nearby factor; more cost what a factorisation does."""
 REDUCED = 1e-3
-"""Of the right-hand side, what such a solution may leave."""
+"""Share of the right-hand side that such a solution may leave."""
 RANK = 1e-13
-"""Of the largest pivot: less is none."""
+"""Share of the largest pivot: a smaller pivot is none."""
 
 
 class NotPositiveDefiniteError(ArithmeticError):
@@ -70,7 +70,7 @@ def available() -> list[str]:
     return [name for name, module in BACKENDS.items() if find_spec(module)]
 
 
-def chosen() -> str:
+def backend_name() -> str:
     """The solver in use.  Raises InputError for a wish that cannot be met."""
     wish = os.environ.get(VARIABLE)
     if wish is None:
@@ -85,7 +85,7 @@ def chosen() -> str:
 def analyse(slots: sp.csc_array, backend: str | None = None) -> Analysis:
     """Analysis of a symmetric pattern; the entries of `slots` are 1 + their positions in the data
     that `factor` takes."""
-    backend = backend or chosen()
+    backend = backend or backend_name()
     kinds = {"cholmod": CholmodAnalysis, "pardiso": PardisoAnalysis, "superlu": SuperLUAnalysis}
     made: Analysis = kinds[backend](slots)
     return made
@@ -122,7 +122,7 @@ class Nearby:
         raise NotPositiveDefiniteError(f"left {np.linalg.norm(left):.1e} after {MOST_PRODUCTS}")
 
 
-def mechanism(data: Array, slots: sp.csc_array) -> bool:
+def has_mechanism(data: Array, slots: sp.csc_array) -> bool:
     """Whether the matrix has a direction without stiffness, beside rounding error."""
     try:
         factor = SuperLUAnalysis(slots).lu(data)
@@ -133,7 +133,7 @@ def mechanism(data: Array, slots: sp.csc_array) -> bool:
 
 
 def positions(matrix: sp.csc_array | sp.csr_array) -> Ints:
-    """Of a pattern's entries in the data that they are taken from."""
+    """Positions of a pattern's entries in the data that they are taken from."""
     return matrix.data.astype(np.intp) - 1
 
 
@@ -155,7 +155,7 @@ class SuperLUAnalysis:
     slots: sp.csc_array
 
     @cached_property
-    def _ordered(self) -> tuple[Ints, sp.csc_array, Ints]:
+    def _ordering(self) -> tuple[Ints, sp.csc_array, Ints]:
         regular = sp.csc_array(self.slots, copy=True)
         regular.data[:] = 1.0
         regular = sp.csc_array(regular + sp.diags_array(np.full(self.slots.shape[0], 1e3)))
@@ -166,11 +166,12 @@ class SuperLUAnalysis:
         return order, ordered, positions(ordered)
 
     def factor(self, data: Array) -> Factor:
-        return _OrderedLU(self.lu(data), self._ordered[0])
+        """The numeric factor of the matrix with entries from `data`."""
+        return _OrderedLU(self.lu(data), self._ordering[0])
 
     def lu(self, data: Array) -> spla.SuperLU:
         """In the order found.  Raises ConvergenceError for an exactly singular matrix."""
-        _, pattern, slots = self._ordered
+        _, pattern, slots = self._ordering
         matrix = sp.csc_array((data[slots], pattern.indices, pattern.indptr), shape=pattern.shape)
         try:
             return _splu(matrix, "NATURAL")
@@ -212,6 +213,7 @@ class CholmodAnalysis:
         return lower, slots, analyze(_legacy(lower, np.ones(len(slots))), mode="supernodal")
 
     def factor(self, data: Array) -> Factor:
+        """The numeric factor of the matrix with entries from `data`."""
         from sksparse.cholmod import CholmodNotPositiveDefiniteError
 
         lower, slots, symbolic = self._lower
@@ -258,6 +260,7 @@ class PardisoAnalysis:
         return upper, slots, solver
 
     def factor(self, data: Array) -> Factor:
+        """The numeric factor of the matrix with entries from `data`."""
         upper, slots, _ = self._upper
         made = _Pardiso(
             self, sp.csr_matrix((data[slots], upper.indices, upper.indptr), upper.shape)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from fe_solver.elements import kernels
 from fe_solver.elements.shell import ElementResponse, ShellTables, element_blocks, element_response
 from fe_solver.forces.cables import Cables, cable_forces
-from fe_solver.forces.contact import Contact, contact_forces, joined
+from fe_solver.forces.contact import Contact, contact_forces, join_point_forces
 from fe_solver.forces.guides import Guides, Ties
 from fe_solver.forces.loads import Inertia, pressure_forces, pressure_tangent
 from fe_solver.forces.springs import (
@@ -26,7 +26,7 @@ from fe_solver.forces.springs import (
 )
 from fe_solver.materials.section import Section
 from fe_solver.solver.assembly import DOFS, Pattern, make_pattern
-from fe_solver.vectors import cross, scattered, tangents, turned
+from fe_solver.vectors import cross, sum_at_nodes, tangents, turn_directors
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
@@ -99,7 +99,7 @@ class ShellModel:
         """A node as its user knows it."""
         return f"node {node if self.node_ids is None else self.node_ids[node]}"
 
-    def alike(self, **changes: Any) -> ShellModel:
+    def with_changes(self, **changes: Any) -> ShellModel:
         """A copy with other loads, contacts, inertia or materials, which shares the sparsity: its
         quads, supports and links are these."""
         other = replace(self, **changes)
@@ -108,6 +108,7 @@ class ShellModel:
 
     @cached_property
     def pattern(self) -> Pattern:
+        """The tangent's sparsity."""
         return make_pattern(self.quads, len(self.reference), self.free, self.pairs)
 
     @cached_property
@@ -116,7 +117,8 @@ class ShellModel:
         return np.concatenate([self.links.nodes, self.cables.nodes])
 
     def pair_forces(self, x: Array, curvature: bool) -> PairForces:
-        """Of the springs between nodes, then of the cables; `curvature` as in `node_springs`."""
+        """Forces of the springs between nodes, then of the cables; `curvature` as in
+        `node_springs`."""
         if not len(self.pairs):
             return PairForces.none()
         own, more = node_springs(self.links, x, curvature), cable_forces(self.cables, x)
@@ -165,14 +167,14 @@ class ShellModel:
         first /= np.linalg.norm(first, axis=1, keepdims=True)
         return np.stack([first, cross(d, first)], axis=2)
 
-    def posed(self, c: Configuration, position: Array, rotation: Array) -> Configuration:
+    def move_bodies(self, c: Configuration, position: Array, rotation: Array) -> Configuration:
         """The same hood with its bodies at new poses: tied nodes follow, guided nodes are put back
         on their lines and planes."""
         x, d = c.x.copy(), c.d.copy()
         t, g = self.ties, self.guides
         x[t.node] = position[t.body] + np.einsum("kij,kj->ki", rotation[t.body], t.position)
         d[t.node] = np.einsum("kij,kj->ki", rotation[t.body], t.director)
-        moved = np.where(g.held, 0.0, self._moved(c))
+        moved = np.where(g.held, 0.0, self._guide_travel(c))
         local = g.origin + np.einsum("kij,kj->ki", g.axes, moved)
         x[g.node] = position[g.body] + np.einsum("kij,kj->ki", rotation[g.body], local)
         on = g.node[g.steady], g.body[g.steady]
@@ -180,7 +182,7 @@ class ShellModel:
         d[on[0]] = np.einsum("kij,kj->ki", rotation[on[1]], seen)
         return Configuration(x, d, position, rotation)
 
-    def _moved(self, c: Configuration) -> Array:
+    def _guide_travel(self, c: Configuration) -> Array:
         """(k, 3) m, how far each guided node has moved along its axes."""
         g = self.guides
         local = np.einsum("kji,kj->ki", c.rotation[g.body], c.x[g.node] - c.position[g.body])
@@ -188,7 +190,7 @@ class ShellModel:
 
     def slide(self, c: Configuration) -> Array:
         """(k,) m, how far each guided node has moved along its first axis."""
-        return self._moved(c)[:, 0]
+        return self._guide_travel(c)[:, 0]
 
     def excursion(self, c: Configuration) -> Array:
         """(nt,) m."""
@@ -200,16 +202,17 @@ class ShellModel:
         along = np.einsum("kij,kj->ki", c.rotation[g.body], g.direction)
         return (tension @ self.share)[:, None] * along
 
-    def stepped(self, c: Configuration, bases: tuple[Array, Array], step: Array) -> Configuration:
+    def take_step(self, c: Configuration, bases: tuple[Array, Array], step: Array) -> Configuration:
         """The configuration after a step (5n,) in the nodes' bases."""
         u = step.reshape(-1, DOFS)
         x = c.x + np.einsum("nij,nj->ni", bases[0], u[:, :3])
-        return Configuration(x, turned(c.d, bases[1], u[:, 3:]), c.position, c.rotation)
+        return Configuration(x, turn_directors(c.d, bases[1], u[:, 3:]), c.position, c.rotation)
 
     def point_forces(self, c: Configuration, curvature: bool = True) -> PointForces:
+        """Forces of springs to bodies and of contacts; `curvature` as in `contact_forces`."""
         parts = [spring_forces(self.springs, c.x, c.position, c.rotation, curvature)]
         parts += [contact_forces(k, c.x, c.position, c.rotation, curvature) for k in self.contacts]
-        return joined(parts)
+        return join_point_forces(parts)
 
     def potential(self, c: Configuration, energy: float, tension: Array) -> float:
         """Total potential energy, J: an evaluation's energy less the tendons' work."""
@@ -228,7 +231,7 @@ class ShellModel:
         gx, gd = self.nodal(elements.gradient)
         links = self.pair_forces(c.x, not convex)
         gx += points.on_nodes(points.gradient, n)
-        gx += scattered(self.pairs, links.gradient, n)
+        gx += sum_at_nodes(self.pairs, links.gradient, n)
         energy = elements.energy + points.energy + links.energy
         if self.dead is not None:
             gx -= self.dead
@@ -253,14 +256,14 @@ class ShellModel:
     def nodal(self, elements: Array) -> tuple[Array, Array]:
         """Sums at the nodes, by position and by director (n, 3), of element vectors (ne, 2k, 3)."""
         n, k = len(self.reference), self.quads.shape[1]
-        by_position = scattered(self.quads, elements[:, :k], n)
-        return by_position, scattered(self.quads, elements[:, k:], n)
+        by_position = sum_at_nodes(self.quads, elements[:, :k], n)
+        return by_position, sum_at_nodes(self.quads, elements[:, k:], n)
 
     def _follower(self, x: Array) -> Array:
         """(n, 3) N force of the pressure on the nodes."""
         if self.pressure is None:
             return np.zeros_like(x)
-        return scattered(self.quads, pressure_forces(x[self.quads], self.pressure), len(x))
+        return sum_at_nodes(self.quads, pressure_forces(x[self.quads], self.pressure), len(x))
 
     def _assemble(self, c: Configuration, e: Evaluation) -> Array:
         (A, T), points = e.bases, e.points

@@ -10,22 +10,22 @@ from numpy.typing import NDArray
 
 from cosim.errors import ConvergenceError
 from fe_solver.solver.assembly import DOFS
-from fe_solver.solver.body_coupling import as_one, coupling, shared_twist
+from fe_solver.solver.body_coupling import common_twist, coupling, rigid_motion
 from fe_solver.solver.linear_algebra import (
     FREE,
     Factor,
     Nearby,
     NotPositiveDefiniteError,
-    mechanism,
+    has_mechanism,
 )
 from fe_solver.solver.model import Configuration, Evaluation, ShellModel
 from fe_solver.solver.newton_step import (
+    active_set_step,
     damped_step,
-    factorised,
-    flipping_step,
-    limited,
+    factorise,
+    limit_step,
+    limit_to_contact,
     newton_step,
-    pressed,
 )
 
 Array = NDArray[np.float64]
@@ -72,38 +72,38 @@ class Solution:
     tension: Array
     iterations: int
     solves: int
-    """Linear solves: one an iteration, and those that foresaw contacts."""
+    """Linear solves: one an iteration, and those that predicted contacts."""
     residual: float
     """Largest residual force, N (moments over the element size)."""
 
     @cached_property
     def factor(self) -> Factor:
-        """Of the consistent tangent's free part; made when it is first asked for."""
+        """Factor of the consistent tangent's free part, computed when it is first asked for."""
         assert self.evaluation.data is not None
-        return factorised(self.model, self.evaluation.data)
+        return factorise(self.model, self.evaluation.data)
 
     @cached_property
     def coupling(self) -> tuple[Array, Array, Array, Array]:
-        """Of `coupling.coupling`."""
+        """The derivatives that `body_coupling.coupling` returns."""
         return coupling(self.model, self.configuration, self.evaluation, self.tension)
 
     @cached_property
-    def pushed(self) -> Array:
+    def residual_derivative(self) -> Array:
         """(free, 6nb + nt) the residual by the bodies' twists and the tensions."""
         by_motion, _, by_tension, _ = self.coupling
         return np.hstack([by_motion, by_tension])[self.model.free]
 
     @cached_property
-    def follow(self) -> Array:
+    def sensitivity(self) -> Array:
         """(free, 6nb + nt) how the free degrees of freedom follow the bodies' twists and the
         tensions.  What moves with all the bodies as one is known, so that the first body's twists
         follow from those of the others, unless loads or inertia stand fast in the world."""
         m, c = self.model, self.configuration
         if m.dead is not None or m.inertia is not None:
-            return -self.factor.solve(self.pushed)
-        out, twists = np.empty_like(self.pushed), shared_twist(c)[6:]
-        out[:, 6:] = -self.factor.solve(self.pushed[:, 6:])
-        out[:, :6] = as_one(m, c, self.evaluation.bases)[m.free]
+            return -self.factor.solve(self.residual_derivative)
+        out, twists = np.empty_like(self.residual_derivative), common_twist(c)[6:]
+        out[:, 6:] = -self.factor.solve(self.residual_derivative[:, 6:])
+        out[:, :6] = rigid_motion(m, c, self.evaluation.bases)[m.free]
         out[:, :6] -= out[:, 6 : 6 + len(twists)] @ twists
         return out
 
@@ -203,7 +203,7 @@ def solve(
             raise
     c, iterations, solves = start, 0, 0
     for smoothing in (*(s for s in SMOOTHER if s > own), own):
-        easier = model.alike(section=model.section.with_smoothing(smoothing))
+        easier = model.with_changes(section=model.section.with_smoothing(smoothing))
         found = _solve(easier, c, tension, options, c is not start)
         c = found.configuration
         iterations, solves = iterations + found.iterations, solves + found.solves
@@ -218,14 +218,15 @@ def _solve(
     near: bool = False,
     before: Solution | None = None,
 ) -> Solution:
-    c, solves = _undamped(model, start, tension, options) if options.undamped else (start, 0)
-    convex, stuck, chord = not near, False, _kept(before)
+    c, solves = _whole_steps(model, start, tension, options) if options.undamped else (start, 0)
+    convex, stuck, chord = not near, False, _chord_of(before)
     kept = None if before is None else before.factor
     e = model.evaluate(c, tension, tangent=chord is None, convex=convex)
     data = e.data if chord is None else chord.data
     assert data is not None
     stiffest = stiffest_entry(model, data)
     for iteration in range(options.max_iterations + 1):
+        # done where the residual is small by the consistent tangent's rounding error too
         residual, force = residual_norm(model, e)
         limit = options.tolerance * force + rounding(c, stiffest)
         if residual <= limit:
@@ -237,6 +238,7 @@ def _solve(
                 return _upright(Solution(model, c, e, tension, iteration, solves, residual))
         if iteration == options.max_iterations:
             break
+        # a chord iteration: the old factor, while it lowers the residual fast enough
         if chord is not None and not convex and chord.pays(residual, limit):
             solves += 1
             found = _chord_step(model, c, e, tension, chord.factor, options)
@@ -244,6 +246,7 @@ def _solve(
                 c, e = found
                 chord = replace(chord, since=residual)
                 continue
+        # a Newton step with a new tangent, damped where parts of the sheet may be slack
         e = model.with_tangent(c, e)
         data = e.data
         assert data is not None
@@ -255,7 +258,8 @@ def _solve(
             step, factor = damped_step(model, data, e.reduced, *longest, kept)
         if kept is not None and factor is not None and not isinstance(factor, Nearby):
             kept = factor
-        trial, more = _advanced(model, c, e, tension, step, options, kept)
+        # search along it; where nothing descends, try the other tangent once, then stop
+        trial, more = _descend(model, c, e, tension, step, options, kept)
         solves += 1 + more
         if trial is not None:
             (c, e, convex), stuck = trial, False
@@ -277,7 +281,7 @@ def _solve(
     )
 
 
-def _kept(before: Solution | None) -> _Chord | None:
+def _chord_of(before: Solution | None) -> _Chord | None:
     if before is None:
         return None
     assert before.evaluation.data is not None
@@ -303,14 +307,14 @@ def _chord_step(
         step[model.free] = -factor.solve(e.reduced[model.free])
     except NotPositiveDefiniteError:
         return None
-    if not limited(step, options.max_step, options.max_turn)[1] <= NEAR:
+    if not limit_step(step, options.max_step, options.max_turn)[1] <= NEAR:
         return None
-    trial = model.stepped(c, e.bases, step)
+    trial = model.take_step(c, e.bases, step)
     there = model.evaluate(trial, tension, tangent=False)
-    return (trial, there) if _halved(model, e, there) else None
+    return (trial, there) if _halves_residual(model, e, there) else None
 
 
-def _halved(model: ShellModel, before: Evaluation, after: Evaluation) -> bool:
+def _halves_residual(model: ShellModel, before: Evaluation, after: Evaluation) -> bool:
     return residual_norm(model, after)[0] < residual_norm(model, before)[0] / 2
 
 
@@ -339,7 +343,7 @@ def _facing(model: ShellModel, c: Configuration) -> Array:
     return model.side * model.cosines(c.x, c.d)
 
 
-def _undamped(
+def _whole_steps(
     model: ShellModel, start: Configuration, tension: Array, options: NewtonOptions
 ) -> tuple[Configuration, int]:
     """The configuration near equilibrium that whole Newton steps lead to, or the start where they
@@ -355,21 +359,21 @@ def _undamped(
             return start, solves
         step = np.zeros(model.pattern.size)
         try:
-            step[model.free] = -factorised(model, e.data).solve(e.reduced[model.free])
+            step[model.free] = -factorise(model, e.data).solve(e.reduced[model.free])
         except ConvergenceError:
             return start, solves
-        c = model.stepped(c, e.bases, limited(step, options.max_step, options.max_turn)[0])
+        c = model.take_step(c, e.bases, limit_step(step, options.max_step, options.max_turn)[0])
     return start, options.undamped
 
 
 def _advice(model: ShellModel, e: Evaluation) -> str:
     assert e.data is not None
-    if mechanism(e.data, model.pattern.slots):
+    if has_mechanism(e.data, model.pattern.slots):
         return f"The tangent stiffness is singular: {FREE}"
     return "Try smaller steps of posture or tension, a softer contact or a finer mesh."
 
 
-def _advanced(
+def _descend(
     model: ShellModel,
     c: Configuration,
     e: Evaluation,
@@ -379,27 +383,27 @@ def _advanced(
     near: Factor | None,
 ) -> tuple[tuple[Configuration, Evaluation, bool] | None, int]:
     """The next configuration along the step, with its evaluation and whether that is the convex
-    one: the whole step, or a part of the step that foresees the contacts; None where none descends.
-    Also the linear solves that foreseeing took.  A solve that follows an equilibrium, as a factor
-    `near` says, presses the nodes of the whole step."""
+    one: the whole step, or a part of the step that predicts contacts; None where none descends.
+    Also the linear solves that the prediction took.  A solve that follows an equilibrium, as a
+    factor `near` says, presses the nodes of the whole step."""
 
-    def tried(
-        way: Array, tries: int, first: float = 1.0, foreseen: bool = False
+    def search(
+        way: Array, tries: int, first: float = 1.0, predicts: bool = False
     ) -> tuple[tuple[Configuration, Evaluation, bool] | None, float]:
-        way, size = limited(way, options.max_step, options.max_turn)
-        convex = foreseen or size > NEAR
+        way, size = limit_step(way, options.max_step, options.max_turn)
+        convex = predicts or size > NEAR
         found, last = _line_search(model, c, e, tension, way, tries, convex, first)
         return None if found is None else (*found, convex), last
 
-    found, left = tried(step if near is None else pressed(model, e, step), 1)
+    found, left = search(step if near is None else limit_to_contact(model, e, step), 1)
     if found:
         return found, 0
-    way, solves = flipping_step(model, e, step, near)
+    way, solves = active_set_step(model, e, step, near)
     if solves:
-        found = tried(way, 4, foreseen=True)[0]
-        return found or tried(step, 7, left)[0], solves
-    found, left = tried(step, 3, left, foreseen=True)
-    return found or tried(step, 4, left)[0], 0
+        found = search(way, 4, predicts=True)[0]
+        return found or search(step, 7, left)[0], solves
+    found, left = search(step, 3, left, predicts=True)
+    return found or search(step, 4, left)[0], 0
 
 
 def _line_search(
@@ -419,14 +423,14 @@ def _line_search(
     before = model.potential(c, e.energy, tension)
     noise = 1e-11 * max(abs(before), e.energy)
     for _ in range(tries if slope < 0 else 0):
-        trial = model.stepped(c, e.bases, factor * step)
+        trial = model.take_step(c, e.bases, factor * step)
         if _is_folded(model, trial) and not _is_folded(model, c):
             factor *= 0.5
             continue
         there = model.evaluate(trial, tension, tangent=False, convex=convex)
         rise = model.potential(trial, there.energy, tension) - before
         rise -= float(np.vdot(e.follower + there.follower, trial.x - c.x)) / 2
-        if rise <= 1e-4 * factor * slope or (rise <= noise and _halved(model, e, there)):
+        if rise <= 1e-4 * factor * slope or (rise <= noise and _halves_residual(model, e, there)):
             return (trial, there), factor
         parabola = -slope * factor**2 / (2 * (rise - slope * factor))
         factor = float(np.clip(parabola, 0.1 * factor, 0.5 * factor))

@@ -1,4 +1,4 @@
-"""One Newton step of the shell: the factorised tangent, contacts foreseen, steps kept short."""
+"""One Newton step of the shell: the factorised tangent, contacts predicted, steps kept short."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ LONG = 50.0
 DAMPING = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
 """Shares of the diagonal's mean."""
 SMOOTH = 0.2
-"""Of a smoothed force's ramp: within it the tangent knows both sides, so that a contact is not
-worth foreseeing."""
+"""Share of a smoothed force's ramp: within it the tangent knows both sides, so that a contact is
+not worth predicting."""
 FAR = 0.2
-"""Of a node's way into a smoothed ramp: a step beyond it is far."""
+"""Share of a node's way into a smoothed ramp: a step beyond it is far."""
 
 
-def factorised(model: ShellModel, data: Array) -> Factor:
+def factorise(model: ShellModel, data: Array) -> Factor:
     """Factor of the free part of the tangent, definite or not."""
     try:
         return _analysis(model).factor(data)
@@ -92,7 +92,7 @@ def damped_step(
     mean = np.where(turns, size[turns].mean(), size[~turns].mean())
     step, factor = newton_step(model, data, gradient, near)
     for share in DAMPING:
-        if limited(step, max_step, max_turn)[1] <= LONG:
+        if limit_step(step, max_step, max_turn)[1] <= LONG:
             break
         damped, factor = data.copy(), None
         damped[diagonal] += share * mean
@@ -104,7 +104,7 @@ def _analysis(model: ShellModel) -> Analysis:
     return model.pattern.analysis if model.pressure is None else model.pattern.general
 
 
-def flipping_step(
+def active_set_step(
     model: ShellModel, e: Evaluation, step: Array, near: Factor | None = None
 ) -> tuple[Array, int]:
     """The Newton step once more, with the one-sided springs that `step` would close or open closed
@@ -147,9 +147,9 @@ def _with_flips(
     return data, gradient
 
 
-def pressed(model: ShellModel, e: Evaluation, step: Array) -> Array:
+def limit_to_contact(model: ShellModel, e: Evaluation, step: Array) -> Array:
     """The step with nodes that move far in a smoothed ramp put where they feel the force that the
-    tangent foresees: towards the foot of a ramp that grows with the square of the depth, Newton's
+    tangent predicts: towards the foot of a ramp that grows with the square of the depth, Newton's
     own steps go but half the way.  A node that two bodies press is left alone, as are the points
     within elements."""
     p, A = e.points, e.bases[0]
@@ -171,7 +171,7 @@ def pressed(model: ShellModel, e: Evaluation, step: Array) -> Array:
     return out
 
 
-def limited(step: Array, max_step: float, max_turn: float) -> tuple[Array, float]:
+def limit_step(step: Array, max_step: float, max_turn: float) -> tuple[Array, float]:
     """The step, shortened if it is too long, and its size against the longest one."""
     u = np.abs(step.reshape(-1, DOFS))
     size = max(u[:, :3].max() / max_step, u[:, 3:].max() / max_turn)

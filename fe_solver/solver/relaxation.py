@@ -23,7 +23,7 @@ WATER = Substance(1000.0)
 """Any density would do: the time step follows from it."""
 SHORTER, LONGER = 0.25, 1.5
 LEAST = 1e-6
-"""Of the first time step; where none so short succeeds, the motion is given up."""
+"""Share of the first time step; where none so short succeeds, the motion is given up."""
 FAR = 10
 """Times the sheet's length; no body that could stop it is so far away."""
 

@@ -12,10 +12,10 @@ Ints = NDArray[np.intp]
 
 MOST_CENTRES = 200
 FLAT = 1e-9
-"""Of the cube of the surface's size: less volume is none."""
+"""Share of the cube of the surface's size: less volume is none."""
 
 
-def closed_surface(vertices: Array, triangles: Ints) -> tuple[Array, Ints]:
+def close_surface(vertices: Array, triangles: Ints) -> tuple[Array, Ints]:
     """A watertight surface, wound outwards (positive volume), from one that may have holes.
 
     vertices (nv, 3) m, triangles (nt, 3) wound alike.  Each hole is closed by a fan from points on

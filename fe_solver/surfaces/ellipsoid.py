@@ -10,9 +10,11 @@ from cosim.errors import InputError
 from fe_solver.surfaces.shapes import Array, Distance, positive, vector
 
 MOST_ITERATIONS = 60
-"""Of the ellipsoid's multiplier; some five are usual, and bisection alone would need about 55."""
+"""Most iterations for the ellipsoid's multiplier; some five are usual, and bisection alone would
+need about 55."""
 LEAST = 1e-150
-"""Of a semi-axis: what stands for a coordinate of zero, to choose a side of the medial plane."""
+"""Share of a semi-axis that stands for a coordinate of zero, to choose a side of the medial
+plane."""
 
 
 @dataclass(frozen=True)

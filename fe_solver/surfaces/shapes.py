@@ -65,7 +65,7 @@ def _ball(arm: Array, radius: Array | float) -> Distance:
     return Distance(length - radius, gradient, hessian)
 
 
-def _swept(
+def _sweep_distance(
     arm: Array, axis: Array, radius: float, taper: float, low: float, high: float
 ) -> Distance:
     """Distance to the hull of balls with centres q axis, low <= q <= high, and radii radius -
@@ -128,7 +128,9 @@ class Capsule:
         The Hessian jumps where the cylinder meets its end spheres; elsewhere it is exact."""
         span = self.end - self.start
         length = float(np.linalg.norm(span))
-        return _swept(np.asarray(points) - self.start, span / length, self.radius, 0, 0, length)
+        return _sweep_distance(
+            np.asarray(points) - self.start, span / length, self.radius, 0, 0, length
+        )
 
 
 @dataclass(frozen=True)
@@ -148,7 +150,7 @@ class Cylinder:
     def distance(self, points: Array) -> Distance:
         """Signed distance, gradient and Hessian at points (n, 3)."""
         arm = np.asarray(points) - self.point
-        return _swept(arm, self.direction, self.radius, 0, -np.inf, np.inf)
+        return _sweep_distance(arm, self.direction, self.radius, 0, -np.inf, np.inf)
 
 
 def _tapering(shape: RoundCone | Cone, what: str) -> tuple[Array, float]:
@@ -188,7 +190,7 @@ class RoundCone:
         length = float(np.linalg.norm(span))
         taper = (self.start_radius - self.end_radius) / length
         arm = np.asarray(points) - self.start
-        return _swept(arm, span / length, self.start_radius, taper, 0, length)
+        return _sweep_distance(arm, span / length, self.start_radius, taper, 0, length)
 
 
 @dataclass(frozen=True)
@@ -214,7 +216,9 @@ class Cone:
         radius = self.start_radius * cosine
         apex = radius / sine if slope else np.inf
         low, high = (apex, np.inf) if slope < 0 else (-np.inf, apex)
-        return _swept(np.asarray(points) - self.start, span / length, radius, sine, low, high)
+        return _sweep_distance(
+            np.asarray(points) - self.start, span / length, radius, sine, low, high
+        )
 
 
 @dataclass(frozen=True)

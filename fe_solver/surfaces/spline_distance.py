@@ -20,7 +20,7 @@ from cosim.files import replaced
 from fe_solver.elements import kernels
 from fe_solver.surfaces.shapes import Distance, Sphere, Surface, positive
 from fe_solver.surfaces.spline_kernel import spline_at
-from fe_solver.surfaces.triangle_distance import checked_surface, distances_on_grid
+from fe_solver.surfaces.triangle_distance import check_surface, distances_on_grid
 
 __all__ = ["Sphere", "SplineDistance", "Surface", "cache_folder"]
 
@@ -129,7 +129,7 @@ class SplineDistance:
         """
         positive(spacing, "grid spacing")
         positive(margin, "grid margin")
-        vertices, faces = checked_surface(vertices, faces)
+        vertices, faces = check_surface(vertices, faces)
         origin, shape = _grid(vertices, spacing, margin)
         file = cache and Path(cache) / f"{_key(vertices, faces, spacing, margin)}.npz"
         coefficients = _read(file, shape) if file else None

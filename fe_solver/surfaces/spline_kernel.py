@@ -7,12 +7,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fe_solver.elements.kernels import compiled
+from fe_solver.elements.kernels import compile_kernel
 
 Array = NDArray[np.float64]
 
 
-@compiled
+@compile_kernel
 def spline_at(
     coefficients: Array, spacing: float, at: Array, value: Array, gradient: Array, hessian: Array
 ) -> None:

@@ -37,7 +37,7 @@ SURE = 1e-6
 """Area over the radius squared below which a triangle's normal is rounding."""
 
 
-def checked_surface(vertices: Array, faces: Ints) -> tuple[Array, Ints]:
+def check_surface(vertices: Array, faces: Ints) -> tuple[Array, Ints]:
     """The surface with identical vertices welded and collapsed faces dropped.
 
     Raises InputError where it is empty, holds a value that is not finite, or is not watertight."""
@@ -98,13 +98,13 @@ def distances_on_grid(
     value = np.abs(_far(triangles, origin, spacing, shape))
     near = value <= REACH * spacing
     if kernels.COMPILED:
-        near = _lowered(triangles, origin, spacing, value, near)
+        near = _make_exact(triangles, origin, spacing, value, near)
     nodes = np.stack(np.nonzero(near), axis=1) * spacing + origin
-    value[near] = _exact(triangles, nodes, _bound(triangles, nodes, EDGE * spacing))
+    value[near] = _exact(triangles, nodes, _upper_bound(triangles, nodes, EDGE * spacing))
     return np.where(_inside(triangles, *axes), -1.0, 1.0) * value
 
 
-def _lowered(
+def _make_exact(
     triangles: Array, origin: Array, spacing: float, value: Array, near: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
     """Make the distances (nx, ny, nz) of the nodes `near` exact, from values that are off by less
@@ -126,14 +126,14 @@ def _far(triangles: Array, origin: Array, spacing: float, shape: tuple[int, ...]
     coarse = [2 * np.arange(-BORDER, -(-n // 2) + BORDER) for n in shape]
     axes = [o + spacing * i for o, i in zip(origin, coarse, strict=True)]
     nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-    value = _bound(triangles, nodes.reshape(-1, 3), EDGE * spacing).reshape(nodes.shape[:3])
+    value = _upper_bound(triangles, nodes.reshape(-1, 3), EDGE * spacing).reshape(nodes.shape[:3])
     value = np.where(_inside(triangles, *axes), -value, value)
     for axis, n in enumerate(shape):
-        value = np.moveaxis(_halved(np.moveaxis(value, axis, 0), n), 0, axis)
+        value = np.moveaxis(_refine(np.moveaxis(value, axis, 0), n), 0, axis)
     return value
 
 
-def _halved(value: Array, count: int) -> Array:
+def _refine(value: Array, count: int) -> Array:
     """(count, ...) the cubic spline through values (m, ...) at every half of their spacing, from
     number BORDER on."""
     from scipy.ndimage import spline_filter1d
@@ -148,7 +148,7 @@ def _halved(value: Array, count: int) -> Array:
     return out[:count]
 
 
-def _bound(triangles: Array, nodes: Array, edge: float) -> Array:
+def _upper_bound(triangles: Array, nodes: Array, edge: float) -> Array:
     """(n,) distance of nodes (n, 3) to the faces of the TRIED nearest samples, which lie `edge` or
     less apart: that of the surface or more, by less than edge squared over twice it."""
     from scipy.spatial import cKDTree

@@ -7,12 +7,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fe_solver.elements.kernels import compiled
+from fe_solver.elements.kernels import compile_kernel
 
 Array = NDArray[np.float64]
 
 
-@compiled
+@compile_kernel
 def lower_distances(
     begin: int,
     end: int,
@@ -69,7 +69,7 @@ def lower_distances(
                     squared[i, j, k] = min(before, _distance_squared(a, b, c, p))
 
 
-@compiled
+@compile_kernel
 def _distance_squared(a, b, c, p):  # type: ignore[no-untyped-def]
     ab0, ab1, ab2 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     ac0, ac1, ac2 = c[0] - a[0], c[1] - a[1], c[2] - a[2]
@@ -86,7 +86,7 @@ def _distance_squared(a, b, c, p):  # type: ignore[no-untyped-def]
     return min(_to_segment(a, b, p), _to_segment(b, c, p), _to_segment(c, a, p))
 
 
-@compiled
+@compile_kernel
 def _to_segment(a, b, p):  # type: ignore[no-untyped-def]
     x0, x1, x2 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     r0, r1, r2 = p[0] - a[0], p[1] - a[1], p[2] - a[2]

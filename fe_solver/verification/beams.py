@@ -10,7 +10,7 @@ import numpy as np
 from fe_solver.elements.shell import Array
 from fe_solver.solver.model import ShellModel
 from fe_solver.verification.benchmark import Benchmark, Meshes
-from fe_solver.verification.sheets import clamped, elements, line_weights, linear_response, sheet
+from fe_solver.verification.sheets import clamp, elements, line_weights, linear_response, sheet
 
 MACNEAL = "MacNeal, Harder 1985, Finite Elem Anal Des 1:3"
 LENGTH, DEPTH, THICKNESS, MODULUS, POISSON = 6.0, 0.2, 0.1, 1e7, 0.3
@@ -43,7 +43,7 @@ def straight_beam(shape: str, refinement: int, nodes: int) -> tuple[ShellModel, 
     x = LENGTH * uv[:, 0] + np.interp(column, lines, slope) * height
     X = np.column_stack([x, height, 0 * x])
     model = sheet(X, quads, MODULUS, POISSON, THICKNESS, fibre=(1.0, 0.2, 0.0))
-    return clamped(model, np.flatnonzero(uv[:, 0] == 0)), uv
+    return clamp(model, np.flatnonzero(uv[:, 0] == 0)), uv
 
 
 def straight_deflections(
@@ -105,7 +105,7 @@ def curved_beam(refinement: int, nodes: int) -> list[float]:
     turn, radius = np.pi / 2 * uv[:, 0], INNER + (OUTER - INNER) * uv[:, 1]
     X = np.column_stack([-radius * np.cos(turn), radius * np.sin(turn), 0 * turn])
     model = sheet(X, quads, MODULUS, 0.25, THICKNESS, fibre=(1.0, 0.2, 0.0))
-    model = clamped(model, np.flatnonzero(uv[:, 0] == 0))
+    model = clamp(model, np.flatnonzero(uv[:, 0] == 0))
     tip = np.flatnonzero(uv[:, 0] == 1)
     even = line_weights(radius[tip], nodes) / (OUTER - INNER)
     return [work_of(model, tip, np.outer(even, np.eye(3)[i])) for i in (1, 2)]
@@ -151,7 +151,7 @@ def hook(n: int, nodes: int) -> list[float]:
     X = np.column_stack([x, y, width * uv[:, 1]])
     D = np.column_stack([-np.sin(heading), np.cos(heading), 0 * x])
     model = sheet(X, quads, 3300.0, 0.35, 2.0, directors=D, fibre=(0.3, 0.2, 1.0))
-    model = clamped(model, np.flatnonzero(uv[:, 0] == 0))
+    model = clamp(model, np.flatnonzero(uv[:, 0] == 0))
     tip = np.flatnonzero(uv[:, 0] == 1)
     even = line_weights(X[tip, 2], nodes) / width
     return [work_of(model, tip, np.outer(even, [0, 0, 1.0]))]

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from fe_solver.elements import kernels
 from fe_solver.forces.contact import Contact
-from fe_solver.solver.linear_algebra import chosen
+from fe_solver.solver.linear_algebra import backend_name
 from fe_solver.solver.model import ShellModel
 from fe_solver.solver.newton import NewtonOptions, Solution, solve
-from fe_solver.solver.newton_step import factorised
+from fe_solver.solver.newton_step import factorise
 from fe_solver.surfaces.shapes import Capsule
 from fe_solver.verification import sheets
 
@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 
 REPEATS = 5
 CHANGE = 1.05
-"""Of the load that is followed."""
+"""Factor on the load that is followed."""
 LENGTH, ARC, RADIUS = 60e-3, 15e-3, 8e-3
 """m, of a sheet laid along a rod: a finger's hood in size."""
 PULL = np.array([11.8])
@@ -68,10 +68,10 @@ def rod_sheet(quads: int) -> ShellModel:
         height = RADIUS + 0.3e-3 * (1 - uv[:, 0])
         return np.column_stack([LENGTH * uv[:, 0], height * np.sin(angle), height * np.cos(angle)])
 
-    X, cells = sheets.mapped(along, across, shape)
+    X, cells = sheets.map_grid(along, across, shape)
     model = sheets.sheet(X, cells, 100e6, 0.4, 0.5e-3)
-    model = sheets.clamped(model, np.flatnonzero(X[:, 0] == LENGTH))
-    model = sheets.guided(model, [np.flatnonzero(X[:, 0] == 0)], [(-1.0, 0.0, -0.3)])
+    model = sheets.clamp(model, np.flatnonzero(X[:, 0] == LENGTH))
+    model = sheets.guide(model, [np.flatnonzero(X[:, 0] == 0)], [(-1.0, 0.0, -0.3)])
     free = np.flatnonzero((X[:, 0] > 0) & (X[:, 0] < LENGTH))
     rod = Capsule(np.array([-0.1, 0, 0]), np.array([0.2, 0, 0]), RADIUS)
     touching: Contact = sheets.contact(model, rod, free, 2e11, 5e-5)
@@ -90,7 +90,7 @@ def speed(quads: int) -> Iterator[Speed]:
     }
     for name, case in cases.items():
         found = case()
-        both = [(_timed(case), _timed(lambda: _floor(model, settled))) for _ in range(REPEATS)]
+        both = [(_time(case), _time(lambda: _floor(model, settled))) for _ in range(REPEATS)]
         all_s, floor_s = np.min(both, axis=0).tolist()
         yield Speed(name, len(model.quads), found.iterations, found.solves, all_s, floor_s)
 
@@ -100,11 +100,11 @@ def machine() -> str:
     kind = "numba" if kernels.COMPILED else "numpy"
     return (
         f"{platform.machine()}, {kernels.thread_count()} threads, {kind} kernels, "
-        f"{chosen()}, Python {platform.python_version()}"
+        f"{backend_name()}, Python {platform.python_version()}"
     )
 
 
-def _timed(work: Callable[[], object]) -> float:
+def _time(work: Callable[[], object]) -> float:
     """s."""
     begin = perf_counter()
     work()
@@ -115,4 +115,4 @@ def _floor(model: ShellModel, solution: Solution) -> None:
     """One evaluation with its tangent, one factorisation, one solution."""
     e = model.evaluate(solution.configuration, PULL, tangent=True)
     assert e.data is not None
-    factorised(model, e.data).solve(e.reduced[model.free])
+    factorise(model, e.data).solve(e.reduced[model.free])

@@ -59,8 +59,8 @@ class Benchmark:
     words: Callable[[int], str] = square
 
     def rows(self) -> Iterator[Row]:
-        """Of each element the coarsest and the finest mesh and those that are judged besides; the
-        order is that of the last three meshes.  Raises ConvergenceError."""
+        """Yield for each element the coarsest and the finest mesh and those that are judged
+        besides; the order is that of the last three meshes. Raises ConvergenceError."""
         for nodes, meshes in self.meshes.items():
             values = {size: self.solve(size, nodes) for size in meshes.sizes}
             for i, (what, target) in enumerate(self.targets.items()):

@@ -10,7 +10,7 @@ from cosim.checks import Row
 from fe_solver.elements.mesh_geometry import node_areas
 from fe_solver.elements.shell import Array
 from fe_solver.verification.paths import error_order
-from fe_solver.verification.sheets import clamped, grid, linear_response, mirrored, plate, sheet
+from fe_solver.verification.sheets import clamp, grid, linear_response, mirror_plane, plate, sheet
 
 SHEAR = 5 / 6
 """Shear correction of a rectangular section."""
@@ -30,13 +30,14 @@ def plate_error(n: int, thickness: float) -> float:
     held = np.outer(on_x | on_y, [False, False, True])
     load = np.zeros_like(X)
     load[:, 2] = np.sin(np.pi * x) * np.sin(np.pi * y) * node_areas(X, quads)
-    w = linear_response(mirrored(model, mirror, held), load)[0][:, 2].max()
+    w = linear_response(mirror_plane(model, mirror, held), load)[0][:, 2].max()
     bending, k2 = modulus * thickness**3 / 12 / (1 - poisson**2), 2 * np.pi**2
     shear = SHEAR * modulus / (2 * (1 + poisson)) * thickness
     return float(w / (1 / (bending * k2**2) + 1 / (shear * k2)) - 1)
 
 
 def plate_rows() -> Iterator[Row]:
+    """Yield the rows of square plates."""
     for thickness in (0.1, 1e-3, 1e-5):
         coarse, fine = plate_error(8, thickness), plate_error(16, thickness)
         yield Row(
@@ -56,7 +57,7 @@ def bracket(n: int, fold: float) -> tuple[float, float]:
     X = np.outer(np.minimum(s, arm), [1.0, 0, 0]) + np.outer(np.maximum(s - arm, 0), way)
     X[:, 1] = uv[:, 1]
     between = way + np.array([1.0, 0, 0])
-    model = clamped(sheet(X, quads, modulus, 0.0, h, fibre=between), np.flatnonzero(s == 0))
+    model = clamp(sheet(X, quads, modulus, 0.0, h, fibre=between), np.flatnonzero(s == 0))
     tip, across = uv[:, 0] == 1, np.array([np.sin(fold), 0, -np.cos(fold)])
     u = linear_response(model, np.outer(tip, across / 2))[0][tip].mean(axis=0) @ across
     EI, EA, GA = modulus * h**3 / 12, modulus * h, SHEAR * modulus / 2 * h
@@ -82,7 +83,7 @@ def taper(n: int) -> tuple[float, float]:
     modulus, length, h, slope = 1.2e6, 10.0, 0.1, 0.5
     X, quads = plate(length, 1.0, n, 1)
     thickness = h * (1 - slope * X[:, 0] / length)
-    model = clamped(sheet(X, quads, modulus, 0.0, thickness), np.flatnonzero(X[:, 0] == 0))
+    model = clamp(sheet(X, quads, modulus, 0.0, thickness), np.flatnonzero(X[:, 0] == 0))
     tip = X[:, 0] == length
     w = linear_response(model, np.outer(tip, [0, 0, 0.5]))[0][tip, 2].mean()
     left = 1 - slope
@@ -92,6 +93,7 @@ def taper(n: int) -> tuple[float, float]:
 
 
 def taper_rows() -> Iterator[Row]:
+    """Yield the rows of tapered panels."""
     (coarse, exact), (fine, _) = taper(16), taper(32)
     yield Row(
         "tapered cantilever", "tip deflection", exact, fine, 0.002,
@@ -106,7 +108,7 @@ def eccentric(elements: int) -> tuple[Array, Array]:
     modulus, length, h = 1.2e6, 10.0, 0.1
     X, quads = plate(length, 1.0, elements, 1)
     model = sheet(X, quads, modulus, 0.0, h, height=h / 2)
-    model = clamped(model, np.flatnonzero(X[:, 0] == 0))
+    model = clamp(model, np.flatnonzero(X[:, 0] == 0))
     tip = X[:, 0] == length
     u = linear_response(model, np.outer(tip, [0.5, 0, 0]))[0][tip].mean(axis=0)
     EI, EA, arm = modulus * h**3 / 12, modulus * h, h / 2
@@ -115,6 +117,7 @@ def eccentric(elements: int) -> tuple[Array, Array]:
 
 
 def eccentric_rows() -> Iterator[Row]:
+    """Yield the rows of sheets off their mid-surface."""
     seen, exact = eccentric(8)
     source = "exact: N / EA + N e^2 / EI, N e L^2 / 2EI; 8 x 1"
     for i, name in enumerate(("x", "z")):

@@ -21,16 +21,16 @@ from fe_solver.elements.shell import Array
 from fe_solver.solver.body_coupling import coupling, wrenches
 from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import residual_norm
-from fe_solver.solver.newton_step import factorised
+from fe_solver.solver.newton_step import factorise
 from fe_solver.verification.benchmark import Benchmark, Meshes
-from fe_solver.verification.paths import Loading, error_order, followed, halving_order, watching
+from fe_solver.verification.paths import Loading, error_order, follow, halving_order, watching
 from fe_solver.verification.sheets import (
     at_rest,
-    clamped,
+    clamp,
     elements,
     grid,
     line_weights,
-    mirrored,
+    mirror_plane,
     plate,
     sheet,
 )
@@ -50,7 +50,7 @@ SHEAR_W = np.array(
 )
 SHEAR_SOURCE = f"{SZE}, {ELMER} Shell_Cantilever_High_Order"
 ROUNDED = 0.0005
-"""Of a published figure with three decimals."""
+"""Rounding error of a published figure with three decimals."""
 COARSER = 4.0
 """Tolerance on a mesh half as fine, over that on the finest: the element converges by order two."""
 
@@ -60,7 +60,7 @@ def cantilever(n: int, nodes: int = 4) -> Loading:
     four or nine `nodes`."""
     uv, quads = elements(n, 1, nodes)
     X = np.column_stack([uv * [10.0, 1.0], 0 * uv[:, 0]])
-    model = clamped(sheet(X, quads, 1.2e6, 0.0, 0.1), np.flatnonzero(X[:, 0] == 0))
+    model = clamp(sheet(X, quads, 1.2e6, 0.0, 0.1), np.flatnonzero(X[:, 0] == 0))
     tip = np.flatnonzero(X[:, 0] == 10)
     load = np.zeros_like(X)
     load[tip, 2] = 4 * line_weights(X[tip, 1], nodes)
@@ -71,7 +71,7 @@ def cantilever(n: int, nodes: int = 4) -> Loading:
 
 def shear_rows() -> Iterator[Row]:
     """All twenty lines of the published table."""
-    coarse, medium, fine = (followed(cantilever(n), TWENTIETHS) for n in (8, 16, 32))
+    coarse, medium, fine = (follow(cantilever(n), TWENTIETHS) for n in (8, 16, 32))
     source = f"{SHEAR_SOURCE}; "
     digit = "; of a figure this small, half of its last digit"
     for i, (name, target) in enumerate((("U", SHEAR_U), ("W", SHEAR_W))):
@@ -90,7 +90,7 @@ def shear_rows() -> Iterator[Row]:
         )  # fmt: skip
 
 
-def rolled(n: int, parts: Array) -> Array:
+def roll_up(n: int, parts: Array) -> Array:
     """(len(parts), 2) displacements U and W of the end of a strip of 12 x 1 x 0.1, E = 1.2e6, nu =
     0, under growing parts of the end moment that closes it to a circle.
 
@@ -99,20 +99,20 @@ def rolled(n: int, parts: Array) -> Array:
     length, moment = 12.0, 50 * np.pi / 3
     X, quads = plate(length, 1.0, n, 1)
     model = sheet(X, quads, 1.2e6, 0.0, 0.1, bodies=("ground", "end"))
-    model = clamped(model, np.flatnonzero(X[:, 0] == 0))
-    model = clamped(model, np.flatnonzero(X[:, 0] == length), body=1)
+    model = clamp(model, np.flatnonzero(X[:, 0] == 0))
+    model = clamp(model, np.flatnonzero(X[:, 0] == length), body=1)
     origin = np.array([[0.0, 0, 0], [length, 0, 0]])
     ties = replace(model.ties, position=model.ties.position - origin[model.ties.body])
     model = replace(model, ties=ties)
     c, out = replace(at_rest(model), position=origin), []
     for part in parts:
-        c = balanced(model, c, np.array([0, 0, 0, 0, -moment * part, 0]))
+        c = solve_with_free_end(model, c, np.array([0, 0, 0, 0, -moment * part, 0]))
         end = c.x[model.ties.node[-1]] - X[model.ties.node[-1]]
         out.append([-end[0], end[2]])
     return np.array(out)
 
 
-def balanced(model: ShellModel, c: Configuration, wrench: Array) -> Configuration:
+def solve_with_free_end(model: ShellModel, c: Configuration, wrench: Array) -> Configuration:
     """Equilibrium of the strip and of its last body under `wrench` (6,) about the body's origin,
     from c by whole Newton steps in both.  Raises ConvergenceError."""
     free, slack = model.free, np.zeros(len(model.share))
@@ -124,24 +124,24 @@ def balanced(model: ShellModel, c: Configuration, wrench: Array) -> Configuratio
             return c
         by_twist, own, _, _ = coupling(model, c, e, slack)
         by_twist, own = by_twist[free, -6:], own[-6:, -6:]
-        solved = factorised(model, e.data).solve(np.column_stack([e.reduced[free], by_twist]))
+        solved = factorise(model, e.data).solve(np.column_stack([e.reduced[free], by_twist]))
         twist = np.linalg.solve(own + by_twist.T @ solved[:, 1:], -out - by_twist.T @ solved[:, 0])
         step = np.zeros(model.pattern.size)
         step[free] = -solved[:, 0] - solved[:, 1:] @ twist
-        c = _moved(model, model.stepped(c, e.bases, step), twist)
+        c = _turn_end(model, model.take_step(c, e.bases, step), twist)
     raise ConvergenceError(f"the end of the strip found no balance: {np.abs(out).max():.1e} N m")
 
 
-def _moved(model: ShellModel, c: Configuration, twist: Array) -> Configuration:
+def _turn_end(model: ShellModel, c: Configuration, twist: Array) -> Configuration:
     position, rotation = c.position.copy(), c.rotation.copy()
     position[-1] += twist[:3]
     rotation[-1] = rotation_matrix(twist[3:]) @ rotation[-1]
-    return model.posed(c, position, rotation)
+    return model.move_bodies(c, position, rotation)
 
 
 def moment_rows() -> Iterator[Row]:
     """To a full circle, against the exact circle."""
-    coarse, fine = (rolled(n, TWENTIETHS) for n in (32, 64))
+    coarse, fine = (roll_up(n, TWENTIETHS) for n in (32, 64))
     source = "exact: U = L - R sin(L/R), W = R (1 - cos(L/R)), R = EI/M; "
     for k in (4, 9, 14, 19):
         turn = 2 * np.pi * TWENTIETHS[k]
@@ -183,7 +183,7 @@ def slit_ring(around: int, across: int, nodes: int = 4) -> Loading:
     radius, turn = 6 + 4 * uv[:, 1], 2 * np.pi * uv[:, 0]
     X = np.column_stack([radius * np.cos(turn), -radius * np.sin(turn), 0 * radius])
     model = sheet(X, quads, 21e6, 0.0, 0.03, fibre=(1.0, 0.3, 0.0))
-    model = clamped(model, np.flatnonzero(uv[:, 0] == 0))
+    model = clamp(model, np.flatnonzero(uv[:, 0] == 0))
     end = np.flatnonzero(uv[:, 0] == 1)
     load = np.zeros_like(X)
     load[end, 2] = 0.8 * line_weights(radius[end], nodes)
@@ -197,7 +197,8 @@ RING_SOURCE = f"{SZE}, as quoted in the PENGoLINS documentation and by FEniCS-Sh
 
 
 def ring_rows() -> Iterator[Row]:
-    found = [followed(slit_ring(n, a), RING_PARTS) for n, a in ((32, 3), (64, 6), (128, 12))]
+    """Yield the rows of the slit ring."""
+    found = [follow(slit_ring(n, a), RING_PARTS) for n, a in ((32, 3), (64, 6), (128, 12))]
     source = f"{RING_SOURCE}; "
     table = {"W_A": (10.023, 13.891), "W_B": (13.247, 17.528)}
     name = "slit annular plate"
@@ -222,14 +223,15 @@ def hemisphere(n: int, nodes: int = 4) -> Loading:
     held[pulled, 2] = True
     load = 200 * (np.outer(pulled, [1.0, 0, 0]) - np.outer(pushed, [0, 1.0, 0]))
     watched = np.stack([np.outer(pulled, [1.0, 0, 0]), np.outer(pushed, [0, -1.0, 0])])
-    return Loading(mirrored(model, mirror, held), load, watched)
+    return Loading(mirror_plane(model, mirror, held), load, watched)
 
 
 HEMISPHERE_SOURCE = f"{SZE}, {ELMER} Shell_OpenHemisphere_High_Order"
 
 
 def hemisphere_rows() -> Iterator[Row]:
-    found = [followed(hemisphere(n), TWENTIETHS) for n in (8, 16, 32)]
+    """Yield the rows of the pinched hemisphere."""
+    found = [follow(hemisphere(n), TWENTIETHS) for n in (8, 16, 32)]
     source = f"{HEMISPHERE_SOURCE}; "
     table = {"outward": (3.406, 4.067), "inward": (5.902, 8.178)}
     name = "hemisphere, 18 deg hole, P = 400"
@@ -253,16 +255,16 @@ def open_cylinder(n: int) -> Loading:
     up, inward = np.array([0, 0, 1.0]), np.array([0, -1.0, 0])
     n = len(X)
     watched = np.stack([watching(a, up, n), watching(b, inward, n), watching(c, inward, n)])
-    return Loading(mirrored(model, mirror), watching(a, 10_000 * up, n), watched)
+    return Loading(mirror_plane(model, mirror), watching(a, 10_000 * up, n), watched)
 
 
 def open_cylinder_rows() -> Iterator[Row]:
     """Coarse meshes only up to 0.1 P: beyond half the load the cylinder snaps, and theirs have two
     shapes there, of which rounding error chooses."""
     start = np.array([0.0125, 0.025, 0.05, 0.075, 0.1])
-    found = [followed(open_cylinder(n), start) for n in (6, 12)]
+    found = [follow(open_cylinder(n), start) for n in (6, 12)]
     parts = np.concatenate([start, np.arange(5, 41) / 40])
-    fine = followed(open_cylinder(24), parts)
+    fine = follow(open_cylinder(24), parts)
     source = f"{SZE}, as quoted in public OpenSeesPy and Matlab scripts; "
     name, meshes = "open cylinder, pull-out", ("12 x 18", "24 x 36")
     at = {0.3: (2.257, 3.227, 3.452), 0.7: (2.672, 4.385, 3.378), 1.0: (2.768, 4.551, 3.269)}
@@ -288,12 +290,12 @@ def half_cylinder(n: int, nodes: int = 4) -> Loading:
     X = 1.016 * D + np.outer(uv[:, 0], [0, 3.048, 0])
     model = sheet(X, quads, 2.0685e7, 0.3, 0.03, directors=-D, fibre=(0, 1.0, 0))
     wall = uv[:, 0] == 0
-    model = clamped(model, np.flatnonzero(wall))
+    model = clamp(model, np.flatnonzero(wall))
     none = np.zeros(len(X), dtype=bool)
     mirror = np.column_stack([uv[:, 1] == 0, none, uv[:, 1] == 1]) & ~wall[:, None]
     crown = int(np.flatnonzero((uv[:, 0] == 1) & (uv[:, 1] == 0))[0])
     down = watching(crown, np.array([0, 0, -1.0]), len(X))
-    return Loading(mirrored(model, mirror), 1000 * down, down[None])
+    return Loading(mirror_plane(model, mirror), 1000 * down, down[None])
 
 
 FORTIETHS = np.arange(1, 41) / 40
@@ -301,8 +303,9 @@ HALF_CYLINDER_SOURCE = f"{SZE}, as quoted in the FEniCS-Shells demo nonlinear-na
 
 
 def half_cylinder_rows() -> Iterator[Row]:
+    """Yield the rows of the half cylinder."""
     # on 14 x 14 quads or fewer the free end folds up: no solution
-    found = [followed(half_cylinder(n), FORTIETHS) for n in (20, 40)]
+    found = [follow(half_cylinder(n), FORTIETHS) for n in (20, 40)]
     source = f"{HALF_CYLINDER_SOURCE}; "
     name = "pinched half cylinder"
     for part, target in ((0.2, 0.37582), (0.5, 1.32653)):
@@ -320,7 +323,7 @@ END_SHEAR = Benchmark(
     "10 x 1 x 0.1, E = 1.2e6, nu = 0, 4 across the end",
     {"U at P": SHEAR_U[-1], "W at P": SHEAR_W[-1]},
     SHEAR_SOURCE,
-    lambda n, nodes: followed(cantilever(n, nodes), TWENTIETHS)[-1],
+    lambda n, nodes: follow(cantilever(n, nodes), TWENTIETHS)[-1],
     {9: Meshes((4, 8, 16), 0.005)},
     lambda n: f"{n} x 1",
 )
@@ -330,7 +333,7 @@ NINE_NODE_PATHS = (
         "radii 6 and 10, t = 0.03, E = 21e6, nu = 0, 0.8 per length across one side of the slit",
         {"W_A at 0.45 p": 10.023, "W_B at 0.45 p": 13.247, "W_A at p": 13.891, "W_B at p": 17.528},
         RING_SOURCE,
-        lambda n, nodes: followed(slit_ring(8 * n, n, nodes), RING_PARTS)[[9, -1]].ravel(),
+        lambda n, nodes: follow(slit_ring(8 * n, n, nodes), RING_PARTS)[[9, -1]].ravel(),
         {9: Meshes((1, 2, 4))},
         lambda n: f"{8 * n} x {n}",
     ),
@@ -344,7 +347,7 @@ NINE_NODE_PATHS = (
             "inward at P": 8.178,
         },
         HEMISPHERE_SOURCE,
-        lambda n, nodes: followed(hemisphere(n, nodes), TWENTIETHS)[[9, -1]].ravel(),
+        lambda n, nodes: follow(hemisphere(n, nodes), TWENTIETHS)[[9, -1]].ravel(),
         {9: Meshes((4, 8, 16))},
     ),
     Benchmark(
@@ -352,8 +355,8 @@ NINE_NODE_PATHS = (
         "half of R = 1.016, length 3.048, t = 0.03, E = 2.0685e7, nu = 0.3, P = 2000",
         {"W at 0.2 P": 0.37582, "W at 0.5 P": 1.32653, "W at P": 1.71505},
         HALF_CYLINDER_SOURCE,
-        lambda n, nodes: followed(half_cylinder(n, nodes), FORTIETHS)[[7, 19, -1]].ravel(),
+        lambda n, nodes: follow(half_cylinder(n, nodes), FORTIETHS)[[7, 19, -1]].ravel(),
         {9: Meshes((8, 16))},
     ),
 )
-"""Of nine-node elements alone: those of four are in the rows above."""
+"""Benchmarks of nine-node elements alone: those of four are in the rows above."""

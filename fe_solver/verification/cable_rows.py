@@ -22,15 +22,15 @@ from fe_solver.solver.model import ShellModel
 from fe_solver.solver.newton import NewtonOptions, Solution, solve
 from fe_solver.surfaces.shapes import Capsule, Cylinder
 from fe_solver.verification import hood_rows
-from fe_solver.verification.sheets import NO_TENSION, at_rest, clamped, guided
+from fe_solver.verification.sheets import NO_TENSION, at_rest, clamp, guide
 
 NEWTON = NewtonOptions(tolerance=1e-11, max_step=0.1)
 MODULUS, SECTION, TOE, RESIDUAL = 1e8, 1e-6, 0.02, 0.02
-"""Of the cables here: Pa, m2, strain, N."""
+"""The cables' modulus (Pa), section (m2), toe strain and residual force (N)."""
 SPAN, CELLS, WEIGHT = 0.1, 40, 0.5
-"""Of the string: m, and N in all."""
+"""The string's span (m), number of cells and whole weight (N)."""
 RADIUS, TENSION = 5e-3, 2.0
-"""Of the cylinder, m, and N at either end of the string over it."""
+"""The cylinder's radius (m), and the tension (N) at either end of the string over it."""
 STRING, OVER, NET = "loaded string", "string over a cylinder", "net over two capsules at 60 deg"
 
 
@@ -71,14 +71,14 @@ def string(slack: float) -> ShellModel:
     pulled down evenly."""
     X = np.zeros((CELLS + 1, 3))
     X[:, 0] = np.linspace(0, SPAN, CELLS + 1)
-    model = clamped(net(X, chain(CELLS)), np.array([0, CELLS]))
+    model = clamp(net(X, chain(CELLS)), np.array([0, CELLS]))
     dead = np.zeros_like(X)
     dead[1:-1, 2] = -WEIGHT / (CELLS - 1)
     longer = replace(model.cables, length=(1 + slack) * model.cables.length)
     return replace(model, dead=dead, cables=longer)
 
 
-def solved_string(slack: float) -> Solution:
+def solve_string(slack: float) -> Solution:
     """From a sagging start."""
     model = string(slack)
     c = at_rest(model)
@@ -105,7 +105,7 @@ def funicular(slack: float) -> tuple[Array, Array]:
 
 
 def _strain(tension: Array) -> Array:
-    """Of the law solved for the strain, piece by piece."""
+    """Solve the law for the strain, piece by piece."""
     EA = MODULUS * SECTION
     slack = tension / RESIDUAL - 1
     root = np.sqrt(np.maximum(RESIDUAL**2 + 2 * EA / TOE * (tension - RESIDUAL), 0.0))
@@ -118,7 +118,7 @@ def string_rows() -> Iterator[Row]:
     """Sagging, taut and stretched strings."""
     source = "funicular polygon in closed form"
     for slack in (0.2, 0.0, -0.05):
-        s = solved_string(slack)
+        s = solve_string(slack)
         pull, place = funicular(slack)
         x = s.configuration.x
         for what, found, target in (
@@ -144,8 +144,8 @@ def over_cylinder(angle: float, count: int = 240) -> Solution:
         ],
         axis=1,
     )
-    model = clamped(net(X, chain(count)), np.array([0]))
-    model = guided(model, [np.array([count])], [(np.cos(angle / 2), 0.0, -np.sin(angle / 2))])
+    model = clamp(net(X, chain(count)), np.array([0]))
+    model = guide(model, [np.array([count])], [(np.cos(angle / 2), 0.0, -np.sin(angle / 2))])
     nodes = np.arange(1, count)
     bone = Cylinder(np.zeros(3), np.array([0.0, 1.0, 0.0]), RADIUS)
     area = np.full(count - 1, 1e-6)
@@ -188,7 +188,7 @@ def two_bones() -> tuple[ShellModel, Array]:
     X = X[used]
     model = net(X, cells, hood_rows.BODIES)
     first, last = (np.flatnonzero(np.isclose(X[:, 0], s * half)) for s in (-1, 1))
-    model = guided(clamped(model, last, body=1), [first], [(-1.0, 0, 0)])
+    model = guide(clamp(model, last, body=1), [first], [(-1.0, 0, 0)])
     inner = np.setdiff1d(np.arange(len(X)), np.concatenate([first, last]))
     ends = (np.array([s * 2 * half, 0, 0]) for s in (-1, 1))
     bones = [Capsule(np.zeros(3), end, hood_rows.BONE) for end in ends]
@@ -204,12 +204,12 @@ def two_bones() -> tuple[ShellModel, Array]:
     return replace(model, contacts=contacts, springs=hood_rows.bands(X)), carried
 
 
-def bent_net() -> Solution:
+def bend_net() -> Solution:
     """The net under 2 N with its joint flexed to 60 degrees, by penalty."""
     model, carried = two_bones()
     c = at_rest(model)
     for angle in (0.0, 20.0, 20.0, 20.0):
-        c = hood_rows.flexed(model, c, carried, np.deg2rad(angle))
+        c = hood_rows.flex(model, c, carried, np.deg2rad(angle))
         c = solve(model, c, hood_rows.TENSION, NewtonOptions()).configuration
     return hood_rows.by_penalty(model, c, hood_rows.TENSION)
 
@@ -217,7 +217,7 @@ def bent_net() -> Solution:
 def net_rows() -> Iterator[Row]:
     """The condensed derivatives of the net, as of a sheet; differences see the bends in the cells'
     stiffness at the ends of the toe too."""
-    solution = bent_net()
+    solution = bend_net()
     for row in hood_rows.tangent_rows(solution):
         bound = 5 * row.target if row.quantity.startswith("condensed") else row.target
         yield replace(row, name=NET, target=bound)
@@ -269,7 +269,7 @@ def hessian_error(cells: Cables, x: Array) -> float:
 
 
 def closed_form_rows() -> Iterator[Row]:
-    """Of the strings."""
+    """Yield the rows of strings with a closed form."""
     yield from string_rows()
     yield from cylinder_rows()
 

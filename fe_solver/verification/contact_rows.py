@@ -10,13 +10,13 @@ import numpy as np
 from cosim.checks import Row
 from fe_solver.elements.shell import Array
 from fe_solver.forces.contact import contact_state
-from fe_solver.solver.augmented_contact import settled, solve_augmented
+from fe_solver.solver.augmented_contact import next_increment, solve_augmented
 from fe_solver.solver.body_coupling import wrenches
 from fe_solver.solver.model import ShellModel
 from fe_solver.solver.newton import NewtonOptions, Solution
 from fe_solver.surfaces.shapes import Cylinder
 from fe_solver.verification import sheets
-from fe_solver.verification.sheets import at_rest, clamped, guided, sheet
+from fe_solver.verification.sheets import at_rest, clamp, guide, sheet
 
 NEWTON = NewtonOptions(tolerance=1e-10)
 RADIUS, ANGLE, WIDTH, TAIL = 8e-3, np.deg2rad(120), 4e-3, 6e-3
@@ -26,7 +26,7 @@ FRICTION = 0.3
 STATICS = "statics of a string over a cylinder"
 
 
-def laid(uv: Array) -> Array:
+def lay(uv: Array) -> Array:
     """The unit square as a strip over a cylinder about y: an arc and straight tangents."""
     s = (uv[:, 0] - 0.5) * (RADIUS * ANGLE + 2 * TAIL)
     turn = np.clip(s / RADIUS, -ANGLE / 2, ANGLE / 2)
@@ -38,24 +38,24 @@ def laid(uv: Array) -> Array:
 
 def strip(elements: int, stiffness: float, friction: float) -> ShellModel:
     """A strip laid over a cylinder, its start pulled by a tendon, its end held by a second body."""
-    X, quads = sheets.mapped(elements, 2, laid)
+    X, quads = sheets.map_grid(elements, 2, lay)
     first, last = (np.flatnonzero(np.isclose(X[:, 0], x)) for x in (X[0, 0], X[-1, 0]))
     model = sheet(X, quads, 1e9, 0.0, 0.1e-3, bodies=("drum", "hand"))
-    model = guided(clamped(model, last, body=1), [first], [UP.tolist()])
+    model = guide(clamp(model, last, body=1), [first], [UP.tolist()])
     inner = np.setdiff1d(np.arange(len(X)), np.concatenate([first, last]))
     drum = Cylinder(np.zeros(3), np.array([0.0, 1, 0]), RADIUS)
     touching = sheets.contact(model, drum, inner, stiffness, 1e-5)
     return replace(model, contacts=(replace(touching, friction=friction),))
 
 
-def wrapped(friction: float, pulls: tuple[float, ...], elements: int = 64) -> Solution:
+def wrap_strap(friction: float, pulls: tuple[float, ...], elements: int = 64) -> Solution:
     """The strip pulled over the cylinder by `pulls` (m) in turn, against a tension of 1 N."""
     model = strip(elements, 1e11, friction)
     c = at_rest(model)
     for pull in pulls:
-        c = model.posed(c, np.stack([np.zeros(3), pull * DOWN]), c.rotation)
+        c = model.move_bodies(c, np.stack([np.zeros(3), pull * DOWN]), c.rotation)
         solution = solve_augmented(model, c, np.ones(1), NEWTON)
-        c, model = solution.configuration, settled(solution)
+        c, model = solution.configuration, next_increment(solution)
     return solution
 
 
@@ -67,7 +67,7 @@ def far_tension(solution: Solution) -> float:
 
 def rows() -> Iterator[Row]:
     """A string without friction and with it."""
-    smooth = wrapped(0.0, (0.0,))
+    smooth = wrap_strap(0.0, (0.0,))
     c, contact = smooth.configuration, smooth.model.contacts[0]
     state = contact_state(contact, c.x, c.position, c.rotation)
     force = wrenches(smooth.model, c, smooth.evaluation, smooth.tension)["contact"][0, :3]
@@ -81,7 +81,7 @@ def rows() -> Iterator[Row]:
     yield Row(name, "pressure T / R w (Pa)", exact, float(pressure), 5e-3, STATICS)
     deepest = float(np.abs(state.gap[state.pressure > 0]).max())
     yield Row(name, "gap of pressed nodes (m)", 1e-6, deepest, 0.0, "as asked for", "bound")
-    fine = far_tension(wrapped(FRICTION, (0.3e-3, 0.6e-3)))
+    fine = far_tension(wrap_strap(FRICTION, (0.3e-3, 0.6e-3)))
     target = float(np.exp(FRICTION * ANGLE))
     yield Row(
         "strip with friction", "T2 / T1 = exp(mu theta)", target, fine, 1e-2, "Euler, Eytelwein"

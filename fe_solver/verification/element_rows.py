@@ -14,7 +14,7 @@ from fe_solver.materials.tension_field import TensionField
 from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.verification import sheets
 from fe_solver.verification.material_rows import LAWS
-from fe_solver.verification.sheets import at_rest, clamped, disturbed, nine_noded, plate, sheet
+from fe_solver.verification.sheets import at_rest, clamp, disturb, plate, sheet, with_nine_nodes
 
 SIDE, THICK = 10e-3, 1e-3
 SOFT = Isotropic(1e6, 0.3)
@@ -32,12 +32,12 @@ PATCH = np.array(
 PATCH_QUADS = np.array([[0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7], [4, 5, 6, 7]])
 
 
-def halved(quads: np.ndarray) -> np.ndarray:
+def halve(quads: np.ndarray) -> np.ndarray:
     """(2 ne, 4) the triangles that the quads' diagonals make, as quads a, b, c, c."""
     return np.concatenate([quads[:, [0, 1, 2, 2]], quads[:, [0, 2, 3, 3]]])
 
 
-def distorted(shape: str, law: Law | TensionField = SOFT, height: float = 0.0) -> ShellModel:
+def distort(shape: str, law: Law | TensionField = SOFT, height: float = 0.0) -> ShellModel:
     """A sheet of 3 x 2 distorted elements of about 10 mm: of one of the SHAPES, the folded one
     with a mitre between its last row and the others."""
     X, quads = plate(3 * SIDE, 2 * SIDE, 3, 2)
@@ -45,19 +45,19 @@ def distorted(shape: str, law: Law | TensionField = SOFT, height: float = 0.0) -
     flat = shape in ("flat quads", "folded quads")
     X = X + shift * [1, 1, 0 if flat else 1]
     if shape == "nine-node quads":
-        X, quads = nine_noded(X, quads)
+        X, quads = with_nine_nodes(X, quads)
         X[6 * 2 :] += np.random.default_rng(4).uniform(-0.05, 0.05, X[6 * 2 :].shape) * SIDE
     thickness: float | Array = THICK
     if shape == "folded quads":
-        X = folded(X)
+        X = fold(X)
     elif shape == "triangles":
-        quads = halved(quads)
+        quads = halve(quads)
     elif shape == "quads that taper":
         thickness = THICK * np.linspace(0.5, 1.5, len(X))
     return sheet(X, quads, 0, 0, thickness, law=law, height=height, fibre=(1.0, 0.4, 0.1))
 
 
-def folded(X: Array) -> Array:
+def fold(X: Array) -> Array:
     """Points (n, 3) of the x-y plane, folded by FOLD about a line along y."""
     line = 2 * SIDE
     beyond = np.maximum(X[:, 0] - line, 0)
@@ -68,7 +68,7 @@ def folded(X: Array) -> Array:
 def residual_along(model: ShellModel, c: Configuration, step: Array, tension: Array) -> Array:
     """(5n,) gradient after a step in the bases of c, brought along with the directors' turn."""
     A, T = model.bases(c)
-    moved = model.stepped(c, (A, T), step)
+    moved = model.take_step(c, (A, T), step)
     e = model.evaluate(moved, tension, tangent=False)
     gx = e.gradient_x.copy()
     gx[model.guides.node] -= model.pulls(moved, tension)
@@ -82,7 +82,7 @@ def tangent_error(model: ShellModel, size: float, tension: Array | None = None) 
     """Largest difference of tangent times direction from central differences of the residual, over
     the largest product, in the free degrees of freedom of a deformed state."""
     tension = np.zeros(len(model.share)) if tension is None else tension
-    c, free = disturbed(model, size, 5), model.free
+    c, free = disturb(model, size, 5), model.free
     e = model.evaluate(c, tension, tangent=True)
     assert e.data is not None
     K, worst = model.pattern.full(e.data), 0.0
@@ -102,9 +102,9 @@ def law_rows() -> Iterator[Row]:
     """Every element with every material, its nodes off the mid-surface and in it."""
     for shape in SHAPES:
         for name, law in LAWS.items():
-            error = tangent_error(distorted(shape, law, height=THICK / 2), 1e-4)
+            error = tangent_error(distort(shape, law, height=THICK / 2), 1e-4)
             yield Row(f"element tangent, {shape}", name, 1e-6, error, 0.0, OWN, "bound")
-        error = max(tangent_error(distorted(shape, law), 1e-4) for law in LAWS.values())
+        error = max(tangent_error(distort(shape, law), 1e-4) for law in LAWS.values())
         what = "worst of all, nodes in the middle"
         yield Row(f"element tangent, {shape}", what, 1e-6, error, 0.0, OWN, "bound")
 
@@ -113,7 +113,7 @@ def rigid_rows() -> Iterator[Row]:
     """Twenty rigid motions each, of up to half a turn and many times the size of the sheet."""
     rng = np.random.default_rng(8)
     for shape in SHAPES:
-        model = distorted(shape, height=THICK / 2)
+        model = distort(shape, height=THICK / 2)
         y = np.concatenate([model.reference[model.quads], model.directors[model.quads]], axis=1)
         worst = 0.0
         for _ in range(20):
@@ -127,7 +127,7 @@ def rigid_rows() -> Iterator[Row]:
 
 def zero_modes(shape: str) -> int:
     """Modes of a free element whose stiffness is below 1e-12 of the stiffest."""
-    whole = distorted(shape)
+    whole = distort(shape)
     nodes, quad = np.unique(whole.quads[0], return_inverse=True)
     model = sheet(whole.reference[nodes], quad.reshape(1, -1), 1e6, 0.3, THICK)
     e = model.evaluate(at_rest(model), np.zeros(0), tangent=True)
@@ -139,7 +139,7 @@ def zero_modes(shape: str) -> int:
 
 
 def zero_mode_rows() -> Iterator[Row]:
-    """Of one element; folded ones are flat each for itself."""
+    """Yield the zero modes of one element; folded ones are flat each for itself."""
     for shape in SHAPES[:4]:
         count, what = zero_modes(shape), f"zero-energy modes, {shape}"
         yield Row("free element", what, 6, count, 0.0, "rigid motions", "absolute")
@@ -150,8 +150,8 @@ def patch_rows() -> Iterator[Row]:
     ring = np.column_stack([PATCH, np.zeros(8)])
     kinds = {
         "quads": (ring, PATCH_QUADS),
-        "triangles": (ring, halved(PATCH_QUADS)),
-        "nine-node quads": nine_noded(*_distorted_grid()),
+        "triangles": (ring, halve(PATCH_QUADS)),
+        "nine-node quads": with_nine_nodes(*_distorted_grid()),
     }
     for kind, (X, quads) in kinds.items():
         yield from _patch(kind, X, quads)
@@ -177,7 +177,7 @@ def _patch(kind: str, X: Array, quads: np.ndarray) -> Iterator[Row]:
             -1e-3 * np.column_stack([x + y / 2, y + x / 2, o]),
         ),
     }
-    model = clamped(sheet(X, quads, 1e6, 0.25, 1e-3), np.flatnonzero(outer))
+    model = clamp(sheet(X, quads, 1e6, 0.25, 1e-3), np.flatnonzero(outer))
     for name, (u, turn) in fields.items():
         values = sheets.in_basis(model, u, turn)
         seen, turned = sheets.linear_response(model, np.zeros_like(X), values)
@@ -191,6 +191,7 @@ def _relative(seen: Array, exact: Array) -> float:
 
 
 def rows() -> Iterator[Row]:
+    """Yield the rows of this table."""
     yield from patch_rows()
     yield from rigid_rows()
     yield from zero_mode_rows()

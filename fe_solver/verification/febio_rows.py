@@ -56,7 +56,8 @@ def _incompressible() -> Iterator[Row]:
 
 
 def rows() -> Iterator[Row]:
-    """Of one element, by bulk modulus and stretch, and of the incompressible sheet."""
+    """Yield the rows of one element, by bulk modulus and stretch, and of the incompressible
+    sheet."""
     source = "FEBio 4.11, one shell element, `trans iso Mooney-Rivlin`"
     for k, table in FEBIO_STRESS.items():
         for stretch, (stress, volume, lateral) in table.items():

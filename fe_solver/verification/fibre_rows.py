@@ -46,7 +46,7 @@ NETTING = 0.01
 """Relative tolerance: what the matrix adds."""
 CLOSED = 1e-6
 TAUT = 0.95
-"""Of the netting strip's narrowing, where its solution is sought from."""
+"""Share of the netting strip's narrowing from which its solution is sought."""
 TIGHT = NewtonOptions(tolerance=1e-7, max_iterations=100)
 SOFT = 1e-3 * MPA
 FIBRE = ExponentialFamily(2 * MPA, 40.0, 400 * MPA, 1.03)
@@ -96,24 +96,24 @@ def strip(
     held = np.column_stack([start | end, low | (side & held_across), np.ones(len(X), dtype=bool)])
     body, nodes = end.astype(np.intp), np.arange(len(X))
     model = replace(
-        model, guides=Guides.fixed(nodes, body, X, held), share=np.zeros((0, len(nodes)))
+        model, guides=Guides.on_body_axes(nodes, body, X, held), share=np.zeros((0, len(nodes)))
     )
-    found = _pulled(model, stretch)
+    found = _pull(model, stretch)
     force = found.evaluation.gradient_x
     across = float(np.ptp(found.configuration.x[end, 1])) / WIDTH
     return float(force[end, 0].sum()), float(force[side, 1].sum()), across
 
 
-def _pulled(model: ShellModel, stretch: float) -> Solution:
+def _pull(model: ShellModel, stretch: float) -> Solution:
     """Equilibrium, sought from an even stretch with fibres a little longer than they are."""
     c = at_rest(model)
-    across = 1 - TAUT * (1 - narrowed(stretch))
+    across = 1 - TAUT * (1 - narrow(stretch))
     start = replace(c, x=c.x * [stretch, across, 1.0])
     position = np.array([[0.0, 0, 0], [(stretch - 1) * LENGTH, 0, 0]])
-    return solve(model, model.posed(start, position, c.rotation), NO_TENSION, TIGHT)
+    return solve(model, model.move_bodies(start, position, c.rotation), NO_TENSION, TIGHT)
 
 
-def narrowed(stretch: float) -> float:
+def narrow(stretch: float) -> float:
     """The netting strip's stretch across, its fibres as long as at rest."""
     return float(np.sqrt(1 - (stretch * np.cos(THETA)) ** 2) / np.sin(THETA))
 
@@ -125,7 +125,7 @@ def _netting() -> Iterator[Row]:
         name = f"netting strip at +-35 deg, {kind}"
         across = strip(law, -THETA, STRETCH)[2]
         source = "fibres keep their length: s^2 cos^2 + w^2 sin^2 = 1"
-        yield Row(name, f"stretch across at {STRETCH}", narrowed(STRETCH), across, NETTING, source)
+        yield Row(name, f"stretch across at {STRETCH}", narrow(STRETCH), across, NETTING, source)
         along, wide, _ = strip(law, -THETA, STRETCH, held_across=True)
         source = "netting, held to its width: 2 F'(l) {} / l"
         for quantity, force, area, share, term in (

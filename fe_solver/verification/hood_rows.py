@@ -20,7 +20,7 @@ from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import NewtonOptions, Solution, solve
 from fe_solver.surfaces.shapes import Capsule, HalfSpace
 from fe_solver.verification import sheets
-from fe_solver.verification.sheets import at_rest, clamped, guided, sheet
+from fe_solver.verification.sheets import at_rest, clamp, guide, sheet
 
 NEWTON = NewtonOptions(tolerance=1e-10)
 TIGHT, CLOSED = NewtonOptions(tolerance=1e-11), AugmentOptions(penetration=2e-13)
@@ -31,7 +31,7 @@ BODIES = ("proximal", "distal")
 Solver = Callable[[ShellModel, Configuration, Array], Solution]
 COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 SCALES = np.tile([ARM] * 3 + [1.0] * 3, 2)
-"""Of the bodies' twists and wrenches: lengths count in ARM, forces as moments with it."""
+"""Scales of the bodies' twists and wrenches: lengths count in ARM, forces as moments with it."""
 STEP = 1e-5
 """rad, and of ARM."""
 NAME = "hood over two capsules at 60 deg"
@@ -43,11 +43,11 @@ def two_bones(stiffness: float, nine: bool = False) -> tuple[ShellModel, Array]:
     to the distal one and sprung to both; and how much of each node the distal one carries (n,).
     With `nine` its elements have nine nodes."""
     X, quads = sheets.plate(LENGTH, 8e-3, *((21, 4) if nine else (41, 8)))
-    X, quads = sheets.nine_noded(X, quads) if nine else (X, quads)
+    X, quads = sheets.with_nine_nodes(X, quads) if nine else (X, quads)
     X = X - [LENGTH / 2, 4e-3, -BONE - HEIGHT]
     model = sheet(X, quads, 2e7, 0.4, 0.6e-3, bodies=BODIES)
     first, last = (np.flatnonzero(np.isclose(X[:, 0], s * LENGTH / 2)) for s in (-1, 1))
-    model = guided(clamped(model, last, body=1), [first], [(-1.0, 0, 0)])
+    model = guide(clamp(model, last, body=1), [first], [(-1.0, 0, 0)])
     inner = np.setdiff1d(np.arange(len(X)), np.concatenate([first, last]))
     bones = [Capsule(np.zeros(3), np.array([s * LENGTH, 0, 0]), BONE) for s in (-1, 1)]
     alike = [sheets.contact(model, bone, inner, stiffness, 2e-5) for bone in bones]
@@ -74,7 +74,7 @@ def bands(X: Array) -> Springs:
     return Springs(node, body, at, np.full(5, 100.0), length, only, np.zeros(5, dtype=np.intp))
 
 
-def flexed(model: ShellModel, c: Configuration, carried: Array, angle: float) -> Configuration:
+def flex(model: ShellModel, c: Configuration, carried: Array, angle: float) -> Configuration:
     """The sheet carried along by a flexion (rad) of the distal bone."""
     turn = np.array([0.0, angle, 0.0]) * carried[:, None]
     R = rotation_matrix(turn)
@@ -82,26 +82,26 @@ def flexed(model: ShellModel, c: Configuration, carried: Array, angle: float) ->
     rotation = np.stack(
         [c.rotation[0], rotation_matrix(np.array([0.0, angle, 0.0])) @ c.rotation[1]]
     )
-    return model.posed(Configuration(x, d, c.position, c.rotation), c.position, rotation)
+    return model.move_bodies(Configuration(x, d, c.position, c.rotation), c.position, rotation)
 
 
-def bent_hood(nine: bool = False) -> tuple[ShellModel, Configuration]:
+def bend_hood(nine: bool = False) -> tuple[ShellModel, Configuration]:
     """The sheet under 2 N with its joint flexed to 60 degrees, by penalty; `nine` as of
     `two_bones`."""
     model, carried = two_bones(1e10, nine)
     c = at_rest(model)
     for angle in (0.0, 20.0, 20.0, 20.0):
-        c = flexed(model, c, carried, np.deg2rad(angle))
+        c = flex(model, c, carried, np.deg2rad(angle))
         c = solve(model, c, TENSION, NEWTON).configuration
     return model, c
 
 
-def walled(model: ShellModel, c: Configuration) -> ShellModel:
+def add_wall(model: ShellModel, c: Configuration) -> ShellModel:
     """The model with a wall of the proximal bone that the nodes tied to the distal one press on, as
     a bone may whose neighbour the sheet is tied to."""
     nodes, normal = model.ties.node, np.array([0.36, 0.48, 0.8])
     wall = HalfSpace(c.x[nodes].mean(axis=0), normal)
-    return model.alike(
+    return model.with_changes(
         contacts=(*model.contacts, sheets.contact(model, wall, nodes, 1e9, 2e-5)),
     )
 
@@ -131,15 +131,15 @@ def by_penalty(model: ShellModel, start: Configuration, tension: Array) -> Solut
     return solve(model, start, tension, TIGHT, near=True)
 
 
-def augmented(model: ShellModel, start: Configuration, tension: Array) -> Solution:
+def augment(model: ShellModel, start: Configuration, tension: Array) -> Solution:
     """Solved until no node is off its level, to rounding error."""
     return solve_augmented(model, start, tension, TIGHT, CLOSED)
 
 
-def displaced(solution: Solution, solver: Solver, twist: Array) -> Solution:
+def displace(solution: Solution, solver: Solver, twist: Array) -> Solution:
     """Solved again with the bodies moved by `twist` (12,)."""
-    c, there = solution.configuration, motion(solution).displaced(twist)
-    start = solution.model.posed(c, there.position, there.rotation)
+    c, there = solution.configuration, motion(solution).displace(twist)
+    start = solution.model.move_bodies(c, there.position, there.rotation)
     return solver(solution.model, start, solution.tension)
 
 
@@ -148,7 +148,7 @@ def by_motion(solution: Solution, solver: Solver) -> tuple[Array, Array]:
     differences of solutions."""
     wrench, excursion = np.empty((12, 12)), np.empty(12)
     for i, way in enumerate(np.eye(12)):
-        ahead, behind = (displaced(solution, solver, s * STEP * SCALES * way) for s in (1, -1))
+        ahead, behind = (displace(solution, solver, s * STEP * SCALES * way) for s in (1, -1))
         wrench[:, i] = (total_wrench(ahead) - total_wrench(behind)) * SCALES / (2 * STEP)
         slid = (s.model.excursion(s.configuration)[0] for s in (ahead, behind))
         excursion[i] = float(np.subtract(*slid)) / (2 * STEP)
@@ -206,7 +206,8 @@ def tangent_rows(solution: Solution, of: str = "") -> Iterator[Row]:
 
 
 def component_rows(what: str, exact: HoodJacobian, wrench: Array) -> Iterator[Row]:
-    """Of each component of the wrench on each body, relative to its own largest derivative."""
+    """Yield a row for each component of the wrench on each body, relative to its own largest
+    derivative."""
     error = np.abs(exact.load_motion * np.outer(SCALES, SCALES) - wrench)
     for i, worst in enumerate(error.max(axis=1) / np.abs(wrench).max(axis=1)):
         which = f"{what}, {COMPONENTS[i % 6]} on the {BODIES[i // 6]} body"
@@ -217,8 +218,8 @@ def component_rows(what: str, exact: HoodJacobian, wrench: Array) -> Iterator[Ro
 def augmented_rows(solution: Solution) -> Iterator[Row]:
     """The same of the constrained problem, whose pressed nodes are held by springs `augment.PIN`
     times as stiff as any other."""
-    here = augmented(solution.model, solution.configuration, TENSION)
-    exact, (wrench, _) = jacobian(here), by_motion(here, augmented)
+    here = augment(solution.model, solution.configuration, TENSION)
+    exact, (wrench, _) = jacobian(here), by_motion(here, augment)
     yield from component_rows("condensed tangent, augmented", exact, wrench)
     arms = exact.load_tension[:, 0] * SCALES - own_pull(here)
     off = float(np.abs(arms - exact.excursion_motion[0] * SCALES).max() / np.abs(arms).max())
@@ -229,13 +230,13 @@ def augmented_rows(solution: Solution) -> Iterator[Row]:
 
 def rows() -> Iterator[Row]:
     """All of them; about ten seconds."""
-    model, c = bent_hood()
+    model, c = bend_hood()
     solutions = {}
     for name in ("1e11", "1e10", "1e9"):
         contacts = tuple(replace(k, stiffness=float(name)) for k in model.contacts)
-        solutions[name] = solve_augmented(model.alike(contacts=contacts), c, TENSION, NEWTON)
+        solutions[name] = solve_augmented(model.with_changes(contacts=contacts), c, TENSION, NEWTON)
     yield from moment_rows(solutions)
-    yield from tangent_rows(by_penalty(walled(model, c), c, TENSION))
-    nine, there = bent_hood(nine=True)
-    yield from tangent_rows(by_penalty(walled(nine, there), there, TENSION), ", nine nodes")
+    yield from tangent_rows(by_penalty(add_wall(model, c), c, TENSION))
+    nine, there = bend_hood(nine=True)
+    yield from tangent_rows(by_penalty(add_wall(nine, there), there, TENSION), ", nine nodes")
     yield from augmented_rows(solutions["1e11"])

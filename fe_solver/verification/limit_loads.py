@@ -16,10 +16,10 @@ from fe_solver.verification.paths import WHOLE, drive_node, largest
 from fe_solver.verification.sheets import (
     NO_TENSION,
     at_rest,
-    clamped,
+    clamp,
     elements,
     line_weights,
-    mirrored,
+    mirror_plane,
     sheet,
 )
 
@@ -40,12 +40,13 @@ def hinged_roof(thickness: float, n: int, nodes: int) -> list[float]:
     top = int(np.flatnonzero(middle & crown)[0])
     held = np.outer(hinge, [True, True, True])
     held[top, 2] = True
-    model = mirrored(model, mirror, held)
+    model = mirror_plane(model, mirror, held)
     forces, _ = drive_node(model, top, np.array([0, 0, -1.0]), np.arange(1.0, DEEPEST + 1))
     return [4 * largest(forces)]
 
 
 def hinged_roof_benchmark(thickness: float, target: float) -> Benchmark:
+    """The benchmark of the hinged roof."""
     return Benchmark(
         f"hinged roof, h = {thickness}",
         "a quarter of R = 2540, axial length 508, half angle 0.1 rad, E = 3102.75, nu = 0.3, "
@@ -74,7 +75,7 @@ def buckling_load(model: ShellModel, load: Array, least: float, most: float) -> 
     c = at_rest(model)
 
     def least_eigenvalue(factor: float) -> float:
-        solution = solve(model.alike(dead=factor * load), c, NO_TENSION, WHOLE, near=True)
+        solution = solve(model.with_changes(dead=factor * load), c, NO_TENSION, WHOLE, near=True)
         data = solution.evaluation.data
         assert data is not None
         K = model.pattern.full(data)[model.free][:, model.free].tocsc()
@@ -98,7 +99,7 @@ def strip_buckling(n: int, nodes: int) -> list[float]:
     uv, quads = elements(10 * n, n, nodes)
     X = np.column_stack([STRIP * uv[:, 0], DEPTH * (uv[:, 1] - 0.5), 0 * uv[:, 0]])
     model = sheet(X, quads, MODULUS, POISSON, THICKNESS)
-    model = clamped(model, np.flatnonzero(uv[:, 0] == 0))
+    model = clamp(model, np.flatnonzero(uv[:, 0] == 0))
     tip = np.flatnonzero(uv[:, 0] == 1)
     load = np.zeros_like(X)
     load[tip, 1] = -line_weights(X[tip, 1], nodes) / DEPTH

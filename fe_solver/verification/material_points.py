@@ -21,28 +21,28 @@ def axes(angle: float) -> Array:
     )
 
 
-def turned(law: Law, strain: Array, R: Array) -> tuple[Array, Array]:
+def rotate(law: Law, strain: Array, R: Array) -> tuple[Array, Array]:
     """Stress and tangent in x and y of a law whose fibre axes are R's."""
     out = law.response(R @ strain)
     return R.T @ out.stress, R.T @ out.tangent @ R
 
 
-def pulled(law: Law, strain: float, angle: float = 0.0) -> tuple[Array, Array]:
+def pull_uniaxially(law: Law, strain: float, angle: float = 0.0) -> tuple[Array, Array]:
     """Strain and second Piola-Kirchhoff stress, each (3,) in x and y, of a strip pulled along x to
     the Green-Lagrange strain `strain`, free across and in shear, with the fibre at `angle`."""
     R, E = axes(angle), np.array([strain, 0.0, 0.0])
     for _ in range(60):
-        S, T = turned(law, E, R)
+        S, T = rotate(law, E, R)
         step = np.linalg.solve(T[1:, 1:], -S[1:])
         E[1:] += step
         if np.abs(step).max() < 1e-15:
             break
-    return E, turned(law, E, R)[0]
+    return E, rotate(law, E, R)[0]
 
 
 def uniaxial(law: Potential, stretch: float, angle: float = 0.0) -> tuple[float, float, float]:
     """Cauchy stress (Pa), J and stretch across of a free strip pulled along x."""
-    E, S = pulled(law, (stretch**2 - 1) / 2, angle)
+    E, S = pull_uniaxially(law, (stretch**2 - 1) / 2, angle)
     J = float(volume_ratio(law, axes(angle) @ E))
     return float(S[0]) * stretch**2 / J, J, math.sqrt(1 + 2 * E[1])
 
@@ -51,7 +51,7 @@ def cauchy(law: Potential, F: Array, angle: float = 0.0) -> Array:
     """(2, 2) Cauchy stress (Pa) at the plane deformation gradient F (2, 2)."""
     C, R = F.T @ F, axes(angle)
     E = np.array([(C[0, 0] - 1) / 2, (C[1, 1] - 1) / 2, C[0, 1]])
-    S = turned(law, E, R)[0]
+    S = rotate(law, E, R)[0]
     plane = F @ np.array([[S[0], S[2]], [S[2], S[1]]]) @ F.T
     return plane / float(volume_ratio(law, R @ E))
 

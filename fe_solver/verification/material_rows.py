@@ -21,11 +21,11 @@ from fe_solver.verification.material_points import (
     fibre_tension,
     least_energy,
     least_wrinkled_energy,
-    pulled,
+    pull_uniaxially,
     relaxed_energy,
+    rotate,
     strains,
     strip_stress,
-    turned,
     uniaxial,
 )
 
@@ -77,7 +77,7 @@ def _consistency() -> Iterator[Row]:
         yield Row(name, "energy at S33 = 0", 1e-9, error, 0.0, source, "bound")
 
 
-def _closed(name: str, quantity: str, target: float, computed: float, source: str) -> Row:
+def _closed_form(name: str, quantity: str, target: float, computed: float, source: str) -> Row:
     return Row(name, quantity, target, float(computed), CLOSED, source)
 
 
@@ -85,26 +85,36 @@ def _linear() -> Iterator[Row]:
     e = 0.1
     for name, law in (("orthotropic", ORTHOTROPIC), ("transversely isotropic", ACROSS)):
         E1, E2, nu, G = (float(x) for x in (law.E1, law.E2, law.nu12, law.G12))
-        yield _closed(name, "S11, strip along, Pa", E1 * e, pulled(law, e)[1][0], "E1 E11")
-        across = pulled(law, e, math.pi / 2)[1][0]
-        yield _closed(name, "S11, strip across, Pa", E2 * e, across, "E2 E11")
+        yield _closed_form(
+            name, "S11, strip along, Pa", E1 * e, pull_uniaxially(law, e)[1][0], "E1 E11"
+        )
+        across = pull_uniaxially(law, e, math.pi / 2)[1][0]
+        yield _closed_form(name, "S11, strip across, Pa", E2 * e, across, "E2 E11")
         E45 = 4 / (1 / E1 + 1 / E2 + 1 / G - 2 * nu / E1)
         source = "4 / E45 = 1/E1 + 1/E2 + 1/G12 - 2 nu12/E1 (rotated compliance)"
-        yield _closed(
-            name, "S11, strip at 45 deg, Pa", E45 * e, pulled(law, e, math.pi / 4)[1][0], source
+        yield _closed_form(
+            name,
+            "S11, strip at 45 deg, Pa",
+            E45 * e,
+            pull_uniaxially(law, e, math.pi / 4)[1][0],
+            source,
         )
         S = law.response(np.array([e, 0.0, 0.0])).stress
         source = "E1 E11 / (1 - nu12 nu21)"
-        yield _closed(name, "S11, strip-biaxial, Pa", E1 * e / (1 - nu**2 * E2 / E1), S[0], source)
+        yield _closed_form(
+            name, "S11, strip-biaxial, Pa", E1 * e / (1 - nu**2 * E2 / E1), S[0], source
+        )
         S = law.response(np.array([0.0, 0.0, e])).stress
-        yield _closed(name, "S12, shear, Pa", G * e, S[2], "G12 2 E12")
+        yield _closed_form(name, "S12, shear, Pa", G * e, S[2], "G12 2 E12")
     E, nu, name = float(ISOTROPIC.E), float(ISOTROPIC.nu), "isotropic"
     for degrees in (0, 45):
-        S = pulled(ISOTROPIC, e, math.radians(degrees))[1]
-        yield _closed(name, f"S11, uniaxial, axes at {degrees} deg, Pa", E * e, S[0], "E E11")
+        S = pull_uniaxially(ISOTROPIC, e, math.radians(degrees))[1]
+        yield _closed_form(name, f"S11, uniaxial, axes at {degrees} deg, Pa", E * e, S[0], "E E11")
     S = ISOTROPIC.response(np.array([e, 0.0, e])).stress
-    yield _closed(name, "S11, strip-biaxial, Pa", E * e / (1 - nu**2), S[0], "E E11 / (1 - nu^2)")
-    yield _closed(name, "S12, shear, Pa", E * e / (2 + 2 * nu), S[2], "E 2 E12 / 2 (1 + nu)")
+    yield _closed_form(
+        name, "S11, strip-biaxial, Pa", E * e / (1 - nu**2), S[0], "E E11 / (1 - nu^2)"
+    )
+    yield _closed_form(name, "S12, shear, Pa", E * e / (2 + 2 * nu), S[2], "E 2 E12 / 2 (1 + nu)")
 
 
 def _rubber() -> Iterator[Row]:
@@ -116,18 +126,24 @@ def _rubber() -> Iterator[Row]:
     target = (mu * (stretch**2 - 1) + lam * math.log(J)) / J
     for degrees in (0, 45, 90):
         stress, volume, lateral = uniaxial(RUBBER, stretch, math.radians(degrees))
-        yield _closed(name, f"Cauchy, uniaxial, axes at {degrees} deg, Pa", target, stress, source)
-    yield _closed(name, "J, uniaxial", J, volume, source)
-    yield _closed(name, "stretch across, uniaxial", thin, lateral, source)
+        yield _closed_form(
+            name, f"Cauchy, uniaxial, axes at {degrees} deg, Pa", target, stress, source
+        )
+    yield _closed_form(name, "J, uniaxial", J, volume, source)
+    yield _closed_form(name, "stretch across, uniaxial", thin, lateral, source)
     stretch = J / thin
     sigma = cauchy(RUBBER, np.diag([stretch, 1.0]), 0.3)
     target = (mu * (stretch**2 - 1) + lam * math.log(J)) / J
-    yield _closed(name, "Cauchy along, strip-biaxial, Pa", target, sigma[0, 0], source)
+    yield _closed_form(name, "Cauchy along, strip-biaxial, Pa", target, sigma[0, 0], source)
     held = lam * math.log(J) / J
-    yield _closed(name, "Cauchy across, strip-biaxial, Pa", held, sigma[1, 1], source)
+    yield _closed_form(name, "Cauchy across, strip-biaxial, Pa", held, sigma[1, 1], source)
     sigma = cauchy(RUBBER, np.array([[1.0, 0.3], [0.0, 1.0]]), 0.3)
-    yield _closed(name, "Cauchy shear, simple shear 0.3, Pa", mu * 0.3, sigma[0, 1], "mu (b - 1)")
-    yield _closed(name, "Cauchy along, simple shear 0.3, Pa", mu * 0.09, sigma[0, 0], "mu (b - 1)")
+    yield _closed_form(
+        name, "Cauchy shear, simple shear 0.3, Pa", mu * 0.3, sigma[0, 1], "mu (b - 1)"
+    )
+    yield _closed_form(
+        name, "Cauchy along, simple shear 0.3, Pa", mu * 0.09, sigma[0, 0], "mu (b - 1)"
+    )
 
 
 def _tendon() -> Iterator[Row]:
@@ -136,12 +152,14 @@ def _tendon() -> Iterator[Row]:
     source = "sigma = 2 (s^2 - 1/s) (c1 + c2/s) + s dF/ds (Weiss et al. 1996)"
     for s in (0.9, 1.02, 1.06):
         target = 2 * (s**2 - 1 / s) * (c1 + c2 / s) + fibre_tension(law, s)
-        yield _closed(name, f"Cauchy, along, stretch {s}, Pa", target, uniaxial(law, s)[0], source)
+        yield _closed_form(
+            name, f"Cauchy, along, stretch {s}, Pa", target, uniaxial(law, s)[0], source
+        )
     source = "sigma = 2 (s^2 - 1/s) (c1 + c2/s): a fibre that is shortened bears nothing"
     for s in (1.02, 1.06):
         target = 2 * (s**2 - 1 / s) * (c1 + c2 / s)
         across = uniaxial(law, s, math.pi / 2)[0]
-        yield _closed(name, f"Cauchy, strip across, stretch {s}, Pa", target, across, source)
+        yield _closed_form(name, f"Cauchy, strip across, stretch {s}, Pa", target, across, source)
     source = "2 (c1 + c2) (s^2 - s^-2) + l dF/dl m1^2, m the fibre's direction"
     for s, degrees in product((1.02, 1.06), (0, 45, 90)):
         angle = math.radians(degrees)
@@ -152,14 +170,16 @@ def _tendon() -> Iterator[Row]:
         along = 2 * (c1 + c2) * (s**2 - s**-2) + fibre[0, 0]
         across = 2 * (c1 + c2 * s**2) * (1 - s**-2) + fibre[1, 1]
         where = f"strip-biaxial {s}, fibre at {degrees} deg, Pa"
-        yield _closed(name, f"Cauchy along, {where}", along, sigma[0, 0], source)
-        yield _closed(name, f"Cauchy across, {where}", across, sigma[1, 1], source)
+        yield _closed_form(name, f"Cauchy along, {where}", along, sigma[0, 0], source)
+        yield _closed_form(name, f"Cauchy across, {where}", across, sigma[1, 1], source)
     g, source = 0.3, "2 (c1 + c2) g (+ l dF/dl m1 m2 where the fibre is stretched)"
     sigma = cauchy(law, np.array([[1.0, g], [0.0, 1.0]]))
-    yield _closed(name, "Cauchy, shear along the fibre, Pa", 2 * (c1 + c2) * g, sigma[0, 1], source)
+    yield _closed_form(
+        name, "Cauchy, shear along the fibre, Pa", 2 * (c1 + c2) * g, sigma[0, 1], source
+    )
     sigma = cauchy(law, np.array([[1.0, 0.0], [g, 1.0]]))
     target = 2 * (c1 + c2) * g + fibre_tension(law, math.hypot(1, g)) * g / (1 + g * g)
-    yield _closed(name, "Cauchy, shear across the fibre, Pa", target, sigma[0, 1], source)
+    yield _closed_form(name, "Cauchy, shear across the fibre, Pa", target, sigma[0, 1], source)
 
 
 STRIPS: dict[str, Potential] = {
@@ -175,7 +195,9 @@ def _strips() -> Iterator[Row]:
         angle, strain = math.radians(degrees), (1.05**2 - 1) / 2
         target = strip_stress(law, strain, angle)
         what = f"S11, strip at {degrees} deg, stretch 1.05, Pa"
-        yield Row(name, what, target, float(pulled(law, strain, angle)[1][0]), 1e-6, source)
+        yield Row(
+            name, what, target, float(pull_uniaxially(law, strain, angle)[1][0]), 1e-6, source
+        )
 
 
 def _artery() -> Iterator[Row]:
@@ -192,26 +214,26 @@ def _artery() -> Iterator[Row]:
     by_s = kappa * 2 * (s - s**-3) + (1 - 3 * kappa) * 2 * s * cos * cos
     target = s * (c * (s - s**-3) + 2 * pull(E) * by_s)
     sigma = cauchy(law, np.diag([s, 1.0]))[0, 0]
-    yield _closed(name, f"Cauchy along, strip-biaxial {s}, Pa", target, sigma, source)
+    yield _closed_form(name, f"Cauchy along, strip-biaxial {s}, Pa", target, sigma, source)
     g, target = 0.3, 0.0
     for sc in (sin * cos, -sin * cos):
         E = kappa * g * g + (1 - 3 * kappa) * (2 * sc * g + sin * sin * g * g)
         target += pull(E) * (kappa * 2 * g + (1 - 3 * kappa) * (2 * sc + 2 * sin * sin * g))
     sigma = cauchy(law, np.array([[1.0, g], [0.0, 1.0]]))[0, 1]
-    yield _closed(name, "Cauchy, simple shear 0.3, Pa", target + c * g, sigma, source)
+    yield _closed_form(name, "Cauchy, simple shear 0.3, Pa", target + c * g, sigma, source)
     aligned = HolzapfelGasserOgden(c, k1, k2, kappa, 0.0)
     E = kappa * (s**2 + 2 / s - 3) + (1 - 3 * kappa) * (s * s - 1)
     by_s = kappa * 2 * (s - s**-2) + (1 - 3 * kappa) * 2 * s
     target = s * (c * (s - s**-2) + 2 * pull(E) * by_s)
     sigma = uniaxial(aligned, s)[0]
-    yield _closed(name, f"Cauchy along aligned fibres, stretch {s}, Pa", target, sigma, source)
+    yield _closed_form(name, f"Cauchy along aligned fibres, stretch {s}, Pa", target, sigma, source)
     # Both families shortened and undispersed: across them only the matrix bears.
     matrix = HolzapfelGasserOgden(c, k1, k2, 0.0, 0.0)
     sigma, target = uniaxial(matrix, s, math.pi / 2)[0], c * (s**2 - 1 / s)
-    yield _closed(name, f"Cauchy across, stretch {s}, Pa", target, sigma, "c (s^2 - 1/s)")
+    yield _closed_form(name, f"Cauchy across, stretch {s}, Pa", target, sigma, "c (s^2 - 1/s)")
 
 
-def _relaxed() -> Iterator[Row]:
+def _relax() -> Iterator[Row]:
     name, E, nu = "tension field, isotropic", float(ISOTROPIC.E), float(ISOTROPIC.nu)
     law = TensionField(ISOTROPIC)
     R = axes(0.4)
@@ -219,7 +241,7 @@ def _relaxed() -> Iterator[Row]:
         ("wrinkled", -0.3, E * 0.1, 0.0),
         ("taut", 0.05, E * (0.1 + nu * 0.05) / (1 - nu**2), E * (0.05 + nu * 0.1) / (1 - nu**2)),
     ):
-        S = turned(law, np.array([0.1, e2, 0.0]), R)[0]
+        S = rotate(law, np.array([0.1, e2, 0.0]), R)[0]
         source = "Pipkin 1986: E e1 where e2 < -nu e1, else the full law"
         yield Row(name, f"S11, {state}, Pa", along, float(S[0]), ROUNDED, source)
         yield Row(name, f"S22 / E, {state}", across / E, S[1] / E, ROUNDED, source, "absolute")
@@ -247,5 +269,5 @@ def rows() -> Iterator[Row]:
     yield from _tendon()
     yield from _artery()
     yield from _strips()
-    yield from _relaxed()
+    yield from _relax()
     yield from febio_rows.rows()

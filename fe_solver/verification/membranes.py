@@ -14,7 +14,7 @@ from fe_solver.verification.sheets import (
     NO_TENSION,
     at_rest,
     elements,
-    mirrored,
+    mirror_plane,
     sheet,
     surface_weights,
 )
@@ -84,9 +84,9 @@ def hencky(n: int, nodes: int) -> list[float]:
     X = np.column_stack([across * scale[:, None], 0 * radius])
     model = sheet(X, quads, modulus, 0.3, thickness)
     mirror = np.column_stack([at[:, 1] == 0, at[:, 2] == 0, np.zeros(len(X), dtype=bool)])
-    model = mirrored(model, mirror, np.outer(at[:, 0] == 0, [True, True, True]))
+    model = mirror_plane(model, mirror, np.outer(at[:, 0] == 0, [True, True, True]))
     force = load * modulus * thickness * surface_weights(model)
-    model = model.alike(dead=np.outer(force, [0, 0, 1.0]))
+    model = model.with_changes(dead=np.outer(force, [0, 0, 1.0]))
     start = at_rest(model)
     unit = load ** (1 / 3)
     start.x[:, 2] = 0.6 * unit * (1 - radius**2)
@@ -121,12 +121,12 @@ def balloon(n: int, nodes: int) -> list[float]:
     X = at / np.linalg.norm(at, axis=1, keepdims=True)
     law = TransIsoMooneyRivlin(mu / 2, 0.0, 0.0, 1.0, 0.0, 2.0)
     model = sheet(X, quads, 0, 0, thickness, directors=X, law=law, fibre=(1.0, 0.3, 0.1))
-    model = mirrored(model, X == 0)
+    model = mirror_plane(model, X == 0)
     c, stretches = at_rest(model), []
     for stretch in STRETCHES:
         # the pressure pushes against the normals, which point outwards
         pressure = -balloon_pressure(stretch) * mu * thickness
-        inflated = model.alike(pressure=np.full(len(quads), pressure))
+        inflated = model.with_changes(pressure=np.full(len(quads), pressure))
         c = solve(inflated, c, NO_TENSION, WHOLE, near=True).configuration
         stretches.append(float(np.linalg.norm(c.x, axis=1).mean()))
     return stretches

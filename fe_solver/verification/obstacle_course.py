@@ -11,11 +11,11 @@ from fe_solver.elements.shell import Array
 from fe_solver.verification.benchmark import Benchmark, Meshes
 from fe_solver.verification.paths import watching
 from fe_solver.verification.sheets import (
-    clamped,
+    clamp,
     elements,
     line_weights,
     linear_response,
-    mirrored,
+    mirror_plane,
     sheet,
     surface_weights,
 )
@@ -36,7 +36,7 @@ def roof(n: int, nodes: int, shift: float = 0.0) -> list[float]:
     mirror = np.column_stack([middle, crown, none])
     held = np.column_stack([none, diaphragm, diaphragm])
     load = np.outer(surface_weights(model), [0.0, 0, -90])
-    u = linear_response(mirrored(model, mirror, held), load)[0]
+    u = linear_response(mirror_plane(model, mirror, held), load)[0]
     return [float(-u[middle & (uv[:, 1] == 1), 2][0])]
 
 
@@ -63,7 +63,7 @@ def pinched_cylinder(n: int, nodes: int) -> list[float]:
     held = np.outer(uv[:, 0] == 1, [False, True, True])
     top = np.flatnonzero((uv[:, 0] == 0) & (uv[:, 1] == 0))[0]
     load = watching(top, np.array([0, 0, -0.25]), len(X))
-    u = linear_response(mirrored(model, mirror, held), load)[0]
+    u = linear_response(mirror_plane(model, mirror, held), load)[0]
     return [float(-u[top, 2] * 3e6 * 3)]
 
 
@@ -88,7 +88,7 @@ def twisted_beam(thickness: float, force: float, n: int, nodes: int) -> list[flo
     D = np.cross(along, radial)
     D /= np.linalg.norm(D, axis=1, keepdims=True)
     model = sheet(X, quads, 29e6, 0.22, thickness, directors=D)
-    model = clamped(model, np.flatnonzero(uv[:, 0] == 0))
+    model = clamp(model, np.flatnonzero(uv[:, 0] == 0))
     tip = np.flatnonzero(uv[:, 0] == 1)
     weight = np.zeros(len(X))
     weight[tip] = line_weights(across[tip], nodes) / 1.1
@@ -99,6 +99,7 @@ def twisted_beam(thickness: float, force: float, n: int, nodes: int) -> list[flo
 def twisted_beam_benchmark(
     thickness: float, force: float, y: float, z: float, source: str
 ) -> Benchmark:
+    """The benchmark of the twisted beam."""
     return Benchmark(
         f"twisted beam, t = {thickness}",
         "cantilever twisted by 90 degrees, length 12, width 1.1, E = 29e6, nu = 0.22, tip forces "
@@ -123,7 +124,7 @@ def cook(n: int, nodes: int, shift: float = 0.0) -> list[float]:
     x = 48 * uv[:, 0]
     y = 44 * uv[:, 0] + uv[:, 1] * (44 - 28 * uv[:, 0])
     X = np.column_stack([x, y, 0 * x])
-    model = clamped(sheet(X, quads, 1.0, 1 / 3, 1.0), np.flatnonzero(uv[:, 0] == 0))
+    model = clamp(sheet(X, quads, 1.0, 1 / 3, 1.0), np.flatnonzero(uv[:, 0] == 0))
     edge = np.flatnonzero(uv[:, 0] == 1)
     load = np.zeros_like(X)
     load[edge, 1] = line_weights(uv[edge, 1], nodes)
@@ -154,11 +155,12 @@ def hemisphere(distortion: float, n: int, nodes: int, thickness: float = 0.04) -
     mirror = np.column_stack([D[:, 0] == 0, D[:, 1] == 0, np.zeros(len(D), dtype=bool)])
     held = np.outer(pulled, [False, False, True])
     load = np.outer(pulled, [1.0, 0, 0]) - np.outer(pushed, [0, 1.0, 0])
-    u = linear_response(mirrored(model, mirror, held), load)[0]
+    u = linear_response(mirror_plane(model, mirror, held), load)[0]
     return [float(u[pulled, 0][0])]
 
 
 def hemisphere_benchmark(distortion: float) -> Benchmark:
+    """The benchmark of the hemisphere."""
     bent = f", mesh lines bent by {distortion}" if distortion else ""
     return Benchmark(
         f"hemisphere with a hole{bent}",
@@ -184,14 +186,15 @@ def hyperbolic_paraboloid(thickness: float, n: int, nodes: int) -> list[float]:
     D /= np.linalg.norm(D, axis=1, keepdims=True)
     model = sheet(X, quads, 2e11, 0.3, thickness, directors=D)
     wall = uv[:, 0] == 0
-    model = clamped(model, np.flatnonzero(wall))
+    model = clamp(model, np.flatnonzero(wall))
     mirror = np.outer((y == 0) & ~wall, [False, True, False])
     load: Array = np.outer(surface_weights(model), [0, 0, -8000 * thickness])
-    u = linear_response(mirrored(model, mirror), load)[0]
+    u = linear_response(mirror_plane(model, mirror), load)[0]
     return [float(-u[(uv[:, 0] == 1) & (y == 0), 2][0])]
 
 
 def hyperbolic_paraboloid_benchmark(slenderness: float, target: float) -> Benchmark:
+    """The benchmark of the hyperbolic paraboloid."""
     return Benchmark(
         f"hyperbolic paraboloid, t/L = {slenderness:g}",
         "half of z = x^2 - y^2, sides L = 1, E = 2e11, nu = 0.3, clamped at x = -L/2, weight 8000 "

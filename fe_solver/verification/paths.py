@@ -34,18 +34,18 @@ class Loading:
         return np.einsum("kni,ni->k", self.watched, c.x - self.model.reference)
 
 
-def followed(loading: Loading, parts: Iterable[float]) -> Array:
+def follow(loading: Loading, parts: Iterable[float]) -> Array:
     """(len(parts), k) watched displacements under growing parts of the load.  Raises
     ConvergenceError."""
     c, out, before = at_rest(loading.model), [], 0.0
     for part in parts:
-        c = _reached(loading, c, before, part, MOST_HALVINGS)
+        c = _reach(loading, c, before, part, MOST_HALVINGS)
         out.append(loading.seen(c))
         before = part
     return np.array(out)
 
 
-def _reached(
+def _reach(
     loading: Loading, c: Configuration, before: float, part: float, halvings: int
 ) -> Configuration:
     """Equilibrium under a part of the load, from that under the part `before`; by halves where the
@@ -57,8 +57,8 @@ def _reached(
         if halvings == 0:
             raise
     half = (before + part) / 2
-    c = _reached(loading, c, before, half, halvings - 1)
-    return _reached(loading, c, half, part, halvings - 1)
+    c = _reach(loading, c, before, half, halvings - 1)
+    return _reach(loading, c, half, part, halvings - 1)
 
 
 def watching(node: int, direction: Array, n: int) -> Array:
@@ -96,8 +96,8 @@ def drive_node(
     on = (g.node == node)[:, None]
     forces = []
     for value in values:
-        moved = model.alike(guides=replace(g, origin=g.origin + on * value * way))
-        c = moved.posed(c, c.position, c.rotation)
+        moved = model.with_changes(guides=replace(g, origin=g.origin + on * value * way))
+        c = moved.move_bodies(c, c.position, c.rotation)
         solution = solve(moved, c, NO_TENSION, WHOLE, near=True)
         c = solution.configuration
         forces.append(solution.evaluation.gradient_x[node] @ way)

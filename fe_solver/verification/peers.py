@@ -19,7 +19,7 @@ import numpy as np
 from cosim.checks import Row
 from cosim.errors import ConvergenceError, CosimError
 from fe_solver.elements.shell import Array
-from fe_solver.solver.linear_algebra import chosen
+from fe_solver.solver.linear_algebra import backend_name
 from fe_solver.solver.model import ShellModel
 from fe_solver.solver.newton import NewtonOptions, solve
 from fe_solver.verification import sheets
@@ -35,8 +35,8 @@ Green's strain differ by less than the meshes do."""
 NAME = "hood strip"
 STEPS = 5
 TOLERANCE = 1e-8
-"""Of Newton in both programs: ours over the largest nodal force, Kratos' over the step's first
-residual."""
+"""Newton's tolerance in both programs: ours over the largest nodal force, Kratos' over the step's
+first residual."""
 MESHES = ((24, 6), (48, 12), (96, 24))
 WITHIN = 5e-3
 """On the finest mesh; four times as much on one half as fine, as both converge by order two."""
@@ -60,9 +60,9 @@ def strip(along: int, across: int) -> tuple[ShellModel, Array]:
         angle = (uv[:, 1] - 0.5) * ARC / RADIUS
         return np.column_stack([LENGTH * uv[:, 0], RADIUS * np.sin(angle), RADIUS * np.cos(angle)])
 
-    X, quads = sheets.mapped(along, across, shape)
+    X, quads = sheets.map_grid(along, across, shape)
     model = sheets.sheet(X, quads, MODULUS, POISSON, THICKNESS)
-    model = sheets.clamped(model, np.flatnonzero(X[:, 0] == 0))
+    model = sheets.clamp(model, np.flatnonzero(X[:, 0] == 0))
     share = np.full(across + 1, 1 / across)
     share[[0, -1]] /= 2
     load = np.zeros_like(X)
@@ -84,12 +84,12 @@ def ours(along: int, across: int) -> Answer:
     model.evaluate(c, sheets.NO_TENSION, tangent=True)  # compiles the kernels
     assert model.pattern.analysis
     for step in range(1, STEPS + 1):
-        loaded = model.alike(dead=load * step / STEPS)
+        loaded = model.with_changes(dead=load * step / STEPS)
         begin = perf_counter()
         solution = solve(loaded, c, sheets.NO_TENSION, options, near=True)
         spent += perf_counter() - begin
         c, solves = solution.configuration, solves + solution.solves
-    return Answer(deflection(load, c.x - model.reference), solves, spent / solves, chosen())
+    return Answer(deflection(load, c.x - model.reference), solves, spent / solves, backend_name())
 
 
 def kratos(along: int, across: int) -> Answer:
@@ -187,17 +187,17 @@ def _kratos_newton(KM: Any, part: Any) -> tuple[Any, str]:
 PROGRAMS: dict[str, Callable[[int, int], Answer]] = {"ours": ours, "kratos": kratos}
 
 
-def installed() -> bool:
+def is_installed() -> bool:
     """Whether the peer is."""
     return find_spec("KratosMultiphysics") is not None
 
 
 def title() -> str:
     """The study's name, which says so where it has no rows."""
-    return "peers" if installed() else "peers: none, as KratosMultiphysics is not installed"
+    return "peers" if is_installed() else "peers: none, as KratosMultiphysics is not installed"
 
 
-def solved(program: str, along: int, across: int) -> Answer:
+def solve_with_peer(program: str, along: int, across: int) -> Answer:
     """By one of the PROGRAMS in a process of its own.  Raises CosimError naming the program."""
     call = python("-m", __name__, program, str(along), str(across))
     try:
@@ -209,10 +209,12 @@ def solved(program: str, along: int, across: int) -> Answer:
 def rows(meshes: Sequence[tuple[int, int]] = MESHES) -> Iterator[Row]:
     """The strip's deflection on meshes each twice as fine as the one before, what it tends to, and
     an iteration's time, beside Kratos'; none where it is not installed."""
-    if not installed():
+    if not is_installed():
         return
     try:
-        pairs = [(solved("ours", *mesh), solved("kratos", *mesh)) for mesh in meshes]
+        pairs = [
+            (solve_with_peer("ours", *mesh), solve_with_peer("kratos", *mesh)) for mesh in meshes
+        ]
     except CosimError as error:
         nan = float("nan")
         yield Row(NAME, "not solved", nan, nan, 0.0, str(error), "absolute")
@@ -227,8 +229,8 @@ def rows(meshes: Sequence[tuple[int, int]] = MESHES) -> Iterator[Row]:
 
 
 def _tip_rows(meshes: Sequence[tuple[int, int]], tips: Array) -> Iterator[Row]:
-    """Of deflections (k, 2) of the two programs on k meshes; the order is that of their
-    difference."""
+    """Yield rows of the deflections (k, 2) of the two programs on k meshes; the order is that of
+    their difference."""
     source = "Kratos' corotational thick shell (MITC4), solved beside ours"
     apart = np.abs(tips[:, 0] - tips[:, 1])
     for k, (along, across) in enumerate(meshes):

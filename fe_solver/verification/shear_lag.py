@@ -9,7 +9,13 @@ import numpy as np
 from cosim.checks import Row
 from fe_solver.materials.linear import Orthotropic
 from fe_solver.verification.paths import error_order
-from fe_solver.verification.sheets import linear_response, mirrored, nine_noded, plate, sheet
+from fe_solver.verification.sheets import (
+    linear_response,
+    mirror_plane,
+    plate,
+    sheet,
+    with_nine_nodes,
+)
 
 ALONG, SHEAR = 1e8, 1e6
 """Pa: the fibres' modulus and the matrix's shear modulus."""
@@ -22,12 +28,12 @@ def far_end(columns: int, nine: bool) -> float:
     cos(pi y / W), nothing moving across them, relative to the exact one."""
     X, quads = plate(LENGTH, WIDTH, 48, columns)
     if nine:
-        X, quads = nine_noded(X, quads)
+        X, quads = with_nine_nodes(X, quads)
     law = Orthotropic.transversely_isotropic(ALONG, SHEAR, 0.0, SHEAR, 0.0)
     start = np.isclose(X[:, 0], 0)
     none = np.zeros_like(start)
     held = np.column_stack([start, ~none, ~none])
-    model = mirrored(sheet(X, quads, 0, 0, 0.1, law=law), np.zeros_like(held), held)
+    model = mirror_plane(sheet(X, quads, 0, 0, 0.1, law=law), np.zeros_like(held), held)
     values = np.zeros((len(X), 5))
     values[start, 0] = np.cos(np.pi * X[start, 1] / WIDTH)
     u = linear_response(model, np.zeros_like(X), values)[0]
@@ -36,8 +42,8 @@ def far_end(columns: int, nine: bool) -> float:
 
 
 def rows() -> Iterator[Row]:
-    """Of linear elements, and of quadratic ones: four columns of the latter miss by a fiftieth of
-    what eight of the former do, which have as many lines of nodes."""
+    """Yield rows of linear and of quadratic elements: four columns of the latter miss by a fiftieth
+    of what eight of the former do, which have as many lines of nodes."""
     for nine, name, within in ((False, "four", 0.02), (True, "nine", 1e-3)):
         coarse, fine = far_end(2, nine) - 1, far_end(4, nine) - 1
         yield Row(

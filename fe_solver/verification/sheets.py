@@ -19,7 +19,7 @@ from fe_solver.materials.section import one_law
 from fe_solver.materials.tension_field import TensionField
 from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import NewtonOptions
-from fe_solver.solver.newton_step import factorised
+from fe_solver.solver.newton_step import factorise
 from fe_solver.surfaces.spline_distance import Surface
 
 GROUND = (np.zeros((1, 3)), np.eye(3)[None])
@@ -44,7 +44,7 @@ def plate(length: float, width: float, nx: int, ny: int) -> tuple[Array, np.ndar
     return np.column_stack([uv * [length, width], np.zeros(len(uv))]), quads
 
 
-def nine_noded(points: Array, quads: np.ndarray) -> tuple[Array, np.ndarray]:
+def with_nine_nodes(points: Array, quads: np.ndarray) -> tuple[Array, np.ndarray]:
     """The sheet with a node in the middle of each quad's edges and in its own."""
     edges = np.sort(quads[:, [[0, 3], [1, 2], [0, 1], [3, 2]]].reshape(-1, 2), axis=1)
     edges, middle = np.unique(edges, axis=0, return_inverse=True)
@@ -64,7 +64,7 @@ def elements(
         inside = ((uv > 0) & (uv < 1)).all(axis=1, keepdims=True)
         moved = np.random.default_rng(seed).uniform(-shift, shift, uv.shape) / [nx, ny]
         uv = uv + moved * inside
-    return nine_noded(uv, quads) if nodes == 9 else (uv, quads)
+    return with_nine_nodes(uv, quads) if nodes == 9 else (uv, quads)
 
 
 def line_weights(s: Array, nodes: int, density: Callable[[Array], Array] = np.ones_like) -> Array:
@@ -93,7 +93,7 @@ def surface_weights(model: ShellModel) -> Array:
     return total.astype(float, copy=False)
 
 
-def mapped(nx: int, ny: int, shape: Map) -> tuple[Array, np.ndarray]:
+def map_grid(nx: int, ny: int, shape: Map) -> tuple[Array, np.ndarray]:
     """A sheet whose points are `shape` (n, 2) -> (n, 3) of the unit square's."""
     uv, quads = grid(nx, ny)
     return shape(uv), quads
@@ -114,8 +114,8 @@ def sheet(
     bodies: tuple[str, ...] = ("ground",),
 ) -> ShellModel:
     """A sheet that nothing holds, isotropic or of another law, of one thickness or that (n,) of its
-    nodes, its mid-surface `height` over the points; its parts are added with `clamped`, `guided`,
-    `mirrored` and `replace`."""
+    nodes, its mid-surface `height` over the points; its parts are added with `clamp`, `guide`,
+    `mirror_plane` and `replace`."""
     ne = len(quads)
     D = node_directors(points, quads) if directors is None else directors
     fibres, ones = np.tile(np.asarray(fibre, dtype=float), (ne, 1)), np.ones(ne)
@@ -142,7 +142,7 @@ def _at_gauss(nodal: float | Array, n: int, quads: np.ndarray) -> Array:
     return np.asarray(np.broadcast_to(nodal, (n,))[quads] @ weight.T)
 
 
-def clamped(model: ShellModel, nodes: np.ndarray, body: int = 0) -> ShellModel:
+def clamp(model: ShellModel, nodes: np.ndarray, body: int = 0) -> ShellModel:
     """The model with nodes tied to a body whose frame is the world's at rest."""
     t, X, D = model.ties, model.reference, model.directors
     ties = Ties(
@@ -154,7 +154,7 @@ def clamped(model: ShellModel, nodes: np.ndarray, body: int = 0) -> ShellModel:
     return replace(model, ties=ties)
 
 
-def guided(
+def guide(
     model: ShellModel, ends: Sequence[np.ndarray], pulls: Sequence[Sequence[float]], body: int = 0
 ) -> ShellModel:
     """The model with one tendon on each group of nodes, shared evenly, pulling along `pulls`."""
@@ -166,13 +166,15 @@ def guided(
     return replace(model, guides=at, share=share)
 
 
-def mirrored(model: ShellModel, mirror: np.ndarray, held: np.ndarray | bool = False) -> ShellModel:
+def mirror_plane(
+    model: ShellModel, mirror: np.ndarray, held: np.ndarray | bool = False
+) -> ShellModel:
     """The model with nodes on mirror planes normal to the axes that `mirror` (n, 3) marks, and
     nodes held along the axes that `held` (n, 3) marks with their directors free."""
     move = mirror | held
     node = np.flatnonzero(move.any(axis=1))
     planes = mirror[node]
-    at = Guides.fixed(node, np.zeros_like(node), model.reference[node], move[node])
+    at = Guides.on_body_axes(node, np.zeros_like(node), model.reference[node], move[node])
     level = np.eye(3)[np.argmax(planes, axis=1)]
     still = np.stack([planes.any(axis=1), planes.sum(axis=1) > 1], axis=1)
     guides = replace(at, level=level, still=still)
@@ -204,12 +206,12 @@ def at_rest(model: ShellModel) -> Configuration:
     )
 
 
-def disturbed(model: ShellModel, size: float, seed: int) -> Configuration:
+def disturb(model: ShellModel, size: float, seed: int) -> Configuration:
     """The reference shape, its free degrees of freedom moved at random by about `size` (m, rad)."""
     c = at_rest(model)
     step = np.zeros(model.pattern.size)
     step[model.free] = size * np.random.default_rng(seed).normal(size=len(model.free))
-    return model.stepped(c, model.bases(c), step)
+    return model.take_step(c, model.bases(c), step)
 
 
 def linear_response(
@@ -227,7 +229,7 @@ def linear_response(
         u = values.ravel().copy()
         u[free] = 0.0
         right -= model.pattern.full(e.data) @ u
-    u[free] = factorised(model, e.data).solve(right[free])
+    u[free] = factorise(model, e.data).solve(right[free])
     step = u.reshape(-1, 5)
     return np.einsum("nij,nj->ni", A, step[:, :3]), np.einsum("nij,nj->ni", T, step[:, 3:])
 

@@ -27,9 +27,9 @@ from fe_solver.surfaces.ellipsoid import Ellipsoid
 from fe_solver.surfaces.shapes import Capsule, Cone, Cylinder, HalfSpace, RoundCone, Sphere
 from fe_solver.surfaces.spline_distance import SplineDistance, Surface
 from fe_solver.verification import sheets
-from fe_solver.verification.element_rows import OWN, SIDE, THICK, distorted
+from fe_solver.verification.element_rows import OWN, SIDE, THICK, distort
 from fe_solver.verification.element_rows import tangent_error as model_error
-from fe_solver.verification.sheets import clamped, guided, mirrored
+from fe_solver.verification.sheets import clamp, guide, mirror_plane
 
 Part = Callable[[ShellModel], ShellModel]
 POSE = (
@@ -68,7 +68,7 @@ def between_nodes(s: Springs, partner: np.ndarray) -> NodeSprings:
     return NodeSprings(nodes, s.stiffness, s.length, s.tension_only, s.group, s.curves)
 
 
-def baked_block() -> SplineDistance:
+def make_block() -> SplineDistance:
     """A block of 14 x 8 x 8 mm as triangles, baked."""
     corner = np.array(np.meshgrid([0, 1], [0, 1], [0, 1], indexing="ij")).reshape(3, 8).T
     faces = "0 1 3 0 3 2 4 6 7 4 7 5 0 4 5 0 5 1 2 3 7 2 7 6 0 2 6 0 6 4 1 5 7 1 7 3".split()
@@ -88,7 +88,7 @@ def surfaces() -> dict[str, Surface]:
         "cone": Cone(start, end, 5e-3, 3e-3),
         "half-space": HalfSpace(start, z),
         "ellipsoid": Ellipsoid(start, np.array([9e-3, 5e-3, 4e-3]), turn),
-        "baked triangles": baked_block(),
+        "baked triangles": make_block(),
     }
 
 
@@ -115,8 +115,8 @@ def some_contact(surface: Surface, pressure: float, slip: float | None) -> tuple
 
 
 def forces_error(act: Callable[[Array], PointForces], x: Array) -> float:
-    """Of gradient and Hessian at x (n, 3) along a random way, against central differences of energy
-    and gradient."""
+    """The error of gradient and Hessian at x (n, 3) along a random way, against central differences
+    of energy and gradient."""
     way = 1e-8 * np.random.default_rng(2).normal(size=x.shape)
     low, here, high = (act(x + s * way) for s in (-1, 0, 1))
     slope = 2 * float(np.sum(here.gradient * way[here.node]))
@@ -127,7 +127,7 @@ def forces_error(act: Callable[[Array], PointForces], x: Array) -> float:
 
 
 def pair_error(springs: NodeSprings, x: Array) -> float:
-    """Of springs between nodes, as `forces_error`."""
+    """The error of springs between nodes, as in `forces_error`."""
     way = 1e-8 * np.random.default_rng(2).normal(size=x.shape)
     low, here, high = (node_springs(springs, x + s * way, True) for s in (-1, 0, 1))
     own = 2 * way[springs.nodes]
@@ -141,7 +141,7 @@ def spring_rows() -> Iterator[Row]:
     """Every kind, to bodies and between nodes."""
     for kind in KINDS:
         springs, x = some_springs(kind)
-        error = forces_error(partial(_pulled_by, springs), x)
+        error = forces_error(partial(_pull_by, springs), x)
         yield Row("springs to bodies: tangent", kind, 1e-6, error, 0.0, OWN, "bound")
         error = pair_error(between_nodes(springs, (springs.node + 3) % 8), x)
         yield Row("springs between nodes: tangent", kind, 1e-6, error, 0.0, OWN, "bound")
@@ -158,15 +158,15 @@ def surface_rows() -> Iterator[Row]:
     for name, surface in surfaces().items():
         for way, (pressure, slip) in ways.items():
             contact, x = some_contact(surface, pressure, slip)
-            error = forces_error(partial(_pressed_by, contact), x)
+            error = forces_error(partial(_press_by, contact), x)
             yield Row(f"contact, {name}: tangent", way, 1e-6, error, 0.0, OWN, "bound")
 
 
-def _pulled_by(springs: Springs, x: Array) -> PointForces:
+def _pull_by(springs: Springs, x: Array) -> PointForces:
     return spring_forces(springs, x, *POSE, True)
 
 
-def _pressed_by(contact: Contact, x: Array) -> PointForces:
+def _press_by(contact: Contact, x: Array) -> PointForces:
     return contact_forces(contact, x, *POSE, True)
 
 
@@ -182,7 +182,7 @@ def _sprung(kind: str, model: ShellModel) -> ShellModel:
     return replace(model, springs=springs)
 
 
-def _linked(kind: str, model: ShellModel) -> ShellModel:
+def _link(kind: str, model: ShellModel) -> ShellModel:
     springs, X = _sprung(kind, model).springs, model.reference
     links = between_nodes(springs, (springs.node + 5) % len(X))
     reach = np.linalg.norm(X[links.nodes[:, 1]] - X[links.nodes[:, 0]], axis=1)
@@ -193,7 +193,7 @@ def _laden(model: ShellModel) -> ShellModel:
     return replace(model, dead=np.random.default_rng(9).normal(size=model.reference.shape))
 
 
-def _pressed(model: ShellModel) -> ShellModel:
+def _press(model: ShellModel) -> ShellModel:
     return replace(model, pressure=np.linspace(1e3, 3e3, len(model.quads)))
 
 
@@ -216,22 +216,22 @@ def _touching(pressure: float, slip: float | None, model: ShellModel) -> ShellMo
     return replace(model, contacts=(replace(contact, pressure=np.full(len(at), pressure)),))
 
 
-def _clamped(model: ShellModel) -> ShellModel:
-    return clamped(model, np.arange(3))
+def _clamp(model: ShellModel) -> ShellModel:
+    return clamp(model, np.arange(3))
 
 
-def _guided(model: ShellModel) -> ShellModel:
-    return guided(model, [np.arange(3), np.array([9, 10])], [(-1.0, 0, 0.2), (1.0, 0.3, 0)])
+def _guide(model: ShellModel) -> ShellModel:
+    return guide(model, [np.arange(3), np.array([9, 10])], [(-1.0, 0, 0.2), (1.0, 0.3, 0)])
 
 
-def _guided_beyond(model: ShellModel) -> ShellModel:
-    return guided(model, [np.array([9, 10, 11])], [(1.0, 0.3, 0)])
+def _guide_beyond(model: ShellModel) -> ShellModel:
+    return guide(model, [np.array([9, 10, 11])], [(1.0, 0.3, 0)])
 
 
-def _mirrored(model: ShellModel) -> ShellModel:
+def _mirror(model: ShellModel) -> ShellModel:
     planes = np.zeros((len(model.reference), 3), dtype=bool)
     planes[:3, 0], planes[[0, 3, 6, 9], 1] = True, True
-    return mirrored(model, planes, np.eye(12, dtype=bool)[:, [11, 11, 10]])
+    return mirror_plane(model, planes, np.eye(12, dtype=bool)[:, [11, 11, 10]])
 
 
 def model_rows() -> Iterator[Row]:
@@ -242,25 +242,25 @@ def model_rows() -> Iterator[Row]:
         "sticking": partial(_touching, PRESSURE, STICKS),
         "sliding": partial(_touching, PRESSURE, SLIDES),
     }
-    together = (partial(_sprung, "tension-only"), _pressed, touching["penalty"])
+    together = (partial(_sprung, "tension-only"), _press, touching["penalty"])
     cases: dict[str, tuple[Part, ...]] = {
         **{f"springs, {kind}": (partial(_sprung, kind),) for kind in KINDS},
-        **{f"springs between nodes, {kind}": (partial(_linked, kind),) for kind in KINDS},
+        **{f"springs between nodes, {kind}": (partial(_link, kind),) for kind in KINDS},
         "dead loads": (_laden,),
-        "follower pressure": (_pressed,),
+        "follower pressure": (_press,),
         "inertia": (_inert,),
         **{f"contact, {kind}": (part,) for kind, part in touching.items()},
-        "ties": (_clamped,),
-        "guides and tendons": (_guided,),
-        "mirror planes": (_mirrored,),
+        "ties": (_clamp,),
+        "guides and tendons": (_guide,),
+        "mirror planes": (_mirror,),
         **{f"contact, {kind}, {NINE}": (part,) for kind, part in touching.items()},
-        "ties, springs, pressure, contact": (_clamped, *together),
-        f"ties, guides, contact, {NINE}": (_clamped, _guided_beyond, touching["penalty"]),
-        "mirror planes, springs, pressure, contact": (_mirrored, *together),
+        "ties, springs, pressure, contact": (_clamp, *together),
+        f"ties, guides, contact, {NINE}": (_clamp, _guide_beyond, touching["penalty"]),
+        "mirror planes, springs, pressure, contact": (_mirror, *together),
     }
     for name, parts in cases.items():
-        shape = NINE if NINE in name else "flat quads" if _mirrored in parts else "warped quads"
-        model = distorted(shape, height=THICK / 2)
+        shape = NINE if NINE in name else "flat quads" if _mirror in parts else "warped quads"
+        model = distort(shape, height=THICK / 2)
         for part in parts:
             model = part(model)
         tension = np.array([3.0, 2.0])[: len(model.share)] if len(model.share) else None
@@ -269,6 +269,7 @@ def model_rows() -> Iterator[Row]:
 
 
 def rows() -> Iterator[Row]:
+    """Yield the rows of this table."""
     yield from spring_rows()
     yield from surface_rows()
     yield from model_rows()

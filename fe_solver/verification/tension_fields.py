@@ -16,7 +16,7 @@ from fe_solver.materials.tension_field import TensionField
 from fe_solver.solver.model import ShellModel
 from fe_solver.solver.newton import NewtonOptions, Solution, solve
 from fe_solver.verification.benchmark import Benchmark, Meshes
-from fe_solver.verification.sheets import NO_TENSION, at_rest, clamped, elements, mirrored, sheet
+from fe_solver.verification.sheets import NO_TENSION, at_rest, clamp, elements, mirror_plane, sheet
 
 MODULUS, POISSON, THICKNESS = 1e8, 0.3, 1e-3
 PRECISE = NewtonOptions(tolerance=1e-9)
@@ -30,12 +30,12 @@ def _sheet(X: Array, quads: np.ndarray) -> ShellModel:
 def _equilibrium(model: ShellModel) -> Solution:
     """Equilibrium with all that is held where it has been put."""
     c = at_rest(model)
-    return solve(model, model.posed(c, c.position, c.rotation), NO_TENSION, PRECISE)
+    return solve(model, model.move_bodies(c, c.position, c.rotation), NO_TENSION, PRECISE)
 
 
 def _clamp(model: ShellModel, nodes: np.ndarray, by: Array) -> ShellModel:
     """The model clamped at nodes (k,) that are moved by (k, 3)."""
-    held = clamped(model, nodes)
+    held = clamp(model, nodes)
     return replace(held, ties=replace(held.ties, position=held.ties.position + by))
 
 
@@ -122,7 +122,7 @@ def bent_rectangle(moment: float, n: int, nodes: int) -> list[float]:
     held = np.zeros(X.shape, dtype=bool)
     held[left | right, 0] = held[:, 2] = True
     held[np.flatnonzero(left)[0], 1] = True
-    model = mirrored(_sheet(X, quads), np.zeros_like(held), held)
+    model = mirror_plane(_sheet(X, quads), np.zeros_like(held), held)
     g = model.guides
     on = right[g.node]
     origin = g.origin.copy()

@@ -11,7 +11,7 @@ import numpy as np
 from cosim.checks import Row
 from cosim.errors import CosimError
 from fe_solver.elements.kernels import PAYS, thread_count
-from fe_solver.solver.linear_algebra import VARIABLE, chosen
+from fe_solver.solver.linear_algebra import VARIABLE, backend_name
 from fe_solver.solver.newton import NewtonOptions, solve
 from fe_solver.verification import sheets
 from fe_solver.verification.apart import answer, python, threads
@@ -22,12 +22,14 @@ THREADS = (1, 2)
 
 
 def digest() -> dict[str, str | int]:
-    """Of the bytes of an equilibrium and its tangent, on a mesh large enough for threads; and the
-    threads that made it."""
+    """Digest of the bytes of an equilibrium and its tangent, on a mesh large enough for threads,
+    and the number of threads that made it."""
     model, load = strip(*MESH)
     assert len(model.quads) >= PAYS
     options = NewtonOptions(tolerance=1e-8)
-    solution = solve(model.alike(dead=load), sheets.at_rest(model), sheets.NO_TENSION, options)
+    solution = solve(
+        model.with_changes(dead=load), sheets.at_rest(model), sheets.NO_TENSION, options
+    )
     c, tangent = solution.configuration, solution.evaluation.data
     assert tangent is not None
     text = b"".join(np.ascontiguousarray(a).tobytes() for a in (c.x, c.d, tangent))
@@ -35,11 +37,12 @@ def digest() -> dict[str, str | int]:
 
 
 def rows() -> Iterator[Row]:
-    """Of SuperLU with all threads, its libraries' too; of the linear solver in use, if that is
-    another, with those of the assembly: how a BLAS adds up by its threads is its own affair."""
+    """Yield rows of SuperLU with all threads, its libraries' too, and of the linear solver in use,
+    if that is another, with those of the assembly: how a BLAS adds up by its threads is its own
+    affair."""
     yield _row("superlu", [threads(n, n) for n in THREADS])
-    if chosen() != "superlu":
-        yield _row(chosen(), [threads(n, 1) for n in THREADS])
+    if backend_name() != "superlu":
+        yield _row(backend_name(), [threads(n, 1) for n in THREADS])
 
 
 def _row(linear: str, settings: list[dict[str, str]]) -> Row:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from cosim.errors import InputError
 from meshes.hood import INTRINSIC
 from meshes.hood_lines import CENTRAL_END, TERMINAL_END
-from meshes.hood_mesh import folded
+from meshes.hood_mesh import are_folded
 from meshes.hull import Chain, along
 
 Array = NDArray[np.float64]
@@ -24,7 +24,8 @@ Ints = NDArray[np.intp]
 UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254}
 """m."""
 SPAN = (0.45, 1.9)
-"""Of a hood's longest side over the finger from MCP to tip; our own hood's is 0.9 to 1.1."""
+"""Least and largest ratio of a hood's longest side to the finger from MCP to tip; our own hood's is
+0.9 to 1.1."""
 WARPED = np.deg2rad(30.0)
 """Between the normals of a quad's two halves."""
 CLEARLY = 0.5
@@ -52,6 +53,7 @@ class Placing:
 
     @property
     def mirrors(self) -> bool:
+        """Whether the placing mirrors the mesh."""
         return bool(np.linalg.det(self.axes) < 0)
 
 
@@ -91,7 +93,8 @@ def scale_fault(extent: float, unit: str, reach: float) -> str:
 
 
 def quad_faults(points: Array, quads: Ints) -> list[str]:
-    """Of points (n, 3) and quads (ne, 4), a triangle as (a, b, c, c): what no hood can have."""
+    """List what no hood can have among points (n, 3) and quads (ne, 4), a triangle as (a, b, c,
+    c)."""
     out = []
     triangle = quads[:, 2] == quads[:, 3]
     if triangle.any():
@@ -112,7 +115,7 @@ def quad_faults(points: Array, quads: Ints) -> list[str]:
             f"{(times > 1).sum()} cells are there twice, the first is cell "
             f"{first[np.argmax(times > 1)]}; remove the doubles"
         )
-    bad = folded(points[quads[~triangle]])
+    bad = are_folded(points[quads[~triangle]])
     if bad.any():
         those = np.flatnonzero(~triangle)[bad]
         more = ", ..." if len(those) > 8 else ""
@@ -124,7 +127,7 @@ def quad_faults(points: Array, quads: Ints) -> list[str]:
     return out
 
 
-def warped(points: Array, quads: Ints) -> int:
+def count_warped(points: Array, quads: Ints) -> int:
     """Number of quads whose two halves meet at a large angle."""
     p = points[quads]
     one = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
@@ -134,7 +137,7 @@ def warped(points: Array, quads: Ints) -> int:
     return int((cosine < np.cos(WARPED)).sum())
 
 
-def turned_alike(cells: Ints) -> tuple[Ints, Ints]:
+def wind_alike(cells: Ints) -> tuple[Ints, Ints]:
     """The cells (ne, 3 or 4) all wound as the first of their piece, and the numbers of those turned
     over.
 

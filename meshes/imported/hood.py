@@ -16,14 +16,14 @@ from meshes.imported.checks import (
     UNITS,
     Placing,
     axes_fault,
+    count_warped,
     other_origin,
     piece_faults,
     quad_faults,
     scale_fault,
-    turned_alike,
-    warped,
+    wind_alike,
 )
-from meshes.imported.names import END, SPRING, TIED, Named, absent, listed, missing, named
+from meshes.imported.names import END, SPRING, TIED, Named, absent, list_names, map_names, missing
 from meshes.imported.raw import RawMesh
 from meshes.skeleton import BODIES, Skeleton
 
@@ -47,7 +47,7 @@ class Sheet:
     quads: Ints
     sets: Named
     thickness: float
-    """m, mean of what the file states, or what was given."""
+    """Thickness in m: the mean of what the file states, or what was given."""
     notes: tuple[str, ...]
     fields: Mapping[str, Array]
     """Unit directions (ne, 3) by name."""
@@ -63,24 +63,24 @@ def read_sheet(
     """The checked sheet over a finger's chain of joints in the posture in which it was laid.
 
     Raises InputError that lists all its faults."""
-    sets = named(raw, mapping)
+    sets = map_names(raw, mapping)
     faults = missing(raw, sets) + quad_faults(raw.points, raw.quads)
     points, used = placing.of(raw.points), np.unique(raw.quads)
     extent = float(np.ptp(raw.points[used] @ placing.axes.T, axis=0).max())
     reach = float(chain.skeleton.length[1:].sum())
     if wrong := scale_fault(extent, placing.unit, reach):
-        raise InputError(_listed([*faults, wrong]))
+        raise InputError(_faults_text([*faults, wrong]))
     faults += piece_faults(points, raw.quads, reach)
     faults += _loose(raw, sets, used)
     if faults:
-        raise InputError(_listed(faults))
+        raise InputError(_faults_text(faults))
     stated = raw.quads[:, ::-1] if placing.mirrors else raw.quads
-    quads, flipped = turned_alike(stated)
+    quads, flipped = wind_alike(stated)
     ends = {name: points[nodes].mean(axis=0) for name, nodes in sets.nodes.items()}
     wrong, shift = axes_fault(ends, chain, placing.axes)
     if wrong or np.linalg.norm(shift) > OFF_PLACE:
-        raise InputError(_listed([wrong or other_origin(placing, shift)]))
-    notes = [*absent(sets), *_dropped(raw, sets, used)]
+        raise InputError(_faults_text([wrong or other_origin(placing, shift)]))
+    notes = [*absent(sets), *_dropped_notes(raw, sets, used)]
     if len(flipped) and len(flipped) < len(quads):
         less = min(len(flipped), len(quads) - len(flipped))
         notes.append(f"{less} quads were wound against the others and are turned over")
@@ -88,7 +88,7 @@ def read_sheet(
         quads = quads[:, ::-1]
     if (quads != stated).all():
         notes.append("all normals pointed at the bones; the sheet is turned over")
-    if count := warped(points, quads):
+    if count := count_warped(points, quads):
         notes.append(f"{count} quads are warped by more than 30 deg; a finer mesh would do better")
     fields = {name: _directions(values, placing) for name, values in raw.fields.items()}
     upright = [name for name, values in fields.items() if _stands(values, points, quads)]
@@ -125,7 +125,7 @@ def _thickness(raw: RawMesh, placing: Placing, wanted: float, notes: list[str]) 
     return own
 
 
-def _listed(faults: list[str]) -> str:
+def _faults_text(faults: list[str]) -> str:
     count = f"{len(faults)} fault" + ("s" if len(faults) > 1 else "")
     return "\n  ".join([f"the hood's mesh has {count}", *faults])
 
@@ -142,7 +142,7 @@ def _loose(raw: RawMesh, sets: Named, used: Ints) -> list[str]:
     return out
 
 
-def _dropped(raw: RawMesh, sets: Named, used: Ints) -> list[str]:
+def _dropped_notes(raw: RawMesh, sets: Named, used: Ints) -> list[str]:
     out = [f"dropped: {what}" for what in raw.dropped]
     anchors = np.concatenate(
         [np.zeros(0, dtype=np.intp), *(p.ravel() for p in sets.lines.values())]
@@ -153,7 +153,7 @@ def _dropped(raw: RawMesh, sets: Named, used: Ints) -> list[str]:
             f"dropped: {len(free)} nodes that belong to no quad, the first is node {free[0]}"
         )
     if sets.unused:
-        out.append(f"dropped: the sets {listed(sets.unused)}, which have none of our names")
+        out.append(f"dropped: the sets {list_names(sets.unused)}, which have none of our names")
     return out
 
 
@@ -224,7 +224,7 @@ def hood_of(
             1,
             f"fields of directions, for hood.regions.REGION.direction: {', '.join(sheet.fields)}",
         )
-    free = _freed(mesh)
+    free = _drop_weaker_supports(mesh)
     for name, held in springs.items():
         left = len(free.springs[name].nodes) if name in free.springs else 0
         if left < len(held.nodes):
@@ -266,7 +266,7 @@ def _springs(
         if full not in sets:
             continue
         lines = sheet.sets.lines.get(full)
-        pairs = None if lines is None else _anchored(full, lines, used)
+        pairs = None if lines is None else _orient_lines(full, lines, used)
         if pairs is not None:
             i = BODIES.index(body)
             local = (sheet.points[pairs[:, 1]] - chain.position[i]) @ chain.rotation[i]
@@ -283,7 +283,7 @@ def _springs(
     return out, notes
 
 
-def _anchored(name: str, lines: Ints, used: Ints) -> Ints | None:
+def _orient_lines(name: str, lines: Ints, used: Ints) -> Ints | None:
     """(k, 2) from the hood's node to the anchor; None of lines that run in the hood.
 
     Raises InputError for lines of both kinds, or off the hood."""
@@ -299,7 +299,7 @@ def _anchored(name: str, lines: Ints, used: Ints) -> Ints | None:
     return np.where(on[:, :1], lines, lines[:, ::-1])
 
 
-def _freed(mesh: HoodMesh) -> HoodMesh:
+def _drop_weaker_supports(mesh: HoodMesh) -> HoodMesh:
     """Nodes held in two ways stay with the stronger one: ties before ends before springs."""
     tied = np.unique(np.concatenate([np.zeros(0, dtype=np.intp), *mesh.tied.values()]))
     ends = np.unique(np.concatenate(list(mesh.ends.values())))

@@ -51,11 +51,11 @@ class Named:
     """The file's sets that are none of ours."""
 
 
-def named(raw: RawMesh, mapping: Mapping[str, str]) -> Named:
+def map_names(raw: RawMesh, mapping: Mapping[str, str]) -> Named:
     """`mapping`: from our name to the file's, or several joined by "+".
 
     Raises InputError for a name that is not known on either side."""
-    check_known(mapping)
+    check_names(mapping)
     known = {_plain(name): name for name in (*raw.cells, *raw.nodes)}
     cells, nodes, lines, used = {}, {}, {}, set()
     for ours in NAMES:
@@ -79,7 +79,7 @@ def named(raw: RawMesh, mapping: Mapping[str, str]) -> Named:
     return Named(cells, nodes, lines, tuple(unused))
 
 
-def check_known(mapping: Mapping[str, str], more: Sequence[str] = ()) -> None:
+def check_names(mapping: Mapping[str, str], more: Sequence[str] = ()) -> None:
     """Raises InputError for one of our names that is none; `more` are allowed too."""
     for ours in mapping:
         if ours not in NAMES and ours not in more:
@@ -103,7 +103,7 @@ def _check_there(ours: str, parts: Iterable[str], sets: Mapping[str, Ints]) -> N
             hint = f"; the nearest are {', '.join(near)}" if near else ""
             raise InputError(
                 f"--set-name {ours}={part}: the mesh has no set of {what} called {part!r}{hint}; "
-                f"it has {listed(sets)}"
+                f"it has {list_names(sets)}"
             )
 
 
@@ -111,7 +111,7 @@ def _plain(name: str) -> str:
     return re.sub(r"[\s\-.]+", "_", name.strip()).casefold()
 
 
-def listed(names: Iterable[str]) -> str:
+def list_names(names: Iterable[str]) -> str:
     """Names in a row, not too many."""
     every = list(names)
     more = f" and {len(every) - SHOWN} more" if len(every) > SHOWN else ""
@@ -124,7 +124,7 @@ def missing(raw: RawMesh, sets: Named) -> list[str]:
     lost = np.setdiff1d(np.arange(len(raw.quads)), _all(sets.cells))
     if len(lost):
         inside = [n for n, cells in raw.cells.items() if n in sets.unused and lost[0] in cells]
-        where = f" (it is in {listed(inside)})" if inside else ""
+        where = f" (it is in {list_names(inside)})" if inside else ""
         faults.append(
             f"{len(lost)} of {len(raw.quads)} quads are in no region, the first is quad {lost[0]}"
             f"{where}. Regions are called {', '.join(REGIONS)}"
@@ -133,16 +133,18 @@ def missing(raw: RawMesh, sets: Named) -> list[str]:
     if TIED + "middle" not in sets.nodes:
         needed.append(SPRING + "central_slip")
     faults += [_lack(name, sets) for name in needed if name not in sets.nodes]
-    twice, counts = np.unique(_joined(sets.cells), return_counts=True)
+    twice, counts = np.unique(_join(sets.cells), return_counts=True)
     if len(twice) and counts.max() > 1:
         i = twice[np.argmax(counts > 1)]
         both = [name for name, cells in sets.cells.items() if i in cells]
-        faults.append(f"{(counts > 1).sum()} quads are in two regions: quad {i} in {listed(both)}")
+        faults.append(
+            f"{(counts > 1).sum()} quads are in two regions: quad {i} in {list_names(both)}"
+        )
     if faults:
         faults.append(
-            f"the mesh has the sets of quads: {listed(raw.cells)}; of nodes: {listed(raw.nodes)}; "
-            f"of lines: {listed(raw.lines)}. Rename them, or say which is which: "
-            "--set-name end_central=NAME, several as A+B"
+            f"the mesh has the sets of quads: {list_names(raw.cells)}; of nodes: "
+            f"{list_names(raw.nodes)}; of lines: {list_names(raw.lines)}. Rename them, or say "
+            "which is which: --set-name end_central=NAME, several as A+B"
         )
     return faults
 
@@ -165,9 +167,9 @@ def absent(sets: Named) -> list[str]:
     return out
 
 
-def _joined(sets: Mapping[str, Ints]) -> Ints:
+def _join(sets: Mapping[str, Ints]) -> Ints:
     return np.concatenate([np.zeros(0, dtype=np.intp), *sets.values()])
 
 
 def _all(sets: Mapping[str, Ints]) -> Ints:
-    return np.unique(_joined(sets))
+    return np.unique(_join(sets))

@@ -32,7 +32,7 @@ CORNERS = {
     "quad9": [0, 1, 2, 3],
     "triangle6": [0, 1, 2, 2],
 }
-"""Of the cells that are shells; a triangle repeats its last node."""
+"""Number of nodes of the cells that are shells; a triangle repeats its last node."""
 LINES = ("line", "line3")
 MOST_VALUES = 64
 """An array of whole numbers with more values than that is data and no sets."""
@@ -77,8 +77,8 @@ def read_raw(path: Path) -> RawMesh:
     return RawMesh(
         points,
         np.concatenate(sets.quads),
-        sets.joined(sets.cells),
-        sets.joined(sets.nodes),
+        sets.join(sets.cells),
+        sets.join(sets.nodes),
         {name: np.concatenate(parts) for name, parts in sets.lines.items()},
         tuple(sets.dropped),
         fields=fields,
@@ -91,7 +91,7 @@ class _Sets:
 
     quads: list[Ints] = field(default_factory=list)
     first: dict[int, int] = field(default_factory=dict)
-    """Of each block of shells, its first quad."""
+    """The first quad of each block of shells."""
     data: dict[int, tuple[str, Ints]] = field(default_factory=dict)
     """Kind and nodes of each block."""
     cells: dict[str, list[Ints]] = field(default_factory=lambda: defaultdict(list))
@@ -116,7 +116,7 @@ class _Sets:
         return whole
 
     @staticmethod
-    def joined(sets: Mapping[str, list[Ints]]) -> dict[str, Ints]:
+    def join(sets: Mapping[str, list[Ints]]) -> dict[str, Ints]:
         return {name: np.unique(np.concatenate(parts)) for name, parts in sets.items() if parts}
 
     def add_block(self, i: int, kind: str, nodes: Ints) -> None:

@@ -95,7 +95,7 @@ class AirModel:
         return pressure
 
 
-def observed(air: Pneumatics, command: Command, duration: float, n: int) -> Record:
+def simulate_record(air: Pneumatics, command: Command, duration: float, n: int) -> Record:
     """The plant from rest at the first command on, its pistons fixed at half their stroke (as in
     the paper's experiments).  Raises InputError for less than three values."""
     count = round(duration / SAMPLE)
@@ -134,7 +134,9 @@ def sines(
     if not 0.0 < amplitude <= FULL:
         raise InputError(f"air: the amplitude lies between 0 and {FULL:g} V")
     turning = 2.0 * np.pi * np.array(frequencies)
-    return observed(air, lambda t: middle + amplitude * np.sin(turning * t), duration, len(turning))
+    return simulate_record(
+        air, lambda t: middle + amplitude * np.sin(turning * t), duration, len(turning)
+    )
 
 
 def _columns(terms: tuple[tuple[int, int], ...], voltage: Array, pressure: Array) -> Array:
@@ -142,7 +144,7 @@ def _columns(terms: tuple[tuple[int, int], ...], voltage: Array, pressure: Array
     return np.stack([voltage**v * pressure**p for v, p in terms], axis=-1)
 
 
-def paired(record: Record, lag: int) -> tuple[Array, Array, Array]:
+def pair_rows(record: Record, lag: int) -> tuple[Array, Array, Array]:
     """(j, n) voltages, pressures and rates that belong together."""
     rows = np.arange(max(lag, 1), len(record.time) - 1)
     return record.voltage[rows - lag], record.pressure[rows], record.rate[rows - 1]
@@ -163,7 +165,7 @@ def identify(
     if lag is None:
         tried = [identify(record, k, terms) for k in range(MOST_LAG + 1)]
         return min(tried, key=lambda m: float(np.mean(_residual(m, record) ** 2)))
-    voltage, pressure, rate = paired(record, lag)
+    voltage, pressure, rate = pair_rows(record, lag)
     x = _columns(terms, voltage, pressure)
     scale = np.sqrt(np.mean(x**2, axis=(0, 1)))
     x = x / np.where(scale > 0.0, scale, 1.0)
@@ -189,14 +191,14 @@ def spread(x: Array, residual: Array) -> Array:
 
 
 def _residual(model: AirModel, record: Record) -> Array:
-    voltage, pressure, rate = paired(record, model.lag)
+    voltage, pressure, rate = pair_rows(record, model.lag)
     return np.asarray(rate - model.rate(pressure, voltage))
 
 
 def r_squared(model: AirModel, record: Record) -> tuple[float, Array]:
     """1 less the residual's share of the variance of dP/dt: of all cylinders together, and (n,) of
     each by itself."""
-    rate, off = paired(record, model.lag)[2], _residual(model, record)
+    rate, off = pair_rows(record, model.lag)[2], _residual(model, record)
     each = 1.0 - (off**2).sum(axis=0) / ((rate - rate.mean(axis=0)) ** 2).sum(axis=0)
     return float(1.0 - (off**2).sum() / ((rate - rate.mean()) ** 2).sum()), each
 
@@ -233,7 +235,7 @@ def steps(air: Pneumatics, start: float, ends: tuple[float, ...], duration: floa
     """Steps of the voltage from rest at `start`, one cylinder for each end; pistons fixed.  The
     paper's steps last 2.5 s, of which the first 0.2 s matter here."""
     to = np.array(ends)
-    return observed(air, lambda t: np.where(t < AT, start, to), duration, len(to))
+    return simulate_record(air, lambda t: np.where(t < AT, start, to), duration, len(to))
 
 
 def latency(record: Record) -> Array:

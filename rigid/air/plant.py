@@ -136,9 +136,9 @@ class AirState(NamedTuple):
     pressure: Array
     """Pa."""
     mass: Array
-    """kg, of the air in chamber and tube."""
+    """Mass of the air in chamber and tube, kg."""
     volume: Array
-    """m^3."""
+    """Volume of the chamber, m^3."""
 
     @property
     def temperature(self) -> Array:
@@ -197,11 +197,11 @@ def step(air: Pneumatics, state: AirState, voltage: Array, volume: Array, dt: fl
     parts = int(np.ceil(dt * fastest(air, state, voltage, volume) / STABLE))
     h, at = dt / parts, np.array(state)
     for _ in range(parts):
-        at = _advanced(air, at, voltage, swelling, h)
+        at = _advance(air, at, voltage, swelling, h)
     return AirState(at[0], at[1], at[2], np.array(volume, dtype=float))
 
 
-def _advanced(air: Pneumatics, at: Array, voltage: Array, swelling: Array, h: float) -> Array:
+def _advance(air: Pneumatics, at: Array, voltage: Array, swelling: Array, h: float) -> Array:
     def slope(now: Array) -> Array:
         return np.array(rates(air, AirState(*now), voltage, swelling))
 
@@ -225,7 +225,7 @@ def fastest(air: Pneumatics, state: AirState, voltage: Array, volume: Array) -> 
     return float(np.max(np.maximum(1.0 / np.asarray(valve.lag), decay)))
 
 
-def settled(valve: Valve, pressure: Numbers) -> Array:
+def resting_voltage(valve: Valve, pressure: Numbers) -> Array:
     """V at which the chamber rests at a pressure between the atmosphere's and the supply's.
 
     At rest what comes in goes out, (u + v) ps psi(p / ps) = (u - v) p psi(pa / p) with the underlap
@@ -239,14 +239,14 @@ def settled(valve: Valve, pressure: Numbers) -> Array:
 
 
 def resting_pressure(valve: Valve, voltage: Numbers) -> Array:
-    """Pa at which the chamber rests at a voltage: the inverse of `settled`, by bisection."""
+    """Pa at which the chamber rests at a voltage: `resting_voltage` inverted by bisection."""
     shape = np.broadcast(voltage, valve.supply, valve.underlap).shape
     low, high = np.full(shape, ATMOSPHERE), np.broadcast_to(valve.supply, shape)
     for _ in range(60):
         middle = 0.5 * (low + high)
-        below = settled(valve, middle) < voltage
+        below = resting_voltage(valve, middle) < voltage
         low, high = np.where(below, middle, low), np.where(below, high, middle)
-    return np.asarray(np.where(voltage >= settled(valve, valve.supply), valve.supply, low))
+    return np.asarray(np.where(voltage >= resting_voltage(valve, valve.supply), valve.supply, low))
 
 
 def at_rest(air: Pneumatics, voltage: Array, volume: Array) -> AirState:

@@ -54,9 +54,11 @@ class HingeFinger(ChainFinger):
         return Chain(motion, np.arange(1, 4), points[1:4], axis, points[4])
 
     def own_torques(self, angles: Array, tension: Array) -> dict[str, Array]:
+        """Joint torques (nq,) by source that the finger itself exerts, N m."""
         return {}
 
     def own_tangent(self, angles: Array, tension: Array) -> Array:
+        """Derivative (nq, nq) of the finger's own torques by the angles, N m/rad."""
         return np.zeros((3, 3))
 
     def own_wrenches(self, angles: Array, tension: Array) -> dict[str, Array]:

@@ -14,7 +14,7 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.port import Array
-from rigid.kernels import compiled
+from rigid.kernels import compile_kernel
 
 LIMIT_STIFFNESS = float(np.degrees(20.0))
 """20 N m/deg (Jadelis, thesis, section 2.2.2) in N m/rad."""
@@ -29,14 +29,14 @@ def spring_torque(q: Array, stiffness: Array, rest: Array) -> tuple[Array, Array
     return -stiffness * (q - rest), -stiffness * np.ones(np.shape(q))
 
 
-@compiled
+@compile_kernel
 def smooth_step(u: Array) -> tuple[Array, Array]:
     """s = 10 u^3 - 15 u^4 + 6 u^5 between 0 and 1 (constant outside) and ds/du."""
     u = np.minimum(np.maximum(u, 0.0), 1.0)
     return u**3 * (10 + u * (6 * u - 15)), 30 * u**2 * (1 - u) ** 2
 
 
-@compiled
+@compile_kernel
 def limit_torque(
     q: Array,
     lower: Array,
@@ -122,10 +122,10 @@ class JointLaw:
     stiffness: Array
     """N m/rad."""
     rest: Array
-    """rad, where the spring is free of torque."""
+    """Angles at which the spring is free of torque, rad."""
     lower: Array
     upper: Array
-    """rad, where the coordinate limit begins; infinite for none."""
+    """Angles at which the coordinate limit begins, rad; infinite for none."""
     limit_stiffness: float = LIMIT_STIFFNESS
     transition: float = LIMIT_TRANSITION
     limit_damping: float = 0.0
@@ -179,7 +179,7 @@ class JointLaw:
         """Limit torques (nq,) and their derivatives (nq,)."""
         return limit_torque(q, self.lower, self.upper, self.limit_stiffness, self.transition)
 
-    def held_about(self, posture: Mapping[str, float], margin: float = LIMIT_MARGIN) -> JointLaw:
+    def hold_about(self, posture: Mapping[str, float], margin: float = LIMIT_MARGIN) -> JointLaw:
         """The same joints with limits at `posture` (rad) +- `margin` for each joint named there."""
         q = by_joint(posture, self.joints, np.nan, "the posture to hold")
         free = np.isnan(q)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.port import Array, Motion
-from rigid.kernels import compiled
+from rigid.kernels import compile_kernel
 
 Indices = NDArray[np.integer]
 
@@ -52,7 +52,7 @@ def point_jacobian(chain: Chain, body: Indices, point: Array) -> Array:
     return _point_jacobian(chain.axis, chain.anchor, chain.child, body, point)
 
 
-@compiled
+@compile_kernel
 def _cross(a: Array, b: Array) -> Array:
     out = np.empty(3)
     out[0] = a[1] * b[2] - a[2] * b[1]
@@ -61,7 +61,7 @@ def _cross(a: Array, b: Array) -> Array:
     return out
 
 
-@compiled
+@compile_kernel
 def _point_jacobian(
     axis: Array, anchor: Array, child: Indices, body: Indices, point: Array
 ) -> Array:
@@ -90,7 +90,7 @@ def geometric_stiffness(chain: Chain, body: Indices, point: Array, wrench: Array
     return _geometric_stiffness(chain.axis, chain.anchor, chain.child, body, point, wrench)
 
 
-@compiled
+@compile_kernel
 def _geometric_stiffness(
     axis: Array, anchor: Array, child: Indices, body: Indices, point: Array, wrench: Array
 ) -> Array:
@@ -113,7 +113,7 @@ def _geometric_stiffness(
     return out
 
 
-def moved_to(wrench: Array, lever: Array) -> Array:
+def move_wrench(wrench: Array, lever: Array) -> Array:
     """The same wrench (..., 6) about a point from which its own point lies at `lever` (..., 3)."""
     moment = wrench[..., 3:] + np.cross(lever, wrench[..., :3])
     return np.concatenate([wrench[..., :3], moment], axis=-1)
@@ -139,7 +139,7 @@ def joint_reactions(chain: Chain, applied: Array) -> Array:
     position = chain.motion.position
     reaction[-1] = -applied[-1]
     for b in range(len(applied) - 2, 0, -1):
-        reaction[b] = moved_to(reaction[b + 1], position[b + 1] - position[b]) - applied[b]
+        reaction[b] = move_wrench(reaction[b + 1], position[b + 1] - position[b]) - applied[b]
     return reaction
 
 
@@ -147,7 +147,7 @@ def joint_loads(chain: Chain, reaction: Array) -> Array:
     """(nb, 6) what the joints together do to each body: its own reaction less the next one's."""
     position = chain.motion.position
     out = reaction.copy()
-    out[:-1] -= moved_to(reaction[1:], np.diff(position, axis=0))
+    out[:-1] -= move_wrench(reaction[1:], np.diff(position, axis=0))
     return out
 
 

@@ -71,14 +71,17 @@ class MovingHinge:
 
     @property
     def bodies(self) -> tuple[str, ...]:
+        """Names of the bodies that are shared with the other side."""
         return BODIES[: len(self.joints) + 1]
 
     @property
     def joints(self) -> tuple[str, ...]:
+        """Names of the joints, in the order of the angles."""
         return self.law.joints
 
     @property
     def tendons(self) -> tuple[str, ...]:
+        """Names of the tendons, in the order of the tensions."""
         return ()
 
     def begin(self, posture: Mapping[str, float]) -> HingeMoment:
@@ -88,9 +91,11 @@ class MovingHinge:
         return HingeMoment(angles, rates, 0.0, (angles, rates, np.inf))
 
     def angles(self, state: HingeMoment) -> Array:
+        """Joint angles (nq,) of a state, rad."""
         return state.angles
 
     def rates(self, state: HingeMoment) -> Array:
+        """Joint rates (nq,) of a state, rad/s."""
         return state.rates
 
     def motion(self, angles: Array) -> Motion:

@@ -36,7 +36,7 @@ class PlanarChain:
     mass: Array
     inertia: Array
     gravity: float = STANDARD_GRAVITY
-    """m/s2, downwards."""
+    """Gravity in m/s2, downwards."""
 
     def __post_init__(self) -> None:
         shapes = {np.shape(x) for x in (self.length, self.centre, self.mass, self.inertia)}

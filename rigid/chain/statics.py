@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cosim.coupling.finger_equilibrium import balanced
+from cosim.coupling.finger_equilibrium import balance_finger
 from cosim.errors import InputError
 from cosim.port import Array, Balance, Load, Motion
 from rigid.chain.joint_torques import JointLaw, by_joint
@@ -27,7 +27,7 @@ from rigid.chain.kinematics import (
     joint_loads,
     joint_reactions,
     joint_wrenches,
-    moved_to,
+    move_wrench,
     tip_jacobian,
 )
 from rigid.chain.support import Support, turn_gap
@@ -102,6 +102,7 @@ class ChainFinger(ABC):
         return FingerState(q, q, np.zeros(6), chain.tip, chain.motion.rotation[-1], basis)
 
     def angles(self, state: FingerState) -> Array:
+        """Joint angles (nq,) of a state, rad."""
         return state.angles
 
     def rest(self) -> Motion:
@@ -110,19 +111,19 @@ class ChainFinger(ABC):
 
     def between(self, state: FingerState, aim: FingerState, part: float) -> FingerState:
         """The state a `part` of the way from one to another."""
-        return self.displaced(state, part * (self.unknowns(aim) - self.unknowns(state)))
+        return self.displace(state, part * (self.unknowns(aim) - self.unknowns(state)))
 
-    def turned(self, state: FingerState, angles: Array) -> FingerState:
+    def with_angles(self, state: FingerState, angles: Array) -> FingerState:
         """The state with its joints at angles (nq,) rad, its reaction kept."""
         step = np.zeros(len(self.unknowns(state)))
         step[: len(angles)] = angles - state.angles
-        return self.displaced(state, step)
+        return self.displace(state, step)
 
     def settle(
         self, state: FingerState, load: Load, by_motion: Array, tension: Array, tolerance: float
     ) -> tuple[FingerState, float]:
-        """See `cosim.port.Finger`; `cosim.coupling.finger_equilibrium.balanced`."""
-        aim, balance = balanced(self, state, load, tension, by_motion, tolerance)
+        """See `cosim.port.Finger`; `cosim.coupling.finger_equilibrium.balance_finger`."""
+        aim, balance = balance_finger(self, state, load, tension, by_motion, tolerance)
         return aim, balance.relative
 
     def tip_force(self, state: FingerState) -> Array:
@@ -142,7 +143,7 @@ class ChainFinger(ABC):
     def jacobian(self, state: FingerState) -> Array:
         return body_jacobian(self.chain(state.angles))
 
-    def displaced(self, state: FingerState, step: Array) -> FingerState:
+    def displace(self, state: FingerState, step: Array) -> FingerState:
         """The state after a step (nq + m,) of its unknowns."""
         nq, n = len(self.joints), len(self.joints) + len(state.basis)
         if np.shape(step) != (n,):
@@ -206,7 +207,7 @@ class ChainFinger(ABC):
         """(nb, 6) wrench on each body about its origin (world frame) by source: each muscle,
         gravity, passive, limit, fingertip, joint, what holds the joints, and the ground, which
         holds the fixed body.  Together with the hood's load they close to zero on every body."""
-        ledger = self._applied(state, load, tension)
+        ledger = self._applied_loads(state, load, tension)
         reaction = self._reactions(state, load, ledger)
         ledger["joint"] = joint_loads(self.chain(state.angles), reaction)
         whole = load.total() + np.sum(list(ledger.values()), axis=0)
@@ -230,13 +231,13 @@ class ChainFinger(ABC):
     def joint_reactions(self, state: FingerState, load: Load, tension: Array) -> Array:
         """(nb, 6) wrench that each body receives through its proximal joint, about the body's
         origin; its moment about the joint's own axes vanishes at equilibrium."""
-        return self._reactions(state, load, self._applied(state, load, tension))
+        return self._reactions(state, load, self._applied_loads(state, load, tension))
 
-    def _applied(self, state: FingerState, load: Load, tension: Array) -> dict[str, Array]:
+    def _applied_loads(self, state: FingerState, load: Load, tension: Array) -> dict[str, Array]:
         self._check(load, tension)
         chain = self.chain(state.angles)
         fingertip = np.zeros((len(self.bodies), 6))
-        fingertip[-1] = moved_to(state.reaction, chain.tip - chain.motion.position[-1])
+        fingertip[-1] = move_wrench(state.reaction, chain.tip - chain.motion.position[-1])
         out = {
             **self.own_wrenches(state.angles, tension),
             "passive": joint_wrenches(chain, self.law.passive(state.angles)[0]),

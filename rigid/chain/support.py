@@ -43,7 +43,7 @@ JOINTS_HELD = Support(np.zeros((0, 3)), holds_joints=True)
 CLAMPED = Support(np.eye(3), clamps_turn=True)
 """Held, and clamped against flexion: of as many unknowns as a finger of four joints has torques."""
 IN_PLANE = Support(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
-"""Of a planar finger: held in the flexion plane."""
+"""The support of a planar finger: held in the flexion plane."""
 CLAMPED_IN_PLANE = Support(IN_PLANE.directions, clamps_turn=True)
 
 

@@ -85,7 +85,7 @@ class Anatomy:
     rows: Mapping[str, Mapping[str, Row]]
     """By joint and name."""
     offset: Mapping[str, float]
-    """Of each distal frame O from its joint's centre, in O2O3."""
+    """Offset of each distal frame O from its joint's centre, in O2O3."""
     ways: Mapping[str, tuple[Way, ...]]
     """By muscle."""
 

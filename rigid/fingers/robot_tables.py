@@ -60,7 +60,7 @@ EXTENSOR_BEFORE_PIP, EXTENSOR_AFTER_PIP = (45.0, 0.0, 1.5), (7.0, 0.0, 1.5)
 """The other short branch ends at the second."""
 EXTENSOR_BEFORE_DIP, EXTENSOR_DISTAL = (25.0, 0.0, 1.2), (6.0, 0.0, 1.2)
 SIDE_GUIDE = (-8.0, 11.0, -4.0)
-"""Of the abduction tendon; the adduction tendon's is its mirror image.  Chosen with `SIDE_END` so
-that no arm over table II falls below 2.8 mm."""
+"""The abduction tendon's guide; the adduction tendon's is its mirror image. Chosen with `SIDE_END`
+so that no arm over table II falls below 2.8 mm."""
 SIDE_END = 14.0
 """mm, x of the ends on the proximal phalanx; their y and z are solved for."""

@@ -116,7 +116,7 @@ class NetworkHood:
         by_twist = here.torque_by_force.T @ at.rate
         return HoodJacobian(by_motion, by_tension, by_twist, np.diag(here.excursion_by_force))
 
-    def loosely(self, tolerance: float) -> NetworkHood:
+    def with_tolerance(self, tolerance: float) -> NetworkHood:
         """Itself: closed forms leave no residual."""
         return self
 

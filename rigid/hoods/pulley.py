@@ -118,7 +118,7 @@ class PulleyHood:
             excursion[k] = -line.gradient.ravel() @ rate
         return HoodJacobian(stiffness, by_tension, excursion, np.diag(self._compliance()))
 
-    def loosely(self, tolerance: float) -> PulleyHood:
+    def with_tolerance(self, tolerance: float) -> PulleyHood:
         """Itself: closed forms leave no residual."""
         return self
 

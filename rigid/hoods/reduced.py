@@ -40,8 +40,8 @@ from rigid.hoods.reduced_basis import (
     monomials,
     orders,
     powers_of,
-    scaled,
     springs_of,
+    unscale,
 )
 from rigid.hoods.reduced_kernels import derivatives
 from rigid.hoods.universal_angle import Joint, all_angles, chain_of, names_of
@@ -52,7 +52,7 @@ SLIPS = ("central", "terminal")
 AT_ONCE = 200
 """States whose products fit into a processor's cache: ten times faster than all at once."""
 MARGIN = 0.1
-"""Of a box's width: so far beyond it the polynomial is still taken."""
+"""Share of a box's width: so far beyond it the polynomial is still taken."""
 
 
 class Derived(NamedTuple):
@@ -89,7 +89,7 @@ class Potential:
     tension_terms: Numbers
     """(G, m) of 0 to 3, which f stands for each muscle."""
     toe: float
-    """Of `most`."""
+    """The end of the toe as a share of `most`."""
     energy: Array
     """(A, G) J."""
     slip_powers: Numbers
@@ -113,15 +113,16 @@ class Potential:
 
     @property
     def half(self) -> Array:
+        """Half the ranges (n,) of the angles, rad."""
         return (self.high - self.low) / 2
 
     def bases(self, angle: Array, tension: Array) -> tuple[Basis, Basis]:
         """In rad and N, of the angles (..., n) and of the tensions (..., m)."""
         first = monomials(self.angle_powers, self.scaled_angle(angle))
         second = loadings(self.tension_terms, tension / self.most, self.toe)
-        return scaled(first, self.half), scaled(second, self.most)
+        return unscale(first, self.half), unscale(second, self.most)
 
-    def derived(self, angle: Array, tension: Array) -> Derived:
+    def derivatives(self, angle: Array, tension: Array) -> Derived:
         """At angles (..., n) and tensions (..., m)."""
         b, g = self.bases(angle, tension)
         by_force = np.einsum("ag,...gm->...am", self.energy, g.slope)
@@ -135,8 +136,8 @@ class Potential:
             np.einsum("...a,...amk->...mk", b.value, by_forces),
         )
 
-    def derived_at(self, angle: Array, tension: Array) -> Derived:
-        """As `derived`, of one state (n,) and (m,), without a batch's expense."""
+    def derivatives_at(self, angle: Array, tension: Array) -> Derived:
+        """As `derivatives`, of one state (n,) and (m,), without a batch's expense."""
         by_angle, by_tension = 1 / self.half, 1 / self.most
         first = np.stack(powers_of(int(self.angle_powers.max()), self.scaled_angle(angle)))
         second = np.stack(springs_of(tension * by_tension, self.toe))
@@ -177,7 +178,7 @@ class Potential:
         return found.reshape(*shape, len(self.joints))
 
     def _torques(self, angle: Array, tension: Array) -> Array:
-        """Of states (s, n) and (s, m)."""
+        """Joint torques at states (s, n) and (s, m)."""
         b = monomials(self.angle_powers, self.scaled_angle(angle), curved=False)
         g = loadings(self.tension_terms, tension / self.most, self.toe, curved=False)
         at_force = (g.value @ self.energy.T)[..., None, :]
@@ -270,7 +271,7 @@ class ReducedHood:
         by_tension[:3] += guide[:, None]
         return HoodJacobian(by_motion, by_tension, here.arms.T @ at.rate, here.compliance)
 
-    def loosely(self, tolerance: float) -> ReducedHood:
+    def with_tolerance(self, tolerance: float) -> ReducedHood:
         """Itself: closed forms leave no residual."""
         return self
 
@@ -281,7 +282,7 @@ class ReducedHood:
 
     def _state(self, motion: Motion, tension: Array) -> ReducedState:
         at = all_angles(self._chain, motion)
-        return ReducedState(motion, tension, at, self.potential.derived_at(at.value, tension))
+        return ReducedState(motion, tension, at, self.potential.derivatives_at(at.value, tension))
 
     def _check(self, motion: Motion, tension: Array, dt: float) -> None:
         if motion.bodies != self.bodies:

@@ -28,8 +28,8 @@ class Basis(NamedTuple):
 
 
 def monomials(powers: Numbers, at: Array, curved: bool = True) -> Basis:
-    """Of prod_j at_j^p_aj with powers (A, n) at (..., n); unless `curved`, second derivatives are
-    left out (zero)."""
+    """The functions prod_j at_j^p_aj with powers (A, n) at (..., n); unless `curved`, second
+    derivatives are left out (zero)."""
     return _products(powers, powers_of(int(powers.max(initial=0)), at), curved)
 
 
@@ -43,7 +43,7 @@ def powers_of(most: int, at: Array) -> Functions:
 
 
 def legendre(degrees: Numbers, at: Array) -> Basis:
-    """Of prod_j P_(d_aj)(at_j), Legendre polynomials of degrees (A, n), at (..., n)."""
+    """The functions prod_j P_(d_aj)(at_j), Legendre polynomials of degrees (A, n), at (..., n)."""
     return _products(degrees, legendre_of(int(degrees.max(initial=0)), at), curved=True)
 
 
@@ -72,7 +72,8 @@ def to_powers(degrees: Numbers) -> Array:
 
 
 def loadings(terms: Numbers, at: Array, toe: float, curved: bool = True) -> Basis:
-    """Of prod_m f_(q_gm)(at_m) with terms (G, m) of 0 to 3 at (..., m); see the module."""
+    """The functions prod_m f_(q_gm)(at_m) with terms (G, m) of 0 to 3 at (..., m); see the
+    module."""
     return _products(terms, springs_of(at, toe), curved)
 
 
@@ -87,8 +88,8 @@ def springs_of(at: Array, toe: float) -> Functions:
 
 
 def _products(index: Numbers, functions: Functions, curved: bool) -> Basis:
-    """Of one function of each of n variables: `index` (A, n) chooses among those whose values and
-    first and second derivatives are `functions`, (..., n, k) each."""
+    """Products of one function of each of n variables: `index` (A, n) chooses among those whose
+    values and first and second derivatives are `functions`, (..., n, k) each."""
     n = index.shape[1]
     chosen = [[f[..., j, :][..., index[:, j]] for j in range(n)] for f in functions]
 
@@ -113,6 +114,6 @@ def orders(factor: Array) -> Array:
     return np.stack([np.ones_like(factor), factor, factor**2])[..., None]
 
 
-def scaled(basis: Basis, scale: Array) -> Basis:
+def unscale(basis: Basis, scale: Array) -> Basis:
     """Derivatives by what was divided by the scale (n,)."""
     return Basis(basis.value, basis.slope / scale, basis.curve / (scale[:, None] * scale[None, :]))

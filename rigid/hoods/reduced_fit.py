@@ -24,7 +24,7 @@ from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
 from cosim.errors import InputError
 from cosim.port import Array
-from rigid.hoods.reduced_basis import Basis, legendre, loadings, scaled, to_powers
+from rigid.hoods.reduced_basis import Basis, legendre, loadings, to_powers, unscale
 
 if TYPE_CHECKING:
     from rigid.hoods.reduced import Potential
@@ -33,10 +33,10 @@ if TYPE_CHECKING:
 CURVES, TIP = 0.1, 4.0
 """Chosen, and with them the greatest Order.angle and ENOUGH, by states that were not fitted."""
 LEAST_FORCE = 0.1
-"""Of the median fingertip force: a smaller one counts as if it were as large."""
+"""Share of the median fingertip force: a smaller one counts as if it were as large."""
 NOTHING = (1e-14, 1e-12, 1e-10)
-"""Of a column's square: what holds terms that the samples do not tell at zero, the first with which
-there is a factor."""
+"""Shares of a column's square that hold terms that the samples do not determine at zero; the first
+with which there is a factor is taken."""
 REPEATED = 2
 AT_ONCE = 100
 """Samples whose rows are in memory."""
@@ -45,7 +45,7 @@ Rows = Iterator[tuple[Array, Array]]
 
 
 def energy(potential: Potential, data: Sample, maps: Array | None) -> Array:
-    """(A, G) J of a potential's terms; see `rigid.hoods.reduction.reduced`."""
+    """(A, G) J of a potential's terms; see `rigid.hoods.reduction.reduce_hood`."""
     sizes, tip = _sizes(data), tip_rows(data, maps)
     found = least_squares(lambda: _rows(potential, data, sizes, tip))
     return to_powers(potential.angle_powers).T @ found.reshape(potential.energy.shape)
@@ -72,7 +72,7 @@ def least_squares(parts: Callable[[], Rows]) -> Array:
     length = np.sqrt(np.diag(gram))
     length[length == 0] = 1.0
     gram /= length[:, None] * length
-    factor = _factored(gram)
+    factor = _cholesky(gram)
     found: Array = cho_solve(factor, right / length) / length
     for _ in range(REPEATED):
         left = sum(rows.T @ (wanted - rows @ found) for rows, wanted in parts())
@@ -80,7 +80,7 @@ def least_squares(parts: Callable[[], Rows]) -> Array:
     return found
 
 
-def _factored(gram: Array) -> tuple[Array, bool]:
+def _cholesky(gram: Array) -> tuple[Array, bool]:
     """Cholesky's, of a matrix whose diagonal is one."""
     for nothing in NOTHING:
         gram[np.diag_indices(len(gram))] = 1.0 + nothing
@@ -128,18 +128,18 @@ def _rows(potential: Potential, data: Sample, sizes: _Sizes, tip: Array) -> Rows
     for start in range(0, len(data.angle), AT_ONCE):
         some = slice(start, start + AT_ONCE)
         part = type(data)(*(getattr(data, f.name)[some] for f in fields(data)))
-        made = _made(potential, part)
-        yield _weighted(made, part, sizes, tip[some])
+        made = _bases(potential, part)
+        yield _weigh(made, part, sizes, tip[some])
 
 
-def _made(potential: Potential, data: Sample) -> tuple[Basis, Basis]:
+def _bases(potential: Potential, data: Sample) -> tuple[Basis, Basis]:
     u, powers = potential.scaled_angle(data.angle), potential.angle_powers
-    angle = scaled(legendre(powers, u), potential.half)
+    angle = unscale(legendre(powers, u), potential.half)
     load = loadings(potential.tension_terms, data.tension / potential.most, potential.toe)
-    return angle, scaled(load, potential.most)
+    return angle, unscale(load, potential.most)
 
 
-def _weighted(
+def _weigh(
     made: tuple[Basis, Basis], data: Sample, sizes: _Sizes, tip: Array
 ) -> tuple[Array, Array]:
     """Rows (r, A G) and what they should make (r,); of symmetric matrices one half, counted

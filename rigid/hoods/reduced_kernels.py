@@ -14,14 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.port import Array
-from rigid.kernels import compiled
+from rigid.kernels import compile_kernel
 
 Turned = tuple[float, Array, Array]
 """An angle, its derivative (3,) by the child's turn in the parent's frame, and that one's
 (3, 3)."""
 
 
-@compiled
+@compile_kernel
 def _skew(a: Array) -> Array:
     """(3, 3), which times b is a x b."""
     out = np.zeros((3, 3))
@@ -30,7 +30,7 @@ def _skew(a: Array) -> Array:
     return out
 
 
-@compiled
+@compile_kernel
 def _times(a: Array, b: Array) -> Array:
     """a b of (3, 3)."""
     out = np.zeros((3, 3))
@@ -40,25 +40,25 @@ def _times(a: Array, b: Array) -> Array:
     return out
 
 
-@compiled
-def _applied(a: Array, x: Array) -> Array:
+@compile_kernel
+def _multiply(a: Array, x: Array) -> Array:
     out = np.zeros(3)
     for i in range(3):
         out[i] = a[i, 0] * x[0] + a[i, 1] * x[1] + a[i, 2] * x[2]
     return out
 
 
-@compiled
+@compile_kernel
 def _outer(a: Array, b: Array) -> Array:
     return a.reshape(3, 1) * b.reshape(1, 3)
 
 
-@compiled
+@compile_kernel
 def _dot(a: Array, b: Array) -> float:
     return float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
 
 
-@compiled
+@compile_kernel
 def _cross(a: Array, b: Array) -> Array:
     out = np.zeros(3)
     out[0] = a[1] * b[2] - a[2] * b[1]
@@ -67,9 +67,9 @@ def _cross(a: Array, b: Array) -> Array:
     return out
 
 
-@compiled
+@compile_kernel
 def _twist(turn: Array, axis: Array) -> Turned:
-    """Of a hinge: 2 atan2(v . n, w)."""
+    """The angle of a hinge, 2 atan2(v . n, w), and its derivatives."""
     w = 1.0 + turn[0, 0] + turn[1, 1] + turn[2, 2]
     v = np.zeros(3)
     v[0], v[1] = turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0]
@@ -77,7 +77,7 @@ def _twist(turn: Array, axis: Array) -> Turned:
     along, across = _dot(v, axis), _cross(v, axis)
     whole, size = w * w * axis + w * across + along * v, w * w + along * along
     dw, dv = -0.5 * v, 0.5 * (w * np.eye(3) - _skew(v))
-    d_along = _applied(dv.T, axis)
+    d_along = _multiply(dv.T, axis)
     d_whole = _outer(2 * w * axis + across, dw) - w * _times(_skew(axis), dv)
     d_whole += _outer(v, d_along) + along * dv
     g = whole / size
@@ -85,7 +85,7 @@ def _twist(turn: Array, axis: Array) -> Turned:
     return 2 * atan2(along, w), g, slope
 
 
-@compiled
+@compile_kernel
 def _about(of_x: Array, along: Array, of_y: Array, across: Array) -> Turned:
     """atan2(y, x) of x = of_x . along and y = of_y . across, where of_x and of_y turn with the
     child."""
@@ -98,7 +98,7 @@ def _about(of_x: Array, along: Array, of_y: Array, across: Array) -> Turned:
     return atan2(y, x), g, slope / size
 
 
-@compiled
+@compile_kernel
 def _normal(of: Array, to: Array) -> Array:
     """The unit vector along what `of` has normal to the unit vector `to`."""
     part = of - _dot(of, to) * to
@@ -106,11 +106,11 @@ def _normal(of: Array, to: Array) -> Array:
     return out
 
 
-@compiled
+@compile_kernel
 def chain_angles(
     place: NDArray[np.int64], axes: Array, zero: Array, rotation: Array
 ) -> tuple[Array, Array, Array]:
-    """Of n angles between nb bodies: values (n,) rad, derivatives (n, 6 nb) by the twists, and
+    """The n angles between nb bodies: values (n,) rad, derivatives (n, 6 nb) by the twists, and
     derivatives (n, 6 nb, 6 nb) of these, read as wrenches in the world.
 
     place (n, 3): the parent's and the child's number and 0 for a hinge, 1 and 2 for the first and
@@ -124,14 +124,14 @@ def chain_angles(
         if place[i, 2] == 0:
             found = _twist(relative, first)
         elif place[i, 2] == 1:
-            image, along = _applied(relative, second), _normal(second, first)
+            image, along = _multiply(relative, second), _normal(second, first)
             found = _about(image, along, image, _cross(first, along))
         else:
             along = _normal(first, second)
             across = _cross(along, second)
-            found = _about(_applied(relative, along), first, _applied(relative, across), first)
+            found = _about(_multiply(relative, along), first, _multiply(relative, across), first)
         value[i] = found[0]
-        axis = _applied(turn, found[1])
+        axis = _multiply(turn, found[1])
         by_child = _times(_times(turn, found[2]), turn.T)
         by_parent = -by_child - _skew(axis)
         p, c = 6 * place[i, 0] + 3, 6 * place[i, 1] + 3
@@ -141,7 +141,7 @@ def chain_angles(
     return value, rate, curve
 
 
-@compiled
+@compile_kernel
 def derivatives(index: NDArray[np.int64], table: Array) -> Array:
     """(1 + n, 1 + n, A) of A products of one function of each of n variables: [0, 0] their values,
     [1 + i, 0] their derivatives by variable i, [1 + i, 1 + k] by i and k.

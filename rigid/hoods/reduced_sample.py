@@ -33,7 +33,7 @@ class Sample:
     """(2,) N, central and terminal; NaN of a hood without slips."""
 
 
-def stacked(samples: Sequence[Sample]) -> Sample:
+def stack(samples: Sequence[Sample]) -> Sample:
     """The states as one sample, states first."""
     return Sample(
         *(np.array([getattr(s, field.name) for s in samples]) for field in fields(Sample))

@@ -38,8 +38,8 @@ class Order:
     """Degree in the joints that they all leave where they are, whose torques and stiffnesses they
     tell; it counts twice against `angle`, but terms of degree 1 beside it always stay."""
     toe: float | None = 0.03
-    """Of the greatest tensions, where that of an exponential spring ends; without it springs are
-    straight."""
+    """Share of the greatest tensions where the toe of an exponential spring ends; without it
+    springs are straight."""
 
 
 RICHEST, SLIP_ORDER = Order(), Order(angle=2, held=0)
@@ -65,7 +65,7 @@ def tension_terms(muscles: int, order: Order) -> NDArray[np.intp]:
     return np.array([np.zeros(muscles, dtype=int), *alone, *pairs])
 
 
-def borne(numbers: int, moves: NDArray[np.bool_], muscles: int) -> Order:
+def richest_order(numbers: int, moves: NDArray[np.bool_], muscles: int) -> Order:
     """The richest order with ENOUGH numbers to a term, of at least degree 1."""
     per_angle = ENOUGH * len(tension_terms(muscles, RICHEST))
     orders = (replace(RICHEST, angle=degree) for degree in range(RICHEST.angle, 1, -1))
@@ -73,7 +73,7 @@ def borne(numbers: int, moves: NDArray[np.bool_], muscles: int) -> Order:
     return next(fitting, replace(RICHEST, angle=1))
 
 
-def reduced(
+def reduce_hood(
     data: Sample,
     joints: tuple[str, ...],
     muscles: tuple[str, ...],
@@ -88,7 +88,7 @@ def reduced(
     low, high = data.angle.min(axis=0), data.angle.max(axis=0)
     moves = high - low > STILL
     numbers = sum(getattr(data, name).size for name in MEASURED)
-    order = borne(numbers, moves, len(muscles)) if order is None else order
+    order = richest_order(numbers, moves, len(muscles)) if order is None else order
     powers, terms = angle_powers(moves, order), tension_terms(len(muscles), order)
     none = np.zeros((len(powers), len(terms)))
     empty = Potential(

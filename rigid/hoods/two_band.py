@@ -94,7 +94,7 @@ def lateral_band(
 def direct_arms(
     table: Mapping[tuple[str, str], Entry] = TABLE_1,
 ) -> list[Mapping[str, tuple[float, float]]]:
-    """Of ED (before it parts), FDP, FDS, Int and Lum, the derivatives of (3); the lumbrical's
+    """The derivatives of (3) for ED (before it splits), FDP, FDS, Int and Lum; the lumbrical's
     origin moves with FDP (3e)."""
 
     def flexor(name: str) -> dict[str, tuple[float, float]]:

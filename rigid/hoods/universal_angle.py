@@ -56,7 +56,7 @@ def _joint(parent: str, body: Segment) -> Joint:
 
 
 def names_of(joints: Sequence[Joint]) -> tuple[str, ...]:
-    """Of their angles."""
+    """Names of the joints' angles."""
     return tuple(name for joint in joints for name in joint.names)
 
 

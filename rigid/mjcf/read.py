@@ -47,7 +47,7 @@ def read_mjcf(
     that a tendon may have, all others being dropped (every name if not given).
 
     Raises InputError where the file is no MuJoCo model or holds no such finger."""
-    m = _compiled(Path(path))
+    m = _compile(Path(path))
     with_minus = dict(names or {})
     signs = {j: -1.0 if with_minus.get(j, "").startswith("-") else 1.0 for j in JOINTS}
     plain = {ours: theirs.removeprefix("-") for ours, theirs in with_minus.items()}
@@ -67,7 +67,7 @@ def read_mjcf(
         _segment(m, data, frames, i, body, joint, sign, ends, losses) for i in range(4)
     )
     model = FingerModel(Path(path).stem, segments, vector(ends), read.tendons)
-    return ReadFinger(model, read.max_force, (*losses, *read.losses, *_left(m, joint, body)))
+    return ReadFinger(model, read.max_force, (*losses, *read.losses, *_losses(m, joint, body)))
 
 
 def skeleton_of(model: FingerModel) -> Skeleton:
@@ -93,7 +93,7 @@ def skeleton_of(model: FingerModel) -> Skeleton:
     return Skeleton(length, zero, axis, {})
 
 
-def _compiled(path: Path) -> mujoco.MjModel:
+def _compile(path: Path) -> mujoco.MjModel:
     if not path.is_file():
         raise InputError(f"{path}: there is no such file")
     try:
@@ -221,7 +221,7 @@ def _inertia(
     return vector(np.diag(tensor))
 
 
-def _left(m: mujoco.MjModel, joint: Sequence[int], body: Sequence[int]) -> list[str]:
+def _losses(m: mujoco.MjModel, joint: Sequence[int], body: Sequence[int]) -> list[str]:
     """What a finger here has no place for."""
     own = list(joint)
     dof = m.jnt_dofadr[own]

@@ -53,7 +53,7 @@ def read_tendons(
     for t in range(m.ntendon):
         label = mujoco.mj_id2name(m, mujoco.mjtObj.mjOBJ_TENDON, t) or f"number {t}"
         name = ours.get(label, label)
-        reason = _unfit(m, t, owner) or _unwanted(name, wanted)
+        reason = _unfit(m, t, owner) or _why_unwanted(name, wanted)
         if reason:
             losses.append(f"dropped: tendon {label}: {reason}")
             continue
@@ -85,7 +85,7 @@ def _unfit(m: mujoco.MjModel, t: int, owner: Array) -> str:
     return "" if (on > 0).any() else "it pulls on no phalanx"
 
 
-def _unwanted(name: str, wanted: Sequence[str] | None) -> str:
+def _why_unwanted(name: str, wanted: Sequence[str] | None) -> str:
     if wanted is None or name in wanted:
         return ""
     return f"no tendon of a case is called {name}; the names are {', '.join(wanted)}"

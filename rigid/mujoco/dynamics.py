@@ -27,7 +27,7 @@ from rigid.chain.joint_torques import JointLaw
 from rigid.chain.statics import FingerState
 from rigid.chain.support import turn_gap
 from rigid.mujoco.finger import MujocoFinger
-from rigid.mujoco.implicit_step import advanced
+from rigid.mujoco.implicit_step import advance_step
 from rigid.mujoco.step_data import Joints, Readings
 from rigid.mujoco.tip_device import Device, Nothing
 
@@ -158,21 +158,21 @@ class FingerDynamics:
         device's friction falls with the speed of slip, only a short one has a single solution.
 
         Raises ConvergenceError."""
-        return self._advanced(at, dt, MOST_SPLITS, None, None)
+        return self._advance(at, dt, MOST_SPLITS, None, None)
 
-    def pulled(self, at: Moment, tension: Array, push: Push | None, dt: float) -> Moment:
+    def pull(self, at: Moment, tension: Array, push: Push | None, dt: float) -> Moment:
         """The same under tensions (nt,) N, in place of the muscles', and torques from elsewhere,
         where there are any."""
         pull = Pull(tension, np.zeros(len(tension)), None)
-        return self._advanced(at, dt, MOST_SPLITS, pull, push)
+        return self._advance(at, dt, MOST_SPLITS, pull, push)
 
-    def _advanced(
+    def _advance(
         self, at: Moment, dt: float, splits: int, given: Pull | None, push: Push | None
     ) -> Moment:
         self._at(at.angles, at.rates)
         length, time = self._data.ten_length.copy(), at.time + dt
         pull = self._muscles.pull(at.muscles, time, length, dt) if given is None else given
-        done, angles, rates, held, wrench, tension, kinetic, slip = advanced(
+        done, angles, rates, held, wrench, tension, kinetic, slip = advance_step(
             self._surface,
             self._joints,
             self._readings,
@@ -192,8 +192,8 @@ class FingerDynamics:
                 f"finger in motion: the step to t = {time:.6g} s did not converge, down to "
                 f"{dt:.1e} s. Try a smaller step, a softer contact or smaller tensions."
             )
-        half = self._advanced(at, dt / 2, splits - 1, given, push)
-        end = self._advanced(half, dt / 2, splits - 1, given, push)
+        half = self._advance(at, dt / 2, splits - 1, given, push)
+        end = self._advance(half, dt / 2, splits - 1, given, push)
         return end._replace(length=half.length, slip=half.slip + end.slip)
 
     @property

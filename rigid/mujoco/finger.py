@@ -10,7 +10,7 @@ import numpy as np
 from cosim.errors import InputError
 from cosim.port import Array, Motion
 from rigid.chain.joint_torques import JointLaw, joint_law
-from rigid.chain.kinematics import Chain, geometric_stiffness, moved_to, point_jacobian
+from rigid.chain.kinematics import Chain, geometric_stiffness, move_wrench, point_jacobian
 from rigid.chain.statics import ChainFinger, FingerState
 from rigid.chain.support import HELD, Support
 from rigid.mjcf.write import mjcf_xml
@@ -93,6 +93,7 @@ class MujocoFinger(ChainFinger):
         return out
 
     def own_torques(self, angles: Array, tension: Array) -> dict[str, Array]:
+        """Joint torques (nq,) by source that the finger itself exerts, N m."""
         muscles = np.asarray(tension)[:, None] * self._posture(angles)[1]
         out = dict(zip(self.tendons, muscles, strict=True))
         out["gravity"] = np.zeros(len(angles))
@@ -103,14 +104,15 @@ class MujocoFinger(ChainFinger):
         return out
 
     def own_tangent(self, angles: Array, tension: Array) -> Array:
+        """Derivative (nq, nq) of the finger's own torques by the angles, N m/rad."""
         out = np.zeros((len(angles), len(angles)))
         if np.any(tension):
             share = np.zeros((len(self._arm_row), len(angles)))
             share[self._arm_at, self.model.ten_J_colind] = -np.asarray(tension)[self._arm_row]
             for i, step in enumerate(ANGLE_STEP * np.eye(len(angles))):
-                self._moved(angles + step)
+                self._place(angles + step)
                 out[:, i] = self._path_jacobian @ share
-                self._moved(angles - step)
+                self._place(angles - step)
                 out[:, i] -= self._path_jacobian @ share
             out /= 2 * ANGLE_STEP
         if not self._weight.any():
@@ -125,7 +127,7 @@ class MujocoFinger(ChainFinger):
         pulls = self._ways.wrenches(data, tension)[:, self._body]
         out = dict(zip(self.tendons, pulls, strict=True))
         force = np.hstack([self._weight, np.zeros_like(self._weight)])
-        out["gravity"] = moved_to(force, (data.xipos - data.xpos)[self._body])
+        out["gravity"] = move_wrench(force, (data.xipos - data.xpos)[self._body])
         return out
 
     def path_lengths(self, state: FingerState) -> Array:
@@ -159,9 +161,9 @@ class MujocoFinger(ChainFinger):
         return self._forward(angles).xipos[self._body]
 
     def _forward(self, angles: Array) -> mujoco.MjData:
-        return self._data if np.array_equal(self._at, angles) else self._moved(angles)
+        return self._data if np.array_equal(self._at, angles) else self._place(angles)
 
-    def _moved(self, angles: Array) -> mujoco.MjData:
+    def _place(self, angles: Array) -> mujoco.MjData:
         m, d = self.model, self._data
         self._at[:] = angles
         self._qpos[:] = angles

@@ -12,19 +12,19 @@ from math import pi, sqrt
 import numpy as np
 
 from cosim.port import Array
-from rigid.kernels import compiled
+from rigid.kernels import compile_kernel
 from rigid.mujoco.step_data import CAGE, SHELL, Instant, Joints, Readings, Surface
 
 HERTZ_DAMPING, BED_DAMPING = 1.5, 1.0
 NO_SLIP = 1e-12
 """m/s, below which the direction of slip is not asked for."""
 MOST_TRIALS = 60
-"""Of a step: rounds of Newton's iteration, and halvings in them."""
+"""Most rounds of Newton's iteration in a step, and most halvings in a round."""
 Answer = tuple[Array, Array, Array]
 """Wrench (6,), its derivatives (6, 3) by the position and (6, 6) by the twist."""
 
 
-@compiled
+@compile_kernel
 def cross_matrix(a: Array) -> Array:
     """(3, 3), which times b is a x b."""
     out = np.zeros((3, 3))
@@ -33,7 +33,7 @@ def cross_matrix(a: Array) -> Array:
     return out
 
 
-@compiled
+@compile_kernel
 def times(a: Array, b: Array) -> Array:
     """a b of small matrices, for which a call of BLAS takes longer than the work."""
     out = np.zeros((a.shape[0], b.shape[1]))
@@ -44,8 +44,8 @@ def times(a: Array, b: Array) -> Array:
     return out
 
 
-@compiled
-def transposed_times(a: Array, b: Array) -> Array:
+@compile_kernel
+def multiply_transpose(a: Array, b: Array) -> Array:
     """a^T b."""
     out = np.zeros((a.shape[1], b.shape[1]))
     for k in range(a.shape[0]):
@@ -55,8 +55,8 @@ def transposed_times(a: Array, b: Array) -> Array:
     return out
 
 
-@compiled
-def applied(a: Array, x: Array) -> Array:
+@compile_kernel
+def apply(a: Array, x: Array) -> Array:
     """a x of a small matrix and a vector."""
     out = np.zeros(a.shape[0])
     for i in range(a.shape[0]):
@@ -65,8 +65,8 @@ def applied(a: Array, x: Array) -> Array:
     return out
 
 
-@compiled
-def transposed_applied(a: Array, x: Array) -> Array:
+@compile_kernel
+def apply_transpose(a: Array, x: Array) -> Array:
     """a^T x."""
     out = np.zeros(a.shape[1])
     for k in range(a.shape[0]):
@@ -75,7 +75,7 @@ def transposed_applied(a: Array, x: Array) -> Array:
     return out
 
 
-@compiled
+@compile_kernel
 def dot(a: Array, b: Array) -> float:
     """a . b."""
     total = 0.0
@@ -84,7 +84,7 @@ def dot(a: Array, b: Array) -> float:
     return total
 
 
-@compiled
+@compile_kernel
 def plus(a: Array, s: float, b: Array) -> Array:
     """a + s b of vectors."""
     out = np.zeros(len(a))
@@ -93,7 +93,7 @@ def plus(a: Array, s: float, b: Array) -> Array:
     return out
 
 
-@compiled
+@compile_kernel
 def dyad(a: Array, s: float, x: Array, y: Array) -> Array:
     """A matrix a + s x y^T."""
     out = np.zeros(a.shape)
@@ -103,8 +103,8 @@ def dyad(a: Array, s: float, x: Array, y: Array) -> Array:
     return out
 
 
-@compiled
-def mixed(r: float, a: Array, s: float, b: Array) -> Array:
+@compile_kernel
+def combine(r: float, a: Array, s: float, b: Array) -> Array:
     """r a + s b of matrices."""
     out = np.zeros(a.shape)
     for i in range(a.shape[0]):
@@ -113,7 +113,7 @@ def mixed(r: float, a: Array, s: float, b: Array) -> Array:
     return out
 
 
-@compiled
+@compile_kernel
 def put(out: Array, row: int, column: int, block: Array) -> None:
     """A block of a matrix."""
     for i in range(block.shape[0]):
@@ -121,8 +121,8 @@ def put(out: Array, row: int, column: int, block: Array) -> None:
             out[row + i, column + j] = block[i, j]
 
 
-@compiled
-def joined(a: Array, b: Array) -> Array:
+@compile_kernel
+def concatenate(a: Array, b: Array) -> Array:
     """One vector after the other."""
     out = np.zeros(len(a) + len(b))
     for i in range(len(a)):
@@ -132,8 +132,8 @@ def joined(a: Array, b: Array) -> Array:
     return out
 
 
-@compiled
-def solved(a: Array, b: Array) -> Array:
+@compile_kernel
+def solve_dense(a: Array, b: Array) -> Array:
     """x of a x = b by elimination with row pivots; it compiles in a tenth of LAPACK's time."""
     n = len(b)
     a, x = a.copy(), b.copy()
@@ -157,7 +157,7 @@ def solved(a: Array, b: Array) -> Array:
     return x
 
 
-@compiled
+@compile_kernel
 def friction(surface: Surface, speed: float) -> tuple[float, float]:
     """Coefficient of friction at a slip speed (m/s), and its slope (s/m)."""
     v = speed / surface.transition_velocity
@@ -169,19 +169,19 @@ def friction(surface: Surface, speed: float) -> tuple[float, float]:
     return dry + surface.viscous_friction * speed, slope
 
 
-@compiled
+@compile_kernel
 def _drag(surface: Surface, slip: Array) -> tuple[float, Array]:
     """mu(v) / v, s/m, and the derivative (3, 3) of mu(v) s / v by the slip s, where v = |s|."""
     speed, one = sqrt(dot(slip, slip)), np.eye(3)
     if speed < NO_SLIP:
         secant = friction(surface, 0.0)[1]
-        return secant, mixed(secant, one, 0.0, one)
+        return secant, combine(secant, one, 0.0, one)
     value, slope = friction(surface, speed)
     secant = value / speed
-    return secant, dyad(mixed(secant, one, 0.0, one), (slope - secant) / speed**2, slip, slip)
+    return secant, dyad(combine(secant, one, 0.0, one), (slope - secant) / speed**2, slip, slip)
 
 
-@compiled
+@compile_kernel
 def bed(surface: Surface, d: float) -> tuple[float, float]:
     """N and N/m: a sphere in a hollow one lined with springs, their centres d apart."""
     r, x = surface.radius, d - surface.gap
@@ -193,8 +193,8 @@ def bed(surface: Surface, d: float) -> tuple[float, float]:
     return factor * total, factor * (slope - 2 * total / d)
 
 
-@compiled
-def pressed(
+@compile_kernel
+def press(
     surface: Surface,
     damping: float,
     normal: Array,
@@ -208,8 +208,8 @@ def pressed(
     and its slope by the depth.  The lever from the centre to the point is (depth / 2 - R) n, which
     is where Simbody has it between two bodies of one stiffness."""
     n, reach, one = normal, 0.5 * depth - surface.radius, np.eye(3)
-    spin, lever = cross_matrix(twist[3:]), mixed(reach, cross_matrix(n), 0.0, one)
-    rolling = applied(spin, n)
+    spin, lever = cross_matrix(twist[3:]), combine(reach, cross_matrix(n), 0.0, one)
+    rolling = apply(spin, n)
     velocity = plus(twist[:3], reach, rolling)
     along, c = dot(n, velocity), damping * surface.dissipation
     rate = 1.0 - c * along
@@ -219,24 +219,24 @@ def pressed(
     secant, by_slip = _drag(surface, slip)
     push = plus(n, -secant, slip)
     force = plus(np.zeros(3), f, push)
-    wrench = joined(force, applied(lever, force))
+    wrench = concatenate(force, apply(lever, force))
     by_position, by_twist = np.zeros((6, 3)), np.zeros((6, 6))
     if not slopes:
         return wrench, by_position, by_twist
     # Derivatives by the position (_p) and by the velocity at the point (_v).
-    velocity_p = dyad(mixed(reach, times(spin, turn), 0.0, one), -0.5, rolling, n)
-    along_p = plus(transposed_applied(velocity_p, n), 1.0, transposed_applied(turn, velocity))
+    velocity_p = dyad(combine(reach, times(spin, turn), 0.0, one), -0.5, rolling, n)
+    along_p = plus(apply_transpose(velocity_p, n), 1.0, apply_transpose(turn, velocity))
     f_p = plus(plus(np.zeros(3), -elastic[1] * rate, n), -elastic[0] * c, along_p)
-    slip_p = dyad(mixed(1.0, velocity_p, -along, turn), -1.0, n, along_p)
-    push_p = mixed(1.0, turn, -1.0, times(by_slip, slip_p))
-    force_p = dyad(mixed(f, push_p, 0.0, one), 1.0, push, f_p)
+    slip_p = dyad(combine(1.0, velocity_p, -along, turn), -1.0, n, along_p)
+    push_p = combine(1.0, turn, -1.0, times(by_slip, slip_p))
+    force_p = dyad(combine(f, push_p, 0.0, one), 1.0, push, f_p)
     push_v = times(by_slip, dyad(one, -1.0, n, n))
-    force_v = dyad(mixed(-f, push_v, 0.0, one), -elastic[0] * c, push, n)
-    lever_p = dyad(mixed(reach, turn, 0.0, one), -0.5, n, n)
-    moment_p = mixed(1.0, times(lever, force_p), -1.0, times(cross_matrix(force), lever_p))
+    force_v = dyad(combine(-f, push_v, 0.0, one), -elastic[0] * c, push, n)
+    lever_p = dyad(combine(reach, turn, 0.0, one), -0.5, n, n)
+    moment_p = combine(1.0, times(lever, force_p), -1.0, times(cross_matrix(force), lever_p))
     put(by_position, 0, 0, force_p)
     put(by_position, 3, 0, moment_p)
-    force_w = mixed(-1.0, times(force_v, lever), 0.0, one)
+    force_w = combine(-1.0, times(force_v, lever), 0.0, one)
     put(by_twist, 0, 0, force_v)
     put(by_twist, 0, 3, force_w)
     put(by_twist, 3, 0, times(lever, force_v))
@@ -244,8 +244,8 @@ def pressed(
     return wrench, by_position, by_twist
 
 
-@compiled
-def touched(surface: Surface, position: Array, twist: Array, slopes: bool) -> Answer:
+@compile_kernel
+def device_response(surface: Surface, position: Array, twist: Array, slopes: bool) -> Answer:
     """What a device does to the sphere at a position (3,) and twist (6,); no derivatives, but
     zeros, where `slopes` are not asked for."""
     wrench, by_position, by_twist = np.zeros(6), np.zeros((6, 3)), np.zeros((6, 6))
@@ -262,18 +262,21 @@ def touched(surface: Surface, position: Array, twist: Array, slopes: bool) -> An
             depth = distance - surface.gap
             normal = plus(normal, -1.0 / distance, position)
             turn = dyad(np.eye(3), -1.0, normal, normal)
-            turn = mixed(-1.0 / distance, turn, 0.0, turn)
+            turn = combine(-1.0 / distance, turn, 0.0, turn)
             elastic = bed(surface, distance)
         else:
             depth, elastic = 0.0, (0.0, 0.0)
         if depth > 0.0:
-            a, b, c = pressed(surface, damping, normal, turn, elastic, depth, twist, slopes)
+            a, b, c = press(surface, damping, normal, turn, elastic, depth, twist, slopes)
             wrench = plus(wrench, 1.0, a)
-            by_position, by_twist = mixed(1.0, by_position, 1.0, b), mixed(1.0, by_twist, 1.0, c)
+            by_position, by_twist = (
+                combine(1.0, by_position, 1.0, b),
+                combine(1.0, by_twist, 1.0, c),
+            )
     return wrench, by_position, by_twist
 
 
-@compiled
+@compile_kernel
 def elastic_force(surface: Surface, position: Array) -> Array:
     """(3,) N, what the device would do to a sphere at rest."""
     out, distance = np.zeros(3), sqrt(dot(position, position))
@@ -286,7 +289,7 @@ def elastic_force(surface: Surface, position: Array) -> Array:
     return out
 
 
-@compiled
+@compile_kernel
 def joint_torques(joints: Joints, q: Array, v: Array) -> Answer:
     """(nq,) N m of springs, limits and damping, and their derivatives by angles and rates."""
     n = len(q)
@@ -306,37 +309,39 @@ def joint_torques(joints: Joints, q: Array, v: Array) -> Answer:
     return torque, by_angle, by_rate
 
 
-@compiled
+@compile_kernel
 def residual(
     surface: Surface, joints: Joints, at: Instant, h: float, v: Array, r: Array, slopes: bool
 ) -> tuple[Array, Array, Array]:
     """Momentum and constraint left over (n + m,), their tangent if `slopes` are asked for, and the
     device's wrench, where the rates at the end of the step are v (nq,) and the reactions r (m,)."""
     n, m = len(v), len(r)
-    twist = applied(at.tip, v)
-    wrench, by_position, by_twist = touched(surface, plus(at.position, h, twist[:3]), twist, slopes)
+    twist = apply(at.tip, v)
+    wrench, by_position, by_twist = device_response(
+        surface, plus(at.position, h, twist[:3]), twist, slopes
+    )
     torque, by_angle, by_rate = joint_torques(joints, plus(at.angles, h, v), v)
-    total = plus(plus(torque, 1.0, at.torque), 1.0, applied(at.by_rate, v))
-    total = plus(total, 1.0, transposed_applied(at.tip, wrench))
-    total = plus(total, 1.0, transposed_applied(at.held, r))
-    left = plus(applied(at.mass, plus(v, -1.0, at.rates)), -h, total)
-    off = plus(applied(at.held, v), 1.0 / h, at.drift)
+    total = plus(plus(torque, 1.0, at.torque), 1.0, apply(at.by_rate, v))
+    total = plus(total, 1.0, apply_transpose(at.tip, wrench))
+    total = plus(total, 1.0, apply_transpose(at.held, r))
+    left = plus(apply(at.mass, plus(v, -1.0, at.rates)), -h, total)
+    off = plus(apply(at.held, v), 1.0 / h, at.drift)
     tangent = np.zeros((n + m, n + m))
     if not slopes:
-        return joined(left, off), tangent, wrench
+        return concatenate(left, off), tangent, wrench
     for i in range(6):
         for j in range(3):
             by_twist[i, j] += h * by_position[i, j]
-    by_tip = transposed_times(at.tip, times(by_twist, at.tip))
-    put(tangent, 0, 0, mixed(1.0, at.mass, -h, mixed(1.0, at.by_rate, 1.0, by_tip)))
+    by_tip = multiply_transpose(at.tip, times(by_twist, at.tip))
+    put(tangent, 0, 0, combine(1.0, at.mass, -h, combine(1.0, at.by_rate, 1.0, by_tip)))
     for i in range(n):
         tangent[i, i] -= h * (by_rate[i] + h * by_angle[i])
         for k in range(m):
             tangent[n + k, i], tangent[i, n + k] = at.held[k, i], -h * at.held[k, i]
-    return joined(left, off), tangent, wrench
+    return concatenate(left, off), tangent, wrench
 
 
-@compiled
+@compile_kernel
 def step(
     surface: Surface, joints: Joints, at: Instant, h: float, reaction: Array, tolerance: float
 ) -> tuple[bool, Array, Array, Array, float]:
@@ -352,27 +357,27 @@ def step(
         trial, slope, wrench = residual(surface, joints, at, h, ahead, after, slopes)
         trial_size = _size(trial, n, h)
         if trial_size <= tolerance:
-            lost = h * _dissipated(surface, at, h, ahead, wrench)
+            lost = h * _dissipation(surface, at, h, ahead, wrench)
             return True, ahead, after, wrench, lost
         if not slopes:
             continue
         if trial_size < size or k == 1:
             v, r, size, left, tangent = ahead, after, trial_size, trial, slope
-            move = solved(tangent, left)
+            move = solve_dense(tangent, left)
         else:
             move = plus(move, -0.5, move)
     return False, v, r, np.zeros(6), 0.0
 
 
-@compiled
-def _dissipated(surface: Surface, at: Instant, h: float, v: Array, wrench: Array) -> float:
+@compile_kernel
+def _dissipation(surface: Surface, at: Instant, h: float, v: Array, wrench: Array) -> float:
     """W: the elastic part's power less the device's."""
-    twist = applied(at.tip, v)
+    twist = apply(at.tip, v)
     elastic = elastic_force(surface, plus(at.position, h, twist[:3]))
     return dot(elastic, twist[:3]) - dot(wrench, twist)
 
 
-@compiled
+@compile_kernel
 def _size(left: Array, n: int, h: float) -> float:
     """N m: the largest torque left over; a rate of 1 m/s off a constraint counts as 1 N m."""
     largest = 0.0
@@ -383,7 +388,7 @@ def _size(left: Array, n: int, h: float) -> float:
     return largest
 
 
-@compiled
+@compile_kernel
 def arms(now: Readings, tendons: int) -> Array:
     """(nt, nq) m, shortening of each tendon per rad."""
     out = np.zeros((tendons, len(now.bias)))
@@ -392,7 +397,7 @@ def arms(now: Readings, tendons: int) -> Array:
     return out
 
 
-@compiled
+@compile_kernel
 def instant(
     now: Readings,
     angles: Array,
@@ -412,17 +417,17 @@ def instant(
             mass[i, j] = now.mass[now.mass_at[i, j]]
             for t in range(len(stiffness)):
                 by_rate[i, j] -= h * arm[t, i] * stiffness[t] * arm[t, j]
-    torque = plus(transposed_applied(arm, tension), -1.0, now.bias)
+    torque = plus(apply_transpose(arm, tension), -1.0, now.bias)
     tip, gap = np.zeros((6, n)), plus(now.tip, -1.0, now.target)
-    put(tip, 0, 0, transposed_times(now.frame, now.jacobian[:3]))
-    put(tip, 3, 0, transposed_times(now.frame, now.jacobian[3:]))
-    held, drift = times(now.basis, now.jacobian), applied(now.basis, joined(gap, turned))
-    place = transposed_applied(now.frame, gap)
+    put(tip, 0, 0, multiply_transpose(now.frame, now.jacobian[:3]))
+    put(tip, 3, 0, multiply_transpose(now.frame, now.jacobian[3:]))
+    held, drift = times(now.basis, now.jacobian), apply(now.basis, concatenate(gap, turned))
+    place = apply_transpose(now.frame, gap)
     return Instant(angles, rates, mass, torque, by_rate, tip, place, held, drift)
 
 
-@compiled
-def advanced(
+@compile_kernel
+def advance_step(
     surface: Surface,
     joints: Joints,
     now: Readings,
@@ -437,16 +442,19 @@ def advanced(
 
     Whether it converged, then at its end angles, rates, reactions, the wrench on the tip (6,) in
     the world, tensions, kinetic energy and what the device dissipated (J)."""
+    # the start of the step, with the torques from elsewhere
     start = instant(now, at[0], at[1], pull[0], pull[1], more[0], h)
     for i in range(len(at[1])):
         start.torque[i] += more[1][i]
         for j in range(len(at[1])):
             start.by_rate[i, j] += h * more[2][i, j]
+    # Newton on rates and reactions
     done, v, r, local, slip = step(surface, joints, start, h, at[2], tolerance)
-    device = joined(applied(now.frame, local[:3]), applied(now.frame, local[3:]))
-    wrench = plus(transposed_applied(now.basis, r), 1.0, device)
-    tension, shortening = pull[0].copy(), applied(arms(now, len(pull[0])), v)
+    # back to the world: wrench on the tip, tensions at the end
+    device = concatenate(apply(now.frame, local[:3]), apply(now.frame, local[3:]))
+    wrench = plus(apply_transpose(now.basis, r), 1.0, device)
+    tension, shortening = pull[0].copy(), apply(arms(now, len(pull[0])), v)
     for t in range(len(tension)):
         tension[t] -= h * pull[1][t] * shortening[t]
-    kinetic = 0.5 * dot(v, applied(start.mass, v))
+    kinetic = 0.5 * dot(v, apply(start.mass, v))
     return done, plus(at[0], h, v), v, r, wrench, tension, kinetic, slip

@@ -18,7 +18,7 @@ from rigid.chain.kinematics import (
     joint_loads,
     joint_reactions,
     joint_wrenches,
-    moved_to,
+    move_wrench,
 )
 from rigid.chain.statics import FingerState
 from rigid.mujoco.dynamics import Constant, FingerDynamics, Moment, Push
@@ -53,14 +53,17 @@ class MovingMujoco:
 
     @property
     def bodies(self) -> tuple[str, ...]:
+        """Names of the bodies that are shared with the other side."""
         return self.finger.bodies
 
     @property
     def joints(self) -> tuple[str, ...]:
+        """Names of the joints, in the order of the angles."""
         return self.finger.joints
 
     @property
     def tendons(self) -> tuple[str, ...]:
+        """Names of the tendons, in the order of the tensions."""
         return self.finger.tendons
 
     def begin(self, posture: Mapping[str, float]) -> Moving:
@@ -70,9 +73,11 @@ class MovingMujoco:
         return Moving(start, at_rest, np.zeros_like(at_rest.rates))
 
     def angles(self, state: Moving) -> Array:
+        """Joint angles (nq,) of a state, rad."""
         return state.moment.angles
 
     def rates(self, state: Moving) -> Array:
+        """Joint rates (nq,) of a state, rad/s."""
         return state.moment.rates
 
     def tip_wrench(self, state: Moving) -> Array:
@@ -94,11 +99,11 @@ class MovingMujoco:
             raise InputError(f"load on bodies {load.at.bodies}: the finger's are {self.bodies}")
         dynamics, before = self._dynamics(state.start), state.moment
         if not (load.wrench.any() or load.by_motion.any()):
-            after = dynamics.pulled(before, tension, None, dt)
+            after = dynamics.pull(before, tension, None, dt)
             return Moving(state.start, after, (after.rates - before.rates) / dt)
         angles = before.angles + dt * (before.rates + dt * state.acceleration)
         for _ in range(MOST_ITERATIONS):
-            after = dynamics.pulled(before, tension, self._push(load, angles), dt)
+            after = dynamics.pull(before, tension, self._push(load, angles), dt)
             turn = float(np.abs(after.angles - angles).max())
             if turn <= SETTLED:
                 return Moving(state.start, after, (after.rates - before.rates) / dt)
@@ -109,9 +114,9 @@ class MovingMujoco:
         )
 
     def energy(self, state: Moving) -> float:
-        return sum(self.stored(state).values())
+        return sum(self.stored_energy(state).values())
 
-    def stored(self, state: Moving) -> dict[str, float]:
+    def stored_energy(self, state: Moving) -> dict[str, float]:
         """J: kinetic, of height, in joints and limits, in the device."""
         dynamics, at = self._dynamics(state.start), state.moment
         kinetic, height = dynamics.energies(at)
@@ -157,7 +162,7 @@ class MovingMujoco:
         finger, (angles, rates) = self.finger, now
         chain, law = finger.chain(angles), finger.law
         fingertip = np.zeros_like(hood)
-        fingertip[-1] = moved_to(-tip, chain.tip - chain.motion.position[-1])
+        fingertip[-1] = move_wrench(-tip, chain.tip - chain.motion.position[-1])
         momentum = [finger.momentum(*state) for state in (before, now)]
         change = (momentum[0] - momentum[1]) / dt
         centre = finger.mass_centres(angles) - chain.motion.position
@@ -167,7 +172,7 @@ class MovingMujoco:
             "limit": joint_wrenches(chain, law.limit(angles)[0]),
             "damping": joint_wrenches(chain, law.viscous(angles, rates)[0]),
             "fingertip": fingertip,
-            "inertia": moved_to(change, centre),
+            "inertia": move_wrench(change, centre),
         }
         applied = hood + np.sum(list(books.values()), axis=0)
         joint = joint_loads(chain, joint_reactions(chain, applied))

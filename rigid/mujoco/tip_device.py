@@ -24,7 +24,7 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.port import Array
-from rigid.mujoco.implicit_step import touched
+from rigid.mujoco.implicit_step import device_response
 from rigid.mujoco.step_data import CAGE, FREE, SHELL, Surface
 
 
@@ -105,7 +105,7 @@ class Device(Protocol):
 def wrench(device: Device, position: Array, twist: Array) -> Wrench:
     """The wrench on the sphere at a position (3,) m and twist (6,) in the device's axes."""
     place, motion = np.asarray(position, dtype=float), np.asarray(twist, dtype=float)
-    return Wrench(*touched(device.surface, place, motion, True))
+    return Wrench(*device_response(device.surface, place, motion, True))
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,7 @@ class Cage:
 
     contact: Contact = Contact()
     width: float = 0.009
-    """m, between opposite walls."""
+    """Distance between opposite walls, m."""
 
     def __post_init__(self) -> None:
         _check("cage", self.gap)
@@ -168,7 +168,7 @@ class Shell:
 
     contact: Contact = Contact()
     width: float = 0.009
-    """m, inner diameter."""
+    """Inner diameter, m."""
 
     def __post_init__(self) -> None:
         _check("shell", self.gap)

@@ -26,13 +26,14 @@ Power = Literal[1, 2, 3]
 ACCURATE = 1e-6
 """Relative: of the equations and of the conditions of optimality, what a solution may miss."""
 AT_BOUND = 1e-9
-"""Of the largest value in play: nearer than this to a bound counts as on it."""
+"""Share of the largest value in play: nearer than this to a bound counts as on it."""
 EQUALITY = 5
 """DAQP's word for an equation."""
 FEASIBLE = (1e-10, 1e-8, 1e-6)
-"""Of DAQP: where hardly any x satisfies the equations, rounding alone misses the narrowest."""
+"""DAQP's tolerances: where hardly any x satisfies the equations, rounding alone misses the
+narrowest."""
 SOFTEST = 1e-7
-"""Of the stiffest: the curvature that DAQP is given where the cost has none; taken away again by
+"""Share of the largest curvature that DAQP is given where the cost has none; taken away again by
 proximal steps, each from the last solution."""
 ROUNDING = 1e-14
 MOST_STEPS = 60
@@ -67,7 +68,7 @@ def least(programme: Programme, cost: Array, power: Power) -> Optimum | None:
     """The cheapest x of a programme at `cost` (n,), none negative; None where nothing satisfies it.
 
     Raises ConvergenceError where a solver's answer does not stand the check."""
-    scaled, scale = _scaled(programme)
+    scaled, scale = _scale(programme)
     cheap = cost / (cost.max() or 1.0)
     x = _linear(scaled, cheap) if power == 1 else _quadratic(scaled, cheap, np.zeros(len(cost)))
     if x is not None and power == 3:
@@ -111,7 +112,7 @@ def optimality(programme: Programme, gradient: Array, x: Array) -> tuple[Array, 
     return np.array(found.x[:m]), float(found.x[m] / (np.abs(gradient).max(initial=0.0) or 1.0))
 
 
-def _scaled(programme: Programme) -> tuple[Programme, Array]:
+def _scale(programme: Programme) -> tuple[Programme, Array]:
     """Each equation over its largest coefficient, and those."""
     scale = np.abs(programme.A).max(axis=1, initial=0.0)
     scale = np.where(scale > 0, scale, 1.0)
@@ -156,11 +157,11 @@ def _active_set(programme: Programme, diagonal: Array, slope: Array) -> Array | 
             primal_tol=tolerance,
         )
         if flag >= 1:
-            return _polished(programme, diagonal, slope, np.asarray(x))
+            return _polish(programme, diagonal, slope, np.asarray(x))
     return None
 
 
-def _polished(programme: Programme, diagonal: Array, slope: Array, x: Array) -> Array:
+def _polish(programme: Programme, diagonal: Array, slope: Array, x: Array) -> Array:
     """The same by the equations of the values between their bounds alone; the solver's own where
     that would leave a bound."""
     near = 1e-8 * max(1.0, float(np.abs(x).max(initial=0.0)))

@@ -26,7 +26,7 @@ from rigid.muscle.newton import STEEP, Array, NotConverged, increasing_root
 from rigid.muscle.parameters import Muscles
 
 TOLERANCE = 1e-13
-"""Of a fibre length where it is bracketed, by the shorter one of fibre and tendon."""
+"""Share of a fibre length to which it is bracketed, by the shorter one of fibre and tendon."""
 CLOSE = 1e-6
 """A last step of Newton's, likewise, after which what is left is below 1e-8 F0."""
 STEADY = 1e-4
@@ -107,7 +107,7 @@ def equilibrium(
         start = _first_guess(muscles, activation, path)
     else:
         start = along(muscles, np.maximum(guess, muscles.shortest_fibre))
-    s, _ = solved(muscles, activation, path, start, muscles.optimal_fibre_length, 0.0)
+    s, _ = solve_balance(muscles, activation, path, start, muscles.optimal_fibre_length, 0.0)
     length = np.sqrt(s * s + muscles.scales.width2)
     at = balance(muscles, activation, path, s, length, 0.0)
     force, stiffness, gain = pull(muscles, at, s)
@@ -118,8 +118,8 @@ def equilibrium(
 
 def _conditions(muscles: Muscles, activation: ArrayLike, path: ArrayLike) -> tuple[Array, Array]:
     """Checked activation and path length of one shape (..., n)."""
-    raised = muscles.effective(muscles.checked("activation", activation, 0.0, 1.0))
-    length = muscles.checked("path length", path, 0.0, np.finfo(float).max)
+    raised = muscles.effective(muscles.check("activation", activation, 0.0, 1.0))
+    length = muscles.check("path length", path, 0.0, np.finfo(float).max)
     shape = np.broadcast_shapes(raised.shape, length.shape)
     return np.broadcast_to(raised, shape), np.broadcast_to(length, shape)
 
@@ -155,7 +155,7 @@ def pull(muscles: Muscles, at: Balance, s: Array) -> tuple[Array, Array, Array]:
     return force * muscles.max_force, stiffness * muscles.max_force, gain * muscles.max_force
 
 
-def solved(
+def solve_balance(
     muscles: Muscles, activation: Array, path: Array, start: Array, before: Array, rate: float
 ) -> tuple[Array, Balance]:
     """The root s (..., n) of the balance, m, from `start`, and the balance there; of a rigid
@@ -181,13 +181,11 @@ def solved(
         if (np.abs(change) < close).all():
             tendon = np.maximum(at.tendon - at.tendon_slope * change, 0.0)
             return s, at._replace(tendon=tendon)
-    s = _bracketed(muscles, activation, path, before, rate)
+    s = _bracket(muscles, activation, path, before, rate)
     return s, balance(muscles, activation, path, s, before, rate)
 
 
-def _bracketed(
-    muscles: Muscles, activation: Array, path: Array, before: Array, rate: float
-) -> Array:
+def _bracket(muscles: Muscles, activation: Array, path: Array, before: Array, rate: float) -> Array:
     """The root between the shortest fibre and a slack tendon; in motion the upper end is also
     where the fibre was, since a fibre that lengthens pulls."""
     lower = np.broadcast_to(muscles.shortest_along, path.shape)
@@ -214,9 +212,9 @@ def path_length(muscles: Muscles, normalised_length: ArrayLike, activation: Arra
 
     Raises InputError where a fibre would be shorter than the shortest one."""
     shortest = muscles.shortest_fibre / muscles.optimal_fibre_length
-    raised = muscles.effective(muscles.checked("activation", activation, 0.0, 1.0))
+    raised = muscles.effective(muscles.check("activation", activation, 0.0, 1.0))
     largest = np.finfo(float).max
-    length = muscles.checked("normalised fibre length", normalised_length, 0.0, largest)
+    length = muscles.check("normalised fibre length", normalised_length, 0.0, largest)
     short = length < shortest
     if short.any():
         raise InputError(

@@ -35,7 +35,7 @@ class MuscleCurves:
         return CurveTable.of([self.active, self.passive, self.velocity, self.tendon])
 
 
-def damped_curves() -> MuscleCurves:
+def curves_with_damping() -> MuscleCurves:
     """The default curves of OpenSim's muscle with fibre damping (f_AL falls to 0)."""
     return MuscleCurves(
         curves.active_force_length(),
@@ -45,7 +45,7 @@ def damped_curves() -> MuscleCurves:
     )
 
 
-def undamped_curves() -> MuscleCurves:
+def curves_without_damping() -> MuscleCurves:
     """Those of OpenSim's muscle without damping over an elastic tendon: f_AL at least 0.1, and f_V
     with half of its slopes near the largest velocities at them, so that each force has a
     velocity."""
@@ -57,7 +57,7 @@ def undamped_curves() -> MuscleCurves:
     )
 
 
-DAMPED = damped_curves()
+DAMPED = curves_with_damping()
 POSITIVE = (
     "max_force",
     "optimal_fibre_length",
@@ -130,7 +130,7 @@ class Muscles:
         where = np.broadcast_to(where, np.broadcast_shapes(where.shape, (len(self.names),)))
         return self.names[int(np.argmax(where.reshape(-1, len(self.names)).any(axis=0)))]
 
-    def checked(self, what: str, given: ArrayLike, lower: float, upper: float) -> Array:
+    def check(self, what: str, given: ArrayLike, lower: float, upper: float) -> Array:
         """`given` as floats ending in the muscles' axis.  Raises InputError, naming the muscle."""
         value = np.asarray(given, dtype=float)
         if value.shape[-1:] not in ((), (1,), (len(self.names),)):

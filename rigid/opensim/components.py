@@ -39,13 +39,14 @@ class Transform:
         return self.rotation @ point + self.position
 
     def inverse(self) -> Transform:
+        """The inverse transform."""
         return Transform(self.rotation.T, -self.rotation.T @ self.position)
 
 
 IDENTITY = Transform(np.eye(3), np.zeros(3))
 
 
-def turned(orientation: Sequence[float], position: Sequence[float]) -> Transform:
+def rotate_xyz(orientation: Sequence[float], position: Sequence[float]) -> Transform:
     """Rotations by three angles (rad) about the frame's own x, y, z, in this order."""
     from scipy.spatial.transform import Rotation
 
@@ -70,7 +71,8 @@ class Components:
     by_name: dict[str, list[Tag]] = field(default_factory=dict)
 
     def path(self, tag: Tag) -> str:
-        """Of what is within a component but none itself (a path point): below that component."""
+        """The path of a component; of what is within one but none itself (a path point), below that
+        component."""
         if id(tag) in self.path_of or tag.parent is None:
             return self.path_of.get(id(tag), "")
         above = self.path(tag.parent)
@@ -83,7 +85,7 @@ class Components:
             tag.used = True
         return found
 
-    def connected(self, owner: Tag, socket: str, default: str = "") -> Tag:
+    def resolve_socket(self, owner: Tag, socket: str, default: str = "") -> Tag:
         """The component that a socket of `owner` names.
 
         Raises InputError where the socket is missing or leads nowhere, or to several."""
@@ -105,13 +107,13 @@ class Components:
 
         Raises InputError for a frame of another kind and for frames that hang on each other."""
         place = IDENTITY
-        tag, seen = self.connected(owner, socket), set[int]()
+        tag, seen = self.resolve_socket(owner, socket), set[int]()
         while tag.kind in OFFSET_FRAMES:
             if id(tag) in seen:
                 raise tag.fault("this frame is offset from itself")
             seen.add(id(tag))
             place = offset(tag) @ place
-            tag = self.connected(tag, "parent")
+            tag = self.resolve_socket(tag, "parent")
         if tag.kind not in ("Body", "Ground"):
             raise owner.fault(
                 f"<socket_{socket}> leads to a {tag.kind}, expected a body or a frame"
@@ -122,7 +124,7 @@ class Components:
 def offset(tag: Tag) -> Transform:
     """Place of a PhysicalOffsetFrame in its parent frame."""
     tag.used = True
-    return turned(tag.values("orientation", (0.0,) * 3), tag.values("translation", (0.0,) * 3))
+    return rotate_xyz(tag.values("orientation", (0.0,) * 3), tag.values("translation", (0.0,) * 3))
 
 
 def components(model: Tag) -> Components:

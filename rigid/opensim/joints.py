@@ -45,7 +45,7 @@ class Axis:
     slope: float = 1.0
     intercept: float = 0.0
 
-    def moved(self, amount: float) -> Transform:
+    def transform(self, amount: float) -> Transform:
         if self.slide:
             return Transform(np.eye(3), self.direction * amount)
         return Transform(rotation_matrix(self.direction * amount), np.zeros(3))
@@ -98,7 +98,7 @@ def read_joint(tag: Tag, model: Components) -> Joint:
     coordinates = tuple(_coordinate(c) for c in tag.within("coordinates"))
     axes = _axes(tag, [c.name for c in coordinates])
     locked = {c.name: c.default for c in coordinates if c.locked}
-    place, screws = chained(parent, axes, child, locked)
+    place, screws = chain_axes(parent, axes, child, locked)
     return Joint(tag, parent.body, child.body, coordinates, place, screws)
 
 
@@ -113,7 +113,7 @@ def _coordinate(tag: Tag) -> Coordinate:
     return Coordinate(tag.name, tag, default, (low, high), clamped, locked)
 
 
-def chained(
+def chain_axes(
     parent: Frame, axes: list[Axis], child: Frame, locked: Mapping[str, float]
 ) -> tuple[Transform, tuple[Screw, ...]]:
     """The chain F, axes, M as one fixed transform followed by motions in the child's frame: each
@@ -122,7 +122,7 @@ def chained(
     for axis in reversed(axes):
         held = axis.coordinate is None or axis.coordinate in locked
         at = locked.get(axis.coordinate, 0.0) if axis.coordinate else 0.0
-        behind = axis.moved(axis.slope * at + axis.intercept) @ behind
+        behind = axis.transform(axis.slope * at + axis.intercept) @ behind
         if held or axis.coordinate is None:
             continue
         direction = axis.slope * behind.rotation.T @ axis.direction

@@ -53,11 +53,11 @@ class Loss:
         return f"{self.what}, line {self.line}: {self.place}: {self.reason}"
 
 
-def changed(tag: Tag, reason: str) -> Loss:
+def change_of(tag: Tag, reason: str) -> Loss:
     return Loss("changed", tag.place, tag.line, reason)
 
 
-def dropped(tag: Tag, reason: str) -> Loss:
+def drop(tag: Tag, reason: str) -> Loss:
     """The element and all within it count as read from now on."""
     tag.pass_over()
     return Loss("dropped", tag.place, tag.line, reason)

@@ -24,7 +24,7 @@ from rigid.opensim.forces import (
     read_limit,
     read_spring,
 )
-from rigid.opensim.losses import Loss, changed, dropped, report, unread
+from rigid.opensim.losses import Loss, change_of, drop, report, unread
 from rigid.opensim.mjcf import Site, mjcf_xml
 from rigid.opensim.paths import Lost, Way, read_way
 from rigid.opensim.skeleton import Skeleton, read_skeleton
@@ -94,7 +94,7 @@ def import_osim(path: Path) -> Imported:
     losses = [*skeleton.losses, *losses, *more]
     gravity = model.values("gravity", GRAVITY)
     xml = mjcf_xml(model.name or "model", gravity, skeleton, ways, _markers(parts))
-    _compiled(xml, str(path))
+    _check_compiles(xml, str(path))
     coordinates = {
         c.name: Posture(c.default, c.range, c.clamped, c.locked)
         for c in skeleton.coordinates.values()
@@ -136,29 +136,29 @@ def _muscles(model: Components) -> tuple[dict[str, Muscle], dict[str, Way], int,
         if not paths:
             continue
         if tag.kind in STRETCHED:
-            losses.append(dropped(tag, "its stretch alone makes it pull; the force is not applied"))
+            losses.append(drop(tag, "its stretch alone makes it pull; the force is not applied"))
             continue
         count += 1
         if len(paths) > 1:
             raise paths[1].fault(f"a second path; the first is in line {paths[0].line}")
         (path,) = paths
         if path.kind != PATH:
-            losses.append(dropped(tag, f"its path is a {path.kind}; only a {PATH} is imported"))
+            losses.append(drop(tag, f"its path is a {path.kind}; only a {PATH} is imported"))
             continue
         if tag.name in muscles:
             raise tag.fault("another muscle has this name; rename one")
         if not tag.flag("appliesForce", True):
-            losses.append(dropped(tag, "it applies no force (appliesForce is false)"))
+            losses.append(drop(tag, "it applies no force (appliesForce is false)"))
             continue
         try:
             way = read_way(path, model)
         except Lost as reason:
-            losses.append(dropped(tag, f"{reason}; a tendon here would have another length"))
+            losses.append(drop(tag, f"{reason}; a tendon here would have another length"))
             continue
         tag.used = path.used = True
         muscles[tag.name] = Muscle(tag.kind, dict(properties(tag)))
         ways[tag.name] = way
-        losses += [changed(*change) for change in way.changes]
+        losses += [change_of(*change) for change in way.changes]
     return muscles, ways, count, losses + _wrap_losses(ways)
 
 
@@ -169,9 +169,11 @@ def _wrap_losses(ways: Mapping[str, Way]) -> list[Loss]:
         wrap.tag.used = True
         if wrap.half_length is not None:
             long = f"{2 * wrap.half_length:g} m long in OpenSim, endless for MuJoCo's tendons"
-            out.append(changed(wrap.tag, long))
+            out.append(change_of(wrap.tag, long))
         if wrap.side is not None:
-            out.append(changed(wrap.tag, "its quadrant became a site that shows the side to keep"))
+            out.append(
+                change_of(wrap.tag, "its quadrant became a site that shows the side to keep")
+            )
     return out
 
 
@@ -186,13 +188,13 @@ def _passive(
         if coordinate not in skeleton.coordinates:
             raise tag.fault(f"<coordinate>: no coordinate is named {coordinate!r}")
         if coordinate not in skeleton.moving or not tag.flag("appliesForce", True):
-            losses.append(dropped(tag, "its coordinate is locked, or it applies no force"))
+            losses.append(drop(tag, "its coordinate is locked, or it applies no force"))
         elif tag.kind == "CoordinateLimitForce":
             limits[tag.name] = read_limit(tag, skeleton.moving[coordinate])
-            losses.append(changed(tag, "no force in the MJCF; its numbers are in the JSON file"))
+            losses.append(change_of(tag, "no force in the MJCF; its numbers are in the JSON file"))
         else:
             springs[tag.name] = read_spring(tag)
-            losses.append(changed(tag, "no force in the MJCF; its numbers are in the JSON file"))
+            losses.append(change_of(tag, "no force in the MJCF; its numbers are in the JSON file"))
     return limits, springs, losses
 
 
@@ -206,7 +208,7 @@ def _markers(model: Components) -> list[Site]:
     return out
 
 
-def _compiled(xml: str, file: str) -> None:
+def _check_compiles(xml: str, file: str) -> None:
     try:
         mujoco.MjModel.from_xml_string(xml)
     except ValueError as error:

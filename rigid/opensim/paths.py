@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cosim.port import Array
-from rigid.opensim.components import Components, Transform, turned
+from rigid.opensim.components import Components, Transform, rotate_xyz
 from rigid.opensim.xml import Tag
 
 WRAPS = ("WrapCylinder", "WrapSphere")
@@ -110,7 +110,7 @@ def _wrap(use: Tag, model: Components) -> Wrap | None:
 
 
 def _surface(tag: Tag, model: Components) -> Wrap:
-    place = turned(
+    place = rotate_xyz(
         tag.values("xyz_body_rotation", (0.0,) * 3), tag.values("translation", (0.0,) * 3)
     )
     radius, half = tag.value("radius"), None

@@ -12,7 +12,7 @@ from cosim.errors import InputError
 from cosim.port import Array
 from rigid.opensim.components import GROUND, Components
 from rigid.opensim.joints import KINDS, Coordinate, Joint, read_joint
-from rigid.opensim.losses import Loss, changed
+from rigid.opensim.losses import Loss, change_of
 from rigid.opensim.xml import Tag
 
 MOST_BODIES = 5000
@@ -46,6 +46,7 @@ class Skeleton:
 
     @cached_property
     def coordinates(self) -> dict[str, Coordinate]:
+        """Names of the skeleton's coordinates."""
         return {c.name: c for joint in self.joints.values() for c in joint.coordinates}
 
     @cached_property
@@ -115,12 +116,12 @@ def _coordinate_losses(joint: Joint) -> list[Loss]:
     out = []
     for c in joint.coordinates:
         if c.locked:
-            out.append(changed(c.tag, f"locked: rigid at {c.default:.6g}, no joint of MuJoCo"))
+            out.append(change_of(c.tag, f"locked: rigid at {c.default:.6g}, no joint of MuJoCo"))
         elif c.clamped:
             why = "clamped: its range is written for information; MuJoCo does not keep it"
-            out.append(changed(c.tag, why))
+            out.append(change_of(c.tag, why))
         if c.tag.flag("prescribed", False):
-            out.append(changed(c.tag, "prescribed: it moves freely here"))
+            out.append(change_of(c.tag, "prescribed: it moves freely here"))
     return out
 
 
@@ -137,11 +138,13 @@ def _body(tag: Tag, moving: bool) -> tuple[Body, list[Loss]]:
         )
     losses = []
     if moving and mass < LEAST_MASS:
-        losses.append(changed(tag, f"mass {mass:g} kg: {LEAST_MASS:g} kg here; MuJoCo needs some"))
+        losses.append(
+            change_of(tag, f"mass {mass:g} kg: {LEAST_MASS:g} kg here; MuJoCo needs some")
+        )
         mass = LEAST_MASS
     if mass > 0 and principal[0] < LEAST_INERTIA:
         why = f"least moment of inertia {principal[0]:g} kg m2: {LEAST_INERTIA:g} more about each"
-        losses.append(changed(tag, f"{why} axis; MuJoCo needs some"))
+        losses.append(change_of(tag, f"{why} axis; MuJoCo needs some"))
         inertia = inertia + LEAST_INERTIA * np.eye(3)
     return Body(tag, mass, centre, inertia), losses
 

@@ -24,7 +24,7 @@ MOST_HEADER = 1 << 16
 """Characters."""
 MOST_NUMBER = 1e30
 OPENSIM = "4.6"
-"""Of the layout that version 3 is written in."""
+"""OpenSim's version whose layout version 3 is written in."""
 STATES = ("value", "speed")
 """Ends of the columns of a coordinate's states, `/jointset/JOINT/COORDINATE/value`."""
 
@@ -204,13 +204,13 @@ def write_sto(path: Path, table: Table, version: Literal[1, 3] = 3) -> None:
             raise InputError(f"table {table.name!r}: {label!r} is no label; leave out blanks and =")
     scale = _scale(table.columns, table.angles) if table.in_degrees else np.ones(len(table.columns))
     rows = np.column_stack([table.time, table.values * scale])
-    lines = [*_written_header(table, version), "\t".join(("time", *table.columns))]
+    lines = [*_header_lines(table, version), "\t".join(("time", *table.columns))]
     lines += ["\t".join(map(repr, row)) for row in rows.tolist()]
     with written_whole(path) as part:
         part.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def _written_header(table: Table, version: Literal[1, 3]) -> list[str]:
+def _header_lines(table: Table, version: Literal[1, 3]) -> list[str]:
     name = " ".join(table.name.split()) or "table"
     degrees = f"inDegrees={'yes' if table.in_degrees else 'no'}"
     if version == 1:

@@ -31,7 +31,7 @@ from rigid.air.plant import (
     at_rest,
     openings,
     resting_pressure,
-    settled,
+    resting_voltage,
     step,
 )
 
@@ -105,7 +105,7 @@ def discharge_rows() -> Iterator[Row]:
         yield Row(name, quantity, float(left[0]), found, tolerance, FIRST_LAW)
 
 
-def compressed(heat: float, count: int) -> float:
+def compress(heat: float, count: int) -> float:
     """Pressure over the first, of a shut chamber whose volume halves in 0.1 s in so many steps."""
     air = Pneumatics(Valve(conductance=1e-20, lag=1e3), Cylinder(heat=heat))
     state = at_rest(air, np.full(1, 5.0), VOLUME)
@@ -118,11 +118,11 @@ def compressed(heat: float, count: int) -> float:
 def compression_rows() -> Iterator[Row]:
     """p V^n constant, n = gamma without heat and 1 with much of it; the integrator's order."""
     exact = 2.0**GAMMA
-    coarse, fine = (abs(compressed(0.0, n) - exact) for n in (8, 16))
+    coarse, fine = (abs(compress(0.0, n) - exact) for n in (8, 16))
     order = float(np.log2(coarse / fine))
     name, what = "compression to half", "pressure over the first"
-    yield Row(f"{name}, adiabatic", what, exact, compressed(0.0, 100), 1e-8, "p V^gamma constant")
-    yield Row(f"{name}, isothermal", what, 2.0, compressed(MUCH_HEAT, 100), 1e-2, "p V constant")
+    yield Row(f"{name}, adiabatic", what, exact, compress(0.0, 100), 1e-8, "p V^gamma constant")
+    yield Row(f"{name}, isothermal", what, 2.0, compress(MUCH_HEAT, 100), 1e-2, "p V constant")
     source = "Runge and Kutta's method is of fourth order"
     yield Row("compression", "order in time", 4.0, order, 0.2, source, "absolute", order)
 
@@ -138,7 +138,7 @@ def rest_rows() -> Iterator[Row]:
     name = "rest at 4.6 to 5.4 V"
     yield Row(name, "plant after 3 s over the closed form, less 1", 0.0, gap, 1e-4, FIRST_LAW,
               "absolute")  # fmt: skip
-    back = float(np.abs(settled(air.valve, rest) - volts).max())
+    back = float(np.abs(resting_voltage(air.valve, rest) - volts).max())
     yield Row(
         name, "V, closed form of its inverse", 0.0, back, 1e-12, "its own inverse", "absolute"
     )

@@ -12,7 +12,7 @@ from rigid.chain.planar_chain import BUCHNER
 from rigid.hoods.network import Network
 from rigid.hoods.two_band import TABLE_1, coupled_dip
 from rigid.papers.networks.human_network import MUSCLES, STIFFNESS, TENDONS, human_finger
-from rigid.papers.networks.point_contact import best_share, distal_torque, settled
+from rigid.papers.networks.point_contact import best_share, distal_torque, settle
 
 PAPER = (
     "Development and Validation of Modeling Framework for Interconnected Tendon Networks in "
@@ -36,7 +36,7 @@ def rows() -> Iterator[Row]:
     for others in LOADS:
         name = " + ".join(["EDC 10 N", *(f"{m} {f:g} N" for m, f in others.items())])
         force = np.array([{"EDC": EDC, **others}.get(muscle, 0.0) for muscle in MUSCLES])
-        angle = settled(BUCHNER.length, network, force, START, time=50.0)
+        angle = settle(BUCHNER.length, network, force, START, time=50.0)
         bears = float(network.solve(angle, force)[1][SLIP] / EDC)
         apart = abs(_optimum(network, angle, force) - bears)
         yield Row(name, "optimal share less the settled one", 1e-6, apart, 0.0, PAPER, "bound")

@@ -82,7 +82,7 @@ def twin_rows(figures: dict[str, Any]) -> Iterator[Row]:
     for muscle, devices in figures["muscles"].items():
         for kind, theirs in devices.items():
             device = Cage() if kind == "cage" else None
-            found = _simulated(finger, (muscle,), device).force[-1]
+            found = _simulate(finger, (muscle,), device).force[-1]
             name = f"twin, {muscle} {TENSIONS[muscle]} N, {kind}"
             yield from _force_rows(name, found, np.array(theirs["force"]), figures["engine"])
 
@@ -96,7 +96,7 @@ def live_rows() -> Iterator[Row]:
     source = f"OpenSim {opensim.GetVersion()}, installed"
     finger = MujocoFinger(twin_model(), law=twin_law())
     for muscle in TENSIONS:
-        found = _simulated(finger, (muscle,), None).force[-1]
+        found = _simulate(finger, (muscle,), None).force[-1]
         yield from _force_rows(f"twin, {muscle}, live", found, twin(muscle, False).force, source)
 
 
@@ -122,7 +122,7 @@ def _device_rows(
     name: str, finger: MujocoFinger, muscles: tuple[str, ...], bound: bool
 ) -> Iterator[Row]:
     devices: tuple[Device | None, ...] = (None, Cage(), Shell())
-    ran = [_simulated(finger, muscles, device) for device in devices]
+    ran = [_simulate(finger, muscles, device) for device in devices]
     point, cage, shell = (float(np.linalg.norm(s.force[-1])) for s in ran)
     if ran[1].at_rest and ran[2].at_rest:
         apart = abs(cage - shell)
@@ -140,7 +140,7 @@ def rest_rows() -> Iterator[Row]:
     start = finger.start(POSTURE)
     for name, muscles in ALONE.items():
         _, balance = at_rest(finger, start, _pull(finger, muscles))
-        apart = np.abs(_simulated(finger, muscles, None).force[-1] - balance.tip_force).max()
+        apart = np.abs(_simulate(finger, muscles, None).force[-1] - balance.tip_force).max()
         source = "2 s of steps of 1 ms"
         quantity = "reaction of the static solve apart N"
         yield Row(f"static, {name}", quantity, 1e-4, float(apart), 0.0, source, "bound")
@@ -162,7 +162,7 @@ def settling_index_finger() -> MujocoFinger:
     """The index finger with a fixed extensor split, linear passive joints at rest in the posture,
     limits of +-5 deg about it, damped as the twin's."""
     stiffness = dict.fromkeys(JOINTS, PASSIVE)
-    law = joint_law(JOINTS, stiffness, POSTURE).held_about(POSTURE)
+    law = joint_law(JOINTS, stiffness, POSTURE).hold_about(POSTURE)
     model = finger_model(index_finger(), central=0.5)
     return MujocoFinger(model, law=replace(law, limit_damping=LIMIT_DAMPING))
 
@@ -171,6 +171,6 @@ def _pull(finger: MujocoFinger, muscles: tuple[str, ...]) -> Array:
     return np.array([PULL[t] if t in muscles else 0.0 for t in finger.tendons])
 
 
-def _simulated(finger: MujocoFinger, muscles: tuple[str, ...], device: Device | None) -> Simulation:
+def _simulate(finger: MujocoFinger, muscles: tuple[str, ...], device: Device | None) -> Simulation:
     pull = Constant(_pull(finger, muscles))
     return simulate(FingerDynamics(finger, finger.start(POSTURE), pull, device))

@@ -130,10 +130,10 @@ def free_motion_rows() -> Iterator[Row]:
 
 def free_finger(model: FingerModel) -> MujocoFinger:
     """The finger with linear passive joints and limits at the ends of their ranges."""
-    return MujocoFinger(model, law=_ranged(model), support=FREE)
+    return MujocoFinger(model, law=_range(model), support=FREE)
 
 
-def _ranged(model: FingerModel) -> JointLaw:
+def _range(model: FingerModel) -> JointLaw:
     return joint_law(
         model.joints,
         stiffness=dict.fromkeys(model.joints, STIFFNESS),

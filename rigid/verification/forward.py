@@ -71,9 +71,9 @@ class Simulation:
     energy: Energy
     rest: Rest
     last_rate: float
-    """rad/s, the largest over the window of `rest`, and"""
+    """The largest joint rate over the window of `rest`, rad/s."""
     last_change: float
-    """N, the largest of a force component from its end."""
+    """The largest change of a force component from the end of that window, N."""
     last: Moment
     """The state at the end."""
     muscles: tuple[State, ...]
@@ -143,8 +143,8 @@ def _simulation(
 
 
 def _energy(dynamics: FingerDynamics, history: list[Moment], dt: float) -> Energy:
-    """Of tendons, springs and curves by the trapezoidal rule; of limits, device and gravity from
-    their potentials; of damping as the steps have it."""
+    """Energies of tendons, springs and curves by the trapezoidal rule, of limits, device and
+    gravity from their potentials, and of damping as the steps have it."""
     law, first, last = dynamics.law, history[0], history[-1]
     angles = _over_time([m.angles for m in history])
     rates = _over_time([m.rates for m in history])
@@ -188,5 +188,5 @@ def _springs(law: JointLaw, angles: Array) -> Array:
 
 
 def _work(force: Array, along: Array) -> float:
-    """Of force (n, k) along (n, k) by the trapezoidal rule."""
+    """Work of force (n, k) along (n, k) by the trapezoidal rule."""
     return float((0.5 * (force[1:] + force[:-1]) * np.diff(along, axis=0)).sum())

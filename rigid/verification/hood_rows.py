@@ -42,7 +42,7 @@ def network_rows() -> Iterator[Row]:
     """The human finger's network."""
     network, name = human_finger(), "network"
     posture, force = _states(network, 1000)
-    apart = max(_apart(network, q, f) for q, f in zip(posture, force, strict=True))
+    apart = max(_difference(network, q, f) for q, f in zip(posture, force, strict=True))
     what = "tensions apart from the springs' root, over the force, 1000 postures"
     yield Row(name, what, 1e-10, apart, 0.0, NETWORKS, "bound")
     yield Row(name, "s for 10^5 evaluations", 1.0, _seconds(network), 0.0, DEMAND, "bound")
@@ -86,18 +86,18 @@ def _states(network: Network, count: int) -> tuple[Array, Array]:
     return posture, rng.uniform(0.01, 60.0, (count, len(network.muscles)))
 
 
-def _apart(network: Network, angle: Array, force: Array) -> float:
+def _difference(network: Network, angle: Array, force: Array) -> float:
     """Tensions against a root search on the sum of the springs' forces, over the muscle's force."""
     length, (_, tension) = network.lengths(angle), network.solve(angle, force)
     worst = 0.0
     for i, own in enumerate(network.connection.T.astype(bool)):
         if own.any():
-            known = _bracketed(length[own], network.stiffness[own], float(force[i]))
+            known = _bracket(length[own], network.stiffness[own], float(force[i]))
             worst = max(worst, float(np.abs(tension[own] - known).max() / force[i]))
     return worst
 
 
-def _bracketed(length: Array, stiffness: Array, force: float) -> Array:
+def _bracket(length: Array, stiffness: Array, force: float) -> Array:
     nearest = length - length.min()
 
     def excess(position: float) -> float:
@@ -170,7 +170,7 @@ def _reciprocity(network: Network, operating: float | None) -> float:
         return hood.advance(state, bent, tension + change, STATIC).load.total().ravel()
 
     def excursion(twist: Array) -> Array:
-        return hood.advance(state, bent.displaced(twist), tension, STATIC).excursion
+        return hood.advance(state, bent.displace(twist), tension, STATIC).excursion
 
     each = step * np.eye(len(tension))
     arms = np.array([(load(dt) - load(-dt)) / (2 * step) for dt in each])

@@ -21,7 +21,7 @@ TABLE = Path(__file__).parent / "data" / "millard_opensim.npz"
 MILLARD = "Millard, Uchida, Seth, Delp 2013, J Biomech Eng 135:021005"
 DEFAULTS = "default parameters of OpenSim's curves"
 FORCE_TOLERANCE = 1e-4
-"""Of F0; 0.5 % is what has to be met."""
+"""Tolerance as a share of F0; 0.5 % is what has to be met."""
 
 
 def rows() -> Iterator[Row]:

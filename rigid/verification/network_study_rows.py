@@ -14,9 +14,9 @@ from scipy.optimize import minimize
 
 from cosim.checks import Row
 from cosim.port import Array
-from rigid.papers.networks.arm_switch import predicted, switch
+from rigid.papers.networks.arm_switch import predict, switch
 from rigid.papers.networks.excursion_fit import identify
-from rigid.papers.networks.excursion_fit_check import drawn, repeated
+from rigid.papers.networks.excursion_fit_check import draw_samples, repeat
 from rigid.papers.networks.human_network import MUSCLES, OPERATING_FORCE, human_finger
 from rigid.papers.networks.robotic_finger import LENGTH
 from rigid.papers.networks.share_models import (
@@ -39,7 +39,7 @@ from rigid.papers.networks.testbed_study import (
     REPORTED_ERRORS,
     Trial,
     errors,
-    kept_to_curve,
+    keep_to_curve,
     trials,
 )
 
@@ -62,7 +62,7 @@ def switch_rows() -> Iterator[Row]:
     network, name = human_finger(), "switch at DIP 45 deg"
     source = PAPER + "III-A; equations 6 and 7"
     pairs = [(m, f) for m in range(3) for f in (0.01, 1.0, OPERATING_FORCE, 100.0)]
-    ends = [np.array(switch(network, m, DIP, f)) - predicted(network, m, DIP, f) for m, f in pairs]
+    ends = [np.array(switch(network, m, DIP, f)) - predict(network, m, DIP, f) for m, f in pairs]
     worst = float(np.abs(ends).max())
     yield Row(name, "ends apart from their closed form, rad", 1e-12, worst, 0.0, source, "bound")
     width = {f: switch(network, 0, DIP, f).width for f in (LITTLE, 100 * LITTLE, OPERATING_FORCE)}
@@ -80,7 +80,7 @@ def switch_rows() -> Iterator[Row]:
 def identification_rows() -> Iterator[Row]:
     """700 poses with 1.5 mm of noise, over and over."""
     name, source = "identification", PAPER + "IV-B: 700 poses, RMS 1.54 mm; robotic_finger.py"
-    alone, joined = repeated(DRAWS)
+    alone, joined = repeat(DRAWS)
     for words, draws in (("excursions alone", alone), ("with the coupling curve", joined)):
         yield Row(
             name,
@@ -104,7 +104,7 @@ def identification_rows() -> Iterator[Row]:
 def inverse_rows() -> Iterator[Row]:
     """Equation 13 where its answer is known: fingertip forces of the model's own."""
     name, source = "inverse prediction", PAPER + "IV-D, equation 13"
-    finger = identify(*drawn(0)).finger(LENGTH)
+    finger = identify(*draw_samples(0)).finger(LENGTH)
     rng = np.random.default_rng(1)
     count = 40
     angle = POSTURE + rng.normal(0.0, 0.1, (count, 3))
@@ -116,10 +116,10 @@ def inverse_rows() -> Iterator[Row]:
     beaten = [c - _other(finger, angle[k], tip_force[k], estimate[k]) for k, c in enumerate(cost)]
     what = "cost above that of sequential quadratic programming, N^2"
     yield Row(name, what, 1e-5, float(max(beaten)), 0.0, source, "bound")
-    yield from _found_again(finger, angle, estimate)
+    yield from _recover(finger, angle, estimate)
 
 
-def _found_again(finger: Finger, angle: Array, force: Array) -> Iterator[Row]:
+def _recover(finger: Finger, angle: Array, force: Array) -> Iterator[Row]:
     """Forces that leave no torque at the tip are their own nearest."""
     name, source = "inverse prediction", PAPER + "IV-D, equation 13"
     ahead = forward(finger, angle, force)
@@ -179,7 +179,7 @@ def testbed_rows() -> Iterator[Row]:
 
 def _other_circle(name: str, how: str, found: Sequence[Trial]) -> Row:
     """What friction and the posture, which is not printed, do to the circle."""
-    kept = kept_to_curve(found)
+    kept = keep_to_curve(found)
     what = (
         f"circle {how}: interconnected over static, the {kept.sum()} of {SEEDS} seeds that keep "
         "to the coupling curve"

@@ -54,7 +54,7 @@ class Rig:
         self.slider = opensim.SliderJoint("slider", self.model.getGround(), body)
         self.model.addBody(body)
         self.model.addJoint(self.slider)
-        self.muscle = made(muscles, i)
+        self.muscle = make(muscles, i)
         self.muscle.addNewPathPoint("origin", self.model.getGround(), opensim.Vec3(0))
         self.muscle.addNewPathPoint("insertion", body, opensim.Vec3(0))
         self.model.addForce(self.muscle)
@@ -89,7 +89,7 @@ class Rig:
         return float(self.muscle.getTendonForce(state))
 
 
-def made(muscles: Muscles, i: int) -> Any:
+def make(muscles: Muscles, i: int) -> Any:
     """OpenSim's muscle with the parameters of muscle `i`."""
     import opensim
 

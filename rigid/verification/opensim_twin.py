@@ -38,7 +38,7 @@ OUTWARD = (
     ("dorsal", (0, 0, 1), (0, -90, 0)),
     ("palmar", (0, 0, -1), (0, 90, 0)),
 )
-"""Of each wall its outward normal, and the turns (deg) that lay OpenSim's x axis along it."""
+"""The outward normal of each wall, and the turns (deg) that lay OpenSim's x axis along it."""
 
 
 @dataclass(frozen=True)
@@ -166,7 +166,7 @@ class OpenSimFinger:
                     actuator.addNewPathPoint(f"p{k}", self._bodies[via.body], _vec3(via.point))
                 self.model.addForce(actuator)
                 controller.addActuator(actuator)
-                full = _given(opensim.Constant(1.0))
+                full = _arguments(opensim.Constant(1.0))
                 controller.prescribeControlForActuator(actuator.getName(), full)
         self.model.addController(controller)
 
@@ -229,9 +229,9 @@ def _turns(segment: Segment) -> Any:
             names = opensim.ArrayStr()
             names.append(segment.hinges[i].name)
             turn.setCoordinateNames(names)
-            turn.setFunction(_given(opensim.LinearFunction(1.0, 0.0)))
+            turn.setFunction(_arguments(opensim.LinearFunction(1.0, 0.0)))
         else:
-            turn.setFunction(_given(opensim.Constant(0.0)))
+            turn.setFunction(_arguments(opensim.Constant(0.0)))
     return transform
 
 
@@ -244,7 +244,7 @@ def _independent(axes: Sequence[Array]) -> Array:
     return out / np.linalg.norm(out)
 
 
-def _given(function: Any) -> Any:
+def _arguments(function: Any) -> Any:
     """The function, now owned by what it is handed to."""
     function.thisown = False
     return function

@@ -43,7 +43,7 @@ class Figures:
     masses: Array
 
 
-def shipped() -> tuple[Imported, Figures]:
+def shipped_models() -> tuple[Imported, Figures]:
     """The finger that travels with the program, imported, and OpenSim's figures of it."""
     data = files("rigid.verification") / "data"
     with as_file(data / "finger.osim") as path:
@@ -127,7 +127,7 @@ def _around(start: Array, end: Array, side: Array, radius: float) -> float:
 
 def rows() -> Iterator[Row]:
     """Largest differences over all postures, by path."""
-    imported, told = shipped()
+    imported, told = shipped_models()
     ours = at_postures(imported.xml, told.coordinates, told.paths, told.postures)
     length = np.abs(ours.lengths - told.lengths).max(axis=0)
     arm = np.abs(ours.arms - told.arms).max(axis=(0, 2))

@@ -13,7 +13,7 @@ from cosim.port import Array
 from rigid.fingers.robot import robot_finger
 from rigid.mujoco.finger import MujocoFinger
 from rigid.papers.xu2012.control import JOINT_GAINS, joint_forces, remember
-from rigid.papers.xu2012.pose import estimated
+from rigid.papers.xu2012.pose import estimate
 from rigid.papers.xu2012.tensions import tensions
 from rigid.papers.xu2012.tracking import MARKERS, NOISE, poses
 
@@ -37,13 +37,13 @@ def bench_robot(count: int = COUNT, second_extensor: bool = True) -> dict[str, f
 
         arms = finger.moment_arms(goal)
         times["loop_s"].append(_seconds(partial(_loop, finger, seen, guess, goal)))
-        times["estimation_s"].append(_seconds(partial(estimated, finger, MARKERS, seen, guess)))
+        times["estimation_s"].append(_seconds(partial(estimate, finger, MARKERS, seen, guess)))
         times["qp_s"].append(_seconds(partial(tensions, torque, arms)))
     return {name: median(each) for name, each in times.items()}
 
 
 def _loop(finger: MujocoFinger, seen: Array, guess: Array, goal: Array) -> None:
-    found = estimated(finger, MARKERS, seen, guess).angle
+    found = estimate(finger, MARKERS, seen, guess).angle
     joint_forces(JOINT_GAINS, remember(guess), found, goal, finger.moment_arms(found))
 
 

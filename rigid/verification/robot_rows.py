@@ -60,7 +60,7 @@ def _path_rows(name: str, six: bool) -> Iterator[Row]:
 
 def fan_rows() -> Iterator[Row]:
     """The fan of fingertip accelerations, and what the second extensor changes."""
-    five, six = checks.reached(False), checks.reached(True)
+    five, six = checks.reach_targets(False), checks.reach_targets(True)
     row = partial(Row, "fan of accelerations", source=f"{PAPER}, section V")
     flat = [float(np.median(r.flatness)) for r in (five, six)]
     yield row("third singular value over the first, five tendons, median: near a plane", 0.1,
@@ -94,7 +94,7 @@ def _control_rows(drive: str, air: bool) -> Iterator[Row]:
                 measure="absolute")  # fmt: skip
     yield from _quality_rows(joint.args[0], six)
     tendon = partial(Row, f"tendon space {drive}, six tendons", source=source)
-    home = checks.tuned(True, air).steps
+    home = checks.tune(True, air).steps
     yield tendon("unstable at the pose of tuning", 0.0, _unstable(home), 0.0, measure="absolute")
     fails = _unstable(checks.tendon_steps(True, air))
     yield tendon("poses of 50 stable with the same gains, at most 49", 49.0, checks.POSES - fails,

@@ -18,7 +18,7 @@ from cosim.port import Array
 from rigid.chain.planar_chain import BUCHNER
 from rigid.hoods.two_band import ELASTICITY, MUSCLES, TABLE_1, Entry, coupled_dip, two_band
 from rigid.muscle.least_cost import ACCURATE, Power, Programme, least
-from rigid.papers.buchner1988.coordination import Loop, deviation, flexed
+from rigid.papers.buchner1988.coordination import Loop, deviation, flex
 from rigid.papers.buchner1988.coordination_findings import feasible, findings, flexion
 from rigid.papers.buchner1988.flexion import (
     DURATION,
@@ -79,9 +79,9 @@ class Programmes:
 
     def change(self) -> float:
         """s, when the linear programme's FDS falls silent and the interossei begin."""
-        return float(brentq(self._flexed, 0.01 * DURATION, 0.9 * DURATION, xtol=1e-6))
+        return float(brentq(self._flex, 0.01 * DURATION, 0.9 * DURATION, xtol=1e-6))
 
-    def _flexed(self, time: float) -> float:
+    def _flex(self, time: float) -> float:
         muscles = self.linear(time).muscles
         return float(muscles[FDS] - muscles[INT])
 
@@ -120,10 +120,10 @@ def _loop_rows() -> Iterator[Row]:
     apart = float(np.degrees(np.abs(coupled_dip(PIP) - PIP * coupled_dip(PIP[-1:]) / FULL).max()))
     yield row("from the line at most, deg", apart, off.line, SEEN, measure="comparison")
     stiff = Loop(elasticity=10 * ELASTICITY)
-    far = deviation(stiff, flexed(stiff, 101)).curve
+    far = deviation(stiff, flex(stiff, 101)).curve
     yield row("from the parabola with K over that with 10 K", 10.0, off.curve / far, 0.1)
     literal = Loop(bands_answer=False)
-    on = deviation(literal, flexed(literal, 101)).line
+    on = deviation(literal, flex(literal, 101)).line
     yield row("equation 17 literally: from the line, deg", 0.0, on, 1e-6, measure="absolute")
     for share, target in ((0.5, 1.0), (1.0, 0.0)):
         part = feasible(replace(f.loop, lateral_share=share), f.motion)

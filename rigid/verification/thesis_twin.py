@@ -53,7 +53,7 @@ def twin_model() -> FingerModel:
 
 def twin_law() -> JointLaw:
     """Coordinate limits +-5 deg about the posture, and nothing else."""
-    return joint_law(JOINTS, limit_damping=LIMIT_DAMPING).held_about(POSTURE)
+    return joint_law(JOINTS, limit_damping=LIMIT_DAMPING).hold_about(POSTURE)
 
 
 def tensions(tendons: tuple[str, ...], *muscles: str) -> Array:

@@ -16,8 +16,8 @@ from cosim.analyses.estimate.capacity import capacity
 from cosim.analyses.estimate.demand import AXES, force_demand, torque_demand
 from cosim.analyses.estimate.feasible import force_set
 from cosim.analyses.estimate.joint_motion import read_motion
-from cosim.analyses.estimate.of_case import for_force, for_motion, for_torques, parsed_force, setup
-from cosim.analyses.estimate.tensions import Bounds, Cost, estimate, linearised, nearest
+from cosim.analyses.estimate.of_case import for_force, for_motion, for_torques, parse_force, setup
+from cosim.analyses.estimate.tensions import Bounds, Cost, estimate, linearise, nearest
 from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.errors import InputError
@@ -54,7 +54,7 @@ def silent(text):
 )
 def test_torques_by_tension_are_slopes(name, settings):
     s = made(name, *settings)
-    held = s.held(s.models.posture)
+    held = s.hold_finger(s.models.posture)
     tension = np.linspace(2.0, 6.0, len(held.names))
     at, step = held.at(tension, held.begin()), 1e-4
     for k in range(len(tension)):
@@ -163,13 +163,13 @@ def test_out_of_reach_names_the_nearest_that_can_be_had():
     s = made("split_edc")
     with pytest.raises(InputError, match="no tensions within their bounds make distal -100"):
         for_force(s, (-100.0, 0.0, -2.0), silent)
-    held = s.held(s.models.posture)
+    held = s.hold_finger(s.models.posture)
     at = held.at(s.capacity.least, held.begin())
     demand, wanted = force_demand(held, at), np.array([-100.0, 0.0, -2.0])
     near = nearest(demand, wanted, s.capacity.least, at, s.bounds)
     way = wanted - near
     for part, feasible in ((-1e-6, True), (1e-4, False)):
-        programme = linearised(demand, near + part * way, s.capacity.least, at, s.bounds)
+        programme = linearise(demand, near + part * way, s.capacity.least, at, s.bounds)
         assert (least(programme, np.ones(8), 2) is not None) == feasible
     forces = force_set(demand, s.capacity.least, at, s.bounds)
     normal = way / np.linalg.norm(way)
@@ -188,7 +188,7 @@ def test_where_shares_vary_the_way_there_is_told():
 )
 def test_the_set_holds_what_programmes_can_make_and_no_more(name, settings):
     s = made(name, *settings)
-    held = s.held(s.models.posture)
+    held = s.hold_finger(s.models.posture)
     at = held.at(s.capacity.least, held.begin())
     demand = force_demand(held, at)
     forces = force_set(demand, s.capacity.least, at, s.bounds)
@@ -199,14 +199,14 @@ def test_the_set_holds_what_programmes_can_make_and_no_more(name, settings):
         edge = (reach[along > 0] / along[along > 0]).min()
         for part, feasible in ((0.999, True), (1.001, False)):
             force = middle + part * edge * way
-            programme = linearised(demand, force, s.capacity.least, at, s.bounds)
+            programme = linearise(demand, force, s.capacity.least, at, s.bounds)
             assert forces.holds(force) == feasible
             assert (least(programme, np.ones(len(held.names)), 2) is not None) == feasible
 
 
 def test_the_section_of_a_set_bears_no_radial_force():
     s = made("split_edc")
-    held = s.held(s.models.posture)
+    held = s.hold_finger(s.models.posture)
     at = held.at(s.capacity.least, held.begin())
     forces = force_set(force_demand(held, at), s.capacity.least, at, s.bounds)
     section, shadow = forces.section(0, 2), forces.outline(0, 2)
@@ -241,14 +241,14 @@ def test_capacities_say_where_they_are_from():
 
 
 def test_a_force_is_read():
-    assert parsed_force("-1 N 0 N -2e3 mN".replace("mN", "N")) == (-1.0, 0.0, -2000.0)
-    assert parsed_force("-1 N, free, 0.5 N") == (-1.0, None, 0.5)
+    assert parse_force("-1 N 0 N -2e3 mN".replace("mN", "N")) == (-1.0, 0.0, -2000.0)
+    assert parse_force("-1 N, free, 0.5 N") == (-1.0, None, 0.5)
 
 
 @given(st.text(alphabet="0123456789.-+eNmfr, k*", max_size=30))
 def test_any_other_text_is_refused_with_advice(text):
     try:
-        assert len(parsed_force(text)) == 3
+        assert len(parse_force(text)) == 3
     except InputError as error:
         assert "--force" in str(error)
 
@@ -345,7 +345,7 @@ def test_what_is_no_estimate_is_not_replaced(tmp_path):
 
 def test_a_reserve_bears_what_tensions_cannot_and_no_more():
     s = made("split_edc")
-    held = s.held(s.models.posture)
+    held = s.hold_finger(s.models.posture)
     bounds, cost = Bounds(np.zeros(8), np.full(8, 1e-9)), Cost(np.ones(8), 2)
     wanted = np.array([1e-3, 0.0, 0.0, 0.0])
     found = estimate(held, torque_demand(held), wanted, bounds, cost, reserve=2e-3)
@@ -356,7 +356,7 @@ def test_a_reserve_bears_what_tensions_cannot_and_no_more():
 
 def test_torque_demands_know_every_joint():
     s = made("split_edc")
-    held = s.held(s.models.posture)
+    held = s.hold_finger(s.models.posture)
     wanted = np.array([0.02, 0.0, 0.01, 0.002])
     bounds = Bounds(s.capacity.least, s.capacity.most)
     found = estimate(held, torque_demand(held), wanted, bounds, Cost(np.ones(8), 2))

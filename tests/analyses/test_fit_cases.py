@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from cosim.analyses.identify.cases import FitCase, fit_cases, stated_cases
 from cosim.analyses.identify.fit import fit_all, interval, standing
-from cosim.analyses.identify.parameters import Parameter
+from cosim.analyses.identify.parameters import FitParameter
 from cosim.analyses.trials.outcome import Outcome
 from cosim.case.file import load_case
 from cosim.cli import app
@@ -292,21 +292,21 @@ def test_cases_are_named_or_made_of_one(held, tmp_path):
 
 @given(st.floats(-3, 3), st.floats(0.01, 5), st.floats(0, 1))
 def test_values_and_coordinates_are_inverse(low, width, part):
-    linear = Parameter("p", "", low, low + width, low, scale="linear")
+    linear = FitParameter("p", "", low, low + width, low, scale="linear")
     assert linear.value(0.0) == low
     assert linear.value(1.0) == low + width
     value = linear.value(part)
     assert linear.coordinate(value) == pytest.approx(part, abs=1e-6)
     assert abs(linear.coordinate(value) - linear.rounded(part)) <= 1.1e-4
-    positive = Parameter("p", "", 0.1, 0.1 + width, 0.1)
+    positive = FitParameter("p", "", 0.1, 0.1 + width, 0.1)
     assert positive.coordinate(positive.value(part - 2)) >= np.log(0.1)
 
 
 def test_a_linear_parameter_may_have_any_sign_and_a_logarithmic_one_not():
     with pytest.raises(InputError, match=r'0 < low < high .*scale = "linear" is for'):
-        Parameter("p", "mm", -1.0, 1.0, 0.0)
+        FitParameter("p", "mm", -1.0, 1.0, 0.0)
     with pytest.raises(InputError, match="expected low < high and a start between"):
-        Parameter("p", "mm", -1.0, 1.0, 2.0, scale="linear")
+        FitParameter("p", "mm", -1.0, 1.0, 2.0, scale="linear")
 
 
 def test_the_command_shows_and_writes_cases_apart(held, free, tmp_path):

@@ -13,7 +13,7 @@ from cosim.analyses.hood.literature import (
     COUPLINGS,
     buchner_dip,
     buchner_height,
-    coupled,
+    dip_on_coupling,
     fitted_postures,
 )
 from cosim.analyses.hood.poses import CONVERGED, HoodPoses, SolvedPose, pull_name
@@ -32,8 +32,8 @@ from cosim.analyses.hood.studies import (
 from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.errors import ConvergenceError
-from cosim.fingers.middle import MiddleFinger
-from cosim.hoods.shell.variation import scaled_moduli
+from cosim.fingers.middle import MiddleFingerConfig
+from cosim.hoods.shell.variation import scale_moduli
 from cosim.report.figures import write_figures
 from meshes.bands import Line, SagittalBands, band_heights, sagittal_angles
 
@@ -52,9 +52,9 @@ def pose(posture, pull=(), way="flexion", **numbers):
 def test_couplings_are_those_of_the_literature():
     assert buchner_dip(45.0) == pytest.approx(12.2, abs=0.05)
     assert buchner_dip(90.0) == pytest.approx(48.9, abs=0.05)
-    assert [coupled("0.7 PIP", pip) for pip in (45.0, 90.0)] == [31.0, 63.0]
-    assert coupled("Buchner less 15 deg", 45.0) == 0.0
-    assert coupled("0.7 PIP and 15 deg", 90.0) == 70.0
+    assert [dip_on_coupling("0.7 PIP", pip) for pip in (45.0, 90.0)] == [31.0, 63.0]
+    assert dip_on_coupling("Buchner less 15 deg", 45.0) == 0.0
+    assert dip_on_coupling("0.7 PIP and 15 deg", 90.0) == 70.0
     assert buchner_height(np.array([0.0, 90.0])) == pytest.approx([5.0, 1.2], abs=0.01)
 
 
@@ -65,7 +65,7 @@ def test_rest_is_looked_at_on_every_line_without_long_ways():
     for mcp in (0.0, 40.0, 80.0):
         for pip in (0.0, 45.0, 90.0):
             for name in COUPLINGS:
-                assert (mcp, pip, coupled(name, pip)) in postures
+                assert (mcp, pip, dip_on_coupling(name, pip)) in postures
     assert np.abs(np.diff(postures, axis=0))[:, 1:].max() <= 45.0
 
 
@@ -125,7 +125,7 @@ def test_a_pose_without_equilibrium_keeps_its_row():
 
 def test_all_moduli_are_scaled_those_of_second_families_too():
     case = load_case("hood_rest")
-    hood = load_case("hood_rest", scaled_moduli(case.hood, 10.0)).hood
+    hood = load_case("hood_rest", scale_moduli(case.hood, 10.0)).hood
     for name, region in case.hood.regions.items():
         assert hood.regions[name].c5 == pytest.approx(10 * region.c5)
     slip, before = (h.regions["lateral_slip_radial"] for h in (hood, case.hood))
@@ -248,4 +248,4 @@ def test_what_cannot_be_shown_is_refused(words, said, tmp_path):
 
 
 def test_levels_of_load_are_compared_at_a_posture_of_each_finger():
-    assert MiddleFinger.flexed == (40.0, 55.0, 35.0)
+    assert MiddleFingerConfig.flexed == (40.0, 55.0, 35.0)

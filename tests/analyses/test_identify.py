@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from cosim.analyses.identify.fit import Fit, confidence, fit, interval, miss, standing
-from cosim.analyses.identify.parameters import Free, Parameter, built_in, read_free
+from cosim.analyses.identify.parameters import FitParameter, Free, built_in, read_free
 from cosim.analyses.trials.outcome import outcome
 from cosim.case.file import load_case
 from cosim.cli import app
@@ -38,15 +38,15 @@ def held(tmp_path) -> Path:
     return file
 
 
-def stiffness(joint: str = "PIP", low: float = 1.0, high: float = 1000.0) -> Parameter:
+def stiffness(joint: str = "PIP", low: float = 1.0, high: float = 1000.0) -> FitParameter:
     key = f"finger.passive.{joint}.stiffness={{value}}"
-    return Parameter(f"k {joint}", "N*mm/rad", low, high, 100.0, (key,))
+    return FitParameter(f"k {joint}", "N*mm/rad", low, high, 100.0, (key,))
 
 
-TENSION = Parameter("T", "N", 0.1, 50.0, 1.0, ("tendons.EDC.tension={value}",))
+TENSION = FitParameter("T", "N", 0.1, 50.0, 1.0, ("tendons.EDC.tension={value}",))
 
 
-def of(*parameters: Parameter) -> Free:
+def of(*parameters: FitParameter) -> Free:
     """Without the built-in ones."""
     return Free(
         parameters,
@@ -165,7 +165,7 @@ def test_a_twin_of_the_hood_gives_back_its_matrix(tmp_path):
     only = tmp_path / "free.toml"
     only.write_text("[c1]\nlow = 0.3\nhigh = 3\nstart = 1\n", encoding="utf-8")
     found = fit(base.source, COARSE, read_free(only, base), targets)
-    assert found.parameters == (Parameter("c1", "MPa", 0.3, 3.0, 1.0),)
+    assert found.parameters == (FitParameter("c1", "MPa", 0.3, 3.0, 1.0),)
     assert found.values["c1"] == pytest.approx(1.1, rel=1e-3)
     assert standing(found, "c1") == "identified"
 

@@ -27,7 +27,7 @@ def rungs() -> list[ladder.Rung]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(ladder, "RUNGS", QUICK)
         source = load_case("network_edc").source
-        return list(ladder.climbed(source, ['finger.posture.PIP="50 deg"'], 1))
+        return list(ladder.solve_rungs(source, ['finger.posture.PIP="50 deg"'], 1))
 
 
 def test_a_case_keeps_all_but_its_hood():
@@ -105,6 +105,6 @@ def test_a_rung_without_equilibrium_is_a_failure(quick, tmp_path):
 
 def test_a_motion_is_no_rung():
     with pytest.raises(InputError, match="is a motion"):
-        list(ladder.climbed(load_case("forward_edc").source, [], 1))
+        list(ladder.solve_rungs(load_case("forward_edc").source, [], 1))
     ran = CliRunner().invoke(app, ["ladder", "motion_edc_fdp"])
     assert ran.exit_code == 2

@@ -10,7 +10,7 @@ import pandas
 import pytest
 from typer.testing import CliRunner
 
-from cosim.analyses.moment_arms import beside_published, draw, own_arms, published, sweep
+from cosim.analyses.moment_arms import beside_published, draw, own_arms, published_arms, sweep
 from cosim.build.models import build, tensions
 from cosim.case.file import load_case
 from cosim.cli import app
@@ -49,7 +49,7 @@ def test_cables_over_a_hood_have_the_arms_of_their_run() -> None:
 
 
 def test_published_arms_have_a_source_and_stand_beside_the_model_s() -> None:
-    known = published()
+    known = published_arms()
     assert known.source.str.len().min() > 3
     assert set(known.joint) <= {"MCP", "MCP_abduction", "PIP", "DIP"}
     compared = beside_published(build(load_case("split_edc")))
@@ -79,7 +79,7 @@ def test_published_arms_are_drawn_where_they_belong() -> None:
     models = build(load_case("split_edc"))
     table, _ = sweep(models, np.zeros(0), {"DIP": (0.1, 1.2)}, 3)
     fdp = table[table.tendon == "FDP"]
-    known = published()
+    known = published_arms()
     axes = draw(fdp, "", known, models.posture).axes[0]
     points = [line.get_xydata() for line in axes.lines if line.get_marker() == "o"]
     assert np.ravel(points) == pytest.approx([15.0, 4.99])

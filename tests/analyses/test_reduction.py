@@ -12,16 +12,16 @@ from cosim.analyses.reduction import reduce as reduction
 from cosim.analyses.reduction import walks as reduction_walks
 from cosim.analyses.reduction.case_text import case_text
 from cosim.analyses.reduction.errors import errors
-from cosim.analyses.reduction.samples import Lost, Walk, Walked, on_models
-from cosim.analyses.reduction.tip import clamped, tip_map, tip_maps
+from cosim.analyses.reduction.samples import Lost, Walk, WalkSamples, on_models
+from cosim.analyses.reduction.tip import clamp_tip, tip_map, tip_maps
 from cosim.build.models import build
 from cosim.case.file import find_case, load_case
 from cosim.cli import app
 from cosim.errors import ConvergenceError, InputError
 from cosim.hoods.lumped.build import potential
-from cosim.hoods.lumped.table import NetworkHood
+from cosim.hoods.lumped.table import NetworkHoodConfig
 from rigid.hoods.reduced import Potential
-from rigid.hoods.reduction import Order, reduced
+from rigid.hoods.reduction import Order, reduce_hood
 from tests.helpers.soft_network import FITTED, MUSCLES, SOFT, found, held_out, samples, soft_models
 
 
@@ -48,7 +48,7 @@ def test_the_case_file_holds_the_potential(tmp_path):
     path = tmp_path / "made.toml"
     path.write_text(text)
     case = load_case(path)
-    assert isinstance(case.hood, NetworkHood)
+    assert isinstance(case.hood, NetworkHoodConfig)
     assert case.hood.reduced is not None
     assert case.tension("EDC") == 8.0
     again = potential(case.hood.reduced)
@@ -94,7 +94,7 @@ def test_a_state_is_told_in_words():
 
 def test_the_tip_map_is_what_the_clamped_finger_bears():
     """tau + J^T r = 0 of a finger held at its tip: the force balances the torques that made it."""
-    case = clamped(load_case("network_edc"))
+    case = clamp_tip(load_case("network_edc"))
     finger = build(case).finger
     angle = np.array([0.5, 0.0, 0.8, 0.3])
     state = finger.start(dict(zip(finger.joints, angle, strict=True)))
@@ -103,7 +103,7 @@ def test_the_tip_map_is_what_the_clamped_finger_bears():
     step = 1e-6
     tips = []
     for e in np.eye(len(finger.unknowns(state)))[:4]:
-        ends = [finger.tip(finger.displaced(state, sign * step * e)) for sign in (1, -1)]
+        ends = [finger.tip(finger.displace(state, sign * step * e)) for sign in (1, -1)]
         tips.append((ends[0] - ends[1]) / (2 * step))
     torque = np.array(tips) @ push  # joint torques that press the tip with this force
     assert made @ torque == pytest.approx(push, rel=1e-6)
@@ -176,7 +176,7 @@ def test_held_states_are_none_of_those_fitted():
     """But drawn from the same box, from the same loads."""
     walks = [*reduction_walks.grid_walks(within()), *reduction_walks.spread_walks(within())]
     seen = np.array([at for walk in walks for at, _ in stopped(walk)])
-    held = [stop for walk in reduction_walks.held_walks(within()) for stop in stopped(walk)]
+    held = [stop for walk in reduction_walks.held_out_walks(within()) for stop in stopped(walk)]
     assert len(held) == 30
     for at, load in held:
         assert np.abs(at - seen).max(axis=1).min() > 1e-6
@@ -187,7 +187,9 @@ def test_held_states_are_none_of_those_fitted():
 
 
 def test_points_are_passed_from_one_to_the_nearest():
-    made = reduction_walks._chained(np.array([[9.0, 9.0], [0.0, 0.0], [5.0, 5.0], [1.0, 0.0]]))
+    made = reduction_walks._nearest_order(
+        np.array([[9.0, 9.0], [0.0, 0.0], [5.0, 5.0], [1.0, 0.0]])
+    )
     assert made == [1, 3, 2, 0]
 
 
@@ -231,11 +233,13 @@ def test_reducing_leaves_out_what_does_not_converge(monkeypatch, tmp_path):
 
     def in_this_process(source, settings, walks, jobs):
         for one in walks:
-            yield Walked(list(on_models(stuck, one)), 1.0)
+            yield WalkSamples(list(on_models(stuck, one)), 1.0)
 
     monkeypatch.setattr(reduction, "build", lambda case: models)
-    monkeypatch.setattr(reduction, "sampled", in_this_process)
-    monkeypatch.setattr(reduction, "fitted", lambda *a: reduced(*a[:3], Order(angle=2), a[3]))
+    monkeypatch.setattr(reduction, "sample_walks", in_this_process)
+    monkeypatch.setattr(
+        reduction, "fit_potential", lambda *a: reduce_hood(*a[:3], Order(angle=2), a[3])
+    )
     out = tmp_path / "made.toml"
     done = CliRunner().invoke(
         app, ["reduce", "fingertip_isotropic_edc", "--spread", "12", "-o", str(out)]
@@ -243,7 +247,7 @@ def test_reducing_leaves_out_what_does_not_converge(monkeypatch, tmp_path):
     assert done.exit_code == 0, done.output
     assert "left out: 22/0/55/20 deg, EDC 3.47, LUM 0.05, FPI 0.05 N: stuck" in done.output
     case = load_case(out)
-    assert isinstance(case.hood, NetworkHood)
+    assert isinstance(case.hood, NetworkHoodConfig)
     assert case.finger.tip.kind == "clamped"
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from cosim.analyses.reduction.sample_cache import kept
-from cosim.analyses.reduction.samples import Lost, Walk, Walked, on_models
+from cosim.analyses.reduction.sample_cache import cached_samples
+from cosim.analyses.reduction.samples import Lost, Walk, WalkSamples, on_models
 from cosim.cli import app
 from cosim.errors import InputError
 from cosim.hoods.lumped.reduction import Sample
@@ -33,7 +33,7 @@ def sampler(asked: list[Walk], most: int = 99):
                 raise CutOff
             asked.append(walk)
             states = list(on_models(models, walk))
-            yield Walked([*states, Lost(walk.angles[0], walk.tensions[0], "stuck")], 0.25)
+            yield WalkSamples([*states, Lost(walk.angles[0], walk.tensions[0], "stuck")], 0.25)
 
     return sample
 
@@ -47,11 +47,11 @@ def same(one: Sample | Lost, other: Sample | Lost) -> bool:
 def test_what_was_cut_off_goes_on_with_the_same_bits(tmp_path):
     path, asked = tmp_path / "samples.json", []
     with pytest.raises(CutOff):
-        list(kept(path, "a case", WALKS, sampler(asked, 2)))
+        list(cached_samples(path, "a case", WALKS, sampler(asked, 2)))
     assert asked == WALKS[:2]
-    found = list(kept(path, "a case", WALKS, sampler(asked)))
+    found = list(cached_samples(path, "a case", WALKS, sampler(asked)))
     assert asked == WALKS
-    again = list(kept(path, "a case", WALKS[::-1], sampler(asked)))[::-1]
+    again = list(cached_samples(path, "a case", WALKS[::-1], sampler(asked)))[::-1]
     assert asked == WALKS  # no more
     fresh = list(sampler([])(WALKS))
     for told in (found, again):
@@ -62,10 +62,10 @@ def test_what_was_cut_off_goes_on_with_the_same_bits(tmp_path):
 
 def test_samples_of_another_case_are_refused(tmp_path):
     path = tmp_path / "samples.json"
-    list(kept(path, "a case", WALKS[:1], sampler([])))
+    list(cached_samples(path, "a case", WALKS[:1], sampler([])))
     before = path.read_bytes()
     with pytest.raises(InputError, match="holds samples of another case"):
-        list(kept(path, "another", WALKS, sampler([])))
+        list(cached_samples(path, "another", WALKS, sampler([])))
     assert path.read_bytes() == before
 
 
@@ -86,10 +86,10 @@ def damaged(told: dict, name: str, value: object) -> str:
 )
 def test_a_damaged_file_is_told(tmp_path, name, value, reason):
     path = tmp_path / "samples.json"
-    list(kept(path, "a case", WALKS[:1], sampler([])))
+    list(cached_samples(path, "a case", WALKS[:1], sampler([])))
     path.write_text(damaged(json.loads(path.read_text()), name, value))
     with pytest.raises(InputError, match=f"damaged .*{reason}"):
-        list(kept(path, "a case", WALKS[:1], sampler([])))
+        list(cached_samples(path, "a case", WALKS[:1], sampler([])))
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from cosim.anatomy.bones import Bones, read_bones
 from cosim.anatomy.case_folder import write_case
 from cosim.anatomy.read import Anatomy, Built
-from cosim.build.models import drawn_bones, hood_mesh, mjcf_of
+from cosim.build.models import bone_surfaces, hood_mesh, mjcf_of
 from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.errors import InputError
@@ -50,7 +50,7 @@ def files(ours: HoodMesh, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with our hood as hood.inp and our bones as .obj, m, in full precision."""
     folder = tmp_path_factory.mktemp("anatomy")
     write_meshio(with_a_free_node(exported(ours)), folder / "hood.inp")
-    for body, (points, faces) in drawn_bones(load_case("isometric_edc")).items():
+    for body, (points, faces) in bone_surfaces(load_case("isometric_edc")).items():
         rows = [f"v {x!r} {y!r} {z!r}" for x, y, z in points.tolist()]
         rows += [f"f {a} {b} {c}" for a, b, c in (faces + 1).tolist()]
         (folder / f"{body}.obj").write_text("\n".join(rows))
@@ -205,7 +205,7 @@ def test_a_larger_hand_keeps_its_bones_size(surfaces: Surfaces, tmp_path: Path):
     larger = {body: (1.1 * points, faces) for body, (points, faces) in surfaces.items()}
     made = Built(None, {}, Bones(larger, ()), None, {}, ())
     write_case(tmp_path, "mine", Anatomy(length_scale=1.1), made)
-    drawn = drawn_bones(load_case(tmp_path / "mine.toml"))
+    drawn = bone_surfaces(load_case(tmp_path / "mine.toml"))
     for body, (points, _) in larger.items():
         np.testing.assert_allclose(np.ptp(drawn[body][0], axis=0), np.ptp(points, axis=0))
 

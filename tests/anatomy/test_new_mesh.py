@@ -24,10 +24,10 @@ from meshes.imported.checks import (
     axes_text,
     landmarks,
     parse_axes,
-    turned_alike,
+    wind_alike,
 )
 from meshes.imported.hood import Sheet, places, read_sheet, stations
-from meshes.imported.names import missing, named
+from meshes.imported.names import map_names, missing
 from meshes.imported.raw import RawMesh, read_raw
 from meshes.skeleton import index_finger
 from tests.helpers.own_anatomy import exported, write_feb, write_meshio
@@ -70,7 +70,7 @@ def test_every_format_holds_the_same_mesh_and_sets(
         write_meshio(exported(ours), path, "gmsh22" if ending == "msh" else None)
     read = read_hood(path)
     np.testing.assert_allclose(read.points, raw.points, atol=1e-6)
-    assert missing(read, named(read, {})) == []
+    assert missing(read, map_names(read, {})) == []
     for name, cells in raw.cells.items():
         rows = {tuple(quad) for quad in raw.quads[cells].tolist()}
         assert {tuple(quad) for quad in read.quads[read.cells[name]].tolist()} == rows
@@ -152,7 +152,7 @@ def test_missing_sets_are_named_with_the_nearest_and_can_be_mapped(raw: RawMesh,
 
 def test_a_name_may_differ_in_case_and_dashes(raw: RawMesh):
     other = {name.upper().replace("_", "-"): cells for name, cells in raw.cells.items()}
-    assert missing(raw, named(replace(raw, cells=other), {})) == []
+    assert missing(raw, map_names(replace(raw, cells=other), {})) == []
 
 
 def test_a_quad_in_two_regions_or_a_loose_end_is_a_fault(raw: RawMesh, chain: Chain):
@@ -223,9 +223,9 @@ def test_a_sheet_turned_inside_out_and_a_third_quad_at_an_edge(raw: RawMesh, cha
     np.testing.assert_array_equal(read.quads, raw.quads)
     assert "all normals pointed at the bones" in " ".join(read.notes)
     with pytest.raises(InputError, match="3 cells meet at the edge from node 0 to node 1"):
-        turned_alike(np.array([[0, 1, 2, 3], [1, 0, 4, 5], [0, 1, 6, 7]]))
+        wind_alike(np.array([[0, 1, 2, 3], [1, 0, 4, 5], [0, 1, 6, 7]]))
     with pytest.raises(InputError, match="one-sided"):
-        turned_alike(np.array([[0, 1, 3, 2], [2, 3, 5, 4], [4, 5, 0, 1]]))
+        wind_alike(np.array([[0, 1, 3, 2], [2, 3, 5, 4], [4, 5, 0, 1]]))
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("m", 1e-3), ("cm", 0.1), ("um", 1e3)])

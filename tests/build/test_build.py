@@ -13,7 +13,7 @@ from cosim.build.models import Models, build, hood_mesh, tensions
 from cosim.case.file import load_case
 from cosim.errors import InputError
 from cosim.hoods.shell.view import strain_summary
-from cosim.hoods.view import drawn
+from cosim.hoods.view import hood_field
 from cosim.port import STATIC
 from fe_solver.materials.fibres import HolzapfelGasserOgden, TransIsoMooneyRivlin
 from fe_solver.materials.hyperelastic import NeoHookean
@@ -331,7 +331,7 @@ def test_a_wrinkling_sheet_bears_less():
     assert pushes[1] < 0.2 * pushes[0]
     assert set(look.tension) == {0, 1, 2}
     assert sum(states.values()) == pytest.approx(100)
-    assert np.array_equal(drawn(look).cell_data["tension_state"], look.tension)
+    assert np.array_equal(hood_field(look).cell_data["tension_state"], look.tension)
 
 
 def test_a_material_that_is_none_names_its_region():

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from cosim.build.double_count import counted_twice, stated_pairs
+from cosim.build.double_count import double_counted_pairs, pairs_of_case
 from cosim.build.fit import check_fit
 from cosim.case.file import load_case, packaged_cases
 from cosim.cli import app
@@ -38,18 +38,18 @@ ALLOWED = "coupling.allow_double_counting=true"
     ],
 )
 def test_a_source_that_the_finger_makes_is_found(source, finger):
-    (pair,) = counted_twice(("contact", source), ("EDC",), ("FDP",))
+    (pair,) = double_counted_pairs(("contact", source), ("EDC",), ("FDP",))
     assert (pair.hood, pair.finger) == (source, finger)
     assert str(pair) == f"hood {source} and {finger}"
 
 
 def test_what_only_a_hood_does_is_no_pair():
     sources = ("central_slip", "contact", "guide", "terminal_slip", "lumping", "jointed", "spring")
-    assert counted_twice(sources, ("EDC", "EI"), ("FDP", "FDS")) == ()
+    assert double_counted_pairs(sources, ("EDC", "EI"), ("FDP", "FDS")) == ()
 
 
 def test_a_tendon_on_both_sides_is_found():
-    (pair,) = counted_twice(("eyelets",), ("EDC", "FDP"), ("FDP", "FDS"))
+    (pair,) = double_counted_pairs(("eyelets",), ("EDC", "FDP"), ("FDP", "FDS"))
     assert pair.hood == pair.finger == "tendon FDP"
 
 
@@ -57,7 +57,7 @@ def test_a_tendon_on_both_sides_is_found():
 def test_only_the_thesis_cases_count_twice_and_say_so(name):
     case = load_case(name)
     check_fit(case)
-    found = [str(pair) for pair in stated_pairs(case, ())]
+    found = [str(pair) for pair in pairs_of_case(case, ())]
     is_thesis = name.startswith("thesis_one_way")
     assert found == (["hood joint_contact and joint"] if is_thesis else [])
     assert case.coupling.allow_double_counting == is_thesis

@@ -391,6 +391,6 @@ def test_the_json_schema_knows_every_table_and_requires_nothing():
         *("hood", "lesion", "solve", "forward", "coupling", "output"),
     }
     assert "required" not in str(schema)
-    thickness = schema["$defs"]["ShellHood"]["properties"]["thickness"]
+    thickness = schema["$defs"]["ShellHoodConfig"]["properties"]["thickness"]
     assert thickness["type"] == "string"
     assert thickness["examples"] == ["0.6 mm"]

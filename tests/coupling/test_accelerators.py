@@ -13,11 +13,11 @@ from cosim.coupling.accelerators import (
     Constant,
     History,
     QuasiNewton,
-    accelerated,
-    begun,
-    cleared,
+    accelerate,
     independent,
-    next_step,
+    initial_history,
+    reset_history,
+    start_step,
 )
 from cosim.errors import InputError
 from cosim.port import Array
@@ -33,27 +33,29 @@ def runs(
 ) -> tuple[list[float], History]:
     """Errors before each of so many evaluations of the map, and the history after them."""
     x, errors = np.zeros(3), []
-    history = begun(accelerator, 3) if history is None else next_step(accelerator, history)
+    history = (
+        initial_history(accelerator, 3) if history is None else start_step(accelerator, history)
+    )
     for _ in range(rounds):
         errors.append(float(np.abs(x - SOLUTION).max()))
-        x, history = accelerated(accelerator, history, x, SLOPE @ x + OFFSET)
+        x, history = accelerate(accelerator, history, x, SLOPE @ x + OFFSET)
     return [*errors, float(np.abs(x - SOLUTION).max())], history
 
 
 def scalar(accelerator: Accelerator, slope: float, rounds: int) -> float:
-    x, history = np.zeros(1), begun(accelerator, 1)
+    x, history = np.zeros(1), initial_history(accelerator, 1)
     for _ in range(rounds):
-        x, history = accelerated(accelerator, history, x, slope * x + 1.0)
+        x, history = accelerate(accelerator, history, x, slope * x + 1.0)
     return float(abs(x[0] - 1 / (1 - slope)))
 
 
 def test_a_constant_share_is_what_it_says():
     x, image = np.array([1.0, 2.0]), np.array([3.0, -2.0])
-    history = begun(Constant(0.25), 2)
-    moved, history = accelerated(Constant(0.25), history, x, image)
+    history = initial_history(Constant(0.25), 2)
+    moved, history = accelerate(Constant(0.25), history, x, image)
     np.testing.assert_allclose(moved, [1.5, 1.0], rtol=1e-15)
-    np.testing.assert_allclose(accelerated(Constant(0.25), history, x, image)[0], moved)
-    plain, _ = accelerated(Constant(), begun(Constant(), 2), x, image)
+    np.testing.assert_allclose(accelerate(Constant(0.25), history, x, image)[0], moved)
+    plain, _ = accelerate(Constant(), initial_history(Constant(), 2), x, image)
     np.testing.assert_allclose(plain, image)
 
 
@@ -72,22 +74,22 @@ def test_aitken_converges_where_the_plain_iteration_runs_away():
 def test_aitken_learns_from_the_step_that_was_made_and_not_from_the_one_it_wished():
     """A caller may shorten the step."""
     accelerator, slope = Aitken(), -20.0
-    history, x = begun(accelerator, 1), np.zeros(1)
-    aim, history = accelerated(accelerator, history, x, slope * x + 1.0)
+    history, x = initial_history(accelerator, 1), np.zeros(1)
+    aim, history = accelerate(accelerator, history, x, slope * x + 1.0)
     x = 0.1 * aim
-    x, history = accelerated(accelerator, history, x, slope * x + 1.0)
+    x, history = accelerate(accelerator, history, x, slope * x + 1.0)
     assert x[0] == pytest.approx(1 / 21, rel=1e-12)
 
 
 def test_aitken_goes_on_with_the_share_of_the_step_before():
     accelerator, x = Aitken(), np.zeros(1)
-    history = begun(accelerator, 1)
+    history = initial_history(accelerator, 1)
     for _ in range(2):
-        x, history = accelerated(accelerator, history, x, -9 * x + 1.0)
+        x, history = accelerate(accelerator, history, x, -9 * x + 1.0)
     assert history.factor == pytest.approx(0.1)
-    again, _ = accelerated(accelerator, next_step(accelerator, history), 0 * x, 0 * x + 5.0)
+    again, _ = accelerate(accelerator, start_step(accelerator, history), 0 * x, 0 * x + 5.0)
     assert again[0] == pytest.approx(0.5)
-    fresh, _ = accelerated(accelerator, cleared(accelerator, history), 0 * x, 0 * x + 5.0)
+    fresh, _ = accelerate(accelerator, reset_history(accelerator, history), 0 * x, 0 * x + 5.0)
     assert fresh[0] == pytest.approx(2.5)
 
 
@@ -100,9 +102,9 @@ def test_quasi_newton_solves_n_unknowns_in_n_plus_one_evaluations():
 
 def test_there_are_never_more_columns_than_unknowns():
     rng, accelerator = np.random.default_rng(0), QuasiNewton()
-    history = begun(accelerator, 3)
+    history = initial_history(accelerator, 3)
     for _ in range(12):
-        _, history = accelerated(accelerator, history, *rng.normal(size=(2, 3)))
+        _, history = accelerate(accelerator, history, *rng.normal(size=(2, 3)))
         assert history.residuals.shape[1] <= 3
     assert history.residuals.shape[1] == 3
 
@@ -115,16 +117,16 @@ def test_columns_of_the_step_before_save_evaluations():
     alone = replace(accelerator, reuse=False)
     again, _ = runs(alone, 1, runs(alone, 4)[1])
     assert again[-1] > 1e-2
-    emptied = cleared(accelerator, history)
+    emptied = reset_history(accelerator, history)
     assert emptied.residuals.shape == emptied.images.shape == (3, 0)
     assert emptied.last.size == 0
 
 
 def test_differences_are_not_taken_over_the_end_of_a_step():
     accelerator = QuasiNewton()
-    _, history = accelerated(accelerator, begun(accelerator, 3), np.zeros(3), OFFSET)
-    moved = next_step(accelerator, history)
-    _, after = accelerated(accelerator, moved, np.ones(3), 7 * OFFSET)
+    _, history = accelerate(accelerator, initial_history(accelerator, 3), np.zeros(3), OFFSET)
+    moved = start_step(accelerator, history)
+    _, after = accelerate(accelerator, moved, np.ones(3), 7 * OFFSET)
     assert after.residuals.shape[1] == 0
 
 
@@ -143,22 +145,22 @@ def test_the_newest_column_is_the_one_that_stays():
     """A map that has changed: the old difference along the same line gives way."""
     accelerator = QuasiNewton()
     old = replace(
-        begun(accelerator, 2),
+        initial_history(accelerator, 2),
         residuals=np.array([[1.0], [0.0]]),
         images=np.array([[9.0], [0.0]]),
     )
-    _, history = accelerated(accelerator, old, np.zeros(2), np.array([1.0, 0.0]))
-    _, history = accelerated(accelerator, history, np.array([1.0, 0]), np.array([-1.0, 0.0]))
+    _, history = accelerate(accelerator, old, np.zeros(2), np.array([1.0, 0.0]))
+    _, history = accelerate(accelerator, history, np.array([1.0, 0]), np.array([-1.0, 0.0]))
     np.testing.assert_allclose(history.residuals, [[-3.0], [0.0]])
     np.testing.assert_allclose(history.images, [[-2.0], [0.0]])
 
 
 def test_noise_makes_no_column():
     accelerator = QuasiNewton(least=1e-6)
-    _, history = accelerated(accelerator, begun(accelerator, 1), np.zeros(1), np.ones(1))
-    _, noisy = accelerated(accelerator, history, np.zeros(1), np.ones(1) + 1e-7)
+    _, history = accelerate(accelerator, initial_history(accelerator, 1), np.zeros(1), np.ones(1))
+    _, noisy = accelerate(accelerator, history, np.zeros(1), np.ones(1) + 1e-7)
     assert noisy.residuals.shape[1] == 0
-    _, told = accelerated(accelerator, history, np.zeros(1), np.ones(1) + 1e-5)
+    _, told = accelerate(accelerator, history, np.zeros(1), np.ones(1) + 1e-5)
     assert told.residuals.shape[1] == 1
 
 
@@ -168,7 +170,7 @@ def test_a_history_is_a_value(accelerator):
     x, image = OFFSET, SLOPE @ OFFSET
 
     def once() -> Array:
-        return accelerated(accelerator, history, x, image)[0]
+        return accelerate(accelerator, history, x, image)[0]
 
     first = once()
     runs(accelerator, 3, history)
@@ -178,4 +180,4 @@ def test_a_history_is_a_value(accelerator):
 @pytest.mark.parametrize("accelerator", [Constant(0.0), Aitken(-0.5), QuasiNewton(np.nan)])
 def test_a_share_that_is_not_positive_is_refused(accelerator):
     with pytest.raises(InputError, match="positive share"):
-        begun(accelerator, 3)
+        initial_history(accelerator, 3)

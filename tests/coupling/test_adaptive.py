@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cosim.coupling.adaptive import Control, adaptive
+from cosim.coupling.adaptive import Control, adaptive_step
 from cosim.coupling.schemes import Explicit, Linear, Newton, Scheme, begin, step
 from cosim.errors import ConvergenceError, InputError
 from cosim.verification.pairs import REST, pulls_on_cables, soft_pair, soft_truth, stiff_pair
@@ -19,7 +19,7 @@ def steps_of(control: Control, until: float, scheme: Scheme | None = None) -> li
     state, dt, out = begin(scheme, finger, hood, start, pulls_on_cables), 1e-3, []
     while state.time < until - 1e-12:
         dt = min(dt, until - state.time)
-        out.append(adaptive(scheme, finger, hood, state, pulls_on_cables, dt, control))
+        out.append(adaptive_step(scheme, finger, hood, state, pulls_on_cables, dt, control))
         state, dt = out[-1].state, out[-1].proposed
     return out
 
@@ -42,7 +42,7 @@ def test_a_tighter_tolerance_gives_more_steps_and_less_error(scheme):
 def test_the_scheme_makes_the_halves():
     finger, hood = soft_pair()
     state = begin(Explicit(), finger, hood, finger.begin({"MCP": 0.5}), pulls_on_cables)
-    found = adaptive(
+    found = adaptive_step(
         Explicit(), finger, hood, state, pulls_on_cables, 1e-3, Control(1.0, 1e-4, 1e-2)
     ).state
     for _ in range(2):
@@ -63,11 +63,11 @@ def test_a_jump_that_no_step_resolves_is_an_honest_stop():
     jump = lambda t: (np.array([1e3 * (t > 0.00203)]), np.zeros(0))  # noqa: E731
     control = Control(1e-6, 1e-4, 2e-3)
     state = begin(Linear(), finger, hood, finger.begin({}), jump)
-    first = adaptive(Linear(), finger, hood, state, jump, 5e-3, control)
+    first = adaptive_step(Linear(), finger, hood, state, jump, 5e-3, control)
     assert (first.taken, first.proposed, first.rejected) == (2e-3, 2e-3, 0)
     match = r"at t = 0.002 s a step of 0.0001 s, .*error of .* rad; the tolerance is 1.0e-06 rad"
     with pytest.raises(ConvergenceError, match=match):
-        adaptive(Linear(), finger, hood, first.state, jump, 2e-3, control)
+        adaptive_step(Linear(), finger, hood, first.state, jump, 2e-3, control)
 
 
 def test_a_step_that_fails_is_tried_shorter_until_the_floor():
@@ -76,12 +76,12 @@ def test_a_step_that_fails_is_tried_shorter_until_the_floor():
     ramp = lambda t: (np.array([1e3 * t]), np.zeros(0))  # noqa: E731
     state = begin(Linear(), finger, hood, finger.begin({}), ramp)
     control = Control(1.0, 1e-3, 1e-2)
-    found = adaptive(Linear(), finger, hood, state, ramp, 8e-3, control)
+    found = adaptive_step(Linear(), finger, hood, state, ramp, 8e-3, control)
     assert (found.taken, found.rejected) == (4e-3, 1)
     match = r"at t = 0.004 s a step of 0.001 s, the smallest allowed, did not converge"
     late = lambda t: ramp(2 * t)  # noqa: E731
     with pytest.raises(ConvergenceError, match=match) as stop:
-        adaptive(Linear(), finger, hood, found.state, late, 8e-3, control)
+        adaptive_step(Linear(), finger, hood, found.state, late, 8e-3, control)
     assert "tears" in str(stop.value.__cause__)
 
 

@@ -16,7 +16,7 @@ from cosim.coupling.equilibrium import (
     moment_arms,
     reciprocity,
 )
-from cosim.coupling.finger_equilibrium import affine, balanced
+from cosim.coupling.finger_equilibrium import affine, balance_finger
 from cosim.errors import ConvergenceError, InputError
 from cosim.port import (
     STATIC,
@@ -160,7 +160,7 @@ def test_the_affine_load_is_the_hoods_to_second_order():
     found = coupled(f, hood, np.array([6.0, 4.0]))
 
     def error(size: float) -> float:
-        moved = f.displaced(found.finger_state, size * np.array([1.0, -0.5, 0.8]))
+        moved = f.displace(found.finger_state, size * np.array([1.0, -0.5, 0.8]))
         motion = f.motion(moved)
         foreseen = affine(found.load, found.jacobian.load_motion, found.motion, motion)
         exact = hood.advance(found.response.state, motion, found.hood_tension, STATIC).load
@@ -177,7 +177,7 @@ def test_the_finger_balances_against_the_affine_load():
     motion = f.motion(state)
     answer = hood.advance(hood.start(motion), motion, np.array([2.0, 1.0]), STATIC)
     by_motion = hood.jacobian(answer.state).load_motion
-    there, balance = balanced(f, state, answer.load, np.zeros(0), by_motion, 1e-10)
+    there, balance = balance_finger(f, state, answer.load, np.zeros(0), by_motion, 1e-10)
     seen = affine(answer.load, by_motion, motion, f.motion(there))
     assert f.balance(there, seen, np.zeros(0)).relative == balance.relative < 1e-10
     assert f.balance(state, answer.load, np.zeros(0)).relative > 0.1
@@ -192,7 +192,7 @@ def test_moment_arms_are_how_fast_the_cables_shorten():
     assert arms[2, 1] == pytest.approx(0.0, abs=1e-15), "the palmar cable ends before the DIP"
 
     def excursion(step: Array) -> Array:
-        motion = f.motion(f.displaced(found.finger_state, step))
+        motion = f.motion(f.displace(found.finger_state, step))
         return hood.advance(found.response.state, motion, found.hood_tension, STATIC).excursion
 
     slope = [(excursion(h) - excursion(-h)) / 2e-5 for h in 1e-5 * np.eye(3)]
@@ -214,7 +214,7 @@ def stiff_limits() -> HingeFinger:
         dict(zip(hinge.JOINTS, REST, strict=True)),
     )
     posture = dict(zip(hinge.JOINTS, REST, strict=True))
-    return HingeFinger(LENGTHS, law=law.held_about(posture))
+    return HingeFinger(LENGTHS, law=law.hold_about(posture))
 
 
 @pytest.mark.parametrize("tension", [1.0, 10.0, 40.0, 80.0, 160.0, 600.0])
@@ -281,7 +281,7 @@ class Doctored:
             load_motion=self.by_motion * true.load_motion,
         )
 
-    def loosely(self, tolerance: float) -> Doctored:
+    def with_tolerance(self, tolerance: float) -> Doctored:
         return replace(self, is_loose=True)
 
 

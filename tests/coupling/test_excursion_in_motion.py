@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.build.motion import together
+from cosim.build.motion import moving_models
 from cosim.case.file import load_case
 from cosim.coupling.excursion import (
     ExcursionState,
@@ -38,7 +38,7 @@ def moved(*settings: str) -> Result:
 def own_paths(result: Result, tendon: str) -> np.ndarray:
     case = load_case("pulley_edc", [PLAIN, *LOOSE, SHORT])
     assert case.forward is not None
-    finger = together(case, case.forward).finger
+    finger = moving_models(case, case.forward).finger
     k = finger.tendons.index(tendon)
     return np.array([finger.path_lengths(q)[k] for q in result.data.angle.values])
 
@@ -111,7 +111,7 @@ def test_once_at_rest_it_takes_the_tension_that_draws_as_far_in_an_equilibrium()
     still = run_case(load_case("pulley_edc", [PLAIN, *HELD, 'tendons.FDP={tension="2 N"}']))
     case = load_case("pulley_edc", [PLAIN, *HELD, SHORT])
     assert case.forward is not None
-    finger = together(case, case.forward).finger
+    finger = moving_models(case, case.forward).finger
     k, loaded = finger.tendons.index("FDP"), still.data.angle.sel(state="loaded").values
     posture = finger.angles(finger.begin(case.finger.posture.angles()))
     far = float(finger.path_lengths(posture)[k] - finger.path_lengths(loaded)[k])

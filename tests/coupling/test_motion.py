@@ -207,7 +207,7 @@ def test_the_commands_resume_what_was_cut_off(tmp_path: Path, monkeypatch) -> No
         kept.stderr.split()
     )
     with monkeypatch.context() as early:  # Ctrl-C while the models are built
-        early.setattr(run_motion, "together", stop)
+        early.setattr(run_motion, "moving_models", stop)
         stopped = CliRunner().invoke(app, ["resume", str(out / "ramp")])
     assert stopped.exit_code == 130
     assert "what was kept before stays. Go on with: cosim resume" in stopped.stderr

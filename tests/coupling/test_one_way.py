@@ -11,7 +11,7 @@ import pytest
 
 from cosim.analyses.tip_bound import greatest_tip_force
 from cosim.case.file import load_case
-from cosim.coupling.one_way import JOINT_CONTACT, LUMPING, HandedOver, joint_forces
+from cosim.coupling.one_way import JOINT_CONTACT, LUMPING, FrozenHood, joint_forces
 from cosim.pipeline import run_case
 from cosim.port import STATIC, Load, Response
 from cosim.results.result import Result
@@ -49,14 +49,14 @@ def tip(result: Result) -> np.ndarray:
     return np.array(result.summary["fingertip_force_N"])
 
 
-def handed(**more: Any) -> HandedOver:
+def handed(**more: Any) -> FrozenHood:
     """Random wrenches of two sources on the index finger's bodies in the posture."""
     rng, finger = np.random.default_rng(1), mujoco_finger(HELD)
     at = finger.motion(finger.start(POSTURE))
     wrench = rng.normal(size=(NB, 2, 6)) * [1, 1, 1, 0.01, 0.01, 0.01]
     load = Load(finger.bodies, ("insertion", "contact"), wrench, np.zeros((1, 6)))
     by_tension = rng.normal(size=(6 * NB, 1))
-    return HandedOver(("EDC",), Response(None, load, np.zeros(1)), at, by_tension, **more)
+    return FrozenHood(("EDC",), Response(None, load, np.zeros(1)), at, by_tension, **more)
 
 
 CENTRE = np.random.default_rng(2).normal(size=(NB, 3)) * 0.01
@@ -79,7 +79,7 @@ def test_a_joint_passes_on_what_acts_beyond_it():
 def test_what_is_handed_over_keeps_its_direction_and_its_point(end, lumped):
     hood = handed(centre=CENTRE if lumped else None, joint_contact=end)
     own = hood.answered.load.total()
-    moved = hood.at.displaced(np.random.default_rng(3).normal(size=(NB, 6)) * 0.05)
+    moved = hood.at.displace(np.random.default_rng(3).normal(size=(NB, 6)) * 0.05)
     load = hood.advance(None, moved, np.zeros(1), STATIC).load
     force = own[:, :3].copy()
     force[0] = 0
@@ -109,7 +109,7 @@ def test_its_tangent_by_motion_is_exact(end, lumped):
     slope = hood.jacobian(None).load_motion
     for i, twist in enumerate(h * np.eye(6 * NB)):
         ahead, behind = (
-            hood.advance(None, hood.at.displaced(t), np.zeros(1), STATIC).load.total()
+            hood.advance(None, hood.at.displace(t), np.zeros(1), STATIC).load.total()
             for t in (twist, -twist)
         )
         np.testing.assert_allclose(slope[:, i], (ahead - behind).ravel() / (2 * h), atol=1e-8)

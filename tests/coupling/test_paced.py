@@ -89,11 +89,11 @@ def test_the_books_close_at_each_half():
 
 def _lost(result: Result) -> np.ndarray:
     """J in each half, by the case's law alone."""
-    from cosim.build.motion import together
+    from cosim.build.motion import moving_models
 
     case = load_case("pulley_edc", [PLAIN, *FREE, forward("0.01 deg"), DAMPED])
     assert case.forward is not None
-    law = together(case, case.forward).finger.finger.law
+    law = moving_models(case, case.forward).finger.finger.law
     data = result.data
     pairs = zip(data.step.values[1:], data.angle.values[1:], data.rate.values[1:], strict=True)
     return np.array([-h * law.viscous(q, v)[0] @ v for h, q, v in pairs])

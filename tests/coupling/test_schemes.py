@@ -20,7 +20,13 @@ from cosim.coupling.schemes import (
     explicit_limit,
     step,
 )
-from cosim.coupling.state import Coupled, apart, followed, standing, unexplained
+from cosim.coupling.state import (
+    Coupled,
+    advance_state,
+    energy_defect,
+    hood_point,
+    interface_residual,
+)
 from cosim.errors import ConvergenceError
 from cosim.port import STATIC, Array
 from cosim.verification.coupling import (
@@ -28,7 +34,7 @@ from cosim.verification.coupling import (
     STUDIES,
     TIGHT,
     angles_of,
-    driven,
+    drive,
     limit_row,
     order_row,
 )
@@ -67,11 +73,11 @@ def test_every_row_passes(name):
 
 
 def cables(scheme: Scheme, steps: int = 20, dt: float = 1e-3) -> list[Coupled]:
-    return driven(scheme, *soft_pair(), REST, pulls_on_cables, dt, steps)
+    return drive(scheme, *soft_pair(), REST, pulls_on_cables, dt, steps)
 
 
 def drum(scheme: Scheme, dt: float, steps: int, joints: int = 1) -> list[Coupled]:
-    return driven(scheme, *stiff_pair(joints), np.zeros(joints), pulls_on_drum, dt, steps)
+    return drive(scheme, *stiff_pair(joints), np.zeros(joints), pulls_on_drum, dt, steps)
 
 
 def full_pull(time: float) -> tuple[Array, Array]:
@@ -95,7 +101,7 @@ def test_the_two_staggered_schemes_differ():
 @pytest.mark.parametrize("scheme", EACH)
 def test_counts_of_hood_solves_and_tangents_are_true(scheme):
     finger, hood = told(3)
-    states = driven(scheme, finger, hood, np.zeros(3), pulls_on_drum, 2e-4, 15)
+    states = drive(scheme, finger, hood, np.zeros(3), pulls_on_drum, 2e-4, 15)
     assert states[-1].solves == len(hood.asked)
     assert states[-1].hood == 1 + 15, "each solve of a step begins with the step's first state"
     with_tangent = isinstance(scheme, (Newton, Linear))
@@ -122,7 +128,7 @@ def test_where_the_hood_is_asked():
     """Serial: where the finger is; parallel and linear: at q + h v of the step's start."""
     for scheme, ahead in ((Explicit(), False), (Explicit(parallel=True), True), (Linear(), True)):
         finger, hood = told()
-        last, now = driven(scheme, finger, hood, np.zeros(1), full_pull, 1e-4, 5)[-2:]
+        last, now = drive(scheme, finger, hood, np.zeros(1), full_pull, 1e-4, 5)[-2:]
         expected = last.finger.angles + 1e-4 * last.finger.rates if ahead else now.finger.angles
         gap = hood.asked[-1][0].twist_to(finger.motion(expected))
         assert np.abs(gap).max() < 1e-12
@@ -182,7 +188,7 @@ def test_the_applied_loads_work_is_what_the_finger_has_and_lost(scheme):
     lost = dt * DAMPING * (v**2).sum() + 0.5 * INERTIA * (np.diff(v) ** 2).sum()
     energy = states[-1].energy
     assert energy.load == pytest.approx(finger.energy(states[-1].finger) + lost, rel=1e-9)
-    assert unexplained(finger, states[-1]) == pytest.approx(energy.artificial - lost, rel=1e-9)
+    assert energy_defect(finger, states[-1]) == pytest.approx(energy.artificial - lost, rel=1e-9)
     w = np.array([RADIUS * s.tension[0][0] - STIFFNESS * s.finger.angles[0] for s in states])
     q = np.diff(angles_of(states)[:, 0])
     sign = -1 if isinstance(scheme, Explicit) else 1
@@ -193,7 +199,7 @@ def test_the_most_that_a_hood_has_given():
     """A released spring gives, takes back and gives less."""
     finger, hood = stiff_pair()
     still = lambda t: (np.zeros(1), np.zeros(0))  # noqa: E731
-    states = driven(Newton(), finger, hood, np.array([0.1]), still, 2e-4, 12)
+    states = drive(Newton(), finger, hood, np.array([0.1]), still, 2e-4, 12)
     given = np.array([s.energy.hood for s in states])
     assert given[-1] < 0.9 * given.max()
     np.testing.assert_array_equal([s.energy.most for s in states], np.maximum.accumulate(given))
@@ -210,12 +216,12 @@ def test_work_of_the_fingers_own_tendons():
     pulls = lambda t: (np.array([2.0]), np.array([1.0 + 10 * t]))  # noqa: E731
     state = begin(Linear(), finger, hood, finger.begin({}), lambda t: (pulls(t)[0], np.ones(1)))
     moved = finger.begin({"MCP": 0.1})
-    started = unexplained(finger, state)
-    point = standing(state.answer, finger.motion(finger.angles(moved)))
-    after = followed(finger, state, moved, state.answer, point, state.applied, pulls(0.1), 0.1)
+    started = energy_defect(finger, state)
+    point = hood_point(state.answer, finger.motion(finger.angles(moved)))
+    after = advance_state(finger, state, moved, state.answer, point, state.applied, pulls(0.1), 0.1)
     assert after.energy.own == pytest.approx(0.5 * (1.0 + 2.0) * 0.004 * 0.1)
     gained = finger.energy(moved) - after.energy.hood - after.energy.own
-    assert unexplained(finger, after) - started == pytest.approx(gained)
+    assert energy_defect(finger, after) - started == pytest.approx(gained)
     twist = state.answer.motion.twist_to(finger.motion(np.array([0.1])))
     assert after.energy.load == pytest.approx(float((state.applied * twist).sum()))
     assert after.energy.effort == pytest.approx(after.energy.own + 2.0 * RADIUS * 0.1)
@@ -239,7 +245,9 @@ def test_the_interface_residual_bounds_the_disagreement():
         for now in drum(scheme, 5e-4, 30, 3)[5:]:
             motion = finger.motion(now.finger.angles)
             answer = hood.advance(None, motion, now.tension[0], 1.0)
-            true = apart(now.applied, replace(now.answer, response=answer), schemes.LENGTH)
+            true = interface_residual(
+                now.applied, replace(now.answer, response=answer), schemes.LENGTH
+            )
             assert now.residual < 1e-2
             assert true < 30 * now.residual + 1e-12
 
@@ -252,13 +260,13 @@ def test_moments_count_over_a_length():
     answer = replace(state.answer, response=state.answer.response._replace(load=force))
     gap = np.zeros((2, 6))
     gap[1, 4] = 0.1
-    assert apart(gap, answer, 0.05) == pytest.approx(0.1 / 0.05 / 4.0)
+    assert interface_residual(gap, answer, 0.05) == pytest.approx(0.1 / 0.05 / 4.0)
     gap[0, 2] = 3.0
-    assert apart(gap, answer, 0.05) == pytest.approx(3.0 / 4.0)
+    assert interface_residual(gap, answer, 0.05) == pytest.approx(3.0 / 4.0)
     nothing = replace(force, pull=np.zeros((1, 6)))
     answer = replace(answer, response=answer.response._replace(load=nothing))
-    assert apart(gap, answer, 0.05) == pytest.approx(3.0)
-    assert apart(0 * gap, answer, 0.05) == 0.0
+    assert interface_residual(gap, answer, 0.05) == pytest.approx(3.0)
+    assert interface_residual(0 * gap, answer, 0.05) == 0.0
 
 
 def test_explicit_fails_above_its_limit_and_names_it():
@@ -285,10 +293,10 @@ def test_a_stable_explicit_run_of_a_released_hood_is_not_stopped():
     """What moves it was stored; no tendon pulls."""
     finger, hood = stiff_pair()
     still = lambda t: (np.zeros(1), np.zeros(0))  # noqa: E731
-    states = driven(Explicit(), finger, hood, np.array([0.2]), still, 1e-3, 60)
+    states = drive(Explicit(), finger, hood, np.array([0.2]), still, 1e-3, 60)
     assert np.abs(angles_of(states)).max() < 0.3
     with pytest.raises(ConvergenceError, match="nobody put in"):
-        driven(Explicit(), finger, hood, np.array([0.2]), still, 1.6e-3, 60)
+        drive(Explicit(), finger, hood, np.array([0.2]), still, 1.6e-3, 60)
 
 
 def test_no_agreement_is_an_error_and_the_state_survives():
@@ -319,13 +327,13 @@ def test_an_iteration_asks_the_hood_only_near_where_it_has_been():
 
 def test_a_tendon_going_slack_clears_the_history(monkeypatch):
     calls: list[float] = []
-    clear = schemes.cleared
+    clear = schemes.reset_history
 
     def counted(accelerator, history):
         calls.append(state.time)
         return clear(accelerator, history)
 
-    monkeypatch.setattr(schemes, "cleared", counted)
+    monkeypatch.setattr(schemes, "reset_history", counted)
     finger, hood = stiff_pair(3)
     on_off = lambda t: (np.array([FULL * (t > 0.0025) * (t < 0.0065)]), np.zeros(0))  # noqa: E731
     scheme = Implicit(QuasiNewton())

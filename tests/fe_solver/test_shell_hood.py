@@ -92,7 +92,7 @@ def test_friction_which_keeps_what_has_pulled_allows_no_detour(monkeypatch, moti
         raise ConvergenceError("stuck")
 
     hood = shells.index_hood(f"hood.contact.friction={friction}")
-    monkeypatch.setattr(ShellHood, "_in_steps", stuck)
+    monkeypatch.setattr(ShellHood, "_solve_in_steps", stuck)
     with pytest.raises(ConvergenceError, match="stuck"):
         hood.advance(hood.start(motion), motion, TENSION, STATIC)
     assert len(pulls) == ways
@@ -135,7 +135,7 @@ def test_strain_is_the_fields(hood, solved):
 
 def test_a_moved_hand_needs_no_iteration(hood, solved, motion):
     """The prediction is exact for a shift of the whole hand: guides, ties and free nodes alike."""
-    shifted = motion.moved(np.eye(3), np.array([1e-3, -2e-3, 3e-3]))
+    shifted = motion.transform(np.eye(3), np.array([1e-3, -2e-3, 3e-3]))
     response = hood.advance(solved.state, shifted, TENSION, STATIC)
     assert response.state.iterations == solved.state.iterations
     assert response.excursion == pytest.approx(solved.excursion, abs=1e-12)
@@ -145,19 +145,19 @@ def test_a_small_turn_is_foreseen(hood, solved, motion):
     """From a known state a small turn takes fewer iterations than from afresh."""
     twist = np.zeros((4, 6))
     twist[1:, 4] = 2e-3
-    near = hood.advance(solved.state, motion.displaced(twist), TENSION, STATIC)
-    afresh = hood.advance(hood.start(motion), motion.displaced(twist), TENSION, STATIC)
+    near = hood.advance(solved.state, motion.displace(twist), TENSION, STATIC)
+    afresh = hood.advance(hood.start(motion), motion.displace(twist), TENSION, STATIC)
     assert near.state.iterations - solved.state.iterations <= 5 < afresh.state.iterations
     wrench = afresh.load.wrench
     assert near.load.wrench == pytest.approx(wrench, abs=1e-6 * np.abs(wrench).max())
 
 
 def test_a_loose_hood_stops_earlier_near_the_same_state(hood, solved, motion):
-    loose = hood.loosely(1e-2)
+    loose = hood.with_tolerance(1e-2)
     response = loose.advance(loose.start(motion), motion, TENSION, STATIC)
     assert response.state.iterations < solved.state.iterations
     assert response.load.total() == pytest.approx(solved.load.total(), abs=0.1)
-    assert hood.loosely(1e-14).options == hood.options
+    assert hood.with_tolerance(1e-14).options == hood.options
 
 
 def test_a_longer_terminal_slip_leaves_the_central_slip_more(hood, solved, motion):
@@ -193,7 +193,7 @@ def test_a_bent_hood_is_the_one_that_bends_there_slowly(elements):
 
 def test_a_turn_of_the_whole_hand_is_no_leap(hood, solved, motion):
     """Joints stay as they are: one solve, however far the hand turns."""
-    turned = motion.moved(Rotation.from_rotvec([0.4, -1.9, 0.8]).as_matrix(), np.zeros(3))
+    turned = motion.transform(Rotation.from_rotvec([0.4, -1.9, 0.8]).as_matrix(), np.zeros(3))
     again = hood.advance(solved.state, turned, TENSION, STATIC)
     assert again.state.iterations == solved.state.iterations
 
@@ -269,7 +269,7 @@ def turns(motion: Motion, sizes: list[float]) -> list[Motion]:
     """The finger's bodies turned about the flexion axis, rad."""
     twist = np.zeros((4, 6))
     twist[1:, 4] = 1.0
-    return [motion.displaced(size * twist) for size in sizes]
+    return [motion.displace(size * twist) for size in sizes]
 
 
 def walked(hood: ShellHood, solved: Response, motions: list[Motion]) -> HoodState:
@@ -281,8 +281,8 @@ def walked(hood: ShellHood, solved: Response, motions: list[Motion]) -> HoodStat
 
 def missed(hood: ShellHood, state: HoodState, motion: Motion) -> tuple[float, float]:
     """m, how far the hood is from where its tangent foresees it, and from where it begins."""
-    _, foreseen = hood._foreseen(state, motion, TENSION)
-    begun = hood._bent(state, foreseen)
+    _, foreseen = hood._predict(state, motion, TENSION)
+    begun = hood._extrapolate(state, foreseen)
     end = hood.advance(state, motion, TENSION, STATIC).state.configuration.x
     return np.abs(end - foreseen.x).max(), np.abs(end - begun.x).max()
 
@@ -301,20 +301,21 @@ def test_what_happened_once_is_not_foretold():
     travel, still = np.ones((3, 3)), np.zeros((3, 3))
     before = Bend(travel, np.eye(3), still, still, still)
     x = np.array([[0.5, 0, 0], [0, -1.0, 0], [1.0, 0, 0]])
-    bend = Bend.told(before, travel, x, still)
+    bend = Bend.after_step(before, travel, x, still)
     assert np.array_equal(bend.x, x)
     assert np.array_equal(bend.steady_x, [[0.5, 0, 0], [0, 0, 0], [0, 0, 0]])
-    twice = Bend.told(before, 2 * travel, 8 * x, still)  # misses grow with the travel's square
+    # misses grow with the travel's square
+    twice = Bend.after_step(before, 2 * travel, 8 * x, still)
     assert np.array_equal(twice.steady_x[0], [4.0, 0, 0])
 
 
 def test_a_step_of_another_size_is_not_foretold(hood, solved, motion):
     first, second, far = turns(motion, [1e-5, 2e-5, 1e-3])
     state = walked(hood, solved, [first, second])
-    _, foreseen = hood._foreseen(state, far, TENSION)
-    assert hood._bent(state, foreseen) is foreseen
+    _, foreseen = hood._predict(state, far, TENSION)
+    assert hood._extrapolate(state, foreseen) is foreseen
     assert solved.state.bend is None
-    assert hood._bent(solved.state, foreseen) is foreseen
+    assert hood._extrapolate(solved.state, foreseen) is foreseen
 
 
 def test_arrays_hold_all_that_the_next_step_begins_from(hood, solved, motion):

@@ -12,7 +12,7 @@ from cosim.build.fit import check_fit
 from cosim.build.models import mjcf_of
 from cosim.case.file import load_case
 from cosim.errors import InputError
-from cosim.fingers.index import IndexFinger
+from cosim.fingers.index import IndexFingerConfig
 from cosim.fingers.kinds import finger_model, live_finger, skeleton_of
 from cosim.pipeline import run_case
 from meshes.skeleton import JOINTS
@@ -77,8 +77,8 @@ def test_what_mjcf_writes_is_read_back_as_the_same_finger(exported: Path):
         np.testing.assert_allclose(a.moment_arms(angles), b.moment_arms(angles), atol=5e-9)
         np.testing.assert_allclose(a.chain(angles).tip, b.chain(angles).tip, atol=1e-15)
     assert read_mjcf(exported).losses == ()
-    assert isinstance(ours.finger, IndexFinger)
-    assert isinstance(theirs.finger, IndexFinger)
+    assert isinstance(ours.finger, IndexFingerConfig)
+    assert isinstance(theirs.finger, IndexFingerConfig)
     one, two = skeleton_of(ours.finger), skeleton_of(theirs.finger)
     for part in ("length", "zero", "axis"):
         np.testing.assert_allclose(getattr(one, part), getattr(two, part), atol=1e-15)

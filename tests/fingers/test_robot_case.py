@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cosim.build.models import Models, build, drawn_bones
+from cosim.build.models import Models, bone_surfaces, build
 from cosim.case.file import load_case
 from cosim.errors import InputError
 from cosim.fingers.kinds import anatomy_of, finger_model
@@ -95,7 +95,7 @@ def test_the_extensor_lifts_the_fingertip(name):
 
 
 def test_pictures_show_rods_from_joint_to_joint():
-    bones = drawn_bones(load_case(PULLEYS))
+    bones = bone_surfaces(load_case(PULLEYS))
     reach = [points[:, 0].max() - 1e-3 for points, _ in list(bones.values())[1:]]
     assert reach == pytest.approx(LENGTHS, abs=3e-5)  # rods are faceted
 

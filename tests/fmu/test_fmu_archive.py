@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from cosim.case.file import load_case
 from cosim.errors import InputError
 from cosim.fmu import archive
-from cosim.fmu.archive import opened
+from cosim.fmu.archive import unpack_fmu
 from cosim.fmu.mapping import places
 from cosim.fmu.quantity import hood_quantities
 from cosim.fmu.unit import Unit
@@ -51,7 +51,7 @@ def refused(path: Path, words: str, folder: Path) -> None:
     room = folder / "room"
     room.mkdir()
     with pytest.raises(InputError, match=words) as error:
-        opened(path, room)
+        unpack_fmu(path, room)
     assert str(path) in str(error.value)
     assert not list(room.iterdir())
 
@@ -108,7 +108,7 @@ def test_a_size_that_the_archive_lies_about(hood, tmp_path):
     at = data.rindex(b"PK\x01\x02", 0, data.rindex(b"resources/lie"))
     path.write_bytes(data[: at + 24] + (1).to_bytes(4, "little") + data[at + 28 :])
     with pytest.raises(InputError, match="cannot be read as an FMU"):
-        opened(path, tmp_path / "room")
+        unpack_fmu(path, tmp_path / "room")
 
 
 @pytest.mark.parametrize(
@@ -134,7 +134,7 @@ def test_no_description(hood, tmp_path):
 def test_a_description_that_breaks_the_schema(hood, tmp_path):
     path = described(hood, tmp_path / "odd.fmu", "valueReference=", "valueReferenz=")
     with pytest.raises(InputError, match="is not valid"):
-        opened(path, tmp_path / "room")
+        unpack_fmu(path, tmp_path / "room")
 
 
 def test_no_archive_at_all(tmp_path):
@@ -156,26 +156,26 @@ def test_another_platform(hood, hood3, tmp_path, fmi):
     path = tmp_path / "foreign.fmu"
     tampered((hood, hood3)[fmi - 2], path, without=("binaries/linux64", "binaries/x86_64-linux"))
     with pytest.raises(InputError, match=r"no binary for this machine, .*; it has (win|x86)"):
-        opened(path, tmp_path / "room")
+        unpack_fmu(path, tmp_path / "room")
 
 
 def test_an_identifier_that_is_a_path(hood, tmp_path):
     old = 'modelIdentifier="cosim_hood"'
     path = described(hood, tmp_path / "id.fmu", old, 'modelIdentifier="../../cosim_hood"')
     with pytest.raises(InputError, match="is no name in the sense of C"):
-        opened(path, tmp_path / "room")
+        unpack_fmu(path, tmp_path / "room")
 
 
 def test_what_a_unit_can_do_is_read(hood, hood3, tmp_path):
     for path in (hood, hood3):
-        found = opened(path, tmp_path / path.stem)
+        found = unpack_fmu(path, tmp_path / path.stem)
         assert found.rolls_back
         assert not found.differentiates
     old = "<CoSimulation "
     able = {2: 'providesDirectionalDerivative="true" ', 3: 'providesDirectionalDerivatives="1" '}
     for fmi, path in ((2, hood), (3, hood3)):
         new = described(path, tmp_path / f"able{fmi}.fmu", old, old + able[fmi])
-        assert opened(new, tmp_path / f"able{fmi}").differentiates
+        assert unpack_fmu(new, tmp_path / f"able{fmi}").differentiates
 
 
 def mapped(path: Path, names: dict[str, str], assume_si: bool = False) -> None:
@@ -229,7 +229,7 @@ def test_a_damaged_archive_is_refused_or_read(hood, tmp_path_factory, data):
     path = folder / "damaged.fmu"
     path.write_bytes(whole[:at] if cut else whole[:at] + piece + whole[at + len(piece) :])
     try:
-        found = opened(path, folder / "room")
+        found = unpack_fmu(path, folder / "room")
     except InputError as error:
         assert str(path) in str(error)
     else:

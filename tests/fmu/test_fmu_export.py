@@ -242,7 +242,7 @@ def test_a_loose_tolerance_reaches_the_hood(case, monkeypatch):
     part = part_of(case, "hood")
     asked = []
     monkeypatch.setattr(
-        type(part.hood), "loosely", lambda self, tolerance: asked.append(tolerance) or self
+        type(part.hood), "with_tolerance", lambda self, tolerance: asked.append(tolerance) or self
     )
     for tolerance in (0.0, 1e-3):
         part.step(None, {**part.begin, "tolerance": np.array(tolerance)}, 0.01)

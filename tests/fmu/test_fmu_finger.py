@@ -234,6 +234,6 @@ def test_rounds_that_do_not_end_are_an_error(written, models):
 
 
 def test_the_schema_knows_it():
-    found = json_schema()["$defs"]["FmuFinger"]["properties"]
+    found = json_schema()["$defs"]["FmuFingerConfig"]["properties"]
     assert {"path", "joints", "bodies", "tendons", "map", "assume_si"} <= set(found)
     assert "kinematics" in str(found["map"])

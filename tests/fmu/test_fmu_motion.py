@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.build.motion import Together, together
+from cosim.build.motion import MovingModels, moving_models
 from cosim.case.file import load_case
 from cosim.errors import ConvergenceError, InputError
 from cosim.fmu.moving_finger import FmuMovingFinger
@@ -26,10 +26,10 @@ UNITS = (*MOTION_OF_UNITS, SHORT, RAMP)
 
 
 @pytest.fixture(scope="module")
-def models() -> Together:
+def models() -> MovingModels:
     case = moving_case()
     assert case.forward is not None
-    return together(case, case.forward)
+    return moving_models(case, case.forward)
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +42,7 @@ def written(tmp_path_factory) -> dict[tuple[str, int], Path]:
     return paths
 
 
-def ran(models: Together, paths: dict[str, Path], scheme: str, *more: str) -> Result:
+def ran(models: MovingModels, paths: dict[str, Path], scheme: str, *more: str) -> Result:
     own = UNITS if "finger" in paths else FREE
     units = in_units(models, paths, scheme)[1:]  # less its tolerance
     settings = [*own, *units, f'coupling={{scheme="{scheme}"}}', *more]
@@ -243,7 +243,7 @@ def test_it_answers_a_load_that_follows_as_the_native_finger_does(written, model
     f, rng = models.finger, np.random.default_rng(1)
     unit = FmuMovingFinger(written["finger", fmi], f.bodies, f.joints, f.tendons)
     start, pulls = f.begin(models.posture), np.array([0.5, 0.2, 0.0, 0.3])
-    at = f.motion(f.angles(start)).displaced(1e-3 * rng.standard_normal((4, 6)))
+    at = f.motion(f.angles(start)).displace(1e-3 * rng.standard_normal((4, 6)))
     load = AffineLoad(at, 0.1 * rng.standard_normal((4, 6)), rng.standard_normal((24, 24)))
     for dt in (1e-3, 5e-4):
         now, there = unit.step(unit.begin({}), load, pulls, dt), f.step(start, load, pulls, dt)

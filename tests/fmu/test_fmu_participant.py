@@ -93,7 +93,7 @@ def test_hood_and_finger_in_fmus_meet_where_the_native_ones_do(written, models, 
     start = PairState(finger.start({}), hood.start(finger.rest()))
     pulls, options = Tensions(*tensions(CASE, models)), CouplingOptions()
     both = equilibrium(Pair(finger, hood), start, pulls, options).finger_state
-    assert np.abs(both.tip_force - native.told.tip_force).max() <= 1e-9
+    assert np.abs(both.tip_force - native.known_balance.tip_force).max() <= 1e-9
     assert np.abs(both.angles - f.angles(native.finger_state)).max() <= 1e-9
 
 
@@ -294,10 +294,10 @@ def test_a_loose_hood_shares_the_unit(written, models, monkeypatch):
     hood = hood_of(written["hood", 2], models)
     asked = []
     monkeypatch.setattr(
-        type(models.hood), "loosely", lambda self, tolerance: asked.append(tolerance) or self
+        type(models.hood), "with_tolerance", lambda self, tolerance: asked.append(tolerance) or self
     )
     motion = models.finger.motion(models.finger.start(models.posture))
-    loose = hood.loosely(1e-3)
+    loose = hood.with_tolerance(1e-3)
     loose.advance(hood.start(motion), motion, np.zeros(4), STATIC)
     hood.advance(hood.start(motion), motion, np.zeros(4), STATIC)
     assert asked == [1e-3]

@@ -58,7 +58,7 @@ def goes_back(path: Path) -> bool:
     unit.restore(saved)
     assert walked(unit) == first
     if unit.opened.serialises:
-        unit.restore(unit.read(unit.written(saved), saved.time))
+        unit.restore(unit.read(unit.serialise(saved), saved.time))
         assert walked(unit) == first
     return True
 

@@ -15,7 +15,7 @@ from cosim.errors import ConvergenceError, InputError, StoppedError
 from cosim.fmu.mapping import Place
 from cosim.fmu.unit import Unit
 from cosim.fmu_export.part_of import PARTS
-from cosim.fmu_export.run import Run
+from cosim.fmu_export.run import UnitRun
 from cosim.fmu_export.state import Snapshot
 from cosim.fmu_export.write import write_fmu
 from cosim.pipeline import run_case
@@ -68,14 +68,14 @@ def test_another_instance_goes_on_to_the_same_bits(tmp_path, name, part, fmi):
     pull(one, place, 2.0)
     one.step(0.003)
     saved = one.save()
-    content = one.written(saved)
-    assert content == one.written(saved)
+    content = one.serialise(saved)
+    assert content == one.serialise(saved)
     expected = gone_on(one, place)
     other = Unit(path)
     read = other.read(content, saved.time)
-    assert other.written(read) == content
+    assert other.serialise(read) == content
     other.restore(read)
-    assert other.written(other.save()) == content
+    assert other.serialise(other.save()) == content
     found = gone_on(other, place)
     assert other.time == one.time
     for key, value in expected.items():
@@ -87,7 +87,7 @@ def test_another_instance_goes_on_to_the_same_bits(tmp_path, name, part, fmi):
 def test_a_state_before_the_first_step_is_one_too(tmp_path, fmi):
     write_fmu(STILL, "coupled", fmi, tmp_path / "unit.fmu")
     one, other = Unit(tmp_path / "unit.fmu"), Unit(tmp_path / "unit.fmu")
-    content, place = one.written(one.save()), placed(one, STILL, "coupled")
+    content, place = one.serialise(one.save()), placed(one, STILL, "coupled")
     other.step(0.01)
     other.restore(other.read(content, 0.0))
     found, expected = (gone_on(unit, place) for unit in (other, one))
@@ -99,7 +99,7 @@ def test_the_time_of_fmi_3_comes_with_the_state(tmp_path):
     one, other = Unit(tmp_path / "unit.fmu"), Unit(tmp_path / "unit.fmu")
     time = next(v for v in one.opened.description.modelVariables if v.name == "time")
     one.step(0.25)
-    other.restore(other.read(one.written(one.save()), 0.25))
+    other.restore(other.read(one.serialise(one.save()), 0.25))
     assert other._fmu.getFloat64([time.valueReference], 1) == [0.25]
 
 
@@ -118,11 +118,11 @@ def test_nothing_else_is_taken_for_a_state(tmp_path, fmi):
     write_fmu(STILL, "hood", fmi, tmp_path / "other.fmu")
     unit, stranger = Unit(tmp_path / "unit.fmu"), Unit(tmp_path / "other.fmu")
     good = unit.save()
-    content = unit.written(good)
+    content = unit.serialise(good)
     pickled = forged(content, **{"state/angles": np.array([{}], dtype=object)})
     bad = {
         "no whole state": [b"\x80\x04a pickle", content[:100], content[:-30], pickled],
-        "another unit": [stranger.written(stranger.save())],
+        "another unit": [stranger.serialise(stranger.save())],
         "nothing that this unit": [forged(content, values=np.zeros(3))],
         "also holds": [forged(content, **{"state/more": np.zeros(1)})],
     }
@@ -135,10 +135,10 @@ def test_nothing_else_is_taken_for_a_state(tmp_path, fmi):
     unit.step(0.01)
 
 
-def run_of(path: Path, folder: Path) -> Run:
+def run_of(path: Path, folder: Path) -> UnitRun:
     with zipfile.ZipFile(path) as archive:
         archive.extractall(folder)
-    return Run(folder / "resources")
+    return UnitRun(folder / "resources")
 
 
 def test_objects_from_outside_are_never_taken(tmp_path):
@@ -177,11 +177,11 @@ LONG = 'forward={duration="0.08 s",must_rest=false,checkpoint=20}'
 
 
 def units_case(tmp_path: Path, fmi: int, scheme: str) -> Case:
-    from cosim.build.motion import together
+    from cosim.build.motion import moving_models
 
     case = moving_case()
     assert case.forward is not None
-    models = together(case, case.forward)
+    models = moving_models(case, case.forward)
     paths = {part: tmp_path / f"{part}.fmu" for part in ("hood", "finger")}
     for part, path in paths.items():
         write_fmu(case, part, fmi, path)

@@ -97,7 +97,7 @@ def check_repeatable(hood: Hood, motions: Sequence[Motion], tension: Array) -> N
 
 
 def turned(load: Load, rotation: Array, translation: Array) -> Load:
-    """The load that the hand must feel after `Motion.moved(rotation, translation)`."""
+    """The load that the hand must feel after `Motion.transform(rotation, translation)`."""
     blocks = np.stack([load.wrench[..., :3], load.wrench[..., 3:]]) @ rotation.T
     force, moment = load.pull[:, :3] @ rotation.T, load.pull[:, 3:] @ rotation.T
     pull = np.hstack([force, moment + np.cross(translation, force)])
@@ -110,7 +110,7 @@ def check_objective(
     """Turning and moving the whole hand turns the load with it and leaves the excursions."""
     rotation, shift = rotation_matrix(np.array([0.7, -1.1, 0.4])), np.array([0.02, -0.03, 0.05])
     still = settle(hood, motions, tension)
-    moved = settle(hood, [m.moved(rotation, shift) for m in motions], tension)
+    moved = settle(hood, [m.transform(rotation, shift) for m in motions], tension)
     expected = turned(still.load, rotation, shift)
     for part in (slice(0, 3), slice(3, 6)):
         wrench = moved.load.wrench[..., part], expected.wrench[..., part]
@@ -148,7 +148,7 @@ def check_reciprocity(
         return hood.advance(state, motion, t, STATIC).load.total().ravel()
 
     def excursion(twist: Array) -> Array:
-        return hood.advance(state, motion.displaced(twist), tension, STATIC).excursion
+        return hood.advance(state, motion.displace(twist), tension, STATIC).excursion
 
     change = step * np.abs(tension).max()
     moment_arm = [
@@ -168,7 +168,7 @@ def check_jacobian(
     jacobian = hood.jacobian(solved.state)
 
     def answer(twist: Array, change: Array) -> Array:
-        r = hood.advance(solved.state, motion.displaced(twist), tension + change, STATIC)
+        r = hood.advance(solved.state, motion.displace(twist), tension + change, STATIC)
         return np.concatenate([r.load.total().ravel(), r.excursion])
 
     zero, none = np.zeros(6 * len(hood.bodies)), np.zeros(len(tension))

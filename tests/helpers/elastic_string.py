@@ -48,11 +48,11 @@ class StringView:
     strain: float
 
     @property
-    def drawn_cells(self) -> np.ndarray:
+    def plot_cells(self) -> np.ndarray:
         return np.array(list(pairwise(range(len(self.points)))))
 
     def fields(self) -> tuple[Field, ...]:
-        strain = np.full(len(self.drawn_cells), self.strain)
+        strain = np.full(len(self.plot_cells), self.strain)
         still = np.zeros_like(self.points)
         tension = np.array([self.tension])
         return (
@@ -66,7 +66,7 @@ class StringView:
         return {"string": ["EDC"]}
 
     def size(self) -> Mapping[str, int]:
-        return {"hood_cells": len(self.drawn_cells)}
+        return {"hood_cells": len(self.plot_cells)}
 
     def summary(self) -> Mapping[str, Any]:
         return {"string_tension_N": {"EDC": self.tension}}

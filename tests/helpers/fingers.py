@@ -32,13 +32,13 @@ def straight_skeleton() -> Skeleton:
 
 
 def hinge_finger(support: Support) -> HingeFinger:
-    law = joint_law(hinge.JOINTS, STIFFNESS, REST, limit_stiffness=SOFT).held_about(POSTURE, 0.02)
+    law = joint_law(hinge.JOINTS, STIFFNESS, REST, limit_stiffness=SOFT).hold_about(POSTURE, 0.02)
     return HingeFinger(LENGTHS, law=law, support=support)
 
 
 def mujoco_finger(support: Support, central: float | None = None) -> MujocoFinger:
     stiffness = {**STIFFNESS, "MCP_abduction": 0.05}
-    law = joint_law(JOINTS, stiffness, REST, limit_stiffness=SOFT).held_about(POSTURE, 0.02)
+    law = joint_law(JOINTS, stiffness, REST, limit_stiffness=SOFT).hold_about(POSTURE, 0.02)
     return MujocoFinger(
         finger_model(index_finger(), central=central),
         law=law,
@@ -58,7 +58,7 @@ def pushed(finger: ChainFinger) -> tuple[FingerState, Load, Array]:
     n = len(finger.joints)
     step = np.concatenate([np.linspace(0.03, 0.05, n), np.arange(1.0, len(state.basis) + 1)])
     return (
-        finger.displaced(state, step),
+        finger.displace(state, step),
         random_load(finger.bodies),
         np.arange(3.0, 3.0 + len(finger.tendons)),
     )
@@ -81,4 +81,4 @@ def solve(
     start = PairState(state, hood.start(finger.motion(state)))
     tensions = Tensions(tension, own)
     e = equilibrium(Pair(finger, hood), start, tensions, CouplingOptions(1e-12))
-    return e.finger_state, e.load, e.told
+    return e.finger_state, e.load, e.known_balance

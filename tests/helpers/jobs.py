@@ -28,7 +28,7 @@ from fe_solver.job.model import JobOptions
 from fe_solver.materials.linear import Isotropic
 from fe_solver.solver.newton import NewtonOptions
 from fe_solver.surfaces.shapes import Capsule
-from tests.helpers.shells import clamped, contact, guided, mapped, plate, sheet
+from tests.helpers.shells import clamp, contact, guide, map_grid, plate, sheet
 
 LENGTH, WIDTH, THICK, E = 20e-3, 5e-3, 0.5e-3, 100e6
 RAMP = Curve((0.0, 1.0), (0.0, 1.0))
@@ -128,7 +128,7 @@ def rod_job(across: int) -> tuple[Job, float]:
         a = (uv[:, 1] - 0.5) * 15 / 8
         return np.column_stack([LENGTH * uv[:, 0], 8e-3 * np.sin(a), 8e-3 * np.cos(a)])
 
-    X, _ = mapped(6, across, shape)
+    X, _ = map_grid(6, across, shape)
     job = strip(6, across, points=X)
     chord = 2 * 8e-3 * np.sin(15 / 16 / across)
     return job, chord**2 / (8 * 8e-3)
@@ -147,10 +147,10 @@ def rod_hood() -> tuple[ShellHood, dict]:
         a, r = (uv[:, 1] - 0.5) * 15 / 8, 8.3e-3 + 0.05e-3 * (1 - uv[:, 0])
         return np.column_stack([30e-3 * uv[:, 0], r * np.sin(a), r * np.cos(a)])
 
-    X, quads = mapped(14, 8, shape)
+    X, quads = map_grid(14, 8, shape)
     model = sheet(X, quads, E, 0.4, THICK, bodies=("rod", "tip"))
-    model = clamped(model, np.flatnonzero(X[:, 0] > 29e-3), 1)
-    model = guided(model, [np.flatnonzero(X[:, 0] == 0)], [(-1.0, 0, 0)])
+    model = clamp(model, np.flatnonzero(X[:, 0] > 29e-3), 1)
+    model = guide(model, [np.flatnonzero(X[:, 0] == 0)], [(-1.0, 0, 0)])
     free = np.flatnonzero((X[:, 0] > 0) & (X[:, 0] < 29e-3))
     rod = Capsule(np.array([-0.01, 0, 0]), np.array([0.04, 0, 0]), 8e-3)
     touching = replace(contact(model, rod, free, 2e11, 2e-6), offset=np.full(len(free), THICK / 2))

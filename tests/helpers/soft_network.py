@@ -13,12 +13,12 @@ from cosim.build.models import Models, build
 from cosim.case.file import load_case
 from cosim.fingers.kinds import finger_model
 from cosim.hoods.lumped.build import slip_forces
-from cosim.hoods.lumped.table import NetworkHood
+from cosim.hoods.lumped.table import NetworkHoodConfig
 from cosim.port import STATIC
 from cosim.verification.reduction import SOFT
 from rigid.hoods.reduced import Potential
-from rigid.hoods.reduced_sample import Sample, stacked
-from rigid.hoods.reduction import Order, reduced
+from rigid.hoods.reduced_sample import Sample, stack
+from rigid.hoods.reduction import Order, reduce_hood
 
 JOINTS, MUSCLES = ("MCP", "MCP_abduction", "PIP", "DIP"), ("EDC", "LUM", "FPI")
 STRAIGHT = Order(angle=4, toe=None)
@@ -39,7 +39,7 @@ def walk(count: int, seed: int) -> Walk:
 def samples() -> tuple[Sample, ...]:
     """Of the soft network, with the slips that its springs make."""
     case, models = load_case("network_edc", SOFT), soft_models()
-    assert isinstance(case.hood, NetworkHood)
+    assert isinstance(case.hood, NetworkHoodConfig)
     model = finger_model(case.native_finger(), case.hood.left_to_finger)
     out = []
     for s in on_models(models, walk(28, 0)):
@@ -54,13 +54,13 @@ def samples() -> tuple[Sample, ...]:
 
 
 def fitted_to() -> Sample:
-    return stacked(samples()[:FITTED])
+    return stack(samples()[:FITTED])
 
 
 def held_out() -> Sample:
-    return stacked(samples()[FITTED:])
+    return stack(samples()[FITTED:])
 
 
 @lru_cache(maxsize=1)
 def found() -> Potential:
-    return reduced(fitted_to(), JOINTS, MUSCLES, STRAIGHT)
+    return reduce_hood(fitted_to(), JOINTS, MUSCLES, STRAIGHT)

@@ -16,7 +16,7 @@ from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.errors import InputError
 from cosim.hoods.cable.build import cable_law
-from cosim.hoods.cable.table import CableHood
+from cosim.hoods.cable.table import CableHoodConfig
 from cosim.port import STATIC, Motion
 from cosim.report.views import view_of
 from cosim.results.read import read_run
@@ -197,7 +197,7 @@ def test_a_faulty_case_says_where(setting: str, message: str) -> None:
 def test_a_cable_that_would_have_no_length_is_refused(net: CableNet) -> None:
     small = replace(net, points=0.9 * net.points)
     hood = load_case("cable_edc", ['hood.cables.central_slip.extra_length="-3 mm"']).hood
-    assert isinstance(hood, CableHood)
+    assert isinstance(hood, CableHoodConfig)
     with pytest.raises(InputError, match=r"central_slip\.extra_length: leaves nothing"):
         cable_law(hood, small)
 

@@ -21,7 +21,7 @@ ADDED = {
         "from cosim.hoods.shell import build as shell\nfrom cosim.hoods import string\n"
     ),
     "        fmu.KIND,\n": "        fmu.KIND,\n        string.KIND,\n",
-    "    | fmu.FmuHood\n": "    | fmu.FmuHood\n    | string.StringHood\n",
+    "    | fmu.FmuHoodConfig\n": "    | fmu.FmuHoodConfig\n    | string.StringHood\n",
 }
 CASE = """extends = "pulley_edc"
 title = "EDC pulls a string"

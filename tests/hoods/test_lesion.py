@@ -14,7 +14,7 @@ from cosim.case.file import load_case, resolved_toml
 from cosim.errors import InputError
 from cosim.hoods.kinds import AnyHood, unfit_lesion
 from cosim.hoods.lesion import Lesion
-from cosim.hoods.lumped.build import injured_network
+from cosim.hoods.lumped.build import apply_lesion_to_network
 from cosim.pipeline import run_case
 
 COARSE, FINER = "hood.mesh.quads=250", "hood.mesh.quads=400"
@@ -170,7 +170,7 @@ def test_a_shorter_tendon_of_a_network_takes_its_part_of_the_force():
 def test_a_longer_tendon_of_a_network_has_a_longer_rest_length():
     case = load_case("network_edc", ['lesion={lengthen={terminal_slip="4 mm"}}'])
     rests = {n: t.rest for n, t in case.hood.connecting.items()}
-    injured = injured_network(case.hood, case.lesion).connecting
+    injured = apply_lesion_to_network(case.hood, case.lesion).connecting
     longer = {name: injured[name].rest - rests[name] for name in rests}
     ends = {n for n, t in case.hood.connecting.items() if "DIP" in t.arms}
     assert {n for n, more in longer.items() if more} == ends
@@ -205,9 +205,9 @@ def test_two_bands_as_a_network_are_the_same_hood():
 def test_a_muscle_of_a_network_that_would_pull_on_nothing_is_refused():
     case = load_case("network_edc", ['lesion.cut=["central_slip", "terminal_slip"]'])
     with pytest.raises(InputError, match="leaves no connecting tendon for EDC"):
-        injured_network(case.hood, case.lesion)
+        apply_lesion_to_network(case.hood, case.lesion)
     one = load_case("network_edc", ['lesion.cut=["edc_slip"]'])
-    assert "edc_slip" not in injured_network(one.hood, one.lesion).connecting
+    assert "edc_slip" not in apply_lesion_to_network(one.hood, one.lesion).connecting
 
 
 # What a case may say

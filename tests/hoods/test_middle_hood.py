@@ -8,14 +8,14 @@ from functools import cache
 import numpy as np
 import pytest
 
-from cosim.build.models import Models, build, drawn_bones, hood_mesh
+from cosim.build.models import Models, bone_surfaces, build, hood_mesh
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.errors import InputError
 from cosim.fingers.kinds import FINGERS, skeleton_of
 from cosim.hoods.shell.build import thickness_of
 from cosim.pipeline import run_case
-from cosim.results.compare import Target, compared, read_targets
+from cosim.results.compare import Target, compare_with_targets, read_targets
 from meshes.hood_mesh import HoodMesh
 from meshes.hull import DIP, PIP, Chain, Hull, Level, along
 from meshes.skeleton import BODIES, index_finger
@@ -97,7 +97,7 @@ def test_the_hull_reaches_as_far_as_the_longer_fingers_hood():
 
 
 def test_each_bone_is_as_long_as_its_phalanx_and_wider_by_o2o3():
-    middle, index = drawn_bones(case()), drawn_bones(load_case("isometric_edc"))
+    middle, index = bone_surfaces(case()), bone_surfaces(load_case("isometric_edc"))
     longer = skeleton_of(case().finger).length[1:] / index_finger().length[1:]
     assert width(case().finger) == pytest.approx(WIDER)
     for body, factor in zip(BODIES[1:], longer, strict=True):
@@ -154,8 +154,8 @@ def test_a_scaled_finger_scales_all_that_its_hood_is_laid_by():
     large, small = middle_finger.intrinsic_guides(1.1), middle_finger.intrinsic_guides()
     for side in small:
         np.testing.assert_allclose(large[side], 1.1 * np.array(small[side]))
-    bones = drawn_bones(case("finger.length_scale=1.1"))["proximal"][0]
-    size = np.ptp(bones, axis=0) / np.ptp(drawn_bones(case())["proximal"][0], axis=0)
+    bones = bone_surfaces(case("finger.length_scale=1.1"))["proximal"][0]
+    size = np.ptp(bones, axis=0) / np.ptp(bone_surfaces(case())["proximal"][0], axis=0)
     np.testing.assert_allclose(size, 1.1, rtol=3e-3)
 
 
@@ -304,7 +304,7 @@ def test_a_summary_says_the_change_of_force_in_the_phalanx():
     c, s = np.cos(bend), np.sin(bend)
     expected = [c * along + s * palmar, -s * along + c * palmar, radial]
     np.testing.assert_allclose(change["fingertip_force_in_phalanx_N"], expected, atol=1e-12)
-    rows = compared(targets("fingertip"), summary, "middle_minorflex_ui")
+    rows = compare_with_targets(targets("fingertip"), summary, "middle_minorflex_ui")
     assert [row.model for row in rows][:3] == change["fingertip_force_in_phalanx_N"]
 
 

@@ -8,8 +8,8 @@ import pytest
 from cosim.build.fit import check_fit
 from cosim.case.file import load_case
 from cosim.fingers.kinds import finger_model, live_finger
-from cosim.hoods.lumped.build import lumped_hood, slip_forces
-from cosim.hoods.lumped.table import NetworkHood
+from cosim.hoods.lumped.build import build_lumped_hood, slip_forces
+from cosim.hoods.lumped.table import NetworkHoodConfig
 from cosim.port import STATIC, Finger, Hood
 from cosim.results.static import observe_static
 from cosim.solve.solvers import solve
@@ -23,12 +23,12 @@ POSTURES = (
 )
 
 
-def parts() -> tuple[Finger, Hood, NetworkHood, FingerModel]:
+def parts() -> tuple[Finger, Hood, NetworkHoodConfig, FingerModel]:
     stated, hood = load_case("middle_minorflex_edc").native_finger(), load_case("network_edc").hood
-    assert isinstance(hood, NetworkHood)
+    assert isinstance(hood, NetworkHoodConfig)
     left = hood.left_to_finger
     finger, model = live_finger(stated, left), finger_model(stated, left)
-    return finger, lumped_hood(hood, model, finger.motion(finger.start({}))), hood, model
+    return finger, build_lumped_hood(hood, model, finger.motion(finger.start({}))), hood, model
 
 
 def test_the_hood_keeps_the_ports_promises():

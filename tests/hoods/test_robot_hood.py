@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cosim.build.models import drawn_bones
+from cosim.build.models import bone_surfaces
 from cosim.case.file import load_case
 from cosim.fingers.kinds import finger_model, skeleton_of
 from cosim.hoods.cable.build import ENDS
@@ -48,8 +48,8 @@ def test_bodies_stand_where_the_fingers_do() -> None:
 
 
 def test_bones_reach_from_joint_to_joint() -> None:
-    bones = drawn_bones(load_case(CABLES))
-    human = drawn_bones(load_case("cable_edc"))
+    bones = bone_surfaces(load_case(CABLES))
+    human = bone_surfaces(load_case("cable_edc"))
     for body, length, own in zip(BODIES[1:], LENGTHS, robot_skeleton().length[1:], strict=True):
         assert own == length
         scale = np.ptp(bones[body][0][:, 0]) / np.ptp(human[body][0][:, 0])

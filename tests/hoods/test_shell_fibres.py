@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from cosim.build.models import drawn_bones, hood_mesh, site_of
+from cosim.build.models import bone_surfaces, hood_mesh, site_of
 from cosim.case.file import load_case, resolved_toml
 from cosim.cli import app
 from cosim.errors import InputError
@@ -188,7 +188,7 @@ def test_a_job_of_the_hood_has_its_fibres_and_its_stretch(on_face: bool):
         *(direction(b, '{ angle = "20 deg" }') for b in bands),
         *(stated(b, "second", SECOND % '{ angle = "-35 deg" }') for b in bands),
     )
-    job = job_of_hood(hood, hood.rest, np.zeros(4), drawn_bones(case), on_face=on_face)
+    job = job_of_hood(hood, hood.rest, np.zeros(4), bone_surfaces(case), on_face=on_face)
     stretch = {p.name: p.in_situ_stretch for p in job.parts}
     assert stretch.pop("central_slip") == pytest.approx(1.03)
     assert set(stretch.values()) == {1.0}

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from cosim.errors import InputError
 from fe_solver.surfaces.spline_distance import SplineDistance
-from fe_solver.surfaces.triangle_distance import checked_surface
+from fe_solver.surfaces.triangle_distance import check_surface
 from meshes.bones import load_bone, spline
 from meshes.measure_bones import Plan, farthest_hits, fit_error, measure, read_stl, table
 from meshes.skeleton import BODIES, index_finger
@@ -30,7 +30,7 @@ def volume(vertices, faces):
 @pytest.mark.parametrize("name", BODIES)
 def test_surface_is_closed_and_faces_outwards(name):
     vertices, faces = load_bone(name).surface()
-    assert len(checked_surface(vertices, faces)[0]) == len(vertices)
+    assert len(check_surface(vertices, faces)[0]) == len(vertices)
     edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     assert len(np.unique(edges, axis=0)) == len(edges)  # each way once: one orientation
     assert len(vertices) - len(edges) // 2 + len(faces) == 2  # Euler: a sphere

@@ -14,7 +14,7 @@ from cosim.case.file import load_case
 from cosim.errors import InputError
 from fe_solver.elements.mesh_geometry import node_directors
 from fe_solver.elements.shell import shell_tables
-from meshes.hood_mesh import ENDS, SPRINGS, Attachment, HoodMesh, folded, read, to_json, write
+from meshes.hood_mesh import ENDS, SPRINGS, Attachment, HoodMesh, are_folded, read, to_json, write
 from meshes.skeleton import JOINTS
 
 
@@ -147,11 +147,11 @@ def test_a_quad_that_crosses_itself_is_found_however_its_corners_are_lifted():
     square = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
     many = np.tile(square, (200, 1, 1))
     many[:, :, 2] = random.uniform(-0.15, 0.15, (200, 4))
-    assert not folded(many).any()
-    assert folded(many[:, [0, 1, 3, 2]]).all()
+    assert not are_folded(many).any()
+    assert are_folded(many[:, [0, 1, 3, 2]]).all()
     reflex = square.copy()
     reflex[2] = [0.4, 0.4, 0.0]
-    assert folded(reflex[None]).all()
+    assert are_folded(reflex[None]).all()
 
 
 def test_a_hood_in_two_pieces_is_refused(tmp_path):

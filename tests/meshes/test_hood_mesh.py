@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cosim.analyses.reduction.samples import Walk, sampled
-from cosim.build.models import build, drawn_bones, hood_mesh
+from cosim.analyses.reduction.samples import Walk, sample_walks
+from cosim.build.models import bone_surfaces, build, hood_mesh
 from cosim.case.file import find_case, load_case
-from cosim.hoods.bone_surfaces import baked_surfaces
+from cosim.hoods.bone_surfaces import pose_surfaces
 from cosim.hoods.fe_view import guide_depth
 from cosim.pipeline import run_case
 from cosim.solve.session import Session
@@ -193,7 +193,7 @@ def test_lifted_nodes_lay_a_sheet_on_a_cylinder_in_the_mean():
 def test_the_central_slip_is_held_at_its_own_height(mesh):
     case = load_case("isometric_edc", ["hood.mesh.quads=250"])
     held = mesh.springs["central_slip"]
-    height = baked_surfaces(drawn_bones(case))["middle"].distance(held.anchors).value
+    height = pose_surfaces(bone_surfaces(case))["middle"].distance(held.anchors).value
     level = case.hood.contact.offset.middle + mesh.thickness / 2
     np.testing.assert_allclose(height, level, atol=2e-6)
 
@@ -230,7 +230,7 @@ def test_the_torque_of_a_tendon_over_the_pip_does_not_ripple_with_the_rows():
     angles = np.tile(np.radians([26.6, 0.0, 0.0, 17.2]), (len(turns), 1))
     angles[:, 2] = np.radians(turns)
     walk = Walk(angles, np.array([[0.05, 1.55, 0.05, 0.05]]))
-    (found,) = sampled(find_case("fingertip_fibres_edc"), (), [walk], 1)
+    (found,) = sample_walks(find_case("fingertip_fibres_edc"), (), [walk], 1)
     torque = np.array([state.torque[2] for state in found.states])
     smooth = np.polynomial.Polynomial.fit(turns, torque, 3)(turns)
     assert np.std(torque - smooth) < 4e-3 * np.abs(torque).mean()

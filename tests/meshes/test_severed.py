@@ -11,7 +11,7 @@ from cosim.build.models import build, hood_mesh
 from cosim.case.file import load_case
 from cosim.errors import InputError
 from cosim.hoods.cable.table import PARTS as OF_CABLES
-from cosim.hoods.injury import STRUT, adhesions, injured_mesh, injured_net
+from cosim.hoods.injury import STRUT, adhesions, apply_lesion_to_mesh, apply_lesion_to_net
 from cosim.hoods.shell.table import PARTS as OF_SHELL
 from cosim.port import Motion
 from fe_solver.forces.springs import spring_forces
@@ -19,7 +19,7 @@ from fe_solver.hood.build_shell import SpringSet, springs_of
 from meshes.cable_net import CableNet
 from meshes.hood_lines import JOIN
 from meshes.hood_mesh import REGIONS, Attachment, HoodMesh
-from meshes.severed import severed, severed_net
+from meshes.severed import cut_net, cut_part
 
 COARSE = "hood.mesh.quads=250"
 SPACED = 'hood.mesh.spacing="3 mm"'
@@ -33,10 +33,10 @@ def intact() -> HoodMesh:
 @cache
 def net() -> CableNet:
     from cosim.fingers.kinds import anatomy_of
-    from cosim.hoods.cable.build import laid_net
+    from cosim.hoods.cable.build import build_net
 
     case = load_case("cable_edc", [SPACED])
-    return laid_net(case.hood, anatomy_of(case.finger, case.hood.left_to_finger))
+    return build_net(case.hood, anatomy_of(case.finger, case.hood.left_to_finger))
 
 
 # Cuts of a mesh
@@ -57,7 +57,7 @@ def whole(mesh: HoodMesh) -> None:
 
 @pytest.mark.parametrize("part", OF_SHELL.cut)
 def test_every_part_can_be_cut_and_leaves_a_whole_mesh(part):
-    before, after = intact(), severed(intact(), part)
+    before, after = intact(), cut_part(intact(), part)
     whole(after)
     lost = len(before.quads) - len(after.quads)
     released = sum(map(len, before.tied.values())) - sum(map(len, after.tied.values()))
@@ -71,7 +71,7 @@ def test_every_part_can_be_cut_and_leaves_a_whole_mesh(part):
 
 
 def test_a_slip_comes_off_its_own_bone_alone():
-    central, terminal = severed(intact(), "central_slip"), severed(intact(), "terminal_slip")
+    central, terminal = cut_part(intact(), "central_slip"), cut_part(intact(), "terminal_slip")
     assert set(intact().springs) - set(central.springs) == {"central_slip"}
     assert np.array_equal(central.tied["distal"], intact().tied["distal"])
     assert len(intact().tied["distal"]) > 2
@@ -80,7 +80,7 @@ def test_a_slip_comes_off_its_own_bone_alone():
 
 
 def test_a_lateral_band_loses_one_row_over_the_middle_phalanx():
-    before, after = intact(), severed(intact(), "lateral_band_radial")
+    before, after = intact(), cut_part(intact(), "lateral_band_radial")
     gone = {tuple(q) for q in before.points[before.quads].mean(axis=1).round(9)} - {
         tuple(q) for q in after.points[after.quads].mean(axis=1).round(9)
     }
@@ -94,7 +94,7 @@ def test_a_lateral_band_loses_one_row_over_the_middle_phalanx():
 
 
 def test_springs_and_sets_stay_on_their_nodes():
-    before, after = intact(), severed(intact(), "central_band")
+    before, after = intact(), cut_part(intact(), "central_band")
     for name, held in after.springs.items():
         assert np.array_equal(after.points[held.nodes], before.points[before.springs[name].nodes])
         assert np.array_equal(held.anchors, before.springs[name].anchors)
@@ -127,23 +127,23 @@ def strip(count=4, region="central_band", **sets) -> HoodMesh:
 def test_a_piece_that_nothing_holds_is_left_out_and_one_that_is_pulled_refused():
     last = np.array([8, 9])
     loose = strip(tied={"distal": last}, ends={"central": last[:0]})
-    assert len(severed(loose, "central_band").quads) == 2  # of 4 one is cut, one hangs on nothing
+    assert len(cut_part(loose, "central_band").quads) == 2  # of 4 one is cut, one hangs on nothing
     pulled = strip(tied={"distal": last}, ends={"central": np.array([0, 1])})
     with pytest.raises(InputError, match=r"central_band: leaves a piece \(node [01]\)"):
-        severed(pulled, "central_band")
+        cut_part(pulled, "central_band")
     held = strip(
         tied={"distal": last},
         ends={"central": np.array([0, 1])},
         springs={"ligament_radial": Attachment("proximal", np.array([2]), np.zeros((1, 3)))},
     )
-    assert len(severed(held, "central_band").quads) == 3
+    assert len(cut_part(held, "central_band").quads) == 3
 
 
 def test_what_a_mesh_has_not_cannot_be_cut():
     with pytest.raises(InputError, match="central_slip"):
-        severed(strip(), "central_slip")
+        cut_part(strip(), "central_slip")
     with pytest.raises(InputError, match="lateral_band_ulnar at station 56 mm"):
-        severed(strip(), "lateral_band_ulnar")
+        cut_part(strip(), "lateral_band_ulnar")
 
 
 def test_a_hood_off_both_bones_is_refused():
@@ -157,7 +157,7 @@ def test_a_hood_off_both_bones_is_refused():
 
 @pytest.mark.parametrize("part", OF_CABLES.cut)
 def test_every_part_of_a_net_can_be_cut_and_no_cable_hangs_loose(part):
-    after = severed_net(net(), part)
+    after = cut_net(net(), part)
     assert len(after.cells) < len(net().cells) or len(after.springs) < len(net().springs)
     assert np.array_equal(np.unique(after.cells), np.arange(len(after.points)))
     held = np.concatenate(
@@ -171,15 +171,15 @@ def test_every_part_of_a_net_can_be_cut_and_no_cable_hangs_loose(part):
 
 
 def test_a_net_off_the_distal_phalanx_has_no_terminal_slip():
-    after = severed_net(net(), "terminal_slip")
+    after = cut_net(net(), "terminal_slip")
     assert "terminal_slip" in net().strands
     assert "terminal_slip" not in after.strands
     assert {"lateral_band_radial", "central_slip"} <= set(after.strands)
 
 
 def test_the_uncut_is_as_it_was():
-    assert injured_mesh(intact(), None) is intact()
-    assert injured_net(net(), None) is net()
+    assert apply_lesion_to_mesh(intact(), None) is intact()
+    assert apply_lesion_to_net(net(), None) is net()
 
 
 # Adhesions and lengths
@@ -238,7 +238,7 @@ def test_more_than_half_of_a_part_cannot_be_taken(name):
 
 
 def test_a_sagittal_band_goes_with_its_sheet_and_leaves_the_tendon():
-    before, after = intact(), severed(intact(), "sagittal_band_radial")
+    before, after = intact(), cut_part(intact(), "sagittal_band_radial")
     assert "sagittal_radial" not in after.springs
     assert not after.cells("sagittal_band_radial").any()
     tendons = ("extensor_tendon_proximal", "extensor_tendon_distal", "sagittal_band_ulnar")
@@ -246,13 +246,13 @@ def test_a_sagittal_band_goes_with_its_sheet_and_leaves_the_tendon():
 
 
 def test_a_thin_sheet_is_taken_out_whole():
-    after = severed(intact(), "triangular_ligament")
+    after = cut_part(intact(), "triangular_ligament")
     assert not after.cells("triangular_ligament").any()
     assert len(intact().quads) - len(after.quads) == intact().cells("triangular_ligament").sum()
 
 
 def test_a_net_s_extensor_tendon_is_severed_where_a_sheet_s_is():
-    after = severed_net(net(), "extensor_tendon_distal")
+    after = cut_net(net(), "extensor_tendon_distal")
 
     def over_the_cut(laid: CableNet) -> bool:
         own = laid.strand == laid.strands.index("extensor_tendon")

@@ -12,15 +12,15 @@ from cosim.papers.network_contact import end_states
 from cosim.papers.network_motion import SETTLED, contact
 from cosim.papers.networks import STUDIES
 from rigid.hoods.network import Arms
-from rigid.papers.networks.arm_switch import predicted, switch
+from rigid.papers.networks.arm_switch import predict, switch
 from rigid.papers.networks.excursion_fit import (
     EXTENSOR,
-    coupled_dip,
+    dip_of_pip,
     identify,
     off_curve,
     off_curve_slopes,
 )
-from rigid.papers.networks.excursion_fit_check import drawn, true_parameters
+from rigid.papers.networks.excursion_fit_check import draw_samples, true_parameters
 from rigid.papers.networks.human_network import human_finger
 from rigid.papers.networks.point_contact import distal_torque, tip_jacobian
 from rigid.papers.networks.robotic_finger import LENGTH, robotic_finger
@@ -47,7 +47,7 @@ def test_the_switch_is_where_the_tendons_take_over(muscle, dip):
     network, at = human_finger(), np.radians(dip)
     for force in (0.1, 10.0):
         found = switch(network, muscle, at, force)
-        assert found == pytest.approx(predicted(network, muscle, at, force), abs=1e-12)
+        assert found == pytest.approx(predict(network, muscle, at, force), abs=1e-12)
         for pip, tendons in ((found.begin - 1e-6, 0.0), (found.end + 1e-6, 1.0)):
             share = network.distribution(np.array([0.0, pip, at]), np.full(6, force))
             slip = share[[1, 3, 5][[2, 0, 1].index(muscle)], muscle]
@@ -145,7 +145,7 @@ def test_inverse_forces_make_the_force_asked_for():
 
 
 def test_excursions_without_noise_are_fitted_exactly():
-    poses, _ = drawn(0)
+    poses, _ = draw_samples(0)
     network = robotic_finger()
     clean = network.excursion(poses.angle, np.full((len(poses.angle), 4), 1e-9))
     exact = type(poses)(poses.angle, clean, 1e-6)
@@ -154,16 +154,16 @@ def test_excursions_without_noise_are_fitted_exactly():
     assert found.value == pytest.approx([truth[n] for n in found.names], abs=1e-8)
     shared = np.array([truth[n] for n in EXTENSOR])
     pip = np.linspace(0.1, 1.7, 5)
-    assert coupled_dip(shared, pip) == pytest.approx(1.21 / 3.5 * pip**2, rel=1e-12)
-    both = identify(*drawn(1)), identify(drawn(1)[0])
+    assert dip_of_pip(shared, pip) == pytest.approx(1.21 / 3.5 * pip**2, rel=1e-12)
+    both = identify(*draw_samples(1)), identify(draw_samples(1)[0])
     assert (both[0].deviation <= both[1].deviation * (1 + 1e-9)).all()
 
 
 def test_distance_from_the_curve_and_its_derivatives():
-    _, curve = drawn(0)
+    _, curve = draw_samples(0)
     at = np.array([-5e-3, -4.6e-3, 2.1e-3, -3.3e-3, 0.4e-3])
     on = np.stack([np.zeros(9), np.linspace(0.2, 1.6, 9), np.zeros(9)], axis=1)
-    on[:, 2] = coupled_dip(at, on[:, 1])
+    on[:, 2] = dip_of_pip(at, on[:, 1])
     slip = at[0] * on[:, 1]
     lateral = at[1] * on[:, 1] + 0.5 * at[2] * on[:, 1] ** 2 + at[3] * on[:, 2] + at[4]
     assert lateral == pytest.approx(slip, abs=1e-15)

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from cosim.cli import app
 from cosim.errors import ConvergenceError, InputError
 from cosim.files import folder_written_whole
-from cosim.report.figures import Figure, FigurePage, Study, chosen, write_figures
+from cosim.report.figures import Figure, FigurePage, FigureStudy, choose_studies, write_figures
 
 
 def drawn(sheet):
@@ -26,14 +26,17 @@ def paper(*figures, fails=False):
     def fail():
         raise ConvergenceError("did not converge")
 
-    studies = (Study("one", "the first", lambda: list(figures)), Study("two", "fails", fail))
+    studies = (
+        FigureStudy("one", "the first", lambda: list(figures)),
+        FigureStudy("two", "fails", fail),
+    )
     return FigurePage("mine", "A paper", studies[: 2 if fails else 1])
 
 
 def test_pictures_tables_and_a_page_that_needs_nothing_else(tmp_path):
     found = paper(figure(), figure("figure_2", rows=100))
     said = []
-    count = write_figures(found, chosen(found, ()), tmp_path / "out", said.append)
+    count = write_figures(found, choose_studies(found, ()), tmp_path / "out", said.append)
     assert count == 2
     assert said == ["one: the first"]
     page = (tmp_path / "out/index.html").read_text(encoding="utf-8")
@@ -50,10 +53,10 @@ def test_pictures_tables_and_a_page_that_needs_nothing_else(tmp_path):
 
 def test_nothing_is_left_of_a_study_that_fails(tmp_path):
     found = paper(figure(), fails=True)
-    write_figures(found, chosen(found, ["one"]), tmp_path / "out", lambda text: None)
+    write_figures(found, choose_studies(found, ["one"]), tmp_path / "out", lambda text: None)
     before = sorted(p.name for p in (tmp_path / "out").iterdir())
     with pytest.raises(ConvergenceError):
-        write_figures(found, chosen(found, ()), tmp_path / "out", lambda text: None)
+        write_figures(found, choose_studies(found, ()), tmp_path / "out", lambda text: None)
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == before
     assert [p.name for p in tmp_path.iterdir()] == ["out"]
     assert "Left out: two (fails)" in (tmp_path / "out/index.html").read_text(encoding="utf-8")

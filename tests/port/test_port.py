@@ -58,16 +58,16 @@ def test_a_rotation_vector_is_found_again_from_its_matrix(size: float) -> None:
 @given(st.lists(vectors, min_size=6, max_size=6))
 def test_twist_to_undoes_displaced(parts: list[np.ndarray]) -> None:
     twist = np.array(parts).reshape(3, 6)
-    assert motion().twist_to(motion().displaced(twist)) == pytest.approx(twist, abs=1e-9)
+    assert motion().twist_to(motion().displace(twist)) == pytest.approx(twist, abs=1e-9)
 
 
 def test_moved_is_a_rigid_motion() -> None:
     m, R, shift = motion(), rotation_matrix(np.array([0.3, -2.0, 0.9])), np.array([1.0, 2.0, 3.0])
-    moved = m.moved(R, shift)
+    moved = m.transform(R, shift)
     origin, rotation = moved.of("b")
     assert origin == pytest.approx(R @ m.position[1] + shift)
     assert rotation == pytest.approx(R @ m.rotation[1])
-    back = moved.moved(R.T, -R.T @ shift)
+    back = moved.transform(R.T, -R.T @ shift)
     assert back.position == pytest.approx(m.position)
 
 

@@ -15,9 +15,9 @@ from typer.testing import CliRunner
 from cosim.analyses.lesion import TIPS
 from cosim.cli import app
 from cosim.commands import lesion as lesion_commands
-from cosim.report.lesion_page import Pair, outline, same_layout, tables_of_lesion
+from cosim.report.lesion_page import RunPair, outline, same_layout, tables_of_lesion
 from cosim.report.tables import as_csv, as_markdown
-from cosim.report.views import Bone, Sheet
+from cosim.report.views import BoneSurface, Sheet
 from cosim.report.words import question
 from cosim.results.read import read_run
 
@@ -96,7 +96,7 @@ def test_the_lesion_is_told_in_a_report_of_the_run_alone(sheet):
 
 
 @pytest.fixture(scope="module")
-def sheetless(tmp_path_factory) -> tuple[str, list[Pair]]:
+def sheetless(tmp_path_factory) -> tuple[str, list[RunPair]]:
     """The page of a network without its central slip, and its four runs."""
     folder = tmp_path_factory.mktemp("network")
     settings = ('lesion.cut=["central_slip"]', QUICK, 'tendons.FDP.tension="1 N"')
@@ -107,7 +107,7 @@ def sheetless(tmp_path_factory) -> tuple[str, list[Pair]]:
         for side in ("before", "after")
     }
     page = (folder / "page.html").read_text(encoding="utf-8")
-    return page, [Pair(tip, run[tip, "before"], run[tip, "after"]) for tip in TIPS]
+    return page, [RunPair(tip, run[tip, "before"], run[tip, "after"]) for tip in TIPS]
 
 
 def test_a_hood_without_a_sheet_has_postures(sheetless):
@@ -131,7 +131,7 @@ def test_a_hood_without_a_sheet_has_tables(sheetless):
 
 @pytest.mark.parametrize("form", ["csv", "json", "md"])
 def test_the_command_writes_the_tables_that_are_asked_for(tmp_path, monkeypatch, sheetless, form):
-    monkeypatch.setattr(lesion_commands, "_solved", lambda case, out: sheetless[1])
+    monkeypatch.setattr(lesion_commands, "_solve_runs", lambda case, out: sheetless[1])
     out = tmp_path / f"table.{form}"
     given = ("network_edc", "--set", 'lesion.cut=["central_slip"]')
     lesion(tmp_path, *given, "--format", form, "-o", str(out))
@@ -161,7 +161,9 @@ def test_an_outline_is_the_bone_s_own():
     x, y, z = np.meshgrid(np.linspace(0, 0.02, 60), [-3e-3, 3e-3], [-1e-3, 2e-3], indexing="ij")
     box = np.column_stack([x.ravel(), y.ravel(), z.ravel()])
     turn = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
-    bone = Bone("box", box, np.zeros((0, 3), dtype=int), np.array([[0.1, 0, 0.0]]), turn[None])
+    bone = BoneSurface(
+        "box", box, np.zeros((0, 3), dtype=int), np.array([[0.1, 0, 0.0]]), turn[None]
+    )
     drawn = outline(bone, -1)
     assert drawn.min(axis=0) == pytest.approx([0.099, -0.02], abs=4e-4)
     assert drawn.max(axis=0) == pytest.approx([0.102, 0.0], abs=4e-4)

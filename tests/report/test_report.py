@@ -17,10 +17,10 @@ from typer.testing import CliRunner
 from cosim.cli import app
 from cosim.errors import InputError
 from cosim.report.drawings import Arrow, arrows_of, sagittal, ticks
-from cosim.report.flat import laid_out
+from cosim.report.flat import flatten_sheet
 from cosim.report.tables import last_ledger, tables_of
-from cosim.report.views import box, difference_view, limits, packed, view_of
-from cosim.report.words import answer, closure, commands, doubts, pulled, question
+from cosim.report.views import box, difference_view, limits, pack_views, view_of
+from cosim.report.words import answer, closure, commands, doubts, question, tendon_pulls
 from cosim.report.write import write_report
 from cosim.results.read import read_run, read_runs
 from tests.helpers.reported import DATA, as_motion, run_into, swinging
@@ -69,7 +69,7 @@ def cylinder(radius=6e-3, length=40e-3, rows=15, columns=9, bent=0.0):
 
 def test_a_cylinder_is_laid_out_true_to_length():
     points, quads, true = cylinder()
-    flat = laid_out(points, quads)
+    flat = flatten_sheet(points, quads)
     chord = 6e-3 * 2 * np.sin(0.15)  # of the polygon that the sheet is
     assert flat[:, 0] == pytest.approx(true[:, 0], abs=1e-9)
     assert flat[:, 1] == pytest.approx(true[:, 1] * chord / (6e-3 * 0.3), abs=1e-9)
@@ -77,15 +77,15 @@ def test_a_cylinder_is_laid_out_true_to_length():
 
 def test_what_a_sheet_is_laid_out_as_does_not_hang_on_how_its_quads_turn():
     points, quads, _ = cylinder()
-    flat = laid_out(points, quads)
-    assert laid_out(points, quads[:, ::-1]) == pytest.approx(flat, abs=1e-9)
+    flat = flatten_sheet(points, quads)
+    assert flatten_sheet(points, quads[:, ::-1]) == pytest.approx(flat, abs=1e-9)
 
 
 def test_a_hood_is_laid_out_without_a_fold_and_nearly_true(hood):
     shape = read_run(hood).hood
     assert shape is not None
     reference = shape.points - shape.point_data["displacement"]
-    flat = laid_out(reference, shape.quads)[shape.quads]
+    flat = flatten_sheet(reference, shape.quads)[shape.quads]
     diagonal = [flat[:, 2] - flat[:, 0], flat[:, 3] - flat[:, 1]]
     signed = diagonal[0][:, 0] * diagonal[1][:, 1] - diagonal[0][:, 1] * diagonal[1][:, 0]
     solid = reference[shape.quads]
@@ -96,7 +96,9 @@ def test_a_hood_is_laid_out_without_a_fold_and_nearly_true(hood):
 
 def test_two_pieces_are_laid_out_beside_each_other():
     points, quads, _ = cylinder()
-    both = laid_out(np.concatenate([points, points]), np.concatenate([quads, quads + len(points)]))
+    both = flatten_sheet(
+        np.concatenate([points, points]), np.concatenate([quads, quads + len(points)])
+    )
     one, two = both[: len(points), 1], both[len(points) :, 1]
     assert one.max() < two.min()
     assert np.ptp(one) == pytest.approx(np.ptp(two))
@@ -243,7 +245,7 @@ def test_a_case_that_cannot_be_built_again_costs_the_bones_alone(tmp_path, hood)
     assert view.bones == ()
     assert "cannot be built again" in view.notes[0]
     assert view.sheet is not None
-    assert json.dumps(packed([view], [limits([view])]))
+    assert json.dumps(pack_views([view], [limits([view])]))
 
 
 def test_the_box_holds_every_frame_of_a_motion(tmp_path, hood):
@@ -278,7 +280,7 @@ def test_a_difference_of_fields(hood):
 
 def test_the_view_packs_what_runs_share_once(hood, motion):
     views = [view_of(read_run(hood)), view_of(read_run(motion))]
-    content = packed(views, [limits(views)] * 2)
+    content = pack_views(views, [limits(views)] * 2)
     assert len(content["surfaces"]) == 4
     assert content["views"][1]["bones"][2]["surface"] == content["views"][0]["bones"][2]["surface"]
 
@@ -312,8 +314,8 @@ def test_ticks_are_few_and_round(span):
 
 def test_sentences(hood, split):
     run, other = read_runs([hood, split])
-    assert pulled(run) == "EDC with 3.469 N"
-    assert pulled(replace(run, case_text="")) == ""
+    assert tendon_pulls(run) == "EDC with 3.469 N"
+    assert tendon_pulls(replace(run, case_text="")) == ""
     assert dict(question(run))["Fingertip"] == "held at a point, free to turn"
     assert "central slip carries" in answer(run)
     assert "slip" not in answer(other)

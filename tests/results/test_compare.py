@@ -15,7 +15,7 @@ from cosim.results.compare import (
     Comparison,
     Target,
     as_dict,
-    compared,
+    compare_with_targets,
     difference,
     force_vectors,
     read_json,
@@ -106,7 +106,7 @@ def test_units_are_read_from_keys(quantity, unit):
 
 
 def test_a_case_is_compared_with_its_own_targets_alone():
-    rows = compared(
+    rows = compare_with_targets(
         (FORCE, replace(FORCE, case="other"), replace(FORCE, case="edc")), SUMMARY, "edc"
     )
     assert [row.target.case for row in rows] == ["", "edc"]
@@ -115,13 +115,13 @@ def test_a_case_is_compared_with_its_own_targets_alone():
 
 
 def test_requirements_are_counted_apart():
-    rows = compared((FORCE, replace(FORCE, kind="requirement")), SUMMARY, "edc")
+    rows = compare_with_targets((FORCE, replace(FORCE, kind="requirement")), SUMMARY, "edc")
     assert tally(rows) == {"outside": 1, "outside (requirement)": 1}
 
 
 def test_a_unit_that_is_not_the_quantitys_is_refused():
     with pytest.raises(InputError, match="is in N, the row in mN"):
-        compared((replace(FORCE, unit="mN"),), SUMMARY, "edc")
+        compare_with_targets((replace(FORCE, unit="mN"),), SUMMARY, "edc")
 
 
 @pytest.mark.parametrize(

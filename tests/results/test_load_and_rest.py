@@ -161,7 +161,7 @@ def test_glide_does_not_depend_on_where_the_hand_is(laid):
     places, points, rest = laid
     moved = points + 1e-3 * np.sin(1e3 * points)
     turn, shift = rotation_matrix(np.array([0.4, -1.1, 0.7])), np.array([0.3, -0.2, 0.1])
-    hand = rest.moved(turn, shift)
+    hand = rest.transform(turn, shift)
     here = told(places, points, rest, moved, rest)
     there = told(places, points, rest, moved @ turn.T + shift, hand)
     assert max(map(abs, here.values())) > 1e-4

@@ -12,7 +12,7 @@ from cosim.errors import InputError
 from cosim.hoods.view import STRAIN, HoodField
 from cosim.results.parts import LEDGER_HEADER, LedgerRow, Scene
 from cosim.results.result import Result
-from cosim.results.scene_plot import MOST_TRIANGLES, VIEWS, draw, thinned
+from cosim.results.scene_plot import MOST_TRIANGLES, VIEWS, decimate, draw
 
 
 def tube(radius: float = 5e-3, length: float = 40e-3, around: int = 24, along: int = 20):
@@ -156,7 +156,7 @@ def test_the_force_is_named_with_its_magnitude(result):
 
 def test_a_large_surface_is_thinned_to_the_same_shape():
     vertices, faces = tube(around=150, along=150)
-    coarse, fewer = thinned(vertices, faces)
+    coarse, fewer = decimate(vertices, faces)
     assert len(faces) > 4 * MOST_TRIANGLES
     assert 1000 < len(fewer) <= MOST_TRIANGLES
     np.testing.assert_allclose(np.ptp(coarse, axis=0), np.ptp(vertices, axis=0), atol=1e-3)

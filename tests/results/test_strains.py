@@ -8,7 +8,7 @@ import pytest
 from cosim.errors import InputError
 from cosim.hoods.shell.view import (
     ShellView,
-    gauged,
+    gauge_strains,
     marker_strains,
     strain_change,
     strain_summary,
@@ -97,7 +97,7 @@ def test_a_gauge_reads_what_is_about_its_marker_on_any_mesh():
         look = stretched(mesh, 1.0, 1.0)
         place = mesh.points[mesh.quads].mean(axis=1)[:, 0]
         look.strain[:, 0] = place
-        inner = gauged(look.strain, look)[:, 0].reshape(ROWS, 3)[1:-1]
+        inner = gauge_strains(look.strain, look)[:, 0].reshape(ROWS, 3)[1:-1]
         assert inner == pytest.approx(look.markers.at(mesh.points)[1:-1, :, 0], rel=2e-3)
         own = strain_summary(look)["strain_percent"]["longitudinal"]
         spike = int(np.argmin(place))

@@ -16,7 +16,7 @@ from meshes.skeleton import JOINTS
 from rigid.mjcf.read import ReadFinger, read_mjcf
 from rigid.mjcf.write import mjcf_xml
 from rigid.model import Cylinder, Sphere
-from rigid.papers.xu2012.paths import tendon_lengths, wrapped_length
+from rigid.papers.xu2012.paths import tendon_lengths, wrap_length
 
 OVER = '<site site="e0"/><site site="e1"/><geom geom="drum"{}/><site site="e2"/><site site="e3"/>'
 
@@ -149,7 +149,7 @@ def test_the_closed_form_is_mujocos_length(
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     pose = np.eye(3), np.zeros(3)
-    assert wrapped_length(start, end, over, pose) == pytest.approx(data.ten_length[0], abs=1e-11)
+    assert wrap_length(start, end, over, pose) == pytest.approx(data.ten_length[0], abs=1e-11)
 
 
 def test_a_side_site_keeps_an_extensor_an_extensor(tmp_path: Path) -> None:

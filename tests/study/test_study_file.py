@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from cosim.case.file import load_case
 from cosim.errors import InputError
 from cosim.study.file import read_file
-from cosim.study.plan import read_plan, scaled
+from cosim.study.plan import read_plan, scale_setting
 from tests.helpers.folders import ROOT
 from tests.helpers.held import HELD
 
@@ -76,11 +76,11 @@ def test_scale_multiplies_what_the_case_says(made):
 
 def test_scale_takes_numbers_lists_and_texts():
     base = {"a": {"b": 3, "c": ["1 mm", "2 mm"]}, "d": "word"}
-    assert list(scaled(base, "a.b", 0.5)) == ["a.b=1.5"]
-    assert list(scaled(base, "a.c", 2)) == ['a.c=["2.0 mm", "4.0 mm"]']
+    assert list(scale_setting(base, "a.b", 0.5)) == ["a.b=1.5"]
+    assert list(scale_setting(base, "a.c", 2)) == ['a.c=["2.0 mm", "4.0 mm"]']
     for key in ("a.x", "*.y", "d"):
         with pytest.raises(InputError, match="scale"):
-            list(scaled(base, key, 2))
+            list(scale_setting(base, key, 2))
 
 
 def test_words_go_as_they_are(made):

@@ -18,7 +18,7 @@ import pytest
 
 from cosim.analyses.reduction.case_text import case_text
 from cosim.analyses.reduction.reduce import reduce_case
-from cosim.case.cache_key import address, code_version, stated
+from cosim.case.cache_key import address, case_table, code_version
 from cosim.case.file import find_case, load_case
 from cosim.pipeline import run_case
 from cosim.study import open_study
@@ -212,7 +212,7 @@ def test_a_process_that_solves_one_run_after_the_other_keeps_its_size(tmp_path: 
     store = Store(tmp_path / "store").open()
     for point in plan.points[:RUNS]:
         case = load_case(plan.case, plan.settings_at(point))
-        values = json.loads(json.dumps(stated(case)))
+        values = json.loads(json.dumps(case_table(case)))
         key = address(case, code)
         settle(Task(key, values, plan.name, str(plan.case), str(store.root), code), store)
         sizes.append(process.memory_info().rss / 1024)

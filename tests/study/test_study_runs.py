@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from cosim.case.cache_key import address, code_version, stated
+from cosim.case.cache_key import address, case_table, code_version
 from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.errors import ConvergenceError, InputError
@@ -22,7 +22,7 @@ from cosim.study import open_study
 from cosim.study import process as apart
 from cosim.study.quantities import check_outputs, paths
 from cosim.study.store import Store
-from cosim.study.task import Task, known, settle
+from cosim.study.task import Task, settle, stored_outcome
 from tests.helpers.held import HELD
 
 STUDY = """
@@ -58,7 +58,7 @@ def begun(place: Path) -> Counter[str]:
 def a_task(place: Path, *settings: str, **more) -> Task:
     case = load_case(place / "held.toml", settings)
     code = code_version()
-    values = json.loads(json.dumps(stated(case)))
+    values = json.loads(json.dumps(case_table(case)))
     store = Store(place / "s").open()
     return Task(address(case, code), values, "held", "held.toml", str(store.root), code, **more)
 
@@ -250,8 +250,8 @@ def test_a_run_in_its_own_process_is_that_of_this_one(place):
         assert not apart.solve(task).solved
         late = a_task(place, "finger.posture.PIP=34 deg", limit=1e-4)
         assert apart.solve(late).status == "timeout"
-        assert known(late, store) is not None
-        assert known(Task(**{**vars(late), "limit": 60.0}), store) is None
+        assert stored_outcome(late, store) is not None
+        assert stored_outcome(Task(**{**vars(late), "limit": 60.0}), store) is None
         other = Task(**{**vars(task), "code": "another"})
         with pytest.raises(InputError, match="install the same"):
             apart.solve(other)

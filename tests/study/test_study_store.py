@@ -13,12 +13,12 @@ from pathlib import Path
 import pytest
 
 from cosim.errors import InputError
-from cosim.study.store import Row, Store, StoreError
+from cosim.study.store import Store, StoreError, StoreRow
 
-ROW = Row("ab" + 62 * "0", "converged", "", {"a": [1.5, {"b": 0.1}]}, "x", 2.0, "here", "code")
+ROW = StoreRow("ab" + 62 * "0", "converged", "", {"a": [1.5, {"b": 0.1}]}, "x", 2.0, "here", "code")
 
 
-def row(i: int) -> Row:
+def row(i: int) -> StoreRow:
     return replace(ROW, key=f"{i:064x}", summary={"i": i})
 
 

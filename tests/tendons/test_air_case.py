@@ -17,7 +17,7 @@ from cosim.pipeline import run_case
 from cosim.results.history_plot import draw_history
 from cosim.results.result import Result
 from cosim.solve.session import Session
-from cosim.tendons.air import begun, cylinders, pulled
+from cosim.tendons.air import cylinders, initial_air, step_cylinders
 from rigid.air.plant import ATMOSPHERE, Cylinder
 
 PLAIN = "output.picture=false"
@@ -98,16 +98,16 @@ def test_the_chamber_s_volume_follows_the_tendon() -> None:
     assert live is not None
     assert live.names == ("FDP", "EDC")
     assert live.where.tolist() == [1, 2]
-    state = begun(live)
-    first = pulled(live, state, 0.0, np.zeros(2), 0.0)
+    state = initial_air(live)
+    first = step_cylinders(live, state, 0.0, np.zeros(2), 0.0)
     inward = np.array([0.0, 5e-3])
-    done = pulled(live, state, 1e-2, inward, 1e-2)
+    done = step_cylinders(live, state, 1e-2, inward, 1e-2)
     ratio = state.volume[1] / (state.volume[1] + AREA * 5e-3)
     assert done.state.pressure[1] == pytest.approx(state.pressure[1] * ratio**1.4, rel=1e-6)
     assert done.state.pressure[0] == pytest.approx(ATMOSPHERE + 1e5, rel=1e-6)
     assert done.tension[1] < first.tension[1]
     assert np.all(first.stiffness == 0.0)
-    slight = pulled(live, state, 1e-2, np.array([0.0, -1e-6]), 1e-2)
+    slight = step_cylinders(live, state, 1e-2, np.array([0.0, -1e-6]), 1e-2)
     slope = (slight.tension[1] - first.tension[1]) / 1e-6
     assert slight.stiffness[1] == pytest.approx(slope, rel=1e-3)
 
@@ -117,7 +117,7 @@ def test_a_piston_at_its_end_stops_the_run(inward: float, words: str) -> None:
     live = cylinders(load_case("split_edc", ["forward={}", air('voltage="5 V"')]).tendons, ("EDC",))
     assert live is not None
     with pytest.raises(ConvergenceError, match=f"tendons.EDC.actuation: the piston was {words}"):
-        pulled(live, begun(live), 1e-3, np.array([inward]), 1e-3)
+        step_cylinders(live, initial_air(live), 1e-3, np.array([inward]), 1e-3)
 
 
 def test_what_a_case_says_reaches_the_cylinder_and_is_written_again(tmp_path: Path) -> None:

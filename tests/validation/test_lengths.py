@@ -6,7 +6,7 @@ import pytest
 
 from cosim.analyses.length_experiments import HOODS, case_with, experiments, levers
 from cosim.case.file import load_case
-from cosim.report.strengths import NOT_KNOWN, carried, strength_of, strengths
+from cosim.report.strengths import NOT_KNOWN, insertion_forces, strength_of, strengths
 from cosim.results.quantities import is_known
 from cosim.verification.lengths import STUDIES, rows
 from meshes.hood_mesh import REGIONS
@@ -76,7 +76,7 @@ def test_only_a_sheet_has_parts_that_carry():
         "region_force_N": dict.fromkeys(REGIONS, 0.5),
         "spring_force_N": {"central_slip": 1.0, "ligament_radial": 0.0},
     }
-    found = dict(carried(sheet))
+    found = dict(insertion_forces(sheet))
     assert len(found) == len(REGIONS) + 2
     assert all(is_known(quantity) for quantity in found.values())
-    assert not list(carried({"slip_force_N": {"central": 1.0}}))
+    assert not list(insertion_forces({"slip_force_N": {"central": 1.0}}))

@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 
 from cosim.results.compare import Comparison, Target, verdict
-from cosim.validation.skill import FACTORS, against_factors, counted, headline, scaled, skill
+from cosim.validation.skill import (
+    FACTORS,
+    against_factors,
+    headline,
+    judging_rows,
+    scale_rows,
+    skill,
+)
 
 RNG = np.random.default_rng(3)
 MEASURED = RNG.normal(0, 2, 24)
@@ -85,12 +92,12 @@ def test_a_fitted_or_required_row_is_not_counted_and_a_number_once():
         replace(first.target, name="through another hood", case="other"), first.model
     )
     differs = Comparison(again.target, first.model + 1e-3)
-    assert counted([fitted, required]) == []
+    assert judging_rows([fitted, required]) == []
     assert skill([fitted, required], "no answer") is None
-    assert counted([first, second, again]) == [first, second]
-    assert counted([first, differs]) == [first, differs]
+    assert judging_rows([first, second, again]) == [first, second]
+    assert judging_rows([first, differs]) == [first, differs]
     none = [Comparison(r.target, None) for r in (first, again)]
-    assert counted(none) == none
+    assert judging_rows(none) == none
 
 
 def test_the_first_line_says_which_null_model_wins_and_why():
@@ -112,6 +119,6 @@ def test_the_first_line_says_which_null_model_wins_and_why():
 def test_no_value_stays_none_when_scaled():
     models = MEASURED.copy()
     models[0] = np.nan
-    halved = scaled(rows(models), 0.5)
+    halved = scale_rows(rows(models), 0.5)
     assert halved[0].model is None
     assert halved[1].model == 0.5 * models[1]

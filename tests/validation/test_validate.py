@@ -20,22 +20,22 @@ from cosim.errors import ConvergenceError, InputError
 from cosim.results.audit import BOUNDS, Bound
 from cosim.results.compare import Comparison, Target, verdict
 from cosim.validation.force import AN, MYOHAND, PAST_THE_HOOD, THROUGH_THE_HOOD, two_models
-from cosim.validation.lengths import OWN_ZERO, measured
-from cosim.validation.plan import STRAIGHT, groups, losses, posed, rows_of, split_answers
-from cosim.validation.reasons import MISSES, NOT_KNOWN, explained, reasons
+from cosim.validation.lengths import OWN_ZERO, measure_lengths
+from cosim.validation.plan import STRAIGHT, groups, losses, rows_of, split_answers, trial_name
+from cosim.validation.reasons import MISSES, NOT_KNOWN, explain_misses, reasons
 from cosim.validation.run import (
     SPLIT,
     Board,
-    Outcome,
+    ValidationOutcome,
     _batches,
     _board,
     by_kind,
-    chosen,
+    choose_groups,
+    run_validation,
     scoreboard,
-    validated,
 )
-from cosim.validation.skill import FACTORS, counted
-from cosim.validation.trial import Group
+from cosim.validation.skill import FACTORS, judging_rows
+from cosim.validation.trial import TrialGroup
 from tests.helpers.folders import ROOT
 
 GROUPS = groups(Path("mi29.feb"))
@@ -74,7 +74,7 @@ def test_what_was_fitted_is_shown_in_a_group_of_its_own_that_counts_nothing():
     assert sum(" EDC at the " in name for name in fitted) >= 2
     rows = list(rows_of(BY_NAME["fitted numbers"], {}))
     assert rows
-    assert counted(rows) == []
+    assert judging_rows(rows) == []
 
 
 def test_no_target_of_an_experiment_holds_the_null_answer_unless_the_experiment_does():
@@ -87,7 +87,7 @@ def test_no_target_of_an_experiment_holds_the_null_answer_unless_the_experiment_
     own = [t for t in marked if "Synek" not in t.source and "in Jadelis" not in t.source]
     assert {t.quantity for t in own} == {"measured.glide_mcp_mm"}
     lost = list(
-        losses({posed(m, *ip) for m in (0, 30, 60) for ip in ((0, 0), (45, 15), (60, 30))}, {})
+        losses({trial_name(m, *ip) for m in (0, 30, 60) for ip in ((0, 0), (45, 15), (60, 30))}, {})
     )
     assert len(lost) == 14
     assert {verdict(row.target, 0.0) for row in lost} == {"outside"}
@@ -116,7 +116,7 @@ def test_no_muscle_that_passes_the_hood_is_judged_twice():
 def test_nine_postures_of_the_shipped_hood():
     trials = BY_NAME["Lee 2008: slip forces"].trials
     assert len(trials) == 9
-    (bent,) = [t for t in trials if t.name == posed(60, 45, 15)]
+    (bent,) = [t for t in trials if t.name == trial_name(60, 45, 15)]
     case = load_case(bent.case, bent.settings)
     angles = case.finger.posture.angles()
     assert np.degrees(angles["MCP"]) == pytest.approx(60)
@@ -168,7 +168,7 @@ def test_a_study_that_ends_early_keeps_what_it_measured(monkeypatch):
 
     what = "glide of the terminal slip"
     monkeypatch.setitem(MADE, what, MADE[what]._replace(values=values))
-    summary, why = measured(what, ["a=1"])
+    summary, why = measure_lengths(what, ["a=1"])
     assert why == "no equilibrium"
     group = BY_NAME["lengths and cuts"]
     rows = {r.target.quantity: r for r in rows_of(group, {f"lengths: {what}": summary})}
@@ -180,7 +180,7 @@ def test_a_slip_that_gains_force_is_outside_and_one_that_loses_as_much_as_measur
     def said(central: float, terminal: float) -> dict:
         return {"difference": {"slip_force_N": {"central": central, "terminal": terminal}}}
 
-    straight, bent, flexed = posed(0, 0, 0), posed(0, 45, 15), posed(60, 0, 0)
+    straight, bent, flexed = trial_name(0, 0, 0), trial_name(0, 45, 15), trial_name(60, 0, 0)
     summaries = {straight: said(4.0, 7.0), bent: said(3.0, 7.7), flexed: said(2.0, 6.0)}
     found = {c.target.name: c for c in losses(set(summaries), summaries)}
     assert len(found) == 4
@@ -223,14 +223,14 @@ def test_every_reason_fits_a_group_and_stands_only_beside_a_miss():
     name, note = "40 deg, RI, distal", "clamped"
     target = Target(name, "q", "N", 1.0, 0.1, None, None, "s", "experiment", note=note)
     rows = [Comparison(target, 1.05), Comparison(target, 2.0)]
-    near, far = explained("cadaver forces: hood", rows)
+    near, far = explain_misses("cadaver forces: hood", rows)
     assert near.target.note == "clamped"
     assert far.target.note.startswith("clamped; why: An's normative path of RI")
-    (other,) = explained("lengths and cuts", [Comparison(target, 2.0)])
+    (other,) = explain_misses("lengths and cuts", [Comparison(target, 2.0)])
     assert other.target.note == f"clamped; why: {NOT_KNOWN}"
 
 
-def board_of(group: Group, factor: float, **others: float) -> Board:
+def board_of(group: TrialGroup, factor: float, **others: float) -> Board:
     """The board of models that say so many times what was measured; others: of trials by name."""
 
     def said(name: str) -> dict:
@@ -249,7 +249,7 @@ def board_of(group: Group, factor: float, **others: float) -> Board:
                 ]
             }
         }
-    outcomes = {n: Outcome(n, s, None) for n, s in summaries.items()}
+    outcomes = {n: ValidationOutcome(n, s, None) for n, s in summaries.items()}
     return _board(group, outcomes)
 
 
@@ -314,7 +314,7 @@ def test_a_difference_on_the_board_is_that_of_the_numbers_beside_it(reference, h
 
 def test_unknown_trials_and_half_a_scoreboard_are_refused(tmp_path: Path):
     with pytest.raises(InputError, match="no trial is called so"):
-        chosen("toe")
+        choose_groups("toe")
     run = CliRunner().invoke(app, ["validate", "--only", "toe", "--out", str(tmp_path / "v")])
     assert run.exit_code == 2
     half = CliRunner().invoke(app, ["validate", "--only", "EDC", "--update"])
@@ -370,7 +370,7 @@ def test_trials_that_share_an_unloaded_equilibrium_are_run_by_one_process():
 
 def test_two_processes_give_the_board_of_one(tmp_path: Path):
     group = some_of_the_split("fdp")
-    boards = [validated([group], tmp_path / str(n), workers=n) for n in (1, 2)]
+    boards = [run_validation([group], tmp_path / str(n), workers=n) for n in (1, 2)]
     assert boards[0] == boards[1]
     assert not boards[0][0].failures
     assert boards[0][0].skills
@@ -382,12 +382,12 @@ def test_a_process_that_is_killed_is_told_in_one_message(tmp_path: Path):
             process.kill()
 
     with pytest.raises(InputError, match="--workers 1 needs the least"):
-        validated([some_of_the_split("fdp", "fds", "lum")], tmp_path, told=kill)
+        run_validation([some_of_the_split("fdp", "fds", "lum")], tmp_path, told=kill)
 
 
-def some_of_the_split(*muscles: str) -> Group:
+def some_of_the_split(*muscles: str) -> TrialGroup:
     """The middle finger without a hood in both postures, these muscles alone."""
-    past, split = chosen("middle_m")
+    past, split = choose_groups("middle_m")
     group = replace(past, trials=(*past.trials, *split.trials))
     kept = [t for t in group.trials if t.name.endswith(muscles)]
     return replace(group, trials=tuple(kept))

@@ -34,7 +34,7 @@ class Demand:
     beside: Array
     """(nq,) N m."""
 
-    def made(self, torque: Array) -> Array:
+    def component_values(self, torque: Array) -> Array:
         """(d,) the components that muscles' torques (nq,) make, in the sense of least squares where
         no such components balance them."""
         need = self.rows @ (torque + self.beside)

@@ -11,7 +11,7 @@ import pandas as pd
 
 from cosim.analyses.estimate.capacity import Capacity
 from cosim.analyses.estimate.feasible import ForceSet
-from cosim.analyses.estimate.of_case import Along, Answer, Setup
+from cosim.analyses.estimate.of_case import Along, EstimateAnswer, Setup
 from cosim.analyses.estimate.plot import draw_estimate, draw_motion
 from cosim.analyses.estimate.tensions import spelt
 from cosim.files import folder_written_whole
@@ -40,13 +40,13 @@ def muscle_table(bear: Capacity, tension: Array) -> pd.DataFrame:
 
 
 def write_answer(
-    folder: Path, s: Setup, answer: Answer | None, forces: ForceSet | None, wall: float
+    folder: Path, s: Setup, answer: EstimateAnswer | None, forces: ForceSet | None, wall: float
 ) -> None:
     """An estimate and the set of feasible forces, either of which may lack.  Raises InputError."""
     tension = None if answer is None else answer.found.tension
     wanted = None if answer is None or answer.demand.unit != "N" else answer.wanted
     with folder_written_whole(folder, MARK) as part:
-        summary = {**_head(s, wall), **({} if answer is None else _told(s, answer))}
+        summary = {**_head(s, wall), **({} if answer is None else _as_table(s, answer))}
         if forces is not None:
             summary["feasible_force"] = _set(s, forces)
             names = [f"{name}_N" for name in forces.names]
@@ -99,7 +99,7 @@ def _head(s: Setup, wall: float) -> dict[str, Any]:
     }
 
 
-def _told(s: Setup, answer: Answer) -> dict[str, Any]:
+def _as_table(s: Setup, answer: EstimateAnswer) -> dict[str, Any]:
     unit = answer.demand.unit.replace(" ", "")
     named = answer.demand.names
     joints = s.models.finger.joints

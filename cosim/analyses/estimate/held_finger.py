@@ -92,7 +92,7 @@ class Held:
         none = np.zeros(len(finger.tendons))
         slope = finger.tangent(state, at.load, none, at.by_motion)[:nq, nq:]
         forces = [
-            finger.balance(finger.displaced(state, step), at.load, none).tip_force
+            finger.balance(finger.displace(state, step), at.load, none).tip_force
             for step in np.eye(n)[nq:]
         ]
         return slope, np.array(forces).T

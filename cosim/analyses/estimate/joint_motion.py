@@ -54,11 +54,11 @@ def read_motion(
     )
     if not np.isfinite(angle).all():
         raise InputError(f"{path}: holds an angle that is not finite")
-    smooth = angle if cutoff is None else _filtered(path, time, angle, cutoff)
-    return _splined(time, smooth, samples)
+    smooth = angle if cutoff is None else _filter(path, time, angle, cutoff)
+    return _spline(time, smooth, samples)
 
 
-def _splined(time: Array, angle: Array, samples: int | None) -> JointMotion:
+def _spline(time: Array, angle: Array, samples: int | None) -> JointMotion:
     from scipy.interpolate import CubicSpline
 
     spline = CubicSpline(time, angle)
@@ -66,7 +66,7 @@ def _splined(time: Array, angle: Array, samples: int | None) -> JointMotion:
     return JointMotion(at, spline(at), spline(at, 1), spline(at, 2))
 
 
-def _filtered(path: Path, time: Array, angle: Array, cutoff: float) -> Array:
+def _filter(path: Path, time: Array, angle: Array, cutoff: float) -> Array:
     from scipy.signal import butter, sosfiltfilt
 
     step = np.diff(time)

@@ -20,7 +20,7 @@ from cosim.errors import ConvergenceError, InputError, Progress
 from cosim.fingers.kinds import with_mass
 from cosim.port import Array, PairState, Tensions
 from cosim.schema import units
-from cosim.solve.agree import agree
+from cosim.solve.equilibrium import solve_equilibrium
 from rigid.muscle.least_cost import Power
 
 STAGES = (0.25, 0.5, 0.75, 1.0)
@@ -43,13 +43,13 @@ class Setup:
     def bounds(self) -> Bounds:
         return Bounds(self.capacity.least, self.capacity.most)
 
-    def held(self, posture: Mapping[str, float]) -> Held:
+    def hold_finger(self, posture: Mapping[str, float]) -> Held:
         """The finger in a posture (rad).  Raises InputError for one outside its ranges."""
         return Held(self.models, self.models.finger.start(posture))
 
 
 @dataclass(frozen=True)
-class Audit:
+class EstimateAudit:
     """The case run forward under the estimated tensions, from its own start."""
 
     made: Array
@@ -59,13 +59,13 @@ class Audit:
 
 
 @dataclass(frozen=True)
-class Answer:
+class EstimateAnswer:
     """An estimate of one target."""
 
     demand: Demand
     wanted: Array
     found: Estimate
-    audit: Audit
+    audit: EstimateAudit
 
 
 def setup(
@@ -82,7 +82,7 @@ def setup(
     return Setup(case, models, bear, Cost(bear.weight(weights), power))
 
 
-def parsed_force(text: str) -> tuple[float | None, float | None, float | None]:
+def parse_force(text: str) -> tuple[float | None, float | None, float | None]:
     """N along distal, radial and dorsal; None where a component is left open.
 
     Raises InputError for anything but three of them."""
@@ -99,7 +99,7 @@ def parsed_force(text: str) -> tuple[float | None, float | None, float | None]:
     return x, y, z
 
 
-def parsed_values(option: str, given: Sequence[str], kind: units.Kind) -> dict[str, float]:
+def parse_values(option: str, given: Sequence[str], kind: units.Kind) -> dict[str, float]:
     """SI values of NAME=QUANTITY texts.  Raises InputError."""
     out = {}
     for text in given:
@@ -128,11 +128,11 @@ def for_force(
     s: Setup,
     force: tuple[float | None, float | None, float | None],
     progress: Progress,
-) -> Answer:
+) -> EstimateAnswer:
     """Tensions for a fingertip force in the case's posture, audited by its coupled equilibrium.
 
     Raises InputError and ConvergenceError."""
-    held = s.held(s.models.posture)
+    held = s.hold_finger(s.models.posture)
     first = held.at(s.capacity.least, held.begin())
     left = [axis for axis, value in zip(AXES, force, strict=True) if value is None]
     demand = force_demand(held, first, left)
@@ -143,12 +143,12 @@ def for_force(
             f"--force: this finger's tip bears no force along {', '.join(across)}; write 0 N there"
         )
     wanted = np.array([stated[name] or 0.0 for name in demand.names])
-    found = _approached(s, held, demand, wanted, first, progress)
+    found = _approach_demand(s, held, demand, wanted, first, progress)
     progress("running the case forward")
-    return Answer(demand, wanted, found, _forward(s, held, demand, found, progress))
+    return EstimateAnswer(demand, wanted, found, _forward(s, held, demand, found, progress))
 
 
-def _approached(
+def _approach_demand(
     s: Setup,
     held: Held,
     demand: Demand,
@@ -165,7 +165,7 @@ def _approached(
         if s.case.hood.shares_fixed:
             raise
         at_once = error
-    begun, reached = demand.made(first.torque), 0.0
+    begun, reached = demand.component_values(first.torque), 0.0
     for part in STAGES:
         progress(f"out of reach at once; {part:.0%} of the way")
         aim = begun + part * (wanted - begun)
@@ -181,11 +181,13 @@ def _approached(
     return found
 
 
-def _forward(s: Setup, held: Held, demand: Demand, found: Estimate, progress: Progress) -> Audit:
+def _forward(
+    s: Setup, held: Held, demand: Demand, found: Estimate, progress: Progress
+) -> EstimateAudit:
     finger, hood = s.models.finger, s.models.hood
     split = len(hood.tendons)
     try:
-        e = agree(
+        e = solve_equilibrium(
             s.case,
             s.models,
             PairState(held.finger_state, held.begin()),
@@ -199,19 +201,26 @@ def _forward(s: Setup, held: Held, demand: Demand, found: Estimate, progress: Pr
             "try --set finger.tip.kind='\"clamped\"'"
         ) from error
     turned = finger.angles(e.finger_state) - finger.angles(held.finger_state)
-    return Audit(np.array([e.told.tip_force[AXES.index(a)] for a in demand.names]), turned)
+    return EstimateAudit(
+        np.array([e.known_balance.tip_force[AXES.index(a)] for a in demand.names]), turned
+    )
 
 
-def for_torques(s: Setup, given: Mapping[str, float], progress: Progress) -> Answer:
+def for_torques(s: Setup, given: Mapping[str, float], progress: Progress) -> EstimateAnswer:
     """Tensions of which hood and muscles make joint torques (N m) in the case's posture, audited by
     a hood that is solved anew, from its start, under them."""
-    held = s.held(s.models.posture)
+    held = s.hold_finger(s.models.posture)
     demand = torque_demand(held)
     wanted = torques_wanted(s.models.finger.joints, given)
     first = held.at(s.capacity.least, held.begin())
-    found = _approached(s, held, demand, wanted, first, progress)
+    found = _approach_demand(s, held, demand, wanted, first, progress)
     anew = held.at(found.tension, held.begin())
-    return Answer(demand, wanted, found, Audit(demand.made(anew.torque), np.zeros(len(wanted))))
+    return EstimateAnswer(
+        demand,
+        wanted,
+        found,
+        EstimateAudit(demand.component_values(anew.torque), np.zeros(len(wanted))),
+    )
 
 
 @dataclass(frozen=True)
@@ -240,7 +249,7 @@ def for_motion(s: Setup, motion: JointMotion, progress: Progress, reserve: float
     joints = s.models.finger.joints
     start, tensions, made, worst, rounds = None, [], [], 0.0, 0
     for k, time in enumerate(motion.time):
-        held = s.held(dict(zip(joints, motion.angle[k], strict=True)))
+        held = s.hold_finger(dict(zip(joints, motion.angle[k], strict=True)))
         try:
             found = estimate(
                 held, torque_demand(held), needed[k], s.bounds, s.cost, start, reserve=reserve
@@ -273,12 +282,12 @@ def _needed(s: Setup, motion: JointMotion) -> Array:
 def force_basis(s: Setup) -> tuple[Demand, Torques]:
     """The demand of any fingertip force, and the torques at the least tensions, for a set of
     forces without a target."""
-    held = s.held(s.models.posture)
+    held = s.hold_finger(s.models.posture)
     first = held.at(s.capacity.least, held.begin())
     return force_demand(held, first), first
 
 
-def told_of(answer: Answer) -> str:
+def forward_run_text(answer: EstimateAnswer) -> str:
     """What was asked for and what the forward run made, in words."""
     return f"asked for {spelt(answer.demand, answer.wanted)}; made, run forward: " + spelt(
         answer.demand, answer.audit.made

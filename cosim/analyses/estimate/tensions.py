@@ -86,28 +86,28 @@ def estimate(
     at = held.at(tension, state)
     aim, part, last = tension, 1.0, np.inf
     for rounds in range(1, MOST_ROUNDS + 1):
-        programme = linearised(demand, wanted, tension, at, bounds)
+        programme = linearise(demand, wanted, tension, at, bounds)
         found = least(programme, cost.factors, cost.power)
         asked = wanted if found is not None else nearest(demand, wanted, tension, at, bounds)
         if found is None:
-            programme = linearised(demand, asked, tension, at, bounds)
+            programme = linearise(demand, asked, tension, at, bounds)
             found = least(programme, cost.factors, cost.power)
         if found is None:
-            raise _unsettled(rounds, last)
-        gap, moved = _gap(demand, asked, at), _moved(tension, found.x)
+            raise _not_converged(rounds, last)
+        gap, moved = _gap(demand, asked, at), _relative_change(tension, found.x)
         progress(f"round {rounds}: torques off by {gap:.1e}, tensions by {moved:.1e}")
         if gap <= AGREED and moved <= AGREED:
             if np.abs(asked - wanted).max() > max(SHORT * np.abs(wanted).max(), reserve, 1e-12):
                 raise _short(demand, wanted, asked, programme, tension, bounds, held)
-            return Estimate(tension, demand.made(at.torque), at, found, gap, rounds)
+            return Estimate(tension, demand.component_values(at.torque), at, found, gap, rounds)
         if rounds > PATIENCE and gap + moved >= last:
             part = max(0.5 * part, LEAST_PART)
         last, aim = gap + moved, found.x
-        tension, at = _stepped(held, tension, at, aim, part)
-    raise _unsettled(MOST_ROUNDS, last)
+        tension, at = _take_step(held, tension, at, aim, part)
+    raise _not_converged(MOST_ROUNDS, last)
 
 
-def linearised(
+def linearise(
     demand: Demand, wanted: Array, tension: Array, at: Torques, bounds: Bounds
 ) -> Programme:
     """The demand's equations in the tensions, as the hood's tangent has them."""
@@ -119,7 +119,7 @@ def linearised(
 def nearest(demand: Demand, wanted: Array, tension: Array, at: Torques, bounds: Bounds) -> Array:
     """(d,) the components nearest to those wanted that tensions within the bounds can make, as
     linearised.  Raises InputError where they balance none at all."""
-    programme = linearised(demand, wanted, tension, at, bounds)
+    programme = linearise(demand, wanted, tension, at, bounds)
     d, n = len(wanted), len(tension)
     free = np.full(d, np.inf)
     wider = Programme(
@@ -157,7 +157,7 @@ def reach(demand: Demand, wanted: Array, programme: Programme) -> tuple[float, f
     return ends[0], ends[1]
 
 
-def _stepped(
+def _take_step(
     held: Held, tension: Array, at: Torques, aim: Array, part: float
 ) -> tuple[Array, Torques]:
     """The tensions a part of the way on, and the hood there; less of it where the hood's own solve
@@ -181,7 +181,7 @@ def _gap(demand: Demand, asked: Array, at: Torques) -> float:
     return float(np.abs(made - need).max() / scale)
 
 
-def _moved(before: Array, now: Array) -> float:
+def _relative_change(before: Array, now: Array) -> float:
     """Relative to the largest tension, or to 1 N."""
     return float(np.abs(now - before).max() / max(1.0, float(now.max())))
 
@@ -216,7 +216,7 @@ def spelt(demand: Demand, values: Array) -> str:
     return ", ".join(f"{name} {value:.4g}" for name, value in parts) + f" {unit}"
 
 
-def _unsettled(rounds: int, last: float) -> ConvergenceError:
+def _not_converged(rounds: int, last: float) -> ConvergenceError:
     return ConvergenceError(
         f"estimate: hood and programme did not agree in {rounds} rounds; torques and tensions are "
         f"off by {last:.1e} (relative). Try --cost quadratic, whose answer moves with the "

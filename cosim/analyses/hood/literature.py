@@ -60,7 +60,7 @@ COUPLINGS = {
 """deg of the DIP by that of the PIP, before `DIP_RANGE` and rounding."""
 
 
-def coupled(name: str, pip: float) -> float:
+def dip_on_coupling(name: str, pip: float) -> float:
     """deg of the DIP on a coupling's line, a whole number within `DIP_RANGE`."""
     return float(np.clip(round(COUPLINGS[name](pip)), *DIP_RANGE))
 

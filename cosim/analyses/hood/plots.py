@@ -16,10 +16,10 @@ from cosim.analyses.hood.literature import (
     REST_TORQUE,
     YOUNG_RAYAN,
     buchner_height,
-    coupled,
+    dip_on_coupling,
 )
 from cosim.analyses.hood.poses import JOINTS, Posture, SolvedPose, posture_name
-from cosim.report.figures import framed
+from cosim.report.figures import style_axes
 from cosim.results.looks import look
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ def draw_rest(
             axes.axhspan(0.0 if "slip" in name else -bound, bound, **SHADE)
             axes.axhline(0.0, color="0.6", lw=0.7)
             _draw_couplings(axes, known, mcp, pips, name)
-            framed(axes, "", "")
+            style_axes(axes, "", "")
         line[0].set_ylabel(label, fontsize=9)
     for axes, mcp in zip(panels[0], mcps, strict=True):
         axes.set_title(f"MCP {mcp:g} deg", fontsize=10)
@@ -80,7 +80,7 @@ def _draw_couplings(
 ) -> None:
     lost: set[float] = set()
     for coupling, colour in zip(COUPLINGS, LINES, strict=True):
-        poses = [known[mcp, pip, coupled(coupling, pip)] for pip in pips]
+        poses = [known[mcp, pip, dip_on_coupling(coupling, pip)] for pip in pips]
         values = [pose.numbers.get(name, np.nan) for pose in poses]
         dash = "-" if coupling in ("Buchner", "0.7 PIP") else ":"
         axes.plot(pips, values, "o" + dash, color=colour, ms=3.5, lw=1.5, label=f"DIP: {coupling}")
@@ -121,10 +121,10 @@ def draw_slips(
     for axes in (ratios, levels):
         axes.axhspan(*LEE_BAND, **SHADE)
         axes.axhline(LEE_RATIO, color="0.4", ls="--", lw=1.0, zorder=1)
-    framed(forces, "", "force, N")
-    framed(ratios, "MCP/PIP/DIP, deg", "terminal over central slip")
-    framed(shares, "", "slip force over EDC tension")
-    framed(levels, "EDC tension, N", "terminal over central slip")
+    style_axes(forces, "", "force, N")
+    style_axes(ratios, "MCP/PIP/DIP, deg", "terminal over central slip")
+    style_axes(shares, "", "slip force over EDC tension")
+    style_axes(levels, "EDC tension, N", "terminal over central slip")
     for axes in (forces, shares, ratios, levels):
         axes.set_ylim(0.0, max(1.08 * axes.dataLim.y1, 0.1))
     levels.set(yscale="log", ylim=(0.5, 30.0))
@@ -158,7 +158,7 @@ def draw_arms(
         gone = swept[swept.arm_mm.isna()].angle_deg.unique()
         for axes in (above, below):
             axes.axhline(0.0, color="0.6", lw=0.7)
-            framed(axes, "", "")
+            style_axes(axes, "", "")
             _mark_lost(axes, list(gone))
         above.set_title(f"{joint} alone", fontsize=10)
         below.set_xlabel(f"{joint}, deg")
@@ -190,10 +190,10 @@ def draw_bands(heights: pd.DataFrame, glides: pd.DataFrame, sheet: Sheet) -> Non
             left.plot(part.PIP_deg, part[f"{side}_mm"], mark, lw=1.5, label=label, **style)
     _mark_lost(left, list(heights[heights.mean_mm.isna()].PIP_deg.unique()))
     left.axhline(0.0, color="0.6", lw=0.7)
-    framed(left, "PIP, deg", "lateral bands over the PIP's axis, mm dorsal")
+    style_axes(left, "PIP, deg", "lateral bands over the PIP's axis, mm dorsal")
     for axes, (name, words) in zip((middle, right), GLIDES.items(), strict=True):
         _draw_glide(axes, glides, name)
-        framed(axes, "angle of the joint that moves, deg", f"glide of the {words}, mm distal")
+        style_axes(axes, "angle of the joint that moves, deg", f"glide of the {words}, mm distal")
     for axes in (left, middle, right):
         handles, names = axes.get_legend_handles_labels()
         low, high = axes.get_ylim()
@@ -236,7 +236,7 @@ def draw_sagittal(table: pd.DataFrame, sheet: Sheet) -> None:
               mew=1.6, label="Young and Rayan 2000", zorder=5)  # fmt: skip
     _mark_lost(axes, list(table[table.tendon_deg.isna()].MCP_deg.unique()))
     axes.axhline(0.0, color="0.6", lw=0.7)
-    framed(axes, "MCP, deg", "sagittal bands from the square, deg distal")
+    style_axes(axes, "MCP, deg", "sagittal bands from the square, deg distal")
     axes.plot([], [], "-", color="0.4", label="EDC 3 N")
     axes.plot([], [], "--", color="0.4", label="rest")
     _below(sheet, axes, 2)

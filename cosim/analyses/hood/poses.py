@@ -20,7 +20,7 @@ from cosim.build.models import Models, build, hood_mesh
 from cosim.case.schema import Case
 from cosim.errors import ConvergenceError, Progress, quiet
 from cosim.hoods.fe_view import FeView
-from cosim.hoods.injury import injured_mesh
+from cosim.hoods.injury import apply_lesion_to_mesh
 from cosim.port import STATIC, Array, Response, State
 from cosim.results.audit import missed_bounds
 from cosim.results.slips import is_slack
@@ -91,7 +91,7 @@ class HoodPoses:
 
     def __post_init__(self) -> None:
         """Build the hood.  Raises InputError for a case without a sheet."""
-        mesh = injured_mesh(hood_mesh(self.case), self.case.lesion)
+        mesh = apply_lesion_to_mesh(hood_mesh(self.case), self.case.lesion)
         self.models = build(self.case)
         self._sagittal = sagittal_bands(mesh)
 

@@ -20,7 +20,7 @@ from cosim.analyses.hood.literature import (
     REST_TORQUE,
     YOUNG_RAYAN,
     buchner_height,
-    coupled,
+    dip_on_coupling,
     fitted_postures,
 )
 from cosim.analyses.hood.plots import SAGITTAL_LINES
@@ -36,7 +36,7 @@ from cosim.analyses.hood.poses import (
 )
 from cosim.case.schema import Case
 from cosim.errors import Progress, quiet
-from cosim.report.figures import Figure, FigurePage, Study
+from cosim.report.figures import Figure, FigurePage, FigureStudy
 
 REST_MCP, REST_PIP = (0.0, 40.0, 80.0), (0.0, 45.0, 90.0)
 SLIP_POSTURES: tuple[Posture, ...] = tuple(
@@ -80,11 +80,17 @@ class HoodStudies:
 
     def paper(self, command: str) -> FigurePage:
         studies = (
-            Study("rest", "torques and slips at rest along couplings of PIP and DIP", self.at_rest),
-            Study("slips", "central and terminal slip under EDC, by posture and load", self.slips),
-            Study("arms", "moment arms and excursions of the hood's tendons", self.arms),
-            Study("bands", "height of the lateral bands, glide of the terminal slip", self.bands),
-            Study("sagittal", "angle of the sagittal bands against the MCP", self.sagittal),
+            FigureStudy(
+                "rest", "torques and slips at rest along couplings of PIP and DIP", self.at_rest
+            ),
+            FigureStudy(
+                "slips", "central and terminal slip under EDC, by posture and load", self.slips
+            ),
+            FigureStudy("arms", "moment arms and excursions of the hood's tendons", self.arms),
+            FigureStudy(
+                "bands", "height of the lateral bands, glide of the terminal slip", self.bands
+            ),
+            FigureStudy("sagittal", "angle of the sagittal bands against the MCP", self.sagittal),
         )
         title = f"The hood of {self.case.name} over postures"
         return FigurePage(
@@ -112,7 +118,7 @@ class HoodStudies:
             "coupling (1.21 mm/rad)/(3.5 mm) PIP^2, about a quarter of the PIP at 45 deg and half "
             "at 90, along 0.7 PIP as FDP flexes a free finger (Nimbarte et al. 2008), and "
             f"15 deg off either, within 0 to 70 deg. {self._said_fitted('hood.', 'rest')}"
-            f"{_said_lost(solved)}"
+            f"{_lost_sentence(solved)}"
         )
         return [
             Figure(
@@ -140,7 +146,8 @@ class HoodStudies:
             "tension at two postures. Lee et al. 2008 (J Biomech Eng 130:051014, n 5): terminal "
             f"over central slip {LEE_RATIO:g}, nearly independent of posture (dashed); band of the "
             f"target {LEE_BAND[0]:g} to {LEE_BAND[1]:g} (shaded). "
-            f"{self._said_fitted('slip_ratio', 'the ratio')}{_said_lost([*by_posture, *by_load])}"
+            f"{self._said_fitted('slip_ratio', 'the ratio')}"
+            f"{_lost_sentence([*by_posture, *by_load])}"
         )
         whole = _table([*by_posture, *by_load], ("central", "terminal", "slip"), fitted)
         return [
@@ -173,7 +180,7 @@ class HoodStudies:
                 else "The published arms at hand are the index finger's. "
             )
             + self._said_fitted("moment_arm", "EDC's arms, by difference of torques")
-            + _said_lost([pose for pose in solved if pull_name(pose.pull) == small])
+            + _lost_sentence([pose for pose in solved if pull_name(pose.pull) == small])
         )
         return [
             Figure(
@@ -202,7 +209,7 @@ class HoodStudies:
             "terminal tendon moves with PIP and DIP, not with the MCP. Here the DIP is held while "
             "the PIP flexes: the slip, which ends on the distal phalanx, then moves along the "
             "middle one by its stretch alone, and the bands show the PIP's part. "
-            f"{_glided(glides)} Nothing here was fitted.{_said_lost(solved)}"
+            f"{_glided(glides)} Nothing here was fitted.{_lost_sentence(solved)}"
         )
         tables = {"lateral_bands": heights, "glide": glides}
         tables["bands"] = _table(solved, ("lateral", "glide"), frozenset(), way=True)
@@ -219,7 +226,7 @@ class HoodStudies:
 
     def sagittal(self) -> list[Figure]:
         """Angle of the sagittal bands to the square of the tendon."""
-        solved = [pose for pose in self._sweeps() if _swept(pose, "MCP")]
+        solved = [pose for pose in self._sweeps() if _is_swept(pose, "MCP")]
         table = sagittal_table(solved)
         caption = (
             "MCP alone. A sagittal band's line runs from its anchor on the palmar plate (on the "
@@ -230,7 +237,7 @@ class HoodStudies:
             "line to the edge that is short because its spring is slack has no clear direction. "
             "Young and Rayan 2000 (48 digits): fibres to the square of the tendon 0 deg at MCP 0, "
             "25 at 45, 55 at full flexion (put at 80 deg here); their abstract does not say how "
-            f"the square was taken. Nothing here was fitted.{_said_lost(solved)}"
+            f"the square was taken. Nothing here was fitted.{_lost_sentence(solved)}"
         )
         return [
             Figure(
@@ -272,9 +279,9 @@ class HoodStudies:
 
     def _published(self, tendons: Sequence[str]) -> pd.DataFrame:
         """Published arms of the hood's tendons in the straight finger; none but the index's."""
-        from cosim.analyses.moment_arms import published
+        from cosim.analyses.moment_arms import published_arms
 
-        known = published()
+        known = published_arms()
         known = known[(known.posture_deg == "0/0/0") & known.joint.isin(JOINTS)]
         heights = [
             ("EDC", j, "0/0/0", -h, "An et al. 1979, J Biomech 12:775, height")
@@ -296,7 +303,7 @@ def rest_postures() -> list[Posture]:
     forth = True
     for mcp in (*REST_MCP[1:], REST_MCP[0]):
         for pip in REST_PIP if forth else REST_PIP[::-1]:
-            dips = sorted({coupled(name, pip) for name in COUPLINGS})
+            dips = sorted({dip_on_coupling(name, pip) for name in COUPLINGS})
             if out and abs(out[-1][2] - dips[-1]) < abs(out[-1][2] - dips[0]):
                 dips.reverse()
             out += [(mcp, pip, dip) for dip in dips]
@@ -306,7 +313,7 @@ def rest_postures() -> list[Posture]:
 
 def lines_through(posture: Posture) -> list[str]:
     """The couplings' lines on which a posture lies."""
-    return [name for name in COUPLINGS if coupled(name, posture[1]) == posture[2]]
+    return [name for name in COUPLINGS if dip_on_coupling(name, posture[1]) == posture[2]]
 
 
 def sweep_postures() -> list[tuple[Posture, str]]:
@@ -324,7 +331,7 @@ def _alone(joint: str, angle: float) -> Posture:
     return mcp, pip, dip
 
 
-def _swept(pose: SolvedPose, joint: str) -> bool:
+def _is_swept(pose: SolvedPose, joint: str) -> bool:
     """Whether only this joint is flexed, on its way there."""
     rest = [a for j, a in zip(JOINTS, pose.posture, strict=True) if j != joint]
     return not any(rest) and pose.way == "flexion"
@@ -406,7 +413,7 @@ def arm_table(poses: Sequence[SolvedPose], tendons: Sequence[str], pull: Pull) -
     start = next((pose for pose in held if pose.posture == STRAIGHT), None)
     rows = []
     for joint in JOINTS:
-        for pose in (pose for pose in held if _swept(pose, joint)):
+        for pose in (pose for pose in held if _is_swept(pose, joint)):
             for tendon in tendons:
                 key = f"{tendon}_excursion_mm"
                 begun = _number(start, key) if start is not None else float("nan")
@@ -466,7 +473,7 @@ def glide_table(poses: Sequence[SolvedPose]) -> pd.DataFrame:
                     "status": pose.status,
                 }
                 for pose in held
-                if _swept(pose, joint)
+                if _is_swept(pose, joint)
             ]
     return pd.DataFrame(rows)
 
@@ -519,7 +526,7 @@ def _glided(glides: pd.DataFrame) -> str:
     return f"Under EDC, slip and bands: {', '.join(parts)}."
 
 
-def _said_lost(poses: Sequence[SolvedPose]) -> str:
+def _lost_sentence(poses: Sequence[SolvedPose]) -> str:
     """A sentence with the poses without equilibrium and those whose audit is missed."""
     lost = [pose.name for pose in poses if not pose.converged]
     missed = [pose.name for pose in poses if pose.converged and pose.status != CONVERGED]

@@ -13,7 +13,7 @@ from cosim.analyses.identify.cases import FitCase, StatedCase
 from cosim.analyses.identify.fit import Fit, interval, standing
 from cosim.case.file import Settings
 from cosim.errors import InputError
-from cosim.results.compare import Comparison, number, stated
+from cosim.results.compare import Comparison, number, reference_text
 
 WIDTH = 98
 
@@ -29,7 +29,7 @@ def case_text(
     """TOML that extends the case `base` (a path or name) with `settings` and those found; without a
     base the settings alone, for a case file of one's own.  `cases`: of a fit over several."""
     told = _provenance(fit, targets, cases)
-    lines = [f"# {line}".rstrip() for part in told for line in _wrapped(part)]
+    lines = [f"# {line}".rstrip() for part in told for line in _wrap(part)]
     if base is None:
         lines += ['# Settings alone: write extends = "CASE" and a title above them.', ""]
     else:
@@ -59,7 +59,7 @@ def base_of(source: Path, out: Path) -> str:
         return source.resolve().as_posix()
 
 
-def _wrapped(text: str) -> list[str]:
+def _wrap(text: str) -> list[str]:
     return wrap(text, WIDTH, subsequent_indent="    ", break_long_words=False) or [""]
 
 
@@ -115,7 +115,7 @@ def _rows(
 def _row(before: Comparison, row: Comparison) -> str:
     t = row.target
     return (
-        f"{t.name}: {stated(t)} {t.unit} ({t.kind}; {t.source}); {number(before.model)}, "
+        f"{t.name}: {reference_text(t)} {t.unit} ({t.kind}; {t.source}); {number(before.model)}, "
         f"{number(row.model)}"
     )
 

@@ -131,7 +131,7 @@ def fit_cases(
         faults += _faults_of_parameters(stated, frees)
     faults += _faults_of_rows([c.name for c in stated], targets, held_out)
     raise_faults(faults)
-    return assigned(stated, frees, targets, held_out)
+    return assign_rows(stated, frees, targets, held_out)
 
 
 def _free_of(case: StatedCase, path: Path | None, faults: list[str]) -> Iterator[Free]:
@@ -181,7 +181,7 @@ def _faults_of_rows(
             yield f"{t.name}: {t.quantity} is in {said}, the row in {t.unit}"
 
 
-def assigned(
+def assign_rows(
     stated: Sequence[StatedCase],
     frees: Sequence[Free],
     targets: Sequence[Target],

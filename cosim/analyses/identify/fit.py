@@ -1,9 +1,9 @@
 """Fitting stated parameters of cases to measured numbers, and what those could not tell.
 
-The parameters' coordinates (`Parameter`: logarithms, or fractions of a range) are found by bounded
-least squares (scipy's trust-region reflective method) over the rows of all cases.  Gradients are
-central differences, in every case for itself: where the bones are held of the hood's shape as its
-tangent moves it (`cosim.analyses.trials.by_tangent`), else of whole solves.
+The parameters' coordinates (`FitParameter`: logarithms, or fractions of a range) are found by
+bounded least squares (scipy's trust-region reflective method) over the rows of all cases.
+Gradients are central differences, in every case for itself: where the bones are held of the hood's
+shape as its tangent moves it (`cosim.analyses.trials.by_tangent`), else of whole solves.
 
 A target's miss is the distance from its band, zero inside; without a band the difference to its
 reference; in units of its SD or, where nobody gave one, of 1 unit of the quantity (1 % of strain).
@@ -19,8 +19,8 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import least_squares
 
-from cosim.analyses.identify.cases import FitCase, StatedCase, assigned
-from cosim.analyses.identify.parameters import Free, Parameter, raise_faults
+from cosim.analyses.identify.cases import FitCase, StatedCase, assign_rows
+from cosim.analyses.identify.parameters import FitParameter, Free, raise_faults
 from cosim.analyses.trials.by_tangent import tangent_serves
 from cosim.analyses.trials.outcome import Outcome
 from cosim.analyses.trials.workers import CaseWorkers
@@ -28,7 +28,7 @@ from cosim.case.file import Settings, load_case
 from cosim.errors import ConvergenceError, InputError, Progress, quiet
 from cosim.port import Array
 from cosim.processes import process_pool
-from cosim.results.compare import Comparison, Target, compared
+from cosim.results.compare import Comparison, Target, compare_with_targets
 from cosim.results.quantities import check_quantities
 
 STEP, SMALL_STEP = 0.01, 1e-4
@@ -70,7 +70,7 @@ class Confidence:
 class Fit:
     """What was found.  Rows are those of all cases, each with its case's name."""
 
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[FitParameter, ...]
     values: dict[str, float]
     settings: Settings
     """What the values set in the first case."""
@@ -97,7 +97,7 @@ class Fit:
     """Cases whose gradients are by the hood's tangent, not by differences of solves."""
 
     @property
-    def within(self) -> tuple[Parameter, ...]:
+    def within(self) -> tuple[FitParameter, ...]:
         """Those that do not stand at a bound."""
         return tuple(p for p in self.parameters if self.values[p.name] not in (p.low, p.high))
 
@@ -150,7 +150,7 @@ def interval(fit: Fit, name: str) -> tuple[float, float]:
     return low, high
 
 
-def _interval(fit: Fit, name: str) -> tuple[Parameter, tuple[float, float]]:
+def _interval(fit: Fit, name: str) -> tuple[FitParameter, tuple[float, float]]:
     """The parameter, and its interval in coordinates."""
     i = [p.name for p in fit.within].index(name)
     p, width = fit.within[i], NORMAL * fit.confidence.deviation[i]
@@ -178,7 +178,7 @@ def fit(
 ) -> Fit:
     """`fit_all` of one case, the one at `source` with settings; targets for others are left out."""
     stated = (StatedCase(source.stem, source, settings),)
-    return fit_all(assigned(stated, (free,), targets), jobs, most, progress)
+    return fit_all(assign_rows(stated, (free,), targets), jobs, most, progress)
 
 
 def fit_all(
@@ -261,7 +261,7 @@ class _Search:
             max_nfev=max(1, self.most - int((begin != x).any())),
         )
         each = zip(self.parameters, found.x, strict=True)
-        x = self.snapped(np.array([p.rounded(z) for p, z in each]))
+        x = self.snap_to_bounds(np.array([p.rounded(z) for p, z in each]))
         end, notes = self.afresh(x)
         values = self.values(x)
         names = tuple(c.name for c, serves in zip(self.cases, self.serves, strict=True) if serves)
@@ -288,7 +288,7 @@ class _Search:
             return f"stopped at {self.most} evaluations, the most that were allowed"
         return message.replace("`", "").rstrip(".")
 
-    def snapped(self, x: Array) -> Array:
+    def snap_to_bounds(self, x: Array) -> Array:
         """At the bounds that the targets do not tell x from, as far as evaluations are left."""
         for i, reach in enumerate(NEAR_BOUND * (self.high - self.low)):
             for bound in (self.low[i], self.high[i]):
@@ -329,9 +329,12 @@ class _Search:
             if outcome.status == "refused":
                 faults.append(outcome.reason)
             elif outcome.status == "failed":
-                failures.append(f"{case.name}: {_told(self.values(x))}: {outcome.reason}")
+                failures.append(f"{case.name}: {_values_text(self.values(x))}: {outcome.reason}")
             else:
-                pair = [compared(t, outcome.summary, case.name) for t in (case.rows, case.held_out)]
+                pair = [
+                    compare_with_targets(t, outcome.summary, case.name)
+                    for t in (case.rows, case.held_out)
+                ]
                 faults += [
                     _absent(row, outcome) for rows in pair for row in rows if row.model is None
                 ]
@@ -349,7 +352,8 @@ class _Search:
         order = np.argsort(-np.abs(point.misses), kind="stable")[:SHOWN]
         largest = ", ".join(f"{self.label(point.rows[i])} {point.misses[i]:+.3g}" for i in order)
         return (
-            f"{count}: sum of squared misses {point.squares:.4g}; {_told(self.values(point.x))}; "
+            f"{count}: sum of squared misses {point.squares:.4g}; "
+            f"{_values_text(self.values(point.x))}; "
             f"largest, SDs: {largest}"
         )
 
@@ -384,7 +388,7 @@ class _Search:
             f"{self.label(row)}: {row.model:.4g} from scratch, {before.model:.4g} in the search: "
             "the case has more than one equilibrium there"
             for row, before in zip(end.rows, self.best.rows, strict=True)
-            if abs(_scaled([row])[0] - _scaled([before])[0]) > OTHER_STATE
+            if abs(_scale([row])[0] - _scale([before])[0]) > OTHER_STATE
         ]
 
     def residuals(self, x: Array) -> Array:
@@ -443,8 +447,10 @@ class _Search:
             if outcome.status == "refused":
                 raise InputError(outcome.reason)
             if outcome.status == "failed":
-                self.failures.append(f"{case.name}: {_told(self.values(end))}: {outcome.reason}")
-            rows = compared(case.rows, outcome.summary, case.name)
+                self.failures.append(
+                    f"{case.name}: {_values_text(self.values(end))}: {outcome.reason}"
+                )
+            rows = compare_with_targets(case.rows, outcome.summary, case.name)
             there.append((end, rows if outcome.status == "converged" else ()))
         columns = []
         for i in range(len(self.parameters)):
@@ -453,7 +459,7 @@ class _Search:
             if x0[i] == x1[i]:
                 columns.append(np.full(len(case.rows), np.nan))
                 continue
-            columns.append((_scaled(after) - _scaled(before)) / (x1[i] - x0[i]))
+            columns.append((_scale(after) - _scale(before)) / (x1[i] - x0[i]))
         return np.stack(columns, axis=1)
 
     def steps_of(self, i: int) -> list[float]:
@@ -462,7 +468,7 @@ class _Search:
             return [STEP] * len(self.parameters)
         return [STEP if self.lays_mesh(self.cases[i], p) else SMALL_STEP for p in self.parameters]
 
-    def lays_mesh(self, case: FitCase, p: Parameter) -> bool:
+    def lays_mesh(self, case: FitCase, p: FitParameter) -> bool:
         """Whether the mesh is laid elsewhere with another value of the parameter."""
         start = {p.name: p.start for p in self.parameters}
         other = {**start, p.name: p.low if p.start != p.low else p.high}
@@ -485,9 +491,9 @@ def _absent(row: Comparison, outcome: Outcome) -> str:
     return f"{target.name}: the run of {target.case} has no number at {target.quantity}"
 
 
-def _scaled(rows: Sequence[Comparison]) -> Array:
+def _scale(rows: Sequence[Comparison]) -> Array:
     return np.array([(row.model or 0.0) / (row.target.sd or 1.0) for row in rows])
 
 
-def _told(values: Mapping[str, float]) -> str:
+def _values_text(values: Mapping[str, float]) -> str:
     return ", ".join(f"{name} {value:.4g}" for name, value in values.items())

@@ -28,7 +28,7 @@ DIGITS = 4
 
 
 @dataclass(frozen=True)
-class Parameter:
+class FitParameter:
     """A number to find within bounds, all in `unit`; what it is set to is told by `templates`
     (KEY={value}), or, without them, by the built-in rule of that name.
 
@@ -87,7 +87,7 @@ class Parameter:
 class Free:
     """The parameters of a fit and what they set in a case."""
 
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[FitParameter, ...]
     settings: Callable[[Values], Settings]
 
 
@@ -108,7 +108,7 @@ def built_in(case: Case) -> Free:
     the modulus along the fibres is smooth; of the linear law the modulus across and in shear.
 
     Raises InputError where no region has such a law."""
-    return _free(case, tuple(_known(case).values()))
+    return _free(case, tuple(_built_in_parameters(case).values()))
 
 
 def read_free(path: Path, case: Case) -> Free:
@@ -117,7 +117,7 @@ def read_free(path: Path, case: Case) -> Free:
     file that has but the table of cases leaves the built-in ones free.
 
     Raises InputError with every fault, each with its table."""
-    known = _known(case, needed=False)
+    known = _built_in_parameters(case, needed=False)
     tables = {name: table for name, table in fit_tables(path).items() if name != CASES}
     if not tables:
         return built_in(case)
@@ -154,8 +154,8 @@ def fit_tables(path: Path) -> dict[str, Any]:
 
 
 def _read(
-    place: str, name: str, table: dict[str, Any], known: Mapping[str, Parameter]
-) -> Parameter:
+    place: str, name: str, table: dict[str, Any], known: Mapping[str, FitParameter]
+) -> FitParameter:
     if unknown := sorted(set(table) - KEYS):
         raise InputError(f"{place}: unknown {', '.join(unknown)}; known: {', '.join(sorted(KEYS))}")
     numbers = {
@@ -171,7 +171,7 @@ def _read(
             raise InputError(f"{place}: scale goes with settings; {name} is logarithmic")
         p = known[name]
         low, high = numbers.get("low", p.low), numbers.get("high", p.high)
-        return Parameter(name, p.unit, low, high, numbers.get("start", p.start))
+        return FitParameter(name, p.unit, low, high, numbers.get("start", p.start))
     templates, scale = table["settings"], table.get("scale", "logarithmic")
     if not isinstance(templates, list) or not all("={value}" in str(text) for text in templates):
         raise InputError(f"{place}: settings: expected a list of texts KEY={{value}}")
@@ -180,7 +180,7 @@ def _read(
     if lacking := sorted({"low", "high", "start"} - set(numbers)):
         raise InputError(f"{place}: lacks {', '.join(lacking)}")
     unit = str(table.get("unit", ""))
-    return Parameter(name, unit, **numbers, templates=tuple(map(str, templates)), scale=scale)
+    return FitParameter(name, unit, **numbers, templates=tuple(map(str, templates)), scale=scale)
 
 
 def _number(place: str, key: str, value: Any) -> float:
@@ -189,13 +189,13 @@ def _number(place: str, key: str, value: Any) -> float:
     return float(value)
 
 
-def _known(case: Case, needed: bool = True) -> dict[str, Parameter]:
+def _built_in_parameters(case: Case, needed: bool = True) -> dict[str, FitParameter]:
     """The built-in parameters of a case, from where it has them."""
     found = {}
-    for name, values in _stated(case).items():
+    for name, values in _stated_values(case).items():
         of, low, high = _BOUNDS[name]
         mean = exp(sum(map(log, values)) / len(values))
-        found[name] = Parameter(name, of, low, high, min(max(mean, low), high))
+        found[name] = FitParameter(name, of, low, high, min(max(mean, low), high))
     if needed and not found:
         raise InputError(
             "no region has a law whose parameters are fitted without --free "
@@ -204,7 +204,7 @@ def _known(case: Case, needed: bool = True) -> dict[str, Parameter]:
     return found
 
 
-def _stated(case: Case) -> dict[str, list[float]]:
+def _stated_values(case: Case) -> dict[str, list[float]]:
     """What the regions say of each, in its unit."""
     curved, straight = _laws(case)
     megapascal = units.parse("1 MPa", units.PRESSURE)
@@ -224,7 +224,7 @@ def _laws(
     return case.hood.laws("trans_iso_mooney_rivlin"), case.hood.laws("transversely_isotropic")
 
 
-def _free(case: Case, parameters: tuple[Parameter, ...]) -> Free:
+def _free(case: Case, parameters: tuple[FitParameter, ...]) -> Free:
     def settings(values: Values) -> Settings:
         own = [p for p in parameters if p.templates]
         others = {p.name: values[p.name] for p in parameters if not p.templates}

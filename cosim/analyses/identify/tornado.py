@@ -7,7 +7,7 @@ from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 from cosim.analyses.identify.sensitivity import Bar, Run, Sensitivity, bars
-from cosim.results.compare import Target, stated, unit_of
+from cosim.results.compare import Target, reference_text, unit_of
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -78,7 +78,7 @@ def _draw_target(axes: Axes, target: Target) -> Artist:
         axes.axvline(target.reference, color=SEEN, lw=1.5, ls="--")
     axes.set_xlim(ends)
     place = ", beyond the chart" if far else ""
-    return Patch(color=SEEN, alpha=0.4, label=f"{target.kind}: {stated(target)}{place}")
+    return Patch(color=SEEN, alpha=0.4, label=f"{target.kind}: {reference_text(target)}{place}")
 
 
 def _draw_bar(axes: Axes, place: int, bar: Bar, least: float) -> None:

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 
 from cosim.case.schema import Case
 from cosim.hoods.kinds import KINDS
-from cosim.hoods.variation import Variation, added, scaled, without
+from cosim.hoods.variation import Variation, no_variation, scale, shift
 from cosim.schema import units
 
 
@@ -24,7 +24,7 @@ def variations(case: Case) -> tuple[Variation, ...]:
 
 def _of_finger(case: Case) -> Iterator[Variation]:
     if not case.finger.is_native:
-        yield without("posture", "the finger is an FMU, which holds its posture")
+        yield no_variation("posture", "the finger is an FMU, which holds its posture")
         return
     finger = case.native_finger()
     held = "the bones are held" if finger.tip.kind == "posture" else ""
@@ -35,18 +35,18 @@ def _of_finger(case: Case) -> Iterator[Variation]:
     }
     limit = finger.limit
     if held or not stiff:
-        yield without("joint stiffness", held or "no joint has a linear stiffness")
+        yield no_variation("joint stiffness", held or "no joint has a linear stiffness")
     else:
-        yield scaled("joint stiffness", stiff, (0.5, 1.5), units.JOINT_STIFFNESS)
+        yield scale("joint stiffness", stiff, (0.5, 1.5), units.JOINT_STIFFNESS)
     if held or limit is None:
-        yield without("limit law", held or "the finger has no limit")
+        yield no_variation("limit law", held or "the finger has no limit")
     else:
         free, stiffness = limit.half_range, limit.stiffness
         key = "finger.limit"
-        yield scaled("limit's half range", {f"{key}.half_range": free}, (0.5, 2.0), units.ANGLE)
+        yield scale("limit's half range", {f"{key}.half_range": free}, (0.5, 2.0), units.ANGLE)
         slope = {f"{key}.stiffness": stiffness}
-        yield scaled("limit's stiffness", slope, (0.5, 2.0), units.LIMIT_STIFFNESS)
+        yield scale("limit's stiffness", slope, (0.5, 2.0), units.LIMIT_STIFFNESS)
     for joint in ("MCP", "PIP", "DIP"):
         angle = finger.posture.angles()[joint]
         step = units.parse("5 deg", units.ANGLE)
-        yield added(f"posture, {joint}", {f"finger.posture.{joint}": angle}, step, units.ANGLE)
+        yield shift(f"posture, {joint}", {f"finger.posture.{joint}": angle}, step, units.ANGLE)

@@ -26,7 +26,7 @@ OUTPUTS = ("", "tendon_force", "actuation", "tension")
 
 
 @dataclass(frozen=True)
-class Tensions:
+class TensionTable:
     """The table's columns that are tendons of ours."""
 
     table: Table
@@ -38,7 +38,7 @@ class Tensions:
         return tuple(c for c in self.table.columns if c not in self.column.values())
 
 
-def read_tensions(path: Path, named: Mapping[str, str]) -> Tensions:
+def read_tensions(path: Path, named: Mapping[str, str]) -> TensionTable:
     """The tendons' columns of a .sto or .mot: those called as ours, whatever the case of letters
     and the path before; `named` says of a tendon which column it is.
 
@@ -51,7 +51,9 @@ def read_tensions(path: Path, named: Mapping[str, str]) -> Tensions:
         if tendon not in TENDONS:
             raise InputError(f"--column {tendon}={column}: tendons are {', '.join(TENDONS)}")
         if column not in table.columns:
-            raise InputError(f"{path}: has no column {column!r}; it has {_listed(table.columns)}")
+            raise InputError(
+                f"{path}: has no column {column!r}; it has {_list_names(table.columns)}"
+            )
     columns = dict(named)
     for tendon in TENDONS:
         like = [c for c in table.columns if _is_called(c, tendon)]
@@ -64,8 +66,9 @@ def read_tensions(path: Path, named: Mapping[str, str]) -> Tensions:
             columns[tendon] = like[0]
     if not columns:
         raise InputError(
-            f"{path}: no column is called as a tendon; it has {_listed(table.columns)}. Say which "
-            f"is which, for example --column EDC={table.columns[0] if table.columns else 'EDC1'}"
+            f"{path}: no column is called as a tendon; it has {_list_names(table.columns)}. "
+            "Say which is which, "
+            f"for example --column EDC={table.columns[0] if table.columns else 'EDC1'}"
         )
     for tendon, column in columns.items():
         values = table.values[:, table.columns.index(column)]
@@ -75,10 +78,10 @@ def read_tensions(path: Path, named: Mapping[str, str]) -> Tensions:
                 f"{path}, column {column!r}, time {table.time[k]:g} s: {values[k]:g} N for the "
                 f"tendon {tendon}; a tendon pulls with zero or more"
             )
-    return Tensions(table, {t: columns[t] for t in TENDONS if t in columns})
+    return TensionTable(table, {t: columns[t] for t in TENDONS if t in columns})
 
 
-def tensions_at(tensions: Tensions, time: float | None) -> dict[str, float]:
+def tensions_at(tensions: TensionTable, time: float | None) -> dict[str, float]:
     """N by tendon at a time in s, linear between rows; at the last without one.
 
     Raises InputError for a time that the table does not span."""
@@ -95,7 +98,7 @@ def tensions_at(tensions: Tensions, time: float | None) -> dict[str, float]:
 
 
 def write_case(
-    source: Path, tensions: Tensions, out: Path, base: str, time: float | None, over_time: bool
+    source: Path, tensions: TensionTable, out: Path, base: str, time: float | None, over_time: bool
 ) -> Case:
     """Write a case that lays the tensions over the case `base`, and load it: those at a time, or,
     `over_time`, the table's columns as the tensions of a motion.
@@ -157,6 +160,6 @@ def _is_called(column: str, tendon: str) -> bool:
     return name.rpartition("/")[2].lower() == tendon.lower() and output in OUTPUTS
 
 
-def _listed(columns: Sequence[str], most: int = 20) -> str:
+def _list_names(columns: Sequence[str], most: int = 20) -> str:
     more = f" and {len(columns) - most} more" if len(columns) > most else ""
     return ", ".join(columns[:most]) + more

@@ -35,13 +35,13 @@ WIDTH, DIGITS = 98, 9
 def case_text(found: Reduction, title: str, base: str, settings: Settings) -> str:
     """TOML that extends the case `base` (a path or name) with the fitted hood and those of the
     settings that are not of the hood."""
-    lines = [f"# {line}".rstrip() for part in _provenance(found) for line in _wrapped(part)]
+    lines = [f"# {line}".rstrip() for part in _provenance(found) for line in _wrap(part)]
     lines += [f"extends = {json.dumps(base)}", f"title = {json.dumps(title)}"]
     lines += [line for text in settings if (line := _assignment(text))]
     return "\n".join([*lines, *_hood(found.potential)]) + "\n"
 
 
-def _wrapped(text: str) -> list[str]:
+def _wrap(text: str) -> list[str]:
     return wrap(text, WIDTH, subsequent_indent="    ", break_long_words=False) or [""]
 
 

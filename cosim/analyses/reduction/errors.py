@@ -10,7 +10,7 @@ import numpy as np
 from cosim.analyses.reduction.reduce import Reduction, state_in_words
 from cosim.analyses.reduction.tip import tip_maps
 from cosim.analyses.reduction.walks import LOW
-from cosim.hoods.lumped.reduction import Sample, stacked
+from cosim.hoods.lumped.reduction import Sample, stack
 from cosim.port import Array
 
 MARKS = {"tip force": 0.05, "slip forces": 0.10}
@@ -42,7 +42,7 @@ def errors(found: Reduction) -> Iterator[Error]:
     error without bound, so that the difference is told over the root mean square of all these
     states' tip forces, and over the sum of a state's tensions, too."""
     tendons = found.potential.muscles
-    fitted, held = (_pulled(samples) for samples in (found.samples, found.held))
+    fitted, held = (_loaded_states(samples) for samples in (found.samples, found.held))
     on_grid = misses(found, fitted)
     for name, miss in misses(found, held).items():
         if np.isfinite(miss).any():
@@ -59,15 +59,15 @@ def errors(found: Reduction) -> Iterator[Error]:
             yield made._replace(beyond=beyond)
 
 
-def _pulled(samples: Sequence[Sample]) -> list[Sample]:
+def _loaded_states(samples: Sequence[Sample]) -> list[Sample]:
     """States in which a tendon pulls with more than LOW."""
     return [s for s in samples if s.tension.max() > LOW]
 
 
 def misses(found: Reduction, samples: Sequence[Sample]) -> dict[str, Array]:
     """(s,) relative, by quantity, of each state."""
-    data = stacked(samples)
-    made = found.potential.derived(data.angle, data.tension)
+    data = stack(samples)
+    made = found.potential.derivatives(data.angle, data.tension)
     slips = found.potential.slips(data.angle, made.torque)
     maps = tip_maps(found.case, data.angle)
     tip, aimed = (np.einsum("sij,sj->si", maps, torque) for torque in (made.torque, data.torque))

@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from cosim.analyses.reduction.sample_cache import kept
-from cosim.analyses.reduction.samples import FREE, Walked, sampled
+from cosim.analyses.reduction.sample_cache import cached_samples
+from cosim.analyses.reduction.samples import FREE, WalkSamples, sample_walks
 from cosim.analyses.reduction.tip import tip_maps
 from cosim.analyses.reduction.walks import (
     GRID,
     SPREAD,
     Within,
     grid_walks,
-    held_walks,
+    held_out_walks,
     spread_walks,
 )
 from cosim.build.models import build
@@ -30,7 +30,7 @@ from cosim.errors import InputError, Progress, quiet
 from cosim.fingers.common import Extensor
 from cosim.fingers.kinds import anatomy_of, live_finger
 from cosim.hoods.kinds import that_fit
-from cosim.hoods.lumped.reduction import Sample, fitted, stacked
+from cosim.hoods.lumped.reduction import Sample, fit_potential, stack
 from cosim.port import Array
 
 if TYPE_CHECKING:
@@ -148,15 +148,15 @@ def reduce_case(
     axes = {j: grid[j] for j in joints if j in grid}
     within = Within(joints, home, axes, most, rest, spread)
     on_grid = [*grid_walks(within), *spread_walks(within)]
-    off_grid = held_walks(within)
-    found: list[Walked] = []
+    off_grid = held_out_walks(within)
+    found: list[WalkSamples] = []
     walks = [*on_grid, *off_grid]
-    sampling = partial(sampled, source, settings, jobs=jobs)
+    sampling = partial(sample_walks, source, settings, jobs=jobs)
     if samples is None:
         walking = sampling(walks)
     else:
         held_case = load_case(source, (*settings, FREE))
-        walking = kept(samples, address(held_case, code_version()), walks, sampling)
+        walking = cached_samples(samples, address(held_case, code_version()), walks, sampling)
     for walked in walking:
         found.append(walked)
         states = [s for w in found for s in w.states]
@@ -171,8 +171,8 @@ def reduce_case(
             f"held out ({lost_states[0] if lost_states else 'none'}); choose another --grid"
         )
     tell(f"fitting to {len(fit)} states")
-    data = stacked(fit)
-    potential = fitted(data, joints, tendons, tip_maps(case, data.angle))
+    data = stack(fit)
+    potential = fit_potential(data, joints, tendons, tip_maps(case, data.angle))
     rate = _rate(potential, fit, case)
     seconds = sum(w.seconds for w in found) / len(states)
     return Reduction(case, within, loads, potential, fit, held, lost_states, seconds, rate)
@@ -187,18 +187,18 @@ def state_in_words(angle: Array, tension: Array, tendons: Sequence[str]) -> str:
 
 def _rate(potential: Potential, samples: Sequence[Sample], case: Case) -> Rate:
     """Measured: states one by one behind the port, and a batch."""
-    from cosim.hoods.lumped.build import reduced_hood
+    from cosim.hoods.lumped.build import build_reduced_hood
 
     finger = live_finger(case.native_finger(), case.hood.left_to_finger)
     model = anatomy_of(case.finger, Extensor()).model
-    hood = reduced_hood(potential, model, finger.bodies)
+    hood = build_reduced_hood(potential, model, finger.bodies)
     named = [dict(zip(finger.joints, map(float, s.angle), strict=True)) for s in samples]
     motions = [finger.motion(finger.start(posture)) for posture in named]
     state, started = hood.start(motions[0]), time.perf_counter()
     for motion, s in zip(motions, samples, strict=True):
         hood.jacobian(hood.advance(state, motion, s.tension, np.inf).state)
     one = (time.perf_counter() - started) / len(samples)
-    data, pick = stacked(samples), np.arange(BATCH) % len(samples)
+    data, pick = stack(samples), np.arange(BATCH) % len(samples)
     angle, tension = data.angle[pick], data.tension[pick]
     started = time.perf_counter()
     potential.slips(angle, potential.torques(angle, tension))

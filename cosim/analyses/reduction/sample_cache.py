@@ -16,16 +16,18 @@ from typing import Any
 
 import numpy as np
 
-from cosim.analyses.reduction.samples import Lost, Walk, Walked
+from cosim.analyses.reduction.samples import Lost, Walk, WalkSamples
 from cosim.errors import InputError
 from cosim.files import written_whole
 from cosim.hoods.lumped.reduction import Sample
 
-Sampler = Callable[[Sequence[Walk]], Iterator[Walked]]
+Sampler = Callable[[Sequence[Walk]], Iterator[WalkSamples]]
 MOST_BYTES = 1 << 30
 
 
-def kept(path: Path, address: str, walks: Sequence[Walk], sample: Sampler) -> Iterator[Walked]:
+def cached_samples(
+    path: Path, address: str, walks: Sequence[Walk], sample: Sampler
+) -> Iterator[WalkSamples]:
     """What each walk found, in their order: read from `path`, or else sampled and written there.
 
     Raises InputError for a file of another case, or of another kind."""
@@ -34,10 +36,10 @@ def kept(path: Path, address: str, walks: Sequence[Walk], sample: Sampler) -> It
     new = sample([walk for walk, name in zip(walks, names, strict=True) if name not in had])
     for walk, name in zip(walks, names, strict=True):
         if name in had:
-            yield _walked(path, walk, had[name])
+            yield _read_walk(path, walk, had[name])
             continue
         found = next(new)
-        had[name] = {"seconds": found.seconds, "found": [_stated(s) for s in found.states]}
+        had[name] = {"seconds": found.seconds, "found": [_state_key(s) for s in found.states]}
         with written_whole(path) as part:
             part.write_text(json.dumps({"case": address, "walks": had}), encoding="utf-8")
         yield found
@@ -50,7 +52,7 @@ def _name(walk: Walk) -> str:
     return digest.hexdigest()
 
 
-def _stated(state: Sample | Lost) -> dict[str, Any]:
+def _state_key(state: Sample | Lost) -> dict[str, Any]:
     return {name: np.asarray(value).tolist() for name, value in asdict(state).items()}
 
 
@@ -74,11 +76,11 @@ def _read(path: Path, address: str) -> dict[str, Any]:
     return walks
 
 
-def _walked(path: Path, walk: Walk, told: Any) -> Walked:
+def _read_walk(path: Path, walk: Walk, told: Any) -> WalkSamples:
     shapes = _shapes(walk)
     try:
         states = [_state(shapes, values) for values in told["found"]]
-        return Walked(states, float(told["seconds"]))
+        return WalkSamples(states, float(told["seconds"]))
     except (ValueError, TypeError, KeyError) as error:
         raise InputError(
             f"{path}: the samples of a walk are damaged ({error}); choose another file"

@@ -52,7 +52,7 @@ class Walk:
         return zip(self.angles, np.broadcast_to(self.tensions, each), strict=True)
 
 
-class Walked(NamedTuple):
+class WalkSamples(NamedTuple):
     """What a walk found."""
 
     states: list[Sample | Lost]
@@ -66,19 +66,19 @@ class Walked(NamedTuple):
         return [state for state in self.states if isinstance(state, Lost)]
 
 
-def sampled(
+def sample_walks(
     source: Path, settings: Sequence[str], walks: Sequence[Walk], jobs: int
-) -> Iterator[Walked]:
+) -> Iterator[WalkSamples]:
     """What each walk found, in their order, in so many processes (1: in this one)."""
     with process_pool(jobs) as pool:
-        yield from pool.in_order(partial(walked, source, tuple(settings)), walks)
+        yield from pool.in_order(partial(sample_walk, source, tuple(settings)), walks)
 
 
-def walked(source: Path, settings: tuple[str, ...], walk: Walk) -> Walked:
+def sample_walk(source: Path, settings: tuple[str, ...], walk: Walk) -> WalkSamples:
     """One walk on the models of a case, which a process builds once."""
     models, started = _models(source, settings), time.perf_counter()
     states = list(on_models(models, walk))
-    return Walked(states, time.perf_counter() - started)
+    return WalkSamples(states, time.perf_counter() - started)
 
 
 @lru_cache(maxsize=1)
@@ -90,18 +90,18 @@ def on_models(models: Models, walk: Walk) -> Iterator[Sample | Lost]:
     """Every load in every posture that can be reached; from where the first load is lost the walk
     goes on from the last posture that was found."""
     at = walk.angles[0]
-    state = models.hood.start(models.finger.motion(_placed(models, at)))
+    state = models.hood.start(models.finger.motion(_place(models, at)))
     for angle, loads in walk.stops():
         try:
-            state = _moved(models, state, at, angle, loads[0])
+            state = _move_hood(models, state, at, angle, loads[0])
             at = angle
         except ConvergenceError as error:
             yield from (Lost(angle, load, _line(error)) for load in loads)
             continue
-        yield from _loaded(models, state, angle, loads)
+        yield from _load_in_posture(models, state, angle, loads)
 
 
-def _loaded(
+def _load_in_posture(
     models: Models, state: State, angle: Array, tensions: Iterable[Array]
 ) -> Iterator[Sample | Lost]:
     """One load after the other in a posture."""
@@ -119,15 +119,15 @@ def _line(error: ConvergenceError) -> str:
     return " ".join(str(error).split())
 
 
-def _placed(models: Models, angle: Array) -> State:
+def _place(models: Models, angle: Array) -> State:
     return models.finger.start(dict(zip(models.finger.joints, map(float, angle), strict=True)))
 
 
-def _moved(models: Models, state: State, start: Array, end: Array, tension: Array) -> State:
+def _move_hood(models: Models, state: State, start: Array, end: Array, tension: Array) -> State:
     """The hood's state at joint angles `end`, followed there from `start` (rad)."""
     pieces = max(1, int(np.ceil(np.abs(end - start).max() / MOST_STEP)))
     for part in np.arange(1, pieces + 1) / pieces:
-        motion = models.finger.motion(_placed(models, start + part * (end - start)))
+        motion = models.finger.motion(_place(models, start + part * (end - start)))
         state = models.hood.advance(state, motion, tension, STATIC).state
     return state
 
@@ -136,7 +136,7 @@ def sample(models: Models, state: State, angle: Array, tension: Array) -> tuple[
     """The hood under tensions (m,) N at joint angles (n,) rad, from a state near it; and its new
     state.  Raises ConvergenceError."""
     finger, hood = models.finger, models.hood
-    here = _placed(models, angle)
+    here = _place(models, angle)
     response = hood.advance(state, finger.motion(here), tension, STATIC)
     slope, twist = hood.jacobian(response.state), finger.jacobian(here)
     none, bodies = np.zeros(len(finger.tendons)), finger.bodies

@@ -11,11 +11,11 @@ from cosim.port import Array, Load, OpenFinger
 
 def tip_maps(case: Case, angles: Array) -> Array:
     """(s, 3, n) the maps of the case's finger with its tip clamped, at angles (s, n) rad."""
-    finger = live_finger(clamped(case).native_finger(), case.hood.left_to_finger)
+    finger = live_finger(clamp_tip(case).native_finger(), case.hood.left_to_finger)
     return np.array([tip_map(finger, angle) for angle in angles])
 
 
-def clamped(case: Case) -> Case:
+def clamp_tip(case: Case) -> Case:
     """The case with its fingertip clamped."""
     finger = case.native_finger()
     tip = finger.tip.model_copy(update={"kind": "clamped"})
@@ -31,7 +31,7 @@ def tip_map(finger: OpenFinger, angle: Array) -> Array:
     slope = finger.tangent(state, idle, none, np.zeros((width, width)))[:n, n:]
     steps = np.eye(n + slope.shape[1])[n:]
     force = np.array(
-        [finger.balance(finger.displaced(state, step), idle, none).tip_force for step in steps]
+        [finger.balance(finger.displace(state, step), idle, none).tip_force for step in steps]
     ).T
     out: Array = -force @ np.linalg.pinv(slope)
     return out

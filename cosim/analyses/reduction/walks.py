@@ -108,7 +108,7 @@ def spread_walks(within: Within) -> list[Walk]:
     return walks
 
 
-def held_walks(within: Within) -> list[Walk]:
+def held_out_walks(within: Within) -> list[Walk]:
     """Each tendon alone and mixtures, every posture and its load drawn at random."""
     random, walks = np.random.default_rng(SEED), []
     count, tendons = len(within.grid), len(within.most)
@@ -128,7 +128,7 @@ def _between(ends: tuple[float, float], parts: Array) -> Array:
 
 def _legs(within: Within, points: Array, loads: Array) -> list[Walk]:
     """Walks from posture to near posture, each with its load (p, m) N; points (p, k) 0 to 1."""
-    way, postures = _chained(points), within.postures(within.inside(points))
+    way, postures = _nearest_order(points), within.postures(within.inside(points))
     legs = [way[k : k + LEG] for k in range(0, len(way), LEG)]
     return [Walk(postures[leg], loads[leg, None]) for leg in legs]
 
@@ -157,7 +157,7 @@ def _sobol(dimension: int, count: int, seed: int) -> Array:
     return np.asarray(drawn[:count])
 
 
-def _chained(points: Array) -> list[int]:
+def _nearest_order(points: Array) -> list[int]:
     """The points' numbers, each followed by the nearest of those left; first that of least sum."""
     left = [int(k) for k in np.argsort(points.sum(axis=1))]
     way = [left.pop(0)]

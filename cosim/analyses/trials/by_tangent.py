@@ -4,7 +4,7 @@ Where the bones are held, parameters reach the result through the hood's shape a
 shell x(p) with tangent K the shape for parameters p' near by is x - K^-1 R(x, p'), R the residual:
 an assembly and a back-substitution in place of a solve (`foretold`).  What is observed of that
 shape is the result, so that its differences over small steps of p are the derivatives by the
-tangent.  Newton's method from x reaches the equilibrium at p' itself (`solved_from`).
+tangent.  Newton's method from x reaches the equilibrium at p' itself (`solve_from`).
 
 The nodes of the mesh may be parameters too (offsets, rest posture): tied and guided nodes then
 stand where the new mesh has them, and the others follow.  What moves the bones or changes which
@@ -22,7 +22,7 @@ import numpy as np
 from cosim.build.models import Models, build, tensions
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import Equilibrium
-from cosim.fingers.kinds import held_by
+from cosim.fingers.kinds import tip_support_kind
 from cosim.port import Array
 from cosim.results.static import observe_static
 from cosim.solve.states import States
@@ -37,7 +37,7 @@ def tangent_serves(case: Case) -> bool:
     """Whether the bones are held and nothing but a shell in smooth contact answers the tendons."""
     plain = all(t.muscle is None and t.excursion is None for t in case.tendons.values())
     coupled = case.coupling.scheme != "one_way" and case.forward is None
-    held = held_by(case.finger) == "posture"
+    held = tip_support_kind(case.finger) == "posture"
     return case.hood.has_smooth_tangent and coupled and held and plain
 
 
@@ -50,11 +50,11 @@ def foretold(
     fresh = _beside(case, models, states)
     if fresh is None:
         return None
-    near = _reshaped(case, (models, fresh), states, FeHood.near, arms)
+    near = _transfer_states(case, (models, fresh), states, FeHood.near, arms)
     return observe_static(case, (fresh, near), 0.0).summary
 
 
-def solved_from(
+def solve_from(
     case: Case, models: Models, states: States, arms: bool = True
 ) -> tuple[Models, States] | None:
     """The equilibria of `case` by Newton's method from those of a solved case; None and `arms` as
@@ -62,7 +62,7 @@ def solved_from(
     fresh = _beside(case, models, states)
     if fresh is None:
         return None
-    reached = _reshaped(case, (models, fresh), states, FeHood.solve_from, arms)
+    reached = _transfer_states(case, (models, fresh), states, FeHood.solve_from, arms)
     return fresh, replace(reached, reciprocity=None)
 
 
@@ -83,7 +83,7 @@ def _shell(models: Models) -> FeHood:
     return cast(FeHood, models.hood)  # of a hood that has a smooth tangent
 
 
-def _reshaped(
+def _transfer_states(
     case: Case, pair: tuple[Models, Models], states: States, reshape: Reshape, arms: bool
 ) -> States:
     """The states of the second models from those of the first."""

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cosim.analyses.trials import outcome as trials
-from cosim.analyses.trials.by_tangent import foretold, solved_from
+from cosim.analyses.trials.by_tangent import foretold, solve_from
 from cosim.analyses.trials.outcome import Outcome, one_line
 from cosim.build.fit import check_fit
 from cosim.build.models import Models
@@ -100,18 +100,18 @@ def solve_one(
     except InputError as error:
         return Outcome("refused", {}, one_line(error))
     try:
-        models, states = _solved(case, None if afresh else kept.get(name), arms)
+        models, states = _solve(case, None if afresh else kept.get(name), arms)
         kept[name] = Solved(case, settings, models, states)
         return Outcome("converged", observe_static(case, (models, states), 0.0).summary)
     except CosimError as error:
         return Outcome("failed", {}, one_line(error))
 
 
-def _solved(case: Case, before: Solved | None, arms: bool) -> tuple[Models, States]:
+def _solve(case: Case, before: Solved | None, arms: bool) -> tuple[Models, States]:
     check_fit(case)
     if before is not None:
         with suppress(ConvergenceError):
-            found = solved_from(case, before.models, before.states, arms)
+            found = solve_from(case, before.models, before.states, arms)
             if found is not None:
                 return found
     return solve(case)
@@ -145,7 +145,7 @@ def _beside(solved: Solved, source: Path, settings: Settings, arms: bool) -> Out
         if case.mesh_key() == solved.case.mesh_key():
             summary = foretold(case, solved.models, solved.states, arms)
         else:
-            found = solved_from(case, solved.models, solved.states, arms)
+            found = solve_from(case, solved.models, solved.states, arms)
             summary = None if found is None else observe_static(case, found, 0.0).summary
     except CosimError as error:
         return Outcome("failed", {}, one_line(error))

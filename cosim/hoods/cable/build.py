@@ -9,11 +9,11 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.fingers.kind import Anatomy
-from cosim.hoods.bone_surfaces import baked_surfaces
-from cosim.hoods.cable.table import CableHood
+from cosim.hoods.bone_surfaces import pose_surfaces
+from cosim.hoods.cable.table import CableHoodConfig
 from cosim.hoods.cable.view import view_of
 from cosim.hoods.fe_view import slip_forces, tangent_seconds
-from cosim.hoods.injury import adhesions, injured_net, longer
+from cosim.hoods.injury import adhesions, apply_lesion_to_net, longer
 from cosim.hoods.kind import BuiltHood, HoodKind, Site, skeleton_of
 from cosim.hoods.lesion import Lesion
 from cosim.port import Motion
@@ -30,8 +30,8 @@ ENDS = {
 """By finger, the tendons that act through the net and the ends that they pull."""
 
 
-def build(hood: CableHood, site: Site) -> BuiltHood:
-    net = injured_net(laid_net(hood, site.anatomy), site.lesion)
+def build(hood: CableHoodConfig, site: Site) -> BuiltHood:
+    net = apply_lesion_to_net(build_net(hood, site.anatomy), site.lesion)
     made = cable_hood_of(hood, site, net)
     return BuiltHood(
         made,
@@ -41,7 +41,7 @@ def build(hood: CableHood, site: Site) -> BuiltHood:
     )
 
 
-def laid_net(hood: CableHood, anatomy: Anatomy) -> CableNet:
+def build_net(hood: CableHoodConfig, anatomy: Anatomy) -> CableNet:
     """The net of a cable hood; where the extensor alone pulls without the other tendons' ends."""
     from meshes.cable_net import lay
     from meshes.robot_net import extensor_alone
@@ -49,7 +49,7 @@ def laid_net(hood: CableHood, anatomy: Anatomy) -> CableNet:
     offset, bones = hood.contact.offset, anatomy.bones
     net = lay(
         skeleton_of(anatomy),
-        baked_surfaces(bones),
+        pose_surfaces(bones),
         {body: getattr(offset, body) for body in bones},
         hood.mesh.rest_posture.angles(),
         hood.mesh.spacing,
@@ -59,7 +59,7 @@ def laid_net(hood: CableHood, anatomy: Anatomy) -> CableNet:
     return extensor_alone(net) if set(ends) == {"central"} else net
 
 
-def cable_hood_of(hood: CableHood, site: Site, net: CableNet) -> FeHood:
+def cable_hood_of(hood: CableHoodConfig, site: Site, net: CableNet) -> FeHood:
     """The net over the bones as a case describes it, behind the port.  Raises InputError."""
     from fe_solver.hood.build_cable import Net, cable_hood
     from fe_solver.hood.build_shell import ContactLaw, SpringSet, Tendon
@@ -93,7 +93,7 @@ def cable_hood_of(hood: CableHood, site: Site, net: CableNet) -> FeHood:
         ContactLaw(
             contact.stiffness,
             contact.smoothing,
-            baked_surfaces(site.anatomy.bones),
+            pose_surfaces(site.anatomy.bones),
             {body: getattr(offset, body) for body in BODIES},
             contact.penetration,
             contact.friction,
@@ -102,7 +102,7 @@ def cable_hood_of(hood: CableHood, site: Site, net: CableNet) -> FeHood:
     )
 
 
-def cable_law(hood: CableHood, net: CableNet, lesion: Lesion | None = None) -> Cables:
+def cable_law(hood: CableHoodConfig, net: CableNet, lesion: Lesion | None = None) -> Cables:
     """The cells' law; a strand that is longer than laid is so in all its cells."""
     from fe_solver.forces.cables import Cables
 
@@ -128,4 +128,4 @@ def cable_law(hood: CableHood, net: CableNet, lesion: Lesion | None = None) -> C
     )
 
 
-KIND = HoodKind(CableHood, build)
+KIND = HoodKind(CableHoodConfig, build)

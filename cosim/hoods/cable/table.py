@@ -9,8 +9,8 @@ from pydantic import Field, model_validator
 
 from cosim.fingers.common import Posture
 from cosim.hoods.kind import HoodTable
-from cosim.hoods.lesion import SLIPS, SUPPORTS, Parts
-from cosim.hoods.supports import Contact, Spring
+from cosim.hoods.lesion import SLIPS, SUPPORTS, InjurableParts
+from cosim.hoods.supports import ContactConfig, SpringConfig
 from cosim.schema import units
 from cosim.schema.fields import fault, name_of, quantity
 from cosim.schema.types import ExtraLength, Modulus, Number, Section, Table
@@ -25,7 +25,7 @@ COURSES = (
     *("hood_edge_radial", "hood_edge_ulnar"),
 )
 """Cables that run from end to end."""
-PARTS = Parts(
+PARTS = InjurableParts(
     (*SLIPS, *SUPPORTS, *COURSES, "extensor_tendon_distal", "triangular_ligament"),
     (*SLIPS, *COURSES),
     (*SLIPS, *COURSES),
@@ -49,7 +49,7 @@ class CableMesh(Table):
     rest_posture: Posture
 
 
-class CableHood(HoodTable):
+class CableHoodConfig(HoodTable):
     """A net of cables that bear tension alone, over the bones: the tendinous rhombus.  The law of
     each is quadratic up to the strain `toe`, then straight; `residual_tension` (N) beside it keeps
     slack cables from being mechanisms.  `contact.offset` is where their centre lines touch."""
@@ -70,14 +70,14 @@ class CableHood(HoodTable):
     cables: dict[Annotated[str, name_of("cable", CABLES)], Cable]
     toe: Annotated[Number, Field(gt=0, le=0.2)]
     residual_tension: Annotated[float, quantity(units.FORCE, least="1e-4 N", most="1 N")]
-    contact: Contact
-    springs: dict[Annotated[str, name_of("spring set", SPRINGS)], Spring]
+    contact: ContactConfig
+    springs: dict[Annotated[str, name_of("spring set", SPRINGS)], SpringConfig]
 
     @model_validator(mode="after")
-    def _complete(self) -> CableHood:
+    def _complete(self) -> CableHoodConfig:
         if lacking := [name for name in CABLES if name not in self.cables]:
             raise fault(f"cables: the net also has {', '.join(lacking)}; name them")
         return self
 
-    def parts(self) -> Parts:
+    def parts(self) -> InjurableParts:
         return PARTS

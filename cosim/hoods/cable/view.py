@@ -37,7 +37,7 @@ class CableView(FeView):
     """(n,) N of the bones on the nodes, sum of magnitudes."""
 
     @property
-    def drawn_cells(self) -> np.ndarray:
+    def plot_cells(self) -> np.ndarray:
         return self.cells
 
     def fields(self) -> tuple[Field, ...]:

@@ -15,9 +15,9 @@ from cosim.hoods.lumped.table import (
     JOINTS,
     Arm,
     ConnectingTendon,
-    NetworkHood,
+    NetworkHoodConfig,
     Reduced,
-    TwoBandHood,
+    TwoBandHoodConfig,
 )
 from cosim.port import Hood, Motion, State
 
@@ -28,17 +28,19 @@ if TYPE_CHECKING:
     from rigid.model import FingerModel
 
 
-def build(hood: NetworkHood, site: Site) -> BuiltHood:
+def build(hood: NetworkHoodConfig, site: Site) -> BuiltHood:
     """The network as a lesion leaves it."""
-    left, model = injured_network(hood, site.lesion), site.anatomy.model
-    return BuiltHood(lumped_hood(left, model, site.rest), slips=partial(slip_forces, left, model))
+    left, model = apply_lesion_to_network(hood, site.lesion), site.anatomy.model
+    return BuiltHood(
+        build_lumped_hood(left, model, site.rest), slips=partial(slip_forces, left, model)
+    )
 
 
-def build_two_bands(hood: TwoBandHood, site: Site) -> BuiltHood:
+def build_two_bands(hood: TwoBandHoodConfig, site: Site) -> BuiltHood:
     return build(as_network(hood), site)
 
 
-def injured_network(network: NetworkHood, lesion: Lesion | None) -> NetworkHood:
+def apply_lesion_to_network(network: NetworkHoodConfig, lesion: Lesion | None) -> NetworkHoodConfig:
     """A hood in lumped form without the connecting tendons that are cut, others shorter or longer.
 
     Raises InputError where a muscle would be left to pull on nothing."""
@@ -57,7 +59,7 @@ def injured_network(network: NetworkHood, lesion: Lesion | None) -> NetworkHood:
     return network.model_copy(update={"connecting": left})
 
 
-def _tendons(hood: NetworkHood, part: str, key: str) -> list[str]:
+def _tendons(hood: NetworkHoodConfig, part: str, key: str) -> list[str]:
     """The connecting tendons of a part: those that cross the PIP last are the central slip, those
     that cross the DIP the terminal one.  Raises InputError where there are none."""
     if part in hood.connecting:
@@ -71,24 +73,26 @@ def _tendons(hood: NetworkHood, part: str, key: str) -> list[str]:
     return found
 
 
-def lumped_hood(hood: NetworkHood, model: FingerModel | None, rest: Motion) -> Hood:
+def build_lumped_hood(hood: NetworkHoodConfig, model: FingerModel | None, rest: Motion) -> Hood:
     """The network on the flexion angles of a finger (None: hinges in a plane), excursions counted
     from the poses `rest`."""
     from rigid.hoods.network_hood import NetworkHood as OnBodies
 
     if hood.reduced is not None:
-        return reduced_hood(potential(hood.reduced), model, rest.bodies)
+        return build_reduced_hood(potential(hood.reduced), model, rest.bodies)
     hinges = _hinges(model)
     return OnBodies(_network(hood), hinges, rest, operating_force=hood.operating_force)
 
 
-def slip_forces(hood: NetworkHood, model: FingerModel | None, state: State) -> dict[str, float]:
+def slip_forces(
+    hood: NetworkHoodConfig, model: FingerModel | None, state: State
+) -> dict[str, float]:
     """N, what bears on the middle phalanx ("central": it crosses the PIP last) and on the distal
     one ("terminal") of a hood's connecting tendons."""
     from rigid.hoods.hinge_angle import angles
 
     if hood.reduced is not None:
-        made = reduced_hood(potential(hood.reduced), model, state.motion.bodies)
+        made = build_reduced_hood(potential(hood.reduced), model, state.motion.bodies)
         return made.slip_forces(state)
     network = _network(hood)
     at = angles(_hinges(model), state.motion).value
@@ -114,7 +118,7 @@ def _hinges(model: FingerModel | None) -> tuple[HingeAngle, ...]:
     return tuple(HingeAngle(*names) for names in joints)
 
 
-def reduced_hood(
+def build_reduced_hood(
     made: Potential, model: FingerModel | None, bodies: tuple[str, ...]
 ) -> ReducedHood:
     """A potential behind the port, on every hinge of a finger (None: hinges in a plane)."""
@@ -151,7 +155,7 @@ def potential(hood: Reduced) -> Potential:
     )
 
 
-def _network(hood: NetworkHood) -> Network:
+def _network(hood: NetworkHoodConfig) -> Network:
     from rigid.hoods.network import Network
 
     muscles, tendons = tuple(hood.muscles), list(hood.connecting.values())
@@ -167,12 +171,12 @@ def _network(hood: NetworkHood) -> Network:
     )
 
 
-def as_network(hood: TwoBandHood) -> NetworkHood:
+def as_network(hood: TwoBandHoodConfig) -> NetworkHoodConfig:
     """The same two springs on one junction."""
     from rigid.hoods.two_band import band_stiffnesses
 
     middle, lateral = band_stiffnesses(hood.elasticity, hood.lateral_share)
-    return NetworkHood.model_construct(
+    return NetworkHoodConfig.model_construct(
         kind="network",
         muscles=hood.muscles,
         connecting={
@@ -194,5 +198,5 @@ def _arms(columns: Sequence[dict[str, Arm]]) -> Arms:
     return arms([{j: (a.constant, a.slope) for j, a in column.items()} for column in columns])
 
 
-NETWORK = HoodKind(NetworkHood, build)
-TWO_BANDS = HoodKind(TwoBandHood, build_two_bands)
+NETWORK = HoodKind(NetworkHoodConfig, build)
+TWO_BANDS = HoodKind(TwoBandHoodConfig, build_two_bands)

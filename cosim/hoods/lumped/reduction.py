@@ -6,19 +6,19 @@ from typing import TYPE_CHECKING
 
 from cosim.port import Array
 from rigid.hoods.reduced_sample import Sample as Sample
-from rigid.hoods.reduced_sample import stacked as stacked
+from rigid.hoods.reduced_sample import stack as stack
 
 if TYPE_CHECKING:
     from rigid.hoods.reduced import Potential as Potential
 
 
-def fitted(
+def fit_potential(
     samples: Sample,
     joints: tuple[str, ...],
     tendons: tuple[str, ...],
     maps: Array | None = None,
 ) -> Potential:
-    """The potential of a hood from samples of it, see `rigid.hoods.reduction.reduced`."""
-    from rigid.hoods.reduction import reduced
+    """The potential of a hood from samples of it, see `rigid.hoods.reduction.reduce_hood`."""
+    from rigid.hoods.reduction import reduce_hood
 
-    return reduced(samples, joints, tendons, maps=maps)
+    return reduce_hood(samples, joints, tendons, maps=maps)

@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from cosim.fingers.common import JointAngle
 from cosim.hoods.kind import HoodTable
-from cosim.hoods.lesion import SLIPS, Lesion, Parts
+from cosim.hoods.lesion import SLIPS, InjurableParts, Lesion
 from cosim.schema import units
 from cosim.schema.fields import fault, name_of, quantity
 from cosim.schema.types import Count, Number, Table, TendonName
@@ -62,7 +62,7 @@ class Reduced(Table):
     slips: tuple[tuple[tuple[Number, ...], ...], tuple[tuple[Number, ...], ...]]
 
 
-class NetworkHood(HoodTable):
+class NetworkHoodConfig(HoodTable):
     """A network of tendons (Development and Validation of Modeling Framework for Interconnected
     Tendon Networks): `muscles` with the arms at which they cross joints themselves, `connecting`
     tendons from their junctions on.  With `operating_force` the shares depend on posture alone, as
@@ -85,7 +85,7 @@ class NetworkHood(HoodTable):
     reduced: Reduced | None = None
 
     @model_validator(mode="after")
-    def _joined(self) -> NetworkHood:
+    def _check_network(self) -> NetworkHoodConfig:
         if self.reduced is not None and (
             self.connecting or any(self.muscles.values()) or self.operating_force is not None
         ):
@@ -113,15 +113,15 @@ class NetworkHood(HoodTable):
     def tendon_names(self) -> tuple[str, ...]:
         return tuple(self.muscles)
 
-    def parts(self) -> Parts | None:
+    def parts(self) -> InjurableParts | None:
         tendons = (*SLIPS, *self.connecting)
-        return None if self.reduced is not None else Parts(tendons, (), tendons)
+        return None if self.reduced is not None else InjurableParts(tendons, (), tendons)
 
     def cannot_be_injured(self, lesion: Lesion) -> str:
         return "a reduced network has no parts to injure" if self.reduced is not None else ""
 
 
-class TwoBandHood(HoodTable):
+class TwoBandHoodConfig(HoodTable):
     """An extensor that parts into a middle and a lateral band (Buchner, Hines and Hemami 1988),
     with the elasticity K between them and the share `lateral_share` of its tension in the lateral
     band where both shifts agree; other `muscles` cross the joints on their own."""
@@ -140,7 +140,7 @@ class TwoBandHood(HoodTable):
     lateral_share: Annotated[Number, Field(gt=0, lt=1)] = 0.5
 
     @model_validator(mode="after")
-    def _joined(self) -> TwoBandHood:
+    def _check_network(self) -> TwoBandHoodConfig:
         if self.extensor not in self.muscles:
             raise fault(
                 f"extensor: {self.extensor} is not among the hood's muscles; they are "
@@ -151,10 +151,10 @@ class TwoBandHood(HoodTable):
     def tendon_names(self) -> tuple[str, ...]:
         return tuple(self.muscles)
 
-    def parts(self) -> Parts:
-        return Parts(SLIPS, (), SLIPS)
+    def parts(self) -> InjurableParts:
+        return InjurableParts(SLIPS, (), SLIPS)
 
-    def on_finger(self, finger: str, laid: object) -> TwoBandHood:
+    def on_finger(self, finger: str, laid: object) -> TwoBandHoodConfig:
         """The planar finger's flexors are the hood's; the index finger has its own."""
         if finger != "index":
             return self

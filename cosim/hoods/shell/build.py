@@ -10,15 +10,15 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.fingers.kind import Anatomy
-from cosim.hoods.bone_surfaces import baked_surfaces
+from cosim.hoods.bone_surfaces import pose_surfaces
 from cosim.hoods.fe_view import slip_forces, tangent_seconds
-from cosim.hoods.injury import adhesions, injured_mesh, longer
+from cosim.hoods.injury import adhesions, apply_lesion_to_mesh, longer
 from cosim.hoods.kind import BuiltHood, HoodKind, Site, skeleton_of
 from cosim.hoods.shell import table
 from cosim.hoods.shell.fibre_table import Fibrous
 from cosim.hoods.shell.fibres import Fibres, fibres_of
-from cosim.hoods.shell.table import ShellHood
-from cosim.hoods.shell.variation import scaled_moduli, variations
+from cosim.hoods.shell.table import ShellHoodConfig
+from cosim.hoods.shell.variation import scale_moduli, variations
 from cosim.hoods.shell.view import COLOURS, view_of
 from cosim.port import Array, Motion
 from cosim.schema.types import Region
@@ -59,8 +59,8 @@ SAME_ANGLE = 1e-9
 """rad, angles between two families that differ by less are one."""
 
 
-def build(hood: ShellHood, site: Site) -> BuiltHood:
-    mesh = injured_mesh(laid_mesh(hood, site.anatomy), site.lesion)
+def build(hood: ShellHoodConfig, site: Site) -> BuiltHood:
+    mesh = apply_lesion_to_mesh(generate_mesh(hood, site.anatomy), site.lesion)
     made = shell_hood_of(hood, site, mesh)
     return BuiltHood(
         made,
@@ -70,9 +70,9 @@ def build(hood: ShellHood, site: Site) -> BuiltHood:
     )
 
 
-def laid_mesh(hood: ShellHood, anatomy: Anatomy) -> HoodMesh:
+def generate_mesh(hood: ShellHoodConfig, anatomy: Anatomy) -> HoodMesh:
     """The mesh of a shell hood, read or generated, before any lesion.  Raises InputError."""
-    return _laid(_Laying(f"{hood.mesh_key()} {anatomy.key}", hood, anatomy))
+    return _generate(_Laying(f"{hood.mesh_key()} {anatomy.key}", hood, anatomy))
 
 
 @dataclass(frozen=True)
@@ -80,12 +80,12 @@ class _Laying:
     """A hood and a finger as far as the mesh is laid out by them."""
 
     key: str
-    hood: ShellHood = field(compare=False)
+    hood: ShellHoodConfig = field(compare=False)
     anatomy: Anatomy = field(compare=False)
 
 
 @lru_cache(maxsize=8)
-def _laid(laying: _Laying) -> HoodMesh:
+def _generate(laying: _Laying) -> HoodMesh:
     from meshes.hood import generate
     from meshes.hood_mesh import read
 
@@ -103,7 +103,7 @@ def _laid(laying: _Laying) -> HoodMesh:
     offset = hood.contact.offset
     return generate(
         skeleton,
-        baked_surfaces(anatomy.bones),
+        pose_surfaces(anatomy.bones),
         {body: getattr(offset, body) for body in anatomy.bones},
         hood.thickness,
         hood.mesh.rest_posture.angles(),
@@ -115,7 +115,7 @@ def _laid(laying: _Laying) -> HoodMesh:
     )
 
 
-def shell_hood_of(hood: ShellHood, site: Site, mesh: HoodMesh) -> FeHood:
+def shell_hood_of(hood: ShellHoodConfig, site: Site, mesh: HoodMesh) -> FeHood:
     """The hood over the bones as a case describes it, behind the port.  Raises InputError."""
     from fe_solver.hood.build_shell import ContactLaw, Sheet, SpringSet, shell_hood
     from fe_solver.materials.in_situ import in_situ_growth, stress_free_thickness
@@ -128,7 +128,7 @@ def shell_hood_of(hood: ShellHood, site: Site, mesh: HoodMesh) -> FeHood:
     if missing:
         raise InputError(f"hood.regions: the mesh also has {', '.join(missing)}; name them")
     thickness, skeleton = thickness_of(hood, mesh), site.skeleton
-    points = _faced(mesh, thickness)
+    points = _leave_face(mesh, thickness)
     fibres = fibres_of(mesh, points, hood.regions, skeleton)
     stretch, growth = _in_situ(hood, mesh), _growth(hood, mesh, site.lesion)
     growth = np.where(stretch[:, None] != 1.0, in_situ_growth(stretch), growth)
@@ -174,7 +174,7 @@ def shell_hood_of(hood: ShellHood, site: Site, mesh: HoodMesh) -> FeHood:
         ContactLaw(
             hood.contact.stiffness,
             hood.contact.smoothing,
-            baked_surfaces(site.anatomy.bones),
+            pose_surfaces(site.anatomy.bones),
             offset,
             hood.contact.penetration,
             hood.contact.friction,
@@ -184,10 +184,10 @@ def shell_hood_of(hood: ShellHood, site: Site, mesh: HoodMesh) -> FeHood:
 
 
 def _section(
-    hood: ShellHood, mesh: HoodMesh, thickness: Array, fibres: Fibres, growth: Array
+    hood: ShellHoodConfig, mesh: HoodMesh, thickness: Array, fibres: Fibres, growth: Array
 ) -> Section:
     """The materials of the regions, each of its thickness, with the hood's own bending."""
-    from fe_solver.materials.section import Patch, joined_sections
+    from fe_solver.materials.section import Patch, join_sections
     from meshes.hood_mesh import REGIONS
 
     patches = []
@@ -197,7 +197,7 @@ def _section(
         law = _law(REGIONS[i], region, _law_angle(fibres.angle.get(i), growth[cells]))
         bending = 12 * hood.bending_stiffness / thickness[cells[0]] ** 3 * INCOMPRESSIBLE
         patches.append(Patch(cells, law, h, bending=bending))
-    return joined_sections(patches)
+    return join_sections(patches)
 
 
 def _law_angle(laid: Array | None, growth: Array) -> Real:
@@ -269,7 +269,7 @@ def _bare_law(name: str, region: Region, angle: Real) -> Law:
         raise InputError(f"hood.regions.{name}: {error}") from error
 
 
-def thickness_of(hood: ShellHood, mesh: HoodMesh) -> Array:
+def thickness_of(hood: ShellHoodConfig, mesh: HoodMesh) -> Array:
     """(ne,) m."""
     from meshes.hood_mesh import REGIONS
 
@@ -284,7 +284,7 @@ def thickness_of(hood: ShellHood, mesh: HoodMesh) -> Array:
     return out
 
 
-def _faced(mesh: HoodMesh, thickness: Array) -> Array:
+def _leave_face(mesh: HoodMesh, thickness: Array) -> Array:
     """Mid-surface points (n, 3) that leave the face towards the bones where the sheet that the mesh
     was laid for has it."""
     from fe_solver.elements.mesh_geometry import node_directors, node_means
@@ -295,7 +295,7 @@ def _faced(mesh: HoodMesh, thickness: Array) -> Array:
     return mesh.points + rise[:, None] * node_directors(mesh.points, mesh.quads)
 
 
-def _growth(hood: ShellHood, mesh: HoodMesh, lesion: Lesion | None) -> Array:
+def _growth(hood: ShellHoodConfig, mesh: HoodMesh, lesion: Lesion | None) -> Array:
     """(ne, 2) growth along and across the fibres that makes a region longer than laid out by its
     extra length.
 
@@ -338,7 +338,7 @@ def _check_one_rest(key: str, name: str, region: Fibrous) -> None:
         )
 
 
-def _in_situ(hood: ShellHood, mesh: HoodMesh) -> Array:
+def _in_situ(hood: ShellHoodConfig, mesh: HoodMesh) -> Array:
     """(ne,) stretch of the fibres in the sheet as laid out."""
     from meshes.hood_mesh import REGIONS
 
@@ -375,4 +375,4 @@ def _tendons(mesh: HoodMesh, finger: str) -> dict[str, Tendon]:
     return out
 
 
-KIND = HoodKind(ShellHood, build, laid_mesh, COLOURS, variations, scaled_moduli)
+KIND = HoodKind(ShellHoodConfig, build, generate_mesh, COLOURS, variations, scale_moduli)

@@ -58,11 +58,11 @@ def at_gauss_points(mesh: HoodMesh, fibre: Array) -> Array:
     """(ne, g, 3) of directions (ne, 3).  Those of quadratic elements follow the mesh's lines; one
     an element, smoothed, is of first order at a region's edge, where a soft matrix is drawn aside
     by the width of a column."""
-    from fe_solver.elements.fibres import followed, smoothed
+    from fe_solver.elements.fibres import follow_mesh, smooth_fibres
 
     if mesh.quadratic:
-        return followed(mesh.points, mesh.quads, fibre)
-    return smoothed(mesh.quads, fibre, mesh.region)
+        return follow_mesh(mesh.points, mesh.quads, fibre)
+    return smooth_fibres(mesh.quads, fibre, mesh.region)
 
 
 class _Laid:

@@ -11,9 +11,9 @@ from pydantic import Field, model_validator
 
 from cosim.fingers.common import Posture, stamps
 from cosim.hoods.kind import HoodTable
-from cosim.hoods.lesion import SLIPS, SUPPORTS, Lesion, Parts
+from cosim.hoods.lesion import SLIPS, SUPPORTS, InjurableParts, Lesion
 from cosim.hoods.shell.fibre_table import Fibrous, SecondGasser, SecondLinear, SecondMooneyRivlin
-from cosim.hoods.supports import Contact, Spring
+from cosim.hoods.supports import ContactConfig, SpringConfig
 from cosim.schema import units
 from cosim.schema.fields import fault, name_of, quantity
 from cosim.schema.types import (
@@ -43,7 +43,9 @@ THIN_SHEETS = (
     "triangular_ligament",
 )
 """Regions of a sheet between its tendons, which a cut takes out whole."""
-PARTS = Parts((*SLIPS, *SUPPORTS, *SHEET_SUPPORTS, *ACROSS, *THIN_SHEETS), REGIONS, REGIONS)
+PARTS = InjurableParts(
+    (*SLIPS, *SUPPORTS, *SHEET_SUPPORTS, *ACROSS, *THIN_SHEETS), REGIONS, REGIONS
+)
 
 
 class GeneratedMesh(Table):
@@ -153,7 +155,7 @@ class ExtraLengths(Table):
     terminal_slip: ExtraLength = 0.0
 
 
-class ShellHood(HoodTable):
+class ShellHoodConfig(HoodTable):
     """The shell finite-element hood.  `bending_stiffness` (N m, of a strip per its width): as if
     with a sheet, isotropic and incompressible, that acts in bending alone, beside what the regions'
     laws make."""
@@ -177,12 +179,12 @@ class ShellHood(HoodTable):
     thickness: Thickness
     bending_stiffness: BendingStiffness = 0.0
     regions: dict[Annotated[str, name_of("region", REGIONS)], Material]
-    contact: Contact
+    contact: ContactConfig
     extra_length: ExtraLengths = ExtraLengths()
-    springs: dict[Annotated[str, name_of("spring set", SPRINGS)], Spring]
+    springs: dict[Annotated[str, name_of("spring set", SPRINGS)], SpringConfig]
 
     @model_validator(mode="after")
-    def _complete(self) -> ShellHood:
+    def _complete(self) -> ShellHoodConfig:
         if self.mesh.kind == "file":
             return self
         own = [name for name in REGIONS if name not in self.mesh.lacks]
@@ -198,7 +200,7 @@ class ShellHood(HoodTable):
     def has_smooth_tangent(self) -> bool:
         return self.contact.penetration is None and self.contact.friction == 0
 
-    def parts(self) -> Parts:
+    def parts(self) -> InjurableParts:
         return PARTS
 
     def cannot_be_injured(self, lesion: Lesion) -> str:
@@ -232,5 +234,5 @@ class ShellHood(HoodTable):
         isotropic = all(region.kind == "isotropic" for region in self.regions.values())
         return "isotropic shell" if isotropic else "fibre shell"
 
-    def on_finger(self, finger: str, laid: ShellHood | None) -> ShellHood:
+    def on_finger(self, finger: str, laid: ShellHoodConfig | None) -> ShellHoodConfig:
         return self if laid is None else laid.model_copy(update={"regions": self.regions})

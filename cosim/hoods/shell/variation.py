@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from cosim.hoods.shell.table import Material, ShellHood
+from cosim.hoods.shell.table import Material, ShellHoodConfig
 from cosim.hoods.variation import (
     Settings,
     Side,
     Variation,
-    added,
-    scaled,
-    spelt,
-    without,
+    format_si,
+    no_variation,
+    scale,
+    settings_text,
+    shift,
     words,
-    written,
 )
 from cosim.schema import units
 from meshes.hood_mesh import REGIONS, runs_round
@@ -50,9 +50,9 @@ ACROSS = {
 """What acts across the fibres and in shear."""
 
 
-def variations(hood: ShellHood) -> Iterator[Variation]:
+def variations(hood: ShellHoodConfig) -> Iterator[Variation]:
     """In a fixed order; what does not apply to the hood says why."""
-    yield scaled("modulus", _fields(hood, MODULI), (0.5, 1.5), units.PRESSURE)
+    yield scale("modulus", _fields(hood, MODULI), (0.5, 1.5), units.PRESSURE)
     yield _bending(hood)
     yield _thickness(hood)
     yield _sections(hood)
@@ -60,62 +60,62 @@ def variations(hood: ShellHood) -> Iterator[Variation]:
     yield _toe(hood)
     for slip, length in hood.extra_length:
         key = f"hood.extra_length.{slip}"
-        yield added(f"rest length of the {words(slip)}", {key: length}, 2e-4, units.LENGTH)
+        yield shift(f"rest length of the {words(slip)}", {key: length}, 2e-4, units.LENGTH)
     for name, sets in LIGAMENTS.items():
         yield from _ligament(hood, name, [s for s in sets if s in hood.springs])
     for body, offset in hood.contact.offset:
         key = f"hood.contact.offset.{body}"
-        yield added(f"contact offset, {body}", {key: offset}, 3e-4, units.LENGTH, 0.0)
+        yield shift(f"contact offset, {body}", {key: offset}, 3e-4, units.LENGTH, 0.0)
     yield _friction(hood)
     yield from _mesh(hood)
 
 
-def scaled_moduli(hood: ShellHood, factor: float) -> Settings:
+def scale_moduli(hood: ShellHoodConfig, factor: float) -> Settings:
     """What multiplies all moduli of the regions by `factor`, those of second families too."""
     values = _fields(hood, MODULI)
-    return spelt(((key, factor * value) for key, value in values.items()), units.PRESSURE)
+    return settings_text(((key, factor * value) for key, value in values.items()), units.PRESSURE)
 
 
-def _bending(hood: ShellHood) -> Variation:
+def _bending(hood: ShellHoodConfig) -> Variation:
     if not hood.bending_stiffness:
-        return without("bending stiffness", "the sheet bends as its materials do")
+        return no_variation("bending stiffness", "the sheet bends as its materials do")
     key = {"hood.bending_stiffness": hood.bending_stiffness}
-    return scaled("bending stiffness", key, (0.5, 2.0), units.TORQUE)
+    return scale("bending stiffness", key, (0.5, 2.0), units.TORQUE)
 
 
-def _thickness(hood: ShellHood) -> Variation:
+def _thickness(hood: ShellHoodConfig) -> Variation:
     own = {f"hood.regions.{n}.thickness": r.thickness for n, r in hood.regions.items()}
     sections = {f"hood.regions.{n}.section": r.section for n, r in hood.regions.items()}
     factors = (0.5, 1.5)
-    every = scaled("thickness", {"hood.thickness": hood.thickness, **own}, factors, units.LENGTH)
-    more = scaled("", sections, factors, units.AREA)
+    every = scale("thickness", {"hood.thickness": hood.thickness, **own}, factors, units.LENGTH)
+    more = scale("", sections, factors, units.AREA)
     low = Side(every.low.label, every.low.settings + more.low.settings)
     return Variation(
         "thickness", low, Side(every.high.label, every.high.settings + more.high.settings)
     )
 
 
-def _sections(hood: ShellHood) -> Variation:
+def _sections(hood: ShellHoodConfig) -> Variation:
     cables = {n: r for n, r in hood.regions.items() if n not in SHEETS}
     thick = [n for n, r in cables.items() if r.thickness is not None]
     if thick:
-        return without("sections", f"{', '.join(thick)}: their thickness is given instead")
+        return no_variation("sections", f"{', '.join(thick)}: their thickness is given instead")
 
     def side(area: float) -> Side:
-        text = written(area, units.AREA)
+        text = format_si(area, units.AREA)
         return Side(text, tuple(f"hood.regions.{n}.section={text}" for n in cables))
 
     return Variation("sections of the tendons", *map(side, SECTION_RANGE))
 
 
-def _across(hood: ShellHood) -> Variation:
+def _across(hood: ShellHoodConfig) -> Variation:
     name = "stiffness across fibres"
     fields = _fields(hood, ACROSS)
     if fields:
-        return scaled(name, fields, (0.5, 2.0), units.PRESSURE)
+        return scale(name, fields, (0.5, 2.0), units.PRESSURE)
     even = {n: r for n, r in hood.regions.items() if r.kind == "isotropic"}
     if not even:
-        return without(name, "no region has fibres")
+        return no_variation(name, "no region has fibres")
     tenth = tuple(f"hood.regions.{n}={_tenth(r)}" for n, r in even.items())
     return Variation(name, Side("a tenth of that along", tenth), Side("", why_not="isotropic"))
 
@@ -124,10 +124,10 @@ def _tenth(region: Material) -> str:
     """The isotropic law with a tenth of its modulus across and of its shear modulus."""
     values = dict(region)
     modulus, ratio = values["modulus"], values["poisson"]
-    along, across = written(modulus, units.PRESSURE), written(modulus / 10, units.PRESSURE)
-    shear = written(modulus / (20 * (1 + ratio)), units.PRESSURE)
+    along, across = format_si(modulus, units.PRESSURE), format_si(modulus / 10, units.PRESSURE)
+    shear = format_si(modulus / (20 * (1 + ratio)), units.PRESSURE)
     same = "".join(
-        f', {key} = "{written(values[key], kind)}"'
+        f', {key} = "{format_si(values[key], kind)}"'
         for key, kind in (("thickness", units.LENGTH), ("section", units.AREA))
         if values[key] is not None
     )
@@ -138,12 +138,12 @@ def _tenth(region: Material) -> str:
     )
 
 
-def _toe(hood: ShellHood) -> Variation:
+def _toe(hood: ShellHoodConfig) -> Variation:
     """The stretch at which fibres are straight; the modulus runs on smoothly into c5."""
     name = "toe of the fibres"
     fibres = {n: r for n, r in hood.regions.items() if r.kind == "trans_iso_mooney_rivlin"}
     if not fibres:
-        return without(name, "no region has a law with a toe")
+        return no_variation(name, "no region has a law with a toe")
 
     def side(factor: float) -> Side:
         return Side(
@@ -170,19 +170,19 @@ def toe_settings(region: str, c5: float, c4: float, toe: float) -> Settings:
     return (
         f"{key}.lam_max={1 + toe!r}",
         f"{key}.c4={c4!r}",
-        f"{key}.c3={written(c3, units.PRESSURE)}",
+        f"{key}.c3={format_si(c3, units.PRESSURE)}",
     )
 
 
-def _ligament(hood: ShellHood, name: str, sets: list[str]) -> Iterator[Variation]:
+def _ligament(hood: ShellHoodConfig, name: str, sets: list[str]) -> Iterator[Variation]:
     if not sets:
-        yield without(name, "the hood has no such springs")
+        yield no_variation(name, "the hood has no such springs")
         return
     key = "hood.springs"
     stiffness = {f"{key}.{s}.stiffness": hood.springs[s].stiffness for s in sets}
     slack = {f"{key}.{s}.slack": hood.springs[s].slack for s in sets}
-    yield scaled(f"{name}, stiffness", stiffness, (0.5, 2.0), units.STIFFNESS)
-    yield added(f"{name}, slack", slack, 1e-3, units.LENGTH, 0.0)
+    yield scale(f"{name}, stiffness", stiffness, (0.5, 2.0), units.STIFFNESS)
+    yield shift(f"{name}, slack", slack, 1e-3, units.LENGTH, 0.0)
     taut = tuple(f"{text}=0 mm" for text in slack)
     loose = any(slack.values())
     yield Variation(
@@ -192,27 +192,29 @@ def _ligament(hood: ShellHood, name: str, sets: list[str]) -> Iterator[Variation
     )
 
 
-def _friction(hood: ShellHood) -> Variation:
+def _friction(hood: ShellHoodConfig) -> Variation:
     name, key, own = "friction over the bones", "hood.contact.friction", hood.contact.friction
     if own:
-        return scaled(name, {key: own}, (0.5, 2.0), None)
-    return Variation(name, *(Side(f"{mu:g}", spelt([(key, mu)], None)) for mu in COEFFICIENTS))
+        return scale(name, {key: own}, (0.5, 2.0), None)
+    return Variation(
+        name, *(Side(f"{mu:g}", settings_text([(key, mu)], None)) for mu in COEFFICIENTS)
+    )
 
 
-def _mesh(hood: ShellHood) -> Iterator[Variation]:
+def _mesh(hood: ShellHoodConfig) -> Iterator[Variation]:
     mesh = hood.mesh
     if mesh.kind != "generated":
-        yield without("mesh", "it is a file")
+        yield no_variation("mesh", "it is a file")
         return
     sides = (Side(f"x {m}", (f"hood.mesh.quads={m * mesh.quads}",)) for m in (2, 4))
     yield Variation("quads of the mesh", *sides)
     step = units.parse("5 deg", units.ANGLE)
     for joint in ("MCP", "PIP", "DIP"):
         angle = {f"hood.mesh.rest_posture.{joint}": mesh.rest_posture.angles()[joint]}
-        yield added(f"stress-free posture, {joint}", angle, step, units.ANGLE)
+        yield shift(f"stress-free posture, {joint}", angle, step, units.ANGLE)
 
 
-def _fields(hood: ShellHood, wanted: Mapping[str, tuple[str, ...]]) -> dict[str, float]:
+def _fields(hood: ShellHoodConfig, wanted: Mapping[str, tuple[str, ...]]) -> dict[str, float]:
     """Key -> value of the fields that every region's law and its second family have."""
     return {
         f"hood.regions.{name}.{part}{field}": value

@@ -96,7 +96,7 @@ class ShellView(FeView):
     """N by region, of `cosim.hoods.shell.region_forces`."""
 
     @property
-    def drawn_cells(self) -> np.ndarray:
+    def plot_cells(self) -> np.ndarray:
         return flat(self.quads)
 
     def fields(self) -> tuple[Field, ...]:
@@ -171,7 +171,7 @@ def _line_angle(hood: FeHood, mesh: HoodMesh) -> Array:
     return np.where(np.abs(mean) < SAME_LINE, 0.0, mean)
 
 
-def _turned(strain: Array, angle: Array) -> Array:
+def _rotate_strains(strain: Array, angle: Array) -> Array:
     """(ne, 3) strains E11, E22, 2 E12 (ne, 3) on axes turned by angle (ne,), rad."""
     c, s = np.cos(angle), np.sin(angle)
     e1, e2, shear = strain.T
@@ -199,7 +199,7 @@ def _view(
         quads=hood.model.quads,
         region=mesh.region,
         strain=field.strain,
-        line_strain=_turned(field.strain, turn),
+        line_strain=_rotate_strains(field.strain, turn),
         faces=field.faces,
         stress=field.stress,
         tension=field.tension,
@@ -256,7 +256,7 @@ def marker_strains(before: ShellView, now: ShellView) -> tuple[Array, Array]:
     return stretch(0), stretch(1)
 
 
-def gauged(strain: Array, view: ShellView) -> Array:
+def gauge_strains(strain: Array, view: ShellView) -> Array:
     """(m, 2) what gauges at the m markers read of strains (ne, 2 or 3) of the central region."""
     on = view.central
     middle = view.reference[view.quads[on]].mean(axis=1)
@@ -268,7 +268,7 @@ def gauged(strain: Array, view: ShellView) -> Array:
 def _over_central(strain: Array, view: ShellView) -> dict[str, Range]:
     """Mean over the area, extremes of what the gauges read."""
     out = _by_direction(strain, view.area, view.central)
-    for name, read in zip(DIRECTIONS, gauged(strain, view).T, strict=True):
+    for name, read in zip(DIRECTIONS, gauge_strains(strain, view).T, strict=True):
         out[name] |= {"min": 100 * float(read.min()), "max": 100 * float(read.max())}
     return out
 

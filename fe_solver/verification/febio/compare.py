@@ -63,7 +63,8 @@ class Row:
 
     @property
     def verdict(self) -> str:
-        """Of our own shell, and where that differs of the nearest to FEBio that there is."""
+        """The verdict on our own shell, and where that differs on the nearest to FEBio that there
+        is."""
         if self.reference is None:
             return "no figure"
         nearest = self.shell if self.q4ans is None else self.q4ans
@@ -182,7 +183,7 @@ def compare(folder: Path, spacing: float = 0.25e-3) -> Iterator[Comparison]:
     Raises InputError where the folder holds none, and where one of them cannot be read."""
     for path in models_in(folder):
         seconds = reference_seconds(folder)  # beside each solve: machines have moods
-        solved = {e: measured(path, e, spacing) for e in Element}
+        solved = {e: measure(path, e, spacing) for e in Element}
         published = PUBLISHED.get(path.stem)
         values = {e: m.values for e, m in solved.items() if isinstance(m, Measured)}
         scaled = None
@@ -206,7 +207,7 @@ def reference_seconds(folder: Path) -> float | None:
         raise InputError(f"{script}: expected it to print its CPU seconds") from None
 
 
-def measured(path: Path, element: Element, spacing: float) -> Measured | str:
+def measure(path: Path, element: Element, spacing: float) -> Measured | str:
     """A model solved in a process of its own; or why there is no solution.
 
     Raises InputError where the model cannot be read or is not covered by our own shell."""
@@ -229,7 +230,7 @@ def measured(path: Path, element: Element, spacing: float) -> Measured | str:
     return reason
 
 
-def solved_with(path: Path | str, element: Element, spacing: float) -> JobResult:
+def solve_with(path: Path | str, element: Element, spacing: float) -> JobResult:
     """A model's end, contact by a penalty alone, as FEBio's figures are."""
     job, options = read_feb(path), JobOptions(None, spacing=spacing)
     if element == Element.Q4ANS:
@@ -239,7 +240,7 @@ def solved_with(path: Path | str, element: Element, spacing: float) -> JobResult
 
 def _main(path: str, element: str, spacing: str) -> None:
     """The process of one model: prints a `Measured` as JSON."""
-    from fe_solver.solver.linear_algebra import chosen
+    from fe_solver.solver.linear_algebra import backend_name
     from fe_solver.solver.newton import NewtonOptions, solve
     from fe_solver.verification.bench import PULL, rod_sheet
     from fe_solver.verification.sheets import at_rest
@@ -248,7 +249,7 @@ def _main(path: str, element: str, spacing: str) -> None:
     solve(warm, at_rest(warm), PULL, NewtonOptions(tolerance=1e-8))
     imports = peak_mb()
     began = time.process_time()
-    result = solved_with(path, Element[element], float(spacing))
+    result = solve_with(path, Element[element], float(spacing))
     spent, last = time.process_time() - began, result.states[-1]
     made = Measured(
         quantities(result.job, last, PUBLISHED.get(Path(path).stem)),
@@ -258,7 +259,7 @@ def _main(path: str, element: str, spacing: str) -> None:
         imports,
         peak_mb(),
         result.effort.iterations,
-        chosen(),
+        backend_name(),
     )
     print(json.dumps(asdict(made)))
 

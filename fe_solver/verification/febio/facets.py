@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
 SEARCH_TOLERANCE = 0.01
-"""Of a triangle's edges, by which a point may lie beyond them (FEBio's search_tol)."""
+"""Share of a triangle's edges by which a point may lie beyond them (FEBio's search_tol)."""
 SEARCH_RADIUS = 2e-3
 """m along the normal within which a triangle is met (FEBio's search_radius, of the models)."""
 NEAREST = 16
@@ -68,7 +68,7 @@ class Pressed(NamedTuple):
     depth: Array
 
 
-def pressed(
+def pressures(
     facets: Facets,
     x: Array,
     position: Array,
@@ -78,7 +78,7 @@ def pressed(
 ) -> Pressed:
     """Contact of nodes x (n, 3) m with the body at its position (3,) m and rotation (3, 3); the
     pressure is the positive part of multiplier (k, 4) Pa + penalty * depth.  Each Gauss point
-    presses on the plane of the triangle that it has `met` (see `triangles_met`), which is looked
+    presses on the plane of the triangle that it has `met` (see `find_triangles`), which is looked
     for where None.
 
     The derivative is that at normals which do not turn, symmetric: what it leaves out is of the
@@ -86,7 +86,7 @@ def pressed(
     at, normal, size = _gauss_points(facets, x)
     local, turned = (at - position) @ rotation, normal @ rotation
     if met is None:
-        met = _met(facets, local, turned)
+        met = _find_triangle(facets, local, turned)
     depth = facets.gap + _depth(facets, local, turned, met)
     pressure = np.maximum(multiplier + facets.penalty[:, None] * depth, 0)
     stiffness = facets.penalty[:, None] * size * (pressure > 0)
@@ -102,11 +102,11 @@ def pressed(
     )
 
 
-def triangles_met(facets: Facets, x: Array, position: Array, rotation: Array) -> Ints:
+def find_triangles(facets: Facets, x: Array, position: Array, rotation: Array) -> Ints:
     """(k, 4) the triangle that each Gauss point meets along its normal, the nearest of those that
     face it; -1 where it meets none."""
     at, normal, _ = _gauss_points(facets, x)
-    return _met(facets, (at - position) @ rotation, normal @ rotation)
+    return _find_triangle(facets, (at - position) @ rotation, normal @ rotation)
 
 
 def _gauss_points(facets: Facets, x: Array) -> tuple[Array, Array, Array]:
@@ -133,8 +133,8 @@ def cut(triangles: Array, longest: float) -> Array:
     return np.concatenate(done)
 
 
-def _met(facets: Facets, points: Array, normals: Array) -> Ints:
-    """(k, 4) as `triangles_met`, for points and normals (k, 4, 3) in the body's frame."""
+def _find_triangle(facets: Facets, points: Array, normals: Array) -> Ints:
+    """(k, 4) as `find_triangles`, for points and normals (k, 4, 3) in the body's frame."""
     q, n = points.reshape(-1, 3), normals.reshape(-1, 3)
     count = min(NEAREST, len(facets.triangles))
     nearest, _ = facets.tree.query(q, distance_upper_bound=facets.reach)

@@ -65,7 +65,7 @@ def _form(point: tuple[float, float, float], i: int, j: int) -> Array:
     return both if i == j else both + both.T
 
 
-def _assumed(r: float, s: float, t: float) -> Array:
+def _assumed_shear(r: float, s: float, t: float) -> Array:
     """(6, 8, 8) the forms of one point's natural strains."""
     corners = zip(shape(r, s)[0], CORNERS, strict=True)
     thickness = sum(n * _form((a, b, 0), 2, 2) for n, (a, b) in corners)
@@ -75,7 +75,7 @@ def _assumed(r: float, s: float, t: float) -> Array:
     return np.stack([assumed.get(pair, _form((r, s, t), *pair)) for pair in PAIRS])
 
 
-FORMS = np.stack([_assumed(*point) for point in POINTS])
+FORMS = np.stack([_assumed_shear(*point) for point in POINTS])
 """(8, 6, 8, 8): natural strain c at point g is y.FORMS[g, c].y / 2, less that at rest."""
 _FLAT = FORMS.reshape(-1, 8)
 
@@ -96,7 +96,7 @@ def _bases(Y: Array) -> Array:
     return np.asarray(np.einsum("gia,nak->ngik", weights, Y))
 
 
-def crossed(Y: Array, side: float) -> NDArray[np.bool_]:
+def cross_matrix(Y: Array, side: float) -> NDArray[np.bool_]:
     """(ne,) whether the faces of elements Y (ne, 8, 3) m cross, as those of a sheet do that is
     thicker than its radius; `side` is positive where the last four nodes lie on the side of the
     first four's normal, else negative."""

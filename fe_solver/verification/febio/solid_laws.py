@@ -133,7 +133,7 @@ def _orthotropic_compliance(law: Orthotropic) -> Array:
 
 
 class _Strained:
-    """Of C (..., 3, 3): its components, its inverse's, ln J, and what they are differentiated
+    """C (..., 3, 3) with its components, its inverse's, ln J, and what they are differentiated
     with."""
 
     def __init__(self, C: Array) -> None:
@@ -142,7 +142,7 @@ class _Strained:
         self.ci: Array = inverse[..., FIRST, SECOND]
         self.log = np.log(np.linalg.det(C)) / 2
         self.both = _outer(self.ci, self.ci)
-        self.turn = _paired(inverse)
+        self.turn = _pair(inverse)
         """(..., 6, 6) minus the derivative of the inverse by C."""
 
     @cached_property
@@ -281,7 +281,7 @@ def _outer(a: Array, b: Array) -> Array:
     return a[..., :, None] * b[..., None, :]
 
 
-def _paired(inverse: Array) -> Array:
+def _pair(inverse: Array) -> Array:
     """(..., 6, 6) minus the derivative of C's inverse by C."""
     i, j, k, l = FIRST[:, None], SECOND[:, None], FIRST, SECOND  # noqa: E741
     straight = inverse[..., i, k] * inverse[..., j, l]

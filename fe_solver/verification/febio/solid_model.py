@@ -39,15 +39,20 @@ from fe_solver.solver.linear_algebra import (
     SuperLUAnalysis,
     analyse,
 )
-from fe_solver.verification.febio.facets import Facets, Pressed, cut, pressed, triangles_met
-from fe_solver.verification.febio.q4ans import SolidTables, crossed, solid_response, solid_tables
+from fe_solver.verification.febio.facets import Facets, Pressed, cut, find_triangles, pressures
+from fe_solver.verification.febio.q4ans import (
+    SolidTables,
+    cross_matrix,
+    solid_response,
+    solid_tables,
+)
 from fe_solver.verification.febio.solid_laws import law_obstacle, normal_modulus
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
 ON_FACE = 1e-9
-"""Of the thickness, by which a node may lie off the sheet's face."""
+"""Share of the thickness by which a node may lie off the sheet's face."""
 
 
 def _obstacles(job: Job) -> Iterator[tuple[bool, str]]:
@@ -150,10 +155,11 @@ class SolidModel:
         met = (None,) * len(self.facets)
         return Loads(*body_poses(self.job.bodies, time), dead, pressure, multipliers, met)
 
-    def searched(self, z: Array, loads: Loads) -> Loads:
+    def search_contacts(self, z: Array, loads: Loads) -> Loads:
         """The loads with contact kept to the triangles that it meets at z."""
         met = (
-            triangles_met(f, z, loads.position[f.body], loads.rotation[f.body]) for f in self.facets
+            find_triangles(f, z, loads.position[f.body], loads.rotation[f.body])
+            for f in self.facets
         )
         return loads._replace(met=tuple(met))
 
@@ -162,7 +168,7 @@ class SolidModel:
         facets = tuple(replace(f, penalty=share * f.penalty) for f in self.facets)
         return replace(self, facets=facets)
 
-    def placed(self, z: Array, time: float) -> Array:
+    def place(self, z: Array, time: float) -> Array:
         """z (2n, 3) with what is given at a time: ties to bodies and held displacements."""
         job, n, out = self.job, len(self.job.points), z.copy()
         for h in job.held:
@@ -180,7 +186,7 @@ class SolidModel:
     def contacts(self, z: Array, loads: Loads) -> list[Pressed]:
         """What each pair does."""
         return [
-            pressed(f, z, loads.position[f.body], loads.rotation[f.body], multiplier, met)
+            pressures(f, z, loads.position[f.body], loads.rotation[f.body], multiplier, met)
             for f, multiplier, met in zip(self.facets, loads.multipliers, loads.met, strict=True)
         ]
 
@@ -206,7 +212,7 @@ class SolidModel:
             force = -pressure_forces(x, loads.pressure)
             yield Term(Source.PRESSURE, self.job.quads, force, stiffness)
 
-    def unbalanced(self, terms: Sequence[Term], loads: Loads) -> Array:
+    def imbalance(self, terms: Sequence[Term], loads: Loads) -> Array:
         """(2n, 3) N with which the nodes resist more than the dead loads ask for: zero at free
         components in equilibrium, reactions at given ones."""
         out = np.zeros_like(self.rest)
@@ -215,7 +221,7 @@ class SolidModel:
             np.add.at(out, term.nodes, term.force)
         return out
 
-    def missed(self, unbalanced: Array) -> float:
+    def miss(self, unbalanced: Array) -> float:
         """N, the norm of what does not balance; infinite where a law has no answer."""
         size = float(np.linalg.norm(unbalanced[self.free]))
         return size if np.isfinite(size) else np.inf
@@ -242,7 +248,7 @@ class SolidModel:
         return max((float(p.depth.max(initial=0.0)) for p in contacts), default=0.0)
 
     def pattern(self, terms: Sequence[Term]) -> Pattern:
-        """Of the tangent's free part; the same for all terms of a model."""
+        """The pattern of the tangent's free part, which is the same for all terms of a model."""
         return _pattern([t.nodes for t in terms], self.free)
 
 
@@ -274,7 +280,7 @@ def _part(job: Job, elements: Ints, part: Part, directors: Array) -> SolidPart:
     low = job.points[quads]
     high = low + 2 * job.height[elements, :, None] * directors[quads]
     rest = np.concatenate([low, high], axis=1)
-    bad = elements[crossed(rest, job.height[0, 0])]
+    bad = elements[cross_matrix(rest, job.height[0, 0])]
     if len(bad):
         raise InputError(
             f"{job.name}: {job.element(bad[0])}: the sheet is thicker than its radius there, so "
@@ -331,7 +337,7 @@ class Pattern:
         values = np.concatenate([t.stiffness.ravel() for t in terms])[self.kept]
         return np.bincount(self.place, values, self.slots.nnz).astype(float)
 
-    def factorised(self, terms: Sequence[Term]) -> Factor:
+    def factorise(self, terms: Sequence[Term]) -> Factor:
         """The tangent, which may be indefinite.  Raises ConvergenceError where it is singular."""
         data = self.data(terms)
         try:
@@ -341,7 +347,7 @@ class Pattern:
 
 
 def _pattern(groups: Sequence[Ints], free: NDArray[np.bool_]) -> Pattern:
-    """Of blocks that join the nodes of each row of the groups (k, m)."""
+    """The pattern of blocks that join the nodes of each row of the groups (k, m)."""
     number = np.where(free.ravel(), np.cumsum(free) - 1, -1)
     dofs = [
         number[3 * g[:, :, None] + np.arange(3)].reshape(len(g), 3 * g.shape[1]) for g in groups

@@ -21,8 +21,8 @@ from cosim.processes import one_blas_thread
 from fe_solver.job.febio_like import bending_notes
 from fe_solver.job.job import Job
 from fe_solver.job.model import JobOptions
-from fe_solver.job.solve import SAME_TIME, Effort, JobResult, JobState, effort_since, wanted_times
-from fe_solver.solver.linear_algebra import Factor, mechanism
+from fe_solver.job.solve import SAME_TIME, Effort, JobResult, JobState, effort_since, output_times
+from fe_solver.solver.linear_algebra import Factor, has_mechanism
 from fe_solver.vectors import cross
 from fe_solver.verification.febio.solid_model import (
     Loads,
@@ -39,8 +39,8 @@ TOLERANCE = 1e-7
 """Residual over the largest force at a spring, in contact or of all reactions."""
 MOST_ITERATIONS = 40
 FIRST_STEP = 0.1
-"""Of the thickness: no node moves further in the first iteration, nor more than twice as far in
-the next as in the last."""
+"""Share of the thickness: no node moves further in the first iteration, nor more than twice as far
+in the next as in the last."""
 SEARCHED = (1e-6, 1e-2)
 """Residuals over forces between which a step must lower the residual: there only contact that
 opens and closes keeps Newton from the end."""
@@ -48,7 +48,7 @@ PATIENCE = 12
 """Iterations after which every step must."""
 HALVINGS = 5
 SOFTER = (0.01, 0.1)
-"""Of contact's penalty, one after the other, where the first step from rest fails."""
+"""Shares of contact's penalty, taken one after the other where the first step from rest fails."""
 TURN = 0.25
 """rad that a body turns at most in one step in time."""
 QUICK = 20
@@ -82,7 +82,7 @@ def solve_solid(
     time and the place."""
     options = options or JobOptions(penetration=None)
     began = clock.process_time()
-    wanted = wanted_times(job, until, times)
+    wanted = output_times(job, until, times)
     stepper = _Stepper(solid_model(job), options)
     setup = clock.process_time() - began
     began = clock.process_time()
@@ -114,7 +114,7 @@ class _Stepper:
             self._go(time, span)
         self._augment()
         cpu = clock.process_time() - began
-        self._require_held()
+        self._require_supports()
         return solid_state(self.model, self.last, effort_since(self.effort, before, cpu))
 
     def _go(self, time: float, span: float) -> None:
@@ -129,7 +129,7 @@ class _Stepper:
             self.effort = replace(self.effort, failures=self.effort.failures + 1)
             self.stride = step / 2
             if self.stride < self.options.shortest * span:
-                raise self._stopped(there, error) from error
+                raise self._stop(there, error) from error
             return
         self.effort = replace(self.effort, steps=self.effort.steps + 1)
         if self.effort.iterations - before <= QUICK:
@@ -138,7 +138,7 @@ class _Stepper:
     def _step(self, time: float) -> Equilibrium:
         """The equilibrium of a time; from rest, where nothing tells which points will touch, by
         softer contact if not at once.  Raises ConvergenceError."""
-        z, loads = self._predicted(time)
+        z, loads = self._predict(time)
         try:
             return self._equilibrium(self.model, z, loads, time)
         except ConvergenceError:
@@ -148,7 +148,7 @@ class _Stepper:
             z = self._equilibrium(self.model.with_penalty(share), z, loads, time).z
         return self._equilibrium(self.model, z, loads, time)
 
-    def _stopped(self, time: float, error: ConvergenceError) -> ConvergenceError:
+    def _stop(self, time: float, error: ConvergenceError) -> ConvergenceError:
         e = self.effort
         return ConvergenceError(
             f"{self.model.job.name}: no equilibrium of q4ans elements was found at t = {time:.6g}, "
@@ -162,18 +162,18 @@ class _Stepper:
         angle = np.linalg.norm(_turns(before, after), axis=1).max(initial=0.0)
         return (time - self.last.time) / max(1, int(np.ceil(angle / TURN)))
 
-    def _factorised(self, terms: Sequence[Term]) -> Factor:
+    def _factorise(self, terms: Sequence[Term]) -> Factor:
         self.effort = replace(self.effort, solves=self.effort.solves + 1)
-        return self.pattern.factorised(terms)
+        return self.pattern.factorise(terms)
 
-    def _predicted(self, time: float) -> tuple[Array, Loads]:
+    def _predict(self, time: float) -> tuple[Array, Loads]:
         """First-order prediction of the equilibrium at a time, and its loads.
 
         A body that moves by w leaves the forces on it as they would be if the nodes moved by -w and
         all turned with it.  From rest, where no spring is taut yet, loads are left to Newton."""
         m, last = self.model, self.last
         new = m.at(time, last.loads.multipliers)
-        given = m.placed(last.z, time) - last.z
+        given = m.place(last.z, time) - last.z
         right = np.zeros_like(last.z)
         if self.effort.steps:
             right[: len(new.dead)] = last.loads.dead - new.dead
@@ -190,29 +190,29 @@ class _Stepper:
         if not right[m.free].any():
             return last.z + given, new
         step = np.zeros_like(last.z)
-        step[m.free] = -self._factorised(last.terms).solve(right[m.free])
-        return m.placed(last.z + given + step, time), new
+        step[m.free] = -self._factorise(last.terms).solve(right[m.free])
+        return m.place(last.z + given + step, time), new
 
     def _equilibrium(self, m: SolidModel, z: Array, loads: Loads, time: float) -> Equilibrium:
         """By Newton.  Raises ConvergenceError."""
         with np.errstate(all="ignore"):
             terms = tuple(m.terms(z, loads))
             for iteration in range(MOST_ITERATIONS):
-                force = m.unbalanced(terms, loads)
-                missed, scale = m.missed(force), m.scale(force, terms)
+                force = m.imbalance(terms, loads)
+                missed, scale = m.miss(force), m.scale(force, terms)
                 if missed <= TOLERANCE * scale:
                     return Equilibrium(time, z, loads, terms, missed)
                 if not np.isfinite(missed):
                     break
                 if iteration == SEARCHES:
-                    loads = m.searched(z, loads)
+                    loads = m.search_contacts(z, loads)
                 step = np.zeros_like(z)
-                step[m.free] = -self._factorised(terms).solve(force[m.free])
+                step[m.free] = -self._factorise(terms).solve(force[m.free])
                 longest = FIRST_STEP * 2.0**iteration * m.thickness
                 share = min(1.0, longest / float(np.abs(step).max()))
                 limits = (SEARCHED[0] * scale, SEARCHED[1] * scale)
                 searched = limits[0] < missed < limits[1] or iteration >= PATIENCE
-                z, terms = _moved(m, z, share * step, loads, missed if searched else np.inf)
+                z, terms = _move(m, z, share * step, loads, missed if searched else np.inf)
                 self.effort = replace(self.effort, iterations=self.effort.iterations + 1)
         raise ConvergenceError(self._words(z, force, missed, scale))
 
@@ -249,9 +249,9 @@ class _Stepper:
             "allow more, or take FEBio's penalty alone: --penetration none"
         )
 
-    def _require_held(self) -> None:
+    def _require_supports(self) -> None:
         """Raises InputError where the sheet can move without resistance."""
-        if mechanism(self.pattern.data(self.last.terms), self.pattern.slots):
+        if has_mechanism(self.pattern.data(self.last.terms), self.pattern.slots):
             raise InputError(
                 f"{self.model.job.name}: at t = {self.last.time:.6g} the sheet can move, and "
                 "nothing resists it: the answer would be one of many. Tie it to a body, hold more "
@@ -266,7 +266,7 @@ def _turns(before: Array, after: Array) -> Array:
     return Rotation.from_matrix(after @ np.swapaxes(before, 1, 2)).as_rotvec()
 
 
-def _moved(
+def _move(
     model: SolidModel, z: Array, step: Array, loads: Loads, limit: float
 ) -> tuple[Array, tuple[Term, ...]]:
     """After a step, or the first of ever shorter ones whose residual is below the limit (N), or the
@@ -275,7 +275,7 @@ def _moved(
     for halving in range(HALVINGS):
         there = z + step / 2**halving
         terms = tuple(model.terms(there, loads))
-        missed = model.missed(model.unbalanced(terms, loads))
+        missed = model.miss(model.imbalance(terms, loads))
         tried.append((missed, there, terms))
         if missed < limit or limit == np.inf:
             break

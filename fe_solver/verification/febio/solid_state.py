@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fe_solver.elements.mesh_geometry import node_areas
 from fe_solver.forces.springs import node_spring_state, spring_state
-from fe_solver.job.solve import Effort, JobState, by_spring_set
+from fe_solver.job.solve import Effort, JobState, forces_by_set
 from fe_solver.solver.fields import Fields
 from fe_solver.solver.model import Configuration
 from fe_solver.vectors import cross
@@ -54,7 +54,7 @@ def solid_state(model: SolidModel, found: Equilibrium, effort: Effort) -> JobSta
         found.time,
         Configuration(z[:n], director, position, rotation),
         (*(b.name for b in job.bodies), GROUND),
-        by_spring_set(job, (model.springs, to_bodies), (model.links, between)),
+        forces_by_set(job, (model.springs, to_bodies), (model.links, between)),
         wrench,
         applied,
         max(model.deepest(z, loads), 0.0),
@@ -87,7 +87,7 @@ def _wrenches(model: SolidModel, found: Equilibrium) -> dict[str, Array]:
             arm = (z[term.nodes[own]] - position[body]).reshape(-1, 3)
             wrench = out.setdefault(f"spring {i}" if i >= 0 else "contact", np.zeros((count, 6)))
             wrench[body] += _about(arm, term.force[own].reshape(-1, 3))
-    resisted = model.unbalanced(found.terms, found.loads)
+    resisted = model.imbalance(found.terms, found.loads)
     tie, guide, left = np.zeros((count, 6)), np.zeros((count, 6)), ~model.free
     n = len(job.points)
     for t in job.tied:

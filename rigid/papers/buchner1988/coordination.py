@@ -47,7 +47,7 @@ BANDWIDTH = 10.0
 """rad/s, w: an assumption."""
 EQUAL = np.ones(len(MUSCLES))
 TOLERANCE = 1e-9
-"""Of the motion, rad and rad/s."""
+"""Tolerance of the motion, rad and rad/s."""
 SLACK = 1e-9
 """N."""
 
@@ -100,13 +100,13 @@ def reference(
     return angle, rate, acceleration
 
 
-def flexed(loop: Loop, samples: int = 201) -> Motion:
+def flex(loop: Loop, samples: int = 201) -> Motion:
     """The finger's motion from rest, straight."""
     times = np.linspace(0.0, DURATION, samples)
 
     def slope(time: float, state: Array) -> Array:
         angle, rate = state[:3], state[3:]
-        torque = asked_torque(loop, time, angle, rate) + band_torque(loop, angle)
+        torque = required_torque(loop, time, angle, rate) + band_torque(loop, angle)
         return np.append(rate, loop.chain.acceleration(angle, rate, torque, np.zeros(2)))
 
     found = solve_ivp(
@@ -122,12 +122,12 @@ def flexed(loop: Loop, samples: int = 201) -> Motion:
     return Motion(times, found.y[:3].T, found.y[3:].T, asked)
 
 
-def shared(loop: Loop, motion: Motion, programme: Programme) -> Forces:
+def share_forces(loop: Loop, motion: Motion, programme: Programme) -> Forces:
     """The muscles' and bands' forces that make a motion of the loop.
 
     Raises ConvergenceError where no muscles make a torque, or a band would have to push: then the
     motion would not be this one."""
-    found = [shared_at(loop, motion, k, programme) for k in range(len(motion.time))]
+    found = [share_forces_at(loop, motion, k, programme) for k in range(len(motion.time))]
     shift = loop.elasticity * differences(loop, motion)[:, None] * np.array([1.0, -1.0])
     muscles = np.array([f.muscles for f in found])
     bands = np.array([f.bands for f in found]) + (shift if loop.bands_answer else 0.0)
@@ -142,10 +142,10 @@ def shared(loop: Loop, motion: Motion, programme: Programme) -> Forces:
     return Forces(muscles, bands, share)
 
 
-def shared_at(loop: Loop, motion: Motion, k: int, programme: Programme) -> Sharing:
+def share_forces_at(loop: Loop, motion: Motion, k: int, programme: Programme) -> Sharing:
     """What a programme makes of U at the sample k.  Raises ConvergenceError where nothing does."""
     network, angle = two_band(loop.elasticity, table=loop.table), motion.angle[k]
-    torque = asked_torque(loop, float(motion.time[k]), angle, motion.rate[k])
+    torque = required_torque(loop, float(motion.time[k]), angle, motion.rate[k])
     if programme == "quadratic":
         return quadratic(network, angle, torque, EQUAL)
     share = np.zeros((2, len(MUSCLES)))
@@ -154,7 +154,7 @@ def shared_at(loop: Loop, motion: Motion, k: int, programme: Programme) -> Shari
     return linear(network, angle, torque, share, known * np.array([1.0, -1.0]), EQUAL)
 
 
-def asked_torque(loop: Loop, time: float, angle: Array, rate: Array) -> Array:
+def required_torque(loop: Loop, time: float, angle: Array, rate: Array) -> Array:
     """(3,) N m, U."""
     q, v, a = reference(np.array(time), loop.course, loop.table)
     w = loop.bandwidth

@@ -15,14 +15,14 @@ from rigid.papers.buchner1988.coordination import (
     Loop,
     Motion,
     crossing,
-    flexed,
-    shared,
-    shared_at,
+    flex,
+    share_forces,
+    share_forces_at,
 )
 
 ED, FDP, FDS, INT, LUM = range(len(MUSCLES))
 CHANGE = 0.2
-"""Of an entry of table 1 that is not certain, both ways."""
+"""Relative change, both ways, of an entry of table 1 that is not certain."""
 
 
 class Finding(NamedTuple):
@@ -49,8 +49,10 @@ class Flexion:
 def flexion(loop: Loop | None = None, samples: int = 201) -> Flexion:
     """The loop's motion with both programmes' forces."""
     loop = Loop() if loop is None else loop
-    motion = flexed(loop, samples)
-    return Flexion(loop, motion, shared(loop, motion, "linear"), shared(loop, motion, "quadratic"))
+    motion = flex(loop, samples)
+    return Flexion(
+        loop, motion, share_forces(loop, motion, "linear"), share_forces(loop, motion, "quadratic")
+    )
 
 
 def findings(f: Flexion) -> tuple[Finding, ...]:
@@ -103,7 +105,7 @@ def feasible(loop: Loop, motion: Motion) -> float:
 
 def _is_feasible(loop: Loop, motion: Motion, k: int) -> bool:
     try:
-        shared_at(loop, motion, k, "linear")
+        share_forces_at(loop, motion, k, "linear")
     except ConvergenceError:
         return False
     return True
@@ -115,16 +117,16 @@ def doubts(f: Flexion) -> dict[tuple[str, str], tuple[tuple[Finding, ...], ...]]
     out = {}
     for key, entry in f.loop.table.items():
         if entry.certainty != "certain":
-            both = (_scaled(entry, 1 - CHANGE), _scaled(entry, 1 + CHANGE))
+            both = (_scale(entry, 1 - CHANGE), _scale(entry, 1 + CHANGE))
             out[key] = tuple(_with(f, {**f.loop.table, key: changed}) for changed in both)
     return out
 
 
 def _with(f: Flexion, table: Mapping[tuple[str, str], Entry]) -> tuple[Finding, ...]:
     loop = replace(f.loop, table=table)
-    one, two = shared(loop, f.motion, "linear"), shared(loop, f.motion, "quadratic")
+    one, two = share_forces(loop, f.motion, "linear"), share_forces(loop, f.motion, "quadratic")
     return findings(Flexion(loop, f.motion, one, two))
 
 
-def _scaled(entry: Entry, factor: float) -> Entry:
+def _scale(entry: Entry, factor: float) -> Entry:
     return replace(entry, radius=factor * entry.radius, slope=factor * entry.slope)

@@ -69,7 +69,7 @@ def switch(network: Network, muscle: int, dip: float, force: float) -> Switch:
     )
 
 
-def predicted(network: Network, muscle: int, dip: float, force: float) -> Switch:
+def predict(network: Network, muscle: int, dip: float, force: float) -> Switch:
     """The same from the inequality above, for a slip and lateral bands of arms without slope at the
     DIP and a slope at the PIP in the bands alone: d is a parabola in the PIP angle."""
     slip, lateral = ways(network, muscle)

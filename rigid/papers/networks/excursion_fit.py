@@ -97,7 +97,7 @@ class Identified:
         )
 
 
-def coupled_dip(parameters: Array, pip: Array) -> Array:
+def dip_of_pip(parameters: Array, pip: Array) -> Array:
     """rad, the DIP on the coupling curve of the parameters EXTENSOR at PIP angles (rad)."""
     slip, lateral, slope, terminal, slack = parameters
     return -((lateral - slip) * pip + 0.5 * slope * pip**2 + slack) / terminal
@@ -183,7 +183,7 @@ def off_curve(parameters: Array, coupling: Coupling | None) -> Array:
     distance in angle, which unlike the lengths' difference does not shrink with the arms."""
     if coupling is None:
         return np.zeros(0)
-    away = coupling.angle[:, 2] - coupled_dip(parameters, coupling.angle[:, 1])
+    away = coupling.angle[:, 2] - dip_of_pip(parameters, coupling.angle[:, 1])
     return away / coupling.deviation
 
 
@@ -192,6 +192,6 @@ def off_curve_slopes(parameters: Array, coupling: Coupling | None) -> Array:
     if coupling is None:
         return np.zeros((0, len(EXTENSOR)))
     slip, lateral = _way_rows(coupling.angle)
-    apart, dip = lateral - slip, coupled_dip(parameters, coupling.angle[:, 1])
+    apart, dip = lateral - slip, dip_of_pip(parameters, coupling.angle[:, 1])
     apart[:, 3] = dip
     return apart / parameters[3] / coupling.deviation[:, None]

@@ -22,7 +22,7 @@ NORMAL_95 = 1.959964
 
 
 class Draws(NamedTuple):
-    """Of many fits, p parameters each."""
+    """The results of many fits, p parameters each."""
 
     names: tuple[str, ...]
     miss: Array
@@ -58,7 +58,7 @@ def true_parameters(network: Network) -> dict[str, float]:
     return truth | dict(zip(EXTENSOR, map(float, shared), strict=True))
 
 
-def drawn(seed: int) -> tuple[Kinematics, Coupling]:
+def draw_samples(seed: int) -> tuple[Kinematics, Coupling]:
     """What would be measured on a robotic finger without friction."""
     network, rng = robotic_finger(), np.random.default_rng(seed)
     angle = rng.uniform(LIMITS[0], LIMITS[1], (POSES, 3))
@@ -70,17 +70,17 @@ def drawn(seed: int) -> tuple[Kinematics, Coupling]:
     return Kinematics(angle, noisy, NOISE), Coupling(curve, ANGLE_NOISE)
 
 
-def repeated(draws: int) -> tuple[Draws, Draws]:
+def repeat(draws: int) -> tuple[Draws, Draws]:
     """Fits without and with the coupling's rows, of the same draws."""
     fits: tuple[list[Identified], list[Identified]] = ([], [])
     for seed in range(draws):
-        poses, curve = drawn(seed)
+        poses, curve = draw_samples(seed)
         fits[0].append(identify(poses))
         fits[1].append(identify(poses, curve))
-    return _summed(fits[0]), _summed(fits[1])
+    return _sums(fits[0]), _sums(fits[1])
 
 
-def _summed(fits: list[Identified]) -> Draws:
+def _sums(fits: list[Identified]) -> Draws:
     names, by_name = fits[0].names, true_parameters(robotic_finger())
     off = np.array([fit.value for fit in fits]) - np.array([by_name[name] for name in names])
     deviation = np.array([fit.deviation for fit in fits])

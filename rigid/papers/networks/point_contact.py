@@ -33,7 +33,7 @@ def tip_jacobian(length: Array, angle: Array) -> Array:
     return np.vstack([beyond, np.ones_like(flexion)])
 
 
-def settled(length: Array, network: Network, force: Array, start: Array, time: float) -> Array:
+def settle(length: Array, network: Network, force: Array, start: Array, time: float) -> Array:
     """(3,) rad where the joints come to rest from `start` within `time` s under forces (m,) N.
 
     Raises ConvergenceError where they do not."""

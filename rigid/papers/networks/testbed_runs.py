@@ -22,7 +22,7 @@ from rigid.hoods.two_band import coupled_dip
 from rigid.papers.networks.excursion_fit import Kinematics
 from rigid.papers.networks.robotic_finger import LENGTH, MUSCLES, robotic_finger
 from rigid.papers.networks.share_models import Finger, forward
-from rigid.papers.networks.virtual_testbed import Bed, Course, held, simulate
+from rigid.papers.networks.virtual_testbed import Bed, Course, hold_posture, simulate
 
 
 def on_curve(mcp: float, pip: float) -> Array:
@@ -57,7 +57,8 @@ FDP, FDS, EDC, LUM = range(4)
 STEP, RAMP, HOLD, STAGES = 0.1, 1.0, 3.0, 10
 """s, s, s and how many, of a forward run."""
 SHARES = (0.1, 0.9)
-"""Of the slip: nearer to 0 or 1 one way is slack and the finger leaves the coupling curve."""
+"""Shares of the slip: nearer to 0 or 1 one way is slack and the finger leaves the coupling
+curve."""
 TAUT = 5.0
 """N, of EDC and LUM where friction is sized and coupling observed."""
 FLEXED = 1.0
@@ -138,12 +139,12 @@ class Measured(NamedTuple):
     """(n, 2) N."""
 
 
-def measured(
+def measure(
     bed: Bed, posture: Array, force: Array, dt: float, seeds: Sequence[int]
 ) -> list[Measured]:
     """Runs from a posture (3,) rad under muscle forces (b, n, m), each seen by sensors with a noise
     of its own."""
-    record = simulate(bed, posture, held(force, dt, TIP_STIFFNESS))
+    record = simulate(bed, posture, hold_posture(force, dt, TIP_STIFFNESS))
     seen = []
     for k, seed in enumerate(seeds):
         rng = np.random.default_rng([seed, 2])
@@ -165,7 +166,7 @@ def pattern(known: Finger, posture: Array, seed: int) -> Array:
         share = forward(known, posture, force).share[0]
         if SHARES[0] <= share <= SHARES[1]:
             stages.append(force)
-    return _held_in_turn([*stages, _alone(LUM)])
+    return _hold_in_turn([*stages, _alone(LUM)])
 
 
 def _alone(muscle: int) -> Array:
@@ -174,7 +175,7 @@ def _alone(muscle: int) -> Array:
     return force
 
 
-def _held_in_turn(stages: list[Array]) -> Array:
+def _hold_in_turn(stages: list[Array]) -> Array:
     """(n, m): each stage reached in RAMP s and held for HOLD s."""
     ramp = np.linspace(0.0, 1.0, round(RAMP / STEP) + 1)[1:, None]
     parts = [np.repeat(stages[:1], round(HOLD / STEP), axis=0)]

@@ -39,7 +39,7 @@ from rigid.papers.networks.testbed_runs import (
     STEP,
     Measured,
     coupled_motion,
-    measured,
+    measure,
     pattern,
     poses,
     virtual_bed,
@@ -75,8 +75,8 @@ class Trial(NamedTuple):
     """(m,), the static model's."""
     pattern: Predictions
     muscles: tuple[Inverse, Inverse]
-    """Of the pattern's fingertip forces, interconnected and static; estimates in (13) are the load
-    cells' forces, as in the paper."""
+    """Inverses from the pattern's fingertip forces, interconnected and static; estimates in (13)
+    are the load cells' forces, as in the paper."""
     circle: Predictions
 
     @property
@@ -107,16 +107,14 @@ def _trials(count: int, friction: float, angles: tuple[float, ...]) -> tuple[Tri
     fingers = [found.finger(LENGTH) for found in known]
     forces = [pattern(finger, posture, seed) for finger, seed in zip(fingers, seeds, strict=True)]
     circles = [circle(finger, posture) for finger in fingers]
-    runs, turns = (
-        measured(bed, posture, np.array(each), STEP, seeds) for each in (forces, circles)
-    )
+    runs, turns = (measure(bed, posture, np.array(each), STEP, seeds) for each in (forces, circles))
     turns = [Measured(*(seen[RAMP_STEPS:] for seen in turn)) for turn in turns]
     found = []
     for identified, finger, run, turn in zip(known, fingers, runs, turns, strict=True):
         shares = static_shares(finger, run)
         given = finger, run.angle, run.tip_force, run.force
         muscles = inverse(*given), inverse(*given, share=shares)
-        ahead = predicted(finger, shares, run), predicted(finger, shares, turn)
+        ahead = predict(finger, shares, run), predict(finger, shares, turn)
         found.append(Trial(posture, identified, shares, ahead[0], muscles, ahead[1]))
     return tuple(found)
 
@@ -126,7 +124,7 @@ def errors(found: Sequence[Trial]) -> dict[str, Array]:
     return {name: np.array([t.errors[name] for t in found]) for name in REPORTED_ERRORS}
 
 
-def kept_to_curve(found: Sequence[Trial]) -> NDArray[np.bool_]:
+def keep_to_curve(found: Sequence[Trial]) -> NDArray[np.bool_]:
     """(seeds,) whether the finger stays by its posture all along the circle.  The forces ask for
     shares up to 0 and 1, and a finger known with errors can be asked for more; then one way goes
     slack, and nothing but friction holds it."""
@@ -144,7 +142,7 @@ def static_shares(finger: Finger, run: Measured) -> Array:
     return shares
 
 
-def predicted(finger: Finger, shares: Array, run: Measured) -> Predictions:
+def predict(finger: Finger, shares: Array, run: Measured) -> Predictions:
     """Both models' fingertip forces in a run."""
     given = finger, run.angle, run.force
     return Predictions(run, (forward(*given), with_shares(*given, shares)))

@@ -33,7 +33,7 @@ BALANCED = 1e-7
 ARM = 5e-3
 MOST_ITERATIONS, HALVINGS = 60, 12
 ROUNDED = 0.02
-"""Of the span between friction's limits."""
+"""Share of the span between friction's limits that is rounded."""
 TOE = 1e-7
 """m, of stretch over which a tendon begins to bear."""
 TURN, SHIFT = 1e-8, 1e-10
@@ -119,7 +119,7 @@ def tip(length: Array, angle: Array) -> Array:
     return np.stack([np.cos(flexion) @ length, -np.sin(flexion) @ length], axis=-1)
 
 
-def held(force: Array, dt: float, tip_stiffness: float) -> Course:
+def hold_posture(force: Array, dt: float, tip_stiffness: float) -> Course:
     """A course of muscle forces (b, n, m) alone, the fingertip held."""
     none = np.zeros((force.shape[1], 3))
     return Course(force, dt, tip_stiffness, none, none)
@@ -158,20 +158,20 @@ def _step(bed: Bed, before: _State, course: Course, k: int, point: Array) -> tup
             return state, found.end
         moved = trial(x + change[:, None]).residual - found.residual
         slope = np.moveaxis(moved, 0, -1) / change.sum(axis=0)
-        way = -_solved(slope, found.residual, k)
-        x = x + _halved(trial, x, way, size)[:, None] * way
+        way = -_solve(slope, found.residual, k)
+        x = x + _halve(trial, x, way, size)[:, None] * way
         found = trial(x)
-    raise _lost(k, f"off balance by {size.max():.1e} N after {MOST_ITERATIONS} iterations")
+    raise _losses(k, f"off balance by {size.max():.1e} N after {MOST_ITERATIONS} iterations")
 
 
-def _solved(slope: Array, residual: Array, k: int) -> Array:
+def _solve(slope: Array, residual: Array, k: int) -> Array:
     try:
         return np.asarray(np.linalg.solve(slope, residual[..., None])[..., 0])
     except np.linalg.LinAlgError as error:
-        raise _lost(k, "without resistance to some motion") from error
+        raise _losses(k, "without resistance to some motion") from error
 
 
-def _lost(k: int, how: str) -> ConvergenceError:
+def _losses(k: int, how: str) -> ConvergenceError:
     return ConvergenceError(
         f"virtual testbed: step {k} is {how}; keep both ways of the extensors taut, pull and push "
         "less abruptly, or take shorter steps"
@@ -187,19 +187,19 @@ def _balance(bed: Bed, before: _State, course: Course, k: int, point: Array, y: 
     stretch = junction[..., owner] - network.lengths(angle)
     end = 0.5 * network.stiffness * (stretch + np.hypot(stretch, TOE))
     passed = _pip_length(network, angle) - _pip_length(network, before.angle)
-    distal = _rubbed(
+    distal = _rub(
         bed, before.crossing[..., 1, :], slid[..., owner] - passed, end, angle[..., 2:] * crosses[2]
     )
     over_pip = end + distal.force
-    proximal = _rubbed(
+    proximal = _rub(
         bed, before.crossing[..., 0, :], slid[..., owner], over_pip, angle[..., 1:2] * crosses[1]
     )
     over_mcp = (over_pip + proximal.force) @ network.connection
     at_mcp = network.direct.lengths(angle) - network.direct.lengths(before.angle)
-    entry = _rubbed(bed, before.entry, slid + at_mcp, over_mcp, angle[..., :1])
+    entry = _rub(bed, before.entry, slid + at_mcp, over_mcp, angle[..., :1])
     most = np.full_like(turn, bed.joint_friction)
-    joint = _limited(before.joint + bed.joint_bristle * turn, -most, most)
-    torque = _pulled(network, angle, over_mcp, over_pip, end) - joint.force
+    joint = _limit(before.joint + bed.joint_bristle * turn, -most, most)
+    torque = _pull(network, angle, over_mcp, over_pip, end) - joint.force
     torque = torque - bed.viscosity * turn / course.dt
     off = torque + _from_outside(bed, course, k, point, angle)
     pull = course.force[:, k] - over_mcp - entry.force
@@ -212,7 +212,7 @@ def _balance(bed: Bed, before: _State, course: Course, k: int, point: Array, y: 
     )
 
 
-def _pulled(
+def _pull(
     network: Network, angle: Array, over_mcp: Array, over_pip: Array, over_dip: Array
 ) -> Array:
     """(..., 3) N m of tensions over the MCP (..., m), the PIP and the DIP (..., k)."""
@@ -232,16 +232,16 @@ def _from_outside(bed: Bed, course: Course, k: int, point: Array, angle: Array) 
     return np.asarray(course.hold[k] * (course.target[k] - angle) - by_tip)
 
 
-def _rubbed(bed: Bed, before: Array, slid: Array, beyond: Array, bend: Array) -> _Rub:
+def _rub(bed: Bed, before: Array, slid: Array, beyond: Array, bend: Array) -> _Rub:
     """Friction after tendons have slid by `slid` m round points at which they turn by `bend` rad,
     under tensions `beyond` N."""
     round_point = bed.friction * np.abs(bend)
     least, most = np.expm1(-round_point) * beyond, np.expm1(round_point) * beyond
     bristle = 0.5 * (most - least) / bed.sticking
-    return _limited(before + bristle * slid, least, most)
+    return _limit(before + bristle * slid, least, most)
 
 
-def _limited(stuck: Array, least: Array, most: Array) -> _Rub:
+def _limit(stuck: Array, least: Array, most: Array) -> _Rub:
     """Friction between its limits, with rounded corners for Newton's sake."""
     corner = ROUNDED * (most - least) + 1e-12
     force = 0.5 * (least + most + np.hypot(stuck - least, corner) - np.hypot(stuck - most, corner))
@@ -254,7 +254,7 @@ def _pip_length(network: Network, angle: Array) -> Array:
     return arms.constant[1] * pip + 0.5 * arms.slope[1] * pip**2
 
 
-def _halved(trial: Callable[[Array], _Forces], x: Array, way: Array, size: Array) -> Array:
+def _halve(trial: Callable[[Array], _Forces], x: Array, way: Array, size: Array) -> Array:
     """(b,) shares of a Newton step, each halved until the residual falls or HALVINGS are done."""
     share = np.ones(len(x))
     for _ in range(HALVINGS):

@@ -25,14 +25,23 @@ import numpy as np
 
 from cosim.port import Array
 from rigid.air.model import TRAINING, AirModel, identify, sines
-from rigid.air.plant import ATMOSPHERE, AirState, Pneumatics, at_rest, settled, step, tension
+from rigid.air.plant import (
+    ATMOSPHERE,
+    AirState,
+    Pneumatics,
+    at_rest,
+    resting_voltage,
+    step,
+    tension,
+)
 from rigid.papers.xu2012.actuators import PERIOD
 from rigid.papers.xu2012.plant import STEP
 
 CLOSING = 0.03
 """s, of the pressure loop: three samples; the model's rates are right to some tenths."""
 TRUST = 0.2
-"""Of a sample's misfit that enters the bias: over 45 ms, about the delay until the loop answers."""
+"""Share of a sample's misfit that enters the bias: over 45 ms, about the delay until the loop
+answers."""
 MIDDLE, AMPLITUDE = 4.75, 0.25
 """V, of the sines from which the loop's model is identified: where the valve settles at what the
 finger needs, up to 26 N.  Over twice that (figure 6) the model's slope over V at a resting finger's
@@ -41,7 +50,7 @@ VOLTAGES = np.linspace(MIDDLE - AMPLITUDE, MIDDLE + AMPLITUDE, 101)
 
 
 @lru_cache(maxsize=1)
-def identified() -> AirModel:
+def identify_air() -> AirModel:
     """The paper's model of this plant."""
     return identify(sines(Pneumatics(), TRAINING, AMPLITUDE, middle=MIDDLE))
 
@@ -76,7 +85,7 @@ class PressureLoop:
         ahead = measured
         for v in loop.sent[1:]:
             ahead = self.model.ahead(ahead, v[None]) + PERIOD * bias
-        voltage = self._inverted(ahead, (wanted - ahead) / CLOSING - bias)
+        voltage = self._invert(ahead, (wanted - ahead) / CLOSING - bias)
         return Loop(np.vstack([loop.sent[1:], voltage]), measured, bias)
 
     @cached_property
@@ -85,7 +94,7 @@ class PressureLoop:
         still = self.model.rate(np.zeros_like(VOLTAGES), VOLTAGES)
         return still, self.model.rate(np.ones_like(VOLTAGES), VOLTAGES) - still
 
-    def _inverted(self, pressure: Array, rate: Array) -> Array:
+    def _invert(self, pressure: Array, rate: Array) -> Array:
         """(nt,) V of `VOLTAGES` at which the model has that rate (Pa/s), the nearest end else."""
         still, slope = self._lines
         rates = still[:, None] + np.outer(slope, pressure)
@@ -115,13 +124,13 @@ class Air:
     longest: Array
     """(nt,) m, of the tendons over the finger's range: there each piston is drawn out."""
     plant: Pneumatics = field(default_factory=Pneumatics)
-    loop: PressureLoop = field(default_factory=lambda: PressureLoop(identified()))
+    loop: PressureLoop = field(default_factory=lambda: PressureLoop(identify_air()))
 
     def begin(self, force: Array, length: Array) -> Driven:
         """Raises InputError for forces beyond the supply."""
         drawn = self.longest - length
         gauge = force / np.asarray(self.plant.cylinder.area)
-        voltage = settled(self.plant.valve, ATMOSPHERE + gauge)
+        voltage = resting_voltage(self.plant.valve, ATMOSPHERE + gauge)
         late = round(float(self.plant.valve.delay) / STEP)
         return Driven(
             at_rest(self.plant, voltage, np.asarray(self.plant.cylinder.volume(drawn))),

@@ -28,7 +28,7 @@ MOST_ROUNDS = 30
 SMALL = 1e-6
 """m, a move of the places that ends the search."""
 WEIGHT = 1e-6
-"""Of the angles, against the weighted squares: bounds what no measurement tells."""
+"""Weight of the angles against the weighted squares: bounds what no measurement determines."""
 STOP = float(np.radians(1.0))
 """rad, by which a stop gives ("approximate joint motion limits", table II).  Assumption; with 2 to
 0.1 deg the places are found to 0.9 mm or better in 12 worlds."""
@@ -65,7 +65,7 @@ class Calibration:
     angle: Array
 
 
-def calibrated(
+def calibrate(
     finger: MujocoFinger, markers: Markers, seen: Seen, start: Array, spread: Spread
 ) -> Calibration:
     """From places nearly known and poses `start` (n, nq) of a finger whose ranges are its stops.
@@ -102,7 +102,7 @@ def _linear(
     spread: Spread,
     counted: Indices,
 ) -> tuple[Array, Array, Array]:
-    """Of one pose, weighted: residuals (nr,), their derivatives over the angles (nr, nq) and over
+    """The weighted residuals (nr,) of one pose, their derivatives over the angles (nr, nq) and over
     places and zeros (nr, 3 nm + n_counted); residuals are of markers, pistons and stops."""
     point, jacobian = markers.at(finger, angle)
     turn = finger.chain(angle).motion.rotation[markers.body]

@@ -19,7 +19,14 @@ from rigid.papers.xu2012 import paths
 from rigid.papers.xu2012.actuators import Actuator, Lag
 from rigid.papers.xu2012.air import Air
 from rigid.papers.xu2012.control import AIR_GAINS, JOINT_GAINS, Gains
-from rigid.papers.xu2012.excursions import Found, Truth, World, analysed, recalibrated, recorded
+from rigid.papers.xu2012.excursions import (
+    Found,
+    Truth,
+    World,
+    analyse,
+    recalibrate,
+    record_excursions,
+)
 from rigid.papers.xu2012.fan import Reach, reach
 from rigid.papers.xu2012.tracking import Bench, Step, poses
 
@@ -117,8 +124,9 @@ def longest(model: FingerModel) -> Array:
 
 
 @lru_cache(maxsize=4)
-def tuned(second_extensor: bool, air: bool) -> Tuned:
-    """Of the candidates, the stable ones whose steps at `TUNED_AT` are nearest to their goals."""
+def tune(second_extensor: bool, air: bool) -> Tuned:
+    """Choose among the candidates the stable ones whose steps at `TUNED_AT` are nearest to their
+    goals."""
     on = bench(second_extensor, air)
     goals = [TUNED_AT, TUNED_AT + TUNED_STEP, TUNED_AT]
     tried: list[tuple[bool, float, int, Tuned]] = []
@@ -140,20 +148,21 @@ def joint_steps(second_extensor: bool, air: bool, seed: int = 0) -> list[Step]:
 @lru_cache(maxsize=4)
 def tendon_steps(second_extensor: bool, air: bool) -> list[Step]:
     """The same in tendon space, with the gains tuned at one pose."""
-    gains = tuned(second_extensor, air).gains
+    gains = tune(second_extensor, air).gains
     return bench(second_extensor, air).in_tendon_space(list(poses(POSES)), gains)
 
 
 @lru_cache(maxsize=2)
-def reached(second_extensor: bool) -> Reach:
+def reach_targets(second_extensor: bool) -> Reach:
     """At the same random poses."""
     return reach(robot_finger(second_extensor), poses(POSES))
 
 
 @dataclass(frozen=True)
 class Quality:
-    """Of steps from pose to pose, by joint (nq,): settling to 2 deg in s, of those that settle, and
-    overshoot in deg; how many steps are unstable, and how many joints do not settle in a step."""
+    """Quality of steps from pose to pose, by joint (nq,): settling to 2 deg in s, of those that
+    settle, and overshoot in deg; how many steps are unstable, and how many joints do not settle in
+    a step."""
 
     unstable: int
     unsettled: int
@@ -164,7 +173,8 @@ class Quality:
 
 
 def quality(steps: list[Step]) -> Quality:
-    """Of all but the first step, which starts at its goal; NaN where a joint never settles."""
+    """The quality of all but the first step, which starts at its goal; NaN where a joint never
+    settles."""
     settling = np.array([s.settling for s in steps[1:]])
     past = np.degrees([s.overshoot for s in steps[1:]])
     settled = np.ma.masked_invalid(settling)
@@ -196,11 +206,11 @@ class Excursions:
 
 @lru_cache(maxsize=16)
 def excursions(seed: int = 0) -> Excursions:
-    """Of one random world."""
-    record, truth = recorded(World(seed=seed))
-    meant = analysed(record)
-    markers = recalibrated(meant).markers
-    return Excursions(truth, meant, analysed(record, markers), markers.place)
+    """Excursions of one random world."""
+    record, truth = record_excursions(World(seed=seed))
+    meant = analyse(record)
+    markers = recalibrate(meant).markers
+    return Excursions(truth, meant, analyse(record, markers), markers.place)
 
 
 def rms(found: Found) -> Array:

@@ -64,9 +64,9 @@ def pid(gains: Gains, memory: Memory, measured: Array, reference: Array) -> tupl
 
 
 JOINT_GAINS = Gains(0.4 * STIFFNESS, 0.4 * STIFFNESS / RELAXATION, 0.0 * STIFFNESS)
-"""Of the sleeve's stiffness: the zero of proportional and integral part lies on the pole of sleeve
-and damping, so that the loop crosses at 0.4 / RELAXATION = 8 rad/s, where air and sampling cost
-little phase.  One set for the whole space, on the stand-in of first order."""
+"""Gains as shares of the sleeve's stiffness: the zero of proportional and integral part lies on the
+pole of sleeve and damping, so that the loop crosses at 0.4 / RELAXATION = 8 rad/s, where air and
+sampling cost little phase. One set for the whole space, on the stand-in of first order."""
 
 AIR_GAINS = Gains(
     np.array([0.2, 0.0, 0.2, 0.2]) * STIFFNESS,

@@ -24,8 +24,8 @@ from rigid.fingers import robot_tables as tables
 from rigid.fingers.anatomy import RANGES
 from rigid.fingers.robot import robot_finger
 from rigid.mujoco.finger import MujocoFinger
-from rigid.papers.xu2012.calibration import Calibration, Seen, Spread, calibrated
-from rigid.papers.xu2012.pose import Markers, estimated
+from rigid.papers.xu2012.calibration import Calibration, Seen, Spread, calibrate
+from rigid.papers.xu2012.pose import Markers, estimate
 
 POSES = 460
 BALL = 0.002
@@ -59,7 +59,7 @@ class World:
 
     seed: int = 0
     noise: float = 0.0002
-    """Of a camera's coordinate at one time."""
+    """Noise of a camera's coordinate at one time, m."""
     give: float = 0.002
     """Standard deviation of each coordinate of a marker's shift at a pose."""
     misplaced: tuple[tuple[float, float, float], ...] = (
@@ -68,7 +68,8 @@ class World:
     )
     """From where the markers were meant to be to where they are."""
     limiter: float = 0.55
-    """Of the adduction tendon's excursion over all poses: its piston goes no further."""
+    """Share of the adduction tendon's excursion over all poses beyond which its piston does not
+    go."""
     noisy: tuple[float, ...] = (0.0002, 0.0002, 0.0002, 0.001, 0.0002)
     """By tendon: what a pose's excursion is off by; the abduction tendon presses on the capsule."""
     turn: tuple[float, float, float] = (0.4, -0.7, 1.1)
@@ -102,7 +103,7 @@ class Found:
     """What the analysis makes of a record."""
 
     seen: Seen
-    """Of the poses kept, in the finger's frame."""
+    """Measurements of the poses kept, in the finger's frame."""
     residual: Array
     """(poses,) m, of all poses found."""
     angle: Array
@@ -119,7 +120,7 @@ class Found:
         return np.asarray(length - length.mean(axis=0))
 
 
-def recorded(world: World, poses: int = POSES) -> tuple[Record, Truth]:
+def record_excursions(world: World, poses: int = POSES) -> tuple[Record, Truth]:
     """The finger led to random poses of table II and left at rest at each."""
     rng = np.random.default_rng(world.seed)
     finger = MujocoFinger(robot_finger())
@@ -177,7 +178,7 @@ def procrustes(model: Array, seen: Array) -> tuple[Array, Array]:
     return turn, mean_model - turn @ mean_seen
 
 
-def averaged(record: Record) -> Seen:
+def average(record: Record) -> Seen:
     """The times of rest, in the finger's frame."""
     turn, shift = procrustes(BASE, record.base.mean(axis=0))
     times = rests(record)
@@ -185,16 +186,16 @@ def averaged(record: Record) -> Seen:
     return Seen(marker, np.array([record.piston[t].mean(axis=0) for t in times]))
 
 
-def analysed(record: Record, markers: Markers = MEANT) -> Found:
+def analyse(record: Record, markers: Markers = MEANT) -> Found:
     """Section VI's analysis with the markers where they were meant to be."""
-    finger, seen = MujocoFinger(robot_finger()), averaged(record)
-    poses = [estimated(finger, markers, x, START) for x in seen.marker]
+    finger, seen = MujocoFinger(robot_finger()), average(record)
+    poses = [estimate(finger, markers, x, START) for x in seen.marker]
     residual = np.array([p.residual for p in poses])
     kept = residual <= MOST_RESIDUAL
     angle = np.array([p.angle for p in poses])[kept]
     return Found(Seen(seen.marker[kept], seen.piston[kept]), residual, angle)
 
 
-def recalibrated(found: Found, markers: Markers = MEANT) -> Calibration:
+def recalibrate(found: Found, markers: Markers = MEANT) -> Calibration:
     """The places of the markers, from the poses kept."""
-    return calibrated(MujocoFinger(robot_finger()), markers, found.seen, found.angle, SPREAD)
+    return calibrate(MujocoFinger(robot_finger()), markers, found.seen, found.angle, SPREAD)

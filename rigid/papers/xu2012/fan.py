@@ -74,7 +74,7 @@ def _mass(model: mujoco.MjModel, angle: Array) -> Array:
 
 
 def least_share(pulls: Array) -> float:
-    """Of vectors (n, k): the largest share t that every one can bear of tensions that cancel, 0
+    """The largest share t that every one of the vectors (n, k) can bear of tensions that cancel, 0
     where they cancel only with some of them slack, or not at all, or lie in fewer dimensions: the
     vectors span their space by pulls alone exactly where it exceeds 0."""
     n, k = pulls.shape

@@ -48,7 +48,7 @@ def lengthening(finger: FingerModel, angles: Array, step: float = 1e-5) -> Array
 
 
 def poses(finger: FingerModel, angles: Array) -> dict[str, Pose]:
-    """Of every body, in the first one's frame."""
+    """Poses of all bodies, in the first one's frame."""
     turn, origin = np.eye(3), np.zeros(3)
     out: dict[str, Pose] = {}
     angle = iter(angles)
@@ -66,27 +66,27 @@ def _strand_length(strand: Strand, pose: dict[str, Pose]) -> float:
     total, around = 0.0, None
     first = strand.path[0]
     assert isinstance(first, Via)
-    last = _placed(pose[first.body], first.point)
+    last = _place(pose[first.body], first.point)
     for element in strand.path[1:]:
         if not isinstance(element, Via):
             around = element
             continue
-        point = _placed(pose[element.body], element.point)
+        point = _place(pose[element.body], element.point)
         if around is None:
             total += float(np.linalg.norm(point - last))
         else:
-            total += wrapped_length(last, point, around, pose[around.body])
+            total += wrap_length(last, point, around, pose[around.body])
         last, around = point, None
     return total
 
 
-def _placed(pose: Pose, point: tuple[float, float, float]) -> Array:
+def _place(pose: Pose, point: tuple[float, float, float]) -> Array:
     turn, origin = pose
     out: Array = origin + turn @ np.array(point)
     return out
 
 
-def wrapped_length(start: Array, end: Array, surface: Cylinder | Sphere, pose: Pose) -> float:
+def wrap_length(start: Array, end: Array, surface: Cylinder | Sphere, pose: Pose) -> float:
     """m, of the way from `start` to `end` (3,) past a surface of a body in that pose."""
     turn, origin = pose
     centre = np.array(surface.centre)

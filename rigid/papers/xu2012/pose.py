@@ -16,18 +16,18 @@ from rigid.chain.kinematics import Indices, point_jacobian
 from rigid.mujoco.finger import MujocoFinger
 
 WEIGHT = 0.3
-"""Of |r|^2: bounds a step where markers do not tell two joints apart (a fingertip at the end of its
-reach), and leaves Gauss-Newton alone where they fit (Fan and Yuan 2005, Computing 74:23)."""
+"""Weight of |r|^2: bounds a step where markers do not tell two joints apart (a fingertip at the end
+of its reach), and leaves Gauss-Newton alone where they fit (Fan and Yuan 2005, Computing 74:23)."""
 LEAST_WEIGHT = 1e-9
 """m2."""
 MOST_STEPS = 200
 LITTLE = 1e-6
-"""Of the value: what a step must promise to gain, or the search ends."""
+"""Share of the value that a step must promise to gain, or the search ends."""
 ROUNDING = 1e-16
 """m2, the same where the markers fit."""
 HALVINGS = 12
 NEARLY = 0.9
-"""Of a full step: where the cubic's minimum lies beyond, the full step is taken as it is."""
+"""Share of a full step: where the cubic's minimum lies beyond, the full step is taken as it is."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ def cubic_minimum(f0: float, slope0: float, f1: float, slope1: float) -> float:
     return float(at) if 0 < at < 1 else 1.0
 
 
-def estimated(finger: MujocoFinger, markers: Markers, seen: Array, start: Array) -> Pose:
+def estimate(finger: MujocoFinger, markers: Markers, seen: Array, start: Array) -> Pose:
     """The pose whose markers come nearest to those seen (nm, 3) m, in the world.
 
     Raises ConvergenceError where the search does not end."""
@@ -80,7 +80,7 @@ def estimated(finger: MujocoFinger, markers: Markers, seen: Array, start: Array)
         step = np.asarray(np.linalg.solve(normal, -slope), dtype=np.float64)
         if -(slope @ step) <= LITTLE * (off @ off) + ROUNDING:
             break
-        part, off, jacobian = _searched(finger, markers, seen, angle, step, (off, jacobian))
+        part, off, jacobian = _search(finger, markers, seen, angle, step, (off, jacobian))
         angle = angle + part * step
         if part == 0.0:
             break
@@ -98,7 +98,7 @@ def _off(finger: MujocoFinger, markers: Markers, seen: Array, angle: Array) -> t
     return (point - seen).ravel(), jacobian.reshape(-1, len(angle))
 
 
-def _searched(
+def _search(
     finger: MujocoFinger,
     markers: Markers,
     seen: Array,

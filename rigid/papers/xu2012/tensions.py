@@ -18,7 +18,7 @@ from rigid.fingers.robot_tables import MOST_FORCE
 ARM = 0.01
 """m: torques are taken in units of this arm times 1 N."""
 WEIGHT = 1e-4
-"""Of the forces beside the torques' miss, in those units."""
+"""Weight of the forces beside the torques' miss, in those units."""
 
 
 def tensions(torque: Array, arms: Array, most: float = MOST_FORCE, least: float = 0.0) -> Array:

@@ -28,7 +28,7 @@ from rigid.papers.xu2012.control import (
     tendon_forces,
 )
 from rigid.papers.xu2012.plant import STEP, Plant
-from rigid.papers.xu2012.pose import Markers, estimated
+from rigid.papers.xu2012.pose import Markers, estimate
 
 NOISE = 1e-4
 """m, standard deviation of a marker's coordinate and of a tendon's length (assumption)."""
@@ -38,7 +38,7 @@ MARKERS = Markers(
 )
 """One on each phalanx; places are ours."""
 WITHIN = 0.8
-"""Of table II, the part about its middle that poses are drawn from."""
+"""Part of table II, about its middle, that poses are drawn from."""
 SETTLED = float(np.radians(2.0))
 """rad: a joint has settled when it stays nearer than this to the reference."""
 STEP_SECONDS = 1.5
@@ -118,7 +118,7 @@ class Bench:
         def forces(angle: Array, goal: Array, rng: np.random.Generator) -> Array:
             seen = MARKERS.at(self.model, angle)[0] + rng.normal(0.0, NOISE, (3, 3))
             guess = memory[-1][1] if memory else angle
-            found = estimated(self.model, MARKERS, seen, guess).angle
+            found = estimate(self.model, MARKERS, seen, guess).angle
             before = memory.pop()[0] if memory else remember(found)
             force, after = joint_forces(gains, before, found, goal, self.model.moment_arms(found))
             memory.append((after, found))

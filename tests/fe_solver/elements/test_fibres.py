@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fe_solver.elements.fibres import at_nodes, followed, smoothed
+from fe_solver.elements.fibres import at_nodes, follow_mesh, smooth_fibres
 from fe_solver.elements.kinds import kind_of
 from fe_solver.elements.mitc4 import GAUSS, shape
 from tests.helpers import shells
@@ -18,7 +18,7 @@ def ring(around: int):
         radius, turn = 1 + uv[:, 1], np.pi / 2 * uv[:, 0]
         return np.column_stack([radius * np.cos(turn), radius * np.sin(turn), 0 * turn])
 
-    X, quads = shells.mapped(around, 4, bent)
+    X, quads = shells.map_grid(around, 4, bent)
     centre = X[quads].mean(axis=1)
     return X, quads, np.cross([0.0, 0, 1], centre)
 
@@ -26,7 +26,7 @@ def ring(around: int):
 def worst_angle(around: int) -> float:
     X, quads, fibre = ring(around)
     signs = np.where(np.arange(len(quads)) % 2, -1.0, 1.0)
-    seen = smoothed(quads, fibre * signs[:, None])
+    seen = smooth_fibres(quads, fibre * signs[:, None])
     at = np.stack([np.einsum("a,nak->nk", shape(r, s)[0], X[quads]) for r, s in GAUSS], axis=1)
     exact = np.cross([0.0, 0, 1], at)
     exact /= np.linalg.norm(exact, axis=2, keepdims=True)
@@ -38,7 +38,7 @@ def test_a_uniform_field_stays_whatever_its_signs():
     fibre = np.tile([0.6, 0.8, 0.0], (len(quads), 1))
     fibre[::3] *= -2.0
     expected = np.tile([0.6, 0.8, 0.0], (len(quads), 4, 1))
-    assert np.abs(smoothed(quads, fibre)) == pytest.approx(expected, abs=1e-12)
+    assert np.abs(smooth_fibres(quads, fibre)) == pytest.approx(expected, abs=1e-12)
 
 
 def test_a_turning_field_converges():
@@ -56,13 +56,13 @@ def test_fibres_along_the_lines_of_a_quadratic_mesh_follow_them():
 
 def lines_off(around: int, lean: float) -> float:
     """By how much (rad) fibres around a quarter ring (lean 0) or out of it miss at Gauss points."""
-    X, quads = shells.nine_noded(*shells.plate(1.0, 1.0, around, 3))
+    X, quads = shells.with_nine_nodes(*shells.plate(1.0, 1.0, around, 3))
     turn, radius = np.pi / 2 * X[:, 0], 1 + X[:, 1]
     X = np.column_stack([radius * np.sin(turn), radius * np.cos(turn), 0 * turn])
     element = kind_of(quads)
     middle, at = X[quads[:, 8]], [element.shape(r, s)[0] for r, s in element.gauss]
     place = np.einsum("ga,nak->ngk", np.array(at), X[quads])
-    seen = followed(X, quads, spiral(middle, lean))
+    seen = follow_mesh(X, quads, spiral(middle, lean))
     seen /= np.linalg.norm(seen, axis=2, keepdims=True)
     return float(np.linalg.norm(np.cross(seen, spiral(place, lean)), axis=2).max())
 
@@ -77,9 +77,9 @@ def test_regions_keep_their_own():
     _, quads, _ = ring(6)
     region = np.repeat(["a", "b"], len(quads) // 2)
     fibre = np.where((region == "a")[:, None], [1.0, 0, 0], [0, 1.0, 0])
-    seen = smoothed(quads, fibre, region)
+    seen = smooth_fibres(quads, fibre, region)
     assert seen == pytest.approx(np.repeat(fibre[:, None], 4, axis=1), abs=1e-12)
-    assert not np.allclose(smoothed(quads, fibre), seen)
+    assert not np.allclose(smooth_fibres(quads, fibre), seen)
 
 
 def test_a_node_without_elements_has_no_direction():

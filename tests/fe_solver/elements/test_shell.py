@@ -34,10 +34,10 @@ from tests.helpers.shells import (
     BENCHMARK,
     NO_TENSION,
     at_rest,
-    clamped,
-    guided,
+    clamp,
+    guide,
     linear_response,
-    mirrored,
+    mirror_plane,
     plate,
     sheet,
 )
@@ -156,7 +156,7 @@ def test_gradient_and_tangent_are_the_energys(name, growth, law, compiled, monke
 @pytest.mark.skipif(not kernels.COMPILED, reason="numba is not installed")
 def test_the_compiled_kernels_do_what_numpy_does(monkeypatch):
     model = shells.index_hood().model
-    c = shells.disturbed(model, 1e-3, seed=1)
+    c = shells.disturb(model, 1e-3, seed=1)
     compiled = model.evaluate(c, np.ones(4), tangent=True)
     monkeypatch.setenv("FE_SOLVER_THREADS", "2")
     monkeypatch.setattr(kernels, "PAYS", 1)
@@ -240,8 +240,8 @@ def test_a_strip_of_parallelograms_bends_in_its_plane_exactly(lean):
     X[:, 0] += lean * (X[:, 1] - 0.5)
     held = np.zeros(X.shape, dtype=bool)
     held[1, 0] = True
-    model = clamped(sheet(X, quads, 12.0, 0.0, 1.0), np.array([0]))
-    model = mirrored(model, np.zeros_like(held), held)
+    model = clamp(sheet(X, quads, 12.0, 0.0, 1.0), np.array([0]))
+    model = mirror_plane(model, np.zeros_like(held), held)
     load = np.zeros_like(X)
     load[[0, 1, -2, -1], 0] = [1, -1, -1, 1]
     u, _ = linear_response(model, load)
@@ -279,7 +279,7 @@ def test_a_grown_element_is_one_laid_out_longer(growth, angle):
 @pytest.mark.parametrize("growth", [-0.1, 0.3])
 def test_a_grown_strip_relaxes_to_its_length(growth):
     X, quads = plate(4.0, 1.0, 8, 2)
-    model = clamped(sheet(X, quads, 1e3, 0.3, 0.1, growth=growth), np.flatnonzero(X[:, 0] == 0))
+    model = clamp(sheet(X, quads, 1e3, 0.3, 0.1, growth=growth), np.flatnonzero(X[:, 0] == 0))
     solution = solve(model, at_rest(model), NO_TENSION, BENCHMARK)
     grown = X * [1 + growth, 1, 1]
     assert solution.configuration.x == pytest.approx(grown, abs=1e-9)
@@ -289,10 +289,10 @@ def test_a_grown_strip_relaxes_to_its_length(growth):
 def test_a_pulled_strip_carries_the_tendons_force():
     """Uniaxial tension: nominal stress is force over section, S11 that over the stretch."""
     X, quads = plate(4.0, 1.0, 8, 2)
-    model = clamped(sheet(X, quads, 1e3, 0.0, 0.1), np.flatnonzero(X[:, 0] == 0))
+    model = clamp(sheet(X, quads, 1e3, 0.0, 0.1), np.flatnonzero(X[:, 0] == 0))
     end = np.flatnonzero(X[:, 0] == 4)
     tip = end[[1, 0, 2]]
-    model = guided(model, [tip], [(1.0, 0, 0)])
+    model = guide(model, [tip], [(1.0, 0, 0)])
     model = replace(model, share=np.array([[0.5, 0.25, 0.25]]))
     force = np.array([30.0])
     solution = solve(model, at_rest(model), force, BENCHMARK)
@@ -318,7 +318,7 @@ def test_faces_of_a_bent_strip():
 
 def test_the_held_end_of_a_cantilever_carries_the_load():
     X, quads = plate(10.0, 1.0, 8, 1)
-    model = clamped(sheet(X, quads, 1.2e6, 0.0, 0.1), np.flatnonzero(X[:, 0] == 0))
+    model = clamp(sheet(X, quads, 1.2e6, 0.0, 0.1), np.flatnonzero(X[:, 0] == 0))
     tip, force = X[:, 0] == 10, np.array([0.0, 0, 2.0])
     loaded = replace(model, dead=np.outer(tip, force) / tip.sum())
     solution = solve(loaded, at_rest(model), NO_TENSION, BENCHMARK)
@@ -336,6 +336,6 @@ def test_directors_may_point_to_either_side():
     for side in (1.0, -1.0):
         directors = np.tile([0.0, 0.0, side], (len(X), 1))
         model = sheet(X, quads, 1e6, 0.3, 0.1, directors=directors)
-        model = clamped(model, np.flatnonzero(X[:, 0] == 0))
+        model = clamp(model, np.flatnonzero(X[:, 0] == 0))
         tips.append(linear_response(model, load)[0][:, 2].max())
     assert tips[1] == pytest.approx(tips[0], rel=1e-9)

@@ -16,7 +16,7 @@ from fe_solver.febio.read import read_feb
 from fe_solver.job.checks import check_job
 from fe_solver.job.curves import Curve, Drive, Extension, Interpolation
 from fe_solver.job.job import Job, SpringLaw
-from fe_solver.surfaces.closing import boundary_loops, closed_surface, volume
+from fe_solver.surfaces.closing import boundary_loops, close_surface, volume
 from fe_solver.surfaces.spline_distance import SplineDistance
 from tests.helpers.feb_files import feb_text, write
 
@@ -141,7 +141,7 @@ def test_open_pipes_are_closed_with_flat_ends(
     angle: float, content: float | None, turned: bool
 ) -> None:
     points, faces = pipe(angle)
-    v, f = closed_surface(points, faces[:, ::-1] if turned else faces)
+    v, f = close_surface(points, faces[:, ::-1] if turned else faces)
     assert boundary_loops(f) == []
     assert v[:, 0].min() == pytest.approx(0, abs=1e-12)
     assert v[:, 0].max() == pytest.approx(30e-3)
@@ -152,7 +152,7 @@ def test_open_pipes_are_closed_with_flat_ends(
 
 
 def test_a_closed_pipe_can_be_baked_and_knows_its_inside() -> None:
-    v, f = closed_surface(*pipe(4 * np.pi / 3, 48, 12))
+    v, f = close_surface(*pipe(4 * np.pi / 3, 48, 12))
     phi = np.linspace(0.5, 3.5, 9)
     out = np.stack([np.full(9, 15e-3), np.cos(phi), np.sin(phi)], axis=1)
     at = [out * [1, r, r] for r in (4.5e-3, 5e-3, 6e-3)]
@@ -165,7 +165,7 @@ def test_a_closed_surface_stays_as_it_is() -> None:
     v = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
     f = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
     for faces in (f, f[:, ::-1]):
-        w, g = closed_surface(v, faces)
+        w, g = close_surface(v, faces)
         assert len(w) == 4
         assert volume(w, g) == pytest.approx(1 / 6)
 
@@ -174,7 +174,7 @@ def test_triangles_wound_against_each_other_are_refused() -> None:
     points, faces = pipe(np.pi)
     faces[0] = faces[0, ::-1]
     with pytest.raises(InputError, match="wound alike"):
-        closed_surface(points, faces)
+        close_surface(points, faces)
 
 
 BLOCK = np.array([[x, y, z] for x in (0, 1.0) for y in (0, 1.0) for z in (0, 1.0)])
@@ -189,7 +189,7 @@ def block(*sides: int) -> np.ndarray:
 @pytest.mark.parametrize("open_side", range(6))
 def test_a_block_with_an_open_side_gets_it_back(size: tuple[float, ...], open_side: int) -> None:
     """Its rim has corners alone, none along its sides."""
-    v, f = closed_surface(BLOCK * size, block(*{*range(6)} - {open_side}))
+    v, f = close_surface(BLOCK * size, block(*{*range(6)} - {open_side}))
     assert boundary_loops(f) == []
     assert volume(v, f) == pytest.approx(np.prod(size))
 
@@ -197,14 +197,14 @@ def test_a_block_with_an_open_side_gets_it_back(size: tuple[float, ...], open_si
 @pytest.mark.parametrize("faces", [block(0), block(0, 0)[[0, 1]], block(0)[:1]])
 def test_a_surface_without_an_inside_is_refused(faces: np.ndarray) -> None:
     with pytest.raises(InputError, match="encloses no volume"):
-        closed_surface(BLOCK, faces)
+        close_surface(BLOCK, faces)
 
 
 def test_a_closed_surface_with_a_facet_turned_over_is_refused() -> None:
     faces = block(*range(6))
     faces[0] = faces[0, ::-1]
     with pytest.raises(InputError, match="not wound alike"):
-        closed_surface(BLOCK, faces)
+        close_surface(BLOCK, faces)
 
 
 # --- checks -----------------------------------------------------------------------------------

@@ -20,7 +20,7 @@ from fe_solver.materials.fibres import (
 from fe_solver.materials.hyperelastic import NeoHookean
 from fe_solver.materials.linear import Isotropic, Orthotropic
 from fe_solver.materials.tension_field import TensionField
-from fe_solver.verification.febio.facets import Facets, cut, pressed, triangles_met
+from fe_solver.verification.febio.facets import Facets, cut, find_triangles, pressures
 from fe_solver.verification.febio.q4ans import (
     SolidTables,
     solid_response,
@@ -30,7 +30,7 @@ from fe_solver.verification.febio.q4ans import (
 from fe_solver.verification.febio.solid_laws import in_situ_strain, normal_modulus, solid_stress
 from fe_solver.verification.febio_rows import FEBIO_STRESS, MPA, febio_law
 from tests.helpers.jobs import COARSE, LENGTH, THICK, WIDTH, E, strip
-from tests.helpers.shells import mapped
+from tests.helpers.shells import map_grid
 
 RNG = np.random.default_rng(5)
 RUBBER = Isotropic(E, 0.4)
@@ -62,7 +62,7 @@ def patch(curved: bool) -> tuple[np.ndarray, np.ndarray]:
             return np.column_stack([x, y, 0 * x])
         return np.column_stack([x, 5e-3 * np.sin(y / 5e-3), 5e-3 * np.cos(y / 5e-3)])
 
-    return solid(*mapped(3, 3, shape))
+    return solid(*map_grid(3, 3, shape))
 
 
 def tables_of(z, pairs) -> SolidTables:
@@ -305,7 +305,7 @@ def on_flat(turn=UPRIGHT, shift=ORIGIN) -> tuple[Facets, np.ndarray, np.ndarray,
 
 def test_contact_is_the_sum_of_its_pressures_in_any_frame():
     facets, *there = on_flat()
-    found = pressed(facets, *there)
+    found = pressures(facets, *there)
     assert found.depth.max() == pytest.approx(3e-6 * (1 - 0.1 * (1 - 3**-0.5)), rel=1e-9)
     assert (found.pressure > 0).mean() == 0.5
     assert found.pressure == pytest.approx(2e11 * np.maximum(found.depth, 0))
@@ -314,44 +314,44 @@ def test_contact_is_the_sum_of_its_pressures_in_any_frame():
     assert found.force[2] == pytest.approx(-2e11 * 3e-6 * WIDTH * LENGTH / 4, rel=1e-2)
     assert found.gradient.reshape(-1, 3).sum(axis=0) == pytest.approx(found.force)
     turn = Rotation.from_rotvec([0.4, 2.0, -0.3]).as_matrix()
-    other = pressed(*on_flat(turn, np.array([0.1, -0.2, 0.05])))
+    other = pressures(*on_flat(turn, np.array([0.1, -0.2, 0.05])))
     assert other.force == pytest.approx(turn @ found.force, rel=1e-6, abs=1e-9)
 
 
 def test_contacts_tangent_is_that_of_normals_which_stay():
     facets, x, *pose = on_flat()
-    blocks = pressed(facets, x, *pose).blocks
+    blocks = pressures(facets, x, *pose).blocks
     way = np.tile([0, 0, 1.0], (len(x), 1))
-    ahead, behind = (pressed(facets, x + h * way, *pose).gradient for h in (1e-11, -1e-11))
+    ahead, behind = (pressures(facets, x + h * way, *pose).gradient for h in (1e-11, -1e-11))
     exact = np.einsum("kij,kj->ki", blocks, way[facets.quads].reshape(-1, 12))
     assert np.abs((ahead - behind) / 2e-11 - exact).max() < 1e-6 * np.abs(exact).max()
 
 
 def test_a_multiplier_presses_and_a_gap_is_kept():
     facets, *there = on_flat()
-    plain, raised = pressed(facets, *there), pressed(facets, *there, 1e6)
+    plain, raised = pressures(facets, *there), pressures(facets, *there, 1e6)
     assert raised.pressure == pytest.approx(np.maximum(1e6 + 2e11 * plain.depth, 0))
-    kept = pressed(replace(facets, gap=1e-6), *there)
+    kept = pressures(replace(facets, gap=1e-6), *there)
     assert kept.depth == pytest.approx(plain.depth + 1e-6)
 
 
 def test_contact_keeps_to_the_triangles_that_it_has_met():
     facets, x, *pose = on_flat()
-    met = triangles_met(facets, x, *pose)
+    met = find_triangles(facets, x, *pose)
     assert (met >= 0).all()
     beside = x + np.array([0.05, 0, -1e-6])
-    assert (triangles_met(facets, beside, *pose) < 0).all()
-    kept = pressed(facets, beside, *pose, met=met)
-    assert kept.depth == pytest.approx(pressed(facets, x, *pose).depth + 1e-6, abs=1e-12)
+    assert (find_triangles(facets, beside, *pose) < 0).all()
+    kept = pressures(facets, beside, *pose, met=met)
+    assert kept.depth == pytest.approx(pressures(facets, x, *pose).depth + 1e-6, abs=1e-12)
 
 
 def test_what_no_triangle_faces_is_not_touched():
     facets, x, *pose = on_flat()
     beside = x + np.array([0.05, 0, -1e-6])
-    assert not pressed(facets, beside, *pose).force.any()
-    assert not pressed(facets, x - [0, 0, 3e-3], *pose).force.any()
+    assert not pressures(facets, beside, *pose).force.any()
+    assert not pressures(facets, x - [0, 0, 3e-3], *pose).force.any()
     from_below = replace(facets, side=-facets.side)
-    assert not pressed(from_below, x, *pose).force.any()
+    assert not pressures(from_below, x, *pose).force.any()
 
 
 def test_long_triangles_are_cut_into_short_ones():

@@ -290,7 +290,7 @@ def test_a_strip_stretched_in_situ_bears_the_stress_of_its_stretch(k):
     model = solid_model(job)
     loads = model.at(1.0)
     z = model.rest * [1, across, across]
-    force = model.unbalanced(tuple(model.terms(z, loads)), loads)
+    force = model.imbalance(tuple(model.terms(z, loads)), loads)
     grip = np.isclose(model.rest[:, 0], LENGTH)
     section = volume * WIDTH * THICK
     rounding = 4e-8 * k * MPA * section  # the figures have eight decimals

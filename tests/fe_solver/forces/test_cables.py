@@ -16,7 +16,7 @@ from fe_solver.solver.body_coupling import wrenches
 from fe_solver.solver.newton import NewtonOptions, solve
 from fe_solver.solver.relaxation import relax
 from fe_solver.verification import cable_rows
-from fe_solver.verification.sheets import NO_TENSION, at_rest, clamped
+from fe_solver.verification.sheets import NO_TENSION, at_rest, clamp
 
 EA = cable_rows.MODULUS * cable_rows.SECTION
 T0, TOE = cable_rows.RESIDUAL, cable_rows.TOE
@@ -72,7 +72,7 @@ def test_a_cell_of_no_length_resists_in_every_direction() -> None:
 
 def test_a_slack_net_is_no_mechanism() -> None:
     """A chain of slack cells folded at random: its stiffness is positive with its ends held."""
-    model = clamped(
+    model = clamp(
         cable_rows.net(np.linspace([0, 0, 0], [0.02, 0, 0], 9), cable_rows.chain(8)), [0, 8]
     )
     c = at_rest(model)
@@ -85,7 +85,7 @@ def test_a_slack_net_is_no_mechanism() -> None:
 
 
 def test_forces_and_moments_balance() -> None:
-    s = cable_rows.bent_net()
+    s = cable_rows.bend_net()
     total = np.sum(
         list(wrenches(s.model, s.configuration, s.evaluation, s.tension).values()), axis=0
     )
@@ -99,7 +99,7 @@ def test_forces_and_moments_balance() -> None:
 
 
 def test_a_turned_string_hangs_as_the_string_does() -> None:
-    s = cable_rows.solved_string(0.1)
+    s = cable_rows.solve_string(0.1)
     R = rotation_matrix(np.array([0.4, 0.9, -0.3]))
     m = s.model
     ties = replace(m.ties, position=m.ties.position @ R.T)
@@ -113,7 +113,7 @@ def test_a_turned_string_hangs_as_the_string_does() -> None:
 
 def test_tension_grows_along_a_string_that_its_own_weight_loads() -> None:
     """Of a catenary the tension differs by weight times height."""
-    s = cable_rows.solved_string(0.2)
+    s = cable_rows.solve_string(0.2)
     force = cable_state(s.model.cables, s.configuration.x).force
     z = s.configuration.x[:, 2]
     middle = (z[1:] + z[:-1]) / 2

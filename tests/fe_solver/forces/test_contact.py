@@ -21,13 +21,13 @@ from fe_solver.forces.contact import (
     contact_forces,
     contact_state,
     friction_forces,
-    joined,
+    join_point_forces,
     partition,
     ramp,
     unramp,
 )
 from fe_solver.forces.springs import PointForces, Springs, spring_forces
-from fe_solver.solver.augmented_contact import AugmentOptions, settled, solve_augmented
+from fe_solver.solver.augmented_contact import AugmentOptions, next_increment, solve_augmented
 from fe_solver.solver.body_coupling import wrenches
 from fe_solver.solver.fields import contact_pressure
 from fe_solver.solver.model import Configuration, ShellModel
@@ -36,7 +36,7 @@ from fe_solver.surfaces.shapes import HalfSpace, Sphere
 from fe_solver.verification import contact_rows
 from tests.helpers import shells
 from tests.helpers.poses import POSITION, ROTATION
-from tests.helpers.shells import NO_TENSION, at_rest, clamped, guided, plate, sheet
+from tests.helpers.shells import NO_TENSION, at_rest, clamp, guide, plate, sheet
 
 TIGHT = NewtonOptions(tolerance=1e-11)
 DEPTHS = st.floats(-3e-4, 3e-4)
@@ -139,7 +139,7 @@ def test_nodes_out_of_reach_are_left_out():
     assert len(contact_forces(contact, x + 1.0, POSITION, ROTATION, True).node) == 0
     both = [contact_forces(contact, p, POSITION, ROTATION, True) for p in (x, far)]
     assert len(both[1].node) < len(both[0].node) == 12
-    assert joined(both).energy == pytest.approx(both[0].energy + both[1].energy)
+    assert join_point_forces(both).energy == pytest.approx(both[0].energy + both[1].energy)
 
 
 @pytest.mark.parametrize("surface", ["half-space", "sphere"])
@@ -150,7 +150,7 @@ def test_a_pressed_sheet_hands_on_the_load(surface):
     X = X - [6e-3, 6e-3, 0]
     model = sheet(X, quads, 1e8, 0.3, 0.6e-3)
     corners = np.flatnonzero((np.abs(X[:, :2]) > 5.9e-3).all(axis=1))
-    model = guided(model, [corners], [(0.0, 0, -1)])
+    model = guide(model, [corners], [(0.0, 0, -1)])
     bone = {
         "half-space": HalfSpace(np.zeros(3), np.array([0.0, 0, 1])),
         "sphere": Sphere(np.array([0.0, 0, -12e-3]), 12e-3),
@@ -180,7 +180,7 @@ def node_area(contact: Contact, n: int) -> Array:
 
 def test_without_contact_force_there_is_no_load():
     X, quads = plate(10e-3, 10e-3, 4, 4)
-    model = clamped(sheet(X, quads, 1e8, 0.3, 0.6e-3), np.arange(5))
+    model = clamp(sheet(X, quads, 1e8, 0.3, 0.6e-3), np.arange(5))
     floor = HalfSpace(np.array([0.0, 0, -1e-3]), np.array([0.0, 0, 1]))
     model = replace(model, contacts=(shells.contact(model, floor, np.arange(5, 25), 1e11, 5e-5),))
     solution = solve(model, at_rest(model), NO_TENSION, TIGHT)
@@ -229,7 +229,7 @@ def pushed(friction: float = 0.0, **changes) -> ShellModel:
 def drawn(model: ShellModel, c: Configuration, by: float) -> Solution:
     position = c.position.copy()
     position[1, 0] = by
-    return solve_augmented(model, model.posed(c, position, c.rotation), NO_TENSION, TIGHT)
+    return solve_augmented(model, model.move_bodies(c, position, c.rotation), NO_TENSION, TIGHT)
 
 
 @pytest.mark.parametrize("share", [None, np.full(9, 0.5)])
@@ -240,7 +240,7 @@ def test_a_block_sticks_slides_and_gives_heat(share):
     c, drags, heats = at_rest(model), [], []
     for by in (0.02e-3, 0.1e-3, 0.2e-3, 0.19e-3):
         solution = drawn(model, c, by)
-        c, model = solution.configuration, settled(solution)
+        c, model = solution.configuration, next_increment(solution)
         state = contact_state(solution.model.contacts[0], c.x, c.position, c.rotation)
         drags.append(state.drag[:, 0].sum())
         heats.append(sum(k.grip.dissipated.sum() for k in model.contacts if k.grip))
@@ -304,7 +304,7 @@ def test_augmented_pressure_does_not_know_penalty_or_smoothing():
 
 
 def test_a_stiffer_contact_sticks_as_before():
-    solution = contact_rows.wrapped(0.3, (0.3e-3,), 48)
+    solution = contact_rows.wrap_strap(0.3, (0.3e-3,), 48)
     began, ended = contact_rows.strip(48, 1e11, 0.3).contacts[0], solution.model.contacts[0]
     assert ended.stiffness > began.stiffness
     assert ended.stick == pytest.approx(began.stick)

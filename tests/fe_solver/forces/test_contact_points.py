@@ -18,24 +18,24 @@ from fe_solver.solver.model import ShellModel
 from fe_solver.solver.newton import worst_place
 from fe_solver.surfaces.shapes import HalfSpace, Sphere
 from tests.helpers.poses import POSITION, ROTATION
-from tests.helpers.shells import NO_TENSION, at_rest, clamped, contact, nine_noded, plate, sheet
+from tests.helpers.shells import NO_TENSION, at_rest, clamp, contact, plate, sheet, with_nine_nodes
 
 SIDE = 2e-3
 RADIUS, DEPTH = 5e-3, 0.4e-3
 
 
 def flat(nx: int, ny: int) -> ShellModel:
-    return sheet(*nine_noded(*plate(nx * SIDE, ny * SIDE, nx, ny)), 1e7, 0.3, 0.5e-3)
+    return sheet(*with_nine_nodes(*plate(nx * SIDE, ny * SIDE, nx, ny)), 1e7, 0.3, 0.5e-3)
 
 
 def warped(seed: int) -> tuple[Array, np.ndarray]:
-    X, quads = nine_noded(*plate(3 * SIDE, 2 * SIDE, 3, 2))
+    X, quads = with_nine_nodes(*plate(3 * SIDE, 2 * SIDE, 3, 2))
     return X + 0.1 * SIDE * np.random.default_rng(seed).normal(size=X.shape), quads
 
 
 @pytest.mark.parametrize("in_line", [2, 3, 4, 5])
 def test_points_are_where_their_weights_say_and_share_the_area(in_line):
-    X, quads = nine_noded(*plate(3 * SIDE, 2 * SIDE, 3, 2))
+    X, quads = with_nine_nodes(*plate(3 * SIDE, 2 * SIDE, 3, 2))
     points = Within.of(quads, np.array([1, 4]), in_line)
     assert len(points.nearest) == 2 * in_line**2
     areas = points.areas(X).reshape(2, -1)
@@ -121,9 +121,9 @@ def test_a_balls_force_hardly_depends_on_where_in_an_element_it_presses():
 
 def test_a_stalled_solve_says_what_presses_within_an_element():
     """An unbalanced sheet pressed into the floor: the worst node is an element's centre."""
-    model = clamped(flat(3, 3), np.arange(4))
+    model = clamp(flat(3, 3), np.arange(4))
     floor = HalfSpace(np.zeros(3), np.array([0, 0, 1.0]))
-    pressed = model.alike(
+    pressed = model.with_changes(
         contacts=(contact(model, floor, np.arange(len(model.reference)), 1e9, 1e-6),)
     )
     c = replace(at_rest(model), x=model.reference - [0, 0, 0.1e-3])

@@ -73,7 +73,7 @@ def test_facets_lie_nearer_to_a_convex_bone_by_two_thirds_of_their_rise():
 def test_a_hood_and_its_job_agree_and_so_does_the_file(tmp_path):
     hood, bones = rod_hood()
     tension, tip = np.array([8.0]), np.array([[0.0] * 6, [0.2e-3, 0, 0.1e-3, 0, 0.02, 0]])
-    motion = hood.rest.displaced(tip)
+    motion = hood.rest.displace(tip)
     answer = hood.advance(hood.start(motion), motion, tension, np.inf)
     c = answer.state.configuration
     middle = job_of_hood(hood, motion, tension, bones, on_face=False)

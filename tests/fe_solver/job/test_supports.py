@@ -246,7 +246,7 @@ def over(surface: Surface, job: Job, friction: float = 0.0) -> tuple[FreeMotions
     every = np.arange(len(job.points))
     area = np.full(len(every), LENGTH * WIDTH / len(every))
     touch = Contact(0, surface, every, 0 * area, area, 1e11, 1e-7, friction=friction)
-    pressed = model.base.alike(contacts=(touch,), pressure=np.full(len(job.quads), 1e3))
+    pressed = model.base.with_changes(contacts=(touch,), pressure=np.full(len(job.quads), 1e3))
     tight = NewtonOptions(tolerance=2e-6)
     if friction:
         found = solve_augmented(pressed, model.start(), NO_TENSION, tight, AugmentOptions())

@@ -19,10 +19,10 @@ from fe_solver.materials.fibres import (
 )
 from fe_solver.materials.in_situ import in_situ_growth, in_situ_stretch
 from fe_solver.materials.linear import Law
-from fe_solver.materials.section import Patch, joined_sections, one_law
+from fe_solver.materials.section import Patch, join_sections, one_law
 from fe_solver.materials.tension_field import TensionField
 from fe_solver.verification import fibre_rows
-from fe_solver.verification.material_points import axes, differences, least_energy, strains, turned
+from fe_solver.verification.material_points import axes, differences, least_energy, rotate, strains
 from fe_solver.verification.material_rows import ARTERY, ISOTROPIC, ORTHOTROPIC, SOFT_TENDON, TENDON
 
 MPA = 1e6
@@ -68,7 +68,7 @@ def test_two_equal_dispersed_families_are_those_of_the_one_law():
     mirrored = HolzapfelGasserOgden(0.08 * MPA, 0.9 * MPA, 5.0, 0.1, 0.4, 10 * MPA)
     crossed = CrossedFibres(ONE, DispersedFamily(0.9 * MPA, 5.0, 0.1), 0.8)
     for strain in strains(20):
-        stress, tangent = turned(crossed, strain, axes(-0.4))
+        stress, tangent = rotate(crossed, strain, axes(-0.4))
         whole = mirrored.response(strain)
         assert stress == pytest.approx(whole.stress, rel=1e-9, abs=1e-6)
         assert tangent == pytest.approx(whole.tangent, rel=1e-9, abs=1e-3)
@@ -79,8 +79,8 @@ def test_which_family_is_called_the_first_does_not_matter():
     other = ExponentialFamily(0.5 * MPA, 60.0, 900 * MPA, 1.03)
     swapped = TransIsoMooneyRivlin(2e6, 0.0, other.c3, other.c4, other.c5, other.lam_max, 2e8)
     for strain in strains(20):
-        one = turned(CrossedFibres(like, other, 0.7), strain, axes(0.0))
-        two = turned(CrossedFibres(swapped, TOE, -0.7), strain, axes(0.7))
+        one = rotate(CrossedFibres(like, other, 0.7), strain, axes(0.0))
+        two = rotate(CrossedFibres(swapped, TOE, -0.7), strain, axes(0.7))
         assert two[0] == pytest.approx(one[0], rel=1e-9, abs=1e-6)
         assert two[1] == pytest.approx(one[1], rel=1e-9, abs=1e-3)
 
@@ -90,7 +90,7 @@ def test_patches_of_crossed_laws_answer_as_each_alone():
     thickness, strain = np.full((1, 4), 1e-3), np.zeros((len(laws), 4, 8))
     strain[..., :3] = strains(len(laws))[:, None]
     patches = [Patch(np.array([i]), law, thickness) for i, law in enumerate(laws)]
-    whole = joined_sections(patches).response(strain)
+    whole = join_sections(patches).response(strain)
     for i, law in enumerate(laws):
         alone = one_law(law, np.array([1e-3])).response(strain[i : i + 1])
         assert np.array_equal(whole.force[i], alone.force[0])

@@ -22,10 +22,10 @@ from fe_solver.verification.material_points import (
     axes,
     differences,
     fibre_tension,
-    pulled,
+    pull_uniaxially,
     relaxed_energy,
+    rotate,
     strains,
-    turned,
     uniaxial,
 )
 from fe_solver.verification.material_rows import LAWS, ORTHOTROPIC, SMOOTH, TENDON
@@ -208,7 +208,7 @@ def test_isotropic_laws_know_no_axes(name: str, angle: float) -> None:
     law = LAWS[name]
     for strain in strains(5, 0.3):
         plain = law.response(strain)
-        stress, tangent = turned(law, strain, axes(angle))
+        stress, tangent = rotate(law, strain, axes(angle))
         np.testing.assert_allclose(stress, plain.stress, atol=1e-11 * np.abs(plain.tangent).max())
         np.testing.assert_allclose(tangent, plain.tangent, atol=1e-8 * plain.tangent.max())
 
@@ -216,7 +216,7 @@ def test_isotropic_laws_know_no_axes(name: str, angle: float) -> None:
 def test_full_dispersion_is_isotropic() -> None:
     law = MORE["dispersed to isotropy"]
     strain = np.array([0.1, -0.02, 0.05])
-    stress, _ = turned(law, strain, axes(0.7))
+    stress, _ = rotate(law, strain, axes(0.7))
     np.testing.assert_allclose(stress, law.response(strain).stress, rtol=1e-12)
 
 
@@ -279,7 +279,7 @@ def test_wrinkles_leave_the_stress_of_a_strip(name: str) -> None:
     """A sheet that is pulled along an axis and pressed together across it bears what a strip does,
     which is free to contract."""
     base, law, e = EVERY_BASE[name], TensionField(EVERY_BASE[name]), 0.05
-    strip = pulled(base, e)[1]
+    strip = pull_uniaxially(base, e)[1]
     pressed = law.response(np.array([e, -0.3, 0.0])).stress
     np.testing.assert_allclose(pressed, strip, rtol=1e-3, atol=1e-3 * strip[0])
 

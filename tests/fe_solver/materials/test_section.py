@@ -10,7 +10,7 @@ import pytest
 from fe_solver.materials.fibres import HolzapfelGasserOgden
 from fe_solver.materials.hyperelastic import NeoHookean
 from fe_solver.materials.linear import Isotropic, Law
-from fe_solver.materials.section import Patch, Section, joined_sections
+from fe_solver.materials.section import Patch, Section, join_sections
 from fe_solver.materials.tension_field import TensionField
 from fe_solver.verification.material_rows import TENDON
 
@@ -40,15 +40,15 @@ def test_materials_side_by_side_answer_as_each_does_alone() -> None:
         for elements, law in zip(shuffled, LAWS, strict=True)
     ]
     strain = rng.uniform(-0.05, 0.05, (shuffled.size, 4, 8)) * [1, 1, 1, 100, 100, 100, 1, 1]
-    together = joined_sections(patches).response(strain)
+    together = join_sections(patches).response(strain)
     for p in patches:
-        alone = joined_sections([replace(p, elements=np.arange(3))]).response(strain[p.elements])
+        alone = join_sections([replace(p, elements=np.arange(3))]).response(strain[p.elements])
         for whole, own in zip(together, alone, strict=True):
             np.testing.assert_allclose(whole[p.elements], own, rtol=1e-14, atol=0)
 
 
 def sheet(law: Law, count: int, **changes: float) -> Section:
-    return joined_sections([Patch(np.arange(count), law, np.full((count, 4), 1e-3), **changes)])
+    return join_sections([Patch(np.arange(count), law, np.full((count, 4), 1e-3), **changes)])
 
 
 def test_patches_with_shear_corrections_of_their_own_keep_them() -> None:
@@ -58,7 +58,7 @@ def test_patches_with_shear_corrections_of_their_own_keep_them() -> None:
     ]
     strain = np.zeros((2, 4, 8))
     strain[..., 6] = 0.01
-    one, other = joined_sections(patches).response(strain).force[..., 6]
+    one, other = join_sections(patches).response(strain).force[..., 6]
     np.testing.assert_allclose(2 * one, other, rtol=1e-12)
 
 

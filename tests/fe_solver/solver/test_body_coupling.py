@@ -39,7 +39,7 @@ def test_the_strap_is_in_balance(model, solved):
 def moved(model: ShellModel, c: Configuration, twist: Array) -> Configuration:
     """Bodies displaced by `twist` (nb, 6); free degrees of freedom stay."""
     turn = rotation_matrix(twist[:, 3:])
-    return model.posed(c, c.position + twist[:, :3], turn @ c.rotation)
+    return model.move_bodies(c, c.position + twist[:, :3], turn @ c.rotation)
 
 
 def mirrored() -> ShellModel:
@@ -52,7 +52,7 @@ def mirrored() -> ShellModel:
     D = model.directors.copy()
     D[edge, 1] = 0.0
     D[edge] /= np.linalg.norm(D[edge], axis=1, keepdims=True)
-    plane = Guides.fixed(
+    plane = Guides.on_body_axes(
         edge, np.full(count, 2), X[edge], np.tile([False, True, False], (count, 1))
     )
     plane = replace(

@@ -16,7 +16,7 @@ from fe_solver.solver.dynamics import Substance, Viscous, advance, kinetic_energ
 from fe_solver.solver.model import ShellModel
 from fe_solver.solver.newton import NewtonOptions
 from tests.helpers import shells
-from tests.helpers.shells import NO_TENSION, at_rest, clamped, plate, sheet
+from tests.helpers.shells import NO_TENSION, at_rest, clamp, plate, sheet
 
 MODULUS, THICKNESS, LENGTH = 1e6, 0.01, 1.0
 STUFF = Substance(density=1000.0)
@@ -25,7 +25,7 @@ OPTIONS = NewtonOptions(tolerance=1e-9, max_step=1.0)
 
 def strip(elements: int = 16) -> ShellModel:
     X, quads = plate(LENGTH, 0.1, elements, 1)
-    return clamped(sheet(X, quads, MODULUS, 0.0, THICKNESS), np.flatnonzero(X[:, 0] == 0))
+    return clamp(sheet(X, quads, MODULUS, 0.0, THICKNESS), np.flatnonzero(X[:, 0] == 0))
 
 
 def swing(model, shape, axis, dt, steps, stuff=STUFF, damping=0.0) -> np.ndarray:

@@ -15,10 +15,10 @@ from fe_solver.solver import linear_algebra, newton
 from fe_solver.solver.linear_algebra import Nearby
 from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import NewtonOptions, Solution, residual_norm, solve
-from fe_solver.solver.newton_step import LONG, damped_step, factorised, limited, newton_step
+from fe_solver.solver.newton_step import LONG, damped_step, factorise, limit_step, newton_step
 from fe_solver.surfaces.spline_distance import Sphere
 from tests.helpers import shells
-from tests.helpers.shells import NO_TENSION, at_rest, clamped, plate, sheet
+from tests.helpers.shells import NO_TENSION, at_rest, clamp, plate, sheet
 from tests.helpers.straps import TENSION, TIGHT, joined, perturbed, springs, strap
 
 
@@ -48,15 +48,15 @@ def test_convergence_is_quadratic(model, solved):
         e = model.evaluate(c, TENSION, tangent=True)
         norms.append(residual_norm(model, e)[0])
         step = np.zeros(model.pattern.size)
-        step[order] = -factorised(model, e.data).solve(e.reduced[order])
-        c = model.stepped(c, e.bases, step)
+        step[order] = -factorise(model, e.data).solve(e.reduced[order])
+        c = model.take_step(c, e.bases, step)
     first, second = np.log(norms[1] / norms[2]), np.log(norms[2] / norms[3])
     assert second / first > 1.7
     assert norms[3] < 1e-10
 
 
 def along(model: ShellModel, c: Configuration, v: Array, t: float) -> float:
-    there = model.stepped(c, model.bases(c), t * v)
+    there = model.take_step(c, model.bases(c), t * v)
     return model.potential(there, model.evaluate(there, TENSION, False).energy, TENSION)
 
 
@@ -80,9 +80,9 @@ def test_residual_and_tangent_are_the_potentials(model, solved, seed):
 def test_follow_solves_for_every_body(model, weight):
     """A strap that the world does not hold turns with its bodies; one that has weight does not."""
     dead = np.tile([0.0, 0, -weight], (len(model.reference), 1)) if weight else None
-    held = solve(model.alike(dead=dead), at_rest(model), TENSION, TIGHT)
-    every = -held.factor.solve(held.pushed)
-    assert held.follow == pytest.approx(every, abs=1e-8 * np.abs(every).max())
+    held = solve(model.with_changes(dead=dead), at_rest(model), TENSION, TIGHT)
+    every = -held.factor.solve(held.residual_derivative)
+    assert held.sensitivity == pytest.approx(every, abs=1e-8 * np.abs(every).max())
 
 
 @pytest.mark.parametrize("convex", [False, True])
@@ -158,8 +158,8 @@ def followed(model: ShellModel, solved: Solution, kept: bool) -> Solution:
     """The strap under a little more tension, from where its tangent foresees it."""
     more, c = 1.001 * TENSION, solved.configuration
     step = np.zeros(model.pattern.size)
-    step[model.free] = solved.follow[:, -len(TENSION) :] @ (more - TENSION)
-    start = model.stepped(c, solved.evaluation.bases, step)
+    step[model.free] = solved.sensitivity[:, -len(TENSION) :] @ (more - TENSION)
+    start = model.take_step(c, solved.evaluation.bases, step)
     return solve(model, start, more, TIGHT, True, solved if kept else None)
 
 
@@ -190,7 +190,7 @@ def test_an_old_factor_serves_where_it_lowers_the_residual_fast(model, solved, m
 def test_an_old_factor_that_does_not_serve_is_given_up(model, solved):
     """A wrong factor costs iterations, not the answer."""
     wrong = replace(solved)
-    vars(wrong)["factor"] = factorised(model, 100.0 * solved.evaluation.data)
+    vars(wrong)["factor"] = factorise(model, 100.0 * solved.evaluation.data)
     start = perturbed(model, solved.configuration, 1e-9)
     found = solve(model, start, TENSION, TIGHT, True, wrong)
     assert found.configuration.x == pytest.approx(solved.configuration.x, abs=1e-11)
@@ -226,7 +226,7 @@ def test_follow_is_how_the_nodes_follow_the_tensions(model, solved):
     )
     slope = (ahead.configuration.x - behind.configuration.x) / (2 * h)
     step = np.zeros(model.pattern.size)
-    step[model.free] = solved.follow[:, -2]
+    step[model.free] = solved.sensitivity[:, -2]
     moved = np.einsum("nij,nj->ni", solved.evaluation.bases[0], step.reshape(-1, 5)[:, :3])
     assert moved == pytest.approx(slope, abs=1e-6 * np.abs(slope).max())
 
@@ -243,7 +243,7 @@ def test_a_tangent_made_later_is_the_same(model, solved, convex):
 def test_a_node_that_leaves_a_bone_is_put_where_its_force_holds_it():
     """One node of a floating sheet on a floor, pressed at depth b with c b^2 and let go to a force
     of a hundredth: Newton halves b, b/10 is the answer."""
-    X, quads = shells.mapped(2, 2, lambda uv: np.column_stack([0.01 * uv, 0 * uv[:, 0]]))
+    X, quads = shells.map_grid(2, 2, lambda uv: np.column_stack([0.01 * uv, 0 * uv[:, 0]]))
     model = sheet(X, quads, 1e3, 0.3, 0.1e-3)
     contact = shells.contact(model, Sphere(np.array([0, 0, -1.0]), 1.0), np.array([0]), 1e9, 1e-4)
     model = replace(model, contacts=(contact,))
@@ -253,11 +253,11 @@ def test_a_node_that_leaves_a_bone_is_put_where_its_force_holds_it():
     force, slope = np.linalg.norm(e.points.gradient[0]), e.points.stiffness[0] * b / 2e-4
     step = np.zeros(model.pattern.size)
     step[2] = 0.99 * force / slope
-    pressed = newton.pressed(model, e, step)
+    pressed = newton.limit_to_contact(model, e, step)
     assert b - step[2] == pytest.approx(b * 0.505)
     assert b - pressed[2] == pytest.approx(b / 10, rel=1e-6)
     assert np.array_equal(pressed[3:], step[3:])
-    near = newton.pressed(model, e, 0.1 * step)
+    near = newton.limit_to_contact(model, e, 0.1 * step)
     assert np.array_equal(near, 0.1 * step)
 
 
@@ -266,11 +266,11 @@ def slack_web() -> tuple[ShellModel, Configuration]:
     two sides are free, so that its corners hang slack."""
     X, quads = plate(0.3, 0.1, 24, 8)
     rails = np.flatnonzero(np.isclose(X[:, 1], 0) | np.isclose(X[:, 1], 0.1))
-    model = clamped(sheet(X, quads, 0, 0, 1e-3, law=TensionField(Isotropic(1e8, 0.3))), rails)
+    model = clamp(sheet(X, quads, 0, 0, 1e-3, law=TensionField(Isotropic(1e8, 0.3))), rails)
     moved = model.ties.position + 1e-2 * X[rails, 1:2] * [1.0, 0, 0]
     model = replace(model, ties=replace(model.ties, position=moved))
     start = at_rest(model)
-    return model, model.posed(start, start.position, start.rotation)
+    return model, model.move_bodies(start, start.position, start.rotation)
 
 
 def test_a_web_with_slack_corners_is_in_equilibrium():
@@ -293,8 +293,8 @@ def test_a_damped_step_does_not_run_away_in_slack_parts():
     longest = 1e-6, 1e-3
     whole = newton_step(model, e.data, gradient)[0]
     damped, factor = damped_step(model, e.data, gradient, *longest)
-    assert limited(whole, *longest)[1] > 1e3 * LONG
-    assert limited(damped, *longest)[1] < limited(whole, *longest)[1] / 5
+    assert limit_step(whole, *longest)[1] > 1e3 * LONG
+    assert limit_step(damped, *longest)[1] < limit_step(whole, *longest)[1] / 5
     assert damped @ gradient < 0
     assert factor is None
     assert np.array_equal(damped_step(model, e.data, gradient, 1e9, 1e9)[0], whole)

@@ -15,12 +15,12 @@ from fe_solver.verification.limit_loads import buckling_load
 from fe_solver.verification.membranes import hencky_deflection, triangle_elements
 from fe_solver.verification.paths import drive_node, largest
 from fe_solver.verification.sheets import (
-    clamped,
+    clamp,
     elements,
     grid,
     line_weights,
     linear_response,
-    mirrored,
+    mirror_plane,
     plate,
     sheet,
     surface_weights,
@@ -127,14 +127,14 @@ def test_a_triangle_of_quads_is_whole(nodes):
 def test_a_driven_node_needs_the_force_that_moves_it():
     """A strip whose tip is moved a little, against its deflection under a unit force."""
     X, quads = plate(10.0, 1.0, 8, 1)
-    model = clamped(sheet(X, quads, 1.2e6, 0.0, 0.1), np.flatnonzero(X[:, 0] == 0))
+    model = clamp(sheet(X, quads, 1.2e6, 0.0, 0.1), np.flatnonzero(X[:, 0] == 0))
     tip, up = int(np.flatnonzero(X[:, 0] == 10)[0]), np.array([0, 0, 1.0])
     load = np.zeros_like(X)
     load[tip, 2] = 1.0
     stiffness = 1 / linear_response(model, load)[0][tip, 2]
     held = np.zeros(X.shape, dtype=bool)
     held[tip, 2] = True
-    forces, c = drive_node(mirrored(model, np.zeros_like(held), held), tip, up, [1e-3, 2e-3])
+    forces, c = drive_node(mirror_plane(model, np.zeros_like(held), held), tip, up, [1e-3, 2e-3])
     assert forces == pytest.approx(stiffness * np.array([1e-3, 2e-3]), rel=1e-4)
     assert c.x[tip, 2] == pytest.approx(2e-3)
 
@@ -142,7 +142,7 @@ def test_a_driven_node_needs_the_force_that_moves_it():
 def test_a_load_that_does_not_buckle_says_so():
     """A strip that is pulled, and not bent."""
     X, quads = plate(10.0, 1.0, 4, 1)
-    model = clamped(sheet(X, quads, 1.2e6, 0.0, 0.1), np.flatnonzero(X[:, 0] == 0))
+    model = clamp(sheet(X, quads, 1.2e6, 0.0, 0.1), np.flatnonzero(X[:, 0] == 0))
     pull = np.outer(X[:, 0] == 10, [1.0, 0, 0])
     with pytest.raises(ConvergenceError, match="keeps its sign from 1 to 2"):
         buckling_load(model, pull, 1.0, 2.0)

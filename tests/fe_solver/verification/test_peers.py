@@ -56,7 +56,7 @@ def test_the_deflection_is_the_load_s():
 
 
 def test_a_program_in_a_process_of_its_own_answers_the_same():
-    there, here = peers.solved("ours", 8, 3), peers.ours(8, 3)
+    there, here = peers.solve_with_peer("ours", 8, 3), peers.ours(8, 3)
     assert there.deflection == pytest.approx(here.deflection, rel=1e-12)
     assert (there.solves, there.linear) == (here.solves, here.linear)
     assert there.solve_s > 0
@@ -103,7 +103,7 @@ def test_a_peer_that_fails_is_a_failed_row(monkeypatch):
             raise CosimError("crashed: SIGSEGV")
         return asdict(ANSWER)
 
-    monkeypatch.setattr(peers, "installed", lambda: True)
+    monkeypatch.setattr(peers, "is_installed", lambda: True)
     monkeypatch.setattr(peers, "answer", answer)
     (row,) = peers.rows([(8, 3)])
     assert not row.passed
@@ -125,14 +125,14 @@ OURS = [-4.70e-3, -4.93e-3, -5.0e-3]
     ],
 )
 def test_rows_judge_the_deflection_and_the_time(monkeypatch, theirs, seconds, verdicts):
-    def solved(program, along, across):
+    def solve_with_peer(program, along, across):
         k = [mesh[0] for mesh in peers.MESHES].index(along)
         if program == "kratos":
             return peers.Answer(theirs[k], 20, seconds, "LU")
         return peers.Answer(OURS[k], 20, 0.1, "superlu")
 
-    monkeypatch.setattr(peers, "installed", lambda: True)
-    monkeypatch.setattr(peers, "solved", solved)
+    monkeypatch.setattr(peers, "is_installed", lambda: True)
+    monkeypatch.setattr(peers, "solve_with_peer", solve_with_peer)
     rows = list(peers.rows())
     assert [row.passed for row in rows] == verdicts
     assert "superlu" in rows[-1].quantity
@@ -153,7 +153,7 @@ def test_without_a_peer_the_study_says_so_and_has_no_rows(monkeypatch):
     assert "not installed" in peers.title()
 
 
-@pytest.mark.skipif(not peers.installed(), reason="KratosMultiphysics not installed")
+@pytest.mark.skipif(not peers.is_installed(), reason="KratosMultiphysics not installed")
 def test_kratos_finds_the_same_deflection():
-    mine, peer = (peers.solved(who, 60, 16).deflection for who in ("ours", "kratos"))
+    mine, peer = (peers.solve_with_peer(who, 60, 16).deflection for who in ("ours", "kratos"))
     assert mine == pytest.approx(peer, rel=0.01)

@@ -25,8 +25,8 @@ from fe_solver.verification import (
     tangent_rows,
     thread_rows,
 )
-from fe_solver.verification.paths import Loading, error_order, followed, halving_order
-from fe_solver.verification.sheets import clamped, mirrored, plate, sheet
+from fe_solver.verification.paths import Loading, error_order, follow, halving_order
+from fe_solver.verification.sheets import clamp, mirror_plane, plate, sheet
 from fe_solver.verification.table import STUDIES, Study
 
 LONG = {
@@ -45,7 +45,7 @@ def marked(study: Study) -> object:
 
 def rowful() -> list[Study]:
     """All studies but that of a peer which is not installed."""
-    return [s for s in STUDIES if s.make != peers.rows or peers.installed()]
+    return [s for s in STUDIES if s.make != peers.rows or peers.is_installed()]
 
 
 @pytest.mark.parametrize("study", [marked(s) for s in rowful()])
@@ -76,29 +76,29 @@ def test_a_loading_without_equilibrium_says_so():
     model = sheet(X, quads, 1e6, 0.0, 0.1)
     load = np.outer(X[:, 0] == 10, [1.0, 0, 0])
     with pytest.raises(ConvergenceError):
-        followed(Loading(model, load, load[None]), [1.0])
+        follow(Loading(model, load, load[None]), [1.0])
 
 
 def test_a_mirror_plane_is_half_of_a_sheet():
     """Half a strip held at its mirror plane bends as the whole."""
     X, quads = plate(2.0, 1.0, 8, 2)
-    whole = clamped(sheet(X, quads, 1e6, 0.3, 0.1), np.flatnonzero(np.isin(X[:, 0], [0, 2])))
+    whole = clamp(sheet(X, quads, 1e6, 0.3, 0.1), np.flatnonzero(np.isin(X[:, 0], [0, 2])))
     middle = X[:, 0] == 1
     load = np.outer(middle, [0, 0, 50.0])
     seen = np.stack([np.outer(middle, [0, 0, 1.0])])
-    full = followed(Loading(whole, load, seen), [1.0])
+    full = follow(Loading(whole, load, seen), [1.0])
     X, quads = plate(1.0, 1.0, 4, 2)
-    half = clamped(sheet(X, quads, 1e6, 0.3, 0.1), np.flatnonzero(X[:, 0] == 0))
+    half = clamp(sheet(X, quads, 1e6, 0.3, 0.1), np.flatnonzero(X[:, 0] == 0))
     middle = X[:, 0] == 1
-    half = mirrored(half, np.outer(middle, [True, False, False]))
+    half = mirror_plane(half, np.outer(middle, [True, False, False]))
     seen = np.stack([np.outer(middle, [0, 0, 1.0])])
-    part = followed(Loading(half, np.outer(middle, [0, 0, 25.0]), seen), [1.0])
+    part = follow(Loading(half, np.outer(middle, [0, 0, 25.0]), seen), [1.0])
     assert part == pytest.approx(full, rel=1e-7)
     assert abs(full[0, 0]) > 0.1
 
 
 def test_the_tangent_error_sees_a_wrong_tangent(monkeypatch):
-    model = element_rows.distorted("warped quads")
+    model = element_rows.distort("warped quads")
     right = element_rows.tangent_error(model, 1e-4)
     assemble = type(model.pattern).assemble
     monkeypatch.setattr(type(model.pattern), "assemble", lambda *a: assemble(*a) * (1 + 1e-5))
@@ -108,9 +108,9 @@ def test_the_tangent_error_sees_a_wrong_tangent(monkeypatch):
 
 def test_what_the_tangents_are_taken_of():
     """A fold has a mitre; springs are slack and taut; nodes press, stick and slide as named."""
-    assert element_rows.distorted("folded quads").tables.mitre.max() > 1.1
-    assert (element_rows.distorted("flat quads").tables.mitre == 1).all()
-    tapered = element_rows.distorted("quads that taper").section.thickness
+    assert element_rows.distort("folded quads").tables.mitre.max() > 1.1
+    assert (element_rows.distort("flat quads").tables.mitre == 1).all()
+    tapered = element_rows.distort("quads that taper").section.thickness
     assert tapered.max() > 1.5 * tapered.min()
     springs, x = tangent_rows.some_springs("tension-only")
     taut = spring_state(springs, x, *tangent_rows.POSE).taut
@@ -138,8 +138,8 @@ def test_a_wrong_tangent_of_a_contact_is_seen():
 
 
 def test_a_wrong_condensed_tangent_is_seen(monkeypatch):
-    model, c = hood_rows.bent_hood()
-    solution = hood_rows.by_penalty(hood_rows.walled(model, c), c, hood_rows.TENSION)
+    model, c = hood_rows.bend_hood()
+    solution = hood_rows.by_penalty(hood_rows.add_wall(model, c), c, hood_rows.TENSION)
     right = hood_rows.jacobian(solution)
     wrong = replace(
         right,

@@ -24,7 +24,7 @@ from rigid.air.plant import (
     openings,
     rates,
     resting_pressure,
-    settled,
+    resting_voltage,
     step,
     tension,
 )
@@ -121,7 +121,7 @@ def test_a_fast_valve_and_a_small_chamber_take_small_parts() -> None:
 
 def test_a_voltage_settles_at_the_pressure_that_it_is_for() -> None:
     wanted = ATMOSPHERE + np.array([0.0, 5e4, 3e5, AIR.valve.supply - ATMOSPHERE])
-    volts = settled(AIR.valve, wanted)
+    volts = resting_voltage(AIR.valve, wanted)
     assert volts[[0, -1]] == pytest.approx([4.5, 5.5])
     assert (np.diff(volts) > 0.0).all()
     assert resting_pressure(AIR.valve, volts) == pytest.approx(wanted)
@@ -158,7 +158,7 @@ def test_90_psi_and_the_rod_s_side_give_the_force() -> None:
         (lambda: Cylinder(bore=np.array([9e-3, np.nan])), "bore must be above 0"),
         (lambda: Cylinder(rod=9.3e-3), "thinner than its bore"),
         (lambda: Cylinder(heat=-1.0), "must not be negative"),
-        (lambda: settled(AIR.valve, ATMOSPHERE - 1.0), "rests between"),
+        (lambda: resting_voltage(AIR.valve, ATMOSPHERE - 1.0), "rests between"),
     ],
 )
 def test_what_no_cylinder_is_is_refused(make: object, words: str) -> None:

@@ -19,8 +19,8 @@ from rigid.air.model import (
     identification,
     identify,
     latency,
-    observed,
     r_squared,
+    simulate_record,
     sines,
     spread,
     steps,
@@ -82,7 +82,7 @@ def test_a_record_that_cannot_tell_them_apart_is_refused() -> None:
     with pytest.raises(InputError, match="tells only 1 of 7 coefficients apart"):
         identify(still)
     with pytest.raises(InputError, match="less than three values"):
-        observed(Pneumatics(), lambda t: np.full(1, 5.0), 0.02, 1)
+        simulate_record(Pneumatics(), lambda t: np.full(1, 5.0), 0.02, 1)
     with pytest.raises(InputError, match="amplitude"):
         sines(Pneumatics(), (1.0,), 6.0)
 

@@ -126,7 +126,7 @@ def test_held_finger_pushes_with_the_inverse_of_its_jacobian() -> None:
 
 def test_hinge_finger_equals_a_mujoco_finger_with_straight_axes() -> None:
     planar = hinge_finger(IN_PLANE)
-    law = joint_law(JOINTS, STIFFNESS, REST, limit_stiffness=SOFT).held_about(POSTURE, 0.02)
+    law = joint_law(JOINTS, STIFFNESS, REST, limit_stiffness=SOFT).hold_about(POSTURE, 0.02)
     spatial = MujocoFinger(finger_model(straight_skeleton()), law=law)
     a, load, _ = pushed(planar)
     q = np.insert(a.angles, 1, 0.0)
@@ -155,7 +155,7 @@ def test_tangent_is_the_derivative_of_the_residual(finger: ChainFinger) -> None:
     home = finger.motion(state)
 
     def residual(step: Array) -> Array:
-        there = finger.displaced(state, step)
+        there = finger.displace(state, step)
         change = (K @ home.twist_to(finger.motion(there)).ravel()).reshape(-1, 6)
         wrench = load.wrench.copy()
         wrench[:, 0] += change
@@ -171,7 +171,7 @@ def test_torques_do_the_work_of_the_wrenches(finger: ChainFinger) -> None:
     torque = finger.balance(state, load, tension).torque["hood"]
     dq = np.zeros(len(finger.joints) + len(state.basis))
     dq[: len(finger.joints)] = 1e-5 * np.arange(1.0, len(finger.joints) + 1)
-    motions = [finger.motion(finger.displaced(state, s * dq)) for s in (-1, 1)]
+    motions = [finger.motion(finger.displace(state, s * dq)) for s in (-1, 1)]
     work = load.total().ravel() @ motions[0].twist_to(motions[1]).ravel()
     assert work == pytest.approx(2 * torque @ dq[: len(torque)], rel=1e-8)
 
@@ -240,7 +240,7 @@ def test_fingers_refuse_wrong_input(finger: ChainFinger) -> None:
     with pytest.raises(InputError, match="in this order"):
         finger.balance(state, replace(load, bodies=load.bodies[::-1]), tension)
     with pytest.raises(InputError, match="step of shape"):
-        finger.displaced(state, np.zeros(1))
+        finger.displace(state, np.zeros(1))
 
 
 def test_rigid_needs_no_mujoco() -> None:

@@ -228,7 +228,7 @@ def test_limits_hold_the_posture() -> None:
     79.1, 58.9 and two of 72.8 N) press every flexion axis less than 1 deg beyond its limit."""
     posture = {**POSTURE, "MCP_abduction": 0.0}
     finger = MujocoFinger(
-        finger_model(index_finger()), law=joint_law(JOINTS).held_about(posture), support=FREE
+        finger_model(index_finger()), law=joint_law(JOINTS).hold_about(posture), support=FREE
     )
     beyond = {joint: angle + np.radians(6.0) for joint, angle in posture.items()}
     tension = 0.1 * np.array([79.12, 58.9, 72.8, 72.8])

@@ -230,7 +230,7 @@ def test_rates_of_angles_against_differences(seed):
     found = angles(HINGES, motion)
     for k in range(24):
         twist = step * np.eye(24)[k]
-        ahead, behind = (angles(HINGES, motion.displaced(s * twist)) for s in (1, -1))
+        ahead, behind = (angles(HINGES, motion.displace(s * twist)) for s in (1, -1))
         assert found.rate[:, k] == pytest.approx((ahead.value - behind.value) / 2 / step, abs=1e-8)
         slope = (ahead.rate - behind.rate) / 2 / step
         assert found.moment_rate[:, :, k] == pytest.approx(slope, abs=1e-8)

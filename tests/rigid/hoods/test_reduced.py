@@ -13,18 +13,25 @@ from cosim.build.models import build
 from cosim.case.file import load_case
 from cosim.errors import ConvergenceError, InputError
 from cosim.fingers.common import Extensor
-from cosim.fingers.index import IndexFinger
+from cosim.fingers.index import IndexFingerConfig
 from cosim.fingers.kinds import finger_model
-from cosim.hoods.lumped.build import reduced_hood
-from cosim.hoods.lumped.reduction import fitted
+from cosim.hoods.lumped.build import build_reduced_hood
+from cosim.hoods.lumped.reduction import fit_potential
 from cosim.port import STATIC, Motion
 from meshes.skeleton import BODIES, index_finger
 from rigid.hoods.hinge_angle import angles, flexion_angles
 from rigid.hoods.reduced import AT_ONCE, Potential
 from rigid.hoods.reduced_basis import legendre, loadings, monomials, to_powers
 from rigid.hoods.reduced_fit import LEAST_FORCE, TIP, least_squares, tip_rows
-from rigid.hoods.reduced_sample import stacked
-from rigid.hoods.reduction import ENOUGH, Order, angle_powers, borne, reduced, tension_terms
+from rigid.hoods.reduced_sample import stack
+from rigid.hoods.reduction import (
+    ENOUGH,
+    Order,
+    angle_powers,
+    reduce_hood,
+    richest_order,
+    tension_terms,
+)
 from rigid.hoods.universal_angle import all_angles, chain_of, joints_of
 from tests.helpers import conformance
 from tests.helpers.soft_network import (
@@ -42,7 +49,7 @@ def test_a_network_is_recovered_to_round_off():
     """Torques, excursions, all second derivatives and both slips in postures and under loads that
     were not fitted."""
     held, fit = held_out(), found()
-    made = fit.derived(held.angle, held.tension)
+    made = fit.derivatives(held.angle, held.tension)
     for name, value in made._asdict().items():
         told = getattr(held, name)
         assert np.abs(value - told).max() < 1e-9 * np.abs(told).max(), name
@@ -54,15 +61,15 @@ def test_a_network_is_recovered_to_round_off():
 def test_a_network_is_recovered_by_a_fit_with_springs_that_it_has_not():
     """Their toe is nearly told by the other terms: what holds it must not be seen."""
     held = held_out()
-    made = reduced(fitted_to(), JOINTS, MUSCLES, Order(angle=4))
-    for name, value in made.derived(held.angle, held.tension)._asdict().items():
+    made = reduce_hood(fitted_to(), JOINTS, MUSCLES, Order(angle=4))
+    for name, value in made.derivatives(held.angle, held.tension)._asdict().items():
         told = getattr(held, name)
         assert np.abs(value - told).max() < 1e-8 * np.abs(told).max(), name
 
 
 def test_torques_of_many_states_are_those_of_each():
     held, fit = held_out(), found()
-    each = fit.derived(held.angle, held.tension).torque
+    each = fit.derivatives(held.angle, held.tension).torque
     rounds = -(-2 * AT_ONCE // len(each))
     many = np.stack([held.angle] * rounds)
     assert many[..., 0].size > AT_ONCE
@@ -74,7 +81,9 @@ def test_torques_of_many_states_are_those_of_each():
 def test_a_fit_is_as_rich_as_its_numbers_bear():
     moves = np.array([True, False, True, True])
     terms = len(tension_terms(4, Order()))
-    degrees = [borne(numbers, moves, 4).angle for numbers in (0, 2_000, 30_000, 60_000, 10**6)]
+    degrees = [
+        richest_order(numbers, moves, 4).angle for numbers in (0, 2_000, 30_000, 60_000, 10**6)
+    ]
     assert degrees == sorted(degrees)
     assert degrees[0] == 1
     assert degrees[-1] == Order().angle
@@ -151,7 +160,7 @@ def test_a_fit_to_tip_forces_is_better_there():
         off = made.torques(fit.angle, fit.tension) - fit.torque
         return np.sqrt((np.einsum("sij,sj->si", rows, off) ** 2).sum(axis=1).mean())
 
-    plain, aimed = (miss(reduced(fit, JOINTS, MUSCLES, coarse, m)) for m in (None, maps))
+    plain, aimed = (miss(reduce_hood(fit, JOINTS, MUSCLES, coarse, m)) for m in (None, maps))
     assert aimed < 0.999 * plain
 
 
@@ -175,9 +184,9 @@ def test_one_state_is_as_in_a_batch():
     """Where the two ways to the derivatives could part: abduction, all springs, every order."""
     made, random = any_potential(), np.random.default_rng(3)
     angle, tension = random.uniform(made.low, made.high, (6, 4)), random.uniform(0, 3, (6, 2))
-    batch = made.derived(angle, tension)
+    batch = made.derivatives(angle, tension)
     for k in range(6):
-        for one, many in zip(made.derived_at(angle[k], tension[k]), batch, strict=True):
+        for one, many in zip(made.derivatives_at(angle[k], tension[k]), batch, strict=True):
             assert one == pytest.approx(many[k], rel=1e-12, abs=1e-16)
 
 
@@ -185,19 +194,19 @@ def test_one_state_is_as_in_a_batch():
 def test_rates_of_all_angles_against_differences(seed):
     """Bodies turned and moved as no hinges allow, abduction's two hinges among them."""
     finger = load_case("network_edc").finger
-    assert isinstance(finger, IndexFinger)
+    assert isinstance(finger, IndexFingerConfig)
     model = finger_model(finger, Extensor())
     chain, step = chain_of(joints_of(model), BODIES), 1e-6
     bent = Motion(BODIES, *index_finger().pose({"MCP": 0.5, "PIP": 1.4, "DIP": 0.6}))
     twist = np.random.default_rng(seed).uniform(-0.3, 0.3, 24)
-    motion = bent.displaced(twist)
+    motion = bent.displace(twist)
     found = all_angles(chain, motion)
     flexion = angles(flexion_angles(model)[1:], motion)
     assert found.value[2:] == pytest.approx(flexion.value, abs=1e-13)
     assert found.rate[2:] == pytest.approx(flexion.rate, abs=1e-13)
     for k in range(24):
         ahead, behind = (
-            all_angles(chain, motion.displaced(sign * step * np.eye(24)[k])) for sign in (1, -1)
+            all_angles(chain, motion.displace(sign * step * np.eye(24)[k])) for sign in (1, -1)
         )
         rate = (ahead.value - behind.value) / 2 / step
         assert found.rate[:, k] == pytest.approx(rate, abs=1e-8)
@@ -214,8 +223,8 @@ POSTURES = (
 
 def test_the_hood_keeps_the_ports_promises():
     finger = load_case("network_edc").finger
-    assert isinstance(finger, IndexFinger)
-    hood = reduced_hood(any_potential(), finger_model(finger, Extensor()), BODIES)
+    assert isinstance(finger, IndexFingerConfig)
+    hood = build_reduced_hood(any_potential(), finger_model(finger, Extensor()), BODIES)
     motions = [Motion(BODIES, *index_finger().pose(posture)) for posture in POSTURES]
     tension = np.array([2.0, 1.5])
     conformance.check_shapes(hood, motions, tension)
@@ -230,17 +239,17 @@ def test_the_hood_keeps_the_ports_promises():
 def test_every_joint_is_felt_with_its_own_torque():
     """Behind the port the joint torques, abduction's too, are the potential's derivatives."""
     case = load_case("network_edc")
-    assert isinstance(case.finger, IndexFinger)
+    assert isinstance(case.finger, IndexFingerConfig)
     made, models = any_potential(), build(case)
-    hood = reduced_hood(made, finger_model(case.finger, Extensor()), BODIES)
+    hood = build_reduced_hood(made, finger_model(case.finger, Extensor()), BODIES)
     angle, tension = np.array([0.4, 0.12, 0.7, 0.3]), np.array([2.0, 1.5])
     at = models.finger.start(dict(zip(models.finger.joints, angle, strict=True)))
     answer = hood.advance(
         hood.start(models.finger.motion(at)), models.finger.motion(at), tension, 1.0
     )
     torque = models.finger.jacobian(at).T @ answer.load.total().ravel()
-    assert torque == pytest.approx(made.derived(angle, tension).torque, rel=1e-9)
-    assert answer.excursion == pytest.approx(made.derived(angle, tension).excursion, rel=1e-9)
+    assert torque == pytest.approx(made.derivatives(angle, tension).torque, rel=1e-9)
+    assert answer.excursion == pytest.approx(made.derivatives(angle, tension).excursion, rel=1e-9)
     assert hood.slip_forces(answer.state)["terminal"] == pytest.approx(max(0.0, -300 * torque[3]))
 
 
@@ -250,8 +259,8 @@ def test_outside_of_the_box_there_is_no_answer():
     assert "PIP at 90 deg" in made.outside(np.array([0, 0, np.pi / 2, 0]), made.most)
     assert "LUM at 5 N" in made.outside(made.high, np.array([1.0, 5.0]))
     finger = load_case("network_edc").finger
-    assert isinstance(finger, IndexFinger)
-    hood = reduced_hood(made, finger_model(finger, Extensor()), BODIES)
+    assert isinstance(finger, IndexFingerConfig)
+    hood = build_reduced_hood(made, finger_model(finger, Extensor()), BODIES)
     bent = Motion(BODIES, *index_finger().pose({"PIP": 1.5}))
     with pytest.raises(ConvergenceError, match=r"PIP at 85\.94 deg"):
         hood.advance(hood.start(bent), bent, np.ones(2), STATIC)
@@ -263,11 +272,11 @@ def test_outside_of_the_box_there_is_no_answer():
 
 def test_too_few_samples_are_refused():
     with pytest.raises(InputError, match="too few"):
-        fitted(stacked(samples()[:3]), JOINTS, MUSCLES)
+        fit_potential(stack(samples()[:3]), JOINTS, MUSCLES)
 
 
 def test_rows_in_parts_are_the_rows_at_once(monkeypatch):
     monkeypatch.setattr("rigid.hoods.reduced_fit.AT_ONCE", 37)
-    parted, held = reduced(fitted_to(), JOINTS, MUSCLES, STRAIGHT), held_out()
+    parted, held = reduce_hood(fitted_to(), JOINTS, MUSCLES, STRAIGHT), held_out()
     torque = parted.torques(held.angle, held.tension)
     assert torque == pytest.approx(held.torque, rel=1e-8, abs=1e-10)

@@ -52,7 +52,7 @@ def index(law: JointLaw, support: Support = HELD, gravity: float = 0.0) -> Mujoc
 
 
 def springy(damping: float = 0.6) -> JointLaw:
-    return joint_law(JOINTS, STIFF, POSTURE, limit_damping=damping).held_about(POSTURE)
+    return joint_law(JOINTS, STIFF, POSTURE, limit_damping=damping).hold_about(POSTURE)
 
 
 def run(

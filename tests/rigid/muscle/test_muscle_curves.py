@@ -11,15 +11,15 @@ from cosim.errors import InputError
 from rigid.muscle import curves
 from rigid.muscle.curves import Curve, Knot
 from rigid.muscle.newton import NotConverged, increasing_root
-from rigid.muscle.parameters import DAMPED, damped_curves, undamped_curves
+from rigid.muscle.parameters import DAMPED, curves_with_damping, curves_without_damping
 from rigid.muscle.table import CurveTable
 
 ALL = {
     "active": DAMPED.active,
-    "active above 0.1": undamped_curves().active,
+    "active above 0.1": curves_without_damping().active,
     "passive": DAMPED.passive,
     "velocity": DAMPED.velocity,
-    "velocity with slopes": undamped_curves().velocity,
+    "velocity with slopes": curves_without_damping().velocity,
     "tendon": DAMPED.tendon,
     "soft tendon": curves.tendon_force_length(0.1, 15.0, 0.5, 0.8),
 }
@@ -85,7 +85,7 @@ def test_active_curve_is_greatest_at_optimal_length_and_shares_its_tails() -> No
     assert y.min() == 0.0
     assert y.max() == pytest.approx(1.0, abs=1e-9)
     assert x[np.argmax(y)] == pytest.approx(1.0, abs=1e-3)
-    raised = undamped_curves().active.value(np.array([0.2, 1.0, 1.9]))
+    raised = curves_without_damping().active.value(np.array([0.2, 1.0, 1.9]))
     assert raised == pytest.approx([0.1, 1.0, 0.1], abs=1e-12)
 
 
@@ -98,7 +98,7 @@ def test_published_stiffness_defaults() -> None:
 
 
 def test_the_undamped_force_velocity_curve_has_half_its_near_slopes_at_its_ends() -> None:
-    assert undamped_curves().velocity.end_slopes == pytest.approx([0.25 / 2, 0.15 / 2])
+    assert curves_without_damping().velocity.end_slopes == pytest.approx([0.25 / 2, 0.15 / 2])
     assert DAMPED.velocity.end_slopes.tolist() == [0.0, 0.0]
 
 
@@ -146,7 +146,7 @@ def test_table_holds_what_it_says() -> None:
 
 
 def test_table_stays_straight_far_away() -> None:
-    table = damped_curves().table
+    table = curves_with_damping().table
     far = np.full((4, 1), 1e4)
     values, slopes = table(far)
     assert values[3] == pytest.approx(1.0 + 1.375 / 0.049 * (1e4 - 1.049), rel=1e-12)

@@ -15,20 +15,20 @@ from cosim.errors import ConvergenceError, InputError
 from rigid.muscle import millard, newton
 from rigid.muscle.dynamics import (
     MuscleState,
-    activated,
     activation_rate,
+    advance_activation,
     at_rest,
     fibre_velocity,
     rigid_force,
     step,
 )
 from rigid.muscle.millard import equilibrium, path_length
-from rigid.muscle.parameters import DAMPED, Muscles, undamped_curves
+from rigid.muscle.parameters import DAMPED, Muscles, curves_without_damping
 from rigid.verification.index_muscles import index_muscles
 
 INDEX = index_muscles()
 RIGID = index_muscles(rigid_tendon=True)
-UNDAMPED = replace(INDEX, damping=0.0, curves=undamped_curves())
+UNDAMPED = replace(INDEX, damping=0.0, curves=curves_without_damping())
 PATH = path_length(INDEX, 1.0, 0.1)
 levels = st.floats(0.01, 1.0)
 
@@ -70,7 +70,7 @@ def test_deactivation_follows_its_closed_form_to_second_order() -> None:
     for n in (20, 40):
         a = np.ones(8)
         for _ in range(n):
-            a = activated(muscles, a, np.zeros(8), 0.1 / n)
+            a = advance_activation(muscles, a, np.zeros(8), 0.1 / n)
         errors.append(abs(a[0] - exact))
     assert errors[1] < 5e-5
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.15)
@@ -78,7 +78,7 @@ def test_deactivation_follows_its_closed_form_to_second_order() -> None:
 
 @given(levels, levels, st.floats(1e-6, 10.0))
 def test_activation_never_passes_the_excitation(a: float, u: float, dt: float) -> None:
-    after = activated(INDEX, np.full(8, a), np.full(8, u), dt)
+    after = advance_activation(INDEX, np.full(8, a), np.full(8, u), dt)
     assert (min(a, u) - 1e-15 <= after).all()
     assert (after <= max(a, u) + 1e-15).all()
 

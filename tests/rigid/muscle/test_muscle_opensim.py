@@ -11,7 +11,7 @@ from rigid.muscle import curves
 from rigid.muscle.curves import Curve
 from rigid.muscle.dynamics import activation_rate, fibre_velocity, rigid_force
 from rigid.muscle.millard import equilibrium
-from rigid.muscle.parameters import DAMPED, Muscles, undamped_curves
+from rigid.muscle.parameters import DAMPED, Muscles, curves_without_damping
 from rigid.verification import opensim_reference as reference
 from rigid.verification.index_muscles import index_muscles
 
@@ -19,7 +19,7 @@ opensim = pytest.importorskip("opensim")
 pytestmark = pytest.mark.opensim
 
 INDEX = index_muscles()
-UNDAMPED = replace(INDEX, damping=0.0, curves=undamped_curves())
+UNDAMPED = replace(INDEX, damping=0.0, curves=curves_without_damping())
 PAIRS = {
     "ActiveForceLengthCurve": (curves.active_force_length(minimum=0.1), (0.2, 2.1)),
     "FiberForceLengthCurve": (DAMPED.passive, (0.5, 2.5)),

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 from cosim.commands.opensim import import_model
 from rigid.opensim.osim import write_import
-from rigid.verification.osim_rows import at_postures, rows, shipped
+from rigid.verification.osim_rows import at_postures, rows, shipped_models
 from tests.helpers.osim_files import (
     PLAIN,
     axis,
@@ -69,7 +69,7 @@ def test_the_finger_that_opensim_wrote_has_opensims_lengths_arms_and_masses() ->
 
 
 def test_the_rows_notice_a_point_that_is_a_hundredth_of_a_micrometre_off() -> None:
-    finger, told = shipped()
+    finger, told = shipped_models()
     old = '"FDP-2" pos="0.011000000000000001'
     assert f"name={old}" in finger.xml
     moved_point = finger.xml.replace(old, '"FDP-2" pos="0.01100001')
@@ -215,7 +215,7 @@ def test_an_actuator_pulls_its_tendon_with_its_control_in_newtons(tmp_path: Path
 
 
 def test_what_it_writes_can_be_read_again(tmp_path: Path) -> None:
-    finger, _ = shipped()
+    finger, _ = shipped_models()
     xml, beside, losses = write_import(finger, tmp_path / "finger.xml")
     assert mujoco.MjModel.from_xml_path(str(xml)).nu == len(finger.muscles) == 8
     data = json.loads(beside.read_text())

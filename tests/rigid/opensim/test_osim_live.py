@@ -11,7 +11,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from rigid.opensim.osim import import_osim
-from rigid.verification.osim_rows import at_postures, shipped
+from rigid.verification.osim_rows import at_postures, shipped_models
 
 F_PLACE, F_TURN = (0.1, -0.2, 0.3), (0.4, -0.3, 0.2)
 M_PLACE, M_TURN = (-0.05, 0.02, 0.07), (0.3, 0.5, -0.2)
@@ -40,7 +40,7 @@ def test_the_finger_written_and_measured_by_opensim_now(
     assert_allclose(ours.lengths[:, free], np.array(told["lengths"])[:, free], atol=1e-9, rtol=0)
     assert_allclose(ours.arms[:, free], arms[:, free], atol=1e-9, rtol=0)
     assert_allclose(ours.masses, told["mass_matrices"], rtol=1e-9, atol=1e-15)
-    _, committed = shipped()
+    _, committed = shipped_models()
     assert_allclose(arms, committed.arms, atol=1e-9, rtol=0)
 
 

@@ -11,7 +11,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from cosim.errors import InputError
-from rigid.verification.osim_rows import shipped
+from rigid.verification.osim_rows import shipped_models
 from tests.helpers.osim_files import (
     PIN,
     PLAIN,
@@ -59,7 +59,7 @@ def test_what_a_file_says_without_effect_is_no_loss(tmp_path: Path) -> None:
 
 
 def test_the_finger_loses_what_it_must_and_no_more() -> None:
-    finger, _ = shipped()
+    finger, _ = shipped_models()
     lost = [
         (loss.what, loss.place.rpartition(" > ")[2]) for loss in finger.losses if not loss.drawn
     ]

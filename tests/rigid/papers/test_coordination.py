@@ -12,15 +12,15 @@ from cosim.errors import ConvergenceError
 from rigid.hoods.two_band import TABLE_1, Entry, coupled_dip, excursions, two_band
 from rigid.papers.buchner1988.coordination import (
     Loop,
-    asked_torque,
     band_torque,
     beside_the_line,
     crossing,
     deviation,
     differences,
-    flexed,
+    flex,
     reference,
-    shared,
+    required_torque,
+    share_forces,
 )
 from rigid.papers.buchner1988.coordination_findings import doubts, feasible, findings, flexion
 from rigid.papers.buchner1988.flexion import DURATION, FULL
@@ -41,7 +41,7 @@ def test_muscles_and_bands_make_the_motion_whatever_the_programme(programme):
         angle, rate = f.motion.angle[k], f.motion.rate[k]
         made = network.direct.at(angle) @ forces.muscles[k]
         made = made + network.connecting.at(angle) @ forces.bands[k]
-        felt = asked_torque(f.loop, time, angle, rate) + band_torque(f.loop, angle)
+        felt = required_torque(f.loop, time, angle, rate) + band_torque(f.loop, angle)
         assert made == pytest.approx(felt, abs=1e-10)
     assert forces.bands.sum(axis=1) == pytest.approx(forces.muscles[:, 0], abs=1e-9)
     assert min(forces.bands.min(), forces.muscles.min()) > -1e-9
@@ -53,7 +53,7 @@ def test_the_torque_asked_for_makes_the_feedback_s_acceleration():
     for time in (0.1, 0.6):
         angle, rate = rng.normal(size=(2, 3))
         q, v, a = reference(np.array(time))
-        torque = asked_torque(loop, time, angle, rate)
+        torque = required_torque(loop, time, angle, rate)
         made = loop.chain.acceleration(angle, rate, torque, np.zeros(2))
         assert made == pytest.approx(a + 14.0 * (v - rate) + 49.0 * (q - angle), rel=1e-9)
 
@@ -90,14 +90,14 @@ def test_the_reference_is_a_line_to_the_papers_end():
 
 def test_stiffer_bands_hold_the_parabola_and_feedback_the_line():
     off = {
-        (w, K): deviation(Loop(w, K), flexed(Loop(w, K), 51)).curve
+        (w, K): deviation(Loop(w, K), flex(Loop(w, K), 51)).curve
         for w, K in ((10.0, 50.0), (10.0, 500.0), (20.0, 500.0))
     }
     assert off[10.0, 500.0] < 0.5
     assert off[10.0, 50.0] == pytest.approx(9.0 * off[10.0, 500.0], rel=0.1)
     assert off[20.0, 500.0] > 2 * off[10.0, 500.0]
     literal = Loop(bands_answer=False)
-    assert np.abs(beside_the_line(flexed(literal, 11))).max() < 1e-9
+    assert np.abs(beside_the_line(flex(literal, 11))).max() < 1e-9
 
 
 def test_the_papers_numbers():
@@ -122,7 +122,7 @@ def test_a_band_that_would_push_is_refused():
     loop = Loop(elasticity=50000.0)
     motion = replace(found().motion, angle=found().motion.reference)
     with pytest.raises(ConvergenceError, match="a band would have to push"):
-        shared(loop, motion, "linear")
+        share_forces(loop, motion, "linear")
 
 
 def test_excursions_are_the_table_s():

@@ -17,7 +17,7 @@ from rigid.hoods.two_band import coupled_dip, two_band
 from rigid.papers.buchner1988.flexion import DURATION, FULL, cosine, on_the_curve, quintic, torques
 from rigid.papers.buchner1988.force_sharing import linear, quadratic
 from rigid.papers.networks.human_network import MUSCLES, human_finger
-from rigid.papers.networks.point_contact import best_share, distal_torque, settled, tip_jacobian
+from rigid.papers.networks.point_contact import best_share, distal_torque, settle, tip_jacobian
 from rigid.verification.hood_table import STUDIES
 
 EQUAL = np.ones(5)
@@ -151,7 +151,7 @@ def test_the_jacobian_of_the_tip_is_the_hinge_fingers():
     step = 1e-6
     for j in range(3):
         moves = [
-            finger.tip(finger.displaced(state, s * step * np.eye(len(finger.unknowns(state)))[j]))
+            finger.tip(finger.displace(state, s * step * np.eye(len(finger.unknowns(state)))[j]))
             for s in (1, -1)
         ]
         slope = (moves[0] - moves[1])[[0, 2]] / (2 * step)
@@ -161,7 +161,7 @@ def test_the_jacobian_of_the_tip_is_the_hinge_fingers():
 def test_a_settled_finger_keeps_its_tip_and_leaves_the_distal_phalanx_alone():
     network, start = human_finger(), np.array([0.4, 0.8, 0.3])
     force = np.where(np.array(MUSCLES) == "EDC", 10.0, 0.0)
-    angle = settled(BUCHNER.length, network, force, start, 50.0)
+    angle = settle(BUCHNER.length, network, force, start, 50.0)
     tips = [
         (BUCHNER.length * np.stack([np.cos(f), np.sin(f)])).sum(axis=1)
         for f in (np.cumsum(start), np.cumsum(angle))
@@ -172,7 +172,7 @@ def test_a_settled_finger_keeps_its_tip_and_leaves_the_distal_phalanx_alone():
         0, abs=1e-9
     )
     with pytest.raises(ConvergenceError, match="did not settle within 1e-06 s"):
-        settled(BUCHNER.length, network, force, start, 1e-6)
+        settle(BUCHNER.length, network, force, start, 1e-6)
 
 
 def test_the_best_share():

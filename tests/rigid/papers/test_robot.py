@@ -15,8 +15,8 @@ from rigid.fingers.robot_tables import JOINTS, LENGTHS, LONG, MASSES, SHORT, TAB
 from rigid.model import Cylinder, Sphere, Strand, Tendon, Via
 from rigid.mujoco.finger import MujocoFinger
 from rigid.papers.xu2012 import checks, excursions, paths
-from rigid.papers.xu2012.calibration import Seen, Spread, calibrated
-from rigid.papers.xu2012.pose import Markers, cubic_minimum, estimated
+from rigid.papers.xu2012.calibration import Seen, Spread, calibrate
+from rigid.papers.xu2012.pose import Markers, cubic_minimum, estimate
 from rigid.papers.xu2012.tracking import MARKERS, poses
 
 POSE = np.radians([30.0, 10.0, 45.0, 20.0])
@@ -72,9 +72,9 @@ def test_way_over_a_cylinder_is_its_tangents_and_arc() -> None:
     over = Cylinder("", (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 3.0, (0.0, 0.0, 9.0))
     start, end = np.array([-5.0, 0.0, 0.0]), np.array([5.0, 2.0, 0.0])
     flat = 2 * 4.0 + 3.0 * (np.pi - 2 * np.arccos(3 / 5))
-    assert paths.wrapped_length(start, end, over, pose) == pytest.approx(np.hypot(flat, 2.0))
+    assert paths.wrap_length(start, end, over, pose) == pytest.approx(np.hypot(flat, 2.0))
     above = np.array([0.0, 0.0, 4.0])
-    far = paths.wrapped_length(start + above, end + above, over, pose)
+    far = paths.wrap_length(start + above, end + above, over, pose)
     assert far == pytest.approx(np.hypot(10.0, 2.0))
 
 
@@ -88,10 +88,10 @@ def test_way_over_a_sphere_is_its_tangents_and_the_great_circle_between() -> Non
     start, end = (np.array(over.centre) + ends @ turn) @ turn.T + pose[1]
     arc = 3.0 * (apart - np.arccos(3 / 5) - np.arccos(3 / 13))
     wanted = 4.0 + arc + np.sqrt(13**2 - 3**2)
-    assert paths.wrapped_length(start, end, over, pose) == pytest.approx(wanted)
+    assert paths.wrap_length(start, end, over, pose) == pytest.approx(wanted)
     small = Sphere("", over.centre, 0.5)
     straight = float(np.linalg.norm(end - start))
-    assert paths.wrapped_length(start, end, small, pose) == pytest.approx(straight)
+    assert paths.wrap_length(start, end, small, pose) == pytest.approx(straight)
 
 
 def test_arms_over_the_head_are_its_radius_times_the_normal_of_the_plane() -> None:
@@ -145,7 +145,7 @@ def test_markers_give_the_pose_back(five: MujocoFinger) -> None:
     for markers in (MARKERS, excursions.MEANT):
         for angle in poses(10):
             seen = markers.at(five, angle)[0]
-            found = estimated(five, markers, seen, excursions.START)
+            found = estimate(five, markers, seen, excursions.START)
             np.testing.assert_allclose(found.angle, angle, atol=1e-5)
             assert found.residual < 1e-6
 
@@ -160,7 +160,7 @@ def test_markers_that_move_have_their_jacobian(five: MujocoFinger) -> None:
 def test_markers_that_lie_elsewhere_are_the_least_off(five: MujocoFinger) -> None:
     rng = np.random.default_rng(1)
     seen = MARKERS.at(five, POSE)[0] + rng.normal(0.0, 0.003, (3, 3))
-    found = estimated(five, MARKERS, seen, POSE)
+    found = estimate(five, MARKERS, seen, POSE)
     off = (MARKERS.at(five, found.angle)[0] - seen).ravel()
     gradient = MARKERS.at(five, found.angle)[1].reshape(9, 4).T @ off
     assert np.abs(gradient).max() < 2e-3 * 0.05 * np.linalg.norm(off)
@@ -177,9 +177,9 @@ def test_places_of_markers_come_back_without_noise(five: MujocoFinger) -> None:
     )
     spread = Spread(1e-3, np.full(5, 1e-3), np.array([True, True, True, True, False]))
     start = np.array(
-        [estimated(five, excursions.MEANT, x, excursions.START).angle for x in seen.marker]
+        [estimate(five, excursions.MEANT, x, excursions.START).angle for x in seen.marker]
     )
-    found = calibrated(five, excursions.MEANT, seen, start, spread)
+    found = calibrate(five, excursions.MEANT, seen, start, spread)
     np.testing.assert_allclose(found.markers.place, moved.place, atol=1e-5)
     np.testing.assert_allclose(found.zero[:4], zero[:4], atol=1e-5)
     assert np.isnan(found.zero[4])
@@ -193,7 +193,7 @@ def test_one_pose_alone_does_not_tell_the_places(five: MujocoFinger) -> None:
         np.array([five.tendon_lengths(q) for q in angle]),
     )
     with pytest.raises(ConvergenceError, match="do not tell"):
-        calibrated(five, excursions.MEANT, seen, angle, Spread(1e-3, np.ones(5), np.zeros(5, bool)))
+        calibrate(five, excursions.MEANT, seen, angle, Spread(1e-3, np.ones(5), np.zeros(5, bool)))
 
 
 def test_stops_tell_the_places_where_excursions_hardly_do() -> None:

@@ -11,7 +11,7 @@ from cosim.port import Array
 from rigid.air.plant import ATMOSPHERE, GAMMA
 from rigid.papers.xu2012 import checks
 from rigid.papers.xu2012.actuators import PERIOD
-from rigid.papers.xu2012.air import Air, Driven, PressureLoop, identified
+from rigid.papers.xu2012.air import Air, Driven, PressureLoop, identify_air
 from rigid.papers.xu2012.control import AIR_GAINS
 from rigid.papers.xu2012.plant import STEP
 from rigid.papers.xu2012.tracking import poses
@@ -57,7 +57,7 @@ def test_the_loop_swings_where_it_forgets_what_is_on_its_way(air: Air) -> None:
     def swing(a: Air) -> Array:
         return np.asarray(np.ptp(stepped(a, WANTED, 60)[40:], axis=0))
 
-    hasty = replace(air, loop=PressureLoop(replace(identified(), lag=0)))
+    hasty = replace(air, loop=PressureLoop(replace(identify_air(), lag=0)))
     assert (swing(hasty) > 5 * swing(air)).all()
 
 

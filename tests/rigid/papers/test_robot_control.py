@@ -91,7 +91,7 @@ def test_integral_of_a_joint_waits_while_its_torque_is_out_of_reach(five: Mujoco
 
 
 def test_gains_are_tuned_for_their_pose() -> None:
-    found = checks.tuned(True, air=False)
+    found = checks.tune(True, air=False)
     assert not any(s.unstable for s in found.steps)
     assert max(s.error for s in found.steps) < np.radians(0.3)
     assert found.gains.i > found.gains.p
@@ -133,7 +133,7 @@ def test_pulls_span_a_plane_when_they_surround_its_origin() -> None:
 
 
 def test_second_extensor_lets_weaker_forces_hold_the_finger() -> None:
-    five, six = checks.reached(False), checks.reached(True)
+    five, six = checks.reach_targets(False), checks.reach_targets(True)
     assert np.median(five.flatness) < 0.1
     assert six.hold.max() < 0.5 * five.hold.max()
     assert six.joints.all()

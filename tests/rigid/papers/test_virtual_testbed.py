@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cosim.errors import ConvergenceError
-from rigid.papers.networks.point_contact import settled
+from rigid.papers.networks.point_contact import settle
 from rigid.papers.networks.robotic_finger import LENGTH, robotic_finger
 from rigid.papers.networks.testbed_runs import (
     ELSEWHERE,
@@ -20,16 +20,16 @@ from rigid.papers.networks.testbed_runs import (
     hysteresis,
     virtual_bed,
 )
-from rigid.papers.networks.testbed_study import errors, kept_to_curve, trials
-from rigid.papers.networks.virtual_testbed import Course, held, simulate
+from rigid.papers.networks.testbed_study import errors, keep_to_curve, trials
+from rigid.papers.networks.virtual_testbed import Course, hold_posture, simulate
 
 PULL = np.array([1.0, 1.0, 5.0, 4.0])
 
 
 def test_without_friction_it_settles_as_the_point_contact():
     bed = virtual_bed(0.0, 0.0)
-    record = simulate(bed, POSTURE, held(np.tile(PULL, (1, 60, 1)), STEP, 1e7))
-    known = settled(LENGTH, robotic_finger(), PULL, POSTURE, 100.0)
+    record = simulate(bed, POSTURE, hold_posture(np.tile(PULL, (1, 60, 1)), STEP, 1e7))
+    known = settle(LENGTH, robotic_finger(), PULL, POSTURE, 100.0)
     assert record.angle[0, -1] == pytest.approx(known, abs=2e-5)
     tension = robotic_finger().solve(known, PULL)[1]
     assert record.tension[0, -1] == pytest.approx(tension, abs=5e-3)
@@ -68,21 +68,21 @@ def test_disturbances_leave_nothing_without_friction_and_half_a_newton_with_it()
 def test_what_sticks_does_not_creep():
     force = np.tile(PULL, (1, 120, 1))
     force[0, :20] *= np.linspace(0.2, 1.0, 20)[:, None]
-    record = simulate(virtual_bed(), POSTURE, held(force, STEP, TIP_STIFFNESS))
+    record = simulate(virtual_bed(), POSTURE, hold_posture(force, STEP, TIP_STIFFNESS))
     assert record.tip_force[0, 40] == pytest.approx(record.tip_force[0, -1], abs=2e-3)
 
 
 def test_runs_side_by_side_are_the_runs_alone():
     force = np.stack([np.tile(PULL, (15, 1)), np.tile(0.5 * PULL, (15, 1))])
-    both = simulate(virtual_bed(), POSTURE, held(force, STEP, TIP_STIFFNESS))
+    both = simulate(virtual_bed(), POSTURE, hold_posture(force, STEP, TIP_STIFFNESS))
     for k in range(2):
-        alone = simulate(virtual_bed(), POSTURE, held(force[[k]], STEP, TIP_STIFFNESS))
+        alone = simulate(virtual_bed(), POSTURE, hold_posture(force[[k]], STEP, TIP_STIFFNESS))
         assert both.tip_force[k] == pytest.approx(alone.tip_force[0], abs=1e-6)
 
 
 def test_a_finger_that_cannot_be_held_is_told():
     force = np.tile([0.2, 0.2, 5.0, 5.0], (1, 3, 1))
-    course = held(force, STEP, TIP_STIFFNESS)
+    course = hold_posture(force, STEP, TIP_STIFFNESS)
     with pytest.raises(ConvergenceError, match="virtual testbed: step"):
         simulate(virtual_bed(), POSTURE, course._replace(force=np.full_like(force, np.nan)))
 
@@ -99,9 +99,9 @@ def test_the_interconnected_model_beats_the_static_one():
 
 def test_a_finger_that_leaves_the_coupling_curve_is_seen():
     both = trials(2)
-    assert kept_to_curve(both).all()
+    assert keep_to_curve(both).all()
     angle = both[1].circle.measured.angle.copy()
     angle[60, 1] += np.radians(15.0)
     circle = both[1].circle
     away = replace(circle, measured=circle.measured._replace(angle=angle))
-    assert kept_to_curve((both[0], both[1]._replace(circle=away))).tolist() == [True, False]
+    assert keep_to_curve((both[0], both[1]._replace(circle=away))).tolist() == [True, False]

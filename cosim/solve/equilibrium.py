@@ -11,7 +11,7 @@ from cosim.errors import Progress
 from cosim.port import PairState, Tensions
 
 
-def agree(
+def solve_equilibrium(
     case: Case, models: Models, start: PairState, tensions: Tensions, progress: Progress
 ) -> Equilibrium:
     """The equilibrium from the states `start`, under tensions in N.  Raises ConvergenceError."""
