@@ -45,7 +45,7 @@ except InterruptedError:
 import numpy as np
 import cosim.fmu_export.run as door
 seen = []
-class Bare(door.Run):
+class Bare(door.UnitRun):
     part = type("", (), {"step": lambda *_: (seen.extend(threads()), {})})()
     quantities, _state, _values = (), None, np.zeros(0)
     def __init__(self):

@@ -57,7 +57,7 @@ def test_a_run_saved_and_opened_is_the_same(tmp_path):
     assert type(again) is cosim.Result
     assert again.tip_force == result.tip_force
     assert again.summary == result.summary
-    assert again.stated == result.stated
+    assert again.case_table == result.case_table
     assert again.audit.passed
     assert again.audit.bounds == result.audit.bounds
     assert len(repr(again)) < 200

@@ -6,7 +6,6 @@ from base64 import b64encode
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
-from importlib.resources import files
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,6 +14,7 @@ import pandas as pd
 
 from cosim.errors import InputError, Progress
 from cosim.files import folder_written_whole
+from cosim.report.templates import own_file, template
 from cosim.version import __version__
 
 if TYPE_CHECKING:
@@ -159,17 +159,11 @@ def _kind(column: pd.Series) -> str:
 def _page(
     page: FigurePage, studies: Sequence[FigureStudy], shown: Sequence[dict[str, object]]
 ) -> str:
-    from jinja2 import Environment, PackageLoader
-
-    style = (files("cosim.report") / "page.css").read_text(encoding="utf-8")
-    templates = Environment(
-        loader=PackageLoader("cosim.report", ""), autoescape=True, trim_blocks=True
-    )
     whole = len(studies) == len(page.studies)
-    return templates.get_template("figures.html.j2").render(
+    return template("cosim.report", "figures.html.j2").render(
         page=page,
         shown=shown,
-        style=style,
+        style=own_file("page.css"),
         version=__version__,
         command=page.command + ("" if whole else "".join(f" --only {s.name}" for s in studies)),
         left_out=[s for s in page.studies if s not in studies],

@@ -10,9 +10,10 @@ import numpy as np
 
 from cosim.port import Array
 from cosim.report import drawings, words
-from cosim.report.page import colours, own_file, templates
+from cosim.report.page import cell, colours
 from cosim.report.strengths import insertion_forces, strength_of
 from cosim.report.tables import Cell, ReportTable, key_quantities
+from cosim.report.templates import own_file, template
 from cosim.report.views import BoneSurface, Sheet, SheetField, View, limits, view_of
 from cosim.results.compare import number, unit_of, value_of
 from cosim.results.result import Result
@@ -142,23 +143,20 @@ def lesion_page(
     seen = [(pair, view_of(pair.before), view_of(pair.after)) for pair in pairs]
     arrows = [arrow for pair in pairs if pair.tip == "held" for arrow in _arrows(pair)]
     maps, bar = _maps(seen, marked)
-    return (
-        templates()
-        .get_template("lesion.html.j2")
-        .render(
-            title=title,
-            lesion=lesion,
-            pairs=pairs,
-            changes=lesion_sentences(pairs),
-            tables=tables_of_lesion(pairs),
-            question=words.question(pairs[0].after),
-            postures=[(p, postures(a, b)) for p, a, b in seen if a.bones and b.bones],
-            maps=maps,
-            bar=bar,
-            arrows=arrows,
-            plane=drawings.sagittal(arrows) if arrows else "",
-            style=own_file("page.css"),
-        )
+    return template("cosim.report", "lesion.html.j2", {"cell": cell}).render(
+        words=words,
+        title=title,
+        lesion=lesion,
+        pairs=pairs,
+        changes=lesion_sentences(pairs),
+        tables=tables_of_lesion(pairs),
+        question=words.question(pairs[0].after),
+        postures=[(p, postures(a, b)) for p, a, b in seen if a.bones and b.bones],
+        maps=maps,
+        bar=bar,
+        arrows=arrows,
+        plane=drawings.sagittal(arrows) if arrows else "",
+        style=own_file("page.css"),
     )
 
 

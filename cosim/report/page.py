@@ -7,21 +7,18 @@ import io
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib.resources import files
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from cosim.errors import InputError
 from cosim.report import drawings, words
 from cosim.report.tables import SAGITTAL, SUM, Cell, ReportTable, last_ledger, last_state
+from cosim.report.templates import own_file, template
 from cosim.report.views import View, difference_view, floats, limits, pack_views, view_of
 from cosim.results.compare import number
 from cosim.results.looks import look
 from cosim.results.result import Result
-
-if TYPE_CHECKING:
-    from jinja2 import Environment
 
 MOST_BYTES = 8_000_000
 MOST_MOMENTS = 400
@@ -51,33 +48,31 @@ def page(runs: Sequence[Result], against: Result | None, tables: Sequence[Report
     views, scales = _views(runs, against)
     arrows = drawings.arrows_of(every)
     histories = _histories(every)
-    text = (
-        templates()
-        .get_template("page.html.j2")
-        .render(
-            runs=runs,
-            every=every,
-            against=against,
-            tables={table.key: table for table in tables},
-            views=views,
-            pictures=[(run, name, _picture(run, name)) for run in every for name in PICTURES],
-            arrows=arrows,
-            plane=drawings.sagittal(arrows) if arrows else "",
-            bars={run.name: _bars(run) for run in every},
-            last_state=last_state,
-            cases=[(run, _link(run)) for run in every],
-            data=script_of(
-                {
-                    **pack_views(views, scales),
-                    "colours": colours(),
-                    "history": histories,
-                    "looks": _line_looks(histories),
-                }
-            ),
-            style=own_file("page.css"),
-            script=own_file("page.js"),
-            plotly=get_plotlyjs(),
-        )
+    text = template("cosim.report", filters={"cell": cell, "spoken": name_in_words}).render(
+        words=words,
+        drawings=drawings,
+        runs=runs,
+        every=every,
+        against=against,
+        tables={table.key: table for table in tables},
+        views=views,
+        pictures=[(run, name, _picture(run, name)) for run in every for name in PICTURES],
+        arrows=arrows,
+        plane=drawings.sagittal(arrows) if arrows else "",
+        bars={run.name: _bars(run) for run in every},
+        last_state=last_state,
+        cases=[(run, _link(run)) for run in every],
+        data=script_of(
+            {
+                **pack_views(views, scales),
+                "colours": colours(),
+                "history": histories,
+                "looks": _line_looks(histories),
+            }
+        ),
+        style=own_file("page.css"),
+        script=own_file("page.js"),
+        plotly=get_plotlyjs(),
     )
     size = len(text.encode("utf-8"))
     if size > MOST_BYTES:
@@ -88,26 +83,7 @@ def page(runs: Sequence[Result], against: Result | None, tables: Sequence[Report
     return text
 
 
-def templates() -> Environment:
-    """The reports' templates, with what they call."""
-    from jinja2 import Environment, PackageLoader, select_autoescape
-
-    out = Environment(
-        loader=PackageLoader("cosim.report", ""),
-        autoescape=select_autoescape(["j2"], default=True),
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    out.globals = {**out.globals, "words": words, "drawings": drawings}
-    out.filters |= {"cell": cell, "spoken": name_in_words}
-    return out
-
-
 PICTURES = ("picture",)
-
-
-def own_file(name: str) -> str:
-    return files("cosim.report").joinpath(name).read_text(encoding="utf-8")
 
 
 def _views(runs: Sequence[Result], against: Result | None) -> tuple[list[View], list[Any]]:

@@ -37,7 +37,7 @@ PULLS = {"activation", "tension", "excursion", "course"}
 
 def question(run: Result) -> list[tuple[str, str]]:
     """What was asked, from the case: heading and words."""
-    finger, hood = _table(run.case_as_table, "finger"), _table(run.case_as_table, "hood")
+    finger, hood = _table(run.case_table, "finger"), _table(run.case_table, "hood")
     tip = str(_table(finger, "tip").get("kind", "free"))
     posture = ", ".join(
         f"{joint.replace('_', ' ')} {angle}" for joint, angle in _table(finger, "posture").items()
@@ -51,10 +51,10 @@ def question(run: Result) -> list[tuple[str, str]]:
         ("Fingertip", TIPS.get(tip, tip)),
         ("Pulled", tendon_pulls(run) or "no tendon beyond its resting tension"),
         ("Hood", _title(KINDS, kind) + sheet),
-        ("Lesion", _lesion(run.case_as_table)),
-        ("Hood and finger", _scheme(run.case_as_table, kind)),
-        ("Time", _time(run.case_as_table)),
-        ("Notes", str(run.case_as_table.get("notes", ""))),
+        ("Lesion", _lesion(run.case_table)),
+        ("Hood and finger", _scheme(run.case_table, kind)),
+        ("Time", _time(run.case_table)),
+        ("Notes", str(run.case_table.get("notes", ""))),
     ]
     return [(head, text) for head, text in facts if text]
 
@@ -64,23 +64,23 @@ def _title(kinds: Mapping[str, Any], kind: str) -> str:
     return str(kinds[kind].table.title) if kind in kinds else kind
 
 
-def _lesion(stated: Mapping[str, Any]) -> str:
-    lesion = _table(stated, "lesion")
+def _lesion(table: Mapping[str, Any]) -> str:
+    lesion = _table(table, "lesion")
     parts = [f"{name} cut" for name in lesion.get("cut", ())]
     parts += [f"{name} grown onto the bone" for name in lesion.get("adhere", ())]
     parts += [f"{name} {less} shorter" for name, less in _table(lesion, "shorten").items()]
     return ", ".join(parts).replace("_", " ")
 
 
-def _scheme(stated: Mapping[str, Any], hood: str) -> str:
+def _scheme(table: Mapping[str, Any], hood: str) -> str:
     if hood in KINDS and not KINDS[hood].table.is_coupled:
         return ""
-    scheme = str(_table(stated, "coupling").get("scheme", "linear"))
+    scheme = str(_table(table, "coupling").get("scheme", "linear"))
     return SCHEMES.get(scheme, scheme)
 
 
-def _time(stated: Mapping[str, Any]) -> str:
-    forward = _table(stated, "forward")
+def _time(table: Mapping[str, Any]) -> str:
+    forward = _table(table, "forward")
     if not forward:
         return "an equilibrium, at rest and loaded"
     return f"a motion of {forward.get('duration', '')} in steps of {forward.get('step', '')}"
@@ -91,15 +91,15 @@ def tendon_pulls(run: Result) -> str:
     tensions = run.summary.get("tension_N", {})
     named = [
         name
-        for name, tendon in _table(run.case_as_table, "tendons").items()
+        for name, tendon in _table(run.case_table, "tendons").items()
         if PULLS & set(tendon) and name in tensions
     ]
     said = ", ".join(f"{name} with {number(tensions[name])} N" for name in named)
     return f"{said} at the end" if said and run.axis == "time" else said
 
 
-def _table(stated: Mapping[str, Any], key: str) -> Mapping[str, Any]:
-    found = stated.get(key, {})
+def _table(table: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    found = table.get(key, {})
     return found if isinstance(found, Mapping) else {}
 
 

@@ -71,7 +71,7 @@ class CaseParts:
     """The case with every default written out, TOML."""
 
     @cached_property
-    def case_as_table(self) -> Mapping[str, Any]:
+    def case_table(self) -> Mapping[str, Any]:
         """The case as a table."""
         return tomllib.loads(self.case_text)
 
@@ -82,7 +82,7 @@ class CaseParts:
 
     @property
     def title(self) -> str:
-        return str(self.case_as_table.get("title", self.case))
+        return str(self.case_table.get("title", self.case))
 
     @property
     def axis(self) -> str:

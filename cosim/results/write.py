@@ -80,7 +80,7 @@ def _write_files(folder: Path, run: CaseParts) -> None:
     _write_ledger(folder / "ledger.csv", run.rows)
     if run.hood is not None:
         _write_hood(folder / "hood.vtu", run.hood)
-    if run.case_as_table.get("output", {}).get("picture", True):
+    if run.case_table.get("output", {}).get("picture", True):
         _draw(folder, run)
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from base64 import b64encode
 from collections.abc import Iterator
-from importlib.resources import files
 from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
+from cosim.report.templates import own_file, template
 from cosim.results.compare import Target, number, reference_text
 from cosim.study import plots as pictures
 from cosim.study.answers import Band, Indices
@@ -26,17 +26,11 @@ MOST_RUNS = 12
 
 def page(found: StudyResults, plan: Plan) -> str:
     """The whole page."""
-    from jinja2 import Environment, PackageLoader
-
-    environment = Environment(
-        loader=PackageLoader("cosim.study", ""), autoescape=True, trim_blocks=True
-    )
-    style = files("cosim.report").joinpath("page.css").read_text(encoding="utf-8")
     counts = found.table.status.value_counts().to_dict()
-    return environment.get_template("page.html.j2").render(
+    return template("cosim.study").render(
         study=found,
         plan=plan,
-        style=style,
+        style=own_file("page.css"),
         version=__version__,
         runs=len(found.table),
         converged=counts.get("converged", 0),

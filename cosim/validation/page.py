@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from cosim.files import written_whole
+from cosim.report.templates import template
 from cosim.results.compare import Comparison, Verdict, marks, misses_first, number, reference_text
 from cosim.validation import mesh as validation_mesh
 from cosim.validation.mesh import Change
@@ -26,11 +27,6 @@ SHAPES: dict[Verdict, str] = {
 def write_page(path: Path, boards: Sequence[Board], changes: Sequence[Change] = ()) -> None:
     """The page of the boards, and of what a finer mesh `changes`.  Raises InputError where the file
     cannot be written."""
-    from jinja2 import Environment, PackageLoader
-
-    page = Environment(
-        loader=PackageLoader("cosim.validation", ""), autoescape=True, trim_blocks=True
-    )
     shown = [
         {
             "group": board.group,
@@ -44,7 +40,7 @@ def write_page(path: Path, boards: Sequence[Board], changes: Sequence[Change] = 
         }
         for board in boards
     ]
-    text = page.get_template("page.html.j2").render(
+    text = template("cosim.validation").render(
         version=__version__,
         boards=shown,
         kinds=[

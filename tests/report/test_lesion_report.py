@@ -59,8 +59,8 @@ def test_the_page_shows_both_sides_and_their_difference(sheet):
             shown = [float(value) for value, _ in rows[f"{joint} angle"][2:]]
             angles = [run.summary["posture_deg"][joint] for run in runs]
             assert shown == pytest.approx([*angles, angles[1] - angles[0]], abs=1e-12)
-        assert "lesion" not in runs[0].stated
-        assert runs[1].stated["lesion"]["cut"] == ["lateral_band_ulnar"]
+        assert "lesion" not in runs[0].case_table
+        assert runs[1].case_table["lesion"]["cut"] == ["lateral_band_ulnar"]
         assert ("fingertip force, distal" in rows) == (tip == "held")
     assert "DIP angle" in said
     assert "nan" not in page.lower().replace("finance", "")
