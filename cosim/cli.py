@@ -9,7 +9,7 @@ from __future__ import annotations
 import sys
 from importlib import import_module
 from io import TextIOWrapper
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import typer
 from typer.core import TyperGroup
@@ -18,51 +18,162 @@ from typer.main import get_command
 from cosim.processes import prepare_process
 from cosim.version import __version__
 
+
+class Command(NamedTuple):
+    """A command: the function in `cosim.commands`, imported when it is first needed, its line in
+    the list of commands, and an example of its use."""
+
+    place: str
+    line: str
+    example: str
+
+
 COMMANDS = {
     "Run cases": {
-        "run": ("run.run", "Run cases; each leaves its results in a folder."),
-        "resume": ("run.resume", "Go on with a motion that was stopped or killed."),
-        "check": ("run.check", "Check cases and run nothing."),
-        "report": ("report.report", "Show runs, beside measured values, in one HTML page."),
-        "view": ("view.view", "Show a run's hood in a window."),
-        "lesion": ("lesion.lesion", "A case without its lesion and with it, side by side."),
-        "ladder": ("ladder.ladder", "A case with every hood, from a fixed split to a shell."),
-        "hood": ("hood.show_hood", "A hood over postures, beside literature."),
-        "moment-arms": ("finger.moment_arms", "Moment arms over each joint's range."),
+        "run": Command(
+            "run.run",
+            "Run cases; each leaves its results in a folder.",
+            "cosim run isometric_edc --set 'tendons.EDC.tension=\"5 N\"'",
+        ),
+        "resume": Command(
+            "run.resume",
+            "Go on with a motion that was stopped or killed.",
+            "cosim resume runs/motion_edc_fdp",
+        ),
+        "check": Command("run.check", "Check cases and run nothing.", "cosim check isometric_edc"),
+        "report": Command(
+            "report.report",
+            "Show runs, beside measured values, in one HTML page.",
+            "cosim report runs/isometric_edc -o edc.html",
+        ),
+        "view": Command(
+            "view.view", "Show a run's hood in a window.", "cosim view runs/isometric_edc"
+        ),
+        "lesion": Command(
+            "lesion.lesion",
+            "A case without its lesion and with it, side by side.",
+            "cosim lesion lesion_mallet",
+        ),
+        "ladder": Command(
+            "ladder.ladder",
+            "A case with every hood, from a fixed split to a shell.",
+            "cosim ladder pulley_edc -o ladder",
+        ),
+        "hood": Command(
+            "hood.show_hood",
+            "A hood over postures, beside literature.",
+            "cosim hood hood_rest --only slips",
+        ),
+        "moment-arms": Command(
+            "finger.moment_arms",
+            "Moment arms over each joint's range.",
+            "cosim moment-arms split_edc",
+        ),
     },
     "Make cases": {
-        "new": ("new.new", "A case of your own hood mesh, bones and finger."),
-        "mesh": ("view.mesh", "Write the hood mesh of a case."),
-        "schema": ("run.schema", "JSON Schema of a case file, for editors."),
-        "reduce": ("reduce.reduce", "Fit a network hood to a case's shell or cables."),
+        "new": Command(
+            "new.new",
+            "A case of your own hood mesh, bones and finger.",
+            'cosim new mine --hood hood.inp --finger finger.xml --posture "20 40 11"',
+        ),
+        "mesh": Command(
+            "view.mesh",
+            "Write the hood mesh of a case.",
+            "cosim mesh isometric_edc --set hood.mesh.quads=2400 --out hood.json",
+        ),
+        "schema": Command(
+            "run.schema",
+            "JSON Schema of a case file, for editors.",
+            "cosim schema > case.schema.json",
+        ),
+        "reduce": Command(
+            "reduce.reduce",
+            "Fit a network hood to a case's shell or cables.",
+            "cosim reduce fingertip_fibres_edc -o reduced.toml",
+        ),
     },
     "Estimate, fit and study": {
-        "estimate": ("estimate.estimate", "Muscle tensions from forces, torques or a motion."),
-        "identify": ("identify.identify", "Fit parameters to measured values."),
-        "sensitivity": ("identify.sensitivity", "How results answer to what a case assumes."),
-        "study": ("study.study", "Solve a case for many values of its parameters."),
-        "status": ("study.status", "How far the studies of a store are."),
+        "estimate": Command(
+            "estimate.estimate",
+            "Muscle tensions from forces, torques or a motion.",
+            'cosim estimate split_edc --force "-1 N free -2 N"',
+        ),
+        "identify": Command(
+            "identify.identify",
+            "Fit parameters to measured values.",
+            "cosim identify lengths_edc --targets rows.csv --out found.toml",
+        ),
+        "sensitivity": Command(
+            "identify.sensitivity",
+            "How results answer to what a case assumes.",
+            "cosim sensitivity isometric_edc",
+        ),
+        "study": Command(
+            "study.study",
+            "Solve a case for many values of its parameters.",
+            "cosim study network_saltelli --workers 2",
+        ),
+        "status": Command(
+            "study.status", "How far the studies of a store are.", "cosim status studies/store"
+        ),
     },
     "Exchange": {
-        "fmu": ("fmu.fmu", "Write hood, finger or both as an FMU."),
-        "opensim": ("opensim.opensim", "Muscle forces from OpenSim, reactions to it."),
-        "sto": ("opensim.sto", "Write a run as .sto tables for OpenSim."),
-        "import": ("opensim.import_model", "Turn an OpenSim model into MJCF."),
-        "mjcf": ("finger.mjcf", "Write the MuJoCo model of a case's finger."),
-        "solve": ("febio.solve", "Solve a FEBio model."),
-        "export": ("febio.export", "Write the shell hood of a case as a FEBio model."),
+        "fmu": Command(
+            "fmu.fmu",
+            "Write hood, finger or both as an FMU.",
+            "cosim fmu pulley_edc --part hood --fmi 3",
+        ),
+        "opensim": Command(
+            "opensim.opensim",
+            "Muscle forces from OpenSim, reactions to it.",
+            "cosim opensim tensions forces.sto --out mine.toml",
+        ),
+        "sto": Command(
+            "opensim.sto", "Write a run as .sto tables for OpenSim.", "cosim sto runs/split_edc"
+        ),
+        "import": Command(
+            "opensim.import_model",
+            "Turn an OpenSim model into MJCF.",
+            "cosim import model.osim --out finger.xml",
+        ),
+        "mjcf": Command(
+            "finger.mjcf",
+            "Write the MuJoCo model of a case's finger.",
+            "cosim mjcf split_edc --out finger.xml",
+        ),
+        "solve": Command("febio.solve", "Solve a FEBio model.", "cosim solve model.feb"),
+        "export": Command(
+            "febio.export",
+            "Write the shell hood of a case as a FEBio model.",
+            "cosim export thesis_strain_average --out hood.feb",
+        ),
     },
     "Trust and understand": {
-        "validate": ("validate.validate", "Compare with what was measured and published."),
-        "verify": ("verify.verify", "Solve problems whose answers are known."),
-        "reproduce": ("reproduce.reproduce", "Compute a paper's figures and tables anew."),
-        "bench": ("bench.bench", "Time the solvers, as ratios."),
-        "glossary": ("glossary.glossary", "The words and axes of cases and results."),
-        "info": ("verify.info", "What is installed and in use."),
+        "validate": Command(
+            "validate.validate",
+            "Compare with what was measured and published.",
+            "cosim validate --only lengths",
+        ),
+        "verify": Command(
+            "verify.verify", "Solve problems whose answers are known.", "cosim verify fe"
+        ),
+        "reproduce": Command(
+            "reproduce.reproduce",
+            "Compute a paper's figures and tables anew.",
+            "cosim reproduce networks",
+        ),
+        "bench": Command(
+            "bench.bench", "Time the solvers, as ratios.", "cosim bench isometric_edc"
+        ),
+        "glossary": Command(
+            "glossary.glossary",
+            "The words and axes of cases and results.",
+            "cosim glossary excursion",
+        ),
+        "info": Command("verify.info", "What is installed and in use.", "cosim info"),
     },
 }
-"""By heading and name: the function in `cosim.commands`, imported when it is first needed, and its
-line in the help."""
+"""The commands by heading and name."""
 HELP = {"help_option_names": ["-h", "--help"]}
 
 
@@ -74,22 +185,22 @@ class _Lazily(TyperGroup):
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         if cmd_name not in self.commands:
-            places = {n: place for named in COMMANDS.values() for n, (place, _) in named.items()}
-            if cmd_name not in places:
-                names: Any = dict.fromkeys(places)  # of which the nearest are told
+            every = {name: c for named in COMMANDS.values() for name, c in named.items()}
+            if cmd_name not in every:
+                names: Any = dict.fromkeys(every)  # of which the nearest are told
                 self.commands.update(names)
                 return None
-            self.commands[cmd_name] = _load(cmd_name, places[cmd_name])
+            self.commands[cmd_name] = _load(cmd_name, every[cmd_name])
         return self.commands[cmd_name]
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         for heading, named in COMMANDS.items():
             with formatter.section(heading):
-                formatter.write_dl([(name, line) for name, (_, line) in named.items()])
+                formatter.write_dl([(name, command.line) for name, command in named.items()])
 
 
-def _load(name: str, place: str) -> Any:
-    module, _, function = place.partition(".")
+def _load(name: str, listed: Command) -> Any:
+    module, _, function = listed.place.partition(".")
     found = getattr(import_module(f"cosim.commands.{module}"), function)
     if not isinstance(found, typer.Typer):
         alone = typer.Typer(
@@ -99,6 +210,7 @@ def _load(name: str, place: str) -> Any:
         found = alone
     command = get_command(found)
     command.name = name
+    command.epilog = f"\b\nExample:\n  {listed.example}"  # \b: as it is, not wrapped
     return command
 
 

@@ -9,7 +9,7 @@ import csv
 import json
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -44,6 +44,7 @@ class Config:
     floors: Mapping[str, float] = field(default_factory=dict)
     settings: Mapping[str, Sequence[str]] = field(default_factory=dict)
     renamed: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    vectors: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
     def settings_of(self, case: str) -> list[str]:
         """The settings (KEY=VALUE) that a case is run with."""
@@ -60,6 +61,12 @@ class Config:
     def is_kept(self, path: str) -> bool:
         """Whether golden.json holds the numbers at the path."""
         return not any(_match(pattern, path) for pattern in (*self.ignored, *self.not_kept))
+
+    def components_of(self, path: str) -> Sequence[str]:
+        """The names that the items of an older tree's vector have now, with "-" where the sign
+        changed; none of any other array."""
+        found = (names for p, names in self.vectors.items() if _match(p, path))
+        return next(found, ())
 
     def new_name(self, kind: str, name: str) -> str:
         """The present name of what had this one in an older tree."""
@@ -161,7 +168,7 @@ def _read_ledger(path: Path) -> Leaves:
     with path.open(newline="", encoding="utf-8") as file:
         header = next(lines := csv.reader(file))
         for line in lines:
-            rows.setdefault(tuple(line[:3]), []).append([float(x) for x in line[3:]])
+            rows.setdefault(tuple(line[:3]), []).append([float(x) for x in line[3:9]])
     leaves = {f"{path.name}@header": Leaf(np.array(header), path.name)}
     for (state, body, source), numbers in rows.items():
         for kind, columns in (("force", slice(3)), ("moment", slice(3, None))):
@@ -214,7 +221,7 @@ def _rename(leaves: Leaves, config: Config) -> Leaves:
     Raises ValueError where two get the same path.
     """
     out: Leaves = {}
-    for path, leaf in leaves.items():
+    for path, leaf in _by_component(leaves, config):
         values = leaf.values
         if path.endswith("@dims"):
             data = path.partition("/")[0]
@@ -228,6 +235,17 @@ def _rename(leaves: Leaves, config: Config) -> Leaves:
             raise ValueError(f"the table of renamed keys makes two arrays {name}")
         out[name] = Leaf(values, leaf.family)
     return out
+
+
+def _by_component(leaves: Leaves, config: Config) -> Iterator[tuple[str, Leaf]]:
+    """The arrays, vectors whose items have a name now as one array for each."""
+    for path, leaf in leaves.items():
+        names = config.components_of(path) if leaf.values.ndim else ()
+        for name, value in zip(names, leaf.values, strict=True) if names else ():
+            signed = np.array(-value if name.startswith("-") else value)
+            yield f"{path}/{name.removeprefix('-')}", Leaf(signed, leaf.family)
+        if not names:
+            yield path, leaf
 
 
 def _scales(old: Leaves, new: Leaves) -> dict[str, float]:

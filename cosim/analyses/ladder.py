@@ -25,7 +25,8 @@ from cosim.hoods.kind import HoodTable
 from cosim.hoods.kinds import rungs
 from cosim.port import Array
 from cosim.processes import process_pool
-from cosim.results.compare import COMPONENTS, number
+from cosim.results.compare import number
+from cosim.results.conventions import AXES, vector_of
 from cosim.results.looks import Look, look
 from cosim.results.static import observe_static
 from cosim.results.write import plain
@@ -159,11 +160,9 @@ Figures = dict[str, float | None]
 
 def figures(rung: Rung) -> Figures:
     """What is shown of a rung, by name and unit; None where its hood does not say."""
-    force = rung.summary.get("fingertip_force_N", [None] * 3)
+    force = rung.summary.get("fingertip_force_N", {})
     unloaded = rung.summary.get("unloaded", {})
-    out: Figures = {
-        f"tip force {axis} N": value for axis, value in zip(COMPONENTS, force, strict=True)
-    }
+    out: Figures = {f"tip force {axis} N": force.get(axis) for axis in AXES}
     out["tip force N"] = rung.summary.get("fingertip_magnitude_N")
     out["tip force at rest N"] = unloaded.get("fingertip_magnitude_N")
     change = rung.summary.get("difference", {})
@@ -265,18 +264,17 @@ def draw_ladder(rungs: Sequence[Rung], title: str) -> Figure:
 
 
 def _vectors(axes: Axes, rungs: Sequence[Rung], looks: dict[str, Look]) -> None:
-    """Distal to the right, palmar down; a line from the force at rest to that under load."""
+    """Distal to the right, dorsal up; a line from the force at rest to that under load."""
     for rung in rungs:
         states = (rung.summary["unloaded"], rung.summary)
-        distal, palmar, _ = np.transpose([state["fingertip_force_N"] for state in states])
-        axes.plot(distal, palmar, lw=1.5, label=heading(rung), **looks[rung.name].line)
-        axes.plot(distal[0], palmar[0], "x", color=looks[rung.name].colour, ms=5)
-        axes.plot(distal[1], palmar[1], "o", color=looks[rung.name].colour, ms=5)
+        distal, _, dorsal = np.transpose([vector_of(s["fingertip_force_N"]) for s in states])
+        axes.plot(distal, dorsal, lw=1.5, label=heading(rung), **looks[rung.name].line)
+        axes.plot(distal[0], dorsal[0], "x", color=looks[rung.name].colour, ms=5)
+        axes.plot(distal[1], dorsal[1], "o", color=looks[rung.name].colour, ms=5)
     axes.axhline(0, color="0.7", lw=0.8, zorder=0)
     axes.axvline(0, color="0.7", lw=0.8, zorder=0)
     axes.set_aspect("equal", adjustable="datalim")
-    axes.invert_yaxis()
-    axes.set(title="tip force on the world (x: at rest)", xlabel="distal, N", ylabel="palmar, N")
+    axes.set(title="tip force on the world (x: at rest)", xlabel="distal, N", ylabel="dorsal, N")
     axes.grid(alpha=0.3)
 
 

@@ -76,8 +76,9 @@ def force_run(muscle: str, model: str) -> Result:
 
 
 def tip_force(result: Result) -> Array:
-    """(3,) N of the fingertip on the world: distal, palmar, radial."""
-    return np.array(result.summary["fingertip_force_N"])
+    """(3,) N of the fingertip on the world in the order of the thesis: distal, palmar, radial."""
+    force = result.tip_force
+    return np.array([force["distal"], -force["dorsal"], force["radial"]])
 
 
 def magnitude(result: Result) -> float:

@@ -41,7 +41,7 @@ WIDE, MARGIN, TOP = 420.0, 46.0, 26.0
 
 @dataclass(frozen=True)
 class Arrow:
-    """A force in the sagittal plane, N: (distal, palmar), with the SD of a reference."""
+    """A force in the sagittal plane, N: (distal, dorsal), with the SD of a reference."""
 
     letter: str
     label: str
@@ -76,7 +76,7 @@ def letter(n: int) -> str:
 
 
 Place = Callable[[float, float], tuple[float, float]]
-"""Where a force (distal, palmar) N stands in a drawing."""
+"""Where a force (distal, dorsal) N stands in a drawing."""
 Drawn = tuple[str, tuple[float, float], str, tuple[float, ...], tuple[float, float] | None]
 
 
@@ -100,7 +100,7 @@ def _of_many(runs: Sequence[Result]) -> Iterator[Drawn]:
 
 def states_of(run: Result) -> Iterator[tuple[str, str, tuple[float, float]]]:
     """Of the loaded state, the unloaded one and their difference: where the summary has it, its
-    name, and the fingertip force (distal, palmar) N."""
+    name, and the fingertip force (distal, dorsal) N."""
     places = PLACES if "unloaded" in run.summary else {"": "at the end"}
     for place, label in places.items():
         if (tip := _in_plane(run, place)) is not None:
@@ -108,10 +108,10 @@ def states_of(run: Result) -> Iterator[tuple[str, str, tuple[float, float]]]:
 
 
 def _in_plane(run: Result, place: str) -> tuple[float, float] | None:
-    distal, palmar = (
-        value_of(run.summary, f"{place}fingertip_force_N.{axis}") for axis in ("distal", "palmar")
+    distal, dorsal = (
+        value_of(run.summary, f"{place}fingertip_force_N.{axis}") for axis in ("distal", "dorsal")
     )
-    return None if distal is None or palmar is None else (distal, palmar)
+    return None if distal is None or dorsal is None else (distal, dorsal)
 
 
 def _reference(vector: ForceVector) -> Drawn:
@@ -131,9 +131,9 @@ def sagittal(arrows: Sequence[Arrow]) -> str:
     unit = (WIDE - 2 * MARGIN) / max(float((high - low)[0]), float((high - low)[1]), 1e-9)
     tall = float((high - low)[1]) * unit + TOP + MARGIN
 
-    def at(distal: float, palmar: float) -> tuple[float, float]:
+    def at(distal: float, dorsal: float) -> tuple[float, float]:
         middle = (low[0] + high[0]) / 2
-        return WIDE / 2 - (distal - middle) * unit, TOP + (palmar - low[1]) * unit
+        return WIDE / 2 - (distal - middle) * unit, TOP + (high[1] - dorsal) * unit
 
     parts = [*_grid(low, high, at, tall), *(p for a in arrows for p in _arrow(a, at, unit))]
     label = "Fingertip forces in the sagittal plane: " + "; ".join(
@@ -163,7 +163,7 @@ def _grid(low: Array, high: Array, at: Place, tall: float) -> Iterator[str]:
                 x = max(x1, x2) + 6
                 yield f'<text x="{x:.1f}" y="{y1 + 4:.1f}">{text}</text>'
     yield f'<text class="what" x="6" y="{tall - 8:.1f}">← distal, N</text>'
-    yield '<text class="what" x="6" y="16">↑ dorsal (−), ↓ palmar (+), N</text>'
+    yield '<text class="what" x="6" y="16">↑ dorsal, N</text>'
 
 
 def ticks(low: float, high: float) -> list[float]:

@@ -149,10 +149,10 @@
 
   // --- numbers beside
   function tell() {
-    const v = view(), k = now.frame, c = v.components[k], s = shape(v, k), f = field(v, now.field);
+    const v = view(), k = now.frame, c = v.force[k], s = shape(v, k), f = field(v, now.field);
     $("frame").textContent = v.frames[k];
     const rows = [["fingertip force", `${said(Math.hypot(...c))} N`],
-      ["distal, palmar, radial", `${c.map((x) => x.toFixed(2).replace("-", "−")).join(", ")} N`],
+      ["distal, radial, dorsal", `${c.map((x) => x.toFixed(2).replace("-", "−")).join(", ")} N`],
       ...v.joints.map((joint, i) => [joint.replaceAll("_", " "), `${v.angles[k][i].toFixed(2).replace("-", "−")}°`])];
     if (s >= 0 && f) {
       const values = frame(f.values, s);

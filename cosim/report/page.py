@@ -13,7 +13,7 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.report import drawings, words
-from cosim.report.tables import SAGITTAL, SUM, Cell, ReportTable, last_ledger, last_state
+from cosim.report.tables import SUM, Cell, ReportTable, last_ledger, last_state
 from cosim.report.templates import own_file, template
 from cosim.report.views import View, difference_view, floats, limits, pack_views, view_of
 from cosim.results.compare import number
@@ -154,10 +154,10 @@ def _bars(run: Result) -> list[tuple[str, list[Bar], str]]:
 
 
 def _direction(wrench: np.ndarray) -> float | None:
-    distal, palmar = wrench[:2]
-    if np.hypot(distal, palmar) < 1e-9:
+    distal, _, dorsal = wrench[:3]
+    if np.hypot(distal, dorsal) < 1e-9:
         return None
-    return float(np.rad2deg(np.arctan2(-palmar, distal)))
+    return float(np.rad2deg(np.arctan2(dorsal, distal)))
 
 
 def _histories(runs: Sequence[Result]) -> list[Any]:
@@ -200,9 +200,7 @@ def _history(run: Result) -> Any:
         },
         "force": {
             axis: floats(column)
-            for axis, column in zip(
-                ("distal", "palmar", "radial"), SAGITTAL @ data.tip_force.values.T, strict=True
-            )
+            for axis, column in zip(data.axis.values.tolist(), data.tip_force.values.T, strict=True)
         },
         "tensions": tensions,
     }

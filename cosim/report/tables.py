@@ -14,21 +14,23 @@ import numpy as np
 from cosim.results.audit import BOUNDS, audit_figures
 from cosim.results.compare import (
     COLUMNS,
-    COMPONENTS,
     as_dict,
     number,
     numbers_of,
     unit_of,
     value_of,
 )
+from cosim.results.conventions import AXES
 from cosim.results.result import Result
 
 FORMAT = "cosim report 1"
 Cell = str | float | bool | None
 SUM = "sum"
-LEDGER = ("Fdistal N", "Fpalmar N", "Fradial N", "|F| N", "Mdistal N mm", "Mpalmar N mm")
-SAGITTAL = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-"""World (distal, radial, dorsal) to (distal, palmar, radial)."""
+LEDGER = (
+    *(f"F {axis} N" for axis in AXES),
+    "|F| N",
+    *(f"M {axis} N mm" for axis in AXES),
+)
 LARGEST = "largest_interface_residual"
 """A figure of a motion's summary beside its audit."""
 AT_REST = "at rest"
@@ -119,7 +121,7 @@ def _values(runs: Sequence[Result], against: Result | None, quantity: str) -> li
 
 def key_quantities(summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """Label and quantity of what one asks for first, of what the summary has."""
-    for axis in COMPONENTS:
+    for axis in AXES:
         yield f"fingertip force, {axis}", f"fingertip_force_N.{axis}"
     yield "fingertip force, magnitude", "fingertip_magnitude_N"
     for slip in summary.get("slip_force_N", ()):
@@ -168,8 +170,8 @@ def _comparison(run: Result, place: int) -> ReportTable:
 
 
 def _ledger(run: Result, place: int) -> ReportTable:
-    """The last state: each body's forces by source, (distal, palmar, radial), and their sum."""
-    columns = ("body", "source", *LEDGER, "Mradial N mm")
+    """Each body's forces by source in the last state, world axes, and their sum."""
+    columns = ("body", "source", *LEDGER)
     rows: list[tuple[Cell, ...]] = []
     for body, entries in last_ledger(run).items():
         for source, wrench in {**entries, SUM: sum(entries.values(), np.zeros(6))}.items():
@@ -187,12 +189,11 @@ def last_state(run: Result) -> str:
 
 
 def last_ledger(run: Result) -> dict[str, dict[str, Any]]:
-    """By body and source, in the last state: (6,) N and N m, (distal, palmar, radial) each."""
+    """The wrenches (6,) N and N m in the last state by body and source, world axes."""
     out: dict[str, dict[str, Any]] = {}
     for row in run.rows:
         if row.state == last_state(run):
-            wrench = np.concatenate([SAGITTAL @ row.force, SAGITTAL @ row.moment])
-            out.setdefault(row.body, {})[row.source] = wrench
+            out.setdefault(row.body, {})[row.source] = np.concatenate([row.force, row.moment])
     return out
 
 

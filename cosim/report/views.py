@@ -16,7 +16,6 @@ from cosim.hoods.kinds import KINDS
 from cosim.hoods.view import Colour, HoodField
 from cosim.port import Array, Motion
 from cosim.report.flat import flatten_sheet
-from cosim.report.tables import SAGITTAL
 from cosim.results.result import Result
 from cosim.results.scene_plot import decimate
 from cosim.results.strokes import carry, families_of, stroke_cells, strokes
@@ -344,7 +343,6 @@ def _pack_view(
         "tip": floats(1e3 * view.tip),
         "arrow": floats(1e3 * arrow_ends(view)),
         "force": view.force.tolist(),
-        "components": (view.force @ SAGITTAL.T).tolist(),
         "notes": view.notes,
         "joints": view.joints,
         "angles": np.rad2deg(view.angles).tolist(),

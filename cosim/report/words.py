@@ -11,7 +11,8 @@ import numpy as np
 from cosim.fingers.kinds import FINGERS
 from cosim.hoods.kinds import KINDS
 from cosim.report.tables import last_ledger
-from cosim.results.compare import COMPONENTS, Comparison, number, tally, value_of
+from cosim.results.compare import Comparison, number, tally, value_of
+from cosim.results.conventions import AXES, OPPOSITE
 from cosim.results.load_and_rest import describe_rest
 from cosim.results.result import Result
 
@@ -30,7 +31,7 @@ SCHEMES = {
     "jacobi": "side by side in every step",
     "one_way": "one way: the hood is solved once and its forces handed to the finger once",
 }
-OPPOSITE = {"distal": "proximal", "palmar": "dorsal", "radial": "ulnar"}
+OTHER_WAY = {axis: way for way, axis in OPPOSITE.items()}
 PULLS = {"activation", "tension", "excursion", "course"}
 """What a case says of a tendon that it pulls."""
 
@@ -106,13 +107,13 @@ def _table(table: Mapping[str, Any], key: str) -> Mapping[str, Any]:
 def answer(run: Result) -> str:
     """What came out, in a sentence or three."""
     has_rest = "unloaded" in run.summary
-    force = [value_of(run.summary, f"fingertip_force_N.{axis}") for axis in COMPONENTS]
+    force = [value_of(run.summary, f"fingertip_force_N.{axis}") for axis in AXES]
     parts = []
     if None not in force:
         size = math.sqrt(sum(f * f for f in force if f is not None))
-        named = zip(COMPONENTS, force, strict=True)
+        named = zip(AXES, force, strict=True)
         split = ", ".join(
-            f"{abs(f):.2f} {axis if f >= 0 else OPPOSITE[axis]}"
+            f"{abs(f):.2f} {axis if f >= 0 else OTHER_WAY[axis]}"
             for axis, f in named
             if f is not None
         )

@@ -8,8 +8,9 @@ The CSV of targets (`read_targets`): its first line names the columns, lines beg
 for people and say where the numbers are from.  Columns:
 
 * name: what the row is called in tables;
-* quantity: where a run's `summary.json` has the number, keys joined by dots; an item of a vector
-  by its place from 0 or as distal, palmar, radial: `difference.fingertip_force_N.distal`;
+* quantity: where a run's `summary.json` has the number, keys joined by dots; a component of
+  a vector by its axis (distal, radial, dorsal) or the other way of one (proximal, ulnar, palmar),
+  with the other sign: `difference.fingertip_force_N.palmar`;
 * unit: of all numbers of the row; must be what the quantity's key ends in (`_N`, `_Nmm` N mm,
   `_mm`, `_deg`, `_percent` %, `_mJ`, `_s`, `_rad_per_s` rad/s), else 1;
 * reference: the measured or published number; may be empty where a band is given;
@@ -39,6 +40,7 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.files import written_whole
+from cosim.results.conventions import AXES, OPPOSITE
 from cosim.schema.fields import is_number
 
 Kind = Literal[
@@ -48,8 +50,6 @@ Kind = Literal[
 SECOND_HAND: Kind = "experiment at second hand"
 Verdict = Literal["inside 1 SD", "inside the band", "outside", "nothing to judge by", "no value"]
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
-COMPONENTS = ("distal", "palmar", "radial")
-"""Items of a fingertip force in a summary."""
 UNITS = {
     "N": "N",
     "Nmm": "N mm",
@@ -173,16 +173,17 @@ def value_of(summary: Mapping[str, Any], quantity: str) -> float | None:
 
 
 def parts_of(value: Any) -> Mapping[str, Any]:
-    """What a value of a summary holds, by name: the values of a table, or the items of a vector by
-    component and by place; nothing of anything else."""
+    """What a value of a summary holds, by name: of a vector its components along the axes and along
+    their other ways; of a list its items by place; nothing of anything else."""
     if isinstance(value, Mapping):
-        return value
+        return {**value, **_other_ways(value)} if set(value) == set(AXES) else value
     if isinstance(value, Sequence) and not isinstance(value, str):
-        return {
-            **dict(zip(COMPONENTS, value, strict=False)),
-            **{str(i): item for i, item in enumerate(value)},
-        }
+        return {str(i): item for i, item in enumerate(value)}
     return {}
+
+
+def _other_ways(vector: Mapping[str, Any]) -> dict[str, float]:
+    return {way: -vector[axis] for way, axis in OPPOSITE.items() if is_number(vector[axis])}
 
 
 def numbers_of(summary: Mapping[str, Any]) -> dict[str, float]:
@@ -196,9 +197,8 @@ def _leaves(value: Any, path: str) -> Iterator[tuple[str, float]]:
             for key, inner in value.items():
                 yield from _leaves(inner, f"{path}.{key}" if path else str(key))
         case list():
-            names = COMPONENTS if len(value) == len(COMPONENTS) else range(len(value))
-            for name, inner in zip(names, value, strict=True):
-                yield from _leaves(inner, f"{path}.{name}")
+            for i, inner in enumerate(value):
+                yield from _leaves(inner, f"{path}.{i}")
         case _ if is_number(value):
             yield path, value
 
@@ -290,7 +290,7 @@ def _fault_of_numbers(target: Target) -> str | None:
 
 @dataclass(frozen=True)
 class ForceVector:
-    """A force in the sagittal plane beside its reference: (distal, palmar), N."""
+    """A force in the sagittal plane beside its reference: (distal, dorsal), N."""
 
     label: str
     kind: Kind
@@ -300,21 +300,26 @@ class ForceVector:
 
 
 def force_vectors(rows: Sequence[Comparison]) -> Iterator[ForceVector]:
-    """Of the rows whose quantities are `...distal` and `...palmar` of one vector from one source,
-    both with a reference."""
-    palmar = {_vector_key(r): r for r in rows if r.target.quantity.endswith(".palmar")}
+    """The vectors of which one source gives both components in the plane, with a reference each:
+    rows whose quantities are `...distal`, and `...dorsal` or `...palmar`."""
+    normal = {
+        _vector_key(row): (row, sign)
+        for ending, sign in ((".palmar", -1.0), (".dorsal", 1.0))
+        for row in rows
+        if row.target.quantity.endswith(ending)
+    }
     for first in (r for r in rows if r.target.quantity.endswith(".distal")):
-        second = palmar.get(_vector_key(first))
+        second, sign = normal.get(_vector_key(first), (None, 1.0))
         if second is None:
             continue
-        reference = _both(first.target.reference, second.target.reference)
+        reference = _in_plane(first.target.reference, second.target.reference, sign)
         if reference is not None:
             yield ForceVector(
                 first.target.source,
                 first.target.kind,
-                _both(first.model, second.model),
+                _in_plane(first.model, second.model, sign),
                 reference,
-                _both(first.target.sd, second.target.sd),
+                _in_plane(first.target.sd, second.target.sd),
             )
 
 
@@ -323,8 +328,10 @@ def _vector_key(row: Comparison) -> tuple[str, str, str, str]:
     return t.quantity.rpartition(".")[0], t.source, t.case, t.geometry
 
 
-def _both(first: float | None, second: float | None) -> tuple[float, float] | None:
-    return None if first is None or second is None else (first, second)
+def _in_plane(
+    distal: float | None, normal: float | None, sign: float = 1.0
+) -> tuple[float, float] | None:
+    return None if distal is None or normal is None else (distal, sign * normal)
 
 
 FORMAT = "cosim comparison 1"

@@ -1,11 +1,27 @@
-"""Axes and components of what is written."""
+"""The frame of everything that is written, and its axes by name."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
+
 import numpy as np
 
-IN_METACARPAL = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-"""World (distal, radial, dorsal) to (distal, palmar, radial)."""
-COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
+from cosim.port import Array
+
 AXES = ("distal", "radial", "dorsal")
-"""The world's x, y, z; palmar is minus dorsal."""
+"""The world's x, y, z, fixed to the metacarpal."""
+OPPOSITE = {"proximal": "distal", "ulnar": "radial", "palmar": "dorsal"}
+"""The name of each axis's other way: the palmar component is minus the dorsal one."""
+FRAME = "world, fixed to the metacarpal: x distal, y radial, z dorsal; right-handed"
+COMPONENTS = tuple(f"{kind}_{axis}" for kind in ("force", "moment") for axis in AXES)
+"""The components of a wrench, in the order of the port."""
+
+
+def by_axis(vector: Iterable[float]) -> dict[str, float]:
+    """The components of a vector (3,) in the world, by the name of the axis."""
+    return dict(zip(AXES, map(float, vector), strict=True))
+
+
+def vector_of(components: Mapping[str, float]) -> Array:
+    """(3,) the vector whose components are named: the inverse of `by_axis`."""
+    return np.array([components[axis] for axis in AXES], dtype=float)

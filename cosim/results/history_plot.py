@@ -13,12 +13,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-AXES = (("x", 1.0, "distal"), ("z", -1.0, "palmar"), ("y", 1.0, "radial"))
-
 
 def draw_history(data: xarray.Dataset, title: str) -> Figure:
     """Change of each joint's angle from the start, deg, and the force of the tip on the world, N,
-    in the metacarpal's axes; of pneumatic cylinders command, pressure and tension."""
+    along the world's axes; of pneumatic cylinders command, pressure and tension."""
     from matplotlib.figure import Figure
 
     rows = 5 if "pressure" in data else 2
@@ -29,9 +27,8 @@ def draw_history(data: xarray.Dataset, title: str) -> Figure:
         label = f"{joint} (from {angle[0]:.0f})"
         angles.plot(data.time, angle - angle[0], label=label, lw=1.2, **look(i).line)
     angles.set_ylabel("turned, deg")
-    for i, (axis, sign, name) in enumerate(AXES):
-        component = sign * data.tip_force.sel(axis=axis)
-        force.plot(data.time, component, label=name, lw=1.2, **look(i).line)
+    for i, axis in enumerate(data.axis.values):
+        force.plot(data.time, data.tip_force.sel(axis=axis), label=axis, lw=1.2, **look(i).line)
     size = np.linalg.norm(data.tip_force.values, axis=1)
     force.plot(data.time, size, color="0.3", ls="--", label="magnitude", lw=1.2)
     force.set_ylabel("fingertip force, N")

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from cosim.port import Array
+from cosim.results.conventions import vector_of
 
 LEAST_RATIO = 3.0
 """A load that changes a quantity by less than that many times its value at rest is warned of."""
@@ -73,7 +74,7 @@ def rest_block(loaded: Block, unloaded: Block, tendons: Sequence[str]) -> dict[s
 def _figures(loaded: Block, unloaded: Block) -> Iterator[tuple[str, Array, Array]]:
     """Key of a quantity, and its values (n,) in the two states."""
     states = (loaded, unloaded)
-    now, before = (np.array(state["fingertip_force_N"], dtype=float) for state in states)
+    now, before = (vector_of(state["fingertip_force_N"]) for state in states)
     yield "fingertip_force_N", now, before
     torques = [state.get("joint_torque_Nmm", {}).get("hood", {}) for state in states]
     slips = [state.get("slip_force_N", {}) for state in states]

@@ -19,7 +19,7 @@ from cosim.hoods.view import hood_field
 from cosim.port import Array
 from cosim.results.air import air_data, air_end
 from cosim.results.audit import missed_bounds
-from cosim.results.conventions import COMPONENTS, IN_METACARPAL
+from cosim.results.conventions import AXES, COMPONENTS, FRAME, by_axis
 from cosim.results.load_and_rest import NO_UNLOADED
 from cosim.results.parts import LedgerRow, Scene, ledger_rows
 from cosim.results.result import Result
@@ -56,10 +56,11 @@ def _summary(case: Case, moved: Moved, wall: float) -> dict[str, Any]:
         "hood_moment_balance": max(f.imbalance[1] for f in frames),
     }
     energy, artificial = _energy(moved)
-    force = IN_METACARPAL @ tips[-1][:3]
+    force = tips[-1][:3]
     out: dict[str, Any] = {
         "case": case.name,
         "version": __version__,
+        "frame": FRAME,
         "converged": True,
         "wall_s": round(wall, 4),
         "fingertip_device": tip_support_kind(case.finger),
@@ -71,9 +72,9 @@ def _summary(case: Case, moved: Moved, wall: float) -> dict[str, Any]:
             zip((*hood.tendons, *finger.tendons), last.tension.tolist(), strict=True)
         ),
         "excursion_mm": dict(zip(hood.tendons, (1e3 * last.excursion).tolist(), strict=True)),
-        "fingertip_force_N": force.tolist(),
+        "fingertip_force_N": by_axis(force),
         "fingertip_magnitude_N": float(np.linalg.norm(force)),
-        "fingertip_moment_Nmm": (1e3 * IN_METACARPAL @ tips[-1][3:]).tolist(),
+        "fingertip_moment_Nmm": by_axis(1e3 * np.asarray(tips[-1][3:])),
         "energy_mJ": energy,
         "largest_interface_residual": max(f.residual for f in frames),
         "coupling_scheme": case.coupling.scheme,
@@ -210,7 +211,7 @@ def _dataset(t: MovingModels, kept: MotionHistory) -> xarray.Dataset:
         "time": ("time", [f.time for f in frames], {"units": "s"}),
         "joint": list(finger.joints),
         "muscle": list(finger.tendons),
-        "axis": ["x", "y", "z"],
+        "axis": list(AXES),
     }
     if hood.tendons:
         data |= {
@@ -237,7 +238,7 @@ def _dataset(t: MovingModels, kept: MotionHistory) -> xarray.Dataset:
             "component": list(COMPONENTS),
         }
     air, cylinders = air_data(t.pulls.cylinders, np.array([f.drive for f in frames]))
-    return xarray.Dataset({**data, **air}, {**coords, **cylinders})
+    return xarray.Dataset({**data, **air}, {**coords, **cylinders}, {"frame": FRAME})
 
 
 def _ledger(t: MovingModels, kept: MotionHistory) -> Iterator[LedgerRow]:

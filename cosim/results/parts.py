@@ -12,11 +12,16 @@ import numpy as np
 
 from cosim.hoods.view import HoodField
 from cosim.port import Array
+from cosim.results.conventions import COMPONENTS
 
 if TYPE_CHECKING:
     import xarray
 
-LEDGER_HEADER = ("state", "body", "source", "Fx_N", "Fy_N", "Fz_N", "Mx_Nmm", "My_Nmm", "Mz_Nmm")
+LEDGER_HEADER = (
+    *("state", "body", "source"),
+    *(f"{name}_{unit}" for name, unit in zip(COMPONENTS, 3 * ["N"] + 3 * ["Nmm"], strict=True)),
+    "frame",
+)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,8 @@ from difflib import SequenceMatcher
 from typing import Any
 
 from cosim.errors import InputError
-from cosim.results.compare import COMPONENTS, Target, parts_of
+from cosim.results.compare import Target, parts_of
+from cosim.results.conventions import AXES, OPPOSITE
 from cosim.schema.fields import is_number
 from cosim.schema.types import TENDONS
 from meshes.bands import SIDES
@@ -23,7 +24,7 @@ from meshes.skeleton import BODIES, JOINTS
 NAMES: Mapping[str, tuple[str, ...]] = {
     "<joint>": JOINTS,
     "<tendon>": TENDONS,
-    "<axis>": (*COMPONENTS, "0", "1", "2"),
+    "<axis>": (*AXES, *OPPOSITE),
     "<region>": REGIONS,
     "<direction>": ("longitudinal", "lateral"),
     "<statistic>": ("min", "mean", "max"),
@@ -38,6 +39,8 @@ NAMES: Mapping[str, tuple[str, ...]] = {
 """What stands for a key of a path."""
 ANY = "*"
 """Any name: a case file may choose it."""
+BY_PLACE = {"0": "distal", "1": "palmar", "2": "radial"}
+"""The places of components in the vectors of earlier versions."""
 STATE = (
     "posture_deg.<joint>",
     "tension_N.<tendon>",
@@ -167,6 +170,9 @@ def _fault(keys: Keys, summaries: Summaries) -> str | None:
         return None
     for i, key in enumerate(keys):
         above = keys[:i]
+        if key in BY_PLACE and set(_present(above, summaries)) >= set(AXES):
+            named = ".".join([*above, BY_PLACE[key]])
+            return f"components go by axis, not by place: {named} in place of {'.'.join(keys)}"
         place = f"in {'.'.join(above)}" if above else "in a summary"
         names = _names(above, key, summaries)
         if not names:

@@ -98,6 +98,11 @@ def _summary(path: Path) -> Mapping[str, Any]:
     content = json.loads(path.read_text(encoding="utf-8"))
     if not isinstance(content, dict):
         raise ValueError("it is no table of numbers")
+    if isinstance(content.get("fingertip_force_N"), list):
+        raise ValueError(
+            "an earlier version wrote it, with forces by place as distal, palmar, radial; now they "
+            "go by the axes distal, radial, dorsal: run the case again"
+        )
     return content
 
 
@@ -119,7 +124,7 @@ def _ledger(path: Path) -> tuple[LedgerRow, ...]:
         raise ValueError(f"its first line is not {','.join(LEDGER_HEADER)}")
     return tuple(
         LedgerRow(state, body, source, wrench[:3], 1e-3 * wrench[3:])
-        for (state, body, source, *numbers) in rows
+        for (state, body, source, *numbers, _frame) in rows
         for wrench in [np.array(numbers, dtype=float)]
     )
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from cosim.results.audit import Audit
 from cosim.results.compare import Comparison
-from cosim.results.conventions import AXES
+from cosim.results.conventions import COMPONENTS, by_axis
 from cosim.results.parts import CaseParts
 from cosim.results.write import copy_run, write_run
 
@@ -42,16 +42,14 @@ class Result(CaseParts):
         import pandas
 
         vectors = [(*row.force, *row.moment) for row in self.rows]
-        names = [f"{kind}_{axis}" for kind in ("force", "moment") for axis in AXES]
         labels = [(row.state, row.body, row.source) for row in self.rows]
         left = pandas.DataFrame(labels, columns=["state", "body", "source"])
-        return left.join(pandas.DataFrame(vectors, columns=names))
+        return left.join(pandas.DataFrame(vectors, columns=COMPONENTS))
 
     @property
     def tip_force(self) -> dict[str, float]:
         """N, of the fingertip on the world at the end, along the world's axes."""
-        values = self.data.tip_force.isel({self.axis: -1}).values
-        return dict(zip(AXES, map(float, values), strict=True))
+        return by_axis(self.data.tip_force.isel({self.axis: -1}).values)
 
     @property
     def slips(self) -> dict[str, float]:

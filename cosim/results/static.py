@@ -16,7 +16,7 @@ from cosim.fmu.finger import OPEN
 from cosim.hoods.view import HoodView
 from cosim.port import Array, Finger
 from cosim.results.audit import POSTURE, audit_figures, missed_bounds
-from cosim.results.conventions import COMPONENTS, IN_METACARPAL
+from cosim.results.conventions import AXES, COMPONENTS, FRAME, by_axis, vector_of
 from cosim.results.load_and_rest import rest_block, rest_warnings
 from cosim.results.one_way import one_way_summary
 from cosim.results.parts import LedgerRow, ledger_rows
@@ -55,7 +55,8 @@ def summary(
 ) -> dict[str, Any]:
     """The numbers one asks for first; every key ends in its unit."""
     loaded, unloaded = states.loaded, states.unloaded
-    head = {"case": case.name, "version": __version__, "converged": True, "wall_s": round(wall, 4)}
+    head = {"case": case.name, "version": __version__, "frame": FRAME, "converged": True}
+    head |= {"wall_s": round(wall, 4)}
     if views:
         head |= views["loaded"].size()
     before = _state(models, unloaded, views.get("unloaded"))
@@ -122,19 +123,18 @@ def _state(models: Models, e: Equilibrium, view: HoodView | None) -> dict[str, A
     """One equilibrium in numbers."""
     hood, finger = models.hood, models.finger
     on_world = finger.tip_force(e.finger_state)
-    force = IN_METACARPAL @ on_world
-    phalanx = IN_METACARPAL @ e.motion.rotation[-1].T @ on_world
+    in_phalanx = e.motion.rotation[-1].T @ on_world
     out: dict[str, Any] = {
         "posture_deg": _by_joint(models, np.rad2deg(finger.angles(e.finger_state))),
         "tension_N": dict(zip(hood.tendons, e.hood_tension, strict=True))
         | dict(zip(finger.tendons, e.finger_tension, strict=True)),
         "excursion_mm": dict(zip(hood.tendons, 1e3 * e.excursion, strict=True)),
-        "fingertip_force_N": force.tolist(),
-        "fingertip_force_in_phalanx_N": phalanx.tolist(),
-        "fingertip_magnitude_N": float(np.linalg.norm(force)),
+        "fingertip_force_N": by_axis(on_world),
+        "fingertip_force_in_phalanx_N": by_axis(in_phalanx),
+        "fingertip_magnitude_N": float(np.linalg.norm(on_world)),
     }
     if e.balance is not None:
-        out["fingertip_moment_Nmm"] = (1e3 * IN_METACARPAL @ _tip_moment(models, e)).tolist()
+        out["fingertip_moment_Nmm"] = by_axis(1e3 * _tip_moment(models, e))
     arms = _arms(models, e)
     if arms or e.balance is not None:
         out["moment_arm_mm"] = {t: _by_joint(models, 1e3 * arm) for t, arm in arms.items()}
@@ -189,11 +189,14 @@ def _difference(
 ) -> dict[str, Any]:
     """Loaded less unloaded: forces, joint angles, strains, and per tendon that was pulled its
     effective moment arms, change of the hood's joint torques over change of tension."""
-    force = np.subtract(now["fingertip_force_N"], before["fingertip_force_N"])
-    phalanx = "fingertip_force_in_phalanx_N"
+
+    def change(key: str) -> Array:
+        return vector_of(now[key]) - vector_of(before[key])
+
+    force = change("fingertip_force_N")
     out: dict[str, Any] = {
-        "fingertip_force_N": force.tolist(),
-        phalanx: np.subtract(now[phalanx], before[phalanx]).tolist(),
+        "fingertip_force_N": by_axis(force),
+        "fingertip_force_in_phalanx_N": by_axis(change("fingertip_force_in_phalanx_N")),
         "fingertip_magnitude_N": float(np.linalg.norm(force)),
         "posture_deg": {j: now["posture_deg"][j] - a for j, a in before["posture_deg"].items()},
     }
@@ -281,8 +284,8 @@ def dataset(
         "state": list(states),
         "joint": list(finger.joints),
         "body": list(hood.bodies),
-        "axis": ["x", "y", "z"],
-        "body_axis": ["x", "y", "z"],
+        "axis": list(AXES),
+        "body_axis": list(AXES),
         "tendon": list(hood.tendons),
         "muscle": list(finger.tendons),
         "source": list(hood.sources),
@@ -294,4 +297,4 @@ def dataset(
         data["torque"] = stack(("torque_source", "joint"), "N m", torque, "joint torque by source")
     for view in views.values():
         coords |= view.coordinates()
-    return xarray.Dataset(data, coords)
+    return xarray.Dataset(data, coords, {"frame": FRAME})

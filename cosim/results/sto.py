@@ -58,8 +58,8 @@ def _forces(data: xarray.Dataset, axis: str) -> Iterator[tuple[str, Any]]:
         if name in data and data.sizes[label]:
             for key in data[label].values:
                 yield f"{key}_tension", data[name].sel({label: key}).values
-    for key in data.axis.values:
-        yield f"fingertip_force_v{key}", data.tip_force.sel(axis=key).values
+    for letter, axis in zip("xyz", data.axis.values, strict=True):
+        yield f"fingertip_force_v{letter}", data.tip_force.sel(axis=axis).values
     if "torque" in data:
         for source in data.torque_source.values:
             for joint in data.joint.values:

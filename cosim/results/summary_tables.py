@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from cosim.results.conventions import AXES
 from cosim.results.load_and_rest import describe_rest
 
 if TYPE_CHECKING:
@@ -14,7 +15,6 @@ LEAST_MOMENT = 1e-6
 """N mm, below which the fingertip carries none."""
 COUNTS = ("steps", "hood_solves")
 """What a summary counts that is no iteration."""
-AXES = ("distal", "palmar", "radial")
 Row = tuple[str, ...]
 
 
@@ -68,12 +68,10 @@ def _table(header: Row, rows: Sequence[Row]) -> Table:
     return table
 
 
-def _at(values: Any, *keys: str | int) -> Any:
+def _at(values: Any, *keys: str) -> Any:
     for key in keys:
         if isinstance(values, Mapping):
             values = values.get(key)
-        elif isinstance(key, int) and isinstance(values, Sequence) and key < len(values):
-            values = values[key]
         else:
             return None
     return values
@@ -84,7 +82,7 @@ def _number(value: Any) -> str:
 
 
 def _states(summary: Mapping[str, Any]) -> Iterator[Row]:
-    def row(label: str, *keys: str | int) -> Row:
+    def row(label: str, *keys: str) -> Row:
         places = ((), ("unloaded",))
         return (label, *(_number(_at(summary, *place, *keys)) for place in places))
 
@@ -92,8 +90,8 @@ def _states(summary: Mapping[str, Any]) -> Iterator[Row]:
         yield row(f"{joint} deg", "posture_deg", joint)
     for slip in ("central", "terminal"):
         yield row(f"force in the {slip} slip N", "slip_force_N", slip)
-    for i, axis in enumerate(AXES):
-        yield row(f"fingertip force {axis} N", "fingertip_force_N", i)
+    for axis in AXES:
+        yield row(f"fingertip force {axis} N", "fingertip_force_N", axis)
     yield row("fingertip force N", "fingertip_magnitude_N")
     torque = _at(summary, "unloaded", "joint_torque_Nmm", "hood") or {}
     for joint in torque if any(torque.values()) else ():
@@ -124,9 +122,10 @@ def _checks(summary: Mapping[str, Any]) -> Iterator[Row]:
     if (device := _at(summary, "fingertip_device")) is not None:
         rest = {True: ", came to rest", False: ", still moving at the end"}
         yield "fingertip device", device + rest.get(_at(summary, "came_to_rest"), "")
-    moment = _at(summary, "fingertip_moment_Nmm") or ()
-    if any(abs(value) > LEAST_MOMENT for value in moment):
-        yield "fingertip moment N mm", ", ".join(_number(value) for value in moment)
+    moment = _at(summary, "fingertip_moment_Nmm") or {}
+    if any(abs(value) > LEAST_MOMENT for value in moment.values()):
+        parts = (f"{axis} {_number(value)}" for axis, value in moment.items())
+        yield "fingertip moment N mm", ", ".join(parts)
     yield from describe_rest(summary)
     for name, muscle in (_at(summary, "muscle") or {}).items():
         now, then = (

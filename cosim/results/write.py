@@ -15,6 +15,7 @@ import numpy as np
 from cosim.errors import InputError
 from cosim.files import replace_folder
 from cosim.hoods.view import HoodField
+from cosim.results.conventions import FRAME
 from cosim.results.parts import LEDGER_HEADER, CaseParts, LedgerRow
 
 
@@ -111,7 +112,9 @@ def _write_ledger(path: Path, ledger: tuple[LedgerRow, ...]) -> None:
         writer.writerow(LEDGER_HEADER)
         for row in ledger:
             numbers = [*row.force, *(1e3 * np.asarray(row.moment))]
-            writer.writerow([row.state, row.body, row.source, *(f"{x:.9g}" for x in numbers)])
+            writer.writerow(
+                [row.state, row.body, row.source, *(f"{x:.9g}" for x in numbers), "world"]
+            )
 
 
 def _write_hood(path: Path, hood: HoodField) -> None:
@@ -122,3 +125,6 @@ def _write_hood(path: Path, hood: HoodField) -> None:
     kind = {4: "quad", 2: "line"}[hood.quads.shape[1]]
     mesh = meshio.Mesh(hood.points, [(kind, hood.quads)], point_data, cell_data)
     mesh.write(path, file_format="vtu")
+    # a comment: meshio, which users read it with, ends on a text among the data
+    grid, text = "<UnstructuredGrid>", path.read_text(encoding="utf-8")
+    path.write_text(text.replace(grid, f"<!--Frame: {FRAME}; m-->\n{grid}", 1), encoding="utf-8")

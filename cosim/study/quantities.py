@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from cosim.errors import InputError
-from cosim.results.compare import COMPONENTS, value_of
+from cosim.results.compare import value_of
 from cosim.schema.fields import is_number
 
 NEAREST = 3
@@ -33,7 +33,5 @@ def paths(summary: Mapping[str, Any], above: str = "") -> Iterator[str]:
     for key, value in summary.items():
         if isinstance(value, Mapping):
             yield from paths(value, f"{above}{key}.")
-        elif isinstance(value, list) and len(value) == len(COMPONENTS):
-            yield from (f"{above}{key}.{component}" for component in COMPONENTS)
         elif is_number(value):
             yield f"{above}{key}"

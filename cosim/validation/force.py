@@ -10,7 +10,7 @@ import csv
 from collections.abc import Iterator, Sequence
 from importlib.resources import files
 
-from cosim.results.compare import COMPONENTS, Target
+from cosim.results.compare import Target
 from cosim.validation.trial import Trial, TrialGroup
 
 CLAMPED = 'finger.tip.kind="clamped"'
@@ -20,6 +20,8 @@ THROUGH_THE_NETWORK = ("EDC", "LUM", "FPI")
 PAST_THE_HOOD = ("FDP", "FDS", "FDI")
 """Muscles that no hood touches: they are judged once."""
 AN, MYOHAND = "An 1979", "MyoHand"
+PRINTED = ("distal", "palmar", "radial")
+"""The axes that the two models print."""
 CASES = {"ti": "fingertip_fibres", "iso": "fingertip_isotropic", "network": "network"}
 
 
@@ -54,7 +56,7 @@ def _group(
 def _targets(trial: Trial, sources: Sequence[str]) -> Iterator[Target]:
     for source in sources:
         vector = two_models()[trial.name.split()[-1]][source]
-        for component, value in zip(COMPONENTS, vector, strict=True):
+        for component, value in zip(PRINTED, vector, strict=True):
             yield Target(
                 f"{trial.name}: {component}, {source}",
                 f"difference.fingertip_force_N.{component}",
@@ -76,6 +78,7 @@ def two_models() -> dict[str, dict[str, tuple[float, float, float]]]:
     lines = [line for line in text.splitlines() if not line.startswith("#")]
     out: dict[str, dict[str, tuple[float, float, float]]] = {}
     for row in csv.DictReader(lines):
-        vector = (float(row["distal"]), float(row["palmar"]), float(row["radial"]))
+        distal, palmar, radial = (float(row[axis]) for axis in PRINTED)
+        vector = (distal, palmar, radial)
         out.setdefault(row["muscle"], {})[row["source"]] = vector
     return out

@@ -12,7 +12,8 @@ import numpy as np
 
 from cosim.case.file import load_case
 from cosim.files import written_whole
-from cosim.results.compare import COMPONENTS, Comparison
+from cosim.results.compare import Comparison
+from cosim.results.conventions import AXES, OPPOSITE
 from cosim.validation.run import Board, six_digits
 from cosim.validation.trial import Trial, TrialGroup
 from cosim.version import __version__
@@ -100,7 +101,7 @@ def _forces(rows: Sequence[Comparison]) -> dict[tuple[str, str], float]:
     parts: dict[tuple[str, str], dict[str, float]] = {}
     for row in rows:
         name, _, item = row.target.quantity.rpartition(".")
-        if item in COMPONENTS and row.model is not None:
+        if item in (*AXES, *OPPOSITE) and row.model is not None:
             parts.setdefault((row.target.case, name), {})[item] = row.model
     return {key: float(np.linalg.norm(list(found.values()))) for key, found in parts.items()}
 

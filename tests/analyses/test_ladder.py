@@ -71,8 +71,8 @@ def test_tables_hold_every_rung(rungs):
     assert float(rows["arm EDC PIP mm"][2]) == pytest.approx(
         network["moment_arm_mm"]["EDC"]["PIP"], rel=1e-3
     )
-    assert float(rows["tip force palmar N"][2]) == pytest.approx(
-        network["fingertip_force_N"][1], rel=1e-3
+    assert float(rows["tip force dorsal N"][2]) == pytest.approx(
+        network["fingertip_force_N"]["dorsal"], rel=1e-3
     )
     assert float(rows["tip force at rest N"][2]) == pytest.approx(
         network["unloaded"]["fingertip_magnitude_N"], rel=1e-3

@@ -1,4 +1,5 @@
 import json
+import shlex
 import subprocess
 import sys
 import types
@@ -7,6 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray
+from typer import Context
+from typer.core import TyperGroup
+from typer.main import get_command
 from typer.testing import CliRunner
 
 from cosim.case.file import resolved_toml
@@ -25,7 +29,7 @@ SUMMARY = {
     "tension_N": {"EDC": 3.469, "FDP": 0.05},
     "excursion_mm": {"EDC": 1.25},
     "slip_force_N": {"central": 1.5, "terminal": 0.75},
-    "fingertip_force_N": [0.24, -0.39, -0.03],
+    "fingertip_force_N": {"distal": 0.24, "radial": -0.03, "dorsal": 0.39},
     "fingertip_magnitude_N": 0.459,
     "strain_percent": {"longitudinal": {"min": -1.0, "mean": 0.8, "max": 6.95}},
     "max_penetration_mm": 0.012,
@@ -395,9 +399,25 @@ def test_every_command_is_found_and_tells_its_use():
     told = cosim("-h").stdout
     for heading, named in COMMANDS.items():
         assert f"{heading}:" in told
-        for name, (_, line) in named.items():
-            assert line in told
-            assert f"Usage: cosim {name} " in cosim(name, "-h").stdout, name
+        for name, listed in named.items():
+            assert listed.line in told
+            help_text = cosim(name, "-h").stdout
+            assert f"Usage: cosim {name} " in help_text, name
+            assert help_text.rstrip().endswith(f"Example:\n    {listed.example}"), name
+
+
+@pytest.mark.parametrize("listed", [c for named in COMMANDS.values() for c in named.values()])
+def test_the_example_of_a_command_is_a_call_of_it(listed, monkeypatch):
+    """Read as the shell and the program read it; what the command does has tests of its own."""
+    _, name, *words = shlex.split(listed.example.partition(" > ")[0])
+    command = get_command(app)
+    inner = command.get_command(Context(command), name)
+    while isinstance(inner, TyperGroup):
+        head, *words = words
+        inner = inner.get_command(Context(inner), head)
+        assert inner is not None, head
+    monkeypatch.setattr(Path, "exists", lambda _: True)  # a path that an option asks to be there
+    inner.make_context(name, words)
 
 
 def test_the_help_costs_little_beyond_what_prints_it():

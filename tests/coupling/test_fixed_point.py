@@ -12,6 +12,7 @@ from cosim.coupling.fixed_point import fixed_point
 from cosim.errors import ConvergenceError
 from cosim.pipeline import run_case
 from cosim.port import Pair, PairState, Tensions
+from cosim.results.conventions import vector_of
 from rigid.chain.support import FREE, IN_PLANE
 from tests.helpers.fingers import POSTURE, cables_over_all_joints, hinge_finger, solve
 
@@ -64,7 +65,7 @@ def test_a_case_chooses_it():
     case = load_case("pulley_edc", ['coupling.scheme="implicit"'])
     assert case.setting_key() != load_case("pulley_edc").setting_key()
     implicit = run_case(case)
-    forces = [r.summary["fingertip_force_N"] for r in (newton, implicit)]
+    forces = [vector_of(r.summary["fingertip_force_N"]) for r in (newton, implicit)]
     np.testing.assert_allclose(*forces, atol=1e-6)
     assert implicit.summary["audit_missed"] == []
     assert implicit.summary["iterations"]["coupling"] > newton.summary["iterations"]["coupling"]

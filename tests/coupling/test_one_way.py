@@ -14,6 +14,7 @@ from cosim.case.file import load_case
 from cosim.coupling.one_way import JOINT_CONTACT, LUMPING, FrozenHood, joint_forces
 from cosim.pipeline import run_case
 from cosim.port import STATIC, Load, Response
+from cosim.results.conventions import vector_of
 from cosim.results.result import Result
 from cosim.tendons.muscles import live_muscles
 from cosim.verification import schemes_at_rest as verification_rest
@@ -46,7 +47,7 @@ def pulley(*settings: str) -> Result:
 
 
 def tip(result: Result) -> np.ndarray:
-    return np.array(result.summary["fingertip_force_N"])
+    return vector_of(result.summary["fingertip_force_N"])
 
 
 def handed(**more: Any) -> FrozenHood:

@@ -15,6 +15,7 @@ from cosim.errors import InputError
 from cosim.fingers.index import IndexFingerConfig
 from cosim.fingers.kinds import finger_model, live_finger, skeleton_of
 from cosim.pipeline import run_case
+from cosim.results.conventions import vector_of
 from meshes.skeleton import JOINTS
 from rigid.mjcf.read import read_mjcf
 from rigid.mujoco.finger import MujocoFinger
@@ -83,7 +84,7 @@ def test_what_mjcf_writes_is_read_back_as_the_same_finger(exported: Path):
     for part in ("length", "zero", "axis"):
         np.testing.assert_allclose(getattr(one, part), getattr(two, part), atol=1e-15)
     results = [run_case(case).summary for case in (ours, theirs)]
-    force = [np.array(list(r["fingertip_force_N"])) for r in results]
+    force = [vector_of(r["fingertip_force_N"]) for r in results]
     np.testing.assert_allclose(force[0], force[1], rtol=1e-8)
 
 

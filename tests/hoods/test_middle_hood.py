@@ -16,6 +16,7 @@ from cosim.fingers.kinds import FINGERS, skeleton_of
 from cosim.hoods.shell.build import thickness_of
 from cosim.pipeline import run_case
 from cosim.results.compare import Target, compare_with_targets, read_targets
+from cosim.results.conventions import vector_of
 from meshes.hood_mesh import HoodMesh
 from meshes.hull import DIP, PIP, Chain, Hull, Level, along
 from meshes.skeleton import BODIES, index_finger
@@ -299,13 +300,15 @@ def test_a_summary_says_the_change_of_force_in_the_phalanx():
     """Of a fixed split, which has no force unloaded; the phalanx is turned by all three joints."""
     summary = run_case(load_case("middle_minorflex_ui")).summary
     change = summary["difference"]
-    along, palmar, radial = change["fingertip_force_N"]
+    along, radial, dorsal = vector_of(change["fingertip_force_N"])
     bend = np.radians(sum(POSTURES["minorflex"]))
     c, s = np.cos(bend), np.sin(bend)
-    expected = [c * along + s * palmar, -s * along + c * palmar, radial]
-    np.testing.assert_allclose(change["fingertip_force_in_phalanx_N"], expected, atol=1e-12)
+    expected = [c * along - s * dorsal, radial, s * along + c * dorsal]
+    in_phalanx = vector_of(change["fingertip_force_in_phalanx_N"])
+    np.testing.assert_allclose(in_phalanx, expected, atol=1e-12)
     rows = compare_with_targets(targets("fingertip"), summary, "middle_minorflex_ui")
-    assert [row.model for row in rows][:3] == change["fingertip_force_in_phalanx_N"]
+    distal, radial, dorsal = in_phalanx
+    assert [row.model for row in rows][:3] == [distal, -dorsal, radial]
 
 
 def test_the_coupled_hood_agrees_with_the_finger():

@@ -132,15 +132,15 @@ def test_the_tables_say_what_the_summary_says(hood):
     tables = {table.key: table for table in tables_of([run], None)}
     outcome = {row[0]: row[2:] for row in tables["outcome"].rows}
     summary = run.summary
-    assert outcome["fingertip force, palmar"] == (
-        summary["fingertip_force_N"][1],
-        summary["unloaded"]["fingertip_force_N"][1],
+    assert outcome["fingertip force, dorsal"] == (
+        summary["fingertip_force_N"]["dorsal"],
+        summary["unloaded"]["fingertip_force_N"]["dorsal"],
     )
     assert outcome["torque of the hood, PIP"] == tuple(
         state["joint_torque_Nmm"]["hood"]["PIP"] for state in (summary, summary["unloaded"])
     )
-    (change,) = (r for r in tables["difference"].rows if r[0] == "fingertip force, palmar")
-    assert change[2] == summary["difference"]["fingertip_force_N"][1]
+    (change,) = (r for r in tables["difference"].rows if r[0] == "fingertip force, dorsal")
+    assert change[2] == summary["difference"]["fingertip_force_N"]["dorsal"]
     numbers = {row[0]: row[2] for row in tables["numbers"].rows}
     assert (
         numbers["unloaded.moment_arm_mm.EDC.PIP"]
@@ -171,7 +171,7 @@ def test_a_ledger_closes_in_the_table(hood):
     assert said is not None
     assert float(said[1].replace("−", "-")) < 1e-6
     hood_on_middle = last_ledger(read_run(hood))["middle"]["hood central_slip"]
-    assert hood_on_middle[1] < 0, "the central slip pulls the bent middle phalanx dorsally"
+    assert hood_on_middle[2] > 0, "the central slip pulls the bent middle phalanx dorsally"
 
 
 def test_against_another_run_there_are_differences(hood, split):
@@ -291,13 +291,15 @@ def test_arrows_are_those_of_the_run_and_of_its_data(hood, data):
     run = read_run(hood, read_targets(data))
     arrows = arrows_of([run])
     assert [arrow.letter for arrow in arrows] == ["A", "B", "C", "D"]
-    assert arrows[2].tip == tuple(run.summary["difference"]["fingertip_force_N"][:2])
-    assert (arrows[3].tip, arrows[3].sd) == ((0.24, -0.09), (0.05, 0.08))
+    assert arrows[2].tip == tuple(
+        run.summary["difference"]["fingertip_force_N"][a] for a in ("distal", "dorsal")
+    )
+    assert (arrows[3].tip, arrows[3].sd) == ((0.24, 0.09), (0.05, 0.08))
     assert sagittal(arrows).count("<ellipse") == 1
 
 
 def test_distal_is_to_the_left_and_dorsal_up():
-    drawn = sagittal([Arrow("A", "one", (1.0, -2.0), "#000")])
+    drawn = sagittal([Arrow("A", "one", (1.0, 2.0), "#000")])
     line = drawn[drawn.index('stroke="#000"') - 80 : drawn.index('stroke="#000"')]
     at = {k: float(line.split(f'{k}="')[1].split('"')[0]) for k in ("x1", "y1", "x2", "y2")}
     assert at["x2"] < at["x1"]

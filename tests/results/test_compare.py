@@ -33,7 +33,7 @@ FORCE = Target(
     *("Trial A, table 1", "experiment"),
 )
 SUMMARY = {
-    "fingertip_force_N": [0.3, -0.2, 0.0],
+    "fingertip_force_N": {"distal": 0.3, "radial": 0.0, "dorsal": 0.2},
     "strain_percent": {"lateral": {"min": -2.5}},
     "difference": {"fingertip_magnitude_N": 0.34},
     "converged": True,
@@ -80,10 +80,10 @@ def test_a_verdict_is_as_its_difference(model, reference, sd, width):
 
 def test_values_are_found_by_path():
     assert value_of(SUMMARY, "fingertip_force_N.palmar") == -0.2
-    assert value_of(SUMMARY, "fingertip_force_N.1") == -0.2
+    assert value_of(SUMMARY, "fingertip_force_N.dorsal") == 0.2
     assert value_of(SUMMARY, "strain_percent.lateral.min") == -2.5
     for nothing in (
-        *("fingertip_force_N.7", "fingertip_force_N.up", "strain_percent.lateral", "converged"),
+        *("fingertip_force_N.1", "fingertip_force_N.up", "strain_percent.lateral", "converged"),
         *("case", "absent.at_all", "difference.fingertip_magnitude_N.0"),
     ):
         assert value_of(SUMMARY, nothing) is None
@@ -234,5 +234,7 @@ def test_force_vectors_need_both_components():
 
     rows = [row("distal"), row("palmar", reference=0.4), row("distal", "B"), row("radial")]
     (vector,) = force_vectors(rows)
-    assert (vector.reference, vector.sd, vector.model) == ((0.2, 0.4), (0.05, 0.05), (0.1, 0.1))
+    assert (vector.reference, vector.sd, vector.model) == (
+        *((0.2, -0.4), (0.05, 0.05), (0.1, -0.1)),
+    )
     assert vector.label == "A"

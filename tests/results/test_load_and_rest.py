@@ -16,6 +16,7 @@ from cosim.cli import app
 from cosim.port import STATIC, Array, Motion, rotation_matrix
 from cosim.report.page import page
 from cosim.report.tables import tables_of
+from cosim.results.conventions import by_axis
 from cosim.results.load_and_rest import (
     LEAST_RATIO,
     NO_TENDONS,
@@ -40,7 +41,7 @@ def state(
 ) -> dict[str, Any]:
     """A state of a summary; `others`: torque about the PIP by its source."""
     return {
-        "fingertip_force_N": [0.0, tip, 0.0],
+        "fingertip_force_N": by_axis((0.0, tip, 0.0)),
         "joint_torque_Nmm": {"hood": {"MCP": 0.0, "PIP": pip}}
         | {source: {"MCP": 0.0, "PIP": torque} for source, torque in others.items()},
         "slip_force_N": {"central": 0.0, "terminal": terminal},
@@ -112,7 +113,7 @@ def test_what_is_nowhere_is_not_told():
         (state(0.1, -5.0, 0.0, 0.05, passive=1.0, fingertip=5.0), True, "laid free of stress"),
         (state(0.1, -5.0, 0.0, 0.05, passive=1.0), False, "free of tension"),
         (state(0.1, -5.0, 0.0, 0.05, passive=4.0, FDP=4.0), True, "passive joints"),
-        ({"fingertip_force_N": [0, 0.1, 0], "tension_N": {"EDC": 0.05}}, False, "FMU"),
+        ({"fingertip_force_N": by_axis((0, 0.1, 0)), "tension_N": {"EDC": 0.05}}, False, "FMU"),
     ],
 )
 def test_the_warning_says_what_pushes_at_rest(unloaded, is_laid, meaning):

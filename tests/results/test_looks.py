@@ -18,6 +18,7 @@ from cosim.analyses.estimate.plot import draw_motion
 from cosim.analyses.ladder import Rung, draw_ladder
 from cosim.report import page as page_module
 from cosim.report.drawings import arrows_of
+from cosim.results.conventions import AXES, by_axis
 from cosim.results.history_plot import draw_history
 from cosim.results.ledger_plot import draw_ledger
 from cosim.results.looks import look
@@ -109,7 +110,7 @@ def test_tendons_of_moment_arms_differ():
 
 
 def test_rungs_of_a_ladder_differ():
-    force = {"fingertip_force_N": [1.0, 2.0, 0.0], "fingertip_magnitude_N": 2.2}
+    force = {"fingertip_force_N": by_axis((1.0, 0.0, 2.0)), "fingertip_magnitude_N": 2.2}
     summary = {**force, "unloaded": force}
     rungs = [Rung(f"rung {i}", False, "converged", "", 1.0, summary, {}, {}) for i in range(MANY)]
     looks = line_looks(draw_ladder(rungs, "ladder").axes[0])
@@ -140,7 +141,7 @@ def test_joints_and_cylinders_of_a_history_differ():
         },
         {
             "time": list(TIMES),
-            "axis": ["x", "y", "z"],
+            "axis": list(AXES),
             **dict.fromkeys(("joint", "cylinder", "tendon"), names),
         },
     )

@@ -108,7 +108,7 @@ def test_of_a_slack_central_slip_there_is_no_ratio(summaries):
         *("slip_ratio", "unloaded.slip_ratio", "difference.strain_percent.lateral.min"),
         *("energy_mJ.artificial", "cable.central_slip.tension_N", "tension_N.RI"),
         *("one_way.interface_residual", "step_control.accepted", "audit.torque_balance_at_rest"),
-        *("excursion_mm.FDP", "fingertip_moment_Nmm.1", "muscle.EDC.pennation_deg"),
+        *("excursion_mm.FDP", "fingertip_moment_Nmm.palmar", "muscle.EDC.pennation_deg"),
         *("region_strain_percent.central_band.lateral.min", "air.EDC.pressure_kPa"),
     ],
 )
@@ -128,7 +128,8 @@ def test_null_is_no_misspelling(summaries):
         ("strain_percent.lateral", "is no number; it has the parts min, mean, max"),
         ("converged", "is no number"),
         ("fingertip_magnitude_N.0", "nothing in fingertip_magnitude_N"),
-        ("fingertip_force_N.7", "There are distal, palmar, radial"),
+        ("fingertip_force_N.up", "There are distal, radial, dorsal, proximal, ulnar, palmar"),
+        ("difference.fingertip_force_N.1", r"difference\.fingertip_force_N\.palmar in place of"),
         ("posture_deg.pip", r"did you mean posture_deg\.PIP\?"),
         ("difference.excursion_mm.EDC", 'no "excursion_mm" in difference'),
         ("cable.slip.tensionN", r"did you mean cable\.slip\.tension_N\?"),

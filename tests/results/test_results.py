@@ -10,6 +10,7 @@ import xarray
 from cosim.case.file import load_case, resolved_toml
 from cosim.errors import InputError
 from cosim.hoods.view import STRAIN, HoodField
+from cosim.results.conventions import FRAME, by_axis
 from cosim.results.parts import LEDGER_HEADER, LedgerRow, Scene
 from cosim.results.result import Result
 from cosim.results.scene_plot import MOST_TRIANGLES, VIEWS, decimate, draw
@@ -48,7 +49,7 @@ def result() -> Result:
     row = LedgerRow(
         "loaded", "proximal", "contact", np.array([1.0, 0, -2.0]), np.array([0, 0.003, 0])
     )
-    summary = {"case": "isometric_edc", "fingertip_force_N": np.array([0.1, 0.2, 0.0])}
+    summary = {"case": "isometric_edc", "fingertip_force_N": by_axis((0.1, 0.2, 0.0))}
     text = resolved_toml(load_case("isometric_edc"))
     return Result(summary, dataset, (row,), scene, text, "isometric_edc")
 
@@ -59,13 +60,16 @@ def test_a_result_reads_back(tmp_path: Path, result):
     case = load_case("isometric_edc")
     folder = result.save(tmp_path / "runs")
     assert folder == tmp_path / "runs" / "isometric_edc"
-    assert json.loads((folder / "summary.json").read_text())["fingertip_force_N"] == [0.1, 0.2, 0]
+    assert json.loads((folder / "summary.json").read_text())["fingertip_force_N"] == by_axis(
+        (0.1, 0.2, 0)
+    )
     with xarray.open_dataset(folder / "results.nc", engine="h5netcdf") as dataset:
         xarray.testing.assert_identical(dataset.load(), result.data)
     with (folder / "ledger.csv").open(newline="") as file:
         header, *rows = csv.reader(file)
     assert tuple(header) == LEDGER_HEADER
-    assert rows == [["loaded", "proximal", "contact", "1", "0", "-2", "0", "3", "0"]]
+    assert rows == [["loaded", "proximal", "contact", "1", "0", "-2", "0", "3", "0", "world"]]
+    assert FRAME in (folder / "hood.vtu").read_text()
     mesh = meshio.read(folder / "hood.vtu")
     np.testing.assert_array_equal(mesh.points, result.scene.hood.points)
     np.testing.assert_array_equal(mesh.cells_dict["quad"], result.scene.hood.quads)

@@ -31,8 +31,8 @@ def test_the_tables_hold_what_the_run_found(run: tuple[Path, dict]) -> None:
     forces = read_sto(folder / "forces.sto")
     last = dict(zip(forces.columns, forces.values[-1], strict=True))
     assert last["EDC_tension"] == pytest.approx(3.469)
-    assert last["fingertip_force_vx"] == pytest.approx(summary["fingertip_force_N"][0])
-    assert last["fingertip_force_vz"] == pytest.approx(-summary["fingertip_force_N"][1])
+    assert last["fingertip_force_vx"] == pytest.approx(summary["fingertip_force_N"]["distal"])
+    assert last["fingertip_force_vz"] == pytest.approx(summary["fingertip_force_N"]["dorsal"])
     assert 1e3 * last["PIP_torque_EDC"] == pytest.approx(summary["joint_torque_Nmm"]["EDC"]["PIP"])
 
 

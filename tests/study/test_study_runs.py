@@ -18,6 +18,7 @@ from cosim.case.cache_key import address, case_table, code_version
 from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.errors import ConvergenceError, InputError
+from cosim.results.conventions import by_axis
 from cosim.study import open_study
 from cosim.study import process as apart
 from cosim.study.quantities import check_outputs, paths
@@ -189,8 +190,8 @@ def test_an_output_that_is_not_there_is_told_with_its_neighbours(place):
     done = cosim("pip.toml")
     assert done.exit_code == 2
     assert "nearest: joint_torque_Nmm.passive.PIP" in done.output
-    summary = {"a": {"b": 1.0, "c": [1.0, 2.0, 3.0]}, "zero": 0.0}
-    assert list(paths(summary)) == ["a.b", "a.c.distal", "a.c.palmar", "a.c.radial", "zero"]
+    summary = {"a": {"b": 1.0, "c": by_axis((1.0, 2.0, 3.0))}, "zero": 0.0}
+    assert list(paths(summary)) == ["a.b", "a.c.distal", "a.c.radial", "a.c.dorsal", "zero"]
     check_outputs({"x": "a.b/zero"}, summary)
     with pytest.raises(InputError, match=r"at a\.d"):
         check_outputs({"x": "a.b/a.d"}, summary)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import multiprocessing
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -230,13 +230,19 @@ def test_every_reason_fits_a_group_and_stands_only_beside_a_miss():
     assert other.target.note == f"clamped; why: {NOT_KNOWN}"
 
 
+def in_phalanx(printed: Sequence[float]) -> dict[str, float]:
+    """A force of Synek's table (distal, palmar, radial) along our axes."""
+    distal, palmar, radial = printed
+    return {"distal": distal, "radial": radial, "dorsal": -palmar}
+
+
 def board_of(group: TrialGroup, factor: float, **others: float) -> Board:
     """The board of models that say so many times what was measured; others: of trials by name."""
 
     def said(name: str) -> dict:
         times = others.get(name, factor)
-        mine = [t for t in group.targets if t.case == name]
-        return {"difference": {"fingertip_force_in_phalanx_N": [times * t.reference for t in mine]}}
+        mine = [times * t.reference for t in group.targets if t.case == name]
+        return {"difference": {"fingertip_force_in_phalanx_N": in_phalanx(mine)}}
 
     trials = [*(t.name for t in group.trials), *group.partners.values()]
     partner = {split: name for name, split in group.partners.items()}
@@ -244,9 +250,9 @@ def board_of(group: TrialGroup, factor: float, **others: float) -> Board:
     for split, name in partner.items():
         summaries[split] = {
             "difference": {
-                "fingertip_force_in_phalanx_N": [
-                    0.5 * t.reference for t in group.targets if t.case == name
-                ]
+                "fingertip_force_in_phalanx_N": in_phalanx(
+                    [0.5 * t.reference for t in group.targets if t.case == name]
+                )
             }
         }
     outcomes = {n: ValidationOutcome(n, s, None) for n, s in summaries.items()}
@@ -274,7 +280,7 @@ def test_a_board_says_in_its_first_line_whether_the_hood_beats_its_null_models()
 def test_the_fixed_split_answers_where_its_trial_was_run():
     group = BY_NAME["cadaver forces: hood"]
     rows = list(rows_of(group, {}))
-    said = {"difference": {"fingertip_force_in_phalanx_N": [1.0, 2.0, 3.0]}}
+    said = {"difference": {"fingertip_force_in_phalanx_N": in_phalanx([1.0, 2.0, 3.0])}}
     found = split_answers(group, rows, {"middle_minorflex_ri": said})
     assert {t.case for t in found} == {"hood_minorflex_ri"}
     assert list(found.values()) == [1.0, 2.0, 3.0]
@@ -351,7 +357,7 @@ def test_the_command_runs_trials_and_leaves_runs_page_and_board(tmp_path: Path):
         (tmp_path / "force_split_EDC" / "summary.json").read_text(encoding="utf-8")
     )
     (palmar,) = [r for r in own if r["name"].endswith("palmar, MyoHand")]
-    assert palmar["model"] == summary["difference"]["fingertip_force_N"][1]
+    assert palmar["model"] == -summary["difference"]["fingertip_force_N"]["dorsal"]
 
 
 def test_trials_that_share_an_unloaded_equilibrium_are_run_by_one_process():

@@ -26,7 +26,7 @@ RATIO = "difference.slip_force_N.terminal/difference.slip_force_N.central"
 QUANTITIES = (
     "difference.fingertip_magnitude_N",
     "difference.fingertip_force_N.distal",
-    "difference.fingertip_force_N.palmar",
+    "difference.fingertip_force_N.dorsal",
     "difference.slip_force_N.central",
     "difference.slip_force_N.terminal",
     RATIO,
