@@ -21,7 +21,7 @@ from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import Equilibrium
 from cosim.errors import ConvergenceError, CosimError, InputError
-from cosim.hoods.kind import HoodTable
+from cosim.hoods.kind import HoodConfig
 from cosim.hoods.kinds import rungs
 from cosim.port import Array
 from cosim.processes import process_pool
@@ -94,10 +94,10 @@ def on_rung(case: Case, name: str) -> Case:
     return case.model_copy(update={"hood": _hood(case, name)})
 
 
-def _hood(case: Case, name: str) -> HoodTable:
+def _hood(case: Case, name: str) -> HoodConfig:
     stated = case.finger.laid_hood
     laid: Any = None if stated is None else load_case(stated).hood
-    hood: HoodTable = load_case(RUNGS[name]).hood
+    hood: HoodConfig = load_case(RUNGS[name]).hood
     return hood.on_finger(case.finger.kind, laid)
 
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from cosim.case.schema import Coupling
+from cosim.case.schema import CouplingConfig
 from cosim.coupling.accelerators import Accelerator, Aitken, Constant, QuasiNewton
 from cosim.coupling.schemes import Explicit, Implicit, Linear, Newton, Scheme
 
 
-def scheme_of(coupling: Coupling) -> Scheme:
+def scheme_of(coupling: CouplingConfig) -> Scheme:
     """That of a motion in time."""
     if coupling.scheme == "implicit":
         return Implicit(accelerator_of(coupling), coupling.tolerance)
@@ -18,7 +18,7 @@ def scheme_of(coupling: Coupling) -> Scheme:
     return Explicit(parallel=coupling.scheme == "jacobi")
 
 
-def accelerator_of(coupling: Coupling) -> Accelerator:
+def accelerator_of(coupling: CouplingConfig) -> Accelerator:
     """That of the scheme "implicit"."""
     accelerators: dict[str, Accelerator] = {
         "constant": Constant(),

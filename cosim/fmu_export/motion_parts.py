@@ -12,7 +12,7 @@ import numpy as np
 
 from cosim.build.motion import MovingModels, moving_models
 from cosim.build.states import special_states
-from cosim.case.schema import Case, Forward
+from cosim.case.schema import Case, ForwardConfig
 from cosim.coupling.motion import RecordedFinger
 from cosim.coupling.schemes import step
 from cosim.coupling.state import Coupled
@@ -34,7 +34,7 @@ ROUNDING = 1e-9
 """Of a step, by which a master's may be longer than the case's."""
 
 
-def moving_part(case: Case, forward: Forward, part: str, tangent: bool) -> Part:
+def moving_part(case: Case, forward: ForwardConfig, part: str, tangent: bool) -> Part:
     """The finger, or "coupled" the finger and the hood, of a case in motion.  Raises InputError."""
     if forward.adaptive is not None:
         raise InputError(

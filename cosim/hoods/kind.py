@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, get_args
 from cosim.errors import InputError
 from cosim.fingers.common import Extensor
 from cosim.fingers.kind import Anatomy
-from cosim.hoods.lesion import InjurableParts, Lesion
+from cosim.hoods.lesion import InjurableParts, LesionConfig
 from cosim.hoods.variation import Settings, Variation, no_variation
 from cosim.hoods.view import Colour, HoodView
 from cosim.port import Array, Hood, Motion, State
@@ -24,7 +24,7 @@ Slips = Mapping[str, float]
 """N, in the central and the terminal slip."""
 
 
-class HoodTable(Table):
+class HoodConfig(Table):
     """What the table of any hood says without a solver."""
 
     title: ClassVar[str]
@@ -76,7 +76,7 @@ class HoodTable(Table):
         """What a lesion can do to it."""
         return None
 
-    def cannot_be_injured(self, lesion: Lesion) -> str:
+    def cannot_be_injured(self, lesion: LesionConfig) -> str:
         """Why it cannot have a lesion that names none but its parts; empty where it can."""
         return ""
 
@@ -99,7 +99,7 @@ class HoodTable(Table):
         """The rung of the ladder on which it stands."""
         return kind_of(type(self))
 
-    def on_finger(self, finger: str, laid: Any) -> HoodTable:
+    def on_finger(self, finger: str, laid: Any) -> HoodConfig:
         """The hood for a finger of that kind; `laid`: one laid out on such a finger, if any."""
         return self
 
@@ -108,7 +108,7 @@ class HoodTable(Table):
         return {}
 
 
-H = TypeVar("H", bound=HoodTable)
+H = TypeVar("H", bound=HoodConfig)
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ class Site:
     anatomy: Anatomy
     rest: Motion
     """The poses from which the excursions of a hood that is not laid out count."""
-    lesion: Lesion | None
+    lesion: LesionConfig | None
     tolerance: float
     """Of the hood's own equilibrium, relative."""
 
@@ -150,7 +150,7 @@ class BuiltHood:
     """Seconds of one assembly and of one factorisation of its tangent at a state."""
 
 
-def no_variations(hood: HoodTable) -> Iterator[Variation]:
+def no_variations(hood: HoodConfig) -> Iterator[Variation]:
     """Of a hood that has nothing to vary."""
     for name in ("modulus", "thickness", "mesh"):
         yield no_variation(name, f"a hood of kind {kind_of(type(hood))!r} has none")

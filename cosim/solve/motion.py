@@ -13,7 +13,7 @@ import numpy as np
 from cosim.build.motion import MovingModels, moving_models
 from cosim.build.states import special_states
 from cosim.case.file import resolved_toml
-from cosim.case.schema import Case, Forward
+from cosim.case.schema import Case, ForwardConfig
 from cosim.coupling.adaptive import Control
 from cosim.coupling.checkpoint import NAME, MotionHistory, read_checkpoint, write_checkpoint
 from cosim.coupling.motion import CoupledMotion, MotionState, motion_states
@@ -120,7 +120,11 @@ class _Keeper:
 
 
 def _keeper(
-    case: Case, forward: Forward, both: MovingModels, checkpoints: Path | None, progress: Progress
+    case: Case,
+    forward: ForwardConfig,
+    both: MovingModels,
+    checkpoints: Path | None,
+    progress: Progress,
 ) -> _Keeper | None:
     """None for a motion that keeps no checkpoints: that has no folder, asks for none, or asks for
     nothing and cannot write its state.
@@ -165,7 +169,7 @@ def _case_in(folder: Path) -> str | None:
 
 
 def _on(
-    moves: CoupledMotion, forward: Forward, kept: MotionHistory, progress: Progress
+    moves: CoupledMotion, forward: ForwardConfig, kept: MotionHistory, progress: Progress
 ) -> Iterator[tuple[int, tuple[MotionState, ...]]]:
     """After each step to the motion's end how many have been made, and the states in it: of a step
     whose length follows from its error, after each half."""
@@ -188,7 +192,7 @@ def _rest(kept: MotionHistory) -> Rest:
     return Rest(float(np.abs(rates).max()), float(np.abs(forces - forces[-1]).max()))
 
 
-def _check_rest(forward: Forward, rest: Rest) -> None:
+def _check_rest(forward: ForwardConfig, rest: Rest) -> None:
     if not rest.is_reached:
         raise ConvergenceError(
             f"the finger did not come to rest in {forward.duration:g} s: over the last {WINDOW:g} "

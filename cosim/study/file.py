@@ -120,7 +120,7 @@ _DISTRIBUTIONS: dict[str, type[_Parameter]] = {
 }
 
 
-class Sampling(Table):
+class SamplingConfig(Table):
     """How distributions are sampled; `n`: points, of Saltelli's scheme base points."""
 
     kind: Kind
@@ -129,7 +129,7 @@ class Sampling(Table):
     second_order: Switch = False
 
 
-class StudyLimits(Table):
+class StudyLimitsConfig(Table):
     """Seconds for a run, and failed runs after which no other is begun."""
 
     time: Annotated[float, quantity(units.TIME, above="0 s", most="1e6 s")] | None = None
@@ -144,9 +144,9 @@ class StudyFile(Table):
     case: str
     settings: Texts = ()
     parameters: Annotated[dict[str, dict[str, Any]], Field(min_length=1)]
-    sampling: Sampling | None = None
+    sampling: SamplingConfig | None = None
     outputs: Annotated[dict[str, str], Field(min_length=1)]
-    limits: StudyLimits = StudyLimits()
+    limits: StudyLimitsConfig = StudyLimitsConfig()
     arrays: Switch | Texts = False
     data: str = ""
 

@@ -15,7 +15,7 @@ from cosim.port import Array
 from cosim.results.compare import Target
 from cosim.schema.fields import is_number
 from cosim.study.distributions import Word, is_axis, middle
-from cosim.study.file import FORM, Parameter, Sampling, find_study, read_file
+from cosim.study.file import FORM, Parameter, SamplingConfig, find_study, read_file
 from cosim.study.sampling import points, unit_points
 
 Point = tuple[Word, ...]
@@ -35,7 +35,7 @@ class Plan:
     case: Path
     settings: Settings
     parameters: tuple[Parameter, ...]
-    sampling: Sampling | None
+    sampling: SamplingConfig | None
     outputs: Mapping[str, str]
     """Path in the summary, or A/B, by name."""
     most_seconds: float | None

@@ -11,9 +11,9 @@ import numpy as np
 
 from cosim.errors import ConvergenceError, InputError
 from cosim.port import Array
-from cosim.tendons.air_table import Pneumatic
+from cosim.tendons.air_table import PneumaticConfig
 from cosim.tendons.courses import factor_of
-from cosim.tendons.table import Tendon
+from cosim.tendons.table import TendonConfig
 
 if TYPE_CHECKING:
     from rigid.air.plant import AirState, Cylinder, Pneumatics, Valve
@@ -53,7 +53,7 @@ class CylinderStep(NamedTuple):
     state: AirState
 
 
-def check_air(tables: Mapping[str, Tendon], in_motion: bool) -> None:
+def check_air(tables: Mapping[str, TendonConfig], in_motion: bool) -> None:
     """Raises InputError for a cylinder in an equilibrium, or one whose parts do not fit."""
     for name in _pneumatic_names(tables):
         if not in_motion:
@@ -68,7 +68,7 @@ def check_air(tables: Mapping[str, Tendon], in_motion: bool) -> None:
             raise InputError(f"tendons.{name}.actuation: {error}") from None
 
 
-def cylinders(tables: Mapping[str, Tendon], tendons: tuple[str, ...]) -> Cylinders | None:
+def cylinders(tables: Mapping[str, TendonConfig], tendons: tuple[str, ...]) -> Cylinders | None:
     """Those of a case with these tendons; None where air pulls nothing.  Raises InputError."""
     names = tuple(n for n in tendons if n in _pneumatic_names(tables))
     if not names:
@@ -81,7 +81,7 @@ def cylinders(tables: Mapping[str, Tendon], tendons: tuple[str, ...]) -> Cylinde
     return Cylinders(names, where, air, drawn, lambda t: np.array([f(t) for f in commands]))
 
 
-def parts(table: Pneumatic) -> Pneumatics:
+def parts(table: PneumaticConfig) -> Pneumatics:
     """Valve and cylinder of a table.  Raises InputError."""
     from rigid.air.plant import ATMOSPHERE, Cylinder, Pneumatics, Valve
 
@@ -134,17 +134,17 @@ def _within(c: Cylinders, inward: Array) -> Array:
     return np.asarray(drawn)
 
 
-def _pneumatic_names(tables: Mapping[str, Tendon]) -> list[str]:
+def _pneumatic_names(tables: Mapping[str, TendonConfig]) -> list[str]:
     return [name for name, tendon in tables.items() if tendon.actuation is not None]
 
 
-def _table(tendon: Tendon) -> Pneumatic:
+def _table(tendon: TendonConfig) -> PneumaticConfig:
     table = tendon.actuation
     assert table is not None  # of those that _pneumatic_names gives
     return table
 
 
-def _command(tendon: Tendon) -> Callable[[float], float]:
+def _command(tendon: TendonConfig) -> Callable[[float], float]:
     """V at a time in s."""
     from rigid.air.plant import ATMOSPHERE, resting_voltage
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.port import Array
-from cosim.tendons.table import Tendon
+from cosim.tendons.table import TendonConfig
 
 if TYPE_CHECKING:
     from rigid.muscle.parameters import Muscles
@@ -37,7 +37,7 @@ class CaseMuscles:
     """Of the shortening (n,) of their paths since the unloaded state, m."""
 
 
-def live_muscles(tendons: Mapping[str, Tendon]) -> CaseMuscles:
+def live_muscles(tendons: Mapping[str, TendonConfig]) -> CaseMuscles:
     """The muscles that a case activates and gives a fibre.
 
     Raises InputError for a fibre length that is shorter than its muscle can be."""
@@ -58,7 +58,7 @@ def live_muscles(tendons: Mapping[str, Tendon]) -> CaseMuscles:
     return CaseMuscles(names, pull)
 
 
-def fibres(tendons: Mapping[str, Tendon]) -> list[tuple[Muscles, Array, Array]]:
+def fibres(tendons: Mapping[str, TendonConfig]) -> list[tuple[Muscles, Array, Array]]:
     """Muscles with elastic tendons and those with rigid ones, where the case has any: with their
     activations and their paths' lengths (m) at the fibre lengths that the case assumes.
 
@@ -75,7 +75,7 @@ def fibres(tendons: Mapping[str, Tendon]) -> list[tuple[Muscles, Array, Array]]:
 
 
 def _group(
-    names: Sequence[str], tendons: Sequence[Tendon], rigid: bool
+    names: Sequence[str], tendons: Sequence[TendonConfig], rigid: bool
 ) -> tuple[Muscles, Array, Array]:
     from rigid.muscle.millard import path_length
     from rigid.muscle.parameters import Muscles

@@ -12,7 +12,7 @@ from typing import Any, Literal, get_args
 from cosim.case.file import Settings
 from cosim.case.schema import Case
 from cosim.errors import InputError
-from cosim.hoods.shell.table import FibreMooneyRivlin, TransverselyIsotropic
+from cosim.hoods.shell.table import FibreMooneyRivlinConfig, TransverselyIsotropicConfig
 from cosim.hoods.shell.variation import toe_settings
 from cosim.schema import units
 from cosim.schema.fields import is_number
@@ -220,7 +220,7 @@ def _stated_values(case: Case) -> dict[str, list[float]]:
 
 def _laws(
     case: Case,
-) -> tuple[Mapping[str, FibreMooneyRivlin], Mapping[str, TransverselyIsotropic]]:
+) -> tuple[Mapping[str, FibreMooneyRivlinConfig], Mapping[str, TransverselyIsotropicConfig]]:
     return case.hood.laws("trans_iso_mooney_rivlin"), case.hood.laws("transversely_isotropic")
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from cosim.hoods.shell.table import Material, ShellHoodConfig
+from cosim.hoods.shell.table import MaterialConfig, ShellHoodConfig
 from cosim.hoods.variation import (
     Settings,
     Side,
@@ -120,7 +120,7 @@ def _across(hood: ShellHoodConfig) -> Variation:
     return Variation(name, Side("a tenth of that along", tenth), Side("", why_not="isotropic"))
 
 
-def _tenth(region: Material) -> str:
+def _tenth(region: MaterialConfig) -> str:
     """The isotropic law with a tenth of its modulus across and of its shear modulus."""
     values = dict(region)
     modulus, ratio = values["modulus"], values["poisson"]
