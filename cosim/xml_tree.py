@@ -58,7 +58,7 @@ class Tag:
     rows were."""
 
     SEPARATORS: ClassVar[str] = ""
-    """Of numbers, beside white space."""
+    """Characters between numbers, beside white space."""
     ROWS: ClassVar[frozenset[str]] = frozenset()
     """Kinds of leaf tags that are rows of numbers."""
 
@@ -68,7 +68,7 @@ class Tag:
     parent: Self | None = field(repr=False, compare=False)
     line: int
     text: str = ""
-    """Of a tag without others within."""
+    """The text of a tag without others within."""
     children: list[Self] = field(default_factory=list)
     rows: Rows | None = None
     used: bool = False

@@ -247,7 +247,7 @@ ARMS = tuple(f"arm {EXTENSOR} {joint} mm" for joint in JOINTS)
 
 
 def draw_ladder(rungs: Sequence[Rung], title: str) -> Figure:
-    """Of the rungs that have numbers; the case's own is marked by a star."""
+    """A chart of the rungs that have numbers; the case's own is marked by a star."""
     from matplotlib.figure import Figure
 
     shown = [rung for rung in rungs if rung.status == "converged"]

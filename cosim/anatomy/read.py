@@ -72,7 +72,7 @@ class Built:
 
 @dataclass(frozen=True)
 class Defaults:
-    """Of the base case, m: thickness of the sheet and its face's height over each bone."""
+    """Values of the base case, m: thickness of the sheet and its face's height over each bone."""
 
     thickness: float
     offset: Mapping[str, float]

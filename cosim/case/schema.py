@@ -59,7 +59,7 @@ class CouplingConfig(Table):
     scheme: Literal["linear", "newton", "implicit", "explicit", "jacobi", "one_way"] = "linear"
     accelerator: Literal["constant", "aitken", "iqn_ils"] = "aitken"
     tolerance: Annotated[float, quantity(units.ANGLE, above="0 deg", most="1 deg")] = 1e-9
-    """Of the joint angles, of the iterated schemes, rad."""
+    """rad, on the joint angles, in the iterated schemes."""
     one_way: OneWayConfig = OneWayConfig()
     allow_double_counting: Switch = False
     """Run even where the hood hands over a force that the finger makes too."""
@@ -86,7 +86,7 @@ class ForwardConfig(Table):
 
     duration: Annotated[float, quantity(units.TIME, above="0 s", most="1000 s")] = 2.0
     step: Annotated[float, quantity(units.TIME, least="1e-6 s", most="0.1 s")] = 1e-3
-    """Of every step; with `adaptive` of the first and the longest."""
+    """s, the length of every step; with `adaptive` of the first and the longest."""
     adaptive: AdaptiveConfig | None = None
     must_rest: Switch = True
     """The run fails where the finger is still moving at the end."""

@@ -88,7 +88,7 @@ class FmuHood:
         return Response(new, load, excursion)
 
     def jacobian(self, state: FmuState) -> HoodJacobian:
-        """Of the last step's outputs by its inputs."""
+        """The derivatives of the last step's outputs by its inputs."""
         if state.before is state.after:
             raise InputError("this hood state has not been solved: call advance first")
         if self.tangent_by == "outputs":

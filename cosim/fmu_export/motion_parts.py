@@ -31,7 +31,7 @@ from cosim.fmu_export.part import Part, motion_of_input, poses
 from cosim.port import AffineLoad, Array, State
 
 ROUNDING = 1e-9
-"""Of a step, by which a master's may be longer than the case's."""
+"""The part of a step by which a master's may be longer than the case's."""
 
 
 def moving_part(case: Case, forward: ForwardConfig, part: str, tangent: bool) -> Part:

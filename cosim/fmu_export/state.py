@@ -23,7 +23,7 @@ class Snapshot:
     """All that a step reads and writes; neither array nor state is ever changed in place."""
 
     token: str
-    """Of the unit whose state it is."""
+    """The key of the unit whose state it is."""
     time: float
     """s, as FMI 3 tells it."""
     values: Array

@@ -165,7 +165,7 @@ def guide_depth(hood: FeHood) -> float:
 
 
 def tangent_seconds(hood: FeHood, state: State) -> tuple[float, float]:
-    """Of one assembly and of one factorisation at a state."""
+    """s that one assembly and one factorisation take at a state."""
     from fe_solver.solver.newton_step import factorise
 
     start = perf_counter()

@@ -39,7 +39,7 @@ class HoodConfig(Table):
     """Its tendons may go slack."""
     can_be_injured: ClassVar[bool] = False
     rungs: ClassVar[Mapping[str, str]] = {}
-    """Of the ladder of hoods, with the packaged case that states each."""
+    """Rungs of the ladder of hoods, with the packaged case that states each."""
     example: ClassVar[tuple[str, ...]] = ()
     """A packaged case, and settings, with such a hood: small, for tests.  None of a hood that a
     program of the user's is."""
@@ -120,7 +120,7 @@ class Site:
     """The poses from which the excursions of a hood that is not laid out count."""
     lesion: LesionConfig | None
     tolerance: float
-    """Of the hood's own equilibrium, relative."""
+    """The tolerance of the hood's own equilibrium, relative."""
 
     @property
     def skeleton(self) -> Skeleton:
@@ -151,7 +151,7 @@ class BuiltHood:
 
 
 def no_variations(hood: HoodConfig) -> Iterator[Variation]:
-    """Of a hood that has nothing to vary."""
+    """The variations of a hood that has nothing to vary: none, each with its reason."""
     for name in ("modulus", "thickness", "mesh"):
         yield no_variation(name, f"a hood of kind {kind_of(type(hood))!r} has none")
 

@@ -29,7 +29,7 @@ class InjurableParts:
     cut: tuple[str, ...]
     adhere: tuple[str, ...]
     lengths: tuple[str, ...]
-    """Of `shorten` and `lengthen`."""
+    """Parts that `shorten` and `lengthen` may name."""
 
 
 class LesionConfig(Table):

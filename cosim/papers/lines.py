@@ -13,9 +13,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Sheet
 
 MUSCLE_COLOURS = ("#0b5394", "#b45309", "#2e7d4f", "#8e3b8a", "0.45")
-"""Of ED, FDP, FDS, the interossei and the lumbrical, in every figure."""
+"""Colours of ED, FDP, FDS, the interossei and the lumbrical, in every figure."""
 BAND_COLOURS = ("#0f7c8a", "#c2410c")
-"""Of the middle and the lateral band."""
+"""Colours of the middle and the lateral band."""
 HEADROOM = 0.06
 
 

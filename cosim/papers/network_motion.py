@@ -43,7 +43,7 @@ class Contact:
     tendon: Array
     """(n, k) N, of the connecting tendons."""
     names: tuple[str, ...]
-    """Of the connecting tendons."""
+    """The connecting tendons' names."""
     tip_force: Array
     """(n, 3) N of the fingertip on the world."""
     extensors: Array

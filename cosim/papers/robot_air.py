@@ -93,7 +93,8 @@ UNIT = "dPdt_kPa_per_s"
 
 
 def _course(record: Record, lag: int, model: Rate, still: Rate, k: int) -> pd.DataFrame:
-    """Of one cylinder: dP/dt of the plant and of both models, from the longer of their lags on."""
+    """The course of one cylinder: dP/dt of the plant and of both models, from the longer of their
+    lags on."""
     voltage, pressure, rate = (a[:, k] for a in pair_rows(record, lag))
     now = pair_rows(record, 0)[0][-len(rate) :, k]
     time = record.time[-1 - len(rate) : -1]
@@ -125,7 +126,7 @@ def _draw_rates(sheet: Sheet, courses: dict[float, pd.DataFrame]) -> None:
 
 
 def _coefficients(found: Identification) -> pd.DataFrame:
-    """Of the printed equation, P in Pa above the atmosphere and V in V."""
+    """The coefficients of the printed equation, P in Pa above the atmosphere and V in V."""
     m = found.model
     return pd.DataFrame(
         {

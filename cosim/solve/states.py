@@ -18,6 +18,6 @@ class States:
     reciprocity: float | None
     """None where the hood has no tendons to pull."""
     pull: Pull
-    """Of the muscles that have a fibre, in the loaded state."""
+    """The pull of the muscles that have a fibre, in the loaded state."""
     passed: OneWayPass | None = None
-    """Of a one-way pass: what was handed over."""
+    """What a one-way pass handed over; None of a coupled equilibrium."""

@@ -22,8 +22,7 @@ from cosim.tendons.muscles import Pull
 AUDIT_STEP = 2e-5
 """rad, joint step of the reciprocity audit: small against the contact's smoothing."""
 MOST_PULLS = 30
-PULL_TOLERANCE = 1e-7
-"""Of the largest tension (at least 1 N)."""
+PULL_TOLERANCE = 1e-7  # relative to the largest tension (at least 1 N)
 
 
 def solve_static(case: Case, session: Session, progress: Progress = quiet) -> tuple[Models, States]:

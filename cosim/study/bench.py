@@ -28,7 +28,7 @@ count = {runs}
 [outputs]
 tip_force = "fingertip_magnitude_N"
 """
-"""Of the shell."""
+"""A study of the shell hood."""
 Engine = Callable[[int], AbstractContextManager[Solve]]
 """What solves runs, by so many workers."""
 
@@ -41,7 +41,7 @@ class Timed:
     seconds: float
     """On the clock."""
     solving: float
-    """Of all runs, s, as each took it."""
+    """s, the sum over all runs of what each took."""
     runs: int
 
     @property

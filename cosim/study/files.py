@@ -49,7 +49,7 @@ def facts_of(plan: Plan, store: Store) -> dict[str, Any]:
 
 
 def answers_of(found: StudyResults) -> dict[str, Any]:
-    """Of every output, for machines."""
+    """The answers of every output, for machines: what `answers.json` holds."""
     return {
         "quantiles": list(QUANTILES),
         "confidence": CONFIDENCE,

@@ -143,7 +143,7 @@ def _target(target: Target, band: Band | None) -> dict[str, str]:
 
 
 def _ends(target: Target) -> tuple[float, float]:
-    """Of one SD about the mean where there is one, else of the band."""
+    """The ends of one SD about the mean where there is one, else of the band."""
     if target.reference is not None:
         sd = target.sd or 0.0
         return target.reference - sd, target.reference + sd

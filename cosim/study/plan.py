@@ -57,7 +57,7 @@ class Plan:
 
     @cached_property
     def points(self) -> list[Point]:
-        """Of every run, in order."""
+        """The points of all runs, in order."""
         return points(tuple(p.law for p in self.parameters), self.samples)
 
     def settings_at(self, point: Point) -> Settings:

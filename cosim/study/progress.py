@@ -129,7 +129,7 @@ def span(seconds: float) -> str:
 
 
 def notes(root: Path) -> list[Note]:
-    """Of every study of a store, by name.  Raises InputError where there is no store."""
+    """The notes of every study of a store, by name. Raises InputError where there is no store."""
     if not (root / "format.json").is_file():
         raise InputError(f"{root}: is no store of studies; `cosim study` names the one it uses")
     return [_note(path) for path in sorted((root / "studies").glob("*.json"))]

@@ -59,7 +59,7 @@ class StudyResults:
         return dict(self.facts["units"])
 
     def label(self, name: str) -> str:
-        """Of a parameter or output, for people."""
+        """The name of a parameter or output for people."""
         said: str = self.facts["parameters"].get(name, name)
         return said
 

@@ -147,7 +147,7 @@ class Store:
             raise self.unwritable(error) from error
 
     def rows(self, keys: Collection[str]) -> Iterator[StoreRow]:
-        """Of these addresses, each once, in no order.
+        """The rows at these addresses, each once, in no order.
 
         Loose ones are read first: one that is packed meanwhile is found in its part then."""
         wanted = set(keys)

@@ -48,7 +48,7 @@ def _values(summary: Mapping[str, Any], outputs: Mapping[str, str]) -> list[floa
 
 
 def units_of(plan: Plan) -> dict[str, str]:
-    """Of parameters and outputs; of a factor, a plain number or a word 1."""
+    """The unit of each parameter and output, by name; "1" of a factor, a plain number or a word."""
     return {p.name: p.unit or "1" for p in plan.parameters} | {
         name: unit_of(quantity) for name, quantity in plan.outputs.items()
     }

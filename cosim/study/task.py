@@ -14,7 +14,7 @@ from cosim.errors import CosimError
 from cosim.study.store import Status, Store, StoreRow
 
 NOT_NUMBERS = ("case", "version", "wall_s")
-"""Of a summary, what differs between two runs of one case."""
+"""Keys of a summary that differ between two runs of one case."""
 
 
 @dataclass(frozen=True)

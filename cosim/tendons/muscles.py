@@ -34,7 +34,7 @@ class CaseMuscles:
 
     names: tuple[str, ...]
     pull: Callable[[Array], Pull]
-    """Of the shortening (n,) of their paths since the unloaded state, m."""
+    """The muscles' pull at shortenings (n,) m of their paths since the unloaded state."""
 
 
 def live_muscles(tendons: Mapping[str, TendonConfig]) -> CaseMuscles:

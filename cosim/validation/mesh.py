@@ -19,8 +19,8 @@ from cosim.version import __version__
 
 FORMAT = "cosim mesh convergence 1"
 SHARE = 0.02
-"""Of a number, how far it may change; a force's components by that of the force, an angle by that
-of a radian."""
+"""The part of a number by which it may change; a force's components by that of the force, an angle
+by that of a radian."""
 POINTS = 0.1
 """How far a strain may change, %."""
 Verdict = Literal["beyond", "no value", "within"]
@@ -68,8 +68,8 @@ def _finer(trial: Trial, quads: int, settings: Sequence[str]) -> Trial:
 
 
 def changes(boards: Sequence[Board], finer: Sequence[Board]) -> list[Change]:
-    """Of every number that the mesh touches, once for all the references that it is compared
-    with, those beyond their bound first."""
+    """The change of every number that the mesh touches, once for all the references that it is
+    compared with, those beyond their bound first."""
     after = {b.group: b for b in finer}
     found = [c for b in boards if b.group in after for c in _of_group(b, after[b.group])]
     return sorted(found, key=lambda c: VERDICTS.index(c.verdict))

@@ -9,7 +9,7 @@ from typing import Any
 from cosim.results.compare import Comparison, Kind, Target
 
 Summaries = Mapping[str, Mapping[str, Any]]
-"""Of the trials that converged, by name."""
+"""The summaries of the trials that converged, by name."""
 
 
 @dataclass(frozen=True)

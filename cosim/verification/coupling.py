@@ -132,7 +132,7 @@ def order_rows() -> Iterator[Row]:
 
 
 def order_row(name: str, scheme: Scheme, order: Literal[1, 2], dt: float) -> Row:
-    """Of the largest error over 0.04 s with a step of `dt` and of half."""
+    """The order of the largest error over 0.04 s, from steps of `dt` and of half."""
     errors = []
     for h in (dt, dt / 2):
         steps = round(0.04 / h)

@@ -26,7 +26,7 @@ class Demand:
 
     names: tuple[str, ...]
     unit: str
-    """Of the components: N or N m."""
+    """The components' unit: N or N m."""
     spread: Array
     """(k, d)."""
     rows: Array

@@ -24,7 +24,7 @@ from cosim.solve.equilibrium import solve_equilibrium
 from rigid.muscle.least_cost import Power
 
 STAGES = (0.25, 0.5, 0.75, 1.0)
-"""Of the way to a force that was not found at once."""
+"""Parts of a force by which it is raised where it was not reached at once."""
 OPEN = "free"
 """In place of a component of a force that nothing is asked of."""
 COMPONENT = re.compile(rf"\s*({OPEN}|[-+]?[\d.]+(?:e[-+]?\d+)?\s*[a-zA-Z]+)\s*,?", re.I)

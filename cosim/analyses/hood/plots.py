@@ -206,7 +206,7 @@ GLIDES = {"terminal_slip_mm": "terminal slip", "lateral_bands_mm": "lateral band
 
 
 def _draw_glide(axes: Axes, glides: pd.DataFrame, name: str) -> None:
-    """Of one part of the hood, a line for each joint and load."""
+    """Draw the glide of one part of the hood, a line for each joint and load."""
     for i, joint in enumerate(JOINTS):
         for load, part in glides[glides.joint == joint].groupby("load", sort=False):
             dash = "--" if load == "rest" else "-"

@@ -361,7 +361,8 @@ def _number(pose: SolvedPose, name: str) -> float:
 
 
 def rest_summary(poses: Sequence[SolvedPose]) -> pd.DataFrame:
-    """Of each torque and slip the largest at rest, where, and how many poses keep the bound."""
+    """A row for each torque and slip: the largest at rest, where, and how many poses keep the
+    bound."""
     names = [(f"torque_{joint}_Nmm", REST_TORQUE) for joint in JOINTS]
     names += [(f"{slip}_slip_N", REST_SLIP) for slip in ("central", "terminal")]
     return pd.DataFrame([_extreme(poses, *name) for name in names])

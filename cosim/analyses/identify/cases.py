@@ -143,7 +143,7 @@ def _free_of(case: StatedCase, path: Path | None, faults: list[str]) -> Iterator
 
 
 def _faults_of_parameters(stated: Sequence[StatedCase], frees: Sequence[Free]) -> Iterator[str]:
-    """Of names that differ from case to case, and of values that a case does not take: all at their
+    """Say which names differ from case to case, and which values a case does not take: all at their
     starts, and, in one case of each file, each at its bounds."""
     names = [[p.name for p in free.parameters] for free in frees]
     for case, own in zip(stated, names, strict=True):

@@ -32,8 +32,8 @@ from cosim.results.compare import Comparison, Target, compare_with_targets
 from cosim.results.quantities import check_quantities
 
 STEP, SMALL_STEP = 0.01, 1e-4
-"""Of the coordinates, of the differences: of solves, and of what the tangent foretells, which no
-tolerance of a solve blurs."""
+"""Steps of the differences, in coordinates: of differences of solves, and of what the tangent
+predicts, which no tolerance of a solve blurs."""
 TOLERANCE = 1e-4
 """Relative, of cost and step, at which the search ends."""
 NORMAL = 1.959964
@@ -46,7 +46,7 @@ OTHER_STATE = 0.1
 SHOWN = 3
 """Largest misses in a line of progress."""
 NOTHING = 1e-9
-"""Of the largest singular value: a direction that the targets do not see."""
+"""The part of the largest singular value below which the targets do not see a direction."""
 
 
 @dataclass(frozen=True)
@@ -62,8 +62,8 @@ class Confidence:
     correlation: Array
     """(n, n), NaN where a deviation is infinite."""
     inflation: float
-    """Of the deviations, because the rows miss by more than their SDs: the square root of the
-    misses' squares per degree of freedom, or 1."""
+    """The factor on the deviations where the rows miss by more than their SDs: the square root of
+    the misses' squares per degree of freedom, or 1."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class Fit:
     """Points of the search at which every case was solved."""
     solves: int
     failures: tuple[str, ...]
-    """Of solves on the way, with their reason."""
+    """The solves that failed on the way, with their reason."""
     notes: tuple[str, ...]
     """What to know of the solves from scratch that the rows are of."""
     ended: str
@@ -103,7 +103,8 @@ class Fit:
 
     @property
     def confidence(self) -> Confidence:
-        """Of the parameters `within`, by the rows that pull, the others held at their bounds."""
+        """The confidence in the parameters `within`, by the rows that pull, the others held at
+        their bounds."""
         told = np.array([pulls(row.target, row.model or 0.0) for row in self.rows])
         columns = [i for i, p in enumerate(self.parameters) if p in self.within]
         return confidence(self.slopes[told][:, columns], self.misses[told])
@@ -463,7 +464,7 @@ class _Search:
         return np.stack(columns, axis=1)
 
     def steps_of(self, i: int) -> list[float]:
-        """Of the differences by each parameter in case i."""
+        """The steps of the differences by each parameter in case i, in coordinates."""
         if not self.serves[i]:
             return [STEP] * len(self.parameters)
         return [STEP if self.lays_mesh(self.cases[i], p) else SMALL_STEP for p in self.parameters]

@@ -41,7 +41,7 @@ QUANTITIES = (
 )
 """Looked at where nothing else is asked for, if the run has them, and the pulled tendon's arms."""
 COLUMNS = ("variation", "side", "set_to", "settings", "status", "reason")
-"""Of the table, before a column for each quantity."""
+"""The table's first columns, before one for each quantity."""
 End = Literal["low", "high"]
 Progress = Callable[[int, int, str], None]
 """Runs done, runs in all, what is next."""
@@ -62,7 +62,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """Of a case with its own settings: what its quantities are, and what they become."""
+    """The quantities of a case with its own settings, and what they become with each variation."""
 
     case: str
     settings: Settings
@@ -165,7 +165,7 @@ def _run(v: Variation, name: End, side: Side, found: Outcome | None, base: Mappi
 
 
 def bars(found: Sensitivity, quantity: str) -> list[Bar]:
-    """Of one quantity, the strongest first."""
+    """The bars of one quantity, the strongest first."""
     pairs = zip(found.runs[::2], found.runs[1::2], strict=True)
     base = found.base[quantity]
     every = [Bar(low.variation, low, high, quantity, base) for low, high in pairs]

@@ -21,9 +21,10 @@ SEEN = "#009e73"
 MOST = 22
 """Bars of a chart."""
 TELLING = 0.01
-"""Of the strongest answer: what is weaker is named below the chart, not drawn."""
+"""The part of the strongest effect below which a variation is named under the chart and not drawn.
+"""
 ROOM = 0.28
-"""Of the span of all bars, on either side of them, for their labels."""
+"""Margin for the labels on either side of the bars, as a part of the span of all bars."""
 
 
 def draw_tornado(found: Sensitivity, quantity: str, target: Target | None = None) -> Figure:

@@ -20,16 +20,16 @@ GRID = {"MCP": (0.0, 22.0, 45.0), "PIP": (10.0, 32.0, 55.0), "DIP": (5.0, 20.0, 
 LOW = 0.5
 """N, of a tendon's least load."""
 MIXED = ((0.5,), (0.3, 0.1, 0.6))
-"""Of the greatest loads, tendon by tendon and from the first again: all pull."""
+"""Parts of the greatest loads, tendon by tendon and from the first again, where all pull."""
 SPREAD, NEAR_ENDS = 512, 0.25
 """Postures spread over the grid's box in which each tendon pulls alone, and how many of them lie
 nearer to its ends (arcsine distribution), where a polynomial errs most."""
 ALONE_PARTS, MIXTURE_PARTS = (0.25, 1.0), (0.05, 0.65)
-"""Of the greatest loads, of tendons that pull alone and of all that pull."""
+"""Ranges of the parts of the greatest loads: of tendons that pull alone, and where all pull."""
 LEG = 24
 """Postures on a walk between the grid's points."""
 SPREAD_SEED = 7
-"""Of the scrambled Sobol sequences, and of the first tendon."""
+"""Seed of the first tendon's scrambled Sobol sequence; the other tendons' follow."""
 HELD, HELD_PARTS, HELD_MIXED, SEED = 10, (0.3, 1.0), (0.1, 0.6), 2
 """Held out: so many postures at random within the grid for each tendon alone and for mixtures, each
 with loads at random between these parts of the greatest."""

@@ -54,7 +54,7 @@ that it pulls on which side that is (metacarpal's frame)."""
 INCOMPRESSIBLE = np.array([[4, 2, 0], [2, 4, 0], [0, 0, 1]]) / 3
 """Plane-stress moduli of an incompressible isotropic sheet, over Young's."""
 MOST_SHORTENED = 0.5
-"""Of a region's length as laid."""
+"""The part of a region's length as laid out that it may be shortened by at most."""
 SAME_ANGLE = 1e-9
 """rad, angles between two families that differ by less are one."""
 

@@ -41,8 +41,8 @@ class Crossing:
 
 
 def crossing(quads: np.ndarray, elements: np.ndarray, beyond: np.ndarray) -> Crossing:
-    """Of the `elements` of a mesh with `quads` (ne, 4 or 9), those with nodes on both sides of a
-    line; `beyond` (n,) says which of all nodes lie beyond it."""
+    """Those of the `elements` of a mesh with `quads` (ne, 4 or 9) that have nodes on both sides of
+    a line; `beyond` (n,) says which of all nodes lie beyond it."""
     side = beyond[quads[elements]]
     both = side.any(axis=1) & ~side.all(axis=1)
     return Crossing(elements[both], side[both])

@@ -24,7 +24,7 @@ ABSENT = "1e-6 N/mm"
 SECTION_RANGE = (0.3e-6, 1.8e-6)
 """m2."""
 COEFFICIENTS = (0.1, 0.3)
-"""Of friction, where a case has none."""
+"""Coefficients of friction for a case that has none."""
 CROSSED = ("lateral_slip", "oblique_fibres")
 """What a region's name begins with that is a sheet of crossing fibres."""
 SHEETS = tuple(name for name in REGIONS if runs_round(name) or name.startswith(CROSSED))
