@@ -76,7 +76,7 @@ class Study:
             yield Row(self.name, "did not converge", nan, nan, 0.0, str(error), "absolute")
 
 
-def chosen(only: str | None, slow: bool, studies: Sequence[Study]) -> list[Study]:
+def select_studies(only: str | None, slow: bool, studies: Sequence[Study]) -> list[Study]:
     """The studies whose name holds `only`, slow ones where they are asked for or named.
 
     Raises InputError where none is left."""

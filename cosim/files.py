@@ -42,7 +42,7 @@ def move_into_place(part: Path, target: Path) -> None:
 
 
 @contextmanager
-def replaced(path: Path) -> Iterator[Path]:
+def atomic_path(path: Path) -> Iterator[Path]:
     """A place beside `path`, of this writer's own, to write to; moved there once the block has
     ended well.  Raises OSError."""
     part = path.with_name(f".{path.name[:40]}.{os.getpid()}.{uuid4().hex[:8]}.part")
@@ -56,12 +56,12 @@ def replaced(path: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def written_whole(path: Path) -> Iterator[Path]:
-    """As `replaced`.  Raises InputError where the file cannot be written."""
+def output_file(path: Path) -> Iterator[Path]:
+    """As `atomic_path`.  Raises InputError where the file cannot be written."""
     if path.exists() and not path.is_file():
         raise InputError(f"{path}: is no file that could be replaced; choose another")
     try:
-        with replaced(path) as part:
+        with atomic_path(path) as part:
             yield part
     except OSError as error:
         reason = error.strerror or str(error)
@@ -69,7 +69,7 @@ def written_whole(path: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def folder_written_whole(target: Path, mark: str) -> Iterator[Path]:
+def output_folder(target: Path, mark: str) -> Iterator[Path]:
     """An empty folder beside `target` to write to, moved there once the block has ended well.
 
     It replaces one that an earlier call left, known by its file `mark`, or an empty one.  Raises

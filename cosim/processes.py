@@ -84,7 +84,7 @@ class ProcessPool:
         ended: dict[int, R] = {}
         following = 0
         batches = ([item] for item in enumerate(items))
-        for i, result in self.as_ended(partial(_numbered, function), batches):
+        for i, result in self.as_ended(partial(_apply_numbered, function), batches):
             ended[i] = result
             while following in ended:
                 yield ended.pop(following)
@@ -154,5 +154,5 @@ def _with_memory(task: Callable[..., R], *args: Any) -> R:
     return task(_memory, *args)
 
 
-def _numbered(function: Callable[[T], R], item: tuple[int, T]) -> tuple[int, R]:
+def _apply_numbered(function: Callable[[T], R], item: tuple[int, T]) -> tuple[int, R]:
     return item[0], function(item[1])

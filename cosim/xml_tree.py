@@ -180,9 +180,9 @@ class _Reader(Generic[T]):
         self.parser.StartElementHandler = self._start
         self.parser.EndElementHandler = self._end
         self.parser.CharacterDataHandler = self._characters
-        self.parser.CommentHandler = lambda _: self._heard()
+        self.parser.CommentHandler = lambda _: self._reset_silence()
         self.parser.StartDoctypeDeclHandler = self._doctype
-        self.parser.XmlDeclHandler = self._declared
+        self.parser.XmlDeclHandler = self._check_encoding
 
     def feed(self, chunk: bytes) -> None:
         self.silent += len(chunk)
@@ -202,10 +202,10 @@ class _Reader(Generic[T]):
     def _fault(self, message: str) -> InputError:
         return InputError(f"{self.file}, line {self.parser.CurrentLineNumber}: {message}")
 
-    def _heard(self) -> None:
+    def _reset_silence(self) -> None:
         self.silent = 0
 
-    def _declared(self, _: str, encoding: str | None, __: int) -> None:
+    def _check_encoding(self, _: str, encoding: str | None, __: int) -> None:
         if encoding is not None and encoding.upper() not in (*self.limits.encodings, "US-ASCII"):
             raise self._fault(f"the encoding {encoding[:40]!r} is not read; save it as UTF-8")
 
@@ -215,7 +215,7 @@ class _Reader(Generic[T]):
         )
 
     def _start(self, name: str, attributes: dict[str, str]) -> None:
-        self._heard()
+        self._reset_silence()
         if not self.stack and name != self.root:
             raise self._fault(f"the root is <{name[:40]}>, expected <{self.root}>")
         if len(self.stack) >= self.limits.depth:
@@ -243,14 +243,14 @@ class _Reader(Generic[T]):
             raise self._fault(f"the texts are longer than {MOST_TEXTS >> 20} MB in all")
 
     def _characters(self, text: str) -> None:
-        self._heard()
+        self._reset_silence()
         self.size += len(text)
         if self.size > MOST_TEXT:
             raise self._fault(f"a text is longer than {MOST_TEXT >> 20} MB")
         self.texts.append(text)
 
     def _end(self, name: str) -> None:
-        self._heard()
+        self._reset_silence()
         tag = self.stack.pop()
         if tag.children or tag.rows:
             self._no_stray_text()

@@ -179,7 +179,7 @@ def _resistance(of: Summary) -> float:
     return -float(of["unloaded"]["joint_torque_Nmm"]["hood"]["DIP"])
 
 
-class Repeated(NamedTuple):
+class LengthExperiment(NamedTuple):
     """How experiments are repeated: what makes their values, on which hoods beside the shell, the
     experiments, what is assumed of each (the first is judged), and a case of theirs."""
 
@@ -191,28 +191,28 @@ class Repeated(NamedTuple):
 
 
 LUMPED = ("net of cables", "network")
-MADE: Mapping[str, Repeated] = {
-    "terminal tendon longer": Repeated(
+MADE: Mapping[str, LengthExperiment] = {
+    "terminal tendon longer": LengthExperiment(
         dip_drop, LUMPED, ("terminal_1mm", "terminal_4mm"), tuple(LOADS), "lengths_terminal_1mm"
     ),
-    "central slip mended with a gap": Repeated(
+    "central slip mended with a gap": LengthExperiment(
         posture_after_mending,
         LUMPED,
         ("central_gap_pip", "central_gap_dip"),
         tuple(LOADS),
         "lengths_central_gap",
     ),
-    "sagittal bands and tendon cut": Repeated(
+    "sagittal bands and tendon cut": LengthExperiment(
         cut,
         LUMPED[:1],
         ("bands_0", "bands_45", "tendon_0", "tendon_45"),
         ("at the PIP", "at the fingertip"),
         "cuts_sagittal_bands",
     ),
-    "glide of the terminal slip": Repeated(
+    "glide of the terminal slip": LengthExperiment(
         glide, LUMPED[:1], ("glide_mcp", "glide_pip", "glide_dip"), ("",), "lengths_terminal_glide"
     ),
-    "resistance of the DIP": Repeated(
+    "resistance of the DIP": LengthExperiment(
         resistance,
         LUMPED,
         ("resistance_most", "resistance_least", "oblique_share"),

@@ -36,7 +36,7 @@ FEW, MOST = 0.2, 0.8
 
 
 @dataclass(frozen=True)
-class Anatomy:
+class UserAnatomy:
     """What a user gives."""
 
     hood: Path | None = None
@@ -78,7 +78,7 @@ class Defaults:
     offset: Mapping[str, float]
 
 
-def read_anatomy(given: Anatomy, defaults: Defaults) -> Built:
+def read_anatomy(given: UserAnatomy, defaults: Defaults) -> Built:
     """Read and check everything.  Raises InputError."""
     if given.hood is None and given.finger is None:
         raise InputError("give a hood's mesh (--hood), a finger (--finger), or both")
@@ -99,7 +99,7 @@ def read_anatomy(given: Anatomy, defaults: Defaults) -> Built:
 
 
 def _finger(
-    given: Anatomy, report: list[str]
+    given: UserAnatomy, report: list[str]
 ) -> tuple[FingerModel | None, Mapping[str, float], Skeleton]:
     if given.finger is None:
         skeleton = index_finger().scaled(given.length_scale)
@@ -120,7 +120,7 @@ def _finger(
     return read.model, read.max_force, skeleton
 
 
-def _bones(given: Anatomy, skeleton: Skeleton, report: list[str]) -> Bones:
+def _bones(given: UserAnatomy, skeleton: Skeleton, report: list[str]) -> Bones:
     from meshes.hull import Chain
 
     chain = Chain(skeleton, *skeleton.pose(given.posture))
@@ -135,7 +135,7 @@ def _bones(given: Anatomy, skeleton: Skeleton, report: list[str]) -> Bones:
 
 
 def _with_hood(
-    given: Anatomy,
+    given: UserAnatomy,
     defaults: Defaults,
     model: FingerModel | None,
     force: Mapping[str, float],

@@ -13,7 +13,7 @@ import typer
 
 from cosim.commands.terminal import exit_on_error, print_table
 from cosim.errors import InputError
-from cosim.files import written_whole
+from cosim.files import output_file
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -82,7 +82,7 @@ def sensitivity(
             ("sensitivity.csv", to_csv(found)),
             ("sensitivity.json", to_json(found)),
         ):
-            with written_whole(folder / name) as part:
+            with output_file(folder / name) as part:
                 part.write_text(text, encoding="utf-8")
         charts = _write_charts(folder, found, targets)
         _show_sensitivity(found)
@@ -126,7 +126,7 @@ def _write_charts(folder: Path, found: Sensitivity, targets: Sequence[Target]) -
     drawn = [q for q in found.base if any(bar.swing > 0 for bar in bars(found, q))]
     for quantity in drawn:
         name = re.sub(r"[^\w.-]+", "_over_", quantity)
-        with written_whole(folder / f"{name}.png") as part:
+        with output_file(folder / f"{name}.png") as part:
             figure = draw_tornado(found, quantity, target.get(quantity))
             figure.savefig(part, dpi=130, format="png", bbox_inches="tight")
     return len(drawn)
@@ -239,7 +239,7 @@ def _write_found(
     of_one = all(case.source == source for case in stated)
     base = base_of(source, out) if of_one else None
     title = f"{load_case(source, own).title}, identified"
-    with written_whole(out) as part:
+    with output_file(out) as part:
         text = case_text(found, title, base, own, targets, stated)
         part.write_text(text, encoding="utf-8")
         if of_one:

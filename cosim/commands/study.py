@@ -13,8 +13,8 @@ from cosim.errors import InputError
 
 if TYPE_CHECKING:
     from cosim.study.engine import Solve
-    from cosim.study.execute import Done
-    from cosim.study.plan import Plan
+    from cosim.study.execute import StudyOutcome
+    from cosim.study.plan import StudyPlan
     from cosim.study.results import StudyResults
 
 REASONS = 8
@@ -68,7 +68,7 @@ def study(
             raise typer.Exit(130) from None
         folder = out / plan.name
         _show(plan, done, write_study(plan, done, kept, folder), folder)
-    raise typer.Exit(1 if done.count.failed or done.stopped else 0)
+    raise typer.Exit(1 if done.count.failed or done.was_stopped else 0)
 
 
 def _engine(workers: int, scheduler: str | None) -> AbstractContextManager[Solve]:
@@ -82,7 +82,7 @@ def _engine(workers: int, scheduler: str | None) -> AbstractContextManager[Solve
     return engine.local(workers, tell) if workers else nullcontext(engine.here)
 
 
-def _show(plan: Plan, done: Done, found: StudyResults, folder: Path) -> None:
+def _show(plan: StudyPlan, done: StudyOutcome, found: StudyResults, folder: Path) -> None:
     from cosim.results.compare import number
 
     rows = []
@@ -100,7 +100,7 @@ def _show(plan: Plan, done: Done, found: StudyResults, folder: Path) -> None:
         typer.echo(f"{times} without an answer: {reason}")
     if len(count.reasons) > REASONS:
         typer.echo(f"and {len(count.reasons) - REASONS} more reasons, in the table")
-    if done.stopped:
+    if done.was_stopped:
         typer.echo(
             f"stopped at {count.failed} failures (limits.failures); {count.total - count.done} "
             "runs were not done"

@@ -17,7 +17,7 @@ import numpy as np
 from cosim.coupling.motion import Frame, MotionState
 from cosim.coupling.state_arrays import Special, flatten, rebuild
 from cosim.errors import InputError
-from cosim.files import written_whole
+from cosim.files import output_file
 from cosim.port import Array
 from cosim.version import __version__
 
@@ -40,7 +40,7 @@ def write_checkpoint(folder: Path, case: str, kept: MotionHistory, special: Spec
     arrays = flatten(kept.moment, special)
     arrays |= {f"{FRAMES}/{k}": v for k, v in _stack_frames(kept.frames, kept.tips).items()}
     arrays |= {"case": np.array(case), "version": np.array(__version__)}
-    with written_whole(folder / NAME) as part, part.open("wb") as file:
+    with output_file(folder / NAME) as part, part.open("wb") as file:
         np.savez(file, **arrays)
 
 

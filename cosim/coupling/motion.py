@@ -19,7 +19,7 @@ from cosim.coupling.excursion import (
     solve_excursions,
 )
 from cosim.coupling.schemes import Scheme, begin, step
-from cosim.coupling.state import Coupled
+from cosim.coupling.state import CoupledState
 from cosim.errors import ConvergenceError, Progress
 from cosim.port import Array, Hood, MovingFinger, State
 
@@ -107,7 +107,7 @@ class Pace:
 class MotionState:
     """The state of a motion between two steps: all that is needed to go on."""
 
-    coupled: Coupled
+    coupled: CoupledState
     puller: State
     dissipated: float
     """J, dissipated by the joints and limits since the start."""
@@ -190,12 +190,12 @@ class CoupledMotion:
 
     def _step_to_excursions(
         self, at: MotionState, tension: Array, time: float
-    ) -> tuple[Coupled, ExcursionState]:
+    ) -> tuple[CoupledState, ExcursionState]:
         """A step under tensions (nt,) N, in which those of the displaced tendons are solved for.
         The hood solves of all trials are counted."""
         index, c, solves = self.driven.index, at.coupled, 0
 
-        def trial(found: Array) -> tuple[Coupled, Array]:
+        def trial(found: Array) -> tuple[CoupledState, Array]:
             nonlocal solves
             pulls = tension.copy()
             pulls[index] = found
@@ -206,13 +206,13 @@ class CoupledMotion:
         after, draw = solve_excursions(self.driven, at.draw, time, trial)
         return replace(after, solves=c.solves + solves), draw
 
-    def _step_under(self, c: Coupled, tension: Array) -> Coupled:
+    def _step_under(self, c: CoupledState, tension: Array) -> CoupledState:
         """A step under tensions (nt,) N."""
         split = len(self.hood.tendons)
         pulls = tension[:split], tension[split:]
         return step(self.scheme, self.finger, self.hood, c, lambda time: pulls, self.dt)
 
-    def _excursions(self, c: Coupled) -> Array:
+    def _excursions(self, c: CoupledState) -> Array:
         """(nt,) m of all tendons, each from a length of its own."""
         return np.concatenate([c.point.excursion, -self._own(c.finger)])
 

@@ -10,7 +10,7 @@ In a step from t to t + h the finger moves under what the scheme knows of the ho
     Alone                 no hood is asked: for one that never pushes
 
 The angles agree to `tolerance` (rad).  Where wrenches are compared, moments count over `length`, so
-that N and N m do not mix.  Nothing here has a state: `Coupled` is a value, and a step may be
+that N and N m do not mix.  Nothing here has a state: `CoupledState` is a value, and a step may be
 repeated from it.
 """
 
@@ -30,7 +30,7 @@ from cosim.coupling.accelerators import (
     start_step,
 )
 from cosim.coupling.state import (
-    Coupled,
+    CoupledState,
     Energy,
     HoodAnswer,
     Pulls,
@@ -105,12 +105,12 @@ def begin(
     state: State,
     tension: Pulls,
     time: float = 0.0,
-) -> Coupled:
+) -> CoupledState:
     """A finger's `state` (from `finger.begin`) and a hood at static equilibrium on it."""
     motion = finger.motion(finger.angles(state))
     answer = _ask_hood(scheme, hood, hood.start(motion), motion, tension(time)[0], STATIC)
     nq = len(finger.joints)
-    return Coupled(
+    return CoupledState(
         state,
         answer,
         float(time),
@@ -126,8 +126,8 @@ def begin(
 
 
 def step(
-    scheme: Scheme, finger: MovingFinger, hood: Hood, state: Coupled, tension: Pulls, dt: float
-) -> Coupled:
+    scheme: Scheme, finger: MovingFinger, hood: Hood, state: CoupledState, tension: Pulls, dt: float
+) -> CoupledState:
     """Both `dt` s later; `state` stays valid.
 
     Raises ConvergenceError where the iteration, the hood or the finger does not converge, and where
@@ -146,8 +146,13 @@ def step(
 
 
 def _explicit(
-    scheme: Explicit, finger: MovingFinger, hood: Hood, state: Coupled, tension: Pulls, dt: float
-) -> Coupled:
+    scheme: Explicit,
+    finger: MovingFinger,
+    hood: Hood,
+    state: CoupledState,
+    tension: Pulls,
+    dt: float,
+) -> CoupledState:
     pulls = tension(state.time + dt)
     moved = finger.step(state.finger, state.answer.held_load(), pulls[1], dt)
     angles = _predict_angles(finger, state, dt) if scheme.parallel else finger.angles(moved)
@@ -159,14 +164,16 @@ def _explicit(
     return replace(after, residual=residual, solves=state.solves + 1)
 
 
-def _alone(finger: MovingFinger, state: Coupled, tension: Pulls, dt: float) -> Coupled:
+def _alone(finger: MovingFinger, state: CoupledState, tension: Pulls, dt: float) -> CoupledState:
     pulls = tension(state.time + dt)
     moved = finger.step(state.finger, state.answer.held_load(), pulls[1], dt)
     energy = _with_own_work(finger, state, moved, pulls[1])
     return replace(state, finger=moved, time=state.time + dt, tension=pulls, energy=energy)
 
 
-def _with_own_work(finger: MovingFinger, state: Coupled, moved: State, tension: Array) -> Energy:
+def _with_own_work(
+    finger: MovingFinger, state: CoupledState, moved: State, tension: Array
+) -> Energy:
     then, now = (finger.path_lengths(finger.angles(at)) for at in (state.finger, moved))
     work, e = 0.5 * (state.tension[1] + tension) * (then - now), state.energy
     effort = e.effort + float(np.abs(work).sum())
@@ -174,8 +181,8 @@ def _with_own_work(finger: MovingFinger, state: Coupled, moved: State, tension: 
 
 
 def _linear(
-    scheme: Linear, finger: MovingFinger, hood: Hood, state: Coupled, tension: Pulls, dt: float
-) -> Coupled:
+    scheme: Linear, finger: MovingFinger, hood: Hood, state: CoupledState, tension: Pulls, dt: float
+) -> CoupledState:
     pulls = tension(state.time + dt)
     motion = finger.motion(_predict_angles(finger, state, dt))
     answer = _ask_hood(scheme, hood, state.hood, motion, pulls[0], dt)
@@ -191,10 +198,10 @@ def _implicit(
     scheme: Implicit | Newton,
     finger: MovingFinger,
     hood: Hood,
-    state: Coupled,
+    state: CoupledState,
     tension: Pulls,
     dt: float,
-) -> Coupled:
+) -> CoupledState:
     pulls, accelerator = tension(state.time + dt), _accelerator(scheme)
     before, history = state.answer, start_step(accelerator, state.history)
     last, angles, same_set = finger.angles(state.finger), _predict_angles(finger, state, dt), True
@@ -229,7 +236,7 @@ def _accelerator(scheme: Scheme) -> Accelerator:
     return scheme.accelerator if isinstance(scheme, Implicit) else Constant()
 
 
-def _predict_angles(finger: MovingFinger, state: Coupled, dt: float) -> Array:
+def _predict_angles(finger: MovingFinger, state: CoupledState, dt: float) -> Array:
     """(nq,) rad, q + h v."""
     return finger.angles(state.finger) + dt * finger.rates(state.finger)
 
@@ -250,7 +257,12 @@ def _active(answer: HoodAnswer) -> Array:
 
 
 def _check_energy(
-    scheme: Explicit, finger: MovingFinger, hood: Hood, state: Coupled, after: Coupled, dt: float
+    scheme: Explicit,
+    finger: MovingFinger,
+    hood: Hood,
+    state: CoupledState,
+    after: CoupledState,
+    dt: float,
 ) -> None:
     """Raises ConvergenceError where the finger has more energy than hood and tendons gave it, by
     BORROWED times what they ever gave and what was stored in the finger at first."""
@@ -276,7 +288,7 @@ def _check_energy(
     )
 
 
-def explicit_limit(finger: MovingFinger, hood: Hood, state: Coupled, dt: float) -> float:
+def explicit_limit(finger: MovingFinger, hood: Hood, state: CoupledState, dt: float) -> float:
     """s, 2 sqrt(I/K) of the stiffest motion, from the hood's Jacobian K and the finger's answers
     h^2 I^-1 K dq to the load of small turns dq; infinite where the hood does not push back."""
     q = finger.angles(state.finger)

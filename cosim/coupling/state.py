@@ -91,7 +91,7 @@ class Energy:
 
 
 @dataclass(frozen=True)
-class Coupled:
+class CoupledState:
     """A finger and a hood at one time."""
 
     finger: State
@@ -135,7 +135,7 @@ def interface_residual(a: Array, answer: HoodAnswer, length: float) -> float:
     return float(np.abs((a - load.total()) / scale).max() / (most or 1.0))
 
 
-def energy_defect(finger: MovingFinger, state: Coupled) -> float:
+def energy_defect(finger: MovingFinger, state: CoupledState) -> float:
     """J that the finger has beyond its energy at the start and the work of hood and tendons;
     negative where energy was dissipated."""
     e = state.energy
@@ -144,14 +144,14 @@ def energy_defect(finger: MovingFinger, state: Coupled) -> float:
 
 def advance_state(
     finger: MovingFinger,
-    state: Coupled,
+    state: CoupledState,
     moved: State,
     answer: HoodAnswer,
     point: HoodPoint,
     applied: Array,
     pulls: tuple[Array, Array],
     dt: float,
-) -> Coupled:
+) -> CoupledState:
     """The state with the finger `moved` to `point` under `applied` (nb, 6), and the books kept."""
     return replace(
         state,
@@ -179,7 +179,7 @@ def hood_point(answer: HoodAnswer, motion: Motion) -> HoodPoint:
 
 def _update_energy(
     finger: MovingFinger,
-    state: Coupled,
+    state: CoupledState,
     moved: State,
     answer: HoodAnswer,
     point: HoodPoint,

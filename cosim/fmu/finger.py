@@ -17,7 +17,7 @@ from cosim.fmu.hood import SHORT
 from cosim.fmu.kinematics import OPTIONAL, Kinematics, Pose
 from cosim.fmu.mapping import places
 from cosim.fmu.quantity import Quantity, finger_quantities
-from cosim.fmu.unit import Saved, Unit
+from cosim.fmu.unit import SavedState, Unit
 from cosim.port import Array, Load, Motion
 
 OPEN = "the FMU's own: tendons, joints, limits"
@@ -28,7 +28,7 @@ OPEN = "the FMU's own: tendons, joints, limits"
 class FmuFingerState:
     """A finger's equilibrium, or a state on the way there."""
 
-    saved: Saved
+    saved: SavedState
     angles: Array
     """(nq,) rad."""
     pose: Pose

@@ -14,7 +14,7 @@ import numpy as np
 from cosim.errors import InputError
 from cosim.fmu.mapping import Place, places
 from cosim.fmu.quantity import STATIC_STEP, TOLERANCE, WITH_TANGENT, hood_quantities, tangent_of
-from cosim.fmu.unit import Saved, Unit
+from cosim.fmu.unit import SavedState, Unit
 from cosim.port import Array, HoodJacobian, Load, Motion, Response, skew
 
 TangentBy = Literal["outputs", "directional derivatives", "differences"]
@@ -30,8 +30,8 @@ large against what is left of a hood's residual."""
 class FmuState:
     """States of the unit before and after the step, with the step's inputs."""
 
-    before: Saved
-    after: Saved
+    before: SavedState
+    after: SavedState
     motion: Motion
     tension: Array
     dt: float
@@ -106,7 +106,7 @@ class FmuHood:
         return loose
 
     def _do_step(
-        self, start: Saved, motion: Motion, tension: Array, dt: float
+        self, start: SavedState, motion: Motion, tension: Array, dt: float
     ) -> tuple[Load, Array]:
         self.unit.restore(start)
         given: dict[str, Array | float] = {

@@ -13,7 +13,7 @@ from cosim.errors import InputError
 from cosim.fmu.kinematics import ASKED, Kinematics
 from cosim.fmu.mapping import places
 from cosim.fmu.quantity import KINEMATICS, moving_quantities
-from cosim.fmu.unit import Saved, Unit
+from cosim.fmu.unit import SavedState, Unit
 from cosim.port import AffineLoad, Array, Motion
 
 FOLLOWED = ("load_motion", "load_position", "load_rotation")
@@ -25,7 +25,7 @@ OPTIONAL = (*FOLLOWED, "tip", "tip_moment", ASKED, KINEMATICS.name)
 class FmuMovingState:
     """A finger in motion at one time."""
 
-    saved: Saved
+    saved: SavedState
     angles: Array
     """(nq,) rad."""
     rates: Array

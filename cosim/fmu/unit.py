@@ -25,7 +25,7 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
-class Saved:
+class SavedState:
     """A state of a unit, kept inside it until this value is forgotten; and the time there."""
 
     owner: object = field(repr=False)
@@ -49,9 +49,9 @@ class Unit:
         self._fmu = self._instance(description)
         self._owner, self._keys, self._forgotten = object(), count(), list[int]()
         self._pointers: dict[int, Any] = {}
-        weakref.finalize(self, _ended, self._fmu, self._pointers, room)
+        weakref.finalize(self, _free_instance, self._fmu, self._pointers, room)
         self.time = 0.0
-        self._current: Saved | None = None
+        self._current: SavedState | None = None
         self._call(self._initialise, InputError, "cannot be initialised")
 
     def set(self, place: Place, value: Array | float) -> None:
@@ -94,17 +94,17 @@ class Unit:
             )
         )
 
-    def save(self) -> Saved:
+    def save(self) -> SavedState:
         """The state as it is now."""
         if self._current is None:
             pointer = None
             if self.opened.rolls_back:
                 pointer = self._call(self._fmu.getFMUState, InputError, "did not save its state")
-            self._current = Saved(self._owner, self.time, pointer)
+            self._current = SavedState(self._owner, self.time, pointer)
             self._keep(self._current)
         return self._current
 
-    def restore(self, saved: Saved) -> None:
+    def restore(self, saved: SavedState) -> None:
         """Back to a saved state.  Raises InputError for a unit that keeps none and has stepped
         since."""
         if saved is self._current:
@@ -121,26 +121,26 @@ class Unit:
         self._call(lambda: self._fmu.setFMUState(saved.pointer), ConvergenceError, "lost a state")
         self.time, self._current = saved.time, saved
 
-    def serialise(self, saved: Saved) -> bytes:
+    def serialise(self, saved: SavedState) -> bytes:
         """A saved state as bytes, of a unit that serialises."""
         write = self._fmu.serializeFMUState
         content: bytes = self._call(lambda: write(saved.pointer), InputError, "wrote no state")
         return content
 
-    def read(self, content: bytes, time: float) -> Saved:
+    def read(self, content: bytes, time: float) -> SavedState:
         """The state that `serialise` made, at a time in s.  A unit may refuse it here or in the
         next step from it."""
         read = self._fmu.deserializeFMUState
-        saved = Saved(
+        saved = SavedState(
             self._owner, time, self._call(lambda: read(content), InputError, "read no state")
         )
         self._keep(saved)
         return saved
 
-    def owns(self, saved: Saved) -> bool:
+    def owns(self, saved: SavedState) -> bool:
         return saved.owner is self._owner
 
-    def _keep(self, saved: Saved) -> None:
+    def _keep(self, saved: SavedState) -> None:
         """Hold a state for as long as `saved` lives; let go of those whose time is over.
 
         A value may be forgotten at any moment, even within a step, when a unit must not be called;
@@ -206,24 +206,24 @@ def state_serialisers(units: Sequence[Unit]) -> Special:
                 "(canSerializeFMUState is not true); leave forward.checkpoint out"
             )
 
-    def of(saved: Saved) -> Unit:
+    def of(saved: SavedState) -> Unit:
         return next(unit for unit in units if unit.owns(saved))
 
-    def write(saved: Saved) -> Arrays:
+    def write(saved: SavedState) -> Arrays:
         content = np.frombuffer(of(saved).serialise(saved), dtype=np.uint8)
         return {"time": np.array(saved.time), "content": content}
 
-    def read(template: Saved, arrays: Arrays) -> Saved:
+    def read(template: SavedState, arrays: Arrays) -> SavedState:
         return of(template).read(arrays["content"].tobytes(), float(arrays["time"]))
 
-    return {Saved: (write, read)}
+    return {SavedState: (write, read)}
 
 
 def _logger(log: list[str]) -> Callable[..., None]:
-    def logged(*facts: Any) -> None:
+    def write_line(*facts: Any) -> None:
         log.append(" ".join(facts[-1].decode("utf-8", "replace").split()))
 
-    return logged
+    return write_line
 
 
 HEARD: list[str] = []
@@ -255,7 +255,9 @@ def _listening() -> Any:
     return table
 
 
-def _ended(fmu: Any, pointers: dict[int, Any], room: tempfile.TemporaryDirectory[str]) -> None:
+def _free_instance(
+    fmu: Any, pointers: dict[int, Any], room: tempfile.TemporaryDirectory[str]
+) -> None:
     """States are freed before their instance, and that before its files go."""
     for pointer in pointers.values():
         fmu.freeFMUState(pointer)

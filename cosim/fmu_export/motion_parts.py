@@ -15,7 +15,7 @@ from cosim.build.states import special_states
 from cosim.case.schema import Case, ForwardConfig
 from cosim.coupling.motion import RecordedFinger
 from cosim.coupling.schemes import step
-from cosim.coupling.state import Coupled
+from cosim.coupling.state import CoupledState
 from cosim.coupling.state_arrays import Special
 from cosim.errors import InputError
 from cosim.fmu.quantity import (
@@ -162,7 +162,7 @@ class MovingCoupledPart:
         """Before the first step, which first finds the hood's equilibrium in the posture."""
         return None
 
-    def step(self, state: Coupled | None, given: Values, dt: float) -> tuple[State, Values]:
+    def step(self, state: CoupledState | None, given: Values, dt: float) -> tuple[State, Values]:
         moves = self.both.moves
         if state is None:
             state = self._begin()
@@ -181,11 +181,11 @@ class MovingCoupledPart:
     def special(self) -> Special:
         return special_states(self.both.hood, self.both.finger)
 
-    def _begin(self) -> Coupled:
+    def _begin(self) -> CoupledState:
         moves = self.both.moves
         return moves.begin(moves.finger.begin(self.both.posture)).coupled
 
-    def _outputs(self, state: Coupled) -> Values:
+    def _outputs(self, state: CoupledState) -> Values:
         out = {
             **_answers(self.both.finger, state.finger),
             **poses(self.both.finger.motion(self.both.finger.angles(state.finger))),

@@ -18,7 +18,7 @@ from cosim.errors import CosimError, InputError
 from cosim.fmu.quantity import WITH_TANGENT, Quantity
 from cosim.fmu_export.part import Part
 from cosim.fmu_export.part_of import part_of
-from cosim.fmu_export.state import Snapshot, Written
+from cosim.fmu_export.state import SerialisedState, Snapshot
 from cosim.port import Array
 from cosim.processes import one_blas_thread
 from cosim.version import __version__
@@ -109,7 +109,7 @@ class UnitRun:
         self.time = taken.time
 
     def _take_step(self, snapshot: Any) -> Snapshot:
-        if isinstance(snapshot, Written):
+        if isinstance(snapshot, SerialisedState):
             snapshot = snapshot.read(self.token, self.part.template, self._special)
         if not isinstance(snapshot, Snapshot) or snapshot.values.shape != self._values.shape:
             raise InputError("it is nothing that this unit has given out")

@@ -43,7 +43,7 @@ class Snapshot:
 
 
 @dataclass(frozen=True)
-class Written:
+class SerialisedState:
     """A state as bytes, which say nothing of what to build; read by the unit that takes it up."""
 
     content: bytes

@@ -20,7 +20,7 @@ HEADROOM = 0.06
 
 
 @dataclass(frozen=True)
-class Line:
+class PlotLine:
     """A curve with its name; `dash` and `width` as matplotlib has them."""
 
     name: str
@@ -31,7 +31,7 @@ class Line:
     width: float = 1.8
 
 
-def lines_drawn(lines: Sequence[Line], x: str, y: str) -> Callable[[Sheet], None]:
+def lines_drawn(lines: Sequence[PlotLine], x: str, y: str) -> Callable[[Sheet], None]:
     """What draws the lines on a sheet, with their legend beside."""
 
     def draw(sheet: Sheet) -> None:

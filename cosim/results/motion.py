@@ -24,7 +24,7 @@ from cosim.results.load_and_rest import NO_UNLOADED
 from cosim.results.parts import LedgerRow, Scene, ledger_rows
 from cosim.results.result import Result
 from cosim.results.scene import bones_in_world
-from cosim.solve.motion import Moved
+from cosim.solve.motion import SolvedMotion
 from cosim.version import __version__
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ SMALL_TORQUE = 1e-12
 """N m."""
 
 
-def observe_motion(case: Case, moved: Moved, wall: float) -> Result:
+def observe_motion(case: Case, moved: SolvedMotion, wall: float) -> Result:
     """Everything that a motion leaves behind."""
     return Result(
         _summary(case, moved, wall),
@@ -48,7 +48,7 @@ def observe_motion(case: Case, moved: Moved, wall: float) -> Result:
     )
 
 
-def _summary(case: Case, moved: Moved, wall: float) -> dict[str, Any]:
+def _summary(case: Case, moved: SolvedMotion, wall: float) -> dict[str, Any]:
     t, frames, tips, end = moved.models, moved.kept.frames, moved.kept.tips, moved.kept.moment
     finger, hood, last = t.finger, t.hood, frames[-1]
     audit = {
@@ -109,7 +109,7 @@ def _muscle(case: Case, name: str, length: float) -> dict[str, Any]:
     }
 
 
-def _energy(moved: Moved) -> tuple[dict[str, float], float]:
+def _energy(moved: SolvedMotion) -> tuple[dict[str, float], float]:
     """mJ, where the work of tendons and gravity went since the start; and what the method took from
     it or gave to it, over the tendons' work without its signs."""
     t, frames, end = moved.models, moved.kept.frames, moved.kept.moment
@@ -142,7 +142,7 @@ def _energy(moved: Moved) -> tuple[dict[str, float], float]:
     return in_mJ, abs(artificial) / max(done.effort, 1e-12)
 
 
-def _balance_at_rest(moved: Moved) -> dict[str, float]:
+def _balance_at_rest(moved: SolvedMotion) -> dict[str, float]:
     """Of a finger that came to rest and tells its forces, the largest joint torque of inertia over
     the largest of any source."""
     t, frames, tips = moved.models, moved.kept.frames, moved.kept.tips

@@ -20,7 +20,7 @@ from cosim.coupling.motion import CoupledMotion, MotionState, motion_states
 from cosim.coupling.paced import adaptive_states
 from cosim.coupling.state_arrays import Special
 from cosim.errors import ConvergenceError, InputError, Progress, StoppedError, quiet
-from cosim.files import written_whole
+from cosim.files import output_file
 from cosim.solve.session import Session
 
 RATE, CHANGE, WINDOW = 1e-3, 1e-3, 0.1
@@ -35,7 +35,7 @@ UNFINISHED = ".unfinished"
 
 
 @dataclass(frozen=True)
-class Rest:
+class RestCheck:
     """How still a finger is at a motion's end: the largest over the last WINDOW s."""
 
     rate: float
@@ -49,15 +49,15 @@ class Rest:
 
 
 @dataclass(frozen=True)
-class Moved:
+class SolvedMotion:
     """The models of a motion, what is kept of it, and whether it came to rest."""
 
     models: MovingModels
     kept: MotionHistory
-    rest: Rest
+    rest: RestCheck
 
 
-def solve_motion(case: Case, session: Session, progress: Progress = quiet) -> Moved:
+def solve_motion(case: Case, session: Session, progress: Progress = quiet) -> SolvedMotion:
     """The motion of a case with a table [forward].  With `session.checkpoints` it keeps checkpoints
     there, and goes on from one that is there.
 
@@ -93,7 +93,7 @@ def solve_motion(case: Case, session: Session, progress: Progress = quiet) -> Mo
     rest = _rest(kept)
     if forward.must_rest:
         _check_rest(forward, rest)
-    return Moved(both, kept, rest)
+    return SolvedMotion(both, kept, rest)
 
 
 @dataclass
@@ -143,7 +143,7 @@ def _keeper(
     text = resolved_toml(case)
     if _case_in(folder) != text:
         shutil.rmtree(folder, ignore_errors=True)
-        with written_whole(folder / "case.toml") as part:
+        with output_file(folder / "case.toml") as part:
             part.write_text(text, encoding="utf-8")
     return _Keeper(folder, text, special, forward.checkpoint)
 
@@ -184,15 +184,15 @@ def _on(
         yield k, (now,)
 
 
-def _rest(kept: MotionHistory) -> Rest:
+def _rest(kept: MotionHistory) -> RestCheck:
     since = kept.frames[-1].time - WINDOW * (1 + 1e-9)
     last = [k for k, frame in enumerate(kept.frames) if frame.time >= since]
     rates = np.array([kept.frames[k].rates for k in last])
     forces = np.array([kept.tips[k][:3] for k in last])
-    return Rest(float(np.abs(rates).max()), float(np.abs(forces - forces[-1]).max()))
+    return RestCheck(float(np.abs(rates).max()), float(np.abs(forces - forces[-1]).max()))
 
 
-def _check_rest(forward: ForwardConfig, rest: Rest) -> None:
+def _check_rest(forward: ForwardConfig, rest: RestCheck) -> None:
     if not rest.is_reached:
         raise ConvergenceError(
             f"the finger did not come to rest in {forward.duration:g} s: over the last {WINDOW:g} "

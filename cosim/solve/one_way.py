@@ -27,7 +27,7 @@ from cosim.port import (
 )
 from cosim.solve.session import Session
 from cosim.solve.states import States
-from cosim.tendons.muscles import Pull
+from cosim.tendons.muscles import MusclePull
 
 if TYPE_CHECKING:
     from rigid.mujoco.finger import MujocoFinger
@@ -42,7 +42,7 @@ class HoodPass:
     """The finger's, in the posture."""
     at: Motion
     answers: tuple[PassAnswer, PassAnswer]
-    pull: Pull
+    pull: MusclePull
 
 
 class PassAnswer(NamedTuple):
@@ -133,7 +133,7 @@ def _centres(finger: OpenFinger, at: State) -> Array:
     return np.einsum("bji,bj->bi", motion.rotation, away)
 
 
-def _tensions(case: Case, models: Models) -> tuple[Array, Array, Pull]:
+def _tensions(case: Case, models: Models) -> tuple[Array, Array, MusclePull]:
     """N, of the hood's and of the finger's own tendons, in the posture."""
     hood, own = tensions(case, models)
     pull = models.muscles.pull(np.zeros(len(models.muscles.names)))

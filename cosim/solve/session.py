@@ -42,7 +42,7 @@ class Session:
         shared = self._setting(case, progress).models
         return replace(shared, muscles=live_muscles(case.tendons))
 
-    def unloaded(self, case: Case, progress: Progress) -> Equilibrium:
+    def unloaded_equilibrium(self, case: Case, progress: Progress) -> Equilibrium:
         """The equilibrium with every tendon at its resting tension.
 
         Raises InputError and ConvergenceError."""

@@ -34,7 +34,7 @@ Engine = Callable[[int], AbstractContextManager[Solve]]
 
 
 @dataclass(frozen=True)
-class Timed:
+class StudyTiming:
     """A study by so many workers, from the end of each one's first run on: a process loads the
     program, and compiles, in its first."""
 
@@ -50,7 +50,7 @@ class Timed:
         return self.runs / self.seconds
 
 
-def time_study(engine: Engine, workers: int, text: str) -> Timed:
+def time_study(engine: Engine, workers: int, text: str) -> StudyTiming:
     """A study on an empty store.  Raises InputError."""
     with TemporaryDirectory() as place:
         file = Path(place) / "bench.toml"
@@ -61,7 +61,7 @@ def time_study(engine: Engine, workers: int, text: str) -> Timed:
         taken = sorted(_run_ends(store), key=lambda end: end[1])
         seconds = {row.key: row.seconds for row in store.rows(done.keys.values())}
         counted = [seconds[key] for key, _ in taken[workers:]]
-        return Timed(taken[-1][1] - taken[workers - 1][1], sum(counted), len(counted))
+        return StudyTiming(taken[-1][1] - taken[workers - 1][1], sum(counted), len(counted))
 
 
 def _run_ends(store: Store) -> Iterator[tuple[str, float]]:

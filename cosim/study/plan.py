@@ -23,7 +23,7 @@ Point = tuple[Word, ...]
 
 
 @dataclass(frozen=True)
-class Plan:
+class StudyPlan:
     """A checked study."""
 
     name: str
@@ -65,7 +65,7 @@ class Plan:
         return (*self.settings, *_settings(self.parameters, point, self.base))
 
 
-def read_plan(path_or_name: str | Path, other: str | Path | None = None) -> Plan:
+def read_plan(path_or_name: str | Path, other: str | Path | None = None) -> StudyPlan:
     """The study of a file or of a packaged name, of its case or of the `other`, a path from here or
     a packaged name; checked with its case, at its settings and in the middle of every parameter.
 
@@ -80,7 +80,7 @@ def read_plan(path_or_name: str | Path, other: str | Path | None = None) -> Plan
         raise InputError(f"{source}: case: {error}") from None
     values = base.model_dump(mode="json", exclude={"name", "source"}, exclude_none=True)
     targets = _targets(source, read.data)
-    plan = Plan(
+    plan = StudyPlan(
         source.stem,
         read.title or source.stem,
         read.notes,
@@ -108,7 +108,7 @@ def _targets(source: Path, data: str) -> tuple[Target, ...]:
     return read_targets(source.parent / data)
 
 
-def _check_middle(source: Path, plan: Plan) -> None:
+def _check_middle(source: Path, plan: StudyPlan) -> None:
     """A key that the case does not have fails here, once, and not in every run."""
     try:
         load_case(plan.case, plan.settings_at(tuple(middle(p.law) for p in plan.parameters)))

@@ -167,7 +167,7 @@ def draw_scatter(found: StudyResults, output: str) -> Figure | None:
 
 
 def _means(x: Array, y: Array) -> tuple[Array, Array]:
-    """Means of x and y over bins with as many runs each, or at each value of x where those are few."""
+    """Means of x and y over bins with as many runs each, or at each value of x if few."""
     distinct = np.unique(x)
     if len(distinct) <= BINS:
         return distinct, np.array([y[x == value].mean() for value in distinct])

@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from cosim.errors import InputError
-from cosim.files import replaced
+from cosim.files import atomic_path
 
 FORMAT = {"format": "cosim study store 1"}
 Status = Literal["converged", "failed", "refused", "timeout", "died"]
@@ -124,7 +124,7 @@ class Store:
     def write_by(self, path: Path, writer: Callable[[Path], None]) -> None:
         """As `write`, by what writes to a path.  Raises StoreError."""
         try:
-            with replaced(path) as part:
+            with atomic_path(path) as part:
                 writer(part)
             _sync_folder(path.parent)
         except OSError as error:

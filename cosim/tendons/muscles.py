@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Pull:
+class MusclePull:
     """Muscles at rest, (n,) each."""
 
     tension: Array
@@ -33,7 +33,7 @@ class CaseMuscles:
     """The muscles of a case that have a fibre; the others' tensions are stated."""
 
     names: tuple[str, ...]
-    pull: Callable[[Array], Pull]
+    pull: Callable[[Array], MusclePull]
     """The muscles' pull at shortenings (n,) m of their paths since the unloaded state."""
 
 
@@ -44,7 +44,7 @@ def live_muscles(tendons: Mapping[str, TendonConfig]) -> CaseMuscles:
     groups = fibres(tendons)
     names = tuple(name for muscles, _, _ in groups for name in muscles.names)
 
-    def pull(shortening: Array) -> Pull:
+    def pull(shortening: Array) -> MusclePull:
         from rigid.muscle.millard import equilibrium
 
         out, first = np.zeros((3, len(names))), 0
@@ -53,7 +53,7 @@ def live_muscles(tendons: Mapping[str, TendonConfig]) -> CaseMuscles:
             at = equilibrium(muscles, activation, home - shortening[here])
             out[:, here] = at.force, at.normalised_length, at.pennation
             first += len(home)
-        return Pull(*out)
+        return MusclePull(*out)
 
     return CaseMuscles(names, pull)
 

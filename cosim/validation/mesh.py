@@ -11,7 +11,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from cosim.case.file import load_case
-from cosim.files import written_whole
+from cosim.files import output_file
 from cosim.results.compare import COMPONENTS, Comparison
 from cosim.validation.run import Board, six_digits
 from cosim.validation.trial import Trial, TrialGroup
@@ -56,7 +56,7 @@ def on_finer_meshes(
 ) -> list[TrialGroup]:
     """The groups with `settings`, and with every hood that is generated laid out in about so many
     `quads`; without the trials on a published hood, whose mesh is its own.  Raises InputError."""
-    own = [(g, [t for t in g.trials if not t.published]) for g in chosen]
+    own = [(g, [t for t in g.trials if not t.is_published]) for g in chosen]
     return [replace(g, trials=tuple(_finer(t, quads, settings) for t in ts)) for g, ts in own if ts]
 
 
@@ -126,5 +126,5 @@ def write_changes(path: Path, quads: int, finer: Sequence[Board], found: Sequenc
         "failed": {name: why for b in finer for name, why in b.failures.items()},
         "rows": [as_row(c) for c in found],
     }
-    with written_whole(path) as part:
+    with output_file(path) as part:
         part.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")

@@ -14,7 +14,7 @@ from cosim.build.fit import check_fit
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.errors import ConvergenceError, InputError, Progress, quiet
-from cosim.files import written_whole
+from cosim.files import output_file
 from cosim.processes import process_pool
 from cosim.results.audit import describe_misses
 from cosim.results.compare import Comparison, Kind, Target, as_dict, tally, write_json
@@ -157,7 +157,7 @@ def _batches(tasks: Sequence[Task]) -> list[list[Task]]:
     one batch each, the largest first."""
     found: dict[str, list[Task]] = {}
     for task in tasks:
-        key = task[0].name if task[0].published or task[0].study else _case(task).setting_key()
+        key = task[0].name if task[0].is_published or task[0].study else _case(task).setting_key()
         found.setdefault(key, []).append(task)
     return sorted(found.values(), key=len, reverse=True)
 
@@ -181,7 +181,7 @@ def _run(task: Task, session: Session) -> ValidationOutcome:
         return ValidationOutcome(
             trial.name, *measure_lengths(trial.study, [*trial.settings, *settings])
         )
-    if trial.published:
+    if trial.is_published:
         return ValidationOutcome(trial.name, published_summary(trial), None)
     case = _case(task)
     check_fit(case)
@@ -283,5 +283,5 @@ def six_digits(value: Any) -> Any:
 
 def write_scoreboard(path: Path, boards: Sequence[Board]) -> None:
     """Raises InputError where the file cannot be written."""
-    with written_whole(path) as part:
+    with output_file(path) as part:
         part.write_text(scoreboard(boards), encoding="utf-8")

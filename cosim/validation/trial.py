@@ -23,7 +23,7 @@ class Trial:
     study: str = ""
 
     @property
-    def published(self) -> bool:
+    def is_published(self) -> bool:
         """Whether its case is a published hood's own file."""
         return self.name.startswith("published")
 

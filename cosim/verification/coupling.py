@@ -10,7 +10,7 @@ import numpy as np
 from cosim.checks import Row, Study
 from cosim.coupling.accelerators import Aitken, QuasiNewton
 from cosim.coupling.schemes import Explicit, Implicit, Linear, Newton, Scheme, begin, step
-from cosim.coupling.state import Coupled, Pulls
+from cosim.coupling.state import CoupledState, Pulls
 from cosim.errors import ConvergenceError
 from cosim.port import Array, Hood, MovingFinger
 from cosim.verification.pairs import (
@@ -75,7 +75,7 @@ def drive(
     pulls: Pulls,
     dt: float,
     steps: int,
-) -> list[Coupled]:
+) -> list[CoupledState]:
     """The states at `steps` + 1 times from rest at `posture` (nq,) rad."""
     start = finger.begin(dict(zip(finger.joints, posture, strict=True)))
     states = [begin(scheme, finger, hood, start, pulls)]
@@ -84,7 +84,7 @@ def drive(
     return states
 
 
-def angles_of(states: list[Coupled]) -> Array:
+def angles_of(states: list[CoupledState]) -> Array:
     """(n, nq) rad."""
     return np.array([s.finger.angles for s in states])
 

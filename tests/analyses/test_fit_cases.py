@@ -297,7 +297,7 @@ def test_values_and_coordinates_are_inverse(low, width, part):
     assert linear.value(1.0) == low + width
     value = linear.value(part)
     assert linear.coordinate(value) == pytest.approx(part, abs=1e-6)
-    assert abs(linear.coordinate(value) - linear.rounded(part)) <= 1.1e-4
+    assert abs(linear.coordinate(value) - linear.round_coordinate(part)) <= 1.1e-4
     positive = FitParameter("p", "", 0.1, 0.1 + width, 0.1)
     assert positive.coordinate(positive.value(part - 2)) >= np.log(0.1)
 

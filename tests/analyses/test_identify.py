@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from cosim.analyses.identify.fit import Fit, confidence, fit, interval, miss, standing
-from cosim.analyses.identify.parameters import FitParameter, Free, built_in, read_free
+from cosim.analyses.identify.parameters import FitParameter, Free, free_built_in, read_free
 from cosim.analyses.trials.outcome import outcome
 from cosim.case.file import load_case
 from cosim.cli import app
@@ -51,7 +51,9 @@ def of(*parameters: FitParameter) -> Free:
     return Free(
         parameters,
         lambda values: tuple(
-            t.replace("{value}", p.written(values[p.name])) for p in parameters for t in p.templates
+            t.replace("{value}", p.format_value(values[p.name]))
+            for p in parameters
+            for t in p.templates
         ),
     )
 
@@ -207,7 +209,7 @@ def test_rows_that_miss_by_more_than_their_sds_widen_the_intervals():
 
 def test_the_built_in_parameters_keep_fibres_smooth():
     case = load_case(LEE)
-    free = built_in(case)
+    free = free_built_in(case)
     assert [p.name for p in free.parameters] == ["c1", "toe", "c4"]
     assert [p.start for p in free.parameters] == pytest.approx([0.198137, 0.01, 400.0], rel=1e-5)
     made = load_case(LEE, free.settings({"c1": 0.5, "toe": 0.01, "c4": 150.0})).hood
@@ -223,7 +225,7 @@ def test_the_linear_laws_parameters_are_built_in():
         "shear_modulus = '4 MPa', poisson = 0.4, poisson_across = 0.4 }"
     )
     case = load_case("base/one_sheet.toml", (f"hood.regions.central_band={law}",))
-    free = built_in(case)
+    free = free_built_in(case)
     assert {p.name: p.start for p in free.parameters} == pytest.approx(
         {"modulus_across": 10.0, "shear_modulus": 4.0}
     )
@@ -233,7 +235,7 @@ def test_the_linear_laws_parameters_are_built_in():
         "hood.regions.central_band.shear_modulus=3.0 MPa",
     )
     with pytest.raises(InputError, match="no region has a law"):
-        built_in(load_case("base/one_sheet.toml"))
+        free_built_in(load_case("base/one_sheet.toml"))
 
 
 @pytest.mark.parametrize(

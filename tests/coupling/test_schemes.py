@@ -21,7 +21,7 @@ from cosim.coupling.schemes import (
     step,
 )
 from cosim.coupling.state import (
-    Coupled,
+    CoupledState,
     advance_state,
     energy_defect,
     hood_point,
@@ -72,11 +72,11 @@ def test_every_row_passes(name):
     assert not failed
 
 
-def cables(scheme: Scheme, steps: int = 20, dt: float = 1e-3) -> list[Coupled]:
+def cables(scheme: Scheme, steps: int = 20, dt: float = 1e-3) -> list[CoupledState]:
     return drive(scheme, *soft_pair(), REST, pulls_on_cables, dt, steps)
 
 
-def drum(scheme: Scheme, dt: float, steps: int, joints: int = 1) -> list[Coupled]:
+def drum(scheme: Scheme, dt: float, steps: int, joints: int = 1) -> list[CoupledState]:
     return drive(scheme, *stiff_pair(joints), np.zeros(joints), pulls_on_drum, dt, steps)
 
 

@@ -51,7 +51,7 @@ def test_every_trial_is_a_case_that_loads_and_every_target_belongs_to_a_trial_of
         assert {t.case for t in group.targets} <= {t.name for t in group.trials}
         for trial in group.trials:
             assert trials.setdefault(trial.name, trial) == trial
-            if not trial.published:
+            if not trial.is_published:
                 load_case(trial.case, trial.settings)
     assert len(trials) > 60
 

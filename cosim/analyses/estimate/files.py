@@ -14,7 +14,7 @@ from cosim.analyses.estimate.feasible import ForceSet
 from cosim.analyses.estimate.of_case import Along, EstimateAnswer, Setup
 from cosim.analyses.estimate.plot import draw_estimate, draw_motion
 from cosim.analyses.estimate.tensions import spelt
-from cosim.files import folder_written_whole
+from cosim.files import output_folder
 from cosim.port import Array
 from cosim.results.write import plain
 from cosim.version import __version__
@@ -45,7 +45,7 @@ def write_answer(
     """An estimate and the set of feasible forces, either of which may lack.  Raises InputError."""
     tension = None if answer is None else answer.found.tension
     wanted = None if answer is None or answer.demand.unit != "N" else answer.wanted
-    with folder_written_whole(folder, MARK) as part:
+    with output_folder(folder, MARK) as part:
         summary = {**_head(s, wall), **({} if answer is None else _as_table(s, answer))}
         if forces is not None:
             summary["feasible_force"] = _set(s, forces)
@@ -69,7 +69,7 @@ def write_motion(folder: Path, s: Setup, found: Along, wall: float) -> None:
     table |= {f"{j}_torque_Nmm": 1e3 * found.needed[:, k] for k, j in enumerate(joints)}
     table |= {f"{j}_made_Nmm": 1e3 * found.made[:, k] for k, j in enumerate(joints)}
     table |= {f"{n}_N": found.tension[:, k] for k, n in enumerate(s.capacity.names)}
-    with folder_written_whole(folder, MARK) as part:
+    with output_folder(folder, MARK) as part:
         audit = {
             "worst_miss": found.worst,
             "largest_torque_lacking_Nmm": 1e3 * float(np.abs(found.made - found.needed).max()),

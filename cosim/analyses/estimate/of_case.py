@@ -245,7 +245,7 @@ def for_motion(s: Setup, motion: JointMotion, progress: Progress, reserve: float
 
     Raises InputError (a finger without mass, angles out of range, torques out of reach), naming the
     time, and ConvergenceError."""
-    needed = _needed(s, motion)
+    needed = _required_torque(s, motion)
     joints = s.models.finger.joints
     start, tensions, made, worst, rounds = None, [], [], 0.0, 0
     for k, time in enumerate(motion.time):
@@ -268,7 +268,7 @@ def for_motion(s: Setup, motion: JointMotion, progress: Progress, reserve: float
     return Along(motion, needed, np.array(made), np.array(tensions), worst, rounds)
 
 
-def _needed(s: Setup, motion: JointMotion) -> Array:
+def _required_torque(s: Setup, motion: JointMotion) -> Array:
     from rigid.mujoco.finger import MujocoFinger
     from rigid.mujoco.inverse_dynamics import needed_torque
 

@@ -75,7 +75,7 @@ def _provenance(fit: Fit, targets: str, cases: Sequence[StatedCase]) -> Iterator
     for p in fit.parameters:
         told = "{:.3g} to {:.3g}; ".format(*interval(fit, p.name)) if p in fit.within else ""
         yield (
-            f"  {p.name} = {p.written(fit.values[p.name])} ({told}{p.low:g} to {p.high:g}; "
+            f"  {p.name} = {p.format_value(fit.values[p.name])} ({told}{p.low:g} to {p.high:g}; "
             f"{p.start:.4g}): {standing(fit, p.name)}"
         )
     yield ""

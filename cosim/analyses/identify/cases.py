@@ -15,8 +15,8 @@ from typing import Any
 from cosim.analyses.identify.parameters import (
     CASES,
     Free,
-    built_in,
     fit_tables,
+    free_built_in,
     raise_faults,
     read_free,
 )
@@ -137,7 +137,7 @@ def fit_cases(
 def _free_of(case: StatedCase, path: Path | None, faults: list[str]) -> Iterator[Free]:
     try:
         loaded = case.load()
-        yield built_in(loaded) if path is None else read_free(path, loaded)
+        yield free_built_in(loaded) if path is None else read_free(path, loaded)
     except InputError as error:
         faults.append(str(error))
 

@@ -262,7 +262,7 @@ class _Search:
             max_nfev=max(1, self.most - int((begin != x).any())),
         )
         each = zip(self.parameters, found.x, strict=True)
-        x = self.snap_to_bounds(np.array([p.rounded(z) for p, z in each]))
+        x = self.snap_to_bounds(np.array([p.round_coordinate(z) for p, z in each]))
         end, notes = self.afresh(x)
         values = self.values(x)
         names = tuple(c.name for c, serves in zip(self.cases, self.serves, strict=True) if serves)

@@ -73,7 +73,7 @@ class Sensitivity:
 
 
 @dataclass(frozen=True)
-class Bar:
+class SensitivityBar:
     """A quantity's answer to one variation."""
 
     variation: str
@@ -164,11 +164,11 @@ def _run(v: Variation, name: End, side: Side, found: Outcome | None, base: Mappi
     return Run(v.name, name, side.label, side.settings, found.status, reason, values)
 
 
-def bars(found: Sensitivity, quantity: str) -> list[Bar]:
+def bars(found: Sensitivity, quantity: str) -> list[SensitivityBar]:
     """The bars of one quantity, the strongest first."""
     pairs = zip(found.runs[::2], found.runs[1::2], strict=True)
     base = found.base[quantity]
-    every = [Bar(low.variation, low, high, quantity, base) for low, high in pairs]
+    every = [SensitivityBar(low.variation, low, high, quantity, base) for low, high in pairs]
     return sorted(every, key=lambda bar: -bar.swing)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
-from cosim.analyses.identify.sensitivity import Bar, Run, Sensitivity, bars
+from cosim.analyses.identify.sensitivity import Run, Sensitivity, SensitivityBar, bars
 from cosim.results.compare import Target, reference_text, unit_of
 
 if TYPE_CHECKING:
@@ -82,7 +82,7 @@ def _draw_target(axes: Axes, target: Target) -> Artist:
     return Patch(color=SEEN, alpha=0.4, label=f"{target.kind}: {reference_text(target)}{place}")
 
 
-def _draw_bar(axes: Axes, place: int, bar: Bar, least: float) -> None:
+def _draw_bar(axes: Axes, place: int, bar: SensitivityBar, least: float) -> None:
     """Both sides in one row, or in halves of it where they would cover each other or one hardly
     changes anything (`least`)."""
     low, high = bar.changes
@@ -107,13 +107,13 @@ def _label(axes: Axes, text: str, x: float, y: float, way: int) -> None:
     axes.annotate(text, (x, y), (4 * way, 0), **look)
 
 
-def _make_room(axes: Axes, base: float, drawn: Sequence[Bar]) -> None:
+def _make_room(axes: Axes, base: float, drawn: Sequence[SensitivityBar]) -> None:
     ends = [base] + [base + c for bar in drawn for c in bar.changes if c is not None]
     span = max(ends) - min(ends) or abs(base) or 1.0
     axes.set_xlim(min(ends) - ROOM * span, max(ends) + ROOM * span)
 
 
-def _note(every: Sequence[Bar], drawn: Sequence[Bar]) -> str:
+def _note(every: Sequence[SensitivityBar], drawn: Sequence[SensitivityBar]) -> str:
     """What is not in the chart: sides that failed, what hardly matters, what does not apply."""
     runs = [run for bar in every for run in (bar.low, bar.high)]
     failed = [f"{r.variation} {r.set_to}" for r in runs if r.status == "failed"]
@@ -133,5 +133,5 @@ def _applies(run: Run) -> bool:
     return run.status != "does not apply"
 
 
-def _has_value(bar: Bar) -> bool:
+def _has_value(bar: SensitivityBar) -> bool:
     return any(change is not None for change in bar.changes)

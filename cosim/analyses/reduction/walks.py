@@ -36,7 +36,7 @@ with loads at random between these parts of the greatest."""
 
 
 @dataclass(frozen=True)
-class Within:
+class SampleRange:
     """Where and how far a hood is sampled; n joints, k of them with a grid, m tendons."""
 
     joints: tuple[str, ...]
@@ -74,7 +74,7 @@ class Within:
         return loads
 
 
-def grid_walks(within: Within) -> list[Walk]:
+def grid_walks(within: SampleRange) -> list[Walk]:
     """A walk for each angle of the grid's first joint and each tendon, to and fro through the
     others, loaded and nearly not; and one for each mixture."""
     first, *others = within.grid.values()
@@ -93,7 +93,7 @@ def grid_walks(within: Within) -> list[Walk]:
     return walks
 
 
-def spread_walks(within: Within) -> list[Walk]:
+def spread_walks(within: SampleRange) -> list[Walk]:
     """Between the grid's points: each tendon alone and mixtures, every posture with a load of its
     own, by Sobol's sequences."""
     count, tendons = len(within.grid), len(within.most)
@@ -108,7 +108,7 @@ def spread_walks(within: Within) -> list[Walk]:
     return walks
 
 
-def held_out_walks(within: Within) -> list[Walk]:
+def held_out_walks(within: SampleRange) -> list[Walk]:
     """Each tendon alone and mixtures, every posture and its load drawn at random."""
     random, walks = np.random.default_rng(SEED), []
     count, tendons = len(within.grid), len(within.most)
@@ -126,7 +126,7 @@ def _between(ends: tuple[float, float], parts: Array) -> Array:
     return out
 
 
-def _legs(within: Within, points: Array, loads: Array) -> list[Walk]:
+def _legs(within: SampleRange, points: Array, loads: Array) -> list[Walk]:
     """Walks from posture to near posture, each with its load (p, m) N; points (p, k) 0 to 1."""
     way, postures = _nearest_order(points), within.postures(within.inside(points))
     legs = [way[k : k + LEG] for k in range(0, len(way), LEG)]

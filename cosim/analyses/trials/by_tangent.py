@@ -91,7 +91,7 @@ def _transfer_states(
     hood, finger = tensions(case, models)
     rest = [np.full(len(pull), models.resting) for pull in (hood, finger)]
 
-    def moved(e: Equilibrium, hood: Array, finger: Array) -> Equilibrium:
+    def transfer(e: Equilibrium, hood: Array, finger: Array) -> Equilibrium:
         held, shell = models.finger.start(models.posture), _shell(models)
         state = reshape(shell, _shell(before), e.response.state, hood)
         response = shell.answer(state)
@@ -108,5 +108,5 @@ def _transfer_states(
             interface_residual=balance.relative,
         )
 
-    unloaded, loaded = moved(states.unloaded, *rest), moved(states.loaded, hood, finger)
+    unloaded, loaded = transfer(states.unloaded, *rest), transfer(states.loaded, hood, finger)
     return replace(states, unloaded=unloaded, loaded=loaded)

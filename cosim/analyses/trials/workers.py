@@ -28,7 +28,7 @@ from cosim.solve.states import States
 
 
 @dataclass(frozen=True)
-class Solved:
+class SolvedCase:
     """A case with held bones in equilibrium."""
 
     case: Case
@@ -37,7 +37,7 @@ class Solved:
     states: States
 
 
-Kept = dict[str, Solved]
+Kept = dict[str, SolvedCase]
 """By a case's name, what it was solved to last."""
 
 
@@ -101,13 +101,13 @@ def solve_one(
         return Outcome("refused", {}, one_line(error))
     try:
         models, states = _solve(case, None if afresh else kept.get(name), arms)
-        kept[name] = Solved(case, settings, models, states)
+        kept[name] = SolvedCase(case, settings, models, states)
         return Outcome("converged", observe_static(case, (models, states), 0.0).summary)
     except CosimError as error:
         return Outcome("failed", {}, one_line(error))
 
 
-def _solve(case: Case, before: Solved | None, arms: bool) -> tuple[Models, States]:
+def _solve(case: Case, before: SolvedCase | None, arms: bool) -> tuple[Models, States]:
     check_fit(case)
     if before is not None:
         with suppress(ConvergenceError):
@@ -134,7 +134,7 @@ def solve_many(
     return [_beside(kept[name], source, settings, arms) for settings in beside]
 
 
-def _beside(solved: Solved, source: Path, settings: Settings, arms: bool) -> Outcome:
+def _beside(solved: SolvedCase, source: Path, settings: Settings, arms: bool) -> Outcome:
     """By the tangent; where the mesh is laid elsewhere by Newton's method from the solved case,
     because the nodes' coordinates are rounded; from scratch where neither serves."""
     try:
