@@ -52,6 +52,7 @@ class Row:
 
     @property
     def verdict(self) -> str:
+        """ "pass" or "FAIL"; "within" or "outside" for a comparison; "shown"."""
         if self.measure == "comparison" and self.passed:
             return "within" if self.error <= self.tolerance else "outside"
         if self.measure == "shown" and self.passed:

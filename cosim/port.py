@@ -175,11 +175,19 @@ class Hood(Protocol):
     """Anything that turns poses and tensions into wrenches and excursions."""
 
     @property
-    def bodies(self) -> tuple[str, ...]: ...
+    def bodies(self) -> tuple[str, ...]:
+        """The bodies on which it acts, in the order of its motions and loads."""
+        ...
+
     @property
-    def tendons(self) -> tuple[str, ...]: ...
+    def tendons(self) -> tuple[str, ...]:
+        """The tendons that pull on it, in the order of its tensions and excursions."""
+        ...
+
     @property
-    def sources(self) -> tuple[str, ...]: ...
+    def sources(self) -> tuple[str, ...]:
+        """The sources of its load, such as "contact" or a slip's name."""
+        ...
 
     def start(self, motion: Motion) -> State:
         """A state to begin from; `motion` need not be the rest pose."""
@@ -218,6 +226,7 @@ class Balance:
 
     @property
     def relative(self) -> float:
+        """The largest residual over the scale."""
         return float(np.abs(self.residual).max(initial=0.0) / self.scale)
 
 
@@ -226,11 +235,20 @@ class Finger(Protocol):
     its own equilibrium."""
 
     @property
-    def bodies(self) -> tuple[str, ...]: ...
+    def bodies(self) -> tuple[str, ...]:
+        """The bodies that it shares with a hood, in the order of its motions."""
+        ...
+
     @property
-    def joints(self) -> tuple[str, ...]: ...
+    def joints(self) -> tuple[str, ...]:
+        """The joints, in the order of its angles."""
+        ...
+
     @property
-    def tendons(self) -> tuple[str, ...]: ...
+    def tendons(self) -> tuple[str, ...]:
+        """Its own tendons, in the order of their tensions."""
+        ...
+
     @property
     def ranges(self) -> Mapping[str, tuple[float, float]]:
         """rad by joint, what `start` allows; infinite where nothing is known."""
@@ -379,11 +397,19 @@ class MovingFinger(Protocol):
     repeated from the old state."""
 
     @property
-    def bodies(self) -> tuple[str, ...]: ...
+    def bodies(self) -> tuple[str, ...]:
+        """The bodies that it shares with a hood, in the order of its motions."""
+        ...
+
     @property
-    def joints(self) -> tuple[str, ...]: ...
+    def joints(self) -> tuple[str, ...]:
+        """The joints, in the order of its angles and rates."""
+        ...
+
     @property
-    def tendons(self) -> tuple[str, ...]: ...
+    def tendons(self) -> tuple[str, ...]:
+        """Its own tendons, in the order of their tensions."""
+        ...
 
     def begin(self, posture: Mapping[str, float]) -> State:
         """At rest at joint angles `posture` (rad)."""

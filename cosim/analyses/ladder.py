@@ -179,6 +179,7 @@ def figures(rung: Rung) -> Figures:
 
 
 def heading(rung: Rung) -> str:
+    """The rung's name over its column, with a star for the case's own."""
     return f"{rung.name} *" if rung.is_own else rung.name
 
 

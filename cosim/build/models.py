@@ -45,6 +45,7 @@ class Models:
 
     @property
     def pair(self) -> Pair:
+        """The finger and the hood on it."""
         return Pair(self.finger, self.hood)
 
     def start(self) -> PairState:

@@ -48,10 +48,12 @@ class MovingModels:
 
     @property
     def finger(self) -> RecordedFinger:
+        """The finger in time, behind the port."""
         return self.moves.finger
 
     @property
     def hood(self) -> Hood:
+        """The hood behind the port."""
         return self.moves.hood
 
     @cached_property
@@ -104,6 +106,8 @@ def _prescribed_excursions(case: Case, tendons: tuple[str, ...]) -> PrescribedEx
 
 
 def tip_device(case: Case) -> Device | None:
+    """The device that the fingertip presses in; None where there is none. Raises InputError for a
+    finger in an FMU."""
     from rigid.mujoco.tip_device import Cage, Contact, Shell
 
     tip = case.native_finger().tip
@@ -167,6 +171,8 @@ class CaseTendonDrive:
         return () if self._air is None else self._air.names
 
     def start(self, length: Array) -> State:
+        """The drive's state where the tendons have lengths (nt,) m, from which shortening then
+        counts."""
         from rigid.muscle.dynamics import at_rest
 
         self._start = length.copy()

@@ -19,20 +19,33 @@ class ChainFingerConfig(Protocol):
     """What every table of a finger of ours states."""
 
     @property
-    def posture(self) -> PlanarPostureConfig: ...
+    def posture(self) -> PlanarPostureConfig:
+        """rad, in which the finger starts."""
+        ...
+
     @property
-    def tip(self) -> TipConfig: ...
+    def tip(self) -> TipConfig:
+        """What holds the fingertip."""
+        ...
+
     @property
-    def limit(self) -> LimitConfig | None: ...
+    def limit(self) -> LimitConfig | None:
+        """The joints' limits; None where they are free."""
+        ...
+
     @property
-    def passive(self) -> Mapping[str, PassiveConfig]: ...
+    def passive(self) -> Mapping[str, PassiveConfig]:
+        """Passive torques by joint."""
+        ...
 
 
 class ChainFingerConfigWithMass(ChainFingerConfig, Protocol):
     """With mass."""
 
     @property
-    def gravity(self) -> tuple[float, float, float]: ...
+    def gravity(self) -> tuple[float, float, float]:
+        """(3,) m/s2, world frame."""
+        ...
 
 
 def on_mujoco(

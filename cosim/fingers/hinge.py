@@ -52,6 +52,7 @@ def build(finger: HingeFingerConfig, extensor: Extensor) -> ChainFinger:
 
 
 def bones(finger: HingeFingerConfig, extensor: Extensor) -> Mapping[str, Triangles]:
+    """Rods for bones: surfaces in the bodies' frames, m."""
     return thick_rods(finger.lengths)
 
 

@@ -114,10 +114,12 @@ def skeleton(finger: IndexFingerConfig) -> Skeleton:
 
 
 def width(finger: IndexFingerConfig) -> float:
+    """The finger's width over that of our index finger."""
     return finger.width_scale
 
 
 def model(finger: IndexFingerConfig, extensor: Extensor) -> FingerModel:
+    """Bones, joints, and the tendons that the hood leaves to the finger."""
     from rigid.fingers import index
 
     if finger.path is not None:
@@ -142,6 +144,7 @@ def _read(path: Path, changed: int, size: int) -> FingerModel:
 
 
 def build(finger: IndexFingerConfig, extensor: Extensor) -> ChainFinger:
+    """The live finger, with the tendons that the hood leaves to it."""
     return on_mujoco(finger, model(finger, extensor))
 
 

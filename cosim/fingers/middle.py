@@ -68,10 +68,12 @@ def model(finger: MiddleFingerConfig, extensor: Extensor) -> FingerModel:
 
 
 def build(finger: MiddleFingerConfig, extensor: Extensor) -> ChainFinger:
+    """The live finger, with the tendons that the hood leaves to it."""
     return on_mujoco(finger, model(finger, extensor))
 
 
 def skeleton(finger: MiddleFingerConfig) -> Skeleton:
+    """Joints and lengths that a hood is laid out on."""
     from rigid.fingers.middle import skeleton
 
     return skeleton().scaled(finger.length_scale)
@@ -98,6 +100,7 @@ def bones(finger: MiddleFingerConfig, extensor: Extensor) -> Mapping[str, Triang
 
 
 def intrinsic(finger: MiddleFingerConfig) -> Guides:
+    """Points from which the intrinsic tendons run to a sheet."""
     from rigid.fingers.middle import intrinsic_guides
 
     return intrinsic_guides(finger.length_scale)

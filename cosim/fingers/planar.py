@@ -59,14 +59,17 @@ def planar_chain(finger: PlanarFingerConfig) -> PlanarChain:
 
 
 def model(finger: PlanarFingerConfig, extensor: Extensor) -> FingerModel:
+    """Bones, joints and tendons of the finger's MuJoCo model."""
     return planar_chain(finger).model()
 
 
 def build(finger: PlanarFingerConfig, extensor: Extensor) -> ChainFinger:
+    """The live finger, whose tip is held in its plane alone."""
     return on_mujoco(finger, model(finger, extensor), in_plane=True)
 
 
 def bones(finger: PlanarFingerConfig, extensor: Extensor) -> Mapping[str, Triangles]:
+    """Rods for bones: surfaces in the bodies' frames, m."""
     return thick_rods(finger.lengths)
 
 

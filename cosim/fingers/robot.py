@@ -74,6 +74,7 @@ def model(finger: RobotFingerConfig, extensor: Extensor) -> FingerModel:
 
 
 def build(finger: RobotFingerConfig, extensor: Extensor) -> ChainFinger:
+    """The live finger, with the tendons that the hood leaves to it."""
     return on_mujoco(finger, model(finger, extensor))
 
 
@@ -97,6 +98,7 @@ def bones(finger: RobotFingerConfig, extensor: Extensor) -> Mapping[str, Triangl
 
 
 def width(finger: RobotFingerConfig) -> float:
+    """The finger's width over that of our index finger."""
     from meshes.robot_net import wider
 
     return wider(skeleton(finger))

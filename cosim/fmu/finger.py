@@ -37,6 +37,7 @@ class FmuFingerState:
 
     @property
     def motion(self) -> Motion:
+        """Poses of the shared bodies."""
         return self.pose.motion
 
 

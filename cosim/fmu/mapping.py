@@ -33,6 +33,7 @@ class Place:
 
     @property
     def size(self) -> int:
+        """The number of entries."""
         return prod(self.shape)
 
 

@@ -67,6 +67,8 @@ class Unit:
         self._call(lambda: setter(place.references, values), InputError, "took no value")
 
     def get(self, place: Place) -> Array:
+        """The value at a place, in its shape. Raises ConvergenceError where it is not finite or not
+        given."""
         values = np.array(self._call(lambda: self._read(place), ConvergenceError, "gave no value"))
         if not np.isfinite(values).all():
             raise ConvergenceError(f"{self.opened.path}: put out a value that is not finite")
@@ -138,6 +140,7 @@ class Unit:
         return saved
 
     def owns(self, saved: SavedState) -> bool:
+        """Whether the state is of this instance."""
         return saved.owner is self._owner
 
     def _keep(self, saved: SavedState) -> None:

@@ -92,6 +92,7 @@ class UnitRun:
         return ""
 
     def snapshot(self) -> Snapshot:
+        """All that the next step reads and writes."""
         return Snapshot(self.token, self.time, self._values, self._state, self._special)
 
     def restore(self, snapshot: Any) -> None:

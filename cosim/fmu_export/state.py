@@ -49,6 +49,7 @@ class SerialisedState:
     content: bytes
 
     def to_bytes(self) -> bytes:
+        """The bytes as they were given."""
         return self.content
 
     def read(self, token: str, template: Callable[[], State], special: Special | None) -> Snapshot:

@@ -44,6 +44,8 @@ class FmuHoodConfig(HoodConfig):
 
 
 def build(hood: FmuHoodConfig, site: Site) -> BuiltHood:
+    """The hood in an FMU, which runs code of the archive. Raises InputError for one that cannot be
+    opened."""
     from cosim.fmu.hood import FmuHood as Unit
 
     names = site.rest.bodies, hood.tendons, hood.sources

@@ -49,6 +49,7 @@ def _world_points(motion: Motion, point: PathPointConfig) -> Array:
 
 
 def build(hood: PulleyHoodConfig, site: Site) -> BuiltHood:
+    """Cables over pulleys that are fixed to the bodies, at rest in the site's poses."""
     from rigid.hoods.pulley import Cable
     from rigid.hoods.pulley import PulleyHood as Pulleys
 

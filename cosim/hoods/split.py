@@ -67,6 +67,7 @@ def split_slips(
 
 
 def variations(hood: SplitHoodConfig) -> Iterator[Variation]:
+    """The share of the central slip, lower and higher by 0.1; there is nothing else to vary."""
     yield shift("central slip's share", {"hood.central": hood.central}, 0.1, None)
     yield from no_variations(hood)
 

@@ -40,6 +40,7 @@ SHOWN = (
 
 
 def doubt_figures(f: Flexion) -> list[Figure]:
+    """Figures of what the paper leaves open: the printed numbers, the loops, and the entries."""
     return [_beside(f), _loops(), _entries(flexion(f.loop, samples=51))]
 
 

@@ -43,6 +43,7 @@ ON_THE_WORLD = {"distal": (0, 1.0), "palmar": (2, -1.0)}
 
 
 def contact_figures() -> list[Figure]:
+    """Figures of the contact with each muscle: the history and its end."""
     runs = {name: contact(name) for name in CASES}
     return [_history(runs), _ends(runs)]
 

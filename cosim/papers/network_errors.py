@@ -39,6 +39,7 @@ BARS = {"interconnected": (INTERCONNECTED[0], ""), "static": (STATIC[0], "////")
 
 
 def error_figures() -> list[Figure]:
+    """Figures of the errors, of the friction's size, and of the errors by friction."""
     return [_summary(), _hysteresis_figure(), _by_friction()]
 
 

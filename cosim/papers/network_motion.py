@@ -53,6 +53,7 @@ class ContactRun:
     else as it is."""
 
     def at(self, time: float) -> int:
+        """The index of the time that is nearest to `time`, s."""
         return int(np.abs(self.time - time).argmin())
 
     @property

@@ -52,6 +52,7 @@ class Kind:
 
     @property
     def advice(self) -> str:
+        """What to write instead of a value without a unit, or with another's."""
         article = "an" if self.name[0] in "aeiou" else "a"
         return f'write {article} {self.name} with its unit, for example "{self.example}"'
 

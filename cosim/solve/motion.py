@@ -45,6 +45,7 @@ class RestCheck:
 
     @property
     def is_reached(self) -> bool:
+        """Whether the finger is at rest: rate and change within RATE and CHANGE."""
         return self.rate <= RATE and self.change <= CHANGE
 
 

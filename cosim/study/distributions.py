@@ -95,6 +95,7 @@ class Axis:
 
     @property
     def is_numeric(self) -> bool:
+        """Whether the values are numbers and not words."""
         return all(type(v) is float for v in self.values)
 
 

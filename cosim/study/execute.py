@@ -53,6 +53,7 @@ class StudyOutcome:
 
     @property
     def was_stopped(self) -> bool:
+        """Whether runs are left that were not made."""
         return self.count.done < self.count.total
 
 

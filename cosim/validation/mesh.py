@@ -42,10 +42,12 @@ class Change:
 
     @property
     def change(self) -> float | None:
+        """The number on the finer mesh less that on the case's own; None where one has none."""
         return None if self.finer is None else self.finer - self.model
 
     @property
     def verdict(self) -> Verdict:
+        """Whether the change is within its bound."""
         if self.change is None:
             return "no value"
         return "within" if abs(self.change) <= self.bound else "beyond"

@@ -41,6 +41,7 @@ class Setup:
 
     @property
     def bounds(self) -> Bounds:
+        """Least and greatest force (n,) N of every tendon."""
         return Bounds(self.capacity.least, self.capacity.most)
 
     def hold_finger(self, posture: Mapping[str, float]) -> Held:

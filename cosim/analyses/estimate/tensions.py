@@ -40,6 +40,7 @@ class Cost(NamedTuple):
 
     @property
     def factors(self) -> Array:
+        """(n,) factors c of the same cost written as sum c T^power."""
         factors: Array = (1.0 / self.weight) ** self.power
         return factors
 

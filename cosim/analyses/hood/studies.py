@@ -79,6 +79,7 @@ class HoodStudies:
         return HoodPoses(self.case, self.say)
 
     def paper(self, command: str) -> FigurePage:
+        """The page of all these studies, which `command` draws."""
         studies = (
             FigureStudy(
                 "rest", "torques and slips at rest along couplings of PIP and DIP", self.at_rest

@@ -56,6 +56,7 @@ class FitCase:
 
     @property
     def name(self) -> str:
+        """The name under which the case is stated."""
         return self.stated.name
 
 

@@ -35,6 +35,7 @@ class TensionTable:
 
     @property
     def left_out(self) -> tuple[str, ...]:
+        """Columns that are no tendon of ours."""
         return tuple(c for c in self.table.columns if c not in self.column.values())
 
 

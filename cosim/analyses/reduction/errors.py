@@ -32,6 +32,7 @@ class Error(NamedTuple):
 
     @property
     def mark(self) -> float | None:
+        """The error that its quantity should keep; None where there is no such mark."""
         return MARKS.get(self.quantity.partition(",")[0])
 
 

@@ -60,9 +60,11 @@ class WalkSamples(NamedTuple):
     """s it took, in a process beside others."""
 
     def samples(self) -> list[Sample]:
+        """The states in equilibrium, in the walk's order."""
         return [state for state in self.states if isinstance(state, Sample)]
 
     def failures(self) -> list[FailedSample]:
+        """The states without equilibrium, in the walk's order."""
         return [state for state in self.states if isinstance(state, FailedSample)]
 
 

@@ -53,6 +53,7 @@ class SampleRange:
 
     @property
     def mixtures(self) -> int:
+        """The number of postures between the grid's points in which all tendons pull."""
         return 4 * self.spread // 3
 
     def postures(self, degrees: Array) -> Array:

@@ -31,6 +31,7 @@ ENDS = {
 
 
 def build(hood: CableHoodConfig, site: Site) -> BuiltHood:
+    """The live net of cables on a finger. Raises InputError where it cannot be laid out on it."""
     net = apply_lesion_to_net(build_net(hood, site.anatomy), site.lesion)
     made = cable_hood_of(hood, site, net)
     return BuiltHood(

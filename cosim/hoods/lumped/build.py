@@ -37,6 +37,7 @@ def build(hood: NetworkHoodConfig, site: Site) -> BuiltHood:
 
 
 def build_two_bands(hood: TwoBandHoodConfig, site: Site) -> BuiltHood:
+    """The network of the two bands, live on a finger."""
     return build(as_network(hood), site)
 
 

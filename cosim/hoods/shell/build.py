@@ -60,6 +60,8 @@ SAME_ANGLE = 1e-9
 
 
 def build(hood: ShellHoodConfig, site: Site) -> BuiltHood:
+    """The live sheet of shell elements on a finger. Raises InputError where it cannot be laid out
+    on it."""
     mesh = apply_lesion_to_mesh(generate_mesh(hood, site.anatomy), site.lesion)
     made = shell_hood_of(hood, site, mesh)
     return BuiltHood(

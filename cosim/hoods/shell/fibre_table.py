@@ -119,6 +119,7 @@ class FibrousConfig(RegionConfig):
 
     @property
     def fibrous(self) -> FibrousConfig:
+        """The region itself, which has fibres."""
         return self
 
 
