@@ -80,7 +80,7 @@ class ProcessPool:
         return done
 
     def in_order(self, function: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
-        """The function of each item, in their order."""
+        """Results of the function of each item, in the items' order."""
         ended: dict[int, R] = {}
         following = 0
         batches = ([item] for item in enumerate(items))
@@ -91,7 +91,8 @@ class ProcessPool:
                 following += 1
 
     def as_ended(self, function: Callable[[T], R], batches: Iterable[Sequence[T]]) -> Iterator[R]:
-        """The function of each item as it ends; those of a batch in one process, in their order."""
+        """Results of the function of each item as they come; the items of a batch go through one
+        process, in their order."""
         from concurrent.futures import FIRST_COMPLETED, wait
 
         if not self._processes:
@@ -118,8 +119,12 @@ class ProcessPool:
 
 @contextmanager
 def process_pool(jobs: int, option: str = "--jobs") -> Iterator[ProcessPool]:
-    """So many processes for the block (1: this one), which end with it: at once where the block
-    ends by an error or Ctrl-C.
+    """So many processes for the block (`jobs` = 1: this one), which end with it: at once where the
+    block ends by an error or Ctrl-C.
+
+    >>> with process_pool(1) as pool:
+    ...     list(pool.in_order(abs, [-1, 2]))
+    [1, 2]
 
     Raises InputError, which names the command's `option`, where one was ended from outside."""
     if jobs == 1:

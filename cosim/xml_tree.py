@@ -106,7 +106,7 @@ class Tag:
         return values
 
     def split(self, text: str) -> list[float] | None:
-        """The finite numbers of a text, or None where something else stands there, numbers beyond
+        """The finite numbers of a text; None where something else stands there, numbers beyond
         MOST_NUMBER included."""
         if "_" in text:
             return None
@@ -119,7 +119,8 @@ class Tag:
         return values if all(-MOST_NUMBER <= v <= MOST_NUMBER for v in values) else None
 
     def word(self, kind: str, default: str) -> str:
-        """The text of the child of that kind."""
+        """The text of the child of that kind, or else `default`.  Raises InputError where there
+        are more."""
         child = self.one(kind)
         return default if child is None else child.text.strip()
 
@@ -142,13 +143,26 @@ T = TypeVar("T", bound=Tag)
 
 
 def short(text: str) -> str:
-    """A text in a line of at most 40 letters."""
+    """A text in a line of at most 40 letters, in quotes.
+
+    >>> short("one  two\\nthree")
+    "'one two three'"
+    """
     text = " ".join(text.split())
     return repr(text if len(text) <= 40 else text[:37] + "...")
 
 
 def read_tree(path: Path, root: str, tag: type[T], limits: Limits) -> T:
-    """The tree of an XML file whose root has that name.
+    """The tree of an XML file whose root tag is named `root`.  Its tags are of the class `tag`,
+    which says how numbers are separated and which leaf tags are rows of numbers.
+
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "small.xml"
+    ...     _ = path.write_text("<model><mass>1.5 kg</mass></model>")
+    ...     tree = read_tree(path, "model", Tag, Limits(bytes=1000, tags=10, depth=3))
+    >>> tree.word("mass", "none")
+    '1.5 kg'
 
     Raises InputError (naming file and line) where the file cannot be read, is not XML, declares a
     document type, or exceeds a limit."""

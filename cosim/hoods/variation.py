@@ -67,7 +67,7 @@ def shift(
 
 
 def settings_text(values: Iterable[tuple[str, float]], kind: Kind | None) -> Settings:
-    """Settings KEY=VALUE of SI values, each with the kind's own unit; plain numbers without a kind."""
+    """Settings KEY=VALUE of SI values, each in the kind's own unit; plain numbers for no kind."""
     return tuple(f"{k}={v!r}" if kind is None else f"{k}={format_si(v, kind)}" for k, v in values)
 
 
