@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from threadpoolctl import ThreadpoolController
 
 BLAS_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-KEPT = {"MALLOC_MMAP_MAX_": "0", "MALLOC_TRIM_THRESHOLD_": str(2**30)}
+MALLOC_SETTINGS = {"MALLOC_MMAP_MAX_": "0", "MALLOC_TRIM_THRESHOLD_": str(2**30)}
 """Settings of glibc, which reads them when a process starts: no block of its own for any size, and
 freed memory (bytes) stays with the process. Handed back and asked for again with each factorisation
 it costs a fifth of that, and the kernel's work on page faults keeps processes side by side from
@@ -44,12 +44,13 @@ def _blas() -> ThreadpoolController:
 
 def prepare_process() -> None:
     """Let this process and those that it starts work with one thread of BLAS, whatever the
-    environment says, and with memory that stays with them (`KEPT`, where it says nothing)."""
+    environment says, and with memory that stays with them (`MALLOC_SETTINGS`, where it says
+    nothing)."""
     from threadpoolctl import threadpool_limits
 
     os.environ.update(dict.fromkeys(BLAS_THREADS, "1"))  # of what loads from now on
     threadpool_limits(1, user_api="blas")  # of what has loaded
-    for name, value in KEPT.items():
+    for name, value in MALLOC_SETTINGS.items():
         os.environ.setdefault(name, value)
 
 

@@ -186,12 +186,12 @@ class LengthExperiment(NamedTuple):
     values: Callable[[str, Sequence[str]], Iterator[Value]]
     hoods: tuple[str, ...]
     experiments: tuple[str, ...]
-    assumed: tuple[str, ...]
+    assumptions: tuple[str, ...]
     case: str
 
 
 LUMPED = ("net of cables", "network")
-MADE: Mapping[str, LengthExperiment] = {
+LENGTH_EXPERIMENTS: Mapping[str, LengthExperiment] = {
     "terminal tendon longer": LengthExperiment(
         dip_drop, LUMPED, ("terminal_1mm", "terminal_4mm"), tuple(LOADS), "lengths_terminal_1mm"
     ),

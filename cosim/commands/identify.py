@@ -279,7 +279,7 @@ def _show_fit(found: Fit, several: bool) -> None:
     by = f"the tangent of the hood in {', '.join(found.by_tangent)}" if found.by_tangent else ""
     typer.echo(
         f"{found.evaluations} evaluations, {found.solves} solves, {len(found.failures)} of which "
-        f"did not converge; {found.ended}; gradients by {by or 'differences of solves'}"
+        f"did not converge; {found.stop_reason}; gradients by {by or 'differences of solves'}"
     )
     for failure in found.failures:
         typer.echo(f"did not converge: {failure}")

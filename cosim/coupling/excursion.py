@@ -48,7 +48,7 @@ class ExcursionState(NamedTuple):
 
     tension: Array
     """N."""
-    found: Array
+    excursion: Array
     """m, the excursions that the tendons have."""
     start: Array
     """m, those that they began with."""

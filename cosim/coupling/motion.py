@@ -150,9 +150,9 @@ class CoupledMotion:
     scheme: Scheme
     finger: RecordedFinger
     hood: Hood
-    puller: TendonDrive
+    drive: TendonDrive
     dt: float
-    driven: PrescribedExcursions = NO_EXCURSIONS
+    prescribed: PrescribedExcursions = NO_EXCURSIONS
 
     def begin(self, state: State) -> MotionState:
         """At rest in the finger's `state`, the hood in equilibrium on it."""
@@ -164,23 +164,23 @@ class CoupledMotion:
             state,
             lambda time: (tension[:split], tension[split:]),
         )
-        index = self.driven.index
+        index = self.prescribed.index
         draw = initial_excursions(tension[index], self._excursions(coupled)[index])
         lengths = np.concatenate([-coupled.point.excursion, self._own(coupled.finger)])
-        pulls = self.puller.settle_at(pulls, lengths)
+        pulls = self.drive.settle_at(pulls, lengths)
         return MotionState(coupled, pulls, 0.0, 0.0, Pace(self.dt), draw)
 
     def first_pull(self, state: State) -> tuple[State, Array]:
         """What pulls at t = 0 on the finger in `state`, and with what tensions (nt,) N."""
         lengths = np.concatenate([np.zeros(len(self.hood.tendons)), self._own(state)])
-        pulls = self.puller.start(lengths)
-        return pulls, self.puller.pull(pulls, 0.0, lengths, 0.0).tension
+        pulls = self.drive.start(lengths)
+        return pulls, self.drive.pull(pulls, 0.0, lengths, 0.0).tension
 
     def advance(self, at: MotionState) -> MotionState:
         """One step on; raises ConvergenceError."""
         time = at.coupled.time + self.dt
         pull = self.tendon_pull(at, time)
-        if self.driven.names:
+        if self.prescribed.names:
             after, draw = self._step_to_excursions(at, pull.tension, time)
         else:
             after, draw = self._step_under(at.coupled, pull.tension), at.draw
@@ -193,7 +193,7 @@ class CoupledMotion:
     ) -> tuple[CoupledState, ExcursionState]:
         """A step under tensions (nt,) N, in which those of the displaced tendons are solved for.
         The hood solves of all trials are counted."""
-        index, c, solves = self.driven.index, at.coupled, 0
+        index, c, solves = self.prescribed.index, at.coupled, 0
 
         def trial(found: Array) -> tuple[CoupledState, Array]:
             nonlocal solves
@@ -203,7 +203,7 @@ class CoupledMotion:
             solves += after.solves - c.solves
             return after, self._excursions(after)[index]
 
-        after, draw = solve_excursions(self.driven, at.draw, time, trial)
+        after, draw = solve_excursions(self.prescribed, at.draw, time, trial)
         return replace(after, solves=c.solves + solves), draw
 
     def _step_under(self, c: CoupledState, tension: Array) -> CoupledState:
@@ -221,7 +221,7 @@ class CoupledMotion:
         `tension` (nt,) N and `state`."""
         c = at.coupled
         lengths = np.concatenate([-c.point.excursion, self._own(c.finger)])
-        return self.puller.pull(at.puller, time, lengths, time - c.time)
+        return self.drive.pull(at.drive, time, lengths, time - c.time)
 
     def frame(self, at: MotionState) -> Frame:
         """The recorded quantities of a state."""
@@ -238,7 +238,7 @@ class CoupledMotion:
             load.imbalance(motion),
             c.residual,
             self.finger.energy(c.finger),
-            self.puller.cylinder_signals(at.puller, c.time),
+            self.drive.cylinder_signals(at.drive, c.time),
         )
 
     def _own(self, state: State) -> Array:

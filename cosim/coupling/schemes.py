@@ -47,7 +47,7 @@ LENGTH = 0.046
 TOLERANCE = 1e-9
 """rad."""
 MOST_SOLVES = 30
-BORROWED = 10.0
+ENERGY_MARGIN = 10.0
 """A stable staggered step lends the finger energy and takes it back, near its limit several times
 what passes; what grows goes beyond any multiple."""
 ROUNDING = 1e-12
@@ -265,14 +265,14 @@ def _check_energy(
     dt: float,
 ) -> None:
     """Raises ConvergenceError where the finger has more energy than hood and tendons gave it, by
-    BORROWED times what they ever gave and what was stored in the finger at first."""
+    ENERGY_MARGIN times what they ever gave and what was stored in the finger at first."""
     # In parallel the hood's books are one step late.
     gained = energy_defect(
         finger, replace(after, finger=state.finger) if scheme.parallel else after
     )
     e = after.energy
     allowed = e.effort + e.most + abs(after.start) + ROUNDING
-    if gained <= BORROWED * allowed:
+    if gained <= ENERGY_MARGIN * allowed:
         return
     limit = explicit_limit(finger, hood, state, dt)
     known = (

@@ -15,8 +15,8 @@ from cosim.fmu.quantity import KINEMATICS
 from cosim.fmu.unit import Unit
 from cosim.port import Array, Motion
 
-ASKED = "asked_angle"
-OPTIONAL = ("tip", "path", ASKED, KINEMATICS.name)
+QUERY_ANGLE = "asked_angle"
+OPTIONAL = ("tip", "path", QUERY_ANGLE, KINEMATICS.name)
 """Quantities that a unit of a finger may lack."""
 MOST_KEPT = 64
 TURN = 1e-5
@@ -53,7 +53,7 @@ class Kinematics:
     @property
     def tells_any(self) -> bool:
         """Whether other angles may be asked for than those reached."""
-        switched = KINEMATICS.name in self._place and ASKED in self._place
+        switched = KINEMATICS.name in self._place and QUERY_ANGLE in self._place
         return switched and self._unit.opened.rolls_back
 
     def read_pose(self, angles: Array) -> Pose:
@@ -78,12 +78,12 @@ class Kinematics:
         if not self.tells_any:
             raise InputError(
                 f"{self._unit.opened.path}: this FMU does not tell its poses at joint angles that "
-                f"it has not reached: that takes the quantities {KINEMATICS.name} and {ASKED}, and "
-                "a unit that can be taken back (canGetAndSetFMUstate). The scheme explicit of a "
-                "motion does without, and linear or newton of an equilibrium"
+                f"it has not reached: that takes the quantities {KINEMATICS.name} and "
+                f"{QUERY_ANGLE}, and a unit that can be taken back (canGetAndSetFMUstate). The "
+                "scheme explicit of a motion does without, and linear or newton of an equilibrium"
             )
         self._unit.restore(self._begin)
-        self._unit.set(self._place[ASKED], angles)
+        self._unit.set(self._place[QUERY_ANGLE], angles)
         self._unit.set(self._place[KINEMATICS.name], 1.0)
         self._unit.step(SHORT)
         return self._keep(angles, self._read())

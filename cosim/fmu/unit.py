@@ -45,7 +45,7 @@ class Unit:
         self.opened: UnpackedFmu = unpack_fmu(path, Path(room.name))
         description = self.opened.description
         self.is_fmi2 = description.fmiVersion == "2.0"
-        self._log: list[str] = HEARD if self.is_fmi2 else []
+        self._log: list[str] = FMI2_LOG if self.is_fmi2 else []
         self._fmu = self._instance(description)
         self._owner, self._keys, self._forgotten = object(), count(), list[int]()
         self._pointers: dict[int, Any] = {}
@@ -229,18 +229,18 @@ def _logger(log: list[str]) -> Callable[..., None]:
     return write_line
 
 
-HEARD: list[str] = []
+FMI2_LOG: list[str] = []
 """What units of FMI 2 log: FMPy's proxy, which puts their messages together, has one listener for
 all of a process, whichever was named last."""
 
 
 @cache
 def _listener() -> Any:
-    """The one that fills HEARD; it outlives every unit, since a proxy that calls one that is gone
-    brings the process down."""
+    """The listener that fills FMI2_LOG; it outlives every unit, since a proxy that calls one that
+    is gone brings the process down."""
     from fmpy import fmi2
 
-    return fmi2.fmi2CallbackLoggerTYPE(_logger(HEARD))
+    return fmi2.fmi2CallbackLoggerTYPE(_logger(FMI2_LOG))
 
 
 def _listening() -> Any:

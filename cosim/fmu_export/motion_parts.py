@@ -41,9 +41,9 @@ def moving_part(case: Case, forward: ForwardConfig, part: str, tangent: bool) ->
             f"{case.name}: forward.adaptive: the steps of an FMU are its master's; leave it out"
         )
     both = moving_models(case, forward)
-    if both.moves.driven.names:
+    if both.moves.prescribed.names:
         raise InputError(
-            f"tendons.{both.moves.driven.names[0]}.excursion: an FMU in motion takes tensions; "
+            f"tendons.{both.moves.prescribed.names[0]}.excursion: an FMU in motion takes tensions; "
             "state one"
         )
     if part == "finger":

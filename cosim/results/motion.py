@@ -40,16 +40,21 @@ def observe_motion(case: Case, moved: SolvedMotion, wall: float) -> Result:
     """Everything that a motion leaves behind."""
     return Result(
         _summary(case, moved, wall),
-        _dataset(moved.models, moved.kept),
-        tuple(_ledger(moved.models, moved.kept)),
-        _scene(moved.models, moved.kept),
+        _dataset(moved.models, moved.history),
+        tuple(_ledger(moved.models, moved.history)),
+        _scene(moved.models, moved.history),
         resolved_toml(case),
         case.name,
     )
 
 
 def _summary(case: Case, moved: SolvedMotion, wall: float) -> dict[str, Any]:
-    t, frames, tips, end = moved.models, moved.kept.frames, moved.kept.tips, moved.kept.moment
+    t, frames, tips, end = (
+        moved.models,
+        moved.history.frames,
+        moved.history.tips,
+        moved.history.moment,
+    )
     finger, hood, last = t.finger, t.hood, frames[-1]
     audit = {
         "hood_force_balance": max(f.imbalance[0] for f in frames),
@@ -84,14 +89,14 @@ def _summary(case: Case, moved: SolvedMotion, wall: float) -> dict[str, Any]:
     out["audit_missed"] = missed_bounds(out["audit"])
     if case.forward is not None and case.forward.adaptive is not None:
         out["step_control"] = _steps(end, frames)
-    if names := t.moves.driven.names:
-        reached = 1e3 * (end.draw.found - end.draw.start)
+    if names := t.moves.prescribed.names:
+        reached = 1e3 * (end.draw.excursion - end.draw.start)
         out["drawn_mm"] = dict(zip(names, reached.tolist(), strict=True))
     if not case.finger.is_native:
         out["not_in_ledger"] = OPEN
     if twice := [str(pair) for pair in pairs(case, hood, finger)]:
         out["double_counted"] = twice
-    if lengths := t.pulls.lengths(end.puller):
+    if lengths := t.pulls.lengths(end.drive):
         out["muscle"] = {name: _muscle(case, name, length) for name, length in lengths.items()}
     if t.pulls.cylinders:
         out["air"] = air_end(t.pulls.cylinders, last.drive)
@@ -112,7 +117,7 @@ def _muscle(case: Case, name: str, length: float) -> dict[str, Any]:
 def _energy(moved: SolvedMotion) -> tuple[dict[str, float], float]:
     """mJ, where the work of tendons and gravity went since the start; and what the method took from
     it or gave to it, over the tendons' work without its signs."""
-    t, frames, end = moved.models, moved.kept.frames, moved.kept.moment
+    t, frames, end = moved.models, moved.history.frames, moved.history.moment
     done = end.coupled.energy
     stored = done.tendons - done.hood
     lost = end.dissipated + end.slipped
@@ -145,7 +150,7 @@ def _energy(moved: SolvedMotion) -> tuple[dict[str, float], float]:
 def _balance_at_rest(moved: SolvedMotion) -> dict[str, float]:
     """Of a finger that came to rest and tells its forces, the largest joint torque of inertia over
     the largest of any source."""
-    t, frames, tips = moved.models, moved.kept.frames, moved.kept.tips
+    t, frames, tips = moved.models, moved.history.frames, moved.history.tips
     books = _books(t, frames[-2], frames[-1], tips[-1])
     if not moved.rest.is_reached or "inertia" not in books:
         return {}

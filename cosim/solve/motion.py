@@ -54,7 +54,7 @@ class SolvedMotion:
     """The models of a motion, what is kept of it, and whether it came to rest."""
 
     models: MovingModels
-    kept: MotionHistory
+    history: MotionHistory
     rest: RestCheck
 
 

@@ -19,5 +19,5 @@ class States:
     """None where the hood has no tendons to pull."""
     pull: MusclePull
     """The pull of the muscles that have a fibre, in the loaded state."""
-    passed: OneWayPass | None = None
+    one_way: OneWayPass | None = None
     """What a one-way pass handed over; None of a coupled equilibrium."""

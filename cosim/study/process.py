@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import IO
 
 from cosim.errors import InputError
-from cosim.processes import BLAS_THREADS, KEPT
+from cosim.processes import BLAS_THREADS, MALLOC_SETTINGS
 from cosim.study.store import Status, Store
 from cosim.study.task import Task, Verdict, row_of
 
@@ -39,7 +39,7 @@ class Child:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self.told,
-            env=os.environ | {"PYTHONPATH": paths} | dict.fromkeys(THREADS, "1") | KEPT,
+            env=os.environ | {"PYTHONPATH": paths} | dict.fromkeys(THREADS, "1") | MALLOC_SETTINGS,
             text=True,
             encoding="utf-8",
         )

@@ -31,7 +31,7 @@ class Cylinders:
     names: tuple[str, ...]
     where: Array
     air: Pneumatics
-    drawn: Array
+    initial_position: Array
     """(n,) m, of each piston into its cylinder at t = 0."""
     command: Callable[[float], Array]
     """(n,) V at a time in s, before the delay."""
@@ -97,7 +97,7 @@ def initial_air(c: Cylinders) -> AirState:
     """At rest under the first command."""
     from rigid.air.plant import at_rest
 
-    return at_rest(c.air, c.reaching(0.0), np.asarray(c.air.cylinder.volume(c.drawn)))
+    return at_rest(c.air, c.reaching(0.0), np.asarray(c.air.cylinder.volume(c.initial_position)))
 
 
 def step_cylinders(
@@ -121,7 +121,7 @@ def step_cylinders(
 
 def _within(c: Cylinders, inward: Array) -> Array:
     """(n,) m, how far the pistons are drawn in."""
-    drawn = c.drawn + inward
+    drawn = c.initial_position + inward
     stroke = np.broadcast_to(c.air.cylinder.stroke, drawn.shape)
     off = np.maximum(-drawn, drawn - stroke)
     worst = int(np.argmax(off))

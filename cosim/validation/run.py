@@ -62,7 +62,7 @@ class Board:
     group: str
     rows: tuple[Comparison, ...]
     failures: dict[str, str]
-    missed: Mapping[str, list[str]] = field(default_factory=dict)
+    audit_misses: Mapping[str, list[str]] = field(default_factory=dict)
     kind: Kind = "experiment"
     variant: bool = False
     skills: tuple[Skill, ...] = ()

@@ -55,7 +55,7 @@ LAG = 0.1
 FINE = 5e-5
 """s, the step of the reference of three stiff joints."""
 THREE = "three stiff joints"
-COUNTED: dict[str, tuple[Scheme, float, str]] = {
+ITERATION_BOUNDS: dict[str, tuple[Scheme, float, str]] = {
     "implicit, Aitken": (Implicit(Aitken()), 30, "the most that it is allowed"),
     "implicit, IQN-ILS": (
         Implicit(QuasiNewton()),
@@ -198,7 +198,7 @@ def solves_rows() -> Iterator[Row]:
     which is the step's and not the scheme's."""
     finger, drum = stiff_pair(3)
     fine = drive(Linear(), finger, drum, np.zeros(3), pulls_on_drum, FINE, round(LASTS / FINE))
-    for name, (scheme, most, source) in COUNTED.items():
+    for name, (scheme, most, source) in ITERATION_BOUNDS.items():
         for dt in STEPS:
             n = round(LASTS / dt)
             states = drive(scheme, finger, drum, np.zeros(3), pulls_on_drum, dt, n)

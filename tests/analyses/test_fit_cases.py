@@ -206,7 +206,7 @@ def test_a_budget_is_kept_and_told(held, free):
     lines: list[str] = []
     found = fit_all(cases(held, free, ROWS), most=2, progress=lines.append)
     assert found.evaluations == 2
-    assert found.ended == "stopped at 2 evaluations, the most that were allowed"
+    assert found.stop_reason == "stopped at 2 evaluations, the most that were allowed"
     assert lines[0] == "3 cases, 2 parameters, 3 rows: the start, from scratch"
     assert lines[1].startswith("1 of at most 2: sum of squared misses ")
     assert "largest, SDs: torque [p60] " in lines[1]

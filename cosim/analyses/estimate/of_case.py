@@ -53,9 +53,9 @@ class Setup:
 class EstimateAudit:
     """The case run forward under the estimated tensions, from its own start."""
 
-    made: Array
+    components: Array
     """(d,) the demand's components there."""
-    turned: Array
+    joint_change: Array
     """(nq,) rad, by how much the joints left the posture; zero where they are held."""
 
 
@@ -64,8 +64,9 @@ class EstimateAnswer:
     """An estimate of one target."""
 
     demand: Demand
-    wanted: Array
-    found: Estimate
+    target: Array
+    """(d,) the demand's components that were asked for."""
+    estimate: Estimate
     audit: EstimateAudit
 
 
@@ -225,14 +226,14 @@ def for_torques(s: Setup, given: Mapping[str, float], progress: Progress) -> Est
 
 
 @dataclass(frozen=True)
-class Along:
+class MotionEstimate:
     """Estimates along a motion of n samples."""
 
     motion: JointMotion
-    needed: Array
+    required_torque: Array
     """(n, nq) N m."""
-    made: Array
-    """(n, nq) N m, what hood and muscles make; the needed but for a reserve."""
+    torque: Array
+    """(n, nq) N m, of hood and muscles; the required one but for a reserve."""
     tension: Array
     """(n, nt) N."""
     worst: float
@@ -240,7 +241,9 @@ class Along:
     rounds: int
 
 
-def for_motion(s: Setup, motion: JointMotion, progress: Progress, reserve: float = 0.0) -> Along:
+def for_motion(
+    s: Setup, motion: JointMotion, progress: Progress, reserve: float = 0.0
+) -> MotionEstimate:
     """Tensions along a motion, of which hood and muscles make its torques by inverse dynamics, each
     sample from the one before; a torque may lack `reserve` N m where tensions make no better.
 
@@ -248,7 +251,7 @@ def for_motion(s: Setup, motion: JointMotion, progress: Progress, reserve: float
     time, and ConvergenceError."""
     needed = _required_torque(s, motion)
     joints = s.models.finger.joints
-    start, tensions, made, worst, rounds = None, [], [], 0.0, 0
+    start, tensions, torque, worst, rounds = None, [], [], 0.0, 0
     for k, time in enumerate(motion.time):
         held = s.hold_finger(dict(zip(joints, motion.angle[k], strict=True)))
         try:
@@ -263,10 +266,10 @@ def for_motion(s: Setup, motion: JointMotion, progress: Progress, reserve: float
         progress(f"{k + 1}/{len(motion.time)}, {time:.3g} s: {found.rounds} rounds")
         start = found.tension, found.at.state
         tensions.append(found.tension)
-        made.append(found.made)
+        torque.append(found.components)
         worst = max(worst, found.optimum.miss, found.gap)
         rounds += found.rounds
-    return Along(motion, needed, np.array(made), np.array(tensions), worst, rounds)
+    return MotionEstimate(motion, needed, np.array(torque), np.array(tensions), worst, rounds)
 
 
 def _required_torque(s: Setup, motion: JointMotion) -> Array:
@@ -290,6 +293,6 @@ def force_basis(s: Setup) -> tuple[Demand, Torques]:
 
 def forward_run_text(answer: EstimateAnswer) -> str:
     """What was asked for and what the forward run made, in words."""
-    return f"asked for {spelt(answer.demand, answer.wanted)}; made, run forward: " + spelt(
-        answer.demand, answer.audit.made
+    return f"asked for {spelt(answer.demand, answer.target)}; made, run forward: " + spelt(
+        answer.demand, answer.audit.components
     )

@@ -57,7 +57,7 @@ class Estimate:
     """Tensions (n,) N in the order of `Held.names`, checked."""
 
     tension: Array
-    made: Array
+    components: Array
     """(d,) of the demand's components, by the hood's own answer."""
     at: Torques
     optimum: Optimum

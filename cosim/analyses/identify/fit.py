@@ -91,7 +91,7 @@ class Fit:
     """The solves that failed on the way, with their reason."""
     notes: tuple[str, ...]
     """What to know of the solves from scratch that the rows are of."""
-    ended: str
+    stop_reason: str
     """Why the search ended."""
     by_tangent: tuple[str, ...]
     """Cases whose gradients are by the hood's tangent, not by differences of solves."""

@@ -65,7 +65,7 @@ def _provenance(found: Reduction) -> Iterator[str]:
     )
     yield (
         f"  {len(found.samples)} states fitted: torques, excursions, stiffness, arms, compliance, "
-        f"slips; {len(found.held)} held out: at random (seed {SEED}), {HELD} postures for each "
+        f"slips; {len(found.held_out)} held out: at random (seed {SEED}), {HELD} postures for each "
         f"tendon alone, with {_ends(HELD_PARTS)} of its load, and for mixtures, with "
         f"{_ends(HELD_MIXED)} of each"
     )

@@ -45,7 +45,7 @@ def errors(found: Reduction) -> Iterator[Error]:
     so that the difference is given over the root mean square of all these states' tip forces, and
     over the sum of a state's tensions, too."""
     tendons = found.potential.muscles
-    fitted, held = (_loaded_states(samples) for samples in (found.samples, found.held))
+    fitted, held = (_loaded_states(samples) for samples in (found.samples, found.held_out))
     on_grid = misses(found, fitted)
     for name, miss in misses(found, held).items():
         if np.isfinite(miss).any():

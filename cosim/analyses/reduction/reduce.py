@@ -58,7 +58,7 @@ class Reduction:
     """N, the greatest of each tendon."""
     potential: Potential
     samples: tuple[Sample, ...]
-    held: tuple[Sample, ...]
+    held_out: tuple[Sample, ...]
     failures: tuple[str, ...]
     """States without an equilibrium, with the reason."""
     seconds: float

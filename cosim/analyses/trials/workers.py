@@ -37,7 +37,7 @@ class SolvedCase:
     states: States
 
 
-Kept = dict[str, SolvedCase]
+SolvedCases = dict[str, SolvedCase]
 """By a case's name, what it was solved to last."""
 
 
@@ -90,7 +90,7 @@ class CaseWorkers:
 
 @one_blas_thread()
 def solve_one(
-    kept: Kept, name: str, source: Path, settings: Settings, arms: bool, afresh: bool
+    kept: SolvedCases, name: str, source: Path, settings: Settings, arms: bool, afresh: bool
 ) -> Outcome:
     """The case solved, with a `name` from what is kept, if anything is, and not `afresh`."""
     if not name:
@@ -119,7 +119,7 @@ def _solve(case: Case, before: SolvedCase | None, arms: bool) -> tuple[Models, S
 
 @one_blas_thread()
 def solve_many(
-    kept: Kept,
+    kept: SolvedCases,
     name: str,
     source: Path,
     around: Settings,
