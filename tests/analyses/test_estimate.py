@@ -125,7 +125,7 @@ def test_costs_and_weights_steer():
     settings, areas = load_case("split_edc"), {"FDIm": 3e-4, "FDIl": 1e-4}
     for power, ratio in ((2, 9.0), (3, 3.0**1.5)):
         s = setup(settings, "pcsa", power, areas, {})
-        tension = for_force(s, (-1.0, 0.0, -2.0), silent).found.tension
+        tension = for_force(s, (-1.0, 0.0, -2.0), silent).estimate.tension
         both = dict(zip(s.capacity.names, tension, strict=True))
         assert both["FDIm"] == pytest.approx(ratio * both["FDIl"], rel=1e-4)
 
@@ -219,7 +219,7 @@ def test_a_free_component_costs_no_more():
     s = made("split_edc")
     tied = for_force(s, (-1.0, 0.0, -2.0), silent)
     free = for_force(s, (-1.0, None, -2.0), silent)
-    price = [float(s.cost.factors @ a.found.tension**2) for a in (tied, free)]
+    price = [float(s.cost.factors @ a.estimate.tension**2) for a in (tied, free)]
     assert free.demand.names == ("distal", "dorsal")
     assert price[1] < price[0]
 
