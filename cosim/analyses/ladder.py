@@ -54,7 +54,7 @@ class Rung:
     wall: float
     """s, models and both equilibria."""
     summary: Mapping[str, Any]
-    """As of a run."""
+    """The summary, like that of a run."""
     slips: Mapping[str, float]
     """N, central and terminal; empty of a hood without slips."""
     excursions: Mapping[str, float]

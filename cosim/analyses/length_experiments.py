@@ -220,4 +220,4 @@ LENGTH_EXPERIMENTS: Mapping[str, LengthExperiment] = {
         "lengths_dip_resistance",
     ),
 }
-"""By experiment."""
+"""The experiments by name."""

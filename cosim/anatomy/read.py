@@ -32,7 +32,7 @@ FINGER_NAMES = (*BODIES, *JOINTS, "tip", *MUSCLES)
 DEEP = 0.5e-3
 """m, a node of the mid-surface deeper than that in a bone is a fault; others are pushed out."""
 FEW, MOST = 0.2, 0.8
-"""Shares of the nodes that are beyond the bones' reach: to be told of, and a fault."""
+"""Shares of the nodes that are beyond the bones' reach: to be reported, and a fault."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class UserAnatomy:
     finger: Path | None = None
     """A MuJoCo model; without it our index finger times `length_scale`."""
     names: Mapping[str, str] = field(default_factory=dict)
-    """From our names of sets, bodies, joints and tendons to the user's."""
+    """The user's name of each of our sets, bodies, joints and tendons."""
     placing: Placing = field(default_factory=Placing)
     bone_unit: str = "mm"
     bone_frame: BoneFrame = "body"
@@ -79,7 +79,7 @@ class Defaults:
 
 
 def read_anatomy(given: UserAnatomy, defaults: Defaults) -> Built:
-    """Read and check everything.  Raises InputError."""
+    """Read and check all that the user gives.  Raises InputError."""
     if given.hood is None and given.finger is None:
         raise InputError("give a hood's mesh (--hood), a finger (--finger), or both")
     check_names(given.names, FINGER_NAMES)

@@ -1,4 +1,4 @@
-"""From a case to live models."""
+"""The live models of a case: its finger and hood behind the port."""
 
 from __future__ import annotations
 

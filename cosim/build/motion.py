@@ -1,4 +1,4 @@
-"""From a case to a finger in motion.  One of the files that know the solvers by name."""
+"""The models of a case in motion.  One of the files that know the solvers by name."""
 
 from __future__ import annotations
 

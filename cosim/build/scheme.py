@@ -1,4 +1,4 @@
-"""From a case's table `coupling` to a scheme and its accelerator."""
+"""The scheme and accelerator that a case's table `coupling` states."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The case file: found, read, layered, checked; every fault told at once, with its place."""
+"""The case file: how it is found, read, layered and checked, with every fault at once."""
 
 from __future__ import annotations
 

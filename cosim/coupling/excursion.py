@@ -57,7 +57,7 @@ class ExcursionState(NamedTuple):
 
 
 def initial_excursions(tension: Array, excursion: Array) -> ExcursionState:
-    """At rest under tensions (nd,) N with excursions (nd,) m."""
+    """The state at rest under tensions (nd,) N with excursions (nd,) m."""
     return ExcursionState(tension, excursion, excursion, np.zeros((0, 0)))
 
 

@@ -155,7 +155,7 @@ class CoupledMotion:
     prescribed: PrescribedExcursions = NO_EXCURSIONS
 
     def begin(self, state: State) -> MotionState:
-        """At rest in the finger's `state`, the hood in equilibrium on it."""
+        """The motion at rest in the finger's `state`, the hood in equilibrium on it."""
         split, (pulls, tension) = len(self.hood.tendons), self.first_pull(state)
         coupled = begin(
             self.scheme,

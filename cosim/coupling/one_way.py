@@ -78,7 +78,8 @@ class FrozenHood:
         return Response(state, load, self.response.excursion)
 
     def jacobian(self, state: State) -> HoodJacobian:
-        """At the pose `at`; the finger turns by a few degrees, and it only guides its search."""
+        """Derivatives at the pose `at`: the finger turns by a few degrees, and they only guide its
+        search."""
         nb, nt = len(self.bodies), len(self.tendons)
         by_motion = np.zeros((nb, 6, nb, 6))
         body = np.arange(nb)

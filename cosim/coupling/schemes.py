@@ -76,7 +76,7 @@ class Implicit:
 
 @dataclass(frozen=True)
 class Newton:
-    """With the hood's Jacobian, asked for in every iteration."""
+    """Newton's method with the hood's Jacobian of every iteration."""
 
     tolerance: float = TOLERANCE
     most_solves: int = MOST_SOLVES

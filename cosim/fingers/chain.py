@@ -40,7 +40,7 @@ class ChainFingerConfig(Protocol):
 
 
 class ChainFingerConfigWithMass(ChainFingerConfig, Protocol):
-    """With mass."""
+    """What the table of a finger of ours with mass states."""
 
     @property
     def gravity(self) -> tuple[float, float, float]:

@@ -46,7 +46,7 @@ class FingerConfig(Table):
     """What the table of any finger says without a solver."""
 
     title: ClassVar[str]
-    """In words, for reports."""
+    """The kind in words, for reports."""
     is_native: ClassVar[bool] = True
     """A model of ours, not another's program."""
     has_mass: ClassVar[bool] = True
@@ -167,7 +167,7 @@ class DeviceTipConfig(Table):
     sphere: Annotated[float, quantity(units.LENGTH, above="0 mm", most="100 mm")] = 8e-3
     """Diameter, m."""
     width: Annotated[float, quantity(units.LENGTH, above="0 mm", most="200 mm")] = 9e-3
-    """Between opposite walls, m."""
+    """m, between opposite walls."""
     dissipation: Annotated[float, quantity(units.DISSIPATION, least="0 s/m", most="1e4 s/m")] = 0.99
     static_friction: Annotated[Number, Field(ge=0, le=10)] = 0.1
     dynamic_friction: Annotated[Number, Field(ge=0, le=10)] = 0.03

@@ -105,7 +105,7 @@ class IndexFingerConfig(FingerConfig):
 
 
 def skeleton(finger: IndexFingerConfig) -> Skeleton:
-    """As its MuJoCo model has it."""
+    """Joints and lengths of its MuJoCo model."""
     if finger.path is not None:
         from rigid.mjcf.read import skeleton_of
 

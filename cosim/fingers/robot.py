@@ -79,7 +79,7 @@ def build(finger: RobotFingerConfig, extensor: Extensor) -> ChainFinger:
 
 
 def skeleton(finger: RobotFingerConfig) -> Skeleton:
-    """As its MuJoCo model has it."""
+    """Joints and lengths of its MuJoCo model."""
     from meshes.robot_net import straight_skeleton
     from rigid.fingers.robot_tables import LENGTHS
 

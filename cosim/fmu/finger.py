@@ -67,7 +67,7 @@ class FmuFinger:
 
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
-        """Not told."""
+        """Infinite: an FMU states no ranges."""
         return dict.fromkeys(self.joints, (-np.inf, np.inf))
 
     def start(self, posture: Mapping[str, float]) -> FmuFingerState:
@@ -93,7 +93,7 @@ class FmuFinger:
         return self.step(state, load.total(), by_motion, tension), np.nan
 
     def balance(self, state: FmuFingerState, load: Load, tension: Array) -> None:
-        """Not told."""
+        """None: an FMU reports no forces."""
 
     def between(self, state: FmuFingerState, aim: FmuFingerState, part: float) -> FmuFingerState:
         """Raises InputError for a unit that does not tell its poses at any angles."""
@@ -110,7 +110,7 @@ class FmuFinger:
         return state.tip_force
 
     def jacobian(self, state: FmuFingerState) -> Array | None:
-        """By differences, where the unit tells its poses at any angles."""
+        """The Jacobian by differences; None where the unit knows its poses at no other angles."""
         return self.kinematics.jacobian(state.angles) if self.kinematics.tells_any else None
 
     def ledger(self, state: FmuFingerState, load: Load, tension: Array) -> dict[str, Array]:

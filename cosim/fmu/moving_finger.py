@@ -87,11 +87,11 @@ class FmuMovingFinger:
         return state.dissipation
 
     def device_loss(self, state: FmuMovingState) -> float:
-        """None is told."""
+        """Zero: an FMU reports none."""
         return 0.0
 
     def stored_energy(self, state: FmuMovingState) -> dict[str, float]:
-        """Only their sum is told."""
+        """Empty: an FMU reports their sum alone."""
         return {}
 
     def tip_wrench(self, state: FmuMovingState) -> Array:

@@ -188,7 +188,7 @@ class Unit:
         self._fmu.exitInitializationMode()
 
     def _call(self, call: Callable[[], T], error: type[Exception], what: str) -> T:
-        """A call of the unit, its failure told in words with what it logged."""
+        """What a call of the unit returns.  Raises `error` with `what` and what the unit logged."""
         if self.is_fmi2:
             _listening()
         self._log.clear()

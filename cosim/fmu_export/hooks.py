@@ -27,5 +27,5 @@ class Stateful:
 
     @staticmethod
     def _fmu_state_from_bytes(state: bytes) -> SerialisedState:
-        """Not looked at before it is set: what is wrong with it then fails the next step."""
+        """The state of these bytes.  They are read when it is set: a fault fails the next step."""
         return SerialisedState(bytes(state))

@@ -204,7 +204,7 @@ class CoupledPart:
         return _CoupledPartState(rest, rest.excursion, finger.path_lengths(rest.finger_state))
 
     def _solve(self, before: Equilibrium, tension: Array) -> Equilibrium:
-        """As `cosim.pipeline`: a hood whose tensions change is carried to its bodies anew."""
+        """Like `cosim.pipeline`: a hood whose tensions change is carried to its bodies anew."""
         hood, finger = np.split(tension, [len(self.models.hood.tendons)])
         state = before.response.state
         if not np.array_equal(hood, before.hood_tension):

@@ -100,7 +100,7 @@ class Lines:
     """Where a hood is looked at, whatever its state."""
 
     places: Sequence[Place]
-    """At which its glide is measured."""
+    """Where the glide is measured."""
     bands: Mapping[str, Line]
     """The lateral bands' middle lines, by side."""
     axis: Array

@@ -28,7 +28,7 @@ class HoodConfig(Table):
     """What the table of any hood says without a solver."""
 
     title: ClassVar[str]
-    """In words, for reports."""
+    """The kind in words, for reports."""
     fits: ClassVar[tuple[str, ...]]
     """The kinds of finger that it goes on."""
     lies_on_bones: ClassVar[bool] = False

@@ -1,4 +1,4 @@
-"""The motion of a case: begun, or gone on with from a checkpoint."""
+"""The motion of a case, from the start or from a checkpoint."""
 
 from __future__ import annotations
 

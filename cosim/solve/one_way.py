@@ -146,7 +146,8 @@ def _tensions(case: Case, models: Models) -> tuple[Array, Array, MusclePull]:
 
 
 def _left_open(hood: Hood, finger: OpenFinger, e: Equilibrium) -> tuple[float, dict[str, Array]]:
-    """What another round would have begun with, relative, and the torques that were handed over."""
+    """The interface residual, relative, with the hood's answer at the new pose, and the torques
+    (N m) of the load that was handed over."""
     answer = hood.advance(e.response.state, e.motion, e.hood_tension, STATIC)
     missed = finger.balance(e.finger_state, answer.load, e.finger_tension).relative
     return missed, torques(finger.jacobian(e.finger_state), e.load)

@@ -23,7 +23,7 @@ indices: what fails is hardly a sample of what there is."""
 LEAST_BLOCKS = 8
 FOLDS = 10
 SEED = 1
-"""Not 0, which SALib takes for none."""
+"""Seed of the bootstrap and the folds; not 0, which SALib takes for none."""
 
 
 class Band(NamedTuple):

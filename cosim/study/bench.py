@@ -39,7 +39,7 @@ class StudyTiming:
     program, and compiles, in its first."""
 
     seconds: float
-    """On the clock."""
+    """s, by the clock."""
     solving: float
     """s, the sum over all runs of what each took."""
     runs: int

@@ -59,7 +59,7 @@ class TruncatedNormal:
 
 @dataclass(frozen=True)
 class Lognormal:
-    """By mean and SD of the number itself, not of its logarithm."""
+    """A lognormal distribution by mean and SD of the number itself, not of its logarithm."""
 
     mean: float
     sd: float

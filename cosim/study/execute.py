@@ -107,7 +107,7 @@ def conduct(
 
 
 def _faults(error: InputError) -> str:
-    """In a line, without the path that the first line shows as it is seen from here."""
+    """The error in a line, without the path of the file, which the first line shows."""
     lines = str(error).splitlines()
     return " ".join(" ".join(lines[1:] or lines).split())
 

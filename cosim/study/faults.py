@@ -1,4 +1,4 @@
-"""The faults of a study file in plain words, as those of a case are told."""
+"""The faults of a study file in plain words, as those of a case file."""
 
 from __future__ import annotations
 

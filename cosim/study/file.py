@@ -1,4 +1,4 @@
-"""The study file: read and checked; every fault told at once, with its place and what to write."""
+"""The study file: how it is read and checked, with every fault at once."""
 
 from __future__ import annotations
 
@@ -219,7 +219,7 @@ def _toml(source: Path) -> dict[str, Any]:
 
 
 def _model(table: Mapping[str, Any]) -> type[_Parameter]:
-    """By the keys that it has.  Raises InputError where they say nothing."""
+    """The distribution that the keys state.  Raises InputError where they state none."""
     if "distribution" in table:
         word = table["distribution"]
         if not isinstance(word, str) or word not in _DISTRIBUTIONS:

@@ -156,7 +156,7 @@ def _find_values(
 
 
 def _times(value: Any, factor: float, key: str) -> str:
-    """As TOML: a number, a text with a unit, or a list of such."""
+    """The value as TOML: a number, a text with a unit, or a list of such."""
     if isinstance(value, list | tuple):
         return f"[{', '.join(_times(item, factor, key) for item in value)}]"
     if is_number(value):

@@ -21,7 +21,7 @@ BLUE, ORANGE, GREEN = "#0072b2", "#e69f00", "#009e73"
 """Colours of Okabe and Ito's palette for colour-blind readers; hatch and shape differ too."""
 ACROSS = 4
 MOST_POINTS = 4000
-"""Drawn of a scatter; the band and the answers are of all."""
+"""Most points of a scatter that are drawn; the band and the answers are of all."""
 GRID = 60
 BINS = 8
 

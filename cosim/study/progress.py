@@ -1,4 +1,4 @@
-"""How far a study is: told in the terminal, and kept in the store for `cosim status`."""
+"""How far a study is: shown in the terminal, and kept in the store for `cosim status`."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Note:
 
 @contextmanager
 def progress(name: str, store: Store) -> Iterator[Callable[[Count], None]]:
-    """What tells of a study while it goes on; it is told at every run's end."""
+    """A function to call at the end of every run, which shows and stores how far the study is."""
     begun, told, last = time.monotonic(), [0.0], [Count(0)]
 
     def note(count: Count, ended: bool) -> Note:
@@ -121,7 +121,7 @@ def _rest(note: Note) -> str:
 
 
 def span(seconds: float) -> str:
-    """As people say it."""
+    """The words for it in the terminal."""
     for unit, size in (("d", 86400), ("h", 3600), ("min", 60)):
         if seconds >= 2 * size:
             return f"{seconds / size:.3g} {unit}"

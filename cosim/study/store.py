@@ -122,7 +122,7 @@ class Store:
         self.write_by(path, lambda part: _sync(part, content))
 
     def write_by(self, path: Path, writer: Callable[[Path], None]) -> None:
-        """As `write`, by what writes to a path.  Raises StoreError."""
+        """The same as `write`, by a function that writes to a path.  Raises StoreError."""
         try:
             with atomic_path(path) as part:
                 writer(part)

@@ -1,4 +1,4 @@
-"""From the pneumatic cylinders of a case to live ones.  One of the files that know the solvers by
+"""The live pneumatic cylinders of a case.  One of the files that know the solvers by
 name."""
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ def parts(table: PneumaticConfig) -> Pneumatics:
 
 
 def initial_air(c: Cylinders) -> AirState:
-    """At rest under the first command."""
+    """The air at rest under the first command."""
     from rigid.air.plant import at_rest
 
     return at_rest(c.air, c.reaching(0.0), np.asarray(c.air.cylinder.volume(c.initial_position)))

@@ -1,4 +1,4 @@
-"""From the muscles of a case to live ones.  One of the files that know the solvers by name."""
+"""The live muscles of a case.  One of the files that know the solvers by name."""
 
 from __future__ import annotations
 

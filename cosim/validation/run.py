@@ -261,7 +261,7 @@ def _judge(board: Board) -> dict[str, Any]:
 
 
 def _skill(found: Skill) -> dict[str, Any]:
-    """To four decimals: it is a ratio of sums, near 1 at best; null where it is minus infinity."""
+    """Skill to four decimals: a ratio of sums, near 1 at best; null where it is minus infinity."""
     values = {"skill": found.value, "low": found.low, "high": found.high}
     numbers = {k: round(v, 4) if v is not None and isfinite(v) else None for k, v in values.items()}
     counts = {"rows": found.rows, "trials": found.trials}

@@ -39,7 +39,7 @@ class TrialGroup:
     kind: Kind
     trials: tuple[Trial, ...]
     targets: tuple[Target, ...]
-    """By trial, as their `case`."""
+    """The measured values by trial, which their `case` names."""
     variant: bool = False
     partners: Mapping[str, str] = field(default_factory=dict)
     """By trial, the same load's trial with the fixed split, which is a null model."""

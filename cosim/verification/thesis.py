@@ -14,7 +14,7 @@ from cosim.solve.solvers import solve
 
 THESIS = "Jadelis, thesis, section 3.4: excess over Qiu's experiment, whose spread was not seen"
 MESH: tuple[str, ...] = ()
-"""As the cases ship."""
+"""The mesh of the shipped cases."""
 BEYOND = ("EDC", "EI", "LUM")
 """Whose excess alone is more than a finger's tip force can be; FPI's lay within the experiment's
 spread."""

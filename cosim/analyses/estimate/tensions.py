@@ -23,10 +23,11 @@ from rigid.muscle.least_cost import Optimum, Power, Programme, least
 
 MOST_ROUNDS = 40
 PATIENCE = 6
-"""Rounds after which a step that does not bring the hood nearer to what was foreseen is halved."""
+"""Rounds after which a step that does not bring the hood nearer to what was predicted is halved."""
 LEAST_PART = 2.0**-8
 AGREED = 1e-6
-"""Relative, of torques that the hood makes and those foreseen, and of tensions between rounds."""
+"""Relative difference of the hood's torques and the predicted ones, and of tensions between
+rounds, at which the rounds end."""
 NEGLIGIBLE = 1e-9
 SHORT = 1e-6
 """Relative: a demand that is missed by more was out of reach."""
@@ -176,14 +177,14 @@ def _take_step(
 
 
 def _gap(demand: Demand, asked: Array, at: Torques) -> float:
-    """Relative: of the largest torque in play."""
+    """The torques' miss, relative to the largest torque in play."""
     made, need = demand.rows @ (at.torque + demand.beside), demand.spread @ asked
     scale = max(float(np.abs(at.torque).max()), float(np.abs(need).max()), 1e-6)
     return float(np.abs(made - need).max() / scale)
 
 
 def _relative_change(before: Array, now: Array) -> float:
-    """Relative to the largest tension, or to 1 N."""
+    """The tensions' change, relative to the largest tension, or to 1 N."""
     return float(np.abs(now - before).max() / max(1.0, float(now.max())))
 
 

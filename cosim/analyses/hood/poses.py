@@ -86,7 +86,7 @@ class HoodPoses:
 
     case: Case
     say: Progress = quiet
-    """Told of each pose."""
+    """Called with each pose in words."""
     models: Models = field(init=False)
     known: dict[tuple[Posture, Pull, str], SolvedPose] = field(init=False, default_factory=dict)
     _last: dict[Pull, State] = field(init=False, default_factory=dict)

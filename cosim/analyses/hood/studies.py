@@ -506,7 +506,7 @@ def sagittal_table(poses: Sequence[SolvedPose]) -> pd.DataFrame:
 
 
 def _sinking(heights: pd.DataFrame) -> str:
-    """In words how the bands' mean height changes with flexion, and comes back."""
+    """How the bands' mean height changes with flexion, and comes back, in words."""
     out = []
     for load, part in heights.groupby("load", sort=False):
         at = {(row.PIP_deg, row.way): row.mean_mm for row in part.itertuples()}

@@ -128,7 +128,7 @@ def _assignments(settings: Sequence[str]) -> Iterator[str]:
 
 
 def _toml(value: str) -> str:
-    """As --set reads it: TOML, or else a text."""
+    """The value as --set reads it: TOML, or else a text."""
     try:
         parsed = tomllib.loads(f"value = {value}")
     except ValueError:

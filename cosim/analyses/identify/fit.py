@@ -126,7 +126,7 @@ def pulls(target: Target, model: float) -> bool:
 
 
 def confidence(slopes: Array, misses: Array) -> Confidence:
-    """From slopes (k, n) and misses (k,) of the rows that pull."""
+    """The confidence that slopes (k, n) and misses (k,) of the rows that pull give."""
     n = slopes.shape[1]
     _, s, directions = np.linalg.svd(np.vstack([slopes, np.zeros((n, n))]))
     seen = s > NOTHING * s.max(initial=NOTHING)
@@ -160,7 +160,7 @@ def _interval(fit: Fit, name: str) -> tuple[FitParameter, tuple[float, float]]:
 
 
 def standing(fit: Fit, name: str) -> str:
-    """In words whether the targets tell the parameter."""
+    """Whether the targets determine the parameter, in words."""
     if name not in [p.name for p in fit.within]:
         return "at its bound"
     p, (low, high) = _interval(fit, name)
@@ -290,7 +290,7 @@ class _Search:
         return message.replace("`", "").rstrip(".")
 
     def snap_to_bounds(self, x: Array) -> Array:
-        """At the bounds that the targets do not tell x from, as far as evaluations are left."""
+        """x at the bounds that fit the targets as well, as far as evaluations are left."""
         for i, reach in enumerate(NEAR_BOUND * (self.high - self.low)):
             for bound in (self.low[i], self.high[i]):
                 if 0 < abs(x[i] - bound) <= reach and self.evaluations < self.most:
@@ -300,7 +300,7 @@ class _Search:
         return x
 
     def values(self, x: Array) -> dict[str, float]:
-        """By name, in digits as they are written."""
+        """Values by name, with the digits that are written."""
         return {p.name: p.value(z) for p, z in zip(self.parameters, x, strict=True)}
 
     def trial(self, case: FitCase, x: Array) -> Settings:

@@ -29,7 +29,7 @@ DIGITS = 4
 
 @dataclass(frozen=True)
 class FitParameter:
-    """A number to find within bounds, all in `unit`; what it is set to is told by `templates`
+    """A number to find within bounds, all in `unit`; what it sets is said by `templates`
     (KEY={value}), or, without them, by the built-in rule of that name.
 
     The search is for its `coordinate`: on a logarithmic scale (of positive numbers alone) the
@@ -54,7 +54,7 @@ class FitParameter:
             )
 
     def format_value(self, value: float) -> str:
-        """With its unit, as a case states it."""
+        """A value with its unit, as a case states it."""
         return f"{value!r} {self.unit}".rstrip()
 
     def coordinate(self, value: float) -> float:

@@ -39,7 +39,7 @@ QUANTITIES = (
     "difference.region_engineering_strain_percent.central_slip.longitudinal.mean",
     "difference.region_engineering_strain_percent.terminal_slip.longitudinal.mean",
 )
-"""Looked at where nothing else is asked for, if the run has them, and the pulled tendon's arms."""
+"""Quantities by default, as far as the run has them, beside the pulled tendon's moment arms."""
 COLUMNS = ("variation", "side", "set_to", "settings", "status", "reason")
 """The table's first columns, before one for each quantity."""
 End = Literal["low", "high"]
@@ -67,7 +67,7 @@ class Sensitivity:
     case: str
     settings: Settings
     base: Mapping[str, float]
-    """By quantity."""
+    """The value of each quantity."""
     runs: tuple[Run, ...]
     """Low and high of each variation, in their order."""
 

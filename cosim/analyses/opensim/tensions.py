@@ -31,7 +31,7 @@ class TensionTable:
 
     table: Table
     column: Mapping[str, str]
-    """By tendon."""
+    """The table's column of each tendon."""
 
     @property
     def left_out(self) -> tuple[str, ...]:

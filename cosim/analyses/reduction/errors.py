@@ -17,7 +17,7 @@ MARKS = {"tip force": 0.05, "slip forces": 0.10}
 
 
 class Error(NamedTuple):
-    """Relative; see `errors`."""
+    """The relative errors of a quantity; see `errors`."""
 
     quantity: str
     fit: float

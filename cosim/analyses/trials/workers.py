@@ -38,7 +38,7 @@ class SolvedCase:
 
 
 SolvedCases = dict[str, SolvedCase]
-"""By a case's name, what it was solved to last."""
+"""The last solved state of each case, by its name."""
 
 
 class CaseWorkers:
@@ -135,7 +135,7 @@ def solve_many(
 
 
 def _beside(solved: SolvedCase, source: Path, settings: Settings, arms: bool) -> Outcome:
-    """By the tangent; where the mesh is laid elsewhere by Newton's method from the solved case,
+    """The outcome by the tangent; where the mesh changes by Newton's method from the solved case,
     because the nodes' coordinates are rounded; from scratch where neither serves."""
     try:
         case = load_case(source, settings)

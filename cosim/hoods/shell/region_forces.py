@@ -49,7 +49,7 @@ def crossing(quads: np.ndarray, elements: np.ndarray, beyond: np.ndarray) -> Cro
 
 
 def middle_crossings(mesh: HoodMesh, skeleton: Skeleton) -> dict[str, Crossing]:
-    """By region of the mesh, where its middle line runs."""
+    """Where the middle line of each region of the mesh runs, by its name."""
     from meshes.hood_mesh import REGIONS, runs_round
     from meshes.region_places import region_places, turns
 

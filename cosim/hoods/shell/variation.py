@@ -51,7 +51,7 @@ ACROSS = {
 
 
 def variations(hood: ShellHoodConfig) -> Iterator[Variation]:
-    """In a fixed order; what does not apply to the hood says why."""
+    """The variations of a shell hood in a fixed order; what does not apply to it says why."""
     yield scale("modulus", _fields(hood, MODULI), (0.5, 1.5), units.PRESSURE)
     yield _bending(hood)
     yield _thickness(hood)
