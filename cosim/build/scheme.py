@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cosim.case.schema import CouplingConfig
-from cosim.coupling.accelerators import Accelerator, Aitken, Constant, QuasiNewton
+from cosim.coupling.accelerators import Accelerator, Aitken, ConstantRelaxation, QuasiNewton
 from cosim.coupling.schemes import Explicit, Implicit, Linear, Newton, Scheme
 
 
@@ -21,7 +21,7 @@ def scheme_of(coupling: CouplingConfig) -> Scheme:
 def accelerator_of(coupling: CouplingConfig) -> Accelerator:
     """That of the scheme "implicit"."""
     accelerators: dict[str, Accelerator] = {
-        "constant": Constant(),
+        "constant": ConstantRelaxation(),
         "aitken": Aitken(),
         "iqn_ils": QuasiNewton(),
     }

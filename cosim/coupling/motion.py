@@ -118,7 +118,7 @@ class MotionState:
 
 
 @dataclass(frozen=True)
-class Frame:
+class MotionFrame:
     """The recorded quantities of a motion at one time."""
 
     time: float
@@ -223,11 +223,11 @@ class CoupledMotion:
         lengths = np.concatenate([-c.point.excursion, self._own(c.finger)])
         return self.drive.pull(at.drive, time, lengths, time - c.time)
 
-    def frame(self, at: MotionState) -> Frame:
+    def frame(self, at: MotionState) -> MotionFrame:
         """The recorded quantities of a state."""
         c = at.coupled
         load, motion = c.answer.response.load, c.answer.motion
-        return Frame(
+        return MotionFrame(
             c.time,
             self.finger.angles(c.finger),
             self.finger.rates(c.finger),

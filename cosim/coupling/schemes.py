@@ -23,7 +23,7 @@ import numpy as np
 from cosim.coupling.accelerators import (
     Accelerator,
     Aitken,
-    Constant,
+    ConstantRelaxation,
     accelerate,
     initial_history,
     reset_history,
@@ -233,7 +233,7 @@ def _implicit(
 
 
 def _accelerator(scheme: Scheme) -> Accelerator:
-    return scheme.accelerator if isinstance(scheme, Implicit) else Constant()
+    return scheme.accelerator if isinstance(scheme, Implicit) else ConstantRelaxation()
 
 
 def _predict_angles(finger: MovingFinger, state: CoupledState, dt: float) -> Array:

@@ -14,7 +14,7 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.fmu.hood import SHORT
-from cosim.fmu.kinematics import OPTIONAL, Kinematics, Pose
+from cosim.fmu.kinematics import OPTIONAL, FmuKinematics, FmuPose
 from cosim.fmu.mapping import places
 from cosim.fmu.quantity import Quantity, finger_quantities
 from cosim.fmu.unit import SavedState, Unit
@@ -31,7 +31,7 @@ class FmuFingerState:
     saved: SavedState
     angles: Array
     """(nq,) rad."""
-    pose: Pose
+    pose: FmuPose
     tip_force: Array
     """(3,) N, of the fingertip on the world."""
 
@@ -62,7 +62,7 @@ class FmuFinger:
         quantities: tuple[Quantity, ...] = finger_quantities(bodies, joints, tendons)
         optional = (*OPTIONAL, "load_motion")
         self._place = places(self.unit.opened, quantities, names or {}, optional, assume_si)
-        self.kinematics = Kinematics(self.unit, self._place, bodies)
+        self.kinematics = FmuKinematics(self.unit, self._place, bodies)
         self._begin = self._read_state()
 
     @property

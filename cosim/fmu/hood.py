@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 
 from cosim.errors import InputError
-from cosim.fmu.mapping import Place, places
+from cosim.fmu.mapping import VariablePlace, places
 from cosim.fmu.quantity import STATIC_STEP, TOLERANCE, WITH_TANGENT, hood_quantities, tangent_of
 from cosim.fmu.unit import SavedState, Unit
 from cosim.port import Array, HoodJacobian, Load, Motion, Response, skew
@@ -172,7 +172,7 @@ class FmuHood:
         self.unit.restore(state.after)
         turning = skew(twist[:, 3:]) @ state.motion.rotation
         seed = np.concatenate([twist[:, :3].ravel(), turning.ravel(), pull])
-        unknown: list[Place] = [self._place[name] for name in ANSWERS]
+        unknown: list[VariablePlace] = [self._place[name] for name in ANSWERS]
         known = [self._place[name] for name in ("position", "rotation", "tension")]
         slopes = self.unit.derivative(unknown, known, seed)
         parts = np.split(slopes, np.cumsum([place.size for place in unknown])[:-1])

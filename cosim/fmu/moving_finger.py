@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from cosim.errors import InputError
-from cosim.fmu.kinematics import QUERY_ANGLE, Kinematics
+from cosim.fmu.kinematics import QUERY_ANGLE, FmuKinematics
 from cosim.fmu.mapping import places
 from cosim.fmu.quantity import KINEMATICS, moving_quantities
 from cosim.fmu.unit import SavedState, Unit
@@ -57,7 +57,7 @@ class FmuMovingFinger:
         self.bodies, self.joints, self.tendons = bodies, joints, tendons
         self.unit, quantities = Unit(path), moving_quantities(bodies, joints, tendons)
         self._place = places(self.unit.opened, quantities, names or {}, OPTIONAL, assume_si)
-        self.kinematics = Kinematics(self.unit, self._place, bodies)
+        self.kinematics = FmuKinematics(self.unit, self._place, bodies)
         self._follows = all(name in self._place for name in AFFINE_LOAD)
         self._begin = self._read_state()
 

@@ -17,7 +17,7 @@ import numpy as np
 from cosim.coupling.state_arrays import Arrays, Special
 from cosim.errors import ConvergenceError, InputError
 from cosim.fmu.archive import UnpackedFmu, unpack_fmu
-from cosim.fmu.mapping import Place
+from cosim.fmu.mapping import VariablePlace
 from cosim.port import Array
 
 MOST_LOGGED = 5
@@ -54,7 +54,7 @@ class Unit:
         self._current: SavedState | None = None
         self._call(self._initialise, InputError, "cannot be initialised")
 
-    def set(self, place: Place, value: Array | float) -> None:
+    def set(self, place: VariablePlace, value: Array | float) -> None:
         """Inputs belong to a state, so that this makes another one of it."""
         if self.opened.rolls_back:
             self._current = None
@@ -66,7 +66,7 @@ class Unit:
             setter = self._fmu.setReal if self.is_fmi2 else self._fmu.setFloat64
         self._call(lambda: setter(place.references, values), InputError, "took no value")
 
-    def get(self, place: Place) -> Array:
+    def get(self, place: VariablePlace) -> Array:
         """The value at a place, in its shape. Raises ConvergenceError where it is not finite or not
         given."""
         values = np.array(self._call(lambda: self._read(place), ConvergenceError, "gave no value"))
@@ -84,7 +84,9 @@ class Unit:
         )
         self.time += dt
 
-    def derivative(self, unknown: Sequence[Place], known: Sequence[Place], seed: Array) -> Array:
+    def derivative(
+        self, unknown: Sequence[VariablePlace], known: Sequence[VariablePlace], seed: Array
+    ) -> Array:
         """Directional derivative of the unknowns' values, one after another."""
         refs = [[r for place in group for r in place.references] for group in (unknown, known)]
         size = [] if self.is_fmi2 else [sum(place.size for place in unknown)]
@@ -155,7 +157,7 @@ class Unit:
             self._pointers[key] = saved.pointer
             weakref.finalize(saved, self._forgotten.append, key)
 
-    def _read(self, place: Place) -> list[float]:
+    def _read(self, place: VariablePlace) -> list[float]:
         if self.is_fmi2:
             out: list[float] = self._fmu.getReal(place.references)
         else:

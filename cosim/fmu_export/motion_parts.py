@@ -27,14 +27,14 @@ from cosim.fmu.quantity import (
     moving_quantities,
     tensions_of,
 )
-from cosim.fmu_export.part import Part, motion_of_input, poses
+from cosim.fmu_export.part import UnitPart, motion_of_input, poses
 from cosim.port import AffineLoad, Array, State
 
 ROUNDING = 1e-9
 """The part of a step by which a master's may be longer than the case's."""
 
 
-def moving_part(case: Case, forward: ForwardConfig, part: str, tangent: bool) -> Part:
+def moving_part(case: Case, forward: ForwardConfig, part: str, tangent: bool) -> UnitPart:
     """The finger, or "coupled" the finger and the hood, of a case in motion.  Raises InputError."""
     if forward.adaptive is not None:
         raise InputError(

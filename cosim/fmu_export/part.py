@@ -15,7 +15,7 @@ ORTHONORMAL = 1e-6
 """How far from a rotation the matrix of a pose may be."""
 
 
-class Part(Protocol):
+class UnitPart(Protocol):
     """What an FMU holds."""
 
     @property

@@ -16,7 +16,7 @@ from cosim.case.file import load_case
 from cosim.coupling.state_arrays import Special
 from cosim.errors import CosimError, InputError
 from cosim.fmu.quantity import WITH_TANGENT, Quantity
-from cosim.fmu_export.part import Part
+from cosim.fmu_export.part import UnitPart
 from cosim.fmu_export.part_of import part_of
 from cosim.fmu_export.state import SerialisedState, Snapshot
 from cosim.port import Array
@@ -41,7 +41,7 @@ class UnitRun:
         text = (resources / CASE).read_text(encoding="utf-8")
         self.token = str(uuid5(NAMESPACE_URL, f"{about} {text}"))
         """What FMI calls GUID or instantiation token: the same for the same unit."""
-        self.part: Part = part_of(case, about["part"], about["tangent"])
+        self.part: UnitPart = part_of(case, about["part"], about["tangent"])
         self.quantities = self.part.quantities
         ends = list(accumulate((q.zero().size for q in self.quantities), initial=0))
         self.place = {q.name: slice(*ends[i : i + 2]) for i, q in enumerate(self.quantities)}
@@ -135,7 +135,7 @@ class UnitRun:
         return self._values[self.place[quantity.name]].reshape(quantity.shape)
 
 
-def _special(part: Part) -> Special | None:
+def _special(part: UnitPart) -> Special | None:
     """How the part's states are written; None where they cannot be."""
     try:
         return part.special()

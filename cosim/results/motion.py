@@ -12,7 +12,7 @@ from cosim.build.motion import MovingModels
 from cosim.case.file import resolved_toml
 from cosim.case.schema import Case
 from cosim.coupling.checkpoint import MotionHistory
-from cosim.coupling.motion import Frame, MotionState
+from cosim.coupling.motion import MotionFrame, MotionState
 from cosim.fingers.kinds import tip_support_kind
 from cosim.fmu.finger import OPEN
 from cosim.hoods.view import hood_field
@@ -161,7 +161,7 @@ def _balance_at_rest(moved: SolvedMotion) -> dict[str, float]:
     }
 
 
-def _books(t: MovingModels, before: Frame, now: Frame, tip: Array) -> dict[str, Array]:
+def _books(t: MovingModels, before: MotionFrame, now: MotionFrame, tip: Array) -> dict[str, Array]:
     """(nb, 6) on each body by source of the finger, at the end of a step."""
     return t.finger.ledger(
         (before.angles, before.rates),
@@ -173,7 +173,7 @@ def _books(t: MovingModels, before: Frame, now: Frame, tip: Array) -> dict[str, 
     )
 
 
-def _steps(end: MotionState, frames: Sequence[Frame]) -> dict[str, Any]:
+def _steps(end: MotionState, frames: Sequence[MotionFrame]) -> dict[str, Any]:
     """What became of steps whose length follows from their error, each of them two halves."""
     taken = np.diff([f.time for f in frames])
     return {

@@ -17,7 +17,7 @@ from cosim.schema import units
 from cosim.schema.fields import fault, is_number, quantity
 from cosim.schema.types import Count, Switch, Table
 from cosim.study.distributions import (
-    Axis,
+    GridAxis,
     Law,
     Lognormal,
     Normal,
@@ -272,7 +272,7 @@ def _law_of(read: _Parameter) -> Law:
         case _Uniform():
             return Uniform(read.low.number, read.high.number)
         case _List():
-            return Axis(tuple(v.number if isinstance(v, Measure) else v for v in read.values))
+            return GridAxis(tuple(v.number if isinstance(v, Measure) else v for v in read.values))
         case _Range():
             return axis(read.first.number, read.last.number, read.count, read.spacing)
     raise AssertionError(read)

@@ -11,7 +11,7 @@ from cosim.report.templates import own_file, template
 from cosim.results.compare import Target, number, reference_text
 from cosim.study import plots as pictures
 from cosim.study.answers import Band, Indices
-from cosim.study.distributions import Axis, Law, Lognormal, Normal, TruncatedNormal, Uniform
+from cosim.study.distributions import GridAxis, Law, Lognormal, Normal, TruncatedNormal, Uniform
 from cosim.study.plan import StudyPlan
 from cosim.study.results import StudyResults
 from cosim.version import __version__
@@ -71,11 +71,11 @@ def _law(law: Law) -> str:
             return f"normal, {law.mean:g} ± {law.sd:g}, cut at {law.low:g} and {law.high:g}"
         case Uniform():
             return f"uniform, {law.low:g} to {law.high:g}"
-        case Axis():
+        case GridAxis():
             return _steps(law)
 
 
-def _steps(law: Axis) -> str:
+def _steps(law: GridAxis) -> str:
     shown = [f"{v:g}" if type(v) is float else str(v) for v in law.values]
     return ", ".join(shown) if len(shown) <= 8 else f"{len(shown)} from {shown[0]} to {shown[-1]}"
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cosim.coupling import schemes
-from cosim.coupling.accelerators import Aitken, Constant, QuasiNewton
+from cosim.coupling.accelerators import Aitken, ConstantRelaxation, QuasiNewton
 from cosim.coupling.schemes import (
     Explicit,
     Implicit,
@@ -302,7 +302,7 @@ def test_a_stable_explicit_run_of_a_released_hood_is_not_stopped():
 def test_no_agreement_is_an_error_and_the_state_survives():
     finger, hood = stiff_pair()
     state = begin(Newton(), finger, hood, finger.begin({}), full_pull)
-    plain = Implicit(Constant(), most_solves=12)
+    plain = Implicit(ConstantRelaxation(), most_solves=12)
     match = r"from t = 0 s to 0.002 s: after 12 hood solves a joint would still turn by .*IQN-ILS"
     with pytest.raises(ConvergenceError, match=match):
         step(plain, finger, hood, state, full_pull, 2e-3)
@@ -313,7 +313,7 @@ def test_no_agreement_is_an_error_and_the_state_survives():
 def test_a_constant_share_small_enough_converges():
     share = 1 / (1 + (1e-3) ** 2 * STIFFNESS / INERTIA)
     exact = drum(Newton(TIGHT), 1e-3, 20)[-1].finger.angles
-    found = drum(Implicit(Constant(share), TIGHT), 1e-3, 20)[-1].finger.angles
+    found = drum(Implicit(ConstantRelaxation(share), TIGHT), 1e-3, 20)[-1].finger.angles
     np.testing.assert_allclose(found, exact, rtol=0, atol=1e-11)
 
 

@@ -35,7 +35,7 @@ class Torques(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Held:
+class HeldFinger:
     """Models with the bones where the finger's state says."""
 
     models: Models

@@ -11,7 +11,7 @@ import numpy as np
 
 from cosim.analyses.estimate.capacity import Capacity, Weights, capacity
 from cosim.analyses.estimate.demand import AXES, Demand, force_demand, torque_demand
-from cosim.analyses.estimate.held_finger import Held, Torques
+from cosim.analyses.estimate.held_finger import HeldFinger, Torques
 from cosim.analyses.estimate.joint_motion import JointMotion
 from cosim.analyses.estimate.tensions import Bounds, Cost, Estimate, estimate, spelt
 from cosim.build.models import Models, build
@@ -44,9 +44,9 @@ class Setup:
         """Least and greatest force (n,) N of every tendon."""
         return Bounds(self.capacity.least, self.capacity.most)
 
-    def hold_finger(self, posture: Mapping[str, float]) -> Held:
+    def hold_finger(self, posture: Mapping[str, float]) -> HeldFinger:
         """The finger in a posture (rad).  Raises InputError for one outside its ranges."""
-        return Held(self.models, self.models.finger.start(posture))
+        return HeldFinger(self.models, self.models.finger.start(posture))
 
 
 @dataclass(frozen=True)
@@ -152,7 +152,7 @@ def for_force(
 
 def _approach_demand(
     s: Setup,
-    held: Held,
+    held: HeldFinger,
     demand: Demand,
     wanted: Array,
     first: Torques,
@@ -184,7 +184,7 @@ def _approach_demand(
 
 
 def _forward(
-    s: Setup, held: Held, demand: Demand, found: Estimate, progress: Progress
+    s: Setup, held: HeldFinger, demand: Demand, found: Estimate, progress: Progress
 ) -> EstimateAudit:
     finger, hood = s.models.finger, s.models.hood
     split = len(hood.tendons)

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cosim.analyses.estimate.demand import Demand
-from cosim.analyses.estimate.held_finger import Held, Torques
+from cosim.analyses.estimate.held_finger import HeldFinger, Torques
 from cosim.errors import ConvergenceError, InputError, Progress, quiet
 from cosim.port import Array, State
 from rigid.muscle.least_cost import Optimum, Power, Programme, least
@@ -55,7 +55,7 @@ class Bounds(NamedTuple):
 
 @dataclass(frozen=True)
 class Estimate:
-    """Tensions (n,) N in the order of `Held.names`, checked."""
+    """Tensions (n,) N in the order of `HeldFinger.names`, checked."""
 
     tension: Array
     components: Array
@@ -69,7 +69,7 @@ class Estimate:
 
 
 def estimate(
-    held: Held,
+    held: HeldFinger,
     demand: Demand,
     wanted: Array,
     bounds: Bounds,
@@ -160,7 +160,7 @@ def reach(demand: Demand, wanted: Array, programme: Programme) -> tuple[float, f
 
 
 def _take_step(
-    held: Held, tension: Array, at: Torques, aim: Array, part: float
+    held: HeldFinger, tension: Array, at: Torques, aim: Array, part: float
 ) -> tuple[Array, Torques]:
     """The tensions a part of the way on, and the hood there; less of it where the hood's own solve
     fails, from its last state or from its start."""
@@ -195,7 +195,7 @@ def _short(
     programme: Programme,
     tension: Array,
     bounds: Bounds,
-    held: Held,
+    held: HeldFinger,
 ) -> InputError:
     """What to say where the components asked for are not those wanted."""
     shift = demand.spread @ (wanted - asked)
