@@ -188,8 +188,8 @@ def _linear(
     answer = _ask_hood(scheme, hood, state.hood, motion, pulls[0], dt)
     moved = finger.step(state.finger, answer.load(), pulls[1], dt)
     point = hood_point(answer, finger.motion(finger.angles(moved)))
-    foreseen = state.answer.predict(motion, pulls[0])
-    residual = interface_residual(foreseen, answer, scheme.length)
+    predicted = state.answer.predict(motion, pulls[0])
+    residual = interface_residual(predicted, answer, scheme.length)
     after = advance_state(finger, state, moved, answer, point, point.wrench, pulls, dt)
     return replace(after, residual=residual, solves=state.solves + 1)
 
@@ -214,8 +214,8 @@ def _implicit(
         there = finger.angles(moved)
         turn = float(np.abs(there - angles).max())
         if turn <= scheme.tolerance:
-            foreseen = before.predict(answer.motion, pulls[0])
-            gap = interface_residual(foreseen, answer, scheme.length)
+            predicted = before.predict(answer.motion, pulls[0])
+            gap = interface_residual(predicted, answer, scheme.length)
             residual = gap * min(1.0, turn / (np.abs(angles - last).max() or turn or 1.0))
             point = hood_point(answer, finger.motion(there))
             after = advance_state(finger, state, moved, answer, point, point.wrench, pulls, dt)

@@ -80,7 +80,7 @@ class Energy:
     what the hood has stored."""
     most: float = 0.0
     """The largest value that `hood` has had."""
-    foreseen: float = 0.0
+    predicted: float = 0.0
     """Work of the load that the last answer predicted less the hood's next answer, between their
     two poses; a scheme without tangent predicts the same load."""
 
@@ -203,5 +203,5 @@ def _update_energy(
         load=e.load + float((applied * turned).sum()),
         hood=hood,
         most=max(e.most, hood),
-        foreseen=e.foreseen + float((beyond * asked).sum()),
+        predicted=e.predicted + float((beyond * asked).sum()),
     )

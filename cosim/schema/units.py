@@ -112,7 +112,10 @@ def _unit(text: str) -> tuple[Decimal, Any]:
 
 @cache
 def parse(text: str, kind: Kind) -> float:
-    """The SI value of e.g. "0.6 mm".
+    """The SI value of a text with a unit.
+
+    >>> parse("0.6 mm", LENGTH)
+    0.0006
 
     Raises ValueError, with what to write instead: no number, no unit, a unit that is not known or
     of another dimension, a value that is not finite.

@@ -230,7 +230,7 @@ def test_work_of_the_fingers_own_tendons():
 def test_what_the_linearisation_did_falls_with_the_step():
     """Nothing on a linear hood; on cables the load is missed by the square of the way."""
     linear = drum(Linear(), 5e-4, 40)[-1]
-    assert abs(linear.energy.foreseen) < 1e-12 * linear.energy.tendons
+    assert abs(linear.energy.predicted) < 1e-12 * linear.energy.tendons
     assert linear.residual < 1e-12
     coarse, fine = (cables(Linear(), n, 0.02 / n) for n in (10, 20))
     residuals = [max(s.residual for s in run) for run in (coarse, fine)]
