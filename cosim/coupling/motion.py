@@ -108,7 +108,7 @@ class MotionState:
     """The state of a motion between two steps: all that is needed to go on."""
 
     coupled: CoupledState
-    puller: State
+    drive: State
     dissipated: float
     """J, dissipated by the joints and limits since the start."""
     slipped: float
