@@ -95,7 +95,7 @@ def on_rung(case: Case, name: str) -> Case:
 
 
 def _hood(case: Case, name: str) -> HoodConfig:
-    stated = case.finger.laid_hood
+    stated = case.finger.shell_case
     laid: Any = None if stated is None else load_case(stated).hood
     hood: HoodConfig = load_case(RUNGS[name]).hood
     return hood.on_finger(case.finger.kind, laid)

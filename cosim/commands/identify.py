@@ -249,7 +249,7 @@ def _write_found(
 
 def _show_fit(found: Fit, several: bool) -> None:
     """Parameters, misses, correlations, singular values."""
-    from cosim.analyses.identify.fit import interval, standing
+    from cosim.analyses.identify.fit import identifiability, interval
     from cosim.results.compare import number
 
     rows = []
@@ -257,7 +257,14 @@ def _show_fit(found: Fit, several: bool) -> None:
         value, bounds = number(found.values[p.name]), f"{p.low:g} to {p.high:g}"
         told = "{:.3g} to {:.3g}".format(*interval(found, p.name)) if p in found.within else "-"
         rows.append(
-            (f"{p.name} {p.unit}", number(p.start), value, told, bounds, standing(found, p.name))
+            (
+                f"{p.name} {p.unit}",
+                number(p.start),
+                value,
+                told,
+                bounds,
+                identifiability(found, p.name),
+            )
         )
     header = ("", "start", "fitted", "95 % interval", "bounds", "")
     print_table("Parameters", header, rows)

@@ -53,7 +53,7 @@ class FingerConfig(Table):
     has_literature: ClassVar[bool] = False
     """Moment arms and slips of this finger are published, and the packaged hood was fitted to
     them."""
-    laid_hood: ClassVar[str | None] = None
+    shell_case: ClassVar[str | None] = None
     """The packaged case with a shell laid out on this finger, where it is not the index finger's.
     """
     flexed: ClassVar[tuple[float, float, float]] = (30.0, 45.0, 15.0)

@@ -36,7 +36,7 @@ class MiddleFingerConfig(FingerConfig):
     """The MuJoCo middle finger of Synek et al. 2019."""
 
     title: ClassVar[str] = "middle finger of a right hand"
-    laid_hood: ClassVar[str | None] = "base/middle_hood"
+    shell_case: ClassVar[str | None] = "base/middle_hood"
     flexed: ClassVar[tuple[float, float, float]] = (40.0, 55.0, 35.0)
     kind: Literal["middle"]
     posture: PostureConfig

@@ -107,7 +107,7 @@ class Lines:
     """(3,) unit, the PIP's in the middle phalanx's frame."""
 
 
-def look_at(hood: FeHood, depth: float, lines: Lines, state: State) -> FeView:
+def view_at(hood: FeHood, depth: float, lines: Lines, state: State) -> FeView:
     """At a state; `depth` is the hood's `guide_depth`, which no state changes."""
     from fe_solver.forces.springs import spring_state
 

@@ -36,7 +36,7 @@ AnyHood = (
 )
 
 
-def that_fit(finger: str) -> tuple[str, ...]:
+def fitting_kinds(finger: str) -> tuple[str, ...]:
     """The kinds that go on a kind of finger."""
     return tuple(name for name, kind in KINDS.items() if finger in kind.table.fits)
 

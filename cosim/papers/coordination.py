@@ -13,7 +13,7 @@ import pandas as pd
 
 from cosim.papers.coordination_doubts import doubt_figures
 from cosim.papers.coordination_table import table_figures
-from cosim.papers.lines import BAND_COLOURS, MUSCLE_COLOURS, PlotLine, lines_drawn
+from cosim.papers.lines import BAND_COLOURS, MUSCLE_COLOURS, PlotLine, line_chart
 from cosim.port import Array
 from cosim.report.figures import Figure, FigureStudy
 from rigid.hoods.two_band import LONG_NAMES, MUSCLES, coupled_dip, excursions
@@ -52,7 +52,7 @@ def coupling_figures() -> list[Figure]:
             "figure_3_coupling",
             "Figure 3: DIP angle against PIP angle on the coupling curve",
             caption,
-            lines_drawn(lines, "PIP, deg", "DIP, deg"),
+            line_chart(lines, "PIP, deg", "DIP, deg"),
             {"figure_3_coupling": table(lines[:1], "PIP_deg", "DIP_deg")},
             (6.0, 4.2),
         )
@@ -120,7 +120,7 @@ def _interphalangeal(f: Flexion) -> Figure:
         "figure_7_interphalangeal",
         "Figure 7: DIP angle against PIP angle in closed loop",
         caption,
-        lines_drawn(lines, "PIP, deg", "DIP, deg"),
+        line_chart(lines, "PIP, deg", "DIP, deg"),
         {"figure_7_interphalangeal": table(lines, "PIP_deg", "DIP_deg")},
         (7.0, 4.6),
     )
@@ -237,7 +237,7 @@ def over_time(name: str, title: str, caption: str, lines: list[PlotLine], unit: 
     """Lines that share their times, with their table."""
     columns: Mapping[str, Array] = {f"{line.name}, {unit}": line.y for line in lines}
     data = pd.DataFrame({"time_s": lines[0].x, **columns})
-    return Figure(name, title, caption, lines_drawn(lines, "time, s", unit), {name: data})
+    return Figure(name, title, caption, line_chart(lines, "time, s", unit), {name: data})
 
 
 def table(lines: list[PlotLine], x: str, y: str) -> pd.DataFrame:

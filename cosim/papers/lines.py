@@ -31,7 +31,7 @@ class PlotLine:
     width: float = 1.8
 
 
-def lines_drawn(lines: Sequence[PlotLine], x: str, y: str) -> Callable[[Sheet], None]:
+def line_chart(lines: Sequence[PlotLine], x: str, y: str) -> Callable[[Sheet], None]:
     """What draws the lines on a sheet, with their legend beside."""
 
     def draw(sheet: Sheet) -> None:

@@ -97,7 +97,7 @@ def finger_pass(case: Case, given: HoodPass, progress: Progress) -> tuple[Models
         found.append(_balance(case, models.finger, handed, given.start, answer))
         progress(f"one way: finger balanced to {found[-1].finger_residual:.1e}")
     unloaded, loaded = found
-    passed = OneWayPass(handed, *_left_open(models.hood, models.finger, loaded))
+    passed = OneWayPass(handed, *_interface_residual(models.hood, models.finger, loaded))
     return replace(models, hood=handed), States(unloaded, loaded, None, given.pull, passed)
 
 
@@ -145,7 +145,9 @@ def _tensions(case: Case, models: Models) -> tuple[Array, Array, MusclePull]:
     return hood, own, pull
 
 
-def _left_open(hood: Hood, finger: OpenFinger, e: Equilibrium) -> tuple[float, dict[str, Array]]:
+def _interface_residual(
+    hood: Hood, finger: OpenFinger, e: Equilibrium
+) -> tuple[float, dict[str, Array]]:
     """The interface residual, relative, with the hood's answer at the new pose, and the torques
     (N m) of the load that was handed over."""
     answer = hood.advance(e.response.state, e.motion, e.hood_tension, STATIC)

@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 from cosim.errors import Progress, quiet
 from cosim.study import process as apart
 from cosim.study.engine import Solve, local
-from cosim.study.execute import conduct
+from cosim.study.execute import execute_study
 from cosim.study.plan import read_plan
 from cosim.study.store import Store
 from cosim.study.task import Task, Verdict
@@ -57,7 +57,7 @@ def time_study(engine: Engine, workers: int, text: str) -> StudyTiming:
         file.write_text(text, encoding="utf-8")
         plan, store = read_plan(file), Store(Path(place) / "store").open()
         with engine(workers) as solve:
-            done = conduct(plan, store, solve, False, lambda count: None)
+            done = execute_study(plan, store, solve, False, lambda count: None)
         taken = sorted(_run_ends(store), key=lambda end: end[1])
         seconds = {row.key: row.seconds for row in store.rows(done.keys.values())}
         counted = [seconds[key] for key, _ in taken[workers:]]

@@ -57,7 +57,7 @@ class StudyOutcome:
         return self.count.done < self.count.total
 
 
-def conduct(
+def execute_study(
     plan: StudyPlan, store: Store, solve: Solve, again: bool, tell: Callable[[Count], None]
 ) -> StudyOutcome:
     """Do what is left of the study; `again`: also what had failed.

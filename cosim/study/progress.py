@@ -143,7 +143,7 @@ def _note(path: Path) -> Note:
         raise InputError(f"{path}: cannot be read ({error}); delete it") from error
 
 
-def standing(note: Note, now: float) -> str:
+def state_text(note: Note, now: float) -> str:
     """What the study is doing, as far as its last note says."""
     if note.ended:
         return "ended" if note.done == note.total else "stopped"

@@ -63,7 +63,7 @@ def _longer(limit: float | None, before: float | None) -> bool:
     return limit is None or before is None or limit > before
 
 
-def settle(task: Task, store: Store) -> Verdict:
+def run_task(task: Task, store: Store) -> Verdict:
     """The run's verdict, by solving it where the store has none; its row is in the store then.
 
     Raises StoreError."""

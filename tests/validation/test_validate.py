@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from cosim.analyses.length_experiments import LENGTH_EXPERIMENTS, Value, experiments
+from cosim.analyses.length_experiments import EXPERIMENT_MODELS, Value, experiments
 from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.errors import ConvergenceError, InputError
@@ -153,7 +153,7 @@ def test_lengths_and_cuts_are_judged_once_and_as_printed():
     first, rest = BY_NAME["lengths and cuts"], BY_NAME["lengths and cuts: other loads and places"]
     assert len(first.targets) == len(experiments()) == 14
     assert len(rest.targets) == sum(
-        len(m.experiments) * (len(m.assumptions) - 1) for m in LENGTH_EXPERIMENTS.values()
+        len(m.experiments) * (len(m.assumptions) - 1) for m in EXPERIMENT_MODELS.values()
     )
     printed = {(e.mean, e.sd, e.at_least) for e in experiments().values()}
     assert {(t.reference, t.sd, t.low) for t in first.targets} == printed
@@ -167,7 +167,7 @@ def test_a_study_that_ends_early_keeps_what_it_measured(monkeypatch):
         raise ConvergenceError("no equilibrium")
 
     what = "glide of the terminal slip"
-    monkeypatch.setitem(LENGTH_EXPERIMENTS, what, LENGTH_EXPERIMENTS[what]._replace(values=values))
+    monkeypatch.setitem(EXPERIMENT_MODELS, what, EXPERIMENT_MODELS[what]._replace(values=values))
     summary, why = measure_lengths(what, ["a=1"])
     assert why == "no equilibrium"
     group = BY_NAME["lengths and cuts"]

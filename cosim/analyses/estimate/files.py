@@ -13,7 +13,7 @@ from cosim.analyses.estimate.capacity import Capacity
 from cosim.analyses.estimate.feasible import ForceSet
 from cosim.analyses.estimate.of_case import EstimateAnswer, MotionEstimate, Setup
 from cosim.analyses.estimate.plot import draw_estimate, draw_motion
-from cosim.analyses.estimate.tensions import spelt
+from cosim.analyses.estimate.tensions import format_components
 from cosim.files import output_folder
 from cosim.port import Array
 from cosim.results.write import plain
@@ -55,7 +55,11 @@ def write_answer(
         if tension is not None:
             _csv(part / "estimate.csv", muscle_table(s.capacity, tension))
         exact = s.case.hood.shares_fixed
-        asked = "" if answer is None else f", asked for {spelt(answer.demand, answer.target)}"
+        asked = (
+            ""
+            if answer is None
+            else f", asked for {format_components(answer.demand, answer.target)}"
+        )
         title = f"{s.case.name}{asked}"
         sheet = draw_estimate(s.capacity, tension, forces, wanted, title, exact)
         sheet.savefig(part / "estimate.png", dpi=DPI, format="png")

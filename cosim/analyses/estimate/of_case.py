@@ -13,7 +13,7 @@ from cosim.analyses.estimate.capacity import Capacity, Weights, capacity
 from cosim.analyses.estimate.demand import AXES, Demand, force_demand, torque_demand
 from cosim.analyses.estimate.held_finger import HeldFinger, Torques
 from cosim.analyses.estimate.joint_motion import JointMotion
-from cosim.analyses.estimate.tensions import Bounds, Cost, Estimate, estimate, spelt
+from cosim.analyses.estimate.tensions import Bounds, Cost, Estimate, estimate, format_components
 from cosim.build.models import Models, build
 from cosim.case.schema import Case
 from cosim.errors import ConvergenceError, InputError, Progress
@@ -115,7 +115,7 @@ def parse_values(option: str, given: Sequence[str], kind: units.Kind) -> dict[st
     return out
 
 
-def torques_wanted(joints: Sequence[str], given: Mapping[str, float]) -> Array:
+def target_torques(joints: Sequence[str], given: Mapping[str, float]) -> Array:
     """(nq,) N m; a joint that is not named bears none.  Raises InputError for an unknown one."""
     strange = [name for name in given if name.removesuffix("_flexion") not in joints]
     if strange:
@@ -213,7 +213,7 @@ def for_torques(s: Setup, given: Mapping[str, float], progress: Progress) -> Est
     a hood that is solved anew, from its start, under them."""
     held = s.hold_finger(s.models.posture)
     demand = torque_demand(held)
-    wanted = torques_wanted(s.models.finger.joints, given)
+    wanted = target_torques(s.models.finger.joints, given)
     first = held.at(s.capacity.least, held.begin())
     found = _approach_demand(s, held, demand, wanted, first, progress)
     anew = held.at(found.tension, held.begin())
@@ -293,6 +293,7 @@ def force_basis(s: Setup) -> tuple[Demand, Torques]:
 
 def forward_run_text(answer: EstimateAnswer) -> str:
     """What was asked for and what the forward run made, in words."""
-    return f"asked for {spelt(answer.demand, answer.target)}; made, run forward: " + spelt(
-        answer.demand, answer.audit.components
+    return (
+        f"asked for {format_components(answer.demand, answer.target)}; made, run forward: "
+        + format_components(answer.demand, answer.audit.components)
     )

@@ -100,7 +100,7 @@ def estimate(
         progress(f"round {rounds}: torques off by {gap:.1e}, tensions by {moved:.1e}")
         if gap <= AGREED and moved <= AGREED:
             if np.abs(asked - wanted).max() > max(SHORT * np.abs(wanted).max(), reserve, 1e-12):
-                raise _short(demand, wanted, asked, programme, tension, bounds, held)
+                raise _out_of_reach(demand, wanted, asked, programme, tension, bounds, held)
             return Estimate(tension, demand.component_values(at.torque), at, found, gap, rounds)
         if rounds > PATIENCE and gap + moved >= last:
             part = max(0.5 * part, LEAST_PART)
@@ -188,7 +188,7 @@ def _relative_change(before: Array, now: Array) -> float:
     return float(np.abs(now - before).max() / max(1.0, float(now.max())))
 
 
-def _short(
+def _out_of_reach(
     demand: Demand,
     wanted: Array,
     asked: Array,
@@ -203,14 +203,15 @@ def _short(
     full = [n for n, t, m in zip(held.names, tension, bounds.most, strict=True) if t >= 0.999 * m]
     way = "nothing" if ends is None else f"{ends[0]:.3g} to {ends[1]:.3g} times what is wanted"
     return InputError(
-        f"no tensions within their bounds make {spelt(demand, wanted)}. The nearest that they make "
-        f"is {spelt(demand, asked)}; in the wanted direction they make {way}. "
+        f"no tensions within their bounds make {format_components(demand, wanted)}. The nearest "
+        f"that they make is {format_components(demand, asked)}; in the wanted direction they make "
+        f"{way}. "
         + (f"At their greatest force there: {', '.join(full)}. " if full else "")
         + "Ask for less, or widen the bounds (--most)"
     )
 
 
-def spelt(demand: Demand, values: Array) -> str:
+def format_components(demand: Demand, values: Array) -> str:
     """The components with names and units."""
     factor, unit = (1e3, "N mm") if demand.unit == "N m" else (1.0, "N")
     seen = np.where(np.abs(values) > NEGLIGIBLE * np.abs(values).max(), factor * values, 0.0)

@@ -159,7 +159,7 @@ def _interval(fit: Fit, name: str) -> tuple[FitParameter, tuple[float, float]]:
     return p, (max(at - width, low), min(at + width, high))
 
 
-def standing(fit: Fit, name: str) -> str:
+def identifiability(fit: Fit, name: str) -> str:
     """Whether the targets determine the parameter, in words."""
     if name not in [p.name for p in fit.within]:
         return "at its bound"

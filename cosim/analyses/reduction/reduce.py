@@ -29,7 +29,7 @@ from cosim.case.schema import Case
 from cosim.errors import InputError, Progress, quiet
 from cosim.fingers.common import Extensor
 from cosim.fingers.kinds import anatomy_of, live_finger
-from cosim.hoods.kinds import that_fit
+from cosim.hoods.kinds import fitting_kinds
 from cosim.hoods.lumped.reduction import Sample, fit_potential, stack
 from cosim.port import Array
 
@@ -125,7 +125,7 @@ def reduce_case(
             f'{case.name}: hood.kind = "{case.hood.kind}" is not solved by finite elements, so '
             "that nothing is gained by reducing it; take a case with a shell or cables"
         )
-    if "network" not in that_fit(case.finger.kind):
+    if "network" not in fitting_kinds(case.finger.kind):
         raise InputError(
             f'{case.name}: finger.kind = "{case.finger.kind}" takes no network hood, which is what '
             "a reduced hood is"

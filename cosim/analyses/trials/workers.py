@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cosim.analyses.trials import outcome as trials
-from cosim.analyses.trials.by_tangent import foretold, solve_from
+from cosim.analyses.trials.by_tangent import predict_summary, solve_from
 from cosim.analyses.trials.outcome import Outcome, one_line
 from cosim.build.fit import check_fit
 from cosim.build.models import Models
@@ -48,7 +48,7 @@ class CaseWorkers:
         self, cases: Sequence[tuple[str, Path, bool]], pool: ProcessPool, arms: bool
     ) -> None:
         """Cases: name, file, and whether the tangent serves it; `arms`: whether anybody looks at
-        moment arms by force, as in `by_tangent.foretold`."""
+        moment arms by force, as in `by_tangent.predict_summary`."""
         self._cases, self._pool, self._arms = cases, pool, arms
 
     def solve(self, settings: Mapping[int, Settings], afresh: bool = False) -> dict[int, Outcome]:
@@ -143,7 +143,7 @@ def _beside(solved: SolvedCase, source: Path, settings: Settings, arms: bool) ->
         return Outcome("refused", {}, one_line(error))
     try:
         if case.mesh_key() == solved.case.mesh_key():
-            summary = foretold(case, solved.models, solved.states, arms)
+            summary = predict_summary(case, solved.models, solved.states, arms)
         else:
             found = solve_from(case, solved.models, solved.states, arms)
             summary = None if found is None else observe_static(case, found, 0.0).summary

@@ -74,11 +74,11 @@ def build(hood: ShellHoodConfig, site: Site) -> BuiltHood:
 
 def generate_mesh(hood: ShellHoodConfig, anatomy: Anatomy) -> HoodMesh:
     """The mesh of a shell hood, read or generated, before any lesion.  Raises InputError."""
-    return _generate(_Laying(f"{hood.mesh_key()} {anatomy.key}", hood, anatomy))
+    return _generate(_MeshInput(f"{hood.mesh_key()} {anatomy.key}", hood, anatomy))
 
 
 @dataclass(frozen=True)
-class _Laying:
+class _MeshInput:
     """A hood and a finger as far as the mesh is laid out by them."""
 
     key: str
@@ -87,7 +87,7 @@ class _Laying:
 
 
 @lru_cache(maxsize=8)
-def _generate(laying: _Laying) -> HoodMesh:
+def _generate(laying: _MeshInput) -> HoodMesh:
     from meshes.hood import generate
     from meshes.hood_mesh import read
 

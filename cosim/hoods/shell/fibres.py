@@ -39,7 +39,7 @@ def fibres_of(
     from fe_solver.elements.fibres import angle_between
     from meshes.hood_mesh import REGIONS
 
-    laid = _Laid(mesh, points, skeleton)
+    laid = _FibreMesh(mesh, points, skeleton)
     first, second, angle = laid.own.copy(), {}, {}
     for i in np.unique(mesh.region):
         region, cells = regions[REGIONS[i]].fibrous, mesh.region == i
@@ -65,7 +65,7 @@ def at_gauss_points(mesh: HoodMesh, fibre: Array) -> Array:
     return smooth_fibres(mesh.quads, fibre, mesh.region)
 
 
-class _Laid:
+class _FibreMesh:
     """A mesh whose directions are asked for; what it takes to tell sides is made when it is."""
 
     def __init__(self, mesh: HoodMesh, points: Array, skeleton: Skeleton) -> None:
