@@ -8,7 +8,7 @@ from cosim.coupling.schemes import Explicit, Implicit, Linear, Newton, Scheme
 
 
 def scheme_of(coupling: CouplingConfig) -> Scheme:
-    """That of a motion in time."""
+    """The scheme of a motion in time that a case states."""
     if coupling.scheme == "implicit":
         return Implicit(accelerator_of(coupling), coupling.tolerance)
     if coupling.scheme == "newton":
@@ -19,7 +19,7 @@ def scheme_of(coupling: CouplingConfig) -> Scheme:
 
 
 def accelerator_of(coupling: CouplingConfig) -> Accelerator:
-    """That of the scheme "implicit"."""
+    """The accelerator of the scheme "implicit" that a case states."""
     accelerators: dict[str, Accelerator] = {
         "constant": ConstantRelaxation(),
         "aitken": Aitken(),

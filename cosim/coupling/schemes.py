@@ -128,7 +128,7 @@ def begin(
 def step(
     scheme: Scheme, finger: MovingFinger, hood: Hood, state: CoupledState, tension: Pulls, dt: float
 ) -> CoupledState:
-    """Both `dt` s later; `state` stays valid.
+    """The finger and the hood `dt` s later; `state` stays valid.
 
     Raises ConvergenceError where the iteration, the hood or the finger does not converge, and where
     an explicit step gains energy that nobody put in."""

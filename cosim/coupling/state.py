@@ -72,7 +72,7 @@ class Energy:
     own: float = 0.0
     """Work of the finger's own tendons, by their lengths (trapezoidal rule)."""
     effort: float = 0.0
-    """Both without their signs."""
+    """The tendons' work without its signs: the hood's tendons' and the finger's own."""
     load: float = 0.0
     """Work of the load that the finger was stepped with, as it was at each step's end."""
     hood: float = 0.0

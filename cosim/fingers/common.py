@@ -62,7 +62,7 @@ class FingerConfig(Table):
     """What bones and joints do not depend on."""
 
     def files(self) -> tuple[Path, ...]:
-        """Those that the finger is built from."""
+        """The files that the finger is built from."""
         return ()
 
     def check_extensor(self, extensor: Extensor) -> None:

@@ -196,5 +196,5 @@ class MovingCoupledPart:
 
 
 def _constant(pulls: tuple[Array, Array]) -> Callable[[float], tuple[Array, Array]]:
-    """The same tensions at all times."""
+    """Tensions that are the same at all times."""
     return lambda time: pulls

@@ -46,7 +46,7 @@ class HoodConfig(Table):
 
     @property
     def left_to_finger(self) -> Extensor:
-        """What of the extensor mechanism the finger makes."""
+        """The part of the extensor mechanism that the finger makes."""
         return Extensor(lies_on_bones=self.lies_on_bones)
 
     @property
@@ -81,7 +81,7 @@ class HoodConfig(Table):
         return ""
 
     def files(self) -> tuple[Path, ...]:
-        """Those that it is built from."""
+        """The files that the hood is built from."""
         return ()
 
     def check_files(self) -> None:
@@ -143,9 +143,9 @@ class BuiltHood:
     view: Callable[[State], HoodView] | None = None
     """What a state looks like; None for a hood without a shape."""
     slips: Callable[[State], Slips] | None = None
-    """The forces in the slips at a state; None for a hood without."""
+    """N in the slips at a state; None for a hood without."""
     own_slips: Callable[[Mapping[str, float]], Slips] | None = None
-    """The same from the tensions (N) of the finger's own tendons, where these make them."""
+    """N in the slips from the tensions (N) of the finger's own tendons, where these make them."""
     linear: Callable[[State], tuple[float, float]] | None = None
     """Seconds of one assembly and of one factorisation of its tangent at a state."""
 

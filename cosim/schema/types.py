@@ -67,7 +67,7 @@ class RegionConfig(Table):
 
     @property
     def fibrous(self) -> Any:
-        """The same with what a region with fibres may say; None of one without."""
+        """The region as one with fibres; None for a region without."""
         return None
 
     @model_validator(mode="after")

@@ -46,7 +46,7 @@ class Child:
         self.is_ready = False
 
     def ask(self, task: Task) -> tuple[str, bool]:
-        """Its answer, "" where it ended; and whether it was ended for its time."""
+        """The child's answer, "" where it ended; and whether it was ended for its time."""
         late = threading.Event()
 
         def end() -> None:
@@ -87,7 +87,7 @@ class Child:
 
 
 def _child() -> Child:
-    """That of this thread."""
+    """The child process of this thread."""
     found: Child | None = getattr(_here, "child", None)
     if found is None:
         found = _here.child = Child()

@@ -69,7 +69,7 @@ def check_air(tables: Mapping[str, TendonConfig], in_motion: bool) -> None:
 
 
 def cylinders(tables: Mapping[str, TendonConfig], tendons: tuple[str, ...]) -> Cylinders | None:
-    """Those of a case with these tendons; None where air pulls nothing.  Raises InputError."""
+    """A case's cylinders among these tendons; None where air pulls nothing.  Raises InputError."""
     names = tuple(n for n in tendons if n in _pneumatic_names(tables))
     if not names:
         return None

@@ -98,7 +98,7 @@ class Fit:
 
     @property
     def within(self) -> tuple[FitParameter, ...]:
-        """Those that do not stand at a bound."""
+        """The parameters that do not end at a bound."""
         return tuple(p for p in self.parameters if self.values[p.name] not in (p.low, p.high))
 
     @property

@@ -63,7 +63,8 @@ def draw_tornado(found: Sensitivity, quantity: str, target: Target | None = None
 
 
 def _draw_target(axes: Axes, target: Target) -> Artist:
-    """Its band and its mean with one SD, as far as the chart reaches; the entry in the legend."""
+    """Draw the target's band and its mean with one SD, as far as the chart reaches.  Returns the
+    entry in the legend."""
     from matplotlib.patches import Patch
 
     ends = axes.get_xlim()
@@ -83,8 +84,8 @@ def _draw_target(axes: Axes, target: Target) -> Artist:
 
 
 def _draw_bar(axes: Axes, place: int, bar: SensitivityBar, least: float) -> None:
-    """Both sides in one row, or in halves of it where they would cover each other or one hardly
-    changes anything (`least`)."""
+    """Draw both sides in one row, or in halves of it where they would cover each other or one
+    hardly changes anything (`least`)."""
     low, high = bar.changes
     opposed = low is not None and high is not None and low * high < 0
     weak = low is not None and high is not None and min(abs(low), abs(high)) <= least
