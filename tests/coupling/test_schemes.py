@@ -235,7 +235,7 @@ def test_what_the_linearisation_did_falls_with_the_step():
     coarse, fine = (cables(Linear(), n, 0.02 / n) for n in (10, 20))
     residuals = [max(s.residual for s in run) for run in (coarse, fine)]
     assert residuals[0] / residuals[1] == pytest.approx(4.0, rel=0.3)
-    works = [np.abs(np.diff([s.energy.foreseen for s in run])).sum() for run in (coarse, fine)]
+    works = [np.abs(np.diff([s.energy.predicted for s in run])).sum() for run in (coarse, fine)]
     assert works[0] / works[1] == pytest.approx(4.0, rel=0.3)
 
 
