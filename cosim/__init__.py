@@ -1,8 +1,10 @@
 """Co-simulation of a finger's extensor hood and its bones: a case in, an audited answer out.
 
-    case = cosim.load("isometric_edc")
-    result = cosim.run(case)
-    result.tip_force
+    >>> import cosim
+    >>> case = cosim.load("pulley_edc")
+    >>> result = cosim.run(case)
+    >>> sorted(result.tip_force)  # N, along the world's axes
+    ['distal', 'dorsal', 'radial']
 
 What is named here is the public face; everything else may change.
 """
@@ -52,9 +54,9 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module 'cosim' has no attribute {name!r}")
-    found = getattr(import_module(_HOME[name]), name)
-    globals()[name] = found
-    return found
+    value = getattr(import_module(_HOME[name]), name)
+    globals()[name] = value
+    return value
 
 
 def __dir__() -> list[str]:

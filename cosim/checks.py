@@ -22,7 +22,12 @@ class Row:
     absolute and never fails: its tolerance is the experiment's spread, and it says whether the
     model lies within.  A row that is only "shown" has a relative error and no tolerance.
     `order` is the measured order of convergence where two meshes were solved; `source` says where
-    the target is from."""
+    the target is from.
+
+    >>> row = Row("cantilever", "tip deflection, m", 0.10, 0.101, 0.02, "beam theory")
+    >>> round(row.error, 3), row.verdict
+    (0.01, 'pass')
+    """
 
     name: str
     quantity: str
@@ -52,6 +57,7 @@ class Row:
 
     @property
     def verdict(self) -> str:
+        """ "pass" or "FAIL"; "within" or "outside" for a comparison; "shown"."""
         if self.measure == "comparison" and self.passed:
             return "within" if self.error <= self.tolerance else "outside"
         if self.measure == "shown" and self.passed:
@@ -76,14 +82,21 @@ class Study:
             yield Row(self.name, "did not converge", nan, nan, 0.0, str(error), "absolute")
 
 
-def chosen(only: str | None, slow: bool, studies: Sequence[Study]) -> list[Study]:
-    """The studies whose name holds `only`, slow ones where they are asked for or named.
+def select_studies(only: str | None, slow: bool, studies: Sequence[Study]) -> list[Study]:
+    """The studies whose name contains `only`, or all of them: the slow ones where `slow` asks for
+    them or `only` names them.
 
-    Raises InputError where none is left."""
+    >>> studies = [Study("beam", lambda: iter(())), Study("hood", lambda: iter(()), slow=True)]
+    >>> [study.name for study in select_studies(None, False, studies)]
+    ['beam']
+    >>> [study.name for study in select_studies("hood", False, studies)]
+    ['hood']
+
+    Raises InputError where no name contains `only`."""
     if only is None:
         return [s for s in studies if slow or not s.slow]
-    found = [s for s in studies if only.lower() in s.name.lower()]
-    if not found:
+    selected = [s for s in studies if only.lower() in s.name.lower()]
+    if not selected:
         names = "; ".join(s.name for s in studies)
         raise InputError(f"no study is named {only!r}; expected one of: {names}")
-    return found
+    return selected

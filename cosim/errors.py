@@ -1,11 +1,11 @@
-"""What goes wrong, told to a person; and how a caller hears how far a long solve has come."""
+"""The errors that a person reads, and how a caller follows a long solve."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
 Progress = Callable[[str], None]
-"""Is told of each stage of what takes long, in a line."""
+"""A function that is called with a line of text at each stage of what takes long."""
 
 
 def quiet(text: str) -> None:
@@ -13,7 +13,14 @@ def quiet(text: str) -> None:
 
 
 class CosimError(Exception):
-    """A fault told to a person: what is wrong, where, what was expected, what to do."""
+    """A fault in words for a person: what is wrong, where, what was expected, what to do.
+
+    >>> try:
+    ...     raise InputError("hood.mesh.quads: 3 is below 50; write at least 50")
+    ... except CosimError as error:
+    ...     print(error)
+    hood.mesh.quads: 3 is below 50; write at least 50
+    """
 
 
 class InputError(CosimError):

@@ -25,12 +25,15 @@ if TYPE_CHECKING:
 
 
 def load(case: str | Path | Mapping[str, Any], settings: Sequence[str] = ()) -> Case:
-    """A checked case: a packaged one by its name, a case file by its path, or a table that says the
-    same.  `settings`: "hood.mesh.quads=250", on top.
+    """A checked case: SI units, angles in rad.
+
+    `case`: the name of a packaged one, the path of a case file, or a table (a mapping) that says
+    the same.  `settings`: texts KEY=VALUE that come on top, with units as in a case file.
 
     >>> import cosim
-    >>> cosim.load("pulley_edc").hood.kind
-    'pulley'
+    >>> case = cosim.load("pulley_edc", ["tendons.EDC.tension=5 N"])
+    >>> case.hood.kind, case.tension("EDC")
+    ('pulley', 5.0)
 
     Raises InputError that lists every fault with its place and what to write instead."""
     match case:
@@ -41,27 +44,42 @@ def load(case: str | Path | Mapping[str, Any], settings: Sequence[str] = ()) -> 
 
 
 def run(case: Case, session: Session | None = None, progress: Progress = quiet) -> Result:
-    """The result of a case.  In one `session` the runs of cases that differ only in their tendons
-    share their models and the unloaded equilibrium; `progress` is told each stage in words.
+    """The result of a case: its equilibrium, one-way pass or motion, whichever the case asks for.
+
+    `session`: what the runs of several cases share; those that differ only in their tendons use
+    the same models and unloaded equilibrium.  `progress` is called with each stage in words.
 
     >>> import cosim
     >>> result = cosim.run(cosim.load("pulley_edc"))
-    >>> round(result.tip_force["dorsal"], 2) > 0
+    >>> result.tip_force["dorsal"] > 0  # N
     True
 
-    Raises InputError, and ConvergenceError where there is no result."""
+    Raises InputError where case and models do not fit, and ConvergenceError where there is no
+    equilibrium."""
     return run_case(case, session, progress)
 
 
 def open_run(folder: str | Path) -> Result:
-    """The result that a run left in a folder.  Raises InputError."""
+    """The result that `Result.save` or the command `cosim run` left in a folder.
+
+    >>> import tempfile
+    >>> import cosim
+    >>> result = cosim.run(cosim.load("pulley_edc").replace({"output.picture": False}))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     again = cosim.open_run(result.save(folder))
+    >>> again.tip_force == result.tip_force
+    True
+
+    Raises InputError for a folder without a run, or with one of another format."""
     return read_run(Path(folder))
 
 
 def compare(*results: Result, data: str | Path | None = None) -> pandas.DataFrame:
-    """Results side by side, a row for each number of their summaries (those of one name are
-    numbered); or one result beside the
-    measured or published values in a CSV file, a row for each with its verdict.
+    """Results side by side: a row for each number of their summaries, with its unit, and a column
+    for each result (those of one name are numbered).
+
+    With `data`, a CSV file of measured or published values, one result beside these: a row for
+    each value with its verdict.
 
     >>> import cosim
     >>> one = cosim.load("pulley_edc")
@@ -70,7 +88,7 @@ def compare(*results: Result, data: str | Path | None = None) -> pandas.DataFram
     >>> list(table.columns)
     ['unit', 'pulley_edc', '5 N']
 
-    Raises InputError."""
+    Raises InputError for data beside other than one result, and for a file that cannot be read."""
     import pandas
 
     if data is not None:
@@ -102,14 +120,15 @@ def couple(
     """The equilibrium of a finger and a hood of one's own behind the port, without a case file.
 
     `finger`: one behind `cosim.port.Finger`, or a case whose finger (and posture) is taken.
-    `tensions`: N by tendon; those not named pull with `resting`.  `posture`: rad by joint, where
-    the finger starts and its tip is held.
+    `tensions`: N by tendon; those not named pull with `resting` (N).  `posture`: rad by joint,
+    where the finger starts and its tip is held.  `tolerance`: of the interface residual, relative;
+    there are at most `max_iterations` steps to it.  `progress` is called with each in words.
 
     >>> import cosim
     >>> from cosim.build.models import build
     >>> case = cosim.load("pulley_edc")
-    >>> found = cosim.couple(case, build(case).hood, {"EDC": 3.0})
-    >>> found.interface_residual < 5e-7
+    >>> solved = cosim.couple(case, build(case).hood, {"EDC": 3.0})
+    >>> solved.interface_residual < 5e-7
     True
 
     Raises InputError for a tendon that neither has, and ConvergenceError."""
@@ -125,6 +144,6 @@ def couple(
         np.array([tensions.get(name, resting) for name in tendons], dtype=float)
         for tendons in (hood.tendons, finger.tendons)
     ]
-    begun = PairState(start, hood.start(finger.motion(start)))
+    initial = PairState(start, hood.start(finger.motion(start)))
     options = CouplingOptions(tolerance, max_iterations)
-    return equilibrium(Pair(finger, hood), begun, Tensions(*pulls), options, progress)
+    return equilibrium(Pair(finger, hood), initial, Tensions(*pulls), options, progress)

@@ -19,7 +19,11 @@ scanner for viruses among them."""
 
 
 def shown_path(path: Path) -> str:
-    """The path as a person here would type it, where that is shorter."""
+    """The path relative to the working directory where that is shorter, for messages.
+
+    >>> shown_path(Path.cwd() / "case.toml")
+    'case.toml'
+    """
     try:
         return min(str(path), os.path.relpath(path), key=len)
     except ValueError:  # another drive
@@ -42,9 +46,9 @@ def move_into_place(part: Path, target: Path) -> None:
 
 
 @contextmanager
-def replaced(path: Path) -> Iterator[Path]:
-    """A place beside `path`, of this writer's own, to write to; moved there once the block has
-    ended well.  Raises OSError."""
+def atomic_path(path: Path) -> Iterator[Path]:
+    """A place beside `path`, of this writer's own, to write to; moved to `path` once the block has
+    ended well, and removed where it has not.  Makes the folder.  Raises OSError."""
     part = path.with_name(f".{path.name[:40]}.{os.getpid()}.{uuid4().hex[:8]}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -56,12 +60,21 @@ def replaced(path: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def written_whole(path: Path) -> Iterator[Path]:
-    """As `replaced`.  Raises InputError where the file cannot be written."""
+def output_file(path: Path) -> Iterator[Path]:
+    """The same for a file that a user asked for.
+
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     with output_file(Path(folder) / "numbers.csv") as part:
+    ...         _ = part.write_text("1, 2")
+    ...     (Path(folder) / "numbers.csv").read_text()
+    '1, 2'
+
+    Raises InputError where the file cannot be written."""
     if path.exists() and not path.is_file():
         raise InputError(f"{path}: is no file that could be replaced; choose another")
     try:
-        with replaced(path) as part:
+        with atomic_path(path) as part:
             yield part
     except OSError as error:
         reason = error.strerror or str(error)
@@ -69,7 +82,7 @@ def written_whole(path: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def folder_written_whole(target: Path, mark: str) -> Iterator[Path]:
+def output_folder(target: Path, mark: str) -> Iterator[Path]:
     """An empty folder beside `target` to write to, moved there once the block has ended well.
 
     It replaces one that an earlier call left, known by its file `mark`, or an empty one.  Raises

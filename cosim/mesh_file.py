@@ -33,7 +33,16 @@ PATIENCE = 120.0
 
 
 def read_mesh_file(path: Path) -> Mesh:
-    """The mesh of a file.  Raises InputError where it cannot be read."""
+    """The mesh of a file: points (n, 3) in the file's unit, blocks of cells, and their arrays.
+
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "triangle.obj"
+    ...     _ = path.write_text("v 0 0 0\\nv 1 0 0\\nv 0 1 0\\nf 1 2 3\\n")
+    ...     mesh = read_mesh_file(path)
+    >>> len(mesh.points), mesh.cells[0].type
+    (3, 'triangle')
+
+    Raises InputError where it cannot be read."""
     if not path.is_file():
         raise InputError(f"{path}: there is no such file")
     return _read_vtu(path) if path.suffix.lower() == ".vtu" else _read_by_meshio(path)

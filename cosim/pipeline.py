@@ -27,7 +27,14 @@ OBSERVERS: Mapping[Task, Callable[[Case, Any, float], Result]] = {
 def run_case(case: Case, session: Session | None = None, progress: Progress = quiet) -> Result:
     """Build, solve and observe one case, in a `session` that it shares with others or alone.
 
-    Raises InputError and ConvergenceError."""
+    `progress` is called with each stage in words.
+
+    >>> from cosim.case.file import load_case
+    >>> run_case(load_case("pulley_edc")).audit.passed
+    True
+
+    Raises InputError where case and models do not fit, ConvergenceError where there is no
+    equilibrium, and StoppedError where the user ends a motion."""
     started = time.perf_counter()
     check_fit(case)
     solved = SOLVERS[case.task](case, session or Session(), progress)

@@ -32,7 +32,11 @@ STATIC = math.inf
 
 
 def skew(vector: Array) -> Array:
-    """Cross-product matrices: (..., 3) -> (..., 3, 3), skew(a) @ b = a x b."""
+    """Cross-product matrices: (..., 3) -> (..., 3, 3), skew(a) @ b = a x b.
+
+    >>> skew([1.0, 0.0, 0.0]) @ [0.0, 1.0, 0.0]
+    array([0., 0., 1.])
+    """
     vector = np.asarray(vector, dtype=float)
     out = np.zeros((*vector.shape, 3))
     x, y, z = vector[..., 0], vector[..., 1], vector[..., 2]
@@ -42,7 +46,12 @@ def skew(vector: Array) -> Array:
 
 
 def rotation_matrix(vector: Array) -> Array:
-    """Rotation by the vectors' length (rad) about their direction: (..., 3) -> (..., 3, 3)."""
+    """Rotation by the vectors' length (rad) about their direction: (..., 3) -> (..., 3, 3).
+
+    >>> quarter_turn = rotation_matrix([0.0, 0.0, math.pi / 2])
+    >>> np.allclose(quarter_turn @ [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
+    True
+    """
     vector = np.asarray(vector, dtype=float)
     angle = np.linalg.norm(vector, axis=-1)[..., None, None]
     small = angle < 1e-4
@@ -54,7 +63,11 @@ def rotation_matrix(vector: Array) -> Array:
 
 
 def rotation_vector(matrix: Array) -> Array:
-    """The inverse of `rotation_matrix` for turns below pi: (..., 3, 3) -> (..., 3) rad."""
+    """The inverse of `rotation_matrix` for turns below pi: (..., 3, 3) -> (..., 3) rad.
+
+    >>> rotation_vector(rotation_matrix([0.0, 0.5, 0.0])).round(6)
+    array([0. , 0.5, 0. ])
+    """
     skewed = matrix - np.swapaxes(matrix, -1, -2)
     sine = np.stack([skewed[..., 2, 1], skewed[..., 0, 2], skewed[..., 1, 0]], axis=-1) / 2
     size = np.linalg.norm(sine, axis=-1)
@@ -69,7 +82,13 @@ def rotation_vector(matrix: Array) -> Array:
 
 @dataclass(frozen=True)
 class Motion:
-    """Poses of the shared bodies in the world frame."""
+    """Poses of the shared bodies in the world frame.
+
+    >>> motion = Motion(("middle",), np.zeros((1, 3)), np.eye(3)[None])
+    >>> motion.displace([[0.01, 0.0, 0.0, 0.0, 0.0, 0.0]]).position
+    array([[0.01, 0.  , 0.  ]])
+
+    Raises InputError for arrays of other shapes and for values that are not finite."""
 
     bodies: tuple[str, ...]
     position: Array
@@ -88,8 +107,8 @@ class Motion:
             raise InputError(f"motion of {self.bodies} holds a value that is not finite")
 
     def displace(self, twist: Array) -> Motion:
-        """Poses after small displacements `twist` (nb, 6): translation of the origin (m), then
-        rotation vector (rad), both in the world frame."""
+        """Poses after displacements `twist` (nb, 6): translation of the origin (m), then rotation
+        vector (rad), both in the world frame."""
         twist = np.asarray(twist).reshape(-1, 6)
         return Motion(
             self.bodies,
@@ -98,24 +117,41 @@ class Motion:
         )
 
     def transform(self, rotation: Array, translation: Array) -> Motion:
-        """The whole hand turned by `rotation` (3, 3) about the world's origin, then shifted (m)."""
+        """Poses of the whole hand turned by `rotation` (3, 3) about the world's origin, then
+        shifted by `translation` (3,) m."""
         position = self.position @ rotation.T + translation
         return Motion(self.bodies, position, rotation @ self.rotation)
 
     def twist_to(self, other: Motion) -> Array:
-        """(nb, 6) twist with `self`*.displace(twist) == other` (rotations below pi)."""
+        """The twist (nb, 6) with `self.displace(twist) == other`, for rotations below pi.
+
+        >>> motion = Motion(("middle",), np.zeros((1, 3)), np.eye(3)[None])
+        >>> twist = np.array([[0.01, 0.0, 0.0, 0.0, 0.2, 0.0]])
+        >>> np.allclose(motion.twist_to(motion.displace(twist)), twist)
+        True
+        """
         turn = rotation_vector(other.rotation @ np.swapaxes(self.rotation, 1, 2))
         return np.hstack([other.position - self.position, turn])
 
     def of(self, body: str) -> tuple[Array, Array]:
-        """Origin (3,) and rotation (3, 3) of one body."""
+        """Origin (3,) m and rotation (3, 3), body to world, of one body.
+
+        Raises ValueError for a body that is not among them."""
         i = self.bodies.index(body)
         return self.position[i], self.rotation[i]
 
 
 @dataclass(frozen=True)
 class Load:
-    """What a hood does to each body, by source, and what the tendons do to the hood."""
+    """What a hood does to each body, by source, and what the tendons do to the hood.
+
+    >>> wrench = np.zeros((1, 2, 6))  # one body, two sources
+    >>> wrench[0, :, 0] = 1.0, 2.0
+    >>> load = Load(("middle",), ("slip", "contact"), wrench, pull=np.zeros((0, 6)))
+    >>> load.total()
+    array([[3., 0., 0., 0., 0., 0.]])
+
+    Raises InputError for a wrench of another shape."""
 
     bodies: tuple[str, ...]
     sources: tuple[str, ...]
@@ -130,12 +166,13 @@ class Load:
             raise InputError(f"load: expected wrench {shape}, got {self.wrench.shape}")
 
     def total(self) -> Array:
-        """(nb, 6) sum over the sources."""
+        """(nb, 6) force (N) and moment (N m) on each body, the sum over the sources."""
         return self.wrench.sum(axis=1)
 
     def imbalance(self, motion: Motion) -> tuple[float, float]:
-        """Relative force and moment imbalance of a massless hood: pulls less wrenches, over the
-        largest force and over that force times the largest distance between two bodies."""
+        """Relative force and moment imbalance of a massless hood at the poses `motion`: pulls less
+        wrenches, over the largest force and over that force times the largest distance between two
+        bodies.  Both are zero where hood and tendons are in equilibrium."""
         total = self.total()
         moment = total[:, 3:] + np.cross(motion.position, total[:, :3])
         force_gap = np.linalg.norm(self.pull[:, :3].sum(0) - total[:, :3].sum(0))
@@ -159,30 +196,64 @@ class Response(NamedTuple):
 
 @dataclass(frozen=True)
 class HoodJacobian:
-    """Derivatives at a state; a twist per body (nb * 6) as in `Motion`*.displace`."""
+    """Derivatives of load and excursions at a state, by a twist per body as in `Motion.displace`
+    (6 nb entries) and by the tendons' tensions."""
 
     load_motion: Array
-    """(6 nb, 6 nb)."""
+    """(6 nb, 6 nb) of the bodies' wrenches by their twists."""
     load_tension: Array
-    """(6 nb, nt)."""
+    """(6 nb, nt) of the bodies' wrenches by the tensions."""
     excursion_motion: Array
-    """(nt, 6 nb)."""
+    """(nt, 6 nb) of the excursions by the bodies' twists."""
     excursion_tension: Array
-    """(nt, nt) m/N."""
+    """(nt, nt) m/N, of the excursions by the tensions."""
 
 
 class Hood(Protocol):
-    """Anything that turns poses and tensions into wrenches and excursions."""
+    """Anything that turns poses and tensions into wrenches and excursions.
+
+    `cosim.couple(finger, hood, tensions)` brings one into equilibrium with a finger.  A hood
+    without tendons or stiffness is the least that fulfils it:
+
+    >>> class Nothing:
+    ...     bodies, tendons, sources = ("middle", "distal"), (), ("nothing",)
+    ...     def start(self, motion):
+    ...         return None
+    ...     def advance(self, state, motion, tension, dt):
+    ...         load = Load(self.bodies, self.sources, np.zeros((2, 1, 6)), np.zeros((0, 6)))
+    ...         return Response(None, load, np.zeros(0))
+    ...     def jacobian(self, state):
+    ...         return HoodJacobian(
+    ...             np.zeros((12, 12)), np.zeros((12, 0)), np.zeros((0, 12)), np.zeros((0, 0))
+    ...         )
+    ...     def with_tolerance(self, tolerance):
+    ...         return self
+    >>> hood: Hood = Nothing()
+    >>> rest = Motion(hood.bodies, np.zeros((2, 3)), np.stack([np.eye(3)] * 2))
+    >>> response = hood.advance(hood.start(rest), rest, np.zeros(0), STATIC)
+    >>> response.load.imbalance(rest)
+    (0.0, 0.0)
+    """
 
     @property
-    def bodies(self) -> tuple[str, ...]: ...
+    def bodies(self) -> tuple[str, ...]:
+        """The bodies on which it acts, in the order of its motions and loads."""
+        ...
+
     @property
-    def tendons(self) -> tuple[str, ...]: ...
+    def tendons(self) -> tuple[str, ...]:
+        """The tendons that pull on it, in the order of its tensions and excursions."""
+        ...
+
     @property
-    def sources(self) -> tuple[str, ...]: ...
+    def sources(self) -> tuple[str, ...]:
+        """The sources of its load, such as "pulley" or "network", in the order of its load."""
+        ...
 
     def start(self, motion: Motion) -> State:
-        """A state to begin from; `motion` need not be the rest pose."""
+        """A state to begin from at the poses `motion`, which need not be the rest pose.
+
+        Raises InputError for other bodies."""
         ...
 
     def advance(self, state: State, motion: Motion, tension: Array, dt: float) -> Response:
@@ -193,7 +264,9 @@ class Hood(Protocol):
         ...
 
     def jacobian(self, state: State) -> HoodJacobian:
-        """Derivatives of load and excursion at a state that `advance` returned."""
+        """Derivatives of load and excursion at a state that `advance` returned.
+
+        A hood that has to solve first raises InputError for a state of `start`."""
         ...
 
     def with_tolerance(self, tolerance: float) -> Hood:
@@ -218,6 +291,7 @@ class Balance:
 
     @property
     def relative(self) -> float:
+        """The largest residual over the scale."""
         return float(np.abs(self.residual).max(initial=0.0) / self.scale)
 
 
@@ -226,11 +300,20 @@ class Finger(Protocol):
     its own equilibrium."""
 
     @property
-    def bodies(self) -> tuple[str, ...]: ...
+    def bodies(self) -> tuple[str, ...]:
+        """The bodies that it shares with a hood, in the order of its motions."""
+        ...
+
     @property
-    def joints(self) -> tuple[str, ...]: ...
+    def joints(self) -> tuple[str, ...]:
+        """The joints, in the order of its angles."""
+        ...
+
     @property
-    def tendons(self) -> tuple[str, ...]: ...
+    def tendons(self) -> tuple[str, ...]:
+        """Its own tendons, in the order of their tensions."""
+        ...
+
     @property
     def ranges(self) -> Mapping[str, tuple[float, float]]:
         """rad by joint, what `start` allows; infinite where nothing is known."""
@@ -248,7 +331,7 @@ class Finger(Protocol):
         ...
 
     def angles(self, state: State) -> Array:
-        """(nq,) rad."""
+        """Joint angles (nq,) rad, in the order of `joints`."""
         ...
 
     def motion(self, state: State) -> Motion:
@@ -358,7 +441,7 @@ class PairState(NamedTuple):
 
 
 class Tensions(NamedTuple):
-    """N, of the hood's tendons and of the finger's own."""
+    """Tensions, N, of the hood's tendons and of the finger's own."""
 
     hood: Array
     finger: Array
@@ -379,22 +462,32 @@ class MovingFinger(Protocol):
     repeated from the old state."""
 
     @property
-    def bodies(self) -> tuple[str, ...]: ...
+    def bodies(self) -> tuple[str, ...]:
+        """The bodies that it shares with a hood, in the order of its motions."""
+        ...
+
     @property
-    def joints(self) -> tuple[str, ...]: ...
+    def joints(self) -> tuple[str, ...]:
+        """The joints, in the order of its angles and rates."""
+        ...
+
     @property
-    def tendons(self) -> tuple[str, ...]: ...
+    def tendons(self) -> tuple[str, ...]:
+        """Its own tendons, in the order of their tensions."""
+        ...
 
     def begin(self, posture: Mapping[str, float]) -> State:
-        """At rest at joint angles `posture` (rad)."""
+        """The state at rest at joint angles `posture` (rad by joint).
+
+        Raises InputError for an unknown joint."""
         ...
 
     def angles(self, state: State) -> Array:
-        """(nq,) rad."""
+        """Joint angles (nq,) rad, in the order of `joints`."""
         ...
 
     def rates(self, state: State) -> Array:
-        """(nq,) rad/s."""
+        """Joint rates (nq,) rad/s."""
         ...
 
     def motion(self, angles: Array) -> Motion:
@@ -417,5 +510,5 @@ class MovingFinger(Protocol):
         ...
 
     def energy(self, state: State) -> float:
-        """J, kinetic, of height and in the finger's own springs."""
+        """The energy, J: kinetic, of height and in the finger's own springs."""
         ...

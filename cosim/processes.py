@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     from threadpoolctl import ThreadpoolController
 
 BLAS_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-KEPT = {"MALLOC_MMAP_MAX_": "0", "MALLOC_TRIM_THRESHOLD_": str(2**30)}
-"""Of glibc, which reads them when a process starts: no block of its own for any size, and freed
-memory (bytes) stays with the process.  Handed back and asked for again with each factorisation it
-costs a fifth of that, and the kernel's work on page faults keeps processes side by side from each
-other."""
+MALLOC_SETTINGS = {"MALLOC_MMAP_MAX_": "0", "MALLOC_TRIM_THRESHOLD_": str(2**30)}
+"""Settings of glibc, which reads them when a process starts: no block of its own for any size, and
+freed memory (bytes) stays with the process. Handed back and asked for again with each factorisation
+it costs a fifth of that, and the kernel's work on page faults keeps processes side by side from
+each other."""
 
 
 @contextmanager
@@ -44,12 +44,13 @@ def _blas() -> ThreadpoolController:
 
 def prepare_process() -> None:
     """Let this process and those that it starts work with one thread of BLAS, whatever the
-    environment says, and with memory that stays with them (`KEPT`, where it says nothing)."""
+    environment says, and with memory that stays with them (`MALLOC_SETTINGS`, where it says
+    nothing)."""
     from threadpoolctl import threadpool_limits
 
     os.environ.update(dict.fromkeys(BLAS_THREADS, "1"))  # of what loads from now on
     threadpool_limits(1, user_api="blas")  # of what has loaded
-    for name, value in KEPT.items():
+    for name, value in MALLOC_SETTINGS.items():
         os.environ.setdefault(name, value)
 
 
@@ -80,18 +81,19 @@ class ProcessPool:
         return done
 
     def in_order(self, function: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
-        """The function of each item, in their order."""
+        """Results of the function of each item, in the items' order."""
         ended: dict[int, R] = {}
         following = 0
         batches = ([item] for item in enumerate(items))
-        for i, result in self.as_ended(partial(_numbered, function), batches):
+        for i, result in self.as_ended(partial(_apply_numbered, function), batches):
             ended[i] = result
             while following in ended:
                 yield ended.pop(following)
                 following += 1
 
     def as_ended(self, function: Callable[[T], R], batches: Iterable[Sequence[T]]) -> Iterator[R]:
-        """The function of each item as it ends; those of a batch in one process, in their order."""
+        """Results of the function of each item as they come; the items of a batch go through one
+        process, in their order."""
         from concurrent.futures import FIRST_COMPLETED, wait
 
         if not self._processes:
@@ -118,8 +120,12 @@ class ProcessPool:
 
 @contextmanager
 def process_pool(jobs: int, option: str = "--jobs") -> Iterator[ProcessPool]:
-    """So many processes for the block (1: this one), which end with it: at once where the block
-    ends by an error or Ctrl-C.
+    """So many processes for the block (`jobs` = 1: this one), which end with it: at once where the
+    block ends by an error or Ctrl-C.
+
+    >>> with process_pool(1) as pool:
+    ...     list(pool.in_order(abs, [-1, 2]))
+    [1, 2]
 
     Raises InputError, which names the command's `option`, where one was ended from outside."""
     if jobs == 1:
@@ -154,5 +160,5 @@ def _with_memory(task: Callable[..., R], *args: Any) -> R:
     return task(_memory, *args)
 
 
-def _numbered(function: Callable[[T], R], item: tuple[int, T]) -> tuple[int, R]:
+def _apply_numbered(function: Callable[[T], R], item: tuple[int, T]) -> tuple[int, R]:
     return item[0], function(item[1])

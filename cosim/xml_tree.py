@@ -58,7 +58,7 @@ class Tag:
     rows were."""
 
     SEPARATORS: ClassVar[str] = ""
-    """Of numbers, beside white space."""
+    """Characters between numbers, beside white space."""
     ROWS: ClassVar[frozenset[str]] = frozenset()
     """Kinds of leaf tags that are rows of numbers."""
 
@@ -68,7 +68,7 @@ class Tag:
     parent: Self | None = field(repr=False, compare=False)
     line: int
     text: str = ""
-    """Of a tag without others within."""
+    """The text of a tag without others within."""
     children: list[Self] = field(default_factory=list)
     rows: Rows | None = None
     used: bool = False
@@ -106,7 +106,7 @@ class Tag:
         return values
 
     def split(self, text: str) -> list[float] | None:
-        """The finite numbers of a text, or None where something else stands there, numbers beyond
+        """The finite numbers of a text; None where something else stands there, numbers beyond
         MOST_NUMBER included."""
         if "_" in text:
             return None
@@ -119,7 +119,8 @@ class Tag:
         return values if all(-MOST_NUMBER <= v <= MOST_NUMBER for v in values) else None
 
     def word(self, kind: str, default: str) -> str:
-        """The text of the child of that kind."""
+        """The text of the child of that kind, or else `default`.  Raises InputError where there
+        are more."""
         child = self.one(kind)
         return default if child is None else child.text.strip()
 
@@ -142,13 +143,26 @@ T = TypeVar("T", bound=Tag)
 
 
 def short(text: str) -> str:
-    """A text in a line of at most 40 letters."""
+    """A text in a line of at most 40 letters, in quotes.
+
+    >>> short("one  two\\nthree")
+    "'one two three'"
+    """
     text = " ".join(text.split())
     return repr(text if len(text) <= 40 else text[:37] + "...")
 
 
 def read_tree(path: Path, root: str, tag: type[T], limits: Limits) -> T:
-    """The tree of an XML file whose root has that name.
+    """The tree of an XML file whose root tag is named `root`.  Its tags are of the class `tag`,
+    which says how numbers are separated and which leaf tags are rows of numbers.
+
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "small.xml"
+    ...     _ = path.write_text("<model><mass>1.5 kg</mass></model>")
+    ...     tree = read_tree(path, "model", Tag, Limits(bytes=1000, tags=10, depth=3))
+    >>> tree.word("mass", "none")
+    '1.5 kg'
 
     Raises InputError (naming file and line) where the file cannot be read, is not XML, declares a
     document type, or exceeds a limit."""
@@ -180,9 +194,9 @@ class _Reader(Generic[T]):
         self.parser.StartElementHandler = self._start
         self.parser.EndElementHandler = self._end
         self.parser.CharacterDataHandler = self._characters
-        self.parser.CommentHandler = lambda _: self._heard()
+        self.parser.CommentHandler = lambda _: self._reset_silence()
         self.parser.StartDoctypeDeclHandler = self._doctype
-        self.parser.XmlDeclHandler = self._declared
+        self.parser.XmlDeclHandler = self._check_encoding
 
     def feed(self, chunk: bytes) -> None:
         self.silent += len(chunk)
@@ -202,10 +216,10 @@ class _Reader(Generic[T]):
     def _fault(self, message: str) -> InputError:
         return InputError(f"{self.file}, line {self.parser.CurrentLineNumber}: {message}")
 
-    def _heard(self) -> None:
+    def _reset_silence(self) -> None:
         self.silent = 0
 
-    def _declared(self, _: str, encoding: str | None, __: int) -> None:
+    def _check_encoding(self, _: str, encoding: str | None, __: int) -> None:
         if encoding is not None and encoding.upper() not in (*self.limits.encodings, "US-ASCII"):
             raise self._fault(f"the encoding {encoding[:40]!r} is not read; save it as UTF-8")
 
@@ -215,7 +229,7 @@ class _Reader(Generic[T]):
         )
 
     def _start(self, name: str, attributes: dict[str, str]) -> None:
-        self._heard()
+        self._reset_silence()
         if not self.stack and name != self.root:
             raise self._fault(f"the root is <{name[:40]}>, expected <{self.root}>")
         if len(self.stack) >= self.limits.depth:
@@ -243,14 +257,14 @@ class _Reader(Generic[T]):
             raise self._fault(f"the texts are longer than {MOST_TEXTS >> 20} MB in all")
 
     def _characters(self, text: str) -> None:
-        self._heard()
+        self._reset_silence()
         self.size += len(text)
         if self.size > MOST_TEXT:
             raise self._fault(f"a text is longer than {MOST_TEXT >> 20} MB")
         self.texts.append(text)
 
     def _end(self, name: str) -> None:
-        self._heard()
+        self._reset_silence()
         tag = self.stack.pop()
         if tag.children or tag.rows:
             self._no_stray_text()

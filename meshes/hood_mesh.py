@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import InputError
-from cosim.files import written_whole
+from cosim.files import output_file
 from meshes.skeleton import BODIES, JOINTS
 
 Array = NDArray[np.float64]
@@ -189,7 +189,7 @@ def to_json(mesh: HoodMesh) -> str:
 
 def write(mesh: HoodMesh, path: Path) -> None:
     """Write the mesh file, whole or not at all.  Raises InputError."""
-    with written_whole(path) as part:
+    with output_file(path) as part:
         part.write_text(to_json(mesh), encoding="utf-8")
 
 

@@ -21,7 +21,7 @@ from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import Equilibrium
 from cosim.errors import ConvergenceError, CosimError, InputError
-from cosim.hoods.kind import HoodTable
+from cosim.hoods.kind import HoodConfig
 from cosim.hoods.kinds import rungs
 from cosim.port import Array
 from cosim.processes import process_pool
@@ -55,7 +55,7 @@ class Rung:
     wall: float
     """s, models and both equilibria."""
     summary: Mapping[str, Any]
-    """As of a run."""
+    """The summary, like that of a run."""
     slips: Mapping[str, float]
     """N, central and terminal; empty of a hood without slips."""
     excursions: Mapping[str, float]
@@ -95,10 +95,10 @@ def on_rung(case: Case, name: str) -> Case:
     return case.model_copy(update={"hood": _hood(case, name)})
 
 
-def _hood(case: Case, name: str) -> HoodTable:
-    stated = case.finger.laid_hood
+def _hood(case: Case, name: str) -> HoodConfig:
+    stated = case.finger.shell_case
     laid: Any = None if stated is None else load_case(stated).hood
-    hood: HoodTable = load_case(RUNGS[name]).hood
+    hood: HoodConfig = load_case(RUNGS[name]).hood
     return hood.on_finger(case.finger.kind, laid)
 
 
@@ -178,6 +178,7 @@ def figures(rung: Rung) -> Figures:
 
 
 def heading(rung: Rung) -> str:
+    """The rung's name over its column, with a star for the case's own."""
     return f"{rung.name} *" if rung.is_own else rung.name
 
 
@@ -246,7 +247,7 @@ ARMS = tuple(f"arm {EXTENSOR} {joint} mm" for joint in JOINTS)
 
 
 def draw_ladder(rungs: Sequence[Rung], title: str) -> Figure:
-    """Of the rungs that have numbers; the case's own is marked by a star."""
+    """A chart of the rungs that have numbers; the case's own is marked by a star."""
     from matplotlib.figure import Figure
 
     shown = [rung for rung in rungs if rung.status == "converged"]

@@ -179,40 +179,40 @@ def _resistance(of: Summary) -> float:
     return -float(of["unloaded"]["joint_torque_Nmm"]["hood"]["DIP"])
 
 
-class Repeated(NamedTuple):
+class ExperimentModel(NamedTuple):
     """How experiments are repeated: what makes their values, on which hoods beside the shell, the
     experiments, what is assumed of each (the first is judged), and a case of theirs."""
 
     values: Callable[[str, Sequence[str]], Iterator[Value]]
     hoods: tuple[str, ...]
     experiments: tuple[str, ...]
-    assumed: tuple[str, ...]
+    assumptions: tuple[str, ...]
     case: str
 
 
 LUMPED = ("net of cables", "network")
-MADE: Mapping[str, Repeated] = {
-    "terminal tendon longer": Repeated(
+EXPERIMENT_MODELS: Mapping[str, ExperimentModel] = {
+    "terminal tendon longer": ExperimentModel(
         dip_drop, LUMPED, ("terminal_1mm", "terminal_4mm"), tuple(LOADS), "lengths_terminal_1mm"
     ),
-    "central slip mended with a gap": Repeated(
+    "central slip mended with a gap": ExperimentModel(
         posture_after_mending,
         LUMPED,
         ("central_gap_pip", "central_gap_dip"),
         tuple(LOADS),
         "lengths_central_gap",
     ),
-    "sagittal bands and tendon cut": Repeated(
+    "sagittal bands and tendon cut": ExperimentModel(
         cut,
         LUMPED[:1],
         ("bands_0", "bands_45", "tendon_0", "tendon_45"),
         ("at the PIP", "at the fingertip"),
         "cuts_sagittal_bands",
     ),
-    "glide of the terminal slip": Repeated(
+    "glide of the terminal slip": ExperimentModel(
         glide, LUMPED[:1], ("glide_mcp", "glide_pip", "glide_dip"), ("",), "lengths_terminal_glide"
     ),
-    "resistance of the DIP": Repeated(
+    "resistance of the DIP": ExperimentModel(
         resistance,
         LUMPED,
         ("resistance_most", "resistance_least", "oblique_share"),
@@ -220,4 +220,4 @@ MADE: Mapping[str, Repeated] = {
         "lengths_dip_resistance",
     ),
 }
-"""By experiment."""
+"""The experiments by name."""

@@ -9,7 +9,7 @@ from typing import Literal
 
 from cosim.case.schema import Case
 from cosim.errors import InputError
-from cosim.fingers.common import HeldTip
+from cosim.fingers.common import HeldTipConfig
 from cosim.fingers.kinds import NativeFinger
 
 Side = Literal["before", "after"]
@@ -48,14 +48,14 @@ def _one(case: Case, tip: Tip, side: Side) -> Case:
 def _with_tip(case: Case, tip: Tip) -> NativeFinger:
     finger = case.native_finger()
     stated = finger.tip
-    if not isinstance(stated, HeldTip):
+    if not isinstance(stated, HeldTipConfig):
         raise InputError(
             f"{case.name}: its fingertip is in a device; write finger.tip.kind = "
             '"free", "point", "clamped" or "posture"'
         )
     held = "point" if stated.kind == "free" else stated.kind
     kind = "free" if tip == "free" else held
-    return finger.model_copy(update={"tip": HeldTip(kind=kind)})
+    return finger.model_copy(update={"tip": HeldTipConfig(kind=kind)})
 
 
 def lesion_text(case: Case) -> Iterator[str]:

@@ -38,8 +38,8 @@ def force_and_bound(models: Models, states: States) -> tuple[float, float]:
     bones, and of the hood its own torque, without what a pass adds."""
     loaded = states.loaded
     torque = {s: t for s, t in loaded.known_balance.torque.items() if s not in RESISTING}
-    if states.passed is not None:
-        torque["hood"] = states.passed.torque["hood"]
+    if states.one_way is not None:
+        torque["hood"] = states.one_way.torque["hood"]
     pull = np.sum(list(torque.values()), axis=0)
     bound = greatest_tip_force(models.finger, loaded.finger_state, pull)
     return float(np.linalg.norm(loaded.known_balance.tip_force)), bound

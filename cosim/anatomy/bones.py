@@ -22,9 +22,10 @@ Triangles = tuple[Array, np.ndarray]
 BoneFrame = Literal["body", "hood", "myohand"]
 """Each in its own body's frame; all in the hood's (one scan); or in MyoHand's frames."""
 SPECK = 0.02
-"""Of the largest piece's area: smaller pieces are left out."""
+"""The part of the largest piece's area below which a piece is left out."""
 ALONG = (0.6, 1.9)
-"""Of a phalanx's surface over the distance of its joints; our own bones' are 1.0 to 1.2."""
+"""Range of the length of a phalanx's surface over the distance of its joints; our own bones' are
+1.0 to 1.2."""
 TURNED = np.cos(np.deg2rad(30.0))
 """Between a bone's long axis and its body's x."""
 OTHER_FRAME = (
@@ -32,7 +33,7 @@ OTHER_FRAME = (
     "(--posture)?"
 )
 OFF = 0.4
-"""Of its length that a bone's middle may lie off the middle between its joints."""
+"""The part of its length that a bone's middle may lie off the middle between its joints."""
 
 
 @dataclass(frozen=True)

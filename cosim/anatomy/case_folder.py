@@ -10,16 +10,16 @@ from typing import cast
 
 import numpy as np
 
-from cosim.anatomy.read import Anatomy, Built, Defaults, read_anatomy
+from cosim.anatomy.read import Built, Defaults, UserAnatomy, read_anatomy
 from cosim.errors import InputError
-from cosim.files import folder_written_whole
+from cosim.files import output_folder
 
 BASE, BARE = "base/index_finger.toml", "base/split.toml"
 REPORT = "cosim_new.txt"
 """Also what a folder of this command is known by."""
 
 
-def new_case(name: str, given: Anatomy, out: Path) -> tuple[Path, tuple[str, ...]]:
+def new_case(name: str, given: UserAnatomy, out: Path) -> tuple[Path, tuple[str, ...]]:
     """Write the folder `out` whole or not at all; the case file and what there is to tell.
 
     Raises InputError for anything that the case could not be run with."""
@@ -29,7 +29,7 @@ def new_case(name: str, given: Anatomy, out: Path) -> tuple[Path, tuple[str, ...
 
     check_folder(out, REPORT)
     made = read_anatomy(given, _defaults())
-    with folder_written_whole(out, REPORT) as part:
+    with output_folder(out, REPORT) as part:
         write_case(part, name, given, made)
         _check(part / f"{name}.toml")
     return out / f"{name}.toml", made.report
@@ -43,7 +43,7 @@ def _defaults() -> Defaults:
     return Defaults(hood.thickness, hood.contact.offset.model_dump())
 
 
-def write_case(part: Path, name: str, given: Anatomy, made: Built) -> None:
+def write_case(part: Path, name: str, given: UserAnatomy, made: Built) -> None:
     """The files of a case into the folder `part`."""
     from meshes.hood_mesh import write
 
@@ -69,7 +69,7 @@ def _obj(points: np.ndarray, faces: np.ndarray) -> str:
     return "\n".join(rows) + "\n"
 
 
-def _case_lines(name: str, given: Anatomy, made: Built) -> Iterator[str]:
+def _case_lines(name: str, given: UserAnatomy, made: Built) -> Iterator[str]:
     yield f"# Written by `cosim new`; {REPORT} says what was read, assumed, repaired and dropped."
     yield "# Materials, springs, passive joints, posture: the base case's until you state yours."
     yield f'extends = "{BASE if made.hood is not None else BARE}"'

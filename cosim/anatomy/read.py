@@ -32,11 +32,11 @@ FINGER_NAMES = (*BODIES, *JOINTS, "tip", *MUSCLES)
 DEEP = 0.5e-3
 """m, a node of the mid-surface deeper than that in a bone is a fault; others are pushed out."""
 FEW, MOST = 0.2, 0.8
-"""Shares of the nodes that are beyond the bones' reach: to be told of, and a fault."""
+"""Shares of the nodes that are beyond the bones' reach: to be reported, and a fault."""
 
 
 @dataclass(frozen=True)
-class Anatomy:
+class UserAnatomy:
     """What a user gives."""
 
     hood: Path | None = None
@@ -45,7 +45,7 @@ class Anatomy:
     finger: Path | None = None
     """A MuJoCo model; without it our index finger times `length_scale`."""
     names: Mapping[str, str] = field(default_factory=dict)
-    """From our names of sets, bodies, joints and tendons to the user's."""
+    """The user's name of each of our sets, bodies, joints and tendons."""
     placing: Placing = field(default_factory=Placing)
     bone_unit: str = "mm"
     bone_frame: BoneFrame = "body"
@@ -72,14 +72,14 @@ class Built:
 
 @dataclass(frozen=True)
 class Defaults:
-    """Of the base case, m: thickness of the sheet and its face's height over each bone."""
+    """Values of the base case, m: thickness of the sheet and its face's height over each bone."""
 
     thickness: float
     offset: Mapping[str, float]
 
 
-def read_anatomy(given: Anatomy, defaults: Defaults) -> Built:
-    """Read and check everything.  Raises InputError."""
+def read_anatomy(given: UserAnatomy, defaults: Defaults) -> Built:
+    """Read and check all that the user gives.  Raises InputError."""
     if given.hood is None and given.finger is None:
         raise InputError("give a hood's mesh (--hood), a finger (--finger), or both")
     check_names(given.names, FINGER_NAMES)
@@ -99,7 +99,7 @@ def read_anatomy(given: Anatomy, defaults: Defaults) -> Built:
 
 
 def _finger(
-    given: Anatomy, report: list[str]
+    given: UserAnatomy, report: list[str]
 ) -> tuple[FingerModel | None, Mapping[str, float], Skeleton]:
     if given.finger is None:
         skeleton = index_finger().scaled(given.length_scale)
@@ -120,7 +120,7 @@ def _finger(
     return read.model, read.max_force, skeleton
 
 
-def _bones(given: Anatomy, skeleton: Skeleton, report: list[str]) -> Bones:
+def _bones(given: UserAnatomy, skeleton: Skeleton, report: list[str]) -> Bones:
     from meshes.hull import Chain
 
     chain = Chain(skeleton, *skeleton.pose(given.posture))
@@ -135,7 +135,7 @@ def _bones(given: Anatomy, skeleton: Skeleton, report: list[str]) -> Bones:
 
 
 def _with_hood(
-    given: Anatomy,
+    given: UserAnatomy,
     defaults: Defaults,
     model: FingerModel | None,
     force: Mapping[str, float],

@@ -1,1 +1,1 @@
-"""From a case to live models."""
+"""Live models of a case."""

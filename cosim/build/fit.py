@@ -6,7 +6,7 @@ from cosim.build.double_count import pairs_of_case, refuse
 from cosim.case.schema import Case
 from cosim.errors import InputError
 from cosim.fingers.kinds import own_tendons, tip_support_kind, with_mass
-from cosim.hoods.kinds import that_fit
+from cosim.hoods.kinds import fitting_kinds
 from cosim.tendons.air import check_air
 from cosim.tendons.courses import factor_of
 
@@ -15,7 +15,7 @@ def check_fit(case: Case) -> None:
     """Raises InputError where a case's parts do not go together or a course's file is no table."""
     finger, hood = case.finger.kind, case.hood.kind
     if finger not in case.hood.fits:
-        words = " or ".join(f'"{kind}"' for kind in that_fit(finger))
+        words = " or ".join(f'"{kind}"' for kind in fitting_kinds(finger))
         raise InputError(
             f'hood.kind = "{hood}" does not go with finger.kind = "{finger}", which takes {words}'
         )
@@ -31,7 +31,7 @@ def check_fit(case: Case) -> None:
         factor_of(case.tendons[name].course)
     check_air(case.tendons, in_motion=case.forward is not None)
     case.finger.check_extensor(case.hood.left_to_finger)
-    _check_drawn(case)
+    _check_excursions(case)
     _check_tip(case)
     _check_unit(case)
     _check_scheme(case)
@@ -41,7 +41,7 @@ def check_fit(case: Case) -> None:
         check_tendons(case, of_hood + own)
 
 
-def _check_drawn(case: Case) -> None:
+def _check_excursions(case: Case) -> None:
     """Where tendons' ends may be displaced."""
     drawn = [name for name, tendon in case.tendons.items() if tendon.excursion is not None]
     if not drawn:

@@ -1,4 +1,4 @@
-"""From a case to live models."""
+"""The live models of a case: its finger and hood behind the port."""
 
 from __future__ import annotations
 
@@ -41,10 +41,11 @@ class Models:
     slips: Callable[[State], Slips] | None = None
     """N in the slips at a state, central and terminal; None for a hood without."""
     own_slips: Callable[[Mapping[str, float]], Slips] | None = None
-    """The same from the tensions (N) of the finger's own tendons, where these make them."""
+    """N in the slips from the tensions (N) of the finger's own tendons, where these make them."""
 
     @property
     def pair(self) -> Pair:
+        """The finger and the hood on it."""
         return Pair(self.finger, self.hood)
 
     def start(self) -> PairState:
@@ -61,7 +62,7 @@ def build(case: Case) -> Models:
 
 
 def build_any(case: Case) -> Models:
-    """The same of any case: a finger in an FMU is a `cosim.port.Finger` and no more, which is all
+    """Models of any case: a finger in an FMU is a `cosim.port.Finger` and no more, which is all
     that the solver and the observer of an equilibrium ask for."""
     check_fit(case)
     if case.finger.is_native:

@@ -1,4 +1,4 @@
-"""From a case to a finger in motion.  One of the files that know the solvers by name."""
+"""The models of a case in motion.  One of the files that know the solvers by name."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ import numpy as np
 from cosim.build.fit import check_tendons
 from cosim.build.models import build, build_hood, site_of
 from cosim.build.scheme import scheme_of
-from cosim.case.schema import Case, Forward
+from cosim.case.schema import Case, ForwardConfig
 from cosim.coupling.excursion import PrescribedExcursions
 from cosim.coupling.motion import CoupledMotion, RecordedFinger
 from cosim.coupling.schemes import Alone
-from cosim.fingers.common import CageTip, ShellTip
+from cosim.fingers.common import CageTipConfig, ShellTipConfig
 from cosim.fingers.kinds import unit
 from cosim.hoods.view import HoodView
 from cosim.port import Array, Hood, Motion, State, Triangles
 from cosim.tendons.air import cylinders, initial_air, step_cylinders
 from cosim.tendons.courses import factor_of
 from cosim.tendons.muscles import fibres
-from cosim.tendons.table import Tendon
+from cosim.tendons.table import TendonConfig
 
 if TYPE_CHECKING:
     from rigid.air.plant import AirState
@@ -48,10 +48,12 @@ class MovingModels:
 
     @property
     def finger(self) -> RecordedFinger:
+        """The finger in time, behind the port."""
         return self.moves.finger
 
     @property
     def hood(self) -> Hood:
+        """The hood behind the port."""
         return self.moves.hood
 
     @cached_property
@@ -64,7 +66,7 @@ class MovingModels:
         return self.moves.first_pull(self.initial_state)[1]
 
 
-def moving_models(case: Case, forward: Forward) -> MovingModels:
+def moving_models(case: Case, forward: ForwardConfig) -> MovingModels:
     """The models of a coupled motion.  Raises InputError."""
     if not case.finger.is_native:
         return _with_unit(case, forward)
@@ -79,7 +81,7 @@ def moving_models(case: Case, forward: Forward) -> MovingModels:
     return MovingModels(moves, pulls, models.posture, models.bones, models.lines, models.view)
 
 
-def _with_unit(case: Case, forward: Forward) -> MovingModels:
+def _with_unit(case: Case, forward: ForwardConfig) -> MovingModels:
     """A finger in an FMU, with a hood that is no shell."""
     finger = unit(case.finger).in_motion()
     built = build_hood(case, site_of(case, finger.rest()))
@@ -104,10 +106,12 @@ def _prescribed_excursions(case: Case, tendons: tuple[str, ...]) -> PrescribedEx
 
 
 def tip_device(case: Case) -> Device | None:
+    """The device that the fingertip presses in; None where there is none. Raises InputError for a
+    finger in an FMU."""
     from rigid.mujoco.tip_device import Cage, Contact, Shell
 
     tip = case.native_finger().tip
-    if not isinstance(tip, CageTip | ShellTip):
+    if not isinstance(tip, CageTipConfig | ShellTipConfig):
         return None
     contact = Contact(
         tip.sphere / 2,
@@ -118,7 +122,7 @@ def tip_device(case: Case) -> Device | None:
         tip.viscous_friction,
         tip.transition_velocity,
     )
-    return (Cage if isinstance(tip, CageTip) else Shell)(contact, tip.width)
+    return (Cage if isinstance(tip, CageTipConfig) else Shell)(contact, tip.width)
 
 
 class MuscleGroup(NamedTuple):
@@ -149,7 +153,7 @@ class CaseTendonDrive:
     def __init__(self, case: Case, tendons: tuple[str, ...]) -> None:
         self.tendons = tendons
         self._stated = np.array([case.tension(name) for name in tendons])
-        pulled = [case.tendons.get(name, Tendon()) for name in tendons]
+        pulled = [case.tendons.get(name, TendonConfig()) for name in tendons]
         courses = [t.course if t.excursion is None else None for t in pulled]
         self._factors = [factor_of(course) for course in courses]
         self._groups = [
@@ -167,6 +171,8 @@ class CaseTendonDrive:
         return () if self._air is None else self._air.names
 
     def start(self, length: Array) -> State:
+        """The drive's state where the tendons have lengths (nt,) m, from which shortening then
+        counts."""
         from rigid.muscle.dynamics import at_rest
 
         self._start = length.copy()

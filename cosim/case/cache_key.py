@@ -23,13 +23,13 @@ ABOUT_RESULTS = (
 LIBRARIES = ("numpy", "scipy", "mujoco")
 NOT_CODE = (".pyc", ".css", ".js", ".j2", ".md", ".nbi", ".nbc")
 WORDS = ("title", "notes", "output")
-"""Of a case, what changes no number."""
+"""Keys of a case that change no number."""
 
 
 @cache
 def code_version() -> str:
-    """Of this program: its version, its sources and the data in them, and the libraries that
-    compute.  Two programs that share it give the same numbers on the same kind of machine."""
+    """A key of this program: its version, its sources and the data in them, and the libraries that
+    compute. Two programs that share it give the same numbers on the same kind of machine."""
     root = Path(__file__).parents[2]
     digest = hashlib.sha256()
     for package in PACKAGES:

@@ -1,4 +1,4 @@
-"""The case file: found, read, layered, checked; every fault told at once, with its place."""
+"""The case file: how it is found, read, layered and checked, with every fault at once."""
 
 from __future__ import annotations
 
@@ -26,6 +26,9 @@ def load_case(path_or_name: str | Path, overrides: Sequence[str] = ()) -> Case:
     """The checked case at a path, or of that name among the packaged ones, with `overrides`
     ("hood.mesh.quads=250") on top.
 
+    >>> load_case("pulley_edc", ["tendons.EDC.tension=5 N"]).tension("EDC")
+    5.0
+
     Raises InputError that lists every fault with its place and what to write instead.
     """
     source = find_case(path_or_name)
@@ -33,7 +36,7 @@ def load_case(path_or_name: str | Path, overrides: Sequence[str] = ()) -> Case:
 
 
 def case_of(table: Mapping[str, Any], name: str = "case") -> Case:
-    """The checked case that a table states, as a file of that name here would.
+    """The checked case that a table states, as a file NAME.toml in the working directory would.
 
     Raises InputError that lists every fault with its place and what to write instead."""
     source = Path.cwd() / f"{name}.toml"
@@ -187,6 +190,9 @@ def _toml_value(value: Any) -> str:
 
 def json_schema() -> dict[str, Any]:
     """JSON Schema of a case file, for editors.
+
+    >>> sorted(json_schema()["properties"])[:3]
+    ['coupling', 'extends', 'finger']
 
     Since a file may leave to the one it extends what it does not say itself, nothing is required.
     """

@@ -16,16 +16,16 @@ from cosim.files import shown_path
 from cosim.fingers.common import stamps
 from cosim.fingers.kinds import AnyFinger, NativeFinger, native
 from cosim.hoods.kinds import AnyHood, unfit_lesion
-from cosim.hoods.lesion import Lesion
+from cosim.hoods.lesion import LesionConfig
 from cosim.schema import units
 from cosim.schema.fields import fault, quantity
 from cosim.schema.types import Count, Number, Switch, Table, TendonName
-from cosim.tendons.table import Tendon
+from cosim.tendons.table import TendonConfig
 
 Task = Literal["static", "one_way", "motion"]
 
 
-class Solve(Table):
+class SolveConfig(Table):
     """Tolerances: of the coupling (relative residual) and of the hood's own equilibrium."""
 
     resting_tension: Annotated[float, quantity(units.FORCE, least="0 N", most="10 N")] = 0.05
@@ -34,7 +34,7 @@ class Solve(Table):
     hood_tolerance: Annotated[Number, Field(ge=1e-14, le=1e-2)] = 1e-10
 
 
-class OneWay(Table):
+class OneWayConfig(Table):
     """What a one-way pass hands to the finger, and what acts there beside it.  As it stands: the
     hood's wrenches and nothing twice; `cases/base/thesis_one_way.toml` has the other choices."""
 
@@ -49,7 +49,7 @@ class OneWay(Table):
     """The finger's own passive joint torques act; its limits always do."""
 
 
-class Coupling(Table):
+class CouplingConfig(Table):
     """How finger and hood come to agree.  Of an equilibrium: by Newton's method ("newton", which
     "linear" is there too), by a fixed point that asks for no derivatives ("implicit", with
     `accelerator`), or not at all ("one_way": the hood is solved once, in the posture).  Of a
@@ -59,19 +59,19 @@ class Coupling(Table):
     scheme: Literal["linear", "newton", "implicit", "explicit", "jacobi", "one_way"] = "linear"
     accelerator: Literal["constant", "aitken", "iqn_ils"] = "aitken"
     tolerance: Annotated[float, quantity(units.ANGLE, above="0 deg", most="1 deg")] = 1e-9
-    """Of the joint angles, of the iterated schemes, rad."""
-    one_way: OneWay = OneWay()
+    """rad, on the joint angles, in the iterated schemes."""
+    one_way: OneWayConfig = OneWayConfig()
     allow_double_counting: Switch = False
     """Run even where the hood hands over a force that the finger makes too."""
 
     @model_validator(mode="after")
-    def _of_one_way(self) -> Coupling:
-        if self.scheme != "one_way" and self.one_way != OneWay():
+    def _of_one_way(self) -> CouplingConfig:
+        if self.scheme != "one_way" and self.one_way != OneWayConfig():
             raise fault('has a table one_way, which goes with scheme = "one_way" alone')
         return self
 
 
-class Adaptive(Table):
+class AdaptiveConfig(Table):
     """Steps whose length follows from their error: that of a joint angle in a step, estimated by
     the difference of two halves and a whole step, is at most `tolerance`.  A step that would have
     to be shorter than `floor` stops the run."""
@@ -80,14 +80,14 @@ class Adaptive(Table):
     floor: Annotated[float, quantity(units.TIME, least="1e-9 s", most="0.1 s")] = 1e-6
 
 
-class Forward(Table):
+class ForwardConfig(Table):
     """A motion in time from rest in the posture, in place of an equilibrium: the tensions or
     activations act from the start on."""
 
     duration: Annotated[float, quantity(units.TIME, above="0 s", most="1000 s")] = 2.0
     step: Annotated[float, quantity(units.TIME, least="1e-6 s", most="0.1 s")] = 1e-3
-    """Of every step; with `adaptive` of the first and the longest."""
-    adaptive: Adaptive | None = None
+    """s, the length of every step; with `adaptive` of the first and the longest."""
+    adaptive: AdaptiveConfig | None = None
     must_rest: Switch = True
     """The run fails where the finger is still moving at the end."""
     checkpoint: Annotated[Count, Field(ge=0, le=1_000_000)] | None = None
@@ -95,7 +95,7 @@ class Forward(Table):
     ten seconds of computing; 0: none."""
 
     @model_validator(mode="after")
-    def _whole_steps(self) -> Forward:
+    def _whole_steps(self) -> ForwardConfig:
         steps = round(self.duration / self.step)
         if steps < 1 or abs(steps * self.step - self.duration) > 1e-9 * self.duration:
             raise fault("its duration must be a multiple of the step")
@@ -104,7 +104,7 @@ class Forward(Table):
         return self
 
 
-class Output(Table):
+class OutputConfig(Table):
     """What is written besides the numbers."""
 
     picture: Switch = True
@@ -116,13 +116,13 @@ class CaseFile(Table):
     title: str
     notes: str | None = None
     finger: Annotated[AnyFinger, Field(discriminator="kind")]
-    tendons: dict[TendonName, Tendon] = Field(default_factory=dict)
+    tendons: dict[TendonName, TendonConfig] = Field(default_factory=dict)
     hood: Annotated[AnyHood, Field(discriminator="kind")]
-    lesion: Lesion | None = None
-    solve: Solve = Solve()
-    forward: Forward | None = None
-    coupling: Coupling = Coupling()
-    output: Output = Output()
+    lesion: LesionConfig | None = None
+    solve: SolveConfig = SolveConfig()
+    forward: ForwardConfig | None = None
+    coupling: CouplingConfig = CouplingConfig()
+    output: OutputConfig = OutputConfig()
 
     @model_validator(mode="after")
     def _can_be_injured(self) -> CaseFile:
@@ -189,7 +189,7 @@ class Case(CaseFile):
 
     def tension(self, tendon: str) -> float:
         """N; the resting tension where the case says nothing else."""
-        stated = self.tendons.get(tendon, Tendon()).force
+        stated = self.tendons.get(tendon, TendonConfig()).force
         return self.solve.resting_tension if stated is None else stated
 
     def setting_key(self) -> str:

@@ -7,7 +7,7 @@ from time import perf_counter
 
 from cosim.build.models import build
 from cosim.build.motion import moving_models
-from cosim.case.schema import Case, Forward
+from cosim.case.schema import Case, ForwardConfig
 from cosim.coupling.motion import motion_states
 from cosim.errors import InputError, quiet
 from cosim.solve.session import Session
@@ -48,7 +48,7 @@ def bench_case(case: Case) -> dict[str, float]:
     }
 
 
-def bench_motion(case: Case, forward: Forward) -> dict[str, float]:
+def bench_motion(case: Case, forward: ForwardConfig) -> dict[str, float]:
     """Means over the steps of a coupled motion, s, and their ratio; assembly and factorisation of
     the hood's own tangent are measured between its steps."""
     tangent = build(case).linear

@@ -13,7 +13,7 @@ from cosim.commands.terminal import exit_on_error, print_table
 
 if TYPE_CHECKING:
     from cosim.analyses.estimate.feasible import ForceSet
-    from cosim.analyses.estimate.of_case import Along, EstimateAnswer, Setup
+    from cosim.analyses.estimate.of_case import EstimateAnswer, MotionEstimate, Setup
     from cosim.schema.units import Kind
 
 
@@ -202,7 +202,7 @@ def _forces(s: Setup, answer: EstimateAnswer | None) -> ForceSet | None:
             demand, at = force_basis(s)
             tension = s.capacity.least
         else:
-            demand, at, tension = answer.demand, answer.found.at, answer.found.tension
+            demand, at, tension = answer.demand, answer.estimate.at, answer.estimate.tension
         found = force_set(demand, tension, at, s.bounds)
     except InputError as error:
         if answer is None:
@@ -218,7 +218,7 @@ def _show(s: Setup, answer: EstimateAnswer) -> None:
     from cosim.analyses.estimate.files import muscle_table
     from cosim.analyses.estimate.of_case import forward_run_text
 
-    table = muscle_table(s.capacity, answer.found.tension)
+    table = muscle_table(s.capacity, answer.estimate.tension)
     rows = [
         (
             str(r.muscle),
@@ -228,7 +228,7 @@ def _show(s: Setup, answer: EstimateAnswer) -> None:
     ]
     header = ("muscle", "tension, N", "greatest, N", "activation", "stress, N/cm2")
     print_table("Tensions", header, rows)
-    found = answer.found
+    found = answer.estimate
     typer.echo(forward_run_text(answer))
     typer.echo(
         f"{found.rounds} hood solves; equations missed by {found.gap:.1e}, optimality by "
@@ -236,7 +236,7 @@ def _show(s: Setup, answer: EstimateAnswer) -> None:
     )
 
 
-def _show_motion(s: Setup, found: Along) -> None:
+def _show_motion(s: Setup, found: MotionEstimate) -> None:
 
     rows = [
         (name, f"{low:.4g}", f"{high:.4g}")
@@ -245,7 +245,7 @@ def _show_motion(s: Setup, found: Along) -> None:
         )
     ]
     print_table("Tensions over the motion, N", ("muscle", "least", "most"), rows)
-    lacking = 1e3 * float(abs(found.made - found.needed).max())
+    lacking = 1e3 * float(abs(found.torque - found.required_torque).max())
     typer.echo(
         f"{found.rounds} hood solves; conditions missed by at most {found.worst:.1e}, torques lack "
         f"at most {lacking:.3g} N mm"

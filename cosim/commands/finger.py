@@ -10,7 +10,7 @@ import typer
 
 from cosim.commands.terminal import exit_on_error, print_table
 from cosim.errors import InputError
-from cosim.files import written_whole
+from cosim.files import output_file
 
 if TYPE_CHECKING:
     import pandas
@@ -55,12 +55,12 @@ def moment_arms(
 def _write(
     out: Path, table: pandas.DataFrame, compared: pandas.DataFrame | None, figure: Figure
 ) -> None:
-    with written_whole(out / "moment_arms.csv") as path:
+    with output_file(out / "moment_arms.csv") as path:
         table.round(4).to_csv(path, index=False)
     if compared is not None:
-        with written_whole(out / "published.csv") as path:
+        with output_file(out / "published.csv") as path:
             compared.round(4).to_csv(path, index=False)
-    with written_whole(out / "moment_arms.png") as path:
+    with output_file(out / "moment_arms.png") as path:
         figure.savefig(path, dpi=130, format="png")
 
 
@@ -108,7 +108,7 @@ def mjcf(
         from cosim.case.file import load_case
 
         text = mjcf_of(load_case(case, settings or ()))
-        with written_whole(out) as path:
+        with output_file(out) as path:
             path.write_text(text + "\n", encoding="utf-8")
         typer.echo(
             f"finger in {out}, without passive torques, limits, the tip's support and the hood"

@@ -61,6 +61,6 @@ def show_hood(
         wanted = choose_studies(paper, only or ())
         folder = Path("hood_postures") / checked.name if out is None else out
         count = write_figures(paper, wanted, folder, say)
-        for pose in studies.unsolved():
+        for pose in studies.unsolved_poses():
             typer.echo(f"{pose.name}: {pose.status}", err=True)
         typer.echo(f"{count} {'figure' if count == 1 else 'figures'} in {folder / 'index.html'}")

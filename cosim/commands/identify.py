@@ -13,7 +13,7 @@ import typer
 
 from cosim.commands.terminal import exit_on_error, print_table
 from cosim.errors import InputError
-from cosim.files import written_whole
+from cosim.files import output_file
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -82,7 +82,7 @@ def sensitivity(
             ("sensitivity.csv", to_csv(found)),
             ("sensitivity.json", to_json(found)),
         ):
-            with written_whole(folder / name) as part:
+            with output_file(folder / name) as part:
                 part.write_text(text, encoding="utf-8")
         charts = _write_charts(folder, found, targets)
         _show_sensitivity(found)
@@ -126,7 +126,7 @@ def _write_charts(folder: Path, found: Sensitivity, targets: Sequence[Target]) -
     drawn = [q for q in found.base if any(bar.swing > 0 for bar in bars(found, q))]
     for quantity in drawn:
         name = re.sub(r"[^\w.-]+", "_over_", quantity)
-        with written_whole(folder / f"{name}.png") as part:
+        with output_file(folder / f"{name}.png") as part:
             figure = draw_tornado(found, quantity, target.get(quantity))
             figure.savefig(part, dpi=130, format="png", bbox_inches="tight")
     return len(drawn)
@@ -239,7 +239,7 @@ def _write_found(
     of_one = all(case.source == source for case in stated)
     base = base_of(source, out) if of_one else None
     title = f"{load_case(source, own).title}, identified"
-    with written_whole(out) as part:
+    with output_file(out) as part:
         text = case_text(found, title, base, own, targets, stated)
         part.write_text(text, encoding="utf-8")
         if of_one:
@@ -249,7 +249,7 @@ def _write_found(
 
 def _show_fit(found: Fit, several: bool) -> None:
     """Parameters, misses, correlations, singular values."""
-    from cosim.analyses.identify.fit import interval, standing
+    from cosim.analyses.identify.fit import identifiability, interval
     from cosim.results.compare import number
 
     rows = []
@@ -257,7 +257,14 @@ def _show_fit(found: Fit, several: bool) -> None:
         value, bounds = number(found.values[p.name]), f"{p.low:g} to {p.high:g}"
         told = "{:.3g} to {:.3g}".format(*interval(found, p.name)) if p in found.within else "-"
         rows.append(
-            (f"{p.name} {p.unit}", number(p.start), value, told, bounds, standing(found, p.name))
+            (
+                f"{p.name} {p.unit}",
+                number(p.start),
+                value,
+                told,
+                bounds,
+                identifiability(found, p.name),
+            )
         )
     header = ("", "start", "fitted", "95 % interval", "bounds", "")
     print_table("Parameters", header, rows)
@@ -279,7 +286,7 @@ def _show_fit(found: Fit, several: bool) -> None:
     by = f"the tangent of the hood in {', '.join(found.by_tangent)}" if found.by_tangent else ""
     typer.echo(
         f"{found.evaluations} evaluations, {found.solves} solves, {len(found.failures)} of which "
-        f"did not converge; {found.ended}; gradients by {by or 'differences of solves'}"
+        f"did not converge; {found.stop_reason}; gradients by {by or 'differences of solves'}"
     )
     for failure in found.failures:
         typer.echo(f"did not converge: {failure}")

@@ -10,7 +10,7 @@ import typer
 
 from cosim.commands.identify import CaseName, Jobs, Settings
 from cosim.commands.terminal import exit_on_error, print_table
-from cosim.files import folder_written_whole
+from cosim.files import output_folder
 
 if TYPE_CHECKING:
     from cosim.analyses.ladder import Rung
@@ -41,7 +41,7 @@ def ladder(
             rungs.append(rung)
             told_of = rung.status if rung.status != "converged" else f"{rung.wall:.1f} s"
             typer.echo(f"{len(rungs)}/{len(names)} {rung.name}: {told_of}", err=True)
-        with folder_written_whole(target, MARK) as folder:
+        with output_folder(target, MARK) as folder:
             _write(folder, rungs, checked.title)
     _show(rungs, checked.title)
     typer.echo(f"tables and picture in {target}")

@@ -75,7 +75,7 @@ def _solve_runs(case: Case, out: Path) -> list[RunPair]:
 
 def _write(case: Case, pairs: Sequence[RunPair], where: Path, form: Format) -> list[ReportTable]:
     from cosim.analyses.lesion import lesion_text, named_parts
-    from cosim.files import written_whole
+    from cosim.files import output_file
     from cosim.report.lesion_page import lesion_page, tables_of_lesion
     from cosim.report.tables import as_csv, as_json, as_markdown
 
@@ -86,7 +86,7 @@ def _write(case: Case, pairs: Sequence[RunPair], where: Path, form: Format) -> l
         text = as_json([run for p in pairs for run in (p.before, p.after)], tables)
     else:
         text = {"csv": as_csv, "md": as_markdown}[form](tables)
-    with written_whole(where) as part:
+    with output_file(where) as part:
         part.write_text(text, encoding="utf-8")
     return tables
 

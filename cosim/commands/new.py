@@ -14,7 +14,7 @@ from cosim.commands.terminal import exit_on_error
 from cosim.errors import InputError
 
 if TYPE_CHECKING:
-    from cosim.anatomy.read import Anatomy
+    from cosim.anatomy.read import UserAnatomy
 
 Unit = Literal["m", "cm", "mm", "um", "in"]
 Frame = Literal["body", "hood", "myohand"]
@@ -81,12 +81,12 @@ def new(
         import numpy as np
 
         from cosim.anatomy.case_folder import new_case
-        from cosim.anatomy.read import Anatomy
+        from cosim.anatomy.read import UserAnatomy
         from meshes.imported.checks import Placing, parse_axes
 
         centre = np.array(_numbers(origin, "--origin", "0 0 0"))
         placing = Placing(unit, parse_axes(axes), centre)
-        given = Anatomy(
+        given = UserAnatomy(
             hood,
             bones or (),
             finger,
@@ -102,7 +102,7 @@ def new(
     _show(case, report, given)
 
 
-def _show(case: Path, report: Sequence[str], given: Anatomy) -> None:
+def _show(case: Path, report: Sequence[str], given: UserAnatomy) -> None:
     for line in report:
         typer.echo(line)
     pulled = "" if given.hood is None else " --set tendons.EDC.activation=0.1"

@@ -9,7 +9,7 @@ import typer
 
 from cosim.commands.identify import CaseName, Jobs, Settings
 from cosim.commands.terminal import exit_on_error, print_table
-from cosim.files import written_whole
+from cosim.files import output_file
 
 if TYPE_CHECKING:
     from cosim.analyses.reduction.reduce import Reduction
@@ -74,7 +74,7 @@ def reduce(
         _show(found)
         if out is not None:
             base, title = base_of(checked.source, out), f"{checked.title}, hood reduced"
-            with written_whole(out) as part:
+            with output_file(out) as part:
                 part.write_text(case_text(found, title, base, own), encoding="utf-8")
                 check_loads(part)
             typer.echo(f"case in {out}")
@@ -105,5 +105,5 @@ def _show(found: Reduction) -> None:
         f"faster), {1e6 * rate.batched:.1f} us in a batch "
         f"({found.seconds / rate.batched:.0f} times)"
     )
-    for lost in found.lost:
-        typer.echo(f"left out: {lost}")
+    for failure in found.failures:
+        typer.echo(f"left out: {failure}")

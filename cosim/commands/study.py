@@ -13,8 +13,8 @@ from cosim.errors import InputError
 
 if TYPE_CHECKING:
     from cosim.study.engine import Solve
-    from cosim.study.execute import Done
-    from cosim.study.plan import Plan
+    from cosim.study.execute import StudyOutcome
+    from cosim.study.plan import StudyPlan
     from cosim.study.results import StudyResults
 
 REASONS = 8
@@ -50,7 +50,7 @@ def study(
     that was cut off goes on where it was; a run that has finished is never done again. Exit code 1
     where a run has no answer."""
     with exit_on_error():
-        from cosim.study.execute import conduct
+        from cosim.study.execute import execute_study
         from cosim.study.files import write_study
         from cosim.study.plan import read_plan
         from cosim.study.progress import progress
@@ -62,13 +62,13 @@ def study(
         kept = Store((store or out / "store").absolute()).open()
         try:
             with _engine(workers, scheduler) as solve, progress(plan.name, kept) as tell:
-                done = conduct(plan, kept, solve, retry, tell)
+                done = execute_study(plan, kept, solve, retry, tell)
         except KeyboardInterrupt:
             typer.echo(f"stopped; what had finished is in {kept.root}: the same command goes on")
             raise typer.Exit(130) from None
         folder = out / plan.name
         _show(plan, done, write_study(plan, done, kept, folder), folder)
-    raise typer.Exit(1 if done.count.failed or done.stopped else 0)
+    raise typer.Exit(1 if done.count.failed or done.was_stopped else 0)
 
 
 def _engine(workers: int, scheduler: str | None) -> AbstractContextManager[Solve]:
@@ -79,10 +79,10 @@ def _engine(workers: int, scheduler: str | None) -> AbstractContextManager[Solve
 
     if scheduler is not None:
         return engine.remote(scheduler, tell)
-    return engine.local(workers, tell) if workers else nullcontext(engine.here)
+    return engine.local(workers, tell) if workers else nullcontext(engine.in_this_process)
 
 
-def _show(plan: Plan, done: Done, found: StudyResults, folder: Path) -> None:
+def _show(plan: StudyPlan, done: StudyOutcome, found: StudyResults, folder: Path) -> None:
     from cosim.results.compare import number
 
     rows = []
@@ -100,7 +100,7 @@ def _show(plan: Plan, done: Done, found: StudyResults, folder: Path) -> None:
         typer.echo(f"{times} without an answer: {reason}")
     if len(count.reasons) > REASONS:
         typer.echo(f"and {len(count.reasons) - REASONS} more reasons, in the table")
-    if done.stopped:
+    if done.was_stopped:
         typer.echo(
             f"stopped at {count.failed} failures (limits.failures); {count.total - count.done} "
             "runs were not done"
@@ -121,7 +121,7 @@ def status(
         from rich import box
         from rich.table import Table
 
-        from cosim.study.progress import notes, span, standing
+        from cosim.study.progress import notes, span, state_text
 
         found = notes(store)
         if not found:
@@ -134,7 +134,7 @@ def status(
             left = "-" if n.remaining is None else span(n.remaining)
             waiting = n.total - n.done - n.handed_out
             counts = (f"{n.done}/{n.total}", str(n.failed), str(n.handed_out), str(waiting))
-            table.add_row(n.name, *counts, rate, left, standing(n, time.time()))
+            table.add_row(n.name, *counts, rate, left, state_text(n, time.time()))
         console().print(table)
 
 

@@ -91,7 +91,9 @@ def validate(
         _print_changes(again, found)
     typer.echo(f"scoreboard in {out / 'scoreboard.html'} and {' and '.join(map(str, places))}")
     every = (*boards, *again)
-    missed = warn_of_audits({name: why for board in every for name, why in board.missed.items()})
+    missed = warn_of_audits(
+        {name: why for board in every for name, why in board.audit_misses.items()}
+    )
     raise typer.Exit(1 if any(board.failures for board in every) else missed)
 
 

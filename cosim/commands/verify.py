@@ -47,10 +47,10 @@ def fe(as_json: AsJson = False, only: Only = None, slow: Slow = False) -> None:
 
 
 def _verify(studies: Sequence[Study], as_json: bool, only: str | None, slow: bool) -> None:
-    from cosim.checks import chosen
+    from cosim.checks import select_studies
 
     with exit_on_error():
-        studies = chosen(only, slow, studies)
+        studies = select_studies(only, slow, studies)
     rows: list[Row] = []
     for study in studies:
         typer.echo(f"verify: {study.name}", err=True)

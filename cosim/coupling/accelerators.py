@@ -25,7 +25,7 @@ from cosim.port import Array
 
 
 @dataclass(frozen=True)
-class Constant:
+class ConstantRelaxation:
     """The same share `factor` of each residual; 1 is the plain fixed point."""
 
     factor: float = 1.0
@@ -51,7 +51,7 @@ class QuasiNewton:
     least: float = 1e-12
 
 
-Accelerator = Constant | Aitken | QuasiNewton
+Accelerator = ConstantRelaxation | Aitken | QuasiNewton
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,9 @@ class History:
 
 def initial_history(accelerator: Accelerator, unknowns: int) -> History:
     """The history before the first step.  Raises InputError for a share that is not positive."""
-    factor = accelerator.factor if isinstance(accelerator, Constant) else accelerator.first
+    factor = (
+        accelerator.factor if isinstance(accelerator, ConstantRelaxation) else accelerator.first
+    )
     if not factor > 0:
         raise InputError(f"accelerator: expected a positive share of the residual, got {factor}")
     nothing = np.zeros((unknowns, 0))

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cosim.coupling.schemes import Alone, Linear, Scheme, step
-from cosim.coupling.state import Coupled, Pulls
+from cosim.coupling.state import CoupledState, Pulls
 from cosim.errors import ConvergenceError, InputError
 from cosim.port import Hood, MovingFinger
 
@@ -38,9 +38,9 @@ class Control:
 class AdaptiveStep(NamedTuple):
     """An accepted step."""
 
-    half: Coupled
+    half: CoupledState
     """After the first of its halves."""
-    state: Coupled
+    state: CoupledState
     error: float
     """rad, estimated."""
     taken: float
@@ -55,7 +55,7 @@ def adaptive_step(
     scheme: Scheme,
     finger: MovingFinger,
     hood: Hood,
-    state: Coupled,
+    state: CoupledState,
     tension: Pulls,
     dt: float,
     control: Control,
@@ -89,10 +89,10 @@ def _try_step(
     scheme: Scheme,
     finger: MovingFinger,
     hood: Hood,
-    state: Coupled,
+    state: CoupledState,
     tension: Pulls,
     h: float,
-) -> tuple[Coupled, Coupled, float, int] | ConvergenceError:
+) -> tuple[CoupledState, CoupledState, float, int] | ConvergenceError:
     """The states after one half and after two, their error in rad, and the hood solves of the whole
     step; or why there is none."""
     try:

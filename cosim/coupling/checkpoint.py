@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from cosim.coupling.motion import Frame, MotionState
+from cosim.coupling.motion import MotionFrame, MotionState
 from cosim.coupling.state_arrays import Special, flatten, rebuild
 from cosim.errors import InputError
-from cosim.files import written_whole
+from cosim.files import output_file
 from cosim.port import Array
 from cosim.version import __version__
 
@@ -30,7 +30,7 @@ class MotionHistory:
     """A motion so far: its state, and the frames and fingertip wrenches of the steps behind."""
 
     moment: MotionState
-    frames: Sequence[Frame]
+    frames: Sequence[MotionFrame]
     tips: Sequence[Array]
 
 
@@ -40,7 +40,7 @@ def write_checkpoint(folder: Path, case: str, kept: MotionHistory, special: Spec
     arrays = flatten(kept.moment, special)
     arrays |= {f"{FRAMES}/{k}": v for k, v in _stack_frames(kept.frames, kept.tips).items()}
     arrays |= {"case": np.array(case), "version": np.array(__version__)}
-    with written_whole(folder / NAME) as part, part.open("wb") as file:
+    with output_file(folder / NAME) as part, part.open("wb") as file:
         np.savez(file, **arrays)
 
 
@@ -90,14 +90,14 @@ FIELDS = (
 NUMBERS = ("residual", "energy")
 
 
-def _stack_frames(frames: Sequence[Frame], tips: Sequence[Array]) -> dict[str, Array]:
+def _stack_frames(frames: Sequence[MotionFrame], tips: Sequence[Array]) -> dict[str, Array]:
     out = {name: np.array([getattr(f, name) for f in frames]) for name in (*FIELDS, *NUMBERS)}
     return {**out, "tips": np.array(tips)}
 
 
-def _unstack_frames(arrays: dict[str, Array]) -> tuple[tuple[Frame, ...], tuple[Array, ...]]:
+def _unstack_frames(arrays: dict[str, Array]) -> tuple[tuple[MotionFrame, ...], tuple[Array, ...]]:
     frames = tuple(
-        Frame(
+        MotionFrame(
             time=float(arrays["time"][k]),
             angles=arrays["angles"][k],
             rates=arrays["rates"][k],

@@ -47,7 +47,8 @@ LEAST_PART = 2.0**-10
 
 @dataclass(frozen=True)
 class CouplingOptions:
-    """`tolerance` of the finger's and of the interface's relative residual."""
+    """When Newton's iteration ends: at the `tolerance` of the finger's and of the interface's
+    relative residual, or without a result after `max_iterations` rounds."""
 
     tolerance: float = 5e-7
     max_iterations: int = 25
@@ -100,6 +101,9 @@ def equilibrium(
 ) -> Equilibrium:
     """Joint angles, tip reaction and hood shape that balance, from a finger and a hood nearby.
 
+    `start`: their states to begin from.  `tensions`: N, of the hood's tendons and of the finger's
+    own.  `progress` is called with each round in words.  `cosim.couple` shows an example.
+
     Raises ConvergenceError when the interface residual stays above its tolerance (of a finger that
     tells no forces: when a joint goes on turning), or when the hood or the finger alone has no
     equilibrium."""
@@ -120,7 +124,7 @@ def equilibrium(
             part, state = 0.5 * part, way.state
             finger_state = finger.between(way.finger_state, way.aim, part)
             continue
-        aim, foreseen = finger.settle(
+        aim, finger_residual = finger.settle(
             finger_state,
             response.load,
             jacobian.load_motion,
@@ -136,7 +140,7 @@ def equilibrium(
                 now,
                 jacobian,
                 *tensions,
-                foreseen,
+                finger_residual,
                 interface,
                 iteration,
                 turn,

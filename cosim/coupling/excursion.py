@@ -48,7 +48,7 @@ class ExcursionState(NamedTuple):
 
     tension: Array
     """N."""
-    found: Array
+    excursion: Array
     """m, the excursions that the tendons have."""
     start: Array
     """m, those that they began with."""
@@ -57,7 +57,7 @@ class ExcursionState(NamedTuple):
 
 
 def initial_excursions(tension: Array, excursion: Array) -> ExcursionState:
-    """At rest under tensions (nd,) N with excursions (nd,) m."""
+    """The state at rest under tensions (nd,) N with excursions (nd,) m."""
     return ExcursionState(tension, excursion, excursion, np.zeros((0, 0)))
 
 

@@ -37,7 +37,9 @@ def fixed_point(
         motion = finger.motion(at)
         response = hood.advance(state, motion, tensions.hood, STATIC)
         now = finger.balance(at, response.load, tensions.finger)
-        aim, foreseen = finger.settle(at, response.load, held, tensions.finger, options.tolerance)
+        aim, finger_residual = finger.settle(
+            at, response.load, held, tensions.finger, options.tolerance
+        )
         angles, image = finger.angles(at), finger.angles(aim)
         turned = float(np.abs(image - angles).max())
         interface = np.nan if now is None else now.relative
@@ -50,7 +52,7 @@ def fixed_point(
                 now,
                 hood.jacobian(response.state),
                 *tensions,
-                foreseen,
+                finger_residual,
                 interface,
                 iteration,
                 turned,

@@ -19,7 +19,7 @@ from cosim.coupling.excursion import (
     solve_excursions,
 )
 from cosim.coupling.schemes import Scheme, begin, step
-from cosim.coupling.state import Coupled
+from cosim.coupling.state import CoupledState
 from cosim.errors import ConvergenceError, Progress
 from cosim.port import Array, Hood, MovingFinger, State
 
@@ -107,8 +107,8 @@ class Pace:
 class MotionState:
     """The state of a motion between two steps: all that is needed to go on."""
 
-    coupled: Coupled
-    puller: State
+    coupled: CoupledState
+    drive: State
     dissipated: float
     """J, dissipated by the joints and limits since the start."""
     slipped: float
@@ -118,7 +118,7 @@ class MotionState:
 
 
 @dataclass(frozen=True)
-class Frame:
+class MotionFrame:
     """The recorded quantities of a motion at one time."""
 
     time: float
@@ -150,12 +150,12 @@ class CoupledMotion:
     scheme: Scheme
     finger: RecordedFinger
     hood: Hood
-    puller: TendonDrive
+    drive: TendonDrive
     dt: float
-    driven: PrescribedExcursions = NO_EXCURSIONS
+    prescribed: PrescribedExcursions = NO_EXCURSIONS
 
     def begin(self, state: State) -> MotionState:
-        """At rest in the finger's `state`, the hood in equilibrium on it."""
+        """The motion at rest in the finger's `state`, the hood in equilibrium on it."""
         split, (pulls, tension) = len(self.hood.tendons), self.first_pull(state)
         coupled = begin(
             self.scheme,
@@ -164,23 +164,23 @@ class CoupledMotion:
             state,
             lambda time: (tension[:split], tension[split:]),
         )
-        index = self.driven.index
+        index = self.prescribed.index
         draw = initial_excursions(tension[index], self._excursions(coupled)[index])
         lengths = np.concatenate([-coupled.point.excursion, self._own(coupled.finger)])
-        pulls = self.puller.settle_at(pulls, lengths)
+        pulls = self.drive.settle_at(pulls, lengths)
         return MotionState(coupled, pulls, 0.0, 0.0, Pace(self.dt), draw)
 
     def first_pull(self, state: State) -> tuple[State, Array]:
         """What pulls at t = 0 on the finger in `state`, and with what tensions (nt,) N."""
         lengths = np.concatenate([np.zeros(len(self.hood.tendons)), self._own(state)])
-        pulls = self.puller.start(lengths)
-        return pulls, self.puller.pull(pulls, 0.0, lengths, 0.0).tension
+        pulls = self.drive.start(lengths)
+        return pulls, self.drive.pull(pulls, 0.0, lengths, 0.0).tension
 
     def advance(self, at: MotionState) -> MotionState:
         """One step on; raises ConvergenceError."""
         time = at.coupled.time + self.dt
         pull = self.tendon_pull(at, time)
-        if self.driven.names:
+        if self.prescribed.names:
             after, draw = self._step_to_excursions(at, pull.tension, time)
         else:
             after, draw = self._step_under(at.coupled, pull.tension), at.draw
@@ -190,12 +190,12 @@ class CoupledMotion:
 
     def _step_to_excursions(
         self, at: MotionState, tension: Array, time: float
-    ) -> tuple[Coupled, ExcursionState]:
+    ) -> tuple[CoupledState, ExcursionState]:
         """A step under tensions (nt,) N, in which those of the displaced tendons are solved for.
         The hood solves of all trials are counted."""
-        index, c, solves = self.driven.index, at.coupled, 0
+        index, c, solves = self.prescribed.index, at.coupled, 0
 
-        def trial(found: Array) -> tuple[Coupled, Array]:
+        def trial(found: Array) -> tuple[CoupledState, Array]:
             nonlocal solves
             pulls = tension.copy()
             pulls[index] = found
@@ -203,16 +203,16 @@ class CoupledMotion:
             solves += after.solves - c.solves
             return after, self._excursions(after)[index]
 
-        after, draw = solve_excursions(self.driven, at.draw, time, trial)
+        after, draw = solve_excursions(self.prescribed, at.draw, time, trial)
         return replace(after, solves=c.solves + solves), draw
 
-    def _step_under(self, c: Coupled, tension: Array) -> Coupled:
+    def _step_under(self, c: CoupledState, tension: Array) -> CoupledState:
         """A step under tensions (nt,) N."""
         split = len(self.hood.tendons)
         pulls = tension[:split], tension[split:]
         return step(self.scheme, self.finger, self.hood, c, lambda time: pulls, self.dt)
 
-    def _excursions(self, c: Coupled) -> Array:
+    def _excursions(self, c: CoupledState) -> Array:
         """(nt,) m of all tendons, each from a length of its own."""
         return np.concatenate([c.point.excursion, -self._own(c.finger)])
 
@@ -221,13 +221,13 @@ class CoupledMotion:
         `tension` (nt,) N and `state`."""
         c = at.coupled
         lengths = np.concatenate([-c.point.excursion, self._own(c.finger)])
-        return self.puller.pull(at.puller, time, lengths, time - c.time)
+        return self.drive.pull(at.drive, time, lengths, time - c.time)
 
-    def frame(self, at: MotionState) -> Frame:
+    def frame(self, at: MotionState) -> MotionFrame:
         """The recorded quantities of a state."""
         c = at.coupled
         load, motion = c.answer.response.load, c.answer.motion
-        return Frame(
+        return MotionFrame(
             c.time,
             self.finger.angles(c.finger),
             self.finger.rates(c.finger),
@@ -238,7 +238,7 @@ class CoupledMotion:
             load.imbalance(motion),
             c.residual,
             self.finger.energy(c.finger),
-            self.puller.cylinder_signals(at.puller, c.time),
+            self.drive.cylinder_signals(at.drive, c.time),
         )
 
     def _own(self, state: State) -> Array:

@@ -38,7 +38,7 @@ class FrozenHood:
     Bodies run from the fixed one to the tip; a joint joins them at each one's origin."""
 
     tendons: tuple[str, ...]
-    answered: Response
+    response: Response
     """The hood's own, in the pose `at`."""
     at: Motion
     by_tension: Array
@@ -50,18 +50,18 @@ class FrozenHood:
     @property
     def bodies(self) -> tuple[str, ...]:
         """The names of the bodies, as the hood has them."""
-        return self.answered.load.bodies
+        return self.response.load.bodies
 
     @property
     def sources(self) -> tuple[str, ...]:
         """The hood's sources, then those that the one-way pass adds."""
         lumped = () if self.centre is None else (LUMPING,)
         doubled = () if self.joint_contact == "none" else (JOINT_CONTACT,)
-        return (*self.answered.load.sources, *lumped, *doubled)
+        return (*self.response.load.sources, *lumped, *doubled)
 
     def start(self, motion: Motion) -> State:
         """The one state that the hood has."""
-        return self.answered.state
+        return self.response.state
 
     def with_tolerance(self, tolerance: float) -> FrozenHood:
         """The hood itself: it solves nothing."""
@@ -73,12 +73,13 @@ class FrozenHood:
             at_points(force, np.einsum("bij,bj->bi", motion.rotation, point)) - taken
             for force, point, taken in self._extra
         ]
-        wrench = np.concatenate([self.answered.load.wrench, *(e[:, None] for e in extra)], axis=1)
-        load = Load(self.bodies, self.sources, wrench, self.answered.load.pull)
-        return Response(state, load, self.answered.excursion)
+        wrench = np.concatenate([self.response.load.wrench, *(e[:, None] for e in extra)], axis=1)
+        load = Load(self.bodies, self.sources, wrench, self.response.load.pull)
+        return Response(state, load, self.response.excursion)
 
     def jacobian(self, state: State) -> HoodJacobian:
-        """At the pose `at`; the finger turns by a few degrees, and it only guides its search."""
+        """Derivatives at the pose `at`: the finger turns by a few degrees, and they only guide its
+        search."""
         nb, nt = len(self.bodies), len(self.tendons)
         by_motion = np.zeros((nb, 6, nb, 6))
         body = np.arange(nb)
@@ -94,7 +95,7 @@ class FrozenHood:
 
     @cached_property
     def _extra(self) -> list[tuple[Array, Array, Array]]:
-        return self._added_forces(self.answered.load.total())
+        return self._added_forces(self.response.load.total())
 
     def _added_forces(self, total: Array) -> list[tuple[Array, Array, Array]]:
         """The sources added to a hood's wrenches (nb, 6), each linear in them: forces (nb, 3),
@@ -147,8 +148,8 @@ def joint_forces(force: Array, end: End) -> Array:
 class OneWayPass:
     """The result of a one-way pass: the load that was handed over, and what it leaves open."""
 
-    handed: FrozenHood
-    left_open: float
+    hood: FrozenHood
+    interface_residual: float
     """Relative residual, as joint torques, of the finger against what the hood would have answered
     in the pose that the finger came to."""
     torque: dict[str, Array]
@@ -157,12 +158,12 @@ class OneWayPass:
     @property
     def answer(self) -> Load:
         """The hood's own load, in the pose `at`."""
-        return self.handed.answered.load
+        return self.hood.response.load
 
     @property
     def at(self) -> Motion:
         """The pose in which the hood was solved."""
-        return self.handed.at
+        return self.hood.at
 
 
 def torques(jacobian: Array, load: Load) -> dict[str, Array]:

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from cosim.coupling.adaptive import AdaptiveStep, Control, adaptive_step
 from cosim.coupling.motion import EVERY, CoupledMotion, MotionState, Pace
-from cosim.coupling.state import Coupled
+from cosim.coupling.state import CoupledState
 from cosim.errors import Progress
 from cosim.port import Array
 
@@ -61,7 +61,7 @@ def _first_try(left: float, proposed: float) -> float:
 
 
 def _state_after(
-    moves: CoupledMotion, at: MotionState, before: MotionState, c: Coupled, dt: float
+    moves: CoupledMotion, at: MotionState, before: MotionState, c: CoupledState, dt: float
 ) -> MotionState:
     """The state `c`, `dt` s after `before`, in the step that began at `at`."""
     lost = before.dissipated + dt * moves.finger.dissipation(c.finger)

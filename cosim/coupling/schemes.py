@@ -10,7 +10,7 @@ In a step from t to t + h the finger moves under what the scheme knows of the ho
     Alone                 no hood is asked: for one that never pushes
 
 The angles agree to `tolerance` (rad).  Where wrenches are compared, moments count over `length`, so
-that N and N m do not mix.  Nothing here has a state: `Coupled` is a value, and a step may be
+that N and N m do not mix.  Nothing here has a state: `CoupledState` is a value, and a step may be
 repeated from it.
 """
 
@@ -23,14 +23,14 @@ import numpy as np
 from cosim.coupling.accelerators import (
     Accelerator,
     Aitken,
-    Constant,
+    ConstantRelaxation,
     accelerate,
     initial_history,
     reset_history,
     start_step,
 )
 from cosim.coupling.state import (
-    Coupled,
+    CoupledState,
     Energy,
     HoodAnswer,
     Pulls,
@@ -47,7 +47,7 @@ LENGTH = 0.046
 TOLERANCE = 1e-9
 """rad."""
 MOST_SOLVES = 30
-BORROWED = 10.0
+ENERGY_MARGIN = 10.0
 """A stable staggered step lends the finger energy and takes it back, near its limit several times
 what passes; what grows goes beyond any multiple."""
 ROUNDING = 1e-12
@@ -76,7 +76,7 @@ class Implicit:
 
 @dataclass(frozen=True)
 class Newton:
-    """With the hood's Jacobian, asked for in every iteration."""
+    """Newton's method with the hood's Jacobian of every iteration."""
 
     tolerance: float = TOLERANCE
     most_solves: int = MOST_SOLVES
@@ -105,12 +105,12 @@ def begin(
     state: State,
     tension: Pulls,
     time: float = 0.0,
-) -> Coupled:
+) -> CoupledState:
     """A finger's `state` (from `finger.begin`) and a hood at static equilibrium on it."""
     motion = finger.motion(finger.angles(state))
     answer = _ask_hood(scheme, hood, hood.start(motion), motion, tension(time)[0], STATIC)
     nq = len(finger.joints)
-    return Coupled(
+    return CoupledState(
         state,
         answer,
         float(time),
@@ -126,9 +126,9 @@ def begin(
 
 
 def step(
-    scheme: Scheme, finger: MovingFinger, hood: Hood, state: Coupled, tension: Pulls, dt: float
-) -> Coupled:
-    """Both `dt` s later; `state` stays valid.
+    scheme: Scheme, finger: MovingFinger, hood: Hood, state: CoupledState, tension: Pulls, dt: float
+) -> CoupledState:
+    """The finger and the hood `dt` s later; `state` stays valid.
 
     Raises ConvergenceError where the iteration, the hood or the finger does not converge, and where
     an explicit step gains energy that nobody put in."""
@@ -146,8 +146,13 @@ def step(
 
 
 def _explicit(
-    scheme: Explicit, finger: MovingFinger, hood: Hood, state: Coupled, tension: Pulls, dt: float
-) -> Coupled:
+    scheme: Explicit,
+    finger: MovingFinger,
+    hood: Hood,
+    state: CoupledState,
+    tension: Pulls,
+    dt: float,
+) -> CoupledState:
     pulls = tension(state.time + dt)
     moved = finger.step(state.finger, state.answer.held_load(), pulls[1], dt)
     angles = _predict_angles(finger, state, dt) if scheme.parallel else finger.angles(moved)
@@ -159,14 +164,16 @@ def _explicit(
     return replace(after, residual=residual, solves=state.solves + 1)
 
 
-def _alone(finger: MovingFinger, state: Coupled, tension: Pulls, dt: float) -> Coupled:
+def _alone(finger: MovingFinger, state: CoupledState, tension: Pulls, dt: float) -> CoupledState:
     pulls = tension(state.time + dt)
     moved = finger.step(state.finger, state.answer.held_load(), pulls[1], dt)
     energy = _with_own_work(finger, state, moved, pulls[1])
     return replace(state, finger=moved, time=state.time + dt, tension=pulls, energy=energy)
 
 
-def _with_own_work(finger: MovingFinger, state: Coupled, moved: State, tension: Array) -> Energy:
+def _with_own_work(
+    finger: MovingFinger, state: CoupledState, moved: State, tension: Array
+) -> Energy:
     then, now = (finger.path_lengths(finger.angles(at)) for at in (state.finger, moved))
     work, e = 0.5 * (state.tension[1] + tension) * (then - now), state.energy
     effort = e.effort + float(np.abs(work).sum())
@@ -174,15 +181,15 @@ def _with_own_work(finger: MovingFinger, state: Coupled, moved: State, tension: 
 
 
 def _linear(
-    scheme: Linear, finger: MovingFinger, hood: Hood, state: Coupled, tension: Pulls, dt: float
-) -> Coupled:
+    scheme: Linear, finger: MovingFinger, hood: Hood, state: CoupledState, tension: Pulls, dt: float
+) -> CoupledState:
     pulls = tension(state.time + dt)
     motion = finger.motion(_predict_angles(finger, state, dt))
     answer = _ask_hood(scheme, hood, state.hood, motion, pulls[0], dt)
     moved = finger.step(state.finger, answer.load(), pulls[1], dt)
     point = hood_point(answer, finger.motion(finger.angles(moved)))
-    foreseen = state.answer.predict(motion, pulls[0])
-    residual = interface_residual(foreseen, answer, scheme.length)
+    predicted = state.answer.predict(motion, pulls[0])
+    residual = interface_residual(predicted, answer, scheme.length)
     after = advance_state(finger, state, moved, answer, point, point.wrench, pulls, dt)
     return replace(after, residual=residual, solves=state.solves + 1)
 
@@ -191,10 +198,10 @@ def _implicit(
     scheme: Implicit | Newton,
     finger: MovingFinger,
     hood: Hood,
-    state: Coupled,
+    state: CoupledState,
     tension: Pulls,
     dt: float,
-) -> Coupled:
+) -> CoupledState:
     pulls, accelerator = tension(state.time + dt), _accelerator(scheme)
     before, history = state.answer, start_step(accelerator, state.history)
     last, angles, same_set = finger.angles(state.finger), _predict_angles(finger, state, dt), True
@@ -207,8 +214,8 @@ def _implicit(
         there = finger.angles(moved)
         turn = float(np.abs(there - angles).max())
         if turn <= scheme.tolerance:
-            foreseen = before.predict(answer.motion, pulls[0])
-            gap = interface_residual(foreseen, answer, scheme.length)
+            predicted = before.predict(answer.motion, pulls[0])
+            gap = interface_residual(predicted, answer, scheme.length)
             residual = gap * min(1.0, turn / (np.abs(angles - last).max() or turn or 1.0))
             point = hood_point(answer, finger.motion(there))
             after = advance_state(finger, state, moved, answer, point, point.wrench, pulls, dt)
@@ -226,10 +233,10 @@ def _implicit(
 
 
 def _accelerator(scheme: Scheme) -> Accelerator:
-    return scheme.accelerator if isinstance(scheme, Implicit) else Constant()
+    return scheme.accelerator if isinstance(scheme, Implicit) else ConstantRelaxation()
 
 
-def _predict_angles(finger: MovingFinger, state: Coupled, dt: float) -> Array:
+def _predict_angles(finger: MovingFinger, state: CoupledState, dt: float) -> Array:
     """(nq,) rad, q + h v."""
     return finger.angles(state.finger) + dt * finger.rates(state.finger)
 
@@ -250,17 +257,22 @@ def _active(answer: HoodAnswer) -> Array:
 
 
 def _check_energy(
-    scheme: Explicit, finger: MovingFinger, hood: Hood, state: Coupled, after: Coupled, dt: float
+    scheme: Explicit,
+    finger: MovingFinger,
+    hood: Hood,
+    state: CoupledState,
+    after: CoupledState,
+    dt: float,
 ) -> None:
     """Raises ConvergenceError where the finger has more energy than hood and tendons gave it, by
-    BORROWED times what they ever gave and what was stored in the finger at first."""
+    ENERGY_MARGIN times what they ever gave and what was stored in the finger at first."""
     # In parallel the hood's books are one step late.
     gained = energy_defect(
         finger, replace(after, finger=state.finger) if scheme.parallel else after
     )
     e = after.energy
     allowed = e.effort + e.most + abs(after.start) + ROUNDING
-    if gained <= BORROWED * allowed:
+    if gained <= ENERGY_MARGIN * allowed:
         return
     limit = explicit_limit(finger, hood, state, dt)
     known = (
@@ -276,7 +288,7 @@ def _check_energy(
     )
 
 
-def explicit_limit(finger: MovingFinger, hood: Hood, state: Coupled, dt: float) -> float:
+def explicit_limit(finger: MovingFinger, hood: Hood, state: CoupledState, dt: float) -> float:
     """s, 2 sqrt(I/K) of the stiffest motion, from the hood's Jacobian K and the finger's answers
     h^2 I^-1 K dq to the load of small turns dq; infinite where the hood does not push back."""
     q = finger.angles(state.finger)

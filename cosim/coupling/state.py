@@ -72,7 +72,7 @@ class Energy:
     own: float = 0.0
     """Work of the finger's own tendons, by their lengths (trapezoidal rule)."""
     effort: float = 0.0
-    """Both without their signs."""
+    """The tendons' work without its signs: the hood's tendons' and the finger's own."""
     load: float = 0.0
     """Work of the load that the finger was stepped with, as it was at each step's end."""
     hood: float = 0.0
@@ -80,7 +80,7 @@ class Energy:
     what the hood has stored."""
     most: float = 0.0
     """The largest value that `hood` has had."""
-    foreseen: float = 0.0
+    predicted: float = 0.0
     """Work of the load that the last answer predicted less the hood's next answer, between their
     two poses; a scheme without tangent predicts the same load."""
 
@@ -91,7 +91,7 @@ class Energy:
 
 
 @dataclass(frozen=True)
-class Coupled:
+class CoupledState:
     """A finger and a hood at one time."""
 
     finger: State
@@ -135,7 +135,7 @@ def interface_residual(a: Array, answer: HoodAnswer, length: float) -> float:
     return float(np.abs((a - load.total()) / scale).max() / (most or 1.0))
 
 
-def energy_defect(finger: MovingFinger, state: Coupled) -> float:
+def energy_defect(finger: MovingFinger, state: CoupledState) -> float:
     """J that the finger has beyond its energy at the start and the work of hood and tendons;
     negative where energy was dissipated."""
     e = state.energy
@@ -144,14 +144,14 @@ def energy_defect(finger: MovingFinger, state: Coupled) -> float:
 
 def advance_state(
     finger: MovingFinger,
-    state: Coupled,
+    state: CoupledState,
     moved: State,
     answer: HoodAnswer,
     point: HoodPoint,
     applied: Array,
     pulls: tuple[Array, Array],
     dt: float,
-) -> Coupled:
+) -> CoupledState:
     """The state with the finger `moved` to `point` under `applied` (nb, 6), and the books kept."""
     return replace(
         state,
@@ -179,7 +179,7 @@ def hood_point(answer: HoodAnswer, motion: Motion) -> HoodPoint:
 
 def _update_energy(
     finger: MovingFinger,
-    state: Coupled,
+    state: CoupledState,
     moved: State,
     answer: HoodAnswer,
     point: HoodPoint,
@@ -203,5 +203,5 @@ def _update_energy(
         load=e.load + float((applied * turned).sum()),
         hood=hood,
         most=max(e.most, hood),
-        foreseen=e.foreseen + float((beyond * asked).sum()),
+        predicted=e.predicted + float((beyond * asked).sum()),
     )

@@ -92,7 +92,7 @@ def _build(template: Any, arrays: Arrays, path: str, special: Special) -> Any:
 
 
 def _sequence(template: Any, arrays: Arrays, path: str, special: Special) -> Any:
-    """As many items as were written; those beyond the template's are like its last, or arrays."""
+    """The items that were written; those beyond the template's are like its last, or arrays."""
     length = int(_take(arrays, f"{path}/length"))
     like = list(template) + [template[-1] if template else None] * (length - len(template))
     items = [_build(like[i], arrays, f"{path}/{i}", special) for i in range(length)]

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Protocol
 
-from cosim.fingers.common import Limit, Passive, PlanarPosture, Tip
+from cosim.fingers.common import LimitConfig, PassiveConfig, PlanarPostureConfig, TipConfig
 
 if TYPE_CHECKING:
     from rigid.chain.joint_torques import JointLaw
@@ -15,28 +15,41 @@ if TYPE_CHECKING:
     from rigid.model import FingerModel
 
 
-class FingerTable(Protocol):
+class ChainFingerConfig(Protocol):
     """What every table of a finger of ours states."""
 
     @property
-    def posture(self) -> PlanarPosture: ...
-    @property
-    def tip(self) -> Tip: ...
-    @property
-    def limit(self) -> Limit | None: ...
-    @property
-    def passive(self) -> Mapping[str, Passive]: ...
-
-
-class FingerTableWithMass(FingerTable, Protocol):
-    """With mass."""
+    def posture(self) -> PlanarPostureConfig:
+        """rad, in which the finger starts."""
+        ...
 
     @property
-    def gravity(self) -> tuple[float, float, float]: ...
+    def tip(self) -> TipConfig:
+        """What holds the fingertip."""
+        ...
+
+    @property
+    def limit(self) -> LimitConfig | None:
+        """The joints' limits; None where they are free."""
+        ...
+
+    @property
+    def passive(self) -> Mapping[str, PassiveConfig]:
+        """Passive torques by joint."""
+        ...
+
+
+class ChainFingerConfigWithMass(ChainFingerConfig, Protocol):
+    """What the table of a finger of ours with mass states."""
+
+    @property
+    def gravity(self) -> tuple[float, float, float]:
+        """(3,) m/s2, world frame."""
+        ...
 
 
 def on_mujoco(
-    finger: FingerTableWithMass, model: FingerModel, in_plane: bool = False
+    finger: ChainFingerConfigWithMass, model: FingerModel, in_plane: bool = False
 ) -> ChainFinger:
     """The live finger of a MuJoCo model."""
     from rigid.mujoco.finger import MujocoFinger
@@ -46,7 +59,7 @@ def on_mujoco(
     return MujocoFinger(model, law=law, support=support, gravity=finger.gravity)
 
 
-def tip_support(tip: Tip, in_plane: bool) -> Support:
+def tip_support(tip: TipConfig, in_plane: bool) -> Support:
     """What holds the fingertip at rest."""
     from rigid.chain.support import CLAMPED, CLAMPED_IN_PLANE, FREE, HELD, IN_PLANE, JOINTS_HELD
 
@@ -54,7 +67,7 @@ def tip_support(tip: Tip, in_plane: bool) -> Support:
     return {"point": point, "clamped": clamped, "posture": JOINTS_HELD}.get(tip.kind, FREE)
 
 
-def joint_torques(finger: FingerTable, joints: tuple[str, ...]) -> JointLaw:
+def joint_torques(finger: ChainFingerConfig, joints: tuple[str, ...]) -> JointLaw:
     """Passive torques and limits."""
     from rigid.chain.joint_torques import TorqueCurve, joint_law
 

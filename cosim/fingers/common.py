@@ -42,18 +42,18 @@ class Extensor:
     lies_on_bones: bool = False
 
 
-class FingerTable(Table):
+class FingerConfig(Table):
     """What the table of any finger says without a solver."""
 
     title: ClassVar[str]
-    """In words, for reports."""
+    """The kind in words, for reports."""
     is_native: ClassVar[bool] = True
     """A model of ours, not another's program."""
     has_mass: ClassVar[bool] = True
     has_literature: ClassVar[bool] = False
     """Moment arms and slips of this finger are published, and the packaged hood was fitted to
     them."""
-    laid_hood: ClassVar[str | None] = None
+    shell_case: ClassVar[str | None] = None
     """The packaged case with a shell laid out on this finger, where it is not the index finger's.
     """
     flexed: ClassVar[tuple[float, float, float]] = (30.0, 45.0, 15.0)
@@ -62,7 +62,7 @@ class FingerTable(Table):
     """What bones and joints do not depend on."""
 
     def files(self) -> tuple[Path, ...]:
-        """Those that the finger is built from."""
+        """The files that the finger is built from."""
         return ()
 
     def check_extensor(self, extensor: Extensor) -> None:
@@ -83,7 +83,7 @@ def stamps(files: Collection[Path]) -> list[str]:
     return [f"{path}:{path.stat().st_mtime_ns}:{path.stat().st_size}" for path in files]
 
 
-class PlanarPosture(Table):
+class PlanarPostureConfig(Table):
     """Flexion angles, rad."""
 
     MCP: McpAngle
@@ -95,7 +95,7 @@ class PlanarPosture(Table):
         return {name: float(value) for name, value in self}
 
 
-class Posture(PlanarPosture):
+class PostureConfig(PlanarPostureConfig):
     """Joint angles, rad; radial abduction positive."""
 
     MCP_abduction: AbductionAngle = 0.0
@@ -105,7 +105,7 @@ JointAngle = Annotated[float, quantity(units.ANGLE, least="-90 deg", most="150 d
 JointTorque = Annotated[float, quantity(units.TORQUE, least="-100 N*m", most="100 N*m")]
 
 
-class Limit(Table):
+class LimitConfig(Table):
     """The torque that keeps a joint within `half_range` of the posture (OpenSim's
     CoordinateLimitForce)."""
 
@@ -119,7 +119,7 @@ class Limit(Table):
     ] = 0.0
 
 
-class Passive(Table):
+class PassiveConfig(Table):
     """A passive joint torque: linear, N m/rad about `rest` (an angle in rad, or "posture"), or a
     `curve` of (angle, torque) points through which a smooth line runs, straight beyond its ends;
     and viscous damping, which acts where the finger moves in time."""
@@ -141,7 +141,7 @@ class Passive(Table):
     ] = 0.0
 
     @model_validator(mode="after")
-    def _one_way(self) -> Passive:
+    def _one_way(self) -> PassiveConfig:
         if (self.stiffness is None) != (self.rest is None):
             raise fault('gives one of stiffness and rest; write both, for example rest = "posture"')
         if self.curve is not None and self.stiffness is not None:
@@ -152,7 +152,7 @@ class Passive(Table):
         return self
 
 
-class HeldTip(Table):
+class HeldTipConfig(Table):
     """The fingertip is held at a point: free to turn there ("point"), clamped against flexion too
     ("clamped"), or not held at all ("free"); with "posture" every joint is held instead, as bones
     on a rig are."""
@@ -160,14 +160,14 @@ class HeldTip(Table):
     kind: Literal["point", "clamped", "free", "posture"]
 
 
-class DeviceTip(Table):
+class DeviceTipConfig(Table):
     """A sphere about the fingertip that pushes against what surrounds it, with friction, in a
     motion in time.  Defaults are those of the thesis (section 2.2.1) and of Simbody."""
 
     sphere: Annotated[float, quantity(units.LENGTH, above="0 mm", most="100 mm")] = 8e-3
     """Diameter, m."""
     width: Annotated[float, quantity(units.LENGTH, above="0 mm", most="200 mm")] = 9e-3
-    """Between opposite walls, m."""
+    """m, between opposite walls."""
     dissipation: Annotated[float, quantity(units.DISSIPATION, least="0 s/m", most="1e4 s/m")] = 0.99
     static_friction: Annotated[Number, Field(ge=0, le=10)] = 0.1
     dynamic_friction: Annotated[Number, Field(ge=0, le=10)] = 0.03
@@ -177,13 +177,13 @@ class DeviceTip(Table):
     )
 
     @model_validator(mode="after")
-    def _fits(self) -> DeviceTip:
+    def _fits(self) -> DeviceTipConfig:
         if not self.width > self.sphere:
             raise fault("its width must exceed the sphere's diameter")
         return self
 
 
-class CageTip(DeviceTip):
+class CageTipConfig(DeviceTipConfig):
     """A cube of six walls, Hunt-Crossley; `stiffness` is the plane-strain modulus of sphere and
     walls, Pa."""
 
@@ -191,7 +191,7 @@ class CageTip(DeviceTip):
     stiffness: Annotated[float, quantity(units.PRESSURE, above="0 MPa", most="1000 GPa")] = 20e9
 
 
-class ShellTip(DeviceTip):
+class ShellTipConfig(DeviceTipConfig):
     """A hollow sphere, elastic foundation; `stiffness` is pressure over depth, Pa/m."""
 
     kind: Literal["shell"]
@@ -200,4 +200,4 @@ class ShellTip(DeviceTip):
     ] = 20e9
 
 
-Tip = Annotated[HeldTip | CageTip | ShellTip, Field(discriminator="kind")]
+TipConfig = Annotated[HeldTipConfig | CageTipConfig | ShellTipConfig, Field(discriminator="kind")]

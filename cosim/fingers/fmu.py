@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from cosim.fingers.common import FingerTable
+from cosim.fingers.common import FingerConfig
 from cosim.fingers.kind import FingerKind
 from cosim.fmu.quantity import FINGER_QUANTITIES
 from cosim.schema.fields import fault, name_of
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from cosim.fmu.moving_finger import FmuMovingFinger
 
 
-class FmuFingerConfig(FingerTable):
+class FmuFingerConfig(FingerConfig):
     """A finger in an FMU of FMI 2 or 3, which is a program and runs as one; it holds its posture,
     joints and fingertip.  `bodies`, `joints` and `tendons` name its own, in its order; `map` says,
     by quantity, how its variables are called where they are not called as in our own units."""

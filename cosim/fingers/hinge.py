@@ -10,12 +10,12 @@ from pydantic import Field
 from cosim.fingers.chain import joint_torques, tip_support
 from cosim.fingers.common import (
     Extensor,
-    FingerTable,
-    HeldTip,
-    Limit,
-    Passive,
-    PlanarPosture,
-    Tip,
+    FingerConfig,
+    HeldTipConfig,
+    LimitConfig,
+    PassiveConfig,
+    PlanarPostureConfig,
+    TipConfig,
 )
 from cosim.fingers.kind import FingerKind
 from cosim.fingers.rods import thick_rods
@@ -27,17 +27,17 @@ if TYPE_CHECKING:
     from rigid.chain.statics import ChainFinger
 
 
-class HingeFingerConfig(FingerTable):
+class HingeFingerConfig(FingerConfig):
     """The analytic planar finger: three hinges in a row."""
 
     title: ClassVar[str] = "planar finger of hinges, analytic"
     has_mass: ClassVar[bool] = False
     kind: Literal["hinge"]
     lengths: tuple[Phalanx, Phalanx, Phalanx]
-    posture: PlanarPosture
-    tip: Tip = HeldTip(kind="point")
-    limit: Limit | None = None
-    passive: dict[Annotated[str, name_of("joint", ("MCP", "PIP", "DIP"))], Passive] = Field(
+    posture: PlanarPostureConfig
+    tip: TipConfig = HeldTipConfig(kind="point")
+    limit: LimitConfig | None = None
+    passive: dict[Annotated[str, name_of("joint", ("MCP", "PIP", "DIP"))], PassiveConfig] = Field(
         default_factory=dict
     )
 
@@ -52,6 +52,7 @@ def build(finger: HingeFingerConfig, extensor: Extensor) -> ChainFinger:
 
 
 def bones(finger: HingeFingerConfig, extensor: Extensor) -> Mapping[str, Triangles]:
+    """Rods for bones: surfaces in the bodies' frames, m."""
     return thick_rods(finger.lengths)
 
 

@@ -15,12 +15,12 @@ from cosim.fingers.chain import on_mujoco
 from cosim.fingers.common import (
     EQUAL_SHARES,
     Extensor,
-    FingerTable,
-    HeldTip,
-    Limit,
-    Passive,
-    Posture,
-    Tip,
+    FingerConfig,
+    HeldTipConfig,
+    LimitConfig,
+    PassiveConfig,
+    PostureConfig,
+    TipConfig,
 )
 from cosim.fingers.kind import FingerKind
 from cosim.port import Triangles
@@ -46,7 +46,7 @@ UNREADABLE = (
 """What a reader of surfaces raises over files that it does not understand."""
 
 
-class Bone(Table):
+class BoneConfig(Table):
     """A watertight surface (STL or OBJ) in place of our bone."""
 
     surface: File
@@ -54,7 +54,7 @@ class Bone(Table):
     frame: Literal["ours", "myohand"]
 
 
-class IndexFingerConfig(FingerTable):
+class IndexFingerConfig(FingerConfig):
     """The MuJoCo index finger: ours, or with `path` the user's."""
 
     title: ClassVar[str] = "index finger of a right hand"
@@ -64,13 +64,15 @@ class IndexFingerConfig(FingerTable):
     """A MuJoCo model with joints, lengths and tendons in place of ours: bodies, joints, tendons and
     the site "tip" are called as `cosim mjcf` calls them (`cosim new` makes such a file of another).
     """
-    posture: Posture
+    posture: PostureConfig
     length_scale: Annotated[Number, Field(ge=0.1, le=3)] = 1.0
     width_scale: Annotated[Number, Field(ge=0.1, le=3)] = 1.0
-    tip: Tip = HeldTip(kind="point")
-    limit: Limit | None = None
-    passive: dict[Annotated[str, name_of("joint", JOINTS)], Passive] = Field(default_factory=dict)
-    bones: dict[BodyName, Bone] = Field(default_factory=dict)
+    tip: TipConfig = HeldTipConfig(kind="point")
+    limit: LimitConfig | None = None
+    passive: dict[Annotated[str, name_of("joint", JOINTS)], PassiveConfig] = Field(
+        default_factory=dict
+    )
+    bones: dict[BodyName, BoneConfig] = Field(default_factory=dict)
     gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, 0.0)
 
     @model_validator(mode="after")
@@ -103,7 +105,7 @@ class IndexFingerConfig(FingerTable):
 
 
 def skeleton(finger: IndexFingerConfig) -> Skeleton:
-    """As its MuJoCo model has it."""
+    """Joints and lengths of its MuJoCo model."""
     if finger.path is not None:
         from rigid.mjcf.read import skeleton_of
 
@@ -112,10 +114,12 @@ def skeleton(finger: IndexFingerConfig) -> Skeleton:
 
 
 def width(finger: IndexFingerConfig) -> float:
+    """The finger's width over that of our index finger."""
     return finger.width_scale
 
 
 def model(finger: IndexFingerConfig, extensor: Extensor) -> FingerModel:
+    """Bones, joints, and the tendons that the hood leaves to the finger."""
     from rigid.fingers import index
 
     if finger.path is not None:
@@ -140,6 +144,7 @@ def _read(path: Path, changed: int, size: int) -> FingerModel:
 
 
 def build(finger: IndexFingerConfig, extensor: Extensor) -> ChainFinger:
+    """The live finger, with the tendons that the hood leaves to it."""
     return on_mujoco(finger, model(finger, extensor))
 
 
@@ -158,7 +163,7 @@ def bones(finger: IndexFingerConfig, extensor: Extensor) -> Mapping[str, Triangl
     return out
 
 
-def _user_bone(body: str, bone: Bone, finger: IndexFingerConfig) -> Triangles:
+def _user_bone(body: str, bone: BoneConfig, finger: IndexFingerConfig) -> Triangles:
     import trimesh
 
     try:

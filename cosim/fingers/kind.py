@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Generic, TypeVar, get_args
 
-from cosim.fingers.common import Extensor, FingerTable
+from cosim.fingers.common import Extensor, FingerConfig
 from cosim.port import Triangles
 
 if TYPE_CHECKING:
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from rigid.chain.statics import ChainFinger
     from rigid.model import FingerModel
 
-T = TypeVar("T", bound=FingerTable)
+T = TypeVar("T", bound=FingerConfig)
 Guides = Mapping[str, tuple[float, float, float]]
 
 

@@ -14,7 +14,7 @@ from cosim.fingers.kind import Anatomy, FingerKind
 from cosim.port import Finger, Triangles
 
 if TYPE_CHECKING:
-    from cosim.fingers.chain import FingerTableWithMass
+    from cosim.fingers.chain import ChainFingerConfigWithMass
     from meshes.skeleton import Skeleton
     from rigid.chain.statics import ChainFinger
     from rigid.model import FingerModel
@@ -91,7 +91,9 @@ def mjcf(finger: NativeFinger, extensor: Extensor) -> str:
     """The finger as MJCF.  Raises InputError for one without a MuJoCo model."""
     from rigid.mjcf.write import mjcf_xml
 
-    return mjcf_xml(finger_model(finger, extensor), cast("FingerTableWithMass", finger).gravity)
+    return mjcf_xml(
+        finger_model(finger, extensor), cast("ChainFingerConfigWithMass", finger).gravity
+    )
 
 
 def own_tendons(finger: AnyFinger, extensor: Extensor) -> tuple[str, ...]:

@@ -9,7 +9,15 @@ import numpy as np
 from pydantic import Field
 
 from cosim.fingers.chain import on_mujoco
-from cosim.fingers.common import Extensor, FingerTable, HeldTip, Limit, Passive, Posture, Tip
+from cosim.fingers.common import (
+    Extensor,
+    FingerConfig,
+    HeldTipConfig,
+    LimitConfig,
+    PassiveConfig,
+    PostureConfig,
+    TipConfig,
+)
 from cosim.fingers.kind import FingerKind, Guides
 from cosim.port import Triangles
 from cosim.schema.fields import name_of
@@ -24,18 +32,20 @@ AREAS = {"FDP": 4.1, "FDS": 4.2, "EDC": 1.7, "LUM": 0.2, "UI": 2.2, "RI": 2.8}
 """cm2: Chao et al. 1989, digit III, as Synek et al. 2019 take them."""
 
 
-class MiddleFingerConfig(FingerTable):
+class MiddleFingerConfig(FingerConfig):
     """The MuJoCo middle finger of Synek et al. 2019."""
 
     title: ClassVar[str] = "middle finger of a right hand"
-    laid_hood: ClassVar[str | None] = "base/middle_hood"
+    shell_case: ClassVar[str | None] = "base/middle_hood"
     flexed: ClassVar[tuple[float, float, float]] = (40.0, 55.0, 35.0)
     kind: Literal["middle"]
-    posture: Posture
+    posture: PostureConfig
     length_scale: Annotated[Number, Field(ge=0.1, le=3)] = 1.0
-    tip: Tip = HeldTip(kind="point")
-    limit: Limit | None = None
-    passive: dict[Annotated[str, name_of("joint", JOINTS)], Passive] = Field(default_factory=dict)
+    tip: TipConfig = HeldTipConfig(kind="point")
+    limit: LimitConfig | None = None
+    passive: dict[Annotated[str, name_of("joint", JOINTS)], PassiveConfig] = Field(
+        default_factory=dict
+    )
     gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, 0.0)
 
     def muscle_areas(self, names: Collection[str]) -> tuple[Mapping[str, float], str]:
@@ -58,10 +68,12 @@ def model(finger: MiddleFingerConfig, extensor: Extensor) -> FingerModel:
 
 
 def build(finger: MiddleFingerConfig, extensor: Extensor) -> ChainFinger:
+    """The live finger, with the tendons that the hood leaves to it."""
     return on_mujoco(finger, model(finger, extensor))
 
 
 def skeleton(finger: MiddleFingerConfig) -> Skeleton:
+    """Joints and lengths that a hood is laid out on."""
     from rigid.fingers.middle import skeleton
 
     return skeleton().scaled(finger.length_scale)
@@ -88,6 +100,7 @@ def bones(finger: MiddleFingerConfig, extensor: Extensor) -> Mapping[str, Triang
 
 
 def intrinsic(finger: MiddleFingerConfig) -> Guides:
+    """Points from which the intrinsic tendons run to a sheet."""
     from rigid.fingers.middle import intrinsic_guides
 
     return intrinsic_guides(finger.length_scale)

@@ -11,12 +11,12 @@ from pydantic import Field
 from cosim.fingers.chain import on_mujoco
 from cosim.fingers.common import (
     Extensor,
-    FingerTable,
-    HeldTip,
-    Limit,
-    Passive,
-    PlanarPosture,
-    Tip,
+    FingerConfig,
+    HeldTipConfig,
+    LimitConfig,
+    PassiveConfig,
+    PlanarPostureConfig,
+    TipConfig,
 )
 from cosim.fingers.kind import FingerKind
 from cosim.fingers.rods import thick_rods
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from rigid.model import FingerModel
 
 
-class PlanarFingerConfig(FingerTable):
+class PlanarFingerConfig(FingerConfig):
     """Three links in a plane on MuJoCo: lengths, distances of the centres of mass from the proximal
     joints, masses, and moments of inertia about the centres of mass."""
 
@@ -40,10 +40,10 @@ class PlanarFingerConfig(FingerTable):
     centres: tuple[Phalanx, Phalanx, Phalanx]
     masses: tuple[Mass, Mass, Mass]
     inertias: tuple[Inertia, Inertia, Inertia]
-    posture: PlanarPosture
-    tip: Tip = HeldTip(kind="point")
-    limit: Limit | None = None
-    passive: dict[Annotated[str, name_of("joint", ("MCP", "PIP", "DIP"))], Passive] = Field(
+    posture: PlanarPostureConfig
+    tip: TipConfig = HeldTipConfig(kind="point")
+    limit: LimitConfig | None = None
+    passive: dict[Annotated[str, name_of("joint", ("MCP", "PIP", "DIP"))], PassiveConfig] = Field(
         default_factory=dict
     )
     gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, 0.0)
@@ -59,14 +59,17 @@ def planar_chain(finger: PlanarFingerConfig) -> PlanarChain:
 
 
 def model(finger: PlanarFingerConfig, extensor: Extensor) -> FingerModel:
+    """Bones, joints and tendons of the finger's MuJoCo model."""
     return planar_chain(finger).model()
 
 
 def build(finger: PlanarFingerConfig, extensor: Extensor) -> ChainFinger:
+    """The live finger, whose tip is held in its plane alone."""
     return on_mujoco(finger, model(finger, extensor), in_plane=True)
 
 
 def bones(finger: PlanarFingerConfig, extensor: Extensor) -> Mapping[str, Triangles]:
+    """Rods for bones: surfaces in the bodies' frames, m."""
     return thick_rods(finger.lengths)
 
 

@@ -10,7 +10,15 @@ from pydantic import Field
 
 from cosim.errors import InputError
 from cosim.fingers.chain import on_mujoco
-from cosim.fingers.common import Extensor, FingerTable, HeldTip, Limit, Passive, Posture, Tip
+from cosim.fingers.common import (
+    Extensor,
+    FingerConfig,
+    HeldTipConfig,
+    LimitConfig,
+    PassiveConfig,
+    PostureConfig,
+    TipConfig,
+)
 from cosim.fingers.kind import FingerKind
 from cosim.fingers.rods import rods
 from cosim.port import Triangles
@@ -27,19 +35,21 @@ THIN = 1e-3
 DIP."""
 
 
-class RobotFingerConfig(FingerTable):
+class RobotFingerConfig(FingerConfig):
     """The robotic finger of Xu et al. 2012 on MuJoCo (rigid/fingers/robot.py), with its own
     tendons: over its extensor's pulley under `hood.kind = "split"`; any other hood takes that
     extensor's place."""
 
     title: ClassVar[str] = "robotic finger of Xu et al. 2012"
     kind: Literal["robot"]
-    posture: Posture
+    posture: PostureConfig
     second_extensor: Switch = False
     """Six tendons: one more extensor, to the proximal phalanx alone."""
-    tip: Tip = HeldTip(kind="point")
-    limit: Limit | None = None
-    passive: dict[Annotated[str, name_of("joint", JOINTS)], Passive] = Field(default_factory=dict)
+    tip: TipConfig = HeldTipConfig(kind="point")
+    limit: LimitConfig | None = None
+    passive: dict[Annotated[str, name_of("joint", JOINTS)], PassiveConfig] = Field(
+        default_factory=dict
+    )
     gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, 0.0)
 
     def check_extensor(self, extensor: Extensor) -> None:
@@ -64,11 +74,12 @@ def model(finger: RobotFingerConfig, extensor: Extensor) -> FingerModel:
 
 
 def build(finger: RobotFingerConfig, extensor: Extensor) -> ChainFinger:
+    """The live finger, with the tendons that the hood leaves to it."""
     return on_mujoco(finger, model(finger, extensor))
 
 
 def skeleton(finger: RobotFingerConfig) -> Skeleton:
-    """As its MuJoCo model has it."""
+    """Joints and lengths of its MuJoCo model."""
     from meshes.robot_net import straight_skeleton
     from rigid.fingers.robot_tables import LENGTHS
 
@@ -87,6 +98,7 @@ def bones(finger: RobotFingerConfig, extensor: Extensor) -> Mapping[str, Triangl
 
 
 def width(finger: RobotFingerConfig) -> float:
+    """The finger's width over that of our index finger."""
     from meshes.robot_net import wider
 
     return wider(skeleton(finger))

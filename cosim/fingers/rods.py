@@ -27,7 +27,7 @@ def rods(lengths: tuple[float, float, float], radius: Mapping[str, float]) -> di
 
 
 def thick_rods(lengths: tuple[float, float, float]) -> dict[str, Triangles]:
-    """As thick as MuJoCo's model shows them."""
+    """Rods for bones, as thick as MuJoCo's model shows them: surfaces in the bodies' frames, m."""
     from rigid.fingers.anatomy import VIEW_RADIUS
 
     return rods(lengths, VIEW_RADIUS)

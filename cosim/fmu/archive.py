@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from fmpy.model_description import ModelDescription
 
 MOST_FILES, MOST_BYTES, MOST_XML = 20_000, 2**30, 2**26
-"""Of an archive unpacked, and of its description."""
+"""Limits of an unpacked archive, and of the description in it (bytes)."""
 DESCRIPTION = "modelDescription.xml"
 UNREADABLE = (zipfile.BadZipFile, ZlibError, EOFError, NotImplementedError, RuntimeError, OSError)
 """What zipfile raises over archives that are damaged, encrypted or packed in unknown ways."""
@@ -33,7 +33,7 @@ class UnpackedFmu:
     """An unpacked FMU that this machine can load."""
 
     path: Path
-    """Of the archive, for messages."""
+    """The archive's file, for messages."""
     folder: Path
     description: ModelDescription
     rolls_back: bool

@@ -14,10 +14,10 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.fmu.hood import SHORT
-from cosim.fmu.kinematics import OPTIONAL, Kinematics, Pose
+from cosim.fmu.kinematics import OPTIONAL, FmuKinematics, FmuPose
 from cosim.fmu.mapping import places
 from cosim.fmu.quantity import Quantity, finger_quantities
-from cosim.fmu.unit import Saved, Unit
+from cosim.fmu.unit import SavedState, Unit
 from cosim.port import Array, Load, Motion
 
 OPEN = "the FMU's own: tendons, joints, limits"
@@ -28,15 +28,16 @@ OPEN = "the FMU's own: tendons, joints, limits"
 class FmuFingerState:
     """A finger's equilibrium, or a state on the way there."""
 
-    saved: Saved
+    saved: SavedState
     angles: Array
     """(nq,) rad."""
-    pose: Pose
+    pose: FmuPose
     tip_force: Array
     """(3,) N, of the fingertip on the world."""
 
     @property
     def motion(self) -> Motion:
+        """Poses of the shared bodies."""
         return self.pose.motion
 
 
@@ -61,12 +62,12 @@ class FmuFinger:
         quantities: tuple[Quantity, ...] = finger_quantities(bodies, joints, tendons)
         optional = (*OPTIONAL, "load_motion")
         self._place = places(self.unit.opened, quantities, names or {}, optional, assume_si)
-        self.kinematics = Kinematics(self.unit, self._place, bodies)
+        self.kinematics = FmuKinematics(self.unit, self._place, bodies)
         self._begin = self._read_state()
 
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
-        """Not told."""
+        """Infinite: an FMU states no ranges."""
         return dict.fromkeys(self.joints, (-np.inf, np.inf))
 
     def start(self, posture: Mapping[str, float]) -> FmuFingerState:
@@ -92,7 +93,7 @@ class FmuFinger:
         return self.step(state, load.total(), by_motion, tension), np.nan
 
     def balance(self, state: FmuFingerState, load: Load, tension: Array) -> None:
-        """Not told."""
+        """None: an FMU reports no forces."""
 
     def between(self, state: FmuFingerState, aim: FmuFingerState, part: float) -> FmuFingerState:
         """Raises InputError for a unit that does not tell its poses at any angles."""
@@ -109,7 +110,7 @@ class FmuFinger:
         return state.tip_force
 
     def jacobian(self, state: FmuFingerState) -> Array | None:
-        """By differences, where the unit tells its poses at any angles."""
+        """The Jacobian by differences; None where the unit knows its poses at no other angles."""
         return self.kinematics.jacobian(state.angles) if self.kinematics.tells_any else None
 
     def ledger(self, state: FmuFingerState, load: Load, tension: Array) -> dict[str, Array]:

@@ -12,9 +12,9 @@ from typing import Literal
 import numpy as np
 
 from cosim.errors import InputError
-from cosim.fmu.mapping import Place, places
+from cosim.fmu.mapping import VariablePlace, places
 from cosim.fmu.quantity import STATIC_STEP, TOLERANCE, WITH_TANGENT, hood_quantities, tangent_of
-from cosim.fmu.unit import Saved, Unit
+from cosim.fmu.unit import SavedState, Unit
 from cosim.port import Array, HoodJacobian, Load, Motion, Response, skew
 
 TangentBy = Literal["outputs", "directional derivatives", "differences"]
@@ -30,8 +30,8 @@ large against what is left of a hood's residual."""
 class FmuState:
     """States of the unit before and after the step, with the step's inputs."""
 
-    before: Saved
-    after: Saved
+    before: SavedState
+    after: SavedState
     motion: Motion
     tension: Array
     dt: float
@@ -88,7 +88,7 @@ class FmuHood:
         return Response(new, load, excursion)
 
     def jacobian(self, state: FmuState) -> HoodJacobian:
-        """Of the last step's outputs by its inputs."""
+        """The derivatives of the last step's outputs by its inputs."""
         if state.before is state.after:
             raise InputError("this hood state has not been solved: call advance first")
         if self.tangent_by == "outputs":
@@ -106,7 +106,7 @@ class FmuHood:
         return loose
 
     def _do_step(
-        self, start: Saved, motion: Motion, tension: Array, dt: float
+        self, start: SavedState, motion: Motion, tension: Array, dt: float
     ) -> tuple[Load, Array]:
         self.unit.restore(start)
         given: dict[str, Array | float] = {
@@ -172,7 +172,7 @@ class FmuHood:
         self.unit.restore(state.after)
         turning = skew(twist[:, 3:]) @ state.motion.rotation
         seed = np.concatenate([twist[:, :3].ravel(), turning.ravel(), pull])
-        unknown: list[Place] = [self._place[name] for name in ANSWERS]
+        unknown: list[VariablePlace] = [self._place[name] for name in ANSWERS]
         known = [self._place[name] for name in ("position", "rotation", "tension")]
         slopes = self.unit.derivative(unknown, known, seed)
         parts = np.split(slopes, np.cumsum([place.size for place in unknown])[:-1])

@@ -10,20 +10,20 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.fmu.hood import SHORT
-from cosim.fmu.mapping import Place
+from cosim.fmu.mapping import VariablePlace
 from cosim.fmu.quantity import KINEMATICS
 from cosim.fmu.unit import Unit
 from cosim.port import Array, Motion
 
-ASKED = "asked_angle"
-OPTIONAL = ("tip", "path", ASKED, KINEMATICS.name)
+QUERY_ANGLE = "asked_angle"
+OPTIONAL = ("tip", "path", QUERY_ANGLE, KINEMATICS.name)
 """Quantities that a unit of a finger may lack."""
 MOST_KEPT = 64
 TURN = 1e-5
 """rad, of differences: truncation and rounding of a twist both near 1e-11 of it."""
 
 
-class Pose(NamedTuple):
+class FmuPose(NamedTuple):
     """A finger at some joint angles."""
 
     motion: Motion
@@ -39,28 +39,30 @@ class Pose(NamedTuple):
         return points if self.tip is None else np.vstack([points, self.tip])
 
 
-class Kinematics:
+class FmuKinematics:
     """Poses by joint angles, the last ones kept.
 
     A unit with the switch `kinematics` tells them at any angles; one without at those alone that
     it has reached."""
 
-    def __init__(self, unit: Unit, place: Mapping[str, Place], bodies: tuple[str, ...]) -> None:
+    def __init__(
+        self, unit: Unit, place: Mapping[str, VariablePlace], bodies: tuple[str, ...]
+    ) -> None:
         self._unit, self._place, self._bodies = unit, place, bodies
         self._begin = unit.save()
-        self._kept: OrderedDict[bytes, Pose] = OrderedDict()
+        self._kept: OrderedDict[bytes, FmuPose] = OrderedDict()
 
     @property
     def tells_any(self) -> bool:
         """Whether other angles may be asked for than those reached."""
-        switched = KINEMATICS.name in self._place and ASKED in self._place
+        switched = KINEMATICS.name in self._place and QUERY_ANGLE in self._place
         return switched and self._unit.opened.rolls_back
 
-    def read_pose(self, angles: Array) -> Pose:
+    def read_pose(self, angles: Array) -> FmuPose:
         """The pose that the unit puts out now, at its angles (nq,) rad."""
         return self._keep(angles, self._read())
 
-    def at(self, angles: Array) -> Pose:
+    def at(self, angles: Array) -> FmuPose:
         """Raises InputError for angles not reached of a unit that does not tell others."""
         kept = self._kept.get(np.asarray(angles).tobytes())
         return self._query(angles) if kept is None else kept
@@ -74,30 +76,30 @@ class Kinematics:
         columns = [before.twist_to(after).ravel() / (2 * TURN) for before, after in ends]
         return np.stack(columns, axis=1)
 
-    def _query(self, angles: Array) -> Pose:
+    def _query(self, angles: Array) -> FmuPose:
         if not self.tells_any:
             raise InputError(
                 f"{self._unit.opened.path}: this FMU does not tell its poses at joint angles that "
-                f"it has not reached: that takes the quantities {KINEMATICS.name} and {ASKED}, and "
-                "a unit that can be taken back (canGetAndSetFMUstate). The scheme explicit of a "
-                "motion does without, and linear or newton of an equilibrium"
+                f"it has not reached: that takes the quantities {KINEMATICS.name} and "
+                f"{QUERY_ANGLE}, and a unit that can be taken back (canGetAndSetFMUstate). The "
+                "scheme explicit of a motion does without, and linear or newton of an equilibrium"
             )
         self._unit.restore(self._begin)
-        self._unit.set(self._place[ASKED], angles)
+        self._unit.set(self._place[QUERY_ANGLE], angles)
         self._unit.set(self._place[KINEMATICS.name], 1.0)
         self._unit.step(SHORT)
         return self._keep(angles, self._read())
 
-    def _read(self) -> Pose:
+    def _read(self) -> FmuPose:
         told = {
             name: self._unit.get(self._place[name])
             for name in ("position", "rotation", "tip", "path")
             if name in self._place
         }
         motion = Motion(self._bodies, told["position"], told["rotation"])
-        return Pose(motion, told.get("tip"), told.get("path", np.zeros(0)))
+        return FmuPose(motion, told.get("tip"), told.get("path", np.zeros(0)))
 
-    def _keep(self, angles: Array, pose: Pose) -> Pose:
+    def _keep(self, angles: Array, pose: FmuPose) -> FmuPose:
         self._kept[np.asarray(angles).tobytes()] = pose
         if len(self._kept) > MOST_KEPT:
             self._kept.popitem(last=False)

@@ -24,7 +24,7 @@ MOST_SHOWN = 6
 
 
 @dataclass(frozen=True)
-class Place:
+class VariablePlace:
     """Variables that hold a quantity: each an entry of it (or one the whole array)."""
 
     references: tuple[int, ...]
@@ -33,6 +33,7 @@ class Place:
 
     @property
     def size(self) -> int:
+        """The number of entries."""
         return prod(self.shape)
 
 
@@ -42,7 +43,7 @@ def places(
     names: Mapping[str, str],
     optional: Collection[str] = (),
     assume_si: bool = False,
-) -> dict[str, Place]:
+) -> dict[str, VariablePlace]:
     """The place of every quantity; `names` gives, by quantity, the name of an array variable, or of
     the variables of its entries as a template (`F_{body}_{axis}`).  A quantity that `names` leaves
     out has the name that our own units give it; an `optional` one of these may be missing.
@@ -75,7 +76,7 @@ def places(
             continue
         here = [variables[name] for name in entries]
         faults += _misfits(q, here, len(entries), _units(opened), assume_si)
-        found[q.name] = Place(tuple(v.valueReference for v in here), q.shape, q.switch)
+        found[q.name] = VariablePlace(tuple(v.valueReference for v in here), q.shape, q.switch)
     _refuse(opened.path, faults)
     return found
 

@@ -10,22 +10,22 @@ from pathlib import Path
 import numpy as np
 
 from cosim.errors import InputError
-from cosim.fmu.kinematics import ASKED, Kinematics
+from cosim.fmu.kinematics import QUERY_ANGLE, FmuKinematics
 from cosim.fmu.mapping import places
 from cosim.fmu.quantity import KINEMATICS, moving_quantities
-from cosim.fmu.unit import Saved, Unit
+from cosim.fmu.unit import SavedState, Unit
 from cosim.port import AffineLoad, Array, Motion
 
-FOLLOWED = ("load_motion", "load_position", "load_rotation")
+AFFINE_LOAD = ("load_motion", "load_position", "load_rotation")
 """Quantities of a load that follows the bodies."""
-OPTIONAL = (*FOLLOWED, "tip", "tip_moment", ASKED, KINEMATICS.name)
+OPTIONAL = (*AFFINE_LOAD, "tip", "tip_moment", QUERY_ANGLE, KINEMATICS.name)
 
 
 @dataclass(frozen=True)
 class FmuMovingState:
     """A finger in motion at one time."""
 
-    saved: Saved
+    saved: SavedState
     angles: Array
     """(nq,) rad."""
     rates: Array
@@ -57,8 +57,8 @@ class FmuMovingFinger:
         self.bodies, self.joints, self.tendons = bodies, joints, tendons
         self.unit, quantities = Unit(path), moving_quantities(bodies, joints, tendons)
         self._place = places(self.unit.opened, quantities, names or {}, OPTIONAL, assume_si)
-        self.kinematics = Kinematics(self.unit, self._place, bodies)
-        self._follows = all(name in self._place for name in FOLLOWED)
+        self.kinematics = FmuKinematics(self.unit, self._place, bodies)
+        self._follows = all(name in self._place for name in AFFINE_LOAD)
         self._begin = self._read_state()
 
     def begin(self, posture: Mapping[str, float]) -> FmuMovingState:
@@ -87,11 +87,11 @@ class FmuMovingFinger:
         return state.dissipation
 
     def device_loss(self, state: FmuMovingState) -> float:
-        """None is told."""
+        """Zero: an FMU reports none."""
         return 0.0
 
     def stored_energy(self, state: FmuMovingState) -> dict[str, float]:
-        """Only their sum is told."""
+        """Empty: an FMU reports their sum alone."""
         return {}
 
     def tip_wrench(self, state: FmuMovingState) -> Array:
@@ -130,7 +130,7 @@ class FmuMovingFinger:
         elif load.by_motion.any():
             raise InputError(
                 f"{self.unit.opened.path}: this FMU takes loads that are held over a step (it has "
-                f"no {', '.join(FOLLOWED)}), and the schemes linear and newton give it one that "
+                f"no {', '.join(AFFINE_LOAD)}), and the schemes linear and newton give it one that "
                 'follows; write coupling.scheme = "explicit" or "implicit"'
             )
         self.unit.restore(state.saved)

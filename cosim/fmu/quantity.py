@@ -50,6 +50,7 @@ class Quantity:
 
     @property
     def shape(self) -> tuple[int, ...]:
+        """The array's shape; () for a single number."""
         return tuple(len(labels) for _, labels in self.axes)
 
     @property
@@ -66,6 +67,7 @@ class Quantity:
         return [template.format_map(dict(zip(whats, labels, strict=True))) for labels in every]
 
     def zero(self) -> Array:
+        """The array with every entry at zero."""
         return np.zeros(self.shape)
 
 
@@ -108,6 +110,7 @@ def motion_of(bodies: tuple[str, ...], causality: Literal["input", "output"]) ->
 
 
 def tensions_of(tendons: tuple[str, ...]) -> list[Quantity]:
+    """The input of an FMU by which these tendons pull, N."""
     return [Quantity("tension", "input", "N", "Tension of the tendon.", (("tendon", tendons),))]
 
 
@@ -176,6 +179,7 @@ def affine_load_of(bodies: tuple[str, ...]) -> list[Quantity]:
 
 
 def finger_answers(joints: tuple[str, ...]) -> list[Quantity]:
+    """The outputs of a finger in an FMU: joint angles (rad) and fingertip force (N)."""
     tip = ("axis", XYZ)
     return [
         Quantity("angle", "output", "rad", "Joint angle.", (("joint", joints),)),

@@ -17,7 +17,7 @@ import numpy as np
 from cosim.coupling.state_arrays import Arrays, Special
 from cosim.errors import ConvergenceError, InputError
 from cosim.fmu.archive import UnpackedFmu, unpack_fmu
-from cosim.fmu.mapping import Place
+from cosim.fmu.mapping import VariablePlace
 from cosim.port import Array
 
 MOST_LOGGED = 5
@@ -25,7 +25,7 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
-class Saved:
+class SavedState:
     """A state of a unit, kept inside it until this value is forgotten; and the time there."""
 
     owner: object = field(repr=False)
@@ -45,16 +45,16 @@ class Unit:
         self.opened: UnpackedFmu = unpack_fmu(path, Path(room.name))
         description = self.opened.description
         self.is_fmi2 = description.fmiVersion == "2.0"
-        self._log: list[str] = HEARD if self.is_fmi2 else []
+        self._log: list[str] = FMI2_LOG if self.is_fmi2 else []
         self._fmu = self._instance(description)
         self._owner, self._keys, self._forgotten = object(), count(), list[int]()
         self._pointers: dict[int, Any] = {}
-        weakref.finalize(self, _ended, self._fmu, self._pointers, room)
+        weakref.finalize(self, _free_instance, self._fmu, self._pointers, room)
         self.time = 0.0
-        self._current: Saved | None = None
+        self._current: SavedState | None = None
         self._call(self._initialise, InputError, "cannot be initialised")
 
-    def set(self, place: Place, value: Array | float) -> None:
+    def set(self, place: VariablePlace, value: Array | float) -> None:
         """Inputs belong to a state, so that this makes another one of it."""
         if self.opened.rolls_back:
             self._current = None
@@ -66,7 +66,9 @@ class Unit:
             setter = self._fmu.setReal if self.is_fmi2 else self._fmu.setFloat64
         self._call(lambda: setter(place.references, values), InputError, "took no value")
 
-    def get(self, place: Place) -> Array:
+    def get(self, place: VariablePlace) -> Array:
+        """The value at a place, in its shape. Raises ConvergenceError where it is not finite or not
+        given."""
         values = np.array(self._call(lambda: self._read(place), ConvergenceError, "gave no value"))
         if not np.isfinite(values).all():
             raise ConvergenceError(f"{self.opened.path}: put out a value that is not finite")
@@ -82,7 +84,9 @@ class Unit:
         )
         self.time += dt
 
-    def derivative(self, unknown: Sequence[Place], known: Sequence[Place], seed: Array) -> Array:
+    def derivative(
+        self, unknown: Sequence[VariablePlace], known: Sequence[VariablePlace], seed: Array
+    ) -> Array:
         """Directional derivative of the unknowns' values, one after another."""
         refs = [[r for place in group for r in place.references] for group in (unknown, known)]
         size = [] if self.is_fmi2 else [sum(place.size for place in unknown)]
@@ -94,17 +98,17 @@ class Unit:
             )
         )
 
-    def save(self) -> Saved:
+    def save(self) -> SavedState:
         """The state as it is now."""
         if self._current is None:
             pointer = None
             if self.opened.rolls_back:
                 pointer = self._call(self._fmu.getFMUState, InputError, "did not save its state")
-            self._current = Saved(self._owner, self.time, pointer)
+            self._current = SavedState(self._owner, self.time, pointer)
             self._keep(self._current)
         return self._current
 
-    def restore(self, saved: Saved) -> None:
+    def restore(self, saved: SavedState) -> None:
         """Back to a saved state.  Raises InputError for a unit that keeps none and has stepped
         since."""
         if saved is self._current:
@@ -121,26 +125,27 @@ class Unit:
         self._call(lambda: self._fmu.setFMUState(saved.pointer), ConvergenceError, "lost a state")
         self.time, self._current = saved.time, saved
 
-    def serialise(self, saved: Saved) -> bytes:
+    def serialise(self, saved: SavedState) -> bytes:
         """A saved state as bytes, of a unit that serialises."""
         write = self._fmu.serializeFMUState
         content: bytes = self._call(lambda: write(saved.pointer), InputError, "wrote no state")
         return content
 
-    def read(self, content: bytes, time: float) -> Saved:
+    def read(self, content: bytes, time: float) -> SavedState:
         """The state that `serialise` made, at a time in s.  A unit may refuse it here or in the
         next step from it."""
         read = self._fmu.deserializeFMUState
-        saved = Saved(
+        saved = SavedState(
             self._owner, time, self._call(lambda: read(content), InputError, "read no state")
         )
         self._keep(saved)
         return saved
 
-    def owns(self, saved: Saved) -> bool:
+    def owns(self, saved: SavedState) -> bool:
+        """Whether the state is of this instance."""
         return saved.owner is self._owner
 
-    def _keep(self, saved: Saved) -> None:
+    def _keep(self, saved: SavedState) -> None:
         """Hold a state for as long as `saved` lives; let go of those whose time is over.
 
         A value may be forgotten at any moment, even within a step, when a unit must not be called;
@@ -152,7 +157,7 @@ class Unit:
             self._pointers[key] = saved.pointer
             weakref.finalize(saved, self._forgotten.append, key)
 
-    def _read(self, place: Place) -> list[float]:
+    def _read(self, place: VariablePlace) -> list[float]:
         if self.is_fmi2:
             out: list[float] = self._fmu.getReal(place.references)
         else:
@@ -185,7 +190,7 @@ class Unit:
         self._fmu.exitInitializationMode()
 
     def _call(self, call: Callable[[], T], error: type[Exception], what: str) -> T:
-        """A call of the unit, its failure told in words with what it logged."""
+        """What a call of the unit returns.  Raises `error` with `what` and what the unit logged."""
         if self.is_fmi2:
             _listening()
         self._log.clear()
@@ -206,38 +211,38 @@ def state_serialisers(units: Sequence[Unit]) -> Special:
                 "(canSerializeFMUState is not true); leave forward.checkpoint out"
             )
 
-    def of(saved: Saved) -> Unit:
+    def of(saved: SavedState) -> Unit:
         return next(unit for unit in units if unit.owns(saved))
 
-    def write(saved: Saved) -> Arrays:
+    def write(saved: SavedState) -> Arrays:
         content = np.frombuffer(of(saved).serialise(saved), dtype=np.uint8)
         return {"time": np.array(saved.time), "content": content}
 
-    def read(template: Saved, arrays: Arrays) -> Saved:
+    def read(template: SavedState, arrays: Arrays) -> SavedState:
         return of(template).read(arrays["content"].tobytes(), float(arrays["time"]))
 
-    return {Saved: (write, read)}
+    return {SavedState: (write, read)}
 
 
 def _logger(log: list[str]) -> Callable[..., None]:
-    def logged(*facts: Any) -> None:
+    def write_line(*facts: Any) -> None:
         log.append(" ".join(facts[-1].decode("utf-8", "replace").split()))
 
-    return logged
+    return write_line
 
 
-HEARD: list[str] = []
+FMI2_LOG: list[str] = []
 """What units of FMI 2 log: FMPy's proxy, which puts their messages together, has one listener for
 all of a process, whichever was named last."""
 
 
 @cache
 def _listener() -> Any:
-    """The one that fills HEARD; it outlives every unit, since a proxy that calls one that is gone
-    brings the process down."""
+    """The listener that fills FMI2_LOG; it outlives every unit, since a proxy that calls one that
+    is gone brings the process down."""
     from fmpy import fmi2
 
-    return fmi2.fmi2CallbackLoggerTYPE(_logger(HEARD))
+    return fmi2.fmi2CallbackLoggerTYPE(_logger(FMI2_LOG))
 
 
 def _listening() -> Any:
@@ -255,7 +260,9 @@ def _listening() -> Any:
     return table
 
 
-def _ended(fmu: Any, pointers: dict[int, Any], room: tempfile.TemporaryDirectory[str]) -> None:
+def _free_instance(
+    fmu: Any, pointers: dict[int, Any], room: tempfile.TemporaryDirectory[str]
+) -> None:
     """States are freed before their instance, and that before its files go."""
     for pointer in pointers.values():
         fmu.freeFMUState(pointer)

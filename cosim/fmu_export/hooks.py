@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from cosim.fmu_export.state import Snapshot, Written
+from cosim.fmu_export.state import SerialisedState, Snapshot
 
 if TYPE_CHECKING:
     from cosim.fmu_export.run import UnitRun
@@ -23,9 +23,9 @@ class Stateful:
 
     @staticmethod
     def _fmu_state_to_bytes(state: Any) -> bytes:
-        return state.to_bytes() if isinstance(state, Snapshot | Written) else b""
+        return state.to_bytes() if isinstance(state, Snapshot | SerialisedState) else b""
 
     @staticmethod
-    def _fmu_state_from_bytes(state: bytes) -> Written:
-        """Not looked at before it is set: what is wrong with it then fails the next step."""
-        return Written(bytes(state))
+    def _fmu_state_from_bytes(state: bytes) -> SerialisedState:
+        """The state of these bytes.  They are read when it is set: a fault fails the next step."""
+        return SerialisedState(bytes(state))

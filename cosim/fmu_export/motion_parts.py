@@ -12,10 +12,10 @@ import numpy as np
 
 from cosim.build.motion import MovingModels, moving_models
 from cosim.build.states import special_states
-from cosim.case.schema import Case, Forward
+from cosim.case.schema import Case, ForwardConfig
 from cosim.coupling.motion import RecordedFinger
 from cosim.coupling.schemes import step
-from cosim.coupling.state import Coupled
+from cosim.coupling.state import CoupledState
 from cosim.coupling.state_arrays import Special
 from cosim.errors import InputError
 from cosim.fmu.quantity import (
@@ -27,23 +27,23 @@ from cosim.fmu.quantity import (
     moving_quantities,
     tensions_of,
 )
-from cosim.fmu_export.part import Part, motion_of_input, poses
+from cosim.fmu_export.part import UnitPart, motion_of_input, poses
 from cosim.port import AffineLoad, Array, State
 
 ROUNDING = 1e-9
-"""Of a step, by which a master's may be longer than the case's."""
+"""The part of a step by which a master's may be longer than the case's."""
 
 
-def moving_part(case: Case, forward: Forward, part: str, tangent: bool) -> Part:
+def moving_part(case: Case, forward: ForwardConfig, part: str, tangent: bool) -> UnitPart:
     """The finger, or "coupled" the finger and the hood, of a case in motion.  Raises InputError."""
     if forward.adaptive is not None:
         raise InputError(
             f"{case.name}: forward.adaptive: the steps of an FMU are its master's; leave it out"
         )
     both = moving_models(case, forward)
-    if both.moves.driven.names:
+    if both.moves.prescribed.names:
         raise InputError(
-            f"tendons.{both.moves.driven.names[0]}.excursion: an FMU in motion takes tensions; "
+            f"tendons.{both.moves.prescribed.names[0]}.excursion: an FMU in motion takes tensions; "
             "state one"
         )
     if part == "finger":
@@ -162,7 +162,7 @@ class MovingCoupledPart:
         """Before the first step, which first finds the hood's equilibrium in the posture."""
         return None
 
-    def step(self, state: Coupled | None, given: Values, dt: float) -> tuple[State, Values]:
+    def step(self, state: CoupledState | None, given: Values, dt: float) -> tuple[State, Values]:
         moves = self.both.moves
         if state is None:
             state = self._begin()
@@ -181,11 +181,11 @@ class MovingCoupledPart:
     def special(self) -> Special:
         return special_states(self.both.hood, self.both.finger)
 
-    def _begin(self) -> Coupled:
+    def _begin(self) -> CoupledState:
         moves = self.both.moves
         return moves.begin(moves.finger.begin(self.both.posture)).coupled
 
-    def _outputs(self, state: Coupled) -> Values:
+    def _outputs(self, state: CoupledState) -> Values:
         out = {
             **_answers(self.both.finger, state.finger),
             **poses(self.both.finger.motion(self.both.finger.angles(state.finger))),
@@ -196,5 +196,5 @@ class MovingCoupledPart:
 
 
 def _constant(pulls: tuple[Array, Array]) -> Callable[[float], tuple[Array, Array]]:
-    """The same tensions at all times."""
+    """Tensions that are the same at all times."""
     return lambda time: pulls

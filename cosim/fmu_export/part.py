@@ -15,18 +15,22 @@ ORTHONORMAL = 1e-6
 """How far from a rotation the matrix of a pose may be."""
 
 
-class Part(Protocol):
+class UnitPart(Protocol):
     """What an FMU holds."""
 
     @property
-    def quantities(self) -> tuple[Quantity, ...]: ...
+    def quantities(self) -> tuple[Quantity, ...]:
+        """The inputs, parameters and outputs."""
+        ...
 
     @property
     def begin(self) -> Values:
         """What inputs, parameters and outputs are at the start."""
         ...
 
-    def start(self) -> State: ...
+    def start(self) -> State:
+        """The state to begin from."""
+        ...
 
     def step(self, state: State, given: Values, dt: float) -> tuple[State, Values]:
         """The state and the outputs after `dt` s of constant inputs.
@@ -61,6 +65,7 @@ def loads(response: Response) -> Values:
 
 
 def poses(motion: Motion) -> dict[str, Array]:
+    """Poses as an FMU's values: origins (nb, 3) m and rotations (nb, 3, 3), world frame."""
     return {"position": motion.position, "rotation": motion.rotation}
 
 

@@ -8,13 +8,13 @@ from functools import partial
 from cosim.build.models import Models, build
 from cosim.case.schema import Case
 from cosim.errors import InputError
-from cosim.fmu_export.part import Part
+from cosim.fmu_export.part import UnitPart
 from cosim.fmu_export.static_parts import CoupledPart, FingerPart, HoodPart
 
 PARTS = ("hood", "finger", "coupled")
 
 
-def part_of(case: Case, part: str, tangent: bool = True) -> Part:
+def part_of(case: Case, part: str, tangent: bool = True) -> UnitPart:
     """The hood, the finger or both of a case, at rest or, of one with a table [forward], in motion;
     the hood and the finger without the tangent of the hood's load where none is wanted.
 
@@ -25,7 +25,7 @@ def part_of(case: Case, part: str, tangent: bool = True) -> Part:
         from cosim.fmu_export.motion_parts import moving_part
 
         return moving_part(case, case.forward, part, tangent)
-    makers: Mapping[str, Callable[[Case, Models], Part]] = {
+    makers: Mapping[str, Callable[[Case, Models], UnitPart]] = {
         "hood": partial(HoodPart, tangent=tangent),
         "finger": partial(FingerPart, tangent=tangent),
         "coupled": CoupledPart,

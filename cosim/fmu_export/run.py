@@ -16,9 +16,9 @@ from cosim.case.file import load_case
 from cosim.coupling.state_arrays import Special
 from cosim.errors import CosimError, InputError
 from cosim.fmu.quantity import WITH_TANGENT, Quantity
-from cosim.fmu_export.part import Part
+from cosim.fmu_export.part import UnitPart
 from cosim.fmu_export.part_of import part_of
-from cosim.fmu_export.state import Snapshot, Written
+from cosim.fmu_export.state import SerialisedState, Snapshot
 from cosim.port import Array
 from cosim.processes import one_blas_thread
 from cosim.version import __version__
@@ -41,7 +41,7 @@ class UnitRun:
         text = (resources / CASE).read_text(encoding="utf-8")
         self.token = str(uuid5(NAMESPACE_URL, f"{about} {text}"))
         """What FMI calls GUID or instantiation token: the same for the same unit."""
-        self.part: Part = part_of(case, about["part"], about["tangent"])
+        self.part: UnitPart = part_of(case, about["part"], about["tangent"])
         self.quantities = self.part.quantities
         ends = list(accumulate((q.zero().size for q in self.quantities), initial=0))
         self.place = {q.name: slice(*ends[i : i + 2]) for i, q in enumerate(self.quantities)}
@@ -92,6 +92,7 @@ class UnitRun:
         return ""
 
     def snapshot(self) -> Snapshot:
+        """All that the next step reads and writes."""
         return Snapshot(self.token, self.time, self._values, self._state, self._special)
 
     def restore(self, snapshot: Any) -> None:
@@ -109,7 +110,7 @@ class UnitRun:
         self.time = taken.time
 
     def _take_step(self, snapshot: Any) -> Snapshot:
-        if isinstance(snapshot, Written):
+        if isinstance(snapshot, SerialisedState):
             snapshot = snapshot.read(self.token, self.part.template, self._special)
         if not isinstance(snapshot, Snapshot) or snapshot.values.shape != self._values.shape:
             raise InputError("it is nothing that this unit has given out")
@@ -134,7 +135,7 @@ class UnitRun:
         return self._values[self.place[quantity.name]].reshape(quantity.shape)
 
 
-def _special(part: Part) -> Special | None:
+def _special(part: UnitPart) -> Special | None:
     """How the part's states are written; None where they cannot be."""
     try:
         return part.special()

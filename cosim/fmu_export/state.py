@@ -23,7 +23,7 @@ class Snapshot:
     """All that a step reads and writes; neither array nor state is ever changed in place."""
 
     token: str
-    """Of the unit whose state it is."""
+    """The key of the unit whose state it is."""
     time: float
     """s, as FMI 3 tells it."""
     values: Array
@@ -43,12 +43,13 @@ class Snapshot:
 
 
 @dataclass(frozen=True)
-class Written:
+class SerialisedState:
     """A state as bytes, which say nothing of what to build; read by the unit that takes it up."""
 
     content: bytes
 
     def to_bytes(self) -> bytes:
+        """The bytes as they were given."""
         return self.content
 
     def read(self, token: str, template: Callable[[], State], special: Special | None) -> Snapshot:

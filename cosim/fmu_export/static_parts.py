@@ -143,7 +143,7 @@ class FingerPart:
 
 
 @dataclass(frozen=True)
-class _Coupled:
+class _CoupledPartState:
     """A coupled equilibrium and the finger's paths at rest."""
 
     now: Equilibrium
@@ -182,7 +182,7 @@ class CoupledPart:
         if state is None:
             state = self._rest()
         now = self._solve(state.now, given["tension"])
-        state = _Coupled(now, state.rest_excursion, state.rest_path)
+        state = _CoupledPartState(now, state.rest_excursion, state.rest_path)
         return state, self._outputs(state)
 
     def tangent(self, state: State) -> Values:
@@ -194,17 +194,17 @@ class CoupledPart:
     def special(self) -> Special:
         return special_states(self.models.hood)
 
-    def _rest(self) -> _Coupled:
+    def _rest(self) -> _CoupledPartState:
         finger, hood = self.models.finger, self.models.hood
         tension = np.full(len(self.tendons), self.resting)
         pulls = np.split(tension, [len(hood.tendons)])
         rest = equilibrium(
             self.models.pair, self.models.start(), Tensions(pulls[0], pulls[1]), self.options
         )
-        return _Coupled(rest, rest.excursion, finger.path_lengths(rest.finger_state))
+        return _CoupledPartState(rest, rest.excursion, finger.path_lengths(rest.finger_state))
 
     def _solve(self, before: Equilibrium, tension: Array) -> Equilibrium:
-        """As `cosim.pipeline`: a hood whose tensions change is carried to its bodies anew."""
+        """Like `cosim.pipeline`: a hood whose tensions change is carried to its bodies anew."""
         hood, finger = np.split(tension, [len(self.models.hood.tendons)])
         state = before.response.state
         if not np.array_equal(hood, before.hood_tension):
@@ -218,7 +218,7 @@ class CoupledPart:
         over = (("slip", ("central", "terminal")),)
         return [Quantity("slip_force", "output", "N", "Force in the hood's slip.", over)]
 
-    def _outputs(self, state: _Coupled) -> Values:
+    def _outputs(self, state: _CoupledPartState) -> Values:
         now, finger = state.now, self.models.finger
         own = state.rest_path - finger.path_lengths(now.finger_state)
         out = {

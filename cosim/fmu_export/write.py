@@ -23,7 +23,7 @@ from pydantic import BaseModel
 from cosim.case.file import resolved_toml
 from cosim.case.schema import Case
 from cosim.errors import InputError
-from cosim.files import written_whole
+from cosim.files import output_file
 from cosim.fmu_export.run import ABOUT, CASE
 from cosim.version import __version__
 
@@ -45,7 +45,7 @@ def write_fmu(case: Case, part: str, fmi: int, out: Path, *, tangent: bool = Tru
         resources = Path(folder)
         _lay_out(case, {"part": part, "tangent": tangent}, fmi, resources)
         identifier, description = _describe(fmi, resources)
-        with written_whole(out) as path, zipfile.ZipFile(path, "w") as archive:
+        with output_file(out) as path, zipfile.ZipFile(path, "w") as archive:
             _add(archive, "modelDescription.xml", description)
             for file in sorted(resources.rglob("*")):
                 if file.is_file():

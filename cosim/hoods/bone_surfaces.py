@@ -19,6 +19,7 @@ MARGIN = 5e-3
 
 
 def pose_surfaces(bones: Mapping[str, Triangles]) -> dict[str, Surface]:
+    """Surfaces of bones with a distance baked round each, by body and in its frame."""
     return {
         body: _pose_surface(body, *map(_frozen, triangles)) for body, triangles in bones.items()
     }

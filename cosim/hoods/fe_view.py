@@ -100,14 +100,14 @@ class Lines:
     """Where a hood is looked at, whatever its state."""
 
     places: Sequence[Place]
-    """At which its glide is measured."""
+    """Where the glide is measured."""
     bands: Mapping[str, Line]
     """The lateral bands' middle lines, by side."""
     axis: Array
     """(3,) unit, the PIP's in the middle phalanx's frame."""
 
 
-def look_at(hood: FeHood, depth: float, lines: Lines, state: State) -> FeView:
+def view_at(hood: FeHood, depth: float, lines: Lines, state: State) -> FeView:
     """At a state; `depth` is the hood's `guide_depth`, which no state changes."""
     from fe_solver.forces.springs import spring_state
 
@@ -165,7 +165,7 @@ def guide_depth(hood: FeHood) -> float:
 
 
 def tangent_seconds(hood: FeHood, state: State) -> tuple[float, float]:
-    """Of one assembly and of one factorisation at a state."""
+    """s that one assembly and one factorisation take at a state."""
     from fe_solver.solver.newton_step import factorise
 
     start = perf_counter()

@@ -8,13 +8,13 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field
 
 from cosim.fmu.quantity import HOOD_QUANTITIES
-from cosim.hoods.kind import BuiltHood, HoodKind, HoodTable, Site
+from cosim.hoods.kind import BuiltHood, HoodConfig, HoodKind, Site
 from cosim.schema import units
 from cosim.schema.fields import name_of, quantity
 from cosim.schema.types import File, Switch, TendonName
 
 
-class FmuHoodConfig(HoodTable):
+class FmuHoodConfig(HoodConfig):
     """A hood in an FMU of FMI 2 or 3, which is a program and runs as one.  `tendons` and `sources`
     name its own, in its order; `map` says, by quantity, how its variables are called where they are
     not called as in our own units; `rest_step` is a communication step in which it comes to rest,
@@ -44,6 +44,8 @@ class FmuHoodConfig(HoodTable):
 
 
 def build(hood: FmuHoodConfig, site: Site) -> BuiltHood:
+    """The hood in an FMU, which runs code of the archive. Raises InputError for one that cannot be
+    opened."""
     from cosim.fmu.hood import FmuHood as Unit
 
     names = site.rest.bodies, hood.tendons, hood.sources

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cosim.errors import InputError
-from cosim.hoods.lesion import Lesion
+from cosim.hoods.lesion import LesionConfig
 from cosim.port import Array, Motion
 
 if TYPE_CHECKING:
@@ -30,21 +30,21 @@ class Adhesion:
     stiffness: float
 
 
-def apply_lesion_to_mesh(mesh: HoodMesh, lesion: Lesion | None) -> HoodMesh:
+def apply_lesion_to_mesh(mesh: HoodMesh, lesion: LesionConfig | None) -> HoodMesh:
     """The mesh with all cuts made.  Raises InputError."""
     from meshes.severed import cut_part
 
     return reduce(cut_part, lesion.cut if lesion else (), mesh)
 
 
-def apply_lesion_to_net(net: CableNet, lesion: Lesion | None) -> CableNet:
+def apply_lesion_to_net(net: CableNet, lesion: LesionConfig | None) -> CableNet:
     """The net with all cuts made.  Raises InputError."""
     from meshes.severed import cut_net
 
     return reduce(cut_net, lesion.cut if lesion else (), net)
 
 
-def longer(extra: Mapping[str, float], lesion: Lesion | None) -> dict[str, float]:
+def longer(extra: Mapping[str, float], lesion: LesionConfig | None) -> dict[str, float]:
     """m, how much longer than laid each part is, with what a lesion adds to it or takes."""
     out = dict(extra)
     for name, more in (lesion.length_changes() if lesion else {}).items():
@@ -53,7 +53,7 @@ def longer(extra: Mapping[str, float], lesion: Lesion | None) -> dict[str, float
 
 
 def adhesions(
-    lesion: Lesion | None, hood: HoodMesh | CableNet, points: Array, rest: Motion
+    lesion: LesionConfig | None, hood: HoodMesh | CableNet, points: Array, rest: Motion
 ) -> dict[str, Adhesion]:
     """By part and bone, what holds the parts of a mesh or net that have grown onto bones; its nodes
     lie at `points` (n, 3) m in the poses `rest`.  Raises InputError."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, get_args
 from cosim.errors import InputError
 from cosim.fingers.common import Extensor
 from cosim.fingers.kind import Anatomy
-from cosim.hoods.lesion import InjurableParts, Lesion
+from cosim.hoods.lesion import InjurableParts, LesionConfig
 from cosim.hoods.variation import Settings, Variation, no_variation
 from cosim.hoods.view import Colour, HoodView
 from cosim.port import Array, Hood, Motion, State
@@ -24,11 +24,11 @@ Slips = Mapping[str, float]
 """N, in the central and the terminal slip."""
 
 
-class HoodTable(Table):
+class HoodConfig(Table):
     """What the table of any hood says without a solver."""
 
     title: ClassVar[str]
-    """In words, for reports."""
+    """The kind in words, for reports."""
     fits: ClassVar[tuple[str, ...]]
     """The kinds of finger that it goes on."""
     lies_on_bones: ClassVar[bool] = False
@@ -39,14 +39,14 @@ class HoodTable(Table):
     """Its tendons may go slack."""
     can_be_injured: ClassVar[bool] = False
     rungs: ClassVar[Mapping[str, str]] = {}
-    """Of the ladder of hoods, with the packaged case that states each."""
+    """Rungs of the ladder of hoods, with the packaged case that states each."""
     example: ClassVar[tuple[str, ...]] = ()
     """A packaged case, and settings, with such a hood: small, for tests.  None of a hood that a
     program of the user's is."""
 
     @property
     def left_to_finger(self) -> Extensor:
-        """What of the extensor mechanism the finger makes."""
+        """The part of the extensor mechanism that the finger makes."""
         return Extensor(lies_on_bones=self.lies_on_bones)
 
     @property
@@ -76,12 +76,12 @@ class HoodTable(Table):
         """What a lesion can do to it."""
         return None
 
-    def cannot_be_injured(self, lesion: Lesion) -> str:
+    def cannot_be_injured(self, lesion: LesionConfig) -> str:
         """Why it cannot have a lesion that names none but its parts; empty where it can."""
         return ""
 
     def files(self) -> tuple[Path, ...]:
-        """Those that it is built from."""
+        """The files that the hood is built from."""
         return ()
 
     def check_files(self) -> None:
@@ -99,7 +99,7 @@ class HoodTable(Table):
         """The rung of the ladder on which it stands."""
         return kind_of(type(self))
 
-    def on_finger(self, finger: str, laid: Any) -> HoodTable:
+    def on_finger(self, finger: str, laid: Any) -> HoodConfig:
         """The hood for a finger of that kind; `laid`: one laid out on such a finger, if any."""
         return self
 
@@ -108,7 +108,7 @@ class HoodTable(Table):
         return {}
 
 
-H = TypeVar("H", bound=HoodTable)
+H = TypeVar("H", bound=HoodConfig)
 
 
 @dataclass(frozen=True)
@@ -118,9 +118,9 @@ class Site:
     anatomy: Anatomy
     rest: Motion
     """The poses from which the excursions of a hood that is not laid out count."""
-    lesion: Lesion | None
+    lesion: LesionConfig | None
     tolerance: float
-    """Of the hood's own equilibrium, relative."""
+    """The tolerance of the hood's own equilibrium, relative."""
 
     @property
     def skeleton(self) -> Skeleton:
@@ -143,15 +143,15 @@ class BuiltHood:
     view: Callable[[State], HoodView] | None = None
     """What a state looks like; None for a hood without a shape."""
     slips: Callable[[State], Slips] | None = None
-    """The forces in the slips at a state; None for a hood without."""
+    """N in the slips at a state; None for a hood without."""
     own_slips: Callable[[Mapping[str, float]], Slips] | None = None
-    """The same from the tensions (N) of the finger's own tendons, where these make them."""
+    """N in the slips from the tensions (N) of the finger's own tendons, where these make them."""
     linear: Callable[[State], tuple[float, float]] | None = None
     """Seconds of one assembly and of one factorisation of its tangent at a state."""
 
 
-def no_variations(hood: HoodTable) -> Iterator[Variation]:
-    """Of a hood that has nothing to vary."""
+def no_variations(hood: HoodConfig) -> Iterator[Variation]:
+    """The variations of a hood that has nothing to vary: none, each with its reason."""
     for name in ("modulus", "thickness", "mesh"):
         yield no_variation(name, f"a hood of kind {kind_of(type(hood))!r} has none")
 

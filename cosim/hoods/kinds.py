@@ -8,8 +8,8 @@ from typing import Any
 
 from cosim.hoods import fmu, pulley, split
 from cosim.hoods.cable import build as cable
-from cosim.hoods.kind import HoodKind, HoodTable
-from cosim.hoods.lesion import Lesion
+from cosim.hoods.kind import HoodConfig, HoodKind
+from cosim.hoods.lesion import LesionConfig
 from cosim.hoods.lumped import build as lumped
 from cosim.hoods.shell import build as shell
 
@@ -36,7 +36,7 @@ AnyHood = (
 )
 
 
-def that_fit(finger: str) -> tuple[str, ...]:
+def fitting_kinds(finger: str) -> tuple[str, ...]:
     """The kinds that go on a kind of finger."""
     return tuple(name for name, kind in KINDS.items() if finger in kind.table.fits)
 
@@ -46,7 +46,7 @@ def rungs() -> dict[str, str]:
     return {rung: case for kind in KINDS.values() for rung, case in kind.table.rungs.items()}
 
 
-def unfit_lesion(hood: HoodTable, kind: str, lesion: Lesion) -> str:
+def unfit_lesion(hood: HoodConfig, kind: str, lesion: LesionConfig) -> str:
     """Why a hood of that kind cannot have a lesion; empty where it can."""
     parts = hood.parts()
     if parts is None:

@@ -29,10 +29,10 @@ class InjurableParts:
     cut: tuple[str, ...]
     adhere: tuple[str, ...]
     lengths: tuple[str, ...]
-    """Of `shorten` and `lengthen`."""
+    """Parts that `shorten` and `lengthen` may name."""
 
 
-class Lesion(Table):
+class LesionConfig(Table):
     """An injury of the hood, or its repair; before it the hood is as the case lays it.
 
     `cut`: a slip comes off its bone, a band of springs lets go, any other part is severed across
@@ -49,7 +49,7 @@ class Lesion(Table):
     """The thesis's stiffness of ligamentous adhesions to the proximal phalanx, 1000 N/mm."""
 
     @model_validator(mode="after")
-    def _sound(self) -> Lesion:
+    def _sound(self) -> LesionConfig:
         if not any(self.names().values()):
             raise fault(
                 'says nothing; write for example cut = ["central_slip"], adhere = ["central_band"] '

@@ -8,26 +8,26 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from cosim.hoods.kind import BuiltHood, HoodKind, HoodTable, Site
+from cosim.hoods.kind import BuiltHood, HoodConfig, HoodKind, Site
 from cosim.port import Array, Motion
 from cosim.schema.types import BodyName, Coordinate, Table, TendonName
 
 
-class PathPoint(Table):
+class PathPointConfig(Table):
     """A point fixed to a body, in its frame, m."""
 
     body: BodyName
     point: tuple[Coordinate, Coordinate, Coordinate]
 
 
-class PulleyHoodConfig(HoodTable):
+class PulleyHoodConfig(HoodConfig):
     """Tendons as straight lines through points fixed to bodies."""
 
     title: ClassVar[str] = "no deformable hood: cables through eyelets"
     fits: ClassVar[tuple[str, ...]] = ("index", "middle", "planar", "hinge", "robot", "fmu")
     example: ClassVar[tuple[str, ...]] = ("pulley_edc",)
     kind: Literal["pulley"]
-    paths: dict[TendonName, Annotated[tuple[PathPoint, ...], Field(min_length=2)]]
+    paths: dict[TendonName, Annotated[tuple[PathPointConfig, ...], Field(min_length=2)]]
 
     @property
     def shares_fixed(self) -> bool:
@@ -43,12 +43,13 @@ class PulleyHoodConfig(HoodTable):
         }
 
 
-def _world_points(motion: Motion, point: PathPoint) -> Array:
+def _world_points(motion: Motion, point: PathPointConfig) -> Array:
     position, rotation = motion.of(point.body)
     return position + rotation @ np.array(point.point)
 
 
 def build(hood: PulleyHoodConfig, site: Site) -> BuiltHood:
+    """Cables over pulleys that are fixed to the bodies, at rest in the site's poses."""
     from rigid.hoods.pulley import Cable
     from rigid.hoods.pulley import PulleyHood as Pulleys
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 from pydantic import Field
 
 from cosim.fingers.common import EQUAL_SHARES, Extensor
-from cosim.hoods.kind import BuiltHood, HoodKind, HoodTable, Site, no_variations
+from cosim.hoods.kind import BuiltHood, HoodConfig, HoodKind, Site, no_variations
 from cosim.hoods.variation import Variation, shift
 from cosim.schema.types import Number
 from meshes.skeleton import BODIES
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rigid.model import FingerModel
 
 
-class SplitHoodConfig(HoodTable):
+class SplitHoodConfig(HoodConfig):
     """No hood at all: tendons that part into strands of fixed shares, `central` of what enters the
     hood going to the central slip (equal parts in the normative model: An et al. 1979)."""
 
@@ -67,6 +67,7 @@ def split_slips(
 
 
 def variations(hood: SplitHoodConfig) -> Iterator[Variation]:
+    """The share of the central slip, lower and higher by 0.1; there is nothing else to vary."""
     yield shift("central slip's share", {"hood.central": hood.central}, 0.1, None)
     yield from no_variations(hood)
 

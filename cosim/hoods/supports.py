@@ -11,7 +11,7 @@ from cosim.schema.fields import quantity
 from cosim.schema.types import Gap, Number, Offset, Switch, Table
 
 
-class ContactOffset(Table):
+class ContactOffsetConfig(Table):
     """Height of the hood's face, or of cables' centre lines, over the bare bone, m: what cartilage
     and capsule take."""
 
@@ -29,7 +29,7 @@ class ContactConfig(Table):
         float, quantity(units.CONTACT_STIFFNESS, above="0 N/mm**3", most="1e6 N/mm**3")
     ]
     smoothing: Gap
-    offset: ContactOffset
+    offset: ContactOffsetConfig
     penetration: Gap | None = None
     friction: Annotated[Number, Field(ge=0, le=2)] = 0.0
 

@@ -67,10 +67,12 @@ def shift(
 
 
 def settings_text(values: Iterable[tuple[str, float]], kind: Kind | None) -> Settings:
+    """Settings KEY=VALUE of SI values, each in the kind's own unit; plain numbers for no kind."""
     return tuple(f"{k}={v!r}" if kind is None else f"{k}={format_si(v, kind)}" for k, v in values)
 
 
 def format_value(value: float, kind: Kind | None) -> str:
+    """An SI value in the kind's own unit to four digits; a plain number without a kind."""
     return f"{value:.4g}" if kind is None else format_si(value, kind, 4)
 
 
@@ -80,8 +82,10 @@ def format_si(value: float, kind: Kind, digits: int = 10) -> str:
 
 
 def no_variation(name: str, reason: str) -> Variation:
+    """A variation that has neither end, with the reason."""
     return Variation(name, Side("", why_not=reason), Side("", why_not=reason))
 
 
 def words(key: str) -> str:
+    """A key of a case file with spaces."""
     return key.replace("_", " ")

@@ -72,7 +72,9 @@ class HoodView(Protocol):
         """(m, 2 or 4) nodes of lines or quads; as many for each cell."""
         ...
 
-    def fields(self) -> tuple[Field, ...]: ...
+    def fields(self) -> tuple[Field, ...]:
+        """The values over the hood, for results, mesh file and pictures."""
+        ...
 
     def coordinates(self) -> Mapping[str, Any]:
         """Names along the fields' dimensions, for the results."""

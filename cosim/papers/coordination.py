@@ -13,7 +13,7 @@ import pandas as pd
 
 from cosim.papers.coordination_doubts import doubt_figures
 from cosim.papers.coordination_table import table_figures
-from cosim.papers.lines import BAND_COLOURS, MUSCLE_COLOURS, Line, lines_drawn
+from cosim.papers.lines import BAND_COLOURS, MUSCLE_COLOURS, PlotLine, line_chart
 from cosim.port import Array
 from cosim.report.figures import Figure, FigureStudy
 from rigid.hoods.two_band import LONG_NAMES, MUSCLES, coupled_dip, excursions
@@ -28,7 +28,7 @@ RANGE = np.radians(np.linspace(0.0, 110.0, 111))
 
 
 @lru_cache(maxsize=1)
-def found() -> Flexion:
+def closed_loop_flexion() -> Flexion:
     """The closed-loop flexion that every figure shows."""
     return flexion()
 
@@ -37,8 +37,8 @@ def coupling_figures() -> list[Figure]:
     """Figure 3."""
     dip = coupled_dip(RANGE)
     lines = [
-        Line("parabola, equation 6", np.degrees(RANGE), np.degrees(dip), "#0b5394"),
-        Line("line through its ends", np.degrees(RANGE[[0, -1]]), np.degrees(dip[[0, -1]]),
+        PlotLine("parabola, equation 6", np.degrees(RANGE), np.degrees(dip), "#0b5394"),
+        PlotLine("line through its ends", np.degrees(RANGE[[0, -1]]), np.degrees(dip[[0, -1]]),
              "0.55", "--"),
     ]  # fmt: skip
     caption = (
@@ -52,7 +52,7 @@ def coupling_figures() -> list[Figure]:
             "figure_3_coupling",
             "Figure 3: DIP angle against PIP angle on the coupling curve",
             caption,
-            lines_drawn(lines, "PIP, deg", "DIP, deg"),
+            line_chart(lines, "PIP, deg", "DIP, deg"),
             {"figure_3_coupling": table(lines[:1], "PIP_deg", "DIP_deg")},
             (6.0, 4.2),
         )
@@ -61,15 +61,15 @@ def coupling_figures() -> list[Figure]:
 
 def motion_figures() -> list[Figure]:
     """Figures 5, 6 and 7."""
-    f = found()
+    f = closed_loop_flexion()
     t, links = f.motion.time, np.pi / 2 + np.cumsum(f.motion.angle, axis=1)
     names = ("proximal phalanx", "middle phalanx", "distal phalanx")
     colours = ("0.45", "#0b5394", "#b45309")
     position = [
-        Line(n, t, np.degrees(x), c) for n, x, c in zip(names, links.T, colours, strict=True)
+        PlotLine(n, t, np.degrees(x), c) for n, x, c in zip(names, links.T, colours, strict=True)
     ]
     speed = np.cumsum(f.motion.rate, axis=1).T
-    velocity = [Line(n, t, x, c) for n, x, c in zip(names, speed, colours, strict=True)]
+    velocity = [PlotLine(n, t, x, c) for n, x, c in zip(names, speed, colours, strict=True)]
     end = np.degrees(links[-1])
     return [
         over_time(
@@ -104,7 +104,9 @@ def _interphalangeal(f: Flexion) -> Figure:
         _path("K = 500 N/m, the paper's", f.motion.angle, "#0b5394", "-", 2.4),
         *(_path(name, flex(loop).angle, c, "-.") for name, (loop, c) in variants.items()),
         _path("reference: a line", f.motion.reference, "0.55", "--"),
-        Line("parabola, equation 6", np.degrees(RANGE), np.degrees(coupled_dip(RANGE)), "0.1", ":"),
+        PlotLine(
+            "parabola, equation 6", np.degrees(RANGE), np.degrees(coupled_dip(RANGE)), "0.1", ":"
+        ),
     ]
     caption = (
         f"Asked for the line, the finger goes along the parabola: at most {off.curve:.2f} deg of "
@@ -118,20 +120,20 @@ def _interphalangeal(f: Flexion) -> Figure:
         "figure_7_interphalangeal",
         "Figure 7: DIP angle against PIP angle in closed loop",
         caption,
-        lines_drawn(lines, "PIP, deg", "DIP, deg"),
+        line_chart(lines, "PIP, deg", "DIP, deg"),
         {"figure_7_interphalangeal": table(lines, "PIP_deg", "DIP_deg")},
         (7.0, 4.6),
     )
 
 
-def _path(name: str, angle: Array, colour: str, dash: str, width: float = 1.8) -> Line:
+def _path(name: str, angle: Array, colour: str, dash: str, width: float = 1.8) -> PlotLine:
     """DIP over PIP, deg, of angles (n, 3) rad."""
-    return Line(name, np.degrees(angle[:, 1]), np.degrees(angle[:, 2]), colour, dash, width)
+    return PlotLine(name, np.degrees(angle[:, 1]), np.degrees(angle[:, 2]), colour, dash, width)
 
 
 def linear_figures() -> list[Figure]:
     """Figures 8, 9 and 10."""
-    f = found()
+    f = closed_loop_flexion()
     t, muscles, bands = f.motion.time, f.linear.muscles, f.linear.bands
     change = "FDS is active at first and gives way to the interossei, as in the paper at 0.22 s"
     return [
@@ -148,7 +150,7 @@ def linear_figures() -> list[Figure]:
             "Figure 9: extensor and middle band by linear programming",
             f"At the end ED {muscles[-1, 0]:.2f} N (paper: 26.4) and the middle band "
             f"{bands[-1, 0]:.2f} N (13.2). {OURS}",
-            [_muscle(f, muscles, 0), Line("middle band", t, bands[:, 0], BAND_COLOURS[0])],
+            [_muscle(f, muscles, 0), PlotLine("middle band", t, bands[:, 0], BAND_COLOURS[0])],
             "N",
         ),
         over_time(
@@ -165,7 +167,7 @@ def linear_figures() -> list[Figure]:
 
 def quadratic_figures() -> list[Figure]:
     """Figures 11, 12 and 14."""
-    f = found()
+    f = closed_loop_flexion()
     t, muscles, bands = f.motion.time, f.quadratic.muscles, f.quadratic.bands
     fall = muscles[0] - muscles[-1]
     share = 100 * bands[-1] / bands[-1].sum()
@@ -192,7 +194,7 @@ def quadratic_figures() -> list[Figure]:
             "The lateral band's share of ED where both shifts agree, from "
             f"{f.quadratic.share[0]:.3f} to {f.quadratic.share[-1]:.3f} (paper: about 0.28). "
             f"{OURS}",
-            [Line("alpha", t, f.quadratic.share, "#0b5394")],
+            [PlotLine("alpha", t, f.quadratic.share, "#0b5394")],
             "1",
         ),
     ]
@@ -200,10 +202,10 @@ def quadratic_figures() -> list[Figure]:
 
 def excursion_figures() -> list[Figure]:
     """Figure 13."""
-    f = found()
+    f = closed_loop_flexion()
     moved = 1e3 * excursions(f.motion.angle)
     lines = [
-        Line(
+        PlotLine(
             LONG_NAMES[name], f.motion.time, moved[:, k], MUSCLE_COLOURS[k], "--" if k == 3 else "-"
         )
         for k, name in enumerate(MUSCLES)
@@ -219,25 +221,26 @@ def excursion_figures() -> list[Figure]:
     return [over_time("figure_13_excursions", title, caption, lines, "excursion, mm")]
 
 
-def _muscle(f: Flexion, forces: Array, k: int) -> Line:
-    return Line(LONG_NAMES[MUSCLES[k]], f.motion.time, forces[:, k], MUSCLE_COLOURS[k])
+def _muscle(f: Flexion, forces: Array, k: int) -> PlotLine:
+    return PlotLine(LONG_NAMES[MUSCLES[k]], f.motion.time, forces[:, k], MUSCLE_COLOURS[k])
 
 
-def _bands(f: Flexion, bands: Array) -> list[Line]:
+def _bands(f: Flexion, bands: Array) -> list[PlotLine]:
     names, dashes = ("middle band", "lateral band"), ("-", "--")
     return [
-        Line(n, f.motion.time, bands[:, k], BAND_COLOURS[k], dashes[k]) for k, n in enumerate(names)
+        PlotLine(n, f.motion.time, bands[:, k], BAND_COLOURS[k], dashes[k])
+        for k, n in enumerate(names)
     ]
 
 
-def over_time(name: str, title: str, caption: str, lines: list[Line], unit: str) -> Figure:
+def over_time(name: str, title: str, caption: str, lines: list[PlotLine], unit: str) -> Figure:
     """Lines that share their times, with their table."""
     columns: Mapping[str, Array] = {f"{line.name}, {unit}": line.y for line in lines}
     data = pd.DataFrame({"time_s": lines[0].x, **columns})
-    return Figure(name, title, caption, lines_drawn(lines, "time, s", unit), {name: data})
+    return Figure(name, title, caption, line_chart(lines, "time, s", unit), {name: data})
 
 
-def table(lines: list[Line], x: str, y: str) -> pd.DataFrame:
+def table(lines: list[PlotLine], x: str, y: str) -> pd.DataFrame:
     """Lines that do not share their abscissa, one below the other."""
     parts = [pd.DataFrame({"line": line.name, x: line.x, y: line.y}) for line in lines]
     return pd.concat(parts, ignore_index=True)
@@ -257,6 +260,6 @@ STUDIES: tuple[FigureStudy, ...] = (
     FigureStudy(
         "doubts",
         "the paper's numbers beside ours; feedback, elasticity, uncertain entries",
-        lambda: doubt_figures(found()),
+        lambda: doubt_figures(closed_loop_flexion()),
     ),
 )

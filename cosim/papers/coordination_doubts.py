@@ -40,6 +40,7 @@ SHOWN = (
 
 
 def doubt_figures(f: Flexion) -> list[Figure]:
+    """Figures of what the paper leaves open: the printed numbers, the loops, and the entries."""
     return [_beside(f), _loops(), _entries(flexion(f.loop, samples=51))]
 
 
@@ -155,8 +156,8 @@ def _entries(f: Flexion) -> Figure:
             "unit": base[what].unit,
             "paper": base[what].paper,
             "as_read": base[what].ours,
-            f"{100 * CHANGE:.0f} % smaller": _named(smaller, what),
-            f"{100 * CHANGE:.0f} % larger": _named(larger, what),
+            f"{100 * CHANGE:.0f} % smaller": _our_value(smaller, what),
+            f"{100 * CHANGE:.0f} % larger": _our_value(larger, what),
         }
         for (muscle, joint), (smaller, larger) in doubts(f).items()
         for what in SHOWN
@@ -200,5 +201,5 @@ def _entries(f: Flexion) -> Figure:
     )
 
 
-def _named(found: tuple[Finding, ...], what: str) -> float:
+def _our_value(found: tuple[Finding, ...], what: str) -> float:
     return next(x.ours for x in found if x.what == what)

@@ -13,14 +13,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Sheet
 
 MUSCLE_COLOURS = ("#0b5394", "#b45309", "#2e7d4f", "#8e3b8a", "0.45")
-"""Of ED, FDP, FDS, the interossei and the lumbrical, in every figure."""
+"""Colours of ED, FDP, FDS, the interossei and the lumbrical, in every figure."""
 BAND_COLOURS = ("#0f7c8a", "#c2410c")
-"""Of the middle and the lateral band."""
+"""Colours of the middle and the lateral band."""
 HEADROOM = 0.06
 
 
 @dataclass(frozen=True)
-class Line:
+class PlotLine:
     """A curve with its name; `dash` and `width` as matplotlib has them."""
 
     name: str
@@ -31,7 +31,7 @@ class Line:
     width: float = 1.8
 
 
-def lines_drawn(lines: Sequence[Line], x: str, y: str) -> Callable[[Sheet], None]:
+def line_chart(lines: Sequence[PlotLine], x: str, y: str) -> Callable[[Sheet], None]:
     """What draws the lines on a sheet, with their legend beside."""
 
     def draw(sheet: Sheet) -> None:

@@ -35,6 +35,7 @@ ARMS_OURS = (
 
 
 def arm_figures() -> list[Figure]:
+    """Figures of the connecting tendons' moment arms."""
     network = human_finger()
     return [_contours(network), _sections(network), _widths(network)]
 

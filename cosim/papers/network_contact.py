@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from cosim.papers.network_motion import SETTLED, Contact, contact
+from cosim.papers.network_motion import SETTLED, ContactRun, contact
 from cosim.report.figures import Figure, style_axes
 from rigid.chain.planar_chain import BUCHNER
 from rigid.hoods.two_band import coupled_dip
@@ -43,11 +43,12 @@ ON_THE_WORLD = {"distal": (0, 1.0), "palmar": (2, -1.0)}
 
 
 def contact_figures() -> list[Figure]:
+    """Figures of the contact with each muscle: the history and its end."""
     runs = {name: contact(name) for name in CASES}
     return [_history(runs), _ends(runs)]
 
 
-def _history(runs: dict[str, Contact]) -> Figure:
+def _history(runs: dict[str, ContactRun]) -> Figure:
     def draw(sheet: Sheet) -> None:
         grid = sheet.subplots(4, 2, sharex=True, sharey="row")
         for column, (name, run) in zip(grid.T, runs.items(), strict=True):
@@ -82,13 +83,13 @@ def _history(runs: dict[str, Contact]) -> Figure:
     return Figure("figure_4_contact", title, caption, draw, tables, (10.0, 9.0))
 
 
-def _forces(axes: Axes, run: Contact) -> None:
+def _forces(axes: Axes, run: ContactRun) -> None:
     for muscle, (colour, dash) in MUSCLE_LOOKS.items():
         label = "UI (FPI)" if muscle == "FPI" else muscle
         axes.plot(run.time, run.force[muscle], dash, color=colour, lw=1.6, label=label)
 
 
-def _angles(axes: Axes, run: Contact) -> None:
+def _angles(axes: Axes, run: ContactRun) -> None:
     turned = np.degrees(run.angle - run.angle[0])
     looks = zip(("MCP", "PIP", "DIP"), ("0.5", "#009e73", "#cc79a7"), strict=True)
     for k, (joint, colour) in enumerate(looks):
@@ -97,14 +98,14 @@ def _angles(axes: Axes, run: Contact) -> None:
     axes.plot(run.time, on_curve, "--", color="black", lw=1.0, label="DIP on the curve")
 
 
-def _tendons(axes: Axes, run: Contact) -> None:
+def _tendons(axes: Axes, run: ContactRun) -> None:
     for name, (colour, dash, label) in TENDON_LOOKS.items():
         axes.plot(
             run.time, run.tendon[:, run.names.index(name)], dash, color=colour, lw=1.6, label=label
         )
 
 
-def _tip(axes: Axes, run: Contact) -> None:
+def _tip(axes: Axes, run: ContactRun) -> None:
     for (name, (axis, sign)), colour in zip(
         ON_THE_WORLD.items(), ("#0072b2", "#d55e00"), strict=True
     ):
@@ -114,7 +115,7 @@ def _tip(axes: Axes, run: Contact) -> None:
     axes.axhline(0.0, color="0.7", lw=0.8, zorder=0)
 
 
-def _table(run: Contact) -> pd.DataFrame:
+def _table(run: ContactRun) -> pd.DataFrame:
     table = pd.DataFrame({"time_s": run.time})
     for muscle, force in run.force.items():
         table[f"{muscle}_N"] = force
@@ -131,7 +132,7 @@ def _table(run: Contact) -> pd.DataFrame:
     return table
 
 
-def end_states(run: Contact, planar: bool) -> pd.DataFrame:
+def end_states(run: ContactRun, planar: bool) -> pd.DataFrame:
     """Settled states of a run; of the planar one beside `point_contact`, which knows no
     orchestrator."""
     rows = []
@@ -154,7 +155,7 @@ def end_states(run: Contact, planar: bool) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _ends(runs: dict[str, Contact]) -> Figure:
+def _ends(runs: dict[str, ContactRun]) -> Figure:
     tables = {
         f"settled_{name}": end_states(run, name.endswith("planar")) for name, run in runs.items()
     }

@@ -39,7 +39,8 @@ BARS = {"interconnected": (INTERCONNECTED[0], ""), "static": (STATIC[0], "////")
 
 
 def error_figures() -> list[Figure]:
-    return [_summary(), _sized(), _by_friction()]
+    """Figures of the errors, of the friction's size, and of the errors by friction."""
+    return [_summary(), _hysteresis_figure(), _by_friction()]
 
 
 def _summary() -> Figure:
@@ -97,7 +98,7 @@ def _in_degrees(posture: Array) -> str:
     return "/".join(f"{x:.2g}" for x in np.degrees(posture)) + " deg"
 
 
-def _sized() -> Figure:
+def _hysteresis_figure() -> Figure:
     found = hysteresis(virtual_bed())
     along = (found.force - found.force[0]) @ found.direction
     off = found.force - 0.5 * (found.force[along.argmin()] + found.force[along.argmax()])

@@ -27,6 +27,7 @@ LOOKS = {"excursions alone": ("#d55e00", "s"), "with the coupling curve": ("#007
 
 
 def identification_figures() -> list[Figure]:
+    """The figure of what is identified from postures, and from postures and a curve."""
     poses, curve = draw_samples(0)
     fits = dict(zip(LOOKS, (identify(poses), identify(poses, curve)), strict=True))
     draws = dict(zip(LOOKS, repeat(DRAWS), strict=True))

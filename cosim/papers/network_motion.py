@@ -31,7 +31,7 @@ SETTLED = (0.995, 1.995, 2.995)
 
 
 @dataclass(frozen=True)
-class Contact:
+class ContactRun:
     """A run, over n times."""
 
     time: Array
@@ -43,7 +43,7 @@ class Contact:
     tendon: Array
     """(n, k) N, of the connecting tendons."""
     names: tuple[str, ...]
-    """Of the connecting tendons."""
+    """The connecting tendons' names."""
     tip_force: Array
     """(n, 3) N of the fingertip on the world."""
     extensors: Array
@@ -53,6 +53,7 @@ class Contact:
     else as it is."""
 
     def at(self, time: float) -> int:
+        """The index of the time that is nearest to `time`, s."""
         return int(np.abs(self.time - time).argmin())
 
     @property
@@ -62,7 +63,7 @@ class Contact:
 
 
 @lru_cache(maxsize=4)
-def contact(case: str, settings: tuple[str, ...] = ()) -> Contact:
+def contact(case: str, settings: tuple[str, ...] = ()) -> ContactRun:
     """The motion of a case with a network and a finger on MuJoCo, as `cosim run` makes it.
 
     Raises InputError and ConvergenceError."""
@@ -82,12 +83,12 @@ def contact(case: str, settings: tuple[str, ...] = ()) -> Contact:
         by_others = finger.own_torques(angles, own[k])
         rest = sum(by_others.values()) + _torques(hood, begun, chain, tension[k] - extending)
         extensors = _torques(hood, begun, chain, extending)
-        parts.append(_passed_on(chain, extensors))
-        way = _switched(hood.network, flexion[k], tendons[k], tension[k], finger.joints)
-        best.append(best_share(*(_passed_on(chain, rest + extensors + w)[3] for w in way)))
+        parts.append(_tip_effect(chain, extensors))
+        way = _change_by_split(hood.network, flexion[k], tendons[k], tension[k], finger.joints)
+        best.append(best_share(*(_tip_effect(chain, rest + extensors + w)[3] for w in way)))
     names = (*hood.tendons, *finger.tendons)
     pulls = np.hstack([tension, own])
-    return Contact(
+    return ContactRun(
         data.time.values,
         {name: pulls[:, k] for k, name in enumerate(names)},
         flexion,
@@ -105,7 +106,7 @@ def _torques(hood: NetworkHood, begun: Motion, chain: Chain, tension: Array) -> 
     return np.asarray(body_jacobian(chain).T @ load.total().ravel())
 
 
-def _passed_on(chain: Chain, torque: Array) -> Array:
+def _tip_effect(chain: Chain, torque: Array) -> Array:
     """(4,) N and N m: f_x of joint torques (nq,), on the fingertip and about the last axis."""
     tip = tip_jacobian(chain)
     rows = np.vstack([tip[:3], chain.axis[-1] @ tip[3:]])
@@ -113,7 +114,7 @@ def _passed_on(chain: Chain, torque: Array) -> Array:
     return found
 
 
-def _switched(
+def _change_by_split(
     network: Network, flexion: Array, tendon: Array, tension: Array, joints: tuple[str, ...]
 ) -> tuple[Array, Array]:
     """(nq,) N m each: what joint torques change by where all of EDC's force runs over the lateral

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 SEEDS = 10
 MUSCLE_LOOKS = (("#d55e00", "-"), ("#e69f00", "--"), ("#0072b2", "-"), ("#56b4e9", "--"))
-"""Of FDP, FDS, EDC and LUM."""
+"""Colours and dashes of FDP, FDS, EDC and LUM."""
 SEEN, INTERCONNECTED, STATIC = ("black", "-"), ("#0072b2", "-"), ("#d55e00", "--")
 MODELS = {"interconnected": INTERCONNECTED, "static": STATIC}
 VIRTUAL = (
@@ -29,7 +29,7 @@ VIRTUAL = (
 
 
 def run_figures() -> list[Figure]:
-    """Of seed 0."""
+    """The figures of the virtual testbed with seed 0."""
     first = trials(SEEDS)[0]
     return [_forward(first), _inverse(first), _circle(first)]
 

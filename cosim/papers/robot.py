@@ -179,7 +179,7 @@ def excursion_figures() -> list[Figure]:
         f"(400), whose residual is {1e3 * e.meant.residual.mean():.1f} mm on average (about 5). "
         "The adduction tendon saturates at its piston's limiter, and the abduction tendon is the "
         "noisiest of the others by its share of its range, both put in. RMS with the places as "
-        f"meant: {_listed(before)} mm; shown: after the places were found, to "
+        f"meant: {_list_values(before)} mm; shown: after the places were found, to "
         f"{1e3 * e.misplaced:.2f} mm, from the same poses and from table II's limits as stops. "
         "Noise, misplacement and the markers' give are ours."
     )
@@ -197,7 +197,7 @@ def excursion_figures() -> list[Figure]:
     return [Figure("figure_9_excursions", title, caption, draw, tables, (8.5, 5.6))]
 
 
-def _listed(values: Array) -> str:
+def _list_values(values: Array) -> str:
     return ", ".join(f"{v:.2f}" for v in values)
 
 

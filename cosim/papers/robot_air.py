@@ -50,14 +50,14 @@ PLANT_IS = (
 
 
 @lru_cache(maxsize=1)
-def done() -> Identification:
+def shown_identification() -> Identification:
     """The identification that the figures show."""
     return identification(Pneumatics())
 
 
 def model_figures() -> list[Figure]:
     """Figure 6."""
-    found = done()
+    found = shown_identification()
     still = identify(found.training, 0)
     whole, each = r_squared(found.model, found.unseen)
     without = r_squared(still, found.unseen)[0]
@@ -93,7 +93,8 @@ UNIT = "dPdt_kPa_per_s"
 
 
 def _course(record: Record, lag: int, model: Rate, still: Rate, k: int) -> pd.DataFrame:
-    """Of one cylinder: dP/dt of the plant and of both models, from the longer of their lags on."""
+    """The course of one cylinder: dP/dt of the plant and of both models, from the longer of their
+    lags on."""
     voltage, pressure, rate = (a[:, k] for a in pair_rows(record, lag))
     now = pair_rows(record, 0)[0][-len(rate) :, k]
     time = record.time[-1 - len(rate) : -1]
@@ -125,7 +126,7 @@ def _draw_rates(sheet: Sheet, courses: dict[float, pd.DataFrame]) -> None:
 
 
 def _coefficients(found: Identification) -> pd.DataFrame:
-    """Of the printed equation, P in Pa above the atmosphere and V in V."""
+    """The coefficients of the printed equation, P in Pa above the atmosphere and V in V."""
     m = found.model
     return pd.DataFrame(
         {
@@ -154,7 +155,7 @@ def step_figures() -> list[Figure]:
     )
     tables = {
         "figure_7_steps": pd.concat(
-            [_stepped(name, record, ends[name]) for name, record in sides.items()],
+            [_step_table(name, record, ends[name]) for name, record in sides.items()],
             ignore_index=True,
         )
     }
@@ -170,7 +171,7 @@ def step_figures() -> list[Figure]:
     ]
 
 
-def _stepped(name: str, record: Record, ends: tuple[float, ...]) -> pd.DataFrame:
+def _step_table(name: str, record: Record, ends: tuple[float, ...]) -> pd.DataFrame:
     late = 1e3 * latency(record)
     parts = [
         pd.DataFrame(
@@ -211,7 +212,7 @@ def doubt_figures() -> list[Figure]:
     """What R2 depends on."""
     plain = Pneumatics()
     variants = {
-        f"as figure 6: {AMPLITUDE:g} V": done(),
+        f"as figure 6: {AMPLITUDE:g} V": shown_identification(),
         **{f"{a:g} V": identification(plain, a) for a in SPREADS},
         "underlap 0.05": identification(Pneumatics(Valve(underlap=0.05))),
         "underlap 0.2": identification(Pneumatics(Valve(underlap=0.2))),

@@ -25,7 +25,7 @@ FIGURE_10 = ("extensor", "dip_flexor", "abduction")
 """Figure 10 shows three tendons and does not say which: ours."""
 JOINT, TENDON = "#0b5394", "#b45309"
 COLOURS = ("#0b5394", "#b45309", "#3f7d3f", "#8e4585")
-"""Of `JOINTS`."""
+"""Colours of `JOINTS`."""
 
 
 def step_figures() -> list[Figure]:

@@ -15,8 +15,8 @@ import numpy as np
 from cosim.analyses.opensim.loads import THESIS_AXES, axes_of
 from cosim.case.file import load_case
 from cosim.case.schema import Case
-from cosim.fingers.common import CageTip
-from cosim.hoods.shell.table import Isotropic, ShellHoodConfig
+from cosim.fingers.common import CageTipConfig
+from cosim.hoods.shell.table import IsotropicConfig, ShellHoodConfig
 from cosim.pipeline import run_case
 from cosim.port import Array
 from cosim.results.result import Result
@@ -161,7 +161,7 @@ def _settings(forward: Case) -> Numbers:
     finger, hood = forward.native_finger(), _hood(load_case("thesis_one_way_edc"))
     assert finger.limit is not None
     assert forward.forward is not None
-    tip, limit = cast(CageTip, finger.tip), finger.limit
+    tip, limit = cast(CageTipConfig, finger.tip), finger.limit
     posture = finger.posture.angles()
     tension = load_case("thesis_strain_average").tendons["EDC"].tension
     activation = forward.tendons["EDC"].activation
@@ -199,7 +199,7 @@ def _hood(case: Case) -> ShellHoodConfig:
 
 def _modulus(hood: ShellHoodConfig, name: str) -> float:
     """MPa."""
-    return cast(Isotropic, hood.regions[name]).modulus / 1e6
+    return cast(IsotropicConfig, hood.regions[name]).modulus / 1e6
 
 
 def all_numbers() -> Numbers:

@@ -43,7 +43,7 @@ TITLES = {
 
 
 @dataclass(frozen=True)
-class Row:
+class ThesisRow:
     """A row of `cases/data/thesis_rows.csv`, whose head says what its columns hold."""
 
     place: str
@@ -56,20 +56,20 @@ class Row:
     why: str
 
 
-def rows() -> list[Row]:
+def rows() -> list[ThesisRow]:
     """All rows, in the order of the thesis."""
     text = (files("cases") / "data" / "thesis_rows.csv").read_text(encoding="utf-8")
     lines = [line for line in text.splitlines() if not line.startswith("#")]
     return [_row(cells) for cells in csv.DictReader(lines)]
 
 
-def _row(cells: Mapping[str, str]) -> Row:
+def _row(cells: Mapping[str, str]) -> ThesisRow:
     relation = cells["relation"]
     assert relation in get_args(Relation)
     values = tuple(float(v) for v in cells["values"].split(";") if v)
     place, item, printed, unit = (cells[k] for k in ("place", "item", "printed", "unit"))
     kind = cast(Relation, relation)
-    return Row(place, item, printed, unit, values, kind, cells["ours"], cells["why"])
+    return ThesisRow(place, item, printed, unit, values, kind, cells["ours"], cells["why"])
 
 
 def printed_numbers() -> dict[str, float]:
@@ -77,7 +77,7 @@ def printed_numbers() -> dict[str, float]:
     return {row.ours: row.values[0] for row in rows() if row.relation == "number"}
 
 
-def state(row: Row, ours: Sequence[float]) -> State:
+def state(row: ThesisRow, ours: Sequence[float]) -> State:
     """Whether `ours` reproduces what the row prints."""
     if row.relation == "text":
         return "no number printed"

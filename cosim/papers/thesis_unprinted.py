@@ -28,13 +28,13 @@ def variants() -> dict[str, tuple[str, ...]]:
     return {
         AS_IS: (),
         "twice as thick": (f'hood.thickness="{2e3 * hood.thickness:g} mm"',),
-        "free of stress at 10/20/5 deg": _bent(10, 20, 5),
-        "free of stress at 20/40/11 deg": _bent(20, 40, 11),
+        "free of stress at 10/20/5 deg": _rest_posture(10, 20, 5),
+        "free of stress at 20/40/11 deg": _rest_posture(20, 40, 11),
         "Poisson's ratio 0.49": tuple(f"hood.regions.{r}.poisson=0.49" for r in hood.regions),
     }
 
 
-def _bent(*angles: int) -> tuple[str, ...]:
+def _rest_posture(*angles: int) -> tuple[str, ...]:
     return tuple(
         f'hood.mesh.rest_posture.{joint}="{angle} deg"'
         for joint, angle in zip(("MCP", "PIP", "DIP"), angles, strict=True)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from cosim.errors import InputError, Progress
-from cosim.files import folder_written_whole
+from cosim.files import output_folder
 from cosim.report.templates import own_file, template
 from cosim.version import __version__
 
@@ -90,7 +90,7 @@ def write_figures(
     """Compute the studies' figures; write each one's picture and tables, and the page; how many.
 
     Raises InputError where the folder cannot be written, and what a study raises."""
-    with folder_written_whole(folder, MARK) as part:
+    with output_folder(folder, MARK) as part:
         shown = []
         for study in studies:
             progress(f"{study.name}: {study.about}")

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from cosim.errors import Progress, quiet
-from cosim.files import written_whole
+from cosim.files import output_file
 from cosim.report.tables import as_csv, as_json, as_markdown, tables_of
 from cosim.results.compare import read_targets
 from cosim.results.read import read_runs
@@ -43,6 +43,6 @@ def write_report(
         text = as_json(every, tables) if form == "json" else one[form](tables)
     if out is None:
         return text
-    with written_whole(out) as part:
+    with output_file(out) as part:
         part.write_text(text, encoding="utf-8")
     return f"{out}: {len(text.encode('utf-8')) / 1e6:.1f} MB"

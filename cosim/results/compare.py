@@ -39,7 +39,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from cosim.errors import InputError
-from cosim.files import written_whole
+from cosim.files import output_file
 from cosim.results.conventions import AXES, OPPOSITE
 from cosim.schema.fields import is_number
 
@@ -347,7 +347,7 @@ def to_json(rows: Sequence[Comparison]) -> str:
 
 def write_json(path: Path, rows: Sequence[Comparison]) -> None:
     """Raises InputError where the file cannot be written."""
-    with written_whole(path) as part:
+    with output_file(path) as part:
         part.write_text(to_json(rows), encoding="utf-8")
 
 

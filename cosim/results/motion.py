@@ -12,7 +12,7 @@ from cosim.build.motion import MovingModels
 from cosim.case.file import resolved_toml
 from cosim.case.schema import Case
 from cosim.coupling.checkpoint import MotionHistory
-from cosim.coupling.motion import Frame, MotionState
+from cosim.coupling.motion import MotionFrame, MotionState
 from cosim.fingers.kinds import tip_support_kind
 from cosim.fmu.finger import OPEN
 from cosim.hoods.view import hood_field
@@ -24,7 +24,7 @@ from cosim.results.load_and_rest import NO_UNLOADED
 from cosim.results.parts import LedgerRow, Scene, ledger_rows
 from cosim.results.result import Result
 from cosim.results.scene import bones_in_world
-from cosim.solve.motion import Moved
+from cosim.solve.motion import SolvedMotion
 from cosim.version import __version__
 
 if TYPE_CHECKING:
@@ -36,20 +36,25 @@ SMALL_TORQUE = 1e-12
 """N m."""
 
 
-def observe_motion(case: Case, moved: Moved, wall: float) -> Result:
+def observe_motion(case: Case, moved: SolvedMotion, wall: float) -> Result:
     """Everything that a motion leaves behind."""
     return Result(
         _summary(case, moved, wall),
-        _dataset(moved.models, moved.kept),
-        tuple(_ledger(moved.models, moved.kept)),
-        _scene(moved.models, moved.kept),
+        _dataset(moved.models, moved.history),
+        tuple(_ledger(moved.models, moved.history)),
+        _scene(moved.models, moved.history),
         resolved_toml(case),
         case.name,
     )
 
 
-def _summary(case: Case, moved: Moved, wall: float) -> dict[str, Any]:
-    t, frames, tips, end = moved.models, moved.kept.frames, moved.kept.tips, moved.kept.moment
+def _summary(case: Case, moved: SolvedMotion, wall: float) -> dict[str, Any]:
+    t, frames, tips, end = (
+        moved.models,
+        moved.history.frames,
+        moved.history.tips,
+        moved.history.moment,
+    )
     finger, hood, last = t.finger, t.hood, frames[-1]
     audit = {
         "hood_force_balance": max(f.imbalance[0] for f in frames),
@@ -85,14 +90,14 @@ def _summary(case: Case, moved: Moved, wall: float) -> dict[str, Any]:
     out["audit_missed"] = missed_bounds(out["audit"])
     if case.forward is not None and case.forward.adaptive is not None:
         out["step_control"] = _steps(end, frames)
-    if names := t.moves.driven.names:
-        reached = 1e3 * (end.draw.found - end.draw.start)
+    if names := t.moves.prescribed.names:
+        reached = 1e3 * (end.draw.excursion - end.draw.start)
         out["drawn_mm"] = dict(zip(names, reached.tolist(), strict=True))
     if not case.finger.is_native:
         out["not_in_ledger"] = OPEN
     if twice := [str(pair) for pair in pairs(case, hood, finger)]:
         out["double_counted"] = twice
-    if lengths := t.pulls.lengths(end.puller):
+    if lengths := t.pulls.lengths(end.drive):
         out["muscle"] = {name: _muscle(case, name, length) for name, length in lengths.items()}
     if t.pulls.cylinders:
         out["air"] = air_end(t.pulls.cylinders, last.drive)
@@ -110,10 +115,10 @@ def _muscle(case: Case, name: str, length: float) -> dict[str, Any]:
     }
 
 
-def _energy(moved: Moved) -> tuple[dict[str, float], float]:
+def _energy(moved: SolvedMotion) -> tuple[dict[str, float], float]:
     """mJ, where the work of tendons and gravity went since the start; and what the method took from
     it or gave to it, over the tendons' work without its signs."""
-    t, frames, end = moved.models, moved.kept.frames, moved.kept.moment
+    t, frames, end = moved.models, moved.history.frames, moved.history.moment
     done = end.coupled.energy
     stored = done.tendons - done.hood
     lost = end.dissipated + end.slipped
@@ -143,10 +148,10 @@ def _energy(moved: Moved) -> tuple[dict[str, float], float]:
     return in_mJ, abs(artificial) / max(done.effort, 1e-12)
 
 
-def _balance_at_rest(moved: Moved) -> dict[str, float]:
+def _balance_at_rest(moved: SolvedMotion) -> dict[str, float]:
     """Of a finger that came to rest and tells its forces, the largest joint torque of inertia over
     the largest of any source."""
-    t, frames, tips = moved.models, moved.kept.frames, moved.kept.tips
+    t, frames, tips = moved.models, moved.history.frames, moved.history.tips
     books = _books(t, frames[-2], frames[-1], tips[-1])
     if not moved.rest.is_reached or "inertia" not in books:
         return {}
@@ -157,7 +162,7 @@ def _balance_at_rest(moved: Moved) -> dict[str, float]:
     }
 
 
-def _books(t: MovingModels, before: Frame, now: Frame, tip: Array) -> dict[str, Array]:
+def _books(t: MovingModels, before: MotionFrame, now: MotionFrame, tip: Array) -> dict[str, Array]:
     """(nb, 6) on each body by source of the finger, at the end of a step."""
     return t.finger.ledger(
         (before.angles, before.rates),
@@ -169,7 +174,7 @@ def _books(t: MovingModels, before: Frame, now: Frame, tip: Array) -> dict[str, 
     )
 
 
-def _steps(end: MotionState, frames: Sequence[Frame]) -> dict[str, Any]:
+def _steps(end: MotionState, frames: Sequence[MotionFrame]) -> dict[str, Any]:
     """What became of steps whose length follows from their error, each of them two halves."""
     taken = np.diff([f.time for f in frames])
     return {

@@ -16,16 +16,16 @@ def one_way_summary(case: Case, models: Models, states: States) -> dict[str, Any
     """What a one-way pass handed over, and what is counted twice in it."""
     found = pairs(case, models.hood, models.finger)
     out: dict[str, Any] = {"double_counted": [str(pair) for pair in found]} if found else {}
-    if states.passed is not None:
+    if states.one_way is not None:
         force, moment = states.loaded.load.imbalance(states.loaded.motion)
         out["one_way"] = {
             **case.coupling.one_way.model_dump(),
-            "interface_residual": states.passed.left_open,
+            "interface_residual": states.one_way.interface_residual,
             "handed_over_force_balance": force,
             "handed_over_moment_balance": moment,
             "joint_torque_Nmm": {
                 source: dict(zip(models.finger.joints, (1e3 * torque).tolist(), strict=True))
-                for source, torque in states.passed.torque.items()
+                for source, torque in states.one_way.torque.items()
             },
         }
     return out

@@ -61,7 +61,7 @@ def summary(
         head |= views["loaded"].size()
     before = _state(models, unloaded, views.get("unloaded"))
     now = _state(models, loaded, views.get("loaded"))
-    passed = states.passed
+    passed = states.one_way
     load, motion = (loaded.load, loaded.motion) if passed is None else (passed.answer, passed.at)
     force, moment = load.imbalance(motion)
     audit = {"hood_force_balance": force, "hood_moment_balance": moment}

@@ -56,7 +56,7 @@ class Table(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", protected_namespaces=())
 
 
-class Region(Table):
+class RegionConfig(Table):
     """What every region may say: its thickness, or the cross-section that thickness times the
     region's mean width makes, where it differs from the hood's; and `tension_field`, with which the
     sheet wrinkles instead of bearing compression in its plane."""
@@ -67,11 +67,11 @@ class Region(Table):
 
     @property
     def fibrous(self) -> Any:
-        """The same with what a region with fibres may say; None of one without."""
+        """The region as one with fibres; None for a region without."""
         return None
 
     @model_validator(mode="after")
-    def _one_way(self) -> Region:
+    def _one_way(self) -> RegionConfig:
         if self.thickness is not None and self.section is not None:
             raise fault("gives both thickness and section; write one of them")
         return self

@@ -52,6 +52,7 @@ class Kind:
 
     @property
     def advice(self) -> str:
+        """What to write instead of a value without a unit, or with another's."""
         article = "an" if self.name[0] in "aeiou" else "a"
         return f'write {article} {self.name} with its unit, for example "{self.example}"'
 
@@ -111,7 +112,10 @@ def _unit(text: str) -> tuple[Decimal, Any]:
 
 @cache
 def parse(text: str, kind: Kind) -> float:
-    """The SI value of e.g. "0.6 mm".
+    """The SI value of a text with a unit.
+
+    >>> parse("0.6 mm", LENGTH)
+    0.0006
 
     Raises ValueError, with what to write instead: no number, no unit, a unit that is not known or
     of another dimension, a value that is not finite.

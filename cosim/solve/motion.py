@@ -1,4 +1,4 @@
-"""The motion of a case: begun, or gone on with from a checkpoint."""
+"""The motion of a case, from the start or from a checkpoint."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ import numpy as np
 from cosim.build.motion import MovingModels, moving_models
 from cosim.build.states import special_states
 from cosim.case.file import resolved_toml
-from cosim.case.schema import Case, Forward
+from cosim.case.schema import Case, ForwardConfig
 from cosim.coupling.adaptive import Control
 from cosim.coupling.checkpoint import NAME, MotionHistory, read_checkpoint, write_checkpoint
 from cosim.coupling.motion import CoupledMotion, MotionState, motion_states
 from cosim.coupling.paced import adaptive_states
 from cosim.coupling.state_arrays import Special
 from cosim.errors import ConvergenceError, InputError, Progress, StoppedError, quiet
-from cosim.files import written_whole
+from cosim.files import output_file
 from cosim.solve.session import Session
 
 RATE, CHANGE, WINDOW = 1e-3, 1e-3, 0.1
@@ -35,7 +35,7 @@ UNFINISHED = ".unfinished"
 
 
 @dataclass(frozen=True)
-class Rest:
+class RestCheck:
     """How still a finger is at a motion's end: the largest over the last WINDOW s."""
 
     rate: float
@@ -45,19 +45,20 @@ class Rest:
 
     @property
     def is_reached(self) -> bool:
+        """Whether the finger is at rest: rate and change within RATE and CHANGE."""
         return self.rate <= RATE and self.change <= CHANGE
 
 
 @dataclass(frozen=True)
-class Moved:
+class SolvedMotion:
     """The models of a motion, what is kept of it, and whether it came to rest."""
 
     models: MovingModels
-    kept: MotionHistory
-    rest: Rest
+    history: MotionHistory
+    rest: RestCheck
 
 
-def solve_motion(case: Case, session: Session, progress: Progress = quiet) -> Moved:
+def solve_motion(case: Case, session: Session, progress: Progress = quiet) -> SolvedMotion:
     """The motion of a case with a table [forward].  With `session.checkpoints` it keeps checkpoints
     there, and goes on from one that is there.
 
@@ -93,7 +94,7 @@ def solve_motion(case: Case, session: Session, progress: Progress = quiet) -> Mo
     rest = _rest(kept)
     if forward.must_rest:
         _check_rest(forward, rest)
-    return Moved(both, kept, rest)
+    return SolvedMotion(both, kept, rest)
 
 
 @dataclass
@@ -120,7 +121,11 @@ class _Keeper:
 
 
 def _keeper(
-    case: Case, forward: Forward, both: MovingModels, checkpoints: Path | None, progress: Progress
+    case: Case,
+    forward: ForwardConfig,
+    both: MovingModels,
+    checkpoints: Path | None,
+    progress: Progress,
 ) -> _Keeper | None:
     """None for a motion that keeps no checkpoints: that has no folder, asks for none, or asks for
     nothing and cannot write its state.
@@ -139,7 +144,7 @@ def _keeper(
     text = resolved_toml(case)
     if _case_in(folder) != text:
         shutil.rmtree(folder, ignore_errors=True)
-        with written_whole(folder / "case.toml") as part:
+        with output_file(folder / "case.toml") as part:
             part.write_text(text, encoding="utf-8")
     return _Keeper(folder, text, special, forward.checkpoint)
 
@@ -165,7 +170,7 @@ def _case_in(folder: Path) -> str | None:
 
 
 def _on(
-    moves: CoupledMotion, forward: Forward, kept: MotionHistory, progress: Progress
+    moves: CoupledMotion, forward: ForwardConfig, kept: MotionHistory, progress: Progress
 ) -> Iterator[tuple[int, tuple[MotionState, ...]]]:
     """After each step to the motion's end how many have been made, and the states in it: of a step
     whose length follows from its error, after each half."""
@@ -180,15 +185,15 @@ def _on(
         yield k, (now,)
 
 
-def _rest(kept: MotionHistory) -> Rest:
+def _rest(kept: MotionHistory) -> RestCheck:
     since = kept.frames[-1].time - WINDOW * (1 + 1e-9)
     last = [k for k, frame in enumerate(kept.frames) if frame.time >= since]
     rates = np.array([kept.frames[k].rates for k in last])
     forces = np.array([kept.tips[k][:3] for k in last])
-    return Rest(float(np.abs(rates).max()), float(np.abs(forces - forces[-1]).max()))
+    return RestCheck(float(np.abs(rates).max()), float(np.abs(forces - forces[-1]).max()))
 
 
-def _check_rest(forward: Forward, rest: Rest) -> None:
+def _check_rest(forward: ForwardConfig, rest: RestCheck) -> None:
     if not rest.is_reached:
         raise ConvergenceError(
             f"the finger did not come to rest in {forward.duration:g} s: over the last {WINDOW:g} "

@@ -27,7 +27,7 @@ from cosim.port import (
 )
 from cosim.solve.session import Session
 from cosim.solve.states import States
-from cosim.tendons.muscles import Pull
+from cosim.tendons.muscles import MusclePull
 
 if TYPE_CHECKING:
     from rigid.mujoco.finger import MujocoFinger
@@ -42,7 +42,7 @@ class HoodPass:
     """The finger's, in the posture."""
     at: Motion
     answers: tuple[PassAnswer, PassAnswer]
-    pull: Pull
+    pull: MusclePull
 
 
 class PassAnswer(NamedTuple):
@@ -97,7 +97,7 @@ def finger_pass(case: Case, given: HoodPass, progress: Progress) -> tuple[Models
         found.append(_balance(case, models.finger, handed, given.start, answer))
         progress(f"one way: finger balanced to {found[-1].finger_residual:.1e}")
     unloaded, loaded = found
-    passed = OneWayPass(handed, *_left_open(models.hood, models.finger, loaded))
+    passed = OneWayPass(handed, *_interface_residual(models.hood, models.finger, loaded))
     return replace(models, hood=handed), States(unloaded, loaded, None, given.pull, passed)
 
 
@@ -133,7 +133,7 @@ def _centres(finger: OpenFinger, at: State) -> Array:
     return np.einsum("bji,bj->bi", motion.rotation, away)
 
 
-def _tensions(case: Case, models: Models) -> tuple[Array, Array, Pull]:
+def _tensions(case: Case, models: Models) -> tuple[Array, Array, MusclePull]:
     """N, of the hood's and of the finger's own tendons, in the posture."""
     hood, own = tensions(case, models)
     pull = models.muscles.pull(np.zeros(len(models.muscles.names)))
@@ -145,8 +145,11 @@ def _tensions(case: Case, models: Models) -> tuple[Array, Array, Pull]:
     return hood, own, pull
 
 
-def _left_open(hood: Hood, finger: OpenFinger, e: Equilibrium) -> tuple[float, dict[str, Array]]:
-    """What another round would have begun with, relative, and the torques that were handed over."""
+def _interface_residual(
+    hood: Hood, finger: OpenFinger, e: Equilibrium
+) -> tuple[float, dict[str, Array]]:
+    """The interface residual, relative, with the hood's answer at the new pose, and the torques
+    (N m) of the load that was handed over."""
     answer = hood.advance(e.response.state, e.motion, e.hood_tension, STATIC)
     missed = finger.balance(e.finger_state, answer.load, e.finger_tension).relative
     return missed, torques(finger.jacobian(e.finger_state), e.load)

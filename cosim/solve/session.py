@@ -29,6 +29,15 @@ class Session:
     """Models and unloaded equilibria of the settings that were solved last, for the next cases that
     differ from them only in their tendons.
 
+    >>> import cosim
+    >>> session, case = cosim.Session(), cosim.load("pulley_edc")
+    >>> weak, strong = (
+    ...     cosim.run(case.replace({"tendons.EDC.tension": force}), session)
+    ...     for force in ("1 N", "2 N")
+    ... )
+    >>> strong.tip_force["dorsal"] > weak.tip_force["dorsal"]
+    True
+
     `most`: settings kept at once.  `checkpoints`: the folder where a coupled motion keeps its
     checkpoints until it has ended, in NAME.unfinished; None: it keeps none."""
 
@@ -42,7 +51,7 @@ class Session:
         shared = self._setting(case, progress).models
         return replace(shared, muscles=live_muscles(case.tendons))
 
-    def unloaded(self, case: Case, progress: Progress) -> Equilibrium:
+    def unloaded_equilibrium(self, case: Case, progress: Progress) -> Equilibrium:
         """The equilibrium with every tendon at its resting tension.
 
         Raises InputError and ConvergenceError."""

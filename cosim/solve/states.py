@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from cosim.coupling.equilibrium import Equilibrium
 from cosim.coupling.one_way import OneWayPass
-from cosim.tendons.muscles import Pull
+from cosim.tendons.muscles import MusclePull
 
 
 @dataclass(frozen=True)
@@ -17,7 +17,7 @@ class States:
     loaded: Equilibrium
     reciprocity: float | None
     """None where the hood has no tendons to pull."""
-    pull: Pull
-    """Of the muscles that have a fibre, in the loaded state."""
-    passed: OneWayPass | None = None
-    """Of a one-way pass: what was handed over."""
+    pull: MusclePull
+    """The pull of the muscles that have a fibre, in the loaded state."""
+    one_way: OneWayPass | None = None
+    """What a one-way pass handed over; None of a coupled equilibrium."""

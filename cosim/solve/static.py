@@ -17,20 +17,19 @@ from cosim.port import Array, PairState, Tensions
 from cosim.solve.equilibrium import solve_equilibrium
 from cosim.solve.session import Session
 from cosim.solve.states import States
-from cosim.tendons.muscles import Pull
+from cosim.tendons.muscles import MusclePull
 
 AUDIT_STEP = 2e-5
 """rad, joint step of the reciprocity audit: small against the contact's smoothing."""
 MOST_PULLS = 30
-PULL_TOLERANCE = 1e-7
-"""Of the largest tension (at least 1 N)."""
+PULL_TOLERANCE = 1e-7  # relative to the largest tension (at least 1 N)
 
 
 def solve_static(case: Case, session: Session, progress: Progress = quiet) -> tuple[Models, States]:
     """The equilibrium with every tendon at its resting tension, then the loaded one.
 
     Raises InputError and ConvergenceError."""
-    models, unloaded = session.models(case, progress), session.unloaded(case, progress)
+    models, unloaded = session.models(case, progress), session.unloaded_equilibrium(case, progress)
     loaded, pull = _loaded_equilibrium(case, models, unloaded, progress)
     if not models.hood.tendons or loaded.balance is None:
         return models, States(unloaded, loaded, None, pull)
@@ -42,8 +41,8 @@ def solve_static(case: Case, session: Session, progress: Progress = quiet) -> tu
 
 def _loaded_equilibrium(
     case: Case, models: Models, unloaded: Equilibrium, progress: Progress
-) -> tuple[Equilibrium, Pull]:
-    """The equilibrium, pulled from the unloaded one, in which every muscle pulls as its fibre does
+) -> tuple[Equilibrium, MusclePull]:
+    """The equilibrium, reached from the unloaded one, in which every muscle pulls as its fibre does
     at that length, and every tendon whose excursion is stated has it."""
     names = (*models.hood.tendons, *models.finger.tendons)
     own = np.array([names.index(name) for name in models.muscles.names], dtype=int)
@@ -52,7 +51,7 @@ def _loaded_equilibrium(
     split, loaded = len(models.hood.tendons), unloaded
     pull = models.muscles.pull(np.zeros(len(own)))
 
-    def pulled(found: Array) -> tuple[tuple[Equilibrium, Pull], Array]:
+    def solve_with(found: Array) -> tuple[tuple[Equilibrium, MusclePull], Array]:
         """The equilibrium from the last one, with tensions (nd,) N of displaced tendons."""
         nonlocal loaded, pull
         tension[index] = found
@@ -80,9 +79,9 @@ def _loaded_equilibrium(
 
     start = tension[index]
     if not prescribed.names:
-        return pulled(start)[0]
+        return solve_with(start)[0]
     found, end = solve_excursions(
-        prescribed, initial_excursions(start, np.zeros(len(start))), 0.0, pulled
+        prescribed, initial_excursions(start, np.zeros(len(start))), 0.0, solve_with
     )
     if (slack := end.tension <= 0).any():
         i = int(np.argmax(slack))

@@ -16,18 +16,18 @@ from cosim.study.sampling import block, problem
 QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
 CONFIDENCE = 0.95
 RESAMPLES = 200
-"""Of the bootstrap that gives the indices' confidence."""
+"""Resamples of the bootstrap that gives the indices' confidence."""
 MOST_LOST = 0.1
-"""Of Saltelli's blocks; where more have a failed run there are no indices: what fails is hardly a
-sample of what there is."""
+"""The part of Saltelli's blocks that may have a failed run. Where more have one there are no
+indices: what fails is hardly a sample of what there is."""
 LEAST_BLOCKS = 8
 FOLDS = 10
 SEED = 1
-"""Not 0, which SALib takes for none."""
+"""Seed of the bootstrap and the folds; not 0, which SALib takes for none."""
 
 
 class Band(NamedTuple):
-    """Of an output over the runs that converged; `quantiles` at `QUANTILES`."""
+    """The distribution of an output over the runs that converged; `quantiles` at `QUANTILES`."""
 
     runs: int
     mean: float
@@ -36,7 +36,7 @@ class Band(NamedTuple):
 
 
 def band(values: Array) -> Band | None:
-    """Of (n,) values, those that are not finite left out; None below two."""
+    """The band of (n,) values, those that are not finite left out; None below two."""
     kept = values[np.isfinite(values)]
     if len(kept) < 2:
         return None
@@ -60,9 +60,9 @@ class Indices:
 
 
 def indices(values: Array, dimensions: int, second_order: bool) -> Indices | str:
-    """Of an output (m,) at Saltelli's points in their order, NaN where a run failed: a block with
-    such a run is left out whole.  Estimators: Saltelli et al. 2010 (Comput Phys Commun 181:259) and
-    Jansen's, as in SALib.  A text says why there are none."""
+    """Sobol's indices of an output (m,) at Saltelli's points in their order, NaN where a run
+    failed: a block with such a run is left out whole. Estimators: Saltelli et al. 2010 (Comput Phys
+    Commun 181:259) and Jansen's, as in SALib. A text says why there are none."""
     size = block(dimensions, second_order)
     blocks = values.reshape(-1, size)
     kept = blocks[np.isfinite(blocks).all(axis=1)]
@@ -99,8 +99,8 @@ def _indices(kept: Array, planned: int, dimensions: int, second_order: bool) -> 
 
 @dataclass(frozen=True)
 class Slopes:
-    """Of a linear fit: SDs of the output for one SD of each parameter, their standard errors, and
-    the share of the variance that the fit explains."""
+    """A linear fit: SDs of the output for one SD of each parameter, their standard errors, and the
+    share of the variance that the fit explains."""
 
     slope: Array
     error: Array
@@ -152,7 +152,8 @@ class ResponseSurface:
 
 
 def surface(inputs: Array, values: Array, together: int = 1) -> ResponseSurface | None:
-    """Of (n, d) inputs; None with fewer runs than twice the terms, or where an input stays.
+    """The response surface through values (n,) at inputs (n, d); None with fewer runs than twice
+    the terms, or where an input stays.
 
     So many rows after one another are held out `together`: Saltelli's points of a block differ in
     one parameter alone, and would tell each other's values."""

@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 from cosim.errors import Progress, quiet
 from cosim.study import process as apart
 from cosim.study.engine import Solve, local
-from cosim.study.execute import conduct
+from cosim.study.execute import execute_study
 from cosim.study.plan import read_plan
 from cosim.study.store import Store
 from cosim.study.task import Task, Verdict
@@ -28,20 +28,20 @@ count = {runs}
 [outputs]
 tip_force = "fingertip_magnitude_N"
 """
-"""Of the shell."""
+"""A study of the shell hood."""
 Engine = Callable[[int], AbstractContextManager[Solve]]
 """What solves runs, by so many workers."""
 
 
 @dataclass(frozen=True)
-class Timed:
+class StudyTiming:
     """A study by so many workers, from the end of each one's first run on: a process loads the
     program, and compiles, in its first."""
 
     seconds: float
-    """On the clock."""
+    """s, by the clock."""
     solving: float
-    """Of all runs, s, as each took it."""
+    """s, the sum over all runs of what each took."""
     runs: int
 
     @property
@@ -50,18 +50,18 @@ class Timed:
         return self.runs / self.seconds
 
 
-def time_study(engine: Engine, workers: int, text: str) -> Timed:
+def time_study(engine: Engine, workers: int, text: str) -> StudyTiming:
     """A study on an empty store.  Raises InputError."""
     with TemporaryDirectory() as place:
         file = Path(place) / "bench.toml"
         file.write_text(text, encoding="utf-8")
         plan, store = read_plan(file), Store(Path(place) / "store").open()
         with engine(workers) as solve:
-            done = conduct(plan, store, solve, False, lambda count: None)
+            done = execute_study(plan, store, solve, False, lambda count: None)
         taken = sorted(_run_ends(store), key=lambda end: end[1])
         seconds = {row.key: row.seconds for row in store.rows(done.keys.values())}
         counted = [seconds[key] for key, _ in taken[workers:]]
-        return Timed(taken[-1][1] - taken[workers - 1][1], sum(counted), len(counted))
+        return StudyTiming(taken[-1][1] - taken[workers - 1][1], sum(counted), len(counted))
 
 
 def _run_ends(store: Store) -> Iterator[tuple[str, float]]:

@@ -59,7 +59,7 @@ class TruncatedNormal:
 
 @dataclass(frozen=True)
 class Lognormal:
-    """By mean and SD of the number itself, not of its logarithm."""
+    """A lognormal distribution by mean and SD of the number itself, not of its logarithm."""
 
     mean: float
     sd: float
@@ -88,30 +88,31 @@ class Uniform:
 
 
 @dataclass(frozen=True)
-class Axis:
+class GridAxis:
     """Values to take one after the other."""
 
     values: tuple[Word, ...]
 
     @property
     def is_numeric(self) -> bool:
+        """Whether the values are numbers and not words."""
         return all(type(v) is float for v in self.values)
 
 
-Law = Normal | TruncatedNormal | Lognormal | Uniform | Axis
+Law = Normal | TruncatedNormal | Lognormal | Uniform | GridAxis
 
 
-def is_axis(law: Law) -> TypeIs[Axis]:
+def is_axis(law: Law) -> TypeIs[GridAxis]:
     """Whether its values are taken one after the other, and not sampled."""
-    return isinstance(law, Axis)
+    return isinstance(law, GridAxis)
 
 
-def axis(first: float, last: float, count: int, spacing: Literal["linear", "log"]) -> Axis:
+def axis(first: float, last: float, count: int, spacing: Literal["linear", "log"]) -> GridAxis:
     """So many values from first to last, both in it.  Raises InputError."""
     if spacing == "log" and not (first > 0 and last > 0):
         raise InputError('spacing: "log" needs from and to above 0')
     made = (np.geomspace if spacing == "log" else np.linspace)(first, last, count)
-    return Axis(tuple(map(float, made)))
+    return GridAxis(tuple(map(float, made)))
 
 
 def middle(law: Law) -> Word:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from cosim.errors import CosimError, InputError, Progress
 from cosim.study import process as apart
 from cosim.study.store import Store
-from cosim.study.task import Task, Verdict, row_of, settle
+from cosim.study.task import Task, Verdict, row_of, run_task
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -38,10 +38,10 @@ PATIENCE = "20s"
 """For a scheduler to answer."""
 
 
-def here(tasks: Iterator[Task]) -> Iterator[Verdict]:
+def in_this_process(tasks: Iterator[Task]) -> Iterator[Verdict]:
     """One after the other in this process: no time limit, and a crash is one of this process."""
     for task in tasks:
-        yield settle(task, Store(Path(task.store)))
+        yield run_task(task, Store(Path(task.store)))
 
 
 @contextmanager

@@ -10,7 +10,7 @@ from cosim.case.cache_key import address, case_table, code_version
 from cosim.case.file import load_case
 from cosim.errors import InputError
 from cosim.study.engine import Solve
-from cosim.study.plan import Plan, Point
+from cosim.study.plan import Point, StudyPlan
 from cosim.study.quantities import check_outputs
 from cosim.study.store import Store
 from cosim.study.task import Task, Verdict, stored_outcome
@@ -43,7 +43,7 @@ class Count:
 
 
 @dataclass(frozen=True)
-class Done:
+class StudyOutcome:
     """Where every run's row is, or why the case does not allow it; without all of them where the
     study stopped for its failures."""
 
@@ -52,19 +52,20 @@ class Done:
     count: Count
 
     @property
-    def stopped(self) -> bool:
+    def was_stopped(self) -> bool:
+        """Whether runs are left that were not made."""
         return self.count.done < self.count.total
 
 
-def conduct(
-    plan: Plan, store: Store, solve: Solve, again: bool, tell: Callable[[Count], None]
-) -> Done:
+def execute_study(
+    plan: StudyPlan, store: Store, solve: Solve, again: bool, tell: Callable[[Count], None]
+) -> StudyOutcome:
     """Do what is left of the study; `again`: also what had failed.
 
     Raises InputError for an output that a run has not and for a store that cannot be written;
     every run that ended is in the store then."""
     points = list(dict.fromkeys(plan.points))
-    done = Done({}, {}, Count(len(points)))
+    done = StudyOutcome({}, {}, Count(len(points)))
     count, is_checked = done.count, False
 
     def note(verdict: Verdict) -> None:
@@ -106,12 +107,12 @@ def conduct(
 
 
 def _faults(error: InputError) -> str:
-    """In a line, without the path that the first line shows as it is seen from here."""
+    """The error in a line, without the path of the file, which the first line shows."""
     lines = str(error).splitlines()
     return " ".join(" ".join(lines[1:] or lines).split())
 
 
-def _task(plan: Plan, point: Point, store: Store, code: str, again: bool) -> Task:
+def _task(plan: StudyPlan, point: Point, store: Store, code: str, again: bool) -> Task:
     """Raises InputError where the case does not allow the point."""
     case = load_case(plan.case, plan.settings_at(point))
     return Task(

@@ -1,4 +1,4 @@
-"""The faults of a study file in plain words, as those of a case are told."""
+"""The faults of a study file in plain words, as those of a case file."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def _message(item: Any, place: tuple[str | int, ...], values: Any, model: type[B
 
 
 def _keys(model: type[BaseModel], place: tuple[str | int, ...]) -> tuple[str, ...]:
-    """Of the table at a place, as files name them."""
+    """The keys of the table at a place, as files name them."""
     for part in place:
         stated = model.model_fields[str(part)].annotation
         tables = [t for t in (stated, *get_args(stated)) if isinstance(t, type)]

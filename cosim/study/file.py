@@ -1,4 +1,4 @@
-"""The study file: read and checked; every fault told at once, with its place and what to write."""
+"""The study file: how it is read and checked, with every fault at once."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from cosim.schema import units
 from cosim.schema.fields import fault, is_number, quantity
 from cosim.schema.types import Count, Switch, Table
 from cosim.study.distributions import (
-    Axis,
+    GridAxis,
     Law,
     Lognormal,
     Normal,
@@ -120,7 +120,7 @@ _DISTRIBUTIONS: dict[str, type[_Parameter]] = {
 }
 
 
-class Sampling(Table):
+class SamplingConfig(Table):
     """How distributions are sampled; `n`: points, of Saltelli's scheme base points."""
 
     kind: Kind
@@ -129,7 +129,7 @@ class Sampling(Table):
     second_order: Switch = False
 
 
-class StudyLimits(Table):
+class StudyLimitsConfig(Table):
     """Seconds for a run, and failed runs after which no other is begun."""
 
     time: Annotated[float, quantity(units.TIME, above="0 s", most="1e6 s")] | None = None
@@ -144,9 +144,9 @@ class StudyFile(Table):
     case: str
     settings: Texts = ()
     parameters: Annotated[dict[str, dict[str, Any]], Field(min_length=1)]
-    sampling: Sampling | None = None
+    sampling: SamplingConfig | None = None
     outputs: Annotated[dict[str, str], Field(min_length=1)]
-    limits: StudyLimits = StudyLimits()
+    limits: StudyLimitsConfig = StudyLimitsConfig()
     arrays: Switch | Texts = False
     data: str = ""
 
@@ -219,7 +219,7 @@ def _toml(source: Path) -> dict[str, Any]:
 
 
 def _model(table: Mapping[str, Any]) -> type[_Parameter]:
-    """By the keys that it has.  Raises InputError where they say nothing."""
+    """The distribution that the keys state.  Raises InputError where they state none."""
     if "distribution" in table:
         word = table["distribution"]
         if not isinstance(word, str) or word not in _DISTRIBUTIONS:
@@ -272,7 +272,7 @@ def _law_of(read: _Parameter) -> Law:
         case _Uniform():
             return Uniform(read.low.number, read.high.number)
         case _List():
-            return Axis(tuple(v.number if isinstance(v, Measure) else v for v in read.values))
+            return GridAxis(tuple(v.number if isinstance(v, Measure) else v for v in read.values))
         case _Range():
             return axis(read.first.number, read.last.number, read.count, read.spacing)
     raise AssertionError(read)

@@ -8,16 +8,16 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from cosim.files import written_whole
+from cosim.files import output_file
 from cosim.study.answers import CONFIDENCE, QUANTILES, Indices
-from cosim.study.execute import Done
-from cosim.study.plan import Plan
+from cosim.study.execute import StudyOutcome
+from cosim.study.plan import StudyPlan
 from cosim.study.results import FORMAT, MARK, StudyResults, finite, read_study
 from cosim.study.store import Store
 from cosim.study.table import table_of, units_of, write_table
 
 
-def write_study(plan: Plan, done: Done, store: Store, folder: Path) -> StudyResults:
+def write_study(plan: StudyPlan, done: StudyOutcome, store: Store, folder: Path) -> StudyResults:
     """Table, answers and page in the folder.  Raises InputError where it cannot be written."""
     write_table(table_of(plan, done, store), folder)
     _write(folder / "study.toml", plan.text)
@@ -31,7 +31,7 @@ def write_study(plan: Plan, done: Done, store: Store, folder: Path) -> StudyResu
     return found
 
 
-def facts_of(plan: Plan, store: Store) -> dict[str, Any]:
+def facts_of(plan: StudyPlan, store: Store) -> dict[str, Any]:
     """What `StudyResults` reads."""
     s = plan.sampling
     return {
@@ -49,7 +49,7 @@ def facts_of(plan: Plan, store: Store) -> dict[str, Any]:
 
 
 def answers_of(found: StudyResults) -> dict[str, Any]:
-    """Of every output, for machines."""
+    """The answers of every output, for machines: what `answers.json` holds."""
     return {
         "quantiles": list(QUANTILES),
         "confidence": CONFIDENCE,
@@ -109,5 +109,5 @@ def _json(content: Any) -> str:
 
 
 def _write(path: Path, text: str) -> None:
-    with written_whole(path) as part:
+    with output_file(path) as part:
         part.write_text(text, encoding="utf-8")

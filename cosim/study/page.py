@@ -11,8 +11,8 @@ from cosim.report.templates import own_file, template
 from cosim.results.compare import Target, number, reference_text
 from cosim.study import plots as pictures
 from cosim.study.answers import Band, Indices
-from cosim.study.distributions import Axis, Law, Lognormal, Normal, TruncatedNormal, Uniform
-from cosim.study.plan import Plan
+from cosim.study.distributions import GridAxis, Law, Lognormal, Normal, TruncatedNormal, Uniform
+from cosim.study.plan import StudyPlan
 from cosim.study.results import StudyResults
 from cosim.version import __version__
 
@@ -24,7 +24,7 @@ MOST_RUNS = 12
 """Named of a failure's."""
 
 
-def page(found: StudyResults, plan: Plan) -> str:
+def page(found: StudyResults, plan: StudyPlan) -> str:
     """The whole page."""
     counts = found.table.status.value_counts().to_dict()
     return template("cosim.study").render(
@@ -53,7 +53,7 @@ def _failures(found: StudyResults) -> Iterator[dict[str, Any]]:
             yield {"status": status, "reason": reason, "count": len(runs), "runs": named}
 
 
-def _parameters(plan: Plan) -> Iterator[dict[str, str]]:
+def _parameters(plan: StudyPlan) -> Iterator[dict[str, str]]:
     for p in plan.parameters:
         sets = ", ".join(text.partition("=")[0] for text in p.settings)
         scales = ", ".join(p.scale)
@@ -71,16 +71,16 @@ def _law(law: Law) -> str:
             return f"normal, {law.mean:g} ± {law.sd:g}, cut at {law.low:g} and {law.high:g}"
         case Uniform():
             return f"uniform, {law.low:g} to {law.high:g}"
-        case Axis():
+        case GridAxis():
             return _steps(law)
 
 
-def _steps(law: Axis) -> str:
+def _steps(law: GridAxis) -> str:
     shown = [f"{v:g}" if type(v) is float else str(v) for v in law.values]
     return ", ".join(shown) if len(shown) <= 8 else f"{len(shown)} from {shown[0]} to {shown[-1]}"
 
 
-def _sampling_text(plan: Plan) -> str:
+def _sampling_text(plan: StudyPlan) -> str:
     if plan.sampling is None:
         return "every combination of the values"
     s = plan.sampling
@@ -88,7 +88,7 @@ def _sampling_text(plan: Plan) -> str:
     return f"{names.get(s.kind, 'Latin hypercube')}, {s.n} points, seed {s.seed}"
 
 
-def _output(found: StudyResults, plan: Plan, name: str) -> dict[str, Any]:
+def _output(found: StudyResults, plan: StudyPlan, name: str) -> dict[str, Any]:
     here = [t for t in plan.targets if t.case in ("", plan.case.stem)]
     targets = [t for t in here if t.quantity == plan.outputs[name]]
     band, indices, surface = found.band(name), found.indices(name), found.surface(name)
@@ -112,7 +112,7 @@ def _output(found: StudyResults, plan: Plan, name: str) -> dict[str, Any]:
     }
 
 
-def _wants_indices(plan: Plan) -> bool:
+def _wants_indices(plan: StudyPlan) -> bool:
     return plan.sampling is not None and plan.sampling.kind == "saltelli"
 
 
@@ -143,7 +143,7 @@ def _target(target: Target, band: Band | None) -> dict[str, str]:
 
 
 def _ends(target: Target) -> tuple[float, float]:
-    """Of one SD about the mean where there is one, else of the band."""
+    """The ends of one SD about the mean where there is one, else of the band."""
     if target.reference is not None:
         sd = target.sd or 0.0
         return target.reference - sd, target.reference + sd

@@ -15,7 +15,7 @@ from cosim.port import Array
 from cosim.results.compare import Target
 from cosim.schema.fields import is_number
 from cosim.study.distributions import Word, is_axis, middle
-from cosim.study.file import FORM, Parameter, Sampling, find_study, read_file
+from cosim.study.file import FORM, Parameter, SamplingConfig, find_study, read_file
 from cosim.study.sampling import points, unit_points
 
 Point = tuple[Word, ...]
@@ -23,7 +23,7 @@ Point = tuple[Word, ...]
 
 
 @dataclass(frozen=True)
-class Plan:
+class StudyPlan:
     """A checked study."""
 
     name: str
@@ -35,7 +35,7 @@ class Plan:
     case: Path
     settings: Settings
     parameters: tuple[Parameter, ...]
-    sampling: Sampling | None
+    sampling: SamplingConfig | None
     outputs: Mapping[str, str]
     """Path in the summary, or A/B, by name."""
     most_seconds: float | None
@@ -57,7 +57,7 @@ class Plan:
 
     @cached_property
     def points(self) -> list[Point]:
-        """Of every run, in order."""
+        """The points of all runs, in order."""
         return points(tuple(p.law for p in self.parameters), self.samples)
 
     def settings_at(self, point: Point) -> Settings:
@@ -65,7 +65,7 @@ class Plan:
         return (*self.settings, *_settings(self.parameters, point, self.base))
 
 
-def read_plan(path_or_name: str | Path, other: str | Path | None = None) -> Plan:
+def read_plan(path_or_name: str | Path, other: str | Path | None = None) -> StudyPlan:
     """The study of a file or of a packaged name, of its case or of the `other`, a path from here or
     a packaged name; checked with its case, at its settings and in the middle of every parameter.
 
@@ -80,7 +80,7 @@ def read_plan(path_or_name: str | Path, other: str | Path | None = None) -> Plan
         raise InputError(f"{source}: case: {error}") from None
     values = base.model_dump(mode="json", exclude={"name", "source"}, exclude_none=True)
     targets = _targets(source, read.data)
-    plan = Plan(
+    plan = StudyPlan(
         source.stem,
         read.title or source.stem,
         read.notes,
@@ -108,7 +108,7 @@ def _targets(source: Path, data: str) -> tuple[Target, ...]:
     return read_targets(source.parent / data)
 
 
-def _check_middle(source: Path, plan: Plan) -> None:
+def _check_middle(source: Path, plan: StudyPlan) -> None:
     """A key that the case does not have fails here, once, and not in every run."""
     try:
         load_case(plan.case, plan.settings_at(tuple(middle(p.law) for p in plan.parameters)))
@@ -156,7 +156,7 @@ def _find_values(
 
 
 def _times(value: Any, factor: float, key: str) -> str:
-    """As TOML: a number, a text with a unit, or a list of such."""
+    """The value as TOML: a number, a text with a unit, or a list of such."""
     if isinstance(value, list | tuple):
         return f"[{', '.join(_times(item, factor, key) for item in value)}]"
     if is_number(value):

@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 BLUE, ORANGE, GREEN = "#0072b2", "#e69f00", "#009e73"
-"""Of Okabe and Ito's palette for colour-blind readers; also told apart by hatch and shape."""
+"""Colours of Okabe and Ito's palette for colour-blind readers; hatch and shape differ too."""
 ACROSS = 4
 MOST_POINTS = 4000
-"""Drawn of a scatter; the band and the answers are of all."""
+"""Most points of a scatter that are drawn; the band and the answers are of all."""
 GRID = 60
 BINS = 8
 
@@ -167,7 +167,7 @@ def draw_scatter(found: StudyResults, output: str) -> Figure | None:
 
 
 def _means(x: Array, y: Array) -> tuple[Array, Array]:
-    """Of bins with as many runs each, or of each value where those are few."""
+    """Means of x and y over bins with as many runs each, or at each value of x if few."""
     distinct = np.unique(x)
     if len(distinct) <= BINS:
         return distinct, np.array([y[x == value].mean() for value in distinct])

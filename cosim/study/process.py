@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import IO
 
 from cosim.errors import InputError
-from cosim.processes import BLAS_THREADS, KEPT
+from cosim.processes import BLAS_THREADS, MALLOC_SETTINGS
 from cosim.study.store import Status, Store
 from cosim.study.task import Task, Verdict, row_of
 
@@ -39,14 +39,14 @@ class Child:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self.told,
-            env=os.environ | {"PYTHONPATH": paths} | dict.fromkeys(THREADS, "1") | KEPT,
+            env=os.environ | {"PYTHONPATH": paths} | dict.fromkeys(THREADS, "1") | MALLOC_SETTINGS,
             text=True,
             encoding="utf-8",
         )
         self.is_ready = False
 
     def ask(self, task: Task) -> tuple[str, bool]:
-        """Its answer, "" where it ended; and whether it was ended for its time."""
+        """The child's answer, "" where it ended; and whether it was ended for its time."""
         late = threading.Event()
 
         def end() -> None:
@@ -87,7 +87,7 @@ class Child:
 
 
 def _child() -> Child:
-    """That of this thread."""
+    """The child process of this thread."""
     found: Child | None = getattr(_here, "child", None)
     if found is None:
         found = _here.child = Child()

@@ -1,4 +1,4 @@
-"""How far a study is: told in the terminal, and kept in the store for `cosim status`."""
+"""How far a study is: shown in the terminal, and kept in the store for `cosim status`."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Note:
 
 @contextmanager
 def progress(name: str, store: Store) -> Iterator[Callable[[Count], None]]:
-    """What tells of a study while it goes on; it is told at every run's end."""
+    """A function to call at the end of every run, which shows and stores how far the study is."""
     begun, told, last = time.monotonic(), [0.0], [Count(0)]
 
     def note(count: Count, ended: bool) -> Note:
@@ -121,7 +121,7 @@ def _rest(note: Note) -> str:
 
 
 def span(seconds: float) -> str:
-    """As people say it."""
+    """The words for it in the terminal."""
     for unit, size in (("d", 86400), ("h", 3600), ("min", 60)):
         if seconds >= 2 * size:
             return f"{seconds / size:.3g} {unit}"
@@ -129,7 +129,7 @@ def span(seconds: float) -> str:
 
 
 def notes(root: Path) -> list[Note]:
-    """Of every study of a store, by name.  Raises InputError where there is no store."""
+    """The notes of every study of a store, by name. Raises InputError where there is no store."""
     if not (root / "format.json").is_file():
         raise InputError(f"{root}: is no store of studies; `cosim study` names the one it uses")
     return [_note(path) for path in sorted((root / "studies").glob("*.json"))]
@@ -143,7 +143,7 @@ def _note(path: Path) -> Note:
         raise InputError(f"{path}: cannot be read ({error}); delete it") from error
 
 
-def standing(note: Note, now: float) -> str:
+def state_text(note: Note, now: float) -> str:
     """What the study is doing, as far as its last note says."""
     if note.ended:
         return "ended" if note.done == note.total else "stopped"

@@ -29,7 +29,7 @@ def check_outputs(outputs: Mapping[str, str], summary: Mapping[str, Any]) -> Non
 
 
 def paths(summary: Mapping[str, Any], above: str = "") -> Iterator[str]:
-    """Of every number in a summary, as outputs name them."""
+    """The path of every number in a summary, as outputs name them."""
     for key, value in summary.items():
         if isinstance(value, Mapping):
             yield from paths(value, f"{above}{key}.")

@@ -48,18 +48,21 @@ class StudyResults:
 
     @property
     def parameters(self) -> tuple[str, ...]:
+        """The parameters' names, in the study's order."""
         return tuple(self.facts["parameters"])
 
     @property
     def outputs(self) -> tuple[str, ...]:
+        """The outputs' names, in the study's order."""
         return tuple(self.facts["outputs"])
 
     @property
     def units(self) -> Mapping[str, str]:
+        """The unit of each parameter and output, by name; "1" for none."""
         return dict(self.facts["units"])
 
     def label(self, name: str) -> str:
-        """Of a parameter or output, for people."""
+        """The name of a parameter or output for people."""
         said: str = self.facts["parameters"].get(name, name)
         return said
 

@@ -66,10 +66,10 @@ def points(laws: tuple[Law, ...], samples: Array | None) -> list[tuple[Word, ...
     ]
     rows = list(zip(*columns, strict=True)) if columns else [()]
     steps = list(product(*(law.values for law in laws if is_axis(law))))
-    return [_woven(laws, row, step) for row in rows for step in steps]
+    return [_interleave(laws, row, step) for row in rows for step in steps]
 
 
-def _woven(laws: tuple[Law, ...], row: tuple[float, ...], step: tuple[Word, ...]) -> tuple:
+def _interleave(laws: tuple[Law, ...], row: tuple[float, ...], step: tuple[Word, ...]) -> tuple:
     """The values in the order of the laws."""
     sampled, stepped = iter(row), iter(step)
     return tuple(next(stepped if is_axis(law) else sampled) for law in laws)

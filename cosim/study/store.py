@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from cosim.errors import InputError
-from cosim.files import replaced
+from cosim.files import atomic_path
 
 FORMAT = {"format": "cosim study store 1"}
 Status = Literal["converged", "failed", "refused", "timeout", "died"]
@@ -122,9 +122,9 @@ class Store:
         self.write_by(path, lambda part: _sync(part, content))
 
     def write_by(self, path: Path, writer: Callable[[Path], None]) -> None:
-        """As `write`, by what writes to a path.  Raises StoreError."""
+        """The same as `write`, by a function that writes to a path.  Raises StoreError."""
         try:
-            with replaced(path) as part:
+            with atomic_path(path) as part:
                 writer(part)
             _sync_folder(path.parent)
         except OSError as error:
@@ -147,7 +147,7 @@ class Store:
             raise self.unwritable(error) from error
 
     def rows(self, keys: Collection[str]) -> Iterator[StoreRow]:
-        """Of these addresses, each once, in no order.
+        """The rows at these addresses, each once, in no order.
 
         Loose ones are read first: one that is packed meanwhile is found in its part then."""
         wanted = set(keys)

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cosim.results.compare import unit_of, value_of
-from cosim.study.execute import Done
-from cosim.study.plan import Plan
+from cosim.study.execute import StudyOutcome
+from cosim.study.plan import StudyPlan
 from cosim.study.store import Store
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ STATUS = ("status", "reason")
 KEY = "key"
 
 
-def table_of(plan: Plan, done: Done, store: Store) -> pd.DataFrame:
+def table_of(plan: StudyPlan, done: StudyOutcome, store: Store) -> pd.DataFrame:
     """Columns: run, the parameters, status and reason, the outputs, the address in the store.
     Runs that were not done are "waiting"."""
     import pandas as pd
@@ -47,8 +47,8 @@ def _values(summary: Mapping[str, Any], outputs: Mapping[str, str]) -> list[floa
     return [value_of(summary, quantity) for quantity in outputs.values()]
 
 
-def units_of(plan: Plan) -> dict[str, str]:
-    """Of parameters and outputs; of a factor, a plain number or a word 1."""
+def units_of(plan: StudyPlan) -> dict[str, str]:
+    """The unit of each parameter and output, by name; "1" of a factor, a plain number or a word."""
     return {p.name: p.unit or "1" for p in plan.parameters} | {
         name: unit_of(quantity) for name, quantity in plan.outputs.items()
     }
@@ -56,9 +56,9 @@ def units_of(plan: Plan) -> dict[str, str]:
 
 def write_table(table: pd.DataFrame, folder: Path) -> None:
     """table.parquet and table.csv, numbers in full.  Raises InputError."""
-    from cosim.files import written_whole
+    from cosim.files import output_file
 
-    with written_whole(folder / "table.parquet") as part:
+    with output_file(folder / "table.parquet") as part:
         table.to_parquet(part, index=False)
-    with written_whole(folder / "table.csv") as part:
+    with output_file(folder / "table.csv") as part:
         table.to_csv(part, index=False, lineterminator="\n")

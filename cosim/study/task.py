@@ -14,7 +14,7 @@ from cosim.errors import CosimError
 from cosim.study.store import Status, Store, StoreRow
 
 NOT_NUMBERS = ("case", "version", "wall_s")
-"""Of a summary, what differs between two runs of one case."""
+"""Keys of a summary that differ between two runs of one case."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ def _longer(limit: float | None, before: float | None) -> bool:
     return limit is None or before is None or limit > before
 
 
-def settle(task: Task, store: Store) -> Verdict:
+def run_task(task: Task, store: Store) -> Verdict:
     """The run's verdict, by solving it where the store has none; its row is in the store then.
 
     Raises StoreError."""

@@ -17,7 +17,7 @@ from threading import Thread
 from cosim.case.cache_key import code_version
 from cosim.errors import InputError
 from cosim.study.store import Store
-from cosim.study.task import Task, settle
+from cosim.study.task import Task, run_task
 
 
 def main() -> None:
@@ -52,7 +52,7 @@ def _answer(line: str, stores: dict[str, Store]) -> str:
         return json.dumps({"fault": fault})
     try:
         store = stores.setdefault(task.store, Store(Path(task.store)))
-        return json.dumps(asdict(settle(task, store)))
+        return json.dumps(asdict(run_task(task, store)))
     except InputError as error:
         return json.dumps({"fault": str(error)})
 

@@ -1,4 +1,4 @@
-"""From the pneumatic cylinders of a case to live ones.  One of the files that know the solvers by
+"""The live pneumatic cylinders of a case.  One of the files that know the solvers by
 name."""
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ import numpy as np
 
 from cosim.errors import ConvergenceError, InputError
 from cosim.port import Array
-from cosim.tendons.air_table import Pneumatic
+from cosim.tendons.air_table import PneumaticConfig
 from cosim.tendons.courses import factor_of
-from cosim.tendons.table import Tendon
+from cosim.tendons.table import TendonConfig
 
 if TYPE_CHECKING:
     from rigid.air.plant import AirState, Cylinder, Pneumatics, Valve
@@ -31,7 +31,7 @@ class Cylinders:
     names: tuple[str, ...]
     where: Array
     air: Pneumatics
-    drawn: Array
+    initial_position: Array
     """(n,) m, of each piston into its cylinder at t = 0."""
     command: Callable[[float], Array]
     """(n,) V at a time in s, before the delay."""
@@ -53,7 +53,7 @@ class CylinderStep(NamedTuple):
     state: AirState
 
 
-def check_air(tables: Mapping[str, Tendon], in_motion: bool) -> None:
+def check_air(tables: Mapping[str, TendonConfig], in_motion: bool) -> None:
     """Raises InputError for a cylinder in an equilibrium, or one whose parts do not fit."""
     for name in _pneumatic_names(tables):
         if not in_motion:
@@ -68,8 +68,8 @@ def check_air(tables: Mapping[str, Tendon], in_motion: bool) -> None:
             raise InputError(f"tendons.{name}.actuation: {error}") from None
 
 
-def cylinders(tables: Mapping[str, Tendon], tendons: tuple[str, ...]) -> Cylinders | None:
-    """Those of a case with these tendons; None where air pulls nothing.  Raises InputError."""
+def cylinders(tables: Mapping[str, TendonConfig], tendons: tuple[str, ...]) -> Cylinders | None:
+    """A case's cylinders among these tendons; None where air pulls nothing.  Raises InputError."""
     names = tuple(n for n in tendons if n in _pneumatic_names(tables))
     if not names:
         return None
@@ -81,7 +81,7 @@ def cylinders(tables: Mapping[str, Tendon], tendons: tuple[str, ...]) -> Cylinde
     return Cylinders(names, where, air, drawn, lambda t: np.array([f(t) for f in commands]))
 
 
-def parts(table: Pneumatic) -> Pneumatics:
+def parts(table: PneumaticConfig) -> Pneumatics:
     """Valve and cylinder of a table.  Raises InputError."""
     from rigid.air.plant import ATMOSPHERE, Cylinder, Pneumatics, Valve
 
@@ -94,10 +94,10 @@ def parts(table: Pneumatic) -> Pneumatics:
 
 
 def initial_air(c: Cylinders) -> AirState:
-    """At rest under the first command."""
+    """The air at rest under the first command."""
     from rigid.air.plant import at_rest
 
-    return at_rest(c.air, c.reaching(0.0), np.asarray(c.air.cylinder.volume(c.drawn)))
+    return at_rest(c.air, c.reaching(0.0), np.asarray(c.air.cylinder.volume(c.initial_position)))
 
 
 def step_cylinders(
@@ -121,7 +121,7 @@ def step_cylinders(
 
 def _within(c: Cylinders, inward: Array) -> Array:
     """(n,) m, how far the pistons are drawn in."""
-    drawn = c.drawn + inward
+    drawn = c.initial_position + inward
     stroke = np.broadcast_to(c.air.cylinder.stroke, drawn.shape)
     off = np.maximum(-drawn, drawn - stroke)
     worst = int(np.argmax(off))
@@ -134,17 +134,17 @@ def _within(c: Cylinders, inward: Array) -> Array:
     return np.asarray(drawn)
 
 
-def _pneumatic_names(tables: Mapping[str, Tendon]) -> list[str]:
+def _pneumatic_names(tables: Mapping[str, TendonConfig]) -> list[str]:
     return [name for name, tendon in tables.items() if tendon.actuation is not None]
 
 
-def _table(tendon: Tendon) -> Pneumatic:
+def _table(tendon: TendonConfig) -> PneumaticConfig:
     table = tendon.actuation
     assert table is not None  # of those that _pneumatic_names gives
     return table
 
 
-def _command(tendon: Tendon) -> Callable[[float], float]:
+def _command(tendon: TendonConfig) -> Callable[[float], float]:
     """V at a time in s."""
     from rigid.air.plant import ATMOSPHERE, resting_voltage
 

@@ -17,7 +17,7 @@ RodDiameter = Annotated[float, quantity(units.LENGTH, least="0 mm", most="100 mm
 Stroke = Annotated[float, quantity(units.LENGTH, above="0 mm", most="500 mm")]
 
 
-class Pneumatic(Table):
+class PneumaticConfig(Table):
     """A double-acting cylinder, its rod's side on a proportional valve and its other side open to
     the atmosphere, so that it pulls and never pushes.
 
@@ -55,7 +55,7 @@ class Pneumatic(Table):
     """From the walls to the air: 0 adiabatic, much of it isothermal."""
 
     @model_validator(mode="after")
-    def _one_way(self) -> Pneumatic:
+    def _one_way(self) -> PneumaticConfig:
         if (self.voltage is None) == (self.pressure is None):
             raise fault(
                 'takes one command: a voltage (for example voltage = "5.2 V") or a wanted pressure '

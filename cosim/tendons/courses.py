@@ -11,25 +11,27 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.port import Array
-from cosim.tendons.table import FileCourse, PointsCourse, SineCourse
+from cosim.tendons.table import FileCourseConfig, PointsCourseConfig, SineCourseConfig
 
 
-def factor_of(course: PointsCourse | SineCourse | FileCourse | None) -> Callable[[float], float]:
+def factor_of(
+    course: PointsCourseConfig | SineCourseConfig | FileCourseConfig | None,
+) -> Callable[[float], float]:
     """The factor at a time in s; one at all times without a course.
 
     Raises InputError for a file that holds no such column, or values that are not factors."""
     match course:
         case None:
             return lambda time: 1.0
-        case SineCourse():
+        case SineCourseConfig():
             rate, mean, most, phase = (
                 *(2 * np.pi * course.frequency, course.mean),
                 *(course.amplitude, course.phase),
             )
             return lambda t: max(mean + most * float(np.sin(rate * t + phase)), 0.0)
-        case PointsCourse():
+        case PointsCourseConfig():
             times, factors = np.array(course.at).T
-        case FileCourse():
+        case FileCourseConfig():
             times, factors = _recorded_signal(course.path, course.column)
     return lambda t: float(np.interp(t, times, factors))
 

@@ -1,4 +1,4 @@
-"""From the muscles of a case to live ones.  One of the files that know the solvers by name."""
+"""The live muscles of a case.  One of the files that know the solvers by name."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.port import Array
-from cosim.tendons.table import Tendon
+from cosim.tendons.table import TendonConfig
 
 if TYPE_CHECKING:
     from rigid.muscle.parameters import Muscles
 
 
 @dataclass(frozen=True)
-class Pull:
+class MusclePull:
     """Muscles at rest, (n,) each."""
 
     tension: Array
@@ -33,18 +33,18 @@ class CaseMuscles:
     """The muscles of a case that have a fibre; the others' tensions are stated."""
 
     names: tuple[str, ...]
-    pull: Callable[[Array], Pull]
-    """Of the shortening (n,) of their paths since the unloaded state, m."""
+    pull: Callable[[Array], MusclePull]
+    """The muscles' pull at shortenings (n,) m of their paths since the unloaded state."""
 
 
-def live_muscles(tendons: Mapping[str, Tendon]) -> CaseMuscles:
+def live_muscles(tendons: Mapping[str, TendonConfig]) -> CaseMuscles:
     """The muscles that a case activates and gives a fibre.
 
     Raises InputError for a fibre length that is shorter than its muscle can be."""
     groups = fibres(tendons)
     names = tuple(name for muscles, _, _ in groups for name in muscles.names)
 
-    def pull(shortening: Array) -> Pull:
+    def pull(shortening: Array) -> MusclePull:
         from rigid.muscle.millard import equilibrium
 
         out, first = np.zeros((3, len(names))), 0
@@ -53,12 +53,12 @@ def live_muscles(tendons: Mapping[str, Tendon]) -> CaseMuscles:
             at = equilibrium(muscles, activation, home - shortening[here])
             out[:, here] = at.force, at.normalised_length, at.pennation
             first += len(home)
-        return Pull(*out)
+        return MusclePull(*out)
 
     return CaseMuscles(names, pull)
 
 
-def fibres(tendons: Mapping[str, Tendon]) -> list[tuple[Muscles, Array, Array]]:
+def fibres(tendons: Mapping[str, TendonConfig]) -> list[tuple[Muscles, Array, Array]]:
     """Muscles with elastic tendons and those with rigid ones, where the case has any: with their
     activations and their paths' lengths (m) at the fibre lengths that the case assumes.
 
@@ -75,7 +75,7 @@ def fibres(tendons: Mapping[str, Tendon]) -> list[tuple[Muscles, Array, Array]]:
 
 
 def _group(
-    names: Sequence[str], tendons: Sequence[Tendon], rigid: bool
+    names: Sequence[str], tendons: Sequence[TendonConfig], rigid: bool
 ) -> tuple[Muscles, Array, Array]:
     from rigid.muscle.millard import path_length
     from rigid.muscle.parameters import Muscles

@@ -10,12 +10,12 @@ from pydantic import Field, model_validator
 from cosim.schema import units
 from cosim.schema.fields import fault, quantity
 from cosim.schema.types import File, Force, Number, Table
-from cosim.tendons.air_table import Pneumatic
+from cosim.tendons.air_table import PneumaticConfig
 
 Factor = Annotated[Number, Field(ge=0, le=1e6)]
 
 
-class PointsCourse(Table):
+class PointsCourseConfig(Table):
     """Factors at times, straight between them and constant beyond."""
 
     kind: Literal["points"]
@@ -27,13 +27,13 @@ class PointsCourse(Table):
     ]
 
     @model_validator(mode="after")
-    def _rising(self) -> PointsCourse:
+    def _rising(self) -> PointsCourseConfig:
         if any(b <= a for (a, _), (b, _) in pairwise(self.at)):
             raise fault("at: its times must rise from point to point")
         return self
 
 
-class SineCourse(Table):
+class SineCourseConfig(Table):
     """mean + amplitude sin(2 pi frequency t + phase), never below zero."""
 
     kind: Literal["sine"]
@@ -43,7 +43,7 @@ class SineCourse(Table):
     phase: Annotated[float, quantity(units.ANGLE, least="-360 deg", most="360 deg")] = 0.0
 
 
-class FileCourse(Table):
+class FileCourseConfig(Table):
     """Factors from a column of a table over time: .sto or .mot, or .csv with a column `time`."""
 
     kind: Literal["file"]
@@ -51,10 +51,12 @@ class FileCourse(Table):
     column: str
 
 
-Course = Annotated[PointsCourse | SineCourse | FileCourse, Field(discriminator="kind")]
+CourseConfig = Annotated[
+    PointsCourseConfig | SineCourseConfig | FileCourseConfig, Field(discriminator="kind")
+]
 
 
-class Millard(Table):
+class MillardConfig(Table):
     """The equilibrium muscle of Millard et al. 2013 between its tendon's path and the bone.
 
     `fibre_length`: of the fibre over its optimal length, in the case's posture at the case's
@@ -69,7 +71,7 @@ class Millard(Table):
     tendon: Literal["elastic", "rigid"] = "elastic"
 
 
-class Tendon(Table):
+class TendonConfig(Table):
     """A muscle: its tension, or its greatest force and its activation (0..1); with neither it is
     at the resting tension.  The force of an activation is activation times the greatest force, or
     what `muscle` makes of it."""
@@ -77,17 +79,17 @@ class Tendon(Table):
     tension: Force | None = None
     max_force: Force | None = None
     activation: Annotated[Number, Field(ge=0, le=1)] | None = None
-    muscle: Millard | None = None
+    muscle: MillardConfig | None = None
     excursion: Annotated[float, quantity(units.LENGTH, least="-50 mm", most="50 mm")] | None = None
     """In place of a tension: how far the tendon's end is drawn proximally from the unloaded state,
     m, or in a motion from its start; the tension that this takes is found."""
-    actuation: Pneumatic | None = None
+    actuation: PneumaticConfig | None = None
     """In place of a tension, in a motion: what pulls, and on what command."""
-    course: Course | None = None
+    course: CourseConfig | None = None
     """Over time, of a motion: what tension, activation, excursion or command is multiplied by."""
 
     @model_validator(mode="after")
-    def _one_way(self) -> Tendon:
+    def _one_way(self) -> TendonConfig:
         if self.tension is not None and self.activation is not None:
             raise fault("gives both tension and activation; write one of them")
         if self.excursion is not None and (self.tension, self.activation) != (None, None):

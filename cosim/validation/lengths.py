@@ -6,7 +6,7 @@ import itertools
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from cosim.analyses.length_experiments import MADE, experiments
+from cosim.analyses.length_experiments import EXPERIMENT_MODELS, experiments
 from cosim.errors import ConvergenceError
 from cosim.results.compare import SECOND_HAND, UNITS, Target
 from cosim.validation.trial import Trial, TrialGroup
@@ -19,7 +19,9 @@ OWN_ZERO = "zero lies within the experiment's own range"
 def length_groups() -> tuple[TrialGroup, TrialGroup]:
     """What is judged: the first of the assumptions that each experiment leaves open; and, as a
     variant, the others."""
-    trials = tuple(Trial(f"lengths: {what}", m.case, study=what) for what, m in MADE.items())
+    trials = tuple(
+        Trial(f"lengths: {what}", m.case, study=what) for what, m in EXPERIMENT_MODELS.items()
+    )
     first = tuple(t for trial in trials for t in _targets(trial, slice(1)))
     rest = tuple(t for trial in trials for t in _targets(trial, slice(1, None)))
     others = tuple(t for t in trials if t.name in {target.case for target in rest})
@@ -32,8 +34,8 @@ def length_groups() -> tuple[TrialGroup, TrialGroup]:
 
 
 def _targets(trial: Trial, which: slice) -> Iterator[Target]:
-    made = MADE[trial.study]
-    for name, where in itertools.product(made.experiments, made.assumed[which]):
+    made = EXPERIMENT_MODELS[trial.study]
+    for name, where in itertools.product(made.experiments, made.assumptions[which]):
         e = experiments()[name]
         none = e.mean is not None and e.sd is not None and abs(e.mean) <= e.sd
         note = "; ".join(filter(None, (f"n {e.n}", e.read, OWN_ZERO if none else "")))
@@ -59,7 +61,7 @@ def measure_lengths(study: str, settings: Sequence[str]) -> tuple[dict[str, Any]
     Raises InputError."""
     found: dict[str, float] = {}
     try:
-        for v in MADE[study].values(SHELL, settings):
+        for v in EXPERIMENT_MODELS[study].values(SHELL, settings):
             found[_key(v.experiment, v.where)] = float(v.value)
     except ConvergenceError as error:
         return {"measured": found}, str(error)

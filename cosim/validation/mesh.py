@@ -11,7 +11,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from cosim.case.file import load_case
-from cosim.files import written_whole
+from cosim.files import output_file
 from cosim.results.compare import Comparison
 from cosim.results.conventions import AXES, OPPOSITE
 from cosim.validation.run import Board, six_digits
@@ -20,8 +20,8 @@ from cosim.version import __version__
 
 FORMAT = "cosim mesh convergence 1"
 SHARE = 0.02
-"""Of a number, how far it may change; a force's components by that of the force, an angle by that
-of a radian."""
+"""The part of a number by which it may change; a force's components by that of the force, an angle
+by that of a radian."""
 POINTS = 0.1
 """How far a strain may change, %."""
 Verdict = Literal["beyond", "no value", "within"]
@@ -43,10 +43,12 @@ class Change:
 
     @property
     def change(self) -> float | None:
+        """The number on the finer mesh less that on the case's own; None where one has none."""
         return None if self.finer is None else self.finer - self.model
 
     @property
     def verdict(self) -> Verdict:
+        """Whether the change is within its bound."""
         if self.change is None:
             return "no value"
         return "within" if abs(self.change) <= self.bound else "beyond"
@@ -57,7 +59,7 @@ def on_finer_meshes(
 ) -> list[TrialGroup]:
     """The groups with `settings`, and with every hood that is generated laid out in about so many
     `quads`; without the trials on a published hood, whose mesh is its own.  Raises InputError."""
-    own = [(g, [t for t in g.trials if not t.published]) for g in chosen]
+    own = [(g, [t for t in g.trials if not t.is_published]) for g in chosen]
     return [replace(g, trials=tuple(_finer(t, quads, settings) for t in ts)) for g, ts in own if ts]
 
 
@@ -69,8 +71,8 @@ def _finer(trial: Trial, quads: int, settings: Sequence[str]) -> Trial:
 
 
 def changes(boards: Sequence[Board], finer: Sequence[Board]) -> list[Change]:
-    """Of every number that the mesh touches, once for all the references that it is compared
-    with, those beyond their bound first."""
+    """The change of every number that the mesh touches, once for all the references that it is
+    compared with, those beyond their bound first."""
     after = {b.group: b for b in finer}
     found = [c for b in boards if b.group in after for c in _of_group(b, after[b.group])]
     return sorted(found, key=lambda c: VERDICTS.index(c.verdict))
@@ -127,5 +129,5 @@ def write_changes(path: Path, quads: int, finer: Sequence[Board], found: Sequenc
         "failed": {name: why for b in finer for name, why in b.failures.items()},
         "rows": [as_row(c) for c in found],
     }
-    with written_whole(path) as part:
+    with output_file(path) as part:
         part.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from cosim.files import written_whole
+from cosim.files import output_file
 from cosim.report.templates import template
 from cosim.results.compare import Comparison, Verdict, marks, misses_first, number, reference_text
 from cosim.validation import mesh as validation_mesh
@@ -49,7 +49,7 @@ def write_page(path: Path, boards: Sequence[Board], changes: Sequence[Change] = 
         changes=[_changes(c) for c in changes],
         mesh_tally=validation_mesh.tally(changes),
     )
-    with written_whole(path) as part:
+    with output_file(path) as part:
         part.write_text(text, encoding="utf-8")
 
 

@@ -198,7 +198,7 @@ def published_group(path: Path) -> TrialGroup:
 
 
 def free_groups() -> tuple[TrialGroup, TrialGroup]:
-    """With the shipped hood, and with the fixed split."""
+    """The trials with the shipped hood, and with the fixed split."""
     hood, split = (
         tuple(Trial(f"{words}_{m}", f"{words}_{m}") for m in EXTRINSIC)
         for words in ("free", "free_split")

@@ -20,7 +20,7 @@ MISSES: tuple[Verdict, ...] = ("outside", "no value")
 
 
 class Reason(NamedTuple):
-    """Of the rows whose names are like `pattern`, of the groups whose names are like `group`."""
+    """Why rows miss whose names are like `pattern`, in the groups whose names are like `group`."""
 
     group: str
     pattern: str

@@ -14,7 +14,7 @@ from cosim.build.fit import check_fit
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.errors import ConvergenceError, InputError, Progress, quiet
-from cosim.files import written_whole
+from cosim.files import output_file
 from cosim.processes import process_pool
 from cosim.results.audit import describe_misses
 from cosim.results.compare import Comparison, Kind, Target, as_dict, tally, write_json
@@ -62,7 +62,7 @@ class Board:
     group: str
     rows: tuple[Comparison, ...]
     failures: dict[str, str]
-    missed: Mapping[str, list[str]] = field(default_factory=dict)
+    audit_misses: Mapping[str, list[str]] = field(default_factory=dict)
     kind: Kind = "experiment"
     variant: bool = False
     skills: tuple[Skill, ...] = ()
@@ -157,7 +157,7 @@ def _batches(tasks: Sequence[Task]) -> list[list[Task]]:
     one batch each, the largest first."""
     found: dict[str, list[Task]] = {}
     for task in tasks:
-        key = task[0].name if task[0].published or task[0].study else _case(task).setting_key()
+        key = task[0].name if task[0].is_published or task[0].study else _case(task).setting_key()
         found.setdefault(key, []).append(task)
     return sorted(found.values(), key=len, reverse=True)
 
@@ -181,7 +181,7 @@ def _run(task: Task, session: Session) -> ValidationOutcome:
         return ValidationOutcome(
             trial.name, *measure_lengths(trial.study, [*trial.settings, *settings])
         )
-    if trial.published:
+    if trial.is_published:
         return ValidationOutcome(trial.name, published_summary(trial), None)
     case = _case(task)
     check_fit(case)
@@ -261,7 +261,7 @@ def _judge(board: Board) -> dict[str, Any]:
 
 
 def _skill(found: Skill) -> dict[str, Any]:
-    """To four decimals: it is a ratio of sums, near 1 at best; null where it is minus infinity."""
+    """Skill to four decimals: a ratio of sums, near 1 at best; null where it is minus infinity."""
     values = {"skill": found.value, "low": found.low, "high": found.high}
     numbers = {k: round(v, 4) if v is not None and isfinite(v) else None for k, v in values.items()}
     counts = {"rows": found.rows, "trials": found.trials}
@@ -283,5 +283,5 @@ def six_digits(value: Any) -> Any:
 
 def write_scoreboard(path: Path, boards: Sequence[Board]) -> None:
     """Raises InputError where the file cannot be written."""
-    with written_whole(path) as part:
+    with output_file(path) as part:
         part.write_text(scoreboard(boards), encoding="utf-8")

@@ -9,7 +9,7 @@ from typing import Any
 from cosim.results.compare import Comparison, Kind, Target
 
 Summaries = Mapping[str, Mapping[str, Any]]
-"""Of the trials that converged, by name."""
+"""The summaries of the trials that converged, by name."""
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class Trial:
     study: str = ""
 
     @property
-    def published(self) -> bool:
+    def is_published(self) -> bool:
         """Whether its case is a published hood's own file."""
         return self.name.startswith("published")
 
@@ -39,7 +39,7 @@ class TrialGroup:
     kind: Kind
     trials: tuple[Trial, ...]
     targets: tuple[Target, ...]
-    """By trial, as their `case`."""
+    """The measured values by trial, which their `case` names."""
     variant: bool = False
     partners: Mapping[str, str] = field(default_factory=dict)
     """By trial, the same load's trial with the fixed split, which is a null model."""

@@ -10,7 +10,7 @@ import numpy as np
 from cosim.checks import Row, Study
 from cosim.coupling.accelerators import Aitken, QuasiNewton
 from cosim.coupling.schemes import Explicit, Implicit, Linear, Newton, Scheme, begin, step
-from cosim.coupling.state import Coupled, Pulls
+from cosim.coupling.state import CoupledState, Pulls
 from cosim.errors import ConvergenceError
 from cosim.port import Array, Hood, MovingFinger
 from cosim.verification.pairs import (
@@ -55,7 +55,7 @@ LAG = 0.1
 FINE = 5e-5
 """s, the step of the reference of three stiff joints."""
 THREE = "three stiff joints"
-COUNTED: dict[str, tuple[Scheme, float, str]] = {
+ITERATION_BOUNDS: dict[str, tuple[Scheme, float, str]] = {
     "implicit, Aitken": (Implicit(Aitken()), 30, "the most that it is allowed"),
     "implicit, IQN-ILS": (
         Implicit(QuasiNewton()),
@@ -75,7 +75,7 @@ def drive(
     pulls: Pulls,
     dt: float,
     steps: int,
-) -> list[Coupled]:
+) -> list[CoupledState]:
     """The states at `steps` + 1 times from rest at `posture` (nq,) rad."""
     start = finger.begin(dict(zip(finger.joints, posture, strict=True)))
     states = [begin(scheme, finger, hood, start, pulls)]
@@ -84,7 +84,7 @@ def drive(
     return states
 
 
-def angles_of(states: list[Coupled]) -> Array:
+def angles_of(states: list[CoupledState]) -> Array:
     """(n, nq) rad."""
     return np.array([s.finger.angles for s in states])
 
@@ -132,7 +132,7 @@ def order_rows() -> Iterator[Row]:
 
 
 def order_row(name: str, scheme: Scheme, order: Literal[1, 2], dt: float) -> Row:
-    """Of the largest error over 0.04 s with a step of `dt` and of half."""
+    """The order of the largest error over 0.04 s, from steps of `dt` and of half."""
     errors = []
     for h in (dt, dt / 2):
         steps = round(0.04 / h)
@@ -198,7 +198,7 @@ def solves_rows() -> Iterator[Row]:
     which is the step's and not the scheme's."""
     finger, drum = stiff_pair(3)
     fine = drive(Linear(), finger, drum, np.zeros(3), pulls_on_drum, FINE, round(LASTS / FINE))
-    for name, (scheme, most, source) in COUNTED.items():
+    for name, (scheme, most, source) in ITERATION_BOUNDS.items():
         for dt in STEPS:
             n = round(LASTS / dt)
             states = drive(scheme, finger, drum, np.zeros(3), pulls_on_drum, dt, n)

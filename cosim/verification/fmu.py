@@ -181,7 +181,7 @@ def _rollback(name: str, hood: FmuHood, at: Equilibrium) -> Row:
 
 
 def _overhead(name: str, part: str, native: float, unit: float) -> Row:
-    """Of a step that repeats the last one, without its tangent; both warm."""
+    """The time of a step that repeats the last one, without its tangent, over ours; both warm."""
     what = f"{part}: do_step over the native {1e6 * native:.0f} us, us a step"
     return Row(name, what, MOST_OVERHEAD, 1e6 * (unit - native), 0, "guard", "bound")
 

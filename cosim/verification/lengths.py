@@ -6,19 +6,19 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import partial
 
-from cosim.analyses.length_experiments import MADE, experiments
+from cosim.analyses.length_experiments import EXPERIMENT_MODELS, experiments
 from cosim.checks import Row, Study
 
 
 def rows(what: str, hood: str) -> Iterator[Row]:
-    """The rows of an experiment of MADE and a hood of HOODS."""
-    for name, where, value, shown in MADE[what].values(hood, ()):
+    """The rows of an experiment of EXPERIMENT_MODELS and a hood of HOODS."""
+    for name, where, value, shown in EXPERIMENT_MODELS[what].values(hood, ()):
         model = ", ".join(filter(None, (hood, where))) + shown
         yield experiments()[name].row(model, value)
 
 
 STUDIES = tuple(
     Study(f"lengths and cuts: {what}, {hood}", partial(rows, what, hood), slow=True)
-    for what, made in MADE.items()
+    for what, made in EXPERIMENT_MODELS.items()
     for hood in made.hoods
 )

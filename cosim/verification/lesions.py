@@ -34,7 +34,7 @@ SIGNS = {
     "boutonniere": {"PIP": 1.0, "DIP": -1.0},
     "mallet": {"PIP": -1.0, "DIP": 1.0},
 }
-"""Of the change of the angle, flexion positive."""
+"""Signs of the change of the angle, flexion positive."""
 
 
 def changes(case: Case) -> dict[str, float]:

@@ -99,6 +99,7 @@ def smooth_rise(time: float) -> float:
 
 
 def pulls_on_drum(time: float) -> tuple[Array, Array]:
+    """The drum's tensions (1,) N at a time in s, and those of the finger, which has no tendons."""
     return np.array([smooth_rise(time)]), np.zeros(0)
 
 
@@ -147,6 +148,8 @@ SOFT_DAMPING = np.array([1e-3, 5e-4, 2.5e-4])
 
 
 def soft_pair(order: Literal[1, 2] = 1) -> tuple[MovingHinge, PulleyHood]:
+    """A finger with soft joint springs, of first or second order in time, and two cables over it,
+    dorsal and palmar."""
     by = lambda values: dict(zip(JOINTS, values, strict=True))  # noqa: E731
     law = joint_law(JOINTS, by(SPRING), by(REST), damping=by(SOFT_DAMPING))
     finger = MovingHinge(BUCHNER, law, order)
@@ -167,6 +170,8 @@ def soft_tensions(time: float) -> Array:
 
 
 def pulls_on_cables(time: float) -> tuple[Array, Array]:
+    """The two cables' tensions (2,) N at a time in s, and those of the finger, which has no
+    tendons."""
     return soft_tensions(time), np.zeros(0)
 
 

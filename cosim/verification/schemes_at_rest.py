@@ -28,13 +28,13 @@ SOURCE = "isometric, newton: one equilibrium, whatever the way there"
 
 
 def first_rows() -> Iterator[Row]:
-    """Of two muscles."""
+    """The rows of two muscles."""
     for muscle in FIRST:
         yield from rows_of(muscle)
 
 
 def other_rows() -> Iterator[Row]:
-    """Of the other five."""
+    """The rows of the other five muscles."""
     for muscle in EVERY:
         if muscle not in FIRST:
             yield from rows_of(muscle)

@@ -14,7 +14,7 @@ from cosim.solve.solvers import solve
 
 THESIS = "Jadelis, thesis, section 3.4: excess over Qiu's experiment, whose spread was not seen"
 MESH: tuple[str, ...] = ()
-"""As the cases ship."""
+"""The mesh of the shipped cases."""
 BEYOND = ("EDC", "EI", "LUM")
 """Whose excess alone is more than a finger's tip force can be; FPI's lay within the experiment's
 spread."""
@@ -32,7 +32,7 @@ def thesis_rows() -> Iterator[Row]:
 
 
 def muscle_rows(muscle: str, excess: float) -> Iterator[Row]:
-    """Of the muscle's pass; `excess`: N, the thesis' own."""
+    """The rows of one muscle's pass; `excess`: N, the thesis' own."""
     (as_thesis, bound), (single, _), (plain, plain_bound) = passes(muscle)
     ours, our_bound = force_and_bound(*solve(load_case(f"isometric_{muscle.lower()}", MESH)))
     why = f"joint_contact {as_thesis - single:+.2f}, lumping {single - plain:+.2f}"

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import InputError
-from cosim.files import written_whole
+from cosim.files import output_file
 from fe_solver.elements.mesh_geometry import node_directors
 from fe_solver.febio.bodies import Units
 from fe_solver.febio.law_write import law_line, needs_fibre
@@ -49,7 +49,7 @@ def write_feb(
         raise InputError(f"points have shape {own.shape}, expected {job.points.shape}")
     _check_names(job)
     w = Conditions(job, face_points(job, own), Units(length_unit, force_unit))
-    with written_whole(path) as part:
+    with output_file(path) as part:
         part.write_text("\n".join(_lines(w)) + "\n", encoding="utf-8")
 
 

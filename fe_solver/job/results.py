@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.files import folder_written_whole
+from cosim.files import output_folder
 from fe_solver.job.job import Job
 from fe_solver.job.solve import JobResult, JobState
 
@@ -88,7 +88,7 @@ def write_job(folder: Path | str, result: JobResult) -> Path:
     The folder appears whole, in the place of an earlier result, or not at all.  Raises InputError
     where it cannot be written."""
     target = Path(folder)
-    with folder_written_whole(target, SUMMARY) as part:
+    with output_folder(target, SUMMARY) as part:
         _write_files(part, result)
     return target
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import InputError
-from cosim.files import replaced
+from cosim.files import atomic_path
 from fe_solver.elements import kernels
 from fe_solver.surfaces.shapes import Distance, Sphere, Surface, positive
 from fe_solver.surfaces.spline_kernel import spline_at
@@ -201,5 +201,5 @@ def _read(file: Path, shape: tuple[int, ...]) -> Array | None:
 
 def _write(file: Path, coefficients: Array) -> None:
     """Store for the next time; a folder that cannot be written to only costs that time."""
-    with suppress(OSError), replaced(file) as part, part.open("wb") as stream:
+    with suppress(OSError), atomic_path(file) as part, part.open("wb") as stream:
         np.savez(stream, coefficients=coefficients, digest=_digest(file, coefficients))

@@ -15,7 +15,7 @@ import numpy as np
 from lxml import etree
 
 from cosim.errors import InputError
-from cosim.files import written_whole
+from cosim.files import output_file
 from cosim.port import Array
 from rigid.opensim.sto import Table, write_sto
 
@@ -59,7 +59,7 @@ def write_external_loads(mot: Path, time: Array, loads: Sequence[BodyLoad]) -> t
     table = Table(mot.stem.replace(" ", "_"), tuple(columns), time, np.hstack(values))
     text = external_loads_xml(mot.stem, mot.name, loads)
     write_sto(mot, table, 1)
-    with written_whole(xml) as part_of_xml:
+    with output_file(xml) as part_of_xml:
         part_of_xml.write_bytes(text)
     return mot, xml
 

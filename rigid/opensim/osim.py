@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from cosim.errors import InputError
-from cosim.files import written_whole
+from cosim.files import output_file
 from rigid.chain.joint_torques import JointLaw
 from rigid.opensim.components import Components, components
 from rigid.opensim.forces import (
@@ -230,7 +230,7 @@ def write_import(imported: Imported, out: Path) -> tuple[Path, Path, Path]:
         json.dumps(data, indent=1, allow_nan=False) + "\n",
         "\n".join(report(imported.losses)) + "\n",
     )
-    with written_whole(out) as xml, written_whole(beside) as numbers, written_whole(losses) as lost:
+    with output_file(out) as xml, output_file(beside) as numbers, output_file(losses) as lost:
         for path, text in zip((xml, numbers, lost), texts, strict=True):
             path.write_text(text, encoding="utf-8")
     return out, beside, losses

@@ -16,7 +16,7 @@ from typing import Literal
 import numpy as np
 
 from cosim.errors import InputError
-from cosim.files import written_whole
+from cosim.files import output_file
 from cosim.port import Array
 
 MOST_BYTES = 256 << 20
@@ -206,7 +206,7 @@ def write_sto(path: Path, table: Table, version: Literal[1, 3] = 3) -> None:
     rows = np.column_stack([table.time, table.values * scale])
     lines = [*_header_lines(table, version), "\t".join(("time", *table.columns))]
     lines += ["\t".join(map(repr, row)) for row in rows.tolist()]
-    with written_whole(path) as part:
+    with output_file(path) as part:
         part.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 

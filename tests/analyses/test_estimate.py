@@ -74,7 +74,7 @@ def test_where_no_choice_is_left_the_tensions_of_a_forward_run_come_back(power):
     others = [(n, 0.0) for n in ("EI", "LUM", "FPI", "FDS", "FDIl")]
     s = made("split_edc", CLAMPED, power=power, most=tuple(others))
     answer = for_force(s, tuple(force), silent)
-    found = dict(zip(s.capacity.names, answer.found.tension, strict=True))
+    found = dict(zip(s.capacity.names, answer.estimate.tension, strict=True))
     assert {n: found[n] for n in stated} == pytest.approx(stated, rel=1e-6)
     assert all(found[n] == 0.0 for n, _ in others)
 
@@ -94,13 +94,13 @@ def test_a_force_is_made_by_the_case_run_forward(name, settings, force):
     s = made(name, *settings)
     answer = for_force(s, force, silent)
     wanted = [v for a, v in zip(AXES, force, strict=True) if a in answer.demand.names]
-    assert answer.found.made == pytest.approx(wanted, abs=1e-6)
-    assert answer.audit.made == pytest.approx(wanted, abs=1e-6)
-    assert np.abs(answer.audit.turned).max() < 1e-6
-    assert answer.found.optimum.miss < 1e-7
+    assert answer.estimate.components == pytest.approx(wanted, abs=1e-6)
+    assert answer.audit.components == pytest.approx(wanted, abs=1e-6)
+    assert np.abs(answer.audit.joint_change).max() < 1e-6
+    assert answer.estimate.optimum.miss < 1e-7
     low, high = s.bounds
-    assert (answer.found.tension >= low).all()
-    assert (answer.found.tension <= high).all()
+    assert (answer.estimate.tension >= low).all()
+    assert (answer.estimate.tension <= high).all()
 
 
 @pytest.mark.slow
@@ -108,15 +108,15 @@ def test_a_sheet_is_linearised_until_it_makes_the_force():
     """The hood's own equilibrium at the tensions found, solved anew from its start."""
     s = made("isometric_edc", CLAMPED, "hood.mesh.quads=120")
     answer = for_force(s, (-0.5, 0.0, -0.8), silent)
-    assert 3 <= answer.found.rounds <= 15
-    assert answer.audit.made == pytest.approx([-0.5, 0.0, -0.8], abs=1e-6)
-    assert answer.found.gap < 1e-6
+    assert 3 <= answer.estimate.rounds <= 15
+    assert answer.audit.components == pytest.approx([-0.5, 0.0, -0.8], abs=1e-6)
+    assert answer.estimate.gap < 1e-6
 
 
 def test_torques_are_made_and_those_not_named_are_none():
     s = made("split_edc")
     answer = for_torques(s, {"MCP_flexion": 0.1, "PIP": 0.05}, silent)
-    assert answer.audit.made == pytest.approx([0.1, 0.0, 0.05, 0.0], abs=1e-9)
+    assert answer.audit.components == pytest.approx([0.1, 0.0, 0.05, 0.0], abs=1e-9)
     with pytest.raises(InputError, match="unknown joint"):
         for_torques(s, {"wrist": 0.1}, silent)
 
@@ -126,7 +126,7 @@ def test_costs_and_weights_steer():
     settings, areas = load_case("split_edc"), {"FDIm": 3e-4, "FDIl": 1e-4}
     for power, ratio in ((2, 9.0), (3, 3.0**1.5)):
         s = setup(settings, "pcsa", power, areas, {})
-        tension = for_force(s, (-1.0, 0.0, -2.0), silent).found.tension
+        tension = for_force(s, (-1.0, 0.0, -2.0), silent).estimate.tension
         both = dict(zip(s.capacity.names, tension, strict=True))
         assert both["FDIm"] == pytest.approx(ratio * both["FDIl"], rel=1e-4)
 
@@ -144,10 +144,10 @@ def test_a_motion_over_two_bands_takes_what_the_linear_programme_says():
     found = for_motion(s, motion, silent)
     for k, q in enumerate(motion.angle):
         torque = torques(BUCHNER, q, motion.rate[k], motion.acceleration[k])
-        assert found.needed[k] == pytest.approx(torque, abs=1e-9)
+        assert found.required_torque[k] == pytest.approx(torque, abs=1e-9)
         paper = linear(two_band(), q, torque, HALF, np.zeros(2), np.ones(5)).muscles
         assert found.tension[k] == pytest.approx(paper, abs=1e-5)
-    assert found.made == pytest.approx(found.needed, abs=1e-7)
+    assert found.torque == pytest.approx(found.required_torque, abs=1e-7)
     assert found.tension[-1, 0] == pytest.approx(26.4, abs=0.05)
 
 
@@ -220,7 +220,7 @@ def test_a_free_component_costs_no_more():
     s = made("split_edc")
     tied = for_force(s, (-1.0, 0.0, -2.0), silent)
     free = for_force(s, (-1.0, None, -2.0), silent)
-    price = [float(s.cost.factors @ a.found.tension**2) for a in (tied, free)]
+    price = [float(s.cost.factors @ a.estimate.tension**2) for a in (tied, free)]
     assert free.demand.names == ("distal", "dorsal")
     assert price[1] < price[0]
 
@@ -350,7 +350,7 @@ def test_a_reserve_bears_what_tensions_cannot_and_no_more():
     bounds, cost = Bounds(np.zeros(8), np.full(8, 1e-9)), Cost(np.ones(8), 2)
     wanted = np.array([1e-3, 0.0, 0.0, 0.0])
     found = estimate(held, torque_demand(held), wanted, bounds, cost, reserve=2e-3)
-    assert found.made == pytest.approx(np.zeros(4), abs=1e-9)
+    assert found.components == pytest.approx(np.zeros(4), abs=1e-9)
     with pytest.raises(InputError, match="The nearest that they make"):
         estimate(held, torque_demand(held), wanted, bounds, cost, reserve=5e-4)
 
@@ -361,5 +361,5 @@ def test_torque_demands_know_every_joint():
     wanted = np.array([0.02, 0.0, 0.01, 0.002])
     bounds = Bounds(s.capacity.least, s.capacity.most)
     found = estimate(held, torque_demand(held), wanted, bounds, Cost(np.ones(8), 2))
-    assert found.made == pytest.approx(wanted, abs=1e-12)
+    assert found.components == pytest.approx(wanted, abs=1e-12)
     assert found.at.by_tension @ found.tension == pytest.approx(wanted, abs=1e-12)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from cosim.analyses.identify.cases import FitCase, fit_cases, stated_cases
-from cosim.analyses.identify.fit import fit_all, interval, standing
+from cosim.analyses.identify.fit import fit_all, identifiability, interval
 from cosim.analyses.identify.parameters import FitParameter
 from cosim.analyses.trials.outcome import Outcome
 from cosim.case.file import load_case
@@ -104,7 +104,7 @@ def test_postures_of_one_case_give_back_a_parameter_of_either_sign(held, free):
     found = fit_all(cases(held, free, ROWS))
     assert found.values["k"] == pytest.approx(K, rel=1e-4)
     assert found.values["rest"] == pytest.approx(REST, abs=3e-3)
-    assert [standing(found, name) for name in found.values] == ["identified", "identified"]
+    assert [identifiability(found, name) for name in found.values] == ["identified", "identified"]
     assert [r.target.case for r in found.rows] == ["p10", "p30", "p60"]
     assert found.settings == (
         f"finger.passive.PIP.stiffness={found.values['k']!r} N*mm/rad",
@@ -138,7 +138,7 @@ def test_a_signed_parameter_ends_at_its_bound(held, tmp_path):
     free = written(tmp_path, REST_ALONE.replace("low = -20", "low = -5") + POSTURES)
     found = fit_all(cases(held, free, ROWS))
     assert found.values == {"rest": -5.0}
-    assert standing(found, "rest") == "at its bound"
+    assert identifiability(found, "rest") == "at its bound"
     near = [
         replace(r, sd=None, reference=torque(a, -19.9)) for r, a in zip(ROWS, ANGLES, strict=True)
     ]
@@ -206,7 +206,7 @@ def test_a_budget_is_kept_and_told(held, free):
     lines: list[str] = []
     found = fit_all(cases(held, free, ROWS), most=2, progress=lines.append)
     assert found.evaluations == 2
-    assert found.ended == "stopped at 2 evaluations, the most that were allowed"
+    assert found.stop_reason == "stopped at 2 evaluations, the most that were allowed"
     assert lines[0] == "3 cases, 2 parameters, 3 rows: the start, from scratch"
     assert lines[1].startswith("1 of at most 2: sum of squared misses ")
     assert "largest, SDs: torque [p60] " in lines[1]
@@ -297,7 +297,7 @@ def test_values_and_coordinates_are_inverse(low, width, part):
     assert linear.value(1.0) == low + width
     value = linear.value(part)
     assert linear.coordinate(value) == pytest.approx(part, abs=1e-6)
-    assert abs(linear.coordinate(value) - linear.rounded(part)) <= 1.1e-4
+    assert abs(linear.coordinate(value) - linear.round_coordinate(part)) <= 1.1e-4
     positive = FitParameter("p", "", 0.1, 0.1 + width, 0.1)
     assert positive.coordinate(positive.value(part - 2)) >= np.log(0.1)
 

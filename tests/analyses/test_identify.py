@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from cosim.analyses.identify.fit import Fit, confidence, fit, interval, miss, standing
-from cosim.analyses.identify.parameters import FitParameter, Free, built_in, read_free
+from cosim.analyses.identify.fit import Fit, confidence, fit, identifiability, interval, miss
+from cosim.analyses.identify.parameters import FitParameter, Free, free_built_in, read_free
 from cosim.analyses.trials.outcome import outcome
 from cosim.case.file import load_case
 from cosim.cli import app
@@ -51,7 +51,9 @@ def of(*parameters: FitParameter) -> Free:
     return Free(
         parameters,
         lambda values: tuple(
-            t.replace("{value}", p.written(values[p.name])) for p in parameters for t in p.templates
+            t.replace("{value}", p.format_value(values[p.name]))
+            for p in parameters
+            for t in p.templates
         ),
     )
 
@@ -84,7 +86,7 @@ def test_a_twin_gives_back_its_parameters_and_how_sure_they_are(held):
     targets = twin(held)
     found = fit(held, (), of(stiffness(), TENSION), targets)
     assert found.values == pytest.approx({"k PIP": 50.0, "T": 3.0}, rel=1e-4)
-    assert [standing(found, name) for name in found.values] == ["identified", "identified"]
+    assert [identifiability(found, name) for name in found.values] == ["identified", "identified"]
     # torques are proportional to k and T, so that slopes by their logarithms are the torques
     torque = np.array([abs(t.reference) for t in targets])
     assert found.confidence.deviation == pytest.approx(0.1 / torque, rel=1e-3)
@@ -100,7 +102,10 @@ def test_a_twin_gives_back_its_parameters_and_how_sure_they_are(held):
 def test_what_no_target_sees_is_said(held):
     found = fit(held, (), of(stiffness(), stiffness("DIP")), twin(held)[:1])
     assert found.values["k PIP"] == pytest.approx(50.0, rel=1e-4)
-    assert [standing(found, name) for name in found.values] == ["identified", "not identified"]
+    assert [identifiability(found, name) for name in found.values] == [
+        "identified",
+        "not identified",
+    ]
     assert found.confidence.singular_values[1] == pytest.approx(0.0, abs=1e-9)
     assert interval(found, "k DIP") == pytest.approx((1.0, 1000.0))
 
@@ -113,7 +118,7 @@ def test_a_band_pulls_as_far_as_its_end(held):
     start = replace(stiffness(), start=45.0)  # -35.3 N mm, inside
     inside = fit(held, (), of(start), [band])
     assert inside.values == {"k PIP": 45.0}
-    assert standing(inside, "k PIP") == "not identified"
+    assert identifiability(inside, "k PIP") == "not identified"
 
 
 def test_a_row_inside_its_band_does_not_hold_the_others_back(held):
@@ -129,14 +134,14 @@ def test_what_the_targets_cannot_tell_from_a_bound_is_put_there(held):
     near = replace(stiffness("DIP"), start=1.2)
     found = fit(held, (), of(stiffness(), near), twin(held)[:1])
     assert found.values == pytest.approx({"k PIP": 50.0, "k DIP": 1.0}, rel=1e-4)
-    assert standing(found, "k DIP") == "at its bound"
+    assert identifiability(found, "k DIP") == "at its bound"
     assert [p.name for p in found.within] == ["k PIP"]
 
 
 def test_a_truth_beyond_the_bounds_ends_at_the_bound(held):
     found = fit(held, (), of(stiffness(low=80.0)), twin(held)[:1])
     assert found.values == {"k PIP": 80.0}
-    assert standing(found, "k PIP") == "at its bound"
+    assert identifiability(found, "k PIP") == "at its bound"
     assert found.within == ()
     assert found.confidence.deviation.size == 0
 
@@ -167,7 +172,7 @@ def test_a_twin_of_the_hood_gives_back_its_matrix(tmp_path):
     found = fit(base.source, COARSE, read_free(only, base), targets)
     assert found.parameters == (FitParameter("c1", "MPa", 0.3, 3.0, 1.0),)
     assert found.values["c1"] == pytest.approx(1.1, rel=1e-3)
-    assert standing(found, "c1") == "identified"
+    assert identifiability(found, "c1") == "identified"
 
 
 @given(st.floats(-20, 20), st.floats(-10, 0), st.floats(0, 10), st.floats(0.1, 5))
@@ -207,7 +212,7 @@ def test_rows_that_miss_by_more_than_their_sds_widen_the_intervals():
 
 def test_the_built_in_parameters_keep_fibres_smooth():
     case = load_case(LEE)
-    free = built_in(case)
+    free = free_built_in(case)
     assert [p.name for p in free.parameters] == ["c1", "toe", "c4"]
     assert [p.start for p in free.parameters] == pytest.approx([0.198137, 0.01, 400.0], rel=1e-5)
     made = load_case(LEE, free.settings({"c1": 0.5, "toe": 0.01, "c4": 150.0})).hood
@@ -223,7 +228,7 @@ def test_the_linear_laws_parameters_are_built_in():
         "shear_modulus = '4 MPa', poisson = 0.4, poisson_across = 0.4 }"
     )
     case = load_case("base/one_sheet.toml", (f"hood.regions.central_band={law}",))
-    free = built_in(case)
+    free = free_built_in(case)
     assert {p.name: p.start for p in free.parameters} == pytest.approx(
         {"modulus_across": 10.0, "shear_modulus": 4.0}
     )
@@ -233,7 +238,7 @@ def test_the_linear_laws_parameters_are_built_in():
         "hood.regions.central_band.shear_modulus=3.0 MPa",
     )
     with pytest.raises(InputError, match="no region has a law"):
-        built_in(load_case("base/one_sheet.toml"))
+        free_built_in(load_case("base/one_sheet.toml"))
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import pytest
 
 from cosim.analyses.trials.by_tangent import tangent_serves
 from cosim.analyses.trials.outcome import Outcome, outcome
-from cosim.analyses.trials.workers import Kept, solve_many, solve_one
+from cosim.analyses.trials.workers import SolvedCases, solve_many, solve_one
 from cosim.case.file import Settings, find_case, load_case
 from cosim.results.compare import value_of
 
@@ -25,14 +25,14 @@ QUANTITIES = (
 
 
 @pytest.fixture(scope="module")
-def kept() -> Kept:
+def kept() -> SolvedCases:
     """The coarse case, solved."""
-    found: Kept = {}
+    found: SolvedCases = {}
     assert solve_one(found, "hood", SOURCE, COARSE, arms=True, afresh=True).status == "converged"
     return found
 
 
-def near(kept: Kept, *settings: Settings) -> list[Outcome]:
+def near(kept: SolvedCases, *settings: Settings) -> list[Outcome]:
     return solve_many(kept, "hood", SOURCE, COARSE, settings, arms=True)
 
 

@@ -12,7 +12,7 @@ from cosim.analyses.reduction import reduce as reduction
 from cosim.analyses.reduction import walks as reduction_walks
 from cosim.analyses.reduction.case_text import case_text
 from cosim.analyses.reduction.errors import errors
-from cosim.analyses.reduction.samples import Lost, Walk, WalkSamples, on_models
+from cosim.analyses.reduction.samples import FailedSample, Walk, WalkSamples, on_models
 from cosim.analyses.reduction.tip import clamp_tip, tip_map, tip_maps
 from cosim.build.models import build
 from cosim.case.file import find_case, load_case
@@ -128,10 +128,10 @@ def test_a_grid_is_read_and_walked_to_and_fro():
     assert ((steps > 0).sum(axis=1) == 1).all()
 
 
-def within() -> reduction_walks.Within:
+def within() -> reduction_walks.SampleRange:
     grid = {"MCP": (0.0, 60.0), "DIP": (5.0, 35.0)}
     home, most = np.array([0.0, 0.02, 0.3, 0.0]), np.array([3.0, 0.6])
-    return reduction_walks.Within(
+    return reduction_walks.SampleRange(
         ("MCP", "MCP_abduction", "PIP", "DIP"), home, grid, most, 0.05, 96
     )
 
@@ -265,7 +265,7 @@ def test_a_walk_goes_on_from_the_last_posture_found():
     stuck = replace(models, hood=Stuck(models.hood, 0.5))
     angle = np.array([[0, 0, 0.3, 0.1], [0, 0, 0.8, 0.1], [0, 0, 0.4, 0.1]])
     states = list(on_models(stuck, Walk(angle, np.full((2, 3), 8.0))))
-    assert [isinstance(s, Lost) for s in states] == [False, False, True, True, False, False]
+    assert [isinstance(s, FailedSample) for s in states] == [False, False, True, True, False, False]
 
 
 def test_a_walk_is_followed_in_small_steps(monkeypatch):

@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cosim.analyses.reduction.sample_cache import cached_samples
-from cosim.analyses.reduction.samples import Lost, Walk, WalkSamples, on_models
+from cosim.analyses.reduction.samples import FailedSample, Walk, WalkSamples, on_models
 from cosim.cli import app
 from cosim.errors import InputError
 from cosim.hoods.lumped.reduction import Sample
@@ -33,12 +33,14 @@ def sampler(asked: list[Walk], most: int = 99):
                 raise CutOff
             asked.append(walk)
             states = list(on_models(models, walk))
-            yield WalkSamples([*states, Lost(walk.angles[0], walk.tensions[0], "stuck")], 0.25)
+            yield WalkSamples(
+                [*states, FailedSample(walk.angles[0], walk.tensions[0], "stuck")], 0.25
+            )
 
     return sample
 
 
-def same(one: Sample | Lost, other: Sample | Lost) -> bool:
+def same(one: Sample | FailedSample, other: Sample | FailedSample) -> bool:
     return type(one) is type(other) and all(
         np.array_equal(value, getattr(other, name)) for name, value in vars(one).items()
     )

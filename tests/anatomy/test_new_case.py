@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from cosim.anatomy.bones import Bones, read_bones
 from cosim.anatomy.case_folder import write_case
-from cosim.anatomy.read import Anatomy, Built
+from cosim.anatomy.read import Built, UserAnatomy
 from cosim.build.models import bone_surfaces, hood_mesh, mjcf_of
 from cosim.case.file import load_case
 from cosim.cli import app
@@ -205,7 +205,7 @@ def test_a_hood_through_the_bones_is_counted_and_measured(
 def test_a_larger_hand_keeps_its_bones_size(surfaces: Surfaces, tmp_path: Path):
     larger = {body: (1.1 * points, faces) for body, (points, faces) in surfaces.items()}
     made = Built(None, {}, Bones(larger, ()), None, {}, ())
-    write_case(tmp_path, "mine", Anatomy(length_scale=1.1), made)
+    write_case(tmp_path, "mine", UserAnatomy(length_scale=1.1), made)
     drawn = bone_surfaces(load_case(tmp_path / "mine.toml"))
     for body, (points, _) in larger.items():
         np.testing.assert_allclose(np.ptp(drawn[body][0], axis=0), np.ptp(points, axis=0))

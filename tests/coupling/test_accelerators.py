@@ -10,7 +10,7 @@ import pytest
 from cosim.coupling.accelerators import (
     Accelerator,
     Aitken,
-    Constant,
+    ConstantRelaxation,
     History,
     QuasiNewton,
     accelerate,
@@ -51,11 +51,11 @@ def scalar(accelerator: Accelerator, slope: float, rounds: int) -> float:
 
 def test_a_constant_share_is_what_it_says():
     x, image = np.array([1.0, 2.0]), np.array([3.0, -2.0])
-    history = initial_history(Constant(0.25), 2)
-    moved, history = accelerate(Constant(0.25), history, x, image)
+    history = initial_history(ConstantRelaxation(0.25), 2)
+    moved, history = accelerate(ConstantRelaxation(0.25), history, x, image)
     np.testing.assert_allclose(moved, [1.5, 1.0], rtol=1e-15)
-    np.testing.assert_allclose(accelerate(Constant(0.25), history, x, image)[0], moved)
-    plain, _ = accelerate(Constant(), initial_history(Constant(), 2), x, image)
+    np.testing.assert_allclose(accelerate(ConstantRelaxation(0.25), history, x, image)[0], moved)
+    plain, _ = accelerate(ConstantRelaxation(), initial_history(ConstantRelaxation(), 2), x, image)
     np.testing.assert_allclose(plain, image)
 
 
@@ -67,7 +67,7 @@ def test_one_unknown_takes_two_evaluations(accelerator, slope):
 
 
 def test_aitken_converges_where_the_plain_iteration_runs_away():
-    assert runs(Constant(), 12)[0][-1] > 1e6
+    assert runs(ConstantRelaxation(), 12)[0][-1] > 1e6
     assert runs(Aitken(), 60)[0][-1] < 1e-6
 
 
@@ -164,7 +164,7 @@ def test_noise_makes_no_column():
     assert told.residuals.shape[1] == 1
 
 
-@pytest.mark.parametrize("accelerator", [Constant(0.5), Aitken(), QuasiNewton()])
+@pytest.mark.parametrize("accelerator", [ConstantRelaxation(0.5), Aitken(), QuasiNewton()])
 def test_a_history_is_a_value(accelerator):
     _, history = runs(accelerator, 3)
     x, image = OFFSET, SLOPE @ OFFSET
@@ -177,7 +177,9 @@ def test_a_history_is_a_value(accelerator):
     assert np.array_equal(first, once())
 
 
-@pytest.mark.parametrize("accelerator", [Constant(0.0), Aitken(-0.5), QuasiNewton(np.nan)])
+@pytest.mark.parametrize(
+    "accelerator", [ConstantRelaxation(0.0), Aitken(-0.5), QuasiNewton(np.nan)]
+)
 def test_a_share_that_is_not_positive_is_refused(accelerator):
     with pytest.raises(InputError, match="positive share"):
         initial_history(accelerator, 3)

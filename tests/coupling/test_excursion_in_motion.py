@@ -183,7 +183,7 @@ def test_a_straight_law_is_met_at_once():
     tension, after, count = pulled([1.0, 2.0])
     expected = 0.5 + np.linalg.solve(STRAIGHT, [1.0, 2.0])
     assert tension == pytest.approx(expected)
-    assert after.found - after.start == pytest.approx([1e-3, 2e-3], abs=1e-10)
+    assert after.excursion - after.start == pytest.approx([1e-3, 2e-3], abs=1e-10)
     assert after.slope == pytest.approx(1e-3 * STRAIGHT)
     assert count == 4  # where it stands, two for the slope, and the answer
 
@@ -191,14 +191,14 @@ def test_a_straight_law_is_met_at_once():
 def test_a_crooked_law_too():
     tension, after, _ = pulled([1.0, 2.0], stiff=2.0)
     assert (tension > 0.5).all()
-    assert after.found - after.start == pytest.approx([1e-3, 2e-3], abs=1e-10)
+    assert after.excursion - after.start == pytest.approx([1e-3, 2e-3], abs=1e-10)
 
 
 def test_a_tendon_that_would_have_to_push_is_slack():
     tension, after, _ = pulled([-5.0, 2.0])
     assert tension[0] == 0.0
-    assert after.found[0] - after.start[0] > -5e-3
-    assert after.found[1] - after.start[1] == pytest.approx(2e-3, abs=1e-10)
+    assert after.excursion[0] - after.start[0] > -5e-3
+    assert after.excursion[1] - after.start[1] == pytest.approx(2e-3, abs=1e-10)
 
 
 def test_what_no_tension_draws_is_an_error():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cosim.case.file import load_case
-from cosim.coupling.accelerators import Aitken, Constant, QuasiNewton
+from cosim.coupling.accelerators import Aitken, ConstantRelaxation, QuasiNewton
 from cosim.coupling.equilibrium import CouplingOptions
 from cosim.coupling.fixed_point import fixed_point
 from cosim.errors import ConvergenceError
@@ -29,7 +29,7 @@ def by_fixed_point(support, accelerator, rounds=60, tolerance=1e-10, turn=1e-9):
 
 
 @pytest.mark.parametrize("support", [IN_PLANE, FREE], ids=["held", "free"])
-@pytest.mark.parametrize("accelerator", [Constant(0.7), Aitken(), QuasiNewton()])
+@pytest.mark.parametrize("accelerator", [ConstantRelaxation(0.7), Aitken(), QuasiNewton()])
 def test_every_acceleration_comes_to_newton_s_equilibrium(support, accelerator):
     finger, found = by_fixed_point(support, accelerator)
     state, _, balance = solve(finger, cables_over_all_joints(), TENSION, NONE)
@@ -42,14 +42,16 @@ def test_every_acceleration_comes_to_newton_s_equilibrium(support, accelerator):
 
 
 def test_the_quasi_newton_takes_fewer_rounds_than_a_constant_share():
-    rounds = [by_fixed_point(FREE, a)[1].iterations for a in (Constant(0.7), QuasiNewton())]
+    rounds = [
+        by_fixed_point(FREE, a)[1].iterations for a in (ConstantRelaxation(0.7), QuasiNewton())
+    ]
     assert rounds[1] < rounds[0]
 
 
 def test_residual_and_turn_both_decide():
     """A wide tolerance of one leaves it to the other."""
     rounds = [
-        by_fixed_point(FREE, Constant(0.7), tolerance=tolerance, turn=turn)[1].iterations
+        by_fixed_point(FREE, ConstantRelaxation(0.7), tolerance=tolerance, turn=turn)[1].iterations
         for tolerance, turn in ((0.5, 1.0), (0.5, 1e-9), (1e-10, 1.0))
     ]
     assert rounds[0] < min(rounds[1:])

@@ -79,7 +79,7 @@ def test_a_joint_passes_on_what_acts_beyond_it():
 @pytest.mark.parametrize("lumped", [False, True])
 def test_what_is_handed_over_keeps_its_direction_and_its_point(end, lumped):
     hood = handed(centre=CENTRE if lumped else None, joint_contact=end)
-    own = hood.answered.load.total()
+    own = hood.response.load.total()
     moved = hood.at.displace(np.random.default_rng(3).normal(size=(NB, 6)) * 0.05)
     load = hood.advance(None, moved, np.zeros(1), STATIC).load
     force = own[:, :3].copy()
@@ -121,12 +121,12 @@ def test_its_tangent_by_motion_is_exact(end, lumped):
 def test_what_a_tendon_adds_is_handed_over_as_the_load_is(end, lumped):
     """By the difference of two loads of a hood that is linear in the tension."""
     hood = handed(centre=CENTRE if lumped else None, joint_contact=end)
-    own = hood.answered.load
+    own = hood.response.load
     more = np.stack([hood.by_tension.reshape(NB, 6), np.zeros((NB, 6))], axis=1)
-    grown = hood.answered._replace(load=replace(own, wrench=own.wrench + more))
+    grown = hood.response._replace(load=replace(own, wrench=own.wrench + more))
     loads = [
         h.advance(None, h.at, np.zeros(1), STATIC).load.total()
-        for h in (replace(hood, answered=grown), hood)
+        for h in (replace(hood, response=grown), hood)
     ]
     slope = hood.jacobian(None).load_tension
     np.testing.assert_allclose(slope.ravel(), (loads[0] - loads[1]).ravel(), atol=1e-12)

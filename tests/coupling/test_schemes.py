@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cosim.coupling import schemes
-from cosim.coupling.accelerators import Aitken, Constant, QuasiNewton
+from cosim.coupling.accelerators import Aitken, ConstantRelaxation, QuasiNewton
 from cosim.coupling.schemes import (
     Explicit,
     Implicit,
@@ -21,7 +21,7 @@ from cosim.coupling.schemes import (
     step,
 )
 from cosim.coupling.state import (
-    Coupled,
+    CoupledState,
     advance_state,
     energy_defect,
     hood_point,
@@ -72,11 +72,11 @@ def test_every_row_passes(name):
     assert not failed
 
 
-def cables(scheme: Scheme, steps: int = 20, dt: float = 1e-3) -> list[Coupled]:
+def cables(scheme: Scheme, steps: int = 20, dt: float = 1e-3) -> list[CoupledState]:
     return drive(scheme, *soft_pair(), REST, pulls_on_cables, dt, steps)
 
 
-def drum(scheme: Scheme, dt: float, steps: int, joints: int = 1) -> list[Coupled]:
+def drum(scheme: Scheme, dt: float, steps: int, joints: int = 1) -> list[CoupledState]:
     return drive(scheme, *stiff_pair(joints), np.zeros(joints), pulls_on_drum, dt, steps)
 
 
@@ -230,12 +230,12 @@ def test_work_of_the_fingers_own_tendons():
 def test_what_the_linearisation_did_falls_with_the_step():
     """Nothing on a linear hood; on cables the load is missed by the square of the way."""
     linear = drum(Linear(), 5e-4, 40)[-1]
-    assert abs(linear.energy.foreseen) < 1e-12 * linear.energy.tendons
+    assert abs(linear.energy.predicted) < 1e-12 * linear.energy.tendons
     assert linear.residual < 1e-12
     coarse, fine = (cables(Linear(), n, 0.02 / n) for n in (10, 20))
     residuals = [max(s.residual for s in run) for run in (coarse, fine)]
     assert residuals[0] / residuals[1] == pytest.approx(4.0, rel=0.3)
-    works = [np.abs(np.diff([s.energy.foreseen for s in run])).sum() for run in (coarse, fine)]
+    works = [np.abs(np.diff([s.energy.predicted for s in run])).sum() for run in (coarse, fine)]
     assert works[0] / works[1] == pytest.approx(4.0, rel=0.3)
 
 
@@ -302,7 +302,7 @@ def test_a_stable_explicit_run_of_a_released_hood_is_not_stopped():
 def test_no_agreement_is_an_error_and_the_state_survives():
     finger, hood = stiff_pair()
     state = begin(Newton(), finger, hood, finger.begin({}), full_pull)
-    plain = Implicit(Constant(), most_solves=12)
+    plain = Implicit(ConstantRelaxation(), most_solves=12)
     match = r"from t = 0 s to 0.002 s: after 12 hood solves a joint would still turn by .*IQN-ILS"
     with pytest.raises(ConvergenceError, match=match):
         step(plain, finger, hood, state, full_pull, 2e-3)
@@ -313,7 +313,7 @@ def test_no_agreement_is_an_error_and_the_state_survives():
 def test_a_constant_share_small_enough_converges():
     share = 1 / (1 + (1e-3) ** 2 * STIFFNESS / INERTIA)
     exact = drum(Newton(TIGHT), 1e-3, 20)[-1].finger.angles
-    found = drum(Implicit(Constant(share), TIGHT), 1e-3, 20)[-1].finger.angles
+    found = drum(Implicit(ConstantRelaxation(share), TIGHT), 1e-3, 20)[-1].finger.angles
     np.testing.assert_allclose(found, exact, rtol=0, atol=1e-11)
 
 

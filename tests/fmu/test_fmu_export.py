@@ -16,7 +16,7 @@ from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import CouplingOptions, equilibrium
 from cosim.errors import ConvergenceError, InputError
-from cosim.fmu.mapping import Place, places
+from cosim.fmu.mapping import VariablePlace, places
 from cosim.fmu.unit import Unit
 from cosim.fmu_export.part_of import part_of
 from cosim.fmu_export.static_parts import HoodPart
@@ -217,7 +217,7 @@ def test_a_fault_of_the_program_does_not_cross_the_border(written, monkeypatch, 
 def test_a_variable_that_is_none_fails_the_next_step(written, fmi):
     unit = Unit(written["hood", fmi])
     good = unit.save()
-    nowhere = Place((99_999,), (), False)
+    nowhere = VariablePlace((99_999,), (), False)
     unit.set(nowhere, 1.0)
     with pytest.raises(ConvergenceError, match="was set that does not exist"):
         unit.step(0.01)

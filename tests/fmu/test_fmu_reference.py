@@ -17,7 +17,7 @@ import pytest
 
 from cosim.case.file import load_case
 from cosim.errors import InputError
-from cosim.fmu.mapping import KINDS, Place
+from cosim.fmu.mapping import KINDS, VariablePlace
 from cosim.fmu.unit import Unit
 from cosim.fmu_export.write import write_fmu
 from tests.helpers.fmus import NEEDS_FMU
@@ -28,11 +28,11 @@ FOUND = sorted(Path(FOLDER).rglob("*.fmu")) if FOLDER else []
 STEP, STEPS = 0.01, 5
 
 
-def numbers(unit: Unit) -> dict[str, Place]:
+def numbers(unit: Unit) -> dict[str, VariablePlace]:
     """The unit's real numbers, arrays left out."""
     variables = unit.opened.description.modelVariables
     return {
-        v.name: Place((v.valueReference,), (), False)
+        v.name: VariablePlace((v.valueReference,), (), False)
         for v in variables
         if v.type in KINDS[False] and not v.dimensions
     }

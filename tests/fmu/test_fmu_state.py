@@ -12,7 +12,7 @@ import pytest
 from cosim.case.file import load_case
 from cosim.case.schema import Case
 from cosim.errors import ConvergenceError, InputError, StoppedError
-from cosim.fmu.mapping import Place
+from cosim.fmu.mapping import VariablePlace
 from cosim.fmu.unit import Unit
 from cosim.fmu_export.part_of import PARTS
 from cosim.fmu_export.run import UnitRun
@@ -36,7 +36,7 @@ CASES = {
 }
 
 
-def gone_on(unit: Unit, place: dict[str, Place]) -> dict[str, np.ndarray]:
+def gone_on(unit: Unit, place: dict[str, VariablePlace]) -> dict[str, np.ndarray]:
     """All outputs after two more steps under other tensions."""
     for factor in (1.5, 0.7):
         pull(unit, place, factor)
@@ -44,7 +44,7 @@ def gone_on(unit: Unit, place: dict[str, Place]) -> dict[str, np.ndarray]:
     return {name: unit.get(where) for name, where in place.items() if not where.switch}
 
 
-def pull(unit: Unit, place: dict[str, Place], tension: float) -> None:
+def pull(unit: Unit, place: dict[str, VariablePlace], tension: float) -> None:
     unit.set(place["tension"], np.full(place["tension"].shape, tension))
 
 

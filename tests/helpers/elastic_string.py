@@ -11,7 +11,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 
-from cosim.hoods.kind import BuiltHood, HoodKind, HoodTable, Site
+from cosim.hoods.kind import BuiltHood, HoodConfig, HoodKind, Site
 from cosim.hoods.view import STRAIN, Field
 from cosim.port import Array, State
 from cosim.schema import units
@@ -26,7 +26,7 @@ POINTS = (
 """m, in the bodies' frames."""
 
 
-class StringHood(HoodTable):
+class StringHood(HoodConfig):
     """One elastic string over the PIP."""
 
     title: ClassVar[str] = "one elastic string over the PIP"

@@ -13,7 +13,7 @@ import pytest
 
 from cosim.case.file import load_case
 from cosim.case.schema import Case
-from cosim.fmu.mapping import Place, places
+from cosim.fmu.mapping import VariablePlace, places
 from cosim.fmu.unit import Unit
 from cosim.fmu_export.part_of import part_of
 from cosim.verification.fmu import MOTION
@@ -72,5 +72,5 @@ def described(source: Path, target: Path, old: str, new: str) -> Path:
     return tampered(source, target, {"modelDescription.xml": change})
 
 
-def placed(unit: Unit, case: Case, part: str) -> dict[str, Place]:
+def placed(unit: Unit, case: Case, part: str) -> dict[str, VariablePlace]:
     return places(unit.opened, part_of(case, part).quantities, {})

@@ -13,7 +13,7 @@ from cosim.analyses.lesion import both_sides
 from cosim.case.file import load_case, resolved_toml
 from cosim.errors import InputError
 from cosim.hoods.kinds import AnyHood, unfit_lesion
-from cosim.hoods.lesion import Lesion
+from cosim.hoods.lesion import LesionConfig
 from cosim.hoods.lumped.build import apply_lesion_to_network
 from cosim.pipeline import run_case
 
@@ -248,7 +248,7 @@ def test_a_faulty_lesion_says_where_and_what_to_write(name, setting, message):
 @given(st.text(min_size=1, max_size=20))
 def test_any_name_is_known_or_refused_by_name(name):
     for hood in injurable():
-        wrong = unfit_lesion(hood, hood.kind, Lesion(cut=(name,)))
+        wrong = unfit_lesion(hood, hood.kind, LesionConfig(cut=(name,)))
         assert (wrong == "") == (name in hood.parts().cut)
 
 

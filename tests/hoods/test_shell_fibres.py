@@ -14,7 +14,7 @@ from cosim.cli import app
 from cosim.errors import InputError
 from cosim.fingers.kinds import skeleton_of
 from cosim.hoods.shell.build import shell_hood_of, thickness_of
-from cosim.hoods.shell.fibre_table import Direction
+from cosim.hoods.shell.fibre_table import DirectionConfig
 from cosim.hoods.shell.fibres import angles_at, fibres_of
 from cosim.hoods.shell.view import _line_angle
 from cosim.port import Motion
@@ -111,7 +111,7 @@ def test_angles_across_a_region_too():
 
 
 def test_a_spline_is_level_beyond_its_places():
-    table = Direction(along=(0.2, 0.8), angle=("10 deg", "40 deg"))
+    table = DirectionConfig(along=(0.2, 0.8), angle=("10 deg", "40 deg"))
     seen = np.degrees(angles_at(table, np.array([0.0, 0.2, 0.5, 1.0]), np.zeros(4)))
     assert seen == pytest.approx([10, 10, 25, 40])
 
@@ -282,7 +282,7 @@ def test_a_later_word_replaces_another_way_to_say_it(tmp_path):
         'along = [0.0, 1.0]\nangle = ["0 deg", "10 deg"]\n'
     )
     case = load_case(path, ['hood.regions.central_band.direction.field="slips"'])
-    assert case.hood.regions["central_band"].direction == Direction(field="slips")
+    assert case.hood.regions["central_band"].direction == DirectionConfig(field="slips")
     case = load_case(path, ['hood.regions.central_band.direction.angle="5 deg"'])
     assert case.hood.regions["central_band"].direction.along is None
 

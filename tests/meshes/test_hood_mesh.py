@@ -256,7 +256,7 @@ def test_the_unloaded_finger_hangs_on_no_row_at_the_tendons_end(monkeypatch):
         case = load_case("fingertip_fibres_edc", [f"hood.mesh.quads={quads}"])
         session, silent = Session(), lambda stage: None
         hood = session.models(case, silent).hood
-        rest = session.unloaded(case, silent)
+        rest = session.unloaded_equilibrium(case, silent)
         return float(np.linalg.norm(hood.group_forces(rest.response.state)["terminal_slip"]))
 
     before = terminal(600)

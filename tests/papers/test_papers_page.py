@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from cosim.cli import app
 from cosim.errors import ConvergenceError, InputError
-from cosim.files import folder_written_whole
+from cosim.files import output_folder
 from cosim.report.figures import Figure, FigurePage, FigureStudy, choose_studies, write_figures
 
 
@@ -67,7 +67,7 @@ def test_what_others_wrote_is_not_replaced(tmp_path):
     (tmp_path / "mine/thesis.tex").write_text("years of work")
     with (
         pytest.raises(InputError, match="in the way"),
-        folder_written_whole(tmp_path / "mine", "index.html"),
+        output_folder(tmp_path / "mine", "index.html"),
     ):
         pass
     assert (tmp_path / "mine/thesis.tex").exists()

@@ -19,7 +19,7 @@ from cosim.papers.thesis_rows import (
     STATES,
     TITLES,
     Relation,
-    Row,
+    ThesisRow,
     judge_rows,
     printed_numbers,
     rows,
@@ -30,8 +30,8 @@ from cosim.papers.thesis_unprinted import CASE, variants
 COARSE = ("hood.mesh.quads=120",)
 
 
-def row(relation: Relation, *values: float) -> Row:
-    return Row("Table 1", "item", "printed", "N", values, relation, "ours", "")
+def row(relation: Relation, *values: float) -> ThesisRow:
+    return ThesisRow("Table 1", "item", "printed", "N", values, relation, "ours", "")
 
 
 @pytest.mark.parametrize(

@@ -121,7 +121,7 @@ def test_tendons_of_an_estimate_differ():
     names, times = tuple(f"tendon {i}" for i in range(MANY)), np.array(TIMES)
     some = np.ones((len(times), MANY))
     found: Any = SimpleNamespace(
-        motion=SimpleNamespace(time=times, angle=some), needed=some, tension=some
+        motion=SimpleNamespace(time=times, angle=some), required_torque=some, tension=some
     )
     figure = draw_motion(names, names, found, "estimate")
     for axes in figure.axes:

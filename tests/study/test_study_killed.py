@@ -24,7 +24,7 @@ from cosim.pipeline import run_case
 from cosim.study import open_study
 from cosim.study.plan import read_plan
 from cosim.study.store import Store
-from cosim.study.task import Task, settle
+from cosim.study.task import Task, run_task
 
 KILLS = 5
 START = 5.0
@@ -214,7 +214,7 @@ def test_a_process_that_solves_one_run_after_the_other_keeps_its_size(tmp_path: 
         case = load_case(plan.case, plan.settings_at(point))
         values = json.loads(json.dumps(case_table(case)))
         key = address(case, code)
-        settle(Task(key, values, plan.name, str(plan.case), str(store.root), code), store)
+        run_task(Task(key, values, plan.name, str(plan.case), str(store.root), code), store)
         sizes.append(process.memory_info().rss / 1024)
     slope = np.polyfit(np.arange(SETTLED, RUNS), sizes[SETTLED:], 1)[0]
     assert slope <= GROWTH

@@ -23,7 +23,7 @@ from cosim.study import open_study
 from cosim.study import process as apart
 from cosim.study.quantities import check_outputs, paths
 from cosim.study.store import Store
-from cosim.study.task import Task, settle, stored_outcome
+from cosim.study.task import Task, run_task, stored_outcome
 from tests.helpers.held import HELD
 
 STUDY = """
@@ -124,10 +124,10 @@ def test_a_study_goes_on_where_it_was(place, monkeypatch):
         if len(calls) == 2:
             raise KeyboardInterrupt
         calls.append(task.key)
-        return settle(task, store)
+        return run_task(task, store)
 
     with monkeypatch.context() as patch:
-        patch.setattr("cosim.study.engine.settle", cut_off)
+        patch.setattr("cosim.study.engine.run_task", cut_off)
         stopped = cosim("pip.toml")
     assert stopped.exit_code == 130
     assert "the same command goes on" in stopped.output
@@ -243,7 +243,7 @@ def test_a_run_in_its_own_process_is_that_of_this_one(place):
         store = Store(Path(task.store))
         row = store.find(task.key)
         here = Store(place / "t").open()
-        settle(Task(**{**vars(task), "store": str(here.root)}), here)
+        run_task(Task(**{**vars(task), "store": str(here.root)}), here)
         same = here.find(task.key)
         assert row is not None
         assert same is not None

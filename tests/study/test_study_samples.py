@@ -10,7 +10,7 @@ import pytest
 from cosim.errors import InputError
 from cosim.study.answers import MOST_LOST, Indices, band, indices, slopes, surface
 from cosim.study.distributions import (
-    Axis,
+    GridAxis,
     Lognormal,
     Normal,
     TruncatedNormal,
@@ -70,7 +70,7 @@ def test_ranges_and_middles():
     assert axis(1.0, 100.0, 3, "log").values == pytest.approx((1.0, 10.0, 100.0))
     assert axis(0.0, 1.0, 3, "linear").values == (0.0, 0.5, 1.0)
     assert middle(Uniform(2.0, 4.0)) == 3.0
-    assert middle(Axis((5.0, 1.0))) == 5.0
+    assert middle(GridAxis((5.0, 1.0))) == 5.0
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -105,11 +105,11 @@ def test_a_sequence_needs_a_power_of_two(kind):
 
 
 def test_points_cross_samples_with_axes_in_the_files_order():
-    laws = (Axis(("a", "b")), Uniform(0.0, 10.0), Axis((1.0, 2.0)))
+    laws = (GridAxis(("a", "b")), Uniform(0.0, 10.0), GridAxis((1.0, 2.0)))
     found = points(laws, np.array([[0.1], [0.9]]))
     assert found[:4] == [("a", 1.0, 1.0), ("a", 1.0, 2.0), ("b", 1.0, 1.0), ("b", 1.0, 2.0)]
     assert found[4] == ("a", 9.0, 1.0)
-    assert points((Axis((1.0, 2.0)),), None) == [(1.0,), (2.0,)]
+    assert points((GridAxis((1.0, 2.0)),), None) == [(1.0,), (2.0,)]
 
 
 def ishigami(n: int, second_order: bool) -> np.ndarray:

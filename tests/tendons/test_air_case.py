@@ -134,7 +134,7 @@ def test_what_a_case_says_reaches_the_cylinder_and_is_written_again(tmp_path: Pa
     assert [float(np.asarray(x)[0]) for x in (
         valve.supply - ATMOSPHERE, valve.delay, valve.lag, valve.conductance, valve.critical_ratio,
         valve.underlap, cylinder.bore, cylinder.rod, cylinder.stroke, cylinder.dead_volume,
-        cylinder.friction, cylinder.heat, live.drawn,
+        cylinder.friction, cylinder.heat, live.initial_position,
     )] == pytest.approx(
         [5e5, 0.02, 2e-3, 2e-9, 0.4, 0.2, 12e-3, 4e-3, 0.05, 3e-6, 0.1, 0.3, 0.01]
     )  # fmt: skip

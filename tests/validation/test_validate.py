@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from cosim.analyses.length_experiments import MADE, Value, experiments
+from cosim.analyses.length_experiments import EXPERIMENT_MODELS, Value, experiments
 from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.errors import ConvergenceError, InputError
@@ -51,7 +51,7 @@ def test_every_trial_is_a_case_that_loads_and_every_target_belongs_to_a_trial_of
         assert {t.case for t in group.targets} <= {t.name for t in group.trials}
         for trial in group.trials:
             assert trials.setdefault(trial.name, trial) == trial
-            if not trial.published:
+            if not trial.is_published:
                 load_case(trial.case, trial.settings)
     assert len(trials) > 60
 
@@ -153,7 +153,7 @@ def test_lengths_and_cuts_are_judged_once_and_as_printed():
     first, rest = BY_NAME["lengths and cuts"], BY_NAME["lengths and cuts: other loads and places"]
     assert len(first.targets) == len(experiments()) == 14
     assert len(rest.targets) == sum(
-        len(m.experiments) * (len(m.assumed) - 1) for m in MADE.values()
+        len(m.experiments) * (len(m.assumptions) - 1) for m in EXPERIMENT_MODELS.values()
     )
     printed = {(e.mean, e.sd, e.at_least) for e in experiments().values()}
     assert {(t.reference, t.sd, t.low) for t in first.targets} == printed
@@ -167,7 +167,7 @@ def test_a_study_that_ends_early_keeps_what_it_measured(monkeypatch):
         raise ConvergenceError("no equilibrium")
 
     what = "glide of the terminal slip"
-    monkeypatch.setitem(MADE, what, MADE[what]._replace(values=values))
+    monkeypatch.setitem(EXPERIMENT_MODELS, what, EXPERIMENT_MODELS[what]._replace(values=values))
     summary, why = measure_lengths(what, ["a=1"])
     assert why == "no equilibrium"
     group = BY_NAME["lengths and cuts"]

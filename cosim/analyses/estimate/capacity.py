@@ -20,8 +20,8 @@ CM2 = 1e-4
 
 @dataclass(frozen=True)
 class Capacity:
-    """Of every tendon, the hood's first: area (n,) m2, least and greatest force (n,) N, and the
-    sources of area and greatest force in words."""
+    """What every tendon can pull, the hood's first: area (n,) m2, least and greatest force (n,) N,
+    and the sources of area and greatest force in words."""
 
     names: tuple[str, ...]
     area: Array

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.analyses.estimate.held_finger import Held, Torques
+from cosim.analyses.estimate.held_finger import HeldFinger, Torques
 from cosim.port import Array
 
 AXES = ("distal", "radial", "dorsal")
@@ -26,7 +26,7 @@ class Demand:
 
     names: tuple[str, ...]
     unit: str
-    """Of the components: N or N m."""
+    """The components' unit: N or N m."""
     spread: Array
     """(k, d)."""
     rows: Array
@@ -41,14 +41,14 @@ class Demand:
         return np.array(np.linalg.lstsq(self.spread, need, rcond=None)[0])
 
 
-def torque_demand(held: Held) -> Demand:
+def torque_demand(held: HeldFinger) -> Demand:
     """Every joint's torque of hood and muscles together."""
     joints = held.models.finger.joints
     every = np.eye(len(joints))
     return Demand(joints, "N m", every, every, np.zeros(len(joints)))
 
 
-def force_demand(held: Held, at: Torques, free_axes: Collection[str] = ()) -> Demand:
+def force_demand(held: HeldFinger, at: Torques, free_axes: Collection[str] = ()) -> Demand:
     """The force of the fingertip on the world, world frame, with the finger in equilibrium: in its
     plane alone for a planar finger; what acts along `free_axes` is left open.
 

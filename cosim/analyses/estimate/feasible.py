@@ -26,7 +26,7 @@ from cosim.errors import InputError
 from cosim.port import Array
 
 MOST_TENDONS = 14
-"""Of a box's corners, 2 to that power, all are looked at."""
+"""Most tendons of a box of forces: all its corners, 2 to that power, are looked at."""
 THIN = 1e-9
 """N: a set that is thinner has no inside."""
 

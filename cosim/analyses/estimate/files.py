@@ -11,10 +11,10 @@ import pandas as pd
 
 from cosim.analyses.estimate.capacity import Capacity
 from cosim.analyses.estimate.feasible import ForceSet
-from cosim.analyses.estimate.of_case import Along, EstimateAnswer, Setup
+from cosim.analyses.estimate.of_case import EstimateAnswer, MotionEstimate, Setup
 from cosim.analyses.estimate.plot import draw_estimate, draw_motion
-from cosim.analyses.estimate.tensions import spelt
-from cosim.files import folder_written_whole
+from cosim.analyses.estimate.tensions import format_components
+from cosim.files import output_folder
 from cosim.port import Array
 from cosim.results.write import plain
 from cosim.version import __version__
@@ -43,9 +43,9 @@ def write_answer(
     folder: Path, s: Setup, answer: EstimateAnswer | None, forces: ForceSet | None, wall: float
 ) -> None:
     """An estimate and the set of feasible forces, either of which may lack.  Raises InputError."""
-    tension = None if answer is None else answer.found.tension
-    wanted = None if answer is None or answer.demand.unit != "N" else answer.wanted
-    with folder_written_whole(folder, MARK) as part:
+    tension = None if answer is None else answer.estimate.tension
+    wanted = None if answer is None or answer.demand.unit != "N" else answer.target
+    with output_folder(folder, MARK) as part:
         summary = {**_head(s, wall), **({} if answer is None else _as_table(s, answer))}
         if forces is not None:
             summary["feasible_force"] = _set(s, forces)
@@ -55,24 +55,29 @@ def write_answer(
         if tension is not None:
             _csv(part / "estimate.csv", muscle_table(s.capacity, tension))
         exact = s.case.hood.shares_fixed
-        asked = "" if answer is None else f", asked for {spelt(answer.demand, answer.wanted)}"
+        asked = (
+            ""
+            if answer is None
+            else f", asked for {format_components(answer.demand, answer.target)}"
+        )
         title = f"{s.case.name}{asked}"
         sheet = draw_estimate(s.capacity, tension, forces, wanted, title, exact)
         sheet.savefig(part / "estimate.png", dpi=DPI, format="png")
 
 
-def write_motion(folder: Path, s: Setup, found: Along, wall: float) -> None:
+def write_motion(folder: Path, s: Setup, found: MotionEstimate, wall: float) -> None:
     """Tensions along a motion.  Raises InputError."""
     joints = s.models.finger.joints
     table = {"time_s": found.motion.time}
     table |= {f"{j}_deg": np.degrees(found.motion.angle[:, k]) for k, j in enumerate(joints)}
-    table |= {f"{j}_torque_Nmm": 1e3 * found.needed[:, k] for k, j in enumerate(joints)}
-    table |= {f"{j}_made_Nmm": 1e3 * found.made[:, k] for k, j in enumerate(joints)}
+    table |= {f"{j}_torque_Nmm": 1e3 * found.required_torque[:, k] for k, j in enumerate(joints)}
+    table |= {f"{j}_made_Nmm": 1e3 * found.torque[:, k] for k, j in enumerate(joints)}
     table |= {f"{n}_N": found.tension[:, k] for k, n in enumerate(s.capacity.names)}
-    with folder_written_whole(folder, MARK) as part:
+    with output_folder(folder, MARK) as part:
         audit = {
             "worst_miss": found.worst,
-            "largest_torque_lacking_Nmm": 1e3 * float(np.abs(found.made - found.needed).max()),
+            "largest_torque_lacking_Nmm": 1e3
+            * float(np.abs(found.torque - found.required_torque).max()),
             "hood_solves": found.rounds,
         }
         most = dict(zip(s.capacity.names, found.tension.max(axis=0), strict=True))
@@ -104,15 +109,17 @@ def _as_table(s: Setup, answer: EstimateAnswer) -> dict[str, Any]:
     named = answer.demand.names
     joints = s.models.finger.joints
     return {
-        f"target_{unit}": dict(zip(named, answer.wanted, strict=True)),
-        "tension_N": dict(zip(s.capacity.names, answer.found.tension, strict=True)),
+        f"target_{unit}": dict(zip(named, answer.target, strict=True)),
+        "tension_N": dict(zip(s.capacity.names, answer.estimate.tension, strict=True)),
         "audit": {
-            f"made_forward_{unit}": dict(zip(named, answer.audit.made, strict=True)),
-            "largest_difference": float(np.abs(answer.audit.made - answer.wanted).max()),
-            "joints_turned_deg": dict(zip(joints, np.degrees(answer.audit.turned), strict=True)),
-            "equations_miss": answer.found.gap,
-            "optimality_miss": answer.found.optimum.miss,
-            "hood_solves": answer.found.rounds,
+            f"made_forward_{unit}": dict(zip(named, answer.audit.components, strict=True)),
+            "largest_difference": float(np.abs(answer.audit.components - answer.target).max()),
+            "joints_turned_deg": dict(
+                zip(joints, np.degrees(answer.audit.joint_change), strict=True)
+            ),
+            "equations_miss": answer.estimate.gap,
+            "optimality_miss": answer.estimate.optimum.miss,
+            "hood_solves": answer.estimate.rounds,
         },
     }
 

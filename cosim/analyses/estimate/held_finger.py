@@ -21,21 +21,21 @@ NOT_MUSCLES = ("fingertip", "holder")
 
 
 class Torques(NamedTuple):
-    """Of hood and muscles about the joints at some tensions."""
+    """The torques of hood and muscles about the joints at given tensions."""
 
     torque: Array
     """(nq,) N m."""
     by_tension: Array
     """(nq, nt) m, its derivative."""
     state: State
-    """Of the hood."""
+    """The hood's state."""
     load: Load
     by_motion: Array
     """(6 nb, 6 nb) of the load."""
 
 
 @dataclass(frozen=True)
-class Held:
+class HeldFinger:
     """Models with the bones where the finger's state says."""
 
     models: Models

@@ -15,7 +15,7 @@ UNITS = {"deg": np.pi / 180.0, "rad": 1.0}
 FEWEST = 4
 """Times, of a spline with accelerations."""
 ORDER = 4
-"""Of the Butterworth filter, run both ways."""
+"""Order of the Butterworth filter, which is run both ways."""
 
 
 @dataclass(frozen=True)

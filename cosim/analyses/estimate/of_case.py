@@ -11,9 +11,9 @@ import numpy as np
 
 from cosim.analyses.estimate.capacity import Capacity, Weights, capacity
 from cosim.analyses.estimate.demand import AXES, Demand, force_demand, torque_demand
-from cosim.analyses.estimate.held_finger import Held, Torques
+from cosim.analyses.estimate.held_finger import HeldFinger, Torques
 from cosim.analyses.estimate.joint_motion import JointMotion
-from cosim.analyses.estimate.tensions import Bounds, Cost, Estimate, estimate, spelt
+from cosim.analyses.estimate.tensions import Bounds, Cost, Estimate, estimate, format_components
 from cosim.build.models import Models, build
 from cosim.case.schema import Case
 from cosim.errors import ConvergenceError, InputError, Progress
@@ -24,7 +24,7 @@ from cosim.solve.equilibrium import solve_equilibrium
 from rigid.muscle.least_cost import Power
 
 STAGES = (0.25, 0.5, 0.75, 1.0)
-"""Of the way to a force that was not found at once."""
+"""Parts of a force by which it is raised where it was not reached at once."""
 OPEN = "free"
 """In place of a component of a force that nothing is asked of."""
 COMPONENT = re.compile(rf"\s*({OPEN}|[-+]?[\d.]+(?:e[-+]?\d+)?\s*[a-zA-Z]+)\s*,?", re.I)
@@ -41,20 +41,21 @@ class Setup:
 
     @property
     def bounds(self) -> Bounds:
+        """Least and greatest force (n,) N of every tendon."""
         return Bounds(self.capacity.least, self.capacity.most)
 
-    def hold_finger(self, posture: Mapping[str, float]) -> Held:
+    def hold_finger(self, posture: Mapping[str, float]) -> HeldFinger:
         """The finger in a posture (rad).  Raises InputError for one outside its ranges."""
-        return Held(self.models, self.models.finger.start(posture))
+        return HeldFinger(self.models, self.models.finger.start(posture))
 
 
 @dataclass(frozen=True)
 class EstimateAudit:
     """The case run forward under the estimated tensions, from its own start."""
 
-    made: Array
+    components: Array
     """(d,) the demand's components there."""
-    turned: Array
+    joint_change: Array
     """(nq,) rad, by how much the joints left the posture; zero where they are held."""
 
 
@@ -63,8 +64,9 @@ class EstimateAnswer:
     """An estimate of one target."""
 
     demand: Demand
-    wanted: Array
-    found: Estimate
+    target: Array
+    """(d,) the demand's components that were asked for."""
+    estimate: Estimate
     audit: EstimateAudit
 
 
@@ -113,7 +115,7 @@ def parse_values(option: str, given: Sequence[str], kind: units.Kind) -> dict[st
     return out
 
 
-def torques_wanted(joints: Sequence[str], given: Mapping[str, float]) -> Array:
+def target_torques(joints: Sequence[str], given: Mapping[str, float]) -> Array:
     """(nq,) N m; a joint that is not named bears none.  Raises InputError for an unknown one."""
     strange = [name for name in given if name.removesuffix("_flexion") not in joints]
     if strange:
@@ -150,7 +152,7 @@ def for_force(
 
 def _approach_demand(
     s: Setup,
-    held: Held,
+    held: HeldFinger,
     demand: Demand,
     wanted: Array,
     first: Torques,
@@ -182,7 +184,7 @@ def _approach_demand(
 
 
 def _forward(
-    s: Setup, held: Held, demand: Demand, found: Estimate, progress: Progress
+    s: Setup, held: HeldFinger, demand: Demand, found: Estimate, progress: Progress
 ) -> EstimateAudit:
     finger, hood = s.models.finger, s.models.hood
     split = len(hood.tendons)
@@ -211,7 +213,7 @@ def for_torques(s: Setup, given: Mapping[str, float], progress: Progress) -> Est
     a hood that is solved anew, from its start, under them."""
     held = s.hold_finger(s.models.posture)
     demand = torque_demand(held)
-    wanted = torques_wanted(s.models.finger.joints, given)
+    wanted = target_torques(s.models.finger.joints, given)
     first = held.at(s.capacity.least, held.begin())
     found = _approach_demand(s, held, demand, wanted, first, progress)
     anew = held.at(found.tension, held.begin())
@@ -224,14 +226,14 @@ def for_torques(s: Setup, given: Mapping[str, float], progress: Progress) -> Est
 
 
 @dataclass(frozen=True)
-class Along:
+class MotionEstimate:
     """Estimates along a motion of n samples."""
 
     motion: JointMotion
-    needed: Array
+    required_torque: Array
     """(n, nq) N m."""
-    made: Array
-    """(n, nq) N m, what hood and muscles make; the needed but for a reserve."""
+    torque: Array
+    """(n, nq) N m, of hood and muscles; the required one but for a reserve."""
     tension: Array
     """(n, nt) N."""
     worst: float
@@ -239,15 +241,17 @@ class Along:
     rounds: int
 
 
-def for_motion(s: Setup, motion: JointMotion, progress: Progress, reserve: float = 0.0) -> Along:
+def for_motion(
+    s: Setup, motion: JointMotion, progress: Progress, reserve: float = 0.0
+) -> MotionEstimate:
     """Tensions along a motion, of which hood and muscles make its torques by inverse dynamics, each
     sample from the one before; a torque may lack `reserve` N m where tensions make no better.
 
     Raises InputError (a finger without mass, angles out of range, torques out of reach), naming the
     time, and ConvergenceError."""
-    needed = _needed(s, motion)
+    needed = _required_torque(s, motion)
     joints = s.models.finger.joints
-    start, tensions, made, worst, rounds = None, [], [], 0.0, 0
+    start, tensions, torque, worst, rounds = None, [], [], 0.0, 0
     for k, time in enumerate(motion.time):
         held = s.hold_finger(dict(zip(joints, motion.angle[k], strict=True)))
         try:
@@ -262,13 +266,13 @@ def for_motion(s: Setup, motion: JointMotion, progress: Progress, reserve: float
         progress(f"{k + 1}/{len(motion.time)}, {time:.3g} s: {found.rounds} rounds")
         start = found.tension, found.at.state
         tensions.append(found.tension)
-        made.append(found.made)
+        torque.append(found.components)
         worst = max(worst, found.optimum.miss, found.gap)
         rounds += found.rounds
-    return Along(motion, needed, np.array(made), np.array(tensions), worst, rounds)
+    return MotionEstimate(motion, needed, np.array(torque), np.array(tensions), worst, rounds)
 
 
-def _needed(s: Setup, motion: JointMotion) -> Array:
+def _required_torque(s: Setup, motion: JointMotion) -> Array:
     from rigid.mujoco.finger import MujocoFinger
     from rigid.mujoco.inverse_dynamics import needed_torque
 
@@ -289,6 +293,7 @@ def force_basis(s: Setup) -> tuple[Demand, Torques]:
 
 def forward_run_text(answer: EstimateAnswer) -> str:
     """What was asked for and what the forward run made, in words."""
-    return f"asked for {spelt(answer.demand, answer.wanted)}; made, run forward: " + spelt(
-        answer.demand, answer.audit.made
+    return (
+        f"asked for {format_components(answer.demand, answer.target)}; made, run forward: "
+        + format_components(answer.demand, answer.audit.components)
     )

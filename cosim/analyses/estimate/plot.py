@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from cosim.analyses.estimate.capacity import Capacity
     from cosim.analyses.estimate.feasible import ForceSet
-    from cosim.analyses.estimate.of_case import Along
+    from cosim.analyses.estimate.of_case import MotionEstimate
 
 INK, PALE, TARGET = "#0b5394", "#c9d9ea", "#b45309"
 
@@ -77,7 +77,7 @@ def _set(axes: Axes, forces: ForceSet, wanted: Array | None, exact: bool) -> Non
 
 
 def draw_motion(
-    names: tuple[str, ...], joints: tuple[str, ...], found: Along, title: str
+    names: tuple[str, ...], joints: tuple[str, ...], found: MotionEstimate, title: str
 ) -> Figure:
     """Joint angles, needed torques and tensions over time."""
     from matplotlib.figure import Figure
@@ -86,7 +86,7 @@ def draw_motion(
     panels = sheet.subplots(3, 1, sharex=True)
     shown = (
         (np.degrees(found.motion.angle), joints, "angle, deg"),
-        (1e3 * found.needed, joints, "torque of muscles, N mm"),
+        (1e3 * found.required_torque, joints, "torque of muscles, N mm"),
         (found.tension, names, "tension, N"),
     )
     for axes, (values, labels, unit) in zip(panels, shown, strict=True):

@@ -16,17 +16,18 @@ from typing import NamedTuple
 import numpy as np
 
 from cosim.analyses.estimate.demand import Demand
-from cosim.analyses.estimate.held_finger import Held, Torques
+from cosim.analyses.estimate.held_finger import HeldFinger, Torques
 from cosim.errors import ConvergenceError, InputError, Progress, quiet
 from cosim.port import Array, State
 from rigid.muscle.least_cost import Optimum, Power, Programme, least
 
 MOST_ROUNDS = 40
 PATIENCE = 6
-"""Rounds after which a step that does not bring the hood nearer to what was foreseen is halved."""
+"""Rounds after which a step that does not bring the hood nearer to what was predicted is halved."""
 LEAST_PART = 2.0**-8
 AGREED = 1e-6
-"""Relative, of torques that the hood makes and those foreseen, and of tensions between rounds."""
+"""Relative difference of the hood's torques and the predicted ones, and of tensions between
+rounds, at which the rounds end."""
 NEGLIGIBLE = 1e-9
 SHORT = 1e-6
 """Relative: a demand that is missed by more was out of reach."""
@@ -40,6 +41,7 @@ class Cost(NamedTuple):
 
     @property
     def factors(self) -> Array:
+        """(n,) factors c of the same cost written as sum c T^power."""
         factors: Array = (1.0 / self.weight) ** self.power
         return factors
 
@@ -53,10 +55,10 @@ class Bounds(NamedTuple):
 
 @dataclass(frozen=True)
 class Estimate:
-    """Tensions (n,) N in the order of `Held.names`, checked."""
+    """Tensions (n,) N in the order of `HeldFinger.names`, checked."""
 
     tension: Array
-    made: Array
+    components: Array
     """(d,) of the demand's components, by the hood's own answer."""
     at: Torques
     optimum: Optimum
@@ -67,7 +69,7 @@ class Estimate:
 
 
 def estimate(
-    held: Held,
+    held: HeldFinger,
     demand: Demand,
     wanted: Array,
     bounds: Bounds,
@@ -98,7 +100,7 @@ def estimate(
         progress(f"round {rounds}: torques off by {gap:.1e}, tensions by {moved:.1e}")
         if gap <= AGREED and moved <= AGREED:
             if np.abs(asked - wanted).max() > max(SHORT * np.abs(wanted).max(), reserve, 1e-12):
-                raise _short(demand, wanted, asked, programme, tension, bounds, held)
+                raise _out_of_reach(demand, wanted, asked, programme, tension, bounds, held)
             return Estimate(tension, demand.component_values(at.torque), at, found, gap, rounds)
         if rounds > PATIENCE and gap + moved >= last:
             part = max(0.5 * part, LEAST_PART)
@@ -158,7 +160,7 @@ def reach(demand: Demand, wanted: Array, programme: Programme) -> tuple[float, f
 
 
 def _take_step(
-    held: Held, tension: Array, at: Torques, aim: Array, part: float
+    held: HeldFinger, tension: Array, at: Torques, aim: Array, part: float
 ) -> tuple[Array, Torques]:
     """The tensions a part of the way on, and the hood there; less of it where the hood's own solve
     fails, from its last state or from its start."""
@@ -175,25 +177,25 @@ def _take_step(
 
 
 def _gap(demand: Demand, asked: Array, at: Torques) -> float:
-    """Relative: of the largest torque in play."""
+    """The torques' miss, relative to the largest torque in play."""
     made, need = demand.rows @ (at.torque + demand.beside), demand.spread @ asked
     scale = max(float(np.abs(at.torque).max()), float(np.abs(need).max()), 1e-6)
     return float(np.abs(made - need).max() / scale)
 
 
 def _relative_change(before: Array, now: Array) -> float:
-    """Relative to the largest tension, or to 1 N."""
+    """The tensions' change, relative to the largest tension, or to 1 N."""
     return float(np.abs(now - before).max() / max(1.0, float(now.max())))
 
 
-def _short(
+def _out_of_reach(
     demand: Demand,
     wanted: Array,
     asked: Array,
     programme: Programme,
     tension: Array,
     bounds: Bounds,
-    held: Held,
+    held: HeldFinger,
 ) -> InputError:
     """What to say where the components asked for are not those wanted."""
     shift = demand.spread @ (wanted - asked)
@@ -201,14 +203,15 @@ def _short(
     full = [n for n, t, m in zip(held.names, tension, bounds.most, strict=True) if t >= 0.999 * m]
     way = "nothing" if ends is None else f"{ends[0]:.3g} to {ends[1]:.3g} times what is wanted"
     return InputError(
-        f"no tensions within their bounds make {spelt(demand, wanted)}. The nearest that they make "
-        f"is {spelt(demand, asked)}; in the wanted direction they make {way}. "
+        f"no tensions within their bounds make {format_components(demand, wanted)}. The nearest "
+        f"that they make is {format_components(demand, asked)}; in the wanted direction they make "
+        f"{way}. "
         + (f"At their greatest force there: {', '.join(full)}. " if full else "")
         + "Ask for less, or widen the bounds (--most)"
     )
 
 
-def spelt(demand: Demand, values: Array) -> str:
+def format_components(demand: Demand, values: Array) -> str:
     """The components with names and units."""
     factor, unit = (1e3, "N mm") if demand.unit == "N m" else (1.0, "N")
     seen = np.where(np.abs(values) > NEGLIGIBLE * np.abs(values).max(), factor * values, 0.0)

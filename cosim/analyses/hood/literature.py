@@ -20,7 +20,7 @@ LEE_RATIO, LEE_BAND = 1.7, (1.0, 2.5)
 LEE_TENSION = 11.8
 """N of EDC, of Lee et al. 2008."""
 LEAST_SHARE = 0.1
-"""Of EDC's tension, that each slip is to bear at least."""
+"""The part of EDC's tension that each slip is to bear at least."""
 AN_HEIGHT = {"MCP": 9.66, "PIP": 5.32, "DIP": 2.0}
 """mm of EDC over the joint's axis: An et al. 1979, in units of O2O3 = 20 mm, index finger.  That at
 the DIP is the terminal slip's, of which EDC's arm is the slip's share."""

@@ -39,7 +39,7 @@ LINES = ("#88ccee", "#0b5394", "#b45309", "#ddaa66")
 """Colours of the couplings' lines, in their order."""
 
 
-def _mark_lost(axes: Axes, x: Sequence[float]) -> None:
+def _mark_failures(axes: Axes, x: Sequence[float]) -> None:
     """A cross at the bottom of a panel for each pose without equilibrium."""
     if len(x):
         bottom = axes.get_xaxis_transform()
@@ -85,7 +85,7 @@ def _draw_couplings(
         dash = "-" if coupling in ("Buchner", "0.7 PIP") else ":"
         axes.plot(pips, values, "o" + dash, color=colour, ms=3.5, lw=1.5, label=f"DIP: {coupling}")
         lost |= {pip for pip, pose in zip(pips, poses, strict=True) if not pose.converged}
-    _mark_lost(axes, sorted(lost))
+    _mark_failures(axes, sorted(lost))
 
 
 def draw_slips(
@@ -105,7 +105,7 @@ def draw_slips(
     for axes in (forces, ratios):
         axes.set_xticks(x, [posture_name(p.posture) for p in by_posture], rotation=45, fontsize=8)
         axes.set_xlim(-0.6, len(x) - 0.4)
-        _mark_lost(axes, [i for i, p in enumerate(by_posture) if not p.converged])
+        _mark_failures(axes, [i for i, p in enumerate(by_posture) if not p.converged])
     for k, posture in enumerate(dict.fromkeys(pose.posture for pose in by_load)):
         poses = [pose for pose in by_load if pose.posture == posture]
         tension = [dict(pose.pull)["EDC"] for pose in poses]
@@ -116,7 +116,9 @@ def draw_slips(
         ratio = [pose.numbers.get("slip_ratio", np.nan) for pose in poses]
         levels.plot(tension, ratio, mark, color="0.15", ms=4, lw=1.4, label=name)
         for axes in (shares, levels):
-            _mark_lost(axes, [t for t, p in zip(tension, poses, strict=True) if not p.converged])
+            _mark_failures(
+                axes, [t for t, p in zip(tension, poses, strict=True) if not p.converged]
+            )
     shares.axhline(LEAST_SHARE, color="black", ls=":", lw=1.2)
     for axes in (ratios, levels):
         axes.axhspan(*LEE_BAND, **SHADE)
@@ -159,7 +161,7 @@ def draw_arms(
         for axes in (above, below):
             axes.axhline(0.0, color="0.6", lw=0.7)
             style_axes(axes, "", "")
-            _mark_lost(axes, list(gone))
+            _mark_failures(axes, list(gone))
         above.set_title(f"{joint} alone", fontsize=10)
         below.set_xlabel(f"{joint}, deg")
     panels[0, 0].set_ylabel("arm about the joint that moves, mm")
@@ -188,7 +190,7 @@ def draw_bands(heights: pd.DataFrame, glides: pd.DataFrame, sheet: Sheet) -> Non
             label = f"{side}, {load}" if not back else None
             mark = "o" if back else f"o{dash}"
             left.plot(part.PIP_deg, part[f"{side}_mm"], mark, lw=1.5, label=label, **style)
-    _mark_lost(left, list(heights[heights.mean_mm.isna()].PIP_deg.unique()))
+    _mark_failures(left, list(heights[heights.mean_mm.isna()].PIP_deg.unique()))
     left.axhline(0.0, color="0.6", lw=0.7)
     style_axes(left, "PIP, deg", "lateral bands over the PIP's axis, mm dorsal")
     for axes, (name, words) in zip((middle, right), GLIDES.items(), strict=True):
@@ -206,14 +208,14 @@ GLIDES = {"terminal_slip_mm": "terminal slip", "lateral_bands_mm": "lateral band
 
 
 def _draw_glide(axes: Axes, glides: pd.DataFrame, name: str) -> None:
-    """Of one part of the hood, a line for each joint and load."""
+    """Draw the glide of one part of the hood, a line for each joint and load."""
     for i, joint in enumerate(JOINTS):
         for load, part in glides[glides.joint == joint].groupby("load", sort=False):
             dash = "--" if load == "rest" else "-"
             line: dict[str, Any] = {"color": look(i).colour, "ls": dash, "ms": 3.5, "lw": 1.5}
             label = f"{joint}, {load}"
             axes.plot(part.angle_deg, part[name], marker="o", label=label, **line)
-    _mark_lost(axes, list(glides[glides[name].isna()].angle_deg.unique()))
+    _mark_failures(axes, list(glides[glides[name].isna()].angle_deg.unique()))
     axes.axhline(0.0, color="0.6", lw=0.7)
 
 
@@ -234,7 +236,7 @@ def draw_sagittal(table: pd.DataFrame, sheet: Sheet) -> None:
             axes.plot(part.MCP_deg, part[f"{line}_deg"], label=label, **style)
     axes.plot(list(YOUNG_RAYAN), list(YOUNG_RAYAN.values()), "D", color="black", mfc="white", ms=7,
               mew=1.6, label="Young and Rayan 2000", zorder=5)  # fmt: skip
-    _mark_lost(axes, list(table[table.tendon_deg.isna()].MCP_deg.unique()))
+    _mark_failures(axes, list(table[table.tendon_deg.isna()].MCP_deg.unique()))
     axes.axhline(0.0, color="0.6", lw=0.7)
     style_axes(axes, "MCP, deg", "sagittal bands from the square, deg distal")
     axes.plot([], [], "-", color="0.4", label="EDC 3 N")

@@ -52,10 +52,12 @@ class SolvedPose:
 
     @property
     def converged(self) -> bool:
+        """Whether there is an equilibrium, though its audit may be missed."""
         return bool(self.numbers)
 
     @property
     def name(self) -> str:
+        """Posture and pull in words."""
         return f"{posture_name(self.posture)}, {pull_name(self.pull)}"
 
     def row(self) -> dict[str, object]:
@@ -66,6 +68,7 @@ class SolvedPose:
 
 
 def posture_name(posture: Posture) -> str:
+    """MCP/PIP/DIP in deg, as in "0/45/15"."""
     return "/".join(f"{angle:g}" for angle in posture)
 
 
@@ -83,7 +86,7 @@ class HoodPoses:
 
     case: Case
     say: Progress = quiet
-    """Told of each pose."""
+    """Called with each pose in words."""
     models: Models = field(init=False)
     known: dict[tuple[Posture, Pull, str], SolvedPose] = field(init=False, default_factory=dict)
     _last: dict[Pull, State] = field(init=False, default_factory=dict)
@@ -97,6 +100,7 @@ class HoodPoses:
 
     @property
     def tendons(self) -> tuple[str, ...]:
+        """The names of the hood's tendons."""
         return self.models.hood.tendons
 
     def walk(

@@ -79,6 +79,7 @@ class HoodStudies:
         return HoodPoses(self.case, self.say)
 
     def paper(self, command: str) -> FigurePage:
+        """The page of all these studies, which `command` draws."""
         studies = (
             FigureStudy(
                 "rest", "torques and slips at rest along couplings of PIP and DIP", self.at_rest
@@ -97,7 +98,7 @@ class HoodStudies:
             "hood", title, studies, "A hood over postures, beside literature", command
         )
 
-    def unsolved(self) -> list[SolvedPose]:
+    def unsolved_poses(self) -> list[SolvedPose]:
         """Poses without equilibrium, or whose audit is missed."""
         known = self.poses.known.values() if "poses" in vars(self) else ()
         return [pose for pose in known if pose.status != CONVERGED]
@@ -107,7 +108,7 @@ class HoodStudies:
     def at_rest(self) -> list[Figure]:
         """Joint torques and slip forces of the hood at resting tension."""
         solved = self.poses.walk("rest", [(p, "flexion") for p in rest_postures()], ())
-        table = _table(solved, ("torque", "central", "terminal"), self._fitted("hood."))
+        table = _table(solved, ("torque", "central", "terminal"), self._fitted_postures("hood."))
         table.insert(0, "DIP_line", [" and ".join(lines_through(p.posture)) for p in solved])
         known = {pose.posture: pose for pose in solved}
         caption = (
@@ -117,8 +118,8 @@ class HoodStudies:
             f"and {REST_SLIP:g} N; both are requirements, not measurements. DIP along Buchner's "
             "coupling (1.21 mm/rad)/(3.5 mm) PIP^2, about a quarter of the PIP at 45 deg and half "
             "at 90, along 0.7 PIP as FDP flexes a free finger (Nimbarte et al. 2008), and "
-            f"15 deg off either, within 0 to 70 deg. {self._said_fitted('hood.', 'rest')}"
-            f"{_lost_sentence(solved)}"
+            f"15 deg off either, within 0 to 70 deg. {self._fit_note('hood.', 'rest')}"
+            f"{_failure_sentence(solved)}"
         )
         return [
             Figure(
@@ -138,7 +139,7 @@ class HoodStudies:
         by_load = self._walk("slips by load", (STRAIGHT, flexed), [_edc(n) for n in LEVELS])
         loaded = [pose for pose in by_posture if pose.pull]
         levels = [pose for pose in by_load if pose.pull]
-        fitted = self._fitted("slip_ratio")
+        fitted = self._fitted_postures("slip_ratio")
         one, two = (_slip_table(poses, fitted) for poses in (loaded, levels))
         caption = (
             f"Left: {LEE_TENSION:g} N in EDC at nine postures; the dotted line is a tenth of EDC's "
@@ -146,8 +147,8 @@ class HoodStudies:
             "tension at two postures. Lee et al. 2008 (J Biomech Eng 130:051014, n 5): terminal "
             f"over central slip {LEE_RATIO:g}, nearly independent of posture (dashed); band of the "
             f"target {LEE_BAND[0]:g} to {LEE_BAND[1]:g} (shaded). "
-            f"{self._said_fitted('slip_ratio', 'the ratio')}"
-            f"{_lost_sentence([*by_posture, *by_load])}"
+            f"{self._fit_note('slip_ratio', 'the ratio')}"
+            f"{_failure_sentence([*by_posture, *by_load])}"
         )
         whole = _table([*by_posture, *by_load], ("central", "terminal", "slip"), fitted)
         return [
@@ -167,7 +168,7 @@ class HoodStudies:
         names = self.poses.tendons
         small = pull_name(self._small)
         table = arm_table(solved, names, self._small)
-        known = self._published(names)
+        known = self._published_arms(names)
         caption = (
             f"Each joint alone, the others straight, {SMALL:g} N in every tendon of the hood. "
             "Tangent arm d torque / d tension at fixed pose, flexion positive; excursion from the "
@@ -179,8 +180,8 @@ class HoodStudies:
                 if len(known)
                 else "The published arms at hand are the index finger's. "
             )
-            + self._said_fitted("moment_arm", "EDC's arms, by difference of torques")
-            + _lost_sentence([pose for pose in solved if pull_name(pose.pull) == small])
+            + self._fit_note("moment_arm", "EDC's arms, by difference of torques")
+            + _failure_sentence([pose for pose in solved if pull_name(pose.pull) == small])
         )
         return [
             Figure(
@@ -209,7 +210,7 @@ class HoodStudies:
             "terminal tendon moves with PIP and DIP, not with the MCP. Here the DIP is held while "
             "the PIP flexes: the slip, which ends on the distal phalanx, then moves along the "
             "middle one by its stretch alone, and the bands show the PIP's part. "
-            f"{_glided(glides)} Nothing here was fitted.{_lost_sentence(solved)}"
+            f"{_glide_sentence(glides)} Nothing here was fitted.{_failure_sentence(solved)}"
         )
         tables = {"lateral_bands": heights, "glide": glides}
         tables["bands"] = _table(solved, ("lateral", "glide"), frozenset(), way=True)
@@ -237,7 +238,7 @@ class HoodStudies:
             "line to the edge that is short because its spring is slack has no clear direction. "
             "Young and Rayan 2000 (48 digits): fibres to the square of the tendon 0 deg at MCP 0, "
             "25 at 45, 55 at full flexion (put at 80 deg here); their abstract does not say how "
-            f"the square was taken. Nothing here was fitted.{_lost_sentence(solved)}"
+            f"the square was taken. Nothing here was fitted.{_failure_sentence(solved)}"
         )
         return [
             Figure(
@@ -264,11 +265,11 @@ class HoodStudies:
     def _sweeps(self) -> list[SolvedPose]:
         return self.poses.walk("each joint alone", sweep_postures(), [_edc(TAUT), self._small])
 
-    def _fitted(self, quantity: str) -> frozenset[Posture]:
+    def _fitted_postures(self, quantity: str) -> frozenset[Posture]:
         return fitted_postures(quantity) if self.case.finger.has_literature else frozenset()
 
-    def _said_fitted(self, quantity: str, what: str) -> str:
-        postures = sorted(self._fitted(quantity))
+    def _fit_note(self, quantity: str, what: str) -> str:
+        postures = sorted(self._fitted_postures(quantity))
         if not postures:
             return "Nothing of this finger was fitted."
         named = ", ".join("/".join(f"{a:g}" for a in posture) for posture in postures)
@@ -277,7 +278,7 @@ class HoodStudies:
             "here is held out."
         )
 
-    def _published(self, tendons: Sequence[str]) -> pd.DataFrame:
+    def _published_arms(self, tendons: Sequence[str]) -> pd.DataFrame:
         """Published arms of the hood's tendons in the straight finger; none but the index's."""
         from cosim.analyses.moment_arms import published_arms
 
@@ -361,7 +362,8 @@ def _number(pose: SolvedPose, name: str) -> float:
 
 
 def rest_summary(poses: Sequence[SolvedPose]) -> pd.DataFrame:
-    """Of each torque and slip the largest at rest, where, and how many poses keep the bound."""
+    """A row for each torque and slip: the largest at rest, where, and how many poses keep the
+    bound."""
     names = [(f"torque_{joint}_Nmm", REST_TORQUE) for joint in JOINTS]
     names += [(f"{slip}_slip_N", REST_SLIP) for slip in ("central", "terminal")]
     return pd.DataFrame([_extreme(poses, *name) for name in names])
@@ -504,7 +506,7 @@ def sagittal_table(poses: Sequence[SolvedPose]) -> pd.DataFrame:
 
 
 def _sinking(heights: pd.DataFrame) -> str:
-    """In words how the bands' mean height changes with flexion, and comes back."""
+    """How the bands' mean height changes with flexion, and comes back, in words."""
     out = []
     for load, part in heights.groupby("load", sort=False):
         at = {(row.PIP_deg, row.way): row.mean_mm for row in part.itertuples()}
@@ -517,7 +519,7 @@ def _sinking(heights: pd.DataFrame) -> str:
     return f"Mean of both sides, {'; '.join(out)}."
 
 
-def _glided(glides: pd.DataFrame) -> str:
+def _glide_sentence(glides: pd.DataFrame) -> str:
     parts = []
     for joint, part in glides[glides.load != "rest"].groupby("joint", sort=False):
         last = part.loc[part.angle_deg.idxmax()]
@@ -526,7 +528,7 @@ def _glided(glides: pd.DataFrame) -> str:
     return f"Under EDC, slip and bands: {', '.join(parts)}."
 
 
-def _lost_sentence(poses: Sequence[SolvedPose]) -> str:
+def _failure_sentence(poses: Sequence[SolvedPose]) -> str:
     """A sentence with the poses without equilibrium and those whose audit is missed."""
     lost = [pose.name for pose in poses if not pose.converged]
     missed = [pose.name for pose in poses if pose.converged and pose.status != CONVERGED]

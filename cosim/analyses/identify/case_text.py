@@ -10,7 +10,7 @@ from pathlib import Path
 from textwrap import wrap
 
 from cosim.analyses.identify.cases import FitCase, StatedCase
-from cosim.analyses.identify.fit import Fit, interval, standing
+from cosim.analyses.identify.fit import Fit, identifiability, interval
 from cosim.case.file import Settings
 from cosim.errors import InputError
 from cosim.results.compare import Comparison, number, reference_text
@@ -75,8 +75,8 @@ def _provenance(fit: Fit, targets: str, cases: Sequence[StatedCase]) -> Iterator
     for p in fit.parameters:
         told = "{:.3g} to {:.3g}; ".format(*interval(fit, p.name)) if p in fit.within else ""
         yield (
-            f"  {p.name} = {p.written(fit.values[p.name])} ({told}{p.low:g} to {p.high:g}; "
-            f"{p.start:.4g}): {standing(fit, p.name)}"
+            f"  {p.name} = {p.format_value(fit.values[p.name])} ({told}{p.low:g} to {p.high:g}; "
+            f"{p.start:.4g}): {identifiability(fit, p.name)}"
         )
     yield ""
     yield from _correlations(fit)
@@ -128,7 +128,7 @@ def _assignments(settings: Sequence[str]) -> Iterator[str]:
 
 
 def _toml(value: str) -> str:
-    """As --set reads it: TOML, or else a text."""
+    """The value as --set reads it: TOML, or else a text."""
     try:
         parsed = tomllib.loads(f"value = {value}")
     except ValueError:

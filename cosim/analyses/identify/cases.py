@@ -15,8 +15,8 @@ from typing import Any
 from cosim.analyses.identify.parameters import (
     CASES,
     Free,
-    built_in,
     fit_tables,
+    free_built_in,
     raise_faults,
     read_free,
 )
@@ -56,6 +56,7 @@ class FitCase:
 
     @property
     def name(self) -> str:
+        """The name under which the case is stated."""
         return self.stated.name
 
 
@@ -137,13 +138,13 @@ def fit_cases(
 def _free_of(case: StatedCase, path: Path | None, faults: list[str]) -> Iterator[Free]:
     try:
         loaded = case.load()
-        yield built_in(loaded) if path is None else read_free(path, loaded)
+        yield free_built_in(loaded) if path is None else read_free(path, loaded)
     except InputError as error:
         faults.append(str(error))
 
 
 def _faults_of_parameters(stated: Sequence[StatedCase], frees: Sequence[Free]) -> Iterator[str]:
-    """Of names that differ from case to case, and of values that a case does not take: all at their
+    """Say which names differ from case to case, and which values a case does not take: all at their
     starts, and, in one case of each file, each at its bounds."""
     names = [[p.name for p in free.parameters] for free in frees]
     for case, own in zip(stated, names, strict=True):

@@ -32,8 +32,8 @@ from cosim.results.compare import Comparison, Target, compare_with_targets
 from cosim.results.quantities import check_quantities
 
 STEP, SMALL_STEP = 0.01, 1e-4
-"""Of the coordinates, of the differences: of solves, and of what the tangent foretells, which no
-tolerance of a solve blurs."""
+"""Steps of the differences, in coordinates: of differences of solves, and of what the tangent
+predicts, which no tolerance of a solve blurs."""
 TOLERANCE = 1e-4
 """Relative, of cost and step, at which the search ends."""
 NORMAL = 1.959964
@@ -46,7 +46,7 @@ OTHER_STATE = 0.1
 SHOWN = 3
 """Largest misses in a line of progress."""
 NOTHING = 1e-9
-"""Of the largest singular value: a direction that the targets do not see."""
+"""The part of the largest singular value below which the targets do not see a direction."""
 
 
 @dataclass(frozen=True)
@@ -62,8 +62,8 @@ class Confidence:
     correlation: Array
     """(n, n), NaN where a deviation is infinite."""
     inflation: float
-    """Of the deviations, because the rows miss by more than their SDs: the square root of the
-    misses' squares per degree of freedom, or 1."""
+    """The factor on the deviations where the rows miss by more than their SDs: the square root of
+    the misses' squares per degree of freedom, or 1."""
 
 
 @dataclass(frozen=True)
@@ -88,22 +88,23 @@ class Fit:
     """Points of the search at which every case was solved."""
     solves: int
     failures: tuple[str, ...]
-    """Of solves on the way, with their reason."""
+    """The solves that failed on the way, with their reason."""
     notes: tuple[str, ...]
     """What to know of the solves from scratch that the rows are of."""
-    ended: str
+    stop_reason: str
     """Why the search ended."""
     by_tangent: tuple[str, ...]
     """Cases whose gradients are by the hood's tangent, not by differences of solves."""
 
     @property
     def within(self) -> tuple[FitParameter, ...]:
-        """Those that do not stand at a bound."""
+        """The parameters that do not end at a bound."""
         return tuple(p for p in self.parameters if self.values[p.name] not in (p.low, p.high))
 
     @property
     def confidence(self) -> Confidence:
-        """Of the parameters `within`, by the rows that pull, the others held at their bounds."""
+        """The confidence in the parameters `within`, by the rows that pull, the others held at
+        their bounds."""
         told = np.array([pulls(row.target, row.model or 0.0) for row in self.rows])
         columns = [i for i, p in enumerate(self.parameters) if p in self.within]
         return confidence(self.slopes[told][:, columns], self.misses[told])
@@ -125,7 +126,7 @@ def pulls(target: Target, model: float) -> bool:
 
 
 def confidence(slopes: Array, misses: Array) -> Confidence:
-    """From slopes (k, n) and misses (k,) of the rows that pull."""
+    """The confidence that slopes (k, n) and misses (k,) of the rows that pull give."""
     n = slopes.shape[1]
     _, s, directions = np.linalg.svd(np.vstack([slopes, np.zeros((n, n))]))
     seen = s > NOTHING * s.max(initial=NOTHING)
@@ -158,8 +159,8 @@ def _interval(fit: Fit, name: str) -> tuple[FitParameter, tuple[float, float]]:
     return p, (max(at - width, low), min(at + width, high))
 
 
-def standing(fit: Fit, name: str) -> str:
-    """In words whether the targets tell the parameter."""
+def identifiability(fit: Fit, name: str) -> str:
+    """Whether the targets determine the parameter, in words."""
     if name not in [p.name for p in fit.within]:
         return "at its bound"
     p, (low, high) = _interval(fit, name)
@@ -261,7 +262,7 @@ class _Search:
             max_nfev=max(1, self.most - int((begin != x).any())),
         )
         each = zip(self.parameters, found.x, strict=True)
-        x = self.snap_to_bounds(np.array([p.rounded(z) for p, z in each]))
+        x = self.snap_to_bounds(np.array([p.round_coordinate(z) for p, z in each]))
         end, notes = self.afresh(x)
         values = self.values(x)
         names = tuple(c.name for c, serves in zip(self.cases, self.serves, strict=True) if serves)
@@ -289,7 +290,7 @@ class _Search:
         return message.replace("`", "").rstrip(".")
 
     def snap_to_bounds(self, x: Array) -> Array:
-        """At the bounds that the targets do not tell x from, as far as evaluations are left."""
+        """x at the bounds that fit the targets as well, as far as evaluations are left."""
         for i, reach in enumerate(NEAR_BOUND * (self.high - self.low)):
             for bound in (self.low[i], self.high[i]):
                 if 0 < abs(x[i] - bound) <= reach and self.evaluations < self.most:
@@ -299,7 +300,7 @@ class _Search:
         return x
 
     def values(self, x: Array) -> dict[str, float]:
-        """By name, in digits as they are written."""
+        """Values by name, with the digits that are written."""
         return {p.name: p.value(z) for p, z in zip(self.parameters, x, strict=True)}
 
     def trial(self, case: FitCase, x: Array) -> Settings:
@@ -463,7 +464,7 @@ class _Search:
         return np.stack(columns, axis=1)
 
     def steps_of(self, i: int) -> list[float]:
-        """Of the differences by each parameter in case i."""
+        """The steps of the differences by each parameter in case i, in coordinates."""
         if not self.serves[i]:
             return [STEP] * len(self.parameters)
         return [STEP if self.lays_mesh(self.cases[i], p) else SMALL_STEP for p in self.parameters]

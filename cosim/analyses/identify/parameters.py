@@ -12,7 +12,7 @@ from typing import Any, Literal, get_args
 from cosim.case.file import Settings
 from cosim.case.schema import Case
 from cosim.errors import InputError
-from cosim.hoods.shell.table import FibreMooneyRivlin, TransverselyIsotropic
+from cosim.hoods.shell.table import FibreMooneyRivlinConfig, TransverselyIsotropicConfig
 from cosim.hoods.shell.variation import toe_settings
 from cosim.schema import units
 from cosim.schema.fields import is_number
@@ -29,7 +29,7 @@ DIGITS = 4
 
 @dataclass(frozen=True)
 class FitParameter:
-    """A number to find within bounds, all in `unit`; what it is set to is told by `templates`
+    """A number to find within bounds, all in `unit`; what it sets is said by `templates`
     (KEY={value}), or, without them, by the built-in rule of that name.
 
     The search is for its `coordinate`: on a logarithmic scale (of positive numbers alone) the
@@ -53,8 +53,8 @@ class FitParameter:
                 f"low = {self.low:g}, high = {self.high:g}, start = {self.start:g}{signed}"
             )
 
-    def written(self, value: float) -> str:
-        """With its unit, as a case states it."""
+    def format_value(self, value: float) -> str:
+        """A value with its unit, as a case states it."""
         return f"{value!r} {self.unit}".rstrip()
 
     def coordinate(self, value: float) -> float:
@@ -73,7 +73,7 @@ class FitParameter:
         value = self.low + way if linear else exp(coordinate)
         return min(max(float(f"{value:.12g}"), self.low), self.high)
 
-    def rounded(self, coordinate: float) -> float:
+    def round_coordinate(self, coordinate: float) -> float:
         """The coordinate of the nearest value of `DIGITS` digits within the bounds."""
         value = self.value(coordinate)
         if self.scale == "linear":
@@ -102,7 +102,7 @@ _BOUNDS = {
 }
 
 
-def built_in(case: Case) -> Free:
+def free_built_in(case: Case) -> Free:
     """What no paper gives of the case's fibrous laws, one value for all regions: of the trans iso
     Mooney-Rivlin law c1, the `toe` (lam_max - 1) and c4, with c3 = c5 / (c4 exp(c4 toe)) so that
     the modulus along the fibres is smooth; of the linear law the modulus across and in shear.
@@ -120,7 +120,7 @@ def read_free(path: Path, case: Case) -> Free:
     known = _built_in_parameters(case, needed=False)
     tables = {name: table for name, table in fit_tables(path).items() if name != CASES}
     if not tables:
-        return built_in(case)
+        return free_built_in(case)
     parameters, faults = [], []
     for name, table in tables.items():
         try:
@@ -220,7 +220,7 @@ def _stated_values(case: Case) -> dict[str, list[float]]:
 
 def _laws(
     case: Case,
-) -> tuple[Mapping[str, FibreMooneyRivlin], Mapping[str, TransverselyIsotropic]]:
+) -> tuple[Mapping[str, FibreMooneyRivlinConfig], Mapping[str, TransverselyIsotropicConfig]]:
     return case.hood.laws("trans_iso_mooney_rivlin"), case.hood.laws("transversely_isotropic")
 
 
@@ -228,7 +228,9 @@ def _free(case: Case, parameters: tuple[FitParameter, ...]) -> Free:
     def settings(values: Values) -> Settings:
         own = [p for p in parameters if p.templates]
         others = {p.name: values[p.name] for p in parameters if not p.templates}
-        texts = [t.replace("{value}", p.written(values[p.name])) for p in own for t in p.templates]
+        texts = [
+            t.replace("{value}", p.format_value(values[p.name])) for p in own for t in p.templates
+        ]
         return (*_built_in_settings(case, others), *texts)
 
     return Free(parameters, settings)

@@ -39,9 +39,9 @@ QUANTITIES = (
     "difference.region_engineering_strain_percent.central_slip.longitudinal.mean",
     "difference.region_engineering_strain_percent.terminal_slip.longitudinal.mean",
 )
-"""Looked at where nothing else is asked for, if the run has them, and the pulled tendon's arms."""
+"""Quantities by default, as far as the run has them, beside the pulled tendon's moment arms."""
 COLUMNS = ("variation", "side", "set_to", "settings", "status", "reason")
-"""Of the table, before a column for each quantity."""
+"""The table's first columns, before one for each quantity."""
 End = Literal["low", "high"]
 Progress = Callable[[int, int, str], None]
 """Runs done, runs in all, what is next."""
@@ -62,18 +62,18 @@ class Run:
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """Of a case with its own settings: what its quantities are, and what they become."""
+    """The quantities of a case with its own settings, and what they become with each variation."""
 
     case: str
     settings: Settings
     base: Mapping[str, float]
-    """By quantity."""
+    """The value of each quantity."""
     runs: tuple[Run, ...]
     """Low and high of each variation, in their order."""
 
 
 @dataclass(frozen=True)
-class Bar:
+class SensitivityBar:
     """A quantity's answer to one variation."""
 
     variation: str
@@ -164,11 +164,11 @@ def _run(v: Variation, name: End, side: Side, found: Outcome | None, base: Mappi
     return Run(v.name, name, side.label, side.settings, found.status, reason, values)
 
 
-def bars(found: Sensitivity, quantity: str) -> list[Bar]:
-    """Of one quantity, the strongest first."""
+def bars(found: Sensitivity, quantity: str) -> list[SensitivityBar]:
+    """The bars of one quantity, the strongest first."""
     pairs = zip(found.runs[::2], found.runs[1::2], strict=True)
     base = found.base[quantity]
-    every = [Bar(low.variation, low, high, quantity, base) for low, high in pairs]
+    every = [SensitivityBar(low.variation, low, high, quantity, base) for low, high in pairs]
     return sorted(every, key=lambda bar: -bar.swing)
 
 

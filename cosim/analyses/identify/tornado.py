@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
-from cosim.analyses.identify.sensitivity import Bar, Run, Sensitivity, bars
+from cosim.analyses.identify.sensitivity import Run, Sensitivity, SensitivityBar, bars
 from cosim.results.compare import Target, reference_text, unit_of
 
 if TYPE_CHECKING:
@@ -21,9 +21,10 @@ SEEN = "#009e73"
 MOST = 22
 """Bars of a chart."""
 TELLING = 0.01
-"""Of the strongest answer: what is weaker is named below the chart, not drawn."""
+"""The part of the strongest effect below which a variation is named under the chart and not drawn.
+"""
 ROOM = 0.28
-"""Of the span of all bars, on either side of them, for their labels."""
+"""Margin for the labels on either side of the bars, as a part of the span of all bars."""
 
 
 def draw_tornado(found: Sensitivity, quantity: str, target: Target | None = None) -> Figure:
@@ -62,7 +63,8 @@ def draw_tornado(found: Sensitivity, quantity: str, target: Target | None = None
 
 
 def _draw_target(axes: Axes, target: Target) -> Artist:
-    """Its band and its mean with one SD, as far as the chart reaches; the entry in the legend."""
+    """Draw the target's band and its mean with one SD, as far as the chart reaches.  Returns the
+    entry in the legend."""
     from matplotlib.patches import Patch
 
     ends = axes.get_xlim()
@@ -81,9 +83,9 @@ def _draw_target(axes: Axes, target: Target) -> Artist:
     return Patch(color=SEEN, alpha=0.4, label=f"{target.kind}: {reference_text(target)}{place}")
 
 
-def _draw_bar(axes: Axes, place: int, bar: Bar, least: float) -> None:
-    """Both sides in one row, or in halves of it where they would cover each other or one hardly
-    changes anything (`least`)."""
+def _draw_bar(axes: Axes, place: int, bar: SensitivityBar, least: float) -> None:
+    """Draw both sides in one row, or in halves of it where they would cover each other or one
+    hardly changes anything (`least`)."""
     low, high = bar.changes
     opposed = low is not None and high is not None and low * high < 0
     weak = low is not None and high is not None and min(abs(low), abs(high)) <= least
@@ -106,13 +108,13 @@ def _label(axes: Axes, text: str, x: float, y: float, way: int) -> None:
     axes.annotate(text, (x, y), (4 * way, 0), **look)
 
 
-def _make_room(axes: Axes, base: float, drawn: Sequence[Bar]) -> None:
+def _make_room(axes: Axes, base: float, drawn: Sequence[SensitivityBar]) -> None:
     ends = [base] + [base + c for bar in drawn for c in bar.changes if c is not None]
     span = max(ends) - min(ends) or abs(base) or 1.0
     axes.set_xlim(min(ends) - ROOM * span, max(ends) + ROOM * span)
 
 
-def _note(every: Sequence[Bar], drawn: Sequence[Bar]) -> str:
+def _note(every: Sequence[SensitivityBar], drawn: Sequence[SensitivityBar]) -> str:
     """What is not in the chart: sides that failed, what hardly matters, what does not apply."""
     runs = [run for bar in every for run in (bar.low, bar.high)]
     failed = [f"{r.variation} {r.set_to}" for r in runs if r.status == "failed"]
@@ -132,5 +134,5 @@ def _applies(run: Run) -> bool:
     return run.status != "does not apply"
 
 
-def _has_value(bar: Bar) -> bool:
+def _has_value(bar: SensitivityBar) -> bool:
     return any(change is not None for change in bar.changes)

@@ -17,7 +17,7 @@ from cosim.build.fit import check_fit
 from cosim.case.file import find_case, load_case, packaged_cases
 from cosim.case.schema import Case
 from cosim.errors import InputError
-from cosim.files import written_whole
+from cosim.files import output_file
 from cosim.schema.types import TENDONS
 from rigid.opensim.sto import Table, read_sto
 
@@ -31,10 +31,11 @@ class TensionTable:
 
     table: Table
     column: Mapping[str, str]
-    """By tendon."""
+    """The table's column of each tendon."""
 
     @property
     def left_out(self) -> tuple[str, ...]:
+        """Columns that are no tendon of ours."""
         return tuple(c for c in self.table.columns if c not in self.column.values())
 
 
@@ -118,7 +119,7 @@ def write_case(
         for tendon, tension in tensions_at(tensions, time).items():
             note = f"  # column {json.dumps(tensions.column[tendon])}"
             lines += ["", f"[tendons.{tendon}]", f'tension = "{tension!r} N"{note}']
-    with written_whole(out) as part:
+    with output_file(out) as part:
         part.write_text("\n".join(lines) + "\n", encoding="utf-8")
         try:
             case = load_case(part)

@@ -65,7 +65,7 @@ def _provenance(found: Reduction) -> Iterator[str]:
     )
     yield (
         f"  {len(found.samples)} states fitted: torques, excursions, stiffness, arms, compliance, "
-        f"slips; {len(found.held)} held out: at random (seed {SEED}), {HELD} postures for each "
+        f"slips; {len(found.held_out)} held out: at random (seed {SEED}), {HELD} postures for each "
         f"tendon alone, with {_ends(HELD_PARTS)} of its load, and for mixtures, with "
         f"{_ends(HELD_MIXED)} of each"
     )
@@ -84,10 +84,10 @@ def _provenance(found: Reduction) -> Iterator[str]:
             f"{100 * e.median:.1f} % of those held out, at most {100 * e.most:.1f} % there"
             f"{marked}, at {e.where}"
         )
-    if found.lost:
+    if found.failures:
         yield ""
         yield "Without an equilibrium, and left out (joints in the finger's order):"
-        yield from (f"  {lost}" for lost in found.lost)
+        yield from (f"  {failure}" for failure in found.failures)
     yield ""
 
 

@@ -17,13 +17,13 @@ MARKS = {"tip force": 0.05, "slip forces": 0.10}
 
 
 class Error(NamedTuple):
-    """Relative; see `errors`."""
+    """The relative errors of a quantity; see `errors`."""
 
     quantity: str
     fit: float
     """Median over the states that were fitted."""
     median: float
-    """Of those held out."""
+    """Median over the states that were held out."""
     most: float
     beyond: float
     """The part of those held out that is off by more than the mark."""
@@ -32,17 +32,20 @@ class Error(NamedTuple):
 
     @property
     def mark(self) -> float | None:
+        """The error that its quantity should keep; None where there is no such mark."""
         return MARKS.get(self.quantity.partition(",")[0])
 
 
 def errors(found: Reduction) -> Iterator[Error]:
-    """Of torques, tip force and slips: the difference's size over the quantity's, state by state
-    (of both slips over the larger one's force; tip force: what holds a clamped tip against the
-    hood's torques).  Where joint torques cancel at the tip its force is small and its relative
-    error without bound, so that the difference is told over the root mean square of all these
-    states' tip forces, and over the sum of a state's tensions, too."""
+    """The errors of torques, tip force and slips: the difference's size over the quantity's, state
+    by state (of both slips over the larger one's force; tip force: what holds a clamped tip against
+    the hood's torques).
+
+    Where joint torques cancel at the tip its force is small and its relative error without bound,
+    so that the difference is given over the root mean square of all these states' tip forces, and
+    over the sum of a state's tensions, too."""
     tendons = found.potential.muscles
-    fitted, held = (_loaded_states(samples) for samples in (found.samples, found.held))
+    fitted, held = (_loaded_states(samples) for samples in (found.samples, found.held_out))
     on_grid = misses(found, fitted)
     for name, miss in misses(found, held).items():
         if np.isfinite(miss).any():

@@ -17,7 +17,7 @@ from cosim.analyses.reduction.tip import tip_maps
 from cosim.analyses.reduction.walks import (
     GRID,
     SPREAD,
-    Within,
+    SampleRange,
     grid_walks,
     held_out_walks,
     spread_walks,
@@ -29,7 +29,7 @@ from cosim.case.schema import Case
 from cosim.errors import InputError, Progress, quiet
 from cosim.fingers.common import Extensor
 from cosim.fingers.kinds import anatomy_of, live_finger
-from cosim.hoods.kinds import that_fit
+from cosim.hoods.kinds import fitting_kinds
 from cosim.hoods.lumped.reduction import Sample, fit_potential, stack
 from cosim.port import Array
 
@@ -53,13 +53,13 @@ class Reduction:
     """What was fitted, to what, and what was held out."""
 
     case: Case
-    within: Within
+    within: SampleRange
     loads: Mapping[str, float]
     """N, the greatest of each tendon."""
     potential: Potential
     samples: tuple[Sample, ...]
-    held: tuple[Sample, ...]
-    lost: tuple[str, ...]
+    held_out: tuple[Sample, ...]
+    failures: tuple[str, ...]
     """States without an equilibrium, with the reason."""
     seconds: float
     """s, of the hood for one state: of all walks, with the steps between postures and what was
@@ -114,8 +114,8 @@ def reduce_case(
     spread: int = SPREAD,
     samples: Path | None = None,
 ) -> Reduction:
-    """Sample the case's hood on the grid and off it (`spread` as of `Within`), and fit; what the
-    file `samples` has is read from there, and the rest kept there as it comes.
+    """Sample the case's hood on the grid and off it (`spread` as of `SampleRange`), and fit; what
+    the file `samples` has is read from there, and the rest kept there as it comes.
 
     Raises InputError for a hood in closed form, an unknown joint, too few samples, or a file that
     holds others."""
@@ -125,7 +125,7 @@ def reduce_case(
             f'{case.name}: hood.kind = "{case.hood.kind}" is not solved by finite elements, so '
             "that nothing is gained by reducing it; take a case with a shell or cables"
         )
-    if "network" not in that_fit(case.finger.kind):
+    if "network" not in fitting_kinds(case.finger.kind):
         raise InputError(
             f'{case.name}: finger.kind = "{case.finger.kind}" takes no network hood, which is what '
             "a reduced hood is"
@@ -146,7 +146,7 @@ def reduce_case(
     loads = greatest_loads(case, tendons)
     most, rest = np.array(list(loads.values())), case.solve.resting_tension
     axes = {j: grid[j] for j in joints if j in grid}
-    within = Within(joints, home, axes, most, rest, spread)
+    within = SampleRange(joints, home, axes, most, rest, spread)
     on_grid = [*grid_walks(within), *spread_walks(within)]
     off_grid = held_out_walks(within)
     found: list[WalkSamples] = []
@@ -160,22 +160,22 @@ def reduce_case(
     for walked in walking:
         found.append(walked)
         states = [s for w in found for s in w.states]
-        lost = [s for w in found for s in w.lost()]
-        tell(f"walk {len(found)}/{len(walks)}: {len(states)} states, {len(lost)} lost")
+        failed = [s for w in found for s in w.failures()]
+        tell(f"walk {len(found)}/{len(walks)}: {len(states)} states, {len(failed)} failed")
     fit = tuple(s for w in found[: len(on_grid)] for s in w.samples())
     held = tuple(s for w in found[len(on_grid) :] for s in w.samples())
-    lost_states = tuple(f"{state_in_words(s.angle, s.tension, tendons)}: {s.reason}" for s in lost)
+    failures = tuple(f"{state_in_words(s.angle, s.tension, tendons)}: {s.reason}" for s in failed)
     if not fit or not held:
         raise InputError(
             f"{case.name}: the hood found no equilibrium in any posture of the grid, or of those "
-            f"held out ({lost_states[0] if lost_states else 'none'}); choose another --grid"
+            f"held out ({failures[0] if failures else 'none'}); choose another --grid"
         )
     tell(f"fitting to {len(fit)} states")
     data = stack(fit)
     potential = fit_potential(data, joints, tendons, tip_maps(case, data.angle))
     rate = _rate(potential, fit, case)
     seconds = sum(w.seconds for w in found) / len(states)
-    return Reduction(case, within, loads, potential, fit, held, lost_states, seconds, rate)
+    return Reduction(case, within, loads, potential, fit, held, failures, seconds, rate)
 
 
 def state_in_words(angle: Array, tension: Array, tendons: Sequence[str]) -> str:

@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from cosim.analyses.reduction.samples import Lost, Walk, WalkSamples
+from cosim.analyses.reduction.samples import FailedSample, Walk, WalkSamples
 from cosim.errors import InputError
-from cosim.files import written_whole
+from cosim.files import output_file
 from cosim.hoods.lumped.reduction import Sample
 
 Sampler = Callable[[Sequence[Walk]], Iterator[WalkSamples]]
@@ -40,7 +40,7 @@ def cached_samples(
             continue
         found = next(new)
         had[name] = {"seconds": found.seconds, "found": [_state_key(s) for s in found.states]}
-        with written_whole(path) as part:
+        with output_file(path) as part:
             part.write_text(json.dumps({"case": address, "walks": had}), encoding="utf-8")
         yield found
 
@@ -52,7 +52,7 @@ def _name(walk: Walk) -> str:
     return digest.hexdigest()
 
 
-def _state_key(state: Sample | Lost) -> dict[str, Any]:
+def _state_key(state: Sample | FailedSample) -> dict[str, Any]:
     return {name: np.asarray(value).tolist() for name, value in asdict(state).items()}
 
 
@@ -101,7 +101,7 @@ def _shapes(walk: Walk) -> dict[str, tuple[int, ...]]:
     }
 
 
-def _state(shapes: dict[str, tuple[int, ...]], told: Any) -> Sample | Lost:
+def _state(shapes: dict[str, tuple[int, ...]], told: Any) -> Sample | FailedSample:
     """Raises ValueError, TypeError, KeyError for what is no state of these shapes."""
     arrays = {}
     for name in ("angle", "tension") if "reason" in told else [f.name for f in fields(Sample)]:
@@ -111,5 +111,5 @@ def _state(shapes: dict[str, tuple[int, ...]], told: Any) -> Sample | Lost:
         if name != "slip" and not np.isfinite(arrays[name]).all():
             raise ValueError(f"{name} is not finite")
     if "reason" in told:
-        return Lost(arrays["angle"], arrays["tension"], str(told["reason"]))
+        return FailedSample(arrays["angle"], arrays["tension"], str(told["reason"]))
     return Sample(**arrays)

@@ -29,7 +29,7 @@ MOST_STEP = float(np.radians(10.0))
 
 
 @dataclass(frozen=True)
-class Lost:
+class FailedSample:
     """A state in which the hood found no equilibrium."""
 
     angle: Array
@@ -55,15 +55,17 @@ class Walk:
 class WalkSamples(NamedTuple):
     """What a walk found."""
 
-    states: list[Sample | Lost]
+    states: list[Sample | FailedSample]
     seconds: float
     """s it took, in a process beside others."""
 
     def samples(self) -> list[Sample]:
+        """The states in equilibrium, in the walk's order."""
         return [state for state in self.states if isinstance(state, Sample)]
 
-    def lost(self) -> list[Lost]:
-        return [state for state in self.states if isinstance(state, Lost)]
+    def failures(self) -> list[FailedSample]:
+        """The states without equilibrium, in the walk's order."""
+        return [state for state in self.states if isinstance(state, FailedSample)]
 
 
 def sample_walks(
@@ -86,8 +88,8 @@ def _models(source: Path, settings: tuple[str, ...]) -> Models:
     return build(load_case(source, (*settings, FREE)))
 
 
-def on_models(models: Models, walk: Walk) -> Iterator[Sample | Lost]:
-    """Every load in every posture that can be reached; from where the first load is lost the walk
+def on_models(models: Models, walk: Walk) -> Iterator[Sample | FailedSample]:
+    """Every load in every posture that can be reached; where the first load fails the walk
     goes on from the last posture that was found."""
     at = walk.angles[0]
     state = models.hood.start(models.finger.motion(_place(models, at)))
@@ -96,20 +98,20 @@ def on_models(models: Models, walk: Walk) -> Iterator[Sample | Lost]:
             state = _move_hood(models, state, at, angle, loads[0])
             at = angle
         except ConvergenceError as error:
-            yield from (Lost(angle, load, _line(error)) for load in loads)
+            yield from (FailedSample(angle, load, _line(error)) for load in loads)
             continue
         yield from _load_in_posture(models, state, angle, loads)
 
 
 def _load_in_posture(
     models: Models, state: State, angle: Array, tensions: Iterable[Array]
-) -> Iterator[Sample | Lost]:
+) -> Iterator[Sample | FailedSample]:
     """One load after the other in a posture."""
     for tension in tensions:
         try:
             found = sample(models, state, angle, tension)
         except ConvergenceError as error:
-            yield Lost(angle, tension, _line(error))
+            yield FailedSample(angle, tension, _line(error))
             continue
         state = found[1]
         yield found[0]

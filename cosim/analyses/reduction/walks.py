@@ -20,23 +20,23 @@ GRID = {"MCP": (0.0, 22.0, 45.0), "PIP": (10.0, 32.0, 55.0), "DIP": (5.0, 20.0, 
 LOW = 0.5
 """N, of a tendon's least load."""
 MIXED = ((0.5,), (0.3, 0.1, 0.6))
-"""Of the greatest loads, tendon by tendon and from the first again: all pull."""
+"""Parts of the greatest loads, tendon by tendon and from the first again, where all pull."""
 SPREAD, NEAR_ENDS = 512, 0.25
 """Postures spread over the grid's box in which each tendon pulls alone, and how many of them lie
 nearer to its ends (arcsine distribution), where a polynomial errs most."""
 ALONE_PARTS, MIXTURE_PARTS = (0.25, 1.0), (0.05, 0.65)
-"""Of the greatest loads, of tendons that pull alone and of all that pull."""
+"""Ranges of the parts of the greatest loads: of tendons that pull alone, and where all pull."""
 LEG = 24
 """Postures on a walk between the grid's points."""
 SPREAD_SEED = 7
-"""Of the scrambled Sobol sequences, and of the first tendon."""
+"""Seed of the first tendon's scrambled Sobol sequence; the other tendons' follow."""
 HELD, HELD_PARTS, HELD_MIXED, SEED = 10, (0.3, 1.0), (0.1, 0.6), 2
 """Held out: so many postures at random within the grid for each tendon alone and for mixtures, each
 with loads at random between these parts of the greatest."""
 
 
 @dataclass(frozen=True)
-class Within:
+class SampleRange:
     """Where and how far a hood is sampled; n joints, k of them with a grid, m tendons."""
 
     joints: tuple[str, ...]
@@ -53,6 +53,7 @@ class Within:
 
     @property
     def mixtures(self) -> int:
+        """The number of postures between the grid's points in which all tendons pull."""
         return 4 * self.spread // 3
 
     def postures(self, degrees: Array) -> Array:
@@ -74,7 +75,7 @@ class Within:
         return loads
 
 
-def grid_walks(within: Within) -> list[Walk]:
+def grid_walks(within: SampleRange) -> list[Walk]:
     """A walk for each angle of the grid's first joint and each tendon, to and fro through the
     others, loaded and nearly not; and one for each mixture."""
     first, *others = within.grid.values()
@@ -93,7 +94,7 @@ def grid_walks(within: Within) -> list[Walk]:
     return walks
 
 
-def spread_walks(within: Within) -> list[Walk]:
+def spread_walks(within: SampleRange) -> list[Walk]:
     """Between the grid's points: each tendon alone and mixtures, every posture with a load of its
     own, by Sobol's sequences."""
     count, tendons = len(within.grid), len(within.most)
@@ -108,7 +109,7 @@ def spread_walks(within: Within) -> list[Walk]:
     return walks
 
 
-def held_out_walks(within: Within) -> list[Walk]:
+def held_out_walks(within: SampleRange) -> list[Walk]:
     """Each tendon alone and mixtures, every posture and its load drawn at random."""
     random, walks = np.random.default_rng(SEED), []
     count, tendons = len(within.grid), len(within.most)
@@ -126,7 +127,7 @@ def _between(ends: tuple[float, float], parts: Array) -> Array:
     return out
 
 
-def _legs(within: Within, points: Array, loads: Array) -> list[Walk]:
+def _legs(within: SampleRange, points: Array, loads: Array) -> list[Walk]:
     """Walks from posture to near posture, each with its load (p, m) N; points (p, k) 0 to 1."""
     way, postures = _nearest_order(points), within.postures(within.inside(points))
     legs = [way[k : k + LEG] for k in range(0, len(way), LEG)]

@@ -2,8 +2,8 @@
 
 Where the bones are held, parameters reach the result through the hood's shape alone.  Of a solved
 shell x(p) with tangent K the shape for parameters p' near by is x - K^-1 R(x, p'), R the residual:
-an assembly and a back-substitution in place of a solve (`foretold`).  What is observed of that
-shape is the result, so that its differences over small steps of p are the derivatives by the
+an assembly and a back-substitution in place of a solve (`predict_summary`).  What is observed of
+that shape is the result, so that its differences over small steps of p are the derivatives by the
 tangent.  Newton's method from x reaches the equilibrium at p' itself (`solve_from`).
 
 The nodes of the mesh may be parameters too (offsets, rest posture): tied and guided nodes then
@@ -41,7 +41,7 @@ def tangent_serves(case: Case) -> bool:
     return case.hood.has_smooth_tangent and coupled and held and plain
 
 
-def foretold(
+def predict_summary(
     case: Case, models: Models, states: States, arms: bool = True
 ) -> Mapping[str, Any] | None:
     """The summary of `case`, to first order, from a solved case that differs little from it; None
@@ -58,7 +58,7 @@ def solve_from(
     case: Case, models: Models, states: States, arms: bool = True
 ) -> tuple[Models, States] | None:
     """The equilibria of `case` by Newton's method from those of a solved case; None and `arms` as
-    of `foretold`.  Reciprocity is not audited.  Raises ConvergenceError."""
+    of `predict_summary`.  Reciprocity is not audited.  Raises ConvergenceError."""
     fresh = _beside(case, models, states)
     if fresh is None:
         return None
@@ -91,7 +91,7 @@ def _transfer_states(
     hood, finger = tensions(case, models)
     rest = [np.full(len(pull), models.resting) for pull in (hood, finger)]
 
-    def moved(e: Equilibrium, hood: Array, finger: Array) -> Equilibrium:
+    def transfer(e: Equilibrium, hood: Array, finger: Array) -> Equilibrium:
         held, shell = models.finger.start(models.posture), _shell(models)
         state = reshape(shell, _shell(before), e.response.state, hood)
         response = shell.answer(state)
@@ -108,5 +108,5 @@ def _transfer_states(
             interface_residual=balance.relative,
         )
 
-    unloaded, loaded = moved(states.unloaded, *rest), moved(states.loaded, hood, finger)
+    unloaded, loaded = transfer(states.unloaded, *rest), transfer(states.loaded, hood, finger)
     return replace(states, unloaded=unloaded, loaded=loaded)

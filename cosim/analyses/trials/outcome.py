@@ -15,8 +15,8 @@ Status = Literal["converged", "failed", "refused"]
 
 @dataclass(frozen=True)
 class Outcome:
-    """Of one solve: the run's summary, or why there is none ("refused": the case file does not
-    allow the settings)."""
+    """The end of one solve: the run's summary, or why there is none ("refused": the case file does
+    not allow the settings)."""
 
     status: Status
     summary: Mapping[str, Any]

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cosim.analyses.trials import outcome as trials
-from cosim.analyses.trials.by_tangent import foretold, solve_from
+from cosim.analyses.trials.by_tangent import predict_summary, solve_from
 from cosim.analyses.trials.outcome import Outcome, one_line
 from cosim.build.fit import check_fit
 from cosim.build.models import Models
@@ -28,7 +28,7 @@ from cosim.solve.states import States
 
 
 @dataclass(frozen=True)
-class Solved:
+class SolvedCase:
     """A case with held bones in equilibrium."""
 
     case: Case
@@ -37,8 +37,8 @@ class Solved:
     states: States
 
 
-Kept = dict[str, Solved]
-"""By a case's name, what it was solved to last."""
+SolvedCases = dict[str, SolvedCase]
+"""The last solved state of each case, by its name."""
 
 
 class CaseWorkers:
@@ -48,7 +48,7 @@ class CaseWorkers:
         self, cases: Sequence[tuple[str, Path, bool]], pool: ProcessPool, arms: bool
     ) -> None:
         """Cases: name, file, and whether the tangent serves it; `arms`: whether anybody looks at
-        moment arms by force, as in `by_tangent.foretold`."""
+        moment arms by force, as in `by_tangent.predict_summary`."""
         self._cases, self._pool, self._arms = cases, pool, arms
 
     def solve(self, settings: Mapping[int, Settings], afresh: bool = False) -> dict[int, Outcome]:
@@ -90,7 +90,7 @@ class CaseWorkers:
 
 @one_blas_thread()
 def solve_one(
-    kept: Kept, name: str, source: Path, settings: Settings, arms: bool, afresh: bool
+    kept: SolvedCases, name: str, source: Path, settings: Settings, arms: bool, afresh: bool
 ) -> Outcome:
     """The case solved, with a `name` from what is kept, if anything is, and not `afresh`."""
     if not name:
@@ -101,13 +101,13 @@ def solve_one(
         return Outcome("refused", {}, one_line(error))
     try:
         models, states = _solve(case, None if afresh else kept.get(name), arms)
-        kept[name] = Solved(case, settings, models, states)
+        kept[name] = SolvedCase(case, settings, models, states)
         return Outcome("converged", observe_static(case, (models, states), 0.0).summary)
     except CosimError as error:
         return Outcome("failed", {}, one_line(error))
 
 
-def _solve(case: Case, before: Solved | None, arms: bool) -> tuple[Models, States]:
+def _solve(case: Case, before: SolvedCase | None, arms: bool) -> tuple[Models, States]:
     check_fit(case)
     if before is not None:
         with suppress(ConvergenceError):
@@ -119,7 +119,7 @@ def _solve(case: Case, before: Solved | None, arms: bool) -> tuple[Models, State
 
 @one_blas_thread()
 def solve_many(
-    kept: Kept,
+    kept: SolvedCases,
     name: str,
     source: Path,
     around: Settings,
@@ -134,8 +134,8 @@ def solve_many(
     return [_beside(kept[name], source, settings, arms) for settings in beside]
 
 
-def _beside(solved: Solved, source: Path, settings: Settings, arms: bool) -> Outcome:
-    """By the tangent; where the mesh is laid elsewhere by Newton's method from the solved case,
+def _beside(solved: SolvedCase, source: Path, settings: Settings, arms: bool) -> Outcome:
+    """The outcome by the tangent; where the mesh changes by Newton's method from the solved case,
     because the nodes' coordinates are rounded; from scratch where neither serves."""
     try:
         case = load_case(source, settings)
@@ -143,7 +143,7 @@ def _beside(solved: Solved, source: Path, settings: Settings, arms: bool) -> Out
         return Outcome("refused", {}, one_line(error))
     try:
         if case.mesh_key() == solved.case.mesh_key():
-            summary = foretold(case, solved.models, solved.states, arms)
+            summary = predict_summary(case, solved.models, solved.states, arms)
         else:
             found = solve_from(case, solved.models, solved.states, arms)
             summary = None if found is None else observe_static(case, found, 0.0).summary

@@ -15,7 +15,7 @@ from cosim.hoods.cable.view import view_of
 from cosim.hoods.fe_view import slip_forces, tangent_seconds
 from cosim.hoods.injury import adhesions, apply_lesion_to_net, longer
 from cosim.hoods.kind import BuiltHood, HoodKind, Site, skeleton_of
-from cosim.hoods.lesion import Lesion
+from cosim.hoods.lesion import LesionConfig
 from cosim.port import Motion
 
 if TYPE_CHECKING:
@@ -31,6 +31,7 @@ ENDS = {
 
 
 def build(hood: CableHoodConfig, site: Site) -> BuiltHood:
+    """The live net of cables on a finger. Raises InputError where it cannot be laid out on it."""
     net = apply_lesion_to_net(build_net(hood, site.anatomy), site.lesion)
     made = cable_hood_of(hood, site, net)
     return BuiltHood(
@@ -102,7 +103,7 @@ def cable_hood_of(hood: CableHoodConfig, site: Site, net: CableNet) -> FeHood:
     )
 
 
-def cable_law(hood: CableHoodConfig, net: CableNet, lesion: Lesion | None = None) -> Cables:
+def cable_law(hood: CableHoodConfig, net: CableNet, lesion: LesionConfig | None = None) -> Cables:
     """The cells' law; a strand that is longer than laid is so in all its cells."""
     from fe_solver.forces.cables import Cables
 

@@ -7,8 +7,8 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from cosim.fingers.common import Posture
-from cosim.hoods.kind import HoodTable
+from cosim.fingers.common import PostureConfig
+from cosim.hoods.kind import HoodConfig
 from cosim.hoods.lesion import SLIPS, SUPPORTS, InjurableParts
 from cosim.hoods.supports import ContactConfig, SpringConfig
 from cosim.schema import units
@@ -32,7 +32,7 @@ PARTS = InjurableParts(
 )
 
 
-class Cable(Table):
+class CableConfig(Table):
     """A cable, or each of its kind on either side and in each row: cross-section, tangent modulus
     beyond the toe, and how much longer than laid out it is, m."""
 
@@ -41,15 +41,15 @@ class Cable(Table):
     extra_length: ExtraLength = 0.0
 
 
-class CableMesh(Table):
+class CableMeshConfig(Table):
     """Our own net, laid out on the bones in `rest_posture`, where it is free of stress but for the
     residual tension, in cells of about `spacing`, m."""
 
     spacing: Annotated[float, quantity(units.LENGTH, least="0.3 mm", most="5 mm")]
-    rest_posture: Posture
+    rest_posture: PostureConfig
 
 
-class CableHoodConfig(HoodTable):
+class CableHoodConfig(HoodConfig):
     """A net of cables that bear tension alone, over the bones: the tendinous rhombus.  The law of
     each is quadratic up to the strain `toe`, then straight; `residual_tension` (N) beside it keeps
     slack cables from being mechanisms.  `contact.offset` is where their centre lines touch."""
@@ -66,8 +66,8 @@ class CableHoodConfig(HoodTable):
         "solve.hood_tolerance=1e-12",
     )
     kind: Literal["cable"]
-    mesh: CableMesh
-    cables: dict[Annotated[str, name_of("cable", CABLES)], Cable]
+    mesh: CableMeshConfig
+    cables: dict[Annotated[str, name_of("cable", CABLES)], CableConfig]
     toe: Annotated[Number, Field(gt=0, le=0.2)]
     residual_tension: Annotated[float, quantity(units.FORCE, least="1e-4 N", most="1 N")]
     contact: ContactConfig

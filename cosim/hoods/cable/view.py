@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cosim.hoods.fe_view import FeView, Lines, guide_depth, look_at
+from cosim.hoods.fe_view import FeView, Lines, guide_depth, view_at
 from cosim.hoods.view import STRAIN, Field
 from cosim.port import Array, State
 from meshes.skeleton import JOINTS
@@ -90,7 +90,7 @@ def view_of(hood: FeHood, net: CableNet, skeleton: Skeleton) -> Callable[[State]
 def _view(hood: FeHood, net: CableNet, depth: float, lines: Lines, state: State) -> CableView:
     from fe_solver.hood.build_cable import pulls_in
 
-    seen, pull = look_at(hood, depth, lines, state), pulls_in(hood, state)
+    seen, pull = view_at(hood, depth, lines, state), pulls_in(hood, state)
     points = state.solution.evaluation.points
     on = points.group < 0
     pressed = np.linalg.norm(points.gradient[on], axis=1)

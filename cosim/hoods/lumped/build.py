@@ -10,13 +10,13 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.hoods.kind import BuiltHood, HoodKind, Site
-from cosim.hoods.lesion import Lesion
+from cosim.hoods.lesion import LesionConfig
 from cosim.hoods.lumped.table import (
     JOINTS,
-    Arm,
-    ConnectingTendon,
+    ArmConfig,
+    ConnectingTendonConfig,
     NetworkHoodConfig,
-    Reduced,
+    ReductionConfig,
     TwoBandHoodConfig,
 )
 from cosim.port import Hood, Motion, State
@@ -37,10 +37,13 @@ def build(hood: NetworkHoodConfig, site: Site) -> BuiltHood:
 
 
 def build_two_bands(hood: TwoBandHoodConfig, site: Site) -> BuiltHood:
+    """The network of the two bands, live on a finger."""
     return build(as_network(hood), site)
 
 
-def apply_lesion_to_network(network: NetworkHoodConfig, lesion: Lesion | None) -> NetworkHoodConfig:
+def apply_lesion_to_network(
+    network: NetworkHoodConfig, lesion: LesionConfig | None
+) -> NetworkHoodConfig:
     """A hood in lumped form without the connecting tendons that are cut, others shorter or longer.
 
     Raises InputError where a muscle would be left to pull on nothing."""
@@ -135,7 +138,7 @@ def build_reduced_hood(
     return ReducedHood(made, hinges, bodies)
 
 
-def potential(hood: Reduced) -> Potential:
+def potential(hood: ReductionConfig) -> Potential:
     """The potential that a case states."""
     from rigid.hoods.reduced import Potential
 
@@ -180,10 +183,10 @@ def as_network(hood: TwoBandHoodConfig) -> NetworkHoodConfig:
         kind="network",
         muscles=hood.muscles,
         connecting={
-            "middle_band": ConnectingTendon.model_construct(
+            "middle_band": ConnectingTendonConfig.model_construct(
                 muscle=hood.extensor, stiffness=middle, rest=0.0, arms=hood.middle
             ),
-            "lateral_band": ConnectingTendon.model_construct(
+            "lateral_band": ConnectingTendonConfig.model_construct(
                 muscle=hood.extensor, stiffness=lateral, rest=0.0, arms=hood.lateral
             ),
         },
@@ -192,7 +195,7 @@ def as_network(hood: TwoBandHoodConfig) -> NetworkHoodConfig:
     )
 
 
-def _arms(columns: Sequence[dict[str, Arm]]) -> Arms:
+def _arms(columns: Sequence[dict[str, ArmConfig]]) -> Arms:
     from rigid.hoods.two_band import arms
 
     return arms([{j: (a.constant, a.slope) for j, a in column.items()} for column in columns])

@@ -8,8 +8,8 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from cosim.fingers.common import JointAngle
-from cosim.hoods.kind import HoodTable
-from cosim.hoods.lesion import SLIPS, InjurableParts, Lesion
+from cosim.hoods.kind import HoodConfig
+from cosim.hoods.lesion import SLIPS, InjurableParts, LesionConfig
 from cosim.schema import units
 from cosim.schema.fields import fault, name_of, quantity
 from cosim.schema.types import Count, Number, Table, TendonName
@@ -19,21 +19,21 @@ JOINTS = ("MCP", "PIP", "DIP")
 ALL_JOINTS = ("MCP", "MCP_abduction", "PIP", "DIP")
 
 
-class Arm(Table):
+class ArmConfig(Table):
     """A moment arm, flexion positive: `constant` + `slope` times the joint's angle, m, m/rad."""
 
     constant: Annotated[float, quantity(units.LENGTH, least="-50 mm", most="50 mm")]
     slope: Annotated[float, quantity(units.ARM_SLOPE, least="-50 mm/rad", most="50 mm/rad")] = 0.0
 
 
-Arms = dict[Annotated[str, name_of("joint", JOINTS)], Arm]
+Arms = dict[Annotated[str, name_of("joint", JOINTS)], ArmConfig]
 Powers = Annotated[
     tuple[tuple[Annotated[Count, Field(ge=0, le=12)], ...], ...], Field(min_length=1)
 ]
 Stiffness = Annotated[float, quantity(units.STIFFNESS, above="0 N/mm", most="1e6 N/mm")]
 
 
-class ConnectingTendon(Table):
+class ConnectingTendonConfig(Table):
     """A spring from a muscle's junction to the bones; `rest`: how much slack it has with all joints
     straight, m."""
 
@@ -43,7 +43,7 @@ class ConnectingTendon(Table):
     arms: Annotated[Arms, Field(min_length=1)]
 
 
-class Reduced(Table):
+class ReductionConfig(Table):
     """What `cosim reduce` fitted: one potential of joint angles and tensions over a box, from which
     torques and excursions follow (rigid/hoods/reduced.py).  `angles`: the box, by joint in the
     finger's order; `tensions`: of each muscle the greatest, with `toe` of it; `energy` in J, a row
@@ -62,7 +62,7 @@ class Reduced(Table):
     slips: tuple[tuple[tuple[Number, ...], ...], tuple[tuple[Number, ...], ...]]
 
 
-class NetworkHoodConfig(HoodTable):
+class NetworkHoodConfig(HoodConfig):
     """A network of tendons (Development and Validation of Modeling Framework for Interconnected
     Tendon Networks): `muscles` with the arms at which they cross joints themselves, `connecting`
     tendons from their junctions on.  With `operating_force` the shares depend on posture alone, as
@@ -78,11 +78,11 @@ class NetworkHoodConfig(HoodTable):
     example: ClassVar[tuple[str, ...]] = ("network_edc",)
     kind: Literal["network"]
     muscles: Annotated[dict[TendonName, Arms], Field(min_length=1)]
-    connecting: dict[str, ConnectingTendon]
+    connecting: dict[str, ConnectingTendonConfig]
     operating_force: Annotated[float, quantity(units.FORCE, above="0 N", most="1000 N")] | None = (
         None
     )
-    reduced: Reduced | None = None
+    reduced: ReductionConfig | None = None
 
     @model_validator(mode="after")
     def _check_network(self) -> NetworkHoodConfig:
@@ -117,11 +117,11 @@ class NetworkHoodConfig(HoodTable):
         tendons = (*SLIPS, *self.connecting)
         return None if self.reduced is not None else InjurableParts(tendons, (), tendons)
 
-    def cannot_be_injured(self, lesion: Lesion) -> str:
+    def cannot_be_injured(self, lesion: LesionConfig) -> str:
         return "a reduced network has no parts to injure" if self.reduced is not None else ""
 
 
-class TwoBandHoodConfig(HoodTable):
+class TwoBandHoodConfig(HoodConfig):
     """An extensor that parts into a middle and a lateral band (Buchner, Hines and Hemami 1988),
     with the elasticity K between them and the share `lateral_share` of its tension in the lateral
     band where both shifts agree; other `muscles` cross the joints on their own."""

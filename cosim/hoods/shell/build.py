@@ -15,16 +15,16 @@ from cosim.hoods.fe_view import slip_forces, tangent_seconds
 from cosim.hoods.injury import adhesions, apply_lesion_to_mesh, longer
 from cosim.hoods.kind import BuiltHood, HoodKind, Site, skeleton_of
 from cosim.hoods.shell import table
-from cosim.hoods.shell.fibre_table import Fibrous
+from cosim.hoods.shell.fibre_table import FibrousConfig
 from cosim.hoods.shell.fibres import Fibres, fibres_of
 from cosim.hoods.shell.table import ShellHoodConfig
 from cosim.hoods.shell.variation import scale_moduli, variations
 from cosim.hoods.shell.view import COLOURS, view_of
 from cosim.port import Array, Motion
-from cosim.schema.types import Region
+from cosim.schema.types import RegionConfig
 
 if TYPE_CHECKING:
-    from cosim.hoods.lesion import Lesion
+    from cosim.hoods.lesion import LesionConfig
     from fe_solver.hood.build_shell import Tendon
     from fe_solver.hood.shell_hood import ShellHood as FeHood
     from fe_solver.materials.linear import Law, Linear, Real
@@ -54,12 +54,14 @@ that it pulls on which side that is (metacarpal's frame)."""
 INCOMPRESSIBLE = np.array([[4, 2, 0], [2, 4, 0], [0, 0, 1]]) / 3
 """Plane-stress moduli of an incompressible isotropic sheet, over Young's."""
 MOST_SHORTENED = 0.5
-"""Of a region's length as laid."""
+"""The part of a region's length as laid out that it may be shortened by at most."""
 SAME_ANGLE = 1e-9
 """rad, angles between two families that differ by less are one."""
 
 
 def build(hood: ShellHoodConfig, site: Site) -> BuiltHood:
+    """The live sheet of shell elements on a finger. Raises InputError where it cannot be laid out
+    on it."""
     mesh = apply_lesion_to_mesh(generate_mesh(hood, site.anatomy), site.lesion)
     made = shell_hood_of(hood, site, mesh)
     return BuiltHood(
@@ -72,11 +74,11 @@ def build(hood: ShellHoodConfig, site: Site) -> BuiltHood:
 
 def generate_mesh(hood: ShellHoodConfig, anatomy: Anatomy) -> HoodMesh:
     """The mesh of a shell hood, read or generated, before any lesion.  Raises InputError."""
-    return _generate(_Laying(f"{hood.mesh_key()} {anatomy.key}", hood, anatomy))
+    return _generate(_MeshInput(f"{hood.mesh_key()} {anatomy.key}", hood, anatomy))
 
 
 @dataclass(frozen=True)
-class _Laying:
+class _MeshInput:
     """A hood and a finger as far as the mesh is laid out by them."""
 
     key: str
@@ -85,7 +87,7 @@ class _Laying:
 
 
 @lru_cache(maxsize=8)
-def _generate(laying: _Laying) -> HoodMesh:
+def _generate(laying: _MeshInput) -> HoodMesh:
     from meshes.hood import generate
     from meshes.hood_mesh import read
 
@@ -212,7 +214,7 @@ def _law_angle(laid: Array | None, growth: Array) -> Real:
     return np.asarray(angle[..., None])
 
 
-def _law(name: str, region: Region, angle: Real) -> Law | TensionField:
+def _law(name: str, region: RegionConfig, angle: Real) -> Law | TensionField:
     """A region's material, its second family at `angle` (rad) from the first.
 
     Raises InputError, with its name, for one that is none."""
@@ -222,7 +224,7 @@ def _law(name: str, region: Region, angle: Real) -> Law | TensionField:
     return TensionField(law) if region.tension_field else law
 
 
-def _bare_law(name: str, region: Region, angle: Real) -> Law:
+def _bare_law(name: str, region: RegionConfig, angle: Real) -> Law:
     from fe_solver.materials import crossed_fibres, hyperelastic
     from fe_solver.materials import fibres as fibre_materials
     from fe_solver.materials import linear as materials
@@ -232,19 +234,19 @@ def _bare_law(name: str, region: Region, angle: Real) -> Law:
 
     try:
         match region:
-            case table.Isotropic() as r:
+            case table.IsotropicConfig() as r:
                 linear: Linear = materials.Isotropic(r.modulus, r.poisson)
                 return linear
-            case table.TransverselyIsotropic() as r:
+            case table.TransverselyIsotropicConfig() as r:
                 linear = materials.Orthotropic.transversely_isotropic(
                     r.modulus_along, r.modulus_across, r.poisson, r.shear_modulus, r.poisson_across
                 )
                 if r.second is not None:
                     return crossed_fibres.CrossedLinear(linear, r.second.modulus, angle)
                 return linear
-            case table.NeoHookean() as r:
+            case table.NeoHookeanConfig() as r:
                 return hyperelastic.NeoHookean(r.modulus, r.poisson)
-            case table.FibreMooneyRivlin() as r:
+            case table.FibreMooneyRivlinConfig() as r:
                 one = fibre_materials.TransIsoMooneyRivlin(
                     r.c1, r.c2, r.c3, r.c4, r.c5, r.lam_max, bulk(r.bulk_modulus)
                 )
@@ -252,12 +254,12 @@ def _bare_law(name: str, region: Region, angle: Real) -> Law:
                     return one
                 toe = fibre_materials.ExponentialFamily(f.c3, f.c4, f.c5, f.lam_max)
                 return crossed_fibres.CrossedFibres(one, toe, angle)
-            case table.FibreGasser(second=None) as r:
+            case table.FibreGasserConfig(second=None) as r:
                 assert r.angle is not None  # checked by the schema
                 return fibre_materials.HolzapfelGasserOgden(
                     r.c, r.k1, r.k2, r.dispersion, r.angle, bulk(r.bulk_modulus)
                 )
-            case table.FibreGasser(second=table.SecondGasser() as f) as r:
+            case table.FibreGasserConfig(second=table.SecondGasserConfig() as f) as r:
                 # two equal families in one direction are one of twice k1
                 gasser = fibre_materials.HolzapfelGasserOgden(
                     r.c, r.k1 / 2, r.k2, r.dispersion, 0.0, bulk(r.bulk_modulus)
@@ -295,7 +297,7 @@ def _leave_face(mesh: HoodMesh, thickness: Array) -> Array:
     return mesh.points + rise[:, None] * node_directors(mesh.points, mesh.quads)
 
 
-def _growth(hood: ShellHoodConfig, mesh: HoodMesh, lesion: Lesion | None) -> Array:
+def _growth(hood: ShellHoodConfig, mesh: HoodMesh, lesion: LesionConfig | None) -> Array:
     """(ne, 2) growth along and across the fibres that makes a region longer than laid out by its
     extra length.
 
@@ -323,7 +325,7 @@ def _growth(hood: ShellHoodConfig, mesh: HoodMesh, lesion: Lesion | None) -> Arr
     return out
 
 
-def _check_one_rest(key: str, name: str, region: Fibrous) -> None:
+def _check_one_rest(key: str, name: str, region: FibrousConfig) -> None:
     """Raises InputError for a region whose extra length does not go with its fibres."""
     own = f"hood.regions.{name}"
     if region.direction is not None:

@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from cosim.schema import units
 from cosim.schema.fields import Text, fault, quantity
-from cosim.schema.types import Modulus, Number, Region, Table
+from cosim.schema.types import Modulus, Number, RegionConfig, Table
 
 AngleGrid = float | tuple[float, ...] | tuple[tuple[float, ...], ...]
 """rad: one, a list, or a list of rows."""
@@ -50,7 +50,7 @@ Fraction = Annotated[Number, Field(ge=0, le=1)]
 Places = Annotated[tuple[Fraction, ...], Field(min_length=2)]
 
 
-class Direction(Table):
+class DirectionConfig(Table):
     """Which way fibres run in the sheet.
 
     `angle` is from the mesh's line along the finger.  Positive, it turns from distal away from the
@@ -68,7 +68,7 @@ class Direction(Table):
     field: str | None = None
 
     @model_validator(mode="after")
-    def _one_way(self) -> Direction:
+    def _one_way(self) -> DirectionConfig:
         if (self.angle is None) == (self.field is None):
             raise fault("write either angle or field, the name of a field of the mesh file")
         if self.field is not None and (self.along or self.across):
@@ -102,33 +102,34 @@ def _shape(angles: Any) -> tuple[int, ...]:
 InSituStretch = Annotated[Number, Field(ge=0.9, le=1.2)]
 
 
-class SecondFamily(Table):
+class SecondFamilyConfig(Table):
     """A second fibre family: its direction, said as that of the first."""
 
-    direction: Direction
+    direction: DirectionConfig
 
 
-class Fibrous(Region):
+class FibrousConfig(RegionConfig):
     """What every region with fibres may say: their `direction` (without it that of the mesh: along
     the finger, round it in sagittal bands), and `in_situ_stretch`, the stretch along the (first)
     fibres of the sheet as laid out, before anything moves or pulls."""
 
-    direction: Direction | None = None
-    second: SecondFamily | None = None
+    direction: DirectionConfig | None = None
+    second: SecondFamilyConfig | None = None
     in_situ_stretch: InSituStretch = 1.0
 
     @property
-    def fibrous(self) -> Fibrous:
+    def fibrous(self) -> FibrousConfig:
+        """The region itself, which has fibres."""
         return self
 
 
-class SecondLinear(SecondFamily):
+class SecondLinearConfig(SecondFamilyConfig):
     """Straight fibres that add `modulus` to the sheet's along themselves, and nothing else."""
 
     modulus: Modulus
 
 
-class SecondMooneyRivlin(SecondFamily):
+class SecondMooneyRivlinConfig(SecondFamilyConfig):
     """Fibres of the trans iso Mooney-Rivlin law with numbers of their own."""
 
     c3: Modulus
@@ -137,7 +138,7 @@ class SecondMooneyRivlin(SecondFamily):
     lam_max: Annotated[Number, Field(gt=1, le=2)]
 
 
-class SecondGasser(SecondFamily):
+class SecondGasserConfig(SecondFamilyConfig):
     """Fibres of Holzapfel, Gasser and Ogden with numbers of their own."""
 
     k1: Modulus

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cosim.errors import InputError
-from cosim.hoods.shell.fibre_table import Direction
+from cosim.hoods.shell.fibre_table import DirectionConfig
 from cosim.port import Array
-from cosim.schema.types import Region
+from cosim.schema.types import RegionConfig
 
 if TYPE_CHECKING:
     from meshes.hood_mesh import HoodMesh
@@ -31,7 +31,7 @@ class Fibres:
 
 
 def fibres_of(
-    mesh: HoodMesh, points: Array, regions: Mapping[str, Region], skeleton: Skeleton
+    mesh: HoodMesh, points: Array, regions: Mapping[str, RegionConfig], skeleton: Skeleton
 ) -> Fibres:
     """The directions of a case's regions on a mesh whose mid-surface is at points (n, 3).
 
@@ -39,7 +39,7 @@ def fibres_of(
     from fe_solver.elements.fibres import angle_between
     from meshes.hood_mesh import REGIONS
 
-    laid = _Laid(mesh, points, skeleton)
+    laid = _FibreMesh(mesh, points, skeleton)
     first, second, angle = laid.own.copy(), {}, {}
     for i in np.unique(mesh.region):
         region, cells = regions[REGIONS[i]].fibrous, mesh.region == i
@@ -65,7 +65,7 @@ def at_gauss_points(mesh: HoodMesh, fibre: Array) -> Array:
     return smooth_fibres(mesh.quads, fibre, mesh.region)
 
 
-class _Laid:
+class _FibreMesh:
     """A mesh whose directions are asked for; what it takes to tell sides is made when it is."""
 
     def __init__(self, mesh: HoodMesh, points: Array, skeleton: Skeleton) -> None:
@@ -73,7 +73,7 @@ class _Laid:
         self.own = at_gauss_points(mesh, mesh.fibre)
         self._turns: Turns | None = None
 
-    def directions(self, region: int, stated: Direction, key: str) -> Array:
+    def directions(self, region: int, stated: DirectionConfig, key: str) -> Array:
         """(k, g, 3) unit directions on a region's elements."""
         cells = self.mesh.region == region
         if stated.field is not None:
@@ -95,7 +95,7 @@ class _Laid:
             )
         return self.mesh.fields[name]
 
-    def _angles(self, region: int, stated: Direction) -> Array:
+    def _angles(self, region: int, stated: DirectionConfig) -> Array:
         """(k, g) rad from the mesh's own direction, counter-clockwise about the normal."""
         from fe_solver.elements.fibres import gauss_points, normals
         from meshes.hood_mesh import REGIONS, runs_round
@@ -113,7 +113,7 @@ class _Laid:
         return np.asarray(angle + (np.pi / 2 if runs_round(REGIONS[region]) else 0.0))
 
 
-def angles_at(stated: Direction, along: Array, across: Array) -> Array:
+def angles_at(stated: DirectionConfig, along: Array, across: Array) -> Array:
     """(...) rad, of the spline through a direction's angles at places (...) of a region; of a cubic
     one where there are four places or more.  Beyond its first and last place it is level."""
     from scipy.interpolate import RectBivariateSpline, make_interp_spline

@@ -41,15 +41,15 @@ class Crossing:
 
 
 def crossing(quads: np.ndarray, elements: np.ndarray, beyond: np.ndarray) -> Crossing:
-    """Of the `elements` of a mesh with `quads` (ne, 4 or 9), those with nodes on both sides of a
-    line; `beyond` (n,) says which of all nodes lie beyond it."""
+    """Those of the `elements` of a mesh with `quads` (ne, 4 or 9) that have nodes on both sides of
+    a line; `beyond` (n,) says which of all nodes lie beyond it."""
     side = beyond[quads[elements]]
     both = side.any(axis=1) & ~side.all(axis=1)
     return Crossing(elements[both], side[both])
 
 
 def middle_crossings(mesh: HoodMesh, skeleton: Skeleton) -> dict[str, Crossing]:
-    """By region of the mesh, where its middle line runs."""
+    """Where the middle line of each region of the mesh runs, by its name."""
     from meshes.hood_mesh import REGIONS, runs_round
     from meshes.region_places import region_places, turns
 

@@ -9,10 +9,15 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from cosim.fingers.common import Posture, stamps
-from cosim.hoods.kind import HoodTable
-from cosim.hoods.lesion import SLIPS, SUPPORTS, InjurableParts, Lesion
-from cosim.hoods.shell.fibre_table import Fibrous, SecondGasser, SecondLinear, SecondMooneyRivlin
+from cosim.fingers.common import PostureConfig, stamps
+from cosim.hoods.kind import HoodConfig
+from cosim.hoods.lesion import SLIPS, SUPPORTS, InjurableParts, LesionConfig
+from cosim.hoods.shell.fibre_table import (
+    FibrousConfig,
+    SecondGasserConfig,
+    SecondLinearConfig,
+    SecondMooneyRivlinConfig,
+)
 from cosim.hoods.supports import ContactConfig, SpringConfig
 from cosim.schema import units
 from cosim.schema.fields import fault, name_of, quantity
@@ -23,7 +28,7 @@ from cosim.schema.types import (
     File,
     Modulus,
     Number,
-    Region,
+    RegionConfig,
     Table,
     Thickness,
 )
@@ -48,7 +53,7 @@ PARTS = InjurableParts(
 )
 
 
-class GeneratedMesh(Table):
+class GeneratedMeshConfig(Table):
     """Our own hood, laid out on the bones in `rest_posture`, where it is free of stress.  As
     "one_sheet" its wings reach the central slip's insertion, without a triangular ligament."""
 
@@ -56,7 +61,7 @@ class GeneratedMesh(Table):
     quads: Annotated[Count, Field(ge=120, le=20000)]
     elements: Literal["linear", "quadratic"] = "linear"
     layout: Literal["anatomical", "one_sheet"] = "anatomical"
-    rest_posture: Posture
+    rest_posture: PostureConfig
 
     @property
     def lacks(self) -> tuple[str, ...]:
@@ -64,14 +69,14 @@ class GeneratedMesh(Table):
         return ("triangular_ligament",) if self.layout == "one_sheet" else ()
 
 
-class MeshFile(Table):
+class MeshFileConfig(Table):
     """A hood mesh of the user's."""
 
     kind: Literal["file"]
     path: File
 
 
-class Isotropic(Region):
+class IsotropicConfig(RegionConfig):
     """Saint Venant-Kirchhoff."""
 
     kind: Literal["isotropic"]
@@ -79,7 +84,7 @@ class Isotropic(Region):
     poisson: Annotated[Number, Field(ge=0, le=0.49)]
 
 
-class TransverselyIsotropic(Fibrous):
+class TransverselyIsotropicConfig(FibrousConfig):
     """Saint Venant-Kirchhoff with fibres: moduli along and across them, contraction across a pull
     along them (`poisson`) and in the plane across them (`poisson_across`), shear along them.  A
     `second` family adds its own modulus."""
@@ -90,10 +95,10 @@ class TransverselyIsotropic(Fibrous):
     shear_modulus: Modulus
     poisson: Annotated[Number, Field(ge=0, le=2)]
     poisson_across: Annotated[Number, Field(ge=0, le=0.99)]
-    second: SecondLinear | None = None
+    second: SecondLinearConfig | None = None
 
 
-class NeoHookean(Region):
+class NeoHookeanConfig(RegionConfig):
     """Compressible, by its moduli at small strain."""
 
     kind: Literal["neo_hookean"]
@@ -101,7 +106,7 @@ class NeoHookean(Region):
     poisson: Annotated[Number, Field(ge=0, le=0.49)]
 
 
-class FibreMooneyRivlin(Fibrous):
+class FibreMooneyRivlinConfig(FibrousConfig):
     """FEBio's `trans iso Mooney-Rivlin`: matrix c1, c2, fibres with an exponential toe c3 (exp(c4
     (l - 1)) - 1) up to the stretch lam_max, linear with c5 beyond; incompressible without a bulk
     modulus.  A `second` family has such numbers of its own."""
@@ -114,10 +119,10 @@ class FibreMooneyRivlin(Fibrous):
     c5: Modulus
     lam_max: Annotated[Number, Field(gt=1, le=2)]
     bulk_modulus: Modulus | None = None
-    second: SecondMooneyRivlin | None = None
+    second: SecondMooneyRivlinConfig | None = None
 
 
-class FibreGasser(Fibrous):
+class FibreGasserConfig(FibrousConfig):
     """Holzapfel, Gasser and Ogden: matrix c, fibres k1, k2 dispersed by `dispersion` (0 aligned,
     1/3 isotropic) about the two directions at `angle` from the region's own; incompressible
     without a bulk modulus.  With a `second` family there is no `angle`: the first one lies in the
@@ -130,10 +135,10 @@ class FibreGasser(Fibrous):
     dispersion: Annotated[Number, Field(ge=0, le=0.3333)]
     angle: Annotated[float, quantity(units.ANGLE, least="0 deg", most="90 deg")] | None = None
     bulk_modulus: Modulus | None = None
-    second: SecondGasser | None = None
+    second: SecondGasserConfig | None = None
 
     @model_validator(mode="after")
-    def _families(self) -> FibreGasser:
+    def _families(self) -> FibreGasserConfig:
         if (self.angle is None) == (self.second is None):
             raise fault(
                 "write either angle (two families of the same numbers on both sides of the "
@@ -142,20 +147,24 @@ class FibreGasser(Fibrous):
         return self
 
 
-Material = Annotated[
-    Isotropic | TransverselyIsotropic | NeoHookean | FibreMooneyRivlin | FibreGasser,
+MaterialConfig = Annotated[
+    IsotropicConfig
+    | TransverselyIsotropicConfig
+    | NeoHookeanConfig
+    | FibreMooneyRivlinConfig
+    | FibreGasserConfig,
     Field(discriminator="kind"),
 ]
 
 
-class ExtraLengths(Table):
+class ExtraLengthsConfig(Table):
     """How much longer than laid out a slip is, m."""
 
     central_slip: ExtraLength = 0.0
     terminal_slip: ExtraLength = 0.0
 
 
-class ShellHoodConfig(HoodTable):
+class ShellHoodConfig(HoodConfig):
     """The shell finite-element hood.  `bending_stiffness` (N m, of a strip per its width): as if
     with a sheet, isotropic and incompressible, that acts in bending alone, beside what the regions'
     laws make."""
@@ -175,12 +184,12 @@ class ShellHoodConfig(HoodTable):
         "solve.hood_tolerance=1e-11",
     )
     kind: Literal["shell"]
-    mesh: Annotated[GeneratedMesh | MeshFile, Field(discriminator="kind")]
+    mesh: Annotated[GeneratedMeshConfig | MeshFileConfig, Field(discriminator="kind")]
     thickness: Thickness
     bending_stiffness: BendingStiffness = 0.0
-    regions: dict[Annotated[str, name_of("region", REGIONS)], Material]
+    regions: dict[Annotated[str, name_of("region", REGIONS)], MaterialConfig]
     contact: ContactConfig
-    extra_length: ExtraLengths = ExtraLengths()
+    extra_length: ExtraLengthsConfig = ExtraLengthsConfig()
     springs: dict[Annotated[str, name_of("spring set", SPRINGS)], SpringConfig]
 
     @model_validator(mode="after")
@@ -203,7 +212,7 @@ class ShellHoodConfig(HoodTable):
     def parts(self) -> InjurableParts:
         return PARTS
 
-    def cannot_be_injured(self, lesion: Lesion) -> str:
+    def cannot_be_injured(self, lesion: LesionConfig) -> str:
         """Springs that the case gives no stiffness cannot be cut."""
         for name in lesion.cut:
             if name in SHEET_SUPPORTS and name not in self.springs:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from cosim.hoods.shell.table import Material, ShellHoodConfig
+from cosim.hoods.shell.table import MaterialConfig, ShellHoodConfig
 from cosim.hoods.variation import (
     Settings,
     Side,
@@ -24,7 +24,7 @@ ABSENT = "1e-6 N/mm"
 SECTION_RANGE = (0.3e-6, 1.8e-6)
 """m2."""
 COEFFICIENTS = (0.1, 0.3)
-"""Of friction, where a case has none."""
+"""Coefficients of friction for a case that has none."""
 CROSSED = ("lateral_slip", "oblique_fibres")
 """What a region's name begins with that is a sheet of crossing fibres."""
 SHEETS = tuple(name for name in REGIONS if runs_round(name) or name.startswith(CROSSED))
@@ -51,7 +51,7 @@ ACROSS = {
 
 
 def variations(hood: ShellHoodConfig) -> Iterator[Variation]:
-    """In a fixed order; what does not apply to the hood says why."""
+    """The variations of a shell hood in a fixed order; what does not apply to it says why."""
     yield scale("modulus", _fields(hood, MODULI), (0.5, 1.5), units.PRESSURE)
     yield _bending(hood)
     yield _thickness(hood)
@@ -120,7 +120,7 @@ def _across(hood: ShellHoodConfig) -> Variation:
     return Variation(name, Side("a tenth of that along", tenth), Side("", why_not="isotropic"))
 
 
-def _tenth(region: Material) -> str:
+def _tenth(region: MaterialConfig) -> str:
     """The isotropic law with a tenth of its modulus across and of its shear modulus."""
     values = dict(region)
     modulus, ratio = values["modulus"], values["poisson"]

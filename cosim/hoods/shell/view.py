@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cosim.hoods.fe_view import FeView, Lines, guide_depth, look_at
+from cosim.hoods.fe_view import FeView, Lines, guide_depth, view_at
 from cosim.hoods.shell.region_forces import Crossing, middle_crossings, region_forces
 from cosim.hoods.view import FAMILIES, STRAIN, Colour, Field
 from cosim.port import Array, State
@@ -195,7 +195,7 @@ def _view(
 
     field = fields(hood.model, state.configuration)
     return ShellView(
-        **vars(look_at(hood, depth, lines, state)),
+        **vars(view_at(hood, depth, lines, state)),
         quads=hood.model.quads,
         region=mesh.region,
         strain=field.strain,

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from cosim.checks import Row, chosen
+from cosim.checks import Row, select_studies
 from cosim.cli import app
 from cosim.errors import ConvergenceError, InputError
 from fe_solver.forces.contact import Status, contact_forces, contact_state
@@ -228,4 +228,4 @@ def test_a_study_that_is_named_runs_though_slow(monkeypatch):
     assert done.exit_code == 2
     assert "sound beam; poor beam; stuck shell" in done.stderr
     with pytest.raises(InputError):
-        chosen("bridge", False, table.STUDIES)
+        select_studies("bridge", False, table.STUDIES)
