@@ -54,7 +54,7 @@ from meshes.hood_lines import (
     rows,
 )
 from meshes.hood_mesh import REGIONS, Attachment, HoodMesh, runs_round
-from meshes.hull import CLEARANCE, PIP, Chain, Hull, Level, Surface, along
+from meshes.hull import CLEARANCE, PIP, Centreline, Hull, Level, SmoothSurface, along
 from meshes.skeleton import BODIES, Skeleton
 
 Array = NDArray[np.float64]
@@ -113,7 +113,7 @@ def _is_tendon(across: Array) -> NDArray[np.bool_]:
 
 def generate(
     skeleton: Skeleton,
-    surfaces: Mapping[str, Surface],
+    surfaces: Mapping[str, SmoothSurface],
     offset: Mapping[str, float],
     thickness: float,
     rest_posture: Mapping[str, float],
@@ -133,7 +133,7 @@ def generate(
     `one_sheet`: the wings reach the central slip's insertion, and nothing lies between the lateral
     bands distal of it."""
     # the bones at rest, and the level of the sheet's middle over them
-    chain = Chain(skeleton, *skeleton.pose(rest_posture))
+    chain = Centreline(skeleton, *skeleton.pose(rest_posture))
     middle = {body: height + thickness / 2 for body, height in offset.items()}
     level = Level(surfaces, middle, chain.position, chain.rotation)
     scale = skeleton.length[1] / (PIP * 1e-3)
@@ -385,7 +385,7 @@ def _attachments(
     grid: _Grid,
     across: Array,
     over_band: Array,
-    chain: Chain,
+    chain: Centreline,
     level: Level,
     points: Array,
     scale: float,
@@ -423,7 +423,7 @@ def _attachments(
 def _capsule(
     grid: _Grid,
     across: Array,
-    chain: Chain,
+    chain: Centreline,
     level: Level,
     points: Array,
     scale: float,

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshes.hood_mesh import REGIONS, HoodMesh, flat
-from meshes.hull import Chain, along
+from meshes.hull import Centreline, along
 from meshes.skeleton import Skeleton
 
 Array = NDArray[np.float64]
@@ -33,7 +33,7 @@ class Turns:
 
 def turns(mesh: HoodMesh, skeleton: Skeleton) -> Turns:
     """How a mesh's nodes lie about the finger in its rest posture."""
-    chain = Chain(skeleton, *skeleton.pose(mesh.rest_posture))
+    chain = Centreline(skeleton, *skeleton.pose(mesh.rest_posture))
     centre, axes = chain.frames(along(skeleton, mesh.station))
     away = mesh.points - centre
     radial, dorsal = (np.einsum("nk,nk->n", away, axes[:, :, i]) for i in (1, 2))

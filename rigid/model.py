@@ -57,7 +57,7 @@ class Via:
 
 
 @dataclass(frozen=True)
-class Cylinder:
+class WrapCylinder:
     """An endless round surface of a body that a tendon wraps over where the straight way would cut
     it."""
 
@@ -71,7 +71,7 @@ class Cylinder:
 
 
 @dataclass(frozen=True)
-class Sphere:
+class WrapSphere:
     """A round surface of a body that a tendon wraps over, in the plane of its centre and of the
     points before and after, where the straight way would cut it."""
 
@@ -82,7 +82,7 @@ class Sphere:
     """As a cylinder's."""
 
 
-PathElement = Via | Cylinder | Sphere
+PathElement = Via | WrapCylinder | WrapSphere
 
 
 @dataclass(frozen=True)

@@ -121,9 +121,9 @@ def _finger(
 
 
 def _bones(given: Anatomy, skeleton: Skeleton, report: list[str]) -> Bones:
-    from meshes.hull import Chain
+    from meshes.hull import Centreline
 
-    chain = Chain(skeleton, *skeleton.pose(given.posture))
+    chain = Centreline(skeleton, *skeleton.pose(given.posture))
     bones = read_bones(given.bones, given.bone_frame, given.bone_unit, given.placing, chain)
     sizes = ", ".join(
         f"{body} {1e3 * np.ptp(points[:, 0]):.1f} mm, {len(faces)} triangles"
@@ -144,10 +144,10 @@ def _with_hood(
 ) -> Built:
     from cosim.hoods.bone_surfaces import pose_surfaces
     from meshes.bones import load_bone
-    from meshes.hull import Chain, Level
+    from meshes.hull import Centreline, Level
 
     assert given.hood is not None
-    chain = Chain(skeleton, *skeleton.pose(given.posture))
+    chain = Centreline(skeleton, *skeleton.pose(given.posture))
     names = {ours: theirs for ours, theirs in given.names.items() if ours not in FINGER_NAMES}
     thickness = given.thickness or defaults.thickness
     sheet = read_sheet(read_hood(given.hood), names, given.placing, chain, thickness)

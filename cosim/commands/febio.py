@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from fe_solver.job.solve import JobResult, JobState
-    from fe_solver.verification.febio.compare import Comparison, Measured, Row
+    from fe_solver.verification.febio.compare import ComparedQuantity, ModelComparison, ModelRun
 
 Model = Annotated[Path, typer.Argument(metavar="MODEL.feb", help="A FEBio 4 file.")]
 QUADS = (500, 2000, 8000)
@@ -213,13 +213,13 @@ def bench_febio(folder: Path | None, spacing: str) -> None:
     )
 
 
-def _print_comparison(screen: Console, found: Comparison) -> None:
+def _print_comparison(screen: Console, found: ModelComparison) -> None:
     from rich.table import Table
 
-    from fe_solver.verification.febio.compare import Element
+    from fe_solver.verification.febio.compare import Formulation
 
     table = Table(title=found.model, title_justify="left")
-    for name in ("quantity", *(e.value for e in Element), "FEBio"):
+    for name in ("quantity", *(e.value for e in Formulation), "FEBio"):
         table.add_column(name, justify="left" if name == "quantity" else "right")
     table.add_column("verdict")
     for r in found.rows:
@@ -235,7 +235,7 @@ def _print_comparison(screen: Console, found: Comparison) -> None:
         screen.print(f"FEBio: {scaled}{depth}; peak memory {theirs.peak_mb:.0f} MB")
 
 
-def _beside(row: Row, value: float | None) -> str:
+def _beside(row: ComparedQuantity, value: float | None) -> str:
     """A figure with its difference from FEBio's."""
     if value is None:
         return "-"
@@ -243,7 +243,7 @@ def _beside(row: Row, value: float | None) -> str:
     return f"{value:.5g}" if off is None else f"{value:.5g} ({100 * off:+.1f} %)"
 
 
-def _print_cost(screen: Console, name: str, solved: Measured | str, febio_s: float | None) -> None:
+def _print_cost(screen: Console, name: str, solved: ModelRun | str, febio_s: float | None) -> None:
     if isinstance(solved, str):
         screen.print(f"{name}: {solved}")
         return

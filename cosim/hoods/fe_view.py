@@ -12,8 +12,8 @@ import numpy as np
 
 from cosim.hoods.view import Field
 from cosim.port import Array, State
-from meshes.bands import Line, band_heights
-from meshes.glide import Place, glide
+from meshes.bands import HoodLine, band_heights
+from meshes.glide import CarriedPoint, glide
 from meshes.hull import to_the_joint
 
 if TYPE_CHECKING:
@@ -99,9 +99,9 @@ class FeView:
 class Lines:
     """Where a hood is looked at, whatever its state."""
 
-    places: Sequence[Place]
+    places: Sequence[CarriedPoint]
     """At which its glide is measured."""
-    bands: Mapping[str, Line]
+    bands: Mapping[str, HoodLine]
     """The lateral bands' middle lines, by side."""
     axis: Array
     """(3,) unit, the PIP's in the middle phalanx's frame."""

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from cosim.report.figures import Figure, style_axes
-from rigid.papers.buchner1988.coordination import Loop, deviation, flex
+from rigid.papers.buchner1988.coordination import ControlLoop, deviation, flex
 from rigid.papers.buchner1988.coordination_findings import (
     CHANGE,
     Finding,
@@ -111,7 +111,7 @@ def _loops() -> Figure:
     rows = []
     for bandwidth in BANDWIDTHS:
         for elasticity in ELASTICITIES:
-            loop = Loop(bandwidth, elasticity)
+            loop = ControlLoop(bandwidth, elasticity)
             off = deviation(loop, flex(loop))
             rows.append((bandwidth, elasticity, off.curve, off.line))
     columns = ["bandwidth_rad_per_s", "K_N_per_m", "from_parabola_deg", "from_line_deg"]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from cosim.errors import InputError
 from fe_solver.febio.read import read_feb
-from fe_solver.job.job import Body, Job, NodalForce, Part, SpringLaw, SpringSet, Tied
+from fe_solver.job.job import Body, Job, NodalForce, ShellPart, SpringLaw, SpringSet, Tied
 from fe_solver.job.solve import ShellState, solve_job
 from fe_solver.materials.linear import Isotropic
 
@@ -134,7 +134,7 @@ def _with_moduli(job: Job, m: Moduli) -> Job:
         m.lateral_band,
     )
     kinds, part = np.unique(values, return_inverse=True)
-    parts = tuple(Part(f"{1e-6 * E:g} MPa", Isotropic(float(E), 0.4)) for E in kinds)
+    parts = tuple(ShellPart(f"{1e-6 * E:g} MPa", Isotropic(float(E), 0.4)) for E in kinds)
     return replace(job, parts=parts, part=part)
 
 

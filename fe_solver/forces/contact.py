@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import InputError
-from fe_solver.forces.contact_points import Within
+from fe_solver.forces.contact_points import ElementPoints
 from fe_solver.forces.springs import PointForces
 from fe_solver.surfaces.shapes import Surface
 
@@ -78,7 +78,7 @@ class Contact:
     shear: float | None = None
     grip: Grip | None = None
     pin: Array | None = None
-    within: Within | None = None
+    within: ElementPoints | None = None
 
     def __post_init__(self) -> None:
         shear = self.stiffness if self.shear is None else self.shear

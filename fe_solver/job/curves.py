@@ -32,7 +32,7 @@ class Extension(StrEnum):
 
 
 @dataclass(frozen=True)
-class Curve:
+class LoadCurve:
     """Values at times in ascending order.
 
     Raises InputError where there are no points, a number is not finite, the times go back, or
@@ -119,7 +119,7 @@ class Drive:
     """A quantity over time: `value` times the curve, or `value` at all times."""
 
     value: float = 0.0
-    curve: Curve | None = None
+    curve: LoadCurve | None = None
 
     def at(self, time: float) -> float:
         return self.value * (1.0 if self.curve is None else self.curve.at(time))

@@ -85,7 +85,7 @@ def symmetric(entries: dict[tuple[int, int], Real], shape: tuple[int, ...]) -> A
 
 
 @dataclass(frozen=True)
-class Linear(ABC):
+class LinearLaw(ABC):
     """Saint Venant-Kirchhoff: S = Q E, W = E.Q.E / 2, with a constant plane-stress stiffness."""
 
     @abstractmethod
@@ -110,7 +110,7 @@ class Linear(ABC):
 
 
 @dataclass(frozen=True)
-class Isotropic(Linear):
+class Isotropic(LinearLaw):
     """Young's modulus (Pa) and Poisson's ratio."""
 
     E: Real
@@ -131,7 +131,7 @@ class Isotropic(Linear):
 
 
 @dataclass(frozen=True)
-class Orthotropic(Linear):
+class Orthotropic(LinearLaw):
     """Moduli (Pa) along and across the fibre; nu12 is the contraction across a pull along it.
 
     E3 (as E2 where None), nu23 and nu31 are of the thickness, which a sheet in plane stress does

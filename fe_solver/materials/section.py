@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fe_solver.materials.hyperelastic import Potential
-from fe_solver.materials.linear import Law, Linear, Real
+from fe_solver.materials.linear import Law, LinearLaw, Real
 from fe_solver.materials.tension_field import TensionField
 
 Array = NDArray[np.float64]
@@ -94,7 +94,7 @@ class Section:
         """Those of a kind as one, so that an evaluation is few and large operations."""
         kinds: dict[tuple[object, ...], list[Patch]] = {}
         for i, p in enumerate(self.patches):
-            if not isinstance(p.law, Linear):
+            if not isinstance(p.law, LinearLaw):
                 kinds.setdefault(_kind(p) or (i,), []).append(p)
         return tuple(map(_as_one, kinds.values()))
 

@@ -87,7 +87,7 @@ class Valve:
 
 
 @dataclass(frozen=True)
-class Cylinder:
+class PneumaticCylinder:
     """A double-acting cylinder that pulls: air before the piston, the atmosphere behind."""
 
     bore: Numbers = 9.3e-3
@@ -125,7 +125,7 @@ class Pneumatics:
     """Valve and cylinder."""
 
     valve: Valve = field(default_factory=Valve)
-    cylinder: Cylinder = field(default_factory=Cylinder)
+    cylinder: PneumaticCylinder = field(default_factory=PneumaticCylinder)
 
 
 class AirState(NamedTuple):
@@ -256,7 +256,7 @@ def at_rest(air: Pneumatics, voltage: Array, volume: Array) -> AirState:
     return AirState(np.array(voltage, dtype=float), p, mass, np.array(volume, dtype=float))
 
 
-def tension(cylinder: Cylinder, pressure: Array, inward: Numbers = 0.0) -> Array:
+def tension(cylinder: PneumaticCylinder, pressure: Array, inward: Numbers = 0.0) -> Array:
     """(n,) N on the tendon while the piston moves inward at so many m/s: the area times the
     pressure difference less friction, and never below 0."""
     rubbing = cylinder.friction * np.tanh(np.asarray(inward) / CREEP)
@@ -268,7 +268,7 @@ CREEP = 1e-2
 with a friction that follows the speed of the step before."""
 
 
-def _positive(table: Valve | Cylinder, *names: str) -> None:
+def _positive(table: Valve | PneumaticCylinder, *names: str) -> None:
     for name in names:
         value = np.asarray(getattr(table, name))
         if not (np.isfinite(value).all() and (value > 0).all()):

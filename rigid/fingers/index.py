@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from meshes.skeleton import Skeleton
-from rigid.fingers.anatomy import Anatomy, Way, assemble, extensor
+from rigid.fingers.anatomy import FingerAnatomy, Way, assemble, extensor
 from rigid.model import FingerModel, Surface
 
 O2O3 = 0.020
@@ -70,5 +70,5 @@ def finger_model(
 
     o2o3: m, the unit of the tendon paths; bones: surfaces by body, drawn instead of capsules."""
     hood = {} if central is None else through_the_hood(central)
-    anatomy = Anatomy("index finger", ROWS, OFFSET, {**hood, **ON_BONES})
+    anatomy = FingerAnatomy("index finger", ROWS, OFFSET, {**hood, **ON_BONES})
     return assemble(anatomy, skeleton, o2o3, bones)

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from meshes.skeleton import Skeleton
-from rigid.fingers.anatomy import Anatomy, Way, assemble, extensor
+from rigid.fingers.anatomy import FingerAnatomy, Way, assemble, extensor
 from rigid.model import FingerModel, Vector, vector
 
 O2O3 = 0.02363
@@ -86,11 +86,11 @@ def skeleton() -> Skeleton:
 
 def finger_model(scale: float = 1.0, central: float = CENTRAL) -> FingerModel:
     """The finger, all lengths times `scale`."""
-    anatomy = Anatomy("middle finger", ROWS, OFFSET, ways(central))
+    anatomy = FingerAnatomy("middle finger", ROWS, OFFSET, ways(central))
     return assemble(anatomy, skeleton().scaled(scale), O2O3 * scale)
 
 
 def under_a_hood(scale: float = 1.0) -> FingerModel:
     """The finger with the tendons that end on bones, for a hood that takes the others."""
-    anatomy = Anatomy("middle finger", ROWS, OFFSET, TO_BONES)
+    anatomy = FingerAnatomy("middle finger", ROWS, OFFSET, TO_BONES)
     return assemble(anatomy, skeleton().scaled(scale), O2O3 * scale)

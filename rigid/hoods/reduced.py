@@ -71,7 +71,7 @@ class Derived(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Potential:
+class ReducedPotential:
     """psi and the slips' forces over a box of angles and tensions.
 
     Raises InputError where shapes do not fit or a box is empty."""
@@ -223,7 +223,7 @@ class ReducedHood:
 
     def __init__(
         self,
-        potential: Potential,
+        potential: ReducedPotential,
         hinges: Sequence[Joint],
         bodies: tuple[str, ...],
         direction: Vector = (-1.0, 0.0, 0.0),

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cosim.port import Array
-from rigid.model import Cylinder, FingerModel, Segment, Sphere, Strand, Tendon, Via
+from rigid.model import FingerModel, Segment, Strand, Tendon, Via, WrapCylinder, WrapSphere
 
 HALF_WIDTH = 0.02
 """m, half the drawn length of a cylinder, which MuJoCo takes as infinite."""
@@ -101,7 +101,7 @@ def _add_guides(body: ET.Element, tendon: Tendon, name: str) -> None:
             match element:
                 case Via():
                     _add_site(body, label, element.point)
-                case Sphere() | Cylinder():
+                case WrapSphere() | WrapCylinder():
                     _add_surface(body, label, element)
 
 
@@ -113,7 +113,7 @@ def _add_site(parent: ET.Element, name: str, point: Sequence[float] | Array) -> 
     ET.SubElement(parent, "site", name=name, pos=_text(point), size="0.0005")
 
 
-def _add_surface(body: ET.Element, name: str, surface: Cylinder | Sphere) -> None:
+def _add_surface(body: ET.Element, name: str, surface: WrapCylinder | WrapSphere) -> None:
     drawn = {
         "name": name,
         "size": repr(float(surface.radius)),
@@ -125,9 +125,9 @@ def _add_surface(body: ET.Element, name: str, surface: Cylinder | Sphere) -> Non
     if surface.side is not None:
         _add_site(body, f"{name}_side", surface.side)
     match surface:
-        case Sphere():
+        case WrapSphere():
             ET.SubElement(body, "geom", drawn | {"type": "sphere", "pos": _text(surface.centre)})
-        case Cylinder():
+        case WrapCylinder():
             centre, axis = np.array(surface.centre), np.array(surface.axis)
             half = HALF_WIDTH * axis / np.linalg.norm(axis)
             ends = _text([*(centre - half), *(centre + half)])
@@ -160,6 +160,6 @@ def _add_strand(spatial: ET.Element, tendon: Tendon, s: int, strand: Strand) -> 
         match element:
             case Via():
                 ET.SubElement(spatial, "site", site=label)
-            case Sphere() | Cylinder():
+            case WrapSphere() | WrapCylinder():
                 side = {} if element.side is None else {"sidesite": f"{label}_side"}
                 ET.SubElement(spatial, "geom", {"geom": label} | side)

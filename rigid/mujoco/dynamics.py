@@ -38,7 +38,7 @@ MOST_SPLITS = 8
 UNTURNED = np.eye(3)
 
 
-class Pull(NamedTuple):
+class MusclePull(NamedTuple):
     """What muscles answer, (nt,) each."""
 
     tension: Array
@@ -56,20 +56,20 @@ class Push(NamedTuple):
     at: Array
 
 
-class Muscles(Protocol):
+class MuscleModel(Protocol):
     """Anything that pulls on a finger's tendons; its state is an opaque value."""
 
     def start(self, length: Array) -> State:
         """The state at t = 0 with paths of `length` (nt,) m."""
         ...
 
-    def pull(self, state: State, time: float, length: Array, dt: float) -> Pull:
+    def pull(self, state: State, time: float, length: Array, dt: float) -> MusclePull:
         """The tension at `time` s, `dt` s after `state` (0: at the start)."""
         ...
 
 
 @dataclass(frozen=True)
-class Constant:
+class ConstantTension:
     """Tensions (nt,) N that do not change."""
 
     tension: Array
@@ -77,8 +77,8 @@ class Constant:
     def start(self, length: Array) -> State:
         return None
 
-    def pull(self, state: State, time: float, length: Array, dt: float) -> Pull:
-        return Pull(self.tension, np.zeros(len(self.tension)), None)
+    def pull(self, state: State, time: float, length: Array, dt: float) -> MusclePull:
+        return MusclePull(self.tension, np.zeros(len(self.tension)), None)
 
 
 class Moment(NamedTuple):
@@ -112,7 +112,7 @@ class FingerDynamics:
         self,
         finger: MujocoFinger,
         state: FingerState,
-        muscles: Muscles,
+        muscles: MuscleModel,
         device: Device | None = None,
         frame: Array = UNTURNED,
     ) -> None:
@@ -163,11 +163,11 @@ class FingerDynamics:
     def pull(self, at: Moment, tension: Array, push: Push | None, dt: float) -> Moment:
         """The same under tensions (nt,) N, in place of the muscles', and torques from elsewhere,
         where there are any."""
-        pull = Pull(tension, np.zeros(len(tension)), None)
+        pull = MusclePull(tension, np.zeros(len(tension)), None)
         return self._advance(at, dt, MOST_SPLITS, pull, push)
 
     def _advance(
-        self, at: Moment, dt: float, splits: int, given: Pull | None, push: Push | None
+        self, at: Moment, dt: float, splits: int, given: MusclePull | None, push: Push | None
     ) -> Moment:
         self._at(at.angles, at.rates)
         length, time = self._data.ten_length.copy(), at.time + dt

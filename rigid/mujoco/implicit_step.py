@@ -13,7 +13,7 @@ import numpy as np
 
 from cosim.port import Array
 from rigid.kernels import compile_kernel
-from rigid.mujoco.step_data import CAGE, SHELL, Instant, Joints, Readings, Surface
+from rigid.mujoco.step_data import CAGE, SHELL, DeviceData, Joints, Readings, StepStart
 
 HERTZ_DAMPING, BED_DAMPING = 1.5, 1.0
 NO_SLIP = 1e-12
@@ -158,7 +158,7 @@ def solve_dense(a: Array, b: Array) -> Array:
 
 
 @compile_kernel
-def friction(surface: Surface, speed: float) -> tuple[float, float]:
+def friction(surface: DeviceData, speed: float) -> tuple[float, float]:
     """Coefficient of friction at a slip speed (m/s), and its slope (s/m)."""
     v = speed / surface.transition_velocity
     excess = 2.0 * (surface.static_friction - surface.dynamic_friction) / (1.0 + v * v)
@@ -170,7 +170,7 @@ def friction(surface: Surface, speed: float) -> tuple[float, float]:
 
 
 @compile_kernel
-def _drag(surface: Surface, slip: Array) -> tuple[float, Array]:
+def _drag(surface: DeviceData, slip: Array) -> tuple[float, Array]:
     """mu(v) / v, s/m, and the derivative (3, 3) of mu(v) s / v by the slip s, where v = |s|."""
     speed, one = sqrt(dot(slip, slip)), np.eye(3)
     if speed < NO_SLIP:
@@ -182,7 +182,7 @@ def _drag(surface: Surface, slip: Array) -> tuple[float, Array]:
 
 
 @compile_kernel
-def bed(surface: Surface, d: float) -> tuple[float, float]:
+def bed(surface: DeviceData, d: float) -> tuple[float, float]:
     """N and N/m: a sphere in a hollow one lined with springs, their centres d apart."""
     r, x = surface.radius, d - surface.gap
     outer = r + surface.gap
@@ -195,7 +195,7 @@ def bed(surface: Surface, d: float) -> tuple[float, float]:
 
 @compile_kernel
 def press(
-    surface: Surface,
+    surface: DeviceData,
     damping: float,
     normal: Array,
     turn: Array,
@@ -245,7 +245,7 @@ def press(
 
 
 @compile_kernel
-def device_response(surface: Surface, position: Array, twist: Array, slopes: bool) -> Answer:
+def device_response(surface: DeviceData, position: Array, twist: Array, slopes: bool) -> Answer:
     """What a device does to the sphere at a position (3,) and twist (6,); no derivatives, but
     zeros, where `slopes` are not asked for."""
     wrench, by_position, by_twist = np.zeros(6), np.zeros((6, 3)), np.zeros((6, 6))
@@ -277,7 +277,7 @@ def device_response(surface: Surface, position: Array, twist: Array, slopes: boo
 
 
 @compile_kernel
-def elastic_force(surface: Surface, position: Array) -> Array:
+def elastic_force(surface: DeviceData, position: Array) -> Array:
     """(3,) N, what the device would do to a sphere at rest."""
     out, distance = np.zeros(3), sqrt(dot(position, position))
     for i in range(3):
@@ -311,7 +311,7 @@ def joint_torques(joints: Joints, q: Array, v: Array) -> Answer:
 
 @compile_kernel
 def residual(
-    surface: Surface, joints: Joints, at: Instant, h: float, v: Array, r: Array, slopes: bool
+    surface: DeviceData, joints: Joints, at: StepStart, h: float, v: Array, r: Array, slopes: bool
 ) -> tuple[Array, Array, Array]:
     """Momentum and constraint left over (n + m,), their tangent if `slopes` are asked for, and the
     device's wrench, where the rates at the end of the step are v (nq,) and the reactions r (m,)."""
@@ -343,7 +343,7 @@ def residual(
 
 @compile_kernel
 def step(
-    surface: Surface, joints: Joints, at: Instant, h: float, reaction: Array, tolerance: float
+    surface: DeviceData, joints: Joints, at: StepStart, h: float, reaction: Array, tolerance: float
 ) -> tuple[bool, Array, Array, Array, float]:
     """Whether Newton's iteration came below `tolerance` (N m, of the torques); then, at the end of
     the step, rates (nq,), reactions (m,), the device's wrench (6,), and what it dissipated (J).
@@ -370,7 +370,7 @@ def step(
 
 
 @compile_kernel
-def _dissipation(surface: Surface, at: Instant, h: float, v: Array, wrench: Array) -> float:
+def _dissipation(surface: DeviceData, at: StepStart, h: float, v: Array, wrench: Array) -> float:
     """W: the elastic part's power less the device's."""
     twist = apply(at.tip, v)
     elastic = elastic_force(surface, plus(at.position, h, twist[:3]))
@@ -406,7 +406,7 @@ def instant(
     stiffness: Array,
     turned: Array,
     h: float,
-) -> Instant:
+) -> StepStart:
     """The start of a step under tensions (nt,) N that fall with the tendons' shortening by
     `stiffness` (nt,) N/m; turned: (3,) gap of the tip's turn from the one held."""
     n = len(angles)
@@ -423,12 +423,12 @@ def instant(
     put(tip, 3, 0, multiply_transpose(now.frame, now.jacobian[3:]))
     held, drift = times(now.basis, now.jacobian), apply(now.basis, concatenate(gap, turned))
     place = apply_transpose(now.frame, gap)
-    return Instant(angles, rates, mass, torque, by_rate, tip, place, held, drift)
+    return StepStart(angles, rates, mass, torque, by_rate, tip, place, held, drift)
 
 
 @compile_kernel
 def advance_step(
-    surface: Surface,
+    surface: DeviceData,
     joints: Joints,
     now: Readings,
     at: tuple[Array, Array, Array],

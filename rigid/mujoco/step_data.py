@@ -13,7 +13,7 @@ Indices = NDArray[np.intp]
 FREE, CAGE, SHELL = 0, 1, 2
 
 
-class Surface(NamedTuple):
+class DeviceData(NamedTuple):
     """A device in plain numbers."""
 
     kind: int
@@ -66,7 +66,7 @@ class Readings(NamedTuple):
     """(m, 6) unit wrenches of the support."""
 
 
-class Instant(NamedTuple):
+class StepStart(NamedTuple):
     """What is known at the start of a step."""
 
     angles: Array

@@ -18,7 +18,7 @@ STEP = 1e-3
 
 
 @dataclass(frozen=True)
-class Rest:
+class RestCriterion:
     """When a finger counts as at rest: over the last `window` s no joint turns faster than `rate`
     rad/s and no component of the fingertip force strays further than `force` N from its end.
 
@@ -32,7 +32,7 @@ class Rest:
 
 
 @dataclass(frozen=True)
-class Energy:
+class EnergyBudget:
     """J, over the whole simulation.  Kinetic energy gained and what is stored come from the work of
     the tendons and gravity less what is dissipated and `artificial`: what the method's damping took
     (positive) or gave."""
@@ -68,8 +68,8 @@ class Simulation:
     """(n + 1, 3) N m about the fingertip."""
     tension: Array
     """(n + 1, nt) N."""
-    energy: Energy
-    rest: Rest
+    energy: EnergyBudget
+    rest: RestCriterion
     last_rate: float
     """The largest joint rate over the window of `rest`, rad/s."""
     last_change: float
@@ -88,13 +88,13 @@ def simulate(
     dynamics: FingerDynamics,
     duration: float = DURATION,
     dt: float = STEP,
-    rest: Rest | None = None,
+    rest: RestCriterion | None = None,
 ) -> Simulation:
     """The motion over `duration` s in steps of `dt` s.
 
     Raises InputError where the duration is no multiple of the step or shorter than the window of
     rest, ConvergenceError where a step does not converge."""
-    rest = Rest() if rest is None else rest
+    rest = RestCriterion() if rest is None else rest
     steps = round(duration / dt) if dt > 0 else 0
     if steps < 1 or abs(steps * dt - duration) > 1e-9 * duration or duration < rest.window:
         raise InputError(
@@ -122,7 +122,7 @@ def came_to_rest(simulation: Simulation) -> Simulation:
 
 
 def _simulation(
-    dynamics: FingerDynamics, history: list[Moment], dt: float, rest: Rest
+    dynamics: FingerDynamics, history: list[Moment], dt: float, rest: RestCriterion
 ) -> Simulation:
     rates, tip = _over_time([m.rates for m in history]), _over_time([m.tip for m in history])
     last = -(round(rest.window / dt) + 1)
@@ -142,7 +142,7 @@ def _simulation(
     )
 
 
-def _energy(dynamics: FingerDynamics, history: list[Moment], dt: float) -> Energy:
+def _energy(dynamics: FingerDynamics, history: list[Moment], dt: float) -> EnergyBudget:
     """Energies of tendons, springs and curves by the trapezoidal rule, of limits, device and
     gravity from their potentials, and of damping as the steps have it."""
     law, first, last = dynamics.law, history[0], history[-1]
@@ -154,7 +154,7 @@ def _energy(dynamics: FingerDynamics, history: list[Moment], dt: float) -> Energ
     damping = limit_damping(angles, law.lower, law.upper, law.limit_damping, law.transition)
     damping = damping if law.damping is None else damping + law.damping
     stored = [dynamics.device.energy(dynamics.place(m)) for m in (first, last)]
-    return Energy(
+    return EnergyBudget(
         tendons=-_work(tension, length),
         gravity=dynamics.energies(first)[1] - dynamics.energies(last)[1],
         kinetic=last.kinetic - first.kinetic,

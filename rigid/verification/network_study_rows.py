@@ -21,8 +21,8 @@ from rigid.papers.networks.human_network import MUSCLES, OPERATING_FORCE, human_
 from rigid.papers.networks.robotic_finger import LENGTH
 from rigid.papers.networks.share_models import (
     MOMENT_ARM,
-    Finger,
     Inverse,
+    ShareFinger,
     forward,
     inverse,
     with_shares,
@@ -37,7 +37,7 @@ from rigid.papers.networks.testbed_runs import (
 )
 from rigid.papers.networks.testbed_study import (
     REPORTED_ERRORS,
-    Trial,
+    SeedTrial,
     errors,
     keep_to_curve,
     trials,
@@ -119,7 +119,7 @@ def inverse_rows() -> Iterator[Row]:
     yield from _recover(finger, angle, estimate)
 
 
-def _recover(finger: Finger, angle: Array, force: Array) -> Iterator[Row]:
+def _recover(finger: ShareFinger, angle: Array, force: Array) -> Iterator[Row]:
     """Forces that leave no torque at the tip are their own nearest."""
     name, source = "inverse prediction", PAPER + "IV-D, equation 13"
     ahead = forward(finger, angle, force)
@@ -130,7 +130,7 @@ def _recover(finger: Finger, angle: Array, force: Array) -> Iterator[Row]:
     yield Row(name, what, 1e-4, off, 0.0, source, "bound")
 
 
-def _other(finger: Finger, angle: Array, tip_force: Array, estimate: Array) -> float:
+def _other(finger: ShareFinger, angle: Array, tip_force: Array, estimate: Array) -> float:
     """N^2: the least cost of (13) that scipy's SLSQP finds, from several shares on."""
 
     def off(x: Array) -> Array:
@@ -177,7 +177,7 @@ def testbed_rows() -> Iterator[Row]:
     yield _other_circle(name, there, elsewhere)
 
 
-def _other_circle(name: str, how: str, found: Sequence[Trial]) -> Row:
+def _other_circle(name: str, how: str, found: Sequence[SeedTrial]) -> Row:
     """What friction and the posture, which is not printed, do to the circle."""
     kept = keep_to_curve(found)
     what = (

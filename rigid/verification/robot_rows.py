@@ -14,7 +14,7 @@ from cosim.checks import Row, Study
 from rigid.fingers.robot import robot_finger
 from rigid.fingers.robot_tables import JOINTS, TABLE_III, TENDONS
 from rigid.papers.xu2012 import checks
-from rigid.papers.xu2012.tracking import SETTLED, STEP_SECONDS, Step
+from rigid.papers.xu2012.tracking import SETTLED, STEP_SECONDS, StepResponse
 
 PAPER = "Design of an Anthropomorphic Robotic Finger System with Biomimetic Artificial Joints"
 POSTURES = 40
@@ -118,7 +118,7 @@ def _quality_rows(name: str, found: checks.Quality) -> Iterator[Row]:
         yield row(f"largest overshoot of {joint}, deg", 0.0, past, np.degrees(SETTLED))
 
 
-def _unstable(steps: list[Step]) -> float:
+def _unstable(steps: list[StepResponse]) -> float:
     return float(sum(s.unstable for s in steps))
 
 

@@ -18,7 +18,7 @@ from cosim.port import Array
 from rigid.chain.planar_chain import BUCHNER
 from rigid.hoods.two_band import ELASTICITY, MUSCLES, TABLE_1, Entry, coupled_dip, two_band
 from rigid.muscle.least_cost import ACCURATE, Power, Programme, least
-from rigid.papers.buchner1988.coordination import Loop, deviation, flex
+from rigid.papers.buchner1988.coordination import ControlLoop, deviation, flex
 from rigid.papers.buchner1988.coordination_findings import feasible, findings, flexion
 from rigid.papers.buchner1988.flexion import (
     DURATION,
@@ -119,10 +119,10 @@ def _loop_rows() -> Iterator[Row]:
     yield row("from the parabola at most, deg", 0.0, off.curve, SEEN, measure="comparison")
     apart = float(np.degrees(np.abs(coupled_dip(PIP) - PIP * coupled_dip(PIP[-1:]) / FULL).max()))
     yield row("from the line at most, deg", apart, off.line, SEEN, measure="comparison")
-    stiff = Loop(elasticity=10 * ELASTICITY)
+    stiff = ControlLoop(elasticity=10 * ELASTICITY)
     far = deviation(stiff, flex(stiff, 101)).curve
     yield row("from the parabola with K over that with 10 K", 10.0, off.curve / far, 0.1)
-    literal = Loop(bands_answer=False)
+    literal = ControlLoop(bands_answer=False)
     on = deviation(literal, flex(literal, 101)).line
     yield row("equation 17 literally: from the line, deg", 0.0, on, 1e-6, measure="absolute")
     for share, target in ((0.5, 1.0), (1.0, 0.0)):

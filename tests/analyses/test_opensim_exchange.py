@@ -18,7 +18,7 @@ from cosim.cli import app
 from cosim.errors import InputError
 from fe_solver.febio.log import RigidReactions, read_reactions
 from rigid.opensim.external_loads import BodyLoad, write_external_loads
-from rigid.opensim.sto import Table, read_sto, write_sto
+from rigid.opensim.sto import StoTable, read_sto, write_sto
 from tests.helpers.folders import ROOT
 
 DATA = """*Step  = 1
@@ -438,7 +438,7 @@ def test_a_model_gives_the_centres_of_mass(tmp_path):
 
 
 def test_a_table_with_other_columns_than_forces_is_untouched(tmp_path):
-    before = Table("t", ("EDC", "x"), np.array([0.0, 1.0]), np.array([[1.0, 2], [3, 4]]))
+    before = StoTable("t", ("EDC", "x"), np.array([0.0, 1.0]), np.array([[1.0, 2], [3, 4]]))
     write_sto(tmp_path / "f.sto", before)
     code, said = run("tensions", tmp_path / "f.sto", "-o", tmp_path / "mine.toml")
     assert code == 0, said

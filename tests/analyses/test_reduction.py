@@ -20,12 +20,12 @@ from cosim.cli import app
 from cosim.errors import ConvergenceError, InputError
 from cosim.hoods.lumped.build import potential
 from cosim.hoods.lumped.table import NetworkHoodConfig
-from rigid.hoods.reduced import Potential
+from rigid.hoods.reduced import ReducedPotential
 from rigid.hoods.reduction import Order, reduce_hood
 from tests.helpers.soft_network import FITTED, MUSCLES, SOFT, found, held_out, samples, soft_models
 
 
-def a_reduction(made: Potential) -> reduction.Reduction:
+def a_reduction(made: ReducedPotential) -> reduction.Reduction:
     return reduction.Reduction(
         load_case("network_edc", SOFT),
         within(),

@@ -20,7 +20,7 @@ from cosim.cli import app
 from cosim.errors import InputError
 from cosim.pipeline import run_case
 from meshes.hood_mesh import HoodMesh, to_json
-from meshes.hull import Chain
+from meshes.hull import Centreline
 from meshes.imported.checks import Placing
 from meshes.skeleton import BODIES, index_finger
 from tests.helpers.own_anatomy import exported, moved, with_a_free_node, write_bones, write_meshio
@@ -214,9 +214,9 @@ def write(surfaces: Surfaces, folder: Path) -> list[Path]:
     return write_bones(surfaces, folder)
 
 
-def chain(**posture: float) -> Chain:
+def chain(**posture: float) -> Centreline:
     skeleton = index_finger()
-    return Chain(skeleton, *skeleton.pose({k: np.deg2rad(v) for k, v in posture.items()}))
+    return Centreline(skeleton, *skeleton.pose({k: np.deg2rad(v) for k, v in posture.items()}))
 
 
 def bone_faults(surfaces: Surfaces, folder: Path, unit: str = "mm") -> str:

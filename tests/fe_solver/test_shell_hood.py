@@ -15,7 +15,7 @@ from cosim.case.file import load_case
 from cosim.errors import ConvergenceError, InputError
 from cosim.port import STATIC, Motion, Response
 from fe_solver.elements.mesh_geometry import node_areas
-from fe_solver.hood.build_shell import ContactLaw, Sheet, Tendon, shell_hood
+from fe_solver.hood.build_shell import ContactLaw, ShellSheet, TendonEnd, shell_hood
 from fe_solver.hood.extrapolation import Bend
 from fe_solver.hood.shell_hood import TIE, HoodState, ShellHood
 from fe_solver.materials.linear import Isotropic
@@ -223,9 +223,9 @@ def test_what_cannot_be_solved_is_an_error_that_names_a_node(hood, motion):
 def test_a_hood_that_nothing_holds_is_refused(motion):
     X, quads = shells.plate(10e-3, 4e-3, 2, 1)
     section = one_law(Isotropic(1e8, 0.3), np.full(2, 5e-4))
-    sheet = Sheet(X, quads, np.tile([1.0, 0, 0], (2, 1)), section, np.zeros(2))
+    sheet = ShellSheet(X, quads, np.tile([1.0, 0, 0], (2, 1)), section, np.zeros(2))
     carried = np.tile([1.0, 0, 0, 0], (6, 1))
-    end = {"EDC": Tendon(np.array([0, 1]), np.array([0.5, 0.5]))}
+    end = {"EDC": TendonEnd(np.array([0, 1]), np.array([0.5, 0.5]))}
     law = ContactLaw(1e11, 5e-5, {}, {})
     pull, options = np.array([-1.0, 0, 0]), NewtonOptions()
     for tied in ({}, {"distal": np.zeros(0, dtype=np.intp)}):

@@ -11,14 +11,14 @@ from typer.testing import CliRunner
 from cosim.cli import app
 from cosim.port import Motion
 from fe_solver.hood.shell_hood import ShellHood
-from fe_solver.job.curves import Curve
+from fe_solver.job.curves import LoadCurve
 from fe_solver.job.job import (
     Body,
     ContactPair,
-    Held,
     Job,
     NodalForce,
-    Part,
+    PrescribedDisplacement,
+    ShellPart,
     SpringLaw,
     SpringSet,
     Step,
@@ -31,7 +31,7 @@ from fe_solver.surfaces.shapes import Capsule
 from tests.helpers.shells import clamp, contact, guide, map_grid, plate, sheet
 
 LENGTH, WIDTH, THICK, E = 20e-3, 5e-3, 0.5e-3, 100e6
-RAMP = Curve((0.0, 1.0), (0.0, 1.0))
+RAMP = LoadCurve((0.0, 1.0), (0.0, 1.0))
 PLAIN = JobOptions(cached=False, spacing=0.5e-3)
 COARSE = JobOptions(cached=False, spacing=1e-3)
 NONE = (np.zeros((0, 3)), np.zeros((0, 3), dtype=np.intp))
@@ -48,7 +48,7 @@ def strip(nx: int = 10, ny: int = 3, nu: float = 0.0, **more) -> Job:
         quads,
         np.arange(1, ne + 1),
         np.zeros(ne, dtype=np.intp),
-        (Part("skin", Isotropic(E, nu)),),
+        (ShellPart("skin", Isotropic(E, nu)),),
         np.full((ne, 4), THICK),
         np.zeros((ne, 4)),
         np.tile([1.0, 0, 0], (ne, 1)),
@@ -65,8 +65,8 @@ def everywhere(job: Job) -> np.ndarray:
     return np.arange(len(job.points))
 
 
-def pinned(job: Job, *components: int) -> tuple[Held, ...]:
-    return tuple(Held(everywhere(job), c) for c in components)
+def pinned(job: Job, *components: int) -> tuple[PrescribedDisplacement, ...]:
+    return tuple(PrescribedDisplacement(everywhere(job), c) for c in components)
 
 
 def body(name: str = "bone", **more) -> Body:
@@ -111,7 +111,9 @@ def floored(gap: float = 0.0, height: float = 0.0, side: int = -1, lift: float =
     pair = ContactPair("pair", quads, np.full(len(quads), side), 0, bone.triangles, gap=gap)
     load = NodalForce(everywhere(job), np.array([0, 0, -1.0 / len(job.points)]), RAMP)
     job = replace(job, points=job.points + np.array([0, 0, lift]), height=job.height + height)
-    held = tuple(Held(at(job, x), c) for x, c in ((0.0, 0), (0.0, 1), (LENGTH, 1)))
+    held = tuple(
+        PrescribedDisplacement(at(job, x), c) for x, c in ((0.0, 0), (0.0, 1), (LENGTH, 1))
+    )
     return replace(job, bodies=(bone,), held=held, forces=(load,), contacts=(pair,))
 
 

@@ -16,7 +16,7 @@ from cosim.hoods.lumped.build import slip_forces
 from cosim.hoods.lumped.table import NetworkHoodConfig
 from cosim.port import STATIC
 from cosim.verification.reduction import SOFT
-from rigid.hoods.reduced import Potential
+from rigid.hoods.reduced import ReducedPotential
 from rigid.hoods.reduced_sample import Sample, stack
 from rigid.hoods.reduction import Order, reduce_hood
 
@@ -62,5 +62,5 @@ def held_out() -> Sample:
 
 
 @lru_cache(maxsize=1)
-def found() -> Potential:
+def found() -> ReducedPotential:
     return reduce_hood(fitted_to(), JOINTS, MUSCLES, STRAIGHT)

@@ -17,7 +17,7 @@ from cosim.hoods.shell.build import thickness_of
 from cosim.pipeline import run_case
 from cosim.results.compare import Target, compare_with_targets, read_targets
 from meshes.hood_mesh import HoodMesh
-from meshes.hull import DIP, PIP, Chain, Hull, Level, along
+from meshes.hull import DIP, PIP, Centreline, Hull, Level, along
 from meshes.skeleton import BODIES, index_finger
 from rigid.fingers import middle as middle_finger
 from rigid.verification.finger_rows import SINGLE_TENDON
@@ -88,7 +88,7 @@ def test_the_hull_reaches_as_far_as_the_longer_fingers_hood():
     cones = {body: Cone(x) for body, x in zip(BODIES, position[:, 0], strict=True)}
     level = Level(cones, dict.fromkeys(BODIES, 0.0), position, rotation)
     station = np.array([-20.0, 30.0, 73.0])
-    points = Hull(Chain(skeleton, position, rotation), level).points(station, np.zeros(3))
+    points = Hull(Centreline(skeleton, position, rotation), level).points(station, np.zeros(3))
     np.testing.assert_allclose(points[:, 0], along(skeleton, station), atol=1e-12)
     np.testing.assert_allclose(points[:, 2], radius_of_cone(points[:, 0]), atol=0.1e-3)
 

@@ -7,7 +7,7 @@ from cosim.errors import InputError
 from fe_solver.surfaces.spline_distance import SplineDistance
 from fe_solver.surfaces.triangle_distance import check_surface
 from meshes.bones import load_bone, spline
-from meshes.measure_bones import Plan, farthest_hits, fit_error, measure, read_stl, table
+from meshes.measure_bones import MeasurementPlan, farthest_hits, fit_error, measure, read_stl, table
 from meshes.skeleton import BODIES, index_finger
 
 # Width (radial) and depth (dorsal) in mm over 0-20, 40-60 and 80-100 % of the bone's length,
@@ -151,7 +151,7 @@ def test_measuring_a_measured_bone_gives_it_back(tmp_path):
     bone = load_bone("distal")
     bone.write_stl(tmp_path / "bone.stl", 0.3e-3)
     triangles = read_stl(tmp_path / "bone.stl")
-    plan = Plan("bone.stl", 5e-3, 15.5e-3, 22, 14, 64)
+    plan = MeasurementPlan("bone.stl", 5e-3, 15.5e-3, 22, 14, 64)
     again = measure("distal", plan, triangles)
     error = fit_error(triangles, again)
     assert error.max() < 0.25e-3

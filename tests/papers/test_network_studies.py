@@ -24,13 +24,19 @@ from rigid.papers.networks.excursion_fit_check import draw_samples, true_paramet
 from rigid.papers.networks.human_network import human_finger
 from rigid.papers.networks.point_contact import distal_torque, tip_jacobian
 from rigid.papers.networks.robotic_finger import LENGTH, robotic_finger
-from rigid.papers.networks.share_models import Finger, best_share, forward, inverse, with_shares
+from rigid.papers.networks.share_models import (
+    ShareFinger,
+    best_share,
+    forward,
+    inverse,
+    with_shares,
+)
 
 COARSE = ('forward.step="10 ms"', "output.picture=false")
 POSTURE = np.array([0.2, 0.6, 0.13])
 
 
-def known_finger() -> Finger:
+def known_finger() -> ShareFinger:
     """The robotic finger as a model of shares knows it, exactly."""
     made = robotic_finger()
     arms = made.direct.constant, made.direct.slope
@@ -38,7 +44,7 @@ def known_finger() -> Finger:
     for own, more in zip(direct, (made.connecting.constant, made.connecting.slope), strict=True):
         own[:, :2] += more[:, :2]
     ways = [Arms(made.connecting.constant[:, [k]], made.connecting.slope[:, [k]]) for k in (2, 3)]
-    return Finger(LENGTH, Arms(*direct), *ways, np.array([0.0, 0.0, 1.0, 1.0]))
+    return ShareFinger(LENGTH, Arms(*direct), *ways, np.array([0.0, 0.0, 1.0, 1.0]))
 
 
 @pytest.mark.parametrize("muscle", range(3))

@@ -27,7 +27,7 @@ from cosim.results.load_and_rest import (
 )
 from cosim.results.read import read_runs
 from meshes.cable_net import CableNet
-from meshes.glide import PLACES, Place, glide, net_places, sheet_places
+from meshes.glide import PLACES, CarriedPoint, glide, net_places, sheet_places
 from tests.helpers import shells
 from tests.helpers.reported import run_into
 
@@ -130,14 +130,16 @@ def test_the_warning_says_what_pushes_at_rest(unloaded, is_laid, meaning):
 
 
 @pytest.fixture(scope="module")
-def laid() -> tuple[tuple[Place, ...], Array, Motion]:
+def laid() -> tuple[tuple[CarriedPoint, ...], Array, Motion]:
     """Places of a coarse sheet, its points as laid and the bones' poses there."""
     hood = shells.index_hood(COARSE)
     mesh = hood_mesh(load_case("isometric_edc", [COARSE]))
     return sheet_places(mesh), hood.model.reference, hood.rest
 
 
-def told(places: tuple[Place, ...], points: Array, rest: Motion, now: Array, at: Motion) -> Any:
+def told(
+    places: tuple[CarriedPoint, ...], points: Array, rest: Motion, now: Array, at: Motion
+) -> Any:
     was = (points, rest.position, rest.rotation)
     return glide(places, was, (now, at.position, at.rotation))
 

@@ -15,7 +15,7 @@ from numpy.testing import assert_allclose
 from meshes.skeleton import JOINTS
 from rigid.mjcf.read import ReadFinger, read_mjcf
 from rigid.mjcf.write import mjcf_xml
-from rigid.model import Cylinder, Sphere
+from rigid.model import WrapCylinder, WrapSphere
 from rigid.papers.xu2012.paths import tendon_lengths, wrap_length
 
 OVER = '<site site="e0"/><site site="e1"/><geom geom="drum"{}/><site site="e2"/><site site="e3"/>'
@@ -122,9 +122,9 @@ def test_a_surface_read_and_written_again_guides_as_it_did(
 
 
 @settings(max_examples=300, deadline=None)
-@given(st.integers(0, 2**32), st.sampled_from([Sphere, Cylinder]), st.sampled_from("noi"))
+@given(st.integers(0, 2**32), st.sampled_from([WrapSphere, WrapCylinder]), st.sampled_from("noi"))
 def test_the_closed_form_is_mujocos_length(
-    seed: int, kind: type[Sphere] | type[Cylinder], where: str
+    seed: int, kind: type[WrapSphere] | type[WrapCylinder], where: str
 ) -> None:
     rng = np.random.default_rng(seed)
     radius, centre, axis = rng.uniform(0.2, 1.2), rng.normal(size=3), rng.normal(size=3)
@@ -132,9 +132,9 @@ def test_the_closed_form_is_mujocos_length(
     far = {"n": 0.0, "o": rng.uniform(1.01, 3), "i": rng.uniform(0, 0.99)}[where]
     away = rng.normal(size=3)
     place = centre + far * radius * away / np.linalg.norm(away)
-    over = Sphere("", tuple(centre), radius)
-    if kind is Cylinder:
-        over = Cylinder("", tuple(centre), tuple(axis), radius)  # type: ignore[assignment]
+    over = WrapSphere("", tuple(centre), radius)
+    if kind is WrapCylinder:
+        over = WrapCylinder("", tuple(centre), tuple(axis), radius)  # type: ignore[assignment]
     if where != "n":
         over = replace(over, side=tuple(place))
     sites = "".join(

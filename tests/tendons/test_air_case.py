@@ -18,10 +18,10 @@ from cosim.results.history_plot import draw_history
 from cosim.results.result import Result
 from cosim.solve.session import Session
 from cosim.tendons.air import cylinders, initial_air, step_cylinders
-from rigid.air.plant import ATMOSPHERE, Cylinder
+from rigid.air.plant import ATMOSPHERE, PneumaticCylinder
 
 PLAIN = "output.picture=false"
-AREA = float(np.asarray(Cylinder().area))
+AREA = float(np.asarray(PneumaticCylinder().area))
 SHORT = ('forward.duration="0.12 s"', "forward.checkpoint=40")
 
 

@@ -62,7 +62,7 @@ def build_net(hood: CableHoodConfig, anatomy: Anatomy) -> CableNet:
 def cable_hood_of(hood: CableHoodConfig, site: Site, net: CableNet) -> FeHood:
     """The net over the bones as a case describes it, behind the port.  Raises InputError."""
     from fe_solver.hood.build_cable import Net, cable_hood
-    from fe_solver.hood.build_shell import ContactLaw, SpringSet, Tendon
+    from fe_solver.hood.build_shell import ContactLaw, SpringGroup, TendonEnd
     from fe_solver.solver.newton import NewtonOptions
     from meshes.hull import along, carriers
     from meshes.skeleton import BODIES
@@ -74,12 +74,12 @@ def cable_hood_of(hood: CableHoodConfig, site: Site, net: CableNet) -> FeHood:
     contact, offset, skeleton = hood.contact, hood.contact.offset, site.skeleton
     rest = Motion(BODIES, *skeleton.pose(net.rest_posture))
     springs = {
-        name: SpringSet(net.springs[name], s.stiffness, s.slack, s.tension_only)
+        name: SpringGroup(net.springs[name], s.stiffness, s.slack, s.tension_only)
         for name, s in hood.springs.items()
         if name in net.springs
     }
     for name, grown in adhesions(site.lesion, net, net.points, rest).items():
-        springs[name] = SpringSet(grown.held, grown.stiffness, 0.0, tension_only=False)
+        springs[name] = SpringGroup(grown.held, grown.stiffness, 0.0, tension_only=False)
     ends = ENDS[site.anatomy.finger]
     return cable_hood(
         Net(net.points, cable_law(hood, net, site.lesion)),
@@ -89,7 +89,7 @@ def cable_hood_of(hood: CableHoodConfig, site: Site, net: CableNet) -> FeHood:
         net.tied,
         "metacarpal",
         np.array([-1.0, 0.0, 0.0]),
-        {tendon: Tendon(net.ends[end], np.ones(1)) for tendon, end in ends.items()},
+        {tendon: TendonEnd(net.ends[end], np.ones(1)) for tendon, end in ends.items()},
         ContactLaw(
             contact.stiffness,
             contact.smoothing,

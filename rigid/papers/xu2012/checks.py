@@ -28,7 +28,7 @@ from rigid.papers.xu2012.excursions import (
     record_excursions,
 )
 from rigid.papers.xu2012.fan import Reach, reach
-from rigid.papers.xu2012.tracking import Bench, Step, poses
+from rigid.papers.xu2012.tracking import Bench, StepResponse, poses
 
 COUNTS = (13, 8, 12, 8)
 """Postures of each joint over table II."""
@@ -107,7 +107,7 @@ class Tuned:
     """The tendon-space gains that do best at one pose, and what they do there: there and back."""
 
     gains: Gains
-    steps: list[Step]
+    steps: list[StepResponse]
 
 
 def bench(second_extensor: bool, air: bool) -> Bench:
@@ -139,14 +139,14 @@ def tune(second_extensor: bool, air: bool) -> Tuned:
 
 
 @lru_cache(maxsize=4)
-def joint_steps(second_extensor: bool, air: bool, seed: int = 0) -> list[Step]:
+def joint_steps(second_extensor: bool, air: bool, seed: int = 0) -> list[StepResponse]:
     """From each of the random poses to the next one, joint space; a minute on air."""
     gains = AIR_GAINS if air else JOINT_GAINS
     return bench(second_extensor, air).in_joint_space(list(poses(POSES, seed)), gains)
 
 
 @lru_cache(maxsize=4)
-def tendon_steps(second_extensor: bool, air: bool) -> list[Step]:
+def tendon_steps(second_extensor: bool, air: bool) -> list[StepResponse]:
     """The same in tendon space, with the gains tuned at one pose."""
     gains = tune(second_extensor, air).gains
     return bench(second_extensor, air).in_tendon_space(list(poses(POSES)), gains)
@@ -172,7 +172,7 @@ class Quality:
     largest_overshoot: Array
 
 
-def quality(steps: list[Step]) -> Quality:
+def quality(steps: list[StepResponse]) -> Quality:
     """The quality of all but the first step, which starts at its goal; NaN where a joint never
     settles."""
     settling = np.array([s.settling for s in steps[1:]])

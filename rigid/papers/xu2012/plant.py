@@ -26,7 +26,7 @@ STEP = 1e-3
 
 
 @dataclass(frozen=True)
-class Instant:
+class PlantState:
     """The joints' angles and rates (nq,), and the tendons' lengths (nt,) m."""
 
     angle: Array
@@ -47,7 +47,7 @@ class Plant:
         self.model.jnt_limited[:] = 1
         self._data = mujoco.MjData(self.model)
 
-    def put(self, angle: Array) -> Instant:
+    def put(self, angle: Array) -> PlantState:
         """At rest at the angles (nq,)."""
         mujoco.mj_resetData(self.model, self._data)
         self._data.qpos[:] = angle
@@ -59,9 +59,9 @@ class Plant:
         self._data.ctrl[:] = force
         mujoco.mj_step(self.model, self._data)
 
-    def instant(self) -> Instant:
+    def instant(self) -> PlantState:
         d = self._data
-        return Instant(d.qpos.copy(), d.qvel.copy(), d.ten_length.copy())
+        return PlantState(d.qpos.copy(), d.qvel.copy(), d.ten_length.copy())
 
     def holding_torque(self, angle: Array) -> Array:
         """(nq,) N m that the tendons must make at rest at the angles (nq,), within the limits."""

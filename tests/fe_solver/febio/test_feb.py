@@ -11,7 +11,7 @@ import pytest
 from cosim.errors import InputError
 from fe_solver.febio.read import read_feb
 from fe_solver.job.checks import check_job
-from fe_solver.job.curves import Curve
+from fe_solver.job.curves import LoadCurve
 from fe_solver.job.job import SpringLaw, Step
 from fe_solver.materials.fibres import HolzapfelGasserOgden, TransIsoMooneyRivlin
 from fe_solver.materials.hyperelastic import NeoHookean
@@ -38,7 +38,7 @@ def test_everything_in_the_file_arrives_in_si_units(tmp_path: Path) -> None:
     assert [(h.nodes.tolist(), h.component) for h in job.held] == [([0, 3], 0), ([0, 3], 2)]
     (force,) = job.forces
     np.testing.assert_allclose(force.force, [0, 0, -3.0])
-    assert force.curve == Curve((0.0, 1.0), (0.0, 1.0))
+    assert force.curve == LoadCurve((0.0, 1.0), (0.0, 1.0))
     (pressure,) = job.pressures
     assert pressure.pressure.at(0.5) == pytest.approx(0.01e6)
     assert pressure.quads.tolist() == [0, 2]

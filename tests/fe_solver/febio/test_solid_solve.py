@@ -17,11 +17,11 @@ from fe_solver.febio.read import read_feb
 from fe_solver.febio.write import write_feb
 from fe_solver.job.curves import Drive
 from fe_solver.job.job import (
-    Held,
     HeldDirector,
     NodalForce,
-    Part,
+    PrescribedDisplacement,
     Pressure,
+    ShellPart,
     SpringLaw,
     SpringSet,
     Tied,
@@ -32,7 +32,7 @@ from fe_solver.job.solve import solve_job
 from fe_solver.materials.crossed_fibres import CrossedFibres
 from fe_solver.materials.fibres import ExponentialFamily
 from fe_solver.materials.linear import Isotropic, Orthotropic
-from fe_solver.verification.febio.compare import Element, Row, quantities, rows
+from fe_solver.verification.febio.compare import ComparedQuantity, Formulation, quantities, rows
 from fe_solver.verification.febio.figures import PUBLISHED
 from fe_solver.verification.febio.solid_model import solid_model
 from fe_solver.verification.febio.solid_solve import solve_solid
@@ -97,7 +97,7 @@ def by_both(job, nodes, force) -> float:
 
 @pytest.mark.parametrize("law", [RUBBER, Orthotropic(2 * E, E, 0.0, E / 2, E / 2, E / 2)])
 def test_a_spread_load_bends_both_alike(law):
-    job = loaded(end, [0, 0, 0.01], parts=(Part("skin", law),))
+    job = loaded(end, [0, 0, 0.01], parts=(ShellPart("skin", law),))
     assert by_both(job, end, [0, 0, 0.01]) == pytest.approx(1.0, abs=0.01)
 
 
@@ -110,7 +110,7 @@ def test_a_point_load_finds_the_element_stiffer_the_less_its_volume_gives():
 
     force, along = [0.01, 0, 0], []
     for law in (Isotropic(E, 0.0), RUBBER, febio_law(200), febio_law(5000)):
-        job = loaded(corner, force, parts=(Part("skin", law),))
+        job = loaded(corner, force, parts=(ShellPart("skin", law),))
         along.append(by_both(job, corner, force))
     assert along[0] == pytest.approx(1.0, abs=1e-3)
     assert along[1] == pytest.approx(0.983, abs=5e-3)
@@ -137,7 +137,7 @@ def test_triangles_and_parts_are_solved_too():
         quads=mixed,
         element_ids=np.arange(1, ne + 1),
         part=np.repeat([0, 1], [ne - 2 * count, 2 * count]),
-        parts=(*job.parts, Part("soft", Isotropic(E / 2, 0.0))),
+        parts=(*job.parts, ShellPart("soft", Isotropic(E / 2, 0.0))),
         thickness=np.full((ne, 4), THICK),
         height=np.full((ne, 4), THICK / 2),
         fibre=np.tile([1.0, 0, 0], (ne, 1)),
@@ -234,7 +234,10 @@ def test_a_turned_body_carries_the_sheet_with_it():
 def test_a_given_displacement_bends_through_all_times():
     """Clamped at either end, one of them raised: 12 E I / L^3."""
     job = low()
-    held = (Held(end(job), 2, Drive(0.05e-3, RAMP)), Held(end(job), 0))
+    held = (
+        PrescribedDisplacement(end(job), 2, Drive(0.05e-3, RAMP)),
+        PrescribedDisplacement(end(job), 0),
+    )
     job = replace(job, held=held, held_directors=(HeldDirector(end(job), 0),))
     stiffness = E * WIDTH * THICK**3 / LENGTH**3
     for state, height in zip(
@@ -267,13 +270,16 @@ def test_the_faces_strain_by_bending_as_a_plates_do():
 def gripped(job, slide: float = 0.0):
     """Ends that slide across alone, one of them pulled by `slide` (m); a flat lower face."""
     start, side = at(job, 0.0), np.flatnonzero(job.points[:, 1] == 0)
-    pulled = Held(end(job), 0, Drive(slide, RAMP))
-    across = (Held(side, 1), Held(np.arange(len(job.points)), 2))
+    pulled = PrescribedDisplacement(end(job), 0, Drive(slide, RAMP))
+    across = (
+        PrescribedDisplacement(side, 1),
+        PrescribedDisplacement(np.arange(len(job.points)), 2),
+    )
     directors = ((start, 0), (end(job), 0), (side, 1))
     return replace(
         job,
         tied=(),
-        held=(Held(start, 0), pulled, *across),
+        held=(PrescribedDisplacement(start, 0), pulled, *across),
         held_directors=tuple(HeldDirector(*d) for d in directors),
     )
 
@@ -284,7 +290,7 @@ def test_a_strip_stretched_in_situ_bears_the_stress_of_its_stretch(k):
     the fields are those of our shell."""
     s = 1.03
     cauchy, volume, lateral = FEBIO_STRESS[k][s]
-    job = gripped(low(parts=(Part("skin", febio_law(k), s),)))
+    job = gripped(low(parts=(ShellPart("skin", febio_law(k), s),)))
     found, across = last(job), (1 + lateral) * s**0.5
     assert np.ptp(found.configuration.x[:, 1]) == pytest.approx(across * WIDTH, rel=1e-7)
     model = solid_model(job)
@@ -305,7 +311,7 @@ def test_a_strip_stretched_in_situ_bears_the_stress_of_its_stretch(k):
 def test_two_fibre_families_are_pulled_as_those_of_our_shell(stretch, tolerance):
     """At equal angles to the pull; with one of them stretched in situ the strip shears, and the
     elements differ near its grips."""
-    job = gripped(low(parts=(Part("skin", CROSSED, stretch),)), 0.05 * LENGTH)
+    job = gripped(low(parts=(ShellPart("skin", CROSSED, stretch),)), 0.05 * LENGTH)
     job = replace(job, fibre=np.tile([np.cos(0.35), -np.sin(0.35), 0], (len(job.quads), 1)))
     found, shell = (s.fields.stress.mean(axis=0) for s in (last(job), solved_by_shell(job)))
     assert found == pytest.approx(shell, abs=tolerance * np.abs(shell).max())
@@ -326,9 +332,9 @@ def loose_director(job):
     ("change", "words"),
     [
         (lambda j: {"height": 0 * j.height}, "leave out --mid-surface"),
-        (lambda j: {"parts": (Part("skin", febio_law(np.inf)),)}, "'skin'.*incompressible"),
+        (lambda j: {"parts": (ShellPart("skin", febio_law(np.inf)),)}, "'skin'.*incompressible"),
         (
-            lambda j: {"parts": (Part("skin", replace(CROSSED, angle=np.array([0.1, 0.2]))),)},
+            lambda j: {"parts": (ShellPart("skin", replace(CROSSED, angle=np.array([0.1, 0.2]))),)},
             "'skin'.*CrossedFibres varies within the part",
         ),
         (loose_director, "free to move"),
@@ -378,15 +384,15 @@ def test_a_result_names_the_body_that_bears_what_is_held(tmp_path):
 
 
 def test_verdicts_tell_ours_from_the_formulation():
-    assert Row("u", 1.0, 1.0, 1.0, 1.02).verdict == "agrees"
-    assert Row("u", 0.9, 0.9, 1.0, 1.0).verdict == "formulation"
-    assert Row("u", 0.9, 1.0, 0.9, 1.0).verdict == "differs"
-    assert Row("u", 0.9, 1.0, None, 1.0).verdict == "formulation"
-    assert Row("u", 0.9).verdict == "no figure"
-    assert Row("u", 0.9, 0.95, 1.0).off(0.95) == pytest.approx(-0.05)
+    assert ComparedQuantity("u", 1.0, 1.0, 1.0, 1.02).verdict == "agrees"
+    assert ComparedQuantity("u", 0.9, 0.9, 1.0, 1.0).verdict == "formulation"
+    assert ComparedQuantity("u", 0.9, 1.0, 0.9, 1.0).verdict == "differs"
+    assert ComparedQuantity("u", 0.9, 1.0, None, 1.0).verdict == "formulation"
+    assert ComparedQuantity("u", 0.9).verdict == "no figure"
+    assert ComparedQuantity("u", 0.9, 0.95, 1.0).off(0.95) == pytest.approx(-0.05)
     figures = PUBLISHED["hood_iso_500"]
     names = [str(i) for i in range(12)]
-    table = rows(figures, {e: dict.fromkeys(names, float(i)) for i, e in enumerate(Element)})
+    table = rows(figures, {e: dict.fromkeys(names, float(i)) for i, e in enumerate(Formulation)})
     assert [r.q4ans for r in table] == [2.0] * 12
     assert table[-1].off(2.0) == pytest.approx(2 / 91 - 1)
 
@@ -396,5 +402,5 @@ def test_a_model_without_figures_is_judged_by_febios_element():
     values = quantities(job, last(job), None)
     assert list(values)[2].startswith("uz of node")
     more = {k: 1.1 * v for k, v in values.items()}
-    table = rows(None, {Element.OWN: more, Element.Q4ANS: values})
+    table = rows(None, {Formulation.OWN: more, Formulation.Q4ANS: values})
     assert table[2].off(table[2].own) == pytest.approx(0.1, rel=0.05)

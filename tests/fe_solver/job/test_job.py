@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from cosim.errors import ConvergenceError, InputError
-from fe_solver.job.curves import Curve, Drive
+from fe_solver.job.curves import Drive, LoadCurve
 from fe_solver.job.job import (
     Body,
-    Held,
     HeldDirector,
     NodalForce,
+    PrescribedDisplacement,
     Pressure,
     SpringLaw,
     SpringSet,
@@ -42,7 +42,11 @@ from tests.helpers.jobs import (
 
 def test_a_prescribed_displacement_stretches_as_the_law_says():
     job, end = strip(), at(strip(), LENGTH)
-    held = (Held(at(job, 0.0), 0), Held(end, 0, Drive(1e-3, RAMP)), *pinned(job, 1, 2))
+    held = (
+        PrescribedDisplacement(at(job, 0.0), 0),
+        PrescribedDisplacement(end, 0, Drive(1e-3, RAMP)),
+        *pinned(job, 1, 2),
+    )
     job = replace(job, held=held)
     (state,) = solve_job(job, options=PLAIN).states
     stretch = 1.05
@@ -54,7 +58,7 @@ def test_a_prescribed_displacement_stretches_as_the_law_says():
 
 def test_one_component_given_twice_and_not_alike_is_refused():
     job, end = strip(), at(strip(), LENGTH)
-    job = replace(job, held=(*pinned(job, 0), Held(end, 0, Drive(1e-3, RAMP))))
+    job = replace(job, held=(*pinned(job, 0), PrescribedDisplacement(end, 0, Drive(1e-3, RAMP))))
     with pytest.raises(InputError, match=f"of {job.node(end[0])} is given twice"):
         solve_job(job, options=PLAIN)
 
@@ -123,7 +127,7 @@ def test_a_sheet_follows_the_body_that_turns_without_force():
 
 
 def test_a_hinge_holds_places_and_leaves_directors_free():
-    job = bent(held=(Held(at(strip(), LENGTH), 2),), forces=())
+    job = bent(held=(PrescribedDisplacement(at(strip(), LENGTH), 2),), forces=())
     job = replace(job, pressures=(Pressure(np.arange(30), np.ones(30, int), Drive(-1e3, RAMP)),))
     stiff = solve_job(job, options=PLAIN).states[0]
     loose = replace(job, tied=(replace(job.tied[0], clamped=False),))
@@ -136,7 +140,11 @@ def test_a_hinge_holds_places_and_leaves_directors_free():
 def test_a_held_director_makes_a_mirror_of_the_edge():
     job = strip(nx=16)
     edge, end = at(job, 0.0), at(job, LENGTH)
-    held = (Held(edge, 0), *(Held(end, c) for c in (0, 2)), *pinned(job, 1))
+    held = (
+        PrescribedDisplacement(edge, 0),
+        *(PrescribedDisplacement(end, c) for c in (0, 2)),
+        *pinned(job, 1),
+    )
     load = Pressure(np.arange(48), np.ones(48, int), Drive(-200.0, RAMP))
     job = replace(job, held=held, pressures=(load,))
     state = solve_job(replace(job, held_directors=(HeldDirector(edge, 0),)), options=PLAIN).states[
@@ -166,7 +174,7 @@ def test_pressure_pushes_against_the_normal(dead):
     [
         (SpringLaw(2e3), 1e-3),
         (SpringLaw(2e3, tension_only=True), 1e-3),
-        (SpringLaw(0.0, table=Curve((-1e-3, 0.0, 0.5e-3, 2e-3), (-1.0, 0.0, 0.5, 5.0))), 1e-3),
+        (SpringLaw(0.0, table=LoadCurve((-1e-3, 0.0, 0.5e-3, 2e-3), (-1.0, 0.0, 0.5, 5.0))), 1e-3),
     ],
 )
 def test_a_spring_stretches_until_it_carries_the_load(law, stretch):
@@ -179,7 +187,9 @@ def test_a_spring_stretches_until_it_carries_the_load(law, stretch):
 
 
 def test_a_spring_between_two_nodes_pulls_both():
-    job = replace(strip(), held=(*pinned(strip(), 1, 2), Held(at(strip(), 0.0), 0)))
+    job = replace(
+        strip(), held=(*pinned(strip(), 1, 2), PrescribedDisplacement(at(strip(), 0.0), 0))
+    )
     a, b = (int(at(job, x)[0]) for x in (0.0, LENGTH))
     none = np.zeros((1, 3))
     tight = SpringSet(
@@ -212,7 +222,7 @@ def test_contact_holds_the_face_that_is_meant_at_its_gap(gap, height, rest):
 
 def test_penetration_is_what_is_asked_for():
     job = floored(lift=THICK / 2)
-    job = replace(job, held=(*job.held, Held(at(job, 0.0), 2)))
+    job = replace(job, held=(*job.held, PrescribedDisplacement(at(job, 0.0), 2)))
     load = NodalForce(at(job, LENGTH), np.array([0, 0, -5.0]), RAMP)
     fine = solve_job(replace(job, forces=(load,)), options=replace(PLAIN, penetration=1e-7))
     soft = solve_job(replace(job, forces=(load,)), options=replace(PLAIN, penetration=None))

@@ -14,7 +14,7 @@ from fe_solver.febio.read import read_feb
 from fe_solver.febio.write import write_feb
 from fe_solver.hood.as_job import job_of_hood
 from fe_solver.job.febio_like import bending_notes, facet_lift, febio_patch
-from fe_solver.job.job import Body, ContactPair, NodalForce, Part, SpringLaw, SpringSet, Tied
+from fe_solver.job.job import Body, ContactPair, NodalForce, ShellPart, SpringLaw, SpringSet, Tied
 from fe_solver.job.mid_surface import on_mid_surface
 from fe_solver.job.solve import solve_job
 from fe_solver.materials.hyperelastic import NeoHookean
@@ -57,7 +57,7 @@ def test_a_law_whose_bending_in_febio_is_not_known_keeps_its_own_and_is_named():
     (patch,) = one_law(law, np.full(1, THICK)).patches
     assert not febio_patch(patch).bending.any()
     job = strip()
-    (note,) = bending_notes(replace(job, parts=(*job.parts, Part("woven", law))))
+    (note,) = bending_notes(replace(job, parts=(*job.parts, ShellPart("woven", law))))
     assert "'woven': bends as a thin sheet" in note
 
 

@@ -12,11 +12,11 @@ import pytest
 from cosim.errors import InputError
 from fe_solver.febio.read import read_feb
 from fe_solver.febio.write import write_feb
-from fe_solver.job.curves import Curve
+from fe_solver.job.curves import LoadCurve
 from fe_solver.job.job import SpringLaw
 from fe_solver.job.results import write_job
 from fe_solver.job.solve import _advice, solve_job
-from fe_solver.verification.febio.compare import Element, quantities, rows
+from fe_solver.verification.febio.compare import Formulation, quantities, rows
 from fe_solver.verification.febio.figures import PUBLISHED
 from fe_solver.verification.febio.solid_solve import other_ways
 from tests.helpers.jobs import (
@@ -73,7 +73,7 @@ def test_published_figures_are_compared_by_their_names():
         spring_forces=(np.array([6.458, -1.0]),),
     )
     found = quantities(job, state, figures)
-    table = {r.quantity: r for r in rows(figures, {Element.OWN: found})}
+    table = {r.quantity: r for r in rows(figures, {Formulation.OWN: found})}
     assert len(table) == 7 + 3
     assert all(r.verdict == "agrees" for k, r in table.items() if k.startswith("u"))
     assert table["largest spring (N)"].off(6.458) == pytest.approx(0.0)
@@ -133,7 +133,7 @@ def test_the_command_tells_faults_by_its_exit_code(tmp_path):
     assert "no equilibrium" in lost.stderr
     assert "--mid-surface" not in lost.stderr
     assert not (tmp_path / "out").exists()
-    never = SpringLaw(1e3, table=Curve((-1.0, 1.0), (0.0, 0.0)))
+    never = SpringLaw(1e3, table=LoadCurve((-1.0, 1.0), (0.0, 0.0)))
     write_feb(sprung(never, 1.0), tmp_path / "slack.feb")
     slack = run("solve", tmp_path / "slack.feb", "--out", tmp_path / "out")
     assert slack.exit_code == 1

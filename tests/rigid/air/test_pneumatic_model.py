@@ -15,7 +15,7 @@ from rigid.air.model import (
     SAMPLE,
     AirModel,
     Identification,
-    Record,
+    PressureRecord,
     identification,
     identify,
     latency,
@@ -31,7 +31,7 @@ TRUE = np.array([2e5, -5e4, 9e3, -2.0, 1.0, -0.3, 0.02])
 LAG = 2
 
 
-def made(model: AirModel, count: int = 120, n: int = 6) -> Record:
+def made(model: AirModel, count: int = 120, n: int = 6) -> PressureRecord:
     """A record whose central differences are the model's rates exactly."""
     rng = np.random.default_rng(3)
     time = SAMPLE * np.arange(1.0, count + 1.0)
@@ -41,7 +41,7 @@ def made(model: AirModel, count: int = 120, n: int = 6) -> Record:
     for k in range(1, count - 1):
         before = voltage[max(k - model.lag, 0)]
         pressure[k + 1] = pressure[k - 1] + 2 * SAMPLE * model.rate(pressure[k], before)
-    return Record(time, voltage, pressure)
+    return PressureRecord(time, voltage, pressure)
 
 
 MODEL = AirModel(PRINTED_TERMS, TRUE, np.zeros(7), LAG)
@@ -78,7 +78,7 @@ def test_intervals_of_white_noise_are_those_of_least_squares() -> None:
 
 
 def test_a_record_that_cannot_tell_them_apart_is_refused() -> None:
-    still = Record(SAMPLE * np.arange(1.0, 50.0), np.full((49, 1), 5.0), np.ones((49, 1)))
+    still = PressureRecord(SAMPLE * np.arange(1.0, 50.0), np.full((49, 1), 5.0), np.ones((49, 1)))
     with pytest.raises(InputError, match="tells only 1 of 7 coefficients apart"):
         identify(still)
     with pytest.raises(InputError, match="less than three values"):

@@ -20,7 +20,7 @@ from cosim.hoods.lumped.reduction import fit_potential
 from cosim.port import STATIC, Motion
 from meshes.skeleton import BODIES, index_finger
 from rigid.hoods.hinge_angle import angles, flexion_angles
-from rigid.hoods.reduced import AT_ONCE, Potential
+from rigid.hoods.reduced import AT_ONCE, ReducedPotential
 from rigid.hoods.reduced_basis import legendre, loadings, monomials, to_powers
 from rigid.hoods.reduced_fit import LEAST_FORCE, TIP, least_squares, tip_rows
 from rigid.hoods.reduced_sample import stack
@@ -164,7 +164,7 @@ def test_a_fit_to_tip_forces_is_better_there():
     assert aimed < 0.999 * plain
 
 
-def any_potential() -> Potential:
+def any_potential() -> ReducedPotential:
     """Four joints and two muscles with all kinds of terms, abduction too."""
     rng = np.random.default_rng(2)
     powers = np.array(
@@ -177,7 +177,7 @@ def any_potential() -> Potential:
     slip[1, 0] = 0, 0, 0, 0, -300.0
     joints = ("MCP", "MCP_abduction", "PIP", "DIP")
     parts = (low, high, np.array([4.0, 3.0]), powers, terms, 0.05, energy, slip_powers, slip)
-    return Potential(joints, ("EDC", "LUM"), *parts)
+    return ReducedPotential(joints, ("EDC", "LUM"), *parts)
 
 
 def test_one_state_is_as_in_a_batch():

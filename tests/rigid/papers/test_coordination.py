@@ -11,7 +11,7 @@ import pytest
 from cosim.errors import ConvergenceError
 from rigid.hoods.two_band import TABLE_1, Entry, coupled_dip, excursions, two_band
 from rigid.papers.buchner1988.coordination import (
-    Loop,
+    ControlLoop,
     band_torque,
     beside_the_line,
     crossing,
@@ -49,7 +49,7 @@ def test_muscles_and_bands_make_the_motion_whatever_the_programme(programme):
 
 def test_the_torque_asked_for_makes_the_feedback_s_acceleration():
     """Without bands a deviation from the reference dies as a critically damped one."""
-    loop, rng = Loop(bandwidth=7.0), np.random.default_rng(3)
+    loop, rng = ControlLoop(bandwidth=7.0), np.random.default_rng(3)
     for time in (0.1, 0.6):
         angle, rate = rng.normal(size=(2, 3))
         q, v, a = reference(np.array(time))
@@ -70,7 +70,7 @@ def test_the_bands_part_as_their_elasticity_says():
 
 
 def test_the_spring_is_the_slope_of_its_energy():
-    loop, angle = Loop(), np.array([0.1, 1.0, 0.2])
+    loop, angle = ControlLoop(), np.array([0.1, 1.0, 0.2])
 
     def energy(at):
         motion = replace(found().motion, angle=at[None])
@@ -90,13 +90,13 @@ def test_the_reference_is_a_line_to_the_papers_end():
 
 def test_stiffer_bands_hold_the_parabola_and_feedback_the_line():
     off = {
-        (w, K): deviation(Loop(w, K), flex(Loop(w, K), 51)).curve
+        (w, K): deviation(ControlLoop(w, K), flex(ControlLoop(w, K), 51)).curve
         for w, K in ((10.0, 50.0), (10.0, 500.0), (20.0, 500.0))
     }
     assert off[10.0, 500.0] < 0.5
     assert off[10.0, 50.0] == pytest.approx(9.0 * off[10.0, 500.0], rel=0.1)
     assert off[20.0, 500.0] > 2 * off[10.0, 500.0]
-    literal = Loop(bands_answer=False)
+    literal = ControlLoop(bands_answer=False)
     assert np.abs(beside_the_line(flex(literal, 11))).max() < 1e-9
 
 
@@ -119,7 +119,7 @@ def test_a_fixed_share_of_one_half_is_feasible_and_one_is_not():
 
 def test_a_band_that_would_push_is_refused():
     """Stiff bands, and a finger kept on the line, far from where they agree."""
-    loop = Loop(elasticity=50000.0)
+    loop = ControlLoop(elasticity=50000.0)
     motion = replace(found().motion, angle=found().motion.reference)
     with pytest.raises(ConvergenceError, match="a band would have to push"):
         share_forces(loop, motion, "linear")

@@ -22,7 +22,7 @@ from rigid.papers.xu2012.control import (
 from rigid.papers.xu2012.fan import fan, least_share
 from rigid.papers.xu2012.plant import Plant
 from rigid.papers.xu2012.tensions import ARM, WEIGHT, tensions
-from rigid.papers.xu2012.tracking import Bench, Step, poses
+from rigid.papers.xu2012.tracking import Bench, StepResponse, poses
 
 POSE = np.radians([30.0, 10.0, 45.0, 20.0])
 
@@ -143,7 +143,7 @@ def test_settling_and_overshoot_of_a_step() -> None:
     time = 0.01 * np.arange(100)
     angle = np.ones((100, 2))
     angle[:10, 0], angle[10:20, 0], angle[:, 1] = 0.0, 1.1, 0.5
-    step = Step(time, angle, np.zeros((100, 5)), np.zeros(2), np.ones(2))
+    step = StepResponse(time, angle, np.zeros((100, 5)), np.zeros(2), np.ones(2))
     np.testing.assert_allclose(step.settling, [0.20, np.inf])
     np.testing.assert_allclose(step.overshoot, [0.1, 0.0])
     assert step.error == pytest.approx(0.5)
@@ -158,7 +158,7 @@ def test_quality_counts_steps_and_joints_after_the_first() -> None:
     late[20, 0] = np.radians(1.0) + 1.0
     swings[::2, 1] = 0.5
     steps = [
-        Step(time, angle, np.zeros((100, 5)), start, goal)
+        StepResponse(time, angle, np.zeros((100, 5)), start, goal)
         for angle, start in ((still, goal), (late, np.zeros(2)), (swings, np.zeros(2)))
     ]
     found = checks.quality(steps)
