@@ -48,7 +48,7 @@ class Bone:
         rays[..., 0] += np.cos(self.tilt)[:, None]
         return self.centres[:, None] + self.radii[..., None] * rays
 
-    def scaled(self, length: float, width: float) -> Bone:
+    def scale(self, length: float, width: float) -> Bone:
         """The bone with x times `length` and y and z times `width`."""
         if not (length > 0 and width > 0 and np.isfinite([length, width]).all()):
             raise InputError(

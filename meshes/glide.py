@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshes.cable_net import CableNet
-from meshes.hood_mesh import HoodMesh, flat
+from meshes.hood_mesh import HoodMesh, display_quads
 from meshes.hull import PIP
 from meshes.skeleton import BODIES
 
@@ -79,7 +79,7 @@ def net_places(net: CableNet) -> tuple[CarriedPoint, ...]:
 
 def sheet_edges(mesh: HoodMesh, regions: Sequence[str]) -> Ints:
     """(m, 2) nodes at the ends of the edges of quads in the named regions, each edge once."""
-    quads = flat(mesh.quads[mesh.cells(*regions)])
+    quads = display_quads(mesh.quads[mesh.cells(*regions)])
     sides = np.stack([quads, np.roll(quads, 1, axis=1)], axis=-1).reshape(-1, 2)
     return np.unique(np.sort(sides, axis=1), axis=0)
 

@@ -53,7 +53,7 @@ from meshes.hood_lines import (
     even_shares,
     rows,
 )
-from meshes.hood_mesh import REGIONS, Attachment, HoodMesh, runs_round
+from meshes.hood_mesh import REGIONS, Attachment, HoodMesh, has_lateral_fibres
 from meshes.hull import CLEARANCE, PIP, Centreline, Hull, Level, SmoothSurface, along
 from meshes.skeleton import BODIES, Skeleton
 
@@ -330,7 +330,7 @@ def _cells(grid: _Grid, across: Array, quadratic: bool) -> tuple[Ints, Ints, NDA
                 cells.append(quad(lines, k, False))
                 names.append("triangular_ligament")
     region = np.array([REGIONS.index(n) for n in names])
-    along = np.array([not runs_round(n) for n in names])
+    along = np.array([not has_lateral_fibres(n) for n in names])
     return np.array(cells), region, along
 
 

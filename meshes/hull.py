@@ -114,7 +114,7 @@ class Level:
         """(n,) m by which points must rise dorsally, so that lines along the metacarpal from there
         to the MCP clear its level by `lift` (n,) m."""
         start = (points - self.position[0]) @ self.rotation[0]
-        way = to_the_joint(start)
+        way = lines_to_joint(start)
         line = way.reshape(-1, 3)
         level = self.offset["metacarpal"] + CLEARANCE * 1e-3 + np.repeat(lift, way.shape[1])
         for _ in range(30):
@@ -127,7 +127,7 @@ class Level:
         return highest - start[:, 2]
 
 
-def to_the_joint(start: Array) -> Array:
+def lines_to_joint(start: Array) -> Array:
     """(n, 50, 3) m, points on the lines along the metacarpal, in its frame, from each of `start`
     (n, 3) to the MCP."""
     way = np.repeat(start[:, None], 50, axis=1)

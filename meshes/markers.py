@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import InputError
-from meshes.hood_mesh import HoodMesh, flat
+from meshes.hood_mesh import HoodMesh, display_quads
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
@@ -35,7 +35,7 @@ def markers(mesh: HoodMesh, regions: Sequence[str]) -> Markers:
     regions, in rows evenly spaced along the finger.
 
     Raises InputError where the regions are not in the mesh."""
-    quads = flat(mesh.quads[mesh.cells(*regions)])
+    quads = display_quads(mesh.quads[mesh.cells(*regions)])
     if not len(quads):
         raise InputError(f"the mesh has none of the regions {', '.join(regions)}")
     edges = np.stack([quads, np.roll(quads, 1, axis=1)], axis=-1).reshape(-1, 2)

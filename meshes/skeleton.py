@@ -71,7 +71,7 @@ class Skeleton:
     source: Mapping[str, tuple[Array, Array]]
     """MyoHand's frame of each bone: rotation (3, 3) whose columns are our axes, our origin (m)."""
 
-    def scaled(self, factor: float) -> Skeleton:
+    def scale(self, factor: float) -> Skeleton:
         """The same finger with all lengths times `factor`."""
         return Skeleton(self.length * factor, self.zero, self.axis, self.source)
 

@@ -102,7 +102,7 @@ def _finger(
     given: Anatomy, report: list[str]
 ) -> tuple[FingerModel | None, Mapping[str, float], Skeleton]:
     if given.finger is None:
-        skeleton = index_finger().scaled(given.length_scale)
+        skeleton = index_finger().scale(given.length_scale)
         lengths = ", ".join(f"{1e3 * part:.1f}" for part in skeleton.length[1:])
         report.append(f"finger: our index finger, phalanges {lengths} mm from joint to joint")
         return None, {}, skeleton
@@ -156,7 +156,7 @@ def _with_hood(
         surfaces = bones.surfaces
     else:
         bones, scale = None, given.length_scale
-        surfaces = {b: load_bone(b).scaled(scale, 1.0).surface() for b in BODIES}
+        surfaces = {b: load_bone(b).scale(scale, 1.0).surface() for b in BODIES}
         report.append(f"bones: ours, {scale:g} times as long")
     level = Level(
         pose_surfaces(surfaces), dict.fromkeys(BODIES, 0.0), chain.position, chain.rotation

@@ -64,11 +64,11 @@ def solve(
     with exit_on_error():
         from cosim.schema.units import LENGTH, parse
         from fe_solver.febio.read import read_feb
-        from fe_solver.job.mid_surface import on_mid_surface
+        from fe_solver.job.mid_surface import move_to_mid_surface
         from fe_solver.job.model import JobOptions
         from fe_solver.job.results import SUMMARY, write_job
         from fe_solver.job.solve import solve_job, spread_times
-        from fe_solver.verification.febio.solid_solve import other_ways, solve_solid
+        from fe_solver.verification.febio.solid_solve import alternatives, solve_solid
 
         folder = out or Path("runs") / model.stem
         check_folder(folder, SUMMARY)
@@ -86,7 +86,7 @@ def solve(
             raise InputError(str(error)) from error
         job = replace(read_feb(model, unit), as_febio=not own_shell)
         if mid_surface:
-            job = on_mid_surface(job)
+            job = move_to_mid_surface(job)
         options, times = (
             JobOptions(penetration=limit, spacing=grid),
             spread_times(job, until, states),
@@ -94,7 +94,7 @@ def solve(
         if solid:
             result = solve_solid(job, options=options, times=times)
         else:
-            result = solve_job(job, options=options, times=times, ways=other_ways(job))
+            result = solve_job(job, options=options, times=times, ways=alternatives(job))
         _show(result)
         typer.echo(f"results in {write_job(folder, result)}")
 

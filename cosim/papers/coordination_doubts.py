@@ -14,10 +14,10 @@ from rigid.papers.buchner1988.coordination_findings import (
     CHANGE,
     Finding,
     Flexion,
-    doubts,
     feasible,
     findings,
     flexion,
+    table_sensitivity,
 )
 from rigid.papers.buchner1988.flexion import cosine
 
@@ -158,7 +158,7 @@ def _entries(f: Flexion) -> Figure:
             f"{100 * CHANGE:.0f} % smaller": _named(smaller, what),
             f"{100 * CHANGE:.0f} % larger": _named(larger, what),
         }
-        for (muscle, joint), (smaller, larger) in doubts(f).items()
+        for (muscle, joint), (smaller, larger) in table_sensitivity(f).items()
         for what in SHOWN
     ]
     data = pd.DataFrame(rows)

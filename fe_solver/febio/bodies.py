@@ -30,6 +30,7 @@ class Units:
 
     @property
     def stress(self) -> float:
+        """1 Pa in the file's units."""
         return self.force / self.length**2
 
 

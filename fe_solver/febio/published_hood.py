@@ -142,11 +142,11 @@ def _scale_pull(job: Job, pull: float) -> Job:
     """The end with the most nodes is the central tendon's."""
     central = max(range(len(job.forces)), key=lambda i: len(job.forces[i].nodes))
 
-    def scaled(f: NodalForce) -> NodalForce:
+    def scale_force(f: NodalForce) -> NodalForce:
         assert f.curve is not None  # the file ramps its loads
         return replace(f, force=f.force * pull / f.curve.at(1.0))
 
-    forces = [scaled(f) if i == central else f for i, f in enumerate(job.forces)]
+    forces = [scale_force(f) if i == central else f for i, f in enumerate(job.forces)]
     return replace(job, forces=tuple(forces))
 
 

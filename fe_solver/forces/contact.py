@@ -112,7 +112,7 @@ class Contact:
         """(k,) m, the depth at which the ramp gives the multiplier."""
         if self.pressure is None:
             return np.zeros(len(self.nodes))
-        return unramp(self.pressure / self.stiffness, self.smoothing)
+        return inverse_ramp(self.pressure / self.stiffness, self.smoothing)
 
     def at(self, x: Array) -> Array:
         """(k, 3) m, the points, at node positions x (n, 3)."""
@@ -138,7 +138,7 @@ def ramp(depth: Array, smoothing: Array | float) -> tuple[Array, Array, Array]:
     return integral, value, slope
 
 
-def unramp(value: Array, smoothing: Array | float) -> Array:
+def inverse_ramp(value: Array, smoothing: Array | float) -> Array:
     """The depth at which the ramp has this value; of zero, the largest such depth."""
     return np.where(
         value < smoothing, 2 * np.sqrt(smoothing * np.maximum(value, 0.0)) - smoothing, value

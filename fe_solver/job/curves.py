@@ -122,4 +122,5 @@ class Drive:
     curve: LoadCurve | None = None
 
     def at(self, time: float) -> float:
+        """Return the quantity at a time (s), in the unit of `value`."""
         return self.value * (1.0 if self.curve is None else self.curve.at(time))

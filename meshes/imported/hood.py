@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cosim.errors import InputError
 from meshes.hood import on_bone
-from meshes.hood_mesh import ENDS, REGIONS, SPRINGS, Attachment, HoodMesh, runs_round
+from meshes.hood_mesh import ENDS, REGIONS, SPRINGS, Attachment, HoodMesh, has_lateral_fibres
 from meshes.hull import Centreline, Level, along
 from meshes.imported.checks import (
     UNITS,
@@ -23,7 +23,16 @@ from meshes.imported.checks import (
     scale_fault,
     wind_alike,
 )
-from meshes.imported.names import END, SPRING, TIED, Named, absent, list_names, map_names, missing
+from meshes.imported.names import (
+    END,
+    SPRING,
+    TIED,
+    Named,
+    absent_sets,
+    list_names,
+    map_names,
+    missing_sets_fault,
+)
 from meshes.imported.raw import RawMesh
 from meshes.skeleton import BODIES, Skeleton
 
@@ -64,7 +73,7 @@ def read_sheet(
 
     Raises InputError that lists all its faults."""
     sets = map_names(raw, mapping)
-    faults = missing(raw, sets) + quad_faults(raw.points, raw.quads)
+    faults = missing_sets_fault(raw, sets) + quad_faults(raw.points, raw.quads)
     points, used = placing.of(raw.points), np.unique(raw.quads)
     extent = float(np.ptp(raw.points[used] @ placing.axes.T, axis=0).max())
     reach = float(chain.skeleton.length[1:].sum())
@@ -80,7 +89,7 @@ def read_sheet(
     wrong, shift = axes_fault(ends, chain, placing.axes)
     if wrong or np.linalg.norm(shift) > OFF_PLACE:
         raise InputError(_faults_text([wrong or other_origin(placing, shift)]))
-    notes = [*absent(sets), *_dropped_notes(raw, sets, used)]
+    notes = [*absent_sets(sets), *_dropped_notes(raw, sets, used)]
     if len(flipped) and len(flipped) < len(quads):
         less = min(len(flipped), len(quads) - len(flipped))
         notes.append(f"{less} quads were wound against the others and are turned over")
@@ -247,7 +256,7 @@ def _fibres(points: Array, quads: Ints, region: Ints, chain: Centreline) -> Arra
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     ahead = chain.frames(places(p.mean(axis=1), chain))[1][:, :, 0]
     ahead = ahead - np.einsum("nk,nk->n", ahead, normal)[:, None] * normal
-    around = np.array([runs_round(REGIONS[i]) for i in region])
+    around = np.array([has_lateral_fibres(REGIONS[i]) for i in region])
     fibre = np.where(around[:, None], np.cross(normal, ahead), ahead)
     return fibre / np.linalg.norm(fibre, axis=1, keepdims=True)
 

@@ -48,7 +48,7 @@ CENTRAL = 0.5
 in Synek et al. 2019, PeerJ 7:e7470)."""
 
 
-def through_the_hood(central: float = CENTRAL) -> Mapping[str, tuple[Way, ...]]:
+def hood_strands(central: float = CENTRAL) -> Mapping[str, tuple[Way, ...]]:
     """The muscles of the hood where its slips carry fixed shares.  EI runs with EDC: the normative
     model has one long extensor (LE)."""
     return {
@@ -69,6 +69,6 @@ def finger_model(
     (0 to 1) those of the hood too, that share of each going to the central slip.
 
     o2o3: m, the unit of the tendon paths; bones: surfaces by body, drawn instead of capsules."""
-    hood = {} if central is None else through_the_hood(central)
+    hood = {} if central is None else hood_strands(central)
     anatomy = FingerAnatomy("index finger", ROWS, OFFSET, {**hood, **ON_BONES})
     return assemble(anatomy, skeleton, o2o3, bones)

@@ -26,9 +26,11 @@ class Places(Protocol):
     """Frames of the bones in the world."""
 
     @property
-    def turn(self) -> Array: ...
+    def turn(self) -> Array:
+        """(nb, 3, 3), each bone's axes as columns, in the world."""
 
-    def local(self, i: int, point: Array) -> Array: ...
+    def local(self, i: int, point: Array) -> Array:
+        """Return a point (3,) m of the world in the frame of bone i."""
 
 
 @dataclass(frozen=True)

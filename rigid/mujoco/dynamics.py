@@ -198,6 +198,7 @@ class FingerDynamics:
 
     @property
     def law(self) -> JointLaw:
+        """The joints' springs, limits and damping."""
         return self._finger.law
 
     def tendon_lengths(self, at: Moment) -> Array:

@@ -43,6 +43,10 @@ class Spring:
 
 
 def read_limit(tag: OsimTag, slide: bool) -> CoordinateLimit:
+    """Read a CoordinateLimitForce; the file's degrees become rad, unless the coordinate is a
+    `slide`.
+
+    Raises InputError for values that are no numbers."""
     scale = 1.0 if slide else DEGREES
     tag.flag("compute_dissipation_energy", False)
     return CoordinateLimit(
@@ -57,6 +61,7 @@ def read_limit(tag: OsimTag, slide: bool) -> CoordinateLimit:
 
 
 def read_spring(tag: OsimTag) -> Spring:
+    """Read a SpringGeneralizedForce. Raises InputError for values that are no numbers."""
     return Spring(
         tag.word("coordinate", ""),
         tag.value("stiffness", 0.0),

@@ -46,6 +46,7 @@ class TransformAxis:
     intercept: float = 0.0
 
     def transform(self, amount: float) -> Transform:
+        """Return the motion by `amount` (m or rad) along or about the axis."""
         if self.slide:
             return Transform(np.eye(3), self.direction * amount)
         return Transform(rotation_matrix(self.direction * amount), np.zeros(3))

@@ -54,11 +54,12 @@ class Loss:
 
 
 def change_of(tag: OsimTag, reason: str) -> Loss:
+    """Return the loss that says why an element is something else in the MJCF."""
     return Loss("changed", tag.place, tag.line, reason)
 
 
 def drop(tag: OsimTag, reason: str) -> Loss:
-    """The element and all within it count as read from now on."""
+    """Return the loss of an element; it and all within it count as read from now on."""
     tag.pass_over()
     return Loss("dropped", tag.place, tag.line, reason)
 

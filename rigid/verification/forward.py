@@ -47,6 +47,7 @@ class EnergyBudget:
 
     @property
     def artificial(self) -> float:
+        """J, what the method's damping took (positive) or gave."""
         gained = self.kinetic + self.joints_stored + self.device_stored
         lost = self.joints_dissipated + self.device_dissipated
         return self.tendons + self.gravity - gained - lost
@@ -81,6 +82,7 @@ class Simulation:
 
     @property
     def at_rest(self) -> bool:
+        """Whether rates and force change over the last window no more than `rest` allows."""
         return self.last_rate <= self.rest.rate and self.last_change <= self.rest.force
 
 
@@ -107,8 +109,8 @@ def simulate(
     return _simulation(dynamics, history, dt, rest)
 
 
-def came_to_rest(simulation: Simulation) -> Simulation:
-    """The same simulation.  Raises ConvergenceError where it did not come to rest."""
+def require_rest(simulation: Simulation) -> Simulation:
+    """Return the same simulation. Raises ConvergenceError where it did not come to rest."""
     if not simulation.at_rest:
         rest = simulation.rest
         raise ConvergenceError(

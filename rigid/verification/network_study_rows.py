@@ -38,8 +38,8 @@ from rigid.papers.networks.testbed_runs import (
 from rigid.papers.networks.testbed_study import (
     REPORTED_ERRORS,
     SeedTrial,
+    constrain_to_curve,
     errors,
-    keep_to_curve,
     trials,
 )
 
@@ -86,7 +86,7 @@ def identification_rows() -> Iterator[Row]:
             name,
             f"95 % intervals that hold the truth, {words}",
             0.95,
-            draws.covered,
+            draws.coverage,
             0.01,
             source,
             "absolute",
@@ -171,7 +171,7 @@ def testbed_rows() -> Iterator[Row]:
             about = PAPER + "IV, its own testbed's RMSE, without a spread"
             yield Row(name, what, theirs, float(mine), 0.0, about, "shown")
     without, elsewhere = trials(SEEDS, 0.0), trials(SEEDS, FRICTION_ELSEWHERE, ELSEWHERE)
-    off = hysteresis(virtual_bed(FRICTION_ELSEWHERE), ELSEWHERE).off_x
+    off = hysteresis(virtual_bed(FRICTION_ELSEWHERE), ELSEWHERE).angle_from_x
     yield _other_circle(name, "without friction at the routing points", without)
     there = f"in another posture, with the hysteresis {off:.0f} deg off x"
     yield _other_circle(name, there, elsewhere)
@@ -179,7 +179,7 @@ def testbed_rows() -> Iterator[Row]:
 
 def _other_circle(name: str, how: str, found: Sequence[SeedTrial]) -> Row:
     """What friction and the posture, which is not printed, do to the circle."""
-    kept = keep_to_curve(found)
+    kept = constrain_to_curve(found)
     what = (
         f"circle {how}: interconnected over static, the {kept.sum()} of {SEEDS} seeds that keep "
         "to the coupling curve"

@@ -51,7 +51,7 @@ def _path_rows(name: str, six: bool) -> Iterator[Row]:
     yield row("ten_J less differences of the length, mm/rad",
               computed=checks.difference(model, some), tolerance=1e-6,
               source="central differences, 1e-5 rad")  # fmt: skip
-    length, arms = checks.beside_closed_forms(model, some)
+    length, arms = checks.closed_form_errors(model, some)
     yield row("length less closed forms, m", computed=length, tolerance=1e-12,
               source="rigid.papers.xu2012.paths: cylinders unrolled, great circles")  # fmt: skip
     yield row("arms less differences of closed forms, m/rad", computed=arms, tolerance=1e-9,
@@ -132,7 +132,7 @@ def excursion_rows() -> Iterator[Row]:
     mean = 1e3 * float(e.meant.residual.mean())
     yield row("mean residual of the markers, mm", 5.0, mean, 1.0, measure="comparison")
     for seed in range(SEEDS):
-        off = 1e3 * checks.excursions(seed).misplaced
+        off = 1e3 * checks.excursions(seed).marker_error
         yield row(f"markers' places found to, mm, seed {seed}", 1.0, off, 0.0, measure="bound")
     before, after = checks.rms(e.meant), checks.rms(e.found)
     for tendon, b, a in zip(TENDONS, before, after, strict=True):

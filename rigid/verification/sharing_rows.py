@@ -25,7 +25,7 @@ from rigid.papers.buchner1988.flexion import (
     FULL,
     Course,
     cosine,
-    on_the_curve,
+    curve_motion,
     quintic,
     torques,
 )
@@ -57,7 +57,7 @@ class Programmes:
 
     def at(self, time: float) -> tuple[Array, Array]:
         """Joint angles and torques, (3,) each."""
-        angle, rate, acceleration = on_the_curve(np.array(time), self.course)
+        angle, rate, acceleration = curve_motion(np.array(time), self.course)
         return angle, torques(BUCHNER, angle, rate, acceleration)
 
     def linear(self, time: float) -> Sharing:
@@ -66,6 +66,8 @@ class Programmes:
         return linear(network, *self.at(time), HALF, np.zeros(2), EQUAL)
 
     def quadratic(self, time: float, weight: Array = EQUAL) -> Sharing:
+        """Return the forces by the quadratic programme with the muscles' cost `weight` at a time
+        (s)."""
         return quadratic(two_band(table=self.table), *self.at(time), weight)
 
     def fall(self, weight: Array) -> float:

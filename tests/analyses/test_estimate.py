@@ -26,7 +26,7 @@ from rigid.chain.planar_chain import BUCHNER
 from rigid.hoods.two_band import two_band
 from rigid.mujoco.inverse_dynamics import needed_torque
 from rigid.muscle.least_cost import least
-from rigid.papers.buchner1988.flexion import on_the_curve, torques
+from rigid.papers.buchner1988.flexion import curve_motion, torques
 from rigid.papers.buchner1988.force_sharing import linear
 
 CLAMPED = 'finger.tip.kind="clamped"'
@@ -135,7 +135,7 @@ def test_a_motion_over_two_bands_takes_what_the_linear_programme_says():
     from another dynamics, and its bands from equations."""
     s = made("two_band_edc", *NO_SPRINGS, weights="one", power=1)
     time = np.linspace(0.0, 1.0, 401)
-    angle, rate, acceleration = on_the_curve(time)
+    angle, rate, acceleration = curve_motion(time)
     from cosim.analyses.estimate.joint_motion import JointMotion
 
     few = slice(0, None, 80)

@@ -27,7 +27,7 @@ from meshes.imported.checks import (
     wind_alike,
 )
 from meshes.imported.hood import ImportedSheet, places, read_sheet, stations
-from meshes.imported.names import map_names, missing
+from meshes.imported.names import map_names, missing_sets_fault
 from meshes.imported.raw import RawMesh, read_raw
 from meshes.skeleton import index_finger
 from tests.helpers.own_anatomy import exported, write_feb, write_meshio
@@ -72,7 +72,7 @@ def test_every_format_holds_the_same_mesh_and_sets(
         write_meshio(exported(ours), path, "gmsh22" if ending == "msh" else None)
     read = read_hood(path)
     np.testing.assert_allclose(read.points, raw.points, atol=1e-6)
-    assert missing(read, map_names(read, {})) == []
+    assert missing_sets_fault(read, map_names(read, {})) == []
     for name, cells in raw.cells.items():
         rows = {tuple(quad) for quad in raw.quads[cells].tolist()}
         assert {tuple(quad) for quad in read.quads[read.cells[name]].tolist()} == rows
@@ -154,7 +154,7 @@ def test_missing_sets_are_named_with_the_nearest_and_can_be_mapped(raw: RawMesh,
 
 def test_a_name_may_differ_in_case_and_dashes(raw: RawMesh):
     other = {name.upper().replace("_", "-"): cells for name, cells in raw.cells.items()}
-    assert missing(raw, map_names(replace(raw, cells=other), {})) == []
+    assert missing_sets_fault(raw, map_names(replace(raw, cells=other), {})) == []
 
 
 def test_a_quad_in_two_regions_or_a_loose_end_is_a_fault(raw: RawMesh, chain: Centreline):

@@ -47,7 +47,7 @@ def made(*settings: str) -> tuple[Models, HoodMesh]:
 @pytest.mark.parametrize("factor", [1.0, 0.8, 1.7])
 def test_stations_of_an_index_finger_of_any_size_are_scaled_and_no_more(factor):
     station = np.array([-20.0, 0.0, 12.3, PIP, 55.0, DIP, 73.0])
-    skeleton = index_finger().scaled(factor)
+    skeleton = index_finger().scale(factor)
     plain = station * 1e-3 * (skeleton.length[1] / (PIP * 1e-3))
     np.testing.assert_allclose(along(skeleton, station), plain, rtol=1e-15)
     if factor == 1.0:

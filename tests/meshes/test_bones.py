@@ -108,12 +108,12 @@ def test_spline_is_twice_continuous_across_rows_columns_and_ends():
 def test_scaling_is_exact(length, width):
     bone = load_bone("middle")
     factors = np.array([length, width, width])
-    assert bone.scaled(length, width).points == pytest.approx(bone.points * factors, abs=1e-15)
+    assert bone.scale(length, width).points == pytest.approx(bone.points * factors, abs=1e-15)
 
 
 def test_even_scaling_scales_the_surface():
     vertices, faces = load_bone("distal").surface(0.5e-3)
-    larger, same = load_bone("distal").scaled(1.2, 1.2).surface(0.6e-3)
+    larger, same = load_bone("distal").scale(1.2, 1.2).surface(0.6e-3)
     assert np.array_equal(faces, same)
     assert larger == pytest.approx(1.2 * vertices, abs=1e-12)
 
@@ -135,7 +135,7 @@ def test_faults_name_the_cure():
     with pytest.raises(InputError, match="expected one of metacarpal, proximal, middle, distal"):
         load_bone("thumb")
     with pytest.raises(InputError, match="scale factors must be positive"):
-        load_bone("distal").scaled(0.0, 1.0)
+        load_bone("distal").scale(0.0, 1.0)
     with pytest.raises(InputError, match="edge length"):
         load_bone("distal").surface(0.45e-6)
 

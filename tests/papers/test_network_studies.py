@@ -15,10 +15,10 @@ from rigid.hoods.network import Arms
 from rigid.papers.networks.arm_switch import predict, switch
 from rigid.papers.networks.excursion_fit import (
     EXTENSOR,
+    curve_distance,
+    curve_distance_slopes,
     dip_of_pip,
     identify,
-    off_curve,
-    off_curve_slopes,
 )
 from rigid.papers.networks.excursion_fit_check import draw_samples, true_parameters
 from rigid.papers.networks.human_network import human_finger
@@ -174,9 +174,11 @@ def test_distance_from_the_curve_and_its_derivatives():
     lateral = at[1] * on[:, 1] + 0.5 * at[2] * on[:, 1] ** 2 + at[3] * on[:, 2] + at[4]
     assert lateral == pytest.approx(slip, abs=1e-15)
     step = 1e-8
-    moved = [off_curve(at + d, curve) - off_curve(at - d, curve) for d in step * np.eye(5)]
+    moved = [
+        curve_distance(at + d, curve) - curve_distance(at - d, curve) for d in step * np.eye(5)
+    ]
     slopes = np.array(moved).T / (2 * step)
-    assert off_curve_slopes(at, curve) == pytest.approx(slopes, rel=1e-5, abs=1e-2)
+    assert curve_distance_slopes(at, curve) == pytest.approx(slopes, rel=1e-5, abs=1e-2)
 
 
 def drawn_sheet(figure):

@@ -18,8 +18,7 @@ from cosim.case.cache_key import address, case_table, code_version
 from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.errors import ConvergenceError, InputError
-from cosim.study import open_study
-from cosim.study import process as apart
+from cosim.study import open_study, process
 from cosim.study.quantities import check_outputs, paths
 from cosim.study.store import Store
 from cosim.study.task import Task, settle, stored_outcome
@@ -237,7 +236,7 @@ def test_a_run_in_its_own_process_is_that_of_this_one(place):
     """Also one that follows it there, one over its time, and one whose process crashes."""
     try:
         task = a_task(place, "finger.posture.PIP=33 deg")
-        verdict = apart.solve(task)
+        verdict = process.solve(task)
         assert (verdict.status, verdict.solved) == ("converged", True)
         store = Store(Path(task.store))
         row = store.find(task.key)
@@ -247,16 +246,16 @@ def test_a_run_in_its_own_process_is_that_of_this_one(place):
         assert row is not None
         assert same is not None
         assert row.summary == same.summary
-        assert not apart.solve(task).solved
+        assert not process.solve(task).solved
         late = a_task(place, "finger.posture.PIP=34 deg", limit=1e-4)
-        assert apart.solve(late).status == "timeout"
+        assert process.solve(late).status == "timeout"
         assert stored_outcome(late, store) is not None
         assert stored_outcome(Task(**{**vars(late), "limit": 60.0}), store) is None
         other = Task(**{**vars(task), "code": "another"})
         with pytest.raises(InputError, match="install the same"):
-            apart.solve(other)
+            process.solve(other)
     finally:
-        apart.close()
+        process.close()
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
@@ -264,7 +263,7 @@ def test_the_process_of_a_run_has_one_thread_and_keeps_its_memory(monkeypatch):
     """Whatever a Dask worker was given: two that hand every block back get in each other's way."""
     monkeypatch.setenv("MALLOC_TRIM_THRESHOLD_", "65536")
     monkeypatch.setenv("OPENBLAS_NUM_THREADS", "8")
-    child = apart.Child()
+    child = process.Child()
     try:
         lines = [""]
         while not any(lines):  # a program that has just begun has no environment yet
@@ -273,15 +272,15 @@ def test_the_process_of_a_run_has_one_thread_and_keeps_its_memory(monkeypatch):
     finally:
         child.end()
     given = dict(line.split("=", 1) for line in lines if "=" in line)
-    assert {given[name] for name in apart.THREADS} == {"1"}
+    assert {given[name] for name in process.THREADS} == {"1"}
     assert int(given["MALLOC_TRIM_THRESHOLD_"]) > 2**26
     assert given["MALLOC_MMAP_MAX_"] == "0"  # older glibc takes no threshold beyond 32 MB
 
 
 def test_a_run_whose_process_ends_again_and_again_is_a_row(place, monkeypatch):
-    monkeypatch.setattr(apart, "DEATHS", 2)
+    monkeypatch.setattr(process, "DEATHS", 2)
     task = Task(**{**vars(a_task(place)), "case": {"title": "no case at all"}})
-    verdict = apart.solve(task)
+    verdict = process.solve(task)
     assert verdict.status == "died"
     assert "its process ended 2 times (exit code 1: " in verdict.reason
     assert Store(Path(task.store)).find(task.key) is not None

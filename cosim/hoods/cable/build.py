@@ -44,7 +44,7 @@ def build(hood: CableHoodConfig, site: Site) -> BuiltHood:
 def build_net(hood: CableHoodConfig, anatomy: Anatomy) -> CableNet:
     """The net of a cable hood; where the extensor alone pulls without the other tendons' ends."""
     from meshes.cable_net import lay
-    from meshes.robot_net import extensor_alone
+    from meshes.robot_net import keep_extensor
 
     offset, bones = hood.contact.offset, anatomy.bones
     net = lay(
@@ -56,7 +56,7 @@ def build_net(hood: CableHoodConfig, anatomy: Anatomy) -> CableNet:
         anatomy.width,
     )
     ends = ENDS[anatomy.finger].values()
-    return extensor_alone(net) if set(ends) == {"central"} else net
+    return keep_extensor(net) if set(ends) == {"central"} else net
 
 
 def cable_hood_of(hood: CableHoodConfig, site: Site, net: CableNet) -> FeHood:

@@ -53,6 +53,7 @@ class ComparedQuantity:
 
     @property
     def reference(self) -> float | None:
+        """FEBio's figure, or else what `q4ans` says; None where there is neither."""
         return self.q4ans if self.febio is None else self.febio
 
     def off(self, value: float | None) -> float | None:

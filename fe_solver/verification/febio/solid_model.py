@@ -330,6 +330,7 @@ class SolidPattern:
 
     @cached_property
     def analysis(self) -> Analysis:
+        """The symbolic factorisation for this pattern, made once."""
         return analyse(self.slots)
 
     def data(self, terms: Sequence[Term]) -> Array:

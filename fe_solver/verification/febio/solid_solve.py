@@ -59,7 +59,7 @@ point that slides over a bone's sharp edge would come and go for ever."""
 MOST_AUGMENTATIONS = 30
 
 
-def other_ways(job: Job) -> list[str]:
+def alternatives(job: Job) -> list[str]:
     """What to try where our own shell finds no equilibrium of a job: this one where it can."""
     if first_obstacle(job) is not None:
         return []

@@ -176,13 +176,13 @@ def differences(loop: ControlLoop, motion: CoordinatedMotion) -> Array:
     return shift_difference(motion.angle[:, 1], motion.angle[:, 2], loop.table)
 
 
-def beside_the_curve(loop: ControlLoop, motion: CoordinatedMotion) -> Array:
-    """(n,) rad, of the DIP from the parabola (6) at its PIP angle."""
+def curve_deviation(loop: ControlLoop, motion: CoordinatedMotion) -> Array:
+    """(n,) rad, of the DIP angle from the parabola (6) at its PIP angle."""
     return motion.angle[:, 2] - coupled_dip(motion.angle[:, 1], loop.table)
 
 
-def beside_the_line(motion: CoordinatedMotion) -> Array:
-    """(n,) rad, of the DIP from the line that the reference goes, at its PIP angle."""
+def line_deviation(motion: CoordinatedMotion) -> Array:
+    """(n,) rad, of the DIP angle from the line that the reference follows, at its PIP angle."""
     end = motion.reference[-1]
     return motion.angle[:, 2] - motion.angle[:, 1] * end[2] / end[1]
 
@@ -206,5 +206,6 @@ class Deviation(NamedTuple):
 
 
 def deviation(loop: ControlLoop, motion: CoordinatedMotion) -> Deviation:
-    beside = beside_the_curve(loop, motion), beside_the_line(motion)
+    """Return the largest deviations of a motion's DIP angle (deg)."""
+    beside = curve_deviation(loop, motion), line_deviation(motion)
     return Deviation(*(float(np.degrees(np.abs(b).max())) for b in beside))

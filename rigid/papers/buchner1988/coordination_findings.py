@@ -111,7 +111,7 @@ def _is_feasible(loop: ControlLoop, motion: CoordinatedMotion, k: int) -> bool:
     return True
 
 
-def doubts(f: Flexion) -> dict[tuple[str, str], tuple[tuple[Finding, ...], ...]]:
+def table_sensitivity(f: Flexion) -> dict[tuple[str, str], tuple[tuple[Finding, ...], ...]]:
     """Findings with each entry of table 1 that is not certain made smaller and larger by CHANGE; by
     muscle and joint.  None of these entries plays a part in the motion."""
     out = {}

@@ -78,6 +78,7 @@ class Identified:
 
     @property
     def deviation(self) -> Array:
+        """(p,) m and m/rad, standard deviations of the parameters."""
         return np.sqrt(np.diag(self.covariance))
 
     def finger(self, length: Array) -> ShareFinger:
@@ -154,10 +155,10 @@ def _of_extensors(measured: MeasuredKinematics, coupling: JointCoupling | None) 
 
     def residuals(p: Array) -> Array:
         off = (rows(p) @ p - wanted.T.ravel()) / measured.spread
-        return np.concatenate([off, off_curve(p[2 * n :], coupling)])
+        return np.concatenate([off, curve_distance(p[2 * n :], coupling)])
 
     def slopes(p: Array) -> Array:
-        on_curve = off_curve_slopes(p[2 * n :], coupling)
+        on_curve = curve_distance_slopes(p[2 * n :], coupling)
         still = np.zeros((len(on_curve), 2 * n))
         return np.vstack([rows(p) / measured.spread, np.hstack([still, on_curve])])
 
@@ -178,7 +179,7 @@ def _way_rows(angle: Array) -> tuple[Array, Array]:
     return slip, np.stack([no, pip, 0.5 * pip**2, dip, one], axis=1)
 
 
-def off_curve(parameters: Array, coupling: JointCoupling | None) -> Array:
+def curve_distance(parameters: Array, coupling: JointCoupling | None) -> Array:
     """(n,) how far the measured points lie from the curve of the parameters, over their spread: the
     distance in angle, which unlike the lengths' difference does not shrink with the arms."""
     if coupling is None:
@@ -187,8 +188,8 @@ def off_curve(parameters: Array, coupling: JointCoupling | None) -> Array:
     return away / coupling.deviation
 
 
-def off_curve_slopes(parameters: Array, coupling: JointCoupling | None) -> Array:
-    """(n, 5): derivatives of `off_curve` by the parameters."""
+def curve_distance_slopes(parameters: Array, coupling: JointCoupling | None) -> Array:
+    """(n, 5): derivatives of `curve_distance` by the parameters."""
     if coupling is None:
         return np.zeros((0, len(EXTENSOR)))
     slip, lateral = _way_rows(coupling.angle)

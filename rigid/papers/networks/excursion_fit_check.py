@@ -39,7 +39,7 @@ class Draws(NamedTuple):
     """(draws,) squared distance from the truth by the covariance: chi-square of p."""
 
     @property
-    def covered(self) -> float:
+    def coverage(self) -> float:
         """Part of all 95 % intervals that hold the truth."""
         return float((np.abs(self.miss) < NORMAL_95).mean())
 

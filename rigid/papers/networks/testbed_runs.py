@@ -66,6 +66,8 @@ FLEXED = 1.0
 
 
 def virtual_bed(friction: float = FRICTION, joint_friction: float = JOINT_FRICTION) -> Bed:
+    """The robotic finger on the testbed; `friction` is mu of the routing points, `joint_friction`
+    in N m."""
     return Bed(robotic_finger(), LENGTH, friction, joint_friction)
 
 
@@ -80,7 +82,7 @@ class Hysteresis(NamedTuple):
     """(2,), of that distance."""
 
     @property
-    def off_x(self) -> float:
+    def angle_from_x(self) -> float:
         """deg between that direction and x."""
         across, along = np.abs(self.direction[::-1])
         return float(np.degrees(np.arctan2(across, along)))

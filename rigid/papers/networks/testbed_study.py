@@ -124,7 +124,7 @@ def errors(found: Sequence[SeedTrial]) -> dict[str, Array]:
     return {name: np.array([t.errors[name] for t in found]) for name in REPORTED_ERRORS}
 
 
-def keep_to_curve(found: Sequence[SeedTrial]) -> NDArray[np.bool_]:
+def constrain_to_curve(found: Sequence[SeedTrial]) -> NDArray[np.bool_]:
     """(seeds,) whether the finger stays by its posture all along the circle.  The forces ask for
     shares up to 0 and 1, and a finger known with errors can be asked for more; then one way goes
     slack, and nothing but friction holds it."""

@@ -141,7 +141,7 @@ class Air:
             self.loop.begin(voltage, gauge),
         )
 
-    def commanded(self, state: Driven, wanted: Array) -> Driven:
+    def command(self, state: Driven, wanted: Array) -> Driven:
         most = np.asarray(self.plant.valve.supply) - ATMOSPHERE
         pressure = np.minimum(wanted / np.asarray(self.plant.cylinder.area), most)
         loop = self.loop.advance(state.loop, pressure, state.summed / PERIOD)

@@ -94,7 +94,7 @@ def jump(model: FingerModel, start: Array, samples: int = SWEEP) -> float:
     return 1e3 * worst
 
 
-def beside_closed_forms(model: FingerModel, posture: Array) -> tuple[float, float]:
+def closed_form_errors(model: FingerModel, posture: Array) -> tuple[float, float]:
     """m and m/rad: the largest differences of MuJoCo's lengths and arms from our own."""
     finger = MujocoFinger(model)
     length = [paths.tendon_lengths(model, q) - finger.tendon_lengths(q) for q in posture]
@@ -199,7 +199,7 @@ class Excursions:
     place: Array
 
     @property
-    def misplaced(self) -> float:
+    def marker_error(self) -> float:
         """m, the larger distance of a marker from where it was found."""
         return float(np.linalg.norm(self.place - self.truth.markers.place, axis=1).max())
 
@@ -215,5 +215,5 @@ def excursions(seed: int = 0) -> Excursions:
 
 def rms(found: Found) -> Array:
     """(5,) m, measured less predicted excursions."""
-    off = found.measured - found.predicted(MujocoFinger(robot_finger()))
+    off = found.measured_excursions - found.predicted_excursions(MujocoFinger(robot_finger()))
     return np.asarray(np.sqrt(np.mean(off**2, axis=0)))

@@ -110,11 +110,11 @@ class Found:
     """(kept, 4) rad."""
 
     @property
-    def measured(self) -> Array:
+    def measured_excursions(self) -> Array:
         """(kept, 5) m, excursions from their means."""
         return np.asarray(self.seen.piston - self.seen.piston.mean(axis=0))
 
-    def predicted(self, finger: MujocoFinger) -> Array:
+    def predicted_excursions(self, finger: MujocoFinger) -> Array:
         """(kept, 5) m, the same from the angles."""
         length = np.array([finger.tendon_lengths(q) for q in self.angle])
         return np.asarray(length - length.mean(axis=0))
@@ -126,7 +126,7 @@ def record_excursions(world: World, poses: int = POSES) -> tuple[CameraRecord, T
     finger = MujocoFinger(robot_finger())
     low, high = np.array([RANGES[j] for j in tables.JOINTS]).T
     angle = rng.uniform(low, high, (poses, 4))
-    place = MEANT.place + np.array(world.misplaced)
+    place = MEANT.place + np.array(world.marker_error)
     markers = BodyMarkers(MEANT.body, place)
     length = np.array([finger.tendon_lengths(q) for q in angle])
     point = np.array([markers.at(finger, q)[0] for q in angle])

@@ -47,8 +47,8 @@ class Plant:
         self.model.jnt_limited[:] = 1
         self._data = mujoco.MjData(self.model)
 
-    def put(self, angle: Array) -> PlantState:
-        """At rest at the angles (nq,)."""
+    def reset(self, angle: Array) -> PlantState:
+        """Return the state at rest at the angles (nq,) rad, and go there."""
         mujoco.mj_resetData(self.model, self._data)
         self._data.qpos[:] = angle
         mujoco.mj_forward(self.model, self._data)
@@ -60,10 +60,11 @@ class Plant:
         mujoco.mj_step(self.model, self._data)
 
     def instant(self) -> PlantState:
+        """Return the present angles, rates and tendon lengths."""
         d = self._data
         return PlantState(d.qpos.copy(), d.qvel.copy(), d.ten_length.copy())
 
     def holding_torque(self, angle: Array) -> Array:
         """(nq,) N m that the tendons must make at rest at the angles (nq,), within the limits."""
-        self.put(angle)
+        self.reset(angle)
         return np.asarray(self._data.qfrc_bias - self._data.qfrc_passive)

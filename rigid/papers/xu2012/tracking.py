@@ -93,6 +93,7 @@ class StepResponse:
 
     @property
     def unstable(self) -> bool:
+        """Whether the joints still swing at the end."""
         return self.swing > UNSTABLE
 
 
@@ -145,7 +146,7 @@ class Bench:
     ) -> list[StepResponse]:
         rng = np.random.default_rng(1)
         start = np.array(goals[0], dtype=float)
-        self.plant.put(start)
+        self.plant.reset(start)
         drive = self.actuator
         pull = drive.begin(np.full(len(self.model.tendons), PRELOAD), self.plant.instant().length)
         out = []
@@ -154,7 +155,7 @@ class Bench:
             for k in range(round(seconds / PERIOD)):
                 now = self.plant.instant()
                 rows.append((k * PERIOD, now.angle, drive.force(pull)))
-                pull = drive.commanded(pull, forces(now.angle, goal, rng))
+                pull = drive.command(pull, forces(now.angle, goal, rng))
                 for _ in range(round(PERIOD / STEP)):
                     pull = drive.advance(pull, self.plant.instant().length, STEP)
                     self.plant.advance(drive.force(pull))

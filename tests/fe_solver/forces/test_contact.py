@@ -21,10 +21,10 @@ from fe_solver.forces.contact import (
     contact_forces,
     contact_state,
     friction_forces,
+    inverse_ramp,
     join_point_forces,
     partition,
     ramp,
-    unramp,
 )
 from fe_solver.forces.springs import PointForces, Springs, spring_forces
 from fe_solver.solver.augmented_contact import AugmentOptions, next_increment, solve_augmented
@@ -198,7 +198,7 @@ def test_rows():
 
 @given(st.floats(0, 1e-3), SMOOTHINGS)
 def test_the_depth_of_a_ramps_value(value, smoothing):
-    depth = unramp(np.array([value]), smoothing)
+    depth = inverse_ramp(np.array([value]), smoothing)
     assert ramp(depth, smoothing)[1] == pytest.approx(value, abs=1e-12)
     assert depth >= -smoothing
 

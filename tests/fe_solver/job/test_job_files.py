@@ -15,7 +15,7 @@ from fe_solver.febio.write import write_feb
 from fe_solver.hood.as_job import job_of_hood
 from fe_solver.job.febio_like import bending_notes, facet_lift, febio_patch
 from fe_solver.job.job import Body, ContactPair, NodalForce, ShellPart, SpringLaw, SpringSet, Tied
-from fe_solver.job.mid_surface import on_mid_surface
+from fe_solver.job.mid_surface import move_to_mid_surface
 from fe_solver.job.solve import solve_job
 from fe_solver.materials.hyperelastic import NeoHookean
 from fe_solver.materials.linear import Isotropic, Orthotropic
@@ -170,11 +170,12 @@ def test_on_its_mid_surface_a_sheet_is_pulled_straight_and_springs_keep_their_sl
         other, np.array([0.03, 0.01]),
     )  # fmt: skip
     bent_, straight = (
-        solve_job(j, options=PLAIN).states[-1].configuration for j in (job, on_mid_surface(job))
+        solve_job(j, options=PLAIN).states[-1].configuration
+        for j in (job, move_to_mid_surface(job))
     )
     assert np.ptp(bent_.x[:, 2]) > 1e-4
     assert np.ptp(straight.x[:, 2]) < 1e-12
-    moved = on_mid_surface(replace(job, springs=(ends,)))
+    moved = move_to_mid_surface(replace(job, springs=(ends,)))
     assert moved.points[:, 2] == pytest.approx(-THICK / 2)
     slack = np.hypot(LENGTH, 9e-3) - 0.03
     reach = np.hypot(LENGTH, 9e-3 + THICK / 2)

@@ -18,7 +18,7 @@ from fe_solver.job.results import write_job
 from fe_solver.job.solve import _advice, solve_job
 from fe_solver.verification.febio.compare import Formulation, quantities, rows
 from fe_solver.verification.febio.figures import PUBLISHED
-from fe_solver.verification.febio.solid_solve import other_ways
+from fe_solver.verification.febio.solid_solve import alternatives
 from tests.helpers.jobs import (
     PLAIN,
     bent,
@@ -110,11 +110,11 @@ def test_a_file_bends_as_febios_shells_unless_told_otherwise(tmp_path):
 def test_the_nearest_is_advised_first():
     job = sprung(SpringLaw(1e3), 1.0)
     on_face = replace(job, as_febio=True, height=job.height + job.thickness / 2)
-    told = _advice(on_face, 3, other_ways(on_face))
+    told = _advice(on_face, 3, alternatives(on_face))
     places = [told.index(w) for w in ("--element q4ans", "--own-shell", "--mid-surface")]
     assert places == sorted(places)
-    assert not other_ways(job)  # nodes lie on no face
-    assert "q4ans" not in _advice(on_face, 0, other_ways(on_face))  # perhaps nothing holds it
+    assert not alternatives(job)  # nodes lie on no face
+    assert "q4ans" not in _advice(on_face, 0, alternatives(on_face))  # perhaps nothing holds it
     assert _advice(job, 3, ()) == ""
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from cosim.errors import CosimError
-from fe_solver.verification import apart, peers
+from fe_solver.verification import json_command, peers
 from fe_solver.verification.paths import halving_order, limit
 from tests.helpers.shells import linear_response
 
@@ -65,14 +65,15 @@ def test_a_program_in_a_process_of_its_own_answers_the_same():
 def test_what_a_program_prints_beside_its_answer_is_left_out():
     answer = json.dumps(asdict(ANSWER))
     text = f"print('hello'); print({answer!r}); print('bye')"
-    assert apart.answer(said(text), {}) == asdict(ANSWER)
+    assert json_command.run_json_command(said(text), {}) == asdict(ANSWER)
 
 
 def test_settings_stand_over_the_environment(monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", "7")
     names = ("FE_SOLVER_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
     text = f"import os, json; print(json.dumps({{n: os.environ[n] for n in {names}}}))"
-    assert list(apart.answer(said(text), apart.threads(3, 2)).values()) == ["3", "2", "2"]
+    found = json_command.run_json_command(said(text), json_command.threads(3, 2))
+    assert list(found.values()) == ["3", "2", "2"]
 
 
 @pytest.mark.parametrize(
@@ -94,7 +95,7 @@ def test_settings_stand_over_the_environment(monkeypatch):
 )
 def test_a_program_that_fails_says_why(text, reason):
     with pytest.raises(CosimError, match=reason):
-        apart.answer(said(text), {})
+        json_command.run_json_command(said(text), {})
 
 
 def test_a_peer_that_fails_is_a_failed_row(monkeypatch):
@@ -104,7 +105,7 @@ def test_a_peer_that_fails_is_a_failed_row(monkeypatch):
         return asdict(ANSWER)
 
     monkeypatch.setattr(peers, "is_installed", lambda: True)
-    monkeypatch.setattr(peers, "answer", answer)
+    monkeypatch.setattr(peers, "run_json_command", answer)
     (row,) = peers.rows([(8, 3)])
     assert not row.passed
     assert row.source == "kratos crashed: SIGSEGV"

@@ -159,7 +159,7 @@ def test_other_bytes_of_other_threads_are_seen(monkeypatch):
         n = int(settings["FE_SOLVER_THREADS"])
         return {"threads": n, "sha256": f"{n}{settings['FE_SOLVER_LINEAR']}"}
 
-    monkeypatch.setattr(thread_rows, "answer", answer)
+    monkeypatch.setattr(thread_rows, "run_json_command", answer)
     assert [row.computed for row in thread_rows.rows()] == [1] * len(list(thread_rows.rows()))
     assert not any(row.passed for row in thread_rows.rows())
 

@@ -22,8 +22,8 @@ from rigid.mujoco.tip_device import Cage, Device, Shell, TipContact
 from rigid.verification.forward import (
     RestCriterion,
     Simulation,
-    came_to_rest,
     limit_energy,
+    require_rest,
     simulate,
 )
 from tests.helpers.fingers import POSTURE, straight_skeleton
@@ -124,7 +124,7 @@ def test_a_mass_settles_on_a_device_with_its_weight(device: Device) -> None:
     finger = pendulum(joint_law(("MCP",), damping={"MCP": 1e-4}))
     start = finger.start({"MCP": np.pi / 2})
     s = simulate(FingerDynamics(finger, start, ConstantTension(np.zeros(0)), device), 0.6)
-    assert came_to_rest(s) is s
+    assert require_rest(s) is s
     lever = np.cos(s.angles[-1, 0] - np.pi / 2)
     assert s.force[-1, 0] == pytest.approx(MASS * GRAVITY, rel=2e-3)
     assert lever == pytest.approx(1.0, abs=1e-3)
@@ -137,7 +137,7 @@ def test_a_mass_settles_on_a_device_with_its_weight(device: Device) -> None:
 def test_rest_is_the_static_equilibrium(support: Support, gravity: float) -> None:
     law = replace(springy(), damping=np.full(4, 2e-3))
     finger = index(law, support, gravity)
-    s = came_to_rest(run(finger, "FDP", duration=1.0))
+    s = require_rest(run(finger, "FDP", duration=1.0))
     tension = np.where(np.array(finger.tendons) == "FDP", 3.0, 0.0)
     state, balance = at_rest(finger, finger.start(POSTURE), tension)
     np.testing.assert_allclose(s.angles[-1], state.angles, atol=1e-7)
@@ -227,7 +227,7 @@ def test_steep_friction_splits_a_step() -> None:
     finger = index(springy())
     pull = ConstantTension(np.where(np.char.startswith(finger.tendons, "FDI"), 3.64, 0.0))
     dynamics = FingerDynamics(finger, finger.start(POSTURE), pull, Cage())
-    assert came_to_rest(simulate(dynamics)).at_rest
+    assert require_rest(simulate(dynamics)).at_rest
 
 
 def test_device_in_other_axes() -> None:
@@ -268,7 +268,7 @@ def test_stiff_tendons_are_stable_and_balance() -> None:
     finger = index(replace(springy(), damping=np.full(4, 2e-3)), FREE)
     n = len(finger.tendons)
     muscles = Elastic(np.full(n, 1.0), np.full(n, 1e6))
-    s = came_to_rest(simulate(FingerDynamics(finger, finger.start(POSTURE), muscles), 1.0))
+    s = require_rest(simulate(FingerDynamics(finger, finger.start(POSTURE), muscles), 1.0))
     start = finger.start(POSTURE)
     stretched = finger.tendon_lengths(s.angles[-1]) - finger.tendon_lengths(start.angles)
     np.testing.assert_allclose(s.tension[-1], 1.0 + 1e6 * stretched, atol=1e-3)
@@ -295,7 +295,7 @@ def test_a_finger_that_still_moves_is_a_failure() -> None:
     s = swing(0.5, 1e-3, 0.2)
     assert not s.at_rest
     with pytest.raises(ConvergenceError, match=r"did not come to rest in 0\.2 s.*Try"):
-        came_to_rest(s)
+        require_rest(s)
 
 
 @pytest.mark.parametrize(("duration", "dt"), [(0.1, 0.03), (0.05, 1e-3), (1.0, 0.0), (1.0, -1e-3)])

@@ -13,16 +13,21 @@ from rigid.hoods.two_band import TABLE_1, Entry, coupled_dip, excursions, two_ba
 from rigid.papers.buchner1988.coordination import (
     ControlLoop,
     band_torque,
-    beside_the_line,
     crossing,
     deviation,
     differences,
     flex,
+    line_deviation,
     reference,
     required_torque,
     share_forces,
 )
-from rigid.papers.buchner1988.coordination_findings import doubts, feasible, findings, flexion
+from rigid.papers.buchner1988.coordination_findings import (
+    feasible,
+    findings,
+    flexion,
+    table_sensitivity,
+)
 from rigid.papers.buchner1988.flexion import DURATION, FULL
 
 
@@ -97,7 +102,7 @@ def test_stiffer_bands_hold_the_parabola_and_feedback_the_line():
     assert off[10.0, 50.0] == pytest.approx(9.0 * off[10.0, 500.0], rel=0.1)
     assert off[20.0, 500.0] > 2 * off[10.0, 500.0]
     literal = ControlLoop(bands_answer=False)
-    assert np.abs(beside_the_line(flex(literal, 11))).max() < 1e-9
+    assert np.abs(line_deviation(flex(literal, 11))).max() < 1e-9
 
 
 def test_the_papers_numbers():
@@ -144,7 +149,7 @@ def test_doubts_change_what_rests_on_the_entry_alone():
         **{k: Entry(e.radius, e.slope) for k, e in TABLE_1.items()
            if k not in (("Lum", "MCP"), ("FDP", "DIP"))},
     }))  # fmt: skip
-    changed = doubts(f)
+    changed = table_sensitivity(f)
     base = {x.what: x.ours for x in findings(f)}
     assert set(changed) == {("Lum", "MCP"), ("FDP", "DIP")}
     for side in changed["Lum", "MCP"]:

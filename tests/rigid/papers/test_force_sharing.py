@@ -14,7 +14,7 @@ from rigid.chain.hinge import HingeFinger
 from rigid.chain.planar_chain import BUCHNER
 from rigid.hoods.network import Arms, Network
 from rigid.hoods.two_band import coupled_dip, two_band
-from rigid.papers.buchner1988.flexion import DURATION, FULL, cosine, on_the_curve, quintic, torques
+from rigid.papers.buchner1988.flexion import DURATION, FULL, cosine, curve_motion, quintic, torques
 from rigid.papers.buchner1988.force_sharing import linear, quadratic
 from rigid.papers.networks.human_network import MUSCLES, human_finger
 from rigid.papers.networks.point_contact import best_share, distal_torque, settle, tip_jacobian
@@ -63,11 +63,11 @@ def test_the_torques_of_a_motion_make_it():
 @pytest.mark.parametrize("course", [quintic, cosine])
 def test_the_course_begins_and_ends_at_rest_and_its_rates_are_its_own(course):
     t, step = np.linspace(0.02, 0.98, 25), 1e-5
-    ahead, at, behind = (on_the_curve(t + d, course) for d in (step, 0.0, -step))
+    ahead, at, behind = (curve_motion(t + d, course) for d in (step, 0.0, -step))
     for k in range(2):
         slope = (ahead[k] - behind[k]) / (2 * step)
         assert at[k + 1] == pytest.approx(slope, abs=1e-6)
-    ends = on_the_curve(np.array([0.0, DURATION]), course)
+    ends = curve_motion(np.array([0.0, DURATION]), course)
     assert ends[0][:, 1] == pytest.approx([0.0, FULL])
     assert ends[1] == pytest.approx(np.zeros((2, 3)), abs=1e-14)
     assert at[0][:, 2] == pytest.approx(coupled_dip(at[0][:, 1]))

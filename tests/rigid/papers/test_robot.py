@@ -62,7 +62,7 @@ def test_no_arm_changes_its_sign_and_no_length_jumps(six: bool) -> None:
 @pytest.mark.parametrize("six", [False, True])
 def test_lengths_and_arms_agree_with_closed_forms(six: bool) -> None:
     corners = checks.workspace((2, 2, 2, 2))
-    length, arms = checks.beside_closed_forms(robot_finger(six), 0.98 * corners + 0.01 * POSE)
+    length, arms = checks.closed_form_errors(robot_finger(six), 0.98 * corners + 0.01 * POSE)
     assert length < 1e-12
     assert arms < 1e-9
 
@@ -198,7 +198,7 @@ def test_one_pose_alone_does_not_tell_the_places(five: MujocoFinger) -> None:
 
 def test_stops_tell_the_places_where_excursions_hardly_do() -> None:
     """This world's fingertip marker was 1.6 mm off without them."""
-    assert checks.excursions(4).misplaced < 0.8e-3
+    assert checks.excursions(4).marker_error < 0.8e-3
 
 
 def test_procrustes_undoes_a_turn_and_a_shift() -> None:
@@ -212,9 +212,9 @@ def test_virtual_experiment_finds_rests_and_markers() -> None:
     e = checks.excursions()
     assert len(e.meant.residual) == 460
     assert 0.004 < e.meant.residual.mean() < 0.005
-    assert e.misplaced < 1e-3
+    assert e.marker_error < 1e-3
     assert (checks.rms(e.found)[:3] < checks.rms(e.meant)[:3]).all()
-    slack = e.found.measured[:, 4] > e.found.measured[:, 4].max() - 0.001
+    slack = e.found.measured_excursions[:, 4] > e.found.measured_excursions[:, 4].max() - 0.001
     assert slack.mean() > 0.3
 
 

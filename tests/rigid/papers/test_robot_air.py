@@ -30,7 +30,7 @@ def stepped(air: Air, wanted: Array, samples: int) -> Array:
     """(samples, 4) N at the end of each, from rest at 0.5 N, the pistons fixed."""
     state, out = air.begin(LOW, LENGTH), []
     for _ in range(samples):
-        state = air.commanded(state, wanted)
+        state = air.command(state, wanted)
         for _ in range(round(PERIOD / STEP)):
             state = air.advance(state, LENGTH, STEP)
         out.append(air.force(state))
@@ -77,7 +77,7 @@ def test_a_pulled_piston_is_a_spring_of_air(air: Air) -> None:
 
 
 def test_commands_wait_for_the_dead_time(air: Air) -> None:
-    state: Driven = air.commanded(air.begin(LOW, LENGTH), WANTED)
+    state: Driven = air.command(air.begin(LOW, LENGTH), WANTED)
     sent = state.loop.sent[-1]
     late = round(float(np.asarray(air.plant.valve.delay)) / STEP)
     for _ in range(late):

@@ -59,7 +59,7 @@ def test_tensions_keep_their_bounds(five: MujocoFinger) -> None:
 def test_tensions_make_the_torques_that_hold_the_finger(five: MujocoFinger) -> None:
     plant = Plant(robot_finger())
     force = tensions(plant.holding_torque(POSE), five.moment_arms(POSE))
-    plant.put(POSE)
+    plant.reset(POSE)
     for _ in range(20):
         plant.advance(force)
     assert np.abs(plant.instant().angle - POSE).max() < np.radians(0.5)
@@ -104,7 +104,7 @@ def test_lag_is_exact_and_anticipated() -> None:
     after = lag.advance(state._replace(aim=np.array([3.0, 0.0])), length, 0.02)
     np.testing.assert_allclose(lag.force(after), [3.0 - 2.0 / np.e, 40.0 / np.e])
     wanted = np.array([2.0, 30.0])
-    after = lag.advance(lag.commanded(state, wanted), length, PERIOD)
+    after = lag.advance(lag.command(state, wanted), length, PERIOD)
     np.testing.assert_allclose(lag.force(after), wanted)
 
 
@@ -115,7 +115,7 @@ def test_fan_is_what_the_plant_does_to_the_fingertip() -> None:
     plant.model.opt.gravity[:] = 0.0
     finger = MujocoFinger(robot_finger())
     for k in range(5):
-        start = plant.put(POSE).angle
+        start = plant.reset(POSE).angle
         plant.advance(np.eye(5)[k] * 1e-3)
         turned = plant.instant().angle - start
         moved = finger.chain(POSE + turned).tip - finger.chain(POSE).tip
