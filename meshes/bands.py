@@ -53,7 +53,16 @@ class HoodLine:
 
 
 def sheet_bands(mesh: HoodMesh) -> dict[str, HoodLine]:
-    """The middle line of each lateral band of a sheet, by side, proximal end first."""
+    """Return the middle line of each lateral band of a sheet, by side, proximal end first.
+
+    >>> from importlib.resources import files
+    >>> from meshes.bands import sheet_bands
+    >>> from meshes.hood_mesh import read
+    >>> mesh = read(files("meshes") / "hoods" / "index_600.json")
+    >>> lines = sheet_bands(mesh)
+    >>> {side: line.at(mesh.points).shape[1] for side, line in lines.items()}
+    {'radial': 3, 'ulnar': 3}
+    """
     edges = {side: sheet_edges(mesh, SHEET[f"lateral_band_{side}"]) for side in SIDES}
     return _middle_lines(mesh.station, edges)
 

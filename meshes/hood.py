@@ -123,15 +123,31 @@ def generate(
     quadratic: bool = False,
     one_sheet: bool = False,
 ) -> HoodMesh:
-    """A hood of about `quads` elements laid over bones at `rest_posture` (rad).
+    """Generate a hood of about `quads` elements laid over bones at `rest_posture` (rad).
 
     `offset` (m) by body is the distance of the sheet's face from the bare bone, `thickness` (m) the
     sheet's; `surfaces` are those of the scaled bones; `width` scales the hand-measured points
-    across the finger, and the skeleton's lengths those along it.  `intrinsic`: where the tendons at
+    across the finger, and the skeleton's lengths those along it. `intrinsic`: where the tendons at
     the radial and the ulnar side run to the sheet from, m distal of the MCP, dorsal and radial;
-    otherwise the index finger's, scaled.  `quadratic`: quadratic elements, of nine nodes.
+    otherwise the index finger's, scaled. `quadratic`: quadratic elements, of nine nodes.
     `one_sheet`: the wings reach the central slip's insertion, and nothing lies between the lateral
-    bands distal of it."""
+    bands distal of it.
+
+    >>> import numpy as np
+    >>> from fe_solver.surfaces.shapes import Capsule
+    >>> from meshes.hood import generate
+    >>> from meshes.skeleton import BODIES, JOINTS, index_finger
+    >>> skeleton = index_finger()
+    >>> ends = zip(BODIES, (-0.04, 0.0, 0.0, 0.0), (0.0, *skeleton.length[1:]), strict=True)
+    >>> bones = {
+    ...     body: Capsule(np.array([start, 0, 0]), np.array([end, 0, 0]), 0.006)
+    ...     for body, start, end in ends
+    ... }
+    >>> offset = dict.fromkeys(BODIES, 0.3e-3)
+    >>> mesh = generate(skeleton, bones, offset, 0.4e-3, dict.fromkeys(JOINTS, 0.0), 150)
+    >>> mesh.quads.shape[1], sorted(mesh.ends)
+    (4, ['central', 'radial', 'ulnar'])
+    """
     # the bones at rest, and the level of the sheet's middle over them
     chain = Centreline(skeleton, *skeleton.pose(rest_posture))
     middle = {body: height + thickness / 2 for body, height in offset.items()}

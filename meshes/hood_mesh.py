@@ -194,7 +194,14 @@ def write(mesh: HoodMesh, path: Path) -> None:
 
 
 def read(path: Path) -> HoodMesh:
-    """A mesh file.  Raises InputError naming the file, the key and what was expected."""
+    """Read a mesh file. Raises InputError naming the file, the key and what was expected.
+
+    >>> from importlib.resources import files
+    >>> from meshes.hood_mesh import read
+    >>> mesh = read(files("meshes") / "hoods" / "index_600.json")
+    >>> f"{len(mesh.quads)} quads, {1e6 * mesh.areas().sum():.0f} mm2"
+    '672 quads, 1490 mm2'
+    """
     try:
         content = json.loads(Path(path).read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:

@@ -101,7 +101,13 @@ class Skeleton:
 
 
 def index_finger() -> Skeleton:
-    """The index finger of MyoHand in our frames."""
+    """Return the index finger of MyoHand in our frames.
+
+    >>> from meshes.skeleton import index_finger
+    >>> finger = index_finger()
+    >>> finger.tip({"PIP": 0.5}).round(4)  # m, in the metacarpal's frame
+    array([ 0.0806, -0.0045, -0.0202])
+    """
     proximal = _frame(PIP_CENTRE, MCP_FLEXION)
     middle = _frame(DIP_CENTRE, MCP_FLEXION)
     distal = _frame(DISTAL_AXIS, MCP_FLEXION)

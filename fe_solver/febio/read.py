@@ -52,11 +52,23 @@ REFUSED = ("Constraints", "MeshAdaptor", "Include", "Code")
 
 
 def read_feb(path: Path | str, length_unit: float = 1e-3, force_unit: float = 1.0) -> Job:
-    """A FEBio 4 file as a Job; `length_unit` m and `force_unit` N are the file's units.
+    """Read a FEBio 4 file as a Job; `length_unit` m and `force_unit` N are the file's units.
 
     Raises InputError, naming file and line, where the file is not safe or well-formed, where
     something is missing, and where it holds what would change the answer and is not read; what else
-    is left out is listed in the job's notes."""
+    is left out is listed in the job's notes.
+
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from fe_solver.febio.read import read_feb
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "old.feb"
+    ...     _ = path.write_text('<febio_spec version="2.5"></febio_spec>')
+    ...     read_feb(path)
+    Traceback (most recent call last):
+    ...
+    cosim.errors.InputError: ...
+    """
     path = Path(path)
     root = read_xml(path, "febio_spec")
     _check_header(root)

@@ -168,8 +168,20 @@ def friction_forces(contact: Contact, grip: Grip, local: Array) -> tuple[Array, 
 def contact_forces(
     contact: Contact, x: Array, position: Array, rotation: Array, curvature: bool
 ) -> PointForces:
-    """Contact energy at node positions x (n, 3); `curvature` keeps the (negative) term of the
-    Hessian that the surface's curvature makes."""
+    """Return the contact's energy and forces at node positions x (n, 3) m, with the bodies at
+    `position` (nb, 3) m and `rotation` (nb, 3, 3); `curvature` keeps the (negative) term of the
+    Hessian that the surface's curvature makes.
+
+    >>> import numpy as np
+    >>> from fe_solver.forces.contact import Contact, contact_forces
+    >>> from fe_solver.surfaces.shapes import Sphere
+    >>> ball = Sphere(np.zeros(3), 0.01)
+    >>> one, point = np.array([0]), np.array([[0.0, 0.0, 0.009]])  # m: 1 mm inside
+    >>> contact = Contact(0, ball, one, np.zeros(1), np.array([1e-6]), 1e9, 1e-6)
+    >>> found = contact_forces(contact, point, np.zeros((1, 3)), np.eye(3)[None], True)
+    >>> -found.gradient.round(3)  # N on the point: stiffness times area times depth
+    array([[-0., -0.,  1.]])
+    """
     # gaps: only points near the surface, or gripped, are worked on
     p, R = position[contact.body], rotation[contact.body]
     at = contact.at(x)

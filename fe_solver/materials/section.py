@@ -155,7 +155,18 @@ class Section:
 
 
 def one_law(law: Law | TensionField, thickness: Array) -> Section:
-    """One law on elements of thickness (ne,), with four Gauss points, or (ne, g)."""
+    """Return the section of elements of one law, with thickness (ne,) m at four Gauss points, or
+    (ne, g).
+
+    >>> import numpy as np
+    >>> from fe_solver.materials.linear import Isotropic
+    >>> from fe_solver.materials.section import one_law
+    >>> section = one_law(Isotropic(100e6, 0.0), np.array([0.5e-3]))
+    >>> strain = np.zeros((1, 4, 8))
+    >>> strain[..., 0] = 0.01  # 1 % along the fibre
+    >>> section.response(strain).force[0, 0, :3]  # N/m
+    array([500.,   0.,   0.])
+    """
     thickness = np.asarray(thickness, dtype=float)
     if thickness.ndim == 1:
         thickness = np.tile(thickness[:, None], (1, 4))

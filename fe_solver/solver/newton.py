@@ -185,16 +185,29 @@ def solve(
     near: bool = False,
     before: Solution | None = None,
 ) -> Solution:
-    """Equilibrium near `start` under `tension` (nt,) N at the poses of `start`.
+    """Solve for an equilibrium near `start` under `tension` (nt,) N at the poses of `start`, and
+    return it with its residual.
 
     Far from equilibrium the tangent is the convex one, near it (as `near` says of `start`) the
-    consistent one.  With `before`, an equilibrium of the same model close by, a factor serves again
+    consistent one. With `before`, an equilibrium of the same model close by, a factor serves again
     (a chord iteration) while it lowers the residual fast, and that of `before` serves first; the
     residual then ends nearer to the tolerance than Newton's own iterations leave it.
 
     Where a sheet without compression comes near one only, it is sought with tension fields that are
     smoother at first (`SMOOTHER`).
-    Raises ConvergenceError naming the place of the largest residual."""
+
+    Raises ConvergenceError naming the place of the largest residual.
+
+    >>> import numpy as np
+    >>> from fe_solver.solver.newton import NewtonOptions, solve
+    >>> from fe_solver.verification.sheets import at_rest, clamp, guide, plate, sheet
+    >>> points, quads = plate(20e-3, 5e-3, 4, 1)  # m: x from 0 to 20 mm
+    >>> strip = clamp(sheet(points, quads, 100e6, 0.0, 0.5e-3), np.array([0, 1]))
+    >>> model = guide(strip, [np.array([8, 9])], [(1.0, 0.0, 0.0)])  # one tendon, along x
+    >>> found = solve(model, at_rest(model), np.array([2.5]), NewtonOptions())
+    >>> f"{1e3 * (found.configuration.x[8, 0] - 20e-3):.3f} mm"
+    '0.197 mm'
+    """
     try:
         return _solve(model, start, tension, options, near, before)
     except _StuckError as stuck:

@@ -190,9 +190,20 @@ def rates(air: Pneumatics, state: AirState, voltage: Array, swelling: Array) -> 
 
 
 def step(air: Pneumatics, state: AirState, voltage: Array, volume: Array, dt: float) -> AirState:
-    """The state `dt` s later, the voltage (which has had its delay) constant and the volume having
-    become `volume` (n,) m^3 at a constant rate: Runge and Kutta's fourth-order method in as many
-    parts as its stability asks for."""
+    """Return the state `dt` s later, the voltage (n,) V (which has had its delay) constant and the
+    volume having become `volume` (n,) m^3 at a constant rate: Runge and Kutta's fourth-order method
+    in as many parts as its stability asks for.
+
+    >>> import numpy as np
+    >>> from rigid.air.plant import Pneumatics, at_rest, resting_pressure, resting_voltage, step
+    >>> air = Pneumatics()
+    >>> start, goal = (resting_voltage(air.valve, np.array([p])) for p in (2e5, 3e5))
+    >>> volume = np.asarray(air.cylinder.volume(np.array([0.01])))
+    >>> state = at_rest(air, start, volume)
+    >>> after = step(air, state, goal, volume, 0.01)
+    >>> bool(2e5 < after.pressure[0] < 3e5)  # Pa, absolute
+    True
+    """
     swelling = (volume - state.volume) / dt
     parts = int(np.ceil(dt * fastest(air, state, voltage, volume) / STABLE))
     h, at = dt / parts, np.array(state)

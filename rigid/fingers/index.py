@@ -65,10 +65,18 @@ def finger_model(
     bones: Mapping[str, Surface] | None = None,
     central: float | None = None,
 ) -> FingerModel:
-    """The finger over a skeleton, with the muscles that act on the bones; where `central` is given
-    (0 to 1) those of the hood too, that share of each going to the central slip.
+    """Return the finger over a skeleton, with the muscles that act on the bones; where `central` is
+    given (0 to 1) those of the hood too, that share of each going to the central slip.
 
-    o2o3: m, the unit of the tendon paths; bones: surfaces by body, drawn instead of capsules."""
+    o2o3: m, the unit of the tendon paths; bones: surfaces by body, drawn instead of capsules.
+
+    >>> from meshes.skeleton import index_finger
+    >>> from rigid.fingers.index import finger_model
+    >>> finger_model(index_finger()).muscles
+    ('FDP', 'FDS', 'FDIm', 'FDIl')
+    >>> finger_model(index_finger(), central=0.5).muscles[:4]
+    ('EDC', 'EI', 'LUM', 'FPI')
+    """
     hood = {} if central is None else hood_strands(central)
     anatomy = FingerAnatomy("index finger", ROWS, OFFSET, {**hood, **ON_BONES})
     return assemble(anatomy, skeleton, o2o3, bones)

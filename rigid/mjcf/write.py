@@ -19,8 +19,17 @@ HALF_WIDTH = 0.02
 
 
 def mjcf_xml(model: FingerModel, gravity: Sequence[float] = (0.0, 0.0, 0.0)) -> str:
-    """The finger; `gravity` (3,) m/s2 in the world.  Joint ranges are there for information only,
-    cylinders and bones do not collide."""
+    """Return the finger as a MuJoCo model (MJCF text); `gravity` (3,) m/s2 in the world. Joint
+    ranges are there for information only, cylinders and bones do not collide.
+
+    >>> import mujoco
+    >>> from meshes.skeleton import index_finger
+    >>> from rigid.fingers.index import finger_model
+    >>> from rigid.mjcf.write import mjcf_xml
+    >>> model = mujoco.MjModel.from_xml_string(mjcf_xml(finger_model(index_finger())))
+    >>> [model.joint(i).name for i in range(model.njnt)]
+    ['MCP', 'MCP_abduction', 'PIP', 'DIP']
+    """
     root = ET.Element("mujoco", model=model.name)
     ET.SubElement(root, "compiler", angle="radian")
     option = ET.SubElement(root, "option", gravity=_text(gravity))

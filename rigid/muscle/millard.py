@@ -97,11 +97,20 @@ class MuscleEquilibrium:
 def equilibrium(
     muscles: Muscles, activation: ArrayLike, path: ArrayLike, guess: Array | None = None
 ) -> MuscleEquilibrium:
-    """Isometric equilibrium at activations (0 to 1) and path lengths (m), which broadcast
-    together and end in the muscles' axis (or 1); `guess` (..., n), m, are fibre lengths to begin
-    from, such as those of a state near by.
+    """Return the isometric equilibrium at activations (0 to 1) and path lengths (m), which
+    broadcast together and end in the muscles' axis (or 1); `guess` (..., n), m, are fibre lengths
+    to begin from, such as those of a state near by.
 
-    Raises InputError (names the muscle) and ConvergenceError, which no finite input causes."""
+    Raises InputError (names the muscle) and ConvergenceError, which no finite input causes.
+
+    >>> import numpy as np
+    >>> from rigid.muscle.millard import equilibrium
+    >>> from rigid.muscle.parameters import Muscles
+    >>> one = Muscles(("EDC",), np.array([100.0]), *(np.array([x]) for x in (0.06, 0.2, 0.05)))
+    >>> at = equilibrium(one, [[0.0], [0.5], [1.0]], [0.26])
+    >>> at.force[:, 0].round(1)  # N
+    array([ 1. , 47.8, 91.1])
+    """
     activation, path = _conditions(muscles, activation, path)
     if guess is None:
         start = _first_guess(muscles, activation, path)

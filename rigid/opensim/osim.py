@@ -79,7 +79,18 @@ class Imported:
 
 
 def import_osim(path: Path) -> Imported:
-    """Raises InputError (naming file, line and element) for what cannot be read or imported."""
+    """Import an OpenSim 4 model: MJCF text, muscles, limits, and a list of all that was dropped or
+    changed.
+
+    Raises InputError (naming file, line and element) for what cannot be read or imported.
+
+    >>> from importlib.resources import as_file, files
+    >>> from rigid.opensim.osim import import_osim
+    >>> with as_file(files("rigid.verification") / "data" / "finger.osim") as path:
+    ...     finger = import_osim(path)
+    >>> list(finger.coordinates)
+    ['MCP_abduction', 'MCP', 'PIP', 'DIP']
+    """
     root = read_xml(path)
     version = _version(root)
     model = root.one("Model")

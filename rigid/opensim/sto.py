@@ -74,11 +74,22 @@ def _scale(columns: Sequence[str], angles: Collection[str]) -> Array:
 
 
 def read_sto(path: Path, angles: Collection[str] | None = None) -> StoTable:
-    """A .sto or .mot.  `angles`: the rotational coordinates, whose columns (and those of their
+    """Read a .sto or .mot. `angles`: the rotational coordinates, whose columns (and those of their
     states) are taken from degrees to rad where the file says `inDegrees=yes`.
 
     Raises InputError (naming file and line) for what is no such table, for a value that is not
-    finite, for time that does not increase, and for degrees where `angles` is not given."""
+    finite, for time that does not increase, and for degrees where `angles` is not given.
+
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> from rigid.opensim.sto import StoTable, read_sto, write_sto
+    >>> table = StoTable("forces", ("EDC", "FDP"), np.array([0.0, 0.1]), np.ones((2, 2)))
+    >>> with TemporaryDirectory() as folder:
+    ...     write_sto(Path(folder) / "forces.sto", table)
+    ...     read_sto(Path(folder) / "forces.sto").columns
+    ('EDC', 'FDP')
+    """
     lines = _lines(path)
     header, at = _header(lines, path)
     fields = dict(_fields(header))
