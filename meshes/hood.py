@@ -127,9 +127,9 @@ def generate(
 
     `offset` (m) by body is the distance of the sheet's face from the bare bone, `thickness` (m) the
     sheet's; `surfaces` are those of the scaled bones; `width` scales the hand-measured points
-    across the finger, and the skeleton's lengths those along it. `intrinsic`: where the tendons at
+    across the finger, and the skeleton's lengths those along it.  `intrinsic`: where the tendons at
     the radial and the ulnar side run to the sheet from, m distal of the MCP, dorsal and radial;
-    otherwise the index finger's, scaled. `quadratic`: quadratic elements, of nine nodes.
+    otherwise the index finger's, scaled.  `quadratic`: quadratic elements, of nine nodes.
     `one_sheet`: the wings reach the central slip's insertion, and nothing lies between the lateral
     bands distal of it.
 
@@ -327,6 +327,7 @@ def _cells(grid: _Grid, across: Array, quadratic: bool) -> tuple[Ints, Ints, NDA
         corners = [first[0], last[0], last[n], first[n]]
         return [*corners, first[1], last[1], *between[0][[0, 2, 1]]] if quadratic else corners
 
+    # row by row from proximal: the middle, the bands at either side, the triangular ligament
     for i in range(0, len(grid.stations) - n, n):
         s = (grid.stations[i] + grid.stations[i + n]) / 2
         if s < SLIP_END:
@@ -408,6 +409,7 @@ def _attachments(
     width: float,
     quadratic: bool,
 ) -> dict[str, Attachment]:
+    # the central slip, by short strings to the middle phalanx
     s, eps = grid.stations, 1e-6
     last = int(np.flatnonzero(s <= SLIP_END + eps)[-1])
     inserted = INSERTED[bool(grid.inner[last, 0] >= 0)]
@@ -420,6 +422,7 @@ def _attachments(
     on_middle = on_bone("middle", middle, slip, level, level.offset["middle"])
     out = {"central_slip": replace(on_middle, shares=shares)}
     out["dorsal_capsule"] = _capsule(grid, across, chain, level, points, scale, quadratic)
+    # at either side: adhesion of the band, then ligaments to the proximal phalanx
     for side, sign, edge in (("radial", 1, -1), ("ulnar", -1, 0)):
         band = grid.band[side]
         out[f"ligament_{side}"] = _growth(band, over_band, s, points, level, quadratic)

@@ -194,7 +194,7 @@ def write(mesh: HoodMesh, path: Path) -> None:
 
 
 def read(path: Path) -> HoodMesh:
-    """Read a mesh file. Raises InputError naming the file, the key and what was expected.
+    """Read a mesh file.  Raises InputError naming the file, the key and what was expected.
 
     >>> from importlib.resources import files
     >>> from meshes.hood_mesh import read

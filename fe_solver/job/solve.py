@@ -122,7 +122,7 @@ def solve_job(
     (its last step's end where None; later than that the curves go on as they say).
 
     `options` are tolerances and step lengths; `ways` are what to try first for a model of FEBio's,
-    as the text of an error names them. Returns the states in the order of their times, with what
+    as the text of an error names them.  Returns the states in the order of their times, with what
     the solve took.
 
     Raises InputError as `job_model` does, for times that do not ascend from above 0 and for a state

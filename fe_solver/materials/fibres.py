@@ -90,7 +90,7 @@ class TransIsoMooneyRivlin(ExponentialToe):
         W = c1 (I1~ - 3) + c2 (I2~ - 3) + F(l) + k/2 (ln J)^2,   l = sqrt(I4~)
 
     with the fibre energy F of `ExponentialToe` along axis 1. c1, c2, c3, c5 and the bulk modulus k
-    in Pa; k = inf is incompressible. Raises InputError for parameters out of their range.
+    in Pa; k = inf is incompressible.  Raises InputError for parameters out of their range.
 
     >>> import numpy as np
     >>> from fe_solver.materials.fibres import TransIsoMooneyRivlin
@@ -289,7 +289,7 @@ class HolzapfelGasserOgden:
         E = kappa (I1~ - 3) + (1 - 3 kappa) (I4~ - 1)
 
     over two families at +-gamma (rad) from axis 1; gamma = 0 lays them on one another: one family
-    of twice k1, as in FEBio. c, k1 and the bulk modulus k in Pa; k = inf is incompressible. Raises
+    of twice k1, as in FEBio. c, k1 and the bulk modulus k in Pa; k = inf is incompressible.  Raises
     InputError for parameters out of their range.
 
     >>> import numpy as np

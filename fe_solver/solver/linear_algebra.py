@@ -87,7 +87,7 @@ def analyse(slots: sp.csc_array, backend: str | None = None) -> Analysis:
 
     The entries of `slots`, a sparse matrix with the whole pattern, are 1 + their positions in the
     data that `Analysis.factor` takes; `backend` is the solver's name (that of `backend_name` where
-    None). Raises InputError for a solver that is not installed.
+    None).  Raises InputError for a solver that is not installed.
 
     >>> import numpy as np
     >>> import scipy.sparse as sp

@@ -189,7 +189,7 @@ def solve(
     return it with its residual.
 
     Far from equilibrium the tangent is the convex one, near it (as `near` says of `start`) the
-    consistent one. With `before`, an equilibrium of the same model close by, a factor serves again
+    consistent one.  With `before`, an equilibrium of the same model close by, a factor serves again
     (a chord iteration) while it lowers the residual fast, and that of `before` serves first; the
     residual then ends nearer to the tolerance than Newton's own iterations leave it.
 

@@ -94,7 +94,7 @@ def _sweep_distance(
 
 @dataclass(frozen=True)
 class Sphere:
-    """The ball of a centre (3,) and a radius, m. Raises InputError for a radius that is not
+    """The ball of a centre (3,) and a radius, m.  Raises InputError for a radius that is not
     positive.
 
     >>> import numpy as np
@@ -119,7 +119,7 @@ class Sphere:
 
 @dataclass(frozen=True)
 class Capsule:
-    """All points within `radius` (m) of the segment from `start` (3,) to `end` (3,). Raises
+    """All points within `radius` (m) of the segment from `start` (3,) to `end` (3,).  Raises
     InputError for a radius that is not positive and ends in one place.
 
     >>> import numpy as np

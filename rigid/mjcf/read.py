@@ -46,7 +46,7 @@ def read_mjcf(
 
     `names`: from our name (of a body, joint, tendon, or "tip") to the file's where they differ,
     "-NAME" for a joint that turns the other way; `tendons`: the names that a tendon may have, all
-    others being dropped (every name if not given). Returns the finger and what was changed or
+    others being dropped (every name if not given).  Returns the finger and what was changed or
     dropped.
 
     Raises InputError where the file is no MuJoCo model or holds no such finger.

@@ -19,7 +19,7 @@ HALF_WIDTH = 0.02
 
 
 def mjcf_xml(model: FingerModel, gravity: Sequence[float] = (0.0, 0.0, 0.0)) -> str:
-    """Return the finger as a MuJoCo model (MJCF text); `gravity` (3,) m/s2 in the world. Joint
+    """Return the finger as a MuJoCo model (MJCF text); `gravity` (3,) m/s2 in the world.  Joint
     ranges are there for information only, cylinders and bones do not collide.
 
     >>> import mujoco

@@ -120,6 +120,7 @@ class FingerDynamics:
         the centre of the device.  device: in place of the finger's support.  frame (3, 3): the
         device's axes as columns in the world; the world's if not given."""
         self._finger, self._state, self._muscles, self._frame = finger, state, muscles, frame
+        # the support's directions, or the device in plain numbers
         held = state.basis if device is None else np.zeros((0, 6))
         self._turns = bool(held[:, 3:].any())
         self.device: Device = Nothing() if device is None else device
@@ -128,6 +129,7 @@ class FingerDynamics:
         self._data = d = mujoco.MjData(m)
         self._site, self._last = m.site("tip").id, m.nbody - 1
         self._position, self._velocity = d.qpos, d.qvel
+        # views of MuJoCo's arrays, filled by each call of `_at`
         self._readings = Readings(
             d.M,
             _dense_mass(m),
@@ -169,9 +171,11 @@ class FingerDynamics:
     def _advance(
         self, at: Moment, dt: float, splits: int, given: MusclePull | None, push: Push | None
     ) -> Moment:
+        # what is known at the start: MuJoCo's arrays, and the muscles' tensions at the end
         self._at(at.angles, at.rates)
         length, time = self._data.ten_length.copy(), at.time + dt
         pull = self._muscles.pull(at.muscles, time, length, dt) if given is None else given
+        # the implicit step
         done, angles, rates, held, wrench, tension, kinetic, slip = advance_step(
             self._surface,
             self._joints,
@@ -192,6 +196,7 @@ class FingerDynamics:
                 f"finger in motion: the step to t = {time:.6g} s did not converge, down to "
                 f"{dt:.1e} s. Try a smaller step, a softer contact or smaller tensions."
             )
+        # it did not converge: two halves
         half = self._advance(at, dt / 2, splits - 1, given, push)
         end = self._advance(half, dt / 2, splits - 1, given, push)
         return end._replace(length=half.length, slip=half.slip + end.slip)

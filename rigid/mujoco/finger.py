@@ -24,7 +24,7 @@ ANGLE_STEP = 1e-5
 class MujocoFinger(ChainFinger):
     """A finger model as MuJoCo sees it; `model` is the compiled one.
 
-    MuJoCo gives the poses, the joints' axes and the tendons' Jacobian. Its buffers are private and
+    MuJoCo gives the poses, the joints' axes and the tendons' Jacobian.  Its buffers are private and
     depend on nothing but the joint angles of the call, so that a state always gives the same bits.
 
     >>> import numpy as np

@@ -207,6 +207,7 @@ def press(
     """One touch with inward normal (3,), its derivative (3, 3) by the position, the elastic force
     and its slope by the depth.  The lever from the centre to the point is (depth / 2 - R) n, which
     is where Simbody has it between two bodies of one stiffness."""
+    # velocity of the point of contact; no pull where the bodies part fast
     n, reach, one = normal, 0.5 * depth - surface.radius, np.eye(3)
     spin, lever = cross_matrix(twist[3:]), combine(reach, cross_matrix(n), 0.0, one)
     rolling = apply(spin, n)
@@ -215,6 +216,7 @@ def press(
     rate = 1.0 - c * along
     if rate <= 0.0:
         return np.zeros(6), np.zeros((6, 3)), np.zeros((6, 6))
+    # normal force with damping, friction against the slip, and the wrench about the centre
     f, slip = elastic[0] * rate, plus(velocity, -along, n)
     secant, by_slip = _drag(surface, slip)
     push = plus(n, -secant, slip)
@@ -223,7 +225,7 @@ def press(
     by_position, by_twist = np.zeros((6, 3)), np.zeros((6, 6))
     if not slopes:
         return wrench, by_position, by_twist
-    # Derivatives by the position (_p) and by the velocity at the point (_v).
+    # derivatives by the position (_p) and by the velocity at the point (_v)
     velocity_p = dyad(combine(reach, times(spin, turn), 0.0, one), -0.5, rolling, n)
     along_p = plus(apply_transpose(velocity_p, n), 1.0, apply_transpose(turn, velocity))
     f_p = plus(plus(np.zeros(3), -elastic[1] * rate, n), -elastic[0] * c, along_p)
@@ -234,6 +236,7 @@ def press(
     force_v = dyad(combine(-f, push_v, 0.0, one), -elastic[0] * c, push, n)
     lever_p = dyad(combine(reach, turn, 0.0, one), -0.5, n, n)
     moment_p = combine(1.0, times(lever, force_p), -1.0, times(cross_matrix(force), lever_p))
+    # the blocks of the wrench's derivatives; _w: by the angular velocity
     put(by_position, 0, 0, force_p)
     put(by_position, 3, 0, moment_p)
     force_w = combine(-1.0, times(force_v, lever), 0.0, one)
@@ -315,12 +318,14 @@ def residual(
 ) -> tuple[Array, Array, Array]:
     """Momentum and constraint left over (n + m,), their tangent if `slopes` are asked for, and the
     device's wrench, where the rates at the end of the step are v (nq,) and the reactions r (m,)."""
+    # the device and the joints at the end of the step
     n, m = len(v), len(r)
     twist = apply(at.tip, v)
     wrench, by_position, by_twist = device_response(
         surface, plus(at.position, h, twist[:3]), twist, slopes
     )
     torque, by_angle, by_rate = joint_torques(joints, plus(at.angles, h, v), v)
+    # momentum: M (v - v0) - h tau; constraint: J v + drift / h
     total = plus(plus(torque, 1.0, at.torque), 1.0, apply(at.by_rate, v))
     total = plus(total, 1.0, apply_transpose(at.tip, wrench))
     total = plus(total, 1.0, apply_transpose(at.held, r))
@@ -329,6 +334,7 @@ def residual(
     tangent = np.zeros((n + m, n + m))
     if not slopes:
         return concatenate(left, off), tangent, wrench
+    # tangent by rates and reactions; a position at the end follows its rate by h
     for i in range(6):
         for j in range(3):
             by_twist[i, j] += h * by_position[i, j]
@@ -352,6 +358,7 @@ def step(
     n, v, r, size = len(at.rates), at.rates, reaction, np.inf
     move, left, tangent = np.zeros(n + len(reaction)), np.zeros(0), np.zeros((0, 0))
     for k in range(MOST_TRIALS):
+        # residual ahead of the last point by the move (the first time: none)
         slopes = k > 0  # at rest the first guess is the answer
         ahead, after = plus(v, -1.0, move[:n]), plus(r, -1.0, move[n:])
         trial, slope, wrench = residual(surface, joints, at, h, ahead, after, slopes)
@@ -361,6 +368,7 @@ def step(
             return True, ahead, after, wrench, lost
         if not slopes:
             continue
+        # accept it and take Newton's move from there, or halve the move
         if trial_size < size or k == 1:
             v, r, size, left, tangent = ahead, after, trial_size, trial, slope
             move = solve_dense(tangent, left)
@@ -409,6 +417,7 @@ def instant(
 ) -> StepStart:
     """The start of a step under tensions (nt,) N that fall with the tendons' shortening by
     `stiffness` (nt,) N/m; turned: (3,) gap of the tip's turn from the one held."""
+    # mass, and damping of tendons whose tension falls as they shorten
     n = len(angles)
     mass, by_rate = np.zeros((n, n)), np.zeros((n, n))
     arm = arms(now, len(tension))
@@ -418,6 +427,7 @@ def instant(
             for t in range(len(stiffness)):
                 by_rate[i, j] -= h * arm[t, i] * stiffness[t] * arm[t, j]
     torque = plus(apply_transpose(arm, tension), -1.0, now.bias)
+    # the tip's Jacobian in the device's axes, the support's, and how far it has drifted
     tip, gap = np.zeros((6, n)), plus(now.tip, -1.0, now.target)
     put(tip, 0, 0, multiply_transpose(now.frame, now.jacobian[:3]))
     put(tip, 3, 0, multiply_transpose(now.frame, now.jacobian[3:]))

@@ -61,7 +61,7 @@ def read_limit(tag: OsimTag, slide: bool) -> CoordinateLimit:
 
 
 def read_spring(tag: OsimTag) -> Spring:
-    """Read a SpringGeneralizedForce. Raises InputError for values that are no numbers."""
+    """Read a SpringGeneralizedForce.  Raises InputError for values that are no numbers."""
     return Spring(
         tag.word("coordinate", ""),
         tag.value("stiffness", 0.0),

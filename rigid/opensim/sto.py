@@ -74,7 +74,7 @@ def _scale(columns: Sequence[str], angles: Collection[str]) -> Array:
 
 
 def read_sto(path: Path, angles: Collection[str] | None = None) -> StoTable:
-    """Read a .sto or .mot. `angles`: the rotational coordinates, whose columns (and those of their
+    """Read a .sto or .mot.  `angles`: the rotational coordinates, whose columns (and those of their
     states) are taken from degrees to rad where the file says `inDegrees=yes`.
 
     Raises InputError (naming file and line) for what is no such table, for a value that is not

@@ -110,7 +110,7 @@ def simulate(
 
 
 def require_rest(simulation: Simulation) -> Simulation:
-    """Return the same simulation. Raises ConvergenceError where it did not come to rest."""
+    """Return the same simulation.  Raises ConvergenceError where it did not come to rest."""
     if not simulation.at_rest:
         rest = simulation.rest
         raise ConvergenceError(
