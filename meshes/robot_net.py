@@ -32,7 +32,8 @@ def _longer(skeleton: Skeleton) -> Array:
 
 
 def wider(skeleton: Skeleton) -> float:
-    """Its breadth over the human index finger's: the mean of its phalanges' lengths."""
+    """The finger's breadth over the human index finger's: the mean of its phalanges' lengths over
+    that finger's."""
     return float(_longer(skeleton).mean())
 
 

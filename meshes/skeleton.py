@@ -72,7 +72,7 @@ class Skeleton:
     """MyoHand's frame of each bone: rotation (3, 3) whose columns are our axes, our origin (m)."""
 
     def scale(self, factor: float) -> Skeleton:
-        """The same finger with all lengths times `factor`."""
+        """Return the finger with all lengths times `factor`."""
         return Skeleton(self.length * factor, self.zero, self.axis, self.source)
 
     def from_source(self, body: str, points: Array) -> Array:

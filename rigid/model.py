@@ -149,7 +149,8 @@ class FingerModel:
         return {hinge.name: hinge.range for s in self.segments for hinge in s.hinges}
 
     def with_only(self, *muscles: str) -> FingerModel:
-        """The same finger with these tendons, in the finger's order; InputError if it lacks one."""
+        """Return the finger with these tendons alone, in the finger's order.  Raises InputError
+        where it lacks one."""
         _check_names(muscles, self.muscles, f"finger {self.name}: tendons")
         return replace(self, tendons=tuple(t for t in self.tendons if t.name in muscles))
 

@@ -154,7 +154,8 @@ def excursion_figures() -> list[Figure]:
     """Figure 9."""
     e = checks.excursions()
     finger = MujocoFinger(robot_finger())
-    measured, predicted = 1e3 * e.found.measured_excursions, 1e3 * e.found.predicted_excursions(finger)
+    measured = 1e3 * e.found.measured_excursions
+    predicted = 1e3 * e.found.predicted_excursions(finger)
     before, after = 1e3 * checks.rms(e.meant), 1e3 * checks.rms(e.found)
 
     def draw(sheet: Sheet) -> None:

@@ -189,7 +189,7 @@ class ShellHood:
         return HoodState(motion, c, solution, int(arrays["iterations"]), bend)
 
     def with_tolerance(self, tolerance: float) -> ShellHood:
-        """The same shell, its Newton stopped at a relative residual of `tolerance`."""
+        """Return the same shell, its Newton stopped at a relative residual of `tolerance`."""
         loose = max(tolerance, self.options.tolerance)
         return replace(self, options=replace(self.options, tolerance=loose))
 

@@ -37,7 +37,7 @@ class Meshes:
         return dict(sorted(judged.items()))
 
     def refine(self) -> Meshes:
-        """The same without the coarsest mesh, and one that is twice as fine as the finest."""
+        """Return meshes without the coarsest, and with one that is twice as fine as the finest."""
         return Meshes((*self.sizes[1:], 2 * self.sizes[-1]), self.within)
 
 
@@ -85,7 +85,7 @@ class Benchmark:
             )
 
     def refine(self) -> Benchmark:
-        """The same on finer meshes."""
+        """Return the benchmark on finer meshes."""
         return replace(self, meshes={k: m.refine() for k, m in self.meshes.items()})
 
 

@@ -38,9 +38,9 @@ BLOCK = 50
 SURE = 1.959963984540054
 """Standard deviations of a 95 % interval."""
 TRAINING = (0.5, 1.0, 2.0, 4.0)
-"""Hz, of the voltage from which the model is identified, and"""
+"""Hz, of the voltage from which the model is identified; ours, the paper does not print its own."""
 UNSEEN = (0.7, 1.5, 3.0, 5.0)
-"""Hz, on which it is judged.  Both ours: the paper does not print its own."""
+"""Hz, of the voltage on which the model is judged; ours too."""
 AMPLITUDE = 0.5
 """V about the middle: the underlap, over which the valve sets a pressure and not only a speed."""
 DURATION = 10.0
@@ -224,9 +224,9 @@ def identification(
 
 
 STEPPED_UP = (4.6, 4.8, 5.0, 5.2, 5.5, 6.0, 8.0)
-"""V, to which a step goes from an empty chamber (0 V), and"""
+"""V, to which a step goes from an empty chamber (0 V); ours, the paper's are not printed."""
 STEPPED_DOWN = (2.0, 4.0, 4.5, 4.8, 5.0, 5.2)
-"""from a full one (10 V).  Ours; the paper's are not printed."""
+"""V, to which a step goes from a full chamber (10 V); ours too."""
 AT = 0.05
 """s, when the step comes."""
 

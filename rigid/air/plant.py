@@ -32,9 +32,9 @@ from cosim.port import Array
 GAS_CONSTANT = 288.0
 """J/(kg K), air at 65 % relative humidity: the reference atmosphere of ISO 6358-1 (ISO 8778)."""
 REFERENCE_DENSITY = 1.185
-"""kg/m^3, of that atmosphere at 100 kPa and"""
+"""kg/m^3, of the reference atmosphere at 100 kPa and 20 deg C."""
 ROOM = 293.15
-"""K, 20 deg C."""
+"""K, 20 deg C, of the room."""
 GAMMA = 1.4
 HEAT_CAPACITY = GAMMA * GAS_CONSTANT / (GAMMA - 1.0)
 """J/(kg K), at constant pressure."""

@@ -245,7 +245,8 @@ class ReducedHood:
         return self._state(motion, unloaded)
 
     def advance(self, state: ReducedState, motion: Motion, tension: Array, dt: float) -> Response:
-        """The same for every `dt` > 0.  Raises ConvergenceError outside of the box."""
+        """Response at `motion` under `tension` (nt,) N, the same for any `dt` > 0.  Raises
+        InputError, and ConvergenceError outside of the box."""
         self._check(motion, tension, dt)
         made = self._state(motion, np.array(tension, dtype=float))
         tension, at, here = made.tension, made.angles, made.derived

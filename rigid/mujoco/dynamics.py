@@ -146,7 +146,7 @@ class FingerDynamics:
         self._nothing = (np.zeros(3), np.zeros(m.nv), np.zeros((m.nv, m.nv)))
 
     def start(self) -> Moment:
-        """At rest in the posture."""
+        """Return the state at rest in the posture."""
         q, nq = self._state.angles, len(self._state.angles)
         self._at(q, np.zeros(nq))
         length = self._data.ten_length.copy()
@@ -156,15 +156,16 @@ class FingerDynamics:
         return Moment(0.0, q, np.zeros(nq), np.zeros(6), tension, length, 0.0, 0.0, muscles, held)
 
     def advance(self, at: Moment, dt: float) -> Moment:
-        """The state `dt` s later.  A step that does not converge is taken in two halves: while the
-        device's friction falls with the speed of slip, only a short one has a single solution.
+        """Return the state `dt` s later.  A step that does not converge is taken in two halves:
+        while the device's friction falls with the speed of slip, only a short one has a single
+        solution.
 
         Raises ConvergenceError."""
         return self._advance(at, dt, MOST_SPLITS, None, None)
 
     def pull(self, at: Moment, tension: Array, push: Push | None, dt: float) -> Moment:
-        """The same under tensions (nt,) N, in place of the muscles', and torques from elsewhere,
-        where there are any."""
+        """Return the state `dt` s later as `advance` does, under tensions (nt,) N in place of the
+        muscles', and torques from elsewhere where there are any.  Raises ConvergenceError."""
         pull = MusclePull(tension, np.zeros(len(tension)), None)
         return self._advance(at, dt, MOST_SPLITS, pull, push)
 

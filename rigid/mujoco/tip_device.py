@@ -94,7 +94,7 @@ class Device(Protocol):
 
     @property
     def surface(self) -> DeviceData:
-        """The same in plain numbers, for the inner loop."""
+        """The device in plain numbers, for the inner loop."""
         ...
 
     def energy(self, position: Array) -> float:

@@ -30,7 +30,7 @@ TOLERANCE = 1e-13
 CLOSE = 1e-6
 """A last step of Newton's, likewise, after which what is left is below 1e-8 F0."""
 STEADY = 1e-4
-"""The same of the fibre's velocity by its largest, for steps in time."""
+"""A last step of Newton's in the fibre's velocity over its largest, for steps in time."""
 ROUNDS = 8
 
 

@@ -77,7 +77,7 @@ def air_control_rows() -> Iterator[Row]:
 
 
 def lag_control_rows() -> Iterator[Row]:
-    """The same on a stand-in of first order."""
+    """Yield the rows of control on a stand-in of first order."""
     yield from _control_rows("on a lag of 50 ms", air=False)
 
 

@@ -68,9 +68,9 @@ class Course(NamedTuple):
     tip_stiffness: float
     """N/m, of what holds the fingertip where it begins; 0: free."""
     hold: Array
-    """(n, 3) N m/rad by which a hand holds joints at"""
+    """(n, 3) N m/rad by which a hand holds joints at `target`."""
     target: Array
-    """(n, 3) rad."""
+    """(n, 3) rad, of the held joints."""
 
 
 class BedRecord(NamedTuple):

@@ -41,7 +41,7 @@ TUNED_STEP = np.radians([10.0, 5.0, 10.0, 5.0])
 CANDIDATES = tuple((p, i) for p in (30.0, 60.0, 100.0, 150.0, 200.0) for i in (5.0, 10.0, 20.0))
 """N/m and 1/s, of tendon-space gains; the differential one is 10 ms of the proportional."""
 AIR_CANDIDATES = tuple((p, i) for p in (30.0, 40.0, 60.0, 80.0) for i in (5.0, 10.0, 20.0))
-"""The same on the air."""
+"""N/m and 1/s, of tendon-space gains on the air."""
 
 
 def table_iii(model: FingerModel) -> Array:
@@ -147,7 +147,8 @@ def joint_steps(second_extensor: bool, air: bool, seed: int = 0) -> list[StepRes
 
 @lru_cache(maxsize=4)
 def tendon_steps(second_extensor: bool, air: bool) -> list[StepResponse]:
-    """The same in tendon space, with the gains tuned at one pose."""
+    """Return the responses to all steps by the control in tendon space, with the gains tuned at one
+    pose."""
     gains = tune(second_extensor, air).gains
     return bench(second_extensor, air).in_tendon_space(list(poses(POSES)), gains)
 

@@ -128,7 +128,8 @@ class Bench:
         return self._steps(goals, forces)
 
     def in_tendon_space(self, goals: Sequence[Array], gains: Gains) -> list[StepResponse]:
-        """The same, with gains for all tendons."""
+        """Return the responses to steps to all goals by the control in tendon space, with gains for
+        all tendons."""
         memory: list[Memory] = []
 
         def forces(angle: Array, goal: Array, rng: np.random.Generator) -> Array:
