@@ -68,7 +68,7 @@ def sheet_bands(mesh: HoodMesh) -> dict[str, HoodLine]:
 
 
 def net_bands(net: CableNet) -> dict[str, HoodLine]:
-    """Return the middle line of each lateral band of a net of cables, by side, proximal end first."""
+    """Return the middle line of each lateral band of a net of cables, by side, from proximal."""
     edges = {side: net_edges(net, NET[f"lateral_band_{side}"]) for side in SIDES}
     return _middle_lines(net.station, edges)
 

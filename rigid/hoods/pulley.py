@@ -105,8 +105,8 @@ class PulleyHood:
         return PulleyState(motion, np.zeros(len(self.tendons)))
 
     def advance(self, state: PulleyState, motion: Motion, tension: Array, dt: float) -> Response:
-        """Response at `motion` under `tension` (nt,) N; it depends on no rate and no history, so that
-        any `dt` > 0 gives the same.  Raises InputError."""
+        """Response at `motion` under `tension` (nt,) N; it depends on no rate and no history, so
+        that any `dt` > 0 gives the same.  Raises InputError."""
         self._check(motion, tension, dt)
         tension = np.array(tension, dtype=float)
         wrench = np.zeros((len(self.bodies), len(SOURCES), 6))

@@ -30,7 +30,7 @@ from meshes.imported.hood import ImportedSheet, places, read_sheet, stations
 from meshes.imported.names import map_names, missing_sets_fault
 from meshes.imported.raw import RawMesh, read_raw
 from meshes.skeleton import index_finger
-from tests.helpers.own_anatomy import exported, write_feb, write_meshio
+from tests.helpers.own_anatomy import user_hood, write_feb, write_meshio
 
 THICKNESS = 0.65e-3
 FAR = np.array([30.0, -40, 50])
@@ -44,7 +44,7 @@ def ours() -> HoodMesh:
 
 @pytest.fixture(scope="module")
 def raw(ours: HoodMesh) -> RawMesh:
-    own = exported(ours)
+    own = user_hood(ours)
     nodes = dict(own.nodes) | {name: np.unique(pairs) for name, pairs in own.lines.items()}
     return RawMesh(own.points, own.quads, own.cells, nodes, own.lines, ())
 
@@ -67,9 +67,9 @@ def test_every_format_holds_the_same_mesh_and_sets(
 ):
     path = tmp_path / f"hood.{ending}"
     if ending == "feb":
-        write_feb(exported(ours), path)
+        write_feb(user_hood(ours), path)
     else:
-        write_meshio(exported(ours), path, "gmsh22" if ending == "msh" else None)
+        write_meshio(user_hood(ours), path, "gmsh22" if ending == "msh" else None)
     read = read_hood(path)
     np.testing.assert_allclose(read.points, raw.points, atol=1e-6)
     assert missing_sets_fault(read, map_names(read, {})) == []
@@ -330,7 +330,7 @@ def test_vectors_of_the_quads_become_fields_of_directions(
     tmp_path: Path, ours: HoodMesh, chain: Centreline
 ):
     """In our axes; those that stand on the sheet are dropped and told."""
-    write_meshio(exported(ours), tmp_path / "hood.vtu")
+    write_meshio(user_hood(ours), tmp_path / "hood.vtu")
     mesh = meshio.read(tmp_path / "hood.vtu")
     lines = np.ones((len(mesh.cells[1].data), 3))
     mesh.cell_data["slips"] = [2 * ours.fibre, lines]

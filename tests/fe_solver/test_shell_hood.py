@@ -272,14 +272,14 @@ def turns(motion: Motion, sizes: list[float]) -> list[Motion]:
     return [motion.displace(size * twist) for size in sizes]
 
 
-def walked(hood: ShellHood, solved: Response, motions: list[Motion]) -> HoodState:
+def walk(hood: ShellHood, solved: Response, motions: list[Motion]) -> HoodState:
     state = solved.state
     for motion in motions:
         state = hood.advance(state, motion, TENSION, STATIC).state
     return state
 
 
-def missed(hood: ShellHood, state: HoodState, motion: Motion) -> tuple[float, float]:
+def prediction_error(hood: ShellHood, state: HoodState, motion: Motion) -> tuple[float, float]:
     """m, how far the hood is from where its tangent foresees it, and from where it begins."""
     _, foreseen = hood._predict(state, motion, TENSION)
     begun = hood._extrapolate(state, foreseen)
@@ -289,11 +289,11 @@ def missed(hood: ShellHood, state: HoodState, motion: Motion) -> tuple[float, fl
 
 def test_the_last_steps_misses_foretell_the_next(hood, solved, motion):
     *before, fourth, fifth = turns(motion, [1e-5, 2e-5, 3e-5, 4e-5, 4.5e-5])
-    state = walked(hood, solved, before)
+    state = walk(hood, solved, before)
     for ahead in (fourth, fifth):
-        linear, bent = missed(hood, state, ahead)
+        linear, bent = prediction_error(hood, state, ahead)
         assert bent < 0.3 * linear
-        state = walked(hood, Response(state, None, None), [ahead])
+        state = walk(hood, Response(state, None, None), [ahead])
 
 
 def test_what_happened_once_is_not_foretold():
@@ -311,7 +311,7 @@ def test_what_happened_once_is_not_foretold():
 
 def test_a_step_of_another_size_is_not_foretold(hood, solved, motion):
     first, second, far = turns(motion, [1e-5, 2e-5, 1e-3])
-    state = walked(hood, solved, [first, second])
+    state = walk(hood, solved, [first, second])
     _, foreseen = hood._predict(state, far, TENSION)
     assert hood._extrapolate(state, foreseen) is foreseen
     assert solved.state.bend is None
@@ -320,7 +320,7 @@ def test_a_step_of_another_size_is_not_foretold(hood, solved, motion):
 
 def test_arrays_hold_all_that_the_next_step_begins_from(hood, solved, motion):
     first, second, third = turns(motion, [2e-5, 4e-5, 6e-5])
-    state = walked(hood, solved, [first, second])
+    state = walk(hood, solved, [first, second])
     again = hood.from_arrays(hood.to_arrays(state))
     one, other = (hood.advance(s, third, TENSION, STATIC) for s in (state, again))
     assert np.array_equal(one.load.wrench, other.load.wrench)

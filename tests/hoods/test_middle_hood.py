@@ -37,7 +37,7 @@ width = FINGERS["middle"].width
 
 
 @cache
-def made(*settings: str) -> tuple[Models, HoodMesh]:
+def build_with(*settings: str) -> tuple[Models, HoodMesh]:
     return build(case(*settings)), hood_mesh(case(*settings))
 
 
@@ -107,7 +107,7 @@ def test_each_bone_is_as_long_as_its_phalanx_and_wider_by_o2o3():
 
 def test_the_hoods_skeleton_is_the_rigid_models():
     """Bodies of both stand alike in any posture, or the hood would be coupled to other bones."""
-    models, _ = made()
+    models, _ = build_with()
     angles = {"MCP": 0.7, "MCP_abduction": 0.2, "PIP": 0.9, "DIP": 0.4}
     motion = models.finger.motion(models.finger.start(angles))
     position, rotation = skeleton_of(case().finger).pose(angles)
@@ -116,7 +116,7 @@ def test_the_hoods_skeleton_is_the_rigid_models():
 
 
 def test_the_sheet_lies_on_the_longer_bones_from_end_to_end():
-    models, mesh = made()
+    models, mesh = build_with()
     model, rest = models.hood.model, models.hood.rest
     gap = models.hood.gap(models.hood.start(rest))
     assert gap.min() > -0.2e-3  # between so few nodes the sheet sags
@@ -135,7 +135,7 @@ def test_the_sheet_lies_on_the_longer_bones_from_end_to_end():
 
 
 def test_intrinsic_tendons_come_from_the_third_digits_points():
-    _, mesh = made()
+    _, mesh = build_with()
     rows, unit = middle_finger.ROWS["MCP"], middle_finger.O2O3
     radial = np.mean([rows["RI"][0], rows["LU"][0]], axis=0) * unit
     for side, (x, dorsal, beside) in (
@@ -174,7 +174,7 @@ def test_an_index_hood_does_not_go_on_it(tmp_path):
 
 @pytest.mark.parametrize("elements", ["linear", "quadratic"])
 def test_who_pulls_where(elements):
-    models, mesh = made("hood.mesh.quads=600", f'hood.mesh.elements="{elements}"')
+    models, mesh = build_with("hood.mesh.quads=600", f'hood.mesh.elements="{elements}"')
     assert models.hood.tendons == ("EDC", "LUM", "RI", "UI")
     assert models.finger.tendons == ("RIp", "FDP", "FDS")
     model, start = models.hood.model, models.hood.start(models.hood.rest).configuration

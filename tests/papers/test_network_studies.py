@@ -181,7 +181,7 @@ def test_distance_from_the_curve_and_its_derivatives():
     assert curve_distance_slopes(at, curve) == pytest.approx(slopes, rel=1e-5, abs=1e-2)
 
 
-def drawn_sheet(figure):
+def draw_figure(figure):
     sheet = Sheet(figsize=figure.size, layout="constrained")
     figure.draw(sheet)
     sheet.canvas.draw()
@@ -205,7 +205,7 @@ def test_every_picture_draws_and_holds_its_numbers(monkeypatch):
         *network_errors.error_figures(),
     ]
     for figure in figures:
-        drawn_sheet(figure)
+        draw_figure(figure)
     names = [figure.name for figure in figures]
     assert len(set(names)) == len(names)
     virtual = [

@@ -29,7 +29,7 @@ from cosim.results.read import read_runs
 from meshes.cable_net import CableNet
 from meshes.glide import PLACES, CarriedPoint, glide, net_places, sheet_places
 from tests.helpers import shells
-from tests.helpers.reported import run_into
+from tests.helpers.report_runs import run_into
 
 QUICK = "output.picture=false"
 COARSE = "hood.mesh.quads=150"
@@ -137,7 +137,7 @@ def laid() -> tuple[tuple[CarriedPoint, ...], Array, Motion]:
     return sheet_places(mesh), hood.model.reference, hood.rest
 
 
-def told(
+def glide_to(
     places: tuple[CarriedPoint, ...], points: Array, rest: Motion, now: Array, at: Motion
 ) -> Any:
     was = (points, rest.position, rest.rotation)
@@ -147,7 +147,7 @@ def told(
 def test_a_hood_that_nothing_has_moved_has_not_glided(laid):
     places, points, rest = laid
     assert [place.name for place in places] == list(PLACES)
-    assert told(places, points, rest, points, rest) == dict.fromkeys(PLACES, 0.0)
+    assert glide_to(places, points, rest, points, rest) == dict.fromkeys(PLACES, 0.0)
 
 
 def test_glide_is_how_far_distally_along_the_bone_beneath(laid):
@@ -155,7 +155,7 @@ def test_glide_is_how_far_distally_along_the_bone_beneath(laid):
     for body, names in ((1, PLACES[:3]), (2, PLACES[3:])):
         _, radial, dorsal = rest.rotation[body].T
         way = 2e-3 * rest.rotation[body][:, 0] + 1e-3 * radial - 3e-3 * dorsal
-        found = told(places, points, rest, points + way, rest)
+        found = glide_to(places, points, rest, points + way, rest)
         assert [found[name] for name in names] == pytest.approx([2e-3] * len(names), abs=1e-12)
 
 
@@ -164,8 +164,8 @@ def test_glide_does_not_depend_on_where_the_hand_is(laid):
     moved = points + 1e-3 * np.sin(1e3 * points)
     turn, shift = rotation_matrix(np.array([0.4, -1.1, 0.7])), np.array([0.3, -0.2, 0.1])
     hand = rest.transform(turn, shift)
-    here = told(places, points, rest, moved, rest)
-    there = told(places, points, rest, moved @ turn.T + shift, hand)
+    here = glide_to(places, points, rest, moved, rest)
+    there = glide_to(places, points, rest, moved @ turn.T + shift, hand)
     assert max(map(abs, here.values())) > 1e-4
     assert there == pytest.approx(here, abs=1e-12)
 

@@ -22,7 +22,7 @@ from cosim.study import open_study, process
 from cosim.study.quantities import check_outputs, paths
 from cosim.study.store import Store
 from cosim.study.task import Task, settle, stored_outcome
-from tests.helpers.held import HELD
+from tests.helpers.fixed_posture import HELD
 
 STUDY = """
 case = "held.toml"
@@ -48,7 +48,7 @@ def cosim(*words: str):
     return CliRunner().invoke(app, ["study", *words, "--workers", "0"])
 
 
-def begun(place: Path) -> Counter[str]:
+def begin_counts(place: Path) -> Counter[str]:
     """Times that each run was begun."""
     lines = (place / "studies" / "store" / "executions.log").read_text().splitlines()
     return Counter(line.split()[1] for line in lines if line.startswith("begun"))
@@ -73,7 +73,7 @@ def test_a_study_is_the_closed_form_and_is_not_done_twice(place):
     before = (place / "studies" / "pip" / "table.parquet").read_bytes()
     again = cosim("pip.toml")
     assert "0 runs solved" in again.output
-    assert set(begun(place).values()) == {1}
+    assert set(begin_counts(place).values()) == {1}
     assert (place / "studies" / "pip" / "table.parquet").read_bytes() == before
     page = (place / "studies" / "pip" / "index.html").read_text(encoding="utf-8")
     assert "http" not in page.replace("http://www.w3.org", "")
@@ -132,7 +132,7 @@ def test_a_study_goes_on_where_it_was(place, monkeypatch):
     status = CliRunner().invoke(app, ["status", "studies/store"])
     assert "stopped" in status.output
     assert "2 runs solved" in cosim("pip.toml").output
-    assert set(begun(place).values()) == {1}
+    assert set(begin_counts(place).values()) == {1}
     assert "4/4" in CliRunner().invoke(app, ["status", "studies/store"]).output
 
 

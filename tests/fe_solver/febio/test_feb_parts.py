@@ -215,7 +215,7 @@ def job(tmp_path: Path) -> Job:
     return read_feb(write(tmp_path, feb_text()))
 
 
-def moved(job: Job, node: int, place: tuple[float, float, float]) -> Job:
+def move_node(job: Job, node: int, place: tuple[float, float, float]) -> Job:
     points = job.points.copy()
     points[node] = place
     return dataclasses.replace(job, points=points)
@@ -228,13 +228,19 @@ def with_row(job: Job, name: str, row: int, values: Any) -> Job:
 
 
 FAULTS = {
-    "nan": (lambda j: moved(j, 2, (np.nan, 0, 0)), "node 3 .*not finite"),
+    "nan": (lambda j: move_node(j, 2, (np.nan, 0, 0)), "node 3 .*not finite"),
     "twice": (lambda j: with_row(j, "quads", 0, [0, 1, 1, 3]), "element 1 .* names node 2 twice"),
     "same nodes": (lambda j: with_row(j, "quads", 1, [1, 4, 3, 0]), "have the same nodes"),
     "thin for its size": (lambda j: with_row(j, "thickness", 1, 1e-14), "element 2 .*units"),
     "thick for its size": (lambda j: with_row(j, "thickness", 1, 1.0), "element 2 .*units"),
-    "no area": (lambda j: moved(j, 6, (2e-3, 0.5e-3, 0)), r"element 3 \(part 'tip'\) has no area"),
-    "reflex": (lambda j: moved(j, 0, (0.9e-3, 0.9e-3, 0)), r"element 1 \(part 'strip'\) is inv"),
+    "no area": (
+        lambda j: move_node(j, 6, (2e-3, 0.5e-3, 0)),
+        r"element 3 \(part 'tip'\) has no area",
+    ),
+    "reflex": (
+        lambda j: move_node(j, 0, (0.9e-3, 0.9e-3, 0)),
+        r"element 1 \(part 'strip'\) is inv",
+    ),
     "crossed": (lambda j: with_row(j, "quads", 0, [0, 4, 1, 3]), "element 1"),
     "turned over": (lambda j: with_row(j, "quads", 2, [2, 5, 6, 6]), "opposite senses"),
     "out of range": (lambda j: with_row(j, "quads", 0, [0, 1, 4, 99]), "0, 1, 4, 99"),
@@ -262,7 +268,7 @@ def test_a_faulty_job_is_told_by_node_or_element(job: Job, name: str) -> None:
     assert "\n" not in str(caught.value)
 
 
-def apart(job: Job) -> Job:
+def separate_triangle(job: Job) -> Job:
     """The tip's triangle off the strip, with nodes of its own where the strip's were."""
     points = np.concatenate([job.points, job.points[[2, 5]]])
     quads = job.quads.copy()
@@ -273,12 +279,12 @@ def apart(job: Job) -> Job:
 
 def test_duplicate_nodes_are_named(job: Job) -> None:
     with pytest.raises(InputError, match=r"node 3 lies where .*node 98"):
-        check_job(apart(job))
+        check_job(separate_triangle(job))
 
 
 def test_a_piece_that_nothing_holds_is_named_and_a_spring_would_hold_it(job: Job) -> None:
-    torn = apart(job)
-    torn = moved(moved(torn, 7, (2.1e-3, 0, 0)), 8, (2.1e-3, 1e-3, 0))
+    torn = separate_triangle(job)
+    torn = move_node(move_node(torn, 7, (2.1e-3, 0, 0)), 8, (2.1e-3, 1e-3, 0))
     with pytest.raises(
         InputError, match=r"node 7: nothing holds its piece of the shell \(2 pieces"
     ):

@@ -31,7 +31,7 @@ from fe_solver.job.job import (
 from fe_solver.materials.fibres import HolzapfelGasserOgden, TransIsoMooneyRivlin
 from fe_solver.materials.hyperelastic import NeoHookean
 from fe_solver.materials.linear import Isotropic, Law, Orthotropic
-from tests.helpers.feb_files import changed, read, same
+from tests.helpers.feb_files import change_section, read, same
 
 INTS = np.array
 SLACK = np.array([1e-4, 2e-4])
@@ -196,7 +196,7 @@ def test_slack_springs_become_tables(tmp_path: Path) -> None:
 
 
 def test_nodes_on_the_mid_surface_are_moved_to_febios_face(tmp_path: Path) -> None:
-    job = read(tmp_path, {"MeshData": None, **changed("MeshDomains", "0.25", "0.5")})
+    job = read(tmp_path, {"MeshData": None, **change_section("MeshDomains", "0.25", "0.5")})
     flat = dataclasses.replace(job, height=np.zeros_like(job.height))
     write_feb(flat, tmp_path / "face.feb")
     back = read_feb(tmp_path / "face.feb")

@@ -28,7 +28,7 @@ def flat(nx: int, ny: int) -> ShellModel:
     return sheet(*with_nine_nodes(*plate(nx * SIDE, ny * SIDE, nx, ny)), 1e7, 0.3, 0.5e-3)
 
 
-def warped(seed: int) -> tuple[Array, np.ndarray]:
+def warp(seed: int) -> tuple[Array, np.ndarray]:
     X, quads = with_nine_nodes(*plate(3 * SIDE, 2 * SIDE, 3, 2))
     return X + 0.1 * SIDE * np.random.default_rng(seed).normal(size=X.shape), quads
 
@@ -66,7 +66,7 @@ def test_an_even_pressure_loads_the_nodes_as_the_element_shares_it():
 
 @pytest.mark.parametrize("seed", range(3))
 def test_forces_within_elements_are_their_energys(seed):
-    X, quads = warped(seed)
+    X, quads = warp(seed)
     points = ElementPoints.of(quads, np.array([0, 2, 3, 5]))
     area, none = points.areas(X), np.zeros(len(points.nearest))
     ball = Sphere(np.array([1.5 * SIDE, SIDE, -0.95 * RADIUS]), RADIUS)
@@ -92,7 +92,7 @@ def test_the_compiled_spread_is_the_plain_one(monkeypatch):
     assert kernels.spread(which, weights, hessian, 3) == pytest.approx(fast, abs=1e-14)
 
 
-def pressed_by_a_ball(points: ElementPoints | None, model: ShellModel, shift: Array) -> float:
+def ball_force(points: ElementPoints | None, model: ShellModel, shift: Array) -> float:
     """N, of a ball that has sunk into the sheet by DEPTH."""
     X, middle = model.reference, np.array([2.5 * SIDE, 2.5 * SIDE, DEPTH - RADIUS])
     ball = Sphere(middle + shift, RADIUS)
@@ -113,7 +113,7 @@ def test_a_balls_force_hardly_depends_on_where_in_an_element_it_presses():
     points = ElementPoints.of(model.quads, np.arange(len(model.quads)))
     errors = {}
     for name, at in (("nodes", None), ("points", points)):
-        off = [pressed_by_a_ball(at, model, shift) / exact - 1 for shift in places]
+        off = [ball_force(at, model, shift) / exact - 1 for shift in places]
         errors[name] = float(np.sqrt(np.mean(np.square(off))))
     assert errors["points"] < 0.01
     assert errors["points"] < 0.2 * errors["nodes"]

@@ -30,9 +30,9 @@ from tests.helpers.jobs import (
     RAMP,
     THICK,
     E,
-    at,
     body,
     job_normal_up,
+    nodes_at,
     one_of,
     rod_hood,
     rod_job,
@@ -158,9 +158,9 @@ def test_what_a_job_cannot_say_of_a_hood_is_refused():
 
 def test_on_its_mid_surface_a_sheet_is_pulled_straight_and_springs_keep_their_slack():
     """Pulled at a face, it bends by the force times half the thickness."""
-    job, end = strip(), at(strip(), LENGTH)
+    job, end = strip(), nodes_at(strip(), LENGTH)
     pull = NodalForce(end, np.array([0.5 / len(end), 0, 0]), RAMP)
-    tied = Tied(at(job, 0.0), 0)
+    tied = Tied(nodes_at(job, 0.0), 0)
     job = replace(
         job, height=job.height - THICK / 2, bodies=(body(),), tied=(tied,), forces=(pull,)
     )

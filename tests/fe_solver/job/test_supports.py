@@ -89,14 +89,14 @@ def pins(job: Job, *held: tuple[int, int]) -> tuple[PrescribedDisplacement, ...]
     return tuple(PrescribedDisplacement(np.array([n]), k) for n, k in held)
 
 
-def evaluated(job: Job) -> tuple[ShellModel, Configuration, Evaluation]:
+def evaluate_job(job: Job) -> tuple[ShellModel, Configuration, Evaluation]:
     model = job_model(job, OPTIONS)
     own, c = model.at(0.0), model.start()
     return own, c, own.evaluate(c, NO_TENSION, tangent=True)
 
 
 def freedoms(job: Job) -> int:
-    return sum(len(f.shift) for f in rigid_freedoms(*evaluated(job)))
+    return sum(len(f.shift) for f in rigid_freedoms(*evaluate_job(job)))
 
 
 def weight(job: Job, *force: float) -> tuple[NodalForce, ...]:
@@ -141,7 +141,7 @@ def test_an_axis_that_is_none_of_the_frame_is_told_by_its_components() -> None:
     turn = rotation_matrix(np.array([0, 0, np.pi / 6]))
     turned = replace(job, points=job.points @ turn.T, fibre=job.fibre @ turn.T)
     held = tuple(PrescribedDisplacement(at(job, 0.0), k) for k in range(3))
-    (free,) = rigid_freedoms(*evaluated(replace(turned, held=held)))
+    (free,) = rigid_freedoms(*evaluate_job(replace(turned, held=held)))
     direction = free.turn[0] / np.linalg.norm(free.turn[0])
     np.testing.assert_allclose(np.abs(direction @ turn[:, 1]), 1.0, atol=1e-9)
     assert "turn about (" in free.words()
@@ -159,7 +159,7 @@ def test_what_is_free_is_told_in_words(components: tuple[int, ...], words: str) 
     job = strip()
     every = np.arange(len(job.points))
     held = tuple(PrescribedDisplacement(every, k) for k in components)
-    (free,) = rigid_freedoms(*evaluated(replace(job, held=held)))
+    (free,) = rigid_freedoms(*evaluate_job(replace(job, held=held)))
     assert free.words() == words
 
 
@@ -171,7 +171,7 @@ def test_one_clamped_node_leaves_the_turn_about_its_director(tied: bool) -> None
     else:
         still = tuple(HeldDirector(np.array([4]), k) for k in (0, 1))
         job = replace(job, held=pins(job, (4, 0), (4, 1), (4, 2)), held_directors=still)
-    (free,) = rigid_freedoms(*evaluated(job))
+    (free,) = rigid_freedoms(*evaluate_job(job))
     x, y, _ = 1e3 * job.points[4]
     assert free.words() == f"turn about z through ({x:.4g}, {y:.4g}, 0) mm"
 
@@ -232,7 +232,7 @@ def test_springs_between_pieces_hold_one_by_the_other() -> None:
     near, far = at(job, LENGTH), at(job, LENGTH + 1e-3)
     flat = strings(job, far.tolist(), [0, 0, 0])
     flat = replace(flat, body=np.full(len(far), -1), other=near, length=np.full(len(far), 1e-3))
-    (free,) = rigid_freedoms(*evaluated(replace(job, springs=(flat,))))
+    (free,) = rigid_freedoms(*evaluate_job(replace(job, springs=(flat,))))
     assert free.nodes.tolist() == list(range(n, 2 * n))
     assert len(free.shift) == 4  # they hold x and the turn about z
     held = (*job.held, *pins(job, (n, 1), (n, 2), (2 * n - 1, 2), (n + 1, 2)))
