@@ -76,7 +76,7 @@ class Valve:
     """Pa, 90 psi above the atmosphere (paper 003, section III)."""
 
     def __post_init__(self) -> None:
-        _positive(self, "conductance", "lag")
+        _positive("valve", self, "conductance", "lag")
         if np.any(np.asarray(self.delay) < 0) or np.any(np.asarray(self.underlap) <= 0):
             raise InputError("valve: delay must not be negative, and underlap above 0")
         b = np.asarray(self.critical_ratio)
@@ -104,7 +104,7 @@ class PneumaticCylinder:
     """W/K, walls to air.  Assumed: 60 W/(m^2 K) over the tube's and the chamber's wall."""
 
     def __post_init__(self) -> None:
-        _positive(self, "bore", "stroke", "dead_volume")
+        _positive("cylinder", self, "bore", "stroke", "dead_volume")
         if np.any(np.asarray(self.rod) < 0) or np.any(np.asarray(self.rod >= self.bore)):
             raise InputError("cylinder: its rod must be thinner than its bore")
         if np.any(np.asarray(self.friction) < 0) or np.any(np.asarray(self.heat) < 0):
@@ -279,8 +279,8 @@ CREEP = 1e-2
 with a friction that follows the speed of the step before."""
 
 
-def _positive(table: Valve | PneumaticCylinder, *names: str) -> None:
+def _positive(what: str, table: Valve | PneumaticCylinder, *names: str) -> None:
     for name in names:
         value = np.asarray(getattr(table, name))
         if not (np.isfinite(value).all() and (value > 0).all()):
-            raise InputError(f"{type(table).__name__.lower()}: {name} must be above 0")
+            raise InputError(f"{what}: {name} must be above 0")

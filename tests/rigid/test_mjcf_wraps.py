@@ -141,8 +141,9 @@ def test_the_closed_form_is_mujocos_length(
         f'<site name="{name}" pos="{text(*x)}"/>' for name, x in (("a", start), ("b", end))
     )
     side = ' sidesite="side"' if where != "n" else ""
+    shape = "sphere" if kind is WrapSphere else "cylinder"
     model = mujoco.MjModel.from_xml_string(
-        f"<mujoco><worldbody>{surface(kind.__name__.lower(), radius, centre, axis)}{sites}"
+        f"<mujoco><worldbody>{surface(shape, radius, centre, axis)}{sites}"
         f'{site(place)}</worldbody><tendon><spatial><site site="a"/><geom geom="drum"{side}/>'
         '<site site="b"/></spatial></tendon></mujoco>'
     )

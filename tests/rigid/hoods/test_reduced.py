@@ -40,8 +40,8 @@ from tests.helpers.soft_network import (
     STRAIGHT,
     reduced_potential,
     samples,
-    unseen_sample,
     training_sample,
+    unseen_sample,
 )
 
 
