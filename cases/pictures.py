@@ -67,6 +67,7 @@ def small_png(figure: Figure, dpi: int = 90) -> bytes:
 
 
 def main() -> None:
+    """Draw the picture of each family that the command line names, or of all."""
     parser = argparse.ArgumentParser(prog="python -m cases.pictures", description=__doc__)
     parser.add_argument("families", nargs="*", metavar="FAMILY", help=", ".join(SHOWN))
     parser.add_argument("--out", type=Path, default=FOLDER, help="in place of the folder cases/")

@@ -41,7 +41,7 @@ PROXIMAL, MIDDLE = BODIES.index("proximal"), BODIES.index("middle")
 
 
 @dataclass(frozen=True)
-class Line:
+class HoodLine:
     """Points that a hood carries, each the weighted mean of some of its nodes."""
 
     points: tuple[tuple[Ints, Array], ...]
@@ -52,22 +52,31 @@ class Line:
         return np.array([weight @ x[nodes] for nodes, weight in self.points]).reshape(-1, 3)
 
 
-def sheet_bands(mesh: HoodMesh) -> dict[str, Line]:
-    """The middle line of each lateral band of a sheet, by side, proximal end first."""
+def sheet_bands(mesh: HoodMesh) -> dict[str, HoodLine]:
+    """Return the middle line of each lateral band of a sheet, by side, proximal end first.
+
+    >>> from importlib.resources import files
+    >>> from meshes.bands import sheet_bands
+    >>> from meshes.hood_mesh import read
+    >>> mesh = read(files("meshes") / "hoods" / "index_600.json")
+    >>> lines = sheet_bands(mesh)
+    >>> {side: line.at(mesh.points).shape[1] for side, line in lines.items()}
+    {'radial': 3, 'ulnar': 3}
+    """
     edges = {side: sheet_edges(mesh, SHEET[f"lateral_band_{side}"]) for side in SIDES}
     return _middle_lines(mesh.station, edges)
 
 
-def net_bands(net: CableNet) -> dict[str, Line]:
-    """The same of a net of cables."""
+def net_bands(net: CableNet) -> dict[str, HoodLine]:
+    """Return the middle line of each lateral band of a net of cables, by side, from proximal."""
     edges = {side: net_edges(net, NET[f"lateral_band_{side}"]) for side in SIDES}
     return _middle_lines(net.station, edges)
 
 
-def _middle_lines(station: Array, edges: Mapping[str, Ints]) -> dict[str, Line]:
+def _middle_lines(station: Array, edges: Mapping[str, Ints]) -> dict[str, HoodLine]:
     """Middle lines of parts of a hood by their edges (m, 2); parts without any are left out."""
     return {
-        side: Line(tuple(_crossings(station, pairs, _rows(station[pairs]))))
+        side: HoodLine(tuple(_crossings(station, pairs, _rows(station[pairs]))))
         for side, pairs in edges.items()
         if len(pairs)
     }
@@ -86,7 +95,7 @@ def _crossings(station: Array, pairs: Ints, rows: Array) -> Iterator[tuple[Ints,
 
 
 def band_heights(
-    bands: Mapping[str, Line], points: Array, position: Array, rotation: Array, axis: Array
+    bands: Mapping[str, HoodLine], points: Array, position: Array, rotation: Array, axis: Array
 ) -> dict[str, float]:
     """m by side, of lateral bands over the PIP's axis; not a number where a band does not cross the
     plane through it.
@@ -130,7 +139,7 @@ class SagittalBands:
     """(k, 3) m, in the bone's frame."""
     shares: Mapping[str, Array]
     """(k,) of each node in what the side bears, adding up to one."""
-    tendon: Line
+    tendon: HoodLine
     """Its middle, a little proximal of the MCP, at it and a little distal of it."""
 
 
@@ -155,7 +164,7 @@ def sagittal_bands(mesh: HoodMesh) -> SagittalBands | None:
         {side: s.nodes for side, s in found.items()},
         {side: s.anchors for side, s in found.items()},
         {side: share / share.sum() for side, share in shares.items()},
-        Line(tendon),
+        HoodLine(tendon),
     )
 
 

@@ -48,7 +48,7 @@ class Bone:
         rays[..., 0] += np.cos(self.tilt)[:, None]
         return self.centres[:, None] + self.radii[..., None] * rays
 
-    def scaled(self, length: float, width: float) -> Bone:
+    def scale(self, length: float, width: float) -> Bone:
         """The bone with x times `length` and y and z times `width`."""
         if not (length > 0 and width > 0 and np.isfinite([length, width]).all()):
             raise InputError(
@@ -128,9 +128,15 @@ def _tube_triangles(rows: int, count: int) -> NDArray[np.int64]:
 
 @cache
 def load_bone(name: str) -> Bone:
-    """The measured bone of a body of `meshes.skeleton.BODIES`, unscaled.
+    """Return the measured bone of a body of `meshes.skeleton.BODIES`, unscaled.
 
-    Raises InputError for another name."""
+    Raises InputError for another name.
+
+    >>> from meshes.bones import load_bone
+    >>> vertices, triangles = load_bone("proximal").surface()
+    >>> vertices.shape[1], triangles.shape[1]  # m, in the bone's frame
+    (3, 3)
+    """
     if name not in BODIES:
         raise InputError(f"no bone is named {name!r}; expected one of {', '.join(BODIES)}")
     text = files("meshes").joinpath("bones", f"{name}.csv").read_text(encoding="utf-8")

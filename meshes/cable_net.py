@@ -41,7 +41,7 @@ from meshes.hood_lines import (
     TERMINAL_END,
 )
 from meshes.hood_mesh import Attachment
-from meshes.hull import CLEARANCE, PIP, Chain, Hull, Level, Surface, along
+from meshes.hull import CLEARANCE, PIP, Centreline, Hull, Level, SmoothSurface, along
 from meshes.skeleton import Skeleton
 
 Array = NDArray[np.float64]
@@ -204,7 +204,7 @@ def _tie(out: _Drawing, spacing: float) -> None:
 
 def lay(
     skeleton: Skeleton,
-    surfaces: Mapping[str, Surface],
+    surfaces: Mapping[str, SmoothSurface],
     offset: Mapping[str, float],
     rest_posture: Mapping[str, float],
     spacing: float,
@@ -213,7 +213,7 @@ def lay(
     """A net of cells of about `spacing` (m) over bones at `rest_posture` (rad), its centre lines
     `offset` (m) by body over the bare bone; `surfaces` are the scaled bones', `width` scales the
     hand-measured points across the finger."""
-    chain = Chain(skeleton, *skeleton.pose(rest_posture))
+    chain = Centreline(skeleton, *skeleton.pose(rest_posture))
     level = Level(surfaces, offset, chain.position, chain.rotation)
     scale = float(skeleton.length[1]) / (PIP * 1e-3)
     drawing = _draw(1e3 * spacing)
@@ -260,7 +260,7 @@ def _intrinsic(drawing: _Drawing, side: str, start: Array, points: Array, spacin
 
 
 def _attachments(
-    drawing: _Drawing, chain: Chain, level: Level, points: Array, scale: float, width: float
+    drawing: _Drawing, chain: Centreline, level: Level, points: Array, scale: float, width: float
 ) -> dict[str, Attachment]:
     """What springs hold: central slip and adhesions on the bone under them, sagittal bands and
     retinacular ligaments where those of the sheet are anchored."""

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshes.cable_net import CableNet
-from meshes.hood_mesh import HoodMesh, flat
+from meshes.hood_mesh import HoodMesh, display_quads
 from meshes.hull import PIP
 from meshes.skeleton import BODIES
 
@@ -49,7 +49,7 @@ BENEATH = {"terminal_slip": "middle"}
 
 
 @dataclass(frozen=True)
-class Place:
+class CarriedPoint:
     """A point that a hood carries: the weighted mean of its nodes (k,)."""
 
     name: str
@@ -65,13 +65,13 @@ class Place:
         return float(from_origin @ rotation[self.body][:, 0])
 
 
-def sheet_places(mesh: HoodMesh) -> tuple[Place, ...]:
+def sheet_places(mesh: HoodMesh) -> tuple[CarriedPoint, ...]:
     """The places of a sheet; those whose regions the mesh lacks are left out."""
     edges = {name: sheet_edges(mesh, regions) for name, regions in SHEET.items()}
     return tuple(_places(mesh.station, edges))
 
 
-def net_places(net: CableNet) -> tuple[Place, ...]:
+def net_places(net: CableNet) -> tuple[CarriedPoint, ...]:
     """The places of a net of cables; those whose strands it lacks are left out."""
     edges = {name: net_edges(net, strands) for name, strands in NET.items()}
     return tuple(_places(net.station, edges))
@@ -79,7 +79,7 @@ def net_places(net: CableNet) -> tuple[Place, ...]:
 
 def sheet_edges(mesh: HoodMesh, regions: Sequence[str]) -> Ints:
     """(m, 2) nodes at the ends of the edges of quads in the named regions, each edge once."""
-    quads = flat(mesh.quads[mesh.cells(*regions)])
+    quads = display_quads(mesh.quads[mesh.cells(*regions)])
     sides = np.stack([quads, np.roll(quads, 1, axis=1)], axis=-1).reshape(-1, 2)
     return np.unique(np.sort(sides, axis=1), axis=0)
 
@@ -89,7 +89,7 @@ def net_edges(net: CableNet, strands: Sequence[str]) -> Ints:
     return net.cells[np.isin(np.array(net.strands)[net.strand], strands)]
 
 
-def _places(station: Array, edges: Mapping[str, Ints]) -> Iterator[Place]:
+def _places(station: Array, edges: Mapping[str, Ints]) -> Iterator[CarriedPoint]:
     """Where lines across the finger cross the edges (m, 2) of each part of a hood whose nodes were
     laid at `station` (n,) mm."""
     for name, pairs in edges.items():
@@ -98,7 +98,7 @@ def _places(station: Array, edges: Mapping[str, Ints]) -> Iterator[Place]:
             continue
         crossed = crossing(station, pairs, STATION.get(name, station[pairs].min()))
         if crossed is not None:
-            yield Place(name, BODIES.index(BENEATH.get(name, "proximal")), *crossed)
+            yield CarriedPoint(name, BODIES.index(BENEATH.get(name, "proximal")), *crossed)
 
 
 def crossing(station: Array, pairs: Ints, row: float) -> tuple[Ints, Array] | None:
@@ -114,7 +114,9 @@ def crossing(station: Array, pairs: Ints, row: float) -> tuple[Ints, Array] | No
 
 
 def glide(
-    places: Sequence[Place], laid: tuple[Array, Array, Array], now: tuple[Array, Array, Array]
+    places: Sequence[CarriedPoint],
+    laid: tuple[Array, Array, Array],
+    now: tuple[Array, Array, Array],
 ) -> dict[str, float]:
     """m by place, positive distally.
 

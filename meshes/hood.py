@@ -53,8 +53,8 @@ from meshes.hood_lines import (
     even_shares,
     rows,
 )
-from meshes.hood_mesh import REGIONS, Attachment, HoodMesh, runs_round
-from meshes.hull import CLEARANCE, PIP, Chain, Hull, Level, Surface, along
+from meshes.hood_mesh import REGIONS, Attachment, HoodMesh, has_lateral_fibres
+from meshes.hull import CLEARANCE, PIP, Centreline, Hull, Level, SmoothSurface, along
 from meshes.skeleton import BODIES, Skeleton
 
 Array = NDArray[np.float64]
@@ -113,7 +113,7 @@ def _is_tendon(across: Array) -> NDArray[np.bool_]:
 
 def generate(
     skeleton: Skeleton,
-    surfaces: Mapping[str, Surface],
+    surfaces: Mapping[str, SmoothSurface],
     offset: Mapping[str, float],
     thickness: float,
     rest_posture: Mapping[str, float],
@@ -123,7 +123,7 @@ def generate(
     quadratic: bool = False,
     one_sheet: bool = False,
 ) -> HoodMesh:
-    """A hood of about `quads` elements laid over bones at `rest_posture` (rad).
+    """Generate a hood of about `quads` elements laid over bones at `rest_posture` (rad).
 
     `offset` (m) by body is the distance of the sheet's face from the bare bone, `thickness` (m) the
     sheet's; `surfaces` are those of the scaled bones; `width` scales the hand-measured points
@@ -131,9 +131,25 @@ def generate(
     the radial and the ulnar side run to the sheet from, m distal of the MCP, dorsal and radial;
     otherwise the index finger's, scaled.  `quadratic`: quadratic elements, of nine nodes.
     `one_sheet`: the wings reach the central slip's insertion, and nothing lies between the lateral
-    bands distal of it."""
+    bands distal of it.
+
+    >>> import numpy as np
+    >>> from fe_solver.surfaces.shapes import Capsule
+    >>> from meshes.hood import generate
+    >>> from meshes.skeleton import BODIES, JOINTS, index_finger
+    >>> skeleton = index_finger()
+    >>> ends = zip(BODIES, (-0.04, 0.0, 0.0, 0.0), (0.0, *skeleton.length[1:]), strict=True)
+    >>> bones = {
+    ...     body: Capsule(np.array([start, 0, 0]), np.array([end, 0, 0]), 0.006)
+    ...     for body, start, end in ends
+    ... }
+    >>> offset = dict.fromkeys(BODIES, 0.3e-3)
+    >>> mesh = generate(skeleton, bones, offset, 0.4e-3, dict.fromkeys(JOINTS, 0.0), 150)
+    >>> mesh.quads.shape[1], sorted(mesh.ends)
+    (4, ['central', 'radial', 'ulnar'])
+    """
     # the bones at rest, and the level of the sheet's middle over them
-    chain = Chain(skeleton, *skeleton.pose(rest_posture))
+    chain = Centreline(skeleton, *skeleton.pose(rest_posture))
     middle = {body: height + thickness / 2 for body, height in offset.items()}
     level = Level(surfaces, middle, chain.position, chain.rotation)
     scale = skeleton.length[1] / (PIP * 1e-3)
@@ -311,6 +327,7 @@ def _cells(grid: _Grid, across: Array, quadratic: bool) -> tuple[Ints, Ints, NDA
         corners = [first[0], last[0], last[n], first[n]]
         return [*corners, first[1], last[1], *between[0][[0, 2, 1]]] if quadratic else corners
 
+    # row by row from proximal: the middle, the bands at either side, the triangular ligament
     for i in range(0, len(grid.stations) - n, n):
         s = (grid.stations[i] + grid.stations[i + n]) / 2
         if s < SLIP_END:
@@ -330,7 +347,7 @@ def _cells(grid: _Grid, across: Array, quadratic: bool) -> tuple[Ints, Ints, NDA
                 cells.append(quad(lines, k, False))
                 names.append("triangular_ligament")
     region = np.array([REGIONS.index(n) for n in names])
-    along = np.array([not runs_round(n) for n in names])
+    along = np.array([not has_lateral_fibres(n) for n in names])
     return np.array(cells), region, along
 
 
@@ -385,13 +402,14 @@ def _attachments(
     grid: _Grid,
     across: Array,
     over_band: Array,
-    chain: Chain,
+    chain: Centreline,
     level: Level,
     points: Array,
     scale: float,
     width: float,
     quadratic: bool,
 ) -> dict[str, Attachment]:
+    # the central slip, by short strings to the middle phalanx
     s, eps = grid.stations, 1e-6
     last = int(np.flatnonzero(s <= SLIP_END + eps)[-1])
     inserted = INSERTED[bool(grid.inner[last, 0] >= 0)]
@@ -404,6 +422,7 @@ def _attachments(
     on_middle = on_bone("middle", middle, slip, level, level.offset["middle"])
     out = {"central_slip": replace(on_middle, shares=shares)}
     out["dorsal_capsule"] = _capsule(grid, across, chain, level, points, scale, quadratic)
+    # at either side: adhesion of the band, then ligaments to the proximal phalanx
     for side, sign, edge in (("radial", 1, -1), ("ulnar", -1, 0)):
         band = grid.band[side]
         out[f"ligament_{side}"] = _growth(band, over_band, s, points, level, quadratic)
@@ -423,7 +442,7 @@ def _attachments(
 def _capsule(
     grid: _Grid,
     across: Array,
-    chain: Chain,
+    chain: Centreline,
     level: Level,
     points: Array,
     scale: float,

@@ -115,7 +115,7 @@ class HoodMesh:
 
     def areas(self) -> Array:
         """(ne,) m2."""
-        p = self.points[flat(self.quads)]
+        p = self.points[display_quads(self.quads)]
         area = np.linalg.norm(np.cross(p[:, 2] - p[:, 0], p[:, 3] - p[:, 1]), axis=1) / 2
         return np.asarray(area.reshape(len(self.quads), -1).sum(axis=1))
 
@@ -133,12 +133,12 @@ class HoodMesh:
         return self.quads[self.cells(name)]
 
 
-def runs_round(region: str) -> bool:
+def has_lateral_fibres(region: str) -> bool:
     """Whether a region's fibres run round the finger, and not along it."""
     return region.startswith(ROUND)
 
 
-def flat(quads: Ints) -> Ints:
+def display_quads(quads: Ints) -> Ints:
     """The four-node quads that show elements (ne, 4) or (ne, 9), those of an element together."""
     quarters = [[0, 6, 8, 4], [6, 1, 5, 8], [4, 8, 7, 3], [8, 5, 2, 7]]
     shown = quarters if quads.shape[1] == 9 else [[0, 1, 2, 3]]
@@ -147,7 +147,7 @@ def flat(quads: Ints) -> Ints:
 
 def pairs(quads: Ints) -> Ints:
     """(m, 2) nodes of the elements (ne, 4) or (ne, 9) that join all of each one's."""
-    q = flat(quads)
+    q = display_quads(quads)
     return np.vstack([q[:, [0, 1]], q[:, [1, 2]], q[:, [2, 3]]])
 
 
@@ -194,7 +194,14 @@ def write(mesh: HoodMesh, path: Path) -> None:
 
 
 def read(path: Path) -> HoodMesh:
-    """A mesh file.  Raises InputError naming the file, the key and what was expected."""
+    """Read a mesh file.  Raises InputError naming the file, the key and what was expected.
+
+    >>> from importlib.resources import files
+    >>> from meshes.hood_mesh import read
+    >>> mesh = read(files("meshes") / "hoods" / "index_600.json")
+    >>> f"{len(mesh.quads)} quads, {1e6 * mesh.areas().sum():.0f} mm2"
+    '672 quads, 1490 mm2'
+    """
     try:
         content = json.loads(Path(path).read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:
@@ -362,8 +369,9 @@ class _Reader:
     def check_quads(self, mesh: HoodMesh) -> None:
         """Each quad is convex, its fibre lies in it, and neighbours face the same way."""
         q = mesh.quads
-        p, k = mesh.points[q[:, :4]], len(flat(q)) // len(q)
-        bad = are_folded(mesh.points[flat(q)]).reshape(-1, k).any(axis=1) | (mesh.areas() < 1e-12)
+        p, quads = mesh.points[q[:, :4]], display_quads(q)
+        folded = are_folded(mesh.points[quads]).reshape(-1, len(quads) // len(q)).any(axis=1)
+        bad = folded | (mesh.areas() < 1e-12)
         if bad.any():
             i = int(np.argmax(bad))
             raise self.fault("quads", f"quad {i} is folded or has no area; its nodes are {q[i]}")

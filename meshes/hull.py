@@ -19,7 +19,7 @@ PIP = 42.59  # mm, station of the joint
 DIP = 67.73
 
 
-class Surface(Protocol):
+class SmoothSurface(Protocol):
     """A smooth signed distance in a body's frame (m)."""
 
     def distance(self, points: Array) -> tuple[Array, Array, Array]:
@@ -51,7 +51,7 @@ def carriers(skeleton: Skeleton, station: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Chain:
+class Centreline:
     """The chain of joint centres in a posture, with a frame that turns smoothly over the joints."""
 
     skeleton: Skeleton
@@ -82,7 +82,7 @@ class Chain:
 class Level:
     """The union of the bones grown by an offset each (m); where it is negative, a node touches."""
 
-    surfaces: Mapping[str, Surface]
+    surfaces: Mapping[str, SmoothSurface]
     offset: Mapping[str, float]
     position: Array
     rotation: Array
@@ -114,7 +114,7 @@ class Level:
         """(n,) m by which points must rise dorsally, so that lines along the metacarpal from there
         to the MCP clear its level by `lift` (n,) m."""
         start = (points - self.position[0]) @ self.rotation[0]
-        way = to_the_joint(start)
+        way = lines_to_joint(start)
         line = way.reshape(-1, 3)
         level = self.offset["metacarpal"] + CLEARANCE * 1e-3 + np.repeat(lift, way.shape[1])
         for _ in range(30):
@@ -127,7 +127,7 @@ class Level:
         return highest - start[:, 2]
 
 
-def to_the_joint(start: Array) -> Array:
+def lines_to_joint(start: Array) -> Array:
     """(n, 50, 3) m, points on the lines along the metacarpal, in its frame, from each of `start`
     (n, 3) to the MCP."""
     way = np.repeat(start[:, None], 50, axis=1)
@@ -136,7 +136,7 @@ def to_the_joint(start: Array) -> Array:
 
 
 def hull_radius(
-    chain: Chain, level: Level, first: float, last: float
+    chain: Centreline, level: Level, first: float, last: float
 ) -> tuple[Array, Array, Array]:
     """Places along the chain (m) from `first` to `last` and some way beyond, angles (rad) and the
     radius about the chain (ns, na), m, of a smooth hull over the level set: outermost crossing of
@@ -190,7 +190,7 @@ def _bridge(rho: Array, reach: int) -> Array:
 
 @dataclass(frozen=True)
 class Hull:
-    chain: Chain
+    chain: Centreline
     level: Level
 
     def points(self, station: Array, phi: Array) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import InputError
-from meshes.hood_mesh import HoodMesh, flat
+from meshes.hood_mesh import HoodMesh, display_quads
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
@@ -31,11 +31,19 @@ class Markers:
 
 
 def markers(mesh: HoodMesh, regions: Sequence[str]) -> Markers:
-    """ROWS by 3 points on the radial edge, in the middle and on the ulnar edge of the named
+    """Return ROWS by 3 points on the radial edge, in the middle and on the ulnar edge of the named
     regions, in rows evenly spaced along the finger.
 
-    Raises InputError where the regions are not in the mesh."""
-    quads = flat(mesh.quads[mesh.cells(*regions)])
+    Raises InputError where the regions are not in the mesh.
+
+    >>> from importlib.resources import files
+    >>> from meshes.hood_mesh import read
+    >>> from meshes.markers import markers
+    >>> mesh = read(files("meshes") / "hoods" / "index_600.json")
+    >>> markers(mesh, ["central_slip"]).at(mesh.points).shape
+    (6, 3, 3)
+    """
+    quads = display_quads(mesh.quads[mesh.cells(*regions)])
     if not len(quads):
         raise InputError(f"the mesh has none of the regions {', '.join(regions)}")
     edges = np.stack([quads, np.roll(quads, 1, axis=1)], axis=-1).reshape(-1, 2)

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Plan:
+class MeasurementPlan:
     """How one bone is measured; lengths in m."""
 
     file: str
@@ -37,10 +37,10 @@ class Plan:
 
 
 PLANS = {
-    "metacarpal": Plan("2mc.stl", -49e-3, 0.0, 50, 20, 80),
-    "proximal": Plan("2proxph.stl", 10.5e-3, 42.5e-3, 40, 14, 64),
-    "middle": Plan("2midph.stl", 7.0e-3, 24.5e-3, 28, 14, 64),
-    "distal": Plan("2distph.stl", 5.0e-3, 15.5e-3, 22, 14, 64),
+    "metacarpal": MeasurementPlan("2mc.stl", -49e-3, 0.0, 50, 20, 80),
+    "proximal": MeasurementPlan("2proxph.stl", 10.5e-3, 42.5e-3, 40, 14, 64),
+    "middle": MeasurementPlan("2midph.stl", 7.0e-3, 24.5e-3, 28, 14, 64),
+    "distal": MeasurementPlan("2distph.stl", 5.0e-3, 15.5e-3, 22, 14, 64),
 }
 HEADER = """\
 Cross-sections of the index finger's {name} bone: distance from a centre to the surface.
@@ -89,7 +89,7 @@ def midline(triangles: Array, x: Array) -> Array:
     return np.column_stack([x, y, z])
 
 
-def measure(name: str, plan: Plan, triangles: Array) -> Bone:
+def measure(name: str, plan: MeasurementPlan, triangles: Array) -> Bone:
     """The table of one bone from its triangles (nf, 3, 3) in the body frame."""
     ends = np.full(plan.fan, 1.0)
     shaft = np.linspace(plan.proximal, plan.distal, plan.stations)
@@ -104,7 +104,7 @@ def measure(name: str, plan: Plan, triangles: Array) -> Bone:
     return Bone(name, centres, tilt, radii)
 
 
-def table(bone: Bone, plan: Plan) -> str:
+def table(bone: Bone, plan: MeasurementPlan) -> str:
     """The text of the table, rounded to 3 decimals."""
     header = HEADER.format(name=bone.name, file=plan.file, angles=plan.angles)
     rows = np.column_stack([bone.centres * 1e3, np.degrees(bone.tilt), bone.radii * 1e3])

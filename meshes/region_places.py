@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from meshes.hood_mesh import REGIONS, HoodMesh, flat
-from meshes.hull import Chain, along
+from meshes.hood_mesh import REGIONS, HoodMesh, display_quads
+from meshes.hull import Centreline, along
 from meshes.skeleton import Skeleton
 
 Array = NDArray[np.float64]
@@ -33,7 +33,7 @@ class Turns:
 
 def turns(mesh: HoodMesh, skeleton: Skeleton) -> Turns:
     """How a mesh's nodes lie about the finger in its rest posture."""
-    chain = Chain(skeleton, *skeleton.pose(mesh.rest_posture))
+    chain = Centreline(skeleton, *skeleton.pose(mesh.rest_posture))
     centre, axes = chain.frames(along(skeleton, mesh.station))
     away = mesh.points - centre
     radial, dorsal = (np.einsum("nk,nk->n", away, axes[:, :, i]) for i in (1, 2))
@@ -58,7 +58,7 @@ def region_places(
     (...,) lie: from its proximal to its distal end; and from the edge nearest to the midline (of a
     region over it: from the midline) to the far edge at that station.  `node_turn` (n,) is the
     nodes'."""
-    quads = flat(mesh.quads[mesh.region == region])
+    quads = display_quads(mesh.quads[mesh.region == region])
     s = mesh.station[quads]
     low, high = float(s.min()), float(s.max())
     rows = np.linspace(low, high, ROWS)

@@ -32,7 +32,8 @@ def _longer(skeleton: Skeleton) -> Array:
 
 
 def wider(skeleton: Skeleton) -> float:
-    """Its breadth over the human index finger's: the mean of its phalanges' lengths."""
+    """The finger's breadth over the human index finger's: the mean of its phalanges' lengths over
+    that finger's."""
     return float(_longer(skeleton).mean())
 
 
@@ -41,12 +42,12 @@ def bones_of(skeleton: Skeleton) -> dict[str, tuple[Array, Ints]]:
     phalanges' mean, as is the metacarpal longer: vertices (n, 3) m and faces, in their frames."""
     along = np.concatenate([[wider(skeleton)], _longer(skeleton)])
     return {
-        body: load_bone(body).scaled(factor, wider(skeleton)).surface()
+        body: load_bone(body).scale(factor, wider(skeleton)).surface()
         for body, factor in zip(BODIES, along, strict=True)
     }
 
 
-def extensor_alone(net: CableNet) -> CableNet:
+def keep_extensor(net: CableNet) -> CableNet:
     """The net whose only loaded end is the extensor's: other muscles' tendons left out, its nodes
     numbered anew."""
     left = [name for name in net.strands if cable_of(name) not in OTHERS]

@@ -128,7 +128,7 @@ def _of_quads(mesh: HoodMesh, kept: Mask) -> HoodMesh:
     new = np.full(len(mesh.points), -1)
     new[nodes] = np.arange(len(nodes))
 
-    def numbered(old: Ints) -> Ints:
+    def renumber(old: Ints) -> Ints:
         return new[old][new[old] >= 0]
 
     springs = {}
@@ -142,9 +142,9 @@ def _of_quads(mesh: HoodMesh, kept: Mask) -> HoodMesh:
         region=mesh.region[kept],
         fibre=mesh.fibre[kept],
         fields={name: values[kept] for name, values in mesh.fields.items()},
-        ends={end: numbered(old) for end, old in mesh.ends.items()},
+        ends={end: renumber(old) for end, old in mesh.ends.items()},
         springs=springs,
-        tied={body: numbered(old) for body, old in mesh.tied.items()},
+        tied={body: renumber(old) for body, old in mesh.tied.items()},
         station=mesh.station[nodes],
         lift=None if mesh.lift is None else mesh.lift[nodes],
     )

@@ -71,8 +71,8 @@ class Skeleton:
     source: Mapping[str, tuple[Array, Array]]
     """MyoHand's frame of each bone: rotation (3, 3) whose columns are our axes, our origin (m)."""
 
-    def scaled(self, factor: float) -> Skeleton:
-        """The same finger with all lengths times `factor`."""
+    def scale(self, factor: float) -> Skeleton:
+        """Return the finger with all lengths times `factor`."""
         return Skeleton(self.length * factor, self.zero, self.axis, self.source)
 
     def from_source(self, body: str, points: Array) -> Array:
@@ -101,7 +101,13 @@ class Skeleton:
 
 
 def index_finger() -> Skeleton:
-    """The index finger of MyoHand in our frames."""
+    """Return the index finger of MyoHand in our frames.
+
+    >>> from meshes.skeleton import index_finger
+    >>> finger = index_finger()
+    >>> finger.tip({"PIP": 0.5}).round(4)  # m, in the metacarpal's frame
+    array([ 0.0806, -0.0045, -0.0202])
+    """
     proximal = _frame(PIP_CENTRE, MCP_FLEXION)
     middle = _frame(DIP_CENTRE, MCP_FLEXION)
     distal = _frame(DISTAL_AXIS, MCP_FLEXION)

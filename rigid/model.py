@@ -57,7 +57,7 @@ class Via:
 
 
 @dataclass(frozen=True)
-class Cylinder:
+class WrapCylinder:
     """An endless round surface of a body that a tendon wraps over where the straight way would cut
     it."""
 
@@ -71,7 +71,7 @@ class Cylinder:
 
 
 @dataclass(frozen=True)
-class Sphere:
+class WrapSphere:
     """A round surface of a body that a tendon wraps over, in the plane of its centre and of the
     points before and after, where the straight way would cut it."""
 
@@ -82,7 +82,7 @@ class Sphere:
     """As a cylinder's."""
 
 
-PathElement = Via | Cylinder | Sphere
+PathElement = Via | WrapCylinder | WrapSphere
 
 
 @dataclass(frozen=True)
@@ -149,7 +149,8 @@ class FingerModel:
         return {hinge.name: hinge.range for s in self.segments for hinge in s.hinges}
 
     def with_only(self, *muscles: str) -> FingerModel:
-        """The same finger with these tendons, in the finger's order; InputError if it lacks one."""
+        """Return the finger with these tendons alone, in the finger's order.  Raises InputError
+        where it lacks one."""
         _check_names(muscles, self.muscles, f"finger {self.name}: tendons")
         return replace(self, tendons=tuple(t for t in self.tendons if t.name in muscles))
 

@@ -33,12 +33,12 @@ def leaf(values: Any) -> Leaves:
     return {"x": Leaf(np.array(values), "x")}
 
 
-def changed(**values: Any) -> Leaves:
+def change_summary(**values: Any) -> Leaves:
     return flatten({**SUMMARY, **values}, "summary.json")
 
 
 def test_equal_results_are_identical() -> None:
-    assert compare(changed(), changed(), 0.0, PLAIN).verdict == "identical"
+    assert compare(change_summary(), change_summary(), 0.0, PLAIN).verdict == "identical"
 
 
 def test_nan_equals_nan_but_no_number() -> None:
@@ -50,17 +50,17 @@ def test_nan_equals_nan_but_no_number() -> None:
 
 
 def test_a_tiny_change_is_within_and_relative_to_the_largest() -> None:
-    found = compare(changed(), changed(force_N=[1.0, -2.0, 2e-10]), 1e-9, PLAIN)
+    found = compare(change_summary(), change_summary(force_N=[1.0, -2.0, 2e-10]), 1e-9, PLAIN)
     assert found.verdict == "within"
     assert found.lines == ["summary.json/force_N: 1.0e-10 (0 is now 2e-10)"]
-    assert compare(changed(), changed(force_N=[1.0, -2.0, 2e-8]), 1e-9, PLAIN).verdict == (
-        "different"
-    )
+    assert compare(
+        change_summary(), change_summary(force_N=[1.0, -2.0, 2e-8]), 1e-9, PLAIN
+    ).verdict == ("different")
 
 
 def test_numbers_of_a_table_share_a_scale() -> None:
-    near = changed(tension_N={"EDC": 4.0, "EI": 3e-9})
-    assert compare(changed(), near, 1e-9, PLAIN).verdict == "within"
+    near = change_summary(tension_N={"EDC": 4.0, "EI": 3e-9})
+    assert compare(change_summary(), near, 1e-9, PLAIN).verdict == "within"
     alone = compare(leaf(1e-9), leaf(3e-9), 1e-9, PLAIN)
     assert alone.verdict == "different"
 
@@ -72,8 +72,8 @@ def test_a_difference_below_the_floor_counts_as_none() -> None:
 
 
 def test_the_worst_comes_first() -> None:
-    worse = changed(force_N=[1.1, -2.0, 0.0], tension_N={"EDC": 8.0, "EI": 1e-9})
-    lines = compare(changed(), worse, 1e-9, PLAIN).lines
+    worse = change_summary(force_N=[1.1, -2.0, 0.0], tension_N={"EDC": 8.0, "EI": 1e-9})
+    lines = compare(change_summary(), worse, 1e-9, PLAIN).lines
     assert [line.split(":")[0] for line in lines] == [
         "summary.json/tension_N/EDC",
         "summary.json/force_N",
@@ -91,14 +91,14 @@ def test_the_worst_comes_first() -> None:
     ],
 )
 def test_other_changes_are_differences(values: dict[str, Any], line: str) -> None:
-    found = compare(changed(), changed(**values), 1.0, PLAIN)
+    found = compare(change_summary(), change_summary(**values), 1.0, PLAIN)
     assert (found.verdict, found.lines) == ("different", [line])
 
 
 def test_a_missing_key_is_a_difference() -> None:
-    less = changed()
+    less = change_summary()
     del less["summary.json/unloaded/slip"]
-    found = compare(changed(), less, 1.0, PLAIN)
+    found = compare(change_summary(), less, 1.0, PLAIN)
     assert (found.verdict, found.lines) == ("different", ["missing: summary.json/unloaded/slip"])
 
 
@@ -108,15 +108,17 @@ def test_a_number_of_another_type_is_not_identical() -> None:
 
 
 def test_what_may_differ_is_left_out() -> None:
-    found = compare(changed(), changed(wall_s=3.0), 0.0, Config(ignored=["*/wall_s"]))
+    found = compare(change_summary(), change_summary(wall_s=3.0), 0.0, Config(ignored=["*/wall_s"]))
     assert found.verdict == "identical"
 
 
 def test_renamed_keys_and_labels_are_compared() -> None:
-    new = {path.replace("force_N", "tip_N"): item for path, item in changed(case="1").items()}
+    new = {
+        path.replace("force_N", "tip_N"): item for path, item in change_summary(case="1").items()
+    }
     table = Config(renamed={"keys": {"*/force_N": "*/tip_N"}, "values": {"one": "1"}})
-    assert compare(changed(), new, 0.0, table).verdict == "identical"
-    assert compare(changed(), new, 0.0, PLAIN).verdict == "different"
+    assert compare(change_summary(), new, 0.0, table).verdict == "identical"
+    assert compare(change_summary(), new, 0.0, PLAIN).verdict == "different"
 
 
 def test_renamed_dimensions_are_compared() -> None:
@@ -129,7 +131,7 @@ def test_renamed_dimensions_are_compared() -> None:
 def test_two_keys_of_one_new_name_are_refused() -> None:
     table = Config(renamed={"keys": {"*/case": "*/force_N"}})
     with pytest.raises(ValueError, match="two arrays"):
-        compare(changed(), changed(), 0.0, table)
+        compare(change_summary(), change_summary(), 0.0, table)
 
 
 def test_each_star_stands_for_the_same_text() -> None:
@@ -139,7 +141,7 @@ def test_each_star_stands_for_the_same_text() -> None:
 
 
 def test_the_same_failure_is_the_same() -> None:
-    failed, ran = Outcome(None, "no convergence"), Outcome(changed())
+    failed, ran = Outcome(None, "no convergence"), Outcome(change_summary())
     assert compare_outcomes(failed, failed, 0.0, PLAIN).verdict == "fails in both"
     assert compare_outcomes(failed, Outcome(None, "other"), 0.0, PLAIN).verdict == "different"
     assert compare_outcomes(failed, ran, 0.0, PLAIN).verdict == "different"
@@ -186,7 +188,7 @@ def test_the_settings_fit_the_cases() -> None:
 def runs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[tuple[str, str], Outcome]:
     """What runs give, by tree ("old" or "new") and case; nothing is computed."""
     given = {
-        (tree, case): Outcome(changed(), summary=SUMMARY)
+        (tree, case): Outcome(change_summary(), summary=SUMMARY)
         for tree in ("old", "new")
         for case in ("a", "b")
     }
@@ -211,7 +213,7 @@ def test_a_difference_is_reported(
 ) -> None:
     assert golden.main(["--against", "REV"]) == 0
     assert "2 cases: 2 identical" in capsys.readouterr().out
-    runs["new", "b"] = Outcome(changed(force_N=[2.0, 0.0, 0.0]))
+    runs["new", "b"] = Outcome(change_summary(force_N=[2.0, 0.0, 0.0]))
     assert golden.main(["--against", "REV"]) == 1
     assert (
         "b: DIFFERENT\n    summary.json/force_N: 1.0e+00 (-2 is now 0)" in capsys.readouterr().out
@@ -248,7 +250,9 @@ def test_the_numbers_kept_are_compared(
     assert kept["a"]["summary"]["force_N"] == [1.0, -2.0, 0.0]
     assert "wall_s" not in kept["a"]["summary"]
     assert golden.main(["--check"]) == 0
-    runs["new", "a"] = Outcome(changed(), summary={**SUMMARY, "force_N": [1.0, -2.000001, 0.0]})
+    runs["new", "a"] = Outcome(
+        change_summary(), summary={**SUMMARY, "force_N": [1.0, -2.000001, 0.0]}
+    )
     assert golden.main(["--check"]) == 1
     assert golden.main(["--check", "--tolerance", "1e-5"]) == 0
     assert golden.main(["--write", "--only", "a"]) == 0

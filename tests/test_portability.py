@@ -20,11 +20,11 @@ from cosim.analyses.identify.parameters import read_free
 from cosim.case.file import load_case
 from cosim.errors import CosimError, InputError
 from cosim.files import replace_folder
-from cosim.study import process as apart
+from cosim.study import process
 from cosim.study.plan import read_plan
 from cosim.validation.plan import groups
 from cosim.validation.run import folder_name
-from fe_solver.verification import apart as process
+from fe_solver.verification import json_command
 from fe_solver.verification.febio import compare
 from tests.helpers.folders import ROOT
 
@@ -192,11 +192,11 @@ def test_a_pipe_to_a_process_that_ended_need_not_say_broken_pipe(monkeypatch):
 
         flush = close = write
 
-    child = apart.Child()
+    child = process.Child()
     try:
         with monkeypatch.context() as patch:
             patch.setattr(child.process, "stdin", Ended())
-            task = apart.Task("k", {}, "n", "c", "s", "v")
+            task = process.Task("k", {}, "n", "c", "s", "v")
             assert child.ask(task) == ("", False)
     finally:
         child.end()
@@ -204,9 +204,9 @@ def test_a_pipe_to_a_process_that_ended_need_not_say_broken_pipe(monkeypatch):
 
 def test_a_process_that_crashed_on_windows_is_known_by_its_exit_code(monkeypatch):
     done = subprocess.CompletedProcess([], 0xC0000005, "", "")
-    monkeypatch.setattr(process.subprocess, "run", lambda *_, **__: done)
+    monkeypatch.setattr(json_command.subprocess, "run", lambda *_, **__: done)
     with pytest.raises(CosimError, match="crashed: 0xc0000005"):
-        process.answer([], {})
+        json_command.run_json_command([], {})
 
 
 def test_the_peak_memory_is_known_without_the_module_resource(monkeypatch):
@@ -219,11 +219,11 @@ def test_the_peak_memory_is_known_without_the_module_resource(monkeypatch):
 
 
 def test_a_case_on_another_drive_is_named_by_its_whole_path(tmp_path, monkeypatch):
-    def apart_drives(*_: object) -> str:
+    def raise_value_error(*_: object) -> str:
         raise ValueError("path is on mount 'C:', start on mount 'D:'")
 
     source = tmp_path / "a.toml"
-    monkeypatch.setattr(os.path, "relpath", apart_drives)
+    monkeypatch.setattr(os.path, "relpath", raise_value_error)
     assert identified.base_of(source, tmp_path / "out.toml") == source.resolve().as_posix()
 
 

@@ -126,8 +126,8 @@ def trust_row(name: str, group: dict) -> str:
         str(skill["no answer"]["rows"]),
         f"{inside(tally['model'])} of {judged}" if judged else "-",
         str(inside(tally["no answer"])) if judged else "-",
-        shown(skill["no answer"]),
-        shown(skill["fixed split"]) if "fixed split" in skill else "-",
+        skill_text(skill["no answer"]),
+        skill_text(skill["fixed split"]) if "fixed split" in skill else "-",
     ]
     return f"| {' | '.join(cells)} |"
 
@@ -137,7 +137,7 @@ def inside(counts: dict[str, int]) -> int:
     return sum(n for word, n in counts.items() if word.startswith("inside"))
 
 
-def shown(skill: dict) -> str:
+def skill_text(skill: dict) -> str:
     """A skill with its interval."""
     if skill["low"] is None:
         return f"{skill['skill']:.2g} (one trial)"

@@ -62,7 +62,7 @@ AUDIT = {
 EDC_ARMS = {"MCP": (-9.5, -6.0), "PIP": (-6.0, -2.5), "DIP": (-3.5, -0.5)}
 
 
-def marked(names: list[str]) -> list[Any]:
+def mark_slow(names: list[str]) -> list[Any]:
     seldom = {n for n in names if n.startswith(KINDS) and not n.startswith(OFTEN)}
     return [pytest.param(n, marks=[pytest.mark.slow] if n in seldom else []) for n in names]
 
@@ -97,7 +97,7 @@ def check_audit(summary: dict[str, Any]) -> None:
     assert summary["audit_missed"] == []
 
 
-@pytest.mark.parametrize("name", marked(STILL))
+@pytest.mark.parametrize("name", mark_slow(STILL))
 def test_every_packaged_case_converges_and_passes_its_audit(name):
     summary = coarse(name).summary
     assert summary["case"] == name
@@ -124,7 +124,7 @@ def test_every_packaged_motion_comes_to_rest(name):
         assert np.linalg.norm(sum(row.force for row in here)) < 1e-9 * largest
 
 
-@pytest.mark.parametrize("name", marked(STILL))
+@pytest.mark.parametrize("name", mark_slow(STILL))
 def test_forces_on_every_body_close_to_zero(name):
     rows = coarse(name).rows
     force = max(np.linalg.norm(row.force) for row in rows)
@@ -141,7 +141,7 @@ def test_forces_on_every_body_close_to_zero(name):
 
 
 @pytest.mark.parametrize(
-    "name", marked([n for n in STILL if not n.startswith(("lesion", "lengths"))])
+    "name", mark_slow([n for n in STILL if not n.startswith(("lesion", "lengths"))])
 )
 def test_only_the_named_tendon_pulls_harder_than_at_rest(name):
     case, summary = load_case(name), coarse(name).summary

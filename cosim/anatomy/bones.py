@@ -15,7 +15,7 @@ from meshes.imported.checks import UNITS, wind_alike
 from meshes.skeleton import BODIES
 
 if TYPE_CHECKING:
-    from meshes.hull import Chain
+    from meshes.hull import Centreline
     from meshes.imported.checks import Placing
 
 Triangles = tuple[Array, np.ndarray]
@@ -45,7 +45,7 @@ class Bones:
 
 
 def read_bones(
-    files: Sequence[Path], frame: BoneFrame, unit: str, hood: Placing, chain: Chain
+    files: Sequence[Path], frame: BoneFrame, unit: str, hood: Placing, chain: Centreline
 ) -> Bones:
     """Four surfaces from metacarpal to distal phalanx; `hood`: the placing of a scan with the hood,
     `chain`: the finger's joints in the posture of it.
@@ -164,7 +164,7 @@ def _place(
     frame: BoneFrame,
     unit: str,
     hood: Placing,
-    chain: Chain,
+    chain: Centreline,
 ) -> Triangles:
     from dataclasses import replace
 
@@ -193,7 +193,7 @@ def _duplicates(surfaces: Mapping[str, Triangles]) -> list[str]:
     return out
 
 
-def _placement_faults(surfaces: Mapping[str, Triangles], chain: Chain, unit: str) -> list[str]:
+def _placement_faults(surfaces: Mapping[str, Triangles], chain: Centreline, unit: str) -> list[str]:
     """Bones of another size, or not along their bodies' x from joint to joint."""
     length = chain.skeleton.length
     spans = {b: float(np.ptp(p @ _long(p))) for b, (p, _) in surfaces.items()}

@@ -11,7 +11,7 @@ from cosim.errors import InputError
 from cosim.port import Array
 from fe_solver.elements.mesh_geometry import node_directors
 from fe_solver.febio.mesh import SHELLS, FebMesh, read_mesh_section
-from fe_solver.febio.xml import Tag, read_xml
+from fe_solver.febio.xml import FebTag, read_xml
 from meshes.imported.raw import RawMesh
 
 USED = ("Module", "Mesh", "MeshDomains", "MeshData")
@@ -67,7 +67,7 @@ def _mid_surface(points: Array, quads: np.ndarray, thickness: Array) -> Array:
     return out
 
 
-def _thicknesses(root: Tag, mesh: FebMesh, dropped: list[str]) -> dict[str, float]:
+def _thicknesses(root: FebTag, mesh: FebMesh, dropped: list[str]) -> dict[str, float]:
     """By deformable shell part, in the file's unit; 0 where the file does not say."""
     rigid, domains, by_element = _rigid(root), root.one("MeshDomains"), _by_element(root)
     tags = {t.attribute("name"): t for t in (domains.children if domains else [])}
@@ -89,7 +89,7 @@ def _thicknesses(root: Tag, mesh: FebMesh, dropped: list[str]) -> dict[str, floa
     return out
 
 
-def _by_element(root: Tag) -> dict[str, float]:
+def _by_element(root: FebTag) -> dict[str, float]:
     """Mean thickness of the parts that state one at each element."""
     data = root.one("MeshData")
     out = {}
@@ -100,7 +100,7 @@ def _by_element(root: Tag) -> dict[str, float]:
     return out
 
 
-def _rigid(root: Tag) -> set[str]:
+def _rigid(root: FebTag) -> set[str]:
     """Names and numbers of the rigid materials."""
     section = root.one("Material")
     tags = section.all("material") if section else []
@@ -108,7 +108,7 @@ def _rigid(root: Tag) -> set[str]:
     return {t.attributes[key] for t in rigid for key in ("name", "id") if key in t.attributes}
 
 
-def _sections(root: Tag) -> list[str]:
+def _sections(root: FebTag) -> list[str]:
     """What the file says beside its mesh."""
     out = []
     for section in root.children:

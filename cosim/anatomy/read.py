@@ -102,7 +102,7 @@ def _finger(
     given: UserAnatomy, report: list[str]
 ) -> tuple[FingerModel | None, Mapping[str, float], Skeleton]:
     if given.finger is None:
-        skeleton = index_finger().scaled(given.length_scale)
+        skeleton = index_finger().scale(given.length_scale)
         lengths = ", ".join(f"{1e3 * part:.1f}" for part in skeleton.length[1:])
         report.append(f"finger: our index finger, phalanges {lengths} mm from joint to joint")
         return None, {}, skeleton
@@ -121,9 +121,9 @@ def _finger(
 
 
 def _bones(given: UserAnatomy, skeleton: Skeleton, report: list[str]) -> Bones:
-    from meshes.hull import Chain
+    from meshes.hull import Centreline
 
-    chain = Chain(skeleton, *skeleton.pose(given.posture))
+    chain = Centreline(skeleton, *skeleton.pose(given.posture))
     bones = read_bones(given.bones, given.bone_frame, given.bone_unit, given.placing, chain)
     sizes = ", ".join(
         f"{body} {1e3 * np.ptp(points[:, 0]):.1f} mm, {len(faces)} triangles"
@@ -144,10 +144,10 @@ def _with_hood(
 ) -> Built:
     from cosim.hoods.bone_surfaces import pose_surfaces
     from meshes.bones import load_bone
-    from meshes.hull import Chain, Level
+    from meshes.hull import Centreline, Level
 
     assert given.hood is not None
-    chain = Chain(skeleton, *skeleton.pose(given.posture))
+    chain = Centreline(skeleton, *skeleton.pose(given.posture))
     names = {ours: theirs for ours, theirs in given.names.items() if ours not in FINGER_NAMES}
     thickness = given.thickness or defaults.thickness
     sheet = read_sheet(read_hood(given.hood), names, given.placing, chain, thickness)
@@ -156,7 +156,7 @@ def _with_hood(
         surfaces = bones.surfaces
     else:
         bones, scale = None, given.length_scale
-        surfaces = {b: load_bone(b).scaled(scale, 1.0).surface() for b in BODIES}
+        surfaces = {b: load_bone(b).scale(scale, 1.0).surface() for b in BODIES}
         report.append(f"bones: ours, {scale:g} times as long")
     level = Level(
         pose_surfaces(surfaces), dict.fromkeys(BODIES, 0.0), chain.position, chain.rotation

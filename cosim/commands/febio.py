@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from fe_solver.job.solve import JobResult, JobState
-    from fe_solver.verification.febio.compare import Comparison, Measured, Row
+    from fe_solver.verification.febio.compare import ComparedQuantity, ModelComparison, ModelRun
 
 Model = Annotated[Path, typer.Argument(metavar="MODEL.feb", help="A FEBio 4 file.")]
 QUADS = (500, 2000, 8000)
@@ -64,11 +64,11 @@ def solve(
     with exit_on_error():
         from cosim.schema.units import LENGTH, parse
         from fe_solver.febio.read import read_feb
-        from fe_solver.job.mid_surface import on_mid_surface
+        from fe_solver.job.mid_surface import move_to_mid_surface
         from fe_solver.job.model import JobOptions
         from fe_solver.job.results import SUMMARY, write_job
         from fe_solver.job.solve import solve_job, spread_times
-        from fe_solver.verification.febio.solid_solve import other_ways, solve_solid
+        from fe_solver.verification.febio.solid_solve import alternatives, solve_solid
 
         folder = out or Path("runs") / model.stem
         check_folder(folder, SUMMARY)
@@ -86,7 +86,7 @@ def solve(
             raise InputError(str(error)) from error
         job = replace(read_feb(model, unit), as_febio=not own_shell)
         if mid_surface:
-            job = on_mid_surface(job)
+            job = move_to_mid_surface(job)
         options, times = (
             JobOptions(penetration=limit, spacing=grid),
             spread_times(job, until, states),
@@ -94,7 +94,7 @@ def solve(
         if solid:
             result = solve_solid(job, options=options, times=times)
         else:
-            result = solve_job(job, options=options, times=times, ways=other_ways(job))
+            result = solve_job(job, options=options, times=times, ways=alternatives(job))
         _show(result)
         typer.echo(f"results in {write_job(folder, result)}")
 
@@ -213,13 +213,13 @@ def bench_febio(folder: Path | None, spacing: str) -> None:
     )
 
 
-def _print_comparison(screen: Console, found: Comparison) -> None:
+def _print_comparison(screen: Console, found: ModelComparison) -> None:
     from rich.table import Table
 
-    from fe_solver.verification.febio.compare import Element
+    from fe_solver.verification.febio.compare import Formulation
 
     table = Table(title=found.model, title_justify="left")
-    for name in ("quantity", *(e.value for e in Element), "FEBio"):
+    for name in ("quantity", *(e.value for e in Formulation), "FEBio"):
         table.add_column(name, justify="left" if name == "quantity" else "right")
     table.add_column("verdict")
     for r in found.rows:
@@ -235,7 +235,7 @@ def _print_comparison(screen: Console, found: Comparison) -> None:
         screen.print(f"FEBio: {scaled}{depth}; peak memory {theirs.peak_mb:.0f} MB")
 
 
-def _beside(row: Row, value: float | None) -> str:
+def _beside(row: ComparedQuantity, value: float | None) -> str:
     """A figure with its difference from FEBio's."""
     if value is None:
         return "-"
@@ -243,7 +243,7 @@ def _beside(row: Row, value: float | None) -> str:
     return f"{value:.5g}" if off is None else f"{value:.5g} ({100 * off:+.1f} %)"
 
 
-def _print_cost(screen: Console, name: str, solved: Measured | str, febio_s: float | None) -> None:
+def _print_cost(screen: Console, name: str, solved: ModelRun | str, febio_s: float | None) -> None:
     if isinstance(solved, str):
         screen.print(f"{name}: {solved}")
         return

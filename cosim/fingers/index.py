@@ -110,7 +110,7 @@ def skeleton(finger: IndexFingerConfig) -> Skeleton:
         from rigid.mjcf.read import skeleton_of
 
         return skeleton_of(_in_file(finger.path))
-    return index_finger().scaled(finger.length_scale)
+    return index_finger().scale(finger.length_scale)
 
 
 def width(finger: IndexFingerConfig) -> float:
@@ -124,7 +124,7 @@ def model(finger: IndexFingerConfig, extensor: Extensor) -> FingerModel:
 
     if finger.path is not None:
         made = _in_file(finger.path)
-        hooded = index.through_the_hood() if extensor.central is None else ()
+        hooded = index.hood_strands() if extensor.central is None else ()
         return made.with_only(*(m for m in made.muscles if m not in hooded))
     unit = index.O2O3 * finger.length_scale
     return index.finger_model(skeleton(finger), unit, central=extensor.central)
@@ -158,7 +158,7 @@ def bones(finger: IndexFingerConfig, extensor: Extensor) -> Mapping[str, Triangl
         if user is not None:
             out[body] = _user_bone(body, user, finger)
         else:
-            scaled = load_bone(body).scaled(finger.length_scale, finger.width_scale)
+            scaled = load_bone(body).scale(finger.length_scale, finger.width_scale)
             out[body] = scaled.surface()
     return out
 

@@ -58,10 +58,10 @@ class MiddleFingerConfig(FingerConfig):
 def model(finger: MiddleFingerConfig, extensor: Extensor) -> FingerModel:
     """With the tendons that end on bones under a sheet, with the flexors alone under any other
     hood, with all where they part by fixed shares."""
-    from rigid.fingers.middle import finger_model, under_a_hood
+    from rigid.fingers.middle import finger_model, finger_model_for_hood
 
     if extensor.lies_on_bones:
-        return under_a_hood(finger.length_scale)
+        return finger_model_for_hood(finger.length_scale)
     if extensor.central is None:
         return finger_model(finger.length_scale).with_only("FDP", "FDS")
     return finger_model(finger.length_scale, extensor.central)
@@ -76,7 +76,7 @@ def skeleton(finger: MiddleFingerConfig) -> Skeleton:
     """Joints and lengths that a hood is laid out on."""
     from rigid.fingers.middle import skeleton
 
-    return skeleton().scaled(finger.length_scale)
+    return skeleton().scale(finger.length_scale)
 
 
 def width(finger: MiddleFingerConfig) -> float:
@@ -94,7 +94,7 @@ def bones(finger: MiddleFingerConfig, extensor: Extensor) -> Mapping[str, Triang
     longer = skeleton(finger).length[1:] / index_finger().length[1:]
     along = np.concatenate([[longer.mean()], longer])
     return {
-        body: load_bone(body).scaled(factor, width(finger)).surface()
+        body: load_bone(body).scale(factor, width(finger)).surface()
         for body, factor in zip(BODIES, along, strict=True)
     }
 

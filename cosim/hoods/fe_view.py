@@ -12,9 +12,9 @@ import numpy as np
 
 from cosim.hoods.view import Field
 from cosim.port import Array, State
-from meshes.bands import Line, band_heights
-from meshes.glide import Place, glide
-from meshes.hull import to_the_joint
+from meshes.bands import HoodLine, band_heights
+from meshes.glide import CarriedPoint, glide
+from meshes.hull import lines_to_joint
 
 if TYPE_CHECKING:
     from fe_solver.hood.shell_hood import ShellHood as FeHood
@@ -99,9 +99,9 @@ class FeView:
 class Lines:
     """Where a hood is looked at, whatever its state."""
 
-    places: Sequence[Place]
+    places: Sequence[CarriedPoint]
     """Where the glide is measured."""
-    bands: Mapping[str, Line]
+    bands: Mapping[str, HoodLine]
     """The lateral bands' middle lines, by side."""
     axis: Array
     """(3,) unit, the PIP's in the middle phalanx's frame."""
@@ -150,7 +150,7 @@ def guide_depth(hood: FeHood) -> float:
     lift = np.broadcast_to(hood.lift, len(model.reference))
     start = (model.reference[model.guides.node] - hood.rest.position[0]) @ hood.rest.rotation[0]
     dorsal = start[:, 2] > 0
-    way = to_the_joint(start[dorsal])
+    way = lines_to_joint(start[dorsal])
     own = model.guides.node[dorsal]
     deepest = 0.0
     for contact in model.contacts:

@@ -17,7 +17,7 @@ from cosim.papers.lines import BAND_COLOURS, MUSCLE_COLOURS, PlotLine, line_char
 from cosim.port import Array
 from cosim.report.figures import Figure, FigureStudy
 from rigid.hoods.two_band import LONG_NAMES, MUSCLES, coupled_dip, excursions
-from rigid.papers.buchner1988.coordination import Loop, deviation, flex
+from rigid.papers.buchner1988.coordination import ControlLoop, deviation, flex
 from rigid.papers.buchner1988.coordination_findings import Flexion, flexion
 
 OURS = (
@@ -96,9 +96,9 @@ def _interphalangeal(f: Flexion) -> Figure:
     """Figure 7, with softer and stiffer bands, and with equation 17 read literally."""
     off = deviation(f.loop, f.motion)
     variants = {
-        "K = 50 N/m": (Loop(elasticity=50.0), "#7a9cc6"),
-        "K = 5000 N/m": (Loop(elasticity=5000.0), "#9aa5ad"),
-        "equation 17 read literally": (Loop(bands_answer=False), "#b45309"),
+        "K = 50 N/m": (ControlLoop(elasticity=50.0), "#7a9cc6"),
+        "K = 5000 N/m": (ControlLoop(elasticity=5000.0), "#9aa5ad"),
+        "equation 17 read literally": (ControlLoop(bands_answer=False), "#b45309"),
     }
     lines = [
         _path("K = 500 N/m, the paper's", f.motion.angle, "#0b5394", "-", 2.4),

@@ -9,15 +9,15 @@ import numpy as np
 import pandas as pd
 
 from cosim.report.figures import Figure, style_axes
-from rigid.papers.buchner1988.coordination import Loop, deviation, flex
+from rigid.papers.buchner1988.coordination import ControlLoop, deviation, flex
 from rigid.papers.buchner1988.coordination_findings import (
     CHANGE,
     Finding,
     Flexion,
-    doubts,
     feasible,
     findings,
     flexion,
+    table_sensitivity,
 )
 from rigid.papers.buchner1988.flexion import cosine
 
@@ -112,7 +112,7 @@ def _loops() -> Figure:
     rows = []
     for bandwidth in BANDWIDTHS:
         for elasticity in ELASTICITIES:
-            loop = Loop(bandwidth, elasticity)
+            loop = ControlLoop(bandwidth, elasticity)
             off = deviation(loop, flex(loop))
             rows.append((bandwidth, elasticity, off.curve, off.line))
     columns = ["bandwidth_rad_per_s", "K_N_per_m", "from_parabola_deg", "from_line_deg"]
@@ -159,7 +159,7 @@ def _entries(f: Flexion) -> Figure:
             f"{100 * CHANGE:.0f} % smaller": _our_value(smaller, what),
             f"{100 * CHANGE:.0f} % larger": _our_value(larger, what),
         }
-        for (muscle, joint), (smaller, larger) in doubts(f).items()
+        for (muscle, joint), (smaller, larger) in table_sensitivity(f).items()
         for what in SHOWN
     ]
     data = pd.DataFrame(rows)

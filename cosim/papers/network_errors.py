@@ -85,7 +85,7 @@ def _summary() -> Figure:
 
 def _elsewhere() -> str:
     mean = errors(trials(SEEDS, FRICTION_ELSEWHERE, ELSEWHERE))["circle"].mean(axis=0)
-    off = hysteresis(virtual_bed(FRICTION_ELSEWHERE), ELSEWHERE).off_x
+    off = hysteresis(virtual_bed(FRICTION_ELSEWHERE), ELSEWHERE).angle_from_x
     return (
         f" The paper prints no posture; in the one taken here ({_in_degrees(POSTURE)}) the "
         f"hysteresis lies along x, as the paper says. At {_in_degrees(ELSEWHERE)}, where it is off "

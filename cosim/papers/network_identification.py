@@ -88,8 +88,8 @@ def _caption(fits: dict[str, Identified], draws: dict[str, Draws]) -> str:
     return (
         "Second-order excursions of FDP and FDS by linear least squares, EDC and LUM over slip and "
         f"bands by Gauss and Newton. Over {DRAWS} draws of the noise the 95 % intervals hold the "
-        f"truth in {100 * alone.covered:.1f} % of all cases without and "
-        f"{100 * joined.covered:.1f} % with the constraint l_LB = l_ES on the observed curve, and "
+        f"truth in {100 * alone.coverage:.1f} % of all cases without and "
+        f"{100 * joined.coverage:.1f} % with the constraint l_LB = l_ES on the observed curve, and "
         f"the constraint narrows them: {ratios}. Excursions' residual "
         f"{1e3 * fits['with the coupling curve'].rms:.2f} mm RMS; the paper has 1.54 mm and prints "
         "no parameter. Ours: a finger without friction (robotic_finger.py), poses spread evenly, "

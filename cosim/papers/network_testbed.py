@@ -10,8 +10,8 @@ import pandas as pd
 from cosim.port import Array
 from cosim.report.figures import Figure, style_axes
 from rigid.papers.networks.robotic_finger import MUSCLES
-from rigid.papers.networks.testbed_runs import EDC, LUM, STEP, Measured
-from rigid.papers.networks.testbed_study import Predictions, Trial, errors, trials
+from rigid.papers.networks.testbed_runs import EDC, LUM, STEP, SensorReadings
+from rigid.papers.networks.testbed_study import Predictions, SeedTrial, errors, trials
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,11 +34,11 @@ def run_figures() -> list[Figure]:
     return [_forward(first), _inverse(first), _circle(first)]
 
 
-def _time(run: Measured) -> Array:
+def _time(run: SensorReadings) -> Array:
     return np.asarray(STEP * np.arange(len(run.force)), dtype=float)
 
 
-def _forward(trial: Trial) -> Figure:
+def _forward(trial: SeedTrial) -> Figure:
     run, time = trial.pattern, _time(trial.pattern.measured)
 
     def draw(sheet: Sheet) -> None:
@@ -103,7 +103,7 @@ def _forward_table(time: Array, run: Predictions) -> pd.DataFrame:
     return table
 
 
-def _inverse(trial: Trial) -> Figure:
+def _inverse(trial: SeedTrial) -> Figure:
     run, time = trial.pattern, _time(trial.pattern.measured)
 
     def draw(sheet: Sheet) -> None:
@@ -133,7 +133,7 @@ def _inverse(trial: Trial) -> Figure:
     return Figure("figure_8_inverse", title, caption, draw, {"figure_8_inverse": table}, (8.5, 7.5))
 
 
-def _circle(trial: Trial) -> Figure:
+def _circle(trial: SeedTrial) -> Figure:
     run = trial.circle
     time, turn = _time(run.measured), np.linspace(0.0, 2 * np.pi, 200)
 

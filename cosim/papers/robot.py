@@ -154,7 +154,8 @@ def excursion_figures() -> list[Figure]:
     """Figure 9."""
     e = checks.excursions()
     finger = MujocoFinger(robot_finger())
-    measured, predicted = 1e3 * e.found.measured, 1e3 * e.found.predicted(finger)
+    measured = 1e3 * e.found.measured_excursions
+    predicted = 1e3 * e.found.predicted_excursions(finger)
     before, after = 1e3 * checks.rms(e.meant), 1e3 * checks.rms(e.found)
 
     def draw(sheet: Sheet) -> None:
@@ -180,7 +181,7 @@ def excursion_figures() -> list[Figure]:
         "The adduction tendon saturates at its piston's limiter, and the abduction tendon is the "
         "noisiest of the others by its share of its range, both put in. RMS with the places as "
         f"meant: {_list_values(before)} mm; shown: after the places were found, to "
-        f"{1e3 * e.misplaced:.2f} mm, from the same poses and from table II's limits as stops. "
+        f"{1e3 * e.marker_error:.2f} mm, from the same poses and from table II's limits as stops. "
         "Noise, misplacement and the markers' give are ours."
     )
     poses = pd.DataFrame(

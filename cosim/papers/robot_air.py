@@ -25,7 +25,7 @@ from rigid.air.model import (
     TRAINING,
     UNSEEN,
     Identification,
-    Record,
+    PressureRecord,
     identification,
     identify,
     latency,
@@ -92,7 +92,7 @@ Rate = Callable[[Array, Array], Array]
 UNIT = "dPdt_kPa_per_s"
 
 
-def _course(record: Record, lag: int, model: Rate, still: Rate, k: int) -> pd.DataFrame:
+def _course(record: PressureRecord, lag: int, model: Rate, still: Rate, k: int) -> pd.DataFrame:
     """The course of one cylinder: dP/dt of the plant and of both models, from the longer of their
     lags on."""
     voltage, pressure, rate = (a[:, k] for a in pair_rows(record, lag))
@@ -171,7 +171,7 @@ def step_figures() -> list[Figure]:
     ]
 
 
-def _step_table(name: str, record: Record, ends: tuple[float, ...]) -> pd.DataFrame:
+def _step_table(name: str, record: PressureRecord, ends: tuple[float, ...]) -> pd.DataFrame:
     late = 1e3 * latency(record)
     parts = [
         pd.DataFrame(
@@ -188,7 +188,9 @@ def _step_table(name: str, record: Record, ends: tuple[float, ...]) -> pd.DataFr
     return pd.concat(parts, ignore_index=True)
 
 
-def _draw_steps(sheet: Sheet, sides: dict[str, Record], ends: dict[str, tuple[float, ...]]) -> None:
+def _draw_steps(
+    sheet: Sheet, sides: dict[str, PressureRecord], ends: dict[str, tuple[float, ...]]
+) -> None:
     from matplotlib import colormaps
 
     for axes, (name, record) in zip(sheet.subplots(2, 1, sharex=True), sides.items(), strict=True):

@@ -14,7 +14,7 @@ from rigid.fingers.robot import robot_finger
 from rigid.fingers.robot_tables import JOINTS
 from rigid.mujoco.finger import MujocoFinger
 from rigid.papers.xu2012 import checks
-from rigid.papers.xu2012.tracking import Step
+from rigid.papers.xu2012.tracking import StepResponse
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Sheet
@@ -100,7 +100,7 @@ def _joint_figure() -> Figure:
     return Figure("steps_over_workspace", title, caption, draw, {"steps": table}, (8.0, 7.2))
 
 
-def _kinds() -> dict[str, list[Step]]:
+def _kinds() -> dict[str, list[StepResponse]]:
     """Every set of steps by its name."""
     return {
         f"{space} space, {count} tendons, {drive}": steps(count == "six", air)
@@ -152,7 +152,7 @@ def _quality_figure() -> Figure:
     return Figure("settling_and_overshoot", title, caption, draw, tables, (9.0, 6.0))
 
 
-def _quality(name: str, steps: list[Step]) -> pd.DataFrame:
+def _quality(name: str, steps: list[StepResponse]) -> pd.DataFrame:
     found = checks.quality(steps)
     return pd.DataFrame(
         {
@@ -168,7 +168,7 @@ def _quality(name: str, steps: list[Step]) -> pd.DataFrame:
     )
 
 
-def _table(name: str, steps: Sequence[Step]) -> pd.DataFrame:
+def _table(name: str, steps: Sequence[StepResponse]) -> pd.DataFrame:
     """A row for each step, settling (inf: not) and overshoot by joint."""
     rows = [
         {"control": name, "step": i, "unstable": s.unstable, "error_deg": np.degrees(s.error)}
@@ -180,10 +180,10 @@ def _table(name: str, steps: Sequence[Step]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _times(steps: Sequence[Step]) -> Array:
+def _times(steps: Sequence[StepResponse]) -> Array:
     each = steps[0].time
     return np.concatenate([each + i * (each[-1] + each[1]) for i in range(len(steps))])
 
 
-def _angles(steps: Sequence[Step], joint: int) -> Array:
+def _angles(steps: Sequence[StepResponse], joint: int) -> Array:
     return np.degrees(np.concatenate([s.angle[:, joint] for s in steps]))

@@ -21,15 +21,17 @@ def write_tables(run: Path, out: Path) -> list[Path]:
 
     A run in time has its own times; the states of a static one (unloaded, loaded) are one second
     apart.  Raises InputError where `run` is none or `out` cannot be written."""
-    from rigid.opensim.sto import Table, write_sto
+    from rigid.opensim.sto import StoTable, write_sto
 
     data = _read(run / "results.nc")
     axis, time = _times(data)
     angles = tuple(str(j) for j in data.joint.values)
-    motion = Table(run.name, angles, time, data.angle.transpose(axis, "joint").values, True, angles)
+    motion = StoTable(
+        run.name, angles, time, data.angle.transpose(axis, "joint").values, True, angles
+    )
     forces = dict(_forces(data, axis))
     columns = tuple(forces)
-    table = Table(run.name, columns, time, np.column_stack(list(forces.values())))
+    table = StoTable(run.name, columns, time, np.column_stack(list(forces.values())))
     paths = [out / "motion.sto", out / "forces.sto"]
     for path, one in zip(paths, (motion, table), strict=True):
         write_sto(path, one)

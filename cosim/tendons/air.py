@@ -16,7 +16,7 @@ from cosim.tendons.courses import factor_of
 from cosim.tendons.table import TendonConfig
 
 if TYPE_CHECKING:
-    from rigid.air.plant import AirState, Cylinder, Pneumatics, Valve
+    from rigid.air.plant import AirState, PneumaticCylinder, Pneumatics, Valve
 
 MOST_VOLTAGE = 10.0
 """V."""
@@ -83,14 +83,14 @@ def cylinders(tables: Mapping[str, TendonConfig], tendons: tuple[str, ...]) -> C
 
 def parts(table: PneumaticConfig) -> Pneumatics:
     """Valve and cylinder of a table.  Raises InputError."""
-    from rigid.air.plant import ATMOSPHERE, Cylinder, Pneumatics, Valve
+    from rigid.air.plant import ATMOSPHERE, PneumaticCylinder, Pneumatics, Valve
 
     said = {name: value for name, value in table if value is not None}
     if table.supply is not None:
         said["supply"] = ATMOSPHERE + table.supply
     valve = {f.name: said[f.name] for f in fields(Valve) if f.name in said}
-    cylinder = {f.name: said[f.name] for f in fields(Cylinder) if f.name in said}
-    return Pneumatics(Valve(**valve), Cylinder(**cylinder))
+    cylinder = {f.name: said[f.name] for f in fields(PneumaticCylinder) if f.name in said}
+    return Pneumatics(Valve(**valve), PneumaticCylinder(**cylinder))
 
 
 def initial_air(c: Cylinders) -> AirState:
@@ -163,11 +163,11 @@ def _command(tendon: TendonConfig) -> Callable[[float], float]:
 
 
 def _stack(each: list[Pneumatics]) -> Pneumatics:
-    from rigid.air.plant import Cylinder, Pneumatics, Valve
+    from rigid.air.plant import PneumaticCylinder, Pneumatics, Valve
 
-    def of(tables: list[Valve] | list[Cylinder]) -> dict[str, Array]:
+    def of(tables: list[Valve] | list[PneumaticCylinder]) -> dict[str, Array]:
         return {f.name: np.array([getattr(t, f.name) for t in tables]) for f in fields(tables[0])}
 
     return Pneumatics(
-        Valve(**of([e.valve for e in each])), Cylinder(**of([e.cylinder for e in each]))
+        Valve(**of([e.valve for e in each])), PneumaticCylinder(**of([e.cylinder for e in each]))
     )

@@ -19,6 +19,6 @@ def kind_of(nodes: NDArray) -> Element:
     return KINDS[nodes.shape[1]]
 
 
-def flat(quads: Ints) -> Ints:
+def display_quads(quads: Ints) -> Ints:
     """(h ne, 4) the four-node quads that show elements (ne, k), those of an element together."""
     return np.asarray(quads[:, kind_of(quads).shown].reshape(-1, 4))

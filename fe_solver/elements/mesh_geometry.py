@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fe_solver.elements.kinds import flat, kind_of
+from fe_solver.elements.kinds import display_quads, kind_of
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
@@ -43,7 +43,7 @@ def node_means(values: Array, quads: Ints, count: int) -> Array:
 
 def element_areas(points: Array, quads: Ints) -> Array:
     """(ne,) m2, of the flat quads that show the elements."""
-    p = points[flat(quads)]
+    p = points[display_quads(quads)]
     area = np.linalg.norm(np.cross(p[:, 2] - p[:, 0], p[:, 3] - p[:, 1]), axis=1) / 2
     return np.asarray(area.reshape(-1, len(kind_of(quads).shown)).sum(axis=1))
 

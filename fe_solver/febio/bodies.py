@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from fe_solver.febio.materials import Material, find_material
 from fe_solver.febio.mesh import SHELLS, FebMesh, rows_of
 from fe_solver.febio.parts import Parts
-from fe_solver.febio.xml import Tag
-from fe_solver.job.curves import Curve, Drive, Extension, Interpolation
+from fe_solver.febio.xml import FebTag
+from fe_solver.job.curves import Drive, Extension, Interpolation, LoadCurve
 from fe_solver.job.job import Body
 
 Array = NDArray[np.float64]
@@ -30,6 +30,7 @@ class Units:
 
     @property
     def stress(self) -> float:
+        """1 Pa in the file's units."""
         return self.force / self.length**2
 
 
@@ -44,14 +45,14 @@ class Model:
     rigid: tuple[str, ...]
     shell: Ints
     body: Ints
-    curves: dict[str, Curve | Tag]
+    curves: dict[str, LoadCurve | FebTag]
     notes: list[str]
 
-    def drive(self, tag: Tag, unit: float) -> Drive:
+    def drive(self, tag: FebTag, unit: float) -> Drive:
         """A number times a load curve.  Raises InputError for any other kind of value."""
         return Drive(tag.numbers(1)[0] * unit, self.curve(tag))
 
-    def curve(self, tag: Tag) -> Curve | None:
+    def curve(self, tag: FebTag) -> LoadCurve | None:
         """The load curve that a tag's `lc` names."""
         if tag.attributes.get("type", "const") != "const":
             raise tag.fault(f"a value of type {tag.attributes['type']!r} is not read")
@@ -59,7 +60,7 @@ class Model:
         if number in ("", "0"):
             return None
         found = self.curves.get(number)
-        if isinstance(found, Tag):
+        if isinstance(found, FebTag):
             raise found.fault(
                 f"a load controller of type {found.attributes.get('type')!r} is not read, only "
                 "loadcurve"
@@ -68,7 +69,7 @@ class Model:
             raise tag.fault(f"there is no load controller {number}")
         return found
 
-    def body_of(self, tag: Tag, name: str) -> int:
+    def body_of(self, tag: FebTag, name: str) -> int:
         """Raises InputError where there is no such rigid material."""
         m = find_material(tag, self.materials, name)
         if not m.rigid:
@@ -87,9 +88,9 @@ class Model:
         return np.zeros(3) if centre is None else centre * self.units.length
 
 
-def read_curves(section: Tag | None) -> dict[str, Curve | Tag]:
+def read_curves(section: FebTag | None) -> dict[str, LoadCurve | FebTag]:
     """Load curves by number; controllers of other kinds as their tags."""
-    out: dict[str, Curve | Tag] = {}
+    out: dict[str, LoadCurve | FebTag] = {}
     for t in section.all("load_controller") if section is not None else []:
         number = t.attribute("id")
         if number in out:
@@ -102,7 +103,7 @@ def read_curves(section: Tag | None) -> dict[str, Curve | Tag]:
     return out
 
 
-def read_curve(t: Tag, across: float = 1.0, along: float = 1.0) -> Curve:
+def read_curve(t: FebTag, across: float = 1.0, along: float = 1.0) -> LoadCurve:
     """The points of a tag, times scaled by `across` and values by `along`."""
     points = t.one("points")
     if points is None:
@@ -123,13 +124,13 @@ def read_curve(t: Tag, across: float = 1.0, along: float = 1.0) -> Curve:
         raise t.fault(f"extension {beyond!r} is not read; known: {', '.join(Extension)}")
     times, height = (values * (across, along)).T.tolist() if len(line) else ([], [])
     with t.naming_place():
-        return Curve(tuple(times), tuple(height), Interpolation(between), Extension(beyond))
+        return LoadCurve(tuple(times), tuple(height), Interpolation(between), Extension(beyond))
 
 
 def owners(
     mesh: FebMesh,
     parts: Parts,
-    boundary: list[Tag],
+    boundary: list[FebTag],
     model_rigid: tuple[str, ...],
     materials: list[Material],
 ) -> Ints:
@@ -167,7 +168,7 @@ def triangles_of(facets: Ints) -> Ints:
 
 
 def read_bodies(
-    model: Model, parts: Parts, sections: list[Tag], touched: dict[int, list[Ints]]
+    model: Model, parts: Parts, sections: list[FebTag], touched: dict[int, list[Ints]]
 ) -> tuple[tuple[Body, ...], list[Ints]]:
     """The bodies, and the mesh nodes of each one's vertices.  `touched` holds the facets (k, 4) of
     contact surfaces by body."""
@@ -193,7 +194,7 @@ def read_bodies(
     return tuple(bodies), vertices
 
 
-def _motions(model: Model, sections: list[Tag]) -> list[list[Drive]]:
+def _motions(model: Model, sections: list[FebTag]) -> list[list[Drive]]:
     """Each body's displacement along x, y, z and the components of its rotation vector."""
     given: list[dict[int, Drive]] = [{} for _ in model.rigid]
     fixed: list[set[int]] = [set() for _ in model.rigid]
@@ -217,7 +218,7 @@ def _motions(model: Model, sections: list[Tag]) -> list[list[Drive]]:
     return [[own.get(i, Drive()) for i in range(6)] for own in given]
 
 
-def _read_motion(model: Model, t: Tag, turns: bool) -> tuple[int, Drive]:
+def _read_motion(model: Model, t: FebTag, turns: bool) -> tuple[int, Drive]:
     names = ("Ru", "Rv", "Rw") if turns else ("x", "y", "z")
     dof, value = t.word("dof", ""), t.one("value")
     if dof not in names or value is None:

@@ -6,9 +6,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fe_solver.febio.bodies import AXES, Model, read_curve
-from fe_solver.febio.parts import Sheet
-from fe_solver.febio.xml import Tag
-from fe_solver.job.job import Held, HeldDirector, NodalForce, Pressure, SpringLaw, SpringSet, Tied
+from fe_solver.febio.parts import FebShells
+from fe_solver.febio.xml import FebTag
+from fe_solver.job.job import (
+    HeldDirector,
+    NodalForce,
+    PrescribedDisplacement,
+    Pressure,
+    SpringLaw,
+    SpringSet,
+    Tied,
+)
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
@@ -16,7 +24,7 @@ Ints = NDArray[np.intp]
 SIZE_OF_FORCE = 3
 
 
-def _on_sheet(model: Model, tag: Tag, nodes: Ints, what: str) -> Ints:
+def _on_sheet(model: Model, tag: FebTag, nodes: Ints, what: str) -> Ints:
     """Indices in the sheet; what lies off it is noted."""
     index = model.shell[nodes]
     if (index < 0).any():
@@ -27,7 +35,7 @@ def _on_sheet(model: Model, tag: Tag, nodes: Ints, what: str) -> Ints:
     return index[index >= 0]
 
 
-def read_ties(model: Model, sections: list[Tag]) -> tuple[Tied, ...]:
+def read_ties(model: Model, sections: list[FebTag]) -> tuple[Tied, ...]:
     """Rigid boundary conditions, and shell nodes that are also a rigid element's."""
     out = []
     for t in _conditions(sections, "rigid"):
@@ -41,12 +49,12 @@ def read_ties(model: Model, sections: list[Tag]) -> tuple[Tied, ...]:
     return tuple(out)
 
 
-def _conditions(sections: list[Tag], kind: str) -> list[Tag]:
+def _conditions(sections: list[FebTag], kind: str) -> list[FebTag]:
     """Boundary conditions of a type; all of them are looked at, whatever their type."""
     return [t for s in sections for t in s.all("bc") if t.attribute("type") == kind]
 
 
-def nodes_at_rest(model: Model, sections: list[Tag]) -> Ints:
+def nodes_at_rest(model: Model, sections: list[FebTag]) -> Ints:
     """Mesh nodes of which all three displacements are zero."""
     held = np.zeros((3, len(model.shell)), dtype=bool)
     for t in _conditions(sections, "zero displacement"):
@@ -57,8 +65,8 @@ def nodes_at_rest(model: Model, sections: list[Tag]) -> Ints:
 
 
 def read_displacements(
-    model: Model, sections: list[Tag], tied: tuple[Tied, ...]
-) -> tuple[tuple[Held, ...], tuple[HeldDirector, ...]]:
+    model: Model, sections: list[FebTag], tied: tuple[Tied, ...]
+) -> tuple[tuple[PrescribedDisplacement, ...], tuple[HeldDirector, ...]]:
     """Given displacements of nodes, and of directors through FEBio's back faces.
 
     Raises InputError for a condition that is not read."""
@@ -73,7 +81,9 @@ def read_displacements(
     held = []
     for t in _conditions(sections, "zero displacement"):
         nodes = _free(model, t, taken)
-        held += [Held(nodes, i) for i, axis in enumerate(AXES) if t.flag(f"{axis}_dof")]
+        held += [
+            PrescribedDisplacement(nodes, i) for i, axis in enumerate(AXES) if t.flag(f"{axis}_dof")
+        ]
     still = tuple(held)
     for t in _conditions(sections, "prescribed displacement"):
         dof, value = t.word("dof", ""), t.one("value")
@@ -81,12 +91,12 @@ def read_displacements(
             raise t.fault("expected <dof> with x, y or z, and <value>")
         t.all("relative")
         drive = model.drive(value, model.units.length)
-        held.append(Held(_free(model, t, taken), AXES.index(dof), drive))
+        held.append(PrescribedDisplacement(_free(model, t, taken), AXES.index(dof), drive))
     held = [h for h in held if len(h.nodes)]
     return tuple(held), _read_director_supports(model, sections, still, taken)
 
 
-def _free(model: Model, t: Tag, taken: Ints) -> Ints:
+def _free(model: Model, t: FebTag, taken: Ints) -> Ints:
     """Nodes of a condition on the sheet that are not tied to a body."""
     nodes = _on_sheet(model, t, model.mesh.nodes_of(t, t.attribute("node_set")), "this condition")
     twice = np.isin(nodes, taken)
@@ -99,7 +109,7 @@ def _free(model: Model, t: Tag, taken: Ints) -> Ints:
 
 
 def _read_director_supports(
-    model: Model, sections: list[Tag], held: tuple[Held, ...], taken: Ints
+    model: Model, sections: list[FebTag], held: tuple[PrescribedDisplacement, ...], taken: Ints
 ) -> tuple[HeldDirector, ...]:
     out = []
     for t in _conditions(sections, "zero shell displacement"):
@@ -116,7 +126,7 @@ def _read_director_supports(
     return tuple(out)
 
 
-def read_forces(model: Model, sections: list[Tag]) -> tuple[NodalForce, ...]:
+def read_forces(model: Model, sections: list[FebTag]) -> tuple[NodalForce, ...]:
     """Raises InputError for a load that is not read."""
     out = []
     for t in [t for s in sections for t in s.all("nodal_load")]:
@@ -136,7 +146,7 @@ def read_forces(model: Model, sections: list[Tag]) -> tuple[NodalForce, ...]:
     return tuple(out)
 
 
-def match_facets(model: Model, sheet: Sheet, tag: Tag, facets: Ints) -> tuple[Ints, Ints]:
+def match_facets(model: Model, sheet: FebShells, tag: FebTag, facets: Ints) -> tuple[Ints, Ints]:
     """The quad (k,) that each facet (k, 4) of mesh nodes is, and 1 where it is wound alike, else
     -1.  Raises InputError where a facet is no element of the sheet."""
     both = np.concatenate([sheet.quads, facets])
@@ -162,7 +172,7 @@ def _turn(model: Model, a: Ints, b: Ints) -> Array:
     return np.asarray(np.einsum("ki,ki->k", *normals))
 
 
-def read_pressures(model: Model, sheet: Sheet, sections: list[Tag]) -> tuple[Pressure, ...]:
+def read_pressures(model: Model, sheet: FebShells, sections: list[FebTag]) -> tuple[Pressure, ...]:
     """FEBio's positive pressure pushes against the normal of the facets.
 
     Raises InputError for a load that is not read."""
@@ -181,7 +191,7 @@ def read_pressures(model: Model, sheet: Sheet, sections: list[Tag]) -> tuple[Pre
     return tuple(out)
 
 
-def read_springs(model: Model, sections: list[Tag], fixed: Ints) -> tuple[SpringSet, ...]:
+def read_springs(model: Model, sections: list[FebTag], fixed: Ints) -> tuple[SpringSet, ...]:
     """Discrete sets with their materials; ends on rigid bodies become points of those, ends on the
     mesh nodes `fixed` off the sheet points of the ground (the body after the last).
 
@@ -203,7 +213,7 @@ def read_springs(model: Model, sections: list[Tag], fixed: Ints) -> tuple[Spring
     return tuple(out)
 
 
-def _spring_law(model: Model, t: Tag) -> SpringLaw:
+def _spring_law(model: Model, t: FebTag) -> SpringLaw:
     kind, units = t.attribute("type"), model.units
     if kind in ("linear spring", "tension-only linear spring"):
         if t.one("E") is None:
@@ -233,7 +243,7 @@ def _spring_law(model: Model, t: Tag) -> SpringLaw:
     return SpringLaw(0.0, False, type(curve)(times, values, curve.interpolation, curve.extension))
 
 
-def _spring_set(model: Model, t: Tag, name: str, law: SpringLaw, fixed: Ints) -> SpringSet:
+def _spring_set(model: Model, t: FebTag, name: str, law: SpringLaw, fixed: Ints) -> SpringSet:
     pairs = model.mesh.discrete[name]
     pairs = np.where((model.shell[pairs[:, :1]] >= 0), pairs, pairs[:, ::-1])
     off = model.shell[pairs[:, 0]] < 0

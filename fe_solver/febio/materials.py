@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fe_solver.febio.mesh import rows_of
-from fe_solver.febio.xml import Tag
+from fe_solver.febio.xml import FebTag
 from fe_solver.materials.crossed_fibres import CrossedFibres
 from fe_solver.materials.fibres import ExponentialFamily, HolzapfelGasserOgden, TransIsoMooneyRivlin
 from fe_solver.materials.hyperelastic import NeoHookean
@@ -34,12 +34,12 @@ class Material:
     """A material of the file; a rigid one has no law, and a centre in the file's units where it is
     given.  `holder` is the tag in which its (first) fibre is said."""
 
-    tag: Tag
+    tag: FebTag
     name: str
     number: str
     law: Law | None
     centre: Array | None
-    holder: Tag
+    holder: FebTag
     in_situ_stretch: float = 1.0
 
     @property
@@ -48,7 +48,7 @@ class Material:
         return self.law is None
 
 
-def read_materials(section: Tag, stress: float) -> list[Material]:
+def read_materials(section: FebTag, stress: float) -> list[Material]:
     """Raises InputError for a material or a parameter that is not known, or not allowed."""
     out: list[Material] = []
     for t in section.all("material"):
@@ -65,7 +65,7 @@ def read_materials(section: Tag, stress: float) -> list[Material]:
     return out
 
 
-def find_material(tag: Tag, materials: list[Material], name: str) -> Material:
+def find_material(tag: FebTag, materials: list[Material], name: str) -> Material:
     """By name or number.  Raises InputError where there is none."""
     for m in materials:
         if name in (m.name, m.number):
@@ -74,21 +74,21 @@ def find_material(tag: Tag, materials: list[Material], name: str) -> Material:
     raise tag.fault(f"there is no material {name!r}; the file has {known}")
 
 
-def _centre(t: Tag) -> Array | None:
+def _centre(t: FebTag) -> Array | None:
     for ignored in ("E", "v", "override_com"):
         t.all(ignored)
     centre = t.one("center_of_mass")
     return None if centre is None else np.array(centre.numbers(3))
 
 
-def _require_values(t: Tag, *names: str) -> list[float]:
+def _require_values(t: FebTag, *names: str) -> list[float]:
     missing = [n for n in names if t.one(n) is None]
     if missing:
         raise t.fault(f"the parameter <{missing[0]}> is missing")
     return [t.value(n, 0.0) for n in names]
 
 
-def _deformable(t: Tag, stress: float) -> tuple[Law, Tag, float]:
+def _deformable(t: FebTag, stress: float) -> tuple[Law, FebTag, float]:
     """The law, the tag that says its fibre, and the fibres' stretch in situ."""
     kind = t.attribute("type")
     if kind == "uncoupled solid mixture":
@@ -98,7 +98,7 @@ def _deformable(t: Tag, stress: float) -> tuple[Law, Tag, float]:
     return _law(t, stress), t, 1.0
 
 
-def _read_prestrain(t: Tag, stress: float) -> tuple[Law, Tag, float]:
+def _read_prestrain(t: FebTag, stress: float) -> tuple[Law, FebTag, float]:
     """A law whose fibres are stretched in situ."""
     inner, made = t.one("elastic"), t.one("prestrain")
     if inner is None or made is None:
@@ -115,7 +115,7 @@ def _read_prestrain(t: Tag, stress: float) -> tuple[Law, Tag, float]:
     return _mooney_rivlin(inner, stress, False, t), inner, stretch
 
 
-def _mixture(t: Tag, stress: float) -> tuple[Law, Tag]:
+def _mixture(t: FebTag, stress: float) -> tuple[Law, FebTag]:
     """Matrix and one or two fibre families: a Mooney-Rivlin law with or without a fibre, and
     `uncoupled fiber-exp-linear` fibres."""
     solids = t.all("solid")
@@ -140,13 +140,13 @@ def _mixture(t: Tag, stress: float) -> tuple[Law, Tag]:
         return CrossedFibres(law, _family(fibres[-1], stress), _turn(holder, fibres[-1])), holder
 
 
-def _family(t: Tag, stress: float) -> ExponentialFamily:
+def _family(t: FebTag, stress: float) -> ExponentialFamily:
     c3, c4, c5, lam_max = _require_values(t, "c3", "c4", "c5", "lambda")
     with t.naming_place():
         return ExponentialFamily(c3 * stress, c4, c5 * stress, lam_max)
 
 
-def _turn(first: Tag, second: Tag) -> float:
+def _turn(first: FebTag, second: FebTag) -> float:
     """rad, from one solid's fibre to another's, counter-clockwise about the third material axis."""
     (a, b, c), (x, y, z) = (_in_axes(t) for t in (first, second))
     if abs(c) + abs(z) > OFF_PLANE:
@@ -154,7 +154,7 @@ def _turn(first: Tag, second: Tag) -> float:
     return float(np.arctan2(a * y - b * x, a * x + b * y))
 
 
-def _in_axes(t: Tag) -> list[float]:
+def _in_axes(t: FebTag) -> list[float]:
     """A solid's fibre in the material axes."""
     tag = t.one("fiber")
     if tag is None:
@@ -164,7 +164,7 @@ def _in_axes(t: Tag) -> list[float]:
     return (tag.one("vector") or tag).numbers(3)
 
 
-def _law(t: Tag, stress: float) -> Law:
+def _law(t: FebTag, stress: float) -> Law:
     kind = t.attribute("type")
     if kind == "isotropic elastic":
         E, v = _require_values(t, "E", "v")
@@ -196,7 +196,7 @@ def _law(t: Tag, stress: float) -> Law:
 
 
 def _mooney_rivlin(
-    t: Tag, stress: float, plain: bool, volume: Tag | None = None
+    t: FebTag, stress: float, plain: bool, volume: FebTag | None = None
 ) -> TransIsoMooneyRivlin:
     """The law; its bulk modulus is said in the tag `volume`, of a material that wraps it."""
     _pressure_model(volume or t, "0", "default")
@@ -208,14 +208,14 @@ def _mooney_rivlin(
         return TransIsoMooneyRivlin(c1 * stress, c2 * stress, *fibre, k * stress)
 
 
-def _pressure_model(t: Tag, *allowed: str) -> None:
+def _pressure_model(t: FebTag, *allowed: str) -> None:
     child = t.one("pressure_model")
     if child is not None and child.text.strip() not in allowed:
         raise child.fault(f"only the material's own pressure model ({allowed[1]!r}) is read")
 
 
 def fibre_directions(
-    m: Material, corners: Array, given: dict[str, Tag], maps: dict[str, Tag]
+    m: Material, corners: Array, given: dict[str, FebTag], maps: dict[str, FebTag]
 ) -> Array:
     """Directions (k, 3) of axis 1 on elements with corners (k, 4, 3), not yet in their planes.
 
@@ -259,7 +259,7 @@ def _frame(a: Array, d: Array) -> Array:
     return np.stack([_unit(a), _unit(np.cross(e3, a)), _unit(e3)], axis=-1)
 
 
-def _axes(m: Material, corners: Array, given: dict[str, Tag]) -> Array:
+def _axes(m: Material, corners: Array, given: dict[str, FebTag]) -> Array:
     k = len(corners)
     data, tag = given.get("mat_axis"), m.tag.one("mat_axis")
     if data is not None:
@@ -283,14 +283,14 @@ def _axes(m: Material, corners: Array, given: dict[str, Tag]) -> Array:
     raise tag.fault(f"mat_axis of type {kind!r} is not read; known: vector, local")
 
 
-def _vector(tag: Tag, name: str) -> list[float]:
+def _vector(tag: FebTag, name: str) -> list[float]:
     child = tag.one(name)
     if child is None:
         raise tag.fault(f"<{name}> is missing: three numbers")
     return child.numbers(3)
 
 
-def _local(tag: Tag, count: int, default: tuple[int, ...]) -> list[int]:
+def _local(tag: FebTag, count: int, default: tuple[int, ...]) -> list[int]:
     """Positions within an element, counted from 0."""
     child = tag.one("local") or tag
     if not child.text.strip():
@@ -303,7 +303,7 @@ def _local(tag: Tag, count: int, default: tuple[int, ...]) -> list[int]:
     return [int(v) - 1 for v in values]
 
 
-def _fibre(m: Material, corners: Array, given: dict[str, Tag], maps: dict[str, Tag]) -> Array:
+def _fibre(m: Material, corners: Array, given: dict[str, FebTag], maps: dict[str, FebTag]) -> Array:
     """(k, 3) in the material axes."""
     k, tag = len(corners), m.holder.one("fiber")
     kind = "" if tag is None else tag.attributes.get("type", "vector")

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fe_solver.febio.xml import Tag
+from fe_solver.febio.xml import FebTag
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
@@ -22,7 +22,7 @@ SOLIDS = {"hex8": 8, "tet4": 4, "penta6": 6, "pyra5": 5, "tet10": 10, "hex20": 2
 class Block(NamedTuple):
     """An `Elements` block: its tag, kind of element, numbers (k,) and node indices (k, m)."""
 
-    tag: Tag
+    tag: FebTag
     kind: str
     ids: Ints
     nodes: Ints
@@ -48,7 +48,7 @@ class FebMesh:
     pairs: dict[str, tuple[str, str]]
     discrete: dict[str, Ints]
 
-    def nodes_of(self, tag: Tag, name: str) -> Ints:
+    def nodes_of(self, tag: FebTag, name: str) -> Ints:
         """Node indices of a set, `@surface:` and `@elem_set:` included.
 
         Raises InputError where there is no such set."""
@@ -59,16 +59,16 @@ class FebMesh:
             return np.unique(self.blocks[inner].nodes)
         return _find_set(tag, "node set", self.node_sets, name)
 
-    def surface_of(self, tag: Tag, name: str) -> Ints:
+    def surface_of(self, tag: FebTag, name: str) -> Ints:
         """Facets (k, 4) of a surface.  Raises InputError where there is none of that name."""
         return _find_set(tag, "surface", self.surfaces, name)
 
-    def elements_of(self, tag: Tag, name: str) -> Ints:
+    def elements_of(self, tag: FebTag, name: str) -> Ints:
         """Element numbers of a set or part.  Raises InputError where there is none."""
         return _find_set(tag, "element set or part", self.element_sets, name)
 
 
-def _find_set(tag: Tag, what: str, table: dict[str, Ints], name: str) -> Ints:
+def _find_set(tag: FebTag, what: str, table: dict[str, Ints], name: str) -> Ints:
     if name not in table:
         known = ", ".join(map(repr, list(table)[:10])) or "none"
         raise tag.fault(f"there is no {what} {name!r}; the file has {known}")
@@ -77,7 +77,7 @@ def _find_set(tag: Tag, what: str, table: dict[str, Ints], name: str) -> Ints:
     return table[name]
 
 
-def rows_of(tag: Tag, width: int | None = None) -> tuple[Ints, Ints, Array]:
+def rows_of(tag: FebTag, width: int | None = None) -> tuple[Ints, Ints, Array]:
     """Numbers (k,), lines (k,) and values (k, width) of a tag's rows, all equally long.
 
     Raises InputError where one is not."""
@@ -95,7 +95,7 @@ def rows_of(tag: Tag, width: int | None = None) -> tuple[Ints, Ints, Array]:
     return np.array(rows.number, dtype=np.intp), line, values
 
 
-def whole(tag: Tag, values: Array, line: Ints) -> Ints:
+def whole(tag: FebTag, values: Array, line: Ints) -> Ints:
     """Values (k, m) as integers.  Raises InputError where one is not a whole number."""
     wrong = np.flatnonzero((values != np.round(values)).any(axis=1) | (values < 0).any(axis=1))
     wrong = np.union1d(wrong, np.flatnonzero((values > 2**31).any(axis=1)))
@@ -113,7 +113,7 @@ class _Numbering:
         self.order = np.argsort(ids)
         self.sorted = ids[self.order]
 
-    def find(self, tag: Tag, ids: Ints, line: Ints | None = None) -> Ints:
+    def find(self, tag: FebTag, ids: Ints, line: Ints | None = None) -> Ints:
         """Indices of node numbers (k,) or (k, m).  Raises InputError where one is not known."""
         at = np.minimum(np.searchsorted(self.sorted, ids), len(self.sorted) - 1)
         unknown = np.argwhere(self.sorted[at] != ids)
@@ -124,7 +124,7 @@ class _Numbering:
         return self.order[at]
 
 
-def read_mesh_section(mesh: Tag) -> FebMesh:
+def read_mesh_section(mesh: FebTag) -> FebMesh:
     """Raises InputError, with its line, for anything missing, doubled or unknown to this reader."""
     node_ids, points, node_sets = _nodes(mesh)
     numbering = _Numbering(node_ids)
@@ -144,7 +144,7 @@ def read_mesh_section(mesh: Tag) -> FebMesh:
     return FebMesh(node_ids, points, blocks, node_sets, element_sets, surfaces, pairs, discrete)
 
 
-def _nodes(mesh: Tag) -> tuple[Ints, Array, dict[str, Ints]]:
+def _nodes(mesh: FebTag) -> tuple[Ints, Array, dict[str, Ints]]:
     ids, places, sets, count = [], [], {}, 0
     for t in mesh.all("Nodes"):
         number, _, values = rows_of(t, 3)
@@ -164,7 +164,7 @@ def _nodes(mesh: Tag) -> tuple[Ints, Array, dict[str, Ints]]:
     return everything, np.concatenate(places), sets
 
 
-def _blocks(mesh: Tag, numbering: _Numbering) -> dict[str, Block]:
+def _blocks(mesh: FebTag, numbering: _Numbering) -> dict[str, Block]:
     blocks: dict[str, Block] = {}
     for t in mesh.all("Elements"):
         name, kind = t.attribute("name"), t.attribute("type")
@@ -184,7 +184,7 @@ def _blocks(mesh: Tag, numbering: _Numbering) -> dict[str, Block]:
     return blocks
 
 
-def _add(into: dict[str, Ints], mesh: Tag, kind: str, read: Callable[[Tag], Ints]) -> None:
+def _add(into: dict[str, Ints], mesh: FebTag, kind: str, read: Callable[[FebTag], Ints]) -> None:
     own: set[str] = set()
     for t in mesh.all(kind):
         name = t.attribute("name")
@@ -194,7 +194,7 @@ def _add(into: dict[str, Ints], mesh: Tag, kind: str, read: Callable[[Tag], Ints
         into[name] = read(t)
 
 
-def _elements(tag: Tag, blocks: dict[str, Block]) -> Ints:
+def _elements(tag: FebTag, blocks: dict[str, Block]) -> Ints:
     ids = _once(tag, "element", _id_list(tag))
     unknown = ids[~np.isin(ids, np.concatenate([b.ids for b in blocks.values()]))]
     if len(unknown):
@@ -202,14 +202,14 @@ def _elements(tag: Tag, blocks: dict[str, Block]) -> Ints:
     return ids
 
 
-def _once(tag: Tag, what: str, ids: Ints) -> Ints:
+def _once(tag: FebTag, what: str, ids: Ints) -> Ints:
     known, times = np.unique(ids, return_counts=True)
     if (times > 1).any():
         raise tag.fault(f"{what} {known[times > 1][0]} comes twice in this set")
     return ids
 
 
-def _id_list(tag: Tag) -> Ints:
+def _id_list(tag: FebTag) -> Ints:
     """Numbers as a list in the text, or one a row."""
     rows = tag.table()
     if rows.kind:
@@ -218,7 +218,7 @@ def _id_list(tag: Tag) -> Ints:
     return whole(tag, values, np.full(len(values), tag.line))[:, 0]
 
 
-def _facets(tag: Tag, numbering: _Numbering) -> Ints:
+def _facets(tag: FebTag, numbering: _Numbering) -> Ints:
     rows = tag.table()
     start = np.array(rows.start, dtype=np.intp)
     line, length = np.array(rows.line, dtype=np.intp), np.diff(start)
@@ -236,6 +236,6 @@ def _facets(tag: Tag, numbering: _Numbering) -> Ints:
     return numbering.find(tag, ids, line)
 
 
-def _pairs_of_nodes(tag: Tag, numbering: _Numbering) -> Ints:
+def _pairs_of_nodes(tag: FebTag, numbering: _Numbering) -> Ints:
     _, line, values = rows_of(tag, 2)
     return numbering.find(tag, whole(tag, values, line), line)

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import groupby
 
-from fe_solver.febio.xml import Tag
+from fe_solver.febio.xml import FebTag
 
 SETTINGS = (
     "laugon tolerance gaptol update_penalty two_pass knmult ktmult search_tol search_radius seg_up "
@@ -40,7 +40,7 @@ ATTRIBUTES = frozenset(
 """That this reader uses, or that say nothing more than it knows."""
 
 
-def collect_notes(root: Tag, notes: list[str]) -> tuple[str, ...]:
+def collect_notes(root: FebTag, notes: list[str]) -> tuple[str, ...]:
     """The notes and one more for everything that nothing read.
 
     Raises InputError where it may change the answer."""
@@ -59,20 +59,20 @@ def collect_notes(root: Tag, notes: list[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(out))
 
 
-def _place(t: Tag) -> str:
+def _place(t: FebTag) -> str:
     return t.path.removeprefix("Step/step/")
 
 
-def _critical(t: Tag) -> bool:
+def _critical(t: FebTag) -> bool:
     return _place(t).startswith(CRITICAL)
 
 
-def _harmless(t: Tag) -> bool:
+def _harmless(t: FebTag) -> bool:
     """Whether a setting of contact, which may change the answer, has a value that does not."""
     return t.name in SETTINGS and t.parent is not None and t.parent.name == "contact"
 
 
-def _unknown_attributes(tag: Tag) -> Iterator[str]:
+def _unknown_attributes(tag: FebTag) -> Iterator[str]:
     """Attributes that nothing read, of the tags that were read."""
     for name in tag.attributes.keys() - ATTRIBUTES:
         if _critical(tag):
@@ -83,7 +83,7 @@ def _unknown_attributes(tag: Tag) -> Iterator[str]:
             yield from _unknown_attributes(t)
 
 
-def _label(t: Tag) -> str:
+def _label(t: FebTag) -> str:
     return f"{t.name} {t.attributes['name']!r}" if "name" in t.attributes else t.name
 
 

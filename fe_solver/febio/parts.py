@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fe_solver.febio.materials import Material, fibre_directions, find_material
 from fe_solver.febio.mesh import SHELLS, Block, FebMesh, rows_of
-from fe_solver.febio.xml import Tag
+from fe_solver.febio.xml import FebTag
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
@@ -18,7 +18,7 @@ DOMAINS = ("elastic-shell", "elastic-shell-ans", "elastic-shell-eas", "rigid-she
 
 
 @dataclass(frozen=True)
-class Sheet:
+class FebShells:
     """All shell elements, by part: quads (ne, 4) and `nodes` (n,) are mesh node indices, the rest
     as in Job but lengths in the file's units."""
 
@@ -40,18 +40,18 @@ class Sheet:
 class Parts:
     """The deformable sheet, and each rigid material's blocks."""
 
-    sheet: Sheet
+    sheet: FebShells
     rigid: dict[str, list[Block]]
 
 
 def read_parts(
-    domains: Tag, data: Tag | None, mesh: FebMesh, materials: list[Material], notes: list[str]
+    domains: FebTag, data: FebTag | None, mesh: FebMesh, materials: list[Material], notes: list[str]
 ) -> Parts:
     """Raises InputError for a part without a material, and for a deformable part that is no
     shell."""
     given, maps = _element_data(data, mesh)
     rigid: dict[str, list[Block]] = {m.name: [] for m in materials if m.rigid}
-    shells: list[tuple[Tag, Block, Material]] = []
+    shells: list[tuple[FebTag, Block, Material]] = []
     seen = set()
     for t in (*domains.all("ShellDomain"), *domains.all("SolidDomain")):
         block = mesh.blocks.get(t.attribute("name"))
@@ -81,11 +81,11 @@ def read_parts(
 
 
 def _element_data(
-    data: Tag | None, mesh: FebMesh
-) -> tuple[dict[str, dict[str, Tag]], dict[str, Tag]]:
+    data: FebTag | None, mesh: FebMesh
+) -> tuple[dict[str, dict[str, FebTag]], dict[str, FebTag]]:
     """By part and type, and the other ones by name."""
-    given: dict[str, dict[str, Tag]] = {}
-    maps: dict[str, Tag] = {}
+    given: dict[str, dict[str, FebTag]] = {}
+    maps: dict[str, FebTag] = {}
     for t in data.all("ElementData") if data is not None else []:
         kind = t.attributes.get("type") or t.attributes.get("var") or ""
         kind = kind.replace("mat axis", "mat_axis")
@@ -102,12 +102,12 @@ def _element_data(
 
 
 def _sheet(
-    shells: list[tuple[Tag, Block, Material]],
+    shells: list[tuple[FebTag, Block, Material]],
     mesh: FebMesh,
-    given: dict[str, dict[str, Tag]],
-    maps: dict[str, Tag],
+    given: dict[str, dict[str, FebTag]],
+    maps: dict[str, FebTag],
     notes: list[str],
-) -> Sheet:
+) -> FebShells:
     columns = []
     for number, (t, block, m) in enumerate(shells):
         own = given.get(t.attribute("name"), {})
@@ -118,7 +118,7 @@ def _sheet(
         columns.append((block.quads, block.ids, np.full(len(block.ids), number), thickness, fibre))
     quads, ids, part, thickness, fibre = (np.concatenate(c) for c in zip(*columns, strict=True))
     length = np.linalg.norm(fibre, axis=1, keepdims=True)
-    return Sheet(
+    return FebShells(
         tuple(t.attribute("name") for t, _, _ in shells),
         tuple(m for _, _, m in shells),
         quads,
@@ -129,7 +129,7 @@ def _sheet(
     )
 
 
-def _check_domain(t: Tag, block: Block, notes: list[str]) -> None:
+def _check_domain(t: FebTag, block: Block, notes: list[str]) -> None:
     kind = t.attributes.get("type", DOMAINS[0])
     if kind not in DOMAINS:
         raise t.fault(f"the shell formulation {kind!r} is not read; known: {', '.join(DOMAINS)}")
@@ -146,7 +146,7 @@ def _check_domain(t: Tag, block: Block, notes: list[str]) -> None:
         )
 
 
-def _thickness(t: Tag, block: Block, data: Tag | None) -> Array:
+def _thickness(t: FebTag, block: Block, data: FebTag | None) -> Array:
     """(k, 4)."""
     k, corners = block.nodes.shape
     if data is None and t.one("shell_thickness") is None:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from cosim.errors import InputError
 from fe_solver.febio.read import read_feb
-from fe_solver.job.job import Body, Job, NodalForce, Part, SpringLaw, SpringSet, Tied
+from fe_solver.job.job import Body, Job, NodalForce, ShellPart, SpringLaw, SpringSet, Tied
 from fe_solver.job.solve import ShellState, solve_job
 from fe_solver.materials.linear import Isotropic
 
@@ -134,7 +134,7 @@ def _with_moduli(job: Job, m: Moduli) -> Job:
         m.lateral_band,
     )
     kinds, part = np.unique(values, return_inverse=True)
-    parts = tuple(Part(f"{1e-6 * E:g} MPa", Isotropic(float(E), 0.4)) for E in kinds)
+    parts = tuple(ShellPart(f"{1e-6 * E:g} MPa", Isotropic(float(E), 0.4)) for E in kinds)
     return replace(job, parts=parts, part=part)
 
 
@@ -142,11 +142,11 @@ def _scale_pull(job: Job, pull: float) -> Job:
     """The end with the most nodes is the central tendon's."""
     central = max(range(len(job.forces)), key=lambda i: len(job.forces[i].nodes))
 
-    def scaled(f: NodalForce) -> NodalForce:
+    def scale_force(f: NodalForce) -> NodalForce:
         assert f.curve is not None  # the file ramps its loads
         return replace(f, force=f.force * pull / f.curve.at(1.0))
 
-    forces = [scaled(f) if i == central else f for i, f in enumerate(job.forces)]
+    forces = [scale_force(f) if i == central else f for i, f in enumerate(job.forces)]
     return replace(job, forces=tuple(forces))
 
 

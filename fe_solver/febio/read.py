@@ -35,11 +35,11 @@ from fe_solver.febio.conditions import (
 from fe_solver.febio.materials import read_materials
 from fe_solver.febio.mesh import FebMesh, read_mesh_section
 from fe_solver.febio.notes import collect_notes
-from fe_solver.febio.parts import Parts, Sheet, read_parts
-from fe_solver.febio.xml import Tag, read_xml
+from fe_solver.febio.parts import FebShells, Parts, read_parts
+from fe_solver.febio.xml import FebTag, read_xml
 from fe_solver.job.checks import check_mesh, within
 from fe_solver.job.febio_like import bending_notes
-from fe_solver.job.job import Body, ContactPair, Job, Part, Step
+from fe_solver.job.job import Body, ContactPair, Job, ShellPart, Step
 
 Ints = NDArray[np.intp]
 
@@ -52,11 +52,23 @@ REFUSED = ("Constraints", "MeshAdaptor", "Include", "Code")
 
 
 def read_feb(path: Path | str, length_unit: float = 1e-3, force_unit: float = 1.0) -> Job:
-    """A FEBio 4 file as a Job; `length_unit` m and `force_unit` N are the file's units.
+    """Read a FEBio 4 file as a Job; `length_unit` m and `force_unit` N are the file's units.
 
     Raises InputError, naming file and line, where the file is not safe or well-formed, where
     something is missing, and where it holds what would change the answer and is not read; what else
-    is left out is listed in the job's notes."""
+    is left out is listed in the job's notes.
+
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from fe_solver.febio.read import read_feb
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "old.feb"
+    ...     _ = path.write_text('<febio_spec version="2.5"></febio_spec>')
+    ...     read_feb(path)  # doctest: +IGNORE_EXCEPTION_DETAIL
+    Traceback (most recent call last):
+    ...
+    cosim.errors.InputError: old.feb: another version
+    """
     path = Path(path)
     root = read_xml(path, "febio_spec")
     _check_header(root)
@@ -84,7 +96,7 @@ def read_feb(path: Path | str, length_unit: float = 1e-3, force_unit: float = 1.
 class _Sections:
     """Top-level sections; those of a single step count as its file's."""
 
-    def __init__(self, root: Tag) -> None:
+    def __init__(self, root: FebTag) -> None:
         self.root = root
         holder = root.one("Step")
         self.steps = holder.all("step") if holder is not None else []
@@ -96,18 +108,18 @@ class _Sections:
                         "the top level and let a load curve switch them"
                     )
 
-    def of(self, name: str) -> list[Tag]:
+    def of(self, name: str) -> list[FebTag]:
         places = [self.root, *(self.steps if len(self.steps) == 1 else [])]
         return [t for place in places for t in place.all(name)]
 
-    def one(self, name: str) -> Tag:
+    def one(self, name: str) -> FebTag:
         found = self.root.one(name)
         if found is None:
             raise self.root.fault(f"the section <{name}> is missing")
         return found
 
 
-def _check_header(root: Tag) -> None:
+def _check_header(root: FebTag) -> None:
     root.used = True
     version = root.attributes.get("version", "")
     if version != "4.0":
@@ -126,7 +138,7 @@ def _check_header(root: Tag) -> None:
             raise t.fault("sections from other files are not followed; put them into this one")
 
 
-def _check_sheet(path: Path, sheet: Sheet, mesh: FebMesh) -> None:
+def _check_sheet(path: Path, sheet: FebShells, mesh: FebMesh) -> None:
     """Raises InputError as `check_mesh` does, with the file's numbers."""
 
     def element(i: int) -> str:
@@ -176,7 +188,7 @@ def _job(name: str, model: Model, parts: Parts, sections: _Sections) -> Job:
         sheet.ids,
         sheet.part,
         tuple(
-            Part(n, m.law, m.in_situ_stretch)
+            ShellPart(n, m.law, m.in_situ_stretch)
             for n, m in zip(sheet.names, sheet.materials, strict=True)
             if m.law
         ),
@@ -218,7 +230,7 @@ def _steps(sections: _Sections) -> tuple[Step, ...]:
     return tuple(out)
 
 
-def _contact_tags(mesh: FebMesh, sections: list[Tag]) -> list[tuple[Tag, tuple[str, str]]]:
+def _contact_tags(mesh: FebMesh, sections: list[FebTag]) -> list[tuple[FebTag, tuple[str, str]]]:
     out = []
     for t in [t for s in sections for t in s.all("contact")]:
         name = t.attribute("surface_pair")
@@ -233,7 +245,7 @@ def _contact_tags(mesh: FebMesh, sections: list[Tag]) -> list[tuple[Tag, tuple[s
 
 
 def _sides(
-    model: Model, sheet: Sheet, t: Tag, pair: tuple[str, str]
+    model: Model, sheet: FebShells, t: FebTag, pair: tuple[str, str]
 ) -> tuple[Ints, Ints, int, Ints]:
     """The quads (k,) on one side of a pair and how their facets are wound; the body, and the facets
     (nt, 4) on its side."""
@@ -247,7 +259,7 @@ def _sides(
     return quads, wound, int(owner[0]), second
 
 
-def _contact(model: Model, t: Tag, quads: Ints, triangles: Ints, body: int) -> ContactPair:
+def _contact(model: Model, t: FebTag, quads: Ints, triangles: Ints, body: int) -> ContactPair:
     if t.flag("tension"):
         raise t.fault("contact that also pulls (<tension>) is not read")
     for flipped in ("flip_primary", "flip_secondary"):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cosim.errors import InputError
 from fe_solver.febio.bodies import AXES, Units
-from fe_solver.job.curves import Curve, Drive
+from fe_solver.job.curves import Drive, LoadCurve
 from fe_solver.job.job import Job, SpringLaw, SpringSet
 
 Array = NDArray[np.float64]
@@ -48,7 +48,7 @@ class Conditions:
     job: Job
     points: Array
     units: Units
-    curves: dict[Curve, int] = field(default_factory=dict)
+    curves: dict[LoadCurve, int] = field(default_factory=dict)
     sets: list[str] = field(default_factory=list)
     extra: list[tuple[int, Array]] = field(default_factory=list)
 
@@ -66,7 +66,7 @@ class Conditions:
         yield from self._contact()
         yield from discrete
 
-    def _lc(self, curve: Curve | None) -> str:
+    def _lc(self, curve: LoadCurve | None) -> str:
         if curve is None:
             return ""
         return f' lc="{self.curves.setdefault(curve, len(self.curves) + 1)}"'

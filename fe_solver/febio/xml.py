@@ -20,7 +20,7 @@ LIMITS = Limits(
 )
 
 
-class Tag(xml_tree.Tag):
+class FebTag(xml_tree.Tag):
     """A tag of FEBio's."""
 
     __slots__ = ()
@@ -83,6 +83,6 @@ class Tag(xml_tree.Tag):
         return self.rows or Rows()
 
 
-def read_xml(path: Path, root: str) -> Tag:
+def read_xml(path: Path, root: str) -> FebTag:
     """The tree of a file of FEBio's whose root has that name.  Raises InputError."""
-    return read_tree(path, root, Tag, LIMITS)
+    return read_tree(path, root, FebTag, LIMITS)

@@ -60,7 +60,7 @@ class Cables:
         return Cables(np.zeros((0, 2), dtype=np.intp), f, f, f, f, f)
 
 
-class Pull(NamedTuple):
+class CableResponse(NamedTuple):
     """What cells do at their lengths, each (k,)."""
 
     energy: Array
@@ -73,12 +73,12 @@ class Pull(NamedTuple):
     """Engineering strain."""
 
 
-def law(cables: Cables, length: Array) -> Pull:
+def law(cables: Cables, length: Array) -> CableResponse:
     """The cells at lengths (k,) m."""
     stretch = length / cables.length
     stiffness, half = cables.modulus * cables.section, cables.toe / 2
     work, value, slope = ramp(stretch - 1 - half, half)
-    return Pull(
+    return CableResponse(
         cables.length * (stiffness * work + cables.residual * stretch**2 / 2),
         stiffness * value + cables.residual * stretch,
         (stiffness * slope + cables.residual) / cables.length,
@@ -86,7 +86,7 @@ def law(cables: Cables, length: Array) -> Pull:
     )
 
 
-def cable_state(cables: Cables, x: Array) -> Pull:
+def cable_state(cables: Cables, x: Array) -> CableResponse:
     """The cells at node positions x (n, 3) m."""
     return law(cables, np.linalg.norm(x[cables.nodes[:, 1]] - x[cables.nodes[:, 0]], axis=1))
 

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import InputError
-from fe_solver.forces.contact_points import Within
+from fe_solver.forces.contact_points import ElementPoints
 from fe_solver.forces.springs import PointForces
 from fe_solver.surfaces.shapes import Surface
 
@@ -78,7 +78,7 @@ class Contact:
     shear: float | None = None
     grip: Grip | None = None
     pin: Array | None = None
-    within: Within | None = None
+    within: ElementPoints | None = None
 
     def __post_init__(self) -> None:
         shear = self.stiffness if self.shear is None else self.shear
@@ -112,7 +112,7 @@ class Contact:
         """(k,) m, the depth at which the ramp gives the multiplier."""
         if self.pressure is None:
             return np.zeros(len(self.nodes))
-        return unramp(self.pressure / self.stiffness, self.smoothing)
+        return inverse_ramp(self.pressure / self.stiffness, self.smoothing)
 
     def at(self, x: Array) -> Array:
         """(k, 3) m, the points, at node positions x (n, 3)."""
@@ -138,7 +138,7 @@ def ramp(depth: Array, smoothing: Array | float) -> tuple[Array, Array, Array]:
     return integral, value, slope
 
 
-def unramp(value: Array, smoothing: Array | float) -> Array:
+def inverse_ramp(value: Array, smoothing: Array | float) -> Array:
     """The depth at which the ramp has this value; of zero, the largest such depth."""
     return np.where(
         value < smoothing, 2 * np.sqrt(smoothing * np.maximum(value, 0.0)) - smoothing, value
@@ -168,8 +168,20 @@ def friction_forces(contact: Contact, grip: Grip, local: Array) -> tuple[Array, 
 def contact_forces(
     contact: Contact, x: Array, position: Array, rotation: Array, curvature: bool
 ) -> PointForces:
-    """Contact energy at node positions x (n, 3); `curvature` keeps the (negative) term of the
-    Hessian that the surface's curvature makes."""
+    """Return the contact's energy and forces at node positions x (n, 3) m, with the bodies at
+    `position` (nb, 3) m and `rotation` (nb, 3, 3); `curvature` keeps the (negative) term of the
+    Hessian that the surface's curvature makes.
+
+    >>> import numpy as np
+    >>> from fe_solver.forces.contact import Contact, contact_forces
+    >>> from fe_solver.surfaces.shapes import Sphere
+    >>> ball = Sphere(np.zeros(3), 0.01)
+    >>> one, point = np.array([0]), np.array([[0.0, 0.0, 0.009]])  # m: 1 mm inside
+    >>> contact = Contact(0, ball, one, np.zeros(1), np.array([1e-6]), 1e9, 1e-6)
+    >>> found = contact_forces(contact, point, np.zeros((1, 3)), np.eye(3)[None], True)
+    >>> f"{-found.gradient[0, 2]:.3f} N"  # on the point: stiffness times area times depth
+    '1.000 N'
+    """
     # gaps: only points near the surface, or gripped, are worked on
     p, R = position[contact.body], rotation[contact.body]
     at = contact.at(x)

@@ -26,7 +26,7 @@ IN_LINE = 4
 
 
 @dataclass(frozen=True)
-class Within:
+class ElementPoints:
     """The same p points in each of c elements, element by element.
 
     cells (c,) the elements' numbers in their sheet; quads (c, m) their nodes; shape (p, m) shape
@@ -40,13 +40,13 @@ class Within:
     """(p, 2) r and s."""
 
     @staticmethod
-    def of(sheet: Ints, cells: Ints, in_line: int = IN_LINE) -> Within:
+    def of(sheet: Ints, cells: Ints, in_line: int = IN_LINE) -> ElementPoints:
         """Gauss points, `in_line` by `in_line`, of the elements `cells` (c,) of a sheet (ne, m)."""
         at, factor = np.polynomial.legendre.leggauss(in_line)
         places = np.array(list(itertools.product(at, at)))
         quads = sheet[cells]
         shape = np.stack([kind_of(quads).shape(r, s)[0] for r, s in places])
-        return Within(cells, quads, shape, np.outer(factor, factor).ravel(), places)
+        return ElementPoints(cells, quads, shape, np.outer(factor, factor).ravel(), places)
 
     @cached_property
     def nearest(self) -> Ints:

@@ -15,14 +15,14 @@ from fe_solver.elements.mitc4 import GAUSS, shape
 from fe_solver.forces.contact import Contact
 from fe_solver.forces.guides import Guides
 from fe_solver.hood.shell_hood import ShellHood
-from fe_solver.job.curves import Curve, Drive
+from fe_solver.job.curves import Drive, LoadCurve
 from fe_solver.job.job import (
     Body,
     ContactPair,
-    Held,
     Job,
     NodalForce,
-    Part,
+    PrescribedDisplacement,
+    ShellPart,
     SpringLaw,
     SpringSet,
     Step,
@@ -38,7 +38,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
 Triangles = tuple[Array, Ints]
 
-RAMP = Curve((0.0, 1.0), (0.0, 1.0))
+RAMP = LoadCurve((0.0, 1.0), (0.0, 1.0))
 INCREMENTS = 10
 SAME = 1e-9
 """m, or relative: what differs by less is one."""
@@ -182,7 +182,7 @@ def _mean_direction(gauss: Array) -> Array:
     return np.asarray((gauss * np.where(sense < 0, -1.0, 1.0)[..., None]).mean(axis=1))
 
 
-def _parts(model: ShellModel, stretch: Array, turned: bool) -> tuple[Ints, tuple[Part, ...]]:
+def _parts(model: ShellModel, stretch: Array, turned: bool) -> tuple[Ints, tuple[ShellPart, ...]]:
     part, parts = np.zeros(len(model.quads), dtype=np.intp), []
     for i, patch in enumerate(model.section.patches):
         part[patch.elements] = i
@@ -190,7 +190,7 @@ def _parts(model: ShellModel, stretch: Array, turned: bool) -> tuple[Ints, tuple
         law = _law(patch, name)
         if turned and isinstance(law, CrossedLinear | CrossedFibres):
             law = replace(law, angle=-np.asarray(law.angle).item())  # about the other normal
-        parts.append(Part(name, law, float(stretch[patch.elements[0]])))
+        parts.append(ShellPart(name, law, float(stretch[patch.elements[0]])))
     return part, tuple(parts)
 
 
@@ -221,7 +221,7 @@ def _ties(model: ShellModel) -> tuple[Tied, ...]:
     return tuple(Tied(t.node[t.body == b], int(b)) for b in np.unique(t.body))
 
 
-def _supports(guides: Guides) -> tuple[Held, ...]:
+def _supports(guides: Guides) -> tuple[PrescribedDisplacement, ...]:
     """Raises InputError where a node slides along no axis of its body."""
     out = []
     for i in range(3):
@@ -232,7 +232,7 @@ def _supports(guides: Guides) -> tuple[Held, ...]:
     for component in range(3):
         held = (guides.held & (which == component)).any(axis=1)
         if held.any():
-            out.append(Held(guides.node[held], component))
+            out.append(PrescribedDisplacement(guides.node[held], component))
     return tuple(out)
 
 

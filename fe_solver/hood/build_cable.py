@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from cosim.errors import InputError
 from cosim.port import Motion
 from fe_solver.elements.shell import ShellTables, shell_tables
-from fe_solver.forces.cables import Cables, Pull, cable_state
+from fe_solver.forces.cables import CableResponse, Cables, cable_state
 from fe_solver.hood.build_shell import (
     ContactLaw,
-    SpringSet,
-    Tendon,
+    SpringGroup,
+    TendonEnd,
     check_supports,
     contacts_of,
     guides_of,
@@ -63,11 +63,11 @@ def cable_hood(
     net: Net,
     rest: Motion,
     carriers: Array,
-    springs: Mapping[str, SpringSet],
+    springs: Mapping[str, SpringGroup],
     tied: Mapping[str, Ints],
     guide_body: str,
     pull: Array,
-    tendons: Mapping[str, Tendon],
+    tendons: Mapping[str, TendonEnd],
     contact: ContactLaw,
     options: NewtonOptions,
 ) -> ShellHood:
@@ -109,6 +109,6 @@ def cable_hood(
     )
 
 
-def pulls_in(hood: ShellHood, state: HoodState) -> Pull:
+def pulls_in(hood: ShellHood, state: HoodState) -> CableResponse:
     """Tension and strain of every cell of a hood's cables."""
     return cable_state(hood.model.cables, state.configuration.x)

@@ -14,7 +14,7 @@ from cosim.port import Motion
 from fe_solver.elements.mesh_geometry import node_areas, node_directors, node_means
 from fe_solver.elements.shell import shell_tables
 from fe_solver.forces.contact import Contact
-from fe_solver.forces.contact_points import Within
+from fe_solver.forces.contact_points import ElementPoints
 from fe_solver.forces.guides import Guides, Ties
 from fe_solver.forces.springs import Springs
 from fe_solver.hood.shell_hood import ShellHood
@@ -55,7 +55,7 @@ class Attached(Protocol):
 
 
 @dataclass(frozen=True)
-class Sheet:
+class ShellSheet:
     """The shell's geometry and material: points (n, 3) m, quads (ne, 4), fibre (ne, 3) or at
     the Gauss points (ne, 4, 3), section (materials and thickness), growth (ne, 2) along and across
     the fibres; `regions` the quads' region names; `lift` (n,) or one for all, m, how much higher
@@ -73,7 +73,7 @@ class Sheet:
 
 
 @dataclass(frozen=True)
-class SpringSet:
+class SpringGroup:
     """Springs of one name: `stiffness` (N/m) is the set's total; `slack` (m) is added to the
     distance at rest."""
 
@@ -84,7 +84,7 @@ class SpringSet:
 
 
 @dataclass(frozen=True)
-class Tendon:
+class TendonEnd:
     """A tendon's end: guided nodes and their shares of its tension, adding up to one."""
 
     nodes: Ints
@@ -119,14 +119,14 @@ class ContactLaw:
 
 
 def shell_hood(
-    sheet: Sheet,
+    sheet: ShellSheet,
     rest: Motion,
     carriers: Array,
-    springs: Mapping[str, SpringSet],
+    springs: Mapping[str, SpringGroup],
     tied: Mapping[str, Ints],
     guide_body: str,
     pull: Array,
-    tendons: Mapping[str, Tendon],
+    tendons: Mapping[str, TendonEnd],
     contact: ContactLaw,
     options: NewtonOptions,
 ) -> ShellHood:
@@ -169,7 +169,7 @@ def shell_hood(
     )
 
 
-def check_supports(springs: Mapping[str, SpringSet], tied: Mapping[str, Ints]) -> None:
+def check_supports(springs: Mapping[str, SpringGroup], tied: Mapping[str, Ints]) -> None:
     """Raises InputError where nothing holds the hood."""
     if not springs and not any(len(n) for n in tied.values()):
         raise InputError(
@@ -178,7 +178,7 @@ def check_supports(springs: Mapping[str, SpringSet], tied: Mapping[str, Ints]) -
         )
 
 
-def shares_of(tendons: Mapping[str, Tendon]) -> tuple[Ints, Array]:
+def shares_of(tendons: Mapping[str, TendonEnd]) -> tuple[Ints, Array]:
     """The guided nodes (k,), ascending, and the tendons' shares (nt, k) of them."""
     guided = np.unique(np.concatenate([t.nodes for t in tendons.values()]))
     share = np.zeros((len(tendons), len(guided)))
@@ -211,7 +211,7 @@ def guides_of(X: Array, rest: Motion, body: str, pull: Array, nodes: Ints) -> Gu
     return Guides.along(nodes, index, _local(rest, body, X[nodes]), np.tile(unit, (len(nodes), 1)))
 
 
-def springs_of(X: Array, rest: Motion, sets: Mapping[str, SpringSet]) -> Springs:
+def springs_of(X: Array, rest: Motion, sets: Mapping[str, SpringGroup]) -> Springs:
     """Springs whose slack length is their distance at points X (n, 3) in the pose `rest`, and their
     set's slack."""
     if not sets:
@@ -234,7 +234,7 @@ def springs_of(X: Array, rest: Motion, sets: Mapping[str, SpringSet]) -> Springs
 
 
 def _contacts(
-    X: Array, sheet: Sheet, bodies: tuple[str, ...], law: ContactLaw, nodes: Ints
+    X: Array, sheet: ShellSheet, bodies: tuple[str, ...], law: ContactLaw, nodes: Ints
 ) -> tuple[Contact, ...]:
     """Contacts of the nodes with every body, or of the points within quadratic elements of such
     nodes.
@@ -246,7 +246,7 @@ def _contacts(
     height = half + sheet.lift
     if sheet.quads.shape[1] == 4 or law.augment() is not None:
         return contacts_of(bodies, law, nodes, height[nodes], node_areas(X, sheet.quads)[nodes])
-    points = Within.of(sheet.quads, np.flatnonzero(np.isin(sheet.quads, nodes).any(axis=1)))
+    points = ElementPoints.of(sheet.quads, np.flatnonzero(np.isin(sheet.quads, nodes).any(axis=1)))
     return contacts_of(bodies, law, points.nearest, points.mean(height), points.areas(X), points)
 
 
@@ -256,7 +256,7 @@ def contacts_of(
     nodes: Ints,
     height: Array,
     area: Array,
-    within: Within | None = None,
+    within: ElementPoints | None = None,
 ) -> tuple[Contact, ...]:
     """Contact of `nodes` (k,), or of the points `within` elements that these are nearest to, with
     every body that has a surface; by point (k,) the height (m) over the face and the area (m2)."""

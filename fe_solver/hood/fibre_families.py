@@ -44,13 +44,13 @@ def fibre_families(model: ShellModel, c: Configuration) -> Array:
     out = np.zeros((max((len(a) for _, a in patches), default=0), len(model.quads), 3))
     for patch, angles in patches:
         for family, angle in enumerate(angles):
-            laid = _laid_direction(model, patch, angle)
+            laid = _direction_in_layout(model, patch, angle)
             quads = model.quads[patch.elements]
             out[family, patch.elements] = convect_directions(quads, model.reference, c.x, laid)
     return out
 
 
-def _laid_direction(model: ShellModel, patch: Patch, angle: Real) -> Array:
+def _direction_in_layout(model: ShellModel, patch: Patch, angle: Real) -> Array:
     """(k, 3) directions at an angle in the stress-free sheet, in the sheet as it was laid out: mean
     over each element."""
     frame, grown = model.tables.frame[patch.elements], 1 + model.tables.growth[patch.elements]

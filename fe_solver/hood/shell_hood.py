@@ -104,9 +104,9 @@ class ShellHood:
             raise InputError(
                 f"expected {len(self.tendons)} finite tensions {self.tendons}, got {tension}"
             )
-        return self.answer(self._solve_with_detour(state, motion, tension))
+        return self.response(self._solve_with_detour(state, motion, tension))
 
-    def answer(self, state: HoodState) -> Response:
+    def response(self, state: HoodState) -> Response:
         """What a solved state does to the bodies."""
         c, s = state.configuration, _solution_of(state)
         load = Load(self.bodies, self.sources, self._by_source(s), self._pull(c, s.tension))
@@ -189,7 +189,7 @@ class ShellHood:
         return HoodState(motion, c, solution, int(arrays["iterations"]), bend)
 
     def with_tolerance(self, tolerance: float) -> ShellHood:
-        """The same shell, its Newton stopped at a relative residual of `tolerance`."""
+        """Return the same shell, its Newton stopped at a relative residual of `tolerance`."""
         loose = max(tolerance, self.options.tolerance)
         return replace(self, options=replace(self.options, tolerance=loose))
 

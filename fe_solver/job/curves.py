@@ -32,11 +32,18 @@ class Extension(StrEnum):
 
 
 @dataclass(frozen=True)
-class Curve:
-    """Values at times in ascending order.
+class LoadCurve:
+    """Values at times (s) in ascending order, between them by `interpolation`, before and after by
+    `extension`.
 
     Raises InputError where there are no points, a number is not finite, the times go back, or
-    (smooth curves) two times are equal."""
+    (smooth curves) two times are equal.
+
+    >>> from fe_solver.job.curves import LoadCurve
+    >>> ramp = LoadCurve(times=(0.0, 1.0, 2.0), values=(0.0, 1.0, 0.0))
+    >>> ramp.at(0.5), ramp.at(1.5), ramp.at(3.0)
+    (0.5, 0.5, 0.0)
+    """
 
     times: tuple[float, ...]
     values: tuple[float, ...]
@@ -119,7 +126,8 @@ class Drive:
     """A quantity over time: `value` times the curve, or `value` at all times."""
 
     value: float = 0.0
-    curve: Curve | None = None
+    curve: LoadCurve | None = None
 
     def at(self, time: float) -> float:
+        """Return the quantity at a time (s), in the unit of `value`."""
         return self.value * (1.0 if self.curve is None else self.curve.at(time))

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.port import rotation_matrix
-from fe_solver.job.curves import Curve, Drive
+from fe_solver.job.curves import Drive, LoadCurve
 from fe_solver.materials.linear import Law
 
 Array = NDArray[np.float64]
@@ -23,7 +23,7 @@ STILL = (ZERO, ZERO, ZERO)
 
 
 @dataclass(frozen=True)
-class Part:
+class ShellPart:
     """Shell elements of one material."""
 
     name: str
@@ -61,7 +61,7 @@ class Tied:
 
 
 @dataclass(frozen=True)
-class Held:
+class PrescribedDisplacement:
     """Nodes (k,) of which one displacement component (0, 1, 2: x, y, z) is given, m."""
 
     nodes: Ints
@@ -84,7 +84,7 @@ class SpringLaw:
 
     stiffness: float
     tension_only: bool = False
-    table: Curve | None = None
+    table: LoadCurve | None = None
 
     def force(self, elongation: float) -> float:
         """N, positive in tension."""
@@ -113,7 +113,7 @@ class NodalForce:
 
     nodes: Ints
     force: Array
-    curve: Curve | None = None
+    curve: LoadCurve | None = None
 
 
 @dataclass(frozen=True)
@@ -175,13 +175,13 @@ class Job:
     quads: Ints
     element_ids: Ints
     part: Ints
-    parts: tuple[Part, ...]
+    parts: tuple[ShellPart, ...]
     thickness: Array
     height: Array
     fibre: Array
     bodies: tuple[Body, ...] = ()
     tied: tuple[Tied, ...] = ()
-    held: tuple[Held, ...] = ()
+    held: tuple[PrescribedDisplacement, ...] = ()
     held_directors: tuple[HeldDirector, ...] = ()
     springs: tuple[SpringSet, ...] = ()
     forces: tuple[NodalForce, ...] = ()

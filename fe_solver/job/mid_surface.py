@@ -14,7 +14,7 @@ from fe_solver.job.model import corner_means
 Array = NDArray[np.float64]
 
 
-def on_mid_surface(job: Job) -> Job:
+def move_to_mid_surface(job: Job) -> Job:
     """The same sheet in the same place, with what holds and loads it acting on its mid-surface;
     springs keep their slack.
 

@@ -21,7 +21,7 @@ from fe_solver.forces.guides import Guides, Ties
 from fe_solver.forces.loads import pressure_forces
 from fe_solver.forces.springs import ForceCurve, NodeSprings, Springs
 from fe_solver.job.checks import check_job
-from fe_solver.job.curves import Curve, Drive, Extension, Interpolation
+from fe_solver.job.curves import Drive, Extension, Interpolation, LoadCurve
 from fe_solver.job.febio_like import facet_lift, febio_patch
 from fe_solver.job.job import STILL, ZERO, Body, ContactPair, Job, SpringSet
 from fe_solver.materials.in_situ import in_situ_growth, stress_free_thickness
@@ -306,7 +306,7 @@ def _curves(sets: Sequence[tuple[int, SpringSet, Ints]]) -> tuple[ForceCurve, ..
     return tuple(out)
 
 
-def _force_curve(name: str, table: Curve, springs: Ints) -> ForceCurve:
+def _force_curve(name: str, table: LoadCurve, springs: Ints) -> ForceCurve:
     """The table with points beside its corners, so that the smooth curve through them is straight
     where the table is."""
     if table.interpolation == Interpolation.STEP or table.extension in (

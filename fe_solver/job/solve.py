@@ -118,12 +118,46 @@ def solve_job(
     times: Sequence[float] | None = None,
     ways: Sequence[str] = (),
 ) -> ShellResult:
-    """Static equilibria of a job at `times`, or else at the ends of its steps, up to `until` (its
-    last step's end where None; later than that the curves go on as they say).
+    """Solve a job for static equilibria at `times`, or else at the ends of its steps, up to `until`
+    (its last step's end where None; later than that the curves go on as they say).
+
+    `options` are tolerances and step lengths; `ways` are what to try first for a model of FEBio's,
+    as the text of an error names them.  Returns the states in the order of their times, with what
+    the solve took.
 
     Raises InputError as `job_model` does, for times that do not ascend from above 0 and for a state
     whose sheet could move as a rigid body without resistance, and ConvergenceError naming the time,
-    the place, and what to try: other `ways` to solve a model of FEBio's first."""
+    the place, and what to try.
+
+    >>> import numpy as np
+    >>> from fe_solver.job.curves import LoadCurve
+    >>> from fe_solver.job.job import Body, Job, NodalForce, ShellPart, Step, Tied
+    >>> from fe_solver.job.solve import solve_job
+    >>> from fe_solver.materials.linear import Isotropic
+    >>> from fe_solver.verification.sheets import plate
+    >>> points, quads = plate(20e-3, 5e-3, 4, 1)  # a strip of 20 x 5 x 0.5 mm of 4 elements
+    >>> end, ones = np.array([8, 9]), np.ones((len(quads), 4))
+    >>> job = Job(
+    ...     name="strip",
+    ...     points=points,
+    ...     node_ids=np.arange(len(points)),
+    ...     quads=quads,
+    ...     element_ids=np.arange(len(quads)),
+    ...     part=np.zeros(len(quads), dtype=int),
+    ...     parts=(ShellPart("skin", Isotropic(100e6, 0.0)),),
+    ...     thickness=0.5e-3 * ones,
+    ...     height=0.0 * ones,
+    ...     fibre=np.tile([1.0, 0.0, 0.0], (len(quads), 1)),
+    ...     bodies=(Body("wall", np.zeros(3), np.zeros((0, 3)), np.zeros((0, 3), dtype=int)),),
+    ...     tied=(Tied(np.array([0, 1]), 0),),
+    ...     forces=(NodalForce(end, np.array([0, 0, 0.5e-3]), LoadCurve((0, 1), (0, 1))),),
+    ...     steps=(Step("load", 1.0, 1),),
+    ... )
+    >>> state = solve_job(job).states[-1]
+    >>> deflection = state.configuration.x[end, 2].mean()
+    >>> bool(abs(deflection / 0.512e-3 - 1) < 0.03)  # F L^3 / (3 E I)
+    True
+    """
     options = options or JobOptions()
     began = clock.process_time()
     wanted = output_times(job, until, times)

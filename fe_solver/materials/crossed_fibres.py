@@ -19,7 +19,7 @@ from fe_solver.materials.fibres import (
     with_family,
 )
 from fe_solver.materials.hyperelastic import Expansion, Invariants, response
-from fe_solver.materials.linear import Array, Linear, Real, Stress, require, require_positive
+from fe_solver.materials.linear import Array, LinearLaw, Real, Stress, require, require_positive
 
 
 def _check_angle(law: object, angle: Real) -> None:
@@ -27,7 +27,7 @@ def _check_angle(law: object, angle: Real) -> None:
 
 
 @dataclass(frozen=True)
-class CrossedLinear(Linear):
+class CrossedLinear(LinearLaw):
     """A linear law and a second family of straight fibres at `angle` (rad):
 
         Q = Q_base + modulus v v^T,   v = (cos^2, sin^2, sin cos)
@@ -35,7 +35,7 @@ class CrossedLinear(Linear):
     so that v . (E11, E22, 2 E12) is the strain along them.  `modulus` (Pa) is the fibres' own, over
     the whole section of the sheet; they bear tension and compression alike."""
 
-    base: Linear
+    base: LinearLaw
     modulus: Real
     angle: Real
 

@@ -89,8 +89,16 @@ class TransIsoMooneyRivlin(ExponentialToe):
 
         W = c1 (I1~ - 3) + c2 (I2~ - 3) + F(l) + k/2 (ln J)^2,   l = sqrt(I4~)
 
-    with the fibre energy F of `ExponentialToe` along axis 1.  c1, c2, c3, c5 and the bulk modulus k
-    in Pa; k = inf is incompressible."""
+    with the fibre energy F of `ExponentialToe` along axis 1. c1, c2, c3, c5 and the bulk modulus k
+    in Pa; k = inf is incompressible.  Raises InputError for parameters out of their range.
+
+    >>> import numpy as np
+    >>> from fe_solver.materials.fibres import TransIsoMooneyRivlin
+    >>> law = TransIsoMooneyRivlin(c1=1e6, c2=0.0, c3=1e6, c4=50.0, c5=200e6, lam_max=1.03)
+    >>> tension, slope = law.tension(np.array([0.98, 1.0, 1.02, 1.05]))  # by the fibre's stretch
+    >>> (tension / 1e6).round(2)  # MPa: slack, a toe, straight beyond lam_max
+    array([0.  , 0.  , 1.72, 7.48])
+    """
 
     c1: Real
     c2: Real
@@ -275,13 +283,21 @@ def with_family(base: Expansion, family: Expansion) -> Expansion:
 
 @dataclass(frozen=True)
 class HolzapfelGasserOgden:
-    """Dispersed fibres (Gasser, Ogden and Holzapfel 2006; FEBio feature manual):
+    """The law of dispersed fibres (Gasser, Ogden and Holzapfel 2006; FEBio feature manual):
 
         W = c/2 (I1~ - 3) + k1 / (2 k2) sum (exp(k2 <E>^2) - 1) + k/2 ((J^2 - 1)/2 - ln J)
         E = kappa (I1~ - 3) + (1 - 3 kappa) (I4~ - 1)
 
     over two families at +-gamma (rad) from axis 1; gamma = 0 lays them on one another: one family
-    of twice k1, as in FEBio.  c, k1 and the bulk modulus k in Pa; k = inf is incompressible."""
+    of twice k1, as in FEBio. c, k1 and the bulk modulus k in Pa; k = inf is incompressible.  Raises
+    InputError for parameters out of their range.
+
+    >>> import numpy as np
+    >>> from fe_solver.materials.fibres import HolzapfelGasserOgden
+    >>> artery = HolzapfelGasserOgden(c=1e6, k1=5e6, k2=10.0, kappa=0.1, gamma=np.pi / 6)
+    >>> (artery.response(np.array([0.05, 0.0, 0.0])).stress / 1e6).round(2)
+    array([0.77, 0.29, 0.  ])
+    """
 
     c: Real
     k1: Real

@@ -192,11 +192,21 @@ def volume_ratio(law: Potential, strain: Array) -> Array:
 
 @dataclass(frozen=True)
 class NeoHookean:
-    """Compressible: W = mu/2 (I1 - 3) - mu ln J + lambda/2 (ln J)^2 (FEBio feature manual,
-    `neo-Hookean`; Bonet and Wood 1997), of Young's modulus (Pa) and Poisson's ratio at rest.
+    """The compressible law W = mu/2 (I1 - 3) - mu ln J + lambda/2 (ln J)^2 (FEBio feature manual,
+    `neo-Hookean`; Bonet and Wood 1997), of Young's modulus E (Pa) and Poisson's ratio nu at rest.
 
     With nu < 0 a crushed sheet (nu = -0.3: to a quarter of its area, -0.9: to 0.6) has no thickness
-    at which S33 = 0; its energy is then inf."""
+    at which S33 = 0; its energy is then inf.
+
+    Raises InputError for a modulus that is not positive and a ratio outside of -1 to 0.5.
+
+    >>> import numpy as np
+    >>> from fe_solver.materials.hyperelastic import NeoHookean
+    >>> strain = np.array([[1e-6, 0.0, 0.0], [0.5, 0.0, 0.0]])  # E11, E22, 2 E12
+    >>> secant = NeoHookean(1e6, 0.3).response(strain).stress[:, 0] / strain[:, 0]
+    >>> (secant / 1e6).round(3)  # MPa: it softens
+    array([1.099, 0.491])
+    """
 
     E: Real
     nu: Real

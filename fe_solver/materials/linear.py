@@ -85,7 +85,7 @@ def symmetric(entries: dict[tuple[int, int], Real], shape: tuple[int, ...]) -> A
 
 
 @dataclass(frozen=True)
-class Linear(ABC):
+class LinearLaw(ABC):
     """Saint Venant-Kirchhoff: S = Q E, W = E.Q.E / 2, with a constant plane-stress stiffness."""
 
     @abstractmethod
@@ -110,8 +110,17 @@ class Linear(ABC):
 
 
 @dataclass(frozen=True)
-class Isotropic(Linear):
-    """Young's modulus (Pa) and Poisson's ratio."""
+class Isotropic(LinearLaw):
+    """The Saint Venant-Kirchhoff law of Young's modulus E (Pa) and Poisson's ratio nu.
+
+    Raises InputError for a modulus that is not positive and a ratio outside of -1 to 0.5.
+
+    >>> from fe_solver.materials.linear import Isotropic
+    >>> (Isotropic(100e6, 0.25).plane() / 1e6).round(1)
+    array([[106.7,  26.7,   0. ],
+           [ 26.7, 106.7,   0. ],
+           [  0. ,   0. ,  40. ]])
+    """
 
     E: Real
     nu: Real
@@ -131,11 +140,22 @@ class Isotropic(Linear):
 
 
 @dataclass(frozen=True)
-class Orthotropic(Linear):
-    """Moduli (Pa) along and across the fibre; nu12 is the contraction across a pull along it.
+class Orthotropic(LinearLaw):
+    """The Saint Venant-Kirchhoff law of moduli E1 and E2 (Pa) along and across the fibre; nu12 is
+    the contraction across a pull along it, G12, G13 and G23 (Pa) are shear moduli.
 
     E3 (as E2 where None), nu23 and nu31 are of the thickness, which a sheet in plane stress does
-    not ask for and a solid does (`verification.febio.solid_laws`)."""
+    not ask for and a solid does (`verification.febio.solid_laws`).
+
+    Raises InputError where the parameters make no positive definite law.
+
+    >>> import numpy as np
+    >>> from fe_solver.materials.linear import Orthotropic
+    >>> fibrous = Orthotropic(E1=100e6, E2=2e6, nu12=0.4, G12=1e6, G13=1e6, G23=1e6)
+    >>> pull = fibrous.response(np.array([0.01, -0.004, 0.0])).stress  # contraction is free
+    >>> (pull / 1e6).round(3)
+    array([1., 0., 0.])
+    """
 
     E1: Real
     E2: Real

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fe_solver.materials.hyperelastic import Potential
-from fe_solver.materials.linear import Law, Linear, Real
+from fe_solver.materials.linear import Law, LinearLaw, Real
 from fe_solver.materials.tension_field import TensionField
 
 Array = NDArray[np.float64]
@@ -94,7 +94,7 @@ class Section:
         """Those of a kind as one, so that an evaluation is few and large operations."""
         kinds: dict[tuple[object, ...], list[Patch]] = {}
         for i, p in enumerate(self.patches):
-            if not isinstance(p.law, Linear):
+            if not isinstance(p.law, LinearLaw):
                 kinds.setdefault(_kind(p) or (i,), []).append(p)
         return tuple(map(_as_one, kinds.values()))
 
@@ -155,7 +155,18 @@ class Section:
 
 
 def one_law(law: Law | TensionField, thickness: Array) -> Section:
-    """One law on elements of thickness (ne,), with four Gauss points, or (ne, g)."""
+    """Return the section of elements of one law, with thickness (ne,) m at four Gauss points, or
+    (ne, g).
+
+    >>> import numpy as np
+    >>> from fe_solver.materials.linear import Isotropic
+    >>> from fe_solver.materials.section import one_law
+    >>> section = one_law(Isotropic(100e6, 0.0), np.array([0.5e-3]))
+    >>> strain = np.zeros((1, 4, 8))
+    >>> strain[..., 0] = 0.01  # 1 % along the fibre
+    >>> section.response(strain).force[0, 0, :3]  # N/m
+    array([500.,   0.,   0.])
+    """
     thickness = np.asarray(thickness, dtype=float)
     if thickness.ndim == 1:
         thickness = np.tile(thickness[:, None], (1, 4))

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cosim.errors import ConvergenceError, InputError
-from fe_solver.forces.contact import Array, Contact, Grip, ramp, unramp
+from fe_solver.forces.contact import Array, Contact, Grip, inverse_ramp, ramp
 from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import NewtonOptions, Solution, solve
 
@@ -163,7 +163,7 @@ def _constrain(solution: Solution, looks: Sequence[_ContactUpdate]) -> Solution:
     contacts = []
     for look in looks:
         k = look.contact
-        presses = unramp(look.pressure / k.stiffness, k.smoothing) + k.smoothing > look.error
+        presses = inverse_ramp(look.pressure / k.stiffness, k.smoothing) + k.smoothing > look.error
         contacts.append(replace(k, pin=np.where((k.weight > 0) & presses, pin, 0.0)))
     model = model.with_changes(contacts=tuple(contacts))
     evaluation = model.evaluate(solution.configuration, solution.tension, tangent=True)

@@ -90,8 +90,20 @@ def backend_name() -> str:
 
 
 def analyse(slots: sp.csc_array, backend: str | None = None) -> Analysis:
-    """Analysis of a symmetric pattern; the entries of `slots` are 1 + their positions in the data
-    that `factor` takes."""
+    """Return the symbolic analysis of a symmetric pattern, which makes factors.
+
+    The entries of `slots`, a sparse matrix with the whole pattern, are 1 + their positions in the
+    data that `Analysis.factor` takes; `backend` is the solver's name (that of `backend_name` where
+    None).  Raises InputError for a solver that is not installed.
+
+    >>> import numpy as np
+    >>> import scipy.sparse as sp
+    >>> from fe_solver.solver.linear_algebra import analyse
+    >>> slots = sp.csc_array(np.array([[1, 2], [2, 3]]))  # data: a11, a12, a22
+    >>> factor = analyse(slots, "superlu").factor(np.array([4.0, 1.0, 3.0]))
+    >>> factor.solve(np.array([9.0, 5.0])).round(12)
+    array([2., 1.])
+    """
     backend = backend or backend_name()
     kinds: dict[str, Callable[[sp.csc_array], Analysis]] = {
         "cholmod": CholmodAnalysis,

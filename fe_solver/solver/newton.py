@@ -125,7 +125,7 @@ class _Chord:
     data: Array
     since: float | None = None
 
-    def pays(self, residual: float, limit: float) -> bool:
+    def is_worthwhile(self, residual: float, limit: float) -> bool:
         """Whether the rate at which it lowers the residual is enough to end before a new tangent
         would."""
         rate = KEPT if self.since is None else residual / self.since
@@ -185,7 +185,8 @@ def solve(
     near: bool = False,
     before: Solution | None = None,
 ) -> Solution:
-    """Equilibrium near `start` under `tension` (nt,) N at the poses of `start`.
+    """Solve for an equilibrium near `start` under `tension` (nt,) N at the poses of `start`, and
+    return it with its residual.
 
     Far from equilibrium the tangent is the convex one, near it (as `near` says of `start`) the
     consistent one.  With `before`, an equilibrium of the same model close by, a factor serves again
@@ -194,7 +195,19 @@ def solve(
 
     Where a sheet without compression comes near one only, it is sought with tension fields that are
     smoother at first (`SMOOTHER`).
-    Raises ConvergenceError naming the place of the largest residual."""
+
+    Raises ConvergenceError naming the place of the largest residual.
+
+    >>> import numpy as np
+    >>> from fe_solver.solver.newton import NewtonOptions, solve
+    >>> from fe_solver.verification.sheets import at_rest, clamp, guide, plate, sheet
+    >>> points, quads = plate(20e-3, 5e-3, 4, 1)  # m: x from 0 to 20 mm
+    >>> strip = clamp(sheet(points, quads, 100e6, 0.0, 0.5e-3), np.array([0, 1]))
+    >>> model = guide(strip, [np.array([8, 9])], [(1.0, 0.0, 0.0)])  # one tendon, along x
+    >>> found = solve(model, at_rest(model), np.array([2.5]), NewtonOptions())
+    >>> f"{1e3 * (found.configuration.x[8, 0] - 20e-3):.3f} mm"
+    '0.197 mm'
+    """
     try:
         return _solve(model, start, tension, options, near, before)
     except _StuckError as stuck:
@@ -235,11 +248,11 @@ def _solve(
             stiffest = stiffest_entry(model, e.data)
             limit = options.tolerance * force + rounding(c, stiffest)
             if residual <= limit:
-                return _upright(Solution(model, c, e, tension, iteration, solves, residual))
+                return _check_directors(Solution(model, c, e, tension, iteration, solves, residual))
         if iteration == options.max_iterations:
             break
         # a chord iteration: the old factor, while it lowers the residual fast enough
-        if chord is not None and not convex and chord.pays(residual, limit):
+        if chord is not None and not convex and chord.is_worthwhile(residual, limit):
             solves += 1
             found = _chord_step(model, c, e, tension, chord.factor, options)
             if found is not None:
@@ -267,7 +280,7 @@ def _solve(
             chord = _Chord(factor, data, residual / 2) if before is not None and factor else None
         elif stuck and residual <= STUCK * limit:
             e = _consistent(model, c, e, tension)
-            return _upright(Solution(model, c, e, tension, iteration, solves, residual))
+            return _check_directors(Solution(model, c, e, tension, iteration, solves, residual))
         elif stuck:
             break
         else:
@@ -318,12 +331,12 @@ def _halves_residual(model: ShellModel, before: Evaluation, after: Evaluation) -
     return residual_norm(model, after)[0] < residual_norm(model, before)[0] / 2
 
 
-def _upright(solution: Solution) -> Solution:
+def _check_directors(solution: Solution) -> Solution:
     """The solution, unless a director has turned through the plane of an element: the discrete
     sheet has equilibria with elements folded back on their neighbours, which no sheet has.
 
     Raises ConvergenceError naming the place."""
-    model, facing = solution.model, _facing(solution.model, solution.configuration)
+    model, facing = solution.model, _director_cosines(solution.model, solution.configuration)
     if facing.min(initial=1.0) > 0:
         return solution
     raise ConvergenceError(
@@ -334,10 +347,10 @@ def _upright(solution: Solution) -> Solution:
 
 
 def _is_folded(model: ShellModel, c: Configuration) -> bool:
-    return bool(_facing(model, c).min(initial=1.0) <= UPRIGHT)
+    return bool(_director_cosines(model, c).min(initial=1.0) <= UPRIGHT)
 
 
-def _facing(model: ShellModel, c: Configuration) -> Array:
+def _director_cosines(model: ShellModel, c: Configuration) -> Array:
     """(ne, 4) cosines of the angles between the quads' normals and their corners' directors, on the
     side on which these were at first."""
     return model.side * model.cosines(c.x, c.d)

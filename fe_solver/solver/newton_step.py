@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import ConvergenceError
-from fe_solver.forces.contact import ramp, unramp
+from fe_solver.forces.contact import inverse_ramp, ramp
 from fe_solver.forces.springs import PointForces
 from fe_solver.solver.assembly import DOFS
 from fe_solver.solver.linear_algebra import Analysis, Factor, Nearby, NotPositiveDefiniteError
@@ -163,7 +163,7 @@ def limit_to_contact(model: ShellModel, e: Evaluation, step: Array) -> Array:
     depth, more, width, normal = p.depth[on], more[on], p.ramp[on], p.direction[on]
     _, value, slope = ramp(depth, width)
     force = value + slope * more
-    away = np.where(force > 0, unramp(force, width) - (depth + more), 0.0)
+    away = np.where(force > 0, inverse_ramp(force, width) - (depth + more), 0.0)
     moved = np.zeros_like(step)
     moved.reshape(-1, DOFS)[node, :3] = np.einsum("kij,ki->kj", A[node], away[:, None] * normal)
     out = step.copy()

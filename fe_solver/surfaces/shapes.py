@@ -94,7 +94,16 @@ def _sweep_distance(
 
 @dataclass(frozen=True)
 class Sphere:
-    """Centre (3,) and radius, m."""
+    """The ball of a centre (3,) and a radius, m.  Raises InputError for a radius that is not
+    positive.
+
+    >>> import numpy as np
+    >>> from fe_solver.surfaces.shapes import Sphere
+    >>> ball = Sphere(np.zeros(3), 0.01)
+    >>> d = ball.distance(np.array([[0.012, 0.0, 0.0], [0.0, 0.0, 0.009]]))
+    >>> d.value.round(6), d.gradient[0].round(6)  # m, negative inside; outwards
+    (array([ 0.002, -0.001]), array([1., 0., 0.]))
+    """
 
     centre: Array
     radius: float
@@ -110,7 +119,15 @@ class Sphere:
 
 @dataclass(frozen=True)
 class Capsule:
-    """All points within `radius` (m) of the segment from `start` (3,) to `end` (3,)."""
+    """All points within `radius` (m) of the segment from `start` (3,) to `end` (3,).  Raises
+    InputError for a radius that is not positive and ends in one place.
+
+    >>> import numpy as np
+    >>> from fe_solver.surfaces.shapes import Capsule
+    >>> bone = Capsule(np.zeros(3), np.array([0.03, 0.0, 0.0]), 0.005)
+    >>> bone.distance(np.array([[0.01, 0.0, 0.007], [0.037, 0.0, 0.0]])).value.round(6)
+    array([0.002, 0.002])
+    """
 
     start: Array
     end: Array

@@ -36,8 +36,8 @@ class Meshes:
         judged = {self.sizes[0]: None} | self.also | {self.sizes[-1]: self.within}
         return dict(sorted(judged.items()))
 
-    def finer(self) -> Meshes:
-        """The same without the coarsest mesh, and one that is twice as fine as the finest."""
+    def refine(self) -> Meshes:
+        """Return meshes without the coarsest, and with one that is twice as fine as the finest."""
         return Meshes((*self.sizes[1:], 2 * self.sizes[-1]), self.within)
 
 
@@ -84,9 +84,9 @@ class Benchmark:
                 order if size == finest else None,
             )
 
-    def finer(self) -> Benchmark:
-        """The same on finer meshes."""
-        return replace(self, meshes={k: m.finer() for k, m in self.meshes.items()})
+    def refine(self) -> Benchmark:
+        """Return the benchmark on finer meshes."""
+        return replace(self, meshes={k: m.refine() for k, m in self.meshes.items()})
 
 
 def rows_of(*benchmarks: Benchmark) -> Callable[[], Iterator[Row]]:

@@ -160,7 +160,7 @@ def moment_rows() -> Iterator[Row]:
         )  # fmt: skip
 
 
-def at_the_end(
+def end_rows(
     name: str,
     what: str,
     target: float,
@@ -206,7 +206,7 @@ def ring_rows() -> Iterator[Row]:
         yield Row(
             name, f"{point} at 0.45 p", middle, float(found[-1][9, i]), 0.01, f"{source}128 x 12"
         )
-        yield from at_the_end(name, f"{point} at p", full, found, i, source, ("64 x 6", "128 x 12"))
+        yield from end_rows(name, f"{point} at p", full, found, i, source, ("64 x 6", "128 x 12"))
 
 
 def hemisphere(n: int, nodes: int = 4) -> Loading:
@@ -237,7 +237,7 @@ def hemisphere_rows() -> Iterator[Row]:
     name = "hemisphere, 18 deg hole, P = 400"
     for i, (way, (half, full)) in enumerate(table.items()):
         yield Row(name, f"{way} at 0.50 P", half, float(found[-1][9, i]), 0.01, f"{source}32 x 32")
-        yield from at_the_end(name, f"{way} at P", full, found, i, source, ("16 x 16", "32 x 32"))
+        yield from end_rows(name, f"{way} at P", full, found, i, source, ("16 x 16", "32 x 32"))
 
 
 def open_cylinder(n: int) -> Loading:
@@ -270,7 +270,7 @@ def open_cylinder_rows() -> Iterator[Row]:
     at = {0.3: (2.257, 3.227, 3.452), 0.7: (2.672, 4.385, 3.378), 1.0: (2.768, 4.551, 3.269)}
     for i, (point, target) in enumerate(zip("ABC", (1.707, 2.217, 2.293), strict=True)):
         what, all_ = f"deflection of {point} at 0.1 P", [*found, fine[: len(start)]]
-        yield from at_the_end(name, what, target, all_, i, source, meshes)
+        yield from end_rows(name, what, target, all_, i, source, meshes)
     for part, targets in at.items():
         k = int(np.argmin(np.abs(parts - part)))
         for i, (point, target) in enumerate(zip("ABC", targets, strict=True)):

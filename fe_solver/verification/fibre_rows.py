@@ -62,7 +62,7 @@ def netting_laws() -> dict[str, tuple[Law, Callable[[float], float]]]:
     artery = HolzapfelGasserOgden(2 * SOFT, K1 / 2, K2, 0.0, 0.0)
     family = DispersedFamily(K1, K2, 0.0)
 
-    def dispersed(x: float) -> float:
+    def fibre_stress(x: float) -> float:
         return float(K1 * (x * x - 1) * np.exp(K2 * (x * x - 1) ** 2) * 2 * x)
 
     return {
@@ -74,7 +74,7 @@ def netting_laws() -> dict[str, tuple[Law, Callable[[float], float]]]:
             CrossedFibres(tendon, FIBRE, 2 * THETA),
             lambda x: fibre_tension(tendon, x) / x,
         ),
-        "Holzapfel-Gasser-Ogden": (CrossedFibres(artery, family, 2 * THETA), dispersed),
+        "Holzapfel-Gasser-Ogden": (CrossedFibres(artery, family, 2 * THETA), fibre_stress),
     }
 
 

@@ -216,8 +216,8 @@ def component_rows(what: str, exact: HoodJacobian, wrench: Array) -> Iterator[Ro
 
 
 def augmented_rows(solution: Solution) -> Iterator[Row]:
-    """The same of the constrained problem, whose pressed nodes are held by springs `augment.PIN`
-    times as stiff as any other."""
+    """Yield the rows of the constrained problem, whose pressed nodes are held by springs
+    `augment.PIN` times as stiff as any other."""
     here = augment(solution.model, solution.configuration, TENSION)
     exact, (wrench, _) = jacobian(here), by_motion(here, augment)
     yield from component_rows("condensed tangent, augmented", exact, wrench)

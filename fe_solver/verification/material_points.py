@@ -9,7 +9,7 @@ from scipy.optimize import minimize, minimize_scalar
 
 from fe_solver.materials.fibres import HolzapfelGasserOgden, TransIsoMooneyRivlin
 from fe_solver.materials.hyperelastic import NeoHookean, Potential, volume_ratio
-from fe_solver.materials.linear import Array, Law, Linear
+from fe_solver.materials.linear import Array, Law, LinearLaw
 
 
 def axes(angle: float) -> Array:
@@ -132,7 +132,7 @@ def strip_stress(law: Potential, strain: float, angle: float, step: float = 1e-4
     return (w[0] - 8 * w[1] + 8 * w[2] - w[3]) / (12 * step)
 
 
-def relaxed_energy(law: Linear, strain: Array, directions: int = 20001) -> float:
+def relaxed_energy(law: LinearLaw, strain: Array, directions: int = 20001) -> float:
     """The tension field's energy by trying every direction, J/m3 (`tension_field`, second form)."""
     Q = law.plane()
     S = Q @ strain

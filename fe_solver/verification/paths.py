@@ -29,8 +29,8 @@ class Loading:
     load: Array
     watched: Array
 
-    def seen(self, c: Configuration) -> Array:
-        """(k,) m."""
+    def watched_displacements(self, c: Configuration) -> Array:
+        """(k,) m, weighted means of the nodes' displacements in a configuration."""
         return np.einsum("kni,ni->k", self.watched, c.x - self.model.reference)
 
 
@@ -40,7 +40,7 @@ def follow(loading: Loading, parts: Iterable[float]) -> Array:
     c, out, before = at_rest(loading.model), [], 0.0
     for part in parts:
         c = _reach(loading, c, before, part, MOST_HALVINGS)
-        out.append(loading.seen(c))
+        out.append(loading.watched_displacements(c))
         before = part
     return np.array(out)
 

@@ -23,7 +23,7 @@ from fe_solver.solver.linear_algebra import backend_name
 from fe_solver.solver.model import ShellModel
 from fe_solver.solver.newton import NewtonOptions, solve
 from fe_solver.verification import sheets
-from fe_solver.verification.apart import answer, python, threads
+from fe_solver.verification.json_command import python, run_json_command, threads
 from fe_solver.verification.paths import error_order, limit
 
 LENGTH, ARC, RADIUS, THICKNESS = 60e-3, 15e-3, 8e-3, 0.5e-3
@@ -201,7 +201,7 @@ def solve_with_peer(program: str, along: int, across: int) -> Answer:
     """By one of the PROGRAMS in a process of its own.  Raises CosimError naming the program."""
     call = python("-m", __name__, program, str(along), str(across))
     try:
-        return Answer(**answer(call, threads(1, 1)))
+        return Answer(**run_json_command(call, threads(1, 1)))
     except CosimError as error:
         raise CosimError(f"{program} {error}") from error
 

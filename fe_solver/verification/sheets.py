@@ -11,7 +11,7 @@ from fe_solver.elements.kinds import kind_of
 from fe_solver.elements.mesh_geometry import node_areas, node_directors
 from fe_solver.elements.shell import Array, shell_tables
 from fe_solver.forces.contact import Contact
-from fe_solver.forces.contact_points import Within
+from fe_solver.forces.contact_points import ElementPoints
 from fe_solver.forces.guides import Guides, Ties
 from fe_solver.forces.springs import Springs
 from fe_solver.materials.linear import Isotropic, Law
@@ -190,7 +190,7 @@ def contact(
     if quads.shape[1] == 4:
         area = node_areas(X, quads)[nodes]
         return Contact(0, surface, nodes, np.zeros(len(nodes)), area, stiffness, smoothing)
-    points = Within.of(quads, np.flatnonzero(np.isin(quads, nodes).any(axis=1)))
+    points = ElementPoints.of(quads, np.flatnonzero(np.isin(quads, nodes).any(axis=1)))
     area, at = points.areas(X), points.nearest
     return Contact(0, surface, at, 0 * area, area, stiffness, smoothing, within=points)
 

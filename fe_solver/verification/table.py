@@ -58,7 +58,7 @@ def finer_rows() -> Iterator[Row]:
     """All benchmarks that both elements solve, on meshes twice as fine."""
     for name, benchmarks in BENCHMARKS.items():
         if name != ENDLESS:
-            yield from rows_of(*(b.finer() for b in benchmarks))()
+            yield from rows_of(*(b.refine() for b in benchmarks))()
 
 
 STUDIES = (

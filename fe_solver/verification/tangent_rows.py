@@ -170,7 +170,7 @@ def _press_by(contact: Contact, x: Array) -> PointForces:
     return contact_forces(contact, x, *POSE, True)
 
 
-def _sprung(kind: str, model: ShellModel) -> ShellModel:
+def _with_springs(kind: str, model: ShellModel) -> ShellModel:
     """Every other spring is slack, or pushes."""
     X = model.reference
     node = np.arange(len(X))
@@ -182,28 +182,28 @@ def _sprung(kind: str, model: ShellModel) -> ShellModel:
     return replace(model, springs=springs)
 
 
-def _link(kind: str, model: ShellModel) -> ShellModel:
-    springs, X = _sprung(kind, model).springs, model.reference
+def _with_links(kind: str, model: ShellModel) -> ShellModel:
+    springs, X = _with_springs(kind, model).springs, model.reference
     links = between_nodes(springs, (springs.node + 5) % len(X))
     reach = np.linalg.norm(X[links.nodes[:, 1]] - X[links.nodes[:, 0]], axis=1)
     return replace(model, links=replace(links, length=np.where(springs.node % 2, 0.9, 1.1) * reach))
 
 
-def _laden(model: ShellModel) -> ShellModel:
+def _with_dead_loads(model: ShellModel) -> ShellModel:
     return replace(model, dead=np.random.default_rng(9).normal(size=model.reference.shape))
 
 
-def _press(model: ShellModel) -> ShellModel:
+def _with_pressure(model: ShellModel) -> ShellModel:
     return replace(model, pressure=np.linspace(1e3, 3e3, len(model.quads)))
 
 
-def _inert(model: ShellModel) -> ShellModel:
+def _with_inertia(model: ShellModel) -> ShellModel:
     X, n = model.reference, len(model.reference)
     k = np.linspace(1e3, 2e3, n)
     return replace(model, inertia=Inertia(k, X + 1e-3, k * SIDE**2, np.tile([0, 0.6, 0.8], (n, 1))))
 
 
-def _touching(pressure: float, slip: float | None, model: ShellModel) -> ShellModel:
+def _with_contact(pressure: float, slip: float | None, model: ShellModel) -> ShellModel:
     ball, X = Sphere(np.array([1.5 * SIDE, SIDE, -5 * SIDE]), 5 * SIDE), model.reference
     contact = sheets.contact(model, ball, np.arange(len(X)), 1e9, 1e-3)
     at = contact.at(X)
@@ -237,18 +237,18 @@ def _mirror(model: ShellModel) -> ShellModel:
 def model_rows() -> Iterator[Row]:
     """Supports and loads on a shell, each alone and all that go together."""
     touching = {
-        "penalty": partial(_touching, 0.0, None),
-        "augmented": partial(_touching, PRESSURE, None),
-        "sticking": partial(_touching, PRESSURE, STICKS),
-        "sliding": partial(_touching, PRESSURE, SLIDES),
+        "penalty": partial(_with_contact, 0.0, None),
+        "augmented": partial(_with_contact, PRESSURE, None),
+        "sticking": partial(_with_contact, PRESSURE, STICKS),
+        "sliding": partial(_with_contact, PRESSURE, SLIDES),
     }
-    together = (partial(_sprung, "tension-only"), _press, touching["penalty"])
+    together = (partial(_with_springs, "tension-only"), _with_pressure, touching["penalty"])
     cases: dict[str, tuple[Part, ...]] = {
-        **{f"springs, {kind}": (partial(_sprung, kind),) for kind in KINDS},
-        **{f"springs between nodes, {kind}": (partial(_link, kind),) for kind in KINDS},
-        "dead loads": (_laden,),
-        "follower pressure": (_press,),
-        "inertia": (_inert,),
+        **{f"springs, {kind}": (partial(_with_springs, kind),) for kind in KINDS},
+        **{f"springs between nodes, {kind}": (partial(_with_links, kind),) for kind in KINDS},
+        "dead loads": (_with_dead_loads,),
+        "follower pressure": (_with_pressure,),
+        "inertia": (_with_inertia,),
         **{f"contact, {kind}": (part,) for kind, part in touching.items()},
         "ties": (_clamp,),
         "guides and tendons": (_guide,),

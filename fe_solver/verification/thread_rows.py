@@ -14,7 +14,7 @@ from fe_solver.elements.kernels import PAYS, thread_count
 from fe_solver.solver.linear_algebra import VARIABLE, backend_name
 from fe_solver.solver.newton import NewtonOptions, solve
 from fe_solver.verification import sheets
-from fe_solver.verification.apart import answer, python, threads
+from fe_solver.verification.json_command import python, run_json_command, threads
 from fe_solver.verification.peers import strip
 
 MESH = (60, 20)
@@ -49,7 +49,9 @@ def _row(linear: str, settings: list[dict[str, str]]) -> Row:
     """Solved in processes of their own."""
     name, what = "threads 1 and 2", f"different bytes of shape and tangent, {linear}"
     try:
-        found = [answer(python("-m", __name__), {**s, VARIABLE: linear}) for s in settings]
+        found = [
+            run_json_command(python("-m", __name__), {**s, VARIABLE: linear}) for s in settings
+        ]
     except CosimError as error:
         return Row(name, what, 0, float("nan"), 0.0, str(error), "absolute")
     assert [one["threads"] for one in found] == list(THREADS)

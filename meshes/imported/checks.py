@@ -16,7 +16,7 @@ from cosim.errors import InputError
 from meshes.hood import INTRINSIC
 from meshes.hood_lines import CENTRAL_END, TERMINAL_END
 from meshes.hood_mesh import are_folded
-from meshes.hull import Chain, along
+from meshes.hull import Centreline, along
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
@@ -212,7 +212,7 @@ def piece_faults(points: Array, quads: Ints, size: float) -> list[str]:
     ]
 
 
-def landmarks(chain: Chain) -> dict[str, Array]:
+def landmarks(chain: Centreline) -> dict[str, Array]:
     """Where the ends of our own hood lie on a finger, m, in the metacarpal's frame."""
     s = along(chain.skeleton, np.array([CENTRAL_END, TERMINAL_END]))
     places = {
@@ -227,7 +227,7 @@ def landmarks(chain: Chain) -> dict[str, Array]:
     }
 
 
-def axes_fault(found: Mapping[str, Array], chain: Chain, axes: Array) -> tuple[str, Array]:
+def axes_fault(found: Mapping[str, Array], chain: Centreline, axes: Array) -> tuple[str, Array]:
     """What is wrong with the axes (3, 3) by which the landmarks `found` (m, ours) were turned, if
     anything, and how far (3,) m the hood then lies from where ours would."""
     aims = landmarks(chain)

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from cosim.errors import InputError
 from meshes.hood import on_bone
-from meshes.hood_mesh import ENDS, REGIONS, SPRINGS, Attachment, HoodMesh, runs_round
-from meshes.hull import Chain, Level, along
+from meshes.hood_mesh import ENDS, REGIONS, SPRINGS, Attachment, HoodMesh, has_lateral_fibres
+from meshes.hull import Centreline, Level, along
 from meshes.imported.checks import (
     UNITS,
     Placing,
@@ -23,7 +23,16 @@ from meshes.imported.checks import (
     scale_fault,
     wind_alike,
 )
-from meshes.imported.names import END, SPRING, TIED, Named, absent, list_names, map_names, missing
+from meshes.imported.names import (
+    END,
+    SPRING,
+    TIED,
+    Named,
+    absent_sets,
+    list_names,
+    map_names,
+    missing_sets_fault,
+)
 from meshes.imported.raw import RawMesh
 from meshes.skeleton import BODIES, Skeleton
 
@@ -39,7 +48,7 @@ REACHED = 0.2e-3
 
 
 @dataclass(frozen=True)
-class Sheet:
+class ImportedSheet:
     """A user's hood in our unit and axes, wound so that the normals point away from the bones."""
 
     points: Array
@@ -57,14 +66,14 @@ def read_sheet(
     raw: RawMesh,
     mapping: Mapping[str, str],
     placing: Placing,
-    chain: Chain,
+    chain: Centreline,
     thickness: float,
-) -> Sheet:
+) -> ImportedSheet:
     """The checked sheet over a finger's chain of joints in the posture in which it was laid.
 
     Raises InputError that lists all its faults."""
     sets = map_names(raw, mapping)
-    faults = missing(raw, sets) + quad_faults(raw.points, raw.quads)
+    faults = missing_sets_fault(raw, sets) + quad_faults(raw.points, raw.quads)
     points, used = placing.of(raw.points), np.unique(raw.quads)
     extent = float(np.ptp(raw.points[used] @ placing.axes.T, axis=0).max())
     reach = float(chain.skeleton.length[1:].sum())
@@ -80,7 +89,7 @@ def read_sheet(
     wrong, shift = axes_fault(ends, chain, placing.axes)
     if wrong or np.linalg.norm(shift) > OFF_PLACE:
         raise InputError(_faults_text([wrong or other_origin(placing, shift)]))
-    notes = [*absent(sets), *_dropped_notes(raw, sets, used)]
+    notes = [*absent_sets(sets), *_dropped_notes(raw, sets, used)]
     if len(flipped) and len(flipped) < len(quads):
         less = min(len(flipped), len(quads) - len(flipped))
         notes.append(f"{less} quads were wound against the others and are turned over")
@@ -95,7 +104,7 @@ def read_sheet(
     notes += [f"dropped: the vectors {name!r}, which do not lie in the sheet" for name in upright]
     fields = {name: values for name, values in fields.items() if name not in upright}
     thick = _thickness(raw, placing, thickness, notes)
-    return Sheet(points, quads, sets, thick, tuple(notes), fields)
+    return ImportedSheet(points, quads, sets, thick, tuple(notes), fields)
 
 
 def _directions(vectors: Array, placing: Placing) -> Array:
@@ -157,7 +166,7 @@ def _dropped_notes(raw: RawMesh, sets: Named, used: Ints) -> list[str]:
     return out
 
 
-def _faces_the_bones(points: Array, quads: Ints, chain: Chain) -> bool:
+def _faces_the_bones(points: Array, quads: Ints, chain: Centreline) -> bool:
     p = points[quads]
     normal = np.cross(p[:, 2] - p[:, 0], p[:, 3] - p[:, 1])
     middle = p.mean(axis=1)
@@ -165,7 +174,7 @@ def _faces_the_bones(points: Array, quads: Ints, chain: Chain) -> bool:
     return bool(np.einsum("nk,nk->", normal, away) < 0)
 
 
-def places(points: Array, chain: Chain) -> Array:
+def places(points: Array, chain: Centreline) -> Array:
     """(n,) m along the chain of joint centres at which its cross-section holds a point (n, 3)."""
     total = float(chain.skeleton.length[1:].sum())
     s = np.arange(-0.06, total + 0.03, 0.25e-3)
@@ -188,7 +197,7 @@ def stations(skeleton: Skeleton, place: Array) -> Array:
 
 
 def hood_of(
-    sheet: Sheet, chain: Chain, level: Level, posture: Mapping[str, float]
+    sheet: ImportedSheet, chain: Centreline, level: Level, posture: Mapping[str, float]
 ) -> tuple[HoodMesh, tuple[str, ...]]:
     """The hood mesh, and what was assumed: directions of fibres and anchors of springs.
 
@@ -241,23 +250,23 @@ def _across(points: Array, nodes: Ints) -> Ints:
     return nodes[np.argsort(p @ np.linalg.svd(p, full_matrices=False)[2][0])]
 
 
-def _fibres(points: Array, quads: Ints, region: Ints, chain: Chain) -> Array:
+def _fibres(points: Array, quads: Ints, region: Ints, chain: Centreline) -> Array:
     p = points[quads]
     normal = np.cross(p[:, 2] - p[:, 0], p[:, 3] - p[:, 1])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     ahead = chain.frames(places(p.mean(axis=1), chain))[1][:, :, 0]
     ahead = ahead - np.einsum("nk,nk->n", ahead, normal)[:, None] * normal
-    around = np.array([runs_round(REGIONS[i]) for i in region])
+    around = np.array([has_lateral_fibres(REGIONS[i]) for i in region])
     fibre = np.where(around[:, None], np.cross(normal, ahead), ahead)
     return fibre / np.linalg.norm(fibre, axis=1, keepdims=True)
 
 
 def _springs(
-    sheet: Sheet,
+    sheet: ImportedSheet,
     sets: Mapping[str, Ints],
     points: Array,
     used: Ints,
-    chain: Chain,
+    chain: Centreline,
     level: Level,
 ) -> tuple[dict[str, Attachment], list[str]]:
     out, notes = {}, []

@@ -118,7 +118,7 @@ def list_names(names: Iterable[str]) -> str:
     return (", ".join(every[:SHOWN]) or "none") + more
 
 
-def missing(raw: RawMesh, sets: Named) -> list[str]:
+def missing_sets_fault(raw: RawMesh, sets: Named) -> list[str]:
     """A fault for the sets that a hood cannot do without, with what was found; none if complete."""
     faults = []
     lost = np.setdiff1d(np.arange(len(raw.quads)), _all(sets.cells))
@@ -155,7 +155,7 @@ def _lack(name: str, sets: Named) -> str:
     return f"there is no set {name}: {MEANING[name]}{hint}"
 
 
-def absent(sets: Named) -> list[str]:
+def absent_sets(sets: Named) -> list[str]:
     """Sets without which a hood runs, but lacks something."""
     lacking = [SPRING + name for name in SPRINGS[1:] if SPRING + name not in sets.nodes]
     regions = [name for name in REGIONS if name not in sets.cells]

@@ -38,9 +38,9 @@ BLOCK = 50
 SURE = 1.959963984540054
 """Standard deviations of a 95 % interval."""
 TRAINING = (0.5, 1.0, 2.0, 4.0)
-"""Hz, of the voltage from which the model is identified, and"""
+"""Hz, of the voltage from which the model is identified; ours, the paper does not print its own."""
 UNSEEN = (0.7, 1.5, 3.0, 5.0)
-"""Hz, on which it is judged.  Both ours: the paper does not print its own."""
+"""Hz, of the voltage on which the model is judged; ours too."""
 AMPLITUDE = 0.5
 """V about the middle: the underlap, over which the valve sets a pressure and not only a speed."""
 DURATION = 10.0
@@ -50,7 +50,7 @@ Command = Callable[[float], Array]
 
 
 @dataclass(frozen=True)
-class Record:
+class PressureRecord:
     """What is logged at 100 Hz of n cylinders: k values each."""
 
     time: Array
@@ -95,7 +95,7 @@ class AirModel:
         return pressure
 
 
-def simulate_record(air: Pneumatics, command: Command, duration: float, n: int) -> Record:
+def simulate_record(air: Pneumatics, command: Command, duration: float, n: int) -> PressureRecord:
     """The plant from rest at the first command on, its pistons fixed at half their stroke (as in
     the paper's experiments).  Raises InputError for less than three values."""
     count = round(duration / SAMPLE)
@@ -113,7 +113,7 @@ def simulate_record(air: Pneumatics, command: Command, duration: float, n: int) 
     middle = 0.5 * (p[1:] + p[:-1])
     time = SAMPLE * np.arange(1.0, count + 1.0)
     voltage = np.array([np.broadcast_to(command(t), n) for t in time])
-    return Record(np.asarray(time), voltage, middle.reshape(count, PARTS, n).mean(axis=1))
+    return PressureRecord(np.asarray(time), voltage, middle.reshape(count, PARTS, n).mean(axis=1))
 
 
 def _late(command: Command, time: float, delay: Array) -> Array:
@@ -129,7 +129,7 @@ def sines(
     amplitude: float = AMPLITUDE,
     duration: float = DURATION,
     middle: float = NEUTRAL,
-) -> Record:
+) -> PressureRecord:
     """One cylinder for each frequency in Hz, its voltage a sine about `middle`, V."""
     if not 0.0 < amplitude <= FULL:
         raise InputError(f"air: the amplitude lies between 0 and {FULL:g} V")
@@ -144,14 +144,14 @@ def _columns(terms: tuple[tuple[int, int], ...], voltage: Array, pressure: Array
     return np.stack([voltage**v * pressure**p for v, p in terms], axis=-1)
 
 
-def pair_rows(record: Record, lag: int) -> tuple[Array, Array, Array]:
+def pair_rows(record: PressureRecord, lag: int) -> tuple[Array, Array, Array]:
     """(j, n) voltages, pressures and rates that belong together."""
     rows = np.arange(max(lag, 1), len(record.time) - 1)
     return record.voltage[rows - lag], record.pressure[rows], record.rate[rows - 1]
 
 
 def identify(
-    record: Record,
+    record: PressureRecord,
     lag: int | None = None,
     terms: tuple[tuple[int, int], ...] = PRINTED_TERMS,
 ) -> AirModel:
@@ -190,12 +190,12 @@ def spread(x: Array, residual: Array) -> Array:
     return np.sqrt(np.diag(inverse @ (sums.T @ sums) @ inverse))
 
 
-def _residual(model: AirModel, record: Record) -> Array:
+def _residual(model: AirModel, record: PressureRecord) -> Array:
     voltage, pressure, rate = pair_rows(record, model.lag)
     return np.asarray(rate - model.rate(pressure, voltage))
 
 
-def r_squared(model: AirModel, record: Record) -> tuple[float, Array]:
+def r_squared(model: AirModel, record: PressureRecord) -> tuple[float, Array]:
     """1 less the residual's share of the variance of dP/dt: of all cylinders together, and (n,) of
     each by itself."""
     rate, off = pair_rows(record, model.lag)[2], _residual(model, record)
@@ -208,8 +208,8 @@ class Identification:
     """A model, the record that it is from, and one at other frequencies."""
 
     model: AirModel
-    training: Record
-    unseen: Record
+    training: PressureRecord
+    unseen: PressureRecord
 
 
 def identification(
@@ -218,27 +218,29 @@ def identification(
     """Excitation at TRAINING and UNSEEN, Hz, in one go, and the model of the first."""
     both = sines(air, TRAINING + UNSEEN, amplitude, duration)
     n = len(TRAINING)
-    training = Record(both.time, both.voltage[:, :n], both.pressure[:, :n])
-    unseen = Record(both.time, both.voltage[:, n:], both.pressure[:, n:])
+    training = PressureRecord(both.time, both.voltage[:, :n], both.pressure[:, :n])
+    unseen = PressureRecord(both.time, both.voltage[:, n:], both.pressure[:, n:])
     return Identification(identify(training), training, unseen)
 
 
 STEPPED_UP = (4.6, 4.8, 5.0, 5.2, 5.5, 6.0, 8.0)
-"""V, to which a step goes from an empty chamber (0 V), and"""
+"""V, to which a step goes from an empty chamber (0 V); ours, the paper's are not printed."""
 STEPPED_DOWN = (2.0, 4.0, 4.5, 4.8, 5.0, 5.2)
-"""from a full one (10 V).  Ours; the paper's are not printed."""
+"""V, to which a step goes from a full chamber (10 V); ours too."""
 AT = 0.05
 """s, when the step comes."""
 
 
-def steps(air: Pneumatics, start: float, ends: tuple[float, ...], duration: float = 1.0) -> Record:
+def steps(
+    air: Pneumatics, start: float, ends: tuple[float, ...], duration: float = 1.0
+) -> PressureRecord:
     """Steps of the voltage from rest at `start`, one cylinder for each end; pistons fixed.  The
     paper's steps last 2.5 s, of which the first 0.2 s matter here."""
     to = np.array(ends)
     return simulate_record(air, lambda t: np.where(t < AT, start, to), duration, len(to))
 
 
-def latency(record: Record) -> Array:
+def latency(record: PressureRecord) -> Array:
     """(n,) s from the step to the largest |dP/dt| of the 100 Hz signal, to its 10 ms."""
     at = np.abs(record.rate).argmax(axis=0) + 1
     return np.asarray(record.time[at] - AT)

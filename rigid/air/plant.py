@@ -32,9 +32,9 @@ from cosim.port import Array
 GAS_CONSTANT = 288.0
 """J/(kg K), air at 65 % relative humidity: the reference atmosphere of ISO 6358-1 (ISO 8778)."""
 REFERENCE_DENSITY = 1.185
-"""kg/m^3, of that atmosphere at 100 kPa and"""
+"""kg/m^3, of the reference atmosphere at 100 kPa and 20 deg C."""
 ROOM = 293.15
-"""K, 20 deg C."""
+"""K, 20 deg C, of the room."""
 GAMMA = 1.4
 HEAT_CAPACITY = GAMMA * GAS_CONSTANT / (GAMMA - 1.0)
 """J/(kg K), at constant pressure."""
@@ -76,7 +76,7 @@ class Valve:
     """Pa, 90 psi above the atmosphere (paper 003, section III)."""
 
     def __post_init__(self) -> None:
-        _positive(self, "conductance", "lag")
+        _positive("valve", self, "conductance", "lag")
         if np.any(np.asarray(self.delay) < 0) or np.any(np.asarray(self.underlap) <= 0):
             raise InputError("valve: delay must not be negative, and underlap above 0")
         b = np.asarray(self.critical_ratio)
@@ -87,7 +87,7 @@ class Valve:
 
 
 @dataclass(frozen=True)
-class Cylinder:
+class PneumaticCylinder:
     """A double-acting cylinder that pulls: air before the piston, the atmosphere behind."""
 
     bore: Numbers = 9.3e-3
@@ -104,7 +104,7 @@ class Cylinder:
     """W/K, walls to air.  Assumed: 60 W/(m^2 K) over the tube's and the chamber's wall."""
 
     def __post_init__(self) -> None:
-        _positive(self, "bore", "stroke", "dead_volume")
+        _positive("cylinder", self, "bore", "stroke", "dead_volume")
         if np.any(np.asarray(self.rod) < 0) or np.any(np.asarray(self.rod >= self.bore)):
             raise InputError("cylinder: its rod must be thinner than its bore")
         if np.any(np.asarray(self.friction) < 0) or np.any(np.asarray(self.heat) < 0):
@@ -125,7 +125,7 @@ class Pneumatics:
     """Valve and cylinder."""
 
     valve: Valve = field(default_factory=Valve)
-    cylinder: Cylinder = field(default_factory=Cylinder)
+    cylinder: PneumaticCylinder = field(default_factory=PneumaticCylinder)
 
 
 class AirState(NamedTuple):
@@ -190,9 +190,20 @@ def rates(air: Pneumatics, state: AirState, voltage: Array, swelling: Array) -> 
 
 
 def step(air: Pneumatics, state: AirState, voltage: Array, volume: Array, dt: float) -> AirState:
-    """The state `dt` s later, the voltage (which has had its delay) constant and the volume having
-    become `volume` (n,) m^3 at a constant rate: Runge and Kutta's fourth-order method in as many
-    parts as its stability asks for."""
+    """Return the state `dt` s later, the voltage (n,) V (which has had its delay) constant and the
+    volume having become `volume` (n,) m^3 at a constant rate: Runge and Kutta's fourth-order method
+    in as many parts as its stability asks for.
+
+    >>> import numpy as np
+    >>> from rigid.air.plant import Pneumatics, at_rest, resting_pressure, resting_voltage, step
+    >>> air = Pneumatics()
+    >>> start, goal = (resting_voltage(air.valve, np.array([p])) for p in (2e5, 3e5))
+    >>> volume = np.asarray(air.cylinder.volume(np.array([0.01])))
+    >>> state = at_rest(air, start, volume)
+    >>> after = step(air, state, goal, volume, 0.01)
+    >>> bool(2e5 < after.pressure[0] < 3e5)  # Pa, absolute
+    True
+    """
     swelling = (volume - state.volume) / dt
     parts = int(np.ceil(dt * fastest(air, state, voltage, volume) / STABLE))
     h, at = dt / parts, np.array(state)
@@ -256,7 +267,7 @@ def at_rest(air: Pneumatics, voltage: Array, volume: Array) -> AirState:
     return AirState(np.array(voltage, dtype=float), p, mass, np.array(volume, dtype=float))
 
 
-def tension(cylinder: Cylinder, pressure: Array, inward: Numbers = 0.0) -> Array:
+def tension(cylinder: PneumaticCylinder, pressure: Array, inward: Numbers = 0.0) -> Array:
     """(n,) N on the tendon while the piston moves inward at so many m/s: the area times the
     pressure difference less friction, and never below 0."""
     rubbing = cylinder.friction * np.tanh(np.asarray(inward) / CREEP)
@@ -268,8 +279,8 @@ CREEP = 1e-2
 with a friction that follows the speed of the step before."""
 
 
-def _positive(table: Valve | Cylinder, *names: str) -> None:
+def _positive(what: str, table: Valve | PneumaticCylinder, *names: str) -> None:
     for name in names:
         value = np.asarray(getattr(table, name))
         if not (np.isfinite(value).all() and (value > 0).all()):
-            raise InputError(f"{type(table).__name__.lower()}: {name} must be above 0")
+            raise InputError(f"{what}: {name} must be above 0")

@@ -21,9 +21,19 @@ JOINTS = ("MCP", "PIP", "DIP")
 
 
 class HingeFinger(ChainFinger):
-    """Bones of lengths L1, L2, L3 (m) at angles f_i = q_1 + ... + q_i below the x axis:
+    """A finger in the plane: bones of lengths L1, L2, L3 (m) at angles f_i = q_1 + ... + q_i below
+    the x axis:
 
-    x_i+1 = x_i + L_i (cos f_i, 0, -sin f_i).  A support may act in the flexion plane only.
+        x_i+1 = x_i + L_i (cos f_i, 0, -sin f_i)
+
+    A support may act in the flexion plane only.
+
+    >>> import numpy as np
+    >>> from rigid.chain.hinge import HingeFinger
+    >>> finger = HingeFinger((0.04, 0.025, 0.02))
+    >>> straight = finger.start({"MCP": 0.0, "PIP": 0.0, "DIP": 0.0})
+    >>> finger.tip(straight)  # m
+    array([ 0.085,  0.   , -0.   ])
     """
 
     def __init__(

@@ -80,7 +80,15 @@ def body_jacobian(chain: Chain) -> Array:
 
 
 def tip_jacobian(chain: Chain) -> Array:
-    """(6, nq) velocity of the fingertip and angular velocity of its body per joint rate."""
+    """Return (6, nq) velocity of the fingertip and angular velocity of its body per joint rate.
+
+    >>> from rigid.chain.hinge import HingeFinger
+    >>> from rigid.chain.kinematics import tip_jacobian
+    >>> finger = HingeFinger((0.04, 0.025, 0.02))
+    >>> jacobian = tip_jacobian(finger.chain(finger.start({}).angles))
+    >>> jacobian[2]  # m: flexion moves a straight finger's tip palmar
+    array([-0.085, -0.045, -0.02 ])
+    """
     return chain.jacobian[-1]
 
 

@@ -26,7 +26,6 @@ import numpy as np
 from cosim.port import Array
 from meshes.skeleton import BODIES, JOINTS, Skeleton
 from rigid.model import (
-    Cylinder,
     FingerModel,
     Hinge,
     PathElement,
@@ -36,6 +35,7 @@ from rigid.model import (
     Tendon,
     Vector,
     Via,
+    WrapCylinder,
     vector,
 )
 
@@ -78,7 +78,7 @@ VIEW_METACARPAL = -0.040  # m, how much of the metacarpal is drawn
 
 
 @dataclass(frozen=True)
-class Anatomy:
+class FingerAnatomy:
     """What one finger differs in from another."""
 
     name: str
@@ -100,7 +100,7 @@ def extensor(row: str, bands: Sequence[str], central: float) -> tuple[Way, ...]:
 
 
 def assemble(
-    anatomy: Anatomy,
+    anatomy: FingerAnatomy,
     skeleton: Skeleton,
     o2o3: float,
     bones: Mapping[str, Surface] | None = None,
@@ -143,7 +143,7 @@ def _segment(skeleton: Skeleton, i: int) -> Segment:
 
 
 def _path(
-    anatomy: Anatomy, skeleton: Skeleton, o2o3: float, rows: Sequence[tuple[str, str]]
+    anatomy: FingerAnatomy, skeleton: Skeleton, o2o3: float, rows: Sequence[tuple[str, str]]
 ) -> tuple[PathElement, ...]:
     path: list[PathElement] = []
     for joint, row in rows:
@@ -156,13 +156,13 @@ def _path(
         guide = []
         if (joint, row) in SHEATHED:
             radius = abs(_distance(start, end, SHEATH_ANGLE))
-            guide = [Cylinder(BODIES[i], vector(centre), vector(axis), radius, vector(centre))]
+            guide = [WrapCylinder(BODIES[i], vector(centre), vector(axis), radius, vector(centre))]
             apart = SHEATH_REACH * o2o3 * (end - start) / np.linalg.norm(end - start)
             start, end = start - apart, end + apart
         elif row in SLIDES_OVER or row in BANDS:
             radius = LEAST_ARM if row in BANDS else _distance(start, end, 0.0) - CLEARANCE
             side = vector(centre + _beside(radius))
-            guide = [Cylinder(BODIES[i], vector(centre), vector(axis), radius, side)]
+            guide = [WrapCylinder(BODIES[i], vector(centre), vector(axis), radius, side)]
         path.append(Via(BODIES[i], vector(centre + start)))
         path += guide
         path.append(Via(BODIES[k], vector(end)))

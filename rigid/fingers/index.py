@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from meshes.skeleton import Skeleton
-from rigid.fingers.anatomy import Anatomy, Way, assemble, extensor
+from rigid.fingers.anatomy import FingerAnatomy, Way, assemble, extensor
 from rigid.model import FingerModel, Surface
 
 O2O3 = 0.020
@@ -48,7 +48,7 @@ CENTRAL = 0.5
 in Synek et al. 2019, PeerJ 7:e7470)."""
 
 
-def through_the_hood(central: float = CENTRAL) -> Mapping[str, tuple[Way, ...]]:
+def hood_strands(central: float = CENTRAL) -> Mapping[str, tuple[Way, ...]]:
     """The muscles of the hood where its slips carry fixed shares.  EI runs with EDC: the normative
     model has one long extensor (LE)."""
     return {
@@ -65,10 +65,18 @@ def finger_model(
     bones: Mapping[str, Surface] | None = None,
     central: float | None = None,
 ) -> FingerModel:
-    """The finger over a skeleton, with the muscles that act on the bones; where `central` is given
-    (0 to 1) those of the hood too, that share of each going to the central slip.
+    """Return the finger over a skeleton, with the muscles that act on the bones; where `central` is
+    given (0 to 1) those of the hood too, that share of each going to the central slip.
 
-    o2o3: m, the unit of the tendon paths; bones: surfaces by body, drawn instead of capsules."""
-    hood = {} if central is None else through_the_hood(central)
-    anatomy = Anatomy("index finger", ROWS, OFFSET, {**hood, **ON_BONES})
+    o2o3: m, the unit of the tendon paths; bones: surfaces by body, drawn instead of capsules.
+
+    >>> from meshes.skeleton import index_finger
+    >>> from rigid.fingers.index import finger_model
+    >>> finger_model(index_finger()).muscles
+    ('FDP', 'FDS', 'FDIm', 'FDIl')
+    >>> finger_model(index_finger(), central=0.5).muscles[:4]
+    ('EDC', 'EI', 'LUM', 'FPI')
+    """
+    hood = {} if central is None else hood_strands(central)
+    anatomy = FingerAnatomy("index finger", ROWS, OFFSET, {**hood, **ON_BONES})
     return assemble(anatomy, skeleton, o2o3, bones)

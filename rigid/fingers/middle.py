@@ -12,7 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from meshes.skeleton import Skeleton
-from rigid.fingers.anatomy import Anatomy, Way, assemble, extensor
+from rigid.fingers.anatomy import FingerAnatomy, Way, assemble, extensor
 from rigid.model import FingerModel, Vector, vector
 
 O2O3 = 0.02363
@@ -57,7 +57,7 @@ TO_BONES: Mapping[str, tuple[Way, ...]] = {
 """RIp is the part of the radial interosseous that ends on the proximal phalanx."""
 
 
-def ways(central: float = CENTRAL) -> Mapping[str, tuple[Way, ...]]:
+def muscle_strands(central: float = CENTRAL) -> Mapping[str, tuple[Way, ...]]:
     """Each muscle's strands, `central` being the central slip's share of what enters the hood."""
     hooded = extensor("RI", ("RB",), central)
     radial = tuple(((1.0 - RI_TO_BONE) * share, rows) for share, rows in hooded)
@@ -86,11 +86,11 @@ def skeleton() -> Skeleton:
 
 def finger_model(scale: float = 1.0, central: float = CENTRAL) -> FingerModel:
     """The finger, all lengths times `scale`."""
-    anatomy = Anatomy("middle finger", ROWS, OFFSET, ways(central))
-    return assemble(anatomy, skeleton().scaled(scale), O2O3 * scale)
+    anatomy = FingerAnatomy("middle finger", ROWS, OFFSET, muscle_strands(central))
+    return assemble(anatomy, skeleton().scale(scale), O2O3 * scale)
 
 
-def under_a_hood(scale: float = 1.0) -> FingerModel:
+def finger_model_for_hood(scale: float = 1.0) -> FingerModel:
     """The finger with the tendons that end on bones, for a hood that takes the others."""
-    anatomy = Anatomy("middle finger", ROWS, OFFSET, TO_BONES)
-    return assemble(anatomy, skeleton().scaled(scale), O2O3 * scale)
+    anatomy = FingerAnatomy("middle finger", ROWS, OFFSET, TO_BONES)
+    return assemble(anatomy, skeleton().scale(scale), O2O3 * scale)

@@ -29,22 +29,22 @@ from rigid.fingers import robot_tables as tables
 from rigid.fingers.anatomy import RANGES
 from rigid.fingers.robot_tables import LONG, SHORT, TABLE_III
 from rigid.model import (
-    Cylinder,
     FingerModel,
     Hinge,
     PathElement,
     Segment,
-    Sphere,
     Strand,
     Tendon,
     Via,
+    WrapCylinder,
+    WrapSphere,
 )
 
 MM = 1e-3
 ROD_RADIUS = 0.005
 """m, assumption: the phalanges' inertia is that of uniform rods of this radius."""
 FLEXION = (0.0, 1.0, 0.0)
-HEAD = Sphere("metacarpal", (0.0, 0.0, 0.0), tables.HEAD_RADIUS * MM)
+HEAD = WrapSphere("metacarpal", (0.0, 0.0, 0.0), tables.HEAD_RADIUS * MM)
 AXES = {"MCP_abduction": (0.0, 0.0, 1.0)}
 Point = tuple[float, float, float]
 
@@ -102,11 +102,11 @@ def _via(body: str, point: Point) -> Via:
     return Via(body, (x * MM, y * MM, z * MM))
 
 
-def _dorsal(body: str, joint_x: float, radius: float) -> Cylinder:
+def _dorsal(body: str, joint_x: float, radius: float) -> WrapCylinder:
     """About a flexion axis; the tendon's side is half-way along the arc that it covers."""
     aside = 1.5 * radius * np.sqrt(0.5) * MM
     centre = (joint_x * MM, 0.0, 0.0)
-    return Cylinder(body, centre, FLEXION, radius * MM, (centre[0] + aside, 0.0, aside))
+    return WrapCylinder(body, centre, FLEXION, radius * MM, (centre[0] + aside, 0.0, aside))
 
 
 def _extensor(name: str, to_proximal: bool) -> Tendon:

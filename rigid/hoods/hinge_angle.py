@@ -43,6 +43,7 @@ class HingeAngle:
 
     @property
     def names(self) -> tuple[str]:
+        """The joint's name, as the names of a joint of several angles."""
         return (self.name,)
 
     @property

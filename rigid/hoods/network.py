@@ -59,7 +59,15 @@ class Junction(NamedTuple):
 
 
 def junction(length: Array, stiffness: Array, force: Array) -> Junction:
-    """Equation 7, solved exactly: lengths (..., p) m, stiffnesses (p,) N/m, force (...) N >= 0."""
+    """Return the equilibrium of equation 7, solved exactly: lengths (..., p) m, stiffnesses (p,)
+    N/m, force (...) N >= 0.
+
+    >>> import numpy as np
+    >>> from rigid.hoods.network import junction
+    >>> found = junction(np.array([0.0, 1e-3]), np.array([1e3, 1e3]), np.array(3.0))
+    >>> found.tension  # N: the longer tendon bears less
+    array([2., 1.])
+    """
     order = np.argsort(length, axis=-1)
     k = stiffness[order]
     nearest = length.min(axis=-1)

@@ -92,7 +92,8 @@ class NetworkHood:
         return NetworkState(motion, unloaded)
 
     def advance(self, state: NetworkState, motion: Motion, tension: Array, dt: float) -> Response:
-        """The same for every `dt` > 0: nothing here depends on rate or history."""
+        """Response at `motion` under `tension` (nt,) N; it depends on no rate and no history, so
+        that any `dt` > 0 gives the same.  Raises InputError."""
         self._check(motion, tension, dt)
         tension = np.array(tension, dtype=float)
         at = angles(self._hinges, motion)

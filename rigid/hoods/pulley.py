@@ -71,10 +71,23 @@ class _Line:
 
 
 class PulleyHood:
-    """Inextensible cables without friction or mass; any number of bodies and points.
+    """A hood of inextensible cables without friction or mass; any number of bodies and points.
 
     `rest` is the motion at which all excursions are zero at no tension.
-    Raises InputError for an unknown body or two neighbouring points in one place."""
+
+    Raises InputError for an unknown body or two neighbouring points in one place.
+
+    >>> import numpy as np
+    >>> from cosim.port import Motion
+    >>> from rigid.hoods.pulley import Cable, PulleyHood
+    >>> bones = Motion(("a", "b"), np.array([[0.0, 0, 0], [0.04, 0, 0]]), np.array([np.eye(3)] * 2))
+    >>> cable = Cable((("a", (0.02, 0.0, 0.008)), ("b", (0.01, 0.0, 0.005))))
+    >>> hood = PulleyHood({"EDC": cable}, bones)
+    >>> response = hood.advance(hood.start(bones), bones, np.array([2.0]), 1.0)
+    >>> wrench = response.load.wrench.sum(axis=1)  # (2, 6) N, N m about each body's origin
+    >>> bool(wrench[1, 4] < 0)  # it extends the second body
+    True
+    """
 
     sources = SOURCES
 
@@ -92,7 +105,8 @@ class PulleyHood:
         return PulleyState(motion, np.zeros(len(self.tendons)))
 
     def advance(self, state: PulleyState, motion: Motion, tension: Array, dt: float) -> Response:
-        """The same for every `dt` > 0: nothing here depends on rate or history."""
+        """Response at `motion` under `tension` (nt,) N; it depends on no rate and no history, so
+        that any `dt` > 0 gives the same.  Raises InputError."""
         self._check(motion, tension, dt)
         tension = np.array(tension, dtype=float)
         wrench = np.zeros((len(self.bodies), len(SOURCES), 6))

@@ -71,7 +71,7 @@ class Derived(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Potential:
+class ReducedPotential:
     """psi and the slips' forces over a box of angles and tensions.
 
     Raises InputError where shapes do not fit or a box is empty."""
@@ -223,7 +223,7 @@ class ReducedHood:
 
     def __init__(
         self,
-        potential: Potential,
+        potential: ReducedPotential,
         hinges: Sequence[Joint],
         bodies: tuple[str, ...],
         direction: Vector = (-1.0, 0.0, 0.0),
@@ -245,7 +245,8 @@ class ReducedHood:
         return self._state(motion, unloaded)
 
     def advance(self, state: ReducedState, motion: Motion, tension: Array, dt: float) -> Response:
-        """The same for every `dt` > 0.  Raises ConvergenceError outside of the box."""
+        """Response at `motion` under `tension` (nt,) N, the same for any `dt` > 0.  Raises
+        InputError, and ConvergenceError outside of the box."""
         self._check(motion, tension, dt)
         made = self._state(motion, np.array(tension, dtype=float))
         tension, at, here = made.tension, made.angles, made.derived

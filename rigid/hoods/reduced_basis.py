@@ -34,6 +34,8 @@ def monomials(powers: Numbers, at: Array, curved: bool = True) -> Basis:
 
 
 def powers_of(most: int, at: Array) -> Functions:
+    """Return x^0 to x^most of `at` (...), and their first and second derivatives, (..., most + 1)
+    each."""
     x = at[..., None] ** np.arange(most + 1)
     p = np.arange(most + 1)
     down, twice = np.zeros_like(x), np.zeros_like(x)
@@ -48,8 +50,9 @@ def legendre(degrees: Numbers, at: Array) -> Basis:
 
 
 def legendre_of(most: int, at: Array) -> Functions:
-    """By the recurrences (k + 1) P_k+1 = (2k + 1) x P_k - k P_k-1 and
-    P'_k+1 = P'_k-1 + (2k + 1) P_k."""
+    """Return P_0 to P_most of `at` (...), and their first and second derivatives, (..., most + 1)
+    each, by the recurrences (k + 1) P_k+1 = (2k + 1) x P_k - k P_k-1 and P'_k+1 = P'_k-1 + (2k + 1)
+    P_k."""
     value, slope, curve = (np.zeros((*at.shape, most + 1)) for _ in range(3))
     value[..., 0] = 1.0
     for k in range(most):
@@ -78,6 +81,8 @@ def loadings(terms: Numbers, at: Array, toe: float, curved: bool = True) -> Basi
 
 
 def springs_of(at: Array, toe: float) -> Functions:
+    """Return 1, x, x^2 and (x + toe) log(1 + x / toe) - x of `at` (...) N, and their first and
+    second derivatives, (..., 4) each; `toe` in N."""
     value, slope, curve = (np.zeros((*at.shape, 4)) for _ in range(3))
     log = np.log1p(at / toe)
     value[..., 0], value[..., 1], value[..., 2] = 1.0, at, at**2

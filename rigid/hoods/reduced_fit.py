@@ -27,7 +27,7 @@ from cosim.port import Array
 from rigid.hoods.reduced_basis import Basis, legendre, loadings, to_powers, unscale
 
 if TYPE_CHECKING:
-    from rigid.hoods.reduced import Potential
+    from rigid.hoods.reduced import ReducedPotential
     from rigid.hoods.reduced_sample import Sample
 
 CURVES, TIP = 0.1, 4.0
@@ -44,14 +44,14 @@ Rows = Iterator[tuple[Array, Array]]
 """Rows (r, k) and what they should make (r,), in parts."""
 
 
-def energy(potential: Potential, data: Sample, maps: Array | None) -> Array:
+def energy(potential: ReducedPotential, data: Sample, maps: Array | None) -> Array:
     """(A, G) J of a potential's terms; see `rigid.hoods.reduction.reduce_hood`."""
     sizes, tip = _sizes(data), tip_rows(data, maps)
     found = least_squares(lambda: _rows(potential, data, sizes, tip))
     return to_powers(potential.angle_powers).T @ found.reshape(potential.energy.shape)
 
 
-def slips(potential: Potential, data: Sample) -> Array:
+def slips(potential: ReducedPotential, data: Sample) -> Array:
     """(2, B, 1 + n) of the slips, from the torques of the samples; zero for a hood without them."""
     if np.isnan(data.slip).any():
         return np.zeros_like(potential.slip)
@@ -124,7 +124,7 @@ def tip_rows(data: Sample, maps: Array | None) -> Array:
     return out
 
 
-def _rows(potential: Potential, data: Sample, sizes: _Sizes, tip: Array) -> Rows:
+def _rows(potential: ReducedPotential, data: Sample, sizes: _Sizes, tip: Array) -> Rows:
     for start in range(0, len(data.angle), AT_ONCE):
         some = slice(start, start + AT_ONCE)
         part = type(data)(*(getattr(data, f.name)[some] for f in fields(data)))
@@ -132,7 +132,7 @@ def _rows(potential: Potential, data: Sample, sizes: _Sizes, tip: Array) -> Rows
         yield _weigh(made, part, sizes, tip[some])
 
 
-def _bases(potential: Potential, data: Sample) -> tuple[Basis, Basis]:
+def _bases(potential: ReducedPotential, data: Sample) -> tuple[Basis, Basis]:
     u, powers = potential.scaled_angle(data.angle), potential.angle_powers
     angle = unscale(legendre(powers, u), potential.half)
     load = loadings(potential.tension_terms, data.tension / potential.most, potential.toe)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from cosim.errors import InputError
 from cosim.port import Array
-from rigid.hoods.reduced import Potential
+from rigid.hoods.reduced import ReducedPotential
 from rigid.hoods.reduced_fit import energy, slips
 from rigid.hoods.reduced_sample import Sample
 
@@ -79,7 +79,7 @@ def reduce_hood(
     muscles: tuple[str, ...],
     order: Order | None = None,
     maps: Array | None = None,
-) -> Potential:
+) -> ReducedPotential:
     """The potential over the box of the samples, without `order` as rich as they bear; joints that
     all samples hold still get a box of HELD to either side.  With `maps` (s, 3, n), N/(N m), from
     joint torques to the force of a fingertip, the fit is to that force too.
@@ -91,7 +91,7 @@ def reduce_hood(
     order = richest_order(numbers, moves, len(muscles)) if order is None else order
     powers, terms = angle_powers(moves, order), tension_terms(len(muscles), order)
     none = np.zeros((len(powers), len(terms)))
-    empty = Potential(
+    empty = ReducedPotential(
         joints,
         muscles,
         np.where(moves, low, low - HELD),

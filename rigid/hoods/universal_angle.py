@@ -60,7 +60,7 @@ def names_of(joints: Sequence[Joint]) -> tuple[str, ...]:
     return tuple(name for joint in joints for name in joint.names)
 
 
-class Chain(NamedTuple):
+class UniversalChain(NamedTuple):
     """Joints in numbers, as `reduced_kernels.chain_angles` takes them."""
 
     place: NDArray[np.int64]
@@ -68,7 +68,7 @@ class Chain(NamedTuple):
     zero: Array
 
 
-def chain_of(joints: Sequence[Joint], bodies: Sequence[str]) -> Chain:
+def chain_of(joints: Sequence[Joint], bodies: Sequence[str]) -> UniversalChain:
     """Between bodies by name."""
     place, axes, zero = [], [], []
     for joint in joints:
@@ -77,10 +77,10 @@ def chain_of(joints: Sequence[Joint], bodies: Sequence[str]) -> Chain:
             place.append([*ends, kind])
             axes.append(joint.axes)
             zero.append(joint.zero)
-    return Chain(np.array(place, dtype=np.int64), np.array(axes), np.array(zero))
+    return UniversalChain(np.array(place, dtype=np.int64), np.array(axes), np.array(zero))
 
 
-def all_angles(chain: Chain, motion: Motion) -> Angles:
+def all_angles(chain: UniversalChain, motion: Motion) -> Angles:
     """The angles of every joint, in order."""
     rotation = np.ascontiguousarray(motion.rotation)
     return Angles(*chain_angles(chain.place, chain.axes, chain.zero, rotation))

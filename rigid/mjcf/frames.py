@@ -36,7 +36,7 @@ class Where:
         found = mujoco.mj_name2id(self.model, kind, name)
         if found >= 0:
             return int(found)
-        known = self.known(kind)
+        known = self.part_names(kind)
         near = difflib.get_close_matches(name, known, n=3, cutoff=0.3)
         hint = f"; the nearest names are {', '.join(near)}" if near else ""
         raise InputError(
@@ -44,7 +44,8 @@ class Where:
             f"is (cosim new --set-name {ours}=NAME); it has {_some(known)}"
         )
 
-    def known(self, kind: mujoco.mjtObj) -> list[str]:
+    def part_names(self, kind: mujoco.mjtObj) -> list[str]:
+        """Names of all bodies, joints or sites of the model; those without a name are left out."""
         count = {
             mujoco.mjtObj.mjOBJ_BODY: self.model.nbody,
             mujoco.mjtObj.mjOBJ_JOINT: self.model.njnt,
@@ -54,6 +55,7 @@ class Where:
         return [name for name in every if name]
 
     def fault(self, text: str) -> InputError:
+        """Return an error whose message begins with the model's path."""
         return InputError(f"{self.path}: {text}")
 
 
@@ -85,6 +87,11 @@ def frames_of(
     tip: Array,
     losses: list[str],
 ) -> Frames:
+    """Return our frames of the four bodies, from the axes (`joint`, times `sign`), bodies and `tip`
+    (3,) m of a model at zero angles; what had to be changed is added to `losses`.
+
+    Raises InputError where the MCP's two axes do not meet, two joints lie in one place, or an axis
+    is not where a finger has it."""
     axis, anchor = sign[:, None] * data.xaxis[list(joint)], data.xanchor[list(joint)]
     apart = float(np.linalg.norm(anchor[1] - anchor[0]))
     if apart > TOGETHER:

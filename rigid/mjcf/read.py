@@ -42,11 +42,27 @@ def read_mjcf(
     names: Mapping[str, str] | None = None,
     tendons: Sequence[str] | None = None,
 ) -> ReadFinger:
-    """The finger of a MuJoCo model.  `names`: from our name (of a body, joint, tendon, or "tip") to
-    the file's where they differ, "-NAME" for a joint that turns the other way; `tendons`: the names
-    that a tendon may have, all others being dropped (every name if not given).
+    """Read the finger of a MuJoCo model.
 
-    Raises InputError where the file is no MuJoCo model or holds no such finger."""
+    `names`: from our name (of a body, joint, tendon, or "tip") to the file's where they differ,
+    "-NAME" for a joint that turns the other way; `tendons`: the names that a tendon may have, all
+    others being dropped (every name if not given).  Returns the finger and what was changed or
+    dropped.
+
+    Raises InputError where the file is no MuJoCo model or holds no such finger.
+
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from meshes.skeleton import index_finger
+    >>> from rigid.fingers.index import finger_model
+    >>> from rigid.mjcf.read import read_mjcf
+    >>> from rigid.mjcf.write import mjcf_xml
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "finger.xml"
+    ...     _ = path.write_text(mjcf_xml(finger_model(index_finger())))
+    ...     read_mjcf(path).model.muscles
+    ('FDP', 'FDS', 'FDIm', 'FDIl')
+    """
     m = _compile(Path(path))
     with_minus = dict(names or {})
     signs = {j: -1.0 if with_minus.get(j, "").startswith("-") else 1.0 for j in JOINTS}

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cosim.port import Array
 from meshes.skeleton import BODIES
-from rigid.model import Cylinder, PathElement, Sphere, Strand, Tendon, Via, vector
+from rigid.model import PathElement, Strand, Tendon, Via, WrapCylinder, WrapSphere, vector
 
 SITE, SPHERE, CYLINDER, PULLEY = (
     int(mujoco.mjtWrap.mjWRAP_SITE),
@@ -26,9 +26,11 @@ class Places(Protocol):
     """Frames of the bones in the world."""
 
     @property
-    def turn(self) -> Array: ...
+    def turn(self) -> Array:
+        """(nb, 3, 3), each bone's axes as columns, in the world."""
 
-    def local(self, i: int, point: Array) -> Array: ...
+    def local(self, i: int, point: Array) -> Array:
+        """Return a point (3,) m of the world in the frame of bone i."""
 
 
 @dataclass(frozen=True)
@@ -133,9 +135,9 @@ class _Reader:
         radius, site = float(self.model.geom_size[at, 0]), _side(self.model, w)
         side = vector(self.frames.local(i, self.data.site_xpos[site])) if site >= 0 else None
         if kind == SPHERE:
-            return Sphere(BODIES[i], centre, radius, side)
+            return WrapSphere(BODIES[i], centre, radius, side)
         axis = self.data.geom_xmat[at].reshape(3, 3)[:, 2]
-        return Cylinder(BODIES[i], centre, vector(axis @ self.frames.turn[i]), radius, side)
+        return WrapCylinder(BODIES[i], centre, vector(axis @ self.frames.turn[i]), radius, side)
 
 
 def _own_forces(m: mujoco.MjModel, t: int) -> list[str]:

@@ -12,15 +12,24 @@ from collections.abc import Sequence
 import numpy as np
 
 from cosim.port import Array
-from rigid.model import Cylinder, FingerModel, Segment, Sphere, Strand, Tendon, Via
+from rigid.model import FingerModel, Segment, Strand, Tendon, Via, WrapCylinder, WrapSphere
 
 HALF_WIDTH = 0.02
 """m, half the drawn length of a cylinder, which MuJoCo takes as infinite."""
 
 
 def mjcf_xml(model: FingerModel, gravity: Sequence[float] = (0.0, 0.0, 0.0)) -> str:
-    """The finger; `gravity` (3,) m/s2 in the world.  Joint ranges are there for information only,
-    cylinders and bones do not collide."""
+    """Return the finger as a MuJoCo model (MJCF text); `gravity` (3,) m/s2 in the world.  Joint
+    ranges are there for information only, cylinders and bones do not collide.
+
+    >>> import mujoco
+    >>> from meshes.skeleton import index_finger
+    >>> from rigid.fingers.index import finger_model
+    >>> from rigid.mjcf.write import mjcf_xml
+    >>> model = mujoco.MjModel.from_xml_string(mjcf_xml(finger_model(index_finger())))
+    >>> [model.joint(i).name for i in range(model.njnt)]
+    ['MCP', 'MCP_abduction', 'PIP', 'DIP']
+    """
     root = ET.Element("mujoco", model=model.name)
     ET.SubElement(root, "compiler", angle="radian")
     option = ET.SubElement(root, "option", gravity=_text(gravity))
@@ -101,7 +110,7 @@ def _add_guides(body: ET.Element, tendon: Tendon, name: str) -> None:
             match element:
                 case Via():
                     _add_site(body, label, element.point)
-                case Sphere() | Cylinder():
+                case WrapSphere() | WrapCylinder():
                     _add_surface(body, label, element)
 
 
@@ -113,7 +122,7 @@ def _add_site(parent: ET.Element, name: str, point: Sequence[float] | Array) -> 
     ET.SubElement(parent, "site", name=name, pos=_text(point), size="0.0005")
 
 
-def _add_surface(body: ET.Element, name: str, surface: Cylinder | Sphere) -> None:
+def _add_surface(body: ET.Element, name: str, surface: WrapCylinder | WrapSphere) -> None:
     drawn = {
         "name": name,
         "size": repr(float(surface.radius)),
@@ -125,9 +134,9 @@ def _add_surface(body: ET.Element, name: str, surface: Cylinder | Sphere) -> Non
     if surface.side is not None:
         _add_site(body, f"{name}_side", surface.side)
     match surface:
-        case Sphere():
+        case WrapSphere():
             ET.SubElement(body, "geom", drawn | {"type": "sphere", "pos": _text(surface.centre)})
-        case Cylinder():
+        case WrapCylinder():
             centre, axis = np.array(surface.centre), np.array(surface.axis)
             half = HALF_WIDTH * axis / np.linalg.norm(axis)
             ends = _text([*(centre - half), *(centre + half)])
@@ -160,6 +169,6 @@ def _add_strand(spatial: ET.Element, tendon: Tendon, s: int, strand: Strand) -> 
         match element:
             case Via():
                 ET.SubElement(spatial, "site", site=label)
-            case Sphere() | Cylinder():
+            case WrapSphere() | WrapCylinder():
                 side = {} if element.side is None else {"sidesite": f"{label}_side"}
                 ET.SubElement(spatial, "geom", {"geom": label} | side)

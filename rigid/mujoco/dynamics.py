@@ -38,7 +38,7 @@ MOST_SPLITS = 8
 UNTURNED = np.eye(3)
 
 
-class Pull(NamedTuple):
+class MusclePull(NamedTuple):
     """What muscles answer, (nt,) each."""
 
     tension: Array
@@ -56,20 +56,20 @@ class Push(NamedTuple):
     at: Array
 
 
-class Muscles(Protocol):
+class MuscleModel(Protocol):
     """Anything that pulls on a finger's tendons; its state is an opaque value."""
 
     def start(self, length: Array) -> State:
         """The state at t = 0 with paths of `length` (nt,) m."""
         ...
 
-    def pull(self, state: State, time: float, length: Array, dt: float) -> Pull:
+    def pull(self, state: State, time: float, length: Array, dt: float) -> MusclePull:
         """The tension at `time` s, `dt` s after `state` (0: at the start)."""
         ...
 
 
 @dataclass(frozen=True)
-class Constant:
+class ConstantTension:
     """Tensions (nt,) N that do not change."""
 
     tension: Array
@@ -77,8 +77,8 @@ class Constant:
     def start(self, length: Array) -> State:
         return None
 
-    def pull(self, state: State, time: float, length: Array, dt: float) -> Pull:
-        return Pull(self.tension, np.zeros(len(self.tension)), None)
+    def pull(self, state: State, time: float, length: Array, dt: float) -> MusclePull:
+        return MusclePull(self.tension, np.zeros(len(self.tension)), None)
 
 
 class Moment(NamedTuple):
@@ -112,7 +112,7 @@ class FingerDynamics:
         self,
         finger: MujocoFinger,
         state: FingerState,
-        muscles: Muscles,
+        muscles: MuscleModel,
         device: Device | None = None,
         frame: Array = UNTURNED,
     ) -> None:
@@ -120,6 +120,7 @@ class FingerDynamics:
         the centre of the device.  device: in place of the finger's support.  frame (3, 3): the
         device's axes as columns in the world; the world's if not given."""
         self._finger, self._state, self._muscles, self._frame = finger, state, muscles, frame
+        # the support's directions, or the device in plain numbers
         held = state.basis if device is None else np.zeros((0, 6))
         self._turns = bool(held[:, 3:].any())
         self.device: Device = Nothing() if device is None else device
@@ -128,6 +129,7 @@ class FingerDynamics:
         self._data = d = mujoco.MjData(m)
         self._site, self._last = m.site("tip").id, m.nbody - 1
         self._position, self._velocity = d.qpos, d.qvel
+        # views of MuJoCo's arrays, filled by each call of `_at`
         self._readings = Readings(
             d.M,
             _dense_mass(m),
@@ -144,7 +146,7 @@ class FingerDynamics:
         self._nothing = (np.zeros(3), np.zeros(m.nv), np.zeros((m.nv, m.nv)))
 
     def start(self) -> Moment:
-        """At rest in the posture."""
+        """Return the state at rest in the posture."""
         q, nq = self._state.angles, len(self._state.angles)
         self._at(q, np.zeros(nq))
         length = self._data.ten_length.copy()
@@ -154,24 +156,27 @@ class FingerDynamics:
         return Moment(0.0, q, np.zeros(nq), np.zeros(6), tension, length, 0.0, 0.0, muscles, held)
 
     def advance(self, at: Moment, dt: float) -> Moment:
-        """The state `dt` s later.  A step that does not converge is taken in two halves: while the
-        device's friction falls with the speed of slip, only a short one has a single solution.
+        """Return the state `dt` s later.  A step that does not converge is taken in two halves:
+        while the device's friction falls with the speed of slip, only a short one has a single
+        solution.
 
         Raises ConvergenceError."""
         return self._advance(at, dt, MOST_SPLITS, None, None)
 
     def pull(self, at: Moment, tension: Array, push: Push | None, dt: float) -> Moment:
-        """The same under tensions (nt,) N, in place of the muscles', and torques from elsewhere,
-        where there are any."""
-        pull = Pull(tension, np.zeros(len(tension)), None)
+        """Return the state `dt` s later as `advance` does, under tensions (nt,) N in place of the
+        muscles', and torques from elsewhere where there are any.  Raises ConvergenceError."""
+        pull = MusclePull(tension, np.zeros(len(tension)), None)
         return self._advance(at, dt, MOST_SPLITS, pull, push)
 
     def _advance(
-        self, at: Moment, dt: float, splits: int, given: Pull | None, push: Push | None
+        self, at: Moment, dt: float, splits: int, given: MusclePull | None, push: Push | None
     ) -> Moment:
+        # what is known at the start: MuJoCo's arrays, and the muscles' tensions at the end
         self._at(at.angles, at.rates)
         length, time = self._data.ten_length.copy(), at.time + dt
         pull = self._muscles.pull(at.muscles, time, length, dt) if given is None else given
+        # the implicit step
         done, angles, rates, held, wrench, tension, kinetic, slip = advance_step(
             self._surface,
             self._joints,
@@ -192,12 +197,14 @@ class FingerDynamics:
                 f"finger in motion: the step to t = {time:.6g} s did not converge, down to "
                 f"{dt:.1e} s. Try a smaller step, a softer contact or smaller tensions."
             )
+        # it did not converge: two halves
         half = self._advance(at, dt / 2, splits - 1, given, push)
         end = self._advance(half, dt / 2, splits - 1, given, push)
         return end._replace(length=half.length, slip=half.slip + end.slip)
 
     @property
     def law(self) -> JointLaw:
+        """The joints' springs, limits and damping."""
         return self._finger.law
 
     def tendon_lengths(self, at: Moment) -> Array:

@@ -13,7 +13,7 @@ import numpy as np
 
 from cosim.port import Array
 from rigid.kernels import compile_kernel
-from rigid.mujoco.step_data import CAGE, SHELL, Instant, Joints, Readings, Surface
+from rigid.mujoco.step_data import CAGE, SHELL, DeviceData, Joints, Readings, StepStart
 
 HERTZ_DAMPING, BED_DAMPING = 1.5, 1.0
 NO_SLIP = 1e-12
@@ -158,7 +158,7 @@ def solve_dense(a: Array, b: Array) -> Array:
 
 
 @compile_kernel
-def friction(surface: Surface, speed: float) -> tuple[float, float]:
+def friction(surface: DeviceData, speed: float) -> tuple[float, float]:
     """Coefficient of friction at a slip speed (m/s), and its slope (s/m)."""
     v = speed / surface.transition_velocity
     excess = 2.0 * (surface.static_friction - surface.dynamic_friction) / (1.0 + v * v)
@@ -170,7 +170,7 @@ def friction(surface: Surface, speed: float) -> tuple[float, float]:
 
 
 @compile_kernel
-def _drag(surface: Surface, slip: Array) -> tuple[float, Array]:
+def _drag(surface: DeviceData, slip: Array) -> tuple[float, Array]:
     """mu(v) / v, s/m, and the derivative (3, 3) of mu(v) s / v by the slip s, where v = |s|."""
     speed, one = sqrt(dot(slip, slip)), np.eye(3)
     if speed < NO_SLIP:
@@ -182,7 +182,7 @@ def _drag(surface: Surface, slip: Array) -> tuple[float, Array]:
 
 
 @compile_kernel
-def bed(surface: Surface, d: float) -> tuple[float, float]:
+def bed(surface: DeviceData, d: float) -> tuple[float, float]:
     """N and N/m: a sphere in a hollow one lined with springs, their centres d apart."""
     r, x = surface.radius, d - surface.gap
     outer = r + surface.gap
@@ -195,7 +195,7 @@ def bed(surface: Surface, d: float) -> tuple[float, float]:
 
 @compile_kernel
 def press(
-    surface: Surface,
+    surface: DeviceData,
     damping: float,
     normal: Array,
     turn: Array,
@@ -207,6 +207,7 @@ def press(
     """One touch with inward normal (3,), its derivative (3, 3) by the position, the elastic force
     and its slope by the depth.  The lever from the centre to the point is (depth / 2 - R) n, which
     is where Simbody has it between two bodies of one stiffness."""
+    # velocity of the point of contact; no pull where the bodies part fast
     n, reach, one = normal, 0.5 * depth - surface.radius, np.eye(3)
     spin, lever = cross_matrix(twist[3:]), combine(reach, cross_matrix(n), 0.0, one)
     rolling = apply(spin, n)
@@ -215,6 +216,7 @@ def press(
     rate = 1.0 - c * along
     if rate <= 0.0:
         return np.zeros(6), np.zeros((6, 3)), np.zeros((6, 6))
+    # normal force with damping, friction against the slip, and the wrench about the centre
     f, slip = elastic[0] * rate, plus(velocity, -along, n)
     secant, by_slip = _drag(surface, slip)
     push = plus(n, -secant, slip)
@@ -223,7 +225,7 @@ def press(
     by_position, by_twist = np.zeros((6, 3)), np.zeros((6, 6))
     if not slopes:
         return wrench, by_position, by_twist
-    # Derivatives by the position (_p) and by the velocity at the point (_v).
+    # derivatives by the position (_p) and by the velocity at the point (_v)
     velocity_p = dyad(combine(reach, times(spin, turn), 0.0, one), -0.5, rolling, n)
     along_p = plus(apply_transpose(velocity_p, n), 1.0, apply_transpose(turn, velocity))
     f_p = plus(plus(np.zeros(3), -elastic[1] * rate, n), -elastic[0] * c, along_p)
@@ -234,6 +236,7 @@ def press(
     force_v = dyad(combine(-f, push_v, 0.0, one), -elastic[0] * c, push, n)
     lever_p = dyad(combine(reach, turn, 0.0, one), -0.5, n, n)
     moment_p = combine(1.0, times(lever, force_p), -1.0, times(cross_matrix(force), lever_p))
+    # the blocks of the wrench's derivatives; _w: by the angular velocity
     put(by_position, 0, 0, force_p)
     put(by_position, 3, 0, moment_p)
     force_w = combine(-1.0, times(force_v, lever), 0.0, one)
@@ -245,7 +248,7 @@ def press(
 
 
 @compile_kernel
-def device_response(surface: Surface, position: Array, twist: Array, slopes: bool) -> Answer:
+def device_response(surface: DeviceData, position: Array, twist: Array, slopes: bool) -> Answer:
     """What a device does to the sphere at a position (3,) and twist (6,); no derivatives, but
     zeros, where `slopes` are not asked for."""
     wrench, by_position, by_twist = np.zeros(6), np.zeros((6, 3)), np.zeros((6, 6))
@@ -277,7 +280,7 @@ def device_response(surface: Surface, position: Array, twist: Array, slopes: boo
 
 
 @compile_kernel
-def elastic_force(surface: Surface, position: Array) -> Array:
+def elastic_force(surface: DeviceData, position: Array) -> Array:
     """(3,) N, what the device would do to a sphere at rest."""
     out, distance = np.zeros(3), sqrt(dot(position, position))
     for i in range(3):
@@ -311,16 +314,18 @@ def joint_torques(joints: Joints, q: Array, v: Array) -> Answer:
 
 @compile_kernel
 def residual(
-    surface: Surface, joints: Joints, at: Instant, h: float, v: Array, r: Array, slopes: bool
+    surface: DeviceData, joints: Joints, at: StepStart, h: float, v: Array, r: Array, slopes: bool
 ) -> tuple[Array, Array, Array]:
     """Momentum and constraint left over (n + m,), their tangent if `slopes` are asked for, and the
     device's wrench, where the rates at the end of the step are v (nq,) and the reactions r (m,)."""
+    # the device and the joints at the end of the step
     n, m = len(v), len(r)
     twist = apply(at.tip, v)
     wrench, by_position, by_twist = device_response(
         surface, plus(at.position, h, twist[:3]), twist, slopes
     )
     torque, by_angle, by_rate = joint_torques(joints, plus(at.angles, h, v), v)
+    # momentum: M (v - v0) - h tau; constraint: J v + drift / h
     total = plus(plus(torque, 1.0, at.torque), 1.0, apply(at.by_rate, v))
     total = plus(total, 1.0, apply_transpose(at.tip, wrench))
     total = plus(total, 1.0, apply_transpose(at.held, r))
@@ -329,6 +334,7 @@ def residual(
     tangent = np.zeros((n + m, n + m))
     if not slopes:
         return concatenate(left, off), tangent, wrench
+    # tangent by rates and reactions; a position at the end follows its rate by h
     for i in range(6):
         for j in range(3):
             by_twist[i, j] += h * by_position[i, j]
@@ -343,7 +349,7 @@ def residual(
 
 @compile_kernel
 def step(
-    surface: Surface, joints: Joints, at: Instant, h: float, reaction: Array, tolerance: float
+    surface: DeviceData, joints: Joints, at: StepStart, h: float, reaction: Array, tolerance: float
 ) -> tuple[bool, Array, Array, Array, float]:
     """Whether Newton's iteration came below `tolerance` (N m, of the torques); then, at the end of
     the step, rates (nq,), reactions (m,), the device's wrench (6,), and what it dissipated (J).
@@ -352,6 +358,7 @@ def step(
     n, v, r, size = len(at.rates), at.rates, reaction, np.inf
     move, left, tangent = np.zeros(n + len(reaction)), np.zeros(0), np.zeros((0, 0))
     for k in range(MOST_TRIALS):
+        # residual ahead of the last point by the move (the first time: none)
         slopes = k > 0  # at rest the first guess is the answer
         ahead, after = plus(v, -1.0, move[:n]), plus(r, -1.0, move[n:])
         trial, slope, wrench = residual(surface, joints, at, h, ahead, after, slopes)
@@ -361,6 +368,7 @@ def step(
             return True, ahead, after, wrench, lost
         if not slopes:
             continue
+        # accept it and take Newton's move from there, or halve the move
         if trial_size < size or k == 1:
             v, r, size, left, tangent = ahead, after, trial_size, trial, slope
             move = solve_dense(tangent, left)
@@ -370,7 +378,7 @@ def step(
 
 
 @compile_kernel
-def _dissipation(surface: Surface, at: Instant, h: float, v: Array, wrench: Array) -> float:
+def _dissipation(surface: DeviceData, at: StepStart, h: float, v: Array, wrench: Array) -> float:
     """W: the elastic part's power less the device's."""
     twist = apply(at.tip, v)
     elastic = elastic_force(surface, plus(at.position, h, twist[:3]))
@@ -406,9 +414,10 @@ def instant(
     stiffness: Array,
     turned: Array,
     h: float,
-) -> Instant:
+) -> StepStart:
     """The start of a step under tensions (nt,) N that fall with the tendons' shortening by
     `stiffness` (nt,) N/m; turned: (3,) gap of the tip's turn from the one held."""
+    # mass, and damping of tendons whose tension falls as they shorten
     n = len(angles)
     mass, by_rate = np.zeros((n, n)), np.zeros((n, n))
     arm = arms(now, len(tension))
@@ -418,17 +427,18 @@ def instant(
             for t in range(len(stiffness)):
                 by_rate[i, j] -= h * arm[t, i] * stiffness[t] * arm[t, j]
     torque = plus(apply_transpose(arm, tension), -1.0, now.bias)
+    # the tip's Jacobian in the device's axes, the support's, and how far it has drifted
     tip, gap = np.zeros((6, n)), plus(now.tip, -1.0, now.target)
     put(tip, 0, 0, multiply_transpose(now.frame, now.jacobian[:3]))
     put(tip, 3, 0, multiply_transpose(now.frame, now.jacobian[3:]))
     held, drift = times(now.basis, now.jacobian), apply(now.basis, concatenate(gap, turned))
     place = apply_transpose(now.frame, gap)
-    return Instant(angles, rates, mass, torque, by_rate, tip, place, held, drift)
+    return StepStart(angles, rates, mass, torque, by_rate, tip, place, held, drift)
 
 
 @compile_kernel
 def advance_step(
-    surface: Surface,
+    surface: DeviceData,
     joints: Joints,
     now: Readings,
     at: tuple[Array, Array, Array],

@@ -21,7 +21,7 @@ from rigid.chain.kinematics import (
     move_wrench,
 )
 from rigid.chain.statics import FingerState
-from rigid.mujoco.dynamics import Constant, FingerDynamics, Moment, Push
+from rigid.mujoco.dynamics import ConstantTension, FingerDynamics, Moment, Push
 from rigid.mujoco.finger import MujocoFinger
 from rigid.mujoco.tip_device import Device
 
@@ -192,6 +192,6 @@ class MovingMujoco:
     def _dynamics(self, start: FingerState) -> FingerDynamics:
         key = start.angles.tobytes()
         if key not in self._made:
-            idle = Constant(np.zeros(len(self.tendons)))
+            idle = ConstantTension(np.zeros(len(self.tendons)))
             self._made[key] = FingerDynamics(self.finger, start, idle, self.device)
         return self._made[key]

@@ -13,7 +13,7 @@ Indices = NDArray[np.intp]
 FREE, CAGE, SHELL = 0, 1, 2
 
 
-class Surface(NamedTuple):
+class DeviceData(NamedTuple):
     """A device in plain numbers."""
 
     kind: int
@@ -66,7 +66,7 @@ class Readings(NamedTuple):
     """(m, 6) unit wrenches of the support."""
 
 
-class Instant(NamedTuple):
+class StepStart(NamedTuple):
     """What is known at the start of a step."""
 
     angles: Array
@@ -74,14 +74,14 @@ class Instant(NamedTuple):
     mass: Array
     """(nq, nq)."""
     torque: Array
-    """(nq,) of tendons, curves and gravity less inertial ones; constant over the step but for"""
+    """(nq,) N m, of tendons, curves and gravity less inertial ones, at zero rates at the end."""
     by_rate: Array
-    """(nq, nq) its derivative by the rates at the end of the step."""
+    """(nq, nq) N m s, derivative of these torques by the rates at the end of the step."""
     tip: Array
-    """(6, nq) its Jacobian, in the device's axes."""
+    """(6, nq) the tip's Jacobian, in the device's axes."""
     position: Array
-    """(3,) m, in the device's axes."""
+    """(3,) m, of the tip from the device's centre, in its axes."""
     held: Array
-    """(m, nq) rows of the constraint and"""
+    """(m, nq) rows of the constraint."""
     drift: Array
-    """(m,) how far it is off."""
+    """(m,) m and rad, how far the constraint is off at the start."""

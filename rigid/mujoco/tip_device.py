@@ -25,11 +25,11 @@ import numpy as np
 from cosim.errors import InputError
 from cosim.port import Array
 from rigid.mujoco.implicit_step import device_response
-from rigid.mujoco.step_data import CAGE, FREE, SHELL, Surface
+from rigid.mujoco.step_data import CAGE, FREE, SHELL, DeviceData
 
 
 @dataclass(frozen=True)
-class Contact:
+class TipContact:
     """The sphere about the fingertip and the law's constants; one material for both bodies.
 
     The numbers are the thesis's (section 2.2.1); the transition velocity, which it does not give,
@@ -63,9 +63,9 @@ class Contact:
                 f"dissipation and friction not negative, all finite; got {self}"
             )
 
-    def surface(self, kind: int, stiffness: float, gap: float) -> Surface:
+    def surface(self, kind: int, stiffness: float, gap: float) -> DeviceData:
         """In plain numbers."""
-        return Surface(
+        return DeviceData(
             kind,
             stiffness,
             gap,
@@ -93,8 +93,8 @@ class Device(Protocol):
     """Anything that pushes a sphere about the fingertip."""
 
     @property
-    def surface(self) -> Surface:
-        """The same in plain numbers, for the inner loop."""
+    def surface(self) -> DeviceData:
+        """The device in plain numbers, for the inner loop."""
         ...
 
     def energy(self, position: Array) -> float:
@@ -113,8 +113,8 @@ class Nothing:
     """No device: a free fingertip."""
 
     @property
-    def surface(self) -> Surface:
-        return Contact().surface(FREE, 0.0, np.inf)
+    def surface(self) -> DeviceData:
+        return TipContact().surface(FREE, 0.0, np.inf)
 
     def energy(self, position: Array) -> float:
         return 0.0
@@ -127,7 +127,7 @@ class Cage:
     Hertz's law between a sphere of radius R and a half-space of the same modulus E reads in
     Simbody  f_e = 4/3 E* sqrt(R) x^(3/2)  with  E* = (E^(2/3) / 2)^(3/2) = E / 2^(3/2)."""
 
-    contact: Contact = Contact()
+    contact: TipContact = TipContact()
     width: float = 0.009
     """Distance between opposite walls, m."""
 
@@ -145,7 +145,7 @@ class Cage:
         return 4.0 / 3.0 * self.contact.stiffness / 2**1.5 * sqrt(self.contact.radius)
 
     @property
-    def surface(self) -> Surface:
+    def surface(self) -> DeviceData:
         return self.contact.surface(CAGE, self.hertz, self.gap)
 
     def energy(self, position: Array) -> float:
@@ -166,7 +166,7 @@ class Shell:
     Dissipation and friction act on the resultant at the sphere's outermost point, where Simbody
     takes them spring by spring: equal at rest, and while the patch is small."""
 
-    contact: Contact = Contact()
+    contact: TipContact = TipContact()
     width: float = 0.009
     """Inner diameter, m."""
 
@@ -179,7 +179,7 @@ class Shell:
         return self.width / 2 - self.contact.radius
 
     @property
-    def surface(self) -> Surface:
+    def surface(self) -> DeviceData:
         return self.contact.surface(SHELL, self.contact.stiffness, self.gap)
 
     def energy(self, position: Array) -> float:

@@ -32,7 +32,7 @@ class MuscleState(NamedTuple):
     it."""
 
 
-class Step(NamedTuple):
+class MuscleStep(NamedTuple):
     """The end of a step, (n,) each."""
 
     state: MuscleState
@@ -139,7 +139,9 @@ def at_rest(muscles: Muscles, activation: ArrayLike, path: ArrayLike) -> MuscleS
     return MuscleState(raised, length, np.zeros(n), np.zeros(n))
 
 
-def step(muscles: Muscles, state: MuscleState, excitation: Array, path: Array, dt: float) -> Step:
+def step(
+    muscles: Muscles, state: MuscleState, excitation: Array, path: Array, dt: float
+) -> MuscleStep:
     """The state `dt` s later, where the excitations are (n,) and the path lengths have become
     `path` (n,) m.
 
@@ -157,4 +159,4 @@ def step(muscles: Muscles, state: MuscleState, excitation: Array, path: Array, d
     length = np.sqrt(s * s + muscles.scales.width2)
     now = (length - before) / dt
     force, stiffness, _ = pull(muscles, at, s)
-    return Step(MuscleState(activation, length, now, (now - velocity) / dt), force, stiffness)
+    return MuscleStep(MuscleState(activation, length, now, (now - velocity) / dt), force, stiffness)

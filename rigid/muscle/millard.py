@@ -30,11 +30,11 @@ TOLERANCE = 1e-13
 CLOSE = 1e-6
 """A last step of Newton's, likewise, after which what is left is below 1e-8 F0."""
 STEADY = 1e-4
-"""The same of the fibre's velocity by its largest, for steps in time."""
+"""A last step of Newton's in the fibre's velocity over its largest, for steps in time."""
 ROUNDS = 8
 
 
-class Balance(NamedTuple):
+class ForceBalance(NamedTuple):
     """The force balance over F0 at given s, and its parts (..., n)."""
 
     value: Array
@@ -51,7 +51,7 @@ class Balance(NamedTuple):
 
 def balance(
     muscles: Muscles, activation: Array, path: Array, s: Array, before: Array, rate: float
-) -> Balance:
+) -> ForceBalance:
     """The balance at fibre extents `s` (..., n) along the tendon (m), where the fibre has its
     velocity from (l_M - `before`) * `rate` (1/s; 0: isometric)."""
     width2, per_fibre, per_velocity, per_tendon, _ = muscles.scales
@@ -67,7 +67,7 @@ def balance(
     force = activation * active * speed + passive + muscles.damping * velocity
     d_length = (activation * d_active * speed + d_passive) * per_fibre
     d_velocity = (activation * active * d_speed + muscles.damping) * per_velocity
-    return Balance(
+    return ForceBalance(
         force * cosine - tendon,
         (d_length + d_velocity) * cosine**2 + force * width2 / length**3,
         tendon,
@@ -77,7 +77,7 @@ def balance(
 
 
 @dataclass(frozen=True, eq=False)
-class Equilibrium:
+class MuscleEquilibrium:
     """Muscles at rest, (..., n) each."""
 
     force: Array
@@ -96,12 +96,21 @@ class Equilibrium:
 
 def equilibrium(
     muscles: Muscles, activation: ArrayLike, path: ArrayLike, guess: Array | None = None
-) -> Equilibrium:
-    """Isometric equilibrium at activations (0 to 1) and path lengths (m), which broadcast
-    together and end in the muscles' axis (or 1); `guess` (..., n), m, are fibre lengths to begin
-    from, such as those of a state near by.
+) -> MuscleEquilibrium:
+    """Return the isometric equilibrium at activations (0 to 1) and path lengths (m), which
+    broadcast together and end in the muscles' axis (or 1); `guess` (..., n), m, are fibre lengths
+    to begin from, such as those of a state near by.
 
-    Raises InputError (names the muscle) and ConvergenceError, which no finite input causes."""
+    Raises InputError (names the muscle) and ConvergenceError, which no finite input causes.
+
+    >>> import numpy as np
+    >>> from rigid.muscle.millard import equilibrium
+    >>> from rigid.muscle.parameters import Muscles
+    >>> one = Muscles(("EDC",), np.array([100.0]), *(np.array([x]) for x in (0.06, 0.2, 0.05)))
+    >>> at = equilibrium(one, [[0.0], [0.5], [1.0]], [0.26])
+    >>> at.force[:, 0].round(1)  # N
+    array([ 1. , 47.8, 91.1])
+    """
     activation, path = _conditions(muscles, activation, path)
     if guess is None:
         start = _first_guess(muscles, activation, path)
@@ -113,7 +122,7 @@ def equilibrium(
     force, stiffness, gain = pull(muscles, at, s)
     normalised = length * muscles.scales.per_fibre
     angle = np.arctan2(muscles.width, s)
-    return Equilibrium(force, length, normalised, angle, stiffness, gain)
+    return MuscleEquilibrium(force, length, normalised, angle, stiffness, gain)
 
 
 def _conditions(muscles: Muscles, activation: ArrayLike, path: ArrayLike) -> tuple[Array, Array]:
@@ -141,7 +150,7 @@ def _first_guess(muscles: Muscles, activation: Array, path: Array) -> Array:
     return np.asarray(left - (toe - slack) * muscles.tendon_slack_length * share)
 
 
-def pull(muscles: Muscles, at: Balance, s: Array) -> tuple[Array, Array, Array]:
+def pull(muscles: Muscles, at: ForceBalance, s: Array) -> tuple[Array, Array, Array]:
     """Tendon force (N) and its derivatives by path length (N/m) and activation (N) at the root
     `s` of the balance `at`."""
     moves = s > muscles.shortest_along
@@ -157,7 +166,7 @@ def pull(muscles: Muscles, at: Balance, s: Array) -> tuple[Array, Array, Array]:
 
 def solve_balance(
     muscles: Muscles, activation: Array, path: Array, start: Array, before: Array, rate: float
-) -> tuple[Array, Balance]:
+) -> tuple[Array, ForceBalance]:
     """The root s (..., n) of the balance, m, from `start`, and the balance there; of a rigid
     tendon the extent that is left to the fibre.  Never less than `Muscles.shortest_along`.
 

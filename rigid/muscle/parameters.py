@@ -106,7 +106,7 @@ class Muscles:
             raise InputError(
                 f"muscle {self.first(undamped)}, damping: 0 leaves the velocity undetermined "
                 "where the force-velocity curve is level; expected damping above 0, a rigid "
-                "tendon, or curves=undamped_curves()"
+                "tendon, or curves=curves_without_damping()"
             )
 
     def _settle(self, key: str, lower: float, upper: float, wanted: str) -> None:

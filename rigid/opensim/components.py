@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cosim.port import Array
-from rigid.opensim.xml import Tag
+from rigid.opensim.xml import OsimTag
 
 GROUND = "/ground"
 OFFSET_FRAMES = ("PhysicalOffsetFrame",)
@@ -55,7 +55,7 @@ def rotate_xyz(orientation: Sequence[float], position: Sequence[float]) -> Trans
 
 
 @dataclass(frozen=True)
-class Frame:
+class OsimFrame:
     """A frame fixed in a body: the body's path and the frame's place in it."""
 
     body: str
@@ -66,11 +66,11 @@ class Frame:
 class Components:
     """All components of a model: tag by path, path by the tag's identity, tags by name."""
 
-    by_path: dict[str, Tag]
+    by_path: dict[str, OsimTag]
     path_of: dict[int, str] = field(default_factory=dict)
-    by_name: dict[str, list[Tag]] = field(default_factory=dict)
+    by_name: dict[str, list[OsimTag]] = field(default_factory=dict)
 
-    def path(self, tag: Tag) -> str:
+    def path(self, tag: OsimTag) -> str:
         """The path of a component; of what is within one but none itself (a path point), below that
         component."""
         if id(tag) in self.path_of or tag.parent is None:
@@ -78,14 +78,14 @@ class Components:
         above = self.path(tag.parent)
         return f"{above}/{tag.name or tag.kind.lower()}"
 
-    def of_kind(self, *kinds: str) -> list[Tag]:
+    def of_kind(self, *kinds: str) -> list[OsimTag]:
         """In the file's order; they count as read."""
         found = [tag for tag in self.by_path.values() if tag.kind in kinds]
         for tag in found:
             tag.used = True
         return found
 
-    def resolve_socket(self, owner: Tag, socket: str, default: str = "") -> Tag:
+    def resolve_socket(self, owner: OsimTag, socket: str, default: str = "") -> OsimTag:
         """The component that a socket of `owner` names.
 
         Raises InputError where the socket is missing or leads nowhere, or to several."""
@@ -102,7 +102,7 @@ class Components:
             raise (child or owner).fault(f"{what} of the model is meant by {said!r}")
         return named[0]
 
-    def frame(self, owner: Tag, socket: str) -> Frame:
+    def frame(self, owner: OsimTag, socket: str) -> OsimFrame:
         """The frame that a socket names, as its place in a body.
 
         Raises InputError for a frame of another kind and for frames that hang on each other."""
@@ -118,16 +118,16 @@ class Components:
             raise owner.fault(
                 f"<socket_{socket}> leads to a {tag.kind}, expected a body or a frame"
             )
-        return Frame(self.path(tag), place)
+        return OsimFrame(self.path(tag), place)
 
 
-def offset(tag: Tag) -> Transform:
+def offset(tag: OsimTag) -> Transform:
     """Place of a PhysicalOffsetFrame in its parent frame."""
     tag.used = True
     return rotate_xyz(tag.values("orientation", (0.0,) * 3), tag.values("translation", (0.0,) * 3))
 
 
-def components(model: Tag) -> Components:
+def components(model: OsimTag) -> Components:
     """Raises InputError where two components have one path."""
     out = Components({})
     for path, tag in _walk(model, ""):
@@ -140,7 +140,7 @@ def components(model: Tag) -> Components:
     return out
 
 
-def _walk(tag: Tag, path: str) -> Iterator[tuple[str, Tag]]:
+def _walk(tag: OsimTag, path: str) -> Iterator[tuple[str, OsimTag]]:
     """(path, component) of all below a component."""
     for child in tag.children:
         if child.kind == "Ground":
@@ -154,7 +154,7 @@ def _walk(tag: Tag, path: str) -> Iterator[tuple[str, Tag]]:
                 yield from _members(objects, f"{path}/{child.name or child.kind.lower()}")
 
 
-def _members(container: Tag, path: str) -> Iterator[tuple[str, Tag]]:
+def _members(container: OsimTag, path: str) -> Iterator[tuple[str, OsimTag]]:
     container.used = True
     for child in container.children:
         if not child.name:

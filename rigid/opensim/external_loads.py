@@ -17,7 +17,7 @@ from lxml import etree
 from cosim.errors import InputError
 from cosim.files import output_file
 from cosim.port import Array
-from rigid.opensim.sto import Table, write_sto
+from rigid.opensim.sto import StoTable, write_sto
 
 VERSION = "30000"
 GROUND = "ground"
@@ -56,7 +56,7 @@ def write_external_loads(mot: Path, time: Array, loads: Sequence[BodyLoad]) -> t
         for prefix, part in parts.items():
             columns += [f"{prefix}{axis}" for axis in AXES]
             values.append(part)
-    table = Table(mot.stem.replace(" ", "_"), tuple(columns), time, np.hstack(values))
+    table = StoTable(mot.stem.replace(" ", "_"), tuple(columns), time, np.hstack(values))
     text = external_loads_xml(mot.stem, mot.name, loads)
     write_sto(mot, table, 1)
     with output_file(xml) as part_of_xml:

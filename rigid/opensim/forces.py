@@ -9,7 +9,7 @@ from typing import TypeVar
 
 from cosim.errors import InputError
 from rigid.chain.joint_torques import LIMIT_STIFFNESS, LIMIT_TRANSITION, JointLaw, joint_law
-from rigid.opensim.xml import Tag
+from rigid.opensim.xml import OsimTag
 
 DEGREES = math.degrees(1.0)
 PATH = "GeometryPath"
@@ -17,7 +17,7 @@ Property = float | bool | str
 
 
 @dataclass(frozen=True)
-class Limit:
+class CoordinateLimit:
     """CoordinateLimitForce: torque stiffness * s(x / transition) * x at x beyond a limit, and
     damping * s * speed; rad, N m/rad, N m s/rad of a hinge, m, N/m, N s/m of a slide.
 
@@ -34,7 +34,7 @@ class Limit:
 
 @dataclass(frozen=True)
 class Spring:
-    """SpringGeneralizedForce: -stiffness (q - rest) - damping * speed; units as in `Limit`."""
+    """SpringGeneralizedForce: -stiffness (q - rest) - damping * speed. Units: `CoordinateLimit`."""
 
     coordinate: str
     stiffness: float
@@ -42,10 +42,14 @@ class Spring:
     damping: float
 
 
-def read_limit(tag: Tag, slide: bool) -> Limit:
+def read_limit(tag: OsimTag, slide: bool) -> CoordinateLimit:
+    """Read a CoordinateLimitForce; the file's degrees become rad, unless the coordinate is a
+    `slide`.
+
+    Raises InputError for values that are no numbers."""
     scale = 1.0 if slide else DEGREES
     tag.flag("compute_dissipation_energy", False)
-    return Limit(
+    return CoordinateLimit(
         tag.word("coordinate", ""),
         tag.value("lower_limit", 0.0) / scale,
         tag.value("upper_limit", 0.0) / scale,
@@ -56,7 +60,8 @@ def read_limit(tag: Tag, slide: bool) -> Limit:
     )
 
 
-def read_spring(tag: Tag) -> Spring:
+def read_spring(tag: OsimTag) -> Spring:
+    """Read a SpringGeneralizedForce.  Raises InputError for values that are no numbers."""
     return Spring(
         tag.word("coordinate", ""),
         tag.value("stiffness", 0.0),
@@ -65,7 +70,7 @@ def read_spring(tag: Tag) -> Spring:
     )
 
 
-def properties(tag: Tag, way: str = "") -> Iterator[tuple[str, Property]]:
+def properties(tag: OsimTag, way: str = "") -> Iterator[tuple[str, Property]]:
     """Each number, flag or word that the file states of a force, by its place below the tag
     ("ActiveForceLengthCurve/minimum_value"); what is not stated has OpenSim's default."""
     for child in tag.children:
@@ -78,7 +83,7 @@ def properties(tag: Tag, way: str = "") -> Iterator[tuple[str, Property]]:
             yield f"{way}{child.kind}", _value(child)
 
 
-def _value(tag: Tag) -> Property:
+def _value(tag: OsimTag) -> Property:
     text = tag.text.strip()
     if text.lower() in ("true", "false"):
         return text.lower() == "true"
@@ -90,7 +95,7 @@ def _value(tag: Tag) -> Property:
 
 
 def law_of(
-    joints: tuple[str, ...], limits: Mapping[str, Limit], springs: Mapping[str, Spring]
+    joints: tuple[str, ...], limits: Mapping[str, CoordinateLimit], springs: Mapping[str, Spring]
 ) -> JointLaw:
     """Our own law for joints (in this order) with the imported limits and springs.
 
@@ -118,11 +123,11 @@ def law_of(
     )
 
 
-def _stiffnesses(limits: Mapping[str, Limit]) -> list[float]:
+def _stiffnesses(limits: Mapping[str, CoordinateLimit]) -> list[float]:
     return sorted({x.upper_stiffness for x in limits.values()})
 
 
-Force = TypeVar("Force", Limit, Spring)
+Force = TypeVar("Force", CoordinateLimit, Spring)
 
 
 def _single(forces: list[Force], what: str) -> dict[str, Force]:

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cosim.port import Array, rotation_matrix
-from rigid.opensim.components import Components, Frame, Transform
-from rigid.opensim.xml import Tag
+from rigid.opensim.components import Components, OsimFrame, Transform
+from rigid.opensim.xml import OsimTag
 
 SLIDES = ("translation1", "translation2", "translation3")
 TURNS = ("rotation1", "rotation2", "rotation3")
@@ -28,7 +28,7 @@ class Coordinate:
     """A generalised coordinate, rad or m."""
 
     name: str
-    tag: Tag
+    tag: OsimTag
     default: float
     range: tuple[float, float]
     clamped: bool
@@ -36,7 +36,7 @@ class Coordinate:
 
 
 @dataclass(frozen=True)
-class Axis:
+class TransformAxis:
     """Motion along or about a unit vector by slope * coordinate + intercept (m or rad)."""
 
     slide: bool
@@ -46,6 +46,7 @@ class Axis:
     intercept: float = 0.0
 
     def transform(self, amount: float) -> Transform:
+        """Return the motion by `amount` (m or rad) along or about the axis."""
         if self.slide:
             return Transform(np.eye(3), self.direction * amount)
         return Transform(rotation_matrix(self.direction * amount), np.zeros(3))
@@ -66,7 +67,7 @@ class Joint:
     """A joint between two bodies (paths); `place` is the child in the parent where all its
     coordinates are zero, `screws` move it from there, the first one outermost."""
 
-    tag: Tag
+    tag: OsimTag
     parent: str
     child: str
     coordinates: tuple[Coordinate, ...]
@@ -92,7 +93,7 @@ FIXED_AXES = {
 KINDS = (*FIXED_AXES, "CustomJoint")
 
 
-def read_joint(tag: Tag, model: Components) -> Joint:
+def read_joint(tag: OsimTag, model: Components) -> Joint:
     """Raises InputError for a joint that MuJoCo's slides and hinges cannot make."""
     parent, child = model.frame(tag, "parent_frame"), model.frame(tag, "child_frame")
     coordinates = tuple(_coordinate(c) for c in tag.within("coordinates"))
@@ -102,7 +103,7 @@ def read_joint(tag: Tag, model: Components) -> Joint:
     return Joint(tag, parent.body, child.body, coordinates, place, screws)
 
 
-def _coordinate(tag: Tag) -> Coordinate:
+def _coordinate(tag: OsimTag) -> Coordinate:
     low, high = tag.values("range", (-10.0, 10.0))
     if low > high:
         raise tag.fault(
@@ -114,7 +115,7 @@ def _coordinate(tag: Tag) -> Coordinate:
 
 
 def chain_axes(
-    parent: Frame, axes: list[Axis], child: Frame, locked: Mapping[str, float]
+    parent: OsimFrame, axes: list[TransformAxis], child: OsimFrame, locked: Mapping[str, float]
 ) -> tuple[Transform, tuple[Screw, ...]]:
     """The chain F, axes, M as one fixed transform followed by motions in the child's frame: each
     motion J with all that is fixed behind it, S, is S (S^-1 J S)."""
@@ -131,18 +132,20 @@ def chain_axes(
     return parent.transform @ behind, tuple(screws)
 
 
-def _axes(tag: Tag, names: list[str]) -> list[Axis]:
+def _axes(tag: OsimTag, names: list[str]) -> list[TransformAxis]:
     """From the parent's side: the translations, then the rotations."""
     if tag.kind == "CustomJoint":
         return _custom_axes(tag, names)
     fixed = FIXED_AXES[tag.kind]
     if len(names) != len(fixed):
         raise tag.fault(f"expected {len(fixed)} coordinates, got {len(names)}")
-    axes = [Axis(slide, way, name) for (slide, way), name in zip(fixed, names, strict=True)]
+    axes = [
+        TransformAxis(slide, way, name) for (slide, way), name in zip(fixed, names, strict=True)
+    ]
     return sorted(axes, key=lambda axis: not axis.slide)
 
 
-def _custom_axes(tag: Tag, names: list[str]) -> list[Axis]:
+def _custom_axes(tag: OsimTag, names: list[str]) -> list[TransformAxis]:
     transform = tag.one("SpatialTransform")
     if transform is None:
         raise tag.fault("<SpatialTransform> is missing; expected the axes of the joint")
@@ -163,7 +166,7 @@ def _custom_axes(tag: Tag, names: list[str]) -> list[Axis]:
     return axes
 
 
-def _axis(tag: Tag, slide: bool) -> Axis:
+def _axis(tag: OsimTag, slide: bool) -> TransformAxis:
     names = tag.word("coordinates", "").split()
     if len(names) > 1:
         raise tag.fault("a function of several coordinates cannot be imported")
@@ -173,15 +176,15 @@ def _axis(tag: Tag, slide: bool) -> Axis:
         raise tag.fault("<axis> is missing or has no length")
     slope, intercept = _line(tag, bool(names))
     if not names:
-        return Axis(slide, vector / length, None, 0.0, intercept)
+        return TransformAxis(slide, vector / length, None, 0.0, intercept)
     if abs(slope) != 1.0:
         raise tag.fault(
             f"the axis moves by {slope:g} times the coordinate; only 1 and -1 can be imported"
         )
-    return Axis(slide, vector / length, names[0], slope, intercept)
+    return TransformAxis(slide, vector / length, names[0], slope, intercept)
 
 
-def _line(tag: Tag, moving: bool) -> tuple[float, float]:
+def _line(tag: OsimTag, moving: bool) -> tuple[float, float]:
     """Slope and intercept of an axis's function; constant zero where it has none."""
     functions = [c for c in tag.children if c.kind not in ("coordinates", "axis")]
     if not functions:
@@ -194,7 +197,7 @@ def _line(tag: Tag, moving: bool) -> tuple[float, float]:
     return slope, intercept
 
 
-def _inner(tag: Tag) -> Tag:
+def _inner(tag: OsimTag) -> OsimTag:
     """The function itself where it is wrapped in <function>."""
     tag.used = True
     if tag.kind == "function" and len(tag.children) == 1:
@@ -202,7 +205,7 @@ def _inner(tag: Tag) -> Tag:
     return tag
 
 
-def line(tag: Tag) -> tuple[float, float]:
+def line(tag: OsimTag) -> tuple[float, float]:
     """(slope, intercept) of a function.  Raises InputError for one that is no straight line."""
     tag.used = True
     if tag.kind == "Constant":
@@ -221,7 +224,7 @@ def line(tag: Tag) -> tuple[float, float]:
     raise tag.fault(f"a {tag.kind} cannot be imported; expected a straight line or a constant")
 
 
-def _through_knots(tag: Tag) -> tuple[float, float]:
+def _through_knots(tag: OsimTag) -> tuple[float, float]:
     knots = [tag.one("x"), tag.one("y")]
     x, y = [np.array(k.numbers()) if k else np.zeros(0) for k in knots]
     if len(x) != len(y) or len(x) < 2 or not (np.diff(x) > 0).all():

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
-from rigid.opensim.xml import Tag
+from rigid.opensim.xml import OsimTag
 
 LOOKS = (
     *("FrameGeometry", "Appearance", "attached_geometry", "ModelVisualPreferences", "color"),
@@ -53,17 +53,18 @@ class Loss:
         return f"{self.what}, line {self.line}: {self.place}: {self.reason}"
 
 
-def change_of(tag: Tag, reason: str) -> Loss:
+def change_of(tag: OsimTag, reason: str) -> Loss:
+    """Return the loss that says why an element is something else in the MJCF."""
     return Loss("changed", tag.place, tag.line, reason)
 
 
-def drop(tag: Tag, reason: str) -> Loss:
-    """The element and all within it count as read from now on."""
+def drop(tag: OsimTag, reason: str) -> Loss:
+    """Return the loss of an element; it and all within it count as read from now on."""
     tag.pass_over()
     return Loss("dropped", tag.place, tag.line, reason)
 
 
-def unread(root: Tag) -> Iterator[Loss]:
+def unread(root: OsimTag) -> Iterator[Loss]:
     """One loss per element that nothing has read; empty ones hold nothing that could be lost."""
     for tag in root.unread():
         if tag.kind in LOOKS:

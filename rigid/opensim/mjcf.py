@@ -13,14 +13,14 @@ from cosim.port import Array
 from rigid.opensim.components import GROUND, Transform
 from rigid.opensim.joints import Screw
 from rigid.opensim.paths import SIDE_AT, Way, Wrap
-from rigid.opensim.skeleton import Body, Skeleton
+from rigid.opensim.skeleton import OsimBody, OsimSkeleton
 
 INERTIA = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 """MuJoCo's order of `fullinertia`."""
 
 
 @dataclass(frozen=True)
-class Site:
+class MjcfSite:
     """A named point in the frame of a body (path), m."""
 
     name: str
@@ -31,9 +31,9 @@ class Site:
 def mjcf_xml(
     name: str,
     gravity: Sequence[float],
-    skeleton: Skeleton,
+    skeleton: OsimSkeleton,
     ways: Mapping[str, Way],
-    markers: Iterable[Site],
+    markers: Iterable[MjcfSite],
 ) -> str:
     """MJCF text, numbers in full precision.  The world is OpenSim's ground; a joint's position is
     OpenSim's coordinate; the control of a tendon's actuator is its tension in N; the keyframe
@@ -42,10 +42,10 @@ def mjcf_xml(
     etree.SubElement(root, "compiler", angle="radian", inertiafromgeom="false")
     option = etree.SubElement(root, "option", gravity=_text(gravity))
     etree.SubElement(option, "flag", contact="disable")
-    fixed: dict[str, list[Site | Wrap]] = defaultdict(list)
+    fixed: dict[str, list[MjcfSite | Wrap]] = defaultdict(list)
     surfaces = _wraps(ways)
     sites = [*markers, *_path_sites(ways), *_side_sites(surfaces)]
-    parts: list[Site | Wrap] = [*sites, *surfaces.values()]
+    parts: list[MjcfSite | Wrap] = [*sites, *surfaces.values()]
     for part in parts:
         fixed[part.body].append(part)
     order: list[str] = []
@@ -65,17 +65,17 @@ def _wraps(ways: Mapping[str, Way]) -> dict[str, Wrap]:
     return {wrap.tag.name: wrap for way in ways.values() for wrap in way.wraps if wrap}
 
 
-def _path_sites(ways: Mapping[str, Way]) -> list[Site]:
+def _path_sites(ways: Mapping[str, Way]) -> list[MjcfSite]:
     return [
-        Site(f"{name}-{k}", point.body, point.position)
+        MjcfSite(f"{name}-{k}", point.body, point.position)
         for name, way in ways.items()
         for k, point in enumerate(way.points)
     ]
 
 
-def _side_sites(wraps: Mapping[str, Wrap]) -> list[Site]:
+def _side_sites(wraps: Mapping[str, Wrap]) -> list[MjcfSite]:
     return [
-        Site(f"{name}-side", wrap.body, wrap.place.at(SIDE_AT * wrap.radius * wrap.side))
+        MjcfSite(f"{name}-side", wrap.body, wrap.place.at(SIDE_AT * wrap.radius * wrap.side))
         for name, wrap in wraps.items()
         if wrap.side is not None
     ]
@@ -84,13 +84,13 @@ def _side_sites(wraps: Mapping[str, Wrap]) -> list[Site]:
 def _fill(
     element: etree._Element,
     path: str,
-    skeleton: Skeleton,
-    fixed: Mapping[str, list[Site | Wrap]],
+    skeleton: OsimSkeleton,
+    fixed: Mapping[str, list[MjcfSite | Wrap]],
     order: list[str],
 ) -> None:
     """The sites, wraps and bodies within a body; `order` gains the coordinates as they come."""
     for part in fixed.get(path, ()):
-        if isinstance(part, Site):
+        if isinstance(part, MjcfSite):
             _add_site(element, part)
         else:
             _add_wrap(element, part)
@@ -104,7 +104,7 @@ def _fill(
         _fill(inner, child, skeleton, fixed, order)
 
 
-def _add_site(element: etree._Element, site: Site) -> None:
+def _add_site(element: etree._Element, site: MjcfSite) -> None:
     pos = _text(site.position)
     etree.SubElement(element, "site", name=site.name, pos=pos, size="0.0005")
 
@@ -126,7 +126,7 @@ def _place(element: etree._Element, place: Transform) -> None:
     element.set("quat", _text((w, x, y, z)))
 
 
-def _add_inertial(element: etree._Element, body: Body) -> None:
+def _add_inertial(element: etree._Element, body: OsimBody) -> None:
     if body.mass > 0:
         full = _text([body.inertia[i, j] for i, j in INERTIA])
         pos, mass = _text(body.centre), repr(body.mass)

@@ -16,7 +16,7 @@ from rigid.chain.joint_torques import JointLaw
 from rigid.opensim.components import Components, components
 from rigid.opensim.forces import (
     PATH,
-    Limit,
+    CoordinateLimit,
     Property,
     Spring,
     law_of,
@@ -25,10 +25,10 @@ from rigid.opensim.forces import (
     read_spring,
 )
 from rigid.opensim.losses import Loss, change_of, drop, report, unread
-from rigid.opensim.mjcf import Site, mjcf_xml
-from rigid.opensim.paths import Lost, Way, read_way
-from rigid.opensim.skeleton import Skeleton, read_skeleton
-from rigid.opensim.xml import Tag, read_xml
+from rigid.opensim.mjcf import MjcfSite, mjcf_xml
+from rigid.opensim.paths import UnusablePathError, Way, read_way
+from rigid.opensim.skeleton import OsimSkeleton, read_skeleton
+from rigid.opensim.xml import OsimTag, read_xml
 
 OLDEST = 40000
 OTHER_PATHS = ("FunctionBasedPath", "Scholz2015GeometryPath")
@@ -48,7 +48,7 @@ class Muscle:
 
 
 @dataclass(frozen=True)
-class Posture:
+class CoordinateDefault:
     """A coordinate's default value and range, rad or m."""
 
     default: float
@@ -65,9 +65,9 @@ class Imported:
     source: str
     version: int
     xml: str
-    coordinates: Mapping[str, Posture]
+    coordinates: Mapping[str, CoordinateDefault]
     muscles: Mapping[str, Muscle]
-    limits: Mapping[str, Limit]
+    limits: Mapping[str, CoordinateLimit]
     springs: Mapping[str, Spring]
     losses: tuple[Loss, ...]
     path_actuators: int = 0
@@ -79,7 +79,18 @@ class Imported:
 
 
 def import_osim(path: Path) -> Imported:
-    """Raises InputError (naming file, line and element) for what cannot be read or imported."""
+    """Import an OpenSim 4 model: MJCF text, muscles, limits, and a list of all that was dropped or
+    changed.
+
+    Raises InputError (naming file, line and element) for what cannot be read or imported.
+
+    >>> from importlib.resources import as_file, files
+    >>> from rigid.opensim.osim import import_osim
+    >>> with as_file(files("rigid.verification") / "data" / "finger.osim") as path:
+    ...     finger = import_osim(path)
+    >>> list(finger.coordinates)
+    ['MCP_abduction', 'MCP', 'PIP', 'DIP']
+    """
     root = read_xml(path)
     version = _version(root)
     model = root.one("Model")
@@ -96,7 +107,7 @@ def import_osim(path: Path) -> Imported:
     xml = mjcf_xml(model.name or "model", gravity, skeleton, ways, _markers(parts))
     _check_compiles(xml, str(path))
     coordinates = {
-        c.name: Posture(c.default, c.range, c.clamped, c.locked)
+        c.name: CoordinateDefault(c.default, c.range, c.clamped, c.locked)
         for c in skeleton.coordinates.values()
     }
     all_losses = (*losses, *unread(root))
@@ -105,7 +116,7 @@ def import_osim(path: Path) -> Imported:
     )
 
 
-def _version(root: Tag) -> int:
+def _version(root: OsimTag) -> int:
     text = root.attributes.get("Version", "")
     if not (text.isascii() and text.isdecimal() and len(text) < 10):
         raise root.fault(f"the attribute Version is {text[:20]!r}, expected a number such as 40600")
@@ -117,7 +128,7 @@ def _version(root: Tag) -> int:
     return int(text)
 
 
-def _first(tag: Tag, kind: str) -> Tag | None:
+def _first(tag: OsimTag, kind: str) -> OsimTag | None:
     if tag.kind == kind:
         return tag
     return next((found for c in tag.children if (found := _first(c, kind))), None)
@@ -152,7 +163,7 @@ def _muscles(model: Components) -> tuple[dict[str, Muscle], dict[str, Way], int,
             continue
         try:
             way = read_way(path, model)
-        except Lost as reason:
+        except UnusablePathError as reason:
             losses.append(drop(tag, f"{reason}; a tendon here would have another length"))
             continue
         tag.used = path.used = True
@@ -178,9 +189,9 @@ def _wrap_losses(ways: Mapping[str, Way]) -> list[Loss]:
 
 
 def _passive(
-    model: Components, skeleton: Skeleton
-) -> tuple[dict[str, Limit], dict[str, Spring], list[Loss]]:
-    limits: dict[str, Limit] = {}
+    model: Components, skeleton: OsimSkeleton
+) -> tuple[dict[str, CoordinateLimit], dict[str, Spring], list[Loss]]:
+    limits: dict[str, CoordinateLimit] = {}
     springs: dict[str, Spring] = {}
     losses: list[Loss] = []
     for tag in model.of_kind("CoordinateLimitForce", "SpringGeneralizedForce"):
@@ -198,13 +209,13 @@ def _passive(
     return limits, springs, losses
 
 
-def _markers(model: Components) -> list[Site]:
+def _markers(model: Components) -> list[MjcfSite]:
     out = []
     for tag in model.of_kind("Marker"):
         frame = model.frame(tag, "parent_frame")
         position = frame.transform.at(np.array(tag.values("location", (0.0,) * 3)))
         tag.flag("fixed", False)
-        out.append(Site(tag.name, frame.body, position))
+        out.append(MjcfSite(tag.name, frame.body, position))
     return out
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from cosim.port import Array
 from rigid.opensim.components import Components, Transform, rotate_xyz
-from rigid.opensim.xml import Tag
+from rigid.opensim.xml import OsimTag
 
 WRAPS = ("WrapCylinder", "WrapSphere")
 SIDE_AT = 2.0
@@ -20,7 +20,7 @@ SIDE_AT = 2.0
 SIDES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 
-class Lost(Exception):
+class UnusablePathError(Exception):
     """A path that cannot be kept, with the reason."""
 
 
@@ -38,7 +38,7 @@ class Wrap:
     """A cylinder (axis z) or sphere fixed in a body; `side` is the direction, in its own frame, of
     the half that the path keeps to, if any."""
 
-    tag: Tag
+    tag: OsimTag
     body: str
     place: Transform
     radius: float
@@ -62,16 +62,16 @@ class Way:
 
     points: tuple[Point, ...]
     wraps: tuple[Wrap | None, ...]
-    changes: tuple[tuple[Tag, str], ...]
+    changes: tuple[tuple[OsimTag, str], ...]
 
 
-def read_way(path: Tag, model: Components) -> Way:
-    """Raises Lost where the path cannot be kept, InputError where it cannot be read."""
+def read_way(path: OsimTag, model: Components) -> Way:
+    """Read a path.  Raises UnusablePathError where it cannot be kept, InputError if unreadable."""
     points = tuple(_point(tag, model) for tag in path.within("PathPointSet", "objects"))
     if len(points) < 2:
         raise path.fault(f"expected at least two path points, got {len(points)}")
     wraps: list[Wrap | None] = [None] * (len(points) - 1)
-    changes: list[tuple[Tag, str]] = []
+    changes: list[tuple[OsimTag, str]] = []
     for tag in path.within("PathWrapSet", "objects"):
         wrap = _wrap(tag, model)
         if wrap is not None:
@@ -81,19 +81,21 @@ def read_way(path: Tag, model: Components) -> Way:
     return Way(points, tuple(wraps), tuple(changes))
 
 
-def _point(tag: Tag, model: Components) -> Point:
+def _point(tag: OsimTag, model: Components) -> Point:
     if tag.kind == "ConditionalPathPoint":
-        raise Lost(f"path point {tag.name!r} is there only in a range of a coordinate")
+        raise UnusablePathError(f"path point {tag.name!r} is there only in a range of a coordinate")
     if tag.kind == "MovingPathPoint":
-        raise Lost(f"path point {tag.name!r} moves in its body as a coordinate changes")
+        raise UnusablePathError(
+            f"path point {tag.name!r} moves in its body as a coordinate changes"
+        )
     if tag.kind != "PathPoint":
-        raise Lost(f"path point {tag.name!r} is a {tag.kind}")
+        raise UnusablePathError(f"path point {tag.name!r} is a {tag.kind}")
     frame = model.frame(tag, "parent_frame")
     position = frame.transform.at(np.array(tag.values("location", (0.0,) * 3)))
     return Point(tag.name, frame.body, position)
 
 
-def _wrap(use: Tag, model: Components) -> Wrap | None:
+def _wrap(use: OsimTag, model: Components) -> Wrap | None:
     """The wrap object that a PathWrap names; None where it is not active."""
     name = use.word("wrap_object", "")
     found = [t for t in model.by_name.get(name, []) if t.kind.startswith("Wrap")]
@@ -105,11 +107,13 @@ def _wrap(use: Tag, model: Components) -> Wrap | None:
     if not tag.flag("active", True):
         return None
     if tag.kind not in WRAPS:
-        raise Lost(f"it wraps over {name!r}, a {tag.kind}, which MuJoCo's tendons cannot")
+        raise UnusablePathError(
+            f"it wraps over {name!r}, a {tag.kind}, which MuJoCo's tendons cannot"
+        )
     return _surface(tag, model)
 
 
-def _surface(tag: Tag, model: Components) -> Wrap:
+def _surface(tag: OsimTag, model: Components) -> Wrap:
     place = rotate_xyz(
         tag.values("xyz_body_rotation", (0.0,) * 3), tag.values("translation", (0.0,) * 3)
     )
@@ -120,11 +124,13 @@ def _surface(tag: Tag, model: Components) -> Wrap:
         raise tag.fault("radius and length must be positive")
     holder = model.path(tag).rsplit("/", 2)[0]
     if model.by_path[holder].kind not in ("Body", "Ground"):
-        raise Lost(f"the wrap object {tag.name!r} hangs on a {model.by_path[holder].kind}")
+        raise UnusablePathError(
+            f"the wrap object {tag.name!r} hangs on a {model.by_path[holder].kind}"
+        )
     return Wrap(tag, holder, place, radius, half, _side(tag, half is not None))
 
 
-def _side(tag: Tag, cylinder: bool) -> Array | None:
+def _side(tag: OsimTag, cylinder: bool) -> Array | None:
     word = tag.word("quadrant", "all").lower()
     if word in ("all", "unassigned", ""):
         return None
@@ -135,8 +141,8 @@ def _side(tag: Tag, cylinder: bool) -> Array | None:
 
 
 def _lay(
-    wrap: Wrap, use: Tag, points: tuple[Point, ...], wraps: list[Wrap | None]
-) -> list[tuple[Tag, str]]:
+    wrap: Wrap, use: OsimTag, points: tuple[Point, ...], wraps: list[Wrap | None]
+) -> list[tuple[OsimTag, str]]:
     """Put a wrap into the segments of its range; what this changes."""
     count = len(points)
     stated = use.values("range", (-1.0, -1.0))
@@ -148,7 +154,9 @@ def _lay(
         raise use.fault(f"<range>: expected two of the path's {count} points, got {got}")
     chosen = [k for k in range(first - 1, last - 1) if not _never(wrap, points[k], points[k + 1])]
     if any(wraps[k] is not None for k in chosen):
-        raise Lost("two surfaces share a segment, where MuJoCo allows one; give each its own range")
+        raise UnusablePathError(
+            "two surfaces share a segment, where MuJoCo allows one; give each its own range"
+        )
     for k in chosen:
         wraps[k] = wrap
     if len(chosen) > 1:

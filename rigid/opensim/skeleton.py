@@ -13,7 +13,7 @@ from cosim.port import Array
 from rigid.opensim.components import GROUND, Components
 from rigid.opensim.joints import KINDS, Coordinate, Joint, read_joint
 from rigid.opensim.losses import Loss, change_of
-from rigid.opensim.xml import Tag
+from rigid.opensim.xml import OsimTag
 
 MOST_BODIES = 5000
 MOST_IN_CHAIN = 100
@@ -26,20 +26,20 @@ SLACK = 1e-9
 
 
 @dataclass(frozen=True)
-class Body:
+class OsimBody:
     """Mass (kg), its centre (3,) m and the inertia (3, 3) kg m2 about it, in the body's axes."""
 
-    tag: Tag
+    tag: OsimTag
     mass: float
     centre: Array
     inertia: Array
 
 
 @dataclass(frozen=True)
-class Skeleton:
+class OsimSkeleton:
     """Bodies and the joint that carries each, by path; `branches` lists a body's children."""
 
-    bodies: Mapping[str, Body]
+    bodies: Mapping[str, OsimBody]
     joints: Mapping[str, Joint]
     branches: Mapping[str, tuple[str, ...]]
     losses: tuple[Loss, ...]
@@ -55,7 +55,7 @@ class Skeleton:
         return {s.coordinate: s.slide for j in self.joints.values() for s in j.screws}
 
 
-def read_skeleton(model: Components) -> Skeleton:
+def read_skeleton(model: Components) -> OsimSkeleton:
     """Raises InputError for closed loops, bodies that nothing carries, joints or inertias that
     MuJoCo cannot have, and names that come twice."""
     tags = [t for t in model.by_path.values() if t.kind.endswith("Joint")]
@@ -76,7 +76,7 @@ def read_skeleton(model: Components) -> Skeleton:
         losses += more
     _unique([*bodies.values()])
     _unique([c.tag for joint in joints.values() for c in joint.coordinates])
-    return Skeleton(read, joints, branches, tuple(losses))
+    return OsimSkeleton(read, joints, branches, tuple(losses))
 
 
 def _by_child(joints: list[Joint], model: Components) -> dict[str, Joint]:
@@ -94,7 +94,9 @@ def _by_child(joints: list[Joint], model: Components) -> dict[str, Joint]:
     return out
 
 
-def _branches(bodies: Mapping[str, Tag], joints: Mapping[str, Joint]) -> dict[str, tuple[str, ...]]:
+def _branches(
+    bodies: Mapping[str, OsimTag], joints: Mapping[str, Joint]
+) -> dict[str, tuple[str, ...]]:
     branches: dict[str, list[str]] = {above: [] for above in (GROUND, *bodies)}
     for path, tag in bodies.items():
         if path not in joints:
@@ -125,7 +127,7 @@ def _coordinate_losses(joint: Joint) -> list[Loss]:
     return out
 
 
-def _body(tag: Tag, moving: bool) -> tuple[Body, list[Loss]]:
+def _body(tag: OsimTag, moving: bool) -> tuple[OsimBody, list[Loss]]:
     mass, centre = tag.value("mass"), np.array(tag.values("mass_center", (0.0,) * 3))
     xx, yy, zz, xy, xz, yz = tag.values("inertia", (0.0,) * 6)
     inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
@@ -146,11 +148,11 @@ def _body(tag: Tag, moving: bool) -> tuple[Body, list[Loss]]:
         why = f"least moment of inertia {principal[0]:g} kg m2: {LEAST_INERTIA:g} more about each"
         losses.append(change_of(tag, f"{why} axis; MuJoCo needs some"))
         inertia = inertia + LEAST_INERTIA * np.eye(3)
-    return Body(tag, mass, centre, inertia), losses
+    return OsimBody(tag, mass, centre, inertia), losses
 
 
-def _unique(tags: list[Tag]) -> None:
-    first: dict[str, Tag] = {}
+def _unique(tags: list[OsimTag]) -> None:
+    first: dict[str, OsimTag] = {}
     for tag in tags:
         other = first.setdefault(tag.name, tag)
         if other is not tag:

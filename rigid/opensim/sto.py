@@ -30,7 +30,7 @@ STATES = ("value", "speed")
 
 
 @dataclass(frozen=True)
-class Table:
+class StoTable:
     """Columns over time: `time` (n,) s, increasing; `values` (n, m) in SI units, angles in rad.
 
     `angles` are the coordinates (or columns) that are angles; `in_degrees` says whether the file
@@ -73,12 +73,23 @@ def _scale(columns: Sequence[str], angles: Collection[str]) -> Array:
     return np.where([is_angle(c, angles) for c in columns], np.degrees(1.0), 1.0)
 
 
-def read_sto(path: Path, angles: Collection[str] | None = None) -> Table:
-    """A .sto or .mot.  `angles`: the rotational coordinates, whose columns (and those of their
+def read_sto(path: Path, angles: Collection[str] | None = None) -> StoTable:
+    """Read a .sto or .mot.  `angles`: the rotational coordinates, whose columns (and those of their
     states) are taken from degrees to rad where the file says `inDegrees=yes`.
 
     Raises InputError (naming file and line) for what is no such table, for a value that is not
-    finite, for time that does not increase, and for degrees where `angles` is not given."""
+    finite, for time that does not increase, and for degrees where `angles` is not given.
+
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> from rigid.opensim.sto import StoTable, read_sto, write_sto
+    >>> table = StoTable("forces", ("EDC", "FDP"), np.array([0.0, 0.1]), np.ones((2, 2)))
+    >>> with TemporaryDirectory() as folder:
+    ...     write_sto(Path(folder) / "forces.sto", table)
+    ...     read_sto(Path(folder) / "forces.sto").columns
+    ('EDC', 'FDP')
+    """
     lines = _lines(path)
     header, at = _header(lines, path)
     fields = dict(_fields(header))
@@ -95,7 +106,7 @@ def read_sto(path: Path, angles: Collection[str] | None = None) -> Table:
         values = values / _scale(columns[1:], angles)
     name = header[0].strip() if header and "=" not in header[0] else ""
     try:
-        return Table(name, columns[1:], table[:, 0], values, degrees, tuple(angles or ()))
+        return StoTable(name, columns[1:], table[:, 0], values, degrees, tuple(angles or ()))
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
 
@@ -194,7 +205,7 @@ def _check_counts(fields: Mapping[str, str], table: Array, path: Path) -> None:
             raise InputError(f"{path}: the header says {what}={said[:20]}, the file has {count}")
 
 
-def write_sto(path: Path, table: Table, version: Literal[1, 3] = 3) -> None:
+def write_sto(path: Path, table: StoTable, version: Literal[1, 3] = 3) -> None:
     """A table as OpenSim reads and plots it, numbers in full precision; where `table.in_degrees`,
     the columns of `table.angles` are written in degrees.
 
@@ -210,7 +221,7 @@ def write_sto(path: Path, table: Table, version: Literal[1, 3] = 3) -> None:
         part.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def _header_lines(table: Table, version: Literal[1, 3]) -> list[str]:
+def _header_lines(table: StoTable, version: Literal[1, 3]) -> list[str]:
     name = " ".join(table.name.split()) or "table"
     degrees = f"inDegrees={'yes' if table.in_degrees else 'no'}"
     if version == 1:

@@ -13,7 +13,7 @@ LIMITS = Limits(bytes=32 << 20, tags=600_000, depth=64)
 LISTS = ("OpenSimDocument", "Model", "objects", "components", "coordinates", "frames")
 
 
-class Tag(xml_tree.Tag):
+class OsimTag(xml_tree.Tag):
     """A tag of OpenSim's."""
 
     __slots__ = ()
@@ -32,9 +32,9 @@ class Tag(xml_tree.Tag):
             above = above.parent
         return own if above is None else f"{above.place} > {own}"
 
-    def within(self, *kinds: str) -> list[Tag]:
+    def within(self, *kinds: str) -> list[OsimTag]:
         """The children of the tag at the end of that way down; none where it ends early."""
-        here: Tag | None = self
+        here: OsimTag | None = self
         for kind in kinds:
             here = None if here is None else here.one(kind)
         for c in here.children if here else ():
@@ -64,12 +64,12 @@ class Tag(xml_tree.Tag):
         return word == "true"
 
 
-def read_xml(path: Path) -> Tag:
+def read_xml(path: Path) -> OsimTag:
     """The tree of an OpenSimDocument.
 
     Raises InputError as `read_tree` does, and where the file is not UTF-8."""
     try:
-        return read_tree(path, "OpenSimDocument", Tag, LIMITS)
+        return read_tree(path, "OpenSimDocument", OsimTag, LIMITS)
     except InputError:
         _check_utf8(path)
         raise

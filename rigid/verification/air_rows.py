@@ -25,7 +25,7 @@ from rigid.air.plant import (
     REFERENCE_DENSITY,
     ROOM,
     AirState,
-    Cylinder,
+    PneumaticCylinder,
     Pneumatics,
     Valve,
     at_rest,
@@ -47,7 +47,7 @@ FILLING, EMPTYING = np.array([5.6]), np.array([4.4])
 
 def chamber(heat: float) -> Pneumatics:
     """A valve whose spool stands where it is told, on a chamber with walls of `heat` W/K."""
-    return Pneumatics(Valve(lag=1e-4), Cylinder(heat=heat))
+    return Pneumatics(Valve(lag=1e-4), PneumaticCylinder(heat=heat))
 
 
 def run(air: Pneumatics, state: AirState, voltage: Array, time: float, dt: float) -> AirState:
@@ -107,7 +107,7 @@ def discharge_rows() -> Iterator[Row]:
 
 def compress(heat: float, count: int) -> float:
     """Pressure over the first, of a shut chamber whose volume halves in 0.1 s in so many steps."""
-    air = Pneumatics(Valve(conductance=1e-20, lag=1e3), Cylinder(heat=heat))
+    air = Pneumatics(Valve(conductance=1e-20, lag=1e3), PneumaticCylinder(heat=heat))
     state = at_rest(air, np.full(1, 5.0), VOLUME)
     first = state.pressure
     for k in range(1, count + 1):

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from statistics import median
 from time import process_time
 
-from rigid.mujoco.dynamics import Constant, FingerDynamics
+from rigid.mujoco.dynamics import ConstantTension, FingerDynamics
 from rigid.mujoco.finger import MujocoFinger
 from rigid.mujoco.tip_device import Cage
 from rigid.verification.forward import simulate
@@ -41,6 +41,6 @@ def cpu_seconds(work: Callable[[], object], repeats: int) -> list[float]:
 
 def _forward_cpu(muscle: str, repeats: int) -> float:
     finger = MujocoFinger(twin_model(), law=twin_law())
-    pull = Constant(tensions(finger.tendons, muscle))
+    pull = ConstantTension(tensions(finger.tendons, muscle))
     dynamics = FingerDynamics(finger, finger.start(POSTURE), pull, Cage())
     return median(cpu_seconds(lambda: simulate(dynamics), repeats))

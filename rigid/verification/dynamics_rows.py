@@ -20,9 +20,9 @@ from cosim.port import Array
 from meshes.skeleton import JOINTS, index_finger
 from rigid.chain.joint_torques import joint_law
 from rigid.fingers.index import finger_model
-from rigid.mujoco.dynamics import Constant, FingerDynamics
+from rigid.mujoco.dynamics import ConstantTension, FingerDynamics
 from rigid.mujoco.finger import MujocoFinger
-from rigid.mujoco.tip_device import Cage, Contact, Device, Shell, wrench
+from rigid.mujoco.tip_device import Cage, Device, Shell, TipContact, wrench
 from rigid.verification.bench import cpu_seconds
 from rigid.verification.forward import Simulation, simulate
 from rigid.verification.thesis_twin import LIMIT_DAMPING, POSTURE, TENSIONS, twin_law, twin_model
@@ -53,7 +53,7 @@ def rows() -> Iterator[Row]:
 
 def contact_rows() -> Iterator[Row]:
     """The devices' forces at 10 um of depth against integrals of the published laws."""
-    contact, depth, still = Contact(), 1e-5, np.zeros(6)
+    contact, depth, still = TipContact(), 1e-5, np.zeros(6)
     cage, shell = Cage(contact), Shell(contact)
     hertz = 4 / 3 * contact.stiffness / 2**1.5 * np.sqrt(contact.radius) * depth**1.5
     found = -wrench(cage, np.array([cage.gap + depth, 0, 0]), still).wrench[0]
@@ -172,5 +172,5 @@ def _pull(finger: MujocoFinger, muscles: tuple[str, ...]) -> Array:
 
 
 def _simulate(finger: MujocoFinger, muscles: tuple[str, ...], device: Device | None) -> Simulation:
-    pull = Constant(_pull(finger, muscles))
+    pull = ConstantTension(_pull(finger, muscles))
     return simulate(FingerDynamics(finger, finger.start(POSTURE), pull, device))

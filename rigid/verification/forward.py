@@ -18,7 +18,7 @@ STEP = 1e-3
 
 
 @dataclass(frozen=True)
-class Rest:
+class RestCriterion:
     """When a finger counts as at rest: over the last `window` s no joint turns faster than `rate`
     rad/s and no component of the fingertip force strays further than `force` N from its end.
 
@@ -32,7 +32,7 @@ class Rest:
 
 
 @dataclass(frozen=True)
-class Energy:
+class EnergyBudget:
     """J, over the whole simulation.  Kinetic energy gained and what is stored come from the work of
     the tendons and gravity less what is dissipated and `artificial`: what the method's damping took
     (positive) or gave."""
@@ -47,6 +47,7 @@ class Energy:
 
     @property
     def artificial(self) -> float:
+        """J, what the method's damping took (positive) or gave."""
         gained = self.kinetic + self.joints_stored + self.device_stored
         lost = self.joints_dissipated + self.device_dissipated
         return self.tendons + self.gravity - gained - lost
@@ -68,8 +69,8 @@ class Simulation:
     """(n + 1, 3) N m about the fingertip."""
     tension: Array
     """(n + 1, nt) N."""
-    energy: Energy
-    rest: Rest
+    energy: EnergyBudget
+    rest: RestCriterion
     last_rate: float
     """The largest joint rate over the window of `rest`, rad/s."""
     last_change: float
@@ -81,6 +82,7 @@ class Simulation:
 
     @property
     def at_rest(self) -> bool:
+        """Whether rates and force change over the last window no more than `rest` allows."""
         return self.last_rate <= self.rest.rate and self.last_change <= self.rest.force
 
 
@@ -88,13 +90,13 @@ def simulate(
     dynamics: FingerDynamics,
     duration: float = DURATION,
     dt: float = STEP,
-    rest: Rest | None = None,
+    rest: RestCriterion | None = None,
 ) -> Simulation:
     """The motion over `duration` s in steps of `dt` s.
 
     Raises InputError where the duration is no multiple of the step or shorter than the window of
     rest, ConvergenceError where a step does not converge."""
-    rest = Rest() if rest is None else rest
+    rest = RestCriterion() if rest is None else rest
     steps = round(duration / dt) if dt > 0 else 0
     if steps < 1 or abs(steps * dt - duration) > 1e-9 * duration or duration < rest.window:
         raise InputError(
@@ -107,8 +109,8 @@ def simulate(
     return _simulation(dynamics, history, dt, rest)
 
 
-def came_to_rest(simulation: Simulation) -> Simulation:
-    """The same simulation.  Raises ConvergenceError where it did not come to rest."""
+def require_rest(simulation: Simulation) -> Simulation:
+    """Return the same simulation.  Raises ConvergenceError where it did not come to rest."""
     if not simulation.at_rest:
         rest = simulation.rest
         raise ConvergenceError(
@@ -122,7 +124,7 @@ def came_to_rest(simulation: Simulation) -> Simulation:
 
 
 def _simulation(
-    dynamics: FingerDynamics, history: list[Moment], dt: float, rest: Rest
+    dynamics: FingerDynamics, history: list[Moment], dt: float, rest: RestCriterion
 ) -> Simulation:
     rates, tip = _over_time([m.rates for m in history]), _over_time([m.tip for m in history])
     last = -(round(rest.window / dt) + 1)
@@ -142,7 +144,7 @@ def _simulation(
     )
 
 
-def _energy(dynamics: FingerDynamics, history: list[Moment], dt: float) -> Energy:
+def _energy(dynamics: FingerDynamics, history: list[Moment], dt: float) -> EnergyBudget:
     """Energies of tendons, springs and curves by the trapezoidal rule, of limits, device and
     gravity from their potentials, and of damping as the steps have it."""
     law, first, last = dynamics.law, history[0], history[-1]
@@ -154,7 +156,7 @@ def _energy(dynamics: FingerDynamics, history: list[Moment], dt: float) -> Energ
     damping = limit_damping(angles, law.lower, law.upper, law.limit_damping, law.transition)
     damping = damping if law.damping is None else damping + law.damping
     stored = [dynamics.device.energy(dynamics.place(m)) for m in (first, last)]
-    return Energy(
+    return EnergyBudget(
         tendons=-_work(tension, length),
         gravity=dynamics.energies(first)[1] - dynamics.energies(last)[1],
         kinetic=last.kinetic - first.kinetic,

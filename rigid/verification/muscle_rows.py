@@ -113,7 +113,7 @@ def table_rows() -> Iterator[Row]:
 
 
 def live_rows() -> Iterator[Row]:
-    """The same against the installed OpenSim."""
+    """Yield the rows of muscles against the installed OpenSim."""
     import opensim
 
     muscles = index_muscles()

@@ -21,8 +21,8 @@ from rigid.papers.networks.human_network import MUSCLES, OPERATING_FORCE, human_
 from rigid.papers.networks.robotic_finger import LENGTH
 from rigid.papers.networks.share_models import (
     MOMENT_ARM,
-    Finger,
     Inverse,
+    ShareFinger,
     forward,
     inverse,
     with_shares,
@@ -37,9 +37,9 @@ from rigid.papers.networks.testbed_runs import (
 )
 from rigid.papers.networks.testbed_study import (
     REPORTED_ERRORS,
-    Trial,
+    SeedTrial,
+    constrain_to_curve,
     errors,
-    keep_to_curve,
     trials,
 )
 
@@ -86,7 +86,7 @@ def identification_rows() -> Iterator[Row]:
             name,
             f"95 % intervals that hold the truth, {words}",
             0.95,
-            draws.covered,
+            draws.coverage,
             0.01,
             source,
             "absolute",
@@ -119,7 +119,7 @@ def inverse_rows() -> Iterator[Row]:
     yield from _recover(finger, angle, estimate)
 
 
-def _recover(finger: Finger, angle: Array, force: Array) -> Iterator[Row]:
+def _recover(finger: ShareFinger, angle: Array, force: Array) -> Iterator[Row]:
     """Forces that leave no torque at the tip are their own nearest."""
     name, source = "inverse prediction", PAPER + "IV-D, equation 13"
     ahead = forward(finger, angle, force)
@@ -130,7 +130,7 @@ def _recover(finger: Finger, angle: Array, force: Array) -> Iterator[Row]:
     yield Row(name, what, 1e-4, off, 0.0, source, "bound")
 
 
-def _other(finger: Finger, angle: Array, tip_force: Array, estimate: Array) -> float:
+def _other(finger: ShareFinger, angle: Array, tip_force: Array, estimate: Array) -> float:
     """N^2: the least cost of (13) that scipy's SLSQP finds, from several shares on."""
 
     def off(x: Array) -> Array:
@@ -171,15 +171,15 @@ def testbed_rows() -> Iterator[Row]:
             about = PAPER + "IV, its own testbed's RMSE, without a spread"
             yield Row(name, what, theirs, float(mine), 0.0, about, "shown")
     without, elsewhere = trials(SEEDS, 0.0), trials(SEEDS, FRICTION_ELSEWHERE, ELSEWHERE)
-    off = hysteresis(virtual_bed(FRICTION_ELSEWHERE), ELSEWHERE).off_x
+    off = hysteresis(virtual_bed(FRICTION_ELSEWHERE), ELSEWHERE).angle_from_x
     yield _other_circle(name, "without friction at the routing points", without)
     there = f"in another posture, with the hysteresis {off:.0f} deg off x"
     yield _other_circle(name, there, elsewhere)
 
 
-def _other_circle(name: str, how: str, found: Sequence[Trial]) -> Row:
+def _other_circle(name: str, how: str, found: Sequence[SeedTrial]) -> Row:
     """What friction and the posture, which is not printed, do to the circle."""
-    kept = keep_to_curve(found)
+    kept = constrain_to_curve(found)
     what = (
         f"circle {how}: interconnected over static, the {kept.sum()} of {SEEDS} seeds that keep "
         "to the coupling curve"

@@ -21,7 +21,7 @@ import numpy as np
 from cosim.port import Array
 from rigid.chain.joint_torques import JointLaw
 from rigid.model import FingerModel, Segment, Via
-from rigid.mujoco.tip_device import Contact
+from rigid.mujoco.tip_device import TipContact
 from rigid.verification.thesis_twin import POSTURE, TENSIONS, twin_law, twin_model
 
 ACCURACY = 1e-5
@@ -65,7 +65,7 @@ class OpenSimFinger:
         law: JointLaw,
         posture: Mapping[str, float],
         tension: Mapping[str, float],
-        contact: Contact | None,
+        contact: TipContact | None,
     ) -> None:
         """contact: of the cage about the tip; None: its point is held."""
         import opensim
@@ -170,7 +170,7 @@ class OpenSimFinger:
                 controller.prescribeControlForActuator(actuator.getName(), full)
         self.model.addController(controller)
 
-    def _add_device(self, finger: FingerModel, contact: Contact | None) -> None:
+    def _add_device(self, finger: FingerModel, contact: TipContact | None) -> None:
         self._caged = contact is not None
         state = self._start()
         self.model.realizePosition(state)
@@ -189,7 +189,7 @@ class OpenSimFinger:
         self.model.addConstraint(self._device)
 
     def _add_cage(
-        self, contact: Contact, ground: Any, centre: Array, body: Any, finger: FingerModel
+        self, contact: TipContact, ground: Any, centre: Array, body: Any, finger: FingerModel
     ) -> None:
         """Six half-spaces about `centre`; OpenSim's is the half x > 0 of its own frame."""
         import opensim
@@ -258,7 +258,7 @@ def _vec3(values: Sequence[float] | Array) -> Any:
 
 def twin(muscle: str, caged: bool) -> Settled:
     """What one muscle of the twin comes to, alone, in the cage or held at a point."""
-    contact = Contact() if caged else None
+    contact = TipContact() if caged else None
     pull = {muscle: TENSIONS[muscle]}
     return OpenSimFinger(twin_model(), twin_law(), POSTURE, pull, contact).settle()
 

@@ -61,7 +61,7 @@ def shipped_models() -> tuple[Imported, Figures]:
 
 
 @dataclass(frozen=True)
-class Kinematics:
+class MjcfFigures:
     """An MJCF at postures: as in `Figures`."""
 
     lengths: Array
@@ -71,7 +71,7 @@ class Kinematics:
 
 def at_postures(
     xml: str, coordinates: tuple[str, ...], paths: tuple[str, ...], postures: Array
-) -> Kinematics:
+) -> MjcfFigures:
     """Tendons and mass matrices of an MJCF at postures (n, nq) of named joints."""
     model = mujoco.MjModel.from_xml_string(xml)
     data = mujoco.MjData(model)
@@ -89,7 +89,7 @@ def at_postures(
         lengths.append(data.ten_length[rows])
         arms.append(-dense[np.ix_(rows, columns)])
         masses.append(mass[np.ix_(columns, columns)])
-    return Kinematics(np.array(lengths), np.array(arms), np.array(masses))
+    return MjcfFigures(np.array(lengths), np.array(arms), np.array(masses))
 
 
 def over_cylinder(

@@ -14,7 +14,7 @@ from cosim.checks import Row, Study
 from rigid.fingers.robot import robot_finger
 from rigid.fingers.robot_tables import JOINTS, TABLE_III, TENDONS
 from rigid.papers.xu2012 import checks
-from rigid.papers.xu2012.tracking import SETTLED, STEP_SECONDS, Step
+from rigid.papers.xu2012.tracking import SETTLED, STEP_SECONDS, StepResponse
 
 PAPER = "Design of an Anthropomorphic Robotic Finger System with Biomimetic Artificial Joints"
 POSTURES = 40
@@ -51,7 +51,7 @@ def _path_rows(name: str, six: bool) -> Iterator[Row]:
     yield row("ten_J less differences of the length, mm/rad",
               computed=checks.difference(model, some), tolerance=1e-6,
               source="central differences, 1e-5 rad")  # fmt: skip
-    length, arms = checks.beside_closed_forms(model, some)
+    length, arms = checks.closed_form_errors(model, some)
     yield row("length less closed forms, m", computed=length, tolerance=1e-12,
               source="rigid.papers.xu2012.paths: cylinders unrolled, great circles")  # fmt: skip
     yield row("arms less differences of closed forms, m/rad", computed=arms, tolerance=1e-9,
@@ -77,7 +77,7 @@ def air_control_rows() -> Iterator[Row]:
 
 
 def lag_control_rows() -> Iterator[Row]:
-    """The same on a stand-in of first order."""
+    """Yield the rows of control on a stand-in of first order."""
     yield from _control_rows("on a lag of 50 ms", air=False)
 
 
@@ -118,7 +118,7 @@ def _quality_rows(name: str, found: checks.Quality) -> Iterator[Row]:
         yield row(f"largest overshoot of {joint}, deg", 0.0, past, np.degrees(SETTLED))
 
 
-def _unstable(steps: list[Step]) -> float:
+def _unstable(steps: list[StepResponse]) -> float:
     return float(sum(s.unstable for s in steps))
 
 
@@ -132,7 +132,7 @@ def excursion_rows() -> Iterator[Row]:
     mean = 1e3 * float(e.meant.residual.mean())
     yield row("mean residual of the markers, mm", 5.0, mean, 1.0, measure="comparison")
     for seed in range(SEEDS):
-        off = 1e3 * checks.excursions(seed).misplaced
+        off = 1e3 * checks.excursions(seed).marker_error
         yield row(f"markers' places found to, mm, seed {seed}", 1.0, off, 0.0, measure="bound")
     before, after = checks.rms(e.meant), checks.rms(e.found)
     for tendon, b, a in zip(TENDONS, before, after, strict=True):

@@ -18,14 +18,14 @@ from cosim.port import Array
 from rigid.chain.planar_chain import BUCHNER
 from rigid.hoods.two_band import ELASTICITY, MUSCLES, TABLE_1, Entry, coupled_dip, two_band
 from rigid.muscle.least_cost import ACCURATE, Power, Programme, least
-from rigid.papers.buchner1988.coordination import Loop, deviation, flex
+from rigid.papers.buchner1988.coordination import ControlLoop, deviation, flex
 from rigid.papers.buchner1988.coordination_findings import feasible, findings, flexion
 from rigid.papers.buchner1988.flexion import (
     DURATION,
     FULL,
     Course,
     cosine,
-    on_the_curve,
+    curve_motion,
     quintic,
     torques,
 )
@@ -57,7 +57,7 @@ class Programmes:
 
     def at(self, time: float) -> tuple[Array, Array]:
         """Joint angles and torques, (3,) each."""
-        angle, rate, acceleration = on_the_curve(np.array(time), self.course)
+        angle, rate, acceleration = curve_motion(np.array(time), self.course)
         return angle, torques(BUCHNER, angle, rate, acceleration)
 
     def linear(self, time: float) -> Sharing:
@@ -66,6 +66,8 @@ class Programmes:
         return linear(network, *self.at(time), HALF, np.zeros(2), EQUAL)
 
     def quadratic(self, time: float, weight: Array = EQUAL) -> Sharing:
+        """Return the forces by the quadratic programme with the muscles' cost `weight` at a time
+        (s)."""
         return quadratic(two_band(table=self.table), *self.at(time), weight)
 
     def fall(self, weight: Array) -> float:
@@ -119,10 +121,10 @@ def _loop_rows() -> Iterator[Row]:
     yield row("from the parabola at most, deg", 0.0, off.curve, SEEN, measure="comparison")
     apart = float(np.degrees(np.abs(coupled_dip(PIP) - PIP * coupled_dip(PIP[-1:]) / FULL).max()))
     yield row("from the line at most, deg", apart, off.line, SEEN, measure="comparison")
-    stiff = Loop(elasticity=10 * ELASTICITY)
+    stiff = ControlLoop(elasticity=10 * ELASTICITY)
     far = deviation(stiff, flex(stiff, 101)).curve
     yield row("from the parabola with K over that with 10 K", 10.0, off.curve / far, 0.1)
-    literal = Loop(bands_answer=False)
+    literal = ControlLoop(bands_answer=False)
     on = deviation(literal, flex(literal, 101)).line
     yield row("equation 17 literally: from the line, deg", 0.0, on, 1e-6, measure="absolute")
     for share, target in ((0.5, 1.0), (1.0, 0.0)):

@@ -26,7 +26,7 @@ from rigid.chain.planar_chain import BUCHNER
 from rigid.hoods.two_band import two_band
 from rigid.mujoco.inverse_dynamics import needed_torque
 from rigid.muscle.least_cost import least
-from rigid.papers.buchner1988.flexion import on_the_curve, torques
+from rigid.papers.buchner1988.flexion import curve_motion, torques
 from rigid.papers.buchner1988.force_sharing import linear
 
 CLAMPED = 'finger.tip.kind="clamped"'
@@ -35,7 +35,7 @@ HALF = np.array([[0.5, 0, 0, 0, 0]] * 2)
 
 
 @cache
-def made(name, *settings, weights="pcsa", power=2, most=()):
+def estimate_setup(name, *settings, weights="pcsa", power=2, most=()):
     return setup(load_case(name, list(settings)), weights, power, {}, dict(most))
 
 
@@ -53,7 +53,7 @@ def silent(text):
     ],
 )
 def test_torques_by_tension_are_slopes(name, settings):
-    s = made(name, *settings)
+    s = estimate_setup(name, *settings)
     held = s.hold_finger(s.models.posture)
     tension = np.linspace(2.0, 6.0, len(held.names))
     at, step = held.at(tension, held.begin()), 1e-4
@@ -72,7 +72,7 @@ def test_where_no_choice_is_left_the_tensions_of_a_forward_run_come_back(power):
     _, states = solve(load_case("split_edc", settings))
     force = states.loaded.balance.tip_force
     others = [(n, 0.0) for n in ("EI", "LUM", "FPI", "FDS", "FDIl")]
-    s = made("split_edc", CLAMPED, power=power, most=tuple(others))
+    s = estimate_setup("split_edc", CLAMPED, power=power, most=tuple(others))
     answer = for_force(s, tuple(force), silent)
     found = dict(zip(s.capacity.names, answer.estimate.tension, strict=True))
     assert {n: found[n] for n in stated} == pytest.approx(stated, rel=1e-6)
@@ -91,7 +91,7 @@ def test_where_no_choice_is_left_the_tensions_of_a_forward_run_come_back(power):
     ],
 )
 def test_a_force_is_made_by_the_case_run_forward(name, settings, force):
-    s = made(name, *settings)
+    s = estimate_setup(name, *settings)
     answer = for_force(s, force, silent)
     wanted = [v for a, v in zip(AXES, force, strict=True) if a in answer.demand.names]
     assert answer.estimate.components == pytest.approx(wanted, abs=1e-6)
@@ -106,7 +106,7 @@ def test_a_force_is_made_by_the_case_run_forward(name, settings, force):
 @pytest.mark.slow
 def test_a_sheet_is_linearised_until_it_makes_the_force():
     """The hood's own equilibrium at the tensions found, solved anew from its start."""
-    s = made("isometric_edc", CLAMPED, "hood.mesh.quads=120")
+    s = estimate_setup("isometric_edc", CLAMPED, "hood.mesh.quads=120")
     answer = for_force(s, (-0.5, 0.0, -0.8), silent)
     assert 3 <= answer.estimate.rounds <= 15
     assert answer.audit.components == pytest.approx([-0.5, 0.0, -0.8], abs=1e-6)
@@ -114,7 +114,7 @@ def test_a_sheet_is_linearised_until_it_makes_the_force():
 
 
 def test_torques_are_made_and_those_not_named_are_none():
-    s = made("split_edc")
+    s = estimate_setup("split_edc")
     answer = for_torques(s, {"MCP_flexion": 0.1, "PIP": 0.05}, silent)
     assert answer.audit.components == pytest.approx([0.1, 0.0, 0.05, 0.0], abs=1e-9)
     with pytest.raises(InputError, match="unknown joint"):
@@ -134,9 +134,9 @@ def test_costs_and_weights_steer():
 def test_a_motion_over_two_bands_takes_what_the_linear_programme_says():
     """With the bands' shares fixed by the hood no choice is left but the paper's; its torques come
     from another dynamics, and its bands from equations."""
-    s = made("two_band_edc", *NO_SPRINGS, weights="one", power=1)
+    s = estimate_setup("two_band_edc", *NO_SPRINGS, weights="one", power=1)
     time = np.linspace(0.0, 1.0, 401)
-    angle, rate, acceleration = on_the_curve(time)
+    angle, rate, acceleration = curve_motion(time)
     from cosim.analyses.estimate.joint_motion import JointMotion
 
     few = slice(0, None, 80)
@@ -161,7 +161,7 @@ def test_inverse_dynamics_counts_springs_and_damping():
 
 
 def test_out_of_reach_names_the_nearest_that_can_be_had():
-    s = made("split_edc")
+    s = estimate_setup("split_edc")
     with pytest.raises(InputError, match="no tensions within their bounds make distal -100"):
         for_force(s, (-100.0, 0.0, -2.0), silent)
     held = s.hold_finger(s.models.posture)
@@ -179,7 +179,7 @@ def test_out_of_reach_names_the_nearest_that_can_be_had():
 
 def test_where_shares_vary_the_way_there_is_told():
     """No arms in abduction: a force without a radial component is out of reach at any size."""
-    s = made("network_edc")
+    s = estimate_setup("network_edc")
     with pytest.raises(InputError, match=r"In stages .* 0% of the way was reached, 25% was not"):
         for_force(s, (-1.0, 0.0, -2.0), silent)
 
@@ -188,7 +188,7 @@ def test_where_shares_vary_the_way_there_is_told():
     ("name", "settings"), [("split_edc", ()), ("split_edc", (CLAMPED,)), ("two_band_edc", ())]
 )
 def test_the_set_holds_what_programmes_can_make_and_no_more(name, settings):
-    s = made(name, *settings)
+    s = estimate_setup(name, *settings)
     held = s.hold_finger(s.models.posture)
     at = held.at(s.capacity.least, held.begin())
     demand = force_demand(held, at)
@@ -206,7 +206,7 @@ def test_the_set_holds_what_programmes_can_make_and_no_more(name, settings):
 
 
 def test_the_section_of_a_set_bears_no_radial_force():
-    s = made("split_edc")
+    s = estimate_setup("split_edc")
     held = s.hold_finger(s.models.posture)
     at = held.at(s.capacity.least, held.begin())
     forces = force_set(force_demand(held, at), s.capacity.least, at, s.bounds)
@@ -217,7 +217,7 @@ def test_the_section_of_a_set_bears_no_radial_force():
 
 
 def test_a_free_component_costs_no_more():
-    s = made("split_edc")
+    s = estimate_setup("split_edc")
     tied = for_force(s, (-1.0, 0.0, -2.0), silent)
     free = for_force(s, (-1.0, None, -2.0), silent)
     price = [float(s.cost.factors @ a.estimate.tension**2) for a in (tied, free)]
@@ -345,7 +345,7 @@ def test_what_is_no_estimate_is_not_replaced(tmp_path):
 
 
 def test_a_reserve_bears_what_tensions_cannot_and_no_more():
-    s = made("split_edc")
+    s = estimate_setup("split_edc")
     held = s.hold_finger(s.models.posture)
     bounds, cost = Bounds(np.zeros(8), np.full(8, 1e-9)), Cost(np.ones(8), 2)
     wanted = np.array([1e-3, 0.0, 0.0, 0.0])
@@ -356,7 +356,7 @@ def test_a_reserve_bears_what_tensions_cannot_and_no_more():
 
 
 def test_torque_demands_know_every_joint():
-    s = made("split_edc")
+    s = estimate_setup("split_edc")
     held = s.hold_finger(s.models.posture)
     wanted = np.array([0.02, 0.0, 0.01, 0.002])
     bounds = Bounds(s.capacity.least, s.capacity.most)

@@ -20,7 +20,7 @@ from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.errors import ConvergenceError, InputError
 from cosim.results.compare import Target
-from tests.helpers.held import HELD
+from tests.helpers.fixed_posture import HELD
 
 TORQUE = "joint_torque_Nmm.passive.PIP"
 ANGLES = (10.0, 30.0, 60.0)
@@ -71,10 +71,10 @@ def held(tmp_path) -> Path:
 
 @pytest.fixture
 def free(tmp_path) -> Path:
-    return written(tmp_path, PARAMETERS + POSTURES)
+    return write_case(tmp_path, PARAMETERS + POSTURES)
 
 
-def written(folder: Path, text: str) -> Path:
+def write_case(folder: Path, text: str) -> Path:
     file = folder / "free.toml"
     file.write_text(text, encoding="utf-8")
     return file
@@ -121,7 +121,7 @@ def test_postures_of_one_case_give_back_a_parameter_of_either_sign(held, free):
 
 
 def test_the_interval_of_a_linear_problem_is_the_closed_form(held, tmp_path):
-    free = written(tmp_path, REST_ALONE + POSTURES)
+    free = write_case(tmp_path, REST_ALONE + POSTURES)
     errors = np.array([0.9, -0.4, 0.7])
     rows = [replace(r, reference=r.reference + e) for r, e in zip(ROWS, errors, strict=True)]
     found = fit_all(cases(held, free, rows))
@@ -135,7 +135,7 @@ def test_the_interval_of_a_linear_problem_is_the_closed_form(held, tmp_path):
 
 
 def test_a_signed_parameter_ends_at_its_bound(held, tmp_path):
-    free = written(tmp_path, REST_ALONE.replace("low = -20", "low = -5") + POSTURES)
+    free = write_case(tmp_path, REST_ALONE.replace("low = -20", "low = -5") + POSTURES)
     found = fit_all(cases(held, free, ROWS))
     assert found.values == {"rest": -5.0}
     assert identifiability(found, "rest") == "at its bound"
@@ -143,7 +143,7 @@ def test_a_signed_parameter_ends_at_its_bound(held, tmp_path):
         replace(r, sd=None, reference=torque(a, -19.9)) for r, a in zip(ROWS, ANGLES, strict=True)
     ]
     blurred = [replace(r, reference=r.reference + e) for r, e in zip(near, (9, 0, -9), strict=True)]
-    found = fit_all(cases(held, written(tmp_path, REST_ALONE + POSTURES), blurred))
+    found = fit_all(cases(held, write_case(tmp_path, REST_ALONE + POSTURES), blurred))
     assert found.values == {"rest": -20.0}
 
 
@@ -175,7 +175,7 @@ def failing(monkeypatch, case: str, fails) -> None:
 
 
 def test_a_case_that_fails_on_the_way_makes_the_step_shorter(held, tmp_path, monkeypatch):
-    free = written(tmp_path, REST_ALONE + POSTURES)
+    free = write_case(tmp_path, REST_ALONE + POSTURES)
     lines: list[str] = []
     failing(monkeypatch, "30.0", lambda rest: rest < -8)
     rows = [replace(r, reference=torque(a, -7.9)) for r, a in zip(ROWS, ANGLES, strict=True)]
@@ -195,7 +195,7 @@ def test_a_case_that_fails_at_the_start_is_named(held, free, monkeypatch):
 
 
 def test_a_gradient_that_one_case_lacks_is_none(held, tmp_path, monkeypatch):
-    free = written(tmp_path, REST_ALONE + POSTURES)
+    free = write_case(tmp_path, REST_ALONE + POSTURES)
     failing(monkeypatch, "60.0", lambda rest: rest not in (5.0, -7.5))
     found = fit_all(cases(held, free, ROWS), most=1)
     assert found.slopes[2] == 0
@@ -226,11 +226,11 @@ def test_every_fault_is_told_at_once(held, free, tmp_path):
     ]
     bad = PARAMETERS.replace("high = 1000", "high = 'x'").replace('scale = "linear"', "scale = 1")
     with pytest.raises(InputError, match=r"(?s)2 faults.*k: high = 'x'.*rest: scale = 1"):
-        cases(held, written(tmp_path, bad + POSTURES), ROWS)
+        cases(held, write_case(tmp_path, bad + POSTURES), ROWS)
     with pytest.raises(InputError, match=r"(?s)2 faults.*cases\.a: .*cases\.b: "):
         cases(
             held,
-            written(
+            write_case(
                 tmp_path,
                 PARAMETERS
                 + "[cases.a]\nset=['finger.posture.MCP=700 deg']\n"
@@ -243,7 +243,7 @@ def test_every_fault_is_told_at_once(held, free, tmp_path):
 def test_a_bound_that_the_case_does_not_take_is_refused_before_any_solve(held, tmp_path):
     text = PARAMETERS.replace("low = -20", "low = -2000") + POSTURES
     with pytest.raises(InputError, match=r"finger.passive.PIP.rest"):
-        cases(held, written(tmp_path, text), ROWS)
+        cases(held, write_case(tmp_path, text), ROWS)
 
 
 def test_built_in_parameters_must_be_those_of_every_case():
@@ -273,11 +273,11 @@ def test_a_quantity_that_a_run_lacks_names_the_case(held, free):
 )
 def test_faulty_tables_of_cases_are_refused(held, tmp_path, text, match):
     with pytest.raises(InputError, match=match):
-        stated_cases([held], (), written(tmp_path, text))
+        stated_cases([held], (), write_case(tmp_path, text))
 
 
 def test_cases_are_named_or_made_of_one(held, tmp_path):
-    free = written(tmp_path, "[cases.a]\nset = ['x=1']\n[cases.b]\nfrom = 'other.toml'\n")
+    free = write_case(tmp_path, "[cases.a]\nset = ['x=1']\n[cases.b]\nfrom = 'other.toml'\n")
     other = tmp_path / "other.toml"
     other.write_text(HELD, encoding="utf-8")
     a, b = stated_cases([held], ("y=2",), free)
@@ -338,7 +338,7 @@ def test_settings_found_over_several_files_are_written_without_a_base(held, tmp_
         f"torque,{TORQUE},N mm,-30,0.1,,,A 1999,experiment\n",
         encoding="utf-8",
     )
-    free = written(tmp_path, REST_ALONE)
+    free = write_case(tmp_path, REST_ALONE)
     call = ["identify", str(held), str(other), "--targets", str(data), "--free", str(free)]
     done = CliRunner().invoke(app, [*call, "--jobs", "1", "--out", str(out)])
     assert done.exit_code == 0, done.output

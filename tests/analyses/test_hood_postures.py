@@ -35,7 +35,7 @@ from cosim.errors import ConvergenceError
 from cosim.fingers.middle import MiddleFingerConfig
 from cosim.hoods.shell.variation import scale_moduli
 from cosim.report.figures import write_figures
-from meshes.bands import Line, SagittalBands, band_heights, sagittal_angles
+from meshes.bands import HoodLine, SagittalBands, band_heights, sagittal_angles
 
 COARSE = "hood.mesh.quads=120"
 EDC, ALL = (("EDC", 3.0),), (("EDC", 1.0), ("EI", 1.0))
@@ -141,7 +141,7 @@ AXIS = np.array([0.0, 1.0, 0.0])
 
 def straight(*points):
     nodes = tuple((np.array([i]), np.ones(1)) for i in range(len(points)))
-    return Line(nodes), np.array(points)
+    return HoodLine(nodes), np.array(points)
 
 
 @pytest.mark.parametrize("flexion", [0.0, 0.6, 1.5])

@@ -19,8 +19,8 @@ from cosim.cli import app
 from cosim.errors import ConvergenceError, InputError
 from cosim.pipeline import run_case
 from cosim.results.compare import Target, read_targets, value_of
+from tests.helpers.fixed_posture import HELD
 from tests.helpers.folders import CASE_DATA
-from tests.helpers.held import HELD
 
 PASSIVE, PULL = "joint_torque_Nmm.passive.PIP", "joint_torque_Nmm.EDC.MCP"
 COARSE = ("hood.mesh.quads=120",)
@@ -58,7 +58,7 @@ def of(*parameters: FitParameter) -> Free:
     )
 
 
-def measured_in(case: Path, settings: tuple[str, ...], *quantities: str, sd: float) -> list[Target]:
+def targets_of(case: Path, settings: tuple[str, ...], *quantities: str, sd: float) -> list[Target]:
     """Targets that the case with settings meets."""
     summary = run_case(load_case(case, settings)).summary
     return [
@@ -79,7 +79,7 @@ def measured_in(case: Path, settings: tuple[str, ...], *quantities: str, sd: flo
 
 def twin(held: Path) -> list[Target]:
     truth = ("finger.passive.PIP.stiffness=0.05 N*m/rad", "tendons.EDC.tension=3 N")
-    return measured_in(held, truth, PASSIVE, PULL, sd=0.1)
+    return targets_of(held, truth, PASSIVE, PULL, sd=0.1)
 
 
 def test_a_twin_gives_back_its_parameters_and_how_sure_they_are(held):
@@ -154,7 +154,7 @@ def test_solves_that_fail_on_the_way_are_listed_and_passed_by(held, monkeypatch)
 
     monkeypatch.setattr("cosim.analyses.trials.outcome.outcome", fails_when_soft)
     truth = ("finger.passive.PIP.stiffness=0.06 N*m/rad",)
-    target = replace(measured_in(held, truth, PASSIVE, sd=0.1)[0], reference=-47.1239)
+    target = replace(targets_of(held, truth, PASSIVE, sd=0.1)[0], reference=-47.1239)
     near = replace(stiffness(), start=900.0)
     found = fit(held, (), of(near), [target])
     assert found.values["k PIP"] == pytest.approx(60.0, rel=1e-3)
@@ -166,7 +166,7 @@ def test_solves_that_fail_on_the_way_are_listed_and_passed_by(held, monkeypatch)
 def test_a_twin_of_the_hood_gives_back_its_matrix(tmp_path):
     base = load_case(LEE)
     truth = (*COARSE, *(f"hood.regions.{n}.c1=1.1 MPa" for n in base.hood.regions))
-    targets = measured_in(base.source, truth, f"{STRAINS}.lateral.mean", sd=0.01)
+    targets = targets_of(base.source, truth, f"{STRAINS}.lateral.mean", sd=0.01)
     only = tmp_path / "free.toml"
     only.write_text("[c1]\nlow = 0.3\nhigh = 3\nstart = 1\n", encoding="utf-8")
     found = fit(base.source, COARSE, read_free(only, base), targets)

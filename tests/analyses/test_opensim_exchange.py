@@ -19,7 +19,7 @@ from cosim.errors import InputError
 from cosim.results.conventions import vector_of
 from fe_solver.febio.log import RigidReactions, read_reactions
 from rigid.opensim.external_loads import BodyLoad, write_external_loads
-from rigid.opensim.sto import Table, read_sto, write_sto
+from rigid.opensim.sto import StoTable, read_sto, write_sto
 from tests.helpers.folders import ROOT
 
 DATA = """*Step  = 1
@@ -83,7 +83,7 @@ time\tEDC1\t/forceset/fdp|tendon_force\tsoleus
 """
 
 
-def kept(folder: Path, text: str | bytes, name: str = "log.txt") -> Path:
+def write_log(folder: Path, text: str | bytes, name: str = "log.txt") -> Path:
     path = folder / name
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
     return path
@@ -96,7 +96,7 @@ def run(*words: object) -> tuple[int, str]:
 
 
 def test_a_data_file_is_read(tmp_path):
-    found = read_reactions([kept(tmp_path, DATA)])
+    found = read_reactions([write_log(tmp_path, DATA)])
     assert found.bodies == (2, 3)
     assert_array_equal(found.time, [0.5, 1])
     assert_array_equal(found.force, FORCE)
@@ -107,20 +107,20 @@ def test_other_delimiters_and_orders_of_bodies_and_a_title_say_the_same(tmp_path
     lines = [line if line[0] == "*" else line.replace(" ", ", ") for line in DATA.splitlines()]
     lines[3:5] = lines[4:2:-1]
     text = "*Title:hood\n" + "\n".join(lines) + "\n"
-    assert_array_equal(read_reactions([kept(tmp_path, text)]).force, FORCE)
+    assert_array_equal(read_reactions([write_log(tmp_path, text)]).force, FORCE)
 
 
 def test_the_sections_of_a_log_are_read_and_those_of_other_records_left(tmp_path):
-    found = read_reactions([kept(tmp_path, LOG)])
+    found = read_reactions([write_log(tmp_path, LOG)])
     assert found.moment is None
     assert_array_equal(found.force, FORCE)
 
 
 def test_a_file_for_each_body_and_a_named_record(tmp_path):
     rows = {b: [line for line in DATA.splitlines() if line[:1] in ("*", b)] for b in "23"}
-    paths = [kept(tmp_path, "\n".join(rows[b]) + "\n", f"{b}.txt") for b in "23"]
+    paths = [write_log(tmp_path, "\n".join(rows[b]) + "\n", f"{b}.txt") for b in "23"]
     assert_array_equal(read_reactions(paths).force, FORCE)
-    named = kept(tmp_path, DATA.replace("Fx;Fy;Fz;Mx;My;Mz", "reaction"), "named.txt")
+    named = write_log(tmp_path, DATA.replace("Fx;Fy;Fz;Mx;My;Mz", "reaction"), "named.txt")
     columns = "Fx Fy Fz Mx My Mz".split()
     assert_array_equal(read_reactions([named], columns).force, FORCE)
 
@@ -158,17 +158,17 @@ BAD = {
 def test_a_bad_log_is_refused_with_its_place(case, tmp_path):
     text, fragment = BAD[case]
     with pytest.raises(InputError) as caught:
-        read_reactions([kept(tmp_path, text)])
+        read_reactions([write_log(tmp_path, text)])
     assert "log.txt" in str(caught.value)
     assert fragment in str(caught.value)
     assert len(str(caught.value)) < 450
 
 
 def test_files_that_do_not_belong_together_are_refused(tmp_path):
-    one = kept(tmp_path, DATA)
+    one = write_log(tmp_path, DATA)
     with pytest.raises(InputError, match="Fx of body 2 comes twice"):
         read_reactions([one, one])
-    later = kept(tmp_path, DATA.replace("= 1\n", "= 1.5\n"), "later.txt")
+    later = write_log(tmp_path, DATA.replace("= 1\n", "= 1.5\n"), "later.txt")
     with pytest.raises(InputError, match="Log all bodies at the same times"):
         read_reactions([one, later])
     with pytest.raises(InputError, match="cannot be read"):
@@ -192,7 +192,7 @@ SAME_FOLDER = settings(suppress_health_check=[HealthCheck.function_scoped_fixtur
 @given(raw=TEXTS)
 def test_whatever_stands_in_a_log_it_is_read_or_refused(raw, tmp_path):
     try:
-        found = read_reactions([kept(tmp_path, raw)])
+        found = read_reactions([write_log(tmp_path, raw)])
     except InputError:
         return
     assert found.force.shape == (len(found.time), len(found.bodies), 3)
@@ -239,7 +239,7 @@ def test_the_mean_over_time_of_a_ramp_is_its_middle():
 
 
 def test_the_command_writes_what_the_thesis_handed_over(tmp_path):
-    log, out = kept(tmp_path, DATA), tmp_path / "loads.mot"
+    log, out = write_log(tmp_path, DATA), tmp_path / "loads.mot"
     words = ["loads", log, "--body", "2=proximal", "--point", "proximal=0.02 0 -0.001"]
     code, said = run(*words, "--mean", 0.5, 1, "-o", out)
     assert code == 0, said
@@ -288,7 +288,7 @@ def test_the_command_writes_what_the_thesis_handed_over(tmp_path):
     ],
 )
 def test_the_command_says_what_is_missing(words, fragment, tmp_path):
-    log = kept(tmp_path, DATA)
+    log = write_log(tmp_path, DATA)
     point = [] if "middle" in words[1] or "--point" in words else ["--point", "proximal=0 0 0"]
     code, said = run("loads", log, *words, *point, "-o", tmp_path / "l.mot")
     assert code == 2
@@ -306,7 +306,7 @@ def test_names_that_opensim_or_xml_cannot_hold_are_refused(tmp_path):
 
 
 def test_tensions_become_a_case_over_another(tmp_path):
-    table, out = kept(tmp_path, TENSIONS, "f.sto"), tmp_path / "sub/mine.toml"
+    table, out = write_log(tmp_path, TENSIONS, "f.sto"), tmp_path / "sub/mine.toml"
     words = ["tensions", table, "--column", "EDC=EDC1", "-o", out]
     code, said = run(*words, "--time", 1)
     assert code == 0, said
@@ -326,7 +326,7 @@ def test_tensions_become_a_case_over_another(tmp_path):
 def test_tensions_over_time_become_the_courses_of_a_motion(tmp_path):
     from cosim.tendons.courses import factor_of
 
-    table, out = kept(tmp_path, TENSIONS, "f.sto"), tmp_path / "m.toml"
+    table, out = write_log(tmp_path, TENSIONS, "f.sto"), tmp_path / "m.toml"
     words = ["tensions", table, "--column", "EDC=EDC1", "--over-time", "-o", out]
     code, said = run(*words, "--extends", "forward_edc")
     assert code == 0, said
@@ -335,7 +335,7 @@ def test_tensions_over_time_become_the_courses_of_a_motion(tmp_path):
     code, said = run(*words, "--extends", "hood_rest")
     assert code == 2
     assert "is no motion" in said
-    short = kept(tmp_path, TENSIONS.replace("\n2\t", "\n1\t"), "f.sto")
+    short = write_log(tmp_path, TENSIONS.replace("\n2\t", "\n1\t"), "f.sto")
     code, said = run("tensions", short, *words[2:], "--extends", "forward_edc")
     assert code == 2
     assert "spans 0 to 1 s" in said
@@ -363,7 +363,7 @@ def test_tensions_over_time_become_the_courses_of_a_motion(tmp_path):
     ],
 )
 def test_tensions_that_are_none_are_refused(text, words, fragment, tmp_path):
-    table = kept(tmp_path, text, "f.sto")
+    table = write_log(tmp_path, text, "f.sto")
     code, said = run("tensions", table, *words, "-o", tmp_path / "mine.toml")
     assert code == 2
     assert fragment in said
@@ -380,7 +380,7 @@ def test_tensions_that_are_none_are_refused(text, words, fragment, tmp_path):
     )
 )
 def test_whatever_stands_in_a_table_it_is_taken_or_refused(raw, tmp_path):
-    table, out = kept(tmp_path, raw, "f.sto"), tmp_path / "mine.toml"
+    table, out = write_log(tmp_path, raw, "f.sto"), tmp_path / "mine.toml"
     code, said = run("tensions", table, "-o", out, "--extends", "base/split")
     assert code in (0, 2), said
 
@@ -426,7 +426,7 @@ def test_a_force_reporters_table_of_opensim_is_taken(tmp_path, monkeypatch):
 
 def test_a_model_gives_the_centres_of_mass(tmp_path):
     model = ROOT / "rigid/verification/data/finger.osim"
-    log, out = kept(tmp_path, DATA), tmp_path / "l.mot"
+    log, out = write_log(tmp_path, DATA), tmp_path / "l.mot"
     code, said = run("loads", log, "--body", "2=proximal", "--model", model, "-o", out)
     assert code == 0, said
     from cosim.analyses.opensim.loads import mass_centres
@@ -439,7 +439,7 @@ def test_a_model_gives_the_centres_of_mass(tmp_path):
 
 
 def test_a_table_with_other_columns_than_forces_is_untouched(tmp_path):
-    before = Table("t", ("EDC", "x"), np.array([0.0, 1.0]), np.array([[1.0, 2], [3, 4]]))
+    before = StoTable("t", ("EDC", "x"), np.array([0.0, 1.0]), np.array([[1.0, 2], [3, 4]]))
     write_sto(tmp_path / "f.sto", before)
     code, said = run("tensions", tmp_path / "f.sto", "-o", tmp_path / "mine.toml")
     assert code == 0, said

@@ -20,12 +20,20 @@ from cosim.cli import app
 from cosim.errors import ConvergenceError, InputError
 from cosim.hoods.lumped.build import potential
 from cosim.hoods.lumped.table import NetworkHoodConfig
-from rigid.hoods.reduced import Potential
+from rigid.hoods.reduced import ReducedPotential
 from rigid.hoods.reduction import Order, reduce_hood
-from tests.helpers.soft_network import FITTED, MUSCLES, SOFT, found, held_out, samples, soft_models
+from tests.helpers.soft_network import (
+    FITTED,
+    MUSCLES,
+    SOFT,
+    reduced_potential,
+    samples,
+    soft_models,
+    unseen_sample,
+)
 
 
-def a_reduction(made: Potential) -> reduction.Reduction:
+def a_reduction(made: ReducedPotential) -> reduction.Reduction:
     return reduction.Reduction(
         load_case("network_edc", SOFT),
         within(),
@@ -40,7 +48,7 @@ def a_reduction(made: Potential) -> reduction.Reduction:
 
 
 def test_the_case_file_holds_the_potential(tmp_path):
-    made = found()
+    made = reduced_potential()
     text = case_text(
         a_reduction(made), "it", "network_lum", ("tendons.EDC.tension=8 N", "hood.x=1")
     )
@@ -67,7 +75,7 @@ def test_the_case_file_holds_the_potential(tmp_path):
 
 
 def test_errors_are_relative_to_the_hood():
-    made, held = found(), held_out()
+    made, held = reduced_potential(), unseen_sample()
     exact = list(errors(a_reduction(made)))
     assert all(e.most < 1e-8 and e.beyond == 0 for e in exact)
     told = {e.quantity: e for e in errors(a_reduction(replace(made, energy=1.1 * made.energy)))}
@@ -136,7 +144,7 @@ def within() -> reduction_walks.SampleRange:
     )
 
 
-def stopped(walk):
+def stops_of(walk):
     return list(walk.stops())
 
 
@@ -144,7 +152,7 @@ def test_states_between_the_grids_points_fill_its_box():
     """And the loads theirs, each posture with its own."""
     made, stops = (
         within(),
-        [s for walk in reduction_walks.spread_walks(within()) for s in stopped(walk)],
+        [s for walk in reduction_walks.spread_walks(within()) for s in stops_of(walk)],
     )
     angle = np.degrees([at for at, _ in stops])
     assert angle.min(axis=0) == pytest.approx([0, 1.146, 17.19, 5], abs=2)
@@ -175,8 +183,8 @@ def test_a_quarter_of_the_spread_postures_lies_nearer_to_the_ends():
 def test_held_states_are_none_of_those_fitted():
     """But drawn from the same box, from the same loads."""
     walks = [*reduction_walks.grid_walks(within()), *reduction_walks.spread_walks(within())]
-    seen = np.array([at for walk in walks for at, _ in stopped(walk)])
-    held = [stop for walk in reduction_walks.held_out_walks(within()) for stop in stopped(walk)]
+    seen = np.array([at for walk in walks for at, _ in stops_of(walk)])
+    held = [stop for walk in reduction_walks.held_out_walks(within()) for stop in stops_of(walk)]
     assert len(held) == 30
     for at, load in held:
         assert np.abs(at - seen).max(axis=1).min() > 1e-6
@@ -195,7 +203,7 @@ def test_points_are_passed_from_one_to_the_nearest():
 
 def test_every_posture_may_have_loads_of_its_own():
     angles, loads = np.arange(6.0).reshape(3, 2), np.arange(12.0).reshape(3, 2, 2)
-    own, alike = stopped(Walk(angles, loads)), stopped(Walk(angles, loads[0]))
+    own, alike = stops_of(Walk(angles, loads)), stops_of(Walk(angles, loads[0]))
     assert [load.tolist() for _, load in own] == loads.tolist()
     assert [load.tolist() for _, load in alike] == [loads[0].tolist()] * 3
 

@@ -71,7 +71,7 @@ def test_samples_of_another_case_are_refused(tmp_path):
     assert path.read_bytes() == before
 
 
-def damaged(told: dict, name: str, value: object) -> str:
+def damage(told: dict, name: str, value: object) -> str:
     (walk,) = told["walks"].values()
     walk["found"][0][name] = value
     return json.dumps(told)
@@ -89,7 +89,7 @@ def damaged(told: dict, name: str, value: object) -> str:
 def test_a_damaged_file_is_told(tmp_path, name, value, reason):
     path = tmp_path / "samples.json"
     list(cached_samples(path, "a case", WALKS[:1], sampler([])))
-    path.write_text(damaged(json.loads(path.read_text()), name, value))
+    path.write_text(damage(json.loads(path.read_text()), name, value))
     with pytest.raises(InputError, match=f"damaged .*{reason}"):
         list(cached_samples(path, "a case", WALKS[:1], sampler([])))
 

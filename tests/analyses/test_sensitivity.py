@@ -31,7 +31,7 @@ from cosim.errors import ConvergenceError, InputError
 from cosim.hoods.shell.variation import SHEETS
 from cosim.hoods.variation import Side, Variation
 from cosim.results.compare import Target, unit_of, value_of
-from tests.helpers.held import HELD
+from tests.helpers.fixed_posture import HELD
 
 PASSIVE, EDC = "joint_torque_Nmm.passive.PIP", "joint_torque_Nmm.EDC.PIP"
 STIFFER = Variation(

@@ -20,10 +20,16 @@ from cosim.cli import app
 from cosim.errors import InputError
 from cosim.pipeline import run_case
 from meshes.hood_mesh import HoodMesh, to_json
-from meshes.hull import Chain
+from meshes.hull import Centreline
 from meshes.imported.checks import Placing
 from meshes.skeleton import BODIES, index_finger
-from tests.helpers.own_anatomy import exported, moved, with_a_free_node, write_bones, write_meshio
+from tests.helpers.own_anatomy import (
+    add_free_node,
+    move_points,
+    user_hood,
+    write_bones,
+    write_meshio,
+)
 
 COARSE = "hood.mesh.quads=120"
 Surfaces = Mapping[str, tuple[np.ndarray, np.ndarray]]
@@ -49,7 +55,7 @@ def surfaces() -> Surfaces:
 def files(ours: HoodMesh, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with our hood as hood.inp and our bones as .obj, m, in full precision."""
     folder = tmp_path_factory.mktemp("anatomy")
-    write_meshio(with_a_free_node(exported(ours)), folder / "hood.inp")
+    write_meshio(add_free_node(user_hood(ours)), folder / "hood.inp")
     for body, (points, faces) in bone_surfaces(load_case("isometric_edc")).items():
         rows = [f"v {x!r} {y!r} {z!r}" for x, y, z in points.tolist()]
         rows += [f"f {a} {b} {c}" for a, b, c in (faces + 1).tolist()]
@@ -188,13 +194,13 @@ def test_names_come_from_a_file_too(files: Path, tmp_path: Path):
 def test_a_hood_through_the_bones_is_counted_and_measured(
     files: Path, ours: HoodMesh, tmp_path: Path
 ):
-    low = exported(ours)
-    write_meshio(moved(low, low.points - [0, 0, 5.0]), tmp_path / "hood.inp")
+    low = user_hood(ours)
+    write_meshio(move_points(low, low.points - [0, 0, 5.0]), tmp_path / "hood.inp")
     code, told = new(tmp_path, "--hood", str(tmp_path / "hood.inp"), *LAID)
     assert code == 2
     assert "nodes of the hood lie in the bone" in told
     assert "mm deep" in told
-    write_meshio(moved(low, low.points - [0, 0, 0.3]), tmp_path / "hood.inp")
+    write_meshio(move_points(low, low.points - [0, 0, 0.3]), tmp_path / "hood.inp")
     code, told = new(tmp_path, "--hood", str(tmp_path / "hood.inp"), *LAID)
     assert code == 0
     assert "nodes are nearer than the base case's" in told
@@ -215,9 +221,9 @@ def write(surfaces: Surfaces, folder: Path) -> list[Path]:
     return write_bones(surfaces, folder)
 
 
-def chain(**posture: float) -> Chain:
+def chain(**posture: float) -> Centreline:
     skeleton = index_finger()
-    return Chain(skeleton, *skeleton.pose({k: np.deg2rad(v) for k, v in posture.items()}))
+    return Centreline(skeleton, *skeleton.pose({k: np.deg2rad(v) for k, v in posture.items()}))
 
 
 def bone_faults(surfaces: Surfaces, folder: Path, unit: str = "mm") -> str:

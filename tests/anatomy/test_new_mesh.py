@@ -17,7 +17,7 @@ from cosim.build.models import hood_mesh
 from cosim.case.file import load_case
 from cosim.errors import InputError
 from meshes.hood_mesh import HoodMesh
-from meshes.hull import Chain, along
+from meshes.hull import Centreline, along
 from meshes.imported.checks import (
     Placing,
     axes_fault,
@@ -26,11 +26,11 @@ from meshes.imported.checks import (
     parse_axes,
     wind_alike,
 )
-from meshes.imported.hood import Sheet, places, read_sheet, stations
-from meshes.imported.names import map_names, missing
+from meshes.imported.hood import ImportedSheet, places, read_sheet, stations
+from meshes.imported.names import map_names, missing_sets_fault
 from meshes.imported.raw import RawMesh, read_raw
 from meshes.skeleton import index_finger
-from tests.helpers.own_anatomy import exported, write_feb, write_meshio
+from tests.helpers.own_anatomy import user_hood, write_feb, write_meshio
 
 THICKNESS = 0.65e-3
 FAR = np.array([30.0, -40, 50])
@@ -44,18 +44,20 @@ def ours() -> HoodMesh:
 
 @pytest.fixture(scope="module")
 def raw(ours: HoodMesh) -> RawMesh:
-    own = exported(ours)
+    own = user_hood(ours)
     nodes = dict(own.nodes) | {name: np.unique(pairs) for name, pairs in own.lines.items()}
     return RawMesh(own.points, own.quads, own.cells, nodes, own.lines, ())
 
 
 @pytest.fixture(scope="module")
-def chain(ours: HoodMesh) -> Chain:
+def chain(ours: HoodMesh) -> Centreline:
     skeleton = index_finger()
-    return Chain(skeleton, *skeleton.pose(ours.rest_posture))
+    return Centreline(skeleton, *skeleton.pose(ours.rest_posture))
 
 
-def sheet(raw: RawMesh, chain: Chain, placing: Placing | None = None, **names: str) -> Sheet:
+def sheet(
+    raw: RawMesh, chain: Centreline, placing: Placing | None = None, **names: str
+) -> ImportedSheet:
     return read_sheet(raw, names, placing or Placing(), chain, THICKNESS)
 
 
@@ -65,12 +67,12 @@ def test_every_format_holds_the_same_mesh_and_sets(
 ):
     path = tmp_path / f"hood.{ending}"
     if ending == "feb":
-        write_feb(exported(ours), path)
+        write_feb(user_hood(ours), path)
     else:
-        write_meshio(exported(ours), path, "gmsh22" if ending == "msh" else None)
+        write_meshio(user_hood(ours), path, "gmsh22" if ending == "msh" else None)
     read = read_hood(path)
     np.testing.assert_allclose(read.points, raw.points, atol=1e-6)
-    assert missing(read, map_names(read, {})) == []
+    assert missing_sets_fault(read, map_names(read, {})) == []
     for name, cells in raw.cells.items():
         rows = {tuple(quad) for quad in raw.quads[cells].tolist()}
         assert {tuple(quad) for quad in read.quads[read.cells[name]].tolist()} == rows
@@ -108,13 +110,13 @@ def test_gmsh_4_and_abaqus_cards_and_other_cells(tmp_path: Path):
     assert read_raw(tmp_path / "a.inp").dropped == ("1 x *CLOAD", "1 x *ELASTIC", "1 x *MATERIAL")
 
 
-def test_our_own_hood_is_in_order_as_it_is(ours: HoodMesh, raw: RawMesh, chain: Chain):
+def test_our_own_hood_is_in_order_as_it_is(ours: HoodMesh, raw: RawMesh, chain: Centreline):
     read = sheet(raw, chain)
     np.testing.assert_array_equal(read.quads, ours.quads)
     assert [note for note in read.notes if "warped" not in note] == []
 
 
-def test_places_along_the_chain_undo_laying_out(chain: Chain):
+def test_places_along_the_chain_undo_laying_out(chain: Centreline):
     s = np.linspace(-0.02, 0.08, 60)
     at = chain.at(s, np.full(60, 6e-3), np.linspace(-5e-3, 5e-3, 60))
     np.testing.assert_allclose(places(at, chain), s, atol=2e-5)
@@ -124,13 +126,13 @@ def test_places_along_the_chain_undo_laying_out(chain: Chain):
     )
 
 
-def faults(raw: RawMesh, chain: Chain, placing: Placing | None = None, **names: str) -> str:
+def faults(raw: RawMesh, chain: Centreline, placing: Placing | None = None, **names: str) -> str:
     with pytest.raises(InputError) as caught:
         sheet(raw, chain, placing, **names)
     return str(caught.value)
 
 
-def test_missing_sets_are_named_with_the_nearest_and_can_be_mapped(raw: RawMesh, chain: Chain):
+def test_missing_sets_are_named_with_the_nearest_and_can_be_mapped(raw: RawMesh, chain: Centreline):
     nodes = {k.replace("end_central", "central_end_1"): v for k, v in raw.nodes.items()}
     nodes |= {"half": raw.nodes["tied_distal"][:1], "other": raw.nodes["tied_distal"][1:]}
     del nodes["tied_distal"]
@@ -152,10 +154,10 @@ def test_missing_sets_are_named_with_the_nearest_and_can_be_mapped(raw: RawMesh,
 
 def test_a_name_may_differ_in_case_and_dashes(raw: RawMesh):
     other = {name.upper().replace("_", "-"): cells for name, cells in raw.cells.items()}
-    assert missing(raw, map_names(replace(raw, cells=other), {})) == []
+    assert missing_sets_fault(raw, map_names(replace(raw, cells=other), {})) == []
 
 
-def test_a_quad_in_two_regions_or_a_loose_end_is_a_fault(raw: RawMesh, chain: Chain):
+def test_a_quad_in_two_regions_or_a_loose_end_is_a_fault(raw: RawMesh, chain: Centreline):
     cells = dict(raw.cells) | {"terminal_slip": np.append(raw.cells["terminal_slip"], 0)}
     assert "1 quads are in two regions: quad 0" in faults(replace(raw, cells=cells), chain)
     nodes = dict(raw.nodes) | {
@@ -182,13 +184,13 @@ def with_bow_tie(quads: np.ndarray) -> np.ndarray:
     ],
 )
 def test_bad_quads_are_counted_and_named(
-    raw: RawMesh, chain: Chain, spoil: Callable[[np.ndarray], np.ndarray], complaint: str
+    raw: RawMesh, chain: Centreline, spoil: Callable[[np.ndarray], np.ndarray], complaint: str
 ):
     told = faults(replace(raw, quads=spoil(raw.quads)), chain)
     assert complaint.replace("144", str(len(raw.quads))) in told
 
 
-def test_pieces_and_double_nodes_are_told(raw: RawMesh, chain: Chain):
+def test_pieces_and_double_nodes_are_told(raw: RawMesh, chain: Centreline):
     apart = raw.quads.copy()
     seam = np.unique(apart[raw.cells["extensor_tendon_proximal"]])
     twin = len(raw.points) + np.arange(len(seam))
@@ -204,7 +206,7 @@ def test_pieces_and_double_nodes_are_told(raw: RawMesh, chain: Chain):
 
 @settings(max_examples=15, deadline=None)
 @given(st.sets(st.integers(0, 99)))
-def test_quads_wound_otherwise_are_turned_back(raw: RawMesh, chain: Chain, wrong: set[int]):
+def test_quads_wound_otherwise_are_turned_back(raw: RawMesh, chain: Centreline, wrong: set[int]):
     quads = raw.quads.copy()
     chosen = np.array(sorted(wrong), dtype=int)
     quads[chosen] = quads[chosen][:, ::-1]
@@ -218,7 +220,7 @@ def test_quads_wound_otherwise_are_turned_back(raw: RawMesh, chain: Chain, wrong
         assert f"{len(chosen)} quads were wound against" in " ".join(read.notes)
 
 
-def test_a_sheet_turned_inside_out_and_a_third_quad_at_an_edge(raw: RawMesh, chain: Chain):
+def test_a_sheet_turned_inside_out_and_a_third_quad_at_an_edge(raw: RawMesh, chain: Centreline):
     read = sheet(replace(raw, quads=raw.quads[:, ::-1]), chain)
     np.testing.assert_array_equal(read.quads, raw.quads)
     assert "all normals pointed at the bones" in " ".join(read.notes)
@@ -229,7 +231,7 @@ def test_a_sheet_turned_inside_out_and_a_third_quad_at_an_edge(raw: RawMesh, cha
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("m", 1e-3), ("cm", 0.1), ("um", 1e3)])
-def test_another_unit_is_found(raw: RawMesh, chain: Chain, unit: str, factor: float):
+def test_another_unit_is_found(raw: RawMesh, chain: Centreline, unit: str, factor: float):
     told = faults(replace(raw, points=factor * raw.points), chain)
     assert f"it would fit in {unit}: --unit {unit}" in told
     read = sheet(replace(raw, points=factor * raw.points), chain, Placing(unit))
@@ -238,7 +240,7 @@ def test_another_unit_is_found(raw: RawMesh, chain: Chain, unit: str, factor: fl
 
 @pytest.mark.parametrize("axes", ["y z x", "z -x y", "-x -y z", "x -z y", "-y x z"])
 def test_swapped_axes_are_found_and_the_text_named_mends_them(
-    raw: RawMesh, chain: Chain, axes: str
+    raw: RawMesh, chain: Centreline, axes: str
 ):
     turned = raw.points @ parse_axes(axes)  # so that `axes` brings them back
     told = faults(replace(raw, points=turned), chain)
@@ -248,7 +250,7 @@ def test_swapped_axes_are_found_and_the_text_named_mends_them(
     np.testing.assert_allclose(read.points, 1e-3 * raw.points, atol=1e-12)
 
 
-def test_a_left_hand_is_told_and_mirrored(raw: RawMesh, chain: Chain):
+def test_a_left_hand_is_told_and_mirrored(raw: RawMesh, chain: Centreline):
     left = replace(raw, points=raw.points * [1, -1, 1], quads=raw.quads[:, ::-1])
     told = faults(left, chain)
     assert "mirrored" in told
@@ -259,7 +261,7 @@ def test_a_left_hand_is_told_and_mirrored(raw: RawMesh, chain: Chain):
     assert "turned over" not in " ".join(read.notes)
 
 
-def test_a_mirrored_hood_is_told_where_its_ends_stand_otherwise_than_ours(chain: Chain):
+def test_a_mirrored_hood_is_told_where_its_ends_stand_otherwise_than_ours(chain: Centreline):
     found = landmarks(chain)
     for side, y in (("radial", -2e-3), ("ulnar", 2e-3)):
         found[f"end_{side}"] = found[f"end_{side}"] * [1, 0, 1] + [0, y, 0]
@@ -270,13 +272,13 @@ def test_a_mirrored_hood_is_told_where_its_ends_stand_otherwise_than_ours(chain:
     assert axes_fault(found, chain, np.eye(3))[0] == ""
 
 
-def test_a_reflex_corner_is_told(raw: RawMesh, chain: Chain):
+def test_a_reflex_corner_is_told(raw: RawMesh, chain: Centreline):
     points, quad = raw.points.copy(), raw.quads[0]
     points[quad[0]] = 0.1 * points[quad[2]] + 0.45 * (points[quad[1]] + points[quad[3]])
     assert "1 quads have a reflex corner" in faults(replace(raw, points=points), chain)
 
 
-def test_another_origin_is_told_with_its_place(raw: RawMesh, chain: Chain):
+def test_another_origin_is_told_with_its_place(raw: RawMesh, chain: Centreline):
     told = faults(replace(raw, points=raw.points + FAR), chain)
     assert "mm from where it would on this finger" in told
     assert "--origin" in told
@@ -287,7 +289,7 @@ def test_another_origin_is_told_with_its_place(raw: RawMesh, chain: Chain):
     np.testing.assert_allclose(read.points, 1e-3 * raw.points, atol=1e-12)
 
 
-def test_free_nodes_and_sets_of_no_use_are_told(raw: RawMesh, chain: Chain):
+def test_free_nodes_and_sets_of_no_use_are_told(raw: RawMesh, chain: Centreline):
     more = replace(
         raw,
         points=np.vstack([raw.points, [[0, 0, 0]]]),
@@ -325,10 +327,10 @@ def test_any_bytes_are_one_clear_fault(tmp_path_factory, content: bytes, ending:
 
 
 def test_vectors_of_the_quads_become_fields_of_directions(
-    tmp_path: Path, ours: HoodMesh, chain: Chain
+    tmp_path: Path, ours: HoodMesh, chain: Centreline
 ):
     """In our axes; those that stand on the sheet are dropped and told."""
-    write_meshio(exported(ours), tmp_path / "hood.vtu")
+    write_meshio(user_hood(ours), tmp_path / "hood.vtu")
     mesh = meshio.read(tmp_path / "hood.vtu")
     lines = np.ones((len(mesh.cells[1].data), 3))
     mesh.cell_data["slips"] = [2 * ours.fibre, lines]

@@ -27,7 +27,7 @@ DEFAULT_MESH = ROOT / "meshes" / "hoods" / "index_600.json"
 
 
 @cache
-def made(*settings: str) -> tuple[Models, HoodMesh]:
+def build_with(*settings: str) -> tuple[Models, HoodMesh]:
     case = load_case("base/one_sheet.toml", [COARSE, *settings])
     return build(case), hood_mesh(case)
 
@@ -38,7 +38,7 @@ def membrane(models: Models, modulus: float, poisson: float) -> np.ndarray:
 
 
 def test_modulus_and_thickness_make_the_membrane_and_bending_stiffness():
-    models, mesh = made("hood.regions.central_slip.thickness=0.4 mm")
+    models, mesh = build_with("hood.regions.central_slip.thickness=0.4 mm")
     slip, sheet = mesh.cells("central_slip"), mesh.cells("central_band")
     assert slip.any()
     np.testing.assert_allclose(membrane(models, 100.76e6, 0.4)[slip], 0.4e-3)
@@ -48,7 +48,7 @@ def test_modulus_and_thickness_make_the_membrane_and_bending_stiffness():
 
 
 def test_a_bending_stiffness_adds_an_incompressible_sheet_in_bending_alone():
-    (plain, _), (more, _) = made(), made("hood.bending_stiffness=0.3 N*mm")
+    (plain, _), (more, _) = build_with(), build_with("hood.bending_stiffness=0.3 N*mm")
     added = more.hood.model.section.linear - plain.hood.model.section.linear
     plate = 0.3e-3 / (1 - 0.5**2) * np.array([[1, 0.5, 0], [0.5, 1, 0], [0, 0, 0.25]])
     whole = np.zeros((8, 8))
@@ -57,7 +57,7 @@ def test_a_bending_stiffness_adds_an_incompressible_sheet_in_bending_alone():
 
 
 def test_a_section_is_thickness_times_mean_width():
-    models, mesh = made("hood.regions.central_band.section=1.5 mm**2")
+    models, mesh = build_with("hood.regions.central_band.section=1.5 mm**2")
     cells = mesh.cells("central_band")
     thickness = membrane(models, 100.61e6, 0.4)[cells]
     assert np.ptp(thickness) < 1e-15
@@ -68,7 +68,10 @@ def test_a_section_is_thickness_times_mean_width():
 
 
 def test_a_thinner_region_keeps_its_face_on_the_bone():
-    (plain, mesh), (thin, _) = made(), made("hood.regions.central_band.thickness=0.25 mm")
+    (plain, mesh), (thin, _) = (
+        build_with(),
+        build_with("hood.regions.central_band.thickness=0.25 mm"),
+    )
     cells = mesh.cells("central_band")
     others = np.setdiff1d(np.arange(len(mesh.points)), mesh.quads[cells])
     inner = np.setdiff1d(mesh.quads[cells], mesh.quads[~cells])
@@ -79,7 +82,7 @@ def test_a_thinner_region_keeps_its_face_on_the_bone():
 
 
 def test_extra_length_is_free_of_stress_when_stretched_by_it():
-    models, mesh = made("hood.extra_length.terminal_slip=0.5 mm")
+    models, mesh = build_with("hood.extra_length.terminal_slip=0.5 mm")
     state = models.hood.start(models.hood.rest)
     strain = models.hood.strain(state)[..., 0]
     slip = mesh.cells("terminal_slip")
@@ -90,7 +93,7 @@ def test_extra_length_is_free_of_stress_when_stretched_by_it():
 
 
 def test_each_tendon_pulls_its_end_and_ei_the_ulnar_half():
-    models, mesh = made()
+    models, mesh = build_with()
     model = models.hood.model
     shares = dict(zip(models.hood.tendons, model.share, strict=True))
     np.testing.assert_allclose(model.share.sum(axis=1), 1.0)
@@ -107,7 +110,7 @@ def test_each_tendon_pulls_its_end_and_ei_the_ulnar_half():
 
 def test_tensions_go_to_the_tendons_by_name():
     case = load_case("isometric_edc", ["tendons.FDP.tension=2 N"])
-    models, _ = made()
+    models, _ = build_with()
     hood, finger = tensions(case, models)
     np.testing.assert_allclose(hood, [3.469, 0.05, 0.05, 0.05])
     np.testing.assert_allclose(finger, [2.0, 0.05, 0.05, 0.05])
@@ -166,12 +169,12 @@ def test_a_hood_without_a_mesh_says_so():
 
 
 def test_a_finger_scales_in_length_and_width():
-    (plain, mesh), (scaled, bigger) = made(), made("finger.length_scale=1.1")
+    (plain, mesh), (scaled, bigger) = build_with(), build_with("finger.length_scale=1.1")
     tips = [m.finger.tip(m.finger.start(m.posture)) for m in (plain, scaled)]
     np.testing.assert_allclose(tips[1], 1.1 * tips[0], rtol=1e-12)
     ends = [np.ptp(m.points[:, 0]) for m in (mesh, bigger)]
     assert ends[1] / ends[0] == pytest.approx(1.1, rel=0.01)
-    _, wide = made("finger.width_scale=1.1")
+    _, wide = build_with("finger.width_scale=1.1")
     np.testing.assert_allclose(
         wide.springs["sagittal_radial"].anchors[:, 1:],
         1.1 * mesh.springs["sagittal_radial"].anchors[:, 1:],
@@ -181,7 +184,8 @@ def test_a_finger_scales_in_length_and_width():
     widths = [np.ptp(m.points[over_pip, 1]) for m in (mesh, wide)]
     assert 1.05 < widths[1] / widths[0] < 1.12, "the offset over the bone does not scale"
     bones = [
-        np.ptp(m.bones["middle"][0], axis=0) for m in (plain, made("finger.width_scale=1.1")[0])
+        np.ptp(m.bones["middle"][0], axis=0)
+        for m in (plain, build_with("finger.width_scale=1.1")[0])
     ]
     np.testing.assert_allclose(bones[1] / bones[0], [1.0, 1.1, 1.1], rtol=5e-3)
 
@@ -207,7 +211,7 @@ def file_setting(path: Path) -> str:
     return f'hood.mesh={{kind="file", path="{path.as_posix()}"}}'
 
 
-def edited(folder: Path, **changes: object) -> str:
+def edit_mesh(folder: Path, **changes: object) -> str:
     """The setting that takes the committed mesh with some keys changed."""
     content = json.loads(DEFAULT_MESH.read_text()) | changes
     path = folder / "mesh.json"
@@ -218,7 +222,7 @@ def edited(folder: Path, **changes: object) -> str:
 def test_a_mesh_of_fewer_regions_needs_no_others(tmp_path: Path):
     regions = json.loads(DEFAULT_MESH.read_text())["regions"]
     fewer = ["central_band" if "extensor" in name else name for name in regions]
-    case = load_case("base/one_sheet.toml", [edited(tmp_path, regions=fewer)])
+    case = load_case("base/one_sheet.toml", [edit_mesh(tmp_path, regions=fewer)])
     sparse = {k: v for k, v in case.hood.regions.items() if "extensor" not in k}
     hood = case.hood.model_copy(update={"regions": sparse})
     models = build(case.model_copy(update={"hood": hood}))
@@ -237,12 +241,12 @@ def test_a_region_of_the_mesh_without_a_material_is_told():
 def test_a_mesh_with_fewer_springs_is_held_by_those(tmp_path: Path):
     springs = json.loads(DEFAULT_MESH.read_text())["springs"]
     few = {k: v for k, v in springs.items() if k == "central_slip"}
-    models = build(load_case("base/one_sheet.toml", [edited(tmp_path, springs=few)]))
+    models = build(load_case("base/one_sheet.toml", [edit_mesh(tmp_path, springs=few)]))
     assert models.hood.groups == ("central_slip",)
 
 
 def test_a_hood_that_nothing_holds_is_told(tmp_path: Path):
-    case = load_case("isometric_edc", [edited(tmp_path, springs={}, tied={})])
+    case = load_case("isometric_edc", [edit_mesh(tmp_path, springs={}, tied={})])
     with pytest.raises(InputError, match="no insertion holds the hood"):
         build(case)
 
@@ -263,7 +267,7 @@ def test_extra_length_of_a_region_that_the_mesh_lacks_is_refused(tmp_path):
     regions = json.loads(DEFAULT_MESH.read_text())["regions"]
     fewer = [name.replace("terminal_slip", "central_slip") for name in regions]
     longer = "hood.extra_length.terminal_slip=0.5 mm"
-    case = load_case("base/one_sheet.toml", [edited(tmp_path, regions=fewer), longer])
+    case = load_case("base/one_sheet.toml", [edit_mesh(tmp_path, regions=fewer), longer])
     with pytest.raises(InputError, match=r"hood\.extra_length\.terminal_slip: the mesh has no"):
         build(case)
 
@@ -291,7 +295,7 @@ MATERIALS = {
 @pytest.mark.parametrize("kind", MATERIALS)
 def test_a_region_of_any_material_solves(kind):
     text, law = MATERIALS[kind]
-    models, mesh = made(f'hood.regions.central_band={{kind="{kind}", {text}}}')
+    models, mesh = build_with(f'hood.regions.central_band={{kind="{kind}", {text}}}')
     band = np.flatnonzero(mesh.cells("central_band"))
     patch = next(p for p in models.hood.model.section.patches if p.elements[0] in band)
     assert type(patch.law) is law
@@ -307,7 +311,7 @@ def test_a_region_of_any_material_solves(kind):
 def test_every_material_can_be_a_tension_field(kind):
     text, law = MATERIALS[kind]
     setting = f'hood.regions.central_band={{kind="{kind}", {text}, tension_field=true}}'
-    models, mesh = made(setting)
+    models, mesh = build_with(setting)
     band = np.flatnonzero(mesh.cells("central_band"))
     patch = next(p for p in models.hood.model.section.patches if p.elements[0] in band)
     assert isinstance(patch.law, TensionField)
@@ -321,7 +325,7 @@ def test_a_wrinkling_sheet_bears_less():
     wrinkling = [f"hood.regions.{name}.tension_field=true" for name in regions]
     pushes = []
     for settings in ((), wrinkling):
-        models, _ = made(*settings)
+        models, _ = build_with(*settings)
         motion = models.finger.motion(models.finger.start(POSTURE | {"PIP": np.deg2rad(25)}))
         response = models.hood.advance(models.hood.start(motion), motion, np.full(4, 0.2), STATIC)
         strain = models.hood.strain(response.state)
@@ -338,4 +342,4 @@ def test_a_material_that_is_none_names_its_region():
     text = MATERIALS["transversely_isotropic"][0].replace("poisson=0.4,", "poisson=1.9,")
     text = text.replace('across="5', 'across="90')
     with pytest.raises(InputError, match=r"hood\.regions\.central_band: .*nu12"):
-        made(f'hood.regions.central_band={{kind="transversely_isotropic", {text}}}')
+        build_with(f'hood.regions.central_band={{kind="transversely_isotropic", {text}}}')

@@ -87,7 +87,7 @@ def nodes(more: str) -> tuple[str, str]:
     return '<node id="11">', f'{more}<node id="11">'
 
 
-def fibred(fiber: str) -> str:
+def add_fibre(fiber: str) -> str:
     law = "<c1>1</c1><c2>0</c2><c3>1</c3><c4>9</c4><c5>50</c5><lam_max>1.1</lam_max><k>100</k>"
     kind = "trans iso Mooney-Rivlin"
     return sub((SKIN, f'<material id="1" name="skin" type="{kind}">{law}{fiber}</material>'))
@@ -168,8 +168,11 @@ BAD: dict[str, tuple[str | bytes, str]] = {
     "nan thickness": (sub((THICK, THICK.replace("0.2", "nan"))), "shell_thickness>: expected"),
     "no thickness": (sub((THICK, "")), "the thickness is missing"),
     "absurd thickness": (sub((THICK, THICK.replace("0.2", "1e9"))), "check the units"),
-    "fibre across": (fibred('<fiber type="vector">0,0,1</fiber>'), "normal to the shell"),
-    "no fibre": (fibred('<fiber type="vector">0,0,0</fiber>'), "fibre direction [0.0, 0.0, 0.0]"),
+    "fibre across": (add_fibre('<fiber type="vector">0,0,1</fiber>'), "normal to the shell"),
+    "no fibre": (
+        add_fibre('<fiber type="vector">0,0,0</fiber>'),
+        "fibre direction [0.0, 0.0, 0.0]",
+    ),
     "negative modulus": (sub(("<E>100", "<E>-100")), "E = -1e+08 is not allowed"),
     "incompressible": (sub(("<v>0.3", "<v>0.5")), "nu = 0.5 is not allowed"),
     "nu of -1": (sub(("<v>0.3", "<v>-1")), "nu = -1 is not allowed"),
@@ -244,7 +247,7 @@ def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
 
 
-def told(tmp_path: Path, model: Path) -> str:
+def solve_error(tmp_path: Path, model: Path) -> str:
     """What `cosim solve` says of a bad file; it must end with code 2 and leave nothing."""
     done = CliRunner().invoke(app, ["solve", str(model), "--out", str(tmp_path / "out")])
     assert done.exit_code == 2, done.output
@@ -259,7 +262,7 @@ def test_a_bad_file_is_told_in_one_line(tmp_path: Path, name: str) -> None:
     content, words = BAD[name]
     model = tmp_path / "model.feb"
     model.write_bytes(content if isinstance(content, bytes) else content.encode())
-    message = told(tmp_path, model)
+    message = solve_error(tmp_path, model)
     assert words in message
     assert "model" in message
     assert len(message) < 500 + len(str(model))
@@ -273,13 +276,13 @@ def test_the_file_without_faults_is_solved(tmp_path: Path) -> None:
 
 
 def test_what_is_no_file(tmp_path: Path) -> None:
-    assert "cannot be read" in told(tmp_path, tmp_path / "absent.feb")
-    assert "cannot be read" in told(tmp_path, tmp_path)
+    assert "cannot be read" in solve_error(tmp_path, tmp_path / "absent.feb")
+    assert "cannot be read" in solve_error(tmp_path, tmp_path)
     closed = tmp_path / "closed.feb"
     closed.write_text(TEXT)
     closed.chmod(0)
     if not os.access(closed, os.R_OK):
-        assert "cannot be read" in told(tmp_path, closed)
+        assert "cannot be read" in solve_error(tmp_path, closed)
 
 
 TAGS = "<Globals>" + "".join(f'<a{i} b="{i}"/>' for i in range(250_000))
@@ -343,9 +346,9 @@ def test_rows_and_bytes_are_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     model = tmp_path / "model.feb"
     model.write_text(TEXT)
     monkeypatch.setattr(feb_xml, "LIMITS", replace(feb_xml.LIMITS, rows=20))
-    assert "more than 20 rows" in told(tmp_path, model)
+    assert "more than 20 rows" in solve_error(tmp_path, model)
     monkeypatch.setattr(feb_xml, "LIMITS", replace(feb_xml.LIMITS, bytes=1000))
-    assert "the file is longer than" in told(tmp_path, model)
+    assert "the file is longer than" in solve_error(tmp_path, model)
 
 
 # --- damage -----------------------------------------------------------------------------------

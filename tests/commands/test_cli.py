@@ -328,7 +328,7 @@ BAD_MESH = {
 }
 
 
-def told(tmp_path: Path, text: str) -> str:
+def run_error(tmp_path: Path, text: str) -> str:
     """What `cosim run` says of a bad case; it must end with code 2 and leave nothing."""
     head = 'extends = "isometric_edc"\ntitle = "bad"\n'
     text = text if text.startswith("[") else f"[hood]\n{text}"
@@ -344,14 +344,14 @@ def told(tmp_path: Path, text: str) -> str:
 @pytest.mark.parametrize(("text", "message"), BAD.values(), ids=BAD.keys())
 def test_bad_input_is_told_and_nothing_runs(tmp_path, monkeypatch, text, message):
     monkeypatch.chdir(tmp_path)
-    assert message in told(tmp_path, text)
+    assert message in run_error(tmp_path, text)
 
 
 @pytest.mark.parametrize(("changes", "message"), BAD_MESH.values(), ids=BAD_MESH.keys())
 def test_a_bad_mesh_is_told_with_its_place(tmp_path, monkeypatch, changes, message):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mesh.json").write_text(json.dumps(MESH | changes))
-    assert message in told(tmp_path, 'mesh = {kind = "file", path = "mesh.json"}')
+    assert message in run_error(tmp_path, 'mesh = {kind = "file", path = "mesh.json"}')
     checked = cosim("check", "case.toml", "isometric_edc")
     if changes.keys() != {"springs", "tied"}:  # what a case must bring to hold it, building tells
         assert checked.exit_code == 2

@@ -9,7 +9,7 @@ from cosim.coupling.adaptive import Control, adaptive_step
 from cosim.coupling.schemes import Explicit, Linear, Newton, Scheme, begin, step
 from cosim.errors import ConvergenceError, InputError
 from cosim.verification.pairs import REST, pulls_on_cables, soft_pair, soft_truth, stiff_pair
-from tests.helpers.told_hood import told
+from tests.helpers.recording_hood import recording_pair
 
 
 def steps_of(control: Control, until: float, scheme: Scheme | None = None) -> list:
@@ -71,7 +71,7 @@ def test_a_jump_that_no_step_resolves_is_an_honest_stop():
 
 
 def test_a_step_that_fails_is_tried_shorter_until_the_floor():
-    finger, hood = told()
+    finger, hood = recording_pair()
     hood.most_tension = 5.0
     ramp = lambda t: (np.array([1e3 * t]), np.zeros(0))  # noqa: E731
     state = begin(Linear(), finger, hood, finger.begin({}), ramp)

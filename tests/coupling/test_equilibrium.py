@@ -63,7 +63,7 @@ def dorsal_and_palmar() -> PulleyHood:
     return PulleyHood({"EDC": Cable(points), "FDS": Cable(tuple(palmar))}, rest)
 
 
-def coupled(
+def couple(
     f: HingeFinger,
     hood: Hood,
     tension: Array,
@@ -96,7 +96,7 @@ def tip(q: Array) -> Array:
 
 
 def test_a_free_finger_settles_where_springs_and_cable_balance():
-    found = coupled(finger(False), cables_over_all_joints(H, A), TENSION)
+    found = couple(finger(False), cables_over_all_joints(H, A), TENSION)
     closed = [
         brentq(lambda q, i=i: STIFFNESS[i] * (q - REST[i]) + TENSION[0] * arm(q), -1.0, 1.5)
         for i in range(3)
@@ -109,7 +109,7 @@ def test_a_free_finger_settles_where_springs_and_cable_balance():
 
 
 def test_a_held_finger_is_the_least_energy_with_its_tip_in_place():
-    found = coupled(finger(True), cables_over_all_joints(H, A), TENSION)
+    found = couple(finger(True), cables_over_all_joints(H, A), TENSION)
     there = tip(REST)
     gap = {"type": "eq", "fun": lambda q: 1e3 * (tip(q) - there)}
     slope = lambda q: STIFFNESS * (q - REST) + TENSION[0] * arm(q)  # noqa: E731
@@ -130,7 +130,7 @@ def test_a_held_finger_is_the_least_energy_with_its_tip_in_place():
 def test_residuals_are_below_the_tolerance_and_the_answer_is_the_final_poses(held):
     f, hood = finger(held), dorsal_and_palmar()
     tension = np.array([6.0, 4.0])
-    found = coupled(f, hood, tension)
+    found = couple(f, hood, tension)
     assert found.finger_residual <= OPTIONS.tolerance
     assert found.interface_residual <= OPTIONS.tolerance
     assert max(found.load.imbalance(found.motion)) < 1e-12
@@ -142,13 +142,13 @@ def test_residuals_are_below_the_tolerance_and_the_answer_is_the_final_poses(hel
 
 def test_a_far_start_ends_in_the_same_equilibrium():
     f, hood = finger(False), dorsal_and_palmar()
-    near, far = (coupled(f, hood, np.array([6.0, 4.0]), q) for q in (REST, (0.1, 1.7, 1.2)))
+    near, far = (couple(f, hood, np.array([6.0, 4.0]), q) for q in (REST, (0.1, 1.7, 1.2)))
     np.testing.assert_allclose(far.finger_state.angles, near.finger_state.angles, atol=1e-10)
     assert far.iterations > near.iterations, "a joint moves only so far in one round"
 
 
 def test_the_same_run_gives_the_same_bits():
-    first, second = (coupled(finger(True), dorsal_and_palmar(), np.array([6.0, 4.0])) for _ in "ab")
+    first, second = (couple(finger(True), dorsal_and_palmar(), np.array([6.0, 4.0])) for _ in "ab")
     assert np.array_equal(first.finger_state.angles, second.finger_state.angles)
     assert np.array_equal(first.finger_state.reaction, second.finger_state.reaction)
     assert np.array_equal(first.load.wrench, second.load.wrench)
@@ -157,7 +157,7 @@ def test_the_same_run_gives_the_same_bits():
 
 def test_the_affine_load_is_the_hoods_to_second_order():
     f, hood = finger(False), dorsal_and_palmar()
-    found = coupled(f, hood, np.array([6.0, 4.0]))
+    found = couple(f, hood, np.array([6.0, 4.0]))
 
     def error(size: float) -> float:
         moved = f.displace(found.finger_state, size * np.array([1.0, -0.5, 0.8]))
@@ -185,7 +185,7 @@ def test_the_finger_balances_against_the_affine_load():
 
 def test_moment_arms_are_how_fast_the_cables_shorten():
     f, hood = finger(False), dorsal_and_palmar()
-    found = coupled(f, hood, np.array([6.0, 4.0]))
+    found = couple(f, hood, np.array([6.0, 4.0]))
     arms = moment_arms(f, found)
     assert arms.shape == (3, 2)
     np.testing.assert_allclose(arms[:, 0], -arm(found.finger_state.angles), rtol=1e-12)
@@ -202,7 +202,7 @@ def test_moment_arms_are_how_fast_the_cables_shorten():
 @pytest.mark.parametrize("tendon", [0, 1])
 def test_exact_hoods_are_reciprocal(tendon):
     f, hood = finger(True), dorsal_and_palmar()
-    found = coupled(f, hood, np.array([6.0, 4.0]))
+    found = couple(f, hood, np.array([6.0, 4.0]))
     assert reciprocity(f, hood, found, tendon, 2e-5) < 1e-8
 
 
@@ -223,7 +223,7 @@ def test_a_strong_pull_ends_in_a_stable_equilibrium_at_the_limits(tendon, tensio
     """Held at its tip the finger is a four-bar linkage, which a strong muscle makes run away from
     the springs' rest until a limit stops it."""
     f, pulls = stiff_limits(), tension * np.eye(2)[tendon]
-    found = coupled(f, dorsal_and_palmar(), pulls)
+    found = couple(f, dorsal_and_palmar(), pulls)
     tangent = f.tangent(found.finger_state, found.load, np.zeros(0), found.jacobian.load_motion)
     free = np.linalg.svd(tangent[3:, :3])[2][2]
     assert free @ tangent[:3, :3] @ free < 0
@@ -242,7 +242,7 @@ def test_a_finger_does_not_stay_where_it_would_run_away():
     f = HingeFinger(LENGTHS, law=law, support=FREE)
     cable = Cable((("metacarpal", (-A, 0.0, -H)), ("proximal", (A, 0.0, -H))))
     hood = PulleyHood({"FDS": cable}, f.motion(f.start({})))
-    found = coupled(f, hood, np.array([pull]), (0.01 - rest, 0.0, 0.0))
+    found = couple(f, hood, np.array([pull]), (0.01 - rest, 0.0, 0.0))
     away = brentq(lambda u: k * u - pull * r * np.sin(u / 2), 0.1, 3.0)
     assert found.finger_state.angles[0] == pytest.approx(away - rest, abs=1e-8)
 
@@ -287,22 +287,22 @@ class Doctored:
 
 def test_a_wrong_derivative_by_tension_is_found_by_reciprocity():
     f, hood = finger(True), Doctored(dorsal_and_palmar(), by_tension=1.1)
-    found = coupled(f, hood, np.array([6.0, 4.0]))
+    found = couple(f, hood, np.array([6.0, 4.0]))
     assert reciprocity(f, hood, found, 0, 2e-5) == pytest.approx(0.1 / 1.1, rel=1e-5)
 
 
 def test_a_slightly_wrong_derivative_by_motion_costs_rounds_but_not_accuracy():
     f, tension = finger(False), np.array([6.0, 4.0])
-    exact = coupled(f, dorsal_and_palmar(), tension)
-    slow = coupled(f, Doctored(dorsal_and_palmar(), by_motion=1.2), tension)
+    exact = couple(f, dorsal_and_palmar(), tension)
+    slow = couple(f, Doctored(dorsal_and_palmar(), by_motion=1.2), tension)
     np.testing.assert_allclose(slow.finger_state.angles, exact.finger_state.angles, atol=1e-9)
     assert slow.iterations > exact.iterations
 
 
 def test_loose_rounds_leave_no_trace_in_the_answer():
     f, tension = finger(False), np.array([6.0, 4.0])
-    exact = coupled(f, dorsal_and_palmar(), tension)
-    found = coupled(f, Doctored(dorsal_and_palmar(), loose_error=1e-3), tension)
+    exact = couple(f, dorsal_and_palmar(), tension)
+    found = couple(f, Doctored(dorsal_and_palmar(), loose_error=1e-3), tension)
     np.testing.assert_allclose(found.finger_state.angles, exact.finger_state.angles, atol=1e-10)
     np.testing.assert_allclose(found.load.wrench, exact.load.wrench, atol=1e-9)
 
@@ -310,12 +310,12 @@ def test_loose_rounds_leave_no_trace_in_the_answer():
 def test_hood_and_finger_that_cannot_agree_are_an_error_and_no_result():
     hood = Doctored(dorsal_and_palmar(), by_motion=-20.0)
     with pytest.raises(ConvergenceError, match=r"did not agree in 12 rounds.*max_iterations"):
-        coupled(finger(False), hood, np.array([6.0, 4.0]), options=CouplingOptions(1e-10, 12))
+        couple(finger(False), hood, np.array([6.0, 4.0]), options=CouplingOptions(1e-10, 12))
 
 
 def test_too_few_rounds_are_an_error():
     with pytest.raises(ConvergenceError, match="did not agree in 1 rounds"):
-        coupled(
+        couple(
             finger(False), dorsal_and_palmar(), TENSION.repeat(2), options=CouplingOptions(1e-10, 1)
         )
 
@@ -323,12 +323,12 @@ def test_too_few_rounds_are_an_error():
 def test_a_hood_that_fails_says_so_itself():
     hood = Doctored(dorsal_and_palmar(), most_tension=5.0)
     with pytest.raises(ConvergenceError, match="tears above 5"):
-        coupled(finger(True), hood, np.array([6.0, 4.0]))
+        couple(finger(True), hood, np.array([6.0, 4.0]))
 
 
 def test_a_wrong_number_of_tensions_is_the_users_fault():
     with pytest.raises(InputError, match="2 finite tensions"):
-        coupled(finger(True), dorsal_and_palmar(), np.array([6.0]))
+        couple(finger(True), dorsal_and_palmar(), np.array([6.0]))
 
 
 def test_progress_tells_of_every_round():

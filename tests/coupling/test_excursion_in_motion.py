@@ -31,7 +31,7 @@ def draws(tendon: str, far: str = "2 mm", course: str = RAMP) -> str:
     return f'tendons.{tendon}={{excursion="{far}",{course}}}'
 
 
-def moved(*settings: str) -> Result:
+def run_motion(*settings: str) -> Result:
     return run_case(load_case("pulley_edc", [PLAIN, *LOOSE, SHORT, *settings]))
 
 
@@ -48,7 +48,7 @@ STATED = 2e-3 * np.minimum(np.arange(61) / 30, 1.0)
 
 @pytest.mark.parametrize("scheme", ["linear", "newton", "implicit"])
 def test_a_tendon_of_the_hood_is_drawn_as_stated_or_is_slack(scheme):
-    result = moved(draws("EDC"), f'coupling.scheme="{scheme}"')
+    result = run_motion(draws("EDC"), f'coupling.scheme="{scheme}"')
     reached = result.data.excursion.sel(tendon="EDC").values
     tension = result.data.tension.sel(tendon="EDC").values
     miss = reached - reached[0] - STATED
@@ -63,7 +63,7 @@ def test_a_tendon_of_the_hood_is_drawn_as_stated_or_is_slack(scheme):
 
 
 def test_a_tendon_of_the_finger_is_drawn_as_stated():
-    result = moved(draws("FDP"))
+    result = run_motion(draws("FDP"))
     path, tension = own_paths(result, "FDP"), result.data.own_tension.sel(muscle="FDP").values
     taut = tension > 0
     assert np.abs(path[0] - path - STATED)[taut].max() < 1e-9
@@ -73,14 +73,14 @@ def test_a_tendon_of_the_finger_is_drawn_as_stated():
 
 
 def test_a_finger_without_a_hood_is_drawn_too():
-    result = moved(draws("FDP"), 'hood={kind="split"}')
+    result = run_motion(draws("FDP"), 'hood={kind="split"}')
     path, tension = own_paths(result, "FDP"), result.data.own_tension.sel(muscle="FDP").values
     assert np.abs(path[0] - path - STATED)[tension > 0].max() < 1e-9
     assert result.summary["iterations"]["hood_solves"] == 1
 
 
 def test_two_tendons_at_once():
-    result = moved(draws("FDP"), draws("EDC", "1 mm"))
+    result = run_motion(draws("FDP"), draws("EDC", "1 mm"))
     path, tension = own_paths(result, "FDP"), result.data.own_tension.sel(muscle="FDP").values
     reached = result.data.excursion.sel(tendon="EDC").values
     assert np.abs(path[0] - path - STATED)[tension > 0].max() < 1e-9
@@ -91,7 +91,7 @@ def test_two_tendons_at_once():
 
 @pytest.mark.parametrize("tendon", ["EDC", "FDP"])
 def test_the_tensions_found_make_the_same_motion(tmp_path: Path, tendon: str):
-    result = moved(draws(tendon))
+    result = run_motion(draws(tendon))
     data, own = result.data, tendon == "FDP"
     found = data.own_tension.sel(muscle=tendon) if own else data.tension.sel(tendon=tendon)
     table = tmp_path / "found.csv"
@@ -101,7 +101,7 @@ def test_the_tensions_found_make_the_same_motion(tmp_path: Path, tendon: str):
     ]
     table.write_text("\n".join(["time,pull", *rows]))
     course = f'course={{kind="file",path="{table.as_posix()}",column="pull"}}'
-    again = moved(f'tendons.{tendon}={{tension="1 N",{course}}}')
+    again = run_motion(f'tendons.{tendon}={{tension="1 N",{course}}}')
     assert np.abs(again.data.angle - data.angle).max() < 1e-9
     energy = result.summary["energy_mJ"]
     assert again.summary["energy_mJ"] == pytest.approx(energy, abs=1e-6)
@@ -146,7 +146,7 @@ def test_a_motion_that_was_cut_off_goes_on_to_the_same_bytes(tmp_path: Path):
 )  # fmt: skip
 def test_what_is_refused(settings: list[str], words: str):
     with pytest.raises(InputError, match=words):
-        moved(*settings)
+        run_motion(*settings)
 
 
 def test_an_fmu_in_motion_takes_tensions():
@@ -160,7 +160,7 @@ def test_an_fmu_in_motion_takes_tensions():
 STRAIGHT = np.array([[1.0, 0.2], [0.1, 2.0]])
 
 
-def pulled(aim: list[float], stiff: float = 0.0) -> tuple[np.ndarray, ExcursionState, int]:
+def pull_tendons(aim: list[float], stiff: float = 0.0) -> tuple[np.ndarray, ExcursionState, int]:
     """Two tendons with x = S T + stiff T^3, from 0.5 N each."""
     count = 0
 
@@ -180,7 +180,7 @@ def pulled(aim: list[float], stiff: float = 0.0) -> tuple[np.ndarray, ExcursionS
 
 
 def test_a_straight_law_is_met_at_once():
-    tension, after, count = pulled([1.0, 2.0])
+    tension, after, count = pull_tendons([1.0, 2.0])
     expected = 0.5 + np.linalg.solve(STRAIGHT, [1.0, 2.0])
     assert tension == pytest.approx(expected)
     assert after.excursion - after.start == pytest.approx([1e-3, 2e-3], abs=1e-10)
@@ -189,13 +189,13 @@ def test_a_straight_law_is_met_at_once():
 
 
 def test_a_crooked_law_too():
-    tension, after, _ = pulled([1.0, 2.0], stiff=2.0)
+    tension, after, _ = pull_tendons([1.0, 2.0], stiff=2.0)
     assert (tension > 0.5).all()
     assert after.excursion - after.start == pytest.approx([1e-3, 2e-3], abs=1e-10)
 
 
 def test_a_tendon_that_would_have_to_push_is_slack():
-    tension, after, _ = pulled([-5.0, 2.0])
+    tension, after, _ = pull_tendons([-5.0, 2.0])
     assert tension[0] == 0.0
     assert after.excursion[0] - after.start[0] > -5e-3
     assert after.excursion[1] - after.start[1] == pytest.approx(2e-3, abs=1e-10)

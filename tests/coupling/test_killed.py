@@ -48,7 +48,7 @@ def cosim(folder: Path, *words: str, stage: str = "") -> subprocess.Popen[bytes]
     return process
 
 
-def finished(process: subprocess.Popen[bytes]) -> None:
+def wait_for(process: subprocess.Popen[bytes]) -> None:
     told = process.communicate(timeout=120)[1].decode()
     assert process.returncode == 0, told
 
@@ -57,7 +57,7 @@ def finished(process: subprocess.Popen[bytes]) -> None:
 def test_killed_and_resumed_a_motion_ends_in_the_same_bytes(tmp_path: Path, kills: int) -> None:
     (tmp_path / "ramp.toml").write_text(RAMP)
     begun = time.perf_counter()
-    finished(cosim(tmp_path, "run", "ramp.toml", "--out", "whole"))
+    wait_for(cosim(tmp_path, "run", "ramp.toml", "--out", "whole"))
     took = time.perf_counter() - begun
     rng, unfinished = random.Random(4), tmp_path / "cut" / "ramp.unfinished"
     words = ["run", "ramp.toml", "--out", "cut"]
@@ -71,7 +71,7 @@ def test_killed_and_resumed_a_motion_ends_in_the_same_bytes(tmp_path: Path, kill
         else:
             words = ["resume", "cut/ramp"]
     if unfinished.exists() or not (tmp_path / "cut" / "ramp").exists():
-        finished(cosim(tmp_path, *words))
+        wait_for(cosim(tmp_path, *words))
     whole, cut = (
         xarray.load_dataset(tmp_path / run / "ramp" / "results.nc", engine="h5netcdf")
         for run in ("whole", "cut")

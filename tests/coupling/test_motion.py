@@ -24,13 +24,13 @@ from tests.helpers.motions import FREE, HELD, PLAIN, Stopper, identical, work_do
 SHORT = 'forward={duration="0.06 s",must_rest=false}'
 
 
-def moved(*settings: str, name: str = "pulley_edc") -> Result:
+def run_motion_case(*settings: str, name: str = "pulley_edc") -> Result:
     return run_case(load_case(name, [PLAIN, *settings]))
 
 
 def test_iterated_schemes_make_the_same_motion_and_linear_nearly() -> None:
     by_scheme = {
-        scheme: moved(*FREE, SHORT, f"coupling={setting}").data.angle.values
+        scheme: run_motion_case(*FREE, SHORT, f"coupling={setting}").data.angle.values
         for scheme, setting in {
             "newton": "{scheme='newton'}",
             "aitken": "{scheme='implicit'}",
@@ -49,7 +49,7 @@ def test_iterated_schemes_make_the_same_motion_and_linear_nearly() -> None:
 
 
 def test_the_books_close_on_every_body_at_every_step() -> None:
-    result = moved(*FREE, SHORT, 'finger.gravity=["0 m/s**2","0 m/s**2","-9.81 m/s**2"]')
+    result = run_motion_case(*FREE, SHORT, 'finger.gravity=["0 m/s**2","0 m/s**2","-9.81 m/s**2"]')
     times = {row.state for row in result.rows}
     assert len(times) == 60
     for time in times:
@@ -69,7 +69,7 @@ def test_joints_carry_little_moment_about_their_axes() -> None:
     off = []
     for step in ("1 ms", "0.25 ms"):
         forward = f'forward={{duration="0.02 s",step="{step}",must_rest=false}}'
-        result = moved(*FREE, forward, name="planar_edc")
+        result = run_motion_case(*FREE, forward, name="planar_edc")
         last = "0.02 s"
         joint = [r for r in result.rows if r.state == last and r.source == "joint"]
         (distal,) = [row.moment for row in joint if row.body == "distal"]
@@ -81,7 +81,7 @@ def test_energy_is_accounted_for_and_the_method_takes_less_at_smaller_steps() ->
     taken = []
     for step in ("1 ms", "0.25 ms"):
         forward = f'forward={{duration="0.06 s",step="{step}",must_rest=false}}'
-        summary = moved(*FREE, forward).summary
+        summary = run_motion_case(*FREE, forward).summary
         e = summary["energy_mJ"]
         assert work_done(e) == pytest.approx(work_kept(e), rel=1e-9)
         taken.append(abs(e["artificial"]))
@@ -90,8 +90,8 @@ def test_energy_is_accounted_for_and_the_method_takes_less_at_smaller_steps() ->
 
 @pytest.mark.slow
 def test_a_held_motion_ends_in_the_equilibrium() -> None:
-    still = moved(*HELD).summary
-    run = moved(*HELD, 'forward={duration="1 s"}').summary
+    still = run_motion_case(*HELD).summary
+    run = run_motion_case(*HELD, 'forward={duration="1 s"}').summary
     assert run["fingertip_force_N"] == pytest.approx(still["fingertip_force_N"], abs=1e-4)
     for joint, angle in still["posture_deg"].items():
         assert run["posture_deg"][joint] == pytest.approx(angle, abs=1e-2)
@@ -99,7 +99,7 @@ def test_a_held_motion_ends_in_the_equilibrium() -> None:
 
 def test_a_finger_that_still_moves_is_no_result() -> None:
     with pytest.raises(ConvergenceError, match=r"did not come to rest in 0\.12 s"):
-        moved(*FREE, 'forward={duration="0.12 s"}')
+        run_motion_case(*FREE, 'forward={duration="0.12 s"}')
 
 
 def cut_off(case: Any, folder: Path, words: int) -> None:

@@ -50,7 +50,7 @@ def tip(result: Result) -> np.ndarray:
     return vector_of(result.summary["fingertip_force_N"])
 
 
-def handed(**more: Any) -> FrozenHood:
+def random_frozen_hood(**more: Any) -> FrozenHood:
     """Random wrenches of two sources on the index finger's bodies in the posture."""
     rng, finger = np.random.default_rng(1), mujoco_finger(HELD)
     at = finger.motion(finger.start(POSTURE))
@@ -78,7 +78,7 @@ def test_a_joint_passes_on_what_acts_beyond_it():
 @pytest.mark.parametrize("end", ["none", "distal", "proximal"])
 @pytest.mark.parametrize("lumped", [False, True])
 def test_what_is_handed_over_keeps_its_direction_and_its_point(end, lumped):
-    hood = handed(centre=CENTRE if lumped else None, joint_contact=end)
+    hood = random_frozen_hood(centre=CENTRE if lumped else None, joint_contact=end)
     own = hood.response.load.total()
     moved = hood.at.displace(np.random.default_rng(3).normal(size=(NB, 6)) * 0.05)
     load = hood.advance(None, moved, np.zeros(1), STATIC).load
@@ -106,7 +106,7 @@ def test_what_is_handed_over_keeps_its_direction_and_its_point(end, lumped):
 @pytest.mark.parametrize("end", ["none", "distal", "proximal"])
 @pytest.mark.parametrize("lumped", [False, True])
 def test_its_tangent_by_motion_is_exact(end, lumped):
-    hood, h = handed(centre=CENTRE if lumped else None, joint_contact=end), 1e-6
+    hood, h = random_frozen_hood(centre=CENTRE if lumped else None, joint_contact=end), 1e-6
     slope = hood.jacobian(None).load_motion
     for i, twist in enumerate(h * np.eye(6 * NB)):
         ahead, behind = (
@@ -120,7 +120,7 @@ def test_its_tangent_by_motion_is_exact(end, lumped):
 @pytest.mark.parametrize("lumped", [False, True])
 def test_what_a_tendon_adds_is_handed_over_as_the_load_is(end, lumped):
     """By the difference of two loads of a hood that is linear in the tension."""
-    hood = handed(centre=CENTRE if lumped else None, joint_contact=end)
+    hood = random_frozen_hood(centre=CENTRE if lumped else None, joint_contact=end)
     own = hood.response.load
     more = np.stack([hood.by_tension.reshape(NB, 6), np.zeros((NB, 6))], axis=1)
     grown = hood.response._replace(load=replace(own, wrench=own.wrench + more))

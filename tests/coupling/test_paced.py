@@ -28,18 +28,20 @@ def forward(tolerance: str, floor: str = "1 us", step: str = "10 ms", **more: ob
     return f'forward={{duration="{DURATION} s",step="{step}",must_rest=false,{adaptive}{extra}}}'
 
 
-def moved(*settings: str) -> Result:
+def run_motion_case(*settings: str) -> Result:
     return run_case(load_case("pulley_edc", [PLAIN, *FREE, *settings]))
 
 
 @pytest.fixture(scope="module")
 def fine() -> Result:
-    return moved('forward={duration="0.06 s",step="0.1 ms",must_rest=false}')
+    return run_motion_case('forward={duration="0.06 s",step="0.1 ms",must_rest=false}')
 
 
 @pytest.mark.parametrize("scheme", ["linear", pytest.param("newton", marks=pytest.mark.slow)])
 def test_a_tighter_tolerance_takes_more_steps_and_leaves_less_error(fine, scheme):
-    runs = [moved(forward(t), f'coupling.scheme="{scheme}"') for t in ("0.1 deg", "0.001 deg")]
+    runs = [
+        run_motion_case(forward(t), f'coupling.scheme="{scheme}"') for t in ("0.1 deg", "0.001 deg")
+    ]
     off = [np.abs(r.data.angle[-1] - fine.data.angle[-1]).max() for r in runs]
     told = [r.summary["step_control"] for r in runs]
     assert off[1] < 0.3 * off[0]
@@ -73,7 +75,7 @@ def test_a_finger_without_a_hood_paces_itself_too():
 
 
 def test_the_books_close_at_each_half():
-    result = moved(forward("0.01 deg"), DAMPED)
+    result = run_motion_case(forward("0.01 deg"), DAMPED)
     times = dict.fromkeys(row.state for row in result.rows)
     assert len(times) == 2 * result.summary["step_control"]["accepted"]
     for time in times:
@@ -84,10 +86,10 @@ def test_the_books_close_at_each_half():
     e = result.summary["energy_mJ"]
     assert work_done(e) == pytest.approx(work_kept(e), rel=1e-9)
     assert e["joints_dissipated"] > 1e-3
-    assert e["joints_dissipated"] == pytest.approx(1e3 * sum(_lost(result)), rel=1e-9)
+    assert e["joints_dissipated"] == pytest.approx(1e3 * sum(_law_losses(result)), rel=1e-9)
 
 
-def _lost(result: Result) -> np.ndarray:
+def _law_losses(result: Result) -> np.ndarray:
     """J in each half, by the case's law alone."""
     from cosim.build.motion import moving_models
 
@@ -102,7 +104,7 @@ def _lost(result: Result) -> np.ndarray:
 def test_what_no_step_resolves_is_an_honest_stop():
     words = r"step control: at t = .* s a step of 0\.00\d+ s, the smallest allowed, has an error of"
     with pytest.raises(ConvergenceError, match=words):
-        moved(forward("1e-6 deg", floor="2 ms"))
+        run_motion_case(forward("1e-6 deg", floor="2 ms"))
 
 
 @pytest.mark.slow
@@ -127,7 +129,7 @@ def test_a_motion_that_was_cut_off_goes_on_to_the_same_bytes(tmp_path: Path, mon
 
 def test_rest_is_looked_for_over_the_same_time(tmp_path: Path):
     with pytest.raises(ConvergenceError, match=r"did not come to rest in 0\.06 s"):
-        moved(forward("0.1 deg").replace("must_rest=false,", ""))
+        run_motion_case(forward("0.1 deg").replace("must_rest=false,", ""))
 
 
 def test_without_it_steps_are_as_long_as_stated(fine):

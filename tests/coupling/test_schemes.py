@@ -52,7 +52,7 @@ from cosim.verification.pairs import (
     unstable_from,
 )
 from rigid.chain.moving_hinge import MovingHinge
-from tests.helpers.told_hood import told
+from tests.helpers.recording_hood import recording_pair
 
 QUICK = {"partitioned = monolithic"}
 EACH = [pytest.param(scheme, id=name) for name, scheme in SCHEMES.items()]
@@ -100,7 +100,7 @@ def test_the_two_staggered_schemes_differ():
 
 @pytest.mark.parametrize("scheme", EACH)
 def test_counts_of_hood_solves_and_tangents_are_true(scheme):
-    finger, hood = told(3)
+    finger, hood = recording_pair(3)
     states = drive(scheme, finger, hood, np.zeros(3), pulls_on_drum, 2e-4, 15)
     assert states[-1].solves == len(hood.asked)
     assert states[-1].hood == 1 + 15, "each solve of a step begins with the step's first state"
@@ -127,7 +127,7 @@ def test_an_explicit_step_holds_the_load_though_its_tangent_is_known():
 def test_where_the_hood_is_asked():
     """Serial: where the finger is; parallel and linear: at q + h v of the step's start."""
     for scheme, ahead in ((Explicit(), False), (Explicit(parallel=True), True), (Linear(), True)):
-        finger, hood = told()
+        finger, hood = recording_pair()
         last, now = drive(scheme, finger, hood, np.zeros(1), full_pull, 1e-4, 5)[-2:]
         expected = last.finger.angles + 1e-4 * last.finger.rates if ahead else now.finger.angles
         gap = hood.asked[-1][0].twist_to(finger.motion(expected))
@@ -318,7 +318,7 @@ def test_a_constant_share_small_enough_converges():
 
 
 def test_an_iteration_asks_the_hood_only_near_where_it_has_been():
-    finger, hood = told()
+    finger, hood = recording_pair()
     state = begin(Implicit(), finger, hood, finger.begin({}), full_pull)
     step(Implicit(), finger, hood, state, full_pull, 2e-2)
     turns = [a[0].twist_to(b[0])[1, 4] for a, b in zip(hood.asked, hood.asked[1:], strict=False)]

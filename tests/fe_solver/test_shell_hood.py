@@ -15,7 +15,7 @@ from cosim.case.file import load_case
 from cosim.errors import ConvergenceError, InputError
 from cosim.port import STATIC, Motion, Response
 from fe_solver.elements.mesh_geometry import node_areas
-from fe_solver.hood.build_shell import ContactLaw, Sheet, Tendon, shell_hood
+from fe_solver.hood.build_shell import ContactLaw, ShellSheet, TendonEnd, shell_hood
 from fe_solver.hood.extrapolation import Bend
 from fe_solver.hood.shell_hood import TIE, HoodState, ShellHood
 from fe_solver.materials.linear import Isotropic
@@ -223,9 +223,9 @@ def test_what_cannot_be_solved_is_an_error_that_names_a_node(hood, motion):
 def test_a_hood_that_nothing_holds_is_refused(motion):
     X, quads = shells.plate(10e-3, 4e-3, 2, 1)
     section = one_law(Isotropic(1e8, 0.3), np.full(2, 5e-4))
-    sheet = Sheet(X, quads, np.tile([1.0, 0, 0], (2, 1)), section, np.zeros(2))
+    sheet = ShellSheet(X, quads, np.tile([1.0, 0, 0], (2, 1)), section, np.zeros(2))
     carried = np.tile([1.0, 0, 0, 0], (6, 1))
-    end = {"EDC": Tendon(np.array([0, 1]), np.array([0.5, 0.5]))}
+    end = {"EDC": TendonEnd(np.array([0, 1]), np.array([0.5, 0.5]))}
     law = ContactLaw(1e11, 5e-5, {}, {})
     pull, options = np.array([-1.0, 0, 0]), NewtonOptions()
     for tied in ({}, {"distal": np.zeros(0, dtype=np.intp)}):
@@ -272,14 +272,14 @@ def turns(motion: Motion, sizes: list[float]) -> list[Motion]:
     return [motion.displace(size * twist) for size in sizes]
 
 
-def walked(hood: ShellHood, solved: Response, motions: list[Motion]) -> HoodState:
+def walk(hood: ShellHood, solved: Response, motions: list[Motion]) -> HoodState:
     state = solved.state
     for motion in motions:
         state = hood.advance(state, motion, TENSION, STATIC).state
     return state
 
 
-def missed(hood: ShellHood, state: HoodState, motion: Motion) -> tuple[float, float]:
+def prediction_error(hood: ShellHood, state: HoodState, motion: Motion) -> tuple[float, float]:
     """m, how far the hood is from where its tangent foresees it, and from where it begins."""
     _, foreseen = hood._predict(state, motion, TENSION)
     begun = hood._extrapolate(state, foreseen)
@@ -289,11 +289,11 @@ def missed(hood: ShellHood, state: HoodState, motion: Motion) -> tuple[float, fl
 
 def test_the_last_steps_misses_foretell_the_next(hood, solved, motion):
     *before, fourth, fifth = turns(motion, [1e-5, 2e-5, 3e-5, 4e-5, 4.5e-5])
-    state = walked(hood, solved, before)
+    state = walk(hood, solved, before)
     for ahead in (fourth, fifth):
-        linear, bent = missed(hood, state, ahead)
+        linear, bent = prediction_error(hood, state, ahead)
         assert bent < 0.3 * linear
-        state = walked(hood, Response(state, None, None), [ahead])
+        state = walk(hood, Response(state, None, None), [ahead])
 
 
 def test_what_happened_once_is_not_foretold():
@@ -311,7 +311,7 @@ def test_what_happened_once_is_not_foretold():
 
 def test_a_step_of_another_size_is_not_foretold(hood, solved, motion):
     first, second, far = turns(motion, [1e-5, 2e-5, 1e-3])
-    state = walked(hood, solved, [first, second])
+    state = walk(hood, solved, [first, second])
     _, foreseen = hood._predict(state, far, TENSION)
     assert hood._extrapolate(state, foreseen) is foreseen
     assert solved.state.bend is None
@@ -320,7 +320,7 @@ def test_a_step_of_another_size_is_not_foretold(hood, solved, motion):
 
 def test_arrays_hold_all_that_the_next_step_begins_from(hood, solved, motion):
     first, second, third = turns(motion, [2e-5, 4e-5, 6e-5])
-    state = walked(hood, solved, [first, second])
+    state = walk(hood, solved, [first, second])
     again = hood.from_arrays(hood.to_arrays(state))
     one, other = (hood.advance(s, third, TENSION, STATIC) for s in (state, again))
     assert np.array_equal(one.load.wrench, other.load.wrench)

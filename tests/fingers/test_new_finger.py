@@ -25,7 +25,7 @@ LIKE_MYOHAND = np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]])
 """Our x, y, z in frames whose -y is distal and x radial."""
 
 
-def written(path: Path, turn: np.ndarray = RIGHT, more: str = "", **replaced: str) -> Path:
+def write_finger(path: Path, turn: np.ndarray = RIGHT, more: str = "", **replaced: str) -> Path:
     """A straight finger of 40, 25 and 20 mm whose frames are ours turned, joints at the origins;
     a flexor and an extensor over a cylinder."""
 
@@ -106,13 +106,13 @@ def test_a_finger_of_a_file_has_its_size_and_its_shares(exported: Path):
 
 @pytest.mark.parametrize("turn", [RIGHT, LIKE_MYOHAND])
 def test_frames_of_any_kind_become_ours(tmp_path: Path, turn: np.ndarray):
-    model = read_mjcf(written(tmp_path / "f.xml", turn)).model
+    model = read_mjcf(write_finger(tmp_path / "f.xml", turn)).model
     np.testing.assert_allclose(model.tip, [0.02, 0, 0], atol=1e-12)
     place = [segment.position for segment in model.segments]
     np.testing.assert_allclose(
         place, [[0, 0, 0], [0, 0, 0], [0.04, 0, 0], [0.025, 0, 0]], atol=1e-12
     )
-    plain = MujocoFinger(read_mjcf(written(tmp_path / "plain.xml")).model)
+    plain = MujocoFinger(read_mjcf(write_finger(tmp_path / "plain.xml")).model)
     angles = np.array([0.5, 0.1, 0.7, 0.4])
     arms = MujocoFinger(model).moment_arms(angles)
     np.testing.assert_allclose(arms, plain.moment_arms(angles), atol=1e-9)
@@ -126,7 +126,7 @@ def test_frames_of_any_kind_become_ours(tmp_path: Path, turn: np.ndarray):
 def test_losses_and_greatest_forces_are_told(tmp_path: Path):
     more = '<fixed name="sum"><joint joint="PIP" coef="1"/></fixed>'
     more += '<spatial name="other"><site site="f0"/><site site="f3"/></spatial>'
-    read = read_mjcf(written(tmp_path / "f.xml", more=more), tendons=("FDP", "EDC"))
+    read = read_mjcf(write_finger(tmp_path / "f.xml", more=more), tendons=("FDP", "EDC"))
     told = "\n".join(read.losses)
     for word in ("1 other joints", "tendon sum", "tendon other", "muscles' curves", "gravity"):
         assert word in told
@@ -136,7 +136,7 @@ def test_losses_and_greatest_forces_are_told(tmp_path: Path):
 
 
 def test_names_are_mapped_and_missing_ones_answered_with_the_nearest(tmp_path: Path):
-    path = written(tmp_path / "f.xml", PIP="pm2_flexion", middle="2midph", FDP="FDP2")
+    path = write_finger(tmp_path / "f.xml", PIP="pm2_flexion", middle="2midph", FDP="FDP2")
     with pytest.raises(InputError, match=r"no body 'middle'.*the nearest names are .*2midph"):
         read_mjcf(path)
     names = {"middle": "2midph", "PIP": "pm2_flexion", "FDP": "FDP2"}
@@ -146,7 +146,7 @@ def test_names_are_mapped_and_missing_ones_answered_with_the_nearest(tmp_path: P
 
 
 def test_joints_that_turn_the_other_way_are_told_and_can_be_turned(tmp_path: Path):
-    text = written(tmp_path / "f.xml").read_text()
+    text = write_finger(tmp_path / "f.xml").read_text()
     path = tmp_path / "pip.xml"
     path.write_text(text.replace('name="PIP" axis="0.0 1.0 0.0"', 'name="PIP" axis="0 -1 0"'))
     with pytest.raises(InputError, match=r"opposite senses.*--set-name PIP=-PIP"):
@@ -174,7 +174,7 @@ def test_a_bad_file_is_one_clear_fault(tmp_path: Path, text: str, complaint: str
 
 
 def test_a_joint_on_the_wrong_body_is_refused(tmp_path: Path):
-    path = written(tmp_path / "f.xml", PIP="x", DIP="PIP")
+    path = write_finger(tmp_path / "f.xml", PIP="x", DIP="PIP")
     path.write_text(path.read_text().replace('"x"', '"DIP"'))
     with pytest.raises(InputError, match=r"joint 'PIP' \(PIP\) turns the body 'distal'"):
         read_mjcf(path)

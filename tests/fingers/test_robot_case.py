@@ -22,7 +22,7 @@ TENSION = 4.0
 POSTURE = tuple(f"finger.posture.{joint}=30 deg" for joint in ("MCP", "PIP", "DIP"))
 
 
-def built(name: str, *overrides: str) -> Models:
+def build_case(name: str, *overrides: str) -> Models:
     return build(load_case(name, (FREE, *overrides)))
 
 
@@ -55,7 +55,7 @@ def test_a_second_extensor_is_the_fingers_own_under_any_hood(name):
 
 
 def test_both_have_the_arms_of_table_iii_where_springs_share_as_the_pulley_does():
-    pulleys, network = built(PULLEYS), built(NETWORK, *AS_PULLEY)
+    pulleys, network = build_case(PULLEYS), build_case(NETWORK, *AS_PULLEY)
     wanted = -1e-3 * TABLE_III[:, 0]
     assert pulley_arms(pulleys, pulleys.posture) == pytest.approx(wanted, abs=1e-12)
     assert hood_at(network, network.posture)[1] == pytest.approx(wanted, abs=1e-7)
@@ -63,7 +63,7 @@ def test_both_have_the_arms_of_table_iii_where_springs_share_as_the_pulley_does(
 
 def test_shares_follow_from_stiffness_in_the_posture_and_from_the_way_beyond_it():
     """The pulley's do not; with PIP and DIP bent on, the way to the distal phalanx is longer."""
-    network, case = built(NETWORK), load_case(NETWORK)
+    network, case = build_case(NETWORK), load_case(NETWORK)
     model = anatomy_of(case.finger, case.hood.left_to_finger).model
     at = slip_forces(case.hood, model, hood_at(network, network.posture)[0])
     shares = np.array([126.0, 80.0]) / (126 + 80 + 126)
@@ -74,11 +74,11 @@ def test_shares_follow_from_stiffness_in_the_posture_and_from_the_way_beyond_it(
         {"central": 0.0, "terminal": TENSION}
     )
     assert arm[3] == pytest.approx(-2.26e-3)
-    assert pulley_arms(built(PULLEYS), bent)[3] == pytest.approx(-1.13e-3, abs=1e-12)
+    assert pulley_arms(build_case(PULLEYS), bent)[3] == pytest.approx(-1.13e-3, abs=1e-12)
 
 
 def test_the_pulleys_branches_are_its_slips():
-    models = built(PULLEYS)
+    models = build_case(PULLEYS)
     assert models.own_slips is not None
     slips = models.own_slips({"extensor": TENSION})
     assert slips == {"central": 0.25 * TENSION, "terminal": 0.5 * TENSION}

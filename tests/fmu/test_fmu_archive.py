@@ -19,7 +19,7 @@ from cosim.fmu.quantity import hood_quantities
 from cosim.fmu.unit import Unit
 from cosim.fmu_export.part_of import part_of
 from cosim.fmu_export.write import write_fmu
-from tests.helpers.fmus import NEEDS_FMU, described, tampered
+from tests.helpers.fmus import NEEDS_FMU, change_archive, change_description
 
 pytestmark = NEEDS_FMU
 XML = "modelDescription.xml"
@@ -47,7 +47,7 @@ def hood3(tmp_path_factory) -> Path:
     return path
 
 
-def refused(path: Path, words: str, folder: Path) -> None:
+def check_refusal(path: Path, words: str, folder: Path) -> None:
     room = folder / "room"
     room.mkdir()
     with pytest.raises(InputError, match=words) as error:
@@ -74,36 +74,36 @@ def link(name: str) -> zipfile.ZipInfo:
     ],
 )
 def test_a_path_that_leaves_the_archive(hood, tmp_path, name, words):
-    refused(tampered(hood, tmp_path / "evil.fmu", more={name: b"x"}), words, tmp_path)
+    check_refusal(change_archive(hood, tmp_path / "evil.fmu", more={name: b"x"}), words, tmp_path)
 
 
 def test_the_same_name_twice(hood, tmp_path):
     with pytest.warns(UserWarning, match="Duplicate name"):
-        path = tampered(hood, tmp_path / "twice.fmu", more={XML: b"<a/>"})
-    refused(path, "more than once", tmp_path)
+        path = change_archive(hood, tmp_path / "twice.fmu", more={XML: b"<a/>"})
+    check_refusal(path, "more than once", tmp_path)
 
 
 def test_two_names_that_are_one_where_case_does_not_count(hood, tmp_path):
-    path = tampered(hood, tmp_path / "twice.fmu", more={XML.upper(): b"<a/>"})
-    refused(path, "more than once", tmp_path)
+    path = change_archive(hood, tmp_path / "twice.fmu", more={XML.upper(): b"<a/>"})
+    check_refusal(path, "more than once", tmp_path)
 
 
 def test_more_than_it_may_unpack_to(hood, tmp_path, monkeypatch):
     big = zipfile.ZipInfo("resources/zeros")
     big.compress_type = zipfile.ZIP_DEFLATED
-    path = tampered(hood, tmp_path / "bomb.fmu", more={big: bytes(2**24)})
+    path = change_archive(hood, tmp_path / "bomb.fmu", more={big: bytes(2**24)})
     monkeypatch.setattr(archive, "MOST_BYTES", 2**23)
-    refused(path, "expected at most 20000 of 8 MiB", tmp_path)
+    check_refusal(path, "expected at most 20000 of 8 MiB", tmp_path)
 
 
 def test_more_files_than_it_may_hold(hood, tmp_path, monkeypatch):
     monkeypatch.setattr(archive, "MOST_FILES", 3)
-    refused(hood, "expected at most 3 of", tmp_path)
+    check_refusal(hood, "expected at most 3 of", tmp_path)
 
 
 def test_a_size_that_the_archive_lies_about(hood, tmp_path):
     """The central directory says 1 byte; zipfile reads no further and finds the checksum wrong."""
-    path = tampered(hood, tmp_path / "lie.fmu", more={"resources/lie": b"lie" * 1000})
+    path = change_archive(hood, tmp_path / "lie.fmu", more={"resources/lie": b"lie" * 1000})
     data = path.read_bytes()
     at = data.rindex(b"PK\x01\x02", 0, data.rindex(b"resources/lie"))
     path.write_bytes(data[: at + 24] + (1).to_bytes(4, "little") + data[at + 28 :])
@@ -123,16 +123,18 @@ def test_a_size_that_the_archive_lies_about(hood, tmp_path):
     ],
 )
 def test_a_bad_description(hood, tmp_path, text, words):
-    refused(tampered(hood, tmp_path / "bad.fmu", {XML: lambda old: text}), words, tmp_path)
+    check_refusal(
+        change_archive(hood, tmp_path / "bad.fmu", {XML: lambda old: text}), words, tmp_path
+    )
 
 
 def test_no_description(hood, tmp_path):
-    path = tampered(hood, tmp_path / "none.fmu", without=(XML,))
-    refused(path, "is no FMU: it has no modelDescription.xml", tmp_path)
+    path = change_archive(hood, tmp_path / "none.fmu", without=(XML,))
+    check_refusal(path, "is no FMU: it has no modelDescription.xml", tmp_path)
 
 
 def test_a_description_that_breaks_the_schema(hood, tmp_path):
-    path = described(hood, tmp_path / "odd.fmu", "valueReference=", "valueReferenz=")
+    path = change_description(hood, tmp_path / "odd.fmu", "valueReference=", "valueReferenz=")
     with pytest.raises(InputError, match="is not valid"):
         unpack_fmu(path, tmp_path / "room")
 
@@ -140,7 +142,7 @@ def test_a_description_that_breaks_the_schema(hood, tmp_path):
 def test_no_archive_at_all(tmp_path):
     path = tmp_path / "text.fmu"
     path.write_text("not a zip")
-    refused(path, "cannot be read as an FMU", tmp_path)
+    check_refusal(path, "cannot be read as an FMU", tmp_path)
 
 
 def test_an_encrypted_file(hood, tmp_path):
@@ -148,20 +150,22 @@ def test_an_encrypted_file(hood, tmp_path):
     data = hood.read_bytes()
     at = data.rindex(b"PK\x01\x02")
     path.write_bytes(data[: at + 8] + b"\x01\x00" + data[at + 10 :])
-    refused(path, "is encrypted", tmp_path)
+    check_refusal(path, "is encrypted", tmp_path)
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_another_platform(hood, hood3, tmp_path, fmi):
     path = tmp_path / "foreign.fmu"
-    tampered((hood, hood3)[fmi - 2], path, without=("binaries/linux64", "binaries/x86_64-linux"))
+    change_archive(
+        (hood, hood3)[fmi - 2], path, without=("binaries/linux64", "binaries/x86_64-linux")
+    )
     with pytest.raises(InputError, match=r"no binary for this machine, .*; it has (win|x86)"):
         unpack_fmu(path, tmp_path / "room")
 
 
 def test_an_identifier_that_is_a_path(hood, tmp_path):
     old = 'modelIdentifier="cosim_hood"'
-    path = described(hood, tmp_path / "id.fmu", old, 'modelIdentifier="../../cosim_hood"')
+    path = change_description(hood, tmp_path / "id.fmu", old, 'modelIdentifier="../../cosim_hood"')
     with pytest.raises(InputError, match="is no name in the sense of C"):
         unpack_fmu(path, tmp_path / "room")
 
@@ -174,11 +178,11 @@ def test_what_a_unit_can_do_is_read(hood, hood3, tmp_path):
     old = "<CoSimulation "
     able = {2: 'providesDirectionalDerivative="true" ', 3: 'providesDirectionalDerivatives="1" '}
     for fmi, path in ((2, hood), (3, hood3)):
-        new = described(path, tmp_path / f"able{fmi}.fmu", old, old + able[fmi])
+        new = change_description(path, tmp_path / f"able{fmi}.fmu", old, old + able[fmi])
         assert unpack_fmu(new, tmp_path / f"able{fmi}").differentiates
 
 
-def mapped(path: Path, names: dict[str, str], assume_si: bool = False) -> None:
+def map_unit(path: Path, names: dict[str, str], assume_si: bool = False) -> None:
     part = part_of(load_case("pulley_edc"), "hood")
     quantities = hood_quantities(part.hood.bodies, part.hood.sources, part.hood.tendons)
     places(Unit(path).opened, quantities, names, (), assume_si)
@@ -199,22 +203,22 @@ def mapped(path: Path, names: dict[str, str], assume_si: bool = False) -> None:
 )
 def test_names_that_do_not_map(hood, names, words):
     with pytest.raises(InputError, match=words):
-        mapped(hood, names)
+        map_unit(hood, names)
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_a_unit_in_millimetres(hood, hood3, tmp_path, fmi):
     old, new = '<BaseUnit m="1" />', '<BaseUnit m="1" factor="0.001" />'
-    path = described((hood, hood3)[fmi - 2], tmp_path / "mm.fmu", old, new)
+    path = change_description((hood, hood3)[fmi - 2], tmp_path / "mm.fmu", old, new)
     with pytest.raises(InputError, match=r"position\S*: is in m \(0\.001 SI units\), expected m"):
-        mapped(path, {})
+        map_unit(path, {})
 
 
 def test_no_unit(hood, tmp_path):
-    path = described(hood, tmp_path / "bare.fmu", ' unit="N"', "")
+    path = change_description(hood, tmp_path / "bare.fmu", ' unit="N"', "")
     with pytest.raises(InputError, match=r"states no unit, expected N; .*assume_si = true"):
-        mapped(path, {})
-    mapped(path, {}, assume_si=True)
+        map_unit(path, {})
+    map_unit(path, {}, assume_si=True)
 
 
 @settings(max_examples=60)

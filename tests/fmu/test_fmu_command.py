@@ -14,7 +14,7 @@ from cosim.fmu_export import write as export
 from cosim.fmu_export.write import write_fmu
 from cosim.solve.solvers import solve
 from cosim.verification import fmu as verification
-from tests.helpers.fmus import NEEDS_FMU, placed
+from tests.helpers.fmus import NEEDS_FMU, places_of
 
 pytestmark = NEEDS_FMU
 
@@ -51,7 +51,7 @@ def test_a_shells_coupled_unit_gives_the_native_run(tmp_path, fmi):
     case, path = load_case("isometric_edc", ["hood.mesh.quads=120"]), tmp_path / "shell.fmu"
     write_fmu(case, "coupled", fmi, path)
     unit = Unit(path)
-    place = placed(unit, case, "coupled")
+    place = places_of(unit, case, "coupled")
     unit.step(0.01)
     models, states = solve(case)
     slips = models.slips(states.loaded.response.state)

@@ -23,7 +23,7 @@ from cosim.fmu_export.static_parts import HoodPart
 from cosim.fmu_export.write import write_fmu
 from cosim.port import STATIC, PairState, Tensions, rotation_matrix
 from cosim.solve.solvers import solve
-from tests.helpers.fmus import NEEDS_FMU, placed, tampered
+from tests.helpers.fmus import NEEDS_FMU, change_archive, places_of
 
 pytestmark = NEEDS_FMU
 PARTS = ("hood", "finger", "coupled")
@@ -88,7 +88,7 @@ def test_another_importer_gets_the_native_force(written, case):
 def test_the_hood_answers_the_same_bits(written, case, fmi):
     models = build(case)
     unit = Unit(written["hood", fmi])
-    place = placed(unit, case, "hood")
+    place = places_of(unit, case, "hood")
     motion = models.finger.motion(models.finger.start({"PIP": 0.7}))
     tension = np.array([1.0, 0.2, 3.0, 0.4])
     native = models.hood.advance(models.hood.start(motion), motion, tension, STATIC)
@@ -110,7 +110,7 @@ def test_the_hood_answers_the_same_bits(written, case, fmi):
 def test_the_coupled_finger_follows_its_tensions_and_is_taken_back(written, case, fmi):
     models = build(case)
     unit = Unit(written["coupled", fmi])
-    place = placed(unit, case, "coupled")
+    place = places_of(unit, case, "coupled")
     pulls = np.concatenate(tensions(case, models))
     unit.step(0.01)
     before, first = unit.save(), unit.get(place["tip_force"])
@@ -127,7 +127,7 @@ def test_the_coupled_finger_follows_its_tensions_and_is_taken_back(written, case
 
 def test_excursions_count_from_rest(written, case):
     unit = Unit(written["coupled", 2])
-    place = placed(unit, case, "coupled")
+    place = places_of(unit, case, "coupled")
     rest = np.full(place["tension"].shape, case.solve.resting_tension)
     unit.set(place["tension"], rest)
     unit.step(0.01)
@@ -143,7 +143,7 @@ def test_other_fingers_and_hoods(tmp_path, name):
     write_fmu(case, "coupled", 3, path)
     unit = Unit(path)
     unit.step(0.01)
-    force = unit.get(placed(unit, case, "coupled")["tip_force"])
+    force = unit.get(places_of(unit, case, "coupled")["tip_force"])
     native = solve(case)[1].loaded.balance.tip_force
     assert force == pytest.approx(native, abs=1e-9)
 
@@ -187,7 +187,7 @@ def test_a_bad_input_fails_the_step_with_a_message_and_changes_nothing(
     written, case, fmi, name, value, words
 ):
     unit = Unit(written["hood", fmi])
-    place = placed(unit, case, "hood")
+    place = places_of(unit, case, "hood")
     unit.step(0.01)
     good = unit.save()
     force = unit.get(place["force"])
@@ -233,7 +233,9 @@ def test_another_version_says_so_when_instantiated(tmp_path, written, fmi):
     def older(text: bytes) -> bytes:
         return json.dumps({**json.loads(text), "version": "0.0.1"}).encode()
 
-    old = tampered(written["hood", fmi], tmp_path / "old.fmu", {"resources/about.json": older})
+    old = change_archive(
+        written["hood", fmi], tmp_path / "old.fmu", {"resources/about.json": older}
+    )
     with pytest.raises(InputError, match=r"written by cosim-hand 0\.0\.1"):
         Unit(old)
 
@@ -273,7 +275,7 @@ def test_the_finger_balances_a_load_that_follows_it(written, case):
     before = models.hood.start(f.motion(start))
     native = equilibrium(models.pair, PairState(start, before), Tensions(*pulls), options)
     unit = Unit(written["finger", 2])
-    place = placed(unit, case, "finger")
+    place = places_of(unit, case, "finger")
     at_start = models.hood.advance(before, f.motion(start), pulls[0], STATIC)
     state, hood = unit.save(), at_start
     for _ in range(6):
@@ -319,7 +321,7 @@ def test_without_tangent_a_load_is_held(tmp_path, case):
 @BOTH
 def test_inputs_belong_to_a_state(written, case, fmi):
     unit = Unit(written["hood", fmi])
-    place = placed(unit, case, "hood")
+    place = places_of(unit, case, "hood")
     before, tension = unit.save(), unit.get(place["tension"])
     unit.set(place["tension"], tension + 1)
     after = unit.save()

@@ -21,7 +21,7 @@ from cosim.fmu_export.write import write_fmu
 from cosim.pipeline import run_case
 from cosim.results.result import Result
 from cosim.verification.fmu import in_units
-from tests.helpers.fmus import NEEDS_FMU, described
+from tests.helpers.fmus import NEEDS_FMU, change_description
 
 pytestmark = NEEDS_FMU
 BOTH = pytest.mark.parametrize("fmi", [2, 3])
@@ -54,7 +54,7 @@ def ran(models: Models, paths: dict[str, Path], scheme: str = "newton", *more: s
     return run_case(load_case("pulley_edc", settings))
 
 
-def apart(a: Result, b: Result, key: str) -> float:
+def difference(a: Result, b: Result, key: str) -> float:
     return max(abs(a.summary[key][part] - value) for part, value in b.summary[key].items())
 
 
@@ -63,8 +63,8 @@ def apart(a: Result, b: Result, key: str) -> float:
 @BOTH
 def test_a_finger_in_an_fmu_gives_the_native_run(written, models, native, fmi, parts, scheme):
     found = ran(models, {part: written[part, fmi] for part in parts}, scheme)
-    assert apart(found, native, "fingertip_force_N") < 1e-9
-    assert apart(found, native, "fingertip_force_in_phalanx_N") < 1e-9
+    assert difference(found, native, "fingertip_force_N") < 1e-9
+    assert difference(found, native, "fingertip_force_in_phalanx_N") < 1e-9
     for name in ("angle", "position", "wrench", "tension", "own_tension", "tip_force", "pull"):
         ours, other = found.data[name].values, native.data[name].values
         assert np.abs(ours - other).max() < 1e-9, name
@@ -111,21 +111,23 @@ def test_the_ledger_holds_what_is_told_and_says_what_is_not(written, models, nat
 
 
 def test_other_names_are_mapped(written, models, native, tmp_path):
-    path = described(written["finger", 2], tmp_path / "named.fmu", 'name="angle.', 'name="q_')
+    path = change_description(
+        written["finger", 2], tmp_path / "named.fmu", 'name="angle.', 'name="q_'
+    )
     with pytest.raises(InputError, match=r"no variable angle\.MCP.*did you mean"):
         ran(models, {"finger": path})
     found = ran(models, {"finger": path}, "newton", 'finger.map.angle="q_{joint}"')
-    assert apart(found, native, "fingertip_force_N") < 1e-9
+    assert difference(found, native, "fingertip_force_N") < 1e-9
 
 
 def test_a_unit_that_tells_no_other_poses_can_be_met_by_newton_alone(
     written, models, native, tmp_path
 ):
-    path = described(
+    path = change_description(
         written["finger", 3], tmp_path / "plain.fmu", 'name="kinematics"', 'name="other"'
     )
     found = ran(models, {"finger": path})
-    assert apart(found, native, "fingertip_force_N") < 1e-9
+    assert difference(found, native, "fingertip_force_N") < 1e-9
     assert "moment_arm_mm" not in found.summary
     with pytest.raises(InputError, match="does not tell its poses at joint angles"):
         ran(models, {"finger": path}, "implicit")
@@ -133,9 +135,9 @@ def test_a_unit_that_tells_no_other_poses_can_be_met_by_newton_alone(
 
 def test_a_unit_that_cannot_go_back_too(written, models, native, tmp_path):
     old, new = 'canGetAndSetFMUstate="true"', 'canGetAndSetFMUstate="false"'
-    path = described(written["finger", 2], tmp_path / "onward.fmu", old, new)
+    path = change_description(written["finger", 2], tmp_path / "onward.fmu", old, new)
     found = ran(models, {"finger": path})
-    assert apart(found, native, "fingertip_force_N") < 1e-9
+    assert difference(found, native, "fingertip_force_N") < 1e-9
     with pytest.raises(InputError, match="canGetAndSetFMUstate"):
         ran(models, {"finger": path}, "implicit")
 
@@ -145,7 +147,7 @@ def test_a_unit_that_takes_held_loads_only_is_met_by_a_fixed_point(models, nativ
     path = tmp_path / "held.fmu"
     write_fmu(CASE, "finger", fmi, path, tangent=False)
     found = ran(models, {"finger": path}, "implicit")
-    assert apart(found, native, "fingertip_force_N") < 1e-9
+    assert difference(found, native, "fingertip_force_N") < 1e-9
     with pytest.raises(InputError, match=r'held loads only.*coupling\.scheme = "implicit"'):
         ran(models, {"finger": path}, "newton")
 

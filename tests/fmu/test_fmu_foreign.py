@@ -16,7 +16,7 @@ from cosim.fmu.hood import FmuHood
 from cosim.fmu.quantity import UNITS, load_of, motion_of, tensions_of
 from cosim.fmu.unit import Unit
 from cosim.port import STATIC, Motion, rotation_matrix
-from tests.helpers.fmus import NEEDS_FMU, tampered
+from tests.helpers.fmus import NEEDS_FMU, change_archive
 from tests.helpers.folders import TEST_DATA
 
 BODIES, TENDONS, SOURCES = ("metacarpal", "distal"), ("EDC",), ("spring",)
@@ -138,7 +138,7 @@ def test_an_error_of_the_unit_is_told_and_survived(hood):
 def test_a_binary_that_is_none(spring, tmp_path, content):
     """One that is a library may do as it pleases: to load an FMU is to run a program."""
     binary = "binaries/linux64/spring.so"
-    path = tampered(spring, tmp_path / "spoilt.fmu", {binary: lambda _: content})
+    path = change_archive(spring, tmp_path / "spoilt.fmu", {binary: lambda _: content})
     here = Path.cwd()
     with pytest.raises(InputError, match="cannot be loaded"):
         Unit(path)

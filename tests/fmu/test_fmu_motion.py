@@ -19,7 +19,15 @@ from cosim.port import AffineLoad, Motion
 from cosim.results.conventions import vector_of
 from cosim.results.result import Result
 from cosim.verification.fmu import MOTION_OF_UNITS, in_units
-from tests.helpers.fmus import FREE, NEEDS_FMU, RAMP, SHORT, described, moving_case, placed
+from tests.helpers.fmus import (
+    FREE,
+    NEEDS_FMU,
+    RAMP,
+    SHORT,
+    change_description,
+    moving_case,
+    places_of,
+)
 
 pytestmark = NEEDS_FMU
 BOTH = pytest.mark.parametrize("fmi", [2, 3])
@@ -124,7 +132,7 @@ def test_fibres_pull_on_a_unit_by_its_paths(written, models):
 def test_finger_and_hood_in_one_unit_follow_the_tensions(written, models, fmi):
     own = native("linear").data
     unit = Unit(written["coupled", fmi])
-    place = placed(unit, moving_case(), "coupled")
+    place = places_of(unit, moving_case(), "coupled")
     pulls = np.hstack([own.tension.values, own.own_tension.values])
     assert np.array_equal(unit.get(place["tension"]), pulls[0])
     for k in range(1, len(own.time)):
@@ -144,7 +152,7 @@ def test_finger_and_hood_in_one_unit_follow_the_tensions(written, models, fmi):
 @BOTH
 def test_a_motion_is_taken_back_to_the_bit(written, fmi, part):
     unit = Unit(written[part, fmi])
-    place = placed(unit, moving_case(), part)
+    place = places_of(unit, moving_case(), part)
     unit.step(0.003)
     before = unit.save()
 
@@ -165,7 +173,7 @@ def test_a_masters_step_is_cut_into_the_cases_own(written, part):
     ends = []
     for steps in ([0.004], [0.001] * 4, [0.002, 0.002], [0.0025, 0.0015]):
         unit = Unit(written[part, 2])
-        place = placed(unit, moving_case(), part)
+        place = places_of(unit, moving_case(), part)
         unit.set(place["tension"], np.ones(place["tension"].shape))
         for dt in steps:
             unit.step(dt)
@@ -193,7 +201,7 @@ def test_a_split_finger_in_its_cage(tmp_path):
     case, path = load_case("forward_fdp"), tmp_path / "caged.fmu"
     write_fmu(case, "finger", 3, path)
     unit = Unit(path)
-    place = placed(unit, case, "finger")
+    place = places_of(unit, case, "finger")
     unit.set(place["tension"], 2.0 * np.ones(place["tension"].shape))
     for _ in range(20):
         unit.step(0.01)
@@ -201,7 +209,7 @@ def test_a_split_finger_in_its_cage(tmp_path):
     assert float(unit.get(place["energy"])) > 0
     write_fmu(case, "coupled", 2, tmp_path / "coupled.fmu")
     whole = Unit(tmp_path / "coupled.fmu")
-    there = placed(whole, case, "coupled")
+    there = places_of(whole, case, "coupled")
     whole.set(there["tension"], 2.0 * np.ones(there["tension"].shape))
     for _ in range(20):
         whole.step(0.01)
@@ -210,7 +218,7 @@ def test_a_split_finger_in_its_cage(tmp_path):
 
 def without_rollback(path: Path, folder: Path) -> Path:
     old, new = 'canGetAndSetFMUstate="true"', 'canGetAndSetFMUstate="false"'
-    return described(path, folder / "onward.fmu", old, new)
+    return change_description(path, folder / "onward.fmu", old, new)
 
 
 def test_a_unit_that_cannot_go_back_runs_staggered_and_else_says_so(written, models, tmp_path):

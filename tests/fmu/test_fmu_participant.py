@@ -24,7 +24,7 @@ from cosim.fmu_export.write import write_fmu
 from cosim.port import STATIC, Hood, Motion, Pair, PairState, Tensions
 from rigid.chain.joint_torques import joint_law
 from rigid.chain.moving_hinge import MovingHinge
-from tests.helpers.fmus import NEEDS_FMU, described
+from tests.helpers.fmus import NEEDS_FMU, change_description
 
 pytestmark = NEEDS_FMU
 BOTH = pytest.mark.parametrize("fmi", [2, 3])
@@ -52,7 +52,7 @@ def hood_of(path: Path, models: Models, **more: object) -> FmuHood:
     return FmuHood(path, own.bodies, own.tendons, own.sources, **more)
 
 
-def coupled(models: Models, hood: Hood) -> Equilibrium:
+def couple(models: Models, hood: Hood) -> Equilibrium:
     start, pulls = models.finger.start(models.posture), tensions(CASE, models)
     before = PairState(start, hood.start(models.finger.motion(start)))
     options = CouplingOptions(CASE.solve.tolerance)
@@ -61,22 +61,24 @@ def coupled(models: Models, hood: Hood) -> Equilibrium:
 
 def without_rollback(path: Path, folder: Path) -> Path:
     old, new = 'canGetAndSetFMUstate="true"', 'canGetAndSetFMUstate="false"'
-    return described(path, folder / "forward_only.fmu", old, new)
+    return change_description(path, folder / "forward_only.fmu", old, new)
 
 
 def without_tangent(path: Path, folder: Path, models: Models, extra: str = "") -> Path:
     """The names of the tangent's outputs changed, so that they are not found."""
-    new = described(path, folder / "bare.fmu", 'name="load_motion', 'name="other_motion')
+    new = change_description(path, folder / "bare.fmu", 'name="load_motion', 'name="other_motion')
     if extra:
-        new = described(new, folder / "able.fmu", "<CoSimulation ", f"<CoSimulation {extra} ")
+        new = change_description(
+            new, folder / "able.fmu", "<CoSimulation ", f"<CoSimulation {extra} "
+        )
     return new
 
 
 @BOTH
 def test_a_hood_in_an_fmu_gives_the_native_equilibrium(written, models, fmi):
     native, ours = (
-        coupled(models, models.hood),
-        coupled(models, hood_of(written["hood", fmi], models)),
+        couple(models, models.hood),
+        couple(models, hood_of(written["hood", fmi], models)),
     )
     assert np.array_equal(ours.balance.tip_force, native.balance.tip_force)
     assert ours.iterations == native.iterations
@@ -86,7 +88,7 @@ def test_a_hood_in_an_fmu_gives_the_native_equilibrium(written, models, fmi):
 
 @BOTH
 def test_hood_and_finger_in_fmus_meet_where_the_native_ones_do(written, models, fmi):
-    native = coupled(models, models.hood)
+    native = couple(models, models.hood)
     f = models.finger
     finger = FmuFinger(written["finger", fmi], f.bodies, f.joints, f.tendons)
     hood = hood_of(written["hood", fmi], models)
@@ -219,7 +221,9 @@ def test_a_unit_that_cannot_go_back_says_which_schemes_need_it(written, models, 
 
 
 def test_a_unit_without_a_switch_needs_a_time_to_rest_in(written, models, tmp_path):
-    path = described(written["hood", 2], tmp_path / "timed.fmu", 'name="static"', 'name="still"')
+    path = change_description(
+        written["hood", 2], tmp_path / "timed.fmu", 'name="static"', 'name="still"'
+    )
     motion = models.finger.motion(models.finger.start(models.posture))
     timed = hood_of(path, models)
     timed.advance(timed.start(motion), motion, np.zeros(4), 0.01)
@@ -231,12 +235,14 @@ def test_a_unit_without_a_switch_needs_a_time_to_rest_in(written, models, tmp_pa
 
 
 def test_other_names_are_mapped(written, models, tmp_path):
-    path = described(written["hood", 2], tmp_path / "named.fmu", 'name="tension.', 'name="T_')
+    path = change_description(
+        written["hood", 2], tmp_path / "named.fmu", 'name="tension.', 'name="T_'
+    )
     with pytest.raises(InputError, match=r"no variable tension\.EDC"):
         hood_of(path, models)
     hood = hood_of(path, models, names={"tension": "T_{tendon}"})
     assert np.array_equal(
-        coupled(models, hood).balance.tip_force, coupled(models, models.hood).balance.tip_force
+        couple(models, hood).balance.tip_force, couple(models, models.hood).balance.tip_force
     )
 
 

@@ -38,7 +38,7 @@ def numbers(unit: Unit) -> dict[str, VariablePlace]:
     }
 
 
-def walked(unit: Unit) -> list[dict[str, np.ndarray]]:
+def walk(unit: Unit) -> list[dict[str, np.ndarray]]:
     """All numbers after each of some steps."""
     out = []
     for _ in range(STEPS):
@@ -52,14 +52,14 @@ def goes_back(path: Path) -> bool:
     unit = Unit(path)
     if not unit.opened.rolls_back:
         return False
-    walked(unit)
+    walk(unit)
     saved = unit.save()
-    first = walked(unit)
+    first = walk(unit)
     unit.restore(saved)
-    assert walked(unit) == first
+    assert walk(unit) == first
     if unit.opened.serialises:
         unit.restore(unit.read(unit.serialise(saved), saved.time))
-        assert walked(unit) == first
+        assert walk(unit) == first
     return True
 
 

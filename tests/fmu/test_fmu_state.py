@@ -21,7 +21,7 @@ from cosim.fmu_export.write import write_fmu
 from cosim.pipeline import run_case
 from cosim.solve.session import Session
 from cosim.verification.fmu import MOTION, MOTION_OF_UNITS, in_units
-from tests.helpers.fmus import NEEDS_FMU, described, moving_case, placed
+from tests.helpers.fmus import NEEDS_FMU, change_description, moving_case, places_of
 from tests.helpers.motions import identical
 
 pytestmark = NEEDS_FMU
@@ -36,7 +36,7 @@ CASES = {
 }
 
 
-def gone_on(unit: Unit, place: dict[str, VariablePlace]) -> dict[str, np.ndarray]:
+def continue_unit(unit: Unit, place: dict[str, VariablePlace]) -> dict[str, np.ndarray]:
     """All outputs after two more steps under other tensions."""
     for factor in (1.5, 0.7):
         pull(unit, place, factor)
@@ -64,19 +64,19 @@ def test_another_instance_goes_on_to_the_same_bits(tmp_path, name, part, fmi):
     case, path = CASES[name](), tmp_path / "unit.fmu"
     write_fmu(case, part, fmi, path)
     one = Unit(path)
-    place = placed(one, case, part)
+    place = places_of(one, case, part)
     pull(one, place, 2.0)
     one.step(0.003)
     saved = one.save()
     content = one.serialise(saved)
     assert content == one.serialise(saved)
-    expected = gone_on(one, place)
+    expected = continue_unit(one, place)
     other = Unit(path)
     read = other.read(content, saved.time)
     assert other.serialise(read) == content
     other.restore(read)
     assert other.serialise(other.save()) == content
-    found = gone_on(other, place)
+    found = continue_unit(other, place)
     assert other.time == one.time
     for key, value in expected.items():
         assert np.array_equal(found[key], value), key
@@ -87,10 +87,10 @@ def test_another_instance_goes_on_to_the_same_bits(tmp_path, name, part, fmi):
 def test_a_state_before_the_first_step_is_one_too(tmp_path, fmi):
     write_fmu(STILL, "coupled", fmi, tmp_path / "unit.fmu")
     one, other = Unit(tmp_path / "unit.fmu"), Unit(tmp_path / "unit.fmu")
-    content, place = one.serialise(one.save()), placed(one, STILL, "coupled")
+    content, place = one.serialise(one.save()), places_of(one, STILL, "coupled")
     other.step(0.01)
     other.restore(other.read(content, 0.0))
-    found, expected = (gone_on(unit, place) for unit in (other, one))
+    found, expected = (continue_unit(unit, place) for unit in (other, one))
     assert all(np.array_equal(found[name], value) for name, value in expected.items())
 
 
@@ -103,7 +103,7 @@ def test_the_time_of_fmi_3_comes_with_the_state(tmp_path):
     assert other._fmu.getFloat64([time.valueReference], 1) == [0.25]
 
 
-def forged(content: bytes, **arrays: np.ndarray) -> bytes:
+def forge(content: bytes, **arrays: np.ndarray) -> bytes:
     """A state with some of its arrays replaced."""
     with np.load(io.BytesIO(content)) as file:
         kept = {name: file[name] for name in file.files}
@@ -119,12 +119,12 @@ def test_nothing_else_is_taken_for_a_state(tmp_path, fmi):
     unit, stranger = Unit(tmp_path / "unit.fmu"), Unit(tmp_path / "other.fmu")
     good = unit.save()
     content = unit.serialise(good)
-    pickled = forged(content, **{"state/angles": np.array([{}], dtype=object)})
+    pickled = forge(content, **{"state/angles": np.array([{}], dtype=object)})
     bad = {
         "no whole state": [b"\x80\x04a pickle", content[:100], content[:-30], pickled],
         "another unit": [stranger.serialise(stranger.save())],
-        "nothing that this unit": [forged(content, values=np.zeros(3))],
-        "also holds": [forged(content, **{"state/more": np.zeros(1)})],
+        "nothing that this unit": [forge(content, values=np.zeros(3))],
+        "also holds": [forge(content, **{"state/more": np.zeros(1)})],
     }
     for words, contents in bad.items():
         for text in contents:
@@ -165,7 +165,7 @@ def test_units_say_what_they_can(tmp_path):
         assert Unit(tmp_path / "unit.fmu").opened.serialises
 
 
-class Stopper:
+class FirstWordStopper:
     """Progress that interrupts a motion in its first word, as Ctrl-C does."""
 
     def __call__(self, text: str) -> None:
@@ -196,14 +196,14 @@ def test_a_motion_of_units_that_was_cut_off_goes_on_to_the_same_bytes(tmp_path, 
     case = units_case(tmp_path, fmi, scheme)
     whole = run_case(case)
     with pytest.raises(StoppedError, match="Go on with: cosim resume"):
-        run_case(case, Session(checkpoints=tmp_path), Stopper())
+        run_case(case, Session(checkpoints=tmp_path), FirstWordStopper())
     assert identical(whole, run_case(case, Session(checkpoints=tmp_path)))
 
 
 def test_a_unit_that_writes_no_state_has_no_checkpoints(tmp_path):
     case = units_case(tmp_path, 2, "explicit")
     old, new = 'canSerializeFMUstate="true"', 'canSerializeFMUstate="false"'
-    path = described(tmp_path / "finger.fmu", tmp_path / "mute.fmu", old, new)
+    path = change_description(tmp_path / "finger.fmu", tmp_path / "mute.fmu", old, new)
     mute = case.model_copy(update={"finger": case.finger.model_copy(update={"path": path})})
     with pytest.raises(InputError, match=r"mute\.fmu.*leave forward\.checkpoint out"):
         run_case(mute, Session(checkpoints=tmp_path))

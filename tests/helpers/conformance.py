@@ -96,7 +96,7 @@ def check_repeatable(hood: Hood, motions: Sequence[Motion], tension: Array) -> N
     assert same_bits(first, hood.advance(state, motions[-1], tension, STATIC))
 
 
-def turned(load: Load, rotation: Array, translation: Array) -> Load:
+def transform_load(load: Load, rotation: Array, translation: Array) -> Load:
     """The load that the hand must feel after `Motion.transform(rotation, translation)`."""
     blocks = np.stack([load.wrench[..., :3], load.wrench[..., 3:]]) @ rotation.T
     force, moment = load.pull[:, :3] @ rotation.T, load.pull[:, 3:] @ rotation.T
@@ -111,7 +111,7 @@ def check_objective(
     rotation, shift = rotation_matrix(np.array([0.7, -1.1, 0.4])), np.array([0.02, -0.03, 0.05])
     still = settle(hood, motions, tension)
     moved = settle(hood, [m.transform(rotation, shift) for m in motions], tension)
-    expected = turned(still.load, rotation, shift)
+    expected = transform_load(still.load, rotation, shift)
     for part in (slice(0, 3), slice(3, 6)):
         wrench = moved.load.wrench[..., part], expected.wrench[..., part]
         assert_close(*wrench, tolerance, "load of the turned hand")

@@ -81,7 +81,7 @@ def feb_text(replaced: Mapping[str, str | None] | None = None, version: str = "4
     return f'{head}<febio_spec version="{version}">\n{body}\n</febio_spec>\n'
 
 
-def changed(section: str, old: str, new: str) -> dict[str, str | None]:
+def change_section(section: str, old: str, new: str) -> dict[str, str | None]:
     """A section with one place changed."""
     assert old in SECTIONS[section], old
     return {section: SECTIONS[section].replace(old, new, 1)}

@@ -52,7 +52,7 @@ def random_load(bodies: tuple[str, ...]) -> Load:
     return Load(bodies, ("insertion", "contact"), wrench, np.zeros((0, 6)))
 
 
-def pushed(finger: ChainFinger) -> tuple[FingerState, Load, Array]:
+def loaded_state(finger: ChainFinger) -> tuple[FingerState, Load, Array]:
     """A state past its limits with a reaction and off its target, a load and tensions."""
     state = finger.start(POSTURE)
     n = len(finger.joints)

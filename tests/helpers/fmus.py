@@ -41,7 +41,7 @@ def moving_case(*settings: str) -> Case:
     return load_case("pulley_edc", [*FREE, *settings])
 
 
-def tampered(
+def change_archive(
     source: Path,
     target: Path,
     changes: Mapping[str, Change] | None = None,
@@ -62,15 +62,15 @@ def tampered(
     return target
 
 
-def described(source: Path, target: Path, old: str, new: str) -> Path:
+def change_description(source: Path, target: Path, old: str, new: str) -> Path:
     """A copy whose description says `new` where it said `old`."""
 
     def change(text: bytes) -> bytes:
         assert old.encode() in text, f"the description has no {old}"
         return text.replace(old.encode(), new.encode())
 
-    return tampered(source, target, {"modelDescription.xml": change})
+    return change_archive(source, target, {"modelDescription.xml": change})
 
 
-def placed(unit: Unit, case: Case, part: str) -> dict[str, VariablePlace]:
+def places_of(unit: Unit, case: Case, part: str) -> dict[str, VariablePlace]:
     return places(unit.opened, part_of(case, part).quantities, {})

@@ -11,14 +11,14 @@ from typer.testing import CliRunner
 from cosim.cli import app
 from cosim.port import Motion
 from fe_solver.hood.shell_hood import ShellHood
-from fe_solver.job.curves import Curve
+from fe_solver.job.curves import LoadCurve
 from fe_solver.job.job import (
     Body,
     ContactPair,
-    Held,
     Job,
     NodalForce,
-    Part,
+    PrescribedDisplacement,
+    ShellPart,
     SpringLaw,
     SpringSet,
     Step,
@@ -31,7 +31,7 @@ from fe_solver.surfaces.shapes import Capsule
 from tests.helpers.shells import clamp, contact, guide, map_grid, plate, sheet
 
 LENGTH, WIDTH, THICK, E = 20e-3, 5e-3, 0.5e-3, 100e6
-RAMP = Curve((0.0, 1.0), (0.0, 1.0))
+RAMP = LoadCurve((0.0, 1.0), (0.0, 1.0))
 PLAIN = JobOptions(cached=False, spacing=0.5e-3)
 COARSE = JobOptions(cached=False, spacing=1e-3)
 NONE = (np.zeros((0, 3)), np.zeros((0, 3), dtype=np.intp))
@@ -48,7 +48,7 @@ def strip(nx: int = 10, ny: int = 3, nu: float = 0.0, **more) -> Job:
         quads,
         np.arange(1, ne + 1),
         np.zeros(ne, dtype=np.intp),
-        (Part("skin", Isotropic(E, nu)),),
+        (ShellPart("skin", Isotropic(E, nu)),),
         np.full((ne, 4), THICK),
         np.zeros((ne, 4)),
         np.tile([1.0, 0, 0], (ne, 1)),
@@ -57,16 +57,16 @@ def strip(nx: int = 10, ny: int = 3, nu: float = 0.0, **more) -> Job:
     return replace(job, **more)
 
 
-def at(job: Job, x: float) -> np.ndarray:
+def nodes_at(job: Job, x: float) -> np.ndarray:
     return np.flatnonzero(np.isclose(job.points[:, 0], x))
 
 
-def everywhere(job: Job) -> np.ndarray:
+def all_nodes(job: Job) -> np.ndarray:
     return np.arange(len(job.points))
 
 
-def pinned(job: Job, *components: int) -> tuple[Held, ...]:
-    return tuple(Held(everywhere(job), c) for c in components)
+def fix_components(job: Job, *components: int) -> tuple[PrescribedDisplacement, ...]:
+    return tuple(PrescribedDisplacement(all_nodes(job), c) for c in components)
 
 
 def body(name: str = "bone", **more) -> Body:
@@ -77,18 +77,18 @@ def total(state, source: str, name: str) -> np.ndarray:
     return state.wrench[source][state.bodies.index(name), :3]
 
 
-def bent(**more) -> Job:
+def bending_job(**more) -> Job:
     """Tied at one end, loaded across at the other."""
     job = strip(nu=0.3)
-    ties, end = (Tied(at(job, 0.0), 0),), at(job, LENGTH)
+    ties, end = (Tied(nodes_at(job, 0.0), 0),), nodes_at(job, LENGTH)
     load = NodalForce(end, np.array([0.0, 0.0, 0.02]), RAMP)
     return replace(job, **{"bodies": (body(),), "tied": ties, "forces": (load,), **more})
 
 
-def sprung(law: SpringLaw, force: float, other: bool = False) -> Job:
+def spring_job(law: SpringLaw, force: float, other: bool = False) -> Job:
     """A strip that slides along x, held by one spring against a force."""
     job = strip()
-    first, last = int(at(job, 0.0)[0]), at(job, LENGTH)
+    first, last = int(nodes_at(job, 0.0)[0]), nodes_at(job, LENGTH)
     spring = SpringSet(
         "string",
         law,
@@ -99,19 +99,23 @@ def sprung(law: SpringLaw, force: float, other: bool = False) -> Job:
         np.array([3.5e-3]),
     )
     load = NodalForce(last, np.array([force / len(last), 0, 0]), RAMP)
-    return replace(job, bodies=(body(),), held=pinned(job, 1, 2), springs=(spring,), forces=(load,))
+    return replace(
+        job, bodies=(body(),), held=fix_components(job, 1, 2), springs=(spring,), forces=(load,)
+    )
 
 
-def floored(gap: float = 0.0, height: float = 0.0, side: int = -1, lift: float = 0.0) -> Job:
+def contact_job(gap: float = 0.0, height: float = 0.0, side: int = -1, lift: float = 0.0) -> Job:
     """A strip pressed on the flat top of a block; its normals point up, away from it."""
     job = strip(nu=0.3)
     block = trimesh.creation.box(bounds=[[-5e-3, -5e-3, -6e-3], [25e-3, 10e-3, 0]])
     bone = Body("block", np.zeros(3), np.array(block.vertices), np.array(block.faces))
     quads = np.arange(len(job.quads))
     pair = ContactPair("pair", quads, np.full(len(quads), side), 0, bone.triangles, gap=gap)
-    load = NodalForce(everywhere(job), np.array([0, 0, -1.0 / len(job.points)]), RAMP)
+    load = NodalForce(all_nodes(job), np.array([0, 0, -1.0 / len(job.points)]), RAMP)
     job = replace(job, points=job.points + np.array([0, 0, lift]), height=job.height + height)
-    held = tuple(Held(at(job, x), c) for x, c in ((0.0, 0), (0.0, 1), (LENGTH, 1)))
+    held = tuple(
+        PrescribedDisplacement(nodes_at(job, x), c) for x, c in ((0.0, 0), (0.0, 1), (LENGTH, 1))
+    )
     return replace(job, bodies=(bone,), held=held, forces=(load,), contacts=(pair,))
 
 

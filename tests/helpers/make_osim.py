@@ -85,7 +85,7 @@ def vec3(values):
     return osim.Vec3(*[float(v) for v in values])
 
 
-def given(function):
+def release(function):
     """The function, now owned by the model that it is handed to."""
     function.thisown = False
     return function
@@ -99,9 +99,9 @@ def segment(name):
     return osim.Body(name, mass, osim.Vec3(length / 2, 2e-4, -3e-4), inertia)
 
 
-def turned(transform, axis, direction, function, coordinate=None):
+def set_rotation(transform, axis, direction, function, coordinate=None):
     getattr(transform, f"upd_{axis}")().setAxis(vec3(direction))
-    getattr(transform, f"upd_{axis}")().setFunction(given(function))
+    getattr(transform, f"upd_{axis}")().setFunction(release(function))
     if coordinate:
         names = osim.ArrayStr()
         names.append(coordinate)
@@ -111,13 +111,13 @@ def turned(transform, axis, direction, function, coordinate=None):
 def mcp(ground, proximal):
     transform = osim.SpatialTransform()
     # -(-1) q and q + 0.02 rad: a multiplier and a constant that the importer must keep.
-    reversed_ = osim.MultiplierFunction(given(osim.LinearFunction(-1.0, 0.0)), -1.0)
-    turned(transform, "rotation1", (0, 0.02, 1), reversed_, "MCP_abduction")
-    turned(transform, "rotation2", (0.03, 1, 0), osim.LinearFunction(1.0, 0.02), "MCP")
-    turned(transform, "rotation3", (1, 0, 0), osim.Constant(0.05))
-    turned(transform, "translation1", (1, 0, 0), osim.Constant(0.0007))
-    turned(transform, "translation2", (0, 1, 0), osim.Constant(-0.0003))
-    turned(transform, "translation3", (0, 0, 1), osim.Constant(0.0))
+    reversed_ = osim.MultiplierFunction(release(osim.LinearFunction(-1.0, 0.0)), -1.0)
+    set_rotation(transform, "rotation1", (0, 0.02, 1), reversed_, "MCP_abduction")
+    set_rotation(transform, "rotation2", (0.03, 1, 0), osim.LinearFunction(1.0, 0.02), "MCP")
+    set_rotation(transform, "rotation3", (1, 0, 0), osim.Constant(0.05))
+    set_rotation(transform, "translation1", (1, 0, 0), osim.Constant(0.0007))
+    set_rotation(transform, "translation2", (0, 1, 0), osim.Constant(-0.0003))
+    set_rotation(transform, "translation3", (0, 0, 1), osim.Constant(0.0))
     return osim.CustomJoint(
         "mcp",
         ground,
@@ -145,7 +145,7 @@ def pip(proximal, middle):
 
 def dip(middle, distal):
     transform = osim.SpatialTransform()
-    turned(transform, "rotation1", (0.0, -1.0, 0.05), osim.LinearFunction(-1.0, 0.0), "DIP")
+    set_rotation(transform, "rotation1", (0.0, -1.0, 0.05), osim.LinearFunction(-1.0, 0.0), "DIP")
     return osim.CustomJoint(
         "dip",
         middle,

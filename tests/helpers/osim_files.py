@@ -80,7 +80,7 @@ def model(
     )
 
 
-def imported(folder: Path, text: str) -> Imported:
+def import_text(folder: Path, text: str) -> Imported:
     """The import of a text, by way of a file."""
     path = folder / "model.osim"
     path.write_text(text, encoding="utf-8")

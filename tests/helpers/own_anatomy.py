@@ -15,7 +15,7 @@ from meshes.skeleton import BODIES, index_finger
 
 
 @dataclass(frozen=True)
-class Exported:
+class UserHood:
     """A hood with its springs' anchors as nodes of their own: lengths in mm, sets by our names."""
 
     points: np.ndarray
@@ -25,7 +25,7 @@ class Exported:
     lines: Mapping[str, np.ndarray]
 
 
-def exported(mesh: HoodMesh) -> Exported:
+def user_hood(mesh: HoodMesh) -> UserHood:
     position, rotation = index_finger().pose(mesh.rest_posture)
     points, lines = [mesh.points], {}
     count = len(mesh.points)
@@ -39,10 +39,10 @@ def exported(mesh: HoodMesh) -> Exported:
     nodes = {f"end_{name}": nodes for name, nodes in mesh.ends.items()}
     nodes |= {f"tied_{body}": nodes for body, nodes in mesh.tied.items()}
     cells = {name: cells for name, cells in regions.items() if len(cells)}
-    return Exported(1e3 * np.concatenate(points), mesh.quads, cells, nodes, lines)
+    return UserHood(1e3 * np.concatenate(points), mesh.quads, cells, nodes, lines)
 
 
-def write_meshio(own: Exported, path: Path, file_format: str | None = None) -> None:
+def write_meshio(own: UserHood, path: Path, file_format: str | None = None) -> None:
     """.vtu with arrays of zeros and ones, .msh with physical groups, .inp with NSET and ELSET."""
     kind = path.suffix
     names = list(own.lines)
@@ -77,7 +77,7 @@ def _mask(chosen: np.ndarray, count: int) -> np.ndarray:
     return out
 
 
-def _with_groups(own: Exported, names: list[str]) -> meshio.Mesh:
+def _with_groups(own: UserHood, names: list[str]) -> meshio.Mesh:
     """Physical surfaces, curves and points, as gmsh writes them."""
     groups, blocks, tags = {}, [], []
     for tag, (name, cells) in enumerate(own.cells.items(), 1):
@@ -96,7 +96,7 @@ def _with_groups(own: Exported, names: list[str]) -> meshio.Mesh:
     return meshio.Mesh(own.points, blocks, cell_data=data, field_data=groups)
 
 
-def write_feb(own: Exported, path: Path, thickness: float = 0.65) -> None:
+def write_feb(own: UserHood, path: Path, thickness: float = 0.65) -> None:
     """A FEBio 4 file of the mesh and its sets, nodes on the face as FEBio has them."""
     points = own.points.copy()
     used = np.unique(own.quads)
@@ -146,9 +146,9 @@ def write_bones(bones: Mapping[str, tuple[np.ndarray, np.ndarray]], folder: Path
     return out
 
 
-def with_a_free_node(own: Exported) -> Exported:
+def add_free_node(own: UserHood) -> UserHood:
     """Before all others, so that every number is one higher."""
-    return Exported(
+    return UserHood(
         np.vstack([[[0.0, 0, 0]], own.points]),
         own.quads + 1,
         own.cells,
@@ -157,5 +157,5 @@ def with_a_free_node(own: Exported) -> Exported:
     )
 
 
-def moved(own: Exported, points: np.ndarray) -> Exported:
+def move_points(own: UserHood, points: np.ndarray) -> UserHood:
     return replace(own, points=points)

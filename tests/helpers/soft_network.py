@@ -16,7 +16,7 @@ from cosim.hoods.lumped.build import slip_forces
 from cosim.hoods.lumped.table import NetworkHoodConfig
 from cosim.port import STATIC
 from cosim.verification.reduction import SOFT
-from rigid.hoods.reduced import Potential
+from rigid.hoods.reduced import ReducedPotential
 from rigid.hoods.reduced_sample import Sample, stack
 from rigid.hoods.reduction import Order, reduce_hood
 
@@ -37,7 +37,7 @@ def walk(count: int, seed: int) -> Walk:
 
 @lru_cache(maxsize=1)
 def samples() -> tuple[Sample, ...]:
-    """Of the soft network, with the slips that its springs make."""
+    """Samples of the soft network, with the slips that its springs make."""
     case, models = load_case("network_edc", SOFT), soft_models()
     assert isinstance(case.hood, NetworkHoodConfig)
     model = finger_model(case.native_finger(), case.hood.left_to_finger)
@@ -53,14 +53,14 @@ def samples() -> tuple[Sample, ...]:
     return tuple(out)
 
 
-def fitted_to() -> Sample:
+def training_sample() -> Sample:
     return stack(samples()[:FITTED])
 
 
-def held_out() -> Sample:
+def unseen_sample() -> Sample:
     return stack(samples()[FITTED:])
 
 
 @lru_cache(maxsize=1)
-def found() -> Potential:
-    return reduce_hood(fitted_to(), JOINTS, MUSCLES, STRAIGHT)
+def reduced_potential() -> ReducedPotential:
+    return reduce_hood(training_sample(), JOINTS, MUSCLES, STRAIGHT)

@@ -39,7 +39,7 @@ def springs(
     )
 
 
-def joined(*parts: Springs) -> Springs:
+def join_springs(*parts: Springs) -> Springs:
     names = [f.name for f in fields(Springs) if f.name != "curves"]
     columns = [np.concatenate([getattr(s, name) for s in parts]) for name in names]
     columns[-1] = np.repeat(np.arange(len(parts)), [len(s.node) for s in parts])
@@ -77,7 +77,7 @@ def strap() -> ShellModel:
         model,
         contacts=(touching,),
         links=across,
-        springs=joined(
+        springs=join_springs(
             springs(a, 1, X[a] + low, 200.0, 5.5e-3, only=False),
             springs(b, 2, X[b] + low, 300.0, 3e-3, only=True),
             springs(c, 2, X[c] + low, 300.0, 9e-3, only=True),
@@ -85,7 +85,7 @@ def strap() -> ShellModel:
     )
 
 
-def perturbed(model: ShellModel, c: Configuration, size: float, seed: int = 0) -> Configuration:
+def perturb(model: ShellModel, c: Configuration, size: float, seed: int = 0) -> Configuration:
     step = np.zeros(model.pattern.size)
     step[model.free] = size * np.random.default_rng(seed).normal(size=len(model.free))
     step.reshape(-1, 5)[:, 3:] *= 1e3  # directors turn a radian where nodes move a millimetre

@@ -116,7 +116,7 @@ def test_a_mallet_finger_against_a_strong_flexor_drops_its_dip_and_its_pip_stays
 
 
 @cache
-def flexed(name: str) -> tuple[dict[str, float], dict[str, float]]:
+def flexion_angles(name: str) -> tuple[dict[str, float], dict[str, float]]:
     """deg, before and after."""
     sides = both_sides(load_case(name, [COARSE]))
     one, two = (
@@ -129,7 +129,7 @@ def flexed(name: str) -> tuple[dict[str, float], dict[str, float]]:
 def test_a_terminal_slip_1_mm_shorter_costs_flexion_of_the_dip(record_property):
     """Little: the tendons pull with given forces, so that the hood follows a shorter slip, and at
     PIP 73 deg the terminal slip bears nearly all of EDC before and after."""
-    before, after = flexed("lesion_terminal_shortened")
+    before, after = flexion_angles("lesion_terminal_shortened")
     lost = before["DIP"] - after["DIP"]
     record_property("degrees of DIP flexion lost", lost)
     assert 0.1 < lost < np.rad2deg(1e-3 / 1.4e-3)  # at most 1 mm over the least arm that was seen
@@ -137,7 +137,7 @@ def test_a_terminal_slip_1_mm_shorter_costs_flexion_of_the_dip(record_property):
 
 @pytest.mark.slow
 def test_a_central_band_that_sticks_to_the_proximal_phalanx_keeps_the_pip_from_flexing():
-    before, after = flexed("lesion_adhesion")
+    before, after = flexion_angles("lesion_adhesion")
     assert after["PIP"] < before["PIP"] - 5.0
     assert after["DIP"] < before["DIP"] - 2.0
 

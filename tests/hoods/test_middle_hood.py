@@ -18,7 +18,7 @@ from cosim.pipeline import run_case
 from cosim.results.compare import Target, compare_with_targets, read_targets
 from cosim.results.conventions import vector_of
 from meshes.hood_mesh import HoodMesh
-from meshes.hull import DIP, PIP, Chain, Hull, Level, along
+from meshes.hull import DIP, PIP, Centreline, Hull, Level, along
 from meshes.skeleton import BODIES, index_finger
 from rigid.fingers import middle as middle_finger
 from rigid.verification.finger_rows import SINGLE_TENDON
@@ -38,7 +38,7 @@ width = FINGERS["middle"].width
 
 
 @cache
-def made(*settings: str) -> tuple[Models, HoodMesh]:
+def build_with(*settings: str) -> tuple[Models, HoodMesh]:
     return build(case(*settings)), hood_mesh(case(*settings))
 
 
@@ -48,7 +48,7 @@ def made(*settings: str) -> tuple[Models, HoodMesh]:
 @pytest.mark.parametrize("factor", [1.0, 0.8, 1.7])
 def test_stations_of_an_index_finger_of_any_size_are_scaled_and_no_more(factor):
     station = np.array([-20.0, 0.0, 12.3, PIP, 55.0, DIP, 73.0])
-    skeleton = index_finger().scaled(factor)
+    skeleton = index_finger().scale(factor)
     plain = station * 1e-3 * (skeleton.length[1] / (PIP * 1e-3))
     np.testing.assert_allclose(along(skeleton, station), plain, rtol=1e-15)
     if factor == 1.0:
@@ -89,7 +89,7 @@ def test_the_hull_reaches_as_far_as_the_longer_fingers_hood():
     cones = {body: Cone(x) for body, x in zip(BODIES, position[:, 0], strict=True)}
     level = Level(cones, dict.fromkeys(BODIES, 0.0), position, rotation)
     station = np.array([-20.0, 30.0, 73.0])
-    points = Hull(Chain(skeleton, position, rotation), level).points(station, np.zeros(3))
+    points = Hull(Centreline(skeleton, position, rotation), level).points(station, np.zeros(3))
     np.testing.assert_allclose(points[:, 0], along(skeleton, station), atol=1e-12)
     np.testing.assert_allclose(points[:, 2], radius_of_cone(points[:, 0]), atol=0.1e-3)
 
@@ -108,7 +108,7 @@ def test_each_bone_is_as_long_as_its_phalanx_and_wider_by_o2o3():
 
 def test_the_hoods_skeleton_is_the_rigid_models():
     """Bodies of both stand alike in any posture, or the hood would be coupled to other bones."""
-    models, _ = made()
+    models, _ = build_with()
     angles = {"MCP": 0.7, "MCP_abduction": 0.2, "PIP": 0.9, "DIP": 0.4}
     motion = models.finger.motion(models.finger.start(angles))
     position, rotation = skeleton_of(case().finger).pose(angles)
@@ -117,7 +117,7 @@ def test_the_hoods_skeleton_is_the_rigid_models():
 
 
 def test_the_sheet_lies_on_the_longer_bones_from_end_to_end():
-    models, mesh = made()
+    models, mesh = build_with()
     model, rest = models.hood.model, models.hood.rest
     gap = models.hood.gap(models.hood.start(rest))
     assert gap.min() > -0.2e-3  # between so few nodes the sheet sags
@@ -136,7 +136,7 @@ def test_the_sheet_lies_on_the_longer_bones_from_end_to_end():
 
 
 def test_intrinsic_tendons_come_from_the_third_digits_points():
-    _, mesh = made()
+    _, mesh = build_with()
     rows, unit = middle_finger.ROWS["MCP"], middle_finger.O2O3
     radial = np.mean([rows["RI"][0], rows["LU"][0]], axis=0) * unit
     for side, (x, dorsal, beside) in (
@@ -175,7 +175,7 @@ def test_an_index_hood_does_not_go_on_it(tmp_path):
 
 @pytest.mark.parametrize("elements", ["linear", "quadratic"])
 def test_who_pulls_where(elements):
-    models, mesh = made("hood.mesh.quads=600", f'hood.mesh.elements="{elements}"')
+    models, mesh = build_with("hood.mesh.quads=600", f'hood.mesh.elements="{elements}"')
     assert models.hood.tendons == ("EDC", "LUM", "RI", "UI")
     assert models.finger.tendons == ("RIp", "FDP", "FDS")
     model, start = models.hood.model, models.hood.start(models.hood.rest).configuration

@@ -50,7 +50,7 @@ def test_a_line_past_all_elements_crosses_none():
 
 
 @cache
-def solved() -> tuple[Models, Any, dict[str, Any]]:
+def solve_case() -> tuple[Models, Any, dict[str, Any]]:
     case = load_case("hood_rest", ["hood.mesh.quads=250"])
     models, states = solve(case)
     return models, states.loaded, run_case(case).summary
@@ -61,7 +61,7 @@ def solved() -> tuple[Models, Any, dict[str, Any]]:
 def test_at_each_station_the_regions_pass_on_what_is_pulled(station):
     """EDC, and EI, LUM and FPI at rest; the curve of the sheet is less than 3 % of the sum of
     magnitudes."""
-    models, loaded, summary = solved()
+    models, loaded, summary = solve_case()
     mesh = hood_mesh(load_case("hood_rest", ["hood.mesh.quads=250"]))
     state = loaded.response.state
     force = element_forces(models.hood, state)
@@ -75,7 +75,7 @@ def test_at_each_station_the_regions_pass_on_what_is_pulled(station):
 
 @pytest.mark.slow
 def test_what_the_slips_bear_at_their_bones_their_regions_pass_on():
-    _, _, summary = solved()
+    _, _, summary = solve_case()
     forces, slips = summary["region_force_N"], summary["slip_force_N"]
     assert forces["terminal_slip"] == pytest.approx(slips["terminal"], rel=0.02)
     assert forces["central_slip"] == pytest.approx(slips["central"], rel=0.1)

@@ -12,7 +12,7 @@ from cosim.hoods.cable.build import ENDS
 from cosim.solve.solvers import solve
 from fe_solver.surfaces.shapes import Capsule
 from meshes.cable_net import CableNet, cable_of, lay
-from meshes.robot_net import OTHERS, extensor_alone, wider
+from meshes.robot_net import OTHERS, keep_extensor, wider
 from meshes.skeleton import BODIES, Skeleton
 from rigid.fingers.robot import robot_finger
 from rigid.fingers.robot_tables import JOINTS, LENGTHS
@@ -63,7 +63,7 @@ def _human_length(body: str) -> float:
 
 
 def test_the_extensor_alone_pulls_the_net(whole: CableNet) -> None:
-    net = extensor_alone(whole)
+    net = keep_extensor(whole)
     assert set(net.ends) == set(ROBOT_ENDS.values())
     gone = {name for name in whole.strands if cable_of(name) in OTHERS}
     assert set(net.strands) == set(whole.strands) - gone
@@ -76,7 +76,7 @@ def test_what_is_left_is_where_it_was_and_hangs_together(whole: CableNet) -> Non
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    net = extensor_alone(whole)
+    net = keep_extensor(whole)
     n = len(net.points)
     assert sorted(np.unique(net.cells)) == list(range(n))
     graph = coo_array((np.ones(len(net.cells)), tuple(net.cells.T)), shape=(n, n))

@@ -37,12 +37,12 @@ LINEAR = (
 )
 
 
-def stated(region: str, key: str, value: str) -> str:
+def region_setting(region: str, key: str, value: str) -> str:
     return f"hood.regions.{region}.{key}={value}"
 
 
 def direction(region: str, value: str) -> str:
-    return stated(region, "direction", value)
+    return region_setting(region, "direction", value)
 
 
 @functools.cache
@@ -50,25 +50,25 @@ def mesh() -> HoodMesh:
     return hood_mesh(load_case(CASE, SMALL))
 
 
-def laid(*settings: str):
+def fibre_directions(*settings: str):
     """The directions of a case with settings, on the small mesh."""
     case = load_case(CASE, [*SMALL, *settings])
     return fibres_of(mesh(), mesh().points, case.hood.regions, skeleton_of(case.finger))
 
 
-def turned_by(region: str, *settings: str) -> np.ndarray:
+def fibre_turns(region: str, *settings: str) -> np.ndarray:
     """deg, (k, g) from the mesh's own direction to the fibres, towards radial."""
     cells = mesh().region == REGIONS.index(region)
-    own, first = laid().first[cells], laid(*settings).first[cells]
+    own, first = fibre_directions().first[cells], fibre_directions(*settings).first[cells]
     return np.degrees(angle_between(mesh().points, mesh().quads[cells], own, first))
 
 
 def test_an_angle_opens_distally_away_from_the_midline():
     for region, side in (("lateral_band_radial", 1), ("lateral_band_ulnar", -1)):
-        seen = turned_by(region, direction(region, '{ angle = "20 deg" }'))
+        seen = fibre_turns(region, direction(region, '{ angle = "20 deg" }'))
         assert seen == pytest.approx(np.full(seen.shape, 20.0 * side), abs=1e-9)
     cells = mesh().region == REGIONS.index("central_band")
-    seen = turned_by("central_band", direction("central_band", '{ angle = "20 deg" }'))
+    seen = fibre_turns("central_band", direction("central_band", '{ angle = "20 deg" }'))
     radial = mesh().points[mesh().quads[cells]].mean(axis=1)[:, 1]
     assert np.sign(seen.mean(axis=1)[np.abs(radial) > 1e-3]) == pytest.approx(
         np.sign(radial[np.abs(radial) > 1e-3])
@@ -77,8 +77,8 @@ def test_an_angle_opens_distally_away_from_the_midline():
 
 def test_in_a_sagittal_band_the_angle_is_from_the_finger_too():
     name = "sagittal_band_radial"
-    assert np.abs(turned_by(name, direction(name, '{ angle = "90 deg" }'))) == pytest.approx(0)
-    seen = turned_by(name, direction(name, '{ angle = "70 deg" }'))
+    assert np.abs(fibre_turns(name, direction(name, '{ angle = "90 deg" }'))) == pytest.approx(0)
+    seen = fibre_turns(name, direction(name, '{ angle = "70 deg" }'))
     assert seen == pytest.approx(np.full(seen.shape, -20.0), abs=1e-9)
 
 
@@ -87,7 +87,7 @@ def test_angles_along_a_region_are_a_spline():
         "lateral_band_radial",
         '{ along = [0.0, 0.5, 1.0], angle = ["0 deg", "10 deg", "40 deg"] }',
     )
-    seen = turned_by(name, direction(name, table))
+    seen = fibre_turns(name, direction(name, table))
     station = mesh().station[mesh().quads[mesh().region == REGIONS.index(name)]]
     place = (station.mean(axis=1) - station.min()) / np.ptp(station)
     assert seen.mean(axis=1) == pytest.approx(20 * place**2 * 2, abs=1.5)
@@ -97,7 +97,7 @@ def test_angles_across_a_region_too():
     name = "lateral_band_ulnar"
     rows = '[["0 deg", "30 deg"], ["0 deg", "30 deg"]]'
     table = f"{{ along = [0.0, 1.0], across = [0.0, 1.0], angle = {rows} }}"
-    seen = -turned_by(name, direction(name, table))
+    seen = -fibre_turns(name, direction(name, table))
     cells = mesh().region == REGIONS.index(name)
     count = cells.sum() // len(
         np.unique(np.round(mesh().station[mesh().quads[cells]].mean(axis=1), 3))
@@ -119,8 +119,8 @@ def test_a_spline_is_level_beyond_its_places():
 def test_a_second_family_crosses_the_first_in_the_mirror_of_the_other_side():
     bands = ("lateral_band_radial", "lateral_band_ulnar")
     settings = [direction(b, '{ angle = "20 deg" }') for b in bands]
-    settings += [stated(b, "second", SECOND % '{ angle = "-35 deg" }') for b in bands]
-    fibres = laid(*settings)
+    settings += [region_setting(b, "second", SECOND % '{ angle = "-35 deg" }') for b in bands]
+    fibres = fibre_directions(*settings)
     for band, side in zip(bands, (1, -1), strict=True):
         angle = fibres.angle[REGIONS.index(band)]
         assert np.degrees(angle) == pytest.approx(np.full(angle.shape, -55.0 * side))
@@ -131,13 +131,15 @@ def test_a_field_of_the_mesh_is_one_too():
     case = load_case(CASE, [*SMALL, direction(name, '{ field = "slips" }')])
     with pytest.raises(InputError, match=r"central_band\.direction\.field.*'slips'.*has none"):
         fibres_of(mesh(), mesh().points, case.hood.regions, skeleton_of(case.finger))
-    oblique = turn_in_sheet(mesh().points, mesh().quads, laid().first, 0.5).mean(axis=1)
+    oblique = turn_in_sheet(mesh().points, mesh().quads, fibre_directions().first, 0.5).mean(axis=1)
     own = HoodMesh(**{**vars(mesh()), "fields": {"slips": oblique}})
     seen = fibres_of(own, mesh().points, case.hood.regions, skeleton_of(case.finger)).first
     cells = mesh().region == i
-    turn = angle_between(mesh().points, mesh().quads[cells], laid().first[cells], seen[cells])
+    turn = angle_between(
+        mesh().points, mesh().quads[cells], fibre_directions().first[cells], seen[cells]
+    )
     assert turn == pytest.approx(np.full(turn.shape, 0.5), abs=0.06)
-    assert np.array_equal(seen[~cells], laid().first[~cells])
+    assert np.array_equal(seen[~cells], fibre_directions().first[~cells])
 
 
 def hood_with(*settings: str):
@@ -150,8 +152,8 @@ def test_a_hood_shows_its_families_and_its_strain_along_the_finger():
     name = "extensor_tendon_distal"
     _, hood = hood_with(
         direction(name, '{ angle = "25 deg" }'),
-        stated(name, "second", SECOND % '{ angle = "-25 deg" }'),
-        stated(name, "in_situ_stretch", "1.02"),
+        region_setting(name, "second", SECOND % '{ angle = "-25 deg" }'),
+        region_setting(name, "in_situ_stretch", "1.02"),
     )
     c = hood.start(hood.rest).configuration
     families, cells = fibre_families(hood.model, c), mesh().region == REGIONS.index(name)
@@ -169,7 +171,7 @@ def test_a_hood_shows_its_families_and_its_strain_along_the_finger():
 
 def test_fibres_stretched_in_situ_are_balanced_before_anything_moves():
     names = ("central_band", "lateral_band_radial", "lateral_band_ulnar")
-    _, hood = hood_with(*(stated(name, "in_situ_stretch", "1.01") for name in names))
+    _, hood = hood_with(*(region_setting(name, "in_situ_stretch", "1.01") for name in names))
     assert hood.stretched
     posed = hood.advance(hood.start(hood.rest), hood.rest, np.full(4, 0.05), 0.0)
     strain, cells = hood.strain(posed.state)[:, :, 0].mean(axis=1), mesh().cells(*names)
@@ -184,9 +186,9 @@ def test_a_job_of_the_hood_has_its_fibres_and_its_stretch(on_face: bool):
     case, hood = hood_with(
         "hood.bending_stiffness=0 N*mm",
         "hood.extra_length.central_slip=0 mm",
-        stated("central_slip", "in_situ_stretch", "1.03"),
+        region_setting("central_slip", "in_situ_stretch", "1.03"),
         *(direction(b, '{ angle = "20 deg" }') for b in bands),
-        *(stated(b, "second", SECOND % '{ angle = "-35 deg" }') for b in bands),
+        *(region_setting(b, "second", SECOND % '{ angle = "-35 deg" }') for b in bands),
     )
     job = job_of_hood(hood, hood.rest, np.zeros(4), bone_surfaces(case), on_face=on_face)
     stretch = {p.name: p.in_situ_stretch for p in job.parts}
@@ -223,10 +225,10 @@ def test_a_job_of_the_hood_has_its_fibres_and_its_stretch(on_face: bool):
         (direction("central_band", '{ angle = [["9 deg"], []], along = [0, 1] }'), "equally long"),
         (direction("central_band", '{ field = "f", along = [0, 1] }'), "do not go with field"),
         (
-            stated("central_band", "second", SECOND.replace(", direction = %s", "")),
+            region_setting("central_band", "second", SECOND.replace(", direction = %s", "")),
             "second.direction: is missing",
         ),
-        (stated("central_band", "in_situ_stretch", "1.5"), "less than or equal to 1.2"),
+        (region_setting("central_band", "in_situ_stretch", "1.5"), "less than or equal to 1.2"),
         ("hood.regions.central_band=" + GASSER % "", "write either angle"),
         (
             'hood.regions.central_band={ kind = "isotropic", modulus = "9 MPa", poisson = 0.4, '
@@ -251,7 +253,7 @@ def test_every_law_takes_a_second_family():
         [
             "hood.regions.central_band=" + GASSER % f", {gasser}",
             "hood.regions.central_slip=" + LINEAR % f", {linear}",
-            stated(
+            region_setting(
                 "terminal_slip", "second", SECOND % '{ angle = ["9 deg", "8 deg"], along = [0, 1] }'
             ),
         ],
@@ -265,8 +267,8 @@ def test_a_case_says_its_fibres_again(tmp_path):
             CASE,
             [
                 direction("central_band", '{ along = [0, 1], angle = ["0 deg", "10 deg"] }'),
-                stated("central_band", "second", SECOND % '{ field = "slips" }'),
-                stated("central_band", "in_situ_stretch", "1.01"),
+                region_setting("central_band", "second", SECOND % '{ field = "slips" }'),
+                region_setting("central_band", "in_situ_stretch", "1.01"),
             ],
         )
     )
@@ -291,7 +293,7 @@ def test_a_later_word_replaces_another_way_to_say_it(tmp_path):
 def test_an_extra_length_goes_with_plain_fibres_alone(key: str):
     value = {"direction": '{ angle = "9 deg" }', "in_situ_stretch": "1.01"}[key]
     with pytest.raises(InputError, match=rf"hood\.extra_length\.central_slip.*{key}"):
-        hood_with(stated("central_slip", key, value))
+        hood_with(region_setting("central_slip", key, value))
 
 
 def test_strokes_are_few_and_lie_over_the_sheet():

@@ -7,7 +7,7 @@ from cosim.errors import InputError
 from fe_solver.surfaces.spline_distance import SplineDistance
 from fe_solver.surfaces.triangle_distance import check_surface
 from meshes.bones import load_bone, spline
-from meshes.measure_bones import Plan, farthest_hits, fit_error, measure, read_stl, table
+from meshes.measure_bones import MeasurementPlan, farthest_hits, fit_error, measure, read_stl, table
 from meshes.skeleton import BODIES, index_finger
 
 # Width (radial) and depth (dorsal) in mm over 0-20, 40-60 and 80-100 % of the bone's length,
@@ -108,12 +108,12 @@ def test_spline_is_twice_continuous_across_rows_columns_and_ends():
 def test_scaling_is_exact(length, width):
     bone = load_bone("middle")
     factors = np.array([length, width, width])
-    assert bone.scaled(length, width).points == pytest.approx(bone.points * factors, abs=1e-15)
+    assert bone.scale(length, width).points == pytest.approx(bone.points * factors, abs=1e-15)
 
 
 def test_even_scaling_scales_the_surface():
     vertices, faces = load_bone("distal").surface(0.5e-3)
-    larger, same = load_bone("distal").scaled(1.2, 1.2).surface(0.6e-3)
+    larger, same = load_bone("distal").scale(1.2, 1.2).surface(0.6e-3)
     assert np.array_equal(faces, same)
     assert larger == pytest.approx(1.2 * vertices, abs=1e-12)
 
@@ -135,7 +135,7 @@ def test_faults_name_the_cure():
     with pytest.raises(InputError, match="expected one of metacarpal, proximal, middle, distal"):
         load_bone("thumb")
     with pytest.raises(InputError, match="scale factors must be positive"):
-        load_bone("distal").scaled(0.0, 1.0)
+        load_bone("distal").scale(0.0, 1.0)
     with pytest.raises(InputError, match="edge length"):
         load_bone("distal").surface(0.45e-6)
 
@@ -151,7 +151,7 @@ def test_measuring_a_measured_bone_gives_it_back(tmp_path):
     bone = load_bone("distal")
     bone.write_stl(tmp_path / "bone.stl", 0.3e-3)
     triangles = read_stl(tmp_path / "bone.stl")
-    plan = Plan("bone.stl", 5e-3, 15.5e-3, 22, 14, 64)
+    plan = MeasurementPlan("bone.stl", 5e-3, 15.5e-3, 22, 14, 64)
     again = measure("distal", plan, triangles)
     error = fit_error(triangles, again)
     assert error.max() < 0.25e-3

@@ -122,7 +122,7 @@ FAULTS = [
 ]
 
 
-def changed(content: dict, path: tuple, value: object) -> dict:
+def change(content: dict, path: tuple, value: object) -> dict:
     place = content
     for key in path[:-1]:
         place = place[key]
@@ -136,7 +136,7 @@ def changed(content: dict, path: tuple, value: object) -> dict:
 @pytest.mark.parametrize(("path", "value", "message"), FAULTS)
 def test_a_faulty_mesh_file_is_refused(tmp_path, path, value, message):
     file = tmp_path / "mesh.json"
-    file.write_text(json.dumps(changed(small(), path, value)))
+    file.write_text(json.dumps(change(small(), path, value)))
     with pytest.raises(InputError, match=r"mesh\.json") as caught:
         read(file)
     assert message in str(caught.value)
@@ -206,7 +206,7 @@ def scratch(tmp_path_factory):
 @given(st.sampled_from(places(small())), VALUES | st.just(MISSING))
 def test_any_value_anywhere_is_read_or_refused(scratch, path, value):
     """What is read can be computed with."""
-    scratch.write_text(json.dumps(changed(small(), path, value)))
+    scratch.write_text(json.dumps(change(small(), path, value)))
     try:
         mesh = read(scratch)
     except InputError as error:

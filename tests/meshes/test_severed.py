@@ -15,7 +15,7 @@ from cosim.hoods.injury import STRUT, adhesions, apply_lesion_to_mesh, apply_les
 from cosim.hoods.shell.table import PARTS as OF_SHELL
 from cosim.port import Motion
 from fe_solver.forces.springs import spring_forces
-from fe_solver.hood.build_shell import SpringSet, springs_of
+from fe_solver.hood.build_shell import SpringGroup, springs_of
 from meshes.cable_net import CableNet
 from meshes.hood_lines import JOIN
 from meshes.hood_mesh import REGIONS, Attachment, HoodMesh
@@ -194,7 +194,7 @@ def test_an_adhesion_holds_a_part_with_its_stiffness_in_every_direction():
     rest = Motion(BODIES, *skeleton_of(case.finger).pose(mesh.rest_posture))
     grown = adhesions(lesion, mesh, mesh.points, rest)
     assert set(grown) == {"adhesion_central_band_proximal"}
-    sets = {n: SpringSet(g.held, g.stiffness, 0.0, False) for n, g in grown.items()}
+    sets = {n: SpringGroup(g.held, g.stiffness, 0.0, False) for n, g in grown.items()}
     springs = springs_of(mesh.points, rest, sets)
     nodes = np.unique(springs.node)
     assert np.array_equal(nodes, np.unique(mesh.quads[mesh.cells("central_band")]))

@@ -15,22 +15,28 @@ from rigid.hoods.network import Arms
 from rigid.papers.networks.arm_switch import predict, switch
 from rigid.papers.networks.excursion_fit import (
     EXTENSOR,
+    curve_distance,
+    curve_distance_slopes,
     dip_of_pip,
     identify,
-    off_curve,
-    off_curve_slopes,
 )
 from rigid.papers.networks.excursion_fit_check import draw_samples, true_parameters
 from rigid.papers.networks.human_network import human_finger
 from rigid.papers.networks.point_contact import distal_torque, tip_jacobian
 from rigid.papers.networks.robotic_finger import LENGTH, robotic_finger
-from rigid.papers.networks.share_models import Finger, best_share, forward, inverse, with_shares
+from rigid.papers.networks.share_models import (
+    ShareFinger,
+    best_share,
+    forward,
+    inverse,
+    with_shares,
+)
 
 COARSE = ('forward.step="10 ms"', "output.picture=false")
 POSTURE = np.array([0.2, 0.6, 0.13])
 
 
-def known_finger() -> Finger:
+def known_finger() -> ShareFinger:
     """The robotic finger as a model of shares knows it, exactly."""
     made = robotic_finger()
     arms = made.direct.constant, made.direct.slope
@@ -38,7 +44,7 @@ def known_finger() -> Finger:
     for own, more in zip(direct, (made.connecting.constant, made.connecting.slope), strict=True):
         own[:, :2] += more[:, :2]
     ways = [Arms(made.connecting.constant[:, [k]], made.connecting.slope[:, [k]]) for k in (2, 3)]
-    return Finger(LENGTH, Arms(*direct), *ways, np.array([0.0, 0.0, 1.0, 1.0]))
+    return ShareFinger(LENGTH, Arms(*direct), *ways, np.array([0.0, 0.0, 1.0, 1.0]))
 
 
 @pytest.mark.parametrize("muscle", range(3))
@@ -168,12 +174,14 @@ def test_distance_from_the_curve_and_its_derivatives():
     lateral = at[1] * on[:, 1] + 0.5 * at[2] * on[:, 1] ** 2 + at[3] * on[:, 2] + at[4]
     assert lateral == pytest.approx(slip, abs=1e-15)
     step = 1e-8
-    moved = [off_curve(at + d, curve) - off_curve(at - d, curve) for d in step * np.eye(5)]
+    moved = [
+        curve_distance(at + d, curve) - curve_distance(at - d, curve) for d in step * np.eye(5)
+    ]
     slopes = np.array(moved).T / (2 * step)
-    assert off_curve_slopes(at, curve) == pytest.approx(slopes, rel=1e-5, abs=1e-2)
+    assert curve_distance_slopes(at, curve) == pytest.approx(slopes, rel=1e-5, abs=1e-2)
 
 
-def drawn_sheet(figure):
+def draw_figure(figure):
     sheet = Sheet(figsize=figure.size, layout="constrained")
     figure.draw(sheet)
     sheet.canvas.draw()
@@ -197,7 +205,7 @@ def test_every_picture_draws_and_holds_its_numbers(monkeypatch):
         *network_errors.error_figures(),
     ]
     for figure in figures:
-        drawn_sheet(figure)
+        draw_figure(figure)
     names = [figure.name for figure in figures]
     assert len(set(names)) == len(names)
     virtual = [

@@ -13,13 +13,13 @@ from cosim.files import output_folder
 from cosim.report.figures import Figure, FigurePage, FigureStudy, choose_studies, write_figures
 
 
-def drawn(sheet):
+def draw_line(sheet):
     sheet.subplots().plot([0.0, 1.0], [0.0, 1.0])
 
 
 def figure(name="figure_1", rows=3):
     data = pd.DataFrame({"what": ["<b>"] * rows, "force, N": np.linspace(0.0, 1.0, rows)})
-    return Figure(name, "Figure 1: a <line>", "Said & seen.", drawn, {f"{name}_table": data})
+    return Figure(name, "Figure 1: a <line>", "Said & seen.", draw_line, {f"{name}_table": data})
 
 
 def paper(*figures, fails=False):

@@ -123,7 +123,7 @@ def coarse(monkeypatch):
     thesis_models.run_once.cache_clear()
 
 
-def written(folder: Path, *studies: str) -> str:
+def write_pages(folder: Path, *studies: str) -> str:
     only = [word for study in studies for word in ("--only", study)]
     done = CliRunner().invoke(app, ["reproduce", "thesis", *only, "-o", str(folder)])
     assert done.exit_code == 0, done.output
@@ -134,7 +134,7 @@ def written(folder: Path, *studies: str) -> str:
 def test_the_page_on_coarse_meshes(coarse, monkeypatch, tmp_path):
     faked = {r.ours: r.values for r in rows() if r.ours}
     monkeypatch.setattr(thesis, "all_numbers", lambda: faked)
-    page = written(tmp_path / "out", "rows", "strains", "slips", "ledger")
+    page = write_pages(tmp_path / "out", "rows", "strains", "slips", "ledger")
     assert "http" not in page
     assert all(f'id="{name}"' in page for name in ("states", "table_1", "table_7", "figures"))
     assert len(list((tmp_path / "out").glob("*.png"))) == 5
@@ -149,7 +149,7 @@ def test_the_page_on_coarse_meshes(coarse, monkeypatch, tmp_path):
 
 @pytest.mark.slow
 def test_the_page_as_it_ships(tmp_path):
-    page = written(tmp_path / "out")
+    page = write_pages(tmp_path / "out")
     assert all(f'id="{name}"' in page for name in ("states", "unprinted", "section_3_1_times"))
     table = pd.read_csv(tmp_path / "out/rows.csv")
     assert len(table) == len(rows())

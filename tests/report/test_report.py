@@ -23,7 +23,7 @@ from cosim.report.views import box, difference_view, limits, pack_views, view_of
 from cosim.report.words import answer, closure, commands, doubts, question, tendon_pulls
 from cosim.report.write import write_report
 from cosim.results.read import read_run, read_runs
-from tests.helpers.reported import DATA, as_motion, run_into, swinging
+from tests.helpers.report_runs import DATA, run_into, write_motion_run, write_swinging_run
 
 QUICK = "output.picture=false"
 
@@ -45,7 +45,7 @@ def split(folder) -> Path:
 
 @pytest.fixture(scope="module")
 def motion(folder, hood) -> Path:
-    return as_motion(hood, folder / "moved")
+    return write_motion_run(hood, folder / "moved")
 
 
 @pytest.fixture
@@ -250,7 +250,7 @@ def test_a_case_that_cannot_be_built_again_costs_the_bones_alone(tmp_path, hood)
 
 
 def test_the_box_holds_every_frame_of_a_motion(tmp_path, hood):
-    view = view_of(read_run(swinging(hood, tmp_path / "swing")))
+    view = view_of(read_run(write_swinging_run(hood, tmp_path / "swing")))
     room = box(view)
     assert room is not None
     low, high = room.T

@@ -23,7 +23,7 @@ from cosim.report import page as page_module
 from cosim.report.page import MOST_BYTES
 from cosim.report.write import write_report
 from cosim.results.read import read_run
-from tests.helpers.reported import DATA, as_motion, run_into, swinging
+from tests.helpers.report_runs import DATA, run_into, write_motion_run, write_swinging_run
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 FLAGS = (
@@ -73,7 +73,7 @@ class Page(HTMLParser):
             self.cells[self._cell] = (value, text + data)
 
 
-def parsed(text: str) -> Page:
+def parse(text: str) -> Page:
     page = Page()
     page.feed(text)
     return page
@@ -87,7 +87,7 @@ def without_scripts(text: str) -> str:
 def runs(tmp_path_factory) -> list[Path]:
     folder = tmp_path_factory.mktemp("runs")
     hood = run_into(folder, "isometric_edc", "hood.mesh.quads=150")
-    return [hood, as_motion(hood, folder / "moved")]
+    return [hood, write_motion_run(hood, folder / "moved")]
 
 
 @pytest.fixture(scope="module")
@@ -115,7 +115,7 @@ class Seen:
     console: list[str]
 
 
-def opened(report: Path, tmp_path_factory) -> Seen:
+def open_page(report: Path, tmp_path_factory) -> Seen:
     """The page as Chromium has it once its own test of itself has run."""
     if CHROMIUM is None:
         pytest.skip("there is no chromium here (Debian: apt-get install chromium)")
@@ -128,19 +128,19 @@ def opened(report: Path, tmp_path_factory) -> Seen:
             time.sleep(1)
             continue
         console = [x for x in done.stderr.decode(errors="replace").splitlines() if ":CONSOLE" in x]
-        return Seen(parsed(done.stdout.decode("utf-8")), console)
+        return Seen(parse(done.stdout.decode("utf-8")), console)
     raise AssertionError("chromium did not answer three times")
 
 
 @pytest.fixture(scope="module")
 def seen(report, tmp_path_factory) -> Seen:
-    return opened(report, tmp_path_factory)
+    return open_page(report, tmp_path_factory)
 
 
 def test_the_page_stands_alone(report):
     text = report.read_text(encoding="utf-8")
     assert len(text.encode("utf-8")) < MOST_BYTES
-    for address in parsed(text).addresses:
+    for address in parse(text).addresses:
         assert address.startswith(("data:", "#")), address
     own = without_scripts(text)
     assert "http" not in own
@@ -151,7 +151,7 @@ def test_the_page_stands_alone(report):
 
 
 def test_the_page_has_everything_in_order(report):
-    page = parsed(without_scripts(report.read_text(encoding="utf-8")))
+    page = parse(without_scripts(report.read_text(encoding="utf-8")))
     assert page.sections == [
         *("question", "answer", "picture", "space", "maps", "force", "ledger", "data", "trust"),
         *("all", "again"),
@@ -198,7 +198,7 @@ def check_cells(page: Page, tables: dict[str, Any]) -> None:
 
 
 def test_every_number_of_the_tables_is_that_of_the_json(report, tables):
-    page = parsed(report.read_text(encoding="utf-8"))
+    page = parse(report.read_text(encoding="utf-8"))
     assert {key for key, _, _ in page.cells} == set(tables)
     assert len(page.cells) > 500
     check_cells(page, tables)
@@ -213,7 +213,7 @@ def test_a_cell_that_is_not_the_jsons_would_be_found():
 
 
 def test_verdicts_are_words_and_shapes(report, tables):
-    page = parsed(report.read_text(encoding="utf-8"))
+    page = parse(report.read_text(encoding="utf-8"))
     shapes = {"inside 1 SD": "●", "inside the band": "◆", "outside": "▲", "no value": "–"}
     rows = [
         (key, n, row)
@@ -251,15 +251,15 @@ def pixels(content: bytes) -> np.ndarray:
     return np.array(Image.open(io.BytesIO(content)).convert("RGB"))
 
 
-def embedded(address: str | None) -> np.ndarray:
+def embedded_pixels(address: str | None) -> np.ndarray:
     assert address is not None
     return pixels(base64.b64decode(address.partition("base64,")[2]))
 
 
 def test_the_still_picture_has_the_colours_of_the_run_s_colour_bar(runs, report):
-    page = parsed(report.read_text(encoding="utf-8"))
+    page = parse(report.read_text(encoding="utf-8"))
     address = next(a for a in page.addresses if a.startswith("data:image/"))
-    original, shown = pixels((runs[0] / "picture.png").read_bytes()), embedded(address)
+    original, shown = pixels((runs[0] / "picture.png").read_bytes()), embedded_pixels(address)
     scale = shown.shape[1] / original.shape[1]
     counts = np.array([len(np.unique(column, axis=0)) for column in original.swapaxes(0, 1)])
     right = np.arange(len(counts)) > 0.9 * len(counts)
@@ -274,7 +274,7 @@ def test_a_picture_keeps_all_its_colours(runs, tmp_path):
     gradient = np.stack([along, up, (along + up) % 256], axis=-1).astype(np.uint8)
     Image.fromarray(gradient).save(tmp_path / "picture.png")
     run = replace(read_run(runs[0]), folder=tmp_path)
-    np.testing.assert_array_equal(embedded(page_module._picture(run, "picture")), gradient)
+    np.testing.assert_array_equal(embedded_pixels(page_module._picture(run, "picture")), gradient)
 
 
 def test_no_error_is_on_the_console_and_nothing_is_asked_for(seen):
@@ -286,8 +286,8 @@ def test_no_error_is_on_the_console_and_nothing_is_asked_for(seen):
 
 def test_nothing_of_a_motion_is_cut_in_any_frame(runs, tmp_path_factory):
     folder = tmp_path_factory.mktemp("swing")
-    write_report([swinging(runs[0], folder / "swing")], folder / "report.html", "html")
-    page = opened(folder / "report.html", tmp_path_factory).page
+    write_report([write_swinging_run(runs[0], folder / "swing")], folder / "report.html", "html")
+    page = open_page(folder / "report.html", tmp_path_factory).page
     assert page.selftest["errors"] == []
     assert page.selftest["cut"] == []
 

@@ -28,9 +28,9 @@ from cosim.results.load_and_rest import (
 )
 from cosim.results.read import read_runs
 from meshes.cable_net import CableNet
-from meshes.glide import PLACES, Place, glide, net_places, sheet_places
+from meshes.glide import PLACES, CarriedPoint, glide, net_places, sheet_places
 from tests.helpers import shells
-from tests.helpers.reported import run_into
+from tests.helpers.report_runs import run_into
 
 QUICK = "output.picture=false"
 COARSE = "hood.mesh.quads=150"
@@ -131,14 +131,16 @@ def test_the_warning_says_what_pushes_at_rest(unloaded, is_laid, meaning):
 
 
 @pytest.fixture(scope="module")
-def laid() -> tuple[tuple[Place, ...], Array, Motion]:
+def laid() -> tuple[tuple[CarriedPoint, ...], Array, Motion]:
     """Places of a coarse sheet, its points as laid and the bones' poses there."""
     hood = shells.index_hood(COARSE)
     mesh = hood_mesh(load_case("isometric_edc", [COARSE]))
     return sheet_places(mesh), hood.model.reference, hood.rest
 
 
-def told(places: tuple[Place, ...], points: Array, rest: Motion, now: Array, at: Motion) -> Any:
+def glide_to(
+    places: tuple[CarriedPoint, ...], points: Array, rest: Motion, now: Array, at: Motion
+) -> Any:
     was = (points, rest.position, rest.rotation)
     return glide(places, was, (now, at.position, at.rotation))
 
@@ -146,7 +148,7 @@ def told(places: tuple[Place, ...], points: Array, rest: Motion, now: Array, at:
 def test_a_hood_that_nothing_has_moved_has_not_glided(laid):
     places, points, rest = laid
     assert [place.name for place in places] == list(PLACES)
-    assert told(places, points, rest, points, rest) == dict.fromkeys(PLACES, 0.0)
+    assert glide_to(places, points, rest, points, rest) == dict.fromkeys(PLACES, 0.0)
 
 
 def test_glide_is_how_far_distally_along_the_bone_beneath(laid):
@@ -154,7 +156,7 @@ def test_glide_is_how_far_distally_along_the_bone_beneath(laid):
     for body, names in ((1, PLACES[:3]), (2, PLACES[3:])):
         _, radial, dorsal = rest.rotation[body].T
         way = 2e-3 * rest.rotation[body][:, 0] + 1e-3 * radial - 3e-3 * dorsal
-        found = told(places, points, rest, points + way, rest)
+        found = glide_to(places, points, rest, points + way, rest)
         assert [found[name] for name in names] == pytest.approx([2e-3] * len(names), abs=1e-12)
 
 
@@ -163,8 +165,8 @@ def test_glide_does_not_depend_on_where_the_hand_is(laid):
     moved = points + 1e-3 * np.sin(1e3 * points)
     turn, shift = rotation_matrix(np.array([0.4, -1.1, 0.7])), np.array([0.3, -0.2, 0.1])
     hand = rest.transform(turn, shift)
-    here = told(places, points, rest, moved, rest)
-    there = told(places, points, rest, moved @ turn.T + shift, hand)
+    here = glide_to(places, points, rest, moved, rest)
+    there = glide_to(places, points, rest, moved @ turn.T + shift, hand)
     assert max(map(abs, here.values())) > 1e-4
     assert there == pytest.approx(here, abs=1e-12)
 

@@ -24,7 +24,7 @@ from cosim.results.ledger_plot import draw_ledger
 from cosim.results.looks import look
 from cosim.results.parts import LedgerRow
 from cosim.results.read import read_run
-from tests.helpers.reported import as_motion, run_into
+from tests.helpers.report_runs import run_into, write_motion_run
 
 MANY = 40
 TIMES = (0.0, 0.1, 0.2, 0.3)
@@ -158,7 +158,7 @@ def test_runs_of_a_report_differ(hood):
 
 
 def test_curves_of_a_page_differ(hood, tmp_path):
-    history = page_module._history(read_run(as_motion(hood, tmp_path / "moved")))
+    history = page_module._history(read_run(write_motion_run(hood, tmp_path / "moved")))
     curves = max(len(history[key]) for key in ("angles", "force", "tensions"))
     looks = page_module._line_looks([history])
     assert len({json.dumps(one) for one in looks}) == len(looks) == curves

@@ -18,7 +18,7 @@ from cosim.results.compare import Target, numbers_of, unit_of
 from cosim.results.quantities import check_quantities, is_known
 from cosim.results.read import read_run, read_runs
 from cosim.results.slips import is_slack
-from tests.helpers.reported import DATA, run_into
+from tests.helpers.report_runs import DATA, run_into
 
 QUICK = "output.picture=false"
 CASES = {
@@ -53,7 +53,7 @@ def refusal(quantity: str, summary: dict[str, Any]) -> str:
     return str(caught.value)
 
 
-def changed(key: str) -> set[str]:
+def misspellings(key: str) -> set[str]:
     """The key with one letter changed, dropped, or swapped with the next."""
     at = range(len(key))
     return {
@@ -81,7 +81,7 @@ def test_a_misspelt_quantity_is_refused_and_the_right_one_named(case, stride, su
             if key.isdigit() or tuple(keys[: i + 1]) in tried:
                 continue
             tried.add(tuple(keys[: i + 1]))
-            for other in sorted(changed(key))[::stride]:
+            for other in sorted(misspellings(key))[::stride]:
                 wrong = ".".join([*keys[:i], other, *keys[i + 1 :]])
                 if is_known(wrong, [summary]):  # FDIm and FDIl
                     continue

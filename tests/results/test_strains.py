@@ -32,7 +32,7 @@ def strip(rows: int = 40) -> HoodMesh:
     return HoodMesh(points, quads, region, fibre, {}, {}, {}, 1e3 * points[:, 0], {}, 42e-3, 5e-4)
 
 
-def stretched(mesh: HoodMesh, along: float, across: float) -> ShellView:
+def stretch(mesh: HoodMesh, along: float, across: float) -> ShellView:
     ne, n = len(mesh.quads), len(mesh.points)
     strain = np.tile([(along**2 - 1) / 2, (across**2 - 1) / 2, 0.0], (ne, 1))
     return ShellView(
@@ -63,7 +63,7 @@ def stretched(mesh: HoodMesh, along: float, across: float) -> ShellView:
 
 
 def test_strain_counts_from_free_of_stress_or_from_the_unloaded_state():
-    before, now = stretched(strip(), 1.01, 1.002), stretched(strip(), 1.04, 0.97)
+    before, now = stretch(strip(), 1.01, 1.002), stretch(strip(), 1.04, 0.97)
     own = strain_summary(now)["strain_percent"]["longitudinal"]
     assert own["mean"] == pytest.approx(100 * (1.04**2 - 1) / 2)
     change = strain_change(before, now)
@@ -82,7 +82,7 @@ def test_strain_counts_from_free_of_stress_or_from_the_unloaded_state():
 
 def test_the_mean_is_over_the_area():
     mesh = strip()
-    before, now = stretched(mesh, 1.0, 1.0), stretched(mesh, 1.0, 1.0)
+    before, now = stretch(mesh, 1.0, 1.0), stretch(mesh, 1.0, 1.0)
     now.strain[mesh.region == BAND, 0] = np.linspace(0, 0.02, (mesh.region == BAND).sum())
     now.area[mesh.region == BAND] = np.linspace(2.0, 0.0, (mesh.region == BAND).sum())
     mean = strain_change(before, now)["strain_percent"]["longitudinal"]["mean"]
@@ -94,7 +94,7 @@ def test_a_gauge_reads_what_is_about_its_marker_on_any_mesh():
     read = []
     for rows in (40, 120):
         mesh = strip(rows)
-        look = stretched(mesh, 1.0, 1.0)
+        look = stretch(mesh, 1.0, 1.0)
         place = mesh.points[mesh.quads].mean(axis=1)[:, 0]
         look.strain[:, 0] = place
         inner = gauge_strains(look.strain, look)[:, 0].reshape(ROWS, 3)[1:-1]
@@ -128,7 +128,7 @@ def test_markers_stand_on_both_edges_and_between_along_the_region(cells):
         assert place[:, column, 0] == pytest.approx(rows, abs=1e-9)
         assert place[:, column, 1] == pytest.approx(y, abs=1e-9)
     assert glued.weight.sum(axis=2) == pytest.approx(1.0)
-    along, across = marker_strains(stretched(mesh, 1, 1), stretched(mesh, 1.1, 1))
+    along, across = marker_strains(stretch(mesh, 1, 1), stretch(mesh, 1.1, 1))
     assert (along.shape, across.shape) == ((ROWS - 1, 3), (ROWS, 2))
     with pytest.raises(InputError, match="central_slip"):
         markers(mesh, ["central_slip"])

@@ -15,7 +15,7 @@ from numpy.testing import assert_allclose
 from meshes.skeleton import JOINTS
 from rigid.mjcf.read import ReadFinger, read_mjcf
 from rigid.mjcf.write import mjcf_xml
-from rigid.model import Cylinder, Sphere
+from rigid.model import WrapCylinder, WrapSphere
 from rigid.papers.xu2012.paths import tendon_lengths, wrap_length
 
 OVER = '<site site="e0"/><site site="e1"/><geom geom="drum"{}/><site site="e2"/><site site="e3"/>'
@@ -59,7 +59,7 @@ def site(place: np.ndarray) -> str:
     return f'<site name="side" pos="{text(*place)}"/>'
 
 
-def seen(xml: str, postures: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def mujoco_arms(xml: str, postures: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """MuJoCo's lengths and moment arms of the tendons in postures (n, 4): (n, nt) and (n, nt, 4)
     m."""
     model = mujoco.MjModel.from_xml_string(xml)
@@ -80,7 +80,7 @@ def read(folder: Path, xml: str) -> ReadFinger:
     return read_mjcf(folder / "f.xml")
 
 
-def told(made: ReadFinger) -> list[str]:
+def losses_of(made: ReadFinger) -> list[str]:
     return [loss for loss in made.losses if "gravity" not in loss]
 
 
@@ -108,23 +108,23 @@ def test_a_surface_read_and_written_again_guides_as_it_did(
     xml = finger(*drawn)
     made = read(tmp_path_factory.mktemp("mjcf"), xml)
     assert made.model.muscles == ("EDC", "FDP")
-    assert told(made) == []
+    assert losses_of(made) == []
     again = mjcf_xml(made.model)
     twice = read(tmp_path_factory.mktemp("mjcf"), again)
     postures = np.random.default_rng(seed).uniform(-0.3, 1, (8, 4)) * [1.5, 0.4, 1.8, 1.2]
-    length, arms = seen(xml, postures)
+    length, arms = mujoco_arms(xml, postures)
     # MuJoCo's own iteration through rings stops at 1e-6, which an arm shows
     for ours in (again, mjcf_xml(twice.model)):
-        assert_allclose(seen(ours, postures)[0], length, rtol=0, atol=1e-9)
-        assert_allclose(seen(ours, postures)[1], arms, rtol=0, atol=1e-7)
+        assert_allclose(mujoco_arms(ours, postures)[0], length, rtol=0, atol=1e-9)
+        assert_allclose(mujoco_arms(ours, postures)[1], arms, rtol=0, atol=1e-7)
     closed = [tendon_lengths(made.model, angles) for angles in postures]
     assert_allclose(closed, length, rtol=0, atol=1e-9)
 
 
 @settings(max_examples=300, deadline=None)
-@given(st.integers(0, 2**32), st.sampled_from([Sphere, Cylinder]), st.sampled_from("noi"))
+@given(st.integers(0, 2**32), st.sampled_from([WrapSphere, WrapCylinder]), st.sampled_from("noi"))
 def test_the_closed_form_is_mujocos_length(
-    seed: int, kind: type[Sphere] | type[Cylinder], where: str
+    seed: int, kind: type[WrapSphere] | type[WrapCylinder], where: str
 ) -> None:
     rng = np.random.default_rng(seed)
     radius, centre, axis = rng.uniform(0.2, 1.2), rng.normal(size=3), rng.normal(size=3)
@@ -132,17 +132,18 @@ def test_the_closed_form_is_mujocos_length(
     far = {"n": 0.0, "o": rng.uniform(1.01, 3), "i": rng.uniform(0, 0.99)}[where]
     away = rng.normal(size=3)
     place = centre + far * radius * away / np.linalg.norm(away)
-    over = Sphere("", tuple(centre), radius)
-    if kind is Cylinder:
-        over = Cylinder("", tuple(centre), tuple(axis), radius)  # type: ignore[assignment]
+    over = WrapSphere("", tuple(centre), radius)
+    if kind is WrapCylinder:
+        over = WrapCylinder("", tuple(centre), tuple(axis), radius)  # type: ignore[assignment]
     if where != "n":
         over = replace(over, side=tuple(place))
     sites = "".join(
         f'<site name="{name}" pos="{text(*x)}"/>' for name, x in (("a", start), ("b", end))
     )
     side = ' sidesite="side"' if where != "n" else ""
+    shape = "sphere" if kind is WrapSphere else "cylinder"
     model = mujoco.MjModel.from_xml_string(
-        f"<mujoco><worldbody>{surface(kind.__name__.lower(), radius, centre, axis)}{sites}"
+        f"<mujoco><worldbody>{surface(shape, radius, centre, axis)}{sites}"
         f'{site(place)}</worldbody><tendon><spatial><site site="a"/><geom geom="drum"{side}/>'
         '<site site="b"/></spatial></tendon></mujoco>'
     )
@@ -156,7 +157,7 @@ def test_a_side_site_keeps_an_extensor_an_extensor(tmp_path: Path) -> None:
     """Bent by 60 deg the straight way would pass the PIP on its palmar side."""
     drum = surface("sphere", 0.006, np.array([0.04, 0, 0]), np.array([0, 1.0, 0]))
     made = read(tmp_path, finger(drum, site(np.array([0.04, 0, 0.02]))).replace("0.001", "0"))
-    _, arms = seen(mjcf_xml(made.model), np.radians([[0, 0, 60, 0]]))
+    _, arms = mujoco_arms(mjcf_xml(made.model), np.radians([[0, 0, 60, 0]]))
     assert arms[0, 0, 2] == pytest.approx(-6.0e-3, abs=1e-9)
 
 
@@ -164,7 +165,7 @@ def test_a_side_site_on_another_bone_drops_its_tendon(tmp_path: Path) -> None:
     drum = surface("cylinder", 0.005, np.array([0.04, 0, 0]), np.array([0, 1.0, 0]))
     made = read(tmp_path, finger(drum, site(np.array([0.0, 0, 0.02])), on="middle"))
     assert made.model.muscles == ("FDP",)
-    assert told(made) == [
+    assert losses_of(made) == [
         "dropped: tendon EDC: the side site 'side' is not on the bone of its surface 'drum'"
     ]
 
@@ -179,7 +180,9 @@ def test_branches_behind_pulleys_keep_their_shares(tmp_path: Path, first: str) -
     made = read(tmp_path, xml)
     assert [s.share for s in made.model.tendons[0].strands] == [1 / 4 if first else 1, 1 / 2, 1 / 3]
     postures = np.random.default_rng(3).uniform(0, 1, (10, 4))
-    for ours, theirs in zip(seen(mjcf_xml(made.model), postures), seen(xml, postures), strict=True):
+    for ours, theirs in zip(
+        mujoco_arms(mjcf_xml(made.model), postures), mujoco_arms(xml, postures), strict=True
+    ):
         assert_allclose(ours, theirs, rtol=0, atol=1e-12)
 
 

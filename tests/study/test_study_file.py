@@ -12,8 +12,8 @@ from cosim.case.file import load_case
 from cosim.errors import InputError
 from cosim.study.file import read_file
 from cosim.study.plan import read_plan, scale_setting
+from tests.helpers.fixed_posture import HELD
 from tests.helpers.folders import ROOT
-from tests.helpers.held import HELD
 
 OUTPUTS = '[outputs]\ntorque = "joint_torque_Nmm.passive.PIP"\n'
 PIP = 'settings = ["finger.posture.PIP={value}"]\n'

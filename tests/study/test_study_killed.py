@@ -87,7 +87,7 @@ class Broken:
     runs: int
 
 
-def broken(study: str, folder: Path, *words: str, kills: int = KILLS) -> Broken:
+def break_and_resume(study: str, folder: Path, *words: str, kills: int = KILLS) -> Broken:
     """The study (with more words of its command) unbroken, then killed with all its processes at
     random moments, on two workers."""
     whole, cut = folder / "whole", folder / "cut"
@@ -95,7 +95,7 @@ def broken(study: str, folder: Path, *words: str, kills: int = KILLS) -> Broken:
     _finish([study, *words], whole)
     span = max(monotonic() - begun - START, 1.0)
     moments = START + np.random.default_rng(SEED).uniform(0, 0.9 * span / (kills + 1), kills)
-    hit = sum(_killed([study, *words], cut, float(moment)) for moment in moments)
+    hit = sum(_kill([study, *words], cut, float(moment)) for moment in moments)
     _finish([study, *words], cut)
     name = read_plan(study).name
     names = ("table.parquet", "table.csv")
@@ -116,7 +116,7 @@ def _finish(study: list[str], out: Path) -> None:
     assert done.returncode == 0, done.stderr[-500:]
 
 
-def _killed(study: list[str], out: Path, seconds: float) -> bool:
+def _kill(study: list[str], out: Path, seconds: float) -> bool:
     """Whether it was still going on, and so was killed, with every process of its group."""
     quiet = subprocess.DEVNULL
     process = subprocess.Popen(
@@ -174,7 +174,7 @@ def test_a_study_of_a_reduced_network_is_killed_and_loses_nothing(tmp_path: Path
     found = reduce_case(find_case(REDUCED[0]), REDUCED[1:], GRID, 2, spread=SPREAD)
     text = case_text(found, "a reduced hood", REDUCED[0], REDUCED[1:])
     case.write_text(text, encoding="utf-8")
-    check_nothing_is_lost(broken("loads_saltelli", tmp_path, "--case", str(case)))
+    check_nothing_is_lost(break_and_resume("loads_saltelli", tmp_path, "--case", str(case)))
 
 
 @pytest.mark.slow
@@ -182,7 +182,7 @@ def test_a_study_of_the_shell_is_killed_and_loses_nothing(tmp_path: Path) -> Non
     """200 runs."""
     file = tmp_path / "shell.toml"
     file.write_text(SHELL, encoding="utf-8")
-    check_nothing_is_lost(broken(str(file), tmp_path))
+    check_nothing_is_lost(break_and_resume(str(file), tmp_path))
 
 
 @pytest.mark.slow

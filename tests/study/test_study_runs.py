@@ -19,12 +19,11 @@ from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.errors import ConvergenceError, InputError
 from cosim.results.conventions import by_axis
-from cosim.study import open_study
-from cosim.study import process as apart
+from cosim.study import open_study, process
 from cosim.study.quantities import check_outputs, paths
 from cosim.study.store import Store
 from cosim.study.task import Task, run_task, stored_outcome
-from tests.helpers.held import HELD
+from tests.helpers.fixed_posture import HELD
 
 STUDY = """
 case = "held.toml"
@@ -50,7 +49,7 @@ def cosim(*words: str):
     return CliRunner().invoke(app, ["study", *words, "--workers", "0"])
 
 
-def begun(place: Path) -> Counter[str]:
+def begin_counts(place: Path) -> Counter[str]:
     """Times that each run was begun."""
     lines = (place / "studies" / "store" / "executions.log").read_text().splitlines()
     return Counter(line.split()[1] for line in lines if line.startswith("begun"))
@@ -75,7 +74,7 @@ def test_a_study_is_the_closed_form_and_is_not_done_twice(place):
     before = (place / "studies" / "pip" / "table.parquet").read_bytes()
     again = cosim("pip.toml")
     assert "0 runs solved" in again.output
-    assert set(begun(place).values()) == {1}
+    assert set(begin_counts(place).values()) == {1}
     assert (place / "studies" / "pip" / "table.parquet").read_bytes() == before
     page = (place / "studies" / "pip" / "index.html").read_text(encoding="utf-8")
     assert "http" not in page.replace("http://www.w3.org", "")
@@ -134,7 +133,7 @@ def test_a_study_goes_on_where_it_was(place, monkeypatch):
     status = CliRunner().invoke(app, ["status", "studies/store"])
     assert "stopped" in status.output
     assert "2 runs solved" in cosim("pip.toml").output
-    assert set(begun(place).values()) == {1}
+    assert set(begin_counts(place).values()) == {1}
     assert "4/4" in CliRunner().invoke(app, ["status", "studies/store"]).output
 
 
@@ -238,7 +237,7 @@ def test_a_run_in_its_own_process_is_that_of_this_one(place):
     """Also one that follows it there, one over its time, and one whose process crashes."""
     try:
         task = a_task(place, "finger.posture.PIP=33 deg")
-        verdict = apart.solve(task)
+        verdict = process.solve(task)
         assert (verdict.status, verdict.solved) == ("converged", True)
         store = Store(Path(task.store))
         row = store.find(task.key)
@@ -248,16 +247,16 @@ def test_a_run_in_its_own_process_is_that_of_this_one(place):
         assert row is not None
         assert same is not None
         assert row.summary == same.summary
-        assert not apart.solve(task).solved
+        assert not process.solve(task).solved
         late = a_task(place, "finger.posture.PIP=34 deg", limit=1e-4)
-        assert apart.solve(late).status == "timeout"
+        assert process.solve(late).status == "timeout"
         assert stored_outcome(late, store) is not None
         assert stored_outcome(Task(**{**vars(late), "limit": 60.0}), store) is None
         other = Task(**{**vars(task), "code": "another"})
         with pytest.raises(InputError, match="install the same"):
-            apart.solve(other)
+            process.solve(other)
     finally:
-        apart.close()
+        process.close()
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
@@ -265,7 +264,7 @@ def test_the_process_of_a_run_has_one_thread_and_keeps_its_memory(monkeypatch):
     """Whatever a Dask worker was given: two that hand every block back get in each other's way."""
     monkeypatch.setenv("MALLOC_TRIM_THRESHOLD_", "65536")
     monkeypatch.setenv("OPENBLAS_NUM_THREADS", "8")
-    child = apart.Child()
+    child = process.Child()
     try:
         lines = [""]
         while not any(lines):  # a program that has just begun has no environment yet
@@ -274,15 +273,15 @@ def test_the_process_of_a_run_has_one_thread_and_keeps_its_memory(monkeypatch):
     finally:
         child.end()
     given = dict(line.split("=", 1) for line in lines if "=" in line)
-    assert {given[name] for name in apart.THREADS} == {"1"}
+    assert {given[name] for name in process.THREADS} == {"1"}
     assert int(given["MALLOC_TRIM_THRESHOLD_"]) > 2**26
     assert given["MALLOC_MMAP_MAX_"] == "0"  # older glibc takes no threshold beyond 32 MB
 
 
 def test_a_run_whose_process_ends_again_and_again_is_a_row(place, monkeypatch):
-    monkeypatch.setattr(apart, "DEATHS", 2)
+    monkeypatch.setattr(process, "DEATHS", 2)
     task = Task(**{**vars(a_task(place)), "case": {"title": "no case at all"}})
-    verdict = apart.solve(task)
+    verdict = process.solve(task)
     assert verdict.status == "died"
     assert "its process ended 2 times (exit code 1: " in verdict.reason
     assert Store(Path(task.store)).find(task.key) is not None

@@ -118,7 +118,7 @@ def ishigami(n: int, second_order: bool) -> np.ndarray:
     return np.sin(x[:, 0]) + a * np.sin(x[:, 1]) ** 2 + b * x[:, 2] ** 4 * np.sin(x[:, 0])
 
 
-def closed() -> tuple[np.ndarray, np.ndarray, float]:
+def closed_form_indices() -> tuple[np.ndarray, np.ndarray, float]:
     """First-order and total indices of Ishigami and Homma's function, and that of x1 with x3."""
     a, b = ISHIGAMI
     one, two = 0.5 * (1 + b * pi**4 / 5) ** 2, a**2 / 8
@@ -131,7 +131,7 @@ def closed() -> tuple[np.ndarray, np.ndarray, float]:
 def test_indices_are_those_of_the_closed_form(second_order):
     found = indices(ishigami(4096, second_order), 3, second_order)
     assert isinstance(found, Indices)
-    first, total, both = closed()
+    first, total, both = closed_form_indices()
     assert found.first == pytest.approx(first, abs=0.02)
     assert found.total == pytest.approx(total, abs=0.02)
     assert (np.abs(found.first - first) < 2 * found.first_conf + 1e-3).all()

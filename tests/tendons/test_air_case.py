@@ -18,10 +18,10 @@ from cosim.results.history_plot import draw_history
 from cosim.results.result import Result
 from cosim.solve.session import Session
 from cosim.tendons.air import cylinders, initial_air, step_cylinders
-from rigid.air.plant import ATMOSPHERE, Cylinder
+from rigid.air.plant import ATMOSPHERE, PneumaticCylinder
 
 PLAIN = "output.picture=false"
-AREA = float(np.asarray(Cylinder().area))
+AREA = float(np.asarray(PneumaticCylinder().area))
 SHORT = ('forward.duration="0.12 s"', "forward.checkpoint=40")
 
 
@@ -29,15 +29,15 @@ def air(command: str, tendon: str = "EDC") -> str:
     return f'tendons.{tendon}.actuation={{kind="pneumatic",{command}}}'
 
 
-def moved(name: str, *settings: str) -> Result:
+def run_motion(name: str, *settings: str) -> Result:
     return run_case(load_case(name, [PLAIN, *settings]))
 
 
 def test_a_wanted_pressure_ends_as_its_tension_does() -> None:
     ramp = 'tendons.EDC.course={kind="points",at=[["0 s",0.2],["0.1 s",1.0]]}'
-    by_air = moved("split_edc", 'forward={duration="1 s"}', air('pressure="0.057 MPa"'), ramp)
+    by_air = run_motion("split_edc", 'forward={duration="1 s"}', air('pressure="0.057 MPa"'), ramp)
     force = AREA * 57e3
-    stated = moved("split_edc", 'forward={duration="1 s"}', f'tendons.EDC.tension="{force} N"')
+    stated = run_motion("split_edc", 'forward={duration="1 s"}', f'tendons.EDC.tension="{force} N"')
     assert by_air.summary["tension_N"]["EDC"] == pytest.approx(force, rel=1e-4)
     assert by_air.summary["fingertip_force_N"] == pytest.approx(
         stated.summary["fingertip_force_N"], abs=1e-4
@@ -55,7 +55,7 @@ def test_a_wanted_pressure_ends_as_its_tension_does() -> None:
     assert by_air.summary["air"]["EDC"]["pressure_kPa"] == pytest.approx(57.0, rel=1e-4)
 
 
-class Stopper:
+class MotionStopper:
     """Progress that interrupts a motion, as Ctrl-C does."""
 
     def __call__(self, text: str) -> None:
@@ -68,7 +68,7 @@ def test_a_cut_off_motion_goes_on_to_the_same_bytes_and_its_books_close(tmp_path
     case = load_case("pneumatic_edc_fdp", [PLAIN, *SHORT, early])
     whole = run_case(case)
     with pytest.raises(StoppedError, match="Go on with"):
-        run_case(case, Session(checkpoints=tmp_path), Stopper())
+        run_case(case, Session(checkpoints=tmp_path), MotionStopper())
     gone = run_case(case, Session(checkpoints=tmp_path))
     for name in whole.data.data_vars:
         assert whole.data[name].values.tobytes() == gone.data[name].values.tobytes()
@@ -86,7 +86,7 @@ def test_a_cut_off_motion_goes_on_to_the_same_bytes_and_its_books_close(tmp_path
 def test_at_the_start_the_pistons_stand_where_they_are_stated() -> None:
     """The hood's excursion on the way to its first equilibrium is none of theirs."""
     case = ['forward.duration="0.02 s"', 'forward.step="1 ms"']
-    data = moved("pneumatic_edc_fdp", *case).data
+    data = run_motion("pneumatic_edc_fdp", *case).data
     assert np.abs(np.diff(data.pressure.values, axis=0)).max() < 500.0  # Pa in 1 ms, no command
 
 

@@ -11,7 +11,7 @@ from cosim.case.file import load_case
 from cosim.errors import InputError
 from cosim.tendons.courses import factor_of
 from cosim.tendons.table import FileCourseConfig, PointsCourseConfig, SineCourseConfig
-from rigid.opensim.sto import Table, write_sto
+from rigid.opensim.sto import StoTable, write_sto
 
 
 def test_without_a_course_nothing_changes() -> None:
@@ -35,7 +35,7 @@ def test_a_sine_is_never_negative() -> None:
 
 def test_recorded_ones_from_sto_and_csv(tmp_path: Path) -> None:
     time, values = np.array([0.0, 1.0]), np.array([[0.2, 1.0], [0.4, 3.0]])
-    write_sto(tmp_path / "a.sto", Table("a", ("EDC", "FDP"), time, values))
+    write_sto(tmp_path / "a.sto", StoTable("a", ("EDC", "FDP"), time, values))
     (tmp_path / "a.csv").write_text("# source: us\ntime, EDC, FDP\n0, 0.2, 1\n1, 0.4, 3\n")
     for name in ("a.sto", "a.csv"):
         factor = factor_of(FileCourseConfig(kind="file", path=str(tmp_path / name), column="FDP"))

@@ -26,7 +26,7 @@ def row(model: float | None, quantity: str, unit: str, name: str = "") -> Compar
     return Comparison(target, model)
 
 
-def changed(before: list[Comparison], after: list[Comparison]) -> list[Change]:
+def changes_of(before: list[Comparison], after: list[Comparison]) -> list[Change]:
     return changes([Board("force", tuple(before), {})], [Board("force", tuple(after), {})])
 
 
@@ -36,7 +36,7 @@ def changed(before: list[Comparison], after: list[Comparison]) -> list[Change]:
 )
 def test_a_strain_may_change_by_a_tenth_of_a_point_and_a_number_by_a_fiftieth(unit, model, bound):
     for share, verdict in ((0.99, "within"), (-0.99, "within"), (1.01, "beyond")):
-        (found,) = changed([row(model, "q", unit)], [row(model + share * bound, "q", unit)])
+        (found,) = changes_of([row(model, "q", unit)], [row(model + share * bound, "q", unit)])
         assert found.bound == pytest.approx(bound)
         assert found.verdict == verdict
         assert found.change == pytest.approx(share * bound)
@@ -46,7 +46,7 @@ def test_a_component_is_held_to_its_force_and_an_angle_to_the_turn_of_such_a_cha
     force = {"distal": 0.0, "palmar": 3.0, "radial": -4.0}
     before = [row(v, f"force_N.{k}", "N") for k, v in force.items()]
     after = [row(v + 0.05, f"force_N.{k}", "N") for k, v in force.items()]
-    found = changed([*before, row(10.0, "a_deg", "deg")], [*after, row(11.0, "a_deg", "deg")])
+    found = changes_of([*before, row(10.0, "a_deg", "deg")], [*after, row(11.0, "a_deg", "deg")])
     assert [c.bound for c in found] == pytest.approx([0.1, 0.1, 0.1, np.degrees(0.02)])
     assert {c.verdict for c in found} == {"within"}
 
@@ -54,23 +54,23 @@ def test_a_component_is_held_to_its_force_and_an_angle_to_the_turn_of_such_a_cha
 def test_a_number_beside_two_references_counts_once_and_one_that_no_mesh_touches_not_at_all():
     twice = [row(1.0, "q", "N", "An"), row(1.0, "q", "N", "MyoHand")]
     other = [row(1.5, "q", "N", "An"), row(1.5, "q", "N", "MyoHand")]
-    (found,) = changed([*twice, row(2.0, "r", "N")], [*other, row(2.0, "r", "N")])
+    (found,) = changes_of([*twice, row(2.0, "r", "N")], [*other, row(2.0, "r", "N")])
     assert (found.name, found.quantity) == ("An", "q")
-    assert changed([row(None, "q", "N")], [row(1.0, "q", "N")]) == []
+    assert changes_of([row(None, "q", "N")], [row(1.0, "q", "N")]) == []
 
 
 def test_numbers_of_one_quantity_that_differ_are_all_told():
     """The one-way pass compares a tip force and what it has beyond another."""
     before = [row(1.5, "q", "N", "excess"), row(2.5, "q", "N", "force")]
     after = [row(1.6, "q", "N", "excess"), row(2.51, "q", "N", "force")]
-    found = {c.name: (c.model, c.finer, c.verdict) for c in changed(before, after)}
+    found = {c.name: (c.model, c.finer, c.verdict) for c in changes_of(before, after)}
     assert found == {"excess": (1.5, 1.6, "beyond"), "force": (2.5, 2.51, "within")}
 
 
 def test_a_trial_that_failed_on_the_finer_mesh_has_no_value_and_the_misses_come_first():
     names = ("a", "b", "c")
     before = [row(1.0, name, "N") for name in names]
-    found = changed(before, [row(1.001, "a", "N"), row(None, "b", "N"), row(2.0, "c", "N")])
+    found = changes_of(before, [row(1.001, "a", "N"), row(None, "b", "N"), row(2.0, "c", "N")])
     assert [c.verdict for c in found] == list(VERDICTS)
     assert tally(found) == {"beyond": 1, "no value": 1, "within": 1}
 

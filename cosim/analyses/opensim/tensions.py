@@ -19,7 +19,7 @@ from cosim.case.schema import Case
 from cosim.errors import InputError
 from cosim.files import output_file
 from cosim.schema.types import TENDONS
-from rigid.opensim.sto import Table, read_sto
+from rigid.opensim.sto import StoTable, read_sto
 
 OUTPUTS = ("", "tendon_force", "actuation", "tension")
 """What may follow a muscle's name in a reporter's label: `/forceset/EDC|tendon_force`."""
@@ -29,7 +29,7 @@ OUTPUTS = ("", "tendon_force", "actuation", "tension")
 class TensionTable:
     """The table's columns that are tendons of ours."""
 
-    table: Table
+    table: StoTable
     column: Mapping[str, str]
     """The table's column of each tendon."""
 
@@ -129,7 +129,7 @@ def write_case(
     return case
 
 
-def _check_span(table: Table, base: str) -> None:
+def _check_span(table: StoTable, base: str) -> None:
     forward = load_case(base).forward
     if forward is None:
         raise InputError(

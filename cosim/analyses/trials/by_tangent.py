@@ -94,7 +94,7 @@ def _transfer_states(
     def transfer(e: Equilibrium, hood: Array, finger: Array) -> Equilibrium:
         held, shell = models.finger.start(models.posture), _shell(models)
         state = reshape(shell, _shell(before), e.response.state, hood)
-        response = shell.answer(state)
+        response = shell.response(state)
         balance = models.finger.balance(held, response.load, finger)
         return replace(
             e,

@@ -45,7 +45,7 @@ def build(hood: CableHoodConfig, site: Site) -> BuiltHood:
 def build_net(hood: CableHoodConfig, anatomy: Anatomy) -> CableNet:
     """The net of a cable hood; where the extensor alone pulls without the other tendons' ends."""
     from meshes.cable_net import lay
-    from meshes.robot_net import extensor_alone
+    from meshes.robot_net import keep_extensor
 
     offset, bones = hood.contact.offset, anatomy.bones
     net = lay(
@@ -57,13 +57,13 @@ def build_net(hood: CableHoodConfig, anatomy: Anatomy) -> CableNet:
         anatomy.width,
     )
     ends = ENDS[anatomy.finger].values()
-    return extensor_alone(net) if set(ends) == {"central"} else net
+    return keep_extensor(net) if set(ends) == {"central"} else net
 
 
 def cable_hood_of(hood: CableHoodConfig, site: Site, net: CableNet) -> FeHood:
     """The net over the bones as a case describes it, behind the port.  Raises InputError."""
     from fe_solver.hood.build_cable import Net, cable_hood
-    from fe_solver.hood.build_shell import ContactLaw, SpringSet, Tendon
+    from fe_solver.hood.build_shell import ContactLaw, SpringGroup, TendonEnd
     from fe_solver.solver.newton import NewtonOptions
     from meshes.hull import along, carriers
     from meshes.skeleton import BODIES
@@ -75,12 +75,12 @@ def cable_hood_of(hood: CableHoodConfig, site: Site, net: CableNet) -> FeHood:
     contact, offset, skeleton = hood.contact, hood.contact.offset, site.skeleton
     rest = Motion(BODIES, *skeleton.pose(net.rest_posture))
     springs = {
-        name: SpringSet(net.springs[name], s.stiffness, s.slack, s.tension_only)
+        name: SpringGroup(net.springs[name], s.stiffness, s.slack, s.tension_only)
         for name, s in hood.springs.items()
         if name in net.springs
     }
     for name, grown in adhesions(site.lesion, net, net.points, rest).items():
-        springs[name] = SpringSet(grown.held, grown.stiffness, 0.0, tension_only=False)
+        springs[name] = SpringGroup(grown.held, grown.stiffness, 0.0, tension_only=False)
     ends = ENDS[site.anatomy.finger]
     return cable_hood(
         Net(net.points, cable_law(hood, net, site.lesion)),
@@ -90,7 +90,7 @@ def cable_hood_of(hood: CableHoodConfig, site: Site, net: CableNet) -> FeHood:
         net.tied,
         "metacarpal",
         np.array([-1.0, 0.0, 0.0]),
-        {tendon: Tendon(net.ends[end], np.ones(1)) for tendon, end in ends.items()},
+        {tendon: TendonEnd(net.ends[end], np.ones(1)) for tendon, end in ends.items()},
         ContactLaw(
             contact.stiffness,
             contact.smoothing,

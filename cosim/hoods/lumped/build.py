@@ -24,7 +24,7 @@ from cosim.port import Hood, Motion, State
 if TYPE_CHECKING:
     from rigid.hoods.hinge_angle import HingeAngle
     from rigid.hoods.network import Arms, Network
-    from rigid.hoods.reduced import Potential, ReducedHood
+    from rigid.hoods.reduced import ReducedHood, ReducedPotential
     from rigid.model import FingerModel
 
 
@@ -122,7 +122,7 @@ def _hinges(model: FingerModel | None) -> tuple[HingeAngle, ...]:
 
 
 def build_reduced_hood(
-    made: Potential, model: FingerModel | None, bodies: tuple[str, ...]
+    made: ReducedPotential, model: FingerModel | None, bodies: tuple[str, ...]
 ) -> ReducedHood:
     """A potential behind the port, on every hinge of a finger (None: hinges in a plane)."""
     from rigid.hoods.hinge_angle import HingeAngle
@@ -138,12 +138,12 @@ def build_reduced_hood(
     return ReducedHood(made, hinges, bodies)
 
 
-def potential(hood: ReductionConfig) -> Potential:
+def potential(hood: ReductionConfig) -> ReducedPotential:
     """The potential that a case states."""
-    from rigid.hoods.reduced import Potential
+    from rigid.hoods.reduced import ReducedPotential
 
     low, high = np.array(list(hood.angles.values())).T
-    return Potential(
+    return ReducedPotential(
         tuple(hood.angles),
         tuple(hood.tensions),
         low,

@@ -9,7 +9,7 @@ from rigid.hoods.reduced_sample import Sample as Sample
 from rigid.hoods.reduced_sample import stack as stack
 
 if TYPE_CHECKING:
-    from rigid.hoods.reduced import Potential as Potential
+    from rigid.hoods.reduced import ReducedPotential as Potential
 
 
 def fit_potential(

@@ -25,9 +25,9 @@ from cosim.schema.types import RegionConfig
 
 if TYPE_CHECKING:
     from cosim.hoods.lesion import LesionConfig
-    from fe_solver.hood.build_shell import Tendon
+    from fe_solver.hood.build_shell import TendonEnd
     from fe_solver.hood.shell_hood import ShellHood as FeHood
-    from fe_solver.materials.linear import Law, Linear, Real
+    from fe_solver.materials.linear import Law, LinearLaw, Real
     from fe_solver.materials.section import Section
     from fe_solver.materials.tension_field import TensionField
     from meshes.hood_mesh import HoodMesh
@@ -119,7 +119,7 @@ def _generate(laying: _MeshInput) -> HoodMesh:
 
 def shell_hood_of(hood: ShellHoodConfig, site: Site, mesh: HoodMesh) -> FeHood:
     """The hood over the bones as a case describes it, behind the port.  Raises InputError."""
-    from fe_solver.hood.build_shell import ContactLaw, Sheet, SpringSet, shell_hood
+    from fe_solver.hood.build_shell import ContactLaw, ShellSheet, SpringGroup, shell_hood
     from fe_solver.materials.in_situ import in_situ_growth, stress_free_thickness
     from fe_solver.solver.newton import NewtonOptions
     from meshes.hood_mesh import REGIONS
@@ -134,7 +134,7 @@ def shell_hood_of(hood: ShellHoodConfig, site: Site, mesh: HoodMesh) -> FeHood:
     fibres = fibres_of(mesh, points, hood.regions, skeleton)
     stretch, growth = _in_situ(hood, mesh), _growth(hood, mesh, site.lesion)
     growth = np.where(stretch[:, None] != 1.0, in_situ_growth(stretch), growth)
-    sheet = Sheet(
+    sheet = ShellSheet(
         points,
         mesh.quads,
         fibres.first,
@@ -145,7 +145,7 @@ def shell_hood_of(hood: ShellHoodConfig, site: Site, mesh: HoodMesh) -> FeHood:
         bool((stretch != 1.0).any()),
     )
     springs = {
-        name: SpringSet(
+        name: SpringGroup(
             mesh.springs[name],
             spring.stiffness,
             spring.slack,
@@ -157,7 +157,7 @@ def shell_hood_of(hood: ShellHoodConfig, site: Site, mesh: HoodMesh) -> FeHood:
     position, rotation = skeleton.pose(mesh.rest_posture)
     rest = Motion(BODIES, position, rotation)
     for name, grown in adhesions(site.lesion, mesh, sheet.points, rest).items():
-        springs[name] = SpringSet(grown.held, grown.stiffness, 0.0, tension_only=False)
+        springs[name] = SpringGroup(grown.held, grown.stiffness, 0.0, tension_only=False)
     if "central_slip" not in springs and not any(len(nodes) for nodes in mesh.tied.values()):
         raise InputError(
             "hood: no insertion holds the hood: its mesh ties no nodes to a bone, and there are no "
@@ -235,7 +235,7 @@ def _bare_law(name: str, region: RegionConfig, angle: Real) -> Law:
     try:
         match region:
             case table.IsotropicConfig() as r:
-                linear: Linear = materials.Isotropic(r.modulus, r.poisson)
+                linear: LinearLaw = materials.Isotropic(r.modulus, r.poisson)
                 return linear
             case table.TransverselyIsotropicConfig() as r:
                 linear = materials.Orthotropic.transversely_isotropic(
@@ -359,9 +359,9 @@ def _length(mesh: HoodMesh, cells: np.ndarray) -> float:
     return float(np.ptp(along))
 
 
-def _tendons(mesh: HoodMesh, finger: str) -> dict[str, Tendon]:
+def _tendons(mesh: HoodMesh, finger: str) -> dict[str, TendonEnd]:
     """Each tendon's end nodes and their shares of a pull that is even over them, or over half."""
-    from fe_solver.hood.build_shell import Tendon
+    from fe_solver.hood.build_shell import TendonEnd
     from meshes.hood_lines import even_shares
 
     out = {}
@@ -373,7 +373,7 @@ def _tendons(mesh: HoodMesh, finger: str) -> dict[str, Tendon]:
             middle, height = (first + last) / 2, mesh.points[nodes] @ side
             first, last = (middle, last) if height[-1] > height[0] else (first, middle)
         share = even_shares(place, (first, last), mesh.quadratic)
-        out[tendon] = Tendon(nodes, share / share.sum())
+        out[tendon] = TendonEnd(nodes, share / share.sum())
     return out
 
 

@@ -98,7 +98,7 @@ class _FibreMesh:
     def _angles(self, region: int, stated: DirectionConfig) -> Array:
         """(k, g) rad from the mesh's own direction, counter-clockwise about the normal."""
         from fe_solver.elements.fibres import gauss_points, normals
-        from meshes.hood_mesh import REGIONS, runs_round
+        from meshes.hood_mesh import REGIONS, has_lateral_fibres
         from meshes.region_places import region_places, side_of, turns
 
         laid = self._turns = self._turns or turns(self.mesh, self.skeleton)
@@ -110,7 +110,7 @@ class _FibreMesh:
         angle = side_of(region, turn) * angles_at(stated, *places)
         # a normal that points away from the finger has radial to the left of distal
         angle = angle * np.sign(np.vdot(normals(self.points, quads), outward))
-        return np.asarray(angle + (np.pi / 2 if runs_round(REGIONS[region]) else 0.0))
+        return np.asarray(angle + (np.pi / 2 if has_lateral_fibres(REGIONS[region]) else 0.0))
 
 
 def angles_at(stated: DirectionConfig, along: Array, across: Array) -> Array:

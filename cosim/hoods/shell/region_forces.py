@@ -50,14 +50,14 @@ def crossing(quads: np.ndarray, elements: np.ndarray, beyond: np.ndarray) -> Cro
 
 def middle_crossings(mesh: HoodMesh, skeleton: Skeleton) -> dict[str, Crossing]:
     """Where the middle line of each region of the mesh runs, by its name."""
-    from meshes.hood_mesh import REGIONS, runs_round
+    from meshes.hood_mesh import REGIONS, has_lateral_fibres
     from meshes.region_places import region_places, turns
 
     turn, out = turns(mesh, skeleton).turn, {}
     for region in np.unique(mesh.region):
         name, own = REGIONS[region], np.flatnonzero(mesh.region == region)
         distal, across = region_places(mesh, region, turn, mesh.station, turn)
-        if not runs_round(name):
+        if not has_lateral_fibres(name):
             beyond = distal > 0.5 + ON_THE_LINE
         elif name.endswith(("_radial", "_ulnar")):
             beyond = across > 0.5 + ON_THE_LINE

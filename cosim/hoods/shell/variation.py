@@ -17,7 +17,7 @@ from cosim.hoods.variation import (
     words,
 )
 from cosim.schema import units
-from meshes.hood_mesh import REGIONS, runs_round
+from meshes.hood_mesh import REGIONS, has_lateral_fibres
 
 ABSENT = "1e-6 N/mm"
 """Stiffness of a ligament that is not there."""
@@ -27,7 +27,7 @@ COEFFICIENTS = (0.1, 0.3)
 """Coefficients of friction for a case that has none."""
 CROSSED = ("lateral_slip", "oblique_fibres")
 """What a region's name begins with that is a sheet of crossing fibres."""
-SHEETS = tuple(name for name in REGIONS if runs_round(name) or name.startswith(CROSSED))
+SHEETS = tuple(name for name in REGIONS if has_lateral_fibres(name) or name.startswith(CROSSED))
 """Regions that are no cables and so have no cross-section of their own."""
 LIGAMENTS = {
     "radial adhesion": ("ligament_radial",),

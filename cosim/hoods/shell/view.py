@@ -22,7 +22,7 @@ from cosim.hoods.fe_view import FeView, Lines, guide_depth, view_at
 from cosim.hoods.shell.region_forces import Crossing, middle_crossings, region_forces
 from cosim.hoods.view import FAMILIES, STRAIN, Colour, Field
 from cosim.port import Array, State
-from meshes.hood_mesh import REGIONS, flat
+from meshes.hood_mesh import REGIONS, display_quads
 from meshes.skeleton import JOINTS
 
 if TYPE_CHECKING:
@@ -97,7 +97,7 @@ class ShellView(FeView):
 
     @property
     def plot_cells(self) -> np.ndarray:
-        return flat(self.quads)
+        return display_quads(self.quads)
 
     def fields(self) -> tuple[Field, ...]:
         quad, point, component = ("quad",), ("point",), ("quad", "strain_component")

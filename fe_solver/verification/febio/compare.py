@@ -29,7 +29,7 @@ INPUT_FAULT = 2
 """Exit code of a process whose model is at fault."""
 
 
-class Element(Enum):
+class Formulation(Enum):
     """What a model is solved with: our shell, our shell with FEBio's bending and contact, FEBio's
     element and contact."""
 
@@ -39,7 +39,7 @@ class Element(Enum):
 
 
 @dataclass(frozen=True)
-class Row:
+class ComparedQuantity:
     """One quantity by each element and FEBio's own figure; None where there is none.  `scale` is
     what differences are divided by: of a displacement the largest of the model's nodes, else the
     reference, which is FEBio's figure or else what `q4ans` says."""
@@ -53,6 +53,7 @@ class Row:
 
     @property
     def reference(self) -> float | None:
+        """FEBio's figure, or else what `q4ans` says; None where there is neither."""
         return self.q4ans if self.febio is None else self.febio
 
     def off(self, value: float | None) -> float | None:
@@ -76,7 +77,7 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Measured:
+class ModelRun:
     """One model solved in a process of its own: values by name, the deepest penetration (um), CPU
     seconds of the solve and of the set-up (file, model, distances of bones), peak memory of the
     imports alone and of all, MB."""
@@ -92,13 +93,13 @@ class Measured:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class ModelComparison:
     """A model's rows, and by element what it took or why there is no solution; `febio_s` is FEBio's
     CPU time scaled to this machine by the reference job, None where that is not there."""
 
     model: str
-    rows: tuple[Row, ...]
-    solved: dict[Element, Measured | str]
+    rows: tuple[ComparedQuantity, ...]
+    solved: dict[Formulation, ModelRun | str]
     published: Published | None = None
     febio_s: float | None = None
 
@@ -153,15 +154,17 @@ def _figures(published: Published) -> list[float]:
     return [*moved, *published.contact, published.largest, published.total, float(published.active)]
 
 
-def rows(published: Published | None, solved: Mapping[Element, dict[str, float]]) -> list[Row]:
+def rows(
+    published: Published | None, solved: Mapping[Formulation, dict[str, float]]
+) -> list[ComparedQuantity]:
     """One for each quantity, from the values by name of each element that has a solution."""
     names = next(iter(solved.values()), {})
     figures: list[float | None] = [None] * len(names)
     if published is not None:
         figures = [*_figures(published)]
-    own, shell, q4ans = (solved.get(e, {}) for e in Element)
+    own, shell, q4ans = (solved.get(e, {}) for e in Formulation)
     out = [
-        Row(name, own.get(name), shell.get(name), q4ans.get(name), figure)
+        ComparedQuantity(name, own.get(name), shell.get(name), q4ans.get(name), figure)
         for name, figure in zip(names, figures, strict=True)
     ]
     if published is None:
@@ -172,24 +175,24 @@ def rows(published: Published | None, solved: Mapping[Element, dict[str, float]]
     return [replace(r, scale=_scale(r, largest)) for r in out]
 
 
-def _scale(row: Row, largest: float) -> float:
+def _scale(row: ComparedQuantity, largest: float) -> float:
     size = largest if row.quantity.startswith("u") else abs(row.reference or 0.0)
     return size or 1.0
 
 
-def compare(folder: Path, spacing: float = 0.25e-3) -> Iterator[Comparison]:
+def compare(folder: Path, spacing: float = 0.25e-3) -> Iterator[ModelComparison]:
     """All models of a folder, solved with each element in a process of its own with one thread.
 
     Raises InputError where the folder holds none, and where one of them cannot be read."""
     for path in models_in(folder):
         seconds = reference_seconds(folder)  # beside each solve: machines have moods
-        solved = {e: measure(path, e, spacing) for e in Element}
+        solved = {e: measure(path, e, spacing) for e in Formulation}
         published = PUBLISHED.get(path.stem)
-        values = {e: m.values for e, m in solved.items() if isinstance(m, Measured)}
+        values = {e: m.values for e, m in solved.items() if isinstance(m, ModelRun)}
         scaled = None
         if seconds is not None and published is not None:
             scaled = seconds / REFERENCE_S * published.cpu_s
-        yield Comparison(path.stem, tuple(rows(published, values)), solved, published, scaled)
+        yield ModelComparison(path.stem, tuple(rows(published, values)), solved, published, scaled)
 
 
 def reference_seconds(folder: Path) -> float | None:
@@ -207,7 +210,7 @@ def reference_seconds(folder: Path) -> float | None:
         raise InputError(f"{script}: expected it to print its CPU seconds") from None
 
 
-def measure(path: Path, element: Element, spacing: float) -> Measured | str:
+def measure(path: Path, element: Formulation, spacing: float) -> ModelRun | str:
     """A model solved in a process of its own; or why there is no solution.
 
     Raises InputError where the model cannot be read or is not covered by our own shell."""
@@ -223,23 +226,23 @@ def measure(path: Path, element: Element, spacing: float) -> Measured | str:
         env={**os.environ, **one},
     )
     if not done.returncode:
-        return Measured(**json.loads(done.stdout))
+        return ModelRun(**json.loads(done.stdout))
     reason = (done.stderr.strip().splitlines() or ["no reason given"])[-1]
-    if done.returncode == INPUT_FAULT and element != Element.Q4ANS:
+    if done.returncode == INPUT_FAULT and element != Formulation.Q4ANS:
         raise InputError(reason)
     return reason
 
 
-def solve_with(path: Path | str, element: Element, spacing: float) -> JobResult:
+def solve_with(path: Path | str, element: Formulation, spacing: float) -> JobResult:
     """A model's end, contact by a penalty alone, as FEBio's figures are."""
     job, options = read_feb(path), JobOptions(None, spacing=spacing)
-    if element == Element.Q4ANS:
+    if element == Formulation.Q4ANS:
         return solve_solid(job, options=options)
-    return solve_job(replace(job, as_febio=element == Element.SHELL), options=options)
+    return solve_job(replace(job, as_febio=element == Formulation.SHELL), options=options)
 
 
 def _main(path: str, element: str, spacing: str) -> None:
-    """The process of one model: prints a `Measured` as JSON."""
+    """The process of one model: prints a `ModelRun` as JSON."""
     from fe_solver.solver.linear_algebra import backend_name
     from fe_solver.solver.newton import NewtonOptions, solve
     from fe_solver.verification.bench import PULL, rod_sheet
@@ -249,9 +252,9 @@ def _main(path: str, element: str, spacing: str) -> None:
     solve(warm, at_rest(warm), PULL, NewtonOptions(tolerance=1e-8))
     imports = peak_mb()
     began = time.process_time()
-    result = solve_with(path, Element[element], float(spacing))
+    result = solve_with(path, Formulation[element], float(spacing))
     spent, last = time.process_time() - began, result.states[-1]
-    made = Measured(
+    made = ModelRun(
         quantities(result.job, last, PUBLISHED.get(Path(path).stem)),
         1e6 * last.penetration,
         result.effort.cpu_s,

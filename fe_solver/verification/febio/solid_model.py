@@ -22,7 +22,7 @@ from fe_solver.elements.mesh_geometry import node_directors
 from fe_solver.forces.loads import pressure_forces, pressure_tangent
 from fe_solver.forces.springs import NodeSprings, Springs, node_springs, spring_forces
 from fe_solver.job.checks import check_job
-from fe_solver.job.job import ContactPair, Job, Part
+from fe_solver.job.job import ContactPair, Job, ShellPart
 from fe_solver.job.model import (
     body_poses,
     corner_means,
@@ -247,7 +247,7 @@ class SolidModel:
         contacts = self.contacts(z, loads)
         return max((float(p.depth.max(initial=0.0)) for p in contacts), default=0.0)
 
-    def pattern(self, terms: Sequence[Term]) -> Pattern:
+    def pattern(self, terms: Sequence[Term]) -> SolidPattern:
         """The pattern of the tangent's free part, which is the same for all terms of a model."""
         return _pattern([t.nodes for t in terms], self.free)
 
@@ -275,7 +275,7 @@ def solid_model(job: Job) -> SolidModel:
     return SolidModel(job, rest, _free(job), tuple(parts), facets, springs, links)
 
 
-def _part(job: Job, elements: Ints, part: Part, directors: Array) -> SolidPart:
+def _part(job: Job, elements: Ints, part: ShellPart, directors: Array) -> SolidPart:
     quads = job.quads[elements]
     low = job.points[quads]
     high = low + 2 * job.height[elements, :, None] * directors[quads]
@@ -321,7 +321,7 @@ def _facets(job: Job, pair: ContactPair, volume: Array, modulus: Array) -> Facet
 
 
 @dataclass(frozen=True)
-class Pattern:
+class SolidPattern:
     """Where the entries of all terms go among the matrix's data."""
 
     kept: NDArray[np.bool_]
@@ -330,6 +330,7 @@ class Pattern:
 
     @cached_property
     def analysis(self) -> Analysis:
+        """The symbolic factorisation for this pattern, made once."""
         return analyse(self.slots)
 
     def data(self, terms: Sequence[Term]) -> Array:
@@ -346,7 +347,7 @@ class Pattern:
             return SuperLUAnalysis(self.slots).factor(data)
 
 
-def _pattern(groups: Sequence[Ints], free: NDArray[np.bool_]) -> Pattern:
+def _pattern(groups: Sequence[Ints], free: NDArray[np.bool_]) -> SolidPattern:
     """The pattern of blocks that join the nodes of each row of the groups (k, m)."""
     number = np.where(free.ravel(), np.cumsum(free) - 1, -1)
     dofs = [
@@ -358,4 +359,4 @@ def _pattern(groups: Sequence[Ints], free: NDArray[np.bool_]) -> Pattern:
     at, place = np.unique(columns[kept] * size + rows[kept], return_inverse=True)
     begins = np.searchsorted(at, np.arange(size + 1) * size)
     data = 1.0 + np.arange(len(at))
-    return Pattern(kept, place, sp.csc_array((data, at % size, begins), shape=(size, size)))
+    return SolidPattern(kept, place, sp.csc_array((data, at % size, begins), shape=(size, size)))

@@ -31,7 +31,7 @@ from fe_solver.verification.febio.solid_model import (
     first_obstacle,
     solid_model,
 )
-from fe_solver.verification.febio.solid_state import Equilibrium, solid_state
+from fe_solver.verification.febio.solid_state import SolidEquilibrium, solid_state
 
 Array = NDArray[np.float64]
 
@@ -59,7 +59,7 @@ point that slides over a bone's sharp edge would come and go for ever."""
 MOST_AUGMENTATIONS = 30
 
 
-def other_ways(job: Job) -> list[str]:
+def alternatives(job: Job) -> list[str]:
     """What to try where our own shell finds no equilibrium of a job: this one where it can."""
     if first_obstacle(job) is not None:
         return []
@@ -103,7 +103,7 @@ class _Stepper:
         loads = self.model.at(0.0)
         terms = tuple(self.model.terms(self.model.rest, loads))
         self.pattern = self.model.pattern(terms)
-        self.last = Equilibrium(0.0, self.model.rest, loads, terms, 0.0)
+        self.last = SolidEquilibrium(0.0, self.model.rest, loads, terms, 0.0)
         self.effort, self.stride = Effort(), np.inf
 
     def reach(self, time: float) -> JobState:
@@ -135,7 +135,7 @@ class _Stepper:
         if self.effort.iterations - before <= QUICK:
             self.stride = 2 * step
 
-    def _step(self, time: float) -> Equilibrium:
+    def _step(self, time: float) -> SolidEquilibrium:
         """The equilibrium of a time; from rest, where nothing tells which points will touch, by
         softer contact if not at once.  Raises ConvergenceError."""
         z, loads = self._predict(time)
@@ -193,7 +193,7 @@ class _Stepper:
         step[m.free] = -self._factorise(last.terms).solve(right[m.free])
         return m.place(last.z + given + step, time), new
 
-    def _equilibrium(self, m: SolidModel, z: Array, loads: Loads, time: float) -> Equilibrium:
+    def _equilibrium(self, m: SolidModel, z: Array, loads: Loads, time: float) -> SolidEquilibrium:
         """By Newton.  Raises ConvergenceError."""
         with np.errstate(all="ignore"):
             terms = tuple(m.terms(z, loads))
@@ -201,7 +201,7 @@ class _Stepper:
                 force = m.imbalance(terms, loads)
                 missed, scale = m.miss(force), m.scale(force, terms)
                 if missed <= TOLERANCE * scale:
-                    return Equilibrium(time, z, loads, terms, missed)
+                    return SolidEquilibrium(time, z, loads, terms, missed)
                 if not np.isfinite(missed):
                     break
                 if iteration == SEARCHES:

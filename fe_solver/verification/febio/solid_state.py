@@ -25,7 +25,7 @@ PLANE = [0, 1, 3]
 """E11, E22 and 2 E12 among the six strains."""
 
 
-class Equilibrium(NamedTuple):
+class SolidEquilibrium(NamedTuple):
     """A solved time: positions z (2n, 3) m, and the residual, N."""
 
     time: float
@@ -35,7 +35,7 @@ class Equilibrium(NamedTuple):
     residual: float
 
 
-def solid_state(model: SolidModel, found: Equilibrium, effort: Effort) -> JobState:
+def solid_state(model: SolidModel, found: SolidEquilibrium, effort: Effort) -> JobState:
     """An equilibrium's fields, forces and balance."""
     job, (z, loads) = model.job, (found.z, found.loads)
     n = len(job.points)
@@ -71,7 +71,7 @@ def _about(arm: Array, force: Array) -> Array:
     return np.concatenate([force.sum(axis=0), cross(arm, force).sum(axis=0)])
 
 
-def _wrenches(model: SolidModel, found: Equilibrium) -> dict[str, Array]:
+def _wrenches(model: SolidModel, found: SolidEquilibrium) -> dict[str, Array]:
     """(nb + 1, 6) N and N m of the sheet on the bodies, about their origins, by source."""
     job, z, position = model.job, found.z, found.loads.position
     count = len(job.bodies) + 1
@@ -98,7 +98,7 @@ def _wrenches(model: SolidModel, found: Equilibrium) -> dict[str, Array]:
     return {**out, "tie": tie, "guide": guide}
 
 
-def _load_wrench(model: SolidModel, found: Equilibrium) -> Array:
+def _load_wrench(model: SolidModel, found: SolidEquilibrium) -> Array:
     """(6,) N and N m of the loads about the world's origin."""
     x = found.z[: len(found.loads.dead)]
     out = _about(x, found.loads.dead)
@@ -125,7 +125,7 @@ def _fields(model: SolidModel, z: Array) -> Fields:
     return Fields(strain, stress, faces, np.full(count, -1, dtype=np.int8))
 
 
-def _contact_pressure(model: SolidModel, found: Equilibrium) -> Array:
+def _contact_pressure(model: SolidModel, found: SolidEquilibrium) -> Array:
     """(n,) N/m2 on each pair of nodes, over its area."""
     n = len(model.job.points)
     force = np.zeros((2 * n, 3))

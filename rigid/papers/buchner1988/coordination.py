@@ -53,7 +53,7 @@ SLACK = 1e-9
 
 
 @dataclass(frozen=True)
-class Loop:
+class ControlLoop:
     """What is closed, and how: `bandwidth` in rad/s, `elasticity` in N/m."""
 
     bandwidth: float = BANDWIDTH
@@ -67,7 +67,7 @@ class Loop:
 
 
 @dataclass(frozen=True)
-class Motion:
+class CoordinatedMotion:
     """n times (s); joint angles MCP, PIP, DIP (n, 3) rad, their rates, and the angles asked for."""
 
     time: Array
@@ -100,7 +100,7 @@ def reference(
     return angle, rate, acceleration
 
 
-def flex(loop: Loop, samples: int = 201) -> Motion:
+def flex(loop: ControlLoop, samples: int = 201) -> CoordinatedMotion:
     """The finger's motion from rest, straight."""
     times = np.linspace(0.0, DURATION, samples)
 
@@ -119,10 +119,10 @@ def flex(loop: Loop, samples: int = 201) -> Motion:
         atol=TOLERANCE,
     )
     asked = reference(times, loop.course, loop.table)[0]
-    return Motion(times, found.y[:3].T, found.y[3:].T, asked)
+    return CoordinatedMotion(times, found.y[:3].T, found.y[3:].T, asked)
 
 
-def share_forces(loop: Loop, motion: Motion, programme: Programme) -> Forces:
+def share_forces(loop: ControlLoop, motion: CoordinatedMotion, programme: Programme) -> Forces:
     """The muscles' and bands' forces that make a motion of the loop.
 
     Raises ConvergenceError where no muscles make a torque, or a band would have to push: then the
@@ -142,7 +142,9 @@ def share_forces(loop: Loop, motion: Motion, programme: Programme) -> Forces:
     return Forces(muscles, bands, share)
 
 
-def share_forces_at(loop: Loop, motion: Motion, k: int, programme: Programme) -> Sharing:
+def share_forces_at(
+    loop: ControlLoop, motion: CoordinatedMotion, k: int, programme: Programme
+) -> Sharing:
     """What a programme makes of U at the sample k.  Raises ConvergenceError where nothing does."""
     network, angle = two_band(loop.elasticity, table=loop.table), motion.angle[k]
     torque = required_torque(loop, float(motion.time[k]), angle, motion.rate[k])
@@ -154,14 +156,14 @@ def share_forces_at(loop: Loop, motion: Motion, k: int, programme: Programme) ->
     return linear(network, angle, torque, share, known * np.array([1.0, -1.0]), EQUAL)
 
 
-def required_torque(loop: Loop, time: float, angle: Array, rate: Array) -> Array:
+def required_torque(loop: ControlLoop, time: float, angle: Array, rate: Array) -> Array:
     """(3,) N m, U."""
     q, v, a = reference(np.array(time), loop.course, loop.table)
     w = loop.bandwidth
     return torques(loop.chain, angle, rate, a + 2 * w * (v - rate) + w**2 * (q - angle))
 
 
-def band_torque(loop: Loop, angle: Array) -> Array:
+def band_torque(loop: ControlLoop, angle: Array) -> Array:
     """(3,) N m, -d(K e^2 / 2)/dq, beyond what the programme foresaw."""
     pip, dip = loop.table["ED", "PIP"], loop.table["ED", "DIP"]
     tension = loop.elasticity * float(shift_difference(angle[1], angle[2], loop.table))
@@ -169,18 +171,18 @@ def band_torque(loop: Loop, angle: Array) -> Array:
     return tension * answer if loop.bands_answer else np.zeros(3)
 
 
-def differences(loop: Loop, motion: Motion) -> Array:
+def differences(loop: ControlLoop, motion: CoordinatedMotion) -> Array:
     """(n,) m, e (15)."""
     return shift_difference(motion.angle[:, 1], motion.angle[:, 2], loop.table)
 
 
-def beside_the_curve(loop: Loop, motion: Motion) -> Array:
-    """(n,) rad, of the DIP from the parabola (6) at its PIP angle."""
+def curve_deviation(loop: ControlLoop, motion: CoordinatedMotion) -> Array:
+    """(n,) rad, of the DIP angle from the parabola (6) at its PIP angle."""
     return motion.angle[:, 2] - coupled_dip(motion.angle[:, 1], loop.table)
 
 
-def beside_the_line(motion: Motion) -> Array:
-    """(n,) rad, of the DIP from the line that the reference goes, at its PIP angle."""
+def line_deviation(motion: CoordinatedMotion) -> Array:
+    """(n,) rad, of the DIP angle from the line that the reference follows, at its PIP angle."""
     end = motion.reference[-1]
     return motion.angle[:, 2] - motion.angle[:, 1] * end[2] / end[1]
 
@@ -203,6 +205,7 @@ class Deviation(NamedTuple):
     line: float
 
 
-def deviation(loop: Loop, motion: Motion) -> Deviation:
-    beside = beside_the_curve(loop, motion), beside_the_line(motion)
+def deviation(loop: ControlLoop, motion: CoordinatedMotion) -> Deviation:
+    """Return the largest deviations of a motion's DIP angle (deg)."""
+    beside = curve_deviation(loop, motion), line_deviation(motion)
     return Deviation(*(float(np.degrees(np.abs(b).max())) for b in beside))

@@ -11,9 +11,9 @@ import numpy as np
 from cosim.errors import ConvergenceError
 from rigid.hoods.two_band import MUSCLES, Entry
 from rigid.papers.buchner1988.coordination import (
+    ControlLoop,
+    CoordinatedMotion,
     Forces,
-    Loop,
-    Motion,
     crossing,
     flex,
     share_forces,
@@ -40,15 +40,15 @@ class Finding(NamedTuple):
 class Flexion:
     """A motion and what either programme makes of it."""
 
-    loop: Loop
-    motion: Motion
+    loop: ControlLoop
+    motion: CoordinatedMotion
     linear: Forces
     quadratic: Forces
 
 
-def flexion(loop: Loop | None = None, samples: int = 201) -> Flexion:
+def flexion(loop: ControlLoop | None = None, samples: int = 201) -> Flexion:
     """The loop's motion with both programmes' forces."""
-    loop = Loop() if loop is None else loop
+    loop = ControlLoop() if loop is None else loop
     motion = flex(loop, samples)
     return Flexion(
         loop, motion, share_forces(loop, motion, "linear"), share_forces(loop, motion, "quadratic")
@@ -98,12 +98,12 @@ def findings(f: Flexion) -> tuple[Finding, ...]:
     )
 
 
-def feasible(loop: Loop, motion: Motion) -> float:
+def feasible(loop: ControlLoop, motion: CoordinatedMotion) -> float:
     """Part of a motion's samples at which the linear programme finds forces."""
     return float(np.mean([_is_feasible(loop, motion, k) for k in range(len(motion.time))]))
 
 
-def _is_feasible(loop: Loop, motion: Motion, k: int) -> bool:
+def _is_feasible(loop: ControlLoop, motion: CoordinatedMotion, k: int) -> bool:
     try:
         share_forces_at(loop, motion, k, "linear")
     except ConvergenceError:
@@ -111,7 +111,7 @@ def _is_feasible(loop: Loop, motion: Motion, k: int) -> bool:
     return True
 
 
-def doubts(f: Flexion) -> dict[tuple[str, str], tuple[tuple[Finding, ...], ...]]:
+def table_sensitivity(f: Flexion) -> dict[tuple[str, str], tuple[tuple[Finding, ...], ...]]:
     """Findings with each entry of table 1 that is not certain made smaller and larger by CHANGE; by
     muscle and joint.  None of these entries plays a part in the motion."""
     out = {}

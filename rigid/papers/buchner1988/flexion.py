@@ -37,7 +37,7 @@ def cosine(time: Array) -> tuple[Array, Array, Array]:
     return half * (1 - np.cos(s)), half * rate * np.sin(s), half * rate**2 * np.cos(s)
 
 
-def on_the_curve(time: Array, course: Course = quintic) -> tuple[Array, Array, Array]:
+def curve_motion(time: Array, course: Course = quintic) -> tuple[Array, Array, Array]:
     """(..., 3) joint angles, rates and accelerations of MCP, PIP, DIP, with the DIP on the
     parabola (6)."""
     q, v, a = course(time)

@@ -40,10 +40,12 @@ class Switch(NamedTuple):
 
     @property
     def width(self) -> float:
+        """rad, of PIP angles at which slip and lateral bands are both taut."""
         return self.end - self.begin
 
 
 def ways(network: Network, muscle: int) -> Ways:
+    """Return which connecting tendons of a muscle end at the middle phalanx and which go on."""
     own = network.connection[:, muscle] > 0
     distal = (network.connecting.constant[DIP] != 0) | (network.connecting.slope[DIP] != 0)
     return Ways(own & ~distal, own & distal)
@@ -56,7 +58,7 @@ def switch(network: Network, muscle: int, dip: float, force: float) -> Switch:
     forces = np.full(len(network.muscles), force)
     k_slip, k_lateral = (float(network.stiffness[way].sum()) for way in (slip, lateral))
 
-    def apart(pip: float) -> tuple[float, float]:
+    def spring_pulls(pip: float) -> tuple[float, float]:
         """N, of the pull in either way; negative where it is slack, by its slack's worth."""
         angle = np.array([0.0, pip, dip])
         position, length = network.solve(angle, forces)[0][muscle], network.lengths(angle)
@@ -64,8 +66,8 @@ def switch(network: Network, muscle: int, dip: float, force: float) -> Switch:
         return k_slip * float(pulls[0]), k_lateral * float(pulls[1])
 
     return Switch(
-        brentq(lambda pip: apart(pip)[0], *RANGE, xtol=1e-14),
-        brentq(lambda pip: apart(pip)[1], *RANGE, xtol=1e-14),
+        brentq(lambda pip: spring_pulls(pip)[0], *RANGE, xtol=1e-14),
+        brentq(lambda pip: spring_pulls(pip)[1], *RANGE, xtol=1e-14),
     )
 
 

@@ -26,7 +26,7 @@ from scipy.optimize import least_squares
 
 from cosim.port import Array
 from rigid.hoods.network import Arms
-from rigid.papers.networks.share_models import Finger
+from rigid.papers.networks.share_models import ShareFinger
 
 EXTENSOR = ("slip PIP", "lateral PIP", "lateral PIP slope", "terminal DIP", "slack")
 """What both extensors share: m, m, m/rad, m, and m by which the lateral band is longer than the
@@ -35,7 +35,7 @@ START = np.array([-5e-3, -4e-3, 1e-3, -3e-3, 0.0])
 
 
 @dataclass(frozen=True)
-class Kinematics:
+class MeasuredKinematics:
     """What was measured."""
 
     angle: Array
@@ -47,7 +47,7 @@ class Kinematics:
 
 
 @dataclass(frozen=True)
-class Coupling:
+class JointCoupling:
     """Where PIP and DIP stood with the extensors taut."""
 
     angle: Array
@@ -78,9 +78,10 @@ class Identified:
 
     @property
     def deviation(self) -> Array:
+        """(p,) m and m/rad, standard deviations of the parameters."""
         return np.sqrt(np.diag(self.covariance))
 
-    def finger(self, length: Array) -> Finger:
+    def finger(self, length: Array) -> ShareFinger:
         """The model's finger: FDP, FDS, EDC, LUM."""
         by = dict(zip(self.names, self.value, strict=True))
         direct = np.zeros((2, 3, 4))
@@ -92,7 +93,7 @@ class Identified:
         slip[0, 1] = by["slip PIP"]
         lateral[0, 1], lateral[1, 1] = by["lateral PIP"], by["lateral PIP slope"]
         lateral[0, 2] = by["terminal DIP"]
-        return Finger(
+        return ShareFinger(
             length, Arms(*direct), Arms(*slip), Arms(*lateral), np.array([0.0, 0.0, 1.0, 1.0])
         )
 
@@ -103,7 +104,7 @@ def dip_of_pip(parameters: Array, pip: Array) -> Array:
     return -((lateral - slip) * pip + 0.5 * slope * pip**2 + slack) / terminal
 
 
-def identify(measured: Kinematics, coupling: Coupling | None = None) -> Identified:
+def identify(measured: MeasuredKinematics, coupling: JointCoupling | None = None) -> Identified:
     """All arms, with the coupling's rows where there are any."""
     own = [
         _of_muscle(measured, 0, "FDP", ("MCP", "PIP", "DIP")),
@@ -122,7 +123,7 @@ def identify(measured: Kinematics, coupling: Coupling | None = None) -> Identifi
 
 
 def _of_muscle(
-    measured: Kinematics, column: int, muscle: str, joints: tuple[str, ...]
+    measured: MeasuredKinematics, column: int, muscle: str, joints: tuple[str, ...]
 ) -> Identified:
     """Linear least squares of one muscle that crosses the joints itself."""
     basis = _second_order(measured.angle[:, : len(joints)])
@@ -141,7 +142,7 @@ def _second_order(angle: Array) -> Array:
     return np.hstack([terms, np.ones((len(angle), 1))])
 
 
-def _of_extensors(measured: Kinematics, coupling: Coupling | None) -> Identified:
+def _of_extensors(measured: MeasuredKinematics, coupling: JointCoupling | None) -> Identified:
     """EDC and LUM at the MCP and the two ways that they share, by Gauss and Newton."""
     at_mcp, wanted = _second_order(measured.angle[:, :1]), measured.excursion[:, 2:]
     n, none = at_mcp.shape[1], np.zeros((len(at_mcp), at_mcp.shape[1]))
@@ -154,10 +155,10 @@ def _of_extensors(measured: Kinematics, coupling: Coupling | None) -> Identified
 
     def residuals(p: Array) -> Array:
         off = (rows(p) @ p - wanted.T.ravel()) / measured.spread
-        return np.concatenate([off, off_curve(p[2 * n :], coupling)])
+        return np.concatenate([off, curve_distance(p[2 * n :], coupling)])
 
     def slopes(p: Array) -> Array:
-        on_curve = off_curve_slopes(p[2 * n :], coupling)
+        on_curve = curve_distance_slopes(p[2 * n :], coupling)
         still = np.zeros((len(on_curve), 2 * n))
         return np.vstack([rows(p) / measured.spread, np.hstack([still, on_curve])])
 
@@ -178,7 +179,7 @@ def _way_rows(angle: Array) -> tuple[Array, Array]:
     return slip, np.stack([no, pip, 0.5 * pip**2, dip, one], axis=1)
 
 
-def off_curve(parameters: Array, coupling: Coupling | None) -> Array:
+def curve_distance(parameters: Array, coupling: JointCoupling | None) -> Array:
     """(n,) how far the measured points lie from the curve of the parameters, over their spread: the
     distance in angle, which unlike the lengths' difference does not shrink with the arms."""
     if coupling is None:
@@ -187,8 +188,8 @@ def off_curve(parameters: Array, coupling: Coupling | None) -> Array:
     return away / coupling.deviation
 
 
-def off_curve_slopes(parameters: Array, coupling: Coupling | None) -> Array:
-    """(n, 5): derivatives of `off_curve` by the parameters."""
+def curve_distance_slopes(parameters: Array, coupling: JointCoupling | None) -> Array:
+    """(n, 5): derivatives of `curve_distance` by the parameters."""
     if coupling is None:
         return np.zeros((0, len(EXTENSOR)))
     slip, lateral = _way_rows(coupling.angle)

@@ -9,7 +9,13 @@ import numpy as np
 from cosim.port import Array
 from rigid.hoods.network import Network
 from rigid.hoods.two_band import JOINTS, coupled_dip
-from rigid.papers.networks.excursion_fit import EXTENSOR, Coupling, Identified, Kinematics, identify
+from rigid.papers.networks.excursion_fit import (
+    EXTENSOR,
+    Identified,
+    JointCoupling,
+    MeasuredKinematics,
+    identify,
+)
 from rigid.papers.networks.robotic_finger import MUSCLES, SLIP_OF, robotic_finger
 
 POSES, NOISE = 700, 1.5e-3
@@ -33,7 +39,7 @@ class Draws(NamedTuple):
     """(draws,) squared distance from the truth by the covariance: chi-square of p."""
 
     @property
-    def covered(self) -> float:
+    def coverage(self) -> float:
         """Part of all 95 % intervals that hold the truth."""
         return float((np.abs(self.miss) < NORMAL_95).mean())
 
@@ -58,7 +64,7 @@ def true_parameters(network: Network) -> dict[str, float]:
     return truth | dict(zip(EXTENSOR, map(float, shared), strict=True))
 
 
-def draw_samples(seed: int) -> tuple[Kinematics, Coupling]:
+def draw_samples(seed: int) -> tuple[MeasuredKinematics, JointCoupling]:
     """What would be measured on a robotic finger without friction."""
     network, rng = robotic_finger(), np.random.default_rng(seed)
     angle = rng.uniform(LIMITS[0], LIMITS[1], (POSES, 3))
@@ -67,7 +73,7 @@ def draw_samples(seed: int) -> tuple[Kinematics, Coupling]:
     curve = np.stack([np.zeros_like(pip), pip, coupled_dip(pip)], axis=1)
     curve = curve + rng.normal(0.0, ANGLE_NOISE, curve.shape)
     noisy = excursion + rng.normal(0.0, NOISE, excursion.shape)
-    return Kinematics(angle, noisy, NOISE), Coupling(curve, ANGLE_NOISE)
+    return MeasuredKinematics(angle, noisy, NOISE), JointCoupling(curve, ANGLE_NOISE)
 
 
 def repeat(draws: int) -> tuple[Draws, Draws]:

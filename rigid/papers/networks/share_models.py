@@ -34,7 +34,7 @@ GRID, ZOOMS = 13, 6
 
 
 @dataclass(frozen=True)
-class Finger:
+class ShareFinger:
     """What a model knows of a finger of m muscles."""
 
     length: Array
@@ -58,7 +58,7 @@ class Finger:
         return np.asarray(np.linalg.solve(across, arms), dtype=float)
 
 
-class Forward(NamedTuple):
+class ForcePrediction(NamedTuple):
     """The prediction of a fingertip force."""
 
     force: Array
@@ -89,7 +89,7 @@ def tip_jacobians(length: Array, angle: Array) -> Array:
     return np.concatenate([beyond, np.ones_like(flexion)[..., None, :]], axis=-2)
 
 
-def forward(finger: Finger, angle: Array, force: Array) -> Forward:
+def forward(finger: ShareFinger, angle: Array, force: Array) -> ForcePrediction:
     """The interconnected model: the share with the least |tau_dist| for forces (..., m)."""
     ends = [_distal(finger, angle, force, share) for share in (0.0, 1.0)]
     span = ends[0] - ends[1]
@@ -98,14 +98,14 @@ def forward(finger: Finger, angle: Array, force: Array) -> Forward:
     return with_shares(finger, angle, force, share[..., None] * np.ones_like(force))
 
 
-def with_shares(finger: Finger, angle: Array, force: Array, share: Array) -> Forward:
+def with_shares(finger: ShareFinger, angle: Array, force: Array, share: Array) -> ForcePrediction:
     """The static model: given shares (..., m) or (m,)."""
     share = np.broadcast_to(share, force.shape)
     found = np.einsum("...im,...m->...i", finger.transfer(angle, share), force)
-    return Forward(found[..., :2], found[..., 2], share)
+    return ForcePrediction(found[..., :2], found[..., 2], share)
 
 
-def best_share(finger: Finger, angle: Array, force: Array, tip_force: Array) -> float:
+def best_share(finger: ShareFinger, angle: Array, force: Array, tip_force: Array) -> float:
     """The one share with which the model comes nearest to measured fingertip forces (n, 2), least
     squares: the static model's, from a single extensor's force."""
     ends = [with_shares(finger, angle, force, np.full(force.shape, s)).force for s in (0.0, 1.0)]
@@ -114,7 +114,7 @@ def best_share(finger: Finger, angle: Array, force: Array, tip_force: Array) -> 
 
 
 def inverse(
-    finger: Finger,
+    finger: ShareFinger,
     angle: Array,
     tip_force: Array,
     estimate: Array,
@@ -140,12 +140,12 @@ def inverse(
     return _nearest(finger, angle, tip_force, estimate, found, least)[1]
 
 
-def _distal(finger: Finger, angle: Array, force: Array, share: float) -> Array:
+def _distal(finger: ShareFinger, angle: Array, force: Array, share: float) -> Array:
     return with_shares(finger, angle, force, np.full(force.shape, share)).torque
 
 
 def _nearest(
-    finger: Finger, angle: Array, tip_force: Array, estimate: Array, share: Array, least: float
+    finger: ShareFinger, angle: Array, tip_force: Array, estimate: Array, share: Array, least: float
 ) -> tuple[Array, Inverse]:
     """Cost (...) and solution of (13) with the shares (..., m) given: every set of muscles that
     pull above `least` is tried, of those that do the cheapest is the solution."""

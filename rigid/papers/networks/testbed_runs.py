@@ -19,9 +19,9 @@ import numpy as np
 from cosim.port import Array
 from rigid.hoods.network import Network
 from rigid.hoods.two_band import coupled_dip
-from rigid.papers.networks.excursion_fit import Kinematics
+from rigid.papers.networks.excursion_fit import MeasuredKinematics
 from rigid.papers.networks.robotic_finger import LENGTH, MUSCLES, robotic_finger
-from rigid.papers.networks.share_models import Finger, forward
+from rigid.papers.networks.share_models import ShareFinger, forward
 from rigid.papers.networks.virtual_testbed import Bed, Course, hold_posture, simulate
 
 
@@ -66,6 +66,8 @@ FLEXED = 1.0
 
 
 def virtual_bed(friction: float = FRICTION, joint_friction: float = JOINT_FRICTION) -> Bed:
+    """The robotic finger on the testbed; `friction` is mu of the routing points, `joint_friction`
+    in N m."""
     return Bed(robotic_finger(), LENGTH, friction, joint_friction)
 
 
@@ -80,7 +82,7 @@ class Hysteresis(NamedTuple):
     """(2,), of that distance."""
 
     @property
-    def off_x(self) -> float:
+    def angle_from_x(self) -> float:
         """deg between that direction and x."""
         across, along = np.abs(self.direction[::-1])
         return float(np.degrees(np.arctan2(across, along)))
@@ -119,16 +121,16 @@ def _taut(steps: int) -> Array:
     return force
 
 
-def poses(network: Network, rng: np.random.Generator) -> Kinematics:
+def poses(network: Network, rng: np.random.Generator) -> MeasuredKinematics:
     """Excursions of nearly unloaded tendons over the joints' range."""
     angle = rng.uniform([-0.5, 0.0, 0.0], [1.4, 1.75, 1.2], (POSES, 3))
     unloaded = np.full((POSES, len(network.muscles)), 1e-6)
     excursion = network.excursion(angle, unloaded)
     noise = rng.normal(0.0, EXCURSION_SPREAD, excursion.shape)
-    return Kinematics(angle, excursion + noise, EXCURSION_SPREAD)
+    return MeasuredKinematics(angle, excursion + noise, EXCURSION_SPREAD)
 
 
-class Measured(NamedTuple):
+class SensorReadings(NamedTuple):
     """What the sensors say over time."""
 
     angle: Array
@@ -141,7 +143,7 @@ class Measured(NamedTuple):
 
 def measure(
     bed: Bed, posture: Array, force: Array, dt: float, seeds: Sequence[int]
-) -> list[Measured]:
+) -> list[SensorReadings]:
     """Runs from a posture (3,) rad under muscle forces (b, n, m), each seen by sensors with a noise
     of its own."""
     record = simulate(bed, posture, hold_posture(force, dt, TIP_STIFFNESS))
@@ -151,11 +153,11 @@ def measure(
         true = record.angle[k], force[k], record.tip_force[k]
         spreads = ANGLE_SPREAD, CELL_SPREAD, TIP_SPREAD
         noisy = [x + rng.normal(0.0, s, x.shape) for x, s in zip(true, spreads, strict=True)]
-        seen.append(Measured(*noisy))
+        seen.append(SensorReadings(*noisy))
     return seen
 
 
-def pattern(known: Finger, posture: Array, seed: int) -> Array:
+def pattern(known: ShareFinger, posture: Array, seed: int) -> Array:
     """(n, m) N at STEP: EDC alone, then all four at random, then LUM alone, as in figure 7; drawn
     anew where the predicted share is not within SHARES, beyond which the finger leaves the curve.
     """

@@ -17,12 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.port import Array
-from rigid.papers.networks.excursion_fit import Coupling, Identified, identify
+from rigid.papers.networks.excursion_fit import Identified, JointCoupling, identify
 from rigid.papers.networks.robotic_finger import LENGTH, MUSCLES
 from rigid.papers.networks.share_models import (
-    Finger,
-    Forward,
+    ForcePrediction,
     Inverse,
+    ShareFinger,
     best_share,
     forward,
     inverse,
@@ -37,7 +37,7 @@ from rigid.papers.networks.testbed_runs import (
     POSTURE,
     PRETENSION,
     STEP,
-    Measured,
+    SensorReadings,
     coupled_motion,
     measure,
     pattern,
@@ -56,8 +56,8 @@ REPORTED_ERRORS = {"forward": (0.29, 0.43), "inverse": (0.61, 0.91), "circle": (
 class Predictions:
     """What both models, interconnected and static, make of a run."""
 
-    measured: Measured
-    tip: tuple[Forward, Forward]
+    measured: SensorReadings
+    tip: tuple[ForcePrediction, ForcePrediction]
 
     @property
     def errors(self) -> Array:
@@ -65,7 +65,7 @@ class Predictions:
         return _rms([model.force - self.measured.tip_force for model in self.tip])
 
 
-class Trial(NamedTuple):
+class SeedTrial(NamedTuple):
     """All of one seed."""
 
     posture: Array
@@ -90,41 +90,41 @@ class Trial(NamedTuple):
 
 def trials(
     count: int = 10, friction: float = FRICTION, posture: Array = POSTURE
-) -> tuple[Trial, ...]:
+) -> tuple[SeedTrial, ...]:
     """Seeds 0 to `count` - 1 in a posture (3,) rad; what was found once is kept."""
     return _trials(count, friction, tuple(map(float, posture)))
 
 
 @lru_cache(maxsize=7)
-def _trials(count: int, friction: float, angles: tuple[float, ...]) -> tuple[Trial, ...]:
+def _trials(count: int, friction: float, angles: tuple[float, ...]) -> tuple[SeedTrial, ...]:
     bed, seeds, posture = virtual_bed(friction), range(count), np.array(angles)
     motion = coupled_motion(bed)
     known = []
     for seed in seeds:
         rng = np.random.default_rng([seed, 0])
         seen = motion + rng.normal(0.0, ANGLE_SPREAD, motion.shape)
-        known.append(identify(poses(bed.network, rng), Coupling(seen, ANGLE_SPREAD)))
+        known.append(identify(poses(bed.network, rng), JointCoupling(seen, ANGLE_SPREAD)))
     fingers = [found.finger(LENGTH) for found in known]
     forces = [pattern(finger, posture, seed) for finger, seed in zip(fingers, seeds, strict=True)]
     circles = [circle(finger, posture) for finger in fingers]
     runs, turns = (measure(bed, posture, np.array(each), STEP, seeds) for each in (forces, circles))
-    turns = [Measured(*(seen[RAMP_STEPS:] for seen in turn)) for turn in turns]
+    turns = [SensorReadings(*(seen[RAMP_STEPS:] for seen in turn)) for turn in turns]
     found = []
     for identified, finger, run, turn in zip(known, fingers, runs, turns, strict=True):
         shares = static_shares(finger, run)
         given = finger, run.angle, run.tip_force, run.force
         muscles = inverse(*given), inverse(*given, share=shares)
         ahead = predict(finger, shares, run), predict(finger, shares, turn)
-        found.append(Trial(posture, identified, shares, ahead[0], muscles, ahead[1]))
+        found.append(SeedTrial(posture, identified, shares, ahead[0], muscles, ahead[1]))
     return tuple(found)
 
 
-def errors(found: Sequence[Trial]) -> dict[str, Array]:
+def errors(found: Sequence[SeedTrial]) -> dict[str, Array]:
     """(seeds, 2) N of each experiment."""
     return {name: np.array([t.errors[name] for t in found]) for name in REPORTED_ERRORS}
 
 
-def keep_to_curve(found: Sequence[Trial]) -> NDArray[np.bool_]:
+def constrain_to_curve(found: Sequence[SeedTrial]) -> NDArray[np.bool_]:
     """(seeds,) whether the finger stays by its posture all along the circle.  The forces ask for
     shares up to 0 and 1, and a finger known with errors can be asked for more; then one way goes
     slack, and nothing but friction holds it."""
@@ -132,7 +132,7 @@ def keep_to_curve(found: Sequence[Trial]) -> NDArray[np.bool_]:
     return np.array(off) < STRAYED
 
 
-def static_shares(finger: Finger, run: Measured) -> Array:
+def static_shares(finger: ShareFinger, run: SensorReadings) -> Array:
     """(m,): shares with which EDC alone (the first HOLD s of a run) and LUM alone (the last) come
     out as measured."""
     held_for = round(HOLD / STEP)
@@ -142,13 +142,13 @@ def static_shares(finger: Finger, run: Measured) -> Array:
     return shares
 
 
-def predict(finger: Finger, shares: Array, run: Measured) -> Predictions:
+def predict(finger: ShareFinger, shares: Array, run: SensorReadings) -> Predictions:
     """Both models' fingertip forces in a run."""
     given = finger, run.angle, run.force
     return Predictions(run, (forward(*given), with_shares(*given, shares)))
 
 
-def circle(finger: Finger, posture: Array) -> Array:
+def circle(finger: ShareFinger, posture: Array) -> Array:
     """(n, m) N: the least forces for a circle of 1 N, open loop (section IV-E), after a ramp; all
     pull with PRETENSION at least, the share is between 0 and 1 as in (13)."""
     turn = np.linspace(0.0, 2 * np.pi, CIRCLE_STEPS + 1)

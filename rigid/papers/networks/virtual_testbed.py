@@ -68,12 +68,12 @@ class Course(NamedTuple):
     tip_stiffness: float
     """N/m, of what holds the fingertip where it begins; 0: free."""
     hold: Array
-    """(n, 3) N m/rad by which a hand holds joints at"""
+    """(n, 3) N m/rad by which a hand holds joints at `target`."""
     target: Array
-    """(n, 3) rad."""
+    """(n, 3) rad, of the held joints."""
 
 
-class Record(NamedTuple):
+class BedRecord(NamedTuple):
     """What the finger did, at the ends of the steps."""
 
     angle: Array
@@ -125,7 +125,7 @@ def hold_posture(force: Array, dt: float, tip_stiffness: float) -> Course:
     return Course(force, dt, tip_stiffness, none, none)
 
 
-def simulate(bed: Bed, start: Array, course: Course) -> Record:
+def simulate(bed: Bed, start: Array, course: Course) -> BedRecord:
     """The finger from angles `start` (3,), tendons lying without friction there.
 
     Raises ConvergenceError where a step finds no balance."""
@@ -139,7 +139,7 @@ def simulate(bed: Bed, start: Array, course: Course) -> Record:
         state, end = _step(bed, state, course, k, point)
         pushed = course.tip_stiffness * (tip(bed.length, state.angle) - point)
         kept.append((state.angle, pushed, end))
-    return Record(*(np.stack(each, axis=1) for each in zip(*kept, strict=True)))
+    return BedRecord(*(np.stack(each, axis=1) for each in zip(*kept, strict=True)))
 
 
 def _step(bed: Bed, before: _State, course: Course, k: int, point: Array) -> tuple[_State, Array]:

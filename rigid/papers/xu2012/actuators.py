@@ -19,13 +19,13 @@ State = TypeVar("State")
 
 class Actuator(Protocol[State]):
     """Turns wanted tendon forces into forces, in advance of what delays it; the state is a value of
-    its own kind.  A sample is: one `commanded`, then `advance` over `PERIOD`."""
+    its own kind.  A sample is: one `command`, then `advance` over `PERIOD`."""
 
     def begin(self, force: Array, length: Array) -> State:
         """The state in which it has long borne `force` (nt,) N on tendons `length` (nt,) m long."""
 
-    def commanded(self, state: State, wanted: Array) -> State:
-        """Told to make `wanted` (nt,) N, once in a sample."""
+    def command(self, state: State, wanted: Array) -> State:
+        """Return the state after the command to make `wanted` (nt,) N, given once in a sample."""
 
     def advance(self, state: State, length: Array, dt: float) -> State:
         """`dt` s later, the tendons having become `length` (nt,) m long."""
@@ -55,7 +55,7 @@ class Lag:
         held = np.clip(force, 0.0, self.most)
         return Lagged(held, held)
 
-    def commanded(self, state: Lagged, wanted: Array) -> Lagged:
+    def command(self, state: Lagged, wanted: Array) -> Lagged:
         """The aim that takes the force to `wanted` within a sample, as far as the supply allows."""
         gain = 1.0 / (1.0 - np.exp(-PERIOD / self.time))
         aim = np.clip(state.force + gain * (wanted - state.force), 0.0, self.most)

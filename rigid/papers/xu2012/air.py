@@ -55,7 +55,7 @@ def identify_air() -> AirModel:
     return identify(sines(Pneumatics(), TRAINING, AMPLITUDE, middle=MIDDLE))
 
 
-class Loop(NamedTuple):
+class PressureLoopState(NamedTuple):
     """What the pressure loop remembers."""
 
     sent: Array
@@ -72,12 +72,12 @@ class PressureLoop:
 
     model: AirModel
 
-    def begin(self, voltage: Array, pressure: Array) -> Loop:
+    def begin(self, voltage: Array, pressure: Array) -> PressureLoopState:
         """At rest."""
         sent = np.tile(voltage, (self.model.lag + 1, 1))
-        return Loop(sent, pressure, -self.model.rate(pressure, voltage))
+        return PressureLoopState(sent, pressure, -self.model.rate(pressure, voltage))
 
-    def advance(self, loop: Loop, wanted: Array, measured: Array) -> Loop:
+    def advance(self, loop: PressureLoopState, wanted: Array, measured: Array) -> PressureLoopState:
         """A sample later: the voltage to send is the last of `sent`."""
         told = self.model.ahead(loop.pressure, loop.sent[:1]) - loop.pressure
         misfit = (measured - loop.pressure - told) / PERIOD
@@ -86,7 +86,7 @@ class PressureLoop:
         for v in loop.sent[1:]:
             ahead = self.model.ahead(ahead, v[None]) + PERIOD * bias
         voltage = self._invert(ahead, (wanted - ahead) / CLOSING - bias)
-        return Loop(np.vstack([loop.sent[1:], voltage]), measured, bias)
+        return PressureLoopState(np.vstack([loop.sent[1:], voltage]), measured, bias)
 
     @cached_property
     def _lines(self) -> tuple[Array, Array]:
@@ -114,7 +114,7 @@ class Driven(NamedTuple):
     """(n, nt) V on their way to the valves, one for each `STEP`, the next first."""
     summed: Array
     """(nt,) Pa s above the atmosphere, since the sample began."""
-    loop: Loop
+    loop: PressureLoopState
 
 
 @dataclass(frozen=True)
@@ -141,7 +141,7 @@ class Air:
             self.loop.begin(voltage, gauge),
         )
 
-    def commanded(self, state: Driven, wanted: Array) -> Driven:
+    def command(self, state: Driven, wanted: Array) -> Driven:
         most = np.asarray(self.plant.valve.supply) - ATMOSPHERE
         pressure = np.minimum(wanted / np.asarray(self.plant.cylinder.area), most)
         loop = self.loop.advance(state.loop, pressure, state.summed / PERIOD)

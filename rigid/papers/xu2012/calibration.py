@@ -22,7 +22,7 @@ from cosim.errors import ConvergenceError
 from cosim.port import Array
 from rigid.chain.kinematics import Indices
 from rigid.mujoco.finger import MujocoFinger
-from rigid.papers.xu2012.pose import Markers
+from rigid.papers.xu2012.pose import BodyMarkers
 
 MOST_ROUNDS = 30
 SMALL = 1e-6
@@ -60,13 +60,13 @@ class Calibration:
     """The markers as found, the pistons' zeros (nt,) m (NaN of those not counted), the angles
     (n, nq) rad."""
 
-    markers: Markers
+    markers: BodyMarkers
     zero: Array
     angle: Array
 
 
 def calibrate(
-    finger: MujocoFinger, markers: Markers, seen: Seen, start: Array, spread: Spread
+    finger: MujocoFinger, markers: BodyMarkers, seen: Seen, start: Array, spread: Spread
 ) -> Calibration:
     """From places nearly known and poses `start` (n, nq) of a finger whose ranges are its stops.
 
@@ -95,7 +95,7 @@ def calibrate(
 
 def _linear(
     finger: MujocoFinger,
-    markers: Markers,
+    markers: BodyMarkers,
     zero: Array,
     angle: Array,
     seen: tuple[Array, Array],

@@ -28,7 +28,7 @@ from rigid.papers.xu2012.excursions import (
     record_excursions,
 )
 from rigid.papers.xu2012.fan import Reach, reach
-from rigid.papers.xu2012.tracking import Bench, Step, poses
+from rigid.papers.xu2012.tracking import Bench, StepResponse, poses
 
 COUNTS = (13, 8, 12, 8)
 """Postures of each joint over table II."""
@@ -41,7 +41,7 @@ TUNED_STEP = np.radians([10.0, 5.0, 10.0, 5.0])
 CANDIDATES = tuple((p, i) for p in (30.0, 60.0, 100.0, 150.0, 200.0) for i in (5.0, 10.0, 20.0))
 """N/m and 1/s, of tendon-space gains; the differential one is 10 ms of the proportional."""
 AIR_CANDIDATES = tuple((p, i) for p in (30.0, 40.0, 60.0, 80.0) for i in (5.0, 10.0, 20.0))
-"""The same on the air."""
+"""N/m and 1/s, of tendon-space gains on the air."""
 
 
 def table_iii(model: FingerModel) -> Array:
@@ -94,7 +94,7 @@ def jump(model: FingerModel, start: Array, samples: int = SWEEP) -> float:
     return 1e3 * worst
 
 
-def beside_closed_forms(model: FingerModel, posture: Array) -> tuple[float, float]:
+def closed_form_errors(model: FingerModel, posture: Array) -> tuple[float, float]:
     """m and m/rad: the largest differences of MuJoCo's lengths and arms from our own."""
     finger = MujocoFinger(model)
     length = [paths.tendon_lengths(model, q) - finger.tendon_lengths(q) for q in posture]
@@ -107,7 +107,7 @@ class Tuned:
     """The tendon-space gains that do best at one pose, and what they do there: there and back."""
 
     gains: Gains
-    steps: list[Step]
+    steps: list[StepResponse]
 
 
 def bench(second_extensor: bool, air: bool) -> Bench:
@@ -139,15 +139,16 @@ def tune(second_extensor: bool, air: bool) -> Tuned:
 
 
 @lru_cache(maxsize=4)
-def joint_steps(second_extensor: bool, air: bool, seed: int = 0) -> list[Step]:
+def joint_steps(second_extensor: bool, air: bool, seed: int = 0) -> list[StepResponse]:
     """From each of the random poses to the next one, joint space; a minute on air."""
     gains = AIR_GAINS if air else JOINT_GAINS
     return bench(second_extensor, air).in_joint_space(list(poses(POSES, seed)), gains)
 
 
 @lru_cache(maxsize=4)
-def tendon_steps(second_extensor: bool, air: bool) -> list[Step]:
-    """The same in tendon space, with the gains tuned at one pose."""
+def tendon_steps(second_extensor: bool, air: bool) -> list[StepResponse]:
+    """Return the responses to all steps by the control in tendon space, with the gains tuned at one
+    pose."""
     gains = tune(second_extensor, air).gains
     return bench(second_extensor, air).in_tendon_space(list(poses(POSES)), gains)
 
@@ -172,7 +173,7 @@ class Quality:
     largest_overshoot: Array
 
 
-def quality(steps: list[Step]) -> Quality:
+def quality(steps: list[StepResponse]) -> Quality:
     """The quality of all but the first step, which starts at its goal; NaN where a joint never
     settles."""
     settling = np.array([s.settling for s in steps[1:]])
@@ -199,7 +200,7 @@ class Excursions:
     place: Array
 
     @property
-    def misplaced(self) -> float:
+    def marker_error(self) -> float:
         """m, the larger distance of a marker from where it was found."""
         return float(np.linalg.norm(self.place - self.truth.markers.place, axis=1).max())
 
@@ -215,5 +216,5 @@ def excursions(seed: int = 0) -> Excursions:
 
 def rms(found: Found) -> Array:
     """(5,) m, measured less predicted excursions."""
-    off = found.measured - found.predicted(MujocoFinger(robot_finger()))
+    off = found.measured_excursions - found.predicted_excursions(MujocoFinger(robot_finger()))
     return np.asarray(np.sqrt(np.mean(off**2, axis=0)))

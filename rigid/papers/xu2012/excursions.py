@@ -25,7 +25,7 @@ from rigid.fingers.anatomy import RANGES
 from rigid.fingers.robot import robot_finger
 from rigid.mujoco.finger import MujocoFinger
 from rigid.papers.xu2012.calibration import Calibration, Seen, Spread, calibrate
-from rigid.papers.xu2012.pose import Markers, estimate
+from rigid.papers.xu2012.pose import BodyMarkers, estimate
 
 POSES = 460
 BALL = 0.002
@@ -39,7 +39,7 @@ REST, MOVE = 24, 12
 fewer samples make the same averages noisier)."""
 BASE = np.array([[-0.04, 0.0, 0.02], [-0.04, 0.02, -0.01], [-0.01, -0.02, 0.01]])
 """m, three markers on the base, in the finger's frame."""
-MEANT = Markers(np.array([1, 3]), np.array([[0.0300, 0.0, 0.0080], [0.0220, 0.0, -0.0050]]))
+MEANT = BodyMarkers(np.array([1, 3]), np.array([[0.0300, 0.0, 0.0080], [0.0220, 0.0, -0.0050]]))
 """One on the proximal phalanx and one on the fingertip, as in the paper; places are ours."""
 
 
@@ -78,7 +78,7 @@ class World:
 
 
 @dataclass(frozen=True)
-class Record:
+class CameraRecord:
     """What was recorded, at `RATE`: base (nt, 3, 3), finger (n, nm, 3) and pistons (n, 5), m, in
     the cameras' frame; pistons are seen along their own cylinders."""
 
@@ -92,7 +92,7 @@ class Truth:
     """What only the virtual world knows."""
 
     angle: Array
-    markers: Markers
+    markers: BodyMarkers
     zero: Array
     length: Array
     """(poses, 5) m, of the tendons at the poses."""
@@ -110,24 +110,24 @@ class Found:
     """(kept, 4) rad."""
 
     @property
-    def measured(self) -> Array:
+    def measured_excursions(self) -> Array:
         """(kept, 5) m, excursions from their means."""
         return np.asarray(self.seen.piston - self.seen.piston.mean(axis=0))
 
-    def predicted(self, finger: MujocoFinger) -> Array:
+    def predicted_excursions(self, finger: MujocoFinger) -> Array:
         """(kept, 5) m, the same from the angles."""
         length = np.array([finger.tendon_lengths(q) for q in self.angle])
         return np.asarray(length - length.mean(axis=0))
 
 
-def record_excursions(world: World, poses: int = POSES) -> tuple[Record, Truth]:
+def record_excursions(world: World, poses: int = POSES) -> tuple[CameraRecord, Truth]:
     """The finger led to random poses of table II and left at rest at each."""
     rng = np.random.default_rng(world.seed)
     finger = MujocoFinger(robot_finger())
     low, high = np.array([RANGES[j] for j in tables.JOINTS]).T
     angle = rng.uniform(low, high, (poses, 4))
     place = MEANT.place + np.array(world.misplaced)
-    markers = Markers(MEANT.body, place)
+    markers = BodyMarkers(MEANT.body, place)
     length = np.array([finger.tendon_lengths(q) for q in angle])
     point = np.array([markers.at(finger, q)[0] for q in angle])
     point += rng.normal(0.0, world.give, point.shape)
@@ -141,7 +141,7 @@ def record_excursions(world: World, poses: int = POSES) -> tuple[Record, Truth]:
     count = 3 * len(place)
     seen = moving[:, :count].reshape(len(moving), -1, 3) @ turn.T + shift
     base = BASE @ turn.T + shift + rng.normal(0.0, world.noise, (len(moving), 3, 3))
-    return Record(base, seen, moving[:, count:]), Truth(angle, markers, zero, length)
+    return CameraRecord(base, seen, moving[:, count:]), Truth(angle, markers, zero, length)
 
 
 def _course(at: Array) -> Array:
@@ -151,7 +151,7 @@ def _course(at: Array) -> Array:
     return np.concatenate([a + part[:, None] * (b - a) for a, b in zip(at, ahead, strict=True)])
 
 
-def rests(record: Record) -> list[slice]:
+def rests(record: CameraRecord) -> list[slice]:
     """Times in which every marker, the pistons' too, stays within a ball of 2 mm about where it
     was at first, apart from each other; shorter than half a wait do not count."""
     points = np.concatenate(
@@ -178,7 +178,7 @@ def procrustes(model: Array, seen: Array) -> tuple[Array, Array]:
     return turn, mean_model - turn @ mean_seen
 
 
-def average(record: Record) -> Seen:
+def average(record: CameraRecord) -> Seen:
     """The times of rest, in the finger's frame."""
     turn, shift = procrustes(BASE, record.base.mean(axis=0))
     times = rests(record)
@@ -186,7 +186,7 @@ def average(record: Record) -> Seen:
     return Seen(marker, np.array([record.piston[t].mean(axis=0) for t in times]))
 
 
-def analyse(record: Record, markers: Markers = MEANT) -> Found:
+def analyse(record: CameraRecord, markers: BodyMarkers = MEANT) -> Found:
     """Section VI's analysis with the markers where they were meant to be."""
     finger, seen = MujocoFinger(robot_finger()), average(record)
     poses = [estimate(finger, markers, x, START) for x in seen.marker]
@@ -196,6 +196,6 @@ def analyse(record: Record, markers: Markers = MEANT) -> Found:
     return Found(Seen(seen.marker[kept], seen.piston[kept]), residual, angle)
 
 
-def recalibrate(found: Found, markers: Markers = MEANT) -> Calibration:
+def recalibrate(found: Found, markers: BodyMarkers = MEANT) -> Calibration:
     """The places of the markers, from the poses kept."""
     return calibrate(MujocoFinger(robot_finger()), markers, found.seen, found.angle, SPREAD)

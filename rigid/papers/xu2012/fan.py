@@ -40,7 +40,7 @@ class Fan:
 
     @property
     def spread(self) -> float:
-        """The same of their directions alone."""
+        """The third singular value over the first of the accelerations' directions alone."""
         length = np.linalg.norm(self.acceleration, axis=1, keepdims=True)
         return _third(self.acceleration / length)
 

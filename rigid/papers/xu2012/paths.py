@@ -23,7 +23,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cosim.port import Array
-from rigid.model import Cylinder, FingerModel, Sphere, Strand, Via
+from rigid.model import FingerModel, Strand, Via, WrapCylinder, WrapSphere
 
 Pose = tuple[Array, Array]
 """Rotation (3, 3) and origin (3,) m of a body in the world."""
@@ -86,12 +86,12 @@ def _place(pose: Pose, point: tuple[float, float, float]) -> Array:
     return out
 
 
-def wrap_length(start: Array, end: Array, surface: Cylinder | Sphere, pose: Pose) -> float:
+def wrap_length(start: Array, end: Array, surface: WrapCylinder | WrapSphere, pose: Pose) -> float:
     """m, of the way from `start` to `end` (3,) past a surface of a body in that pose."""
     turn, origin = pose
     centre = np.array(surface.centre)
     p, d = ((x - origin) @ turn - centre for x in (start, end))
-    normal = np.cross(p, d) if isinstance(surface, Sphere) else np.array(surface.axis)
+    normal = np.cross(p, d) if isinstance(surface, WrapSphere) else np.array(surface.axis)
     across = np.linalg.svd(normal[None])[2]  # the normal of the plane, then its axes
     if not normal.any():  # a line through the centre lies in many planes
         across = np.linalg.svd(d[None])[2][::-1]

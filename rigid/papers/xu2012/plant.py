@@ -26,7 +26,7 @@ STEP = 1e-3
 
 
 @dataclass(frozen=True)
-class Instant:
+class PlantState:
     """The joints' angles and rates (nq,), and the tendons' lengths (nt,) m."""
 
     angle: Array
@@ -47,8 +47,8 @@ class Plant:
         self.model.jnt_limited[:] = 1
         self._data = mujoco.MjData(self.model)
 
-    def put(self, angle: Array) -> Instant:
-        """At rest at the angles (nq,)."""
+    def reset(self, angle: Array) -> PlantState:
+        """Return the state at rest at the angles (nq,) rad, and go there."""
         mujoco.mj_resetData(self.model, self._data)
         self._data.qpos[:] = angle
         mujoco.mj_forward(self.model, self._data)
@@ -59,11 +59,12 @@ class Plant:
         self._data.ctrl[:] = force
         mujoco.mj_step(self.model, self._data)
 
-    def instant(self) -> Instant:
+    def instant(self) -> PlantState:
+        """Return the present angles, rates and tendon lengths."""
         d = self._data
-        return Instant(d.qpos.copy(), d.qvel.copy(), d.ten_length.copy())
+        return PlantState(d.qpos.copy(), d.qvel.copy(), d.ten_length.copy())
 
     def holding_torque(self, angle: Array) -> Array:
         """(nq,) N m that the tendons must make at rest at the angles (nq,), within the limits."""
-        self.put(angle)
+        self.reset(angle)
         return np.asarray(self._data.qfrc_bias - self._data.qfrc_passive)

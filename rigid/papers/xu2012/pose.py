@@ -31,7 +31,7 @@ NEARLY = 0.9
 
 
 @dataclass(frozen=True)
-class Markers:
+class BodyMarkers:
     """Points glued to bodies: indices (nm,) into the finger's bodies, places (nm, 3) m in them."""
 
     body: Indices
@@ -46,7 +46,7 @@ class Markers:
 
 
 @dataclass(frozen=True)
-class Pose:
+class PoseFit:
     """Angles (nq,) and what the markers are off by, m: root of the mean square distance."""
 
     angle: Array
@@ -67,7 +67,7 @@ def cubic_minimum(f0: float, slope0: float, f1: float, slope1: float) -> float:
     return float(at) if 0 < at < 1 else 1.0
 
 
-def estimate(finger: MujocoFinger, markers: Markers, seen: Array, start: Array) -> Pose:
+def estimate(finger: MujocoFinger, markers: BodyMarkers, seen: Array, start: Array) -> PoseFit:
     """The pose whose markers come nearest to those seen (nm, 3) m, in the world.
 
     Raises ConvergenceError where the search does not end."""
@@ -90,17 +90,19 @@ def estimate(finger: MujocoFinger, markers: Markers, seen: Array, start: Array) 
             f"{1e3 * np.linalg.norm(off) / np.sqrt(len(seen)):.2f} mm off. Start nearer, or see "
             "whether the markers fit the finger"
         )
-    return Pose(angle, float(np.linalg.norm(off) / np.sqrt(len(seen))))
+    return PoseFit(angle, float(np.linalg.norm(off) / np.sqrt(len(seen))))
 
 
-def _off(finger: MujocoFinger, markers: Markers, seen: Array, angle: Array) -> tuple[Array, Array]:
+def _off(
+    finger: MujocoFinger, markers: BodyMarkers, seen: Array, angle: Array
+) -> tuple[Array, Array]:
     point, jacobian = markers.at(finger, angle)
     return (point - seen).ravel(), jacobian.reshape(-1, len(angle))
 
 
 def _search(
     finger: MujocoFinger,
-    markers: Markers,
+    markers: BodyMarkers,
     seen: Array,
     angle: Array,
     step: Array,

@@ -28,11 +28,11 @@ from rigid.papers.xu2012.control import (
     tendon_forces,
 )
 from rigid.papers.xu2012.plant import STEP, Plant
-from rigid.papers.xu2012.pose import Markers, estimate
+from rigid.papers.xu2012.pose import BodyMarkers, estimate
 
 NOISE = 1e-4
 """m, standard deviation of a marker's coordinate and of a tendon's length (assumption)."""
-MARKERS = Markers(
+MARKERS = BodyMarkers(
     np.array([1, 2, 3]),
     np.array([[0.030, 0.0, 0.008], [0.020, 0.0, 0.006], [0.022, 0.0, -0.005]]),
 )
@@ -51,7 +51,7 @@ Controller = Callable[[Array, Array, np.random.Generator], Array]
 
 
 @dataclass(frozen=True)
-class Step:
+class StepResponse:
     """Angles (n, nq) over times (n,), forces (n, nt) N, from one pose to another (nq,)."""
 
     time: Array
@@ -93,6 +93,7 @@ class Step:
 
     @property
     def unstable(self) -> bool:
+        """Whether the joints still swing at the end."""
         return self.swing > UNSTABLE
 
 
@@ -111,7 +112,7 @@ class Bench:
         self.plant, self.actuator = Plant(finger), actuator
         self.model = MujocoFinger(finger)
 
-    def in_joint_space(self, goals: Sequence[Array], gains: Gains) -> list[Step]:
+    def in_joint_space(self, goals: Sequence[Array], gains: Gains) -> list[StepResponse]:
         """Steps to each goal in turn, from the first one's own rest."""
         memory: list[tuple[Memory, Array]] = []
 
@@ -126,8 +127,9 @@ class Bench:
 
         return self._steps(goals, forces)
 
-    def in_tendon_space(self, goals: Sequence[Array], gains: Gains) -> list[Step]:
-        """The same, with gains for all tendons."""
+    def in_tendon_space(self, goals: Sequence[Array], gains: Gains) -> list[StepResponse]:
+        """Return the responses to steps to all goals by the control in tendon space, with gains for
+        all tendons."""
         memory: list[Memory] = []
 
         def forces(angle: Array, goal: Array, rng: np.random.Generator) -> Array:
@@ -142,10 +144,10 @@ class Bench:
 
     def _steps(
         self, goals: Sequence[Array], forces: Controller, seconds: float = STEP_SECONDS
-    ) -> list[Step]:
+    ) -> list[StepResponse]:
         rng = np.random.default_rng(1)
         start = np.array(goals[0], dtype=float)
-        self.plant.put(start)
+        self.plant.reset(start)
         drive = self.actuator
         pull = drive.begin(np.full(len(self.model.tendons), PRELOAD), self.plant.instant().length)
         out = []
@@ -154,11 +156,11 @@ class Bench:
             for k in range(round(seconds / PERIOD)):
                 now = self.plant.instant()
                 rows.append((k * PERIOD, now.angle, drive.force(pull)))
-                pull = drive.commanded(pull, forces(now.angle, goal, rng))
+                pull = drive.command(pull, forces(now.angle, goal, rng))
                 for _ in range(round(PERIOD / STEP)):
                     pull = drive.advance(pull, self.plant.instant().length, STEP)
                     self.plant.advance(drive.force(pull))
             time, angle, force = (np.array(x) for x in zip(*rows, strict=True))
-            out.append(Step(time, angle, force, start, goal))
+            out.append(StepResponse(time, angle, force, start, goal))
             start = angle[-1]
         return out

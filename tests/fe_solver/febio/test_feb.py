@@ -11,12 +11,12 @@ import pytest
 from cosim.errors import InputError
 from fe_solver.febio.read import read_feb
 from fe_solver.job.checks import check_job
-from fe_solver.job.curves import Curve
+from fe_solver.job.curves import LoadCurve
 from fe_solver.job.job import SpringLaw, Step
 from fe_solver.materials.fibres import HolzapfelGasserOgden, TransIsoMooneyRivlin
 from fe_solver.materials.hyperelastic import NeoHookean
 from fe_solver.materials.linear import Isotropic, Law, Orthotropic
-from tests.helpers.feb_files import SECTIONS, Sections, changed, feb_text, read, same, write
+from tests.helpers.feb_files import SECTIONS, Sections, change_section, feb_text, read, same, write
 
 
 def test_everything_in_the_file_arrives_in_si_units(tmp_path: Path) -> None:
@@ -38,7 +38,7 @@ def test_everything_in_the_file_arrives_in_si_units(tmp_path: Path) -> None:
     assert [(h.nodes.tolist(), h.component) for h in job.held] == [([0, 3], 0), ([0, 3], 2)]
     (force,) = job.forces
     np.testing.assert_allclose(force.force, [0, 0, -3.0])
-    assert force.curve == Curve((0.0, 1.0), (0.0, 1.0))
+    assert force.curve == LoadCurve((0.0, 1.0), (0.0, 1.0))
     (pressure,) = job.pressures
     assert pressure.pressure.at(0.5) == pytest.approx(0.01e6)
     assert pressure.quads.tolist() == [0, 2]
@@ -62,7 +62,7 @@ def test_the_mid_surface_lies_against_the_normal(tmp_path: Path) -> None:
 
 
 def test_units_scale_as_their_dimensions_say(tmp_path: Path) -> None:
-    text = {**changed("Contact", "<auto_penalty>1", "<auto_penalty>0")}
+    text = {**change_section("Contact", "<auto_penalty>1", "<auto_penalty>0")}
     a, b = read(tmp_path, text), read(tmp_path, text, length_unit=2e-3, force_unit=3.0)
     np.testing.assert_allclose(b.points, 2 * a.points)
     assert isinstance(a.parts[0].law, Isotropic)
@@ -100,8 +100,8 @@ def test_the_sections_of_a_single_step_are_the_files(tmp_path: Path) -> None:
 
 def test_what_is_left_out_is_listed_with_its_line(tmp_path: Path) -> None:
     extra = {
-        **changed("Contact", "<penalty>", "<search_tol>0.01</search_tol><penalty>"),
-        **changed("Mesh", "<Surface name", '<Edge name="rim"/><Surface name'),
+        **change_section("Contact", "<penalty>", "<search_tol>0.01</search_tol><penalty>"),
+        **change_section("Mesh", "<Surface name", '<Edge name="rim"/><Surface name'),
         "Initial": '<Initial><ic type="velocity"/></Initial>',
     }
     notes = "\n".join(read(tmp_path, extra).notes)
@@ -110,14 +110,14 @@ def test_what_is_left_out_is_listed_with_its_line(tmp_path: Path) -> None:
 
 
 def test_a_file_that_is_read_whole_has_no_notes(tmp_path: Path) -> None:
-    plain = {"Output": None, **changed("Mesh", 'type="tri3"', 'type="tri3"')}
+    plain = {"Output": None, **change_section("Mesh", 'type="tri3"', 'type="tri3"')}
     notes = read(tmp_path, plain).notes
     assert [n for n in notes if "tri3" not in n] == []
 
 
 def test_rigid_nodes_tie_and_go_before_held_ones(tmp_path: Path) -> None:
     more = '<bc node_set="edge" type="rigid"><rb>bone</rb></bc></Boundary>'
-    job = read(tmp_path, changed("Boundary", "</Boundary>", more))
+    job = read(tmp_path, change_section("Boundary", "</Boundary>", more))
     assert [(t.nodes.tolist(), t.body, t.clamped) for t in job.tied] == [([0, 3], 0, True)]
     assert job.held == ()
     assert any("goes first" in n for n in job.notes)
@@ -131,10 +131,10 @@ def test_nodes_shared_with_a_rigid_part_are_tied(tmp_path: Path) -> None:
 
 def test_the_back_face_held_with_the_front_holds_the_director(tmp_path: Path) -> None:
     more = '<bc node_set="edge" type="zero shell displacement"><sx_dof>1</sx_dof></bc></Boundary>'
-    job = read(tmp_path, changed("Boundary", "</Boundary>", more))
+    job = read(tmp_path, change_section("Boundary", "</Boundary>", more))
     assert [(d.nodes.tolist(), d.component) for d in job.held_directors] == [([0, 3], 0)]
     with pytest.raises(InputError, match="back face"):
-        read(tmp_path, changed("Boundary", "</Boundary>", more.replace("sx", "sy")))
+        read(tmp_path, change_section("Boundary", "</Boundary>", more.replace("sx", "sy")))
 
 
 def test_a_node_held_in_all_directions_is_ground_for_springs(tmp_path: Path) -> None:
@@ -147,7 +147,7 @@ def test_a_node_held_in_all_directions_is_ground_for_springs(tmp_path: Path) -> 
         '<bc node_set="post" type="zero displacement"><x_dof>1</x_dof><y_dof>1</y_dof>'
         "<z_dof>1</z_dof></bc></Boundary>"
     )
-    job = read(tmp_path, {"Mesh": mesh, **changed("Boundary", "</Boundary>", post)})
+    job = read(tmp_path, {"Mesh": mesh, **change_section("Boundary", "</Boundary>", post)})
     assert job.bodies[-1].name == "ground"
     np.testing.assert_allclose(job.springs[0].anchor[0], [1e-3, 1e-3, 5e-3])
 
@@ -258,64 +258,94 @@ def test_axes_out_of_the_sheet_are_refused_where_they_matter(tmp_path: Path) -> 
 # --- what is refused ------------------------------------------------------------------------
 
 BAD: dict[str, tuple[Sections, str]] = {
-    "unknown material": (changed("Material", "isotropic elastic", "Ogden"), "'Ogden' is not known"),
+    "unknown material": (
+        change_section("Material", "isotropic elastic", "Ogden"),
+        "'Ogden' is not known",
+    ),
     "material parameter": (
-        changed("Material", "<E>100", "<prestrain>1</prestrain><E>100"),
+        change_section("Material", "<E>100", "<prestrain>1</prestrain><E>100"),
         "prestrain.*may change the answer",
     ),
-    "modulus over time": (changed("Material", "<E>100", '<E lc="1">100'), "only a constant"),
-    "missing modulus": (changed("Material", "<E>100</E>", ""), "<E> is missing"),
-    "impossible nu": (changed("Material", "<v>0.4", "<v>0.6"), "nu"),
+    "modulus over time": (change_section("Material", "<E>100", '<E lc="1">100'), "only a constant"),
+    "missing modulus": (change_section("Material", "<E>100</E>", ""), "<E> is missing"),
+    "impossible nu": (change_section("Material", "<v>0.4", "<v>0.6"), "nu"),
     "solid element": (
-        changed(
+        change_section(
             "Mesh",
             '<Elements type="tri3" name="tip"><elem id="3">3,7,6',
             '<Elements type="tet4" name="tip"><elem id="3">3,7,6,1',
         ),
         "tet4",
     ),
-    "unknown element": (changed("Mesh", 'type="tri3"', 'type="quad9"'), "quad9"),
-    "unknown node": (changed("Mesh", "1,2,5,4</elem>", "1,2,5,400</elem>"), "no node 400"),
-    "doubled node": (changed("Mesh", '<node id="2">', '<node id="1">'), "node 1 is given twice"),
-    "doubled element": (changed("Mesh", '<elem id="2">', '<elem id="1">'), "element 1 is given"),
-    "short element": (changed("Mesh", "1,2,5,4</elem>", "1,2,5</elem>"), "expected 4 numbers"),
-    "half a node": (changed("Mesh", "1,2,5,4</elem>", "1,2,5,4.5</elem>"), "numbers of nodes"),
-    "not a number": (changed("Mesh", "1,0,0</node>", "1,0,nan</node>"), "expected numbers"),
-    "missing set": (changed("Boundary", "edge", "rim"), "no node set 'rim'"),
-    "missing surface": (changed("Loads", 'surface="top"', 'surface="lid"'), "no surface 'lid'"),
-    "missing pair": (changed("Contact", '"pair"', '"twins"'), "'twins'"),
-    "missing curve": (changed("Loads", 'lc="1"', 'lc="8"'), "no load controller 8"),
-    "missing body": (changed("Rigid", "<rb>2", "<rb>7"), "no material '7'"),
-    "missing domain": (changed("MeshDomains", '<ShellDomain name="roof" mat="bone"/>', ""), "roof"),
+    "unknown element": (change_section("Mesh", 'type="tri3"', 'type="quad9"'), "quad9"),
+    "unknown node": (change_section("Mesh", "1,2,5,4</elem>", "1,2,5,400</elem>"), "no node 400"),
+    "doubled node": (
+        change_section("Mesh", '<node id="2">', '<node id="1">'),
+        "node 1 is given twice",
+    ),
+    "doubled element": (
+        change_section("Mesh", '<elem id="2">', '<elem id="1">'),
+        "element 1 is given",
+    ),
+    "short element": (
+        change_section("Mesh", "1,2,5,4</elem>", "1,2,5</elem>"),
+        "expected 4 numbers",
+    ),
+    "half a node": (
+        change_section("Mesh", "1,2,5,4</elem>", "1,2,5,4.5</elem>"),
+        "numbers of nodes",
+    ),
+    "not a number": (change_section("Mesh", "1,0,0</node>", "1,0,nan</node>"), "expected numbers"),
+    "missing set": (change_section("Boundary", "edge", "rim"), "no node set 'rim'"),
+    "missing surface": (
+        change_section("Loads", 'surface="top"', 'surface="lid"'),
+        "no surface 'lid'",
+    ),
+    "missing pair": (change_section("Contact", '"pair"', '"twins"'), "'twins'"),
+    "missing curve": (change_section("Loads", 'lc="1"', 'lc="8"'), "no load controller 8"),
+    "missing body": (change_section("Rigid", "<rb>2", "<rb>7"), "no material '7'"),
+    "missing domain": (
+        change_section("MeshDomains", '<ShellDomain name="roof" mat="bone"/>', ""),
+        "roof",
+    ),
     "missing section": ({"Mesh": None}, "<Mesh> is missing"),
     "missing control": ({"Control": None}, "<Control> is missing"),
     "unknown condition": (
-        changed("Boundary", "zero displacement", "normal displacement"),
+        change_section("Boundary", "zero displacement", "normal displacement"),
         "normal displacement",
     ),
-    "unknown load": (changed("Loads", "nodal_force", "nodal_moment"), "nodal_moment"),
-    "body load": (changed("Loads", "</Loads>", '<body_load type="x"/></Loads>'), "body_load"),
-    "unknown contact": (changed("Contact", "sliding-elastic", "tied-elastic"), "tied-elastic"),
-    "unknown spring": (changed("Discrete", "tension-only linear spring", "Hill"), "Hill"),
-    "unknown motion": (changed("Rigid", "rigid_rotation", "rigid_force"), "rigid_force"),
-    "free body": (changed("Rigid", "<Rw_dof>1", "<Rw_dof>0"), "free in Rw"),
-    "no centre": (changed("Material", "<center_of_mass>1,2,3</center_of_mass>", ""), "about which"),
-    "dynamics": (changed("Control", "STATIC", "DYNAMIC"), "STATIC"),
-    "no step size": (changed("Control", "0.25", "0"), "step_size"),
+    "unknown load": (change_section("Loads", "nodal_force", "nodal_moment"), "nodal_moment"),
+    "body load": (
+        change_section("Loads", "</Loads>", '<body_load type="x"/></Loads>'),
+        "body_load",
+    ),
+    "unknown contact": (
+        change_section("Contact", "sliding-elastic", "tied-elastic"),
+        "tied-elastic",
+    ),
+    "unknown spring": (change_section("Discrete", "tension-only linear spring", "Hill"), "Hill"),
+    "unknown motion": (change_section("Rigid", "rigid_rotation", "rigid_force"), "rigid_force"),
+    "free body": (change_section("Rigid", "<Rw_dof>1", "<Rw_dof>0"), "free in Rw"),
+    "no centre": (
+        change_section("Material", "<center_of_mass>1,2,3</center_of_mass>", ""),
+        "about which",
+    ),
+    "dynamics": (change_section("Control", "STATIC", "DYNAMIC"), "STATIC"),
+    "no step size": (change_section("Control", "0.25", "0"), "step_size"),
     "constraints": ({"Constraints": '<Constraints><c type="joint"/></Constraints>'}, "Constraints"),
     "other file": ({"Mesh": '<Mesh from="mesh.feb"/>'}, "not followed"),
     "module": ({"Module": '<Module type="fluid"/>'}, "'fluid'"),
     "curve back in time": (
-        changed("LoadData", "<pt>0,0</pt><pt>1,1", "<pt>0,0,0</pt><pt>1,1"),
+        change_section("LoadData", "<pt>0,0</pt><pt>1,1", "<pt>0,0,0</pt><pt>1,1"),
         "expected 2 numbers",
     ),
-    "stray text": (changed("Loads", "<Loads>", "<Loads>oops"), "text among tags"),
+    "stray text": (change_section("Loads", "<Loads>", "<Loads>oops"), "text among tags"),
     "shell bottom": (
-        changed("Loads", "</value>", "</value><shell_bottom>1</shell_bottom>"),
+        change_section("Loads", "</value>", "</value><shell_bottom>1</shell_bottom>"),
         "shell_bottom",
     ),
     "old formulation": (
-        changed("MeshDomains", 'mat="skin"', 'mat="skin" type="elastic-shell-old"'),
+        change_section("MeshDomains", 'mat="skin"', 'mat="skin" type="elastic-shell-old"'),
         "elastic-shell-old",
     ),
 }
@@ -331,7 +361,7 @@ def test_what_would_change_the_answer_is_refused_with_its_line(tmp_path: Path, n
 
 
 def test_the_line_is_the_right_one(tmp_path: Path) -> None:
-    text = feb_text(changed("Mesh", "2,3,6,5</elem>", "2,3,6,55</elem>"))
+    text = feb_text(change_section("Mesh", "2,3,6,5</elem>", "2,3,6,55</elem>"))
     line = text[: text.index("2,3,6,55")].count("\n") + 1
     with pytest.raises(InputError, match=f"line {line},"):
         read_feb(write(tmp_path, text))

@@ -9,7 +9,7 @@ import pytest
 
 from cosim.errors import InputError
 from fe_solver.febio.read import read_feb
-from tests.helpers.feb_files import SECTIONS, Sections, changed, feb_text, read, write
+from tests.helpers.feb_files import SECTIONS, Sections, change_section, feb_text, read, write
 
 ROWS = ("node", "elem", "n", "e", "quad4", "tri3", "delem", "pt")
 OPENINGS = [
@@ -19,7 +19,7 @@ OPENINGS = [
 ]
 
 
-def told(tmp_path: Path, text: str) -> str:
+def notes_or_error(tmp_path: Path, text: str) -> str:
     """The notes of a file, or why it is refused."""
     try:
         return "\n".join(read_feb(write(tmp_path, text)).notes)
@@ -30,7 +30,7 @@ def told(tmp_path: Path, text: str) -> str:
 @pytest.mark.parametrize("at", OPENINGS, ids=lambda m: f"{m[1]}-{m.start()}")
 def test_a_strange_tag_anywhere_is_noted_or_refused(tmp_path: Path, at: re.Match[str]) -> None:
     text = feb_text()
-    message = told(tmp_path, text[: at.end()] + "<mystery>1</mystery>" + text[at.end() :])
+    message = notes_or_error(tmp_path, text[: at.end()] + "<mystery>1</mystery>" + text[at.end() :])
     assert "mystery" in message or "text among tags" in message or "Output" in message
 
 
@@ -40,45 +40,51 @@ def test_a_strange_attribute_anywhere_is_noted_or_refused(
 ) -> None:
     text = feb_text()
     place = at.end() - 1
-    message = told(tmp_path, f'{text[:place]} mystery="1"{text[place:]}')
+    message = notes_or_error(tmp_path, f'{text[:place]} mystery="1"{text[place:]}')
     assert "the attribute 'mystery' is not known" in message or at[1] == "Output"
 
 
 STRANGE: dict[str, tuple[Sections, str]] = {
     "connector": (
-        changed("Rigid", "<Rigid>", '<Rigid><rigid_connector type="rigid spring"/>'),
+        change_section("Rigid", "<Rigid>", '<Rigid><rigid_connector type="rigid spring"/>'),
         "rigid_connector.*may change",
     ),
-    "rigid load": (changed("Rigid", "<Rigid>", "<Rigid><rigid_load/>"), "rigid_load.*may change"),
+    "rigid load": (
+        change_section("Rigid", "<Rigid>", "<Rigid><rigid_load/>"),
+        "rigid_load.*may change",
+    ),
     "prestrain": ({"Initial": '<Initial><ic type="prestrain"/></Initial>'}, "'prestrain' is not"),
     "body force": (
-        changed("Loads", "<Loads>", '<Loads><body_load type="body force"/>'),
+        change_section("Loads", "<Loads>", '<Loads><body_load type="body force"/>'),
         "body_load.*may change",
     ),
     "contact switched off": (
-        changed("Contact", '<contact name="c"', '<contact name="c" active="0"'),
+        change_section("Contact", '<contact name="c"', '<contact name="c" active="0"'),
         "the attribute 'active' is not known and may change",
     ),
     "gap offset": (
-        changed("Contact", "<penalty>", "<gap_offset>1</gap_offset><penalty>"),
+        change_section("Contact", "<penalty>", "<gap_offset>1</gap_offset><penalty>"),
         "gap_offset.*may change",
     ),
     "flipped": (
-        changed("Contact", "<penalty>", "<flip_primary>1</flip_primary><penalty>"),
+        change_section("Contact", "<penalty>", "<flip_primary>1</flip_primary><penalty>"),
         "flip_primary.*turn",
     ),
     "viscoelastic": (
-        changed("Material", "<E>100", "<viscosity>1</viscosity><E>100"),
+        change_section("Material", "<E>100", "<viscosity>1</viscosity><E>100"),
         "viscosity.*may change",
     ),
-    "curve from a formula": (changed("LoadData", '"loadcurve"', '"math"'), "'math' is not read"),
+    "curve from a formula": (
+        change_section("LoadData", '"loadcurve"', '"math"'),
+        "'math' is not read",
+    ),
     "row with two attributes": (
-        changed("Mesh", '<elem id="2">', '<elem id="2" mat="1">'),
+        change_section("Mesh", '<elem id="2">', '<elem id="2" mat="1">'),
         "at most one attribute",
     ),
     "unknown section": ({"Loads": SECTIONS["Loads"], "Physics": "<Physics/>"}, "no section"),
     "pair twice": (
-        changed("Mesh", "<SurfacePair", '<SurfacePair name="pair"/><SurfacePair'),
+        change_section("Mesh", "<SurfacePair", '<SurfacePair name="pair"/><SurfacePair'),
         "two surface pairs are called 'pair'",
     ),
 }

@@ -22,7 +22,7 @@ from fe_solver.materials.fibres import (
 )
 from fe_solver.materials.linear import Law, Orthotropic
 from fe_solver.verification.febio.solid_model import first_obstacle
-from tests.helpers.feb_files import ISOTROPIC, changed, read, same
+from tests.helpers.feb_files import ISOTROPIC, change_section, read, same
 
 TENDON = TransIsoMooneyRivlin(1e6, 2e5, 3e5, 50.0, 9e7, 1.05, 1e9)
 TOE = ExponentialFamily(1e5, 40.0, 5e7, 1.04)
@@ -81,7 +81,7 @@ def test_what_febio_has_not_is_refused_by_name(
 
 def material(kind: str, inner: str) -> dict[str, str | None]:
     text = f'<material id="1" name="skin" type="{kind}"><density>1</density>{inner}</material>'
-    return changed("Material", ISOTROPIC, text)
+    return change_section("Material", ISOTROPIC, text)
 
 
 MATRIX = '<solid type="Mooney-Rivlin"><c1>1</c1><c2>0</c2></solid>'

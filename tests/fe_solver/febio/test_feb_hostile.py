@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from cosim.errors import InputError
 from fe_solver.febio.read import read_feb
-from tests.helpers.feb_files import changed, feb_text, write
+from tests.helpers.feb_files import change_section, feb_text, write
 
 BOMB = (
     '<?xml version="1.0"?><!DOCTYPE b [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;">]>'
@@ -68,7 +68,7 @@ def test_files_that_are_none(tmp_path: Path) -> None:
 
 
 def test_utf_8_and_latin_1_names(tmp_path: Path) -> None:
-    text = feb_text(changed("MeshDomains", 'name="strip"', 'name="Häutchen"'))
+    text = feb_text(change_section("MeshDomains", 'name="strip"', 'name="Häutchen"'))
     text = text.replace('name="strip">', 'name="Häutchen">').replace('"strip"', '"Häutchen"')
     latin = read_feb(write(tmp_path, text))
     utf = read_feb(write(tmp_path, text.replace("ISO-8859-1", "UTF-8").encode()))

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from cosim.errors import InputError
 from fe_solver.febio.read import read_feb
 from fe_solver.job.checks import check_job
-from fe_solver.job.curves import Curve, Drive, Extension, Interpolation
+from fe_solver.job.curves import Drive, Extension, Interpolation, LoadCurve
 from fe_solver.job.job import Job, SpringLaw
 from fe_solver.surfaces.closing import boundary_loops, close_surface, volume
 from fe_solver.surfaces.spline_distance import SplineDistance
@@ -36,7 +36,7 @@ VALUES = (1.0, 2.0, 0.0, 6.0)
     ],
 )
 def test_between_the_points(how: Interpolation, at_half: float, at_two: float) -> None:
-    curve = Curve(TIMES, VALUES, how)
+    curve = LoadCurve(TIMES, VALUES, how)
     assert curve.at(0.5) == pytest.approx(at_half)
     assert curve.at(2.0) == pytest.approx(at_two)
 
@@ -51,18 +51,18 @@ def test_between_the_points(how: Interpolation, at_half: float, at_two: float) -
     ],
 )
 def test_beyond_the_points(how: Extension, before: float, after: float) -> None:
-    curve = Curve(TIMES, VALUES, extension=how)
+    curve = LoadCurve(TIMES, VALUES, extension=how)
     assert curve.at(-0.5) == pytest.approx(before)
     assert curve.at(4.5) == pytest.approx(after)
 
 
 def test_a_smooth_curve_of_few_points() -> None:
-    assert Curve((0, 2), (0, 4), Interpolation.SMOOTH).at(0.5) == pytest.approx(1.0)
-    assert Curve((0, 1, 2), (0, 1, 4), Interpolation.SMOOTH).at(1.5) == pytest.approx(2.25)
+    assert LoadCurve((0, 2), (0, 4), Interpolation.SMOOTH).at(0.5) == pytest.approx(1.0)
+    assert LoadCurve((0, 1, 2), (0, 1, 4), Interpolation.SMOOTH).at(1.5) == pytest.approx(2.25)
 
 
 def test_a_jump_takes_its_first_value() -> None:
-    curve = Curve((0, 1, 1, 2), (0, 1, 5, 5))
+    curve = LoadCurve((0, 1, 1, 2), (0, 1, 5, 5))
     assert curve.at(1.0) == 1.0
     assert curve.at(1.0 + 1e-9) == pytest.approx(5.0)
     assert Drive(3.0).at(7.0) == 3.0
@@ -79,7 +79,7 @@ def test_every_curve_passes_through_its_points_and_stays_finite(
     values = data.draw(st.lists(st.floats(-9, 9), min_size=len(times), max_size=len(times)))
     how = data.draw(st.sampled_from(Interpolation))
     beyond = data.draw(st.sampled_from(Extension))
-    curve = Curve(tuple(map(float, times)), tuple(values), how, beyond)
+    curve = LoadCurve(tuple(map(float, times)), tuple(values), how, beyond)
     for t, v in zip(times, values, strict=True):
         assert curve.at(t) == v
     assert np.isfinite(curve.at(data.draw(st.floats(-1e3, 1e3))))
@@ -90,7 +90,7 @@ def test_a_line_is_a_line_however_it_is_drawn(times: list[int], time: float) -> 
     values = tuple(2.0 * t - 1 for t in times)
     if len(times) > 1:
         for how in (Interpolation.LINEAR, Interpolation.SMOOTH):
-            curve = Curve(tuple(map(float, times)), values, how, Extension.EXTRAPOLATE)
+            curve = LoadCurve(tuple(map(float, times)), values, how, Extension.EXTRAPOLATE)
             assert curve.at(time) == pytest.approx(2 * time - 1, abs=1e-6)
 
 
@@ -106,7 +106,7 @@ def test_a_line_is_a_line_however_it_is_drawn(times: list[int], time: float) -> 
 )
 def test_curves_that_are_none(times: Any, values: Any, how: Interpolation, words: str) -> None:
     with pytest.raises(InputError, match=words):
-        Curve(times, values, how)
+        LoadCurve(times, values, how)
 
 
 # --- closing ----------------------------------------------------------------------------------
@@ -215,7 +215,7 @@ def job(tmp_path: Path) -> Job:
     return read_feb(write(tmp_path, feb_text()))
 
 
-def moved(job: Job, node: int, place: tuple[float, float, float]) -> Job:
+def move_node(job: Job, node: int, place: tuple[float, float, float]) -> Job:
     points = job.points.copy()
     points[node] = place
     return dataclasses.replace(job, points=points)
@@ -228,13 +228,19 @@ def with_row(job: Job, name: str, row: int, values: Any) -> Job:
 
 
 FAULTS = {
-    "nan": (lambda j: moved(j, 2, (np.nan, 0, 0)), "node 3 .*not finite"),
+    "nan": (lambda j: move_node(j, 2, (np.nan, 0, 0)), "node 3 .*not finite"),
     "twice": (lambda j: with_row(j, "quads", 0, [0, 1, 1, 3]), "element 1 .* names node 2 twice"),
     "same nodes": (lambda j: with_row(j, "quads", 1, [1, 4, 3, 0]), "have the same nodes"),
     "thin for its size": (lambda j: with_row(j, "thickness", 1, 1e-14), "element 2 .*units"),
     "thick for its size": (lambda j: with_row(j, "thickness", 1, 1.0), "element 2 .*units"),
-    "no area": (lambda j: moved(j, 6, (2e-3, 0.5e-3, 0)), r"element 3 \(part 'tip'\) has no area"),
-    "reflex": (lambda j: moved(j, 0, (0.9e-3, 0.9e-3, 0)), r"element 1 \(part 'strip'\) is inv"),
+    "no area": (
+        lambda j: move_node(j, 6, (2e-3, 0.5e-3, 0)),
+        r"element 3 \(part 'tip'\) has no area",
+    ),
+    "reflex": (
+        lambda j: move_node(j, 0, (0.9e-3, 0.9e-3, 0)),
+        r"element 1 \(part 'strip'\) is inv",
+    ),
     "crossed": (lambda j: with_row(j, "quads", 0, [0, 4, 1, 3]), "element 1"),
     "turned over": (lambda j: with_row(j, "quads", 2, [2, 5, 6, 6]), "opposite senses"),
     "out of range": (lambda j: with_row(j, "quads", 0, [0, 1, 4, 99]), "0, 1, 4, 99"),
@@ -262,7 +268,7 @@ def test_a_faulty_job_is_told_by_node_or_element(job: Job, name: str) -> None:
     assert "\n" not in str(caught.value)
 
 
-def apart(job: Job) -> Job:
+def separate_triangle(job: Job) -> Job:
     """The tip's triangle off the strip, with nodes of its own where the strip's were."""
     points = np.concatenate([job.points, job.points[[2, 5]]])
     quads = job.quads.copy()
@@ -273,12 +279,12 @@ def apart(job: Job) -> Job:
 
 def test_duplicate_nodes_are_named(job: Job) -> None:
     with pytest.raises(InputError, match=r"node 3 lies where .*node 98"):
-        check_job(apart(job))
+        check_job(separate_triangle(job))
 
 
 def test_a_piece_that_nothing_holds_is_named_and_a_spring_would_hold_it(job: Job) -> None:
-    torn = apart(job)
-    torn = moved(moved(torn, 7, (2.1e-3, 0, 0)), 8, (2.1e-3, 1e-3, 0))
+    torn = separate_triangle(job)
+    torn = move_node(move_node(torn, 7, (2.1e-3, 0, 0)), 8, (2.1e-3, 1e-3, 0))
     with pytest.raises(
         InputError, match=r"node 7: nothing holds its piece of the shell \(2 pieces"
     ):

@@ -13,16 +13,16 @@ from hypothesis import strategies as st
 from cosim.errors import InputError
 from fe_solver.febio.read import read_feb
 from fe_solver.febio.write import write_feb
-from fe_solver.job.curves import Curve, Drive, Extension, Interpolation
+from fe_solver.job.curves import Drive, Extension, Interpolation, LoadCurve
 from fe_solver.job.job import (
     Body,
     ContactPair,
-    Held,
     HeldDirector,
     Job,
     NodalForce,
-    Part,
+    PrescribedDisplacement,
     Pressure,
+    ShellPart,
     SpringLaw,
     SpringSet,
     Step,
@@ -31,7 +31,7 @@ from fe_solver.job.job import (
 from fe_solver.materials.fibres import HolzapfelGasserOgden, TransIsoMooneyRivlin
 from fe_solver.materials.hyperelastic import NeoHookean
 from fe_solver.materials.linear import Isotropic, Law, Orthotropic
-from tests.helpers.feb_files import changed, read, same
+from tests.helpers.feb_files import change_section, read, same
 
 INTS = np.array
 SLACK = np.array([1e-4, 2e-4])
@@ -49,12 +49,12 @@ positive = st.floats(0.1, 10).map(lambda x: round(x, 6))
 
 
 @st.composite
-def curves(draw: st.DrawFn) -> Curve:
+def curves(draw: st.DrawFn) -> LoadCurve:
     n = draw(st.integers(1, 5))
     gaps = draw(st.lists(positive, min_size=n, max_size=n))
     values = draw(st.lists(finite, min_size=n, max_size=n))
     how, beyond = draw(st.sampled_from(Interpolation)), draw(st.sampled_from(Extension))
-    return Curve(tuple(np.cumsum(gaps).tolist()), tuple(values), how, beyond)
+    return LoadCurve(tuple(np.cumsum(gaps).tolist()), tuple(values), how, beyond)
 
 
 drives = st.builds(Drive, positive, st.none() | curves())
@@ -130,13 +130,20 @@ def jobs(draw: st.DrawFn) -> Job:
         quads,
         quads_in + draw(st.integers(1, 50)),
         np.where(quads_in < len(quads) - 1, 0, 1),
-        (Part("sheet", law), Part(draw(st.sampled_from(["tip", "é & <x>"])), Isotropic(1e6, 0.3))),
+        (
+            ShellPart("sheet", law),
+            ShellPart(draw(st.sampled_from(["tip", "é & <x>"])), Isotropic(1e6, 0.3)),
+        ),
         thickness,
         -thickness / 2,
         np.where((plain | (quads_in == len(quads) - 1))[:, None], along, fibre),
         (body, other),
         (Tied(corner[:2] + n, 1, draw(st.booleans())),),
-        (Held(INTS([0]), 0), Held(INTS([0]), 1), Held(INTS([0]), 2, draw(drives))),
+        (
+            PrescribedDisplacement(INTS([0]), 0),
+            PrescribedDisplacement(INTS([0]), 1),
+            PrescribedDisplacement(INTS([0]), 2, draw(drives)),
+        ),
         (HeldDirector(INTS([0]), 1),),
         (springs,),
         (NodalForce(INTS([draw(node)]), draw(three), draw(st.none() | curves())),),
@@ -189,7 +196,7 @@ def test_slack_springs_become_tables(tmp_path: Path) -> None:
 
 
 def test_nodes_on_the_mid_surface_are_moved_to_febios_face(tmp_path: Path) -> None:
-    job = read(tmp_path, {"MeshData": None, **changed("MeshDomains", "0.25", "0.5")})
+    job = read(tmp_path, {"MeshData": None, **change_section("MeshDomains", "0.25", "0.5")})
     flat = dataclasses.replace(job, height=np.zeros_like(job.height))
     write_feb(flat, tmp_path / "face.feb")
     back = read_feb(tmp_path / "face.feb")
@@ -208,7 +215,7 @@ def test_other_points_are_written_in_place_of_the_jobs(tmp_path: Path) -> None:
 
 def test_what_febio_cannot_say_is_not_written(tmp_path: Path) -> None:
     job, path = read(tmp_path), tmp_path / "no.feb"
-    endless = Part("strip", TransIsoMooneyRivlin(1e6, 0.0, 0.0, 1.0, 0.0, 2.0))
+    endless = ShellPart("strip", TransIsoMooneyRivlin(1e6, 0.0, 0.0, 1.0, 0.0, 2.0))
     twins = (job.parts[0], dataclasses.replace(job.parts[1], name="strip"))
     mixed = dataclasses.replace(job.contacts[0], side=INTS([1, -1]))
     for changes, words in (

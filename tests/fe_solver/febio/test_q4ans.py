@@ -69,7 +69,7 @@ def tables_of(z, pairs) -> SolidTables:
     return solid_tables(z[pairs], np.tile(ALONG, (len(pairs), 1)))
 
 
-def assembled(z, pairs, law) -> tuple[np.ndarray, np.ndarray]:
+def assemble(z, pairs, law) -> tuple[np.ndarray, np.ndarray]:
     """Forces (6n,) and the dense tangent of the nodes z."""
     force, blocks = solid_response(tables_of(z, pairs), law, z[pairs])
     dofs = (3 * pairs[:, :, None] + np.arange(3)).reshape(len(pairs), 24)
@@ -116,7 +116,7 @@ def test_a_constant_strain_is_met_and_balances(law):
     assert np.abs(through[inner(z)[: z.size // 2]]).max() < 1e-10 * np.abs(force).max()
 
 
-def bent(z, curvature: float) -> np.ndarray:
+def bend_sheet(z, curvature: float) -> np.ndarray:
     """(6n,) m of a flat sheet bent about y, to first order, its mid-surface at half its height."""
     x, height = z[:, 0], z[:, 2] - THICK / 2
     u = np.column_stack([-curvature * height * x, 0 * x, curvature * x**2 / 2])
@@ -128,8 +128,8 @@ def test_a_bent_patch_balances_and_locks_as_its_thickness_is_held(nu, locks):
     """Energy against that of a plate: (1 - nu)^2 / (1 - 2 nu) too much."""
     z, pairs = patch(False)
     for elements in (pairs, split(pairs)):
-        _, K = assembled(z, elements, Isotropic(E, nu))
-        u, area = bent(z, 0.1), 4e-3 * 3e-3
+        _, K = assemble(z, elements, Isotropic(E, nu))
+        u, area = bend_sheet(z, 0.1), 4e-3 * 3e-3
         force = K @ u
         assert np.abs(force[inner(z)]).max() < 1e-9 * np.abs(force).max()
         plate = E * THICK**3 / 12 / (1 - nu**2) * 0.1**2 * area / 2
@@ -150,7 +150,7 @@ def tip(nu: float) -> float:
     """Deflection of a strip bent into a cylinder, over that of a plate."""
     job = strip(10, 1)
     z, pairs = solid(job.points, job.quads)
-    _, K = assembled(z, pairs, Isotropic(E, nu))
+    _, K = assemble(z, pairs, Isotropic(E, nu))
     free = np.ones(z.shape, dtype=bool)
     free[:, 1] = False
     free[z[:, 0] == 0] = False

@@ -17,11 +17,11 @@ from fe_solver.febio.read import read_feb
 from fe_solver.febio.write import write_feb
 from fe_solver.job.curves import Drive
 from fe_solver.job.job import (
-    Held,
     HeldDirector,
     NodalForce,
-    Part,
+    PrescribedDisplacement,
     Pressure,
+    ShellPart,
     SpringLaw,
     SpringSet,
     Tied,
@@ -32,7 +32,7 @@ from fe_solver.job.solve import solve_job
 from fe_solver.materials.crossed_fibres import CrossedFibres
 from fe_solver.materials.fibres import ExponentialFamily
 from fe_solver.materials.linear import Isotropic, Orthotropic
-from fe_solver.verification.febio.compare import Element, Row, quantities, rows
+from fe_solver.verification.febio.compare import ComparedQuantity, Formulation, quantities, rows
 from fe_solver.verification.febio.figures import PUBLISHED
 from fe_solver.verification.febio.solid_model import solid_model
 from fe_solver.verification.febio.solid_solve import solve_solid
@@ -45,11 +45,11 @@ from tests.helpers.jobs import (
     THICK,
     WIDTH,
     E,
-    at,
     body,
-    floored,
+    contact_job,
+    nodes_at,
     run,
-    sprung,
+    spring_job,
     strip,
 )
 
@@ -64,15 +64,15 @@ def low(**more):
     """A strip whose nodes lie on its lower face, tied at one end."""
     job = strip(10, 3)
     height = np.full_like(job.height, THICK / 2)
-    ties = (Tied(at(job, 0.0), 0),)
+    ties = (Tied(nodes_at(job, 0.0), 0),)
     return replace(job, **{"height": height, "bodies": (body(),), "tied": ties, **more})
 
 
 def end(job) -> np.ndarray:
-    return at(job, LENGTH)
+    return nodes_at(job, LENGTH)
 
 
-def loaded(nodes, force, **more):
+def add_load(nodes, force, **more):
     job = low(**more)
     load = NodalForce(nodes(job), np.array(force) / len(nodes(job)), RAMP)
     return replace(job, forces=(load,))
@@ -82,7 +82,7 @@ def last(job):
     return solve_solid(job).states[-1]
 
 
-def solved_by_shell(job):
+def solve_by_shell(job):
     return solve_job(job, options=PENALTY).states[-1]
 
 
@@ -97,7 +97,7 @@ def by_both(job, nodes, force) -> float:
 
 @pytest.mark.parametrize("law", [RUBBER, Orthotropic(2 * E, E, 0.0, E / 2, E / 2, E / 2)])
 def test_a_spread_load_bends_both_alike(law):
-    job = loaded(end, [0, 0, 0.01], parts=(Part("skin", law),))
+    job = add_load(end, [0, 0, 0.01], parts=(ShellPart("skin", law),))
     assert by_both(job, end, [0, 0, 0.01]) == pytest.approx(1.0, abs=0.01)
 
 
@@ -110,7 +110,7 @@ def test_a_point_load_finds_the_element_stiffer_the_less_its_volume_gives():
 
     force, along = [0.01, 0, 0], []
     for law in (Isotropic(E, 0.0), RUBBER, febio_law(200), febio_law(5000)):
-        job = loaded(corner, force, parts=(Part("skin", law),))
+        job = add_load(corner, force, parts=(ShellPart("skin", law),))
         along.append(by_both(job, corner, force))
     assert along[0] == pytest.approx(1.0, abs=1e-3)
     assert along[1] == pytest.approx(0.983, abs=5e-3)
@@ -137,7 +137,7 @@ def test_triangles_and_parts_are_solved_too():
         quads=mixed,
         element_ids=np.arange(1, ne + 1),
         part=np.repeat([0, 1], [ne - 2 * count, 2 * count]),
-        parts=(*job.parts, Part("soft", Isotropic(E / 2, 0.0))),
+        parts=(*job.parts, ShellPart("soft", Isotropic(E / 2, 0.0))),
         thickness=np.full((ne, 4), THICK),
         height=np.full((ne, 4), THICK / 2),
         fibre=np.tile([1.0, 0, 0], (ne, 1)),
@@ -148,7 +148,7 @@ def test_triangles_and_parts_are_solved_too():
 
 def test_a_thickness_that_varies_is_followed():
     """A wedge, bent."""
-    job = loaded(end, [0, 0, 0.01])
+    job = add_load(end, [0, 0, 0.01])
     share = job.points[job.quads][..., 0] / LENGTH
     thickness = THICK * (1 + share)
     job = replace(job, thickness=thickness, height=thickness / 2)
@@ -156,7 +156,7 @@ def test_a_thickness_that_varies_is_followed():
 
 
 def test_a_pressed_strip_carries_its_load_on_febios_penalty():
-    job = floored(height=THICK / 2)
+    job = contact_job(height=THICK / 2)
     area = node_areas(job.points, job.quads) / (LENGTH * WIDTH)
     loads = [NodalForce(np.array([i]), np.array([0, 0, -100 * a])) for i, a in enumerate(area)]
     job = replace(job, forces=tuple(loads))
@@ -191,7 +191,7 @@ def test_a_hood_over_a_rod_by_both(tmp_path):
 
 
 def test_springs_pull_as_the_load_does():
-    job = sprung(SpringLaw(2e3), 1.0)
+    job = spring_job(SpringLaw(2e3), 1.0)
     job = replace(job, height=np.full_like(job.height, THICK / 2))
     found = last(job)
     assert found.spring_forces[0] == pytest.approx([1.0], rel=1e-5)
@@ -200,8 +200,8 @@ def test_springs_pull_as_the_load_does():
 
 
 def test_nodes_joined_by_a_spring_share_a_force():
-    job = loaded(end, [1.0, 0, 0])
-    a, b = (int(at(job, x)[0]) for x in (LENGTH / 2, LENGTH))
+    job = add_load(end, [1.0, 0, 0])
+    a, b = (int(nodes_at(job, x)[0]) for x in (LENGTH / 2, LENGTH))
     link = SpringSet(
         "link",
         SpringLaw(1e5),
@@ -234,7 +234,10 @@ def test_a_turned_body_carries_the_sheet_with_it():
 def test_a_given_displacement_bends_through_all_times():
     """Clamped at either end, one of them raised: 12 E I / L^3."""
     job = low()
-    held = (Held(end(job), 2, Drive(0.05e-3, RAMP)), Held(end(job), 0))
+    held = (
+        PrescribedDisplacement(end(job), 2, Drive(0.05e-3, RAMP)),
+        PrescribedDisplacement(end(job), 0),
+    )
     job = replace(job, held=held, held_directors=(HeldDirector(end(job), 0),))
     stiffness = E * WIDTH * THICK**3 / LENGTH**3
     for state, height in zip(
@@ -257,23 +260,26 @@ def test_a_pressure_follows_its_quads():
 
 
 def test_the_faces_strain_by_bending_as_a_plates_do():
-    job = loaded(end, [0, 0, 0.01])
+    job = add_load(end, [0, 0, 0.01])
     state = last(job)
     shell = solve_job(replace(job, as_febio=True), options=PENALTY).states[-1]
     assert state.fields.faces == pytest.approx(shell.fields.faces, rel=0.02, abs=2e-6)
     assert state.fields.stress == pytest.approx(shell.fields.stress, abs=2e-2 * MPA)
 
 
-def gripped(job, slide: float = 0.0):
+def grip_ends(job, slide: float = 0.0):
     """Ends that slide across alone, one of them pulled by `slide` (m); a flat lower face."""
-    start, side = at(job, 0.0), np.flatnonzero(job.points[:, 1] == 0)
-    pulled = Held(end(job), 0, Drive(slide, RAMP))
-    across = (Held(side, 1), Held(np.arange(len(job.points)), 2))
+    start, side = nodes_at(job, 0.0), np.flatnonzero(job.points[:, 1] == 0)
+    pulled = PrescribedDisplacement(end(job), 0, Drive(slide, RAMP))
+    across = (
+        PrescribedDisplacement(side, 1),
+        PrescribedDisplacement(np.arange(len(job.points)), 2),
+    )
     directors = ((start, 0), (end(job), 0), (side, 1))
     return replace(
         job,
         tied=(),
-        held=(Held(start, 0), pulled, *across),
+        held=(PrescribedDisplacement(start, 0), pulled, *across),
         held_directors=tuple(HeldDirector(*d) for d in directors),
     )
 
@@ -284,7 +290,7 @@ def test_a_strip_stretched_in_situ_bears_the_stress_of_its_stretch(k):
     the fields are those of our shell."""
     s = 1.03
     cauchy, volume, lateral = FEBIO_STRESS[k][s]
-    job = gripped(low(parts=(Part("skin", febio_law(k), s),)))
+    job = grip_ends(low(parts=(ShellPart("skin", febio_law(k), s),)))
     found, across = last(job), (1 + lateral) * s**0.5
     assert np.ptp(found.configuration.x[:, 1]) == pytest.approx(across * WIDTH, rel=1e-7)
     model = solid_model(job)
@@ -296,7 +302,7 @@ def test_a_strip_stretched_in_situ_bears_the_stress_of_its_stretch(k):
     rounding = 4e-8 * k * MPA * section  # the figures have eight decimals
     assert force[grip, 0].sum() == pytest.approx(cauchy * MPA * section, abs=rounding)
     assert np.abs(force[model.free]).max() < rounding * LENGTH / THICK
-    shell = solved_by_shell(job)
+    shell = solve_by_shell(job)
     assert found.fields.strain == pytest.approx(shell.fields.strain, abs=1e-7)
     assert found.fields.stress == pytest.approx(shell.fields.stress, abs=1e-5 * cauchy * MPA)
 
@@ -305,9 +311,9 @@ def test_a_strip_stretched_in_situ_bears_the_stress_of_its_stretch(k):
 def test_two_fibre_families_are_pulled_as_those_of_our_shell(stretch, tolerance):
     """At equal angles to the pull; with one of them stretched in situ the strip shears, and the
     elements differ near its grips."""
-    job = gripped(low(parts=(Part("skin", CROSSED, stretch),)), 0.05 * LENGTH)
+    job = grip_ends(low(parts=(ShellPart("skin", CROSSED, stretch),)), 0.05 * LENGTH)
     job = replace(job, fibre=np.tile([np.cos(0.35), -np.sin(0.35), 0], (len(job.quads), 1)))
-    found, shell = (s.fields.stress.mean(axis=0) for s in (last(job), solved_by_shell(job)))
+    found, shell = (s.fields.stress.mean(axis=0) for s in (last(job), solve_by_shell(job)))
     assert found == pytest.approx(shell, abs=tolerance * np.abs(shell).max())
 
 
@@ -326,9 +332,9 @@ def loose_director(job):
     ("change", "words"),
     [
         (lambda j: {"height": 0 * j.height}, "leave out --mid-surface"),
-        (lambda j: {"parts": (Part("skin", febio_law(np.inf)),)}, "'skin'.*incompressible"),
+        (lambda j: {"parts": (ShellPart("skin", febio_law(np.inf)),)}, "'skin'.*incompressible"),
         (
-            lambda j: {"parts": (Part("skin", replace(CROSSED, angle=np.array([0.1, 0.2]))),)},
+            lambda j: {"parts": (ShellPart("skin", replace(CROSSED, angle=np.array([0.1, 0.2]))),)},
             "'skin'.*CrossedFibres varies within the part",
         ),
         (loose_director, "free to move"),
@@ -343,18 +349,18 @@ def test_what_is_not_covered_is_said(change, words):
 
 
 def test_a_sheet_that_can_move_and_one_that_finds_no_rest_are_told(monkeypatch):
-    job = sprung(SpringLaw(2e3), 0.0)
+    job = spring_job(SpringLaw(2e3), 0.0)
     job = replace(job, height=np.full_like(job.height, THICK / 2), springs=())
     with pytest.raises(InputError, match="nothing resists"):
         solve_solid(job)
-    job = loaded(end, [0, 0, 0.01])
+    job = add_load(end, [0, 0, 0.01])
     monkeypatch.setattr("fe_solver.verification.febio.solid_solve.MOST_ITERATIONS", 1)
     with pytest.raises(ConvergenceError, match=r"no equilibrium of q4ans.*leave out --element"):
         solve_solid(job)
 
 
 def test_the_command_solves_with_febios_element(tmp_path):
-    write_feb(loaded(end, [0, 0, 0.01]), tmp_path / "strip.feb")
+    write_feb(add_load(end, [0, 0, 0.01]), tmp_path / "strip.feb")
     job = read_feb(tmp_path / "strip.feb")
     out = tmp_path / "out"
     done = run("solve", tmp_path / "strip.feb", "--element", "q4ans", "--out", out)
@@ -370,7 +376,7 @@ def test_the_command_solves_with_febios_element(tmp_path):
 
 
 def test_a_result_names_the_body_that_bears_what_is_held(tmp_path):
-    job = sprung(SpringLaw(2e3), 1.0)
+    job = spring_job(SpringLaw(2e3), 1.0)
     job = replace(job, height=np.full_like(job.height, THICK / 2))
     folder = write_job(tmp_path / "out", solve_solid(job))
     told = json.loads((folder / "summary.json").read_text())
@@ -378,23 +384,23 @@ def test_a_result_names_the_body_that_bears_what_is_held(tmp_path):
 
 
 def test_verdicts_tell_ours_from_the_formulation():
-    assert Row("u", 1.0, 1.0, 1.0, 1.02).verdict == "agrees"
-    assert Row("u", 0.9, 0.9, 1.0, 1.0).verdict == "formulation"
-    assert Row("u", 0.9, 1.0, 0.9, 1.0).verdict == "differs"
-    assert Row("u", 0.9, 1.0, None, 1.0).verdict == "formulation"
-    assert Row("u", 0.9).verdict == "no figure"
-    assert Row("u", 0.9, 0.95, 1.0).off(0.95) == pytest.approx(-0.05)
+    assert ComparedQuantity("u", 1.0, 1.0, 1.0, 1.02).verdict == "agrees"
+    assert ComparedQuantity("u", 0.9, 0.9, 1.0, 1.0).verdict == "formulation"
+    assert ComparedQuantity("u", 0.9, 1.0, 0.9, 1.0).verdict == "differs"
+    assert ComparedQuantity("u", 0.9, 1.0, None, 1.0).verdict == "formulation"
+    assert ComparedQuantity("u", 0.9).verdict == "no figure"
+    assert ComparedQuantity("u", 0.9, 0.95, 1.0).off(0.95) == pytest.approx(-0.05)
     figures = PUBLISHED["hood_iso_500"]
     names = [str(i) for i in range(12)]
-    table = rows(figures, {e: dict.fromkeys(names, float(i)) for i, e in enumerate(Element)})
+    table = rows(figures, {e: dict.fromkeys(names, float(i)) for i, e in enumerate(Formulation)})
     assert [r.q4ans for r in table] == [2.0] * 12
     assert table[-1].off(2.0) == pytest.approx(2 / 91 - 1)
 
 
 def test_a_model_without_figures_is_judged_by_febios_element():
-    job = loaded(end, [0, 0, 0.01])
+    job = add_load(end, [0, 0, 0.01])
     values = quantities(job, last(job), None)
     assert list(values)[2].startswith("uz of node")
     more = {k: 1.1 * v for k, v in values.items()}
-    table = rows(None, {Element.OWN: more, Element.Q4ANS: values})
+    table = rows(None, {Formulation.OWN: more, Formulation.Q4ANS: values})
     assert table[2].off(table[2].own) == pytest.approx(0.1, rel=0.05)

@@ -11,7 +11,7 @@ from cosim.errors import InputError
 from cosim.port import Motion, rotation_matrix
 from fe_solver.forces.cables import Cables, cable_forces, cable_masses, cable_state, law
 from fe_solver.hood.build_cable import Net, cable_hood
-from fe_solver.hood.build_shell import ContactLaw, Tendon
+from fe_solver.hood.build_shell import ContactLaw, TendonEnd
 from fe_solver.solver.body_coupling import wrenches
 from fe_solver.solver.newton import NewtonOptions, solve
 from fe_solver.solver.relaxation import relax
@@ -155,7 +155,7 @@ def hood_of(points: np.ndarray, cells: np.ndarray, tied: dict[str, np.ndarray]) 
         tied,
         "bone",
         np.array([-1.0, 0, 0]),
-        {"T": Tendon(np.array([0]), np.ones(1))},
+        {"T": TendonEnd(np.array([0]), np.ones(1))},
         ContactLaw(1e10, 1e-5, {}, {}),
         NewtonOptions(),
     )

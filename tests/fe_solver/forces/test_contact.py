@@ -21,10 +21,10 @@ from fe_solver.forces.contact import (
     contact_forces,
     contact_state,
     friction_forces,
+    inverse_ramp,
     join_point_forces,
     partition,
     ramp,
-    unramp,
 )
 from fe_solver.forces.springs import PointForces, Springs, spring_forces
 from fe_solver.solver.augmented_contact import AugmentOptions, next_increment, solve_augmented
@@ -198,12 +198,12 @@ def test_rows():
 
 @given(st.floats(0, 1e-3), SMOOTHINGS)
 def test_the_depth_of_a_ramps_value(value, smoothing):
-    depth = unramp(np.array([value]), smoothing)
+    depth = inverse_ramp(np.array([value]), smoothing)
     assert ramp(depth, smoothing)[1] == pytest.approx(value, abs=1e-12)
     assert depth >= -smoothing
 
 
-def pushed(friction: float = 0.0, **changes) -> ShellModel:
+def press_sheet(friction: float = 0.0, **changes) -> ShellModel:
     """A small stiff sheet on the ground, pressed by 1 N and held by springs along x to a second
     body."""
     X, quads = plate(4e-3, 4e-3, 2, 2)
@@ -226,7 +226,7 @@ def pushed(friction: float = 0.0, **changes) -> ShellModel:
     return replace(model, dead=dead, springs=springs, contacts=(contact,))
 
 
-def drawn(model: ShellModel, c: Configuration, by: float) -> Solution:
+def drag_sheet(model: ShellModel, c: Configuration, by: float) -> Solution:
     position = c.position.copy()
     position[1, 0] = by
     return solve_augmented(model, model.move_bodies(c, position, c.rotation), NO_TENSION, TIGHT)
@@ -236,10 +236,10 @@ def drawn(model: ShellModel, c: Configuration, by: float) -> Solution:
 def test_a_block_sticks_slides_and_gives_heat(share):
     """Coulomb's block drawn by springs of 9 N/mm: sticks below mu N, then slides; on the way back
     it sticks at once.  The heat is the limit times the slip."""
-    model = pushed(0.4, shear=1e13, share=share)
+    model = press_sheet(0.4, shear=1e13, share=share)
     c, drags, heats = at_rest(model), [], []
     for by in (0.02e-3, 0.1e-3, 0.2e-3, 0.19e-3):
-        solution = drawn(model, c, by)
+        solution = drag_sheet(model, c, by)
         c, model = solution.configuration, next_increment(solution)
         state = contact_state(solution.model.contacts[0], c.x, c.position, c.rotation)
         drags.append(state.drag[:, 0].sum())
@@ -269,7 +269,7 @@ def test_friction_by_hand():
 
 
 def test_shares_divide_the_load_and_none_lets_through():
-    whole = pushed()
+    whole = press_sheet()
     quarter = np.full(9, 0.25)
     halves = tuple(
         replace(whole.contacts[0], body=b, share=s) for b, s in enumerate((quarter, 1 - quarter))
@@ -291,7 +291,7 @@ def test_shares_divide_the_load_and_none_lets_through():
 def test_augmented_pressure_does_not_know_penalty_or_smoothing():
     """The whole load is carried at a gap below what is asked for."""
     for stiffness, smoothing in ((1e8, 1e-6), (1e9, 1e-4), (1e10, 1e-6)):
-        model = pushed(stiffness=stiffness, smoothing=smoothing)
+        model = press_sheet(stiffness=stiffness, smoothing=smoothing)
         options = AugmentOptions(penetration=1e-9)
         solution = solve_augmented(model, at_rest(model), NO_TENSION, TIGHT, options)
         c = solution.configuration
@@ -311,7 +311,7 @@ def test_a_stiffer_contact_sticks_as_before():
 
 
 def test_a_loop_that_cannot_end_says_where():
-    model = pushed(stiffness=1e8)
+    model = press_sheet(stiffness=1e8)
     with pytest.raises(ConvergenceError, match=r"2 rounds: node \d+ at .* on the body ground"):
         solve_augmented(
             model,
@@ -350,7 +350,7 @@ def test_a_partition_adds_up_and_changes_smoothly(distances, blend):
 )
 def test_impossible_contacts_are_refused(changes, words):
     with pytest.raises(InputError, match=words):
-        pushed(**changes)
+        press_sheet(**changes)
     with pytest.raises(InputError, match="blending length"):
         partition(np.zeros((1, 2)), 0.0)
     with pytest.raises(InputError, match="positive tolerances"):

@@ -13,7 +13,7 @@ from fe_solver.elements.kinds import KINDS
 from fe_solver.elements.mesh_geometry import element_areas, node_areas
 from fe_solver.elements.shell import Array
 from fe_solver.forces.contact import Contact, contact_fields, contact_forces, contact_state
-from fe_solver.forces.contact_points import Within
+from fe_solver.forces.contact_points import ElementPoints
 from fe_solver.solver.model import ShellModel
 from fe_solver.solver.newton import worst_place
 from fe_solver.surfaces.shapes import HalfSpace, Sphere
@@ -28,7 +28,7 @@ def flat(nx: int, ny: int) -> ShellModel:
     return sheet(*with_nine_nodes(*plate(nx * SIDE, ny * SIDE, nx, ny)), 1e7, 0.3, 0.5e-3)
 
 
-def warped(seed: int) -> tuple[Array, np.ndarray]:
+def warp(seed: int) -> tuple[Array, np.ndarray]:
     X, quads = with_nine_nodes(*plate(3 * SIDE, 2 * SIDE, 3, 2))
     return X + 0.1 * SIDE * np.random.default_rng(seed).normal(size=X.shape), quads
 
@@ -36,7 +36,7 @@ def warped(seed: int) -> tuple[Array, np.ndarray]:
 @pytest.mark.parametrize("in_line", [2, 3, 4, 5])
 def test_points_are_where_their_weights_say_and_share_the_area(in_line):
     X, quads = with_nine_nodes(*plate(3 * SIDE, 2 * SIDE, 3, 2))
-    points = Within.of(quads, np.array([1, 4]), in_line)
+    points = ElementPoints.of(quads, np.array([1, 4]), in_line)
     assert len(points.nearest) == 2 * in_line**2
     areas = points.areas(X).reshape(2, -1)
     assert areas.sum(axis=1) == pytest.approx(element_areas(X, quads)[[1, 4]], rel=1e-12)
@@ -66,8 +66,8 @@ def test_an_even_pressure_loads_the_nodes_as_the_element_shares_it():
 
 @pytest.mark.parametrize("seed", range(3))
 def test_forces_within_elements_are_their_energys(seed):
-    X, quads = warped(seed)
-    points = Within.of(quads, np.array([0, 2, 3, 5]))
+    X, quads = warp(seed)
+    points = ElementPoints.of(quads, np.array([0, 2, 3, 5]))
     area, none = points.areas(X), np.zeros(len(points.nearest))
     ball = Sphere(np.array([1.5 * SIDE, SIDE, -0.95 * RADIUS]), RADIUS)
     act = Contact(1, ball, points.nearest, none, area, 1e10, 1e-4, within=points)
@@ -92,7 +92,7 @@ def test_the_compiled_spread_is_the_plain_one(monkeypatch):
     assert kernels.spread(which, weights, hessian, 3) == pytest.approx(fast, abs=1e-14)
 
 
-def pressed_by_a_ball(points: Within | None, model: ShellModel, shift: Array) -> float:
+def ball_force(points: ElementPoints | None, model: ShellModel, shift: Array) -> float:
     """N, of a ball that has sunk into the sheet by DEPTH."""
     X, middle = model.reference, np.array([2.5 * SIDE, 2.5 * SIDE, DEPTH - RADIUS])
     ball = Sphere(middle + shift, RADIUS)
@@ -110,10 +110,10 @@ def test_a_balls_force_hardly_depends_on_where_in_an_element_it_presses():
     circle = RADIUS**2 - z**2
     exact = 2e10 * np.pi * (RADIUS * circle / 2 - (RADIUS**3 - z**3) / 3)
     places = SIDE * np.random.default_rng(0).uniform(-0.5, 0.5, (40, 3)) * [1, 1, 0]
-    points = Within.of(model.quads, np.arange(len(model.quads)))
+    points = ElementPoints.of(model.quads, np.arange(len(model.quads)))
     errors = {}
     for name, at in (("nodes", None), ("points", points)):
-        off = [pressed_by_a_ball(at, model, shift) / exact - 1 for shift in places]
+        off = [ball_force(at, model, shift) / exact - 1 for shift in places]
         errors[name] = float(np.sqrt(np.mean(np.square(off))))
     assert errors["points"] < 0.01
     assert errors["points"] < 0.2 * errors["nodes"]

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from cosim.errors import ConvergenceError, InputError
-from fe_solver.job.curves import Curve, Drive
+from fe_solver.job.curves import Drive, LoadCurve
 from fe_solver.job.job import (
     Body,
-    Held,
     HeldDirector,
     NodalForce,
+    PrescribedDisplacement,
     Pressure,
     SpringLaw,
     SpringSet,
@@ -30,19 +30,23 @@ from tests.helpers.jobs import (
     THICK,
     WIDTH,
     E,
-    at,
-    bent,
-    floored,
-    pinned,
-    sprung,
+    bending_job,
+    contact_job,
+    fix_components,
+    nodes_at,
+    spring_job,
     strip,
     total,
 )
 
 
 def test_a_prescribed_displacement_stretches_as_the_law_says():
-    job, end = strip(), at(strip(), LENGTH)
-    held = (Held(at(job, 0.0), 0), Held(end, 0, Drive(1e-3, RAMP)), *pinned(job, 1, 2))
+    job, end = strip(), nodes_at(strip(), LENGTH)
+    held = (
+        PrescribedDisplacement(nodes_at(job, 0.0), 0),
+        PrescribedDisplacement(end, 0, Drive(1e-3, RAMP)),
+        *fix_components(job, 1, 2),
+    )
     job = replace(job, held=held)
     (state,) = solve_job(job, options=PLAIN).states
     stretch = 1.05
@@ -53,15 +57,17 @@ def test_a_prescribed_displacement_stretches_as_the_law_says():
 
 
 def test_one_component_given_twice_and_not_alike_is_refused():
-    job, end = strip(), at(strip(), LENGTH)
-    job = replace(job, held=(*pinned(job, 0), Held(end, 0, Drive(1e-3, RAMP))))
+    job, end = strip(), nodes_at(strip(), LENGTH)
+    job = replace(
+        job, held=(*fix_components(job, 0), PrescribedDisplacement(end, 0, Drive(1e-3, RAMP)))
+    )
     with pytest.raises(InputError, match=f"of {job.node(end[0])} is given twice"):
         solve_job(job, options=PLAIN)
 
 
 def test_many_steps_end_where_one_does():
-    whole = solve_job(bent(), options=PLAIN)
-    parts = solve_job(bent(), options=PLAIN, times=[0.2, 0.5, 0.8, 1.0])
+    whole = solve_job(bending_job(), options=PLAIN)
+    parts = solve_job(bending_job(), options=PLAIN, times=[0.2, 0.5, 0.8, 1.0])
     far = whole.states[-1].configuration.x
     assert np.ptp(far[:, 2]) > 2e-3
     assert [s.time for s in parts.states] == [0.2, 0.5, 0.8, 1.0]
@@ -76,9 +82,9 @@ def test_many_steps_end_where_one_does():
 )
 def test_short_steps_or_a_damped_motion_end_where_one_step_does(shortest, failures, relaxations):
     """Newton may not take the iterations that the whole load takes."""
-    (whole,) = solve_job(bent(), options=PLAIN).states
+    (whole,) = solve_job(bending_job(), options=PLAIN).states
     hasty = replace(PLAIN, shortest=shortest, newton=NewtonOptions(1e-8, max_iterations=8))
-    result = solve_job(bent(), options=hasty)
+    result = solve_job(bending_job(), options=hasty)
     assert result.effort.failures in failures
     assert result.effort.relaxations == relaxations
     x = result.states[-1].configuration.x
@@ -87,24 +93,24 @@ def test_short_steps_or_a_damped_motion_end_where_one_step_does(shortest, failur
 
 def test_a_director_turned_through_its_element_is_no_solution():
     """Such a state is an equilibrium of the discrete sheet, of less energy even."""
-    (state,) = solve_job(bent(), options=PLAIN).states
+    (state,) = solve_job(bending_job(), options=PLAIN).states
     c = state.configuration
     turned = c.d.copy()
-    turned[at(bent(), LENGTH)[0]] *= -1
+    turned[nodes_at(bending_job(), LENGTH)[0]] *= -1
     with pytest.raises(ConvergenceError, match="turned through an element's plane, at node"):
         solve(state.model, replace(c, d=turned), np.zeros(0), PLAIN.newton, near=True)
 
 
 def test_loads_and_bodies_balance_and_the_tie_carries_the_load():
-    state = solve_job(bent(), options=PLAIN).states[-1]
+    state = solve_job(bending_job(), options=PLAIN).states[-1]
     assert max(state.imbalance) < 1e-7
     assert total(state, "tie", "bone") == pytest.approx([0, 0, 0.08], abs=1e-7)
-    arm = state.configuration.x[at(strip(), LENGTH), 0].mean()
+    arm = state.configuration.x[nodes_at(strip(), LENGTH), 0].mean()
     assert state.wrench["tie"][0, 4] == pytest.approx(-0.08 * arm, rel=1e-4)
 
 
 def test_a_prediction_saves_iterations():
-    first = solve_job(bent(), options=PLAIN, times=[0.5, 0.502])
+    first = solve_job(bending_job(), options=PLAIN, times=[0.5, 0.502])
     assert first.states[1].effort.iterations <= 3
 
 
@@ -113,7 +119,7 @@ def test_a_sheet_follows_the_body_that_turns_without_force():
     moved = (Drive(), Drive(), Drive(2e-3, RAMP))
     job = strip(nu=0.3)
     bone = Body("bone", np.array([3e-3, 0, 0]), *NONE, moved, turn)
-    job = replace(job, bodies=(bone,), tied=(Tied(at(job, 0.0), 0),))
+    job = replace(job, bodies=(bone,), tied=(Tied(nodes_at(job, 0.0), 0),))
     result = solve_job(job, options=PLAIN)
     (state,) = result.states
     p, R = bone.pose(1.0)
@@ -123,7 +129,7 @@ def test_a_sheet_follows_the_body_that_turns_without_force():
 
 
 def test_a_hinge_holds_places_and_leaves_directors_free():
-    job = bent(held=(Held(at(strip(), LENGTH), 2),), forces=())
+    job = bending_job(held=(PrescribedDisplacement(nodes_at(strip(), LENGTH), 2),), forces=())
     job = replace(job, pressures=(Pressure(np.arange(30), np.ones(30, int), Drive(-1e3, RAMP)),))
     stiff = solve_job(job, options=PLAIN).states[0]
     loose = replace(job, tied=(replace(job.tied[0], clamped=False),))
@@ -135,8 +141,12 @@ def test_a_hinge_holds_places_and_leaves_directors_free():
 
 def test_a_held_director_makes_a_mirror_of_the_edge():
     job = strip(nx=16)
-    edge, end = at(job, 0.0), at(job, LENGTH)
-    held = (Held(edge, 0), *(Held(end, c) for c in (0, 2)), *pinned(job, 1))
+    edge, end = nodes_at(job, 0.0), nodes_at(job, LENGTH)
+    held = (
+        PrescribedDisplacement(edge, 0),
+        *(PrescribedDisplacement(end, c) for c in (0, 2)),
+        *fix_components(job, 1),
+    )
     load = Pressure(np.arange(48), np.ones(48, int), Drive(-200.0, RAMP))
     job = replace(job, held=held, pressures=(load,))
     state = solve_job(replace(job, held_directors=(HeldDirector(edge, 0),)), options=PLAIN).states[
@@ -148,7 +158,7 @@ def test_a_held_director_makes_a_mirror_of_the_edge():
 
 @pytest.mark.parametrize("dead", [True, False])
 def test_pressure_pushes_against_the_normal(dead):
-    job = bent(forces=())
+    job = bending_job(forces=())
     quads = np.arange(len(job.quads))
     load = Pressure(quads, np.full(len(quads), -1), Drive(500.0, RAMP), dead)
     state = solve_job(replace(job, pressures=(load,)), options=PLAIN).states[0]
@@ -166,11 +176,11 @@ def test_pressure_pushes_against_the_normal(dead):
     [
         (SpringLaw(2e3), 1e-3),
         (SpringLaw(2e3, tension_only=True), 1e-3),
-        (SpringLaw(0.0, table=Curve((-1e-3, 0.0, 0.5e-3, 2e-3), (-1.0, 0.0, 0.5, 5.0))), 1e-3),
+        (SpringLaw(0.0, table=LoadCurve((-1e-3, 0.0, 0.5e-3, 2e-3), (-1.0, 0.0, 0.5, 5.0))), 1e-3),
     ],
 )
 def test_a_spring_stretches_until_it_carries_the_load(law, stretch):
-    (state,) = solve_job(sprung(law, 2.0), options=PLAIN).states
+    (state,) = solve_job(spring_job(law, 2.0), options=PLAIN).states
     (force,) = state.spring_forces
     assert force == pytest.approx([2.0], rel=1e-7)
     moved = state.configuration.x[0, 0]
@@ -179,8 +189,11 @@ def test_a_spring_stretches_until_it_carries_the_load(law, stretch):
 
 
 def test_a_spring_between_two_nodes_pulls_both():
-    job = replace(strip(), held=(*pinned(strip(), 1, 2), Held(at(strip(), 0.0), 0)))
-    a, b = (int(at(job, x)[0]) for x in (0.0, LENGTH))
+    job = replace(
+        strip(),
+        held=(*fix_components(strip(), 1, 2), PrescribedDisplacement(nodes_at(strip(), 0.0), 0)),
+    )
+    a, b = (int(nodes_at(job, x)[0]) for x in (0.0, LENGTH))
     none = np.zeros((1, 3))
     tight = SpringSet(
         "tie",
@@ -202,7 +215,7 @@ def test_a_spring_between_two_nodes_pulls_both():
     [(0.0, 0.0, THICK / 2), (0.1e-3, 0.0, THICK / 2 + 0.1e-3), (0.0, THICK / 2, 0.0)],
 )
 def test_contact_holds_the_face_that_is_meant_at_its_gap(gap, height, rest):
-    job = floored(gap, height, lift=rest + 1e-6)
+    job = contact_job(gap, height, lift=rest + 1e-6)
     (state,) = solve_job(job, options=PLAIN).states
     assert state.contact[0] == pytest.approx([0, 0, -1.0], abs=1e-6)
     assert state.penetration < 2e-6
@@ -211,24 +224,24 @@ def test_contact_holds_the_face_that_is_meant_at_its_gap(gap, height, rest):
 
 
 def test_penetration_is_what_is_asked_for():
-    job = floored(lift=THICK / 2)
-    job = replace(job, held=(*job.held, Held(at(job, 0.0), 2)))
-    load = NodalForce(at(job, LENGTH), np.array([0, 0, -5.0]), RAMP)
+    job = contact_job(lift=THICK / 2)
+    job = replace(job, held=(*job.held, PrescribedDisplacement(nodes_at(job, 0.0), 2)))
+    load = NodalForce(nodes_at(job, LENGTH), np.array([0, 0, -5.0]), RAMP)
     fine = solve_job(replace(job, forces=(load,)), options=replace(PLAIN, penetration=1e-7))
     soft = solve_job(replace(job, forces=(load,)), options=replace(PLAIN, penetration=None))
     assert fine.states[0].penetration < 1e-7 < 1e-6 < soft.states[0].penetration
 
 
 def test_nodes_that_a_body_carries_do_not_touch_it():
-    job = floored(lift=THICK / 4)
-    job = replace(job, held=(), tied=(Tied(at(job, 0.0), 0),))
+    job = contact_job(lift=THICK / 4)
+    job = replace(job, held=(), tied=(Tied(nodes_at(job, 0.0), 0),))
     model = job_model(job, PLAIN)
-    assert not np.isin(at(job, 0.0), model.base.contacts[0].nodes).any()
-    assert len(model.base.contacts[0].nodes) == len(job.points) - len(at(job, 0.0))
+    assert not np.isin(nodes_at(job, 0.0), model.base.contacts[0].nodes).any()
+    assert len(model.base.contacts[0].nodes) == len(job.points) - len(nodes_at(job, 0.0))
 
 
 def test_a_solve_that_fails_says_when_and_where():
-    job = replace(sprung(SpringLaw(1e3), 1.0), springs=())
+    job = replace(spring_job(SpringLaw(1e3), 1.0), springs=())
     options = replace(PLAIN, shortest=0.5, newton=NewtonOptions(max_iterations=5))
     said = r"strip: .* at t = .*went off by 10 times its length.*node \d+0 at .*region skin"
     with pytest.raises(ConvergenceError, match=said):
@@ -237,8 +250,8 @@ def test_a_solve_that_fails_says_when_and_where():
 
 def test_times_must_ascend():
     with pytest.raises(InputError, match="expected times that ascend"):
-        solve_job(bent(), options=PLAIN, times=[0.5, 0.5])
+        solve_job(bending_job(), options=PLAIN, times=[0.5, 0.5])
     with pytest.raises(InputError, match="spacing = 0: expected more than zero"):
         JobOptions(spacing=0.0)
-    assert spread_times(bent(), until=0.6, states=2) == [0.5, 0.6]
-    assert spread_times(bent(), until=2.0) == [1.0, 2.0]
+    assert spread_times(bending_job(), until=0.6, states=2) == [0.5, 0.6]
+    assert spread_times(bending_job(), until=2.0) == [1.0, 2.0]

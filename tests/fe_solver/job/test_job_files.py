@@ -14,8 +14,8 @@ from fe_solver.febio.read import read_feb
 from fe_solver.febio.write import write_feb
 from fe_solver.hood.as_job import job_of_hood
 from fe_solver.job.febio_like import bending_notes, facet_lift, febio_patch
-from fe_solver.job.job import Body, ContactPair, NodalForce, Part, SpringLaw, SpringSet, Tied
-from fe_solver.job.mid_surface import on_mid_surface
+from fe_solver.job.job import Body, ContactPair, NodalForce, ShellPart, SpringLaw, SpringSet, Tied
+from fe_solver.job.mid_surface import move_to_mid_surface
 from fe_solver.job.solve import solve_job
 from fe_solver.materials.hyperelastic import NeoHookean
 from fe_solver.materials.linear import Isotropic, Orthotropic
@@ -30,9 +30,9 @@ from tests.helpers.jobs import (
     RAMP,
     THICK,
     E,
-    at,
     body,
     job_normal_up,
+    nodes_at,
     one_of,
     rod_hood,
     rod_job,
@@ -57,7 +57,7 @@ def test_a_law_whose_bending_in_febio_is_not_known_keeps_its_own_and_is_named():
     (patch,) = one_law(law, np.full(1, THICK)).patches
     assert not febio_patch(patch).bending.any()
     job = strip()
-    (note,) = bending_notes(replace(job, parts=(*job.parts, Part("woven", law))))
+    (note,) = bending_notes(replace(job, parts=(*job.parts, ShellPart("woven", law))))
     assert "'woven': bends as a thin sheet" in note
 
 
@@ -159,9 +159,9 @@ def test_what_a_job_cannot_say_of_a_hood_is_refused():
 
 def test_on_its_mid_surface_a_sheet_is_pulled_straight_and_springs_keep_their_slack():
     """Pulled at a face, it bends by the force times half the thickness."""
-    job, end = strip(), at(strip(), LENGTH)
+    job, end = strip(), nodes_at(strip(), LENGTH)
     pull = NodalForce(end, np.array([0.5 / len(end), 0, 0]), RAMP)
-    tied = Tied(at(job, 0.0), 0)
+    tied = Tied(nodes_at(job, 0.0), 0)
     job = replace(
         job, height=job.height - THICK / 2, bodies=(body(),), tied=(tied,), forces=(pull,)
     )
@@ -171,11 +171,12 @@ def test_on_its_mid_surface_a_sheet_is_pulled_straight_and_springs_keep_their_sl
         other, np.array([0.03, 0.01]),
     )  # fmt: skip
     bent_, straight = (
-        solve_job(j, options=PLAIN).states[-1].configuration for j in (job, on_mid_surface(job))
+        solve_job(j, options=PLAIN).states[-1].configuration
+        for j in (job, move_to_mid_surface(job))
     )
     assert np.ptp(bent_.x[:, 2]) > 1e-4
     assert np.ptp(straight.x[:, 2]) < 1e-12
-    moved = on_mid_surface(replace(job, springs=(ends,)))
+    moved = move_to_mid_surface(replace(job, springs=(ends,)))
     assert moved.points[:, 2] == pytest.approx(-THICK / 2)
     slack = np.hypot(LENGTH, 9e-3) - 0.03
     reach = np.hypot(LENGTH, 9e-3 + THICK / 2)

@@ -12,24 +12,24 @@ import pytest
 from cosim.errors import InputError
 from fe_solver.febio.read import read_feb
 from fe_solver.febio.write import write_feb
-from fe_solver.job.curves import Curve
+from fe_solver.job.curves import LoadCurve
 from fe_solver.job.job import SpringLaw
 from fe_solver.job.results import write_job
 from fe_solver.job.solve import _advice, solve_job
-from fe_solver.verification.febio.compare import Element, quantities, rows
+from fe_solver.verification.febio.compare import Formulation, quantities, rows
 from fe_solver.verification.febio.figures import PUBLISHED
-from fe_solver.verification.febio.solid_solve import other_ways
+from fe_solver.verification.febio.solid_solve import alternatives
 from tests.helpers.jobs import (
     PLAIN,
-    bent,
+    bending_job,
     run,
-    sprung,
+    spring_job,
     strip,
 )
 
 
 def test_results_are_whole_and_can_be_read(tmp_path):
-    result = solve_job(bent(), options=PLAIN, times=[0.5, 1.0])
+    result = solve_job(bending_job(), options=PLAIN, times=[0.5, 1.0])
     folder = write_job(tmp_path / "bent", result)
     told = json.loads((folder / "summary.json").read_text())
     assert [s["time"] for s in told["states"]] == [0.5, 1.0]
@@ -53,7 +53,7 @@ def test_results_are_whole_and_can_be_read(tmp_path):
 
 
 def test_the_force_of_every_spring_is_written(tmp_path):
-    result = solve_job(sprung(SpringLaw(2e3), 1.0), options=PLAIN, times=[0.5, 1.0])
+    result = solve_job(spring_job(SpringLaw(2e3), 1.0), options=PLAIN, times=[0.5, 1.0])
     rows_ = (write_job(tmp_path / "out", result) / "springs.csv").read_text().splitlines()
     assert rows_[0] == "time,set,node,end,force_N"
     found = [line.split(",") for line in rows_[1:]]
@@ -65,7 +65,7 @@ def test_published_figures_are_compared_by_their_names():
     figures = PUBLISHED["free_iso_2000"]
     X, ids = np.zeros((3, 3)), np.array([11, 1, 1271])
     job = replace(strip(), points=X, node_ids=ids)
-    (state,) = solve_job(bent(), options=PLAIN).states
+    (state,) = solve_job(bending_job(), options=PLAIN).states
     moved = np.array([figures.displacement[i] for i in ids]) * 1e-3
     state = replace(
         state,
@@ -73,7 +73,7 @@ def test_published_figures_are_compared_by_their_names():
         spring_forces=(np.array([6.458, -1.0]),),
     )
     found = quantities(job, state, figures)
-    table = {r.quantity: r for r in rows(figures, {Element.OWN: found})}
+    table = {r.quantity: r for r in rows(figures, {Formulation.OWN: found})}
     assert len(table) == 7 + 3
     assert all(r.verdict == "agrees" for k, r in table.items() if k.startswith("u"))
     assert table["largest spring (N)"].off(6.458) == pytest.approx(0.0)
@@ -81,7 +81,7 @@ def test_published_figures_are_compared_by_their_names():
 
 
 def test_the_command_solves_a_file_and_writes_its_result(tmp_path):
-    job = bent(notes=("Output: left alone",))
+    job = bending_job(notes=("Output: left alone",))
     write_feb(job, tmp_path / "bent.feb")
     done = run("solve", tmp_path / "bent.feb", "--out", tmp_path / "out", "--states", "2")
     assert done.exit_code == 0, done.output
@@ -97,7 +97,7 @@ def test_the_command_solves_a_file_and_writes_its_result(tmp_path):
 def test_a_file_bends_as_febios_shells_unless_told_otherwise(tmp_path):
     """At nu = 0.3 thickness locking makes a sheet (1 - nu)^2 / (1 - 2 nu) = 1.225 times as stiff in
     bending, less where it is narrow and curls."""
-    write_feb(bent(), tmp_path / "bent.feb")
+    write_feb(bending_job(), tmp_path / "bent.feb")
     largest = []
     for words in ((), ("--own-shell",)):
         done = run("solve", tmp_path / "bent.feb", "--out", tmp_path / f"out{len(words)}", *words)
@@ -108,13 +108,13 @@ def test_a_file_bends_as_febios_shells_unless_told_otherwise(tmp_path):
 
 
 def test_the_nearest_is_advised_first():
-    job = sprung(SpringLaw(1e3), 1.0)
+    job = spring_job(SpringLaw(1e3), 1.0)
     on_face = replace(job, as_febio=True, height=job.height + job.thickness / 2)
-    told = _advice(on_face, 3, other_ways(on_face))
+    told = _advice(on_face, 3, alternatives(on_face))
     places = [told.index(w) for w in ("--element q4ans", "--own-shell", "--mid-surface")]
     assert places == sorted(places)
-    assert not other_ways(job)  # nodes lie on no face
-    assert "q4ans" not in _advice(on_face, 0, other_ways(on_face))  # perhaps nothing holds it
+    assert not alternatives(job)  # nodes lie on no face
+    assert "q4ans" not in _advice(on_face, 0, alternatives(on_face))  # perhaps nothing holds it
     assert _advice(job, 3, ()) == ""
 
 
@@ -126,15 +126,15 @@ def test_the_command_tells_faults_by_its_exit_code(tmp_path):
     assert run("solve", tmp_path / "bad.feb", "--penetration", "1 kg").exit_code == 2
     assert run("bench", "febio").exit_code == 2
     assert run("bench", "febio", "--models", tmp_path).exit_code == 2
-    loose = replace(sprung(SpringLaw(1e3), 1.0), springs=())
+    loose = replace(spring_job(SpringLaw(1e3), 1.0), springs=())
     write_feb(loose, tmp_path / "loose.feb")
     lost = run("solve", tmp_path / "loose.feb", "--out", tmp_path / "out")
     assert lost.exit_code == 1
     assert "no equilibrium" in lost.stderr
     assert "--mid-surface" not in lost.stderr
     assert not (tmp_path / "out").exists()
-    never = SpringLaw(1e3, table=Curve((-1.0, 1.0), (0.0, 0.0)))
-    write_feb(sprung(never, 1.0), tmp_path / "slack.feb")
+    never = SpringLaw(1e3, table=LoadCurve((-1.0, 1.0), (0.0, 0.0)))
+    write_feb(spring_job(never, 1.0), tmp_path / "slack.feb")
     slack = run("solve", tmp_path / "slack.feb", "--out", tmp_path / "out")
     assert slack.exit_code == 1
     assert "pull at a face of the sheet" in slack.stderr

@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 from cosim.errors import InputError
 from cosim.port import rotation_matrix
 from fe_solver.forces.contact import Contact
-from fe_solver.job.curves import Curve
+from fe_solver.job.curves import LoadCurve
 from fe_solver.job.job import (
     Body,
-    Held,
     HeldDirector,
     Job,
     NodalForce,
-    Part,
+    PrescribedDisplacement,
+    ShellPart,
     SpringLaw,
     SpringSet,
     Step,
@@ -39,7 +39,7 @@ from tests.helpers.shells import plate
 
 LENGTH, WIDTH = 20e-3, 5e-3
 OPTIONS = JobOptions(cached=False)
-RAMP = Curve((0.0, 1.0), (0.0, 1.0))
+RAMP = LoadCurve((0.0, 1.0), (0.0, 1.0))
 NO_TENSION = np.zeros(0)
 Array = NDArray[np.float64]
 
@@ -54,7 +54,7 @@ def strip(nx: int = 4, ny: int = 2, **more: object) -> Job:
         quads,
         np.arange(1, ne + 1),
         np.zeros(ne, dtype=np.intp),
-        (Part("skin", Isotropic(1e8, 0.3)),),
+        (ShellPart("skin", Isotropic(1e8, 0.3)),),
         np.full((ne, 4), 0.5e-3),
         np.zeros((ne, 4)),
         np.tile([1.0, 0, 0], (ne, 1)),
@@ -85,18 +85,18 @@ def strings(job: Job, nodes: Sequence[int], reach: Sequence[float], **law: bool)
     )
 
 
-def pins(job: Job, *held: tuple[int, int]) -> tuple[Held, ...]:
-    return tuple(Held(np.array([n]), k) for n, k in held)
+def pins(job: Job, *held: tuple[int, int]) -> tuple[PrescribedDisplacement, ...]:
+    return tuple(PrescribedDisplacement(np.array([n]), k) for n, k in held)
 
 
-def evaluated(job: Job) -> tuple[ShellModel, Configuration, Evaluation]:
+def evaluate_job(job: Job) -> tuple[ShellModel, Configuration, Evaluation]:
     model = job_model(job, OPTIONS)
     own, c = model.at(0.0), model.start()
     return own, c, own.evaluate(c, NO_TENSION, tangent=True)
 
 
 def freedoms(job: Job) -> int:
-    return sum(len(f.shift) for f in rigid_freedoms(*evaluated(job)))
+    return sum(len(f.shift) for f in rigid_freedoms(*evaluate_job(job)))
 
 
 def weight(job: Job, *force: float) -> tuple[NodalForce, ...]:
@@ -123,14 +123,14 @@ def test_nodes_nearly_on_a_line_hold_a_sheet() -> None:
     job = strip()
     points = job.points.copy()
     points[1, 0] += 0.1e-3
-    held = tuple(Held(at(job, 0.0), k) for k in range(3))
+    held = tuple(PrescribedDisplacement(at(job, 0.0), k) for k in range(3))
     assert freedoms(replace(job, held=held)) == 1
     assert freedoms(replace(job, held=held, points=points)) == 0
 
 
 def test_a_hinge_is_told_by_its_axis() -> None:
     job = strip()
-    held = tuple(Held(at(job, 0.0), k) for k in range(3))
+    held = tuple(PrescribedDisplacement(at(job, 0.0), k) for k in range(3))
     words = r"at t = 1 the sheet of node 10 can turn about y through \(0, 2.5, 0\) mm, and nothing"
     with pytest.raises(InputError, match=words):
         solve_job(replace(job, held=held), options=OPTIONS)
@@ -140,8 +140,8 @@ def test_an_axis_that_is_none_of_the_frame_is_told_by_its_components() -> None:
     job = strip()
     turn = rotation_matrix(np.array([0, 0, np.pi / 6]))
     turned = replace(job, points=job.points @ turn.T, fibre=job.fibre @ turn.T)
-    held = tuple(Held(at(job, 0.0), k) for k in range(3))
-    (free,) = rigid_freedoms(*evaluated(replace(turned, held=held)))
+    held = tuple(PrescribedDisplacement(at(job, 0.0), k) for k in range(3))
+    (free,) = rigid_freedoms(*evaluate_job(replace(turned, held=held)))
     direction = free.turn[0] / np.linalg.norm(free.turn[0])
     np.testing.assert_allclose(np.abs(direction @ turn[:, 1]), 1.0, atol=1e-9)
     assert "turn about (" in free.words()
@@ -158,8 +158,8 @@ def test_an_axis_that_is_none_of_the_frame_is_told_by_its_components() -> None:
 def test_what_is_free_is_told_in_words(components: tuple[int, ...], words: str) -> None:
     job = strip()
     every = np.arange(len(job.points))
-    held = tuple(Held(every, k) for k in components)
-    (free,) = rigid_freedoms(*evaluated(replace(job, held=held)))
+    held = tuple(PrescribedDisplacement(every, k) for k in components)
+    (free,) = rigid_freedoms(*evaluate_job(replace(job, held=held)))
     assert free.words() == words
 
 
@@ -171,7 +171,7 @@ def test_one_clamped_node_leaves_the_turn_about_its_director(tied: bool) -> None
     else:
         still = tuple(HeldDirector(np.array([4]), k) for k in (0, 1))
         job = replace(job, held=pins(job, (4, 0), (4, 1), (4, 2)), held_directors=still)
-    (free,) = rigid_freedoms(*evaluated(job))
+    (free,) = rigid_freedoms(*evaluate_job(job))
     x, y, _ = 1e3 * job.points[4]
     assert free.words() == f"turn about z through ({x:.4g}, {y:.4g}, 0) mm"
 
@@ -213,7 +213,7 @@ def two_strips(job: Job) -> Job:
         element_ids=np.arange(1, 2 * len(job.quads) + 1),
         **{k: np.concatenate([getattr(job, k)] * 2) for k in ("part", "thickness", "height")},
         fibre=np.concatenate([job.fibre] * 2),
-        held=tuple(Held(np.arange(n), k) for k in range(3)),
+        held=tuple(PrescribedDisplacement(np.arange(n), k) for k in range(3)),
         bodies=(bone(),),
     )
 
@@ -232,7 +232,7 @@ def test_springs_between_pieces_hold_one_by_the_other() -> None:
     near, far = at(job, LENGTH), at(job, LENGTH + 1e-3)
     flat = strings(job, far.tolist(), [0, 0, 0])
     flat = replace(flat, body=np.full(len(far), -1), other=near, length=np.full(len(far), 1e-3))
-    (free,) = rigid_freedoms(*evaluated(replace(job, springs=(flat,))))
+    (free,) = rigid_freedoms(*evaluate_job(replace(job, springs=(flat,))))
     assert free.nodes.tolist() == list(range(n, 2 * n))
     assert len(free.shift) == 4  # they hold x and the turn about z
     held = (*job.held, *pins(job, (n, 1), (n, 2), (2 * n - 1, 2), (n + 1, 2)))

@@ -15,7 +15,7 @@ from cosim.errors import InputError
 from fe_solver.materials.crossed_fibres import CrossedFibres
 from fe_solver.materials.fibres import ExponentialFamily, HolzapfelGasserOgden, TransIsoMooneyRivlin
 from fe_solver.materials.hyperelastic import NeoHookean, volume_ratio
-from fe_solver.materials.linear import Isotropic, Law, Linear, Orthotropic
+from fe_solver.materials.linear import Isotropic, Law, LinearLaw, Orthotropic
 from fe_solver.materials.tension_field import RESIDUAL, State, TensionField
 from fe_solver.verification import material_rows
 from fe_solver.verification.material_points import (
@@ -30,7 +30,7 @@ from fe_solver.verification.material_points import (
 )
 from fe_solver.verification.material_rows import LAWS, ORTHOTROPIC, SMOOTH, TENDON
 
-CURVED = {n: law for n, law in LAWS.items() if not isinstance(law, Linear | TensionField)}
+CURVED = {n: law for n, law in LAWS.items() if not isinstance(law, LinearLaw | TensionField)}
 MORE = {
     "auxetic neo-Hookean": NeoHookean(1e6, -0.3),
     "nearly incompressible neo-Hookean": NeoHookean(1e6, 0.4999),

@@ -14,7 +14,7 @@ from fe_solver.solver.body_coupling import coupling, wrenches
 from fe_solver.solver.model import Configuration, ShellModel
 from fe_solver.solver.newton import Solution, solve
 from tests.helpers.shells import at_rest
-from tests.helpers.straps import TENSION, TIGHT, perturbed, strap
+from tests.helpers.straps import TENSION, TIGHT, perturb, strap
 
 
 @pytest.fixture(scope="module")
@@ -36,13 +36,13 @@ def test_the_strap_is_in_balance(model, solved):
     assert wrench.sum(axis=0) == pytest.approx(total, abs=1e-10)
 
 
-def moved(model: ShellModel, c: Configuration, twist: Array) -> Configuration:
+def move_bodies(model: ShellModel, c: Configuration, twist: Array) -> Configuration:
     """Bodies displaced by `twist` (nb, 6); free degrees of freedom stay."""
     turn = rotation_matrix(twist[:, 3:])
     return model.move_bodies(c, c.position + twist[:, :3], turn @ c.rotation)
 
 
-def mirrored() -> ShellModel:
+def mirror_strap() -> ShellModel:
     """The strap, one of its long edges in a mirror plane of the ball's body."""
     model = strap()
     g, X = model.guides, model.reference
@@ -66,7 +66,7 @@ def mirrored() -> ShellModel:
 
 
 def test_a_mirror_plane_holds_position_and_director(solved):
-    model = mirrored()
+    model = mirror_strap()
     solution = solve(model, at_rest(model), TENSION, TIGHT)
     c, edge = solution.configuration, model.guides.node[model.guides.steady]
     assert len(edge) > 3
@@ -81,7 +81,7 @@ def test_a_mirror_plane_holds_position_and_director(solved):
     assert turning.sum(axis=0) == pytest.approx(about, abs=1e-11)
 
 
-@pytest.mark.parametrize("made", [strap, mirrored])
+@pytest.mark.parametrize("made", [strap, mirror_strap])
 @pytest.mark.parametrize("seed", range(3))
 def test_coupling_to_the_bodies(made, seed):
     """Residual and wrenches by the bodies' twists and by the tensions, at turned bodies and away
@@ -90,13 +90,13 @@ def test_coupling_to_the_bodies(made, seed):
     solved = solve(model, at_rest(model), TENSION, TIGHT)
     rng = np.random.default_rng(seed)
     scale = np.array([1e-3, 1e-3, 1e-3, 0.1, 0.1, 0.1])
-    c = moved(model, solved.configuration, 0.5 * rng.normal(size=(3, 6)) * scale)
-    c = perturbed(model, c, 1e-6, seed)
+    c = move_bodies(model, solved.configuration, 0.5 * rng.normal(size=(3, 6)) * scale)
+    c = perturb(model, c, 1e-6, seed)
     e = model.evaluate(c, TENSION, tangent=True)
     by_twist, wrench_twist, by_tension, wrench_tension = coupling(model, c, e, TENSION)
 
     def answer(twist: Array, tension: Array) -> tuple[Array, Array]:
-        there = moved(model, c, twist)
+        there = move_bodies(model, c, twist)
         e = model.evaluate(there, tension, tangent=False)
         return e.reduced[model.free], sum(wrenches(model, there, e, tension).values()).ravel()
 
@@ -130,7 +130,7 @@ def test_wrenches_are_conjugate_to_the_bodies_motion(model, solved):
         twist[0] = 0
 
         def potential(h: float, twist: Array = twist) -> float:
-            there = moved(model, c, h * twist)
+            there = move_bodies(model, c, h * twist)
             return model.potential(there, model.evaluate(there, TENSION, False).energy, TENSION)
 
         h = 1e-4

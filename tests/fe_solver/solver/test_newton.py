@@ -19,7 +19,7 @@ from fe_solver.solver.newton_step import LONG, damped_step, factorise, limit_ste
 from fe_solver.surfaces.spline_distance import Sphere
 from tests.helpers import shells
 from tests.helpers.shells import NO_TENSION, at_rest, clamp, plate, sheet
-from tests.helpers.straps import TENSION, TIGHT, joined, perturbed, springs, strap
+from tests.helpers.straps import TENSION, TIGHT, join_springs, perturb, springs, strap
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +42,7 @@ def test_every_part_of_the_strap_is_at_work(model, solved):
 
 
 def test_convergence_is_quadratic(model, solved):
-    c = perturbed(model, solved.configuration, 2e-6)
+    c = perturb(model, solved.configuration, 2e-6)
     order, norms = model.free, []
     for _ in range(4):
         e = model.evaluate(c, TENSION, tangent=True)
@@ -63,7 +63,7 @@ def along(model: ShellModel, c: Configuration, v: Array, t: float) -> float:
 @pytest.mark.parametrize("seed", range(4))
 def test_residual_and_tangent_are_the_potentials(model, solved, seed):
     """Slope and curvature of the potential along a path, away from equilibrium."""
-    c = perturbed(model, solved.configuration, 2e-6, seed)
+    c = perturb(model, solved.configuration, 2e-6, seed)
     e = model.evaluate(c, TENSION, tangent=True)
     v = np.zeros(model.pattern.size)
     v[model.free] = np.random.default_rng(seed).normal(size=len(model.free))
@@ -87,14 +87,14 @@ def test_follow_solves_for_every_body(model, weight):
 
 @pytest.mark.parametrize("convex", [False, True])
 def test_the_tangent_is_symmetric(model, solved, convex):
-    c = perturbed(model, solved.configuration, 1e-4)
+    c = perturb(model, solved.configuration, 1e-4)
     K = model.pattern.full(model.evaluate(c, TENSION, True, convex).data).toarray()
     assert np.abs(K - K.T).max() < 1e-12 * np.abs(K).max()
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_the_convex_tangent_is_positive(model, solved, seed):
-    c = perturbed(model, solved.configuration, 3e-4, seed)
+    c = perturb(model, solved.configuration, 3e-4, seed)
     order = model.free
 
     def lowest(convex: bool) -> float:
@@ -117,7 +117,7 @@ def test_a_repeated_solve_gives_the_same_bits(model, solved):
 
 
 def test_the_start_does_not_matter(model, solved):
-    other = solve(model, perturbed(model, at_rest(model), 1e-4), TENSION, TIGHT)
+    other = solve(model, perturb(model, at_rest(model), 1e-4), TENSION, TIGHT)
     assert other.configuration.x == pytest.approx(solved.configuration.x, abs=1e-9)
     assert solve(model, solved.configuration, TENSION, TIGHT, near=True).iterations == 0
 
@@ -141,7 +141,7 @@ def test_a_sheet_hangs_on_its_taut_springs():
     X, quads = plate(20e-3, 10e-3, 4, 2)
     corners = np.flatnonzero(np.isin(X[:, 0], [0, 20e-3]) & np.isin(X[:, 1], [0, 10e-3]))
     up = np.array([0.0, 0, 10e-3])
-    held = joined(
+    held = join_springs(
         springs(corners, 0, X[corners] + up, 1e3, 10e-3, only=True),
         springs(corners, 0, X[corners] - up, 1e3, 10e-3, only=True),
     )
@@ -154,7 +154,7 @@ def test_a_sheet_hangs_on_its_taut_springs():
     assert (solution.evaluation.points.depth[4:] < 0).all()
 
 
-def followed(model: ShellModel, solved: Solution, kept: bool) -> Solution:
+def solve_next(model: ShellModel, solved: Solution, kept: bool) -> Solution:
     """The strap under a little more tension, from where its tangent foresees it."""
     more, c = 1.001 * TENSION, solved.configuration
     step = np.zeros(model.pattern.size)
@@ -177,9 +177,9 @@ def factors(monkeypatch) -> list[int]:
 
 
 def test_an_old_factor_serves_where_it_lowers_the_residual_fast(model, solved, monkeypatch):
-    new = followed(model, solved, kept=False)
+    new = solve_next(model, solved, kept=False)
     made = factors(monkeypatch)
-    old = followed(model, solved, kept=True)
+    old = solve_next(model, solved, kept=True)
     assert len(made) < new.iterations
     assert old.configuration.x == pytest.approx(new.configuration.x, abs=1e-11)
     residual, force = residual_norm(model, old.evaluation)
@@ -191,7 +191,7 @@ def test_an_old_factor_that_does_not_serve_is_given_up(model, solved):
     """A wrong factor costs iterations, not the answer."""
     wrong = replace(solved)
     vars(wrong)["factor"] = factorise(model, 100.0 * solved.evaluation.data)
-    start = perturbed(model, solved.configuration, 1e-9)
+    start = perturb(model, solved.configuration, 1e-9)
     found = solve(model, start, TENSION, TIGHT, True, wrong)
     assert found.configuration.x == pytest.approx(solved.configuration.x, abs=1e-11)
 
@@ -233,7 +233,7 @@ def test_follow_is_how_the_nodes_follow_the_tensions(model, solved):
 
 @pytest.mark.parametrize("convex", [False, True])
 def test_a_tangent_made_later_is_the_same(model, solved, convex):
-    c = perturbed(model, solved.configuration, 1e-5)
+    c = perturb(model, solved.configuration, 1e-5)
     at_once = model.evaluate(c, TENSION, True, convex)
     later = model.with_tangent(c, model.evaluate(c, TENSION, False, convex))
     assert np.array_equal(at_once.data, later.data)

@@ -30,7 +30,7 @@ def test_distances_to_a_cube_are_exact():
     assert found == pytest.approx(exact, abs=1e-12)
 
 
-def waisted(rows, around):
+def waisted_tube(rows, around):
     """A tube along x, thinner in the middle, closed by fans: slivers beside even triangles, rows
     1 mm apart in 13, and a middle line from which many faces are nearly as far."""
     x = np.linspace(-6e-3, 6e-3, rows)
@@ -58,7 +58,7 @@ WAISTED = (np.array([-10e-3, -7.5e-3, -7.5e-3]), 0.5e-3, (41, 31, 31))
 
 @pytest.mark.parametrize(("rows", "around"), [(13, 12), (25, 48)])
 def test_within_reach_the_nearest_of_all_faces_is_found(rows, around):
-    points, faces = check_surface(*waisted(rows, around))
+    points, faces = check_surface(*waisted_tube(rows, around))
     found = np.abs(distances_on_grid(points, faces, *WAISTED)).ravel()
     origin, spacing, shape = WAISTED
     some = np.flatnonzero(found < 4.5e-3)[::41]
@@ -69,7 +69,7 @@ def test_within_reach_the_nearest_of_all_faces_is_found(rows, around):
 
 
 def test_rounding_of_the_vertices_moves_a_distance_no_farther_than_them():
-    points, faces = check_surface(*waisted(13, 12))
+    points, faces = check_surface(*waisted_tube(13, 12))
     random = np.random.default_rng(1)
     there = distances_on_grid(points, faces, *WAISTED)
     for rounding in (1e-12, 1e-9, 6e-8):
@@ -218,7 +218,7 @@ def test_cache_folder_that_cannot_be_made_is_no_failure(tmp_path):
 
 @pytest.mark.skipif(not kernels.COMPILED, reason="numba is not in use")
 def test_the_compiled_distances_are_those_of_numpy(monkeypatch):
-    points, faces = check_surface(*waisted(13, 12))
+    points, faces = check_surface(*waisted_tube(13, 12))
     found = distances_on_grid(points, faces, *WAISTED)
     monkeypatch.setattr(kernels, "COMPILED", False)
     assert np.abs(found - distances_on_grid(points, faces, *WAISTED)).max() < 1e-16

@@ -67,7 +67,7 @@ def test_a_benchmark_shows_the_coarsest_mesh_and_judges_the_finest():
 
 
 def test_finer_meshes_are_one_step_further():
-    finer = SQUARES.finer()
+    finer = SQUARES.refine()
     assert finer.meshes[4] == Meshes((4, 8, 16), 0.1)
     assert replace(finer, meshes=SQUARES.meshes) == SQUARES
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from cosim.errors import CosimError
-from fe_solver.verification import apart, peers
+from fe_solver.verification import json_command, peers
 from fe_solver.verification.paths import halving_order, limit
 from tests.helpers.shells import linear_response
 
@@ -19,7 +19,7 @@ NEEDS_SIGNALS = pytest.mark.skipif(sys.platform == "win32", reason="ends by a si
 ANSWER = peers.Answer(-5e-3, 20, 0.1, "superlu")
 
 
-def said(text: str) -> list[str]:
+def python_command(text: str) -> list[str]:
     """A command that runs a line of Python."""
     return [sys.executable, "-c", text]
 
@@ -37,12 +37,12 @@ def test_the_strip_is_a_cantilever_of_its_section():
     assert load.sum(axis=0) == pytest.approx([0, 0, -peers.LOAD])
 
 
-def refined() -> list[float]:
+def deflections() -> list[float]:
     return [peers.ours(22 * k, 6 * k).deflection for k in (1, 2, 4)]
 
 
 def test_the_deflection_converges_with_the_mesh():
-    coarse, middle, fine = refined()
+    coarse, middle, fine = deflections()
     assert halving_order(coarse, middle, fine) > 1.75
     assert coarse == pytest.approx(fine, rel=0.005)
     assert middle == pytest.approx(fine, rel=0.001)
@@ -65,14 +65,15 @@ def test_a_program_in_a_process_of_its_own_answers_the_same():
 def test_what_a_program_prints_beside_its_answer_is_left_out():
     answer = json.dumps(asdict(ANSWER))
     text = f"print('hello'); print({answer!r}); print('bye')"
-    assert apart.answer(said(text), {}) == asdict(ANSWER)
+    assert json_command.run_json_command(python_command(text), {}) == asdict(ANSWER)
 
 
 def test_settings_stand_over_the_environment(monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", "7")
     names = ("FE_SOLVER_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
     text = f"import os, json; print(json.dumps({{n: os.environ[n] for n in {names}}}))"
-    assert list(apart.answer(said(text), apart.threads(3, 2)).values()) == ["3", "2", "2"]
+    found = json_command.run_json_command(python_command(text), json_command.threads(3, 2))
+    assert list(found.values()) == ["3", "2", "2"]
 
 
 @pytest.mark.parametrize(
@@ -94,7 +95,7 @@ def test_settings_stand_over_the_environment(monkeypatch):
 )
 def test_a_program_that_fails_says_why(text, reason):
     with pytest.raises(CosimError, match=reason):
-        apart.answer(said(text), {})
+        json_command.run_json_command(python_command(text), {})
 
 
 def test_a_peer_that_fails_is_a_failed_row(monkeypatch):
@@ -104,7 +105,7 @@ def test_a_peer_that_fails_is_a_failed_row(monkeypatch):
         return asdict(ANSWER)
 
     monkeypatch.setattr(peers, "is_installed", lambda: True)
-    monkeypatch.setattr(peers, "answer", answer)
+    monkeypatch.setattr(peers, "run_json_command", answer)
     (row,) = peers.rows([(8, 3)])
     assert not row.passed
     assert row.source == "kratos crashed: SIGSEGV"

@@ -38,7 +38,7 @@ LONG = {
 solve is there on coarse meshes (`test_benchmarks`)."""
 
 
-def marked(study: Study) -> object:
+def mark_slow(study: Study) -> object:
     slow = study.slow or study.name in LONG
     return pytest.param(study, id=study.name, marks=[pytest.mark.slow] if slow else [])
 
@@ -48,7 +48,7 @@ def rowful() -> list[Study]:
     return [s for s in STUDIES if s.make != peers.rows or peers.is_installed()]
 
 
-@pytest.mark.parametrize("study", [marked(s) for s in rowful()])
+@pytest.mark.parametrize("study", [mark_slow(s) for s in rowful()])
 def test_every_row_passes(study):
     rows = list(study.rows())
     assert rows
@@ -159,7 +159,7 @@ def test_other_bytes_of_other_threads_are_seen(monkeypatch):
         n = int(settings["FE_SOLVER_THREADS"])
         return {"threads": n, "sha256": f"{n}{settings['FE_SOLVER_LINEAR']}"}
 
-    monkeypatch.setattr(thread_rows, "answer", answer)
+    monkeypatch.setattr(thread_rows, "run_json_command", answer)
     assert [row.computed for row in thread_rows.rows()] == [1] * len(list(thread_rows.rows()))
     assert not any(row.passed for row in thread_rows.rows())
 
@@ -185,7 +185,7 @@ def bad() -> Iterator[Row]:
     yield BAD
 
 
-def stuck() -> Iterator[Row]:
+def raise_no_convergence() -> Iterator[Row]:
     yield GOOD
     raise ConvergenceError("largest at node 7")
 
@@ -194,7 +194,7 @@ def verify(monkeypatch, *words: str):
     studies = (
         Study("sound beam", good),
         Study("poor beam", bad),
-        Study("stuck shell", stuck, True),
+        Study("stuck shell", raise_no_convergence, True),
     )
     monkeypatch.setattr(table, "STUDIES", studies)
     return CliRunner().invoke(app, ["verify", "fe", *words])

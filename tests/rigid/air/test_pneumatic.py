@@ -14,7 +14,7 @@ from rigid.air.plant import (
     LAMINAR,
     ROOM,
     AirState,
-    Cylinder,
+    PneumaticCylinder,
     Pneumatics,
     Valve,
     at_rest,
@@ -89,7 +89,9 @@ def test_the_first_law_holds_in_any_state() -> None:
 
 def test_many_cylinders_are_as_each_by_itself() -> None:
     volts = np.array([4.0, 5.1, 9.0])
-    sizes = Cylinder(bore=np.array([9e-3, 12e-3, 6e-3]), friction=np.array([0.0, 0.1, 0.2]))
+    sizes = PneumaticCylinder(
+        bore=np.array([9e-3, 12e-3, 6e-3]), friction=np.array([0.0, 0.1, 0.2])
+    )
     start = at_rest(AIR, np.array([5.0, 4.8, 0.0]), VOLUME)
     many = step(Pneumatics(AIR.valve, sizes), start, volts, 1.1 * VOLUME, 1e-3)
     for i in range(3):
@@ -102,7 +104,7 @@ def test_many_cylinders_are_as_each_by_itself() -> None:
 @pytest.mark.parametrize("volts", [0.0, 4.7, 10.0])
 def test_long_steps_stay_stable_and_rest(volts: float) -> None:
     """Wide open and with the smallest volume, the flow near rest is stiff."""
-    air = Pneumatics(cylinder=Cylinder(heat=1.0))
+    air = Pneumatics(cylinder=PneumaticCylinder(heat=1.0))
     small, command = np.full(1, 2e-6), np.full(1, volts)
     state = at_rest(air, np.full(1, 5.0), small)
     for _ in range(10):
@@ -133,7 +135,7 @@ def test_a_voltage_settles_at_the_pressure_that_it_is_for() -> None:
 
 
 def test_a_tendon_is_pulled_and_never_pushed() -> None:
-    cylinder = Cylinder(bore=10e-3, rod=0.0, friction=0.2)
+    cylinder = PneumaticCylinder(bore=10e-3, rod=0.0, friction=0.2)
     area = np.pi * 25e-6
     p = ATMOSPHERE + np.array([1e5, 1e5, 1e5, 1e2, -1e4])
     pull = tension(cylinder, p, np.array([0.0, 1.0, -1.0, 1.0, 0.0]))
@@ -155,9 +157,9 @@ def test_90_psi_and_the_rod_s_side_give_the_force() -> None:
         (lambda: Valve(critical_ratio=1.0), "critical pressure ratio"),
         (lambda: Valve(supply=ATMOSPHERE), "exceed the atmosphere"),
         (lambda: Valve(underlap=0.0), "underlap above 0"),
-        (lambda: Cylinder(bore=np.array([9e-3, np.nan])), "bore must be above 0"),
-        (lambda: Cylinder(rod=9.3e-3), "thinner than its bore"),
-        (lambda: Cylinder(heat=-1.0), "must not be negative"),
+        (lambda: PneumaticCylinder(bore=np.array([9e-3, np.nan])), "bore must be above 0"),
+        (lambda: PneumaticCylinder(rod=9.3e-3), "thinner than its bore"),
+        (lambda: PneumaticCylinder(heat=-1.0), "must not be negative"),
         (lambda: resting_voltage(AIR.valve, ATMOSPHERE - 1.0), "rests between"),
     ],
 )

@@ -15,7 +15,7 @@ from rigid.air.model import (
     SAMPLE,
     AirModel,
     Identification,
-    Record,
+    PressureRecord,
     identification,
     identify,
     latency,
@@ -31,7 +31,7 @@ TRUE = np.array([2e5, -5e4, 9e3, -2.0, 1.0, -0.3, 0.02])
 LAG = 2
 
 
-def made(model: AirModel, count: int = 120, n: int = 6) -> Record:
+def exact_record(model: AirModel, count: int = 120, n: int = 6) -> PressureRecord:
     """A record whose central differences are the model's rates exactly."""
     rng = np.random.default_rng(3)
     time = SAMPLE * np.arange(1.0, count + 1.0)
@@ -41,25 +41,25 @@ def made(model: AirModel, count: int = 120, n: int = 6) -> Record:
     for k in range(1, count - 1):
         before = voltage[max(k - model.lag, 0)]
         pressure[k + 1] = pressure[k - 1] + 2 * SAMPLE * model.rate(pressure[k], before)
-    return Record(time, voltage, pressure)
+    return PressureRecord(time, voltage, pressure)
 
 
 MODEL = AirModel(PRINTED_TERMS, TRUE, np.zeros(7), LAG)
 
 
 def test_identification_finds_what_a_record_was_made_with() -> None:
-    found = identify(made(MODEL))
+    found = identify(exact_record(MODEL))
     assert found.lag == LAG
     assert found.coefficients == pytest.approx(TRUE, rel=1e-6)
     assert (found.interval < 1e-6 * np.abs(TRUE)).all()
-    assert r_squared(found, made(MODEL))[0] == pytest.approx(1.0)
-    full = identify(made(MODEL), LAG, FULL_TERMS)
+    assert r_squared(found, exact_record(MODEL))[0] == pytest.approx(1.0)
+    full = identify(exact_record(MODEL), LAG, FULL_TERMS)
     assert full.coefficients[[0, 2, 3, 4, 5, 6, 7]] == pytest.approx(TRUE, rel=1e-4)
     assert abs(full.coefficients[1]) < 1.0
 
 
 def test_what_a_model_explains_is_counted_against_the_mean() -> None:
-    record = made(MODEL)
+    record = exact_record(MODEL)
     rate = record.rate[LAG - 1 :]
     mean = AirModel(((0, 0),), np.array([rate.mean()]), np.zeros(1), LAG)
     assert r_squared(mean, record)[0] == pytest.approx(0.0, abs=1e-12)
@@ -78,7 +78,7 @@ def test_intervals_of_white_noise_are_those_of_least_squares() -> None:
 
 
 def test_a_record_that_cannot_tell_them_apart_is_refused() -> None:
-    still = Record(SAMPLE * np.arange(1.0, 50.0), np.full((49, 1), 5.0), np.ones((49, 1)))
+    still = PressureRecord(SAMPLE * np.arange(1.0, 50.0), np.full((49, 1), 5.0), np.ones((49, 1)))
     with pytest.raises(InputError, match="tells only 1 of 7 coefficients apart"):
         identify(still)
     with pytest.raises(InputError, match="less than three values"):
@@ -117,10 +117,10 @@ def test_the_plant_is_explained_on_frequencies_not_seen() -> None:
     frame = robot_air._coefficients(found)
     assert list(frame.coefficient) == ["a0", "a2", "a3", "b0", "b1", "b2", "b3"]
     assert (frame.half_of_95_percent_interval > 0).all()
-    drawn(found)
+    check_figure_6(found)
 
 
-def drawn(found: Identification) -> None:
+def check_figure_6(found: Identification) -> None:
     """Figure 6's curves belong together: its table gives the R2 again."""
     course = robot_air._course(
         found.unseen, found.model.lag, found.model.rate, identify(found.training, 0).rate, 3

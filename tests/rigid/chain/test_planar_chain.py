@@ -15,7 +15,7 @@ from cosim.pipeline import run_case
 from rigid.chain.planar_chain import BUCHNER, PlanarChain
 from rigid.chain.support import HELD
 from rigid.verification.finger_rows import planar_rows
-from tests.helpers.fingers import mujoco_finger, pushed
+from tests.helpers.fingers import loaded_state, mujoco_finger
 
 NONE = np.zeros(2)
 
@@ -101,7 +101,7 @@ def test_the_packaged_case_is_the_paper_s_finger() -> None:
 
 def test_an_actuator_s_control_is_the_tension() -> None:
     finger = mujoco_finger(HELD, central=0.4)
-    state, _, tension = pushed(finger)
+    state, _, tension = loaded_state(finger)
     data = mujoco.MjData(finger.model)
     data.qpos[:], data.ctrl[:] = state.angles, tension
     mujoco.mj_forward(finger.model, data)

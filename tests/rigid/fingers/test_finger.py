@@ -30,8 +30,8 @@ from tests.helpers.fingers import (
     STIFFNESS,
     cables_over_all_joints,
     hinge_finger,
+    loaded_state,
     mujoco_finger,
-    pushed,
     solve,
     straight_skeleton,
 )
@@ -128,7 +128,7 @@ def test_hinge_finger_equals_a_mujoco_finger_with_straight_axes() -> None:
     planar = hinge_finger(IN_PLANE)
     law = joint_law(JOINTS, STIFFNESS, REST, limit_stiffness=SOFT).hold_about(POSTURE, 0.02)
     spatial = MujocoFinger(finger_model(straight_skeleton()), law=law)
-    a, load, _ = pushed(planar)
+    a, load, _ = loaded_state(planar)
     q = np.insert(a.angles, 1, 0.0)
     b = replace(spatial.start(POSTURE), angles=q, reaction=a.reaction)
     keep = [0, 2, 3]
@@ -150,7 +150,7 @@ def test_hinge_finger_equals_a_mujoco_finger_with_straight_axes() -> None:
 
 
 def test_tangent_is_the_derivative_of_the_residual(finger: ChainFinger) -> None:
-    state, load, tension = pushed(finger)
+    state, load, tension = loaded_state(finger)
     K = np.random.default_rng(1).normal(size=(24, 24)) * 0.1
     home = finger.motion(state)
 
@@ -167,7 +167,7 @@ def test_tangent_is_the_derivative_of_the_residual(finger: ChainFinger) -> None:
 
 
 def test_torques_do_the_work_of_the_wrenches(finger: ChainFinger) -> None:
-    state, load, tension = pushed(finger)
+    state, load, tension = loaded_state(finger)
     torque = finger.balance(state, load, tension).torque["hood"]
     dq = np.zeros(len(finger.joints) + len(state.basis))
     dq[: len(finger.joints)] = 1e-5 * np.arange(1.0, len(finger.joints) + 1)
@@ -177,7 +177,7 @@ def test_torques_do_the_work_of_the_wrenches(finger: ChainFinger) -> None:
 
 
 def test_ledger_gives_the_torques_and_closes(finger: ChainFinger) -> None:
-    state, load, tension = pushed(finger)
+    state, load, tension = loaded_state(finger)
     balance, ledger = finger.balance(state, load, tension), finger.ledger(state, load, tension)
     jacobian = finger.jacobian(state)
     assert set(ledger) - {"joint", "ground"} == set(balance.torque) - {"hood"}
@@ -192,7 +192,7 @@ def test_ledger_gives_the_torques_and_closes(finger: ChainFinger) -> None:
 def test_the_ground_bears_what_comes_from_outside(finger: ChainFinger) -> None:
     """Action and reaction: what acts between the finger's own bodies adds up to nothing about any
     one point, so that the ground holds hood, fingertip and gravity alone."""
-    state, load, tension = pushed(finger)
+    state, load, tension = loaded_state(finger)
     ledger = finger.ledger(state, load, tension)
     position = finger.motion(state).position
 
@@ -222,7 +222,7 @@ def test_joints_carry_no_moment_about_their_axes() -> None:
 
 
 def test_the_same_state_gives_the_same_bits(finger: ChainFinger) -> None:
-    state, load, tension = pushed(finger)
+    state, load, tension = loaded_state(finger)
     K = np.eye(24)
     first = finger.balance(state, load, tension), finger.tangent(state, load, tension, K)
     finger.balance(finger.start({}), load, 2 * tension)
@@ -232,7 +232,7 @@ def test_the_same_state_gives_the_same_bits(finger: ChainFinger) -> None:
 
 
 def test_fingers_refuse_wrong_input(finger: ChainFinger) -> None:
-    state, load, tension = pushed(finger)
+    state, load, tension = loaded_state(finger)
     with pytest.raises(InputError, match=r"unknown joint CMC.*PIP"):
         finger.start({"CMC": 0.1})
     with pytest.raises(InputError, match=r"expected .* tensions"):

@@ -23,8 +23,8 @@ from rigid.mujoco.finger import MujocoFinger
 from tests.helpers.fingers import (
     POSTURE,
     cables_over_all_joints,
+    loaded_state,
     mujoco_finger,
-    pushed,
     solve,
     straight_skeleton,
 )
@@ -44,7 +44,7 @@ def test_mujoco_has_the_skeletons_frames() -> None:
 def test_mujocos_own_routines_agree() -> None:
     """mj_jacBody, mj_applyFT at the bodies' origins and the bias force of a body at rest."""
     finger = mujoco_finger(HELD)
-    state, load, tension = pushed(finger)
+    state, load, tension = loaded_state(finger)
     model, data = finger.model, mujoco.MjData(finger.model)
     data.qpos[:] = state.angles
     mujoco.mj_forward(model, data)

@@ -186,7 +186,7 @@ def test_a_network_refuses_what_does_not_fit():
         Network(n.joints, n.muscles, short, n.connecting, n.stiffness, n.connection, n.rest)
 
 
-def twisted(seed: int, size: float) -> Motion:
+def random_motion(seed: int, size: float) -> Motion:
     """Bodies anywhere, turned by up to `size` rad or so each from the last."""
     rng = np.random.default_rng(seed)
     turn = Rotation.from_rotvec(rng.normal(0, size, (4, 3))).as_matrix()
@@ -226,7 +226,7 @@ def test_flexion_is_blind_to_a_turn_about_a_normal_axis():
 @pytest.mark.parametrize("seed", range(5))
 def test_rates_of_angles_against_differences(seed):
     """Poses that are no hinge motions, and turns beyond a right angle."""
-    motion, step = twisted(seed, 0.8), 1e-6
+    motion, step = random_motion(seed, 0.8), 1e-6
     found = angles(HINGES, motion)
     for k in range(24):
         twist = step * np.eye(24)[k]

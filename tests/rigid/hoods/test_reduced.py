@@ -20,7 +20,7 @@ from cosim.hoods.lumped.reduction import fit_potential
 from cosim.port import STATIC, Motion
 from meshes.skeleton import BODIES, index_finger
 from rigid.hoods.hinge_angle import angles, flexion_angles
-from rigid.hoods.reduced import AT_ONCE, Potential
+from rigid.hoods.reduced import AT_ONCE, ReducedPotential
 from rigid.hoods.reduced_basis import legendre, loadings, monomials, to_powers
 from rigid.hoods.reduced_fit import LEAST_FORCE, TIP, least_squares, tip_rows
 from rigid.hoods.reduced_sample import stack
@@ -38,17 +38,17 @@ from tests.helpers.soft_network import (
     JOINTS,
     MUSCLES,
     STRAIGHT,
-    fitted_to,
-    found,
-    held_out,
+    reduced_potential,
     samples,
+    training_sample,
+    unseen_sample,
 )
 
 
 def test_a_network_is_recovered_to_round_off():
     """Torques, excursions, all second derivatives and both slips in postures and under loads that
     were not fitted."""
-    held, fit = held_out(), found()
+    held, fit = unseen_sample(), reduced_potential()
     made = fit.derivatives(held.angle, held.tension)
     for name, value in made._asdict().items():
         told = getattr(held, name)
@@ -60,15 +60,15 @@ def test_a_network_is_recovered_to_round_off():
 
 def test_a_network_is_recovered_by_a_fit_with_springs_that_it_has_not():
     """Their toe is nearly told by the other terms: what holds it must not be seen."""
-    held = held_out()
-    made = reduce_hood(fitted_to(), JOINTS, MUSCLES, Order(angle=4))
+    held = unseen_sample()
+    made = reduce_hood(training_sample(), JOINTS, MUSCLES, Order(angle=4))
     for name, value in made.derivatives(held.angle, held.tension)._asdict().items():
         told = getattr(held, name)
         assert np.abs(value - told).max() < 1e-8 * np.abs(told).max(), name
 
 
 def test_torques_of_many_states_are_those_of_each():
-    held, fit = held_out(), found()
+    held, fit = unseen_sample(), reduced_potential()
     each = fit.derivatives(held.angle, held.tension).torque
     rounds = -(-2 * AT_ONCE // len(each))
     many = np.stack([held.angle] * rounds)
@@ -141,7 +141,7 @@ def test_normal_equations_are_as_good_as_an_orthogonal_factorisation():
 
 
 def test_tip_forces_count_over_their_own_size():
-    data = fitted_to()
+    data = training_sample()
     maps = np.tile(np.eye(3, 4), (len(data.angle), 1, 1))
     weak = replace(data, torque=data.torque * np.r_[1e-6, np.ones(len(data.angle) - 1)][:, None])
     size = np.linalg.norm(np.einsum("sij,sj->si", tip_rows(weak, maps), weak.torque), axis=1)
@@ -152,7 +152,7 @@ def test_tip_forces_count_over_their_own_size():
 
 def test_a_fit_to_tip_forces_is_better_there():
     """Too few terms for the network."""
-    fit, coarse = fitted_to(), Order(angle=2, toe=None)
+    fit, coarse = training_sample(), Order(angle=2, toe=None)
     maps = tip_maps(load_case("network_edc"), fit.angle)
 
     def miss(made):
@@ -164,7 +164,7 @@ def test_a_fit_to_tip_forces_is_better_there():
     assert aimed < 0.999 * plain
 
 
-def any_potential() -> Potential:
+def any_potential() -> ReducedPotential:
     """Four joints and two muscles with all kinds of terms, abduction too."""
     rng = np.random.default_rng(2)
     powers = np.array(
@@ -177,7 +177,7 @@ def any_potential() -> Potential:
     slip[1, 0] = 0, 0, 0, 0, -300.0
     joints = ("MCP", "MCP_abduction", "PIP", "DIP")
     parts = (low, high, np.array([4.0, 3.0]), powers, terms, 0.05, energy, slip_powers, slip)
-    return Potential(joints, ("EDC", "LUM"), *parts)
+    return ReducedPotential(joints, ("EDC", "LUM"), *parts)
 
 
 def test_one_state_is_as_in_a_batch():
@@ -277,6 +277,6 @@ def test_too_few_samples_are_refused():
 
 def test_rows_in_parts_are_the_rows_at_once(monkeypatch):
     monkeypatch.setattr("rigid.hoods.reduced_fit.AT_ONCE", 37)
-    parted, held = reduce_hood(fitted_to(), JOINTS, MUSCLES, STRAIGHT), held_out()
+    parted, held = reduce_hood(training_sample(), JOINTS, MUSCLES, STRAIGHT), unseen_sample()
     torque = parted.torques(held.angle, held.tension)
     assert torque == pytest.approx(held.torque, rel=1e-8, abs=1e-10)

@@ -16,10 +16,16 @@ from rigid.chain.joint_torques import JointLaw, TorqueCurve, joint_law, limit_to
 from rigid.chain.support import CLAMPED, FREE, HELD, Support
 from rigid.fingers.index import finger_model
 from rigid.model import FingerModel, Hinge, Segment
-from rigid.mujoco.dynamics import Constant, FingerDynamics, Pull
+from rigid.mujoco.dynamics import ConstantTension, FingerDynamics, MusclePull
 from rigid.mujoco.finger import MujocoFinger
-from rigid.mujoco.tip_device import Cage, Contact, Device, Shell
-from rigid.verification.forward import Rest, Simulation, came_to_rest, limit_energy, simulate
+from rigid.mujoco.tip_device import Cage, Device, Shell, TipContact
+from rigid.verification.forward import (
+    RestCriterion,
+    Simulation,
+    limit_energy,
+    require_rest,
+    simulate,
+)
 from tests.helpers.fingers import POSTURE, straight_skeleton
 
 LENGTH, MASS, GRAVITY = 0.05, 0.02, 9.81
@@ -43,7 +49,7 @@ def pendulum(law: JointLaw | None = None, support: Support = FREE) -> MujocoFing
 def swing(angle: float, dt: float, duration: float, law: JointLaw | None = None) -> Simulation:
     finger = pendulum(law)
     start = finger.start({"MCP": angle})
-    return simulate(FingerDynamics(finger, start, Constant(np.zeros(0))), duration, dt)
+    return simulate(FingerDynamics(finger, start, ConstantTension(np.zeros(0))), duration, dt)
 
 
 def index(law: JointLaw, support: Support = HELD, gravity: float = 0.0) -> MujocoFinger:
@@ -63,7 +69,7 @@ def run(
     dt: float = 1e-3,
     posture: Mapping[str, float] = POSTURE,
 ) -> Simulation:
-    pull = Constant(np.where(np.array(finger.tendons) == muscle, 3.0, 0.0))
+    pull = ConstantTension(np.where(np.array(finger.tendons) == muscle, 3.0, 0.0))
     return simulate(FingerDynamics(finger, finger.start(posture), pull, device), duration, dt)
 
 
@@ -94,7 +100,7 @@ def test_spring_and_damper() -> None:
     roots = np.roots([inertia, c, k])
 
     def error(dt: float) -> float:
-        pull = Constant(np.zeros(0))
+        pull = ConstantTension(np.zeros(0))
         start = finger.start({"MCP": 0.0})
         s = simulate(FingerDynamics(finger, start, pull), 0.1, dt)
         a = np.linalg.solve(np.array([[1, 1], roots]), [-0.3, 0.0])
@@ -117,8 +123,8 @@ def test_a_mass_settles_on_a_device_with_its_weight(device: Device) -> None:
     """The rod lies across gravity; its end falls on the device and stays."""
     finger = pendulum(joint_law(("MCP",), damping={"MCP": 1e-4}))
     start = finger.start({"MCP": np.pi / 2})
-    s = simulate(FingerDynamics(finger, start, Constant(np.zeros(0)), device), 0.6)
-    assert came_to_rest(s) is s
+    s = simulate(FingerDynamics(finger, start, ConstantTension(np.zeros(0)), device), 0.6)
+    assert require_rest(s) is s
     lever = np.cos(s.angles[-1, 0] - np.pi / 2)
     assert s.force[-1, 0] == pytest.approx(MASS * GRAVITY, rel=2e-3)
     assert lever == pytest.approx(1.0, abs=1e-3)
@@ -131,7 +137,7 @@ def test_a_mass_settles_on_a_device_with_its_weight(device: Device) -> None:
 def test_rest_is_the_static_equilibrium(support: Support, gravity: float) -> None:
     law = replace(springy(), damping=np.full(4, 2e-3))
     finger = index(law, support, gravity)
-    s = came_to_rest(run(finger, "FDP", duration=1.0))
+    s = require_rest(run(finger, "FDP", duration=1.0))
     tension = np.where(np.array(finger.tendons) == "FDP", 3.0, 0.0)
     state, balance = at_rest(finger, finger.start(POSTURE), tension)
     np.testing.assert_allclose(s.angles[-1], state.angles, atol=1e-7)
@@ -155,9 +161,9 @@ def test_order_of_convergence() -> None:
     finger = index(law, FREE)
 
     def end(dt: float) -> Array:
-        pull = Constant(np.full(len(finger.tendons), 0.5))
+        pull = ConstantTension(np.full(len(finger.tendons), 0.5))
         dynamics = FingerDynamics(finger, finger.start(POSTURE), pull)
-        return simulate(dynamics, 0.02, dt, Rest(window=0.01)).angles[-1]
+        return simulate(dynamics, 0.02, dt, RestCriterion(window=0.01)).angles[-1]
 
     exact = end(1e-3 / 64)
     errors = [np.abs(end(dt) - exact).max() for dt in (1e-3, 5e-4, 2.5e-4)]
@@ -192,7 +198,7 @@ def test_energy_of_a_limit_is_the_integral_of_its_torque() -> None:
 
 
 def test_audit_of_a_device() -> None:
-    soft = Cage(Contact(stiffness=1e5))
+    soft = Cage(TipContact(stiffness=1e5))
     finger = index(replace(springy(), damping=np.full(4, 1e-3)))
     ran = [run(finger, "FDP", soft, duration=0.2, dt=dt).energy for dt in (2e-4, 1e-4)]
     assert 0 < ran[1].artificial < 0.6 * ran[0].artificial
@@ -202,7 +208,7 @@ def test_audit_of_a_device() -> None:
 
 def test_bits_repeat_and_a_state_is_a_value() -> None:
     finger = index(springy())
-    pull = Constant(np.full(len(finger.tendons), 1.0))
+    pull = ConstantTension(np.full(len(finger.tendons), 1.0))
     one, other = (FingerDynamics(finger, finger.start(POSTURE), pull, Cage()) for _ in range(2))
     at = one.start()
     for _ in range(20):
@@ -219,16 +225,16 @@ def test_bits_repeat_and_a_state_is_a_value() -> None:
 def test_steep_friction_splits_a_step() -> None:
     """Both interossei against the cage: a step of 1 ms has two solutions; half of one has one."""
     finger = index(springy())
-    pull = Constant(np.where(np.char.startswith(finger.tendons, "FDI"), 3.64, 0.0))
+    pull = ConstantTension(np.where(np.char.startswith(finger.tendons, "FDI"), 3.64, 0.0))
     dynamics = FingerDynamics(finger, finger.start(POSTURE), pull, Cage())
-    assert came_to_rest(simulate(dynamics)).at_rest
+    assert require_rest(simulate(dynamics)).at_rest
 
 
 def test_device_in_other_axes() -> None:
     """Turning finger, gravity's absence and cage together turns nothing but the cage's walls."""
     finger = index(springy())
     turn = finger.chain(finger.start(POSTURE).angles).motion.rotation[-1]
-    pull = Constant(np.where(np.array(finger.tendons) == "FDP", 3.0, 0.0))
+    pull = ConstantTension(np.where(np.array(finger.tendons) == "FDP", 3.0, 0.0))
     start = finger.start(POSTURE)
     s = simulate(FingerDynamics(finger, start, pull, Cage(), turn), 1.0)
     place = turn.T @ (finger.chain(s.angles[-1]).tip - start.target)
@@ -252,9 +258,9 @@ class Elastic:
     def start(self, length: Array) -> State:
         return length
 
-    def pull(self, state: State, time: float, length: Array, dt: float) -> Pull:
+    def pull(self, state: State, time: float, length: Array, dt: float) -> MusclePull:
         tension = self.tension + self.stiffness * (length - state)
-        return Pull(tension, self.stiffness, state)
+        return MusclePull(tension, self.stiffness, state)
 
 
 def test_stiff_tendons_are_stable_and_balance() -> None:
@@ -262,7 +268,7 @@ def test_stiff_tendons_are_stable_and_balance() -> None:
     finger = index(replace(springy(), damping=np.full(4, 2e-3)), FREE)
     n = len(finger.tendons)
     muscles = Elastic(np.full(n, 1.0), np.full(n, 1e6))
-    s = came_to_rest(simulate(FingerDynamics(finger, finger.start(POSTURE), muscles), 1.0))
+    s = require_rest(simulate(FingerDynamics(finger, finger.start(POSTURE), muscles), 1.0))
     start = finger.start(POSTURE)
     stretched = finger.tendon_lengths(s.angles[-1]) - finger.tendon_lengths(start.angles)
     np.testing.assert_allclose(s.tension[-1], 1.0 + 1e6 * stretched, atol=1e-3)
@@ -289,7 +295,7 @@ def test_a_finger_that_still_moves_is_a_failure() -> None:
     s = swing(0.5, 1e-3, 0.2)
     assert not s.at_rest
     with pytest.raises(ConvergenceError, match=r"did not come to rest in 0\.2 s.*Try"):
-        came_to_rest(s)
+        require_rest(s)
 
 
 @pytest.mark.parametrize(("duration", "dt"), [(0.1, 0.03), (0.05, 1e-3), (1.0, 0.0), (1.0, -1e-3)])
@@ -301,7 +307,7 @@ def test_durations_that_are_refused(duration: float, dt: float) -> None:
 def test_a_step_that_cannot_be_taken_is_told() -> None:
     """A tension beyond all bounds: not even a step halved eight times converges."""
     finger = index(springy())
-    pull = Constant(np.full(len(finger.tendons), 1e12))
+    pull = ConstantTension(np.full(len(finger.tendons), 1e12))
     dynamics = FingerDynamics(finger, finger.start(POSTURE), pull, Cage())
     with pytest.raises(ConvergenceError, match=r"t = .*did not converge.*Try a smaller step"):
         simulate(dynamics, 0.1)

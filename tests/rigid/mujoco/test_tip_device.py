@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from cosim.errors import InputError
 from cosim.port import Array
 from rigid.mujoco.implicit_step import friction
-from rigid.mujoco.tip_device import Cage, Contact, Device, Nothing, Shell, wrench
+from rigid.mujoco.tip_device import Cage, Device, Nothing, Shell, TipContact, wrench
 
 STILL = np.zeros(6)
 DEVICES = (Cage(), Shell())
@@ -29,7 +29,7 @@ def touching(device: Device, seed: int) -> tuple[Array, Array]:
 
 
 def test_hertz_force_of_a_wall() -> None:
-    contact = Contact(stiffness=1e6, radius=0.01)
+    contact = TipContact(stiffness=1e6, radius=0.01)
     cage, depth = Cage(contact, width=0.03), 2e-4
     place = np.array([0.0, -(cage.gap + depth), 0.0])
     # Simbody: k = (E^(2/3) / 2), f = 4/3 k x sqrt(R k x).
@@ -40,7 +40,7 @@ def test_hertz_force_of_a_wall() -> None:
 
 def test_springs_of_a_shell() -> None:
     """A closed form against a sum over points of the sphere, spring by spring as Simbody has it."""
-    shell = Shell(Contact(stiffness=3e9), width=0.0092)
+    shell = Shell(TipContact(stiffness=3e9), width=0.0092)
     place = np.array([4e-4, -3e-4, 4e-4])
     way = place / np.linalg.norm(place)
     u, phi = np.meshgrid((np.arange(2000) + 0.5) / 2000, np.pi * (np.arange(64) + 0.5) / 32)
@@ -109,7 +109,7 @@ def test_nothing_within_the_gap_and_no_pull(device: Device) -> None:
 def test_friction_coefficient() -> None:
     """Simbody's curve: none at rest, static at the transition velocity, dynamic and viscous far
     beyond."""
-    contact = Contact(static_friction=0.5, dynamic_friction=0.2, viscous_friction=0.7)
+    contact = TipContact(static_friction=0.5, dynamic_friction=0.2, viscous_friction=0.7)
     surface = Cage(contact).surface
     speed = contact.transition_velocity
     assert friction(surface, 0.0)[0] == 0.0
@@ -128,7 +128,7 @@ def test_friction_slope(speed: float) -> None:
 
 def test_slip_along_a_wall() -> None:
     """Sliding feels the coefficient's share of the normal force, against the slip, at the wall."""
-    cage = Cage(Contact(dissipation=0.0))
+    cage = Cage(TipContact(dissipation=0.0))
     place = np.array([cage.gap + 2e-6, 0.0, 0.0])
     found = wrench(cage, place, np.array([0.0, 0.3, 0.0, 0.0, 0.0, 0.0])).wrench
     pressed = -found[0]
@@ -138,7 +138,7 @@ def test_slip_along_a_wall() -> None:
 
 
 def test_rolling_does_not_slip() -> None:
-    cage = Cage(Contact(dissipation=0.0))
+    cage = Cage(TipContact(dissipation=0.0))
     place, arm = np.array([cage.gap + 2e-6, 0.0, 0.0]), cage.contact.radius - 1e-6
     spin = 3.0
     found = wrench(cage, place, np.array([0.0, -spin * arm, 0.0, 0.0, 0.0, spin])).wrench
@@ -152,12 +152,12 @@ def test_no_device_does_nothing() -> None:
 
 def test_faults() -> None:
     with pytest.raises(InputError, match="wider"):
-        Cage(Contact(radius=0.0045), width=0.009)
+        Cage(TipContact(radius=0.0045), width=0.009)
     with pytest.raises(InputError, match="wider"):
-        Shell(Contact(radius=0.005))
+        Shell(TipContact(radius=0.005))
     with pytest.raises(InputError, match="positive"):
-        Contact(transition_velocity=0.0)
+        TipContact(transition_velocity=0.0)
     with pytest.raises(InputError, match="negative"):
-        Contact(dynamic_friction=-0.1)
+        TipContact(dynamic_friction=-0.1)
     with pytest.raises(InputError, match="finite"):
-        Contact(stiffness=float("nan"))
+        TipContact(stiffness=float("nan"))

@@ -270,7 +270,7 @@ def test_rounds_of_newton_in_a_smooth_motion(monkeypatch: pytest.MonkeyPatch) ->
     calls = []
     balance = millard.balance
 
-    def counted(*arguments: object) -> millard.Balance:
+    def counted(*arguments: object) -> millard.ForceBalance:
         calls.append(1)
         return balance(*arguments)  # type: ignore[arg-type]
 

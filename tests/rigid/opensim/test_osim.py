@@ -22,7 +22,7 @@ from tests.helpers.osim_files import (
     body,
     coordinate,
     custom,
-    imported,
+    import_text,
     joint,
     model,
     muscle,
@@ -41,13 +41,13 @@ FRAMES = f"""<frames>
 X, Y, Z = np.eye(3)
 
 
-def moved(turn: object, shift: object) -> np.ndarray:
+def transform(turn: object, shift: object) -> np.ndarray:
     out = np.eye(4)
     out[:3, :3], out[:3, 3] = Rotation.from_euler("XYZ", turn).as_matrix(), shift
     return out
 
 
-def posed(xml: str, **values: float) -> mujoco.MjData:
+def pose(xml: str, **values: float) -> mujoco.MjData:
     built = mujoco.MjModel.from_xml_string(xml)
     data = mujoco.MjData(built)
     for name, value in values.items():
@@ -78,13 +78,13 @@ def test_the_rows_notice_a_point_that_is_a_hundredth_of_a_micrometre_off() -> No
 
 
 MOTIONS = {  # frame M in F at coordinates q: turns about x, y, z in this order, then a shift in F
-    "PinJoint": lambda q: moved((0, 0, q[0]), 0 * X),
-    "SliderJoint": lambda q: moved((0, 0, 0), q[0] * X),
-    "UniversalJoint": lambda q: moved((q[0], q[1], 0), 0 * X),
-    "BallJoint": lambda q: moved(q, 0 * X),
-    "GimbalJoint": lambda q: moved(q, 0 * X),
-    "PlanarJoint": lambda q: moved((0, 0, q[0]), q[1] * X + q[2] * Y),
-    "FreeJoint": lambda q: moved(q[:3], q[3:]),
+    "PinJoint": lambda q: transform((0, 0, q[0]), 0 * X),
+    "SliderJoint": lambda q: transform((0, 0, 0), q[0] * X),
+    "UniversalJoint": lambda q: transform((q[0], q[1], 0), 0 * X),
+    "BallJoint": lambda q: transform(q, 0 * X),
+    "GimbalJoint": lambda q: transform(q, 0 * X),
+    "PlanarJoint": lambda q: transform((0, 0, q[0]), q[1] * X + q[2] * Y),
+    "FreeJoint": lambda q: transform(q[:3], q[3:]),
     "WeldJoint": lambda q: np.eye(4),
 }
 
@@ -96,8 +96,8 @@ def test_every_joint_places_its_child_as_its_definition_says(kind: str, tmp_path
     q = q[: count.get(kind, 3)]
     coordinates = "".join(coordinate(f"q{k}") for k in range(len(q)))
     text = model(joints=joint("j", "F", "M", coordinates, FRAMES, kind))
-    data = posed(imported(tmp_path, text).xml, **{f"q{k}": v for k, v in enumerate(q)})
-    outer, inner = moved(F_TURN, F_PLACE), moved(M_TURN, M_PLACE)
+    data = pose(import_text(tmp_path, text).xml, **{f"q{k}": v for k, v in enumerate(q)})
+    outer, inner = transform(F_TURN, F_PLACE), transform(M_TURN, M_PLACE)
     assert_allclose(place(data), outer @ MOTIONS[kind](q) @ np.linalg.inv(inner), atol=1e-14)
 
 
@@ -124,22 +124,22 @@ def test_a_custom_joint_keeps_constants_signs_multipliers_and_straight_splines(
     joints = joints.replace(">/ground</socket_parent_frame", ">F</socket_parent_frame", 1)
     joints = joints.replace(">/bodyset/b</socket_child_frame", ">M</socket_child_frame", 1)
     a, b, c = 0.4, -0.6, 0.05
-    data = posed(imported(tmp_path, model(joints=joints)).xml, a=a, b=b, c=c)
+    data = pose(import_text(tmp_path, model(joints=joints)).xml, a=a, b=b, c=c)
     middle = np.eye(4)
     turns = (0.3 * Y, (0.1 - a) * np.array([0, 2, 1]) / np.sqrt(5), (0.2 - b) * X)
     first, second, third = (Rotation.from_rotvec(t) for t in turns)
     middle[:3, :3] = (first * second * third).as_matrix()
     middle[:3, 3] = (c + 0.1) * np.array([0, 1, 1]) / np.sqrt(2) + 0.07 * X
-    outer, inner = moved(F_TURN, F_PLACE), moved(M_TURN, M_PLACE)
+    outer, inner = transform(F_TURN, F_PLACE), transform(M_TURN, M_PLACE)
     assert_allclose(place(data), outer @ middle @ np.linalg.inv(inner), atol=1e-14)
 
 
 def test_a_locked_coordinate_is_rigid_at_its_default_and_is_told(tmp_path: Path) -> None:
     locked = "<default_value>0.4</default_value><locked>true</locked>"
     joints = joint("j", "F", "M", coordinate("q", locked), FRAMES)
-    made = imported(tmp_path, model(joints=joints))
-    free = imported(tmp_path, model(joints=joint("j", "F", "M", coordinate("q"), FRAMES)))
-    assert_allclose(place(posed(made.xml)), place(posed(free.xml, q=0.4)), atol=1e-15)
+    made = import_text(tmp_path, model(joints=joints))
+    free = import_text(tmp_path, model(joints=joint("j", "F", "M", coordinate("q"), FRAMES)))
+    assert_allclose(place(pose(made.xml)), place(pose(free.xml, q=0.4)), atol=1e-15)
     assert mujoco.MjModel.from_xml_string(made.xml).njnt == 0
     (loss,) = made.losses
     assert "rigid at 0.4" in loss.reason
@@ -159,8 +159,8 @@ def test_frames_are_found_absolutely_relatively_and_by_name(tmp_path: Path) -> N
         )
     )
     rest = f'<MarkerSet name="markerset"><objects>{markers}</objects></MarkerSet>'
-    made = imported(tmp_path, model(body("b", nested), rest=rest))
-    data = posed(made.xml)
+    made = import_text(tmp_path, model(body("b", nested), rest=rest))
+    data = pose(made.xml)
     for k in range(3):
         assert_allclose(data.site(f"m{k}").xpos, [1.0, 2.5, 0.0], atol=1e-15)
     assert made.losses == ()
@@ -171,7 +171,7 @@ def test_masses_and_gravity_arrive(tmp_path: Path) -> None:
     inertia += "<inertia>0.03 0.04 0.05 0.001 -0.002 0.003</inertia>"
     slide = joint("j", "/ground", "/bodyset/b", coordinate("q"), kind="SliderJoint")
     text = model(body("b", inertia), slide, rest="<gravity>-3 0 0</gravity>")
-    made = mujoco.MjModel.from_xml_string(imported(tmp_path, text).xml)
+    made = mujoco.MjModel.from_xml_string(import_text(tmp_path, text).xml)
     turn = Rotation.from_quat(made.body("b").iquat, scalar_first=True).as_matrix()
     full = turn @ np.diag(made.body("b").inertia) @ turn.T
     told = [[0.03, 0.001, -0.002], [0.001, 0.04, 0.003], [-0.002, 0.003, 0.05]]
@@ -180,7 +180,7 @@ def test_masses_and_gravity_arrive(tmp_path: Path) -> None:
     data = mujoco.MjData(made)
     mujoco.mj_forward(made, data)
     assert_allclose(data.qacc, [-3.0], rtol=1e-12)
-    default = mujoco.MjModel.from_xml_string(imported(tmp_path, model()).xml)
+    default = mujoco.MjModel.from_xml_string(import_text(tmp_path, model()).xml)
     assert_allclose(default.opt.gravity, [0, -9.80665, 0])
 
 
@@ -197,7 +197,7 @@ def test_the_keyframe_holds_the_defaults_joint_by_joint_in_a_branching_tree(tmp_
         )
         for n, above, child in pairs
     )
-    built = mujoco.MjModel.from_xml_string(imported(tmp_path, model(bodies, joints)).xml)
+    built = mujoco.MjModel.from_xml_string(import_text(tmp_path, model(bodies, joints)).xml)
     for name, value in values.items():
         assert built.key("default").qpos[built.joint(name).qposadr[0]] == value
 
@@ -205,7 +205,9 @@ def test_the_keyframe_holds_the_defaults_joint_by_joint_in_a_branching_tree(tmp_
 def test_an_actuator_pulls_its_tendon_with_its_control_in_newtons(tmp_path: Path) -> None:
     points = point("a", "/ground", "-1 1 0") + point("b", "/bodyset/b", "0 1 0")
     built = mujoco.MjModel.from_xml_string(
-        imported(tmp_path, model(forces=muscle("mus", points), rest="<gravity>0 0 0</gravity>")).xml
+        import_text(
+            tmp_path, model(forces=muscle("mus", points), rest="<gravity>0 0 0</gravity>")
+        ).xml
     )
     data = mujoco.MjData(built)
     data.ctrl[:] = 2.0

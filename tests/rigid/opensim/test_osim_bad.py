@@ -15,7 +15,7 @@ from tests.helpers.osim_files import (
     body,
     coordinate,
     custom,
-    imported,
+    import_text,
     joint,
     model,
     muscle,
@@ -226,7 +226,7 @@ CASES = {
 def test_a_bad_file_is_refused_with_its_place_and_reason(case: str, tmp_path: Path) -> None:
     text, fragments = CASES[case]
     with pytest.raises(InputError) as caught:
-        imported(tmp_path, text)
+        import_text(tmp_path, text)
     message = str(caught.value)
     assert "model.osim" in message
     for fragment in fragments:

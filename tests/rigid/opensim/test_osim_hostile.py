@@ -18,7 +18,7 @@ from tests.helpers.osim_files import (
     body,
     coordinate,
     custom,
-    imported,
+    import_text,
     joint,
     model,
     muscle,
@@ -30,7 +30,7 @@ LIMIT = '<CoordinateLimitForce name="l"><coordinate>q</coordinate></CoordinateLi
 
 def test_a_million_elements_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="more than 600000 tags"):
-        imported(tmp_path, f"<OpenSimDocument>{'<a/>' * 1_000_000}</OpenSimDocument>")
+        import_text(tmp_path, f"<OpenSimDocument>{'<a/>' * 1_000_000}</OpenSimDocument>")
 
 
 def test_more_bodies_than_fit_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -39,19 +39,19 @@ def test_more_bodies_than_fit_are_refused(tmp_path: Path, monkeypatch: pytest.Mo
         joint(f"j{k}", f"/bodyset/b{k - 1}" if k else "/ground", f"b{k}", coordinate(f"q{k}"))
         for k in range(4)
     )
-    assert len(imported(tmp_path, model(bodies, chain)).coordinates) == 4
+    assert len(import_text(tmp_path, model(bodies, chain)).coordinates) == 4
     monkeypatch.setattr(skeleton, "MOST_IN_CHAIN", 3)
     with pytest.raises(InputError, match='"b3": more than 3 bodies hang from one another'):
-        imported(tmp_path, model(bodies, chain))
+        import_text(tmp_path, model(bodies, chain))
     monkeypatch.setattr(skeleton, "MOST_BODIES", 3)
     with pytest.raises(InputError, match="more than 3 bodies"):
-        imported(tmp_path, model(bodies, ""))
+        import_text(tmp_path, model(bodies, ""))
 
 
 def test_a_long_file_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(xml, "LIMITS", replace(xml.LIMITS, bytes=1000))
     with pytest.raises(InputError, match="the most that is read"):
-        imported(tmp_path, model() + " " * 1000)
+        import_text(tmp_path, model() + " " * 1000)
 
 
 def test_bytes_that_are_no_text_are_refused(tmp_path: Path) -> None:
@@ -64,7 +64,7 @@ def test_bytes_that_are_no_text_are_refused(tmp_path: Path) -> None:
 def test_files_that_cannot_be_read_or_written_are_told(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot be read"):
         import_osim(tmp_path / "none.osim")
-    made = imported(tmp_path, model())
+    made = import_text(tmp_path, model())
     (tmp_path / "none").touch()
     with pytest.raises(InputError, match="cannot be written"):
         write_import(made, tmp_path / "none" / "out.xml")
@@ -78,7 +78,7 @@ def test_an_entity_of_an_outer_file_is_not_opened(tmp_path: Path) -> None:
     secret.write_text("9.81")
     text = f'<!DOCTYPE m [<!ENTITY s SYSTEM "{secret}">]>' + model(rest="<gravity>&s;</gravity>")
     with pytest.raises(InputError, match="entities"):
-        imported(tmp_path, text.replace('<?xml version="1.0" encoding="UTF-8"?>', ""))
+        import_text(tmp_path, text.replace('<?xml version="1.0" encoding="UTF-8"?>', ""))
 
 
 WHOLE = model(
@@ -102,7 +102,7 @@ def test_a_damaged_file_is_imported_or_refused_in_one_message(
 ) -> None:
     text = WHOLE[:start] + put + WHOLE[start + cut :]
     try:
-        made = imported(tmp_path, text)
+        made = import_text(tmp_path, text)
     except InputError as error:
         assert "model.osim" in str(error)
     else:

@@ -18,7 +18,7 @@ from tests.helpers.osim_files import (
     TWO_POINTS,
     body,
     coordinate,
-    imported,
+    import_text,
     joint,
     model,
     muscle,
@@ -47,7 +47,7 @@ FORCES = """<BushingForce name="bush"><appliesForce>true</appliesForce></Bushing
 
 
 def test_a_plain_model_loses_nothing(tmp_path: Path) -> None:
-    assert imported(tmp_path, model(forces=muscle("mus", TWO_POINTS))).losses == ()
+    assert import_text(tmp_path, model(forces=muscle("mus", TWO_POINTS))).losses == ()
 
 
 def test_what_a_file_says_without_effect_is_no_loss(tmp_path: Path) -> None:
@@ -55,7 +55,7 @@ def test_what_a_file_says_without_effect_is_no_loss(tmp_path: Path) -> None:
     inside += "<is_free_to_satisfy_constraints>{}</is_free_to_satisfy_constraints>"
     for words, losses in ((("0", "false", "false"), 0), (("0.1", "true", "true"), 3)):
         pin = joint("pin", "/ground", "b", coordinate("q", inside.format(*words)))
-        assert len(imported(tmp_path, model(joints=pin, rest="<groups/>")).losses) == losses
+        assert len(import_text(tmp_path, model(joints=pin, rest="<groups/>")).losses) == losses
 
 
 def test_the_finger_loses_what_it_must_and_no_more() -> None:
@@ -71,12 +71,12 @@ def test_the_finger_loses_what_it_must_and_no_more() -> None:
 
 
 def test_names_with_colons_are_told_as_they_are_written(tmp_path: Path) -> None:
-    made = imported(tmp_path, model(rest='<A::B name="x">1</A::B>'))
+    made = import_text(tmp_path, model(rest='<A::B name="x">1</A::B>'))
     assert [loss.place for loss in made.losses] == ['A::B "x"']
 
 
 def test_everything_that_is_not_imported_is_named(tmp_path: Path) -> None:
-    made = imported(tmp_path, model(forces=CONTACT + FORCES, rest=OTHERS))
+    made = import_text(tmp_path, model(forces=CONTACT + FORCES, rest=OTHERS))
     named = re.findall(r'(\w+) "(\w+)": ', "\n".join(str(loss) for loss in made.losses))
     assert sorted(name for _, name in named) == sorted(
         ["contact", "bush", "lig", "motor", "couple", "ctl", "ball", "power"]
@@ -91,7 +91,7 @@ def test_a_massless_moving_body_gets_a_little_and_says_so(tmp_path: Path) -> Non
     bodies = body("b") + body("between", empty)
     joints = joint("p", "/ground", "/bodyset/between", coordinate("q"))
     joints += joint("r", "/bodyset/between", "/bodyset/b", coordinate("r"))
-    made = imported(tmp_path, model(bodies, joints))
+    made = import_text(tmp_path, model(bodies, joints))
     told = reasons(made, "between")
     assert "1e-09 kg here" in told
     assert "1e-12 more about each axis" in told
@@ -102,7 +102,7 @@ def test_a_massless_moving_body_gets_a_little_and_says_so(tmp_path: Path) -> Non
 
 
 def test_a_point_mass_keeps_its_mass(tmp_path: Path) -> None:
-    made = imported(tmp_path, model(body("b", "<mass>3</mass>")))
+    made = import_text(tmp_path, model(body("b", "<mass>3</mass>")))
     assert "kg:" not in reasons(made, '"b"')
     assert mujoco.MjModel.from_xml_string(made.xml).body("b").mass == 3
 
@@ -110,7 +110,7 @@ def test_a_point_mass_keeps_its_mass(tmp_path: Path) -> None:
 def test_a_welded_point_mass_is_taken_too(tmp_path: Path) -> None:
     bodies = body("b") + body("lead", "<mass>3</mass>")
     joints = PIN + joint("w", "/bodyset/b", "/bodyset/lead", kind="WeldJoint")
-    made = imported(tmp_path, model(bodies, joints))
+    made = import_text(tmp_path, model(bodies, joints))
     assert "least moment of inertia 0" in reasons(made, "lead")
     assert mujoco.MjModel.from_xml_string(made.xml).body("lead").mass == 3
 
@@ -118,7 +118,7 @@ def test_a_welded_point_mass_is_taken_too(tmp_path: Path) -> None:
 def test_a_massless_welded_body_stays_massless(tmp_path: Path) -> None:
     bodies = body("b") + body("frame", "<mass>0</mass>")
     joints = PIN + joint("w", "/bodyset/b", "/bodyset/frame", kind="WeldJoint")
-    made = imported(tmp_path, model(bodies, joints))
+    made = import_text(tmp_path, model(bodies, joints))
     assert made.losses == ()
     assert mujoco.MjModel.from_xml_string(made.xml).body("frame").mass == 0
 
@@ -126,14 +126,14 @@ def test_a_massless_welded_body_stays_massless(tmp_path: Path) -> None:
 @pytest.mark.parametrize("kind", ["ConditionalPathPoint", "MovingPathPoint"])
 def test_a_path_with_a_point_that_changes_goes_with_its_muscle(kind: str, tmp_path: Path) -> None:
     points = TWO_POINTS + point("c", "/bodyset/b", "2 1 0", kind, "<range>0 1</range>")
-    made = imported(tmp_path, model(forces=muscle("bad", points) + muscle("good", TWO_POINTS)))
+    made = import_text(tmp_path, model(forces=muscle("bad", points) + muscle("good", TWO_POINTS)))
     assert list(made.muscles) == ["good"]
     (loss,) = made.losses
     assert loss.what == "dropped"
     assert "path point 'c'" in loss.reason
 
 
-def wrapped(kind: str, inside: str, use: str = "", more: str = "") -> str:
+def wrap_model(kind: str, inside: str, use: str = "", more: str = "") -> str:
     """A body with a wrap at its origin, and a muscle of three points past it."""
     objects = f'<{kind} name="w"><radius>0.5</radius>{inside}</{kind}>{more}'
     holder = f'<WrapObjectSet name="wrapobjectset"><objects>{objects}</objects></WrapObjectSet>'
@@ -170,7 +170,7 @@ def around(start: np.ndarray, end: np.ndarray, radius: float, angle: float) -> f
 def test_a_path_goes_round_a_surface_on_its_side(
     kind: str, quadrant: str, above: bool, tmp_path: Path
 ) -> None:
-    made = imported(tmp_path, wrapped(kind, f"<quadrant>{quadrant}</quadrant>"))
+    made = import_text(tmp_path, wrap_model(kind, f"<quadrant>{quadrant}</quadrant>"))
     start, end = np.array([-1, 0.6]), np.array([1, -0.4])
     angle = np.arccos(start @ end / np.linalg.norm(start) / np.linalg.norm(end))
     angle = angle if above else 2 * np.pi - angle
@@ -183,28 +183,30 @@ def test_a_path_goes_round_a_surface_on_its_side(
 
 
 def test_an_inactive_surface_is_left_out(tmp_path: Path) -> None:
-    made = imported(tmp_path, wrapped("WrapSphere", "<active>false</active>"))
+    made = import_text(tmp_path, wrap_model("WrapSphere", "<active>false</active>"))
     assert_allclose(length(made.xml), STRAIGHT)
     assert "not active" in reasons(made, "PathWrap")
 
 
 def test_the_range_of_a_wrap_is_kept(tmp_path: Path) -> None:
-    made = imported(tmp_path, wrapped("WrapSphere", "", "<range>2 3</range>"))
+    made = import_text(tmp_path, wrap_model("WrapSphere", "", "<range>2 3</range>"))
     assert_allclose(length(made.xml), STRAIGHT)
 
 
 def test_a_surface_over_several_segments_is_told(tmp_path: Path) -> None:
     text = (
-        wrapped("WrapSphere", "").replace("1 -0.4 0", "0.6 -0.4 0").replace("2 0 0", "-0.6 -0.4 0")
+        wrap_model("WrapSphere", "")
+        .replace("1 -0.4 0", "0.6 -0.4 0")
+        .replace("2 0 0", "-0.6 -0.4 0")
     )
-    made = imported(tmp_path, text)
+    made = import_text(tmp_path, text)
     assert "a - b, b - c" in reasons(made, "PathWrap")
 
 
 def test_a_cylinder_is_endless_for_the_segments_that_it_may_meet(tmp_path: Path) -> None:
-    text = wrapped("WrapCylinder", "<length>0.3</length>")
+    text = wrap_model("WrapCylinder", "<length>0.3</length>")
     text = text.replace("1 -0.4 0", "0.6 -0.4 5").replace("2 0 0", "-0.6 -0.4 5")
-    made = imported(tmp_path, text)
+    made = import_text(tmp_path, text)
     assert "0.3 m long in OpenSim" in reasons(made, "WrapCylinder")
     assert "a - b, b - c" in reasons(made, "PathWrap")
     built = mujoco.MjModel.from_xml_string(made.xml)
@@ -223,7 +225,7 @@ def test_a_cylinder_is_endless_for_the_segments_that_it_may_meet(tmp_path: Path)
 def test_a_muscle_over_what_mujoco_cannot_wrap_is_dropped(
     kind: str, more: str, why: str, tmp_path: Path
 ) -> None:
-    made = imported(tmp_path, wrapped(kind, "", more=more))
+    made = import_text(tmp_path, wrap_model(kind, "", more=more))
     assert made.muscles == {}
     assert why in reasons(made, '"mus"')
     assert "no imported path wraps over it" in reasons(made, '"w"')
@@ -238,7 +240,7 @@ SPRING = """<SpringGeneralizedForce name="spring"><coordinate>q</coordinate><sti
 
 
 def test_a_limit_force_is_opensims_torque_by_our_own_law(tmp_path: Path) -> None:
-    made = imported(tmp_path, model(forces=LIMIT + SPRING))
+    made = import_text(tmp_path, model(forces=LIMIT + SPRING))
     law = made.law(("q",))
     degrees = np.array([0.0, 12.0, 15.0, 20.0, -20.0])
     torque = [law.limit(np.array([q]))[0][0] for q in np.radians(degrees)]
@@ -254,7 +256,7 @@ def test_a_limit_force_is_opensims_torque_by_our_own_law(tmp_path: Path) -> None
 
 def test_a_limit_of_a_slide_is_in_metres(tmp_path: Path) -> None:
     slide = joint("s", "/ground", "/bodyset/b", coordinate("q"), kind="SliderJoint")
-    made = imported(tmp_path, model(joints=slide, forces=LIMIT))
+    made = import_text(tmp_path, model(joints=slide, forces=LIMIT))
     limit = made.limits["limit"]
     assert (limit.upper, limit.upper_stiffness, limit.transition) == (10.0, 20.0, 5.0)
 
@@ -262,14 +264,14 @@ def test_a_limit_of_a_slide_is_in_metres(tmp_path: Path) -> None:
 def test_limits_that_our_law_cannot_hold_are_refused(tmp_path: Path) -> None:
     soft = LIMIT.replace("<lower_stiffness>20", "<lower_stiffness>19")
     with pytest.raises(InputError, match="one stiffness, transition and damping"):
-        imported(tmp_path, model(forces=soft)).law(("q",))
+        import_text(tmp_path, model(forces=soft)).law(("q",))
     twice = LIMIT + LIMIT.replace('"limit"', '"limit2"')
     with pytest.raises(InputError, match="several act"):
-        imported(tmp_path, model(forces=twice)).law(("q",))
+        import_text(tmp_path, model(forces=twice)).law(("q",))
 
 
 def test_a_muscle_that_applies_no_force_is_dropped(tmp_path: Path) -> None:
     off = muscle("mus", TWO_POINTS, inside="<appliesForce>false</appliesForce>")
-    made = imported(tmp_path, model(forces=off))
+    made = import_text(tmp_path, model(forces=off))
     assert made.muscles == {}
     assert "applies no force" in reasons(made, "mus")

@@ -11,7 +11,7 @@ import typer
 from typer.testing import CliRunner
 
 from cosim.commands.opensim import import_model
-from tests.helpers.osim_files import TWO_POINTS, imported, model, muscle, point, reasons
+from tests.helpers.osim_files import TWO_POINTS, import_text, model, muscle, point, reasons
 
 MUSCLES = (
     *("DeGrooteFregly2016Muscle", "Delp1990Muscle_Deprecated", "MeyerFregly2016Muscle"),
@@ -54,7 +54,7 @@ def force(kind: str, inside: str = "", path: str = '<GeometryPath name="path">{}
 def test_whatever_pulls_along_a_path_is_taken(tmp_path: Path, kind: str, path: str) -> None:
     if path == "wrapped":
         path = '<path><GeometryPath name="g">{}</GeometryPath></path>'
-    made = imported(tmp_path, model(forces=force(kind, "<stiffness>NaN</stiffness>", path)))
+    made = import_text(tmp_path, model(forces=force(kind, "<stiffness>NaN</stiffness>", path)))
     assert made.losses == ()
     assert made.muscles["x"].kind == kind
     assert made.muscles["x"].properties == {"optimal_force": 2.0, "stiffness": "NaN"}
@@ -66,7 +66,7 @@ def test_whatever_pulls_along_a_path_is_taken(tmp_path: Path, kind: str, path: s
 
 @pytest.mark.parametrize("kind", STRETCHED)
 def test_what_only_its_stretch_makes_pull_is_told(tmp_path: Path, kind: str) -> None:
-    made = imported(tmp_path, model(forces=force(kind) + muscle("mus", TWO_POINTS)))
+    made = import_text(tmp_path, model(forces=force(kind) + muscle("mus", TWO_POINTS)))
     assert list(made.muscles) == ["mus"]
     assert made.path_actuators == 1
     (loss,) = made.losses
@@ -76,7 +76,7 @@ def test_what_only_its_stretch_makes_pull_is_told(tmp_path: Path, kind: str) -> 
 @pytest.mark.parametrize("kind", [*MUSCLES, *ACTUATORS])
 @pytest.mark.parametrize("path", ["FunctionBasedPath", "Scholz2015GeometryPath"])
 def test_another_kind_of_path_is_told(tmp_path: Path, kind: str, path: str) -> None:
-    made = imported(tmp_path, model(forces=force(kind, path=f'<{path} name="path"/>')))
+    made = import_text(tmp_path, model(forces=force(kind, path=f'<{path} name="path"/>')))
     assert made.muscles == {}
     assert made.path_actuators == 1
     assert reasons(made, kind).endswith(f"its path is a {path}; only a GeometryPath is imported")
@@ -86,7 +86,7 @@ def test_another_kind_of_path_is_told(tmp_path: Path, kind: str, path: str) -> N
     ("kind", "reason"), [(kind, reason) for reason, kinds in PATHLESS.items() for kind in kinds]
 )
 def test_a_force_without_a_path_is_told(tmp_path: Path, kind: str, reason: str) -> None:
-    made = imported(tmp_path, model(forces=force(kind, path="")))
+    made = import_text(tmp_path, model(forces=force(kind, path="")))
     assert made.muscles == {}
     assert made.path_actuators == 0
     (loss,) = made.losses
@@ -144,6 +144,6 @@ def test_a_kind_as_opensim_writes_it_is_taken(
     written.addForce(made)
     written.finalizeConnections()
     written.printToXML("m.osim")
-    read = imported(tmp_path, (tmp_path / "m.osim").read_text())
+    read = import_text(tmp_path, (tmp_path / "m.osim").read_text())
     assert read.muscles["x"].kind == kind
     assert [loss for loss in read.losses if kind in loss.place and not loss.drawn] == []

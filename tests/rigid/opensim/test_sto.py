@@ -14,7 +14,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from cosim.errors import InputError
 from rigid.opensim import sto
-from rigid.opensim.sto import Table, is_angle, read_sto, write_sto
+from rigid.opensim.sto import StoTable, is_angle, read_sto, write_sto
 
 OLD = """Coordinates
 version=1
@@ -40,7 +40,7 @@ time  FDP   FDS
 ANGLES = ("MCP", "PIP")
 
 
-def read(folder: Path, text: str, angles: tuple[str, ...] | None = ANGLES) -> Table:
+def read(folder: Path, text: str, angles: tuple[str, ...] | None = ANGLES) -> StoTable:
     path = folder / "table.sto"
     path.write_text(text, encoding="utf-8")
     return read_sto(path, angles)
@@ -80,7 +80,7 @@ def test_degrees_need_the_names_of_the_angles(tmp_path: Path) -> None:
 
 def test_a_written_file_is_in_degrees_only_where_it_is_an_angle(tmp_path: Path) -> None:
     values = np.array([[np.pi, 3.0]])
-    table = Table("motion", ("MCP", "tx"), np.array([0.25]), values, True, ANGLES)
+    table = StoTable("motion", ("MCP", "tx"), np.array([0.25]), values, True, ANGLES)
     write_sto(tmp_path / "m.mot", table, 1)
     assert (tmp_path / "m.mot").read_text() == (
         "motion\nversion=1\nnRows=1\nnColumns=3\ninDegrees=yes\nendheader\n"
@@ -93,18 +93,20 @@ NUMBERS = st.floats(-1e20, 1e20)
 
 
 @st.composite
-def tables(draw: st.DrawFn) -> Table:
+def tables(draw: st.DrawFn) -> StoTable:
     columns = tuple(draw(st.lists(NAMES, min_size=1, max_size=4, unique=True)))
     time = np.unique(draw(arrays(float, st.integers(0, 5), elements=st.floats(-1e6, 1e6))))
     values = draw(arrays(float, (len(time), len(columns)), elements=NUMBERS))
     angles = tuple(draw(st.lists(st.sampled_from(columns), unique=True)))
     name = draw(NAMES)
-    return Table(name, columns, time, values, draw(st.booleans()), angles)
+    return StoTable(name, columns, time, values, draw(st.booleans()), angles)
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(table=tables(), version=st.sampled_from([1, 3]))
-def test_a_table_comes_back_as_it_was(table: Table, version: Literal[1, 3], tmp_path: Path) -> None:
+def test_a_table_comes_back_as_it_was(
+    table: StoTable, version: Literal[1, 3], tmp_path: Path
+) -> None:
     path = tmp_path / "t.sto"
     write_sto(path, table, version)
     back = read_sto(path, table.angles)
@@ -166,15 +168,15 @@ def test_what_is_no_file_or_no_text_is_told(
 def test_a_table_that_does_not_fit_together_is_refused(tmp_path: Path) -> None:
     one = np.zeros(1)
     with pytest.raises(InputError, match=r"expected values \(1, 1\)"):
-        Table("t", ("a",), one, np.zeros((1, 2)))
+        StoTable("t", ("a",), one, np.zeros((1, 2)))
     with pytest.raises(InputError, match="not finite"):
-        Table("t", ("a",), one, np.full((1, 1), np.nan))
+        StoTable("t", ("a",), one, np.full((1, 1), np.nan))
     for label in ("a b", "a\tb", "", "a=b"):
         with pytest.raises(InputError, match="is no label"):
-            write_sto(tmp_path / "t.sto", Table("t", (label,), one, np.zeros((1, 1))))
+            write_sto(tmp_path / "t.sto", StoTable("t", (label,), one, np.zeros((1, 1))))
     (tmp_path / "no").touch()
     with pytest.raises(InputError, match="cannot be written"):
-        write_sto(tmp_path / "no" / "t.sto", Table("t", ("a",), one, np.zeros((1, 1))))
+        write_sto(tmp_path / "no" / "t.sto", StoTable("t", ("a",), one, np.zeros((1, 1))))
 
 
 @pytest.mark.opensim
@@ -188,7 +190,7 @@ def test_opensim_reads_what_is_written(
     values = np.array([[0.1, 0.2], [1 / 3, -0.4], [0.5, 0.6]])
     columns = ("MCP", "/forceset/FDP/normalized")
     write_sto(
-        path, Table("motion", columns, np.array([0.0, 0.1, 0.3]), values, True, ANGLES), version
+        path, StoTable("motion", columns, np.array([0.0, 0.1, 0.3]), values, True, ANGLES), version
     )
     read_back = opensim.TimeSeriesTable(str(path))
     assert read_back.getColumnLabels() == columns

@@ -11,30 +11,35 @@ import pytest
 from cosim.errors import ConvergenceError
 from rigid.hoods.two_band import TABLE_1, Entry, coupled_dip, excursions, two_band
 from rigid.papers.buchner1988.coordination import (
-    Loop,
+    ControlLoop,
     band_torque,
-    beside_the_line,
     crossing,
     deviation,
     differences,
     flex,
+    line_deviation,
     reference,
     required_torque,
     share_forces,
 )
-from rigid.papers.buchner1988.coordination_findings import doubts, feasible, findings, flexion
+from rigid.papers.buchner1988.coordination_findings import (
+    feasible,
+    findings,
+    flexion,
+    table_sensitivity,
+)
 from rigid.papers.buchner1988.flexion import DURATION, FULL
 
 
 @cache
-def found():
+def findings_of_flexion():
     return flexion(samples=26)
 
 
 @pytest.mark.parametrize("programme", ["linear", "quadratic"])
 def test_muscles_and_bands_make_the_motion_whatever_the_programme(programme):
     """What joints feel is the torque asked for and the bands' spring: the same for both."""
-    f = found()
+    f = findings_of_flexion()
     forces = f.linear if programme == "linear" else f.quadratic
     network = two_band()
     for k, time in enumerate(f.motion.time):
@@ -49,7 +54,7 @@ def test_muscles_and_bands_make_the_motion_whatever_the_programme(programme):
 
 def test_the_torque_asked_for_makes_the_feedback_s_acceleration():
     """Without bands a deviation from the reference dies as a critically damped one."""
-    loop, rng = Loop(bandwidth=7.0), np.random.default_rng(3)
+    loop, rng = ControlLoop(bandwidth=7.0), np.random.default_rng(3)
     for time in (0.1, 0.6):
         angle, rate = rng.normal(size=(2, 3))
         q, v, a = reference(np.array(time))
@@ -59,7 +64,7 @@ def test_the_torque_asked_for_makes_the_feedback_s_acceleration():
 
 
 def test_the_bands_part_as_their_elasticity_says():
-    f = found()
+    f = findings_of_flexion()
     shift = f.loop.elasticity * differences(f.loop, f.motion)
     for forces in (f.linear, f.quadratic):
         total = forces.muscles[:, 0]
@@ -70,10 +75,10 @@ def test_the_bands_part_as_their_elasticity_says():
 
 
 def test_the_spring_is_the_slope_of_its_energy():
-    loop, angle = Loop(), np.array([0.1, 1.0, 0.2])
+    loop, angle = ControlLoop(), np.array([0.1, 1.0, 0.2])
 
     def energy(at):
-        motion = replace(found().motion, angle=at[None])
+        motion = replace(findings_of_flexion().motion, angle=at[None])
         return 0.5 * loop.elasticity * float(differences(loop, motion)[0]) ** 2
 
     step = 1e-6
@@ -90,18 +95,18 @@ def test_the_reference_is_a_line_to_the_papers_end():
 
 def test_stiffer_bands_hold_the_parabola_and_feedback_the_line():
     off = {
-        (w, K): deviation(Loop(w, K), flex(Loop(w, K), 51)).curve
+        (w, K): deviation(ControlLoop(w, K), flex(ControlLoop(w, K), 51)).curve
         for w, K in ((10.0, 50.0), (10.0, 500.0), (20.0, 500.0))
     }
     assert off[10.0, 500.0] < 0.5
     assert off[10.0, 50.0] == pytest.approx(9.0 * off[10.0, 500.0], rel=0.1)
     assert off[20.0, 500.0] > 2 * off[10.0, 500.0]
-    literal = Loop(bands_answer=False)
-    assert np.abs(beside_the_line(flex(literal, 11))).max() < 1e-9
+    literal = ControlLoop(bands_answer=False)
+    assert np.abs(line_deviation(flex(literal, 11))).max() < 1e-9
 
 
 def test_the_papers_numbers():
-    ours = {x.what: x for x in findings(found())}
+    ours = {x.what: x for x in findings(findings_of_flexion())}
     for what in ("linear: ED at the end", "linear: middle band at the end"):
         assert ours[what].ours == pytest.approx(ours[what].paper, abs=0.05)
     assert ours["quadratic: middle band's share"].ours == pytest.approx(72.0, abs=0.5)
@@ -112,15 +117,15 @@ def test_the_papers_numbers():
 
 
 def test_a_fixed_share_of_one_half_is_feasible_and_one_is_not():
-    f = found()
+    f = findings_of_flexion()
     assert feasible(f.loop, f.motion) == 1.0
     assert feasible(replace(f.loop, lateral_share=1.0), f.motion) == 0.0
 
 
 def test_a_band_that_would_push_is_refused():
     """Stiff bands, and a finger kept on the line, far from where they agree."""
-    loop = Loop(elasticity=50000.0)
-    motion = replace(found().motion, angle=found().motion.reference)
+    loop = ControlLoop(elasticity=50000.0)
+    motion = replace(findings_of_flexion().motion, angle=findings_of_flexion().motion.reference)
     with pytest.raises(ConvergenceError, match="a band would have to push"):
         share_forces(loop, motion, "linear")
 
@@ -138,13 +143,13 @@ def test_excursions_are_the_table_s():
 
 
 def test_doubts_change_what_rests_on_the_entry_alone():
-    f = replace(found(), loop=replace(found().loop, table={
+    f = replace(findings_of_flexion(), loop=replace(findings_of_flexion().loop, table={
         ("Lum", "MCP"): TABLE_1["Lum", "MCP"],
         ("FDP", "DIP"): TABLE_1["FDP", "DIP"],
         **{k: Entry(e.radius, e.slope) for k, e in TABLE_1.items()
            if k not in (("Lum", "MCP"), ("FDP", "DIP"))},
     }))  # fmt: skip
-    changed = doubts(f)
+    changed = table_sensitivity(f)
     base = {x.what: x.ours for x in findings(f)}
     assert set(changed) == {("Lum", "MCP"), ("FDP", "DIP")}
     for side in changed["Lum", "MCP"]:

@@ -14,7 +14,7 @@ from rigid.chain.hinge import HingeFinger
 from rigid.chain.planar_chain import BUCHNER
 from rigid.hoods.network import Arms, Network
 from rigid.hoods.two_band import coupled_dip, two_band
-from rigid.papers.buchner1988.flexion import DURATION, FULL, cosine, on_the_curve, quintic, torques
+from rigid.papers.buchner1988.flexion import DURATION, FULL, cosine, curve_motion, quintic, torques
 from rigid.papers.buchner1988.force_sharing import linear, quadratic
 from rigid.papers.networks.human_network import MUSCLES, human_finger
 from rigid.papers.networks.point_contact import best_share, distal_torque, settle, tip_jacobian
@@ -63,17 +63,17 @@ def test_the_torques_of_a_motion_make_it():
 @pytest.mark.parametrize("course", [quintic, cosine])
 def test_the_course_begins_and_ends_at_rest_and_its_rates_are_its_own(course):
     t, step = np.linspace(0.02, 0.98, 25), 1e-5
-    ahead, at, behind = (on_the_curve(t + d, course) for d in (step, 0.0, -step))
+    ahead, at, behind = (curve_motion(t + d, course) for d in (step, 0.0, -step))
     for k in range(2):
         slope = (ahead[k] - behind[k]) / (2 * step)
         assert at[k + 1] == pytest.approx(slope, abs=1e-6)
-    ends = on_the_curve(np.array([0.0, DURATION]), course)
+    ends = curve_motion(np.array([0.0, DURATION]), course)
     assert ends[0][:, 1] == pytest.approx([0.0, FULL])
     assert ends[1] == pytest.approx(np.zeros((2, 3)), abs=1e-14)
     assert at[0][:, 2] == pytest.approx(coupled_dip(at[0][:, 1]))
 
 
-def held_still(pip: float) -> tuple[np.ndarray, np.ndarray]:
+def static_torques(pip: float) -> tuple[np.ndarray, np.ndarray]:
     angle = np.array([0.0, pip, float(coupled_dip(np.array(pip)))])
     return angle, torques(BUCHNER, angle, np.zeros(3), np.zeros(3))
 
@@ -82,7 +82,7 @@ def held_still(pip: float) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("pip", [0.0, 0.8, 1.9])
 def test_shared_forces_make_the_torque_and_none_pushes(pip, moved):
     """With shares that a difference of the shifts moves, by the more of them up to a slack band."""
-    angle, torque = held_still(pip)
+    angle, torque = static_torques(pip)
     network = two_band()
     offset = np.array([moved, -moved])
     for found, shift in (
@@ -98,7 +98,7 @@ def test_shared_forces_make_the_torque_and_none_pushes(pip, moved):
 
 
 def test_each_programme_is_cheaper_by_its_own_measure():
-    angle, torque = held_still(1.5)
+    angle, torque = static_torques(1.5)
     one = linear(two_band(), angle, torque, HALF, np.zeros(2), EQUAL).muscles
     other = quadratic(two_band(), angle, torque, EQUAL).muscles
     assert other @ other < one @ one
@@ -123,7 +123,7 @@ def test_weights_steer_the_sharing():
 @pytest.mark.parametrize("pip", [0.0, 1.9])
 def test_in_the_papers_flexion_the_linear_weights_do_not_matter(pip):
     """Which is as well: the paper's are not printed.  The quadratic ones do."""
-    angle, torque = held_still(pip)
+    angle, torque = static_torques(pip)
     rng = np.random.default_rng(4)
     one = linear(two_band(), angle, torque, HALF, np.zeros(2), EQUAL).muscles
     for weight in np.exp(rng.uniform(-1.2, 1.2, (10, 5))):

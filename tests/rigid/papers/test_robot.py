@@ -12,11 +12,11 @@ from cosim.errors import ConvergenceError, InputError
 from rigid.fingers.anatomy import RANGES
 from rigid.fingers.robot import robot_finger
 from rigid.fingers.robot_tables import JOINTS, LENGTHS, LONG, MASSES, SHORT, TABLE_III
-from rigid.model import Cylinder, Sphere, Strand, Tendon, Via
+from rigid.model import Strand, Tendon, Via, WrapCylinder, WrapSphere
 from rigid.mujoco.finger import MujocoFinger
 from rigid.papers.xu2012 import checks, excursions, paths
 from rigid.papers.xu2012.calibration import Seen, Spread, calibrate
-from rigid.papers.xu2012.pose import Markers, cubic_minimum, estimate
+from rigid.papers.xu2012.pose import BodyMarkers, cubic_minimum, estimate
 from rigid.papers.xu2012.tracking import MARKERS, poses
 
 POSE = np.radians([30.0, 10.0, 45.0, 20.0])
@@ -62,14 +62,14 @@ def test_no_arm_changes_its_sign_and_no_length_jumps(six: bool) -> None:
 @pytest.mark.parametrize("six", [False, True])
 def test_lengths_and_arms_agree_with_closed_forms(six: bool) -> None:
     corners = checks.workspace((2, 2, 2, 2))
-    length, arms = checks.beside_closed_forms(robot_finger(six), 0.98 * corners + 0.01 * POSE)
+    length, arms = checks.closed_form_errors(robot_finger(six), 0.98 * corners + 0.01 * POSE)
     assert length < 1e-12
     assert arms < 1e-9
 
 
 def test_way_over_a_cylinder_is_its_tangents_and_arc() -> None:
     pose = np.eye(3), np.zeros(3)
-    over = Cylinder("", (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 3.0, (0.0, 0.0, 9.0))
+    over = WrapCylinder("", (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 3.0, (0.0, 0.0, 9.0))
     start, end = np.array([-5.0, 0.0, 0.0]), np.array([5.0, 2.0, 0.0])
     flat = 2 * 4.0 + 3.0 * (np.pi - 2 * np.arccos(3 / 5))
     assert paths.wrap_length(start, end, over, pose) == pytest.approx(np.hypot(flat, 2.0))
@@ -84,12 +84,12 @@ def test_way_over_a_sphere_is_its_tangents_and_the_great_circle_between() -> Non
     pose = turn, np.array([1.0, 2.0, -3.0])
     apart = np.radians(150.0)
     ends = np.array([[5.0, 0.0, 0.0], [13 * np.cos(apart), 13 * np.sin(apart), 0.0]])
-    over = Sphere("", (0.5, -1.0, 2.0), 3.0)
+    over = WrapSphere("", (0.5, -1.0, 2.0), 3.0)
     start, end = (np.array(over.centre) + ends @ turn) @ turn.T + pose[1]
     arc = 3.0 * (apart - np.arccos(3 / 5) - np.arccos(3 / 13))
     wanted = 4.0 + arc + np.sqrt(13**2 - 3**2)
     assert paths.wrap_length(start, end, over, pose) == pytest.approx(wanted)
-    small = Sphere("", over.centre, 0.5)
+    small = WrapSphere("", over.centre, 0.5)
     straight = float(np.linalg.norm(end - start))
     assert paths.wrap_length(start, end, small, pose) == pytest.approx(straight)
 
@@ -115,14 +115,14 @@ def test_every_sphere_is_the_metacarpals_head() -> None:
         for t in robot_finger(True).tendons
         for s in t.strands
         for e in s.path
-        if isinstance(e, Sphere)
+        if isinstance(e, WrapSphere)
     }
     names = ("abduction", "adduction", "dip_flexor", "pip_flexor")
     assert found == {(name, "metacarpal", 0.010) for name in names}
 
 
 def test_a_strand_does_not_end_on_a_sphere() -> None:
-    head = Sphere("metacarpal", (0.0, 0.0, 0.0), 0.01)
+    head = WrapSphere("metacarpal", (0.0, 0.0, 0.0), 0.01)
     path = (Via("metacarpal", (0.0, 0.0, 0.02)), head)
     with pytest.raises(InputError, match="ends at a point"):
         replace(robot_finger(), tendons=(Tendon("t", (Strand(path),)),))
@@ -169,7 +169,7 @@ def test_markers_that_lie_elsewhere_are_the_least_off(five: MujocoFinger) -> Non
 
 def test_places_of_markers_come_back_without_noise(five: MujocoFinger) -> None:
     angle = poses(40, seed=5)
-    moved = Markers(excursions.MEANT.body, excursions.MEANT.place + 0.003)
+    moved = BodyMarkers(excursions.MEANT.body, excursions.MEANT.place + 0.003)
     zero = 0.01 * np.arange(5)
     seen = Seen(
         np.array([moved.at(five, q)[0] for q in angle]),
@@ -198,7 +198,7 @@ def test_one_pose_alone_does_not_tell_the_places(five: MujocoFinger) -> None:
 
 def test_stops_tell_the_places_where_excursions_hardly_do() -> None:
     """This world's fingertip marker was 1.6 mm off without them."""
-    assert checks.excursions(4).misplaced < 0.8e-3
+    assert checks.excursions(4).marker_error < 0.8e-3
 
 
 def test_procrustes_undoes_a_turn_and_a_shift() -> None:
@@ -212,9 +212,9 @@ def test_virtual_experiment_finds_rests_and_markers() -> None:
     e = checks.excursions()
     assert len(e.meant.residual) == 460
     assert 0.004 < e.meant.residual.mean() < 0.005
-    assert e.misplaced < 1e-3
+    assert e.marker_error < 1e-3
     assert (checks.rms(e.found)[:3] < checks.rms(e.meant)[:3]).all()
-    slack = e.found.measured[:, 4] > e.found.measured[:, 4].max() - 0.001
+    slack = e.found.measured_excursions[:, 4] > e.found.measured_excursions[:, 4].max() - 0.001
     assert slack.mean() > 0.3
 
 

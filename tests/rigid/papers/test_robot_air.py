@@ -26,11 +26,11 @@ def air() -> Air:
     return Air(LONGEST)
 
 
-def stepped(air: Air, wanted: Array, samples: int) -> Array:
+def step_forces(air: Air, wanted: Array, samples: int) -> Array:
     """(samples, 4) N at the end of each, from rest at 0.5 N, the pistons fixed."""
     state, out = air.begin(LOW, LENGTH), []
     for _ in range(samples):
-        state = air.commanded(state, wanted)
+        state = air.command(state, wanted)
         for _ in range(round(PERIOD / STEP)):
             state = air.advance(state, LENGTH, STEP)
         out.append(air.force(state))
@@ -38,24 +38,24 @@ def stepped(air: Air, wanted: Array, samples: int) -> Array:
 
 
 def test_rests_where_it_was_begun(air: Air) -> None:
-    np.testing.assert_allclose(stepped(air, LOW, 20)[-1], LOW, rtol=0.02)
+    np.testing.assert_allclose(step_forces(air, LOW, 20)[-1], LOW, rtol=0.02)
 
 
 def test_force_reaches_what_is_wanted_without_offset(air: Air) -> None:
-    force = stepped(air, WANTED, 60)
+    force = step_forces(air, WANTED, 60)
     np.testing.assert_allclose(force[50:].mean(axis=0), WANTED, rtol=0.01)
     assert (force.max(axis=0) < 1.12 * WANTED).all()
 
 
 def test_nothing_comes_within_the_dead_time_and_most_within_seventy_milliseconds(air: Air) -> None:
-    force = stepped(air, WANTED, 7)
+    force = step_forces(air, WANTED, 7)
     np.testing.assert_allclose(force[1], LOW, rtol=1e-2)
     assert ((force[-1] - LOW) > 0.63 * (WANTED - LOW)).all()
 
 
 def test_the_loop_swings_where_it_forgets_what_is_on_its_way(air: Air) -> None:
     def swing(a: Air) -> Array:
-        return np.asarray(np.ptp(stepped(a, WANTED, 60)[40:], axis=0))
+        return np.asarray(np.ptp(step_forces(a, WANTED, 60)[40:], axis=0))
 
     hasty = replace(air, loop=PressureLoop(replace(identify_air(), lag=0)))
     assert (swing(hasty) > 5 * swing(air)).all()
@@ -77,7 +77,7 @@ def test_a_pulled_piston_is_a_spring_of_air(air: Air) -> None:
 
 
 def test_commands_wait_for_the_dead_time(air: Air) -> None:
-    state: Driven = air.commanded(air.begin(LOW, LENGTH), WANTED)
+    state: Driven = air.command(air.begin(LOW, LENGTH), WANTED)
     sent = state.loop.sent[-1]
     late = round(float(np.asarray(air.plant.valve.delay)) / STEP)
     for _ in range(late):

@@ -22,7 +22,7 @@ from rigid.papers.xu2012.control import (
 from rigid.papers.xu2012.fan import fan, least_share
 from rigid.papers.xu2012.plant import Plant
 from rigid.papers.xu2012.tensions import ARM, WEIGHT, tensions
-from rigid.papers.xu2012.tracking import Bench, Step, poses
+from rigid.papers.xu2012.tracking import Bench, StepResponse, poses
 
 POSE = np.radians([30.0, 10.0, 45.0, 20.0])
 
@@ -59,7 +59,7 @@ def test_tensions_keep_their_bounds(five: MujocoFinger) -> None:
 def test_tensions_make_the_torques_that_hold_the_finger(five: MujocoFinger) -> None:
     plant = Plant(robot_finger())
     force = tensions(plant.holding_torque(POSE), five.moment_arms(POSE))
-    plant.put(POSE)
+    plant.reset(POSE)
     for _ in range(20):
         plant.advance(force)
     assert np.abs(plant.instant().angle - POSE).max() < np.radians(0.5)
@@ -104,7 +104,7 @@ def test_lag_is_exact_and_anticipated() -> None:
     after = lag.advance(state._replace(aim=np.array([3.0, 0.0])), length, 0.02)
     np.testing.assert_allclose(lag.force(after), [3.0 - 2.0 / np.e, 40.0 / np.e])
     wanted = np.array([2.0, 30.0])
-    after = lag.advance(lag.commanded(state, wanted), length, PERIOD)
+    after = lag.advance(lag.command(state, wanted), length, PERIOD)
     np.testing.assert_allclose(lag.force(after), wanted)
 
 
@@ -115,7 +115,7 @@ def test_fan_is_what_the_plant_does_to_the_fingertip() -> None:
     plant.model.opt.gravity[:] = 0.0
     finger = MujocoFinger(robot_finger())
     for k in range(5):
-        start = plant.put(POSE).angle
+        start = plant.reset(POSE).angle
         plant.advance(np.eye(5)[k] * 1e-3)
         turned = plant.instant().angle - start
         moved = finger.chain(POSE + turned).tip - finger.chain(POSE).tip
@@ -143,7 +143,7 @@ def test_settling_and_overshoot_of_a_step() -> None:
     time = 0.01 * np.arange(100)
     angle = np.ones((100, 2))
     angle[:10, 0], angle[10:20, 0], angle[:, 1] = 0.0, 1.1, 0.5
-    step = Step(time, angle, np.zeros((100, 5)), np.zeros(2), np.ones(2))
+    step = StepResponse(time, angle, np.zeros((100, 5)), np.zeros(2), np.ones(2))
     np.testing.assert_allclose(step.settling, [0.20, np.inf])
     np.testing.assert_allclose(step.overshoot, [0.1, 0.0])
     assert step.error == pytest.approx(0.5)
@@ -158,7 +158,7 @@ def test_quality_counts_steps_and_joints_after_the_first() -> None:
     late[20, 0] = np.radians(1.0) + 1.0
     swings[::2, 1] = 0.5
     steps = [
-        Step(time, angle, np.zeros((100, 5)), start, goal)
+        StepResponse(time, angle, np.zeros((100, 5)), start, goal)
         for angle, start in ((still, goal), (late, np.zeros(2)), (swings, np.zeros(2)))
     ]
     found = checks.quality(steps)

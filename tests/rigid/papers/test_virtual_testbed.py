@@ -20,7 +20,7 @@ from rigid.papers.networks.testbed_runs import (
     hysteresis,
     virtual_bed,
 )
-from rigid.papers.networks.testbed_study import errors, keep_to_curve, trials
+from rigid.papers.networks.testbed_study import constrain_to_curve, errors, trials
 from rigid.papers.networks.virtual_testbed import Course, hold_posture, simulate
 
 PULL = np.array([1.0, 1.0, 5.0, 4.0])
@@ -59,10 +59,10 @@ def test_disturbances_leave_nothing_without_friction_and_half_a_newton_with_it()
     assert hysteresis(virtual_bed(0.0, 0.0)).half < 1e-4
     found = hysteresis(virtual_bed())
     assert found.half == pytest.approx(0.5, abs=0.01)
-    assert found.off_x < 2.0
+    assert found.angle_from_x < 2.0
     elsewhere = hysteresis(virtual_bed(FRICTION_ELSEWHERE), ELSEWHERE)
     assert elsewhere.half == pytest.approx(0.5, abs=0.01)
-    assert elsewhere.off_x > 20.0
+    assert elsewhere.angle_from_x > 20.0
 
 
 def test_what_sticks_does_not_creep():
@@ -99,9 +99,9 @@ def test_the_interconnected_model_beats_the_static_one():
 
 def test_a_finger_that_leaves_the_coupling_curve_is_seen():
     both = trials(2)
-    assert keep_to_curve(both).all()
+    assert constrain_to_curve(both).all()
     angle = both[1].circle.measured.angle.copy()
     angle[60, 1] += np.radians(15.0)
     circle = both[1].circle
     away = replace(circle, measured=circle.measured._replace(angle=angle))
-    assert keep_to_curve((both[0], both[1]._replace(circle=away))).tolist() == [True, False]
+    assert constrain_to_curve((both[0], both[1]._replace(circle=away))).tolist() == [True, False]

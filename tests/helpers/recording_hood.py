@@ -13,7 +13,7 @@ from rigid.chain.moving_hinge import MovingHinge
 
 
 @dataclass
-class Told:
+class RecordingHood:
     """A hood that keeps what it was asked; its state counts the steps to it."""
 
     inner: Drum
@@ -38,10 +38,10 @@ class Told:
         self.tangents += 1
         return self.inner.jacobian(None)
 
-    def with_tolerance(self, tolerance: float) -> Told:
+    def with_tolerance(self, tolerance: float) -> RecordingHood:
         return self
 
 
-def told(joints: int = 1) -> tuple[MovingHinge, Told]:
+def recording_pair(joints: int = 1) -> tuple[MovingHinge, RecordingHood]:
     finger, hood = stiff_pair(joints)
-    return finger, Told(hood)
+    return finger, RecordingHood(hood)

@@ -41,7 +41,7 @@ def run_into(folder: Path, case: str, *settings: str) -> Path:
     return folder / case
 
 
-def as_motion(run: Path, folder: Path) -> Path:
+def write_motion_run(run: Path, folder: Path) -> Path:
     """A copy of a run with a hood as a motion of two moments would be left: without the hood's
     shapes over time."""
     shutil.copytree(run, folder)
@@ -56,7 +56,7 @@ def as_motion(run: Path, folder: Path) -> Path:
     return folder
 
 
-def swinging(run: Path, folder: Path) -> Path:
+def write_swinging_run(run: Path, folder: Path) -> Path:
     """A copy of a run as a motion of nine moments: in the second the finger is stretched out,
     farther than in the first, the middle and the last, and in the third it pushes hardest."""
     shutil.copytree(run, folder)

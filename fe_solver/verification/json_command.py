@@ -29,7 +29,7 @@ def threads(own: int, libraries: int) -> dict[str, str]:
     return {kernels.THREADS: str(own)} | dict.fromkeys(LIBRARIES, str(libraries))
 
 
-def answer(call: Sequence[str], settings: Mapping[str, str]) -> Any:
+def run_json_command(call: Sequence[str], settings: Mapping[str, str]) -> Any:
     """What a command run with these variables set prints as JSON, on the last of its lines that
     begin with a brace.
 
