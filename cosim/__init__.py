@@ -17,7 +17,7 @@ from cosim.version import __version__
 if TYPE_CHECKING:
     from cosim.case.schema import Case
     from cosim.errors import ConvergenceError, InputError
-    from cosim.face import compare, couple, load, open_run, run
+    from cosim.face import compare, couple, list_cases, load, open_run, run, run_many
     from cosim.results.result import Result
     from cosim.solve.session import Session
 
@@ -29,9 +29,11 @@ _HOME = {
     "Session": "cosim.solve.session",
     "compare": "cosim.face",
     "couple": "cosim.face",
+    "list_cases": "cosim.face",
     "load": "cosim.face",
     "open_run": "cosim.face",
     "run": "cosim.face",
+    "run_many": "cosim.face",
 }
 """The module of each name: loaded when it is first asked for, so that the port stays light."""
 __all__ = [
@@ -43,9 +45,11 @@ __all__ = [
     "__version__",
     "compare",
     "couple",
+    "list_cases",
     "load",
     "open_run",
     "run",
+    "run_many",
 ]
 
 

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cosim.build.models import build
-from cosim.case.file import case_of, load_case
+from cosim.case.file import case_of, load_case, packaged_cases
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium
-from cosim.errors import InputError, Progress, quiet
-from cosim.pipeline import run_case
+from cosim.errors import CosimError, InputError, Progress, quiet
+from cosim.pipeline import run_case, run_cases
 from cosim.port import Finger, Hood, Pair, PairState, Tensions
 from cosim.results.compare import as_dict, compare_with_targets, numbers_of, read_targets, unit_of
 from cosim.results.read import read_run
@@ -53,6 +53,53 @@ def run(case: Case, session: Session | None = None, progress: Progress = quiet) 
     return run_case(case, session, progress)
 
 
+def run_many(
+    cases: Sequence[Case],
+    workers: int = 1,
+    progress: Progress = quiet,
+    *,
+    keep_errors: bool = False,
+) -> list[Result | CosimError]:
+    """The results of cases, in their order, run side by side in `workers` processes: the same bytes
+    for any number of them.  `progress` is told of each case that ends.  With `keep_errors` a case
+    without a result has the error in its place, else the first such error is raised once all have
+    ended.
+
+    A script that starts processes needs `if __name__ == "__main__":` around what it does.
+
+    >>> import cosim
+    >>> case = cosim.load("pulley_edc")
+    >>> pulls = [case.replace({"tendons.EDC.tension": f"{n} N"}, name=f"{n} N") for n in (1, 2)]
+    >>> weak, strong = cosim.run_many(pulls)
+    >>> strong.summary["fingertip_magnitude_N"] > weak.summary["fingertip_magnitude_N"]
+    True
+
+    Raises InputError and ConvergenceError."""
+    found: dict[int, Result | CosimError] = {}
+    for i, outcome in run_cases(cases, _as_it_is, workers):
+        found[i] = outcome
+        words = f": {outcome}" if isinstance(outcome, CosimError) else ""
+        progress(f"{len(found)} of {len(cases)}: {cases[i].name}{words}")
+    errors = [found[i] for i in range(len(cases)) if isinstance(found[i], CosimError)]
+    if errors and not keep_errors:
+        raise errors[0]
+    return [found[i] for i in range(len(cases))]
+
+
+def _as_it_is(result: Result) -> Result:
+    return result
+
+
+def list_cases() -> list[str]:
+    """The names of the packaged cases, which `load` takes.
+
+    >>> import cosim
+    >>> "isometric_edc" in cosim.list_cases()
+    True
+    """
+    return sorted(packaged_cases())
+
+
 def open_run(folder: str | Path) -> Result:
     """The result that a run left in a folder.  Raises InputError."""
     return read_run(Path(folder))
@@ -60,8 +107,8 @@ def open_run(folder: str | Path) -> Result:
 
 def compare(*results: Result, data: str | Path | None = None) -> pandas.DataFrame:
     """Results side by side, a row for each number of their summaries (those of one name are
-    numbered); or one result beside the
-    measured or published values in a CSV file, a row for each with its verdict.
+    numbered); or one result beside the measured or published values in a CSV file, a row for each
+    with its verdict.
 
     >>> import cosim
     >>> one = cosim.load("pulley_edc")

@@ -72,12 +72,19 @@ class ProcessPool:
         """Do `task(memory, *args)` in that process (modulo their number)."""
         if self._processes:
             at = process % len(self._processes)
-            return self._processes[at].submit(_with_memory, task, *args)
+            return self._processes[at].submit(self.with_memory(task), *args)
         from concurrent.futures import Future
 
         done: Future[R] = Future()
-        done.set_result(task(self._own, *args))
+        done.set_result(self.with_memory(task)(*args))
         return done
+
+    def with_memory(self, task: Callable[..., R]) -> Callable[..., R]:
+        """The task with what the process that does it keeps as its first argument."""
+        return partial(_with_memory if self._processes else self._with_own, task)
+
+    def _with_own(self, task: Callable[..., R], *args: Any) -> R:
+        return task(self._own, *args)
 
     def in_order(self, function: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
         """The function of each item, in their order."""
@@ -91,7 +98,8 @@ class ProcessPool:
                 following += 1
 
     def as_ended(self, function: Callable[[T], R], batches: Iterable[Sequence[T]]) -> Iterator[R]:
-        """The function of each item as it ends; those of a batch in one process, in their order."""
+        """The function of each item as it ends; those of a batch in one process, in their order,
+        but for the second half of a batch that a process without work takes over."""
         from concurrent.futures import FIRST_COMPLETED, wait
 
         if not self._processes:
@@ -101,7 +109,7 @@ class ProcessPool:
         running: dict[Future[R], tuple[int, list[T]]] = {}
 
         def go_on(process: int, rest: list[T]) -> None:
-            batch = rest or (waiting.pop(0) if waiting else [])
+            batch = rest or (waiting.pop(0) if waiting else _half_of_the_longest(running.values()))
             if batch:
                 future = self._processes[process].submit(function, batch[0])
                 running[future] = process, batch[1:]
@@ -152,6 +160,15 @@ def process_pool(jobs: int, option: str = "--jobs") -> Iterator[ProcessPool]:
 
 def _with_memory(task: Callable[..., R], *args: Any) -> R:
     return task(_memory, *args)
+
+
+def _half_of_the_longest(running: Iterable[tuple[int, list[T]]]) -> list[T]:
+    """The second half of what the batch with the most left has left, which is taken from it."""
+    rest = max((left for _, left in running), key=len, default=[])
+    half = len(rest) // 2
+    taken = rest[len(rest) - half :]
+    del rest[len(rest) - half :]
+    return taken
 
 
 def _numbered(function: Callable[[T], R], item: tuple[int, T]) -> tuple[int, R]:

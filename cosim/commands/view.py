@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -32,37 +32,15 @@ def view(
             there = f"the picture is {picture}" if picture.is_file() else "nor was a picture made"
             typer.echo(f"there is no display here; {there}")
             return
-        _open_window(hood)
+        import cosim
+
+        cosim.open_run(folder).view().show()
 
 
 def _has_display() -> bool:
     if sys.platform in ("darwin", "win32"):
         return True
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
-
-
-def _open_window(hood: Path) -> None:
-    import pyvista
-
-    from cosim.hoods.view import STRAIN
-
-    mesh = pyvista.read(hood)
-    plotter = pyvista.Plotter(title=f"cosim: {hood.parent.name}")
-    if STRAIN in mesh.cell_data:
-        percent = 100 * mesh.cell_data[STRAIN]
-        most = float(abs(percent).max())
-        bar: Any = {"title": "longitudinal strain, %"}
-        plotter.add_mesh(
-            mesh,
-            scalars=percent,
-            cmap="RdBu_r",
-            clim=(-most, most),
-            show_edges=True,
-            scalar_bar_args=bar,
-        )
-    else:
-        plotter.add_mesh(mesh, show_edges=True)
-    plotter.show()
 
 
 def mesh(
