@@ -15,6 +15,7 @@ from cosim.build.models import build
 from tests.helpers.folders import ROOT
 
 PLAIN = {"output.picture": False}
+COARSE = {"hood.mesh.quads": 150}
 
 
 def python(code: str) -> str:
@@ -121,3 +122,57 @@ def test_a_hood_of_ones_own_is_coupled_without_a_case_file():
     )
     with pytest.raises(cosim.InputError, match="no tendon ECD"):
         cosim.couple(case, hood, {"ECD": 1.0})
+
+
+def test_many_runs_are_the_same_for_any_number_of_workers(tmp_path):
+    names = ("split_edc", "pulley_edc", "split_fdp", "two_band_edc", "split_ei")
+    cases = [cosim.load(name).replace(PLAIN) for name in names]
+    heard: list[str] = []
+    one, two = cosim.run_many(cases), cosim.run_many(cases, workers=2, progress=heard.append)
+    assert [result.case for result in two] == list(names)
+    assert heard[-1].startswith("5 of 5: ")
+    for a, b in zip(one, two, strict=True):
+        files = [r.save(tmp_path / side) for side, r in (("one", a), ("two", b))]
+        for name in ("results.nc", "ledger.csv", "case.toml"):
+            assert (files[0] / name).read_bytes() == (files[1] / name).read_bytes(), name
+
+
+def test_of_many_runs_one_that_fails_is_raised_or_kept():
+    case = cosim.load("pulley_edc").replace(PLAIN)
+    bad = case.replace({"solve.max_iterations": 1}, name="bad")
+    with pytest.raises(cosim.ConvergenceError):
+        cosim.run_many([bad, case])
+    failed, good = cosim.run_many([bad, case], keep_errors=True)
+    assert isinstance(failed, cosim.ConvergenceError)
+    assert isinstance(good, cosim.Result)
+
+
+def test_a_result_draws_itself(tmp_path):
+    result = cosim.run(cosim.load("network_edc").replace(PLAIN))
+    for kind in ("scene", "ledger"):
+        for ending in ("svg", "png", "pdf"):
+            path = tmp_path / f"{kind}.{ending}"
+            result.plot(kind, path)
+            assert 1_000 < path.stat().st_size < 2_000_000
+    with pytest.raises(cosim.InputError, match="no 'history'; it has scene, ledger"):
+        result.plot("history")
+    page = result._repr_html_()
+    assert "audit passed" in page
+    assert page.count("<table>") == 3
+    assert "data:image/png;base64," in page
+
+
+def test_the_labelled_vectors_are_those_of_the_summary():
+    result = cosim.run(cosim.load("network_edc").replace(PLAIN))
+    assert result.excursions == pytest.approx(result.summary["excursion_mm"])
+    assert result.moment_arms.loc["EDC", "PIP"] == result.summary["moment_arm_mm"]["EDC"]["PIP"]
+    assert result.joint_torques.sum().abs().max() < 1e-6
+    assert result.strain.empty
+
+
+def test_a_result_is_shown_in_space(monkeypatch):
+    pyvista = pytest.importorskip("pyvista")
+    monkeypatch.setattr(pyvista, "OFF_SCREEN", True)
+    plotter = cosim.run(cosim.load("isometric_edc").replace({**PLAIN, **COARSE})).view()
+    assert len(plotter.actors) >= 8  # four bones, the hood, tendons, an arrow
+    plotter.close()

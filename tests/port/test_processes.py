@@ -15,6 +15,11 @@ from cosim.errors import InputError
 from cosim.processes import Memory, process_pool
 
 
+def slow_process_of(name: str) -> tuple[str, int]:
+    time.sleep(0.2)
+    return process_of(name)
+
+
 def slow_square(x: float) -> float:
     time.sleep(0.2 * (x == 0))
     return x * x
@@ -45,6 +50,13 @@ def test_results_come_in_order_and_a_batch_stays_in_one_process(jobs: int) -> No
         assert by_name.keys() == set("abc")
         assert by_name["a"] == by_name["b"]
         assert [x for x, _ in ended if x in "ab"] == ["a", "b"]
+
+
+def test_a_process_without_work_takes_over_half_of_a_batch() -> None:
+    with process_pool(2) as pool:
+        ended = list(pool.as_ended(slow_process_of, ["abcdef"]))
+    assert sorted(name for name, _ in ended) == list("abcdef")
+    assert len({process for _, process in ended}) == 2
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
