@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pkgutil
+import re
 import subprocess
 import sys
 from importlib import import_module
@@ -32,6 +33,17 @@ def test_the_names_are_there_and_none_is_a_submodule():
     assert set(cosim.__all__) <= set(dir(cosim))
     with pytest.raises(AttributeError, match="no attribute 'rum'"):
         cosim.rum  # noqa: B018
+
+
+def test_the_guide_has_a_line_for_every_name():
+    guide = (ROOT / "cosim" / "README.md").read_text(encoding="utf-8")
+    table = guide.partition("| name | what it does |")[2].partition("\n\n")[0]
+    named = set(re.findall(r"`(\w+)(?:\.\w+)?`", table))
+    assert set(cosim.__all__) - {"__version__", "Result"} <= named
+    shown = guide.partition("A `Result` has")[2].partition("\n\n")[0]
+    public = {name for name in vars(cosim.Result) if not name.startswith("_")}
+    fields = {"name", "folder", "comparison", "picture"}
+    assert {f"`{name}" for name in public - fields} <= set(re.findall(r"`\w+", shown))
 
 
 def test_every_name_can_still_be_called_once_all_is_imported():
