@@ -34,9 +34,16 @@ BLOCKS = {
     for i, block in enumerate(re.findall(r"```python\n(.*?)```", text, re.DOTALL))
 }
 FIRST = "cosim run isometric_edc"
+
+
+def is_long(command: str, note: str) -> bool:
+    """Whether it takes more than half a minute: minutes, or the first run once more."""
+    return "minutes" in note or "--out pulled" in command
+
+
 TEN = TOP.partition("\n## Ten commands\n")[2].partition("\n## ")[0]
 COMMANDS = [
-    pytest.param(command.strip(), marks=[pytest.mark.slow] if "minutes" in note else [])
+    pytest.param(command.strip(), marks=[pytest.mark.slow] * is_long(command, note))
     for command, _, note in (
         line.strip().partition(" #") for line in TEN.splitlines() if line.startswith("    cosim ")
     )
@@ -64,7 +71,9 @@ def in_a_process(folder: Path, *words: str) -> str:
     return done.stdout
 
 
-@pytest.mark.parametrize("name", BLOCKS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[pytest.mark.slow] * (n == "top-0")) for n in BLOCKS]
+)
 def test_a_python_block_runs(name: str, tmp_path: Path):
     in_a_process(tmp_path, "-c", BLOCKS[name])
 

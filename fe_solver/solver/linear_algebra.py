@@ -1,15 +1,17 @@
 """The sparse direct solvers, behind one small protocol: analyse a pattern once, factor often.
 
-SciPy's SuperLU is always there.  PARDISO (pypardiso) and CHOLMOD (scikit-sparse; its supernodal
-part is GPL, so it is never required) are taken where they are installed, in this order; the
-environment variable FE_SOLVER_LINEAR names another choice.
+feral is installed with the program where it has a wheel, and SciPy's SuperLU is always there.
+PARDISO (pypardiso) and CHOLMOD (scikit-sparse; its supernodal part is GPL, so it is never required)
+are taken where they are installed.  The first of `BACKENDS` that is there is used; the environment
+variable FE_SOLVER_LINEAR names another choice.
 """
 
 from __future__ import annotations
 
 import os
 import weakref
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
 from importlib.util import find_spec
 from typing import Any, ClassVar, Protocol
@@ -24,10 +26,15 @@ from cosim.errors import ConvergenceError, InputError
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
-BACKENDS = {"pardiso": "pypardiso", "cholmod": "sksparse", "superlu": "scipy"}
-"""Name and module, the fastest first: at 2000 quads a factorisation takes PARDISO 20, CHOLMOD 80
-and SuperLU 50 to 65 ms, at 8000 110, 430 and 360 to 460; CHOLMOD solves for many right-hand sides
-three to five times as fast as the others."""
+BACKENDS = {
+    "pardiso": "pypardiso",
+    "feral": "feral",
+    "cholmod": "sksparse",
+    "superlu": "scipy",
+}
+"""Name and module, in the order in which they are taken.  Times of one factorisation over that of
+SuperLU: PARDISO 0.3, feral 0.55, CHOLMOD 1.2; CHOLMOD solves for many right-hand sides three times
+as fast as the others."""
 FASTER = {
     "pardiso": "PARDISO (factorises in a third of the time): pip install 'cosim-hand[mkl]'",
     "cholmod": "CHOLMOD (condensed tangents; needs SuiteSparse): pip install 'cosim-hand[fast]'",
@@ -86,9 +93,13 @@ def analyse(slots: sp.csc_array, backend: str | None = None) -> Analysis:
     """Analysis of a symmetric pattern; the entries of `slots` are 1 + their positions in the data
     that `factor` takes."""
     backend = backend or backend_name()
-    kinds = {"cholmod": CholmodAnalysis, "pardiso": PardisoAnalysis, "superlu": SuperLUAnalysis}
-    made: Analysis = kinds[backend](slots)
-    return made
+    kinds: dict[str, Callable[[sp.csc_array], Analysis]] = {
+        "cholmod": CholmodAnalysis,
+        "feral": FeralAnalysis,
+        "pardiso": PardisoAnalysis,
+        "superlu": SuperLUAnalysis,
+    }
+    return kinds[backend](slots)
 
 
 @dataclass(frozen=True)
@@ -237,55 +248,112 @@ class _Cholesky:
 
 
 @dataclass
-class PardisoAnalysis:
-    """Symmetric indefinite L D L' of MKL (matrix type -2), which keeps one factor at a time."""
+class _OneFactorAnalysis:
+    """A pattern in a solver that keeps one numeric factor at a time: an earlier one is made again
+    when it is used again."""
 
-    dear: ClassVar[bool] = False
     slots: sp.csc_array
-    held: weakref.ref[_Pardiso] | None = None
-
-    @cached_property
-    def _upper(self) -> tuple[sp.csr_array, Ints, Any]:
-        os.environ.setdefault("MKL_CBWR", "AUTO")  # the same bits for any number of threads
-        from pypardiso.pardiso_wrapper import PyPardisoSolver
-
-        upper = sp.csr_array(sp.triu(self.slots, format="csr"))
-        upper.sort_indices()
-        slots = positions(upper)
-        solver = PyPardisoSolver(mtype=-2)
-        os.environ.setdefault("PYPARDISO_MKL_RT", solver.libmkl._name)  # or each searches the disk
-        matrix = sp.csr_matrix((np.ones(len(slots)), upper.indices, upper.indptr), upper.shape)
-        _phase(solver, 11, matrix, np.zeros(len(upper.indptr) - 1))
-        weakref.finalize(self, solver.free_memory, everything=True).atexit = False
-        return upper, slots, solver
+    held: weakref.ref[_KeptFactor] | None = None
 
     def factor(self, data: Array) -> Factor:
         """The numeric factor of the matrix with entries from `data`."""
-        upper, slots, _ = self._upper
-        made = _Pardiso(
-            self, sp.csr_matrix((data[slots], upper.indices, upper.indptr), upper.shape)
-        )
+        made = _KeptFactor(self, data)
         made.hold()
         return made
 
+    def factorise(self, data: Array) -> None:
+        """Make the numeric factor that the solver keeps.  Raises ConvergenceError for a singular
+        matrix."""
+        raise NotImplementedError
+
+    def solve(self, right: Array) -> Array:
+        """Solution for right-hand sides (n,) or (n, m) by the factor that the solver keeps."""
+        raise NotImplementedError
+
 
 @dataclass
-class _Pardiso:
-    analysis: PardisoAnalysis
-    matrix: sp.csr_matrix
-    right: Array = field(default_factory=lambda: np.zeros(0))
+class _KeptFactor:
+    analysis: _OneFactorAnalysis
+    data: Array
 
     def hold(self) -> None:
         """Make this the factor that the solver keeps."""
         held = self.analysis.held
         if held is None or held() is not self:
             self.analysis.held = None
-            _phase(self.analysis._upper[2], 22, self.matrix, np.zeros(self.matrix.shape[0]))
+            self.analysis.factorise(self.data)
             self.analysis.held = weakref.ref(self)
 
     def solve(self, right: Array) -> Array:
+        """Solution for right-hand sides (n,) or (n, m)."""
         self.hold()
-        return _phase(self.analysis._upper[2], 33, self.matrix, np.asfortranarray(right))
+        return self.analysis.solve(right)
+
+
+class FeralAnalysis(_OneFactorAnalysis):
+    """Symmetric indefinite L D L' of feral, which is written in Rust and has one thread here."""
+
+    dear: ClassVar[bool] = True
+
+    @cached_property
+    def _lower(self) -> tuple[Ints, Any, Any]:
+        import feral
+
+        lower = sp.csc_array(sp.tril(self.slots, format="csc"))
+        lower.sort_indices()
+        n = self.slots.shape[0]
+        rows = lower.indices.astype(np.int64)
+        columns = np.repeat(np.arange(n), np.diff(lower.indptr))
+        matrix = feral.CscMatrix.from_triplet(n, rows, columns, np.ones(lower.nnz))
+        return positions(lower), matrix, feral.Solver(parallel=False, scaling="auto")
+
+    def factorise(self, data: Array) -> None:
+        """As the base class says."""
+        import feral
+
+        slots, matrix, solver = self._lower
+        try:
+            status, inertia = solver.factor(matrix.set_values(data[slots]))
+        except feral.FeralError as error:
+            raise _singular(error) from error
+        if status != feral.FactorStatus.SUCCESS or inertia.n_zero:
+            raise _singular(f"{inertia.n_zero} of its pivots are zero")
+
+    def solve(self, right: Array) -> Array:
+        """As the base class says."""
+        return np.asarray(self._lower[2].solve(np.ascontiguousarray(right)))
+
+
+class PardisoAnalysis(_OneFactorAnalysis):
+    """Symmetric indefinite L D L' of MKL (matrix type -2)."""
+
+    dear: ClassVar[bool] = False
+
+    @cached_property
+    def _upper(self) -> tuple[sp.csr_matrix, Ints, Any]:
+        os.environ.setdefault("MKL_CBWR", "AUTO")  # the same bits for any number of threads
+        from pypardiso.pardiso_wrapper import PyPardisoSolver
+
+        upper = sp.csr_matrix(sp.triu(self.slots, format="csr"))
+        upper.sort_indices()
+        slots = positions(upper)
+        solver = PyPardisoSolver(mtype=-2)
+        os.environ.setdefault("PYPARDISO_MKL_RT", solver.libmkl._name)  # or each searches the disk
+        upper.data = np.ones(len(slots))
+        _phase(solver, 11, upper, np.zeros(upper.shape[0]))
+        weakref.finalize(self, solver.free_memory, everything=True).atexit = False
+        return upper, slots, solver
+
+    def factorise(self, data: Array) -> None:
+        """As the base class says."""
+        matrix, slots, solver = self._upper
+        matrix.data = data[slots]
+        _phase(solver, 22, matrix, np.zeros(matrix.shape[0]))
+
+    def solve(self, right: Array) -> Array:
+        """As the base class says."""
+        matrix, _, solver = self._upper
+        return _phase(solver, 33, matrix, np.asfortranarray(right))
 
 
 def _phase(solver: Any, phase: int, matrix: sp.csr_matrix, right: Array) -> Array:

@@ -103,6 +103,7 @@ def test_a_force_is_made_by_the_case_run_forward(name, settings, force):
     assert (answer.found.tension <= high).all()
 
 
+@pytest.mark.slow
 def test_a_sheet_is_linearised_until_it_makes_the_force():
     """The hood's own equilibrium at the tensions found, solved anew from its start."""
     s = made("isometric_edc", CLAMPED, "hood.mesh.quads=120")

@@ -69,6 +69,7 @@ def bones(files: Path) -> list[str]:
     return ["--bones", *(str(files / f"{body}.obj") for body in BODIES), "--bone-unit", "m"]
 
 
+@pytest.mark.slow
 def test_our_own_hood_bones_and_finger_make_the_same_run(
     files: Path, ours: HoodMesh, tmp_path: Path
 ):

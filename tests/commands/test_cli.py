@@ -217,6 +217,7 @@ def test_bench_needs_a_shell():
     assert "bench needs a hood of finite elements" in done.stderr
 
 
+@pytest.mark.slow
 def test_bench_times_a_real_run(monkeypatch):
     built, build = [], session.build_any
     monkeypatch.setattr(session, "build_any", lambda case: built.append(case) or build(case))

@@ -145,6 +145,7 @@ def test_a_motion_that_wants_no_checkpoints_keeps_none(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_a_hood_whose_state_cannot_be_written_says_so_and_moves(tmp_path: Path) -> None:
     forward = 'forward={duration="0.002 s",must_rest=false}'
     rough = (PLAIN, *FREE, forward, "hood.mesh.quads=120", "hood.contact.friction=0.1")
@@ -156,6 +157,7 @@ def test_a_hood_whose_state_cannot_be_written_says_so_and_moves(tmp_path: Path) 
         run_case(load_case("isometric_edc", asked), Session(checkpoints=tmp_path))
 
 
+@pytest.mark.slow
 def test_a_shell_hood_goes_on_to_the_same_bytes(tmp_path: Path) -> None:
     forward = 'forward={duration="0.03 s",must_rest=false,checkpoint=12}'
     case = load_case("isometric_edc", [PLAIN, *FREE, forward, "hood.mesh.quads=120"])

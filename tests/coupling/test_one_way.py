@@ -211,6 +211,7 @@ def test_no_finger_with_springs_of_any_stiffness_exceeds_the_bound():
     assert min(found) < 0.9 * bound
 
 
+@pytest.mark.slow
 def test_the_thesis_pass_exceeds_what_a_tendon_can_do_and_each_force_once_does_not(monkeypatch):
     monkeypatch.setattr(verification_thesis, "MESH", COARSE)
     rows = list(verification_thesis.muscle_rows("EDC", 4.69))
@@ -221,6 +222,7 @@ def test_the_thesis_pass_exceeds_what_a_tendon_can_do_and_each_force_once_does_n
     assert max(plain.computed, both.computed) < 0.2 * exceeded.target
 
 
+@pytest.mark.slow
 def test_newton_a_fixed_point_and_a_motion_run_to_rest_agree():
     rows = list(verification_rest.first_rows())
     assert len(rows) == 4

@@ -105,6 +105,7 @@ def test_what_no_step_resolves_is_an_honest_stop():
         moved(forward("1e-6 deg", floor="2 ms"))
 
 
+@pytest.mark.slow
 def test_a_motion_that_was_cut_off_goes_on_to_the_same_bytes(tmp_path: Path, monkeypatch):
     fibre = (
         'tendons.EDC.muscle={kind="millard",optimal_fibre_length="70 mm",'

@@ -28,6 +28,9 @@ HOODS = {
     "network": ("network_edc", *FREE),
     "two_band": ("two_band_edc", *FREE),
 }
+SELDOM_FINE = [
+    pytest.param(h, marks=pytest.mark.slow) if h in ("shell", "cable") else h for h in HOODS
+]
 
 
 @cache
@@ -47,17 +50,13 @@ def change(hood: str, joint: str, *lesion: str) -> float:
 # What a clinician sees
 
 
-@pytest.mark.parametrize(
-    "hood", [pytest.param(h, marks=pytest.mark.slow) if h == "cable" else h for h in HOODS]
-)
+@pytest.mark.parametrize("hood", SELDOM_FINE)
 def test_without_its_central_slip_the_pip_lags_and_the_dip_extends(hood):
     assert change(hood, "PIP", CENTRAL) > 0.3
     assert change(hood, "DIP", CENTRAL) < -0.3
 
 
-@pytest.mark.parametrize(
-    "hood", [pytest.param(h, marks=pytest.mark.slow) if h == "cable" else h for h in HOODS]
-)
+@pytest.mark.parametrize("hood", SELDOM_FINE)
 def test_without_its_terminal_slip_the_dip_drops_and_the_pip_extends(hood):
     assert change(hood, "DIP", TERMINAL) > 2.0
     assert change(hood, "PIP", TERMINAL) < -0.3
@@ -86,6 +85,7 @@ def pull(edc: str, *lesion: str) -> float:
     return run_case(case).summary["joint_torque_Nmm"]["hood"]["PIP"]
 
 
+@pytest.mark.slow
 def test_in_a_flexed_finger_a_mallet_injury_turns_the_pull_to_extend():
     """Torque of the hood at the PIP, N mm (flexion positive), 46/60/25 deg held, before -> after:
     by EDC's 3 N, over rest, -17.2 -> -17.9, all of it to the central slip, which lies further

@@ -311,6 +311,7 @@ def test_a_summary_says_the_change_of_force_in_the_phalanx():
     assert [row.model for row in rows][:3] == [distal, -dorsal, radial]
 
 
+@pytest.mark.slow
 def test_the_coupled_hood_agrees_with_the_finger():
     """Balanced, in the posture that the clamp holds, and with signs that the muscle has."""
     bent = (f"finger.posture.{j}={a} deg" for j, a in (("MCP", 30), ("PIP", 30), ("DIP", 15)))

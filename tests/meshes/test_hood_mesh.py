@@ -152,6 +152,7 @@ def test_extensor_tendons_slide_clear_of_the_metacarpal_up_to_the_mcp(name):
     assert guide_depth(build(load_case(name)).hood) == 0
 
 
+@pytest.mark.slow
 def test_a_line_into_the_metacarpals_head_is_missed_by_the_audit(monkeypatch):
     monkeypatch.setattr(hood_generator, "clear_guides", lambda *laid: None)
     summary = run_case(load_case("isometric_edc", ["hood.mesh.quads=251"])).summary

@@ -104,6 +104,7 @@ def test_a_row_that_differs_for_no_known_reason_says_so():
         judge_rows({})
 
 
+@pytest.mark.slow
 def test_the_devices_are_compared_for_every_muscle():
     from cosim.papers.thesis_forces import device_figures
 
@@ -129,6 +130,7 @@ def written(folder: Path, *studies: str) -> str:
     return (folder / "index.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_the_page_on_coarse_meshes(coarse, monkeypatch, tmp_path):
     faked = {r.ours: r.values for r in rows() if r.ours}
     monkeypatch.setattr(thesis, "all_numbers", lambda: faked)

@@ -207,6 +207,7 @@ def test_frames_hold_bones_tendons_and_hood(hood):
     assert by_key["pressure"] == pytest.approx(1e-6 * run.hood.point_data["contact_pressure"])
 
 
+@pytest.mark.slow
 def test_a_nine_node_element_is_shown_as_four_quads(tmp_path):
     nine = 'hood.mesh.elements="quadratic"'
     run = read_run(run_into(tmp_path, "isometric_edc", "hood.mesh.quads=150", nine, QUICK))

@@ -24,7 +24,7 @@ QUICK = "output.picture=false"
 CASES = {
     "isometric_edc": ("hood.mesh.quads=150",),
     "split_edc": (),
-    "cable_edc": (),
+    "cable_edc": ('hood.mesh.spacing="3 mm"',),
     "planar_edc": (),
     "forward_edc": ("forward.must_rest=false", 'forward.duration="0.1 s"'),
     "pneumatic_edc_fdp": ('forward.duration="10 ms"',),

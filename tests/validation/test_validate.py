@@ -374,6 +374,7 @@ def test_trials_that_share_an_unloaded_equilibrium_are_run_by_one_process():
     assert [len(batch) for batch in names] == sorted(map(len, names), reverse=True)
 
 
+@pytest.mark.slow
 def test_two_processes_give_the_board_of_one(tmp_path: Path):
     group = some_of_the_split("fdp")
     boards = [run_validation([group], tmp_path / str(n), workers=n) for n in (1, 2)]

@@ -90,6 +90,7 @@ def test_only_hoods_that_are_generated_are_laid_out_anew():
     assert load_case(soft.case, soft.settings).hood.mesh.quads == 2400
 
 
+@pytest.mark.slow
 def test_the_command_says_what_a_finer_mesh_changes(tmp_path: Path):
     words = ["validate", "--only", "strain soft iso", "--out", str(tmp_path), "--workers", "1"]
     four = ["--set", 'hood.mesh.elements="linear"']  # quadratic ones tell meshes less apart

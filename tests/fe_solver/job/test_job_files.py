@@ -130,6 +130,7 @@ def test_stiff_contact_a_gap_and_thin_sheets_are_solved(packed, thin, gap, optio
     assert state.imbalance[0] < 1e-6
 
 
+@pytest.mark.slow
 def test_a_folder_of_models_is_timed(packed):
     done = run("bench", "febio", "--models", packed, "--spacing", "1 mm")
     assert done.exit_code == 0, done.output

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
+from cosim.errors import ConvergenceError
 from fe_solver.solver.linear_algebra import (
     REDUCED,
     Analysis,
@@ -15,6 +16,7 @@ from fe_solver.solver.linear_algebra import (
     Nearby,
     NotPositiveDefiniteError,
     analyse,
+    available,
 )
 
 SIZE = 60
@@ -66,6 +68,46 @@ def test_one_that_is_not_positive_definite_is_refused(factor):
 def test_one_that_is_too_far_is_refused(factor):
     with pytest.raises(NotPositiveDefiniteError, match="left"):
         Nearby(chain(np.geomspace(1.0, 1e5, SIZE)), factor).solve(RIGHT)
+
+
+INDEFINITE = [name for name in available() if name != "cholmod"]
+
+
+def arrow(signs: np.ndarray) -> sp.csc_array:
+    """(n, n) a chain with so many of its pivots negative, bordered by a full row and column."""
+    out = chain(signs).tolil()
+    out[-1, :] = out[:, -1] = 0.1
+    out[-1, -1] = 7.0
+    return sp.csc_array(out.tocsc())
+
+
+@pytest.mark.parametrize("backend", INDEFINITE)
+def test_an_indefinite_matrix_is_solved_for_one_side_and_for_many(backend):
+    matrix = arrow(np.where(np.arange(SIZE) % 3, 1.0, -2.0))
+    many = np.column_stack([RIGHT, np.cos(RIGHT), np.eye(SIZE)[:, :5]])
+    factor = factor_of(matrix, backend)
+    assert np.abs(matrix @ factor.solve(RIGHT) - RIGHT).max() < 1e-10
+    assert np.abs(matrix @ factor.solve(many) - many).max() < 1e-10
+    assert factor.solve(many).tobytes() == factor_of(matrix, backend).solve(many).tobytes()
+
+
+@pytest.mark.parametrize("backend", INDEFINITE)
+def test_an_earlier_factor_of_a_pattern_serves_after_a_later_one(backend):
+    first, second = arrow(np.ones(SIZE)), arrow(np.linspace(1.0, 2.0, SIZE))
+    slots = sp.csc_array(first, copy=True)
+    slots.data[:] = np.arange(1.0, first.nnz + 1)
+    analysis = analyse(slots, backend)
+    factors = [analysis.factor(matrix.data) for matrix in (first, second)]
+    for matrix, factor in [*zip((first, second), factors, strict=True), (first, factors[0])]:
+        assert np.abs(matrix @ factor.solve(RIGHT) - RIGHT).max() < 1e-10
+
+
+@pytest.mark.parametrize("backend", INDEFINITE)
+def test_a_matrix_without_stiffness_somewhere_is_refused(backend):
+    stiffness = np.ones(SIZE)
+    stiffness[0] = 0.0  # nothing holds the chain
+    with pytest.raises(ConvergenceError, match="free to move"):
+        factor_of(chain(stiffness), backend)
 
 
 @pytest.mark.skipif(find_spec("pypardiso") is None, reason="PARDISO is not installed")

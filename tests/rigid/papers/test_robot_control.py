@@ -168,6 +168,7 @@ def test_quality_counts_steps_and_joints_after_the_first() -> None:
     np.testing.assert_allclose(found.largest_overshoot, [1.0, 0.0])
 
 
+@pytest.mark.slow
 def test_one_gain_set_in_joint_space_holds_where_tendon_space_fails() -> None:
     bench = Bench(robot_finger(True), Lag())
     goals = list(poses(10))
