@@ -125,12 +125,12 @@ class ProcessPool:
 
 
 @contextmanager
-def process_pool(jobs: int, option: str = "--jobs") -> Iterator[ProcessPool]:
+def process_pool(workers: int, option: str = "--workers") -> Iterator[ProcessPool]:
     """So many processes for the block (1: this one), which end with it: at once where the block
     ends by an error or Ctrl-C.
 
     Raises InputError, which names the command's `option`, where one was ended from outside."""
-    if jobs == 1:
+    if workers == 1:
         yield ProcessPool(())
         return
     from concurrent.futures import ProcessPoolExecutor
@@ -141,7 +141,7 @@ def process_pool(jobs: int, option: str = "--jobs") -> Iterator[ProcessPool]:
     ignore = (signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches them too, and this process ends them
     processes = [
         ProcessPoolExecutor(1, get_context("spawn"), initializer=signal.signal, initargs=ignore)
-        for _ in range(jobs)
+        for _ in range(workers)
     ]
     try:
         yield ProcessPool(processes)

@@ -56,7 +56,9 @@ def load_cases(names: Sequence[str], settings: Sequence[str] | None) -> list[Cas
 def run(
     cases: Cases,
     settings: Settings = None,
-    out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("runs"),
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the results.")] = Path(
+        "runs"
+    ),
     workers: Workers = 1,
     pictures: Annotated[
         bool, typer.Option("--pictures/--no-pictures", help="Draw what each case asks for, or not.")

@@ -46,7 +46,9 @@ def _has_display() -> bool:
 def mesh(
     case: Annotated[str, typer.Argument(help="Case file, or name of a packaged case.")],
     settings: Settings = None,
-    out: Annotated[Path, typer.Option(help="The mesh file to write.")] = Path("hood.json"),
+    out: Annotated[Path, typer.Option("--out", "-o", help="The mesh file to write.")] = Path(
+        "hood.json"
+    ),
 ) -> None:
     """Write the hood mesh of a case, for hood.mesh.kind = "file"."""
     (checked,) = load_cases([case], settings)

@@ -39,7 +39,8 @@ def rows_of(summary: Mapping[str, Any]) -> list[tuple[Row, list[Row]]]:
 def batch_table(names: Sequence[str], summaries: Mapping[str, Mapping[str, Any] | None]) -> Table:
     """A row for each case of a batch: fingertip force, slips, time and how it ended.  A run that
     failed has no summary; one that the batch did not come to is not in `summaries`."""
-    header = ("case", "fingertip force N", *AXES, "central slip N", "terminal slip N", "s", "ended")
+    slips = ("central slip", "terminal slip")
+    header = ("forces in N", "fingertip", *AXES, *slips, "time s", "ended")
     rows: list[Row] = []
     for name in names:
         summary = summaries.get(name)

@@ -41,9 +41,9 @@ def count(memory: Memory, step: int) -> int:
     return int(memory["count"])
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
-def test_results_come_in_order_and_a_batch_stays_in_one_process(jobs: int) -> None:
-    with process_pool(jobs) as pool:
+@pytest.mark.parametrize("workers", [1, 2])
+def test_results_come_in_order_and_a_batch_stays_in_one_process(workers: int) -> None:
+    with process_pool(workers) as pool:
         assert list(pool.in_order(slow_square, range(4))) == [0, 1, 4, 9]
         ended = list(pool.as_ended(process_of, ["ab", "c"]))
         by_name = dict(ended)
@@ -59,10 +59,10 @@ def test_a_process_without_work_takes_over_half_of_a_batch() -> None:
     assert len({process for _, process in ended}) == 2
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
-def test_a_process_remembers_as_long_as_its_pool(jobs: int) -> None:
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_process_remembers_as_long_as_its_pool(workers: int) -> None:
     for _ in range(2):
-        with process_pool(jobs) as pool:
+        with process_pool(workers) as pool:
             assert [pool.submit(0, count, 2).result() for _ in range(2)] == [2, 4]
 
 
