@@ -16,6 +16,7 @@ from cosim.errors import CosimError, InputError, Progress, quiet
 from cosim.pipeline import run_case, run_cases
 from cosim.port import Finger, Hood, Pair, PairState, Tensions
 from cosim.results.compare import as_dict, compare_with_targets, numbers_of, read_targets, unit_of
+from cosim.results.quantities import check_quantities
 from cosim.results.read import read_run
 from cosim.results.result import Result
 from cosim.solve.session import Session
@@ -123,7 +124,9 @@ def compare(*results: Result, data: str | Path | None = None) -> pandas.DataFram
     if data is not None:
         if len(results) != 1:
             raise InputError(f"compare: data go beside one result, not {len(results)}")
-        rows = compare_with_targets(read_targets(Path(data)), results[0].summary, results[0].case)
+        (one,), targets = results, read_targets(Path(data))
+        check_quantities(targets, [(one.case, one.summary)])
+        rows = compare_with_targets(targets, one.summary, one.case)
         return pandas.DataFrame([as_dict(row) for row in rows])
     columns: dict[str, dict[str, float]] = {}
     for result in results:
