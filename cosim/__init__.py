@@ -9,7 +9,9 @@ What is named here is the public face; everything else may change.
 
 from __future__ import annotations
 
+import os
 from importlib import import_module
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from cosim.version import __version__
@@ -51,6 +53,30 @@ __all__ = [
     "run",
     "run_many",
 ]
+
+
+_NEIGHBOURS = ("cases", "fe_solver", "meshes", "rigid")
+"""The packages that come with this one, side by side with it."""
+
+
+def _check_neighbours() -> None:
+    """Raise ImportError where a file of the user's own has the name of one of them and comes first
+    on Python's path."""
+    home = os.path.dirname(os.path.dirname(os.path.realpath(__file__)))
+    for name in _NEIGHBOURS:
+        try:
+            spec = find_spec(name)
+        except ValueError:  # a module that was made by hand
+            continue
+        found = spec.origin if spec is not None else None
+        if found and os.path.dirname(os.path.dirname(os.path.realpath(found))) != home:
+            raise ImportError(
+                f"cosim needs the package {name} that was installed with it, but Python finds "
+                f"{found} first. Rename that file or folder, or start Python in another folder."
+            )
+
+
+_check_neighbours()
 
 
 def __getattr__(name: str) -> Any:

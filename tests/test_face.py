@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import pkgutil
 import re
 import subprocess
@@ -188,3 +189,27 @@ def test_a_result_is_shown_in_space(monkeypatch):
     plotter = cosim.run(cosim.load("isometric_edc").replace({**PLAIN, **COARSE})).view()
     assert len(plotter.actors) >= 8  # four bones, the hood, tendons, an arrow
     plotter.close()
+
+
+@pytest.mark.parametrize("name", ["meshes.py", "cases.py", "rigid/__init__.py"])
+def test_a_file_that_hides_a_package_of_ours_is_named(tmp_path, name):
+    path = tmp_path / name
+    path.parent.mkdir(exist_ok=True)
+    path.write_text("mine = 1\n")
+    script = tmp_path / "script.py"
+    script.write_text("import cosim\n")
+    env = os.environ | {"PYTHONPATH": str(ROOT)}
+    done = subprocess.run([sys.executable, script], env=env, capture_output=True, text=True)
+    assert done.returncode == 1
+    last = done.stderr.splitlines()[-1]
+    assert last.startswith("ImportError: cosim needs the package ")
+    assert f"{path} first. Rename" in last
+
+
+def test_a_folder_that_is_no_package_does_no_harm(tmp_path):
+    (tmp_path / "meshes").mkdir()
+    script = tmp_path / "script.py"
+    script.write_text("import cosim\nprint(cosim.load('pulley_edc').name)\n")
+    env = os.environ | {"PYTHONPATH": str(ROOT)}
+    done = subprocess.run([sys.executable, script], env=env, capture_output=True, text=True)
+    assert done.stdout == "pulley_edc\n", done.stderr
