@@ -55,21 +55,25 @@ __all__ = [
 ]
 
 
-_NEIGHBOURS = ("cases", "fe_solver", "meshes", "rigid")
-"""The packages that come with this one, side by side with it."""
+_NEIGHBOURS = {
+    "cases": "base",
+    "fe_solver": "solver",
+    "meshes": "skeleton.py",
+    "rigid": "model.py",
+}
+"""The packages that are installed with this one, and something that each holds."""
 
 
 def _check_neighbours() -> None:
     """Raise ImportError where a file of the user's own has the name of one of them and comes first
     on Python's path."""
-    home = os.path.dirname(os.path.dirname(os.path.realpath(__file__)))
-    for name in _NEIGHBOURS:
+    for name, inner in _NEIGHBOURS.items():
         try:
             spec = find_spec(name)
         except ValueError:  # a module that was made by hand
             continue
         found = spec.origin if spec is not None else None
-        if found and os.path.dirname(os.path.dirname(os.path.realpath(found))) != home:
+        if found and not os.path.exists(os.path.join(os.path.dirname(found), inner)):
             raise ImportError(
                 f"cosim needs the package {name} that was installed with it, but Python finds "
                 f"{found} first. Rename that file or folder, or start Python in another folder."
