@@ -76,15 +76,18 @@ def run_many(
     True
 
     Raises InputError and ConvergenceError."""
-    found: dict[int, Result | CosimError] = {}
-    for i, outcome in run_cases(cases, _as_it_is, workers):
-        found[i] = outcome
-        words = f": {outcome}" if isinstance(outcome, CosimError) else ""
-        progress(f"{len(found)} of {len(cases)}: {cases[i].name}{words}")
-    errors = [found[i] for i in range(len(cases)) if isinstance(found[i], CosimError)]
+    results: dict[int, Result] = {}
+    errors: dict[int, CosimError] = {}
+    for i, result, error in run_cases(cases, _as_it_is, workers):
+        if result is not None:
+            results[i] = result
+        if error is not None:
+            errors[i] = error
+        done, words = len(results) + len(errors), "" if error is None else f": {error}"
+        progress(f"{done} of {len(cases)}: {cases[i].name}{words}")
     if errors and not keep_errors:
-        raise errors[0]
-    return [found[i] for i in range(len(cases))]
+        raise errors[min(errors)]
+    return [results.get(i) or errors[i] for i in range(len(cases))]
 
 
 def _as_it_is(result: Result) -> Result:

@@ -43,9 +43,10 @@ def run_cases(
     then: Callable[[Result], T],
     workers: int = 1,
     checkpoints: Path | None = None,
-) -> Iterator[tuple[int, T | CosimError]]:
-    """Run cases side by side in so many processes.  As each ends: its place in `cases`, and what
-    `then` makes of its result in the process that solved it, or the error that it ended with.
+) -> Iterator[tuple[int, T | None, CosimError | None]]:
+    """Run cases side by side in so many processes.  As each ends: its place in `cases`,
+    what `then` makes of its result in the process that solved it, and the error that it ended with
+    (one of the two is None).
 
     Cases that differ only in their tendons share their models and the unloaded equilibrium in a
     process.  A case gives the same bytes for any number of workers.  Raises InputError where a
@@ -64,10 +65,10 @@ def _run_one(
     item: tuple[int, Case],
     then: Callable[[Result], T],
     checkpoints: Path | None,
-) -> tuple[int, T | CosimError]:
+) -> tuple[int, T | None, CosimError | None]:
     i, case = item
     session: Session = memory.setdefault("session", Session(checkpoints=checkpoints))
     try:
-        return i, then(run_case(case, session))
+        return i, then(run_case(case, session)), None
     except CosimError as error:
-        return i, error
+        return i, None, error

@@ -173,9 +173,10 @@ def _kind(one: Schema) -> str:
 
 
 def _row(whole: Schema, key: str, node: Schema) -> tuple[str, str, str]:
-    default = node.get("default", ...)
-    shown = "" if default in (..., None) or isinstance(default, dict) else str(default)
-    return key, " or ".join(_leaf(whole, one) for _, one in _alternatives(whole, node)), shown
+    forms = [_leaf(whole, one) for _, one in _alternatives(whole, node)]
+    has_default = node.get("default") is not None and forms != ["a table"]
+    shown = str(node["default"]) if has_default else ""
+    return key, " or ".join(forms), shown
 
 
 def _leaf(whole: Schema, one: Schema) -> str:

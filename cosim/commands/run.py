@@ -85,16 +85,15 @@ def _run_all(cases: Sequence[Case], out: Path, voice: Voice, workers: int = 1) -
     summaries: dict[str, Mapping[str, Any] | None] = {}
     failed, started = 0, time.perf_counter()
     ran = _one_by_one(cases, out, voice) if workers == 1 else _side_by_side(cases, out, workers)
-    for case, outcome in ran:
-        if isinstance(outcome, CosimError):
-            summaries[case.name] = None
-            failed = max(failed, tell(type(outcome)(f"{case.name}: {outcome}")))
-        else:
-            summaries[case.name] = outcome[0]
-            _tell_end(case, *outcome, voice, alone=len(cases) == 1)
+    for case, ended, error in ran:
+        summaries[case.name] = None if ended is None else ended[0]
+        if error is not None:
+            failed = max(failed, tell(type(error)(f"{case.name}: {error}")))
+        if ended is not None:
+            _tell_end(case, *ended, voice, alone=len(cases) == 1)
         if voice == "plain" and len(cases) > 1:
             _count(case.name, len(summaries), len(cases), time.perf_counter() - started)
-        if isinstance(outcome, StoppedError):
+        if type(error) is StoppedError:
             break
     if voice == "plain" and len(cases) > 1:
         from cosim.results.summary_tables import batch_table
@@ -125,7 +124,7 @@ def _check_targets(cases: Sequence[Case], out: Path) -> None:
 
 def _one_by_one(
     cases: Sequence[Case], out: Path, voice: Voice
-) -> Iterator[tuple[Case, Ended | CosimError]]:
+) -> Iterator[tuple[Case, Ended | None, CosimError | None]]:
     """Run and write each case in this process, its stages told."""
     from cosim.pipeline import run_case
     from cosim.solve.motion import checkpoint_folder
@@ -140,35 +139,37 @@ def _one_by_one(
                 say("writing the results")
                 folder = result.save(out)
         except KeyboardInterrupt:
-            yield case, StoppedError(f"stopped before its end; {_what_stays(unfinished)}")
+            yield case, None, StoppedError(f"stopped before its end; {_what_stays(unfinished)}")
+        except ConvergenceError as error:
+            _forget(unfinished)  # it would fail again where it failed
+            yield case, None, error
         except CosimError as error:
-            if isinstance(error, ConvergenceError):
-                _forget(unfinished)  # it would fail again where it failed
-            yield case, error
+            yield case, None, error
         else:
             _forget(unfinished)
-            yield case, (result.summary, folder)
+            yield case, (result.summary, folder), None
 
 
 def _side_by_side(
     cases: Sequence[Case], out: Path, workers: int
-) -> Iterator[tuple[Case, Ended | CosimError]]:
+) -> Iterator[tuple[Case, Ended | None, CosimError | None]]:
     """Run and write cases in so many processes; each as it ends."""
     from cosim.pipeline import run_cases
     from cosim.solve.motion import checkpoint_folder
 
     waiting = set(range(len(cases)))
     try:
-        for i, outcome in run_cases(cases, partial(_save, out=out), workers, checkpoints=out):
+        for i, ended, error in run_cases(cases, partial(_save, out=out), workers, checkpoints=out):
             waiting.remove(i)
-            if not isinstance(outcome, InputError):
+            if type(error) is not InputError:
                 _forget(checkpoint_folder(cases[i], out))
-            yield cases[i], outcome
+            yield cases[i], ended, error
     except KeyboardInterrupt:
         begun = [checkpoint_folder(cases[i], out) for i in sorted(waiting)]
         kept = [shown_path(folder) for folder in begun if folder is not None and folder.exists()]
         words = f"; go on with: cosim resume {', '.join(kept)}" if kept else ""
-        yield cases[min(waiting)], StoppedError(f"stopped with {len(waiting)} cases left{words}")
+        error = StoppedError(f"stopped with {len(waiting)} cases left{words}")
+        yield cases[min(waiting)], None, error
 
 
 def _save(result: Result, out: Path) -> Ended:

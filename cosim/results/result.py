@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -158,7 +159,12 @@ class Result(CaseParts):
         """A notebook's view: the first numbers in tables, and the picture."""
         from cosim.results.html import html_of
 
-        return html_of(self)
+        png = self.picture("picture")
+        if png is None:
+            file = BytesIO()
+            self.plot().savefig(file, format="png", dpi=72)
+            png = file.getvalue()
+        return html_of(self.title, str(self.audit), self.summary, png)
 
     def __repr__(self) -> str:
         force = ", ".join(f"{axis} {value:.3g}" for axis, value in self.tip_force.items())
