@@ -11,7 +11,9 @@ What is named here is the public face; everything else may change.
 
 from __future__ import annotations
 
+import os
 from importlib import import_module
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from cosim.version import __version__
@@ -19,7 +21,7 @@ from cosim.version import __version__
 if TYPE_CHECKING:
     from cosim.case.schema import Case
     from cosim.errors import ConvergenceError, InputError
-    from cosim.face import compare, couple, load, open_run, run
+    from cosim.face import compare, couple, list_cases, load, open_run, run, run_many
     from cosim.results.result import Result
     from cosim.solve.session import Session
 
@@ -31,9 +33,11 @@ _HOME = {
     "Session": "cosim.solve.session",
     "compare": "cosim.face",
     "couple": "cosim.face",
+    "list_cases": "cosim.face",
     "load": "cosim.face",
     "open_run": "cosim.face",
     "run": "cosim.face",
+    "run_many": "cosim.face",
 }
 """The module of each name: loaded when it is first asked for, so that the port stays light."""
 __all__ = [
@@ -45,10 +49,40 @@ __all__ = [
     "__version__",
     "compare",
     "couple",
+    "list_cases",
     "load",
     "open_run",
     "run",
+    "run_many",
 ]
+
+
+_NEIGHBOURS = {
+    "cases": "base",
+    "fe_solver": "solver",
+    "meshes": "skeleton.py",
+    "rigid": "model.py",
+}
+"""The packages that are installed with this one, and something that each holds."""
+
+
+def _check_neighbours() -> None:
+    """Raise ImportError where a file of the user's own has the name of one of them and comes first
+    on Python's path."""
+    for name, inner in _NEIGHBOURS.items():
+        try:
+            spec = find_spec(name)
+        except ValueError:  # a module that was made by hand
+            continue
+        found = spec.origin if spec is not None else None
+        if found and not os.path.exists(os.path.join(os.path.dirname(found), inner)):
+            raise ImportError(
+                f"cosim needs the package {name} that was installed with it, but Python finds "
+                f"{found} first. Rename that file or folder, or start Python in another folder."
+            )
+
+
+_check_neighbours()
 
 
 def __getattr__(name: str) -> Any:

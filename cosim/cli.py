@@ -81,6 +81,12 @@ COMMANDS = {
             "Write the hood mesh of a case.",
             "cosim mesh isometric_edc --set hood.mesh.quads=2400 --out hood.json",
         ),
+        "list": Command(
+            "listing.list_things", "Cases, studies, trials and kinds.", "cosim list materials"
+        ),
+        "explain": Command(
+            "listing.explain", "What a key of a case file means.", "cosim explain hood.regions"
+        ),
         "schema": Command(
             "run.schema",
             "JSON Schema of a case file, for editors.",

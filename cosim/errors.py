@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 Progress = Callable[[str], None]
 """A function that is called with a line of text at each stage of what takes long."""
@@ -10,6 +10,39 @@ Progress = Callable[[str], None]
 
 def quiet(text: str) -> None:
     """The progress of a caller who asks for none."""
+
+
+SWAP = 0.5
+"""Two neighbouring letters in the other order, against one letter that is wrong."""
+
+
+def nearest_names(name: str, known: Iterable[str], most: int = 1, share: float = 0.5) -> list[str]:
+    """The known names that a mistyped one may mean, the nearest first: those that so many letters
+    left out, added, put for another or swapped with their neighbour turn into it, at most the given
+    share of its letters.  Large and small letters are alike.
+
+    >>> nearest_names("FPD", ["EDC", "FPI", "FDP"])
+    ['FDP']
+    """
+    word = name.casefold()
+    found = [(_edits(word, other.casefold()), other) for other in known]
+    near = [(edits, other) for edits, other in found if edits <= share * max(len(word), len(other))]
+    return [other for _, other in sorted(near, key=lambda pair: pair[0])[:most]]
+
+
+def _edits(a: str, b: str) -> float:
+    """The distance of two words by optimal string alignment, of which each letter is changed once
+    (Boytsov 2011, ACM J Exp Algorithmics 16:1.1); letters that are swapped weigh SWAP."""
+    above: list[float] = []
+    row: list[float] = list(range(len(b) + 1))
+    for i, letter in enumerate(a):
+        above, last, row = row, above, [float(i + 1)]
+        for j, other in enumerate(b):
+            edits = min(above[j + 1] + 1, row[j] + 1, above[j] + (letter != other))
+            if i and j and letter == b[j - 1] and a[i - 1] == other:
+                edits = min(edits, last[j - 1] + SWAP)
+            row.append(edits)
+    return row[-1]
 
 
 class CosimError(Exception):

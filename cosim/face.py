@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cosim.build.models import build
-from cosim.case.file import case_of, load_case
+from cosim.case.file import case_of, load_case, packaged_cases
 from cosim.case.schema import Case
 from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium
-from cosim.errors import InputError, Progress, quiet
-from cosim.pipeline import run_case
+from cosim.errors import CosimError, InputError, Progress, quiet
+from cosim.pipeline import run_case, run_cases
 from cosim.port import Finger, Hood, Pair, PairState, Tensions
 from cosim.results.compare import as_dict, compare_with_targets, numbers_of, read_targets, unit_of
+from cosim.results.quantities import check_quantities
 from cosim.results.read import read_run
 from cosim.results.result import Result
 from cosim.solve.session import Session
@@ -59,6 +60,56 @@ def run(case: Case, session: Session | None = None, progress: Progress = quiet) 
     return run_case(case, session, progress)
 
 
+def run_many(
+    cases: Sequence[Case],
+    workers: int = 1,
+    progress: Progress = quiet,
+    *,
+    keep_errors: bool = False,
+) -> list[Result | CosimError]:
+    """The results of cases, in their order, run side by side in `workers` processes: the same bytes
+    for any number of them.  `progress` is told of each case that ends.  With `keep_errors` a case
+    without a result has the error in its place, else the first such error is raised once all have
+    ended.
+
+    A script that starts processes needs `if __name__ == "__main__":` around what it does.
+
+    >>> import cosim
+    >>> case = cosim.load("pulley_edc")
+    >>> pulls = [case.replace({"tendons.EDC.tension": f"{n} N"}, name=f"{n} N") for n in (1, 2)]
+    >>> weak, strong = cosim.run_many(pulls)
+    >>> strong.summary["fingertip_magnitude_N"] > weak.summary["fingertip_magnitude_N"]
+    True
+
+    Raises InputError and ConvergenceError."""
+    results: dict[int, Result] = {}
+    errors: dict[int, CosimError] = {}
+    for i, result, error in run_cases(cases, _as_it_is, workers):
+        if result is not None:
+            results[i] = result
+        if error is not None:
+            errors[i] = error
+        done, words = len(results) + len(errors), "" if error is None else f": {error}"
+        progress(f"{done} of {len(cases)}: {cases[i].name}{words}")
+    if errors and not keep_errors:
+        raise errors[min(errors)]
+    return [results.get(i) or errors[i] for i in range(len(cases))]
+
+
+def _as_it_is(result: Result) -> Result:
+    return result
+
+
+def list_cases() -> list[str]:
+    """The names of the packaged cases, which `load` takes.
+
+    >>> import cosim
+    >>> "isometric_edc" in cosim.list_cases()
+    True
+    """
+    return sorted(packaged_cases())
+
+
 def open_run(folder: str | Path) -> Result:
     """The result that `Result.save` or the command `cosim run` left in a folder.
 
@@ -94,7 +145,9 @@ def compare(*results: Result, data: str | Path | None = None) -> pandas.DataFram
     if data is not None:
         if len(results) != 1:
             raise InputError(f"compare: data go beside one result, not {len(results)}")
-        rows = compare_with_targets(read_targets(Path(data)), results[0].summary, results[0].case)
+        (one,), targets = results, read_targets(Path(data))
+        check_quantities(targets, [(one.case, one.summary)])
+        rows = compare_with_targets(targets, one.summary, one.case)
         return pandas.DataFrame([as_dict(row) for row in rows])
     columns: dict[str, dict[str, float]] = {}
     for result in results:

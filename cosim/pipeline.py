@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeVar
 
 from cosim.build.fit import check_fit
 from cosim.case.schema import Case, Task
-from cosim.errors import Progress, quiet
-from cosim.processes import one_blas_thread
+from cosim.errors import CosimError, Progress, quiet
+from cosim.processes import Memory, one_blas_thread, process_pool
 from cosim.results.motion import observe_motion
 from cosim.results.result import Result
 from cosim.results.static import observe_static
 from cosim.solve.session import Session
 from cosim.solve.solvers import SOLVERS
 
+T = TypeVar("T")
 OBSERVERS: Mapping[Task, Callable[[Case, Any, float], Result]] = {
     "static": observe_static,
     "one_way": observe_static,
@@ -40,3 +43,39 @@ def run_case(case: Case, session: Session | None = None, progress: Progress = qu
     solved = SOLVERS[case.task](case, session or Session(), progress)
     progress("summing up")
     return OBSERVERS[case.task](case, solved, time.perf_counter() - started)
+
+
+def run_cases(
+    cases: Sequence[Case],
+    then: Callable[[Result], T],
+    workers: int = 1,
+    checkpoints: Path | None = None,
+) -> Iterator[tuple[int, T | None, CosimError | None]]:
+    """Run cases side by side in so many processes.  As each ends: its place in `cases`,
+    what `then` makes of its result in the process that solved it, and the error that it ended with
+    (one of the two is None).
+
+    Cases that differ only in their tendons share their models and the unloaded equilibrium in a
+    process.  A case gives the same bytes for any number of workers.  Raises InputError where a
+    process is ended from outside."""
+    alike: dict[str, list[tuple[int, Case]]] = {}
+    for i, case in enumerate(cases):
+        alike.setdefault(case.setting_key(), []).append((i, case))
+    batches = sorted(alike.values(), key=len, reverse=True)
+    run_one = partial(_run_one, then=then, checkpoints=checkpoints)
+    with process_pool(max(1, min(workers, len(cases))), "workers") as pool:
+        yield from pool.as_ended(pool.with_memory(run_one), batches)
+
+
+def _run_one(
+    memory: Memory,
+    item: tuple[int, Case],
+    then: Callable[[Result], T],
+    checkpoints: Path | None,
+) -> tuple[int, T | None, CosimError | None]:
+    i, case = item
+    session: Session = memory.setdefault("session", Session(checkpoints=checkpoints))
+    try:
+        return i, then(run_case(case, session)), None
+    except CosimError as error:
+        return i, None, error

@@ -73,12 +73,19 @@ class ProcessPool:
         """Do `task(memory, *args)` in that process (modulo their number)."""
         if self._processes:
             at = process % len(self._processes)
-            return self._processes[at].submit(_with_memory, task, *args)
+            return self._processes[at].submit(self.with_memory(task), *args)
         from concurrent.futures import Future
 
         done: Future[R] = Future()
-        done.set_result(task(self._own, *args))
+        done.set_result(self.with_memory(task)(*args))
         return done
+
+    def with_memory(self, task: Callable[..., R]) -> Callable[..., R]:
+        """The task with what the process that does it keeps as its first argument."""
+        return partial(_with_memory if self._processes else self._with_own, task)
+
+    def _with_own(self, task: Callable[..., R], *args: Any) -> R:
+        return task(self._own, *args)
 
     def in_order(self, function: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
         """Results of the function of each item, in the items' order."""
@@ -93,7 +100,8 @@ class ProcessPool:
 
     def as_ended(self, function: Callable[[T], R], batches: Iterable[Sequence[T]]) -> Iterator[R]:
         """Results of the function of each item as they come; the items of a batch go through one
-        process, in their order."""
+        process, in their order, but for the second half of a batch that a process without work
+        takes over."""
         from concurrent.futures import FIRST_COMPLETED, wait
 
         if not self._processes:
@@ -103,7 +111,7 @@ class ProcessPool:
         running: dict[Future[R], tuple[int, list[T]]] = {}
 
         def go_on(process: int, rest: list[T]) -> None:
-            batch = rest or (waiting.pop(0) if waiting else [])
+            batch = rest or (waiting.pop(0) if waiting else _half_of_the_longest(running.values()))
             if batch:
                 future = self._processes[process].submit(function, batch[0])
                 running[future] = process, batch[1:]
@@ -119,16 +127,16 @@ class ProcessPool:
 
 
 @contextmanager
-def process_pool(jobs: int, option: str = "--jobs") -> Iterator[ProcessPool]:
-    """So many processes for the block (`jobs` = 1: this one), which end with it: at once where the
-    block ends by an error or Ctrl-C.
+def process_pool(workers: int, option: str = "--workers") -> Iterator[ProcessPool]:
+    """So many processes for the block (`workers` = 1: this one), which end with it: at once where
+    the block ends by an error or Ctrl-C.
 
     >>> with process_pool(1) as pool:
     ...     list(pool.in_order(abs, [-1, 2]))
     [1, 2]
 
     Raises InputError, which names the command's `option`, where one was ended from outside."""
-    if jobs == 1:
+    if workers == 1:
         yield ProcessPool(())
         return
     from concurrent.futures import ProcessPoolExecutor
@@ -139,7 +147,7 @@ def process_pool(jobs: int, option: str = "--jobs") -> Iterator[ProcessPool]:
     ignore = (signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches them too, and this process ends them
     processes = [
         ProcessPoolExecutor(1, get_context("spawn"), initializer=signal.signal, initargs=ignore)
-        for _ in range(jobs)
+        for _ in range(workers)
     ]
     try:
         yield ProcessPool(processes)
@@ -158,6 +166,15 @@ def process_pool(jobs: int, option: str = "--jobs") -> Iterator[ProcessPool]:
 
 def _with_memory(task: Callable[..., R], *args: Any) -> R:
     return task(_memory, *args)
+
+
+def _half_of_the_longest(running: Iterable[tuple[int, list[T]]]) -> list[T]:
+    """The second half of what the batch with the most left has left, which is taken from it."""
+    rest = max((left for _, left in running), key=len, default=[])
+    half = len(rest) // 2
+    taken = rest[len(rest) - half :]
+    del rest[len(rest) - half :]
+    return taken
 
 
 def _apply_numbered(function: Callable[[T], R], item: tuple[int, T]) -> tuple[int, R]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import pkgutil
+import re
 import subprocess
 import sys
 from importlib import import_module
@@ -15,6 +17,7 @@ from cosim.build.models import build
 from tests.helpers.folders import ROOT
 
 PLAIN = {"output.picture": False}
+COARSE = {"hood.mesh.quads": 150}
 
 
 def python(code: str) -> str:
@@ -31,6 +34,17 @@ def test_the_names_are_there_and_none_is_a_submodule():
     assert set(cosim.__all__) <= set(dir(cosim))
     with pytest.raises(AttributeError, match="no attribute 'rum'"):
         cosim.rum  # noqa: B018
+
+
+def test_the_guide_has_a_line_for_every_name():
+    guide = (ROOT / "cosim" / "README.md").read_text(encoding="utf-8")
+    table = guide.partition("| name | what it does |")[2].partition("\n\n")[0]
+    named = set(re.findall(r"`(\w+)(?:\.\w+)?`", table))
+    assert set(cosim.__all__) - {"__version__", "Result"} <= named
+    shown = guide.partition("A `Result` has")[2].partition("\n\n")[0]
+    public = {name for name in vars(cosim.Result) if not name.startswith("_")}
+    fields = {"name", "folder", "comparison", "picture"}
+    assert {f"`{name}" for name in public - fields} <= set(re.findall(r"`\w+", shown))
 
 
 def test_every_name_can_still_be_called_once_all_is_imported():
@@ -121,3 +135,81 @@ def test_a_hood_of_ones_own_is_coupled_without_a_case_file():
     )
     with pytest.raises(cosim.InputError, match="no tendon ECD"):
         cosim.couple(case, hood, {"ECD": 1.0})
+
+
+def test_many_runs_are_the_same_for_any_number_of_workers(tmp_path):
+    names = ("split_edc", "pulley_edc", "split_fdp", "two_band_edc", "split_ei")
+    cases = [cosim.load(name).replace(PLAIN) for name in names]
+    heard: list[str] = []
+    one, two = cosim.run_many(cases), cosim.run_many(cases, workers=2, progress=heard.append)
+    assert [result.case for result in two] == list(names)
+    assert heard[-1].startswith("5 of 5: ")
+    for a, b in zip(one, two, strict=True):
+        files = [r.save(tmp_path / side) for side, r in (("one", a), ("two", b))]
+        for name in ("results.nc", "ledger.csv", "case.toml"):
+            assert (files[0] / name).read_bytes() == (files[1] / name).read_bytes(), name
+
+
+def test_of_many_runs_one_that_fails_is_raised_or_kept():
+    case = cosim.load("pulley_edc").replace(PLAIN)
+    bad = case.replace({"solve.max_iterations": 1}, name="bad")
+    with pytest.raises(cosim.ConvergenceError):
+        cosim.run_many([bad, case])
+    failed, good = cosim.run_many([bad, case], keep_errors=True)
+    assert isinstance(failed, cosim.ConvergenceError)
+    assert isinstance(good, cosim.Result)
+
+
+def test_a_result_draws_itself(tmp_path):
+    result = cosim.run(cosim.load("network_edc").replace(PLAIN))
+    for kind in ("scene", "ledger"):
+        for ending in ("svg", "png", "pdf"):
+            path = tmp_path / f"{kind}.{ending}"
+            result.plot(kind, path)
+            assert 1_000 < path.stat().st_size < 2_000_000
+    with pytest.raises(cosim.InputError, match="no 'history'; it has scene, ledger"):
+        result.plot("history")
+    page = result._repr_html_()
+    assert "audit passed" in page
+    assert page.count("<table>") == 3
+    assert "data:image/png;base64," in page
+
+
+def test_the_labelled_vectors_are_those_of_the_summary():
+    result = cosim.run(cosim.load("network_edc").replace(PLAIN))
+    assert result.excursions == pytest.approx(result.summary["excursion_mm"])
+    assert result.moment_arms.loc["EDC", "PIP"] == result.summary["moment_arm_mm"]["EDC"]["PIP"]
+    assert result.joint_torques.sum().abs().max() < 1e-6
+    assert result.strain.empty
+
+
+def test_a_result_is_shown_in_space(monkeypatch):
+    pyvista = pytest.importorskip("pyvista")
+    monkeypatch.setattr(pyvista, "OFF_SCREEN", True)
+    plotter = cosim.run(cosim.load("isometric_edc").replace({**PLAIN, **COARSE})).view()
+    assert len(plotter.actors) >= 8  # four bones, the hood, tendons, an arrow
+    plotter.close()
+
+
+@pytest.mark.parametrize("name", ["meshes.py", "cases.py", "rigid/__init__.py"])
+def test_a_file_that_hides_a_package_of_ours_is_named(tmp_path, name):
+    path = tmp_path / name
+    path.parent.mkdir(exist_ok=True)
+    path.write_text("mine = 1\n")
+    script = tmp_path / "script.py"
+    script.write_text("import cosim\n")
+    env = os.environ | {"PYTHONPATH": str(ROOT)}
+    done = subprocess.run([sys.executable, script], env=env, capture_output=True, text=True)
+    assert done.returncode == 1
+    last = done.stderr.splitlines()[-1]
+    assert last.startswith("ImportError: cosim needs the package ")
+    assert f"{path} first. Rename" in last
+
+
+def test_a_folder_that_is_no_package_does_no_harm(tmp_path):
+    (tmp_path / "meshes").mkdir()
+    script = tmp_path / "script.py"
+    script.write_text("import cosim\nprint(cosim.load('pulley_edc').name)\n")
+    env = os.environ | {"PYTHONPATH": str(ROOT)}
+    done = subprocess.run([sys.executable, script], env=env, capture_output=True, text=True)
+    assert done.stdout == "pulley_edc\n", done.stderr

@@ -62,13 +62,13 @@ class Rung:
     """mm, of the loaded tendons, loaded less unloaded."""
 
 
-def solve_rungs(source: Path, settings: Sequence[str], jobs: int) -> Iterator[Rung]:
+def solve_rungs(source: Path, settings: Sequence[str], workers: int) -> Iterator[Rung]:
     """The rungs of a case, in their order, in so many processes (1: in this one).
 
     Raises InputError for a case that is no equilibrium of a finger of ours."""
     case = load_case(source, settings)
     _check(case)
-    with process_pool(jobs) as pool:
+    with process_pool(workers) as pool:
         yield from pool.in_order(partial(climb, source, tuple(settings)), rungs_of(case))
 
 

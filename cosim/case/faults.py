@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from types import UnionType
@@ -10,6 +9,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
+from cosim.errors import nearest_names
 from cosim.schema.fields import Text
 
 Place = tuple[str | int, ...]
@@ -123,9 +123,8 @@ def unknown(what: str, name: str, known: Sequence[str], siblings: Any) -> str:
     twin = next((k for k in known if k.casefold() == name.casefold()), None)
     if twin and isinstance(siblings, dict) and twin in siblings:
         return f"this {what} is named twice, in other letters; keep {twin}"
-    folded = {k.casefold(): k for k in known}
-    near = difflib.get_close_matches(name.casefold(), folded, n=1, cutoff=0.5)
-    hint = f"did you mean {folded[near[0]]}? " if near else ""
+    near = nearest_names(name, known)
+    hint = f"did you mean {near[0]}? " if near else ""
     return f"unknown {what}; {hint}known: {', '.join(known)}"
 
 

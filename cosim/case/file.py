@@ -13,7 +13,7 @@ from typing import Any
 
 from cosim.case.layers import Layer, nested
 from cosim.case.schema import Case, CaseFile
-from cosim.errors import InputError
+from cosim.errors import InputError, nearest_names
 from cosim.files import shown_path
 
 Settings = tuple[str, ...]
@@ -61,8 +61,11 @@ def find_case(path_or_name: str | Path, beside: Path | None = None) -> Path:
     name = PurePath(text).stem
     if text.endswith(".toml") and name in cases:
         raise InputError(f"{text!r}: no such file; for the packaged case write its name: {name}")
-    known = ", ".join(sorted(cases))
-    raise InputError(f"{text!r}: no such file and no packaged case; packaged are: {known}")
+    near = nearest_names(name, cases, most=3)
+    hint = f"did you mean {' or '.join(near)}? " if near else ""
+    raise InputError(
+        f"{text!r}: no such file and no packaged case; {hint}`cosim list cases` has their names"
+    )
 
 
 def _packaged_folder() -> Path:

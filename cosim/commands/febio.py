@@ -38,7 +38,9 @@ def solve(
         float | None, typer.Option(help="The last time; else the end of the file's last step.")
     ] = None,
     states: Annotated[int, typer.Option(min=1, help="States to keep of each step.")] = 1,
-    out: Annotated[Path | None, typer.Option(help="Folder of the result; else runs/MODEL.")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Folder of the result; else runs/MODEL.")
+    ] = None,
     penetration: Annotated[
         str | None,
         typer.Option(
@@ -144,7 +146,9 @@ def export(
     settings: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Replace a value.")
     ] = None,
-    out: Annotated[Path, typer.Option(help="The FEBio file to write.")] = Path("hood.feb"),
+    out: Annotated[Path, typer.Option("--out", "-o", help="The FEBio file to write.")] = Path(
+        "hood.feb"
+    ),
 ) -> None:
     """Write the shell hood of a case at its posture, under its tendons' tensions, for FEBio."""
     with exit_on_error():

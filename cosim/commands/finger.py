@@ -26,7 +26,9 @@ Settings = Annotated[
 def moment_arms(
     case: CaseName,
     settings: Settings = None,
-    out: Annotated[Path, typer.Option(help="Folder for table and plot.")] = Path("moment_arms"),
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder for table and plot.")] = Path(
+        "moment_arms"
+    ),
     steps: Annotated[int, typer.Option(min=2, max=1000, help="Postures of each joint.")] = 9,
 ) -> None:
     """Moment arms of all tendons while each joint passes its range, beside published ones."""
@@ -98,7 +100,9 @@ def _show_published(compared: pandas.DataFrame) -> None:
 def mjcf(
     case: CaseName,
     settings: Settings = None,
-    out: Annotated[Path, typer.Option(help="The file to write.")] = Path("finger.xml"),
+    out: Annotated[Path, typer.Option("--out", "-o", help="The file to write.")] = Path(
+        "finger.xml"
+    ),
 ) -> None:
     """Write the MuJoCo model of a case's finger: bones, joints, its own tendons with an actuator
     each, whose control is the tension; without passive torques, limits, what holds the tip, and

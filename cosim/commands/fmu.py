@@ -30,7 +30,10 @@ def fmu(
     ] = True,
     settings: Settings = None,
     out: Annotated[
-        Path | None, typer.Option(help="The file to write; else CASE_PART.fmu in this folder.")
+        Path | None,
+        typer.Option(
+            "--out", "-o", help="The file to write; else CASE_PART_FMI.fmu in this folder."
+        ),
     ] = None,
 ) -> None:
     """Write a case's hood, finger or coupled finger, at rest or in motion, as an FMU.
@@ -41,6 +44,6 @@ def fmu(
         from cosim.fmu_export.write import write_fmu
 
         checked = load_case(case, settings or ())
-        path = out or Path(f"{checked.name}_{part.value}.fmu")
+        path = out or Path(f"{checked.name}_{part.value}_fmi{fmi}.fmu")
         write_fmu(checked, part.value, fmi, path, tangent=tangent)
         typer.echo(f"{part.value} in {path}, FMI {fmi}")

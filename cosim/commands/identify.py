@@ -29,7 +29,7 @@ Settings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Replace a value of the case; repeatable."),
 ]
-Jobs = Annotated[int, typer.Option(min=1, max=61, help="Processes that solve side by side.")]
+Workers = Annotated[int, typer.Option(min=1, max=61, help="Processes that solve side by side.")]
 """A pool of processes has at most 61 on Windows."""
 STRONGEST = 6
 """Rows for each quantity in the terminal."""
@@ -38,7 +38,9 @@ STRONGEST = 6
 def sensitivity(
     case: CaseName,
     settings: Settings = None,
-    out: Annotated[Path, typer.Option(help="Folder for table and charts.")] = Path("sensitivity"),
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder for table and charts.")] = Path(
+        "sensitivity"
+    ),
     quantity: Annotated[
         list[str] | None,
         typer.Option(
@@ -58,7 +60,7 @@ def sensitivity(
             "are looked at too, and shown in the charts."
         ),
     ] = None,
-    jobs: Jobs = 2,
+    workers: Workers = 2,
 ) -> None:
     """How a case's results answer to what it assumes: moduli, thickness, rest lengths, ligaments,
     fibres, contact, joints, posture, mesh; a tornado chart for each quantity, and a table."""
@@ -75,7 +77,13 @@ def sensitivity(
         also = [t.quantity for t in targets]
         with _run_counter(checked.name) as progress:
             found = study(
-                checked.source, own, varied, quantity or (), also, jobs=jobs, progress=progress
+                checked.source,
+                own,
+                varied,
+                quantity or (),
+                also,
+                workers=workers,
+                progress=progress,
             )
         folder = out / checked.name
         for name, text in (
@@ -190,6 +198,8 @@ def identify(
     out: Annotated[
         Path | None,
         typer.Option(
+            "--out",
+            "-o",
             metavar="CASE.toml",
             help="Case file to write, extending CASE; of several CASEs the settings alone.",
         ),
@@ -205,7 +215,7 @@ def identify(
             "from scratch, come on top.",
         ),
     ] = 30,
-    jobs: Jobs = 2,
+    workers: Workers = 2,
 ) -> None:
     """Fit parameters of one or several cases to measured numbers, within bounds; say with
     intervals, correlations and singular values what the numbers could not tell."""
@@ -221,10 +231,12 @@ def identify(
         chosen = fit_cases(stated, free, wanted, apart)
         if out is not None:
             check_same_settings(chosen)
-        found = fit_all(chosen, jobs, most, lambda text: typer.echo(text, err=True))
+        found = fit_all(chosen, workers, most, lambda text: typer.echo(text, err=True))
         _show_fit(found, len(chosen) > 1)
         if out is not None:
             _write_found(out, found, chosen, tuple(settings or ()), targets.name)
+        else:
+            typer.echo("nothing was written: --out CASE.toml keeps what was found as a case")
 
 
 def _write_found(

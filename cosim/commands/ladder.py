@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cosim.commands.identify import CaseName, Jobs, Settings
+from cosim.commands.identify import CaseName, Settings, Workers
 from cosim.commands.terminal import exit_on_error, print_table
 from cosim.files import output_folder
 
@@ -24,7 +24,7 @@ def ladder(
     out: Annotated[
         Path, typer.Option("--out", "-o", metavar="FOLDER", help="Folder for tables and picture.")
     ] = Path("ladder"),
-    jobs: Jobs = 1,
+    workers: Workers = 1,
 ) -> None:
     """Run one case with every hood, from a fixed split to a shell with fibres, side by side; a hood
     that does not fit the case is a column with its reason.  Exit code 1 where one that fits did not
@@ -37,7 +37,7 @@ def ladder(
         checked = load_case(case, own)
         target = out / checked.name
         names, rungs = rungs_of(checked), []
-        for rung in solve_rungs(checked.source, own, jobs):
+        for rung in solve_rungs(checked.source, own, workers):
             rungs.append(rung)
             told_of = rung.status if rung.status != "converged" else f"{rung.wall:.1f} s"
             typer.echo(f"{len(rungs)}/{len(names)} {rung.name}: {told_of}", err=True)

@@ -28,12 +28,14 @@ def lesion(
         typer.Option("--set", metavar="KEY=VALUE", help="Replace a value of the case; repeatable."),
     ] = None,
     page: Annotated[
-        Path | None, typer.Option("-o", "--page", help="The file to write; else CASE.html.")
+        Path | None, typer.Option(metavar="FILE", help="The report to write; else CASE.html.")
     ] = None,
     form: Annotated[
         Format, typer.Option("--format", help="A page, or its tables alone as csv, json or md.")
     ] = "html",
-    out: Annotated[Path, typer.Option(help="Folder for the four runs.")] = Path("runs"),
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the four runs.")] = Path(
+        "runs"
+    ),
 ) -> None:
     """Solve a case without its lesion and with it, fingertip free and held, and report both:
     posture, slip forces, fingertip force, strain maps."""

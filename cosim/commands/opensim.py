@@ -27,7 +27,8 @@ opensim = typer.Typer(
 def import_model(
     model: Annotated[Path, typer.Argument(metavar="MODEL.osim", help="A model of OpenSim 4.")],
     out: Annotated[
-        Path | None, typer.Option(help="The MJCF to write; else MODEL.xml in this folder.")
+        Path | None,
+        typer.Option("--out", "-o", help="The MJCF to write; else MODEL.xml in this folder."),
     ] = None,
 ) -> None:
     """Turn an OpenSim model into MJCF and list what was dropped or changed; the numbers of its
@@ -51,7 +52,8 @@ def import_model(
 def sto(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")],
     out: Annotated[
-        Path | None, typer.Option(help="Folder for the tables; else that of the run.")
+        Path | None,
+        typer.Option("--out", "-o", help="Folder for the tables; else that of the run."),
     ] = None,
 ) -> None:
     """Write a run's motions and forces as .sto tables, which OpenSim plots."""

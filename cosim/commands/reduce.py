@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cosim.commands.identify import CaseName, Jobs, Settings
+from cosim.commands.identify import CaseName, Settings, Workers
 from cosim.commands.terminal import exit_on_error, print_table
 from cosim.files import output_file
 
@@ -49,7 +49,7 @@ def reduce(
             "another fit of the same hood, takes from there what it has.",
         ),
     ] = None,
-    jobs: Jobs = 2,
+    workers: Workers = 2,
 ) -> None:
     """Fit a network hood to what a case's shell or cables do, over a grid of postures and loads,
     for use in real time; the error is that of postures held out."""
@@ -66,7 +66,7 @@ def reduce(
             checked.source,
             own,
             read_grid(grid or ()),
-            jobs,
+            workers,
             lambda text: typer.echo(text, err=True),
             SPREAD if spread is None else spread,
             samples,

@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import shutil
 import sys
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -19,7 +21,7 @@ from cosim.results.audit import describe_misses
 
 if TYPE_CHECKING:
     from cosim.case.schema import Case
-    from cosim.solve.session import Session
+    from cosim.results.result import Result
 
 Voice = Literal["plain", "quiet", "json"]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Say nothing but what is wrong.")]
@@ -27,6 +29,9 @@ AsJson = Annotated[
     bool, typer.Option("--json", help="Tell stages and results as lines of JSON, for machines.")
 ]
 Cases = Annotated[list[str], typer.Argument(help="Case files, or names of packaged cases.")]
+Workers = Annotated[int, typer.Option(min=1, max=256, help="Processes that solve side by side.")]
+Ended = tuple[Mapping[str, Any], Path]
+"""The summary of a run, and the folder of its results."""
 Settings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Replace a value of every case; repeatable."),
@@ -51,40 +56,50 @@ def load_cases(names: Sequence[str], settings: Sequence[str] | None) -> list[Cas
 def run(
     cases: Cases,
     settings: Settings = None,
-    out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("runs"),
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the results.")] = Path(
+        "runs"
+    ),
+    workers: Workers = 1,
+    pictures: Annotated[
+        bool, typer.Option("--pictures/--no-pictures", help="Draw what each case asks for, or not.")
+    ] = True,
     restart: Annotated[
         bool, typer.Option("--restart", help="Begin motions anew of which a part is kept.")
     ] = False,
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
-    """Run cases; each leaves its results in a folder of its name."""
-    checked = load_cases(cases, settings)
+    """Run cases; each leaves its results in a folder of its name. Of one case what came out is
+    shown; of several each is counted as it ends, and a table has them all side by side."""
+    none = () if pictures else ("output.picture=false",)
+    checked = load_cases(cases, (*(settings or ()), *none))
     with exit_on_error():
         _check_targets(checked, out)
         _check_unfinished(checked, out, restart)
-    _run_all(checked, out, _voice(quiet, as_json))
+    _run_all(checked, out, _voice(quiet, as_json), workers)
 
 
-def _run_all(cases: Sequence[Case], out: Path, voice: Voice) -> None:
-    """Run cases one after the other until the user stops one; their warnings, and what their audits
-    missed, are said last."""
-    from cosim.solve.session import Session
-
+def _run_all(cases: Sequence[Case], out: Path, voice: Voice, workers: int = 1) -> None:
+    """Run cases until the user stops them; their warnings, and what their audits missed, are said
+    last."""
     summaries: dict[str, Mapping[str, Any] | None] = {}
-    failed, session = 0, Session(checkpoints=out)
-    for case in cases:
-        try:
-            summaries[case.name] = _run_one(case, out, session, voice)
-        except CosimError as error:
-            summaries[case.name] = None
+    failed, started = 0, time.perf_counter()
+    ran = _one_by_one(cases, out, voice) if workers == 1 else _side_by_side(cases, out, workers)
+    for case, ended, error in ran:
+        summaries[case.name] = None if ended is None else ended[0]
+        if error is not None:
             failed = max(failed, tell(type(error)(f"{case.name}: {error}")))
-            if isinstance(error, StoppedError):
-                break
+        if ended is not None:
+            _tell_end(case, *ended, voice, alone=len(cases) == 1)
+        if voice == "plain" and len(cases) > 1:
+            _count(case.name, len(summaries), len(cases), time.perf_counter() - started)
+        if type(error) is StoppedError:
+            break
     if voice == "plain" and len(cases) > 1:
         from cosim.results.summary_tables import batch_table
 
         console().print(batch_table([case.name for case in cases], summaries))
+        typer.echo(f"results in {shown_path(out)}")
     warn({name: (summary or {}).get("warnings", ()) for name, summary in summaries.items()})
     missed = warn_of_audits({n: list(describe_misses(s or {})) for n, s in summaries.items()})
     raise typer.Exit(failed or missed)
@@ -107,30 +122,75 @@ def _check_targets(cases: Sequence[Case], out: Path) -> None:
         check_target(out, name)
 
 
-def _run_one(case: Case, out: Path, session: Session, voice: Voice) -> Mapping[str, Any]:
-    """Run, write and show one case; its summary.  Raises CosimError."""
+def _one_by_one(
+    cases: Sequence[Case], out: Path, voice: Voice
+) -> Iterator[tuple[Case, Ended | None, CosimError | None]]:
+    """Run and write each case in this process, its stages told."""
     from cosim.pipeline import run_case
     from cosim.solve.motion import checkpoint_folder
+    from cosim.solve.session import Session
 
-    unfinished = checkpoint_folder(case, out)
+    session = Session(checkpoints=out)
+    for case in cases:
+        unfinished = checkpoint_folder(case, out)
+        try:
+            with _progress(case.name, voice) as say:
+                result = run_case(case, session, say)
+                say("writing the results")
+                folder = result.save(out)
+        except KeyboardInterrupt:
+            yield case, None, StoppedError(f"stopped before its end; {_what_stays(unfinished)}")
+        except ConvergenceError as error:
+            _forget(unfinished)  # it would fail again where it failed
+            yield case, None, error
+        except CosimError as error:
+            yield case, None, error
+        else:
+            _forget(unfinished)
+            yield case, (result.summary, folder), None
+
+
+def _side_by_side(
+    cases: Sequence[Case], out: Path, workers: int
+) -> Iterator[tuple[Case, Ended | None, CosimError | None]]:
+    """Run and write cases in so many processes; each as it ends."""
+    from cosim.pipeline import run_cases
+    from cosim.solve.motion import checkpoint_folder
+
+    waiting = set(range(len(cases)))
     try:
-        with _progress(case.name, voice) as say:
-            result = run_case(case, session, say)
-            say("writing the results")
-            folder = result.save(out)
+        for i, ended, error in run_cases(cases, partial(_save, out=out), workers, checkpoints=out):
+            waiting.remove(i)
+            if type(error) is not InputError:
+                _forget(checkpoint_folder(cases[i], out))
+            yield cases[i], ended, error
     except KeyboardInterrupt:
-        raise StoppedError(f"stopped before its end; {_what_stays(unfinished)}") from None
-    except ConvergenceError:
-        _forget(unfinished)  # it would fail again where it failed
-        raise
-    _forget(unfinished)
+        begun = [checkpoint_folder(cases[i], out) for i in sorted(waiting)]
+        kept = [shown_path(folder) for folder in begun if folder is not None and folder.exists()]
+        words = f"; go on with: cosim resume {', '.join(kept)}" if kept else ""
+        error = StoppedError(f"stopped with {len(waiting)} cases left{words}")
+        yield cases[min(waiting)], None, error
+
+
+def _save(result: Result, out: Path) -> Ended:
+    return result.summary, result.save(out)
+
+
+def _tell_end(
+    case: Case, summary: Mapping[str, Any], folder: Path, voice: Voice, alone: bool
+) -> None:
     if voice == "json":
-        line = {"case": case.name, "results": str(folder), "summary": result.summary}
+        line = {"case": case.name, "results": str(folder), "summary": summary}
         typer.echo(json.dumps(line, default=float))
-    elif voice == "plain":
-        _show(case, result.summary)
+    elif voice == "plain" and alone:
+        _show(case, summary)
         typer.echo(f"results in {shown_path(folder)}")
-    return result.summary
+
+
+def _count(name: str, done: int, total: int, seconds: float) -> None:
+    left = seconds / done * (total - done)
+    words = f", about {left:.0f} s left" if done < total else ""
+    typer.echo(f"{done}/{total}{words}: {name}", err=True)
 
 
 def _what_stays(unfinished: Path | None) -> str:

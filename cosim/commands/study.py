@@ -42,9 +42,9 @@ def study(
         Path | None,
         typer.Option(help="Folder of finished runs, which studies may share; else OUT/store."),
     ] = None,
-    out: Annotated[Path, typer.Option(help="Folder for the study's table and page.")] = Path(
-        "studies"
-    ),
+    out: Annotated[
+        Path, typer.Option("--out", "-o", help="Folder for the study's table and page.")
+    ] = Path("studies"),
 ) -> None:
     """Solve a case for many values of its parameters, and say what its results answer to. A study
     that was cut off goes on where it was; a run that has finished is never done again. Exit code 1

@@ -63,8 +63,11 @@ def console() -> Console:
     return Console(width=None if sys.stdout.isatty() else WIDTH, highlight=False, markup=False)
 
 
-def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """The title, if there is one, and below it the rows, the first column to the left."""
+def print_table(
+    title: str, header: Sequence[str], rows: Sequence[Sequence[str]], of_words: bool = False
+) -> None:
+    """The title, if there is one, and below it the rows, the first column to the left; of a table
+    of words all."""
     from rich import box
     from rich.table import Table
 
@@ -72,7 +75,7 @@ def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]
         typer.echo(title)
     table = Table(box=box.SIMPLE, pad_edge=False)
     for i, name in enumerate(header):
-        table.add_column(name, justify="left" if i == 0 else "right")
+        table.add_column(name, justify="left" if i == 0 or of_words else "right")
     for row in rows:
         table.add_row(*row)
     console().print(table)

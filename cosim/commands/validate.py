@@ -27,9 +27,9 @@ def validate(
     only: Annotated[
         str | None, typer.Option(metavar="NAME", help="Only the trials whose name holds this.")
     ] = None,
-    out: Annotated[Path, typer.Option(help="Folder for the runs and the page.")] = Path(
-        "runs/validation"
-    ),
+    out: Annotated[
+        Path, typer.Option("--out", "-o", help="Folder for the runs and the page.")
+    ] = Path("runs/validation"),
     settings: Annotated[
         list[str] | None,
         typer.Option(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -32,7 +32,9 @@ def view(
             there = f"the picture is {picture}" if picture.is_file() else "nor was a picture made"
             typer.echo(f"there is no display here; {there}")
             return
-        _open_window(hood)
+        import cosim
+
+        cosim.open_run(folder).view().show()
 
 
 def _has_display() -> bool:
@@ -41,34 +43,12 @@ def _has_display() -> bool:
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
-def _open_window(hood: Path) -> None:
-    import pyvista
-
-    from cosim.hoods.view import STRAIN
-
-    mesh = pyvista.read(hood)
-    plotter = pyvista.Plotter(title=f"cosim: {hood.parent.name}")
-    if STRAIN in mesh.cell_data:
-        percent = 100 * mesh.cell_data[STRAIN]
-        most = float(abs(percent).max())
-        bar: Any = {"title": "longitudinal strain, %"}
-        plotter.add_mesh(
-            mesh,
-            scalars=percent,
-            cmap="RdBu_r",
-            clim=(-most, most),
-            show_edges=True,
-            scalar_bar_args=bar,
-        )
-    else:
-        plotter.add_mesh(mesh, show_edges=True)
-    plotter.show()
-
-
 def mesh(
     case: Annotated[str, typer.Argument(help="Case file, or name of a packaged case.")],
     settings: Settings = None,
-    out: Annotated[Path, typer.Option(help="The mesh file to write.")] = Path("hood.json"),
+    out: Annotated[Path, typer.Option("--out", "-o", help="The mesh file to write.")] = Path(
+        "hood.json"
+    ),
 ) -> None:
     """Write the hood mesh of a case, for hood.mesh.kind = "file"."""
     (checked,) = load_cases([case], settings)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import prod
 from pathlib import Path
 from typing import Any
 
-from cosim.errors import InputError
+from cosim.errors import InputError, nearest_names
 from cosim.fmu.archive import UnpackedFmu
 from cosim.fmu.quantity import UNITS, Quantity
 
@@ -83,7 +82,7 @@ def places(
 
 def _absent(quantity: Quantity, missing: Sequence[str], variables: Mapping[str, Any]) -> str:
     shown = ", ".join(missing[:MOST_SHOWN]) + (" ..." if len(missing) > MOST_SHOWN else "")
-    near = difflib.get_close_matches(missing[0], list(variables)[:5000], n=1)
+    near = nearest_names(missing[0], list(variables)[:5000])
     hint = f"; did you mean {near[0]}?" if near else ""
     return (
         f"{quantity.name}: the FMU has no variable {shown}{hint} (map.{quantity.name} names them)"

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from cosim.errors import nearest_names
 from cosim.hoods import fmu, pulley, split
 from cosim.hoods.cable import build as cable
 from cosim.hoods.kind import HoodConfig, HoodKind
@@ -65,6 +65,6 @@ def _unknown(name: str, kind: str, allowed: Sequence[str]) -> str:
     if not allowed:
         on_bones = [f'"{name}"' for name, of in KINDS.items() if of.table.lies_on_bones]
         return f'a hood of kind "{kind}" lies on no bone; {" and ".join(on_bones)} do'
-    near = difflib.get_close_matches(name, allowed, n=1, cutoff=0.5)
+    near = nearest_names(name, allowed)
     hint = f"did you mean {near[0]}? " if near else ""
     return f'no part {name[:60]!r} of a hood of kind "{kind}"; {hint}known: {", ".join(allowed)}'

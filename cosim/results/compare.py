@@ -5,21 +5,22 @@ A target is a number that somebody measured or published, with its source, or of
 at rest).  A comparison is a target beside what a model says.
 
 The CSV of targets (`read_targets`): its first line names the columns, lines beginning with `#` are
-for people and say where the numbers are from.  Columns:
+for people and say where the numbers are from.  It needs `quantity`, and `value` (or `reference`) or
+a band; a file whose columns are parted by semicolons may have decimal commas.  Columns:
 
-* name: what the row is called in tables;
+* name: what the row is called in tables; else the quantity;
 * quantity: where a run's `summary.json` has the number, keys joined by dots; a component of
   a vector by its axis (distal, radial, dorsal) or the other way of one (proximal, ulnar, palmar),
   with the other sign: `difference.fingertip_force_N.palmar`;
-* unit: of all numbers of the row; must be what the quantity's key ends in (`_N`, `_Nmm` N mm,
-  `_mm`, `_deg`, `_percent` %, `_mJ`, `_s`, `_rad_per_s` rad/s), else 1;
-* reference: the measured or published number; may be empty where a band is given;
+* unit: of all numbers of the row; what the quantity's key ends in (`_N`, `_Nmm` N mm, `_mm`,
+  `_deg`, `_percent` %, `_mJ`, `_s`, `_rad_per_s` rad/s), else 1;
+* reference, or value: the measured or published number; may be empty where a band is given;
 * sd: its standard deviation; may be empty;
 * low, high: the ends of a band of acceptance, in the unit, not relative; either may be empty;
-* source: paper and table, or file;
-* kind: experiment, experiment at second hand (known from an abstract or another's text), published
-  model, inferred, or requirement (nobody measured it: what the model is asked to have; tables count
-  such rows apart, and the source says who asks);
+* source: paper and table; else the file;
+* kind: experiment (where nothing is said), experiment at second hand (known from an abstract or
+  another's text), published model, inferred, or requirement (nobody measured it: what the model is
+  asked to have; tables count such rows apart, and the source says who asks);
 * case (may be left out): the case that the row is for; empty is every case;
 * geometry (may be left out): of the hood or finger that the row is about, where it is not ours;
 * fitted (may be left out): yes where the model was fitted to this number;
@@ -30,6 +31,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -336,7 +338,9 @@ def _in_plane(
 
 FORMAT = "cosim comparison 1"
 NEEDED = ("name", "quantity", "unit", "reference", "sd", "low", "high", "source", "kind")
-OPTIONAL = ("case", "geometry", "fitted", "note")
+"""What a row of a comparison in a file has at least."""
+KNOWN = (*NEEDED, "value", "case", "geometry", "fitted", "note")
+"""The columns that a CSV of targets may have."""
 YES = {"yes": True, "true": True, "1": True, "no": False, "false": False, "0": False, "": False}
 
 
@@ -383,12 +387,17 @@ def read_targets(path: Path) -> tuple[Target, ...]:
     Raises InputError, naming line and column."""
     lines = [(n, line) for n, line in enumerate(_text(path).splitlines(), 1) if _says(line)]
     if not lines:
-        raise InputError(f"{path}: is empty; expected a line with {', '.join(NEEDED)}")
-    table = list(csv.reader([line for _, line in lines], skipinitialspace=True))
+        raise InputError(f"{path}: is empty; expected a line with quantity, value")
+    first = lines[0][1]
+    mark = ";" if ";" in first and "," not in first else ","
+    table = list(csv.reader([line for _, line in lines], skipinitialspace=True, delimiter=mark))
     header = [cell.strip() for cell in table[0]]
     _check_header(path, header)
-    found = zip((n for n, _ in lines), table, strict=False)
-    return tuple(_read_row(f"{path}: line {n}", header, row) for n, row in list(found)[1:])
+    found = list(zip((n for n, _ in lines), table, strict=False))[1:]
+    return tuple(
+        _read_row(f"{path}: line {n}", header, row, path.name, has_commas=mark == ";")
+        for n, row in found
+    )
 
 
 def _says(line: str) -> bool:
@@ -396,21 +405,33 @@ def _says(line: str) -> bool:
 
 
 def _check_header(path: Path, header: list[str]) -> None:
-    lacking = [c for c in NEEDED if c not in header]
-    unknown = [c for c in header if c not in (*NEEDED, *OPTIONAL)]
-    if lacking or unknown or len(set(header)) < len(header):
+    lacking = "quantity" not in header or not {"value", "reference", "low", "high"} & set(header)
+    twice = len(set(header)) < len(header) or {"value", "reference"} <= set(header)
+    unknown = [c for c in header if c not in KNOWN]
+    if lacking or twice or unknown:
         raise InputError(
-            f"{path}: expected the columns {', '.join(NEEDED)}, and if wanted "
-            f"{', '.join(OPTIONAL)}, each once; the first line has {', '.join(header)}"
+            f"{path}: expected the columns quantity and value (or reference), and if wanted "
+            f"{', '.join(c for c in KNOWN if c not in ('quantity', 'value', 'reference'))}, each "
+            f"once; the first line has {', '.join(header)}"
         )
 
 
-def _read_row(place: str, header: list[str], cells: list[str]) -> Target:
+def _read_row(
+    place: str, header: list[str], cells: list[str], file: str, has_commas: bool
+) -> Target:
     if len(cells) != len(header):
         raise InputError(f"{place}: has {len(cells)} cells, the first line {len(header)}")
-    row: dict[str, Any] = {c: cell.strip() for c, cell in zip(header, cells, strict=True)}
+    said = {c: cell.strip() for c, cell in zip(header, cells, strict=True)}
+    if "value" in said:
+        said["reference"] = said.pop("value")
+    quantity = said["quantity"]
+    beside = {"name": quantity, "unit": unit_of(quantity), "source": file, "kind": "experiment"}
+    row: dict[str, Any] = beside | {c: text for c, text in said.items() if text or c not in beside}
     for column in ("reference", "sd", "low", "high"):
-        row[column] = _float(place, column, row[column] or None)
+        text = said.get(column, "")
+        if has_commas and re.fullmatch(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?", text):
+            text = text.replace(",", ".")
+        row[column] = _float(place, column, text or None)
     fitted = row.get("fitted", "").lower()
     if fitted not in YES:
         raise InputError(f"{place}: fitted is {fitted!r}; expected yes or no")

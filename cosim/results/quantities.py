@@ -8,10 +8,9 @@ it, and refused where none can.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from difflib import SequenceMatcher
 from typing import Any
 
-from cosim.errors import InputError
+from cosim.errors import InputError, nearest_names
 from cosim.results.compare import Target, parts_of
 from cosim.results.conventions import AXES, OPPOSITE
 from cosim.schema.fields import is_number
@@ -178,7 +177,7 @@ def _fault(keys: Keys, summaries: Summaries) -> str | None:
         if not names:
             return f"there is nothing {place}"
         if key not in names:
-            nearest = ".".join([*above, _nearest(key, names), *keys[i + 1 :]])
+            nearest = ".".join([*above, nearest_names(key, names, share=1.0)[0], *keys[i + 1 :]])
             listed = _list_quantities(_present(above, summaries) or names)
             return f'no "{key}" {place}; did you mean {nearest}? There are {listed}'
     inner = _names(keys, "", summaries)
@@ -232,10 +231,6 @@ def _at(summary: Mapping[str, Any], keys: Keys) -> Any:
 
 def _is_number(value: Any) -> bool:
     return value is None or is_number(value)
-
-
-def _nearest(key: str, names: Sequence[str]) -> str:
-    return max(names, key=lambda n: SequenceMatcher(None, key.casefold(), n.casefold()).ratio())
 
 
 def _list_quantities(names: Iterable[str]) -> str:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
+from cosim.errors import InputError
+from cosim.files import output_file
 from cosim.results.audit import Audit
 from cosim.results.compare import Comparison
 from cosim.results.conventions import COMPONENTS, by_axis
@@ -14,6 +17,10 @@ from cosim.results.write import copy_run, write_run
 
 if TYPE_CHECKING:
     import pandas
+    from matplotlib.figure import Figure
+    from pyvista import Plotter
+
+Plot = Literal["scene", "ledger", "history"]
 
 
 @dataclass(frozen=True, repr=False)
@@ -57,9 +64,80 @@ class Result(CaseParts):
         return dict(self.summary.get("slip_force_N", {}))
 
     @property
+    def excursions(self) -> dict[str, float]:
+        """mm by tendon of the hood, positive proximally, from the hood's rest (of a motion: its
+        start)."""
+        return {t: float(mm) for t, mm in self.summary.get("excursion_mm", {}).items()}
+
+    @property
+    def moment_arms(self) -> pandas.DataFrame:
+        """mm, a row for each tendon and a column for each joint; flexion and radial abduction are
+        positive.  Empty of a motion."""
+        import pandas
+
+        return pandas.DataFrame(self.summary.get("moment_arm_mm", {})).T
+
+    @property
+    def strain(self) -> pandas.DataFrame:
+        """%, of the hood's central region: minimum, mean and maximum, a column each, along the
+        finger (longitudinal) and across it (lateral).  Empty of a hood without a sheet."""
+        import pandas
+
+        return pandas.DataFrame(self.summary.get("strain_percent", {})).T
+
+    @property
+    def joint_torques(self) -> pandas.DataFrame:
+        """N mm about each joint, a row for each source; those of one joint add up to zero."""
+        import pandas
+
+        return pandas.DataFrame(self.summary.get("joint_torque_Nmm", {})).T
+
+    @property
     def audit(self) -> Audit:
         """Each figure of the audit with its bound."""
         return Audit.read(self.summary)
+
+    def plot(self, kind: Plot = "scene", path: str | Path | None = None) -> Figure:
+        """A matplotlib figure, written to `path` (.png, .svg, .pdf) where one is given: "scene" the
+        finger with its hood coloured by strain (of a run that was read the hood alone), "ledger"
+        the forces on each body by source, "history" a motion's angles and forces over time.
+
+        >>> import cosim
+        >>> figure = cosim.run(cosim.load("pulley_edc")).plot()
+        >>> len(figure.axes)
+        2
+
+        Raises InputError for a kind that this run does not have, or a file that cannot be
+        written."""
+        figure = self._figure(kind)
+        if path is not None:
+            with output_file(Path(path)) as part:
+                figure.savefig(part, format=Path(path).suffix.removeprefix(".") or "png", dpi=150)
+        return figure
+
+    def _figure(self, kind: Plot) -> Figure:
+        if kind == "scene":
+            from cosim.results.scene_plot import draw
+
+            return draw(self.scene, self.title)
+        if kind == "ledger" and self.rows:
+            from cosim.results.ledger_plot import draw_ledger
+
+            return draw_ledger(self.rows, self.title)
+        if kind == "history" and self.axis == "time":
+            from cosim.results.history_plot import draw_history
+
+            return draw_history(self.data, self.title)
+        kinds = ["scene", *(["ledger"] * bool(self.rows)), *(["history"] * (self.axis == "time"))]
+        raise InputError(f"plot: this run has no {kind!r}; it has {', '.join(kinds)}")
+
+    def view(self) -> Plotter:
+        """A pyvista window's plotter with the hood coloured by strain, bones, tendons and the force
+        of the fingertip, metres; `.show()` opens it, `.screenshot(file)` needs no display with
+        `off_screen`."""
+        from cosim.results.scene_view import plotter_of
+
+        return plotter_of(self.scene, self.title)
 
     def picture(self, name: str) -> bytes | None:
         """PNG, a picture that the run left in its folder: "picture", "ledger" or "history"."""
@@ -76,6 +154,17 @@ class Result(CaseParts):
             if self.folder is None
             else copy_run(folder, self.case, self.folder)
         )
+
+    def _repr_html_(self) -> str:
+        """A notebook's view: the first numbers in tables, and the picture."""
+        from cosim.results.html import html_of
+
+        png = self.picture("picture")
+        if png is None:
+            file = BytesIO()
+            self.plot().savefig(file, format="png", dpi=72)
+            png = file.getvalue()
+        return html_of(self.title, str(self.audit), self.summary, png)
 
     def __repr__(self) -> str:
         force = ", ".join(f"{axis} {value:.3g}" for axis, value in self.tip_force.items())

@@ -107,6 +107,7 @@ def _draw_view(ax: Axes, scene: Scene, view: PlotView, colours: ScalarMappable |
         corners, face, edge = (np.concatenate(c) for c in zip(*parts, strict=True))
         order = np.argsort(corners[..., 2].mean(axis=1), kind="stable")
         polygons = PolyCollection(list(corners[order][..., :2]), linewidths=0.3)
+        polygons.set_rasterized(True)  # as vectors they would make files of many megabytes
         polygons.set_facecolor(list(map(tuple, face[order])))
         polygons.set_edgecolor(list(map(tuple, edge[order])))
         ax.add_collection(polygons)

@@ -19,7 +19,12 @@ Row = tuple[str, ...]
 
 
 def tables(summary: Mapping[str, Any]) -> list[Table]:
-    """The states side by side, the tendons, and the checks."""
+    """`rows_of` for the terminal."""
+    return [_table(header, rows) for header, rows in rows_of(summary)]
+
+
+def rows_of(summary: Mapping[str, Any]) -> list[tuple[Row, list[Row]]]:
+    """Header and rows of three tables: the states side by side, the tendons, and the checks."""
     state = ("", "loaded", "at rest")
     arms = [f"arm {joint} mm" for joint in _joints(summary)]
     tendon = ("tendon", "tension N", "excursion mm", *arms)
@@ -28,18 +33,26 @@ def tables(summary: Mapping[str, Any]) -> list[Table]:
         (tendon, [row for row in _tendons(summary) if any(row[1:])]),
         (("", ""), [row for row in _checks(summary) if row[1]]),
     ]
-    return [_table(*_drop_empty_columns(header, rows)) for header, rows in found if rows]
+    return [_drop_empty_columns(header, rows) for header, rows in found if rows]
 
 
 def batch_table(names: Sequence[str], summaries: Mapping[str, Mapping[str, Any] | None]) -> Table:
-    """A row for each case of a batch: its fingertip force and how it ended.  A run that failed has
-    no summary; one that the batch did not come to is not in `summaries`."""
+    """A row for each case of a batch: fingertip force, slips, time and how it ended.  A run that
+    failed has no summary; one that the batch did not come to is not in `summaries`."""
+    slips = ("central slip", "terminal slip")
+    header = ("forces in N", "fingertip", *AXES, *slips, "time s", "ended")
     rows: list[Row] = []
     for name in names:
         summary = summaries.get(name)
-        force = _number(_at(summary, "fingertip_magnitude_N"))
-        rows.append((name, force, "not begun" if name not in summaries else _ending(summary)))
-    return _table(("case", "fingertip force N", "ended"), rows)
+        numbers = (
+            _at(summary, "fingertip_magnitude_N"),
+            *(_at(summary, "fingertip_force_N", axis) for axis in AXES),
+            *(_at(summary, "slip_force_N", slip) for slip in ("central", "terminal")),
+            _at(summary, "wall_s"),
+        )
+        ending = "not begun" if name not in summaries else _ending(summary)
+        rows.append((name, *(_number(value, 3) for value in numbers), ending))
+    return _table(*_drop_empty_columns(header, rows))
 
 
 def _ending(summary: Mapping[str, Any] | None) -> str:
@@ -77,8 +90,8 @@ def _at(values: Any, *keys: str) -> Any:
     return values
 
 
-def _number(value: Any) -> str:
-    return "" if value is None else f"{value + 0.0:.4g}"  # no minus zero
+def _number(value: Any, digits: int = 4) -> str:
+    return "" if value is None else f"{value + 0.0:.{digits}g}"  # no minus zero
 
 
 def _states(summary: Mapping[str, Any]) -> Iterator[Row]:

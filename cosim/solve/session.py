@@ -41,8 +41,8 @@ class Session:
     `most`: settings kept at once.  `checkpoints`: the folder where a coupled motion keeps its
     checkpoints until it has ended, in NAME.unfinished; None: it keeps none."""
 
-    def __init__(self, most: int = 4, checkpoints: Path | None = None) -> None:
-        self.checkpoints = checkpoints
+    def __init__(self, most: int = 4, checkpoints: str | Path | None = None) -> None:
+        self.checkpoints = None if checkpoints is None else Path(checkpoints)
         self._most = most
         self._settings: OrderedDict[str, _Setting] = OrderedDict()
 

@@ -165,16 +165,21 @@ class Parameter(NamedTuple):
 
 def find_study(path_or_name: str | Path) -> Path:
     """The file at a path, or the packaged study of that name.  Raises InputError."""
-    packaged = Path(str(resources.files("cases"))) / "studies"
-    text = str(path_or_name)
-    for place in (Path(text), packaged / f"{text}.toml"):
+    text, packaged = str(path_or_name), {path.stem: path for path in packaged_studies()}
+    for place in (Path(text), packaged.get(text, Path())):
         try:
             if place.is_file():
                 return place.resolve()
         except (OSError, ValueError):  # too long, or a character that no name may have
             continue
-    known = ", ".join(sorted(p.stem for p in packaged.glob("*.toml")))
-    raise InputError(f"{text!r}: no such study file and no packaged study; packaged are: {known}")
+    raise InputError(
+        f"{text!r}: no such study file and no packaged study; packaged are: {', '.join(packaged)}"
+    )
+
+
+def packaged_studies() -> list[Path]:
+    """The files of the packaged studies."""
+    return sorted(Path(str(resources.files("cases"))).glob("studies/*.toml"))
 
 
 def read_file(source: Path) -> tuple[StudyFile, tuple[Parameter, ...]]:

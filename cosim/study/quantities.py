@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from cosim.errors import InputError
+from cosim.errors import InputError, nearest_names
 from cosim.results.compare import value_of
 from cosim.schema.fields import is_number
 
@@ -21,7 +20,7 @@ def check_outputs(outputs: Mapping[str, str], summary: Mapping[str, Any]) -> Non
     for name, quantity in outputs.items():
         for path in quantity.partition("/")[::2]:
             if path and value_of(summary, path) is None:
-                near = difflib.get_close_matches(path, known, NEAREST, 0.3)
+                near = nearest_names(path, known, NEAREST)
                 hint = f"; nearest: {', '.join(near)}" if near else ""
                 faults.append(f"outputs.{name}: the run has no number at {path}{hint}")
     if faults:

@@ -13,7 +13,7 @@ from typing import Any
 from cosim.build.fit import check_fit
 from cosim.case.file import load_case
 from cosim.case.schema import Case
-from cosim.errors import ConvergenceError, InputError, Progress, quiet
+from cosim.errors import ConvergenceError, InputError, Progress, nearest_names, quiet
 from cosim.files import output_file
 from cosim.processes import process_pool
 from cosim.results.audit import describe_misses
@@ -112,10 +112,10 @@ def choose_groups(only: str | None, published: Path | None = None) -> list[Trial
             targets = tuple(t for t in group.targets if t.case in names)
             kept.append(replace(group, trials=trials, targets=targets))
     if not kept:
-        raise InputError(
-            f"--only {only}: no trial is called so (--list shows them); there are, for example, "
-            + ", ".join(g.trials[0].name for g in every)
-        )
+        names = {t.name for group in every for t in group.trials}
+        near = nearest_names(only, sorted({*names, *" ".join(names).split()}), most=3)
+        hint = f"; did you mean {' or '.join(near)}?" if near else "."
+        raise InputError(f"--only {only}: no trial is called so{hint} --list shows them")
     return kept
 
 

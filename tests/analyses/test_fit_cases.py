@@ -316,7 +316,7 @@ def test_the_command_shows_and_writes_cases_apart(held, free, tmp_path):
     lines += [f"asked,{TORQUE},N mm,0,100,,,the design,requirement,p10"]
     data.write_text(head + "\n".join(lines), encoding="utf-8")
     apart.write_text(head + f"later,{TORQUE},N mm,0,9,,,B,experiment,p60\n", encoding="utf-8")
-    call = ["identify", str(held), "--targets", str(data), "--free", str(free), "--jobs", "1"]
+    call = ["identify", str(held), "--targets", str(data), "--free", str(free), "--workers", "1"]
     done = CliRunner().invoke(app, [*call, "--held-out", str(apart), "--out", str(out)])
     assert done.exit_code == 0, done.output
     for text in ("Requirements, which nobody measured", "Held out, which did not pull", "p60"):
@@ -340,7 +340,7 @@ def test_settings_found_over_several_files_are_written_without_a_base(held, tmp_
     )
     free = write_case(tmp_path, REST_ALONE)
     call = ["identify", str(held), str(other), "--targets", str(data), "--free", str(free)]
-    done = CliRunner().invoke(app, [*call, "--jobs", "1", "--out", str(out)])
+    done = CliRunner().invoke(app, [*call, "--workers", "1", "--out", str(out)])
     assert done.exit_code == 0, done.output
     text = out.read_text(encoding="utf-8")
     assert 'extends = "CASE"' in text
@@ -351,6 +351,6 @@ def test_settings_found_over_several_files_are_written_without_a_base(held, tmp_
 @pytest.mark.slow
 def test_processes_side_by_side_find_the_same(held, free, monkeypatch):
     monkeypatch.undo()
-    one, two = (fit_all(cases(held, free, ROWS), jobs=jobs) for jobs in (1, 2))
+    one, two = (fit_all(cases(held, free, ROWS), workers=n) for n in (1, 2))
     assert two.values == one.values
     assert two.misses == pytest.approx(one.misses, abs=1e-9)

@@ -284,7 +284,7 @@ def test_the_command_writes_a_case_that_does_what_was_fitted(held, tmp_path):
         "settings = ['finger.passive.PIP.stiffness={value}']\n",
         encoding="utf-8",
     )
-    call = ["identify", str(held), "--targets", str(data), "--free", str(free), "--jobs", "1"]
+    call = ["identify", str(held), "--targets", str(data), "--free", str(free), "--workers", "1"]
     own = ["--set", "finger.posture.PIP=30 deg", "--set", "tendons.EDC.activation=0.2"]
     done = CliRunner().invoke(app, [*call, *own, "--out", str(out)])
     assert done.exit_code == 0, done.output

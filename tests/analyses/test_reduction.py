@@ -239,7 +239,7 @@ def test_reducing_leaves_out_what_does_not_converge(monkeypatch, tmp_path):
     models = soft_models()
     stuck = replace(models, hood=Stuck(models.hood, np.radians(50)))
 
-    def in_this_process(source, settings, walks, jobs):
+    def in_this_process(source, settings, walks, workers):
         for one in walks:
             yield WalkSamples(list(on_models(stuck, one)), 1.0)
 

@@ -101,7 +101,7 @@ def test_a_file_of_another_kind_ends_in_one_message(tmp_path, text):
     path = tmp_path / "samples.json"
     path.write_text(text, encoding="latin-1")
     done = CliRunner().invoke(
-        app, ["reduce", "fingertip_isotropic_edc", "--samples", str(path), "--jobs", "1"]
+        app, ["reduce", "fingertip_isotropic_edc", "--samples", str(path), "--workers", "1"]
     )
     assert done.exit_code == 2, done.output
     assert "is no file of samples" in " ".join(done.output.split())

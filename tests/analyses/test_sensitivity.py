@@ -104,7 +104,7 @@ def test_a_case_without_an_answer_has_no_sensitivity(held):
 
 
 def test_two_processes_say_the_same_bytes(held):
-    one, two = (study(held, (), [FAILS, STIFFER], [PASSIVE], jobs=jobs) for jobs in (1, 2))
+    one, two = (study(held, (), [FAILS, STIFFER], [PASSIVE], workers=n) for n in (1, 2))
     assert to_json(one) == to_json(two)
     assert to_csv(one) == to_csv(two)
 
@@ -241,7 +241,7 @@ def test_the_command(held, tmp_path):
     call = [
         "sensitivity",
         str(held),
-        "--jobs",
+        "--workers",
         "1",
         "--out",
         str(tmp_path),

@@ -15,6 +15,11 @@ from cosim.errors import InputError
 from cosim.processes import Memory, process_pool
 
 
+def slow_process_of(name: str) -> tuple[str, int]:
+    time.sleep(0.2)
+    return process_of(name)
+
+
 def slow_square(x: float) -> float:
     time.sleep(0.2 * (x == 0))
     return x * x
@@ -36,9 +41,9 @@ def count(memory: Memory, step: int) -> int:
     return int(memory["count"])
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
-def test_results_come_in_order_and_a_batch_stays_in_one_process(jobs: int) -> None:
-    with process_pool(jobs) as pool:
+@pytest.mark.parametrize("workers", [1, 2])
+def test_results_come_in_order_and_a_batch_stays_in_one_process(workers: int) -> None:
+    with process_pool(workers) as pool:
         assert list(pool.in_order(slow_square, range(4))) == [0, 1, 4, 9]
         ended = list(pool.as_ended(process_of, ["ab", "c"]))
         by_name = dict(ended)
@@ -47,10 +52,17 @@ def test_results_come_in_order_and_a_batch_stays_in_one_process(jobs: int) -> No
         assert [x for x, _ in ended if x in "ab"] == ["a", "b"]
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
-def test_a_process_remembers_as_long_as_its_pool(jobs: int) -> None:
+def test_a_process_without_work_takes_over_half_of_a_batch() -> None:
+    with process_pool(2) as pool:
+        ended = list(pool.as_ended(slow_process_of, ["abcdef"]))
+    assert sorted(name for name, _ in ended) == list("abcdef")
+    assert len({process for _, process in ended}) == 2
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_process_remembers_as_long_as_its_pool(workers: int) -> None:
     for _ in range(2):
-        with process_pool(jobs) as pool:
+        with process_pool(workers) as pool:
             assert [pool.submit(0, count, 2).result() for _ in range(2)] == [2, 4]
 
 

@@ -26,7 +26,7 @@ QUICK = "output.picture=false"
 
 
 def lesion(folder: Path, *arguments: str, code: int = 0) -> str:
-    page = ["-o", str(folder / "page.html")] if "-o" not in arguments else []
+    page = ["--page", str(folder / "page.html")] if "--page" not in arguments else []
     answer = CliRunner().invoke(app, ["lesion", *arguments, *page, "--out", str(folder / "runs")])
     assert answer.exit_code == code, answer.output
     return answer.output
@@ -134,7 +134,7 @@ def test_the_command_writes_the_tables_that_are_asked_for(tmp_path, monkeypatch,
     monkeypatch.setattr(lesion_commands, "_solve_runs", lambda case, out: sheetless[1])
     out = tmp_path / f"table.{form}"
     given = ("network_edc", "--set", 'lesion.cut=["central_slip"]')
-    lesion(tmp_path, *given, "--format", form, "-o", str(out))
+    lesion(tmp_path, *given, "--format", form, "--page", str(out))
     text = out.read_text(encoding="utf-8")
     tables = tables_of_lesion(sheetless[1])
     if form == "json":

@@ -154,6 +154,22 @@ def test_targets_are_read(tmp_path):
 
 
 @pytest.mark.parametrize(
+    "text",
+    [
+        "quantity,value\nslip_force_N.central,1.5\nwall_s,2\n",
+        "quantity;value\nslip_force_N.central;1,5\nwall_s;2\n",
+        "quantity; reference; sd\nslip_force_N.central; 1.5; \nwall_s; 2.0;\n",
+    ],
+)
+def test_a_quantity_and_a_value_are_enough(tmp_path, text):
+    (tmp_path / "mine.csv").write_text(text, encoding="utf-8")
+    first, second = read_targets(tmp_path / "mine.csv")
+    assert (first.name, first.unit, first.reference) == ("slip_force_N.central", "N", 1.5)
+    assert (first.source, first.kind, first.sd) == ("mine.csv", "experiment", None)
+    assert (second.unit, second.reference) == ("s", 2.0)
+
+
+@pytest.mark.parametrize(
     ("text", "match"),
     [
         ("", "is empty"),
@@ -162,7 +178,9 @@ def test_targets_are_read(tmp_path):
         (HEADER + "a, b, N, 1, , , , c\n", "line 2: has 8 cells, the first line 11"),
         (HEADER + "a, b, N, one, , , , c, experiment, ,\n", "line 2: reference is 'one'"),
         (HEADER + "a, b, N, inf, , , , c, experiment, ,\n", "line 2: reference is 'inf'"),
-        (HEADER + "# so\na, b, N, 1, , , , , experiment, ,\n", "line 3: a: source is empty"),
+        (HEADER + "# so\na, , N, 1, , , , c, experiment, ,\n", "line 3: a: quantity is empty"),
+        ("quantity, value, reference\nwall_s, 1, 1\n", "quantity and value .or reference."),
+        ("quantity;value\nwall_s;1,5 s\n", "reference is '1,5 s'"),
         (HEADER + "a, b, N, 1, , , , c, experiment, perhaps,\n", "fitted is 'perhaps'"),
     ],
 )

@@ -173,18 +173,18 @@ def fit(
     settings: Settings,
     free: Free,
     targets: Sequence[Target],
-    jobs: int = 1,
+    workers: int = 1,
     most: int = 30,
     progress: Progress = quiet,
 ) -> Fit:
     """`fit_all` of one case, the one at `source` with settings; targets for others are left out."""
     stated = (StatedCase(source.stem, source, settings),)
-    return fit_all(assign_rows(stated, (free,), targets), jobs, most, progress)
+    return fit_all(assign_rows(stated, (free,), targets), workers, most, progress)
 
 
 def fit_all(
     cases: Sequence[FitCase],
-    jobs: int = 1,
+    workers: int = 1,
     most: int = 30,
     progress: Progress = quiet,
 ) -> Fit:
@@ -197,7 +197,7 @@ def fit_all(
     own = [(c.name, c.stated.source, on) for c, on in zip(cases, serves, strict=True)]
     rows = [row for case in cases for row in (*case.rows, *case.held_out)]
     arms = any("moment_arm" in row.quantity for row in rows)
-    with process_pool(jobs) as pool:
+    with process_pool(workers) as pool:
         return _Search(cases, serves, CaseWorkers(own, pool, arms), most, progress).run()
 
 

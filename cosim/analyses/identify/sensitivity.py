@@ -101,7 +101,7 @@ def study(
     varied: Sequence[Variation],
     quantities: Sequence[str] = (),
     also: Sequence[str] = (),
-    jobs: int = 1,
+    workers: int = 1,
     progress: Progress = lambda done, total, name: None,
 ) -> Sensitivity:
     """The case at `source` with `settings`, and with each side of every variation on top;
@@ -114,7 +114,7 @@ def study(
     total = 1 + len(asked)
     progress(0, total, "the case as it is")
     every = [settings, *(settings + side.settings for _, _, side in asked)]
-    with process_pool(jobs) as pool:
+    with process_pool(workers) as pool:
         found = pool.in_order(partial(outcome, source), every)
         first = next(found)
         base = _base(first, quantities, also)

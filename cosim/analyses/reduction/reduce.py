@@ -109,7 +109,7 @@ def reduce_case(
     source: Path,
     settings: Sequence[str],
     grid: Mapping[str, tuple[float, ...]],
-    jobs: int,
+    workers: int,
     tell: Progress = quiet,
     spread: int = SPREAD,
     samples: Path | None = None,
@@ -151,7 +151,7 @@ def reduce_case(
     off_grid = held_out_walks(within)
     found: list[WalkSamples] = []
     walks = [*on_grid, *off_grid]
-    sampling = partial(sample_walks, source, settings, jobs=jobs)
+    sampling = partial(sample_walks, source, settings, workers=workers)
     if samples is None:
         walking = sampling(walks)
     else:

@@ -69,10 +69,10 @@ class WalkSamples(NamedTuple):
 
 
 def sample_walks(
-    source: Path, settings: Sequence[str], walks: Sequence[Walk], jobs: int
+    source: Path, settings: Sequence[str], walks: Sequence[Walk], workers: int
 ) -> Iterator[WalkSamples]:
     """What each walk found, in their order, in so many processes (1: in this one)."""
-    with process_pool(jobs) as pool:
+    with process_pool(workers) as pool:
         yield from pool.in_order(partial(sample_walk, source, tuple(settings)), walks)
 
 

@@ -1,0 +1,1 @@
+"""Notebooks as scripts in jupytext's percent format; `python -m cases.notebooks` renders them."""

@@ -1,0 +1,197 @@
+"""Finding one's way: `cosim list` and `cosim explain`."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from cosim.commands.terminal import exit_on_error, print_table
+from cosim.errors import InputError, nearest_names
+
+Schema = Mapping[str, Any]
+Rows = Sequence[tuple[str, ...]]
+
+
+class Things(StrEnum):
+    """What there is to list."""
+
+    CASES = "cases"
+    STUDIES = "studies"
+    TRIALS = "trials"
+    FINGERS = "fingers"
+    HOODS = "hoods"
+    MATERIALS = "materials"
+
+
+def list_things(
+    what: Annotated[Things, typer.Argument(help="What to list.")] = Things.CASES,
+) -> None:
+    """The packaged cases and studies, the trials of `cosim validate`, and the kinds of finger, hood
+    and material, with a line for each."""
+    with exit_on_error():
+        header, rows = LISTS[what]()
+        print_table("", header, rows, of_words=True)
+
+
+def explain(
+    key: Annotated[
+        str, typer.Argument(help='Key of a case file, for example "hood.regions"; none: the top.')
+    ] = "",
+) -> None:
+    """What a key of a case file means: what it may hold, unit, range and default."""
+    with exit_on_error():
+        from cosim.case.file import json_schema
+
+        whole = json_schema()
+        for title, text, rows in describe_key(whole, key):
+            typer.echo(title)
+            if text:
+                typer.echo(text)
+            if rows:
+                print_table("", ("key", "what", "default"), rows, of_words=True)
+
+
+def _cases() -> tuple[tuple[str, ...], Rows]:
+    from cosim.case.file import packaged_cases
+
+    rows = [(name, path.parent.name, _title(path)) for name, path in packaged_cases().items()]
+    return ("case", "family", ""), sorted(rows, key=lambda row: (row[1], row[0]))
+
+
+def _studies() -> tuple[tuple[str, ...], Rows]:
+    from cosim.study.file import packaged_studies
+
+    return ("study", ""), [(path.stem, _title(path)) for path in packaged_studies()]
+
+
+def _title(path: Path) -> str:
+    return str(tomllib.loads(path.read_text(encoding="utf-8")).get("title", ""))
+
+
+def _trials() -> tuple[tuple[str, ...], Rows]:
+    from cosim.validation.plan import groups
+
+    found: dict[tuple[str, str], list[str]] = {}
+    for group in groups():
+        for trial in group.trials:
+            found.setdefault((trial.name, trial.case), []).append(group.name)
+    return ("trial", "case", "groups"), [(*key, ", ".join(of)) for key, of in found.items()]
+
+
+def _fingers() -> tuple[tuple[str, ...], Rows]:
+    from cosim.fingers.kinds import FINGERS
+
+    return ("finger.kind", ""), [(name, kind.table.title) for name, kind in FINGERS.items()]
+
+
+def _hoods() -> tuple[tuple[str, ...], Rows]:
+    from cosim.hoods.kinds import KINDS
+
+    return ("hood.kind", ""), [(name, kind.table.title) for name, kind in KINDS.items()]
+
+
+def _materials() -> tuple[tuple[str, ...], Rows]:
+    from cosim.case.file import json_schema
+
+    whole = json_schema()
+    found = dict(_alternatives(whole, _at(whole, "hood.regions.central_slip")))
+    rows = [
+        (_kind(one).partition('"')[2].rstrip('"'), " ".join(str(one["description"]).split()))
+        for one in found.values()
+    ]
+    return ("hood.regions.NAME.kind", ""), rows
+
+
+LISTS: Mapping[Things, Callable[[], tuple[tuple[str, ...], Rows]]] = {
+    Things.CASES: _cases,
+    Things.STUDIES: _studies,
+    Things.TRIALS: _trials,
+    Things.FINGERS: _fingers,
+    Things.HOODS: _hoods,
+    Things.MATERIALS: _materials,
+}
+
+
+def describe_key(whole: Schema, key: str) -> Iterator[tuple[str, str, Rows]]:
+    """For each form that a key of a case file may have: its heading, its text, and the keys in it
+    with what each holds and its default.  Raises InputError for a key that is not there."""
+    node = _at(whole, key) if key else whole
+    for name, one in _alternatives(whole, node):
+        heading = ", ".join(filter(None, (key or "a case file", name)))
+        text = "" if one is whole else str(one.get("description", "")) or _leaf(whole, one)
+        if "properties" in one:
+            yield heading, text, [_row(whole, k, v) for k, v in one["properties"].items()]
+        elif "additionalProperties" in one:
+            names = one.get("propertyNames", {}).get("enum", ["NAME"])
+            rows = [_row(whole, "NAME", one["additionalProperties"])]
+            yield heading, f"tables by name: {', '.join(names)}", rows
+        else:
+            yield heading, text, []
+
+
+def _at(whole: Schema, key: str) -> Schema:
+    """The schema of a key, its parts joined by dots.  Raises InputError."""
+    node = whole
+    for place, part in enumerate(parts := key.split(".")):
+        found, known = None, []
+        for _, one in _alternatives(whole, node):
+            known += [*one.get("properties", ()), *one.get("propertyNames", {}).get("enum", ())]
+            found = found or one.get("properties", {}).get(part)
+            if part in one.get("propertyNames", {}).get("enum", ()):
+                found = one["additionalProperties"]
+        if found is None:
+            above = ".".join(parts[:place]) or "a case file"
+            near = nearest_names(part, known)
+            hint = f"; did you mean {'.'.join([*parts[:place], near[0]])}?" if near else "."
+            listed = ", ".join(dict.fromkeys(known)) or "nothing"
+            raise InputError(f"{key}: no key {part!r} in {above}{hint} There are {listed}")
+        node = found
+    return node
+
+
+def _alternatives(whole: Schema, node: Schema) -> Iterator[tuple[str, Schema]]:
+    """What a value may be, references followed: its kind, empty where it has none, and schema."""
+    if "$ref" in node:
+        node = whole["$defs"][node["$ref"].rpartition("/")[2]]
+    choices = node.get("anyOf", node.get("oneOf"))
+    if choices is None:
+        yield _kind(node), node
+        return
+    for choice in choices:
+        if choice.get("type") != "null":
+            yield from _alternatives(whole, choice)
+
+
+def _kind(one: Schema) -> str:
+    kind = one.get("properties", {}).get("kind", {}).get("const", "")
+    return f'kind = "{kind}"' if kind else ""
+
+
+def _row(whole: Schema, key: str, node: Schema) -> tuple[str, str, str]:
+    forms = [_leaf(whole, one) for _, one in _alternatives(whole, node)]
+    has_default = node.get("default") is not None and forms != ["a table"]
+    shown = str(node["default"]) if has_default else ""
+    return key, " or ".join(forms), shown
+
+
+def _leaf(whole: Schema, one: Schema) -> str:
+    """What a value is, in a few words."""
+    if "const" in one:
+        return f'"{one["const"]}"'
+    if "enum" in one:
+        return ", ".join(f'"{word}"' for word in one["enum"])
+    if "properties" in one or "additionalProperties" in one:
+        return _kind(one) or "a table"
+    text = str(one.get("description") or one.get("type", "a value"))
+    bounds = {"exclusiveMinimum": "above", "minimum": "at least", "exclusiveMaximum": "below"}
+    bounds["maximum"] = "at most"
+    limits = [f"{word} {one[name]:g}" for name, word in bounds.items() if name in one]
+    if one.get("type") == "array" and "items" in one:
+        items = [_leaf(whole, item) for _, item in _alternatives(whole, one["items"])]
+        text = f"a list: {' or '.join(items)}"
+    return ", ".join([text, *limits])

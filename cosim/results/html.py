@@ -1,0 +1,24 @@
+"""A result as a notebook shows it: a few tables and a picture, without a style of its own."""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from collections.abc import Mapping
+from html import escape
+from typing import Any
+
+from cosim.results.summary_tables import rows_of
+
+
+def html_of(title: str, verdict: str, summary: Mapping[str, Any], png: bytes) -> str:
+    """The title, the audit's verdict, the tables of the terminal and the picture."""
+    parts = [f"<h4>{escape(title)}</h4><p>{escape(verdict)}</p>"]
+    for header, rows in rows_of(summary):
+        head = "".join(f"<th>{escape(cell)}</th>" for cell in header) if any(header) else ""
+        body = "".join(
+            "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows
+        )
+        parts.append(f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>")
+    source = f"data:image/png;base64,{b64encode(png).decode()}"
+    alt = escape(title, quote=True)
+    return "\n".join([*parts, f'<img alt="{alt}" src="{source}" style="max-width:100%">'])
