@@ -114,7 +114,7 @@ KNOW_THE_SOLVERS = {
     "cosim.results.sto",
     "cosim.solve.one_way",
     "cosim.tendons.air",
-    "cosim.tendons.courses",
+    "cosim.tendons.signals",
     "cosim.tendons.muscles",
     "cosim.validation.published_hood",
     "cosim.verification.pairs",

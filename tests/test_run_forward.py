@@ -106,10 +106,10 @@ def test_a_finger_that_still_moves_is_no_result() -> None:
 
 
 def test_tensions_and_excitations_follow_their_courses() -> None:
-    ramp = 'tendons.EDC.course={kind="points",at=[["0 s",0.0],["0.2 s",1.0]]}'
+    ramp = 'tendons.EDC.signal={kind="points",at=[["0 s",0.0],["0.2 s",1.0]]}'
     fibre = (
         'tendons.FDP={activation=0.1,muscle={kind="millard",optimal_fibre_length="75 mm",'
-        'tendon_slack_length="268.12 mm"},course={kind="points",at=[["0.3 s",1.0],["0.31 s",0.0]]}}'
+        'tendon_slack_length="268.12 mm"},signal={kind="points",at=[["0.3 s",1.0],["0.31 s",0.0]]}}'
     )
     forward = 'forward={duration="0.6 s",must_rest=false}'
     data = run_case(load_case("split_edc", [PLAIN, ramp, fibre, forward])).data
@@ -132,8 +132,8 @@ def test_tensions_and_excitations_follow_their_courses() -> None:
         ("pulley_edc", [FORWARD, "finger=" + HINGE], "forward takes a finger with mass"),
         (
             "split_edc",
-            ['tendons.EDC.course={kind="points",at=[["0 s",1.0]]}'],
-            r"tendons\.EDC\.course: .* belongs to a motion",
+            ['tendons.EDC.signal={kind="points",at=[["0 s",1.0]]}'],
+            r"tendons\.EDC\.signal: .* belongs to a motion",
         ),
         ("split_edc", ['forward={step="3 ms"}'], "must be a multiple of the step"),
         ("split_edc", ["finger.tip={kind='cage',width='7 mm'}", FORWARD], "must exceed the sphere"),

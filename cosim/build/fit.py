@@ -8,11 +8,11 @@ from cosim.errors import InputError
 from cosim.fingers.kinds import own_tendons, tip_support_kind, with_mass
 from cosim.hoods.kinds import fitting_kinds
 from cosim.tendons.air import check_air
-from cosim.tendons.courses import factor_of
+from cosim.tendons.signals import factor_of
 
 
 def check_fit(case: Case) -> None:
-    """Raises InputError where a case's parts do not go together or a course's file is no table."""
+    """Raises InputError where a case's parts do not go together or a signal's file is no table."""
     finger, hood = case.finger.kind, case.hood.kind
     if finger not in case.hood.fits:
         words = " or ".join(f'"{kind}"' for kind in fitting_kinds(finger))
@@ -21,14 +21,14 @@ def check_fit(case: Case) -> None:
         )
     if case.forward is not None and not case.finger.has_mass:
         raise InputError(f"forward takes a finger with mass: {with_mass()}")
-    courses = [name for name, tendon in case.tendons.items() if tendon.course is not None]
-    if case.forward is None and courses:
+    signals = [name for name, tendon in case.tendons.items() if tendon.signal is not None]
+    if case.forward is None and signals:
         raise InputError(
-            f"tendons.{courses[0]}.course: a course over time belongs to a motion; add a table "
+            f"tendons.{signals[0]}.signal: a signal over time belongs to a motion; add a table "
             "[forward], or leave it out"
         )
-    for name in courses:
-        factor_of(case.tendons[name].course)
+    for name in signals:
+        factor_of(case.tendons[name].signal)
     check_air(case.tendons, in_motion=case.forward is not None)
     case.finger.check_extensor(case.hood.left_to_finger)
     _check_excursions(case)
@@ -62,11 +62,11 @@ def _check_excursions(case: Case) -> None:
     if case.forward.adaptive is not None:
         raise InputError(f"{where}: does not go with forward.adaptive; state a tension")
     for name in drawn:
-        if (first := factor_of(case.tendons[name].course)(0.0)) != 0.0:
+        if (first := factor_of(case.tendons[name].signal)(0.0)) != 0.0:
             raise InputError(
                 f"tendons.{name}.excursion: a motion begins with the tendon's end undisplaced, and "
-                f"the course with {first:g}; give it one that begins at 0, for example "
-                'course = { kind = "points", at = [["0 s", 0.0], ["0.2 s", 1.0]] }'
+                f"the signal with {first:g}; give it one that begins at 0, for example "
+                'signal = { kind = "points", at = [["0 s", 0.0], ["0.2 s", 1.0]] }'
             )
 
 
@@ -126,7 +126,7 @@ def check_tendons(case: Case, known: tuple[str, ...]) -> None:
     """Raises InputError for a tendon that the case pulls and that is not among `known`."""
     for name, tendon in case.tendons.items():
         if name not in known and (
-            (tendon.force, tendon.excursion, tendon.course, tendon.actuation)
+            (tendon.force, tendon.excursion, tendon.signal, tendon.actuation)
             != (None, None, None, None)
         ):
             raise InputError(

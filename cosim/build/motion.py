@@ -21,8 +21,8 @@ from cosim.fingers.kinds import unit
 from cosim.hoods.view import HoodView
 from cosim.port import Array, Hood, Motion, State, Triangles
 from cosim.tendons.air import cylinders, initial_air, step_cylinders
-from cosim.tendons.courses import factor_of
 from cosim.tendons.muscles import fibres
+from cosim.tendons.signals import factor_of
 from cosim.tendons.table import TendonConfig
 
 if TYPE_CHECKING:
@@ -95,13 +95,13 @@ def _with_unit(case: Case, forward: ForwardConfig) -> MovingModels:
 
 
 def _prescribed_excursions(case: Case, tendons: tuple[str, ...]) -> PrescribedExcursions:
-    """The tendons whose ends are displaced, each by its excursion times its course."""
+    """The tendons whose ends are displaced, each by its excursion times its signal."""
     names = tuple(n for n in tendons if n in case.tendons and case.tendons[n].excursion is not None)
     most = np.array([case.tendons[n].excursion for n in names], dtype=float)
-    courses = [factor_of(case.tendons[n].course) for n in names]
+    signals = [factor_of(case.tendons[n].signal) for n in names]
     index = np.array([tendons.index(n) for n in names], dtype=int)
     return PrescribedExcursions(
-        names, index, lambda time: most * [course(time) for course in courses]
+        names, index, lambda time: most * [signal(time) for signal in signals]
     )
 
 
@@ -147,15 +147,15 @@ class DriveState(NamedTuple):
 
 class CaseTendonDrive:
     """Stated tensions, fibres that begin in equilibrium at their first excitation, and cylinders
-    at rest under their first command, each times the factor of its course; the resting tension of
+    at rest under their first command, each times the factor of its signal; the resting tension of
     tendons whose ends are displaced."""
 
     def __init__(self, case: Case, tendons: tuple[str, ...]) -> None:
         self.tendons = tendons
         self._stated = np.array([case.tension(name) for name in tendons])
         pulled = [case.tendons.get(name, TendonConfig()) for name in tendons]
-        courses = [t.course if t.excursion is None else None for t in pulled]
-        self._factors = [factor_of(course) for course in courses]
+        signals = [t.signal if t.excursion is None else None for t in pulled]
+        self._factors = [factor_of(signal) for signal in signals]
         self._groups = [
             MuscleGroup(
                 muscles, activation, home, np.array([tendons.index(n) for n in muscles.names])

@@ -131,7 +131,7 @@ def _anchor_paths(values: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Paths stated in a file made relative to that file."""
     mesh = _table(values, "hood", "mesh")
     tables = [(mesh, "path"), (_table(values, "hood"), "path"), (_table(values, "finger"), "path")]
-    tables += [(_table(t, "course"), "path") for t in _table(values, "tendons").values()]
+    tables += [(_table(t, "signal"), "path") for t in _table(values, "tendons").values()]
     tables += [(bone, "surface") for bone in _table(values, "finger", "bones").values()]
     for table, key in tables:
         if isinstance(table, dict) and isinstance(table.get(key), str):

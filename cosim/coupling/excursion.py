@@ -83,7 +83,7 @@ def solve_excursions(
         f"tendons.{prescribed.names[int(np.argmax(off))]}.excursion: in {MOST_TRIALS} trials no "
         f"tension was found that moves it as far as prescribed at t = {time:.6g} s; "
         f"{1e3 * off.max():.2e} mm are missing. Try a smaller excursion, "
-        "or in a motion a slower course or a smaller step"
+        "or in a motion a slower signal or a smaller step"
     )
 
 

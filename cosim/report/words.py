@@ -32,7 +32,7 @@ SCHEMES = {
     "one_way": "one way: the hood is solved once and its forces handed to the finger once",
 }
 OTHER_WAY = {axis: way for way, axis in OPPOSITE.items()}
-PULLS = {"activation", "tension", "excursion", "course"}
+PULLS = {"activation", "tension", "excursion", "signal"}
 """What a case says of a tendon that it pulls."""
 
 

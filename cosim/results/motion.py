@@ -92,7 +92,7 @@ def _summary(case: Case, moved: SolvedMotion, wall: float) -> dict[str, Any]:
         out["step_control"] = _steps(end, frames)
     if names := t.moves.prescribed.names:
         reached = 1e3 * (end.draw.excursion - end.draw.start)
-        out["drawn_mm"] = dict(zip(names, reached.tolist(), strict=True))
+        out["prescribed_excursion_mm"] = dict(zip(names, reached.tolist(), strict=True))
     if not case.finger.is_native:
         out["not_in_ledger"] = OPEN
     if twice := [str(pair) for pair in pairs(case, hood, finger)]:

@@ -38,6 +38,8 @@ NAMES: Mapping[str, tuple[str, ...]] = {
 """What stands for a key of a path."""
 ANY = "*"
 """Any name: a case file may choose it."""
+RENAMED = {"drawn_mm": "prescribed_excursion_mm"}
+"""Keys of earlier versions, and what they are called now."""
 BY_PLACE = {"0": "distal", "1": "palmar", "2": "radial"}
 """The places of components in the vectors of earlier versions."""
 STATE = (
@@ -85,7 +87,7 @@ OF_RUN = (
     "last_rate_rad_per_s",
     "last_force_change_N",
     "largest_interface_residual",
-    "drawn_mm.<tendon>",
+    "prescribed_excursion_mm.<tendon>",
     "air.<tendon>.command_V",
     "air.<tendon>.pressure_kPa",
     "muscle.<tendon>.activation",
@@ -173,6 +175,8 @@ def _fault(keys: Keys, summaries: Summaries) -> str | None:
             named = ".".join([*above, BY_PLACE[key]])
             return f"components go by axis, not by place: {named} in place of {'.'.join(keys)}"
         place = f"in {'.'.join(above)}" if above else "in a summary"
+        if key in RENAMED:
+            return f"{key} is now called {RENAMED[key]}"
         names = _names(above, key, summaries)
         if not names:
             return f"there is nothing {place}"

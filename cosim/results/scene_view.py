@@ -21,7 +21,7 @@ def plotter_of(scene: Scene, title: str) -> Plotter:
     """A plotter with all there is to see, seen from the radial side with distal to the left."""
     import pyvista
 
-    plotter = pyvista.Plotter(title=title, off_screen=pyvista.OFF_SCREEN)
+    plotter: Any = pyvista.Plotter(title=title, off_screen=pyvista.OFF_SCREEN)
     for _, vertices, triangles in scene.bones:
         plotter.add_mesh(_surface(vertices, triangles), color=BONE, smooth_shading=True)
     for _, points in scene.tendons:
@@ -44,7 +44,7 @@ def _surface(points: Any, cells: Any) -> PolyData:
     return pyvista.PolyData(points, faces=sized.ravel())
 
 
-def _add_hood(plotter: Plotter, scene: Scene) -> None:
+def _add_hood(plotter: Any, scene: Scene) -> None:
     import pyvista
 
     hood = scene.hood

@@ -12,7 +12,7 @@ import numpy as np
 from cosim.errors import ConvergenceError, InputError
 from cosim.port import Array
 from cosim.tendons.air_table import PneumaticConfig
-from cosim.tendons.courses import factor_of
+from cosim.tendons.signals import factor_of
 from cosim.tendons.table import TendonConfig
 
 if TYPE_CHECKING:
@@ -148,7 +148,7 @@ def _command(tendon: TendonConfig) -> Callable[[float], float]:
     """V at a time in s."""
     from rigid.air.plant import ATMOSPHERE, resting_voltage
 
-    table, factor = _table(tendon), factor_of(tendon.course)
+    table, factor = _table(tendon), factor_of(tendon.signal)
     valve = parts(table).valve
     if table.voltage is not None:
         volts = table.voltage

@@ -21,7 +21,7 @@ class PneumaticConfig(Table):
     """A double-acting cylinder, its rod's side on a proportional valve and its other side open to
     the atmosphere, so that it pulls and never pushes.
 
-    The command, times the tendon's course: a valve voltage, 0 (exhaust) to 10 V (fill), or a wanted
+    The command, times the tendon's signal: a valve voltage, 0 (exhaust) to 10 V (fill), or a wanted
     pressure above the atmosphere's, for which the valve is given the voltage that settles there.
     What else is not stated is as `rigid.air.plant` has it, whose sizes are in part assumed."""
 

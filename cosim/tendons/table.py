@@ -1,4 +1,4 @@
-"""What a case may say of tendons: tension or activation, its course, the muscle."""
+"""What a case may say of tendons: tension or activation, its signal, the muscle."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from cosim.tendons.air_table import PneumaticConfig
 Factor = Annotated[Number, Field(ge=0, le=1e6)]
 
 
-class PointsCourseConfig(Table):
+class PointsSignalConfig(Table):
     """Factors at times, straight between them and constant beyond."""
 
     kind: Literal["points"]
@@ -27,13 +27,13 @@ class PointsCourseConfig(Table):
     ]
 
     @model_validator(mode="after")
-    def _rising(self) -> PointsCourseConfig:
+    def _rising(self) -> PointsSignalConfig:
         if any(b <= a for (a, _), (b, _) in pairwise(self.at)):
             raise fault("at: its times must rise from point to point")
         return self
 
 
-class SineCourseConfig(Table):
+class SineSignalConfig(Table):
     """mean + amplitude sin(2 pi frequency t + phase), never below zero."""
 
     kind: Literal["sine"]
@@ -43,7 +43,7 @@ class SineCourseConfig(Table):
     phase: Annotated[float, quantity(units.ANGLE, least="-360 deg", most="360 deg")] = 0.0
 
 
-class FileCourseConfig(Table):
+class FileSignalConfig(Table):
     """Factors from a column of a table over time: .sto or .mot, or .csv with a column `time`."""
 
     kind: Literal["file"]
@@ -51,8 +51,8 @@ class FileCourseConfig(Table):
     column: str
 
 
-CourseConfig = Annotated[
-    PointsCourseConfig | SineCourseConfig | FileCourseConfig, Field(discriminator="kind")
+SignalConfig = Annotated[
+    PointsSignalConfig | SineSignalConfig | FileSignalConfig, Field(discriminator="kind")
 ]
 
 
@@ -85,7 +85,7 @@ class TendonConfig(Table):
     m, or in a motion from its start; the tension that this takes is found."""
     actuation: PneumaticConfig | None = None
     """In place of a tension, in a motion: what pulls, and on what command."""
-    course: CourseConfig | None = None
+    signal: SignalConfig | None = None
     """Over time, of a motion: what tension, activation, excursion or command is multiplied by."""
 
     @model_validator(mode="after")

@@ -36,7 +36,7 @@ MOST_OVERHEAD = 5e3
 SLOW = ("hood.mesh.quads=120",)
 MOTION_OF_UNITS = (
     "output.picture=false",
-    'tendons.EDC.course={kind="points",at=[["0 s",0.02],["0.05 s",1.0]]}',
+    'tendons.EDC.signal={kind="points",at=[["0 s",0.02],["0.05 s",1.0]]}',
     'forward={duration="0.05 s",must_rest=false}',
 )
 """The extensor pulls within 50 ms, and"""

@@ -324,14 +324,14 @@ def test_tensions_become_a_case_over_another(tmp_path):
 
 
 def test_tensions_over_time_become_the_courses_of_a_motion(tmp_path):
-    from cosim.tendons.courses import factor_of
+    from cosim.tendons.signals import factor_of
 
     table, out = write_log(tmp_path, TENSIONS, "f.sto"), tmp_path / "m.toml"
     words = ["tensions", table, "--column", "EDC=EDC1", "--over-time", "-o", out]
     code, said = run(*words, "--extends", "forward_edc")
     assert code == 0, said
     tendon = load_case(out).tendons["EDC"]
-    assert tendon.tension * factor_of(tendon.course)(0.5) == pytest.approx(1.5)
+    assert tendon.tension * factor_of(tendon.signal)(0.5) == pytest.approx(1.5)
     code, said = run(*words, "--extends", "hood_rest")
     assert code == 2
     assert "is no motion" in said

@@ -37,7 +37,7 @@ def test_fingers_without_bones_of_their_own_are_drawn_as_rods():
         ("forward_edc", 'tendons.RI={max_force="9 N",activation=1.0}', r"tendons\.RI: .*FPI"),
         (
             "forward_edc",
-            'tendons.UI.course={kind="points",at=[["0 s",1.0]]}',
+            'tendons.UI.signal={kind="points",at=[["0 s",1.0]]}',
             r"tendons\.UI: .*FPI",
         ),
     ],
@@ -54,9 +54,9 @@ def test_a_tendon_that_the_finger_lacks_may_have_a_greatest_force():
 def test_a_course_file_is_read_before_anything_runs(tmp_path):
     path = tmp_path / "pull.csv"
     path.write_text("time,EDC\n0,1\n0,2\n")
-    course = f'tendons.EDC.course={{kind="file",path="{path.as_posix()}",column="EDC"}}'
+    signal = f'tendons.EDC.signal={{kind="file",path="{path.as_posix()}",column="EDC"}}'
     with pytest.raises(InputError, match="times that rise"):
-        check_fit(load_case("forward_edc", [course]))
+        check_fit(load_case("forward_edc", [signal]))
 
 
 def test_a_pulley_hood_s_cables_are_drawn_where_they_run():

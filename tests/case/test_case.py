@@ -143,6 +143,11 @@ def test_the_resolved_case_loads_to_the_same_case(tmp_path: Path, overrides):
 BAD = {
     "a bare number": ("hood.thickness=0.6", "hood.thickness = 0.6", "is a bare number"),
     "another dimension": ("hood.thickness=3 kg", "hood.thickness", "no unit of length"),
+    "a key of an earlier version": (
+        'tendons.EDC.course={kind="points",at=[["0 s",1.0]]}',
+        "tendons.EDC.course",
+        "is now called signal",
+    ),
     "an unknown key": ("hood.mesh.qads=250", "hood.mesh.qads = 250", "did you mean quads?"),
     "an unknown region": (
         "hood.regions.central_slit.poisson=0.3",

@@ -23,12 +23,12 @@ from tests.helpers.motions import FREE, HELD, PLAIN, Stopper, identical
 
 LOOSE = FREE[:2]
 SHORT = 'forward={duration="0.06 s",must_rest=false}'
-RAMP = 'course={kind="points",at=[["0 s",0.0],["0.03 s",1.0]]}'
+RAMP = 'signal={kind="points",at=[["0 s",0.0],["0.03 s",1.0]]}'
 """The end is drawn within 30 ms, and then stands."""
 
 
-def draws(tendon: str, far: str = "2 mm", course: str = RAMP) -> str:
-    return f'tendons.{tendon}={{excursion="{far}",{course}}}'
+def draws(tendon: str, far: str = "2 mm", signal: str = RAMP) -> str:
+    return f'tendons.{tendon}={{excursion="{far}",{signal}}}'
 
 
 def run_motion(*settings: str) -> Result:
@@ -58,7 +58,9 @@ def test_a_tendon_of_the_hood_is_drawn_as_stated_or_is_slack(scheme):
     assert (tension >= 0).all()
     assert taut[1:31].all()
     assert (~taut[31:]).any()  # the finger swings on
-    assert result.summary["drawn_mm"]["EDC"] == pytest.approx(1e3 * (reached[-1] - reached[0]))
+    assert result.summary["prescribed_excursion_mm"]["EDC"] == pytest.approx(
+        1e3 * (reached[-1] - reached[0])
+    )
     assert result.summary["audit"]["hood_force_balance"] < 1e-9
 
 
@@ -100,8 +102,8 @@ def test_the_tensions_found_make_the_same_motion(tmp_path: Path, tendon: str):
         for t, v in zip(data.time.values.tolist(), found.values.tolist(), strict=True)
     ]
     table.write_text("\n".join(["time,pull", *rows]))
-    course = f'course={{kind="file",path="{table.as_posix()}",column="pull"}}'
-    again = run_motion(f'tendons.{tendon}={{tension="1 N",{course}}}')
+    signal = f'signal={{kind="file",path="{table.as_posix()}",column="pull"}}'
+    again = run_motion(f'tendons.{tendon}={{tension="1 N",{signal}}}')
     assert np.abs(again.data.angle - data.angle).max() < 1e-9
     energy = result.summary["energy_mJ"]
     assert again.summary["energy_mJ"] == pytest.approx(energy, abs=1e-6)
@@ -131,15 +133,15 @@ def test_a_motion_that_was_cut_off_goes_on_to_the_same_bytes(tmp_path: Path):
         run_case(case, Session(checkpoints=tmp_path), Stopper(1))
     gone = run_case(case, Session(checkpoints=tmp_path))
     assert identical(whole, gone)
-    assert gone.summary["drawn_mm"] == whole.summary["drawn_mm"]
+    assert gone.summary["prescribed_excursion_mm"] == whole.summary["prescribed_excursion_mm"]
 
 
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
-        ([draws("FDP", course='course={kind="sine",frequency="1 Hz",mean=1.0,amplitude=0.5}')],
-         r"tendons\.FDP\.excursion: a motion begins with .* the course with 1;"),
-        (['tendons.FDP={excursion="1 mm"}'], "the course with 1; give it one that begins at 0"),
+        ([draws("FDP", signal='signal={kind="sine",frequency="1 Hz",mean=1.0,amplitude=0.5}')],
+         r"tendons\.FDP\.excursion: a motion begins with .* the signal with 1;"),
+        (['tendons.FDP={excursion="1 mm"}'], "the signal with 1; give it one that begins at 0"),
         ([draws("FDP"), 'coupling.scheme="explicit"'], "moves before the hood feels a tension"),
         ([draws("FDP"), 'forward.adaptive={tolerance="0.1 deg"}'], "go with forward.adaptive"),
     ],

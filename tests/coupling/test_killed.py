@@ -23,7 +23,7 @@ output.picture = false
 [finger.tip]
 kind = "free"
 
-[tendons.EDC.course]
+[tendons.EDC.signal]
 kind = "points"
 at = [["0 s", 0.02], ["0.1 s", 1.0]]
 

@@ -32,7 +32,7 @@ NEEDS_FMU = [
 ]
 Change = Callable[[bytes], bytes]
 SHORT = 'forward={duration="0.02 s",must_rest=false}'
-RAMP = 'tendons.EDC.course={kind="points",at=[["0 s",0.02],["0.01 s",1.0]]}'
+RAMP = 'tendons.EDC.signal={kind="points",at=[["0 s",0.02],["0.01 s",1.0]]}'
 FREE = (*MOTION, SHORT, RAMP, 'finger.gravity=["0 m/s**2","0 m/s**2","-9.81 m/s**2"]')
 
 

@@ -11,7 +11,7 @@ FREE = (
     "finger.tip={kind='free'}",
     "finger.limit={half_range='40 deg',stiffness='20 N*m/deg',transition='5 deg',"
     "damping='0.01 N*m*s/deg'}",
-    'tendons.EDC.course={kind="points",at=[["0 s",0.02],["0.05 s",1.0]]}',
+    'tendons.EDC.signal={kind="points",at=[["0 s",0.02],["0.05 s",1.0]]}',
 )
 HELD = tuple(
     f'finger.passive.{joint}={{stiffness="0.0391 N*m/rad",rest="posture",'

@@ -129,6 +129,7 @@ def test_null_is_no_misspelling(summaries):
         ("converged", "is no number"),
         ("fingertip_magnitude_N.0", "nothing in fingertip_magnitude_N"),
         ("fingertip_force_N.up", "There are distal, radial, dorsal, proximal, ulnar, palmar"),
+        ("drawn_mm.EDC", "drawn_mm is now called prescribed_excursion_mm"),
         ("difference.fingertip_force_N.1", r"difference\.fingertip_force_N\.palmar in place of"),
         ("posture_deg.pip", r"did you mean posture_deg\.PIP\?"),
         ("difference.excursion_mm.EDC", 'no "excursion_mm" in difference'),

@@ -34,7 +34,7 @@ def run_motion(name: str, *settings: str) -> Result:
 
 
 def test_a_wanted_pressure_ends_as_its_tension_does() -> None:
-    ramp = 'tendons.EDC.course={kind="points",at=[["0 s",0.2],["0.1 s",1.0]]}'
+    ramp = 'tendons.EDC.signal={kind="points",at=[["0 s",0.2],["0.1 s",1.0]]}'
     by_air = run_motion("split_edc", 'forward={duration="1 s"}', air('pressure="0.057 MPa"'), ramp)
     force = AREA * 57e3
     stated = run_motion("split_edc", 'forward={duration="1 s"}', f'tendons.EDC.tension="{force} N"')
@@ -64,7 +64,7 @@ class MotionStopper:
 
 
 def test_a_cut_off_motion_goes_on_to_the_same_bytes_and_its_books_close(tmp_path: Path) -> None:
-    early = 'tendons.FDP.course={kind="points",at=[["0 s",0.97],["0.02 s",1.0]]}'
+    early = 'tendons.FDP.signal={kind="points",at=[["0 s",0.97],["0.02 s",1.0]]}'
     case = load_case("pneumatic_edc_fdp", [PLAIN, *SHORT, early])
     whole = run_case(case)
     with pytest.raises(StoppedError, match="Go on with"):
@@ -126,8 +126,8 @@ def test_what_a_case_says_reaches_the_cylinder_and_is_written_again(tmp_path: Pa
         'critical_ratio=0.4,underlap=0.2,bore="12 mm",rod="4 mm",stroke="50 mm",start=0.2,'
         'dead_volume="3000 mm**3",friction="0.1 N",heat="0.3 W/K"'
     )
-    course = 'tendons.EDC.course={kind="points",at=[["0 s",1.0],["0.1 s",2.0]]}'
-    case = load_case("split_edc", ["forward={}", air(said), course])
+    signal = 'tendons.EDC.signal={kind="points",at=[["0 s",1.0],["0.1 s",2.0]]}'
+    case = load_case("split_edc", ["forward={}", air(said), signal])
     live = cylinders(case.tendons, ("EDC",))
     assert live is not None
     valve, cylinder = live.air.valve, live.air.cylinder

@@ -111,8 +111,8 @@ def write_case(
         path = json.dumps(Path(os.path.relpath(source, out.parent)).as_posix())
         lines.append(f"title = {json.dumps(f'Tensions of {source.name}')}")
         for tendon, column in tensions.column.items():
-            course = f'{{ kind = "file", path = {path}, column = {json.dumps(column)} }}'
-            lines += ["", f"[tendons.{tendon}]", 'tension = "1 N"', f"course = {course}"]
+            signal = f'{{ kind = "file", path = {path}, column = {json.dumps(column)} }}'
+            lines += ["", f"[tendons.{tendon}]", 'tension = "1 N"', f"signal = {signal}"]
     else:
         at = float(tensions.table.time[-1]) if time is None else time
         lines.append(f"title = {json.dumps(f'Tensions of {source.name} at {at:g} s')}")

@@ -1,4 +1,4 @@
-"""The course of a tension or an activation over time, as a function.
+"""The signal of a tension or an activation over time, as a function.
 
 One of the files that know the solvers by name, for the tables that OpenSim writes."""
 
@@ -11,28 +11,28 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.port import Array
-from cosim.tendons.table import FileCourseConfig, PointsCourseConfig, SineCourseConfig
+from cosim.tendons.table import FileSignalConfig, PointsSignalConfig, SineSignalConfig
 
 
 def factor_of(
-    course: PointsCourseConfig | SineCourseConfig | FileCourseConfig | None,
+    signal: PointsSignalConfig | SineSignalConfig | FileSignalConfig | None,
 ) -> Callable[[float], float]:
-    """The factor at a time in s; one at all times without a course.
+    """The factor at a time in s; one at all times without a signal.
 
     Raises InputError for a file that holds no such column, or values that are not factors."""
-    match course:
+    match signal:
         case None:
             return lambda time: 1.0
-        case SineCourseConfig():
+        case SineSignalConfig():
             rate, mean, most, phase = (
-                *(2 * np.pi * course.frequency, course.mean),
-                *(course.amplitude, course.phase),
+                *(2 * np.pi * signal.frequency, signal.mean),
+                *(signal.amplitude, signal.phase),
             )
             return lambda t: max(mean + most * float(np.sin(rate * t + phase)), 0.0)
-        case PointsCourseConfig():
-            times, factors = np.array(course.at).T
-        case FileCourseConfig():
-            times, factors = _recorded_signal(course.path, course.column)
+        case PointsSignalConfig():
+            times, factors = np.array(signal.at).T
+        case FileSignalConfig():
+            times, factors = _recorded_signal(signal.path, signal.column)
     return lambda t: float(np.interp(t, times, factors))
 
 

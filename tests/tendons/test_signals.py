@@ -9,8 +9,8 @@ import pytest
 
 from cosim.case.file import load_case
 from cosim.errors import InputError
-from cosim.tendons.courses import factor_of
-from cosim.tendons.table import FileCourseConfig, PointsCourseConfig, SineCourseConfig
+from cosim.tendons.signals import factor_of
+from cosim.tendons.table import FileSignalConfig, PointsSignalConfig, SineSignalConfig
 from rigid.opensim.sto import StoTable, write_sto
 
 
@@ -19,15 +19,15 @@ def test_without_a_course_nothing_changes() -> None:
 
 
 def test_points_are_joined_and_held() -> None:
-    factor = factor_of(PointsCourseConfig(kind="points", at=(("0.1 s", 0.0), ("0.3 s", 1.0))))
+    factor = factor_of(PointsSignalConfig(kind="points", at=(("0.1 s", 0.0), ("0.3 s", 1.0))))
     assert [factor(t) for t in (0.0, 0.1, 0.2, 0.3, 9.0)] == pytest.approx([0, 0, 0.5, 1, 1])
 
 
 def test_a_sine_is_never_negative() -> None:
-    course = SineCourseConfig(
+    signal = SineSignalConfig(
         kind="sine", frequency="2 Hz", mean=0.25, amplitude=0.5, phase="90 deg"
     )
-    factor = factor_of(course)
+    factor = factor_of(signal)
     assert factor(0.0) == pytest.approx(0.75)
     assert factor(0.125) == pytest.approx(0.25)
     assert factor(0.25) == 0.0
@@ -38,7 +38,7 @@ def test_recorded_ones_from_sto_and_csv(tmp_path: Path) -> None:
     write_sto(tmp_path / "a.sto", StoTable("a", ("EDC", "FDP"), time, values))
     (tmp_path / "a.csv").write_text("# source: us\ntime, EDC, FDP\n0, 0.2, 1\n1, 0.4, 3\n")
     for name in ("a.sto", "a.csv"):
-        factor = factor_of(FileCourseConfig(kind="file", path=str(tmp_path / name), column="FDP"))
+        factor = factor_of(FileSignalConfig(kind="file", path=str(tmp_path / name), column="FDP"))
         assert factor(0.25) == pytest.approx(1.5)
 
 
@@ -58,12 +58,12 @@ def test_a_table_that_is_none_says_why(tmp_path: Path, text: str, words: str) ->
     path = tmp_path / "a.csv"
     path.write_text(text)
     with pytest.raises(InputError, match=words):
-        factor_of(FileCourseConfig(kind="file", path=str(path), column="FDP"))
+        factor_of(FileSignalConfig(kind="file", path=str(path), column="FDP"))
 
 
 def test_faults_of_a_case_s_course() -> None:
-    falling = 'tendons.EDC.course={kind="points",at=[["1 s",0.0],["0.5 s",1.0]]}'
+    falling = 'tendons.EDC.signal={kind="points",at=[["1 s",0.0],["0.5 s",1.0]]}'
     with pytest.raises(InputError, match="its times must rise"):
         load_case("split_edc", [falling])
-    with pytest.raises(InputError, match=r"tendons\.EDC\.course\.frequency"):
-        load_case("split_edc", ['tendons.EDC.course={kind="sine",mean=1.0,amplitude=0.5}'])
+    with pytest.raises(InputError, match=r"tendons\.EDC\.signal\.frequency"):
+        load_case("split_edc", ['tendons.EDC.signal={kind="sine",mean=1.0,amplitude=0.5}'])
