@@ -21,7 +21,21 @@ from cosim.version import __version__
 if TYPE_CHECKING:
     from cosim.case.schema import Case
     from cosim.errors import ConvergenceError, InputError
-    from cosim.face import compare, couple, list_cases, load, open_run, run, run_many
+    from cosim.face import (
+        compare,
+        couple,
+        estimate,
+        identify,
+        list_cases,
+        load,
+        moment_arms,
+        open_run,
+        run,
+        run_many,
+        run_study,
+        validate,
+        write_report,
+    )
     from cosim.results.result import Result
     from cosim.solve.session import Session
 
@@ -33,11 +47,17 @@ _HOME = {
     "Session": "cosim.solve.session",
     "compare": "cosim.face",
     "couple": "cosim.face",
+    "estimate": "cosim.face",
+    "identify": "cosim.face",
     "list_cases": "cosim.face",
     "load": "cosim.face",
+    "moment_arms": "cosim.face",
     "open_run": "cosim.face",
     "run": "cosim.face",
     "run_many": "cosim.face",
+    "run_study": "cosim.face",
+    "validate": "cosim.face",
+    "write_report": "cosim.face",
 }
 """The module of each name: loaded when it is first asked for, so that the port stays light."""
 __all__ = [
@@ -49,11 +69,17 @@ __all__ = [
     "__version__",
     "compare",
     "couple",
+    "estimate",
+    "identify",
     "list_cases",
     "load",
+    "moment_arms",
     "open_run",
     "run",
     "run_many",
+    "run_study",
+    "validate",
+    "write_report",
 ]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,13 +17,19 @@ from cosim.errors import CosimError, InputError, Progress, quiet
 from cosim.pipeline import run_case, run_cases
 from cosim.port import Finger, Hood, Pair, PairState, Tensions
 from cosim.results.compare import as_dict, compare_with_targets, numbers_of, read_targets, unit_of
+from cosim.results.conventions import AXES
 from cosim.results.quantities import check_quantities
 from cosim.results.read import read_run
 from cosim.results.result import Result
+from cosim.schema import units
 from cosim.solve.session import Session
 
 if TYPE_CHECKING:
     import pandas
+
+    from cosim.analyses.identify.fit import Fit
+    from cosim.study.results import StudyResults
+    from cosim.validation.run import Board
 
 
 def load(case: str | Path | Mapping[str, Any], settings: Sequence[str] = ()) -> Case:
@@ -200,3 +207,166 @@ def couple(
     initial = PairState(start, hood.start(finger.motion(start)))
     options = CouplingOptions(tolerance, max_iterations)
     return equilibrium(Pair(finger, hood), initial, Tensions(*pulls), options, progress)
+
+
+def moment_arms(case: Case, steps: int = 9) -> pandas.DataFrame:
+    """Moment arms of all tendons while each joint passes its range in so many postures and the
+    others keep the case's.
+
+    Columns joint, angle_deg, tendon, arm_mm; flexion and radial abduction are positive.  A hood's
+    arms are those under the case's tensions; a posture that it could not follow is left out.
+
+    >>> import cosim
+    >>> table = cosim.moment_arms(cosim.load("split_edc"), steps=2)
+    >>> bool((table[(table.tendon == "FDP") & (table.joint == "PIP")].arm_mm > 0).all())
+    True
+
+    Raises InputError."""
+    from cosim.analyses.moment_arms import sweep
+    from cosim.build.models import tensions
+    from cosim.fingers.kinds import joint_ranges
+
+    models = build(case)
+    return sweep(models, tensions(case, models)[0], joint_ranges(models.finger), steps)[0]
+
+
+def estimate(
+    case: Case,
+    force: Mapping[str, float | str | None] | None = None,
+    torques: Mapping[str, float | str] | None = None,
+    progress: Progress = quiet,
+) -> pandas.DataFrame:
+    """The tensions of least cost (sum of squared stresses) that make a fingertip force or joint
+    torques in the case's posture, with the hood of the case behind them; a row for each muscle.
+
+    `force`: of the fingertip on the world along distal, radial and dorsal, N or a text with its
+    unit; None leaves a component open, and one that is not named is zero.  `torques`: N m or a text
+    with its unit, by joint; a joint that is not named bears none.  The table's `attrs` hold what
+    was asked for and what the case makes when it is run forward under the tensions, by component.
+
+    >>> import cosim
+    >>> push = {"distal": -1, "dorsal": -2, "radial": None}
+    >>> table = cosim.estimate(cosim.load("split_edc"), push)
+    >>> bool((table.tension_N >= 0).all())
+    True
+
+    Raises InputError, also where no tensions within their bounds make it, and ConvergenceError."""
+    from cosim.analyses.estimate.files import muscle_table
+    from cosim.analyses.estimate.of_case import for_force, for_torques, setup
+
+    if (force is None) == (torques is None):
+        raise InputError("estimate: give a force or torques")
+    made = setup(case, "pcsa", 2, {}, {})
+    if force is not None:
+        strange = sorted(set(force) - set(AXES))
+        if strange:
+            raise InputError(f"force: no axis {strange[0]!r}; there are {', '.join(AXES)}")
+        x, y, z = (_in_si("force", force.get(axis, 0.0), units.FORCE) for axis in AXES)
+        answer = for_force(made, (x, y, z), progress)
+    else:
+        values = {j: _in_si("torques", v, units.TORQUE) or 0.0 for j, v in (torques or {}).items()}
+        answer = for_torques(made, values, progress)
+    table = muscle_table(made.capacity, answer.estimate.tension)
+    names, unit = answer.demand.names, answer.demand.unit
+    table.attrs = {
+        "unit": unit,
+        "asked": dict(zip(names, map(float, answer.target), strict=True)),
+        "forward": dict(zip(names, map(float, answer.audit.components), strict=True)),
+    }
+    return table
+
+
+def _in_si(name: str, value: float | str | None, kind: units.Kind) -> float | None:
+    """Raises InputError."""
+    if not isinstance(value, str):
+        return None if value is None else float(value)
+    try:
+        return units.parse(value, kind)
+    except ValueError as error:
+        raise InputError(f"{name}: {value!r}: {error}") from error
+
+
+def identify(
+    cases: str | Path | Sequence[str | Path],
+    targets: str | Path,
+    free: str | Path | None = None,
+    settings: Sequence[str] = (),
+    held_out: str | Path | None = None,
+    workers: int = 1,
+    most: int = 30,
+    progress: Progress = quiet,
+) -> Fit:
+    """Fit parameters of one or several cases (files or names) to measured values within bounds.
+
+    `targets`, `held_out`: CSV files as `compare` takes them; rows held out do not pull.  `free`: a
+    TOML file with a table for each parameter, as `cosim identify --free`; None: the built-in ones
+    of the cases' laws.  `most`: evaluations of all cases in the search.
+
+    Raises InputError and ConvergenceError."""
+    from cosim.analyses.identify.cases import fit_cases, stated_cases
+    from cosim.analyses.identify.fit import fit_all
+
+    names = [cases] if isinstance(cases, str | Path) else list(cases)
+    path = None if free is None else Path(free)
+    apart = () if held_out is None else read_targets(Path(held_out))
+    stated = stated_cases(names, tuple(settings), path)
+    chosen = fit_cases(stated, path, read_targets(Path(targets)), apart)
+    return fit_all(chosen, workers, most, progress)
+
+
+def run_study(
+    study: str | Path,
+    out: str | Path = "studies",
+    workers: int = 1,
+    progress: Progress = quiet,
+) -> StudyResults:
+    """Solve a case for many values of its parameters, as a study file or a packaged study says,
+    and leave table, answers and page in `out`/NAME; runs that `out`/store holds are not done again.
+    `workers`: processes; 1: this one, without the study's limit of time.
+
+    Raises InputError."""
+    from cosim.study.engine import in_this_process, local
+    from cosim.study.execute import execute_study
+    from cosim.study.files import write_study
+    from cosim.study.plan import read_plan
+    from cosim.study.store import Store
+
+    plan = read_plan(study)
+    store = Store((Path(out) / "store").absolute()).open()
+    alone = nullcontext(in_this_process)
+    with alone if workers == 1 else local(workers, progress) as solve:
+        done = execute_study(
+            plan, store, solve, False, lambda c: progress(f"{c.done} of {c.total}")
+        )
+    return write_study(plan, done, store, Path(out) / plan.name)
+
+
+def validate(
+    only: str | None = None,
+    out: str | Path = "runs/validation",
+    workers: int = 1,
+    progress: Progress = quiet,
+) -> list[Board]:
+    """The model beside everything that was measured or published, or the trials whose name holds
+    `only`: a board for each group, with its rows and its skill over null models.  Runs of the
+    trials are left in `out`.
+
+    Raises InputError."""
+    from cosim.validation.run import choose_groups, run_validation
+
+    return run_validation(choose_groups(only), Path(out), (), workers, progress)
+
+
+def write_report(
+    *runs: str | Path, out: str | Path = "report.html", data: str | Path | None = None
+) -> Path:
+    """Write one HTML page of the runs in these folders, beside the values of a CSV file where
+    `data` names one; the page's path.
+
+    Raises InputError."""
+    from cosim.report import write
+
+    write.write_report(
+        [Path(run) for run in runs], Path(out), "html", data=None if data is None else Path(data)
+    )
+    return Path(out)

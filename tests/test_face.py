@@ -14,6 +14,7 @@ import pytest
 
 import cosim
 from cosim.build.models import build
+from tests.helpers.fixed_posture import HELD
 from tests.helpers.folders import ROOT
 
 PLAIN = {"output.picture": False}
@@ -213,3 +214,60 @@ def test_a_folder_that_is_no_package_does_no_harm(tmp_path):
     env = os.environ | {"PYTHONPATH": str(ROOT)}
     done = subprocess.run([sys.executable, script], env=env, capture_output=True, text=True)
     assert done.stdout == "pulley_edc\n", done.stderr
+
+
+@pytest.fixture
+def held(tmp_path, monkeypatch):
+    """A case file of bones that are held, in the folder in which the test runs."""
+    (tmp_path / "held.toml").write_text(HELD, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path / "held.toml"
+
+
+def test_parameters_are_fitted_to_values(held):
+    (held.parent / "data.csv").write_text(
+        "quantity,value,sd\njoint_torque_Nmm.passive.PIP,-30,0.1\n", encoding="utf-8"
+    )
+    (held.parent / "free.toml").write_text(
+        "[k]\nlow = 1\nhigh = 1000\nstart = 50\nunit = 'N*mm/rad'\n"
+        "settings = ['finger.passive.PIP.stiffness={value}']\n",
+        encoding="utf-8",
+    )
+    found = cosim.identify("held.toml", "data.csv", "free.toml", ["finger.posture.PIP=30 deg"])
+    assert found.values["k"] == pytest.approx(30 / np.radians(30), rel=1e-3)
+
+
+def test_a_study_is_run_and_read(held):
+    (held.parent / "pip.toml").write_text(
+        'case = "held.toml"\n[parameters.PIP]\nvalues = ["20 deg", "40 deg"]\n'
+        'settings = ["finger.posture.PIP={value}"]\n[outputs]\n'
+        'torque = "joint_torque_Nmm.passive.PIP"\n',
+        encoding="utf-8",
+    )
+    heard: list[str] = []
+    found = cosim.run_study("pip.toml", progress=heard.append)
+    assert found.values("torque") == pytest.approx(-40 * np.radians([20, 40]), rel=1e-9)
+    assert heard[-1] == "2 of 2"
+    assert (held.parent / "studies" / "pip" / "index.html").is_file()
+
+
+def test_tensions_are_estimated_from_a_force_or_from_torques():
+    case = cosim.load("split_edc")
+    by_text = cosim.estimate(case, {"distal": "-1 N", "dorsal": "-2000 mN", "radial": None})
+    by_number = cosim.estimate(case, {"distal": -1.0, "dorsal": -2.0, "radial": None})
+    assert by_text.tension_N.tolist() == by_number.tension_N.tolist()
+    assert by_number.attrs["forward"] == pytest.approx(by_number.attrs["asked"], abs=1e-3)
+    torques = cosim.estimate(case, torques={"PIP": "50 N*mm"})
+    assert torques.attrs["asked"]["PIP"] == pytest.approx(0.05)
+    for words in ({}, {"force": {"distal": 1}, "torques": {"PIP": 1}}):
+        with pytest.raises(cosim.InputError, match="a force or torques"):
+            cosim.estimate(case, **words)
+    with pytest.raises(cosim.InputError, match="no axis 'palmar'"):
+        cosim.estimate(case, {"palmar": 1.0})
+
+
+def test_the_model_is_validated_and_reported(tmp_path):
+    (board,) = [b for b in cosim.validate("force split EDC", tmp_path) if b.rows]
+    assert {row.target.case for row in board.rows} == {"force split EDC"}
+    page = cosim.write_report(tmp_path / "force_split_EDC", out=tmp_path / "page.html")
+    assert page.stat().st_size > 100_000
