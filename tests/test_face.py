@@ -184,6 +184,34 @@ def test_the_labelled_vectors_are_those_of_the_summary():
     assert result.strain.empty
 
 
+@pytest.mark.parametrize("name", ["split_edc", "planar_edc", "pulley_edc"])
+def test_a_joint_bears_what_acts_beyond_it(name):
+    """Force balance of the bones distal of each joint, from the ledger."""
+    result = cosim.run(cosim.load(name).replace(PLAIN))
+    rows = result.ledger
+    beyond = rows[(rows.state == "loaded") & (rows.source != "joint")]
+    bodies = list(dict.fromkeys(rows.body))[1:]
+    forces = result.joint_forces
+    assert list(forces.index) == ["MCP", "PIP", "DIP"]
+    for i, joint in enumerate(forces.index):
+        sum_of = beyond[beyond.body.isin(bodies[i:])]
+        for axis in ("distal", "radial", "dorsal"):
+            balance = forces.loc[joint, axis] + sum_of[f"force_{axis}"].sum()
+            assert abs(balance) < 1e-9, (joint, axis)
+
+
+def test_the_arrays_say_what_they_are():
+    result = cosim.run(cosim.load("isometric_edc").replace({**PLAIN, **COARSE}))
+    data = result.data
+    assert data.attrs["Conventions"].startswith("CF-")
+    assert data.attrs["title"] == result.title
+    assert "z dorsal" in data.attrs["frame"]
+    assert all("," not in variable.attrs["units"] for variable in data.data_vars.values())
+    assert data.sizes["quad"] == len(data.region) == len(data.quad_node)
+    assert int(data.quad_node.max()) < data.sizes["point"]
+    assert "central_slip" in set(data.region.values)
+
+
 def test_a_result_is_shown_in_space(monkeypatch):
     pyvista = pytest.importorskip("pyvista")
     monkeypatch.setattr(pyvista, "OFF_SCREEN", True)

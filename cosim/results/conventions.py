@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from cosim.port import Array
+from cosim.version import __version__
 
 AXES = ("distal", "radial", "dorsal")
 """The world's x, y, z, fixed to the metacarpal."""
@@ -20,6 +21,18 @@ COMPONENTS = tuple(f"{kind}_{axis}" for kind in ("force", "moment") for axis in 
 def by_axis(vector: Iterable[float]) -> dict[str, float]:
     """The components of a vector (3,) in the world, by the name of the axis."""
     return dict(zip(AXES, map(float, vector), strict=True))
+
+
+def attributes(title: str, case: str) -> dict[str, str]:
+    """What a file of arrays says of itself (CF conventions 1.11, and the frame)."""
+    return {
+        "Conventions": "CF-1.11",
+        "title": title,
+        "source": f"cosim {__version__}, case {case}",
+        "case": case,
+        "version": __version__,
+        "frame": FRAME,
+    }
 
 
 def vector_of(components: Mapping[str, float]) -> Array:

@@ -19,7 +19,7 @@ from cosim.hoods.view import hood_field
 from cosim.port import Array
 from cosim.results.air import air_data, air_end
 from cosim.results.audit import missed_bounds
-from cosim.results.conventions import AXES, COMPONENTS, FRAME, by_axis
+from cosim.results.conventions import AXES, FRAME, attributes, by_axis
 from cosim.results.load_and_rest import NO_UNLOADED
 from cosim.results.parts import LedgerRow, Scene, ledger_rows
 from cosim.results.result import Result
@@ -40,7 +40,7 @@ def observe_motion(case: Case, moved: SolvedMotion, wall: float) -> Result:
     """Everything that a motion leaves behind."""
     return Result(
         _summary(case, moved, wall),
-        _dataset(moved.models, moved.history),
+        _dataset(moved.models, moved.history).assign_attrs(attributes(case.title, case.name)),
         tuple(_ledger(moved.models, moved.history)),
         _scene(moved.models, moved.history),
         resolved_toml(case),
@@ -222,17 +222,23 @@ def _dataset(t: MovingModels, kept: MotionHistory) -> xarray.Dataset:
         data |= {
             "tension": over_time(("tendon",), "N", [f.tension[:split] for f in frames], "tension"),
             "excursion": over_time(("tendon",), "m", [f.excursion for f in frames], "excursion"),
-            "wrench": over_time(
-                ("body", "source", "component"),
-                "N, N m",
-                [f.wrench for f in frames],
-                "wrench of the hood about the body's origin, at the scheme's pose",
+            "hood_force": over_time(
+                ("body", "source", "axis"),
+                "N",
+                [f.wrench[..., :3] for f in frames],
+                "force of the hood on the body, at the scheme's pose",
             ),
-            "total": over_time(
-                ("body", "component"),
-                "N, N m",
-                [f.total for f in frames],
-                "of the hood at the pose",
+            "hood_moment": over_time(
+                ("body", "source", "axis"),
+                "N m",
+                [f.wrench[..., 3:] for f in frames],
+                "moment of the hood about the body's origin, at the scheme's pose",
+            ),
+            "total_force": over_time(
+                ("body", "axis"), "N", [f.total[:, :3] for f in frames], "of the hood at the pose"
+            ),
+            "total_moment": over_time(
+                ("body", "axis"), "N m", [f.total[:, 3:] for f in frames], "of the hood at the pose"
             ),
             "residual": over_time((), "1", [f.residual for f in frames], "interface residual"),
         }
@@ -240,10 +246,9 @@ def _dataset(t: MovingModels, kept: MotionHistory) -> xarray.Dataset:
             "tendon": list(hood.tendons),
             "body": list(hood.bodies),
             "source": list(hood.sources),
-            "component": list(COMPONENTS),
         }
     air, cylinders = air_data(t.pulls.cylinders, np.array([f.drive for f in frames]))
-    return xarray.Dataset({**data, **air}, {**coords, **cylinders}, {"frame": FRAME})
+    return xarray.Dataset({**data, **air}, {**coords, **cylinders})
 
 
 def _ledger(t: MovingModels, kept: MotionHistory) -> Iterator[LedgerRow]:

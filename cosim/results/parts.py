@@ -12,7 +12,7 @@ import numpy as np
 
 from cosim.hoods.view import HoodField
 from cosim.port import Array
-from cosim.results.conventions import COMPONENTS
+from cosim.results.conventions import COMPONENTS, by_axis
 
 if TYPE_CHECKING:
     import xarray
@@ -58,6 +58,22 @@ def ledger_rows(
         for source, wrench in wrenches.items():
             if np.any(wrench[b]):
                 yield LedgerRow(state, body, source, wrench[b, :3], wrench[b, 3:])
+
+
+def joint_forces(
+    joint: Array, bodies: Sequence[str], joints: Sequence[str]
+) -> dict[str, dict[str, float]]:
+    """N by joint, along the world's axes: what the bone distal of a joint receives from the one
+    proximal of it through their contact (bone-to-bone force).
+
+    `joint`: (nb, 3 or 6) of what all joints do to each body.  Empty where the joints that bend are
+    not one to each body but the first."""
+    names = [name for name in joints if not name.endswith("abduction")]
+    if len(names) != len(bodies) - 1:
+        return {}
+    # a bone between two joints receives the one and hands on the other
+    through = np.cumsum(joint[:0:-1, :3], axis=0)[::-1]
+    return {name: by_axis(force) for name, force in zip(names, through, strict=True)}
 
 
 @dataclass(frozen=True)

@@ -52,6 +52,7 @@ STATE = (
     "fingertip_moment_Nmm.<axis>",
     "moment_arm_mm.<tendon>.<joint>",
     "joint_torque_Nmm.<torque>.<joint>",
+    "joint_force_N.<joint>.<axis>",
     "slip_force_N.<slip>",
     "slip_ratio",
     "glide_mm.<place>",

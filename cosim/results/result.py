@@ -93,6 +93,15 @@ class Result(CaseParts):
         return pandas.DataFrame(self.summary.get("joint_torque_Nmm", {})).T
 
     @property
+    def joint_forces(self) -> pandas.DataFrame:
+        """N, a row for each joint: what the bone distal of it receives from the one proximal of it
+        through their contact, along the world's axes (bone-to-bone force).  Empty of a motion and
+        of a finger in an FMU."""
+        import pandas
+
+        return pandas.DataFrame(self.summary.get("joint_force_N", {})).T
+
+    @property
     def audit(self) -> Audit:
         """Each figure of the audit with its bound."""
         return Audit.read(self.summary)

@@ -16,10 +16,10 @@ from cosim.fmu.finger import OPEN
 from cosim.hoods.view import HoodView
 from cosim.port import Array, Finger
 from cosim.results.audit import POSTURE, audit_figures, missed_bounds
-from cosim.results.conventions import AXES, COMPONENTS, FRAME, by_axis, vector_of
+from cosim.results.conventions import AXES, FRAME, attributes, by_axis, vector_of
 from cosim.results.load_and_rest import rest_block, rest_warnings
 from cosim.results.one_way import one_way_summary
-from cosim.results.parts import LedgerRow, ledger_rows
+from cosim.results.parts import LedgerRow, joint_forces, ledger_rows
 from cosim.results.result import Result
 from cosim.results.scene import scene
 from cosim.results.slips import is_slack
@@ -40,9 +40,10 @@ def observe_static(case: Case, solved: tuple[Models, States], wall: float) -> Re
     models, states = solved
     pair = {"unloaded": states.unloaded, "loaded": states.loaded}
     views = {name: models.view(e.response.state) for name, e in pair.items()} if models.view else {}
+    data = dataset(models, pair, views)
     return Result(
         summary(case, models, states, views, wall),
-        dataset(models, pair, views),
+        data.assign_attrs(attributes(case.title, case.name)),
         tuple(row for name, e in pair.items() for row in ledger(models, name, e)),
         scene(models, states.loaded, views.get("loaded")),
         resolved_toml(case),
@@ -135,6 +136,7 @@ def _state(models: Models, e: Equilibrium, view: HoodView | None) -> dict[str, A
     }
     if e.balance is not None:
         out["fingertip_moment_Nmm"] = by_axis(1e3 * _tip_moment(models, e))
+        out["joint_force_N"] = _joint_forces(models, e)
     arms = _arms(models, e)
     if arms or e.balance is not None:
         out["moment_arm_mm"] = {t: _by_joint(models, 1e3 * arm) for t, arm in arms.items()}
@@ -148,6 +150,13 @@ def _state(models: Models, e: Equilibrium, view: HoodView | None) -> dict[str, A
         if not is_slack(slips, "central"):
             out["slip_ratio"] = slips["terminal"] / slips["central"]
     return out if view is None else {**out, **view.summary()}
+
+
+def _joint_forces(models: Models, e: Equilibrium) -> dict[str, dict[str, float]]:
+    books = models.finger.ledger(e.finger_state, e.load, e.finger_tension)
+    if "joint" not in books:
+        return {}
+    return joint_forces(books["joint"], e.load.bodies, models.finger.joints)
 
 
 def _tip_moment(models: Models, e: Equilibrium) -> Array:
@@ -254,17 +263,26 @@ def dataset(
         "excursion": stack(
             ("tendon",), "m", [e.excursion for e in each], "excursion, positive proximally"
         ),
-        "wrench": stack(
-            ("body", "source", "component"),
-            "N, N m",
-            [e.load.wrench for e in each],
-            "wrench of the hood about the body's origin",
+        "hood_force": stack(
+            ("body", "source", "axis"),
+            "N",
+            [e.load.wrench[..., :3] for e in each],
+            "force of the hood on the body",
         ),
-        "pull": stack(
-            ("tendon", "component"),
-            "N, N m",
-            [e.load.pull for e in each],
-            "pull of the tendon on the hood about the world's origin",
+        "hood_moment": stack(
+            ("body", "source", "axis"),
+            "N m",
+            [e.load.wrench[..., 3:] for e in each],
+            "moment of the hood about the body's origin",
+        ),
+        "pull_force": stack(
+            ("tendon", "axis"), "N", [e.load.pull[:, :3] for e in each], "tendon on the hood"
+        ),
+        "pull_moment": stack(
+            ("tendon", "axis"),
+            "N m",
+            [e.load.pull[:, 3:] for e in each],
+            "moment of the tendon's pull about the world's origin",
         ),
         "tip_force": stack(
             ("axis",),
@@ -289,7 +307,6 @@ def dataset(
         "tendon": list(hood.tendons),
         "muscle": list(finger.tendons),
         "source": list(hood.sources),
-        "component": list(COMPONENTS),
     }
     if each[0].balance is not None:
         coords["torque_source"] = list(each[0].known_balance.torque)
@@ -297,4 +314,4 @@ def dataset(
         data["torque"] = stack(("torque_source", "joint"), "N m", torque, "joint torque by source")
     for view in views.values():
         coords |= view.coordinates()
-    return xarray.Dataset(data, coords, {"frame": FRAME})
+    return xarray.Dataset(data, coords)

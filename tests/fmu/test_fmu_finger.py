@@ -65,7 +65,7 @@ def test_a_finger_in_an_fmu_gives_the_native_run(written, models, native, fmi, p
     found = ran(models, {part: written[part, fmi] for part in parts}, scheme)
     assert difference(found, native, "fingertip_force_N") < 1e-9
     assert difference(found, native, "fingertip_force_in_phalanx_N") < 1e-9
-    for name in ("angle", "position", "wrench", "tension", "own_tension", "tip_force", "pull"):
+    for name in ("angle", "position", "hood_force", "tension", "own_tension", "tip_force"):
         ours, other = found.data[name].values, native.data[name].values
         assert np.abs(ours - other).max() < 1e-9, name
     excursion = [r.data.excursion.values for r in (found, native)]

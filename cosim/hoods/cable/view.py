@@ -61,7 +61,8 @@ class CableView(FeView):
 
     def coordinates(self) -> Mapping[str, Any]:
         names = [self.strands[i] for i in self.strand]
-        return {"strand": ("cell", names), **super().coordinates()}
+        ends = (("cell", "end"), self.cells)
+        return {"strand": ("cell", names), "cell_node": ends, **super().coordinates()}
 
     def size(self) -> Mapping[str, int]:
         return {"hood_cells": len(self.cells)}

@@ -134,7 +134,12 @@ class ShellView(FeView):
         )
 
     def coordinates(self) -> Mapping[str, Any]:
-        return {"strain_component": ["along", "across", "shear"], **super().coordinates()}
+        return {
+            "strain_component": ["along", "across", "shear"],
+            "quad_node": (("quad", "corner"), self.quads),
+            "region": ("quad", [REGIONS[i] for i in self.region]),
+            **super().coordinates(),
+        }
 
     def size(self) -> Mapping[str, int]:
         return {"hood_quads": len(self.quads)}
