@@ -25,7 +25,7 @@ POINTS = (
 )  # m, in the frames of the bones: x distal, y radial, z dorsal
 
 
-class Strand:
+class OneStrand:
     """A strand through points that are fixed to the bones, without friction."""
 
     bodies = ("metacarpal", "proximal", "middle", "distal")
@@ -89,7 +89,7 @@ class Strand:
 
 # %%
 finger = cosim.load("pulley_edc")
-found = cosim.couple(finger, Strand(), {"EDC": 3.0}, resting=0.05)
+found = cosim.couple(finger, OneStrand(), {"EDC": 3.0}, resting=0.05)
 found.interface_residual
 
 # %% [markdown]

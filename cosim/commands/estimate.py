@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class CostName(StrEnum):
-    """Of the sum of (tension over weight) to a power."""
+    """The power of the cost, a sum of (tension over weight) to that power."""
 
     LINEAR = "linear"
     QUADRATIC = "quadratic"

@@ -25,7 +25,7 @@ QUADS = (500, 2000, 8000)
 NO_LIMIT, PENETRATION = "none", "2 um"
 
 
-class Element(StrEnum):
+class ShellElement(StrEnum):
     """What a model is solved with."""
 
     SHELL = "shell"
@@ -53,8 +53,8 @@ def solve(
         str, typer.Option(help="Of the grids that the bodies' distances are baked on.")
     ] = "0.25 mm",
     element: Annotated[
-        Element, typer.Option(help="Our shell, or FEBio's shell and contact as documented.")
-    ] = Element.SHELL,
+        ShellElement, typer.Option(help="Our shell, or FEBio's shell and contact as documented.")
+    ] = ShellElement.SHELL,
     own_shell: Annotated[
         bool, typer.Option("--own-shell", help="Bend and touch as thin sheets do, not as FEBio's.")
     ] = False,
@@ -74,7 +74,7 @@ def solve(
 
         folder = out or Path("runs") / model.stem
         check_folder(folder, SUMMARY)
-        solid = element == Element.Q4ANS
+        solid = element == ShellElement.Q4ANS
         if solid and (own_shell or mid_surface):
             raise InputError(
                 "--own-shell and --mid-surface are of our own shell: leave them out, or --element "

@@ -139,7 +139,7 @@ def status(
 
 
 def bench_studies() -> None:
-    """Of `cosim bench studies`: what it costs to hand out runs, and what a second worker gains."""
+    """Time what it costs to hand out runs, and what a second worker gains."""
     from cosim.study.bench import figures
 
     for name, value in figures(lambda text: typer.echo(text, err=True)):

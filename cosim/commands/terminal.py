@@ -57,7 +57,7 @@ def exit_on_error() -> Iterator[None]:
 
 
 def console() -> Console:
-    """Of plain text, as wide as the terminal."""
+    """The printer of plain text, as wide as the terminal."""
     from rich.console import Console
 
     return Console(width=None if sys.stdout.isatty() else WIDTH, highlight=False, markup=False)

@@ -53,6 +53,7 @@ class Arrow:
 
     @property
     def magnitude(self) -> float:
+        """N, in the plane."""
         return math.hypot(*self.tip)
 
 
@@ -99,8 +100,8 @@ def _of_many(runs: Sequence[Result]) -> Iterator[Drawn]:
 
 
 def states_of(run: Result) -> Iterator[tuple[str, str, tuple[float, float]]]:
-    """Of the loaded state, the unloaded one and their difference: where the summary has it, its
-    name, and the fingertip force (distal, dorsal) N."""
+    """Key, name and fingertip force (distal, dorsal) N of the loaded state, the unloaded one and
+    their difference, as far as the summary has them."""
     places = PLACES if "unloaded" in run.summary else {"": "at the end"}
     for place, label in places.items():
         if (tip := _in_plane(run, place)) is not None:

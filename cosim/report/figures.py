@@ -69,6 +69,7 @@ class FigurePage:
 
     @property
     def command(self) -> str:
+        """The command that makes the page."""
         return self.made_by or f"cosim reproduce {self.name}"
 
 

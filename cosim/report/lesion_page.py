@@ -203,7 +203,7 @@ def _lay_out(run: Result) -> Array:
 
 
 SLICES = 28
-"""Of a bone along its axis, for its outline."""
+"""Slices of a bone along its axis, for its outline."""
 WIDE, MARGIN = 760.0, 14.0
 BEFORE, AFTER, MARK = "#8a949c", "#00446b", "#c2410c"
 SAME_PLACE = 1e-7

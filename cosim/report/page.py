@@ -26,7 +26,7 @@ CURVES = ("angles", "force", "tensions")
 CURVE = 1.8
 """Width of a curve over time, px."""
 TELLING = 0.02
-"""Of a body's largest force: smaller ones are told together."""
+"""Share of a body's largest force: smaller ones are summed up in a line."""
 
 
 @dataclass(frozen=True)
@@ -161,7 +161,8 @@ def _direction(wrench: np.ndarray) -> float | None:
 
 
 def _histories(runs: Sequence[Result]) -> list[Any]:
-    """Of every motion: time s, change of the joint angles deg, fingertip force N, tensions N."""
+    """The curves of every motion: time s, change of the joint angles deg, fingertip force N,
+    tensions N."""
     return [_history(run) for run in runs if run.axis == "time"]
 
 

@@ -27,9 +27,9 @@ if TYPE_CHECKING:
 COLOURS = tuple(dict.fromkeys(colour for kind in KINDS.values() for colour in kind.colours))
 MOST_FRAMES = 41
 MOST_TRIANGLES = 2200
-"""Of a bone in the view."""
+"""Triangles of a bone in the view, at most."""
 INKS = ("#000000", "#d81b60", "#ff7f0e")
-"""Of the fibre families, to be told from the sheet's colours."""
+"""Colours of the fibre families, to be told from those of the sheet."""
 NO_SHEET = "The hood is a net of cables, drawn as lines: it has no sheet to colour."
 SPREAD = (1.0, 99.0)
 """Per cent of the values that a colour scale covers."""
@@ -56,7 +56,7 @@ class Sheet:
 
     quads: np.ndarray
     region: tuple[str, ...]
-    """Of each quad."""
+    """The name of the region of each quad."""
     flat: Array
     """(n, 2) m, laid out."""
     at: tuple[int, ...]
@@ -64,7 +64,7 @@ class Sheet:
     """(nf, n, 3) m."""
     fields: tuple[SheetField, ...]
     fibres: tuple[Array, ...] = ()
-    """Of each fibre family (nf, k, 2, 3) m, the ends of strokes along it."""
+    """The ends (nf, k, 2, 3) m of strokes along each fibre family."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Of the pneumatic cylinders of a motion: their history as arrays, their end in numbers."""
+"""The pneumatic cylinders of a motion: their history as arrays, their end in numbers."""
 
 from __future__ import annotations
 

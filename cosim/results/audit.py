@@ -56,6 +56,7 @@ class Audit:
 
     @property
     def passed(self) -> bool:
+        """Whether every figure is within its bound."""
         return not self.missed
 
     @property

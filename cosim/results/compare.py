@@ -67,7 +67,7 @@ COLUMNS = (
     *("name", "quantity", "unit", "model", "reference", "sd", "low", "high", "difference"),
     *("verdict", "source", "kind", "case", "geometry", "fitted", "note"),
 )
-"""Of a comparison, in files and tables."""
+"""The columns of a comparison, in files and tables."""
 
 
 @dataclass(frozen=True)
@@ -102,10 +102,12 @@ class Comparison:
 
     @property
     def difference(self) -> float | None:
+        """As the function `difference` says."""
         return difference(self.target, self.model)
 
     @property
     def verdict(self) -> Verdict:
+        """As the function `verdict` says."""
         return verdict(self.target, self.model)
 
 
@@ -345,6 +347,7 @@ YES = {"yes": True, "true": True, "1": True, "no": False, "false": False, "0": F
 
 
 def to_json(rows: Sequence[Comparison]) -> str:
+    """The text of a file that `read_json` reads."""
     content = {"format": FORMAT, "rows": [as_dict(row) for row in rows]}
     return json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
 

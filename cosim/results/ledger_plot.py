@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 FEW = 3
 """States that are drawn as bars; more are times."""
 TELLING = 0.02
-"""Of the largest force: a source that nowhere reaches it is left out."""
+"""Share of the largest force: a source that nowhere reaches it is left out."""
 
 
 def draw_ledger(rows: Sequence[LedgerRow], title: str) -> Figure:

@@ -149,8 +149,8 @@ def _energy(moved: SolvedMotion) -> tuple[dict[str, float], float]:
 
 
 def _balance_at_rest(moved: SolvedMotion) -> dict[str, float]:
-    """Of a finger that came to rest and tells its forces, the largest joint torque of inertia over
-    the largest of any source."""
+    """The largest joint torque of inertia over the largest of any source, of a finger that came to
+    rest and tells its forces."""
     t, frames, tips = moved.models, moved.history.frames, moved.history.tips
     books = _books(t, frames[-2], frames[-1], tips[-1])
     if not moved.rest.is_reached or "inertia" not in books:

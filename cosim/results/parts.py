@@ -103,6 +103,7 @@ class CaseParts:
 
     @property
     def title(self) -> str:
+        """The case's title, else its name."""
         return str(self.case_table.get("title", self.case))
 
     @property

@@ -67,7 +67,7 @@ STATE = (
     "max_penetration_mm",
     "guide_depth_mm",
 )
-"""Of an equilibrium, loaded or `unloaded`, or of the end of a motion."""
+"""What a summary says of an equilibrium, loaded or `unloaded`, or of the end of a motion."""
 DIFFERENCE = (
     "posture_deg.<joint>",
     "fingertip_force_N.<axis>",
@@ -80,7 +80,7 @@ DIFFERENCE = (
     "marker_strain_percent.<direction>.<statistic>",
     "moment_arm_mm.<tendon>.<joint>",
 )
-"""Of the loaded less the unloaded equilibrium."""
+"""What a summary says of the loaded less the unloaded equilibrium."""
 OF_RUN = (
     "wall_s",
     "hood_quads",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 SLACK = 0.05
-"""Of both slips' force together, what a slip at most bears that hangs slack."""
+"""Share of both slips' force together that a slack slip bears at most."""
 
 
 def is_slack(slips: Mapping[str, float], slip: str) -> bool:
