@@ -27,7 +27,7 @@ from cosim.tendons.table import TendonConfig
 
 if TYPE_CHECKING:
     from rigid.air.plant import AirState
-    from rigid.mujoco.dynamics import MusclePull
+    from rigid.mujoco.dynamics import DynamicPull
     from rigid.mujoco.finger import MujocoFinger
     from rigid.mujoco.tip_device import Device
     from rigid.muscle.dynamics import MuscleState
@@ -199,9 +199,9 @@ class CaseTendonDrive:
         factors = [self._factors[i](time) for i in group.where]
         return np.clip(group.activation * factors, 0.0, 1.0)
 
-    def pull(self, state: State, time: float, length: Array, dt: float) -> MusclePull:
+    def pull(self, state: State, time: float, length: Array, dt: float) -> DynamicPull:
         """Tension, its stiffness and the state, `dt` s after `state`."""
-        from rigid.mujoco.dynamics import MusclePull
+        from rigid.mujoco.dynamics import DynamicPull
         from rigid.muscle.dynamics import step
         from rigid.muscle.millard import equilibrium
 
@@ -224,7 +224,7 @@ class CaseTendonDrive:
             where = self._air.where
             drawn = step_cylinders(self._air, air, time, state.home - length[where], dt)
             tension[where], stiffness[where], air = drawn
-        return MusclePull(tension, stiffness, DriveState(after, air, state.home))
+        return DynamicPull(tension, stiffness, DriveState(after, air, state.home))
 
     def lengths(self, state: State) -> dict[str, float]:
         """Normalised fibre lengths in a state, by muscle."""

@@ -332,8 +332,8 @@ def _show_rows(title: str, pairs: Sequence[tuple[Comparison, Comparison]], sever
 
 
 def _show_confidence(found: Fit) -> None:
-    """Show what the rows that pull tell of the parameters, and what every row would tell if it were a
-    point and no band."""
+    """Show what the rows that pull tell of the parameters, and what every row would tell if it were
+    a point and no band."""
     import numpy as np
 
     from cosim.analyses.identify.fit import confidence

@@ -38,7 +38,7 @@ MOST_SPLITS = 8
 UNTURNED = np.eye(3)
 
 
-class MusclePull(NamedTuple):
+class DynamicPull(NamedTuple):
     """What muscles answer, (nt,) each."""
 
     tension: Array
@@ -63,7 +63,7 @@ class MuscleModel(Protocol):
         """The state at t = 0 with paths of `length` (nt,) m."""
         ...
 
-    def pull(self, state: State, time: float, length: Array, dt: float) -> MusclePull:
+    def pull(self, state: State, time: float, length: Array, dt: float) -> DynamicPull:
         """The tension at `time` s, `dt` s after `state` (0: at the start)."""
         ...
 
@@ -77,8 +77,8 @@ class ConstantTension:
     def start(self, length: Array) -> State:
         return None
 
-    def pull(self, state: State, time: float, length: Array, dt: float) -> MusclePull:
-        return MusclePull(self.tension, np.zeros(len(self.tension)), None)
+    def pull(self, state: State, time: float, length: Array, dt: float) -> DynamicPull:
+        return DynamicPull(self.tension, np.zeros(len(self.tension)), None)
 
 
 class Moment(NamedTuple):
@@ -166,11 +166,11 @@ class FingerDynamics:
     def pull(self, at: Moment, tension: Array, push: Push | None, dt: float) -> Moment:
         """Return the state `dt` s later as `advance` does, under tensions (nt,) N in place of the
         muscles', and torques from elsewhere where there are any.  Raises ConvergenceError."""
-        pull = MusclePull(tension, np.zeros(len(tension)), None)
+        pull = DynamicPull(tension, np.zeros(len(tension)), None)
         return self._advance(at, dt, MOST_SPLITS, pull, push)
 
     def _advance(
-        self, at: Moment, dt: float, splits: int, given: MusclePull | None, push: Push | None
+        self, at: Moment, dt: float, splits: int, given: DynamicPull | None, push: Push | None
     ) -> Moment:
         # what is known at the start: MuJoCo's arrays, and the muscles' tensions at the end
         self._at(at.angles, at.rates)
