@@ -16,7 +16,7 @@ from rigid.chain.joint_torques import JointLaw, TorqueCurve, joint_law, limit_to
 from rigid.chain.support import CLAMPED, FREE, HELD, Support
 from rigid.fingers.index import finger_model
 from rigid.model import FingerModel, Hinge, Segment
-from rigid.mujoco.dynamics import ConstantTension, FingerDynamics, MusclePull
+from rigid.mujoco.dynamics import ConstantTension, DynamicPull, FingerDynamics
 from rigid.mujoco.finger import MujocoFinger
 from rigid.mujoco.tip_device import Cage, Device, Shell, TipContact
 from rigid.verification.forward import (
@@ -258,9 +258,9 @@ class Elastic:
     def start(self, length: Array) -> State:
         return length
 
-    def pull(self, state: State, time: float, length: Array, dt: float) -> MusclePull:
+    def pull(self, state: State, time: float, length: Array, dt: float) -> DynamicPull:
         tension = self.tension + self.stiffness * (length - state)
-        return MusclePull(tension, self.stiffness, state)
+        return DynamicPull(tension, self.stiffness, state)
 
 
 def test_stiff_tendons_are_stable_and_balance() -> None:
