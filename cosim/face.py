@@ -15,9 +15,8 @@ from cosim.case.schema import Case
 from cosim.coupling.equilibrium import CouplingOptions, Equilibrium, equilibrium
 from cosim.errors import CosimError, InputError, Progress, quiet
 from cosim.pipeline import run_case, run_cases
-from cosim.port import Finger, Hood, Pair, PairState, Tensions
+from cosim.port import AXES, Finger, Hood, Pair, PairState, Tensions
 from cosim.results.compare import as_dict, compare_with_targets, numbers_of, read_targets, unit_of
-from cosim.results.conventions import AXES
 from cosim.results.quantities import check_quantities
 from cosim.results.read import read_run
 from cosim.results.result import Result

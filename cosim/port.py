@@ -27,6 +27,8 @@ Triangles = tuple[Array, np.ndarray]
 """Corners (n, 3), m, and the triangles between them (m, 3)."""
 State = Any
 
+AXES = ("distal", "radial", "dorsal")
+"""The world's x, y, z, fixed to the metacarpal."""
 STATIC = math.inf
 """The time step that asks `Hood.advance` for static equilibrium."""
 

@@ -23,10 +23,10 @@ from cosim.coupling.equilibrium import Equilibrium
 from cosim.errors import ConvergenceError, CosimError, InputError
 from cosim.hoods.kind import HoodConfig
 from cosim.hoods.kinds import rungs
-from cosim.port import Array
+from cosim.port import AXES, Array
 from cosim.processes import process_pool
 from cosim.results.compare import number
-from cosim.results.conventions import AXES, vector_of
+from cosim.results.conventions import vector_of
 from cosim.results.looks import Look, look
 from cosim.results.static import observe_static
 from cosim.results.write import plain

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from cosim.port import AXES
 from cosim.results.audit import BOUNDS, audit_figures
 from cosim.results.compare import (
     COLUMNS,
@@ -20,7 +21,6 @@ from cosim.results.compare import (
     unit_of,
     value_of,
 )
-from cosim.results.conventions import AXES
 from cosim.results.result import Result
 
 FORMAT = "cosim report 1"

@@ -10,9 +10,10 @@ import numpy as np
 
 from cosim.fingers.kinds import FINGERS
 from cosim.hoods.kinds import KINDS
+from cosim.port import AXES
 from cosim.report.tables import last_ledger
 from cosim.results.compare import Comparison, number, tally, value_of
-from cosim.results.conventions import AXES, OPPOSITE
+from cosim.results.conventions import OPPOSITE
 from cosim.results.load_and_rest import describe_rest
 from cosim.results.result import Result
 

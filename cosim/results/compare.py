@@ -42,7 +42,8 @@ import numpy as np
 
 from cosim.errors import InputError
 from cosim.files import output_file
-from cosim.results.conventions import AXES, OPPOSITE
+from cosim.port import AXES
+from cosim.results.conventions import OPPOSITE
 from cosim.schema.fields import is_number
 
 Kind = Literal[

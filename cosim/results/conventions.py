@@ -6,11 +6,9 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from cosim.port import Array
+from cosim.port import AXES, Array
 from cosim.version import __version__
 
-AXES = ("distal", "radial", "dorsal")
-"""The world's x, y, z, fixed to the metacarpal."""
 OPPOSITE = {"proximal": "distal", "ulnar": "radial", "palmar": "dorsal"}
 """The name of each axis's other way: the palmar component is minus the dorsal one."""
 FRAME = "world, fixed to the metacarpal: x distal, y radial, z dorsal; right-handed"

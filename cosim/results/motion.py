@@ -16,10 +16,10 @@ from cosim.coupling.motion import MotionFrame, MotionState
 from cosim.fingers.kinds import tip_support_kind
 from cosim.fmu.finger import OPEN
 from cosim.hoods.view import hood_field
-from cosim.port import Array
+from cosim.port import AXES, Array
 from cosim.results.air import air_data, air_end
 from cosim.results.audit import missed_bounds
-from cosim.results.conventions import AXES, FRAME, attributes, by_axis
+from cosim.results.conventions import FRAME, attributes, by_axis
 from cosim.results.load_and_rest import NO_UNLOADED
 from cosim.results.parts import LedgerRow, Scene, ledger_rows
 from cosim.results.result import Result

@@ -11,8 +11,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from cosim.errors import InputError, nearest_names
+from cosim.port import AXES
 from cosim.results.compare import Target, parts_of
-from cosim.results.conventions import AXES, OPPOSITE
+from cosim.results.conventions import OPPOSITE
 from cosim.schema.fields import is_number
 from cosim.schema.types import TENDONS
 from meshes.bands import SIDES
@@ -63,6 +64,8 @@ STATE = (
     "strain_percent.<direction>.<statistic>",
     "region_strain_percent.<region>.<direction>.<statistic>",
     "region_force_N.<region>",
+    "point_displacement_mm.*.<axis>",
+    "gauge_strain_percent.*",
     "tension_field_area_percent.<tension>",
     "max_penetration_mm",
     "guide_depth_mm",
@@ -78,6 +81,8 @@ DIFFERENCE = (
     "engineering_strain_percent.<direction>.<statistic>",
     "region_engineering_strain_percent.<region>.<direction>.<statistic>",
     "marker_strain_percent.<direction>.<statistic>",
+    "point_displacement_mm.*.<axis>",
+    "gauge_strain_percent.*",
     "moment_arm_mm.<tendon>.<joint>",
 )
 """What a summary says of the loaded less the unloaded equilibrium."""

@@ -14,9 +14,9 @@ from cosim.coupling.equilibrium import Equilibrium
 from cosim.fingers.kinds import joint_ranges
 from cosim.fmu.finger import OPEN
 from cosim.hoods.view import HoodView
-from cosim.port import Array, Finger
+from cosim.port import AXES, Array, Finger
 from cosim.results.audit import POSTURE, audit_figures, missed_bounds
-from cosim.results.conventions import AXES, FRAME, attributes, by_axis, vector_of
+from cosim.results.conventions import FRAME, attributes, by_axis, vector_of
 from cosim.results.load_and_rest import rest_block, rest_warnings
 from cosim.results.one_way import one_way_summary
 from cosim.results.parts import LedgerRow, joint_forces, ledger_rows

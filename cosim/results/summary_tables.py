@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from cosim.results.conventions import AXES
+from cosim.port import AXES
 from cosim.results.load_and_rest import describe_rest
 
 if TYPE_CHECKING:

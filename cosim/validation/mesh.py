@@ -12,8 +12,9 @@ import numpy as np
 
 from cosim.case.file import load_case
 from cosim.files import output_file
+from cosim.port import AXES
 from cosim.results.compare import Comparison
-from cosim.results.conventions import AXES, OPPOSITE
+from cosim.results.conventions import OPPOSITE
 from cosim.validation.run import Board, six_digits
 from cosim.validation.trial import Trial, TrialGroup
 from cosim.version import __version__

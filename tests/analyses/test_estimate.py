@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from cosim.analyses.estimate.capacity import capacity
-from cosim.analyses.estimate.demand import AXES, force_demand, torque_demand
+from cosim.analyses.estimate.demand import force_demand, torque_demand
 from cosim.analyses.estimate.feasible import force_set
 from cosim.analyses.estimate.joint_motion import read_motion
 from cosim.analyses.estimate.of_case import for_force, for_motion, for_torques, parse_force, setup
@@ -21,6 +21,7 @@ from cosim.analyses.estimate.tensions import Bounds, Cost, estimate, linearise, 
 from cosim.case.file import load_case
 from cosim.cli import app
 from cosim.errors import InputError
+from cosim.port import AXES
 from cosim.solve.solvers import solve
 from rigid.chain.planar_chain import BUCHNER
 from rigid.hoods.two_band import two_band

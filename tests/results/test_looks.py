@@ -16,9 +16,10 @@ from matplotlib.colors import to_hex
 from cosim.analyses import moment_arms as arms
 from cosim.analyses.estimate.plot import draw_motion
 from cosim.analyses.ladder import Rung, draw_ladder
+from cosim.port import AXES
 from cosim.report import page as page_module
 from cosim.report.drawings import arrows_of
-from cosim.results.conventions import AXES, by_axis
+from cosim.results.conventions import by_axis
 from cosim.results.history_plot import draw_history
 from cosim.results.ledger_plot import draw_ledger
 from cosim.results.looks import look

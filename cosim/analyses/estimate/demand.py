@@ -14,9 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cosim.analyses.estimate.held_finger import HeldFinger, Torques
-from cosim.port import Array
+from cosim.port import AXES, Array
 
-AXES = ("distal", "radial", "dorsal")
 NOTHING = 1e-12
 
 

@@ -10,7 +10,7 @@ from typing import cast
 import numpy as np
 
 from cosim.analyses.estimate.capacity import Capacity, Weights, capacity
-from cosim.analyses.estimate.demand import AXES, Demand, force_demand, torque_demand
+from cosim.analyses.estimate.demand import Demand, force_demand, torque_demand
 from cosim.analyses.estimate.held_finger import HeldFinger, Torques
 from cosim.analyses.estimate.joint_motion import JointMotion
 from cosim.analyses.estimate.tensions import Bounds, Cost, Estimate, estimate, format_components
@@ -18,7 +18,7 @@ from cosim.build.models import Models, build
 from cosim.case.schema import Case
 from cosim.errors import ConvergenceError, InputError, Progress
 from cosim.fingers.kinds import with_mass
-from cosim.port import Array, PairState, Tensions
+from cosim.port import AXES, Array, PairState, Tensions
 from cosim.schema import units
 from cosim.solve.equilibrium import solve_equilibrium
 from rigid.muscle.least_cost import Power

@@ -66,7 +66,7 @@ def build(hood: ShellHoodConfig, site: Site) -> BuiltHood:
     made = shell_hood_of(hood, site, mesh)
     return BuiltHood(
         made,
-        view_of(made, mesh, site.skeleton),
+        view_of(hood, made, mesh, site.skeleton),
         partial(slip_forces, made),
         linear=partial(tangent_seconds, made),
     )

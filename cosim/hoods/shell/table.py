@@ -9,6 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
+from cosim.errors import nearest_names
 from cosim.fingers.common import PostureConfig, stamps
 from cosim.hoods.kind import HoodConfig
 from cosim.hoods.lesion import SLIPS, SUPPORTS, InjurableParts, LesionConfig
@@ -23,6 +24,7 @@ from cosim.schema import units
 from cosim.schema.fields import fault, name_of, quantity
 from cosim.schema.types import (
     BendingStiffness,
+    Coordinate,
     Count,
     ExtraLength,
     File,
@@ -190,7 +192,24 @@ class ShellHoodConfig(HoodConfig):
     regions: dict[Annotated[str, name_of("region", REGIONS)], MaterialConfig]
     contact: ContactConfig
     extra_length: ExtraLengthsConfig = ExtraLengthsConfig()
+    points: dict[str, tuple[Coordinate, Coordinate, Coordinate]] = Field(default_factory=dict)
+    """Places on the undeformed hood (world axes, as it is laid), such as ink dots."""
+    gauges: dict[str, tuple[str, str]] = Field(default_factory=dict)
+    """Pairs of points by their names; the change of their distance is a strain."""
     springs: dict[Annotated[str, name_of("spring set", SPRINGS)], SpringConfig]
+
+    @model_validator(mode="after")
+    def _gauges_have_points(self) -> ShellHoodConfig:
+        for name, ends in self.gauges.items():
+            for end in ends:
+                if end not in self.points:
+                    near = nearest_names(end, self.points)
+                    hint = f"did you mean {near[0]}? " if near else ""
+                    known = ", ".join(self.points) or "none"
+                    raise fault(f"gauges.{name}: no point {end!r}; {hint}known: {known}")
+            if ends[0] == ends[1]:
+                raise fault(f"gauges.{name}: both ends are {ends[0]}")
+        return self
 
     @model_validator(mode="after")
     def _complete(self) -> ShellHoodConfig:

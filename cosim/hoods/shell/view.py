@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cosim.hoods.fe_view import FeView, Lines, guide_depth, view_at
+from cosim.hoods.shell.gauges import Gauges, place_gauges
 from cosim.hoods.shell.region_forces import Crossing, middle_crossings, region_forces
 from cosim.hoods.view import FAMILIES, STRAIN, Colour, Field
 from cosim.port import Array, State
@@ -26,6 +27,7 @@ from meshes.hood_mesh import REGIONS, display_quads
 from meshes.skeleton import JOINTS
 
 if TYPE_CHECKING:
+    from cosim.hoods.shell.table import ShellHoodConfig
     from fe_solver.hood.shell_hood import ShellHood as FeHood
     from meshes.hood_mesh import HoodMesh
     from meshes.markers import Markers
@@ -92,6 +94,8 @@ class ShellView(FeView):
     """(nf, ne, 3) unit directions of the fibre families, zero on quads without; nf may be 0."""
     markers: Markers
     """Over the central region, along and across the finger."""
+    gauges: Gauges
+    """Points and gauges of the user's, of which the names are results."""
     region_force: Mapping[str, float]
     """N by region, of `cosim.hoods.shell.region_forces`."""
 
@@ -145,14 +149,27 @@ class ShellView(FeView):
         return {"hood_quads": len(self.quads)}
 
     def own_summary(self) -> Mapping[str, Any]:
-        return strain_summary(self)
+        return {**strain_summary(self), **_gauge_summary(self, self.reference)}
 
     def change(self, before: ShellView) -> Mapping[str, Any]:
-        return strain_change(before, self)
+        return {**strain_change(before, self), **_gauge_summary(self, before.points)}
 
 
-def view_of(hood: FeHood, mesh: HoodMesh, skeleton: Skeleton) -> Callable[[State], ShellView]:
-    """What there is to see at a state; the mesh lies on a finger of that skeleton."""
+def _gauge_summary(view: ShellView, before: Array) -> dict[str, Any]:
+    """Displacements and strains of the user's points and gauges from the sheet at `before`."""
+    found = {
+        "point_displacement_mm": view.gauges.displacements(view.points, before),
+        "gauge_strain_percent": view.gauges.strain(view.points, before),
+    }
+    return {key: value for key, value in found.items() if value}
+
+
+def view_of(
+    config: ShellHoodConfig, hood: FeHood, mesh: HoodMesh, skeleton: Skeleton
+) -> Callable[[State], ShellView]:
+    """What there is to see at a state; the mesh lies on a finger of that skeleton.
+
+    Raises InputError for a point of the case that is not on the hood."""
     from meshes.bands import sheet_bands
     from meshes.glide import sheet_places
     from meshes.markers import markers
@@ -161,7 +178,10 @@ def view_of(hood: FeHood, mesh: HoodMesh, skeleton: Skeleton) -> Callable[[State
     lines = Lines(sheet_places(mesh), sheet_bands(mesh), skeleton.axis[JOINTS.index("PIP")])
     crossings = middle_crossings(mesh, skeleton)
     depth, placed = guide_depth(hood), markers(mesh, CENTRAL)
-    return partial(_view, hood, mesh, depth, lines, placed, turn, crossings)
+    quads = display_quads(mesh.quads)
+    triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    gauges = place_gauges(config.points, config.gauges, hood.model.reference, triangles)
+    return partial(_view, hood, mesh, depth, lines, placed, turn, crossings, gauges)
 
 
 def _line_angle(hood: FeHood, mesh: HoodMesh) -> Array:
@@ -193,6 +213,7 @@ def _view(
     placed: Markers,
     turn: Array,
     crossings: Mapping[str, Crossing],
+    gauges: Gauges,
     state: State,
 ) -> ShellView:
     from fe_solver.hood.fibre_families import fibre_families
@@ -213,6 +234,7 @@ def _view(
         pressure=contact_pressure(hood.model, state.configuration),
         fibres=fibre_families(hood.model, state.configuration),
         markers=placed,
+        gauges=gauges,
         region_force=region_forces(hood, crossings, state),
     )
 
