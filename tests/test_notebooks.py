@@ -14,8 +14,8 @@ import pytest
 from tests.helpers.folders import ROOT
 
 NOTEBOOKS = sorted((ROOT / "cases" / "notebooks").glob("[!_]*.py"))
-LONG = ("first_run", "own_material")
-"""More than one solve of a shell."""
+LONG = ("first_run", "own_material", "own_measurements")
+"""They solve a shell."""
 MARKS = {
     **{name: [pytest.mark.slow] for name in LONG},
     "fmu": [

@@ -28,12 +28,12 @@ ISOMETRIC = [name for name in PACKAGED if name.startswith("isometric")]
 MIDDLE = [name for name in PACKAGED if name.startswith("hood_")]
 KINDS = (
     *("hood_", "lesion", "fingertip_", "strain_lee2008", "thesis_"),
-    *("cable_", "cuts_", "free_", "lengths_", "isometric_", "muscle_"),
+    *("cable_", "cuts_", "forward_", "free_", "lengths_", "isometric_", "muscle_"),
 )
 OFTEN = (
     *("cable_edc", "cuts_sagittal_bands", "fingertip_isotropic_edc", "free_split_"),
     *("lengths_terminal_1mm", "lesion_mallet", "strain_lee2008_soft_iso", "thesis_one_way_edc"),
-    *("isometric_edc", "isometric_fdp"),
+    *("isometric_edc", "isometric_fdp", "forward_fdp"),
 )
 """Of the kinds above only these are in the default run of the tests."""
 COARSE = "hood.mesh.quads=250"
@@ -110,7 +110,7 @@ def test_every_packaged_case_converges_and_passes_its_audit(name):
     assert json.loads(text) == summary
 
 
-@pytest.mark.parametrize("name", [n for n in MOVING if n.startswith("forward")])
+@pytest.mark.parametrize("name", marked([n for n in MOVING if n.startswith("forward")]))
 def test_every_packaged_motion_comes_to_rest(name):
     result = run(name)
     summary = result.summary

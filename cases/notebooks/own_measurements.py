@@ -23,7 +23,7 @@ Fingertip force,fingertip_magnitude_N,0.46,0.10,,,an example
 Terminal over central slip,slip_ratio,,,0.5,2.0,an example
 Moment arm of EDC at the PIP,moment_arm_mm.EDC.PIP,-4.0,1.0,,,an example
 """
-Path("measured.csv").write_text(rows)
+Path("measured.csv").write_text(rows, encoding="utf-8")
 beside = cosim.compare(result, data="measured.csv")
 beside[["name", "model", "reference", "sd", "low", "high", "verdict"]]
 
@@ -32,7 +32,7 @@ beside[["name", "model", "reference", "sd", "low", "high", "verdict"]]
 
 # %%
 try:
-    Path("wrong.csv").write_text("quantity,value\nfingertip_magnitud_N,0.5\n")
+    Path("wrong.csv").write_text("quantity,value\nfingertip_magnitud_N,0.5\n", encoding="utf-8")
     cosim.compare(result, data="wrong.csv")
 except cosim.InputError as error:
     print(error)

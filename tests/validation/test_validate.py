@@ -383,6 +383,7 @@ def test_two_processes_give_the_board_of_one(tmp_path: Path):
     assert boards[0][0].skills
 
 
+@pytest.mark.slow
 def test_a_process_that_is_killed_is_told_in_one_message(tmp_path: Path):
     def kill(text: str) -> None:
         for process in multiprocessing.active_children():
