@@ -19,7 +19,8 @@ SWAP = 0.5
 def nearest_names(name: str, known: Iterable[str], most: int = 1, share: float = 0.5) -> list[str]:
     """The known names that a mistyped one may mean, the nearest first: those that so many letters
     left out, added, put for another or swapped with their neighbour turn into it, at most the given
-    share of its letters.  A name of which it is the beginning counts as near.  Large and small letters are alike.
+    share of its letters.  A name of which it is the beginning counts as near.  Large and small
+    letters are alike.
 
     >>> nearest_names("FPD", ["EDC", "FPI", "FDP"])
     ['FDP']

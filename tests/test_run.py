@@ -110,7 +110,7 @@ def test_every_packaged_case_converges_and_passes_its_audit(name):
     assert json.loads(text) == summary
 
 
-@pytest.mark.parametrize("name", marked([n for n in MOVING if n.startswith("forward")]))
+@pytest.mark.parametrize("name", mark_slow([n for n in MOVING if n.startswith("forward")]))
 def test_every_packaged_motion_comes_to_rest(name):
     result = run(name)
     summary = result.summary
