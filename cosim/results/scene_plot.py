@@ -7,6 +7,7 @@ depth in one collection, so that what lies behind is hidden.  Needs no display a
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure
 
-MOST_TRIANGLES = 6000
+MOST_TRIANGLES = 4000
 INKS = ("#1a1a1a", "#0b6b2e", "#6b3fa0")  # of the fibre families
 BONE = np.array([0.93, 0.89, 0.80])
 TENDON = np.array([0.16, 0.36, 0.30])
@@ -69,8 +70,9 @@ def draw(scene: Scene, title: str) -> Figure:
     figure = Figure(figsize=(13, 5.6), layout="constrained")
     axes = figure.subplots(1, len(VIEWS))
     colours = _strain_colours(scene)
+    bones = [decimate(vertices, faces) for _, vertices, faces in scene.bones]
     for ax, view in zip(axes, VIEWS, strict=True):
-        _draw_view(ax, scene, view, colours)
+        _draw_view(ax, scene, bones, view, colours)
     if colours is not None:
         bar = figure.colorbar(colours, ax=list(axes), shrink=0.75, pad=0.015, extend="both")
         bar.set_label("longitudinal strain of the hood, %")
@@ -95,10 +97,16 @@ def _strain_colours(scene: Scene) -> ScalarMappable | None:
     return ScalarMappable(Normalize(-most, most), "RdBu_r")
 
 
-def _draw_view(ax: Axes, scene: Scene, view: PlotView, colours: ScalarMappable | None) -> None:
+def _draw_view(
+    ax: Axes,
+    scene: Scene,
+    bones: Sequence[tuple[Array, np.ndarray]],
+    view: PlotView,
+    colours: ScalarMappable | None,
+) -> None:
     from matplotlib.collections import PolyCollection
 
-    parts = [_bone(view, vertices, faces) for _, vertices, faces in scene.bones]
+    parts = [_bone(view, vertices, faces) for vertices, faces in bones]
     parts += [_ribbon(view, points) for _, points in scene.tendons]
     if scene.hood is not None:
         parts.append(_hood(view, scene, colours))
@@ -106,10 +114,10 @@ def _draw_view(ax: Axes, scene: Scene, view: PlotView, colours: ScalarMappable |
     if parts:
         corners, face, edge = (np.concatenate(c) for c in zip(*parts, strict=True))
         order = np.argsort(corners[..., 2].mean(axis=1), kind="stable")
-        polygons = PolyCollection(list(corners[order][..., :2]), linewidths=0.3)
+        polygons = PolyCollection(corners[order][..., :2], linewidths=0.3)
         polygons.set_rasterized(True)  # as vectors they would make files of many megabytes
-        polygons.set_facecolor(list(map(tuple, face[order])))
-        polygons.set_edgecolor(list(map(tuple, edge[order])))
+        polygons.set_facecolor(face[order])
+        polygons.set_edgecolor(edge[order])
         ax.add_collection(polygons)
     if scene.tip is not None:
         _draw_force(ax, view, *scene.tip)
@@ -122,9 +130,11 @@ def _draw_view(ax: Axes, scene: Scene, view: PlotView, colours: ScalarMappable |
 
 
 def _bone(view: PlotView, vertices: Array, faces: np.ndarray) -> Polygons:
-    vertices, faces = decimate(vertices, faces)
+    """The triangles that face the viewer: the others lie behind them."""
     triangles = view.project(vertices)[faces]
-    corners = triangles[:, [0, 1, 2, 2]]
+    edges = triangles[:, 1:, :2] - triangles[:, :1, :2]
+    facing = edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0] > 0
+    corners = triangles[facing][:, [0, 1, 2, 2]]
     face = _shade(BONE, corners, 0.55)
     return Polygons(corners, face, face)
 
