@@ -71,8 +71,7 @@ def output_file(path: Path) -> Iterator[Path]:
     '1, 2'
 
     Raises InputError where the file cannot be written."""
-    if path.exists() and not path.is_file():
-        raise InputError(f"{path}: is no file that could be replaced; choose another")
+    check_file(path)
     try:
         with atomic_path(path) as part:
             yield part
@@ -116,8 +115,26 @@ def replace_folder(target: Path, part: Path) -> None:
     shutil.rmtree(old, ignore_errors=True)
 
 
+def check_file(path: Path) -> None:
+    """Raises InputError where no file can be written to `path`: asked before a long solve, and not
+    after it."""
+    if path.exists() and not path.is_file():
+        raise InputError(f"{path}: is no file that could be replaced; choose another")
+    _check_place(path)
+
+
+def _check_place(path: Path) -> None:
+    """Raises InputError where the folder around `path` can neither be written to nor made."""
+    place = next(p for p in path.absolute().parents if p.exists())
+    if not place.is_dir() or not os.access(place, os.W_OK):
+        reason = "may not be written to" if place.is_dir() else "is no folder"
+        raise InputError(f"{path}: cannot be written ({shown_path(place)} {reason})")
+
+
 def check_folder(target: Path, mark: str) -> None:
-    """Raises InputError where something stands that may not be replaced."""
+    """Raises InputError where something stands that may not be replaced, or where the folder cannot
+    be made: asked before a long solve, and not after it."""
+    _check_place(target)
     if not target.exists():
         return
     if not target.is_dir() or (any(target.iterdir()) and not (target / mark).is_file()):

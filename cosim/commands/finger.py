@@ -10,7 +10,7 @@ import typer
 
 from cosim.commands.terminal import exit_on_error, print_table
 from cosim.errors import InputError
-from cosim.files import output_file
+from cosim.files import check_file, output_file
 
 if TYPE_CHECKING:
     import pandas
@@ -39,6 +39,7 @@ def moment_arms(
         from cosim.fingers.kinds import joint_ranges
 
         checked = load_case(case, settings or ())
+        check_file(out / "moment_arms.csv")
         models = build(checked)
         tension, _ = tensions(checked, models)
         table, lost = sweep(models, tension, joint_ranges(models.finger), steps)

@@ -13,7 +13,7 @@ import typer
 
 from cosim.commands.terminal import exit_on_error, print_table
 from cosim.errors import InputError
-from cosim.files import output_file
+from cosim.files import check_file, output_file
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -72,6 +72,8 @@ def sensitivity(
 
         own = tuple(settings or ())
         checked = load_case(case, own)
+        folder = out / checked.name
+        check_file(folder / "sensitivity.csv")
         varied = _choose(variations(checked), only or ())
         targets = [t for t in read_targets(data) if t.case in ("", checked.name)] if data else []
         also = [t.quantity for t in targets]
@@ -85,7 +87,6 @@ def sensitivity(
                 workers=workers,
                 progress=progress,
             )
-        folder = out / checked.name
         for name, text in (
             ("sensitivity.csv", to_csv(found)),
             ("sensitivity.json", to_json(found)),
@@ -230,6 +231,7 @@ def identify(
         apart = read_targets(held_out) if held_out is not None else ()
         chosen = fit_cases(stated, free, wanted, apart)
         if out is not None:
+            check_file(out)
             check_same_settings(chosen)
         found = fit_all(chosen, workers, most, lambda text: typer.echo(text, err=True))
         _show_fit(found, len(chosen) > 1)

@@ -10,7 +10,7 @@ import typer
 
 from cosim.commands.identify import CaseName, Settings, Workers
 from cosim.commands.terminal import exit_on_error, print_table
-from cosim.files import output_folder
+from cosim.files import check_folder, output_folder
 
 if TYPE_CHECKING:
     from cosim.analyses.ladder import Rung
@@ -36,6 +36,7 @@ def ladder(
         own = tuple(settings or ())
         checked = load_case(case, own)
         target = out / checked.name
+        check_folder(target, MARK)
         names, rungs = rungs_of(checked), []
         for rung in solve_rungs(checked.source, own, workers):
             rungs.append(rung)

@@ -41,10 +41,12 @@ def lesion(
     posture, slip forces, fingertip force, strain maps."""
     with exit_on_error():
         from cosim.case.file import load_case
+        from cosim.files import check_file
 
         checked = load_case(case, settings or ())
-        pairs = _solve_runs(checked, out)
         where = page or Path(f"{checked.name}.{form}")
+        check_file(where)
+        pairs = _solve_runs(checked, out)
         tables = _write(checked, pairs, where, form)
     for table in tables:
         _show(table)

@@ -9,7 +9,7 @@ import typer
 
 from cosim.commands.identify import CaseName, Settings, Workers
 from cosim.commands.terminal import exit_on_error, print_table
-from cosim.files import output_file
+from cosim.files import check_file, output_file
 
 if TYPE_CHECKING:
     from cosim.analyses.reduction.reduce import Reduction
@@ -62,6 +62,8 @@ def reduce(
 
         own = tuple(settings or ())
         checked = load_case(case, own)
+        if out is not None:
+            check_file(out)
         found = reduce_case(
             checked.source,
             own,

@@ -42,11 +42,13 @@ def reproduce(
 ) -> None:
     """Compute a paper's figures anew: a picture and tables of each, and one page of all."""
     with exit_on_error():
+        from cosim.files import check_file
         from cosim.report.figures import choose_studies, write_figures
 
         found = _paper(paper)
         folder = Path("reproduced") / paper.value if out is None else out
         studies = choose_studies(found, only or ())
+        check_file(folder / "index.html")
         count = write_figures(found, studies, folder, lambda text: typer.echo(text, err=True))
         figures = "figure" if count == 1 else "figures"
         typer.echo(f"{count} {figures} in {folder / 'index.html'}")

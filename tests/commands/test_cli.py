@@ -448,3 +448,23 @@ def test_the_glossary_explains_words_and_axes():
     assert "prescribed" in one
     assert "adhesion" not in one
     assert cosim("glossary", "gearbox").exit_code == 2
+
+
+LONG = [
+    ("ladder", "pulley_edc", "-o"),
+    ("lesion", "lesion_mallet", "--page"),
+    ("sensitivity", "isometric_edc", "-o"),
+    ("reduce", "fingertip_isotropic_edc", "-o"),
+    ("reproduce", "networks", "-o"),
+    ("moment-arms", "split_edc", "-o"),
+]
+
+
+@pytest.mark.parametrize(("command", "name", "option"), LONG)
+def test_what_cannot_be_written_is_said_before_the_work(command, name, option, tmp_path):
+    (tmp_path / "file").write_text("in the way", encoding="utf-8")
+    done = cosim(command, name, option, str(tmp_path / "file" / "inner"))
+    assert done.exit_code == 2, done.output
+    assert len(done.output.splitlines()) == 1, "nothing was solved before"
+    assert "is no folder" in done.output
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
