@@ -33,6 +33,18 @@ Only = Annotated[
 Slow = Annotated[bool, typer.Option("--slow", help="The studies of many seconds too.")]
 
 
+PURPOSES = {
+    "files": ("meshio", "lxml", "h5netcdf"),
+    "pictures, pages": ("matplotlib", "plotly", "jinja2", "pyvista"),
+    "studies": ("dask", "distributed", "SALib", "pyarrow"),
+    "estimates": ("daqp",),
+    "your own bones": ("trimesh",),
+    "FMUs": ("fmpy", "pythonfmu", "pythonfmu3"),
+    "notebooks": ("jupytext", "nbconvert"),
+}
+"""Libraries that serve one purpose; they are imported when it is asked for."""
+
+
 @verify.callback()
 def _parts() -> None:
     pass
@@ -137,10 +149,21 @@ def _facts() -> Iterator[tuple[str, str]]:
     )
     yield "kernels", f"{compiled}, {kernels.thread_count()} threads on large meshes"
     yield "linear solver", f"{backend_name()}, of {', '.join(available())}"
-    better = [name for name in BACKENDS if name in FASTER]
-    better = better[: better.index(backend_name())] if backend_name() in better else better
+    order = list(BACKENDS)
+    better = [name for name in order[: order.index(backend_name())] if name in FASTER]
     words = [f"{b} (set {VARIABLE})" if b in available() else FASTER[b] for b in better]
     yield "faster would be", "; ".join(words) or "nothing that is known"
+    for purpose, names in PURPOSES.items():
+        yield f"for {purpose}", ", ".join(map(_installed, names))
+
+
+def _installed(name: str) -> str:
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return f"{name} {version(name)}"
+    except PackageNotFoundError:
+        return f"{name} (absent)"
 
 
 def _print(rows: Sequence[Row], as_json: bool) -> None:
