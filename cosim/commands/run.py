@@ -275,11 +275,20 @@ def _show(case: Case, summary: Mapping[str, Any]) -> None:
 
 
 def check(cases: Cases, settings: Settings = None) -> None:
-    """Check cases, and the mesh files that they name, and run nothing."""
+    """Check cases, with the mesh files that they name, and study files, with their cases; run
+    nothing."""
     from cosim.build.fit import check_fit
+    from cosim.study.file import is_study
+    from cosim.study.plan import read_plan
 
     codes = [0]
-    for case in load_cases(cases, settings):
+    studies = [name for name in cases if is_study(name)]
+    for name in studies:
+        try:
+            typer.echo(f"{name}: in order, a study of {len(read_plan(name).points)} runs")
+        except InputError as error:
+            codes.append(tell(error))
+    for case in load_cases([name for name in cases if name not in studies], settings):
         try:
             check_fit(case)
             case.hood.check_files()

@@ -177,6 +177,17 @@ def find_study(path_or_name: str | Path) -> Path:
     )
 
 
+def is_study(path_or_name: str) -> bool:
+    """Whether a name is that of a packaged study, or a file states parameters of one."""
+    if path_or_name in {path.stem for path in packaged_studies()}:
+        return True
+    try:
+        table = tomllib.loads(Path(path_or_name).read_text(encoding="utf-8"))
+    except (OSError, ValueError):  # what is wrong with it is said of a case
+        return False
+    return "parameters" in table
+
+
 def packaged_studies() -> list[Path]:
     """The files of the packaged studies."""
     return sorted(Path(str(resources.files("cases"))).glob("studies/*.toml"))

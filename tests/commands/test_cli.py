@@ -468,3 +468,18 @@ def test_what_cannot_be_written_is_said_before_the_work(command, name, option, t
     assert len(done.output.splitlines()) == 1, "nothing was solved before"
     assert "is no folder" in done.output
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_a_study_file_is_checked_too(tmp_path):
+    done = cosim("check", "network_saltelli", "pulley_edc")
+    assert done.exit_code == 0, done.output
+    assert "network_saltelli: in order, a study of 640 runs" in done.output
+    assert "pulley_edc: in order" in done.output
+    (tmp_path / "bad.toml").write_text(
+        'case = "pulley_edc"\n[parameters.PIP]\nvalues = ["20 deg"]\n'
+        'settings = ["finger.posture.PIPP={value}"]\n[outputs]\nforce = "fingertip_magnitude_N"\n',
+        encoding="utf-8",
+    )
+    done = cosim("check", str(tmp_path / "bad.toml"))
+    assert done.exit_code == 2
+    assert "did you mean PIP" in done.output
