@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 
 Progress = Callable[[str], None]
 """A function that is called with a line of text at each stage of what takes long."""
@@ -60,8 +61,40 @@ class CosimError(Exception):
     """
 
 
+@dataclass(frozen=True)
+class Fault:
+    """One thing that is wrong with an input, for programs that read errors; its text is a line.
+
+    >>> fault = Fault("hood.thickness", "'3 kg'", "mine.toml", "no unit of length")
+    >>> str(fault)
+    "hood.thickness = '3 kg' (mine.toml): no unit of length"
+    """
+
+    place: str
+    """The key, its parts joined by dots."""
+    found: str
+    """The value that stands there, cut short; empty where there is none."""
+    source: str
+    """The file that states it; empty where none does."""
+    message: str
+    """What is wrong, and what was expected."""
+
+    def __str__(self) -> str:
+        found = f" = {self.found}" if self.found else ""
+        source = f" ({self.source})" if self.source else ""
+        return f"{self.place}{found}{source}: {self.message}"
+
+
 class InputError(CosimError):
     """The user's input is at fault; nothing was computed (exit code 2)."""
+
+    def __init__(self, message: str, faults: Sequence[Fault] = ()) -> None:
+        super().__init__(message)
+        self.faults = tuple(faults)
+        """Each fault of a case file with its place; empty of other input."""
+
+    def __reduce__(self) -> tuple[type[InputError], tuple[str, tuple[Fault, ...]]]:
+        return type(self), (str(self), self.faults)  # between processes
 
 
 class ConvergenceError(CosimError):

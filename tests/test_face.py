@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pickle
 import pkgutil
 import re
 import subprocess
@@ -90,6 +91,11 @@ def test_replacing_tells_every_fault_at_once():
     assert "2 faults" in str(caught.value)
     assert "bare number" in str(caught.value)
     assert "quads" in str(caught.value)
+    tension, quads = caught.value.faults[1], caught.value.faults[0]
+    assert (quads.place, quads.found) == ("hood.mesh.quods", "4")
+    assert (tension.place, tension.found, tension.source) == ("tendons.EDC.tension", "3", "replace")
+    again = pickle.loads(pickle.dumps(caught.value))
+    assert (str(again), again.faults) == (str(caught.value), caught.value.faults)
     assert case.replace({"hood.mesh.quads": 300}).hood.mesh.quads == 300
     assert case.replace({}, name="other").name == "other"
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
-from cosim.errors import nearest_names
+from cosim.errors import Fault, nearest_names
 from cosim.schema.fields import Text
 
 Place = tuple[str | int, ...]
@@ -23,10 +23,10 @@ def describe(
     model: Model,
     values: Mapping[str, Any],
     layers: Sequence[tuple[str, Mapping]],
-) -> list[str]:
-    """One line per fault of a `model` made of values, as `key = value (file): what is wrong; what
-    to write`."""
-    lines = []
+) -> list[Fault]:
+    """The faults of a `model` made of values, each with its key, its value, the file that states it
+    and what to write."""
+    faults = []
     for item in error.errors(include_url=False):
         loc = item["loc"][:-1] if item["type"] == "unknown_name" else item["loc"]  # less "[key]"
         place = _place(loc, model, values)
@@ -35,8 +35,8 @@ def describe(
         key = re.sub(r"\.\[", "[", ".".join(_display_key(part) for part in place)) or "the case"
         message = _message(item, place, model, values)
         stated = "" if item["type"] in _ABSENT else _stating_layer(layers, place)
-        lines.append(f"{key}{_value_text_at(values, place)}{stated}: {message}")
-    return sorted(lines)
+        faults.append(Fault(key, value_text(_lookup(values, place)), stated, message))
+    return sorted(faults, key=str)
 
 
 def _display_key(part: str | int) -> str:
@@ -74,10 +74,6 @@ def _lookup(values: Any, place: Place) -> Any:
     return values
 
 
-def _value_text_at(values: Any, place: Place) -> str:
-    return value_text(_lookup(values, place))
-
-
 def value_text(value: Any) -> str:
     """The value that stands at a fault, cut short; empty of a table or of nothing."""
     if value is None or isinstance(value, dict):
@@ -86,14 +82,14 @@ def value_text(value: Any) -> str:
         text = repr(value)
     except ValueError:  # an integer of thousands of digits
         text = "a huge number"
-    return f" = {text if len(text) <= 60 else text[:57] + '...'}"
+    return text if len(text) <= 60 else text[:57] + "..."
 
 
 def _stating_layer(layers: Sequence[tuple[str, Mapping]], place: Place) -> str:
     """The last layer that states the value."""
     for name, values in reversed(layers):
         if place and _lookup(values, place) is not None:
-            return f" ({name})"
+            return name
     return ""
 
 

@@ -160,7 +160,8 @@ class Case(CaseFile):
         except ValidationError as error:
             faults = describe(error, CaseFile, merged, layers)
             count = f"{len(faults)} fault" + ("s" if len(faults) > 1 else "")
-            raise InputError("\n  ".join([f"{shown_path(source)}: {count}", *faults])) from None
+            lines = [f"{shown_path(source)}: {count}", *map(str, faults)]
+            raise InputError("\n  ".join(lines), faults) from None
         except RecursionError:
             raise InputError(f"{shown_path(source)}: tables are nested too deeply") from None
         return cls.model_construct(name=source.stem, source=source, **dict(checked))

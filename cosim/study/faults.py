@@ -28,7 +28,8 @@ def faults_of(
         value = values
         for part in place:
             value = at(value, part)
-        where = f"{place_text((*above, *place))}{value_text(value)}"
+        found = value_text(value)
+        where = place_text((*above, *place)) + (f" = {found}" if found else "")
         yield f"{where}: {_message(item, place, values, model)}"
 
 
