@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -114,10 +114,13 @@ def _draw_view(
     if parts:
         corners, face, edge = (np.concatenate(c) for c in zip(*parts, strict=True))
         order = np.argsort(corners[..., 2].mean(axis=1), kind="stable")
-        polygons = PolyCollection(corners[order][..., :2], linewidths=0.3)
+        # arrays: of lists matplotlib makes its shapes one by one
+        shapes: Any = corners[order][..., :2]
+        inks: tuple[Any, Any] = face[order], edge[order]
+        polygons = PolyCollection(shapes, linewidths=0.3)
         polygons.set_rasterized(True)  # as vectors they would make files of many megabytes
-        polygons.set_facecolor(face[order])
-        polygons.set_edgecolor(edge[order])
+        polygons.set_facecolor(inks[0])
+        polygons.set_edgecolor(inks[1])
         ax.add_collection(polygons)
     if scene.tip is not None:
         _draw_force(ax, view, *scene.tip)
