@@ -63,7 +63,7 @@ def run_cases(
         alike.setdefault(case.setting_key(), []).append((i, case))
     batches = sorted(alike.values(), key=len, reverse=True)
     run_one = partial(_run_one, then=then, checkpoints=checkpoints)
-    with process_pool(max(1, min(workers, len(cases))), "workers") as pool:
+    with process_pool(max(1, min(workers, len(cases))), "--workers") as pool:
         yield from pool.as_ended(pool.with_memory(run_one), batches)
 
 

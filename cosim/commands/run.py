@@ -164,6 +164,8 @@ def _side_by_side(
             if type(error) is not InputError:
                 _forget(checkpoint_folder(cases[i], out))
             yield cases[i], ended, error
+    except InputError as error:  # of the pool: a process was ended from outside
+        yield cases[min(waiting)], None, error
     except KeyboardInterrupt:
         begun = [checkpoint_folder(cases[i], out) for i in sorted(waiting)]
         kept = [shown_path(folder) for folder in begun if folder is not None and folder.exists()]

@@ -13,6 +13,7 @@ from typer.core import TyperGroup
 from typer.main import get_command
 from typer.testing import CliRunner
 
+from cosim import pipeline
 from cosim.case.file import resolved_toml
 from cosim.cli import COMMANDS, app
 from cosim.commands.glossary import read_glossary
@@ -483,3 +484,32 @@ def test_a_study_file_is_checked_too(tmp_path):
     done = cosim("check", str(tmp_path / "bad.toml"))
     assert done.exit_code == 2
     assert "did you mean PIP" in done.output
+
+
+def test_a_process_that_is_ended_is_one_message(monkeypatch, tmp_path):
+    def ended(cases, then, workers, checkpoints):
+        yield 0, then(cosim_run(cases[0])), None
+        raise InputError("a process that solved was ended from outside")
+
+    cosim_run = pipeline.run_case
+    monkeypatch.setattr(pipeline, "run_cases", ended)
+    monkeypatch.chdir(tmp_path)
+    done = cosim("run", "split_edc", "split_fdp", "--workers", "2", "--no-pictures")
+    assert done.exit_code == 2
+    assert "cosim: split_fdp: a process that solved was ended" in done.stderr
+    assert (tmp_path / "runs" / "split_edc" / "summary.json").is_file()
+    assert "failed or stopped" in done.stdout
+
+
+def test_a_batch_side_by_side_leaves_what_one_by_one_leaves(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    names = ("split_edc", "split_fdp", "pulley_edc")
+    for workers in ("1", "2"):
+        done = cosim("run", *names, "--workers", workers, "--no-pictures", "--out", workers)
+        assert done.exit_code == 0, done.output
+        assert all(name in done.stdout for name in names)
+        assert "3/3: " in done.stderr
+    for name in names:
+        for file in ("results.nc", "ledger.csv", "case.toml"):
+            one, two = (tmp_path / workers / name / file for workers in "12")
+            assert one.read_bytes() == two.read_bytes(), file
