@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from cosim.errors import InputError
+from cosim.hoods.shell.gauges import place_gauges
 from cosim.hoods.shell.view import (
     ShellView,
     gauge_strains,
@@ -57,6 +58,7 @@ def stretch(mesh: HoodMesh, along: float, across: float) -> ShellView:
         guide_depth=0.0,
         glide={},
         band_height={},
+        gauges=place_gauges({}, {}, np.zeros((0, 3)), np.zeros((0, 3), dtype=int)),
         markers=markers(mesh, ["central_band"]),
         region_force={},
     )
