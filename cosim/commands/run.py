@@ -170,8 +170,8 @@ def _side_by_side(
         begun = [checkpoint_folder(cases[i], out) for i in sorted(waiting)]
         kept = [shown_path(folder) for folder in begun if folder is not None and folder.exists()]
         words = f"; go on with: cosim resume {', '.join(kept)}" if kept else ""
-        error = StoppedError(f"stopped with {len(waiting)} cases left{words}")
-        yield cases[min(waiting)], None, error
+        stopped = StoppedError(f"stopped with {len(waiting)} cases left{words}")
+        yield cases[min(waiting)], None, stopped
 
 
 def _save(result: Result, out: Path) -> Ended:
