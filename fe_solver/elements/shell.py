@@ -74,6 +74,11 @@ class ShellTables:
         mid-surface, k11, k22, 2 k12 of bending, g13, g23 of transverse shear."""
         return self.strain_from_samples(_sample_values(self.element, self.middle(y)))
 
+    def strain_change(self, y: Array, dy: Array) -> Array:
+        """(ne, g, 8) the derivative of the strain at the nodes' y (ne, 2k, 3) along dy (ne, 2k, 3):
+        a central difference, exact for what is quadratic."""
+        return (self.strain(y + dy) - self.strain(y - dy)) / 2
+
     def strain_from_samples(self, samples: Array) -> Array:
         """(ne, g, 8) strains from samples (ne, m)."""
         membrane, bending, shear = self.element.parts

@@ -218,7 +218,8 @@ def contact_forces(
         np.full(len(near), contact.body, dtype=np.intp),
         energy,
         pull,
-        partial(_hessian, R, along, normal, pushed, curved, dragged),
+        pushed,
+        partial(_hessian, R, along, normal, curved, dragged),
         at[near] - p,
         one > 0,
         np.full(len(near), -1, dtype=np.intp),
@@ -226,6 +227,7 @@ def contact_forces(
         -normal,
         scale,
         contact.smoothing * one,
+        np.inf * one,
     )
 
 
@@ -233,9 +235,9 @@ def _hessian(
     R: Array,
     along: Array,
     normal: Array,
-    pushed: Array,
     curved: Array | None,
     dragged: Array | None,
+    pushed: Array,
 ) -> Array:
     """(k, 3, 3) of stiffness `along` (k,) the normals (k, 3); of forces `pushed` (k,) N on what is
     `curved` (k, 3, 3) 1/m and of friction `dragged` (k, 3, 3) N/m, both as the body sees them."""
@@ -269,8 +271,10 @@ def _as_wide(parts: list[PointForces]) -> list[PointForces]:
     ]
 
 
-def _hessians(parts: list[PointForces]) -> Array:
-    return np.concatenate([p.hessian for p in parts])
+def _hessians(parts: list[PointForces], force: Array) -> Array:
+    ends = np.cumsum([len(p.force) for p in parts])[:-1]
+    each = zip(parts, np.split(force, ends), strict=True)
+    return np.concatenate([p.bend(f) for p, f in each])
 
 
 class Status(IntEnum):

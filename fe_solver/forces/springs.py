@@ -165,10 +165,9 @@ def _lines(reach: Array) -> tuple[Array, Array]:
     return length, reach / np.where(length > 0, length, 1.0)[:, None]
 
 
-def _hessian(pull: Axial, length: Array, direction: Array, curvature: bool) -> Array:
-    """(k, 3, 3) f' along the spring and f / l across it."""
-    across = np.divide(pull.force, length, out=pull.slope.copy(), where=length > 0)
-    slope = pull.slope
+def _hessian(slope: Array, length: Array, direction: Array, curvature: bool, force: Array) -> Array:
+    """(k, 3, 3) the `slope` along the spring and force / length across it."""
+    across = np.divide(force, length, out=slope.copy(), where=length > 0)
     if not curvature:
         across, slope = np.maximum(across, 0), np.maximum(slope, 0)
     along = direction[:, :, None] * direction[:, None, :]
@@ -181,14 +180,14 @@ class PointForces:
 
     A point is the mean of nodes (k, m) by `weights` (k, m): one node alone, or those of the element
     `cell` (k,), which is -1 for a node alone.  gradient (k, 3) of the energy by the point's
-    position (so the hood feels its opposite and the body feels it); arm (k, 3) point of action from
-    the body's origin, world; `bend` makes hessian;
-    turns (k,) bool: the force turns with the body (contact) or follows the point (spring).
+    position (so the hood feels its opposite and the body feels it); force (k,) N along `direction`;
+    `bend` makes the Hessian from such forces; arm (k, 3) point of action from the body's origin,
+    world; turns (k,) bool: the force turns with the body (contact) or follows the point (spring).
 
     Each force is that of a one-sided spring of `stiffness` (k,) N/m in its `depth` (k,) m, which
     grows along the unit `direction` (k, 3): penetration, or stretch; a two-sided spring has no
     depth (inf). Those that are open are listed too, with no force; within `ramp` (k,) m of depth
-    zero the force is smoothed."""
+    zero the force is smoothed.  length (k,) m of the spring, inf of a contact."""
 
     nodes: Ints
     weights: Array
@@ -196,7 +195,8 @@ class PointForces:
     body: Ints
     energy: float
     gradient: Array
-    bend: Callable[[], Array]
+    force: Array
+    bend: Callable[[Array], Array]
     arm: Array
     turns: NDArray[np.bool_]
     group: Ints
@@ -204,6 +204,7 @@ class PointForces:
     direction: Array
     stiffness: Array
     ramp: Array
+    length: Array
 
     @property
     def node(self) -> Ints:
@@ -222,7 +223,7 @@ class PointForces:
     @cached_property
     def hessian(self) -> Array:
         """(k, 3, 3); made when it is first asked for, as a trial of a line search never does."""
-        return self.bend()
+        return self.bend(self.force)
 
 
 def _reach(springs: Springs, x: Array, position: Array, rotation: Array) -> tuple[Array, Array]:
@@ -262,7 +263,8 @@ def spring_forces(
         springs.body,
         float(pull.energy.sum()),
         pull.force[:, None] * direction,
-        partial(_hessian, pull, length, direction, curvature),
+        pull.force,
+        partial(_hessian, pull.slope, length, direction, curvature),
         arm,
         np.zeros(len(length), dtype=bool),
         springs.group,
@@ -270,6 +272,7 @@ def spring_forces(
         direction,
         stiffness,
         np.zeros(len(length)),
+        length,
     )
 
 
@@ -295,7 +298,7 @@ def node_springs(springs: NodeSprings, x: Array, curvature: bool) -> PairForces:
     length, direction = _lines(x[springs.nodes[:, 1]] - x[springs.nodes[:, 0]])
     pull = axial(springs, length)
     force = pull.force[:, None] * direction
-    block = _hessian(pull, length, direction, curvature)
+    block = _hessian(pull.slope, length, direction, curvature, pull.force)
     return PairForces(
         float(pull.energy.sum()),
         np.stack([-force, force], axis=1),

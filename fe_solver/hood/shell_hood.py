@@ -14,8 +14,9 @@ from fe_solver.hood.extrapolation import Bend
 from fe_solver.solver.augmented_contact import AugmentOptions, next_increment, solve_augmented
 from fe_solver.solver.body_coupling import wrenches
 from fe_solver.solver.model import Configuration, ShellModel
-from fe_solver.solver.newton import NewtonOptions, Solution, residual_norm, solve
+from fe_solver.solver.newton import NewtonOptions, Solution, solve
 from fe_solver.solver.relaxation import relax
+from fe_solver.solver.residual import residual_norm
 from fe_solver.vectors import cross
 
 TIE = "terminal_slip"

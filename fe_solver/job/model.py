@@ -63,7 +63,7 @@ class JobOptions:
     turn: float = 0.1
     shortest: float = 1e-3
     newton: NewtonOptions = field(
-        default_factory=lambda: NewtonOptions(tolerance=1e-8, max_iterations=60)
+        default_factory=lambda: NewtonOptions(tolerance=1e-8, max_iterations=100)
     )
 
     def __post_init__(self) -> None:

@@ -57,6 +57,11 @@ class Factor(Protocol):
         """Solution for right-hand sides (n,) or (n, m)."""
         ...
 
+    @property
+    def negative(self) -> int:
+        """Negative pivots of a symmetric matrix: as many as it has negative eigenvalues."""
+        ...
+
 
 class Analysis(Protocol):
     """A pattern whose order and symbolic factor are known."""
@@ -121,6 +126,11 @@ class Nearby:
 
     matrix: sp.csc_array
     factor: Factor
+
+    @property
+    def negative(self) -> int:
+        """That of the factor; `solve` refuses a matrix that it finds to have more."""
+        return self.factor.negative
 
     def solve(self, right: Array) -> Array:
         """Solution for one right-hand side (n,), to REDUCED of it.
@@ -218,6 +228,10 @@ class _OrderedLU:
         out[self.order] = self.lu.solve(np.ascontiguousarray(right[self.order]))
         return out
 
+    @property
+    def negative(self) -> int:
+        return int((self.lu.U.diagonal() < 0).sum())
+
 
 @dataclass(frozen=True)
 class CholmodAnalysis:
@@ -254,6 +268,7 @@ def _legacy(pattern: sp.csc_array, data: Array) -> sp.csc_matrix:
 @dataclass(frozen=True)
 class _Cholesky:
     symbolic: Any
+    negative: ClassVar[int] = 0
 
     def solve(self, right: Array) -> Array:
         return np.asarray(self.symbolic(right))
@@ -282,6 +297,10 @@ class _OneFactorAnalysis:
         """Solution for right-hand sides (n,) or (n, m) by the factor that the solver keeps."""
         raise NotImplementedError
 
+    def count_negative(self) -> int:
+        """Negative pivots of the factor that the solver keeps."""
+        raise NotImplementedError
+
 
 @dataclass
 class _KeptFactor:
@@ -301,11 +320,18 @@ class _KeptFactor:
         self.hold()
         return self.analysis.solve(right)
 
+    @property
+    def negative(self) -> int:
+        """Negative pivots, which are as many as negative eigenvalues."""
+        self.hold()
+        return self.analysis.count_negative()
+
 
 class FeralAnalysis(_OneFactorAnalysis):
     """Symmetric indefinite L D L' of feral, which is written in Rust and has one thread here."""
 
     dear: ClassVar[bool] = True
+    negative: int = 0
 
     @cached_property
     def _lower(self) -> tuple[Ints, Any, Any]:
@@ -330,6 +356,11 @@ class FeralAnalysis(_OneFactorAnalysis):
             raise _singular(error) from error
         if status != feral.FactorStatus.SUCCESS or inertia.n_zero:
             raise _singular(f"{inertia.n_zero} of its pivots are zero")
+        self.negative = int(inertia.n_neg)
+
+    def count_negative(self) -> int:
+        """As the base class says."""
+        return self.negative
 
     def solve(self, right: Array) -> Array:
         """As the base class says."""
@@ -366,6 +397,10 @@ class PardisoAnalysis(_OneFactorAnalysis):
         """As the base class says."""
         matrix, _, solver = self._upper
         return _phase(solver, 33, matrix, np.asfortranarray(right))
+
+    def count_negative(self) -> int:
+        """As the base class says."""
+        return int(self._upper[2].get_iparm(23))
 
 
 def _phase(solver: Any, phase: int, matrix: sp.csr_matrix, right: Array) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -61,6 +61,14 @@ class Evaluation:
     elements: ElementResponse
     links: PairForces
     data: Array | None = None
+
+
+class Forces(NamedTuple):
+    """What makes the tangent's geometric part: resultants (ne, g, 8) of the elements times the
+    areas of their Gauss points, and forces (k,) N of the points."""
+
+    elements: Array
+    points: Array
 
 
 @dataclass(frozen=True)
@@ -251,7 +259,7 @@ class ShellModel:
 
     def with_tangent(self, c: Configuration, e: Evaluation) -> Evaluation:
         """An evaluation at `c` with its tangent; one that has it already is itself."""
-        return e if e.data is not None else replace(e, data=self._assemble(c, e))
+        return e if e.data is not None else replace(e, data=self.tangent(c, e))
 
     def nodal(self, elements: Array) -> tuple[Array, Array]:
         """Sums at the nodes, by position and by director (n, 3), of element vectors (ne, 2k, 3)."""
@@ -265,10 +273,15 @@ class ShellModel:
             return np.zeros_like(x)
         return sum_at_nodes(self.quads, pressure_forces(x[self.quads], self.pressure), len(x))
 
-    def _assemble(self, c: Configuration, e: Evaluation) -> Array:
-        (A, T), points = e.bases, e.points
+    def tangent(self, c: Configuration, e: Evaluation, forces: Forces | None = None) -> Array:
+        """The tangent's data at `c`; with `forces` its geometric part is of these in place of what
+        the configuration strains."""
+        (A, T), points, hessian, elements = e.bases, e.points, e.points.hessian, e.elements
+        if forces is not None:
+            hessian = points.bend(forces.points)
+            elements = replace(elements, force=forces.elements)
         corners = A[self.quads], T[self.quads]
-        blocks = element_blocks(self.tables, e.elements, corners, e.convex)
+        blocks = element_blocks(self.tables, elements, corners, e.convex)
         bend = -np.einsum("ni,ni->n", e.gradient_d, c.d)
         bend = np.maximum(bend, 0) if e.convex else bend
         if self.pressure is not None:
@@ -278,7 +291,7 @@ class ShellModel:
             turned = np.einsum("naki,nakbl,nblj->naibj", W, slope, W)
             blocks[:, at[:, None], at] -= turned.reshape(-1, len(at), len(at))
         nodal = np.zeros((len(bend), DOFS, DOFS))
-        self.add_points(blocks, nodal, points, points.hessian, A)
+        self.add_points(blocks, nodal, points, hessian, A)
         B = A[self.pairs]
         pairs = np.einsum("kaji,kajbl,kblm->kaibm", B, e.links.hessian.reshape(-1, 2, 3, 2, 3), B)
         np.add.at(nodal[:, :3, :3], self.pairs[:, 0], pairs[:, 0, :, 0])

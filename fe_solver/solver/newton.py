@@ -18,24 +18,27 @@ from fe_solver.solver.linear_algebra import (
     NotPositiveDefiniteError,
     has_mechanism,
 )
+from fe_solver.solver.mixed_steps import take_mixed_steps
 from fe_solver.solver.model import Configuration, Evaluation, ShellModel
 from fe_solver.solver.newton_step import (
     active_set_step,
-    damped_step,
+    descent_step,
     factorise,
     limit_step,
     limit_to_contact,
-    newton_step,
+)
+from fe_solver.solver.residual import (
+    director_cosines,
+    is_folded,
+    residual_norm,
+    rounding,
+    stiffest_entry,
 )
 
 Array = NDArray[np.float64]
 
 STUCK = 30
 """A residual up to so many limits that no step lowers is rounding error too."""
-CLOSE = 1e-6
-"""Residual over the largest force at which the search by energy takes over from whole steps."""
-UPRIGHT = 0.05
-"""Cosine of the angle between a director and its elements' normals that no step goes below."""
 NEAR = 0.1
 """Step size, against the longest step allowed, below which the tangent is the consistent one."""
 CHORDS = 2
@@ -51,15 +54,12 @@ KEPT = 3e-3
 @dataclass(frozen=True)
 class NewtonOptions:
     """`tolerance` is relative to the largest nodal force; steps longer than `max_step` (m) or
-    turning a director by more than `max_turn` (rad) are shortened.  With `undamped` as many whole
-    steps are tried first: a thin sheet that turns far is nearly inextensible, and a search for ever
-    less energy follows that curved valley in small steps."""
+    turning a director by more than `max_turn` (rad) are shortened."""
 
     tolerance: float = 1e-10
-    max_iterations: int = 150
+    max_iterations: int = 200
     max_step: float = 3e-3
     max_turn: float = 0.6
-    undamped: int = 0
 
 
 @dataclass(frozen=True)
@@ -130,33 +130,6 @@ class _Chord:
         would."""
         rate = KEPT if self.since is None else residual / self.since
         return residual * rate**CHORDS <= limit
-
-
-def length_scale(model: ShellModel) -> float:
-    """Root of the mean element area, or the mean length of cells where there are but cables, m."""
-    if not len(model.quads):
-        return float(model.cables.length.mean())
-    return float(np.sqrt(model.tables.weight.sum() / len(model.quads)))
-
-
-def residual_norm(model: ShellModel, e: Evaluation) -> tuple[float, float]:
-    """Largest residual and largest nodal force, both N."""
-    left = e.reduced[model.free]
-    turns = model.free % DOFS > 2
-    left[turns] /= length_scale(model)
-    forces = [np.abs(e.gradient_x).max(), np.abs(e.points.gradient).max(initial=0.0)]
-    return float(np.abs(left).max(initial=0.0)), float(max(forces))
-
-
-def rounding(c: Configuration, stiffest: float) -> float:
-    """What of the residual is rounding error (N): the tangent's stiffest entry (N/m) times the last
-    bit of the coordinates."""
-    return float(0.2 * np.finfo(float).eps * stiffest * np.abs(c.x).max())
-
-
-def stiffest_entry(model: ShellModel, data: Array) -> float:
-    """N/m, of the tangent's blocks by the nodes' displacements."""
-    return float(np.abs(data[model.pattern.diagonal[:, :3, :3]]).max())
 
 
 def worst_place(model: ShellModel, c: Configuration, e: Evaluation) -> str:
@@ -231,14 +204,18 @@ def _solve(
     near: bool = False,
     before: Solution | None = None,
 ) -> Solution:
-    c, solves = _whole_steps(model, start, tension, options) if options.undamped else (start, 0)
-    convex, stuck, chord = not near, False, _chord_of(before)
+    longest = options.max_step, options.max_turn
+    c, first, solves = start, 0, 0
+    if not near:
+        most = options.max_iterations
+        c, first, solves = take_mixed_steps(model, start, tension, most, *longest)
+    convex, stuck, chord = not near and c is start, False, _chord_of(before)
     kept = None if before is None else before.factor
     e = model.evaluate(c, tension, tangent=chord is None, convex=convex)
     data = e.data if chord is None else chord.data
     assert data is not None
     stiffest = stiffest_entry(model, data)
-    for iteration in range(options.max_iterations + 1):
+    for iteration in range(first, options.max_iterations + 1):
         # done where the residual is small by the consistent tangent's rounding error too
         residual, force = residual_norm(model, e)
         limit = options.tolerance * force + rounding(c, stiffest)
@@ -264,11 +241,7 @@ def _solve(
         data = e.data
         assert data is not None
         stiffest = stiffest_entry(model, data)
-        if model.section.smoothing is None:
-            step, factor = newton_step(model, data, e.reduced, kept)
-        else:
-            longest = options.max_step, options.max_turn
-            step, factor = damped_step(model, data, e.reduced, *longest, kept)
+        step, factor = descent_step(model, data, e.reduced, *longest, kept)
         if kept is not None and factor is not None and not isinstance(factor, Nearby):
             kept = factor
         # search along it; where nothing descends, try the other tangent once, then stop
@@ -336,7 +309,7 @@ def _check_directors(solution: Solution) -> Solution:
     sheet has equilibria with elements folded back on their neighbours, which no sheet has.
 
     Raises ConvergenceError naming the place."""
-    model, facing = solution.model, _director_cosines(solution.model, solution.configuration)
+    model, facing = solution.model, director_cosines(solution.model, solution.configuration)
     if facing.min(initial=1.0) > 0:
         return solution
     raise ConvergenceError(
@@ -344,39 +317,6 @@ def _check_directors(solution: Solution) -> Solution:
         f"{model.node_name(model.quads.ravel()[facing.argmin()])}: no sheet does that. Try smaller "
         "steps of posture or tension, or a finer mesh."
     )
-
-
-def _is_folded(model: ShellModel, c: Configuration) -> bool:
-    return bool(_director_cosines(model, c).min(initial=1.0) <= UPRIGHT)
-
-
-def _director_cosines(model: ShellModel, c: Configuration) -> Array:
-    """(ne, 4) cosines of the angles between the quads' normals and their corners' directors, on the
-    side on which these were at first."""
-    return model.side * model.cosines(c.x, c.d)
-
-
-def _whole_steps(
-    model: ShellModel, start: Configuration, tension: Array, options: NewtonOptions
-) -> tuple[Configuration, int]:
-    """The configuration near equilibrium that whole Newton steps lead to, or the start where they
-    do not; and the linear solves that took."""
-    c = start
-    for solves in range(options.undamped):
-        e = model.evaluate(c, tension, tangent=True)
-        assert e.data is not None
-        residual, force = residual_norm(model, e)
-        if residual <= CLOSE * force:
-            return c, solves
-        if not np.isfinite(residual):
-            return start, solves
-        step = np.zeros(model.pattern.size)
-        try:
-            step[model.free] = -factorise(model, e.data).solve(e.reduced[model.free])
-        except ConvergenceError:
-            return start, solves
-        c = model.take_step(c, e.bases, limit_step(step, options.max_step, options.max_turn)[0])
-    return start, options.undamped
 
 
 def _advice(model: ShellModel, e: Evaluation) -> str:
@@ -437,7 +377,7 @@ def _line_search(
     noise = 1e-11 * max(abs(before), e.energy)
     for _ in range(tries if slope < 0 else 0):
         trial = model.take_step(c, e.bases, factor * step)
-        if _is_folded(model, trial) and not _is_folded(model, c):
+        if is_folded(model, trial) and not is_folded(model, c):
             factor *= 0.5
             continue
         there = model.evaluate(trial, tension, tangent=False, convex=convex)

@@ -100,6 +100,20 @@ def damped_step(
     return step, factor
 
 
+def descent_step(
+    model: ShellModel,
+    data: Array,
+    gradient: Array,
+    max_step: float,
+    max_turn: float,
+    near: Factor | None = None,
+) -> tuple[Array, Factor | None]:
+    """`newton_step`, or `damped_step` of a model whose sheet may be slack."""
+    if model.section.smoothing is None:
+        return newton_step(model, data, gradient, near)
+    return damped_step(model, data, gradient, max_step, max_turn, near)
+
+
 def _analysis(model: ShellModel) -> Analysis:
     return model.pattern.analysis if model.pressure is None else model.pattern.general
 
@@ -111,10 +125,10 @@ def active_set_step(
     or opened beforehand (a primal-dual active set: Hintermueller, Ito and Kunisch 2002, SIAM J
     Optim 13:865), or the line search would stop at the first node that meets a bone.  Also the
     linear solves it took; `near` as in `newton_step`."""
-    p, A = e.points, e.bases[0]
+    p = e.points
     flipped = np.zeros(len(p.depth), dtype=bool)
     for solves in range(MOST_FLIPS):
-        moved = p.depth + _deeper(p, A, step)
+        moved = p.depth + approach(p, e.bases, step)
         now = ((moved > 0) != (p.depth > 0)) & (np.abs(p.depth) > SMOOTH * p.ramp)
         if np.array_equal(now, flipped):
             return step, solves
@@ -123,9 +137,18 @@ def active_set_step(
     return step, MOST_FLIPS
 
 
-def _deeper(p: PointForces, A: Array, step: Array) -> Array:
-    """(k,) m, how much deeper a step (5n,) in the nodes' bases A (n, 3, 3) brings the points."""
-    moved = np.einsum("nij,nj->ni", A, step.reshape(-1, DOFS)[:, :3])
+def displacements(bases: tuple[Array, Array], step: Array) -> tuple[Array, Array]:
+    """(n, 3) m of the nodes and (n, 3) of the directors, to first order, in a step (5n,) in the
+    nodes' bases."""
+    u = step.reshape(-1, DOFS)
+    parts = zip(bases, (u[:, :3], u[:, 3:]), strict=True)
+    x, d = (np.einsum("nij,nj->ni", basis, moved) for basis, moved in parts)
+    return x, d
+
+
+def approach(p: PointForces, bases: tuple[Array, Array], step: Array) -> Array:
+    """(k,) m, how much deeper a step (5n,) in the nodes' bases brings the points."""
+    moved = displacements(bases, step)[0]
     return np.asarray(np.einsum("kj,kj->k", p.direction, p.at_points(moved)))
 
 
@@ -153,7 +176,7 @@ def limit_to_contact(model: ShellModel, e: Evaluation, step: Array) -> Array:
     own steps go but half the way.  A node that two bodies press is left alone, as are the points
     within elements."""
     p, A = e.points, e.bases[0]
-    more = _deeper(p, A, step)
+    more = approach(p, e.bases, step)
     far = np.abs(more) > FAR * np.abs(p.depth + p.ramp)
     on = np.flatnonzero((p.ramp > 0) & (p.cell < 0) & far)
     on = on[np.bincount(p.node[on])[p.node[on]] == 1]

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from cosim.errors import ConvergenceError
 from fe_solver.solver.dynamics import Substance, advance, at_rest, kinetic_energy, masses
 from fe_solver.solver.model import Configuration, ShellModel
-from fe_solver.solver.newton import NewtonOptions, length_scale, residual_norm
+from fe_solver.solver.newton import NewtonOptions
+from fe_solver.solver.residual import length_scale, residual_norm
 
 Array = NDArray[np.float64]
 

@@ -20,8 +20,8 @@ from cosim.port import rotation_matrix
 from fe_solver.elements.shell import Array
 from fe_solver.solver.body_coupling import coupling, wrenches
 from fe_solver.solver.model import Configuration, ShellModel
-from fe_solver.solver.newton import residual_norm
 from fe_solver.solver.newton_step import factorise
+from fe_solver.solver.residual import residual_norm
 from fe_solver.verification.benchmark import Benchmark, Meshes
 from fe_solver.verification.paths import Loading, error_order, follow, halving_order, watching
 from fe_solver.verification.sheets import (

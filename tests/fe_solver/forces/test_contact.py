@@ -276,7 +276,8 @@ def test_shares_divide_the_load_and_none_lets_through():
     )
     model = replace(whole, contacts=halves)
     one, two = (solve(m, at_rest(m), NO_TENSION, TIGHT).configuration for m in (whole, model))
-    assert two.x == pytest.approx(one.x, abs=1e-12)
+    held = [0, 2]  # nothing resists a slide along y, across the springs
+    assert two.x[:, held] == pytest.approx(one.x[:, held], abs=1e-12)
     found = contact_fields(halves, two.x, two.position, two.rotation)
     assert found.pressure[:, 1] == pytest.approx(3 * found.pressure[:, 0])
     assert (found.status == Status.SLIDING).all()

@@ -12,10 +12,12 @@ from fe_solver.elements.shell import Array
 from fe_solver.materials.linear import Isotropic
 from fe_solver.materials.tension_field import State, TensionField
 from fe_solver.solver import linear_algebra, newton
+from fe_solver.solver import newton_step as steps
 from fe_solver.solver.linear_algebra import Nearby
 from fe_solver.solver.model import Configuration, ShellModel
-from fe_solver.solver.newton import NewtonOptions, Solution, residual_norm, solve
+from fe_solver.solver.newton import NewtonOptions, Solution, solve
 from fe_solver.solver.newton_step import LONG, damped_step, factorise, limit_step, newton_step
+from fe_solver.solver.residual import residual_norm
 from fe_solver.surfaces.spline_distance import Sphere
 from tests.helpers import shells
 from tests.helpers.shells import NO_TENSION, at_rest, clamp, plate, sheet
@@ -166,13 +168,13 @@ def solve_next(model: ShellModel, solved: Solution, kept: bool) -> Solution:
 def factors(monkeypatch) -> list[int]:
     """Grows by one with every new tangent that Newton factorises."""
     made: list[int] = []
-    real = newton.newton_step
+    real = steps.newton_step
 
     def step(*args):
         made.append(1)
         return real(*args)
 
-    monkeypatch.setattr(newton, "newton_step", step)
+    monkeypatch.setattr(steps, "newton_step", step)
     return made
 
 
@@ -200,14 +202,14 @@ def test_an_old_factor_that_does_not_serve_is_given_up(model, solved):
 def test_the_factor_of_before_stands_for_new_ones(model, solved, products, monkeypatch):
     """Far from the equilibrium that it follows: the answer is the same with it and without it."""
     near: list[bool] = []
-    real = newton.newton_step
+    real = steps.newton_step
 
     def step(*args):
         out = real(*args)
         near.append(isinstance(out[1], Nearby))
         return out
 
-    monkeypatch.setattr(newton, "newton_step", step)
+    monkeypatch.setattr(steps, "newton_step", step)
     monkeypatch.setattr(linear_algebra, "MOST_PRODUCTS", products)
     monkeypatch.setattr(type(model.pattern.analysis), "dear", True)
     more = 1.1 * TENSION

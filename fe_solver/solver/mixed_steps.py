@@ -1,0 +1,179 @@
+"""Whole Newton steps from far away, with forces that are predicted and not strained.
+
+A stiff part that a step turns is strained by the square of its turn.  Newton's next tangent takes
+the huge stress of that error for real and is stiff across it, so that only short steps go on, and a
+search for less energy takes no others.  With the forces as unknowns beside the displacements, as in
+a mixed method, the error never enters the tangent: its geometric part is made of the forces that
+the last step predicted, to first order (Magisano, Leonetti and Garcea 2017, Comput Methods Appl
+Mech Eng 313:986); residual and equilibrium stay the same.  After each step springs have the length,
+and contacts the depth, that it predicted.  Nothing is searched along a step, so that these steps
+may go astray: they begin a solution, and `fe_solver.solver.newton` ends it.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.errors import ConvergenceError
+from fe_solver.forces.springs import PointForces
+from fe_solver.solver.assembly import DOFS
+from fe_solver.solver.linear_algebra import Factor
+from fe_solver.solver.model import Configuration, Evaluation, Forces, ShellModel
+from fe_solver.solver.newton_step import (
+    approach,
+    descent_step,
+    displacements,
+    limit_step,
+    limit_to_contact,
+)
+from fe_solver.solver.residual import is_folded, residual_norm
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.intp]
+
+MOST_STEPS = 40
+CLOSE = 1e-4
+"""Residual over the largest force at which the steps end."""
+NEAR = 0.1
+"""Residual over the largest force below which the next tangent is the consistent one."""
+UNDAMPED = 6
+"""Steps after which one that takes back what the last one closed or opened is halved."""
+
+
+class MixedSteps(NamedTuple):
+    """Where the steps led: the configuration to go on from, how many they were, and the linear
+    solves that they took."""
+
+    configuration: Configuration
+    iterations: int
+    solves: int
+
+
+class _Prediction(NamedTuple):
+    """Forces of the elements after a step, to first order, and those (k,) of the points, whose keys
+    (k,) are listed; `acting` are the keys of the one-sided ones that acted before it."""
+
+    elements: Array
+    points: Array
+    keys: Ints
+    acting: Ints
+
+
+def take_mixed_steps(
+    model: ShellModel,
+    start: Configuration,
+    tension: Array,
+    most: int,
+    max_step: float,
+    max_turn: float,
+) -> MixedSteps:
+    """Take up to `most` steps (MOST_STEPS) from `start` under `tension` (nt,) N, none longer than
+    `max_step` (m) or turning a director by more than `max_turn` (rad), to a residual of CLOSE.
+    Where they do not lead there, the configuration is the one of least energy that they met, the
+    start included."""
+    c, before, convex = start, None, True
+    least, best, solves, most = np.inf, start, 0, min(most, MOST_STEPS)
+    for iteration in range(most + 1):
+        e = model.evaluate(c, tension, tangent=False, convex=convex)
+        residual, force = residual_norm(model, e)
+        if not np.isfinite(residual):
+            break
+        potential, usable = model.potential(c, e.energy, tension), not is_folded(model, c)
+        if potential < least and (usable or iteration == 0):
+            least, best = potential, c
+        if residual <= CLOSE * force and usable:
+            return MixedSteps(c, iteration, solves)
+        if iteration == most:
+            break
+        # the consistent tangent serves where it is positive definite
+        try:
+            step, factor = _solve_step(model, c, e, before, max_step, max_turn)
+            solves += 1
+            if not convex and (factor is None or factor.negative):
+                e = model.evaluate(c, tension, tangent=False, convex=True)
+                step, _ = _solve_step(model, c, e, before, max_step, max_turn)
+                solves += 1
+        except ConvergenceError:
+            break
+        step = limit_step(limit_to_contact(model, e, step), max_step, max_turn)[0]
+        if iteration >= UNDAMPED and before is not None and _reverses(model, e, step, before):
+            step = step / 2
+        before = _predict(model, c, e, step)
+        c = model.take_step(c, e.bases, _follow_springs(model, e, step))
+        convex = residual > NEAR * force
+    return MixedSteps(best, iteration, solves)
+
+
+def _solve_step(
+    model: ShellModel,
+    c: Configuration,
+    e: Evaluation,
+    before: _Prediction | None,
+    max_step: float,
+    max_turn: float,
+) -> tuple[Array, Factor | None]:
+    """The step by the tangent with the predicted forces, and that tangent's factor."""
+    forces = None
+    if before is not None:
+        points = e.points.force.copy()
+        _, new, old = np.intersect1d(_keys(model, e.points), before.keys, return_indices=True)
+        points[new] = before.points[old]
+        forces = Forces(before.elements, points)
+    return descent_step(model, model.tangent(c, e, forces), e.reduced, max_step, max_turn)
+
+
+def _predict(model: ShellModel, c: Configuration, e: Evaluation, step: Array) -> _Prediction:
+    x, d = displacements(e.bases, step)
+    at = np.concatenate([c.x[model.quads], c.d[model.quads]], axis=1)
+    by = np.concatenate([x[model.quads], d[model.quads]], axis=1)
+    change = np.einsum("ngij,ngj->ngi", e.elements.stiffness, model.tables.strain_change(at, by))
+    elements = e.elements.force + change * model.tables.weight[:, :, None]
+    p, keys = e.points, _keys(model, e.points)
+    along = np.einsum("ki,kij,kj->k", p.direction, p.hessian, p.direction)
+    points = p.force + along * approach(p, e.bases, step)
+    points = np.where(np.isfinite(p.depth), np.maximum(points, 0.0), points)
+    return _Prediction(elements, points, keys, keys[_acts(p.depth)])
+
+
+def _keys(model: ShellModel, p: PointForces) -> Ints:
+    """(k,) one number for each force that stays the same while its spring or contact is listed."""
+    kind = (p.group + 1) * len(model.bodies) + p.body
+    place = (p.cell + 1) * len(model.reference) + p.node
+    return np.asarray(kind * (len(model.quads) + 1) * len(model.reference) + place)
+
+
+def _acts(depth: Array) -> NDArray[np.bool_]:
+    return (depth > 0) & np.isfinite(depth)
+
+
+def _reverses(model: ShellModel, e: Evaluation, step: Array, before: _Prediction) -> bool:
+    """Whether the step opens or closes what the step before it closed or opened."""
+    p, keys = e.points, _keys(model, e.points)
+    now = keys[_acts(p.depth)]
+    after = keys[_acts(p.depth + approach(p, e.bases, step))]
+    last, next_ = np.setxor1d(before.acting, now), np.setxor1d(now, after)
+    return bool(np.intersect1d(last, next_).size)
+
+
+def _follow_springs(model: ShellModel, e: Evaluation, step: Array) -> Array:
+    """The step with each node that a single spring holds brought to the spring's predicted length:
+    a taut one's changes as to first order, down to its slack length; a slack one grows up to it."""
+    p, A = e.points, e.bases[0]
+    more = approach(p, e.bases, step)
+    slack = np.where(np.isfinite(p.depth), p.length - p.depth, 0.0)
+    on = np.flatnonzero(np.isfinite(p.length) & (p.length + more > 0) & (p.length > 0))
+    on = on[np.bincount(p.node[on])[p.node[on]] == 1] if on.size else on
+    node = p.node[on]
+    reach = p.length[on, None] * p.direction[on] + displacements(e.bases, step)[0][node]
+    length = np.linalg.norm(reach, axis=1)
+    taut = np.maximum(p.length[on] + more[on], slack[on])
+    wanted = np.where(p.depth[on] > 0, taut, np.minimum(length, slack[on]))
+    moved = np.zeros_like(step)
+    back = (wanted / np.maximum(length, np.finfo(float).tiny) - 1)[:, None] * reach
+    moved.reshape(-1, DOFS)[node, :3] = np.einsum("kij,ki->kj", A[node], back)
+    out = step.copy()
+    out[model.free] += moved[model.free]
+    return out
