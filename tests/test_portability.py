@@ -15,8 +15,8 @@ import psutil
 import pytest
 
 from cosim import files
-from cosim.analyses.identify import case_text as identified
 from cosim.analyses.identify.parameters import read_free
+from cosim.case import file
 from cosim.case.file import load_case
 from cosim.errors import CosimError, InputError
 from cosim.files import replace_folder
@@ -224,7 +224,7 @@ def test_a_case_on_another_drive_is_named_by_its_whole_path(tmp_path, monkeypatc
 
     source = tmp_path / "a.toml"
     monkeypatch.setattr(os.path, "relpath", raise_value_error)
-    assert identified.base_of(source, tmp_path / "out.toml") == source.resolve().as_posix()
+    assert file.base_name(source, tmp_path) == source.resolve().as_posix()
 
 
 def test_files_of_a_windows_editor_are_read(tmp_path):

@@ -145,7 +145,7 @@ def _advice(place: Place, model: Model, values: Any) -> str:
         return f"write {' or '.join(words)}"
     for facts in _texts(place, model, values):
         example = facts["examples"][0] if "examples" in facts else "..."
-        return f'write: {facts["description"]}, for example "{example}"'
+        return f'write: {facts["title"]}, for example "{example}"'
     if float in types or int in types:
         return "write a number"
     if str in types:

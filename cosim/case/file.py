@@ -15,6 +15,7 @@ from cosim.case.layers import Layer, nested
 from cosim.case.schema import Case, CaseFile
 from cosim.errors import InputError, nearest_names
 from cosim.files import shown_path
+from cosim.schema.json_schema import CASE_SCHEMA, editor_schema, schema_line
 
 Settings = tuple[str, ...]
 """KEY=VALUE, as --set takes them; a later one has the last word."""
@@ -66,6 +67,21 @@ def find_case(path_or_name: str | Path, beside: Path | None = None) -> Path:
     raise InputError(
         f"{text!r}: no such file and no packaged case; {hint}`cosim list cases` has their names"
     )
+
+
+def base_name(source: Path, folder: Path) -> str:
+    """How a case file in that folder names the case at `source` that it extends: a packaged one by
+    its name, so that the file serves on other machines, any other by its relative path."""
+    packaged = Path(os.path.realpath(_packaged_folder()))
+    if source.is_relative_to(packaged):
+        is_named = source.stem in packaged_cases()
+        name = source.stem if is_named else source.relative_to(packaged).as_posix()
+        if find_case(name, folder) == source:
+            return name
+    try:
+        return Path(os.path.relpath(source, os.path.realpath(folder))).as_posix()
+    except ValueError:  # another drive
+        return source.resolve().as_posix()
 
 
 def _packaged_folder() -> Path:
@@ -166,9 +182,10 @@ def _value(text: str) -> Any:
 
 
 def resolved_toml(case: Case) -> str:
-    """The whole case as one TOML file, which loads to the same case again."""
+    """The whole case as one TOML file, which loads to the same case again; its schema lies in the
+    folder above, beside those of other runs."""
     values = case.model_dump(mode="json", exclude={"name", "source"}, exclude_none=True)
-    return "\n".join(_toml_lines(values, ())).lstrip() + "\n"
+    return "\n".join([schema_line(f"../{CASE_SCHEMA}"), *_toml_lines(values, ())]) + "\n"
 
 
 def _toml_lines(table: Mapping[str, Any], path: tuple[str, ...]) -> list[str]:
@@ -199,22 +216,9 @@ def json_schema() -> dict[str, Any]:
 
     Since a file may leave to the one it extends what it does not say itself, nothing is required.
     """
-    schema = _relax(CaseFile.model_json_schema())
+    schema = editor_schema(CaseFile, partial=True)
     schema["properties"]["extends"] = {
         "type": "string",
-        "description": "case file whose values these come on top of; relative to this file",
+        "description": "Case file whose values these come on top of; relative to this file.",
     }
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
-
-
-def _relax(node: Any) -> Any:
-    match node:
-        case list() | tuple():
-            return [_relax(item) for item in node]
-        case dict():
-            left = (pair for pair in node.items() if pair[0] not in ("required", "discriminator"))
-            kept = {k: _relax(v) for k, v in left}
-            if "oneOf" in kept:
-                kept["anyOf"] = kept.pop("oneOf")
-            return kept
-    return node
+    return schema

@@ -16,7 +16,7 @@ import typer
 
 from cosim.commands.terminal import console, exit_on_error, tell, warn, warn_of_audits
 from cosim.errors import ConvergenceError, CosimError, InputError, Progress, StoppedError, quiet
-from cosim.files import shown_path
+from cosim.files import output_file, shown_path
 from cosim.results.audit import describe_misses
 
 if TYPE_CHECKING:
@@ -300,8 +300,31 @@ def check(cases: Cases, settings: Settings = None) -> None:
     raise typer.Exit(max(codes))
 
 
-def schema() -> None:
-    """Print the JSON Schema of a case file, for editors."""
-    from cosim.case.file import json_schema
+def schema(
+    what: Annotated[
+        Literal["case", "study"], typer.Argument(help="Of which file.", show_default=True)
+    ] = "case",
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", metavar="FOLDER", help="Write both schemas there instead."),
+    ] = None,
+) -> None:
+    """Print the JSON Schema of a case or of a study file, or write both, for editors."""
+    from cosim.schema.json_schema import CASE_SCHEMA, STUDY_SCHEMA
 
-    typer.echo(json.dumps(json_schema(), indent=2))
+    if out is None:
+        typer.echo(_schema_text(what))
+        return
+    with exit_on_error():
+        for kind, name in (("case", CASE_SCHEMA), ("study", STUDY_SCHEMA)):
+            with output_file(out / name) as part:
+                part.write_text(_schema_text(kind) + "\n", encoding="utf-8")
+            typer.echo(f"schema of a {kind} file in {out / name}")
+
+
+def _schema_text(what: str) -> str:
+    from cosim.case.file import json_schema
+    from cosim.study.file import study_schema
+
+    made = json_schema() if what == "case" else study_schema()
+    return json.dumps(made, indent=2, ensure_ascii=False)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from cosim.files import output_file
+from cosim.schema.json_schema import STUDY_SCHEMA, with_schema
 from cosim.study.answers import CONFIDENCE, QUANTILES, Indices
 from cosim.study.execute import StudyOutcome
 from cosim.study.plan import StudyPlan
@@ -20,7 +21,7 @@ from cosim.study.table import table_of, units_of, write_table
 def write_study(plan: StudyPlan, done: StudyOutcome, store: Store, folder: Path) -> StudyResults:
     """Table, answers and page in the folder.  Raises InputError where it cannot be written."""
     write_table(table_of(plan, done, store), folder)
-    _write(folder / "study.toml", plan.text)
+    _write(folder / "study.toml", with_schema(plan.text, f"../{STUDY_SCHEMA}"))
     _write(folder / MARK, _json(facts_of(plan, store)))
     found = read_study(folder)
     _write(folder / "answers.json", _json(answers_of(found)))
