@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError, model_validator
 
 from cosim.case.faults import describe
-from cosim.case.layers import Layer, merge, nested
+from cosim.case.layers import Layer, add_layer, nested
 from cosim.errors import InputError
 from cosim.files import shown_path
 from cosim.fingers.common import stamps
@@ -178,7 +178,7 @@ class Case(CaseFile):
         merged: dict[str, Any] = {}
         try:
             for _, layer in layers:
-                merged = merge(merged, layer)
+                merged = add_layer(merged, layer)
             checked = CaseFile.model_validate(merged)
         except ValidationError as error:
             faults = describe(error, CaseFile, merged, layers)

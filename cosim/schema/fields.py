@@ -85,16 +85,17 @@ def quantity(
     return Text(read, write, (("title", form), ("examples", (kind.example,))), pattern)
 
 
-def name_of(what: str, names: tuple[str, ...]) -> Text:
-    """One of a list of names, as the key of a table."""
+def name_of(what: str, names: tuple[str, ...], also: tuple[str, ...] = ()) -> Text:
+    """One of a list of names, as the key of a table; `also`: keys that a file may have and that are
+    replaced before the names are read."""
 
     def read(value: Any) -> str:
         if value not in names:
-            context = {"what": what, "names": names}
+            context = {"what": what, "names": (*names, *also)}
             raise PydanticCustomError("unknown_name", "is not a {what}", context)
         return str(value)
 
-    return Text(read, str, (("enum", names),))
+    return Text(read, str, (("enum", (*names, *also)),))
 
 
 def existing_file() -> Text:

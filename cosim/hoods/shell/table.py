@@ -50,6 +50,8 @@ THIN_SHEETS = (
     "triangular_ligament",
 )
 """Regions of a sheet between its tendons, which a cut takes out whole."""
+LACKING = {"one_sheet": ("triangular_ligament",)}
+"""Regions that a layout does not have."""
 PARTS = InjurableParts(
     (*SLIPS, *SUPPORTS, *SHEET_SUPPORTS, *ACROSS, *THIN_SHEETS), REGIONS, REGIONS
 )
@@ -72,7 +74,7 @@ class GeneratedMeshConfig(Table):
     @property
     def lacks(self) -> tuple[str, ...]:
         """Regions that this layout does not have."""
-        return ("triangular_ligament",) if self.layout == "one_sheet" else ()
+        return LACKING.get(self.layout, ())
 
 
 class MeshFileConfig(Table):
@@ -225,8 +227,8 @@ class ShellHoodConfig(HoodConfig):
     bending_stiffness: BendingStiffness = 0.0
     """Of a strip per its width, as if of a sheet that acts in bending alone, besides what the
     regions' laws make."""
-    regions: dict[Annotated[str, name_of("region", REGIONS)], MaterialConfig]
-    """Material by region."""
+    regions: dict[Annotated[str, name_of("region", REGIONS, also=("all",))], MaterialConfig]
+    """Material by region; `all` is of every region, with a region's own keys on top."""
     contact: ContactConfig
     """Contact with the bones."""
     extra_length: ExtraLengthsConfig = ExtraLengthsConfig()
@@ -237,6 +239,20 @@ class ShellHoodConfig(HoodConfig):
     """Pairs of points by their names; the change of their distance is a strain."""
     springs: dict[Annotated[str, name_of("spring set", SPRINGS)], SpringConfig]
     """What holds the hood beside its insertions, by set."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _spread_all(cls, values: Any) -> Any:
+        """With `regions.all` in place of the regions that no file names; those that one names have
+        it already (`cosim.case.layers`)."""
+        match values:
+            case {"regions": {"all": {**every}, **named}, "mesh": {**mesh}}:
+                lacks = LACKING.get(str(mesh.get("layout")), ())
+                left = {name: every for name in REGIONS if name not in (*lacks, *named)}
+                return {**values, "regions": {**named, **left}}
+            case {"regions": {"all": other}} if not hasattr(other, "keys"):
+                raise fault("regions.all: must be a table, [hood.regions.all]")
+        return values
 
     @model_validator(mode="after")
     def _gauges_have_points(self) -> ShellHoodConfig:
