@@ -30,6 +30,19 @@ def shown_path(path: Path) -> str:
         return str(path)
 
 
+def relative_path(path: Path, folder: Path) -> str:
+    """The path from a folder, as a file in it names another on every system; the whole path to
+    another drive.
+
+    >>> relative_path(Path("cases/mine.toml"), Path("runs/mine"))
+    '../../cases/mine.toml'
+    """
+    try:
+        return Path(os.path.relpath(os.path.realpath(path), os.path.realpath(folder))).as_posix()
+    except ValueError:
+        return path.resolve().as_posix()
+
+
 def move_into_place(part: Path, target: Path) -> None:
     """Give `part` the name `target`, in place of a file that has it.
 

@@ -6,7 +6,7 @@ import json
 import os
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from importlib import resources
 from pathlib import Path, PurePath
 from typing import Any
@@ -14,7 +14,7 @@ from typing import Any
 from cosim.case.layers import Layer, nested
 from cosim.case.schema import Case, CaseFile
 from cosim.errors import InputError, nearest_names
-from cosim.files import shown_path
+from cosim.files import relative_path, shown_path
 from cosim.schema.json_schema import CASE_SCHEMA, editor_schema, schema_line
 
 Settings = tuple[str, ...]
@@ -78,10 +78,7 @@ def base_name(source: Path, folder: Path) -> str:
         name = source.stem if is_named else source.relative_to(packaged).as_posix()
         if find_case(name, folder) == source:
             return name
-    try:
-        return Path(os.path.relpath(source, os.path.realpath(folder))).as_posix()
-    except ValueError:  # another drive
-        return source.resolve().as_posix()
+    return relative_path(source, folder)
 
 
 def _packaged_folder() -> Path:
@@ -145,14 +142,20 @@ def _toml_fault(shown: str, text: str, message: str) -> str:
 
 def _anchor_paths(values: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Paths stated in a file made relative to that file."""
+    for table, key in _paths(values):
+        table[key] = str(folder / table[key])
+    return values
+
+
+def _paths(values: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
+    """The tables of a case that state paths, and the keys of these."""
     mesh = _table(values, "hood", "mesh")
     tables = [(mesh, "path"), (_table(values, "hood"), "path"), (_table(values, "finger"), "path")]
     tables += [(_table(t, "signal"), "path") for t in _table(values, "tendons").values()]
     tables += [(bone, "surface") for bone in _table(values, "finger", "bones").values()]
     for table, key in tables:
         if isinstance(table, dict) and isinstance(table.get(key), str):
-            table[key] = str(folder / table[key])
-    return values
+            yield table, key
 
 
 def _table(values: Any, *keys: str) -> dict[str, Any]:
@@ -184,7 +187,19 @@ def _value(text: str) -> Any:
 def resolved_toml(case: Case) -> str:
     """The whole case as one TOML file, which loads to the same case again; its schema lies in the
     folder above, beside those of other runs."""
-    values = case.model_dump(mode="json", exclude={"name", "source"}, exclude_none=True)
+    return _whole_toml(case.model_dump(mode="json", exclude={"name", "source"}, exclude_none=True))
+
+
+def moved_toml(text: str, folder: Path) -> str:
+    """The text of a whole case as it lies in a folder: paths are relative to it, so that no path of
+    a machine stands there and the folders can be moved together."""
+    values = tomllib.loads(text)
+    for table, key in _paths(values):
+        table[key] = relative_path(Path(table[key]), folder)
+    return _whole_toml(values)
+
+
+def _whole_toml(values: Mapping[str, Any]) -> str:
     return "\n".join([schema_line(f"../{CASE_SCHEMA}"), *_toml_lines(values, ())]) + "\n"
 
 
