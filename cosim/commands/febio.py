@@ -12,7 +12,7 @@ import typer
 
 from cosim.commands.terminal import console, exit_on_error
 from cosim.errors import InputError
-from cosim.files import check_folder
+from cosim.files import check_file, check_folder
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -93,6 +93,7 @@ def solve(
             JobOptions(penetration=limit, spacing=grid),
             spread_times(job, until, states),
         )
+        typer.echo(f"{model.name}: solving {len(job.quads)} elements", err=True)
         if solid:
             result = solve_solid(job, options=options, times=times)
         else:
@@ -159,6 +160,8 @@ def export(
         from fe_solver.hood.shell_hood import ShellHood
 
         checked = load_case(case, settings or ())
+        check_file(out)
+        typer.echo(f"{checked.name}: building the models", err=True)
         models = build(checked)
         if not isinstance(models.hood, ShellHood):
             raise InputError(f"{checked.name}: has no shell hood to write")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cosim.commands.terminal import exit_on_error, print_table
+from cosim.commands.terminal import exit_on_error, print_table, stages
 from cosim.errors import InputError
 from cosim.files import check_file, output_file
 
@@ -40,9 +40,12 @@ def moment_arms(
 
         checked = load_case(case, settings or ())
         check_file(out / "moment_arms.csv")
-        models = build(checked)
-        tension, _ = tensions(checked, models)
-        table, lost = sweep(models, tension, joint_ranges(models.finger), steps)
+        with stages(checked.name) as told:
+            told.say("building the models")
+            models = build(checked)
+            tension, _ = tensions(checked, models)
+            ranges = joint_ranges(models.finger)
+            table, lost = sweep(models, tension, ranges, steps, told.say)
         known, compared = None, None
         if checked.finger.has_literature:
             known, compared = published_arms(), beside_published(models)

@@ -121,7 +121,8 @@ def status(
         from rich import box
         from rich.table import Table
 
-        from cosim.study.progress import notes, span, state_text
+        from cosim.errors import span
+        from cosim.study.progress import notes, state_text
 
         found = notes(store)
         if not found:
