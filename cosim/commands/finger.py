@@ -131,14 +131,20 @@ def bench_fingers(beside_opensim: bool) -> None:
     if not beside_opensim:
         from rigid.verification.dynamics_rows import time_rows
 
-        for row in time_rows():
+        with stages("bench") as told:
+            told.say("solving the finger many times")
+            rows = list(time_rows())
+        for row in rows:
             typer.echo(f"static solve of the finger, ms  {row.computed:.3f}   ({row.source})")
         return
     if find_spec("opensim") is None:
         raise InputError("OpenSim is not installed here: pip install '.[opensim]'")
     from rigid.verification.bench import bench_opensim
 
-    for name, value in bench_opensim().items():
+    with stages("bench") as told:
+        told.say("moving the finger here and in OpenSim")
+        found = bench_opensim()
+    for name, value in found.items():
         typer.echo(f"{name:<20} {value:.4g}")
 
 
@@ -147,6 +153,9 @@ def bench_robotic_finger() -> None:
     from rigid.verification.robot_bench import PAPER_LOOP, PAPER_QP, bench_robot
 
     paper = {"loop_s": PAPER_LOOP, "qp_s": PAPER_QP}
-    for name, value in bench_robot().items():
+    with stages("bench") as told:
+        told.say("running the control loop many times")
+        found = bench_robot()
+    for name, value in found.items():
         beside = f"   (paper: {paper[name]:.4g})" if name in paper else ""
         typer.echo(f"{name:<20} {value:.4g}{beside}")

@@ -93,6 +93,7 @@ def sensitivity(
         ):
             with output_file(folder / name) as part:
                 part.write_text(text, encoding="utf-8")
+        typer.echo(f"{checked.name}: drawing the charts", err=True)
         charts = _write_charts(folder, found, targets)
         _show_sensitivity(found)
         typer.echo(f"table and {charts} charts in {folder}")
