@@ -104,3 +104,10 @@ def test_a_place_that_cannot_be_written_is_told_before_the_work(words, tmp_path)
     told = stderr_of(*words, str(tmp_path / "file" / "inner"), code=2)
     assert "cannot be written" in told or "Not a directory" in told
     assert told.count("\n") == 1  # and nothing else
+
+
+@pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="no such folder here")
+def test_a_place_that_not_even_root_can_write_to_is_told_before_the_work():
+    told = stderr_of("ladder", "split_edc", "--out", "/proc/ladder", code=2)
+    assert "cannot be written" in told
+    assert told.count("\n") == 1
