@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import tomllib
 from collections.abc import Iterator
@@ -187,6 +188,18 @@ def test_both_schemas_are_written_and_a_written_case_names_its_own(tmp_path):
     assert first == "#:schema ../case.schema.json"
     line = first.removeprefix("#:schema ")
     assert (tmp_path / "runs" / "pulley_edc" / ".." / ".." / "runs" / line[3:]).resolve().is_file()
+
+
+def test_a_new_case_has_its_schema_beside_it(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for words in (("mjcf", "split_edc"), ("new", "mine", "--finger", "finger.xml")):
+        done = CliRunner().invoke(app, [*words])
+        assert done.exit_code == 0, done.output
+    text = (tmp_path / "mine" / "mine.toml").read_text(encoding="utf-8")
+    assert text.startswith("#:schema case.schema.json\n")
+    schema = json.loads((tmp_path / "mine" / "case.schema.json").read_text(encoding="utf-8"))
+    assert schema == SCHEMAS["case"]
+    assert faults("case", text) == []
 
 
 def test_a_study_that_the_loader_refuses_is_refused_by_the_schema(tmp_path):
